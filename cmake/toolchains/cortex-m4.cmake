@@ -1,0 +1,2 @@
+set(ARMTRUE_CPU_FLAGS "-mcpu=cortex-m4 -mthumb -mfloat-abi=soft")
+include(${CMAKE_CURRENT_LIST_DIR}/arm-none-eabi.cmake)

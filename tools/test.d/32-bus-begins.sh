@@ -1,0 +1,10 @@
+# The Python tests with a bus or an emulated chip mostly wait for each other's frames: they begin here and run beside what
+# compiles and computes; step 50 waits for them and shows what they printed.
+mkdir -p out
+rm -f out/pytest-bus.status
+(
+  status=0
+  ARMTRUE_RIG_TIMEOUT=1800 OPENBLAS_NUM_THREADS=1 $PY -m pytest -q -p no:cacheprovider tests/can tests/loop tests/firmware_boot >out/pytest-bus.log 2>&1 ||
+    status=$?
+  echo $status >out/pytest-bus.status
+) </dev/null >/dev/null 2>&1 &
