@@ -1,0 +1,66 @@
+#include "fitter/diagnose/block.h"
+
+#include <algorithm>
+#include <set>
+
+namespace armtrue {
+namespace {
+
+std::set<std::string> parameter_names(const Model& model) {
+  std::set<std::string> names;
+  for (const Parameter& p : model.parameters) names.insert(p.name);
+  return names;
+}
+
+}  // namespace
+
+EffectRequest as_added(const EffectRequest& request) {
+  EffectRequest result = request;
+  for (const std::string& option : find_effect(request.effect).searched_options())
+    result.options.erase(option);
+  return result;
+}
+
+Block make_block(const EffectContext& context, const EffectRequest& request) {
+  Block block{request, build_effect(context, request), 0};
+  std::map<std::string, double> values;
+  for (const NonlinearParameter& p : block.terms.nonlinear) values[p.name] = p.value;
+  for (Parameter& p : block.terms.parameters) {
+    for (Term& term : p.terms) term.basis = term.basis.substitute(values);
+  }
+  // What was stepped through on a grid costs evidence like any other unknown.
+  block.searched = static_cast<int>(build_effect(context, as_added(request)).nonlinear.size());
+  return block;
+}
+
+CandidateBlocks catalogue_blocks(const Fit& fit) {
+  CandidateBlocks result;
+  const EffectContext& context = fit.context();
+  const std::set<std::string> present = parameter_names(fit.model());
+  for (const Effect* effect : effect_catalogue()) {
+    std::set<std::string> needs;
+    bool testable = false;
+    for (const EffectRequest& request : effect->candidates(context)) {
+      const std::vector<std::string> missing = effect->missing(context, request.joints);
+      if (!missing.empty()) {
+        needs.insert(missing.begin(), missing.end());
+        continue;
+      }
+      testable = true;
+      Block block = make_block(context, request);
+      const bool held = std::any_of(block.terms.parameters.begin(), block.terms.parameters.end(),
+                                    [&](const Parameter& p) { return present.contains(p.name); });
+      if (!held && !block.terms.parameters.empty()) result.blocks.push_back(std::move(block));
+    }
+    // Testable on some joints is not testable on all: what is missing for the others is listed too.
+    if (!testable && needs.empty()) {
+      const std::vector<std::string> missing =
+          effect->missing(context, effect->default_joints(context));
+      needs.insert(missing.begin(), missing.end());
+    }
+    if (!needs.empty()) result.untestable.push_back({effect->id(), {needs.begin(), needs.end()}});
+  }
+  return result;
+}
+
+}  // namespace armtrue

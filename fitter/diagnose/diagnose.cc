@@ -1,0 +1,536 @@
+#include "fitter/diagnose/diagnose.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <set>
+
+#include "fitter/diagnose/advice.h"
+
+namespace armtrue {
+namespace {
+
+using nlohmann::json;
+
+// One false alarm in ten thousand campaigns, after correction for the number of candidates.
+constexpr double kSignificant = -4.0;
+constexpr double kStructureSignificant = -5.0;
+constexpr double kDecisive = 10.0;  // ΔBIC, "very strong" (Kass and Raftery 1995)
+constexpr double kEqualEvidence = 4.0;
+constexpr double kSameExplanation =
+    0.9;  // share of the best candidate's that makes another one confounded with it
+constexpr std::size_t kSpectralPeaks = 3;
+constexpr double kLowestLine = 2.5;  // below this, harmonics and geometry tell the tale
+constexpr int kLookAhead = 8;
+constexpr std::size_t kLargeCampaign = 2000;  // rows
+
+std::string percent(double share) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.1f %%", 100.0 * share);
+  return text;
+}
+
+std::string micrometres(double metres) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.1f um", metres * 1e6);
+  return text;
+}
+
+// Lines of the spectra as gear_mesh candidates, where the catalogue's own orders do not cover them
+// already.
+void add_spectral_blocks(const Fit& fit, const Scorer& scorer,
+                         const std::vector<JointSpectrum>& spectra, std::vector<Block>& blocks,
+                         double& lines) {
+  for (const JointSpectrum& spectrum : spectra) {
+    lines += static_cast<double>(spectrum.cycles.size()) / 4.0;
+    const double ratio =
+        fit.robot().joints[static_cast<std::size_t>(spectrum.joint - 1)].gear_ratio;
+    for (const SpectralPeak& peak : highest_peaks(spectrum, scorer, fit.state(), kSpectralPeaks)) {
+      if (peak.cycles < kLowestLine) continue;
+      const double width = 0.5 * spectrum.resolution;
+      const auto known = [&](double order) {
+        return ratio > 0.0 && std::abs(peak.cycles - order * ratio) < width;
+      };
+      if (known(0.5) || known(1.0) || known(2.0) || known(4.0)) continue;
+      const double whole = std::round(peak.cycles);
+      const double cycles =
+          std::abs(peak.cycles - whole) < 0.3 * spectrum.resolution ? whole : peak.cycles;
+      Block block =
+          make_block(fit.context(), {"gear_mesh", {spectrum.joint}, {{"cycles", {cycles}}}});
+      const bool held =
+          std::any_of(block.terms.parameters.begin(), block.terms.parameters.end(),
+                      [&](const Parameter& p) { return fit.model().index(p.name) >= 0; });
+      block.searched = 1;
+      if (!held) blocks.push_back(std::move(block));
+    }
+  }
+}
+
+Candidate make_candidate(const Block& block, const BlockScore& score, double correction,
+                         const Fit& fit) {
+  Candidate c;
+  c.request = as_added(block.request);
+  c.searched = block.searched;
+  for (const std::string& option : find_effect(block.request.effect).searched_options()) {
+    if (block.request.options.contains(option))
+      c.starts[block.request.effect + "_" + option] = block.request.options[option];
+  }
+  c.score = score;
+  c.log10_p = std::min(0.0, score.log10_p + correction);
+  c.delta_bic = score.delta_bic;
+  c.held_out_mean = fit.held_out_error().mean * std::sqrt(std::max(0.0, 1.0 - score.explained));
+  c.parameters = block.terms.parameters;
+  for (std::size_t i = 0; i < c.parameters.size(); ++i)
+    c.parameters[i].value = score.coefficient[i];
+  c.sigma = score.sigma;
+  if (!score.objection.empty()) c.why = score.objection;
+  return c;
+}
+
+// Of blocks that differ only in what was stepped through, the best stays.
+std::vector<Candidate> best_of_each(const std::vector<Block>& blocks,
+                                    const std::vector<BlockScore>& scores, double correction,
+                                    const Fit& fit) {
+  std::map<std::string, std::size_t> best;
+  for (std::size_t i = 0; i < blocks.size(); ++i) {
+    const EffectRequest added = as_added(blocks[i].request);
+    const std::string key = label(added) + added.options.dump();
+    const auto [at, fresh] = best.try_emplace(key, i);
+    if (!fresh && scores[i].delta_bic < scores[at->second].delta_bic) at->second = i;
+  }
+  std::vector<Candidate> result;
+  for (const auto& [key, i] : best)
+    result.push_back(make_candidate(blocks[i], scores[i], correction, fit));
+  std::sort(result.begin(), result.end(), [](const Candidate& a, const Candidate& b) {
+    return std::pair{a.score.degrees == 0, a.delta_bic} <
+           std::pair{b.score.degrees == 0, b.delta_bic};
+  });
+  return result;
+}
+
+// Refits with the candidate in: coefficients, evidence and held-out error are then measured. False
+// where the refit refuses it.
+bool confirm(Fit& fit, double bic, Candidate& candidate, std::unique_ptr<Fit>& refitted) {
+  refitted = refit(fit, with_effect(fit.specification(), candidate.request), candidate.starts);
+  candidate.delta_bic = bayesian_information(*refitted) - bic;
+  candidate.held_out_mean = refitted->held_out_error().mean;
+  candidate.confirmed = true;
+  const std::set<std::string> before = [&] {
+    std::set<std::string> names;
+    for (const Parameter& p : fit.model().parameters) names.insert(p.name);
+    return names;
+  }();
+  candidate.parameters.clear();
+  candidate.sigma.clear();
+  for (std::size_t i = 0; i < refitted->model().parameters.size(); ++i) {
+    const Parameter& p = refitted->model().parameters[i];
+    if (before.contains(p.name)) continue;
+    const int unknown = refitted->design().unknown_of(static_cast<int>(i));
+    const double sigma =
+        unknown < 0 ? 0.0 : std::sqrt(std::max(0.0, refitted->covariance()(unknown, unknown)));
+    candidate.parameters.push_back(p);
+    candidate.sigma.push_back(sigma);
+    if (p.sign != 0 && p.sign * p.value < -3.0 * sigma) {
+      candidate.why =
+          describe(p) + " would have the wrong sign: a spring yields, it does not push back";
+      return false;
+    }
+    if (p.bound > 0.0 && std::abs(p.value) - 3.0 * sigma > p.bound) {
+      candidate.why = describe(p) + " would be larger than is physical";
+      return false;
+    }
+  }
+  const auto& before_error = fit.held_out_errors();
+  const auto& after_error = refitted->held_out_errors();
+  if (after_error[0].mean >= before_error[0].mean ||
+      after_error[0].rms >= 1.01 * before_error[0].rms) {
+    candidate.why = "cross-validation does not confirm it: held-out poses are not predicted better";
+    return false;
+  }
+  if (after_error[1].mean > 1.02 * before_error[1].mean &&
+      after_error[2].mean > 1.02 * before_error[2].mean) {
+    candidate.why =
+        "blocked cross-validation does not confirm it: other times and other regions are predicted "
+        "worse";
+    return false;
+  }
+  return true;
+}
+
+std::string evidence(const Candidate& c, const Fit& fit) {
+  char text[256];
+  std::snprintf(text, sizeof text,
+                "explains %s of the squared residual, log10 p %.0f, BIC falls by %.0f, held-out "
+                "mean %s -> %s",
+                percent(c.score.explained).c_str(), c.log10_p, -c.delta_bic,
+                micrometres(fit.held_out_error().mean).c_str(),
+                micrometres(c.held_out_mean).c_str());
+  return text;
+}
+
+// A table on one joint won: every joint on which a table beats every physical effect gets one at
+// once.
+void widen_tables(Fit& fit, double bic, const std::vector<Candidate>& all, Candidate& best) {
+  std::map<int, double> physical;
+  for (const Candidate& c : all) {
+    if (find_effect(c.request.effect).generic()) continue;
+    for (const int joint : c.request.joints) {
+      const auto [at, fresh] = physical.try_emplace(joint, c.score.delta_bic);
+      if (!fresh) at->second = std::min(at->second, c.score.delta_bic);
+    }
+  }
+  Candidate wide = best;
+  for (const Candidate& c : all) {
+    if (c.request.effect != best.request.effect || c.log10_p > kSignificant) continue;
+    const int joint = c.request.joints.front();
+    if (joint == best.request.joints.front()) continue;
+    const double rival = physical.contains(joint) ? physical[joint] : 0.0;
+    if (c.score.delta_bic < rival - kDecisive) wide.request.joints.push_back(joint);
+  }
+  if (wide.request.joints.size() < 2) return;
+  std::sort(wide.request.joints.begin(), wide.request.joints.end());
+  std::unique_ptr<Fit> refitted;
+  if (confirm(fit, bic, wide, refitted) && wide.delta_bic < best.delta_bic) {
+    wide.score.explained = 1.0 - std::pow(refitted->train_error().rms / fit.train_error().rms, 2);
+    wide.score.gain = best.score.gain * wide.score.explained / best.score.explained;
+    best = wide;
+  }
+}
+
+// Of candidates whose evidence is equal for all that the data can say, the one with the fewest
+// searched unknowns: what can bend to fit anything should not win by a hair.
+std::size_t simplest_equal(const std::vector<Candidate>& all,
+                           const std::vector<std::size_t>& accepted, std::size_t best) {
+  std::size_t choice = best;
+  for (const std::size_t i : accepted) {
+    const bool equal = all[i].delta_bic < all[best].delta_bic + kEqualEvidence;
+    const auto rank = [&](std::size_t k) {
+      return std::pair{find_effect(all[k].request.effect).generic(), all[k].searched};
+    };
+    if (equal && rank(i) < rank(choice)) choice = i;
+  }
+  return choice;
+}
+
+// The same effect on fewer or more of the joints is not a rival.
+bool is_part_of(const EffectRequest& a, const EffectRequest& b) {
+  return a.effect == b.effect && std::any_of(a.joints.begin(), a.joints.end(), [&](int k) {
+           return std::find(b.joints.begin(), b.joints.end(), k) != b.joints.end();
+         });
+}
+
+void name_confounded(std::vector<Candidate>& candidates) {
+  for (Candidate& c : candidates) {
+    if (c.log10_p > kSignificant) continue;
+    for (const Candidate& other : candidates) {
+      if (&other == &c || is_part_of(other.request, c.request) || other.log10_p > kSignificant ||
+          !other.score.objection.empty())
+        continue;
+      if (other.score.gain >= kSameExplanation * c.score.gain)
+        c.confounded_with.push_back(label(other.request));
+    }
+  }
+}
+
+// Structure blocks as custom effects: a stand-in for whatever the catalogue does not name.
+ModelSpecification with_structure(const ModelSpecification& specification,
+                                  const StructureFinding& finding) {
+  ModelSpecification result = specification;
+  for (const Parameter& p : finding.block.terms.parameters) {
+    EffectRequest request{"custom",
+                          {},
+                          {{"name", p.name},
+                           {"coordinate", finding.coordinate},
+                           {"expression", p.terms.front().basis.to_string()},
+                           {"bound", 1.0}}};
+    result.effects.push_back(request);
+  }
+  return result;
+}
+
+// Adds what is recommended until nothing is, and returns the fit that ends it.
+std::unique_ptr<Fit> look_ahead(const Fit& fit, const Candidate& first,
+                                const DiagnoseOptions& options) {
+  std::unique_ptr<Fit> current =
+      refit(fit, with_effect(fit.specification(), first.request), first.starts);
+  DiagnoseOptions quick = options;
+  quick.look_ahead = false;
+  quick.confirmed = 3;
+  quick.progress = nullptr;
+  for (int step = 0; step < kLookAhead; ++step) {
+    const Diagnosis next = diagnose(*current, quick);
+    const Candidate* recommended = next.recommended();
+    if (!recommended) break;
+    current = refit(*current, with_effect(current->specification(), recommended->request),
+                    recommended->starts);
+  }
+  return current;
+}
+
+// True where the recommended effect only stands in for structure that no effect names.
+bool is_proxy(Fit& fit, const Scorer& scorer, const Candidate& best, const Structure& structure,
+              const DiagnoseOptions& options) {
+  if (structure.findings.empty()) return false;
+  const StructureFinding& rival = structure.findings.front();
+  if (rival.score.delta_bic > best.delta_bic - kDecisive) return false;
+  std::unique_ptr<Fit> end = look_ahead(fit, best, options);
+  const Scorer at_end(*end);
+  const Structure left = find_structure(at_end, *end, kStructureSignificant);
+  if (left.findings.empty()) return false;
+  // The structure outlives all that the catalogue offers. Does the effect outlive the structure?
+  std::unique_ptr<Fit> with = refit(fit, with_structure(fit.specification(), rival));
+  const Scorer beside(*with);
+  const std::vector<Block> block{make_block(with->context(), best.request)};
+  const BlockScore score = beside.score(block).front();
+  (void)scorer;
+  return score.delta_bic > -kDecisive || score.log10_p > kSignificant - 2.0;
+}
+
+}  // namespace
+
+std::string label(const EffectRequest& request) {
+  std::string text = request.effect;
+  for (std::size_t i = 0; i < request.joints.size(); ++i)
+    text += (i ? "," : " ") + std::to_string(request.joints[i]);
+  for (const auto& [key, value] : request.options.items()) {
+    if (key == "orders" || key == "cycles") text += " " + key + " " + value.dump();
+  }
+  return text;
+}
+
+ModelSpecification with_effect(const ModelSpecification& specification,
+                               const EffectRequest& request) {
+  ModelSpecification result = specification;
+  const EffectRequest added = as_added(request);
+  for (EffectRequest& entry : result.effects) {
+    const bool each = find_effect(entry.effect).joint_rule() == JointRule::kEach;
+    if (!each || entry.effect != added.effect || entry.joints.empty() ||
+        entry.options != added.options)
+      continue;
+    entry.joints.insert(entry.joints.end(), added.joints.begin(), added.joints.end());
+    std::sort(entry.joints.begin(), entry.joints.end());
+    return result;
+  }
+  result.effects.push_back(added);
+  return result;
+}
+
+std::unique_ptr<Fit> refit(const Fit& fit, const ModelSpecification& specification,
+                           const std::map<std::string, double>& starts) {
+  FitOptions options = fit.options();
+  options.progress = nullptr;
+  options.nonlinear_starts = starts;
+  if (fit.smooth()) options.smoothness_sigma = fit.smoothness_sigma();
+  for (const NonlinearParameter& p : fit.model().nonlinear)
+    options.nonlinear_starts.try_emplace(p.name, p.value);
+  return Fit::run(fit.robot(), fit.state().columns(), specification, options);
+}
+
+std::unique_ptr<Fit> search(const Fit& fit, const ModelSpecification& specification) {
+  FitOptions options = fit.options();
+  options.progress = nullptr;
+  options.nonlinear_starts.clear();
+  return Fit::run(fit.robot(), fit.state().columns(), specification, options);
+}
+
+double bayesian_information(Fit& fit) {
+  Design& design = fit.design();
+  Design::Row row;
+  double position = 0.0, rotation = 0.0, rows = 0.0;
+  for (std::size_t i = 0; i < design.rows(); ++i) {
+    if (design.weights()[i] == 0.0) continue;
+    design.evaluate(i, false, row);
+    position += row.residual.head<3>().squaredNorm();
+    rotation += row.residual.tail<3>().squaredNorm();
+    rows += 1.0;
+  }
+  // A rejected row counts as the largest residual that would have been kept, so that rejecting is
+  // never evidence.
+  constexpr double kRejected = 64.0;
+  const double total = static_cast<double>(design.rows());
+  const double scale = fit.noise_scale();
+  const double rejected = (total - rows) * kRejected / std::max(rows, 1.0);
+  double value = 3.0 * total * std::log(position * scale * scale * (1.0 + rejected));
+  if (design.residuals_per_row() == 6) {
+    const double sigma = fit.measurements().sigma_rotation;
+    value += 3.0 * total * std::log(rotation * sigma * sigma * (1.0 + rejected));
+  }
+  return value + fit.effective_unknowns() * std::log(total * design.residuals_per_row());
+}
+
+const Candidate* Diagnosis::recommended() const {
+  for (const Candidate& c : candidates) {
+    if (c.recommend) return &c;
+  }
+  return nullptr;
+}
+
+Diagnosis diagnose(Fit& fit, const DiagnoseOptions& options) {
+  const auto report = [&](double share, const char* what) {
+    if (options.progress) options.progress(share, what);
+  };
+  Diagnosis d;
+  report(0.0, "linearising");
+  const Scorer scorer(fit);
+  report(0.1, "scoring the catalogue");
+  CandidateBlocks catalogue = catalogue_blocks(fit);
+  if (!options.generic) {
+    std::erase_if(catalogue.blocks,
+                  [](const Block& b) { return find_effect(b.request.effect).generic(); });
+  }
+  d.untestable = std::move(catalogue.untestable);
+  d.spectra = joint_spectra(scorer, fit.state());
+  double tried = static_cast<double>(catalogue.blocks.size());
+  if (options.generic) add_spectral_blocks(fit, scorer, d.spectra, catalogue.blocks, tried);
+  const std::vector<BlockScore> scores = scorer.score(catalogue.blocks);
+  d.candidates = best_of_each(catalogue.blocks, scores, std::log10(std::max(1.0, tried)), fit);
+
+  report(0.4, "confirming by refit");
+  const double bic = bayesian_information(fit);
+  std::vector<std::size_t> accepted;
+  std::size_t confirmed = 0;
+  const bool large = fit.design().rows() > kLargeCampaign;
+  const std::size_t most = large ? std::min<std::size_t>(options.confirmed, 3) : options.confirmed;
+  for (std::size_t i = 0; i < d.candidates.size() && confirmed < most; ++i) {
+    Candidate& c = d.candidates[i];
+    if (c.log10_p > kSignificant || c.score.delta_bic > -kDecisive || c.score.degrees == 0)
+      continue;
+    // An objection of the linear score is not the last word: the refit's own coefficients are.
+    ++confirmed;
+    c.why.clear();
+    std::unique_ptr<Fit> refitted;
+    try {
+      if (confirm(fit, bic, c, refitted) && c.delta_bic < -kDecisive) accepted.push_back(i);
+      if (c.why.empty()) c.score.objection.clear();
+    } catch (const ModelError& error) {
+      c.why = error.what();
+    }
+    report(0.4 + 0.3 * static_cast<double>(confirmed) / static_cast<double>(most),
+           "confirming by refit");
+  }
+  report(0.7, "looking for structure that no effect names");
+  const Structure structure = (options.look_ahead && !large) || accepted.empty()
+                                  ? find_structure(scorer, fit, kStructureSignificant)
+                                  : Structure{};
+  bool proxy = false;
+  if (!accepted.empty()) {
+    std::size_t best =
+        *std::min_element(accepted.begin(), accepted.end(), [&](std::size_t a, std::size_t b) {
+          return d.candidates[a].delta_bic < d.candidates[b].delta_bic;
+        });
+    best = simplest_equal(d.candidates, accepted, best);
+    Candidate& winner = d.candidates[best];
+    if (find_effect(winner.request.effect).generic()) widen_tables(fit, bic, d.candidates, winner);
+    // On large campaigns the look ahead would take minutes; there the end of a refinement shows
+    // what outlives it.
+    proxy = options.look_ahead && !large && is_proxy(fit, scorer, winner, structure, options);
+    winner.recommend = !proxy;
+    winner.why = proxy ? "stands in for structure that no effect of the catalogue names"
+                       : evidence(winner, fit);
+    std::rotate(d.candidates.begin(), d.candidates.begin() + static_cast<std::ptrdiff_t>(best),
+                d.candidates.begin() + static_cast<std::ptrdiff_t>(best) + 1);
+  }
+  name_confounded(d.candidates);
+  for (Candidate& c : d.candidates) {
+    if (c.why.empty()) {
+      c.why =
+          c.log10_p > kSignificant
+              ? "not significant among all that was tried"
+              : (c.recommend ? evidence(c, fit) : "another candidate explains the residual better");
+    }
+  }
+  if (d.candidates.size() > options.listed) d.candidates.resize(options.listed);
+
+  d.lack_of_fit = lack_of_fit(scorer, fit);
+  if (d.recommended()) {
+    d.verdict = Verdict::kMissingEffect;
+  } else if (!structure.findings.empty()) {
+    d.verdict = Verdict::kUnexplainedStructure;
+    d.unexplained = structure.findings;
+    d.neighbour_ratio = neighbour_ratio(scorer, fit);
+  } else if (d.lack_of_fit.testable && d.lack_of_fit.log10_p < kStructureSignificant) {
+    d.verdict = Verdict::kUnexplainedStructure;
+    d.neighbour_ratio = neighbour_ratio(scorer, fit);
+  }
+  d.advice = advise(d, fit);
+  report(1.0, "done");
+  return d;
+}
+
+json Diagnosis::to_json(const Fit& fit) const {
+  static const char* const verdicts[] = {"nothing_missing", "missing_effect",
+                                         "unexplained_structure"};
+  const json document = fit.document();
+  json result{
+      {"verdict", verdicts[static_cast<int>(verdict)]},
+      {"error",
+       {{"train", document["error"]["train"]}, {"held_out", document["error"]["held_out"]}}},
+      {"noise_floor_um", document["noise_floor"]["um"]},
+      {"noise_floor_source", document["noise_floor"]["source"]},
+      {"advice", advice},
+      {"neighbour_ratio", neighbour_ratio}};
+  result["error"]["cross_validation"] = document["error"]["cross_validation"];
+  result["candidates"] = json::array();
+  for (const Candidate& c : candidates) {
+    json parameters = json::array();
+    for (std::size_t i = 0; i < c.parameters.size(); ++i) {
+      parameters.push_back({{"name", c.parameters[i].name},
+                            {"value", c.parameters[i].value},
+                            {"sigma", c.sigma[i]},
+                            {"unit", c.parameters[i].unit}});
+    }
+    result["candidates"].push_back({{"effect", c.request.effect},
+                                    {"joints", c.request.joints},
+                                    {"options", c.request.options},
+                                    {"parameters", parameters},
+                                    {"recommend", c.recommend},
+                                    {"explained", c.score.explained},
+                                    {"log10_p", c.log10_p},
+                                    {"delta_bic", c.delta_bic},
+                                    {"degrees", c.score.degrees},
+                                    {"separability", c.score.separability},
+                                    {"confirmed", c.confirmed},
+                                    {"held_out_mean_um_if_added", c.held_out_mean * 1e6},
+                                    {"confounded_with", c.confounded_with},
+                                    {"why", c.why}});
+  }
+  result["untestable"] = json::array();
+  for (const Untestable& u : untestable)
+    result["untestable"].push_back({{"effect", u.effect}, {"needs", u.needs}});
+  result["unexplained"] = json::array();
+  for (const StructureFinding& f : unexplained) {
+    std::string variable;
+    for (const std::string& v : f.variables) variable += (variable.empty() ? "" : "*") + v;
+    result["unexplained"].push_back({{"variable", variable},
+                                     {"variables", f.variables},
+                                     {"joints", f.joints},
+                                     {"coordinate", f.coordinate},
+                                     {"log10_p", f.log10_p},
+                                     {"explained", f.score.explained},
+                                     {"shape", f.shape},
+                                     {"curve", {{"x", f.x}, {"y", f.y}}}});
+  }
+  if (verdict == Verdict::kUnexplainedStructure && unexplained.empty()) {
+    result["unexplained"].push_back(
+        {{"variable", "none recorded"},
+         {"variables", json::array()},
+         {"joints", json::array()},
+         {"log10_p", lack_of_fit.log10_p},
+         {"shape", "more scatter than the " + lack_of_fit.against + " allow"}});
+  }
+  result["lack_of_fit"] = {{"testable", lack_of_fit.testable},
+                           {"against", lack_of_fit.against},
+                           {"log10_p", lack_of_fit.log10_p}};
+  result["spectra"] = json::array();
+  for (const JointSpectrum& s : spectra) {
+    result["spectra"].push_back({{"joint", s.joint},
+                                 {"resolution", s.resolution},
+                                 {"cycles", s.cycles},
+                                 {"explained", s.power},
+                                 {"amplitude_rad", s.amplitude}});
+  }
+  return result;
+}
+
+}  // namespace armtrue

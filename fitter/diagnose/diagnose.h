@@ -1,0 +1,77 @@
+// Which physical effect is missing, on which joint, how sure that is, and what else it could be.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <nlohmann/json_fwd.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "fitter/diagnose/spectrum.h"
+#include "fitter/diagnose/structure.h"
+
+namespace armtrue {
+
+enum class Verdict { kNothingMissing, kMissingEffect, kUnexplainedStructure };
+
+struct Candidate {
+  EffectRequest request;  ///< as it would be added
+  BlockScore score;
+  std::map<std::string, double> starts;  ///< where its nonlinear parameters did best
+  int searched = 0;                      ///< unknowns that were searched over (a period, a phase)
+  double log10_p = 0.0;                  ///< corrected for the number of candidates
+  bool recommend = false;
+  bool confirmed = false;      ///< refitted: the figures below are measured, not predicted
+  double held_out_mean = 0.0;  ///< mean held-out error if added [m]
+  double delta_bic = 0.0;
+  std::vector<Parameter> parameters;  ///< with values
+  std::vector<double> sigma;
+  std::vector<std::string> confounded_with;
+  std::string why;
+};
+
+struct Diagnosis {
+  Verdict verdict = Verdict::kNothingMissing;
+  std::vector<Candidate> candidates;
+  std::vector<Untestable> untestable;
+  std::vector<StructureFinding> unexplained;
+  std::vector<std::string> advice;
+  std::vector<JointSpectrum> spectra;
+  LackOfFit lack_of_fit;
+  double neighbour_ratio = 1.0;
+
+  const Candidate* recommended() const;
+  nlohmann::json to_json(const Fit& fit) const;
+};
+
+struct DiagnoseOptions {
+  std::size_t listed = 20;    ///< candidates listed
+  std::size_t confirmed = 6;  ///< candidates refitted
+  bool look_ahead = true;     ///< guard against proxies of structure that no effect names
+  bool generic = true;        ///< tables and periods read off the spectra among the candidates
+  std::function<void(double, const std::string&)> progress;
+};
+
+Diagnosis diagnose(Fit& fit, const DiagnoseOptions& options);
+
+/// Bayesian information criterion of a fit, up to a constant of the data set: comparable between
+/// fits of the same rows.
+double bayesian_information(Fit& fit);
+
+/// "gear_harmonics 3": a request as people say it.
+std::string label(const EffectRequest& request);
+
+/// The same model with one more effect. `options` of the request that stand for nonlinear
+/// parameters are left to be found.
+ModelSpecification with_effect(const ModelSpecification& specification,
+                               const EffectRequest& request);
+
+/// Fits again with another specification, same measurements and options. Nonlinear parameters start
+/// where `fit` has them, or at `starts`; others are searched for.
+std::unique_ptr<Fit> refit(const Fit& fit, const ModelSpecification& specification,
+                           const std::map<std::string, double>& starts = {});
+/// The same, with every nonlinear parameter searched for from nothing.
+std::unique_ptr<Fit> search(const Fit& fit, const ModelSpecification& specification);
+
+}  // namespace armtrue

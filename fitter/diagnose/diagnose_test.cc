@@ -1,0 +1,195 @@
+#include "fitter/diagnose/diagnose.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <map>
+#include <nlohmann/json.hpp>
+
+#include "fitter/diagnose/refine.h"
+#include "fitter/diagnose/scorer.h"
+#include "fitter/diagnose/spectrum.h"
+#include "fitter/diagnose/structure.h"
+#include "fitter/testing/problem.h"
+
+namespace armtrue {
+namespace {
+
+using nlohmann::json;
+using testing::Problem;
+using testing::Random;
+
+constexpr double kNoise = 1e-5;
+
+// A fit of geometry alone to an arm that also has `hidden`, whose parameters are `size` each.
+std::unique_ptr<Fit> believed(std::uint64_t seed, const json& hidden = nullptr, double size = 0.0,
+                              std::size_t rows = 200) {
+  Random random(seed);
+  json truth = testing::geometry_model();
+  if (!hidden.is_null()) truth["effects"].push_back(hidden);
+  const std::string name = hidden.is_null() ? "" : hidden["effect"].get<std::string>();
+  const Problem p(testing::industrial_arm(), truth, {rows, false, 1, kNoise, 2e-5, {}}, random,
+                  [&](const Parameter& q) {
+                    if (q.effect == name) return size;
+                    if (q.effect == "base_frame" || q.effect == "tool_offset") return 0.0;
+                    return testing::normal(random, q.unit == "m" ? 2e-4 : 5e-4);
+                  });
+  return Fit::run(p.robot, p.columns, ModelSpecification::from_json(testing::geometry_model()), {});
+}
+
+double squares(Fit& fit) {
+  Design::Row row;
+  double sum = 0.0;
+  for (std::size_t i = 0; i < fit.design().rows(); ++i) {
+    fit.design().evaluate(i, false, row);
+    sum += row.residual.head<3>().squaredNorm() * fit.noise_scale() * fit.noise_scale();
+  }
+  return sum;
+}
+
+TEST(Scorer, FallOfTheErrorIsThatOfARefit) {
+  const EffectRequest request{"gear_harmonics", {3}, json::object()};
+  const auto fit = believed(1, {{"effect", "gear_harmonics"}, {"joints", {3}}}, 6e-5);
+  const BlockScore score = Scorer(*fit).score({make_block(fit->context(), request)}).front();
+  const auto refitted = refit(*fit, with_effect(fit->specification(), request));
+  EXPECT_NEAR(score.explained, 1.0 - squares(*refitted) / squares(*fit), 0.01);
+  EXPECT_GT(score.explained, 0.5);
+  EXPECT_LT(score.delta_bic, -100.0);
+  for (std::size_t i = 0; i < score.coefficient.size(); ++i)
+    EXPECT_NEAR(score.coefficient[i], 6e-5, 5.0 * score.sigma[i]);
+}
+
+TEST(Scorer, ProbabilitiesAreThoseOfChanceWhereNothingIsHidden) {
+  // Joint 5 couples into nothing here: one test an arm, so that the tests are independent.
+  int below = 0;
+  constexpr int kArms = 120;
+  for (int seed = 0; seed < kArms; ++seed) {
+    const auto fit = believed(100 + static_cast<std::uint64_t>(seed), nullptr, 0.0, 80);
+    const Block block = make_block(fit->context(), {"gear_harmonics", {4}, json::object()});
+    below += Scorer(*fit).score({block}).front().log10_p < std::log10(0.1);
+  }
+  // Binomial(120, 0.1): 12 +- 3.3.
+  EXPECT_LE(below, 24);
+}
+
+TEST(Scorer, WhatGeometryCarriesAlreadyHasNothingLeft) {
+  const auto fit = believed(2);
+  // A constant on the motor side of joint 3 is its zero.
+  const BlockScore score = Scorer(*fit)
+                               .score({make_block(fit->context(), {"custom",
+                                                                   {},
+                                                                   {{"name", "again"},
+                                                                    {"coordinate", "motor3"},
+                                                                    {"expression", "1"},
+                                                                    {"bound", 1.0}}})})
+                               .front();
+  EXPECT_TRUE(score.degrees == 0 || score.separability < 1e-6) << score.separability;
+  EXPECT_GT(score.delta_bic, -10.0);
+}
+
+TEST(Spectrum, FindsAPeriodThatNobodyKnewAmongRandomPoses) {
+  const auto fit = believed(3,
+                            {{"effect", "custom"},
+                             {"name", "wave"},
+                             {"coordinate", "motor5"},
+                             {"expression", "sin(13*q5)"},
+                             {"bound", 1.0}},
+                            2e-4);
+  const Scorer scorer(*fit);
+  double strongest = 0.0, cycles = 0.0;
+  int joint = 0;
+  for (const JointSpectrum& spectrum : joint_spectra(scorer, fit->state())) {
+    for (const SpectralPeak& peak : highest_peaks(spectrum, scorer, fit->state(), 1)) {
+      if (peak.power <= strongest) continue;
+      strongest = peak.power;
+      cycles = peak.cycles;
+      joint = peak.joint;
+    }
+  }
+  EXPECT_EQ(joint, 5);
+  EXPECT_NEAR(cycles, 13.0, 0.1);
+  EXPECT_GT(strongest, 0.5);
+}
+
+TEST(Structure, NamesTheVariablesOfWhatNoEffectIs) {
+  const auto fit = believed(4,
+                            {{"effect", "custom"},
+                             {"name", "odd"},
+                             {"coordinate", "motor2"},
+                             {"expression", "q1*q4"},
+                             {"bound", 1.0}},
+                            1e-4);
+  const Structure structure = find_structure(Scorer(*fit), *fit, -4.0);
+  ASSERT_FALSE(structure.findings.empty());
+  const StructureFinding& best = structure.findings.front();
+  EXPECT_EQ(best.variables, (std::vector<std::string>{"q1", "q4"}));
+  EXPECT_EQ(best.coordinate, "motor2");
+  EXPECT_NE(best.shape.find("joint function"), std::string::npos) << best.shape;
+}
+
+TEST(Structure, OfNoiseIsNone) {
+  for (std::uint64_t seed = 5; seed < 15; ++seed) {
+    const auto fit = believed(seed);
+    EXPECT_TRUE(find_structure(Scorer(*fit), *fit, -4.0).findings.empty()) << seed;
+  }
+}
+
+TEST(Diagnose, NamesTheEffectAndTheJointThatTheModelLacks) {
+  const auto fit = believed(20, {{"effect", "backlash"}, {"joints", {3}}}, 5e-5);
+  const Diagnosis d = diagnose(*fit, {});
+  EXPECT_EQ(d.verdict, Verdict::kMissingEffect);
+  ASSERT_NE(d.recommended(), nullptr);
+  EXPECT_EQ(label(d.recommended()->request), "backlash 3");
+  EXPECT_LT(d.recommended()->held_out_mean, fit->held_out_error().mean);
+}
+
+TEST(Diagnose, SaysNothingIsMissingWhereNothingIs) {
+  for (std::uint64_t seed = 30; seed < 36; ++seed) {
+    const auto fit = believed(seed);
+    EXPECT_EQ(diagnose(*fit, {}).verdict, Verdict::kNothingMissing) << seed;
+  }
+}
+
+TEST(Diagnose, ListsWhatCannotBeTestedWithTheColumnsToRecord) {
+  const auto all = believed(21);
+  State::Columns columns = all->state().columns();
+  columns.erase("qr4");
+  columns.erase("dir2");
+  const auto fit =
+      Fit::run(all->robot(), columns, ModelSpecification::from_json(testing::geometry_model()), {});
+  std::map<std::string, std::vector<std::string>> needs;
+  for (const Untestable& u : diagnose(*fit, {}).untestable) needs[u.effect] = u.needs;
+  EXPECT_EQ(needs["command_readback"], std::vector<std::string>{"qr4"});
+  EXPECT_EQ(needs["backlash"], std::vector<std::string>{"dir2"});
+}
+
+TEST(Refine, AddsWhatIsMissingAndStops) {
+  const std::shared_ptr<Fit> fit =
+      believed(22, {{"effect", "gear_harmonics"}, {"joints", {2}}}, 8e-5);
+  const std::vector<RefineStep> steps = refine(fit, {});
+  ASSERT_EQ(steps.size(), 2U);
+  ASSERT_TRUE(steps.back().added.has_value());
+  EXPECT_EQ(label(steps.back().added->request), "gear_harmonics 2");
+  EXPECT_EQ(steps.back().diagnosis.verdict, Verdict::kNothingMissing);
+}
+
+TEST(Refine, AProxyDoesNotStay) {
+  // What was put in by hand explains nothing once the real effect is there.
+  Random random(23);
+  json truth = testing::geometry_model();
+  truth["effects"].push_back({{"effect", "gear_harmonics"}, {"joints", {2}}});
+  const Problem p(testing::industrial_arm(), truth, {200, false, 1, kNoise, 2e-5, {}}, random,
+                  [&](const Parameter& q) { return q.effect == "gear_harmonics" ? 8e-5 : 0.0; });
+  json model = testing::geometry_model();
+  model["effects"].push_back({{"effect", "joint_scale"}, {"joints", {2}}});
+  const std::shared_ptr<Fit> fit =
+      Fit::run(p.robot, p.columns, ModelSpecification::from_json(model), {});
+  const std::vector<RefineStep> steps = refine(fit, {});
+  std::vector<std::string> left;
+  for (const EffectRequest& e : steps.back().fit->specification().effects) left.push_back(e.effect);
+  EXPECT_EQ(std::count(left.begin(), left.end(), "joint_scale"), 0);
+  EXPECT_EQ(std::count(left.begin(), left.end(), "gear_harmonics"), 1);
+}
+
+}  // namespace
+}  // namespace armtrue

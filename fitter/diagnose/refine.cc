@@ -1,0 +1,306 @@
+#include "fitter/diagnose/refine.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <set>
+
+namespace armtrue {
+namespace {
+
+using nlohmann::json;
+
+// On large campaigns, where refits take long, Wald's approximation says whether a removal is worth
+// one.
+constexpr double kWorthTrying = 40.0;
+constexpr std::size_t kLargeCampaign = 2000;
+constexpr double kBetterSwap = 1.0;
+constexpr double kTableTakesOver = 15.0;
+constexpr int kMostSwaps = 3;
+constexpr int kPhysicalSteps = 3;
+
+const std::set<std::string>& geometry() {
+  static const std::set<std::string> names{"base_frame", "tool_offset", "joint_offset",
+                                           "link_geometry"};
+  return names;
+}
+
+// Effects of a model that may be tried for removal, joint by joint where they act joint by joint.
+std::vector<EffectRequest> removable(const Fit& fit) {
+  std::vector<EffectRequest> result;
+  for (const EffectRequest& entry : fit.specification().effects) {
+    if (geometry().contains(entry.effect) || entry.effect == "custom") continue;
+    const Effect& effect = find_effect(entry.effect);
+    EffectRequest whole = entry;
+    if (whole.joints.empty()) whole.joints = effect.default_joints(fit.context());
+    if (effect.joint_rule() != JointRule::kEach) {
+      result.push_back(whole);
+      continue;
+    }
+    for (const int joint : whole.joints) result.push_back({entry.effect, {joint}, entry.options});
+  }
+  return result;
+}
+
+// Rise of BIC if the effect's parameters went, by their joint Wald statistic.
+double removal_cost(Fit& fit, const EffectRequest& request) {
+  std::vector<int> unknowns;
+  for (std::size_t i = 0; i < fit.model().parameters.size(); ++i) {
+    const Parameter& p = fit.model().parameters[i];
+    const bool same = p.effect == request.effect &&
+                      (p.joints == request.joints || p.joints.empty() ||
+                       find_effect(request.effect).joint_rule() != JointRule::kEach);
+    if (same && fit.design().unknown_of(static_cast<int>(i)) >= 0)
+      unknowns.push_back(fit.design().unknown_of(static_cast<int>(i)));
+  }
+  if (unknowns.empty()) return -1.0;
+  const auto size = static_cast<Eigen::Index>(unknowns.size());
+  Eigen::MatrixXd covariance(size, size);
+  Eigen::VectorXd value(size);
+  const std::vector<double> values = fit.design().unknown_values();
+  for (Eigen::Index a = 0; a < size; ++a) {
+    value[a] = values[static_cast<std::size_t>(unknowns[static_cast<std::size_t>(a)])];
+    for (Eigen::Index b = 0; b < size; ++b) {
+      covariance(a, b) = fit.covariance()(unknowns[static_cast<std::size_t>(a)],
+                                          unknowns[static_cast<std::size_t>(b)]);
+    }
+  }
+  const double n = static_cast<double>(fit.design().rows()) * fit.design().residuals_per_row();
+  const double wald = value.dot(ScaledCholesky(covariance).solve(value));
+  return n * std::log1p(wald / n) - static_cast<double>(size) * std::log(n);
+}
+
+// True where a table on the same joint can take over what the effect does.
+bool has_table_beside(const Fit& fit, const EffectRequest& request) {
+  if (find_effect(request.effect).generic()) return false;
+  const std::vector<EffectRequest> all = removable(fit);
+  return std::any_of(all.begin(), all.end(), [&](const EffectRequest& other) {
+    return find_effect(other.effect).generic() && other.joints == request.joints;
+  });
+}
+
+// The same measurements with fewer effects. What stays is searched for anew: it may have settled
+// beside what goes.
+std::shared_ptr<Fit> refit_without(const Fit& fit, const std::vector<EffectRequest>& requests) {
+  ModelSpecification specification = fit.specification();
+  for (const EffectRequest& request : requests)
+    specification = without_effect(specification, request, fit.context());
+  return search(fit, specification);
+}
+
+// Takes out what no longer earns its keep.
+void prune(std::shared_ptr<Fit>& fit, const std::vector<EffectRequest>& keep,
+           std::vector<EffectRequest>& removed) {
+  for (bool again = true; again;) {
+    again = false;
+    for (const EffectRequest& request : removable(*fit)) {
+      const bool just_added = std::any_of(keep.begin(), keep.end(), [&](const EffectRequest& k) {
+        return label(k) == label(request);
+      });
+      if (just_added) continue;
+      if (fit->design().rows() > kLargeCampaign && removal_cost(*fit, request) > kWorthTrying)
+        continue;
+      std::shared_ptr<Fit> without = refit_without(*fit, {request});
+      const double allowed = has_table_beside(*fit, request) ? kTableTakesOver : 0.0;
+      if (bayesian_information(*without) > bayesian_information(*fit) + allowed) continue;
+      fit = without;
+      removed.push_back(request);
+      again = true;
+      break;
+    }
+  }
+}
+
+DiagnoseOptions quick_options(const RefineOptions& options) {
+  DiagnoseOptions quick;
+  quick.look_ahead = false;
+  quick.confirmed = 3;
+  quick.progress = options.progress;
+  return quick;
+}
+
+// What is taken out together in a swap: each added effect, and all that were added on one joint.
+std::vector<std::vector<EffectRequest>> swap_sets(const Fit& fit,
+                                                  const std::set<std::string>& added) {
+  std::vector<std::vector<EffectRequest>> sets;
+  std::map<std::vector<int>, std::vector<EffectRequest>> by_joint;
+  for (const EffectRequest& request : removable(fit)) {
+    if (!added.contains(label(request))) continue;
+    sets.push_back({request});
+    if (request.joints.size() == 1) by_joint[request.joints].push_back(request);
+  }
+  for (const auto& [joint, requests] : by_joint) {
+    if (requests.size() > 1) sets.push_back(requests);
+  }
+  return sets;
+}
+
+// Tries each added effect for a swap: taken out, does the catalogue offer something better than
+// putting it back?
+bool swap(std::shared_ptr<Fit>& fit, const std::set<std::string>& added,
+          std::vector<EffectRequest>& removed, Candidate& put_in, const RefineOptions& options) {
+  const double bic = bayesian_information(*fit);
+  for (const std::vector<EffectRequest>& set : swap_sets(*fit, added)) {
+    std::shared_ptr<Fit> without = refit_without(*fit, set);
+    const Diagnosis d = diagnose(*without, quick_options(options));
+    const Candidate* best = d.recommended();
+    if (!best || label(best->request) == label(set.front())) continue;
+    if (bayesian_information(*without) + best->delta_bic > bic - kBetterSwap) continue;
+    fit = refit(*without, with_effect(without->specification(), best->request), best->starts);
+    put_in = *best;
+    removed.insert(removed.end(), set.begin(), set.end());
+    return true;
+  }
+  return false;
+}
+
+// A table may stand for several physical effects at once: a few of those, one after the other, are
+// tried against it.
+bool physical_instead(const std::shared_ptr<Fit>& before, std::shared_ptr<Fit>& fit,
+                      std::vector<Candidate>& chosen, const RefineOptions& options) {
+  DiagnoseOptions quick = quick_options(options);
+  quick.generic = false;
+  std::shared_ptr<Fit> current = before;
+  std::vector<Candidate> steps;
+  for (int step = 0; step < kPhysicalSteps; ++step) {
+    const Diagnosis d = diagnose(*current, quick);
+    const Candidate* best = d.recommended();
+    if (!best) break;
+    steps.push_back(*best);
+    current = refit(*current, with_effect(current->specification(), best->request), best->starts);
+    if (bayesian_information(*current) > bayesian_information(*fit)) continue;
+    fit = current;
+    chosen = steps;
+    return true;
+  }
+  return false;
+}
+
+RefineStep make_step(const std::shared_ptr<Fit>& fit, const RefineOptions& options) {
+  RefineStep step;
+  step.fit = fit;
+  DiagnoseOptions diagnose_options;
+  diagnose_options.progress = options.progress;
+  step.diagnosis = diagnose(*fit, diagnose_options);
+  return step;
+}
+
+// What a model with one more effect becomes: the effect, or physical ones in a table's place, less
+// what they made needless.
+struct Change {
+  std::vector<Candidate> put;
+  std::vector<EffectRequest> removed;
+};
+
+Change add(std::shared_ptr<Fit>& fit, const Candidate& candidate, const RefineOptions& options) {
+  Change change;
+  const std::shared_ptr<Fit> before = fit;
+  fit = refit(*fit, with_effect(fit->specification(), candidate.request), candidate.starts);
+  change.put = {candidate};
+  if (find_effect(candidate.request.effect).generic())
+    physical_instead(before, fit, change.put, options);
+  std::vector<EffectRequest> keep;
+  if (change.put.size() == 1 && candidate.request.joints.size() < 2)
+    keep.push_back(change.put.front().request);
+  prune(fit, keep, change.removed);
+  return change;
+}
+
+}  // namespace
+
+json RefineStep::document() const {
+  json result = diagnosis.to_json(*fit);
+  result.erase("spectra");
+  result["added"] = nullptr;
+  if (added) {
+    json parameters = json::array();
+    for (std::size_t i = 0; i < added->parameters.size(); ++i) {
+      parameters.push_back({{"name", added->parameters[i].name},
+                            {"value", added->parameters[i].value},
+                            {"sigma", added->sigma[i]},
+                            {"unit", added->parameters[i].unit}});
+    }
+    result["added"] = {{"effect", added->request.effect},
+                       {"joints", added->request.joints},
+                       {"options", added->request.options},
+                       {"parameters", parameters}};
+  }
+  result["removed"] = json::array();
+  for (const EffectRequest& r : removed) {
+    result["removed"].push_back({{"effect", r.effect},
+                                 {"joints", r.joints},
+                                 {"options", r.options},
+                                 {"parameters", json::array()}});
+  }
+  result["effects"] = fit->specification().to_json()["effects"];
+  return result;
+}
+
+ModelSpecification without_effect(const ModelSpecification& specification,
+                                  const EffectRequest& request, const EffectContext& context) {
+  ModelSpecification result = specification;
+  for (auto entry = result.effects.begin(); entry != result.effects.end(); ++entry) {
+    if (entry->effect != request.effect || entry->options != request.options) continue;
+    const Effect& effect = find_effect(entry->effect);
+    if (entry->joints.empty()) entry->joints = effect.default_joints(context);
+    if (effect.joint_rule() != JointRule::kEach) {
+      if (entry->joints != request.joints) continue;
+      result.effects.erase(entry);
+      return result;
+    }
+    std::erase_if(entry->joints, [&](int k) {
+      return std::find(request.joints.begin(), request.joints.end(), k) != request.joints.end();
+    });
+    if (entry->joints.empty()) {
+      result.effects.erase(entry);
+      return result;
+    }
+  }
+  return result;
+}
+
+std::vector<RefineStep> refine(std::shared_ptr<Fit> fit, const RefineOptions& options) {
+  std::vector<RefineStep> steps;
+  const auto finish = [&](const Change& change) {
+    RefineStep step = make_step(fit, options);
+    if (!change.put.empty()) step.added = change.put.front();
+    step.removed = change.removed;
+    steps.push_back(std::move(step));
+    if (options.on_step) options.on_step(steps.back());
+  };
+  finish({});
+  std::set<std::string> added;
+  const auto note = [&](const Change& change) {
+    for (const Candidate& c : change.put) {
+      for (const int joint : c.request.joints)
+        added.insert(label({c.request.effect, {joint}, c.request.options}));
+      added.insert(label(c.request));
+    }
+    for (const EffectRequest& r : change.removed) added.erase(label(r));
+  };
+  int swaps = 0;
+  for (int number = 0; number < options.most_steps; ++number) {
+    if (const Candidate* best = steps.back().diagnosis.recommended()) {
+      const Change change = add(fit, *best, options);
+      note(change);
+      finish(change);
+      continue;
+    }
+    // Nothing more to add. What is in was chosen while other things were missing: each is tried
+    // against the catalogue again.
+    Candidate put_in;
+    std::vector<EffectRequest> removed;
+    const bool large = fit->design().rows() > kLargeCampaign;
+    if (large || added.size() < 2 || swaps++ >= kMostSwaps ||
+        !swap(fit, added, removed, put_in, options))
+      break;
+    Change change{{put_in}, removed};
+    prune(fit, {put_in.request}, change.removed);
+    note(change);
+    finish(change);
+  }
+  return steps;
+}
+
+}  // namespace armtrue

@@ -1,0 +1,30 @@
+// Diagnose and add until nothing is missing; after each addition, try every effect for removal or
+// swap.
+#pragma once
+
+#include "fitter/diagnose/diagnose.h"
+
+namespace armtrue {
+
+struct RefineStep {
+  std::optional<Candidate> added;  ///< none for the starting point
+  std::vector<EffectRequest> removed;
+  Diagnosis diagnosis;  ///< of the fit after the change
+  nlohmann::json document() const;
+  std::shared_ptr<Fit> fit;
+};
+
+struct RefineOptions {
+  int most_steps = 12;
+  std::function<void(double, const std::string&)> progress;
+  std::function<void(const RefineStep&)> on_step;
+};
+
+/// Steps, the first being the given fit as it stands. The last step's fit is the result.
+std::vector<RefineStep> refine(std::shared_ptr<Fit> fit, const RefineOptions& options);
+
+/// The same model without one effect on some joints (all of the entry where `joints` is empty).
+ModelSpecification without_effect(const ModelSpecification& specification,
+                                  const EffectRequest& request, const EffectContext& context);
+
+}  // namespace armtrue

@@ -1,0 +1,290 @@
+#include "fitter/diagnose/scorer.h"
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <map>
+
+namespace armtrue {
+namespace {
+
+// Directions of a block of which less than this share survives the projection are the fit's own, to
+// rounding.
+constexpr double kSmallestShare = 1e-7;
+// Coefficients outside their physical bound, or of the wrong sign by this many standard deviations,
+// are refused.
+constexpr double kWrongSign = 3.0;
+// A rejected row counts as a residual of this many standard deviations.
+constexpr double kBoundedResidual = 6.0;
+// Blocks whose plain F test does not reach this are not worth the robust one.
+constexpr double kWorthRobust = -3.0;
+constexpr int kMostProjected = 400;
+
+struct Linearised {
+  Eigen::MatrixXd jacobian, geometry;
+  Eigen::VectorXd residual;
+  std::vector<std::size_t> rows;
+  std::vector<int> column_of;  // of every unknown; −1 where it is not projected out
+};
+
+Linearised linearise(Fit& fit) {
+  Design& design = fit.design();
+  Linearised result;
+  // Rows kept out of the fit take part with a bounded say: what looks like a bump may be a local
+  // effect that no term names yet.
+  const std::vector<double> weights = design.weights();
+  Design::Row probe;
+  for (std::size_t i = 0; i < design.rows(); ++i) {
+    result.rows.push_back(i);
+    if (weights[i] > 0.0) continue;
+    design.weights()[i] = 1.0;
+    design.evaluate(i, false, probe);
+    const double size = probe.residual.head(design.residuals_per_row()).norm();
+    design.weights()[i] = std::pow(kBoundedResidual / std::max(size, kBoundedResidual), 2);
+  }
+  const int height = design.residuals_per_row();
+  const auto equations = static_cast<Eigen::Index>(result.rows.size()) * height;
+  // The nodes of large tables are not projected out: the residual is orthogonal to them already,
+  // and leaving them out only makes a candidate look weaker than it is, never stronger.
+  const bool all = design.unknowns() <= kMostProjected;
+  result.column_of.assign(static_cast<std::size_t>(design.unknowns()), -1);
+  int width = 0;
+  for (int u = 0; u < design.unknowns(); ++u) {
+    if (all || !design.is_table_unknown(u)) result.column_of[static_cast<std::size_t>(u)] = width++;
+  }
+  result.jacobian = Eigen::MatrixXd::Zero(equations, width);
+  result.geometry.resize(equations, fit.kinematics().layout().size());
+  result.residual.resize(equations);
+  Design::Row row;
+  for (std::size_t r = 0; r < result.rows.size(); ++r) {
+    const std::size_t i = result.rows[r];
+    const Eigen::Index at = static_cast<Eigen::Index>(r) * height;
+    design.evaluate(i, true, row);
+    result.residual.segment(at, height) = row.residual.head(height);
+    for (std::size_t u = 0; u < row.unknowns.size(); ++u) {
+      const int column = result.column_of[static_cast<std::size_t>(row.unknowns[u])];
+      if (column >= 0)
+        result.jacobian.col(column).segment(at, height) =
+            row.jacobian.col(static_cast<Eigen::Index>(u)).head(height);
+    }
+    const auto& geometric = design.geometric_jacobian();
+    for (Eigen::Index c = 0; c < geometric.cols(); ++c) {
+      result.geometry.col(c).segment(at, height) = design.whiten(i, geometric.col(c)).head(height);
+    }
+  }
+  design.weights() = weights;
+  return result;
+}
+
+Eigen::MatrixXd information_of(const Linearised& l, const Fit& fit, const Design& design) {
+  NormalEquations equations(l.jacobian.cols());
+  equations.information.selfadjointView<Eigen::Lower>().rankUpdate(l.jacobian.transpose());
+  std::vector<double> values(static_cast<std::size_t>(l.jacobian.cols()));
+  const std::vector<double> all = design.unknown_values();
+  for (std::size_t u = 0; u < all.size(); ++u) {
+    if (l.column_of[u] >= 0) values[static_cast<std::size_t>(l.column_of[u])] = all[u];
+  }
+  for (PenaltyRow row : penalty_rows(design, fit.smoothness_sigma())) {
+    for (auto& [unknown, factor] : row.entries)
+      unknown = l.column_of[static_cast<std::size_t>(unknown)];
+    const bool projected = std::all_of(row.entries.begin(), row.entries.end(),
+                                       [](const auto& entry) { return entry.first >= 0; });
+    if (projected) equations.add(row, values);
+  }
+  return equations.information;
+}
+
+std::vector<double> basis_values(const Term& term, const State& state,
+                                 std::map<std::string, std::vector<double>>& cache) {
+  const std::string key = term.basis.to_string();
+  auto found = cache.find(key);
+  if (found == cache.end()) {
+    auto values = term.basis.evaluate(
+        state.rows(),
+        [&](const std::string& name) -> const std::vector<double>& { return state.column(name); });
+    found = cache.emplace(key, std::move(values)).first;
+  }
+  return found->second;
+}
+
+}  // namespace
+
+Scorer::Scorer(Fit& fit)
+    : fit_(fit),
+      layout_(fit.kinematics().layout()),
+      height_(fit.design().residuals_per_row()),
+      factor_(Eigen::MatrixXd::Identity(1, 1)) {
+  Linearised l = linearise(fit);
+  factor_ = ScaledCholesky(information_of(l, fit, fit.design()));
+  rows_ = std::move(l.rows);
+  residual_ = std::move(l.residual);
+  jacobian_ = std::move(l.jacobian);
+  geometry_ = std::move(l.geometry);
+  correction_ = factor_.solve(jacobian_.transpose() * residual_);
+  freedom_ = std::max(1.0, static_cast<double>(residual_.size()) - fit.effective_unknowns());
+}
+
+std::vector<BlockScore> Scorer::score(const std::vector<Block>& blocks) const {
+  // Blocks go through in batches, so that one matrix product serves many and memory stays small.
+  constexpr Eigen::Index kBatchColumns = 256;
+  std::map<std::string, std::vector<double>> cache;
+  std::vector<BlockScore> scores(blocks.size());
+  const auto width_of = [&](std::size_t b) {
+    return static_cast<Eigen::Index>(blocks[b].terms.parameters.size());
+  };
+  for (std::size_t first = 0; first < blocks.size();) {
+    std::size_t last = first;
+    Eigen::Index width = 0;
+    while (last < blocks.size() && (last == first || width + width_of(last) <= kBatchColumns))
+      width += width_of(last++);
+    Eigen::MatrixXd columns = Eigen::MatrixXd::Zero(residual_.size(), width);
+    Eigen::Index at = 0;
+    for (std::size_t b = first; b < last; ++b) {
+      for (const Parameter& p : blocks[b].terms.parameters) {
+        for (const Term& term : p.terms) {
+          const std::vector<double> basis = basis_values(term, fit_.state(), cache);
+          const auto coordinate = geometry_.col(layout_.index(term.coordinate));
+          for (std::size_t r = 0; r < rows_.size(); ++r) {
+            const double value = term.weight * basis[rows_[r]];
+            if (value == 0.0) continue;
+            const Eigen::Index row = static_cast<Eigen::Index>(r) * height_;
+            columns.col(at).segment(row, height_) += value * coordinate.segment(row, height_);
+          }
+        }
+        ++at;
+      }
+    }
+    const Eigen::MatrixXd cross = jacobian_.transpose() * columns;
+    at = 0;
+    for (std::size_t b = first; b < last; ++b) {
+      scores[b] =
+          judge(blocks[b], columns.middleCols(at, width_of(b)), cross.middleCols(at, width_of(b)));
+      at += width_of(b);
+    }
+    first = last;
+  }
+  return scores;
+}
+
+BlockScore Scorer::judge(const Block& block, const Eigen::MatrixXd& columns,
+                         const Eigen::MatrixXd& cross) const {
+  BlockScore score;
+  const Eigen::Index width = columns.cols();
+  const Eigen::VectorXd norm = columns.colwise().norm();
+  Eigen::VectorXd scale(width);
+  for (Eigen::Index c = 0; c < width; ++c) scale[c] = norm[c] > 0.0 ? 1.0 / norm[c] : 0.0;
+  const Eigen::MatrixXd half = factor_.half_solve(cross) * scale.asDiagonal();
+  Eigen::MatrixXd information =
+      scale.asDiagonal() * (columns.transpose() * columns) * scale.asDiagonal();
+  information -= half.transpose() * half;
+  const Eigen::VectorXd gradient =
+      scale.asDiagonal() * (columns.transpose() * residual_ - cross.transpose() * correction_);
+
+  const double n = static_cast<double>(residual_.size());
+  const double variance = residual_.squaredNorm() / freedom_;
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(information);
+  Eigen::VectorXd solution = Eigen::VectorXd::Zero(width);
+  Eigen::MatrixXd inverse = Eigen::MatrixXd::Zero(width, width);
+  int rank = 0;
+  double gain = 0.0;
+  for (Eigen::Index k = 0; k < width; ++k) {
+    const double share = eigen.eigenvalues()[k];
+    if (share < kSmallestShare) continue;
+    const Eigen::VectorXd direction = eigen.eigenvectors().col(k);
+    // A direction whose coefficient the weak prior knows better than the data do is not the data's
+    // to give.
+    double prior = 0.0;
+    for (Eigen::Index c = 0; c < width; ++c) {
+      const double sigma = block.terms.parameters[static_cast<std::size_t>(c)].prior_sigma;
+      if (sigma > 0.0 && norm[c] > 0.0) prior += std::pow(direction[c] / (sigma * norm[c]), 2);
+    }
+    if (share < prior * variance) continue;
+    const double projection = direction.dot(gradient);
+    gain += projection * projection / share;
+    solution -= direction * (projection / share);
+    inverse += direction * direction.transpose() / share;
+    ++rank;
+  }
+  score.degrees = rank + block.searched;
+  score.coefficient.resize(static_cast<std::size_t>(width));
+  score.sigma.resize(static_cast<std::size_t>(width));
+  double least = 1.0;
+  for (Eigen::Index c = 0; c < width; ++c) {
+    const auto i = static_cast<std::size_t>(c);
+    score.coefficient[i] = solution[c] * scale[c];
+    score.sigma[i] = std::sqrt(std::max(0.0, inverse(c, c))) * scale[c];
+    if (norm[c] > 0.0) least = std::min(least, information(c, c));
+  }
+  score.separability = least;
+  if (rank == 0) {
+    score.objection = "the data cannot tell it from what is fitted already";
+    return score;
+  }
+  const double rss = residual_.squaredNorm();
+  gain = std::min(gain, rss * (1.0 - 1e-12));
+  const double freedom = std::max(1.0, freedom_ - score.degrees);
+  const double after = rss - gain;
+  for (double& s : score.sigma) s *= std::sqrt(after / freedom);
+  score.gain = gain / variance;
+  score.explained = gain / rss;
+  score.log10_p =
+      log10_f_survival((gain / score.degrees) / (after / freedom), score.degrees, freedom);
+  if (score.log10_p < kWorthRobust) {
+    score.log10_p = std::max(score.log10_p,
+                             robust_log10_p(columns, cross, scale, eigen, solution, score.degrees));
+  }
+  score.delta_bic = n * std::log(after / rss) + score.degrees * std::log(n);
+  for (std::size_t c = 0; c < block.terms.parameters.size(); ++c) {
+    const Parameter& p = block.terms.parameters[c];
+    const double value = score.coefficient[c];
+    const double sigma = score.sigma[c];
+    if (p.sign != 0 && p.sign * value < -kWrongSign * sigma) {
+      score.objection =
+          describe(p) + " would have the wrong sign: a spring yields, it does not push back";
+    } else if (p.bound > 0.0 && std::abs(value) - kWrongSign * sigma > p.bound) {
+      score.objection = describe(p) + " would be larger than is physical";
+    }
+  }
+  return score;
+}
+
+double Scorer::robust_log10_p(const Eigen::MatrixXd& columns, const Eigen::MatrixXd& cross,
+                              const Eigen::VectorXd& scale,
+                              const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>& eigen,
+                              const Eigen::VectorXd& solution, int degrees) const {
+  // Only directions that the plain test used: `solution` is zero along the others.
+  std::vector<Eigen::Index> used;
+  for (Eigen::Index k = 0; k < eigen.eigenvalues().size(); ++k) {
+    if (eigen.eigenvalues()[k] >= kSmallestShare &&
+        eigen.eigenvectors().col(k).dot(solution) != 0.0)
+      used.push_back(k);
+  }
+  const auto rank = static_cast<Eigen::Index>(used.size());
+  if (rank == 0) return 0.0;
+  Eigen::MatrixXd directions(columns.cols(), rank);
+  for (Eigen::Index k = 0; k < rank; ++k)
+    directions.col(k) = eigen.eigenvectors().col(used[static_cast<std::size_t>(k)]);
+  const Eigen::MatrixXd turned = scale.asDiagonal() * directions;
+  const Eigen::MatrixXd along = columns * turned - jacobian_ * factor_.solve_matrix(cross * turned);
+  const Eigen::VectorXd coefficient = directions.transpose() * solution;
+  const Eigen::VectorXd left = residual_ + along * coefficient;
+  Eigen::MatrixXd scatter = Eigen::MatrixXd::Zero(rank, rank);
+  Eigen::VectorXd pose(rank);
+  for (std::size_t r = 0; r < rows_.size(); ++r) {
+    const Eigen::Index at = static_cast<Eigen::Index>(r) * height_;
+    pose.noalias() = along.middleRows(at, height_).transpose() * left.segment(at, height_);
+    scatter.selfadjointView<Eigen::Lower>().rankUpdate(pose);
+  }
+  const double poses = static_cast<double>(rows_.size());
+  const double freedom =
+      std::max(1.0, poses - static_cast<double>(jacobian_.cols() + degrees) / height_);
+  scatter *= poses / freedom;
+  Eigen::VectorXd share(rank);
+  for (Eigen::Index k = 0; k < rank; ++k)
+    share[k] = eigen.eigenvalues()[used[static_cast<std::size_t>(k)]];
+  const Eigen::VectorXd gradient = share.cwiseProduct(coefficient);
+  const double wald = gradient.dot(ScaledCholesky(scatter).solve(gradient));
+  return log10_f_survival(wald / degrees, degrees, freedom);
+}
+
+}  // namespace armtrue

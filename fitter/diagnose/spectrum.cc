@@ -1,0 +1,142 @@
+#include "fitter/diagnose/spectrum.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+namespace armtrue {
+namespace {
+
+constexpr double kLeastCycles = 0.5;
+constexpr double kMostCycles = 600.0;
+constexpr double kUnknownRatioCycles = 300.0;
+constexpr double kOversampling = 4.0;
+
+// Of every row: joint angle, the residual along the joint's column, and that column's square.
+struct JointSeries {
+  std::vector<double> angle, product, weight;
+  double range = 0.0, total = 0.0;
+};
+
+JointSeries joint_series(const Scorer& scorer, const State& state, int joint) {
+  JointSeries series;
+  const Eigen::VectorXd column = scorer.coordinate_column(scorer.layout().motor(joint - 1));
+  const auto n = static_cast<std::size_t>(state.robot().joint_count());
+  const int h = scorer.height();
+  for (std::size_t r = 0; r < scorer.rows().size(); ++r) {
+    const Eigen::Index at = static_cast<Eigen::Index>(r) * h;
+    series.angle.push_back(
+        state.joints()[scorer.rows()[r] * n + static_cast<std::size_t>(joint - 1)]);
+    series.product.push_back(column.segment(at, h).dot(scorer.residual().segment(at, h)));
+    series.weight.push_back(column.segment(at, h).squaredNorm());
+  }
+  const auto [low, high] = std::minmax_element(series.angle.begin(), series.angle.end());
+  series.range = *high - *low;
+  series.total = scorer.residual_sum();
+  return series;
+}
+
+struct Power {
+  double share, amplitude;
+};
+
+Power power_from_sums(double ys, double yc, double ss, double sc, double cc, double total) {
+  const double determinant = ss * cc - sc * sc;
+  if (determinant <= 1e-9 * ss * cc || total <= 0.0) return {0.0, 0.0};
+  const double a = (cc * ys - sc * yc) / determinant;
+  const double b = (ss * yc - sc * ys) / determinant;
+  return {(a * ys + b * yc) / total, std::hypot(a, b)};
+}
+
+Power power_at(const JointSeries& series, double cycles) {
+  double ys = 0.0, yc = 0.0, ss = 0.0, sc = 0.0, cc = 0.0;
+  for (std::size_t i = 0; i < series.angle.size(); ++i) {
+    const double s = std::sin(cycles * series.angle[i]);
+    const double c = std::cos(cycles * series.angle[i]);
+    ys += series.product[i] * s;
+    yc += series.product[i] * c;
+    ss += series.weight[i] * s * s;
+    sc += series.weight[i] * s * c;
+    cc += series.weight[i] * c * c;
+  }
+  return power_from_sums(ys, yc, ss, sc, cc, series.total);
+}
+
+}  // namespace
+
+std::vector<JointSpectrum> joint_spectra(const Scorer& scorer, const State& state) {
+  std::vector<JointSpectrum> spectra;
+  for (int joint = 1; joint <= state.robot().joint_count(); ++joint) {
+    const Joint& nominal = state.robot().joints[static_cast<std::size_t>(joint - 1)];
+    if (nominal.prismatic) continue;
+    const JointSeries series = joint_series(scorer, state, joint);
+    if (series.range < 0.2) continue;
+    JointSpectrum spectrum;
+    spectrum.joint = joint;
+    spectrum.resolution = 2.0 * std::numbers::pi / series.range;
+    const double step = spectrum.resolution / kOversampling;
+    const double most = std::min(kMostCycles, nominal.gear_ratio > 0.0
+                                                  ? 2.0 * nominal.gear_ratio + spectrum.resolution
+                                                  : kUnknownRatioCycles);
+    const auto lines = static_cast<std::size_t>((most - kLeastCycles) / step) + 1;
+    // Each row's phase is turned on from line to line instead of taking sines anew; double
+    // precision holds that to 1e-12.
+    const std::size_t rows = series.angle.size();
+    std::vector<double> s(rows), c(rows), ds(rows), dc(rows);
+    for (std::size_t i = 0; i < rows; ++i) {
+      s[i] = std::sin(kLeastCycles * series.angle[i]);
+      c[i] = std::cos(kLeastCycles * series.angle[i]);
+      ds[i] = std::sin(step * series.angle[i]);
+      dc[i] = std::cos(step * series.angle[i]);
+    }
+    for (std::size_t line = 0; line < lines; ++line) {
+      double ys = 0.0, yc = 0.0, ss = 0.0, sc = 0.0, cc = 0.0;
+      for (std::size_t i = 0; i < rows; ++i) {
+        ys += series.product[i] * s[i];
+        yc += series.product[i] * c[i];
+        ss += series.weight[i] * s[i] * s[i];
+        sc += series.weight[i] * s[i] * c[i];
+        cc += series.weight[i] * c[i] * c[i];
+        const double turned = s[i] * dc[i] + c[i] * ds[i];
+        c[i] = c[i] * dc[i] - s[i] * ds[i];
+        s[i] = turned;
+      }
+      const Power power = power_from_sums(ys, yc, ss, sc, cc, series.total);
+      spectrum.cycles.push_back(kLeastCycles + static_cast<double>(line) * step);
+      spectrum.power.push_back(power.share);
+      spectrum.amplitude.push_back(power.amplitude);
+    }
+    spectra.push_back(std::move(spectrum));
+  }
+  return spectra;
+}
+
+std::vector<SpectralPeak> highest_peaks(const JointSpectrum& spectrum, const Scorer& scorer,
+                                        const State& state, std::size_t count) {
+  std::vector<std::size_t> tops;
+  for (std::size_t i = 1; i + 1 < spectrum.power.size(); ++i) {
+    if (spectrum.power[i] >= spectrum.power[i - 1] && spectrum.power[i] > spectrum.power[i + 1])
+      tops.push_back(i);
+  }
+  std::sort(tops.begin(), tops.end(),
+            [&](std::size_t a, std::size_t b) { return spectrum.power[a] > spectrum.power[b]; });
+  if (tops.size() > count) tops.resize(count);
+  const JointSeries series = joint_series(scorer, state, spectrum.joint);
+  std::vector<SpectralPeak> peaks;
+  for (const std::size_t top : tops) {
+    double low = spectrum.cycles[top - 1], high = spectrum.cycles[top + 1];
+    // Golden-section search: the peak is smooth within one resolution cell.
+    const double golden = (std::sqrt(5.0) - 1.0) / 2.0;
+    for (int pass = 0; pass < 24; ++pass) {
+      const double a = high - golden * (high - low), b = low + golden * (high - low);
+      (power_at(series, a).share > power_at(series, b).share ? high : low) =
+          power_at(series, a).share > power_at(series, b).share ? b : a;
+    }
+    const double cycles = (low + high) / 2.0;
+    const Power power = power_at(series, cycles);
+    peaks.push_back({spectrum.joint, cycles, power.share, power.amplitude});
+  }
+  return peaks;
+}
+
+}  // namespace armtrue

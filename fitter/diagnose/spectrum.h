@@ -1,0 +1,33 @@
+// Spectra of the residual over each joint's angle: periods that nobody knew of.
+#pragma once
+
+#include <vector>
+
+#include "fitter/diagnose/scorer.h"
+
+namespace armtrue {
+
+/// Power of the joint-equivalent residual of one joint over cycles per joint turn.
+struct JointSpectrum {
+  int joint = 1;            ///< 1-based
+  double resolution = 1.0;  ///< cycles per turn that the joint's range can tell apart
+  std::vector<double> cycles;
+  std::vector<double> power;      ///< share of Σ r² that a sine and cosine of that period explain
+  std::vector<double> amplitude;  ///< [rad]
+};
+
+struct SpectralPeak {
+  int joint;
+  double cycles, power, amplitude;
+};
+
+/// Weighted least-squares periodogram (Lomb–Scargle generalised to vector residuals): random poses
+/// do no harm to it. From half a cycle a turn to twice the gear ratio, at most 600 cycles.
+std::vector<JointSpectrum> joint_spectra(const Scorer& scorer, const State& state);
+
+/// The highest separate peaks of a spectrum, strongest first, each refined between the grid's
+/// lines.
+std::vector<SpectralPeak> highest_peaks(const JointSpectrum& spectrum, const Scorer& scorer,
+                                        const State& state, std::size_t count);
+
+}  // namespace armtrue

@@ -1,0 +1,357 @@
+#include "fitter/diagnose/structure.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <set>
+
+#include "fitter/effects/tables.h"
+
+namespace armtrue {
+namespace {
+
+constexpr std::size_t kNodes = 7;
+constexpr std::size_t kFewValues = 6;
+constexpr std::size_t kNeighbourRows = 3000;
+
+struct Variable {
+  std::string name;
+  int joint = 0;               // 0: none
+  std::vector<double> values;  // distinct values where they are few
+  double middle = 0.0, half = 1.0;
+  std::vector<double> nodes;
+};
+
+std::vector<Variable> variables_of(const State& state) {
+  std::vector<std::pair<std::string, int>> names;
+  const int n = state.robot().joint_count();
+  for (int k = 1; k <= n; ++k) names.emplace_back("q" + std::to_string(k), k);
+  for (const char* name : {"payload", "time"}) {
+    if (state.recorded(name)) names.emplace_back(name, 0);
+  }
+  for (const std::string& sensor : state.sensors()) names.emplace_back("dT_" + sensor, 0);
+  for (int k = 1; k <= n; ++k) {
+    if (state.recorded("dir" + std::to_string(k))) names.emplace_back("dir" + std::to_string(k), k);
+  }
+  std::vector<Variable> result;
+  for (const auto& [name, joint] : names) {
+    Variable v{name, joint, {}, 0.0, 1.0, {}};
+    std::vector<double> sorted = state.column(name);
+    std::sort(sorted.begin(), sorted.end());
+    if (sorted.back() - sorted.front() < 1e-9) continue;
+    v.middle = (sorted.front() + sorted.back()) / 2.0;
+    v.half = (sorted.back() - sorted.front()) / 2.0;
+    std::vector<double> distinct = sorted;
+    distinct.erase(std::unique(distinct.begin(), distinct.end()), distinct.end());
+    if (distinct.size() <= kFewValues) {
+      v.values = distinct;
+      v.nodes = distinct;
+    } else {
+      for (std::size_t i = 0; i < kNodes; ++i)
+        v.nodes.push_back(sorted[i * (sorted.size() - 1) / (kNodes - 1)]);
+      v.nodes.erase(std::unique(v.nodes.begin(), v.nodes.end()), v.nodes.end());
+    }
+    result.push_back(std::move(v));
+  }
+  return result;
+}
+
+std::string scaled(const Variable& v) {
+  return "((" + v.name + " - " + Expression::number(v.middle).to_string() + ")/" +
+         Expression::number(v.half).to_string() + ")";
+}
+
+// Function space of one variable: hats over quantiles, or the values themselves where they are few.
+std::vector<std::string> single_basis(const Variable& v) {
+  std::vector<std::string> basis;
+  for (std::size_t i = 1; i < v.nodes.size(); ++i)
+    basis.push_back(hat_expression(v.name, v.nodes, i));
+  return basis;
+}
+
+// Low powers of both and their products.
+std::vector<std::string> pair_basis(const Variable& a, const Variable& b) {
+  const auto powers = [](const Variable& v) {
+    std::vector<std::string> result{scaled(v)};
+    if (v.values.size() != 2) result.push_back(scaled(v) + "^2");
+    return result;
+  };
+  const std::vector<std::string> pa = powers(a), pb = powers(b);
+  std::vector<std::string> basis = pa;
+  basis.insert(basis.end(), pb.begin(), pb.end());
+  for (const std::string& x : pa) {
+    for (const std::string& y : pb) basis.push_back(x + "*" + y);
+  }
+  return basis;
+}
+
+struct Where {
+  Coordinate coordinate;
+  int joint;
+};
+
+std::vector<Where> motors(int joints) {
+  std::vector<Where> result;
+  for (int k = 1; k <= joints; ++k) result.push_back({motor(k), k});
+  return result;
+}
+
+std::vector<Where> elsewhere(int joints) {
+  std::vector<Where> result;
+  for (int k = 1; k <= joints; ++k) {
+    for (int c = 0; c < 5; ++c) result.push_back({on_link(k, c), k});
+  }
+  for (int c = 0; c < 6; ++c) result.push_back({on_base(c), 0});
+  return result;
+}
+
+StructureFinding make_finding(const std::vector<const Variable*>& variables, const Where& where,
+                              const std::vector<std::string>& basis) {
+  StructureFinding finding;
+  std::set<int> joints;
+  for (const Variable* v : variables) {
+    finding.variables.push_back(v->name);
+    if (v->joint > 0) joints.insert(v->joint);
+  }
+  if (where.joint > 0) joints.insert(where.joint);
+  finding.joints.assign(joints.begin(), joints.end());
+  finding.coordinate = to_string(where.coordinate, 1);
+  finding.block.request.effect = "custom";
+  for (std::size_t i = 0; i < basis.size(); ++i) {
+    finding.block.terms.parameters.push_back(
+        single_term("custom", {}, "structure_" + finding.coordinate + "_" + std::to_string(i + 1),
+                    "", 0.0, where.coordinate, basis[i]));
+  }
+  return finding;
+}
+
+void score_all(const Scorer& scorer, std::vector<StructureFinding>& findings) {
+  std::vector<Block> blocks;
+  for (const StructureFinding& f : findings) blocks.push_back(f.block);
+  const std::vector<BlockScore> scores = scorer.score(blocks);
+  for (std::size_t i = 0; i < findings.size(); ++i) findings[i].score = scores[i];
+}
+
+std::string words_for_unit(double largest, bool angle) {
+  char text[64];
+  if (angle) {
+    std::snprintf(text, sizeof text, "%.0f arcsec", largest * 206264.806);
+  } else {
+    std::snprintf(text, sizeof text, "%.0f um", largest * 1e6);
+  }
+  return text;
+}
+
+// Least-squares line taken out of y over x.
+void take_out_line(const std::vector<double>& x, std::vector<double>& y) {
+  const auto at = [](const std::vector<double>& v) {
+    return Eigen::Map<const Eigen::VectorXd>(v.data(), static_cast<Eigen::Index>(v.size()));
+  };
+  const Eigen::ArrayXd centred = at(x).array() - at(x).mean();
+  const double slope = (centred * at(y).array()).sum() / centred.square().sum();
+  const double mean = at(y).mean();
+  for (std::size_t i = 0; i < y.size(); ++i)
+    y[i] -= mean + slope * centred[static_cast<Eigen::Index>(i)];
+}
+
+// The fitted function over the first variable, others at their middle, and what it looks like.
+void describe_shape(StructureFinding& finding, const std::vector<const Variable*>& variables,
+                    bool angle) {
+  const Variable& first = *variables.front();
+  const auto& parameters = finding.block.terms.parameters;
+  double largest = 0.0;
+  for (int i = 0; i <= 40; ++i) {
+    const double x = first.middle + first.half * (i / 20.0 - 1.0);
+    double y = 0.0;
+    for (std::size_t p = 0; p < parameters.size(); ++p) {
+      y += finding.score.coefficient[p] *
+           parameters[p].terms.front().basis.evaluate([&](const std::string& name) {
+             if (name == first.name) return x;
+             for (const Variable* v : variables) {
+               if (v->name == name) return v->middle + 0.5 * v->half;
+             }
+             return 0.0;
+           });
+    }
+    finding.x.push_back(x);
+    finding.y.push_back(y);
+  }
+  // Zero and scale of the joint itself carry mean and slope, and beside base and tool the data may
+  // hardly know them: what is drawn is the rest.
+  if (variables.size() == 1 && finding.coordinate == "motor" + first.name.substr(1))
+    take_out_line(finding.x, finding.y);
+  const auto [low, high] = std::minmax_element(finding.y.begin(), finding.y.end());
+  const double range = *high - *low;
+  largest = range;
+  double travel = 0.0, jump = 0.0;
+  std::size_t jump_at = 0;
+  for (std::size_t i = 1; i < finding.y.size(); ++i) {
+    const double step = finding.y[i] - finding.y[i - 1];
+    travel += std::abs(step);
+    if (std::abs(step) > jump) {
+      jump = std::abs(step);
+      jump_at = i;
+    }
+  }
+  char text[160];
+  if (variables.size() == 2) {
+    std::snprintf(
+        text, sizeof text, "a joint function of %s and %s, about %s, that neither makes alone",
+        first.name.c_str(), variables[1]->name.c_str(), words_for_unit(largest, angle).c_str());
+  } else if (range > 0.0 && jump > 0.35 * range) {
+    std::snprintf(text, sizeof text, "a step of %s near %s = %.3g",
+                  words_for_unit(largest, angle).c_str(), first.name.c_str(), finding.x[jump_at]);
+  } else if (range > 0.0 && travel < 1.15 * range) {
+    std::snprintf(text, sizeof text, "%s by %s over the range of %s",
+                  finding.y.back() > finding.y.front() ? "rises" : "falls",
+                  words_for_unit(largest, angle).c_str(), first.name.c_str());
+  } else if (range > 0.0 && travel < 2.3 * range) {
+    std::snprintf(text, sizeof text, "one arch of %s over the range of %s",
+                  words_for_unit(largest, angle).c_str(), first.name.c_str());
+  } else {
+    std::snprintf(text, sizeof text, "several waves of %s over the range of %s",
+                  words_for_unit(largest, angle).c_str(), first.name.c_str());
+  }
+  finding.shape = text;
+}
+
+}  // namespace
+
+Structure find_structure(const Scorer& scorer, const Fit& fit, double threshold) {
+  const std::vector<Variable> variables = variables_of(fit.state());
+  const int n = fit.robot().joint_count();
+  std::vector<StructureFinding> findings;
+  std::vector<std::vector<const Variable*>> used;
+  const auto offer = [&](const std::vector<const Variable*>& vs, const Where& where) {
+    findings.push_back(make_finding(
+        vs, where, vs.size() == 1 ? single_basis(*vs[0]) : pair_basis(*vs[0], *vs[1])));
+    used.push_back(vs);
+  };
+  std::vector<std::vector<const Variable*>> sets;
+  for (std::size_t a = 0; a < variables.size(); ++a) {
+    sets.push_back({&variables[a]});
+    for (std::size_t b = a + 1; b < variables.size(); ++b) {
+      sets.push_back({&variables[a], &variables[b]});
+    }
+  }
+  for (const auto& set : sets) {
+    for (const Where& where : motors(n)) offer(set, where);
+  }
+  score_all(scorer, findings);
+  // Links and base are tried for the variables that did best on the motor side, where anything that
+  // moves the tool shows.
+  std::vector<std::size_t> order(findings.size());
+  for (std::size_t i = 0; i < order.size(); ++i) order[i] = i;
+  std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
+    return findings[a].score.delta_bic < findings[b].score.delta_bic;
+  });
+  std::vector<std::vector<const Variable*>> best_sets;
+  for (const std::size_t i : order) {
+    if (std::find(best_sets.begin(), best_sets.end(), used[i]) == best_sets.end())
+      best_sets.push_back(used[i]);
+    if (best_sets.size() == 6) break;
+  }
+  for (const Variable& v : variables) {
+    if (v.joint == 0) best_sets.push_back({&v});
+  }
+  const std::size_t on_motors = findings.size();
+  for (const auto& set : best_sets) {
+    for (const Where& where : elsewhere(n)) offer(set, where);
+  }
+  std::vector<StructureFinding> more(findings.begin() + static_cast<std::ptrdiff_t>(on_motors),
+                                     findings.end());
+  score_all(scorer, more);
+  std::move(more.begin(), more.end(), findings.begin() + static_cast<std::ptrdiff_t>(on_motors));
+
+  Structure structure;
+  structure.tried = sets.size() * static_cast<std::size_t>(6 * n + 6);
+  order.resize(findings.size());
+  for (std::size_t i = 0; i < order.size(); ++i) order[i] = i;
+  std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
+    return findings[a].score.delta_bic < findings[b].score.delta_bic;
+  });
+  for (const std::size_t i : order) {
+    StructureFinding& finding = findings[i];
+    finding.log10_p =
+        std::min(0.0, finding.score.log10_p + std::log10(static_cast<double>(structure.tried)));
+    if (finding.log10_p > threshold || finding.score.delta_bic > -10.0) continue;
+    if (!structure.findings.empty() &&
+        finding.score.gain < 0.9 * structure.findings.front().score.gain)
+      continue;
+    describe_shape(finding, used[i],
+                   finding.coordinate.starts_with("motor") ||
+                       finding.coordinate.find(".r") != std::string::npos);
+    structure.findings.push_back(std::move(finding));
+    if (structure.findings.size() == 5) break;
+  }
+  return structure;
+}
+
+LackOfFit lack_of_fit(const Scorer& scorer, const Fit& fit) {
+  LackOfFit result;
+  const int h = scorer.height();
+  const std::vector<int>& repeat = fit.measurements().repeat;
+  std::map<std::pair<int, int>, std::vector<std::size_t>> groups;
+  if (!repeat.empty()) {
+    for (std::size_t r = 0; r < scorer.rows().size(); ++r) {
+      groups[{repeat[scorer.rows()[r]], fit.measurements().target[scorer.rows()[r]]}].push_back(r);
+    }
+  }
+  double pure = 0.0, freedom = 0.0;
+  for (const auto& [id, rows] : groups) {
+    if (rows.size() < 2) continue;
+    Eigen::VectorXd mean = Eigen::VectorXd::Zero(h);
+    for (const std::size_t r : rows)
+      mean += scorer.residual().segment(static_cast<Eigen::Index>(r) * h, h) /
+              static_cast<double>(rows.size());
+    for (const std::size_t r : rows)
+      pure += (scorer.residual().segment(static_cast<Eigen::Index>(r) * h, h) - mean).squaredNorm();
+    freedom += h * (static_cast<double>(rows.size()) - 1.0);
+  }
+  if (freedom >= 9.0 && scorer.degrees_of_freedom() > freedom + 10.0) {
+    const double left = std::max(0.0, scorer.residual_sum() - pure);
+    const double left_freedom = scorer.degrees_of_freedom() - freedom;
+    result.testable = true;
+    result.against = "repeats";
+    result.log10_p =
+        log10_f_survival((left / left_freedom) / (pure / freedom), left_freedom, freedom);
+  } else if (fit.measurements().sigma_source != SigmaSource::kAssumed) {
+    // The stated sigma is the instrument's: repeatability comes on top, so half as much again is
+    // allowed for.
+    const double scale2 = fit.noise_scale() * fit.noise_scale();
+    result.testable = true;
+    result.against = "sigma";
+    result.log10_p = log10_chi2_survival(scorer.residual_sum() * scale2 / (1.5 * 1.5),
+                                         scorer.degrees_of_freedom());
+  }
+  return result;
+}
+
+double neighbour_ratio(const Scorer& scorer, const Fit& fit) {
+  const std::size_t rows = std::min(scorer.rows().size(), kNeighbourRows);
+  const auto n = static_cast<std::size_t>(fit.robot().joint_count());
+  const int h = scorer.height();
+  if (rows < 10) return 1.0;
+  double differences = 0.0, squares = 0.0;
+  const auto joints = [&](std::size_t r) { return &fit.state().joints()[scorer.rows()[r] * n]; };
+  for (std::size_t a = 0; a < rows; ++a) {
+    double nearest = 1e300;
+    std::size_t neighbour = a;
+    for (std::size_t b = 0; b < rows; ++b) {
+      if (a == b) continue;
+      double distance = 0.0;
+      for (std::size_t k = 0; k < n; ++k) distance += std::pow(joints(a)[k] - joints(b)[k], 2);
+      if (distance < nearest) {
+        nearest = distance;
+        neighbour = b;
+      }
+    }
+    const Eigen::VectorXd ra = scorer.residual().segment(static_cast<Eigen::Index>(a) * h, h);
+    differences +=
+        (ra - scorer.residual().segment(static_cast<Eigen::Index>(neighbour) * h, h)).squaredNorm();
+    squares += ra.squaredNorm();
+  }
+  return squares > 0.0 ? differences / (2.0 * squares) : 1.0;
+}
+
+}  // namespace armtrue

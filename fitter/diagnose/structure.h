@@ -1,0 +1,47 @@
+// Structure that no effect of the catalogue names: nonparametric tests of the residual against
+// every state variable, singly and in pairs, on every axis.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "fitter/diagnose/scorer.h"
+
+namespace armtrue {
+
+/// A nonparametric block: a smooth function of one or two variables on one coordinate.
+struct StructureFinding {
+  std::vector<std::string> variables;  ///< "q2", "payload" …
+  std::vector<int> joints;             ///< joints of the variables and of the coordinate, 1-based
+  std::string coordinate;              ///< where it acts: "motor3"
+  Block block;
+  BlockScore score;
+  double log10_p = 0.0;  ///< corrected for the number of blocks tried
+  std::string shape;     ///< in words
+  std::vector<double> x,
+      y;  ///< the fitted function over the first variable [rad or m], for drawing
+};
+
+struct Structure {
+  std::vector<StructureFinding> findings;  ///< significant ones, best first
+  std::size_t tried = 0;
+};
+
+/// Tests all variables that the data have. A finding has a corrected log10 p below `threshold`.
+Structure find_structure(const Scorer& scorer, const Fit& fit, double threshold);
+
+/// Whether the residual is more than measurement and repeatability make: lack of fit against
+/// repeats, or against a stated sigma.
+struct LackOfFit {
+  bool testable = false;
+  double log10_p = 0.0;
+  std::string against;  ///< repeats, sigma
+};
+LackOfFit lack_of_fit(const Scorer& scorer, const Fit& fit);
+
+/// Mean square difference between the residuals of nearest neighbours in joint space over twice the
+/// mean square residual: well below 1 where the residual is a smooth function of the joints, 1
+/// where it is noise.
+double neighbour_ratio(const Scorer& scorer, const Fit& fit);
+
+}  // namespace armtrue

@@ -1,0 +1,205 @@
+#include "fitter/effects/effect.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+namespace armtrue {
+namespace {
+
+std::vector<std::unique_ptr<Effect>>& storage() {
+  static std::vector<std::unique_ptr<Effect>> effects;
+  return effects;
+}
+
+// Levenshtein distance, for "did you mean".
+std::size_t edit_distance(const std::string& a, const std::string& b) {
+  std::vector<std::size_t> row(b.size() + 1);
+  std::iota(row.begin(), row.end(), std::size_t{0});
+  for (std::size_t i = 1; i <= a.size(); ++i) {
+    std::size_t diagonal = row[0];
+    row[0] = i;
+    for (std::size_t j = 1; j <= b.size(); ++j) {
+      const std::size_t above = row[j];
+      row[j] = std::min({above + 1, row[j - 1] + 1, diagonal + (a[i - 1] == b[j - 1] ? 0 : 1)});
+      diagonal = above;
+    }
+  }
+  return row[b.size()];
+}
+
+std::string join(const std::vector<std::string>& words) {
+  std::string text;
+  for (const std::string& word : words) text += (text.empty() ? "" : ", ") + word;
+  return text;
+}
+
+std::vector<int> all_joints(const EffectContext& context) {
+  std::vector<int> joints(static_cast<std::size_t>(context.joint_count()));
+  std::iota(joints.begin(), joints.end(), 1);
+  return joints;
+}
+
+void check_joints(const EffectContext& context, const Effect& effect,
+                  const std::vector<int>& joints) {
+  for (const int joint : joints) {
+    if (joint < 1 || joint > context.joint_count()) {
+      throw ModelError("effect " + effect.id() + ": joint " + std::to_string(joint) +
+                       " does not exist, expected 1 to " + std::to_string(context.joint_count()));
+    }
+  }
+  if (effect.joint_rule() == JointRule::kNone && !joints.empty()) {
+    throw ModelError("effect " + effect.id() +
+                     ": found joints, expected none (it acts on the whole arm)");
+  }
+  if (effect.joint_rule() == JointRule::kPair && (joints.size() % 2 != 0 || joints.empty())) {
+    throw ModelError("effect " + effect.id() + ": found " + std::to_string(joints.size()) +
+                     " joints, expected pairs of driven, driving");
+  }
+  if (effect.joint_rule() == JointRule::kFixed && joints != effect.default_joints(context)) {
+    throw ModelError("effect " + effect.id() +
+                     ": found other joints than those it acts on; leave joints out");
+  }
+  std::vector<int> sorted = joints;
+  std::sort(sorted.begin(), sorted.end());
+  if (effect.joint_rule() != JointRule::kPair &&
+      std::adjacent_find(sorted.begin(), sorted.end()) != sorted.end()) {
+    throw ModelError("effect " + effect.id() + ": a joint is named twice");
+  }
+}
+
+}  // namespace
+
+const char* const kComponentNames[6] = {"tx", "ty", "tz", "rx", "ry", "rz"};
+
+void register_effect(std::unique_ptr<Effect> effect) { storage().push_back(std::move(effect)); }
+
+const std::vector<const Effect*>& effect_catalogue() {
+  static const std::vector<const Effect*> sorted = [] {
+    std::vector<const Effect*> effects;
+    for (const auto& effect : storage()) effects.push_back(effect.get());
+    std::sort(effects.begin(), effects.end(),
+              [](const Effect* a, const Effect* b) { return a->id() < b->id(); });
+    return effects;
+  }();
+  return sorted;
+}
+
+const Effect& find_effect(const std::string& id) {
+  const Effect* nearest = nullptr;
+  std::size_t least = 1000;
+  for (const Effect* effect : effect_catalogue()) {
+    if (effect->id() == id) return *effect;
+    if (const std::size_t distance = edit_distance(effect->id(), id); distance < least) {
+      least = distance;
+      nearest = effect;
+    }
+  }
+  throw ModelError("effect '" + id + "' is unknown" +
+                   (least <= 4 ? ", did you mean '" + nearest->id() + "'?"
+                               : ", expected one of the contract's effect ids"));
+}
+
+std::vector<int> Effect::default_joints(const EffectContext& context) const {
+  return joint_rule() == JointRule::kNone ? std::vector<int>{} : all_joints(context);
+}
+
+std::vector<std::string> Effect::missing(const EffectContext&, const std::vector<int>&) const {
+  return {};
+}
+
+std::vector<EffectRequest> Effect::candidates(const EffectContext& context) const {
+  if (joint_rule() == JointRule::kNone || joint_rule() == JointRule::kFixed)
+    return {{id(), default_joints(context)}};
+  std::vector<EffectRequest> result;
+  for (const int joint : all_joints(context)) result.push_back({id(), {joint}});
+  return result;
+}
+
+EffectTerms build_effect(const EffectContext& context, const EffectRequest& given) {
+  const Effect& effect = find_effect(given.effect);
+  EffectRequest request = given;
+  if (request.joints.empty()) request.joints = effect.default_joints(context);
+  check_joints(context, effect, request.joints);
+  const std::vector<EffectOption> known = effect.options();
+  for (const auto& option : request.options.items()) {
+    const std::string& key = option.key();
+    const bool found = std::any_of(known.begin(), known.end(),
+                                   [&](const EffectOption& o) { return o.name == key; });
+    if (found) continue;
+    std::vector<std::string> names{"effect", "joints"};
+    for (const EffectOption& o : known) names.push_back(o.name);
+    throw ModelError("effect " + effect.id() + ": key '" + key + "' is unknown, expected one of " +
+                     join(names));
+  }
+  const std::vector<std::string> lacking = effect.missing(context, request.joints);
+  if (!lacking.empty())
+    throw ModelError("effect " + effect.id() + " needs " + join(lacking) +
+                     ", which the data do not have");
+  return effect.build(context, request);
+}
+
+Coordinate motor(int joint) { return {Place::kMotor, joint - 1, 0}; }
+Coordinate on_link(int joint, int component) { return {Place::kLink, joint - 1, component}; }
+Coordinate on_base(int component) { return {Place::kBase, 0, component}; }
+
+std::string parameter_name(const std::string& effect, const std::vector<int>& joints,
+                           const std::string& suffix) {
+  std::string name = effect;
+  if (!joints.empty()) {
+    name += "[";
+    for (std::size_t i = 0; i < joints.size(); ++i)
+      name += (i ? "," : "") + std::to_string(joints[i]);
+    name += "]";
+  }
+  return suffix.empty() ? name : name + "." + suffix;
+}
+
+Parameter single_term(const std::string& effect, const std::vector<int>& joints,
+                      const std::string& suffix, const std::string& unit, double bound,
+                      Coordinate coordinate, const std::string& expression) {
+  Parameter p;
+  p.name = parameter_name(effect, joints, suffix);
+  p.effect = effect;
+  p.joints = joints;
+  p.unit = unit;
+  p.bound = bound;
+  // Three bounds wide: it keeps what the data cannot see from running away and does not pull on
+  // what they can.
+  p.prior_sigma = 3.0 * bound;
+  p.terms.push_back(Term{coordinate, Expression::parse(expression), 1.0, std::nullopt});
+  return p;
+}
+
+Eigen::Vector3d nominal_lengths(const Robot& robot, int link) {
+  const int n = robot.joint_count();
+  if (link == n) return robot.end.translation();
+  return robot.joints[static_cast<std::size_t>(link)].fixed.translation();
+}
+
+std::vector<int> gravity_loaded_joints(const EffectContext& context) {
+  if (context.joint_count() == 6) return {2, 3};
+  std::vector<double> rms;
+  for (int k = 1; k <= context.joint_count(); ++k) {
+    double sum = 0.0;
+    for (int j = k; j <= context.joint_count(); ++j) {
+      for (const double v :
+           context.state.column("u_" + std::to_string(k) + "_" + std::to_string(j) + "_m"))
+        sum += v * v;
+    }
+    rms.push_back(std::sqrt(sum));
+  }
+  const double largest = *std::max_element(rms.begin(), rms.end());
+  std::vector<int> joints;
+  for (std::size_t k = 0; k < rms.size(); ++k) {
+    if (rms[k] > 0.2 * largest && largest > 0.0) joints.push_back(static_cast<int>(k) + 1);
+  }
+  return joints;
+}
+
+std::string temperature_variable(const EffectRequest& request) {
+  return request.options.contains("sensor") ? "dT_" + request.options["sensor"].get<std::string>()
+                                            : "dT";
+}
+
+}  // namespace armtrue

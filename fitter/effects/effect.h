@@ -1,0 +1,137 @@
+// The catalogue of physical effects. An effect is one file in this folder: it registers itself,
+// says what it needs, and gives its terms; nothing else in the house knows it by name.
+#pragma once
+
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "fitter/model/robot.h"
+#include "fitter/model/state.h"
+#include "fitter/model/term.h"
+
+namespace armtrue {
+
+/// Weak priors on geometry, one standard deviation; stated in every fit and changeable in
+/// model.yaml.
+struct GeometryPriors {
+  double angle = 0.3 * 0.017453292519943295;  ///< [rad]
+  double length = 2e-3;                       ///< [m]
+};
+
+/// What an effect may look at when it gives its terms.
+struct EffectContext {
+  const State& state;
+  int targets = 1;
+  bool has_rotation = false;
+  GeometryPriors priors{};
+
+  const Robot& robot() const { return state.robot(); }
+  int joint_count() const { return robot().joint_count(); }
+  bool prismatic(int joint) const {
+    return robot().joints[static_cast<std::size_t>(joint - 1)].prismatic;
+  }
+};
+
+/// An effect as asked for: the entry of model.yaml, or a candidate of the diagnosis.
+struct EffectRequest {
+  std::string effect;
+  std::vector<int> joints;  ///< 1-based; empty: the effect's default
+  nlohmann::json options = nlohmann::json::object();
+};
+
+/// How an effect names joints.
+enum class JointRule {
+  kNone,  ///< none
+  kEach,  ///< any number, each on its own
+  kAll,   ///< all of them together, or each on its own
+  kPair,  ///< driven, driving
+  kFixed  ///< only its default (linkage, balancer)
+};
+
+struct EffectOption {
+  std::string name, type, help;
+};
+
+class Effect {
+ public:
+  virtual ~Effect() = default;
+
+  virtual std::string id() const = 0;
+  virtual std::string summary() const = 0;
+  virtual JointRule joint_rule() const = 0;
+  virtual std::vector<EffectOption> options() const { return {}; }
+  /// False where it belongs to the measurement and not to the arm.
+  virtual bool exported() const { return true; }
+  /// Physical bound on size and sign, with its source, for people.
+  virtual std::string bound_text() const = 0;
+
+  /// Options that candidates() steps through and that a fit then finds or chooses by itself: left
+  /// out when an effect is added.
+  virtual std::vector<std::string> searched_options() const { return {}; }
+  /// Next finer forms of a request whose options held-out error has to choose: of a request that
+  /// leaves them open the coarsest form alone, of a closed one those one step finer, none where the
+  /// data carry no more. An effect without such options has none.
+  virtual std::vector<EffectRequest> refinements(const EffectContext&, const EffectRequest&) const {
+    return {};
+  }
+  /// True for tables that fit any cause: preferred only where no physical effect does as well.
+  virtual bool generic() const { return false; }
+
+  /// Joints of a bare entry.
+  virtual std::vector<int> default_joints(const EffectContext& context) const;
+  /// Columns to record (or keys of robot.yaml to give) before this effect can be had on these
+  /// joints; empty: none.
+  virtual std::vector<std::string> missing(const EffectContext& context,
+                                           const std::vector<int>& joints) const;
+  /// Terms for validated joints.
+  virtual EffectTerms build(const EffectContext& context, const EffectRequest& request) const = 0;
+  /// Blocks that the diagnosis tries, each on its own; default: one for each joint of
+  /// default_joints.
+  virtual std::vector<EffectRequest> candidates(const EffectContext& context) const;
+};
+
+/// All effects, in the contract's order of registration names.
+const std::vector<const Effect*>& effect_catalogue();
+/// Throws ModelError naming the nearest known id.
+const Effect& find_effect(const std::string& id);
+/// Checks joints, options and columns, then builds. Throws ModelError in one sentence.
+EffectTerms build_effect(const EffectContext& context, const EffectRequest& request);
+
+/// Registers an effect at start-up: `const RegisterEffect<Backlash> registered;` in its file.
+void register_effect(std::unique_ptr<Effect> effect);
+template <typename T>
+struct RegisterEffect {
+  RegisterEffect() { register_effect(std::make_unique<T>()); }
+};
+
+// --- what several effects build with
+// ---------------------------------------------------------------------------------
+
+Coordinate motor(int joint);
+Coordinate on_link(int joint, int component);
+Coordinate on_base(int component);
+extern const char* const kComponentNames[6];
+
+/// "effect[2,3].suffix"; "effect.suffix" without joints.
+std::string parameter_name(const std::string& effect, const std::vector<int>& joints,
+                           const std::string& suffix);
+
+/// A parameter with one term.
+Parameter single_term(const std::string& effect, const std::vector<int>& joints,
+                      const std::string& suffix, const std::string& unit, double bound,
+                      Coordinate coordinate, const std::string& expression);
+
+/// Nominal lengths of link k (1…n, from frame k to the next joint) and of the base (k = 0), in that
+/// frame [m].
+Eigen::Vector3d nominal_lengths(const Robot& robot, int link);
+
+/// Joints that gravity loads: 2 and 3 on a six-axis arm; elsewhere those with at least a fifth of
+/// the largest gravity torque.
+std::vector<int> gravity_loaded_joints(const EffectContext& context);
+
+/// Temperature variable of an entry: option `sensor`, or the first sensor.
+std::string temperature_variable(const EffectRequest& request);
+
+}  // namespace armtrue

@@ -1,0 +1,49 @@
+#include "fitter/effects/effect.h"
+
+namespace armtrue {
+namespace {
+
+class JointCoupling final : public Effect {
+ public:
+  std::string id() const override { return "joint_coupling"; }
+  std::string summary() const override { return "wrist gears that turn each other"; }
+  JointRule joint_rule() const override { return JointRule::kPair; }
+  std::string bound_text() const override {
+    return "2e-2 rad/rad: residual coupling is tens of arcseconds (docs/effects.md)";
+  }
+
+  std::vector<int> default_joints(const EffectContext& context) const override {
+    const int n = context.joint_count();
+    if (n < 3) return {};
+    return {n - 1, n - 2, n, n - 2, n, n - 1};
+  }
+
+  EffectTerms build(const EffectContext&, const EffectRequest& request) const override {
+    EffectTerms terms;
+    for (std::size_t i = 0; i + 1 < request.joints.size(); i += 2) {
+      const int driven = request.joints[i];
+      const int driving = request.joints[i + 1];
+      if (driven == driving)
+        throw ModelError("effect joint_coupling: joint " + std::to_string(driven) +
+                         " cannot drive itself");
+      terms.parameters.push_back(single_term(id(), {driven, driving}, "", "rad/rad", 2e-2,
+                                             motor(driven), "q" + std::to_string(driving)));
+    }
+    return terms;
+  }
+
+  std::vector<EffectRequest> candidates(const EffectContext& context) const override {
+    std::vector<EffectRequest> result;
+    for (int driven = 1; driven <= context.joint_count(); ++driven) {
+      for (int driving = 1; driving <= context.joint_count(); ++driving) {
+        if (driven != driving) result.push_back({id(), {driven, driving}});
+      }
+    }
+    return result;
+  }
+};
+
+const RegisterEffect<JointCoupling> registered;
+
+}  // namespace
+}  // namespace armtrue

@@ -1,0 +1,30 @@
+#include "fitter/effects/effect.h"
+
+namespace armtrue {
+namespace {
+
+class JointScale final : public Effect {
+ public:
+  std::string id() const override { return "joint_scale"; }
+  std::string summary() const override { return "gear ratio or encoder scale error"; }
+  JointRule joint_rule() const override { return JointRule::kEach; }
+  std::string bound_text() const override {
+    return "2e-3: a wrong tooth or pulse count shows as more and is a units mistake "
+           "(docs/effects.md)";
+  }
+
+  EffectTerms build(const EffectContext& context, const EffectRequest& request) const override {
+    EffectTerms terms;
+    for (const int k : request.joints) {
+      terms.parameters.push_back(single_term(id(), {k}, "",
+                                             context.prismatic(k) ? "m/m" : "rad/rad", 2e-3,
+                                             motor(k), "q" + std::to_string(k)));
+    }
+    return terms;
+  }
+};
+
+const RegisterEffect<JointScale> registered;
+
+}  // namespace
+}  // namespace armtrue

@@ -1,0 +1,61 @@
+#include "fitter/effects/effect.h"
+
+namespace armtrue {
+namespace {
+
+class ParallelogramErrors final : public Effect {
+ public:
+  std::string id() const override { return "parallelogram"; }
+  std::string summary() const override { return "four-bar bar-length and pivot errors"; }
+  JointRule joint_rule() const override { return JointRule::kFixed; }
+  std::string bound_text() const override {
+    return "3 mm on a bar: 1e-2 rad at a crank of 0.3 m (docs/effects.md)";
+  }
+
+  std::vector<int> default_joints(const EffectContext& context) const override {
+    const auto& linkage = context.robot().parallelogram;
+    return linkage ? std::vector<int>{linkage->crank_joint, linkage->arm_joint}
+                   : std::vector<int>{2, 3};
+  }
+
+  std::vector<std::string> missing(const EffectContext& context,
+                                   const std::vector<int>&) const override {
+    if (context.robot().parallelogram) return {};
+    return {"linkage in robot.yaml"};
+  }
+
+  // First order in the bar errors: d(theta3) = [(dl_d - dl_b) + (dl_c - dl_a) cos(beta) - (e_x
+  // cos(theta2) + e_y sin(theta2))] / (a sin(beta)); four basis functions (Armtrue,
+  // reading/calibration.md; after the IRB2400 paper, section 2).
+  EffectTerms build(const EffectContext& context, const EffectRequest& request) const override {
+    EffectTerms terms;
+    const auto& linkage = *context.robot().parallelogram;
+    const int crank = request.joints.at(0);
+    const int arm = request.joints.at(1);
+    const std::string theta2 = "q" + std::to_string(crank);
+    const std::string beta =
+        "(" + Expression::number(linkage.angle).to_string() + " + th" + std::to_string(arm) + ")";
+    const auto add = [&](const std::string& suffix, const std::string& numerator) {
+      terms.parameters.push_back(single_term(id(), {crank, arm}, suffix, "rad", kLargest,
+                                             on_link(arm, 5), numerator + "/sin" + beta));
+    };
+    add("bars", "1");
+    add("cranks", "cos" + beta);
+    add("pivot_x", "cos(" + theta2 + ")");
+    add("pivot_y", "sin(" + theta2 + ")");
+    return terms;
+  }
+
+  std::vector<EffectRequest> candidates(const EffectContext& context) const override {
+    if (!context.robot().parallelogram) return {};
+    return {{id(), default_joints(context)}};
+  }
+
+ private:
+  static constexpr double kLargest = 1e-2;  // [rad]
+};
+
+const RegisterEffect<ParallelogramErrors> registered;
+
+}  // namespace
+}  // namespace armtrue

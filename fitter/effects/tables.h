@@ -1,0 +1,27 @@
+// Tables as terms: one hat-function parameter a node, gauges and smoothness as penalties.
+#pragma once
+
+#include "fitter/effects/effect.h"
+
+namespace armtrue {
+
+/// Text of the hat function of node `index` over `nodes` in `variable`. Beyond the ends it falls to
+/// zero over the width of the outermost cell, as the firmware's tables do: neutral where nothing
+/// was trained. A single node's is constant.
+std::string hat_expression(const std::string& variable, const std::vector<double>& nodes,
+                           std::size_t index);
+
+/// Evenly spaced nodes over the values' range, at least `least` of them, no closer than `spacing`.
+std::vector<double> nodes_over(const std::vector<double>& values, double spacing,
+                               std::size_t least);
+
+/// Standard deviations of a table's second differences and of its values, in units of the
+/// smoothness that the data choose. The second keeps nodes that hardly a pose supports from running
+/// off along the slope of their neighbours.
+constexpr double kSecondDifference = 1.0;
+constexpr double kValue = 4.0;
+
+/// Penalty that pulls one node towards zero, in step with the smoothness.
+Penalty value_penalty(const std::string& parameter);
+
+}  // namespace armtrue

@@ -1,0 +1,129 @@
+#include <algorithm>
+#include <cmath>
+
+#include "fitter/effects/tables.h"
+
+namespace armtrue {
+namespace {
+
+class TransmissionPwl final : public Effect {
+ public:
+  std::string id() const override { return "transmission_pwl"; }
+  std::string summary() const override {
+    return "any other periodic or local joint error, as a piecewise linear table";
+  }
+  JointRule joint_rule() const override { return JointRule::kEach; }
+  std::string bound_text() const override {
+    return "1e-2 rad: what repeats with the joint angle and is larger is an offset or a scale "
+           "(docs/effects.md)";
+  }
+  std::vector<EffectOption> options() const override {
+    return {{"spacing", "rad",
+             "distance between nodes, default from the number of poses, 0.026 rad (1.5 deg) at the "
+             "finest"}};
+  }
+
+  std::vector<std::string> searched_options() const override { return {"spacing"}; }
+  bool generic() const override { return true; }
+
+  EffectTerms build(const EffectContext& context, const EffectRequest& request) const override {
+    EffectTerms terms;
+    for (const int k : request.joints) {
+      const std::string variable = "q" + std::to_string(k);
+      const std::vector<double>& q = context.state.column(variable);
+      const double spacing = request.options.value("spacing", default_spacing(q));
+      if (!(spacing > 0.0)) throw ModelError("effect transmission_pwl: spacing must be positive");
+      add_table(terms, k, variable, q, with_margin(nodes_over(q, spacing, 3)));
+    }
+    return terms;
+  }
+
+  std::vector<EffectRequest> candidates(const EffectContext& context) const override {
+    std::vector<EffectRequest> result;
+    const double rows = static_cast<double>(context.state.rows());
+    for (int k = 1; k <= context.joint_count(); ++k) {
+      const std::vector<double>& q = context.state.column("q" + std::to_string(k));
+      const auto [low, high] = std::minmax_element(q.begin(), q.end());
+      for (const double spacing : {0.349065850, 0.174532925, 0.0872664626}) {
+        const bool supported = (*high - *low) / spacing < rows / kRowsPerCandidateNode;
+        if (*high - *low > 3.0 * spacing && supported)
+          result.push_back({id(), {k}, {{"spacing", spacing}}});
+      }
+    }
+    return result;
+  }
+
+ private:
+  static constexpr double kLargest = 1e-2;  // [rad]
+  static constexpr double kFinest =
+      0.02617993878;  // 1.5 deg: below this the tables of real arms gain nothing
+  static constexpr double kMargin = 0.106;  // [rad], four of the finest cells
+  static constexpr double kRowsPerNode = 4.0;
+  static constexpr double kRowsPerCandidateNode = 5.0;
+
+  static double default_spacing(const std::vector<double>& q) {
+    const auto [low, high] = std::minmax_element(q.begin(), q.end());
+    return std::max(kFinest, (*high - *low) * kRowsPerNode /
+                                 static_cast<double>(std::max<std::size_t>(q.size(), 1)));
+  }
+
+  // Nodes that no pose reaches carry a table on beyond its data, towards zero as its smoothness and
+  // values demand: a joint a few degrees further than in training must not lose all its correction.
+  static std::vector<double> with_margin(std::vector<double> nodes) {
+    if (nodes.size() < 3) return nodes;
+    const double spacing = nodes[1] - nodes[0];
+    const auto count = static_cast<std::size_t>(kMargin / spacing);
+    for (std::size_t i = 0; i < count; ++i) nodes.push_back(nodes.back() + spacing);
+    for (std::size_t i = 0; i < count; ++i) nodes.insert(nodes.begin(), nodes.front() - spacing);
+    return nodes;
+  }
+
+  void add_table(EffectTerms& terms, int joint, const std::string& variable,
+                 const std::vector<double>& q, const std::vector<double>& nodes) const {
+    if (nodes.size() < 3) return;  // a joint that never moves has no table
+    TableReference table;
+    table.id = parameter_name(id(), {joint}, "");
+    table.axes = {{variable, nodes}};
+    Penalty mean, slope;
+    mean.sigma = slope.sigma = 1e-9;
+    slope.only_with = parameter_name("joint_scale", {joint}, "");
+    const double spacing = nodes[1] - nodes[0];
+    std::vector<double> hits(nodes.size(), 0.0);
+    double mean_q = 0.0;
+    for (const double v : q) {
+      hits[static_cast<std::size_t>(std::lround((v - nodes.front()) / spacing))] +=
+          1.0 / static_cast<double>(q.size());
+      mean_q += v / static_cast<double>(q.size());
+    }
+    for (std::size_t i = 0; i < nodes.size(); ++i) {
+      Parameter p = single_term(id(), {joint}, "node" + std::to_string(i + 1), "rad", kLargest,
+                                motor(joint), hat_expression(variable, nodes, i));
+      p.terms.front().table = table;
+      p.terms.front().table->index = {static_cast<int>(i)};
+      mean.row.emplace_back(p.name, hits[i]);
+      slope.row.emplace_back(p.name, hits[i] * (nodes[i] - mean_q));
+      terms.penalties.push_back(value_penalty(p.name));
+      terms.parameters.push_back(std::move(p));
+    }
+    terms.penalties.push_back(mean);
+    terms.penalties.push_back(slope);
+    for (std::size_t i = 1; i + 1 < nodes.size(); ++i) {
+      Penalty smooth;
+      smooth.smoothness = true;
+      smooth.sigma = kSecondDifference;
+      for (const auto& [offset, factor] :
+           {std::pair{-1, 1.0}, std::pair{0, -2.0}, std::pair{1, 1.0}}) {
+        smooth.row.emplace_back(
+            parameter_name(id(), {joint},
+                           "node" + std::to_string(static_cast<int>(i) + offset + 1)),
+            factor);
+      }
+      terms.penalties.push_back(smooth);
+    }
+  }
+};
+
+const RegisterEffect<TransmissionPwl> registered;
+
+}  // namespace
+}  // namespace armtrue

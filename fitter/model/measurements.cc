@@ -1,0 +1,119 @@
+#include "fitter/model/measurements.h"
+
+#include <algorithm>
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+namespace armtrue {
+namespace {
+
+std::vector<int> integers(const std::vector<double>& values) {
+  std::vector<int> result(values.size());
+  std::transform(values.begin(), values.end(), result.begin(),
+                 [](double v) { return static_cast<int>(std::lround(v)); });
+  return result;
+}
+
+// Covariance σ_r² along the line of sight, σ_a² across it; its inverse square root has the same
+// axes.
+Eigen::Matrix3d whiten_instrument(const Instrument& instrument, const Eigen::Vector3d& point,
+                                  double& variance) {
+  const Eigen::Vector3d sight = point - instrument.position;
+  const double distance = sight.norm();
+  const double radial = instrument.radial_a + instrument.radial_b * distance;
+  const double angular = instrument.angular_a + instrument.angular_b * distance;
+  variance = (radial * radial + 2.0 * angular * angular) / 3.0;
+  const Eigen::Vector3d u =
+      distance > 0.0 ? Eigen::Vector3d(sight / distance) : Eigen::Vector3d::UnitX();
+  return Eigen::Matrix3d::Identity() / angular + (1.0 / radial - 1.0 / angular) * u * u.transpose();
+}
+
+}  // namespace
+
+Instrument Instrument::from_json(const nlohmann::json& content) {
+  Instrument instrument;
+  if (content.contains("position")) {
+    const std::vector<double> p = content["position"];
+    instrument.position = {p.at(0), p.at(1), p.at(2)};
+  }
+  const auto law = [&](const char* part, double& a, double& b) {
+    a = content.at(part).at("a");
+    b = content.at(part).value("b", 0.0);
+  };
+  law("radial", instrument.radial_a, instrument.radial_b);
+  law("angular", instrument.angular_a, instrument.angular_b);
+  return instrument;
+}
+
+Measurements Measurements::from_state(const State& state,
+                                      const std::optional<Instrument>& instrument,
+                                      double assumed_sigma, double sigma_rotation) {
+  Measurements m;
+  m.rows = state.rows();
+  m.position.resize(3, static_cast<Eigen::Index>(m.rows));
+  const char* axes[] = {"x", "y", "z"};
+  for (int c = 0; c < 3; ++c) {
+    if (!state.recorded(axes[c])) {
+      throw ModelError(std::string("measurements: column ") + axes[c] +
+                       " is missing, expected x, y and z");
+    }
+    const std::vector<double>& column = state.column(axes[c]);
+    for (std::size_t i = 0; i < m.rows; ++i)
+      m.position(c, static_cast<Eigen::Index>(i)) = column[i];
+  }
+  if (state.recorded("qw")) {
+    const auto &qw = state.column("qw"), &qx = state.column("qx"), &qy = state.column("qy"),
+               &qz = state.column("qz");
+    m.rotation.reserve(m.rows);
+    for (std::size_t i = 0; i < m.rows; ++i) {
+      m.rotation.push_back(
+          Eigen::Quaterniond(qw[i], qx[i], qy[i], qz[i]).normalized().toRotationMatrix());
+    }
+    m.sigma_rotation = sigma_rotation;
+  }
+  m.target.assign(m.rows, 0);
+  if (state.recorded("target")) {
+    m.target = integers(state.column("target"));
+    m.targets = 1 + *std::max_element(m.target.begin(), m.target.end());
+  }
+  if (state.recorded("repeat")) m.repeat = integers(state.column("repeat"));
+  m.whiten_position.reserve(m.rows);
+  double sum = 0.0;
+  const std::vector<double>* sigma = state.recorded("sigma") ? &state.column("sigma") : nullptr;
+  m.sigma_source = sigma ? SigmaSource::kColumn
+                         : (instrument ? SigmaSource::kInstrument : SigmaSource::kAssumed);
+  for (std::size_t i = 0; i < m.rows; ++i) {
+    double variance = assumed_sigma * assumed_sigma;
+    if (sigma) variance = (*sigma)[i] * (*sigma)[i];
+    if (!sigma && instrument) {
+      m.whiten_position.push_back(
+          whiten_instrument(*instrument, m.position.col(static_cast<Eigen::Index>(i)), variance));
+    } else {
+      m.whiten_position.push_back(Eigen::Matrix3d::Identity() / std::sqrt(variance));
+    }
+    sum += variance;
+  }
+  m.typical_sigma = std::sqrt(sum / static_cast<double>(std::max<std::size_t>(m.rows, 1)));
+  return m;
+}
+
+Measurements Measurements::select(const std::vector<std::size_t>& chosen) const {
+  Measurements m = *this;
+  m.rows = chosen.size();
+  m.position.resize(3, static_cast<Eigen::Index>(chosen.size()));
+  m.rotation.clear();
+  m.target.clear();
+  m.repeat.clear();
+  m.whiten_position.clear();
+  for (std::size_t i = 0; i < chosen.size(); ++i) {
+    m.position.col(static_cast<Eigen::Index>(i)) =
+        position.col(static_cast<Eigen::Index>(chosen[i]));
+    m.target.push_back(target[chosen[i]]);
+    m.whiten_position.push_back(whiten_position[chosen[i]]);
+    if (has_rotation()) m.rotation.push_back(rotation[chosen[i]]);
+    if (!repeat.empty()) m.repeat.push_back(repeat[chosen[i]]);
+  }
+  return m;
+}
+
+}  // namespace armtrue

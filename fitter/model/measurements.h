@@ -1,0 +1,52 @@
+// What the instrument saw: positions (and orientations) of reflectors, row by row, and how well it
+// saw them.
+#pragma once
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+#include <nlohmann/json_fwd.hpp>
+#include <optional>
+#include <vector>
+
+#include "fitter/model/state.h"
+
+namespace armtrue {
+
+/// Uncertainty of the measuring instrument, one standard deviation: a + b · distance, along and
+/// across the line of sight.
+struct Instrument {
+  Eigen::Vector3d position = Eigen::Vector3d::Zero();  ///< in the measuring frame [m]
+  double radial_a = 0.0, radial_b = 0.0;               ///< [m], [m/m]
+  double angular_a = 0.0, angular_b = 0.0;             ///< [m], [m/m] across the line of sight
+
+  /// From {position: [3] where given, radial: {a, b}, angular: {a, b}}, as model.yaml has it.
+  static Instrument from_json(const nlohmann::json& content);
+};
+
+enum class SigmaSource { kColumn, kInstrument, kAssumed };
+
+/// Measured poses with a whitening matrix per row.
+struct Measurements {
+  std::size_t rows = 0;
+  Eigen::Matrix3Xd position;              ///< 3 × rows [m], measuring frame
+  std::vector<Eigen::Matrix3d> rotation;  ///< rows, or empty where only positions were measured
+  std::vector<int> target;                ///< 0-based reflector of each row
+  int targets = 1;
+  std::vector<int> repeat;  ///< same number = same pose measured again; empty where not recorded
+  std::vector<Eigen::Matrix3d> whiten_position;  ///< W with WᵀW = inverse covariance [1/m]
+  double sigma_rotation = 0.0;                   ///< [rad], where orientations were measured
+  SigmaSource sigma_source = SigmaSource::kAssumed;
+  double typical_sigma = 0.0;  ///< root mean square per axis [m]
+
+  bool has_rotation() const { return !rotation.empty(); }
+  /// Rows of residual per measurement: 3 or 6.
+  int residuals_per_row() const { return has_rotation() ? 6 : 3; }
+
+  /// From a state's recorded columns (x, y, z needed; qw…qz, target, repeat, sigma as they are
+  /// there). Throws ModelError.
+  static Measurements from_state(const State& state, const std::optional<Instrument>& instrument,
+                                 double assumed_sigma, double sigma_rotation);
+  Measurements select(const std::vector<std::size_t>& rows) const;
+};
+
+}  // namespace armtrue

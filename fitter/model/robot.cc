@@ -1,0 +1,177 @@
+#include "fitter/model/robot.h"
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+namespace armtrue {
+namespace {
+
+using nlohmann::json;
+
+Eigen::Vector3d vector3(const json& value) {
+  return {value.at(0).get<double>(), value.at(1).get<double>(), value.at(2).get<double>()};
+}
+
+Pose pose_from_json(const json& value) {
+  Eigen::Vector3d xyz = Eigen::Vector3d::Zero();
+  Eigen::Vector3d rpy = Eigen::Vector3d::Zero();
+  if (value.contains("xyz") && !value["xyz"].is_null()) xyz = vector3(value["xyz"]);
+  if (value.contains("rpy") && !value["rpy"].is_null()) rpy = vector3(value["rpy"]);
+  return pose_from_xyz_rpy(xyz, rpy);
+}
+
+Pose rotation_x(double angle) { return Pose(Eigen::AngleAxisd(angle, Eigen::Vector3d::UnitX())); }
+Pose translation(double x, double z) { return Pose(Eigen::Translation3d(x, 0.0, z)); }
+
+double optional_number(const json& object, const char* key, double otherwise) {
+  return object.contains(key) && !object[key].is_null() ? object[key].get<double>() : otherwise;
+}
+
+Joint common_fields(const json& row) {
+  Joint joint;
+  joint.name = row.value("name", "");
+  joint.prismatic = row.value("type", "revolute") == "prismatic";
+  joint.offset = optional_number(row, "offset", 0.0);
+  joint.gear_ratio = optional_number(row, "gear_ratio", 0.0);
+  if (row.contains("limits") && !row["limits"].is_null()) {
+    joint.lower = row["limits"].at(0);
+    joint.upper = row["limits"].at(1);
+    joint.limited = true;
+  }
+  return joint;
+}
+
+// For a prismatic row the variable and its offset add to d (docs/model.md), so d itself stays in
+// the fixed part.
+void build_chain(const json& kinematics, Robot& robot, std::vector<Pose>& frame_from_listed_frame) {
+  const std::string convention = kinematics.at("convention");
+  Pose carried = Pose::Identity();
+  for (const json& row : kinematics.at("joints")) {
+    Joint joint = common_fields(row);
+    if (convention == "chain") {
+      joint.fixed = pose_from_json(row);
+      frame_from_listed_frame.push_back(Pose::Identity());
+    } else {
+      const double a = optional_number(row, "a", 0.0);
+      const double alpha = optional_number(row, "alpha", 0.0);
+      const double d = optional_number(row, "d", 0.0);
+      if (convention == "mdh") {
+        joint.fixed = rotation_x(alpha) * translation(a, d);
+        frame_from_listed_frame.push_back(Pose::Identity());
+      } else if (convention == "dh") {
+        joint.fixed = carried;
+        carried = translation(a, d) * rotation_x(alpha);
+        frame_from_listed_frame.push_back(carried);
+      } else {
+        throw ModelError("robot: kinematics.convention is '" + convention +
+                         "', expected mdh, dh or chain");
+      }
+    }
+    robot.joints.push_back(joint);
+  }
+  if (robot.joints.empty())
+    throw ModelError("robot: kinematics.joints is empty, expected at least one joint");
+  robot.end = carried;
+  if (kinematics.contains("end")) robot.end = pose_from_json(kinematics["end"]);
+}
+
+int joint_index(const json& value, int count, const std::string& where) {
+  const int number = value.get<int>();
+  if (number < 1 || number > count) {
+    throw ModelError("robot: " + where + " names joint " + std::to_string(number) +
+                     ", expected 1 to " + std::to_string(count));
+  }
+  return number;
+}
+
+}  // namespace
+
+Pose pose_from_xyz_rpy(const Eigen::Vector3d& xyz, const Eigen::Vector3d& rpy) {
+  Pose pose = Pose::Identity();
+  pose.linear() = (Eigen::AngleAxisd(rpy.z(), Eigen::Vector3d::UnitZ()) *
+                   Eigen::AngleAxisd(rpy.y(), Eigen::Vector3d::UnitY()) *
+                   Eigen::AngleAxisd(rpy.x(), Eigen::Vector3d::UnitX()))
+                      .toRotationMatrix();
+  pose.translation() = xyz;
+  return pose;
+}
+
+Eigen::Vector3d rpy_from_rotation(const Eigen::Matrix3d& r) {
+  const double pitch = std::atan2(-r(2, 0), std::hypot(r(0, 0), r(1, 0)));
+  if (std::hypot(r(0, 0), r(1, 0)) < 1e-12) {
+    // Gimbal lock: only roll ± yaw is defined, so yaw is put to zero.
+    return {std::atan2(-r(1, 2), r(1, 1)), pitch, 0.0};
+  }
+  return {std::atan2(r(2, 1), r(2, 2)), pitch, std::atan2(r(1, 0), r(0, 0))};
+}
+
+double Robot::reach() const {
+  double sum = end.translation().norm();
+  for (const Joint& joint : joints) {
+    sum += joint.fixed.translation().norm();
+    if (joint.prismatic && joint.limited)
+      sum += std::max(std::abs(joint.lower), std::abs(joint.upper));
+  }
+  return sum;
+}
+
+Robot Robot::from_json(const json& content) {
+  Robot robot;
+  robot.name = content.value("name", "robot");
+  std::vector<Pose> frame_from_listed_frame;
+  build_chain(content.at("kinematics"), robot, frame_from_listed_frame);
+  const int n = robot.joint_count();
+
+  robot.coupling = Eigen::MatrixXd::Identity(n, n);
+  if (content.contains("coupling") && !content["coupling"].is_null()) {
+    for (const json& row : content["coupling"]) {
+      const int driven = joint_index(row.at("joint"), n, "coupling");
+      const int driving = joint_index(row.at("driving"), n, "coupling");
+      robot.coupling(driven - 1, driving - 1) += row.at("ratio").get<double>();
+    }
+  }
+  if (content.contains("links") && !content["links"].is_null() && !content["links"].empty()) {
+    const json& links = content["links"];
+    if (static_cast<int>(links.size()) != n) {
+      throw ModelError("robot: links has " + std::to_string(links.size()) + " entries, expected " +
+                       std::to_string(n));
+    }
+    for (int k = 0; k < n; ++k) {
+      Link link;
+      link.mass = links[k].at("mass");
+      link.com_in_frame = frame_from_listed_frame[k] * vector3(links[k].at("com"));
+      robot.links.push_back(link);
+    }
+  }
+  if (content.contains("gravity") && !content["gravity"].is_null())
+    robot.gravity = vector3(content["gravity"]);
+  if (content.contains("tool") && !content["tool"].is_null())
+    robot.flange_from_tool = pose_from_json(content["tool"]);
+  if (content.contains("targets")) {
+    for (const json& pose : content["targets"])
+      robot.flange_from_target.push_back(pose_from_json(pose));
+  }
+  if (content.contains("payload")) robot.payload_point = vector3(content["payload"].at("com"));
+  if (content.contains("base") && !content["base"].is_null()) {
+    robot.measuring_from_base = pose_from_json(content["base"]);
+  }
+  if (content.contains("temperature") && !content["temperature"].is_null()) {
+    robot.temperature_reference = optional_number(content["temperature"], "reference", 20.0);
+    if (content["temperature"].contains("sensors")) {
+      robot.sensors = content["temperature"]["sensors"].get<std::vector<std::string>>();
+    }
+  }
+  if (content.contains("linkage") && !content["linkage"].is_null()) {
+    const json& linkage = content["linkage"];
+    Parallelogram four_bar;
+    four_bar.crank_joint = joint_index(linkage.at("joints").at(0), n, "linkage.joints");
+    four_bar.arm_joint = joint_index(linkage.at("joints").at(1), n, "linkage.joints");
+    four_bar.crank = optional_number(linkage, "crank", 0.0);
+    four_bar.rod = optional_number(linkage, "rod", 0.0);
+    four_bar.angle = linkage.at("angle");
+    robot.parallelogram = four_bar;
+  }
+  return robot;
+}
+
+}  // namespace armtrue

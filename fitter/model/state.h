@@ -1,0 +1,61 @@
+// The state of every measurement: recorded columns and what gravity makes of them. Names as in
+// docs/model.md, section "State".
+#pragma once
+
+#include <Eigen/Core>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "fitter/model/robot.h"
+
+namespace armtrue {
+
+/// Named columns over the rows of a data set. Recorded columns go in; gravity torques and moments
+/// are computed when asked for.
+class State {
+ public:
+  using Columns = std::map<std::string, std::vector<double>>;
+
+  /// `columns` in the contract's names (q1…qn needed); `payload_point` in the flange [m]. Throws
+  /// ModelError for missing joints or columns of unequal length.
+  State(const Robot& robot, Columns columns, const Eigen::Vector3d& payload_point);
+
+  std::size_t rows() const { return rows_; }
+  const Robot& robot() const { return *robot_; }
+  /// True where `name` is recorded or can be computed from what is.
+  bool has(const std::string& name) const;
+  /// True where the column stands in the data file.
+  bool recorded(const std::string& name) const { return columns_.contains(name); }
+  /// The column of a state variable; throws ModelError naming the column to record where it cannot
+  /// be had.
+  const std::vector<double>& column(const std::string& name) const;
+  /// All recorded columns.
+  const Columns& columns() const { return columns_; }
+  /// Commanded joints, rows × n, row-major.
+  const std::vector<double>& joints() const { return q_; }
+  /// Sensors with a temperature column, in robot.yaml's order first.
+  const std::vector<std::string>& sensors() const { return sensors_; }
+  /// The payload's point in the flange [m].
+  const Eigen::Vector3d& payload_point() const { return payload_point_; }
+  /// Same robot and payload point, only the rows given.
+  State select(const std::vector<std::size_t>& rows) const;
+
+ private:
+  using Frames = std::vector<Pose>;  // frame k in the base, k = 1…n, then the payload point's frame
+  Frames frames_of_row(std::size_t row) const;
+  const std::vector<double>& remember(const std::string& name, std::vector<double> values) const;
+  void compute_gravity() const;
+  std::vector<double> smooth_torque(int joint, const std::vector<double>& measured) const;
+  std::vector<double> compute_regressor(const std::string& name) const;
+
+  const Robot* robot_;
+  std::size_t rows_ = 0;
+  Columns columns_;
+  std::vector<double> q_;
+  std::vector<std::string> sensors_;
+  Eigen::Vector3d payload_point_;
+  mutable std::map<std::string, std::vector<double>> derived_;
+};
+
+}  // namespace armtrue

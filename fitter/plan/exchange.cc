@@ -1,0 +1,214 @@
+#include "fitter/plan/exchange.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numeric>
+
+#include "fitter/solve/normal_equations.h"
+
+namespace armtrue {
+namespace {
+
+constexpr int kMostPasses = 20;
+// An exchange must be worth more than rounding.
+constexpr double kWorthwhile = 1e-9;
+constexpr double kTieBreak = 1e-3;
+// Share of what is known in any direction that must stay when a measurement is taken out by an
+// update.
+constexpr double kWellKnown = 1e-4;
+constexpr int kRefresh = 100;
+
+// The least of several values, and a little of their mean.
+template <typename ValueOf>
+double least_and_mean(std::size_t pairs, const ValueOf& value_of) {
+  double least = std::numeric_limits<double>::infinity();
+  double sum = 0.0;
+  for (std::size_t k = 0; k < pairs; ++k) {
+    const double value = value_of(k);
+    least = std::min(least, value);
+    sum += value;
+  }
+  return least + kTieBreak * sum / static_cast<double>(pairs);
+}
+
+// The measurement not taken yet that makes the criterion largest.
+std::size_t best_to_add(const Criterion& criterion, const std::vector<bool>& taken) {
+  const auto first = std::find(taken.begin(), taken.end(), false);
+  auto best = static_cast<std::size_t>(first - taken.begin());
+  double most = -std::numeric_limits<double>::infinity();
+  for (std::size_t i = best; i < criterion.count(); ++i) {
+    if (taken[i]) continue;
+    const double value = criterion.value_with(i);
+    if (value > most) {
+      most = value;
+      best = i;
+    }
+  }
+  return best;
+}
+
+}  // namespace
+
+MeasurementChoice::MeasurementChoice(const Eigen::MatrixXd& jacobian, int height,
+                                     const Eigen::MatrixXd& start)
+    : jacobian_(&jacobian),
+      height_(height),
+      information_(start),
+      start_log_determinant_(ScaledCholesky(start).log_determinant()),
+      leverage_(static_cast<std::size_t>(jacobian.rows() / height)) {
+  solve_anew();
+}
+
+MeasurementChoice::MeasurementChoice(const Eigen::MatrixXd& jacobian, int height,
+                                     const Eigen::MatrixXd& start,
+                                     const Eigen::VectorXd& difference,
+                                     const Eigen::VectorXd& gradient, double squares)
+    : MeasurementChoice(jacobian, height, start) {
+  difference_ = difference;
+  gradient_ = gradient;
+  squares_ = squares;
+  error_.resize(leverage_.size());
+  solve_anew();
+}
+
+void MeasurementChoice::solve_anew() {
+  const ScaledCholesky factor(information_);
+  covariance_ = factor.inverse();
+  log_determinant_ = factor.log_determinant() - start_log_determinant_;
+  const Eigen::MatrixXd spread = *jacobian_ * covariance_;
+  for (std::size_t i = 0; i < leverage_.size(); ++i) {
+    const Eigen::Index at = static_cast<Eigen::Index>(i) * height_;
+    leverage_[i] = spread.middleRows(at, height_) * rows_of(i).transpose();
+  }
+  if (error_.empty()) return;
+  const Eigen::VectorXd step = factor.solve(gradient_);
+  left_ = std::max(0.0, squares_ - gradient_.dot(step));
+  const Eigen::VectorXd error = difference_ - *jacobian_ * step;
+  for (std::size_t i = 0; i < error_.size(); ++i) {
+    error_[i] = error.segment(static_cast<Eigen::Index>(i) * height_, height_);
+  }
+}
+
+double MeasurementChoice::log_determinant_gain(std::size_t i) const {
+  const Block inner = Block::Identity(height_, height_) + leverage_[i];
+  return std::log(inner.determinant());
+}
+
+double MeasurementChoice::left_gain(std::size_t i) const {
+  const Block inner = Block::Identity(height_, height_) + leverage_[i];
+  return error_[i].dot(inner.llt().solve(error_[i]));
+}
+
+void MeasurementChoice::change(std::size_t i, double sign) {
+  const auto rows = rows_of(i);
+  information_ += sign * (rows.transpose() * rows);
+  if (!error_.empty()) {
+    const auto d = difference_.segment(static_cast<Eigen::Index>(i) * height_, height_);
+    gradient_ += sign * (rows.transpose() * d);
+    squares_ += sign * d.squaredNorm();
+  }
+  const Block inner = Block::Identity(height_, height_) + sign * leverage_[i];
+  const Eigen::SelfAdjointEigenSolver<Block> eigen(inner);
+  // Taking out what alone tells something divides by nearly nothing, and rounding adds up in the
+  // long run.
+  if (eigen.eigenvalues()[0] < kWellKnown || ++changes_ % kRefresh == 0) {
+    solve_anew();
+    return;
+  }
+  const Eigen::MatrixXd response = covariance_ * rows.transpose();
+  const Block inverse = inner.inverse();
+  log_determinant_ += eigen.eigenvalues().array().log().sum();
+  const Eigen::MatrixXd cross = *jacobian_ * response;
+  Part step;
+  if (!error_.empty()) {
+    step = inverse * error_[i];
+    left_ += sign * error_[i].dot(step);
+  }
+  for (std::size_t k = 0; k < leverage_.size(); ++k) {
+    const Block part = cross.middleRows(static_cast<Eigen::Index>(k) * height_, height_);
+    leverage_[k].noalias() -= sign * (part * inverse * part.transpose());
+    if (!error_.empty()) error_[k].noalias() -= sign * (part * step);
+  }
+  covariance_.noalias() -= sign * (response * inverse * response.transpose());
+}
+
+double TOptimality::value() const {
+  return least_and_mean(pairs_.size(), [&](std::size_t k) { return pairs_[k].left(); });
+}
+
+double TOptimality::value_with(std::size_t i) const {
+  return least_and_mean(pairs_.size(),
+                        [&](std::size_t k) { return pairs_[k].left() + pairs_[k].left_gain(i); });
+}
+
+void TOptimality::add(std::size_t i) {
+  for (MeasurementChoice& pair : pairs_) pair.add(i);
+}
+
+void TOptimality::remove(std::size_t i) {
+  for (MeasurementChoice& pair : pairs_) pair.remove(i);
+}
+
+std::vector<std::size_t> choose_greedily(Criterion& criterion, std::size_t count,
+                                         const std::function<void(double)>& step) {
+  std::vector<std::size_t> chosen;
+  std::vector<bool> taken(criterion.count(), false);
+  const std::size_t wanted = std::min(count, criterion.count());
+  while (chosen.size() < wanted) {
+    chosen.push_back(best_to_add(criterion, taken));
+    taken[chosen.back()] = true;
+    criterion.add(chosen.back());
+    if (step) step(static_cast<double>(chosen.size()) / static_cast<double>(wanted));
+  }
+  return chosen;
+}
+
+std::vector<std::size_t> choose_best(Criterion& criterion, std::size_t count,
+                                     const std::function<void(double)>& step) {
+  std::vector<std::size_t> chosen = choose_greedily(criterion, count, [&](double share) {
+    if (step) step(0.5 * share);
+  });
+  if (chosen.size() == criterion.count()) return chosen;
+  std::vector<bool> taken(criterion.count(), false);
+  for (const std::size_t i : chosen) taken[i] = true;
+  for (int pass = 0; pass < kMostPasses; ++pass) {
+    bool changed = false;
+    for (std::size_t& member : chosen) {
+      const double before = criterion.value();
+      criterion.remove(member);
+      taken[member] = false;
+      const std::size_t better = best_to_add(criterion, taken);
+      const bool worth =
+          criterion.value_with(better) > before + kWorthwhile * (1.0 + std::abs(before));
+      if (worth) member = better;
+      changed = changed || worth;
+      taken[member] = true;
+      criterion.add(member);
+    }
+    if (step) step(0.5 + 0.5 * (pass + 1) / kMostPasses);
+    if (!changed) break;
+  }
+  return chosen;
+}
+
+double uniform(std::mt19937_64& generator) {
+  return static_cast<double>(generator() >> 11U) * 0x1.0p-53;
+}
+
+std::vector<std::size_t> choose_random(std::size_t size, std::size_t count,
+                                       std::mt19937_64& generator) {
+  std::vector<std::size_t> order(size);
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  const std::size_t wanted = std::min(count, size);
+  for (std::size_t k = 0; k < wanted; ++k) {
+    std::swap(order[k], order[k + generator() % (size - k)]);
+  }
+  order.resize(wanted);
+  return order;
+}
+
+}  // namespace armtrue

@@ -1,0 +1,136 @@
+// Which of many possible measurements to take: criteria that grow with every measurement chosen,
+// and the exchange algorithm that makes one as large as it gets.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <functional>
+#include <random>
+#include <vector>
+
+namespace armtrue {
+
+/// Linear least squares over a growing and shrinking choice of measurements (recursive least
+/// squares): every possible measurement is a block of `height` rows of a whitened Jacobian. Adding
+/// or removing one costs one product of the Jacobian with `height` columns.
+///
+/// M = start + Σ JᵢᵀJᵢ over the chosen. Where a `difference` is given, it also keeps the sum of
+/// squares that the unknowns cannot take away: min over δ of Σ ‖dᵢ − Jᵢ δ‖² with what `start`
+/// already knows.
+class MeasurementChoice {
+ public:
+  /// `jacobian`: (height · measurements) × unknowns, must outlive this; `start`: symmetric
+  /// positive.
+  MeasurementChoice(const Eigen::MatrixXd& jacobian, int height, const Eigen::MatrixXd& start);
+  /// `difference`: height · measurements; `gradient`, `squares`: Jᵀd and Σ d² of the measurements
+  /// that lie in `start`.
+  MeasurementChoice(const Eigen::MatrixXd& jacobian, int height, const Eigen::MatrixXd& start,
+                    const Eigen::VectorXd& difference, const Eigen::VectorXd& gradient,
+                    double squares);
+
+  std::size_t count() const { return leverage_.size(); }
+  int height() const { return height_; }
+  /// log det of M with measurement i added, less the present one.
+  double log_determinant_gain(std::size_t i) const;
+  /// Growth of the sum of squares left over when measurement i is added.
+  double left_gain(std::size_t i) const;
+  /// Sum of squares left over of the present choice.
+  double left() const { return left_; }
+  /// log det M less that of `start`.
+  double log_determinant() const { return log_determinant_; }
+
+  void add(std::size_t i) { change(i, 1.0); }
+  void remove(std::size_t i) { change(i, -1.0); }
+
+ private:
+  static constexpr int kHeight = 6;
+  using Block = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kHeight, kHeight>;
+  using Part = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kHeight, 1>;
+  void change(std::size_t i, double sign);
+  void solve_anew();
+  auto rows_of(std::size_t i) const {
+    return jacobian_->middleRows(static_cast<Eigen::Index>(i) * height_, height_);
+  }
+
+  const Eigen::MatrixXd* jacobian_;
+  int height_;
+  Eigen::MatrixXd information_;  // M
+  double start_log_determinant_;
+  Eigen::MatrixXd covariance_;   // M⁻¹
+  std::vector<Block> leverage_;  // Jᵢ M⁻¹ Jᵢᵀ of every measurement
+  double log_determinant_ = 0.0;
+  int changes_ = 0;
+  // With a difference: it, Jᵀd and Σ d² of the start and the chosen, and dᵢ − Jᵢ δ of every
+  // measurement.
+  Eigen::VectorXd difference_, gradient_;
+  double squares_ = 0.0;
+  std::vector<Part> error_;
+  double left_ = 0.0;
+};
+
+/// What a choice of measurements is worth; more is better.
+class Criterion {
+ public:
+  virtual ~Criterion() = default;
+  virtual std::size_t count() const = 0;
+  virtual double value() const = 0;
+  /// value() as it would be with measurement i added.
+  virtual double value_with(std::size_t i) const = 0;
+  virtual void add(std::size_t i) = 0;
+  virtual void remove(std::size_t i) = 0;
+};
+
+/// D-optimality: log det of the information of all unknowns.
+class DOptimality final : public Criterion {
+ public:
+  explicit DOptimality(MeasurementChoice choice) : choice_(std::move(choice)) {}
+  std::size_t count() const override { return choice_.count(); }
+  double value() const override { return choice_.log_determinant(); }
+  double value_with(std::size_t i) const override {
+    return value() + choice_.log_determinant_gain(i);
+  }
+  void add(std::size_t i) override { choice_.add(i); }
+  void remove(std::size_t i) override { choice_.remove(i); }
+  const MeasurementChoice& choice() const { return choice_; }
+
+ private:
+  MeasurementChoice choice_;
+};
+
+/// T-optimality (Atkinson and Fedorov 1975) for any number of rivals: the least evidence that any
+/// wrong rival would leave behind, each in turn being the truth. A thousandth of the mean breaks
+/// ties.
+class TOptimality final : public Criterion {
+ public:
+  /// One choice for each ordered pair (truth, rival): `left` is what the rival cannot explain of
+  /// it.
+  explicit TOptimality(std::vector<MeasurementChoice> pairs) : pairs_(std::move(pairs)) {}
+  std::size_t count() const override { return pairs_.front().count(); }
+  double value() const override;
+  double value_with(std::size_t i) const override;
+  void add(std::size_t i) override;
+  void remove(std::size_t i) override;
+  const std::vector<MeasurementChoice>& pairs() const { return pairs_; }
+
+ private:
+  std::vector<MeasurementChoice> pairs_;
+};
+
+/// Chooses `count` different measurements one by one, always the best. Leaves the criterion at the
+/// choice. `step` is told the share done.
+std::vector<std::size_t> choose_greedily(Criterion& criterion, std::size_t count,
+                                         const std::function<void(double)>& step = {});
+
+/// The same, and then exchange (Fedorov 1972; Mitchell 1974): each chosen one is taken out and
+/// replaced by the best there is, until a whole pass changes nothing.
+std::vector<std::size_t> choose_best(Criterion& criterion, std::size_t count,
+                                     const std::function<void(double)>& step = {});
+
+/// `count` different numbers below `size`, in random order.
+std::vector<std::size_t> choose_random(std::size_t size, std::size_t count,
+                                       std::mt19937_64& generator);
+
+/// Uniform number in [0, 1), the same on every standard library.
+double uniform(std::mt19937_64& generator);
+
+}  // namespace armtrue

@@ -1,0 +1,227 @@
+// armtrue._core: the fitter in process. Figures cross as NumPy arrays, structured content as JSON
+// text.
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/function.h>
+#include <nanobind/stl/map.h>
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/pair.h>
+#include <nanobind/stl/shared_ptr.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/vector.h>
+
+#include <cstring>
+#include <nlohmann/json.hpp>
+
+#include "fitter/diagnose/refine.h"
+#include "fitter/python/arrays.h"
+#include "fitter/python/drawing_binding.h"
+#include "fitter/python/plan_binding.h"
+
+namespace nb = nanobind;
+using namespace nb::literals;
+using nlohmann::json;
+
+namespace armtrue {
+namespace {
+
+using Column = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using Progress = std::function<void(double, const std::string&)>;
+
+// Columns are read once into the state, which keeps derived columns beside them.
+State::Columns to_columns(const std::map<std::string, Column>& arrays) {
+  State::Columns columns;
+  for (const auto& [name, array] : arrays)
+    columns[name].assign(array.data(), array.data() + array.shape(0));
+  return columns;
+}
+
+std::vector<int> to_targets(const State::Columns& columns) {
+  const auto found = columns.find("target");
+  if (found == columns.end()) return std::vector<int>(columns.at("q1").size(), 0);
+  std::vector<int> target;
+  for (const double t : found->second) target.push_back(static_cast<int>(t));
+  return target;
+}
+
+FitOptions fit_options(const json& given, Progress progress) {
+  FitOptions options;
+  options.folds = given.value("folds", options.folds);
+  options.seed = given.value("seed", options.seed);
+  options.assumed_sigma = given.value("assumed_sigma_m", options.assumed_sigma);
+  options.sigma_rotation = given.value("sigma_rotation_rad", options.sigma_rotation);
+  options.reject_gross_errors = given.value("reject_gross_errors", true);
+  options.cross_validate = given.value("cross_validate", true);
+  if (given.contains("instrument") && !given["instrument"].is_null()) {
+    options.instrument = Instrument::from_json(given["instrument"]);
+  }
+  options.progress = std::move(progress);
+  return options;
+}
+
+std::string effects_json() {
+  static const std::map<JointRule, std::string> rules{{JointRule::kNone, "none"},
+                                                      {JointRule::kEach, "each"},
+                                                      {JointRule::kAll, "all"},
+                                                      {JointRule::kPair, "pair"},
+                                                      {JointRule::kFixed, "fixed"}};
+  json catalogue = json::array();
+  for (const Effect* effect : effect_catalogue()) {
+    json options = json::object();
+    for (const EffectOption& option : effect->options())
+      options[option.name] = {{"type", option.type}, {"help", option.help}};
+    catalogue.push_back({{"id", effect->id()},
+                         {"summary", effect->summary()},
+                         {"generic", effect->generic()},
+                         {"joints", rules.at(effect->joint_rule())},
+                         {"exported", effect->exported()},
+                         {"bound", effect->bound_text()},
+                         {"options", options}});
+  }
+  return catalogue.dump();
+}
+
+std::string align_json(const std::string& robot_json, const std::map<std::string, Column>& arrays,
+                       const std::string&) {
+  const Robot robot = Robot::from_json(json::parse(robot_json));
+  const State state(robot, to_columns(arrays), Eigen::Vector3d::Zero());
+  const Measurements measurements = Measurements::from_state(state, std::nullopt, 1e-5, 1e-5);
+  const Alignment alignment = align(state, measurements);
+  const auto pose = [](const Pose& p) {
+    const Eigen::Vector3d rpy = rpy_from_rotation(p.linear());
+    return json{{"xyz", {p.translation().x(), p.translation().y(), p.translation().z()}},
+                {"rpy", {rpy.x(), rpy.y(), rpy.z()}}};
+  };
+  json tools = json::object();
+  for (std::size_t t = 0; t < alignment.flange_from_tool.size(); ++t) {
+    tools[alignment.flange_from_tool.size() > 1 ? std::to_string(t) : ""] =
+        pose(alignment.flange_from_tool[t]);
+  }
+  return json{{"rms_m", alignment.rms_m},
+              {"scale", alignment.scale},
+              {"measuring_from_base", pose(alignment.measuring_from_base)},
+              {"flange_from_tool", tools},
+              {"residual_m", alignment.residual_m},
+              {"reach_m", robot.reach()}}
+      .dump();
+}
+
+std::shared_ptr<Fit> run_fit(const std::string& robot_json,
+                             const std::map<std::string, Column>& arrays,
+                             const std::string& model_json, const std::string& options_json,
+                             std::optional<Progress> progress) {
+  return Fit::run(Robot::from_json(json::parse(robot_json)), to_columns(arrays),
+                  ModelSpecification::from_json(json::parse(model_json)),
+                  fit_options(json::parse(options_json), progress ? *progress : Progress{}));
+}
+
+Vectors predict(const std::string& document_json, const std::map<std::string, Column>& arrays) {
+  const FittedModel fitted = FittedModel::from_json(json::parse(document_json));
+  const State::Columns columns = to_columns(arrays);
+  std::vector<double> xyz;
+  for (const Pose& pose : fitted.predict(columns, to_targets(columns))) {
+    xyz.insert(xyz.end(), {pose.translation().x(), pose.translation().y(), pose.translation().z()});
+  }
+  return to_numpy(std::move(xyz), 3);
+}
+
+Vectors residuals(Fit& fit) {
+  std::vector<double> xyz;
+  for (std::size_t i = 0; i < fit.design().rows(); ++i) {
+    const Eigen::Vector3d e = fit.measurements().position.col(static_cast<Eigen::Index>(i)) -
+                              fit.design().predict(i).translation();
+    xyz.insert(xyz.end(), {e.x(), e.y(), e.z()});
+  }
+  return to_numpy(std::move(xyz), 3);
+}
+
+// Lets Ctrl-C through: it is seen between one report and the next.
+Progress interruptible(std::optional<Progress> progress) {
+  return [progress = std::move(progress)](double share, const std::string& what) {
+    if (PyErr_CheckSignals() != 0) throw nb::python_error();
+    if (progress) (*progress)(share, what);
+  };
+}
+
+std::string run_diagnose(Fit& fit, std::optional<Progress> progress) {
+  DiagnoseOptions options;
+  options.progress = interruptible(std::move(progress));
+  return diagnose(fit, options).to_json(fit).dump();
+}
+
+using OnStep = std::function<void(std::shared_ptr<Fit>, const std::string&)>;
+
+std::pair<std::shared_ptr<Fit>, std::string> run_refine(std::shared_ptr<Fit> fit,
+                                                        std::optional<OnStep> on_step,
+                                                        std::optional<Progress> progress) {
+  RefineOptions options;
+  options.progress = interruptible(std::move(progress));
+  if (on_step)
+    options.on_step = [&](const RefineStep& step) { (*on_step)(step.fit, step.document().dump()); };
+  const std::vector<RefineStep> steps = refine(std::move(fit), options);
+  json result{{"steps", json::array()}};
+  for (const RefineStep& step : steps) result["steps"].push_back(step.document());
+  result["effects"] = result["steps"].back()["effects"];
+  return {steps.back().fit, result.dump()};
+}
+
+}  // namespace
+
+NB_MODULE(_core, m) {
+  m.doc() =
+      "Armtrue's fitter (C++20): alignment, fit, prediction, diagnosis. JSON forms: docs/model.md.";
+  nb::exception<ModelError>(m, "ModelError", PyExc_ValueError);
+  nb::exception<ExpressionError>(m, "ExpressionError", PyExc_ValueError);
+
+  m.def("effects", &effects_json,
+        "The effect catalogue as JSON: id, summary, whether it fits any cause, joints rule, "
+        "options, physical bound.");
+  m.def(
+      "parse_expression", [](const std::string& text) { return Expression::parse(text).to_json(); },
+      "text"_a, "Parse an expression of the state into nested JSON; raises ExpressionError.");
+  m.def(
+      "check_expression",
+      [](const std::string& text, const std::vector<std::string>& variables,
+         const std::vector<std::string>& parameters) {
+        for (const std::string& name : Expression::parse(text).variables()) {
+          if (std::find(variables.begin(), variables.end(), name) == variables.end() &&
+              std::find(parameters.begin(), parameters.end(), name) == parameters.end()) {
+            throw ExpressionError("'" + name + "' is neither a state variable nor a parameter");
+          }
+        }
+      },
+      "text"_a, "variables"_a, "parameters"_a,
+      "Raise ExpressionError where text is no expression of the given names.");
+  m.def(
+      "derivative",
+      [](const std::string& text, const std::string& variable) {
+        return Expression::parse(text).derivative(variable).to_string();
+      },
+      "text"_a, "variable"_a, "Derivative of an expression as text.");
+  m.def("align", &align_json, "robot"_a, "columns"_a, "options"_a = "{}",
+        "Base and tool with nominal kinematics and no initial guess; JSON with rms_m, scale, "
+        "poses, residual_m.");
+  m.def("predict", &predict, "fit"_a, "columns"_a,
+        "Predicted x, y, z [m] in the measuring frame, (N, 3).");
+
+  nb::class_<Fit>(m, "Fit", "A fitted model with its measurements.")
+      .def(
+          "document", [](const Fit& fit) { return fit.document().dump(); },
+          "Everything of fit.json that the numbers know, as JSON.")
+      .def(
+          "specification", [](const Fit& fit) { return fit.specification().to_json().dump(); },
+          "The model as JSON.")
+      .def("residuals", &residuals, "Measured minus predicted position [m], (N, 3).");
+  m.def("diagnose", &run_diagnose, "fit"_a, "progress"_a = nb::none(),
+        "What is missing, ranked: the contract's JSON.");
+  m.def("refine", &run_refine, "fit"_a, "on_step"_a = nb::none(), "progress"_a = nb::none(),
+        "Diagnose and add until nothing is missing; on_step(fit, step as JSON). Returns the last "
+        "fit and all steps as JSON.");
+  m.def("fit", &run_fit, "robot"_a, "columns"_a, "model"_a, "options"_a = "{}",
+        "progress"_a = nb::none(),
+        "Fit a model; columns are float64 arrays in the contract's names.");
+  bind_drawing(m);
+  bind_plan(m);
+}
+
+}  // namespace armtrue

@@ -1,0 +1,11 @@
+// Bindings of what drawings of a fit need.
+#pragma once
+
+#include <nanobind/nanobind.h>
+
+namespace armtrue {
+
+/// Adds state_column and coordinate_column to the module.
+void bind_drawing(nanobind::module_& m);
+
+}  // namespace armtrue

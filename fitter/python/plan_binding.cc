@@ -1,0 +1,66 @@
+#include "fitter/python/plan_binding.h"
+
+#include <nanobind/stl/function.h>
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/string.h>
+
+#include <nlohmann/json.hpp>
+
+#include "fitter/plan/plan.h"
+
+namespace nb = nanobind;
+using namespace nb::literals;
+using nlohmann::json;
+
+namespace armtrue {
+namespace {
+
+using Progress = std::function<void(double, const std::string&)>;
+
+PlanOptions plan_options(const std::string& options_json, std::optional<Progress> progress) {
+  PlanOptions options = PlanOptions::from_json(json::parse(options_json));
+  // Lets Ctrl-C through: it is seen between one report and the next.
+  options.progress = [progress = std::move(progress)](double share, const std::string& what) {
+    if (PyErr_CheckSignals() != 0) throw nb::python_error();
+    if (progress) (*progress)(share, what);
+  };
+  return options;
+}
+
+std::string campaign(const std::string& robot_json, const std::string& model_json,
+                     const std::string& options_json, std::optional<Progress> progress) {
+  return plan_campaign(Robot::from_json(json::parse(robot_json)),
+                       ModelSpecification::from_json(json::parse(model_json)),
+                       plan_options(options_json, std::move(progress)))
+      .to_json()
+      .dump();
+}
+
+std::string sharpening(Fit& fit, const std::string& options_json,
+                       std::optional<Progress> progress) {
+  return plan_sharpening(fit, plan_options(options_json, std::move(progress))).to_json().dump();
+}
+
+std::string separation(Fit& fit, const std::string& candidates_json,
+                       const std::string& options_json, std::optional<Progress> progress) {
+  const ModelSpecification asked =
+      ModelSpecification::from_json({{"effects", json::parse(candidates_json)}});
+  return plan_separation(fit, asked.effects, plan_options(options_json, std::move(progress)))
+      .to_json()
+      .dump();
+}
+
+}  // namespace
+
+void bind_plan(nb::module_& module) {
+  module.def("plan_campaign", &campaign, "robot"_a, "model"_a, "options"_a,
+             "progress"_a = nb::none(),
+             "Poses for a first campaign, D-optimal for the model's parameters: JSON.");
+  module.def("plan_sharpening", &sharpening, "fit"_a, "options"_a, "progress"_a = nb::none(),
+             "Further poses for a fit's own parameters: JSON.");
+  module.def("plan_separation", &separation, "fit"_a, "candidates"_a, "options"_a,
+             "progress"_a = nb::none(),
+             "Poses that tell candidate effects (entries of model.yaml as JSON) apart: JSON.");
+}
+
+}  // namespace armtrue

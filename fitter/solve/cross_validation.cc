@@ -1,0 +1,152 @@
+#include "fitter/solve/cross_validation.h"
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <numeric>
+#include <random>
+
+namespace armtrue {
+namespace {
+
+// Rows that must stay together: replicates of a pose. Groups in order of first appearance.
+std::vector<std::vector<std::size_t>> replicate_groups(const Measurements& m) {
+  std::vector<std::vector<std::size_t>> groups;
+  std::map<int, std::size_t> known;
+  for (std::size_t i = 0; i < m.rows; ++i) {
+    if (m.repeat.empty()) {
+      groups.push_back({i});
+      continue;
+    }
+    const auto [at, fresh] = known.try_emplace(m.repeat[i], groups.size());
+    if (fresh) groups.emplace_back();
+    groups[at->second].push_back(i);
+  }
+  return groups;
+}
+
+// Lloyd's algorithm from evenly spread starts; enough to cut a workspace into regions.
+std::vector<int> cluster(const Eigen::Matrix3Xd& points, int count) {
+  Eigen::Matrix3Xd centres(3, count);
+  for (int c = 0; c < count; ++c)
+    centres.col(c) = points.col((2 * c + 1) * points.cols() / (2 * count));
+  std::vector<int> label(static_cast<std::size_t>(points.cols()), 0);
+  for (int pass = 0; pass < 20; ++pass) {
+    Eigen::Matrix3Xd sum = Eigen::Matrix3Xd::Zero(3, count);
+    Eigen::VectorXd members = Eigen::VectorXd::Zero(count);
+    for (Eigen::Index i = 0; i < points.cols(); ++i) {
+      Eigen::Index nearest = 0;
+      (centres.colwise() - points.col(i)).colwise().squaredNorm().minCoeff(&nearest);
+      label[static_cast<std::size_t>(i)] = static_cast<int>(nearest);
+      sum.col(nearest) += points.col(i);
+      members[nearest] += 1.0;
+    }
+    for (int c = 0; c < count; ++c) {
+      if (members[c] > 0.0) centres.col(c) = sum.col(c) / members[c];
+    }
+  }
+  return label;
+}
+
+}  // namespace
+
+std::vector<int> make_folds(const Design& design, Folding folding, int folds, std::uint64_t seed) {
+  const Measurements& m = design.measurements();
+  const std::vector<std::vector<std::size_t>> groups = replicate_groups(m);
+  std::vector<int> fold_of_group(groups.size());
+  if (folding == Folding::kRegion) {
+    Eigen::Matrix3Xd points(3, static_cast<Eigen::Index>(groups.size()));
+    for (std::size_t g = 0; g < groups.size(); ++g) {
+      points.col(static_cast<Eigen::Index>(g)) =
+          m.position.col(static_cast<Eigen::Index>(groups[g].front()));
+    }
+    fold_of_group = cluster(points, folds);
+  } else {
+    std::vector<std::size_t> order(groups.size());
+    std::iota(order.begin(), order.end(), std::size_t{0});
+    if (folding == Folding::kTime && design.state().recorded("time")) {
+      const std::vector<double>& time = design.state().column("time");
+      std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
+        return time[groups[a].front()] < time[groups[b].front()];
+      });
+    }
+    if (folding == Folding::kRandom) {
+      // Fisher–Yates written out: std::shuffle's result is not the same on every standard library.
+      std::mt19937_64 generator(seed);
+      for (std::size_t i = order.size(); i > 1; --i)
+        std::swap(order[i - 1], order[generator() % i]);
+    }
+    for (std::size_t rank = 0; rank < order.size(); ++rank) {
+      const std::size_t block = folding == Folding::kTime
+                                    ? rank * static_cast<std::size_t>(folds) / order.size()
+                                    : rank % static_cast<std::size_t>(folds);
+      fold_of_group[order[rank]] = static_cast<int>(block);
+    }
+  }
+  std::vector<int> fold_of_row(m.rows);
+  for (std::size_t g = 0; g < groups.size(); ++g) {
+    for (const std::size_t row : groups[g]) fold_of_row[row] = fold_of_group[g];
+  }
+  return fold_of_row;
+}
+
+std::vector<double> held_out_distances(Design& design, const std::vector<int>& fold_of_row,
+                                       int folds, double smoothness_sigma) {
+  const auto count = static_cast<std::size_t>(folds);
+  std::vector<NormalEquations> fold(count, NormalEquations(design.unknowns()));
+  Design::Row row;
+  const int height = design.residuals_per_row();
+  for (std::size_t i = 0; i < design.rows(); ++i) {
+    if (design.weights()[i] == 0.0) continue;
+    design.evaluate(i, true, row);
+    fold[static_cast<std::size_t>(fold_of_row[i])].add(row, height);
+  }
+  NormalEquations total(design.unknowns());
+  const std::vector<double> values = design.unknown_values();
+  for (const PenaltyRow& penalty : penalty_rows(design, smoothness_sigma))
+    total.add(penalty, values);
+  for (const NormalEquations& f : fold) {
+    total.information += f.information;
+    total.gradient += f.gradient;
+  }
+  std::vector<Eigen::VectorXd> step(count);
+  for (std::size_t f = 0; f < count; ++f) {
+    const ScaledCholesky factor(total.information - fold[f].information);
+    step[f] = -factor.solve(total.gradient - fold[f].gradient);
+  }
+  std::vector<double> distance(design.rows(), std::numeric_limits<double>::quiet_NaN());
+  for (std::size_t i = 0; i < design.rows(); ++i) {
+    if (design.weights()[i] == 0.0) continue;
+    design.evaluate(i, true, row);
+    const Eigen::VectorXd& delta = step[static_cast<std::size_t>(fold_of_row[i])];
+    Eigen::Vector3d change = row.residual.head<3>();
+    for (std::size_t u = 0; u < row.unknowns.size(); ++u) {
+      change += row.jacobian.block<3, 1>(0, static_cast<Eigen::Index>(u)) * delta[row.unknowns[u]];
+    }
+    const Eigen::Matrix3d whiten =
+        std::sqrt(design.weights()[i]) * design.measurements().whiten_position[i];
+    distance[i] = (whiten.inverse() * change).norm();
+  }
+  return distance;
+}
+
+std::vector<double> residual_distances(Design& design) {
+  std::vector<double> distance(design.rows());
+  for (std::size_t i = 0; i < design.rows(); ++i) {
+    distance[i] = (design.predict(i).translation() -
+                   design.measurements().position.col(static_cast<Eigen::Index>(i)))
+                      .norm();
+  }
+  return distance;
+}
+
+ErrorSummary summarise_finite(const std::vector<double>& distances) {
+  std::vector<double> finite;
+  std::copy_if(distances.begin(), distances.end(), std::back_inserter(finite),
+               [](double d) { return std::isfinite(d); });
+  return summarise(finite);
+}
+
+}  // namespace armtrue

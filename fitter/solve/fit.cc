@@ -1,0 +1,574 @@
+#include "fitter/solve/fit.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <numeric>
+
+#include "fitter/solve/choose_options.h"
+
+namespace armtrue {
+namespace {
+
+using nlohmann::json;
+
+// Median of the distance of three independent unit normals (chi with three degrees of freedom), and
+// its mean.
+constexpr double kMedianChi3 = 1.5381722;
+constexpr double kMeanChi3 = 1.5957691;
+// Of the square of that distance: its median, and what one in a thousand exceeds.
+constexpr double kMedianChiSquared3 = 2.3659739;
+constexpr double kLargestChiSquared3 = 16.2662362;
+constexpr std::size_t kLeastFloorFreedom = 9;
+// A bumped reflector stands this many robust standard deviations out; model errors of honest rows
+// do not.
+constexpr double kGrossError = 8.0;
+constexpr double kLargestGrossShare = 0.1;
+constexpr double kAboveStructure = 3.0;
+constexpr int kRobustPasses = 8;
+constexpr double kSmoothnessStart = 1e-4;  // [rad]
+// Starts of nonlinear parameters that are followed to their minimum.
+constexpr std::size_t kDescents = 4;
+
+json to_json(const ErrorSummary& s) {
+  return {{"mean_um", s.mean * 1e6},
+          {"rms_um", s.rms * 1e6},
+          {"p95_um", s.p95 * 1e6},
+          {"max_um", s.max * 1e6},
+          {"n", s.count}};
+}
+
+json to_json(const Pose& pose) {
+  const Eigen::Vector3d p = pose.translation();
+  const Eigen::Vector3d a = rpy_from_rotation(pose.linear());
+  return {{"xyz", {p.x(), p.y(), p.z()}}, {"rpy", {a.x(), a.y(), a.z()}}};
+}
+
+Pose pose_from(const json& value) {
+  const std::vector<double> p = value.at("xyz"), a = value.at("rpy");
+  return pose_from_xyz_rpy({p.at(0), p.at(1), p.at(2)}, {a.at(0), a.at(1), a.at(2)});
+}
+
+}  // namespace
+
+std::unique_ptr<Fit> Fit::run(const Robot& robot, const State::Columns& columns,
+                              const ModelSpecification& specification, const FitOptions& options) {
+  std::unique_ptr<Fit> fit(new Fit);
+  fit->specification_ = close_options(robot, columns, specification, options);
+  fit->options_ = options;
+  fit->report(0.0, "aligning");
+  fit->prepare(robot, columns);
+  fit->report(0.1, "solving");
+  fit->solve_robustly();
+  fit->report(0.6, "covariance");
+  fit->fold_base_and_tool();
+  fit->compute_covariance();
+  fit->report(0.7, "held-out errors");
+  fit->measure_errors();
+  fit->measure_noise_floor();
+  fit->report(1.0, "done");
+  return fit;
+}
+
+void Fit::prepare(const Robot& robot, const State::Columns& columns) {
+  robot_ = std::make_unique<Robot>(robot);
+  std::optional<Eigen::Vector3d> payload_point = robot_->payload_point;
+  if (!payload_point) {
+    if (const std::optional<Pose> tool = robot_->nominal_tool(0))
+      payload_point = tool->translation();
+  }
+  state_ =
+      std::make_unique<State>(*robot_, columns, payload_point.value_or(Eigen::Vector3d::Zero()));
+  measurements_ = Measurements::from_state(*state_, options_.instrument, options_.assumed_sigma,
+                                           options_.sigma_rotation);
+  alignment_ = align(*state_, measurements_);
+  if (!payload_point) {
+    // The payload hangs at the tool point, which is known only now.
+    state_ = std::make_unique<State>(*robot_, columns,
+                                     alignment_.flange_from_tool.front().translation());
+  }
+  kinematics_ = std::make_unique<Kinematics>(*robot_, measurements_.targets);
+  const bool free_base = specification_.contains("base_frame") || !robot_->measuring_from_base;
+  const bool free_tool = specification_.contains("tool_offset") || !robot_->nominal_tool(0);
+  kinematics_->set_base(free_base ? alignment_.measuring_from_base : *robot_->measuring_from_base);
+  for (int t = 0; t < measurements_.targets; ++t) {
+    kinematics_->set_tool(t, free_tool ? alignment_.flange_from_tool[static_cast<std::size_t>(t)]
+                                       : *robot_->nominal_tool(t));
+  }
+  nominal_ = summarise(alignment_.residual_m);
+  context_ = std::make_unique<EffectContext>(EffectContext{
+      *state_, measurements_.targets, measurements_.has_rotation(), specification_.priors});
+  model_ = build_model(specification_, *context_);
+  for (NonlinearParameter& p : model_.nonlinear) {
+    if (const auto start = options_.nonlinear_starts.find(p.name);
+        start != options_.nonlinear_starts.end()) {
+      p.value = start->second;
+      p.starts.clear();
+    }
+  }
+  design_ = std::make_unique<Design>(*state_, measurements_, model_, *kinematics_);
+  const std::size_t equations =
+      measurements_.rows * static_cast<std::size_t>(measurements_.residuals_per_row());
+  std::size_t unknowns = 0;
+  for (const Parameter& p : model_.parameters)
+    unknowns += !p.fixed && !p.terms.front().table ? 1 : 0;
+  if (equations < 12) {
+    throw ModelError("measurements: found " + std::to_string(measurements_.rows) +
+                     " poses, expected at least 4");
+  }
+}
+
+// Brings the stated sigma to what the residuals show, so that priors weigh what they should.
+void Fit::rescale_noise() {
+  std::vector<double> size;
+  Design::Row row;
+  for (std::size_t i = 0; i < design_->rows(); ++i) {
+    if (design_->weights()[i] == 0.0) continue;
+    design_->evaluate(i, false, row);
+    size.push_back(row.residual.head<3>().norm());
+  }
+  const double poses = static_cast<double>(size.size());
+  const double freedom =
+      std::max(0.2, 1.0 - design_->unknowns() / (poses * design_->residuals_per_row()));
+  const double scale = std::max(1e-3, median(size) / kMedianChi3 / std::sqrt(freedom));
+  noise_scale_ *= scale;
+  for (Eigen::Matrix3d& w : measurements_.whiten_position) w /= scale;
+  measurements_.typical_sigma *= scale;
+  if (!measurements_.has_rotation()) return;
+  std::vector<double> turn;
+  for (std::size_t i = 0; i < design_->rows(); ++i) {
+    if (design_->weights()[i] == 0.0) continue;
+    design_->evaluate(i, false, row);
+    turn.push_back(row.residual.tail<3>().norm());
+  }
+  measurements_.sigma_rotation *= std::max(1e-3, median(turn) / kMedianChi3 / std::sqrt(freedom));
+}
+
+// Tries every combination of the nonlinear parameters' starts, the linear ones in closed form
+// (variable projection), and descends from the few that promise most.
+void Fit::choose_starts() {
+  if (model_.nonlinear.empty()) return;
+  std::vector<std::pair<double, std::vector<double>>> starts;
+  std::vector<std::size_t> at(model_.nonlinear.size(), 0);
+  const auto linear = static_cast<Eigen::Index>(design_->free_parameters().size());
+  const std::vector<double> before = design_->unknown_values();
+  for (bool more = true; more;) {
+    std::vector<double> x = before;
+    for (std::size_t j = 0; j < at.size(); ++j) {
+      const NonlinearParameter& p = model_.nonlinear[j];
+      x[static_cast<std::size_t>(linear) + j] = p.starts.empty() ? p.value : p.starts[at[j]];
+    }
+    design_->set_unknowns(x.data());
+    NormalEquations equations = accumulate(*design_);
+    for (const PenaltyRow& row : penalty_rows(*design_, smoothness_sigma_)) equations.add(row, x);
+    const ScaledCholesky factor(equations.information.topLeftCorner(linear, linear));
+    const Eigen::VectorXd step = factor.solve(equations.gradient.head(linear));
+    const double cost = equations.cost - equations.gradient.head(linear).dot(step);
+    for (Eigen::Index k = 0; k < linear; ++k) x[static_cast<std::size_t>(k)] -= step[k];
+    starts.emplace_back(cost, std::move(x));
+    more = false;
+    for (std::size_t j = 0; j < at.size(); ++j) {
+      if (++at[j] < model_.nonlinear[j].starts.size()) {
+        more = true;
+        break;
+      }
+      at[j] = 0;
+    }
+  }
+  std::sort(starts.begin(), starts.end(),
+            [](const auto& a, const auto& b) { return a.first < b.first; });
+  if (starts.size() > kDescents) starts.resize(kDescents);
+  double best_cost = std::numeric_limits<double>::infinity();
+  std::vector<double> best;
+  for (const auto& [cost, x] : starts) {
+    design_->set_unknowns(x.data());
+    if (starts.size() == 1) return;
+    const SolveSummary summary = solve(*design_, smoothness_sigma_);
+    if (summary.cost < best_cost) {
+      best_cost = summary.cost;
+      best = design_->unknown_values();
+    }
+  }
+  design_->set_unknowns(best.data());
+}
+
+bool Fit::smooth() const {
+  return std::any_of(model_.penalties.begin(), model_.penalties.end(),
+                     [](const Penalty& p) { return p.smoothness; });
+}
+
+// Smoothness of tables: the strength whose held-out error is least.
+void Fit::choose_smoothness() {
+  if (!smooth()) return;
+  if (options_.smoothness_sigma) return;
+  const std::vector<int> folds = make_folds(*design_, Folding::kRandom, 4, options_.seed + 1);
+  double best = std::numeric_limits<double>::infinity();
+  double chosen = smoothness_sigma_;
+  for (const double sigma : {1e-6, 4e-6, 1e-5, 2e-5, 4e-5, 7e-5, 1e-4, 1.5e-4, 2.5e-4, 5e-4}) {
+    const double error = summarise_finite(held_out_distances(*design_, folds, 4, sigma)).rms;
+    if (error < best) {
+      best = error;
+      chosen = sigma;
+    }
+  }
+  smoothness_sigma_ = chosen;
+}
+
+bool Fit::find_gross_errors() {
+  const std::vector<double> distance = residual_distances(*design_);
+  std::vector<double> kept;
+  for (std::size_t i = 0; i < distance.size(); ++i) {
+    if (design_->weights()[i] > 0.0) kept.push_back(distance[i]);
+  }
+  // A local effect that the model lacks can stand out on many poses: bumps must stand out from
+  // those too.
+  const double limit = std::max(kGrossError * median(kept) / kMedianChi3,
+                                kAboveStructure * quantile(kept, 1.0 - kLargestGrossShare));
+  std::vector<std::size_t> gross;
+  for (std::size_t i = 0; i < distance.size(); ++i) {
+    if (distance[i] > limit) gross.push_back(i);
+  }
+  std::vector<double> weights(distance.size(), 1.0);
+  for (const std::size_t i : gross) weights[i] = 0.0;
+  const bool changed = weights != design_->weights();
+  design_->weights() = weights;
+  rejected_.clear();
+  for (const std::size_t i : gross) rejected_.push_back({i, distance[i]});
+  return changed;
+}
+
+void Fit::solve_robustly() {
+  smoothness_sigma_ = options_.smoothness_sigma.value_or(kSmoothnessStart);
+  // Bumps are kept out of the very first step already, where alignment shows them.
+  const std::vector<double>& aligned = alignment_.residual_m;
+  const double limit = std::max(kGrossError * median(aligned) / kMedianChi3,
+                                kAboveStructure * quantile(aligned, 1.0 - kLargestGrossShare));
+  std::vector<double>& weights = design_->weights();
+  for (std::size_t i = 0; i < weights.size(); ++i) {
+    weights[i] = options_.reject_gross_errors && aligned[i] > limit ? 0.0 : 1.0;
+  }
+  std::vector<int> all;
+  for (std::size_t i = 0; i < model_.parameters.size(); ++i) all.push_back(static_cast<int>(i));
+  const auto choose_kept = [&] {
+    design_->set_free(all);
+    identifiability_ = identify(*design_);
+    design_->set_free(identifiability_.kept);
+    // What is held returns to nominal: a value from an earlier choice would be nobody's estimate.
+    std::vector<double> values = design_->values();
+    for (const Unidentifiable& held : identifiability_.held) {
+      const auto index = static_cast<std::size_t>(held.parameter);
+      values[index] = model_.parameters[index].prior_mean;
+    }
+    design_->set_values(values);
+  };
+  choose_kept();
+  choose_starts();
+  summary_ = solve(*design_, smoothness_sigma_);
+  if (options_.reject_gross_errors) {
+    for (int pass = 0; pass < kRobustPasses; ++pass) {
+      if (!find_gross_errors()) break;
+      summary_ = solve(*design_, smoothness_sigma_);
+    }
+  }
+  rescale_noise();
+  choose_kept();
+  summary_ = solve(*design_, smoothness_sigma_);
+  choose_smoothness();
+  if (smoothness_sigma_ != options_.smoothness_sigma.value_or(kSmoothnessStart))
+    summary_ = solve(*design_, smoothness_sigma_);
+  if (options_.reject_gross_errors && find_gross_errors())
+    summary_ = solve(*design_, smoothness_sigma_);
+  if (!summary_.converged) warnings_.push_back("the solver did not converge: " + summary_.message);
+}
+
+// Base and tool become what was found, and their virtual joints start from zero again.
+void Fit::fold_base_and_tool() {
+  std::vector<double> values = design_->values();
+  Eigen::VectorXd coordinates = Eigen::VectorXd::Zero(kinematics_->layout().size());
+  for (std::size_t i = 0; i < model_.parameters.size(); ++i) {
+    const Parameter& p = model_.parameters[i];
+    if (p.effect == "base_frame" || p.effect == "tool_offset") {
+      coordinates[kinematics_->layout().index(p.terms.front().coordinate)] += values[i];
+      values[i] = 0.0;
+    }
+    model_.parameters[i].value = values[i];
+  }
+  for (std::size_t j = 0; j < model_.nonlinear.size(); ++j) {
+    model_.nonlinear[j].value = design_->unknown_values()[design_->free_parameters().size() + j];
+  }
+  const auto moved = [&](const Pose& pose, int first) {
+    Pose result = pose;
+    result.translate(Eigen::Vector3d(coordinates.segment<3>(first)));
+    result.linear() = result.linear() * rotation_exp(coordinates.segment<3>(first + 3));
+    return result;
+  };
+  const CoordinateLayout layout = kinematics_->layout();
+  kinematics_->set_base(moved(kinematics_->base(), layout.base(0)));
+  for (int t = 0; t < layout.targets; ++t)
+    kinematics_->set_tool(t, moved(kinematics_->tool(t), layout.tool(t, 0)));
+  std::vector<double> weights = design_->weights();
+  design_ = std::make_unique<Design>(*state_, measurements_, model_, *kinematics_);
+  design_->weights() = weights;
+  design_->set_free(identifiability_.kept);
+}
+
+void Fit::compute_covariance() {
+  NormalEquations equations = accumulate(*design_);
+  const double freedom =
+      std::max(1.0, static_cast<double>(equations.equations) - design_->unknowns());
+  const double variance = equations.cost / freedom;
+  equations.information /= std::max(variance, 1e-12);
+  const Eigen::MatrixXd data = equations.information.selfadjointView<Eigen::Lower>();
+  const std::vector<double> values = design_->unknown_values();
+  for (const PenaltyRow& row : penalty_rows(*design_, smoothness_sigma_))
+    equations.add(row, values);
+  covariance_ = ScaledCholesky(equations.information).inverse();
+  effective_unknowns_ = covariance_.cwiseProduct(data).sum();
+}
+
+void Fit::measure_errors() {
+  const std::vector<double> distance = residual_distances(*design_);
+  std::vector<double> kept;
+  for (std::size_t i = 0; i < distance.size(); ++i) {
+    if (design_->weights()[i] > 0.0) kept.push_back(distance[i]);
+  }
+  train_ = summarise(kept);
+  for (RejectedRow& r : rejected_) r.residual = distance[r.row];
+  if (!options_.cross_validate) {
+    held_out_.assign(3, ErrorSummary{});
+    return;
+  }
+  for (const Folding folding : {Folding::kRandom, Folding::kTime, Folding::kRegion}) {
+    const std::vector<int> folds = make_folds(*design_, folding, options_.folds, options_.seed);
+    held_out_.push_back(
+        summarise_finite(held_out_distances(*design_, folds, options_.folds, smoothness_sigma_)));
+  }
+}
+
+void Fit::measure_noise_floor() {
+  // Repeats: differences of the residuals of one pose from one visit to the next, so that neither
+  // what the model explains (payload, temperature) counts nor what drifts slowly meanwhile.
+  std::map<std::pair<int, int>, std::vector<std::size_t>> visits;
+  if (!measurements_.repeat.empty()) {
+    for (std::size_t i = 0; i < measurements_.rows; ++i) {
+      if (design_->weights()[i] > 0.0)
+        visits[{measurements_.repeat[i], measurements_.target[i]}].push_back(i);
+    }
+  }
+  const bool timed = state_->has("time");
+  std::vector<double> half_squares;
+  for (auto& [id, rows] : visits) {
+    if (timed) {
+      const std::vector<double>& time = state_->column("time");
+      std::stable_sort(rows.begin(), rows.end(),
+                       [&](std::size_t a, std::size_t b) { return time[a] < time[b]; });
+    }
+    std::optional<Eigen::Vector3d> before;
+    for (const std::size_t i : rows) {
+      const Eigen::Vector3d error = design_->predict(i).translation() -
+                                    measurements_.position.col(static_cast<Eigen::Index>(i));
+      if (before) half_squares.push_back((error - *before).squaredNorm() / 2.0);
+      before = error;
+    }
+  }
+  // Visits hours apart differ by what nobody modelled yet; most visits follow each other.
+  const double largest =
+      half_squares.empty() ? 0.0 : kLargestChiSquared3 * median(half_squares) / kMedianChiSquared3;
+  std::erase_if(half_squares, [&](double v) { return v > largest; });
+  const double squares = std::accumulate(half_squares.begin(), half_squares.end(), 0.0);
+  const std::size_t freedom = 3 * half_squares.size();
+  noise_floor_.count = freedom;
+  if (freedom >= kLeastFloorFreedom) {
+    noise_floor_.mean = kMeanChi3 * std::sqrt(squares / static_cast<double>(freedom));
+    noise_floor_.source = "repeats";
+    return;
+  }
+  if (measurements_.sigma_source != SigmaSource::kAssumed) {
+    noise_floor_.mean = kMeanChi3 * measurements_.typical_sigma / noise_scale_;
+    noise_floor_.source = "sigma";
+    return;
+  }
+  measure_noise_floor_between_targets();
+}
+
+// Reflectors on one rigid tool, measured while the arm stood still: the distance between two is one
+// number, and twice the instrument's variance is what it scatters by. The arm's own repeatability
+// is not in it.
+void Fit::measure_noise_floor_between_targets() {
+  std::map<std::vector<double>, std::vector<std::size_t>> standing;
+  if (measurements_.targets > 1) {
+    const int n = robot_->joint_count();
+    for (std::size_t i = 0; i < measurements_.rows; ++i) {
+      if (design_->weights()[i] == 0.0) continue;
+      std::vector<double> q;
+      for (int k = 1; k <= n; ++k) q.push_back(state_->column("q" + std::to_string(k))[i]);
+      standing[q].push_back(i);
+    }
+  }
+  std::map<std::pair<int, int>, std::vector<double>> distances;
+  for (const auto& [q, rows] : standing) {
+    for (std::size_t a = 0; a < rows.size(); ++a) {
+      for (std::size_t b = a + 1; b < rows.size(); ++b) {
+        const auto pair = std::minmax(measurements_.target[rows[a]], measurements_.target[rows[b]]);
+        if (pair.first == pair.second) continue;
+        const auto at = [&](std::size_t i) {
+          return measurements_.position.col(static_cast<Eigen::Index>(i));
+        };
+        distances[{pair.first, pair.second}].push_back((at(rows[a]) - at(rows[b])).norm());
+      }
+    }
+  }
+  double squares = 0.0;
+  std::size_t freedom = 0;
+  for (const auto& [pair, lengths] : distances) {
+    const double mean =
+        std::accumulate(lengths.begin(), lengths.end(), 0.0) / static_cast<double>(lengths.size());
+    for (const double length : lengths) squares += (length - mean) * (length - mean) / 2.0;
+    freedom += lengths.size() - 1;
+  }
+  if (freedom < kLeastFloorFreedom) {
+    noise_floor_.mean = std::numeric_limits<double>::quiet_NaN();
+    noise_floor_.source = "none";
+    return;
+  }
+  noise_floor_.count = freedom;
+  noise_floor_.mean = kMeanChi3 * std::sqrt(squares / static_cast<double>(freedom));
+  noise_floor_.source = "targets";
+}
+
+json Fit::document() const {
+  const int targets = measurements_.targets;
+  json document;
+  document["measuring_from_base"] = to_json(kinematics_->base());
+  json tools = json::object();
+  for (int t = 0; t < targets; ++t)
+    tools[targets > 1 ? std::to_string(t) : ""] = to_json(kinematics_->tool(t));
+  document["flange_from_tool"] = tools;
+
+  std::map<std::string, double> nonlinear;
+  for (const NonlinearParameter& p : model_.nonlinear) nonlinear[p.name] = p.value;
+  std::vector<std::string> sentence(model_.parameters.size());
+  for (const Unidentifiable& held : identifiability_.held)
+    sentence[static_cast<std::size_t>(held.parameter)] = held.sentence;
+  json parameters = json::array();
+  for (std::size_t i = 0; i < model_.parameters.size(); ++i) {
+    Parameter p = model_.parameters[i];
+    for (Term& term : p.terms) term.basis = term.basis.substitute(nonlinear);
+    json entry = armtrue::to_json(p, targets);
+    const int unknown = design_->unknown_of(static_cast<int>(i));
+    entry["fixed"] = p.fixed;
+    entry["held"] = unknown < 0 && !p.fixed;
+    entry["sigma"] = unknown >= 0 ? json(std::sqrt(std::max(0.0, covariance_(unknown, unknown))))
+                                  : json(nullptr);
+    if (unknown >= 0 && !design_->is_table_unknown(unknown)) {
+      // The three it moves with most.
+      std::vector<std::pair<double, int>> partners;
+      for (int u = 0; u < static_cast<int>(design_->free_parameters().size()); ++u) {
+        if (u == unknown) continue;
+        const double r =
+            covariance_(unknown, u) / std::sqrt(covariance_(unknown, unknown) * covariance_(u, u));
+        partners.emplace_back(r, u);
+      }
+      const std::size_t count = std::min<std::size_t>(3, partners.size());
+      std::partial_sort(
+          partners.begin(), partners.begin() + static_cast<std::ptrdiff_t>(count), partners.end(),
+          [](const auto& a, const auto& b) { return std::abs(a.first) > std::abs(b.first); });
+      entry["correlations"] = json::array();
+      for (std::size_t k = 0; k < count; ++k) {
+        const int other = design_->free_parameters()[static_cast<std::size_t>(partners[k].second)];
+        entry["correlations"].push_back(
+            {{"with", model_.parameters[static_cast<std::size_t>(other)].name},
+             {"r", partners[k].first}});
+      }
+    }
+    parameters.push_back(entry);
+  }
+  document["parameters"] = parameters;
+  document["nonlinear"] = json::array();
+  for (std::size_t j = 0; j < model_.nonlinear.size(); ++j) {
+    const NonlinearParameter& p = model_.nonlinear[j];
+    const auto u = static_cast<Eigen::Index>(design_->free_parameters().size() + j);
+    document["nonlinear"].push_back({{"name", p.name},
+                                     {"effect", p.effect},
+                                     {"joints", p.joints},
+                                     {"unit", p.unit},
+                                     {"value", p.value},
+                                     {"sigma", std::sqrt(std::max(0.0, covariance_(u, u)))}});
+  }
+  document["error"] = {{"nominal", to_json(nominal_)},
+                       {"train", to_json(train_)},
+                       {"held_out", to_json(held_out_[0])}};
+  document["error"]["cross_validation"] = {{"random", to_json(held_out_[0])},
+                                           {"time", to_json(held_out_[1])},
+                                           {"region", to_json(held_out_[2])}};
+  document["error"]["folds"] = options_.folds;
+  document["error"]["seed"] = options_.seed;
+  document["noise_floor"] = {
+      {"um", std::isfinite(noise_floor_.mean) ? json(noise_floor_.mean * 1e6) : json(nullptr)},
+      {"source", noise_floor_.source}};
+  document["noise"] = {
+      {"sigma_um", measurements_.typical_sigma * 1e6},
+      {"stated_sigma_um", measurements_.sigma_source == SigmaSource::kAssumed
+                              ? json(nullptr)
+                              : json(measurements_.typical_sigma / noise_scale_ * 1e6)},
+      {"sigma_rotation_rad",
+       measurements_.has_rotation() ? json(measurements_.sigma_rotation) : json(nullptr)}};
+  document["smoothness_sigma"] = smoothness_sigma_;
+  document["rejected"] = json::array();
+  for (const RejectedRow& r : rejected_) {
+    document["rejected"].push_back({{"index", r.row}, {"residual_um", r.residual * 1e6}});
+  }
+  document["unobservable"] = json::array();
+  for (const Unidentifiable& held : identifiability_.held)
+    document["unobservable"].push_back(held.sentence);
+  document["warnings"] = warnings_;
+  document["solver"] = {{"iterations", summary_.iterations},
+                        {"converged", summary_.converged},
+                        {"message", summary_.message}};
+  document["payload_point"] = {state_->payload_point().x(), state_->payload_point().y(),
+                               state_->payload_point().z()};
+  return document;
+}
+
+FittedModel FittedModel::from_json(const json& document) {
+  FittedModel fitted;
+  fitted.robot = Robot::from_json(document.at("robot"));
+  fitted.measuring_from_base = pose_from(document.at("measuring_from_base"));
+  for (const auto& [name, pose] : document.at("flange_from_tool").items()) {
+    fitted.targets.push_back(name);
+    fitted.flange_from_tool.push_back(pose_from(pose));
+  }
+  const int targets = static_cast<int>(fitted.targets.size());
+  for (const json& entry : document.at("parameters")) {
+    Parameter p;
+    p.name = entry.at("name");
+    p.effect = entry.at("effect");
+    p.joints = entry.value("joints", std::vector<int>{});
+    p.unit = entry.value("unit", "");
+    p.value = entry.at("value");
+    p.exported = entry.value("exported", true);
+    for (const json& term : entry.at("terms")) {
+      p.terms.push_back(term_from_json(term, fitted.robot.joint_count(), targets));
+    }
+    if (p.value != 0.0) fitted.model.parameters.push_back(std::move(p));
+  }
+  if (document.contains("payload_point")) {
+    const std::vector<double> point = document["payload_point"];
+    fitted.robot.payload_point = Eigen::Vector3d(point.at(0), point.at(1), point.at(2));
+  }
+  return fitted;
+}
+
+std::vector<Pose> FittedModel::predict(const State::Columns& columns,
+                                       const std::vector<int>& target) const {
+  const State state(robot, columns, robot.payload_point.value_or(Eigen::Vector3d::Zero()));
+  Kinematics kinematics(robot, static_cast<int>(flange_from_tool.size()));
+  kinematics.set_base(measuring_from_base);
+  for (std::size_t t = 0; t < flange_from_tool.size(); ++t)
+    kinematics.set_tool(static_cast<int>(t), flange_from_tool[t]);
+  return predict_poses(state, target, model, kinematics);
+}
+
+}  // namespace armtrue

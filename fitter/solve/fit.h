@@ -1,0 +1,135 @@
+// From measurements to a fitted model: alignment, identifiability, solution, gross errors,
+// covariance, held-out errors.
+#pragma once
+
+#include <functional>
+#include <map>
+#include <memory>
+#include <nlohmann/json_fwd.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "fitter/solve/align.h"
+#include "fitter/solve/cross_validation.h"
+#include "fitter/solve/identifiability.h"
+#include "fitter/solve/least_squares.h"
+
+namespace armtrue {
+
+struct FitOptions {
+  int folds = 5;
+  std::uint64_t seed = 0;
+  double assumed_sigma =
+      10e-6;  ///< [m] where neither column, instrument nor repeats say better; only priors feel it
+  double sigma_rotation = 20e-6;  ///< [rad] of measured orientations
+  bool reject_gross_errors = true;
+  bool cross_validate = true;
+  std::optional<Instrument> instrument;
+  std::optional<double> smoothness_sigma;  ///< of tables; none: chosen from the data
+  /// Where nonlinear parameters start, by name; those without one are searched for.
+  std::map<std::string, double> nonlinear_starts;
+  std::function<void(double, const std::string&)> progress;  ///< share done, what is being done
+};
+
+struct RejectedRow {
+  std::size_t row = 0;    ///< 0-based
+  double residual = 0.0;  ///< [m]
+};
+
+struct NoiseFloor {
+  double mean = 0.0;   ///< mean distance [m] that measurement and repeatability alone would leave
+  std::string source;  ///< repeats, sigma, targets, none
+  std::size_t count = 0;  ///< degrees of freedom of repeats or distances
+};
+
+/// A fitted model with everything known about it. Holds its own copies of what it was fitted to.
+class Fit {
+ public:
+  /// Throws ModelError for data that cannot carry the model.
+  static std::unique_ptr<Fit> run(const Robot& robot, const State::Columns& columns,
+                                  const ModelSpecification& specification,
+                                  const FitOptions& options);
+
+  const Robot& robot() const { return *robot_; }
+  const State& state() const { return *state_; }
+  const Measurements& measurements() const { return measurements_; }
+  const Model& model() const { return model_; }
+  const ModelSpecification& specification() const { return specification_; }
+  const FitOptions& options() const { return options_; }
+  Design& design() { return *design_; }
+  const Kinematics& kinematics() const { return *kinematics_; }
+  const EffectContext& context() const { return *context_; }
+  double smoothness_sigma() const { return smoothness_sigma_; }
+  /// True where smoothness was chosen from the data.
+  bool smooth() const;
+  /// Factor between the stated and the observed standard deviation of a measurement.
+  double noise_scale() const { return noise_scale_; }
+  const NoiseFloor& noise_floor() const { return noise_floor_; }
+  const std::vector<RejectedRow>& rejected() const { return rejected_; }
+  const Eigen::MatrixXd& covariance() const { return covariance_; }
+  const ErrorSummary& train_error() const { return train_; }
+  const ErrorSummary& held_out_error() const { return held_out_[0]; }
+  /// Held out at random, by time, by region.
+  const std::vector<ErrorSummary>& held_out_errors() const { return held_out_; }
+  /// Unknowns less what priors and smoothness hold: the trace of the hat matrix.
+  double effective_unknowns() const { return effective_unknowns_; }
+
+  /// Everything of fit.json that the numbers know (docs/model.md).
+  nlohmann::json document() const;
+
+ private:
+  Fit() = default;
+  void prepare(const Robot& robot, const State::Columns& columns);
+  void rescale_noise();
+  void choose_starts();
+  void choose_smoothness();
+  void solve_robustly();
+  bool find_gross_errors();
+  void fold_base_and_tool();
+  void compute_covariance();
+  void measure_errors();
+  void measure_noise_floor();
+  void measure_noise_floor_between_targets();
+  void report(double share, const std::string& what) const {
+    if (options_.progress) options_.progress(share, what);
+  }
+
+  std::unique_ptr<Robot> robot_;
+  std::unique_ptr<State> state_;
+  Measurements measurements_;
+  ModelSpecification specification_;
+  FitOptions options_;
+  Alignment alignment_;
+  Model model_;
+  std::unique_ptr<Kinematics> kinematics_;
+  std::unique_ptr<EffectContext> context_;
+  std::unique_ptr<Design> design_;
+  Identifiability identifiability_;
+  std::vector<RejectedRow> rejected_;
+  std::vector<std::string> warnings_;
+  SolveSummary summary_;
+  double smoothness_sigma_ = 1e-4;
+  double noise_scale_ = 1.0;
+  NoiseFloor noise_floor_;
+  Eigen::MatrixXd covariance_;
+  double effective_unknowns_ = 0.0;
+  ErrorSummary nominal_, train_;
+  std::vector<ErrorSummary> held_out_;
+};
+
+/// State and kinematics of a saved fit, for prediction at new poses without the measurements.
+struct FittedModel {
+  Robot robot;
+  Model model;
+  std::vector<std::string> targets;
+  std::vector<Pose> flange_from_tool;
+  Pose measuring_from_base = Pose::Identity();
+
+  /// From fit.json's content. Throws ModelError.
+  static FittedModel from_json(const nlohmann::json& document);
+  /// Predicted poses in the measuring frame. `target` numbers index `targets`.
+  std::vector<Pose> predict(const State::Columns& columns, const std::vector<int>& target) const;
+};
+
+}  // namespace armtrue

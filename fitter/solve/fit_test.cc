@@ -1,0 +1,284 @@
+#include "fitter/solve/fit.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+#include <set>
+
+#include "fitter/testing/problem.h"
+
+namespace armtrue {
+namespace {
+
+using nlohmann::json;
+using testing::Problem;
+using testing::ProblemOptions;
+using testing::Random;
+
+double field_error(const Parameter& p, Random& random) {
+  if (p.effect == "base_frame" || p.effect == "tool_offset") return 0.0;
+  return testing::normal(random, p.unit == "m" ? 2e-4 : 5e-4);
+}
+
+Problem geometry_problem(std::uint64_t seed,
+                         ProblemOptions options = {120, false, 1, 1e-5, 2e-5, {}}) {
+  Random random(seed);
+  return Problem(testing::industrial_arm(), testing::geometry_model(), options, random,
+                 [&](const Parameter& p) { return field_error(p, random); });
+}
+
+std::unique_ptr<Fit> fit_of(const Problem& p, const json& model = testing::geometry_model(),
+                            const FitOptions& options = {}) {
+  return Fit::run(p.robot, p.columns, ModelSpecification::from_json(model), options);
+}
+
+TEST(Fit, ReachesTheNoise) {
+  const Problem p = geometry_problem(51);
+  const auto fit = fit_of(p);
+  EXPECT_NEAR(fit->train_error().rms, 1e-5 * std::sqrt(3.0), 2.5e-6);
+  EXPECT_LT(fit->held_out_error().rms, 2.6e-5);
+  EXPECT_GT(fit->held_out_error().rms, fit->train_error().rms);
+  EXPECT_TRUE(fit->rejected().empty());
+  EXPECT_TRUE(fit->document()["warnings"].empty());
+}
+
+TEST(Fit, FindsTheNoiseThatNobodyStated) {
+  const Problem p = geometry_problem(52, {300, true, 1, 4e-5, 7e-5, {}});
+  const auto fit = fit_of(p);
+  EXPECT_NEAR(fit->measurements().typical_sigma, 4e-5, 3e-6);
+  EXPECT_NEAR(fit->measurements().sigma_rotation, 7e-5, 6e-6);
+}
+
+TEST(Fit, BumpedReflectorsAreFoundNamedAndKeptOut) {
+  Problem p = geometry_problem(53);
+  const auto clean = fit_of(p);
+  const std::set<std::size_t> bumped{4, 5, 31, 77, 78, 79, 118};
+  for (const std::size_t row : bumped) p.columns["z"][row] += row % 2 ? 4e-4 : -1.5e-3;
+  const auto fit = fit_of(p);
+  std::set<std::size_t> found;
+  for (const RejectedRow& r : fit->rejected()) {
+    found.insert(r.row);
+    EXPECT_GT(r.residual, 3e-4);
+  }
+  EXPECT_EQ(found, bumped);
+  EXPECT_EQ(fit->train_error().count, 120 - bumped.size());
+  EXPECT_LT(fit->train_error().rms, 1.2 * clean->train_error().rms);
+  EXPECT_EQ(fit->document()["rejected"].size(), bumped.size());
+}
+
+TEST(Fit, HonestRowsAreKept) {
+  for (std::uint64_t seed = 60; seed < 70; ++seed)
+    EXPECT_TRUE(fit_of(geometry_problem(seed))->rejected().empty()) << seed;
+}
+
+// What an effect that the model lacks does to many rows is not a gross error.
+TEST(Fit, AMissingEffectIsNotRejectedAway) {
+  Random random(54);
+  json truth = testing::geometry_model();
+  truth["effects"].push_back({{"effect", "gear_harmonics"}, {"joints", {2}}});
+  const Problem p(testing::industrial_arm(), truth, {150, false, 1, 1e-5, 2e-5, {}}, random,
+                  [&](const Parameter& q) {
+                    return q.effect == "gear_harmonics" ? 3e-4 : field_error(q, random);
+                  });
+  EXPECT_TRUE(fit_of(p)->rejected().empty());
+}
+
+TEST(Fit, HeldOutErrorsAreThoseOfRealRefits) {
+  const Problem p = geometry_problem(55, {90, false, 1, 1e-5, 2e-5, {}});
+  FitOptions options;
+  options.reject_gross_errors = false;
+  const auto fit = fit_of(p, testing::geometry_model(), options);
+  const std::vector<int> folds = make_folds(fit->design(), Folding::kRandom, 5, 0);
+  const std::vector<double> linearised =
+      held_out_distances(fit->design(), folds, 5, fit->smoothness_sigma());
+  for (int fold = 0; fold < 5; ++fold) {
+    std::vector<std::size_t> inside, outside;
+    for (std::size_t i = 0; i < folds.size(); ++i)
+      (folds[i] == fold ? outside : inside).push_back(i);
+    State::Columns train, test;
+    for (const auto& [name, values] : p.columns) {
+      for (const std::size_t i : inside) train[name].push_back(values[i]);
+      for (const std::size_t i : outside) test[name].push_back(values[i]);
+    }
+    const auto refit =
+        Fit::run(p.robot, train, ModelSpecification::from_json(testing::geometry_model()), options);
+    json document = refit->document();
+    document["robot"] = testing::industrial_arm();
+    const std::vector<Pose> predicted =
+        FittedModel::from_json(document).predict(test, std::vector<int>(outside.size(), 0));
+    double real = 0.0, quick = 0.0;
+    for (std::size_t k = 0; k < outside.size(); ++k) {
+      const Eigen::Vector3d seen(test["x"][k], test["y"][k], test["z"][k]);
+      real += (predicted[k].translation() - seen).squaredNorm();
+      quick += linearised[outside[k]] * linearised[outside[k]];
+    }
+    EXPECT_NEAR(std::sqrt(quick / real), 1.0, 0.02) << "fold " << fold;
+  }
+}
+
+TEST(Fit, DocumentPredictsWhatTheFitPredicts) {
+  Random random(56);
+  json model = testing::geometry_model();
+  for (const json& e : {json("joint_compliance"), json("thermal_expansion"), json("warm_up"),
+                        json{{"effect", "transmission_pwl"}, {"joints", {1}}}}) {
+    model["effects"].push_back(e);
+  }
+  const Problem p(testing::industrial_arm(), model, {200, false, 2, 1e-5, 2e-5, {}}, random,
+                  [&](const Parameter& q) {
+                    return q.bound > 0.0 ? 0.05 * testing::normal(random, q.bound) : 0.0;
+                  });
+  const auto fit = fit_of(p, model);
+  json document = json::parse(fit->document().dump());
+  document["robot"] = testing::industrial_arm();
+  const std::vector<Pose> predicted =
+      FittedModel::from_json(document).predict(p.columns, fit->measurements().target);
+  for (std::size_t i = 0; i < predicted.size(); ++i) {
+    EXPECT_LT((predicted[i].translation() - fit->design().predict(i).translation()).norm(), 1e-9);
+  }
+}
+
+TEST(Fit, FixedParametersStayAndPriorsPull) {
+  const Problem p = geometry_problem(57);
+  json model = testing::geometry_model();
+  model["parameters"]["joint_offset[2]"] = {{"fixed", 1e-3}};
+  model["parameters"]["link_geometry[4].tx"] = {{"prior", 5e-4}, {"sigma", 1e-9}};
+  const auto fit = fit_of(p, model);
+  for (const json parameters = fit->document()["parameters"]; const json& q : parameters) {
+    if (q["name"] == "joint_offset[2]") {
+      EXPECT_EQ(q["value"].get<double>(), 1e-3);
+      EXPECT_TRUE(q["fixed"].get<bool>());
+    }
+    if (q["name"] == "link_geometry[4].tx" && !q["held"].get<bool>()) {
+      EXPECT_NEAR(q["value"].get<double>(), 5e-4, 1e-8);
+    }
+  }
+}
+
+TEST(Fit, HeldParametersStandAtNominal) {
+  const Problem p = geometry_problem(58);
+  for (const json parameters = fit_of(p)->document()["parameters"]; const json& q : parameters) {
+    if (q["held"].get<bool>()) {
+      EXPECT_EQ(q["value"].get<double>(), 0.0) << q["name"];
+    }
+  }
+}
+
+// The instrument's ellipsoids as weights: a far reflector across the line of sight counts less.
+TEST(Fit, InstrumentWeightsBeatNone) {
+  Random random(59);
+  Instrument tracker;
+  tracker.position = {0.0, 0.0, 0.0};
+  tracker.radial_a = 1e-6;
+  tracker.angular_a = 1e-5;
+  tracker.angular_b = 6e-5;
+  double weighted = 0.0, plain = 0.0;
+  for (int round = 0; round < 4; ++round) {
+    Problem p(testing::industrial_arm(), testing::geometry_model(), {100, false, 1, 0.0, 0.0, {}},
+              random, [&](const Parameter& q) { return field_error(q, random); });
+    const Measurements exact = p.measurements;
+    FitOptions with;
+    with.instrument = tracker;
+    for (std::size_t i = 0; i < 100; ++i) {
+      const Eigen::Vector3d point = exact.position.col(static_cast<Eigen::Index>(i));
+      const Eigen::Vector3d u = point.normalized();
+      const Eigen::Vector3d white = testing::normal3(random, 1.0);
+      const double across = tracker.angular_a + tracker.angular_b * point.norm();
+      const Eigen::Vector3d noise =
+          across * (white - u * u.dot(white)) + tracker.radial_a * u * u.dot(white);
+      p.columns["x"][i] += noise.x();
+      p.columns["y"][i] += noise.y();
+      p.columns["z"][i] += noise.z();
+    }
+    const auto error = [&](const FitOptions& options) {
+      const auto fit = fit_of(p, testing::geometry_model(), options);
+      double sum = 0.0;
+      for (std::size_t i = 0; i < 100; ++i) {
+        sum += (fit->design().predict(i).translation() -
+                exact.position.col(static_cast<Eigen::Index>(i)))
+                   .squaredNorm();
+      }
+      return sum;
+    };
+    weighted += error(with);
+    plain += error({});
+  }
+  EXPECT_LT(weighted, 0.7 * plain);
+}
+
+TEST(Instrument, IsReadAsModelYamlHasIt) {
+  const Instrument i = Instrument::from_json(json::parse(
+      R"({"position": [1, 2, 3], "radial": {"a": 5e-6, "b": 5e-7}, "angular": {"a": 7e-6}})"));
+  EXPECT_EQ(i.position, Eigen::Vector3d(1, 2, 3));
+  EXPECT_EQ(i.radial_b, 5e-7);
+  EXPECT_EQ(i.angular_a, 7e-6);
+  EXPECT_EQ(i.angular_b, 0.0);
+}
+
+TEST(Fit, NoiseFloorComesFromRepeatsThenFromSigma) {
+  Problem p = geometry_problem(71, {120, false, 1, 2e-5, 2e-5, {}});
+  EXPECT_EQ(fit_of(p)->noise_floor().source, "none");
+  p.columns["sigma"].assign(120, 2e-5);
+  EXPECT_EQ(fit_of(p)->noise_floor().source, "sigma");
+  EXPECT_NEAR(fit_of(p)->noise_floor().mean, 2e-5 * 1.596, 1e-8);
+
+  // Each pose four times: the rows of one pose differ by noise alone.
+  Random random(72);
+  State::Columns repeated;
+  for (std::size_t i = 0; i < 120; ++i) {
+    for (int k = 0; k < 4; ++k) {
+      for (const auto& [name, values] : p.columns) {
+        const bool measured = name == "x" || name == "y" || name == "z";
+        repeated[name].push_back(values[i] + (measured ? testing::normal(random, 1e-5) : 0.0));
+      }
+      repeated["repeat"].push_back(static_cast<double>(i));
+    }
+  }
+  const auto fit =
+      Fit::run(p.robot, repeated, ModelSpecification::from_json(testing::geometry_model()), {});
+  EXPECT_EQ(fit->noise_floor().source, "repeats");
+  EXPECT_NEAR(fit->noise_floor().mean, 1e-5 * 1.596, 1.5e-6);
+}
+
+TEST(Fit, NoiseFloorComesFromDistancesBetweenReflectorsWhereNothingElseTells) {
+  // Rows i, i+1, i+2 are three reflectors at one pose: rigid, so that distances scatter by noise
+  // alone.
+  const std::size_t poses = 60;
+  Problem p = geometry_problem(76, {3 * poses, false, 3, 0.0, 0.0, {}});
+  for (auto& [name, values] : p.columns) {
+    if (name == "target" || name == "x" || name == "y" || name == "z") continue;
+    for (std::size_t i = 0; i < values.size(); ++i) values[i] = values[i - i % 3];
+  }
+  Random random(77);
+  const std::vector<Pose> exact = predict_poses(State(p.robot, p.columns, Eigen::Vector3d::Zero()),
+                                                p.measurements.target, p.model, *p.kinematics);
+  for (std::size_t i = 0; i < exact.size(); ++i) {
+    for (int axis = 0; axis < 3; ++axis) {
+      p.columns[std::string(1, static_cast<char>('x' + axis))][i] =
+          exact[i].translation()[axis] + testing::normal(random, 2e-5);
+    }
+  }
+  const auto fit =
+      Fit::run(p.robot, p.columns, ModelSpecification::from_json(testing::geometry_model()), {});
+  EXPECT_EQ(fit->noise_floor().source, "targets");
+  EXPECT_NEAR(fit->noise_floor().mean, 2e-5 * 1.596, 3e-6);
+}
+
+TEST(Fit, RefusesTooFewPoses) {
+  EXPECT_THROW(fit_of(geometry_problem(73, {3, false, 1, 1e-5, 2e-5, {}})), ModelError);
+}
+
+TEST(Fit, FewPosesGiveAFiniteAnswer) {
+  const auto fit = fit_of(geometry_problem(74, {5, false, 1, 1e-5, 2e-5, {}}));
+  EXPECT_TRUE(fit->covariance().allFinite());
+  for (const json parameters = fit->document()["parameters"]; const json& q : parameters)
+    EXPECT_TRUE(std::isfinite(q["value"].get<double>()));
+}
+
+TEST(Fit, SameInputSameOutput) {
+  const Problem p = geometry_problem(75);
+  EXPECT_EQ(fit_of(p)->document().dump(), fit_of(p)->document().dump());
+}
+
+}  // namespace
+}  // namespace armtrue

@@ -1,0 +1,22 @@
+// Nonlinear least squares over a design, by Ceres with the design's analytic Jacobian.
+#pragma once
+
+#include <string>
+
+#include "fitter/solve/design.h"
+
+namespace armtrue {
+
+struct SolveSummary {
+  int iterations = 0;
+  bool converged = false;
+  double cost = 0.0;  ///< Σ r², penalties included
+  std::string message;
+};
+
+/// Minimises Σ r² with priors and penalties, starting from the design's present values, and leaves
+/// the solution there. Models without tables are one dense problem; with tables every measurement
+/// is a block that touches only its own nodes.
+SolveSummary solve(Design& design, double smoothness_sigma);
+
+}  // namespace armtrue

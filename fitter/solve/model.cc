@@ -1,0 +1,120 @@
+#include "fitter/solve/model.h"
+
+#include <algorithm>
+#include <numbers>
+#include <set>
+
+namespace armtrue {
+
+using nlohmann::json;
+
+namespace {
+
+EffectRequest request_from_json(const json& entry) {
+  EffectRequest request;
+  if (entry.is_string()) {
+    request.effect = entry;
+    return request;
+  }
+  request.effect = entry.at("effect");
+  for (const auto& [key, value] : entry.items()) {
+    if (key == "effect") continue;
+    if (key == "joints") {
+      if (!value.is_null()) request.joints = value.get<std::vector<int>>();
+    } else {
+      request.options[key] = value;
+    }
+  }
+  return request;
+}
+
+}  // namespace
+
+ModelSpecification ModelSpecification::from_json(const json& content) {
+  ModelSpecification specification;
+  for (const json& entry : content.at("effects"))
+    specification.effects.push_back(request_from_json(entry));
+  if (content.contains("priors") && !content["priors"].is_null()) {
+    const json& priors = content["priors"];
+    specification.priors.angle = priors.value("angle_deg", 0.3) * std::numbers::pi / 180.0;
+    specification.priors.length = priors.value("length_mm", 2.0) * 1e-3;
+  }
+  if (content.contains("parameters") && !content["parameters"].is_null()) {
+    for (const auto& [name, value] : content["parameters"].items()) {
+      ParameterOverride o;
+      o.fixed = value.contains("fixed");
+      o.value = o.fixed ? value["fixed"].get<double>() : value.value("prior", 0.0);
+      o.sigma = value.value("sigma", 0.0);
+      specification.overrides[name] = o;
+    }
+  }
+  return specification;
+}
+
+json ModelSpecification::to_json() const {
+  json content{{"effects", json::array()}};
+  for (const EffectRequest& request : effects) {
+    json entry = request.options.is_object() ? request.options : json::object();
+    entry["effect"] = request.effect;
+    if (!request.joints.empty()) entry["joints"] = request.joints;
+    content["effects"].push_back(entry);
+  }
+  content["priors"] = {{"angle_deg", priors.angle * 180.0 / std::numbers::pi},
+                       {"length_mm", priors.length * 1e3}};
+  for (const auto& [name, o] : overrides) {
+    content["parameters"][name] =
+        o.fixed ? json{{"fixed", o.value}} : json{{"prior", o.value}, {"sigma", o.sigma}};
+  }
+  return content;
+}
+
+bool ModelSpecification::contains(const std::string& effect) const {
+  return std::any_of(effects.begin(), effects.end(),
+                     [&](const EffectRequest& r) { return r.effect == effect; });
+}
+
+int Model::index(const std::string& name) const {
+  for (std::size_t i = 0; i < parameters.size(); ++i) {
+    if (parameters[i].name == name) return static_cast<int>(i);
+  }
+  return -1;
+}
+
+Model build_model(const ModelSpecification& specification, const EffectContext& given) {
+  EffectContext context = given;
+  context.priors = specification.priors;
+  Model model;
+  std::set<std::string> names;
+  for (const EffectRequest& request : specification.effects) {
+    EffectTerms terms = build_effect(context, request);
+    for (Parameter& p : terms.parameters) {
+      if (!names.insert(p.name).second) {
+        throw ModelError("model: effect " + p.effect +
+                         " stands twice on the same joint (parameter " + p.name + ")");
+      }
+      model.parameters.push_back(std::move(p));
+    }
+    for (NonlinearParameter& p : terms.nonlinear) {
+      if (!names.insert(p.name).second)
+        throw ModelError("model: parameter " + p.name + " stands twice");
+      model.nonlinear.push_back(std::move(p));
+    }
+    std::move(terms.penalties.begin(), terms.penalties.end(), std::back_inserter(model.penalties));
+  }
+  std::erase_if(model.penalties, [&](const Penalty& p) {
+    return !p.only_with.empty() && !names.contains(p.only_with);
+  });
+  for (const auto& [name, o] : specification.overrides) {
+    const int index = model.index(name);
+    if (index < 0)
+      throw ModelError("model: parameters names '" + name + "', which no effect of the model has");
+    Parameter& p = model.parameters[static_cast<std::size_t>(index)];
+    p.fixed = o.fixed;
+    p.prior_mean = o.value;
+    p.value = o.value;
+    if (!o.fixed) p.prior_sigma = o.sigma;
+  }
+  return model;
+}
+
+}  // namespace armtrue

@@ -1,0 +1,44 @@
+// A model: effects, and the parameters and terms they give on one arm with one set of recorded
+// columns.
+#pragma once
+
+#include <map>
+#include <nlohmann/json_fwd.hpp>
+#include <string>
+#include <vector>
+
+#include "fitter/effects/effect.h"
+
+namespace armtrue {
+
+/// What a user says of single parameters in model.yaml.
+struct ParameterOverride {
+  bool fixed = false;
+  double value = 0.0;  ///< value where fixed, prior mean otherwise
+  double sigma = 0.0;  ///< prior standard deviation
+};
+
+/// model.yaml in the form that computations want.
+struct ModelSpecification {
+  std::vector<EffectRequest> effects;
+  std::map<std::string, ParameterOverride> overrides;
+  GeometryPriors priors{};
+
+  static ModelSpecification from_json(const nlohmann::json& content);
+  nlohmann::json to_json() const;
+  bool contains(const std::string& effect) const;
+};
+
+/// Parameters of a specification, in order, without repetition.
+struct Model {
+  std::vector<Parameter> parameters;
+  std::vector<NonlinearParameter> nonlinear;
+  std::vector<Penalty> penalties;
+
+  int index(const std::string& name) const;  ///< −1 where there is none
+};
+
+/// Throws ModelError where an effect is unknown, lacks columns, or stands twice on the same joint.
+Model build_model(const ModelSpecification& specification, const EffectContext& context);
+
+}  // namespace armtrue

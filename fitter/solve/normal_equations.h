@@ -1,0 +1,58 @@
+// Linearised least squares at a design's present values: what identifiability, covariance,
+// cross-validation and the diagnosis need.
+#pragma once
+
+#include <Eigen/Cholesky>
+#include <Eigen/Core>
+#include <vector>
+
+#include "fitter/solve/design.h"
+
+namespace armtrue {
+
+/// Rows of quadratic penalty that stand beside the measurements: priors, gauges, smoothness.
+struct PenaltyRow {
+  std::vector<std::pair<int, double>> entries;  ///< unknown, factor / sigma
+  double target = 0.0;                          ///< / sigma
+};
+
+/// Priors of the free parameters and penalties of the model, in unknowns. `smoothness_sigma` scales
+/// smoothness rows.
+std::vector<PenaltyRow> penalty_rows(const Design& design, double smoothness_sigma);
+
+/// JᵀJ and Jᵀr of the measurements, in unknowns.
+struct NormalEquations {
+  Eigen::MatrixXd information;  ///< JᵀJ, lower triangle filled
+  Eigen::VectorXd gradient;     ///< Jᵀr
+  double cost = 0.0;            ///< Σ r²
+  std::size_t equations = 0;    ///< residual rows with weight
+
+  explicit NormalEquations(Eigen::Index unknowns)
+      : information(Eigen::MatrixXd::Zero(unknowns, unknowns)),
+        gradient(Eigen::VectorXd::Zero(unknowns)) {}
+  void add(const Design::Row& row, int residuals);
+  void add(const PenaltyRow& row, const std::vector<double>& values);
+};
+
+/// Accumulates over all rows of a design.
+NormalEquations accumulate(Design& design);
+
+/// Scaled Cholesky factor of a symmetric positive matrix, given its lower triangle.
+class ScaledCholesky {
+ public:
+  explicit ScaledCholesky(const Eigen::MatrixXd& lower);
+  bool ok() const { return factor_.info() == Eigen::Success; }
+  Eigen::VectorXd solve(const Eigen::VectorXd& right) const;
+  Eigen::MatrixXd solve_matrix(const Eigen::MatrixXd& right) const;
+  Eigen::MatrixXd inverse() const;
+  /// L⁻¹ D with D the scaling: columns of a matrix become orthonormal coordinates of the solution
+  /// space.
+  Eigen::MatrixXd half_solve(const Eigen::MatrixXd& right) const;
+  double log_determinant() const;
+
+ private:
+  Eigen::VectorXd scale_;
+  Eigen::LLT<Eigen::MatrixXd> factor_;
+};
+
+}  // namespace armtrue
