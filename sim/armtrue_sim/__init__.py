@@ -1,0 +1,27 @@
+"""Arms whose truth is exact: one scenario makes one measurement campaign, reproducibly.
+
+    campaign = armtrue_sim.simulate("sim/scenarios/kr30.yaml", "out/kr30")
+    campaign.arm.true_position(q, {"payload": mass, "temp_arm": temperature})
+
+Own kinematics in numpy; no code is shared with the fitter, so that agreement between the two means something.
+"""
+
+from .arm import Arm, Term
+from .campaign import Campaign, cli_simulate, measure, simulate
+from .errors import ScenarioError
+from .poses import random_poses
+from .scenario import Scenario
+from .transforms import Pose
+
+__all__ = [
+    "Arm",
+    "Campaign",
+    "Pose",
+    "Scenario",
+    "ScenarioError",
+    "Term",
+    "cli_simulate",
+    "measure",
+    "random_poses",
+    "simulate",
+]

@@ -1,0 +1,7 @@
+"""Every effect of the contract's catalogue as the arm really has it: one function an effect, sizes drawn or given."""
+
+from . import elastic, gears, geometry, grid, measurement, thermal  # noqa: F401  (each registers its effects)
+from .base import EFFECTS, EffectContext, EffectTruth, build_effect, default_joints
+from .gears import mesh_orders
+
+__all__ = ["EFFECTS", "EffectContext", "EffectTruth", "build_effect", "default_joints", "mesh_orders"]

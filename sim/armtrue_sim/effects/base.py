@@ -1,0 +1,183 @@
+"""What an effect is to the simulator: a function that turns drawn or given sizes into true terms."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from ..arm import Term
+from ..chain import Chain
+from ..errors import ScenarioError
+from ..fourbar import FourBar
+from ..presets import Preset
+
+ARCSEC = np.pi / 180.0 / 3600.0
+DEGREE = np.pi / 180.0
+# Angle sizes of the literature carried over to a linear axis: what a joint error of 1 rad is in metres there.
+PRISMATIC_SIZE = 0.1
+
+
+@dataclass(frozen=True)
+class EffectContext:
+    """What an effect may know of its arm."""
+
+    robot: dict[str, Any]
+    chain: Chain
+    preset: Preset
+
+    def size(self, joint: int) -> float:
+        """Factor from an angle's size to the joint's own unit (joint from 1)."""
+        return PRISMATIC_SIZE if self.chain.prismatic[joint - 1] else 1.0
+
+    def unit(self, joint: int) -> str:
+        """rad or m (joint from 1)."""
+        return "m" if self.chain.prismatic[joint - 1] else "rad"
+
+    def sensor_variable(self, sensor: str | None) -> str:
+        """State variable of a temperature sensor; None: the first."""
+        sensors = self.robot.get("temperature", {}).get("sensors", [])
+        if sensor is None:
+            return "dT"
+        if sensor not in sensors:
+            raise ScenarioError(f"sensor '{sensor}' is none of the robot's sensors {sensors}")
+        return f"dT_{sensor}"
+
+
+@dataclass
+class EffectTruth:
+    """What one entry of a scenario adds to the real arm."""
+
+    terms: list[Term] = field(default_factory=list)
+    linkage: FourBar | None = None
+
+
+class Sizes:
+    """Sizes of one effect: each is what the scenario gives, else drawn from its realistic range.
+
+    Every draw is made whether used or not, so that giving one value leaves the others as they were.
+    """
+
+    def __init__(
+        self, given: Mapping[str, Any], rng: np.random.Generator, joints: Sequence[int], where: str
+    ) -> None:
+        self.given = dict(given)
+        self.rng = rng
+        self._joints = list(joints)
+        self._where = where
+        self._asked: set[str] = set()
+
+    def value(self, name: str, drawn: float, joint: int | None = None) -> float:
+        """Given value of `name` (a number, or a list in the order of the joints), else `drawn`."""
+        self._asked.add(name)
+        if name not in self.given:
+            return float(drawn)
+        given = self.given[name]
+        try:
+            if isinstance(given, list | tuple):
+                return float(given[self._joints.index(joint)] if joint is not None else given[0])
+            return float(given)
+        except (TypeError, ValueError, IndexError):
+            raise ScenarioError(
+                f"{self._where}: '{name}' is {given!r}, expected a number or one number a joint"
+            ) from None
+
+    def option(self, name: str, default: Any) -> Any:
+        """Given value of any type."""
+        self._asked.add(name)
+        return self.given.get(name, default)
+
+    def signed(self, low: float, high: float) -> float:
+        """Uniform magnitude in [low, high] with a random sign."""
+        return float(self.rng.uniform(low, high) * self.rng.choice([-1.0, 1.0]))
+
+    def refuse_unasked(self) -> None:
+        """Raises ScenarioError for a given size that the effect does not know."""
+        unknown = sorted(set(self.given) - self._asked)
+        if unknown:
+            raise ScenarioError(
+                f"{self._where}: unknown key '{unknown[0]}', expected {', '.join(sorted(self._asked))}"
+            )
+
+
+Build = Callable[[EffectContext, list[int], Sizes], EffectTruth]
+
+
+@dataclass(frozen=True)
+class EffectRule:
+    """One effect id: how it is built and which joints it takes where none are named (none: it names no joints)."""
+
+    build: Build
+    joints: Callable[[EffectContext], list[int]]
+
+
+EFFECTS: dict[str, EffectRule] = {}
+
+
+def every_joint(context: EffectContext) -> list[int]:
+    """All joints, from 1."""
+    return list(range(1, context.chain.n + 1))
+
+
+def no_joint(context: EffectContext) -> list[int]:
+    """For effects that name no joints."""
+    return []
+
+
+def compliant_joints(context: EffectContext) -> list[int]:
+    """Joints whose torsion matters most; 2 and 3 on a six-axis arm (contract.md)."""
+    return list(context.preset.compliant)
+
+
+def effect(
+    name: str, joints: Callable[[EffectContext], list[int]]
+) -> Callable[[Callable[[EffectContext, list[int], Sizes], EffectTruth]], Build]:
+    """Registers the decorated function as the effect `name`."""
+
+    def register(build: Build) -> Build:
+        EFFECTS[name] = EffectRule(build, joints)
+        return build
+
+    return register
+
+
+def default_joints(name: str, context: EffectContext) -> list[int]:
+    """Joints that the effect takes where none are named."""
+    return EFFECTS[name].joints(context)
+
+
+def build_effect(
+    name: str,
+    joints: Sequence[int] | None,
+    given: Mapping[str, Any],
+    context: EffectContext,
+    seed: int,
+    where: str,
+) -> EffectTruth:
+    """True terms of one scenario entry.
+
+    joints from 1, None: the default. given: sizes that are not to be drawn; `scale`: a factor on all of them. `seed`
+    and the entry alone decide the draws, so that adding one effect to a scenario leaves the truth of the others as it
+    was. Raises ScenarioError.
+    """
+    if name not in EFFECTS:
+        raise ScenarioError(f"{where}: unknown effect '{name}', expected one of {', '.join(sorted(EFFECTS))}")
+    chosen = list(joints) if joints is not None else default_joints(name, context)
+    for joint in chosen:
+        if not isinstance(joint, int) or not 1 <= joint <= context.chain.n:
+            raise ScenarioError(
+                f"{where}: joint {joint!r} of '{name}' is not between 1 and {context.chain.n}"
+            )
+    tag = str(given.get("name", ""))
+    rng = np.random.default_rng([seed, zlib.crc32(f"{name} {chosen} {tag}".encode())])
+    sizes = Sizes(given, rng, chosen, f"{where}: {name}")
+    factor = sizes.value("scale", 1.0)
+    truth = EFFECTS[name].build(context, chosen, sizes)
+    sizes.refuse_unasked()
+    if factor != 1.0:
+        truth.terms = [replace(term, value=factor * term.value) for term in truth.terms]
+        truth.linkage = truth.linkage.scaled(factor) if truth.linkage else None
+    return truth

@@ -1,0 +1,143 @@
+"""Gears: eccentricity, tooth mesh, whatever a transmission does locally, lost motion, wrists that turn each other."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..arm import Term
+from ..errors import ScenarioError
+from ..transforms import Array
+from .base import ARCSEC, DEGREE, EffectContext, EffectTruth, Sizes, effect, every_joint
+
+
+def _wave(
+    name: str, context: EffectContext, sizes: Sizes, joint: int, angle: str, key: str, size: float
+) -> list[Term]:
+    """sin and cos of `angle` on a motor, amplitude `size` rad at a random phase; `key` names the two given values."""
+    phase = sizes.rng.uniform(0.0, 2.0 * np.pi)
+    amplitude = size * context.size(joint)
+    parts = (("sin", amplitude * np.cos(phase)), ("cos", amplitude * np.sin(phase)))
+    return [
+        Term(
+            name,
+            (joint,),
+            f"motor{joint}",
+            f"{part}({angle})",
+            sizes.value(f"{part}{key}", drawn, joint),
+            context.unit(joint),
+        )
+        for part, drawn in parts
+    ]
+
+
+@effect("gear_harmonics", every_joint)
+def gear_harmonics(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
+    """Eccentricity 10 to 60 arcsec once a turn, a fifth to a half of that twice a turn."""
+    terms = []
+    for k in joints:
+        once = sizes.rng.uniform(10.0, 60.0) * ARCSEC
+        twice = sizes.rng.uniform(0.2, 0.5) * once
+        terms += _wave("gear_harmonics", context, sizes, k, f"q{k}", "1", once)
+        terms += _wave("gear_harmonics", context, sizes, k, f"2*q{k}", "2", twice)
+    return EffectTruth(terms)
+
+
+def mesh_orders(context: EffectContext) -> list[int]:
+    """Errors a motor turn that gears of this arm make: one, or two where the wave generator is elliptic."""
+    return [2] if context.preset.strain_wave else [1]
+
+
+@effect("gear_mesh", every_joint)
+def gear_mesh(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
+    """5 to 40 arcsec at the motor's turn; strain-wave gears 20 to 60 arcsec at twice the motor's turn.
+
+    `ratio` gives another gear ratio than robot.yaml's, for arms whose file is wrong or silent.
+    """
+    terms = []
+    wave_gear = context.preset.strain_wave
+    orders = sizes.option("orders", mesh_orders(context))
+    for k in joints:
+        ratio = sizes.value("ratio", context.chain.gear_ratio[k - 1], k)
+        for order in orders:
+            size = sizes.rng.uniform(20.0, 60.0) if wave_gear else sizes.rng.uniform(10.0, 40.0)
+            angle = f"{float(order * ratio)!r}*q{k}"
+            terms += _wave("gear_mesh", context, sizes, k, angle, f"_{order}", size * ARCSEC)
+    return EffectTruth(terms)
+
+
+@effect("transmission_pwl", every_joint)
+def transmission_pwl(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
+    """Any other joint error, 15 to 40 arcsec.
+
+    `shape`: waves (8 to 24 cycles a turn, as a UR10 shows), table (random nodes) or bump (one spot). `table` takes
+    `spacing` in degrees (default 15; a tenth of the travel where prismatic).
+    """
+    shape = sizes.option("shape", "waves")
+    spacing = sizes.value("spacing", 15.0)
+    terms: list[Term] = []
+    for k in joints:
+        size = sizes.value("size", sizes.rng.uniform(15.0, 40.0) * ARCSEC, k)
+        low, high = context.chain.limits[k - 1]
+        prismatic = bool(context.chain.prismatic[k - 1])
+        if shape == "waves":
+            turn = 2.0 * np.pi / (4.0 * (high - low)) if prismatic else 1.0
+            for cycles in sizes.rng.choice(np.arange(8, 25), 2, replace=False):
+                angle = f"{float(cycles * turn)!r}*q{k}"
+                terms += _wave(
+                    "transmission_pwl", context, sizes, k, angle, f"_{cycles}", size / np.sqrt(2.0)
+                )
+        elif shape == "table":
+            step = (high - low) / 10.0 if prismatic else spacing * DEGREE
+            nodes = np.linspace(low, high, max(round((high - low) / step), 2) + 1)
+            heights = sizes.rng.standard_normal(len(nodes)) * size * context.size(k)
+            terms += _table(context, k, nodes, heights)
+        elif shape == "bump":
+            centre = sizes.value("centre", low + (high - low) * sizes.rng.uniform(0.3, 0.7), k)
+            half = sizes.value("half_width", (high - low) * sizes.rng.uniform(0.06, 0.12), k)
+            height = size * context.size(k) * 2.0
+            text = f"hat(q{k}, {centre - half!r}, {centre!r}, {centre + half!r})"
+            terms.append(Term("transmission_pwl", (k,), f"motor{k}", text, height, context.unit(k)))
+        else:
+            raise ScenarioError(f"transmission_pwl: shape is {shape!r}, expected waves, table or bump")
+    return EffectTruth(terms)
+
+
+def _table(context: EffectContext, joint: int, nodes: Array, heights: Array) -> list[Term]:
+    terms = []
+    for i, (node, height) in enumerate(zip(nodes, heights, strict=True)):
+        left, right = nodes[max(i - 1, 0)], nodes[min(i + 1, len(nodes) - 1)]
+        text = f"hat(q{joint}, {float(left)!r}, {float(node)!r}, {float(right)!r})"
+        terms.append(
+            Term("transmission_pwl", (joint,), f"motor{joint}", text, float(height), context.unit(joint))
+        )
+    return terms
+
+
+@effect("backlash", every_joint)
+def backlash(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
+    """Half the lost motion, 16 to 60 arcsec in all, on the side of the approach; `load`: what gravity closes of it."""
+    terms = []
+    for k in joints:
+        half = sizes.rng.uniform(8.0, 30.0) * ARCSEC * context.size(k)
+        terms.append(
+            Term("backlash", (k,), f"motor{k}", f"dir{k}", sizes.value("value", half, k), context.unit(k))
+        )
+        load = sizes.value("load", 0.0, k)
+        if load:
+            terms.append(Term("backlash", (k,), f"motor{k}", f"sign(tau{k})", load, context.unit(k)))
+    return EffectTruth(terms)
+
+
+@effect("joint_coupling", lambda context: [joint for pair in context.preset.wrist_pairs for joint in pair])
+def joint_coupling(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
+    """Wrist gears that turn each other: tens of arcsec a radian. joints: [driven, driving], pair after pair."""
+    pairs = list(zip(joints[::2], joints[1::2], strict=False))
+    if not joints or len(joints) % 2 or any(driven == driving for driven, driving in pairs):
+        raise ScenarioError(
+            f"joint_coupling: joints {joints}, expected [driven, driving] or several such pairs"
+        )
+    terms = []
+    for driven, driving in pairs:
+        value = sizes.value("value", sizes.signed(10.0, 40.0) * ARCSEC)
+        terms.append(Term("joint_coupling", (driven, driving), f"motor{driven}", f"q{driving}", value, "1"))
+    return EffectTruth(terms)

@@ -1,0 +1,75 @@
+"""Geometry: encoder zeros, scales, links, the four-bar linkage."""
+
+from __future__ import annotations
+
+from ..arm import Term
+from ..errors import ScenarioError
+from ..fourbar import FourBar
+from .base import DEGREE, EffectContext, EffectTruth, Sizes, effect, every_joint, no_joint
+
+
+@effect("base_frame", no_joint)
+def base_frame(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
+    """The base stands where the scenario puts it; the real pose is held by the arm, not by terms."""
+    return EffectTruth()
+
+
+@effect("tool_offset", no_joint)
+def tool_offset(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
+    """Reflectors sit where the scenario puts them; the real poses are held by the arm, not by terms."""
+    return EffectTruth()
+
+
+@effect("joint_offset", every_joint)
+def joint_offset(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
+    """Encoder zeros: 0.01 to 0.15 degrees."""
+    terms = []
+    for k in joints:
+        drawn = sizes.signed(0.01, 0.15) * DEGREE * context.size(k)
+        terms.append(
+            Term("joint_offset", (k,), f"motor{k}", "1", sizes.value("value", drawn, k), context.unit(k))
+        )
+    return EffectTruth(terms)
+
+
+@effect("joint_scale", every_joint)
+def joint_scale(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
+    """Gear ratio or scale wrong by 40 to 200 ppm."""
+    terms = []
+    for k in joints:
+        drawn = sizes.signed(4e-5, 2e-4)
+        terms.append(Term("joint_scale", (k,), f"motor{k}", f"q{k}", sizes.value("value", drawn, k), "1"))
+    return EffectTruth(terms)
+
+
+@effect("link_geometry", every_joint)
+def link_geometry(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
+    """Lengths 0.3 mm and angles 0.02 degrees (one sigma), up to 2 mm and 0.1 degrees."""
+    terms = []
+    for k in joints:
+        draws = sizes.rng.standard_normal(5).clip(-5.0, 5.0)
+        for c, draw in zip(("tx", "ty", "tz", "rx", "ry"), draws, strict=True):
+            linear = c.startswith("t")
+            value = sizes.value(c, draw * (3e-4 if linear else 0.02 * DEGREE), k)
+            terms.append(Term("link_geometry", (k,), f"link{k}.{c}", "1", value, "m" if linear else "rad"))
+    return EffectTruth(terms)
+
+
+@effect("parallelogram", lambda context: [2, 3])
+def parallelogram(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
+    """Bars 0.05 to 0.2 mm wrong, crank pivot up to 0.1 mm off axis 2; closed exactly (armtrue_sim.fourbar)."""
+    if joints != [2, 3]:
+        raise ScenarioError(f"parallelogram: joints {joints}, expected [2, 3]")
+    linkage = context.robot.get("linkage")
+    if not linkage or linkage.get("type") != "parallelogram" or list(linkage.get("joints", [])) != [2, 3]:
+        raise ScenarioError(
+            "parallelogram: the robot has no `linkage` of type parallelogram on joints [2, 3]"
+        )
+    errors = {
+        name: sizes.value(name, sizes.signed(5e-5, 2e-4))
+        for name in ("crank_error", "rod_error", "rocker_error", "arm_error")
+    }
+    pivots = {name: sizes.value(name, sizes.rng.uniform(-1e-4, 1e-4)) for name in ("pivot_x", "pivot_y")}
+    return EffectTruth(
+        linkage=FourBar(linkage["crank"], linkage["rod"], linkage["angle"], **errors, **pivots)
+    )

@@ -1,0 +1,96 @@
+"""Heat: links that grow, zeros that move, a stand that warps, a warm-up that no thermometer sees."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from ..arm import Term
+from .base import EffectContext, EffectTruth, Sizes, effect, every_joint, no_joint
+
+STEEL, ALUMINIUM = 11.7e-6, 23.6e-6
+
+
+def link_lengths(context: EffectContext, joint: int) -> Iterator[tuple[str, float]]:
+    """(coordinate, metres) of the lengths that expand with joint `joint` (from 1).
+
+    That is the link after it, up to the next joint or the flange, in its own frame; with joint 1 also the column before
+    it, in the base frame. Over all joints every length of robot.yaml comes once (decision 0020).
+    """
+    chain = context.chain
+    parts = [("base", chain.fixed[0].translation)] if joint == 1 else []
+    parts.append((f"link{joint}", chain.link_lengths[joint - 1]))
+    for frame, lengths in parts:
+        for axis, length in zip(("tx", "ty", "tz"), lengths, strict=True):
+            if abs(length) > 1e-9:
+                yield f"{frame}.{axis}", float(length)
+
+
+@effect("thermal_expansion", every_joint)
+def thermal_expansion(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
+    """One coefficient of expansion for the named links, between steel and aluminium."""
+    temperature = context.sensor_variable(sizes.option("sensor", None))
+    alpha = sizes.value("value", sizes.rng.uniform(STEEL, ALUMINIUM))
+    return EffectTruth(
+        [
+            Term("thermal_expansion", tuple(joints), coordinate, f"{length!r}*{temperature}", alpha, "1/K")
+            for k in joints
+            for coordinate, length in link_lengths(context, k)
+        ]
+    )
+
+
+@effect("thermal_joint_drift", every_joint)
+def thermal_joint_drift(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
+    """Zeros that move by 0.5 to 2 arcsec a kelvin."""
+    temperature = context.sensor_variable(sizes.option("sensor", None))
+    terms = []
+    for k in joints:
+        value = sizes.value("value", sizes.signed(2.5e-6, 1e-5) * context.size(k), k)
+        unit = f"{context.unit(k)}/K"
+        terms.append(Term("thermal_joint_drift", (k,), f"motor{k}", temperature, value, unit))
+    return EffectTruth(terms)
+
+
+@effect("thermal_base", no_joint)
+def thermal_base(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
+    """A stand of a metre grows 5 to 12 um/K and leans 1 to 4 urad/K because one side is warmer."""
+    temperature = context.sensor_variable(sizes.option("sensor", None))
+    drawn = {
+        "tx": sizes.signed(1e-6, 5e-6),
+        "ty": sizes.signed(1e-6, 5e-6),
+        "tz": sizes.rng.uniform(5e-6, 1.2e-5),
+        "rx": sizes.signed(1e-6, 4e-6),
+        "ry": sizes.signed(1e-6, 4e-6),
+        "rz": sizes.signed(5e-7, 2e-6),
+    }
+    return EffectTruth(
+        [
+            Term(
+                "thermal_base",
+                (),
+                f"base.{c}",
+                temperature,
+                sizes.value(c, v),
+                "m/K" if c[0] == "t" else "rad/K",
+            )
+            for c, v in drawn.items()
+        ]
+    )
+
+
+@effect("warm_up", no_joint)
+def warm_up(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
+    """120 to 340 ppm of every length and up to 15 arcsec on every zero, with one time constant `tau` in seconds."""
+    tau = sizes.value("tau", sizes.rng.uniform(1200.0, 3600.0))
+    warmth = f"1 - exp(-time/{tau!r})"
+    growth = sizes.value("growth", sizes.rng.uniform(1.2e-4, 3.4e-4))
+    every = every_joint(context)
+    terms = [
+        Term("warm_up", (), coordinate, f"{length!r}*({warmth})", growth, "1")
+        for k in every
+        for coordinate, length in link_lengths(context, k)
+    ]
+    for k in every:
+        value = sizes.value(f"motor{k}", sizes.signed(1.5e-5, 7e-5) * context.size(k))
+        terms.append(Term("warm_up", (), f"motor{k}", warmth, value, context.unit(k)))
+    return EffectTruth(terms)

@@ -1,0 +1,157 @@
+"""The arms by name: nominal robot.yaml dictionaries and the sizes of what is wrong with an arm of that kind.
+
+Sizes follow "Sizes that are real" in shared/reading/calibration.md; where it is silent, decision 0021 gives the source.
+"""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import dataclass
+from functools import cache
+from importlib import resources
+from typing import Any
+
+import numpy as np
+import yaml
+
+from .errors import ScenarioError
+from .transforms import Pose, rot_x
+
+
+@dataclass(frozen=True)
+class Preset:
+    """What a kind of arm suffers from. Ranges are (low, high).
+
+    payloads: kg at the tool point. torsion: rad/Nm of each motor axis (m/N where prismatic). bending, base_tilt:
+    rad/Nm.
+    strain_wave: gears of that kind (larger mesh error, at twice the motor turn). wrist_pairs: (driven, driving) joints.
+    compliant: joints whose torsion a believed model holds. tool: flange to reflector, metres. reach: metres.
+    """
+
+    payloads: tuple[float, ...]
+    torsion: tuple[tuple[float, float], ...]
+    bending: tuple[float, float]
+    base_tilt: tuple[float, float]
+    strain_wave: bool
+    wrist_pairs: tuple[tuple[int, int], ...]
+    compliant: tuple[int, ...]
+    tool: tuple[float, float, float]
+    reach: float
+
+
+_HEAVY = ((5e-7, 1.2e-6), (1e-6, 2.5e-6), (1e-6, 2.5e-6), (4e-6, 1.2e-5), (4e-6, 1.2e-5), (8e-6, 2e-5))
+_MIDDLE = ((8e-7, 2e-6), (1.2e-6, 3e-6), (1.2e-6, 3e-6), (8e-6, 2e-5), (8e-6, 2e-5), (1e-5, 4e-5))
+_LIGHT = ((1e-5, 4e-5), (2e-5, 5e-5), (2e-5, 5e-5), (4e-5, 9e-5), (4e-5, 9e-5), (4e-5, 9e-5))
+_WRIST = ((5, 4), (6, 4), (6, 5))
+
+PRESETS: dict[str, Preset] = {
+    "kr30": Preset(
+        payloads=(0.0, 8.0, 16.0),
+        torsion=_HEAVY,
+        bending=(1e-7, 5e-7),
+        base_tilt=(3e-8, 2e-7),
+        strain_wave=False,
+        wrist_pairs=_WRIST,
+        compliant=(2, 3),
+        tool=(0.06, 0.03, 0.16),
+        reach=2.0,
+    ),
+    "irb2400": Preset(
+        payloads=(0.0, 8.0, 16.0),
+        torsion=_MIDDLE,
+        bending=(2e-7, 8e-7),
+        base_tilt=(6e-8, 3e-7),
+        strain_wave=False,
+        wrist_pairs=_WRIST,
+        compliant=(2, 3),
+        tool=(0.06, 0.03, 0.16),
+        reach=1.6,
+    ),
+    "cobot": Preset(
+        payloads=(0.0, 2.4, 4.8),
+        torsion=_LIGHT,
+        bending=(3e-6, 1.2e-5),
+        base_tilt=(1.5e-6, 7e-6),
+        strain_wave=True,
+        wrist_pairs=_WRIST,
+        compliant=(2, 3),
+        tool=(0.08, -0.01, 0.17),
+        reach=1.3,
+    ),
+    "lbr": Preset(
+        payloads=(0.0, 2.5, 7.5),
+        torsion=(*_LIGHT, (4e-5, 9e-5)),
+        bending=(4e-6, 1.5e-5),
+        base_tilt=(2e-6, 8e-6),
+        strain_wave=True,
+        wrist_pairs=(),
+        compliant=(2, 4, 6),
+        tool=(0.06, 0.03, 0.14),
+        reach=0.9,
+    ),
+    "scara": Preset(
+        payloads=(0.0, 1.5, 3.0),
+        torsion=((1e-5, 3e-5), (1e-5, 3e-5), (5e-7, 2e-6), (4e-5, 9e-5)),
+        bending=(1e-5, 4e-5),
+        base_tilt=(2e-6, 8e-6),
+        strain_wave=True,
+        wrist_pairs=(),
+        compliant=(3,),
+        tool=(0.04, 0.02, 0.06),
+        reach=0.6,
+    ),
+    "stanford": Preset(
+        payloads=(0.0, 2.0, 4.0),
+        torsion=((5e-6, 1e-5), (8e-6, 2e-5), (2e-7, 8e-7), (2e-5, 6e-5), (2e-5, 6e-5), (4e-5, 9e-5)),
+        bending=(1e-6, 6e-6),
+        base_tilt=(5e-7, 2e-6),
+        strain_wave=False,
+        wrist_pairs=_WRIST,
+        compliant=(2, 3),
+        tool=(0.05, 0.02, 0.12),
+        reach=1.1,
+    ),
+}
+
+
+@cache
+def _load(name: str) -> dict[str, Any]:
+    loaded: dict[str, Any] = yaml.safe_load(
+        (resources.files(__package__) / "robots" / f"{name}.yaml").read_text()
+    )
+    return loaded
+
+
+def nominal_robot(name: str, convention: str = "mdh") -> dict[str, Any]:
+    """robot.yaml dictionary of an arm of PRESETS, without base and tool, in the convention mdh or dh."""
+    if name not in PRESETS:
+        raise ScenarioError(f"arm is '{name}', expected one of {', '.join(PRESETS)}")
+    if convention not in ("mdh", "dh"):
+        raise ScenarioError(f"convention is '{convention}', expected mdh or dh")
+    robot = copy.deepcopy(_load(name))
+    return robot if convention == "mdh" else as_standard_dh(robot)
+
+
+def as_standard_dh(robot: dict[str, Any]) -> dict[str, Any]:
+    """The same arm written in standard DH: row k takes a and alpha of Craig's row k+1; centres of mass move along.
+
+    Exact where the first row has neither a nor alpha, as in every preset. Raises ScenarioError otherwise.
+    """
+    robot = copy.deepcopy(robot)
+    rows = robot["kinematics"]["joints"]
+    if rows[0]["a"] or rows[0]["alpha"]:
+        raise ScenarioError(
+            f"robot '{robot['name']}': a or alpha in its first row has no place in standard DH"
+        )
+    shifted = [(row["a"], row["alpha"]) for row in rows[1:]] + [(0.0, 0.0)]
+    for k, (row, (a, alpha)) in enumerate(zip(rows, shifted, strict=True)):
+        # The DH link frame stands where Craig's next row would start.
+        dh_from_mdh = Pose(rot_x(alpha), np.array([a, 0.0, 0.0])).inverse()
+        row["a"], row["alpha"] = a, alpha
+        if k < len(robot.get("links", [])):
+            com = np.asarray(robot["links"][k]["com"], dtype=float)
+            robot["links"][k]["com"] = [
+                float(v) for v in dh_from_mdh.rotation @ com + dh_from_mdh.translation
+            ]
+    robot["kinematics"]["convention"] = "dh"
+    return robot

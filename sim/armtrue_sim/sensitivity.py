@@ -1,0 +1,106 @@
+"""How coefficients move the tool, by differences of the exact truth, and what a campaign can know of them.
+
+Independent of the fitter's Jacobian on purpose: it decides which hidden effects can be seen at all, and gives the
+Cramer-Rao bound that a fit is held against.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from .arm import COORDINATES, Arm, Columns, Term
+from .expression import evaluate
+from .transforms import Array
+
+
+def unit_term(coordinate: str, expression: str = "1", effect: str = "probe") -> Term:
+    """A term whose coefficient is asked for, for `sensitivity`."""
+    return Term(effect, (), coordinate, expression, 0.0, "1")
+
+
+def geometry_terms(arm: Arm) -> list[Term]:
+    """Base, tool, every joint zero, every link: what a purely geometric model can move (redundant on purpose)."""
+    terms = [unit_term(f"base.{c}") for c in COORDINATES] + [unit_term(f"tool.{c}") for c in COORDINATES[:3]]
+    for k in range(1, arm.chain.n + 1):
+        terms.append(unit_term(f"motor{k}"))
+        terms += [unit_term(f"link{k}.{c}") for c in COORDINATES[:5]]
+    return terms
+
+
+def coordinate_sensitivity(arm: Arm, q: Array, columns: Columns) -> dict[str, Array]:
+    """d position / d coordinate, (N, 3) by coordinate name, at the real arm: the geometric Jacobian's columns.
+
+    A turn about an axis through o moves the tool p by axis x (p - o), a shift by its axis (Craig, section 5.8). First
+    order in the arm's own errors (millimetres on a metre): the link's shift and a wrong linkage's slope are left out.
+    """
+    chain = arm.chain
+    frames, tool_rotation, tool = arm.true_frames(q, columns)
+    result: dict[str, Array] = {}
+
+    def add(name: str, rotation: Array, origin: Array) -> None:
+        for i, axis in enumerate("xyz"):
+            direction = np.broadcast_to(rotation[..., :, i], tool.shape)
+            result[f"{name}.t{axis}"] = direction
+            result[f"{name}.r{axis}"] = np.cross(direction, tool - origin)
+
+    add("base", np.eye(3), np.zeros(3))
+    for k in range(chain.n):
+        add(f"link{k + 1}", frames.rotation[k], frames.origin[k])
+    add("tool", tool_rotation, tool)
+    joint = np.stack(
+        [result[f"link{k + 1}.{'tz' if chain.prismatic[k] else 'rz'}"] for k in range(chain.n)], axis=2
+    )
+    motor = joint @ chain.coupling
+    result |= {f"motor{k + 1}": motor[:, :, k] for k in range(chain.n)}
+    rotation = arm.measuring_from_base.rotation
+    return {name: moved @ rotation.T for name, moved in result.items()}
+
+
+def sensitivity(arm: Arm, q: Array, columns: Columns, terms: Sequence[Term]) -> Array:
+    """d position / d coefficient of each term, (3N, m). q (N, n); columns as in `Arm.true_pose`."""
+    state = arm.state(q, columns)
+    moved = coordinate_sensitivity(arm, q, columns)
+    result = np.empty((len(state.q), 3, len(terms)))
+    for j, term in enumerate(terms):
+        value = np.broadcast_to(evaluate(term.expression, state), len(state.q))
+        result[:, :, j] = value[:, None] * moved[term.coordinate]
+    return result.reshape(-1, len(terms))
+
+
+def orthonormal_range(columns: Array, relative: float = 1e-7) -> Array:
+    """Orthonormal basis of what columns (M, m) span; columns are scaled first, directions below `relative` dropped."""
+    norms = np.linalg.norm(columns, axis=0)
+    kept = columns[:, norms > 0.0] / norms[norms > 0.0]
+    u, s, _ = np.linalg.svd(kept, full_matrices=False)
+    return u[:, s > relative * s[0]] if len(s) else np.empty((len(columns), 0))
+
+
+def unexplained(displacement: Array, basis: Array) -> Array:
+    """What is left of displacements (N, 3) after the best fit in an orthonormal `basis` (3N, r)."""
+    flat = displacement.ravel()
+    result: Array = (flat - basis @ (basis.T @ flat)).reshape(displacement.shape)
+    return result
+
+
+def predicted_error(
+    arm: Arm,
+    measured: tuple[Array, Columns],
+    fresh: tuple[Array, Columns],
+    terms: Sequence[Term],
+    sigma: float,
+) -> Array:
+    """Cramer-Rao bound on the tool's prediction at fresh poses: RMS error (M,) in metres.
+
+    measured, fresh: (q, columns). terms: the model that is fitted; sigma: noise per axis in metres, the same for all.
+    Directions that the data cannot see are taken as fixed, as a rank-revealing fit takes them.
+    """
+    seen = sensitivity(arm, *measured, terms)
+    scale = np.linalg.norm(seen, axis=0)
+    scale[scale == 0.0] = 1.0
+    _, s, vt = np.linalg.svd(seen / scale, full_matrices=False)
+    rank = int(np.sum(s > 1e-7 * s[0]))
+    ahead = (sensitivity(arm, *fresh, terms) / scale) @ (vt[:rank].T / s[:rank])
+    result: Array = sigma * np.sqrt(np.sum(ahead.reshape(-1, 3, rank) ** 2, axis=(1, 2)))
+    return result

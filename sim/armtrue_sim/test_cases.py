@@ -1,0 +1,97 @@
+"""Hidden-effect cases: what is hidden can be seen, what is not hidden is not there."""
+
+import numpy as np
+import pytest
+
+from .cases import ARMS, KINDS, TRACKER_SIGMA, catalogue_choices, hidden_cases
+from .errors import ScenarioError
+from .sensitivity import geometry_terms, orthonormal_range, sensitivity, unexplained, unit_term
+
+NOISE = np.sqrt(3.0) * TRACKER_SIGMA
+
+
+@pytest.mark.parametrize("arm", ARMS)
+@pytest.mark.parametrize("kind", KINDS)
+def test_hidden_effects_are_there_and_can_be_seen(kind, arm):
+    for seed in range(4):
+        case = hidden_cases(kind, arm, seed)
+        assert len(case.hidden) == {"nothing_hidden": 0, "three_hidden": 3}.get(kind, 1)
+        names = [h.effect for h in case.hidden] or ["none"]
+        assert [entry["effect"] for entry in case.campaign.hidden] == names
+        for hidden in case.hidden:
+            assert hidden.raw_rms >= 2.99 * NOISE
+            assert hidden.visible_rms >= 0.99 * NOISE
+            assert hidden.raw_rms < 2e-2
+            assert (hidden.effect == "custom") == bool(hidden.variables)
+        assert len(case.campaign.q) == (60 if kind == "sixty_poses" else 240)
+        assert bool(case.campaign.gross_rows) == (kind == "gross_errors")
+        assert bool(case.campaign.unrecorded) == (kind == "missing_columns")
+
+
+def test_what_a_geometric_fit_leaves_is_the_hidden_effect_and_noise():
+    """The cases' own figures, found again from the finished campaign's measured positions."""
+    for kind, expected in (("nothing_hidden", 0.0), ("one_hidden", None)):
+        case = hidden_cases(kind, "kr30", 3)
+        campaign = case.campaign
+        arm = campaign.arm.with_terms(
+            [t for t in campaign.arm.terms if t.effect in ("joint_offset", "link_geometry")]
+        )
+        terms = [*geometry_terms(arm), unit_term("motor2", "tau2"), unit_term("motor3", "tau3")]
+        basis = orthonormal_range(sensitivity(arm, campaign.q, campaign.data, terms))
+        left = unexplained(campaign.positions - arm.true_position(campaign.q, campaign.data), basis)
+        variance = np.mean(np.sum(left**2, axis=1))
+        visible = case.hidden[0].visible_rms if expected is None else expected
+        assert np.sqrt(variance) == pytest.approx(np.hypot(visible, NOISE), rel=0.15)
+
+
+def test_seeds_reproduce_and_differ():
+    first, again, other = (hidden_cases("three_hidden", "irb2400", seed) for seed in (7, 7, 8))
+    assert first.pairs == again.pairs
+    assert np.array_equal(first.campaign.positions, again.campaign.positions)
+    assert not np.array_equal(first.campaign.positions, other.campaign.positions)
+
+
+def test_many_seeds_reach_the_whole_catalogue():
+    seen = {h.effect for seed in range(60) for h in hidden_cases("three_hidden", "irb2400", seed).hidden}
+    assert seen == set(catalogue_choices("irb2400"))
+    shapes = {
+        case.campaign.hidden[0]["name"]
+        for case in (hidden_cases("outside_catalogue", "kr30", s) for s in range(60))
+    }
+    assert len(shapes) == 8
+
+
+def test_noise_times_four_and_withheld_columns():
+    case = hidden_cases("noise_x4", "cobot", 1)
+    noise = case.campaign.positions - case.campaign.exact
+    assert noise.std() == pytest.approx(4 * TRACKER_SIGMA, rel=0.1)
+    for seed in range(40):
+        case = hidden_cases("missing_columns", "kr30", seed)
+        if case.untestable:
+            assert case.untestable == ("backlash",)
+            assert "dir1" not in case.campaign.data
+            assert case.pairs[0][0] == "backlash"
+            break
+    else:
+        pytest.fail("no seed withholds the column of its hidden effect")
+
+
+def test_true_model_is_what_an_owner_who_knows_would_write():
+    for seed in range(20):
+        case = hidden_cases("three_hidden", "irb2400", seed)
+        added = case.true_model["effects"][len(case.believed) :]
+        assert [e if isinstance(e, str) else e["effect"] for e in added] == [
+            effect for effect, _ in case.pairs
+        ]
+        assert all(isinstance(e, str) or e["joints"] for e in added)
+    foreign = hidden_cases("outside_catalogue", "kr30", 1).true_model["effects"][-1]
+    assert set(foreign) == {"effect", "name", "coordinate", "expression"}
+    nothing = hidden_cases("nothing_hidden", "cobot", 2)
+    assert nothing.true_model["effects"] == nothing.believed
+
+
+def test_unknown_kind_and_arm_are_named():
+    with pytest.raises(ScenarioError, match="kind of case is 'easy'"):
+        hidden_cases("easy", "kr30", 0)
+    with pytest.raises(ScenarioError, match="arm is 'puma'"):
+        hidden_cases("one_hidden", "puma", 0)

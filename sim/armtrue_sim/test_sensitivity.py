@@ -1,0 +1,63 @@
+import numpy as np
+import pytest
+
+from .arm import Arm, Term
+from .build import build_arm
+from .campaign import simulate
+from .presets import PRESETS, nominal_robot
+from .scenario import Scenario
+from .sensitivity import (
+    geometry_terms,
+    orthonormal_range,
+    predicted_error,
+    sensitivity,
+    unexplained,
+    unit_term,
+)
+from .transforms import Pose
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_columns_are_the_slopes_of_the_exact_position(name):
+    # A perfect arm: the geometric Jacobian is exact there.
+    base = Pose.from_xyz_rpy([1.0, 2.0, -0.5], [0.1, -0.2, 2.0])
+    arm = Arm(nominal_robot(name), [], base, {"": Pose.from_vector([0.06, 0.03, 0.16, 0, 0, 0])})
+    campaign = simulate({"arm": name, "poses": 20, "repeats": {}})
+    columns = campaign.data
+    terms = [*geometry_terms(arm), unit_term("motor2", "tau2/100"), unit_term("link3.rz", "sin(q2)")]
+    slopes = sensitivity(arm, campaign.q, columns, terms)
+    for j, term in enumerate(terms):
+        step = 1e-6
+        ahead, behind = (
+            arm.with_terms([Term("x", (), term.coordinate, term.expression, s * step, "1")]).true_position(
+                campaign.q, columns
+            )
+            for s in (1.0, -1.0)
+        )
+        assert np.allclose(slopes[:, j], (ahead - behind).ravel() / (2 * step), atol=1e-7), term
+
+
+def test_unexplained_leaves_what_the_basis_cannot_make():
+    rng = np.random.default_rng(0)
+    columns = rng.normal(size=(30, 4))
+    columns[:, 3] = columns[:, 0] - 2 * columns[:, 1]
+    basis = orthonormal_range(columns)
+    assert basis.shape == (30, 3)
+    inside = (columns @ [1.0, 2.0, 3.0, 4.0]).reshape(10, 3)
+    assert np.abs(unexplained(inside, basis)).max() < 1e-12
+    left = unexplained(rng.normal(size=(10, 3)), basis)
+    assert np.abs(columns.T @ left.ravel()).max() < 1e-12
+
+
+def test_predicted_error_is_what_repeated_fits_show():
+    arm = build_arm(Scenario(arm="cobot", seed=6))
+    campaign = simulate({"arm": "cobot", "seed": 6, "poses": 80, "test_poses": 10})
+    fresh = np.stack([campaign.test[f"q{k}"] for k in range(1, 7)], axis=1)
+    terms = geometry_terms(arm)
+    sigma = 1e-5
+    bound = predicted_error(arm, (campaign.q, campaign.data), (fresh, campaign.test), terms, sigma)
+    seen = sensitivity(arm, campaign.q, campaign.data, terms)
+    ahead = sensitivity(arm, fresh, campaign.test, terms)
+    noise = sigma * np.random.default_rng(1).standard_normal((len(seen), 600))
+    error = (ahead @ (np.linalg.pinv(seen, rcond=1e-8) @ noise)).reshape(10, 3, -1)
+    assert np.sqrt(np.mean(np.sum(error**2, axis=1), axis=1)) == pytest.approx(bound, rel=0.1)

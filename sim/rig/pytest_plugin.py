@@ -1,0 +1,121 @@
+"""Run a folder of tests where there is a bus, whatever machine pytest was started on.
+
+A folder's conftest.py imports the fixture and the hooks of `__all__` and calls `needs_can` on itself.
+With AF_CAN in the kernel the tests simply run. Without it, the first of them boots one User-Mode Linux in which a
+second pytest runs all that were selected; its reports are replayed here one by one, so selection,
+failures, output and exit status are those of an ordinary run. If the machine cannot be had, every
+selected test fails with the reason.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shlex
+import shutil
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from rig.buses import CanUnavailableError, ensure_buses, has_native_can
+from rig.uml import run_in_uml
+
+REPORTS_VARIABLE = "ARMTRUE_RIG_REPORTS"
+TIMEOUT_VARIABLE = "ARMTRUE_RIG_TIMEOUT"
+DEFAULT_TIMEOUT_S = 900.0
+
+_folders: set[Path] = set()
+_replays: dict[str, list[dict[str, Any]]] | None = None
+_reason = "the run inside User-Mode Linux ended before this test reported"
+
+__all__ = ["can_buses", "needs_can", "pytest_runtest_logreport", "pytest_runtest_protocol"]
+
+
+def needs_can(conftest: str) -> None:
+    """Declare that all tests beside and below this conftest.py (its `__file__`) need the buses."""
+    _folders.add(Path(conftest).resolve().parent)
+
+
+def _is_ours(item: pytest.Item) -> bool:
+    """Whether a test needs a bus: all of a declared folder but those marked `without_bus`."""
+    inside = any(folder in item.path.parents for folder in _folders)
+    return inside and item.get_closest_marker("without_bus") is None
+
+
+@pytest.fixture(scope="module", autouse=True)
+def can_buses(request: pytest.FixtureRequest) -> None:
+    """vcan0 and vcan1 are up for a module whose tests need them."""
+    if request.node.get_closest_marker("without_bus") is None:
+        ensure_buses()
+
+
+def pytest_runtest_logreport(report: pytest.TestReport) -> None:
+    """Inside the rig: append each report to the file that the outer pytest reads."""
+    path = os.environ.get(REPORTS_VARIABLE)
+    if path is None:
+        return
+    with Path(path).open("a", encoding="utf-8") as file:
+        file.write(json.dumps(report._to_json(), default=str) + "\n")
+
+
+def _run_selected(session: pytest.Session) -> dict[str, list[dict[str, Any]]]:
+    """Run every selected test that needs a bus in the rig; its reports by node id.
+
+    Raises CanUnavailableError with the inner pytest's own words if it ended before any test did.
+    """
+    global _reason
+    selected = [item.nodeid for item in session.items if _is_ours(item)]
+    work = Path(tempfile.mkdtemp(prefix="armtrue-rig-reports-"))
+    try:
+        reports, arguments, log = work / "reports.jsonl", work / "selected", work / "log"
+        arguments.write_text("\n".join(selected))
+        pytest_command = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", "--color=no"]
+        pytest_command += [f"--rootdir={session.config.rootpath}", f"@{arguments}"]
+        command = ["bash", "-c", f"exec {shlex.join(pytest_command)} > {log} 2>&1"]
+        timeout_s = float(os.environ.get(TIMEOUT_VARIABLE, DEFAULT_TIMEOUT_S))
+        environment = {REPORTS_VARIABLE: str(reports), "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"}
+        try:
+            run_in_uml(command, timeout_s, environment)
+        except TimeoutError as problem:
+            _reason = f"{problem}; the run had got so far:\n{log.read_text(errors='replace')}"
+        if not reports.exists():
+            raise CanUnavailableError(
+                f"pytest inside User-Mode Linux ran no test:\n{log.read_text(errors='replace')}"
+            )
+        found: dict[str, list[dict[str, Any]]] = {}
+        for line in reports.read_text(encoding="utf-8").splitlines():
+            report = json.loads(line)
+            found.setdefault(report["nodeid"], []).append(report)
+        return found
+    finally:
+        shutil.rmtree(work)
+
+
+def _failure(item: pytest.Item, reason: str) -> pytest.TestReport:
+    return pytest.TestReport(item.nodeid, item.location, {}, "failed", reason, "call")
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> bool | None:
+    """Outside the rig, on a kernel without CAN: replay what the test did inside."""
+    global _replays, _reason
+    if has_native_can() or not _is_ours(item):
+        return None
+    if _replays is None:
+        try:
+            _replays = _run_selected(item.session)
+        except CanUnavailableError as problem:
+            _replays, _reason = {}, str(problem)
+    item.ihook.pytest_runtest_logstart(nodeid=item.nodeid, location=item.location)
+    reports = [pytest.TestReport._from_json(data) for data in _replays.get(item.nodeid, [])]
+    if not any(report.when == "teardown" for report in reports):
+        reports.append(_failure(item, _reason))
+    for report in reports:
+        item.ihook.pytest_runtest_logreport(report=report)
+    item.ihook.pytest_runtest_logfinish(nodeid=item.nodeid, location=item.location)
+    # What a test outside set up for its folder ends here, if the next one is of another.
+    item.session._setupstate.teardown_exact(nextitem)
+    return True

@@ -1,0 +1,61 @@
+"""The rig reports what happened inside it, and a bus that cannot be had is an error."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+import rig
+from rig import CanUnavailableError, buses, has_native_can, run_on_bus, uml
+
+
+def test_status_and_environment_come_through(tmp_path: Path) -> None:
+    seen = tmp_path / "seen"
+    script = f'ip -br link show vcan1 > {seen} && [ "$FLAVOUR" = sour ] && exit 7'
+    assert run_on_bus(["bash", "-c", script], 120.0, {"FLAVOUR": "sour"}) == 7
+    assert "UP" in seen.read_text()
+
+
+def test_all_that_was_printed_and_written_arrives(tmp_path: Path) -> None:
+    written = tmp_path / "written"
+    script = f"seq 1 20000 | tee {written}; echo the end"
+    command = [sys.executable, "-m", "rig", "--timeout", "120", "--", "bash", "-c", script]
+    done = subprocess.run(
+        command, cwd=Path(rig.__file__).parents[1], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.split() == [*map(str, range(1, 20001)), "the", "end"]
+    assert written.read_text().split() == [*map(str, range(1, 20001))]
+
+
+def test_hanging_command_is_ended() -> None:
+    with pytest.raises(TimeoutError, match="sleep 600"):
+        run_on_bus(["sleep", "600"], 12.0)
+
+
+def test_absent_kernel_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PATH", "/nonexistent")
+    with pytest.raises(CanUnavailableError, match="user-mode-linux"):
+        uml.run_in_uml(["true"], 5.0)
+
+
+def test_absent_modules_are_an_error(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(uml, "MODULE_ROOT", tmp_path)
+    with pytest.raises(CanUnavailableError, match="no kernel modules"):
+        uml.run_in_uml(["true"], 5.0)
+
+
+def test_interface_that_cannot_be_made_is_named() -> None:
+    name = "a-name-too-long-for-linux"
+    with pytest.raises(CanUnavailableError, match=name):
+        buses.ensure_buses((name,))
+
+
+def test_native_detection_agrees_with_the_kernel() -> None:
+    listed = any(line.startswith("CAN ") for line in Path("/proc/net/protocols").read_text().splitlines())
+    assert has_native_can() or not listed
