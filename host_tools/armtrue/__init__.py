@@ -1,0 +1,71 @@
+"""Armtrue: fit a real arm, see where the model fails, compensate.
+
+The whole path in a notebook:
+
+    from armtrue import check, fit, load_data, load_model, load_robot
+
+    robot = load_robot("robot.yaml")
+    data = load_data("data.csv", robot)
+    print(check(data, robot))
+    result = fit(data, robot, load_model("model.yaml", robot))
+    result.predict(load_data("poses.csv", robot, need_position=False))  # (N, 3), metres, measuring frame
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from armtrue.checking import CheckReport, Finding, check
+    from armtrue.diagnosis import diagnose, refine
+    from armtrue.errors import InputError
+    from armtrue.fitting import Fit, add, fit
+    from armtrue.io import Dataset, Model, Robot, load_data, load_model, load_robot
+
+# Imported at first use: `armtrue --help` should not wait for the numerical library.
+_HOME = {
+    "CheckReport": "armtrue.checking",
+    "Dataset": "armtrue.io",
+    "Finding": "armtrue.checking",
+    "Fit": "armtrue.fitting",
+    "InputError": "armtrue.errors",
+    "Model": "armtrue.io",
+    "Robot": "armtrue.io",
+    "add": "armtrue.fitting",
+    "check": "armtrue.checking",
+    "diagnose": "armtrue.diagnosis",
+    "fit": "armtrue.fitting",
+    "load_data": "armtrue.io",
+    "load_model": "armtrue.io",
+    "load_robot": "armtrue.io",
+    "refine": "armtrue.diagnosis",
+}
+
+__all__ = [
+    "CheckReport",
+    "Dataset",
+    "Finding",
+    "Fit",
+    "InputError",
+    "Model",
+    "Robot",
+    "add",
+    "check",
+    "diagnose",
+    "fit",
+    "load_data",
+    "load_model",
+    "load_robot",
+    "refine",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module 'armtrue' has no attribute '{name}'")
+    return getattr(importlib.import_module(_HOME[name]), name)
+
+
+def __dir__() -> list[str]:
+    return sorted(_HOME)

@@ -1,0 +1,6 @@
+"""Integrity before physics: what is wrong with measurements, with evidence and a remedy."""
+
+from armtrue.checking.report import CheckReport, Finding
+from armtrue.checking.run import check
+
+__all__ = ["CheckReport", "Finding", "check"]

@@ -1,0 +1,64 @@
+"""Base and tool from nothing with nominal kinematics: the yardstick that the checks of conventions measure with."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armtrue.io.columns import POSITION, commanded_joints
+from armtrue.io.dataset import Dataset
+from armtrue.io.robot import Robot
+
+Array = NDArray[np.float64]
+Columns = dict[str, Array]
+
+# Nominal geometry under the right conventions never leaves more, in metres of residual per metre of reach.
+NOMINAL_ERROR_PER_REACH = 0.01
+
+
+@dataclass(frozen=True)
+class Alignment:
+    """Where base and tools are, and what distance stays, with nominal kinematics. `scale`: 1000 for millimetres."""
+
+    rms_m: float
+    scale: float
+    measuring_from_base: dict[str, list[float]]
+    flange_from_tool: dict[str, dict[str, list[float]]]
+    residual_m: Array
+
+
+def align(columns: Columns, robot: Robot) -> Alignment:
+    """Align `columns` (q1…qn, x, y, z, and target where it is there) with `robot`.
+
+    Errors: ValueError where there are too few rows to align.
+    """
+    from armtrue import _core
+
+    found: dict[str, Any] = json.loads(_core.align(robot.json(), columns, "{}"))
+    return Alignment(
+        found["rms_m"],
+        found["scale"],
+        found["measuring_from_base"],
+        found["flange_from_tool"],
+        np.asarray(found["residual_m"], dtype=np.float64),
+    )
+
+
+def alignment_columns(data: Dataset) -> Columns:
+    """The columns of `data` that an alignment reads; orientations stay out, as their conventions are unchecked."""
+    target = ["target"] if "target" in data.columns else []
+    wanted = [*commanded_joints(data.columns), *POSITION, *target]
+    return {name: data.columns[name] for name in wanted}
+
+
+def thinned(columns: Columns, most_rows: int) -> Columns:
+    """At most `most_rows` rows, spread evenly over the file."""
+    count = len(next(iter(columns.values())))
+    if count <= most_rows:
+        return columns
+    chosen = np.unique(np.linspace(0, count - 1, most_rows).astype(np.int64))
+    return {name: values[chosen] for name, values in columns.items()}

@@ -1,0 +1,237 @@
+"""What the joints and the order of rows tell by themselves: limits, standstill, read-back, repeats, stale figures."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armtrue.checking.report import Finding
+from armtrue.io.columns import POSITION
+from armtrue.io.dataset import Dataset
+from armtrue.io.robot import Robot
+
+Array = NDArray[np.float64]
+
+_STILL_RAD = 1e-4
+_NARROW_RAD = math.radians(20.0)
+_SAME_POSE_RAD = 1e-6
+# A read-back that differs from the command by more than this at the tool shows in a fit [m].
+_READBACK_AT_TOOL_M = 20e-6
+_ROWS_NAMED = 8
+
+
+def find(data: Dataset, robot: Robot) -> list[Finding]:
+    """Findings that need no kinematics."""
+    return [
+        *_out_of_limits(data, robot),
+        *_standstill(data, robot),
+        *_read_back(data, robot),
+        *_repeats(data),
+        *_stale_positions(data),
+        *_order_of_time(data),
+    ]
+
+
+def name_rows(data: Dataset, which: NDArray[np.bool_]) -> str:
+    """`row 17` or `rows 17, 20, … (12 in all)` of the entries marked in `which`."""
+    rows = [str(row) for row in data.rows[which]]
+    if len(rows) == 1:
+        return f"row {rows[0]}"
+    if len(rows) <= _ROWS_NAMED:
+        return f"rows {', '.join(rows)}"
+    return f"rows {', '.join(rows[:_ROWS_NAMED])}, … ({len(rows)} in all)"
+
+
+def _out_of_limits(data: Dataset, robot: Robot) -> list[Finding]:
+    findings = []
+    for k, joint in enumerate(robot.joints, start=1):
+        if "limits" not in joint:
+            continue
+        lo, hi = joint["limits"]
+        values = data.columns[f"q{k}"]
+        # A thousandth of the range: limits in robot files are rounded.
+        slack = 1e-3 * (hi - lo)
+        outside = (values < lo - slack) | (values > hi + slack)
+        if outside.any():
+            furthest = float(np.max(np.maximum(lo - values, values - hi)))
+            findings.append(
+                Finding(
+                    "out_of_limits",
+                    "warning",
+                    f"joint {k} is commanded beyond its limits by up to {_amount(furthest, joint)}: "
+                    f"{name_rows(data, outside)}",
+                    {"joint": k, "rows": data.rows[outside].tolist(), "limits": [lo, hi], "beyond": furthest},
+                    f"Correct the limits of joint {k} in robot.yaml, or look for a wrong sign, offset or unit.",
+                )
+            )
+    return findings
+
+
+def _amount(value: float, joint: dict[str, object]) -> str:
+    return f"{math.degrees(value):.2f}°" if joint["type"] == "revolute" else f"{value * 1000:.2f} mm"
+
+
+def _standstill(data: Dataset, robot: Robot) -> list[Finding]:
+    findings = []
+    for k, joint in enumerate(robot.joints, start=1):
+        span = float(np.ptp(data.columns[f"q{k}"]))
+        evidence = {"joint": k, "range": span}
+        if span < _STILL_RAD:
+            findings.append(
+                Finding(
+                    "joint_never_moves",
+                    "warning",
+                    f"joint {k} never moves: its axis and its effects cannot be told from these data",
+                    evidence,
+                    f"Measure poses that turn joint {k}; until then a fit holds it at its nominal values.",
+                )
+            )
+        elif joint["type"] == "revolute" and span < _NARROW_RAD:
+            findings.append(
+                Finding(
+                    "joint_hardly_moves",
+                    "note",
+                    f"joint {k} moves by {math.degrees(span):.1f}° only: its axis is known poorly outside that range",
+                    evidence,
+                    f"Measure poses that turn joint {k} further.",
+                )
+            )
+    return findings
+
+
+def _read_back(data: Dataset, robot: Robot) -> list[Finding]:
+    worst: tuple[float, int] = (0.0, 0)
+    evidence: dict[str, float] = {}
+    for k, joint in enumerate(robot.joints, start=1):
+        if f"qr{k}" not in data.columns:
+            continue
+        difference = data.columns[f"q{k}"] - data.columns[f"qr{k}"]
+        rms = float(np.sqrt(np.mean(difference**2)))
+        evidence[f"joint {k} rms"] = rms
+        at_tool = rms * (robot.reach_m if joint["type"] == "revolute" else 1.0)
+        worst = max(worst, (at_tool, k))
+    if not evidence or worst[0] < _READBACK_AT_TOOL_M:
+        return []
+    return [
+        Finding(
+            "not_settled",
+            "warning",
+            f"joints as read back differ from the command, most on joint {worst[1]}: up to "
+            f"{worst[0] * 1e6:.0f} µm RMS at full reach, as when they were read before the arm had settled",
+            evidence,
+            "Fit the commanded joints, and add the effect command_readback to see which of the two the arm followed.",
+        )
+    ]
+
+
+def _repeats(data: Dataset) -> list[Finding]:
+    findings: list[Finding] = []
+    joints = data.joints
+    poses = np.round(joints / _SAME_POSE_RAD).astype(np.int64)
+    targets = data.columns.get("target", np.zeros(data.count)).astype(np.int64)
+    _, pose_of_row, sizes = np.unique(
+        np.column_stack([poses, targets]), axis=0, return_inverse=True, return_counts=True
+    )
+    again = sizes[pose_of_row] > 1
+    if "repeat" in data.columns:
+        findings += _repeats_that_differ(data)
+    elif again.any():
+        scatter = _scatter(data, pose_of_row, again)
+        findings.append(
+            Finding(
+                "repeated_poses",
+                "note",
+                f"{int((sizes > 1).sum())} poses are measured more than once{scatter}, and no column 'repeat' says so",
+                {"rows": data.rows[again].tolist()},
+                "Add a column 'repeat' with the same id for the same pose: repeats tell the noise floor.",
+            )
+        )
+    if all(name in data.columns for name in POSITION):
+        whole = np.column_stack([poses, targets, np.round(data.positions_m / 1e-9).astype(np.int64)])
+        _, row_of, counts = np.unique(whole, axis=0, return_inverse=True, return_counts=True)
+        copies = counts[row_of] > 1
+        if copies.any():
+            findings.append(
+                Finding(
+                    "duplicate_rows",
+                    "warning",
+                    "the same joints and the same position to the nanometre stand more than once: "
+                    f"{name_rows(data, copies)}",
+                    {"rows": data.rows[copies].tolist()},
+                    "Take the copies out: they count as independent measurements and make a fit look surer than it is.",
+                )
+            )
+    return findings
+
+
+def _scatter(data: Dataset, pose_of_row: NDArray[np.intp], again: NDArray[np.bool_]) -> str:
+    if not all(name in data.columns for name in POSITION):
+        return ""
+    squares, freedom = 0.0, 0
+    positions = data.positions_m
+    for pose in np.unique(pose_of_row[again]):
+        cluster = positions[pose_of_row == pose]
+        squares += float(((cluster - cluster.mean(axis=0)) ** 2).sum())
+        freedom += len(cluster) - 1
+    return f" (they scatter by {math.sqrt(squares / freedom) * 1e6:.1f} µm)"
+
+
+def _repeats_that_differ(data: Dataset) -> list[Finding]:
+    codes = data.columns["repeat"].astype(np.int64)
+    first_row = np.zeros(int(codes.max()) + 1, dtype=np.int64)
+    seen, first = np.unique(codes, return_index=True)
+    first_row[seen] = first
+    apart = np.abs(data.joints - data.joints[first_row[codes]]).max(axis=1)
+    differ = apart > 1e-3
+    if not differ.any():
+        return []
+    return [
+        Finding(
+            "repeat_differs",
+            "error",
+            f"rows with the same 'repeat' have different joints, by up to {math.degrees(float(apart.max())):.2f}°: "
+            f"{name_rows(data, differ)}",
+            {"rows": data.rows[differ].tolist(), "apart": float(apart.max())},
+            "Give each pose an id of its own in the column 'repeat'.",
+        )
+    ]
+
+
+def _stale_positions(data: Dataset) -> list[Finding]:
+    if not all(name in data.columns for name in POSITION) or data.count < 2:
+        return []
+    same_place = np.abs(np.diff(data.positions_m, axis=0)).max(axis=1) < 1e-9
+    moved = np.abs(np.diff(data.joints, axis=0)).max(axis=1) > 1e-3
+    if "target" in data.columns:
+        moved &= np.diff(data.columns["target"]) == 0
+    stale = np.concatenate([[False], same_place & moved])
+    if not stale.any():
+        return []
+    return [
+        Finding(
+            "stale_position",
+            "error",
+            f"the position is that of the row before to the nanometre although the arm moved: {name_rows(data, stale)}",
+            {"rows": data.rows[stale].tolist()},
+            "Take these rows out: the instrument had not measured again.",
+        )
+    ]
+
+
+def _order_of_time(data: Dataset) -> list[Finding]:
+    if "time" not in data.columns or data.count < 2:
+        return []
+    back = np.concatenate([[False], np.diff(data.columns["time"]) < 0.0])
+    if not back.any():
+        return []
+    return [
+        Finding(
+            "time_goes_back",
+            "warning",
+            f"time goes back at {name_rows(data, back)}",
+            {"rows": data.rows[back].tolist()},
+            "Put the rows in order of time (dataset.yaml: 'sort_by: time'), or correct the clock.",
+        )
+    ]

@@ -1,0 +1,55 @@
+"""What a check found."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field
+from typing import Any, Literal
+
+Severity = Literal["error", "warning", "note"]
+_ORDER: dict[Severity, int] = {"error": 0, "warning": 1, "note": 2}
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One finding: a fixed `code`, a sentence, the figures behind it (JSON-able, SI units), and what to do."""
+
+    code: str
+    severity: Severity
+    message: str
+    evidence: dict[str, Any] = field(default_factory=dict)
+    remedy: str = ""
+
+
+@dataclass(frozen=True)
+class CheckReport:
+    """All findings, the gravest first."""
+
+    findings: list[Finding]
+
+    @staticmethod
+    def of(findings: list[Finding]) -> CheckReport:
+        """Put `findings` in order of severity, otherwise as they came."""
+        return CheckReport(sorted(findings, key=lambda finding: _ORDER[finding.severity]))
+
+    @property
+    def has_errors(self) -> bool:
+        """True where a finding makes a fit meaningless."""
+        return any(finding.severity == "error" for finding in self.findings)
+
+    def summary(self) -> str:
+        """One sentence that counts the findings."""
+        counts = {severity: sum(f.severity == severity for f in self.findings) for severity in _ORDER}
+        words = [f"{count} {severity}{'' if count == 1 else 's'}" for severity, count in counts.items()]
+        return ", ".join(words)
+
+    def document(self) -> dict[str, Any]:
+        """JSON-able form."""
+        return {"ok": not self.has_errors, "findings": [asdict(finding) for finding in self.findings]}
+
+    def __str__(self) -> str:
+        return "\n".join(
+            [
+                *(f"{f.severity}: {f.code}: {f.message} {f.remedy}".rstrip() for f in self.findings),
+                self.summary(),
+            ]
+        )

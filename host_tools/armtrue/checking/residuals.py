@@ -1,0 +1,84 @@
+"""What stands out once base and tool are found: gross errors, and a base or tool far from what was stated."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armtrue.checking.alignment import Alignment
+from armtrue.checking.motion import name_rows
+from armtrue.checking.report import Finding
+from armtrue.io.columns import commanded_joints
+from armtrue.io.dataset import Dataset
+from armtrue.io.robot import Robot
+
+Array = NDArray[np.float64]
+
+# A gross error stands so many robust standard deviations above the median, and at least so far [m].
+_GROSS_DEVIATIONS = 10.0
+_GROSS_M = 3e-3
+# Base and tool from a drawing are seldom better [m].
+_STATED_APART_M = 0.02
+
+
+def find_gross(data: Dataset, alignment: Alignment) -> list[Finding]:
+    """A warning that names the rows whose position stands out from all others."""
+    residual = alignment.residual_m
+    centre = float(np.median(residual))
+    spread = 1.4826 * float(np.median(np.abs(residual - centre)))
+    gross = residual > max(_GROSS_M, centre + _GROSS_DEVIATIONS * spread)
+    if not gross.any():
+        return []
+    return [
+        Finding(
+            "gross_errors",
+            "warning",
+            f"{name_rows(data, gross)}: up to {float(residual[gross].max()) * 1000:.1f} mm off, where half of all rows "
+            f"are within {centre * 1000:.2f} mm",
+            {"rows": data.rows[gross].tolist(), "residual_m": residual[gross].tolist()},
+            "Look whether the reflector was bumped or another one was sighted; a fit keeps such rows out.",
+        )
+    ]
+
+
+def find_stated_poses(data: Dataset, alignment: Alignment, robot: Robot) -> list[Finding]:
+    """A note where base and tool of robot.yaml put the points elsewhere than measured; a fit finds its own."""
+    base, tool = robot.spec.get("base"), robot.spec.get("tool")
+    if base is None or tool is None or len(alignment.flange_from_tool) != 1:
+        return []
+    apart = np.linalg.norm(data.positions_m - nominal_positions(data, robot, base, tool), axis=1)
+    off = float(np.median(apart))
+    if off < _STATED_APART_M + 3.0 * alignment.rms_m:
+        return []
+    found_tool = next(iter(alignment.flange_from_tool.values()))
+    return [
+        Finding(
+            "base_or_tool_elsewhere",
+            "note",
+            f"with base and tool as robot.yaml states them the points lie {off * 1000:.0f} mm from where they are "
+            "measured",
+            {
+                "stated": {"base": base, "tool": tool},
+                "found": {"base": alignment.measuring_from_base, "tool": found_tool},
+            },
+            "Nothing to do for a fit, which finds both from the data; correct robot.yaml to be rid of this note.",
+        )
+    ]
+
+
+def nominal_positions(data: Dataset, robot: Robot, base: dict[str, Any], tool: dict[str, Any]) -> Array:
+    """Positions (N, 3) [m] in the measuring frame with nominal kinematics and the given base and tool."""
+    from armtrue import _core
+
+    document = {
+        "robot": robot.spec,
+        "model": {"effects": []},
+        "parameters": [],
+        "measuring_from_base": base,
+        "flange_from_tool": {"": tool},
+    }
+    joints = {name: data.columns[name] for name in commanded_joints(data.columns)}
+    return np.asarray(_core.predict(json.dumps(document), joints), dtype=np.float64)

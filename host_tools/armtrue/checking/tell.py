@@ -1,0 +1,87 @@
+"""What the data can and cannot tell, asked of a fit of the geometry alone."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from armtrue.checking.report import Finding
+from armtrue.errors import InputError
+from armtrue.io.dataset import Dataset
+from armtrue.io.model import Model
+from armtrue.io.robot import Robot
+
+_GEOMETRY = ("base_frame", "tool_offset", "joint_offset", "link_geometry")
+# Enough to see what separates; more only takes time.
+_ROWS = 300
+# Below this share of its limits a joint leaves much of the workspace unseen.
+_SHARE_OF_LIMITS = 0.5
+# What the fitter says of pairs that other poses would separate; the rest holds of any poses and is no finding.
+_OF_THESE_POSES = "by these poses"
+
+
+def find(data: Dataset, robot: Robot) -> list[Finding]:
+    """Notes on what stays unknown or untestable, and on the share of the workspace that was visited."""
+    return [*_coverage(data, robot), *_of_a_fit(data, robot)]
+
+
+def _of_a_fit(data: Dataset, robot: Robot) -> list[Finding]:
+    from armtrue.diagnosis import diagnose
+    from armtrue.fitting import fit
+
+    model = Model([{"effect": effect} for effect in _GEOMETRY])
+    try:
+        geometry = fit(_thinned(data), robot, model, folds=2)
+        untestable = diagnose(geometry)["untestable"]
+    except InputError as error:
+        return [Finding("no_fit", "warning", f"the geometry cannot be fitted to these data: {error}")]
+    findings = [
+        Finding(
+            "cannot_tell",
+            "note",
+            sentence,
+            {},
+            "Measure poses that differ more, or live with the sum of the two, which is known.",
+        )
+        for sentence in geometry.document["unobservable"]
+        if _OF_THESE_POSES in sentence
+    ]
+    return findings + [
+        Finding(
+            "untestable",
+            "note",
+            f"{entry['effect']} cannot be tested without {', '.join(entry['needs'])}",
+            entry,
+            "Record it, should the arm or the session give reason to suspect the effect.",
+        )
+        for entry in untestable
+    ]
+
+
+def _thinned(data: Dataset) -> Dataset:
+    if data.count <= _ROWS:
+        return data
+    chosen = np.unique(np.linspace(0, data.count - 1, _ROWS).astype(np.int64))
+    columns = {name: np.ascontiguousarray(values[chosen]) for name, values in data.columns.items()}
+    return replace(data, columns=columns, rows=data.rows[chosen])
+
+
+def _coverage(data: Dataset, robot: Robot) -> list[Finding]:
+    shares: dict[str, float] = {}
+    for k, joint in enumerate(robot.joints, start=1):
+        if "limits" in joint:
+            lo, hi = joint["limits"]
+            shares[str(k)] = float(np.ptp(data.columns[f"q{k}"])) / (hi - lo)
+    narrow = [f"joint {k} {share:.0%}" for k, share in shares.items() if share < _SHARE_OF_LIMITS]
+    if not narrow:
+        return []
+    return [
+        Finding(
+            "coverage",
+            "note",
+            f"these joints were moved through less than half of their limits: {', '.join(narrow)}",
+            {"share_of_limits": shares},
+            "Trust the fit where poses were measured; tables are neutral elsewhere.",
+        )
+    ]

@@ -1,0 +1,273 @@
+"""Checks of simulated campaigns: quiet where nothing is wrong, right about the one thing that is made wrong."""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import armtrue_sim
+import numpy as np
+import pytest
+
+from armtrue.checking import CheckReport, check
+from armtrue.io import Dataset, Robot, load_data, load_robot
+
+SCENARIOS = Path(__file__).resolve().parents[3] / "sim" / "scenarios"
+
+
+@pytest.fixture(scope="session")
+def campaign(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], tuple[Dataset, Robot]]:
+    @functools.cache
+    def simulated(name: str) -> tuple[Dataset, Robot]:
+        folder = tmp_path_factory.mktemp(name)
+        armtrue_sim.cli_simulate(SCENARIOS / f"{name}.yaml", folder)
+        robot = load_robot(folder / "robot.yaml")
+        return load_data(folder / "data.csv", robot, strict=False), robot
+
+    return simulated
+
+
+def changed(data: Dataset, **columns: np.ndarray) -> Dataset:
+    return replace(data, columns={**data.columns, **columns})
+
+
+def codes(report: CheckReport, *severities: str) -> list[str]:
+    return [finding.code for finding in report.findings if not severities or finding.severity in severities]
+
+
+def finding(report: CheckReport, code: str):
+    (found,) = [finding for finding in report.findings if finding.code == code]
+    return found
+
+
+@pytest.mark.parametrize(
+    "name", ["kr30", "irb2400-parallelogram", "cobot-two-effects", "lbr", "scara", "stanford"]
+)
+def test_is_quiet_about_conventions_that_are_right(campaign, name):
+    report = check(*campaign(name))
+    assert codes(report, "error") == []
+    assert not {"gross_errors", "scale", "base_or_tool_elsewhere"} & set(codes(report))
+
+
+@pytest.mark.parametrize("joint", [2, 3, 4, 5])
+def test_finds_a_joint_that_turns_the_other_way(campaign, joint):
+    data, robot = campaign("kr30")
+    report = check(changed(data, **{f"q{joint}": -data.columns[f"q{joint}"]}), robot)
+    assert f"joint {joint} turns the other way" in finding(report, "joint_sign").message
+
+
+def test_finds_two_joints_that_turn_the_other_way(campaign):
+    data, robot = campaign("kr30")
+    report = check(changed(data, q2=-data.columns["q2"], q4=-data.columns["q4"]), robot)
+    words = " ".join(f.message for f in report.findings if f.code == "joint_sign")
+    assert ("joint 2 turns" in words and "joint 4 turns" in words) or "joints 2, 4 turn" in words
+
+
+@pytest.mark.parametrize(("joint", "degrees"), [(2, 90), (3, -90), (5, 180)])
+def test_finds_a_zero_a_quarter_or_half_turn_off(campaign, joint, degrees):
+    data, robot = campaign("kr30")
+    report = check(changed(data, **{f"q{joint}": data.columns[f"q{joint}"] - math.radians(degrees)}), robot)
+    (error,) = [found for found in report.findings if found.severity == "error"]
+    # Half a turn of the middle wrist axis may as well be the last one turning the other way: both are named.
+    assert f"joint {joint} has its zero {degrees:+d}°" in error.message
+
+
+def test_finds_a_coupling_that_the_robot_file_lacks(campaign):
+    data, robot = campaign("irb2400-parallelogram")
+    bare = Robot({key: value for key, value in robot.spec.items() if key not in ("coupling", "linkage")})
+    found = finding(check(data, bare), "coupling")
+    assert "link angle 3 follows q3 − q2" in found.message
+    assert "{joint: 3, driving: 2, ratio: -1.0}" in found.remedy
+
+
+def test_finds_a_coupling_of_the_wrong_sign_and_one_too_many(campaign):
+    data, robot = campaign("irb2400-parallelogram")
+    wrong = Robot({**robot.spec, "coupling": [{"joint": 3, "driving": 2, "ratio": 1.0}]})
+    assert "q3 − q2" in finding(check(data, wrong), "coupling").message
+    data, robot = campaign("kr30")
+    wrong = Robot({**robot.spec, "coupling": [{"joint": 3, "driving": 2, "ratio": 1.0}]})
+    assert "its own command alone" in finding(check(data, wrong), "coupling").message
+
+
+def test_finds_swapped_columns(campaign):
+    data, robot = campaign("kr30")
+    report = check(changed(data, q4=data.columns["q5"], q5=data.columns["q4"]), robot)
+    assert "q4 and q5" in finding(report, "joints_swapped").message
+
+
+def test_finds_positions_one_row_off(campaign):
+    data, robot = campaign("kr30")
+    late = {name: np.roll(data.columns[name], 1) for name in "xyz"}
+    assert "in the row after" in finding(check(changed(data, **late), robot), "rows_shifted").message
+
+
+def test_finds_a_left_handed_frame(campaign):
+    data, robot = campaign("kr30")
+    report = check(changed(data, y=-data.columns["y"]), robot)
+    assert "left_handed_frame" in codes(report, "error")
+
+
+@pytest.mark.parametrize(
+    ("factor", "code", "word"),
+    [
+        (1000.0, "units", "millimetres"),
+        (1 / 0.0254, "units", "inches"),
+        (1 / 0.3048, "scale", "feet"),
+        (1.1, "scale", "robot.yaml or the instrument's scale"),
+    ],
+)
+def test_finds_lengths_in_another_unit(campaign, factor, code, word):
+    data, robot = campaign("kr30")
+    report = check(changed(data, **{name: factor * data.columns[name] for name in "xyz"}), robot)
+    found = finding(report, code)
+    assert codes(report, "error") == [code]
+    assert word in found.message
+    if code == "scale":
+        assert found.evidence["scale"] == pytest.approx(factor, rel=0.01)
+
+
+def test_finds_millimetres_and_goes_on_to_what_else_is_wrong(campaign):
+    data, robot = campaign("kr30")
+    columns = {name: 1000.0 * data.columns[name] for name in "xyz"}
+    report = check(changed(data, q2=-data.columns["q2"], **columns), robot)
+    assert codes(report, "error") == ["units", "joint_sign"]
+
+
+def test_finds_degrees_and_goes_on_to_what_else_is_wrong(campaign):
+    data, robot = campaign("kr30")
+    degrees = {f"q{k}": np.degrees(data.columns[f"q{k}"]) for k in range(1, 7)}
+    degrees["q3"] = -degrees["q3"]
+    report = check(changed(data, **degrees), robot)
+    assert {"units", "joint_sign"} <= set(codes(report, "error"))
+
+
+def test_positions_that_follow_nothing_are_said_to(campaign):
+    data, robot = campaign("kr30")
+    shuffled = np.random.default_rng(5).permutation(data.count)
+    report = check(changed(data, **{name: data.columns[name][shuffled] for name in "xyz"}), robot)
+    assert "positions_do_not_follow" in codes(report, "error")
+
+
+def test_notes_a_base_that_is_not_where_the_robot_file_says(campaign):
+    data, robot = campaign("kr30")
+    elsewhere = Robot({**robot.spec, "base": {"xyz": [0.0, 0.0, 3.0], "rpy": [0.0, 0.0, 0.0]}})
+    assert finding(check(data, elsewhere), "base_or_tool_elsewhere").severity == "note"
+
+
+def test_names_the_rows_of_gross_errors(campaign):
+    data, robot = campaign("kr30")
+    x = data.columns["x"].copy()
+    x[[7, 30]] += [0.05, -0.08]
+    found = finding(check(changed(data, x=x), robot), "gross_errors")
+    assert found.evidence["rows"] == [9, 32]
+    assert "rows 9, 32" in found.message
+
+
+def test_finds_a_read_back_that_had_not_settled(campaign):
+    data, robot = campaign("kr30")
+    moving = {f"qr{k}": data.columns[f"q{k}"] for k in range(1, 7)}
+    moving["qr2"] = moving["qr2"] + 1e-4 * np.sin(np.arange(data.count))
+    found = finding(check(changed(data, **moving), robot), "not_settled")
+    assert "joint 2" in found.message
+    assert "command_readback" in found.remedy
+
+
+def test_finds_joints_that_never_or_hardly_move(campaign):
+    data, robot = campaign("kr30")
+    kept = np.full(data.count, 0.3)
+    report = check(changed(data, q6=kept, q1=0.05 * data.columns["q1"]), robot)
+    assert finding(report, "joint_never_moves").evidence["joint"] == 6
+    assert finding(report, "joint_hardly_moves").evidence["joint"] == 1
+
+
+def test_finds_poses_beyond_the_limits(campaign):
+    data, robot = campaign("kr30")
+    q2 = data.columns["q2"].copy()
+    q2[4] = robot.joints[1]["limits"][1] + 0.2
+    found = finding(check(changed(data, q2=q2), robot), "out_of_limits")
+    assert found.evidence["rows"] == [6]
+    assert "11.46°" in found.message
+
+
+def test_finds_rows_copied_and_positions_not_measured_again(campaign):
+    data, robot = campaign("kr30")
+    copied = {name: values.copy() for name, values in data.columns.items()}
+    for values in copied.values():
+        values[10] = values[3]
+    assert finding(check(replace(data, columns=copied), robot), "duplicate_rows").evidence["rows"] == [5, 12]
+    stale = {name: data.columns[name].copy() for name in "xyz"}
+    for values in stale.values():
+        values[20] = values[19]
+    assert finding(check(changed(data, **stale), robot), "stale_position").evidence["rows"] == [22]
+
+
+def test_asks_for_the_repeat_column_and_refuses_a_wrong_one(campaign):
+    data, robot = campaign("kr30")
+    without = replace(data, columns={name: v for name, v in data.columns.items() if name != "repeat"})
+    assert "scatter by" in finding(check(without, robot), "repeated_poses").message
+    repeat = data.columns["repeat"].copy()
+    repeat[5] = repeat[50]
+    assert finding(check(changed(data, repeat=repeat), robot), "repeat_differs").severity == "error"
+
+
+def test_finds_time_that_goes_back(campaign):
+    data, robot = campaign("kr30")
+    time = data.columns["time"].copy()
+    time[8] -= 1000.0
+    assert finding(check(changed(data, time=time), robot), "time_goes_back").evidence["rows"] == [10]
+
+
+@pytest.mark.parametrize(("drift_m", "code"), [(80e-6, "base_drift"), (0.0, "fixed_reflector")])
+def test_tells_a_fixed_reflector_that_drifts_from_one_that_stands(campaign, drift_m, code):
+    data, robot = campaign("kr30")
+    columns = {name: values.copy() for name, values in data.columns.items()}
+    fixed = np.arange(0, data.count, 10)
+    columns["target"] = np.zeros(data.count)
+    columns["target"][fixed] = 1.0
+    noise = np.random.default_rng(2).normal(0.0, 5e-6, (3, fixed.size))
+    moved = drift_m * columns["time"][fixed] / columns["time"].max()
+    for axis, (name, place) in enumerate(zip("xyz", (2.0, 1.0, 0.5), strict=True)):
+        columns[name][fixed] = place + noise[axis] + (moved if name == "x" else 0.0)
+    report = check(replace(data, columns=columns, labels={"target": ["arm", "floor"]}), robot)
+    assert "'floor'" in finding(report, code).message
+    assert codes(report, "error") == []
+
+
+def rows_of(data: Dataset, chosen: np.ndarray) -> Dataset:
+    columns = {name: values[chosen] for name, values in data.columns.items()}
+    return replace(data, columns=columns, rows=data.rows[chosen])
+
+
+@pytest.mark.parametrize(
+    ("chosen", "words"),
+    [(np.arange(9), "found 9 different poses"), (np.zeros(40, int), "found 1 different pose,")],
+)
+def test_too_few_poses_are_an_error(campaign, chosen, words):
+    data, robot = campaign("kr30")
+    assert words in finding(check(rows_of(data, chosen), robot), "too_few_poses").message
+
+
+def test_says_what_the_data_cannot_tell(campaign):
+    data, robot = campaign("kr30")
+    without = replace(data, columns={name: v for name, v in data.columns.items() if name != "temp_arm"})
+    narrow = rows_of(without, np.flatnonzero(np.abs(data.columns["q1"]) < 0.6))
+    report = check(narrow, robot)
+    assert "joint 1" in finding(report, "coverage").message
+    untestable = {found.evidence["effect"]: found for found in report.findings if found.code == "untestable"}
+    assert "temp_" in untestable["thermal_expansion"].message
+    assert "qr1" in untestable["command_readback"].message
+    assert "gear_harmonics" not in untestable
+    assert all("by these poses" in found.message for found in report.findings if found.code == "cannot_tell")
+
+
+def test_a_report_counts_and_orders_its_findings(campaign):
+    data, robot = campaign("kr30")
+    report = check(changed(data, q2=-data.columns["q2"], q6=np.zeros(data.count)), robot)
+    severities = [found.severity for found in report.findings]
+    assert severities == sorted(severities, key=["error", "warning", "note"].index)
+    assert report.has_errors
+    assert report.summary().startswith("1 error, ")
+    assert report.document()["ok"] is False

@@ -1,0 +1,5 @@
+"""The command `armtrue`."""
+
+from armtrue.cli.app import main
+
+__all__ = ["main"]

@@ -1,0 +1,59 @@
+"""The command line: its commands, and what becomes of errors (exit 2: the input is at fault; 130: interrupted)."""
+
+from __future__ import annotations
+
+import sys
+
+import typer
+
+from armtrue.cli import campaign, catalogue, checking, diagnosis, fitting, planning
+from armtrue.device import cli as device
+from armtrue.errors import InputError
+from armtrue.tables import cli as tables
+
+INPUT_AT_FAULT = 2
+INTERRUPTED = 130
+
+app = typer.Typer(
+    name="armtrue",
+    no_args_is_help=True,
+    rich_markup_mode="rich",
+    pretty_exceptions_enable=False,
+    add_completion=False,
+    help="""Calibrate a robot arm: fit it, see where the model fails, add what is missing, compensate.
+
+The way through it, from measurements to tables:
+
+    [bold]armtrue check[/] data.csv --robot robot.yaml
+
+    [bold]armtrue fit[/] data.csv --robot robot.yaml --model model.yaml --out fit.json
+
+    [bold]armtrue refine[/] fit.json --out best.json
+
+    [bold]armtrue report[/] fit.json best.json --out report.html
+
+    [bold]armtrue export[/] best.json --out tables.bin
+
+All files are in metres, radians, kilograms, seconds and °C; joints count from 1.
+Measurements in any other form are read through a dataset.yaml.
+
+Exit status: 0 done, 1 done with a verdict against, 2 bad input (one sentence says what), 130 stopped.""",
+)
+for commands in (checking, fitting, diagnosis, planning, tables, device, campaign, catalogue):
+    commands.add_to(app)
+
+
+def main() -> None:
+    """Run the command line and exit."""
+    try:
+        app()
+    except InputError as error:
+        print(f"armtrue: {error}", file=sys.stderr)
+        sys.exit(INPUT_AT_FAULT)
+    except KeyboardInterrupt:
+        print("armtrue: interrupted", file=sys.stderr)
+        sys.exit(INTERRUPTED)
+    except BrokenPipeError:
+        # The reader of our output went away, as `armtrue … | head` does: nothing to say and nobody to say it to.
+        sys.stderr.close()
+        sys.exit(0)

@@ -1,0 +1,39 @@
+"""The command simulate."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from armtrue.cli.output import Output
+from armtrue.errors import InputError
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the command to `app`."""
+    app.command()(simulate)
+
+
+def simulate(
+    scenario: Annotated[
+        Path, typer.Argument(metavar="SCENARIO", help="A scenario file; sim/scenarios holds examples.")
+    ],
+    out: Annotated[
+        Path, typer.Option("--out", "-o", metavar="FOLDER", help="Folder to write.", show_default=False)
+    ],
+) -> None:
+    """Simulate a campaign with known truth: robot.yaml, model.yaml, data.csv, test.csv and hidden.json.
+
+    Plan with it what a campaign will tell before anybody stands in the cell; the same scenario gives the same files.
+
+    Example: [bold]armtrue simulate sim/scenarios/kr30-eccentric-gear.yaml --out out/kr30[/]
+    """
+    import armtrue_sim
+
+    try:
+        armtrue_sim.cli_simulate(scenario, out)
+    except armtrue_sim.ScenarioError as error:
+        raise InputError(str(error)) from None
+    Output(None).say(f"written: {out}")

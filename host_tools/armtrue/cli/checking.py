@@ -1,0 +1,52 @@
+"""The command check."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import typer
+from rich.table import Table
+
+from armtrue.cli.options import DataArgument, JsonOption, RobotOption
+from armtrue.cli.output import Output
+from armtrue.io import load_data, load_robot
+
+if TYPE_CHECKING:
+    from armtrue.checking import Finding
+
+_MARKS = {"error": "✗ error", "warning": "! warning", "note": "· note"}
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the command to `app`."""
+    app.command()(check)
+
+
+def check(data: DataArgument, robot: RobotOption, json_to: JsonOption = None) -> None:
+    """Look for mistakes in measurements before any physics: units, signs, coupling, read-back, duplicates, drift.
+
+    Says what the data can and cannot tell apart. Exit status 1 where an error was found.
+
+    Example: [bold]armtrue check data.csv --robot robot.yaml[/]
+    """
+    from armtrue.checking import check as run_check
+
+    output = Output(json_to)
+    arm = load_robot(robot)
+    report = run_check(load_data(data, arm, strict=False), arm)
+    output.table(_findings_table(report.findings))
+    output.say(f"\n{report.summary()}")
+    output.figures(report.document())
+    if report.has_errors:
+        raise typer.Exit(1)
+
+
+def _findings_table(findings: list[Finding]) -> Table:
+    """One row a finding; a remedy that several share stands once, under the last of them."""
+    table = Table.grid(padding=(0, 2))
+    for number, finding in enumerate(findings):
+        table.add_row(_MARKS[finding.severity], finding.code, finding.message)
+        following = findings[number + 1 :]
+        if finding.remedy and all(finding.remedy != other.remedy for other in following):
+            table.add_row("", "", f"→ {finding.remedy}")
+    return table

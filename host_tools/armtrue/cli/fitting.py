@@ -1,0 +1,233 @@
+"""The commands fit, add and predict."""
+
+from __future__ import annotations
+
+import csv
+import io as text_io
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from armtrue.cli.options import (
+    DataArgument,
+    FitArgument,
+    FoldsOption,
+    JsonOption,
+    ModelOption,
+    OutOption,
+    PosesArgument,
+    RobotOption,
+    SeedOption,
+)
+from armtrue.cli.output import Output, plain_table, waiting
+from armtrue.cli.parameters import present_parameters
+from armtrue.errors import InputError
+from armtrue.io import load_data, load_model, load_robot
+from armtrue.io.files import check_writable, write_file
+from armtrue.io.model import check_effect
+from armtrue.io.plausible import refuse_too_few_poses
+
+if TYPE_CHECKING:
+    from armtrue.fitting import Fit
+
+_ERROR_FIGURES = ("mean_um", "rms_um", "p95_um", "max_um")
+_FLOOR_SOURCES = {
+    "repeats": "from poses measured again",
+    "targets": "of the instrument alone, from distances between reflectors on one tool",
+    "sigma": "from the stated sigma",
+    "none": "nothing recorded tells it",
+}
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the commands to `app`."""
+    app.command()(fit)
+    app.command()(add)
+    app.command()(predict)
+
+
+def fit(
+    data: DataArgument,
+    robot: RobotOption,
+    model: ModelOption,
+    out: OutOption,
+    folds: FoldsOption = 5,
+    seed: SeedOption = 0,
+    parameters: Annotated[
+        bool, typer.Option("--parameters", help="Print every parameter, tables too.")
+    ] = False,
+    json_to: JsonOption = None,
+) -> None:
+    """Fit the model's effects to measurements, and say how well it predicts poses it has not seen.
+
+    Base and tool are found from the data where robot.yaml does not give them. Gross errors are found and kept out.
+
+    Example: [bold]armtrue fit data.csv --robot robot.yaml --model model.yaml --out fit.json[/]
+    """
+    from armtrue import fitting
+
+    output = Output(json_to)
+    check_writable(out)
+    arm = load_robot(robot)
+    effects = load_model(model, arm)
+    measurements = load_data(data, arm)
+    refuse_too_few_poses(measurements.file, measurements.joints)
+    with waiting() as progress:
+        result = fitting.fit(measurements, arm, effects, folds=folds, seed=seed, progress=progress)
+    result.save(out)
+    output.items(measurements.notes)
+    present_fit(result, output, all_parameters=parameters)
+    output.say(f"\nwritten: {out}")
+    output.figures(summary(result))
+
+
+def add(
+    fit_file: FitArgument,
+    effect: Annotated[
+        str, typer.Argument(metavar="EFFECT", help="Effect of the catalogue, such as gear_harmonics.")
+    ],
+    out: OutOption,
+    joints: Annotated[
+        str | None,
+        typer.Option("--joints", metavar="K,K…", help="Joints, counted from 1; default: all it applies to."),
+    ] = None,
+    option: Annotated[
+        list[str] | None,
+        typer.Option("--option", metavar="NAME=VALUE", help="An option of the effect; may be repeated."),
+    ] = None,
+    json_to: JsonOption = None,
+) -> None:
+    """Add an effect to a fit, fit again, and print how the error fell.
+
+    Example: [bold]armtrue add fit.json gear_harmonics --joints 3 --out fit2.json[/]
+    """
+    from armtrue import fitting
+
+    output = Output(json_to)
+    check_writable(out)
+    before = fitting.Fit.load(fit_file)
+    wanted = {"effect": effect, **_options(option or [])}
+    if joints is not None:
+        wanted["joints"] = _joint_list(joints)
+    entry = check_effect(wanted, before.robot, str(fit_file), already=before.effects)
+    with waiting() as progress:
+        after = fitting.with_effects(before, [*before.effects, entry], progress=progress)
+    after.save(out)
+    present_fall(before, after, output)
+    output.say(f"\nwritten: {out}")
+    output.figures({"before": before.document["error"], **summary(after)})
+
+
+def predict(fit_file: FitArgument, poses: PosesArgument, out: OutOption) -> None:
+    """Predict where the tool point will be, row by row, in the measuring frame.
+
+    POSES needs the columns that the fitted effects read; x, y, z are not needed.
+
+    Example: [bold]armtrue predict fit.json poses.csv --out predicted.csv[/]
+    """
+    from armtrue import fitting
+
+    check_writable(out)
+    result = fitting.Fit.load(fit_file)
+    data = load_data(poses, result.robot, need_position=False)
+    write_columns(out, ["x", "y", "z"], result.predict(data))
+
+
+def write_columns(out: Path, names: list[str], rows: Any) -> None:
+    """Write a CSV of `names` and the (N, len(names)) array `rows`, to a nanometre and below."""
+    text = text_io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(names)
+    writer.writerows([f"{value:.10f}" for value in row] for row in rows)
+    write_file(out, text.getvalue())
+
+
+def summary(result: Fit) -> dict[str, Any]:
+    """The figures of a fit for --json: all of fit.json but the robot and the terms."""
+    document = dict(result.document)
+    document.pop("robot", None)
+    document["parameters"] = [
+        {key: value for key, value in parameter.items() if key != "terms"}
+        for parameter in document.get("parameters", [])
+    ]
+    return document
+
+
+def present_fit(result: Fit, output: Output, all_parameters: bool = False) -> None:
+    """Print errors before and after, the noise floor, parameters, and what the data could not tell."""
+    document = result.document
+    output.table(_error_table(document))
+    output.say(_floor_sentence(document))
+    present_parameters(document, output, all_parameters)
+    rejected = document.get("rejected", [])
+    if rejected:
+        rows = ", ".join(
+            f"row {entry['row']} ({entry['residual_um'] / 1000:.2f} mm)" for entry in rejected[:10]
+        )
+        more = f" and {len(rejected) - 10} more" if len(rejected) > 10 else ""
+        output.title(f"{len(rejected)} gross errors kept out")
+        output.say(f"  {rows}{more}")
+    for title, key in (("What the data cannot tell", "unobservable"), ("Warnings", "warnings")):
+        if document.get(key):
+            output.title(title)
+            output.items(document[key])
+
+
+def present_fall(before: Fit, after: Fit, output: Output) -> None:
+    """Print the error before and after a change."""
+    table = plain_table("error [µm]", "mean", "RMS", "95 %", "max")
+    for name, fitted in (("before", before), ("after", after)):
+        for part in ("train", "held_out"):
+            table.add_row(f"{name}, {_PARTS[part]}", *_error_cells(fitted.document["error"][part]))
+    output.table(table)
+    output.say(_floor_sentence(after.document))
+
+
+_PARTS = {"nominal": "nominal, base and tool fitted", "train": "training poses", "held_out": "held-out poses"}
+
+
+def _error_table(document: dict[str, Any]) -> Any:
+    error = document["error"]
+    table = plain_table("error [µm]", "mean", "RMS", "95 %", "max", "poses")
+    for part, name in _PARTS.items():
+        if error.get(part):
+            table.add_row(name, *_error_cells(error[part]), str(error[part].get("n", "")))
+    for split, figures in error.get("cross_validation", {}).items():
+        if figures:
+            table.add_row(f"  held out by {split}", *_error_cells(figures), str(figures.get("n", "")))
+    return table
+
+
+def _error_cells(figures: dict[str, float]) -> list[str]:
+    return [f"{figures[name]:.1f}" for name in _ERROR_FIGURES]
+
+
+def _floor_sentence(document: dict[str, Any]) -> str:
+    floor = document.get("noise_floor") or {}
+    source = floor.get("source", "none")
+    if floor.get("um") is None:
+        return "noise floor: not known, as the data hold no repeats and no sigma"
+    return f"noise floor: {floor['um']:.1f} µm ({_FLOOR_SOURCES.get(source, source)})"
+
+
+def _joint_list(text: str) -> list[int]:
+    try:
+        return [int(part) for part in text.replace(",", " ").split()]
+    except ValueError:
+        raise InputError(f"--joints: found '{text}', expected joint numbers such as 2,3") from None
+
+
+def _options(pairs: list[str]) -> dict[str, Any]:
+    import yaml
+
+    options: dict[str, Any] = {}
+    for pair in pairs:
+        name, equals, value = pair.partition("=")
+        if not equals or not name:
+            raise InputError(f"--option: found '{pair}', expected NAME=VALUE such as orders=[13]")
+        try:
+            options[name] = yaml.safe_load(value)
+        except yaml.YAMLError:
+            raise InputError(f"--option: found '{pair}', expected a YAML value after '='") from None
+    return options

@@ -1,0 +1,52 @@
+"""Arguments and options that several commands share, with one wording each."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+DataArgument = Annotated[
+    Path,
+    typer.Argument(
+        metavar="DATA",
+        help="Measurements: a CSV in the contract's form, or a dataset.yaml.",
+        show_default=False,
+    ),
+]
+PosesArgument = Annotated[
+    Path,
+    typer.Argument(
+        metavar="POSES",
+        help="Poses, q1…qn and what the model reads: a CSV or a dataset.yaml.",
+        show_default=False,
+    ),
+]
+FitArgument = Annotated[
+    Path, typer.Argument(metavar="FIT", help="A fit, as 'armtrue fit' writes it.", show_default=False)
+]
+RobotOption = Annotated[
+    Path,
+    typer.Option("--robot", "-r", metavar="ROBOT", help="The nominal arm: robot.yaml.", show_default=False),
+]
+ModelOption = Annotated[
+    Path,
+    typer.Option(
+        "--model", "-m", metavar="MODEL", help="The effects to fit: model.yaml.", show_default=False
+    ),
+]
+OutOption = Annotated[
+    Path, typer.Option("--out", "-o", metavar="FILE", help="File to write.", show_default=False)
+]
+JsonOption = Annotated[
+    str | None,
+    typer.Option(
+        "--json",
+        metavar="FILE",
+        help="Write the figures as JSON; '-' for standard output.",
+        show_default=False,
+    ),
+]
+SeedOption = Annotated[int, typer.Option("--seed", help="Seed of the random split into folds.")]
+FoldsOption = Annotated[int, typer.Option("--folds", min=2, help="Folds of cross-validation.")]

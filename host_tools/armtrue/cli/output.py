@@ -1,0 +1,118 @@
+"""What commands print: tables for people, JSON for programs, progress while they wait."""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.table import Table
+
+from armtrue import progress as progress_protocol
+from armtrue.io.files import check_writable, write_file
+
+# A pipe has no width of its own; tables cut at 80 columns would lose figures.
+_WIDTH_OF_A_PIPE = 120
+_FIELD_WIDTH = 20
+_SHOW_PROGRESS_AFTER_S = 1.0
+STANDARD_OUTPUT = "-"
+
+
+class Output:
+    """Where one command's words and figures go. `json_to`: the value of --json."""
+
+    def __init__(self, json_to: str | None) -> None:
+        self._json_to = json_to
+        if json_to is not None and json_to != STANDARD_OUTPUT:
+            check_writable(Path(json_to))
+        width = None if sys.stdout.isatty() else _WIDTH_OF_A_PIPE
+        self.console = Console(
+            width=width, highlight=False, markup=False, soft_wrap=False, quiet=json_to == STANDARD_OUTPUT
+        )
+
+    def say(self, text: str = "") -> None:
+        """Print a line for people."""
+        self.console.print(text)
+
+    def title(self, text: str) -> None:
+        """Print a heading for people."""
+        self.console.print(f"\n{text}", style="bold")
+
+    def items(self, lines: list[str]) -> None:
+        """Print sentences as a list, long ones with their continuation indented."""
+        grid = Table.grid(padding=(0, 1))
+        for line in lines:
+            grid.add_row("  ·", line)
+        if lines:
+            self.console.print(grid)
+
+    def fields(self, pairs: list[tuple[str, str]]) -> None:
+        """Print names with what they are, in two columns."""
+        grid = Table.grid(padding=(0, 2))
+        grid.add_column(min_width=_FIELD_WIDTH)
+        for name, text in pairs:
+            grid.add_row(name, text)
+        self.console.print(grid)
+
+    def table(self, table: Table) -> None:
+        """Print a table for people."""
+        self.console.print(table)
+
+    def figures(self, document: Mapping[str, Any]) -> None:
+        """Write the figures where --json asked for them."""
+        if self._json_to is None:
+            return
+        text = json.dumps(document, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
+        if self._json_to == STANDARD_OUTPUT:
+            sys.stdout.write(text)
+        else:
+            write_file(Path(self._json_to), text)
+
+
+def plain_table(*headers: str, title: str | None = None) -> Table:
+    """A table whose first column is words and whose others are figures."""
+    table = Table(title=title, title_justify="left", box=None, pad_edge=False, header_style="bold")
+    for number, header in enumerate(headers):
+        table.add_column(header, justify="left" if number == 0 else "right", no_wrap=number > 0)
+    return table
+
+
+@contextmanager
+def waiting() -> Iterator[progress_protocol.Progress]:
+    """Yield a progress callback; once a second has passed a bar with the remaining time stands on stderr."""
+    bar = Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.percentage:.0f} %"),
+        TimeElapsedColumn(),
+        TextColumn("remaining"),
+        TimeRemainingColumn(),
+        console=Console(stderr=True),
+        transient=True,
+    )
+    started = time.monotonic()
+    tasks: dict[str, TaskID] = {}
+    shown = False
+
+    def report(share: float, stage: str) -> None:
+        nonlocal shown
+        if not shown and time.monotonic() - started > _SHOW_PROGRESS_AFTER_S:
+            bar.start()
+            shown = True
+        if stage not in tasks:
+            for earlier in tasks.values():
+                bar.update(earlier, visible=False)
+            tasks[stage] = bar.add_task(stage, total=1.0)
+        bar.update(tasks[stage], completed=share)
+
+    try:
+        yield report
+    finally:
+        if shown:
+            bar.stop()

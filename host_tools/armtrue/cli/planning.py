@@ -1,0 +1,309 @@
+"""The command plan."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from armtrue.cli.fitting import write_columns
+from armtrue.cli.options import JsonOption, OutOption
+from armtrue.cli.output import Output, plain_table, waiting
+from armtrue.errors import InputError
+from armtrue.io import Robot, load_model, load_robot
+from armtrue.io.files import check_writable
+from armtrue.io.model import check_effect
+from armtrue.planning import SETTLED, Cell, Plan
+
+_MOST_POSES = 2000
+_DISTINCT_SHOWN = 6
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the command to `app`."""
+    app.command()(plan)
+
+
+def plan(
+    fit_file: Annotated[
+        Path | None,
+        typer.Argument(metavar="[FIT]", help="A fit whose ambiguity to settle.", show_default=False),
+    ] = None,
+    robot: Annotated[
+        Path | None,
+        typer.Option(
+            "--robot", "-r", metavar="ROBOT", help="For a first campaign: robot.yaml.", show_default=False
+        ),
+    ] = None,
+    model: Annotated[
+        Path | None,
+        typer.Option(
+            "--model", "-m", metavar="MODEL", help="For a first campaign: model.yaml.", show_default=False
+        ),
+    ] = None,
+    *,
+    poses: Annotated[int, typer.Option("--poses", min=1, max=_MOST_POSES, help="How many poses.")],
+    out: OutOption,
+    candidates: Annotated[
+        tuple[str, str] | None,
+        typer.Option(
+            "--candidates",
+            metavar="A B",
+            help="Effects to tell apart, such as gear_harmonics:2 joint_compliance:2; "
+            "otherwise the diagnosis' ambiguity set.",
+            show_default=False,
+        ),
+    ] = None,
+    sharpen: Annotated[
+        bool, typer.Option("--sharpen", help="Poses for the fit's own parameters, whatever is missing.")
+    ] = False,
+    levels: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--levels",
+            metavar="COLUMN=V,V",
+            help="Values to choose from: payload=0,8,16 or temp_arm=20,35; dir=-1,1 means every joint's.",
+            show_default=False,
+        ),
+    ] = None,
+    tool: Annotated[
+        tuple[float, float, float] | None,
+        typer.Option(
+            "--tool",
+            metavar="X Y Z",
+            help="Reflector in the flange [m], where robot.yaml has no tool.",
+            show_default=False,
+        ),
+    ] = None,
+    box: Annotated[
+        tuple[float, float, float, float, float, float] | None,
+        typer.Option(
+            "--box",
+            metavar="X X Y Y Z Z",
+            help="Keep the tool point inside [m, robot base].",
+            show_default=False,
+        ),
+    ] = None,
+    floor: Annotated[
+        float | None,
+        typer.Option(
+            "--floor",
+            metavar="Z",
+            help="Keep joints and tool point above [m, robot base].",
+            show_default=False,
+        ),
+    ] = None,
+    tracker: Annotated[
+        tuple[float, float, float] | None,
+        typer.Option(
+            "--tracker",
+            metavar="X Y Z",
+            help="Keep the line of sight from here free [m, robot base].",
+            show_default=False,
+        ),
+    ] = None,
+    clearance: Annotated[
+        float | None,
+        typer.Option(
+            "--clearance", metavar="M", help="Of the line of sight from the arm [m].", show_default=False
+        ),
+    ] = None,
+    acceptance: Annotated[
+        float | None,
+        typer.Option(
+            "--acceptance",
+            metavar="DEG",
+            help="The reflector is seen within this of its opening.",
+            show_default=False,
+        ),
+    ] = None,
+    opening: Annotated[
+        tuple[float, float, float] | None,
+        typer.Option(
+            "--opening",
+            metavar="X Y Z",
+            help="Where the reflector looks, in the tool frame; z otherwise.",
+            show_default=False,
+        ),
+    ] = None,
+    choose_from: Annotated[int, typer.Option("--choose-from", help="Possible poses to choose from.")] = 4000,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the possible poses.")] = 0,
+    json_to: JsonOption = None,
+) -> None:
+    """Choose the poses to measure: for a first campaign, or those that settle what a fit's data cannot tell.
+
+    Without FIT, poses that tell most of the model's parameters (D-optimal). With FIT, poses, payloads, directions and
+    temperatures that tell its leading candidates apart (T-optimal); where nothing is ambiguous, or with --sharpen,
+    poses for its own parameters.
+
+    Example: [bold]armtrue plan --robot robot.yaml --model model.yaml --poses 50 --out poses.csv[/]
+
+    Example: [bold]armtrue plan fit.json --poses 12 --out poses.csv[/]
+    """
+    from armtrue import diagnosis, fitting, planning
+
+    output = Output(json_to)
+    check_writable(out)
+    if clearance is not None and not clearance > 0.0:
+        raise InputError(f"--clearance: found {clearance}, expected metres above 0")
+    cell = Cell(
+        [(box[0], box[1]), (box[2], box[3]), (box[4], box[5])] if box else None,
+        floor,
+        tracker,
+        clearance,
+        None if acceptance is None else math.radians(acceptance),
+        opening,
+    )
+    settings: dict[str, Any] = {"cell": cell, "candidates": choose_from, "seed": seed}
+    if fit_file is None:
+        if robot is None or model is None:
+            raise InputError("plan: found neither a fit nor --robot and --model, expected one or the other")
+        arm = load_robot(robot)
+        chosen_levels = _levels(levels or [], arm)
+        with waiting() as progress:
+            result = planning.plan_campaign(
+                arm,
+                load_model(model, arm),
+                poses,
+                tool=tool,
+                levels=chosen_levels,
+                progress=progress,
+                **settings,
+            )
+    else:
+        for name, given in (("--robot", robot), ("--model", model), ("--tool", tool)):
+            if given is not None:
+                raise InputError(f"{name}: found it beside {fit_file}, expected one or the other")
+        fit = fitting.Fit.load(fit_file)
+        settings["levels"] = _levels(levels or [], fit.robot)
+        with waiting() as progress:
+            if candidates:
+                rivals = [_rival(text, fit.robot) for text in candidates]
+            else:
+                rivals = [] if sharpen else planning.ambiguity(diagnosis.diagnose(fit, progress=progress))
+            if rivals:
+                result = planning.plan_separation(fit, rivals, poses, progress=progress, **settings)
+            else:
+                result = planning.plan_sharpening(fit, poses, progress=progress, **settings)
+        if not rivals and not sharpen:
+            output.say("Nothing is ambiguous in this fit: these poses are for its parameters.")
+    write_columns(out, list(result.columns), list(zip(*result.columns.values(), strict=True)))
+    present_plan(result, output)
+    output.say(f"\nwritten: {out}")
+    output.figures(result.figures | {"columns": {name: list(v) for name, v in result.columns.items()}})
+
+
+def present_plan(plan: Plan, output: Output) -> None:
+    """Print what was chosen and what it is expected to tell."""
+    output.say(f"{plan.count} poses{_settings_words(plan)}")
+    if plan.separates:
+        _present_separation(plan.figures, plan.count, output)
+    else:
+        _present_campaign(plan.figures, plan.count, output)
+
+
+def _settings_words(plan: Plan) -> str:
+    """Which values the columns besides the joints take."""
+    parts = []
+    for name, values in plan.columns.items():
+        if name.startswith("q"):
+            continue
+        different = sorted({float(value) for value in values})
+        if len(different) <= _DISTINCT_SHOWN:
+            parts.append(f"{name} " + ", ".join(f"{value:g}" for value in different))
+        else:
+            parts.append(f"{name} {different[0]:g} to {different[-1]:g}")
+    return f"; {'; '.join(parts)}" if parts else ""
+
+
+def _present_separation(figures: dict[str, Any], poses: int, output: Output) -> None:
+    table = plain_table("ΔBIC of the cause less the rival", "now", f"{poses} random poses", "these poses")
+    for entry in figures["separations"]:
+        table.add_row(
+            f"if {entry['truth']}, not {entry['rival']}",
+            f"{entry['delta_bic_now']:.0f}",
+            f"{entry['delta_bic_expected_random']:.0f}",
+            f"{entry['delta_bic_expected']:.0f}",
+        )
+    output.table(table)
+    open_pairs = [entry for entry in figures["separations"] if entry["delta_bic_expected"] > -SETTLED]
+    if not open_pairs:
+        output.say("These poses are expected to settle it: ΔBIC below −10 whichever is the cause.")
+    for entry in open_pairs:
+        output.say(
+            f"If the cause is {entry['truth']}, {entry['rival']} is expected to stay as good: "
+            "more poses, payloads or joint range may tell."
+        )
+
+
+def _present_campaign(figures: dict[str, Any], poses: int, output: Output) -> None:
+    information = figures["information"]
+    columns = {"now": "present", f"{poses} random poses": "random", "these poses": "planned"}
+    shown = {header: information[key] for header, key in columns.items() if information[key]}
+    table = plain_table(f"{figures['unknowns']} unknowns", *shown)
+    table.add_row(
+        "error of predictions, RMS over the reach [µm]",
+        *(f"{entry['prediction_rms_um']:.1f}" for entry in shown.values()),
+    )
+    for name, place in (("largest", -1), ("median", None), ("smallest", 0)):
+        table.add_row(
+            f"{name} eigenvalue of the Fisher information [1/m²]",
+            *(f"{_eigenvalue(entry, place):.2e}" for entry in shown.values()),
+        )
+    for rank in range(len(information["planned"]["weakest"])):
+        table.add_row(
+            f"{_RANKS[rank]} direction known to [µm at the tool]",
+            *(f"{entry['weakest'][rank]['sigma_um']:.1f}" for entry in shown.values()),
+        )
+    output.table(table)
+    output.say(f"One of these poses tells as much as {figures['random_poses_per_planned']:.1f} random ones.")
+    output.title("Weakest direction")
+    output.items([f"{header}: {entry['weakest'][0]['words']}" for header, entry in shown.items()])
+    if figures.get("same_numbers"):
+        output.say(
+            f"{figures['same_numbers']} further parameters are another's number whatever the pose: held at nominal."
+        )
+    if figures.get("weak"):
+        output.title("What poses of this arm can hardly tell")
+        output.items(figures["weak"])
+
+
+_RANKS = ("weakest", "second weakest", "third weakest")
+
+
+def _eigenvalue(entry: dict[str, Any], place: int | None) -> float:
+    values = entry["eigenvalues_per_m2"]
+    return float(values[len(values) // 2 if place is None else place])
+
+
+def _levels(given: list[str], robot: Robot) -> dict[str, list[float]]:
+    """`COLUMN=V,V` arguments by column; `dir` stands for every joint's direction."""
+    levels: dict[str, list[float]] = {}
+    for text in given:
+        name, equals, values = text.partition("=")
+        try:
+            numbers = [float(value) for value in values.split(",")]
+        except ValueError:
+            numbers = []
+        if not name or not equals or not numbers or not all(map(math.isfinite, numbers)):
+            raise InputError(f"--levels: found '{text}', expected COLUMN=V,V such as payload=0,8,16")
+        joints = len(robot.spec["kinematics"]["joints"])
+        for column in [f"dir{k}" for k in range(1, joints + 1)] if name == "dir" else [name]:
+            levels[column] = numbers
+    return levels
+
+
+def _rival(text: str, robot: Robot) -> dict[str, Any]:
+    """`EFFECT:2,3` or `EFFECT 2,3` as an entry of model.yaml."""
+    name, _, joints = text.replace(":", " ").strip().partition(" ")
+    entry: dict[str, Any] = {"effect": name}
+    if joints:
+        try:
+            entry["joints"] = [int(part) for part in joints.replace(",", " ").split()]
+        except ValueError:
+            raise InputError(
+                f"--candidates: found '{text}', expected an effect and joints such as gear_harmonics:2"
+            ) from None
+    return check_effect(entry, robot, "--candidates")

@@ -1,0 +1,51 @@
+import math
+
+import pytest
+
+from armtrue.cli.parameters import nominal_value
+
+MDH = {
+    "convention": "mdh",
+    "joints": [
+        {"type": "revolute", "a": 0.0, "alpha": 0.0, "d": 0.8, "offset": 0.5},
+        {"type": "revolute", "a": 0.35, "alpha": -math.pi / 2, "d": 0.1, "offset": 0.0},
+    ],
+}
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "unit"),
+    [
+        ("joint_offset[1]", 0.5, "rad"),
+        ("link_geometry[1].tx", 0.35, "m"),
+        ("link_geometry[1].ty", 0.1, "m"),
+        ("link_geometry[1].tz", 0.0, "m"),
+        ("link_geometry[1].rx", -math.pi / 2, "rad"),
+        ("link_geometry[2].tx", 0.0, "m"),
+    ],
+)
+def test_nominal_of_modified_dh_is_the_next_row_turned_into_the_links_frame(name, value, unit):
+    found = nominal_value(name, {"kinematics": MDH})
+    assert found is not None
+    assert found[0] == pytest.approx(value, abs=1e-12)
+    assert found[1] == unit
+
+
+def test_nominal_of_standard_dh_is_the_links_own_row():
+    robot = {"kinematics": {**MDH, "convention": "dh"}}
+    assert nominal_value("link_geometry[2].tx", robot) == (0.35, "m")
+    assert nominal_value("link_geometry[2].tz", robot) == (0.1, "m")
+
+
+def test_nominal_of_a_chain_is_the_next_joints_pose_and_at_last_the_end():
+    joints = [{"type": "revolute", "xyz": [0, 0, 0.4], "rpy": [0, 0, 0], "offset": 0.0}] * 2
+    chain = {"convention": "chain", "joints": joints, "end": {"xyz": [0.0, 0.2, 0.0], "rpy": [0.1, 0.0, 0.0]}}
+    assert nominal_value("link_geometry[1].tz", {"kinematics": chain}) == (0.4, "m")
+    assert nominal_value("link_geometry[2].ty", {"kinematics": chain}) == (0.2, "m")
+    found = nominal_value("link_geometry[2].rx", {"kinematics": chain})
+    assert found is not None
+    assert found[0] == pytest.approx(0.1)
+
+
+def test_what_has_no_nominal_value_has_none():
+    assert nominal_value("joint_compliance[2]", {"kinematics": MDH}) is None

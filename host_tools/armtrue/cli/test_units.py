@@ -1,0 +1,44 @@
+import pytest
+
+from armtrue.cli.units import figure, for_people, value_and_sigma
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "shown", "name"),
+    [
+        (1e-4, "m", 100.0, "µm"),
+        (-1.5e-3, "m", -1.5, "mm"),
+        (1e-4, "rad", 20.6265, "″"),
+        (0.01, "rad", 0.572958, "°"),
+        (1.8e-6, "rad/Nm", 1.8, "µrad/Nm"),
+        (2.36e-5, "1/K", 23.6, "µm/(m K)"),
+        (5400.0, "s", 1.5, "h"),
+        (3.0, "furlong", 3.0, "furlong"),
+        (0.0, "m", 0.0, "µm"),
+    ],
+)
+def test_a_figure_comes_in_the_unit_people_read_it_in(value, unit, shown, name):
+    found, found_name = for_people(value, unit)
+    assert found == pytest.approx(shown, rel=1e-5)
+    assert found_name == name
+
+
+@pytest.mark.parametrize(
+    ("value", "sigma", "words"),
+    [
+        (1.2345e-4, 1.2e-6, ("123.5", "1.2", "µm")),
+        (-2.5e-3, 4.56e-5, ("-2.500", "0.046", "mm")),
+        (0.0, 2.9e-6, ("0.0", "2.9", "µm")),
+        (1e-6, 2e-3, ("0.0", "2.0", "mm")),
+        (1.2345e-4, None, ("123.5", "", "µm")),
+    ],
+)
+def test_value_and_sigma_share_a_unit_and_their_digits(value, sigma, words):
+    assert value_and_sigma(value, sigma, "m") == words
+
+
+def test_figures_keep_their_digits_without_exponents_where_they_read_well():
+    assert figure(0.012345) == "0.01235"
+    assert figure(123456.0) == "123456"
+    assert figure(1.2e9) == "1.200e+09"
+    assert figure(0.0) == "0"

@@ -1,0 +1,51 @@
+"""Figures as people read them: micrometres, arcseconds and degrees, with as many digits as they carry."""
+
+from __future__ import annotations
+
+import math
+
+# unit → units for people from small to large: (name, factor to SI); the largest that keeps the figure above 1 is taken.
+_FOR_PEOPLE: dict[str, list[tuple[str, float]]] = {
+    "m": [("µm", 1e-6), ("mm", 1e-3), ("m", 1.0)],
+    "rad": [("″", math.pi / 648000.0), ("°", math.pi / 180.0)],
+    "rad/Nm": [("µrad/Nm", 1e-6), ("mrad/Nm", 1e-3)],
+    "rad/K": [("µrad/K", 1e-6)],
+    "m/K": [("µm/K", 1e-6)],
+    "1/K": [("µm/(m K)", 1e-6)],
+    "m/s": [("µm/h", 1e-6 / 3600.0)],
+    "rad/s": [("″/h", math.pi / 648000.0 / 3600.0)],
+    "s": [("s", 1.0), ("min", 60.0), ("h", 3600.0)],
+}
+# A degree is named only from here on: 0.3° and below are read in arcseconds.
+_ENOUGH = {"°": 0.3, "mm": 1.0, "m": 1.0}
+
+
+def for_people(value: float, unit: str) -> tuple[float, str]:
+    """Return `(figure, unit)` for `value` in the SI `unit`; a unit without a form for people stays."""
+    chosen = (value, unit)
+    for name, factor in _FOR_PEOPLE.get(unit, []):
+        if chosen[1] == unit or abs(value) / factor >= _ENOUGH.get(name, 1.0):
+            chosen = (value / factor, name)
+    return chosen
+
+
+def figure(value: float, digits: int = 4) -> str:
+    """`value` with `digits` significant digits, without an exponent where it reads well without."""
+    if value == 0.0 or not math.isfinite(value):
+        return f"{value:g}"
+    magnitude = math.floor(math.log10(abs(value)))
+    if -4 <= magnitude < 6:
+        return f"{value:.{max(0, digits - 1 - magnitude)}f}"
+    return f"{value:.{digits - 1}e}"
+
+
+def value_and_sigma(value: float, sigma: float | None, unit: str) -> tuple[str, str, str]:
+    """Return `(value, ± sigma, unit)` for people, both in one unit, to two digits of sigma."""
+    spread = sigma if sigma is not None and math.isfinite(sigma) else 0.0
+    largest = max(abs(value), spread)
+    shown, name = for_people(largest, unit)
+    factor = largest / shown if shown else 1.0
+    if spread <= 0.0:
+        return figure(value / factor), "", name
+    decimals = min(9, max(0, 1 - math.floor(math.log10(spread / factor))))
+    return f"{value / factor:.{decimals}f}", f"{spread / factor:.{decimals}f}", name

@@ -1,0 +1,69 @@
+"""Opening any bus that python-can knows, from command-line words."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import can
+from can.interfaces import VALID_INTERFACES
+
+from armtrue.device.sdo import CommunicationError
+from armtrue.errors import InputError, did_you_mean
+
+
+@dataclass(frozen=True)
+class BusOptions:
+    """What python-can needs to open a bus; `extra` goes through as it stands (KEY=VALUE)."""
+
+    interface: str
+    channel: str
+    bitrate: int | None = None
+    fd: bool = False
+    data_bitrate: int | None = None
+    extra: list[str] = field(default_factory=list)
+
+    def arguments(self) -> dict[str, Any]:
+        """Keyword arguments of can.Bus. Raises InputError for an extra that is not KEY=VALUE."""
+        found: dict[str, Any] = {"interface": self.interface, "channel": self.channel}
+        if self.bitrate is not None:
+            found["bitrate"] = self.bitrate
+        if self.fd:
+            found["fd"] = True
+        if self.data_bitrate is not None:
+            found["data_bitrate"] = self.data_bitrate
+        for text in self.extra:
+            key, separator, value = text.partition("=")
+            if not separator or not key:
+                raise InputError(f"--bus-option: '{text}', expected KEY=VALUE")
+            found[key] = _typed(value)
+        return found
+
+
+def _typed(text: str) -> Any:
+    """A number or truth value where the text is one, as python-can's own configuration files do."""
+    if text.lower() in ("true", "false"):
+        return text.lower() == "true"
+    for convert in (int, float):
+        try:
+            return convert(text)
+        except ValueError:
+            continue
+    return text
+
+
+def open_bus(options: BusOptions) -> can.BusABC:
+    """Open the bus. Raises InputError for an unknown interface, CommunicationError if it cannot be opened."""
+    if options.interface not in VALID_INTERFACES:
+        known = sorted(VALID_INTERFACES)
+        raise InputError(
+            f"--interface: '{options.interface}'{did_you_mean(options.interface, known)}, "
+            f"expected one of {', '.join(known)}"
+        )
+    try:
+        return can.Bus(**options.arguments())
+    except (can.CanError, OSError, ValueError, TypeError, ImportError) as problem:
+        # Each interface has its own ways of failing; a person needs to know which bus and why.
+        raise CommunicationError(
+            f"{options.interface} {options.channel}: cannot be opened: {problem}"
+        ) from None

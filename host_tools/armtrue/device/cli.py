@@ -1,0 +1,332 @@
+"""The commands upload and device: a compensator on a bus."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from enum import Enum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.live import Live
+from rich.progress import (
+    BarColumn,
+    DownloadColumn,
+    Progress,
+    TextColumn,
+    TimeRemainingColumn,
+    TransferSpeedColumn,
+)
+
+from armtrue.cli.options import JsonOption
+from armtrue.cli.output import STANDARD_OUTPUT, Output, plain_table
+from armtrue.device.compensator import (
+    COMPENSATOR_STATES,
+    MODES,
+    NO_SLOT,
+    SLOT_STATES,
+    STAGING_STATES,
+    Compensator,
+    DeviceRefusedError,
+    Status,
+    name_of,
+)
+from armtrue.device.connection import REFUSED, Connection, on_a_bus
+from armtrue.device.image import checksum_of, read_image
+from armtrue.device.monitor import Monitor, Snapshot, draw
+from armtrue.device.upload import Step, UploadResult, upload_image
+from armtrue.io.files import check_writable, write_file
+
+app = typer.Typer(
+    no_args_is_help=True,
+    help="""Ask and manage a compensator on a bus.
+
+Exit status: 0 done, 1 the device refused or a test failed, 2 bad input (nothing was sent),
+3 the bus or the device did not answer, 130 interrupted.""",
+)
+
+NOMINAL_BITRATE = 1_000_000
+TablesArgument = Annotated[
+    Path,
+    typer.Argument(metavar="TABLES", help="Table image, as 'armtrue export' writes it.", show_default=False),
+]
+
+
+class Transfer(str, Enum):
+    """How SDO moves a table."""
+
+    BLOCK = "block"
+    SEGMENTED = "segmented"
+
+
+@contextmanager
+def _transfer_bar(quiet: bool) -> Iterator[Progress]:
+    """Rate and remaining time of a transfer, on stderr."""
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        DownloadColumn(),
+        TransferSpeedColumn(),
+        TimeRemainingColumn(),
+    )
+    console = Console(stderr=True)
+    # A bar that cannot be redrawn in place would only litter a log.
+    console.quiet = quiet or not console.is_interactive
+    with Progress(*columns, console=console, transient=True) as bar:
+        yield bar
+
+
+@on_a_bus
+def upload(
+    tables: TablesArgument,
+    connection: Connection,
+    transfer: Annotated[Transfer, typer.Option("--transfer", help="SDO transfer.")] = Transfer.BLOCK,
+    confirm: Annotated[
+        bool,
+        typer.Option("--confirm/--trial", help="End the trial at once, or leave that to 'device confirm'."),
+    ] = False,
+    json_to: JsonOption = None,
+) -> None:
+    """Bring a table into force on a compensator: compare, transfer, verify, commit, activate on trial.
+
+    The image is compared with the device (robot, joints, format, signature, age) before a byte is sent.
+    After any interruption the same command goes on from where it stopped, or begins again cleanly. The
+    device takes tables only while no joint commands arrive. A table on trial is in force until the next
+    reset; 'armtrue device confirm' makes it stay.
+
+    Example: [bold]armtrue upload tables.bin --interface socketcan --channel can0[/]
+
+    Exit status: 0 done, 1 the device refused, 2 bad input or not for this device (nothing was sent),
+    3 the bus or the device did not answer, 130 interrupted.
+    """
+    output = Output(json_to)
+    image = read_image(tables)
+    with connection.compensator() as device, _transfer_bar(quiet=json_to == STANDARD_OUTPUT) as bar:
+        task = bar.add_task("transferring", total=len(image.data), visible=False)
+
+        def show(step: Step) -> None:
+            output.say(f"{step.name:18} {step.note}")
+
+        def advance(done: int, total: int) -> None:
+            bar.update(task, completed=done, total=total, visible=done < total)
+
+        result = upload_image(device, image, show, advance, transfer is Transfer.BLOCK, confirm)
+    output.figures(_upload_document(result, image.sequence, image.checksum))
+
+
+def _upload_document(result: UploadResult, sequence: int, checksum: int) -> dict[str, object]:
+    return {
+        "steps": [{"name": step.name, "note": step.note} for step in result.steps],
+        "bytes_sent": result.bytes_sent,
+        "seconds": result.seconds,
+        "frames": result.frames,
+        "on_trial": result.on_trial,
+        "sequence": sequence,
+        "checksum": checksum,
+    }
+
+
+@app.command()
+@on_a_bus
+def info(connection: Connection, json_to: JsonOption = None) -> None:
+    """Print who the device is, what table it has, and its counters.
+
+    Example: [bold]armtrue device info --interface socketcan --channel can0[/]
+    """
+    output = Output(json_to)
+    with connection.compensator() as device:
+        status = device.identify()
+    for line in _describe(status):
+        output.say(line)
+    output.figures(status.values)
+
+
+def _describe(status: Status) -> list[str]:
+    active = status["Table status.Active slot"]
+    table = "none: pass-through"
+    if active != NO_SLOT:
+        trial = ", on trial" if status["Table status.Trial"] else ""
+        table = f"export {status['Table status.Active table sequence']}, slot {'AB'[active]}{trial}"
+    slots = ", ".join(
+        f"{slot} {name_of(SLOT_STATES, status[f'Table status.Slot {slot} state'])}" for slot in "AB"
+    )
+    control, counters = "Compensator control", "Compensator status"
+    counted = ("Cycles", "Clamped", "Stale", "Refused", "Sets withheld", "Worst cycle (us)")
+    return [
+        f"device      {status.text('Manufacturer device name')} {status.text('Manufacturer software version')}, "
+        f"serial number {status['Identity object.Serial number']}",
+        f"robot       {status.text('Robot serial') or '(not bound)'}, {status[f'{counters}.Joint count']} joints",
+        f"state       {name_of(COMPENSATOR_STATES, status[f'{counters}.State'])}, "
+        f"mode {name_of(MODES, status[f'{control}.Mode'])}, "
+        f"correction {'enabled' if status[f'{control}.Correction enable'] else 'disabled'}",
+        f"table       {table}",
+        f"slots       {slots}; staging {name_of(STAGING_STATES, status['Table status.Staging state'])}, "
+        f"room for {status['Table status.Capacity (bytes)']} bytes",
+        f"tables      format {status['Table status.Format version read']}, "
+        f"{'signed only' if status['Table status.Signature required'] else 'unsigned accepted'}",
+        "counters    " + ", ".join(f"{name.lower()} {status[f'{counters}.{name}']}" for name in counted),
+    ]
+
+
+@app.command()
+@on_a_bus
+def dump(
+    out: Annotated[Path, typer.Argument(metavar="FILE", help="File to write.", show_default=False)],
+    connection: Connection,
+    json_to: JsonOption = None,
+) -> None:
+    """Read the table in force back into a file.
+
+    Example: [bold]armtrue device dump active.bin --interface socketcan --channel can0[/]
+    """
+    output = Output(json_to)
+    check_writable(out)
+    with connection.compensator() as device:
+        image = _read_back(device, json_to == STANDARD_OUTPUT)
+    write_file(out, image)
+    output.say(f"written: {out} ({len(image)} bytes)")
+    output.figures({"bytes": len(image), "checksum": checksum_of(image)})
+
+
+def _read_back(device: Compensator, quiet: bool) -> bytes:
+    """The table in force. Raises DeviceRefusedError where there is none."""
+    with _transfer_bar(quiet) as bar:
+        task = bar.add_task("reading", total=None)
+        image = device.dump(lambda done, total: bar.update(task, completed=done, total=total or None))
+    if not image:
+        raise DeviceRefusedError("the device has no table in force")
+    return image
+
+
+@app.command()
+@on_a_bus
+def verify(tables: TablesArgument, connection: Connection, json_to: JsonOption = None) -> None:
+    """Read the table in force back and compare it with a file, byte by byte; exit status 1 if they differ.
+
+    Example: [bold]armtrue device verify tables.bin --interface socketcan --channel can0[/]
+    """
+    output = Output(json_to)
+    image = read_image(tables)
+    with connection.compensator() as device:
+        held = _read_back(device, json_to == STANDARD_OUTPUT)
+        if held != image.data:
+            pairs = enumerate(zip(held, image.data, strict=False))
+            at = next((k for k, (one, other) in pairs if one != other), None)
+            where = (
+                f"byte {at}"
+                if at is not None
+                else f"its length, {len(held)} instead of {len(image.data)} bytes"
+            )
+            raise DeviceRefusedError(f"the device's table differs from {tables}, first in {where}")
+    output.say(f"the device's table is {tables} ({len(held)} bytes)")
+    output.figures({"bytes": len(held), "checksum": image.checksum, "sequence": image.sequence})
+
+
+@app.command()
+@on_a_bus
+def activate(connection: Connection, json_to: JsonOption = None) -> None:
+    """Put the table that waits in the spare slot on trial.
+
+    Example: [bold]armtrue device activate --interface socketcan --channel can0[/]
+    """
+    _order(connection, "actv", "on trial: a reset returns to the table before, unless confirmed", json_to)
+
+
+@app.command()
+@on_a_bus
+def confirm(connection: Connection, json_to: JsonOption = None) -> None:
+    """End the trial: the table is that of every later start.
+
+    Example: [bold]armtrue device confirm --interface socketcan --channel can0[/]
+    """
+    _order(connection, "cfrm", "confirmed: the table of every later start", json_to)
+
+
+@app.command()
+@on_a_bus
+def revert(connection: Connection, json_to: JsonOption = None) -> None:
+    """End the trial and return to the table before; or drop the one that waits in the spare slot.
+
+    Example: [bold]armtrue device revert --interface socketcan --channel can0[/]
+    """
+    _order(connection, "rvrt", "reverted", json_to)
+
+
+def _order(connection: Connection, word: str, done: str, json_to: str | None) -> None:
+    """One table command, and what the device then has."""
+    output = Output(json_to)
+    with connection.compensator() as device:
+        device.command(word)
+        status = device.status("Table status")
+    output.say(done)
+    output.figures(status.values)
+
+
+@app.command()
+@on_a_bus
+def selftest(connection: Connection, json_to: JsonOption = None) -> None:
+    """Let the device test itself; exit status 1 if a test failed.
+
+    Example: [bold]armtrue device selftest --interface socketcan --channel can0[/]
+    """
+    output = Output(json_to)
+    with connection.compensator() as device:
+        results = device.self_test()
+    table = plain_table("test", "result")
+    for name, passed in results.items():
+        table.add_row(name, "passed" if passed else "FAILED")
+    output.table(table)
+    output.figures(results)
+    if not all(results.values()):
+        raise typer.Exit(REFUSED)
+
+
+@app.command()
+@on_a_bus
+def monitor(
+    connection: Connection,
+    period: Annotated[
+        float, typer.Option("--period", metavar="S", min=0.05, help="Time between pictures.")
+    ] = 0.25,
+    duration: Annotated[
+        float | None,
+        typer.Option("--duration", metavar="S", help="Stop after this time.", show_default=False),
+    ] = None,
+    record: Annotated[
+        Path | None,
+        typer.Option(
+            "--record",
+            metavar="FILE",
+            help="Record all frames, in python-can's .asc, .blf, .log, .csv, …",
+            show_default=False,
+        ),
+    ] = None,
+    json_to: JsonOption = None,
+) -> None:
+    """Show targets, corrections, limits, state and bus load, live; Ctrl-C ends it.
+
+    Example: [bold]armtrue device monitor --interface socketcan --channel can0 --record run.blf[/]
+    """
+    output = Output(json_to)
+    last: Snapshot | None = None
+    with connection.bus() as bus:
+        nominal = connection.bitrate or NOMINAL_BITRATE
+        watcher = Monitor(bus, connection.node, nominal, connection.data_bitrate or nominal, record)
+        try:
+            with Live(console=output.console, auto_refresh=False) as page:
+                for last in watcher.snapshots(period, duration):
+                    page.update(draw(last), refresh=True)
+        except KeyboardInterrupt:
+            output.say("stopped")
+        finally:
+            watcher.close()
+    if last is not None:
+        output.figures(last.document())
+
+
+def add_to(parent: typer.Typer) -> None:
+    """Add the command upload and the group device to the command line."""
+    parent.command()(upload)
+    parent.add_typer(app, name="device")

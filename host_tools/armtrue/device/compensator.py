@@ -1,0 +1,216 @@
+"""One compensator on a bus: its values by name, its table commands, what it says of itself."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from armtrue.device.eds import Entry, dictionary
+from armtrue.device.sdo import ByteProgress, CommunicationError, SdoAbortError, SdoClient
+
+STAGING_STATES = ("empty", "receiving", "received", "verified", "refused", "committed")
+SLOT_STATES = (
+    "blank", "torn", "foreign", "newer", "refused", "pending", "trial", "confirmed", "rejected",
+)  # fmt: skip
+COMPENSATOR_STATES = ("pass-through", "blending", "active")
+MODES = ("forward", "inline", "offset")
+BUS_STATES = ("active", "warning", "passive", "bus-off")
+NO_SLOT = 0xFF
+
+# Why a table was refused: firmware/core/table.h, and from 0x100 the upload's own reasons.
+REFUSALS = {
+    0: "accepted",
+    1: "too short",
+    2: "not a table",
+    3: "unknown format version",
+    4: "wrong length",
+    5: "wrong checksum",
+    6: "another number of joints",
+    7: "another robot's table",
+    8: "not signed, and this device takes only signed tables",
+    9: "wrong signature",
+    10: "unknown flag",
+    11: "unknown section",
+    12: "missing section",
+    13: "section out of bounds",
+    14: "unknown kind of record",
+    15: "reference to nothing",
+    16: "value out of range",
+    17: "reserved field not zero",
+    18: "more records than this firmware has room for",
+    19: "an earlier activation is still pending",
+    0x100: "an older export than the table in force",
+    0x101: "limits beyond the firmware's own maxima",
+}
+SELF_TESTS = ("checksums", "object dictionary", "table in force", "buses", "pass-through")
+
+_PRODUCT_CODE = int.from_bytes(b"ARMT", "big")
+_DEVICE_STATE = 0x08000022
+_INCOMPATIBLE = 0x06040043
+# Erasing a flash sector takes up to two seconds, a signature check tens of milliseconds.
+_COMMAND_TIMEOUT_S = 20.0
+# The first request often finds a device that an interrupted client left waiting, so it is given up early.
+_FIRST_PATIENCE_S = 0.5
+
+
+class DeviceRefusedError(Exception):
+    """The device understood and said no; the message says why and what to do."""
+
+
+@dataclass(frozen=True)
+class Status:
+    """What the device says of itself: the figures of its status objects, by name."""
+
+    values: dict[str, int | str]
+
+    def __getitem__(self, name: str) -> int:
+        return int(self.values[name])
+
+    def text(self, name: str) -> str:
+        """A string value."""
+        return str(self.values[name])
+
+
+class Compensator:
+    """A compensator node. Every method raises SdoAbortError or CommunicationError of the SDO client."""
+
+    def __init__(self, client: SdoClient) -> None:
+        self.client = client
+
+    def read(self, name: str) -> int | str | bytes:
+        """The value of an object by its EDS name."""
+        entry = self._entry(name)
+        data = self.client.upload(entry.index, entry.sub)
+        if entry.is_number:
+            return int.from_bytes(data, "little", signed=entry.signed)
+        return data.decode("ascii", "replace")
+
+    def read_number(self, name: str) -> int:
+        """The value of an integer object."""
+        return int(self.read(name))
+
+    def write(self, name: str, value: int, timeout_s: float | None = None) -> None:
+        """Set an integer object."""
+        entry = self._entry(name)
+        data = value.to_bytes(entry.size, "little", signed=entry.signed)
+        self.client.download(entry.index, entry.sub, data, timeout_s)
+
+    def status(self, *objects: str) -> Status:
+        """All values of the named records and variables, `Record.Value` each."""
+        names = [name for name in dictionary() if name.split(".")[0] in objects]
+        kept = [name for name in names if not name.endswith("Highest sub-index supported")]
+        return Status({name: self._plain(name) for name in kept})
+
+    def greet(self) -> None:
+        """Begin to talk: end what an interrupted client left behind, and see that the node is a compensator.
+
+        Raises DeviceRefusedError if it is some other device.
+        """
+        usual_s = self.client.timeout_s
+        for patience_s in (min(_FIRST_PATIENCE_S, usual_s), usual_s):
+            self.client.timeout_s = patience_s
+            try:
+                return self._check_product()
+            except CommunicationError:
+                # In the middle of a block transfer that nobody goes on with, a server takes requests for segments;
+                # while it commits a table that somebody ordered, it erases flash.
+                self.client.abort(0, 0)
+            finally:
+                self.client.timeout_s = usual_s
+        self._check_product()
+
+    def _check_product(self) -> None:
+        product = self.read_number("Identity object.Product code")
+        if product != _PRODUCT_CODE:
+            name = self._plain("Manufacturer device name")
+            raise DeviceRefusedError(
+                f"the node is a '{name}' (product code 0x{product:08X}), not a compensator"
+            )
+
+    def identify(self) -> Status:
+        """Who the device is and what table it has; small enough to ask before every operation."""
+        return self.status(
+            "Manufacturer device name", "Manufacturer software version", "Identity object", "Robot serial",
+            "Table status", "Compensator control", "Compensator status",
+        )  # fmt: skip
+
+    def is_quiet(self) -> bool:
+        """Whether no joint commands have arrived for the time that table commands need."""
+        return bool(self.read_number("Compensator status.Status bits") & 1 << 3)
+
+    def command(self, word: str) -> None:
+        """One table command: vrfy, cmit, actv, cfrm, rvrt, dscd.
+
+        Raises DeviceRefusedError with the device's own reason.
+        """
+        try:
+            self.write("Table command", int.from_bytes(word.encode("ascii"), "little"), _COMMAND_TIMEOUT_S)
+        except SdoAbortError as refusal:
+            raise DeviceRefusedError(self._explain(word, refusal)) from None
+
+    def stage(self, image: bytes, block: bool, progress: ByteProgress) -> None:
+        """Transfer an image into the staging buffer."""
+        entry = self._entry("Table staging image")
+        transfer = self.client.download_block if block else self.client.download_segmented
+        try:
+            transfer(entry.index, entry.sub, image, progress)
+        except SdoAbortError as refusal:
+            if refusal.code == _DEVICE_STATE:
+                raise DeviceRefusedError(_STILL_MOVING) from None
+            raise
+
+    def dump(self, progress: ByteProgress) -> bytes:
+        """The image in force. Empty if there is none."""
+        entry = self._entry("Table active image")
+        try:
+            return self.client.upload(entry.index, entry.sub, progress)
+        except SdoAbortError as refusal:
+            if refusal.code == 0x08000024:
+                return b""
+            raise
+
+    def self_test(self) -> dict[str, bool]:
+        """Run the device's tests; which passed, by name."""
+        try:
+            self.write("Self-test.Run", (1 << len(SELF_TESTS)) - 1, _COMMAND_TIMEOUT_S)
+        except SdoAbortError as refusal:
+            if refusal.code == _DEVICE_STATE:
+                raise DeviceRefusedError(_STILL_MOVING) from None
+            raise
+        failed = self.read_number("Self-test.Tests failed")
+        return {name: not failed & 1 << bit for bit, name in enumerate(SELF_TESTS)}
+
+    def _entry(self, name: str) -> Entry:
+        return dictionary()[name]
+
+    def _plain(self, name: str) -> int | str:
+        value = self.read(name)
+        return value if isinstance(value, int) else str(value)
+
+    def _explain(self, word: str, refusal: SdoAbortError) -> str:
+        if refusal.code == _DEVICE_STATE and not self.is_quiet():
+            return _STILL_MOVING
+        if refusal.code == _INCOMPATIBLE:
+            reason = self.read_number("Table status.Refusal reason")
+            at = self.read_number("Table status.Refusal byte offset")
+            return f"the device refused the table: {REFUSALS.get(reason, f'reason {reason}')} (byte {at} of the image)"
+        if refusal.code == _DEVICE_STATE:
+            return _NOTHING_TO_DO[word]
+        return f"the device could not do it: {refusal}"
+
+
+_STILL_MOVING = "joint commands are arriving; stop the controller before tables are changed"
+_NOTHING_TO_DO = {
+    "vrfy": "nothing has been transferred that could be verified",
+    "cmit": "a table cannot be committed now: it is not verified, or a trial is running (confirm or revert it first)",
+    "actv": "no committed table waits for activation",
+    "cfrm": "no table is on trial",
+    "rvrt": "no table is on trial or waiting",
+    "dscd": "nothing has been transferred",
+}
+
+
+def name_of(names: Iterable[str], number: int) -> str:
+    """The name at a place of one of the tuples above, or the number itself."""
+    known = tuple(names)
+    return known[number] if 0 <= number < len(known) else str(number)

@@ -1,0 +1,57 @@
+"""What a table image says of itself, read on the host before a byte is sent."""
+
+from __future__ import annotations
+
+import zlib
+from dataclasses import dataclass
+from pathlib import Path
+
+from armtrue.errors import InputError
+from armtrue.tables import layout
+
+
+@dataclass(frozen=True)
+class ImageInfo:
+    """The header of a table image and its content."""
+
+    path: Path
+    data: bytes
+    format_version: int
+    joint_count: int
+    sequence: int
+    robot_serial: str
+    is_signed: bool
+    checksum: int  # CRC-32 of all but itself, as the device reports it of what it holds
+
+
+def checksum_of(image: bytes) -> int:
+    """CRC-32 of all but the checksum itself, as the device reports it."""
+    return zlib.crc32(image[: -layout.CHECKSUM.size])
+
+
+def read_image(path: Path) -> ImageInfo:
+    """Read and check the envelope of an image. Raises InputError naming file and field."""
+    try:
+        data = path.read_bytes()
+    except OSError as problem:
+        raise InputError(f"{path}: {problem.strerror or problem}") from None
+    least = layout.HEADER.size + layout.CHECKSUM.size
+    if len(data) < least:
+        raise InputError(f"{path}: {len(data)} bytes, expected a table image of at least {least}")
+    header = layout.HEADER.unpack_from(data)
+    magic, version, header_length, image_length, flags, sequence, joint_count = header[:7]
+    serial = header[10]
+    if magic != layout.MAGIC:
+        raise InputError(f"{path}: begins with {magic!r}, expected the {layout.MAGIC!r} of a table image")
+    if version != layout.VERSION or header_length != layout.HEADER.size:
+        raise InputError(f"{path}: table format {version}, expected {layout.VERSION}")
+    if image_length != len(data):
+        raise InputError(f"{path}: {len(data)} bytes, the header says {image_length}")
+    stored = layout.CHECKSUM.unpack_from(data, len(data) - layout.CHECKSUM.size)[0]
+    computed = checksum_of(data)
+    if stored != computed:
+        raise InputError(f"{path}: checksum 0x{stored:08X}, expected 0x{computed:08X}: the file is damaged")
+    return ImageInfo(
+        path, data, version, joint_count, sequence, serial.rstrip(b"\0").decode("ascii", "replace"),
+        bool(flags & layout.FLAG_SIGNED), computed,
+    )  # fmt: skip

@@ -1,0 +1,132 @@
+"""The SDO client against a scripted server: whose answers it takes, and what it does about what was left over."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from pathlib import Path
+
+import can
+import pytest
+
+from armtrue.device.compensator import Compensator, DeviceRefusedError, Status
+from armtrue.device.image import ImageInfo
+from armtrue.device.sdo import CommunicationError, SdoAbortError, SdoClient
+from armtrue.device.upload import compare
+from armtrue.errors import InputError
+
+NODE = 32
+ARMT = int.from_bytes(b"ARMT", "big")
+
+
+class Scripted:
+    """A bus whose other side answers each request as told."""
+
+    def __init__(self, answer: Callable[[bytes], list[bytes]]) -> None:
+        self._answer = answer
+        self._waiting: deque[can.Message] = deque()
+        self.requests: list[bytes] = []
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        self.requests.append(bytes(msg.data))
+        for data in self._answer(bytes(msg.data)):
+            self._waiting.append(can.Message(arbitration_id=0x580 + NODE, data=data, is_extended_id=False))
+
+    def recv(self, timeout: float | None = None) -> can.Message | None:
+        return self._waiting.popleft() if self._waiting else None
+
+
+def expedited(request: bytes, value: int) -> bytes:
+    return b"\x43" + request[1:4] + value.to_bytes(4, "little")
+
+
+def test_answers_about_other_objects_are_passed_over() -> None:
+    def answer(request: bytes) -> list[bytes]:
+        foreign = b"\x43\x41\x60\x00" + bytes(4)
+        abort = b"\x80\x10\x20\x00" + (0x05040000).to_bytes(4, "little")
+        return [foreign, abort, expedited(request, 77)]
+
+    assert SdoClient(Scripted(answer), NODE).upload(0x2001, 1) == (77).to_bytes(4, "little")
+
+
+def test_an_abort_of_our_object_is_ours() -> None:
+    def answer(request: bytes) -> list[bytes]:
+        return [b"\x80" + request[1:4] + (0x06020000).to_bytes(4, "little")]
+
+    with pytest.raises(SdoAbortError, match="object 0x2001 sub 1: refused with 0x06020000"):
+        SdoClient(Scripted(answer), NODE).upload(0x2001, 1)
+
+
+def test_a_transfer_that_somebody_left_open_is_ended_first() -> None:
+    open_block = True
+
+    def answer(request: bytes) -> list[bytes]:
+        nonlocal open_block
+        if request[0] == 0x80:
+            open_block = False
+            return []
+        return [] if open_block else [expedited(request, ARMT)]
+
+    bus = Scripted(answer)
+    Compensator(SdoClient(bus, NODE, 0.05)).greet()
+    assert [request[0] for request in bus.requests] == [0x40, 0x80, 0x40]
+
+
+def test_nobody_there_is_said_after_the_third_try() -> None:
+    bus = Scripted(lambda _: [])
+    with pytest.raises(CommunicationError, match="node 32 did not answer within 0.05 s"):
+        Compensator(SdoClient(bus, NODE, 0.05)).greet()
+    assert [request[0] for request in bus.requests] == [0x40, 0x80, 0x40, 0x80, 0x40]
+
+
+def test_another_device_is_refused_by_name() -> None:
+    def answer(request: bytes) -> list[bytes]:
+        if request[1:3] == b"\x18\x10":
+            return [expedited(request, 0x1234)]
+        return [b"\x43" + request[1:4] + b"Lift"]
+
+    with pytest.raises(DeviceRefusedError, match=r"'Lift' \(product code 0x00001234\), not a compensator"):
+        Compensator(SdoClient(Scripted(answer), NODE)).greet()
+
+
+DEVICE: dict[str, int | str] = {
+    "Table status.Format version read": 1,
+    "Compensator status.Joint count": 6,
+    "Robot serial": "mine",
+    "Table status.Capacity (bytes)": 1000,
+    "Table status.Signature required": 1,
+    "Table status.Active table sequence": 5,
+    "Table status.Active slot": 0,
+    "Table status.Checksum of active image": 0xAA,
+}
+
+
+def image(**changes: object) -> ImageInfo:
+    fields: dict[str, object] = {
+        "path": Path("tables.bin"), "data": bytes(500), "format_version": 1, "joint_count": 6, "sequence": 6,
+        "robot_serial": "mine", "is_signed": True, "checksum": 0xBB,
+    }  # fmt: skip
+    return ImageInfo(**(fields | changes))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"format_version": 2}, "tables.bin: table format 2, the device expects 1"),
+        ({"joint_count": 7}, "a table for 7 joints, the device expects 6"),
+        ({"robot_serial": "other"}, "a table for robot 'other', the device expects robot 'mine'"),
+        ({"data": bytes(1001)}, "1001 bytes, the device expects at most 1000"),
+        ({"is_signed": False}, "an unsigned table, the device expects a signed one"),
+        ({"sequence": 5}, "export number 5, the device expects one above 5"),
+    ],
+)
+def test_a_table_that_is_not_for_the_device_is_refused(changes: dict[str, object], words: str) -> None:
+    with pytest.raises(InputError, match=words.replace("(", r"\(")):
+        compare(image(**changes), Status(DEVICE))
+
+
+def test_a_table_for_the_device_and_the_one_in_force_are_let_through() -> None:
+    compare(image(), Status(DEVICE))
+    compare(image(sequence=5, checksum=0xAA), Status(DEVICE))
+    compare(image(sequence=1), Status(DEVICE | {"Table status.Active slot": 0xFF}))
+    compare(image(robot_serial="other"), Status(DEVICE | {"Robot serial": ""}))

@@ -1,0 +1,31 @@
+"""What Armtrue says when the input is at fault."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+
+class InputError(Exception):
+    """The input is at fault and the person who gave it can mend it.
+
+    The message is one sentence that names the file, the row or key, what was found and what was expected.
+    The command line prints it on stderr and exits with status 2, having written nothing. Line breaks in what it
+    quotes become spaces, so that it stays one line.
+    """
+
+    def __init__(self, message: str) -> None:
+        super().__init__(" ".join(message.splitlines()))
+
+
+def did_you_mean(word: str, known: Iterable[str]) -> str:
+    """Return `" (did you mean 'x'?)"` for the nearest of `known`, or an empty string where none is near."""
+    by_lower_case = {name.lower(): name for name in sorted(known)}
+    near = difflib.get_close_matches(word.lower(), by_lower_case, n=1, cutoff=0.5)
+    return f" (did you mean '{by_lower_case[near[0]]}'?)" if near else ""
+
+
+def shorten(value: object, limit: int = 60) -> str:
+    """Return `repr(value)` cut to `limit` characters, for messages that quote what was found."""
+    text = repr(value)
+    return text if len(text) <= limit else text[: limit - 1] + "…"

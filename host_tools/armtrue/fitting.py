@@ -1,0 +1,264 @@
+"""Fit a model to measurements, keep it in fit.json, predict with it. The numbers are made in `armtrue._core`."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armtrue import _core
+from armtrue.errors import InputError
+from armtrue.io import Dataset, Model, Robot, load_data
+from armtrue.io.files import read_text, write_file
+from armtrue.io.model import check_effect
+from armtrue.io.plausible import refuse_too_few_poses
+from armtrue.progress import Progress
+
+FORMAT = "armtrue-fit"
+VERSION = 1
+_LARGEST_FIT_BYTES = 512 * 1024 * 1024
+
+
+@dataclass
+class Fit:
+    """A fitted model.
+
+    `document` is what fit.json holds (docs/model.md, section fit.json). The measurements are read again from where they
+    lay when something needs them, and refused when they have changed since.
+    """
+
+    document: dict[str, Any]
+    path: Path | None = None
+    _data: Dataset | None = field(default=None, repr=False)
+    _core_fit: _core.Fit | None = field(default=None, repr=False)
+
+    @classmethod
+    def load(cls, path: str | Path) -> Fit:
+        """Read a fit.json. Errors: InputError where it is no fit or of a newer version."""
+        path = Path(path)
+        text = read_text(path, largest_bytes=_LARGEST_FIT_BYTES)
+        try:
+            document = json.loads(text)
+        except (json.JSONDecodeError, RecursionError) as error:
+            raise InputError(f"{path}: found text that is not JSON ({error}), expected a fit.json") from None
+        if not isinstance(document, dict) or document.get("format") != FORMAT:
+            raise InputError(f"{path}: found no 'format: {FORMAT}', expected a file written by armtrue fit")
+        if document.get("version") != VERSION:
+            raise InputError(f"{path}: found version {document.get('version')}, expected {VERSION}")
+        for key in ("robot", "model", "parameters", "measuring_from_base", "flange_from_tool", "data"):
+            if key not in document:
+                raise InputError(f"{path}: key '{key}' is missing, expected a complete fit.json")
+        return cls(document, path)
+
+    def save(self, path: str | Path) -> None:
+        """Write fit.json beside `path` and rename it there, so that a killed run leaves the old one."""
+        write_file(Path(path), json.dumps(self.document, indent=1) + "\n")
+        self.path = Path(path)
+
+    @property
+    def robot(self) -> Robot:
+        """The nominal arm."""
+        return Robot(self.document["robot"])
+
+    @property
+    def effects(self) -> list[dict[str, Any]]:
+        """The effects in the model, normalised."""
+        return list(self.document["model"]["effects"])
+
+    @property
+    def data(self) -> Dataset:
+        """The measurements that were fitted.
+
+        Errors: InputError that says where they were looked for, or that they have changed.
+        """
+        if self._data is None:
+            self._data = load_data(self._data_path(), self.robot)
+            if fingerprint(self._data) != self.document["data"]["sha256"]:
+                raise InputError(
+                    f"{self._data.path}: found other measurements than those of the fit, expected them unchanged"
+                )
+        return self._data
+
+    @property
+    def core(self) -> _core.Fit:
+        """The fitted model in the numerical library, solved again where the fit was loaded from a file."""
+        if self._core_fit is None:
+            self._core_fit = _run(
+                self.data, self.robot, self.document["model"], self.document["options"], None
+            )
+        return self._core_fit
+
+    def predict(self, data: Dataset) -> NDArray[np.float64]:
+        """Predicted positions (N, 3) [m] in the measuring frame. Errors: InputError where a column is missing."""
+        columns = dict(data.columns)
+        names = self.document["data"].get("targets", [])
+        if "target" in columns and names:
+            labels = data.labels.get("target", [])
+            unknown = [label for label in labels if label not in names]
+            if unknown:
+                raise InputError(
+                    f"{data.path} column target: found '{unknown[0]}', expected one of the fit's {', '.join(names)}"
+                )
+            code = np.array([names.index(label) for label in labels], dtype=np.float64)
+            columns["target"] = code[columns["target"].astype(int)]
+        else:
+            columns.pop("target", None)
+        try:
+            return np.asarray(_core.predict(json.dumps(self.document), columns))
+        except _core.ModelError as error:
+            raise InputError(f"{data.path}: {error}") from None
+
+    def residuals(self) -> NDArray[np.float64]:
+        """Measured minus predicted positions (N, 3) [m] of the fitted measurements."""
+        return np.asarray(self.core.residuals())
+
+    def _data_path(self) -> Path:
+        recorded = self.document["data"]
+        places = [Path(recorded["path"])]
+        if self.path is not None:
+            places += [
+                self.path.parent / recorded["relative"],
+                self.path.parent / Path(recorded["path"]).name,
+            ]
+        for place in places:
+            if place.is_file():
+                return place
+        looked = ", ".join(str(place) for place in dict.fromkeys(places))
+        raise InputError(f"{self.path or 'fit'}: its measurements are gone; looked for them at {looked}")
+
+
+def fit(
+    data: Dataset,
+    robot: Robot,
+    model: Model,
+    *,
+    folds: int = 5,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> Fit:
+    """Fit `model` to `data`.
+
+    `folds`, `seed`: of the cross-validation. Errors: InputError where the data cannot carry the model.
+    """
+    if not 2 <= folds <= 100:
+        raise InputError(f"--folds: found {folds}, expected 2 to 100")
+    refuse_too_few_poses(data.file, data.joints)
+    specification = {"effects": model.effects, "parameters": model.parameters, "priors": model.priors}
+    options: dict[str, Any] = {"folds": folds, "seed": seed, "instrument": model.instrument}
+    return _finish(data, robot, specification, options, progress)
+
+
+def add(
+    base: Fit,
+    effect: str,
+    joints: list[int] | None = None,
+    options: dict[str, Any] | None = None,
+    progress: Progress | None = None,
+) -> Fit:
+    """Return `base` with one more effect, fitted again. Errors: InputError where it is in already or cannot be had."""
+    entry: dict[str, Any] = {"effect": effect, **(options or {})}
+    if joints:
+        entry["joints"] = joints
+    checked = check_effect(entry, base.robot, "add", already=base.effects)
+    return with_effects(base, [*base.effects, checked], progress)
+
+
+def with_effects(base: Fit, effects: list[dict[str, Any]], progress: Progress | None = None) -> Fit:
+    """Return `base` with other effects, fitted again to the same measurements."""
+    specification = {**base.document["model"], "effects": effects}
+    return _finish(base.data, base.robot, specification, base.document["options"], progress)
+
+
+def fingerprint(data: Dataset) -> str:
+    """SHA-256 over the columns of `data`: tells whether measurements changed, whatever file form they lie in."""
+    digest = hashlib.sha256()
+    for name in sorted(data.columns):
+        digest.update(name.encode())
+        digest.update(np.ascontiguousarray(data.columns[name]).tobytes())
+    return digest.hexdigest()
+
+
+def _run(
+    data: Dataset,
+    robot: Robot,
+    specification: dict[str, Any],
+    options: dict[str, Any],
+    progress: Progress | None,
+) -> _core.Fit:
+    try:
+        return _core.fit(
+            _robot_json(robot, data), data.columns, json.dumps(specification), json.dumps(options), progress
+        )
+    except _core.ModelError as error:
+        raise InputError(f"{data.path}: {error}") from None
+
+
+def _robot_json(robot: Robot, data: Dataset) -> str:
+    """Return the arm for the numerical library, which knows reflectors by their code in `data`."""
+    tools = robot.spec.get("tools")
+    if not tools:
+        return robot.json()
+    names = data.labels.get("target", [])
+    if not names:
+        raise InputError(f"{data.path}: column 'target' is missing, expected it beside robot.yaml's tools")
+    for name in names:
+        if name not in tools:
+            raise InputError(
+                f"{data.path} column target: found '{name}', expected one of robot.yaml's tools {', '.join(tools)}"
+            )
+    return json.dumps({**robot.spec, "targets": [tools[name] for name in names]})
+
+
+def _finish(
+    data: Dataset,
+    robot: Robot,
+    specification: dict[str, Any],
+    options: dict[str, Any],
+    progress: Progress | None,
+) -> Fit:
+    core = _run(data, robot, specification, options, progress)
+    return _document(core, data, robot, specification, options)
+
+
+def from_core(base: Fit, core: _core.Fit) -> Fit:
+    """Return a fit of the numerical library to `base`'s measurements with everything around it."""
+    specification = {**base.document["model"], "effects": json.loads(core.specification())["effects"]}
+    return _document(core, base.data, base.robot, specification, base.document["options"])
+
+
+def _document(
+    core: _core.Fit, data: Dataset, robot: Robot, specification: dict[str, Any], options: dict[str, Any]
+) -> Fit:
+    document = {
+        "format": FORMAT,
+        "version": VERSION,
+        "robot": robot.spec,
+        "model": specification,
+        "options": options,
+        "data": _data_entry(data),
+        **json.loads(core.document()),
+    }
+    for rejected in document["rejected"]:
+        rejected["row"] = int(data.rows[rejected["index"]])
+    targets = data.labels.get("target", [])
+    if len(targets) > 1:
+        document["flange_from_tool"] = {
+            name: document["flange_from_tool"][str(code)] for code, name in enumerate(targets)
+        }
+    return Fit(document, None, data, core)
+
+
+def _data_entry(data: Dataset) -> dict[str, Any]:
+    return {
+        "path": str(data.path.resolve()),
+        "relative": data.path.name,
+        "sha256": fingerprint(data),
+        "rows": data.count,
+        "columns": sorted(data.columns),
+        "targets": data.labels.get("target", []),
+    }

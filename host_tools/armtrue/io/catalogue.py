@@ -1,0 +1,49 @@
+"""The effects that the fitter knows, as it tells them itself."""
+
+from __future__ import annotations
+
+import functools
+import json
+from dataclasses import asdict, dataclass
+from typing import Any
+
+
+@dataclass(frozen=True)
+class EffectInfo:
+    """One effect of the catalogue.
+
+    `joints`: "none", "each", "all" (together, or each on its own), "pair" (driven, driving), "fixed" (only its own).
+    `options`: name → kind of value and what it is, as `armtrue._core` writes them. `bound`: physical bound and its
+    source, in words. `exported`: False where it belongs to the measurement.
+    """
+
+    id: str
+    joints: str
+    options: dict[str, tuple[str, str]]
+    summary: str
+    bound: str
+    exported: bool
+
+    def document(self) -> dict[str, Any]:
+        """JSON-able form."""
+        options = {name: {"type": kind, "help": text} for name, (kind, text) in self.options.items()}
+        return {**asdict(self), "options": options}
+
+
+@functools.cache
+def catalogue() -> dict[str, EffectInfo]:
+    """All effects by id, from `armtrue._core.effects()`."""
+    from armtrue import _core
+
+    entries: list[dict[str, Any]] = json.loads(_core.effects())
+    return {
+        entry["id"]: EffectInfo(
+            entry["id"],
+            entry["joints"],
+            {name: (option["type"], option["help"]) for name, option in entry["options"].items()},
+            entry["summary"],
+            entry["bound"],
+            entry["exported"],
+        )
+        for entry in entries
+    }

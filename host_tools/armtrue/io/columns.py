@@ -1,0 +1,94 @@
+"""The contract's column names: what each holds, for an arm of n joints, and the units it may come in."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from armtrue.io.robot import Robot
+
+TEXT_COLUMNS = ("target", "repeat")
+QUATERNION = ("qw", "qx", "qy", "qz")
+POSITION = ("x", "y", "z")
+
+# unit → (kind, factor to SI, added after the factor)
+UNITS: dict[str, tuple[str, float, float]] = {
+    "m": ("length", 1.0, 0.0),
+    "cm": ("length", 1e-2, 0.0),
+    "mm": ("length", 1e-3, 0.0),
+    "um": ("length", 1e-6, 0.0),
+    "in": ("length", 0.0254, 0.0),
+    "rad": ("angle", 1.0, 0.0),
+    "mrad": ("angle", 1e-3, 0.0),
+    "deg": ("angle", math.pi / 180.0, 0.0),
+    "arcsec": ("angle", math.pi / 648000.0, 0.0),
+    "turn": ("angle", 2.0 * math.pi, 0.0),
+    "degC": ("temperature", 1.0, 0.0),
+    "K": ("temperature", 1.0, -273.15),
+    "degF": ("temperature", 5.0 / 9.0, -160.0 / 9.0),
+    "kg": ("mass", 1.0, 0.0),
+    "g": ("mass", 1e-3, 0.0),
+    "lb": ("mass", 0.45359237, 0.0),
+    "Nm": ("torque", 1.0, 0.0),
+    "s": ("time", 1.0, 0.0),
+    "ms": ("time", 1e-3, 0.0),
+    "min": ("time", 60.0, 0.0),
+    "h": ("time", 3600.0, 0.0),
+}
+
+_PER_JOINT = re.compile(r"^(qr|q|dir|tau)([0-9]+)$")
+_KIND_OF = {"x": "length", "y": "length", "z": "length", "sigma": "length", "payload": "mass", "time": "time"}
+
+
+def commanded_joints(names: Iterable[str]) -> list[str]:
+    """Those of `names` that are `q1…qn`, in the arm's order."""
+    return sorted(
+        (name for name in names if name[0] == "q" and name[1:].isdigit()), key=lambda name: int(name[1:])
+    )
+
+
+@dataclass(frozen=True)
+class ColumnNames:
+    """The columns that data of `robot` may have."""
+
+    robot: Robot
+
+    def kind(self, name: str) -> str | None:
+        """What `name` holds: a kind of `UNITS`, "number" (no unit), "text", or None where the name is not known."""
+        if name in TEXT_COLUMNS:
+            return "text"
+        if name in QUATERNION:
+            return "number"
+        if name in _KIND_OF:
+            return _KIND_OF[name]
+        if name.startswith("temp_") and len(name) > len("temp_"):
+            return "temperature"
+        match = _PER_JOINT.match(name)
+        if not match or not 1 <= int(match[2]) <= self.robot.joint_count:
+            return None
+        if match[1] in ("dir", "tau"):
+            return {"dir": "number", "tau": "torque"}[match[1]]
+        return "angle" if self.robot.joints[int(match[2]) - 1]["type"] == "revolute" else "length"
+
+    def joint_beyond_arm(self, name: str) -> bool:
+        """True for `q7` and its like on a six-axis arm."""
+        match = _PER_JOINT.match(name)
+        return bool(match) and self.kind(name) is None
+
+    def commanded(self) -> list[str]:
+        """`q1…qn`."""
+        return [f"q{k}" for k in range(1, self.robot.joint_count + 1)]
+
+    def required(self, need_position: bool) -> list[str]:
+        """The columns without which nothing can be done."""
+        return [*self.commanded(), *(POSITION if need_position else ())]
+
+    def all(self) -> list[str]:
+        """Every name, to guess from."""
+        per_joint = [
+            f"{stem}{k}" for stem in ("q", "qr", "dir", "tau") for k in range(1, self.robot.joint_count + 1)
+        ]
+        sensors = [f"temp_{sensor}" for sensor in self.robot.sensors]
+        return [*per_joint, *POSITION, *QUATERNION, *sensors, *TEXT_COLUMNS, "payload", "time", "sigma"]

@@ -1,0 +1,300 @@
+"""Measurements: a CSV in the contract's form, or a foreign one through its dataset.yaml."""
+
+from __future__ import annotations
+
+import datetime
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armtrue.errors import InputError, did_you_mean, shorten
+from armtrue.io import rotation
+from armtrue.io.columns import POSITION, QUATERNION, TEXT_COLUMNS, ColumnNames, commanded_joints
+from armtrue.io.delimited import RawColumns, read_columns
+from armtrue.io.layout import Layout, RotationSource, TimeSource, contract_layout, yaml_layout
+from armtrue.io.plausible import refuse_wrong_units
+from armtrue.io.robot import Robot
+
+Array = NDArray[np.float64]
+
+# A written quaternion is rounded; one further from unit length than this is something else.
+_QUATERNION_LENGTH_TOLERANCE = 1e-3
+# A commanded joint that moves less than this [rad, m] has not moved.
+_STANDSTILL = 1e-6
+# A reflector that moves less than this [m] in all while a joint moves more than that [rad, m] is fixed to the floor.
+_FIXED_SPAN_M = 5e-3
+_ARM_MOVED = 0.2
+
+
+@dataclass(frozen=True)
+class Dataset:
+    """Measurements in SI units under the contract's column names.
+
+    `path`: what was asked for, a CSV or a dataset.yaml; `file`: the file that the rows stand in.
+    `columns`: name → float64 array (N,); `target` and `repeat` hold codes, whose names stand in `labels`.
+    `rows`: the file row (header = 1 where it is the first line) of each entry. `notes`: what the reader did.
+    """
+
+    path: Path
+    file: Path
+    columns: dict[str, Array]
+    rows: NDArray[np.int64]
+    labels: dict[str, list[str]] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
+
+    @property
+    def count(self) -> int:
+        """Number of measurements."""
+        return int(self.rows.size)
+
+    @property
+    def joints(self) -> Array:
+        """Commanded joints (N, n), motor side."""
+        return np.column_stack([self.columns[name] for name in commanded_joints(self.columns)])
+
+    @property
+    def positions_m(self) -> Array:
+        """Measured positions (N, 3) in the measuring frame."""
+        return np.column_stack([self.columns[name] for name in POSITION])
+
+    def take(self, which: NDArray[np.bool_] | NDArray[np.int64]) -> Dataset:
+        """Return the entries that a mask (N,) or indices choose, in that order: to hold some out, say."""
+        columns = {name: values[which] for name, values in self.columns.items()}
+        return replace(self, columns=columns, rows=self.rows[which])
+
+
+def load_data(path: str | Path, robot: Robot, *, need_position: bool = True, strict: bool = True) -> Dataset:
+    """Read measurements of `robot` from a CSV or a dataset.yaml (docs/files.md).
+
+    `need_position`: False for poses to predict: nothing measured is read of them, and they come in file order.
+    `strict`: refuse what must be a mistake of units, and leave out reflectors that do not ride on the arm; `check`
+    passes False and reports both as findings instead.
+
+    Errors: InputError naming file, row and column or key, what was found and what was expected.
+    """
+    path = Path(path)
+    foreign = path.suffix.lower() in (".yaml", ".yml")
+    layout = yaml_layout(path, robot) if foreign else contract_layout(path, robot)
+    if not need_position:
+        layout = layout.without_measurements()
+    _require_columns(layout, path if foreign else layout.file, robot, need_position)
+    data = _assemble(path, layout, ColumnNames(robot))
+    if data.count == 0:
+        raise InputError(f"{layout.file}: found no rows of measurements, expected at least one")
+    _check_values(data)
+    if not strict:
+        return data
+    refuse_wrong_units(data.file, data.columns, data.rows, robot)
+    return without_fixed_targets(data) if need_position else in_file_order(data)
+
+
+def in_file_order(data: Dataset) -> Dataset:
+    """`data` with its entries in the order of the file, from which `sort_by: time` may have moved them."""
+    order = np.argsort(data.rows, kind="stable")
+    return data.take(order)
+
+
+def fixed_targets(data: Dataset) -> list[int]:
+    """Codes of the reflectors that stay where they are while the arm moves: those fixed to base or floor."""
+    if "target" not in data.columns or any(name not in data.columns for name in POSITION):
+        return []
+    codes = data.columns["target"].astype(np.int64)
+    fixed = []
+    for code in np.unique(codes):
+        rows = codes == code
+        span = float(np.linalg.norm(np.ptp(data.positions_m[rows], axis=0)))
+        turned = float(np.ptp(data.joints[rows], axis=0).max())
+        if np.count_nonzero(rows) >= 2 and span < _FIXED_SPAN_M and turned > _ARM_MOVED:
+            fixed.append(int(code))
+    return fixed
+
+
+def without_fixed_targets(data: Dataset) -> Dataset:
+    """`data` without the rows of reflectors that do not ride on the arm, and a note that says so."""
+    fixed = fixed_targets(data)
+    if not fixed:
+        return data
+    codes = data.columns["target"].astype(np.int64)
+    keep = ~np.isin(codes, fixed)
+    # Codes count on without gaps, as the fitter gives each a tool of its own.
+    left, recoded = np.unique(codes[keep], return_inverse=True)
+    columns = {name: values[keep] for name, values in data.columns.items()}
+    columns["target"] = recoded.astype(np.float64)
+    names = data.labels["target"]
+    labels = {**data.labels, "target": [names[code] for code in left]}
+    words = ", ".join(f"'{names[code]}'" for code in fixed)
+    note = (
+        f"{data.file.name}: target {words} does not move with the arm; its {int((~keep).sum())} rows are left out "
+        "(armtrue check says whether it drifted)"
+    )
+    return Dataset(data.path, data.file, columns, data.rows[keep], labels, [*data.notes, note])
+
+
+def _require_columns(layout: Layout, path: Path, robot: Robot, need_position: bool) -> None:
+    names = layout.names()
+    for name in ColumnNames(robot).required(need_position):
+        if name not in names:
+            raise InputError(
+                f"{path}: found no column '{name}', expected it{did_you_mean(name, layout.unused)}"
+            )
+    for group in (QUATERNION, POSITION):
+        missing = [name for name in group if name not in names]
+        if missing and len(missing) < len(group):
+            raise InputError(
+                f"{path}: found no column '{missing[0]}', expected all of {', '.join(group)} or none"
+            )
+
+
+def _assemble(path: Path, layout: Layout, names: ColumnNames) -> Dataset:
+    number_headers = {source.header for source in layout.numbers.values()}
+    if layout.rotation:
+        number_headers |= set(layout.rotation.headers)
+    text_headers = set(layout.texts.values()) | set(layout.rows.where)
+    if layout.time and layout.time.header:
+        text_headers.add(layout.time.header)
+    raw = read_columns(layout.file, layout.dialect, sorted(number_headers), sorted(text_headers))
+    raw = _filtered(raw, layout)
+    columns = {
+        name: raw.numbers[source.header] * source.factor + source.added
+        for name, source in layout.numbers.items()
+    }
+    columns |= {name: np.full(raw.rows.size, value) for name, value in layout.constants.items()}
+    notes = [
+        f"{layout.file.name}: column '{name}' is not one of the contract's and is not used"
+        f"{did_you_mean(name, set(names.all()) - layout.names())}"
+        for name in layout.unused
+    ]
+    if layout.time:
+        columns["time"] = _times(layout.time, raw, layout, notes)
+    if layout.rotation:
+        columns |= dict(zip(QUATERNION, _quaternions(layout.rotation, raw).T, strict=True))
+    labels: dict[str, list[str]] = {}
+    for name, header in layout.texts.items():
+        labels[name], codes = _codes(raw.texts[header])
+        columns[name] = codes
+    rows = raw.rows
+    if layout.sort_by == "time":
+        order = np.argsort(columns["time"], kind="stable")
+        if not np.array_equal(order, np.arange(order.size)):
+            notes.append(f"{layout.file.name}: rows were not in order of time and are sorted by it")
+        columns = {name: values[order] for name, values in columns.items()}
+        rows = rows[order]
+    if layout.direction_from_order:
+        columns |= _directions(columns)
+    return Dataset(path, layout.file, columns, rows, labels, notes)
+
+
+def _filtered(raw: RawColumns, layout: Layout) -> RawColumns:
+    wanted = layout.rows
+    keep = (raw.rows >= wanted.first) & (raw.rows <= wanted.last) & ~np.isin(raw.rows, list(wanted.skip))
+    for header, value in wanted.where.items():
+        keep &= np.array([text == value for text in raw.texts[header]], dtype=bool)
+    if keep.all():
+        return raw
+    kept = np.flatnonzero(keep)
+    return RawColumns(
+        {name: values[kept] for name, values in raw.numbers.items()},
+        {name: [texts[i] for i in kept] for name, texts in raw.texts.items()},
+        raw.rows[kept],
+    )
+
+
+def _codes(texts: list[str]) -> tuple[list[str], Array]:
+    """Names in order of first appearance, and the number of each entry's name."""
+    number: dict[str, int] = {}
+    codes = np.array([number.setdefault(text, len(number)) for text in texts], dtype=np.float64)
+    return list(number), codes
+
+
+def _times(source: TimeSource, raw: RawColumns, layout: Layout, notes: list[str]) -> Array:
+    """Seconds: since `origin` where it is given, else since the earliest row."""
+    if source.header is None or source.pattern is None:
+        return np.arange(raw.rows.size, dtype=np.float64) * source.seconds_per_row
+    place = f"{layout.file} row {{}} column {source.header}"
+    stamps = [
+        _timestamp(text, source.pattern, place.format(row))
+        for text, row in zip(raw.texts[source.header], raw.rows, strict=True)
+    ]
+    if not stamps:
+        return np.empty(0)
+    if source.origin is not None:
+        origin = _timestamp(source.origin, source.pattern, "time.origin")
+    else:
+        origin = min(stamps)
+        notes.append(f"{layout.file.name}: time counts from the earliest row, {origin}")
+    return np.array([(stamp - origin).total_seconds() for stamp in stamps])
+
+
+def _timestamp(text: str, pattern: str, place: str) -> datetime.datetime:
+    try:
+        stamp = datetime.datetime.strptime(text, pattern)
+    except (ValueError, OverflowError):
+        raise InputError(f"{place}: found {shorten(text)}, expected a time in the format {pattern}") from None
+    except Exception as error:  # strptime builds a regular expression of the pattern, which may not compile
+        raise InputError(
+            f"{place}: found time format {pattern!r}, expected a strptime pattern ({error})"
+        ) from None
+    return stamp if stamp.tzinfo is None else stamp.astimezone(datetime.UTC).replace(tzinfo=None)
+
+
+def _quaternions(source: RotationSource, raw: RawColumns) -> Array:
+    """Quaternions (N, 4), w first, not yet normalised where the file has quaternions."""
+    values = np.column_stack([raw.numbers[header] for header in source.headers]) * source.factor
+    if source.form == "quaternion":
+        return values if source.scalar_first else values[:, [3, 0, 1, 2]]
+    if source.form == "euler":
+        matrices = rotation.matrix_from_euler(values, source.sequence, source.intrinsic)
+    elif source.form == "rotation_vector":
+        matrices = rotation.matrix_from_rotation_vector(values)
+    else:
+        matrices = values.reshape(-1, 3, 3)
+    return rotation.quaternion_from_matrix(matrices)
+
+
+def _directions(columns: dict[str, Array]) -> dict[str, Array]:
+    """Direction in which each joint last moved, from the order of poses; 0 until it first moves."""
+    result: dict[str, Array] = {}
+    for name in commanded_joints(columns):
+        steps = np.diff(columns[name], prepend=columns[name][:1])
+        moved = np.abs(steps) > _STANDSTILL
+        last_moved = np.maximum.accumulate(np.where(moved, np.arange(steps.size), 0))
+        result[f"dir{name[1:]}"] = np.where(moved[last_moved], np.sign(steps[last_moved]), 0.0)
+    return result
+
+
+def _check_values(data: Dataset) -> None:
+    """Refuse values that a column cannot hold, whatever the arm; bring quaternions to unit length."""
+    columns = data.columns
+
+    def refuse(name: str, bad: NDArray[np.bool_], expected: str) -> None:
+        if bad.any():
+            at = int(np.argmax(bad))
+            raise InputError(
+                f"{data.file} row {data.rows[at]} column {name}: found {columns[name][at]:.6g}, expected {expected}"
+            )
+
+    for name, values in columns.items():
+        if name not in TEXT_COLUMNS:
+            refuse(
+                name, ~np.isfinite(values) | (np.abs(values) > 1e12), "a finite number of an ordinary size"
+            )
+        if name.startswith("dir"):
+            refuse(name, ~np.isin(values, (-1.0, 0.0, 1.0)), "-1, 0 or 1")
+    if "sigma" in columns:
+        refuse("sigma", columns["sigma"] <= 0.0, "a standard deviation above 0")
+    if "payload" in columns:
+        refuse("payload", columns["payload"] < 0.0, "kilograms, not negative")
+    if "qw" in columns:
+        quaternions = np.column_stack([columns[name] for name in QUATERNION])
+        lengths = np.linalg.norm(quaternions, axis=1)
+        wrong = np.abs(lengths - 1.0) > _QUATERNION_LENGTH_TOLERANCE
+        if wrong.any():
+            at = int(np.argmax(wrong))
+            raise InputError(
+                f"{data.file} row {data.rows[at]} columns qw, qx, qy, qz: found length {lengths[at]:.6g}, "
+                "expected a unit quaternion"
+            )
+        for name, values in zip(QUATERNION, (quaternions / lengths[:, None]).T, strict=True):
+            columns[name] = values

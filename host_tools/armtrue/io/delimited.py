@@ -1,0 +1,200 @@
+"""Delimited text, streamed into float64 columns; a cell that is wrong is named by row and column."""
+
+from __future__ import annotations
+
+import csv
+import itertools
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armtrue.errors import InputError, did_you_mean, shorten
+
+Array = NDArray[np.float64]
+
+# Rows held as text at a time: bounds the memory, as text takes some ten times the room of its numbers.
+_ROWS_AT_A_TIME = 4096
+_LARGEST_CELL_CHARACTERS = 200
+
+
+@dataclass(frozen=True)
+class Dialect:
+    """How the file is written. `header_row` counts from 1; 0: no header, columns are then named 1, 2, 3…"""
+
+    separator: str = ","
+    decimal: str = "."
+    encoding: str = "utf-8"
+    header_row: int = 1
+
+
+@dataclass(frozen=True)
+class RawColumns:
+    """What `read_columns` gives: numbers and texts by header, and the file row of each entry."""
+
+    numbers: dict[str, Array]
+    texts: dict[str, list[str]]
+    rows: NDArray[np.int64]
+
+
+def read_header(path: Path, dialect: Dialect) -> list[str]:
+    """Return the header's names, trailing empty ones dropped.
+
+    Errors: InputError when the file is missing, empty, or names a column twice.
+    """
+    with _Rows(path, dialect) as rows:
+        return rows.header
+
+
+def read_columns(path: Path, dialect: Dialect, numbers: list[str], texts: list[str]) -> RawColumns:
+    """Read the columns `numbers` as finite float64 and `texts` as stripped text; other columns are not looked at.
+
+    Errors: InputError naming row and column of the first wrong cell, a ragged row, or a name not in the header.
+    """
+    with _Rows(path, dialect) as rows:
+        index = {name: rows.index(name) for name in [*numbers, *texts]}
+        # Left to right, so that the first wrong cell of a row is the one named.
+        numbers = sorted(numbers, key=index.__getitem__)
+        number_parts: dict[str, list[Array]] = {name: [] for name in numbers}
+        text_parts: dict[str, list[str]] = {name: [] for name in texts}
+        row_numbers: list[int] = []
+        for block, at in rows.blocks():
+            columns = list(zip(*block, strict=True))
+            for name in numbers:
+                number_parts[name].append(_to_floats(columns[index[name]], at, name, path, dialect))
+            for name in texts:
+                text_parts[name].extend(cell.strip() for cell in columns[index[name]])
+            row_numbers.extend(at)
+    empty = np.empty(0)
+    return RawColumns(
+        {name: np.concatenate(parts) if parts else empty for name, parts in number_parts.items()},
+        text_parts,
+        np.array(row_numbers, dtype=np.int64),
+    )
+
+
+class _Rows:
+    """The open file: header first, then blocks of rows of equal length with their numbers."""
+
+    def __init__(self, path: Path, dialect: Dialect) -> None:
+        self._path = path
+        self._dialect = dialect
+        if path.is_dir():
+            raise InputError(f"{path}: found a folder, expected a file of measurements")
+        try:
+            # utf-8-sig drops the mark that spreadsheets put first.
+            encoding = "utf-8-sig" if dialect.encoding.lower() in ("utf-8", "utf8") else dialect.encoding
+            self._stream = path.open(newline="", encoding=encoding)
+        except FileNotFoundError:
+            raise InputError(f"{path}: found no such file") from None
+        except OSError as error:
+            raise InputError(f"{path}: cannot be read ({error.strerror})") from None
+        except LookupError:
+            raise InputError(
+                f"{path}: found encoding '{dialect.encoding}', expected one that Python knows"
+            ) from None
+        self._reader = csv.reader(self._stream, delimiter=dialect.separator)
+        try:
+            self.header = self._read_header()
+        except BaseException:
+            self._stream.close()
+            raise
+
+    def __enter__(self) -> _Rows:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stream.close()
+
+    def index(self, name: str) -> int:
+        if name not in self.header:
+            hint = did_you_mean(name, self.header) or f" (found: {shorten(', '.join(self.header), 120)})"
+            raise InputError(f"{self._path}: found no column '{name}'{hint}")
+        return self.header.index(name)
+
+    def _read_header(self) -> list[str]:
+        for _ in range(self._dialect.header_row - 1):
+            next(self._cells(), None)
+        if self._dialect.header_row == 0:
+            first = next(self._cells(), [])
+            self._stream.seek(0)
+            self._reader = csv.reader(self._stream, delimiter=self._dialect.separator)
+            header = [str(number) for number in range(1, len(first) + 1)]
+        else:
+            header = [name.strip() for name in next(self._cells(), [])]
+            while header and not header[-1]:
+                header.pop()
+        if not header:
+            raise InputError(f"{self._path}: found no header row, expected the names of the columns")
+        for number, name in enumerate(header, start=1):
+            if name in header[: number - 1]:
+                raise InputError(
+                    f"{self._path} header: found column '{name}' a second time, expected it once"
+                )
+        return header
+
+    def _cells(self) -> Iterator[list[str]]:
+        """Rows as lists of cells; what the reader refuses becomes an InputError with the row."""
+        while True:
+            try:
+                yield next(self._reader)
+            except StopIteration:
+                return
+            except csv.Error as error:
+                raise InputError(
+                    f"{self._path} row {self._reader.line_num}: found no readable row ({error})"
+                ) from None
+            except UnicodeDecodeError as error:
+                raise InputError(
+                    f"{self._path} after row {self._reader.line_num}: found byte 0x{error.object[error.start]:02x}, "
+                    f"expected {self._dialect.encoding} text"
+                ) from None
+
+    def _even_rows(self) -> Iterator[tuple[list[str], int]]:
+        width = len(self.header)
+        for cells in self._cells():
+            if not "".join(cells).strip():
+                continue
+            while len(cells) > width and not cells[-1].strip():
+                cells.pop()
+            if len(cells) != width:
+                raise InputError(
+                    f"{self._path} row {self._reader.line_num}: found {len(cells)} cells, "
+                    f"expected {width} as in the header"
+                )
+            yield cells, self._reader.line_num
+
+    def blocks(self) -> Iterator[tuple[list[list[str]], list[int]]]:
+        rows = self._even_rows()
+        while block := list(itertools.islice(rows, _ROWS_AT_A_TIME)):
+            yield [cells for cells, _ in block], [number for _, number in block]
+
+
+def _to_floats(cells: tuple[str, ...], at: list[int], name: str, path: Path, dialect: Dialect) -> Array:
+    comma = dialect.decimal == ","
+    try:
+        text = [cell.replace(".", "?").replace(",", ".") for cell in cells] if comma else cells
+        values = np.array(list(map(float, text)))
+        if np.isfinite(values).all() and "_" not in "".join(cells):
+            return values
+    except ValueError:
+        pass
+    # The fast way failed: find the cell to name.
+    for cell, row in zip(cells, at, strict=True):
+        if not is_number(cell, dialect.decimal):
+            found = shorten(cell.strip()) if cell.strip() else "nothing"
+            kind = "a number with a decimal comma" if comma else "a number"
+            raise InputError(f"{path} row {row} column {name}: found {found}, expected {kind}")
+    raise AssertionError("a block that does not convert holds a cell that is no number")
+
+
+def is_number(cell: str, decimal: str) -> bool:
+    """True where `cell` is one finite number written with the mark `decimal`."""
+    if "_" in cell or len(cell) > _LARGEST_CELL_CHARACTERS or (decimal == "," and "." in cell):
+        return False
+    try:
+        return bool(np.isfinite(float(cell.replace(",", ".") if decimal == "," else cell)))
+    except ValueError:
+        return False

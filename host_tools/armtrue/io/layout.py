@@ -1,0 +1,286 @@
+"""How a file of measurements is laid out: the contract's CSV, or what a dataset.yaml says (docs/files.md)."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from armtrue.errors import InputError, did_you_mean
+from armtrue.io.columns import POSITION, QUATERNION, UNITS, ColumnNames
+from armtrue.io.delimited import Dialect, read_header
+from armtrue.io.robot import Robot
+from armtrue.io.yamlfile import Section, load_yaml
+
+_SEPARATORS = {"comma": ",", "semicolon": ";", "tab": "\t", "space": " ", "pipe": "|"}
+ROTATION_FORMS = {"quaternion": 4, "euler": 3, "rotation_vector": 3, "matrix": 9}
+_TURNS = [a + b + c for a in "xyz" for b in "xyz" for c in "xyz" if a != b != c]
+
+
+@dataclass(frozen=True)
+class NumberSource:
+    """A column of numbers: SI value = cell × factor + added."""
+
+    header: str
+    factor: float = 1.0
+    added: float = 0.0
+
+
+@dataclass(frozen=True)
+class TimeSource:
+    """`header` with a strptime `pattern`, or, without a header, the order of rows at `seconds_per_row`."""
+
+    header: str | None
+    pattern: str | None = None
+    origin: str | None = None
+    seconds_per_row: float = 1.0
+
+
+@dataclass(frozen=True)
+class RotationSource:
+    """Columns that hold measuring_from_tool's rotation, and how: a form of `ROTATION_FORMS` and its conventions."""
+
+    headers: list[str]
+    form: str
+    factor: float = 1.0
+    sequence: str = "xyz"
+    intrinsic: bool = True
+    scalar_first: bool = True
+
+
+@dataclass(frozen=True)
+class RowFilter:
+    """Which file rows count: `first` to `last`, without `skip`, and only where the texts of `where` stand."""
+
+    first: int = 0
+    last: int = 2**62
+    skip: frozenset[int] = frozenset()
+    where: dict[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Everything that turns one file into the contract's columns."""
+
+    file: Path
+    dialect: Dialect
+    numbers: dict[str, NumberSource]
+    texts: dict[str, str]
+    constants: dict[str, float] = field(default_factory=dict)
+    time: TimeSource | None = None
+    rotation: RotationSource | None = None
+    sort_by: str | None = None
+    direction_from_order: bool = False
+    rows: RowFilter = field(default_factory=RowFilter)
+    # Columns of the file that are not the contract's.
+    unused: list[str] = field(default_factory=list)
+
+    def without_measurements(self) -> Layout:
+        """This layout without what the instrument measured: whatever stands in those columns does not matter."""
+        measured = (*POSITION, *QUATERNION, "sigma", "repeat")
+        return replace(
+            self,
+            numbers={name: source for name, source in self.numbers.items() if name not in measured},
+            texts={name: header for name, header in self.texts.items() if name not in measured},
+            constants={name: value for name, value in self.constants.items() if name not in measured},
+            rotation=None,
+        )
+
+    def names(self) -> set[str]:
+        """The contract's columns that this file yields, derived ones left out."""
+        rotation = QUATERNION if self.rotation else ()
+        time = ("time",) if self.time else ()
+        return {*self.numbers, *self.texts, *self.constants, *rotation, *time}
+
+
+def contract_layout(path: Path, robot: Robot) -> Layout:
+    """Layout of a CSV in the contract's own form, from its header.
+
+    Errors: InputError for a joint beyond the arm, or a header that is not the contract's separator.
+    """
+    dialect = Dialect()
+    header = read_header(path, dialect)
+    names = ColumnNames(robot)
+    if len(header) == 1 and any(mark in header[0] for mark in ";\t|"):
+        raise InputError(
+            f"{path} header: found no comma, expected columns separated by commas "
+            "(a foreign file is read through a dataset.yaml beside it)"
+        )
+    numbers: dict[str, NumberSource] = {}
+    texts: dict[str, str] = {}
+    unused: list[str] = []
+    for name in header:
+        kind = names.kind(name)
+        if names.joint_beyond_arm(name):
+            raise InputError(
+                f"{path} header: found column '{name}', expected joints 1 to {robot.joint_count}"
+            )
+        if kind is None:
+            unused.append(name)
+        elif kind == "text":
+            texts[name] = name
+        else:
+            numbers[name] = NumberSource(name)
+    return Layout(path, dialect, numbers, texts, unused=unused)
+
+
+def yaml_layout(path: Path, robot: Robot) -> Layout:
+    """Layout of the file that the dataset.yaml at `path` describes.
+
+    Errors: InputError naming the key.
+    """
+    top = load_yaml(path)
+    names = ColumnNames(robot)
+    named = Path(os.path.expandvars(top.text("file", expected="the name of a CSV file"))).expanduser()
+    columns = _Columns(top.section("columns"), names)
+    layout = Layout(
+        file=path.parent / named,
+        dialect=_dialect(top),
+        numbers=columns.numbers,
+        texts=columns.texts,
+        constants=columns.constants,
+        time=_time(top),
+        rotation=_rotation(top),
+        sort_by=top.choice("sort_by", ["time", "row"], default="row"),
+        direction_from_order=_direction_from_order(top),
+        rows=_row_filter(top),
+    )
+    top.finish()
+    if layout.sort_by == "time" and "time" not in layout.names():
+        raise top.fail("sort_by", "'row', as no time is given")
+    if layout.time and "time" in columns.numbers:
+        raise InputError(f"{top.place('time')}: found beside columns.time, expected the time once")
+    return layout
+
+
+def _dialect(top: Section) -> Dialect:
+    separator = top.text(
+        "separator", default=",", expected="one character, or comma, semicolon, tab, space or pipe"
+    )
+    separator = _SEPARATORS.get(separator, separator)
+    if len(separator) != 1 or separator in '\r\n"':
+        raise top.fail("separator", "one character, or comma, semicolon, tab, space or pipe")
+    decimal = top.choice("decimal", [".", ","], default=".")
+    if decimal == separator:
+        raise top.fail("decimal", "a mark other than the separator")
+    header_row = top.number("header_row", default=1.0, minimum=0.0, expected="a row number, or 0 for none")
+    if header_row != int(header_row) or header_row > 1e6:
+        raise top.fail("header_row", "a row number, or 0 for none")
+    return Dialect(separator, decimal, top.text("encoding", default="utf-8"), int(header_row))
+
+
+class _Columns:
+    """The section `columns`: contract name → header, or {column, unit, scale, offset}, or {constant}."""
+
+    def __init__(self, section: Section, names: ColumnNames) -> None:
+        self.numbers: dict[str, NumberSource] = {}
+        self.texts: dict[str, str] = {}
+        self.constants: dict[str, float] = {}
+        for name in section:
+            kind = names.kind(name)
+            if kind is None:
+                if names.joint_beyond_arm(name):
+                    raise InputError(
+                        f"{section.place(name)}: found a joint that the arm has not, expected joints "
+                        f"1 to {names.robot.joint_count}"
+                    )
+                hint = did_you_mean(name, names.all())
+                raise InputError(
+                    f"{section.place(name)}: found '{name}', expected a column of the contract{hint}"
+                )
+            if kind == "text":
+                self.texts[name] = section.text(name, expected="the header of a column")
+            elif isinstance(section.raw(name), dict):
+                self._read_entry(name, kind, section.section(name))
+            else:
+                self.numbers[name] = NumberSource(section.text(name, expected="the header of a column"))
+
+    def _read_entry(self, name: str, kind: str, entry: Section) -> None:
+        if entry.has("constant"):
+            factor, added = _unit(entry, kind)
+            self.constants[name] = entry.number("constant") * factor + added
+        else:
+            header = entry.text("column", expected="the header of a column, or 'constant'")
+            factor, added = _unit(entry, kind)
+            scale = entry.number("scale", default=1.0)
+            self.numbers[name] = NumberSource(
+                header, factor * scale, added * scale + entry.number("offset", default=0.0)
+            )
+        entry.finish()
+
+
+def _unit(section: Section, kind: str) -> tuple[float, float]:
+    """Factor and addend of the key `unit`; left out, the column is in the contract's own unit."""
+    fitting = [unit for unit, (of_kind, _, _) in UNITS.items() if of_kind == kind]
+    if not section.has("unit"):
+        return 1.0, 0.0
+    if not fitting:
+        raise section.fail("unit", "no unit, as this column has none")
+    _, factor, added = UNITS[section.choice("unit", fitting)]
+    return factor, added
+
+
+def _time(top: Section) -> TimeSource | None:
+    if not top.has("time"):
+        return None
+    section = top.section("time")
+    if section.has("from"):
+        section.choice("from", ["rows"])
+        step = section.number("seconds_per_row", default=1.0, above=0.0, expected="a time in seconds above 0")
+        source = TimeSource(None, seconds_per_row=step)
+    else:
+        header = section.text("column", expected="the header of a column, or 'from: rows'")
+        pattern = section.text("format", expected="a strptime pattern such as %Y-%m-%d %H:%M:%S")
+        source = TimeSource(header, pattern, section.text("origin", default=None))
+    section.finish()
+    return source
+
+
+def _rotation(top: Section) -> RotationSource | None:
+    if not top.has("rotation"):
+        return None
+    section = top.section("rotation")
+    form = section.choice("form", list(ROTATION_FORMS))
+    count = ROTATION_FORMS[form]
+    headers = section.texts("columns", f"a list of {count} headers")
+    if len(headers) != count:
+        raise section.fail("columns", f"a list of {count} headers")
+    options: dict[str, Any] = {}
+    if form in ("euler", "rotation_vector"):
+        options["factor"] = UNITS[section.choice("unit", ["rad", "deg", "mrad"], default="rad")][1]
+    if form == "euler":
+        sequence = section.text("sequence", expected="three axes such as XYZ")
+        if sequence.lower() not in _TURNS:
+            raise section.fail("sequence", "three axes such as XYZ, no two neighbours alike")
+        options["sequence"] = sequence.lower()
+        options["intrinsic"] = section.choice("axes", ["intrinsic", "extrinsic"]) == "intrinsic"
+    if form == "quaternion":
+        options["scalar_first"] = section.choice("order", ["wxyz", "xyzw"]) == "wxyz"
+    section.finish()
+    return RotationSource(headers, form, **options)
+
+
+def _direction_from_order(top: Section) -> bool:
+    if not top.has("derive"):
+        return False
+    section: Section = top.section("derive")
+    section.choice("dir", ["from_order"])
+    section.finish()
+    return True
+
+
+def _row_filter(top: Section) -> RowFilter:
+    if not top.has("rows"):
+        return RowFilter()
+    section = top.section("rows")
+    row = "a row number of the file, the header's being 1"
+    first = section.number("from", default=0.0, minimum=1.0, expected=row)
+    last = section.number("to", default=float(2**62), minimum=first, expected=row + ", not before 'from'")
+    skip = section.numbers("skip", None, "a list of row numbers of the file", default=[])
+    where: dict[str, str] = {}
+    if section.has("where"):
+        conditions = section.section("where")
+        where = {header: conditions.text(header) for header in conditions}
+    section.finish()
+    return RowFilter(int(first), int(last), frozenset(map(int, skip)), where)

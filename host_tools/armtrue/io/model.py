@@ -1,0 +1,221 @@
+"""model.yaml: which effects the owner believes in, what is known of their parameters, and the instrument."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from armtrue.errors import InputError, did_you_mean, shorten
+from armtrue.io.catalogue import EffectInfo, catalogue
+from armtrue.io.robot import Robot
+from armtrue.io.yamlfile import Section, load_yaml
+
+# Weak enough to leave what the data can tell alone, strong enough to hold what they cannot (docs/files.md).
+DEFAULT_PRIORS = {"angle_deg": 0.3, "length_mm": 2.0}
+
+
+@dataclass(frozen=True)
+class Model:
+    """Normalised model.yaml.
+
+    `effects`: a list of {effect, joints?, …options}. `parameters`: NAME → {fixed} or {prior, sigma}, SI units.
+    `priors`: standard deviations of the weak priors on geometry. `instrument`: {position, radial, angular} or None.
+    """
+
+    effects: list[dict[str, Any]]
+    parameters: dict[str, dict[str, float]] = field(default_factory=dict)
+    priors: dict[str, float] = field(default_factory=lambda: dict(DEFAULT_PRIORS))
+    instrument: dict[str, Any] | None = None
+    path: Path | None = field(default=None, compare=False)
+
+
+def load_model(path: str | Path, robot: Robot) -> Model:
+    """Read and check the model file at `path` for `robot`.
+
+    Errors: InputError naming file and key path, what was found and what was expected.
+    """
+    path = Path(path)
+    top = load_yaml(path)
+    effects: list[dict[str, Any]] = []
+    for number, entry in enumerate(top.entries("effects", "a list of effects"), start=1):
+        place = f"effects[{number}]"
+        section = Section({"effect": entry} if isinstance(entry, str) else entry, str(path), place)
+        effect = _effect(section, robot)
+        for earlier, other in enumerate(effects, start=1):
+            if _is_repeat(effect, other):
+                raise InputError(
+                    f"{section.place()}: found {effect['effect']} a second time (first as effects[{earlier}]), "
+                    "expected it once"
+                )
+        effects.append(effect)
+    if not effects:
+        raise top.fail("effects", "at least one effect")
+    model = Model(effects, _parameters(top), _priors(top), _instrument(top), path)
+    top.finish()
+    return model
+
+
+def check_effect(
+    effect: dict[str, Any], robot: Robot, origin: str, already: Sequence[dict[str, Any]] = ()
+) -> dict[str, Any]:
+    """Return one effect entry normalised, as `armtrue add` builds it from its arguments.
+
+    `already`: the effects that it must not repeat. Errors: InputError that begins with `origin`.
+    """
+    checked = _effect(Section(effect, origin), robot)
+    if any(_is_repeat(checked, other) for other in already):
+        raise InputError(
+            f"{origin}: found {checked['effect']} in the model already, expected an effect that is not"
+        )
+    return checked
+
+
+def _effect(section: Section, robot: Robot) -> dict[str, Any]:
+    known = catalogue()
+    effect_id = section.text("effect", expected="the name of an effect")
+    if effect_id not in known:
+        hint = did_you_mean(effect_id, known) or f" (known: {', '.join(known)})"
+        raise InputError(
+            f"{section.place('effect')}: found '{effect_id}', expected an effect of the catalogue{hint}"
+        )
+    info = known[effect_id]
+    effect: dict[str, Any] = {"effect": effect_id}
+    if section.has("joints"):
+        effect["joints"] = _joints(section, info, robot)
+    if effect_id == "custom":
+        effect.update(_custom(section, robot))
+    for option, (kind, _) in info.options.items():
+        if section.has(option) and option not in effect:
+            effect[option] = _option(section, option, kind)
+    section.finish()
+    return effect
+
+
+def _joints(section: Section, info: EffectInfo, robot: Robot) -> list[int]:
+    if info.joints == "none":
+        raise section.fail("joints", f"no joints, as {info.id} belongs to none")
+    return section.joints("joints", robot.joint_count, count=2 if info.joints == "pair" else None)
+
+
+def _option(section: Section, option: str, kind: str) -> Any:
+    """Read one option; `kind` is as the catalogue writes it: string, bool, [int], [number], or a unit for a number."""
+    if kind == "string":
+        return section.text(option)
+    if kind == "bool":
+        return section.flag(option, default=False)
+    if kind == "[number]":
+        return section.numbers(option, None, "a list of numbers")
+    if kind == "[int]":
+        values = section.numbers(option, None, "a list of whole numbers")
+        if any(value != int(value) for value in values):
+            raise section.fail(option, "a list of whole numbers")
+        return [int(value) for value in values]
+    if kind == "{name: value}":
+        named = section.section(option)
+        return {name: named.number(name) for name in named}
+    return section.number(option, expected="a number" if kind == "number" else f"a number in {kind}")
+
+
+def _custom(section: Section, robot: Robot) -> dict[str, Any]:
+    from armtrue import _core
+
+    custom: dict[str, Any] = {
+        "name": section.text("name", expected="a name for the parameters"),
+        "coordinate": section.text("coordinate", expected="a coordinate, such as motor3 or link2.rz"),
+        "expression": section.text("expression", expected="an expression of the state"),
+    }
+    if section.has("parameters"):
+        custom["parameters"] = _option(section, "parameters", "{name: value}")
+    coordinates = coordinate_names(robot.joint_count)
+    if custom["coordinate"] not in coordinates:
+        raise section.fail(
+            "coordinate", "a coordinate of the arm" + did_you_mean(custom["coordinate"], coordinates)
+        )
+    try:
+        _core.check_expression(custom["expression"], state_names(robot), sorted(custom.get("parameters", {})))
+    except ValueError as error:
+        raise InputError(
+            f"{section.place('expression')}: found {shorten(custom['expression'])}, "
+            f"expected arithmetic of the state: {error}"
+        ) from None
+    return custom
+
+
+def coordinate_names(joint_count: int) -> list[str]:
+    """The coordinates that a term may act on (docs/model.md)."""
+    frames = ["base", *(f"link{k}" for k in range(1, joint_count + 1)), "tool"]
+    sixes = [f"{frame}.{axis}" for frame in frames for axis in ("tx", "ty", "tz", "rx", "ry", "rz")]
+    return [*(f"motor{k}" for k in range(1, joint_count + 1)), *sixes]
+
+
+def state_names(robot: Robot) -> list[str]:
+    """The state variables that an expression may read (docs/model.md)."""
+    per_joint = ("q", "th", "qr", "tau", "gmx", "gmy", "dir")
+    names = [f"{stem}{k}" for stem in per_joint for k in range(1, robot.joint_count + 1)]
+    count = range(1, robot.joint_count + 1)
+    for stem, first in (("u", 1), ("ux", 0), ("uy", 0)):
+        names += [
+            f"{stem}_{k}_{j}_{c}" for k in range(first, robot.joint_count + 1) for j in count for c in "mxyz"
+        ]
+    names += [f"{stem}_{k}" for stem in ("up", "upx", "upy") for k in range(robot.joint_count + 1)]
+    return [*names, "bmx", "bmy", "dT", *(f"dT_{sensor}" for sensor in robot.sensors), "payload", "time"]
+
+
+def _is_repeat(effect: dict[str, Any], other: dict[str, Any]) -> bool:
+    """True where the two say the same of the same joints; other overlaps the fitter itself judges."""
+    if {**effect, "joints": []} != {**other, "joints": []}:
+        return False
+    if "joints" not in effect or "joints" not in other:
+        return effect.get("joints") == other.get("joints")
+    return bool(set(effect["joints"]) & set(other["joints"]))
+
+
+def _parameters(top: Section) -> dict[str, dict[str, float]]:
+    if not top.has("parameters"):
+        return {}
+    section = top.section("parameters")
+    result: dict[str, dict[str, float]] = {}
+    for name in section:
+        entry = section.section(name)
+        if entry.has("fixed"):
+            result[name] = {"fixed": entry.number("fixed", expected="a value in SI units")}
+        else:
+            sigma = entry.number("sigma", above=0.0, expected="a standard deviation above 0")
+            result[name] = {"prior": entry.number("prior"), "sigma": sigma}
+        entry.finish()
+    return result
+
+
+def _priors(top: Section) -> dict[str, float]:
+    if not top.has("priors"):
+        return dict(DEFAULT_PRIORS)
+    section = top.section("priors")
+    result = {
+        name: section.number(name, default, above=0.0, expected="a standard deviation above 0")
+        for name, default in DEFAULT_PRIORS.items()
+    }
+    section.finish()
+    return result
+
+
+def _instrument(top: Section) -> dict[str, Any] | None:
+    if not top.has("instrument"):
+        return None
+    section = top.section("instrument")
+    result: dict[str, Any] = {
+        "position": section.numbers("position", 3, "a list [x, y, z] in metres", default=[0.0, 0.0, 0.0])
+    }
+    for part in ("radial", "angular"):
+        law = section.section(part)
+        expected = "a standard deviation in metres, above 0"
+        result[part] = {
+            "a": law.number("a", above=0.0, expected=expected),
+            "b": law.number(
+                "b", default=0.0, minimum=0.0, expected="metres per metre of distance, not negative"
+            ),
+        }
+        law.finish()
+    section.finish()
+    return result

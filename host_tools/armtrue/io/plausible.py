@@ -1,0 +1,119 @@
+"""Mistakes of units that no arm and no laboratory can explain."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armtrue.errors import InputError
+from armtrue.io.columns import POSITION
+from armtrue.io.robot import Robot
+
+Array = NDArray[np.float64]
+
+# How far beyond its limits a revolute joint may be commanded before the figure cannot be radians.
+_BEYOND_LIMITS_RAD = 2.0 * math.pi
+# Without limits: two turns either way, as wrists with endless turning are brought back now and then.
+_WITHOUT_LIMITS_RAD = 4.0 * math.pi
+# A tool that robot.yaml does not give may reach this far from the flange [m].
+_UNKNOWN_TOOL_M = 2.0
+# Points lie half a reach from their middle: 500 in millimetres, 50 in centimetres, 20 in inches.
+_MILLIMETRES_PER_REACH = 150.0
+_COLDEST_C, _HOTTEST_C = -80.0, 200.0
+_LARGEST_SIGMA_M = 0.05
+# Base and tool are nine numbers; with fewer poses than this nothing is left to judge them by.
+_FEWEST_POSES = 10
+_SAME_POSE = 1e-6
+_LEAST_MOTION = 0.05
+
+
+def joint_bounds(joint: dict[str, object]) -> tuple[float, float]:
+    """Range outside which a joint's figure cannot be in radians (revolute) or metres (prismatic)."""
+    limits = joint.get("limits")
+    if joint["type"] == "prismatic":
+        return (-100.0, 100.0)
+    if isinstance(limits, list):
+        return (limits[0] - _BEYOND_LIMITS_RAD, limits[1] + _BEYOND_LIMITS_RAD)
+    return (-_WITHOUT_LIMITS_RAD, _WITHOUT_LIMITS_RAD)
+
+
+def wrong_units(columns: dict[str, Array], robot: Robot) -> list[tuple[str, int, str]]:
+    """Return `(column, index, expected)` for the first entry of each column whose unit must be wrong."""
+    found: list[tuple[str, int, str]] = []
+
+    def look(name: str, bad: NDArray[np.bool_], expected: str) -> None:
+        if bad.any():
+            found.append((name, int(np.argmax(bad)), expected))
+
+    for k, joint in enumerate(robot.joints, start=1):
+        lowest, highest = joint_bounds(joint)
+        unit = "radians" if joint["type"] == "revolute" else "metres"
+        likely = "degrees" if joint["type"] == "revolute" else "millimetres"
+        for name in (f"q{k}", f"qr{k}"):
+            if name in columns:
+                values = columns[name]
+                look(
+                    name,
+                    (values < lowest) | (values > highest),
+                    f"{unit} between {lowest:.3g} and {highest:.3g} (these look like {likely})",
+                )
+    if all(name in columns for name in POSITION):
+        positions = np.column_stack([columns[name] for name in POSITION])
+        # The median, so that a few gross errors stay what they are.
+        distance = float(np.median(np.linalg.norm(positions - np.median(positions, axis=0), axis=1)))
+        largest = 2.0 * robot.reach_m + _UNKNOWN_TOOL_M
+        if distance > largest:
+            likely = (
+                "millimetres"
+                if distance > _MILLIMETRES_PER_REACH * robot.reach_m
+                else "inches or centimetres"
+            )
+            furthest = POSITION[int(np.argmax(np.abs(positions[0])))]
+            expected = (
+                f"metres within the arm's span of {largest:.3g} m of one another (these look like {likely})"
+            )
+            found.append((furthest, 0, expected))
+    for name, values in columns.items():
+        if name.startswith("temp_"):
+            look(
+                name,
+                (values < _COLDEST_C) | (values > _HOTTEST_C),
+                "a temperature in °C (these look like kelvin)",
+            )
+    if "sigma" in columns:
+        look(
+            "sigma",
+            columns["sigma"] > _LARGEST_SIGMA_M,
+            "a standard deviation in metres (these look like millimetres)",
+        )
+    return found
+
+
+def refuse_wrong_units(path: Path, columns: dict[str, Array], rows: NDArray[np.int64], robot: Robot) -> None:
+    """Raise InputError for the first column whose unit must be wrong."""
+    for name, at, expected in wrong_units(columns, robot):
+        raise InputError(
+            f"{path} row {rows[at]} column {name}: found {columns[name][at]:.6g}, expected {expected}"
+        )
+
+
+def too_few_poses(joints: Array) -> str | None:
+    """Say why poses `joints` (N, n) cannot place base and tool, too few or hardly apart; None where they can."""
+    different = len(np.unique(np.round(joints / _SAME_POSE), axis=0))
+    if different < _FEWEST_POSES:
+        poses = "pose" if different == 1 else "poses"
+        return f"found {different} different {poses}, expected at least {_FEWEST_POSES}"
+    widest = float(np.ptp(joints, axis=0).max())
+    if widest < _LEAST_MOTION:
+        return f"found no joint that moves more than {widest:.3g}, expected {_LEAST_MOTION} at least"
+    return None
+
+
+def refuse_too_few_poses(path: Path, joints: Array) -> None:
+    """Raise InputError where poses `joints` (N, n) cannot place base and tool."""
+    reason = too_few_poses(joints)
+    if reason is not None:
+        raise InputError(f"{path}: {reason}")

@@ -1,0 +1,294 @@
+"""robot.yaml: the nominal arm, checked strictly and brought to one normalised form (docs/files.md)."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from armtrue.errors import InputError
+from armtrue.io.urdf import read_urdf_chain
+from armtrue.io.yamlfile import Section, load_yaml
+
+STANDARD_GRAVITY = [0.0, 0.0, -9.81]
+
+
+@dataclass(frozen=True)
+class Robot:
+    """The nominal arm. `spec` is JSON-able, in SI units, with defaults filled and a URDF resolved to a chain."""
+
+    spec: dict[str, Any]
+    path: Path | None = field(default=None, compare=False)
+
+    @property
+    def joints(self) -> list[dict[str, Any]]:
+        """The rows of the kinematics, base to tip."""
+        return list(self.spec["kinematics"]["joints"])
+
+    @property
+    def joint_count(self) -> int:
+        """How many joints move."""
+        return len(self.joints)
+
+    @property
+    def sensors(self) -> list[str]:
+        """Names of the temperature sensors."""
+        return list(self.spec.get("temperature", {}).get("sensors", []))
+
+    @property
+    def reach_m(self) -> float:
+        """Upper bound of the distance from base to tool point: the sum of all lengths, in metres."""
+        kinematics = self.spec["kinematics"]
+        frames = [*kinematics["joints"], kinematics.get("end", {}), *self._tools()]
+        total = 0.0
+        for frame in frames:
+            total += math.hypot(frame.get("a", 0.0), frame.get("d", 0.0)) + math.hypot(
+                *frame.get("xyz", [0.0])
+            )
+            if frame.get("type") == "prismatic":
+                total += max(map(abs, frame.get("limits", [1.0])))
+        return total
+
+    def _tools(self) -> list[dict[str, Any]]:
+        longest = max(
+            [self.spec.get("tool", {}), *self.spec.get("tools", {}).values()],
+            key=lambda tool: math.hypot(*tool.get("xyz", [0.0])),
+        )
+        return [longest]
+
+    def json(self) -> str:
+        """`spec` as JSON text, as `armtrue._core` takes it."""
+        return json.dumps(self.spec)
+
+
+def load_robot(path: str | Path) -> Robot:
+    """Read and check the robot file at `path`.
+
+    Errors: InputError naming file and key path, what was found and what was expected.
+    """
+    path = Path(path)
+    top = load_yaml(path)
+    spec: dict[str, Any] = {"name": top.text("name", default=path.stem)}
+    if top.has("serial"):
+        spec["serial"] = top.text("serial")
+    spec["kinematics"], urdf_links = _kinematics(top.section("kinematics"), path)
+    joint_count = len(spec["kinematics"]["joints"])
+    if top.has("links"):
+        if urdf_links:
+            raise InputError(
+                f"{top.place('links')}: found masses here and in the URDF, expected them in one place"
+            )
+        spec["links"] = _links(top, joint_count)
+    elif urdf_links:
+        spec["links"] = urdf_links
+    gravity_form = "a list [x, y, z] in m/s²"
+    spec["gravity"] = top.numbers("gravity", 3, gravity_form, default=STANDARD_GRAVITY)
+    if not 0.0 < math.hypot(*spec["gravity"]) < 100.0:
+        raise top.fail("gravity", gravity_form + " longer than 0 and shorter than 100")
+    for key in ("tool", "base"):
+        if top.has(key):
+            spec[key] = pose(top.section(key))
+    if top.has("tools"):
+        if top.has("tool"):
+            raise InputError(f"{top.place('tools')}: found beside 'tool', expected one of the two")
+        tools = top.section("tools")
+        spec["tools"] = {target: pose(tools.section(target)) for target in tools}
+    if top.has("payload"):
+        payload = top.section("payload")
+        spec["payload"] = {
+            "com": payload.numbers("com", 3, "a list [x, y, z] in metres, in the last link's frame")
+        }
+        payload.finish()
+    if top.has("temperature"):
+        spec["temperature"] = _temperature(top.section("temperature"))
+    spec["coupling"] = _coupling(top, joint_count)
+    if top.has("linkage"):
+        spec["linkage"] = _linkage(top.section("linkage"), joint_count)
+    top.finish()
+    return Robot(spec, path)
+
+
+def pose(section: Section) -> dict[str, list[float]]:
+    """Read `{xyz, rpy}`: metres and radians about fixed axes x, y, z; rpy may be left out and is then zero."""
+    result = {
+        "xyz": section.numbers("xyz", 3, "a list [x, y, z] in metres"),
+        "rpy": section.numbers("rpy", 3, "a list [roll, pitch, yaw] in radians", default=[0.0, 0.0, 0.0]),
+    }
+    if any(abs(angle) > 2 * math.pi for angle in result["rpy"]):
+        raise section.fail("rpy", "angles in radians, none beyond 2π (these look like degrees)")
+    section.finish()
+    return result
+
+
+def _kinematics(section: Section, path: Path) -> tuple[dict[str, Any], list[dict[str, Any]]]:
+    if section.has("urdf"):
+        for key in ("joints", "convention"):
+            if section.has(key):
+                raise InputError(
+                    f"{section.place(key)}: found beside 'urdf', expected either a table of joints or a URDF"
+                )
+        return _urdf_kinematics(section, path)
+    if not section.has("joints"):
+        raise section.fail("joints", "a table of joints, or 'urdf' with the name of a file")
+    convention = section.choice("convention", ["mdh", "dh", "chain"])
+    rows = section.sections("joints", "a list of joints, base to tip")
+    if not rows:
+        raise section.fail("joints", "at least one joint")
+    read_row = _chain_row if convention == "chain" else _dh_row
+    kinematics: dict[str, Any] = {
+        "convention": convention,
+        "joints": [read_row(row, number) for number, row in enumerate(rows, start=1)],
+    }
+    if convention == "chain":
+        kinematics["end"] = pose(section.section("end")) if section.has("end") else _identity_pose()
+    section.finish()
+    _refuse_repeated_names([joint["name"] for joint in kinematics["joints"]], section)
+    return kinematics, []
+
+
+def _identity_pose() -> dict[str, list[float]]:
+    return {"xyz": [0.0, 0.0, 0.0], "rpy": [0.0, 0.0, 0.0]}
+
+
+def _refuse_repeated_names(names: list[str], section: Section) -> None:
+    for number, name in enumerate(names, start=1):
+        if name in names[: number - 1]:
+            raise InputError(
+                f"{section.place('joints')}[{number}].name: found '{name}' a second time, expected a name of its own"
+            )
+
+
+def _dh_row(row: Section, number: int) -> dict[str, Any]:
+    joint: dict[str, Any] = {"name": row.text("name", default=f"joint{number}")}
+    joint["type"] = row.choice("type", ["revolute", "prismatic"], default="revolute")
+    joint["a"] = row.number("a", expected="a length in metres")
+    joint["alpha"] = row.number("alpha", expected="an angle in radians")
+    joint["d"] = row.number("d", expected="a length in metres")
+    if abs(joint["alpha"]) > 2 * math.pi:
+        raise row.fail("alpha", "an angle in radians, not beyond 2π (this looks like degrees)")
+    for key in ("a", "d"):
+        if abs(joint[key]) > 50.0:
+            raise row.fail(key, "a length in metres, not beyond 50 (this looks like millimetres)")
+    _finish_row(row, joint)
+    return joint
+
+
+def _chain_row(row: Section, number: int) -> dict[str, Any]:
+    joint: dict[str, Any] = {"name": row.text("name", default=f"joint{number}")}
+    joint["type"] = row.choice("type", ["revolute", "prismatic"], default="revolute")
+    joint["xyz"] = row.numbers("xyz", 3, "a list [x, y, z] in metres")
+    joint["rpy"] = row.numbers("rpy", 3, "a list [roll, pitch, yaw] in radians", default=[0.0, 0.0, 0.0])
+    _finish_row(row, joint)
+    return joint
+
+
+def _finish_row(row: Section, joint: dict[str, Any]) -> None:
+    revolute = joint["type"] == "revolute"
+    joint["offset"] = row.number(
+        "offset", default=0.0, expected="an angle in radians" if revolute else "a length in metres"
+    )
+    if revolute and abs(joint["offset"]) > 2 * math.pi:
+        raise row.fail("offset", "an angle in radians, not beyond 2π (this looks like degrees)")
+    if row.has("gear_ratio"):
+        joint["gear_ratio"] = row.number(
+            "gear_ratio", expected="a ratio other than 0, motor turns per joint turn"
+        )
+        if joint["gear_ratio"] == 0.0:
+            raise row.fail("gear_ratio", "a ratio other than 0, motor turns per joint turn")
+    if row.has("limits"):
+        joint["limits"] = _limits(row, revolute)
+    row.finish()
+
+
+def _limits(row: Section, revolute: bool) -> list[float]:
+    unit = "radians" if revolute else "metres"
+    expected = f"a list [lo, hi] in {unit} with lo below hi"
+    limits = row.numbers("limits", 2, expected)
+    if not limits[0] < limits[1]:
+        raise row.fail("limits", expected)
+    if revolute and max(map(abs, limits)) > 12 * math.pi:
+        raise row.fail("limits", "a list [lo, hi] in radians (these look like degrees)")
+    return limits
+
+
+def _urdf_kinematics(section: Section, path: Path) -> tuple[dict[str, Any], list[dict[str, Any]]]:
+    urdf_path = path.parent / Path(section.text("urdf", expected="the name of a URDF file")).expanduser()
+    base = section.text("base", expected="the name of the link at the base")
+    tip = section.text("tip", expected="the name of the link at the tip")
+    kinematics, links = read_urdf_chain(urdf_path, base, tip)
+    if section.has("gear_ratios"):
+        count = len(kinematics["joints"])
+        ratios = section.numbers("gear_ratios", count, f"a list of {count} ratios, one a joint, none 0")
+        for joint, ratio in zip(kinematics["joints"], ratios, strict=True):
+            if ratio == 0.0:
+                raise section.fail("gear_ratios", f"a list of {count} ratios, one a joint, none 0")
+            joint["gear_ratio"] = ratio
+    section.finish()
+    return kinematics, links
+
+
+def _links(top: Section, joint_count: int) -> list[dict[str, Any]]:
+    sections = top.sections("links", "a list of links, one a joint")
+    if len(sections) != joint_count:
+        raise InputError(
+            f"{top.place('links')}: found {len(sections)} links, expected {joint_count}, one a joint"
+        )
+    links = []
+    for section in sections:
+        mass = section.number("mass", minimum=0.0, expected="a mass in kilograms, not negative")
+        com = section.numbers(
+            "com", 3, "a list [x, y, z] in metres, in the link's own frame", default=[0.0, 0.0, 0.0]
+        )
+        section.finish()
+        links.append({"mass": mass, "com": com})
+    return links
+
+
+def _temperature(section: Section) -> dict[str, Any]:
+    reference = section.number("reference", minimum=-273.15, expected="a temperature in °C")
+    sensors = section.texts("sensors", "a list of sensor names")
+    for number, name in enumerate(sensors, start=1):
+        if name in sensors[: number - 1]:
+            raise InputError(
+                f"{section.place('sensors')}: found '{name}' a second time, expected names of their own"
+            )
+    section.finish()
+    return {"reference": reference, "sensors": sensors}
+
+
+def _coupling(top: Section, joint_count: int) -> list[dict[str, Any]]:
+    rows: list[dict[str, Any]] = []
+    if not top.has("coupling"):
+        return rows
+    for section in top.sections("coupling", "a list of {joint, driving, ratio}"):
+        row = {
+            "joint": section.joint("joint", joint_count),
+            "driving": section.joint("driving", joint_count),
+            "ratio": section.number(
+                "ratio", expected="a ratio: the joint's angle per angle of the driving one"
+            ),
+        }
+        section.finish()
+        if row["joint"] == row["driving"]:
+            raise section.fail("driving", "a joint other than the driven one")
+        if any((row["joint"], row["driving"]) == (other["joint"], other["driving"]) for other in rows):
+            raise InputError(
+                f"{section.place()}: found joint {row['joint']} driven by {row['driving']} a second time, expected once"
+            )
+        rows.append(row)
+    return rows
+
+
+def _linkage(section: Section, joint_count: int) -> dict[str, Any]:
+    linkage: dict[str, Any] = {
+        "type": section.choice("type", ["parallelogram"]),
+        "joints": section.joints("joints", joint_count, count=2),
+        "angle": section.number("angle", expected="an angle in radians: β where link angle 3 is zero"),
+    }
+    for bar in ("crank", "rod"):
+        if section.has(bar):
+            linkage[bar] = section.number(bar, above=0.0, expected="a length in metres above 0")
+    section.finish()
+    return linkage

@@ -1,0 +1,185 @@
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from armtrue.errors import InputError
+from armtrue.io import load_data
+
+PLAIN = """\
+q1,q2,x,y,z,temp_arm,target,time
+0.0,0.1,1.0,2.0,3.0,20.5,A,0
+0.5,-0.1,1.1,2.1,3.1,20.6,B,10
+1.0,0.3,1.2,2.2,3.2,20.7,A,20
+"""
+
+
+def written(tmp_path: Path, text: str | bytes, name: str = "data.csv") -> Path:
+    path = tmp_path / name
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return path
+
+
+def test_reads_the_contracts_form(tmp_path, two_joints):
+    data = load_data(written(tmp_path, PLAIN), two_joints)
+    assert data.count == 3
+    np.testing.assert_array_equal(data.rows, [2, 3, 4])
+    np.testing.assert_array_equal(data.columns["q2"], [0.1, -0.1, 0.3])
+    np.testing.assert_array_equal(data.columns["target"], [0, 1, 0])
+    assert data.labels["target"] == ["A", "B"]
+    np.testing.assert_array_equal(data.positions_m[1], [1.1, 2.1, 3.1])
+    np.testing.assert_array_equal(data.joints[2], [1.0, 0.3])
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "\ufeff" + PLAIN,
+        PLAIN.replace("\n", "\r\n"),
+        PLAIN.replace("\n", "\n\n"),
+        PLAIN.replace("\n", ",\n"),
+        PLAIN.replace(",", " , "),
+        PLAIN + "  \n,,,,,,,\n",
+        PLAIN.rstrip("\n"),
+    ],
+    ids=[
+        "byte-order mark",
+        "CRLF",
+        "blank lines",
+        "trailing separators",
+        "spaces",
+        "empty rows",
+        "no last newline",
+    ],
+)
+def test_reads_what_spreadsheets_make_of_it(tmp_path, two_joints, text):
+    plain = load_data(written(tmp_path, PLAIN), two_joints)
+    data = load_data(written(tmp_path, text, "other.csv"), two_joints)
+    assert data.columns.keys() == plain.columns.keys()
+    for name, values in plain.columns.items():
+        np.testing.assert_array_equal(data.columns[name], values)
+
+
+def test_rows_are_those_of_the_file(tmp_path, two_joints):
+    data = load_data(written(tmp_path, PLAIN.replace("\n", "\n\n")), two_joints)
+    np.testing.assert_array_equal(data.rows, [3, 5, 7])
+
+
+def test_poses_to_predict_need_no_position(tmp_path, two_joints):
+    path = written(tmp_path, "q1,q2\n0,1\n")
+    assert load_data(path, two_joints, need_position=False).count == 1
+    with pytest.raises(InputError, match="found no column 'x'"):
+        load_data(path, two_joints)
+
+
+def test_what_was_measured_of_poses_to_predict_is_not_read(tmp_path, two_joints):
+    text = PLAIN.replace("3.1,20.6", ",20.6").replace("x,y,z", "x,y,sigma")
+    data = load_data(written(tmp_path, text), two_joints, need_position=False)
+    assert sorted(data.columns) == ["q1", "q2", "target", "temp_arm", "time"]
+
+
+def test_a_column_that_is_not_the_contracts_is_noted(tmp_path, two_joints):
+    data = load_data(written(tmp_path, PLAIN.replace("temp_arm", "tmp_arm")), two_joints)
+    assert "tmp_arm" not in data.columns
+    assert data.notes == [
+        "data.csv: column 'tmp_arm' is not one of the contract's and is not used (did you mean 'temp_arm'?)"
+    ]
+
+
+def test_a_fixed_reflector_is_left_out_with_a_note(tmp_path, two_joints):
+    rows = "".join(f"{0.1 * k},{0.2 * k},1.0,2.0,3.000{k},20,base,{k}\n" for k in range(5))
+    path = written(tmp_path, PLAIN.replace(",A,", ",arm,").replace(",B,", ",arm,") + rows)
+    data = load_data(path, two_joints)
+    assert data.count == 3
+    assert data.labels["target"] == ["arm"]
+    assert "target 'base' does not move with the arm; its 5 rows are left out" in data.notes[0]
+    assert load_data(path, two_joints, strict=False).count == 8
+
+
+@pytest.mark.parametrize(
+    ("found", "put", "names"),
+    [
+        ("0.5,-0.1", "0.5,abc", "row 3 column q2: found 'abc', expected a number"),
+        ("0.5,-0.1", "0.5,", "row 3 column q2: found nothing, expected a number"),
+        ("0.5,-0.1", "0.5,nan", "row 3 column q2: found 'nan'"),
+        ("0.5,-0.1", "0.5,inf", "row 3 column q2: found 'inf'"),
+        ("0.5,-0.1", "0.5,1_0", "row 3 column q2: found '1_0'"),
+        ("0.5,-0.1", "0.5,-0.1,7,8", "row 3: found 10 cells, expected 8"),
+        ("0.5,-0.1,", "0.5,", "row 3: found 7 cells, expected 8"),
+        ("q1,q2", "q1,Q2", "found no column 'q2', expected it (did you mean 'Q2'?)"),
+        ("q1,q2", "q1,q1", "column 'q1' a second time"),
+        ("time", "q3", "found column 'q3', expected joints 1 to 2"),
+        ("x,y,z", "x,y,zz", "found no column 'z'"),
+        ("0.5,-0.1", "57.3,-0.1", "row 3 column q1: found 57.3, expected radians"),
+        ("20.6", "293.6", "kelvin"),
+        (PLAIN, "q1;q2;x;y;z\n", "dataset.yaml"),
+        (PLAIN, "q1,q2,x,y,z\n", "no rows of measurements"),
+        (PLAIN, "", "no header row"),
+        ("0.5,-0.1", '0.5,"-0.1', "found 2 cells, expected 8"),
+    ],
+)
+def test_names_row_and_column(tmp_path, two_joints, found, put, names):
+    assert found in PLAIN
+    path = written(tmp_path, PLAIN.replace(found, put, 1))
+    with pytest.raises(InputError) as error:
+        load_data(path, two_joints)
+    assert names in str(error.value)
+    assert str(path) in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("column", "cells", "names"),
+    [
+        ("sigma", "1e-5 0 1e-5", "row 3 column sigma: found 0, expected a standard deviation above 0"),
+        ("sigma", "1e-5 10 1e-5", "metres"),
+        ("dir1", "1 2 0", "row 3 column dir1: found 2, expected -1, 0 or 1"),
+        ("payload", "0 -1 0", "row 3 column payload: found -1, expected kilograms, not negative"),
+        ("qw", "1 1 1", "found no column 'qx'"),
+        ("qr1", "0 90 0", "degrees"),
+    ],
+)
+def test_refuses_values_that_a_column_cannot_hold(tmp_path, two_joints, column, cells, names):
+    lines = PLAIN.splitlines()
+    added = [f"{line},{cell}" for line, cell in zip(lines, [column, *cells.split()], strict=True)]
+    with pytest.raises(InputError) as error:
+        load_data(written(tmp_path, "\n".join(added)), two_joints)
+    assert names in str(error.value)
+
+
+def test_quaternions_come_to_unit_length_or_are_refused(tmp_path, two_joints):
+    text = "q1,q2,x,y,z,qw,qx,qy,qz\n0,0,1,1,1,{},0,0,0\n1,1,2,1,1,1,0,0,0\n"
+    data = load_data(written(tmp_path, text.format(0.9999)), two_joints)
+    assert data.columns["qw"][0] == 1.0
+    with pytest.raises(InputError, match=r"row 2 columns qw, qx, qy, qz: found length 0\.9"):
+        load_data(written(tmp_path, text.format(0.9)), two_joints)
+
+
+def test_millimetres_are_refused_but_a_gross_error_is_not(tmp_path, two_joints):
+    rows = [(0.1 * k, 0.0, 1000 + 40.0 * k, 20.0 * k * k, 30.0) for k in range(9)]
+    text = "q1,q2,x,y,z\n" + "\n".join(",".join(map(str, row)) for row in rows)
+    with pytest.raises(InputError, match="millimetres"):
+        load_data(written(tmp_path, text), two_joints)
+    metres = [(a, b, x / 1000, y / 1000, z / 1000) for a, b, x, y, z in rows]
+    metres[4] = (*metres[4][:2], 55.0, 0.0, 0.0)
+    text = "q1,q2,x,y,z\n" + "\n".join(",".join(map(str, row)) for row in metres)
+    assert load_data(written(tmp_path, text), two_joints).count == 9
+
+
+def test_text_that_is_not_utf8_is_named(tmp_path, two_joints):
+    with pytest.raises(InputError, match="expected utf-8 text"):
+        load_data(written(tmp_path, PLAIN.encode() + b"\xff\xfe,1\n"), two_joints)
+
+
+def test_a_hundred_thousand_rows_read_in_about_a_second(tmp_path, two_joints):
+    numbers = np.random.default_rng(1).uniform(-1, 1, (100_000, 25))
+    header = "q1,q2,x,y,z," + ",".join(f"extra{k}" for k in range(20))
+    rows = "\n".join(",".join(f"{value:.9f}" for value in row) for row in numbers)
+    path = written(tmp_path, f"{header}\n{rows}\n")
+    started = time.process_time()
+    data = load_data(path, two_joints)
+    assert data.count == 100_000
+    # Three times the aim: the machine that runs the tests has other work.
+    assert time.process_time() - started < 3.0

@@ -1,0 +1,164 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from armtrue.errors import InputError
+from armtrue.io import load_model
+from armtrue.io.catalogue import catalogue
+from armtrue.io.model import check_effect, coordinate_names, state_names
+
+
+def load(tmp_path: Path, robot, text: str):
+    path = tmp_path / "model.yaml"
+    path.write_text(text)
+    return load_model(path, robot)
+
+
+CUSTOM = "{effect: custom, name: mine, coordinate: motor1, expression: sin(q1)"
+
+
+def test_normalises_entries(tmp_path, two_joints):
+    model = load(
+        tmp_path,
+        two_joints,
+        "effects:\n- base_frame\n- {effect: joint_offset, joints: [2]}\n"
+        "- {effect: gear_mesh, joints: [1], orders: [1, 2.5]}\n",
+    )
+    assert model.effects == [
+        {"effect": "base_frame"},
+        {"effect": "joint_offset", "joints": [2]},
+        {"effect": "gear_mesh", "joints": [1], "orders": [1.0, 2.5]},
+    ]
+    assert model.priors == {"angle_deg": 0.3, "length_mm": 2.0}
+    assert model.parameters == {}
+    assert model.instrument is None
+
+
+def test_takes_what_is_known_of_parameters(tmp_path, two_joints):
+    model = load(
+        tmp_path,
+        two_joints,
+        "effects: [joint_offset]\n"
+        "parameters: {'joint_offset[1]': {fixed: 1e-3}, 'joint_offset[2]': {prior: 0, sigma: 1e-4}}\n"
+        "priors: {angle_deg: 1}\n",
+    )
+    assert model.parameters == {
+        "joint_offset[1]": {"fixed": 1e-3},
+        "joint_offset[2]": {"prior": 0.0, "sigma": 1e-4},
+    }
+    assert model.priors == {"angle_deg": 1.0, "length_mm": 2.0}
+
+
+def test_takes_a_users_own_effect(tmp_path, two_joints):
+    model = load(tmp_path, two_joints, f"effects: [{CUSTOM}*k, parameters: {{k: 2}}, unit: rad}}]\n")
+    assert model.effects == [
+        {
+            "effect": "custom",
+            "name": "mine",
+            "coordinate": "motor1",
+            "expression": "sin(q1)*k",
+            "parameters": {"k": 2.0},
+            "unit": "rad",
+        }
+    ]
+
+
+def test_the_same_effect_may_stand_on_other_joints_and_with_other_options(tmp_path, two_joints):
+    text = """effects:
+- {effect: joint_offset, joints: [1]}
+- {effect: joint_offset, joints: [2]}
+- {effect: gear_mesh, joints: [1], orders: [1]}
+- {effect: gear_mesh, joints: [1], orders: [3]}
+"""
+    assert len(load(tmp_path, two_joints, text).effects) == 4
+
+
+@pytest.mark.parametrize(
+    ("text", "names"),
+    [
+        ("effects: joint_offset", "effects: found 'joint_offset', expected a list of effects"),
+        ("effects: []", "at least one effect"),
+        ("effects: [3]", "effects[1]"),
+        ("effects: [joint_ofset]", "did you mean 'joint_offset'"),
+        (
+            "effects: [joint_offset, joint_offset]",
+            "effects[2]: found joint_offset a second time (first as effects[1])",
+        ),
+        ("effects: [{effect: base_frame, joints: [1]}]", "expected no joints"),
+        ("effects: [{effect: joint_offset, joints: [3]}]", "different joint numbers from 1 to 2"),
+        ("effects: [{effect: joint_offset, joints: [1, 1]}]", "different joint numbers"),
+        ("effects: [{effect: joint_offset, joints: 1}]", "a list of different joint numbers"),
+        ("effects: [{effect: joint_coupling, joints: [1]}]", "a list of 2 different"),
+        ("effects: [{effect: gear_mesh, orders: 1}]", "orders: found 1, expected a list of numbers"),
+        ("effects: [{effect: gear_mesh, find: 1}]", "find: found 1, expected true or false"),
+        ("effects: [{effect: gear_harmonics, orders: [1.5]}]", "whole numbers"),
+        (f"effects: [{CUSTOM}, joint: 1}}]", "a key that does not belong here"),
+        (f"effects: [{CUSTOM.replace('sin(q1)', 'sin(')}}}]", "effects[1].expression: found 'sin('"),
+        (f"effects: [{CUSTOM.replace('sin(q1)', 'dT_oil')}}}]", "dT_oil"),
+        (f"effects: [{CUSTOM.replace('motor1', 'motor3')}}}]", "did you mean 'motor"),
+        ("effects: [joint_offset]\nparameters: {a: {prior: 1}}", "parameters.a.sigma: found nothing"),
+        ("effects: [joint_offset]\nparameters: {a: {fixed: 1, prior: 1}}", "does not belong here"),
+        ("effects: [joint_offset]\npriors: {angle_deg: 0}", "above 0"),
+        ("effects: [joint_offset]\npriors: {angle: 1}", "did you mean 'angle_deg'"),
+        ("effects: [joint_offset]\ninstrument: {radial: {a: 1e-5}}", "instrument.angular: found nothing"),
+        (
+            "effects: [joint_offset]\ninstrument: {radial: {a: 0}, angular: {a: 1}}",
+            "instrument.radial.a: found 0",
+        ),
+    ],
+)
+def test_says_what_is_wrong_and_where(tmp_path, two_joints, text, names):
+    with pytest.raises(InputError) as error:
+        load(tmp_path, two_joints, text)
+    assert names in str(error.value)
+    assert "model.yaml" in str(error.value)
+
+
+def test_an_effect_to_add_must_not_be_in_already(two_joints):
+    already = [{"effect": "joint_offset"}, {"effect": "backlash", "joints": [1]}]
+    assert check_effect({"effect": "backlash", "joints": [2]}, two_joints, "add", already)["joints"] == [2]
+    for entry in ({"effect": "joint_offset"}, {"effect": "backlash", "joints": [1, 2]}):
+        with pytest.raises(InputError, match="in the model already"):
+            check_effect(entry, two_joints, "add", already)
+
+
+def test_the_catalogue_holds_every_effect_of_the_contract():
+    contract = {
+        "base_frame",
+        "tool_offset",
+        "joint_offset",
+        "link_geometry",
+        "joint_scale",
+        "joint_compliance",
+        "stiffness_nonlinear",
+        "bending_compliance",
+        "base_compliance",
+        "gravity_balancer",
+        "gear_harmonics",
+        "gear_mesh",
+        "transmission_pwl",
+        "backlash",
+        "joint_coupling",
+        "parallelogram",
+        "thermal_expansion",
+        "thermal_joint_drift",
+        "thermal_base",
+        "warm_up",
+        "time_drift",
+        "command_readback",
+        "residual_grid",
+        "custom",
+    }
+    assert set(catalogue()) == contract
+    of_the_measurement = {effect for effect, info in catalogue().items() if not info.exported}
+    assert of_the_measurement == {"base_frame", "tool_offset", "time_drift", "command_readback"}
+
+
+def test_names_of_coordinates_and_state_are_those_of_the_model_page(two_joints):
+    assert {"motor2", "base.tx", "link1.rz", "tool.ry"} <= set(coordinate_names(2))
+    names = set(state_names(two_joints))
+    assert {"q1", "th2", "qr1", "tau2", "gmx1", "bmy", "dT", "dT_arm", "payload", "dir2", "time"} <= names
+    assert {"u_1_2_m", "ux_0_1_z", "up_2", "upx_0"} <= names
+    assert "q3" not in names

@@ -1,0 +1,147 @@
+from pathlib import Path
+
+import pytest
+
+from armtrue.errors import InputError
+from armtrue.io import load_robot
+from armtrue.io.conftest import TWO_JOINTS
+
+
+def written(tmp_path: Path, text: str) -> Path:
+    path = tmp_path / "robot.yaml"
+    path.write_text(text)
+    return path
+
+
+def test_fills_defaults_and_keeps_what_is_given(tmp_path):
+    robot = load_robot(written(tmp_path, TWO_JOINTS))
+    first, second = robot.joints
+    assert first == {
+        "name": "A1",
+        "type": "revolute",
+        "a": 0.0,
+        "alpha": 0.0,
+        "d": 0.4,
+        "offset": 0.0,
+        "gear_ratio": 100.0,
+        "limits": [-3.0, 3.0],
+    }
+    assert "gear_ratio" not in second
+    assert robot.spec["gravity"] == [0.0, 0.0, -9.81]
+    assert robot.spec["coupling"] == []
+    assert robot.sensors == ["arm"]
+    assert robot.joint_count == 2
+    assert robot.reach_m == pytest.approx(0.5)
+
+
+def test_name_is_the_files_where_none_is_given(tmp_path):
+    assert load_robot(written(tmp_path, TWO_JOINTS.replace("name: two\n", ""))).spec["name"] == "robot"
+
+
+def test_yaml_numbers_are_those_of_version_1_2(tmp_path):
+    text = TWO_JOINTS.replace("d: 0.4", "d: 4e-1").replace("name: A1", "name: no")
+    robot = load_robot(written(tmp_path, text))
+    assert robot.joints[0]["d"] == 0.4
+    assert robot.joints[0]["name"] == "no"
+
+
+def test_a_character_in_two_halves_is_one(tmp_path):
+    assert load_robot(written(tmp_path, TWO_JOINTS.replace("two", '"\\ud83d\\ude00"'))).spec["name"] == "😀"
+
+
+def test_spec_is_json_that_reads_back_as_convention_chain(tmp_path):
+    import json
+
+    text = """\
+kinematics:
+  convention: chain
+  joints:
+  - {xyz: [0, 0, 0.4]}
+  - {xyz: [0.1, 0, 0], rpy: [-1.5707963, 0, 0], type: prismatic, limits: [0, 0.5]}
+  end: {xyz: [0, 0, 0.2]}
+"""
+    robot = load_robot(written(tmp_path, text))
+    again = load_robot(written(tmp_path, robot.json()))
+    assert again.spec == robot.spec == json.loads(robot.json())
+    assert robot.reach_m == pytest.approx(0.4 + 0.1 + 0.5 + 0.2)
+
+
+@pytest.mark.parametrize(
+    ("found", "put", "names"),
+    [
+        ("alpha: 0.0", "alhpa: 0.0", "kinematics.joints[1].alpha"),
+        ("alpha: 0.0, d", "alpha: 90.0, d", "kinematics.joints[1].alpha: found 90.0"),
+        ("d: 0.4", "d: 400.0", "millimetres"),
+        ("d: 0.4", "d: .nan", "kinematics.joints[1].d: found nan"),
+        ("d: 0.4", "d: four", "found 'four', expected a length in metres"),
+        ("d: 0.4", "d: true", "found True, expected a length in metres"),
+        ("[-3.0, 3.0]", "[3.0, -3.0]", "lo below hi"),
+        ("[-3.0, 3.0]", "[-3.0]", "kinematics.joints[1].limits"),
+        ("[-3.0, 3.0]", "[-170.0, 170.0]", "degrees"),
+        ("name: A2", "name: A1", "kinematics.joints[2].name: found 'A1' a second time"),
+        ("convention: mdh", "convention: mhd", "did you mean 'mdh'"),
+        ("gear_ratio: 100", "gear_ratio: 0", "other than 0"),
+        ("gear_ratio: 100", "gear_ration: 100", "did you mean 'gear_ratio'"),
+        ("temperature:", "temprature:", "did you mean 'temperature'"),
+        ("sensors: [arm]", "sensors: [arm, arm]", "'arm' a second time"),
+        ("sensors: [arm]", "sensors: arm", "a list of sensor names"),
+        ("reference: 20.0", "reference: -300", "temperature.reference"),
+        ("name: two\n", "name: two\nurdf: x\n", "does not belong here"),
+        ("  convention: mdh\n", "  convention: mdh\n  urdf: arm.urdf\n", "found beside 'urdf'"),
+        ("kinematics:", "kinematcs:", "there is 'kinematcs'"),
+        ("name: two\n", "name: two\nname: three\n", "the key 'name' a second time"),
+        ("name: two\n", "name: two\nlinks: [{mass: 1}]\n", "found 1 links, expected 2"),
+        ("name: two\n", "name: two\nlinks: [{mass: 1}, {mass: -1}]\n", "links[2].mass: found -1"),
+        ("name: two\n", "name: two\ngravity: [0, 0, 0]\n", "gravity"),
+        (
+            "name: two\n",
+            "name: two\ncoupling: [{joint: 3, driving: 2, ratio: -1}]\n",
+            "joint number from 1 to 2",
+        ),
+        (
+            "name: two\n",
+            "name: two\ncoupling: [{joint: 2, driving: 2, ratio: -1}]\n",
+            "other than the driven",
+        ),
+        ("name: two\n", "name: two\ntool: {xyz: [0, 0]}\n", "tool.xyz"),
+        ("name: two\n", "name: two\nbase: {xyz: [0, 0, 0], rpy: [0, 0, 90]}\n", "degrees"),
+        (
+            "name: two\n",
+            "name: two\nlinkage: {type: parallelogram, joints: [2, 3], angle: 1.5}\n",
+            "linkage.joints: found [2, 3]",
+        ),
+    ],
+)
+def test_says_what_is_wrong_and_where(tmp_path, found, put, names):
+    assert found in TWO_JOINTS
+    path = written(tmp_path, TWO_JOINTS.replace(found, put, 1))
+    with pytest.raises(InputError) as error:
+        load_robot(path)
+    assert names in str(error.value)
+    assert str(path) in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "names"),
+    [
+        ("", "found nothing"),
+        ("- a\n", "expected keys"),
+        ("a: [1\n", "line 2"),
+        ("a: &x [*x]\n", "kinematics: found nothing"),
+        ("a: !!python/object:os.system x\n", "expected YAML"),
+        ("? [1, 2]\n: 3\n", "a key that is not text"),
+        ("[" * 5000, "nested too deep"),
+        ("name: \x00\n", "no YAML"),
+        ('name: "\\ud83d"\n', "line 1: found half of a pair of surrogates"),
+    ],
+)
+def test_refuses_what_is_no_robot_file(tmp_path, text, names):
+    with pytest.raises(InputError, match=names):
+        load_robot(written(tmp_path, text))
+
+
+def test_names_a_missing_file_and_a_folder(tmp_path):
+    with pytest.raises(InputError, match=r"nowhere\.yaml: found no such file"):
+        load_robot(tmp_path / "nowhere.yaml")
+    with pytest.raises(InputError, match="found a folder"):
+        load_robot(tmp_path)

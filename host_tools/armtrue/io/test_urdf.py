@@ -1,0 +1,134 @@
+"""A URDF and the same arm written as modified DH must be one arm: compared through their own forward kinematics."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from armtrue.errors import InputError
+from armtrue.io import load_robot
+from armtrue.io.rotation import matrix_about, matrix_from_rpy
+
+# Axes in all the awkward directions: -z, y, tilted, x by default; a fixed link in between, a flange, a tool body.
+URDF = """<?xml version="1.0"?>
+<robot name="odd">
+  <link name="world"/>
+  <link name="stand"><inertial><mass value="50"/></inertial></link>
+  <link name="l1"><inertial><origin xyz="0 0 0.1"/><mass value="4"/></inertial></link>
+  <link name="l2"/>
+  <link name="l2_cover"><inertial><origin xyz="0 0 0"/><mass value="2"/></inertial></link>
+  <link name="l3"><inertial><origin xyz="0.1 0.2 0.3"/><mass value="1"/></inertial></link>
+  <link name="flange"/>
+  <joint name="bolt" type="fixed"><parent link="world"/><child link="stand"/>
+    <origin xyz="0 0 0.5" rpy="0 0 0.3"/></joint>
+  <joint name="j1" type="continuous"><parent link="stand"/><child link="l1"/><axis xyz="0 0 -1"/></joint>
+  <joint name="j2" type="revolute"><parent link="l1"/><child link="l2"/><origin xyz="0.1 0 0.3" rpy="0.2 0.1 0"/>
+    <axis xyz="0 1 0"/><limit lower="-2" upper="1.5" effort="1" velocity="1"/></joint>
+  <joint name="cover" type="fixed"><parent link="l2"/><child link="l2_cover"/><origin xyz="0 0 0.2"/></joint>
+  <joint name="j3" type="prismatic"><parent link="l2_cover"/><child link="l3"/><origin xyz="0 0 0.1"/>
+    <axis xyz="1 0 1"/><limit lower="0" upper="0.5" effort="1" velocity="1"/></joint>
+  <joint name="end" type="fixed"><parent link="l3"/><child link="flange"/>
+    <origin xyz="0 0 0.1" rpy="0 1.5707963267948966 0"/></joint>
+</robot>
+"""
+ROBOT = "kinematics: {urdf: arm.urdf, base: world, tip: flange}\n"
+
+
+def load(tmp_path: Path, urdf: str = URDF, robot: str = ROBOT):
+    (tmp_path / "arm.urdf").write_text(urdf)
+    path = tmp_path / "robot.yaml"
+    path.write_text(robot)
+    return load_robot(path)
+
+
+def move(xyz, rpy=(0.0, 0.0, 0.0)):
+    matrix = np.eye(4)
+    matrix[:3, 3] = xyz
+    matrix[:3, :3] = matrix_from_rpy(rpy)
+    return matrix
+
+
+def turn(axis, angle):
+    """Rodrigues' formula, written out apart from the product's."""
+    x, y, z = np.asarray(axis) / np.linalg.norm(axis)
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    matrix = np.eye(4)
+    matrix[:3, :3] = np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross
+    return matrix
+
+
+def frames_of_chain(spec, q):
+    """Frames after each joint, and the end, by docs/model.md."""
+    pose, frames = np.eye(4), []
+    for joint, value in zip(spec["kinematics"]["joints"], q, strict=True):
+        pose = pose @ move(joint["xyz"], joint["rpy"])
+        if joint["type"] == "revolute":
+            pose = pose @ np.block([[matrix_about("z", value), np.zeros((3, 1))], [np.zeros((1, 3)), 1]])
+        else:
+            pose = pose @ move([0, 0, value])
+        frames.append(pose)
+    end = spec["kinematics"]["end"]
+    return frames, pose @ move(end["xyz"], end["rpy"])
+
+
+def by_hand(q):
+    """The URDF above, joint by joint; also the three links' poses."""
+    l1 = move([0, 0, 0.5], [0, 0, 0.3]) @ turn([0, 0, -1], q[0])
+    l2 = l1 @ move([0.1, 0, 0.3], [0.2, 0.1, 0]) @ turn([0, 1, 0], q[1])
+    l3 = l2 @ move([0, 0, 0.3]) @ move(np.array([1, 0, 1]) / math.sqrt(2) * q[2])
+    return (l1, l2, l3), l3 @ move([0, 0, 0.1], [0, math.pi / 2, 0])
+
+
+@pytest.mark.parametrize("q", [(0.0, 0.0, 0.0), (0.7, -1.1, 0.2), (-2.9, 1.4, 0.5)])
+def test_chain_moves_as_the_urdf(tmp_path, q):
+    spec = load(tmp_path).spec
+    frames, end = frames_of_chain(spec, q)
+    links, end_by_hand = by_hand(q)
+    np.testing.assert_allclose(end, end_by_hand, atol=1e-12)
+    centres = [[0, 0, 0.1], [0, 0, 0.2], [0.1, 0.2, 0.3]]
+    for frame, link, given, centre in zip(frames, links, spec["links"], centres, strict=True):
+        np.testing.assert_allclose(
+            frame @ np.append(given["com"], 1),
+            link @ np.append(centre, 1),
+            atol=1e-12,
+            err_msg="centre of mass",
+        )
+    assert [link["mass"] for link in spec["links"]] == [4.0, 2.0, 1.0]
+
+
+def test_limits_and_types(tmp_path):
+    joints = load(tmp_path).joints
+    assert [joint["type"] for joint in joints] == ["revolute", "revolute", "prismatic"]
+    assert "limits" not in joints[0]
+    assert joints[1]["limits"] == [-2.0, 1.5]
+
+
+def test_gear_ratios_may_stand_beside_the_urdf(tmp_path):
+    robot = load(tmp_path, robot=ROBOT.replace("}", ", gear_ratios: [100, 121, 50]}"))
+    assert [joint["gear_ratio"] for joint in robot.joints] == [100.0, 121.0, 50.0]
+
+
+@pytest.mark.parametrize(
+    ("urdf", "robot", "names"),
+    [
+        (URDF, ROBOT.replace("flange", "flnge"), "did you mean 'flange'"),
+        (URDF, ROBOT.replace("base: world, tip: flange", "base: flange, tip: world"), "no chain of joints"),
+        (URDF, ROBOT.replace("tip: flange", "tip: stand"), "no moving joint"),
+        (URDF, ROBOT.replace("arm.urdf", "other.urdf"), "other.urdf: found no such file"),
+        (URDF.replace('type="prismatic"', 'type="floating"'), ROBOT, "found type 'floating'"),
+        (URDF.replace('<axis xyz="0 1 0"/>', '<axis xyz="0 0 0"/>'), ROBOT, "joint 'j2' axis"),
+        (URDF.replace('<axis xyz="0 1 0"/>', '<axis xyz="0 1 0"/><mimic joint="j1"/>'), ROBOT, "mimic"),
+        (URDF.replace('mass value="4"', 'mass value="-4"'), ROBOT, "found mass -4"),
+        (URDF.replace('mass value="4"', 'mass value="four"'), ROBOT, "no URDF that can be read"),
+        (URDF.replace("</robot>", ""), ROBOT, "no URDF that can be read"),
+        ("not xml", ROBOT, "no URDF that can be read"),
+        (URDF, ROBOT + "links: [{mass: 1}, {mass: 1}, {mass: 1}]\n", "expected them in one place"),
+        (URDF, ROBOT.replace("}", ", gear_ratios: [100]}"), "a list of 3 ratios"),
+    ],
+)
+def test_says_what_is_wrong_with_a_urdf(tmp_path, urdf, robot, names):
+    with pytest.raises(InputError, match=names):
+        load(tmp_path, urdf, robot)

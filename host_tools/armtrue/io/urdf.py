@@ -1,0 +1,181 @@
+"""A URDF's chain from base link to tip link, in the house's convention "chain" (docs/model.md).
+
+Parsing is `urdf_parser_py`'s, the ROS project's own reader: small, and kept with every ROS release. The larger readers
+(`yourdfpy`, `urchin`) bring meshes, scene graphs and some thirty packages that a chain does not need.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from urdf_parser_py import urdf as urdf_parser
+from urdf_parser_py.xml_reflection import core as xml_reflection
+
+from armtrue.errors import InputError, did_you_mean
+from armtrue.io.files import read_text
+from armtrue.io.rotation import matrix_from_rotation_vector, matrix_from_rpy, rpy_from_matrix
+
+Array = NDArray[np.float64]
+
+_JOINT_TYPES = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic"}
+
+
+def read_urdf_chain(path: Path, base: str, tip: str) -> tuple[dict[str, Any], list[dict[str, Any]]]:
+    """Return `(kinematics, links)` of the chain from link `base` to link `tip`.
+
+    `kinematics` has convention "chain"; `links` one `{mass, com}` a joint in its frame, empty where the URDF gives no
+    mass. Bodies that hang on a link by fixed joints count with it; so do side branches, at their zero position.
+
+    Errors: InputError when the file is no URDF, a link is unknown, tip does not descend from base, or a joint of the
+    chain is of a type that is not static geometry (floating, planar, mimic).
+    """
+    tree = _Tree(path)
+    joints: list[dict[str, Any]] = []
+    bodies: list[tuple[float, Array]] = []
+    # The frame of the last moving joint, from the link that the walk stands on.
+    frame_from_link = np.eye(4)
+    last_link = base
+    for joint in tree.path(base, tip):
+        frame_from_joint = frame_from_link @ _matrix(joint.origin)
+        last_link = joint.child
+        if joint.type == "fixed":
+            frame_from_link = frame_from_joint
+            continue
+        axis_from_z = _turn_z_onto(tree.axis(joint))
+        before = frame_from_joint @ axis_from_z
+        joints.append(tree.row(joint, before))
+        frame_from_link = axis_from_z.T
+        bodies.append(tree.mass_moment(joint.child, frame_from_link, stop=tree.chain_joints))
+    if not joints:
+        raise InputError(
+            f"{path}: found no moving joint between '{base}' and '{last_link}', expected at least one"
+        )
+    kinematics = {"convention": "chain", "joints": joints, "end": _pose(frame_from_link)}
+    if not any(mass > 0.0 for mass, _ in bodies):
+        return kinematics, []
+    links = [
+        {"mass": mass, "com": list(map(float, moment / mass)) if mass else [0.0] * 3}
+        for mass, moment in bodies
+    ]
+    return kinematics, links
+
+
+class _Tree:
+    """The parsed URDF with look-ups by link; every complaint names the file."""
+
+    def __init__(self, path: Path) -> None:
+        self.path_of_file = path
+        complaints: list[str] = []
+        xml_reflection.on_error = complaints.append
+        try:
+            self.robot = urdf_parser.URDF.from_xml_string(read_text(path).encode())
+        except InputError:
+            raise
+        except Exception as error:  # the parser raises whatever its XML and number readers raise
+            reason = " ".join(str(error).split()) or type(error).__name__
+            raise InputError(f"{path}: found no URDF that can be read ({reason})") from None
+        self.links = {link.name: link for link in self.robot.links}
+        self.joint_into = {joint.child: joint for joint in self.robot.joints}
+        self.joints_from: dict[str, list[Any]] = {}
+        for joint in self.robot.joints:
+            self.joints_from.setdefault(joint.parent, []).append(joint)
+        self.chain_joints: set[str] = set()
+
+    def path(self, base: str, tip: str) -> list[Any]:
+        """The joints from `base` to `tip`, base first."""
+        for role, link in (("base", base), ("tip", tip)):
+            if link not in self.links:
+                hint = did_you_mean(link, self.links)
+                raise InputError(f"{self.path_of_file}: found no link '{link}' to be the {role}{hint}")
+        walk: list[Any] = []
+        link = tip
+        while link != base:
+            joint = self.joint_into.get(link)
+            if joint is None or len(walk) > len(self.robot.joints):
+                raise InputError(
+                    f"{self.path_of_file}: found no chain of joints from '{base}' to '{tip}', expected one"
+                )
+            walk.append(joint)
+            link = joint.parent
+        self.chain_joints = {joint.name for joint in walk if joint.type != "fixed"}
+        return walk[::-1]
+
+    def axis(self, joint: Any) -> Array:
+        """The joint's unit axis in its own frame; URDF's default is x."""
+        axis = np.array(joint.axis if joint.axis is not None else [1.0, 0.0, 0.0], dtype=np.float64)
+        length = float(np.linalg.norm(axis)) if axis.shape == (3,) else 0.0
+        if not np.isfinite(length) or length < 1e-9:
+            raise InputError(
+                f"{self.path_of_file}: joint '{joint.name}' axis: found {joint.axis}, expected three numbers"
+            )
+        return axis / length
+
+    def row(self, joint: Any, before: Array) -> dict[str, Any]:
+        """One row of convention "chain"; `before` is F_k."""
+        if joint.type not in _JOINT_TYPES:
+            raise InputError(
+                f"{self.path_of_file}: joint '{joint.name}': found type '{joint.type}', "
+                "expected revolute, continuous, prismatic or fixed"
+            )
+        if joint.mimic is not None:
+            raise InputError(
+                f"{self.path_of_file}: joint '{joint.name}': found a mimic joint in the chain, "
+                "expected joints of their own (write coupled joints under 'coupling' in robot.yaml)"
+            )
+        row: dict[str, Any] = {
+            "name": joint.name,
+            "type": _JOINT_TYPES[joint.type],
+            **_pose(before),
+            "offset": 0.0,
+        }
+        if joint.type != "continuous" and joint.limit is not None:
+            limits = [float(joint.limit.lower or 0.0), float(joint.limit.upper or 0.0)]
+            if limits[0] < limits[1]:
+                row["limits"] = limits
+        return row
+
+    def mass_moment(self, link: str, frame_from_link: Array, stop: set[str]) -> tuple[float, Array]:
+        """Mass and mass times centre of `link` and all that hangs on it, short of the joints in `stop`."""
+        mass = 0.0
+        moment: Array = np.zeros(3)
+        inertial = self.links[link].inertial if link in self.links else None
+        if inertial is not None and inertial.mass:
+            own = float(inertial.mass)
+            if not np.isfinite(own) or own < 0.0:
+                raise InputError(
+                    f"{self.path_of_file}: link '{link}': found mass {own}, expected kilograms, not negative"
+                )
+            centre = frame_from_link @ np.append(_matrix(inertial.origin)[:3, 3], 1.0)
+            mass, moment = own, own * centre[:3]
+        for joint in self.joints_from.get(link, []):
+            if joint.name not in stop:
+                more, further = self.mass_moment(
+                    joint.child, frame_from_link @ _matrix(joint.origin), stop | {joint.name}
+                )
+                mass, moment = mass + more, moment + further
+        return mass, moment
+
+
+def _matrix(origin: Any) -> Array:
+    matrix = np.eye(4)
+    if origin is not None:
+        matrix[:3, 3] = origin.xyz if origin.xyz is not None else 0.0
+        matrix[:3, :3] = matrix_from_rpy(origin.rpy if origin.rpy is not None else [0.0, 0.0, 0.0])
+    return matrix
+
+
+def _pose(matrix: Array) -> dict[str, list[float]]:
+    return {"xyz": [float(value) for value in matrix[:3, 3]], "rpy": rpy_from_matrix(matrix)}
+
+
+def _turn_z_onto(axis: Array) -> Array:
+    """The shortest turn that carries z onto the unit vector `axis`, as a 4 × 4 matrix."""
+    matrix = np.eye(4)
+    lever = np.cross([0.0, 0.0, 1.0], axis)
+    sine = float(np.linalg.norm(lever))
+    direction = lever / sine if sine > 1e-12 else np.array([1.0, 0.0, 0.0])
+    matrix[:3, :3] = matrix_from_rotation_vector(direction * np.arctan2(sine, axis[2]))
+    return matrix

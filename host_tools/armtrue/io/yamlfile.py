@@ -1,0 +1,254 @@
+"""YAML as people write it, read key by key: what is wrong or left unread is named with its place in the file."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from armtrue.errors import InputError, did_you_mean, shorten
+from armtrue.io.files import read_text
+
+LARGEST_YAML_BYTES = 4 * 1024 * 1024
+
+_MISSING: Any = object()
+
+
+class _Loader(yaml.SafeLoader):
+    """YAML's safe types as version 1.2 has them: `1e-3` is a number; `no`, `1:30` and `2020-07-14` are text."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        mapping: dict[Any, Any] = {}
+        for key_node, value_node in node.value:
+            if not isinstance(key_node, yaml.ScalarNode):
+                raise _refused("a key that is not text", key_node)
+            key = self.construct_scalar(key_node)
+            if key in mapping:
+                raise _refused(f"the key '{key}' a second time", key_node)
+            mapping[key] = self.construct_object(value_node, deep=deep)  # type: ignore[no-untyped-call]
+        return mapping
+
+    def construct_scalar(self, node: Any) -> Any:
+        value = super().construct_scalar(node)
+        try:
+            # "\ud83d\ude00" is one character as JSON writes it; half of such a pair is none.
+            return (
+                value.encode("utf-16", "surrogatepass").decode("utf-16") if isinstance(value, str) else value
+            )
+        except UnicodeDecodeError:
+            raise _refused("half of a pair of surrogates", node) from None
+
+
+def _refused(found: str, node: yaml.Node) -> yaml.constructor.ConstructorError:
+    return yaml.constructor.ConstructorError(None, None, found, node.start_mark)
+
+
+def _construct_float(loader: _Loader, node: yaml.ScalarNode) -> float:
+    return float(node.value.replace(".inf", "inf").replace(".nan", "nan").replace(".NaN", "nan"))
+
+
+def _construct_int(loader: _Loader, node: yaml.ScalarNode) -> int:
+    if len(node.value) > 30:
+        raise _refused("an integer beyond 30 digits", node)
+    return int(node.value)
+
+
+_FLOAT = r"[-+]?(?:[0-9]+\.[0-9]*|\.[0-9]+|[0-9]+)(?:[eE][-+]?[0-9]+)?|[-+]?\.inf|\.nan|\.NaN"
+# Set whole, not added to: what SafeLoader resolves beyond version 1.2 must go.
+_Loader.yaml_implicit_resolvers = {}
+for _tag, _pattern, _first in (
+    ("int", r"[-+]?[0-9]+", "-+0123456789"),
+    ("float", _FLOAT, "-+0123456789."),
+    ("bool", "true|false", "tf"),
+    ("null", "~|null|", ["~", "n", ""]),
+):
+    _Loader.add_implicit_resolver(  # type: ignore[no-untyped-call]
+        f"tag:yaml.org,2002:{_tag}", re.compile(f"^(?:{_pattern})$"), list(_first)
+    )
+_Loader.add_constructor("tag:yaml.org,2002:float", _construct_float)
+_Loader.add_constructor("tag:yaml.org,2002:int", _construct_int)
+
+
+def load_yaml(path: Path) -> Section:
+    """Return the mapping at the top of the YAML file `path`.
+
+    Errors: InputError naming file and line when it is missing, not YAML, repeats a key or is not a mapping.
+    """
+    text = read_text(path, largest_bytes=LARGEST_YAML_BYTES)
+    try:
+        value = yaml.load(text, Loader=_Loader)
+    except yaml.MarkedYAMLError as error:
+        line = f" line {error.problem_mark.line + 1}" if error.problem_mark else ""
+        raise InputError(f"{path}{line}: found {error.problem or 'no YAML'}, expected YAML") from None
+    except yaml.YAMLError as error:
+        raise InputError(f"{path}: found no YAML ({' '.join(str(error).split())})") from None
+    except RecursionError:
+        raise InputError(
+            f"{path}: found brackets nested too deep, expected YAML a person could write"
+        ) from None
+    except ValueError as error:
+        raise InputError(f"{path}: found a value that YAML does not allow ({error})") from None
+    return Section(value, str(path))
+
+
+class Section:
+    """One mapping of a file. Each reader takes a key, checks it and makes it known; `finish` refuses the rest.
+
+    `where` is the key path of the mapping, counted from 1 within lists. All readers raise InputError.
+    """
+
+    def __init__(self, value: Any, file: str, where: str = "") -> None:
+        self.file = file
+        self.where = where
+        if not isinstance(value, dict):
+            found = "nothing" if value is None else shorten(value)
+            place = f"{file}: {where}" if where else file
+            raise InputError(f"{place}: found {found}, expected keys with values")
+        self._mapping: dict[str, Any] = value
+        self._known: set[str] = set()
+
+    def place(self, key: str = "") -> str:
+        """Return `file: key path` for a message."""
+        path = ".".join(part for part in (self.where, key) if part)
+        return f"{self.file}: {path}" if path else self.file
+
+    def fail(self, key: str, expected: str) -> InputError:
+        """Return the error for `key`, quoting what stands there."""
+        if key not in self._mapping:
+            hint = did_you_mean(key, set(self._mapping) - self._known).replace("did you mean", "there is")
+            return InputError(f"{self.place(key)}: found nothing, expected {expected}{hint.replace('?', '')}")
+        return InputError(f"{self.place(key)}: found {shorten(self._mapping[key])}, expected {expected}")
+
+    def has(self, key: str) -> bool:
+        """True where `key` stands with a value other than null; `key` counts as known from here on."""
+        self._known.add(key)
+        return self._mapping.get(key) is not None
+
+    def __iter__(self) -> Iterator[str]:
+        """The keys, in file order."""
+        return iter(self._mapping)
+
+    def raw(self, key: str) -> Any:
+        """The unchecked value of `key` (None where absent)."""
+        self._known.add(key)
+        return self._mapping.get(key)
+
+    def number(
+        self,
+        key: str,
+        default: Any = _MISSING,
+        *,
+        minimum: float = -math.inf,
+        above: float = -math.inf,
+        expected: str = "a number",
+    ) -> float:
+        """A finite number, at least `minimum` and greater than `above`."""
+        value = self.raw(key)
+        if value is None and default is not _MISSING:
+            return default  # type: ignore[no-any-return]
+        if not _is_number(value) or not minimum <= value or not above < value:
+            raise self.fail(key, expected)
+        return float(value)
+
+    def text(self, key: str, default: Any = _MISSING, expected: str = "text") -> str:
+        """Text that is not empty; a number is taken as its text, as names like `7` need no quotes."""
+        value = self.raw(key)
+        if value is None and default is not _MISSING:
+            return default  # type: ignore[no-any-return]
+        if isinstance(value, int | float) and not isinstance(value, bool):
+            return str(value)
+        if not isinstance(value, str) or not value:
+            raise self.fail(key, expected)
+        return value
+
+    def flag(self, key: str, default: bool) -> bool:
+        """`true` or `false`."""
+        value = self.raw(key)
+        if value is None:
+            return default
+        if not isinstance(value, bool):
+            raise self.fail(key, "true or false")
+        return value
+
+    def choice(self, key: str, options: Sequence[str], default: Any = _MISSING) -> str:
+        """One of `options`."""
+        value = self.raw(key)
+        if value is None and default is not _MISSING:
+            return default  # type: ignore[no-any-return]
+        if value not in options:
+            hint = did_you_mean(value, options) if isinstance(value, str) else ""
+            raise self.fail(key, " or ".join(options) + hint)
+        return str(value)
+
+    def numbers(self, key: str, count: int | None, expected: str, default: Any = _MISSING) -> list[float]:
+        """A list of finite numbers, `count` of them where it is given."""
+        value = self.raw(key)
+        if value is None and default is not _MISSING:
+            return default  # type: ignore[no-any-return]
+        if not isinstance(value, list) or (count is not None and len(value) != count):
+            raise self.fail(key, expected)
+        if not all(_is_number(entry) for entry in value):
+            raise self.fail(key, expected)
+        return [float(entry) for entry in value]
+
+    def texts(self, key: str, expected: str) -> list[str]:
+        """A list of texts, none empty."""
+        value = self.raw(key)
+        if not isinstance(value, list) or not all(isinstance(entry, str) and entry for entry in value):
+            raise self.fail(key, expected)
+        return list(value)
+
+    def joint(self, key: str, joint_count: int) -> int:
+        """A joint number, 1 to `joint_count`."""
+        value = self.raw(key)
+        if not isinstance(value, int) or isinstance(value, bool) or not 1 <= value <= joint_count:
+            raise self.fail(key, f"a joint number from 1 to {joint_count}")
+        return value
+
+    def joints(self, key: str, joint_count: int, count: int | None = None) -> list[int]:
+        """A list of different joint numbers, 1 to `joint_count`."""
+        value = self.raw(key)
+        how_many = "" if count is None else f"{count} "
+        expected = f"a list of {how_many}different joint numbers from 1 to {joint_count}"
+        if not isinstance(value, list) or not value or (count is not None and len(value) != count):
+            raise self.fail(key, expected)
+        if not all(isinstance(k, int) and not isinstance(k, bool) and 1 <= k <= joint_count for k in value):
+            raise self.fail(key, expected)
+        if len(set(value)) != len(value):
+            raise self.fail(key, expected)
+        return list(value)
+
+    def section(self, key: str) -> Section:
+        """The mapping under `key`."""
+        if not self.has(key):
+            raise self.fail(key, "keys with values")
+        return Section(self.raw(key), self.file, ".".join(part for part in (self.where, key) if part))
+
+    def entries(self, key: str, expected: str) -> list[Any]:
+        """The list under `key`, its entries unchecked."""
+        value = self.raw(key)
+        if not isinstance(value, list):
+            raise self.fail(key, expected)
+        return value
+
+    def sections(self, key: str, expected: str) -> list[Section]:
+        """The list of mappings under `key`."""
+        return [
+            Section(entry, self.file, f"{self.where + '.' if self.where else ''}{key}[{number}]")
+            for number, entry in enumerate(self.entries(key, expected), start=1)
+        ]
+
+    def finish(self) -> None:
+        """Refuse keys that nothing asked for."""
+        for key in self._mapping:
+            if key not in self._known:
+                hint = did_you_mean(key, self._known) or f" (known here: {', '.join(sorted(self._known))})"
+                raise InputError(f"{self.place(key)}: found a key that does not belong here{hint}")
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)

@@ -1,0 +1,24 @@
+"""The report of a calibration as one HTML page; `armtrue.report.figures` draws the same for notebooks."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from armtrue.fitting import Fit
+from armtrue.io.files import check_writable, write_file
+from armtrue.progress import Progress
+from armtrue.report.content import Report, gather
+from armtrue.report.page import page
+
+__all__ = ["Report", "gather", "write"]
+
+
+def write(fits: list[Fit], path: str | Path, progress: Progress | None = None) -> None:
+    """Write the report of `fits`, first to last step of one calibration, as one self-contained HTML page.
+
+    Errors: InputError where measurements are gone (it says where they were looked for) or changed, where the fits are
+    not of the same ones, or where `path` cannot be written.
+    """
+    path = Path(path)
+    check_writable(path)
+    write_file(path, page(gather(fits, progress)))

@@ -1,0 +1,160 @@
+"""The report's charts as SVG panels."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armtrue.report.binned import DISCRETE
+from armtrue.report.content import AddedVariable, Report, View
+from armtrue.report.markup import Markup
+from armtrue.report.panel import Panel
+from armtrue.report.scales import Scale, around, symmetric, tick_text
+from armtrue.report.spectrum import Peak, Spectrum
+from armtrue.report.thinning import loudest, spread_rows
+
+Array = NDArray[np.float64]
+
+_DOTS = 500
+_SPECTRUM_LINES = 700
+_NAMED_PEAKS = 3
+# Readings beyond this percentile run off the panel: one gross error should not flatten all others.
+_SHOWN_PERCENT = 99.0
+
+
+def state_panel(report: Report, view: View, dots: int = _DOTS) -> Markup:
+    """The residual of the last step over a state variable: dots, bin means with two standard errors, 5–95 % band."""
+    readings = view.direction.read(report.last.residual_m)
+    rows = spread_rows(readings.size, dots)
+    rows = rows[view.direction.drawn[rows] & report.last.used[rows]]
+    after, before = view.last, view.first
+    sizes = [np.abs(readings[rows]), np.abs(after.low), np.abs(after.high)]
+    size = float(np.percentile(np.concatenate(sizes), _SHOWN_PERCENT))
+    if before is not None:
+        size = max(size, float(np.abs(before.mean).max()))
+    panel = Panel(
+        around(view.variable.values),
+        symmetric(1.08 * size),
+        view.variable.label,
+        f"{view.direction.what} [{view.direction.unit}]",
+        f"{view.direction.what} over {view.variable.what}. {trend_words(view)}",
+    )
+    if np.unique(view.variable.values).size <= DISCRETE:
+        panel.name_x_ticks([(float(v), tick_text(float(v))) for v in np.unique(view.variable.values)])
+    panel.band(after.centre, after.low, after.high, "spread")
+    panel.points(view.variable.values[rows], readings[rows], "dots")
+    panel.level(0.0, "", "zero")
+    if before is not None:
+        panel.line(before.centre, before.mean, "first")
+    panel.whiskers(after.centre, after.mean - after.error, after.mean + after.error, "whisker")
+    panel.line(after.centre, after.mean, "last")
+    panel.points(after.centre, after.mean, "knots")
+    return panel.render()
+
+
+def trend_words(view: View) -> str:
+    """What the bin means say, in words."""
+
+    def share(explained: float, trend: bool) -> str:
+        return f"explains {100 * explained:.0f} % of its scatter" if trend else "no trend"
+
+    last = share(view.last.explained, view.last.trend)
+    if view.first is None:
+        return f"{last.capitalize()}."
+    return f"First step: {share(view.first.explained, view.first.trend)}; last: {last}."
+
+
+def spectrum_panel(spectrum: Spectrum, first: Spectrum | None) -> Markup:
+    """Share of Σ r² explained by each period of one joint; the first step's as a dashed line."""
+    drawn = [s for s in (first, spectrum) if s is not None]
+    highest = max(float(s.explained.max()) for s in drawn)
+    top = 1.3 * max(highest, 1.5 * spectrum.significant)
+    low, high = max(0.4, float(spectrum.cycles.min())), float(spectrum.cycles.max())
+    found = (
+        ", ".join(f"{p.called} ({p.amplitude_arcsec:.1f}″)" for p in spectrum.peaks) or "no line stands out"
+    )
+    panel = Panel(
+        Scale(low, max(high, 2.0 * low), logarithmic=True),
+        Scale(0.0, 100.0 * top),
+        f"cycles a turn of joint {spectrum.joint}",
+        "explains [% of Σr²]",
+        f"Spectrum of the residual over joint {spectrum.joint}: {found}.",
+    )
+    panel.level(100.0 * spectrum.significant, "scatter stays below", "threshold", at_start=True)
+    ratio = spectrum.gear_ratio
+    if ratio:
+        panel.upright(ratio, f"gear ratio {ratio:g}", "ratio")
+    for s, kind in zip(drawn, ("first", "last") if first is not None else ("last",), strict=True):
+        peaks, starts = loudest(s.explained, _SPECTRUM_LINES)
+        panel.line(s.cycles[starts], 100.0 * s.explained[peaks], kind)
+    peaks_of_all: list[Peak] = [peak for s in drawn for peak in s.peaks]
+    for peak in sorted(peaks_of_all, key=lambda peak: -peak.explained)[:_NAMED_PEAKS]:
+        panel.note(peak.cycles, 100.0 * peak.explained, f"{peak.called}, {peak.amplitude_arcsec:.1f}″")
+    return panel.render()
+
+
+def added_variable_panel(plot: AddedVariable) -> Markup:
+    """What is left over against what the candidate would add; a line of slope 1 is a candidate that is right."""
+    rows = spread_rows(plot.added_um.size, 3 * _DOTS)
+    x, y = plot.added_um[rows], plot.left_um[rows]
+    size_x, size_y = (float(np.percentile(np.abs(v), _SHOWN_PERCENT)) for v in (plot.added_um, plot.left_um))
+    panel = Panel(
+        symmetric(1.1 * size_x),
+        symmetric(1.1 * size_y),
+        f"{plot.name} would add [µm]",
+        "left over [µm]",
+        f"Added-variable plot of {plot.name}: it explains {100 * plot.explained:.0f} % of what is left over.",
+    )
+    panel.points(x, y, "dots")
+    panel.level(0.0, "", "zero")
+    ends = np.array([-1.1, 1.1]) * size_x
+    panel.line(ends, ends, "last")
+    return panel.render()
+
+
+def curve_panel(
+    x: Array, y: Array, x_label: str, y_label: str, description: str, sigma: Array | None = None
+) -> Markup:
+    """A function of one variable, as fitted, with a band of two standard deviations where they are known."""
+    size = float(np.max(np.abs(y)))
+    if sigma is not None:
+        # A band that dwarfs the curve may run off the panel.
+        size = min(float(np.max(np.abs(y) + 2.0 * sigma)), 2.0 * size)
+    panel = Panel(around(x), symmetric(1.1 * size), x_label, y_label, description)
+    if sigma is not None:
+        panel.band(x, y - 2.0 * sigma, y + 2.0 * sigma, "spread")
+    panel.level(0.0, "", "zero")
+    panel.line(x, y, "last")
+    panel.points(x, y, "knots")
+    return panel.render()
+
+
+def histogram_panel(
+    values: Array, limits: tuple[float, float] | None, label: str, description: str
+) -> Markup:
+    """How often a variable was where; the range it may have is the width of the panel."""
+    ends = np.array([*(limits or ()), float(values.min()), float(values.max())])
+    scale = around(ends, margin=0.02)
+    counts, edges = np.histogram(values, bins=24, range=(scale.low, scale.high))
+    panel = Panel(scale, Scale(0.0, 1.1 * float(counts.max())), label, "poses", description, height=150)
+    panel.bars(edges, counts.astype(np.float64), "bar")
+    for limit in limits or ():
+        panel.upright(limit, "limit", "ratio")
+    return panel.render()
+
+
+def place_panel(x: Array, y: Array, names: tuple[str, str], description: str) -> Markup:
+    """Where the reflector was, both axes to one scale."""
+    rows = spread_rows(x.size, 2 * _DOTS)
+    half = 0.55 * max(float(np.ptp(x)), float(np.ptp(y)))
+    height = 320
+    panel = Panel(
+        _about(x, half), _about(y, half), f"{names[0]} [m]", f"{names[1]} [m]", description, height=height
+    )
+    panel.points(x[rows], y[rows], "dots strong-dots")
+    return panel.render()
+
+
+def _about(values: Array, half: float) -> Scale:
+    middle = 0.5 * (float(values.min()) + float(values.max()))
+    return Scale(middle - half, middle + half)

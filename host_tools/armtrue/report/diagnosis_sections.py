@@ -1,0 +1,166 @@
+"""What is missing: candidates with their evidence, what else it could be, what to measure, what cannot be tested."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+from armtrue.cli.units import value_and_sigma
+from armtrue.report import charts
+from armtrue.report.content import Report, StepDiagnosis
+from armtrue.report.markup import Content, Markup, tag
+from armtrue.report.names import bracketed, called
+from armtrue.report.parts import (
+    figure,
+    folded,
+    grid,
+    lead,
+    listed,
+    micrometres,
+    minus,
+    plural,
+    section,
+    table,
+)
+
+VERDICTS = {
+    "nothing_missing": "Nothing is missing: what is left is noise.",
+    "missing_effect": "An effect is missing.",
+    "unexplained_structure": "What is left has structure that no effect of the catalogue explains.",
+}
+_CANDIDATES = (
+    "Every effect of the catalogue is tried on every joint that the recorded columns allow: the residual is regressed "
+    "on it with all that is fitted already projected out. log10 p is corrected for the number of candidates; a fall of "
+    "BIC by 10 is strong. Separable is the share of a candidate that is not in the model already."
+)
+_ADDED = (
+    "Added-variable plots: across, what the candidate at its best size would add to each reading beyond what the model "
+    "can already take over; up, what is left over of that reading. Points along the line are explained; a cloud that "
+    "ignores it is not."
+)
+_NOT_DRAWN = "Not drawn, for a fit would take too long here or the model has the effect on these joints: "
+_SHOWN = 8
+_WITH_REASONS = 4
+_PARAMETERS_SHOWN = 6
+
+
+def candidates_section(report: Report) -> Markup:
+    """Candidates of the first and the last step, with evidence, ambiguity and advice."""
+    many = len(report.diagnoses) > 1
+    parts = [part for diagnosis in report.diagnoses for part in _one(diagnosis, many)]
+    return section("candidates", "What is missing", lead(_CANDIDATES), parts)
+
+
+def added_variable_section(report: Report) -> Markup | None:
+    """Added-variable plots of the leading candidates; None where no step has candidates."""
+    parts: list[Content] = []
+    for diagnosis in report.diagnoses:
+        if not diagnosis.result["candidates"]:
+            continue
+        figures: list[Content] = []
+        for plot in diagnosis.added_variables:
+            mark = _star() if plot.candidate["recommend"] else None
+            caption = f"explains {100 * plot.explained:.1f} % of what is left over"
+            panel = charts.added_variable_panel(plot)
+            figures.append(figure(plot.name, panel, mark, " · " if mark else None, caption, level=4))
+        parts += [tag("h3", f"After {diagnosis.step.title}"), grid(figures)]
+        if diagnosis.not_drawn:
+            parts.append(tag("p", _NOT_DRAWN, f"{', '.join(diagnosis.not_drawn)}.", class_="lead"))
+    if not parts:
+        return None
+    return section("added", "What the leading candidates would do", lead(_ADDED), parts)
+
+
+def _star() -> Markup:
+    return tag("span", "★ recommended", class_="trend")
+
+
+def _one(diagnosis: StepDiagnosis, many: bool) -> list[Content]:
+    result = diagnosis.result
+    parts: list[Content] = [tag("h3", f"After {diagnosis.step.title}")] if many else []
+    parts.append(tag("p", VERDICTS[result["verdict"]], class_=f"verdict {result['verdict']}"))
+    candidates = result["candidates"]
+    if result["verdict"] == "nothing_missing":
+        if candidates:
+            heading = f"The strongest {len(candidates)} of what was tried, none of them significant"
+            parts.append(folded(heading, _table(candidates, "Candidates"), printed=False))
+    else:
+        shown, rest = candidates[:_SHOWN], candidates[_SHOWN:]
+        parts += [_ambiguity(shown), _table(shown, "Leading candidates"), _reasons(shown[:_WITH_REASONS])]
+        if rest:
+            parts.append(
+                folded(plural(len(rest), "more candidate"), _table(rest, "More candidates"), printed=False)
+            )
+    if result["advice"]:
+        parts += [tag("h4", "Advice"), listed([_typeset(sentence) for sentence in result["advice"]])]
+    if result["untestable"]:
+        needs = [[entry["effect"], ", ".join(entry["needs"])] for entry in result["untestable"]]
+        caption = "Not testable with what was recorded"
+        parts.append(table(["effect", "record"], needs, caption, words=(0, 1)))
+    return parts
+
+
+def _ambiguity(candidates: list[dict[str, Any]]) -> Markup | None:
+    best = next((candidate for candidate in candidates if candidate["recommend"]), None)
+    if best is None:
+        return None
+    others = [bracketed(label) for label in best["confounded_with"]]
+    if not others:
+        return tag("p", "Nothing else explains nearly as much as ", tag("strong", called(best)), ".")
+    return tag(
+        "p",
+        "Ambiguity set, whatever explains at least 0.9 of what the best does: ",
+        tag("strong", called(best)),
+        f", {', '.join(others)}. The advice below says what would tell them apart.",
+        class_="ambiguous",
+    )
+
+
+def _table(candidates: list[dict[str, Any]], caption: str) -> Markup:
+    headers = ["candidate", "", "explains", "log10 p", "ΔBIC", "held-out mean if added [µm]", "separable"]
+    rows: list[list[Content]] = []
+    for candidate in candidates:
+        share = 100.0 * candidate["explained"]
+        bar = tag("span", class_="bar", style=f"width:{min(100.0, max(0.0, share)):.1f}%")
+        about = "" if candidate["confirmed"] else "≈ "
+        rows.append(
+            [
+                called(candidate),
+                _star() if candidate["recommend"] else "",
+                tag(
+                    "span",
+                    tag("span", bar, class_="bar-track"),
+                    tag("span", f"{share:.1f} %"),
+                    class_="share",
+                ),
+                minus(f"{candidate['log10_p']:.1f}"),
+                minus(f"{candidate['delta_bic']:.0f}"),
+                about + micrometres(candidate["held_out_mean_um_if_added"]),
+                f"{100.0 * candidate['separability']:.1f} %",
+            ]
+        )
+    note = " (≈ is predicted, the others were refitted and cross-validated)"
+    return table(headers, rows, caption + note, words=(0, 1))
+
+
+def _reasons(candidates: list[dict[str, Any]]) -> Markup:
+    entries: list[Content] = []
+    for candidate in candidates:
+        values: list[Content] = []
+        for parameter in candidate["parameters"][:_PARAMETERS_SHOWN]:
+            value, sigma, unit = value_and_sigma(parameter["value"], parameter["sigma"], parameter["unit"])
+            spread = f" ± {sigma}" if sigma else ""
+            values.append(tag("li", tag("code", parameter["name"]), minus(f" = {value}{spread} {unit}")))
+        more = len(candidate["parameters"]) - len(values)
+        if more > 0:
+            values.append(tag("li", f"and {more} more"))
+        why = _typeset(candidate["why"])
+        entries.append(
+            tag("li", tag("strong", called(candidate)), f": {why}.", tag("ul", values, class_="values"))
+        )
+    return folded("Why, and how large", tag("ol", entries, class_="evidence"), opened=True)
+
+
+def _typeset(sentence: str) -> str:
+    """A sentence of the diagnosis, which is plain ASCII, with its signs and units as they are printed."""
+    return re.sub(r"(?<=\s)-(?=\d)", "−", sentence.replace(" um", " µm").replace("->", "→"))

@@ -1,0 +1,161 @@
+"""The report's pictures as Matplotlib figures, for notebooks.
+
+    from armtrue.report import figures, gather
+
+    report = gather([fit, best])
+    figures.waterfall(report)
+    figures.vectors(report)
+    figures.state(report)
+
+Every function returns a `matplotlib.figure.Figure` and leaves pyplot alone. Only this module needs Matplotlib.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from armtrue.report.arm import arm_corners, typical_row
+from armtrue.report.charts import trend_words
+from armtrue.report.content import Report, StepDiagnosis, View
+from armtrue.report.names import called
+from armtrue.report.thinning import spread_rows
+
+_LAST, _FIRST, _DOTS, _SOFT = "#12578f", "#a3480c", "#9aa6ae", "#56626b"
+_COLUMNS = 3
+_PANEL_INCHES = (3.8, 2.6)
+_MEASURES = (
+    ("mean_um", "mean", "o"),
+    ("rms_um", "RMS", "D"),
+    ("p95_um", "95 %", "^"),
+    ("max_um", "max", "s"),
+)
+_MOST_DOTS = 2000
+_ARROW_SHARE = 0.1
+
+
+def waterfall(report: Report) -> Figure:
+    """Held-out (filled) and training (hollow) errors at each step [µm], and the noise floor."""
+    names = ["nominal arm", *(step.title for step in report.steps)]
+    held = [report.first.error["nominal"], *(step.error["held_out"] for step in report.steps)]
+    train: list[dict[str, Any] | None] = [None, *(step.error["train"] for step in report.steps)]
+    figure = Figure(figsize=(8.0, 0.9 + 0.5 * len(names)), layout="constrained")
+    axes = figure.subplots()
+    for row in range(1, len(held)):
+        before, after = held[row - 1]["mean_um"], held[row]["mean_um"]
+        axes.barh(row, before - after, left=after, height=0.45, color="#b9cfe0")
+    for key, label, marker in _MEASURES:
+        axes.plot([entry[key] for entry in held], range(len(held)), marker, color=_LAST, label=label)
+        hollow = [(entry[key], row) for row, entry in enumerate(train) if entry is not None]
+        x, y = zip(*hollow, strict=True)
+        axes.plot(x, y, marker, mfc="none", color=_SOFT)
+    floor = report.last.noise_floor_um
+    if floor is not None:
+        axes.axvline(floor, color=_SOFT, ls="--", label="noise floor")
+    axes.set_yticks(range(len(names)), names)
+    axes.invert_yaxis()
+    axes.set(xscale="log", xlabel="error [µm], filled: held out, hollow: training")
+    axes.legend(ncols=len(_MEASURES) + 1, frameon=False, loc="lower center", bbox_to_anchor=(0.5, 1.0))
+    return figure
+
+
+def vectors(report: Report, step: int = -1, exaggeration: float | None = None) -> Figure:
+    """Residual vectors over the arm in the measuring frame; `step` counts as in a list.
+
+    `exaggeration`: how many times arrows are enlarged; None chooses.
+    """
+    shown = report.steps[step]
+    points, residual = shown.fit.data.positions_m, shown.residual_m
+    rows = spread_rows(len(points), _MOST_DOTS)
+    size = float(np.linalg.norm(np.ptp(points, axis=0)))
+    usual = float(np.percentile(np.linalg.norm(residual, axis=1), 95.0))
+    factor = exaggeration or _ARROW_SHARE * size / (usual or 1.0)
+    figure = Figure(figsize=(7.0, 6.0), layout="constrained")
+    axes: Any = figure.add_subplot(projection="3d")
+    corners = arm_corners(shown, typical_row(shown))
+    axes.plot(*corners.T, "o-", color=_SOFT, lw=4, alpha=0.6)
+    axes.quiver(*points[rows].T, *(factor * residual[rows]).T, color=_LAST, lw=0.8)
+    axes.set(xlabel="x [m]", ylabel="y [m]", zlabel="z [m]", title=f"{shown.title}: errors × {factor:.0f}")
+    axes.set_aspect("equal")
+    return figure
+
+
+def state(report: Report, most: int = 12) -> Figure:
+    """The residual against the state variables that show most, with bin means, their two sigmas and 5–95 % bands."""
+    views = report.telling_views()[:most]
+    figure, panels = _panels(len(views))
+    for axes, view in zip(panels, views, strict=True):
+        _draw_state(axes, report, view)
+    return figure
+
+
+def spectra(report: Report) -> Figure:
+    """Share of Σ r² that each period of each joint explains; dashed: the first step."""
+    last = report.diagnoses[-1]
+    first = {s.joint: s for s in report.diagnoses[0].spectra} if len(report.diagnoses) > 1 else {}
+    figure, panels = _panels(len(last.spectra))
+    for axes, spectrum in zip(panels, last.spectra, strict=True):
+        before = first.get(spectrum.joint)
+        if before is not None:
+            axes.plot(before.cycles, 100.0 * before.explained, "--", color=_FIRST, lw=1)
+        axes.plot(spectrum.cycles, 100.0 * spectrum.explained, color=_LAST, lw=1)
+        axes.axhline(100.0 * spectrum.significant, color=_SOFT, ls=":")
+        if spectrum.gear_ratio:
+            axes.axvline(spectrum.gear_ratio, color=_SOFT, ls="-.", lw=1)
+        for peak in spectrum.peaks or (before.peaks if before is not None else []):
+            axes.annotate(peak.called, (peak.cycles, 100.0 * peak.explained), fontsize=8, ha="center")
+        axes.set(
+            xscale="log", xlabel=f"cycles a turn of joint {spectrum.joint}", ylabel="explains [% of Σr²]"
+        )
+    return figure
+
+
+def candidates(diagnosis: StepDiagnosis, most: int = 10) -> Figure:
+    """What the leading candidates explain; recommended ones carry a star."""
+    shown = diagnosis.result["candidates"][:most]
+    figure = Figure(figsize=(7.0, 0.8 + 0.32 * max(1, len(shown))), layout="constrained")
+    axes = figure.subplots()
+    axes.barh(range(len(shown)), [100.0 * c["explained"] for c in shown], color=_LAST)
+    axes.set_yticks(range(len(shown)), [f"{'★ ' if c['recommend'] else ''}{called(c)}" for c in shown])
+    axes.invert_yaxis()
+    axes.set(xlabel="explains [% of the squared residual]", title=f"After {diagnosis.step.title}")
+    return figure
+
+
+def added_variables(diagnosis: StepDiagnosis) -> Figure:
+    """Added-variable plots of the leading candidates; readings that one explains lie on its line."""
+    plots = diagnosis.added_variables
+    figure, panels = _panels(len(plots))
+    for axes, plot in zip(panels, plots, strict=True):
+        rows = spread_rows(plot.added_um.size, _MOST_DOTS)
+        axes.plot(plot.added_um[rows], plot.left_um[rows], ".", ms=2, color=_DOTS)
+        axes.axline((0.0, 0.0), slope=1.0, color=_LAST)
+        axes.set(xlabel=f"{plot.name} would add [µm]", ylabel="left over [µm]")
+    return figure
+
+
+def _draw_state(axes: Axes, report: Report, view: View) -> None:
+    readings = view.direction.read(report.last.residual_m)
+    rows = spread_rows(readings.size, _MOST_DOTS)
+    rows = rows[view.direction.drawn[rows] & report.last.used[rows]]
+    last = view.last
+    axes.plot(view.variable.values[rows], readings[rows], ".", ms=2, color=_DOTS)
+    axes.fill_between(last.centre, last.low, last.high, color=_LAST, alpha=0.13, lw=0)
+    if view.first is not None:
+        axes.plot(view.first.centre, view.first.mean, "--", color=_FIRST)
+    axes.errorbar(last.centre, last.mean, yerr=last.error, color=_LAST, marker="o", ms=3)
+    axes.axhline(0.0, color=_SOFT, lw=0.8)
+    axes.set(xlabel=view.variable.label, ylabel=f"{view.direction.what} [{view.direction.unit}]")
+    axes.set_title(trend_words(view), fontsize=8)
+
+
+def _panels(count: int) -> tuple[Figure, list[Axes]]:
+    """A figure of `count` panels in rows of three."""
+    rows = max(1, -(-count // _COLUMNS))
+    width, height = _PANEL_INCHES
+    figure = Figure(figsize=(_COLUMNS * width, rows * height), layout="constrained")
+    grid = figure.add_gridspec(rows, _COLUMNS)
+    return figure, [figure.add_subplot(grid[k // _COLUMNS, k % _COLUMNS]) for k in range(count)]

@@ -1,0 +1,46 @@
+"""What effects, candidates and steps are called on the page."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+from armtrue.cli.diagnosis import name
+
+
+def called(candidate: dict[str, Any]) -> str:
+    """A candidate's effect and joints, and the options that tell it from others of the same."""
+    options = candidate.get("options") or {}
+    words = [f"{key} {_plain(value)}" for key, value in options.items() if key != "cycles"]
+    return ", ".join([name(candidate), *words])
+
+
+def bracketed(label: str) -> str:
+    """`gear_harmonics 3`, as diagnose names others, the way the page writes it."""
+    found = re.fullmatch(r"(\S+) ([\d,]+)", label)
+    if found is None:
+        return label
+    return name({"effect": found[1], "joints": [int(joint) for joint in found[2].split(",")]})
+
+
+def gathered(effects: list[tuple[str, tuple[int, ...]]]) -> list[str]:
+    """Effects with joints as people write them, those of one effect on single joints in one."""
+    single: dict[str, list[int]] = {}
+    for effect, joints in effects:
+        if len(joints) == 1:
+            single.setdefault(effect, []).append(joints[0])
+    names = []
+    for effect, joints in effects:
+        whole = sorted(single[effect]) if len(joints) == 1 else list(joints)
+        names.append(name({"effect": effect, "joints": whole}))
+    return list(dict.fromkeys(names))
+
+
+def _plain(value: Any) -> str:
+    return (
+        ", ".join(map(_plain, value))
+        if isinstance(value, list)
+        else f"{value:g}"
+        if isinstance(value, float)
+        else str(value)
+    )

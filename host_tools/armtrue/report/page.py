@@ -1,0 +1,101 @@
+"""The page: its head, its summary and its sections in order, with style and script inside it."""
+
+from __future__ import annotations
+
+from importlib.resources import files
+
+from armtrue.report.content import Report
+from armtrue.report.data_sections import about_section, coverage_section, rejected_section
+from armtrue.report.diagnosis_sections import VERDICTS, added_variable_section, candidates_section
+from armtrue.report.error_section import error_section
+from armtrue.report.markup import Content, Markup, join, tag
+from armtrue.report.model_sections import observability_section, parameters_section
+from armtrue.report.names import called
+from armtrue.report.parts import micrometres
+from armtrue.report.residual_sections import (
+    spectra_section,
+    state_section,
+    unexplained_section,
+    vectors_section,
+)
+
+
+def page(report: Report) -> str:
+    """The whole report as one HTML document that needs nothing from outside."""
+    sections = [
+        ("error", "Error", error_section(report)),
+        ("vectors", "Vectors", vectors_section(report)),
+        ("state", "State", state_section(report)),
+        ("spectra", "Spectra", spectra_section(report)),
+        ("candidates", "Candidates", candidates_section(report)),
+        ("added", "Added variables", added_variable_section(report)),
+        ("unexplained", "Unexplained", unexplained_section(report)),
+        ("parameters", "Parameters", parameters_section(report)),
+        ("unobservable", "Not observed", observability_section(report)),
+        ("rejected", "Rejected", rejected_section(report)),
+        ("coverage", "Coverage", coverage_section(report)),
+        ("about", "About", about_section(report)),
+    ]
+    shown = [(key, short, content) for key, short, content in sections if content is not None]
+    links = [tag("li", tag("a", short, href=f"#{key}")) for key, short, _ in shown]
+    robot = str(report.last.fit.robot.spec.get("name", "robot"))
+    head = tag(
+        "head",
+        tag("meta", charset="utf-8"),
+        tag("meta", name="viewport", content="width=device-width, initial-scale=1"),
+        tag("meta", name="color-scheme", content="light dark"),
+        tag("title", f"Calibration of {robot}"),
+        tag("style", _file("style.css")),
+    )
+    body = tag(
+        "body",
+        tag("a", "Skip to the report", href="#error", class_="skip"),
+        tag("header", _summary(report, robot)),
+        tag("nav", tag("ul", links), aria_label="sections"),
+        tag("main", [content for _, _, content in shown]),
+        tag(
+            "footer",
+            tag(
+                "p",
+                "Made by Armtrue. Lengths in µm, angles in arcseconds (″) or degrees; joints count from 1.",
+            ),
+        ),
+        tag("script", _file("geometry.js"), _file("viewer.js")),
+    )
+    return join(Markup("<!doctype html>\n"), tag("html", head, body, lang="en")) + "\n"
+
+
+def _summary(report: Report, robot: str) -> Content:
+    last, first = report.last, report.first
+    verdict = report.diagnoses[-1].result["verdict"]
+    before = first.error["nominal"] if len(report.steps) == 1 else first.error["held_out"]
+    held = last.error["held_out"]
+    floor = last.noise_floor_um
+    floor_words = "not known" if floor is None else f"{micrometres(floor)} µm"
+    fell = "from the nominal arm to the fit" if len(report.steps) == 1 else "from the first step to the last"
+    figures = [
+        ("held-out mean", f"{micrometres(before['mean_um'])} → {micrometres(held['mean_um'])} µm", fell),
+        ("held-out 95 %", f"{micrometres(held['p95_um'])} µm", f"worst {micrometres(held['max_um'])} µm"),
+        ("noise floor", floor_words, f"from {last.fit.document['noise_floor']['source']}"),
+        ("measurements", str(last.fit.data.count), f"{len(last.fit.document['rejected'])} rejected"),
+    ]
+    best = next((c for c in report.diagnoses[-1].result["candidates"] if c["recommend"]), None)
+    named = f" The evidence points to {called(best)}." if best is not None else ""
+    added = [effect for step in report.steps[1:] for effect in step.added]
+    story = f" Added since the first step: {', '.join(added)}." if added else ""
+    return [
+        tag("p", "Calibration report", class_="kicker"),
+        tag("h1", robot),
+        tag("p", VERDICTS[verdict], named, story, class_=f"verdict {verdict}"),
+        tag(
+            "dl",
+            [
+                tag("div", tag("dt", name), tag("dd", tag("b", value), tag("small", note)))
+                for name, value, note in figures
+            ],
+        ),
+    ]
+
+
+def _file(name: str) -> Markup:
+    return Markup(files("armtrue.report").joinpath(name).read_text(encoding="utf-8"))

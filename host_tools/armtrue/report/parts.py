@@ -1,0 +1,85 @@
+"""Building blocks of the page that several sections share."""
+
+from __future__ import annotations
+
+from collections.abc import Container, Sequence
+
+from armtrue.report.markup import Content, Markup, tag
+
+_NUMBER = "num"
+
+
+def section(key: str, title: str, *content: Content) -> Markup:
+    """A part of the page under a heading that links can point at."""
+    return tag(
+        "section", tag("h2", title, id=f"{key}-title"), *content, id=key, aria_labelledby=f"{key}-title"
+    )
+
+
+def lead(*content: Content) -> Markup:
+    """The sentences below a heading that say how to read what follows."""
+    return tag("p", *content, class_="lead")
+
+
+def table(
+    headers: Sequence[str], rows: Sequence[Sequence[Content]], caption: str, words: Container[int] = (0,)
+) -> Markup:
+    """A table that scrolls sideways where it must. Columns `words` are words, the others figures."""
+
+    def kind(column: int) -> str | None:
+        return None if column in words else _NUMBER
+
+    head = tag("tr", [tag("th", text, scope="col", class_=kind(k)) for k, text in enumerate(headers)])
+    body = []
+    for row in rows:
+        cells = [tag("th", row[0], scope="row")]
+        cells += [tag("td", cell, class_=kind(k)) for k, cell in enumerate(row[1:], start=1)]
+        body.append(tag("tr", cells))
+    whole = tag("table", tag("caption", caption), tag("thead", head), tag("tbody", body))
+    return tag("div", whole, class_="scroll", tabindex="0", role="region", aria_label=caption)
+
+
+def figure(title: Content, picture: Markup | None, *caption: Content, level: int = 3) -> Markup:
+    """A picture with its title, a heading of `level`, above and words below."""
+    below = tag("figcaption", *caption) if caption else None
+    return tag("figure", tag(f"h{level}", title), picture, below)
+
+
+def grid(*figures: Content) -> Markup:
+    """Small figures side by side, as many as fit."""
+    return tag("div", *figures, class_="grid")
+
+
+def listed(items: Sequence[Content]) -> Markup:
+    """A plain list."""
+    return tag("ul", [tag("li", item) for item in items])
+
+
+def folded(summary: Content, *content: Content, opened: bool = False, printed: bool = True) -> Markup:
+    """Content that is folded away on a screen; on paper it stands in full, or its summary alone."""
+    return tag(
+        "details", tag("summary", summary), *content, open=opened, class_=None if printed else "screen"
+    )
+
+
+def micrometres(value: float | None) -> str:
+    """A length in µm with as many digits as it carries; a dash for None."""
+    if value is None:
+        return "–"
+    return (
+        f"{value:.2f}"
+        if abs(value) < 10.0
+        else f"{value:.1f}"
+        if abs(value) < 1000.0
+        else f"{value:,.0f}".replace(",", " ")
+    )
+
+
+def minus(text: str) -> str:
+    """Figures with a real minus sign."""
+    return text.replace("-", "−")
+
+
+def plural(count: int, word: str) -> str:
+    """`1 row`, `2 rows`."""
+    return f"{count} {word}{'' if count == 1 else 's'}"

@@ -1,0 +1,209 @@
+"""Where the error points, what it depends on, with which periods, and what no effect names."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+
+from armtrue.report import arm, charts
+from armtrue.report.content import Report, View
+from armtrue.report.markup import Content, Markup, tag
+from armtrue.report.parts import figure, folded, grid, lead, minus, plural, section
+from armtrue.report.spectrum import Spectrum
+
+_VECTORS = (
+    "Each arrow starts where the reflector was measured and points from the predicted to the measured position, much "
+    "enlarged. Larger errors have thicker arrows. "
+)
+_TURNING = (
+    "Drag to turn, with Shift to move, scroll or pinch to zoom. With the keyboard: arrow keys turn, + and − zoom, "
+    "0 starts again."
+)
+_STATE = (
+    "What is left over at the last step, against every variable of the state. The line joins bin means, upright bars "
+    "are two standard errors of a mean, the band holds 5 to 95 % of the readings. A line that is flat within its bars "
+    "means: nothing left here."
+)
+_TELLING = (
+    " Each is read along the direction that shows most: an axis of the measuring frame, or as an error of one joint's "
+    "angle."
+)
+_SPECTRA = (
+    "Share of the squared residual that one sine of each period would explain, as an error of that joint's angle. A "
+    "tall line is a part that turns so many times while the joint turns once: a gear, a bearing, an encoder. Lines "
+    "below the dotted level are what scatter makes."
+)
+_UNEXPLAINED = (
+    "Smooth dependence on a variable that no effect of the catalogue explains, with the shape the data give it. It is "
+    "not squeezed into an effect that it is not."
+)
+_BUTTONS = (
+    ("corner", "Corner", "seen from above a corner (4)"),
+    ("top", "Top", "seen from above (1)"),
+    ("front", "Front", "seen along x (2)"),
+    ("side", "Side", "seen along y (3)"),
+    ("longer", "Longer", "longer arrows (])"),
+    ("shorter", "Shorter", "shorter arrows ([)"),
+    ("worst", "Next worst", "read the next worst pose (N)"),
+    ("again", "Start again", "as it was at first (0)"),
+)
+_SHOWN = 12
+# Along x, y and z panels are many: each gets fewer dots.
+_DOTS_OF_OTHERS = 220
+_VIEWS = (("telling", "most telling"), ("x", "along x"), ("y", "along y"), ("z", "along z"))
+
+
+def vectors_section(report: Report) -> Markup:
+    """Residual vectors over the arm, drawn by viewer.js."""
+    scene = arm.scene(report.steps)
+    drawn, total = len(scene["rows"]), scene["total"]
+    which = (
+        "Every pose is drawn. "
+        if drawn == total
+        else f"{drawn} of {total} poses are drawn, the worst among them. "
+    )
+    names = [(str(k), title) for k, title in enumerate(scene["names"])]
+    chooser = _chooser("vectors-step", "error of", names, len(names) - 1) if len(names) > 1 else None
+    buttons = [tag("button", text, type="button", data_do=do, title=title) for do, text, title in _BUTTONS]
+    stage = tag(
+        "div",
+        class_="stage",
+        tabindex="0",
+        role="application",
+        aria_roledescription="three-dimensional picture",
+        aria_label="Residual vectors over the arm. Arrow keys turn, plus and minus zoom, N reads the next worst pose.",
+    )
+    without = tag("p", "This one picture needs JavaScript; everything else on the page does without.")
+    data = Markup(json.dumps(scene, separators=(",", ":")).replace("<", "\\u003c"))
+    return section(
+        "vectors",
+        "Where the error points",
+        lead(_VECTORS, which, tag("span", _TURNING, class_="screen")),
+        tag(
+            "div",
+            chooser,
+            tag("div", buttons, class_="buttons", role="group", aria_label="view"),
+            class_="controls only-script",
+        ),
+        tag(
+            "div",
+            stage,
+            tag("div", class_="stills", aria_hidden="true"),
+            tag("p", class_="readout", aria_live="polite"),
+            tag("noscript", without),
+            tag("script", data, type="application/json"),
+            class_="viewer",
+        ),
+    )
+
+
+def state_section(report: Report) -> Markup:
+    """The residual against every state variable, the one that shows most first."""
+    telling = report.telling_views()
+    by_name = {direction.name: direction for direction in report.directions}
+    sets: list[Content] = []
+    for key, _ in _VIEWS:
+        if key == "telling":
+            figures = [_state_figure(report, view) for view in telling]
+        else:
+            views = [report.view(view.variable, by_name[key]) for view in telling]
+            figures = [_state_figure(report, view, _DOTS_OF_OTHERS) for view in views]
+        rest = figures[_SHOWN:]
+        more = (
+            folded(f"{plural(len(rest), 'more variable')} that show less", grid(rest), printed=False)
+            if rest
+            else None
+        )
+        sets.append(
+            tag("div", grid(figures[:_SHOWN]), more, class_="view", data_view=key, hidden=key != "telling")
+        )
+    before = " The dashed line is the first step's mean." if len(report.steps) > 1 else ""
+    return section(
+        "state",
+        "What the error depends on",
+        lead(_STATE, before, _TELLING),
+        tag("div", _chooser("state-view", "read", list(_VIEWS), 0), class_="controls only-script"),
+        tag("div", sets, class_="views"),
+    )
+
+
+def _state_figure(report: Report, view: View, dots: int | None = None) -> Markup:
+    panel = charts.state_panel(report, view) if dots is None else charts.state_panel(report, view, dots)
+    title = [tag("code", view.variable.name), f" {view.variable.what}"]
+    mark = (
+        tag("span", "▲ trend left", class_="trend")
+        if view.last.trend
+        else tag("span", "○ nothing left", class_="calm")
+    )
+    return figure(title, panel, mark, f" · {view.direction.what}. {charts.trend_words(view)}")
+
+
+def spectra_section(report: Report) -> Markup:
+    """Spectra of the residual over each joint's angle, first and last step."""
+    last = report.diagnoses[-1]
+    first = {s.joint: s for s in report.diagnoses[0].spectra} if len(report.diagnoses) > 1 else {}
+    figures: list[Content] = []
+    for spectrum in last.spectra:
+        before = first.get(spectrum.joint)
+        caption = f"Last step: {_lines(spectrum)}."
+        if before is not None and before.peaks:
+            caption += f" First step: {_lines(before)}."
+        joint = report.last.fit.robot.joints[spectrum.joint - 1]
+        title = f"Joint {spectrum.joint}" + (f" · {joint['name']}" if joint.get("name") else "")
+        figures.append(figure(title, charts.spectrum_panel(spectrum, before), caption))
+    if not figures:
+        none = lead("No joint turns far enough in these data for a spectrum.")
+        return section("spectra", "Periods of the joints", none)
+    dashed = " Dashed: first step." if first else ""
+    return section("spectra", "Periods of the joints", lead(_SPECTRA, dashed), grid(figures))
+
+
+def _lines(spectrum: Spectrum) -> str:
+    peaks = [f"{p.called}, {p.amplitude_arcsec:.1f}″, {100 * p.explained:.1f} %" for p in spectrum.peaks]
+    return "; ".join(peaks) or "no line stands out"
+
+
+def unexplained_section(report: Report) -> Markup | None:
+    """Structure that no effect names, drawn; None where neither step has any."""
+    parts: list[Content] = []
+    for diagnosis in report.diagnoses:
+        figures: list[Content] = []
+        for entry in diagnosis.result["unexplained"]:
+            joints = ", ".join(map(str, entry["joints"]))
+            whose = f" joint{'s' if len(entry['joints']) > 1 else ''} {joints}" if joints else ""
+            title = [tag("code", entry["variable"]), whose]
+            about = minus(f"{entry['shape']} (log10 p {entry['log10_p']:.1f})")
+            curve = entry.get("curve") or {"x": [], "y": []}
+            if len(curve["x"]) < 2:
+                figures.append(figure(title, None, about, level=4))
+                continue
+            turns = entry["coordinate"].startswith("motor") or ".r" in entry["coordinate"]
+            factor, unit = (np.pi / 648000.0, "″") if turns else (1e-6, "µm")
+            over = entry["variables"][0]
+            of_joint = over.rstrip("0123456789") in ("q", "th")
+            panel = charts.curve_panel(
+                np.degrees(curve["x"]) if of_joint else np.array(curve["x"]),
+                np.array(curve["y"]) / factor,
+                f"{over}{' [°]' if of_joint else ''}",
+                f"on {entry['coordinate']} [{unit}]",
+                f"Shape of what is left over: {about}",
+            )
+            figures.append(figure(title, panel, about, level=4))
+        if figures:
+            parts += [tag("h3", f"After {diagnosis.step.title}"), grid(figures)]
+    if not parts:
+        return None
+    return section("unexplained", "Structure that no effect names", lead(_UNEXPLAINED), parts)
+
+
+def _chooser(group: str, legend: str, choices: list[tuple[str, str]], chosen: int) -> Markup:
+    labels = [
+        tag(
+            "label",
+            tag("input", type="radio", name=group, value=value, checked=k == chosen),
+            tag("span", text),
+        )
+        for k, (value, text) in enumerate(choices)
+    ]
+    return tag("fieldset", tag("legend", legend), labels, class_="segments")

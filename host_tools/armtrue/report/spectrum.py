@@ -1,0 +1,90 @@
+"""Joint spectra of a diagnosis: their peaks, and what a peak's period is called."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+_ARCSECOND = np.pi / 648000.0
+_LOG10_SIGNIFICANT = -4.0
+# Lines so many resolutions around a peak, or within this share of its period, are its own.
+_OWN_LINES = 2.0
+_OWN_SHARE = 0.12
+_MOST_PEAKS = 3
+_MOTOR_ORDERS = (
+    (0.5, "half the motor speed"),
+    (1.0, "motor turn"),
+    (2.0, "twice a motor turn"),
+    (4.0, "four times a motor turn"),
+)
+
+
+@dataclass(frozen=True)
+class Peak:
+    """A line that stands out. `explained`: share of Σ r²."""
+
+    cycles: float
+    explained: float
+    amplitude_arcsec: float
+    called: str
+
+
+@dataclass(frozen=True)
+class Spectrum:
+    """Share of Σ r² that a sine and cosine of each period explain, over cycles a turn of one joint (1-based)."""
+
+    joint: int
+    gear_ratio: float | None
+    cycles: Array
+    explained: Array
+    significant: float
+    peaks: list[Peak]
+
+
+def spectra_of(
+    diagnosis: dict[str, Any], joints: list[dict[str, Any]], independent: dict[int, float]
+) -> list[Spectrum]:
+    """Spectra with their peaks. `independent`: readings for each joint, which say what share scatter would explain."""
+    found = []
+    for entry in diagnosis["spectra"]:
+        cycles, explained = np.array(entry["cycles"]), np.array(entry["explained"])
+        if cycles.size == 0:
+            continue
+        ratio = joints[entry["joint"] - 1].get("gear_ratio")
+        # Of n independent readings, −n/2 · ln(1 − share) is exponential; a quarter of the lines are independent looks.
+        looks = np.log10(max(1.0, cycles.size / 4.0))
+        significant = 1.0 - 10.0 ** (2.0 * (_LOG10_SIGNIFICANT - looks) / independent[entry["joint"]])
+        peaks = _peaks(entry, ratio, significant)
+        found.append(Spectrum(entry["joint"], ratio, cycles, explained, significant, peaks))
+    return found
+
+
+def _peaks(entry: dict[str, Any], ratio: float | None, significant: float) -> list[Peak]:
+    cycles = np.array(entry["cycles"])
+    left = np.array(entry["explained"], dtype=np.float64)
+    peaks: list[Peak] = []
+    while len(peaks) < _MOST_PEAKS and left.size and left.max() > significant:
+        at = int(np.argmax(left))
+        inner = 0 < at < left.size - 1
+        if inner and entry["explained"][at] >= max(entry["explained"][at - 1], entry["explained"][at + 1]):
+            amplitude = entry["amplitude_rad"][at] / _ARCSECOND
+            called = name_of(float(cycles[at]), ratio, float(entry["resolution"]))
+            peaks.append(Peak(float(cycles[at]), float(left[at]), amplitude, called))
+        own = max(_OWN_LINES * entry["resolution"], _OWN_SHARE * cycles[at])
+        left[np.abs(cycles - cycles[at]) <= own] = 0.0
+    return peaks
+
+
+def name_of(cycles: float, ratio: float | None, resolution: float) -> str:
+    """What turns so often during one turn of the joint."""
+    for order, called in _MOTOR_ORDERS:
+        if ratio and abs(cycles - order * ratio) < 0.5 * resolution:
+            return called
+    whole = round(cycles)
+    shown = f"{whole}" if whole and abs(cycles - whole) < 0.3 * resolution else f"{cycles:.1f}"
+    return f"{shown} cycle{'' if shown == '1' else 's'} a turn"

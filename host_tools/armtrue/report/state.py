@@ -1,0 +1,158 @@
+"""What the residual may depend on, every state variable there is, and the directions to look along."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armtrue import _core
+from armtrue.fitting import Fit
+
+Array = NDArray[np.float64]
+
+_DEGREE = np.pi / 180.0
+_ARCSECOND = np.pi / 648000.0
+_MICROMETRE = 1e-6
+_HOUR = 3600.0
+# Variables that move less than this share of their size have not moved.
+_STANDSTILL = 1e-9
+# A reflector nearer to an axis than this share of its usual distance tells nothing of that axis's angle.
+_SHORT_LEVER = 0.25
+
+
+def joint_unit(joint: dict[str, Any]) -> tuple[str, float]:
+    """The unit in which people read a joint's variable, and its size in SI."""
+    return ("mm", 1e-3) if joint.get("type") == "prismatic" else ("°", _DEGREE)
+
+
+@dataclass(frozen=True)
+class Variable:
+    """A state variable over the fitted rows, in the unit people read. `values` (N,); `joint`: whose, 0 for none."""
+
+    name: str
+    what: str
+    unit: str
+    values: Array
+    joint: int = 0
+
+    @property
+    def label(self) -> str:
+        """What stands at an axis."""
+        return f"{self.what} [{self.unit}]" if self.unit else self.what
+
+
+@dataclass(frozen=True)
+class Direction:
+    """A way to read a residual vector as one number: `values = Σ along · residual`, with `weight` (N,) in means.
+
+    `along` (N, 3) carries the unit; `drawn` (N,) says which rows are worth a dot.
+    """
+
+    name: str
+    what: str
+    unit: str
+    along: Array
+    weight: Array
+    drawn: NDArray[np.bool_]
+
+    def read(self, residual_m: Array) -> Array:
+        """The residuals (N, 3) [m] along this direction, in `unit`."""
+        return np.asarray(np.einsum("ij,ij->i", self.along, residual_m))
+
+    def independent(self, residual_m: Array) -> float:
+        """How many independent readings the residuals hold, seen along this direction.
+
+        Three a pose where they point anywhere, one a pose where all of them point along it: the scatter of g·r, White's
+        (Econometrica 48, 1980), against Σ r².
+        """
+        per_unit = np.einsum("ij,ij->i", self.along, self.along)
+        along = self.read(residual_m) ** 2 * self.weight / np.maximum(per_unit, 1e-300)
+        total = float(along.sum())
+        return (
+            float(np.sum(residual_m**2) * self.weight.sum() / total)
+            if total > 0.0
+            else float(residual_m.size)
+        )
+
+
+def variables(fit: Fit) -> list[Variable]:
+    """Every state variable of the fitted rows that moves: joints, loads, temperatures, directions, place, time."""
+    columns = fit.data.columns
+    joints = fit.robot.joints
+    numbers = range(1, len(joints) + 1)
+    found: list[Variable] = []
+
+    def add(name: str, what: str, unit: str, values: Array, joint: int = 0) -> None:
+        if np.ptp(values) > _STANDSTILL * max(1.0, float(np.max(np.abs(values)))):
+            found.append(Variable(name, what, unit, values, joint))
+
+    def derive(name: str, what: str, unit: str, factor: float = 1.0, joint: int = 0) -> None:
+        try:
+            values = _core.state_column(fit.core, name)[:, 0]
+        except _core.ModelError:  # it needs masses or a column that is not there
+            return
+        add(name, what, unit, values / factor, joint)
+
+    for k in numbers:
+        unit, factor = joint_unit(joints[k - 1])
+        add(f"q{k}", f"joint {k}", unit, columns[f"q{k}"] / factor, k)
+        if f"qr{k}" in columns:
+            add(
+                f"q{k}−qr{k}",
+                f"joint {k}, commanded less read back",
+                unit,
+                (columns[f"q{k}"] - columns[f"qr{k}"]) / factor,
+            )
+    for entry in fit.robot.spec.get("coupling", []):
+        derive(f"th{entry['joint']}", f"link angle {entry['joint']}", "°", _DEGREE)
+    for k in numbers:
+        derive(f"tau{k}", f"gravity torque on joint {k}", "Nm", joint=k)
+    for k in numbers:
+        derive(f"gmx{k}", f"gravity moment about x of link {k}", "Nm")
+        derive(f"gmy{k}", f"gravity moment about y of link {k}", "Nm")
+    derive("bmx", "gravity moment about x of the base", "Nm")
+    derive("bmy", "gravity moment about y of the base", "Nm")
+    for sensor in fit.robot.sensors:
+        if f"temp_{sensor}" in columns:
+            add(f"temp_{sensor}", f"temperature {sensor}", "°C", columns[f"temp_{sensor}"])
+    if "payload" in columns:
+        add("payload", "payload", "kg", columns["payload"])
+    for k in numbers:
+        if f"dir{k}" in columns:
+            add(f"dir{k}", f"direction joint {k} came from", "", columns[f"dir{k}"], k)
+    for axis, values in zip("xyz", fit.data.positions_m.T, strict=True):
+        add(axis, f"reflector's {axis}", "m", values)
+    if "time" in columns:
+        add("time", "time", "h", (columns["time"] - columns["time"].min()) / _HOUR)
+    return found
+
+
+def directions(fit: Fit) -> list[Direction]:
+    """The residual along x, y and z of the measuring frame, and as an error of every joint's angle (or travel)."""
+    count = fit.data.count
+    everywhere = np.ones(count, dtype=np.bool_)
+    found = [
+        Direction(
+            axis,
+            f"error along {axis}",
+            "µm",
+            np.tile(np.eye(3)[k] / _MICROMETRE, (count, 1)),
+            np.ones(count),
+            everywhere,
+        )
+        for k, axis in enumerate("xyz")
+    ]
+    for number, joint in enumerate(fit.robot.joints, start=1):
+        lever = np.asarray(_core.coordinate_column(fit.core, f"motor{number}"))
+        square = np.einsum("ij,ij->i", lever, lever)
+        if not np.any(square > 0.0):
+            continue
+        # Least squares for one joint at one pose: (g·e) / (g·g), whose information is g·g.
+        unit, factor = ("µm", _MICROMETRE) if joint.get("type") == "prismatic" else ("″", _ARCSECOND)
+        along = lever / np.maximum(square, 1e-12 * square.max())[:, None] / factor
+        drawn = square > _SHORT_LEVER**2 * float(np.median(square))
+        found.append(Direction(f"motor{number}", f"error as joint {number}", unit, along, square, drawn))
+    return found

@@ -1,0 +1,88 @@
+"""The fits of a report as steps of one calibration: what each changed, and what is left over after it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armtrue.errors import InputError
+from armtrue.fitting import Fit
+from armtrue.report.names import gathered
+
+Array = NDArray[np.float64]
+
+ON_THE_WAY = "on the way"
+
+
+@dataclass(frozen=True)
+class Step:
+    """One fit among others.
+
+    `title`: what it is called on the page. `added`, `removed`: effects against the step before, as people write them.
+    `residual_m`: measured minus predicted (N, 3), measuring frame. `used`: rows that took part (N,).
+    """
+
+    title: str
+    fit: Fit
+    added: list[str]
+    removed: list[str]
+    residual_m: Array
+    used: NDArray[np.bool_]
+
+    @property
+    def error(self) -> dict[str, Any]:
+        """`nominal`, `train` and `held_out` with mean_um, rms_um, p95_um, max_um."""
+        return dict(self.fit.document["error"])
+
+    @property
+    def noise_floor_um(self) -> float | None:
+        """Mean distance that measurement and repeatability alone would leave; None where nothing tells."""
+        floor = self.fit.document["noise_floor"]["um"]
+        return None if floor is None else float(floor)
+
+
+def check_same_data(fits: list[Fit]) -> None:
+    """Raise InputError where there is no fit, or where two of them are of different measurements."""
+    if not fits:
+        raise InputError("report: found no fit, expected at least one")
+    first = fits[0].document["data"]
+    for fit in fits:
+        if fit.document["data"]["sha256"] != first["sha256"]:
+            raise InputError(
+                f"{fit.path or 'fit'}: found measurements {fit.document['data']['path']}, expected those of the first"
+                f" fit, {first['path']}: a report shows steps of one calibration"
+            )
+
+
+def steps_of(fits: list[Fit]) -> list[Step]:
+    """Fits of the same measurements, in order, as steps. Those without a file are on the way between others."""
+    steps: list[Step] = []
+    for fit in fits:
+        before = _effects(steps[-1].fit) if steps else []
+        after = _effects(fit)
+        steps.append(
+            Step(
+                title=ON_THE_WAY if fit.path is None else fit.path.stem,
+                fit=fit,
+                added=gathered([effect for effect in after if effect not in before]) if steps else [],
+                removed=gathered([effect for effect in before if effect not in after]),
+                residual_m=fit.residuals(),
+                used=_used(fit),
+            )
+        )
+    return steps
+
+
+def _used(fit: Fit) -> NDArray[np.bool_]:
+    used = np.ones(int(fit.document["data"]["rows"]), dtype=np.bool_)
+    used[[int(rejected["index"]) for rejected in fit.document["rejected"]]] = False
+    return used
+
+
+def _effects(fit: Fit) -> list[tuple[str, tuple[int, ...]]]:
+    """Effects with joints, one for each set of joints that has parameters of its own."""
+    found = ((str(p["effect"]), tuple(p["joints"])) for p in fit.document["parameters"])
+    return list(dict.fromkeys(found))

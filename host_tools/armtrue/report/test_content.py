@@ -1,0 +1,83 @@
+"""What a report gathers, against what was simulated."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from armtrue.report.steps import ON_THE_WAY
+
+ARCSECOND = np.pi / 648000.0
+
+
+def test_steps_tell_what_changed_and_the_error_falls(report):
+    assert [step.title for step in report.steps] == ["believed", ON_THE_WAY, "refined"]
+    added = [effect for step in report.steps for effect in step.added]
+    assert sorted(added) == ["backlash [2]", "gear_harmonics [3]"]
+    means = [step.error["held_out"]["mean_um"] for step in report.steps]
+    assert means[0] > means[1] > means[2]
+    assert means[2] < 1.5 * report.last.noise_floor_um
+
+
+def test_variables_are_those_that_were_recorded_or_follow(report):
+    names = {variable.name for variable in report.variables}
+    joints = range(1, 7)
+    recorded = {f"q{k}" for k in joints} | {f"dir{k}" for k in joints} | {"temp_arm", "payload", "time"}
+    assert recorded | {"x", "y", "z", "tau2", "tau3", "bmx", "gmx4"} <= names
+    by_name = {variable.name: variable for variable in report.variables}
+    assert by_name["q2"].values == pytest.approx(np.degrees(report.last.fit.data.columns["q2"]))
+
+
+@pytest.mark.parametrize("joint", [1, 3, 5])
+def test_an_error_of_one_joint_is_read_as_that_angle(report, joint):
+    """The residual that 10″ on one motor makes, by prediction of moved joints, reads 10″ along that joint."""
+    fit = report.last.fit
+    data = fit.data
+    moved = dict(data.columns)
+    moved[f"q{joint}"] = moved[f"q{joint}"] + 10.0 * ARCSECOND
+    change = fit.predict(type(data)(data.path, data.file, moved, data.rows, data.labels)) - fit.predict(data)
+    direction = next(d for d in report.directions if d.name == f"motor{joint}")
+    assert direction.unit == "″"
+    read = direction.read(change)[direction.drawn]
+    assert np.median(read) == pytest.approx(10.0, rel=2e-3)
+    assert np.percentile(np.abs(read - 10.0), 95) < 0.1
+
+
+def test_the_telling_views_show_what_is_hidden_and_that_it_went(report):
+    telling = {view.variable.name: view for view in report.telling_views()}
+    for name in ("q3", "dir2"):
+        assert telling[name].first.trend
+        assert not telling[name].last.trend
+    assert telling["dir2"].direction.name == "motor2"
+
+
+def test_added_variables_lie_on_their_line(report):
+    first = report.diagnoses[0]
+    best = first.added_variables[0]
+    assert best.candidate["recommend"]
+    slope = float(best.added_um @ best.left_um) / float(best.added_um @ best.added_um)
+    assert slope == pytest.approx(1.0, abs=0.05)
+    assert best.explained == pytest.approx(best.candidate["explained"], abs=0.2)
+
+
+def test_added_variables_of_noise_explain_nothing(report):
+    assert all(plot.explained < 0.05 for plot in report.diagnoses[-1].added_variables)
+
+
+def test_spectra_are_of_every_joint_and_see_the_eccentric_gear(report):
+    spectra = {spectrum.joint: spectrum for spectrum in report.diagnoses[0].spectra}
+    assert sorted(spectra) == list(range(1, 7))
+    # The joint swings through half a turn: lines are two cycles wide.
+    assert spectra[3].peaks[0].cycles < 4.0
+    assert not report.diagnoses[-1].spectra[2].peaks
+
+
+def test_readings_along_one_direction_count_once_a_pose(report):
+    direction = next(d for d in report.directions if d.name == "motor1")
+    count = report.last.fit.data.count
+    rng = np.random.default_rng(7)
+    anywhere = rng.normal(0.0, 1e-5, (count, 3))
+    unit = direction.along / np.linalg.norm(direction.along, axis=1, keepdims=True)
+    along_it = unit * rng.normal(0.0, 1e-5, (count, 1))
+    assert direction.independent(anywhere) == pytest.approx(3 * count, rel=0.25)
+    assert direction.independent(along_it) == pytest.approx(count, rel=0.25)

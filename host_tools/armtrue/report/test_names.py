@@ -1,0 +1,19 @@
+"""What effects are called."""
+
+from armtrue.report.names import bracketed, called, gathered
+
+
+def test_effects_on_single_joints_are_gathered_pairs_are_not():
+    effects = [("gear_mesh", (k,)) for k in (1, 2, 3)] + [("joint_coupling", (5, 4)), ("base_compliance", ())]
+    assert gathered(effects) == ["gear_mesh [1–3]", "joint_coupling [5, 4]", "base_compliance"]
+
+
+def test_options_tell_candidates_apart():
+    candidate = {"effect": "gear_mesh", "joints": [2], "options": {"cycles": [20.0]}}
+    assert called(candidate) == "gear_mesh [2] 20 cycles a turn"
+    assert called({**candidate, "options": {"orders": [1, 2]}}) == "gear_mesh [2], orders 1, 2"
+
+
+def test_labels_of_diagnose_are_written_like_the_page():
+    assert bracketed("thermal_expansion 1,2,3,4,5,6") == "thermal_expansion [1–6]"
+    assert bracketed("warm_up") == "warm_up"

@@ -1,0 +1,179 @@
+"""The page: whole, self-contained, in order, and honest about its input."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from collections import Counter
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+
+from armtrue import Fit, InputError
+from armtrue.report import gather, write
+from armtrue.report.conftest import fitted
+from armtrue.report.page import page
+
+SECTIONS = [
+    "error",
+    "vectors",
+    "state",
+    "spectra",
+    "candidates",
+    "added",
+    "parameters",
+    "unobservable",
+    "rejected",
+    "coverage",
+    "about",
+]
+VOID = {"br", "hr", "input", "meta"}
+
+
+class Reader(HTMLParser):
+    """Notes what a page is made of, and that elements close in order."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__(convert_charrefs=True)
+        self.open: list[str] = []
+        self.ids: list[str] = []
+        self.links: list[str] = []
+        self.headings: list[int] = []
+        self.attributes: list[tuple[str, str, str]] = []
+        self.feed(text)
+        self.close()
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        if tag not in VOID:
+            self.open.append(tag)
+        if re.fullmatch(r"h[1-6]", tag):
+            self.headings.append(int(tag[1]))
+        for name, value in attrs:
+            self.attributes.append((tag, name, value or ""))
+            if name == "id":
+                self.ids.append(value or "")
+            if name == "href":
+                self.links.append(value or "")
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.handle_starttag(tag, attrs)
+        self.handle_endtag(tag)
+
+
+@pytest.fixture(scope="module")
+def text(report) -> str:
+    return page(report)
+
+
+@pytest.fixture(scope="module")
+def read(text: str) -> Reader:
+    return Reader(text)
+
+
+def test_elements_close_in_order_and_ids_are_unique(read):
+    assert read.open == []
+    assert Counter(read.ids).most_common(1)[0][1] == 1
+
+
+def test_sections_stand_in_order_and_links_lead_to_them(read):
+    assert [name for name in read.ids if name in SECTIONS] == SECTIONS
+    assert {link.removeprefix("#") for link in read.links} == set(SECTIONS)
+
+
+def test_headings_skip_no_level(read):
+    assert read.headings[0] == 1
+    assert read.headings.count(1) == 1
+    for before, after in zip(read.headings, read.headings[1:], strict=False):
+        assert after <= before + 1
+
+
+def test_nothing_comes_from_outside(text, read):
+    assert not [entry for entry in read.attributes if entry[1] in ("src", "srcset", "action", "data")]
+    assert not re.search(r"https?://|url\(|@import|fetch\(|XMLHttpRequest|//cdn", text)
+
+
+def test_the_page_stays_small(text):
+    assert len(text.encode()) < 2_000_000
+
+
+def test_every_chart_is_spoken(read):
+    charts = sum(1 for tag, name, value in read.attributes if (name, value) == ("class", "panel"))
+    spoken = [value for tag, name, value in read.attributes if tag == "svg" and name == "aria-label"]
+    assert len(spoken) == charts
+    assert all(len(words) > 10 for words in spoken)
+
+
+def test_rejected_rows_are_listed_by_their_row_in_the_file(text, report):
+    rejected = report.last.fit.document["rejected"]
+    assert len(rejected) >= 3
+    listed = text[text.index('<section id="rejected"') : text.index('<section id="coverage"')]
+    for entry in rejected:
+        assert f'<th scope="row">{entry["row"]}</th>' in listed
+
+
+def test_the_summary_says_what_was_added(text):
+    header = text[: text.index("<nav")]
+    assert "gear_harmonics [3]" in header
+    assert "backlash [2]" in header
+    assert "Nothing is missing" in header
+    assert "points to" not in header
+
+
+def test_the_summary_says_what_is_missing(report):
+    first = page(gather([report.first.fit]))
+    best = report.diagnoses[0].result["candidates"][0]
+    assert f"The evidence points to {best['effect']} [{best['joints'][0]}]" in first[: first.index("<nav")]
+
+
+def test_names_from_outside_cannot_break_the_page(fits, tmp_path):
+    fit = Fit.load(fits[0].path)
+    fit.document["robot"]["name"] = "</script><img src=x onerror=alert(1)>"
+    fit.path = fits[0].path.with_name("<b>&.json")
+    made = page(gather([fit]))
+    assert "<img" not in made
+    assert "<b>&.json" not in made
+    Reader(made)
+
+
+def test_a_report_of_one_fit_compares_with_the_nominal_arm(fits):
+    made = page(gather([fits[0]]))
+    assert "from the nominal arm to the fit" in made
+    assert "First step" not in made
+
+
+def test_structure_that_no_effect_names_is_drawn(tmp_path):
+    step = {"effect": "custom", "name": "joint_step", "coordinate": "motor1", "joints": [2]}
+    hidden = [{**step, "expression": "sign(q2 + 1.5)", "value": 1.5e-4}]
+    made = fitted(tmp_path, {"arm": "cobot", "seed": 13, "hidden": hidden})
+    content = gather([made])
+    assert content.diagnoses[0].result["verdict"] == "unexplained_structure"
+    text = page(content)
+    start = text.index('<section id="unexplained"')
+    assert text.index("Shape of what is left over", start) > start
+
+
+def test_data_that_moved_is_said_with_where_it_was_looked_for(fits, tmp_path):
+    folder = tmp_path / "elsewhere"
+    folder.mkdir()
+    moved = Path(shutil.copy(fits[0].path, folder / "fit.json"))
+    fit = Fit.load(moved)
+    fit.document["data"]["path"] = str(tmp_path / "gone" / "data.csv")
+    out = tmp_path / "report.html"
+    with pytest.raises(InputError, match="looked for them at .*gone/data.csv.*elsewhere/data.csv"):
+        write([fit], out)
+    assert not out.exists()
+
+
+def test_fits_of_different_measurements_are_refused(fits, tmp_path):
+    other = fitted(tmp_path, {"arm": "kr30", "seed": 9, "poses": 100})
+    with pytest.raises(InputError, match="expected those of the first fit"):
+        gather([fits[0], other])
+
+
+def test_no_fit_is_refused(tmp_path):
+    with pytest.raises(InputError, match="found no fit"):
+        write([], tmp_path / "report.html")

@@ -1,0 +1,476 @@
+"""The term list under construction: state variables, nodes, terms and data, with every exponent decided.
+
+A `Value` is a slot of the firmware with its fraction bits and the interval that it stays in. Fractions are
+chosen so that the interval fills 30 bits; equal nodes are made once.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+import struct
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armtrue.tables import layout
+from armtrue.tables.fixedpoint import fraction_for, mantissa_and_shift, to_fixed
+from armtrue.tables.layout import Node, Section, State
+
+Array = NDArray[np.float64]
+
+# Beyond this a reciprocal saturates: its argument came within 1/64 of zero.
+LARGEST_RECIPROCAL = 64.0
+# Terms on motor sides with a larger slope than this [rad/rad] are evaluated once more after the last step: a step moves
+# a joint by some 1e-4 rad, and what it leaves is the slope times that.
+STEEP = 5e-4
+# Sums on a coordinate saturate here [rad, m].
+LARGEST_TERM = 0.5
+
+
+class CannotCompileError(Exception):
+    """The term list has no form for this; the message says what and why."""
+
+
+@dataclass(frozen=True)
+class Value:
+    """A slot: its reference, fraction bits, interval, and whether it stands still while joints move."""
+
+    section: Section  # STATE or NODES
+    index: int
+    fraction: int
+    low: float
+    high: float
+    is_constant: bool
+
+    @property
+    def largest(self) -> float:
+        """Largest magnitude in the interval."""
+        return max(abs(self.low), abs(self.high))
+
+
+@dataclass
+class NodeSpec:
+    """A node record whose slots are still references."""
+
+    kind: Node
+    a: Value | int = 0
+    b: Value | int = 0
+    shift: int = 0
+    shift2: int = 0
+    count: int = 0
+    p: int = 0
+    r: int = 0
+    is_constant: bool = False
+
+
+@dataclass
+class StateSpec:
+    """A state variable record."""
+
+    kind: State
+    index: int
+    mass_set: int
+    fraction: int
+
+
+@dataclass
+class Harmonics:
+    """Waves of joint angles on coordinates, those of equal order added up to one amplitude and phase."""
+
+    waves: dict[tuple[int, int, int], complex] = field(default_factory=dict)
+    # Offset of the link angle for joints that no other motor drives: there θ = q + offset.
+    link_offsets: dict[int, float] = field(default_factory=dict)
+
+    def add(self, coordinate: int, source: int, order: float, phase_turns: float, amplitude: float) -> None:
+        """coordinate += amplitude · sin(order · joint + phase). Raises CannotCompileError for too high an order."""
+        phase = 2.0 * math.pi * phase_turns
+        if order < 0.0:
+            order, phase = -order, math.pi - phase
+        if order >= 2**11:
+            raise CannotCompileError(f"a harmonic of more than {2**11} cycles a turn")
+        key = (coordinate, source, to_fixed(order, layout.ORDER_FRACTION))
+        self.waves[key] = self.waves.get(key, 0.0) + amplitude * cmath.exp(1j * phase)
+
+    def _slow_joint(self, source: int, order: int) -> int | None:
+        """The joint whose link angle's sine and cosine give this wave; None where it needs a sine of its own."""
+        multiple = order / 2**layout.ORDER_FRACTION
+        if multiple not in (1.0, 2.0):
+            return None
+        if source >= layout.LINK_ANGLE:
+            return source - layout.LINK_ANGLE
+        return source if source in self.link_offsets else None
+
+    def _is_slow(self, key: tuple[int, int, int], wave: complex) -> bool:
+        return (
+            self._slow_joint(key[1], key[2]) is not None
+            and not _is_steep_wave(*key, wave)
+            and abs(wave) < layout.MAX_SLOW_WAVE
+        )
+
+    def ordered(self) -> list[tuple[int, int, int, complex]]:
+        """Coordinate, source, order (fixed point) and wave of those that need a sine of their own, steep ones first."""
+        waves = [(*key, wave) for key, wave in sorted(self.waves.items()) if not self._is_slow(key, wave)]
+        return sorted(waves, key=lambda entry: not _is_steep_wave(*entry))
+
+    def records(self) -> list[bytes]:
+        """Records of `ordered`."""
+        result = []
+        for coordinate, source, order, wave in self.ordered():
+            turns = cmath.phase(wave) / (2.0 * math.pi)
+            amplitude = to_fixed(abs(wave), layout.TERM_SHIFT)
+            result.append(
+                layout.HARMONIC.pack(coordinate, 0, source, order, round(turns * 2.0**32) % 2**32, amplitude)
+            )
+        return result
+
+    def steep_count(self) -> int:
+        """How many are steep."""
+        return sum(_is_steep_wave(*entry) for entry in self.ordered())
+
+    def slow_records(self) -> list[bytes]:
+        """Waves once and twice a turn of a link angle, one record a coordinate and joint."""
+        sums: dict[tuple[int, int], list[float]] = {}
+        for key, wave in sorted(self.waves.items()):
+            joint = self._slow_joint(key[1], key[2])
+            if joint is None or not self._is_slow(key, wave):
+                continue
+            multiple = key[2] // 2**layout.ORDER_FRACTION
+            if key[1] < layout.LINK_ANGLE:
+                # q = θ - offset.
+                wave = wave * cmath.exp(-1j * multiple * self.link_offsets[joint])
+            parts = sums.setdefault((key[0], joint), [0.0] * 4)
+            parts[2 * multiple - 2] += wave.real
+            parts[2 * multiple - 1] += wave.imag
+        return [
+            layout.SLOW_WAVE.pack(
+                coordinate, joint, 0, *(to_fixed(part, layout.TERM_SHIFT) for part in parts)
+            )
+            for (coordinate, joint), parts in sums.items()
+        ]
+
+
+def _is_steep_wave(coordinate: int, source: int, order: int, wave: complex) -> bool:
+    slope = abs(wave) * order * 2.0**-layout.ORDER_FRACTION
+    return coordinate < layout.MAX_JOINTS and slope > STEEP
+
+
+@dataclass
+class Builder:
+    """Collects records; joints are named by 0-based numbers."""
+
+    states: list[StateSpec] = field(default_factory=list)
+    nodes: list[NodeSpec] = field(default_factory=list)
+    terms: list[tuple[int, Value, float, bool]] = field(
+        default_factory=list
+    )  # coordinate, slot, coefficient, steep
+    data: bytearray = field(default_factory=bytearray)
+    axis_slots: list[tuple[int, Value]] = field(default_factory=list)  # where in data a slot number goes
+    harmonics: Harmonics = field(default_factory=Harmonics)
+    _state_values: dict[tuple[int, ...], Value] = field(default_factory=dict)
+    _node_values: dict[tuple[object, ...], Value] = field(default_factory=dict)
+
+    def state(
+        self, kind: State, index: int, low: float, high: float, mass_set: int = 0, fraction: int | None = None
+    ) -> Value:
+        """The slot of a state variable."""
+        key = (kind, index, mass_set)
+        if key not in self._state_values:
+            bits = layout.STATE_FRACTION[kind] if fraction is None else fraction
+            self.states.append(StateSpec(kind, index, mass_set, bits))
+            self._state_values[key] = Value(
+                Section.STATE, len(self.states) - 1, bits, low, high, layout.state_class(kind) == 0
+            )
+        return self._state_values[key]
+
+    def one(self) -> Value:
+        """The constant 1."""
+        return self.state(State.ONE, 0, 1.0, 1.0)
+
+    def node(self, spec: NodeSpec, fraction: int, low: float, high: float) -> Value:
+        """Append `spec`, or find the equal node that is there already."""
+        key = (spec.kind, spec.a, spec.b, spec.shift, spec.shift2, spec.count, spec.p, spec.r)
+        if key not in self._node_values:
+            inputs = [value for value in (spec.a, spec.b) if isinstance(value, Value)]
+            by_joint = spec.kind in (Node.HARMONIC, Node.ANGLE)
+            spec.is_constant = not by_joint and all(value.is_constant for value in inputs)
+            self.nodes.append(spec)
+            self._node_values[key] = Value(
+                Section.NODES, len(self.nodes) - 1, fraction, low, high, spec.is_constant
+            )
+        return self._node_values[key]
+
+    def affine(self, value: Value, factor: float, offset: float = 0.0) -> Value:
+        """factor · value + offset."""
+        if factor == 1.0 and offset == 0.0:
+            return value
+        low, high = sorted((factor * value.low + offset, factor * value.high + offset))
+        largest = max(abs(low), abs(high), abs(offset), abs(factor) * value.largest)
+        # 62 bits of shift and 30 of mantissa bound what can be gained over the input's own resolution.
+        fraction = fraction_for(largest, most=value.fraction + 40)
+        mantissa, shift = mantissa_and_shift(factor * 2.0 ** (fraction - value.fraction), least_shift=0)
+        return self.node(
+            NodeSpec(Node.SCALE, a=value, shift=shift, p=mantissa, r=to_fixed(offset, fraction)),
+            fraction,
+            low,
+            high,
+        )
+
+    def constant(self, number: float) -> Value:
+        """A literal as a slot."""
+        return self.affine(self.one(), 0.0, number) if number != 1.0 else self.one()
+
+    def add(self, a: Value, b: Value, sign: float = 1.0) -> Value:
+        """a + sign · b."""
+        if sign != 1.0:
+            b = self.affine(b, sign)
+        low, high = a.low + b.low, a.high + b.high
+        fraction = min(
+            fraction_for(max(abs(low), abs(high), a.largest, b.largest)), a.fraction + 31, b.fraction + 31
+        )
+        shift, shift2 = a.fraction - fraction, b.fraction - fraction
+        if max(shift, shift2) > 31:
+            raise CannotCompileError("a sum whose parts differ by more than 2^31 in size")
+        return self.node(NodeSpec(Node.SUM, a=a, b=b, shift=shift, shift2=shift2), fraction, low, high)
+
+    def multiply(self, a: Value, b: Value) -> Value:
+        """a · b."""
+        corners = [x * y for x in (a.low, a.high) for y in (b.low, b.high)]
+        low, high = min(corners), max(corners)
+        if a == b:
+            low = max(low, 0.0)
+        a, b = self._filled(a), self._filled(b)
+        return self.node(NodeSpec(Node.PRODUCT, a=a, b=b), a.fraction + b.fraction - 32, low, high)
+
+    def _filled(self, value: Value) -> Value:
+        """`value` with its upper bits in use, as the upper half of a product is what is kept."""
+        unused = 30 - math.frexp(max(value.largest, 1e-30))[1] - value.fraction
+        return self.with_fraction(value, value.fraction + unused) if unused > 6 else value
+
+    def reciprocal(self, value: Value) -> Value:
+        """1 / value; saturates where the value comes within 1 / LARGEST_RECIPROCAL of zero."""
+        if value.low > 0.0 or value.high < 0.0:
+            low, high = sorted((1.0 / value.low, 1.0 / value.high))
+            low, high = max(low, -LARGEST_RECIPROCAL * 2**20), min(high, LARGEST_RECIPROCAL * 2**20)
+        else:
+            low, high = -LARGEST_RECIPROCAL, LARGEST_RECIPROCAL
+        fraction = min(fraction_for(max(abs(low), abs(high))), 62 - value.fraction)
+        if fraction + value.fraction < 0:
+            raise CannotCompileError("a quotient by a number beyond 2^30")
+        return self.node(
+            NodeSpec(Node.RECIPROCAL, a=value, shift=fraction + value.fraction), fraction, low, high
+        )
+
+    def pick(self, kind: Node, a: Value, b: Value) -> Value:
+        """min(a, b) or max(a, b)."""
+        choose = min if kind is Node.MINIMUM else max
+        low, high = choose(a.low, b.low), choose(a.high, b.high)
+        fraction = min(a.fraction, b.fraction)
+        return self.node(
+            NodeSpec(kind, a=self.with_fraction(a, fraction), b=self.with_fraction(b, fraction)),
+            fraction,
+            low,
+            high,
+        )
+
+    def with_fraction(self, value: Value, fraction: int) -> Value:
+        """`value` rounded to fewer fraction bits."""
+        if value.fraction == fraction:
+            return value
+        mantissa, shift = mantissa_and_shift(2.0 ** (fraction - value.fraction), least_shift=0)
+        return self.node(
+            NodeSpec(Node.SCALE, a=value, shift=shift, p=mantissa), fraction, value.low, value.high
+        )
+
+    def unary(self, kind: Node, value: Value) -> Value:
+        """abs(value) or sign(value)."""
+        if kind is Node.SIGN:
+            return self.node(NodeSpec(kind, a=value), 30, -1.0, 1.0)
+        return self.node(NodeSpec(kind, a=value), value.fraction, 0.0, value.largest)
+
+    def harmonic(self, source: int, order: float, phase_turns: float) -> Value:
+        """sin(order · joint + phase); `source`: 0-based joint, plus LINK_ANGLE for a link angle."""
+        from armtrue.tables.fixedpoint import wrapped_angle
+
+        return self.node(
+            NodeSpec(
+                Node.HARMONIC,
+                a=source,
+                p=to_fixed(order, layout.ORDER_FRACTION),
+                r=wrapped_angle(phase_turns),
+            ),
+            30,
+            -1.0,
+            1.0,
+        )
+
+    def angle_sum(self, parts: list[tuple[int, float]]) -> Value:
+        """Σ order · joint as an angle slot, from (source, order) pairs."""
+        value: Value | int = layout.NONE
+        for source, order in parts:
+            value = self.node(
+                NodeSpec(Node.ANGLE, a=source, b=value, p=to_fixed(order, layout.ORDER_FRACTION)), 0, 0, 0
+            )
+        assert isinstance(value, Value)
+        return value
+
+    def to_angle(self, value: Value) -> Value:
+        """A slot in radian as an angle slot."""
+        factor = 2.0**32 / (2.0 * math.pi) / 2.0**value.fraction
+        mantissa, shift = mantissa_and_shift(factor)
+        return self.node(NodeSpec(Node.TO_ANGLE, a=value, shift=shift, p=mantissa), 0, 0, 0)
+
+    def sine_of(self, angle: Value, phase_turns: float) -> Value:
+        """sin(angle slot + phase)."""
+        from armtrue.tables.fixedpoint import wrapped_angle
+
+        return self.node(NodeSpec(Node.SINE, a=angle, r=wrapped_angle(phase_turns)), 30, -1.0, 1.0)
+
+    def power_of_two(self, value: Value) -> Value:
+        """2^value."""
+        high = 2.0 ** min(value.high, 40.0)
+        fraction = fraction_for(high)
+        argument = (
+            value if 0 <= value.fraction <= 30 else self.with_fraction(value, max(0, min(30, value.fraction)))
+        )
+        return self.node(
+            NodeSpec(Node.POWER_OF_TWO, a=argument, shift=argument.fraction, p=fraction),
+            fraction,
+            2.0 ** max(value.low, -60.0),
+            high,
+        )
+
+    def spline(self, value: Value, first: int, cell_shift: int, coefficients: Array) -> Value:
+        """Piecewise cubic of a slot; `coefficients` (cells, 4), powers of the position within the cell."""
+        largest = float(np.abs(coefficients).max()) + float(np.abs(coefficients).sum(axis=1).max())
+        fraction = fraction_for(largest)
+        word = len(self.data) // 4
+        raw = np.round(coefficients * 2.0**fraction).astype(np.int64)
+        # What rounding left between one cell's end and the next one's start goes into the linear part.
+        raw[:-1, 1] += raw[1:, 0] - raw[:-1].sum(axis=1)
+        for cell in raw:
+            self.data += struct.pack("<4i", *cell)
+        ends = coefficients.sum(axis=1)
+        low = float(min(coefficients[:, 0].min(), ends.min()))
+        high = float(max(coefficients[:, 0].max(), ends.max()))
+        return self.node(
+            NodeSpec(Node.SPLINE, a=value, shift=cell_shift, count=len(raw), p=first, r=word),
+            fraction,
+            low,
+            high,
+        )
+
+    def grid(
+        self,
+        axes: list[tuple[Value, tuple[float, ...]]],
+        values: Array,
+        covered: NDArray[np.bool_],
+        exponent: int,
+        hold: bool = False,
+    ) -> list[Value]:
+        """Multilinear table; `values` (nodes of axis 1, …, outputs). One slot an output.
+
+        `exponent`: fraction bits of the int16 values. `hold`: constant beyond the ends instead of fading out.
+        """
+        outputs = values.shape[-1]
+        word = len(self.data) // 4
+        self.data += layout.GRID_HEAD.pack(len(axes), outputs, 0)
+        flags = layout.AXIS_HOLD_LOW | layout.AXIS_HOLD_HIGH if hold else 0
+        for value, nodes in axes:
+            self._axis(value, nodes, flags)
+        mask = np.zeros(4 * ((covered.size + 31) // 32), dtype=np.uint8)
+        packed = np.packbits(covered.ravel(), bitorder="little")
+        mask[: packed.size] = packed
+        self.data += mask.tobytes()
+        raw = np.round(np.where(covered[..., None], values, 0.0) * 2.0**exponent).astype("<i2")
+        self.data += raw.tobytes()
+        self.data += bytes(-len(self.data) % 4)
+        is_constant = all(value.is_constant for value, _ in axes)
+        result = []
+        for output in range(outputs):
+            part = values[..., output]
+            kind = Node.GRID if output == 0 else Node.CONTINUATION
+            spec = NodeSpec(kind, count=outputs, r=word) if output == 0 else NodeSpec(kind)
+            spec.is_constant = is_constant
+            self.nodes.append(spec)
+            result.append(
+                Value(
+                    Section.NODES,
+                    len(self.nodes) - 1,
+                    exponent + layout.GRID_VALUE_FRACTION,
+                    min(0.0, float(part.min())),
+                    max(0.0, float(part.max())),
+                    is_constant,
+                )
+            )
+        return result
+
+    def _axis(self, value: Value, nodes: tuple[float, ...], flags: int) -> None:
+        raw = [to_fixed(node, value.fraction) for node in nodes]
+        steps = np.diff(np.array(raw, dtype=np.float64))
+        if steps.min() <= 2.0**layout.GRID_FRACTION:
+            raise CannotCompileError(
+                f"table nodes {float(np.diff(nodes).min()):.3g} apart, closer than the format can tell"
+            )
+        inverses = np.round(2.0 ** (32 + layout.GRID_FRACTION) / steps).astype(np.int64)
+        uniform = bool(np.ptp(np.diff(nodes)) <= 1e-9 * (nodes[-1] - nodes[0]))
+        self.axis_slots.append((len(self.data), value))
+        self.data += layout.GRID_AXIS.pack(0, len(nodes), flags | (0 if uniform else layout.AXIS_EXPLICIT))
+        if uniform:
+            step = (nodes[-1] - nodes[0]) / (len(nodes) - 1) * 2.0**value.fraction
+            self.data += struct.pack("<iI", raw[0], round(2.0 ** (32 + layout.GRID_FRACTION) / step))
+        else:
+            self.data += struct.pack(f"<{len(raw)}i", *raw)
+            self.data += struct.pack(f"<{len(inverses)}I", *(int(i) for i in inverses))
+
+    def add_term(self, coordinate: int, value: Value, coefficient: float, slope: float = 0.0) -> None:
+        """coordinate += coefficient · value. `slope`: largest, of the term over a joint [rad/rad].
+
+        Raises CannotCompileError beyond 0.5 rad (m).
+        """
+        if abs(coefficient) * value.largest > LARGEST_TERM:
+            raise CannotCompileError(
+                f"a term of up to {abs(coefficient) * value.largest:.3g} on {layout.coordinate_name(coordinate)}, "
+                f"more than {LARGEST_TERM} rad (m)"
+            )
+        # A mantissa of 31 bits: a slot that leaves its upper bits empty is moved up.
+        room = 30 - math.frexp(max(value.largest, 1e-30))[1] - value.fraction
+        need = math.frexp(abs(coefficient))[1] - (value.fraction - 31)
+        if need > 0 and room > 0:
+            value = self.with_fraction(value, value.fraction + min(room, need))
+        if coefficient != 0.0:
+            steep = coordinate < layout.MAX_JOINTS and not value.is_constant and slope > STEEP
+            self.terms.append((coordinate, value, coefficient, steep))
+
+    def term_record(self, coordinate: int, value: Value, coefficient: float, slot: int) -> bytes:
+        """A term's record."""
+        factor = layout.COORDINATE_FRACTION + layout.TERM_SHIFT - value.fraction
+        return layout.TERM.pack(coordinate, 0, slot, to_fixed(coefficient, factor))
+
+    def inputs(self, index: int) -> list[Value]:
+        """The slots that node `index` reads."""
+        spec = self.nodes[index]
+        found = [value for value in (spec.a, spec.b) if isinstance(value, Value)]
+        if spec.kind is Node.GRID:
+            end = min(
+                (n.r for n in self.nodes if n.kind in (Node.GRID, Node.SPLINE) and n.r > spec.r), default=None
+            )
+            last = len(self.data) if end is None else 4 * end
+            found += [value for position, value in self.axis_slots if 4 * spec.r <= position < last]
+        return found
+
+    def nodes_read_by(self, values: list[Value]) -> set[int]:
+        """Numbers of all nodes that `values` need, grids with all of their outputs."""
+        needed: set[int] = set()
+        waiting = [value.index for value in values if value.section is Section.NODES]
+        while waiting:
+            index = waiting.pop()
+            while self.nodes[index].kind is Node.CONTINUATION:
+                index -= 1
+            if index in needed:
+                continue
+            outputs = max(1, self.nodes[index].count) if self.nodes[index].kind is Node.GRID else 1
+            needed.update(range(index, index + outputs))
+            waiting += [value.index for value in self.inputs(index) if value.section is Section.NODES]
+        return needed

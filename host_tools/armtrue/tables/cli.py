@@ -1,0 +1,229 @@
+"""The commands export, compensate, keygen and tables info."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from armtrue.cli.fitting import write_columns
+from armtrue.cli.options import FitArgument, JsonOption, OutOption, PosesArgument
+from armtrue.cli.output import Output
+from armtrue.errors import InputError
+from armtrue.io.files import check_writable, write_file
+from armtrue.tables.compensate import Engine
+
+TablesArgument = Annotated[
+    Path,
+    typer.Argument(
+        metavar="TABLES", help="A table image, as 'armtrue export' writes it.", show_default=False
+    ),
+]
+
+tables_app = typer.Typer(no_args_is_help=True, help="Look into table images.")
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the commands to `app`."""
+    app.command()(export)
+    app.command()(compensate)
+    app.command()(keygen)
+    app.add_typer(tables_app, name="tables")
+
+
+def export(
+    fit_file: FitArgument,
+    out: OutOption,
+    serial: Annotated[
+        str | None,
+        typer.Option(
+            "--serial", help="Robot that the table is for; default: robot.yaml's serial, or its name."
+        ),
+    ] = None,
+    tool: Annotated[
+        str | None, typer.Option("--tool", metavar="TARGET", help="Tool to compensate; default: the first.")
+    ] = None,
+    pose: Annotated[
+        bool, typer.Option("--pose", help="Hold the tool's attitude too, not only its position.")
+    ] = False,
+    sequence: Annotated[
+        int, typer.Option("--sequence", min=0, help="Number of this export; devices refuse older ones.")
+    ] = 0,
+    increments: Annotated[
+        str | None,
+        typer.Option(
+            "--increments",
+            metavar="N[,N…]",
+            help="Drive increments per joint turn (metre), one number or one a joint; "
+            "default: 2^20 per motor turn where the gear ratio is known, else 2^24.",
+        ),
+    ] = None,
+    blend_ms: Annotated[
+        int, typer.Option("--blend-ms", min=20, max=65535, help="Time of switching on, off and over.")
+    ] = 500,
+    max_correction: Annotated[
+        float | None,
+        typer.Option(
+            "--max-correction", help="Largest correction of a joint [rad, m]; default: from the model."
+        ),
+    ] = None,
+    max_rate: Annotated[
+        float, typer.Option("--max-rate", help="Fastest change of a correction [rad/s, m/s].")
+    ] = 0.1,
+    dead_band: Annotated[
+        float,
+        typer.Option("--dead-band", help="Motion that does not count as a change of direction [rad, m]."),
+    ] = 2e-5,
+    damping: Annotated[
+        float | None,
+        typer.Option("--damping", help="Damping near singularities [m/rad]; default: 0.4 % of the reach."),
+    ] = None,
+    payload_max: Annotated[
+        float | None,
+        typer.Option("--payload-max", help="Largest payload [kg]; default: half the arm's mass, or 50."),
+    ] = None,
+    sign: Annotated[
+        Path | None, typer.Option("--sign", metavar="KEY", help="Sign with this key of 'armtrue keygen'.")
+    ] = None,
+    json_to: JsonOption = None,
+) -> None:
+    """Write the firmware's table image for a fit.
+
+    Beside TABLES the fit is kept as TABLES.fit.json, so that 'compensate --engine double' can be exact.
+
+    Example: [bold]armtrue export fit.json --out tables.bin[/]
+    """
+    from armtrue import fitting
+    from armtrue.tables import signing
+    from armtrue.tables.compensate import sidecar
+    from armtrue.tables.export import ExportOptions
+    from armtrue.tables.export import export as make_image
+    from armtrue.tables.fitted import fitted_arm
+    from armtrue.tables.image import Image
+    from armtrue.tables.info import describe
+
+    output = Output(json_to)
+    check_writable(out)
+    document = fitting.Fit.load(fit_file).document
+    options = ExportOptions(
+        serial=serial,
+        tool=tool,
+        full_pose=pose,
+        sequence=sequence,
+        increments=_numbers(increments),
+        blend_ms=blend_ms,
+        damping_m=damping,
+        max_correction=max_correction,
+        max_rate=max_rate,
+        dead_band=dead_band,
+        payload_max_kg=payload_max,
+        secret_seed=None if sign is None else signing.read_seed(sign),
+    )
+    result = make_image(fitted_arm(document, fit_file), options, fit_file)
+    write_file(out, result.image)
+    write_file(sidecar(out), json.dumps(document) + "\n")
+    output.items(result.notes)
+    output.say(
+        f"written: {out} ({len(result.image)} bytes, "
+        f"{'signed' if options.secret_seed else 'not signed'}), {sidecar(out)}"
+    )
+    output.figures({**describe(Image(result.image, out)), "notes": result.notes})
+
+
+def compensate(
+    tables: TablesArgument,
+    poses: PosesArgument,
+    out: OutOption,
+    engine: Annotated[
+        Engine,
+        typer.Option("--engine", help="fixed: the firmware's code; double: the exact inverse of the fit."),
+    ] = Engine.FIXED,
+    fit: Annotated[
+        Path | None,
+        typer.Option("--fit", metavar="FIT", help="For the double engine; default: TABLES.fit.json."),
+    ] = None,
+    increments: Annotated[
+        bool, typer.Option("--increments", help="Round corrections to the drives' increments.")
+    ] = False,
+    json_to: JsonOption = None,
+) -> None:
+    """Correct commands: q1…qn that bring the real tool where nominal kinematics puts it for the given ones.
+
+    The result also has tx, ty, tz: the point that each command was meant for, in the measuring frame.
+
+    Example: [bold]armtrue compensate tables.bin poses.csv --engine fixed --out corrected.csv[/]
+    """
+    import numpy as np
+
+    from armtrue.tables.compensate import compensate as run
+
+    output = Output(json_to)
+    check_writable(out)
+    result = run(tables, poses, engine, fit, increments)
+    names = [f"q{k + 1}" for k in range(result.joints.shape[1])]
+    write_columns(out, [*names, "tx", "ty", "tz"], np.column_stack([result.joints, result.intended]))
+    output.items(result.notes)
+    output.say(f"written: {out} ({len(result.joints)} poses)")
+    output.figures({"poses": len(result.joints), "engine": engine.value, "notes": result.notes})
+
+
+def keygen(
+    out: Annotated[
+        Path,
+        typer.Option("--out", "-o", metavar="KEY", help="Secret key to write; KEY.pub is written beside it."),
+    ],
+) -> None:
+    """Make an Ed25519 key pair: sign tables with KEY, build KEY.pub into the devices that shall trust it.
+
+    Example: [bold]armtrue keygen --out armtrue.key[/]
+    """
+    from armtrue.tables import signing
+
+    check_writable(out)
+    public_path, key = signing.write_key_pair(out)
+    output = Output(None)
+    output.say(f"written: {out} (secret: keep it, and keep it from others), {public_path}")
+    output.say(f"public key: {key.hex()}")
+
+
+@tables_app.command()
+def info(
+    tables: TablesArgument,
+    terms: Annotated[
+        bool, typer.Option("--terms", help="Print every state variable, node and term.")
+    ] = False,
+    key: Annotated[
+        Path | None, typer.Option("--key", metavar="KEY.pub", help="Check the signature with this key.")
+    ] = None,
+    json_to: JsonOption = None,
+) -> None:
+    """Print what a table image holds, and what rounding its tables costs at the tool.
+
+    Example: [bold]armtrue tables info tables.bin[/]
+    """
+    from armtrue.tables import signing
+    from armtrue.tables.fixed import validate
+    from armtrue.tables.image import Image
+    from armtrue.tables.info import describe, present
+
+    output = Output(json_to)
+    image = Image.load(tables)
+    if key is not None:
+        verdict = validate(image.bytes, public_key=signing.read_public_key(key))
+        if not verdict.accepted:
+            raise InputError(f"{tables}: found {verdict.reason}, expected a signature by the owner of {key}")
+    document = describe(image)
+    document["signature_checked"] = key is not None
+    present(document, image, output, terms)
+    output.figures(document)
+
+
+def _numbers(text: str | None) -> tuple[float, ...] | None:
+    if text is None:
+        return None
+    try:
+        return tuple(float(part) for part in text.replace(",", " ").split())
+    except ValueError:
+        raise InputError(f"--increments: found '{text}', expected numbers such as 131072") from None

@@ -1,0 +1,211 @@
+"""Poses corrected by a table: with the firmware's own code, or with the exact inverse in double precision."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field
+from enum import StrEnum
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armtrue.errors import InputError
+from armtrue.io import Dataset, Robot, load_data
+from armtrue.io.files import read_text
+from armtrue.tables import fixed
+from armtrue.tables.fitted import FittedArm, fitted_arm
+from armtrue.tables.image import Image
+from armtrue.tables.reference import Reference, Surroundings
+
+Array = NDArray[np.float64]
+
+_LARGEST_FIT_BYTES = 512 * 1024 * 1024
+
+_NEUTRAL = {
+    "payload": "0 kg",
+    "time": "0 s",
+    "dir": "no direction (0)",
+    "temp": "the reference temperature",
+}
+_FLAGS = (
+    (fixed.MAGNITUDE_CLAMPED, "clamped to the table's largest correction"),
+    (fixed.NEAR_SINGULAR, "close to a singularity, where the damping leaves part of the error"),
+    (fixed.OUTSIDE_COVERAGE, "outside what some table was trained on, where that table is neutral"),
+    (fixed.STATE_SATURATED, "with an input beyond the range of the format"),
+)
+
+
+class Engine(StrEnum):
+    """What computes the correction."""
+
+    FIXED = "fixed"  # the firmware's own code
+    DOUBLE = "double"  # the exact inverse of the fitted model
+
+
+@dataclass(frozen=True)
+class Compensated:
+    """Corrected joints (N, n) [rad or m], intended points (N, 3) [m] in the measuring frame, and notes for people."""
+
+    joints: Array
+    intended: Array
+    notes: list[str] = field(default_factory=list)
+
+
+def sidecar(tables: Path) -> Path:
+    """Where export leaves the fit that a table was made from, for the double engine."""
+    return tables.with_name(tables.name + ".fit.json")
+
+
+def compensate(
+    tables: Path,
+    poses: Path,
+    engine: Engine = Engine.FIXED,
+    fit: Path | None = None,
+    quantise: bool = False,
+) -> Compensated:
+    """Correct the commands in `poses` with the table in `tables`.
+
+    `fit`: for the double engine, the fit that the table was made from; default: the copy that export left beside it.
+    `quantise`: round the corrections to the drives' increments. Columns that `poses` lacks take their neutral values,
+    and a note says so. Errors: InputError.
+    """
+    image = Image.load(tables)
+    data = load_data(poses, _robot_of(image), need_position=False)
+    joints = data.joints
+    around, notes = _surroundings(image, data)
+    tool = _tool_numbers(image, data)
+    if engine is Engine.FIXED:
+        corrected, more = _fixed(image, joints, around, tool)
+        notes += more
+    else:
+        corrected = _double(image, _fitted(tables, fit, image), joints, around, tool)
+    if quantise:
+        per_unit = np.array([joint.increments for joint in image.joints()])
+        corrected = joints + np.round((corrected - joints) * per_unit) / per_unit
+    return Compensated(corrected, intended_points(image, joints, tool), notes)
+
+
+def intended_points(image: Image, joints: Array, tool: NDArray[np.uint8]) -> Array:
+    """The points (N, 3) that commands are meant for: nominal kinematics, fitted base, each row's fitted tool."""
+    last = image.chain().frames(joints)[-1]
+    last_from_tool = np.stack(list(image.tools().values()))[tool]
+    return np.asarray((image.measuring_from_base() @ last @ last_from_tool)[:, :3, 3])
+
+
+def _fixed(
+    image: Image, joints: Array, around: Surroundings, tool: NDArray[np.uint8]
+) -> tuple[Array, list[str]]:
+    chain = image.chain()
+    engine = fixed.FixedEngine(image.bytes, chain.prismatic, chain.sensors, chain.temperature_reference)
+    result = engine.solve(joints, around, tool)
+    notes = []
+    for flag, words in _FLAGS:
+        count = int(np.count_nonzero(result.flags & flag))
+        if count:
+            notes.append(f"{count} of {len(joints)} poses {words}")
+    return result.joints, notes
+
+
+def _double(
+    image: Image, arm: FittedArm, joints: Array, around: Surroundings, tool: NDArray[np.uint8]
+) -> Array:
+    corrected = np.empty_like(joints)
+    for number, name in enumerate(image.tools()):
+        rows = tool == number
+        if rows.any():
+            corrected[rows] = Reference(arm, name).inverse(
+                joints[rows], _select(around, rows), image.rotation_length_m
+            )
+    return corrected
+
+
+def _select(around: Surroundings, rows: NDArray[np.bool_]) -> Surroundings:
+    return Surroundings(
+        {sensor: column[rows] for sensor, column in around.temperature.items()},
+        *(
+            None if column is None else column[rows]
+            for column in (around.payload, around.time, around.direction)
+        ),
+    )
+
+
+def _fitted(tables: Path, fit: Path | None, image: Image) -> FittedArm:
+    place = sidecar(tables) if fit is None else fit
+    if fit is None and not place.is_file():
+        raise InputError(
+            f"{place}: found no such file, expected the fit that {tables.name} was made from; give it with --fit"
+        )
+    try:
+        document = json.loads(read_text(place, largest_bytes=_LARGEST_FIT_BYTES))
+    except (json.JSONDecodeError, RecursionError) as error:
+        raise InputError(f"{place}: found text that is not JSON ({error}), expected a fit.json") from None
+    if not isinstance(document, dict):
+        raise InputError(f"{place}: found no fit, expected a fit.json")
+    arm = fitted_arm(document, place)
+    if arm.digest != image.header["fit_digest"]:
+        raise InputError(f"{place}: found another fit than the one that {tables} was made from")
+    return arm
+
+
+def _robot_of(image: Image) -> Robot:
+    """As much of robot.yaml as reading poses takes."""
+    joints = [
+        {
+            "name": str(k + 1),
+            "type": "prismatic" if joint.prismatic else "revolute",
+            "xyz": [float(v) for v in joint.fixed[:3, 3]],
+        }
+        for k, joint in enumerate(image.joints())
+    ]
+    return Robot(
+        {
+            "name": image.serial,
+            "kinematics": {"convention": "chain", "joints": joints},
+            "temperature": {"sensors": list(image.sensors())},
+        }
+    )
+
+
+def _surroundings(image: Image, data: Dataset) -> tuple[Surroundings, list[str]]:
+    columns = data.columns
+    notes = [
+        f"{data.path.name} has no {names}: {neutral} is taken"
+        for names, neutral in _missing(image.needs() - columns.keys())
+    ]
+    n = image.joint_count
+    directions = [columns.get(f"dir{k}") for k in range(1, n + 1)]
+    direction = None
+    if any(column is not None for column in directions):
+        zero = np.zeros(data.count)
+        direction = np.column_stack([zero if column is None else column for column in directions])
+    around = Surroundings(
+        {name: columns[f"temp_{name}"] for name in image.sensors() if f"temp_{name}" in columns},
+        columns.get("payload"),
+        columns.get("time"),
+        direction,
+    )
+    return around, notes
+
+
+def _missing(names: set[str]) -> list[tuple[str, str]]:
+    """Missing columns and what is taken in their place, one entry a kind."""
+    by_kind: dict[str, list[str]] = {}
+    for name in sorted(names):
+        by_kind.setdefault(name.split("_")[0].rstrip("0123456789"), []).append(name)
+    return [(", ".join(group), _NEUTRAL[kind]) for kind, group in by_kind.items()]
+
+
+def _tool_numbers(image: Image, data: Dataset) -> NDArray[np.uint8]:
+    names = list(image.tools())
+    default = np.full(data.count, image.header["active_tool"], dtype=np.uint8)
+    if "target" not in data.columns or len(names) == 1:
+        return default
+    labels = data.labels.get("target", [])
+    unknown = [label for label in labels if label not in names]
+    if unknown:
+        raise InputError(
+            f"{data.path} column target: found '{unknown[0]}', expected one of the table's {', '.join(names)}"
+        )
+    numbers = np.array([names.index(label) for label in labels], dtype=np.uint8)
+    return numbers[data.columns["target"].astype(np.intp)]

@@ -1,0 +1,618 @@
+"""A fit into a table image: terms compiled, limits set, records written, signed (docs/table-format.md)."""
+
+from __future__ import annotations
+
+import re
+import zlib
+from collections import defaultdict
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armtrue.errors import InputError
+from armtrue.tables import expression, layout
+from armtrue.tables.builder import Builder, CannotCompileError, Value
+from armtrue.tables.compiler import Compiler, int_exponent
+from armtrue.tables.fitted import FittedArm, Grid
+from armtrue.tables.fixedpoint import mantissa_and_shift, to_fixed
+from armtrue.tables.gravity_sets import GravitySets
+from armtrue.tables.layout import Section, State
+from armtrue.tables.reference import Reference, Surroundings
+
+Array = NDArray[np.float64]
+
+_JOINT_VARIABLE = re.compile(r"^(q|th|dir)(\d+)$")
+
+# Ranges for the choice of exponents; inputs beyond them saturate on the device and are counted.
+_TEMPERATURE_RANGE_K = 150.0
+_TIME_RANGE_S = 2.0**20
+_LIMIT_MARGIN = 0.02  # rad or m beyond the joint limits
+_LARGEST_POSITION = 7.9  # rad or m: what Q28 holds
+_SAMPLED_POSES = 2000
+_TORQUE_MARGIN = 1.5
+_INCREMENTS_PER_MOTOR_TURN = 2**20
+_INCREMENTS_PER_UNIT = 2**24
+# Largest correction that an export allows on its own [rad, m]; --max-correction may say more.
+_LARGEST_CORRECTION = 0.15
+
+
+@dataclass(frozen=True)
+class ExportOptions:
+    """What an export may be told; None takes the default that the field's comment gives."""
+
+    serial: str | None = None  # robot.yaml's serial, or its name
+    tool: str | None = None  # the only or first tool
+    full_pose: bool = False
+    sequence: int = 0
+    increments: tuple[float, ...] | None = None  # per joint turn or metre; from the gear ratio
+    blend_ms: int = 500
+    damping_m: float | None = None  # 0.4 % of the reach
+    rotation_length_m: float | None = None  # a quarter of the reach
+    max_correction: float | None = None  # rad or m; twice what 99.9 % of sampled poses need
+    max_rate: float = 0.1  # rad/s or m/s
+    dead_band: float = 2e-5  # rad or m
+    payload_max_kg: float | None = None  # half the arm's mass, or 50
+    secret_seed: bytes | None = None  # Ed25519; None leaves the image unsigned
+
+
+@dataclass
+class Exported:
+    """An image and what was found while making it."""
+
+    image: bytes
+    notes: list[str] = field(default_factory=list)
+
+
+def export(arm: FittedArm, options: ExportOptions, path: object = "fit") -> Exported:
+    """Compile `arm` into a table image.
+
+    Errors: InputError naming what the format cannot hold. `path` is for messages.
+    """
+    return _Exporter(arm, options, path).run()
+
+
+class _Exporter:
+    def __init__(self, arm: FittedArm, options: ExportOptions, path: object) -> None:
+        self.arm = arm
+        self.chain = arm.chain
+        self.options = options
+        self.path = path
+        self.notes: list[str] = []
+        self.builder = Builder()
+        alone = [k for k in range(self.chain.joint_count) if np.count_nonzero(self.chain.coupling[k]) == 1]
+        self.builder.harmonics.link_offsets = {
+            k: float(self.chain.offset[k]) for k in alone if not self.chain.prismatic[k]
+        }
+        self.tool = self._tool_name()
+        self.payload_max_kg = self._payload_max()
+        self.gravity = GravitySets(
+            self.chain, (self.chain.end @ [*arm.payload_point, 1.0])[:3], self.payload_max_kg
+        )
+        self._ranges: dict[str, tuple[float, float]] = {}
+        self._samples: dict[str, Array] = {}
+
+    def run(self) -> Exported:
+        self._check_arm()
+        self.builder.one()
+        self._sample_ranges()
+        try:
+            self._compile_terms()
+        except (CannotCompileError, OverflowError) as error:
+            raise InputError(f"{self.path}: cannot be exported: {error}") from None
+        if self.arm.skipped:
+            self.notes.append(f"left out, as it belongs to the measurement: {', '.join(self.arm.skipped)}")
+        return Exported(self._image(), self.notes)
+
+    # ---- what goes in
+
+    def _tool_name(self) -> str:
+        names = list(self.arm.flange_from_tool)
+        wanted = self.options.tool
+        if wanted is None:
+            if len(names) > 1:
+                self.notes.append(f"tool '{names[0]}' of {', '.join(names)} is active (--tool takes another)")
+            return names[0]
+        if wanted not in names:
+            raise InputError(f"--tool: found '{wanted}', expected one of {', '.join(repr(n) for n in names)}")
+        return wanted
+
+    def _payload_max(self) -> float:
+        if self.options.payload_max_kg is not None:
+            return self.options.payload_max_kg
+        return 50.0 if self.chain.masses is None else max(5.0, 0.5 * float(self.chain.masses.sum()))
+
+    def _check_arm(self) -> None:
+        n = self.chain.joint_count
+        if n > layout.MAX_JOINTS:
+            raise InputError(f"{self.path}: found {n} joints, expected at most {layout.MAX_JOINTS}")
+        for k, (low, high) in enumerate(self.chain.limits):
+            if max(abs(low), abs(high)) + _LIMIT_MARGIN > _LARGEST_POSITION:
+                raise InputError(
+                    f"{self.path}: joint {k + 1} has limits {low:g} to {high:g}, expected within ±{_LARGEST_POSITION} "
+                    "rad (m)"
+                )
+        if len(self.chain.sensors) > layout.MAX_SENSORS:
+            raise InputError(
+                f"{self.path}: found {len(self.chain.sensors)} sensors, expected at most {layout.MAX_SENSORS}"
+            )
+        for entry in np.argwhere((self.chain.coupling != 0.0) & ~np.eye(n, dtype=bool)):
+            if any(self.chain.prismatic[k] for k in entry):
+                raise InputError(
+                    f"{self.path}: joints {entry[0] + 1} and {entry[1] + 1} are coupled and one slides, "
+                    "expected coupling between turning joints"
+                )
+
+    def _random_poses(self, seed: int) -> Array:
+        low, high = self.chain.limits.T
+        poses = np.random.default_rng(seed).uniform(low, high, (_SAMPLED_POSES, self.chain.joint_count))
+        return np.asarray(poses[self.chain.can_stand(poses)])
+
+    def _sample_ranges(self) -> None:
+        """Ranges of the gravity variables over the workspace, without and with the largest payload."""
+        reference = Reference(self.arm, self.tool)
+        poses = self._random_poses(1)
+        for payload in (0.0, self.payload_max_kg):
+            columns = reference.state(poses, Surroundings({}, payload=np.full(len(poses), payload)))
+            self._samples = columns
+            for name in self.arm.variables():
+                if not self.gravity.is_gravity(name) or name not in columns:
+                    continue
+                low, high = self._ranges.get(name, (0.0, 0.0))
+                column = _TORQUE_MARGIN * columns[name]
+                self._ranges[name] = (min(low, float(column.min())), max(high, float(column.max())))
+
+    # ---- terms
+
+    def _variable(self, name: str) -> Value:
+        """The slot of the state variable `name`."""
+        match = _JOINT_VARIABLE.match(name)
+        builder = self.builder
+        if match and 1 <= int(match[2]) <= self.chain.joint_count:
+            k = int(match[2]) - 1
+            if match[1] == "dir":
+                return builder.state(State.DIRECTION, k, -1.0, 1.0)
+            low, high = self.chain.limits.T
+            if match[1] == "q":
+                return builder.state(State.MOTOR, k, low[k] - _LIMIT_MARGIN, high[k] + _LIMIT_MARGIN)
+            row = self.chain.coupling[k]
+            bounds = np.stack([row * (low - _LIMIT_MARGIN), row * (high + _LIMIT_MARGIN)])
+            offset = float(self.chain.offset[k])
+            return builder.state(
+                State.LINK,
+                k,
+                max(-_LARGEST_POSITION, float(bounds.min(axis=0).sum()) + offset),
+                min(_LARGEST_POSITION, float(bounds.max(axis=0).sum()) + offset),
+            )
+        if name == "payload":
+            return builder.state(State.PAYLOAD, 0, 0.0, self.payload_max_kg)
+        if name == "time":
+            return builder.state(State.TIME, 0, 0.0, _TIME_RANGE_S)
+        if name == "dT" and self.chain.sensors:
+            return builder.state(State.TEMPERATURE, 0, -_TEMPERATURE_RANGE_K, _TEMPERATURE_RANGE_K)
+        if name.startswith("dT_") and name[3:] in self.chain.sensors:
+            sensor = self.chain.sensors.index(name[3:])
+            return builder.state(State.TEMPERATURE, sensor, -_TEMPERATURE_RANGE_K, _TEMPERATURE_RANGE_K)
+        found = self.gravity.reading(name)
+        if found is not None:
+            mass_set, reading = found
+            low_g, high_g = self._ranges[name]
+            return builder.state(
+                reading.kind, reading.joint, low_g, high_g, mass_set, self.gravity.sets[mass_set].fraction
+            )
+        if name.startswith(("tau", "gm", "bm")):
+            raise CannotCompileError(
+                f"'{name}' was measured, and robot.yaml gives no masses from which a device could compute it"
+            )
+        raise CannotCompileError(f"'{name}' is nothing that a device knows")
+
+    def _angle_source(self, name: str) -> int | None:
+        match = _JOINT_VARIABLE.match(name)
+        if match is None or match[1] == "dir":
+            return None
+        k = int(match[2]) - 1
+        if k >= self.chain.joint_count or self.chain.prismatic[k]:
+            return None
+        if match[1] == "q":
+            return k
+        driven_by_sliding = any(
+            self.chain.prismatic[j] for j in np.flatnonzero(self.chain.coupling[k]) if j != k
+        )
+        return None if driven_by_sliding else layout.LINK_ANGLE + k
+
+    def _compile_terms(self) -> None:
+        regressors: dict[str, dict[str, float]] = defaultdict(dict)
+        others: list[tuple[str, expression.Tree, float]] = []
+        for coordinate, basis in self.arm.terms.items():
+            merged: dict[expression.Tree, float] = defaultdict(float)
+            for text, coefficient in basis.items():
+                for factor, tree in expression.linear_parts(expression.parse(text), coefficient):
+                    merged[tree] += factor
+            for tree, coefficient in merged.items():
+                if tree.op == "variable" and self.gravity.is_regressor(tree.name):
+                    regressors[coordinate][tree.name] = coefficient
+                elif coefficient != 0.0:
+                    others.append((coordinate, tree, coefficient))
+        # Every set is known before the first slot is made: fractions depend on sets, slots on fractions.
+        combined = {coordinate: self.gravity.combined(sums) for coordinate, sums in regressors.items()}
+        for name in sorted(self.arm.variables()):
+            if not self.gravity.is_regressor(name) or any(name in tree.variables() for _, tree, _ in others):
+                self.gravity.reading(name)
+        if len(self.gravity.sets) > layout.MAX_MASS_SETS:
+            raise CannotCompileError(
+                f"{len(self.gravity.sets)} sets of masses for gravity, more than {layout.MAX_MASS_SETS}; "
+                "give link masses in robot.yaml"
+            )
+        self.gravity.choose_fractions()
+        self._add_combined(combined)
+        compiler = Compiler(self.builder, self._variable, self._angle_source)
+        for coordinate, tree, coefficient in others:
+            number = self._coordinate_number(coordinate)
+            if number is None:
+                continue
+            wave = compiler.as_wave(tree)
+            if wave is not None:
+                self.builder.harmonics.add(number, *wave, coefficient)
+                continue
+            try:
+                value = compiler.compile(tree, coefficient)
+            except CannotCompileError as error:
+                raise CannotCompileError(f"term on {coordinate}: {error}") from None
+            self.builder.add_term(number, value, coefficient, self._slope(tree, coefficient))
+        self._add_grids()
+        self.notes += compiler.notes
+
+    def _coordinate_number(self, coordinate: str) -> int | None:
+        """Number of a coordinate; None for another tool than the active one."""
+        if coordinate.startswith("tool[") and coordinate[5:].split("]")[0] != self.tool:
+            return None
+        return layout.coordinate_number(coordinate)
+
+    def _add_combined(self, combined: dict[str, Any]) -> None:
+        for coordinate, readings in combined.items():
+            for reading, mass_set in readings.items():
+                # The set carries the coefficients, so the state variable is the sum itself, in rad.
+                value = self.builder.state(
+                    reading.kind, reading.joint, -0.5, 0.5, mass_set, self.gravity.sets[mass_set].fraction
+                )
+                self.builder.add_term(layout.coordinate_number(coordinate), value, 1.0)
+
+    def _add_grids(self) -> None:
+        """Grids with the same axes, coverage and size share one node: the cell is found once."""
+        together: dict[tuple[Any, ...], list[Grid]] = defaultdict(list)
+        for grid in self.arm.grids:
+            exponent = int_exponent(float(np.abs(grid.values).max()))
+            together[grid.axes, grid.covered.tobytes(), exponent].append(grid)
+        for (axes, _, exponent), grids in together.items():
+            for first in range(0, len(grids), layout.MAX_GRID_OUTPUTS):
+                self._add_grid(axes, exponent, grids[first : first + layout.MAX_GRID_OUTPUTS])
+
+    def _add_grid(self, axes: Any, exponent: int, grids: list[Grid]) -> None:
+        if len(axes) > layout.MAX_GRID_AXES:
+            raise CannotCompileError(
+                f"table {grids[0].name} has {len(axes)} axes, more than {layout.MAX_GRID_AXES}"
+            )
+        if grids[0].values.size > layout.MAX_GRID_NODES:
+            raise CannotCompileError(
+                f"table {grids[0].name} has {grids[0].values.size} nodes, more than {layout.MAX_GRID_NODES}"
+            )
+        values = np.stack([grid.values for grid in grids], axis=-1)
+        pairs = [(self._variable(axis.variable), axis.nodes) for axis in axes]
+        outputs = self.builder.grid(pairs, values, grids[0].covered, exponent)
+        for grid, value in zip(grids, outputs, strict=True):
+            number = self._coordinate_number(grid.coordinate)
+            if number is not None:
+                self.builder.add_term(number, value, 1.0, _grid_slope(grid))
+
+    def _slope(self, tree: expression.Tree, coefficient: float) -> float:
+        """Largest slope of a term over any one joint [rad/rad]; gravity counts as standing still."""
+        joints = [name for name in tree.variables() if name[0] == "q" or name.startswith("th")]
+        columns = dict(self._samples)
+        largest = 0.0
+        for name in joints:
+            step = 1e-5
+            moved = {**columns, name: columns[name] + step}
+            with np.errstate(all="ignore"):
+                change = np.abs(expression.evaluate(tree, moved) - expression.evaluate(tree, columns)) / step
+            largest = max(largest, float(np.nanquantile(change, 0.99)))
+        return abs(coefficient) * largest
+
+    # ---- the image
+
+    def _image(self) -> bytes:
+        sections = self._records()
+        n = self.chain.joint_count
+        damping = self.options.damping_m or 0.004 * self.chain.reach_m
+        rotation = self.options.rotation_length_m or 0.25 * self.chain.reach_m
+        flags = (layout.FLAG_FULL_POSE if self.options.full_pose else 0) | (
+            layout.FLAG_SIGNED if self.options.secret_seed else 0
+        )
+        offset = layout.HEADER.size + layout.DIRECTORY_ENTRY.size * len(sections)
+        directory = b""
+        body = b""
+        for kind, count, content in sections:
+            directory += layout.DIRECTORY_ENTRY.pack(kind, count, offset + len(body))
+            body += content
+        trailer = layout.CHECKSUM.size + (layout.SIGNATURE_LENGTH if self.options.secret_seed else 0)
+        header = layout.HEADER.pack(
+            layout.MAGIC,
+            layout.VERSION,
+            layout.HEADER.size,
+            offset + len(body) + trailer,
+            flags,
+            self.options.sequence,
+            n,
+            len(self.chain.sensors),
+            len(self.arm.flange_from_tool),
+            len(sections),
+            self._serial(),
+            self.arm.digest,
+            list(self.arm.flange_from_tool).index(self.tool),
+            0,
+            self.options.blend_ms,
+            to_fixed(max(2.0**-8, damping), layout.LENGTH_FRACTION),
+            to_fixed(rotation, layout.LENGTH_FRACTION) if self.options.full_pose else 0,
+            self._constant_nodes,
+            self._steep_nodes,
+            self._constant_terms,
+            self._steep_terms,
+            self.builder.harmonics.steep_count(),
+            0,
+        )
+        image = header + directory + body
+        if self.options.secret_seed:
+            from armtrue.tables import signing
+
+            image += signing.sign(self.options.secret_seed, image)
+        image += layout.CHECKSUM.pack(zlib.crc32(image))
+        if len(image) > layout.MAX_IMAGE_LENGTH:
+            raise InputError(
+                f"{self.path}: found a model of {len(image)} bytes as a table, expected at most "
+                f"{layout.MAX_IMAGE_LENGTH}; fit wider table spacing or fewer grid nodes"
+            )
+        return image
+
+    def _serial(self) -> bytes:
+        text = self.options.serial if self.options.serial is not None else self.arm.serial
+        if not text:
+            text = self.arm.name.encode("ascii", "replace").decode()[: layout.SERIAL_LENGTH]
+        if not text.isascii() or not text.isprintable() or not 0 < len(text) <= layout.SERIAL_LENGTH:
+            raise InputError(
+                f"--serial: found '{text}', expected 1 to {layout.SERIAL_LENGTH} printable ASCII characters"
+            )
+        return text.encode()
+
+    def _records(self) -> list[tuple[Section, int, bytes]]:
+        """(kind, count, content) of every section that is not empty, in order."""
+        node_order = self._node_order()
+        slot_of = {
+            **{(Section.STATE, i): position for position, i in enumerate(self._state_order())},
+            **{(Section.NODES, i): len(self.builder.states) + p for p, i in enumerate(node_order)},
+        }
+
+        def slot(value: Value | int) -> int:
+            return value if isinstance(value, int) else slot_of[value.section, value.index]
+
+        harmonics = self.builder.harmonics.records()
+        slow_waves = self.builder.harmonics.slow_records()
+        for count, most, what in (
+            (len(slot_of), layout.MAX_SLOTS, "state variables and nodes"),
+            (len(self.builder.terms), layout.MAX_TERMS, "terms"),
+            (len(harmonics), layout.MAX_HARMONICS, "harmonics"),
+            (len(slow_waves), layout.MAX_SLOW_WAVES, "slow waves"),
+        ):
+            if count > most:
+                raise InputError(f"{self.path}: found {count} {what}, expected at most {most}")
+        for position, value in self.builder.axis_slots:
+            self.builder.data[position : position + 2] = slot(value).to_bytes(2, "little")
+        coupling = [
+            layout.COUPLING.pack(
+                row, column, 0, to_fixed(self.chain.coupling[row, column], layout.COUPLING_FRACTION)
+            )
+            for row, column in np.argwhere(self.chain.coupling != 0.0)
+            if row != column
+        ]
+        nodes = [self.builder.nodes[i] for i in node_order]
+        data = bytes(self.builder.data)
+        content: list[tuple[Section, list[bytes]]] = [
+            (Section.JOINTS, self._joints()),
+            (Section.TOOLS, self._tools()),
+            (Section.COUPLING, coupling),
+            (
+                Section.STATE,
+                [
+                    layout.STATE.pack(s.kind, s.index, s.mass_set, s.fraction)
+                    for s in (self.builder.states[i] for i in self._state_order())
+                ],
+            ),
+            (
+                Section.SENSORS,
+                [
+                    layout.SENSOR.pack(
+                        round(1000.0 * self.chain.temperature_reference),
+                        self._name(sensor, layout.SENSOR_NAME_LENGTH, "sensor"),
+                    )
+                    for sensor in self.chain.sensors
+                ],
+            ),
+            (Section.MASS_SETS, self._mass_sets()),
+            (Section.GRAVITY, self._gravity()),
+            (
+                Section.NODES,
+                [
+                    layout.NODE.pack(s.kind, s.shift, s.shift2, s.count, slot(s.a), slot(s.b), s.p, s.r)
+                    for s in nodes
+                ],
+            ),
+            (Section.TERMS, self._terms(slot)),
+            (Section.HARMONICS, harmonics),
+            (Section.SLOW_WAVES, slow_waves),
+            (Section.DATA, [data[i : i + 4] for i in range(0, len(data), 4)]),
+            (Section.BASE, [self._base()]),
+        ]
+        return [(kind, len(records), b"".join(records)) for kind, records in content if records]
+
+    def _state_order(self) -> list[int]:
+        """Still ones (ONE first), then joint positions, then gravity set by set, so that a set is summed up once."""
+        states = self.builder.states
+        return sorted(
+            range(len(states)), key=lambda i: (layout.state_class(states[i].kind), i != 0, states[i].mass_set)
+        )
+
+    def _node_order(self) -> list[int]:
+        """Still ones first, then what steep terms need, else as they were made: every node after what it reads."""
+        needed = self.builder.nodes_read_by([value for _, value, _, steep in self.builder.terms if steep])
+        nodes = self.builder.nodes
+
+        def part(i: int) -> int:
+            return 0 if nodes[i].is_constant else 1 if i in needed else 2
+
+        order = sorted(range(len(nodes)), key=part)
+        self._constant_nodes = sum(part(i) == 0 for i in order)
+        self._steep_nodes = sum(part(i) <= 1 for i in order)
+        return order
+
+    def _terms(self, slot: Any) -> list[bytes]:
+        def part(term: tuple[int, Value, float, bool]) -> int:
+            return 0 if term[1].is_constant else 1 if term[3] else 2
+
+        one = self.builder.one()
+        terms = sorted(self.builder.terms, key=lambda term: (part(term), term[1] != one, term[0]))
+        self._constant_terms = sum(part(term) == 0 for term in terms)
+        self._steep_terms = sum(part(term) <= 1 for term in terms)
+        return [
+            self.builder.term_record(coordinate, value, coefficient, slot(value))
+            for coordinate, value, coefficient, _ in terms
+        ]
+
+    def _transform(self, matrix: Array) -> tuple[list[int], list[int]]:
+        rotation = [to_fixed(v, layout.RATIO_FRACTION) for v in matrix[:3, :3].ravel()]
+        return rotation, [to_fixed(v, layout.LENGTH_FRACTION) for v in matrix[:3, 3]]
+
+    def _joints(self) -> list[bytes]:
+        largest = self._magnitude_limits()
+        increments = self._increments()
+        records = []
+        for k, fixed in enumerate(self.chain.fixed):
+            slides = self.chain.prismatic[k]
+            unit = 1.0 if slides else 1.0 / (2.0 * np.pi)  # native units (m or turn) per m or rad
+            rotation, translation = self._transform(fixed)
+            to_position, position_shift = mantissa_and_shift(2.0**32 / increments[k])
+            to_increment, increment_shift = mantissa_and_shift(increments[k] / 2.0**32)
+            records.append(
+                layout.JOINT.pack(
+                    *rotation,
+                    *translation,
+                    round(self.chain.offset[k] * unit * 2.0**32),
+                    0,
+                    to_position,
+                    to_increment,
+                    position_shift,
+                    increment_shift,
+                    int(slides),
+                    0,
+                    round(min(largest[k] * unit, layout.MAX_DELTA[slides]) * 2.0**32),
+                    round(min(self.options.max_rate * unit, layout.MAX_RATE[slides]) * 2.0**32),
+                    max(1, round(self.options.dead_band * unit * abs(increments[k]))),
+                )
+            )
+        return records
+
+    def _increments(self) -> list[float]:
+        """Drive increments per joint turn (revolute) or metre (prismatic)."""
+        given = self.options.increments
+        n = self.chain.joint_count
+        if given is not None:
+            if len(given) not in (1, n) or any(value == 0.0 for value in given):
+                raise InputError(
+                    f"--increments: found {list(given)}, expected 1 or {n} numbers other than zero"
+                )
+            return list(given) * (n if len(given) == 1 else 1)
+        result = []
+        for slides, ratio in zip(self.chain.prismatic, self.chain.gear_ratio, strict=True):
+            known = not slides and ratio
+            result.append(
+                float(_INCREMENTS_PER_MOTOR_TURN * abs(ratio or 1.0))
+                if known
+                else float(_INCREMENTS_PER_UNIT)
+            )
+        return result
+
+    def _magnitude_limits(self) -> Array:
+        """Largest correction of each joint [rad or m]."""
+        n = self.chain.joint_count
+        if self.options.max_correction is not None:
+            return np.full(n, self.options.max_correction)
+        reference = Reference(self.arm, self.tool)
+        poses = self._random_poses(2)
+        around = Surroundings(
+            {
+                sensor: np.full(len(poses), self.chain.temperature_reference + 15.0)
+                for sensor in self.chain.sensors
+            },
+            payload=np.where(np.arange(len(poses)) % 2 == 0, 0.0, self.payload_max_kg),
+            time=np.where(np.arange(len(poses)) % 3 == 0, 0.0, 4e4),
+            direction=np.random.default_rng(3).choice([-1.0, 1.0], poses.shape),
+        )
+        rotation = (
+            (self.options.rotation_length_m or 0.25 * self.chain.reach_m) if self.options.full_pose else None
+        )
+        correction = np.abs(reference.inverse(poses, around, rotation) - poses)
+        # Close to singularities corrections grow without bound: all but one in a thousand are covered.
+        return np.asarray(
+            np.minimum(2.0 * np.quantile(correction, 0.999, axis=0) + 2e-3, _LARGEST_CORRECTION)
+        )
+
+    def _tools(self) -> list[bytes]:
+        if len(self.arm.flange_from_tool) > layout.MAX_TOOLS:
+            raise InputError(
+                f"{self.path}: found {len(self.arm.flange_from_tool)} tools, expected at most {layout.MAX_TOOLS}"
+            )
+        records = []
+        for name, flange_from_tool in self.arm.flange_from_tool.items():
+            rotation, translation = self._transform(self.chain.end @ flange_from_tool)
+            records.append(
+                layout.TOOL.pack(*rotation, *translation, self._name(name, layout.TOOL_NAME_LENGTH, "target"))
+            )
+        return records
+
+    def _name(self, name: str, most: int, what: str) -> bytes:
+        encoded = name.encode()
+        if len(encoded) > most:
+            raise InputError(f"{self.path}: found {what} '{name}', expected a name of at most {most} bytes")
+        return encoded
+
+    def _mass_sets(self) -> list[bytes]:
+        records = []
+        for mass_set in self.gravity.sets:
+            record = layout.MASS_SET_HEAD.pack(
+                mass_set.fraction, layout.CARRIES_PAYLOAD if mass_set.carries_payload else 0, 0
+            )
+            for mass, moment in zip(mass_set.masses, mass_set.moments, strict=True):
+                record += layout.MASS_SET_LINK.pack(
+                    to_fixed(mass, mass_set.fraction), *(to_fixed(v, mass_set.fraction) for v in moment)
+                )
+            records.append(record)
+        return records
+
+    def _gravity(self) -> list[bytes]:
+        if not self.gravity.sets:
+            return []
+        vector = [to_fixed(v, layout.LENGTH_FRACTION) for v in self.chain.gravity]
+        point = [to_fixed(v, layout.LENGTH_FRACTION) for v in self.gravity.payload_point]
+        limit = to_fixed(min(self.payload_max_kg, 2000.0), layout.STATE_FRACTION[State.PAYLOAD])
+        return [layout.GRAVITY.pack(*vector, *point, limit)]
+
+    def _base(self) -> bytes:
+        base = self.arm.measuring_from_base
+        return layout.BASE.pack(*base[:3, :3].ravel(), *base[:3, 3])
+
+
+def _grid_slope(grid: Grid) -> float:
+    """Largest slope of a table along any of its axes."""
+    steps = [
+        np.abs(np.diff(grid.values, axis=a)).max(initial=0.0) / np.diff(axis.nodes).min()
+        for a, axis in enumerate(grid.axes)
+    ]
+    return float(max(steps))

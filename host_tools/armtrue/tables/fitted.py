@@ -1,0 +1,190 @@
+"""What of a fit goes into tables: the exported terms, with 1-D tables and grids gathered from their nodes."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections import defaultdict
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armtrue import _core
+from armtrue.errors import InputError
+from armtrue.tables import expression
+from armtrue.tables.chain import Chain, chain_from_robot, pose
+from armtrue.tables.expression import Tree
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Axis:
+    """One axis of a table: the state variable it reads and its nodes, ascending, in that variable's unit."""
+
+    variable: str
+    nodes: tuple[float, ...]
+
+
+@dataclass
+class Grid:
+    """A 1-D table or multilinear grid on one coordinate.
+
+    `values` has one dimension an axis; `covered` says which nodes were trained. Uncovered nodes are zero.
+    """
+
+    name: str
+    coordinate: str
+    axes: tuple[Axis, ...]
+    values: Array
+    covered: NDArray[np.bool_]
+
+    def evaluate(self, columns: dict[str, Array]) -> Array:
+        """Multilinear interpolation; neutral outside, fading to zero over the width of the outermost cell."""
+        shape = columns[self.axes[0].variable].shape
+        total = np.zeros(shape)
+        places = [locate(np.asarray(axis.nodes), columns[axis.variable]) for axis in self.axes]
+        for corner in np.ndindex(*(2,) * len(self.axes)):
+            weight = np.ones(shape)
+            index = []
+            for far, (cell, within, fade) in zip(corner, places, strict=True):
+                weight = weight * fade * (within if far else 1.0 - within)
+                index.append(cell + far)
+            total += weight * self.values[tuple(index)]
+        return total
+
+
+def locate(nodes: Array, at: Array) -> tuple[NDArray[np.intp], Array, Array]:
+    """Cell, position within it (0 … 1), and what is left outside the nodes (1 inside, 0 a cell's width away)."""
+    cell = np.clip(np.searchsorted(nodes, at, side="right") - 1, 0, nodes.size - 2)
+    within = (at - nodes[cell]) / (nodes[cell + 1] - nodes[cell])
+    away = np.maximum(0.0, np.maximum(-within, within - 1.0))
+    return cell, np.clip(within, 0.0, 1.0), np.clip(1.0 - away, 0.0, 1.0)
+
+
+@dataclass
+class FittedArm:
+    """The exported part of a fit. `terms`: coordinate → {expression text: coefficient}, like terms added up."""
+
+    name: str
+    serial: str
+    digest: bytes  # SHA-256 over everything here
+    chain: Chain
+    measuring_from_base: Array
+    flange_from_tool: dict[str, Array]
+    payload_point: Array  # in the flange, m
+    terms: dict[str, dict[str, float]] = field(default_factory=dict)
+    grids: list[Grid] = field(default_factory=list)
+    skipped: list[str] = field(default_factory=list)  # effects that belong to the measurement
+
+    def variables(self) -> set[str]:
+        """State variables that the exported terms read."""
+        names: set[str] = set()
+        for basis in self.terms.values():
+            for text in basis:
+                names |= expression.parse(text).variables()
+        for grid in self.grids:
+            names |= {axis.variable for axis in grid.axes}
+        return names
+
+
+def digest_of(document: dict[str, Any]) -> bytes:
+    """SHA-256 of what a fit says about the arm: the same for the same fit, however its file is laid out."""
+    parts = {
+        key: document.get(key)
+        for key in ("robot", "parameters", "measuring_from_base", "flange_from_tool", "payload_point")
+    }
+    return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).digest()
+
+
+def fitted_arm(document: dict[str, Any], path: object) -> FittedArm:
+    """Read the content of a fit.json. `path` is for messages. Errors: InputError."""
+    try:
+        arm = _head(document)
+        _gather(document["parameters"], arm)
+    except _core.ExpressionError as error:
+        raise InputError(f"{path}: {error}") from None
+    except (KeyError, TypeError, IndexError) as error:
+        raise InputError(f"{path}: found no {error}, expected a complete fit.json") from None
+    return arm
+
+
+def _head(document: dict[str, Any]) -> FittedArm:
+    robot = document["robot"]
+    tools = {name: pose(entry) for name, entry in document["flange_from_tool"].items()}
+    nominal_tool = pose(robot.get("tool"))
+    point = document.get("payload_point")
+    return FittedArm(
+        name=str(robot.get("name", "robot")),
+        serial=str(robot.get("serial", "")),
+        digest=digest_of(document),
+        chain=chain_from_robot(robot),
+        measuring_from_base=pose(document["measuring_from_base"]),
+        flange_from_tool=tools,
+        payload_point=nominal_tool[:3, 3] if point is None else np.array(point, dtype=np.float64),
+    )
+
+
+def _gather(parameters: list[dict[str, Any]], arm: FittedArm) -> None:
+    nodes: dict[tuple[str, str], list[tuple[dict[str, Any], float]]] = defaultdict(list)
+    skipped: dict[str, None] = {}
+    for parameter in parameters:
+        if not parameter.get("exported", True):
+            skipped[parameter["effect"]] = None
+            continue
+        for term in parameter["terms"]:
+            coefficient = float(parameter["value"]) * float(term["weight"])
+            table = term.get("table")
+            if table and _is_node(term["expression"], table):
+                nodes[table["id"], term["coordinate"]].append((table, coefficient))
+            else:
+                expression.parse(term["expression"])
+                basis = arm.terms.setdefault(term["coordinate"], {})
+                basis[term["expression"]] = basis.get(term["expression"], 0.0) + coefficient
+    arm.terms = {
+        coordinate: kept
+        for coordinate, basis in arm.terms.items()
+        if (kept := {text: c for text, c in basis.items() if c != 0.0})
+    }
+    arm.grids = [_grid(name, coordinate, entries) for (name, coordinate), entries in nodes.items()]
+    arm.skipped = list(skipped)
+
+
+def _is_node(text: str, table: dict[str, Any]) -> bool:
+    """True where `text` is the product of hats that `table` says it is; anything else is compiled as it reads."""
+    axes = [axis for axis in table["axes"] if len(axis["nodes"]) > 1]
+    if not axes or len(axes) != len(table["axes"]):
+        return False
+    factors = _factors(expression.parse(text))
+    if len(factors) != len(axes):
+        return False
+    for factor, axis, index in zip(factors, axes, table["index"], strict=True):
+        nodes = axis["nodes"]
+        # Beyond the ends a node's hat falls to zero over the width of the outermost cell, as the firmware's tables do.
+        padded = [nodes[0] - (nodes[1] - nodes[0]), *nodes, nodes[-1] + (nodes[-1] - nodes[-2])]
+        hat = padded[index : index + 3]
+        if factor.op != "hat" or factor.args[0].name != axis["variable"]:
+            return False
+        if [argument.value for argument in factor.args[1:]] != hat:
+            return False
+    return True
+
+
+def _factors(tree: Tree) -> list[Tree]:
+    if tree.op == "multiply":
+        return [*_factors(tree.args[0]), *_factors(tree.args[1])]
+    return [tree]
+
+
+def _grid(name: str, coordinate: str, entries: list[tuple[dict[str, Any], float]]) -> Grid:
+    axes = tuple(Axis(axis["variable"], tuple(axis["nodes"])) for axis in entries[0][0]["axes"])
+    values = np.zeros([len(axis.nodes) for axis in axes])
+    covered = np.zeros(values.shape, dtype=np.bool_)
+    for table, coefficient in entries:
+        index = tuple(table["index"])
+        values[index] += coefficient
+        covered[index] = table.get("covered", True)
+    values[~covered] = 0.0
+    return Grid(name, coordinate, axes, values, covered)

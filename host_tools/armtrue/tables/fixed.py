@@ -1,0 +1,187 @@
+"""The firmware's own code on the host: the shared library that firmware/ports/host builds, over ctypes."""
+
+from __future__ import annotations
+
+import ctypes
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armtrue.errors import InputError
+from armtrue.tables import layout
+from armtrue.tables.reference import Surroundings
+
+Array = NDArray[np.float64]
+
+_LIBRARY = Path(__file__).with_name("_fixed.so")
+MAGNITUDE_CLAMPED = 1
+NEAR_SINGULAR = 4
+OUTSIDE_COVERAGE = 8
+STATE_SATURATED = 16
+
+
+class _Surroundings(ctypes.Structure):
+    _fields_: ClassVar = [
+        ("temperature_difference", ctypes.c_void_p),
+        ("payload", ctypes.c_void_p),
+        ("time", ctypes.c_void_p),
+        ("direction", ctypes.c_void_p),
+        ("tool", ctypes.c_void_p),
+    ]
+
+
+@lru_cache(maxsize=1)
+def library() -> ctypes.CDLL:
+    """The shared library. Errors: InputError where it is not built."""
+    if not _LIBRARY.is_file():
+        raise InputError(f"{_LIBRARY}: found no such file, expected the fixed-point engine; run ./dev build")
+    loaded = ctypes.CDLL(str(_LIBRARY))
+    loaded.armtrue_refusal_name.restype = ctypes.c_char_p
+    for name in (
+        "armtrue_solve",
+        "armtrue_coordinates",
+        "armtrue_ed25519_public_key",
+        "armtrue_ed25519_sign",
+    ):
+        getattr(loaded, name).restype = None
+    return loaded
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What a device says to an image. `refusal` 0: accepted; `field`: byte offset of the field at fault."""
+
+    refusal: int
+    reason: str
+    field: int
+
+    @property
+    def accepted(self) -> bool:
+        """True where a device would take the image."""
+        return self.refusal == 0
+
+
+def validate(
+    image: bytes, serial: str | None = None, joints: int = 0, public_key: bytes | None = None
+) -> Verdict:
+    """Judge `image` as a device bound to `serial`, with `joints` joints (0: any) and `public_key`, would."""
+    field = ctypes.c_uint32()
+    refusal = library().armtrue_validate(
+        image,
+        ctypes.c_size_t(len(image)),
+        None if serial is None else serial.encode().ljust(layout.SERIAL_LENGTH, b"\0"),
+        ctypes.c_uint8(joints),
+        public_key,
+        ctypes.byref(field),
+    )
+    name = library().armtrue_refusal_name(ctypes.c_int32(refusal))
+    return Verdict(refusal, name.decode(), field.value)
+
+
+@dataclass(frozen=True)
+class Corrected:
+    """Result of the fixed-point engine: joints (N, n) [rad or m] and flags (N,)."""
+
+    joints: Array
+    flags: NDArray[np.uint16]
+
+
+class FixedEngine:
+    """Corrects poses with an image that `validate` accepted.
+
+    `prismatic`: per joint. `sensors`: names in the image's order. `reference_degc`: of the sensors.
+    """
+
+    def __init__(
+        self, image: bytes, prismatic: list[bool], sensors: list[str], reference_degc: float
+    ) -> None:
+        self.image = image
+        self.sensors = sensors
+        self.reference_degc = reference_degc
+        self.unit = np.where(prismatic, 1.0, 1.0 / (2.0 * np.pi))  # native units (m or turn) per m or rad
+
+    def solve(self, joints: Array, around: Surroundings, tool: NDArray[np.uint8] | None = None) -> Corrected:
+        """Correct commanded joints (N, n), each row on its own. `tool`: number of each row's tool."""
+        target = self.to_positions(joints)
+        packed, keep = self._packed(around, target.shape, tool)
+        delta = np.zeros(target.shape, dtype=np.int32)
+        flags = np.zeros(len(target), dtype=np.uint16)
+        library().armtrue_solve(
+            self.image,
+            ctypes.c_size_t(len(self.image)),
+            ctypes.c_size_t(len(target)),
+            _pointer(target),
+            ctypes.byref(packed),
+            _pointer(delta),
+            _pointer(flags),
+        )
+        del keep
+        corrected = (target + delta) * (2.0**-layout.POSITION_FRACTION / self.unit)
+        return Corrected(corrected, flags)
+
+    def coordinates(self, joints: Array, around: Surroundings) -> Array:
+        """Every coordinate at commanded joints, (N, 68) [rad or m], in the order of docs/table-format.md."""
+        target = self.to_positions(joints)
+        packed, keep = self._packed(around, target.shape, None)
+        result = np.zeros((len(target), layout.COORDINATES), dtype=np.int32)
+        library().armtrue_coordinates(
+            self.image,
+            ctypes.c_size_t(len(self.image)),
+            ctypes.c_size_t(len(target)),
+            _pointer(target),
+            ctypes.byref(packed),
+            _pointer(result),
+        )
+        del keep
+        return np.asarray(result * 2.0**-layout.COORDINATE_FRACTION, dtype=np.float64)
+
+    def to_positions(self, joints: Array) -> NDArray[np.int64]:
+        """Joints in 2^-32 turn or metre."""
+        return np.ascontiguousarray(
+            np.round(joints * self.unit * 2.0**layout.POSITION_FRACTION).astype(np.int64)
+        )
+
+    def _packed(
+        self, around: Surroundings, shape: tuple[int, ...], tool: NDArray[np.uint8] | None
+    ) -> tuple[_Surroundings, list[object]]:
+        """The structure, and the arrays that must outlive the call."""
+        rows = shape[0]
+        keep: list[object] = []
+
+        def hold(array: NDArray[np.generic] | None) -> int | None:
+            if array is None:
+                return None
+            contiguous = np.ascontiguousarray(array)
+            keep.append(contiguous)
+            return int(contiguous.ctypes.data)
+
+        temperature = None
+        if self.sensors:
+            temperature = np.zeros((rows, len(self.sensors)), dtype=np.int32)
+            for s, sensor in enumerate(self.sensors):
+                if sensor in around.temperature:
+                    temperature[:, s] = _to_int32(
+                        (around.temperature[sensor] - self.reference_degc) * 2.0**20
+                    )
+        direction = None if around.direction is None else np.sign(around.direction).astype(np.int8)
+        packed = _Surroundings(
+            hold(temperature),
+            hold(None if around.payload is None else _to_int32(around.payload * 2.0**20)),
+            hold(None if around.time is None else _to_int32(around.time * 2.0**10)),
+            hold(direction),
+            hold(tool),
+        )
+        return packed, keep
+
+
+def _to_int32(values: Array) -> NDArray[np.int32]:
+    """Rounded and saturated."""
+    return np.clip(np.round(values), -(2**31), 2**31 - 1).astype(np.int32)
+
+
+def _pointer(array: NDArray[np.generic]) -> ctypes.c_void_p:
+    return ctypes.c_void_p(array.ctypes.data)

@@ -1,0 +1,154 @@
+"""Mass sets: the arm's masses, and fitted mass moments, from which the device computes gravity torques."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armtrue.tables.chain import Chain
+from armtrue.tables.fixedpoint import fraction_for
+from armtrue.tables.layout import State
+
+Array = NDArray[np.float64]
+
+_REGRESSOR = re.compile(r"^u(x|y)?_(\d+)_(\d+)_([mxyz])$")
+_PAYLOAD_REGRESSOR = re.compile(r"^up(x|y)?_(\d+)$")
+_MOMENT = re.compile(r"^(tau|gmx|gmy)(\d+)$")
+
+# A sum over the arm may pass through larger values than its end; three bits for that and for posture.
+_HEADROOM_BITS = 27
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What is read off a mass set: a kind of gravity state variable, of one joint (0-based)."""
+
+    kind: State
+    joint: int
+
+
+@dataclass
+class MassSet:
+    """Masses (n,) [kg] and first moments (n, 3) [kg m], or fitted multiples of them."""
+
+    masses: Array
+    moments: Array
+    carries_payload: bool = False
+    fraction: int = 0
+
+
+def reading_of(letter: str | None, joint: int) -> Reading:
+    """The reading of a regressor `u`, `ux` or `uy` of joint `joint` (1-based, 0: base)."""
+    if joint == 0:
+        return Reading(State.BASE_MOMENT_X if letter == "x" else State.BASE_MOMENT_Y, 0)
+    kind = {None: State.TORQUE, "x": State.MOMENT_X, "y": State.MOMENT_Y}[letter]
+    return Reading(kind, joint - 1)
+
+
+@dataclass
+class GravitySets:
+    """The mass sets of one table. `payload_max_kg` bounds the payload for the choice of exponents."""
+
+    chain: Chain
+    payload_point: Array  # in the last link's frame, m
+    payload_max_kg: float
+    sets: list[MassSet] = field(default_factory=list)
+    _arm_set: int | None = None
+    _unit_sets: dict[tuple[object, ...], int] = field(default_factory=dict)
+
+    def reading(self, name: str) -> tuple[int, Reading] | None:
+        """Set and reading of the gravity variable `name`; None where it is none or needs masses that are not known."""
+        match = _MOMENT.match(name)
+        if match or name in ("bmx", "bmy"):
+            if self.chain.masses is None:
+                return None
+            if match is None:
+                return self._arm(), reading_of(name[-1], 0)
+            letter = {"tau": None, "gmx": "x", "gmy": "y"}[match[1]]
+            return self._arm(), reading_of(letter, int(match[2]))
+        match = _PAYLOAD_REGRESSOR.match(name)
+        if match:
+            return self._unit(self.chain.joint_count - 1, "p"), reading_of(match[1], int(match[2]))
+        match = _REGRESSOR.match(name)
+        if match:
+            return self._unit(int(match[3]) - 1, match[4]), reading_of(match[1], int(match[2]))
+        return None
+
+    def combined(self, coefficients: dict[str, float]) -> dict[Reading, int]:
+        """One set a reading for Σ coefficient · regressor: the device computes the whole sum at once."""
+        made: dict[Reading, MassSet] = {}
+        for name, coefficient in coefficients.items():
+            match = _REGRESSOR.match(name)
+            assert match is not None
+            where = reading_of(match[1], int(match[2]))
+            mass_set = made.setdefault(where, self._empty())
+            self._add(mass_set, int(match[3]) - 1, match[4], coefficient)
+        result = {}
+        for where, mass_set in made.items():
+            self.sets.append(mass_set)
+            result[where] = len(self.sets) - 1
+        return result
+
+    def choose_fractions(self) -> None:
+        """Set every set's fraction bits from the largest moment and torque that it can make."""
+        n = self.chain.joint_count
+        # Distance of frame k's origin from the base is bounded by the lengths before it.
+        lengths = np.array([np.linalg.norm(fixed[:3, 3]) for fixed in self.chain.fixed])
+        reach = np.cumsum(lengths) + np.where(
+            self.chain.prismatic, np.abs(self.chain.limits).max(axis=1), 0.0
+        )
+        weight = max(float(np.linalg.norm(self.chain.gravity)), 1.0)
+        for mass_set in self.sets:
+            masses = np.abs(mass_set.masses)
+            moments = np.linalg.norm(mass_set.moments, axis=1)
+            if mass_set.carries_payload:
+                masses = masses + np.eye(n)[-1] * self.payload_max_kg
+                moments = moments + np.eye(n)[-1] * self.payload_max_kg * np.linalg.norm(self.payload_point)
+            largest = max(weight * float(masses @ reach + moments.sum()), float(masses.sum()))
+            mass_set.fraction = max(
+                0, fraction_for(largest, bits=_HEADROOM_BITS + 3, most=30 if mass_set.carries_payload else 60)
+            )
+
+    @staticmethod
+    def is_gravity(name: str) -> bool:
+        """True for every variable that gravity makes."""
+        return name in ("bmx", "bmy") or any(p.match(name) for p in (_MOMENT, _REGRESSOR, _PAYLOAD_REGRESSOR))
+
+    @staticmethod
+    def is_regressor(name: str) -> bool:
+        """True for `u_K_J_C`, `ux_K_J_C`, `uy_K_J_C`."""
+        return _REGRESSOR.match(name) is not None
+
+    def _empty(self) -> MassSet:
+        n = self.chain.joint_count
+        return MassSet(np.zeros(n), np.zeros((n, 3)))
+
+    def _add(self, mass_set: MassSet, link: int, component: str, amount: float) -> None:
+        if component == "m":
+            mass_set.masses[link] += amount
+        elif component == "p":
+            mass_set.masses[link] += amount
+            mass_set.moments[link] += amount * self.payload_point
+        else:
+            mass_set.moments[link, "xyz".index(component)] += amount
+
+    def _arm(self) -> int:
+        if self._arm_set is None:
+            assert self.chain.masses is not None
+            assert self.chain.coms is not None
+            moments = self.chain.masses[:, None] * self.chain.coms
+            self.sets.append(MassSet(self.chain.masses.copy(), moments, carries_payload=True))
+            self._arm_set = len(self.sets) - 1
+        return self._arm_set
+
+    def _unit(self, link: int, component: str) -> int:
+        key = (link, component)
+        if key not in self._unit_sets:
+            mass_set = self._empty()
+            self._add(mass_set, link, component, 1.0)
+            self.sets.append(mass_set)
+            self._unit_sets[key] = len(self.sets) - 1
+        return self._unit_sets[key]

@@ -1,0 +1,344 @@
+"""Table images taken apart: what `tables info` prints and what `compensate` needs on the host."""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armtrue.errors import InputError
+from armtrue.tables import layout
+from armtrue.tables.chain import Chain, transform
+from armtrue.tables.fixed import validate
+from armtrue.tables.layout import Node, Section, State
+
+Array = NDArray[np.float64]
+
+_HEADER_FIELDS = [
+    "magic",
+    "version",
+    "header_length",
+    "length",
+    "flags",
+    "sequence",
+    "joint_count",
+    "sensor_count",
+    "tool_count",
+    "section_count",
+    "serial",
+    "fit_digest",
+    "active_tool",
+    "reserved",
+    "blend_ms",
+    "damping",
+    "rotation_length",
+    "constant_nodes",
+    "steep_nodes",
+    "constant_terms",
+    "steep_terms",
+    "steep_harmonics",
+    "reserved2",
+]
+
+
+@dataclass(frozen=True)
+class JointRecord:
+    """A joint's record in SI units (rad or m)."""
+
+    fixed: Array
+    offset: float
+    prismatic: bool
+    increments: float  # per rad or m
+    magnitude: float
+    rate: float
+    dead_band_increments: int
+
+
+@dataclass(frozen=True)
+class GridRecord:
+    """A multilinear table: its node number, axes (slot, first, last, nodes), outputs, exponent-free values."""
+
+    node: int
+    axes: list[tuple[int, Array]]
+    values: NDArray[np.int16]
+    covered: NDArray[np.bool_]
+
+
+class Image:
+    """A validated image. `bytes` is the file; records are read when asked for."""
+
+    def __init__(self, content: bytes, path: object = "tables") -> None:
+        verdict = validate(content)
+        if not verdict.accepted:
+            raise InputError(
+                f"{path}: found {verdict.reason} (byte {verdict.field}), expected a table image made by armtrue export"
+            )
+        self.bytes = content
+        self.header: dict[str, Any] = dict(
+            zip(_HEADER_FIELDS, layout.HEADER.unpack_from(content), strict=True)
+        )
+        self._sections: dict[Section, tuple[int, int]] = {}
+        for i in range(self.header["section_count"]):
+            kind, count, offset = layout.DIRECTORY_ENTRY.unpack_from(
+                content, layout.HEADER.size + i * layout.DIRECTORY_ENTRY.size
+            )
+            self._sections[Section(kind)] = (count, offset)
+
+    @classmethod
+    def load(cls, path: Path) -> Image:
+        """Read and validate a file. Errors: InputError naming what a device would refuse."""
+        if path.is_dir():
+            raise InputError(f"{path}: found a folder, expected a file")
+        try:
+            return cls(path.read_bytes(), path)
+        except FileNotFoundError:
+            raise InputError(f"{path}: found no such file") from None
+        except OSError as error:
+            raise InputError(f"{path}: cannot be read ({error.strerror})") from None
+
+    @property
+    def joint_count(self) -> int:
+        """Number of joints."""
+        return int(self.header["joint_count"])
+
+    @property
+    def serial(self) -> str:
+        """The robot that the table is for."""
+        return str(self.header["serial"].rstrip(b"\0").decode())
+
+    @property
+    def is_signed(self) -> bool:
+        """True where the image carries a signature."""
+        return bool(self.header["flags"] & layout.FLAG_SIGNED)
+
+    @property
+    def is_full_pose(self) -> bool:
+        """True where the correction holds the attitude as well as the position."""
+        return bool(self.header["flags"] & layout.FLAG_FULL_POSE)
+
+    @property
+    def rotation_length_m(self) -> float | None:
+        """Metres that weigh as one radian; None for position only."""
+        return self.header["rotation_length"] * 2.0**-layout.LENGTH_FRACTION if self.is_full_pose else None
+
+    @property
+    def damping_m(self) -> float:
+        """λ, metre per radian."""
+        return float(self.header["damping"] * 2.0**-layout.LENGTH_FRACTION)
+
+    def records(self, kind: Section, record: struct.Struct) -> list[tuple[Any, ...]]:
+        """The records of a section with fixed record length."""
+        count, offset = self._sections.get(kind, (0, 0))
+        return [record.unpack_from(self.bytes, offset + i * record.size) for i in range(count)]
+
+    def count(self, kind: Section) -> int:
+        """Number of records of a section; 0 where it is absent."""
+        return self._sections.get(kind, (0, 0))[0]
+
+    def section_bytes(self) -> dict[Section, int]:
+        """Bytes of every section that is there."""
+        starts = sorted((offset, kind) for kind, (_, offset) in self._sections.items())
+        trailer = layout.CHECKSUM.size + (layout.SIGNATURE_LENGTH if self.is_signed else 0)
+        ends = [offset for offset, _ in starts[1:]] + [len(self.bytes) - trailer]
+        return {kind: end - offset for (offset, kind), end in zip(starts, ends, strict=True)}
+
+    def joints(self) -> list[JointRecord]:
+        """The joints."""
+        result = []
+        for record in self.records(Section.JOINTS, layout.JOINT):
+            offset, _, _, per_unit, _, shift, kind, _, magnitude, rate, band = record[12:]
+            unit = 1.0 if kind else 2.0 * np.pi
+            result.append(
+                JointRecord(
+                    fixed=_transform(record[:12]),
+                    offset=offset * 2.0**-32 * unit,
+                    prismatic=bool(kind),
+                    increments=per_unit * 2.0 ** (32 - shift) / unit,
+                    magnitude=magnitude * 2.0**-32 * unit,
+                    rate=rate * 2.0**-32 * unit,
+                    dead_band_increments=band,
+                )
+            )
+        return result
+
+    def tools(self) -> dict[str, Array]:
+        """last_link_from_tool by name."""
+        return {
+            record[12].rstrip(b"\0").decode(): _transform(record[:12])
+            for record in self.records(Section.TOOLS, layout.TOOL)
+        }
+
+    def sensors(self) -> dict[str, float]:
+        """Sensors by name with their reference temperatures [°C]."""
+        return {
+            name.rstrip(b"\0").decode(): reference / 1000.0
+            for reference, name in self.records(Section.SENSORS, layout.SENSOR)
+        }
+
+    def states(self) -> list[tuple[State, int, int, int]]:
+        """State variables: kind, 0-based joint or sensor, mass set, fraction bits."""
+        return [
+            (State(kind), index, mass_set, fraction)
+            for kind, index, mass_set, fraction in self.records(Section.STATE, layout.STATE)
+        ]
+
+    def state_name(self, slot: int) -> str:
+        """Name of a state variable as docs/model.md has it; `node N` for a slot of the nodes."""
+        states = self.states()
+        if slot >= len(states):
+            return f"node {slot - len(states)}"
+        kind, index, mass_set, _ = states[slot]
+        sensors = list(self.sensors())
+        joint = index + 1
+        own = "" if mass_set == 0 else f" of mass set {mass_set}"
+        return {
+            State.ONE: "1",
+            State.MOTOR: f"q{joint}",
+            State.LINK: f"th{joint}",
+            State.TORQUE: f"tau{joint}{own}",
+            State.MOMENT_X: f"gmx{joint}{own}",
+            State.MOMENT_Y: f"gmy{joint}{own}",
+            State.BASE_MOMENT_X: f"bmx{own}",
+            State.BASE_MOMENT_Y: f"bmy{own}",
+            State.TEMPERATURE: f"dT_{sensors[index]}" if index < len(sensors) else "",
+            State.PAYLOAD: "payload",
+            State.DIRECTION: f"dir{joint}",
+            State.TIME: "time",
+        }[kind]
+
+    def needs(self) -> set[str]:
+        """Columns that the table reads besides the joints: `temp_NAME`, `payload`, `time`, `dirK`."""
+        names: set[str] = set()
+        sensors = list(self.sensors())
+        carries = {number for number, flags in enumerate(self._mass_set_flags()) if flags}
+        for kind, index, mass_set, _ in self.states():
+            if kind is State.TEMPERATURE:
+                names.add(f"temp_{sensors[index]}")
+            elif kind is State.PAYLOAD or (kind in layout.GRAVITY_KINDS and mass_set in carries):
+                names.add("payload")
+            elif kind is State.TIME:
+                names.add("time")
+            elif kind is State.DIRECTION:
+                names.add(f"dir{index + 1}")
+        return names
+
+    def _mass_set_flags(self) -> list[int]:
+        count, offset = self._sections.get(Section.MASS_SETS, (0, 0))
+        size = layout.MASS_SET_HEAD.size + self.joint_count * layout.MASS_SET_LINK.size
+        return [layout.MASS_SET_HEAD.unpack_from(self.bytes, offset + i * size)[1] for i in range(count)]
+
+    def measuring_from_base(self) -> Array:
+        """The fitted base; the identity where the image does not carry it."""
+        for record in self.records(Section.BASE, layout.BASE):
+            return transform(record[9:], np.array(record[:9]).reshape(3, 3))
+        return np.eye(4)
+
+    def chain(self) -> Chain:
+        """The nominal chain as the image holds it; its end and tools stand together in `tools`."""
+        joints = self.joints()
+        n = len(joints)
+        coupling = np.eye(n)
+        for row, column, _, ratio in self.records(Section.COUPLING, layout.COUPLING):
+            coupling[row, column] = ratio * 2.0**-layout.COUPLING_FRACTION
+        sensors = self.sensors()
+        return Chain(
+            prismatic=[joint.prismatic for joint in joints],
+            fixed=[joint.fixed for joint in joints],
+            end=np.eye(4),
+            offset=np.array([joint.offset for joint in joints]),
+            coupling=coupling,
+            limits=np.tile([-np.pi, np.pi], (n, 1)),
+            gear_ratio=[None] * n,
+            gravity=np.zeros(3),
+            masses=None,
+            coms=None,
+            sensors=list(sensors),
+            temperature_reference=next(iter(sensors.values()), 20.0),
+        )
+
+    def nodes(self) -> list[tuple[Any, ...]]:
+        """Node records: kind, shift, shift2, count, a, b, p, r."""
+        return [(Node(record[0]), *record[1:]) for record in self.records(Section.NODES, layout.NODE)]
+
+    def terms(self) -> list[tuple[str, int, float]]:
+        """Terms: coordinate, slot, factor on the slot's raw value [rad or m]."""
+        return [
+            (
+                layout.coordinate_name(coordinate),
+                slot,
+                mantissa * 2.0 ** -(layout.TERM_SHIFT + layout.COORDINATE_FRACTION),
+            )
+            for coordinate, _, slot, mantissa in self.records(Section.TERMS, layout.TERM)
+        ]
+
+    def harmonics(self) -> list[tuple[str, str, float, float, float]]:
+        """Harmonics: coordinate, joint variable, cycles a turn, phase [rad], amplitude [rad or m]."""
+        result = []
+        for coordinate, _, source, order, phase, amplitude in self.records(
+            Section.HARMONICS, layout.HARMONIC
+        ):
+            is_link = source >= layout.LINK_ANGLE
+            joint = (source - layout.LINK_ANGLE if is_link else source) + 1
+            result.append(
+                (
+                    layout.coordinate_name(coordinate),
+                    f"{'th' if is_link else 'q'}{joint}",
+                    order * 2.0**-layout.ORDER_FRACTION,
+                    phase * 2.0**-32 * 2.0 * np.pi,
+                    amplitude * 2.0**-layout.TERM_SHIFT,
+                )
+            )
+        return result
+
+    def slow_waves(self) -> list[tuple[str, str, tuple[float, ...]]]:
+        """Slow waves: coordinate, link angle, factors of sin θ, cos θ, sin 2θ, cos 2θ [rad or m]."""
+        return [
+            (
+                layout.coordinate_name(coordinate),
+                f"th{joint + 1}",
+                tuple(factor * 2.0**-layout.TERM_SHIFT for factor in factors),
+            )
+            for coordinate, joint, _, *factors in self.records(Section.SLOW_WAVES, layout.SLOW_WAVE)
+        ]
+
+    def grids(self) -> list[GridRecord]:
+        """Every table and grid."""
+        _, start = self._sections.get(Section.DATA, (0, 0))
+        states = self.states()
+        result = []
+        for number, node in enumerate(self.nodes()):
+            if node[0] is not Node.GRID:
+                continue
+            at = start + 4 * node[7]
+            axis_count, outputs, _ = layout.GRID_HEAD.unpack_from(self.bytes, at)
+            at += layout.GRID_HEAD.size
+            axes = []
+            for _ in range(axis_count):
+                slot, count, flags = layout.GRID_AXIS.unpack_from(self.bytes, at)
+                at += layout.GRID_AXIS.size
+                fraction = states[slot][3] if slot < len(states) else 0
+                if flags & layout.AXIS_EXPLICIT:
+                    raw = np.array(struct.unpack_from(f"<{count}i", self.bytes, at), dtype=np.float64)
+                    at += 8 * count - 4
+                else:
+                    first, inverse = struct.unpack_from("<iI", self.bytes, at)
+                    raw = first + np.arange(count) * 2.0 ** (32 + layout.GRID_FRACTION) / inverse
+                    at += 8
+                axes.append((slot, raw * 2.0**-fraction))
+            shape = tuple(nodes.size for _, nodes in axes)
+            size = int(np.prod(shape))
+            mask_bytes = 4 * ((size + 31) // 32)
+            mask = np.frombuffer(self.bytes, np.uint8, mask_bytes, at)
+            covered = np.unpackbits(mask, bitorder="little")[:size].astype(np.bool_).reshape(shape)
+            values = np.frombuffer(self.bytes, "<i2", size * outputs, at + mask_bytes)
+            result.append(GridRecord(number, axes, values.reshape(*shape, outputs), covered))
+        return result
+
+
+def _transform(record: tuple[int, ...]) -> Array:
+    rotation = np.array(record[:9], dtype=np.float64).reshape(3, 3) * 2.0**-layout.RATIO_FRACTION
+    return transform(np.array(record[9:12]) * 2.0**-layout.LENGTH_FRACTION, rotation)

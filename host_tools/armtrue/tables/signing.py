@@ -1,0 +1,89 @@
+"""Ed25519 keys (RFC 8032) and signatures over table images, by the firmware's own code."""
+
+from __future__ import annotations
+
+import base64
+import binascii
+import ctypes
+import secrets
+from pathlib import Path
+
+from armtrue.errors import InputError
+from armtrue.io.files import read_text, write_file
+from armtrue.tables.fixed import library
+
+KEY_LENGTH = 32
+SIGNATURE_LENGTH = 64
+_SECRET_HEAD = "armtrue-ed25519-secret "
+_PUBLIC_HEAD = "armtrue-ed25519-public "
+
+
+def public_key(seed: bytes) -> bytes:
+    """The public key (32 bytes) of a secret seed (32 bytes)."""
+    result = ctypes.create_string_buffer(KEY_LENGTH)
+    library().armtrue_ed25519_public_key(_checked(seed, KEY_LENGTH), result)
+    return result.raw
+
+
+def sign(seed: bytes, message: bytes) -> bytes:
+    """The signature (64 bytes) of `message`."""
+    result = ctypes.create_string_buffer(SIGNATURE_LENGTH)
+    library().armtrue_ed25519_sign(_checked(seed, KEY_LENGTH), message, ctypes.c_size_t(len(message)), result)
+    return result.raw
+
+
+def is_valid(signature: bytes, key: bytes, message: bytes) -> bool:
+    """True where `signature` of `message` was made by the owner of the public key."""
+    return bool(
+        library().armtrue_ed25519_verify(
+            _checked(signature, SIGNATURE_LENGTH),
+            _checked(key, KEY_LENGTH),
+            message,
+            ctypes.c_size_t(len(message)),
+        )
+    )
+
+
+def write_key_pair(path: Path) -> tuple[Path, bytes]:
+    """Make a key pair: the secret in `path` (readable by its owner only), the public key in `path`.pub.
+
+    Returns the public file and key. Errors: InputError where one of them is there already.
+    """
+    public_path = path.with_name(path.name + ".pub")
+    for place in (path, public_path):
+        if place.exists():
+            raise InputError(f"{place}: found a file, expected none: a key that is lost cannot be made again")
+    seed = secrets.token_bytes(KEY_LENGTH)
+    key = public_key(seed)
+    write_file(path, _SECRET_HEAD + base64.b64encode(seed).decode() + "\n")
+    path.chmod(0o600)
+    write_file(public_path, _PUBLIC_HEAD + base64.b64encode(key).decode() + "\n")
+    return public_path, key
+
+
+def read_seed(path: Path) -> bytes:
+    """The secret seed in a file of `write_key_pair`. Errors: InputError."""
+    return _read(path, _SECRET_HEAD, "a secret key made by armtrue keygen")
+
+
+def read_public_key(path: Path) -> bytes:
+    """The public key in a file of `write_key_pair`. Errors: InputError."""
+    return _read(path, _PUBLIC_HEAD, "a public key made by armtrue keygen")
+
+
+def _read(path: Path, head: str, what: str) -> bytes:
+    text = read_text(path, largest_bytes=4096).strip()
+    if text.startswith(head):
+        try:
+            key = base64.b64decode(text[len(head) :], validate=True)
+        except binascii.Error:
+            key = b""
+        if len(key) == KEY_LENGTH:
+            return key
+    raise InputError(f"{path}: found something else, expected {what}")
+
+
+def _checked(value: bytes, length: int) -> bytes:
+    if len(value) != length:
+        raise ValueError(f"expected {length} bytes, found {len(value)}")
+    return value

@@ -1,0 +1,121 @@
+"""Every form of expression against NumPy, through the firmware's own evaluation; and what is refused."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from armtrue.errors import InputError
+from armtrue.tables import export, fitted_arm
+from armtrue.tables.conftest import Worst, document
+from armtrue.tables.export import ExportOptions
+from armtrue.tables.image import Image
+from armtrue.tables.layout import Node, Section
+
+# 5 nrad: 15 nm at 3 m, some units of the last place.
+EXACT = 5e-9
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "1", "q1", "th2", "q1*q2", "q1^2 - 3*q3 + 0.5", "q1^3/10", "-q2**2", "q1/(q2 + 4)", "1/(2 + sin(q1))",
+        "sin(q1)", "cos(3*q2)", "sin(2*q1 - q3 + 0.3)", "cos(th2 + th3)", "sin(121.4*q3 + 1)", "tan(q1/4)",
+        "sin(q1^2)", "abs(q1)", "sign(q2)*q2", "min(q1, q2)", "max(q1, -0.3)", "abs(min(sin(q1), 0.2))",
+        "dT", "dT_air", "dT_arm*sin(q1)", "payload", "payload*cos(q2)", "dir1", "dir2*q1",
+        "exp(-time/1800)", "1 - exp(-time/600)", "exp(q1/3)", "tanh(2*q1)", "time/100000",
+        "tau2", "tau2*abs(tau2)/1000", "tau2^3/1e6", "gmx1", "gmy2", "bmx", "bmy", "sign(tau3)*tau3",
+        "u_2_3_m", "u_2_3_x", "ux_2_3_m", "uy_2_3_z", "ux_0_1_y", "up_2*payload", "upx_3", "u_2_2_x*sin(q1)",
+        "hat(q1, -1, 0, 2)", "hat(q2, 0, 0, 1)", "hat(q1, -1, 0.5, 1)*hat(q2, -1, 0, 1)", "hat(sin(q1), -0.5, 0, 0.5)",
+    ],
+)  # fmt: skip
+def test_expressions_are_exact(text: str, worst_error: Worst) -> None:
+    # tau2 is some hundred newton-metres.
+    size = 1e-6 if any(name in text for name in ("tau", "gm", "bm", "u_", "ux_", "uy_", "up")) else 1e-4
+    size *= 10.0 if text.startswith("u") else 1.0
+    tolerance = EXACT + (1e-8 if "hat" in text else 0.0)  # a hat's values have 14 bits
+    assert worst_error([("motor2", text, size)]) < tolerance
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["sqrt(1 + q1^2)", "sqrt(q1 + 4)", "atan(2*q2)", "asin(q1/4)", "acos(sin(q1)/2)", "log(q1 + 5)", "(q1 + 4)^1.5",
+     "sin(q2 + 0.3)/sqrt(1 + 0.4^2 - 2*0.4*cos(q2 + 0.3))", "atan2(sin(q1), 2 + cos(q1))",
+     "sqrt(3 + sin(q1) + cos(q2))"],
+)  # fmt: skip
+def test_what_has_no_node_becomes_a_table_within_the_stated_error(text: str, worst_error: Worst) -> None:
+    assert worst_error([("motor2", text, 1e-4)]) < 2e-8
+
+
+def test_two_variables_become_a_grid_and_the_error_is_said() -> None:
+    arm = fitted_arm(document([("motor2", "atan2(1 + 0.3*q1, 3 + 0.2*q2)", 2e-5)]), "test")
+    made = export(arm, ExportOptions())
+    assert any("became a table" in note and "error at most" in note for note in made.notes)
+    assert Image(made.image).grids()[0].values.shape[:2] >= (9, 9)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("sqrt(abs(q1))", "wrong by more than"),
+        ("atan2(q1*q2*q3, tau2)", "4 variables"),
+        ("exp(time)", "grows beyond"),
+        ("sin(3000*q1)", "cycles a turn"),
+        ("q1*1e6", "more than 0.5"),
+        ("qr1", "nothing that a device knows"),
+    ],
+)
+def test_what_cannot_be_represented_is_refused_by_name(text: str, words: str) -> None:
+    arm = fitted_arm(document([("motor2", text, 1.0)]), "fit.json")
+    with pytest.raises(InputError, match=words) as caught:
+        export(arm, ExportOptions(), "fit.json")
+    assert str(caught.value).startswith("fit.json: cannot be exported")
+
+
+def test_measured_torque_without_masses_is_refused() -> None:
+    arm = fitted_arm(document([("motor2", "tau2", 1e-6)], links=[]), "fit.json")
+    with pytest.raises(InputError, match="gives no masses"):
+        export(arm, ExportOptions())
+
+
+def test_regressors_of_one_spring_become_one_mass_set(worst_error: Worst) -> None:
+    terms = [
+        ("motor2", f"u_2_{link}_{c}", 1e-6 * (i + 1))
+        for i, (link, c) in enumerate([(2, "x"), (2, "z"), (3, "m"), (3, "y")])
+    ]
+    assert worst_error(terms, links=[]) < EXACT
+    image = Image(export(fitted_arm(document(terms, links=[]), "test"), ExportOptions()).image)
+    assert image.count(Section.MASS_SETS) == 1
+
+
+def test_waves_of_one_order_become_one_record() -> None:
+    terms = [
+        ("motor3", "sin(17*q3)", 3e-5),
+        ("motor3", "cos(17*q3)", -4e-5),
+        ("motor3", "sin(17*q3 + 1)", 1e-5),
+    ]
+    image = Image(export(fitted_arm(document(terms), "test"), ExportOptions()).image)
+    ((coordinate, variable, order, phase, amplitude),) = image.harmonics()
+    assert (coordinate, variable, order) == ("motor3", "q3", 17.0)
+    q = np.linspace(-2.0, 2.0, 100)
+    exact = 3e-5 * np.sin(17 * q) - 4e-5 * np.cos(17 * q) + 1e-5 * np.sin(17 * q + 1)
+    assert np.abs(amplitude * np.sin(17 * q + phase) - exact).max() < 1e-9
+
+
+def test_equal_parts_are_computed_once() -> None:
+    terms = [("motor1", "q1*q2 + 1", 1e-4), ("motor3", "2*q1*q2", 1e-4), ("link2.tx", "(q1*q2)*0.5", 1e-4)]
+    image = Image(export(fitted_arm(document(terms), "test"), ExportOptions()).image)
+    assert sum(node[0] is Node.PRODUCT for node in image.nodes()) == 1
+
+
+def test_like_terms_add_up_and_zero_is_left_out() -> None:
+    terms = [("motor1", "q1", 1e-4), ("motor1", "2*q1", 1e-4), ("motor2", "q2", 0.0)]
+    image = Image(export(fitted_arm(document(terms), "test"), ExportOptions()).image)
+    ((coordinate, _, _),) = image.terms()
+    assert coordinate == "motor1"
+
+
+def test_coupled_and_sliding_arms(worst_error: Worst) -> None:
+    coupled = {"coupling": [{"joint": 3, "driving": 2, "ratio": -1.0}]}
+    for text in ("tau2/1000", "sin(th3)", "sin(2*q3)", "th3"):
+        assert worst_error([("motor3", text, 1e-4)], "motor3", **coupled) < EXACT

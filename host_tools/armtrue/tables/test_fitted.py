@@ -1,0 +1,68 @@
+"""What of a fit.json goes into tables."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from armtrue.errors import InputError
+from armtrue.tables.conftest import document
+from armtrue.tables.fitted import digest_of, fitted_arm
+
+
+def node(index: int, value: float, nodes: list[float], expression: str) -> dict[str, object]:
+    table = {"id": "t", "axes": [{"variable": "q1", "nodes": nodes}], "index": [index]}
+    term = {"coordinate": "motor1", "expression": expression, "weight": 2.0, "table": table}
+    return {"name": "t", "effect": "transmission_pwl", "value": value, "terms": [term]}
+
+
+def test_nodes_become_a_table_and_missing_ones_are_not_covered() -> None:
+    nodes = [0.0, 0.5, 1.0, 1.5]
+    fit = document([])
+    fit["parameters"] += [
+        node(0, 1e-4, nodes, "hat(q1, -0.5, 0, 0.5)"),
+        node(1, 2e-4, nodes, "hat(q1, 0, 0.5, 1)"),
+        node(3, 3e-4, nodes, "hat(q1, 1, 1.5, 2)"),
+    ]
+    (grid,) = fitted_arm(fit, "fit").grids
+    assert grid.values.tolist() == [2e-4, 4e-4, 0.0, 6e-4]
+    assert grid.covered.tolist() == [True, True, False, True]
+    at = np.array([0.25, 0.75, 1.75, 2.0, -0.25])
+    assert np.allclose(grid.evaluate({"q1": at}), [3e-4, 2e-4, 3e-4, 0.0, 1e-4])
+
+
+def test_a_term_that_is_no_hat_is_compiled_as_it_reads() -> None:
+    fit = document([])
+    fit["parameters"].append(node(1, 1e-4, [0.0, 0.5, 1.0], "hat(q1, 0, 0.5, 1)*dir1"))
+    arm = fitted_arm(fit, "fit")
+    assert not arm.grids
+    assert arm.terms == {"motor1": {"hat(q1, 0, 0.5, 1)*dir1": 2e-4}}
+
+
+def test_what_belongs_to_the_measurement_is_left_out() -> None:
+    fit = document([("motor1", "q1", 1e-4), ("base.tx", "time", 1e-9)])
+    fit["parameters"][1] |= {"exported": False, "effect": "time_drift"}
+    arm = fitted_arm(fit, "fit")
+    assert list(arm.terms) == ["motor1"]
+    assert arm.skipped == ["time_drift"]
+
+
+def test_digest_follows_the_content_not_the_layout() -> None:
+    one, other = document([("motor1", "q1", 1e-4)]), document([("motor1", "q1", 1e-4)])
+    other["parameters"][0] = dict(reversed(list(other["parameters"][0].items())))
+    assert digest_of(one) == digest_of(other)
+    other["parameters"][0]["value"] = 2e-4
+    assert digest_of(one) != digest_of(other)
+
+
+@pytest.mark.parametrize("missing", ["robot", "flange_from_tool", "measuring_from_base", "parameters"])
+def test_an_incomplete_fit_is_refused(missing: str) -> None:
+    fit = document([])
+    del fit[missing]
+    with pytest.raises(InputError, match=missing):
+        fitted_arm(fit, "fit.json")
+
+
+def test_a_broken_expression_is_refused() -> None:
+    with pytest.raises(InputError, match="fit.json"):
+        fitted_arm(document([("motor1", "__import__('os')", 1.0)]), "fit.json")
