@@ -1,0 +1,391 @@
+// What a robot may rely on, whatever the table: pass-through, limits, blending, swaps, continuity.
+#include "firmware/core/compensator.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+
+#include "firmware/core/test_image.h"
+
+namespace armtrue {
+namespace {
+
+using testing::Bytes;
+using testing::TestImage;
+
+constexpr double kIncrementsPerRadian = 16777216.0 / (2.0 * M_PI);
+constexpr std::size_t kJoints = 3;
+
+std::int32_t increments(double radian) {
+  return static_cast<std::int32_t>(std::llround(radian * kIncrementsPerRadian));
+}
+
+CompensatorConfig config() { return {.joint_count = kJoints}; }
+
+CycleInput at(double a, double b = 0.4, double c = -0.3) {
+  CycleInput input;
+  input.target = {increments(a), increments(b), increments(c)};
+  return input;
+}
+
+// Runs cycles at one target until the blend is over.
+CycleOutput settle(Compensator& compensator, const CycleInput& input, int cycles = 400) {
+  CycleOutput output;
+  for (int i = 0; i < cycles; ++i) output = compensator.cycle(input);
+  return output;
+}
+
+void activate(Compensator& compensator, const Bytes& image) {
+  ASSERT_TRUE(compensator.load(image, {}).accepted());
+  ASSERT_TRUE(compensator.activate());
+}
+
+Bytes offset_table(double radian) {
+  TestImage made(kJoints);
+  for (std::uint8_t k = 0; k < kJoints; ++k) made.add_constant(k, radian);
+  return made.image();
+}
+
+TEST(CompensatorTest, WithoutATableTheOutputIsTheInput) {
+  Compensator compensator(config());
+  std::mt19937 random(1);
+  for (int i = 0; i < 10000; ++i) {
+    CycleInput input;
+    for (std::int32_t& target : input.target) target = static_cast<std::int32_t>(random());
+    input.temperature_valid = static_cast<std::uint32_t>(random());
+    input.payload_g = static_cast<std::int32_t>(random());
+    const CycleOutput output = compensator.cycle(input);
+    for (std::size_t k = 0; k < kJoints; ++k) {
+      ASSERT_EQ(output.corrected[k], input.target[k]);
+      ASSERT_EQ(output.delta[k], 0);
+    }
+    ASSERT_EQ(output.state, CompensatorState::kPassThrough);
+    ASSERT_EQ(output.flags, kCycleClean);
+  }
+}
+
+TEST(CompensatorTest, ARefusedTableChangesNothing) {
+  Compensator compensator(config());
+  Bytes image = offset_table(1e-3);
+  image[200] ^= 1U;
+  EXPECT_EQ(compensator.load(image, {}).refusal, Refusal::kChecksum);
+  EXPECT_FALSE(compensator.activate());
+  EXPECT_EQ(settle(compensator, at(0.1)).delta[0], 0);
+  Bytes six_joints = TestImage(6).image();
+  EXPECT_EQ(compensator.load(six_joints, {}).refusal, Refusal::kJointCount);
+}
+
+TEST(CompensatorTest, MotorSideOffsetsAreTakenOffExactly) {
+  Compensator compensator(config());
+  const Bytes image = offset_table(1e-3);
+  activate(compensator, image);
+  for (const double q : {-3.0, -0.2, 0.0, 1.5, 3.1}) {
+    const CycleOutput output = settle(compensator, at(q));
+    EXPECT_EQ(output.state, CompensatorState::kActive);
+    for (std::size_t k = 0; k < kJoints; ++k) EXPECT_NEAR(output.delta[k], -increments(1e-3), 1);
+  }
+}
+
+TEST(CompensatorTest, LinkTermsGoThroughTheJacobian) {
+  // The first link is 1 mm too long: the tool must still reach the nominal point.
+  TestImage made(kJoints);
+  made.add_constant(8 + 6, 1e-3);
+  Compensator compensator(config());
+  const Bytes image = made.image();
+  activate(compensator, image);
+  const double q[3] = {0.3, 0.9, -0.7};
+  const CycleOutput output = settle(compensator, at(q[0], q[1], q[2]));
+  const auto tool = [](double a, double b, double c, double longer) {
+    return std::array<double, 2>{
+        (0.5 + longer) * std::cos(a) + 0.5 * std::cos(a + b) + 0.5 * std::cos(a + b + c),
+        (0.5 + longer) * std::sin(a) + 0.5 * std::sin(a + b) + 0.5 * std::sin(a + b + c)};
+  };
+  const auto wanted = tool(q[0], q[1], q[2], 0.0);
+  const auto reached =
+      tool(output.corrected[0] / kIncrementsPerRadian, output.corrected[1] / kIncrementsPerRadian,
+           output.corrected[2] / kIncrementsPerRadian, 1e-3);
+  // One increment is 0.4 µrad, up to 0.5 µm at this tool.
+  EXPECT_NEAR(reached[0], wanted[0], 1e-6);
+  EXPECT_NEAR(reached[1], wanted[1], 1e-6);
+}
+
+TEST(CompensatorTest, EnablingDisablingAndSwitchingMakeNoStep) {
+  Compensator compensator(config());
+  const Bytes first = offset_table(5e-3);
+  const Bytes second = offset_table(-5e-3);
+  std::array<std::int32_t, kMaxJoints> last = {};
+  double largest_step = 0.0;
+  const auto run = [&](int cycles) {
+    CycleOutput output;
+    for (int i = 0; i < cycles; ++i) {
+      output = compensator.cycle(at(0.2));
+      for (std::size_t k = 0; k < kJoints; ++k) {
+        largest_step =
+            std::max(largest_step, std::abs(static_cast<double>(output.delta[k]) - last[k]));
+      }
+      last = output.delta;
+    }
+    return output;
+  };
+  run(5);
+  activate(compensator, first);
+  EXPECT_NEAR(run(150).delta[0], -increments(5e-3), 1);
+  activate(compensator, second);
+  EXPECT_EQ(compensator.state(), CompensatorState::kActive);
+  run(1);
+  EXPECT_EQ(compensator.state(), CompensatorState::kBlending);
+  EXPECT_NEAR(run(150).delta[0], increments(5e-3), 1);
+  compensator.disable();
+  const CycleOutput off = run(150);
+  EXPECT_EQ(off.state, CompensatorState::kPassThrough);
+  EXPECT_EQ(off.corrected[0], at(0.2).target[0]);
+  // 100 ms in cycles of 1 ms: the largest change, 10 mrad, takes 101 cycles.
+  EXPECT_LE(largest_step, increments(10e-3) / 100.0 + 1.0);
+  EXPECT_EQ(compensator.counters().tables_switched, 2U);
+  EXPECT_EQ(compensator.counters().rate_clamped, 0U);
+}
+
+TEST(CompensatorTest, DisablingInMidBlendGoesBackFromWhereItIs) {
+  Compensator compensator(config());
+  const Bytes image = offset_table(5e-3);
+  activate(compensator, image);
+  const CycleOutput half = settle(compensator, at(0.2), 50);
+  ASSERT_NEAR(half.delta[0], -increments(2.5e-3), 1000);
+  compensator.disable();
+  const CycleOutput next = compensator.cycle(at(0.2));
+  EXPECT_NEAR(next.delta[0], half.delta[0], increments(5e-3) / 50);
+  EXPECT_EQ(settle(compensator, at(0.2)).delta[0], 0);
+}
+
+TEST(CompensatorTest, DisablingWithoutATableIsPassThrough) {
+  Compensator compensator(config());
+  compensator.disable();
+  const CycleOutput output = compensator.cycle(at(0.2));
+  EXPECT_EQ(output.state, CompensatorState::kPassThrough);
+  EXPECT_EQ(output.corrected[0], at(0.2).target[0]);
+  const Bytes image = offset_table(1e-3);
+  activate(compensator, image);
+  EXPECT_NEAR(settle(compensator, at(0.2)).delta[0], -increments(1e-3), 1);
+}
+
+TEST(CompensatorTest, ATableInUseIsKnownToBe) {
+  Compensator compensator(config());
+  const Bytes first = offset_table(1e-3);
+  const Bytes second = offset_table(2e-3);
+  EXPECT_FALSE(compensator.is_in_use(first));
+  activate(compensator, first);
+  EXPECT_TRUE(compensator.is_in_use(first));
+  EXPECT_EQ(compensator.load(second, {}).refusal, Refusal::kBusy);  // not taken up yet
+  settle(compensator, at(0.0));
+  activate(compensator, second);
+  settle(compensator, at(0.0));
+  EXPECT_FALSE(compensator.is_in_use(first));
+  compensator.disable();
+  compensator.cycle(at(0.0));
+  EXPECT_TRUE(compensator.is_in_use(second));  // still limits its own way to zero
+  settle(compensator, at(0.0));
+  EXPECT_FALSE(compensator.is_in_use(second));
+}
+
+TEST(CompensatorTest, MagnitudeIsLimitedByTheTableAndCounted) {
+  TestImage made(kJoints);
+  made.add_constant(0, 0.02);
+  const std::int32_t limit = 1 << 22;  // 2^-10 turn
+  testing::put(made.section(format::Section::kJoints), format::joint::kMagnitudeAt, limit);
+  Compensator compensator(config());
+  const Bytes image = made.image();
+  activate(compensator, image);
+  const CycleOutput output = settle(compensator, at(0.1));
+  EXPECT_EQ(output.delta[0], -(limit >> 8));
+  EXPECT_TRUE((output.flags & kMagnitudeClamped) != 0);
+  EXPECT_GT(compensator.counters().magnitude_clamped, 100U);
+}
+
+TEST(CompensatorTest, NoTableRaisesTheCompileTimeLimits) {
+  TestImage made(kJoints);
+  made.add_constant(0, 0.49);  // 0.078 turn, beyond 0.05
+  for (std::size_t k = 0; k < kJoints; ++k) {
+    const std::size_t joint = k * format::joint::kLength;
+    testing::put(made.section(format::Section::kJoints), joint + format::joint::kMagnitudeAt,
+                 std::int32_t{0x7FFFFFFF});
+    testing::put(made.section(format::Section::kJoints), joint + format::joint::kRateAt,
+                 std::int32_t{0x7FFFFFFF});
+  }
+  Compensator compensator(config());
+  const Bytes image = made.image();
+  activate(compensator, image);
+  std::int32_t last = 0;
+  for (int i = 0; i < 3000; ++i) {
+    const std::int32_t delta = compensator.cycle(at(0.1)).delta[0];
+    EXPECT_LE(std::abs(delta), (kMaxDeltaRevolute >> 8) + 1);
+    EXPECT_LE(std::abs(delta - last), (kMaxRateRevolute >> 8) / 1000 + 2);
+    last = delta;
+  }
+  EXPECT_NEAR(last, -(kMaxDeltaRevolute >> 8), 1);
+}
+
+TEST(CompensatorTest, RateIsLimitedAndCounted) {
+  // Backlash of joint 0: its sign flips with the direction, faster than the table allows.
+  TestImage made(kJoints);
+  made.add_state(format::State::kDirection, 0, 30);
+  made.add_term(0, 1, 5e-3, 30);
+  testing::put(made.section(format::Section::kJoints), format::joint::kRateAt,
+               static_cast<std::int32_t>(1 << 24));  // 2^-8 turn per second
+  Compensator compensator(config());
+  const Bytes image = made.image();
+  activate(compensator, image);
+  std::int32_t last = 0;
+  int reversals = 0;
+  for (int i = 0; i < 3000; ++i) {
+    const CycleOutput output = compensator.cycle(at(0.1 * std::sin(i * 0.01)));
+    EXPECT_LE(std::abs(output.delta[0] - last), ((1 << 24) / 1000 >> 8) + 2) << i;
+    reversals += (output.delta[0] > 0) != (last > 0) ? 1 : 0;
+    last = output.delta[0];
+  }
+  EXPECT_GT(reversals, 5);
+  EXPECT_GT(compensator.counters().rate_clamped, 100U);
+}
+
+TEST(CompensatorTest, DirectionNeedsMoreThanTheDeadBand) {
+  TestImage made(kJoints);
+  made.add_state(format::State::kDirection, 0, 30);
+  made.add_term(0, 1, 1e-3, 30);
+  Compensator compensator(config());
+  const Bytes image = made.image();
+  activate(compensator, image);
+  const std::int32_t backlash = increments(1e-3);
+  CycleInput input = at(0.0);
+  const auto move = [&](std::int32_t by) {
+    input.target[0] += by;
+    return settle(compensator, input).delta[0];
+  };
+  EXPECT_EQ(settle(compensator, input).delta[0], 0);  // never moved: no direction
+  EXPECT_EQ(move(60), 0);                             // within the dead band of 100
+  EXPECT_NEAR(move(60), -backlash, 1);                // 120: moved up
+  EXPECT_NEAR(move(-90), -backlash, 1);               // noise
+  EXPECT_NEAR(move(80), -backlash, 1);
+  EXPECT_NEAR(move(-90), -backlash, 1);  // does not add up: the anchor is the furthest point
+  EXPECT_NEAR(move(-20), backlash, 1);   // 110 below it: moved down
+  compensator.restart_stream();
+  EXPECT_EQ(settle(compensator, input).delta[0], 0);
+}
+
+TEST(CompensatorTest, FeedbackIsUncorrectedByTheDeltaOfItsOwnCycle) {
+  TestImage made(kJoints);
+  made.add_harmonic(0, 0, 3.0, 0.0, 5e-3);
+  Compensator compensator(config());
+  const Bytes image = made.image();
+  activate(compensator, image);
+  settle(compensator, at(0.0));
+  std::vector<CycleOutput> outputs;
+  std::vector<CycleInput> inputs;
+  for (int i = 0; i < 40; ++i) {
+    inputs.push_back(at(0.01 * i));
+    outputs.push_back(compensator.cycle(inputs.back()));
+  }
+  for (std::size_t late = 0; late < kFeedbackHistory; ++late) {
+    const std::size_t i = outputs.size() - 1 - late;
+    std::array<std::int32_t, kMaxJoints> plain = {};
+    // Ideal drives stand where they were told: the controller must see its own command.
+    EXPECT_TRUE(compensator.uncorrect_feedback(outputs[i].cycle, outputs[i].corrected, plain));
+    for (std::size_t k = 0; k < kJoints; ++k) EXPECT_EQ(plain[k], inputs[i].target[k]);
+  }
+  std::array<std::int32_t, kMaxJoints> plain = {};
+  const std::size_t old = outputs.size() - 1 - kFeedbackHistory;
+  EXPECT_FALSE(compensator.uncorrect_feedback(outputs[old].cycle, outputs[old].corrected, plain));
+  EXPECT_EQ(plain[0], outputs[old].corrected[0]);
+  EXPECT_FALSE(
+      compensator.uncorrect_feedback(outputs.back().cycle + 1, outputs.back().corrected, plain));
+}
+
+TEST(CompensatorTest, CorrectionIsContinuousAcrossTheTurnAndAcrossCells) {
+  TestImage made(kJoints);
+  made.add_harmonic(0, 0, 13.0, 0.1, 2e-3);
+  made.add_table(0, -1.0, 0.25, {1e-3, -1e-3, 2e-3, -2e-3, 5e-4, 0.0, 1e-3, -1e-3, 2e-3}, 22,
+                 0x1BF);
+  Compensator compensator(config());
+  const Bytes image = made.image();
+  activate(compensator, image);
+  settle(compensator, at(-3.5));
+  const double step = 1e-4;
+  std::int32_t last = compensator.cycle(at(-3.5)).delta[0];
+  // Slope at most 13 · 2 mrad and 4 mrad a cell of 0.25 rad, three increments for rounding.
+  const double most = increments(step * (13.0 * 2e-3 + 4e-3 / 0.25) * 1.1) + 3.0;
+  for (double q = -3.5; q < 3.5; q += step) {
+    const CycleOutput output = compensator.cycle(at(q));
+    ASSERT_LE(std::abs(output.delta[0] - last), most) << q;
+    last = output.delta[0];
+  }
+  EXPECT_GT(compensator.counters().outside_coverage, 0U);
+}
+
+TEST(CompensatorTest, OneTurnFurtherIsTheSameForHarmonics) {
+  TestImage made(kJoints);
+  made.add_harmonic(0, 0, 5.0, 0.3, 3e-3);
+  Compensator compensator(config());
+  const Bytes image = made.image();
+  activate(compensator, image);
+  settle(compensator, at(0.0));
+  for (double q = -M_PI; q < M_PI; q += 0.1) {
+    CycleInput input = at(q);
+    // Some cycles each, as the rate of the correction is limited.
+    const std::int32_t here = settle(compensator, input, 20).delta[0];
+    input.target[0] += 16777216;
+    EXPECT_NEAR(compensator.cycle(input).delta[0], here, 1) << q;
+  }
+}
+
+TEST(CompensatorTest, CarriedRemaindersFollowOnAverage) {
+  TestImage made(kJoints);
+  made.add_constant(0, 3.1 / kIncrementsPerRadian);
+  CompensatorConfig carrying = config();
+  carrying.carry_remainder = true;
+  Compensator compensator(carrying);
+  const Bytes image = made.image();
+  activate(compensator, image);
+  settle(compensator, at(0.5));
+  double sum = 0.0;
+  for (int i = 0; i < 1000; ++i) {
+    const std::int32_t delta = compensator.cycle(at(0.5)).delta[0];
+    EXPECT_TRUE(delta == -3 || delta == -4);
+    sum += delta;
+  }
+  EXPECT_NEAR(sum / 1000.0, -3.1, 0.02);
+}
+
+TEST(CompensatorTest, OutputSaturatesInsteadOfWrapping) {
+  Compensator compensator(config());
+  const Bytes image = offset_table(-5e-3);
+  activate(compensator, image);
+  CycleInput input = at(0.0);
+  input.target[0] = std::numeric_limits<std::int32_t>::max() - 3;
+  const CycleOutput output = settle(compensator, input);
+  EXPECT_EQ(output.corrected[0], std::numeric_limits<std::int32_t>::max());
+  EXPECT_EQ(output.delta[0], 3);
+  EXPECT_TRUE((output.flags & kOutputSaturated) != 0);
+}
+
+TEST(CompensatorTest, SmoothThroughTheSingularStretchedArm) {
+  // The planar arm stretched out: the radial direction is lost, and the error points along it.
+  TestImage made(kJoints);
+  made.add_constant(8 + 6, 2e-3);
+  Compensator compensator(config());
+  const Bytes image = made.image();
+  activate(compensator, image);
+  settle(compensator, at(0.2, -0.3, -0.3));
+  CycleOutput last = compensator.cycle(at(0.2, -0.3, -0.3));
+  for (double bend = -0.3; bend < 0.3; bend += 2e-4) {
+    const CycleOutput output = compensator.cycle(at(0.2, bend, bend));
+    for (std::size_t k = 0; k < kJoints; ++k) {
+      // Two steps of at most e / 2λ each, e = 2 mm and λ = 20 mm.
+      ASSERT_LE(std::abs(output.delta[k]), increments(0.1) + 1);
+      ASSERT_LE(std::abs(output.delta[k] - last.delta[k]), increments(2e-3)) << bend;
+    }
+    last = output;
+  }
+  EXPECT_GT(compensator.counters().near_singular, 0U);
+}
+
+}  // namespace
+}  // namespace armtrue

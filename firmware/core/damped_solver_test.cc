@@ -1,0 +1,127 @@
+#include "firmware/core/damped_solver.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Dense>
+#include <random>
+
+namespace armtrue {
+namespace {
+
+constexpr double kDamping = 0.02;
+
+struct Problem {
+  Jacobian jacobian = {};
+  Eigen::MatrixXd exact;
+  std::size_t rows;
+  std::size_t joints;
+};
+
+Problem problem_of(const Eigen::MatrixXd& matrix) {
+  Problem problem;
+  problem.exact = matrix;
+  problem.rows = static_cast<std::size_t>(matrix.rows());
+  problem.joints = static_cast<std::size_t>(matrix.cols());
+  for (std::size_t k = 0; k < problem.joints; ++k) {
+    for (std::size_t i = 0; i < problem.rows; ++i) {
+      problem.jacobian[k][i] = static_cast<std::int32_t>(std::lround(
+          std::ldexp(matrix(static_cast<int>(i), static_cast<int>(k)), kJacobianFraction)));
+    }
+  }
+  return problem;
+}
+
+ToolError error_of(const Eigen::VectorXd& error) {
+  ToolError result = {};
+  for (int i = 0; i < error.size(); ++i) {
+    result[static_cast<std::size_t>(i)].raw =
+        static_cast<std::int32_t>(std::lround(std::ldexp(error[i], Coordinate::fraction)));
+  }
+  return result;
+}
+
+Eigen::VectorXd solved(const Problem& problem, const Eigen::VectorXd& error,
+                       bool* singular = nullptr) {
+  DampedSolver solver;
+  solver.factor(problem.jacobian, problem.joints, problem.rows,
+                {static_cast<std::int32_t>(std::lround(std::ldexp(kDamping, Length::fraction)))});
+  if (singular != nullptr) *singular = solver.is_near_singular();
+  const JointStep step = solver.step(error_of(error));
+  Eigen::VectorXd result(static_cast<int>(problem.joints));
+  for (std::size_t k = 0; k < problem.joints; ++k) {
+    result[static_cast<int>(k)] = std::ldexp(step[k].raw, -Coordinate::fraction);
+  }
+  return result;
+}
+
+Eigen::VectorXd exact_step(const Eigen::MatrixXd& j, const Eigen::VectorXd& e) {
+  const Eigen::MatrixXd square =
+      j * j.transpose() + kDamping * kDamping * Eigen::MatrixXd::Identity(j.rows(), j.rows());
+  return j.transpose() * square.ldlt().solve(e);
+}
+
+class DampedSolverTest : public ::testing::TestWithParam<int> {};
+
+TEST_P(DampedSolverTest, AgreesWithDoublePrecision) {
+  std::mt19937 random(1);
+  std::normal_distribution<double> normal;
+  const int rows = GetParam();
+  for (int i = 0; i < 2000; ++i) {
+    const Eigen::MatrixXd j =
+        Eigen::MatrixXd::NullaryExpr(rows, 6 + i % 3, [&] { return 0.8 * normal(random); });
+    const double size = std::pow(10.0, -2.0 - 5.0 * (i % 7) / 6.0);
+    const Eigen::VectorXd e =
+        Eigen::VectorXd::NullaryExpr(rows, [&] { return size * normal(random); });
+    const Eigen::VectorXd wanted = exact_step(j, e);
+    const Eigen::VectorXd found = solved(problem_of(j), e);
+    const Eigen::VectorXd values = Eigen::JacobiSVD<Eigen::MatrixXd>(j).singularValues();
+    // y has 14 fraction bits for an error of about 1, the matrix 30 bits for its largest element;
+    // the step itself has 30.
+    const double of_solution = std::ldexp(values.maxCoeff() * e.norm(), -12);
+    const double of_matrix = std::ldexp(1.0, -27) * values.squaredNorm() /
+                             (std::pow(values.minCoeff(), 2) + kDamping * kDamping) * wanted.norm();
+    // What rounding the error (2^-31) and the Jacobian (2^-23) on the way in becomes.
+    const double gain = values.minCoeff() / (std::pow(values.minCoeff(), 2) + kDamping * kDamping);
+    const double of_input =
+        3.0 * gain * (std::ldexp(1.0, -31) + std::ldexp(2.0, -23) * wanted.norm());
+    EXPECT_LT((found - wanted).norm(), of_solution + of_matrix + of_input + 4e-9) << i;
+  }
+}
+
+TEST_P(DampedSolverTest, StepsStayWithinTheStatedBoundAtSingularities) {
+  std::mt19937 random(2);
+  std::normal_distribution<double> normal;
+  const int rows = GetParam();
+  for (int i = 0; i < 2000; ++i) {
+    Eigen::MatrixXd j = Eigen::MatrixXd::NullaryExpr(rows, 6, [&] { return normal(random); });
+    Eigen::JacobiSVD<Eigen::MatrixXd> svd(j, Eigen::ComputeThinU | Eigen::ComputeThinV);
+    Eigen::VectorXd values = svd.singularValues();
+    values[rows - 1] = (i % 20) * 0.004;  // through the singularity: 0 to 4 λ
+    j = svd.matrixU() * values.asDiagonal() * svd.matrixV().transpose();
+    const Eigen::VectorXd e =
+        Eigen::VectorXd::NullaryExpr(rows, [&] { return 1e-3 * normal(random); });
+    bool is_near = false;
+    const Eigen::VectorXd step = solved(problem_of(j), e, &is_near);
+    EXPECT_LE(step.norm(), 1.01 * e.norm() / (2.0 * kDamping) + 1e-8) << i;
+    EXPECT_TRUE(is_near) << i;
+  }
+}
+
+TEST_P(DampedSolverTest, RegularPosturesAreNotFlagged) {
+  std::mt19937 random(3);
+  std::normal_distribution<double> normal;
+  const int rows = GetParam();
+  for (int i = 0; i < 500; ++i) {
+    const Eigen::MatrixXd j = Eigen::MatrixXd::NullaryExpr(rows, 6, [&] { return normal(random); });
+    if (Eigen::JacobiSVD<Eigen::MatrixXd>(j).singularValues().minCoeff() < 15.0 * kDamping)
+      continue;
+    bool is_near = true;
+    solved(problem_of(j), Eigen::VectorXd::Constant(rows, 1e-3), &is_near);
+    EXPECT_FALSE(is_near) << i;
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Rows, DampedSolverTest, ::testing::Values(3, 6));
+
+}  // namespace
+}  // namespace armtrue

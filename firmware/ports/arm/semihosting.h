@@ -1,0 +1,43 @@
+// ARM semihosting: how a test image running in an emulator reads a recorded input, writes its
+// output and ends with an exit status. The product images never use it: without a debugger the BKPT
+// that carries a request is a fault.
+//
+// Source: Arm "Semihosting for AArch32 and AArch64", 2.0.
+#ifndef ARMTRUE_FIRMWARE_PORTS_ARM_SEMIHOSTING_H_
+#define ARMTRUE_FIRMWARE_PORTS_ARM_SEMIHOSTING_H_
+
+#include <cstddef>
+#include <cstdint>
+
+namespace armtrue::semihosting {
+
+enum class OpenMode : std::uint32_t { kReadBinary = 1, kWriteBinary = 5 };
+
+// Opens a host file; `path` is nul-terminated and relative to the emulator's working directory.
+// Returns a handle, or -1 where the host refused.
+std::int32_t open(const char* path, OpenMode mode);
+
+void close(std::int32_t handle);
+
+// Reads up to `size` bytes; returns how many arrived (short only at the end of the file).
+std::size_t read(std::int32_t handle, void* data, std::size_t size);
+
+// Returns true where every byte was written.
+bool write(std::int32_t handle, const void* data, std::size_t size);
+
+// Prints a nul-terminated string on the emulator's standard error.
+void print(const char* text);
+
+// Prints an unsigned number in decimal.
+void print_unsigned(std::uint32_t value);
+
+// Copies the command line that the emulator was given (`arg=` of -semihosting-config) into `text`,
+// nul-terminated. Returns false where it does not fit or there is none.
+bool command_line(char* text, std::size_t size);
+
+// Ends the emulator; `status` is its exit status (0 to 255).
+[[noreturn]] void exit(std::uint32_t status);
+
+}  // namespace armtrue::semihosting
+
+#endif  // ARMTRUE_FIRMWARE_PORTS_ARM_SEMIHOSTING_H_

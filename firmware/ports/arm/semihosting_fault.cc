@@ -1,0 +1,8 @@
+// Replaces the port's weak fault handler in test images: a fault ends the emulator with a status of
+// its own instead of waiting for a watchdog that the emulator does not have.
+#include "firmware/ports/arm/semihosting.h"
+
+extern "C" [[noreturn]] void fault_handler() {
+  armtrue::semihosting::print("fault: the processor took an exception that nothing handles\n");
+  armtrue::semihosting::exit(70);
+}

@@ -1,0 +1,24 @@
+#include "firmware/ports/common/slot_parameters.h"
+
+#include <algorithm>
+
+namespace armtrue::ports {
+
+bool SlotParameters::load(std::span<std::uint8_t> block) {
+  if (saved_.size() != block.size()) return false;
+  std::ranges::copy(saved_, block.begin());
+  return true;
+}
+
+bool SlotParameters::save(std::span<const std::uint8_t> block) {
+  return store_.commit(block) == storage::StoreResult::kDone &&
+         store_.activate(block_, saved_) == storage::StoreResult::kDone &&
+         store_.confirm() == storage::StoreResult::kDone;
+}
+
+bool SlotParameters::erase() {
+  static constexpr std::array<std::uint8_t, 1> kNothing = {0};
+  return save(kNothing);
+}
+
+}  // namespace armtrue::ports

@@ -1,0 +1,44 @@
+// Saved parameters (0x1010) in a pair of flash slots of their own: a save that is cut short leaves
+// the old block.
+#ifndef ARMTRUE_FIRMWARE_PORTS_COMMON_SLOT_PARAMETERS_H_
+#define ARMTRUE_FIRMWARE_PORTS_COMMON_SLOT_PARAMETERS_H_
+
+#include <array>
+#include <cstdint>
+#include <span>
+
+#include "firmware/canopen/parameter_store.h"
+#include "firmware/storage/flash.h"
+#include "firmware/storage/slot_store.h"
+
+namespace armtrue::ports {
+
+class SlotParameters final : public canopen::ParameterStore {
+ public:
+  explicit SlotParameters(storage::Flash& flash) : store_(flash, verifier_) {}
+
+  // Reads the slots. Call once, before anything else.
+  void start() { saved_ = store_.start(block_); }
+
+  bool load(std::span<std::uint8_t> block) override;
+  bool save(std::span<const std::uint8_t> block) override;
+  // Saves an empty note: what is not of the asked length counts as nothing saved.
+  bool erase() override;
+
+ private:
+  // The block carries its own checksum and layout; the slots' CRC is enough here.
+  struct AcceptAll final : storage::TableVerifier {
+    storage::TableVerdict verify(std::span<const std::uint8_t>) const override {
+      return storage::TableVerdict::kAccepted;
+    }
+  };
+
+  AcceptAll verifier_;
+  storage::SlotStore store_;
+  std::array<std::uint8_t, canopen::kParameterBlockSize> block_ = {};
+  std::span<const std::uint8_t> saved_;
+};
+
+}  // namespace armtrue::ports
+
+#endif  // ARMTRUE_FIRMWARE_PORTS_COMMON_SLOT_PARAMETERS_H_

@@ -1,0 +1,86 @@
+#include "firmware/ports/common/slot_parameters.h"
+
+#include <gtest/gtest.h>
+
+#include <optional>
+
+#include "firmware/storage/simulated_flash.h"
+
+namespace armtrue::ports {
+namespace {
+
+using Block = std::array<std::uint8_t, canopen::kParameterBlockSize>;
+
+class SlotParametersTest : public testing::Test {
+ protected:
+  void SetUp() override { restart(); }
+
+  void restart() {
+    parameters_.emplace(flash_);
+    parameters_->start();
+  }
+
+  static Block block_of(std::uint8_t value) {
+    Block block;
+    block.fill(value);
+    return block;
+  }
+
+  storage::SimulatedFlash flash_{16 * 1024, 1};
+  std::optional<SlotParameters> parameters_;
+  Block loaded_ = {};
+};
+
+TEST_F(SlotParametersTest, NothingIsSavedInTheBeginning) {
+  EXPECT_FALSE(parameters_->load(loaded_));
+}
+
+TEST_F(SlotParametersTest, SavedBlocksSurviveARestart) {
+  for (std::uint8_t value = 1; value <= 4; ++value) {
+    ASSERT_TRUE(parameters_->save(block_of(value)));
+    ASSERT_TRUE(parameters_->load(loaded_));
+    EXPECT_EQ(loaded_, block_of(value));
+    restart();
+    ASSERT_TRUE(parameters_->load(loaded_));
+    EXPECT_EQ(loaded_, block_of(value));
+  }
+}
+
+TEST_F(SlotParametersTest, ErasedMeansNothingSaved) {
+  ASSERT_TRUE(parameters_->save(block_of(1)));
+  ASSERT_TRUE(parameters_->erase());
+  EXPECT_FALSE(parameters_->load(loaded_));
+  restart();
+  EXPECT_FALSE(parameters_->load(loaded_));
+  ASSERT_TRUE(parameters_->save(block_of(2)));
+  restart();
+  EXPECT_TRUE(parameters_->load(loaded_));
+}
+
+TEST_F(SlotParametersTest, APowerCutLeavesTheOldOrTheNewBlock) {
+  for (std::size_t at = 0;; ++at) {
+    storage::SimulatedFlash fresh(16 * 1024, static_cast<std::uint32_t>(at));
+    flash_ = fresh;
+    restart();
+    ASSERT_TRUE(parameters_->save(block_of(1)));
+    flash_.cut_at(at, storage::CutKind::kTorn);
+    bool interrupted = false;
+    try {
+      ASSERT_TRUE(parameters_->save(block_of(2)));
+    } catch (const storage::PowerCut&) {
+      interrupted = true;
+    }
+    flash_.run_undisturbed();
+    restart();
+    ASSERT_TRUE(parameters_->load(loaded_));
+    if (!interrupted) {
+      EXPECT_EQ(loaded_, block_of(2));
+      EXPECT_GT(at, canopen::kParameterBlockSize / 4);
+      break;
+    }
+    EXPECT_TRUE(loaded_ == block_of(1) || loaded_ == block_of(2)) << "operation " << at;
+  }
+}
+
+}  // namespace
+}  // namespace armtrue::ports

@@ -1,0 +1,9 @@
+// Vector table of a Cortex-M7 without interrupts: the core is built and run here, no product image.
+#include "firmware/ports/arm/cortex_m_reset.h"
+
+namespace {
+
+[[gnu::section(".isr_vector"), gnu::used]] constinit const armtrue::ports::VectorTable<0>
+    vector_table;
+
+}  // namespace

@@ -1,0 +1,92 @@
+#include "firmware/ports/posix/file_flash.h"
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+#include <fstream>
+
+#include "firmware/storage/slot_format.h"
+
+namespace armtrue::posix {
+
+FileFlash::~FileFlash() {
+  if (file_ >= 0) close(file_);
+}
+
+std::string FileFlash::open(const std::string& path) {
+  file_ = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644);
+  if (file_ < 0) return path + ": " + std::strerror(errno);
+  struct stat status = {};
+  fstat(file_, &status);
+  const std::size_t whole = storage::kSlots * slot_size_;
+  if (status.st_size == 0) {
+    for (std::size_t slot = 0; slot < storage::kSlots; ++slot) {
+      if (!erase(slot)) return path + ": " + std::strerror(errno);
+    }
+  } else if (static_cast<std::size_t>(status.st_size) != whole) {
+    return path + ": is " + std::to_string(status.st_size) + " bytes, expected " +
+           std::to_string(whole) + " (two slots)";
+  }
+  return "";
+}
+
+void FileFlash::read(std::size_t slot, std::size_t offset, std::span<std::uint8_t> data) const {
+  const auto position = static_cast<off_t>(slot * slot_size_ + offset);
+  if (pread(file_, data.data(), data.size(), position) != static_cast<ssize_t>(data.size())) {
+    std::fill(data.begin(), data.end(), std::uint8_t{0});  // reads as nothing valid
+  }
+}
+
+bool FileFlash::write_at(std::size_t position, std::span<const std::uint8_t> data) {
+  const ssize_t written = pwrite(file_, data.data(), data.size(), static_cast<off_t>(position));
+  return written == static_cast<ssize_t>(data.size());
+}
+
+bool FileFlash::program(std::size_t slot, std::size_t offset, std::uint32_t word) {
+  std::array<std::uint8_t, 4> bytes = {};
+  read(slot, offset, bytes);
+  // Flash only clears bits.
+  word &= canopen::load_le<std::uint32_t>(bytes.data());
+  canopen::store_le(bytes.data(), word);
+  const bool is_header = offset < storage::kHeaderBytes;
+  if (is_header && has_unsynced_ && fdatasync(file_) != 0) return false;
+  has_unsynced_ = !is_header;
+  return write_at(slot * slot_size_ + offset, bytes) && (!is_header || fdatasync(file_) == 0);
+}
+
+bool FileFlash::erase(std::size_t slot) {
+  std::array<std::uint8_t, 4096> blank;
+  blank.fill(0xFF);
+  for (std::size_t at = 0; at < slot_size_; at += blank.size()) {
+    const std::size_t size = std::min(blank.size(), slot_size_ - at);
+    if (!write_at(slot * slot_size_ + at, std::span(blank).first(size))) return false;
+  }
+  return fdatasync(file_) == 0;
+}
+
+bool FileParameters::load(std::span<std::uint8_t> block) {
+  std::ifstream file(path_, std::ios::binary);
+  file.read(reinterpret_cast<char*>(block.data()), static_cast<std::streamsize>(block.size()));
+  return file.gcount() == static_cast<std::streamsize>(block.size());
+}
+
+bool FileParameters::save(std::span<const std::uint8_t> block) {
+  const std::string part = path_ + ".part";
+  {
+    std::ofstream file(part, std::ios::binary | std::ios::trunc);
+    file.write(reinterpret_cast<const char*>(block.data()),
+               static_cast<std::streamsize>(block.size()));
+    if (!file.flush()) return false;
+  }
+  return std::rename(part.c_str(), path_.c_str()) == 0;
+}
+
+bool FileParameters::erase() { return unlink(path_.c_str()) == 0 || errno == ENOENT; }
+
+}  // namespace armtrue::posix

@@ -1,0 +1,52 @@
+// Two table slots in a file, for the POSIX node. What a slot's header says reaches the disk before
+// the call returns, and never ahead of the image that it speaks of; the image's own words are left
+// to the disk until then, since waiting for each of thousands takes seconds.
+#ifndef ARMTRUE_FIRMWARE_PORTS_POSIX_FILE_FLASH_H_
+#define ARMTRUE_FIRMWARE_PORTS_POSIX_FILE_FLASH_H_
+
+#include <string>
+
+#include "firmware/canopen/parameter_store.h"
+#include "firmware/storage/flash.h"
+
+namespace armtrue::posix {
+
+class FileFlash final : public storage::Flash {
+ public:
+  FileFlash(std::size_t slot_size) : slot_size_(slot_size) {}
+  ~FileFlash();
+  FileFlash(const FileFlash&) = delete;
+  FileFlash& operator=(const FileFlash&) = delete;
+
+  // Opens or makes the file. Empty if it worked, else one sentence that names it.
+  std::string open(const std::string& path);
+
+  std::size_t slot_size() const override { return slot_size_; }
+  void read(std::size_t slot, std::size_t offset, std::span<std::uint8_t> data) const override;
+  bool program(std::size_t slot, std::size_t offset, std::uint32_t word) override;
+  bool erase(std::size_t slot) override;
+
+ private:
+  bool write_at(std::size_t position, std::span<const std::uint8_t> data);
+
+  std::size_t slot_size_;
+  int file_ = -1;
+  bool has_unsynced_ = false;  // words of an image
+};
+
+// Saved parameters in a file, replaced whole by renaming.
+class FileParameters final : public canopen::ParameterStore {
+ public:
+  explicit FileParameters(std::string path) : path_(std::move(path)) {}
+
+  bool load(std::span<std::uint8_t> block) override;
+  bool save(std::span<const std::uint8_t> block) override;
+  bool erase() override;
+
+ private:
+  std::string path_;
+};
+
+}  // namespace armtrue::posix
+
+#endif  // ARMTRUE_FIRMWARE_PORTS_POSIX_FILE_FLASH_H_

@@ -1,0 +1,235 @@
+// armtrue_node: the compensator as a Linux process on SocketCAN.
+//
+//   armtrue_node --upstream vcan0 [--downstream vcan1] --state DIR [options]
+//
+// Exits 0 on SIGTERM or SIGINT, 2 with one sentence on stderr if it cannot start.
+#include <poll.h>
+#include <sys/stat.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <charconv>
+#include <csignal>
+#include <cstdio>
+#include <cstring>
+#include <ctime>
+#include <fstream>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "firmware/canopen/node.h"
+#include "firmware/core/compensator.h"
+#include "firmware/ports/posix/file_flash.h"
+#include "firmware/ports/posix/socketcan_port.h"
+#include "firmware/storage/slot_store.h"
+
+namespace {
+
+using armtrue::canopen::Node;
+
+struct Options {
+  std::string upstream;
+  std::string downstream;
+  std::string state;
+  std::string serial;
+  std::string key_file;
+  unsigned node_id = 0x20;
+  unsigned serial_number = 1;
+  unsigned joints = 6;
+  unsigned cycle_us = 1000;
+  bool help = false;
+};
+
+constexpr char kUsage[] =
+    "armtrue_node --upstream IF [--downstream IF] --state DIR [options]\n"
+    "  --upstream IF        SocketCAN interface of the controller\n"
+    "  --downstream IF      SocketCAN interface of the drives (inline mode; absent: offset mode)\n"
+    "  --state DIR          where table slots and saved parameters live\n"
+    "  --node-id N          1..127 (default 32)\n"
+    "  --serial-number N    of this device, object 0x1018 sub 4 (default 1)\n"
+    "  --robot-serial TEXT  take only this robot's tables (default: any)\n"
+    "  --public-key FILE    of armtrue keygen (NAME.pub): take only tables signed with NAME\n"
+    "  --joints N           1..8 (default 6)\n"
+    "  --cycle-us N         control period (default 1000)\n";
+
+volatile std::sig_atomic_t stop_requested = 0;
+
+void request_stop(int) { stop_requested = 1; }
+
+std::uint64_t now_us() {
+  timespec time = {};
+  clock_gettime(CLOCK_MONOTONIC, &time);
+  return static_cast<std::uint64_t>(time.tv_sec) * 1'000'000U +
+         static_cast<std::uint64_t>(time.tv_nsec) / 1000U;
+}
+
+int fail(const std::string& sentence) {
+  std::fprintf(stderr, "armtrue_node: %s\n", sentence.c_str());
+  return 2;
+}
+
+std::string parse_number(const std::string& name, const std::string& text, unsigned low,
+                         unsigned high, unsigned& value) {
+  const bool hex = text.starts_with("0x");
+  const char* begin = text.data() + (hex ? 2 : 0);
+  const auto [end, error] = std::from_chars(begin, text.data() + text.size(), value, hex ? 16 : 10);
+  const bool good =
+      error == std::errc() && end == text.data() + text.size() && value >= low && value <= high;
+  if (good) return "";
+  return name + ": '" + text + "', expected a number from " + std::to_string(low) + " to " +
+         std::to_string(high);
+}
+
+// Empty if the command line is good.
+std::string parse(const std::vector<std::string>& arguments, Options& options) {
+  for (std::size_t k = 0; k < arguments.size(); ++k) {
+    const std::string& name = arguments[k];
+    if (name == "--help") {
+      options.help = true;
+      return "";
+    }
+    if (k + 1 == arguments.size()) return name + ": unknown, or its value is missing";
+    const std::string& value = arguments[++k];
+    std::string problem;
+    if (name == "--upstream") {
+      options.upstream = value;
+    } else if (name == "--downstream") {
+      options.downstream = value;
+    } else if (name == "--state") {
+      options.state = value;
+    } else if (name == "--robot-serial") {
+      options.serial = value;
+      if (value.size() > armtrue::kSerialLength) {
+        problem = name + ": longer than " + std::to_string(armtrue::kSerialLength) + " characters";
+      }
+    } else if (name == "--public-key") {
+      options.key_file = value;
+    } else if (name == "--node-id") {
+      problem = parse_number(name, value, 1, 127, options.node_id);
+    } else if (name == "--serial-number") {
+      problem = parse_number(name, value, 0, UINT32_MAX, options.serial_number);
+    } else if (name == "--joints") {
+      problem = parse_number(name, value, 1, armtrue::kMaxJoints, options.joints);
+    } else if (name == "--cycle-us") {
+      problem = parse_number(name, value, 100, 1'000'000, options.cycle_us);
+    } else {
+      problem = name + ": unknown option";
+    }
+    if (!problem.empty()) return problem;
+  }
+  if (options.upstream.empty()) return "--upstream is needed";
+  if (options.state.empty()) return "--state is needed";
+  return "";
+}
+
+// Base64 (RFC 4648, 4) of exactly 32 bytes.
+bool decode_key(const std::string& text, std::array<std::uint8_t, 32>& key) {
+  static constexpr char kDigits[] =
+      "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+  if (text.size() != 44 || text.back() != '=') return false;
+  std::uint32_t bits = 0;
+  std::size_t done = 0;
+  for (std::size_t k = 0; k < 43; ++k) {
+    const char* digit = std::strchr(kDigits, text[k]);
+    if (digit == nullptr || *digit == '\0') return false;
+    bits = bits << 6 | static_cast<std::uint32_t>(digit - kDigits);
+    // Four digits are three bytes; the last group is three digits and two bytes.
+    const std::size_t whole = (k + 1) * 6 / 8;
+    if (whole > done) key[done++] = static_cast<std::uint8_t>(bits >> ((k + 1) * 6 % 8));
+  }
+  return (bits & 3U) == 0;
+}
+
+// The file that `armtrue keygen` writes beside the secret one.
+std::string read_key(const std::string& path, armtrue::DeviceIdentity& device) {
+  if (path.empty()) return "";
+  std::ifstream file(path);
+  if (!file) return path + ": " + std::strerror(errno);
+  std::string head;
+  std::string text;
+  file >> head >> text;
+  if (head != "armtrue-ed25519-public" || !decode_key(text, device.public_key)) {
+    return path + ": expected a public key as 'armtrue keygen' writes it (NAME.pub)";
+  }
+  device.has_key = true;
+  return "";
+}
+
+// One life of the node, from power-on to reset or stop. Everything in RAM is new.
+struct Life {
+  Life(const Options& options, const armtrue::DeviceIdentity& device,
+       armtrue::canopen::CanPort& upstream, armtrue::canopen::CanPort* downstream,
+       armtrue::storage::Flash& flash, armtrue::canopen::ParameterStore& parameters)
+      : compensator({.joint_count = static_cast<std::uint8_t>(options.joints),
+                     .cycle_us = options.cycle_us}),
+        verifier(device),
+        store(flash, verifier),
+        node({.node_id = static_cast<std::uint8_t>(options.node_id),
+              .serial_number = options.serial_number,
+              .joint_count = static_cast<std::uint8_t>(options.joints),
+              .clock_us = &now_us},
+             {upstream, downstream, compensator, store, parameters, device, {first, second}}) {}
+
+  std::array<std::uint8_t, armtrue::kMaxImageLength> first = {};
+  std::array<std::uint8_t, armtrue::kMaxImageLength> second = {};
+  armtrue::Compensator compensator;
+  armtrue::canopen::IdentityVerifier verifier;
+  armtrue::storage::SlotStore store;
+  Node node;
+};
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  Options options;
+  if (const std::string problem = parse({argv + 1, argv + argc}, options); !problem.empty()) {
+    return fail(problem);
+  }
+  if (options.help) {
+    std::fputs(kUsage, stdout);
+    return 0;
+  }
+  armtrue::DeviceIdentity device;
+  options.serial.copy(device.robot_serial.data(), device.robot_serial.size());
+  device.joint_count = static_cast<std::uint8_t>(options.joints);
+  if (const std::string problem = read_key(options.key_file, device); !problem.empty()) {
+    return fail(problem);
+  }
+  if (mkdir(options.state.c_str(), 0755) != 0 && errno != EEXIST) {
+    return fail(options.state + ": " + std::strerror(errno));
+  }
+  armtrue::posix::FileFlash flash(armtrue::kMaxImageLength + armtrue::storage::kHeaderBytes);
+  if (const std::string problem = flash.open(options.state + "/slots.bin"); !problem.empty()) {
+    return fail(problem);
+  }
+  armtrue::posix::FileParameters parameters(options.state + "/parameters.bin");
+  armtrue::posix::SocketCanPort upstream;
+  if (const std::string problem = upstream.open(options.upstream); !problem.empty()) {
+    return fail(problem);
+  }
+  std::optional<armtrue::posix::SocketCanPort> downstream;
+  if (!options.downstream.empty()) {
+    downstream.emplace();
+    if (const std::string problem = downstream->open(options.downstream); !problem.empty()) {
+      return fail(problem);
+    }
+  }
+  std::signal(SIGTERM, request_stop);
+  std::signal(SIGINT, request_stop);
+
+  std::array<pollfd, 2> waits = {{{upstream.descriptor(), POLLIN, 0}, {-1, POLLIN, 0}}};
+  if (downstream) waits[1].fd = downstream->descriptor();
+  while (stop_requested == 0) {
+    const auto life = std::make_unique<Life>(
+        options, device, upstream, downstream ? &*downstream : nullptr, flash, parameters);
+    life->node.start(now_us());
+    while (stop_requested == 0) {
+      if (life->node.process(now_us()) == armtrue::canopen::NodeAction::kRestart) break;
+      poll(waits.data(), waits.size(), 1);
+    }
+  }
+  return 0;
+}

@@ -1,0 +1,154 @@
+#include "firmware/ports/posix/socketcan_port.h"
+
+#include <linux/can.h>
+#include <linux/can/error.h>
+#include <linux/can/raw.h>
+#include <net/if.h>
+#include <sys/ioctl.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+
+namespace armtrue::posix {
+namespace {
+
+using canopen::BusState;
+using canopen::CanFrame;
+
+void count(std::uint32_t& counter) {
+  if (counter != UINT32_MAX) ++counter;
+}
+
+}  // namespace
+
+SocketCanPort::~SocketCanPort() {
+  if (socket_ >= 0) close(socket_);
+}
+
+std::string SocketCanPort::open(const std::string& interface) {
+  socket_ = socket(PF_CAN, SOCK_RAW | SOCK_NONBLOCK | SOCK_CLOEXEC, CAN_RAW);
+  if (socket_ < 0) return interface + ": this kernel has no CAN: " + std::strerror(errno);
+  ifreq request = {};
+  if (interface.size() >= sizeof(request.ifr_name)) {
+    return interface + ": longer than an interface name can be";
+  }
+  std::memcpy(request.ifr_name, interface.data(), interface.size());
+  if (ioctl(socket_, SIOCGIFINDEX, &request) < 0) {
+    return interface + ": no such network interface";
+  }
+  const int index = request.ifr_ifindex;
+  if (ioctl(socket_, SIOCGIFMTU, &request) == 0) supports_fd_ = request.ifr_mtu == CANFD_MTU;
+  const int on = 1;
+  if (supports_fd_ && setsockopt(socket_, SOL_CAN_RAW, CAN_RAW_FD_FRAMES, &on, sizeof on) < 0) {
+    return interface + ": FD frames refused: " + std::strerror(errno);
+  }
+  const can_err_mask_t errors = CAN_ERR_CRTL | CAN_ERR_BUSOFF | CAN_ERR_RESTARTED;
+  setsockopt(socket_, SOL_CAN_RAW, CAN_RAW_ERR_FILTER, &errors, sizeof errors);
+  setsockopt(socket_, SOL_SOCKET, SO_RXQ_OVFL, &on, sizeof on);
+  sockaddr_can address = {};
+  address.can_family = AF_CAN;
+  address.can_ifindex = index;
+  if (bind(socket_, reinterpret_cast<sockaddr*>(&address), sizeof address) < 0) {
+    return interface + ": cannot bind: " + std::strerror(errno);
+  }
+  return "";
+}
+
+bool SocketCanPort::send(const CanFrame& frame) {
+  canfd_frame raw = {};
+  const bool fd = frame.is(canopen::kFrameFd);
+  const std::size_t room = fd ? canopen::kFdPayload : canopen::kClassicPayload;
+  const bool possible = frame.len <= room && (!fd || canopen::is_valid_fd_length(frame.len)) &&
+                        (!fd || supports_fd_) && state_ != BusState::kBusOff;
+  if (!possible) {
+    count(counters_.send_refused);
+    return false;
+  }
+  raw.can_id = frame.id;
+  if (frame.is(canopen::kFrameExtended)) raw.can_id |= CAN_EFF_FLAG;
+  if (frame.is(canopen::kFrameRemote)) raw.can_id |= CAN_RTR_FLAG;
+  raw.len = frame.len;
+  if (frame.is(canopen::kFrameBitRateSwitch)) raw.flags |= CANFD_BRS;
+  if (frame.is(canopen::kFrameErrorState)) raw.flags |= CANFD_ESI;
+  if (!fd) raw.flags = 0;
+  std::memcpy(raw.data, frame.data, frame.len);
+  const std::size_t size = fd ? CANFD_MTU : CAN_MTU;
+  if (write(socket_, &raw, size) != static_cast<ssize_t>(size)) {
+    count(counters_.send_refused);
+    return false;
+  }
+  count(counters_.sent);
+  return true;
+}
+
+bool SocketCanPort::receive(CanFrame& frame) {
+  for (;;) {
+    canfd_frame raw = {};
+    iovec piece = {&raw, sizeof raw};
+    alignas(cmsghdr) char control[CMSG_SPACE(sizeof(std::uint32_t))] = {};
+    msghdr message = {};
+    message.msg_iov = &piece;
+    message.msg_iovlen = 1;
+    message.msg_control = control;
+    message.msg_controllen = sizeof control;
+    const ssize_t size = recvmsg(socket_, &message, 0);
+    if (size != CAN_MTU && size != CANFD_MTU) return false;
+    for (cmsghdr* item = CMSG_FIRSTHDR(&message); item != nullptr;
+         item = CMSG_NXTHDR(&message, item)) {
+      if (item->cmsg_level != SOL_SOCKET || item->cmsg_type != SO_RXQ_OVFL) continue;
+      std::uint32_t drops = 0;
+      std::memcpy(&drops, CMSG_DATA(item), sizeof drops);
+      counters_.receive_overruns += drops - kernel_drops_;
+      kernel_drops_ = drops;
+    }
+    if ((raw.can_id & CAN_ERR_FLAG) != 0) {
+      take_error_frame(raw.can_id & CAN_ERR_MASK, raw.data);
+      continue;
+    }
+    CanFrame taken;
+    const bool extended = (raw.can_id & CAN_EFF_FLAG) != 0;
+    taken.id = raw.can_id & (extended ? CAN_EFF_MASK : CAN_SFF_MASK);
+    std::uint8_t flags = canopen::kFrameNone;
+    if (extended) flags |= canopen::kFrameExtended;
+    if ((raw.can_id & CAN_RTR_FLAG) != 0) flags |= canopen::kFrameRemote;
+    if (size == CANFD_MTU) {
+      flags |= canopen::kFrameFd;
+      if ((raw.flags & CANFD_BRS) != 0) flags |= canopen::kFrameBitRateSwitch;
+      if ((raw.flags & CANFD_ESI) != 0) flags |= canopen::kFrameErrorState;
+    }
+    taken.flags = flags;
+    taken.len = raw.len;
+    std::memcpy(taken.data, raw.data, sizeof taken.data);
+    count(counters_.received);
+    frame = taken;
+    return true;
+  }
+}
+
+void SocketCanPort::take_error_frame(std::uint32_t error_class, const std::uint8_t* data) {
+  if ((error_class & CAN_ERR_BUSOFF) != 0) {
+    if (state_ != BusState::kBusOff) count(counters_.bus_off_entries);
+    state_ = BusState::kBusOff;
+    return;
+  }
+  if ((error_class & CAN_ERR_RESTARTED) != 0) state_ = BusState::kActive;
+  if ((error_class & CAN_ERR_CRTL) == 0) return;
+  const std::uint8_t status = data[1];
+  if ((status & (CAN_ERR_CRTL_RX_OVERFLOW)) != 0) count(counters_.receive_overruns);
+  if ((status & (CAN_ERR_CRTL_RX_PASSIVE | CAN_ERR_CRTL_TX_PASSIVE)) != 0) {
+    state_ = BusState::kPassive;
+  } else if ((status & (CAN_ERR_CRTL_RX_WARNING | CAN_ERR_CRTL_TX_WARNING)) != 0) {
+    state_ = BusState::kWarning;
+  } else if ((status & CAN_ERR_CRTL_ACTIVE) != 0) {
+    state_ = BusState::kActive;
+  }
+}
+
+// The kernel restarts the controller (restart-ms of the link, or `ip link set … type can restart`),
+// which needs no rights of this process; its error frame "restarted" ends the state. Where the link
+// came back without such a frame the next successful send shows it.
+void SocketCanPort::recover() { state_ = BusState::kActive; }
+
+}  // namespace armtrue::posix

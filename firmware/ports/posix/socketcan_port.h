@@ -1,0 +1,43 @@
+// A Linux SocketCAN interface as a CanPort, classic and FD.
+#ifndef ARMTRUE_FIRMWARE_PORTS_POSIX_SOCKETCAN_PORT_H_
+#define ARMTRUE_FIRMWARE_PORTS_POSIX_SOCKETCAN_PORT_H_
+
+#include <string>
+
+#include "firmware/canopen/can_port.h"
+
+namespace armtrue::posix {
+
+class SocketCanPort final : public canopen::CanPort {
+ public:
+  SocketCanPort() = default;
+  ~SocketCanPort();
+  SocketCanPort(const SocketCanPort&) = delete;
+  SocketCanPort& operator=(const SocketCanPort&) = delete;
+
+  // Binds to `interface`. Empty if it worked, else one sentence that names the interface.
+  std::string open(const std::string& interface);
+
+  // For poll(2).
+  int descriptor() const { return socket_; }
+
+  bool send(const canopen::CanFrame& frame) override;
+  bool receive(canopen::CanFrame& frame) override;
+  canopen::BusState bus_state() override { return state_; }
+  void recover() override;
+  canopen::BusCounters counters() const override { return counters_; }
+  bool supports_fd() const override { return supports_fd_; }
+
+ private:
+  void take_error_frame(std::uint32_t error_class, const std::uint8_t* data);
+
+  int socket_ = -1;
+  bool supports_fd_ = false;
+  canopen::BusState state_ = canopen::BusState::kActive;
+  canopen::BusCounters counters_;
+  std::uint32_t kernel_drops_ = 0;
+};
+
+}  // namespace armtrue::posix
+
+#endif  // ARMTRUE_FIRMWARE_PORTS_POSIX_SOCKETCAN_PORT_H_

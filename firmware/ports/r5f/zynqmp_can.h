@@ -1,0 +1,209 @@
+// The CAN controller of the Zynq UltraScale+ (AMD UG1085, chapter 20; registers: UG1087, module
+// CAN).
+//
+// Frames leave through the controller's own FIFO of 64, in the order in which they were queued.
+// Received frames wait in a queue of 64 behind its FIFO of 64. The controller would leave bus-off
+// by itself; the driver holds it in configuration mode instead, until recover().
+#ifndef ARMTRUE_FIRMWARE_PORTS_R5F_ZYNQMP_CAN_H_
+#define ARMTRUE_FIRMWARE_PORTS_R5F_ZYNQMP_CAN_H_
+
+#include <cstddef>
+#include <cstdint>
+
+#include "firmware/canopen/can_port.h"
+#include "firmware/ports/common/bit_timing.h"
+#include "firmware/ports/common/frame_queue.h"
+#include "firmware/ports/common/interrupt_lock.h"
+#include "firmware/ports/common/register_block.h"
+
+namespace armtrue::r5f {
+
+namespace zynqmp_can {
+
+// Register offsets and bits, named as in UG1087.
+enum Offset : std::uint32_t {
+  kSrr = 0x00,
+  kMsr = 0x04,
+  kBrpr = 0x08,
+  kBtr = 0x0C,
+  kSr = 0x18,
+  kIsr = 0x1C,
+  kIer = 0x20,
+  kIcr = 0x24,
+  kTxFifoId = 0x30,
+  kTxFifoDlc = 0x34,
+  kTxFifoData1 = 0x38,
+  kTxFifoData2 = 0x3C,
+  kRxFifoId = 0x50,
+  kRxFifoDlc = 0x54,
+  kRxFifoData1 = 0x58,
+  kRxFifoData2 = 0x5C,
+  kAfr = 0x60,
+};
+
+inline constexpr std::uint32_t kSrrReset = 1U << 0;
+inline constexpr std::uint32_t kSrrEnable = 1U << 1;
+inline constexpr std::uint32_t kSrConfiguration = 1U << 0;
+inline constexpr std::uint32_t kSrWarning = 1U << 6;
+inline constexpr std::uint32_t kSrStateMask = 3U << 7;
+inline constexpr std::uint32_t kSrBusOff = 2U << 7;
+inline constexpr std::uint32_t kSrPassive = 3U << 7;
+inline constexpr std::uint32_t kSrTransmitFull = 1U << 10;
+inline constexpr std::uint32_t kIrqReceiveOverflow = 1U << 6;
+inline constexpr std::uint32_t kIrqReceiveNotEmpty = 1U << 7;
+inline constexpr std::uint32_t kIrqBusOff = 1U << 9;
+
+inline constexpr std::uint32_t kDlcShift = 28;
+
+}  // namespace zynqmp_can
+
+// How identifier and data stand in the FIFO registers.
+enum class FifoLayout : std::uint8_t {
+  kHardware,  // identifier left-aligned in two fields, first data byte on top (UG1087)
+  kEmulated,  // QEMU's model (docs/decisions/0063): identifier as in SocketCAN, first data byte at
+              // the bottom
+};
+
+// The four words of a frame in the FIFO registers.
+struct FifoWords {
+  std::uint32_t id = 0;
+  std::uint32_t dlc = 0;
+  std::uint32_t data1 = 0;
+  std::uint32_t data2 = 0;
+};
+
+FifoWords to_fifo(const ports::ClassicFrame& frame, FifoLayout layout);
+ports::ClassicFrame from_fifo(const FifoWords& words, FifoLayout layout);
+
+template <ports::RegisterBlock Registers>
+class ZynqMpCan final : public canopen::CanPort {
+ public:
+  static constexpr std::size_t kQueue = 64;
+
+  ZynqMpCan(Registers& registers, FifoLayout layout) : registers_(registers), layout_(layout) {}
+
+  // Resets the controller, sets the bit timing and takes part in traffic. False where the
+  // controller does not leave its configuration mode, or `timing` is not one.
+  bool start(const ports::BitTiming& timing);
+
+  bool send(const canopen::CanFrame& frame) override;
+  bool receive(canopen::CanFrame& frame) override;
+  canopen::BusState bus_state() override;
+  void recover() override;
+  canopen::BusCounters counters() const override { return counters_; }
+  bool supports_fd() const override { return false; }
+
+  // The controller's one interrupt. Harmless without a cause, so that it can also be polled.
+  void on_interrupt();
+
+ private:
+  bool join();
+
+  Registers& registers_;
+  FifoLayout layout_;
+  ports::BitTiming timing_;
+  ports::FrameQueue<kQueue> received_;
+  canopen::BusCounters counters_;
+  bool is_off_ = false;
+};
+
+template <ports::RegisterBlock Registers>
+bool ZynqMpCan<Registers>::start(const ports::BitTiming& timing) {
+  if (timing.prescaler == 0) return false;
+  timing_ = timing;
+  return join();
+}
+
+// From reset to normal mode: the controller joins after eleven recessive bits (UG1085,
+// configuration mode).
+template <ports::RegisterBlock Registers>
+bool ZynqMpCan<Registers>::join() {
+  constexpr std::uint32_t kPolls = 100000;
+  registers_.write(zynqmp_can::kSrr, zynqmp_can::kSrrReset);
+  if (!ports::wait_for(registers_, zynqmp_can::kSr, zynqmp_can::kSrConfiguration,
+                       zynqmp_can::kSrConfiguration, kPolls)) {
+    return false;
+  }
+  registers_.write(zynqmp_can::kBrpr, timing_.prescaler - 1);
+  registers_.write(zynqmp_can::kBtr, ((timing_.jump_width - 1) << 7) |
+                                         ((timing_.segment2 - 1) << 4) | (timing_.segment1 - 1));
+  registers_.write(zynqmp_can::kAfr, 0);  // no filter: every frame is received
+  registers_.write(zynqmp_can::kIer, zynqmp_can::kIrqReceiveNotEmpty |
+                                         zynqmp_can::kIrqReceiveOverflow | zynqmp_can::kIrqBusOff);
+  registers_.write(zynqmp_can::kSrr, zynqmp_can::kSrrEnable);
+  return ports::wait_for(registers_, zynqmp_can::kSr, zynqmp_can::kSrConfiguration, 0, kPolls);
+}
+
+template <ports::RegisterBlock Registers>
+bool ZynqMpCan<Registers>::send(const canopen::CanFrame& frame) {
+  const ports::InterruptLock lock;
+  if (!ports::is_classic(frame) || is_off_ ||
+      (registers_.read(zynqmp_can::kSr) & zynqmp_can::kSrTransmitFull) != 0) {
+    ports::count_up(counters_.send_refused);
+    return false;
+  }
+  const FifoWords words = to_fifo(ports::ClassicFrame::from(frame), layout_);
+  registers_.write(zynqmp_can::kTxFifoId, words.id);
+  registers_.write(zynqmp_can::kTxFifoDlc, words.dlc);
+  registers_.write(zynqmp_can::kTxFifoData1, words.data1);
+  registers_.write(zynqmp_can::kTxFifoData2, words.data2);  // the fourth word makes it a frame
+  ports::count_up(counters_.sent);
+  return true;
+}
+
+template <ports::RegisterBlock Registers>
+bool ZynqMpCan<Registers>::receive(canopen::CanFrame& frame) {
+  const ports::InterruptLock lock;
+  ports::ClassicFrame classic;
+  if (!received_.pop(classic)) return false;
+  classic.copy_to(frame);
+  return true;
+}
+
+template <ports::RegisterBlock Registers>
+canopen::BusState ZynqMpCan<Registers>::bus_state() {
+  const ports::InterruptLock lock;
+  if (is_off_) return canopen::BusState::kBusOff;
+  const std::uint32_t status = registers_.read(zynqmp_can::kSr);
+  const std::uint32_t state = status & zynqmp_can::kSrStateMask;
+  // Off already, and the interrupt that takes note of it still to come.
+  if (state == zynqmp_can::kSrBusOff) return canopen::BusState::kBusOff;
+  if (state == zynqmp_can::kSrPassive) return canopen::BusState::kPassive;
+  return (status & zynqmp_can::kSrWarning) != 0 ? canopen::BusState::kWarning
+                                                : canopen::BusState::kActive;
+}
+
+template <ports::RegisterBlock Registers>
+void ZynqMpCan<Registers>::recover() {
+  const ports::InterruptLock lock;
+  if (is_off_ && join()) is_off_ = false;
+}
+
+template <ports::RegisterBlock Registers>
+void ZynqMpCan<Registers>::on_interrupt() {
+  for (std::uint32_t cause = registers_.read(zynqmp_can::kIsr) & registers_.read(zynqmp_can::kIer);
+       cause != 0; cause = registers_.read(zynqmp_can::kIsr) & registers_.read(zynqmp_can::kIer)) {
+    if ((cause & zynqmp_can::kIrqReceiveNotEmpty) != 0) {
+      FifoWords words;  // each reading takes a word: once each, in this order
+      words.id = registers_.read(zynqmp_can::kRxFifoId);
+      words.dlc = registers_.read(zynqmp_can::kRxFifoDlc);
+      words.data1 = registers_.read(zynqmp_can::kRxFifoData1);
+      words.data2 = registers_.read(zynqmp_can::kRxFifoData2);
+      const bool kept = received_.push(from_fifo(words, layout_));
+      ports::count_up(kept ? counters_.received : counters_.receive_overruns);
+    }
+    if ((cause & zynqmp_can::kIrqReceiveOverflow) != 0) {
+      ports::count_up(counters_.receive_overruns);
+    }
+    if ((cause & zynqmp_can::kIrqBusOff) != 0) {
+      ports::count_up(counters_.bus_off_entries);
+      is_off_ = true;
+      registers_.write(zynqmp_can::kSrr, 0);  // configuration mode: no recovery until asked for
+    }
+    registers_.write(zynqmp_can::kIcr, cause);
+  }
+}
+
+}  // namespace armtrue::r5f
+
+#endif  // ARMTRUE_FIRMWARE_PORTS_R5F_ZYNQMP_CAN_H_

@@ -1,0 +1,63 @@
+// Test image: shows that the emulated board starts, runs constructors, takes a recorded input and
+// gives an output, and that instruction counts are exact. Command line: INPUT OUTPUT, two host
+// files; every byte of INPUT is written to OUTPUT plus one. Prints the count of a loop whose length
+// is known.
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+
+#include "firmware/ports/arm/semihosting.h"
+#include "firmware/ports/stm32f405/instruction_counter.h"
+
+namespace {
+
+namespace semihosting = armtrue::semihosting;
+
+constexpr std::uint32_t kLoops = 1000;
+
+struct ConstructorProbe {
+  ConstructorProbe() { value = 0x600DF00D; }
+  volatile std::uint32_t value;
+};
+ConstructorProbe constructor_probe;
+
+// Two instructions a turn (SUBS, BNE), whatever the compiler does around it.
+void two_instructions_aturn(std::uint32_t turns) {
+  asm volatile("1: subs %0, %0, #1\n bne 1b" : "+r"(turns) : : "cc");
+}
+
+bool shift_file(char* command_line) {
+  char* space = std::strchr(command_line, ' ');
+  if (space == nullptr) return false;
+  *space = '\0';
+  const std::int32_t input = semihosting::open(command_line, semihosting::OpenMode::kReadBinary);
+  const std::int32_t output = semihosting::open(space + 1, semihosting::OpenMode::kWriteBinary);
+  if (input < 0 || output < 0) return false;
+  std::uint8_t block[256];
+  std::size_t size = 0;
+  while ((size = semihosting::read(input, block, sizeof block)) > 0) {
+    for (std::size_t i = 0; i < size; ++i) block[i] = static_cast<std::uint8_t>(block[i] + 1);
+    if (!semihosting::write(output, block, size)) return false;
+  }
+  semihosting::close(input);
+  semihosting::close(output);
+  return true;
+}
+
+}  // namespace
+
+int main() {
+  using armtrue::stm32f405::InstructionCounter;
+  if (constructor_probe.value != 0x600DF00D) semihosting::exit(1);
+
+  const InstructionCounter counter;
+  const std::uint32_t before = InstructionCounter::read();
+  two_instructions_aturn(kLoops);
+  const std::uint32_t after = InstructionCounter::read();
+  semihosting::print_unsigned(counter.between(before, after));
+  semihosting::print("\n");
+
+  char command_line[256];
+  if (!semihosting::command_line(command_line, sizeof command_line)) semihosting::exit(2);
+  semihosting::exit(shift_file(command_line) ? 0 : 3);
+}

@@ -1,0 +1,254 @@
+#include "firmware/ports/stm32f405/bxcan.h"
+
+#include <gtest/gtest.h>
+
+#include "firmware/ports/stm32f405/fake_bxcan.h"
+
+namespace armtrue::stm32f405 {
+namespace {
+
+using canopen::BusState;
+using canopen::CanFrame;
+
+constexpr ports::BitTiming kTiming = ports::bit_timing(42'000'000, 1'000'000);
+
+CanFrame frame_of(std::uint32_t id, std::uint8_t first_byte, std::uint8_t len = 8) {
+  CanFrame frame;
+  frame.id = id;
+  frame.len = len;
+  for (std::uint8_t i = 0; i < len; ++i) frame.data[i] = static_cast<std::uint8_t>(first_byte + i);
+  return frame;
+}
+
+class BxCanTest : public testing::Test {
+ protected:
+  void SetUp() override { ASSERT_TRUE(can_.start(kTiming)); }
+
+  // What the hardware and its interrupt do until nothing is left to send.
+  void drain() {
+    while (fake_.transmit_one()) can_.on_transmit_interrupt();
+  }
+
+  FakeBxCan fake_;
+  BxCan<FakeBxCan> can_{fake_};
+};
+
+TEST_F(BxCanTest, StartSetsTheTimingAndLeavesInitialisation) {
+  const std::uint32_t timing = fake_.read(bxcan::kBtr);
+  const std::uint32_t quanta = 1 + ((timing >> 16 & 0xF) + 1) + ((timing >> 20 & 0x7) + 1);
+  EXPECT_EQ(42'000'000 / ((timing & 0x3FF) + 1) / quanta, 1'000'000U);
+  EXPECT_EQ(timing >> 30, 0U) << "neither loop-back nor silent";
+  EXPECT_EQ(fake_.read(bxcan::kMcr), bxcan::kMcrTxfp);
+  EXPECT_EQ(can_.bus_state(), BusState::kActive);
+}
+
+TEST(BxCanStart, ReportsThatThereIsNoController) {
+  FakeBxCan fake;
+  fake.is_present = false;
+  BxCan<FakeBxCan> can(fake);
+  EXPECT_FALSE(can.start(kTiming));
+}
+
+TEST(BxCanStart, RefusesATimingThatIsNone) {
+  FakeBxCan fake;
+  BxCan<FakeBxCan> can(fake);
+  EXPECT_FALSE(can.start({}));
+}
+
+TEST(BxCanFilters, LetEverythingThroughOnBothControllers) {
+  FakeBxCan fake;
+  accept_all_frames(fake);
+  EXPECT_EQ(fake.read(bxcan::kFmr), 14U << 8) << "CAN2 begins at bank 14, initialisation is over";
+  EXPECT_EQ(fake.read(bxcan::kFa1r), (1U << 0) | (1U << 14));
+  EXPECT_EQ(fake.read(bxcan::kFfa1r), 0U);
+}
+
+TEST_F(BxCanTest, SendsTheFrameBitForBit) {
+  ASSERT_TRUE(can_.send(frame_of(0x123, 0x10)));
+  CanFrame extended = frame_of(0x1ABCDEF0, 0x20, 3);
+  extended.flags = canopen::kFrameExtended;
+  ASSERT_TRUE(can_.send(extended));
+  CanFrame remote = frame_of(0x7FF, 0, 0);
+  remote.flags = canopen::kFrameRemote;
+  ASSERT_TRUE(can_.send(remote));
+  drain();
+  ASSERT_EQ(fake_.sent.size(), 3U);
+  EXPECT_EQ(fake_.sent[0].identifier, 0x123U << 21 | bxcan::kIdRequest);
+  EXPECT_EQ(fake_.sent[0].length, 8U);
+  EXPECT_EQ(fake_.sent[0].data_low, 0x13121110U);
+  EXPECT_EQ(fake_.sent[0].data_high, 0x17161514U);
+  EXPECT_EQ(fake_.sent[1].identifier, 0x1ABCDEF0U << 3 | bxcan::kIdExtended | bxcan::kIdRequest);
+  EXPECT_EQ(fake_.sent[1].length, 3U);
+  EXPECT_EQ(fake_.sent[1].data_low, 0x00222120U);
+  EXPECT_EQ(fake_.sent[2].identifier, 0x7FFU << 21 | bxcan::kIdRemote | bxcan::kIdRequest);
+  EXPECT_EQ(can_.counters().sent, 3U);
+}
+
+TEST_F(BxCanTest, FramesLeaveInTheOrderInWhichTheyWereQueued) {
+  constexpr std::uint8_t kFrames = 40;
+  for (std::uint8_t i = 0; i < kFrames; ++i) {
+    ASSERT_TRUE(can_.send(frame_of(0x700U - i, i)));
+    if (i % 7 == 0) fake_.transmit_one();
+    if (i % 5 == 0) can_.on_transmit_interrupt();
+  }
+  drain();
+  ASSERT_EQ(fake_.sent.size(), kFrames);
+  for (std::uint8_t i = 0; i < kFrames; ++i) EXPECT_EQ(fake_.sent[i].data_low & 0xFF, i);
+}
+
+TEST_F(BxCanTest, RefusesWhenTheQueueIsFullAndGoesOnWhenItIsNot) {
+  const std::size_t places = BxCan<FakeBxCan>::kQueue + bxcan::kMailboxes;
+  for (std::size_t i = 0; i < places; ++i) ASSERT_TRUE(can_.send(frame_of(0x100, 0)));
+  EXPECT_FALSE(can_.send(frame_of(0x100, 0)));
+  EXPECT_EQ(can_.counters().send_refused, 1U);
+  ASSERT_TRUE(fake_.transmit_one());
+  can_.on_transmit_interrupt();
+  EXPECT_TRUE(can_.send(frame_of(0x100, 0)));
+  drain();
+  EXPECT_EQ(can_.counters().sent, places + 1);
+}
+
+TEST_F(BxCanTest, RefusesWhatAClassicControllerCannotSend) {
+  CanFrame fd = frame_of(0x100, 0);
+  fd.flags = canopen::kFrameFd;
+  EXPECT_FALSE(can_.send(fd));
+  CanFrame long_frame = frame_of(0x100, 0);
+  long_frame.len = 9;
+  EXPECT_FALSE(can_.send(long_frame));
+  EXPECT_FALSE(can_.send(frame_of(0x800, 0)));
+  EXPECT_EQ(can_.counters().send_refused, 3U);
+  EXPECT_EQ(fake_.requested(), 0U);
+}
+
+TEST_F(BxCanTest, ReceivesEveryKindOfFrame) {
+  fake_.deliver({0x7FFU << 21, 8, 0x03020100, 0x07060504});
+  fake_.deliver({0x1FFFFFFFU << 3 | bxcan::kIdExtended, 2, 0xBBAA, 0});
+  fake_.deliver({0x001U << 21 | bxcan::kIdRemote, 0, 0, 0});
+  can_.on_receive_interrupt();
+  CanFrame frame;
+  ASSERT_TRUE(can_.receive(frame));
+  EXPECT_EQ(frame.id, 0x7FFU);
+  EXPECT_EQ(frame.flags, canopen::kFrameNone);
+  ASSERT_EQ(frame.len, 8);
+  for (std::uint8_t i = 0; i < 8; ++i) EXPECT_EQ(frame.data[i], i);
+  ASSERT_TRUE(can_.receive(frame));
+  EXPECT_EQ(frame.id, 0x1FFFFFFFU);
+  EXPECT_EQ(frame.flags, canopen::kFrameExtended);
+  EXPECT_EQ(frame.len, 2);
+  ASSERT_TRUE(can_.receive(frame));
+  EXPECT_TRUE(frame.is(canopen::kFrameRemote));
+  EXPECT_FALSE(can_.receive(frame));
+  EXPECT_EQ(can_.counters().received, 3U);
+}
+
+TEST_F(BxCanTest, ALengthCodeBeyondEightMeansEight) {
+  fake_.deliver({0x100U << 21, 15, 0, 0});
+  can_.on_receive_interrupt();
+  CanFrame frame;
+  ASSERT_TRUE(can_.receive(frame));
+  EXPECT_EQ(frame.len, 8);
+}
+
+TEST_F(BxCanTest, CountsWhatTheHardwareLost) {
+  for (int i = 0; i < 5; ++i) fake_.deliver({0x100U << 21, 1, 0, 0});
+  can_.on_receive_interrupt();
+  EXPECT_EQ(can_.counters().received, 3U);
+  EXPECT_EQ(can_.counters().receive_overruns, 1U)
+      << "bxCAN tells that frames were lost, not how many";
+  fake_.deliver({0x100U << 21, 1, 0, 0});
+  can_.on_receive_interrupt();
+  EXPECT_EQ(can_.counters().receive_overruns, 1U);
+}
+
+TEST_F(BxCanTest, CountsWhatNobodyTook) {
+  for (std::size_t i = 0; i < BxCan<FakeBxCan>::kQueue + 4; ++i) {
+    fake_.deliver({0x100U << 21, 1, static_cast<std::uint32_t>(i), 0});
+    can_.on_receive_interrupt();
+  }
+  EXPECT_EQ(can_.counters().receive_overruns, 4U);
+  CanFrame frame;
+  std::uint8_t expected = 0;
+  while (can_.receive(frame)) EXPECT_EQ(frame.data[0], expected++);
+  EXPECT_EQ(expected, BxCan<FakeBxCan>::kQueue) << "the oldest are kept";
+}
+
+TEST_F(BxCanTest, ReportsTheErrorState) {
+  fake_.set_error_status(bxcan::kEsrWarning);
+  EXPECT_EQ(can_.bus_state(), BusState::kWarning);
+  fake_.set_error_status(bxcan::kEsrWarning | bxcan::kEsrPassive);
+  EXPECT_EQ(can_.bus_state(), BusState::kPassive);
+  fake_.set_error_status(0);
+  EXPECT_EQ(can_.bus_state(), BusState::kActive);
+}
+
+class BxCanBusOffTest : public BxCanTest {
+ protected:
+  void SetUp() override {
+    BxCanTest::SetUp();
+    for (int i = 0; i < 10; ++i) ASSERT_TRUE(can_.send(frame_of(0x200, 0)));
+    fake_.set_error_status(bxcan::kEsrWarning | bxcan::kEsrPassive | bxcan::kEsrBusOff);
+    can_.on_status_interrupt();
+  }
+};
+
+TEST_F(BxCanBusOffTest, IsReportedAndCountedOnce) {
+  EXPECT_EQ(can_.bus_state(), BusState::kBusOff);
+  can_.on_status_interrupt();
+  EXPECT_EQ(can_.bus_state(), BusState::kBusOff);
+  EXPECT_EQ(can_.counters().bus_off_entries, 1U);
+}
+
+TEST_F(BxCanBusOffTest, RefusesFramesAndDoesNotLeaveByItself) {
+  EXPECT_FALSE(can_.send(frame_of(0x200, 0)));
+  EXPECT_EQ(can_.counters().send_refused, 1U);
+  for (int i = 0; i < 100; ++i) EXPECT_EQ(can_.bus_state(), BusState::kBusOff);
+  EXPECT_FALSE(fake_.is_initialising());
+}
+
+TEST_F(BxCanBusOffTest, RecoveryGoesThroughInitialisationAndDiscardsWhatWasQueued) {
+  can_.recover();
+  EXPECT_EQ(fake_.requested(), 0U);
+  while (!fake_.is_initialising()) EXPECT_EQ(can_.bus_state(), BusState::kBusOff);
+  for (int i = 0; i < 10; ++i)
+    EXPECT_EQ(can_.bus_state(), BusState::kBusOff) << "recessive bits run";
+  EXPECT_FALSE(fake_.is_initialising());
+  EXPECT_FALSE(can_.send(frame_of(0x200, 0)));
+
+  fake_.set_error_status(0);
+  EXPECT_EQ(can_.bus_state(), BusState::kActive);
+  ASSERT_TRUE(can_.send(frame_of(0x201, 0x55)));
+  drain();
+  ASSERT_EQ(fake_.sent.size(), 1U);
+  EXPECT_EQ(fake_.sent[0].identifier, 0x201U << 21 | bxcan::kIdRequest);
+}
+
+TEST_F(BxCanBusOffTest, ASecondRecoveryIsASecondEntry) {
+  can_.recover();
+  fake_.set_error_status(0);
+  while (can_.bus_state() == BusState::kBusOff) {
+  }
+  fake_.set_error_status(bxcan::kEsrBusOff);
+  EXPECT_EQ(can_.bus_state(), BusState::kBusOff);
+  EXPECT_EQ(can_.counters().bus_off_entries, 2U);
+  can_.recover();
+  fake_.set_error_status(0);
+  for (int i = 0; i < 10; ++i) can_.bus_state();
+  EXPECT_EQ(can_.bus_state(), BusState::kActive);
+}
+
+TEST_F(BxCanTest, RecoveryWithoutBusOffHasNoEffect) {
+  ASSERT_TRUE(can_.send(frame_of(0x200, 1)));
+  can_.recover();
+  EXPECT_EQ(can_.bus_state(), BusState::kActive);
+  EXPECT_EQ(fake_.requested(), 1U);
+}
+
+TEST_F(BxCanTest, AnAbortedMailboxIsNotCountedAsSent) {
+  ASSERT_TRUE(can_.send(frame_of(0x200, 1)));
+  fake_.transmit_one(false);
+  can_.on_transmit_interrupt();
+  EXPECT_EQ(can_.counters().sent, 0U);
+}
+
+}  // namespace
+}  // namespace armtrue::stm32f405

@@ -1,0 +1,185 @@
+// The compensator on the STM32F405: inline between CAN1 (controller) and CAN2 (drives), or between
+// two serial ports in SLCAN where there is no CAN (an emulator), no crystal, or the jumper BOOT1 is
+// set.
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
+#include <new>
+#include <span>
+
+#include "firmware/ports/common/device.h"
+#include "firmware/ports/common/slcan_port.h"
+#include "firmware/ports/common/slot_parameters.h"
+#include "firmware/ports/identity.h"
+#include "firmware/ports/stm32f405/bxcan.h"
+#include "firmware/ports/stm32f405/flash_driver.h"
+#include "firmware/ports/stm32f405/system.h"
+#include "firmware/ports/stm32f405/usart.h"
+#include "firmware/storage/ram_flash.h"
+
+namespace {
+
+using namespace armtrue;
+using namespace armtrue::stm32f405;
+using ports::MappedRegisters;
+
+constexpr std::uint32_t kSerialBitRate = 2'000'000;
+constexpr std::uint32_t kParameterSector = 8;  // and 9
+constexpr std::uint32_t kTableSector = 10;     // and 11
+
+// Interrupt numbers (RM0090, table 62).
+constexpr std::uint32_t kCanInterrupts[] = {19, 20, 22, 63, 64, 66};
+constexpr std::uint32_t kSerialInterrupts[] = {37, 38};
+
+MappedRegisters can1_registers(0x40006400);
+MappedRegisters can2_registers(0x40006800);
+MappedRegisters flash_registers(0x40023C00);
+MappedRegisters usart1_registers(0x40011000);
+MappedRegisters usart2_registers(0x40004400);
+MappedFlashArray flash_array;
+
+// The device is on CAN or on serial lines, never on both: one memory for either's queues.
+struct CanLines {
+  BxCan<MappedRegisters> first{can1_registers};
+  BxCan<MappedRegisters> second{can2_registers};
+};
+struct SerialLines {
+  Usart<MappedRegisters> first{usart1_registers};
+  Usart<MappedRegisters> second{usart2_registers};
+  ports::SlcanPort first_port{first};
+  ports::SlcanPort second_port{second};
+};
+alignas(8) std::byte line_memory[std::max(sizeof(CanLines), sizeof(SerialLines))];
+CanLines* can = nullptr;        // set before the interrupts that use it are enabled
+SerialLines* serial = nullptr;  // likewise
+Watchdog watchdog;
+
+// An erase stalls the core for longer than the watchdog usually allows. It happens only at rest.
+class PatientFlash final : public storage::Flash {
+ public:
+  explicit PatientFlash(std::uint32_t first_sector)
+      : driver_(flash_registers, flash_array, first_sector) {}
+
+  bool is_present() const { return driver_.is_present(); }
+  std::size_t slot_size() const override { return driver_.slot_size(); }
+  void read(std::size_t slot, std::size_t offset, std::span<std::uint8_t> data) const override {
+    driver_.read(slot, offset, data);
+  }
+  bool program(std::size_t slot, std::size_t offset, std::uint32_t word) override {
+    return driver_.program(slot, offset, word);
+  }
+  bool erase(std::size_t slot) override {
+    watchdog.set_timeout(Watchdog::kEraseMs);
+    const bool erased = driver_.erase(slot);
+    watchdog.set_timeout(Watchdog::kUsualMs);
+    return erased;
+  }
+
+ private:
+  FlashDriver<MappedRegisters, MappedFlashArray> driver_;
+};
+
+PatientFlash table_flash(kTableSector);
+PatientFlash parameter_flash(kParameterSector);
+
+// Beyond the SRAM of the chip; the emulated board has memory there, and keeps it over a restart.
+constexpr std::uintptr_t kEmulatedMemory = 0x20020000;
+constexpr std::size_t kEmulatedTables = 2 * (kMaxImageLength + storage::kHeaderBytes);
+constexpr std::size_t kEmulatedParameters = 8 * 1024;
+storage::RamFlash emulated_tables(std::span(reinterpret_cast<std::uint8_t*>(kEmulatedMemory),
+                                            kEmulatedTables));
+storage::RamFlash emulated_parameters(std::span(
+    reinterpret_cast<std::uint8_t*>(kEmulatedMemory + kEmulatedTables), kEmulatedParameters));
+
+bool start_can() {
+  constexpr ports::BitTiming kTiming = ports::bit_timing(kApb1Hz, ports::kBitRate);
+  static_assert(kTiming.prescaler != 0, "ARMTRUE_BIT_RATE does not divide 42 MHz");
+  accept_all_frames(can1_registers);
+  can = new (line_memory) CanLines;
+  if (!can->first.start(kTiming) || !can->second.start(kTiming)) return false;
+  for (const std::uint32_t interrupt : kCanInterrupts) enable_interrupt(interrupt);
+  return true;
+}
+
+void start_serial() {
+  serial = new (line_memory) SerialLines;
+  serial->first.start(kApb2Hz, kSerialBitRate);
+  serial->second.start(kApb1Hz, kSerialBitRate);
+  for (const std::uint32_t interrupt : kSerialInterrupts) enable_interrupt(interrupt);
+}
+
+}  // namespace
+
+extern "C" {
+void can1_tx_handler() {
+  can->first.on_transmit_interrupt();
+  wake();
+}
+void can1_rx0_handler() {
+  can->first.on_receive_interrupt();
+  wake();
+}
+void can1_sce_handler() {
+  can->first.on_status_interrupt();
+  wake();
+}
+void can2_tx_handler() {
+  can->second.on_transmit_interrupt();
+  wake();
+}
+void can2_rx0_handler() {
+  can->second.on_receive_interrupt();
+  wake();
+}
+void can2_sce_handler() {
+  can->second.on_status_interrupt();
+  wake();
+}
+void usart1_handler() {
+  serial->first.on_interrupt();
+  wake();
+}
+void usart2_handler() {
+  serial->second.on_interrupt();
+  wake();
+}
+}
+
+namespace {
+
+// Apart from main(), so that what it needs of the stack is free again while the device runs.
+[[gnu::noinline]] ports::Device& make_device() {
+  const ClockSource source = start_clocks();
+  start_pins();
+  const bool has_can = source == ClockSource::kCrystal && !serial_is_requested() && start_can();
+  if (!has_can) start_serial();
+
+  const bool has_flash = table_flash.is_present();
+  if (!has_flash) {
+    emulated_tables.start();
+    emulated_parameters.start();
+  }
+  storage::Flash& tables = has_flash ? static_cast<storage::Flash&>(table_flash) : emulated_tables;
+  storage::Flash& settings =
+      has_flash ? static_cast<storage::Flash&>(parameter_flash) : emulated_parameters;
+  static ports::SlotParameters parameters(settings);
+  parameters.start();
+
+  canopen::CanPort& upstream =
+      has_can ? static_cast<canopen::CanPort&>(can->first) : serial->first_port;
+  canopen::CanPort& downstream =
+      has_can ? static_cast<canopen::CanPort&>(can->second) : serial->second_port;
+  static ports::Device device(ports::kSettings,
+                              {upstream, &downstream, tables, parameters, &clock_us});
+  return device;
+}
+
+}  // namespace
+
+int main() {
+  ports::Device& device = make_device();
+  device.start();
+  watchdog.start();
+  while (device.turn([] { watchdog.feed(); })) sleep();
+  restart();
+}

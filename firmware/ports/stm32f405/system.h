@@ -1,0 +1,61 @@
+// Clocks, time, pins, restart and watchdog of the STM32F405.
+#ifndef ARMTRUE_FIRMWARE_PORTS_STM32F405_SYSTEM_H_
+#define ARMTRUE_FIRMWARE_PORTS_STM32F405_SYSTEM_H_
+
+#include <cstdint>
+
+namespace armtrue::stm32f405 {
+
+inline constexpr std::uint32_t kCoreHz = 168'000'000;
+inline constexpr std::uint32_t kApb1Hz = kCoreHz / 4;  // CAN, USART2
+inline constexpr std::uint32_t kApb2Hz = kCoreHz / 2;  // USART1
+
+enum class ClockSource : std::uint8_t {
+  kCrystal,   // accurate enough for CAN at 1 Mbit/s
+  kInternal,  // 1 %: serial ports only
+  kEmulated,  // no clock controller answers
+};
+
+// Brings the core to 168 MHz from the crystal (ARMTRUE_HSE_HZ), else from the internal oscillator,
+// and starts the millisecond tick.
+ClockSource start_clocks();
+
+// Microseconds since start_clocks(), never less than before. Not for interrupts.
+std::uint64_t clock_us();
+
+// Routes CAN1 to PB8/PB9, CAN2 to PB12/PB13, USART1 to PA9/PA10, USART2 to PA2/PA3, and powers
+// them.
+void start_pins();
+
+// Enables an interrupt in the nested vectored interrupt controller; its number as in RM0090,
+// table 62.
+void enable_interrupt(std::uint32_t number);
+
+// Whether the jumper BOOT1 (PB2) asks for the serial ports instead of CAN.
+bool serial_is_requested();
+
+// Tells sleep() that there is something to do. Called by every interrupt.
+void wake();
+
+// Stops the core until an interrupt has come since the last call; the millisecond tick is one.
+void sleep();
+
+[[noreturn]] void restart();
+
+// The independent watchdog (RM0090, section 21). It cannot be stopped.
+class Watchdog {
+ public:
+  // A commit of 16 KiB, signature check and 4096 words at their slowest (100 µs), is half a second.
+  static constexpr std::uint32_t kUsualMs = 1000;
+  // Erasing a sector stalls the core for up to two seconds, at rest.
+  static constexpr std::uint32_t kEraseMs = 8000;
+
+  void start() { set_timeout(kUsualMs); }
+  void feed();
+  // Also feeds.
+  void set_timeout(std::uint32_t milliseconds);
+};
+
+}  // namespace armtrue::stm32f405
+
+#endif  // ARMTRUE_FIRMWARE_PORTS_STM32F405_SYSTEM_H_

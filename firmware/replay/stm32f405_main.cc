@@ -1,0 +1,52 @@
+// Test image: plays a recording on the emulated chip and counts the instructions of every cycle.
+// Command line: RECORDING RESULT, two host files.
+#include <cstring>
+
+#include "firmware/ports/arm/semihosting.h"
+#include "firmware/ports/stm32f405/instruction_counter.h"
+#include "firmware/replay/replay.h"
+
+namespace {
+
+namespace semihosting = armtrue::semihosting;
+using armtrue::stm32f405::InstructionCounter;
+
+bool read_file(void* handle, void* data, std::size_t size) {
+  return semihosting::read(*static_cast<std::int32_t*>(handle), data, size) == size;
+}
+
+bool write_file(void* handle, const void* data, std::size_t size) {
+  return semihosting::write(*static_cast<std::int32_t*>(handle), data, size);
+}
+
+std::uint32_t between(const void* counter, std::uint32_t before, std::uint32_t after) {
+  return static_cast<const InstructionCounter*>(counter)->between(before, after);
+}
+
+armtrue::replay::Player player;
+
+}  // namespace
+
+int main() {
+  constexpr std::uint32_t kBadCommandLine = 4;
+  char command_line[256];
+  char* space = nullptr;
+  if (semihosting::command_line(command_line, sizeof command_line)) {
+    space = std::strchr(command_line, ' ');
+  }
+  if (space == nullptr) {
+    semihosting::exit(kBadCommandLine);
+  }
+  *space = '\0';
+  std::int32_t input = semihosting::open(command_line, semihosting::OpenMode::kReadBinary);
+  std::int32_t output = semihosting::open(space + 1, semihosting::OpenMode::kWriteBinary);
+  if (input < 0 || output < 0) {
+    semihosting::exit(kBadCommandLine);
+  }
+  const InstructionCounter counter;
+  const armtrue::replay::Outcome outcome =
+      armtrue::replay::play(player, {&read_file, &input}, {&write_file, &output},
+                            {&InstructionCounter::read, &between, &counter});
+  semihosting::close(output);
+  semihosting::exit(static_cast<std::uint32_t>(outcome));
+}
