@@ -1,0 +1,274 @@
+"""What the CAN side costs: `./dev bench can` prints the tables and writes them into docs/results.md.
+
+python tests/can/bench.py transfer|latency RESULT.json  inside the rig
+python tests/can/bench.py report FOLDER --write docs/results.md  outside; counts instructions too
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import json
+import os
+import struct
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import can
+import numpy as np
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path[:0] = [str(ROOT), str(ROOT / "sim"), str(ROOT / "tests" / "can"), str(ROOT / "tests" / "firmware")]
+
+from armtrue.device import Compensator, SdoClient, upload_image  # noqa: E402
+from armtrue.device.bus_load import classic_frame_bits  # noqa: E402
+from armtrue.device.image import read_image  # noqa: E402
+from node_process import NODE_ID, NodeProcess  # noqa: E402
+from small_table import small_table  # noqa: E402
+
+BITRATE = 1_000_000
+SEGMENT = 7
+BLOCK_SEGMENTS = 127
+PADDING = {"small": 0, "16 KiB": 15_500}
+TARGET_IDS = (0x220, 0x320, 0x420)
+CYCLES = 2000
+MARKS = ("<!-- can: begin -->", "<!-- can: end -->")
+
+
+class Counted:
+    """A bus that keeps the SDO frames that a client sends and takes."""
+
+    def __init__(self, bus: can.BusABC) -> None:
+        self._bus = bus
+        self.frames: list[tuple[int, bytes]] = []
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        """As can.BusABC.send."""
+        self._bus.send(msg, timeout)
+        self._keep(msg)
+
+    def recv(self, timeout: float | None = None) -> can.Message | None:
+        """As can.BusABC.recv."""
+        message = self._bus.recv(timeout)
+        if message is not None:
+            self._keep(message)
+        return message
+
+    def _keep(self, message: can.Message) -> None:
+        if message.arbitration_id in (0x600 + NODE_ID, 0x580 + NODE_ID):
+            self.frames.append((message.arbitration_id, bytes(message.data)))
+
+
+def frames_of_image(frames: list[tuple[int, bytes]], block: bool) -> list[tuple[int, bytes]]:
+    """Those that move the image: from the request that opens the staging object to the answer that ends it."""
+    opens = 0xC6 if block else 0x21
+    begin = next(k for k, (_, data) in enumerate(frames) if data[0] == opens and data[1:4] == b"\x10\x20\x00")
+    end = begin
+    while True:
+        identifier, data = frames[end]
+        end += 1
+        if identifier == 0x580 + NODE_ID:
+            if block and data[0] == 0xA1:
+                break
+            last = frames[end - 2][1]
+            if not block and end - begin > 2 and data[0] & 0xE0 == 0x20 and last[0] & 1:
+                break
+    return frames[begin:end]
+
+
+def least_frames(length: int, block: bool) -> int:
+    """The fewest frames that CiA 301 moves so many bytes with."""
+    segments = -(-length // SEGMENT)
+    return 2 + segments + -(-segments // BLOCK_SEGMENTS) + 2 if block else 2 + 2 * segments
+
+
+def bus_seconds(frames: list[tuple[int, bytes]]) -> float:
+    """Time that frames take at 1 Mbit/s, one directly behind the other."""
+    return sum(classic_frame_bits(identifier, data) for identifier, data in frames) / BITRATE
+
+
+def transfers() -> list[dict[str, Any]]:
+    """Uploads of two sizes by both transfers against a node, frame by frame."""
+    rows = []
+    with tempfile.TemporaryDirectory() as folder, NodeProcess(Path(folder) / "state"):
+        file = Path(folder) / "tables.bin"
+        for sequence, (size, block) in enumerate(
+            ((size, block) for size in PADDING for block in (False, True)), 1
+        ):
+            file.write_bytes(small_table(sequence=sequence, padding=PADDING[size]))
+            image = read_image(file)
+            with can.Bus(interface="socketcan", channel="vcan0") as bus:
+                counted = Counted(bus)
+                device = Compensator(SdoClient(counted, NODE_ID, 10.0))
+                upload_image(device, image, lambda _: None, lambda _done, _total: None, block, confirm=True)
+            moving = frames_of_image(counted.frames, block)
+            rows.append(
+                {
+                    "bytes": len(image.data), "transfer": "block" if block else "segmented", "frames": len(moving),
+                    "least": least_frames(len(image.data), block), "seconds": bus_seconds(moving),
+                    "all_frames": len(counted.frames), "all_seconds": bus_seconds(counted.frames),
+                }
+            )  # fmt: skip
+    return rows
+
+
+def latency() -> dict[str, Any]:
+    """From the last target frame on the controller's bus to the last corrected one on the drives', kernel time."""
+    with tempfile.TemporaryDirectory() as folder:
+        node = NodeProcess(Path(folder) / "state", upstream="vcan0", downstream="vcan1")
+        with (
+            node,
+            can.Bus(interface="socketcan", channel="vcan0", receive_own_messages=True) as upstream,
+            can.Bus(interface="socketcan", channel="vcan1") as downstream,
+        ):
+            return _latency(upstream, downstream)
+
+
+def _latency(upstream: can.BusABC, downstream: can.BusABC) -> dict[str, Any]:
+    client = SdoClient(upstream, NODE_ID, 10.0)
+    device = Compensator(client)
+    device.stage(small_table(), True, lambda _done, _total: None)
+    for word in ("vrfy", "cmit", "actv", "cfrm"):
+        device.command(word)
+    for pair, identifier in enumerate(TARGET_IDS):
+        client.download(0x1400 + pair, 1, identifier.to_bytes(4, "little"))
+    for sub in (3, 4):
+        client.download(0x2000, sub, (1_000_000).to_bytes(4, "little"))
+    client.download(0x2000, 1, b"\x01")
+    upstream.send(can.Message(arbitration_id=0, data=[1, NODE_ID], is_extended_id=False))
+    taken = []
+    for number in range(CYCLES):
+        targets = [120_000 + 30 * number * (joint + 1) for joint in range(6)]
+        upstream.send(can.Message(arbitration_id=0x080, is_extended_id=False))
+        for pair, identifier in enumerate(TARGET_IDS):
+            data = struct.pack("<2i", *targets[2 * pair : 2 * pair + 2])
+            upstream.send(can.Message(arbitration_id=identifier, data=data, is_extended_id=False))
+        sent = _stamp(upstream, 0x420)
+        if number > 0:  # a stream begins with its second set
+            taken.append(1e6 * (_stamp(downstream, 0x420) - sent))
+    worst_us = device.read_number("Compensator status.Worst cycle (us)")
+    return {
+        "cycles": len(taken), "median_us": float(np.median(taken)), "p99_us": float(np.percentile(taken, 99)),
+        "max_us": float(np.max(taken)), "evaluation_max_us": worst_us, "where": os.environ.get("ARMTRUE_RIG", "native"),
+    }  # fmt: skip
+
+
+def _stamp(bus: can.BusABC, identifier: int) -> float:
+    """The kernel's time of the next frame with an identifier."""
+    while True:
+        frame = bus.recv(10.0)
+        if frame is None:
+            raise RuntimeError(f"no frame 0x{identifier:X} within 10 s")
+        if frame.arbitration_id == identifier:
+            return float(frame.timestamp)
+
+
+@dataclasses.dataclass(frozen=True)
+class Budget:
+    """Instructions of one control cycle on the M4."""
+
+    mean: float
+    worst: int
+
+
+def budgets() -> dict[str, Budget]:
+    """The core alone and the whole node between two buses, over a recorded motion of an arm with every effect."""
+    import arms
+    import recording
+    from armtrue.tables.export import ExportOptions, export
+
+    from tests import qemu
+
+    cycles_count = 1000
+    arm = arms.full_arm("kr30", grid_nodes=6)
+    cycles = recording.blank_cycles(cycles_count)
+    path = recording.motion(arm.chain.limits, cycles_count, 1e-3, np.random.default_rng(1))
+    cycles["target"][:, :6] = np.round(path * 2**20 / (2.0 * np.pi) * 100.0)
+    cycles["request"][0] = recording.ACTIVATE_A
+    cycles["time_ms"] = np.arange(cycles_count) + 1
+    motion = recording.Recording(6, bytes(export(arm, ExportOptions()).image), cycles=cycles)
+    found = {}
+    for name, image in (("compensator alone", "cycle_replay"), ("with the CAN path", "node_budget")):
+        elf = qemu.build_images("stm32f405", image) / f"{image}.elf"
+        run = qemu.run_image(elf, motion.to_bytes(), timeout_s=300.0)
+        if run.status != 0:
+            raise RuntimeError(f"{elf}: status {run.status}")
+        if image == "node_budget":
+            counts = np.frombuffer(run.output, np.dtype([("instructions", "<u4"), ("corrected", "<i4", 6)]))
+        else:
+            counts = recording.played(run.output)
+        instructions = counts["instructions"][1:]  # the first takes the table into force
+        found[name] = Budget(float(instructions.mean()), int(instructions.max()))
+    return found
+
+
+def report(folder: Path) -> str:
+    """The section of docs/results.md."""
+    rows = json.loads((folder / "transfer.json").read_text(encoding="utf-8"))
+    seen = json.loads((folder / "latency.json").read_text(encoding="utf-8"))
+    lines = [
+        "Upload of a table over SDO, frames counted on the bus; bus time at 1 Mbit/s with counted stuff bits, frame "
+        "behind frame. *Least*: the fewest frames that CiA 301 does it with. The whole command also asks, verifies, "
+        "commits, activates and confirms:",
+        "",
+        "| bytes | transfer | frames | least | bus time [s] | kB/s | whole command: frames | bus time [s] |",
+        "|---|---|---|---|---|---|---|---|",
+    ]
+    for row in rows:
+        lines.append(
+            f"| {row['bytes']} | {row['transfer']} | {row['frames']} | {row['least']} | {row['seconds']:.3f} | "
+            f"{row['bytes'] / row['seconds'] / 1000:.1f} | {row['all_frames']} | {row['all_seconds']:.3f} |"
+        )
+    lines += [
+        "",
+        "Instructions of a control cycle on the Cortex-M4 (STM32F405 image in QEMU, `-icount`), a six-axis arm with "
+        "every effect and a grid; a millisecond at 168 MHz has 168 000 clocks:",
+        "",
+        "| | mean | worst |",
+        "|---|---|---|",
+    ]
+    lines += [f"| {name} | {budget.mean:.0f} | {budget.worst} |" for name, budget in budgets().items()]
+    lines += [
+        "",
+        f"Latency through the POSIX node, inline, {seen['cycles']} cycles, from the last target frame on one bus to "
+        f"the last corrected one on the other, kernel time stamps: median {seen['median_us']:.0f} µs, 99 % "
+        f"{seen['p99_us']:.0f} µs, max {seen['max_us']:.0f} µs.",
+    ]
+    if seen["where"] == "uml":
+        lines[-1] += (
+            " Inside User-Mode Linux, on one emulated processor that ticks at 100 Hz: the median is the node's work, "
+            "the rest is waiting for a turn."
+        )
+    return "\n".join(lines)
+
+
+def write(section: str, file: Path) -> None:
+    """Put the section between its marks in a document, or at its end where it has none."""
+    before, found, rest = file.read_text(encoding="utf-8").partition(MARKS[0])
+    if not found:
+        before = before.rstrip() + "\n\n## On the bus\n\n`./dev bench can` makes these tables.\n\n"
+    after = rest.partition(MARKS[1])[2] or "\n"
+    file.write_text(f"{before}{MARKS[0]}\n{section}\n{MARKS[1]}{after}", encoding="utf-8")
+
+
+def main() -> None:
+    """One part, or all of them as a report."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("part", choices=("transfer", "latency", "report"))
+    parser.add_argument("place", type=Path)
+    parser.add_argument("--write", type=Path)
+    arguments = parser.parse_args()
+    if arguments.part == "report":
+        section = report(arguments.place)
+        print(section)
+        if arguments.write:
+            write(section, arguments.write)
+        return
+    result = transfers() if arguments.part == "transfer" else latency()
+    arguments.place.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

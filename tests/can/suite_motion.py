@@ -1,0 +1,197 @@
+# ruff: noqa: D103 -- a test says what it checks in its name
+"""The joint path on any target: corrected targets out, plain positions back, nothing where input is not whole."""
+
+from __future__ import annotations
+
+import math
+import struct
+
+import can
+import pytest
+from small_table import small_table
+from target import FEEDBACK_IDS, NMT_PREOPERATIONAL, NMT_START, TARGET_IDS, Target
+
+TURN = 1 << 20
+SYNC = 0x080
+
+
+def at_cycle(number: int) -> list[int]:
+    """Targets of a slow move."""
+    return [120_000 + 30 * number * (joint + 1) for joint in range(6)]
+
+
+def send_targets(target: Target, joints: list[int], pairs: tuple[int, ...] = (0, 1, 2)) -> None:
+    for pair in pairs:
+        target.send(TARGET_IDS[pair], struct.pack("<2i", *joints[2 * pair : 2 * pair + 2]))
+
+
+def released(target: Target) -> dict[int, list[int]]:
+    """Joint targets by pair that reached the drives' side."""
+    found = {}
+    for frame in target.quiet(target.downstream):
+        if frame.arbitration_id in TARGET_IDS:
+            found[TARGET_IDS.index(frame.arbitration_id)] = list(struct.unpack("<2i", frame.data))
+    return found
+
+
+def cycle(
+    target: Target, joints: list[int], pairs: tuple[int, ...] = (0, 1, 2), wait_s: float = 0.5
+) -> dict[int, list[int]]:
+    """SYNC and targets; what came out, as soon as all three pairs have, or nothing came for `wait_s`."""
+    target.send(SYNC)
+    send_targets(target, joints, pairs)
+    found: dict[int, list[int]] = {}
+    while len(found) < 3:
+        frame = target.downstream.recv(wait_s * target.patience)
+        if frame is None:
+            break
+        if frame.arbitration_id in TARGET_IDS:
+            found[TARGET_IDS.index(frame.arbitration_id)] = list(struct.unpack("<2i", frame.data))
+    return found
+
+
+def withheld(target: Target, joints: list[int], pairs: tuple[int, ...] = (0, 1, 2)) -> bool:
+    """A cycle that nothing comes out of; waits for less than any time-out of the node."""
+    return cycle(target, joints, pairs, wait_s=0.1) == {}
+
+
+@pytest.fixture
+def inline(target: Target) -> Target:
+    """Inline mode with a table in force, blended in."""
+    target.nmt(NMT_PREOPERATIONAL)
+    image = small_table(sequence=target.description.setdefault("sequence", 100) + 1)
+    target.description["sequence"] += 1
+    target.wait_until_quiet()
+    target.device.stage(image, True, lambda _done, _total: None)
+    for word in ("vrfy", "cmit", "actv", "cfrm"):
+        target.device.command(word)
+    target.configure(1)
+    assert withheld(target, at_cycle(0)), "a stream begins with its second set"
+    for number in range(1, 40):
+        assert len(cycle(target, at_cycle(number))) == 3
+    return target
+
+
+def test_targets_are_corrected_by_the_table(inline: Target) -> None:
+    joints = at_cycle(41)
+    out = cycle(inline, joints)
+    for pair in range(3):
+        for place in range(2):
+            joint = joints[2 * pair + place]
+            delta = out[pair][place] - joint
+            assert delta != 0
+            assert abs(delta) < 1000
+            assert math.copysign(1, delta) == -math.copysign(1, math.sin(2 * math.pi * joint / TURN))
+
+
+def test_feedback_comes_back_as_it_was_commanded(inline: Target) -> None:
+    joints = at_cycle(41)
+    out = cycle(inline, joints)
+    inline.quiet()
+    for pair, identifier in enumerate(FEEDBACK_IDS):
+        inline.send_from_drives(identifier, struct.pack("<2i", *out[pair]))
+        assert list(struct.unpack("<2i", inline.expect(identifier))) == joints[2 * pair : 2 * pair + 2]
+
+
+def test_a_lost_target_withholds_the_set_and_the_next(inline: Target) -> None:
+    before = inline.read(0x2001, 8)
+    assert withheld(inline, at_cycle(41), pairs=(0, 2))
+    assert withheld(inline, at_cycle(42)), "the frame could have been late, not lost"
+    assert len(cycle(inline, at_cycle(43))) == 3
+    assert inline.read(0x2001, 8) == before + 2
+
+
+def test_a_late_target_never_stands_for_its_successor(inline: Target) -> None:
+    assert withheld(inline, at_cycle(41), pairs=(0, 1))
+    inline.send(SYNC)
+    send_targets(inline, at_cycle(41), pairs=(2,))
+    send_targets(inline, at_cycle(42))
+    assert released(inline) == {}
+    assert withheld(inline, at_cycle(43))
+    assert len(cycle(inline, at_cycle(44))) == 3
+
+
+def test_a_second_controller_is_noticed(inline: Target) -> None:
+    cycle(inline, at_cycle(41))
+    inline.quiet()
+    send_targets(inline, [99, 98, 97, 96, 95, 94])
+    assert released(inline) == {}
+    assert int.from_bytes(inline.expect(0x80 + inline.node_id)[:2], "little") == 0xFF14
+
+
+def test_a_repeated_target_changes_nothing(inline: Target) -> None:
+    before = inline.read(0x2001, 8)
+    assert len(cycle(inline, at_cycle(41), pairs=(0, 0, 1, 2))) == 3
+    assert len(cycle(inline, at_cycle(42))) == 3
+    assert inline.read(0x2001, 8) == before
+
+
+def test_stopped_commands_are_reported_and_end_with_the_next(inline: Target) -> None:
+    # Written while commands come: short enough to be noticed, long enough for a slow emulator's cycle.
+    assert inline.write(0x2000, 3, 900_000, 4) == 0
+    cycle(inline, at_cycle(41))
+    until_emergency(inline, 0xFF10)
+    assert released(inline) == {}
+    assert withheld(inline, at_cycle(42))
+    assert len(cycle(inline, at_cycle(43))) == 3
+    until_emergency(inline, 0)
+
+
+def until_emergency(target: Target, code: int) -> None:
+    """Wait for an emergency of that code; a slow machine may have let another command come late before."""
+    for _ in range(6):
+        emergency = target.expect(0x80 + target.node_id, timeout_s=4.0)
+        if int.from_bytes(emergency[:2], "little") == code:
+            return
+    pytest.fail(f"no emergency {code:#06x} among six")
+
+
+def test_pre_operational_holds_targets_back(inline: Target) -> None:
+    inline.nmt(NMT_PREOPERATIONAL)
+    inline.quiet(inline.downstream)
+    assert withheld(inline, at_cycle(41))
+    inline.nmt(NMT_START)
+    inline.quiet(inline.downstream)
+    assert withheld(inline, at_cycle(42))
+    assert len(cycle(inline, at_cycle(43))) == 3
+
+
+def test_every_other_frame_passes_bit_identical(inline: Target) -> None:
+    frames = [
+        can.Message(arbitration_id=0x77E - k, data=bytes(range(k, k + k % 9)), is_extended_id=False)
+        for k in range(12)
+    ]
+    frames += [
+        can.Message(arbitration_id=0x1ABCDE00 + k, data=[k] * 8, is_extended_id=True) for k in range(4)
+    ]
+    frames.append(can.Message(arbitration_id=TARGET_IDS[0], data=bytes(8), is_extended_id=True))
+    if inline.has_fd:
+        data = bytes(range(48))
+        frames.append(
+            can.Message(
+                arbitration_id=0x456, data=data, is_fd=True, bitrate_switch=True, is_extended_id=False
+            )
+        )
+    for source, sink in ((inline.upstream, inline.downstream), (inline.downstream, inline.upstream)):
+        inline.quiet(sink)
+        for sent in frames:
+            source.send(sent)
+            got = sink.recv(inline.patience)
+            assert got is not None
+            assert got.equals(sent, timestamp_delta=None, check_channel=False, check_direction=False)
+
+
+def test_disabling_in_motion_blends_out(inline: Target) -> None:
+    assert inline.write(0x2000, 2, 0, 1) == 0
+    last = None
+    for number in range(60):
+        joints = at_cycle(41 + number)
+        out = cycle(inline, joints)
+        deltas = [out[pair][place] - joints[2 * pair + place] for pair in range(3) for place in range(2)]
+        if last is not None:
+            assert max(abs(new - old) for new, old in zip(deltas, last, strict=True)) < 60
+        last = deltas
+    assert last == [0] * 6
+    inline.nmt(NMT_PREOPERATIONAL)
+    inline.wait_until_quiet()
+    assert inline.write(0x2000, 2, 1, 1) == 0

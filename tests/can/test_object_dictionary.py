@@ -1,0 +1,111 @@
+"""One EDS is the truth: the page that people read is made of it, and what is wrong in it is said."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import canopen
+import pytest
+from armtrue.device.compensator import REFUSALS
+from node_process import EDS, ROOT
+
+pytestmark = pytest.mark.without_bus
+GENERATOR = EDS.with_name("generate_od.py")
+
+
+def generate(eds: Path, page: Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, str(GENERATOR), str(eds), "--markdown", str(page)],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+def test_the_page_is_what_the_eds_says(tmp_path: Path) -> None:
+    done = generate(EDS, tmp_path / "page.md")
+    assert done.returncode == 0, done.stderr
+    page = ROOT / "docs" / "object-dictionary.md"
+    assert page.read_text(encoding="utf-8") == (tmp_path / "page.md").read_text(encoding="utf-8"), (
+        f"run: {GENERATOR.relative_to(ROOT)} {EDS.relative_to(ROOT)} --markdown {page.relative_to(ROOT)}"
+    )
+
+
+def test_the_clients_load_the_same_file() -> None:
+    installed = ROOT / "host_tools" / "armtrue" / "device" / "armtrue.eds"
+    assert installed.read_bytes() == EDS.read_bytes()
+    assert len(canopen.import_od(str(EDS), 32)) > 150
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("[1000]\nParameterName=Device type", "[1FFF]\nParameterName=Device type", "1000, 1FFF"),
+        ("DataType=0x0009", "DataType=0x0008", "DataType 0x0008"),
+        ("AccessType=wo", "AccessType=rwx", "AccessType 'rwx'"),
+    ],
+)
+def test_an_eds_that_contradicts_itself_is_refused(tmp_path: Path, old: str, new: str, words: str) -> None:
+    text = EDS.read_text(encoding="ascii")
+    assert old in text
+    spoilt = tmp_path / "spoilt.eds"
+    spoilt.write_text(text.replace(old, new, 1), encoding="ascii")
+    done = generate(spoilt, tmp_path / "page.md")
+    assert done.returncode == 2
+    assert words in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+    assert not (tmp_path / "page.md").exists()
+
+
+PROTOCOL = (ROOT / "docs" / "protocol.md").read_text(encoding="utf-8")
+SECURITY = (ROOT / "docs" / "security.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("source", "pattern"),
+    [
+        ("emcy.cc", r"\{0x([0-9A-F]{4}), kGeneric"),
+        ("sdo_abort.h", r"= 0x([0-9A-F]{8}),"),
+    ],
+)
+def test_the_protocol_page_has_every_code(source: str, pattern: str) -> None:
+    codes = set(re.findall(pattern, (EDS.parent / source).read_text(encoding="utf-8")))
+    assert len(codes) > 10
+    assert {code for code in codes if f"0x{code}" not in PROTOCOL} == set()
+
+
+def test_the_protocol_page_has_every_reason_and_command() -> None:
+    for reason, words in REFUSALS.items():
+        number = f"0x{reason:X}" if reason >= 0x100 else str(reason)
+        assert reason == 0 or f"| {number} | {words} |" in PROTOCOL, words
+    header = (EDS.parent / "table_transfer.h").read_text(encoding="utf-8")
+    commands = re.findall(r'= 0x([0-9A-Fa-f]{8}), +// "(\w{4})"', header)
+    assert len(commands) == 6
+    for code, word in commands:
+        wire = " ".join(f"{byte:02X}" for byte in int(code, 16).to_bytes(4, "little"))
+        assert f'`23 12 20 00 {wire}` "{word}"' in PROTOCOL
+
+
+def test_every_test_that_the_security_page_names_is_there() -> None:
+    tests = (Path(__file__).with_name("test_security.py")).read_text(encoding="utf-8")
+    named = re.findall(r"`…\[([^\]]+)\]`", SECURITY)
+    assert len(named) >= 9
+    for case in named:
+        assert f'"{case}"' in tests, case
+    for function in re.findall(r"`(test_\w+)`", SECURITY):
+        assert any(
+            f"def {function}(" in file.read_text("utf-8") for file in Path(__file__).parent.glob("*.py")
+        )
+
+
+def test_every_test_that_the_protocol_page_names_is_there() -> None:
+    table = PROTOCOL[PROTOCOL.index("## Faults, and what is expected") :]
+    firmware = "".join(file.read_text("utf-8") for file in (ROOT / "firmware").rglob("*_test.cc"))
+    python = "".join(file.read_text("utf-8") for file in Path(__file__).parent.glob("*.py"))
+    named = re.findall(r"`([A-Z]\w{12,})`", table)
+    assert len(named) >= 15
+    assert [test for test in named if f", {test})" not in firmware] == []
+    assert [test for test in re.findall(r"`(test_\w+)`", table) if f"def {test}(" not in python] == []

@@ -1,0 +1,350 @@
+"""armtrue upload and armtrue device, as a person calls them, against the running node."""
+
+from __future__ import annotations
+
+import base64
+import json
+import os
+import signal
+import struct
+import subprocess
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import can
+import canopen
+import pytest
+from command_line import Running, armtrue
+from node_process import NODE_ID, NodeProcess, connect, disconnect
+from small_table import small_table
+
+
+@pytest.fixture
+def tables(tmp_path: Path) -> Path:
+    file = tmp_path / "tables.bin"
+    file.write_bytes(small_table(sequence=3))
+    return file
+
+
+def test_upload_verifies_activates_and_survives_a_restart(tmp_path: Path, tables: Path) -> None:
+    with NodeProcess(tmp_path / "state") as node:
+        done = armtrue("upload", tables, "--json", "-")
+        assert done.returncode == 0, done.stderr
+        document = json.loads(done.stdout)
+        assert [step["name"] for step in document["steps"]] == [
+            "compared", "transferred", "verified", "committed", "activated",
+        ]  # fmt: skip
+        assert document["on_trial"] is True
+        assert document["bytes_sent"] == tables.stat().st_size
+        assert armtrue("device", "confirm").returncode == 0
+        assert armtrue("device", "verify", tables).returncode == 0
+        node.stop()
+        node.start()
+        assert armtrue("device", "dump", tmp_path / "back.bin").returncode == 0
+        assert (tmp_path / "back.bin").read_bytes() == tables.read_bytes()
+        again = armtrue("upload", tables, "--json", "-")
+        assert json.loads(again.stdout)["bytes_sent"] == 0, "already in force"
+
+
+def test_unconfirmed_trial_is_gone_after_a_restart(tmp_path: Path, tables: Path) -> None:
+    with NodeProcess(tmp_path / "state") as node:
+        assert armtrue("upload", tables, "--transfer", "segmented").returncode == 0
+        node.stop()
+        node.start()
+        refused = armtrue("device", "verify", tables)
+        assert refused.returncode == 1
+        assert "no table in force" in refused.stderr
+
+
+def test_revert_returns_to_the_table_before(tmp_path: Path, tables: Path) -> None:
+    newer = tmp_path / "newer.bin"
+    newer.write_bytes(small_table(sequence=4, amplitude=1 << 21))
+    with NodeProcess(tmp_path / "state"):
+        assert armtrue("upload", tables, "--confirm").returncode == 0
+        assert armtrue("upload", newer).returncode == 0
+        assert armtrue("device", "verify", newer).returncode == 0
+        assert armtrue("device", "revert").returncode == 0
+        assert armtrue("device", "verify", tables).returncode == 0
+        refused = armtrue("device", "revert")
+        assert refused.returncode == 1
+        assert "no table is on trial" in refused.stderr
+
+
+@pytest.mark.parametrize(
+    ("changes", "options", "words"),
+    [
+        ({"joints": 5}, [], "5 joints, the device expects 6"),
+        ({"serial": "other"}, ["--robot-serial", "mine"], "robot 'other', the device expects robot 'mine'"),
+        ({}, ["--public-key", "KEY"], "an unsigned table, the device expects a signed one"),
+    ],
+)
+def test_what_is_not_for_this_device_is_refused_before_a_byte(
+    tmp_path: Path, changes: dict[str, int], options: list[str], words: str
+) -> None:
+    key = tmp_path / "key"
+    key.write_text(f"armtrue-ed25519-public {base64.b64encode(bytes(range(32))).decode()}\n")
+    options = [str(key) if option == "KEY" else option for option in options]
+    file = tmp_path / "tables.bin"
+    file.write_bytes(small_table(**changes))  # type: ignore[arg-type]
+    with NodeProcess(tmp_path / "state", *options):
+        refused = armtrue("upload", file)
+        assert refused.returncode == 2
+        assert words in refused.stderr
+        node = connect()
+        assert node.sdo["Table status"]["Bytes staged"].raw == 0
+        disconnect(node)
+
+
+def test_an_older_export_is_refused(tmp_path: Path, tables: Path) -> None:
+    older = tmp_path / "older.bin"
+    older.write_bytes(small_table(sequence=2))
+    with NodeProcess(tmp_path / "state"):
+        assert armtrue("upload", tables, "--confirm").returncode == 0
+        refused = armtrue("upload", older)
+        assert refused.returncode == 2
+        assert "export number 2" in refused.stderr
+
+
+@pytest.mark.parametrize(
+    ("spoil", "words"),
+    [
+        (lambda image: image[:50], "expected a table image of at least"),
+        (lambda image: b"GIF8" + image[4:], "begins with b'GIF8'"),
+        (lambda image: image + b"\0", "the header says"),
+        (lambda image: image[:300] + bytes([image[300] ^ 1]) + image[301:], "the file is damaged"),
+    ],
+)
+def test_a_spoilt_file_is_one_sentence(tmp_path: Path, spoil: object, words: str) -> None:
+    file = tmp_path / "tables.bin"
+    file.write_bytes(spoil(small_table()))  # type: ignore[operator]
+    refused = armtrue("upload", file)
+    assert refused.returncode == 2
+    assert words in refused.stderr
+    assert len(refused.stderr.splitlines()) == 1
+
+
+def test_nobody_on_the_bus_and_no_bus_are_told_apart_from_refusals(tables: Path) -> None:
+    silent = armtrue("upload", tables, "--timeout", "0.2")
+    assert silent.returncode == 3
+    assert "node 32 did not answer within 0.2 s" in silent.stderr
+    absent = armtrue("device", "info", "--channel", "vcan7")
+    assert absent.returncode == 3
+    assert "vcan7" in absent.stderr
+
+
+def is_request(message: can.Message) -> bool:
+    """Whether a frame is one that our side sends to the device's SDO server."""
+    return message.arbitration_id == 0x600 + NODE_ID
+
+
+def is_command(word: bytes) -> Callable[[can.Message], bool]:
+    """Whether a frame writes this table command."""
+    return lambda message: is_request(message) and bytes(message.data[4:8]) == word
+
+
+def is_segment(message: can.Message) -> bool:
+    """Whether a frame carries bytes of the image: the padding of our tables is zeros, of their requests never."""
+    return is_request(message) and bytes(message.data[1:8]) == bytes(7)
+
+
+def watch_for(bus: can.BusABC, count: int, wanted: Callable[[can.Message], bool]) -> None:
+    """Return with the `count`th frame of a kind; fails where it does not come."""
+    give_up = time.monotonic() + 30.0
+    while count:
+        message = bus.recv(1.0)
+        assert time.monotonic() < give_up, "the frame did not come"
+        count -= message is not None and wanted(message)
+
+
+# Counts stay below what a socket keeps for an observer that is slower than a block.
+INTERRUPTIONS = {
+    "asking": (5, is_request),
+    "first segments": (3, is_segment),
+    "middle segments": (200, is_segment),
+    "verifying": (1, is_command(b"vrfy")),
+    "committing": (1, is_command(b"cmit")),
+    "activating": (1, is_command(b"actv")),
+    "confirming": (1, is_command(b"cfrm")),
+}
+
+
+@pytest.mark.parametrize(
+    ("transfer", "moments"),
+    [("block", list(INTERRUPTIONS)), ("segmented", ["first segments", "middle segments"])],
+)
+def test_an_upload_killed_anywhere_is_repeated_at_once(
+    tmp_path: Path, transfer: str, moments: list[str]
+) -> None:
+    file = tmp_path / "tables.bin"
+    killed = 0
+    with NodeProcess(tmp_path / "state"), can.Bus(interface="socketcan", channel="vcan0") as bus:
+        for sequence, (count, wanted) in enumerate([INTERRUPTIONS[moment] for moment in moments], 1):
+            file.write_bytes(small_table(sequence=sequence, padding=8000))
+            words = ("upload", file, "--transfer", transfer, "--confirm", "--timeout", "10")
+            uploading = Running(*words)
+            watch_for(bus, count, wanted)
+            uploading.send(signal.SIGKILL)
+            killed += uploading.wait().returncode == -signal.SIGKILL
+            finished = armtrue(*words)
+            assert finished.returncode == 0, finished.stderr
+            assert armtrue("device", "verify", file).returncode == 0
+            while bus.recv(0.0) is not None:
+                pass
+    assert killed >= len(moments) - ("confirming" in moments), (
+        "all but the last, which may be over before the signal"
+    )
+
+
+def test_ctrl_c_ends_the_transfer_on_the_device_too(tmp_path: Path) -> None:
+    file = tmp_path / "tables.bin"
+    file.write_bytes(small_table(padding=12000))
+    with NodeProcess(tmp_path / "state"), can.Bus(interface="socketcan", channel="vcan0") as bus:
+        uploading = Running("upload", file, "--transfer", "segmented")
+        watch_for(bus, 100, is_segment)
+        uploading.send(signal.SIGINT)
+        watch_for(bus, 1, lambda message: is_request(message) and message.data[0] == 0x80)
+        assert uploading.wait().returncode == 130
+
+
+def test_a_bus_that_goes_away_is_no_answer_and_the_upload_can_be_repeated(tmp_path: Path) -> None:
+    file = tmp_path / "tables.bin"
+    file.write_bytes(small_table(padding=12000))
+    words = ("upload", file, "--transfer", "segmented", "--timeout", "0.5")
+    link = [*([] if os.geteuid() == 0 else ["sudo", "-n"]), "ip", "link", "set", "vcan0"]
+    with NodeProcess(tmp_path / "state"):
+        with can.Bus(interface="socketcan", channel="vcan0") as bus:
+            uploading = Running(*words)
+            watch_for(bus, 100, is_segment)
+        subprocess.run([*link, "down"], check=True)
+        interrupted = uploading.wait()
+        subprocess.run([*link, "up"], check=True)
+        assert interrupted.returncode == 3, interrupted.stderr
+        assert len(interrupted.stderr.splitlines()) == 1
+        assert armtrue(*words).returncode == 0
+        assert armtrue("device", "verify", file).returncode == 0
+
+
+def test_a_node_that_restarts_in_the_middle_does_not_matter(tmp_path: Path) -> None:
+    file = tmp_path / "tables.bin"
+    file.write_bytes(small_table(sequence=9, padding=12000))
+    with NodeProcess(tmp_path / "state") as node, can.Bus(interface="socketcan", channel="vcan0") as bus:
+        uploading = Running("upload", file, "--transfer", "segmented", "--confirm")
+        watch_for(bus, 400, is_segment)
+        node.stop(signal.SIGKILL)
+        node.start()
+        first = uploading.wait()
+        assert first.returncode == 0, first.stderr
+        assert armtrue("device", "verify", file).returncode == 0
+
+
+def test_upload_while_joints_are_commanded_is_refused(tmp_path: Path, tables: Path) -> None:
+    with NodeProcess(tmp_path / "state"):
+        node = connect()
+        for number in range(3):
+            node.sdo[0x1400 + number][1].raw = 0x200 + 0x100 * number + 0x20
+        node.sdo[0x2000][1].raw = 2
+        node.nmt.state = "OPERATIONAL"
+        tasks = [node.network.send_periodic(0x220 + 0x100 * number, bytes(8), 0.05) for number in range(3)]
+        time.sleep(0.3)
+        refused = armtrue("upload", tables)
+        assert refused.returncode == 1
+        assert "stop the controller" in refused.stderr
+        for task in tasks:
+            task.stop()
+        time.sleep(0.7)
+        assert armtrue("upload", tables).returncode == 0
+        disconnect(node)
+
+
+def test_every_command_answers_a_program(tmp_path: Path, tables: Path) -> None:
+    newer = tmp_path / "newer.bin"
+    newer.write_bytes(small_table(sequence=4))
+    with NodeProcess(tmp_path / "state"):
+
+        def answer(*words: str | Path) -> dict[str, object]:
+            done = armtrue(*words, "--json", "-")
+            assert done.returncode == 0, done.stderr
+            return dict(json.loads(done.stdout))
+
+        answer("upload", tables)
+        assert answer("device", "confirm")["Table status.Trial"] == 0
+        assert answer("device", "verify", tables)["sequence"] == 3
+        assert answer("device", "dump", tmp_path / "back.bin")["bytes"] == tables.stat().st_size
+        answer("upload", newer)
+        assert answer("device", "revert")["Table status.Active table sequence"] == 3
+        assert all(answer("device", "selftest").values())
+
+
+def test_what_the_device_has_not_got_is_refused(tmp_path: Path, tables: Path) -> None:
+    with NodeProcess(tmp_path / "state"):
+        for words, reason in (
+            (("device", "dump", tmp_path / "back.bin"), "no table in force"),
+            (("device", "verify", tables), "no table in force"),
+            (("device", "activate"), "no committed table"),
+            (("device", "confirm"), "no table is on trial"),
+        ):
+            refused = armtrue(*words)
+            assert refused.returncode == 1
+            assert reason in refused.stderr
+            assert len(refused.stderr.splitlines()) == 1
+        assert not (tmp_path / "back.bin").exists()
+
+
+def test_monitor_shows_what_the_joint_path_does(tmp_path: Path) -> None:
+    file = tmp_path / "tables.bin"
+    file.write_bytes(small_table(magnitude=1 << 14))  # less than the table wants to correct
+    targets = [100_000 + 1000 * joint for joint in range(6)]
+    with NodeProcess(tmp_path / "state"):
+        assert armtrue("upload", file, "--confirm").returncode == 0
+        node = connect()
+        for pair in range(3):
+            node.sdo[0x1400 + pair][1].raw = 0x220 + 0x100 * pair
+        node.sdo[0x2000][3].raw = 1_000_000
+        node.sdo[0x2000][4].raw = 40_000
+        node.sdo[0x2000][1].raw = 2
+        node.nmt.state = "OPERATIONAL"
+        leaving = threading.Event()
+
+        def command() -> None:
+            while not leaving.wait(0.05):
+                for pair in range(3):
+                    frame = struct.pack("<2i", *targets[2 * pair : 2 * pair + 2])
+                    node.network.send_message(0x220 + 0x100 * pair, frame)
+
+        commanding = threading.Thread(target=command)
+        commanding.start()
+        watched = armtrue("device", "monitor", "--duration", "3", "--json", "-")
+        leaving.set()
+        commanding.join()
+        disconnect(node)
+    assert watched.returncode == 0, watched.stderr
+    document = json.loads(watched.stdout)
+    assert document["mode"] == "offset"
+    assert document["streaming"] is True
+    assert document["targets"] == targets
+    assert all(correction != 0 for correction in document["corrections"])
+    assert "magnitude limited" in document["clamps"]
+    assert document["counters"]["Cycles"] > 0
+    assert document["counters"]["Clamped"] > 0
+
+
+def test_info_selftest_and_monitor(remote: canopen.RemoteNode, tmp_path: Path) -> None:
+    told = armtrue("device", "info", "--json", "-")
+    assert told.returncode == 0, told.stderr
+    assert json.loads(told.stdout)["Compensator status.Joint count"] == 6
+    tested = armtrue("device", "selftest")
+    assert tested.returncode == 0, tested.stderr
+    assert tested.stdout.count("passed") == 5
+    log = tmp_path / "run.log"
+    watched = armtrue("device", "monitor", "--duration", "1", "--record", log, "--json", "-")
+    assert watched.returncode == 0, watched.stderr
+    document = json.loads(watched.stdout)
+    assert document["state"] == "pass-through"
+    assert document["targets"] == document["corrections"] == [0] * 6
+    assert document["clamps"] == []
+    assert document["counters"]["Cycles"] == 0
+    assert 0.0 < document["bus_load"] < 1.0
+    recorded = list(can.LogReader(str(log)))
+    assert {0x600 + NODE_ID, 0x580 + NODE_ID} <= {message.arbitration_id for message in recorded}

@@ -1,0 +1,114 @@
+"""The loop's controller gets along with the compensator's rules, however slowly the machine runs."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import can
+import numpy as np
+import pytest
+from armtrue_loop.controller import Controller
+from armtrue_loop.operator import Operator
+from armtrue_loop.processes import CellProcess, NodeUnderTest
+from armtrue_loop.wiring import CONTROLLER_BUS, DRIVE_BUS, TARGET_IDS
+
+SCENARIO = Path(__file__).resolve().parents[2] / "sim/armtrue_loop/scenarios/warm-eccentric-gear.yaml"
+STALE_S = 1.0  # the longest stale time-out that the compensator can be set to
+HERE = np.array([0.1, -1.0, 0.5, 0.2, 0.4, -0.3])
+THERE = np.array([0.4, -1.3, 0.2, 0.6, 0.7, 0.5])
+
+
+@dataclass
+class Loop:
+    """Everything that runs."""
+
+    controller: Controller
+    node: NodeUnderTest
+    operator: Operator
+
+
+@pytest.fixture(params=["offset", "inline"])
+def loop(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Loop]:
+    node = NodeUnderTest(tmp_path / "state", "loop", request.param)
+    cell = CellProcess(SCENARIO, tmp_path, DRIVE_BUS if request.param == "inline" else CONTROLLER_BUS)
+    try:
+        node.start()
+        operator = cell.operator()
+        controller = Controller()
+        controller.configure_compensator(request.param)
+        controller.enable()
+        yield Loop(controller, node, operator)
+        controller.close()
+        operator.close()
+    finally:
+        cell.kill()
+        node.stop()
+
+
+def test_a_move_follows_a_pause_that_made_the_targets_stale(loop: Loop) -> None:
+    loop.controller.move(HERE, cycles=6, settle=2)
+    time.sleep(1.5 * STALE_S)
+    stale = loop.controller.compensator.sdo["Compensator status"]["Stale"].raw
+    assert stale >= 1
+    loop.controller.move(THERE, cycles=6, settle=2)
+    assert loop.controller.joints == pytest.approx(THERE, abs=1e-6)
+    assert loop.controller.worst_following == 0
+
+
+def test_a_machine_that_halts_for_seconds_changes_nothing(loop: Loop) -> None:
+    loop.controller.move(HERE, cycles=6, settle=2)
+    process = loop.node.process_id
+
+    def halt() -> None:
+        os.kill(process, signal.SIGSTOP)
+        time.sleep(2.0 * STALE_S)
+        os.kill(process, signal.SIGCONT)
+
+    halting = threading.Timer(0.3, halt)
+    halting.start()
+    loop.controller.move(THERE, cycles=100, settle=2)
+    halting.join()
+    assert loop.controller.joints == pytest.approx(THERE, abs=1e-6)
+    assert loop.controller.worst_following == 0
+
+
+def test_a_move_in_which_targets_were_withheld_is_made_again(loop: Loop) -> None:
+    loop.controller.move(HERE, cycles=6, settle=2)
+    stranger = can.Message(arbitration_id=TARGET_IDS[0], data=bytes(8), is_extended_id=False)
+    with can.Bus(interface="socketcan", channel=CONTROLLER_BUS) as bus:
+        contradicting = threading.Timer(0.3, bus.send, [stranger])
+        contradicting.start()
+        loop.controller.move(THERE, cycles=100, settle=2)
+        contradicting.join()
+    assert loop.controller.repeated_moves >= 1
+    assert loop.controller.joints == pytest.approx(THERE, abs=1e-6)
+    assert loop.controller.worst_following == 0
+
+
+def test_positions_come_back_as_commanded_and_temperatures_arrive(loop: Loop) -> None:
+    loop.operator.ask(wait=500.0)
+    told = loop.operator.ask(wait=1.0)["temp_arm"]
+    loop.controller.move(HERE, cycles=6, settle=2)
+    heard = loop.controller.compensator.sdo[0x2020][1].raw
+    assert heard == round(100 * told)
+    assert loop.controller.temperatures_centi[0] == heard
+
+
+def test_drives_that_lost_power_are_brought_up_again(loop: Loop) -> None:
+    loop.controller.move(HERE, cycles=6, settle=2)
+    loop.operator.ask(fault="power")
+    loop.controller.enable()
+    assert loop.controller.joints == pytest.approx(HERE, abs=1e-6), "they stand where they stood"
+    loop.controller.move(THERE, cycles=6, settle=2)
+    assert loop.controller.joints == pytest.approx(THERE, abs=1e-6)
+    for drive in loop.controller.drives:
+        assert drive.state == "OPERATION ENABLED"
+        assert drive.sdo[0x6061].raw == 8, "cyclic synchronous position"
+    loop.controller.disable()
+    assert {drive.state for drive in loop.controller.drives} == {"SWITCH ON DISABLED"}

@@ -1,0 +1,272 @@
+"""Plans tried on simulated truth: measure the planned poses and as many random ones, and see what each settles.
+
+`./dev plan` prints the table and writes it into docs/results.md.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import armtrue_sim
+import numpy as np
+from armtrue import Fit, Model, fit, load_data, load_robot
+from armtrue.diagnosis import diagnose
+from armtrue.planning import SETTLED, ambiguity, plan_campaign, plan_separation
+from armtrue_sim.campaign import joints_of
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+GEOMETRY = ["base_frame", "tool_offset", "joint_offset", "link_geometry"]
+TRACKER_SIGMA = 8e-6  # m, as the scenarios' instrument
+BEGIN, END = "<!-- plan: begin -->", "<!-- plan: end -->"
+
+
+@dataclass
+class Case:
+    """A short campaign in a corner of the joint ranges, whose data cannot tell what is missing."""
+
+    hidden: str
+    joint: int
+    share: float  # of the joint ranges, about their middle
+    scale: float = 1.0
+    poses: int = 40
+
+
+CASES = (
+    Case("gear_harmonics", 2, 0.4),
+    Case("joint_compliance", 2, 0.3, scale=0.3, poses=30),
+    Case("bending_compliance", 1, 0.4, scale=0.6, poses=30),
+)
+
+
+@dataclass
+class Outcome:
+    """What became of an ambiguity. ΔBIC: of the true cause less its best rival, refitted with everything measured."""
+
+    case: Case
+    seed: int
+    rivals: list[str]
+    before: float
+    planned: float
+    random: float
+    expected: float
+
+
+def campaign_of(case: Case, seed: int, folder: Path) -> tuple[armtrue_sim.Campaign, Fit]:
+    """The short campaign and the fit of its geometry."""
+    scenario: dict[str, Any] = {
+        "arm": "kr30",
+        "seed": seed,
+        "poses": case.poses,
+        "repeats": {},
+        "payloads": [0.0],
+        "test_poses": 0,
+        "believed": GEOMETRY,
+        "hidden": [{"effect": case.hidden, "joints": [case.joint], "scale": case.scale}],
+    }
+    limits = np.array(armtrue_sim.simulate(scenario).arm.chain.limits)
+    middle, half = limits.mean(axis=1), 0.5 * case.share * np.diff(limits, axis=1)[:, 0]
+    scenario["joint_range"] = np.stack([middle - half, middle + half], axis=1).tolist()
+    campaign = armtrue_sim.simulate(scenario, folder)
+    robot = load_robot(folder / "robot.yaml")
+    return campaign, fit(load_data(folder / "data.csv", robot), robot, _model(GEOMETRY))
+
+
+def _model(effects: list[Any]) -> Model:
+    return Model([{"effect": e} if isinstance(e, str) else e for e in effects])
+
+
+def measured(campaign: armtrue_sim.Campaign, poses: dict[str, Array], seed: int) -> dict[str, Array]:
+    """Rows like the campaign's at `poses`, drives and tracker being what they are; other columns as in its last row."""
+    rng = np.random.default_rng(seed)
+    count = len(poses["q1"])
+    rows = {name: np.repeat(values[-1:], count) for name, values in campaign.data.items()}
+    rows |= {name: poses[name] for name in poses if name in rows}
+    rows["repeat"] = 10000 + np.arange(count)
+    q = joints_of(rows, campaign.arm.chain.n)
+    error = campaign.truth["drive_repeatability"] * rng.standard_normal(q.shape)
+    place = campaign.arm.true_position(q, rows, motor_error=error)
+    place += TRACKER_SIGMA * rng.standard_normal((count, 3))
+    return rows | {axis: place[:, i] for i, axis in enumerate("xyz")}
+
+
+def fit_rows(columns: dict[str, Array], effects: list[Any], folder: Path) -> Fit:
+    """A fit of `columns`, through a file as people have them."""
+    path = folder / "measured.csv"
+    rows = zip(*columns.values(), strict=True)
+    path.write_text(
+        "\n".join([",".join(columns), *(",".join(map(repr, map(float, row))) for row in rows)]) + "\n"
+    )
+    robot = load_robot(folder / "robot.yaml")
+    return fit(load_data(path, robot), robot, _model(effects))
+
+
+def measure_more(campaign: armtrue_sim.Campaign, poses: dict[str, Array], seed: int, folder: Path) -> Fit:
+    """The geometry fitted to what was measured and to `poses` on top."""
+    more = measured(campaign, poses, seed)
+    columns = {name: np.concatenate([campaign.data[name], more[name]]) for name in campaign.data}
+    return fit_rows(columns, GEOMETRY, folder)
+
+
+def random_columns(campaign: armtrue_sim.Campaign, count: int, seed: int) -> dict[str, Array]:
+    """Random poses as a plan would give them."""
+    q = armtrue_sim.random_poses(
+        campaign.arm.robot, campaign.arm.chain, count, np.random.default_rng([seed, 9])
+    )
+    return {f"q{k + 1}": q[:, k] for k in range(q.shape[1])}
+
+
+def evidence(fitted: Fit, case: Case, rivals: list[dict[str, Any]]) -> float:
+    """ΔBIC of the true cause less that of its best rival, each added to `fitted`."""
+    figures = {}
+    for candidate in diagnose(fitted)["candidates"]:
+        entry = {"effect": candidate["effect"], "joints": candidate["joints"]}
+        if any(entry["effect"] == r["effect"] and entry["joints"] == r.get("joints", []) for r in rivals):
+            figures[candidate["effect"], tuple(candidate["joints"])] = candidate["delta_bic"]
+    true = figures.pop((case.hidden, (case.joint,)), 0.0)
+    return float(true - min(figures.values(), default=0.0))
+
+
+def try_case(case: Case, seed: int, count: int, folder: Path) -> Outcome | None:
+    """Plan, measure, refit. None where nothing is open, or not the cause."""
+    campaign, fitted = campaign_of(case, seed, folder)
+    # The owner knows that this arm has no balancer; with a free phase it is a first harmonic of gear 2.
+    rivals = [rival for rival in ambiguity(diagnose(fitted)) if rival["effect"] != "gravity_balancer"]
+    names = [f"{rival['effect']} {rival.get('joints', '')}" for rival in rivals]
+    if f"{case.hidden} {[case.joint]}" not in names or len(rivals) < 2:
+        return None
+    # Pairs that no pose tells apart are said to be so: only the others can be settled.
+    plan = plan_separation(fitted, rivals, count, seed=seed)
+    truth = f"{case.hidden} {case.joint}"
+    told = {
+        entry["rival"]: entry["delta_bic_expected"]
+        for entry in plan.figures["separations"]
+        if entry["truth"] == truth and entry["delta_bic_expected"] < -SETTLED
+    }
+    if not told:
+        return None
+    settled = [
+        rival
+        for rival, label in zip(rivals, plan.figures["candidates"], strict=True)
+        if label in told or label == truth
+    ]
+    return Outcome(
+        case,
+        seed,
+        names,
+        evidence(fitted, case, settled),
+        evidence(measure_more(campaign, plan.columns, seed, folder), case, settled),
+        evidence(measure_more(campaign, random_columns(campaign, count, seed), seed, folder), case, settled),
+        max(told.values()),
+    )
+
+
+@dataclass
+class CampaignOutcome:
+    """Errors [m] of fits on fresh exact poses: of a first campaign as planned, and as random poses give it."""
+
+    poses: int
+    seed: int
+    planned: float
+    random: float
+    random_poses_per_planned: float
+
+
+def try_campaign(count: int, seed: int, folder: Path) -> CampaignOutcome:
+    """A first campaign of `count` poses, planned and random, on an arm with geometry and joint compliance."""
+    effects = [*GEOMETRY, {"effect": "joint_compliance", "joints": [2, 3]}]
+    scenario = {"arm": "kr30", "seed": seed, "believed": effects, "payloads": [0.0], "test_poses": 200}
+    campaign = armtrue_sim.simulate(scenario, folder)
+    robot = load_robot(folder / "robot.yaml")
+    plan = plan_campaign(robot, _model(effects), count, seed=seed)
+    test = load_data(folder / "test.csv", robot)
+    exact = np.stack([campaign.test[axis] for axis in "xyz"], axis=1)
+
+    def error_of(poses: dict[str, Array]) -> float:
+        fitted = fit_rows(measured(campaign, poses, seed), effects, folder)
+        return float(np.linalg.norm(fitted.predict(test) - exact, axis=1).mean())
+
+    return CampaignOutcome(
+        count,
+        seed,
+        error_of(plan.columns),
+        error_of(random_columns(campaign, count, seed)),
+        plan.figures["random_poses_per_planned"],
+    )
+
+
+def text_of(separations: list[Outcome], campaigns: list[CampaignOutcome], count: int) -> str:
+    """The section of docs/results.md."""
+    lines = [
+        f"Ambiguities settled by {count} further poses; ΔBIC of the true cause less its best rival:",
+        "",
+        "| cause | cases | settled: planned | random | wrong: planned | random "
+        "| median ΔBIC before | expected | planned | random |",
+        "|---|---|---|---|---|---|---|---|---|---|",
+    ]
+    for case in CASES:
+        group = [o for o in separations if o.case == case]
+        if not group:
+            continue
+        shares = [str(sum(settled(getattr(o, which)) for o in group)) for which in ("planned", "random")] + [
+            str(sum(getattr(o, which) > 0.0 for o in group)) for which in ("planned", "random")
+        ]
+        medians = [
+            f"{np.median([getattr(o, which) for o in group]):.0f}"
+            for which in ("before", "expected", "planned", "random")
+        ]
+        lines.append(f"| {case.hidden} {case.joint} | {len(group)} | {' | '.join([*shares, *medians])} |")
+    lines += [
+        "",
+        "First campaigns, mean error on 200 fresh exact poses (median over seeds):",
+        "",
+        "| poses | planned [µm] | random [µm] | one planned pose in random ones |",
+        "|---|---|---|---|",
+    ]
+    for poses in sorted({o.poses for o in campaigns}):
+        group = [o for o in campaigns if o.poses == poses]
+        planned, random = (
+            1e6 * np.median([getattr(o, which) for o in group]) for which in ("planned", "random")
+        )
+        worth = np.median([o.random_poses_per_planned for o in group])
+        lines.append(f"| {poses} | {planned:.1f} | {random:.1f} | {worth:.2f} |")
+    return "\n".join(lines) + "\n"
+
+
+def settled(delta_bic: float) -> bool:
+    """True where the evidence for the true cause is decisive."""
+    return delta_bic < -SETTLED
+
+
+def main() -> None:
+    """Print the tables; with --write, put them between their marks in that file, or at its end where it has none."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seeds", type=int, default=20)
+    parser.add_argument("--poses", type=int, default=8, help="further poses of a separation")
+    parser.add_argument("--write", type=Path, help="file to write the tables to")
+    given = parser.parse_args()
+    with tempfile.TemporaryDirectory() as made:
+        tried = [
+            try_case(case, seed, given.poses, Path(made)) for case in CASES for seed in range(given.seeds)
+        ]
+        campaigns = [
+            try_campaign(count, seed, Path(made))
+            for count in (20, 30, 50)
+            for seed in range(given.seeds // 2)
+        ]
+    section = text_of([outcome for outcome in tried if outcome], campaigns, given.poses)
+    print(section)
+    if given.write:
+        text = given.write.read_text() if given.write.exists() else "# Results\n"
+        before, found, rest = text.partition(BEGIN)
+        if not found:
+            before = text.rstrip() + "\n\n## Planned poses\n\n`./dev plan` makes these tables.\n\n"
+        given.write.write_text(f"{before}{BEGIN}\n{section}{END}{rest.partition(END)[2] or chr(10)}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,271 @@
+"""Run bare-metal ARM images in QEMU: a recorded input in, the output and exact instruction counts back.
+
+Images are built by the CMake presets `stm32f405`, `cortex-m7` and `r5f` (`build_images`). A test image talks
+to the host by semihosting (`firmware/ports/arm/semihosting.h`): its command line names the host files that it
+reads and writes (`run_image`). A product image talks on its serial ports (`board`) or on CAN
+(`real_time_board`).
+"""
+
+from __future__ import annotations
+
+import collections
+import contextlib
+import dataclasses
+import json
+import pathlib
+import socket
+import subprocess
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+ROOT = pathlib.Path(__file__).resolve().parents[1]
+
+
+class QemuError(RuntimeError):
+    """The emulator or the image in it did not do what was asked; the message holds what it printed."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Run:
+    """What one run of a test image gave: exit status, what it printed, and its output file."""
+
+    status: int
+    printed: str
+    output: bytes
+
+
+def build_images(preset: str, *targets: str) -> pathlib.Path:
+    """Configure and build a bare-metal preset; returns the folder with its ELF, BIN, HEX and map files."""
+    folder = ROOT / "build" / preset
+    if not (folder / "build.ninja").exists():
+        subprocess.run(["cmake", "--preset", preset], cwd=ROOT, check=True, stdout=subprocess.DEVNULL)
+    command = ["cmake", "--build", str(folder), "-j", "2"]
+    if targets:
+        command += ["--target", *targets]
+    subprocess.run(command, cwd=ROOT, check=True, stdout=subprocess.DEVNULL)
+    return folder / "images"
+
+
+def _test_command(
+    elf: pathlib.Path, machine: str, arguments: Sequence[str], extra: Sequence[str] = ()
+) -> list[str]:
+    semihosting = ",".join(["enable=on", "target=native", *(f"arg={argument}" for argument in arguments)])
+    return [
+        "qemu-system-arm", "-M", machine, "-kernel", str(elf), "-display", "none", "-monitor", "none",
+        "-serial", "null", "-icount", "shift=0", "-semihosting-config", semihosting, *extra,
+    ]  # fmt: skip
+
+
+def run_image(
+    elf: pathlib.Path,
+    recorded: bytes = b"",
+    *,
+    machine: str = "netduinoplus2",
+    timeout_s: float = 60.0,
+    extra: Sequence[str] = (),
+) -> Run:
+    """Run a test image with `recorded` as its input file and return what it wrote to its output file.
+
+    The image's command line is `INPUT OUTPUT`. One instruction takes one nanosecond of virtual time, so counts
+    read by `InstructionCounter` are exact and repeatable.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        source, sink = pathlib.Path(folder, "in"), pathlib.Path(folder, "out")
+        source.write_bytes(recorded)
+        command = _test_command(elf, machine, [str(source), str(sink)], extra)
+        try:
+            done = subprocess.run(command, capture_output=True, text=True, timeout=timeout_s, check=False)
+        except subprocess.TimeoutExpired as error:
+            raise QemuError(
+                f"{elf.name} did not end within {timeout_s} s; it printed {error.stderr!r}"
+            ) from error
+        return Run(done.returncode, done.stderr, sink.read_bytes() if sink.exists() else b"")
+
+
+def instructions_by_function(
+    elf: pathlib.Path, recorded: bytes = b"", *, machine: str = "netduinoplus2", timeout_s: float = 300.0
+) -> dict[str, int]:
+    """Executed instructions per function (linker symbol) over a whole run of a test image, most first.
+
+    Every instruction is logged (about 80 bytes each), so give it a short input: it answers where the
+    instructions go, `InstructionCounter` how many there are.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        source, sink, log = (pathlib.Path(folder, name) for name in ("in", "out", "log"))
+        source.write_bytes(recorded)
+        command = _test_command(elf, machine, [str(source), str(sink)])
+        command += ["-singlestep", "-d", "exec,nochain", "-D", str(log)]
+        subprocess.run(command, capture_output=True, timeout=timeout_s, check=False)
+        counts: collections.Counter[str] = collections.Counter()
+        with log.open(encoding="ascii", errors="replace") as lines:
+            counts.update(line.rsplit(None, 1)[-1] for line in lines if line.startswith("Trace"))
+    return dict(counts.most_common())
+
+
+def free_port() -> int:
+    """A TCP port of this machine that nobody listens on now."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+@dataclasses.dataclass(frozen=True)
+class Board:
+    """An emulated board that runs: its process, and the TCP port of each serial port in order."""
+
+    process: subprocess.Popen[str]
+    ports: tuple[int, ...]
+
+    def slcan_url(self, serial: int = 0) -> str:
+        """The python-can channel (`interface='slcan'`) of a serial port of the board."""
+        return f"socket://127.0.0.1:{self.ports[serial]}"
+
+
+def _wait_for_listener(process: subprocess.Popen[str], port: int, timeout_s: float = 10.0) -> None:
+    # A connection would take the emulator's only seat on that port: ask the kernel's table instead.
+    wanted = f":{port:04X} "
+    deadline = time.monotonic() + timeout_s
+    while time.monotonic() < deadline:
+        if process.poll() is not None:
+            raise QemuError(
+                f"the emulator ended with status {process.returncode}: {process.communicate()[1]}"
+            )
+        listening = pathlib.Path("/proc/net/tcp").read_text("ascii").splitlines()
+        if any(wanted in line.split("0000:0000")[0] + " " and " 0A " in line for line in listening[1:]):
+            return
+        time.sleep(0.01)
+    raise QemuError(f"the emulator does not listen on port {port} after {timeout_s} s")
+
+
+@contextlib.contextmanager
+def board(
+    elf: pathlib.Path, *, machine: str = "netduinoplus2", serial_ports: int = 2, extra: Sequence[str] = ()
+) -> Iterator[Board]:
+    """Run a product image; each of its first serial ports is a TCP server on this machine.
+
+    The image runs in real time (no instruction counting) and is ended with the block.
+    """
+    ports = tuple(free_port() for _ in range(serial_ports))
+    command = ["qemu-system-arm", "-M", machine, "-kernel", str(elf), "-display", "none", "-monitor", "none"]
+    for port in ports:
+        command += ["-serial", f"tcp:127.0.0.1:{port},server=on,wait=off,nodelay=on"]
+    process = subprocess.Popen(
+        [*command, *extra], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
+    )
+    try:
+        for port in ports:
+            _wait_for_listener(process, port)
+        yield Board(process, ports)
+    finally:
+        process.kill()
+        process.communicate()
+
+
+class QemuMonitor:
+    """QEMU's machine protocol (QMP) on a Unix socket."""
+
+    def __init__(self, path: pathlib.Path, process: subprocess.Popen[str], timeout_s: float = 60.0) -> None:
+        deadline = time.monotonic() + timeout_s
+        self._socket = socket.socket(socket.AF_UNIX)
+        self._socket.settimeout(timeout_s)
+        while True:
+            try:
+                self._socket.connect(str(path))
+                break
+            except OSError as error:
+                if process.poll() is not None:
+                    raise QemuError(f"the emulator ended: {process.communicate()[1]}") from error
+                if time.monotonic() > deadline:
+                    raise QemuError(f"the emulator opened no monitor within {timeout_s} s") from error
+                time.sleep(0.05)
+        self._process = process
+        self._lines = self._socket.makefile("rw", encoding="utf-8")
+        self._read_line()
+        self.call("qmp_capabilities")
+
+    def _read_line(self) -> str:
+        try:
+            line = self._lines.readline()
+        except ConnectionError:
+            line = ""
+        if not line:
+            raise QemuError(f"the emulator ended: {self._process.communicate()[1]}")
+        return line
+
+    def call(self, command: str, **arguments: Any) -> Any:
+        """Execute one command; returns its result, raises QemuError with QEMU's words."""
+        self._lines.write(json.dumps({"execute": command, "arguments": arguments}) + "\n")
+        self._lines.flush()
+        while True:
+            answer = json.loads(self._read_line())
+            if "error" in answer:
+                raise QemuError(f"{command}: {answer['error']['desc']}")
+            if "return" in answer:
+                return answer["return"]
+
+    def close(self) -> None:
+        """Leave the emulator running, unattended."""
+        self._lines.close()
+        self._socket.close()
+
+
+# Where the application cores wait (wfi; b .-4): they would execute the real-time core's image as their own.
+_PARKED_AT = 0x07F00000
+_PARKED_CODE = 0x17FFFFFF_D503207F
+
+
+@dataclasses.dataclass(frozen=True)
+class RealTimeBoard:
+    """An emulated Zynq UltraScale+ whose first Cortex-R5F runs an image."""
+
+    process: subprocess.Popen[str]
+    monitor: QemuMonitor
+    serial_log: pathlib.Path
+
+    def wait_for_text(self, text: str, timeout_s: float = 60.0) -> str:
+        """Everything printed on the UART so far, as soon as it contains `text`."""
+        deadline = time.monotonic() + timeout_s
+        while time.monotonic() < deadline:
+            printed = self.serial_log.read_bytes().decode("ascii") if self.serial_log.exists() else ""
+            if text in printed:
+                return printed
+            if self.process.poll() is not None:
+                raise QemuError(f"the emulator ended: {self.process.communicate()[1]}")
+            time.sleep(0.05)
+        raise QemuError(f"the image did not print {text!r} within {timeout_s} s")
+
+
+@contextlib.contextmanager
+def real_time_board(elf: pathlib.Path, buses: Sequence[str] = ()) -> Iterator[RealTimeBoard]:
+    """Run an image on a Cortex-R5F of the emulated Zynq UltraScale+.
+
+    `buses`: SocketCAN interfaces tied to its CAN controllers, in order (CAN0, CAN1); none is needed to boot.
+    The core is powered off after reset, as in the hardware: the monitor switches it on.
+    """
+    with tempfile.TemporaryDirectory(prefix="armtrue-qemu-") as folder:
+        monitor_path, serial_log = pathlib.Path(folder, "qmp"), pathlib.Path(folder, "uart")
+        machine = "xlnx-zcu102" + "".join(f",canbus{i}=canbus{i}" for i in range(len(buses)))
+        command = ["qemu-system-aarch64", "-M", machine, "-smp", "6", "-m", "128M", "-display", "none", "-S"]
+        command += ["-accel", "tcg,tb-size=32"]  # MiB; inside User-Mode Linux memory is short
+        for i, bus in enumerate(buses):
+            command += ["-object", f"can-bus,id=canbus{i}"]
+            command += ["-object", f"can-host-socketcan,id=socketcan{i},if={bus},canbus=canbus{i}"]
+        command += ["-audiodev", "none,id=silent", "-serial", f"file:{serial_log}", "-monitor", "none"]
+        command += ["-qmp", f"unix:{monitor_path},server=on,wait=off"]
+        command += ["-device", f"loader,addr={_PARKED_AT},data={_PARKED_CODE},data-len=8"]
+        command += ["-device", f"loader,addr={_PARKED_AT},cpu-num=0"]
+        command += ["-device", f"loader,file={elf},cpu-num=4"]
+        process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+        try:
+            monitor = QemuMonitor(monitor_path, process)
+            core = "/machine/soc/rpu-cluster/rpu-cpu[0]"
+            monitor.call("qom-set", path=core, property="start-powered-off", value=False)
+            monitor.call("system_reset")
+            monitor.call("cont")
+            yield RealTimeBoard(process, monitor, serial_log)
+            monitor.close()
+        finally:
+            process.kill()
+            process.communicate()

@@ -1,0 +1,308 @@
+"""The report in Debian's Chromium: on a laptop, on a phone, in the dark, on paper, by keyboard and by touch."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+from armtrue import Fit
+from browser import LAPTOP, PHONE, Browser
+from selenium.webdriver.common.action_chains import ActionChains
+from selenium.webdriver.common.actions.wheel_input import ScrollOrigin
+from selenium.webdriver.common.by import By
+from selenium.webdriver.common.keys import Keys
+
+ARROWS = """return ['length0', 'length1', 'length2', 'length3']
+    .map(k => document.querySelector('.stage .' + k).getAttribute('d')).join('')"""
+# Contrast of every element's own text against what is painted behind it (WCAG 2.1, relative luminance).
+CONTRAST = """
+const channel = (c) => (c /= 255) <= 0.04045 ? c / 12.92 : ((c + 0.055) / 1.055) ** 2.4;
+const parse = (text) => text.match(/[\\d.]+/g).map(Number);
+const light = ([r, g, b]) => 0.2126 * channel(r) + 0.7152 * channel(g) + 0.0722 * channel(b);
+function behind(element) {
+  for (let e = element; e; e = e.parentElement) {
+    const colour = parse(getComputedStyle(e).backgroundColor);
+    if (colour.length < 4 || colour[3] > 0) return colour;
+  }
+  return [255, 255, 255];
+}
+const poor = [];
+for (const element of document.querySelectorAll('body *')) {
+  const own = [...element.childNodes].some((n) => n.nodeType === 3 && n.textContent.trim());
+  if (!own || ['SCRIPT', 'STYLE', 'TITLE', 'NOSCRIPT'].includes(element.tagName.toUpperCase())) continue;
+  if (!element.checkVisibility()) continue;
+  const style = getComputedStyle(element);
+  const ink = light(parse(element instanceof SVGElement ? style.fill : style.color)), paper = light(behind(element));
+  const ratio = (Math.max(ink, paper) + 0.05) / (Math.min(ink, paper) + 0.05);
+  const name = `${element.tagName}.${element.getAttribute('class')}`;
+  if (ratio < 4.5) poor.push(`${name} ${ratio.toFixed(2)}: ${element.textContent}`);
+}
+return [...new Set(poor)];
+"""
+# The smallest letters of every chart in sight, in CSS pixels.
+HEIGHTS = """
+const charts = [...document.querySelectorAll('.panel, .stage svg')].filter((svg) => svg.checkVisibility());
+return charts.map((svg) => {
+  const scale = svg.getBoundingClientRect().width / svg.viewBox.baseVal.width;
+  const sizes = [...svg.querySelectorAll('text')].map((text) => parseFloat(getComputedStyle(text).fontSize));
+  return scale * Math.min(...sizes);
+});
+"""
+
+
+@pytest.fixture
+def laptop(browser: Browser, page: Path) -> Browser:
+    browser.open(page)
+    return browser
+
+
+def arrows(browser: Browser) -> str:
+    browser.settle()
+    return str(browser.run(ARROWS))
+
+
+def stage(browser: Browser):
+    element = browser.driver.find_element(By.CSS_SELECTOR, ".stage")
+    browser.run("arguments[0].scrollIntoView({block: 'center', behavior: 'instant'})", element)
+    return element
+
+
+def test_it_loads_without_network_and_without_complaints(laptop):
+    assert laptop.complaints() == []
+    assert laptop.run("return performance.getEntriesByType('resource').length") == 0
+    assert laptop.run("return document.title") == "Calibration of kr30"
+    assert laptop.run("return navigator.onLine") is False
+
+
+@pytest.mark.parametrize("size", [LAPTOP, PHONE, (320, 640), (820, 1180)], ids=str)
+def test_nothing_runs_over_the_edge(browser, page, size):
+    browser.open(page, size)
+    wide = "return [document.documentElement.scrollWidth, document.documentElement.clientWidth]"
+    scrolled, shown = browser.run(wide)
+    assert scrolled <= shown == size[0]
+
+
+@pytest.mark.parametrize("size", [LAPTOP, PHONE], ids=["laptop", "phone"])
+def test_words_in_charts_are_large_enough_to_read(browser, page, size):
+    browser.open(page, size)
+    heights = browser.run(HEIGHTS)
+    assert len(heights) > 20
+    assert min(heights) > 8.5
+
+
+@pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
+def test_all_words_stand_out_from_their_background(browser, page, dark):
+    browser.open(page, dark=dark)
+    background = browser.run("return getComputedStyle(document.documentElement).backgroundColor")
+    red = int(re.findall(r"\d+", background)[0])
+    assert red < 60 if dark else red > 240
+    assert browser.run(CONTRAST) == []
+
+
+def test_every_arrow_is_there_and_has_its_length(laptop, fits):
+    """Seen from above, an arrow is as long as its horizontal error at the scale that the ruler states."""
+    stage(laptop).send_keys("1")
+    strokes = re.findall(r"M(-?[\d.]+) (-?[\d.]+)L(-?[\d.]+) (-?[\d.]+)", arrows(laptop))
+    drawn = [np.hypot(float(x1) - float(x0), float(y1) - float(y0)) for x0, y0, x1, y1 in strokes]
+    text = laptop.run(
+        "return [...document.querySelectorAll('.stage text')].map((t) => t.textContent).join('|')"
+    )
+    micrometres = float(re.search(r"error of ([\d.]+) µm", text)[1])
+    ruler = laptop.run("return document.querySelector('.ruler').getAttribute('d')")
+    pixels = float(re.search(r"h-([\d.]+)", ruler)[1])
+    expected = np.hypot(*fits[-1].residuals()[:, :2].T) * 1e6 * pixels / micrometres
+    # The longest strokes are shafts; the strokes of heads are shorter.
+    assert np.sort(drawn)[-40:] / np.sort(expected)[-40:] == pytest.approx(1.0, abs=0.03)
+    starts = laptop.run("return document.querySelector('.start').getAttribute('d').split('M').length - 1")
+    assert starts == len(expected)
+
+
+@pytest.mark.parametrize(
+    "key", [Keys.ARROW_LEFT, Keys.ARROW_UP, "+", "2", "]"], ids=["left", "up", "plus", "2", "]"]
+)
+def test_keys_move_the_picture_and_0_brings_it_back(laptop, key):
+    view = stage(laptop)
+    before = arrows(laptop)
+    view.send_keys(key)
+    assert arrows(laptop) != before
+    view.send_keys("0")
+    assert arrows(laptop) == before
+
+
+def test_the_mouse_turns_and_the_wheel_zooms(laptop):
+    view = stage(laptop)
+    before = arrows(laptop)
+    ActionChains(laptop.driver).click_and_hold(view).move_by_offset(90, 30).release().perform()
+    turned = arrows(laptop)
+    assert turned != before
+    ActionChains(laptop.driver).scroll_from_origin(ScrollOrigin.from_element(view), 0, -300).perform()
+    assert arrows(laptop) != turned
+
+
+def test_fingers_turn_and_pinch(browser, page):
+    browser.open(page, PHONE)
+    view = stage(browser)
+    box = browser.run(
+        "const b = arguments[0].getBoundingClientRect(); return [b.x, b.y, b.width, b.height]", view
+    )
+    x, y = box[0] + box[2] / 2, box[1] + box[3] / 2
+
+    def touch(kind: str, *points: tuple[float, float]) -> None:
+        touches = [{"x": px, "y": py, "id": k} for k, (px, py) in enumerate(points)]
+        browser.command("Input.dispatchTouchEvent", type=kind, touchPoints=touches)
+
+    before = arrows(browser)
+    touch("touchStart", (x, y))
+    touch("touchMove", (x + 60, y + 10))
+    touch("touchEnd")
+    turned = arrows(browser)
+    assert turned != before
+    touch("touchStart", (x - 20, y), (x + 20, y))
+    touch("touchMove", (x - 80, y), (x + 80, y))
+    touch("touchEnd")
+    width = "const b = document.querySelector('.stage .arm').getBBox(); return Math.hypot(b.width, b.height)"
+    browser.settle()
+    assert browser.run(width) > 0
+    assert arrows(browser) != turned
+
+
+def test_the_worst_pose_is_read_out_as_it_was_measured(laptop, fits):
+    stage(laptop).send_keys("n")
+    laptop.settle()
+    words = laptop.driver.find_element(By.CSS_SELECTOR, ".readout").text
+    lengths = np.linalg.norm(fits[-1].residuals(), axis=1)
+    row = fits[-1].data.rows[int(np.argmax(lengths))]
+    assert words.startswith(f"Row {row}: {1e6 * lengths.max():.0f} µm")
+
+
+def test_the_first_step_can_be_shown_at_the_same_scale(laptop):
+    def ruler() -> str:
+        return str(laptop.run("return document.querySelector('.ruler').getAttribute('d')"))
+
+    before, scale = arrows(laptop), ruler()
+    first = laptop.driver.find_element(By.CSS_SELECTOR, "input[name=vectors-step][value='0']")
+    laptop.run("arguments[0].click()", first)
+    assert arrows(laptop) != before
+    assert ruler() == scale
+
+
+def test_views_of_the_state_are_chosen_by_keyboard(laptop):
+    shown = """return [...document.querySelectorAll('.view')]
+        .filter((view) => view.checkVisibility()).map((view) => view.dataset.view)"""
+    assert laptop.run(shown) == ["telling"]
+    chosen = laptop.driver.find_element(By.CSS_SELECTOR, "input[name=state-view]:checked")
+    chosen.send_keys(Keys.ARROW_RIGHT)
+    assert laptop.run(shown) == ["x"]
+
+
+def test_the_keyboard_reaches_everything_in_order(laptop):
+    laptop.run("document.body.focus(); window.scrollTo(0, 0)")
+    reached = []
+    for _ in range(80):
+        ActionChains(laptop.driver).send_keys(Keys.TAB).perform()
+        reached.append(
+            laptop.run(
+                "const e = document.activeElement; return e.className || e.getAttribute('href') || e.name || e.tagName"
+            )
+        )
+    assert reached[0] == "skip"
+    assert reached[1:4] == ["#error", "#vectors", "#state"]
+    for stop in ("vectors-step", "stage", "state-view", "scroll", "SUMMARY"):
+        assert stop in reached
+
+
+def test_a_screen_reader_finds_headings_and_names(laptop):
+    nodes = laptop.command("Accessibility.getFullAXTree")["nodes"]
+    read = [
+        (node["role"]["value"], node.get("name", {}).get("value", ""))
+        for node in nodes
+        if not node.get("ignored") and "role" in node
+    ]
+    headings = [name for role, name in read if role == "heading"]
+    assert headings[0] == "kr30"
+    assert {"How the error fell", "Where the error points", "What is missing"} <= set(headings)
+    pictures = [name for role, name in read if role in ("image", "img")]
+    assert len(pictures) > 25
+    assert all(pictures)
+    assert [name for role, name in read if role == "navigation"] == ["sections"]
+    assert "main" in {role for role, _ in read}
+
+
+def test_paper_holds_everything_that_matters(browser, page, tmp_path):
+    browser.open(page)
+    path = tmp_path / "report.pdf"
+    path.write_bytes(browser.paper())
+    text = subprocess.run(
+        ["pdftotext", "-layout", path, "-"], capture_output=True, text=True, check=True
+    ).stdout
+    assert 4 < text.count("\f") <= 20
+    for words in (
+        "How the error fell",
+        "Why, and how large",
+        "gear_harmonics[3].sin1",
+        "What could not be observed",
+        "Rejected rows",
+    ):
+        assert words in text
+    assert "Next worst" not in text
+
+
+def test_paper_is_white_even_at_night_and_shows_three_views(browser, page):
+    browser.open(page, dark=True, media="print")
+    assert (
+        browser.run("return getComputedStyle(document.documentElement).backgroundColor")
+        == "rgb(255, 255, 255)"
+    )
+    stills = "return [...document.querySelectorAll('.stills svg')].filter((s) => s.checkVisibility()).length"
+    assert browser.run(stills) == 3
+    assert browser.run("return document.querySelector('nav').checkVisibility()") is False
+
+
+def test_without_scripts_all_but_one_picture_is_there(browser, page):
+    browser.open(page, scripts=False)
+    tree = browser.command("Accessibility.getFullAXTree")["nodes"]
+    names = [node.get("name", {}).get("value", "") for node in tree if not node.get("ignored")]
+    assert any("needs JavaScript" in name for name in names)
+    assert sum(name.startswith("Spectrum of the residual") for name in names) == 6
+
+
+def test_bars_of_candidates_are_as_long_as_their_shares(laptop):
+    bars = laptop.run("""
+        const wide = (e, name) => e.querySelector(name).offsetWidth;
+        const shares = [...document.querySelectorAll('.share')].filter((e) => e.checkVisibility());
+        return shares.map((e) => [parseFloat(e.textContent), wide(e, '.bar') / wide(e, '.bar-track')])""")
+    assert len(bars) >= 8
+    for percent, length in bars:
+        assert length == pytest.approx(percent / 100.0, abs=0.02)
+
+
+def test_a_tap_reads_an_arrow(browser, page):
+    browser.open(page, PHONE)
+    stage(browser)
+    x, y = browser.run("""const box = document.querySelector('.stage').getBoundingClientRect();
+        const first = document.querySelector('.stage .start').getAttribute('d');
+        const [, x, y] = first.match(/M([\\d.]+) ([\\d.]+)/);
+        return [box.x + Number(x), box.y + Number(y)]""")
+    for kind, points in (("touchStart", [{"x": x, "y": y}]), ("touchEnd", [])):
+        browser.command("Input.dispatchTouchEvent", type=kind, touchPoints=points)
+    browser.settle()
+    assert browser.driver.find_element(By.CSS_SELECTOR, ".readout").text.startswith("Row ")
+
+
+def test_colour_never_stands_alone(laptop, fits: list[Fit]):
+    """The first step's lines are dashed where the last step's are solid, and marks differ in shape."""
+    dashes = laptop.run("""return ['first', 'last', 'threshold', 'ratio'].map((name) =>
+        getComputedStyle(document.querySelector('#spectra .' + name)).strokeDasharray)""")
+    assert len(set(dashes)) == 4
+    assert (
+        laptop.run(
+            "return new Set([...document.querySelectorAll('.legend path')].map((p) => p.getAttribute('d'))).size"
+        )
+        == 4
+    )
+    widths = laptop.run("""return ['length0', 'length1', 'length2', 'length3'].map((name) =>
+        parseFloat(getComputedStyle(document.querySelector('.stage .' + name)).strokeWidth))""")
+    assert widths == sorted(set(widths))

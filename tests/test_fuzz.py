@@ -1,0 +1,46 @@
+"""A minute of fuzzing over all readers: from the committed corpus, nothing but InputError may escape.
+
+The harness runs on its own as well, for as long as wanted: tests/fuzz/fuzz_readers.py.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+FUZZ = Path(__file__).parent / "fuzz"
+SECONDS = {"csv": 12, "dataset": 12, "robot": 10, "urdf": 6, "model": 10, "expression": 6, "fit": 4}
+
+
+@pytest.mark.parametrize("target", SECONDS)
+def test_only_input_errors_escape(tmp_path: Path, target: str) -> None:
+    found = tmp_path / "found"
+    found.mkdir()
+    corpus = FUZZ / "corpus" / target
+    assert any(corpus.iterdir())
+    run = subprocess.run(
+        [
+            sys.executable,
+            str(FUZZ / "fuzz_readers.py"),
+            target,
+            f"-max_total_time={SECONDS[target]}",
+            f"-dict={FUZZ / 'tokens.dict'}",
+            f"-artifact_prefix={found}/",
+            "-timeout=10",
+            "-rss_limit_mb=2048",
+            "-max_len=4096",
+            "-seed=1",
+            str(found),
+            str(corpus),
+        ],
+        capture_output=True,
+        text=True,
+        errors="replace",
+        check=False,
+        timeout=SECONDS[target] + 60,
+    )
+    assert run.returncode == 0, (run.stdout + run.stderr)[-4000:]
+    assert "Done" in run.stderr

@@ -1,0 +1,25 @@
+"""Standard deviations are right: over repeated noise, what is estimated scatters as much as each fit says it does."""
+
+from __future__ import annotations
+
+import pytest
+from repetitions import scatter
+
+# 20 of the 200 repetitions of `./dev bench`; the band is that of the mean of 30 correlated chi-squares of 20.
+REPETITIONS = 20
+
+
+@pytest.mark.parametrize(
+    ("arm", "hidden"),
+    [("kr30", ["joint_compliance", "joint_scale"]), ("irb2400", ["joint_compliance"]), ("stanford", [])],
+)
+def test_estimates_scatter_as_stated(arm: str, hidden: list[str]) -> None:
+    found = scatter(arm, hidden, REPETITIONS)
+    assert 0.8 < found.mean_square < 1.25
+    assert abs(found.largest_mean) < 4.5 / REPETITIONS**0.5, f"{found.worst_mean} is biased"
+    assert found.worst_p > 1e-5, f"{found.worst_chi2} scatters otherwise than stated"
+
+
+def test_a_sigma_that_is_a_third_off_is_noticed() -> None:
+    found = scatter("kr30", ["joint_compliance", "joint_scale"], REPETITIONS, pretend=0.7)
+    assert found.mean_square > 1.5
