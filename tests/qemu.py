@@ -123,7 +123,7 @@ class Board:
         return f"socket://127.0.0.1:{self.ports[serial]}"
 
 
-def _wait_for_listener(process: subprocess.Popen[str], port: int, timeout_s: float = 10.0) -> None:
+def _wait_for_listener(process: subprocess.Popen[str], port: int, timeout_s: float = 60.0) -> None:
     # A connection would take the emulator's only seat on that port: ask the kernel's table instead.
     wanted = f":{port:04X} "
     deadline = time.monotonic() + timeout_s

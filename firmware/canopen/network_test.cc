@@ -314,6 +314,15 @@ TEST_F(NetworkTest, BusOffIsRecoveredAfterAPauseAndReported) {
   EXPECT_EQ(load_le<std::uint16_t>(emcy[1].data), 0x0000);
 }
 
+TEST_F(NetworkTest, WhatIsReadInTheTurnInWhichABusChangesAgrees) {
+  bench.run_for(1000);
+  bench.upstream.set_state(BusState::kPassive);
+  EXPECT_EQ(bench.read(0x1001, 0), 0x11U);
+  EXPECT_EQ(bench.read(0x1003, 1) & 0xFFFF, 0x8120U);
+  bench.upstream.set_state(BusState::kActive);
+  EXPECT_EQ(bench.read(0x1001, 0), 0U);
+}
+
 TEST_F(NetworkTest, SelfTestRunsWhatItIsAskedTo) {
   EXPECT_EQ(bench.write(0x2030, 1, 0x80, 1), 0x06090030U);
   ASSERT_EQ(bench.write(0x2030, 1, 0x1F, 1), 0U);

@@ -143,8 +143,7 @@ NodeAction Node::process(std::uint64_t now_us) {
     return NodeAction::kNone;
   }
   joint_path_sound_ = joints_.process(now_us);
-  upstream_watch_.process(now_us);
-  if (downstream_watch_) downstream_watch_->process(now_us);
+  watch_buses();
   while (const std::uint8_t lost = heartbeats_.process(now_us)) {
     emcy_.raise(Condition::kHeartbeatLost, lost);
     communication_error();
@@ -158,6 +157,11 @@ NodeAction Node::process(std::uint64_t now_us) {
   if (state == NmtState::kOperational) tpdos_.process(parts_.upstream, now_us);
   nmt_.process(parts_.upstream, dictionary_.get(od::kProducerHeartbeatTime), now_us);
   return NodeAction::kNone;
+}
+
+void Node::watch_buses() {
+  upstream_watch_.process(now_us_);
+  if (downstream_watch_) downstream_watch_->process(now_us_);
 }
 
 void Node::note_nmt_state() {
@@ -346,6 +350,8 @@ void Node::refresh_status() {
 }
 
 Abort Node::before_read(std::uint16_t index, std::uint8_t sub) {
+  // A bus's state and the errors that it raises are read in one turn: they must agree.
+  watch_buses();
   if (index == od::kPreDefinedErrorField[0].index) {
     // A field that holds no error is not readable (CiA 301, 7.5.2.4).
     const bool is_held = sub <= dictionary_.get(od::kPreDefinedErrorFieldCount);

@@ -95,6 +95,7 @@ class Node final : private ObjectHooks {
   void forward(CanPort& to, const CanFrame& frame, std::uint32_t& forwarded,
                std::uint32_t& dropped);
   void communication_error();
+  void watch_buses();
   void note_nmt_state();
   void refresh_status();
   void run_self_test(std::uint8_t tests);

@@ -21,6 +21,9 @@ class Running:
             self.command += ["--interface", "socketcan"]
         if "--channel" not in words:
             self.command += ["--channel", "vcan0"]
+        if "--timeout" not in words:
+            # Nobody whom a test asks is absent, only slow where the machine is loaded.
+            self.command += ["--timeout", "30"]
         self._out, self._err = tempfile.TemporaryFile("w+"), tempfile.TemporaryFile("w+")  # noqa: SIM115
         self._child = os.fork()
         if self._child == 0:

@@ -38,7 +38,7 @@ class NodeProcess:
         """Start it and wait for its boot-up message. Raises RuntimeError with its words if it ends."""
         with can.Bus(interface="socketcan", channel=self.upstream) as bus:
             self._process = subprocess.Popen(self.command, stderr=subprocess.PIPE)
-            deadline = time.monotonic() + 10.0
+            deadline = time.monotonic() + 60.0
             while time.monotonic() < deadline:
                 message = bus.recv(0.2)
                 if (
@@ -57,7 +57,7 @@ class NodeProcess:
         if self._process is None:
             return ""
         self._process.send_signal(how)
-        words = self._process.communicate(timeout=10.0)[1].decode()
+        words = self._process.communicate(timeout=60.0)[1].decode()
         self._process = None
         return words
 
@@ -75,7 +75,7 @@ def connect(channel: str = "vcan0", node_id: int = NODE_ID, eds: Path = EDS) -> 
     network.NOTIFIER_CYCLE = 0.05  # how long disconnect() waits for its thread
     network.connect(interface="socketcan", channel=channel)
     node = network.add_node(node_id, str(eds))
-    node.sdo.RESPONSE_TIMEOUT = 2.0
+    node.sdo.RESPONSE_TIMEOUT = 30.0
     return node
 
 
@@ -87,5 +87,5 @@ def disconnect(node: canopen.RemoteNode) -> None:
 def run_node(options: Sequence[str]) -> subprocess.CompletedProcess[str]:
     """Run the program with a command line that is expected to end by itself."""
     return subprocess.run(
-        [str(node_program()), *options], capture_output=True, text=True, timeout=10.0, check=False
+        [str(node_program()), *options], capture_output=True, text=True, timeout=60.0, check=False
     )

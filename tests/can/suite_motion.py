@@ -140,7 +140,7 @@ def test_stopped_commands_are_reported_and_end_with_the_next(inline: Target) -> 
 def until_emergency(target: Target, code: int) -> None:
     """Wait for an emergency of that code; a slow machine may have let another command come late before."""
     for _ in range(6):
-        emergency = target.expect(0x80 + target.node_id, timeout_s=4.0)
+        emergency = target.expect(0x80 + target.node_id)
         if int.from_bytes(emergency[:2], "little") == code:
             return
     pytest.fail(f"no emergency {code:#06x} among six")

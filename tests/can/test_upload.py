@@ -222,7 +222,7 @@ def test_a_bus_that_goes_away_is_no_answer_and_the_upload_can_be_repeated(tmp_pa
         subprocess.run([*link, "up"], check=True)
         assert interrupted.returncode == 3, interrupted.stderr
         assert len(interrupted.stderr.splitlines()) == 1
-        assert armtrue(*words).returncode == 0
+        assert armtrue(*words[:-2]).returncode == 0
         assert armtrue("device", "verify", file).returncode == 0
 
 
@@ -245,14 +245,17 @@ def test_upload_while_joints_are_commanded_is_refused(tmp_path: Path, tables: Pa
         for number in range(3):
             node.sdo[0x1400 + number][1].raw = 0x200 + 0x100 * number + 0x20
         node.sdo[0x2000][1].raw = 2
+        node.sdo[0x2000][5].raw = 60_000  # the longest quiet time: no pause of this machine is taken for a stop
         node.nmt.state = "OPERATIONAL"
         tasks = [node.network.send_periodic(0x220 + 0x100 * number, bytes(8), 0.05) for number in range(3)]
-        time.sleep(0.3)
+        while node.sdo["Compensator status"]["Cycles"].raw == 0:
+            time.sleep(0.01)
         refused = armtrue("upload", tables)
         assert refused.returncode == 1
         assert "stop the controller" in refused.stderr
         for task in tasks:
             task.stop()
+        node.sdo[0x2000][5].raw = 100
         time.sleep(0.7)
         assert armtrue("upload", tables).returncode == 0
         disconnect(node)

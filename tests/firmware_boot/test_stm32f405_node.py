@@ -43,7 +43,7 @@ def message(identifier: int, data: bytes, *, extended: bool = False) -> can.Mess
     return can.Message(arbitration_id=identifier, data=data, is_extended_id=extended)
 
 
-def receive(bus: can.BusABC, identifier: int, timeout_s: float = 5.0) -> bytes:
+def receive(bus: can.BusABC, identifier: int, timeout_s: float = 30.0) -> bytes:
     """The data of the next frame with this identifier; fails where none comes."""
     while (frame := bus.recv(timeout_s)) is not None:
         if frame.arbitration_id == identifier:

@@ -6,7 +6,7 @@ import os
 import signal
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -61,31 +61,50 @@ def test_a_move_follows_a_pause_that_made_the_targets_stale(loop: Loop) -> None:
     assert loop.controller.worst_following == 0
 
 
-def test_a_machine_that_halts_for_seconds_changes_nothing(loop: Loop) -> None:
+def in_the_middle_of_a_move(
+    loop: Loop, monkeypatch: pytest.MonkeyPatch, happen: Callable[[], None]
+) -> list[int]:
+    """Let something happen once, before the 20th cycle from now; the list returned then holds the cycle's number."""
+    cycle, begin, done = loop.controller.cycle, loop.controller.cycles, []
+
+    def cycle_with_incident(targets: np.ndarray) -> bool:
+        if not done and loop.controller.cycles == begin + 20:
+            done.append(loop.controller.cycles)
+            happen()
+        return cycle(targets)
+
+    monkeypatch.setattr(loop.controller, "cycle", cycle_with_incident)
+    return done
+
+
+def test_a_machine_that_halts_for_seconds_changes_nothing(
+    loop: Loop, monkeypatch: pytest.MonkeyPatch
+) -> None:
     loop.controller.move(HERE, cycles=6, settle=2)
     process = loop.node.process_id
+    going_on = threading.Timer(2.0 * STALE_S, os.kill, [process, signal.SIGCONT])
 
     def halt() -> None:
         os.kill(process, signal.SIGSTOP)
-        time.sleep(2.0 * STALE_S)
-        os.kill(process, signal.SIGCONT)
+        going_on.start()
 
-    halting = threading.Timer(0.3, halt)
-    halting.start()
-    loop.controller.move(THERE, cycles=100, settle=2)
-    halting.join()
+    halted = in_the_middle_of_a_move(loop, monkeypatch, halt)
+    loop.controller.move(THERE, cycles=40, settle=2)
+    assert halted
+    going_on.join()
     assert loop.controller.joints == pytest.approx(THERE, abs=1e-6)
     assert loop.controller.worst_following == 0
 
 
-def test_a_move_in_which_targets_were_withheld_is_made_again(loop: Loop) -> None:
+def test_a_move_in_which_targets_were_withheld_is_made_again(
+    loop: Loop, monkeypatch: pytest.MonkeyPatch
+) -> None:
     loop.controller.move(HERE, cycles=6, settle=2)
     stranger = can.Message(arbitration_id=TARGET_IDS[0], data=bytes(8), is_extended_id=False)
     with can.Bus(interface="socketcan", channel=CONTROLLER_BUS) as bus:
-        contradicting = threading.Timer(0.3, bus.send, [stranger])
-        contradicting.start()
-        loop.controller.move(THERE, cycles=100, settle=2)
-        contradicting.join()
+        contradicted = in_the_middle_of_a_move(loop, monkeypatch, lambda: bus.send(stranger))
+        loop.controller.move(THERE, cycles=40, settle=2)
+    assert contradicted
     assert loop.controller.repeated_moves >= 1
     assert loop.controller.joints == pytest.approx(THERE, abs=1e-6)
     assert loop.controller.worst_following == 0
