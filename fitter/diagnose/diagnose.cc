@@ -269,7 +269,7 @@ std::unique_ptr<Fit> look_ahead(const Fit& fit, const Candidate& first,
 }
 
 // True where the recommended effect only stands in for structure that no effect names.
-bool is_proxy(Fit& fit, const Scorer& scorer, const Candidate& best, const Structure& structure,
+bool is_proxy(Fit& fit, const Candidate& best, const Structure& structure,
               const DiagnoseOptions& options) {
   if (structure.findings.empty()) return false;
   const StructureFinding& rival = structure.findings.front();
@@ -283,7 +283,6 @@ bool is_proxy(Fit& fit, const Scorer& scorer, const Candidate& best, const Struc
   const Scorer beside(*with);
   const std::vector<Block> block{make_block(with->context(), best.request)};
   const BlockScore score = beside.score(block).front();
-  (void)scorer;
   return score.delta_bic > -kDecisive || score.log10_p > kSignificant - 2.0;
 }
 
@@ -424,7 +423,7 @@ Diagnosis diagnose(Fit& fit, const DiagnoseOptions& options) {
     if (find_effect(winner.request.effect).generic()) widen_tables(fit, bic, d.candidates, winner);
     // On large campaigns the look ahead would take minutes; there the end of a refinement shows
     // what outlives it.
-    proxy = options.look_ahead && !large && is_proxy(fit, scorer, winner, structure, options);
+    proxy = options.look_ahead && !large && is_proxy(fit, winner, structure, options);
     winner.recommend = !proxy;
     winner.why = proxy ? "stands in for structure that no effect of the catalogue names"
                        : evidence(winner, fit);

@@ -222,23 +222,22 @@ void State::compute_gravity() const {
 // the direction of approach: where those explain the readings, what they explain is used.
 std::vector<double> State::smooth_torque(int joint, const std::vector<double>& measured) const {
   std::vector<const std::vector<double>*> used;
-  const auto offer = [&](const std::string& name) {
-    const std::vector<double>& values = column(name);
+  const auto offer = [&](const std::vector<double>& values) {
     const auto [low, high] = std::minmax_element(values.begin(), values.end());
     if (*high - *low > 1e-9) used.push_back(&values);
   };
   const std::string k = std::to_string(joint);
-  std::vector<std::vector<double>> payload_moment(1);
   for (int link = joint; link <= robot_->joint_count(); ++link) {
     for (const char* component : {"_m", "_x", "_y", "_z"})
-      offer("u_" + k + "_" + std::to_string(link) + component);
+      offer(column("u_" + k + "_" + std::to_string(link) + component));
   }
+  std::vector<double> payload_moment;
   if (columns_.contains("payload")) {
-    payload_moment.front() = column("up_" + k);
-    for (std::size_t i = 0; i < rows_; ++i) payload_moment.front()[i] *= columns_.at("payload")[i];
-    used.push_back(&payload_moment.front());
+    payload_moment = column("up_" + k);
+    for (std::size_t i = 0; i < rows_; ++i) payload_moment[i] *= columns_.at("payload")[i];
+    offer(payload_moment);
   }
-  if (columns_.contains("dir" + k)) offer("dir" + k);
+  if (columns_.contains("dir" + k)) offer(column("dir" + k));
   const auto rows = static_cast<Eigen::Index>(rows_);
   const auto count = static_cast<Eigen::Index>(used.size()) + 1;
   if (rows < kRowsPerTorqueRegressor * count) return measured;

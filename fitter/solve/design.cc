@@ -12,7 +12,8 @@ BasisTable::BasisTable(const Model& model, const State& state, const CoordinateL
     : state_(&state),
       rows_(state.rows()),
       sparse_(state.rows()),
-      table_parameter_(model.parameters.size(), false) {
+      table_parameter_(model.parameters.size(), false),
+      searched_parameter_(model.parameters.size(), false) {
   for (const NonlinearParameter& p : model.nonlinear) {
     nonlinear_names_.push_back(p.name);
     nonlinear_values_.push_back(p.value);
@@ -35,6 +36,7 @@ BasisTable::BasisTable(const Model& model, const State& state, const CoordinateL
       for (std::size_t j = 0; j < nonlinear_names_.size(); ++j) {
         if (!used.contains(nonlinear_names_[j])) continue;
         column.nonlinear = true;
+        searched_parameter_[index] = true;
         slopes_.push_back({static_cast<int>(index),
                            coordinate,
                            j,
@@ -92,6 +94,16 @@ void BasisTable::row(std::size_t i, std::vector<Entry>& entries) const {
     if (values[c] != 0.0) entries.push_back({dense_[c].parameter, dense_[c].coordinate, values[c]});
   }
   entries.insert(entries.end(), sparse_[i].begin(), sparse_[i].end());
+}
+
+void BasisTable::searched_row(std::size_t i, std::vector<Entry>& entries) const {
+  entries.clear();
+  for (std::size_t c = 0; c < dense_.size(); ++c) {
+    if (is_searched(dense_[c].parameter)) {
+      entries.push_back(
+          {dense_[c].parameter, dense_[c].coordinate, dense_values_[i * dense_.size() + c]});
+    }
+  }
 }
 
 void BasisTable::nonlinear_row(std::size_t i, std::size_t j, std::vector<Entry>& entries) const {

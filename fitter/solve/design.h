@@ -31,6 +31,11 @@ class BasisTable {
   std::size_t rows() const { return rows_; }
   /// Entries of one row that are not zero, appended to `entries` (cleared first).
   void row(std::size_t i, std::vector<Entry>& entries) const;
+  /// As `row`, of the parameters alone in whose basis a nonlinear parameter stands.
+  void searched_row(std::size_t i, std::vector<Entry>& entries) const;
+  bool is_searched(int parameter) const {
+    return searched_parameter_[static_cast<std::size_t>(parameter)];
+  }
   /// d(weight × basis)/d(nonlinear[j]) of one row; `parameter` is the coefficient that multiplies
   /// it.
   void nonlinear_row(std::size_t i, std::size_t j, std::vector<Entry>& entries) const;
@@ -63,7 +68,7 @@ class BasisTable {
   std::vector<double> dense_values_;  // rows × dense_.size()
   std::vector<SlopeColumn> slopes_;
   std::vector<std::vector<Entry>> sparse_;
-  std::vector<bool> table_parameter_;
+  std::vector<bool> table_parameter_, searched_parameter_;
 };
 
 /// Everything needed to evaluate a model against measurements. Unknowns are the free linear
@@ -83,6 +88,7 @@ class Design {
   const State& state() const { return *state_; }
   const Measurements& measurements() const { return *measurements_; }
   Kinematics& kinematics() { return kinematics_; }
+  const BasisTable& basis() const { return basis_; }
   /// Parameters (indices into Model::parameters) that are unknowns, in order.
   const std::vector<int>& free_parameters() const { return free_; }
   /// Holds all other parameters at their present value. Fixed ones are never free.

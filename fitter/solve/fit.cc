@@ -8,6 +8,7 @@
 #include <numeric>
 
 #include "fitter/solve/choose_options.h"
+#include "fitter/solve/start_search.h"
 
 namespace armtrue {
 namespace {
@@ -29,8 +30,6 @@ constexpr double kLargestGrossShare = 0.1;
 constexpr double kAboveStructure = 3.0;
 constexpr int kRobustPasses = 8;
 constexpr double kSmoothnessStart = 1e-4;  // [rad]
-// Starts of nonlinear parameters that are followed to their minimum.
-constexpr std::size_t kDescents = 4;
 
 json to_json(const ErrorSummary& s) {
   return {{"mean_um", s.mean * 1e6},
@@ -111,9 +110,6 @@ void Fit::prepare(const Robot& robot, const State::Columns& columns) {
   design_ = std::make_unique<Design>(*state_, measurements_, model_, *kinematics_);
   const std::size_t equations =
       measurements_.rows * static_cast<std::size_t>(measurements_.residuals_per_row());
-  std::size_t unknowns = 0;
-  for (const Parameter& p : model_.parameters)
-    unknowns += !p.fixed && !p.terms.front().table ? 1 : 0;
   if (equations < 12) {
     throw ModelError("measurements: found " + std::to_string(measurements_.rows) +
                      " poses, expected at least 4");
@@ -144,54 +140,6 @@ void Fit::rescale_noise() {
     turn.push_back(row.residual.tail<3>().norm());
   }
   measurements_.sigma_rotation *= std::max(1e-3, median(turn) / kMedianChi3 / std::sqrt(freedom));
-}
-
-// Tries every combination of the nonlinear parameters' starts, the linear ones in closed form
-// (variable projection), and descends from the few that promise most.
-void Fit::choose_starts() {
-  if (model_.nonlinear.empty()) return;
-  std::vector<std::pair<double, std::vector<double>>> starts;
-  std::vector<std::size_t> at(model_.nonlinear.size(), 0);
-  const auto linear = static_cast<Eigen::Index>(design_->free_parameters().size());
-  const std::vector<double> before = design_->unknown_values();
-  for (bool more = true; more;) {
-    std::vector<double> x = before;
-    for (std::size_t j = 0; j < at.size(); ++j) {
-      const NonlinearParameter& p = model_.nonlinear[j];
-      x[static_cast<std::size_t>(linear) + j] = p.starts.empty() ? p.value : p.starts[at[j]];
-    }
-    design_->set_unknowns(x.data());
-    NormalEquations equations = accumulate(*design_);
-    for (const PenaltyRow& row : penalty_rows(*design_, smoothness_sigma_)) equations.add(row, x);
-    const ScaledCholesky factor(equations.information.topLeftCorner(linear, linear));
-    const Eigen::VectorXd step = factor.solve(equations.gradient.head(linear));
-    const double cost = equations.cost - equations.gradient.head(linear).dot(step);
-    for (Eigen::Index k = 0; k < linear; ++k) x[static_cast<std::size_t>(k)] -= step[k];
-    starts.emplace_back(cost, std::move(x));
-    more = false;
-    for (std::size_t j = 0; j < at.size(); ++j) {
-      if (++at[j] < model_.nonlinear[j].starts.size()) {
-        more = true;
-        break;
-      }
-      at[j] = 0;
-    }
-  }
-  std::sort(starts.begin(), starts.end(),
-            [](const auto& a, const auto& b) { return a.first < b.first; });
-  if (starts.size() > kDescents) starts.resize(kDescents);
-  double best_cost = std::numeric_limits<double>::infinity();
-  std::vector<double> best;
-  for (const auto& [cost, x] : starts) {
-    design_->set_unknowns(x.data());
-    if (starts.size() == 1) return;
-    const SolveSummary summary = solve(*design_, smoothness_sigma_);
-    if (summary.cost < best_cost) {
-      best_cost = summary.cost;
-      best = design_->unknown_values();
-    }
-  }
-  design_->set_unknowns(best.data());
 }
 
 bool Fit::smooth() const {
@@ -264,7 +212,8 @@ void Fit::solve_robustly() {
     design_->set_values(values);
   };
   choose_kept();
-  choose_starts();
+  if (design_->nonlinear_count() > 0)
+    design_->set_unknowns(search_starts(*design_, smoothness_sigma_).data());
   summary_ = solve(*design_, smoothness_sigma_);
   if (options_.reject_gross_errors) {
     for (int pass = 0; pass < kRobustPasses; ++pass) {

@@ -82,7 +82,6 @@ class Fit {
   Fit() = default;
   void prepare(const Robot& robot, const State::Columns& columns);
   void rescale_noise();
-  void choose_starts();
   void choose_smoothness();
   void solve_robustly();
   bool find_gross_errors();

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from armtrue_loop.figures import Figures, draw, table_of, write_section
+from armtrue_loop.figures import Figures, draw, section_of, table_of
 from armtrue_loop.story import Story
 from armtrue_loop.toolbox import Toolbox
 
@@ -50,7 +50,6 @@ def main() -> int:
     parser.add_argument(
         "--move-cycles", type=int, default=12, help="control cycles a move takes (default %(default)s)"
     )
-    parser.add_argument("--write", type=Path, help="document that gets the table")
     arguments = parser.parse_args()
     width = int(os.environ.get("COLUMNS", "120"))
     console = Console(width=width, highlight=False, soft_wrap=True)
@@ -77,8 +76,7 @@ def main() -> int:
         figures = story.run()
     chapter("how the error fell")
     _conclude(figures, arguments.out, console)
-    if arguments.write:
-        write_section(figures, arguments.write)
+    (arguments.out / "tool-error.md").write_text(section_of(figures) + "\n", encoding="utf-8")
     shortcomings = figures.shortcomings()
     for shortcoming in shortcomings:
         print(f"armtrue_loop: {shortcoming}", file=sys.stderr)

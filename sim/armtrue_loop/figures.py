@@ -13,7 +13,6 @@ from armtrue_loop.plans import Array
 
 # Demanded of the loop: the mean error over CAN against that of the double-precision engine.
 LARGEST_RATIO = 1.05
-_MARKS = ("<!-- loop: begin -->", "<!-- loop: end -->")
 
 
 @dataclass(frozen=True)
@@ -112,7 +111,7 @@ def table_of(figures: Figures) -> Table:
 
 
 def section_of(figures: Figures) -> str:
-    """The section of docs/results.md."""
+    """What docs/results.md shows of a run."""
     lines = [
         f"`{figures.scenario}`, {figures.mode} mode; hidden: {', '.join(figures.hidden)}; found: "
         f"{', '.join(figures.found)}. {len(figures.steps[0].measured.each_um)} poses that nobody fitted, "
@@ -130,16 +129,6 @@ def section_of(figures: Figures) -> str:
         )
     lines.append(f"| noise floor, from repeats | {figures.noise_floor_um:.1f} | | | | | |")
     return "\n".join(lines)
-
-
-def write_section(figures: Figures, file: Path) -> None:
-    """Put the section between its marks in a document, or at its end where it has none."""
-    before, found, rest = file.read_text(encoding="utf-8").partition(_MARKS[0])
-    if not found:
-        command = "`./dev sil --write docs/results.md` makes this table; `./dev demo` prints the same."
-        before = f"{before.rstrip()}\n\n## The loop over CAN\n\n{command}\n\n"
-    after = rest.partition(_MARKS[1])[2] or "\n"
-    file.write_text(f"{before}{_MARKS[0]}\n{section_of(figures)}\n{_MARKS[1]}{after}", encoding="utf-8")
 
 
 def draw(figures: Figures, out: Path) -> list[Path]:

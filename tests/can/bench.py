@@ -1,7 +1,7 @@
 """What the CAN side costs: `./dev bench can` prints the tables and writes them into docs/results.md.
 
 python tests/can/bench.py transfer|latency RESULT.json  inside the rig
-python tests/can/bench.py report FOLDER --write docs/results.md  outside; counts instructions too
+python tests/can/bench.py report FOLDER outside; counts instructions too
 """
 
 from __future__ import annotations
@@ -34,7 +34,6 @@ BLOCK_SEGMENTS = 127
 PADDING = {"small": 0, "16 KiB": 15_500}
 TARGET_IDS = (0x220, 0x320, 0x420)
 CYCLES = 2000
-MARKS = ("<!-- can: begin -->", "<!-- can: end -->")
 
 
 class Counted:
@@ -244,27 +243,14 @@ def report(folder: Path) -> str:
     return "\n".join(lines)
 
 
-def write(section: str, file: Path) -> None:
-    """Put the section between its marks in a document, or at its end where it has none."""
-    before, found, rest = file.read_text(encoding="utf-8").partition(MARKS[0])
-    if not found:
-        before = before.rstrip() + "\n\n## On the bus\n\n`./dev bench can` makes these tables.\n\n"
-    after = rest.partition(MARKS[1])[2] or "\n"
-    file.write_text(f"{before}{MARKS[0]}\n{section}\n{MARKS[1]}{after}", encoding="utf-8")
-
-
 def main() -> None:
     """One part, or all of them as a report."""
     parser = argparse.ArgumentParser()
     parser.add_argument("part", choices=("transfer", "latency", "report"))
     parser.add_argument("place", type=Path)
-    parser.add_argument("--write", type=Path)
     arguments = parser.parse_args()
     if arguments.part == "report":
-        section = report(arguments.place)
-        print(section)
-        if arguments.write:
-            write(section, arguments.write)
+        print(report(arguments.place))
         return
     result = transfers() if arguments.part == "transfer" else latency()
     arguments.place.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")

@@ -245,7 +245,8 @@ def test_upload_while_joints_are_commanded_is_refused(tmp_path: Path, tables: Pa
         for number in range(3):
             node.sdo[0x1400 + number][1].raw = 0x200 + 0x100 * number + 0x20
         node.sdo[0x2000][1].raw = 2
-        node.sdo[0x2000][5].raw = 60_000  # the longest quiet time: no pause of this machine is taken for a stop
+        # The longest quiet time: no pause of this machine is taken for a stop.
+        node.sdo[0x2000][5].raw = 60_000
         node.nmt.state = "OPERATIONAL"
         tasks = [node.network.send_periodic(0x220 + 0x100 * number, bytes(8), 0.05) for number in range(3)]
         while node.sdo["Compensator status"]["Cycles"].raw == 0:

@@ -1,6 +1,6 @@
 """Fixed against double on 100 000 random reachable poses of each simulated arm; the table goes into docs/results.md.
 
-    accuracy_report.py [--poses N] [--write docs/results.md]
+    accuracy_report.py [--poses N]
 
 The measure is that of test_accuracy.py, which holds 6000 poses an arm to the same bounds in every test run.
 """
@@ -10,7 +10,6 @@ from __future__ import annotations
 import argparse
 import multiprocessing
 import os
-import re
 import sys
 from pathlib import Path
 
@@ -57,11 +56,10 @@ def row(case: tuple[str, bool, int]) -> tuple[str, bool]:
 
 
 def main() -> int:
-    """Print the table, put it between its markers where asked; 1 where a bound is exceeded."""
+    """Print the table; 1 where a bound is exceeded."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--poses", type=int, default=100_000)
     parser.add_argument("--jobs", type=int, default=os.cpu_count())
-    parser.add_argument("--write", type=Path)
     arguments = parser.parse_args()
     # Four joints cannot hold six coordinates.
     cases = [
@@ -72,19 +70,7 @@ def main() -> int:
     ]
     with multiprocessing.Pool(arguments.jobs) as pool:
         rows = pool.map(row, cases, chunksize=1)
-    table = HEAD + "\n".join(text for text, _ in rows) + "\n"
-    print(table, end="")
-    if arguments.write:
-        page = arguments.write.read_text(encoding="utf-8")
-        arguments.write.write_text(
-            re.sub(
-                r"(<!-- fixed: begin -->\n).*?(<!-- fixed: end -->)",
-                lambda m: m[1] + table + m[2],
-                page,
-                flags=re.S,
-            ),
-            encoding="utf-8",
-        )
+    print(HEAD + "\n".join(text for text, _ in rows))
     return 0 if all(good for _, good in rows) else 1
 
 

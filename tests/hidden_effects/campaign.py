@@ -1,16 +1,15 @@
-"""The whole hidden-effect campaign: `./dev hidden` runs it and writes its table into docs/results.md."""
+"""The whole hidden-effect campaign: `./dev hidden` runs it and keeps its table in docs/results.md."""
 
 from __future__ import annotations
 
 import argparse
 import statistics
+import sys
 from concurrent.futures import ProcessPoolExecutor
-from pathlib import Path
 
 from armtrue_sim.cases import ARMS, KINDS
 from harness import Outcome, run_case, verdict_of
 
-BEGIN, END = "<!-- hidden effects: begin -->", "<!-- hidden effects: end -->"
 HEAD = (
     "| what is hidden | cases | right | top 1 | top 3 | extras | ambiguity set: size | holds it "
     "| error / true effects (median, worst) | s/case |\n"
@@ -40,18 +39,15 @@ def row(kind: str, outcomes: list[Outcome]) -> str:
 
 
 def main() -> None:
-    """Run all kinds over all arms and seeds; print failures as they come."""
+    """Run all kinds over all arms and seeds; failures go to stderr as they come."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, default=10, help="seeds for each kind and arm")
     parser.add_argument(
         "--nothing-seeds", type=int, default=50, help="seeds for each arm with nothing hidden"
     )
     parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument(
-        "--write", type=Path, help="file with the begin and end marks to write the table between"
-    )
     given = parser.parse_args()
-    table = HEAD
+    print(HEAD, end="", flush=True)
     with ProcessPoolExecutor(given.jobs) as pool:
         for kind in KINDS:
             seeds = given.nothing_seeds if kind == "nothing_hidden" else given.seeds
@@ -60,14 +56,11 @@ def main() -> None:
             for o in outcomes:
                 if verdict_of(o) != "right":
                     print(
-                        f"{verdict_of(o)}: {kind} {o.arm} {o.seed}: hidden {sorted(o.hidden)}, added {sorted(o.added)}"
+                        f"{verdict_of(o)}: {kind} {o.arm} {o.seed}: hidden {sorted(o.hidden)}, added {sorted(o.added)}",
+                        file=sys.stderr,
+                        flush=True,
                     )
-            table += row(kind, outcomes)
             print(row(kind, outcomes), end="", flush=True)
-    if given.write:
-        text = given.write.read_text()
-        before, _, rest = text.partition(BEGIN)
-        given.write.write_text(f"{before}{BEGIN}\n{table}{END}{rest.partition(END)[2]}")
 
 
 if __name__ == "__main__":

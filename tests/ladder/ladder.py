@@ -35,7 +35,6 @@ KINEMATIC, GRID = 2, 3
 REFINED = "kinematic level, refined"
 REFINED_GRID = "kinematic level, refined, and the grid"
 PAPER = {0: (1.583, 0.420), GRID: (0.172, 0.066)}  # level: max, mean [mm]
-BEGIN, END = "<!-- ladder: begin -->", "<!-- ladder: end -->"
 
 Array = NDArray[np.float64]
 
@@ -211,22 +210,12 @@ def text_of(ladder: Ladder, comparison: Comparison) -> str:
 
 
 def main() -> None:
-    """Print the ladder; with --write, put it between its marks in that file, or at its end where it has none."""
+    """Print the ladder."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--write", type=Path, help="file to write the tables to")
-    given = parser.parse_args()
+    parser.parse_args()
     ladder = climb()
     section = text_of(ladder, compare_grids(ladder))
     print(section)
-    if given.write:
-        text = given.write.read_text() if given.write.exists() else "# Results\n"
-        before, found, rest = text.partition(BEGIN)
-        if not found:
-            before = (
-                text.rstrip()
-                + "\n\n## The ladder of a parallelogram arm\n\n`./dev ladder` makes these tables.\n\n"
-            )
-        given.write.write_text(f"{before}{BEGIN}\n{section}{END}{rest.partition(END)[2] or chr(10)}")
 
 
 if __name__ == "__main__":

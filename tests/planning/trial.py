@@ -22,7 +22,6 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 GEOMETRY = ["base_frame", "tool_offset", "joint_offset", "link_geometry"]
 TRACKER_SIGMA = 8e-6  # m, as the scenarios' instrument
-BEGIN, END = "<!-- plan: begin -->", "<!-- plan: end -->"
 
 
 @dataclass
@@ -243,11 +242,10 @@ def settled(delta_bic: float) -> bool:
 
 
 def main() -> None:
-    """Print the tables; with --write, put them between their marks in that file, or at its end where it has none."""
+    """Print the tables."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, default=20)
     parser.add_argument("--poses", type=int, default=8, help="further poses of a separation")
-    parser.add_argument("--write", type=Path, help="file to write the tables to")
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as made:
         tried = [
@@ -260,12 +258,6 @@ def main() -> None:
         ]
     section = text_of([outcome for outcome in tried if outcome], campaigns, given.poses)
     print(section)
-    if given.write:
-        text = given.write.read_text() if given.write.exists() else "# Results\n"
-        before, found, rest = text.partition(BEGIN)
-        if not found:
-            before = text.rstrip() + "\n\n## Planned poses\n\n`./dev plan` makes these tables.\n\n"
-        given.write.write_text(f"{before}{BEGIN}\n{section}{END}{rest.partition(END)[2] or chr(10)}")
 
 
 if __name__ == "__main__":

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import argparse
 import math
+import sys
 import time
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -22,7 +22,6 @@ from numpy.typing import NDArray
 ROOT = Path(__file__).resolve().parents[2]
 EXAMPLE = ROOT / "docs" / "examples" / "ur10-leica"
 MEASUREMENTS = ROOT.parent / "shared" / "datasets" / "ur10-leica"
-BEGIN, END = "<!-- ur10: begin -->", "<!-- ur10: end -->"
 
 GEOMETRY: list[Any] = ["base_frame", "tool_offset", "joint_offset", "link_geometry"]
 TABLES: list[Any] = [*GEOMETRY, "transmission_pwl"]
@@ -91,34 +90,32 @@ def words(effects: list[dict[str, Any]]) -> str:
     return ", ".join(e["effect"] + (f" {e['joints']}" if e.get("joints") else "") for e in added) or "none"
 
 
-def rows(name: str, split: Split, refined: bool) -> Iterator[str]:
-    """Lines of the table for one split."""
+def print_rows(name: str, split: Split, refined: bool) -> None:
+    """Lines of the table for one split; what a refinement did goes to stderr."""
     arm = robot()
     for label, effects in MODELS.items():
         begin = time.perf_counter()
         fit = armtrue.fit(split.train, arm, model_of(effects, arm))
-        yield line(name, label, fit, split, time.perf_counter() - begin)
+        print_row(name, label, fit, split, time.perf_counter() - begin)
     if refined:
         base = armtrue.fit(split.train, arm, model_of(GEOMETRY, arm))
         begin = time.perf_counter()
         final, story = armtrue.refine(base)
-        took = time.perf_counter() - begin
-        yield line(name, "`refine` from geometry", final, split, took)
+        print_row(name, "`refine` from geometry", final, split, time.perf_counter() - begin)
         for step in story["steps"]:
             added = step["added"]
-            print(name, added and (added["effect"], added["joints"]), step["error"]["held_out"], flush=True)
-        print(name, "refine ends with", words(final.effects), flush=True)
+            print(added and (added["effect"], added["joints"]), step["error"]["held_out"], file=sys.stderr)
+        print("refine ends with", words(final.effects), file=sys.stderr)
 
 
-def line(name: str, label: str, fit: armtrue.Fit, split: Split, seconds: float) -> str:
-    """One fit as a line of the table, printed as it comes."""
+def print_row(name: str, label: str, fit: armtrue.Fit, split: Split, seconds: float) -> None:
+    """One fit as a line of the table."""
     train, held_out = error_mm(fit, split.train), error_mm(fit, split.held_out)
-    text = (
+    print(
         f"| {name} | {label} | {len(fit.document['parameters'])} | {rms(train):.4f} | {rms(held_out):.4f} "
-        f"| {held_out.mean():.4f} | {np.quantile(held_out, 0.95):.4f} | {held_out.max():.3f} | {seconds:.1f} |"
+        f"| {held_out.mean():.4f} | {np.quantile(held_out, 0.95):.4f} | {held_out.max():.3f} | {seconds:.1f} |",
+        flush=True,
     )
-    print(text, flush=True)
-    return text
 
 
 def splits() -> dict[str, Split]:
@@ -130,25 +127,18 @@ def splits() -> dict[str, Split]:
 
 
 def main() -> None:
-    """Print the table, and keep it where --write says."""
+    """Print the table line by line."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--write", type=Path)
     parser.add_argument("--only", default="", help="splits whose name has this")
     parser.add_argument("--no-refine", action="store_true")
     arguments = parser.parse_args()
     if not MEASUREMENTS.is_dir():
         raise SystemExit(f"ur10: no measurements at {MEASUREMENTS}")
-    table = [
-        "| held out | model | parameters | train RMS [mm] | held-out RMS [mm] | mean | 95 % | max | s |",
-        "|---|---|---|---|---|---|---|---|---|",
-    ]
+    print("| held out | model | parameters | train RMS [mm] | held-out RMS [mm] | mean | 95 % | max | s |")
+    print("|---|---|---|---|---|---|---|---|---|", flush=True)
     for name, split in splits().items():
         if arguments.only in name:
-            table += rows(name, split, not arguments.no_refine)
-    if arguments.write:
-        text = arguments.write.read_text()
-        before, after = text.split(BEGIN)[0], text.split(END)[1]
-        arguments.write.write_text(before + BEGIN + "\n" + "\n".join(table) + "\n" + END + after)
+            print_rows(name, split, not arguments.no_refine)
 
 
 if __name__ == "__main__":

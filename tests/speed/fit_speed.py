@@ -77,21 +77,9 @@ def problem_file(c: Campaign, fit: Any, path: Path) -> None:
         measured=np.stack([np.asarray(c.data[axis], dtype=float) for axis in "xyz"], axis=1),
         mdh=np.array([[j["a"], j["alpha"], j["d"], j.get("offset", 0.0)] for j in joints]),
         base_position=base["xyz"],
-        base_rotation=_rotation(base["rpy"]),
+        base_rpy=base["rpy"],
         tool=tool["xyz"],
         spring=[p["value"] for p in document["parameters"] if p["effect"] == "joint_compliance"],
-    )
-
-
-def _rotation(rpy: list[float]) -> Any:
-    cr, cp, cy = np.cos(rpy)
-    sr, sp, sy = np.sin(rpy)
-    return np.array(
-        [
-            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
-            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
-            [-sp, cp * sr, cp * cr],
-        ]
     )
 
 

@@ -74,7 +74,7 @@ def scipy_fit(problem):
         )
         r, p = frames[-1]
         flange = p + r @ (problem["tool"] + tool)
-        turn = rotation(base[3:]) @ problem["base_rotation"]
+        turn = rotation(base[3:]) @ rotation(problem["base_rpy"])
         return ((flange @ turn.T + problem["base_position"] + base[:3] - measured) * 1e6).ravel()
 
     begin = time.perf_counter()
@@ -100,7 +100,7 @@ def pybotics_fit(problem, scale):
     robot.tool = Tool()
     robot.tool.position = problem["tool"] * scale
     world = np.eye(4)
-    world[:3, :3], world[:3, 3] = problem["base_rotation"], problem["base_position"] * scale
+    world[:3, :3], world[:3, 3] = rotation(problem["base_rpy"]), problem["base_position"] * scale
     robot.world_frame = world
     handler = OptimizationHandler(
         robot=robot, kinematic_chain_mask=True, tool_mask=[True] * 3 + [False] * 3, world_mask=True

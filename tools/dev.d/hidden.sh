@@ -1,5 +1,6 @@
 #: hidden    the whole hidden-effect campaign; its table goes into docs/results.md
 cmd_hidden() {
   cmd_build
-  OPENBLAS_NUM_THREADS=1 PYTHONPATH=tests/hidden_effects $PY tests/hidden_effects/campaign.py --jobs "$JOBS" --write docs/results.md "$@"
+  OPENBLAS_NUM_THREADS=1 PYTHONPATH=tests/hidden_effects $PY tests/hidden_effects/campaign.py --jobs "$JOBS" "$@" |
+    $PY tools/into_results.py "hidden effects"
 }

@@ -1,0 +1,66 @@
+"""docs/results.md has a place for every figure that a command prints, and keeps what stood there if nothing came."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+
+
+@pytest.fixture
+def checkout(tmp_path: Path) -> Path:
+    """A folder with the tool and a page of two sections."""
+    (tmp_path / "tools").mkdir()
+    (tmp_path / "docs").mkdir()
+    shutil.copy(ROOT / "tools/into_results.py", tmp_path / "tools")
+    page = (
+        "# Results\n<!-- a: begin -->\nold a\n<!-- a: end -->\nbetween\n<!-- b: begin -->\n<!-- b: end -->\n"
+    )
+    (tmp_path / "docs/results.md").write_text(page, encoding="utf-8")
+    return tmp_path
+
+
+def keep(checkout: Path, name: str, printed: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, str(checkout / "tools/into_results.py"), name]
+    return subprocess.run(command, input=printed, capture_output=True, text=True, check=False)
+
+
+def page_of(checkout: Path) -> str:
+    return (checkout / "docs/results.md").read_text(encoding="utf-8")
+
+
+def test_a_section_is_replaced_once_and_the_rest_stays(checkout: Path) -> None:
+    for _ in range(2):
+        assert keep(checkout, "a", "| new |\n").stdout == "| new |\n"
+    expected = "# Results\n<!-- a: begin -->\n| new |\n<!-- a: end -->\nbetween\n<!-- b: begin -->\n<!-- b: end -->\n"
+    assert page_of(checkout) == expected
+
+
+@pytest.mark.parametrize(("name", "printed", "status"), [("c", "| new |\n", 2), ("a", "\n", 1)])
+def test_what_has_no_place_or_is_empty_leaves_the_page(
+    checkout: Path, name: str, printed: str, status: int
+) -> None:
+    before = page_of(checkout)
+    done = keep(checkout, name, printed)
+    assert done.returncode == status
+    assert len(done.stderr.splitlines()) == 1
+    assert page_of(checkout) == before
+
+
+def test_every_command_that_keeps_figures_has_its_place() -> None:
+    scripts = [*(ROOT / "tools/dev.d").glob("*.sh"), *(ROOT / "tools/bench.d").glob("*.sh")]
+    names = {
+        name
+        for script in scripts
+        for name in re.findall(r"into_results\.py \"?([a-z0-9 ]+?)\"?(?=[\n;<]| <)", script.read_text())
+    }
+    assert len(names) >= 10
+    page = (ROOT / "docs/results.md").read_text(encoding="utf-8")
+    assert {name for name in names if page.count(f"<!-- {name}: begin -->") != 1} == set()
+    assert {name for name in names if page.count(f"<!-- {name}: end -->") != 1} == set()
