@@ -1,12 +1,15 @@
 #include "fitter/diagnose/diagnose.h"
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <set>
+#include <thread>
 
 #include "fitter/diagnose/advice.h"
+#include "fitter/solve/parallel.h"
 
 namespace armtrue {
 namespace {
@@ -111,7 +114,7 @@ std::vector<Candidate> best_of_each(const std::vector<Block>& blocks,
 
 // Refits with the candidate in: coefficients, evidence and held-out error are then measured. False
 // where the refit refuses it.
-bool confirm(Fit& fit, double bic, Candidate& candidate, std::unique_ptr<Fit>& refitted) {
+bool confirm(const Fit& fit, double bic, Candidate& candidate, std::unique_ptr<Fit>& refitted) {
   refitted = refit(fit, with_effect(fit.specification(), candidate.request), candidate.starts);
   candidate.delta_bic = bayesian_information(*refitted) - bic;
   candidate.held_out_mean = refitted->held_out_error().mean;
@@ -387,26 +390,35 @@ Diagnosis diagnose(Fit& fit, const DiagnoseOptions& options) {
 
   report(0.4, "confirming by refit");
   const double bic = bayesian_information(fit);
-  std::vector<std::size_t> accepted;
-  std::size_t confirmed = 0;
   const bool large = fit.design().rows() > kLargeCampaign;
   const std::size_t most = large ? std::min<std::size_t>(options.confirmed, 3) : options.confirmed;
-  for (std::size_t i = 0; i < d.candidates.size() && confirmed < most; ++i) {
-    Candidate& c = d.candidates[i];
-    if (c.log10_p > kSignificant || c.score.delta_bic > -kDecisive || c.score.degrees == 0)
-      continue;
+  std::vector<std::size_t> promising;
+  for (std::size_t i = 0; i < d.candidates.size() && promising.size() < most; ++i) {
+    const Candidate& c = d.candidates[i];
+    if (c.log10_p <= kSignificant && c.score.delta_bic <= -kDecisive && c.score.degrees > 0)
+      promising.push_back(i);
+  }
+  std::vector<char> holds(promising.size(), 0);
+  std::atomic<int> done = 0;
+  const auto caller = std::this_thread::get_id();
+  in_parallel(promising.size(), [&](std::size_t k) {
     // An objection of the linear score is not the last word: the refit's own coefficients are.
-    ++confirmed;
+    Candidate& c = d.candidates[promising[k]];
     c.why.clear();
     std::unique_ptr<Fit> refitted;
     try {
-      if (confirm(fit, bic, c, refitted) && c.delta_bic < -kDecisive) accepted.push_back(i);
+      holds[k] = confirm(fit, bic, c, refitted) && c.delta_bic < -kDecisive;
       if (c.why.empty()) c.score.objection.clear();
     } catch (const ModelError& error) {
       c.why = error.what();
     }
-    report(0.4 + 0.3 * static_cast<double>(confirmed) / static_cast<double>(most),
-           "confirming by refit");
+    const double share = static_cast<double>(++done) / static_cast<double>(promising.size());
+    // Who wants to be told of progress is not asked to bear several threads.
+    if (std::this_thread::get_id() == caller) report(0.4 + 0.3 * share, "confirming by refit");
+  });
+  std::vector<std::size_t> accepted;
+  for (std::size_t k = 0; k < promising.size(); ++k) {
+    if (holds[k]) accepted.push_back(promising[k]);
   }
   report(0.7, "looking for structure that no effect names");
   const Structure structure = (options.look_ahead && !large) || accepted.empty()

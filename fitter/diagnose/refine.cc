@@ -6,6 +6,8 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
+#include "fitter/solve/parallel.h"
+
 namespace armtrue {
 namespace {
 
@@ -80,34 +82,49 @@ bool has_table_beside(const Fit& fit, const EffectRequest& request) {
   });
 }
 
-// The same measurements with fewer effects. What stays is searched for anew: it may have settled
-// beside what goes.
-std::shared_ptr<Fit> refit_without(const Fit& fit, const std::vector<EffectRequest>& requests) {
+ModelSpecification without_effects(const Fit& fit, const std::vector<EffectRequest>& requests) {
   ModelSpecification specification = fit.specification();
   for (const EffectRequest& request : requests)
     specification = without_effect(specification, request, fit.context());
-  return search(fit, specification);
+  return specification;
 }
 
-// Takes out what no longer earns its keep.
+// A trial of a model without one of its effects.
+struct Removal {
+  EffectRequest request;
+  ModelSpecification rest;
+  double allowed;            // rise of BIC
+  std::shared_ptr<Fit> fit;  // where the rest does well enough
+};
+
+// Takes out what no longer earns its keep. What stays is searched for anew: it may have settled
+// beside what goes.
 void prune(std::shared_ptr<Fit>& fit, const std::vector<EffectRequest>& keep,
            std::vector<EffectRequest>& removed) {
   for (bool again = true; again;) {
     again = false;
+    const bool large = fit->design().rows() > kLargeCampaign;
+    std::vector<Removal> removals;
     for (const EffectRequest& request : removable(*fit)) {
       const bool just_added = std::any_of(keep.begin(), keep.end(), [&](const EffectRequest& k) {
         return label(k) == label(request);
       });
-      if (just_added) continue;
-      if (fit->design().rows() > kLargeCampaign && removal_cost(*fit, request) > kWorthTrying)
-        continue;
-      std::shared_ptr<Fit> without = refit_without(*fit, {request});
-      const double allowed = has_table_beside(*fit, request) ? kTableTakesOver : 0.0;
-      if (bayesian_information(*without) > bayesian_information(*fit) + allowed) continue;
-      fit = without;
-      removed.push_back(request);
+      if (just_added || (large && removal_cost(*fit, request) > kWorthTrying)) continue;
+      removals.push_back({request, without_effects(*fit, {request}),
+                          has_table_beside(*fit, request) ? kTableTakesOver : 0.0, nullptr});
+    }
+    const double bic = bayesian_information(*fit);
+    in_parallel(removals.size(), [&](std::size_t k) {
+      Removal& removal = removals[k];
+      std::shared_ptr<Fit> rest = search(*fit, removal.rest);
+      if (bayesian_information(*rest) <= bic + removal.allowed) removal.fit = rest;
+    });
+    const auto first = std::find_if(removals.begin(), removals.end(),
+                                    [](const Removal& r) { return r.fit != nullptr; });
+    if (first != removals.end()) {
+      fit = first->fit;
+      removed.push_back(first->request);
       again = true;
-      break;
     }
   }
 }
@@ -142,7 +159,7 @@ bool swap(std::shared_ptr<Fit>& fit, const std::set<std::string>& added,
           std::vector<EffectRequest>& removed, Candidate& put_in, const RefineOptions& options) {
   const double bic = bayesian_information(*fit);
   for (const std::vector<EffectRequest>& set : swap_sets(*fit, added)) {
-    std::shared_ptr<Fit> without = refit_without(*fit, set);
+    std::shared_ptr<Fit> without = search(*fit, without_effects(*fit, set));
     const Diagnosis d = diagnose(*without, quick_options(options));
     const Candidate* best = d.recommended();
     if (!best || label(best->request) == label(set.front())) continue;

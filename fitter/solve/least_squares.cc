@@ -190,6 +190,9 @@ ceres::Solver::Options solver_options() {
   options.parameter_tolerance = 1e-9;
   options.logging_type = ceres::SILENT;
   options.num_threads = 1;
+  // Bounds of nonlinear parameters only keep them sane; a search along every step for their sake
+  // costs more than all steps.
+  options.max_num_line_search_step_size_iterations = 0;
   return options;
 }
 

@@ -218,6 +218,7 @@ Start descend(ReducedProblem& problem, const Design& design, Start start) {
   options.function_tolerance = 1e-6;
   options.logging_type = ceres::SILENT;
   options.num_threads = 1;
+  options.max_num_line_search_step_size_iterations = 0;
   ceres::Solver::Summary summary;
   ceres::Solve(options, &descent, &summary);
   start.cost = 2.0 * summary.final_cost;

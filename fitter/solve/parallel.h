@@ -1,0 +1,40 @@
+// Independent jobs on the processors that there are.
+#pragma once
+
+#include <algorithm>
+#include <atomic>
+#include <cstddef>
+#include <exception>
+#include <thread>
+#include <vector>
+
+namespace armtrue {
+
+/// Calls `job(index)` once for each index below `count`, on as many threads as there are
+/// processors, the caller's among them. Jobs must share nothing that they change. The first
+/// exception is thrown on when all threads have ended; jobs that had not begun by then stay undone.
+template <typename Job>
+void in_parallel(std::size_t count, const Job& job) {
+  const std::size_t workers =
+      std::min<std::size_t>(count, std::max(1U, std::thread::hardware_concurrency()));
+  std::atomic<std::size_t> next = 0;
+  std::vector<std::exception_ptr> failures(workers);
+  const auto work = [&](std::size_t worker) {
+    try {
+      for (std::size_t index = next++; index < count; index = next++) job(index);
+    } catch (...) {
+      failures[worker] = std::current_exception();
+      next = count;
+    }
+  };
+  {
+    std::vector<std::jthread> others;
+    for (std::size_t worker = 1; worker < workers; ++worker) others.emplace_back(work, worker);
+    if (workers > 0) work(0);
+  }
+  for (const std::exception_ptr& failure : failures) {
+    if (failure) std::rethrow_exception(failure);
+  }
+}
+
+}  // namespace armtrue
