@@ -18,7 +18,12 @@ void BusWatch::process(std::uint64_t now_us) {
   } else if (off_) {
     off_ = false;
     emcy_.clear(bus_off_);
+  } else if (counters.bus_off_entries != off_entries_) {
+    // Off and on again between two turns.
+    emcy_.raise(bus_off_, counters.bus_off_entries);
+    emcy_.clear(bus_off_);
   }
+  off_entries_ = counters.bus_off_entries;
   // The other bus raises these conditions too: clear only what this one raised.
   if (state == BusState::kPassive && !passive_) {
     passive_ = true;

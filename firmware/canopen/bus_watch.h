@@ -13,7 +13,11 @@ class BusWatch {
  public:
   // `bus_off` is the condition that this bus raises.
   BusWatch(CanPort& port, Emcy& emcy, Condition bus_off)
-      : port_(port), emcy_(emcy), bus_off_(bus_off) {}
+      : port_(port),
+        emcy_(emcy),
+        bus_off_(bus_off),
+        off_entries_(port.counters().bus_off_entries),
+        overruns_(port.counters().receive_overruns) {}
 
   void process(std::uint64_t now_us);
 
@@ -26,12 +30,13 @@ class BusWatch {
   CanPort& port_;
   Emcy& emcy_;
   Condition bus_off_;
+  std::uint32_t off_entries_;
   bool off_ = false;
   bool recovering_ = false;
   std::uint64_t off_since_us_ = 0;
   bool passive_ = false;
   bool overrun_ = false;
-  std::uint32_t overruns_ = 0;
+  std::uint32_t overruns_;
   std::uint64_t last_overrun_us_ = 0;
 };
 

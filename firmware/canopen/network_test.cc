@@ -314,6 +314,28 @@ TEST_F(NetworkTest, BusOffIsRecoveredAfterAPauseAndReported) {
   EXPECT_EQ(load_le<std::uint16_t>(emcy[1].data), 0x0000);
 }
 
+TEST_F(NetworkTest, ABusOffThatEndsBetweenTwoTurnsIsReported) {
+  bench.run_for(1000);
+  sent();
+  bench.upstream.set_state(BusState::kBusOff);
+  bench.upstream.set_state(BusState::kActive);
+  bench.run_for(10'000);
+  const std::vector<CanFrame> emcy = sent(0x80U + kId);
+  ASSERT_EQ(emcy.size(), 2U);
+  EXPECT_EQ(load_le<std::uint16_t>(emcy[0].data), 0x8140);
+  EXPECT_EQ(load_le<std::uint16_t>(emcy[1].data), 0x0000);
+}
+
+TEST_F(NetworkTest, WhatAPortCountedInAnEarlierLifeIsNoNews) {
+  bench.upstream.lose_frames(3);
+  bench.upstream.set_state(BusState::kBusOff);
+  bench.upstream.set_state(BusState::kActive);
+  bench.power_on();
+  sent();
+  bench.run_for(10'000);
+  EXPECT_TRUE(sent(0x80U + kId).empty());
+}
+
 TEST_F(NetworkTest, WhatIsReadInTheTurnInWhichABusChangesAgrees) {
   bench.run_for(1000);
   bench.upstream.set_state(BusState::kPassive);
