@@ -157,6 +157,7 @@ INDIRECT_CALLS: dict[str, str] = {
     r"SlcanPort::receive\(": r"::Usart<.*>::read\(",
     r"canopen::Node::process\(": _PORT + r"receive\(",
     r"canopen::(Node::run_self_test|.*refresh_bus)\(": _PORT + r"(bus_state|counters)\(",
+    r"canopen::BusWatch::BusWatch\(": _PORT + r"counters\(",
     r"canopen::BusWatch::process\(": _PORT + r"(bus_state|counters|recover)\(",
     r"canopen::(Node::forward|SdoServer::transmit|TpdoProducer::transmit|Emcy::process|JointPath::release|"
     r"Nmt::send_state)\(": _PORT + r"send\(",

@@ -1,14 +1,27 @@
-# A minute of libFuzzer over what the C++ core parses, on both at once: expressions, and the JSON of robots and terms.
+# libFuzzer over everything that parses, on the committed corpora: what the C++ core reads (expressions, the JSON of robots
+# and terms; 30 s each), the node (frame sequences) and the table reader with the joint path of whatever it accepts (20 s each).
 [ -f build/fuzz/build.ninja ] || cmake --preset fuzz >/dev/null
 cmake --build build/fuzz --target fitter_fuzz -j "$JOBS"
+cmake --preset fuzz -B build/fuzz-can -DARMTRUE_SANITIZE=ON >/dev/null
+cmake --build build/fuzz-can --target canopen_fuzz table_fuzz -j "$JOBS"
+
+# fuzz_one HARNESS CORPUS SECONDS OPTIONS...: what was found is kept beside, and shown if it was a failure.
 fuzz_one() {
-  mkdir -p "build/fuzz/found/$1"
-  "build/fuzz/fitter/$1_fuzz" "build/fuzz/found/$1" "tests/fuzz/corpus/$2" -max_total_time=30 -timeout=10 \
-    -rss_limit_mb=2048 -max_len=4096 -seed=1 -dict=tests/fuzz/tokens.dict -print_final_stats=1 >"build/fuzz/found/$1.log" 2>&1 ||
-    { tail -40 "build/fuzz/found/$1.log"; return 1; }
-  grep -E "number_of_executed_units|new_units_added" "build/fuzz/found/$1.log"
+  local name found log
+  name=$(basename "$1")
+  found=out/fuzz/$name log=out/fuzz/$name.log
+  mkdir -p "$found"
+  "$1" "$found" "$2" -max_total_time="${ARMTRUE_FUZZ_SECONDS:-$3}" -artifact_prefix="$found/" -print_final_stats=1 "${@:4}" \
+    >"$log" 2>&1 || { tail -40 "$log"; return 1; }
+  echo "$name: $(grep -E "number_of_executed_units|new_units_added" "$log" | tr -s '\n ' ' ')"
 }
-fuzz_one expression expression &
+(
+  fuzz_one build/fuzz/fitter/expression_fuzz tests/fuzz/corpus/expression 30 -max_len=4096 -timeout=10 -rss_limit_mb=2048 -seed=1 \
+    -dict=tests/fuzz/tokens.dict
+  fuzz_one build/fuzz-can/firmware/canopen/canopen_fuzz firmware/canopen/fuzz/corpus 20 -max_len=2048
+) &
 first=$!
-fuzz_one json core_json
+fuzz_one build/fuzz/fitter/json_fuzz tests/fuzz/corpus/core_json 30 -max_len=4096 -timeout=10 -rss_limit_mb=2048 -seed=1 \
+  -dict=tests/fuzz/tokens.dict
+fuzz_one build/fuzz-can/firmware/core/table_fuzz firmware/core/fuzz/corpus 20 -max_len=16385
 wait $first
