@@ -112,10 +112,28 @@ std::vector<Candidate> best_of_each(const std::vector<Block>& blocks,
   return result;
 }
 
+// Options of a refit in which nonlinear parameters begin at `starts`, or where `fit` has them.
+FitOptions refit_options(const Fit& fit, const std::map<std::string, double>& starts) {
+  FitOptions options = fit.options();
+  options.progress = nullptr;
+  options.nonlinear_starts = starts;
+  options.nonlinear_guesses.clear();
+  if (fit.smooth()) options.smoothness_sigma = fit.smoothness_sigma();
+  for (const NonlinearParameter& p : fit.model().nonlinear)
+    options.nonlinear_starts.try_emplace(p.name, p.value);
+  return options;
+}
+
 // Refits with the candidate in: coefficients, evidence and held-out error are then measured. False
 // where the refit refuses it.
 bool confirm(const Fit& fit, double bic, Candidate& candidate, std::unique_ptr<Fit>& refitted) {
-  refitted = refit(fit, with_effect(fit.specification(), candidate.request), candidate.starts);
+  // Where the linear score was best on the grid need not be near the best minimum.
+  FitOptions options = refit_options(fit, {});
+  options.nonlinear_guesses = candidate.starts;
+  refitted = Fit::run(fit.robot(), fit.state().columns(),
+                      with_effect(fit.specification(), candidate.request), options);
+  for (const NonlinearParameter& p : refitted->model().nonlinear)
+    candidate.starts[p.name] = p.value;
   candidate.delta_bic = bayesian_information(*refitted) - bic;
   candidate.held_out_mean = refitted->held_out_error().mean;
   candidate.confirmed = true;
@@ -320,19 +338,14 @@ ModelSpecification with_effect(const ModelSpecification& specification,
 
 std::unique_ptr<Fit> refit(const Fit& fit, const ModelSpecification& specification,
                            const std::map<std::string, double>& starts) {
-  FitOptions options = fit.options();
-  options.progress = nullptr;
-  options.nonlinear_starts = starts;
-  if (fit.smooth()) options.smoothness_sigma = fit.smoothness_sigma();
-  for (const NonlinearParameter& p : fit.model().nonlinear)
-    options.nonlinear_starts.try_emplace(p.name, p.value);
-  return Fit::run(fit.robot(), fit.state().columns(), specification, options);
+  return Fit::run(fit.robot(), fit.state().columns(), specification, refit_options(fit, starts));
 }
 
 std::unique_ptr<Fit> search(const Fit& fit, const ModelSpecification& specification) {
   FitOptions options = fit.options();
   options.progress = nullptr;
   options.nonlinear_starts.clear();
+  options.nonlinear_guesses.clear();
   return Fit::run(fit.robot(), fit.state().columns(), specification, options);
 }
 

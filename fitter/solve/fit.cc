@@ -105,6 +105,10 @@ void Fit::prepare(const Robot& robot, const State::Columns& columns) {
         start != options_.nonlinear_starts.end()) {
       p.value = start->second;
       p.starts.clear();
+    } else if (const auto guess = options_.nonlinear_guesses.find(p.name);
+               guess != options_.nonlinear_guesses.end()) {
+      p.value = guess->second;
+      p.starts.push_back(guess->second);
     }
   }
   design_ = std::make_unique<Design>(*state_, measurements_, model_, *kinematics_);

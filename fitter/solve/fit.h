@@ -29,6 +29,8 @@ struct FitOptions {
   std::optional<double> smoothness_sigma;  ///< of tables; none: chosen from the data
   /// Where nonlinear parameters start, by name; those without one are searched for.
   std::map<std::string, double> nonlinear_starts;
+  /// Values of nonlinear parameters that are tried beside their own starts.
+  std::map<std::string, double> nonlinear_guesses;
   std::function<void(double, const std::string&)> progress;  ///< share done, what is being done
 };
 
