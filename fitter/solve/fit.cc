@@ -291,12 +291,14 @@ void Fit::measure_errors() {
   for (RejectedRow& r : rejected_) r.residual = distance[r.row];
   if (!options_.cross_validate) {
     held_out_.assign(3, ErrorSummary{});
+    held_out_distances_.assign(3, {});
     return;
   }
   for (const Folding folding : {Folding::kRandom, Folding::kTime, Folding::kRegion}) {
     const std::vector<int> folds = make_folds(*design_, folding, options_.folds, options_.seed);
-    held_out_.push_back(
-        summarise_finite(held_out_distances(*design_, folds, options_.folds, smoothness_sigma_)));
+    held_out_distances_.push_back(
+        held_out_distances(*design_, folds, options_.folds, smoothness_sigma_));
+    held_out_.push_back(summarise_finite(held_out_distances_.back()));
   }
 }
 

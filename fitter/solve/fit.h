@@ -74,6 +74,10 @@ class Fit {
   const ErrorSummary& held_out_error() const { return held_out_[0]; }
   /// Held out at random, by time, by region.
   const std::vector<ErrorSummary>& held_out_errors() const { return held_out_; }
+  /// The distances behind them, by row [m]: not a number for rows that are kept out of the fit.
+  const std::vector<std::vector<double>>& held_out_distances_by_row() const {
+    return held_out_distances_;
+  }
   /// Unknowns less what priors and smoothness hold: the trace of the hat matrix.
   double effective_unknowns() const { return effective_unknowns_; }
 
@@ -117,6 +121,7 @@ class Fit {
   double effective_unknowns_ = 0.0;
   ErrorSummary nominal_, train_;
   std::vector<ErrorSummary> held_out_;
+  std::vector<std::vector<double>> held_out_distances_;
 };
 
 /// State and kinematics of a saved fit, for prediction at new poses without the measurements.
