@@ -375,6 +375,12 @@ std::unique_ptr<Fit> search(const Fit& fit, const ModelSpecification& specificat
   return Fit::run(fit.robot(), fit.state().columns(), specification, options);
 }
 
+std::unique_ptr<Fit> with_smoothness_anew(const Fit& fit) {
+  FitOptions options = refit_options(fit, {});
+  options.smoothness_sigma.reset();
+  return Fit::run(fit.robot(), fit.state().columns(), fit.specification(), options);
+}
+
 double bayesian_information(Fit& fit) {
   Design& design = fit.design();
   Design::Row row;

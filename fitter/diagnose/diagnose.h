@@ -71,6 +71,9 @@ ModelSpecification with_effect(const ModelSpecification& specification,
 /// where `fit` has them, or at `starts`; others are searched for.
 std::unique_ptr<Fit> refit(const Fit& fit, const ModelSpecification& specification,
                            const std::map<std::string, double>& starts = {});
+/// The same model, with the smoothness of its tables chosen again: it may have been chosen while
+/// something else was missing.
+std::unique_ptr<Fit> with_smoothness_anew(const Fit& fit);
 /// The same, with every nonlinear parameter searched for from nothing.
 std::unique_ptr<Fit> search(const Fit& fit, const ModelSpecification& specification);
 

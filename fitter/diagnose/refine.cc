@@ -280,6 +280,7 @@ ModelSpecification without_effect(const ModelSpecification& specification,
 std::vector<RefineStep> refine(std::shared_ptr<Fit> fit, const RefineOptions& options) {
   std::vector<RefineStep> steps;
   const auto finish = [&](const Change& change) {
+    if (!steps.empty() && fit->smooth()) fit = with_smoothness_anew(*fit);
     RefineStep step = make_step(fit, options);
     if (!change.put.empty()) step.added = change.put.front();
     step.removed = change.removed;
