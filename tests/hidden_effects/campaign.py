@@ -41,7 +41,7 @@ def row(kind: str, outcomes: list[Outcome]) -> str:
 def main() -> None:
     """Run all kinds over all arms and seeds; failures go to stderr as they come."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seeds", type=int, default=10, help="seeds for each kind and arm")
+    parser.add_argument("--seeds", type=int, default=25, help="seeds for each kind and arm")
     parser.add_argument(
         "--nothing-seeds", type=int, default=50, help="seeds for each arm with nothing hidden"
     )
