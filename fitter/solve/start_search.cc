@@ -2,8 +2,8 @@
 
 #include <ceres/ceres.h>
 
-#include <Eigen/QR>
 #include <algorithm>
+#include <optional>
 
 #include "fitter/solve/normal_equations.h"
 
@@ -15,8 +15,8 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 // Enough to rank starts; the descent that follows has all.
-constexpr std::size_t kLeastRows = 400;
-constexpr std::size_t kRowsPerUnknown = 2;
+constexpr std::size_t kLeastEquations = 1200;
+constexpr std::size_t kEquationsPerUnknown = 2;
 constexpr std::size_t kDescents = 6;
 constexpr int kMostIterations = 30;
 
@@ -34,12 +34,12 @@ class ReducedProblem {
       if (searched_[u]) before_[u] = 0.0;
     }
     const auto height = static_cast<std::size_t>(design.residuals_per_row());
-    const std::size_t wanted =
-        std::max(kLeastRows, kRowsPerUnknown * static_cast<std::size_t>(design.unknowns()));
+    const std::size_t wanted = std::max(
+        kLeastEquations, kEquationsPerUnknown * static_cast<std::size_t>(design.unknowns()));
     for (std::size_t i = 0; i < design.rows(); ++i) {
       if (design.weights()[i] != 0.0) rows_.push_back(i);
     }
-    const std::size_t stride = std::max<std::size_t>(1, rows_.size() * height / (3 * wanted));
+    const std::size_t stride = std::max<std::size_t>(1, rows_.size() * height / wanted);
     for (std::size_t k = 0; k * stride < rows_.size(); ++k) rows_[k] = rows_[k * stride];
     rows_.resize((rows_.size() + stride - 1) / stride);
     linearise(penalty_rows(design, smoothness_sigma));
@@ -71,7 +71,8 @@ class ReducedProblem {
 
   // All unknowns of the design, b in closed form.
   std::vector<double> unknowns(const VectorXd& c, const std::vector<double>& theta) {
-    const VectorXd b = -others_factor_.solve(raw_residual_ + raw_columns(theta) * c);
+    const VectorXd left = raw_residual_ + raw_columns(theta) * c;
+    const VectorXd b = -others_factor_->solve(others_columns_.transpose() * left);
     std::vector<double> x = before_;
     for (std::size_t u = 0; u < position_.size(); ++u)
       x[u] += searched_[u] ? c[position_[u]] : b[position_[u]];
@@ -85,7 +86,7 @@ class ReducedProblem {
     const Index height = design_.residuals_per_row();
     const Index measured = static_cast<Index>(rows_.size()) * height;
     const Index all = measured + static_cast<Index>(penalties.size());
-    MatrixXd others = MatrixXd::Zero(all, others_);
+    others_columns_ = MatrixXd::Zero(all, others_);
     penalty_columns_ = MatrixXd::Zero(all, coefficients_);
     raw_residual_.resize(all);
     Design::Row row;
@@ -96,7 +97,7 @@ class ReducedProblem {
       for (std::size_t u = 0; u < row.unknowns.size(); ++u) {
         const auto unknown = static_cast<std::size_t>(row.unknowns[u]);
         if (unknown >= position_.size() || searched_[unknown]) continue;
-        others.block(at, position_[unknown], height, 1) =
+        others_columns_.block(at, position_[unknown], height, 1) =
             row.jacobian.block(0, static_cast<Index>(u), height, 1);
       }
       MatrixXd geometric = design_.geometric_jacobian();
@@ -111,11 +112,12 @@ class ReducedProblem {
         const auto u = static_cast<std::size_t>(unknown);
         if (u >= position_.size()) continue;
         raw_residual_[at] += factor * before_[u];
-        (searched_[u] ? penalty_columns_ : others)(at, position_[u]) = factor;
+        (searched_[u] ? penalty_columns_ : others_columns_)(at, position_[u]) = factor;
       }
     }
-    others_factor_.compute(others);
-    basis_ = others_factor_.householderQ() * MatrixXd::Identity(all, others_factor_.rank());
+    MatrixXd information = MatrixXd::Zero(others_, others_);
+    information.selfadjointView<Eigen::Lower>().rankUpdate(others_columns_.transpose());
+    others_factor_.emplace(information);
     residual_ = eliminate(raw_residual_);
   }
 
@@ -142,7 +144,7 @@ class ReducedProblem {
 
   template <typename Columns>
   Columns eliminate(Columns a) const {
-    a -= basis_ * (basis_.transpose() * a).eval();
+    a -= others_columns_ * others_factor_->solve_matrix(others_columns_.transpose() * a);
     return a;
   }
 
@@ -153,9 +155,9 @@ class ReducedProblem {
   Index coefficients_ = 0, others_ = 0;
   std::vector<std::size_t> rows_;
   std::vector<MatrixXd> geometric_;  // whitened, by row
-  MatrixXd penalty_columns_, basis_;
+  MatrixXd others_columns_, penalty_columns_;
   VectorXd raw_residual_, residual_;
-  Eigen::ColPivHouseholderQR<MatrixXd> others_factor_;
+  std::optional<ScaledCholesky> others_factor_;
   std::vector<BasisTable::Entry> entries_;
 };
 
