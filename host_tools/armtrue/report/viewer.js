@@ -24,7 +24,7 @@
         return lengths;
       });
       this.usual = quantile(this.lengths[0], 0.95) || 1;
-      this.limits = CLASSES.map((share) => roundNumber(share * this.usual));
+      this.limits = CLASSES.map((share) => share * roundNumber(this.usual));
       // Millimetres drawn for every micrometre of error.
       this.gain = roundNumber(((this.vectors.length > 1 ? ARROW_SHARE_OF_FIRST : ARROW_SHARE) * this.size) / this.usual);
     }
