@@ -20,6 +20,8 @@ using nlohmann::json;
 constexpr double kSignificant = -4.0;
 constexpr double kStructureSignificant = -5.0;
 constexpr double kDecisive = 10.0;  // ΔBIC, "very strong" (Kass and Raftery 1995)
+// What can bend to follow anything (a table) is asked for more.
+constexpr double kDecisiveGeneric = 40.0;
 constexpr double kEqualEvidence = 4.0;
 constexpr double kSameExplanation =
     0.9;  // share of the best candidate's that makes another one confounded with it
@@ -452,8 +454,12 @@ Diagnosis diagnose(Fit& fit, const DiagnoseOptions& options) {
     c.why.clear();
     std::unique_ptr<Fit> refitted;
     try {
-      holds[k] = confirm(fit, bic, c, refitted) && c.delta_bic < -kDecisive;
+      const bool generic = find_effect(c.request.effect).generic();
+      const double decisive = generic ? kDecisiveGeneric : kDecisive;
+      const bool confirmed = confirm(fit, bic, c, refitted);
+      holds[k] = confirmed && c.delta_bic < -decisive;
       if (c.why.empty()) c.score.objection.clear();
+      if (confirmed && !holds[k]) c.why = "the refit's evidence is too little for it";
     } catch (const ModelError& error) {
       c.why = error.what();
     }
