@@ -45,13 +45,17 @@ def main() -> None:
     parser.add_argument(
         "--nothing-seeds", type=int, default=50, help="seeds for each arm with nothing hidden"
     )
+    parser.add_argument("--first-seed", type=int, default=0, help="other cases than the table's")
     parser.add_argument("--jobs", type=int, default=2)
     given = parser.parse_args()
+    first = given.first_seed
     print(HEAD, end="", flush=True)
     with ProcessPoolExecutor(given.jobs) as pool:
         for kind in KINDS:
             seeds = given.nothing_seeds if kind == "nothing_hidden" else given.seeds
-            jobs = [pool.submit(run_case, kind, arm, seed) for arm in ARMS for seed in range(seeds)]
+            jobs = [
+                pool.submit(run_case, kind, arm, seed) for arm in ARMS for seed in range(first, first + seeds)
+            ]
             outcomes = [job.result() for job in jobs]
             for o in outcomes:
                 if verdict_of(o) != "right":
