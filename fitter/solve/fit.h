@@ -72,9 +72,8 @@ class Fit {
   const Eigen::MatrixXd& covariance() const { return covariance_; }
   const ErrorSummary& train_error() const { return train_; }
   const ErrorSummary& held_out_error() const { return held_out_[0]; }
-  /// Held out at random, by time, by region.
-  const std::vector<ErrorSummary>& held_out_errors() const { return held_out_; }
-  /// The distances behind them, by row [m]: not a number for rows that are kept out of the fit.
+  /// Held-out distances at random, by time, by region; by row [m]: not a number for rows that are
+  /// kept out of the fit.
   const std::vector<std::vector<double>>& held_out_distances_by_row() const {
     return held_out_distances_;
   }
