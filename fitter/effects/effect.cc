@@ -133,9 +133,13 @@ EffectTerms build_effect(const EffectContext& context, const EffectRequest& give
                      join(names));
   }
   const std::vector<std::string> lacking = effect.missing(context, request.joints);
-  if (!lacking.empty())
-    throw ModelError("effect " + effect.id() + " needs " + join(lacking) +
-                     ", which the data do not have");
+  if (!lacking.empty()) {
+    const bool one = lacking.size() == 1;
+    const bool columns = lacking.front().find(' ') == std::string::npos;
+    throw ModelError("effect " + effect.id() + ": expected " +
+                     (columns ? (one ? "column " : "columns ") : "") + join(lacking) + ", found " +
+                     (one ? "none" : "none of these"));
+  }
   return effect.build(context, request);
 }
 

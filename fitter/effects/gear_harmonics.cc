@@ -28,6 +28,7 @@ class GearHarmonics final : public Effect {
         for (const std::string wave : {"sin", "cos"}) {
           terms.parameters.push_back(single_term(id(), {k}, wave + std::to_string(order), "rad",
                                                  kLargest, motor(k), wave + "(" + angle + ")"));
+          terms.parameters.back().usual = kUsual;
         }
       }
     }
@@ -44,6 +45,7 @@ class GearHarmonics final : public Effect {
 
  private:
   static constexpr double kLargest = 2.5e-3;  // [rad]
+  static constexpr double kUsual = 2.9e-4;    // [rad], 60 arcsec
 };
 
 const RegisterEffect<GearHarmonics> registered;

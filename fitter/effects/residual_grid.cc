@@ -79,6 +79,7 @@ class ResidualGrid final : public Effect {
   std::vector<EffectRequest> candidates(const EffectContext&) const override { return {}; }
 
  private:
+  static constexpr double kValue = 4.0;     // in units of smoothness
   static constexpr double kLargest = 2e-3;  // [m]
   static constexpr int kFewest = 3;         // on an axis, where nobody says how many
   static constexpr int kMost = 216;         // in all: the search stays within seconds
@@ -160,7 +161,7 @@ class ResidualGrid final : public Effect {
         p.terms.front().table->id += std::string(".") + kComponentNames[c];
         p.terms.front().table->index = index;
         mean[static_cast<std::size_t>(c)].row.emplace_back(p.name, 1.0);
-        terms.penalties.push_back(value_penalty(p.name));
+        terms.penalties.push_back(value_penalty(p.name, kValue));
         terms.parameters.push_back(std::move(p));
       }
       for (std::size_t a = 0; a < axes; ++a) {

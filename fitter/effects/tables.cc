@@ -29,10 +29,10 @@ std::vector<double> nodes_over(const std::vector<double>& values, double spacing
   return nodes;
 }
 
-Penalty value_penalty(const std::string& parameter) {
+Penalty value_penalty(const std::string& parameter, double sigma) {
   Penalty penalty;
   penalty.smoothness = true;
-  penalty.sigma = kValue;
+  penalty.sigma = sigma;
   penalty.row = {{parameter, 1.0}};
   return penalty;
 }

@@ -15,13 +15,12 @@ std::string hat_expression(const std::string& variable, const std::vector<double
 std::vector<double> nodes_over(const std::vector<double>& values, double spacing,
                                std::size_t least);
 
-/// Standard deviations of a table's second differences and of its values, in units of the
-/// smoothness that the data choose. The second keeps nodes that hardly a pose supports from running
-/// off along the slope of their neighbours.
+/// Standard deviation of a table's second differences in units of the smoothness that the data
+/// choose.
 constexpr double kSecondDifference = 1.0;
-constexpr double kValue = 4.0;
 
-/// Penalty that pulls one node towards zero, in step with the smoothness.
-Penalty value_penalty(const std::string& parameter);
+/// Penalty that pulls one node towards zero, `sigma` in the same units: it keeps nodes that hardly
+/// a pose supports from running off along the slope of their neighbours.
+Penalty value_penalty(const std::string& parameter, double sigma);
 
 }  // namespace armtrue

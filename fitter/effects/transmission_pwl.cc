@@ -55,10 +55,13 @@ class TransmissionPwl final : public Effect {
 
  private:
   static constexpr double kLargest = 1e-2;  // [rad]
+  // In units of smoothness; wide, so that a large smooth shape is nothing improbable
+  // (docs/decisions/0014).
+  static constexpr double kValue = 16.0;
   static constexpr double kFinest =
       0.02617993878;  // 1.5 deg: below this the tables of real arms gain nothing
   static constexpr double kMargin = 0.106;  // [rad], four of the finest cells
-  static constexpr double kRowsPerNode = 4.0;
+  static constexpr double kRowsPerNode = 2.0;
   static constexpr double kRowsPerCandidateNode = 5.0;
 
   static double default_spacing(const std::vector<double>& q) {
@@ -102,7 +105,7 @@ class TransmissionPwl final : public Effect {
       p.terms.front().table->index = {static_cast<int>(i)};
       mean.row.emplace_back(p.name, hits[i]);
       slope.row.emplace_back(p.name, hits[i] * (nodes[i] - mean_q));
-      terms.penalties.push_back(value_penalty(p.name));
+      terms.penalties.push_back(value_penalty(p.name, kValue));
       terms.parameters.push_back(std::move(p));
     }
     terms.penalties.push_back(mean);

@@ -42,6 +42,20 @@ int trailing_number(const std::string& name, const std::string& prefix) {
   return std::stoi(name.substr(prefix.size()));
 }
 
+// What must be recorded, or stated of the arm, for the state variable `name`.
+std::string what_is_missing(const std::string& name, const Robot& robot) {
+  if (name == "dT")
+    return "column temp_" + (robot.sensors.empty() ? "NAME" : robot.sensors.front());
+  if (name.rfind("dT_", 0) == 0) return "column temp_" + name.substr(3);
+  if (parse_regressor(name, robot.joint_count())) return "column payload";
+  if (trailing_number(name, "tau"))
+    return "column " + name + " (or mass and com of robot.yaml's links)";
+  if (name == "bmx" || name == "bmy" || trailing_number(name, "gmx") ||
+      trailing_number(name, "gmy"))
+    return "mass and com of robot.yaml's links";
+  return "column " + name;
+}
+
 }  // namespace
 
 // Readings must outnumber what explains them by this factor, and hold no more than this share of
@@ -124,9 +138,8 @@ const std::vector<double>& State::column(const std::string& name) const {
                                                 : found->second;
   }
   if (!has(name)) {
-    throw ModelError(
-        "state variable '" + name + "' cannot be had from the recorded columns" +
-        (trailing_number(name, "tau") ? " (record " + name + " or give link masses)" : ""));
+    throw ModelError(what_is_missing(name, *robot_) +
+                     " is missing, expected it as the model reads '" + name + "'");
   }
   const int n = robot_->joint_count();
   if (const int k = trailing_number(name, "th"); k >= 1) {

@@ -37,6 +37,8 @@ struct Parameter {
   std::vector<int> joints;  ///< 1-based
   std::string unit;         ///< of the coefficient: "rad", "rad/Nm", …
   double bound = 0.0;       ///< largest magnitude that is physical; the diagnosis refuses more
+  double usual =
+      0.0;       ///< magnitude that real arms have; 0: not said. Between equals the usual wins
   int sign = 0;  ///< +1 where only positive values are physical (a spring yields), 0 where both are
   double prior_mean = 0.0;
   double prior_sigma = 0.0;  ///< weak prior; 0: none

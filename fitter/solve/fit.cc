@@ -9,6 +9,7 @@
 
 #include "fitter/solve/choose_options.h"
 #include "fitter/solve/start_search.h"
+#include "fitter/solve/table_evidence.h"
 
 namespace armtrue {
 namespace {
@@ -48,6 +49,12 @@ json to_json(const Pose& pose) {
 Pose pose_from(const json& value) {
   const std::vector<double> p = value.at("xyz"), a = value.at("rpy");
   return pose_from_xyz_rpy({p.at(0), p.at(1), p.at(2)}, {a.at(0), a.at(1), a.at(2)});
+}
+
+// False where all that could be searched for has a start of its own already.
+bool is_searched(const Model& model) {
+  return std::any_of(model.nonlinear.begin(), model.nonlinear.end(),
+                     [](const NonlinearParameter& p) { return !p.starts.empty(); });
 }
 
 }  // namespace
@@ -151,21 +158,10 @@ bool Fit::smooth() const {
                      [](const Penalty& p) { return p.smoothness; });
 }
 
-// Smoothness of tables: the strength whose held-out error is least.
 void Fit::choose_smoothness() {
-  if (!smooth()) return;
-  if (options_.smoothness_sigma) return;
-  const std::vector<int> folds = make_folds(*design_, Folding::kRandom, 4, options_.seed + 1);
-  double best = std::numeric_limits<double>::infinity();
-  double chosen = smoothness_sigma_;
-  for (const double sigma : {1e-6, 4e-6, 1e-5, 2e-5, 4e-5, 7e-5, 1e-4, 1.5e-4, 2.5e-4, 5e-4}) {
-    const double error = summarise_finite(held_out_distances(*design_, folds, 4, sigma)).rms;
-    if (error < best) {
-      best = error;
-      chosen = sigma;
-    }
-  }
-  smoothness_sigma_ = chosen;
+  if (!smooth() || options_.smoothness_sigma) return;
+  smoothness_sigma_ = likeliest_smoothness(
+      *design_, {1e-6, 4e-6, 1e-5, 2e-5, 4e-5, 7e-5, 1e-4, 1.5e-4, 2.5e-4, 5e-4});
 }
 
 bool Fit::find_gross_errors() {
@@ -189,6 +185,20 @@ bool Fit::find_gross_errors() {
   rejected_.clear();
   for (const std::size_t i : gross) rejected_.push_back({i, distance[i]});
   return changed;
+}
+
+// From the present values and, where nonlinear parameters are searched for, from a new search: what
+// bumped reflectors have led astray does not come back by itself.
+void Fit::solve_from_anywhere() {
+  summary_ = solve(*design_, smoothness_sigma_);
+  if (!is_searched(model_)) return;
+  const SolveSummary here = summary_;
+  const std::vector<double> present = design_->unknown_values();
+  design_->set_unknowns(search_starts(*design_, smoothness_sigma_).data());
+  summary_ = solve(*design_, smoothness_sigma_);
+  if (summary_.cost < here.cost) return;
+  summary_ = here;
+  design_->set_unknowns(present.data());
 }
 
 void Fit::solve_robustly() {
@@ -216,13 +226,12 @@ void Fit::solve_robustly() {
     design_->set_values(values);
   };
   choose_kept();
-  if (design_->nonlinear_count() > 0)
-    design_->set_unknowns(search_starts(*design_, smoothness_sigma_).data());
+  if (is_searched(model_)) design_->set_unknowns(search_starts(*design_, smoothness_sigma_).data());
   summary_ = solve(*design_, smoothness_sigma_);
   if (options_.reject_gross_errors) {
     for (int pass = 0; pass < kRobustPasses; ++pass) {
       if (!find_gross_errors()) break;
-      summary_ = solve(*design_, smoothness_sigma_);
+      solve_from_anywhere();
     }
   }
   rescale_noise();
@@ -278,7 +287,13 @@ void Fit::compute_covariance() {
   for (const PenaltyRow& row : penalty_rows(*design_, smoothness_sigma_))
     equations.add(row, values);
   covariance_ = ScaledCholesky(equations.information).inverse();
-  effective_unknowns_ = covariance_.cwiseProduct(data).sum();
+  const Eigen::VectorXd determined = covariance_.cwiseProduct(data).rowwise().sum();
+  effective_unknowns_ = determined.sum();
+  effective_outside_tables_ = 0.0;
+  for (int u = 0; u < design_->unknowns(); ++u) {
+    if (!design_->is_table_unknown(u)) effective_outside_tables_ += determined[u];
+  }
+  table_evidence_ = table_evidence(*design_, data, smoothness_sigma_);
 }
 
 void Fit::measure_errors() {

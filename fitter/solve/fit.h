@@ -2,6 +2,7 @@
 // covariance, held-out errors.
 #pragma once
 
+#include <cmath>
 #include <functional>
 #include <map>
 #include <memory>
@@ -14,6 +15,7 @@
 #include "fitter/solve/cross_validation.h"
 #include "fitter/solve/identifiability.h"
 #include "fitter/solve/least_squares.h"
+#include "fitter/solve/table_evidence.h"
 
 namespace armtrue {
 
@@ -79,6 +81,12 @@ class Fit {
   }
   /// Unknowns less what priors and smoothness hold: the trace of the hat matrix.
   double effective_unknowns() const { return effective_unknowns_; }
+  const TableEvidence& tables_evidence() const { return table_evidence_; }
+  /// What BIC charges for the unknowns when so many `coordinates` are measured; tables by their
+  /// marginal likelihood.
+  double charge_for_unknowns(double coordinates) const {
+    return table_evidence_.occam + effective_outside_tables_ * std::log(coordinates);
+  }
 
   /// Everything of fit.json that the numbers know (docs/model.md).
   nlohmann::json document() const;
@@ -88,6 +96,7 @@ class Fit {
   void prepare(const Robot& robot, const State::Columns& columns);
   void rescale_noise();
   void choose_smoothness();
+  void solve_from_anywhere();
   void solve_robustly();
   bool find_gross_errors();
   void fold_base_and_tool();
@@ -117,7 +126,8 @@ class Fit {
   double noise_scale_ = 1.0;
   NoiseFloor noise_floor_;
   Eigen::MatrixXd covariance_;
-  double effective_unknowns_ = 0.0;
+  double effective_unknowns_ = 0.0, effective_outside_tables_ = 0.0;
+  TableEvidence table_evidence_;
   ErrorSummary nominal_, train_;
   std::vector<ErrorSummary> held_out_;
   std::vector<std::vector<double>> held_out_distances_;

@@ -43,6 +43,24 @@ TEST(Fit, ReachesTheNoise) {
   EXPECT_TRUE(fit->document()["warnings"].empty());
 }
 
+TEST(Fit, DataWithoutNoiseAreFittedWithoutError) {
+  // A warm base that tilts turns, in second order, what is one number in first order (the first
+  // axis's zero and the base's turn) into two: to tell them apart must not cost the effect.
+  for (const char* effect : {"thermal_base", "time_drift"}) {
+    Random random(57);
+    json model = testing::geometry_model();
+    model["effects"].push_back(effect);
+    const Problem p(testing::industrial_arm(), model, {60}, random, [&](const Parameter& q) {
+      return q.effect == effect ? testing::normal(random, 0.1 * q.bound) : field_error(q, random);
+    });
+    const auto fit = fit_of(p, model);
+    EXPECT_LT(fit->train_error().max, 1e-7) << effect;
+    const json document = fit->document();
+    for (const json& sentence : document["unobservable"])
+      EXPECT_EQ(sentence.get<std::string>().find(effect), std::string::npos) << sentence;
+  }
+}
+
 TEST(Fit, FindsTheNoiseThatNobodyStated) {
   const Problem p = geometry_problem(52, {300, true, 1, 4e-5, 7e-5, {}});
   const auto fit = fit_of(p);

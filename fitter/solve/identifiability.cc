@@ -10,12 +10,17 @@ namespace {
 constexpr double kNoPriorSigma = 1.0;
 // Below this share of a column's own information the remainder is rounding error of JᵀJ.
 constexpr double kRounding = 3e-13;
+// An effect's coefficient is worth having where the data know it to a third of its physical bound.
+constexpr double kBoundsPerSigma = 3.0;
 
 // A column with at least this share of itself left is clearly something of its own, and taken in
 // the order of preference. What is left after those is taken largest gain first: two nearly
 // parallel axes must not stand in for a shift by turning a hundred times as far against each other.
 constexpr double kClearShare = 0.1;
 constexpr double kClearlyMore = 1.01;
+// With less than this left, geometry is told apart by terms of second order, if at all: effects
+// come before it, lest it takes a direction that is theirs.
+constexpr double kFaintShare = 1e-6;
 // Preferences from here on are not geometry.
 constexpr int kFirstEffect = 10;
 
@@ -32,6 +37,13 @@ int preference(const Parameter& p) {
   if (component == "tz") return 5;
   if (component == "ty") return 6;
   return 7;
+}
+
+// Standard deviation to which the data must know a parameter.
+double worthwhile_sigma(const Parameter& p) {
+  const double prior = p.prior_sigma > 0.0 ? p.prior_sigma : kNoPriorSigma;
+  if (preference(p) < kFirstEffect || p.bound <= 0.0) return prior;
+  return std::min(prior, p.bound / kBoundsPerSigma);
 }
 
 std::string component_words(const std::string& name) {
@@ -69,9 +81,10 @@ class RankRevealing {
   double share(Eigen::Index v) const { return own_[v] > 0.0 ? rest_(v, v) : 0.0; }
   bool is_accepted(Eigen::Index v) const { return accepted_at_[static_cast<std::size_t>(v)] >= 0; }
 
-  // Accepts columns of [begin, end) whose gain is above 1: clear ones in order, then by gain.
+  // Accepts columns of [begin, end) with at least `least_share` left and a gain above 1: clear ones
+  // in order, then by gain.
   template <typename Gain>
-  void accept_between(Eigen::Index begin, Eigen::Index end, const Gain& gain) {
+  void accept_between(Eigen::Index begin, Eigen::Index end, double least_share, const Gain& gain) {
     for (Eigen::Index v = begin; v < end; ++v) {
       if (share(v) >= kClearShare && gain(v) > 1.0) accept(v);
     }
@@ -80,7 +93,7 @@ class RankRevealing {
       double most = 1.0;
       for (Eigen::Index v = begin; v < end; ++v) {
         // Equal gains differ by rounding: the earlier column wins, at every noise level.
-        if (is_accepted(v) || gain(v) <= most) continue;
+        if (is_accepted(v) || share(v) < least_share || gain(v) <= most) continue;
         best = v;
         most = kClearlyMore * gain(v);
       }
@@ -160,17 +173,16 @@ Identifiability identify(Design& design) {
   Identifiability result;
   RankRevealing factor(information, order);
   const auto gain = [&](Eigen::Index v) {
-    const Parameter& p = parameter_of(order[static_cast<std::size_t>(v)]);
-    const double sigma_prior = p.prior_sigma > 0.0 ? p.prior_sigma : kNoPriorSigma;
-    return factor.share(v) > kRounding ? factor.share(v) * factor.own(v) * sigma_prior * sigma_prior
-                                       : 0.0;
+    const double sigma = worthwhile_sigma(parameter_of(order[static_cast<std::size_t>(v)]));
+    return factor.share(v) > kRounding ? factor.share(v) * factor.own(v) * sigma * sigma : 0.0;
   };
   const auto geometry_end = std::find_if(order.begin(), order.end(), [&](int u) {
     return preference(parameter_of(u)) >= kFirstEffect;
   });
   const auto effects = static_cast<Eigen::Index>(geometry_end - order.begin());
-  factor.accept_between(0, effects, gain);
-  factor.accept_between(effects, static_cast<Eigen::Index>(order.size()), gain);
+  factor.accept_between(0, effects, kFaintShare, gain);
+  factor.accept_between(effects, static_cast<Eigen::Index>(order.size()), 0.0, gain);
+  factor.accept_between(0, effects, 0.0, gain);
 
   for (Eigen::Index v = 0; v < static_cast<Eigen::Index>(order.size()); ++v) {
     const int parameter =
@@ -180,12 +192,12 @@ Identifiability identify(Design& design) {
       continue;
     }
     const Parameter& p = model.parameters[static_cast<std::size_t>(parameter)];
-    const double sigma_prior = p.prior_sigma > 0.0 ? p.prior_sigma : kNoPriorSigma;
+    const double sigma = worthwhile_sigma(p);
     Unidentifiable held;
     held.parameter = parameter;
     held.exact = factor.share(v) < 1e-9;
     const Eigen::Index stand_in = factor.largest_stand_in(v);
-    if (factor.own(v) * sigma_prior * sigma_prior <= 1e-6 || stand_in < 0) {
+    if (factor.own(v) * sigma * sigma <= 1e-6 || stand_in < 0) {
       held.sentence = describe(p) + " does not move the tool in these poses: held at nominal";
     } else {
       const int kept = order[static_cast<std::size_t>(stand_in)];

@@ -22,12 +22,12 @@ struct Identifiability {
 };
 
 /// Keeps each parameter whose standard deviation from the data alone, given those already kept, is
-/// below its prior's: a rank-revealing Cholesky factorisation of JᵀJ. Geometry comes before
-/// effects; within each, what the data clearly see is taken in a fixed order of preference (base,
-/// tool, zeros, lengths, twists) and the rest by how well they see it. What is kept of the geometry
-/// is minimal and complete (four parameters a revolute joint in the generic case). `design` must
-/// have all candidates free. Table nodes are always kept: their gauges and smoothness are
-/// penalties.
+/// below its prior's, of effects below a third of their physical bound: a rank-revealing Cholesky
+/// factorisation of JᵀJ. Geometry comes before effects; within each, what the data clearly see is
+/// taken in a fixed order of preference (base, tool, zeros, lengths, twists) and the rest by how
+/// well they see it. What is kept of the geometry is minimal and complete (four parameters a
+/// revolute joint in the generic case). `design` must have all candidates free. Table nodes are
+/// always kept: their gauges and smoothness are penalties.
 Identifiability identify(Design& design);
 
 /// "axis 3's zero", "the tool's y" …: a parameter as people say it.

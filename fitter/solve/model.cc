@@ -89,14 +89,14 @@ Model build_model(const ModelSpecification& specification, const EffectContext& 
     EffectTerms terms = build_effect(context, request);
     for (Parameter& p : terms.parameters) {
       if (!names.insert(p.name).second) {
-        throw ModelError("model: effect " + p.effect +
-                         " stands twice on the same joint (parameter " + p.name + ")");
+        throw ModelError("model: found parameter " + p.name + " of effect " + p.effect +
+                         " twice, expected each effect once on a joint");
       }
       model.parameters.push_back(std::move(p));
     }
     for (NonlinearParameter& p : terms.nonlinear) {
       if (!names.insert(p.name).second)
-        throw ModelError("model: parameter " + p.name + " stands twice");
+        throw ModelError("model: found parameter " + p.name + " twice, expected it once");
       model.nonlinear.push_back(std::move(p));
     }
     std::move(terms.penalties.begin(), terms.penalties.end(), std::back_inserter(model.penalties));

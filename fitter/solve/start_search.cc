@@ -194,7 +194,28 @@ struct Start {
   double cost;
   std::vector<double> theta;
   VectorXd c;
+  std::vector<std::size_t> at{};  // place in the grid of starts
 };
+
+bool are_neighbours(const Start& a, const Start& b) {
+  for (std::size_t j = 0; j < a.at.size(); ++j) {
+    if (std::max(a.at[j], b.at[j]) - std::min(a.at[j], b.at[j]) > 1) return false;
+  }
+  return true;
+}
+
+// Those that no neighbour beats, best first: starts in one valley would end in one place.
+std::vector<Start> valleys(std::vector<Start> starts) {
+  std::sort(starts.begin(), starts.end(),
+            [](const Start& a, const Start& b) { return a.cost < b.cost; });
+  std::vector<Start> lowest;
+  for (auto start = starts.begin(); start != starts.end(); ++start) {
+    if (std::none_of(starts.begin(), start,
+                     [&](const Start& better) { return are_neighbours(better, *start); }))
+      lowest.push_back(*start);
+  }
+  return lowest;
+}
 
 Start closed_form(ReducedProblem& problem, const std::vector<double>& theta) {
   const MatrixXd a = problem.columns(theta);
@@ -202,7 +223,7 @@ Start closed_form(ReducedProblem& problem, const std::vector<double>& theta) {
   const VectorXd right = a.transpose() * problem.residual();
   const ScaledCholesky factor(information);
   const VectorXd c = factor.ok() ? VectorXd(-factor.solve(right)) : VectorXd::Zero(right.size());
-  return {problem.residual().squaredNorm() + right.dot(c), theta, c};
+  return {problem.residual().squaredNorm() + right.dot(c), theta, c, {}};
 }
 
 Start descend(ReducedProblem& problem, const Design& design, Start start) {
@@ -237,25 +258,29 @@ std::vector<double> search_starts(Design& design, double smoothness_sigma) {
     design.set_unknowns(present.data());
     return present;
   }
+  std::vector<std::vector<double>> grid;
+  for (const NonlinearParameter& p : nonlinear) {
+    grid.push_back(p.starts.empty() ? std::vector<double>{p.value} : p.starts);
+    std::sort(grid.back().begin(), grid.back().end());
+  }
   std::vector<Start> starts;
   std::vector<std::size_t> at(nonlinear.size(), 0);
   for (bool more = true; more;) {
     std::vector<double> theta;
-    for (std::size_t j = 0; j < at.size(); ++j)
-      theta.push_back(nonlinear[j].starts.empty() ? nonlinear[j].value
-                                                  : nonlinear[j].starts[at[j]]);
+    for (std::size_t j = 0; j < at.size(); ++j) theta.push_back(grid[j][at[j]]);
     starts.push_back(closed_form(problem, theta));
+    starts.back().at = at;
     more = false;
     for (std::size_t j = 0; j < at.size() && !more; ++j) {
-      more = ++at[j] < nonlinear[j].starts.size();
+      more = ++at[j] < grid[j].size();
       if (!more) at[j] = 0;
     }
   }
-  std::sort(starts.begin(), starts.end(),
-            [](const Start& a, const Start& b) { return a.cost < b.cost; });
+  const bool one_start = starts.size() == 1;
+  starts = valleys(std::move(starts));
   if (starts.size() > kDescents) starts.resize(kDescents);
   Start best = starts.front();
-  for (std::size_t k = 0; k < starts.size() && starts.size() > 1; ++k) {
+  for (std::size_t k = 0; k < starts.size() && !one_start; ++k) {
     Start end = descend(problem, design, starts[k]);
     if (end.cost < best.cost) best = std::move(end);
   }

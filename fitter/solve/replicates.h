@@ -1,0 +1,37 @@
+// Repeats of one pose: what the arm did once is in all of them, and counts once.
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "fitter/model/measurements.h"
+
+namespace armtrue {
+
+/// Rows that measure the same pose and reflector again. Their errors are taken to have one
+/// correlation among themselves (compound symmetry; Searle, Casella and McCulloch 1992, Variance
+/// Components, ch. 3): 0 where the arm came anew each time, near 1 where one visit was measured
+/// often, and in between where a missing effect adds to both.
+class Replicates {
+ public:
+  /// `rows` are those in use, in order; places in them are what the other functions speak of.
+  Replicates(const Measurements& measurements, const std::vector<std::size_t>& rows);
+
+  bool any() const { return !groups_.empty(); }
+  /// Group of every place; −1 where it stands alone.
+  const std::vector<int>& group_of() const { return group_of_; }
+
+  /// Likeliest correlation of residuals with mean zero, `height` values a place.
+  double correlation(const Eigen::VectorXd& residual, int height) const;
+  /// log |correlation matrix| over all places, for one value a place.
+  double log_determinant(double correlation) const;
+  /// Turns columns (`height` values a place) into such as ordinary least squares may take: equal
+  /// variances, no correlation (quasi-demeaning).
+  void whiten(Eigen::Ref<Eigen::MatrixXd> columns, int height, double correlation) const;
+
+ private:
+  std::vector<std::vector<Eigen::Index>> groups_;  // places, two or more each
+  std::vector<int> group_of_;
+};
+
+}  // namespace armtrue

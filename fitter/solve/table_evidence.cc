@@ -1,0 +1,98 @@
+#include "fitter/solve/table_evidence.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace armtrue {
+namespace {
+
+struct Split {
+  std::vector<int> table, other;
+};
+
+Split split_unknowns(const Design& design) {
+  Split split;
+  for (int u = 0; u < design.unknowns(); ++u)
+    (design.is_table_unknown(u) ? split.table : split.other).push_back(u);
+  return split;
+}
+
+bool stands_on_tables(const Design& design, const PenaltyRow& row) {
+  return std::all_of(row.entries.begin(), row.entries.end(),
+                     [&](const auto& entry) { return design.is_table_unknown(entry.first); });
+}
+
+// Penalty rows of table nodes: their information, and their sum of squares at `values`.
+struct Prior {
+  NormalEquations equations;
+  double penalty = 0.0;
+
+  Prior(const Design& design, const std::vector<PenaltyRow>& rows,
+        const std::vector<double>& values)
+      : equations(design.unknowns()) {
+    for (const PenaltyRow& row : rows) {
+      if (!stands_on_tables(design, row)) continue;
+      equations.add(row, values);
+      double left = -row.target;
+      for (const auto& [unknown, factor] : row.entries)
+        left += factor * values[static_cast<std::size_t>(unknown)];
+      penalty += left * left;
+    }
+  }
+};
+
+double log_determinant(const Eigen::MatrixXd& lower, const std::vector<int>& unknowns) {
+  return unknowns.empty() ? 0.0 : ScaledCholesky(lower(unknowns, unknowns)).log_determinant();
+}
+
+double occam_factor(const Split& split, const Eigen::MatrixXd& posterior,
+                    const Eigen::MatrixXd& prior) {
+  return ScaledCholesky(posterior).log_determinant() - log_determinant(posterior, split.other) -
+         log_determinant(prior, split.table);
+}
+
+}  // namespace
+
+TableEvidence table_evidence(const Design& design, const Eigen::MatrixXd& information,
+                             double smoothness_sigma) {
+  const Split split = split_unknowns(design);
+  if (split.table.empty()) return {};
+  const std::vector<PenaltyRow> rows = penalty_rows(design, smoothness_sigma);
+  const std::vector<double> values = design.unknown_values();
+  const Prior prior(design, rows, values);
+  NormalEquations posterior(information.rows());
+  posterior.information = information.triangularView<Eigen::Lower>();
+  for (const PenaltyRow& row : rows) posterior.add(row, values);
+  return {prior.penalty, occam_factor(split, posterior.information, prior.equations.information)};
+}
+
+double likeliest_smoothness(Design& design, const std::vector<double>& candidates) {
+  const Split split = split_unknowns(design);
+  const NormalEquations data = accumulate(design);
+  const std::vector<double> values = design.unknown_values();
+  const auto n = static_cast<double>(data.equations);
+  double least = std::numeric_limits<double>::infinity();
+  double likeliest = candidates.front();
+  for (const double smoothness : candidates) {
+    NormalEquations posterior = data;
+    const std::vector<PenaltyRow> rows = penalty_rows(design, smoothness);
+    for (const PenaltyRow& row : rows) posterior.add(row, values);
+    const Eigen::VectorXd step = -ScaledCholesky(posterior.information).solve(posterior.gradient);
+    const double misfit = data.cost + 2.0 * data.gradient.dot(step) +
+                          step.dot(data.information.selfadjointView<Eigen::Lower>() * step);
+    std::vector<double> solution = values;
+    for (std::size_t u = 0; u < solution.size(); ++u)
+      solution[u] += step[static_cast<Eigen::Index>(u)];
+    const Prior prior(design, rows, solution);
+    const double evidence =
+        n * std::log(std::max(misfit + prior.penalty, std::numeric_limits<double>::min())) +
+        occam_factor(split, posterior.information, prior.equations.information);
+    if (evidence >= least) continue;
+    least = evidence;
+    likeliest = smoothness;
+  }
+  return likeliest;
+}
+
+}  // namespace armtrue

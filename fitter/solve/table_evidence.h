@@ -1,0 +1,26 @@
+// How well the data speak for tables, whose nodes are held by smoothness and not counted one by
+// one.
+#pragma once
+
+#include "fitter/solve/normal_equations.h"
+
+namespace armtrue {
+
+/// −2 log of the marginal likelihood of a linearised model whose tables have their penalties as a
+/// Gaussian prior (MacKay 1992, Neural Computation 4, 415; Wood 2011, J. R. Statist. Soc. B 73, 3).
+/// Parameters outside tables are not integrated over: information criteria count those.
+struct TableEvidence {
+  double penalty = 0.0;  ///< Σ (penalty rows of table nodes)², in units of the noise's variance
+  double occam = 0.0;  ///< log |A + P| − log |P| over the nodes, the other unknowns projected out
+};
+
+/// The two parts at the design's present values. `information` is JᵀJ in units of the noise's
+/// variance, penalties not yet added. Zeros without tables.
+TableEvidence table_evidence(const Design& design, const Eigen::MatrixXd& information,
+                             double smoothness_sigma);
+
+/// Of `candidates` [rad or m] the smoothness under which the measurements are likeliest, each with
+/// its own best solution, one linearised step from the design's present values.
+double likeliest_smoothness(Design& design, const std::vector<double>& candidates);
+
+}  // namespace armtrue
