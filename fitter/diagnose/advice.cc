@@ -5,6 +5,7 @@
 #include <set>
 
 #include "fitter/diagnose/diagnose.h"
+#include "fitter/diagnose/words.h"
 
 namespace armtrue {
 namespace {
@@ -81,14 +82,28 @@ void advise_periods(const Diagnosis& d, const Candidate& table, std::vector<std:
   }
 }
 
+// "armtrue add FIT gear_mesh --joints 5 --option 'cycles=[13]' --out FIT2"
+std::string command_to_add(const EffectRequest& request) {
+  std::string joints, options;
+  for (const int k : request.joints)
+    joints += (joints.empty() ? " --joints " : ",") + std::to_string(k);
+  for (const auto& [name, value] : request.options.items()) {
+    const std::string text = value.is_array()    ? list_words(value)
+                             : value.is_string() ? value.get<std::string>()
+                                                 : value.dump();
+    options += " --option '" + name + "=" + text + "'";
+  }
+  return "armtrue add FIT " + request.effect + joints + options + " --out FIT2";
+}
+
 void advise_missing(const Diagnosis& d, std::vector<std::string>& advice) {
   const Candidate& best = *d.recommended();
-  std::string joints;
-  for (const int k : best.request.joints)
-    joints += (joints.empty() ? " --joints " : ",") + std::to_string(k);
-  advice.push_back("add it: armtrue add FIT " + best.request.effect + joints + " --out FIT2");
+  advice.push_back("add it: " + command_to_add(best.request));
   if (best.request.options.contains("cycles")) {
-    advice.push_back(best.request.options["cycles"].dump() + " cycles a turn on joint " +
+    std::string cycles;
+    for (const auto& value : best.request.options["cycles"])
+      cycles += (cycles.empty() ? "" : " and ") + number_words(value.get<double>());
+    advice.push_back(cycles + " cycles a turn on joint " +
                      std::to_string(best.request.joints.front()) +
                      ": look for a gear or bearing of that count");
   }
@@ -108,31 +123,111 @@ void advise_missing(const Diagnosis& d, std::vector<std::string>& advice) {
   }
 }
 
+bool is_of_first_three(const std::string& variable) {
+  return variable == "q1" || variable == "q2" || variable == "q3";
+}
+
+// What follows a shape that has no name, by what the shape depends on.
+std::string remedy(const StructureFinding& f) {
+  const bool one = f.variables.size() == 1;
+  if (one && f.variables.front().starts_with("q") &&
+      f.coordinate == "motor" + f.variables.front().substr(1))
+    return command_to_add({"transmission_pwl", {std::stoi(f.variables.front().substr(1))}, {}});
+  if (std::all_of(f.variables.begin(), f.variables.end(), is_of_first_three))
+    return command_to_add({"residual_grid", {}, {}});
+  std::string expressions;
+  if (one) {
+    const std::string& v = f.variables.front();
+    expressions = v.starts_with("dir") ? v : v + ", " + v + "^2, " + v + "^3";
+  } else {
+    expressions = f.variables[0] + "*" + f.variables[1];
+  }
+  return "custom effects in model.yaml on coordinate " + f.coordinate + " with the expression" +
+         (expressions.find(',') == std::string::npos ? " " : "s ") + expressions;
+}
+
+// Names the column to record where errors lie along what one joint moves and its direction of
+// approach is not recorded; false where that is not so.
+bool advise_direction(const Diagnosis& d, const Fit& fit, std::vector<std::string>& advice) {
+  constexpr double kSurely = -6.0, kMostly = 0.5;
+  const JointScatter& s = d.scatter;
+  if (s.joint == 0 || s.log10_p > kSurely || s.share < kMostly) return false;
+  const std::string column = "dir" + std::to_string(s.joint);
+  if (fit.state().recorded(column)) return false;
+  advice.push_back((s.between_repeats ? "repeats of one pose differ" : "what is left lies") +
+                   std::string(" mostly along the motion of joint ") + std::to_string(s.joint) +
+                   " (" + number_words(std::round(100.0 * s.share)) +
+                   " %): backlash looks so; record " + column +
+                   ", the direction of approach, and come from both sides");
+  return true;
+}
+
 void advise_structure(const Diagnosis& d, const Fit& fit, std::vector<std::string>& advice) {
-  for (const StructureFinding& f : d.unexplained) {
+  if (!d.unexplained.empty()) {
+    const StructureFinding& f = d.unexplained.front();
     std::string what;
     for (const std::string& v : f.variables) what += (what.empty() ? "" : " and ") + v;
     advice.push_back("what is left depends on " + what + " and acts like " + f.coordinate + ": " +
                      f.shape);
-    break;
+    advice.push_back("no effect of the catalogue has that form; the generic remedy is: " +
+                     remedy(f));
+    if (d.neighbour_ratio < 0.7) {
+      advice.push_back("neighbouring poses err alike: it repeats and can be compensated");
+    } else if (d.lack_of_fit.testable && d.lack_of_fit.against == "repeats") {
+      advice.push_back(d.lack_of_fit.log10_p < -5.0
+                           ? "repeats of one pose agree: it repeats and can be compensated"
+                           : "repeats of one pose differ as much: it does not repeat");
+    } else {
+      advice.push_back("whether it repeats is not known: no pose was measured again");
+    }
+    advise_direction(d, fit, advice);
+    return;
   }
-  if (d.unexplained.empty()) {
-    advice.push_back("what is left is more than the " + d.lack_of_fit.against +
-                     " allow and depends on no recorded variable");
-    std::set<std::string> columns;
-    for (const Untestable& u : d.untestable) columns.insert(u.needs.begin(), u.needs.end());
-    std::string list;
-    for (const std::string& c : columns) list += (list.empty() ? "" : ", ") + c;
-    if (!list.empty()) advice.push_back("record next: " + list);
-  } else {
+  advice.push_back("what is left is more than the " + d.lack_of_fit.against +
+                   " allow and depends on no recorded variable");
+  if (d.lack_of_fit.against == "repeats") {
     advice.push_back(
-        "no effect of the catalogue has that form: write it as a custom effect, or as generic "
-        "remedies add transmission_pwl "
-        "on the joints named, then residual_grid");
+        "repeats agree at one pose and poses do not: either it repeats in a finer pattern than "
+        "these poses resolve, or the repeats were taken in one visit and do not show how the arm "
+        "scatters from visit to visit: leave the pose and come back between repeats");
   }
-  if (d.neighbour_ratio < 0.7)
-    advice.push_back("neighbouring poses err alike: it repeats and can be compensated");
-  (void)fit;
+  advise_direction(d, fit, advice);
+  std::set<std::string> columns;
+  for (const Untestable& u : d.untestable) {
+    for (const std::string& need : u.needs) {
+      if (need.find(' ') == std::string::npos) columns.insert(need);
+    }
+  }
+  std::string list;
+  for (const std::string& c : columns) list += (list.empty() ? "" : ", ") + c;
+  if (!list.empty()) advice.push_back("record next: " + list);
+}
+
+// Nothing was found: is what is left noise, and who says so?
+void advise_nothing(const Diagnosis& d, const Fit& fit, std::vector<std::string>& advice) {
+  constexpr double kWellAbove = 1.5, kFarAbove = 3.0;
+  constexpr double kMeanDistance = 1.6;  // of three equal normal errors, in their sigma
+  const NoiseFloor& floor = fit.noise_floor();
+  const double held_out = fit.held_out_error().mean;
+  if (advise_direction(d, fit, advice)) return;
+  if (floor.source == "none") {
+    advice.push_back("nothing to add was found; whether the " + micrometre_words(held_out) +
+                     " left over are noise is not known: repeat some poses, or state the "
+                     "instrument's sigma");
+  } else if (held_out > kWellAbove * floor.mean) {
+    advice.push_back("nothing to add was found, but poses that were not fitted err by " +
+                     micrometre_words(held_out) + ", noise alone by " +
+                     micrometre_words(floor.mean) +
+                     ": the model has more freedom than these poses can settle; measure more");
+  } else {
+    advice.push_back("nothing to add: what is left is noise as far as these data can tell");
+  }
+  const bool stated = fit.measurements().sigma_source != SigmaSource::kAssumed;
+  const double instrument = fit.measurements().typical_sigma / fit.noise_scale();
+  if (stated && floor.source == "repeats" && floor.mean > kFarAbove * kMeanDistance * instrument) {
+    advice.push_back("repeats of one pose differ by far more than the instrument's sigma of " +
+                     micrometre_words(instrument) + ": something changes between them");
+  }
 }
 
 }  // namespace
@@ -141,8 +236,7 @@ std::vector<std::string> advise(const Diagnosis& d, const Fit& fit) {
   std::vector<std::string> advice;
   if (d.verdict == Verdict::kMissingEffect) advise_missing(d, advice);
   if (d.verdict == Verdict::kUnexplainedStructure) advise_structure(d, fit, advice);
-  if (d.verdict == Verdict::kNothingMissing)
-    advice.push_back("nothing to add: what is left is noise as far as these data can tell");
+  if (d.verdict == Verdict::kNothingMissing) advise_nothing(d, fit, advice);
   std::string untestable;
   for (const Untestable& u : d.untestable)
     untestable += (untestable.empty() ? "" : ", ") + u.effect;

@@ -7,8 +7,10 @@
 #include <nlohmann/json.hpp>
 #include <set>
 #include <thread>
+#include <tuple>
 
 #include "fitter/diagnose/advice.h"
+#include "fitter/diagnose/words.h"
 #include "fitter/solve/parallel.h"
 
 namespace armtrue {
@@ -23,8 +25,13 @@ constexpr double kDecisive = 10.0;  // ΔBIC, "very strong" (Kass and Raftery 19
 // What can bend to follow anything (a table) is asked for more.
 constexpr double kDecisiveGeneric = 40.0;
 constexpr double kEqualEvidence = 4.0;
+constexpr double kStrangest = 20.0;
+// Candidates of which a table leaves less than this to be seen are refitted beside it.
+constexpr double kHiddenShare = 0.3;
 constexpr double kSameExplanation =
     0.9;  // share of the best candidate's that makes another one confounded with it
+// A rival that explains this much of its own beside a candidate is another effect, no alternative.
+constexpr double kIndependentShare = 0.5;
 constexpr std::size_t kSpectralPeaks = 3;
 constexpr double kLowestLine = 2.5;  // below this, harmonics and geometry tell the tale
 constexpr int kLookAhead = 8;
@@ -33,12 +40,6 @@ constexpr std::size_t kLargeCampaign = 2000;  // rows
 std::string percent(double share) {
   char text[32];
   std::snprintf(text, sizeof text, "%.1f %%", 100.0 * share);
-  return text;
-}
-
-std::string micrometres(double metres) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.1f um", metres * 1e6);
   return text;
 }
 
@@ -76,6 +77,7 @@ Candidate make_candidate(const Block& block, const BlockScore& score, double cor
                          const Fit& fit) {
   Candidate c;
   c.request = as_added(block.request);
+  c.block = block;
   c.searched = block.searched;
   for (const std::string& option : find_effect(block.request.effect).searched_options()) {
     if (block.request.options.contains(option))
@@ -153,11 +155,16 @@ std::pair<std::vector<ErrorSummary>, std::vector<ErrorSummary>> held_out_errors_
   return result;
 }
 
+// How a confirmation has the smoothness of the fit's tables.
+enum class Smoothness { kKept, kAnew };
+
 // Refits with the candidate in: coefficients, evidence and held-out error are then measured. False
 // where the refit refuses it.
-bool confirm(const Fit& fit, double bic, Candidate& candidate, std::unique_ptr<Fit>& refitted) {
+bool confirm(const Fit& fit, double bic, Candidate& candidate, std::unique_ptr<Fit>& refitted,
+             Smoothness smoothness = Smoothness::kKept) {
   // Where the linear score was best on the grid need not be near the best minimum.
   FitOptions options = refit_options(fit, {});
+  if (smoothness == Smoothness::kAnew) options.smoothness_sigma = fit.options().smoothness_sigma;
   options.nonlinear_guesses = candidate.starts;
   refitted = Fit::run(fit.robot(), fit.state().columns(),
                       with_effect(fit.specification(), candidate.request), options);
@@ -207,14 +214,103 @@ bool confirm(const Fit& fit, double bic, Candidate& candidate, std::unique_ptr<F
   return true;
 }
 
+// Fall of BIC that is asked of a candidate.
+double decisive(const Fit& fit, const EffectRequest& request) {
+  if (find_effect(request.effect).generic()) return kDecisiveGeneric;
+  return is_beside_table(fit, request) ? kBesideTable : kDecisive;
+}
+
+// The first candidates that are worth a refit.
+std::vector<std::size_t> promising_of(const std::vector<Candidate>& candidates, std::size_t most) {
+  std::vector<std::size_t> promising;
+  for (std::size_t i = 0; i < candidates.size() && promising.size() < most; ++i) {
+    const Candidate& c = candidates[i];
+    if (c.log10_p <= kSignificant && c.score.delta_bic <= -kDecisive && c.score.degrees > 0)
+      promising.push_back(i);
+  }
+  return promising;
+}
+
+// Those of `promising` that a refit confirms.
+template <typename Report>
+std::vector<std::size_t> confirmed_of(Fit& fit, double bic, std::vector<Candidate>& candidates,
+                                      const std::vector<std::size_t>& promising,
+                                      const Report& report) {
+  std::vector<char> holds(promising.size(), 0);
+  std::atomic<int> done = 0;
+  const auto caller = std::this_thread::get_id();
+  in_parallel(promising.size(), [&](std::size_t k) {
+    // An objection of the linear score is not the last word: the refit's own coefficients are.
+    Candidate& c = candidates[promising[k]];
+    c.why.clear();
+    std::unique_ptr<Fit> refitted;
+    try {
+      const bool confirmed = confirm(fit, bic, c, refitted);
+      holds[k] = confirmed && c.delta_bic < -decisive(fit, c.request);
+      if (c.why.empty()) c.score.objection.clear();
+      if (confirmed && !holds[k]) c.why = "the refit's evidence is too little for it";
+    } catch (const ModelError& error) {
+      c.why = error.what();
+    }
+    const double share = static_cast<double>(++done) / static_cast<double>(promising.size());
+    // Who wants to be told of progress is not asked to bear several threads.
+    if (std::this_thread::get_id() == caller) report(0.4 + 0.3 * share, "confirming by refit");
+  });
+  std::vector<std::size_t> confirmed;
+  for (std::size_t k = 0; k < promising.size(); ++k) {
+    if (holds[k]) confirmed.push_back(promising[k]);
+  }
+  return confirmed;
+}
+
+// What a table on its joint can follow is hidden from the score at the table's own smoothness; with
+// the effect in, the table may become smoother. Such candidates are refitted with smoothness anew.
+// Returns those that hold.
+std::vector<std::size_t> hidden_by_tables(Fit& fit, double bic,
+                                          std::vector<Candidate>& candidates) {
+  std::vector<std::size_t> hidden;
+  for (std::size_t i = 0; i < candidates.size(); ++i) {
+    const Candidate& c = candidates[i];
+    if (is_beside_table(fit, c.request) && c.score.separability < kHiddenShare) hidden.push_back(i);
+  }
+  std::vector<char> holds(hidden.size(), 0);
+  in_parallel(hidden.size(), [&](std::size_t k) {
+    Candidate trial = candidates[hidden[k]];
+    std::unique_ptr<Fit> refitted;
+    try {
+      if (!confirm(fit, bic, trial, refitted, Smoothness::kAnew) || trial.delta_bic > -kBesideTable)
+        return;
+    } catch (const ModelError&) {
+      return;
+    }
+    const double n = static_cast<double>(fit.design().rows()) * fit.design().residuals_per_row();
+    const int degrees = static_cast<int>(trial.parameters.size()) + trial.searched;
+    trial.score.objection.clear();
+    trial.score.degrees = degrees;
+    trial.score.gain = degrees * std::log(n) - trial.delta_bic;
+    trial.score.explained =
+        std::max(0.0, 1.0 - std::pow(refitted->train_error().rms / fit.train_error().rms, 2));
+    const double freedom = std::max(1.0, n - refitted->effective_unknowns());
+    trial.log10_p = log10_f_survival(trial.score.gain / degrees, degrees, freedom) +
+                    std::log10(static_cast<double>(hidden.size()));
+    candidates[hidden[k]] = trial;
+    holds[k] = trial.log10_p <= kSignificant;
+  });
+  std::vector<std::size_t> held;
+  for (std::size_t k = 0; k < hidden.size(); ++k) {
+    if (holds[k]) held.push_back(hidden[k]);
+  }
+  return held;
+}
+
 std::string evidence(const Candidate& c, const Fit& fit) {
   char text[256];
   std::snprintf(text, sizeof text,
                 "explains %s of the squared residual, log10 p %.0f, BIC falls by %.0f, held-out "
                 "mean %s -> %s",
                 percent(c.score.explained).c_str(), c.log10_p, -c.delta_bic,
-                micrometres(fit.held_out_error().mean).c_str(),
-                micrometres(c.held_out_mean).c_str());
+                micrometre_words(fit.held_out_error().mean).c_str(),
+                micrometre_words(c.held_out_mean).c_str());
   return text;
 }
 
@@ -247,17 +343,31 @@ void widen_tables(Fit& fit, double bic, const std::vector<Candidate>& all, Candi
   }
 }
 
-// Of candidates whose evidence is equal for all that the data can say, the one with the fewest
-// searched unknowns: what can bend to fit anything should not win by a hair.
-std::size_t simplest_equal(const std::vector<Candidate>& all,
-                           const std::vector<std::size_t>& accepted, std::size_t best) {
+// −2 log of a prior on the size of what is usual, where the effect says what is. No more than a
+// gentle word: what the data say clearly, they say louder.
+double strangeness(const Candidate& c) {
+  double sum = 0.0;
+  for (const Parameter& p : c.parameters) {
+    if (p.usual > 0.0) sum += std::pow(p.value / p.usual, 2);
+  }
+  return std::min(sum, kStrangest);
+}
+
+// The candidate with the most evidence and the least strange size. Of those that are equal for all
+// that the data can say, the one with the fewest searched and then the fewest other unknowns: what
+// can bend to fit anything should not win by a hair.
+std::size_t choose(const std::vector<Candidate>& all, const std::vector<std::size_t>& accepted) {
+  const auto cost = [&](std::size_t k) { return all[k].delta_bic + strangeness(all[k]); };
+  const auto rank = [&](std::size_t k) {
+    return std::tuple{find_effect(all[k].request.effect).generic(), all[k].searched,
+                      all[k].parameters.size()};
+  };
+  const std::size_t best =
+      *std::min_element(accepted.begin(), accepted.end(),
+                        [&](std::size_t a, std::size_t b) { return cost(a) < cost(b); });
   std::size_t choice = best;
   for (const std::size_t i : accepted) {
-    const bool equal = all[i].delta_bic < all[best].delta_bic + kEqualEvidence;
-    const auto rank = [&](std::size_t k) {
-      return std::pair{find_effect(all[k].request.effect).generic(), all[k].searched};
-    };
-    if (equal && rank(i) < rank(choice)) choice = i;
+    if (cost(i) < cost(best) + kEqualEvidence && rank(i) < rank(choice)) choice = i;
   }
   return choice;
 }
@@ -269,14 +379,26 @@ bool is_part_of(const EffectRequest& a, const EffectRequest& b) {
          });
 }
 
-void name_confounded(std::vector<Candidate>& candidates) {
+// Squares that `b` explains beyond what `a` does, as a share of what it explains alone.
+double share_beyond(const Scorer& scorer, const Candidate& a, const Candidate& b) {
+  Block both = a.block;
+  both.terms.parameters.insert(both.terms.parameters.end(), b.block.terms.parameters.begin(),
+                               b.block.terms.parameters.end());
+  const double gain = scorer.score({both}).front().gain;
+  return (gain - a.score.gain) / b.score.gain;
+}
+
+// Alternatives to a candidate: what explains nearly as much, and nothing more once the candidate
+// has explained its part. Two effects that are both there are none.
+void name_confounded(const Scorer& scorer, std::vector<Candidate>& candidates) {
   for (Candidate& c : candidates) {
     if (c.log10_p > kSignificant) continue;
     for (const Candidate& other : candidates) {
       if (&other == &c || is_part_of(other.request, c.request) || other.log10_p > kSignificant ||
           !other.score.objection.empty())
         continue;
-      if (other.score.gain >= kSameExplanation * c.score.gain)
+      if (other.score.gain >= kSameExplanation * c.score.gain &&
+          share_beyond(scorer, c, other) < kIndependentShare)
         c.confounded_with.push_back(label(other.request));
     }
   }
@@ -342,7 +464,8 @@ std::string label(const EffectRequest& request) {
   for (std::size_t i = 0; i < request.joints.size(); ++i)
     text += (i ? "," : " ") + std::to_string(request.joints[i]);
   for (const auto& [key, value] : request.options.items()) {
-    if (key == "orders" || key == "cycles") text += " " + key + " " + value.dump();
+    if (key != "orders" && key != "cycles") continue;
+    text += " " + key + " " + list_words(value);
   }
   return text;
 }
@@ -377,35 +500,46 @@ std::unique_ptr<Fit> search(const Fit& fit, const ModelSpecification& specificat
   return Fit::run(fit.robot(), fit.state().columns(), specification, options);
 }
 
-std::unique_ptr<Fit> with_smoothness_anew(const Fit& fit) {
-  FitOptions options = refit_options(fit, {});
+std::unique_ptr<Fit> refit_with_smoothness_anew(const Fit& fit,
+                                                const ModelSpecification& specification,
+                                                const std::map<std::string, double>& starts) {
+  FitOptions options = refit_options(fit, starts);
   options.smoothness_sigma.reset();
-  return Fit::run(fit.robot(), fit.state().columns(), fit.specification(), options);
+  return Fit::run(fit.robot(), fit.state().columns(), specification, options);
 }
 
 double bayesian_information(Fit& fit) {
   Design& design = fit.design();
   Design::Row row;
-  double position = 0.0, rotation = 0.0, rows = 0.0;
+  std::vector<std::size_t> rows;
+  std::vector<double> position, rotation;
   for (std::size_t i = 0; i < design.rows(); ++i) {
     if (design.weights()[i] == 0.0) continue;
     design.evaluate(i, false, row);
-    position += row.residual.head<3>().squaredNorm();
-    rotation += row.residual.tail<3>().squaredNorm();
-    rows += 1.0;
+    position.insert(position.end(), row.residual.data(), row.residual.data() + 3);
+    rotation.insert(rotation.end(), row.residual.data() + 3, row.residual.data() + 6);
+    rows.push_back(i);
   }
+  const Replicates replicates(fit.measurements(), rows);
   // A rejected row counts as the largest residual that would have been kept, so that rejecting is
   // never evidence.
   constexpr double kRejected = 64.0;
   const double total = static_cast<double>(design.rows());
-  const double scale = fit.noise_scale();
-  const double rejected = (total - rows) * kRejected / std::max(rows, 1.0);
-  double value = 3.0 * total * std::log(position * scale * scale * (1.0 + rejected));
-  if (design.residuals_per_row() == 6) {
-    const double sigma = fit.measurements().sigma_rotation;
-    value += 3.0 * total * std::log(rotation * sigma * sigma * (1.0 + rejected));
-  }
-  return value + fit.effective_unknowns() * std::log(total * design.residuals_per_row());
+  const double kept = std::max(1.0, static_cast<double>(rows.size()));
+  const double rejected = (total - static_cast<double>(rows.size())) * kRejected / kept;
+  const auto misfit = [&](const std::vector<double>& values, double penalty, double scale) {
+    Eigen::VectorXd white =
+        Eigen::Map<const Eigen::VectorXd>(values.data(), static_cast<Eigen::Index>(values.size()));
+    const double correlation = replicates.correlation(white, 3);
+    replicates.whiten(white, 3, correlation);
+    return 3.0 * total *
+               std::log((white.squaredNorm() + penalty) * scale * scale * (1.0 + rejected)) +
+           3.0 * replicates.log_determinant(correlation);
+  };
+  double value = misfit(position, fit.tables_evidence().penalty, fit.noise_scale());
+  if (design.residuals_per_row() == 6)
+    value += misfit(rotation, 0.0, fit.measurements().sigma_rotation);
+  return value + fit.charge_for_unknowns(total * design.residuals_per_row());
 }
 
 const Candidate* Diagnosis::recommended() const {
@@ -413,6 +547,19 @@ const Candidate* Diagnosis::recommended() const {
     if (c.recommend) return &c;
   }
   return nullptr;
+}
+
+bool is_beside_table(const Fit& fit, const EffectRequest& request) {
+  if (find_effect(request.effect).generic() || request.joints.size() != 1) return false;
+  return std::any_of(
+      fit.specification().effects.begin(), fit.specification().effects.end(),
+      [&](const EffectRequest& other) {
+        const Effect& effect = find_effect(other.effect);
+        if (!effect.generic() || effect.joint_rule() != JointRule::kEach) return false;
+        const std::vector<int> joints =
+            other.joints.empty() ? effect.default_joints(fit.context()) : other.joints;
+        return std::find(joints.begin(), joints.end(), request.joints.front()) != joints.end();
+      });
 }
 
 Diagnosis diagnose(Fit& fit, const DiagnoseOptions& options) {
@@ -439,37 +586,26 @@ Diagnosis diagnose(Fit& fit, const DiagnoseOptions& options) {
   const double bic = bayesian_information(fit);
   const bool large = fit.design().rows() > kLargeCampaign;
   const std::size_t most = large ? std::min<std::size_t>(options.confirmed, 3) : options.confirmed;
-  std::vector<std::size_t> promising;
-  for (std::size_t i = 0; i < d.candidates.size() && promising.size() < most; ++i) {
-    const Candidate& c = d.candidates[i];
-    if (c.log10_p <= kSignificant && c.score.delta_bic <= -kDecisive && c.score.degrees > 0)
-      promising.push_back(i);
-  }
-  std::vector<char> holds(promising.size(), 0);
-  std::atomic<int> done = 0;
-  const auto caller = std::this_thread::get_id();
-  in_parallel(promising.size(), [&](std::size_t k) {
-    // An objection of the linear score is not the last word: the refit's own coefficients are.
-    Candidate& c = d.candidates[promising[k]];
-    c.why.clear();
-    std::unique_ptr<Fit> refitted;
-    try {
-      const bool generic = find_effect(c.request.effect).generic();
-      const double decisive = generic ? kDecisiveGeneric : kDecisive;
-      const bool confirmed = confirm(fit, bic, c, refitted);
-      holds[k] = confirmed && c.delta_bic < -decisive;
-      if (c.why.empty()) c.score.objection.clear();
-      if (confirmed && !holds[k]) c.why = "the refit's evidence is too little for it";
-    } catch (const ModelError& error) {
-      c.why = error.what();
+  const std::vector<std::size_t> promising = promising_of(d.candidates, most);
+  std::vector<std::size_t> accepted = confirmed_of(fit, bic, d.candidates, promising, report);
+  if (accepted.empty() && !large) accepted = hidden_by_tables(fit, bic, d.candidates);
+  d.lack_of_fit = lack_of_fit(scorer, fit);
+  if (accepted.empty() && options.look_ahead && d.lack_of_fit.testable &&
+      d.lack_of_fit.log10_p < kStructureSignificant) {
+    // More is left than noise and nothing known explains it: a gear ratio may not be what it is
+    // said to be.
+    std::vector<JointSpectrum> wide = wide_joint_spectra(scorer, fit.state());
+    std::vector<Block> lines;
+    add_spectral_blocks(fit, scorer, wide, lines, tried);
+    std::vector<Candidate> found =
+        best_of_each(lines, scorer.score(lines), std::log10(std::max(1.0, tried)), fit);
+    const std::vector<std::size_t> worth = promising_of(found, 1);
+    const std::vector<std::size_t> held = confirmed_of(fit, bic, found, worth, report);
+    if (!held.empty()) {
+      d.spectra = std::move(wide);
+      d.candidates.insert(d.candidates.begin(), found[held.front()]);
+      accepted = {0};
     }
-    const double share = static_cast<double>(++done) / static_cast<double>(promising.size());
-    // Who wants to be told of progress is not asked to bear several threads.
-    if (std::this_thread::get_id() == caller) report(0.4 + 0.3 * share, "confirming by refit");
-  });
-  std::vector<std::size_t> accepted;
-  for (std::size_t k = 0; k < promising.size(); ++k) {
-    if (holds[k]) accepted.push_back(promising[k]);
   }
   report(0.7, "looking for structure that no effect names");
   const Structure structure = (options.look_ahead && !large) || accepted.empty()
@@ -477,11 +613,7 @@ Diagnosis diagnose(Fit& fit, const DiagnoseOptions& options) {
                                   : Structure{};
   bool proxy = false;
   if (!accepted.empty()) {
-    std::size_t best =
-        *std::min_element(accepted.begin(), accepted.end(), [&](std::size_t a, std::size_t b) {
-          return d.candidates[a].delta_bic < d.candidates[b].delta_bic;
-        });
-    best = simplest_equal(d.candidates, accepted, best);
+    const std::size_t best = choose(d.candidates, accepted);
     Candidate& winner = d.candidates[best];
     if (find_effect(winner.request.effect).generic()) widen_tables(fit, bic, d.candidates, winner);
     // On large campaigns the look ahead would take minutes; there the end of a refinement shows
@@ -493,7 +625,6 @@ Diagnosis diagnose(Fit& fit, const DiagnoseOptions& options) {
     std::rotate(d.candidates.begin(), d.candidates.begin() + static_cast<std::ptrdiff_t>(best),
                 d.candidates.begin() + static_cast<std::ptrdiff_t>(best) + 1);
   }
-  name_confounded(d.candidates);
   for (Candidate& c : d.candidates) {
     if (c.why.empty()) {
       c.why =
@@ -503,8 +634,8 @@ Diagnosis diagnose(Fit& fit, const DiagnoseOptions& options) {
     }
   }
   if (d.candidates.size() > options.listed) d.candidates.resize(options.listed);
-
-  d.lack_of_fit = lack_of_fit(scorer, fit);
+  if (options.look_ahead) name_confounded(scorer, d.candidates);
+  d.scatter = scatter_along_joints(scorer, fit);
   if (d.recommended()) {
     d.verdict = Verdict::kMissingEffect;
   } else if (!structure.findings.empty()) {

@@ -17,6 +17,7 @@ enum class Verdict { kNothingMissing, kMissingEffect, kUnexplainedStructure };
 
 struct Candidate {
   EffectRequest request;  ///< as it would be added
+  Block block;            ///< the columns that were scored
   BlockScore score;
   std::map<std::string, double> starts;  ///< where its nonlinear parameters did best
   int searched = 0;                      ///< unknowns that were searched over (a period, a phase)
@@ -39,6 +40,7 @@ struct Diagnosis {
   std::vector<std::string> advice;
   std::vector<JointSpectrum> spectra;
   LackOfFit lack_of_fit;
+  JointScatter scatter;
   double neighbour_ratio = 1.0;
 
   const Candidate* recommended() const;
@@ -52,6 +54,13 @@ struct DiagnoseOptions {
   bool generic = true;        ///< tables and periods read off the spectra among the candidates
   std::function<void(double, const std::string&)> progress;
 };
+
+/// Fall of BIC that an effect has to bring to stand beside a table on its joint: what the table
+/// does not follow well for want of nodes looks like an effect.
+constexpr double kBesideTable = 25.0;
+
+/// True for an effect with a shape of its own on a joint on which the fit also has a table.
+bool is_beside_table(const Fit& fit, const EffectRequest& request);
 
 Diagnosis diagnose(Fit& fit, const DiagnoseOptions& options);
 
@@ -71,9 +80,11 @@ ModelSpecification with_effect(const ModelSpecification& specification,
 /// where `fit` has them, or at `starts`; others are searched for.
 std::unique_ptr<Fit> refit(const Fit& fit, const ModelSpecification& specification,
                            const std::map<std::string, double>& starts = {});
-/// The same model, with the smoothness of its tables chosen again: it may have been chosen while
-/// something else was missing.
-std::unique_ptr<Fit> with_smoothness_anew(const Fit& fit);
+/// The same, with the smoothness of tables chosen again: it may have been chosen while something
+/// else was missing.
+std::unique_ptr<Fit> refit_with_smoothness_anew(const Fit& fit,
+                                                const ModelSpecification& specification,
+                                                const std::map<std::string, double>& starts = {});
 /// The same, with every nonlinear parameter searched for from nothing.
 std::unique_ptr<Fit> search(const Fit& fit, const ModelSpecification& specification);
 

@@ -150,6 +150,32 @@ TEST(Diagnose, SaysNothingIsMissingWhereNothingIs) {
   }
 }
 
+TEST(Diagnose, WhatTheArmDidOnceCountsOnceHoweverOftenItIsMeasured) {
+  // 50 poses, each measured six times in one visit: the shots share the arm's own scatter.
+  for (std::uint64_t seed = 40; seed < 46; ++seed) {
+    Random random(seed);
+    const auto once = believed(seed, nullptr, 0.0, 50);
+    State::Columns columns;
+    for (int shot = 0; shot < 6; ++shot) {
+      for (const auto& [name, values] : once->state().columns())
+        columns[name].insert(columns[name].end(), values.begin(), values.end());
+      for (int pose = 0; pose < 50; ++pose) columns["repeat"].push_back(pose);
+    }
+    for (const char* axis : {"x", "y", "z"}) {
+      std::vector<double>& values = columns[axis];
+      for (std::size_t pose = 0; pose < 50; ++pose) {
+        const double scatter = testing::normal(random, 3.0 * kNoise);
+        for (std::size_t shot = 0; shot < 6; ++shot)
+          values[shot * 50 + pose] += scatter + testing::normal(random, kNoise);
+      }
+    }
+    const auto fit = Fit::run(once->robot(), columns,
+                              ModelSpecification::from_json(testing::geometry_model()), {});
+    const Diagnosis d = diagnose(*fit, {});
+    EXPECT_EQ(d.recommended(), nullptr) << seed << " " << label(d.recommended()->request);
+  }
+}
+
 TEST(Diagnose, ListsWhatCannotBeTestedWithTheColumnsToRecord) {
   const auto all = believed(21);
   State::Columns columns = all->state().columns();

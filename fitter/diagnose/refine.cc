@@ -18,7 +18,10 @@ using nlohmann::json;
 constexpr double kWorthTrying = 40.0;
 constexpr std::size_t kLargeCampaign = 2000;
 constexpr double kBetterSwap = 1.0;
-constexpr double kTableTakesOver = 15.0;
+// Where another effect stands in for one exactly, nothing is gained by taking it out.
+constexpr double kWorthRemoving = 2.0;
+constexpr double kWorthRenaming = 10.0;
+constexpr double kHardlyKnown = 0.1;  // of the physical bound
 constexpr int kMostSwaps = 3;
 constexpr int kPhysicalSteps = 3;
 
@@ -73,15 +76,6 @@ double removal_cost(Fit& fit, const EffectRequest& request) {
   return n * std::log1p(wald / n) - static_cast<double>(size) * std::log(n);
 }
 
-// True where a table on the same joint can take over what the effect does.
-bool has_table_beside(const Fit& fit, const EffectRequest& request) {
-  if (find_effect(request.effect).generic()) return false;
-  const std::vector<EffectRequest> all = removable(fit);
-  return std::any_of(all.begin(), all.end(), [&](const EffectRequest& other) {
-    return find_effect(other.effect).generic() && other.joints == request.joints;
-  });
-}
-
 ModelSpecification without_effects(const Fit& fit, const std::vector<EffectRequest>& requests) {
   ModelSpecification specification = fit.specification();
   for (const EffectRequest& request : requests)
@@ -97,6 +91,26 @@ struct Removal {
   std::shared_ptr<Fit> fit;  // where the rest does well enough
 };
 
+// True where what was taken out goes on under another name: its coefficient was hardly known beside
+// others, or `rest` has one that `fit` holds for the data's sake.
+bool is_renamed(Fit& fit, const EffectRequest& gone, Fit& rest) {
+  for (std::size_t i = 0; i < fit.model().parameters.size(); ++i) {
+    const Parameter& p = fit.model().parameters[i];
+    const int unknown = fit.design().unknown_of(static_cast<int>(i));
+    if (p.effect != gone.effect || p.joints != gone.joints || p.bound <= 0.0 || unknown < 0)
+      continue;
+    if (std::sqrt(fit.covariance()(unknown, unknown)) > kHardlyKnown * p.bound) return true;
+  }
+  for (std::size_t i = 0; i < rest.model().parameters.size(); ++i) {
+    const Parameter& p = rest.model().parameters[i];
+    if (geometry().contains(p.effect) || rest.design().unknown_of(static_cast<int>(i)) < 0)
+      continue;
+    const int before = fit.model().index(p.name);
+    if (before >= 0 && fit.design().unknown_of(before) < 0) return true;
+  }
+  return false;
+}
+
 // Takes out what no longer earns its keep. What stays is searched for anew: it may have settled
 // beside what goes.
 void prune(std::shared_ptr<Fit>& fit, const std::vector<EffectRequest>& keep,
@@ -111,13 +125,15 @@ void prune(std::shared_ptr<Fit>& fit, const std::vector<EffectRequest>& keep,
       });
       if (just_added || (large && removal_cost(*fit, request) > kWorthTrying)) continue;
       removals.push_back({request, without_effects(*fit, {request}),
-                          has_table_beside(*fit, request) ? kTableTakesOver : 0.0, nullptr});
+                          is_beside_table(*fit, request) ? kBesideTable : -kWorthRemoving,
+                          nullptr});
     }
     const double bic = bayesian_information(*fit);
     in_parallel(removals.size(), [&](std::size_t k) {
       Removal& removal = removals[k];
-      std::shared_ptr<Fit> rest = search(*fit, removal.rest);
-      if (bayesian_information(*rest) <= bic + removal.allowed) removal.fit = rest;
+      std::shared_ptr<Fit> rest = large ? refit(*fit, removal.rest) : search(*fit, removal.rest);
+      const double gained = is_renamed(*fit, removal.request, *rest) ? kWorthRenaming : 0.0;
+      if (bayesian_information(*rest) <= bic + removal.allowed - gained) removal.fit = rest;
     });
     const auto first = std::find_if(removals.begin(), removals.end(),
                                     [](const Removal& r) { return r.fit != nullptr; });
@@ -164,7 +180,8 @@ bool swap(std::shared_ptr<Fit>& fit, const std::set<std::string>& added,
     const Candidate* best = d.recommended();
     if (!best || label(best->request) == label(set.front())) continue;
     if (bayesian_information(*without) + best->delta_bic > bic - kBetterSwap) continue;
-    fit = refit(*without, with_effect(without->specification(), best->request), best->starts);
+    fit = refit_with_smoothness_anew(*without, with_effect(without->specification(), best->request),
+                                     best->starts);
     put_in = *best;
     removed.insert(removed.end(), set.begin(), set.end());
     return true;
@@ -172,26 +189,37 @@ bool swap(std::shared_ptr<Fit>& fit, const std::set<std::string>& added,
   return false;
 }
 
+// An effect that was put in, and the fit with it.
+struct Put {
+  Candidate candidate;
+  std::shared_ptr<Fit> fit;
+};
+
 // A table may stand for several physical effects at once: a few of those, one after the other, are
-// tried against it.
-bool physical_instead(const std::shared_ptr<Fit>& before, std::shared_ptr<Fit>& fit,
-                      std::vector<Candidate>& chosen, const RefineOptions& options) {
+// tried against it. Empty where they do no better.
+std::vector<Put> physical_instead(const std::shared_ptr<Fit>& before,
+                                  const std::shared_ptr<Fit>& with_table,
+                                  const RefineOptions& options) {
   DiagnoseOptions quick = quick_options(options);
   quick.generic = false;
   std::shared_ptr<Fit> current = before;
-  std::vector<Candidate> steps;
+  const double goal = bayesian_information(*with_table);
+  double last = bayesian_information(*before);
+  std::vector<Put> steps;
   for (int step = 0; step < kPhysicalSteps; ++step) {
     const Diagnosis d = diagnose(*current, quick);
     const Candidate* best = d.recommended();
     if (!best) break;
-    steps.push_back(*best);
-    current = refit(*current, with_effect(current->specification(), best->request), best->starts);
-    if (bayesian_information(*current) > bayesian_information(*fit)) continue;
-    fit = current;
-    chosen = steps;
-    return true;
+    current = refit_with_smoothness_anew(
+        *current, with_effect(current->specification(), best->request), best->starts);
+    steps.push_back({*best, current});
+    const double now = bayesian_information(*current);
+    if (now <= goal) return steps;
+    // Each brings no more than the one before it.
+    if ((last - now) * (kPhysicalSteps - 1 - step) < now - goal) break;
+    last = now;
   }
-  return false;
+  return {};
 }
 
 RefineStep make_step(const std::shared_ptr<Fit>& fit, const RefineOptions& options) {
@@ -206,20 +234,22 @@ RefineStep make_step(const std::shared_ptr<Fit>& fit, const RefineOptions& optio
 // What a model with one more effect becomes: the effect, or physical ones in a table's place, less
 // what they made needless.
 struct Change {
-  std::vector<Candidate> put;
+  std::vector<Put> put;
   std::vector<EffectRequest> removed;
 };
 
 Change add(std::shared_ptr<Fit>& fit, const Candidate& candidate, const RefineOptions& options) {
   Change change;
   const std::shared_ptr<Fit> before = fit;
-  fit = refit(*fit, with_effect(fit->specification(), candidate.request), candidate.starts);
-  change.put = {candidate};
+  const ModelSpecification specification = with_effect(fit->specification(), candidate.request);
+  fit = refit_with_smoothness_anew(*fit, specification, candidate.starts);
   if (find_effect(candidate.request.effect).generic())
-    physical_instead(before, fit, change.put, options);
+    change.put = physical_instead(before, fit, options);
+  if (change.put.empty()) change.put = {{candidate, fit}};
+  fit = change.put.back().fit;
   std::vector<EffectRequest> keep;
-  if (change.put.size() == 1 && candidate.request.joints.size() < 2)
-    keep.push_back(change.put.front().request);
+  const EffectRequest& last = change.put.back().candidate.request;
+  if (change.put.size() == 1 && last.joints.size() < 2) keep.push_back(last);
   prune(fit, keep, change.removed);
   return change;
 }
@@ -279,21 +309,32 @@ ModelSpecification without_effect(const ModelSpecification& specification,
 
 std::vector<RefineStep> refine(std::shared_ptr<Fit> fit, const RefineOptions& options) {
   std::vector<RefineStep> steps;
-  const auto finish = [&](const Change& change) {
-    if (!steps.empty() && fit->smooth()) fit = with_smoothness_anew(*fit);
-    RefineStep step = make_step(fit, options);
-    if (!change.put.empty()) step.added = change.put.front();
-    step.removed = change.removed;
+  const auto show = [&](RefineStep step) {
     steps.push_back(std::move(step));
     if (options.on_step) options.on_step(steps.back());
+  };
+  // One step for each effect that came in; what went, went after the last.
+  const auto finish = [&](const Change& change) {
+    for (std::size_t k = 0; k + 1 < change.put.size(); ++k) {
+      RefineStep step = make_step(change.put[k].fit, options);
+      step.added = change.put[k].candidate;
+      show(std::move(step));
+    }
+    if (!change.removed.empty() && fit->smooth())
+      fit = refit_with_smoothness_anew(*fit, fit->specification(), {});
+    RefineStep step = make_step(fit, options);
+    if (!change.put.empty()) step.added = change.put.back().candidate;
+    step.removed = change.removed;
+    show(std::move(step));
   };
   finish({});
   std::set<std::string> added;
   const auto note = [&](const Change& change) {
-    for (const Candidate& c : change.put) {
-      for (const int joint : c.request.joints)
-        added.insert(label({c.request.effect, {joint}, c.request.options}));
-      added.insert(label(c.request));
+    for (const Put& put : change.put) {
+      const EffectRequest& request = put.candidate.request;
+      for (const int joint : request.joints)
+        added.insert(label({request.effect, {joint}, request.options}));
+      added.insert(label(request));
     }
     for (const EffectRequest& r : change.removed) added.erase(label(r));
   };
@@ -313,7 +354,7 @@ std::vector<RefineStep> refine(std::shared_ptr<Fit> fit, const RefineOptions& op
     if (large || added.size() < 2 || swaps++ >= kMostSwaps ||
         !swap(fit, added, removed, put_in, options))
       break;
-    Change change{{put_in}, removed};
+    Change change{{{put_in, fit}}, removed};
     prune(fit, {put_in.request}, change.removed);
     note(change);
     finish(change);

@@ -113,14 +113,20 @@ Scorer::Scorer(Fit& fit)
     : fit_(fit),
       layout_(fit.kinematics().layout()),
       height_(fit.design().residuals_per_row()),
+      replicates_(fit.measurements(), {}),
       factor_(Eigen::MatrixXd::Identity(1, 1)) {
   Linearised l = linearise(fit);
+  replicates_ = Replicates(fit.measurements(), l.rows);
+  correlation_ = replicates_.correlation(l.residual, height_);
+  white_ = l.residual;
+  replicates_.whiten(white_, height_, correlation_);
+  replicates_.whiten(l.jacobian, height_, correlation_);
   factor_ = ScaledCholesky(information_of(l, fit, fit.design()));
   rows_ = std::move(l.rows);
   residual_ = std::move(l.residual);
   jacobian_ = std::move(l.jacobian);
   geometry_ = std::move(l.geometry);
-  correction_ = factor_.solve(jacobian_.transpose() * residual_);
+  correction_ = factor_.solve(jacobian_.transpose() * white_);
   freedom_ = std::max(1.0, static_cast<double>(residual_.size()) - fit.effective_unknowns());
 }
 
@@ -154,6 +160,7 @@ std::vector<BlockScore> Scorer::score(const std::vector<Block>& blocks) const {
         ++at;
       }
     }
+    replicates_.whiten(columns, height_, correlation_);
     const Eigen::MatrixXd cross = jacobian_.transpose() * columns;
     at = 0;
     for (std::size_t b = first; b < last; ++b) {
@@ -178,10 +185,10 @@ BlockScore Scorer::judge(const Block& block, const Eigen::MatrixXd& columns,
       scale.asDiagonal() * (columns.transpose() * columns) * scale.asDiagonal();
   information -= half.transpose() * half;
   const Eigen::VectorXd gradient =
-      scale.asDiagonal() * (columns.transpose() * residual_ - cross.transpose() * correction_);
+      scale.asDiagonal() * (columns.transpose() * white_ - cross.transpose() * correction_);
 
-  const double n = static_cast<double>(residual_.size());
-  const double variance = residual_.squaredNorm() / freedom_;
+  const double n = static_cast<double>(white_.size());
+  const double variance = white_.squaredNorm() / freedom_;
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(information);
   Eigen::VectorXd solution = Eigen::VectorXd::Zero(width);
   Eigen::MatrixXd inverse = Eigen::MatrixXd::Zero(width, width);
@@ -220,7 +227,7 @@ BlockScore Scorer::judge(const Block& block, const Eigen::MatrixXd& columns,
     score.objection = "the data cannot tell it from what is fitted already";
     return score;
   }
-  const double rss = residual_.squaredNorm();
+  const double rss = white_.squaredNorm();
   gain = std::min(gain, rss * (1.0 - 1e-12));
   const double freedom = std::max(1.0, freedom_ - score.degrees);
   const double after = rss - gain;
@@ -267,15 +274,26 @@ double Scorer::robust_log10_p(const Eigen::MatrixXd& columns, const Eigen::Matri
   const Eigen::MatrixXd turned = scale.asDiagonal() * directions;
   const Eigen::MatrixXd along = columns * turned - jacobian_ * factor_.solve_matrix(cross * turned);
   const Eigen::VectorXd coefficient = directions.transpose() * solution;
-  const Eigen::VectorXd left = residual_ + along * coefficient;
+  const Eigen::VectorXd left = white_ + along * coefficient;
   Eigen::MatrixXd scatter = Eigen::MatrixXd::Zero(rank, rank);
   Eigen::VectorXd pose(rank);
+  double poses = 0.0;
+  std::map<int, Eigen::VectorXd> repeated;
   for (std::size_t r = 0; r < rows_.size(); ++r) {
     const Eigen::Index at = static_cast<Eigen::Index>(r) * height_;
     pose.noalias() = along.middleRows(at, height_).transpose() * left.segment(at, height_);
+    if (const int group = replicates_.group_of()[r]; group >= 0) {
+      const auto [sum, first] = repeated.try_emplace(group, pose);
+      if (!first) sum->second += pose;
+      continue;
+    }
     scatter.selfadjointView<Eigen::Lower>().rankUpdate(pose);
+    poses += 1.0;
   }
-  const double poses = static_cast<double>(rows_.size());
+  for (const auto& [group, sum] : repeated) {
+    scatter.selfadjointView<Eigen::Lower>().rankUpdate(sum);
+    poses += 1.0;
+  }
   const double freedom =
       std::max(1.0, poses - static_cast<double>(jacobian_.cols() + degrees) / height_);
   scatter *= poses / freedom;

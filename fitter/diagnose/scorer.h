@@ -8,6 +8,7 @@
 
 #include "fitter/diagnose/block.h"
 #include "fitter/solve/normal_equations.h"
+#include "fitter/solve/replicates.h"
 
 namespace armtrue {
 
@@ -25,7 +26,7 @@ struct BlockScore {
 
 /// Holds a fit's Jacobian and residual and scores any number of blocks against them, without
 /// refitting (Frisch–Waugh–Lovell; Rao's score test with the nuisance parameters' weak priors
-/// kept).
+/// kept). Repeats of one pose count for what they add to one another (Replicates).
 class Scorer {
  public:
   explicit Scorer(Fit& fit);
@@ -44,9 +45,9 @@ class Scorer {
   const CoordinateLayout& layout() const { return layout_; }
 
  private:
-  // Wald test with the scatter of the poses themselves (White's, clustered by pose): what is left
-  // over after the block need not be white, and acts along few directions when something else is
-  // missing too.
+  // Wald test with the scatter of the poses themselves (White's, clustered by pose and its
+  // repeats): what is left over after the block need not be white, and acts along few directions
+  // when something else is missing too.
   double robust_log10_p(const Eigen::MatrixXd& columns, const Eigen::MatrixXd& cross,
                         const Eigen::VectorXd& scale,
                         const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>& eigen,
@@ -59,7 +60,10 @@ class Scorer {
   int height_;
   std::vector<std::size_t> rows_;
   Eigen::VectorXd residual_;
-  Eigen::MatrixXd jacobian_;  // equations × unknowns
+  Replicates replicates_;
+  double correlation_ = 0.0;  // of repeats
+  Eigen::VectorXd white_;     // residual_ without it
+  Eigen::MatrixXd jacobian_;  // equations × unknowns, without it
   Eigen::MatrixXd geometry_;  // equations × coordinates
   ScaledCholesky factor_;
   Eigen::VectorXd correction_;  // H⁻¹ Jᵀ r: what is left of the fit's own gradient

@@ -10,6 +10,7 @@ namespace {
 constexpr double kLeastCycles = 0.5;
 constexpr double kMostCycles = 600.0;
 constexpr double kUnknownRatioCycles = 300.0;
+constexpr double kWideCycles = 1200.0;
 constexpr double kOversampling = 4.0;
 
 // Of every row: joint angle, the residual along the joint's column, and that column's square.
@@ -62,9 +63,14 @@ Power power_at(const JointSeries& series, double cycles) {
   return power_from_sums(ys, yc, ss, sc, cc, series.total);
 }
 
-}  // namespace
+double cycles_by_ratio(const Joint& nominal, double resolution) {
+  return std::min(kMostCycles, nominal.gear_ratio > 0.0 ? 2.0 * nominal.gear_ratio + resolution
+                                                        : kUnknownRatioCycles);
+}
 
-std::vector<JointSpectrum> joint_spectra(const Scorer& scorer, const State& state) {
+template <typename MostCycles>
+std::vector<JointSpectrum> spectra_up_to(const Scorer& scorer, const State& state,
+                                         const MostCycles& most_cycles) {
   std::vector<JointSpectrum> spectra;
   for (int joint = 1; joint <= state.robot().joint_count(); ++joint) {
     const Joint& nominal = state.robot().joints[static_cast<std::size_t>(joint - 1)];
@@ -75,9 +81,7 @@ std::vector<JointSpectrum> joint_spectra(const Scorer& scorer, const State& stat
     spectrum.joint = joint;
     spectrum.resolution = 2.0 * std::numbers::pi / series.range;
     const double step = spectrum.resolution / kOversampling;
-    const double most = std::min(kMostCycles, nominal.gear_ratio > 0.0
-                                                  ? 2.0 * nominal.gear_ratio + spectrum.resolution
-                                                  : kUnknownRatioCycles);
+    const double most = most_cycles(nominal, spectrum.resolution);
     const auto lines = static_cast<std::size_t>((most - kLeastCycles) / step) + 1;
     // Each row's phase is turned on from line to line instead of taking sines anew; double
     // precision holds that to 1e-12.
@@ -109,6 +113,16 @@ std::vector<JointSpectrum> joint_spectra(const Scorer& scorer, const State& stat
     spectra.push_back(std::move(spectrum));
   }
   return spectra;
+}
+
+}  // namespace
+
+std::vector<JointSpectrum> joint_spectra(const Scorer& scorer, const State& state) {
+  return spectra_up_to(scorer, state, cycles_by_ratio);
+}
+
+std::vector<JointSpectrum> wide_joint_spectra(const Scorer& scorer, const State& state) {
+  return spectra_up_to(scorer, state, [](const Joint&, double) { return kWideCycles; });
 }
 
 std::vector<SpectralPeak> highest_peaks(const JointSpectrum& spectrum, const Scorer& scorer,

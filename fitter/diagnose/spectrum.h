@@ -22,8 +22,11 @@ struct SpectralPeak {
 };
 
 /// Weighted least-squares periodogram (Lomb–Scargle generalised to vector residuals): random poses
-/// do no harm to it. From half a cycle a turn to twice the gear ratio, at most 600 cycles.
+/// do no harm to it. From half a cycle a turn to twice the gear ratio, at most 600 cycles; 300
+/// where no ratio is given.
 std::vector<JointSpectrum> joint_spectra(const Scorer& scorer, const State& state);
+/// The same up to 1200 cycles a turn, whatever the gear ratios are said to be.
+std::vector<JointSpectrum> wide_joint_spectra(const Scorer& scorer, const State& state);
 
 /// The highest separate peaks of a spectrum, strongest first, each refined between the grid's
 /// lines.

@@ -13,6 +13,14 @@ namespace {
 constexpr std::size_t kNodes = 7;
 constexpr std::size_t kFewValues = 6;
 constexpr std::size_t kNeighbourRows = 3000;
+constexpr double kLeastScatterFreedom = 8.0;
+constexpr double kScatterSurely = -6.0;
+constexpr int kStepsTried = 40;
+constexpr double kStepExplains = 0.95;
+// What acts on a motor and what acts beside it can be one number: the motor is named.
+constexpr double kMotorFirst = 4.0;
+// A pair is no finding where one of the two explains nearly all of it alone.
+constexpr double kAlone = 0.93, kHalf = 0.5;
 
 struct Variable {
   std::string name;
@@ -154,9 +162,33 @@ void take_out_line(const std::vector<double>& x, std::vector<double>& y) {
     y[i] -= mean + slope * centred[static_cast<Eigen::Index>(i)];
 }
 
+// Whether a step explains the finding as well as its smooth function does, and where.
+bool is_step(const Scorer& scorer, const StructureFinding& finding, const Variable& variable,
+             double& at, double& height) {
+  std::vector<Block> steps;
+  std::vector<double> places;
+  for (int i = 1; i < kStepsTried; ++i) {
+    places.push_back(variable.middle + variable.half * (2.0 * i / kStepsTried - 1.0));
+    Block block = finding.block;
+    block.terms.parameters.resize(1);
+    Term& term = block.terms.parameters.front().terms.front();
+    term.basis = Expression::parse("sign(" + variable.name + " - " +
+                                   Expression::number(places.back()).to_string() + ")");
+    steps.push_back(std::move(block));
+  }
+  const std::vector<BlockScore> scores = scorer.score(steps);
+  const auto best =
+      std::max_element(scores.begin(), scores.end(),
+                       [](const BlockScore& a, const BlockScore& b) { return a.gain < b.gain; });
+  if (best->gain < kStepExplains * finding.score.gain) return false;
+  at = places[static_cast<std::size_t>(best - scores.begin())];
+  height = 2.0 * std::abs(best->coefficient.front());
+  return true;
+}
+
 // The fitted function over the first variable, others at their middle, and what it looks like.
-void describe_shape(StructureFinding& finding, const std::vector<const Variable*>& variables,
-                    bool angle) {
+void describe_shape(const Scorer& scorer, StructureFinding& finding,
+                    const std::vector<const Variable*>& variables, double share_alone, bool angle) {
   const Variable& first = *variables.front();
   const auto& parameters = finding.block.terms.parameters;
   double largest = 0.0;
@@ -194,10 +226,15 @@ void describe_shape(StructureFinding& finding, const std::vector<const Variable*
     }
   }
   char text[160];
+  double step_at = 0.0, step_height = 0.0;
   if (variables.size() == 2) {
-    std::snprintf(
-        text, sizeof text, "a joint function of %s and %s, about %s, that neither makes alone",
-        first.name.c_str(), variables[1]->name.c_str(), words_for_unit(largest, angle).c_str());
+    std::snprintf(text, sizeof text, "a joint function of %s and %s, about %s%s",
+                  first.name.c_str(), variables[1]->name.c_str(),
+                  words_for_unit(largest, angle).c_str(),
+                  share_alone < kHalf ? ", that neither makes alone" : "");
+  } else if (first.values.empty() && is_step(scorer, finding, first, step_at, step_height)) {
+    std::snprintf(text, sizeof text, "a step of %s near %s = %.3g",
+                  words_for_unit(step_height, angle).c_str(), first.name.c_str(), step_at);
   } else if (range > 0.0 && jump > 0.35 * range) {
     std::snprintf(text, sizeof text, "a step of %s near %s = %.3g",
                   words_for_unit(largest, angle).c_str(), first.name.c_str(), finding.x[jump_at]);
@@ -213,6 +250,35 @@ void describe_shape(StructureFinding& finding, const std::vector<const Variable*
                   words_for_unit(largest, angle).c_str(), first.name.c_str());
   }
   finding.shape = text;
+}
+
+using PlacedVector = std::pair<std::size_t, Eigen::Vector3d>;
+
+JointScatter along_joints(const Scorer& scorer, const Fit& fit,
+                          const std::vector<PlacedVector>& vectors, double freedom,
+                          bool between_repeats) {
+  JointScatter result;
+  result.between_repeats = between_repeats;
+  if (freedom < kLeastScatterFreedom) return result;
+  const int n = fit.robot().joint_count();
+  for (int joint = 1; joint <= n; ++joint) {
+    const Eigen::VectorXd column = scorer.coordinate_column(scorer.layout().motor(joint - 1));
+    double along = 0.0, all = 0.0;
+    for (const auto& [r, vector] : vectors) {
+      const Eigen::Vector3d direction =
+          column.segment<3>(static_cast<Eigen::Index>(r) * scorer.height());
+      if (direction.squaredNorm() == 0.0) continue;
+      along += std::pow(vector.dot(direction.normalized()), 2);
+      all += vector.squaredNorm();
+    }
+    if (all <= 0.0 || along / all <= result.share) continue;
+    result.joint = joint;
+    result.share = along / all;
+    const double across = std::max(all - along, 1e-12 * all);
+    result.log10_p = std::min(0.0, log10_f_survival(2.0 * along / across, freedom, 2.0 * freedom) +
+                                       std::log10(static_cast<double>(n)));
+  }
+  return result;
 }
 
 }  // namespace
@@ -252,7 +318,9 @@ Structure find_structure(const Scorer& scorer, const Fit& fit, double threshold)
     if (best_sets.size() == 6) break;
   }
   for (const Variable& v : variables) {
-    if (v.joint == 0) best_sets.push_back({&v});
+    const std::vector<const Variable*> set{&v};
+    if (v.joint == 0 && std::find(best_sets.begin(), best_sets.end(), set) == best_sets.end())
+      best_sets.push_back(set);
   }
   const std::size_t on_motors = findings.size();
   for (const auto& set : best_sets) {
@@ -267,18 +335,34 @@ Structure find_structure(const Scorer& scorer, const Fit& fit, double threshold)
   structure.tried = sets.size() * static_cast<std::size_t>(6 * n + 6);
   order.resize(findings.size());
   for (std::size_t i = 0; i < order.size(); ++i) order[i] = i;
-  std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
-    return findings[a].score.delta_bic < findings[b].score.delta_bic;
-  });
+  const auto cost = [&](std::size_t i) {
+    return findings[i].score.delta_bic -
+           (findings[i].coordinate.starts_with("motor") ? kMotorFirst : 0.0);
+  };
+  std::sort(order.begin(), order.end(),
+            [&](std::size_t a, std::size_t b) { return cost(a) < cost(b); });
+  std::map<std::pair<std::string, std::string>, double> single_gain;  // by variable and coordinate
+  for (const StructureFinding& f : findings) {
+    if (f.variables.size() == 1) single_gain[{f.variables.front(), f.coordinate}] = f.score.gain;
+  }
   for (const std::size_t i : order) {
     StructureFinding& finding = findings[i];
+    double alone = 0.0;
+    if (finding.variables.size() == 2) {
+      for (const std::string& v : finding.variables) {
+        const auto single = single_gain.find({v, finding.coordinate});
+        if (single != single_gain.end())
+          alone = std::max(alone, single->second / finding.score.gain);
+      }
+      if (alone > kAlone) continue;
+    }
     finding.log10_p =
         std::min(0.0, finding.score.log10_p + std::log10(static_cast<double>(structure.tried)));
     if (finding.log10_p > threshold || finding.score.delta_bic > -10.0) continue;
     if (!structure.findings.empty() &&
         finding.score.gain < 0.9 * structure.findings.front().score.gain)
       continue;
-    describe_shape(finding, used[i],
+    describe_shape(scorer, finding, used[i], alone,
                    finding.coordinate.starts_with("motor") ||
                        finding.coordinate.find(".r") != std::string::npos);
     structure.findings.push_back(std::move(finding));
@@ -325,6 +409,31 @@ LackOfFit lack_of_fit(const Scorer& scorer, const Fit& fit) {
                                          scorer.degrees_of_freedom());
   }
   return result;
+}
+
+JointScatter scatter_along_joints(const Scorer& scorer, const Fit& fit) {
+  const int h = scorer.height();
+  const auto residual = [&](std::size_t r) -> Eigen::Vector3d {
+    return scorer.residual().segment<3>(static_cast<Eigen::Index>(r) * h);
+  };
+  std::vector<PlacedVector> left, between;
+  for (std::size_t r = 0; r < scorer.rows().size(); ++r) left.emplace_back(r, residual(r));
+  const Replicates replicates(fit.measurements(), scorer.rows());
+  std::map<int, std::vector<std::size_t>> groups;
+  for (std::size_t r = 0; r < scorer.rows().size(); ++r) {
+    if (replicates.group_of()[r] >= 0) groups[replicates.group_of()[r]].push_back(r);
+  }
+  double freedom = 0.0;
+  for (const auto& [group, rows] : groups) {
+    Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+    for (const std::size_t r : rows) mean += residual(r) / static_cast<double>(rows.size());
+    for (const std::size_t r : rows) between.emplace_back(r, residual(r) - mean);
+    freedom += static_cast<double>(rows.size()) - 1.0;
+  }
+  const JointScatter of_repeats = along_joints(scorer, fit, between, freedom, true);
+  const JointScatter of_residual =
+      along_joints(scorer, fit, left, scorer.degrees_of_freedom() / h, false);
+  return of_repeats.log10_p <= kScatterSurely ? of_repeats : of_residual;
 }
 
 double neighbour_ratio(const Scorer& scorer, const Fit& fit) {

@@ -39,6 +39,18 @@ struct LackOfFit {
 };
 LackOfFit lack_of_fit(const Scorer& scorer, const Fit& fit);
 
+/// Along which joint's motion errors lie that no recorded variable explains: of three equal
+/// directions one would hold a third of them.
+struct JointScatter {
+  int joint = 0;         ///< 1-based; 0: along none in particular
+  double share = 0.0;    ///< of the squares, along that joint's column
+  double log10_p = 0.0;  ///< F test, corrected for the number of joints
+  bool between_repeats =
+      false;  ///< of the differences between repeats of one pose; else of the residual
+};
+/// Of the repeats' differences where there are enough, else of the residual.
+JointScatter scatter_along_joints(const Scorer& scorer, const Fit& fit);
+
 /// Mean square difference between the residuals of nearest neighbours in joint space over twice the
 /// mean square residual: well below 1 where the residual is a smooth function of the joints, 1
 /// where it is noise.

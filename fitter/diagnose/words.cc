@@ -1,0 +1,27 @@
+#include "fitter/diagnose/words.h"
+
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
+namespace armtrue {
+
+std::string number_words(double value) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.6g", value);
+  return text;
+}
+
+std::string list_words(const nlohmann::json& numbers) {
+  std::string text;
+  for (const auto& value : numbers)
+    text += (text.empty() ? "[" : ",") + number_words(value.get<double>());
+  return text + "]";
+}
+
+std::string micrometre_words(double metres) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.1f um", metres * 1e6);
+  return text;
+}
+
+}  // namespace armtrue

@@ -1,0 +1,16 @@
+// How the diagnosis writes figures in its sentences.
+#pragma once
+
+#include <nlohmann/json_fwd.hpp>
+#include <string>
+
+namespace armtrue {
+
+/// Up to six digits, no trailing zeros.
+std::string number_words(double value);
+/// "[13,26.5]" of an array of numbers.
+std::string list_words(const nlohmann::json& numbers);
+/// "12.3 um" of metres.
+std::string micrometre_words(double metres);
+
+}  // namespace armtrue
