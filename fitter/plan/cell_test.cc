@@ -6,8 +6,6 @@
 #include <nlohmann/json.hpp>
 #include <numbers>
 
-#include "fitter/plan/menu.h"
-
 namespace armtrue {
 namespace {
 
@@ -117,18 +115,6 @@ TEST(ReachablePoses, KeepToRangesAndCellAndReachTheEnds) {
   }
   const Cell closed = Cell::from_json({{"box", {{50.0, 51.0}, {0.0, 1.0}, {0.0, 1.0}}}});
   EXPECT_THROW(reachable_poses(robot, tool(), closed, ranges, Spread::kUniform, 5, 1), ModelError);
-}
-
-TEST(RunOrder, ChangesThePayloadOnceAndGoesToTheNearest) {
-  const Robot robot = Robot::from_json(planar());
-  Menu menu;
-  menu.written = {"q1", "q2", "payload"};
-  menu.columns = {{"q1", {0.0, 1.0, 0.1, 0.9}},
-                  {"q2", {0.0, 0.0, 0.0, 0.0}},
-                  {"payload", {5.0, 0.0, 5.0, 0.0}}};
-  EXPECT_EQ(run_order(menu, robot, {0, 1, 2, 3}), (std::vector<std::size_t>{1, 3, 2, 0}));
-  menu.columns["payload"] = {0.0, 0.0, 0.0, 0.0};
-  EXPECT_EQ(run_order(menu, robot, {0, 1, 2, 3}), (std::vector<std::size_t>{0, 2, 3, 1}));
 }
 
 }  // namespace

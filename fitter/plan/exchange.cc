@@ -35,13 +35,13 @@ double least_and_mean(std::size_t pairs, const ValueOf& value_of) {
   return least + kTieBreak * sum / static_cast<double>(pairs);
 }
 
-// The measurement not taken yet that makes the criterion largest.
-std::size_t best_to_add(const Criterion& criterion, const std::vector<bool>& taken) {
-  const auto first = std::find(taken.begin(), taken.end(), false);
-  auto best = static_cast<std::size_t>(first - taken.begin());
+// The measurement still free that makes the criterion largest; there has to be one.
+std::size_t best_to_add(const Criterion& criterion, const std::vector<bool>& free) {
+  const auto first = std::find(free.begin(), free.end(), true);
+  auto best = static_cast<std::size_t>(first - free.begin());
   double most = -std::numeric_limits<double>::infinity();
   for (std::size_t i = best; i < criterion.count(); ++i) {
-    if (taken[i]) continue;
+    if (!free[i]) continue;
     const double value = criterion.value_with(i);
     if (value > most) {
       most = value;
@@ -154,13 +154,15 @@ void TOptimality::remove(std::size_t i) {
 }
 
 std::vector<std::size_t> choose_greedily(Criterion& criterion, std::size_t count,
+                                         const std::vector<bool>& allowed,
                                          const std::function<void(double)>& step) {
   std::vector<std::size_t> chosen;
-  std::vector<bool> taken(criterion.count(), false);
-  const std::size_t wanted = std::min(count, criterion.count());
+  std::vector<bool> free = allowed;
+  const auto most = static_cast<std::size_t>(std::count(free.begin(), free.end(), true));
+  const std::size_t wanted = std::min(count, most);
   while (chosen.size() < wanted) {
-    chosen.push_back(best_to_add(criterion, taken));
-    taken[chosen.back()] = true;
+    chosen.push_back(best_to_add(criterion, free));
+    free[chosen.back()] = false;
     criterion.add(chosen.back());
     if (step) step(static_cast<double>(chosen.size()) / static_cast<double>(wanted));
   }
@@ -168,25 +170,25 @@ std::vector<std::size_t> choose_greedily(Criterion& criterion, std::size_t count
 }
 
 std::vector<std::size_t> choose_best(Criterion& criterion, std::size_t count,
+                                     const std::vector<bool>& allowed,
                                      const std::function<void(double)>& step) {
-  std::vector<std::size_t> chosen = choose_greedily(criterion, count, [&](double share) {
+  std::vector<std::size_t> chosen = choose_greedily(criterion, count, allowed, [&](double share) {
     if (step) step(0.5 * share);
   });
-  if (chosen.size() == criterion.count()) return chosen;
-  std::vector<bool> taken(criterion.count(), false);
-  for (const std::size_t i : chosen) taken[i] = true;
+  std::vector<bool> free = allowed;
+  for (const std::size_t i : chosen) free[i] = false;
   for (int pass = 0; pass < kMostPasses; ++pass) {
     bool changed = false;
     for (std::size_t& member : chosen) {
       const double before = criterion.value();
       criterion.remove(member);
-      taken[member] = false;
-      const std::size_t better = best_to_add(criterion, taken);
+      free[member] = true;
+      const std::size_t better = best_to_add(criterion, free);
       const bool worth =
           criterion.value_with(better) > before + kWorthwhile * (1.0 + std::abs(before));
       if (worth) member = better;
       changed = changed || worth;
-      taken[member] = true;
+      free[member] = false;
       criterion.add(member);
     }
     if (step) step(0.5 + 0.5 * (pass + 1) / kMostPasses);

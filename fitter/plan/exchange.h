@@ -116,14 +116,16 @@ class TOptimality final : public Criterion {
   std::vector<MeasurementChoice> pairs_;
 };
 
-/// Chooses `count` different measurements one by one, always the best. Leaves the criterion at the
-/// choice. `step` is told the share done.
+/// Chooses `count` different measurements of those `allowed` (as many as there are, where fewer)
+/// one by one, always the best. Leaves the criterion at the choice. `step` is told the share done.
 std::vector<std::size_t> choose_greedily(Criterion& criterion, std::size_t count,
+                                         const std::vector<bool>& allowed,
                                          const std::function<void(double)>& step = {});
 
 /// The same, and then exchange (Fedorov 1972; Mitchell 1974): each chosen one is taken out and
 /// replaced by the best there is, until a whole pass changes nothing.
 std::vector<std::size_t> choose_best(Criterion& criterion, std::size_t count,
+                                     const std::vector<bool>& allowed,
                                      const std::function<void(double)>& step = {});
 
 /// `count` different numbers below `size`, in random order.

@@ -15,6 +15,10 @@ namespace {
 
 constexpr int kHeight = 3;
 
+std::vector<bool> all_of(const Criterion& criterion) {
+  return std::vector<bool>(criterion.count(), true);
+}
+
 // A random linear problem: so many measurements of three rows, and a start that knows little.
 struct Problem {
   Eigen::MatrixXd jacobian, start;
@@ -130,7 +134,7 @@ void for_all_choices(std::size_t size, std::size_t count, const Visit& visit) {
 TEST_P(ChoiceOfMeasurements, ExchangeComesNearTheBestOfAllChoices) {
   const Problem problem(11, 4, static_cast<std::uint64_t>(GetParam()) + 40);
   DOptimality criterion(MeasurementChoice(problem.jacobian, kHeight, problem.start));
-  const std::vector<std::size_t> chosen = choose_best(criterion, 4);
+  const std::vector<std::size_t> chosen = choose_best(criterion, 4, all_of(criterion));
   EXPECT_EQ(std::set<std::size_t>(chosen.begin(), chosen.end()).size(), 4U);
   double best = -1e300, sum = 0.0;
   int choices = 0;
@@ -156,7 +160,7 @@ TEST_P(ChoiceOfMeasurements, TheLeastEvidenceOfSeveralPairsIsRaised) {
   pairs.push_back(first.choice());
   pairs.push_back(second.choice());
   TOptimality criterion(std::move(pairs));
-  const double chosen = least_of(choose_best(criterion, 6));
+  const double chosen = least_of(choose_best(criterion, 6, all_of(criterion)));
   std::mt19937_64 generator(5);
   for (int draw = 0; draw < 200; ++draw) {
     EXPECT_GE(chosen, least_of(choose_random(40, 6, generator)));
@@ -166,9 +170,17 @@ TEST_P(ChoiceOfMeasurements, TheLeastEvidenceOfSeveralPairsIsRaised) {
 TEST(ChooseBest, TakesEverythingWhereMoreIsAskedForThanThereIs) {
   const Problem problem(3, 2, 1);
   DOptimality criterion(MeasurementChoice(problem.jacobian, kHeight, problem.start));
-  std::vector<std::size_t> chosen = choose_best(criterion, 10);
+  std::vector<std::size_t> chosen = choose_best(criterion, 10, all_of(criterion));
   std::sort(chosen.begin(), chosen.end());
   EXPECT_EQ(chosen, (std::vector<std::size_t>{0, 1, 2}));
+}
+
+TEST_P(ChoiceOfMeasurements, OnlyWhatIsAllowedIsChosen) {
+  const Problem problem(30, 4, static_cast<std::uint64_t>(GetParam()) + 90);
+  DOptimality criterion(MeasurementChoice(problem.jacobian, kHeight, problem.start));
+  std::vector<bool> even(30, false);
+  for (std::size_t i = 0; i < 30; i += 2) even[i] = true;
+  for (const std::size_t i : choose_best(criterion, 8, even)) EXPECT_TRUE(even[i]) << i;
 }
 
 TEST(ChooseRandom, GivesDifferentNumbersEachAsOftenAsTheOthers) {

@@ -1,8 +1,6 @@
 #include "fitter/plan/menu.h"
 
 #include <algorithm>
-#include <cmath>
-#include <limits>
 
 #include "fitter/plan/exchange.h"
 #include "fitter/solve/statistics.h"
@@ -25,11 +23,6 @@ bool reads_gravity(const std::string& variable) {
   }
   return variable == "bmx" || variable == "bmy" || variable.starts_with("up") ||
          variable.starts_with("u_") || variable.starts_with("ux_") || variable.starts_with("uy_");
-}
-
-// Payload and temperature take a crane or an hour to change; directions and joints nothing.
-bool slow_to_change(const std::string& column) {
-  return column == "payload" || column == "time" || column.starts_with("temp_");
 }
 
 }  // namespace
@@ -104,45 +97,6 @@ Menu make_menu(const Robot& robot, const Pose& flange_from_tool, const Cell& cel
     menu.written.push_back(name);
   }
   return menu;
-}
-
-std::vector<std::size_t> run_order(const Menu& menu, const Robot& robot,
-                                   std::vector<std::size_t> rows) {
-  std::vector<std::string> slow;
-  for (const std::string& name : menu.written) {
-    if (slow_to_change(name)) slow.push_back(name);
-  }
-  const auto state_of = [&](std::size_t row) {
-    std::vector<double> values;
-    for (const std::string& name : slow) values.push_back(menu.columns.at(name)[row]);
-    return values;
-  };
-  std::sort(rows.begin(), rows.end(), [&](std::size_t a, std::size_t b) {
-    return std::pair{state_of(a), a} < std::pair{state_of(b), b};
-  });
-  // Joints move at the same time: the one with the longest way decides.
-  const auto way = [&](std::size_t a, std::size_t b) {
-    double longest = 0.0;
-    for (int k = 1; k <= robot.joint_count(); ++k) {
-      const std::vector<double>& q = menu.columns.at("q" + std::to_string(k));
-      longest = std::max(longest, std::abs(q[a] - q[b]));
-    }
-    return longest;
-  };
-  for (std::size_t at = 1; at < rows.size(); ++at) {
-    std::size_t nearest = at;
-    double shortest = std::numeric_limits<double>::infinity();
-    for (std::size_t next = at; next < rows.size() && state_of(rows[next]) == state_of(rows[at]);
-         ++next) {
-      const double length = way(rows[at - 1], rows[next]);
-      if (length < shortest) {
-        shortest = length;
-        nearest = next;
-      }
-    }
-    std::swap(rows[at], rows[nearest]);
-  }
-  return rows;
 }
 
 }  // namespace armtrue

@@ -37,9 +37,4 @@ Menu make_menu(const Robot& robot, const Pose& flange_from_tool, const Cell& cel
                const Eigen::MatrixX2d& ranges, const Levels& levels, std::size_t count,
                std::uint64_t seed);
 
-/// Order in which to run the rows: payload and temperature change as seldom as can be, and from
-/// pose to pose the arm goes to the nearest that is left.
-std::vector<std::size_t> run_order(const Menu& menu, const Robot& robot,
-                                   std::vector<std::size_t> rows);
-
 }  // namespace armtrue

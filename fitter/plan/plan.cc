@@ -2,10 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <nlohmann/json.hpp>
 
 #include "fitter/diagnose/diagnose.h"
 #include "fitter/plan/rivals.h"
+#include "fitter/plan/session.h"
 #include "fitter/solve/statistics.h"
 
 namespace armtrue {
@@ -19,7 +21,7 @@ constexpr std::size_t kMostCandidates = 50000;
 constexpr double kSmoothness = 1e-4;
 // ΔBIC that settles a question: "very strong" evidence (Kass and Raftery 1995).
 constexpr double kSettled = 10.0;
-// Random choices that are worth a refit of a nonlinear rival each.
+// Random choices that are worth a refit each of a rival that bends.
 constexpr std::size_t kRefits = 5;
 
 void report(const PlanOptions& options, double share, const char* what) {
@@ -65,24 +67,66 @@ Menu menu_for(const Fit& fit, const Levels& levels, const PlanOptions& options) 
                    options.seed);
 }
 
+// The session in which so many measurements, chosen greedily, are worth most.
+template <typename Choice>
+std::vector<bool> best_session(const Menu& menu, const Choice& start, std::size_t poses) {
+  std::vector<std::vector<bool>> all = sessions(menu);
+  std::erase_if(all, [&](const std::vector<bool>& session) {
+    return std::count(session.begin(), session.end(), true) < static_cast<std::ptrdiff_t>(poses);
+  });
+  if (all.empty()) {
+    throw ModelError(
+        "plan: too few candidates fit one session, with time going forward and no temperature "
+        "coming back; expected more candidates, or fewer levels of temperature and time");
+  }
+  if (all.size() == 1) return std::move(all.front());
+  double most = -std::numeric_limits<double>::infinity();
+  std::vector<bool>* best = &all.front();
+  for (std::vector<bool>& session : all) {
+    Choice trial = start;
+    choose_greedily(trial, poses, session);
+    if (trial.value() <= most) continue;
+    most = trial.value();
+    best = &session;
+  }
+  return std::move(*best);
+}
+
+// Random rows of a session, spread evenly over the reachable poses, drawn several times.
+std::vector<std::vector<std::size_t>> random_choices(const Menu& menu,
+                                                     const std::vector<bool>& session,
+                                                     const PlanOptions& options) {
+  std::vector<std::size_t> even;
+  for (std::size_t row = 0; row < menu.uniform; ++row) {
+    if (session[row]) even.push_back(row);
+  }
+  std::mt19937_64 generator(options.seed + 3);
+  std::vector<std::vector<std::size_t>> draws;
+  for (std::size_t draw = 0; draw < options.random_draws; ++draw) {
+    draws.push_back(choose_random(even.size(), options.poses, generator));
+    for (std::size_t& row : draws.back()) row = even[row];
+  }
+  return draws;
+}
+
 // D-optimal choice from `linearised`, and as many random poses beside it.
 CampaignPlan choose(const Linearised& linearised, const Menu& menu, const Robot& robot,
                     const Eigen::MatrixXd& start, double sigma, const PlanOptions& options) {
   CampaignPlan plan;
   plan.unknowns = linearised.unknowns();
   DOptimality criterion(MeasurementChoice(linearised.jacobian(), linearised.height(), start));
+  const std::vector<bool> session = best_session(menu, criterion, options.poses);
   const std::vector<std::size_t> chosen =
-      choose_best(criterion, options.poses, stage(options, 0.2, 0.9, "choosing poses"));
+      choose_best(criterion, options.poses, session, stage(options, 0.2, 0.9, "choosing poses"));
   const auto known_with = [&](const std::vector<std::size_t>& rows) -> Eigen::MatrixXd {
     return start + linearised.information_of(rows);
   };
   plan.planned = fisher_spectrum(linearised, known_with(chosen), sigma, menu.uniform);
   report(options, 0.9, "comparing with random poses");
-  std::mt19937_64 generator(options.seed + 3);
   std::vector<std::pair<double, std::vector<std::size_t>>> draws;
-  for (std::size_t draw = 0; draw < options.random_draws; ++draw) {
-    std::vector<std::size_t> rows = choose_random(menu.uniform, options.poses, generator);
-    draws.emplace_back(ScaledCholesky(known_with(rows)).log_determinant(), std::move(rows));
+  for (std::vector<std::size_t>& rows : random_choices(menu, session, options)) {
+    const double worth = ScaledCholesky(known_with(rows)).log_determinant();
+    draws.emplace_back(worth, std::move(rows));
   }
   std::sort(draws.begin(), draws.end());
   plan.random =
@@ -95,13 +139,15 @@ CampaignPlan choose(const Linearised& linearised, const Menu& menu, const Robot&
 }
 
 // Pairs that so many poses on the menu can tell apart at all; all of them where none is.
-std::vector<RivalPair> separable_pairs(const Rivals& rivals, const PlanOptions& options) {
+std::vector<RivalPair> separable_pairs(const Rivals& rivals, const Menu& menu,
+                                       const PlanOptions& options) {
   std::vector<RivalPair> separable;
   for (const RivalPair& pair : rivals.pairs()) {
     std::vector<MeasurementChoice> only;
     only.push_back(rivals.choice(pair));
     TOptimality alone(std::move(only));
-    const std::vector<std::size_t> rows = choose_greedily(alone, options.poses);
+    const std::vector<std::size_t> rows =
+        choose_greedily(alone, options.poses, best_session(menu, alone, options.poses));
     if (rivals.evidence(pair, rows) < -kSettled) separable.push_back(pair);
     report(options, 0.4, "finding what can be told apart");
   }
@@ -207,6 +253,26 @@ CampaignPlan plan_sharpening(Fit& fit, const PlanOptions& options) {
   return plan;
 }
 
+std::vector<std::optional<Evidence>> evidence_of(Fit& fit,
+                                                 const std::vector<EffectRequest>& effects) {
+  const double coordinates =
+      static_cast<double>(fit.design().rows()) * fit.design().residuals_per_row();
+  const double charge = fit.charge_for_unknowns(coordinates);
+  const double bic = bayesian_information(fit);
+  std::vector<std::optional<Evidence>> result;
+  for (const EffectRequest& effect : effects) {
+    try {
+      const std::unique_ptr<Fit> with = refit(fit, with_effect(fit.specification(), effect));
+      const double change = bayesian_information(*with) - bic;
+      result.push_back(
+          Evidence{change, change - (with->charge_for_unknowns(coordinates) - charge)});
+    } catch (const ModelError&) {
+      result.emplace_back();
+    }
+  }
+  return result;
+}
+
 SeparationPlan plan_separation(Fit& fit, const std::vector<EffectRequest>& requests,
                                const PlanOptions& options) {
   if (requests.size() < 2)
@@ -226,22 +292,19 @@ SeparationPlan plan_separation(Fit& fit, const std::vector<EffectRequest>& reque
   const Menu menu = menu_for(fit, levels_for(views, options.levels), options);
   const Rivals rivals(std::move(fits), menu);
   std::vector<MeasurementChoice> counted;
-  for (const RivalPair& pair : separable_pairs(rivals, options)) {
+  for (const RivalPair& pair : separable_pairs(rivals, menu, options)) {
     counted.push_back(rivals.choice(pair));
   }
   TOptimality criterion(std::move(counted));
+  const std::vector<bool> session = best_session(menu, criterion, options.poses);
   const std::vector<std::size_t> chosen =
-      choose_best(criterion, options.poses, stage(options, 0.5, 0.95, "choosing poses"));
+      choose_best(criterion, options.poses, session, stage(options, 0.5, 0.95, "choosing poses"));
   report(options, 0.95, "comparing with random poses");
-  std::mt19937_64 generator(options.seed + 3);
-  std::vector<std::vector<std::size_t>> draws;
-  for (std::size_t draw = 0; draw < options.random_draws; ++draw) {
-    draws.push_back(choose_random(menu.uniform, options.poses, generator));
-  }
+  const std::vector<std::vector<std::size_t>> draws = random_choices(menu, session, options);
   for (const RivalPair& pair : rivals.pairs()) {
     std::vector<double> random;
     for (const std::vector<std::size_t>& rows : draws) {
-      if (rivals.curved(pair) && random.size() >= kRefits) break;
+      if (rivals.bends(pair) && random.size() >= kRefits) break;
       random.push_back(rivals.evidence(pair, rows));
     }
     const Separation s{pair.truth, pair.rival, bic[pair.truth] - bic[pair.rival],

@@ -84,6 +84,16 @@ struct SeparationPlan {
   nlohmann::json to_json() const;
 };
 
+/// What an effect brings when it is added to a fit.
+struct Evidence {
+  double delta_bic = 0.0;
+  double misfit = 0.0;  ///< the part of it that is not for the number of parameters
+};
+
+/// The evidence for each effect, by refit; nothing where it cannot be fitted.
+std::vector<std::optional<Evidence>> evidence_of(Fit& fit,
+                                                 const std::vector<EffectRequest>& effects);
+
 /// Poses (and payloads, directions, temperatures) that tell `rivals` apart, each being an effect
 /// that the fit lacks: T-optimality on the fitted rivals' predictions, every parameter of the wrong
 /// one free to follow. Throws ModelError for fewer than two rivals or where one cannot be fitted.

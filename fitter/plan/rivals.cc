@@ -78,6 +78,10 @@ Rivals::Rivals(std::vector<std::unique_ptr<Fit>> fits, const Menu& menu)
 
 void Rivals::prepare(Rival& rival) const {
   Fit& fit = *rival.fit;
+  const std::vector<EffectRequest>& effects = fit.specification().effects;
+  rival.bends = !fit.model().nonlinear.empty() ||
+                std::any_of(effects.begin(), effects.end(),
+                            [](const EffectRequest& e) { return find_effect(e.effect).generic(); });
   rival.state = std::make_unique<State>(fit.robot(), menu_.columns, fit.state().payload_point());
   rival.predicted = predict_poses(*rival.state, std::vector<int>(rival.state->rows(), 0),
                                   fit.model(), fit.kinematics());
@@ -180,12 +184,12 @@ double Rivals::bic(double left, const RivalPair& pair, std::size_t poses) const 
   const double height = rivals_[pair.rival].linearised->height();
   const double n = height * static_cast<double>(truth.measurements().rows + poses);
   const double freedom = std::max(1.0, n - truth.effective_unknowns());
-  return -n * std::log1p(left / freedom) +
-         (truth.effective_unknowns() - rival.effective_unknowns()) * std::log(n);
+  return -n * std::log1p(left / freedom) + truth.charge_for_unknowns(n) -
+         rival.charge_for_unknowns(n);
 }
 
 double Rivals::evidence(const RivalPair& pair, const std::vector<std::size_t>& rows) const {
-  return bic(curved(pair) ? left_after_refit(pair, rows) : left(pair, rows), pair, rows.size());
+  return bic(bends(pair) ? left_after_refit(pair, rows) : left(pair, rows), pair, rows.size());
 }
 
 }  // namespace armtrue

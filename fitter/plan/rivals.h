@@ -32,18 +32,17 @@ class Rivals {
   /// all its unknowns free to follow.
   MeasurementChoice choice(const RivalPair& pair) const;
 
-  /// True where the rival has nonlinear unknowns: its evidence costs a fit.
-  bool curved(const RivalPair& pair) const {
-    return !rivals_[pair.rival].fit->model().nonlinear.empty();
-  }
+  /// True where the rival can follow the truth further than its slopes tell, having nonlinear
+  /// unknowns or tables that gain nodes where new measurements lie: its evidence costs a fit.
+  bool bends(const RivalPair& pair) const { return rivals_[pair.rival].bends; }
   /// BIC of the truth less the rival's that is to be expected after measuring `rows` of the menu,
-  /// if the truth is as fitted. A curved rival is fitted anew, as it can follow the truth further
-  /// than its slopes tell.
+  /// if the truth is as fitted. A rival that bends is fitted anew.
   double evidence(const RivalPair& pair, const std::vector<std::size_t>& rows) const;
 
  private:
   struct Rival {
     std::unique_ptr<Fit> fit;
+    bool bends = false;
     std::unique_ptr<State> state;  // over the menu
     std::unique_ptr<Measurements> expected;
     std::unique_ptr<Design> possible, taken;

@@ -211,7 +211,10 @@ NB_MODULE(_core, m) {
       .def(
           "specification", [](const Fit& fit) { return fit.specification().to_json().dump(); },
           "The model as JSON.")
-      .def("residuals", &residuals, "Measured minus predicted position [m], (N, 3).");
+      .def("residuals", &residuals, "Measured minus predicted position [m], (N, 3).")
+      .def("bayesian_information", &bayesian_information,
+           "BIC up to a constant of the campaign: differences between fits of one campaign are "
+           "evidence.");
   m.def("diagnose", &run_diagnose, "fit"_a, "progress"_a = nb::none(),
         "What is missing, ranked: the contract's JSON.");
   m.def("refine", &run_refine, "fit"_a, "on_step"_a = nb::none(), "progress"_a = nb::none(),

@@ -2,6 +2,7 @@
 
 #include <nanobind/stl/string.h>
 
+#include <algorithm>
 #include <vector>
 
 #include "fitter/python/arrays.h"
@@ -31,6 +32,28 @@ Vectors coordinate_column(Fit& fit, const std::string& name) {
   return to_numpy(std::move(column), 3);
 }
 
+// Rows that a fit keeps out count here too: the caller decides what they weigh.
+Vectors residuals_in_noise(Fit& fit, Fit& noise_of) {
+  Design& yardstick = noise_of.design();
+  const std::vector<double> weights = yardstick.weights();
+  std::fill(yardstick.weights().begin(), yardstick.weights().end(), 1.0);
+  const int height = yardstick.residuals_per_row();
+  std::vector<double> whitened;
+  for (std::size_t i = 0; i < fit.design().rows(); ++i) {
+    const Pose predicted = fit.design().predict(i);
+    Eigen::Matrix<double, 6, 1> left = Eigen::Matrix<double, 6, 1>::Zero();
+    left.head<3>() =
+        fit.measurements().position.col(static_cast<Eigen::Index>(i)) - predicted.translation();
+    if (height == 6)
+      left.tail<3>() =
+          -rotation_log(predicted.linear() * fit.measurements().rotation[i].transpose());
+    const Eigen::Matrix<double, 6, 1> row = yardstick.whiten(i, left);
+    whitened.insert(whitened.end(), row.data(), row.data() + height);
+  }
+  yardstick.weights() = weights;
+  return to_numpy(std::move(whitened), static_cast<std::size_t>(height));
+}
+
 }  // namespace
 
 void bind_drawing(nb::module_& m) {
@@ -38,6 +61,9 @@ void bind_drawing(nb::module_& m) {
         "A state variable of docs/model.md over the fitted rows, (N, 1).");
   m.def("coordinate_column", &coordinate_column, "fit"_a, "name"_a,
         "Change of every predicted position by one coordinate [m per unit], (N, 3).");
+  m.def("residuals_in_noise", &residuals_in_noise, "fit"_a, "noise_of"_a,
+        "Measured minus predicted position, and turn where orientations were measured, in standard "
+        "deviations of another fit to the same rows, (N, 3) or (N, 6).");
 }
 
 }  // namespace armtrue

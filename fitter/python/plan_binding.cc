@@ -41,6 +41,16 @@ std::string sharpening(Fit& fit, const std::string& options_json,
   return plan_sharpening(fit, plan_options(options_json, std::move(progress))).to_json().dump();
 }
 
+std::string evidence(Fit& fit, const std::string& effects_json) {
+  const ModelSpecification asked =
+      ModelSpecification::from_json({{"effects", json::parse(effects_json)}});
+  json result = json::array();
+  for (const std::optional<Evidence>& e : evidence_of(fit, asked.effects)) {
+    result.push_back(e ? json{{"delta_bic", e->delta_bic}, {"misfit", e->misfit}} : json(nullptr));
+  }
+  return result.dump();
+}
+
 std::string separation(Fit& fit, const std::string& candidates_json,
                        const std::string& options_json, std::optional<Progress> progress) {
   const ModelSpecification asked =
@@ -58,6 +68,10 @@ void bind_plan(nb::module_& module) {
              "Poses for a first campaign, D-optimal for the model's parameters: JSON.");
   module.def("plan_sharpening", &sharpening, "fit"_a, "options"_a, "progress"_a = nb::none(),
              "Further poses for a fit's own parameters: JSON.");
+  module.def(
+      "plan_evidence", &evidence, "fit"_a, "effects"_a,
+      "What each effect (entries of model.yaml as JSON) brings: JSON of delta_bic and misfit, "
+      "null where it cannot be fitted.");
   module.def("plan_separation", &separation, "fit"_a, "candidates"_a, "options"_a,
              "progress"_a = nb::none(),
              "Poses that tell candidate effects (entries of model.yaml as JSON) apart: JSON.");

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import math
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -132,36 +134,141 @@ def plan_separation(
     return _plan(lambda: _core.plan_separation(fit.core, json.dumps(rivals), options, progress))
 
 
-def ambiguity(diagnosis: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """What a diagnosis leaves open, as entries of model.yaml: its first candidate and the rivals not yet ruled out.
+@dataclass(frozen=True)
+class Rival:
+    """What else could be missing beside the first candidate of a diagnosis.
 
-    Rivals are confounded with the first and within a ΔBIC of 10 of it. At most four in all; tables are left out, as
-    they can follow any rival on their joint. Empty where the diagnosis misses nothing or the first stands alone.
+    candidate: as the diagnosis names it. entry: of model.yaml. delta_bic: BIC with it less BIC with the first, both
+    refitted; by so much this data prefers the first. misfit: the part of that which is not for the number of
+    parameters. Both None where it cannot be fitted. table: it can follow any error of its joints.
     """
-    tables = {effect["id"] for effect in json.loads(_core.effects()) if effect["generic"]}
+
+    candidate: str
+    entry: dict[str, Any]
+    delta_bic: float | None
+    misfit: float | None
+    table: bool
+
+    @property
+    def fits_as_well(self) -> bool:
+        """True where this data speaks against it, if at all, only by its number of parameters."""
+        return self.misfit is not None and self.misfit < SETTLED
+
+    @property
+    def decided(self) -> bool:
+        """True where this data rules it out beside the first; a table, which fits anything, by its nodes alone."""
+        if self.delta_bic is None:
+            return True
+        return self.delta_bic >= SETTLED and (self.table or not self.fits_as_well)
+
+
+@dataclass(frozen=True)
+class Ambiguity:
+    """The ambiguity set of a diagnosis: its first candidate and what is confounded with it, the closest first."""
+
+    candidate: str
+    entry: dict[str, Any]
+    rivals: list[Rival]
+
+    @property
+    def open(self) -> list[dict[str, Any]]:
+        """Entries of model.yaml to tell apart: the first and what this data leaves open beside it, four at most.
+
+        Tables are not among them: they follow whatever else is the cause. Empty where nothing else is open.
+        """
+        undecided = [rival.entry for rival in self.rivals if not rival.decided and not rival.table]
+        return [self.entry, *undecided][:_MOST_RIVALS] if undecided else []
+
+    def figures(self) -> dict[str, Any]:
+        """The set as JSON has it."""
+        return {
+            "candidate": self.candidate,
+            "rivals": [
+                {
+                    "candidate": rival.candidate,
+                    "delta_bic": rival.delta_bic,
+                    "misfit": rival.misfit,
+                    "decided": rival.decided,
+                }
+                for rival in self.rivals
+            ],
+        }
+
+
+def ambiguity(fit: Fit, diagnosis: Mapping[str, Any]) -> Ambiguity | None:
+    """The ambiguity set of a diagnosis of `fit`, every member refitted; None where the diagnosis recommends nothing.
+
+    Its members are what the diagnosis gives as `confounded_with` of its first candidate. Errors: InputError where the
+    first cannot be fitted.
+    """
     candidates = diagnosis.get("candidates", [])
     if diagnosis.get("verdict") != "missing_effect" or not candidates:
-        return []
+        return None
     lead = candidates[0]
-    confounded = set(lead.get("confounded_with", []))
-    others = [
-        entry
-        for entry in candidates[1:]
-        if _label(entry) in confounded
-        and entry["effect"] not in tables
-        and entry["delta_bic"] < lead["delta_bic"] + SETTLED
-    ]
-    return [_entry(candidate) for candidate in [lead, *others][:_MOST_RIVALS]] if others else []
+    first = _entry(lead)
+    # Of two that differ in what the name does not say (a sensor), the better one.
+    listed = {_name(entry): entry for entry in map(_entry, reversed(candidates))}
+    named = [entry_of(label) for label in lead.get("confounded_with", [])]
+    others = [listed.get(_name(entry), entry) for entry in named]
+    evidence, *found = json.loads(_core.plan_evidence(fit.core, json.dumps([first, *others])))
+    if evidence is None:
+        raise InputError(
+            f"plan: {_name(first)} cannot be fitted, expected the diagnosis' first candidate to be"
+        )
+    tables = {effect["id"] for effect in json.loads(_core.effects()) if effect["generic"]}
+    rivals = []
+    for entry, figures in zip(others, found, strict=True):
+        change, misfit = (
+            (figures[key] - evidence[key] for key in ("delta_bic", "misfit")) if figures else (None, None)
+        )
+        rivals.append(Rival(_name(entry), entry, change, misfit, entry["effect"] in tables))
+    rivals.sort(key=lambda rival: math.inf if rival.delta_bic is None else rival.delta_bic)
+    return Ambiguity(_name(first), first, rivals)
 
 
-def _label(candidate: Mapping[str, Any]) -> str:
-    """A candidate as `confounded_with` names it: effect, joints, and the orders of a gear."""
-    text = str(candidate["effect"])
-    if candidate["joints"]:
-        text += " " + ",".join(map(str, candidate["joints"]))
+def entry_of(candidate: str) -> dict[str, Any]:
+    """An entry of model.yaml from a candidate as a diagnosis names it (`gear_mesh 2 cycles [13]`) or a shell takes it.
+
+    That is `gear_mesh:2:cycles=13`, as `argument_of` gives it. Raises ValueError where it has another form.
+    """
+    match = _CANDIDATE.fullmatch(candidate.strip())
+    if match is None:
+        raise ValueError(f"found '{candidate}', expected EFFECT, EFFECT:2,3 or EFFECT:2:cycles=13")
+    entry: dict[str, Any] = {"effect": match["effect"]}
+    if match["option"]:
+        entry[match["option"]] = [_number(text) for text in match["values"].split(",")]
+    if match["joints"]:
+        entry["joints"] = [int(text) for text in re.split("[ ,]", match["joints"])]
+    return entry
+
+
+def argument_of(candidate: str) -> str:
+    """A candidate as a diagnosis names it, written as one word of a command line."""
+    effect, *rest = candidate.translate(str.maketrans("", "", "[]")).split(" ")
+    joints = rest[:1] if len(rest) % 2 else []
+    options = [f"{key}={value}" for key, value in zip(*[iter(rest[len(joints) :])] * 2, strict=True)]
+    return ":".join([effect, *joints, *options])
+
+
+_CANDIDATE = re.compile(
+    r"(?P<effect>\w+)(?:[ :](?P<joints>\d+(?:[ ,]\d+)*))?"
+    r"(?:[ :](?P<option>cycles|orders)[ =]\[?(?P<values>\d[-+.\de]*(?:,\d[-+.\de]*)*)\]?)?"
+)
+
+
+def _number(text: str) -> float | int:
+    value = float(text)  # ValueError for what only looks like one
+    return int(value) if value.is_integer() else value
+
+
+def _name(entry: Mapping[str, Any]) -> str:
+    """An entry of model.yaml as `confounded_with` names it: effect, joints, and the orders of a gear."""
+    text = str(entry["effect"])
+    if entry.get("joints"):
+        text += " " + ",".join(map(str, entry["joints"]))
     for key in ("cycles", "orders"):
-        if key in candidate.get("options", {}):
-            text += f" {key} {json.dumps(candidate['options'][key], separators=(',', ':'))}"
+        if key in entry:
+            text += f" {key} [{','.join(f'{value:.6g}' for value in entry[key])}]"
     return text
 
 

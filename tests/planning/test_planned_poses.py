@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from trial import CASES, Case, settled, try_campaign, try_case
+from trial import CASES, HEAT, Case, settled, try_campaign, try_case, try_heat
 
 SEEDS = (1, 2, 3)
 POSES = 8
@@ -20,6 +20,22 @@ def test_what_is_ambiguous_is_settled_by_the_planned_poses(case: Case, tmp_path:
         assert not settled(outcome.before), outcome
         assert settled(outcome.planned), outcome
     assert np.median([o.planned for o in outcomes]) < np.median([o.random for o in outcomes])
+
+
+@pytest.mark.parametrize("cause", HEAT)
+@pytest.mark.parametrize("seed", SEEDS)
+def test_the_diagnosis_names_the_cause_after_the_planned_session(
+    cause: str, seed: int, tmp_path: Path
+) -> None:
+    outcome = try_heat(cause, seed, POSES, tmp_path)
+    assert {entry["effect"] for entry in outcome.before.open} == set(HEAT)
+    assert outcome.recommended == cause
+    assert not outcome.after.open, outcome.after
+    time, warmth = outcome.plan.columns["time"], outcome.plan.columns["temp_arm"]
+    assert np.all(np.diff(time) >= 0.0)
+    assert np.count_nonzero(np.diff(warmth)) == len(set(warmth)) - 1
+    # In the first session both rose together.
+    assert np.corrcoef(time, warmth)[0, 1] < 0.0
 
 
 def test_a_planned_first_campaign_predicts_better_than_a_random_one(tmp_path: Path) -> None:

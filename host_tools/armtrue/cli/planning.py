@@ -8,17 +8,20 @@ from typing import Annotated, Any
 
 import typer
 
+from armtrue.cli.fits import load_with_data
 from armtrue.cli.fitting import write_columns
-from armtrue.cli.options import JsonOption, OutOption
+from armtrue.cli.options import JsonOption, MovedDataOption, OutOption
 from armtrue.cli.output import Output, plain_table, waiting
 from armtrue.errors import InputError
 from armtrue.io import Robot, load_model, load_robot
 from armtrue.io.files import check_writable
 from armtrue.io.model import check_effect
-from armtrue.planning import SETTLED, Cell, Plan
+from armtrue.planning import SETTLED, Ambiguity, Cell, Plan, Rival, argument_of, entry_of
 
 _MOST_POSES = 2000
 _DISTINCT_SHOWN = 6
+# ΔBIC "not worth more than a bare mention" (Kass and Raftery 1995).
+_EVEN = 2.0
 
 
 def add_to(app: typer.Typer) -> None:
@@ -51,10 +54,14 @@ def plan(
         typer.Option(
             "--candidates",
             metavar="A B",
-            help="Effects to tell apart, such as gear_harmonics:2 joint_compliance:2; "
-            "otherwise the diagnosis' ambiguity set.",
+            help="Effects to tell apart, whatever this data prefers, such as gear_harmonics:2 joint_compliance:2; "
+            "otherwise what the data leave open of the diagnosis' ambiguity set.",
             show_default=False,
         ),
+    ] = None,
+    also: Annotated[
+        list[str] | None,
+        typer.Option("--also", metavar="C", help="A further effect beside --candidates.", show_default=False),
     ] = None,
     sharpen: Annotated[
         bool, typer.Option("--sharpen", help="Poses for the fit's own parameters, whatever is missing.")
@@ -64,7 +71,8 @@ def plan(
         typer.Option(
             "--levels",
             metavar="COLUMN=V,V",
-            help="Values to choose from: payload=0,8,16 or temp_arm=20,35; dir=-1,1 means every joint's.",
+            help="Values to choose from: payload=0,8,16 or temp_arm=20,35; dir=-1,1 means every joint's; "
+            "time=0,3600: not before these seconds of the session.",
             show_default=False,
         ),
     ] = None,
@@ -130,22 +138,27 @@ def plan(
     ] = None,
     choose_from: Annotated[int, typer.Option("--choose-from", help="Possible poses to choose from.")] = 4000,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the possible poses.")] = 0,
+    data: MovedDataOption = None,
     json_to: JsonOption = None,
 ) -> None:
     """Choose the poses to measure: for a first campaign, or those that settle what a fit's data cannot tell.
 
     Without FIT, poses that tell most of the model's parameters (D-optimal). With FIT, poses, payloads, directions and
-    temperatures that tell its leading candidates apart (T-optimal); where nothing is ambiguous, or with --sharpen,
-    poses for its own parameters.
+    temperatures that tell apart what its data leave open of the diagnosis' ambiguity set (T-optimal); where they decide
+    it already, or with --sharpen, poses for its own parameters.
+
+    Rows are in the order to run them: temperature outermost, time forward, few changes of payload, short ways.
 
     Example: [bold]armtrue plan --robot robot.yaml --model model.yaml --poses 50 --out poses.csv[/]
 
     Example: [bold]armtrue plan fit.json --poses 12 --out poses.csv[/]
     """
-    from armtrue import diagnosis, fitting, planning
+    from armtrue import diagnosis, planning
 
     output = Output(json_to)
     check_writable(out)
+    if also and not candidates:
+        raise InputError(f"--also: found '{also[0]}' without --candidates, expected it beside two")
     if clearance is not None and not clearance > 0.0:
         raise InputError(f"--clearance: found {clearance}, expected metres above 0")
     cell = Cell(
@@ -156,13 +169,16 @@ def plan(
         None if acceptance is None else math.radians(acceptance),
         opening,
     )
+    ambiguity: planning.Ambiguity | None = None
     settings: dict[str, Any] = {"cell": cell, "candidates": choose_from, "seed": seed}
     if fit_file is None:
         if robot is None or model is None:
             raise InputError("plan: found neither a fit nor --robot and --model, expected one or the other")
+        if data is not None:
+            raise InputError("--data: found it without a fit, expected it beside one")
         arm = load_robot(robot)
         chosen_levels = _levels(levels or [], arm)
-        with waiting() as progress:
+        with waiting(output) as progress:
             result = planning.plan_campaign(
                 arm,
                 load_model(model, arm),
@@ -176,23 +192,28 @@ def plan(
         for name, given in (("--robot", robot), ("--model", model), ("--tool", tool)):
             if given is not None:
                 raise InputError(f"{name}: found it beside {fit_file}, expected one or the other")
-        fit = fitting.Fit.load(fit_file)
+        fit = load_with_data(fit_file, data)
         settings["levels"] = _levels(levels or [], fit.robot)
-        with waiting() as progress:
+        with waiting(output) as progress:
             if candidates:
-                rivals = [_rival(text, fit.robot) for text in candidates]
+                rivals = [_rival(text, fit.robot) for text in (*candidates, *(also or []))]
+            elif sharpen:
+                rivals = []
             else:
-                rivals = [] if sharpen else planning.ambiguity(diagnosis.diagnose(fit, progress=progress))
+                ambiguity = planning.ambiguity(fit, diagnosis.diagnose(fit, progress=progress))
+                rivals = ambiguity.open if ambiguity else []
             if rivals:
                 result = planning.plan_separation(fit, rivals, poses, progress=progress, **settings)
             else:
                 result = planning.plan_sharpening(fit, poses, progress=progress, **settings)
-        if not rivals and not sharpen:
-            output.say("Nothing is ambiguous in this fit: these poses are for its parameters.")
+        if not candidates and not sharpen:
+            _present_ambiguity(ambiguity, result, f"armtrue plan {fit_file}", output)
     write_columns(out, list(result.columns), list(zip(*result.columns.values(), strict=True)))
     present_plan(result, output)
     output.say(f"\nwritten: {out}")
-    output.figures(result.figures | {"columns": {name: list(v) for name, v in result.columns.items()}})
+    columns = {"columns": {name: list(values) for name, values in result.columns.items()}}
+    open_set = {"ambiguity": ambiguity.figures()} if ambiguity else {}
+    output.figures(result.figures | open_set | columns)
 
 
 def present_plan(plan: Plan, output: Output) -> None:
@@ -202,6 +223,60 @@ def present_plan(plan: Plan, output: Output) -> None:
         _present_separation(plan.figures, plan.count, output)
     else:
         _present_campaign(plan.figures, plan.count, output)
+
+
+def _present_ambiguity(ambiguity: Ambiguity | None, plan: Plan, command: str, output: Output) -> None:
+    """Say what the data already decide of a diagnosis' ambiguity set, and so what the poses are for."""
+    if ambiguity is None:
+        output.say("The diagnosis recommends no effect: these poses are for the fit's own parameters.")
+        return
+    if not ambiguity.rivals:
+        output.say(
+            f"Nothing explains nearly as much as {ambiguity.candidate}: these poses are for the fit's own parameters."
+        )
+        return
+    output.title("What else explains as much")
+    output.items(
+        [f"{ambiguity.candidate} or {rival.candidate}: {preference(rival)}" for rival in ambiguity.rivals]
+    )
+    if plan.separates:
+        told = ", ".join(rival.candidate for rival in ambiguity.rivals if rival.entry in ambiguity.open)
+        left_out = sum(not rival.decided and not rival.table for rival in ambiguity.rivals)
+        left_out -= len(ambiguity.open) - 1
+        output.say(
+            f"These poses tell {ambiguity.candidate} from {told}"
+            + (f", not yet from {left_out} that are less likely." if left_out else ".")
+        )
+        return
+    why = (
+        "This data decides"
+        if all(rival.decided for rival in ambiguity.rivals)
+        else "No pose rules out a table"
+    )
+    closest = [argument_of(name) for name in (ambiguity.candidate, ambiguity.rivals[0].candidate)]
+    output.say(
+        f"{why}: these poses are for the fit's own parameters. To measure the difference all the same: "
+        f"{command} --candidates {' '.join(closest)} --poses {plan.count} --out FILE"
+    )
+
+
+def preference(rival: Rival) -> str:
+    """What the data say of a rival, called the second, beside the first candidate."""
+    if rival.delta_bic is None:
+        return "the second cannot be fitted"
+    figure = f"(ΔBIC {rival.delta_bic:+.0f})"
+    preferred = "first" if rival.delta_bic > 0.0 else "second"
+    if abs(rival.delta_bic) < _EVEN:
+        sentence = f"this data cannot tell {figure}"
+    elif abs(rival.delta_bic) < SETTLED:
+        sentence = f"this data leans to the {preferred} {figure}"
+    else:
+        sentence = f"this data already prefers the {preferred} decisively {figure}"
+    if rival.table:
+        return f"{sentence}; the second is a table, which fits whatever the cause, with more parameters"
+    if rival.delta_bic >= SETTLED and rival.fits_as_well:
+        return f"{sentence}, but for its fewer parameters alone: the second fits as well"
+    return sentence
 
 
 def _settings_words(plan: Plan) -> str:
@@ -228,14 +303,34 @@ def _present_separation(figures: dict[str, Any], poses: int, output: Output) -> 
             f"{entry['delta_bic_expected']:.0f}",
         )
     output.table(table)
-    open_pairs = [entry for entry in figures["separations"] if entry["delta_bic_expected"] > -SETTLED]
-    if not open_pairs:
+    outlooks = [outlook(entry) for entry in figures["separations"]]
+    if not any(outlooks):
         output.say("These poses are expected to settle it: ΔBIC below −10 whichever is the cause.")
-    for entry in open_pairs:
-        output.say(
-            f"If the cause is {entry['truth']}, {entry['rival']} is expected to stay as good: "
-            "more poses, payloads or joint range may tell."
+    for sentence in filter(None, outlooks):
+        output.say(sentence)
+
+
+def outlook(separation: dict[str, Any]) -> str | None:
+    """What a pair's expected ΔBIC says where it does not settle the question; None where it does."""
+    cause, rival = separation["truth"], separation["rival"]
+    expected = separation["delta_bic_expected"]
+    if expected <= -SETTLED:
+        return None
+    figure = f"(ΔBIC {expected:+.0f})"
+    if expected >= SETTLED:
+        sentence = (
+            f"If the cause is {cause}, {rival} is expected to be preferred all the same {figure}: "
+            f"what it misses of {cause} as fitted is worth less than the parameters that it saves"
         )
+    else:
+        sentence = (
+            f"If the cause is {cause}, {rival} is expected to stay about as good {figure}: "
+            "more poses, payloads or joint range may tell"
+        )
+    now = separation["delta_bic_now"]
+    if now >= SETTLED:
+        sentence += f"; this data prefers {rival} already (ΔBIC {now:+.0f})"
+    return sentence + "."
 
 
 def _present_campaign(figures: dict[str, Any], poses: int, output: Output) -> None:
@@ -296,14 +391,11 @@ def _levels(given: list[str], robot: Robot) -> dict[str, list[float]]:
 
 
 def _rival(text: str, robot: Robot) -> dict[str, Any]:
-    """`EFFECT:2,3` or `EFFECT 2,3` as an entry of model.yaml."""
-    name, _, joints = text.replace(":", " ").strip().partition(" ")
-    entry: dict[str, Any] = {"effect": name}
-    if joints:
-        try:
-            entry["joints"] = [int(part) for part in joints.replace(",", " ").split()]
-        except ValueError:
-            raise InputError(
-                f"--candidates: found '{text}', expected an effect and joints such as gear_harmonics:2"
-            ) from None
+    """`EFFECT:2,3`, `EFFECT 2,3` or `EFFECT:2:cycles=13` as an entry of model.yaml."""
+    try:
+        entry = entry_of(text)
+    except ValueError:
+        raise InputError(
+            f"--candidates: found '{text}', expected an effect and joints such as gear_harmonics:2"
+        ) from None
     return check_effect(entry, robot, "--candidates")

@@ -4,34 +4,16 @@ from __future__ import annotations
 
 import csv
 import json
-import subprocess
-import sys
-from itertools import pairwise
+from itertools import pairwise, permutations, product
 from pathlib import Path
 
 import armtrue_sim
 import numpy as np
 import pytest
 
-SCENARIO = Path(__file__).resolve().parents[3] / "sim" / "scenarios" / "kr30-eccentric-gear.yaml"
-
-
-def plan(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "armtrue", *arguments]
-    run = subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=False, timeout=120)
-    assert "Traceback" not in run.stderr, run.stderr
-    return run
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    made = tmp_path_factory.mktemp("plan")
-    armtrue_sim.cli_simulate(SCENARIO, made)
-    fitted = plan(
-        "fit", "data.csv", "--robot", "robot.yaml", "--model", "model.yaml", "--out", "fit.json", cwd=made
-    )
-    assert fitted.returncode == 0, fitted.stderr
-    return made
+from armtrue.cli.conftest import FIT, SCENARIO, armtrue
+from armtrue.cli.planning import outlook, preference
+from armtrue.planning import Ambiguity, Rival, argument_of, entry_of
 
 
 def rows_of(path: Path) -> list[dict[str, float]]:
@@ -40,7 +22,7 @@ def rows_of(path: Path) -> list[dict[str, float]]:
 
 
 def test_a_first_campaign_is_written_and_said_beside_random_poses(folder):
-    run = plan(
+    run = armtrue(
         *("plan", "--robot", "robot.yaml", "--model", "model.yaml", "--poses", "40", "--out", "poses.csv"),
         *("--levels", "payload=0,8,16", "--json", "plan.json"),
         cwd=folder,
@@ -64,7 +46,7 @@ def test_a_first_campaign_is_written_and_said_beside_random_poses(folder):
 
 def test_the_same_seed_gives_the_same_poses_and_another_one_others(folder):
     def poses(seed: str) -> str:
-        run = plan(
+        run = armtrue(
             *("plan", "--robot", "robot.yaml", "--model", "model.yaml", "--poses", "10", "--out", "seed.csv"),
             *("--seed", seed, "--choose-from", "500"),
             cwd=folder,
@@ -77,7 +59,7 @@ def test_the_same_seed_gives_the_same_poses_and_another_one_others(folder):
 
 
 def test_poses_keep_to_the_box_and_the_limits(folder):
-    run = plan(
+    run = armtrue(
         *("plan", "--robot", "robot.yaml", "--model", "model.yaml", "--poses", "12", "--out", "boxed.csv"),
         *("--box", "0.5", "2.0", "-1.0", "1.0", "0.3", "1.5", "--choose-from", "400"),
         cwd=folder,
@@ -95,7 +77,7 @@ def test_poses_keep_to_the_box_and_the_limits(folder):
 
 
 def test_candidates_named_are_told_apart_with_the_evidence_expected(folder):
-    run = plan(
+    run = armtrue(
         *("plan", "fit.json", "--candidates", "gear_harmonics:3", "joint_coupling:3,2"),
         *("--poses", "8", "--out", "apart.csv", "--json", "apart.json", "--choose-from", "1000"),
         cwd=folder,
@@ -111,8 +93,165 @@ def test_candidates_named_are_told_apart_with_the_evidence_expected(folder):
     assert len(rows_of(folder / "apart.csv")) == 8
 
 
+def test_the_ambiguity_set_is_the_diagnosis_own_and_said_with_its_figures(folder):
+    diagnosed = armtrue("diagnose", "fit.json", "--json", "diagnosis.json", cwd=folder)
+    assert diagnosed.returncode == 0, diagnosed.stderr
+    lead = json.loads((folder / "diagnosis.json").read_text())["candidates"][0]
+    assert lead["confounded_with"], "nothing to compare"
+    run = armtrue("plan", "fit.json", "--poses", "5", "--out", "open.csv", "--json", "open.json", cwd=folder)
+    assert run.returncode == 0, run.stderr
+    figures = json.loads((folder / "open.json").read_text())
+    assert figures["ambiguity"]["candidate"] == "gear_harmonics 3"
+    assert {r["candidate"] for r in figures["ambiguity"]["rivals"]} == set(lead["confounded_with"])
+    for rival in figures["ambiguity"]["rivals"]:
+        assert rival["candidate"] in run.stdout
+        assert f"(ΔBIC {rival['delta_bic']:+.0f})" in run.stdout
+    # A table follows the harmonics as well and needs more for it: decided, and said so, not passed over in silence.
+    assert "already prefers the first decisively" in run.stdout
+    assert "separations" not in figures
+    command = run.stdout.split("armtrue plan ")[1].split("--out")[0].split()
+    asked = armtrue("plan", *command, "--out", "named.csv", "--json", "named.json", cwd=folder)
+    assert asked.returncode == 0, asked.stderr
+    figures = json.loads((folder / "named.json").read_text())
+    assert figures["candidates"] == ["gear_harmonics 3", "transmission_pwl 3"]
+
+
+def test_more_than_two_candidates_are_told_apart_pair_by_pair(folder):
+    run = armtrue(
+        *("plan", "fit.json", "--candidates", "gear_harmonics:3", "joint_scale:3", "--also"),
+        *("gear_mesh:3:cycles=13,26", "--poses", "5", "--out", "three.csv", "--json", "three.json"),
+        *("--choose-from", "500"),
+        cwd=folder,
+    )
+    assert run.returncode == 0, run.stderr
+    figures = json.loads((folder / "three.json").read_text())
+    named = ["gear_harmonics:3", "joint_scale:3", "gear_mesh:3:cycles=13,26"]
+    assert list(map(entry_of, figures["candidates"])) == list(map(entry_of, named))
+    assert len(figures["separations"]) == 6
+
+
+@pytest.fixture(scope="module")
+def warm(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    made = tmp_path_factory.mktemp("warm")
+    armtrue_sim.simulate(
+        {"arm": "cobot", "seed": 4, "poses": 80, "repeats": {}, "hidden": ["thermal_expansion"]}, made
+    )
+    fitted = armtrue(*FIT, "--out", "fit.json", cwd=made)
+    assert fitted.returncode == 0, fitted.stderr
+    return made
+
+
+@pytest.mark.parametrize("seed", ["0", "1", "2"])
+@pytest.mark.parametrize("levels", [(), ("--levels", "temp_arm=18,24,30,36", "--levels", "time=0,900,9000")])
+def test_rows_against_heat_can_be_run_one_after_the_other(warm, levels, seed):
+    run = armtrue(
+        *("plan", "fit.json", "--candidates", "thermal_expansion:1,2,3,4,5,6", "warm_up", "--poses", "15"),
+        *("--out", "heat.csv", "--seed", seed, *levels),
+        cwd=warm,
+    )
+    assert run.returncode == 0, run.stderr
+    rows = rows_of(warm / "heat.csv")
+    assert len(rows) == 15
+
+    def changes(column: str) -> int:
+        return sum(a[column] != b[column] for a, b in pairwise(rows))
+
+    assert all(a["time"] <= b["time"] for a, b in pairwise(rows))
+    assert len({row["temp_arm"] for row in rows}) > 1
+    assert changes("temp_arm") == len({row["temp_arm"] for row in rows}) - 1
+    # No temperature changes in no time.
+    assert len({(row["temp_arm"], row["time"]) for row in rows}) == len({row["time"] for row in rows})
+    stretches: dict[tuple[float, float], set[float]] = {}
+    for row in rows:
+        stretches.setdefault((row["temp_arm"], row["time"]), set()).add(row["payload"])
+    orders = product(*(permutations(payloads) for payloads in stretches.values()))
+    least = min(sum(a != b for a, b in pairwise(sum(order, ()))) for order in orders)
+    assert changes("payload") == least
+
+
+PREFERENCES = {
+    "even": (1.0, 1.0, False, "cannot tell (ΔBIC +1)"),
+    "leaning": (6.0, 6.0, False, "leans to the first (ΔBIC +6)"),
+    "leaning back": (-6.0, -6.0, False, "leans to the second (ΔBIC -6)"),
+    "decided": (49.0, 40.0, False, "already prefers the first decisively (ΔBIC +49)"),
+    "for its size": (49.0, -3.0, False, "for its fewer parameters alone"),
+    "table": (196.0, -3.0, True, "a table"),
+    "close table": (1.0, -90.0, True, "cannot tell (ΔBIC +1); the second is a table"),
+    "the other": (-49.0, -40.0, False, "already prefers the second decisively (ΔBIC -49)"),
+    "not fitted": (None, None, False, "cannot be fitted"),
+}
+
+
+@pytest.mark.parametrize("case", PREFERENCES, ids=list(PREFERENCES))
+def test_what_the_data_prefer_is_said_by_the_number(case):
+    delta_bic, misfit, table, words = PREFERENCES[case]
+    assert words in preference(Rival("warm_up", {"effect": "warm_up"}, delta_bic, misfit, table))
+
+
+def test_the_open_set_is_what_the_data_do_not_decide():
+    def rival(name: str, delta_bic: float | None, misfit: float | None, *, table: bool = False) -> Rival:
+        return Rival(name, {"effect": name}, delta_bic, misfit, table)
+
+    decided = [
+        rival("by misfit", 30.0, 20.0),
+        rival("table", 30.0, -5.0, table=True),
+        rival("none", None, None),
+    ]
+    assert all(r.decided for r in decided)
+    undecided = [rival("even", 1.0, 1.0), rival("by its size", 30.0, 0.0)]
+    close_table = rival("close table", 5.0, -90.0, table=True)
+    assert not any(r.decided for r in [*undecided, close_table])
+    first = {"effect": "first"}
+    assert Ambiguity("first", first, decided).open == []
+    both = Ambiguity("first", first, [*decided, *undecided, close_table])
+    assert both.open == [first, *({"effect": r.candidate} for r in undecided)]
+    assert len(Ambiguity("first", first, undecided * 3).open) == 4
+
+
+def outlook_of(expected: float, now: float = 0.0) -> str | None:
+    return outlook({"truth": "A", "rival": "B", "delta_bic_now": now, "delta_bic_expected": expected})
+
+
+def test_what_poses_are_expected_to_tell_is_said_by_the_number():
+    assert outlook_of(-30.0) is None
+    assert "about as good (ΔBIC -4)" in str(outlook_of(-4.0))
+    assert "about as good (ΔBIC +4)" in str(outlook_of(4.0))
+    against = str(outlook_of(211.0, now=196.0))
+    assert "preferred all the same (ΔBIC +211)" in against
+    assert "as good" not in against
+    assert "prefers B already (ΔBIC +196)" in against
+
+
+def test_candidates_are_read_as_the_diagnosis_names_them_and_as_a_shell_takes_them():
+    cases = {
+        "warm_up": ("warm_up", {"effect": "warm_up"}),
+        "gear_harmonics 3": ("gear_harmonics:3", {"effect": "gear_harmonics", "joints": [3]}),
+        "joint_coupling 3,2": ("joint_coupling:3,2", {"effect": "joint_coupling", "joints": [3, 2]}),
+        "gear_mesh 2 cycles [16.1,24]": (
+            "gear_mesh:2:cycles=16.1,24",
+            {"effect": "gear_mesh", "joints": [2], "cycles": [16.1, 24]},
+        ),
+        "gear_mesh 2 orders [1,2]": (
+            "gear_mesh:2:orders=1,2",
+            {"effect": "gear_mesh", "joints": [2], "orders": [1, 2]},
+        ),
+    }
+    for label, (argument, entry) in cases.items():
+        assert argument_of(label) == argument
+        assert entry_of(label) == entry_of(argument) == entry
+    for text in (
+        "gear_harmonics:x",
+        "gear_mesh:2:cycles=",
+        "",
+        "gear_mesh:2:tau=3",
+        "gear_mesh:2:cycles=1-2",
+    ):
+        with pytest.raises(ValueError, match="."):
+            entry_of(text)
+
+
 def test_sharpening_tells_more_than_the_fit_knows(folder):
-    run = plan(
+    run = armtrue(
         *("plan", "fit.json", "--sharpen", "--poses", "10", "--out", "sharp.csv", "--json", "sharp.json"),
         *("--choose-from", "500"),
         cwd=folder,
@@ -153,6 +292,7 @@ REFUSED = {
         ["fit.json", "--sharpen", "--choose-from", "8", "--poses", "5"],
         "8 candidates",
     ),
+    "more without two": (["fit.json", "--also", "joint_scale:2", "--poses", "5"], "--also"),
     "effect already in": (
         ["fit.json", "--candidates", "joint_offset:2", "joint_scale:2", "--poses", "5"],
         "joint_offset",
@@ -163,7 +303,7 @@ REFUSED = {
 @pytest.mark.parametrize("case", REFUSED, ids=list(REFUSED))
 def test_bad_input_gets_one_sentence_and_nothing_is_written(folder, case):
     arguments, named = REFUSED[case]
-    run = plan("plan", *arguments, "--out", "refused.csv", cwd=folder)
+    run = armtrue("plan", *arguments, "--out", "refused.csv", cwd=folder)
     assert run.returncode == 2, run.stdout + run.stderr
     assert named in run.stderr
     assert len(run.stderr.strip().splitlines()) == 1
@@ -185,9 +325,9 @@ def test_a_model_that_reads_directions_asks_for_their_levels(folder):
         "--out",
         "b.csv",
     )
-    refused = plan(*arguments, cwd=folder)
+    refused = armtrue(*arguments, cwd=folder)
     assert refused.returncode == 2
     assert "dir2" in refused.stderr
-    allowed = plan(*arguments, "--levels", "dir=-1,1", cwd=folder)
+    allowed = armtrue(*arguments, "--levels", "dir=-1,1", cwd=folder)
     assert allowed.returncode == 0, allowed.stderr
     assert {row["dir2"] for row in rows_of(folder / "b.csv")} == {-1.0, 1.0}

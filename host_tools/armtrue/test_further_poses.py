@@ -1,0 +1,46 @@
+"""The next poses, from Python."""
+
+from __future__ import annotations
+
+import armtrue_sim
+import numpy as np
+import pytest
+
+import armtrue
+from armtrue import Fit, InputError, fit, load_data, load_model, load_robot, plan, plan_campaign
+
+
+@pytest.fixture(scope="module")
+def believed(tmp_path_factory) -> Fit:
+    """Few poses of an arm that lacks nothing."""
+    folder = tmp_path_factory.mktemp("poses")
+    armtrue_sim.simulate({"arm": "kr30", "seed": 5, "poses": 60, "hidden": []}).write(folder)
+    robot = load_robot(folder / "robot.yaml")
+    return fit(load_data(folder / "data.csv", robot), robot, load_model(folder / "model.yaml", robot))
+
+
+def test_with_nothing_open_the_poses_are_for_the_parameters(believed):
+    made = plan(believed, 5, candidates=300)
+    assert not made.separates
+    assert made.count == 5
+    for number, joint in enumerate(believed.robot.joints, start=1):
+        low, high = joint["limits"]
+        assert np.all((made.columns[f"q{number}"] >= low) & (made.columns[f"q{number}"] <= high))
+
+
+def test_rivals_that_are_named_are_told_apart(believed):
+    rivals = [{"effect": "gear_harmonics", "joints": [2]}, {"effect": "joint_scale", "joints": [2]}]
+    made = plan(believed, 5, rivals=rivals, candidates=300)
+    assert made.separates
+    assert {entry["truth"] for entry in made.figures["separations"]} == {"gear_harmonics 2", "joint_scale 2"}
+
+
+def test_one_rival_is_refused(believed):
+    with pytest.raises(InputError):
+        plan(believed, 5, rivals=[{"effect": "gear_harmonics", "joints": [2]}], candidates=300)
+
+
+def test_everything_for_notebooks_is_at_the_top():
+    for name in armtrue.__all__:
+        assert getattr(armtrue, name).__doc__
+    assert plan_campaign.__module__ == "armtrue.planning"
