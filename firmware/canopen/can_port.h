@@ -65,6 +65,10 @@ class CanPort {
   // Takes the oldest received frame. Returns false if there is none; `frame` is then unchanged.
   virtual bool receive(CanFrame& frame) = 0;
 
+  // Whether frames wait behind those that the controller has taken; what can wait does not add to
+  // them. False where a port does not know.
+  virtual bool has_backlog() { return false; }
+
   virtual BusState bus_state() = 0;
 
   // Begins the recovery from bus-off (the 128 × 11 recessive bits run in hardware). Discards what

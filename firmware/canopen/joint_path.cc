@@ -5,7 +5,9 @@
 #include <cstring>
 #include <span>
 
+#include "firmware/canopen/search.h"
 #include "firmware/core/division.h"
+#include "firmware/core/fixed.h"
 
 namespace armtrue::canopen {
 namespace {
@@ -56,9 +58,7 @@ void JointPath::drop_set() {
 }
 
 const JointPath::Held* JointPath::find(std::span<const Held> frames, std::size_t rpdo) {
-  const auto found = std::find_if(frames.begin(), frames.end(),
-                                  [rpdo](const Held& held) { return held.rpdo == rpdo; });
-  return found == frames.end() ? nullptr : &*found;
+  return first_where(frames, [rpdo](const Held& held) { return held.rpdo == rpdo; });
 }
 
 void JointPath::end_interval() {
@@ -66,10 +66,10 @@ void JointPath::end_interval() {
   const std::span<const Held> previous(previous_.data(), previous_count_);
   // If all of it were repeats of the set before, nothing was lost.
   const bool only_repeats =
-      !spoilt_ && std::all_of(held.begin(), held.end(), [previous](const Held& one) {
-        const Held* before = find(previous, one.rpdo);
-        return before != nullptr && same_payload(before->frame, one.frame);
-      });
+      !spoilt_ && first_where(held, [previous](const Held& one) {
+                    const Held* before = find(previous, one.rpdo);
+                    return before == nullptr || !same_payload(before->frame, one.frame);
+                  }) == nullptr;
   if (present_ != 0 && !evaluated_) count(only_repeats ? counters_.repeated : counters_.withheld);
   // A frame that is missing here may come late, ahead of its successor: the next set could be
   // complete with it and would be a mixture. So what follows an interval that was not whole waits.
@@ -117,16 +117,20 @@ bool JointPath::take_target(const Pdo& pdo, std::size_t rpdo, const CanFrame& fr
   present_ |= 1U << rpdo;
   const bool may_be_mixed = !trusted_ && !std::has_single_bit(expected_);
   if (present_ != expected_ || spoilt_ || synchronous_ || may_be_mixed) return false;
-  evaluate(downstream, now_us);
+  const bool is_out = evaluate(downstream, now_us);
   if (!sync_in_use_) end_interval();
-  return true;
+  return is_out;
 }
 
 bool JointPath::on_sync(CanPort* downstream, std::uint64_t now_us) {
-  // A set that a late SYNC left waiting for longer than two intervals is old.
-  const bool on_time = sync_period_us_ == 0 || now_us - set_begin_us_ <= 2 * sync_period_us_;
-  const bool fresh = synchronous_ && present_ == expected_ && !spoilt_ && on_time;
-  if (fresh) evaluate(downstream, now_us);
+  // A set that a late SYNC left waiting for longer than two intervals is old; where the interval is
+  // not known yet, than the set window.
+  const std::uint64_t waits_us =
+      sync_period_us_ == 0 ? std::uint64_t{dictionary_.get(od::compensator_control::kSetWindow)}
+                           : 2 * sync_period_us_;
+  const bool on_time = now_us - set_begin_us_ <= waits_us;
+  const bool fresh =
+      synchronous_ && present_ == expected_ && !spoilt_ && on_time && evaluate(downstream, now_us);
   end_interval();
   if (sync_in_use_) sync_period_us_ = now_us - last_sync_us_;
   sync_in_use_ = true;
@@ -155,17 +159,42 @@ void JointPath::read_inputs(std::uint64_t now_us) {
   input_.time_ms = milliseconds_of(now_us);
 }
 
-void JointPath::evaluate(CanPort* downstream, std::uint64_t now_us) {
-  const std::uint64_t begin_us = clock_us_();
-  read_inputs(now_us);
+bool JointPath::begin(bool drives_wait, std::uint64_t now_us) {
+  std::array<std::int32_t, kMaxJoints> held = {};
+  known_ = heard_ + 1U == 1U << joint_count_;
+  for (std::size_t axis = 0; axis < joint_count_; ++axis) {
+    const std::int32_t target = input_.target[axis];
+    if (target != resting_[axis]) resting_since_us_ = now_us;
+    resting_[axis] = target;
+    if (!known_) continue;
+    const std::int64_t actual = dictionary_.get(od::axis::kPositionActualValue[axis]);
+    held[axis] = saturate(actual - target);
+  }
+  const bool fits = compensator_.begin(held);
+  begun_ = drives_wait || !known_ || (fits && now_us - resting_since_us_ >= kRestUs);
+  known_ = known_ && begun_;
+  return begun_;
+}
+
+void JointPath::put_out(std::uint64_t now_us) {
   const CycleOutput output = compensator_.cycle(input_);
   last_cycle_ = output.cycle;
-  has_cycle_ = true;
+  last_output_us_ = now_us;
   last_flags_ = output.flags;
   for (std::size_t axis = 0; axis < joint_count_; ++axis) {
     dictionary_.set(od::axis::kPositionOffset[axis], output.delta[axis]);
     dictionary_.set(od::axis::kPositionDemandValue[axis], output.corrected[axis]);
   }
+}
+
+bool JointPath::evaluate(CanPort* downstream, std::uint64_t now_us) {
+  if (leaving_) return false;  // fade() has it
+  const std::uint64_t begin_us = clock_us_();
+  read_inputs(now_us);
+  const bool is_first = !begun_;
+  if (is_first && !begin(downstream != nullptr, now_us)) return false;
+  put_out(now_us);
+  if (is_first) first_cycle_ = last_cycle_;
   if (downstream != nullptr) release(*downstream);
   previous_ = held_;
   previous_count_ = held_count_;
@@ -180,6 +209,7 @@ void JointPath::evaluate(CanPort* downstream, std::uint64_t now_us) {
   emcy_.clear(Condition::kJointInputStale);
   const auto took_us = static_cast<std::uint32_t>(clock_us_() - begin_us);
   counters_.worst_cycle_us = std::max(counters_.worst_cycle_us, took_us);
+  return true;
 }
 
 void JointPath::release(CanPort& downstream) {
@@ -207,13 +237,16 @@ void JointPath::take_feedback(const Pdo& pdo, CanFrame& frame) {
   for (const MappedEntry& mapped : pdo.mapping.used()) {
     if (axis_object(mapped.index) != kActualPosition) continue;
     const std::size_t axis = axis_of(mapped.index);
-    if (axis >= joint_count_ || !has_cycle_) continue;
-    std::array<std::int32_t, kMaxJoints> actual = {};
-    std::array<std::int32_t, kMaxJoints> plain = {};
-    actual[axis] = load_le<std::int32_t>(&frame.data[mapped.at]);
-    const std::uint32_t delay = dictionary_.get(od::compensator_control::kFeedbackDelay);
-    compensator_.uncorrect_feedback(last_cycle_ - delay, actual, plain);
-    store_le(&frame.data[mapped.at], plain[axis]);
+    if (axis >= joint_count_) continue;
+    if (!begun_) {
+      heard_ |= 1U << axis;
+      continue;
+    }
+    std::uint8_t* place = &frame.data[mapped.at];
+    const std::uint32_t delay = std::min<std::uint32_t>(
+        dictionary_.get(od::compensator_control::kFeedbackDelay), last_cycle_ - first_cycle_);
+    const std::int64_t actual = load_le<std::int32_t>(place);
+    store_le(place, saturate(actual - compensator_.correction_of(last_cycle_ - delay, axis)));
   }
   apply_rpdo(dictionary_, pdo, frame);
 }
@@ -227,6 +260,9 @@ void JointPath::interrupted() {
 bool JointPath::process(std::uint64_t now_us) {
   close_window(now_us);
   const std::uint32_t stale_us = dictionary_.get(od::compensator_control::kStaleTimeOut);
+  const bool late = now_us - last_process_us_ > kSupervisionUs;
+  const bool overlooked = streaming_ && now_us - last_set_us_ > stale_us + kSupervisionUs;
+  last_process_us_ = now_us;
   // A controller without SYNC is told apart by its window alone.
   if (sync_in_use_ && now_us - last_sync_us_ > stale_us) {
     sync_in_use_ = false;
@@ -246,13 +282,40 @@ bool JointPath::process(std::uint64_t now_us) {
       emcy_.raise(Condition::kTemperatureStale, static_cast<std::uint32_t>(sensor + 1));
     }
   }
-  return !streaming_ || now_us - last_set_us_ <= stale_us;
+  return !late && !overlooked;
 }
 
 void JointPath::stop() {
   drop_set();
   trusted_ = false;
   if (streaming_) interrupted();
+}
+
+void JointPath::forget() {
+  begun_ = false;
+  known_ = false;
+  leaving_ = false;
+  heard_ = 0;
+}
+
+bool JointPath::leave() {
+  if (!begun_) return false;
+  compensator_.park();
+  leaving_ = compensator_.is_fading();
+  if (!leaving_) forget();
+  return leaving_;
+}
+
+bool JointPath::fade(std::uint64_t now_us) {
+  // A stream takes the steps itself, unless it is about to be cut off.
+  const bool is_due = begun_ && (leaving_ || !streaming_) && compensator_.is_fading() &&
+                      now_us - last_output_us_ >= compensator_.cycle_us();
+  if (is_due) put_out(now_us);
+  return is_due;
+}
+
+void JointPath::note_refused(std::uint32_t frames) {
+  for (; frames != 0; --frames) count(counters_.output_refused);
 }
 
 std::uint64_t JointPath::quiet_us(std::uint64_t now_us) const {

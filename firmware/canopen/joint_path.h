@@ -20,6 +20,13 @@
 //            downstream in the order in which they came; all other bytes are untouched
 //   offset   0x60B0 of every axis is set and the TPDOs that carry it are sent; the frames
 //            themselves are none of our business
+//
+// After a start or a change of mode nobody here knows what the drives hold. Once all actual
+// positions have been heard, the first set begins with the difference from its targets, as far as
+// the table permits a correction, and blends from there. In offset mode the drives follow the
+// controller by themselves, and an arm in motion differs by its following error as well: nothing
+// goes out until it has stood for kRestUs where the difference is permitted. Where not all have
+// been heard a correction begins at zero.
 #ifndef ARMTRUE_FIRMWARE_CANOPEN_JOINT_PATH_H_
 #define ARMTRUE_FIRMWARE_CANOPEN_JOINT_PATH_H_
 
@@ -74,15 +81,33 @@ class JointPath {
   // Returns true if outputs are fresh.
   bool on_sync(CanPort* downstream, std::uint64_t now_us);
 
-  // Rewrites the actual positions in a frame from the drives, by the correction that was in force.
+  // Rewrites the actual positions in a frame from the drives, by the correction that was in force;
+  // before the first set there is none.
   void take_feedback(const Pdo& pdo, CanFrame& frame);
 
-  // Windows and time-outs. Returns true while the supervision is sound, which is what feeds the
-  // watchdog: output is being produced, or its absence has been noticed and reported.
+  // Windows and time-outs. Returns whether the supervision is sound, which is what feeds the
+  // watchdog: the last call was at most kSupervisionUs ago, and no stream went on without a set for
+  // that much longer than the stale time-out.
   bool process(std::uint64_t now_us);
+  static constexpr std::uint64_t kSupervisionUs = 100'000;
 
   // Output stops, the set in the making is dropped: NMT left operational, a reset, a mode change.
   void stop();
+
+  // What the drives hold is not known any more: the next stream begins with what is heard.
+  void forget();
+
+  // Offset mode: the drives' offsets are to become zero because nothing will follow. True while
+  // they are on their way; then what the drives hold counts as forgotten. Call until it is false.
+  bool leave();
+  bool is_leaving() const { return leaving_; }
+
+  // Offset mode: takes the next step towards zero where no stream of targets does. True if outputs
+  // are fresh.
+  bool fade(std::uint64_t now_us);
+
+  // Whether the correction began with what the drives were heard to hold.
+  bool knows_drives() const { return known_; }
 
   // A target frame is on the bus, whatever becomes of it: tables are not changed now.
   void note_command(std::uint64_t now_us) {
@@ -92,6 +117,9 @@ class JointPath {
 
   // Microseconds since the last target frame; a large number before the first.
   std::uint64_t quiet_us(std::uint64_t now_us) const;
+
+  // The bus refused so many frames with offsets.
+  void note_refused(std::uint32_t frames);
 
   // A temperature or the payload has been given by SDO or PDO.
   void note_temperature(std::size_t sensor, std::uint64_t now_us);
@@ -113,13 +141,17 @@ class JointPath {
   void drop_set();
   void end_interval();
   void close_window(std::uint64_t now_us);
-  void evaluate(CanPort* downstream, std::uint64_t now_us);
+  bool evaluate(CanPort* downstream, std::uint64_t now_us);
+  bool begin(bool drives_wait, std::uint64_t now_us);
+  void put_out(std::uint64_t now_us);
   void read_inputs(std::uint64_t now_us);
   void release(CanPort& downstream);
   void interrupted();
 
   // Sets without a contradiction or a short frame after which the condition is over.
   static constexpr std::uint32_t kCleanSets = 100;
+  // Following errors are over when the targets have stood for so long.
+  static constexpr std::uint32_t kRestUs = 100'000;
 
   ObjectDictionary& dictionary_;
   Compensator& compensator_;
@@ -145,12 +177,20 @@ class JointPath {
 
   CycleInput input_;
   std::uint32_t last_cycle_ = 0;
-  bool has_cycle_ = false;
+  std::uint32_t first_cycle_ = 0;
+  std::uint64_t last_output_us_ = 0;
+  bool begun_ = false;       // a set has gone out since what the drives held was unknown
+  bool known_ = false;       // and it began with what they were heard to hold
+  bool leaving_ = false;     // offsets go to zero, nothing follows
+  std::uint32_t heard_ = 0;  // bit k: the actual position of axis k came while nothing had begun
+  std::array<std::int32_t, kMaxJoints> resting_ = {};  // targets, since resting_since_us_
+  std::uint64_t resting_since_us_ = 0;
   std::uint16_t last_flags_ = 0;
   bool streaming_ = false;
   bool seen_target_ = false;
   std::uint64_t last_target_us_ = 0;
   std::uint64_t last_set_us_ = 0;
+  std::uint64_t last_process_us_ = 0;
   std::array<std::uint64_t, kMaxSensors> temperature_us_ = {};
   std::uint32_t temperature_given_ = 0;  // bit s: sensor s has been given since start
   JointCounters counters_;

@@ -364,6 +364,24 @@ TEST_F(InlineTest, SynchronousTargetsLeaveWithSync) {
   EXPECT_EQ(out[3].id, 0x80U) << "the drives take the targets at this SYNC";
 }
 
+TEST_F(InlineTest, AtTheFirstSyncOnlyAFreshSetLeaves) {
+  for (int k = 0; k < 3; ++k) {
+    ASSERT_EQ(bench.write(static_cast<std::uint16_t>(0x1400 + k), 2, 1, 1), 0U);
+  }
+  bench.downstream.take_sent();
+  bench.command_joints(at_cycle(0));
+  bench.run_for(15'000);
+  bench.from_controller(make_frame(0x80, {}));
+  EXPECT_EQ(count_targets(bench.downstream.take_sent()), 0U)
+      << "nobody knows how many SYNCs got lost";
+  for (int k = 1; k < 4; ++k) {
+    bench.command_joints(at_cycle(k));
+    bench.now_us += 1000;
+    bench.from_controller(make_frame(0x80, {}));
+    EXPECT_EQ(count_targets(bench.downstream.take_sent()), k == 1 ? 0U : 3U) << k;
+  }
+}
+
 TEST(OffsetTest, SendsOffsetsOnceForEachSetAndNeverOtherwise) {
   NodeBench bench(false);
   bench.install(TestTable{}.image());

@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include "firmware/canopen/node_bench.h"
+#include "firmware/canopen/test_table.h"
 
 namespace armtrue::canopen {
 namespace {
@@ -350,6 +351,57 @@ TEST_F(NetworkTest, SelfTestRunsWhatItIsAskedTo) {
   ASSERT_EQ(bench.write(0x2030, 1, 0x1F, 1), 0U);
   EXPECT_EQ(bench.read(0x2030, 2), 0x1FU);
   EXPECT_EQ(bench.read(0x2030, 3), 0U);
+}
+
+// Each part of the self-test that can be made to fail from outside, alone.
+class SelfTestTest : public testing::Test {
+ protected:
+  static constexpr std::uint32_t kTable = 1U << 2;
+  static constexpr std::uint32_t kBuses = 1U << 3;
+  static constexpr std::uint32_t kPassThrough = 1U << 4;
+
+  std::uint32_t failed(std::uint32_t tests = 0x1F) {
+    EXPECT_EQ(bench.write(0x2030, 1, tests, 1), 0U);
+    EXPECT_EQ(bench.read(0x2030, 2), tests);
+    return bench.read(0x2030, 3);
+  }
+  NodeBench bench;
+};
+
+TEST_F(SelfTestTest, ATableThatChangedInMemoryFails) {
+  const std::vector<std::uint8_t> image = TestTable{}.image();
+  bench.install(image);
+  EXPECT_EQ(failed(), 0U);
+  bench.spoil_tables(image.size() - 1);
+  EXPECT_EQ(failed(), kTable);
+  EXPECT_EQ(failed(0x1F & ~kTable), 0U) << "not asked for";
+  bench.power_on();
+  EXPECT_EQ(failed(), 0U) << "the one in flash is whole";
+}
+
+TEST_F(SelfTestTest, ABusThatIsOffFails) {
+  bench.downstream.set_state(BusState::kBusOff);
+  EXPECT_EQ(failed(), kBuses);
+  EXPECT_EQ(failed(0x1F & ~kBuses), 0U);
+  bench.run_for(200'000);
+  EXPECT_EQ(failed(), 0U);
+  bench.upstream.set_state(BusState::kBusOff);
+  bench.from_controller(make_frame(0x620, {0x2F, 0x30, 0x20, 1, 0x1F, 0, 0, 0}));
+  bench.run_for(200'000);
+  bench.upstream.take_sent();
+  EXPECT_EQ(bench.read(0x2030, 3), kBuses) << "of the run while it was off";
+}
+
+TEST_F(SelfTestTest, ACorrectionWithoutATableFails) {
+  for (std::size_t axis = 0; axis < 6; ++axis) {
+    const od::Ref<std::int32_t> offset = od::axis::kPositionOffset[axis];
+    auto& dictionary = const_cast<ObjectDictionary&>(bench.node().dictionary());
+    dictionary.set(offset, -1);
+    EXPECT_EQ(failed(), kPassThrough) << axis;
+    EXPECT_EQ(failed(0x1F & ~kPassThrough), 0U);
+    dictionary.set(offset, 0);
+    EXPECT_EQ(failed(), 0U);
+  }
 }
 
 TEST_F(NetworkTest, InlineNeedsASecondBus) { EXPECT_EQ(bench.write(0x2000, 1, 1, 1), 0x06040043U); }

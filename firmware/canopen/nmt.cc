@@ -3,12 +3,6 @@
 namespace armtrue::canopen {
 namespace {
 
-// NMT command specifiers (CiA 301, 7.2.8.3.1).
-constexpr std::uint8_t kStart = 1;
-constexpr std::uint8_t kStop = 2;
-constexpr std::uint8_t kEnterPreOperational = 128;
-constexpr std::uint8_t kResetNode = 129;
-constexpr std::uint8_t kResetCommunication = 130;
 constexpr std::uint8_t kAllNodes = 0;
 
 }  // namespace
@@ -28,24 +22,29 @@ bool Nmt::boot(CanPort& port, std::uint64_t now_us) {
   return true;
 }
 
-NmtRequest Nmt::handle(const CanFrame& frame) {
-  if (frame.len != 2 || frame.is(kFrameRemote) || state_ == NmtState::kInitialising) {
-    return NmtRequest::kNone;
-  }
-  if (frame.data[1] != kAllNodes && frame.data[1] != node_id_) return NmtRequest::kNone;
-  switch (frame.data[0]) {
-    case kStart:
+std::uint8_t Nmt::command_in(const CanFrame& frame) const {
+  const bool is_command =
+      frame.len == 2 && !frame.is(kFrameRemote) && state_ != NmtState::kInitialising;
+  const bool is_ours = frame.data[1] == kAllNodes || frame.data[1] == node_id_;
+  return is_command && is_ours ? frame.data[0] : std::uint8_t{0};
+}
+
+NmtRequest Nmt::apply(std::uint8_t command) {
+  switch (command) {
+    case kNmtStart:
       state_ = NmtState::kOperational;
       break;
-    case kStop:
+    case kNmtStop:
       state_ = NmtState::kStopped;
       break;
-    case kEnterPreOperational:
+    case kNmtEnterPreOperational:
       state_ = NmtState::kPreOperational;
       break;
-    case kResetNode:
+    case kNmtResetNode:
+      state_ = NmtState::kInitialising;
       return NmtRequest::kResetNode;
-    case kResetCommunication:
+    case kNmtResetCommunication:
+      state_ = NmtState::kInitialising;
       return NmtRequest::kResetCommunication;
     default:
       break;

@@ -20,6 +20,13 @@ enum class NmtState : std::uint8_t {
   kPreOperational = 127,
 };
 
+// NMT command specifiers (CiA 301, 7.2.8.3.1).
+inline constexpr std::uint8_t kNmtStart = 1;
+inline constexpr std::uint8_t kNmtStop = 2;
+inline constexpr std::uint8_t kNmtEnterPreOperational = 128;
+inline constexpr std::uint8_t kNmtResetNode = 129;
+inline constexpr std::uint8_t kNmtResetCommunication = 130;
+
 // What an NMT command asks of the node.
 enum class NmtRequest : std::uint8_t { kNone, kResetNode, kResetCommunication };
 
@@ -36,12 +43,17 @@ class Nmt {
   // port did not take the message; call again.
   bool boot(CanPort& port, std::uint64_t now_us);
 
-  // An NMT command frame. Transitions happen at once; resets are returned for the node to carry
-  // out.
-  NmtRequest handle(const CanFrame& frame);
+  // The command for this node in a frame of NMT, 0 for none.
+  std::uint8_t command_in(const CanFrame& frame) const;
 
-  // Enters pre-operational or stopped because of an error (0x1029).
-  void enter(NmtState state) { state_ = state; }
+  // Whether a command, or 0, takes an operational node out of that state.
+  static bool leaves_operational(std::uint8_t command) {
+    return command == kNmtStop || command >= kNmtEnterPreOperational;
+  }
+
+  // Carries a command out. Transitions happen at once; resets are returned for the node to carry
+  // out, which takes no further frames until then.
+  NmtRequest apply(std::uint8_t command);
 
   // Sends the heartbeat when it is due; `producer_ms` is 0x1017, 0 for none.
   void process(CanPort& port, std::uint16_t producer_ms, std::uint64_t now_us);

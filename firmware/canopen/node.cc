@@ -84,6 +84,7 @@ void Node::start(std::uint64_t now_us) {
   tables_.start();
   tables_.set_enabled(dictionary_.get(od::compensator_control::kCorrectionEnable) != 0);
   apply_configuration();
+  carry_out();
 }
 
 void Node::reset_communication(std::uint64_t now_us) {
@@ -110,10 +111,6 @@ void Node::apply_configuration() {
   waiting_bits_ = 0;
 }
 
-Mode Node::mode() const {
-  return static_cast<Mode>(dictionary_.get(od::compensator_control::kMode));
-}
-
 CanPort* Node::inline_output() const {
   return mode() == Mode::kInline ? parts_.downstream : nullptr;
 }
@@ -126,9 +123,11 @@ bool Node::is_quiet() const {
 
 NodeAction Node::process(std::uint64_t now_us) {
   now_us_ = now_us;
+  joint_path_sound_ = false;
   if (nmt_.state() == NmtState::kInitialising && nmt_.boot(parts_.upstream, now_us)) {
     known_state_ = nmt_.state();
   }
+  carry_out();
   CanFrame frame;
   for (int k = 0; k < kFramesPerTurn && parts_.upstream.receive(frame); ++k) handle_upstream(frame);
   if (parts_.downstream != nullptr) {
@@ -151,7 +150,7 @@ NodeAction Node::process(std::uint64_t now_us) {
   note_nmt_state();
   const NmtState state = nmt_.state();
   if (state == NmtState::kPreOperational || state == NmtState::kOperational) {
-    sdo_.process(now_us);
+    sdo_.process(now_us, is_quiet());
     emcy_.process(parts_.upstream, now_us);
   }
   if (state == NmtState::kOperational) tpdos_.process(parts_.upstream, now_us);
@@ -175,18 +174,34 @@ void Node::note_nmt_state() {
   known_state_ = nmt_.state();
 }
 
+void Node::carry_out() {
+  const auto wanted = static_cast<Mode>(dictionary_.get(od::compensator_control::kMode));
+  const bool ends = Nmt::leaves_operational(nmt_command_) || wanted != mode_;
+  if (mode_ == Mode::kOffset && nmt_.state() == NmtState::kOperational) {
+    if (joints_.fade(now_us_)) outputs_are_fresh();
+    if ((ends || joints_.is_leaving()) && joints_.leave()) return;
+  }
+  if (wanted != mode_) {
+    joints_.stop();
+    joints_.forget();
+    mode_ = wanted;
+  }
+  if (nmt_command_ == 0) return;
+  const NmtRequest request = nmt_.apply(nmt_command_);
+  if (request != NmtRequest::kNone) pending_reset_ = request;
+  nmt_command_ = 0;
+  note_nmt_state();
+}
+
 void Node::communication_error() {
   // 0x1029 sub 1: 0 pre-operational (if operational), 1 no change, 2 stopped.
-  switch (dictionary_.get(od::error_behaviour::kCommunicationError)) {
-    case 0:
-      if (nmt_.state() == NmtState::kOperational) nmt_.enter(NmtState::kPreOperational);
-      break;
-    case 2:
-      nmt_.enter(NmtState::kStopped);
-      break;
-    default:
-      break;
+  const std::uint8_t behaviour = dictionary_.get(od::error_behaviour::kCommunicationError);
+  if (behaviour == 0 && nmt_.state() == NmtState::kOperational) {
+    nmt_command_ = kNmtEnterPreOperational;
+  } else if (behaviour == 2) {
+    nmt_command_ = kNmtStop;
   }
+  carry_out();
 }
 
 void Node::handle_upstream(const CanFrame& frame) {
@@ -219,9 +234,8 @@ void Node::forward(CanPort& to, const CanFrame& frame, std::uint32_t& forwarded,
 
 bool Node::serve(const CanFrame& frame) {
   if (frame.id == kNmtCommandId) {
-    const NmtRequest request = nmt_.handle(frame);
-    if (request != NmtRequest::kNone) pending_reset_ = request;
-    note_nmt_state();
+    if (const std::uint8_t command = nmt_.command_in(frame); command != 0) nmt_command_ = command;
+    carry_out();
     return false;
   }
   if (frame.id == (dictionary_.get(od::kCOBIDSYNCMessage) & kIdMask)) {
@@ -253,7 +267,8 @@ void Node::handle_sync(const CanFrame& frame) {
   }
   waiting_bits_ = 0;
   if (joints_.on_sync(inline_output(), now_us_)) outputs_are_fresh();
-  tpdos_.on_sync(parts_.upstream, overflow != 0 ? frame.data[0] : std::uint8_t{0}, now_us_);
+  joints_.note_refused(
+      tpdos_.on_sync(parts_.upstream, overflow != 0 ? frame.data[0] : std::uint8_t{0}, now_us_));
 }
 
 void Node::handle_heartbeat(const CanFrame& frame) {
@@ -265,8 +280,10 @@ void Node::handle_heartbeat(const CanFrame& frame) {
 
 void Node::handle_rpdo(std::size_t number, const CanFrame& frame) {
   if (joints_.carries_target(number)) joints_.note_command(now_us_);
-  if (nmt_.state() != NmtState::kOperational) return;
   const Pdo& pdo = pdos_.rpdo(number);
+  const bool is_feedback = pdo.mapping.has_axis_object(kActualPosition);
+  // Actual positions are heard in every state: the first set has to know what the drives hold.
+  if (!is_feedback && nmt_.state() != NmtState::kOperational) return;
   if (joints_.carries_target(number)) {
     if (mode() == Mode::kForward) return;
     if (joints_.take_target(pdo, number, frame, inline_output(), now_us_)) outputs_are_fresh();
@@ -281,7 +298,7 @@ void Node::handle_rpdo(std::size_t number, const CanFrame& frame) {
     short_rpdo_ = kRpdos;
     emcy_.clear(Condition::kPdoLength);
   }
-  if (pdo.mapping.has_axis_object(kActualPosition)) {
+  if (is_feedback) {
     // Not ours to change on the way; 0x6064 and the TPDOs that carry it give it without the
     // correction.
     CanFrame copy = frame;
@@ -306,7 +323,8 @@ void Node::take_input(std::size_t number, const CanFrame& frame) {
 }
 
 void Node::outputs_are_fresh() {
-  if (mode() == Mode::kOffset) tpdos_.on_fresh_outputs(parts_.upstream, now_us_);
+  if (mode() != Mode::kOffset) return;
+  joints_.note_refused(tpdos_.on_fresh_outputs(parts_.upstream, now_us_, joints_.is_leaving()));
 }
 
 void Node::watch_sdo_targets(const CanFrame& frame) {
@@ -330,6 +348,7 @@ void Node::refresh_status() {
   bits |= joints_.is_streaming() ? 1U << 1 : 0U;
   bits |= tables_.on_trial() ? 1U << 2 : 0U;
   bits |= is_quiet() ? 1U << 3 : 0U;
+  bits |= joints_.knows_drives() ? 0U : 1U << 4;
   dictionary_.set(status::kStatusBits, bits);
   dictionary_.set(od::kManufacturerStatusRegister, bits);
   dictionary_.set(status::kCycles, joints.sets);

@@ -69,7 +69,8 @@ class Node final : private ObjectHooks {
   // Takes what has arrived, runs timers, sends what is due.
   NodeAction process(std::uint64_t now_us);
 
-  // Whether the last process() left the joint path supervised: feed the watchdog only then.
+  // Whether the joint path was supervised in the last process(), and in time: feed the watchdog
+  // only then.
   bool joint_path_sound() const { return joint_path_sound_; }
 
   NmtState nmt_state() const { return nmt_.state(); }
@@ -91,6 +92,8 @@ class Node final : private ObjectHooks {
   void handle_rpdo(std::size_t number, const CanFrame& frame);
   void take_input(std::size_t number, const CanFrame& frame);
   void outputs_are_fresh();
+  // What ends the output waits until the drives' offsets are zero.
+  void carry_out();
   void watch_sdo_targets(const CanFrame& frame);
   void forward(CanPort& to, const CanFrame& frame, std::uint32_t& forwarded,
                std::uint32_t& dropped);
@@ -100,7 +103,7 @@ class Node final : private ObjectHooks {
   void refresh_status();
   void run_self_test(std::uint8_t tests);
   bool is_quiet() const;
-  Mode mode() const;
+  Mode mode() const { return mode_; }
   // Where inline output goes; nullptr in every other mode.
   CanPort* inline_output() const;
 
@@ -126,6 +129,8 @@ class Node final : private ObjectHooks {
 
   std::uint64_t now_us_ = 0;
   NmtState known_state_ = NmtState::kInitialising;
+  Mode mode_ = Mode::kForward;    // in force; 0x2000 sub 1 is what is wanted
+  std::uint8_t nmt_command_ = 0;  // to be carried out, 0 for none
   NmtRequest pending_reset_ = NmtRequest::kNone;
   bool joint_path_sound_ = false;
   struct Forwarding {

@@ -79,6 +79,18 @@ class NodeBench {
     }
   }
 
+  // What leaves upstream by turns at the present time until nothing does: a block upload sends a
+  // few segments a turn.
+  std::vector<CanFrame> all_sent() {
+    std::vector<CanFrame> all;
+    for (std::vector<CanFrame> frames = upstream.take_sent(); !frames.empty();
+         frames = upstream.take_sent()) {
+      all.insert(all.end(), frames.begin(), frames.end());
+      turn();
+    }
+    return all;
+  }
+
   // Delivers a frame from the controller's side and turns the loop.
   void from_controller(const CanFrame& frame) {
     upstream.deliver(frame);
@@ -189,6 +201,12 @@ class NodeBench {
   // The clock that the node measures cycles with; runs with the bench's, seen from one thread.
   static inline std::uint64_t clock_now_us = 0;
   static std::uint64_t clock() { return clock_now_us; }
+
+  // A bit flips in RAM, in both table buffers.
+  void spoil_tables(std::size_t at) {
+    life_->first[at] ^= 1;
+    life_->second[at] ^= 1;
+  }
 
   Node& node() { return life_->node; }
   Compensator& compensator() { return life_->compensator; }

@@ -67,6 +67,9 @@ Abort Node::check_communication_write(const od::Entry& entry, std::span<const st
                           is_free_id(wanted & kIdMask);
     return possible ? Abort::kNone : Abort::kValueRange;
   }
+  if (is(entry, od::kSynchronousCounterOverflowValue)) {
+    return wanted == 1 ? Abort::kValueRange : Abort::kNone;  // reserved (CiA 301, 7.5.2.22)
+  }
   if (is(entry, od::kCOBIDEMCY)) {
     const std::uint32_t present = dictionary_.get(od::kCOBIDEMCY);
     if ((wanted & (kExtendedId | kReservedIdBits)) != 0 || !is_free_id(wanted & kIdMask)) {
@@ -144,7 +147,7 @@ void Node::after_write(const od::Entry& entry) {
     return tpdos_.restart(now_us_);
   }
   namespace control = od::compensator_control;
-  if (is(entry, control::kMode)) return joints_.stop();
+  if (is(entry, control::kMode)) return carry_out();
   if (is(entry, control::kCorrectionEnable)) {
     return tables_.set_enabled(dictionary_.get(control::kCorrectionEnable) != 0);
   }

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cstring>
 
+#include "firmware/canopen/search.h"
+
 namespace armtrue::canopen {
 namespace {
 
@@ -86,8 +88,9 @@ void ObjectDictionary::restore(std::uint8_t node_id, std::uint16_t first_index,
       const std::uint8_t value = defaults.next();
       if (wanted) image_[entry.offset + i] = value;
     }
-    const bool relative = std::find(std::begin(od::kNodeRelative), std::end(od::kNodeRelative),
-                                    entry.offset) != std::end(od::kNodeRelative);
+    const bool relative = first_where(std::span(od::kNodeRelative), [&entry](std::uint16_t offset) {
+                            return offset == entry.offset;
+                          }) != nullptr;
     if (wanted && relative) {
       std::uint8_t* place = &image_[entry.offset];
       store_le(place, load_le<std::uint32_t>(place) + node_id);
@@ -124,8 +127,8 @@ std::span<const std::uint8_t> ObjectDictionary::bytes(const od::Entry& entry) co
   }
   const std::span<const std::uint8_t> value{image_.data() + entry.offset, entry.size};
   if (entry.type != od::Type::kVisibleString) return value;
-  const auto end = std::find(value.begin(), value.end(), std::uint8_t{0});
-  return value.first(static_cast<std::size_t>(end - value.begin()));
+  const std::uint8_t* end = first_where(value, [](std::uint8_t byte) { return byte == 0; });
+  return end == nullptr ? value : value.first(static_cast<std::size_t>(end - value.data()));
 }
 
 void ObjectDictionary::assign(const od::Entry& entry, std::span<const std::uint8_t> data) {
@@ -133,11 +136,9 @@ void ObjectDictionary::assign(const od::Entry& entry, std::span<const std::uint8
 }
 
 const od::Limit* ObjectDictionary::limit(const od::Entry& entry) const {
-  const od::Limit* end = od::kLimits + od::kLimitCount;
-  const od::Limit* found = std::find_if(od::kLimits, end, [&entry](const od::Limit& limit) {
+  return first_where(std::span(od::kLimits, od::kLimitCount), [&entry](const od::Limit& limit) {
     return limit.index == entry.index && limit.sub == entry.sub;
   });
-  return found != end ? found : nullptr;
 }
 
 void ObjectDictionary::set_string(od::Ref<char> ref, const char* text) {

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cstring>
 
+#include "firmware/canopen/search.h"
+
 namespace armtrue::canopen {
 namespace {
 
@@ -106,9 +108,9 @@ Abort check_mapping(const ObjectDictionary& dictionary, std::uint16_t index, std
 }  // namespace
 
 bool Mapping::has_axis_object(std::uint16_t object) const {
-  return std::any_of(entries.begin(), entries.begin() + count, [object](const MappedEntry& mapped) {
-    return axis_object(mapped.index) == object;
-  });
+  return first_where(used(), [object](const MappedEntry& mapped) {
+           return axis_object(mapped.index) == object;
+         }) != nullptr;
 }
 
 Mapping PdoTable::decode(od::Ref<std::uint8_t> count, od::Ref<std::uint32_t> first,

@@ -100,7 +100,7 @@ void SdoServer::handle_block_upload(const std::uint8_t* request) {
     case kStart:
       if (state_ != State::kBlockUploadStart) return abort(Abort::kCommandSpecifier);
       state_ = State::kBlockUploadSegments;
-      return send_block_segments();
+      return;
     case kAcknowledge:
       return block_upload_acknowledged(request);
     case kEnd:
@@ -122,6 +122,7 @@ void SdoServer::initiate_block_upload(const std::uint8_t* request) {
   if (size_ <= request[5]) return respond_upload_initiated();
   with_crc_ = (request[0] & kClientCrc) != 0;
   crc_ = 0;
+  crc_end_ = 0;
   offset_ = 0;
   sequence_ = 0;
   block_size_ = wanted;
@@ -131,21 +132,25 @@ void SdoServer::initiate_block_upload(const std::uint8_t* request) {
   respond(answer);
 }
 
-void SdoServer::send_block_segments() {
-  if (has_unsent_) return;
-  while (sequence_ < block_size_) {
-    const std::uint32_t at = offset_ + sequence_ * static_cast<std::uint32_t>(kSegmentBytes);
-    const std::size_t length = std::min<std::size_t>(kSegmentBytes, size_ - at);
-    const bool last = at + length == size_;
-    Payload segment = {};
-    segment[0] = static_cast<std::uint8_t>((sequence_ + 1U) | (last ? kLastSegment : 0U));
-    access_.read(at, std::span(segment).subspan(1, length));
-    if (!transmit(segment)) return;  // process() goes on from here
-    last_activity_us_ = now_us_;
-    ++sequence_;
-    if (last) break;
+bool SdoServer::send_block_segment() {
+  if (state_ != State::kBlockUploadSegments || has_unsent_ || port_.has_backlog()) return false;
+  const std::uint32_t at = offset_ + sequence_ * static_cast<std::uint32_t>(kSegmentBytes);
+  const std::size_t length = std::min<std::size_t>(kSegmentBytes, size_ - at);
+  const bool last = at + length == size_;
+  Payload segment = {};
+  segment[0] = static_cast<std::uint8_t>((sequence_ + 1U) | (last ? kLastSegment : 0U));
+  const std::span<std::uint8_t> content = std::span(segment).subspan(1, length);
+  access_.read(at, content);
+  if (!transmit(segment)) return false;
+  last_activity_us_ = now_us_;
+  // With every segment, so that no turn has a whole block of it; once for those sent again.
+  if (at == crc_end_) {
+    crc_ = crc16(content, crc_);
+    crc_end_ += static_cast<std::uint32_t>(length);
   }
-  state_ = State::kBlockUploadAck;
+  ++sequence_;
+  if (last || sequence_ == block_size_) state_ = State::kBlockUploadAck;
+  return true;
 }
 
 void SdoServer::block_upload_acknowledged(const std::uint8_t* request) {
@@ -154,24 +159,17 @@ void SdoServer::block_upload_acknowledged(const std::uint8_t* request) {
   const std::uint8_t wanted = request[2];
   if (acknowledged > sequence_) return abort(Abort::kSequenceNumber);
   if (wanted == 0 || wanted > kMaxBlockSize) return abort(Abort::kBlockSize);
-  std::size_t taken = 0;
-  for (std::uint8_t k = 0; k < acknowledged; ++k) {
-    std::array<std::uint8_t, kSegmentBytes> piece = {};
-    taken = std::min<std::size_t>(kSegmentBytes, size_ - offset_);
-    access_.read(offset_, std::span(piece).first(taken));
-    crc_ = crc16(std::span<const std::uint8_t>(piece).first(taken), crc_);
-    offset_ += static_cast<std::uint32_t>(taken);
-  }
+  offset_ += acknowledged * static_cast<std::uint32_t>(kSegmentBytes);
   block_size_ = wanted;
-  const bool complete = offset_ == size_ && acknowledged > 0;
   sequence_ = 0;
-  if (!complete) {
+  if (acknowledged == 0 || offset_ < size_) {
     state_ = State::kBlockUploadSegments;
-    return send_block_segments();
+    return;
   }
   state_ = State::kBlockUploadEnd;
   Payload end = {};
-  end[0] = static_cast<std::uint8_t>(0xC1U | (kSegmentBytes - taken) << 2);
+  // The last segment may have been longer than what was left.
+  end[0] = static_cast<std::uint8_t>(0xC1U | (offset_ - size_) << 2);
   store_le(&end[1], with_crc_ ? crc_ : std::uint16_t{0});
   respond(end);
 }

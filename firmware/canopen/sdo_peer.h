@@ -117,7 +117,7 @@ class SdoPeer {
     bench_.from_controller(request({0xA3, 0, 0, 0, 0, 0, 0, 0}));
     std::vector<std::uint8_t> data;
     for (;;) {
-      const std::vector<CanFrame> frames = bench_.upstream.take_sent();
+      const std::vector<CanFrame> frames = bench_.all_sent();
       expect(!frames.empty());
       if (frames.size() == 1 && (frames[0].data[0] & 0xE3) == 0xC1) {
         data.resize(data.size() - (frames[0].data[0] >> 2 & 7));

@@ -24,6 +24,7 @@ constexpr std::uint8_t kToggle = 0x10;
 constexpr std::uint8_t kLastSegment = 0x01;
 constexpr std::uint8_t kAbortCommand = 0x80;
 constexpr std::size_t kSegmentBytes = 7;
+constexpr int kSegmentsPerTurn = 4;  // of a block upload
 
 }  // namespace
 
@@ -154,11 +155,10 @@ void SdoServer::upload_segment(const std::uint8_t* request) {
   respond(answer);
 }
 
-void SdoServer::process(std::uint64_t now_us) {
+void SdoServer::process(std::uint64_t now_us, bool at_rest) {
   now_us_ = now_us;
   if (has_unsent_ && transmit(unsent_)) has_unsent_ = false;
   if (state_ == State::kIdle) return;
-  if (state_ == State::kBlockUploadSegments) send_block_segments();
   const std::uint64_t silence_us = now_us - last_activity_us_;
   if (silence_us >= kTimeOutUs) return abort(Abort::kTimeOut);
   // The last segment of a sub-block may be the one that was lost: say how far we got, once.
@@ -167,6 +167,8 @@ void SdoServer::process(std::uint64_t now_us) {
     nudged_ = true;
     acknowledge_sub_block();
   }
+  int segments = at_rest ? kSegmentsPerTurn : (silence_us >= kSegmentPauseUs ? 1 : 0);
+  while (segments > 0 && send_block_segment()) --segments;
 }
 
 void SdoServer::take_multiplexer(const std::uint8_t* request) {

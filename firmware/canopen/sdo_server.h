@@ -1,7 +1,9 @@
 // SDO server (CiA 301, 7.2.4.3): expedited, segmented and block transfer in both directions.
 //
-// Request frames go in by handle(); answers and block segments leave through `port`. process() runs
-// the time-outs and the segments of a block upload that did not fit into the port's queue before.
+// Request frames go in by handle(); answers leave through `port`. process() runs the time-outs and
+// sends the segments of block uploads: none behind a backlog of the port, and while joints are
+// commanded one in a millisecond, because frames leave in order and those of the joints come
+// after.
 //
 //   expedited   request   ccs 1 | n | e=1 | s   index sub   data[4]
 //   segmented   initiate  ccs 1 | e=0 | s       index sub   size[4], then  ccs 0 | t | n | c
@@ -29,13 +31,16 @@ class SdoServer {
   // A frame with the request identifier. Frames of other lengths than 8 are not SDOs and ignored.
   void handle(const CanFrame& frame, std::uint64_t now_us);
 
-  void process(std::uint64_t now_us);
+  // `at_rest`: no joints are commanded.
+  void process(std::uint64_t now_us, bool at_rest);
 
   std::uint32_t request_id() const { return request_id_; }
   bool is_idle() const { return state_ == State::kIdle; }
 
   // Silence after which a transfer is aborted.
   static constexpr std::uint64_t kTimeOutUs = 2'000'000;
+  // Between two segments of a block upload in motion.
+  static constexpr std::uint64_t kSegmentPauseUs = 1000;
 
  private:
   enum class State : std::uint8_t {
@@ -65,7 +70,8 @@ class SdoServer {
   void end_block_download(const std::uint8_t* request);
   void handle_block_upload(const std::uint8_t* request);
   void initiate_block_upload(const std::uint8_t* request);
-  void send_block_segments();
+  // Sends one segment where there is room for it.
+  bool send_block_segment();
   void block_upload_acknowledged(const std::uint8_t* request);
 
   void take_multiplexer(const std::uint8_t* request);
@@ -97,6 +103,7 @@ class SdoServer {
   bool last_segment_seen_ = false;
   bool nudged_ = false;  // the sub-block was acknowledged early because the client went silent
   std::uint16_t crc_ = 0;
+  std::uint32_t crc_end_ = 0;  // the bytes of an upload before this one are in it
   std::array<std::uint8_t, 7> held_ =
       {};  // the newest segment: only the end says how much of it counts
   bool has_held_ = false;

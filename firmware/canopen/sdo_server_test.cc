@@ -3,7 +3,9 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <string>
+#include <utility>
 
 #include "firmware/canopen/crc16.h"
 #include "firmware/canopen/node_bench.h"
@@ -167,7 +169,7 @@ TEST_P(BlockDownloadTest, ArrivesWithItsCrcAndReadsBack) {
   std::vector<std::uint8_t> back;
   bool lost_one = false;
   for (int turn = 0; turn < 1000; ++turn) {
-    std::vector<CanFrame> block = answers();
+    std::vector<CanFrame> block = bench.all_sent();
     ASSERT_FALSE(block.empty());
     if (block[0].data[0] == 0xC1 || (block[0].data[0] & 0xE3) == 0xC1) {
       back.resize(back.size() - (block[0].data[0] >> 2 & 7));
@@ -262,11 +264,104 @@ TEST_F(SdoTest, BlockUploadGoesOnWhenTheQueueHasRoomAgain) {
   bench.upstream.set_room(10);
   send({0xA3, 0, 0, 0, 0, 0, 0, 0});
   std::size_t segments = 0;
-  for (int turn = 0; turn < 20; ++turn) {
+  for (int turn = 0; turn < 30; ++turn) {
     segments += answers().size();
     bench.run_for(1000);
   }
   EXPECT_EQ(segments, 100U);
+}
+
+TEST_F(SdoTest, BlockUploadSendsAFewSegmentsATurn) {
+  ASSERT_EQ(bench.stage(pattern(700)), 0U);
+  bench.ask({0xA4, 0x10, 0x20, 0, 127, 0, 0, 0});
+  send({0xA3, 0, 0, 0, 0, 0, 0, 0});
+  EXPECT_EQ(answers().size(), 4U);
+  bench.turn();
+  EXPECT_EQ(answers().size(), 4U);
+}
+
+// A client that takes blocks of 127 segments reads what is staged, while joints move and the bus
+// has little room.
+class DumpInMotion : public testing::Test {
+ protected:
+  DumpInMotion() {
+    bench.stage(data);
+    bench.configure(Mode::kInline);
+    bench.upstream.take_sent();
+    request({0xA4, 0x10, 0x20, 0, 127, 0, 0, 0});
+  }
+  void request(std::initializer_list<int> bytes) {
+    bench.from_controller(make_frame(0x620, bytes));
+  }
+
+  // A millisecond in which the bus upstream takes `frames`.
+  void cycle(int frames) {
+    bench.now_us += 1000;
+    const int position = 100 * ++cycles;
+    bench.from_controller(make_frame(0x80, {}));
+    bench.command_joints({position, position, position, position, position, position});
+    bench.downstream.take_sent();
+    for (const std::uint32_t id : {0x1C0U, 0x1C1U, 0x1C2U}) {
+      if (id == 0x1C0U) ahead = std::max(ahead, bench.upstream.waiting());
+      bench.from_drives(NodeBench::pair_frame(id, position, position));
+    }
+    CanFrame frame;
+    segments = 0;
+    for (int k = 0; k < frames && bench.upstream.take_one(frame); ++k) {
+      if (frame.id == 0x580 + NodeBench::kNodeId) take(frame);
+      bench.turn();  // the queue has moved: an interrupt
+    }
+  }
+
+  void take(const CanFrame& frame) {
+    if (frame.data[0] == 0xC6 && data_back.empty()) {
+      request({0xA3, 0, 0, 0, 0, 0, 0, 0});
+    } else if (block == 0 && (frame.data[0] & 0xE3) == 0xC1) {
+      data_back.resize(data_back.size() - (frame.data[0] >> 2 & 7));
+      is_done = load_le<std::uint16_t>(&frame.data[1]) == crc16(data_back);
+    } else {
+      ++segments;
+      data_back.insert(data_back.end(), frame.data + 1, frame.data + 8);
+      if (++block == 127 || (frame.data[0] & 0x80) != 0) {
+        request({0xA2, std::exchange(block, 0), 127, 0, 0, 0, 0, 0});
+      }
+    }
+  }
+
+  const std::vector<std::uint8_t> data = pattern(2000);
+  NodeBench bench;
+  int cycles = 0;
+  int block = 0;
+  int segments = 0;       // of the last cycle
+  std::size_t ahead = 0;  // frames that joint frames had to wait for, at most
+  std::vector<std::uint8_t> data_back;
+  bool is_done = false;
+};
+
+TEST_F(DumpInMotion, JointFramesWaitForFourFramesAtMostAndNoneIsRefused) {
+  bench.upstream.set_room(32);
+  CanFrame initiated;
+  ASSERT_TRUE(bench.upstream.take_one(initiated));
+  take(initiated);
+  for (int k = 0; k < 20; ++k) bench.turn();  // at rest nothing else holds the segments back
+  while (cycles < 100) cycle(3);              // room for the actual positions alone
+  while (!is_done && cycles < 2000) cycle(4);
+  EXPECT_TRUE(is_done);
+  EXPECT_EQ(data_back, data);
+  EXPECT_LE(ahead, 4U);
+  EXPECT_GT(ahead, 0U);
+  EXPECT_EQ(bench.upstream.counters().send_refused, 0U);
+}
+
+TEST_F(DumpInMotion, WhereThePortDoesNotKnowItsBacklogASegmentLeavesInAMillisecond) {
+  cycle(100);
+  cycle(100);
+  while (!is_done && cycles < 2000) {
+    cycle(100);
+    EXPECT_LE(segments, 1);
+  }
+  EXPECT_EQ(data_back, data);
+  EXPECT_LT(cycles, 2000 / 7 + 20);
 }
 
 TEST(Crc16Test, MatchesTheStandardsCheckValue) {

@@ -91,8 +91,10 @@ TEST_F(TroubledTransfer, AtEveryStepLeavesNothingHalfDone) {
                                     << ", after " << sent << " frames";
         };
         ASSERT_EQ(bench.stage(is_upload ? data : before), 0U) << where();
-        for (std::size_t k = 0; k < sent; ++k) bench.from_controller(requests[k]);
-        bench.upstream.take_sent();
+        for (std::size_t k = 0; k < sent; ++k) {
+          bench.from_controller(requests[k]);
+          bench.all_sent();
+        }
         trouble(kind, transfer == Transfer::kBlockDownload && sent + 1 < requests.size());
         // What a reader finds is the whole of what was staged, or nothing.
         EXPECT_EQ(bench.read(0x2013, 3), is_upload ? data.size() : 0U) << where();

@@ -38,6 +38,9 @@ class SimulatedPort final : public CanPort {
     return true;
   }
 
+  // Of a queue that ends somewhere the first places are the controller's own.
+  bool has_backlog() override { return room_ != SIZE_MAX && sent_.size() > kMailboxes; }
+
   BusState bus_state() override { return state_; }
 
   void recover() override {
@@ -57,6 +60,14 @@ class SimulatedPort final : public CanPort {
     sent_.clear();
     return frames;
   }
+  // The bus takes the oldest frame. False where there is none.
+  bool take_one(CanFrame& frame) {
+    if (sent_.empty()) return false;
+    frame = sent_.front();
+    sent_.pop_front();
+    return true;
+  }
+  std::size_t waiting() const { return sent_.size(); }
   void set_state(BusState state) {
     if (state == BusState::kBusOff && state_ != state) ++counters_.bus_off_entries;
     state_ = state;
@@ -66,6 +77,8 @@ class SimulatedPort final : public CanPort {
   std::size_t recoveries() const { return recoveries_; }
 
  private:
+  static constexpr std::size_t kMailboxes = 3;
+
   bool fd_;
   std::size_t room_;
   BusState state_ = BusState::kActive;

@@ -12,18 +12,20 @@ namespace {
 
 // Joint 1 moves further in a cycle than any correction is large: its target tells the cycle.
 constexpr std::int32_t kStep = 400;
-constexpr std::int32_t kLargestDelta = 166;
+constexpr std::int32_t kPermitted = 190;  // a little more than the largest that is right
 constexpr double kIncrementsPerTurn = 1 << 20;
 // amplitude 2^22: 2^-10 rad
 constexpr double kAmplitude = kIncrementsPerTurn / (1024.0 * 2.0 * std::numbers::pi);
 constexpr std::uint64_t kBlendCycles = 25;
-constexpr double kBlendStep = 12.0;    // what blending over 20 ms adds in one cycle, rounded up
+constexpr double kBlendStep = 18.0;    // from one end of the permitted to the other, in one cycle
 constexpr double kRateLimit = 104.86;  // 0.1 turn per second: increments a cycle
 constexpr double kSlack = 1.6;         // rounding here and there, and the inverse's second order
 constexpr std::uint32_t kStrangerTarget = 0x40000000;
 
 constexpr std::uint32_t kTargetIds[] = {0x220, 0x320, 0x420};
 constexpr std::uint32_t kFeedbackIds[] = {0x1C0, 0x1C1, 0x1C2};
+constexpr std::uint32_t kOffsetIds[] = {0x1A0, 0x2A0, 0x3A0};
+constexpr std::uint64_t kSettles = 135;  // cycles until an arm that stands is known to
 
 bool is_target(const CanFrame& frame) {
   return !frame.is(kFrameExtended) && !frame.is(kFrameRemote) &&
@@ -65,14 +67,26 @@ const char* name_of(Fault fault) {
   return kNames[static_cast<std::size_t>(fault)];
 }
 
-Soak::Soak(std::uint32_t seed, double rate, bool synchronous)
-    : random_(seed), probability_(rate / 1000.0), synchronous_(synchronous) {
+Soak::Soak(std::uint32_t seed, double rate, bool synchronous, Mode mode)
+    : mode_(mode),
+      bench_(mode == Mode::kInline, true),
+      random_(seed),
+      probability_(rate / 1000.0),
+      synchronous_(synchronous) {
   configure();
+  last_released_ = targets_of(pose_);
+  stand_still(mode_ == Mode::kOffset ? kSettles : 3);
 }
 
 void Soak::configure() {
-  bench_.install(TestTable{}.image());
-  bench_.configure(Mode::kInline);
+  bench_.install(TestTable{.magnitude = kPermitted << 12}.image());
+  for (std::uint16_t k = 0; k < 3 && mode_ == Mode::kOffset; ++k) {
+    if (bench_.write(static_cast<std::uint16_t>(0x1800 + k), 1, 0x40000000U | kOffsetIds[k], 4) !=
+        0) {
+      throw std::runtime_error("cannot configure");
+    }
+  }
+  bench_.configure(mode_);
   for (std::uint16_t k = 0; k < 3 && synchronous_; ++k) {
     if (bench_.write(static_cast<std::uint16_t>(0x1400 + k), 2, 1, 1) != 0) {
       throw std::runtime_error("cannot configure");
@@ -107,13 +121,18 @@ bool Soak::draw(Fault fault) {
   return true;
 }
 
-Soak::Joints Soak::targets_of(std::uint64_t cycle) const {
+Soak::Joints Soak::targets_of(std::uint64_t pose) const {
   Joints joints = {};
-  joints[0] = static_cast<std::int32_t>(kStep * static_cast<std::int64_t>(cycle));
+  joints[0] = static_cast<std::int32_t>(kStep * static_cast<std::int64_t>(pose));
   for (std::size_t k = 1; k < joints.size(); ++k) {
-    joints[k] = static_cast<std::int32_t>(13 * static_cast<std::int64_t>(k * cycle)) + 100000;
+    joints[k] = static_cast<std::int32_t>(13 * static_cast<std::int64_t>(k * pose)) + 100000;
   }
   return joints;
+}
+
+void Soak::stand_still(std::uint64_t cycles) {
+  standing_until_ = std::max(standing_until_, cycle_ + cycles);
+  disturbed_until_ = std::max(disturbed_until_, standing_until_);
 }
 
 void Soak::deliver(const CanFrame& frame) {
@@ -128,10 +147,15 @@ void Soak::step_to(std::uint64_t offset_us) {
 void Soak::one_cycle() {
   ++cycle_;
   ++figures_.cycles;
+  lagging_pose_ = previous_pose_;
+  previous_pose_ = pose_;
+  const bool stands = cycle_ < standing_until_;
+  if (!stands) ++pose_;
   const auto disturbed = [this](std::uint64_t cycles) {
     disturbed_until_ = std::max(disturbed_until_, cycle_ + cycles);
   };
-  bench_.downstream.set_room(cycle_ < full_until_ ? random_() % 4 : SIZE_MAX);
+  auto& out = mode_ == Mode::kInline ? bench_.downstream : bench_.upstream;
+  out.set_room(cycle_ < full_until_ ? random_() % 4 : SIZE_MAX);
   disturb();
 
   const bool silent = cycle_ < silent_until_;
@@ -145,7 +169,7 @@ void Soak::one_cycle() {
 
   std::vector<CanFrame> frames;
   if (!silent) {
-    const auto targets = NodeBench::targets(targets_of(cycle_));
+    const auto targets = NodeBench::targets(targets_of(pose_));
     frames.assign(targets.begin(), targets.end());
   }
   // A late frame that stands in for the lost one of the next cycle cannot be told from it: targets
@@ -174,7 +198,7 @@ void Soak::one_cycle() {
       frames.erase(frames.begin() + static_cast<std::ptrdiff_t>(victim));
       frames.push_back(frame);
     }
-    if (draw(Fault::kOversizeTarget)) {
+    if (draw(Fault::kOversizeTarget) && !stands) {
       constexpr std::uint8_t kLengths[] = {12, 16, 20, 24, 32, 48, 64};
       const std::uint8_t length = kLengths[random_() % std::size(kLengths)];
       const std::uint32_t id = frames[victim].id;
@@ -187,7 +211,7 @@ void Soak::one_cycle() {
         std::copy(beyond.begin() + 8, beyond.begin() + length, frame.data + 8);
       }
     }
-    if (draw(Fault::kShortTarget) && may_vanish(frames[victim])) {
+    if (draw(Fault::kShortTarget) && !stands && may_vanish(frames[victim])) {
       const std::uint32_t id = frames[victim].id;
       for (CanFrame& frame : frames) {
         if (frame.id != id) continue;
@@ -207,13 +231,13 @@ void Soak::one_cycle() {
       disturbed(4);
     }
   }
-  for (const CanFrame& frame : frames) sent_[cycle_ % sent_.size()][frame.id / 0x100 - 2] = frame;
+  for (const CanFrame& frame : frames) sent_[pose_ % sent_.size()][frame.id / 0x100 - 2] = frame;
   if (!late.empty()) {
     frames.insert(frames.begin(), late.begin(), late.end());
     disturbed(3);
   }
   if (draw(Fault::kForeignTarget)) {
-    CanFrame foreign = NodeBench::targets(targets_of(cycle_ + 99))[random_() % 3];
+    CanFrame foreign = NodeBench::targets(targets_of(pose_ + 99))[random_() % 3];
     foreign.flags = random_() % 2 == 0 ? kFrameExtended : kFrameRemote;
     frames.insert(frames.begin(), foreign);
     expected_forward_.push_back(foreign);
@@ -265,8 +289,13 @@ void Soak::one_cycle() {
   // A real node looks at its clock all the time.
   for (; at_us < 990; at_us += 150) step_to(at_us);
   step_to(990);
-  judge_downstream();
-  judge_feedback();
+  if (mode_ == Mode::kInline) {
+    judge_downstream();
+    judge_feedback();
+  } else {
+    judge_offsets();
+    judge_offset_feedback();
+  }
   heal();
 }
 
@@ -297,6 +326,8 @@ void Soak::disturb() {
     bench_.power_on();
     needs_healing_at_ = for_some(5, 100);
     disturbed_until_ = std::max(disturbed_until_, needs_healing_at_ + 3);
+    // Some controllers notice, others go on.
+    if (random_() % 2 == 0) stand_still(needs_healing_at_ + 5 - cycle_);
   }
   if (draw(Fault::kStrayNmt)) {
     constexpr int kCommands[] = {1, 2, 128, 129, 130, 77};
@@ -318,6 +349,9 @@ void Soak::heal() {
   }
   needs_healing_at_ = 0;
   bench_.start_nodes();
+  if (mode_ == Mode::kOffset) blends_from_ = bench_.compensator().counters().cycles;
+  // What the drives hold can only be heard of an arm that stands.
+  if (mode_ == Mode::kOffset) stand_still(kSettles);
 }
 
 // Requests that a confused or hostile client could send. None may reach the joint path.
@@ -366,41 +400,117 @@ void Soak::judge_downstream() {
   }
   expected_forward_.clear();
   judge_set(set);
-  const bool undisturbed = cycle_ > disturbed_until_;
-  if (!set.empty()) return;
-  if (!undisturbed) return;
+  judge_gap(!set.empty());
+}
+
+void Soak::judge_gap(bool any_output) {
+  if (any_output || cycle_ <= disturbed_until_) return;
+  std::uint64_t interruptions = 1;
+  for (const Fault fault : {Fault::kSilence, Fault::kUpstreamOff, Fault::kPowerCycle,
+                            Fault::kStrayNmt, Fault::kSecondMaster}) {
+    interruptions += figures_.faults[static_cast<std::size_t>(fault)];
+  }
+  if (mode_ == Mode::kOffset && interruptions != interruptions_) {
+    // The time in which the arm would have been known to stand was spoilt: a controller waits
+    // again.
+    interruptions_ = interruptions;
+    return stand_still(kSettles);
+  }
   const std::uint64_t gap = cycle_ - std::max(last_output_cycle_, disturbed_until_);
   figures_.longest_gap = std::max(figures_.longest_gap, gap);
   if (gap > 5) fail("no output although nothing is wrong any more");
 }
 
+// A node that has just started does not know what the drives hold; they do.
+void Soak::begin_life() {
+  if (bench_.lives == life_) return;
+  life_ = bench_.lives;
+  rate_clamped_ = 0;
+  blends_from_ = 0;
+  seen_ = {};
+}
+
+// `delta` is what a joint is told beyond its command. Steps are judged from what its drive holds.
+void Soak::judge_joint(std::size_t joint, std::int32_t delta, std::int32_t commanded) {
+  const std::string who = "joint " + std::to_string(joint + 1) + ": ";
+  const double expected = expected_delta(commanded);
+  const bool leaving = mode_ == Mode::kOffset && needs_healing_at_ != 0;
+  const bool blending = blended_ <= blends_from_ + kBlendCycles;
+  // Evaluations since this joint's last output; more than one where a full bus took no more.
+  // Those of a life that has ended meanwhile are not known: at most one in a cycle.
+  const auto evaluations =
+      static_cast<double>(leaving ? cycle_ - held_since_[joint] + 1 : blended_ - seen_[joint]);
+  const double change = std::abs(static_cast<double>(delta) - last_delta_[joint]);
+  const double error = std::abs(static_cast<double>(delta) - expected);
+  // After a long silence the correction follows at the table's rate limit.
+  const bool at_rate_limit = bench_.compensator().counters().rate_clamped != rate_clamped_;
+  if (!blending && error > kSlack && !at_rate_limit) {
+    return fail(who + "correction " + std::to_string(delta) + ", expected " +
+                std::to_string(expected));
+  }
+  const double step = kBlendStep * evaluations + std::abs(expected - last_expected_[joint]);
+  if (blending && !leaving && !at_rate_limit && !was_at_rate_limit_ && change > step + kSlack) {
+    return fail(who + "a step while blending in, " + std::to_string(last_delta_[joint]) + " to " +
+                std::to_string(delta) + " in " + std::to_string(evaluations) +
+                " evaluations, expected " + std::to_string(last_expected_[joint]) + " to " +
+                std::to_string(expected));
+  }
+  if (std::abs(delta) > kPermitted) return fail(who + "more than the table permits");
+  if (change > kRateLimit * evaluations + kSlack) {
+    return fail(who + "faster than the rate limit: " + std::to_string(last_delta_[joint]) + " to " +
+                std::to_string(delta) + " in " + std::to_string(evaluations) + " evaluations");
+  }
+  last_delta_[joint] = delta;
+  held_since_[joint] = cycle_;
+  last_expected_[joint] = expected;
+  seen_[joint] = blended_;
+}
+
 void Soak::judge_set(std::vector<CanFrame>& set) {
+  const bool evaluates = bench_.compensator().counters().cycles != 0;
+  const bool is_first = evaluates && evaluated_life_ != bench_.lives;
+  if (is_first) {
+    evaluated_life_ = bench_.lives;
+    first_pose_ = synchronous_ ? previous_pose_ : pose_;
+  }
   if (set.empty()) return;
   if (set.size() > 3) return fail("more than one set in a cycle");
   Joints released = last_released_;
-  // Which cycle? The frame of joint 1 tells; without it (cut short) any cycle of late may be meant.
+  // Which pose? The frame of joint 1 tells; without it (cut short) any of late may be meant.
   const auto first =
       std::find_if(set.begin(), set.end(), [](const CanFrame& f) { return f.id == 0x220; });
-  std::uint64_t meant = synchronous_ ? cycle_ - 1 : cycle_;
+  std::uint64_t meant = synchronous_ ? previous_pose_ : pose_;
   if (first != set.end()) {
     const std::int32_t value = unpack(*first)[0];
     meant = static_cast<std::uint64_t>(std::llround(static_cast<double>(value) / kStep));
-    if (std::abs(value - kStep * static_cast<std::int64_t>(meant)) > kLargestDelta) {
-      return fail("joint 1 is told " + std::to_string(value) + ", which no cycle meant");
+    if (std::abs(value - kStep * static_cast<std::int64_t>(meant)) > kPermitted) {
+      return fail("joint 1 is told " + std::to_string(value) + ", which no pose meant");
     }
   }
-  if (meant > cycle_ || meant + 2 < cycle_) return fail("output of cycle " + std::to_string(meant));
-  if (has_output_ && meant <= last_output_cycle_) return fail("output repeated or out of order");
-  if (bench_.lives != life_) {
-    life_ = bench_.lives;
-    last_delta_ = {};
-    last_expected_ = {};
-    rate_clamped_ = 0;
-    seen_ = {};
+  if (meant > pose_ || meant + 2 < pose_) return fail("output of pose " + std::to_string(meant));
+  const bool may_repeat = cycle_ < standing_until_ + 3;
+  if (has_output_ && meant < last_output_pose_ + (may_repeat ? 0 : 1)) {
+    return fail("output repeated or out of order");
   }
+  const bool is_new_life = bench_.lives != life_;
+  begin_life();
   // Blending goes on with every evaluation, whether the bus took its output or not.
-  blended_ = bench_.node().joint_counters().sets;
+  blended_ = bench_.compensator().counters().cycles;
   const Joints commanded = targets_of(meant);
+  if (is_new_life) {
+    // The drives stand where they were told last. From there the nearest that is permitted: that
+    // itself where the controller waited for us.
+    const bool waited = has_output_ && meant == last_output_pose_;
+    const Joints began = targets_of(is_first ? meant : first_pose_);
+    for (std::size_t joint = 0; joint < commanded.size(); ++joint) {
+      const std::int32_t stand = last_released_[joint] - began[joint];
+      const std::int32_t nearest = std::clamp(stand, -kPermitted, kPermitted);
+      if (waited && whole_ && nearest != last_delta_[joint])
+        return fail("the judge has lost count");
+      last_delta_[joint] = nearest;
+      last_expected_[joint] = expected_delta(commanded[joint]);
+    }
+  }
   for (const CanFrame& frame : set) {
     const CanFrame& original = sent(meant, frame.id);
     if (frame.len != original.len || frame.flags != original.flags ||
@@ -411,37 +521,11 @@ void Soak::judge_set(std::vector<CanFrame>& set) {
     const std::size_t pair = frame.id / 0x100 - 2;
     for (std::size_t place = 0; place < 2; ++place) {
       const std::size_t joint = 2 * pair + place;
-      const std::int32_t value = load_le<std::int32_t>(&frame.data[4 * place]);
-      const std::int64_t delta = std::int64_t{value} - commanded[joint];
-      const double expected = expected_delta(commanded[joint]);
-      const bool blending = blended_ <= kBlendCycles;
-      // Evaluations since this joint's last output; more than one where a full bus took no more.
-      const auto evaluations = static_cast<double>(blended_ - seen_[joint]);
-      const double change = std::abs(static_cast<double>(delta - last_delta_[joint]));
-      const double error = std::abs(static_cast<double>(delta) - expected);
-      // After a long silence the correction follows at the table's rate limit.
-      const bool at_rate_limit = bench_.compensator().counters().rate_clamped != rate_clamped_;
-      if (!blending && error > kSlack && !at_rate_limit) {
-        return fail("joint " + std::to_string(joint + 1) + ": correction " + std::to_string(delta) +
-                    ", expected " + std::to_string(expected));
-      }
-      const double step = kBlendStep * evaluations + std::abs(expected - last_expected_[joint]);
-      const bool too_far = std::abs(static_cast<double>(delta)) > kLargestDelta;
-      if (blending && (too_far || change > step + kSlack)) {
-        return fail("joint " + std::to_string(joint + 1) + ": a step while blending in, " +
-                    std::to_string(last_delta_[joint]) + " to " + std::to_string(delta) + " in " +
-                    std::to_string(evaluations) + " evaluations, expected " +
-                    std::to_string(last_expected_[joint]) + " to " + std::to_string(expected));
-      }
-      if (change > kRateLimit * evaluations + kSlack) {
-        return fail("joint " + std::to_string(joint + 1) + ": faster than the rate limit");
-      }
-      last_delta_[joint] = static_cast<std::int32_t>(delta);
-      last_expected_[joint] = expected;
-      seen_[joint] = blended_;
-      released[joint] = value;
+      released[joint] = load_le<std::int32_t>(&frame.data[4 * place]);
+      judge_joint(joint, released[joint] - commanded[joint], commanded[joint]);
     }
   }
+  was_at_rate_limit_ = bench_.compensator().counters().rate_clamped != rate_clamped_;
   rate_clamped_ = bench_.compensator().counters().rate_clamped;
   if (set.size() == 3) {
     ++figures_.outputs;
@@ -456,8 +540,59 @@ void Soak::judge_set(std::vector<CanFrame>& set) {
   refused_ = bench_.downstream.counters().send_refused;
   evaluated_ = bench_.node().joint_counters().sets;
   last_released_ = released;
-  last_output_cycle_ = meant;
+  last_output_cycle_ = cycle_;
+  last_output_pose_ = meant;
   has_output_ = true;
+}
+
+// Offset mode: every frame with offsets is a step of the drives that get it.
+void Soak::judge_offsets() {
+  std::size_t frames = 0;
+  const bool leaving = needs_healing_at_ != 0;
+  for (const CanFrame& frame : bench_.upstream.take_sent()) {
+    if (frame.id == 0x80 + NodeBench::kNodeId) ++figures_.emergencies;
+    const auto* id = std::find(std::begin(kOffsetIds), std::end(kOffsetIds), frame.id);
+    if (id == std::end(kOffsetIds)) continue;
+    ++frames;
+    begin_life();
+    blended_ = bench_.compensator().counters().cycles;
+    if (leaving) blends_from_ = blended_;
+    const auto pair = static_cast<std::size_t>(id - std::begin(kOffsetIds));
+    const Joints commanded = targets_of(synchronous_ ? previous_pose_ : pose_);
+    for (std::size_t place = 0; place < 2; ++place) {
+      const std::size_t joint = 2 * pair + place;
+      const auto offset = load_le<std::int32_t>(&frame.data[4 * place]);
+      judge_joint(joint, offset, commanded[joint]);
+    }
+  }
+  if (frames > (leaving ? 6U : 3U)) return fail("more than one set of offsets in a cycle");
+  whole_ = frames == 3 && !leaving;
+  if (frames != 0) {
+    was_at_rate_limit_ = bench_.compensator().counters().rate_clamped != rate_clamped_;
+    rate_clamped_ = bench_.compensator().counters().rate_clamped;
+    ++(whole_ ? figures_.outputs : figures_.partial);
+    last_output_cycle_ = cycle_;
+  }
+  judge_gap(frames != 0);
+}
+
+// The drives follow the controller's targets, a little late, and add the offset that they have.
+void Soak::judge_offset_feedback() {
+  const Joints followed = targets_of(lagging_pose_);
+  Joints stand = followed;
+  for (std::size_t joint = 0; joint < stand.size(); ++joint) stand[joint] += last_delta_[joint];
+  for (std::size_t pair = 0; pair < 3; ++pair) {
+    deliver(NodeBench::pair_frame(kFeedbackIds[pair], stand[2 * pair], stand[2 * pair + 1]));
+    bench_.turn();
+  }
+  if (!whole_ || bench_.upstream.bus_state() == BusState::kBusOff) return;
+  for (std::size_t joint = 0; joint < stand.size(); ++joint) {
+    const auto& value = od::axis::kPositionActualValue[joint];
+    if (bench_.node().dictionary().get(value) != followed[joint]) {
+      return fail("joint " + std::to_string(joint + 1) + " is not read as it was commanded");
+    }
+    ++figures_.feedback_checked;
+  }
 }
 
 void Soak::judge_feedback() {

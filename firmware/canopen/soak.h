@@ -1,6 +1,7 @@
 // Hours of 1 kHz motion with everything at random that can go wrong on a bus, in process, as fast
-// as it runs. A judge who knows the table and every frame that was sent looks at every frame that
-// comes out. Used by soak_test.cc (a minute) and canopen_soak (./dev bench: an hour).
+// as it runs. A judge who knows the table, every frame that was sent and what the drives hold looks
+// at every frame that comes out, through restarts and stops as well. Used by soak_test.cc (a
+// minute) and canopen_soak (./dev test: an hour).
 #ifndef ARMTRUE_FIRMWARE_CANOPEN_SOAK_H_
 #define ARMTRUE_FIRMWARE_CANOPEN_SOAK_H_
 
@@ -58,7 +59,8 @@ struct SoakFigures {
 class Soak {
  public:
   // `rate`: faults of each kind in a thousand cycles. `synchronous`: targets leave with SYNC.
-  Soak(std::uint32_t seed, double rate, bool synchronous = false);
+  // `mode`: inline or offset.
+  Soak(std::uint32_t seed, double rate, bool synchronous = false, Mode mode = Mode::kInline);
 
   // Turns the correction off by SDO, for showing that the judge notices.
   void disable_correction() { bench_.write(0x2000, 2, 0, 1); }
@@ -74,7 +76,8 @@ class Soak {
   void configure();
   void heal();
   bool draw(Fault fault);
-  Joints targets_of(std::uint64_t cycle) const;
+  Joints targets_of(std::uint64_t pose) const;
+  void stand_still(std::uint64_t cycles);
   void deliver(const CanFrame& frame);
   void step_to(std::uint64_t offset_us);
   void one_cycle();
@@ -82,16 +85,22 @@ class Soak {
   void stray_sdo();
   void judge_downstream();
   void judge_set(std::vector<CanFrame>& set);
+  void judge_offsets();
+  void judge_joint(std::size_t joint, std::int32_t delta, std::int32_t commanded);
+  void judge_gap(bool any_output);
+  void begin_life();
   void judge_feedback();
+  void judge_offset_feedback();
   void fail(const std::string& what);
   Joints unpack(const CanFrame& frame) const;
 
-  // Of one target identifier, what was last sent in a cycle: output keeps all of it but the target.
-  const CanFrame& sent(std::uint64_t cycle, std::uint32_t id) const {
-    return sent_[cycle % sent_.size()][id / 0x100 - 2];
+  // Of one target identifier, what was last sent of a pose: output keeps all of it but the target.
+  const CanFrame& sent(std::uint64_t pose, std::uint32_t id) const {
+    return sent_[pose % sent_.size()][id / 0x100 - 2];
   }
 
-  NodeBench bench_{true, true};
+  Mode mode_;
+  NodeBench bench_;
   std::mt19937 random_;
   double probability_;
   bool synchronous_;
@@ -100,20 +109,32 @@ class Soak {
   std::deque<std::pair<std::uint64_t, Fault>> lately_;
 
   std::uint64_t cycle_ = 0;
+  // The controller's way: the same in every cycle in which it does not stand still.
+  std::uint64_t pose_ = 1;
+  std::uint64_t previous_pose_ = 1;
+  std::uint64_t lagging_pose_ = 1;  // where drives that follow the controller are
+  std::uint64_t standing_until_ = 0;
   std::uint64_t begin_us_ = 0;
   std::array<std::array<CanFrame, 3>, 4> sent_ = {};
   std::vector<CanFrame> late_;              // to be delivered in the next cycle
   std::vector<CanFrame> expected_forward_;  // in order
   std::uint64_t last_output_cycle_ = 0;
+  std::uint64_t last_output_pose_ = 0;
   bool has_output_ = false;
-  std::uint64_t life_ = 0;                  // of the node, that of the last output
-  std::uint32_t blended_ = 0;               // evaluations in this life
+  std::uint64_t life_ = 0;            // of the node, that of the last output
+  std::uint32_t blended_ = 0;         // evaluations in this life
+  std::uint32_t blends_from_ = 0;     // the one at which the output began
+  std::uint64_t evaluated_life_ = 0;  // the last one with an evaluation, and its pose
+  std::uint64_t first_pose_ = 0;
+  std::uint64_t interruptions_ = 0;         // those until the controller stood for want of output
   std::array<std::uint32_t, 6> seen_ = {};  // the same at each joint's last output
   std::uint32_t rate_clamped_ = 0;
+  bool was_at_rate_limit_ = false;
   bool whole_ = false;  // the last set came out whole
   std::uint32_t refused_ = 0;
   std::uint32_t evaluated_ = 0;
-  Joints last_delta_ = {};
+  Joints last_delta_ = {};  // what the drives hold, since these cycles
+  std::array<std::uint64_t, 6> held_since_ = {};
   std::array<double, 6> last_expected_ = {};
   Joints last_commanded_ = {};
   Joints last_released_ = {};

@@ -1,5 +1,6 @@
-// canopen_soak [SECONDS [SEED [FAULTS_PER_THOUSAND]]]: simulated motion with faults, as fast as it
-// runs. Prints what happened; exit status 1 if the judge saw anything wrong.
+// canopen_soak [SECONDS [SEED [FAULTS_PER_THOUSAND [sync|async [inline|offset]]]]]: simulated
+// motion with faults, as fast as it runs. Prints what happened; exit status 1 if the judge saw
+// anything wrong.
 #include <chrono>
 #include <cstdio>
 #include <cstdlib>
@@ -13,15 +14,18 @@ int main(int argc, char** argv) {
   const auto seed = static_cast<std::uint32_t>(argc > 2 ? std::atoi(argv[2]) : 1);
   const double rate = argc > 3 ? std::atof(argv[3]) : 1.0;
   const bool synchronous = argc > 4 && std::strcmp(argv[4], "sync") == 0;
+  const bool offset = argc > 5 && std::strcmp(argv[5], "offset") == 0;
   const auto begin = std::chrono::steady_clock::now();
-  armtrue::canopen::Soak soak(seed, rate, synchronous);
+  using armtrue::canopen::Mode;
+  armtrue::canopen::Soak soak(seed, rate, synchronous, offset ? Mode::kOffset : Mode::kInline);
   const std::string wrong = soak.run(static_cast<std::uint64_t>(1000.0 * seconds));
   const std::chrono::duration<double> took = std::chrono::steady_clock::now() - begin;
   const armtrue::canopen::SoakFigures& figures = soak.figures();
   std::printf(
-      "%llu cycles of 1 ms in %.1f s, seed %u, %g of each fault in 1000 cycles, %s targets\n",
-      static_cast<unsigned long long>(figures.cycles), took.count(), seed, rate,
-      synchronous ? "synchronous" : "asynchronous");
+      "%llu cycles of 1 ms in %.1f s, %s mode, seed %u, %g of each fault in 1000 cycles, %s "
+      "targets\n",
+      static_cast<unsigned long long>(figures.cycles), took.count(), offset ? "offset" : "inline",
+      seed, rate, synchronous ? "synchronous" : "asynchronous");
   std::printf("%llu sets came out whole, %llu cut short by a full bus, the others withheld\n",
               static_cast<unsigned long long>(figures.outputs),
               static_cast<unsigned long long>(figures.partial));

@@ -23,11 +23,10 @@ void count(std::uint32_t& counter) {
   if (counter != UINT32_MAX) ++counter;
 }
 
-// The CRC-32 of all but the last four bytes. Those are the image's own checksum, and the CRC of
-// something with its own CRC behind it is the same for everything.
-std::uint32_t checksum_of(std::span<const std::uint8_t> image) {
-  if (image.size() < format::kChecksumLength) return 0;
-  return crc32(image.first(image.size() - format::kChecksumLength));
+// How many bytes of `length` the checksum of an image is over: not those that hold it.
+std::uint32_t checked(std::uint32_t length) {
+  constexpr std::uint32_t kOwn = format::kChecksumLength;
+  return length < kOwn ? 0 : length - kOwn;
 }
 
 // The compensator caps such limits anyway; whoever wrote them expects something else to happen.
@@ -90,12 +89,15 @@ void TableTransfer::start() {
 
 void TableTransfer::use(std::span<const std::uint8_t> image) {
   active_ = image;
+  active_checksum_ = 0;
   if (image.empty()) {
     compensator_.disable();
   } else {
+    active_checksum_ = crc32(image.first(checked(static_cast<std::uint32_t>(image.size()))));
     // The image lies in the staging buffer: from now on that is the one in use.
     staging_is_first_ = !staging_is_first_;
     staged_ = 0;
+    staged_checksum_ = 0;
     state_ = StagingState::kEmpty;
     if (enabled_ && compensator_.load(image, device_).accepted()) compensator_.activate();
   }
@@ -105,8 +107,11 @@ void TableTransfer::use(std::span<const std::uint8_t> image) {
 void TableTransfer::set_enabled(bool enabled) {
   if (enabled == enabled_) return;
   enabled_ = enabled;
-  if (!enabled) return compensator_.disable();
-  if (!active_.empty() && compensator_.load(active_, device_).accepted()) compensator_.activate();
+  if (!enabled) {
+    compensator_.disable();
+  } else if (!active_.empty() && compensator_.load(active_, device_).accepted()) {
+    compensator_.activate();
+  }
   compensator_.take_up_request();
 }
 
@@ -220,6 +225,7 @@ Abort TableTransfer::revert() {
 
 Abort TableTransfer::discard() {
   staged_ = 0;
+  staged_checksum_ = 0;
   state_ = StagingState::kEmpty;
   refusal_reason_ = kFits;
   refusal_field_ = 0;
@@ -243,7 +249,11 @@ Abort TableTransfer::append(std::span<const std::uint8_t> piece) {
   const std::size_t capacity = std::min(staging_buffer().size(), store_.capacity());
   if (piece.size() > capacity - staged_) return Abort::kOutOfMemory;
   std::copy(piece.begin(), piece.end(), staging_buffer().begin() + staged_);
+  // With every piece: at the end it would take milliseconds, and joints may move by then.
+  const std::uint32_t before = checked(staged_);
   staged_ += static_cast<std::uint32_t>(piece.size());
+  staged_checksum_ =
+      crc32(staging_buffer().subspan(before, checked(staged_) - before), staged_checksum_);
   return Abort::kNone;
 }
 
@@ -267,12 +277,11 @@ Abort TableTransfer::begin_upload(std::uint16_t index, std::span<const std::uint
 void TableTransfer::refresh_status() {
   namespace status = od::table_status;
   const storage::StoreStatus& store = store_.status();
-  const std::span<const std::uint8_t> staged = staging_buffer().first(staged_);
   dictionary_.set(status::kStagingState, static_cast<std::uint8_t>(state_));
   dictionary_.set(status::kRefusalReason, refusal_reason_);
   dictionary_.set(status::kRefusalByteOffset, refusal_field_);
   dictionary_.set(status::kBytesStaged, staged_);
-  dictionary_.set(status::kChecksumOfStagedImage, checksum_of(staged));
+  dictionary_.set(status::kChecksumOfStagedImage, staged_checksum_);
   dictionary_.set(status::kCapacity,
                   static_cast<std::uint32_t>(std::min(staging_buffer().size(), store_.capacity())));
   dictionary_.set(status::kFormatVersionRead, format::kVersion);
@@ -283,7 +292,7 @@ void TableTransfer::refresh_status() {
   dictionary_.set(status::kSlotBSequenceNumber, store.slot[1].sequence);
   dictionary_.set(status::kActiveSlot,
                   store.active ? static_cast<std::uint8_t>(*store.active) : kNoSlot);
-  dictionary_.set(status::kChecksumOfActiveImage, checksum_of(active_));
+  dictionary_.set(status::kChecksumOfActiveImage, active_checksum_);
   dictionary_.set(status::kActiveTableSequence, active_.empty() ? 0U : describe(active_).sequence);
   dictionary_.set(status::kTrial, static_cast<std::uint8_t>(trial_));
   dictionary_.set(status::kStoreResult, static_cast<std::uint8_t>(last_result_));

@@ -82,7 +82,7 @@ class TableTransfer final : public DomainHandler {
   // correction, 0x2000 sub 2. Blended by the compensator.
   void set_enabled(bool enabled);
 
-  // Brings 0x2013 up to date.
+  // Brings 0x2013 up to date. Cheap: it is read while joints move.
   void refresh_status();
 
   // Whether the image in force still validates; true where there is none. Takes long.
@@ -122,7 +122,11 @@ class TableTransfer final : public DomainHandler {
   bool enabled_ = true;
   bool trial_ = false;
   StagingState state_ = StagingState::kEmpty;
-  std::uint32_t staged_ = 0;          // bytes
+  std::uint32_t staged_ = 0;  // bytes
+  // 0x2013 subs 4 and 13, from when the bytes came. Of all but an image's last four: those are its
+  // own CRC, and the CRC of something with its own behind it is the same for everything.
+  std::uint32_t staged_checksum_ = 0;
+  std::uint32_t active_checksum_ = 0;
   std::uint16_t refusal_reason_ = 0;  // 0x2013 sub 2
   std::uint32_t refusal_field_ = 0;   // 0x2013 sub 15
   storage::StoreResult last_result_ = storage::StoreResult::kDone;

@@ -5,6 +5,7 @@
 
 #include "firmware/canopen/node_bench.h"
 #include "firmware/canopen/test_table.h"
+#include "firmware/core/crc32.h"
 
 namespace armtrue::canopen {
 namespace {
@@ -21,6 +22,8 @@ DeviceIdentity bound_to(const std::string& serial) {
 enum Sub : std::uint8_t {
   kStaging = 1,
   kReason = 2,
+  kStagedChecksum = 4,
+  kActiveChecksum = 13,
   kActiveSlot = 12,
   kTrial = 14,
   kSequence = 16
@@ -55,6 +58,49 @@ TEST_F(TableTransferTest, TrialConfirmAndItIsThereAfterPowerOn) {
   bench.power_on();
   EXPECT_EQ(status(kSequence), 5U);
   EXPECT_EQ(status(kTrial), 0U);
+}
+
+TEST_F(TableTransferTest, ChecksumsFollowWhatIsStagedAndWhatIsInForce) {
+  const std::vector<std::uint8_t> one = TestTable{.sequence = 5, .serial = "R-7"}.image();
+  const std::vector<std::uint8_t> two = TestTable{.sequence = 6, .serial = "R-7"}.image();
+  const auto checksum = [](const std::vector<std::uint8_t>& image) {
+    return crc32(std::span(image).first(image.size() - 4));
+  };
+  EXPECT_EQ(status(kStagedChecksum), 0U);
+  EXPECT_EQ(status(kActiveChecksum), 0U);
+  for (const std::size_t size : {3U, 4U, 5U, 8U, 21U}) {
+    const std::vector<std::uint8_t> few(one.begin(),
+                                        one.begin() + static_cast<std::ptrdiff_t>(size));
+    ASSERT_EQ(bench.stage(few), 0U);
+    EXPECT_EQ(status(kStagedChecksum), size < 4 ? 0U : checksum(few)) << size;
+  }
+  bench.install(one);
+  EXPECT_EQ(status(kStagedChecksum), 0U);
+  EXPECT_EQ(status(kActiveChecksum), checksum(one));
+  ASSERT_EQ(bench.stage(two), 0U);
+  EXPECT_EQ(status(kStagedChecksum), checksum(two));
+  EXPECT_EQ(status(kActiveChecksum), checksum(one));
+  ASSERT_EQ(bench.command(TableCommand::kVerify), 0U);
+  ASSERT_EQ(bench.command(TableCommand::kCommit), 0U);
+  ASSERT_EQ(bench.command(TableCommand::kActivate), 0U);
+  EXPECT_EQ(status(kActiveChecksum), checksum(two));
+  ASSERT_EQ(bench.command(TableCommand::kRevert), 0U);
+  EXPECT_EQ(status(kActiveChecksum), checksum(one));
+  ASSERT_EQ(bench.stage(two), 0U);
+  ASSERT_EQ(bench.command(TableCommand::kDiscard), 0U);
+  EXPECT_EQ(status(kStagedChecksum), 0U);
+  bench.power_on();
+  EXPECT_EQ(status(kActiveChecksum), checksum(one));
+}
+
+TEST_F(TableTransferTest, TheFirstTableHasNoChecksumAfterItIsReverted) {
+  ASSERT_EQ(bench.stage(TestTable{.serial = "R-7"}.image()), 0U);
+  ASSERT_EQ(bench.command(TableCommand::kVerify), 0U);
+  ASSERT_EQ(bench.command(TableCommand::kCommit), 0U);
+  ASSERT_EQ(bench.command(TableCommand::kActivate), 0U);
+  ASSERT_NE(status(kActiveChecksum), 0U);
+  ASSERT_EQ(bench.command(TableCommand::kRevert), 0U);
+  EXPECT_EQ(status(kActiveChecksum), 0U);
 }
 
 TEST_F(TableTransferTest, ATrialThatNobodyConfirmsEndsWithAReset) {

@@ -43,13 +43,13 @@ bool TpdoProducer::transmit(CanPort& port, std::size_t number, const CanFrame& f
   return true;
 }
 
-std::uint32_t TpdoProducer::on_fresh_outputs(CanPort& port, std::uint64_t now_us) {
+std::uint32_t TpdoProducer::on_fresh_outputs(CanPort& port, std::uint64_t now_us, bool at_once) {
   std::uint32_t refused = 0;
   for (std::size_t k = 0; k < kTpdos; ++k) {
     const Pdo& pdo = pdos_.tpdo(k);
     if (!pdo.valid || !is_joint_output(pdo)) continue;
     schedules_[k].fresh = true;
-    if (pdo.is_synchronous()) continue;
+    if (pdo.is_synchronous() && !at_once) continue;
     CanFrame frame;
     sample_tpdo(dictionary_, pdo, frame);
     if (!transmit(port, k, frame, now_us)) ++refused;

@@ -1,8 +1,8 @@
 // When the TPDOs leave: on SYNC, on change, on their event timer, or on a fresh correction.
 //
 // A TPDO that carries a position offset (0x60B0) is a *joint output*: it leaves once for each
-// complete set of targets and never otherwise, so that a drive's own time-out notices when
-// corrections stop.
+// complete set of targets, and on the way to zero before they stop for good; never otherwise, so
+// that a drive's own time-out notices when corrections stop.
 #ifndef ARMTRUE_FIRMWARE_CANOPEN_TPDO_PRODUCER_H_
 #define ARMTRUE_FIRMWARE_CANOPEN_TPDO_PRODUCER_H_
 
@@ -23,8 +23,10 @@ class TpdoProducer {
   // Timers begin anew, nothing counts as sent.
   void restart(std::uint64_t now_us);
 
-  // Corrections have just been computed. Returns how many joint outputs the port refused.
-  std::uint32_t on_fresh_outputs(CanPort& port, std::uint64_t now_us);
+  // Corrections have just been computed. `at_once`: synchronous TPDOs do not wait for SYNC either,
+  // because the node may not be operational any more when it comes. Returns how many joint outputs
+  // the port refused.
+  std::uint32_t on_fresh_outputs(CanPort& port, std::uint64_t now_us, bool at_once);
 
   // SYNC with its counter, 0 if it carries none.
   std::uint32_t on_sync(CanPort& port, std::uint8_t counter, std::uint64_t now_us);

@@ -12,12 +12,15 @@ constexpr std::uint32_t kMicrosecondsPerMillisecond = 1000;
 constexpr int kBlendFraction = 30;
 constexpr std::uint32_t kBlendEnd = std::uint32_t{1} << kBlendFraction;
 
-JointPosition position_of(const std::uint8_t* joint, std::int32_t increments) {
-  const std::int32_t from_zero =
-      saturate(static_cast<std::int64_t>(increments) - load_i32(joint + format::joint::kZeroAt));
+std::int64_t units_of(const std::uint8_t* joint, std::int32_t increments) {
   const int shift = joint[format::joint::kUnitShiftAt];
-  return {
-      round_shift(product(from_zero, load_i32(joint + format::joint::kUnitPerIncrementAt)), shift)};
+  return round_shift(product(increments, load_i32(joint + format::joint::kUnitPerIncrementAt)),
+                     shift);
+}
+
+JointPosition position_of(const std::uint8_t* joint, std::int32_t increments) {
+  return {units_of(joint, saturate(static_cast<std::int64_t>(increments) -
+                                   load_i32(joint + format::joint::kZeroAt)))};
 }
 
 void count_one(std::uint32_t& counter) {
@@ -115,6 +118,7 @@ void Compensator::disable() { request_.store(Request::kDisable, std::memory_orde
   }
   if (request == Request::kDisable && state_ == CompensatorState::kPassThrough) {
     // Nothing to blend out, and perhaps no table yet whose limits could hold it.
+    has_active_ = false;
     request_.store(Request::kNone, std::memory_order_release);
     return;
   }
@@ -132,10 +136,38 @@ void Compensator::disable() { request_.store(Request::kDisable, std::memory_orde
   }
   const std::uint32_t cycles = blend_ms * kMicrosecondsPerMillisecond / config_.cycle_us + 1U;
   blend_step_ = kBlendEnd / cycles;
+  hold();
+  request_.store(Request::kNone, std::memory_order_release);
+}
+
+[[gnu::cold]] void Compensator::hold() {
   blend_weight_ = 0;
   delta_held_ = delta_;
   state_ = CompensatorState::kBlending;
-  request_.store(Request::kNone, std::memory_order_release);
+}
+
+[[gnu::cold]] bool Compensator::begin(std::span<const std::int32_t> held) {
+  parked_ = false;
+  take_request();
+  if (!has_active_ && state_ == CompensatorState::kPassThrough) {
+    return true;
+  }
+  bool fits = true;
+  for (std::size_t k = 0; k < config_.joint_count; ++k) {
+    const std::int64_t exact = units_of(tables_[active_].joint(k), held[k]);
+    delta_[k] = within_magnitude(tables_[active_], k, exact);
+    fits = fits && delta_[k] == exact;
+  }
+  hold();
+  return fits;
+}
+
+[[gnu::cold]] void Compensator::park() {
+  if (!parked_ && state_ != CompensatorState::kPassThrough) {
+    state_ = CompensatorState::kBlending;
+    blend_weight_ = kBlendEnd;
+  }
+  parked_ = true;
 }
 
 void Compensator::update_direction(const CycleInput& input) {
@@ -182,7 +214,8 @@ CycleOutput Compensator::cycle(const CycleInput& input) {
   CycleOutput output;
   std::uint16_t flags = kCycleClean;
   Correction wanted;
-  if (has_active_) {
+  const bool corrects = has_active_ && !parked_;
+  if (corrects) {
     const TableView& table = tables_[active_];
     JointPositions target;
     for (std::size_t k = 0; k < table.joint_count(); ++k) {
@@ -208,11 +241,11 @@ CycleOutput Compensator::cycle(const CycleInput& input) {
     }
     if (state_ != CompensatorState::kPassThrough) {
       delta_[k] = limited(k, delta, flags);
-      settled = settled && (has_active_ || delta_[k] == 0);
+      settled = settled && (corrects || delta_[k] == 0);
     }
   }
   if (state_ == CompensatorState::kBlending && settled) {
-    state_ = has_active_ ? CompensatorState::kActive : CompensatorState::kPassThrough;
+    state_ = corrects ? CompensatorState::kActive : CompensatorState::kPassThrough;
   }
 
   for (std::size_t k = 0; k < config_.joint_count; ++k) {
@@ -247,15 +280,21 @@ std::int32_t Compensator::increments_of(std::size_t joint) {
   return saturate(whole);
 }
 
+bool Compensator::remembers(std::uint32_t cycle) const {
+  const std::uint32_t age = cycle_ - cycle;  // 1 for the newest cycle
+  return age >= 1U && age <= kFeedbackHistory && age <= counters_.cycles;
+}
+
+std::int32_t Compensator::correction_of(std::uint32_t cycle, std::size_t joint) const {
+  return remembers(cycle) ? history_[cycle % kFeedbackHistory][joint] : 0;
+}
+
 bool Compensator::uncorrect_feedback(std::uint32_t cycle, std::span<const std::int32_t> actual,
                                      std::span<std::int32_t> plain) const {
-  const std::uint32_t age = cycle_ - cycle;  // 1 for the newest cycle
-  const bool is_known = age >= 1U && age <= kFeedbackHistory && age <= counters_.cycles;
   for (std::size_t k = 0; k < config_.joint_count; ++k) {
-    const std::int32_t delta = is_known ? history_[cycle % kFeedbackHistory][k] : 0;
-    plain[k] = saturate(static_cast<std::int64_t>(actual[k]) - delta);
+    plain[k] = saturate(static_cast<std::int64_t>(actual[k]) - correction_of(cycle, k));
   }
-  return is_known;
+  return remembers(cycle);
 }
 
 void Compensator::restart_stream() {

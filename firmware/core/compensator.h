@@ -126,11 +126,30 @@ class Compensator {
   bool uncorrect_feedback(std::uint32_t cycle, std::span<const std::int32_t> actual,
                           std::span<std::int32_t> plain) const;
 
+  // The correction of `joint` in cycle `cycle`, increments; 0 where uncorrect_feedback() knows
+  // none.
+  std::int32_t correction_of(std::uint32_t cycle, std::size_t joint) const;
+
   // Forgets the direction of approach and the carried remainder. For the joint path, after the
   // stream of commands was interrupted.
   void restart_stream();
 
+  // The drives stand `held` increments beyond their targets: the correction begins there, within
+  // the table's limits, and blends from there to the right one. False if some of it was beyond a
+  // limit. Ends park(). Without a table there is no correction and nothing changes. Before the
+  // first cycle, and where the drives may hold something else than the last cycle's output.
+  bool begin(std::span<const std::int32_t> held);
+
+  // From the next cycle on the correction goes to zero at the permitted rate, until begin().
+  void park();
+
+  // On the way to zero: parked, disabled or without a table any more.
+  bool is_fading() const {
+    return state_ == CompensatorState::kBlending && (parked_ || !has_active_);
+  }
+
   CompensatorState state() const { return state_; }
+  std::uint32_t cycle_us() const { return config_.cycle_us; }
   const CycleCounters& counters() const { return counters_; }
 
  private:
@@ -138,9 +157,11 @@ class Compensator {
   enum class Request : std::uint8_t { kNone, kActivate, kDisable };
 
   void take_request();
+  void hold();
   void update_direction(const CycleInput& input);
   std::int32_t limited(std::size_t joint, std::int64_t wanted, std::uint16_t& flags);
   std::int32_t increments_of(std::size_t joint);
+  bool remembers(std::uint32_t cycle) const;
   void count(std::uint16_t flags);
 
   CompensatorConfig config_;
@@ -148,6 +169,7 @@ class Compensator {
   std::atomic<Request> request_ = Request::kNone;
   bool has_pending_ = false;  // load() filled tables_[1 - active_]
   bool has_active_ = false;   // joint path: tables_[active_] is evaluated
+  bool parked_ = false;       // joint path: but no correction is wanted
   std::uint8_t active_ = 1;
   CompensatorState state_ = CompensatorState::kPassThrough;
   // Largest change of a correction in a cycle, of either table, 2^-32 units.

@@ -42,8 +42,8 @@ bool SlotStore::is_blank(std::size_t slot, std::size_t from_byte) const {
     const std::size_t size = std::min(block.size(), flash_.slot_size() - offset);
     const std::span<std::uint8_t> part(block.data(), size);
     flash_.read(slot, offset, part);
-    if (!std::all_of(part.begin(), part.end(), [](std::uint8_t byte) { return byte == 0xFF; })) {
-      return false;
+    for (const std::uint8_t byte : part) {  // std::all_of is unrolled by four: 80 bytes more
+      if (byte != 0xFF) return false;
     }
   }
   return true;

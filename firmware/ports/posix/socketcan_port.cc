@@ -34,6 +34,7 @@ std::string SocketCanPort::open(const std::string& interface) {
   if (interface.size() >= sizeof(request.ifr_name)) {
     return interface + ": longer than an interface name can be";
   }
+  interface_ = interface;
   std::memcpy(request.ifr_name, interface.data(), interface.size());
   if (ioctl(socket_, SIOCGIFINDEX, &request) < 0) {
     return interface + ": no such network interface";
@@ -94,6 +95,7 @@ bool SocketCanPort::receive(CanFrame& frame) {
     message.msg_control = control;
     message.msg_controllen = sizeof control;
     const ssize_t size = recvmsg(socket_, &message, 0);
+    if (size < 0 && errno == ENETDOWN) link_was_down_ = true;
     if (size != CAN_MTU && size != CANFD_MTU) return false;
     for (cmsghdr* item = CMSG_FIRSTHDR(&message); item != nullptr;
          item = CMSG_NXTHDR(&message, item)) {
@@ -131,10 +133,11 @@ void SocketCanPort::take_error_frame(std::uint32_t error_class, const std::uint8
   if ((error_class & CAN_ERR_BUSOFF) != 0) {
     if (state_ != BusState::kBusOff) count(counters_.bus_off_entries);
     state_ = BusState::kBusOff;
+    link_was_down_ = false;
     return;
   }
   if ((error_class & CAN_ERR_RESTARTED) != 0) state_ = BusState::kActive;
-  if ((error_class & CAN_ERR_CRTL) == 0) return;
+  if ((error_class & CAN_ERR_CRTL) == 0 || state_ == BusState::kBusOff) return;
   const std::uint8_t status = data[1];
   if ((status & (CAN_ERR_CRTL_RX_OVERFLOW)) != 0) count(counters_.receive_overruns);
   if ((status & (CAN_ERR_CRTL_RX_PASSIVE | CAN_ERR_CRTL_TX_PASSIVE)) != 0) {
@@ -146,9 +149,16 @@ void SocketCanPort::take_error_frame(std::uint32_t error_class, const std::uint8
   }
 }
 
-// The kernel restarts the controller (restart-ms of the link, or `ip link set … type can restart`),
-// which needs no rights of this process; its error frame "restarted" ends the state. Where the link
-// came back without such a frame the next successful send shows it.
-void SocketCanPort::recover() { state_ = BusState::kActive; }
+BusState SocketCanPort::bus_state() {
+  // A link that comes up starts its controller anew, without a frame that says so.
+  if (state_ == BusState::kBusOff && link_was_down_ && is_link_up()) state_ = BusState::kActive;
+  return state_;
+}
+
+bool SocketCanPort::is_link_up() const {
+  ifreq request = {};
+  std::memcpy(request.ifr_name, interface_.data(), interface_.size());
+  return ioctl(socket_, SIOCGIFFLAGS, &request) == 0 && (request.ifr_flags & IFF_UP) != 0;
+}
 
 }  // namespace armtrue::posix

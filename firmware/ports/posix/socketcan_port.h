@@ -1,4 +1,5 @@
-// A Linux SocketCAN interface as a CanPort, classic and FD.
+// A Linux SocketCAN interface as a CanPort, classic and FD. Bus-off ends when the kernel restarts
+// the controller (README.md: restart-ms) or somebody takes the link down and up.
 #ifndef ARMTRUE_FIRMWARE_PORTS_POSIX_SOCKETCAN_PORT_H_
 #define ARMTRUE_FIRMWARE_PORTS_POSIX_SOCKETCAN_PORT_H_
 
@@ -23,17 +24,21 @@ class SocketCanPort final : public canopen::CanPort {
 
   bool send(const canopen::CanFrame& frame) override;
   bool receive(canopen::CanFrame& frame) override;
-  canopen::BusState bus_state() override { return state_; }
-  void recover() override;
+  canopen::BusState bus_state() override;
+  // The kernel restarts the controller, which needs rights that this process may not have.
+  void recover() override {}
   canopen::BusCounters counters() const override { return counters_; }
   bool supports_fd() const override { return supports_fd_; }
 
  private:
   void take_error_frame(std::uint32_t error_class, const std::uint8_t* data);
+  bool is_link_up() const;
 
   int socket_ = -1;
+  std::string interface_;
   bool supports_fd_ = false;
   canopen::BusState state_ = canopen::BusState::kActive;
+  bool link_was_down_ = false;  // since the controller went off
   canopen::BusCounters counters_;
   std::uint32_t kernel_drops_ = 0;
 };

@@ -14,6 +14,17 @@
 #include "firmware/ports/r5f/zynqmp_can.h"
 #include "firmware/storage/ram_flash.h"
 
+// How often which way led into the controllers' handlers since the image started. For a debugger or
+// the emulator's monitor, by this name (tests/qemu.py reads it).
+struct WaysIn {
+  std::uint32_t can0_interrupts;
+  std::uint32_t can1_interrupts;
+  std::uint32_t polls;
+};
+extern "C" {
+[[gnu::used]] WaysIn armtrue_ways_in;
+}
+
 namespace {
 
 using namespace armtrue;
@@ -70,6 +81,7 @@ void poll_controllers() {
   const std::uint64_t begin = clock_us();
   while (clock_us() - begin < kPollUs) {
   }
+  ports::count_up(armtrue_ways_in.polls);
   can0.on_interrupt();
   can1.on_interrupt();
 }
@@ -78,8 +90,13 @@ void poll_controllers() {
 
 extern "C" void irq_handler() {
   interrupts.serve([](std::uint32_t number) {
-    if (number == kCan0Interrupt) can0.on_interrupt();
-    if (number == kCan1Interrupt) can1.on_interrupt();
+    if (number == kCan0Interrupt) {
+      ports::count_up(armtrue_ways_in.can0_interrupts);
+      can0.on_interrupt();
+    } else if (number == kCan1Interrupt) {
+      ports::count_up(armtrue_ways_in.can1_interrupts);
+      can1.on_interrupt();
+    }
   });
 }
 

@@ -106,6 +106,8 @@ class BxCan final : public canopen::CanPort {
 
   bool send(const canopen::CanFrame& frame) override;
   bool receive(canopen::CanFrame& frame) override;
+  // Behind the three mailboxes. An interrupt meanwhile only makes the answer old.
+  bool has_backlog() override { return !to_send_.empty(); }
   canopen::BusState bus_state() override;
   void recover() override;
   canopen::BusCounters counters() const override { return counters_; }

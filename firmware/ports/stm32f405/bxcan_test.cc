@@ -63,6 +63,15 @@ TEST(BxCanFilters, LetEverythingThroughOnBothControllers) {
   EXPECT_EQ(fake.read(bxcan::kFfa1r), 0U);
 }
 
+TEST_F(BxCanTest, ABacklogIsWhatTheMailboxesDoNotHold) {
+  for (int k = 0; k < 3; ++k) ASSERT_TRUE(can_.send(frame_of(0x123, 0x10)));
+  EXPECT_FALSE(can_.has_backlog());
+  ASSERT_TRUE(can_.send(frame_of(0x123, 0x10)));
+  EXPECT_TRUE(can_.has_backlog());
+  drain();
+  EXPECT_FALSE(can_.has_backlog());
+}
+
 TEST_F(BxCanTest, SendsTheFrameBitForBit) {
   ASSERT_TRUE(can_.send(frame_of(0x123, 0x10)));
   CanFrame extended = frame_of(0x1ABCDEF0, 0x20, 3);

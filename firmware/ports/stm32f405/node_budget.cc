@@ -1,12 +1,16 @@
-// Test image: the instructions of a control cycle with the CAN path included. The node runs inline
-// between two buses in memory; what it is given are the cycles of a recording
-// (firmware/replay/replay.h; requests, temperatures and payload of it are not used), its first
-// table installed in the slots. Six axes: SYNC, three target frames, three feedback frames. Command
-// line: RECORDING RESULT. Result, per cycle: instructions (from SYNC to the last frame passed on),
-// joint count corrected targets.
+// Test image: the instructions of a control cycle with the node's CAN path included. The node runs
+// inline between two buses in memory: no CAN driver and no interrupts. What it is given are the
+// cycles of a recording (firmware/replay/replay.h; requests, temperatures and payload of it are not
+// used), its first table installed in the slots, and staged once more. Six axes: SYNC, three target
+// frames, three feedback frames. In the first half of the cycles a client reads a value of the
+// status records in every second one, in the other half it has a block upload of the table going
+// on. Command line: RECORDING RESULT. Result, per cycle: instructions (from SYNC to the last frame
+// passed on), what was read (index and sub-index, 0 for nothing), joint count corrected targets.
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <cstring>
+#include <iterator>
 #include <span>
 
 #include "firmware/canopen/little_endian.h"
@@ -35,8 +39,16 @@ enum Failure : std::uint32_t {
   kBadRecording,
   kNotInstalled,
   kSdoRefused,
-  kNotReleased
+  kNotReleased,
+  kNotAnswered
 };
+
+// What a client reads in motion: `armtrue device info` and the monitor.
+struct Record {
+  std::uint16_t index;
+  std::uint8_t last_subindex;
+};
+constexpr Record kRecords[] = {{0x2013, 17}, {0x2001, 16}, {0x2002, 8}, {0x2003, 8}, {0x1018, 4}};
 
 // Both directions of one bus, without a controller between.
 class MemoryPort final : public canopen::CanPort {
@@ -106,22 +118,130 @@ void turn(ports::Device& device) {
   device.turn([] {});
 }
 
-// Expedited SDO download (CiA 301, 7.2.4.3).
-void write_object(ports::Device& device, std::uint16_t index, std::uint8_t subindex,
-                  std::uint32_t value, std::uint8_t size) {
+ports::ClassicFrame request_of(std::uint8_t command, std::uint16_t index, std::uint8_t subindex,
+                               std::uint32_t value) {
   ports::ClassicFrame request = frame_of(0x600 + kNodeId, 8);
-  request.data[0] = static_cast<std::uint8_t>(0x23 | (4 - size) << 2);
+  request.data[0] = command;
   canopen::store_le(&request.data[1], index);
   request.data[3] = subindex;
   canopen::store_le(&request.data[4], value);
+  return request;
+}
+
+// Takes what has left upstream; returns how many SDO answers were in it, `last` is the newest.
+std::uint32_t take_answers(ports::ClassicFrame& last) {
+  std::uint32_t count = 0;
+  ports::ClassicFrame answer;
+  while (upstream.out.pop(answer)) {
+    if (answer.id != 0x580 + kNodeId) continue;
+    last = answer;
+    ++count;
+  }
+  return count;
+}
+
+void ask(ports::Device& device, const ports::ClassicFrame& request, std::uint8_t specifier) {
   upstream.in.push(request);
   turn(device);
   ports::ClassicFrame answer;
-  while (upstream.out.pop(answer)) {
-    if (answer.id == 0x580 + kNodeId && answer.data[0] == 0x60) return;
+  if (take_answers(answer) == 0 || answer.data[0] >> 5 != specifier) {
+    semihosting::exit(kSdoRefused);
   }
-  semihosting::exit(kSdoRefused);
 }
+
+// SDO download (CiA 301, 7.2.4.3): expedited.
+void write_object(ports::Device& device, std::uint16_t index, std::uint8_t subindex,
+                  std::uint32_t value, std::uint8_t size) {
+  const auto command = static_cast<std::uint8_t>(0x23 | (4 - size) << 2);
+  ask(device, request_of(command, index, subindex, value), 3);
+}
+
+// And segmented.
+void stage(ports::Device& device, std::span<const std::uint8_t> table) {
+  ask(device,
+      request_of(0x21, canopen::kStagingObject, 0, static_cast<std::uint32_t>(table.size())), 3);
+  std::uint8_t toggle = 0;
+  for (std::size_t at = 0; at < table.size(); at += 7, toggle ^= 0x10U) {
+    const std::span<const std::uint8_t> piece =
+        table.subspan(at, std::min<std::size_t>(7, table.size() - at));
+    const bool is_last = at + piece.size() == table.size();
+    ports::ClassicFrame segment = frame_of(0x600 + kNodeId, 8);
+    segment.data[0] = static_cast<std::uint8_t>(toggle | (7 - piece.size()) << 1 | is_last);
+    std::copy(piece.begin(), piece.end(), segment.data.begin() + 1);
+    ask(device, segment, 1);
+  }
+}
+
+// A client: nothing in every second cycle, else in the first half of them all it reads a value, in
+// the other it goes on with a block upload of the table in force.
+class Client {
+ public:
+  // What it asks for in this cycle; its request, if there is one, waits upstream then.
+  std::uint32_t ask(std::uint32_t cycle, std::uint32_t cycles) {
+    asked_ = 0;
+    expects_ = false;
+    if (cycle % 2 == 0 && !is_dumping_) return 0;
+    is_dumping_ = 2 * cycle >= cycles;
+    asked_ = is_dumping_ ? std::uint32_t{canopen::kActiveObject} << 8 : next_value();
+    const auto index = static_cast<std::uint16_t>(asked_ >> 8);
+    if (!is_dumping_) {
+      send(request_of(0x40, index, static_cast<std::uint8_t>(asked_), 0));
+    } else if (step_ == Step::kInitiate) {
+      send(request_of(0xA4, index, 0, kSegments));
+    } else if (step_ == Step::kStart) {
+      send(request_of(0xA3, 0, 0, 0));
+    } else if (segments_ == kSegments) {
+      ports::ClassicFrame acknowledgement = request_of(0xA2, 0, 0, 0);
+      acknowledgement.data[1] = acknowledgement.data[2] = kSegments;
+      segments_ = 0;
+      send(acknowledgement);
+    }
+    return asked_;
+  }
+
+  void take_answer() {
+    ports::ClassicFrame answer;
+    const std::uint32_t count = take_answers(answer);
+    if (!is_dumping_) {
+      if (count != (expects_ ? 1U : 0U) || (expects_ && answer.data[0] >> 5 != 2)) fail();
+    } else if (step_ == Step::kInitiate) {
+      if (count != 1 || answer.data[0] != 0xC6) fail();
+      step_ = Step::kStart;
+    } else {
+      if (count > 1 || (count == 1 && answer.data[0] != segments_ + 1U)) fail();
+      segments_ = static_cast<std::uint8_t>(segments_ + count);
+      step_ = Step::kSegments;
+    }
+  }
+
+ private:
+  enum class Step : std::uint8_t { kInitiate, kStart, kSegments };
+  static constexpr std::uint8_t kSegments = 127;
+
+  [[noreturn]] static void fail() { semihosting::exit(kNotAnswered); }
+
+  void send(const ports::ClassicFrame& request) {
+    upstream.in.push(request);
+    expects_ = true;
+  }
+
+  std::uint32_t next_value() {
+    if (subindex_ == kRecords[record_].last_subindex) {
+      subindex_ = 0;
+      record_ = (record_ + 1) % std::size(kRecords);
+    }
+    ++subindex_;
+    return static_cast<std::uint32_t>(kRecords[record_].index) << 8 | subindex_;
+  }
+
+  std::uint32_t asked_ = 0;
+  bool expects_ = false;
+  bool is_dumping_ = false;
+  Step step_ = Step::kInitiate;
+  std::uint8_t segments_ = 0;
+  std::size_t record_ = 0;
+  std::uint8_t subindex_ = 0;
+};
 
 void configure(ports::Device& device) {
   for (std::uint16_t i = 0; i < kFrames; ++i) {
@@ -173,7 +293,6 @@ std::uint32_t run_cycle(ports::Device& device, const ports::InstructionCounter& 
   if (released != kFrames) semihosting::exit(kNotReleased);
   turn(device);
   const std::uint32_t after = counter.read();
-  upstream.out.clear();
   return counter.between(before, after);
 }
 
@@ -203,19 +322,24 @@ int main() {
                               {upstream, &downstream, table_flash, parameters, &clock_us});
   device.start();
   turn(device);
+  stage(device, std::span(image).first(head.length_a));
   configure(device);
 
   const ports::InstructionCounter counter;
   struct {
     std::uint32_t instructions;
+    std::uint32_t read;
     std::array<std::int32_t, kJoints> corrected;
   } result;
   replay::RecordedCycle cycle;
+  Client client;
   for (std::uint32_t i = 0; i < head.cycles; ++i) {
     if (semihosting::read(input, &cycle, sizeof cycle) != sizeof cycle)
       semihosting::exit(kBadRecording);
     if (i == 0) begin_stream(device, cycle);
+    result.read = client.ask(i, head.cycles);
     result.instructions = run_cycle(device, counter, cycle, result.corrected);
+    client.take_answer();
     semihosting::write(output, &result, sizeof result);
   }
   semihosting::close(output);
