@@ -18,19 +18,25 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from armtrue.checking import CheckReport, Finding, check
-    from armtrue.diagnosis import diagnose, refine
+    from armtrue.diagnosis import Diagnosis, Refinement, diagnose, refine
     from armtrue.errors import InputError
     from armtrue.fitting import Fit, add, fit
+    from armtrue.further_poses import plan
     from armtrue.io import Dataset, Model, Robot, load_data, load_model, load_robot
+    from armtrue.planning import Cell, Plan, plan_campaign
 
 # Imported at first use: `armtrue --help` should not wait for the numerical library.
 _HOME = {
+    "Cell": "armtrue.planning",
     "CheckReport": "armtrue.checking",
     "Dataset": "armtrue.io",
+    "Diagnosis": "armtrue.diagnosis",
     "Finding": "armtrue.checking",
     "Fit": "armtrue.fitting",
     "InputError": "armtrue.errors",
     "Model": "armtrue.io",
+    "Plan": "armtrue.planning",
+    "Refinement": "armtrue.diagnosis",
     "Robot": "armtrue.io",
     "add": "armtrue.fitting",
     "check": "armtrue.checking",
@@ -39,16 +45,22 @@ _HOME = {
     "load_data": "armtrue.io",
     "load_model": "armtrue.io",
     "load_robot": "armtrue.io",
+    "plan": "armtrue.further_poses",
+    "plan_campaign": "armtrue.planning",
     "refine": "armtrue.diagnosis",
 }
 
 __all__ = [
+    "Cell",
     "CheckReport",
     "Dataset",
+    "Diagnosis",
     "Finding",
     "Fit",
     "InputError",
     "Model",
+    "Plan",
+    "Refinement",
     "Robot",
     "add",
     "check",
@@ -57,6 +69,8 @@ __all__ = [
     "load_data",
     "load_model",
     "load_robot",
+    "plan",
+    "plan_campaign",
     "refine",
 ]
 

@@ -11,23 +11,89 @@ from armtrue.errors import InputError
 from armtrue.fitting import Fit, from_core
 from armtrue.progress import Progress
 
-Step = Callable[[Fit, dict[str, Any]], None]
+_VERDICTS = {
+    "nothing_missing": "Nothing is missing: what is left is noise.",
+    "missing_effect": "An effect is missing.",
+    "unexplained_structure": "What is left has structure that no effect of the catalogue explains.",
+}
 
 
-def diagnose(fit: Fit, progress: Progress | None = None) -> dict[str, Any]:
+class Diagnosis(dict[str, Any]):
+    """What a fit lacks: the `diagnose` JSON (docs/files.md, In a notebook) with names for what is asked most."""
+
+    @property
+    def verdict(self) -> str:
+        """`nothing_missing`, `missing_effect` or `unexplained_structure`."""
+        return str(self["verdict"])
+
+    @property
+    def candidates(self) -> list[dict[str, Any]]:
+        """Effects that were tried, most evidence first."""
+        return list(self["candidates"])
+
+    @property
+    def recommended(self) -> dict[str, Any] | None:
+        """The candidate to add; None where there is none."""
+        return next((candidate for candidate in self["candidates"] if candidate["recommend"]), None)
+
+    @property
+    def unexplained(self) -> list[dict[str, Any]]:
+        """What the leftover depends on and no effect explains, most evidence first."""
+        return list(self["unexplained"])
+
+    @property
+    def advice(self) -> list[str]:
+        """What to do next, in sentences."""
+        return list(self["advice"])
+
+    def __str__(self) -> str:
+        lines = [_VERDICTS[self.verdict]]
+        if (best := self.recommended) is not None:
+            joints = f" {', '.join(map(str, best['joints']))}" if best["joints"] else ""
+            lines.append(f"{best['effect']}{joints}: {best['why']}")
+        lines += [
+            f"left over, depends on {entry['variable']}: {entry['shape']}" for entry in self.unexplained
+        ]
+        return "\n".join(dict.fromkeys([*lines, *(f"– {sentence}" for sentence in self.advice)]))
+
+
+class Refinement(dict[str, Any]):
+    """The `refine` JSON (docs/files.md, In a notebook) with names for what is asked most."""
+
+    @property
+    def steps(self) -> list[Diagnosis]:
+        """A diagnosis of every step, the first as the fit stood; each with `added` and `removed` beside it."""
+        return [Diagnosis(step) for step in self["steps"]]
+
+    @property
+    def effects(self) -> list[dict[str, Any]]:
+        """The effects of the last step."""
+        return list(self["effects"])
+
+    def __str__(self) -> str:
+        lines = []
+        for step in self["steps"]:
+            put = [f"+ {_name(step['added'])}"] if step.get("added") else []
+            changes = ", ".join(put + [f"− {_name(entry)}" for entry in step.get("removed") or []])
+            lines.append(f"{step['error']['held_out']['mean_um']:9.1f} µm  {changes or 'as it stood'}")
+        return "\n".join(lines)
+
+
+Step = Callable[[Fit, Diagnosis], None]
+
+
+def diagnose(fit: Fit, progress: Progress | None = None) -> Diagnosis:
     """Return what `fit` lacks: the contract's `diagnose` JSON with spectra beside it.
 
     Errors: InputError where the measurements are gone or changed.
     """
     try:
-        return dict(json.loads(_core.diagnose(fit.core, progress)))
+        return Diagnosis(json.loads(_core.diagnose(fit.core, progress)))
     except _core.ModelError as error:
         raise InputError(f"{fit.data.path}: {error}") from None
 
 
-def refine(
-    fit: Fit, progress: Progress | None = None, on_step: Step | None = None
-) -> tuple[Fit, dict[str, Any]]:
+def refine(fit: Fit, progress: Progress | None = None, on_step: Step | None = None) -> tuple[Fit, Refinement]:
     """Diagnose and add until nothing is missing.
 
     `on_step(fit, step)` is called after every finished step, the first being `fit` as it stands. Returns the last
@@ -36,10 +102,15 @@ def refine(
 
     def forward(core: _core.Fit, step: str) -> None:
         if on_step is not None:
-            on_step(from_core(fit, core), json.loads(step))
+            on_step(from_core(fit, core), Diagnosis(json.loads(step)))
 
     try:
         core, result = _core.refine(fit.core, forward, progress)
     except _core.ModelError as error:
         raise InputError(f"{fit.data.path}: {error}") from None
-    return from_core(fit, core), json.loads(result)
+    return from_core(fit, core), Refinement(json.loads(result))
+
+
+def _name(entry: dict[str, Any]) -> str:
+    joints = ", ".join(map(str, entry.get("joints") or []))
+    return f"{entry['effect']} [{joints}]" if joints else str(entry["effect"])

@@ -6,13 +6,12 @@ import sys
 
 import typer
 
-from armtrue.cli import campaign, catalogue, checking, diagnosis, fitting, planning
+from armtrue.cli import INTERRUPTED, campaign, catalogue, checking, diagnosis, fitting, planning
 from armtrue.device import cli as device
 from armtrue.errors import InputError
 from armtrue.tables import cli as tables
 
 INPUT_AT_FAULT = 2
-INTERRUPTED = 130
 
 app = typer.Typer(
     name="armtrue",

@@ -9,12 +9,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from armtrue.cli.fits import load_with_data
 from armtrue.cli.options import (
     DataArgument,
     FitArgument,
     FoldsOption,
     JsonOption,
     ModelOption,
+    MovedDataOption,
     OutOption,
     PosesArgument,
     RobotOption,
@@ -32,7 +34,7 @@ if TYPE_CHECKING:
     from armtrue.fitting import Fit
 
 _ERROR_FIGURES = ("mean_um", "rms_um", "p95_um", "max_um")
-_FLOOR_SOURCES = {
+FLOOR_SOURCES = {
     "repeats": "from poses measured again",
     "targets": "of the instrument alone, from distances between reflectors on one tool",
     "sigma": "from the stated sigma",
@@ -73,7 +75,7 @@ def fit(
     effects = load_model(model, arm)
     measurements = load_data(data, arm)
     refuse_too_few_poses(measurements.file, measurements.joints)
-    with waiting() as progress:
+    with waiting(output) as progress:
         result = fitting.fit(measurements, arm, effects, folds=folds, seed=seed, progress=progress)
     result.save(out)
     output.items(measurements.notes)
@@ -96,6 +98,7 @@ def add(
         list[str] | None,
         typer.Option("--option", metavar="NAME=VALUE", help="An option of the effect; may be repeated."),
     ] = None,
+    data: MovedDataOption = None,
     json_to: JsonOption = None,
 ) -> None:
     """Add an effect to a fit, fit again, and print how the error fell.
@@ -106,13 +109,17 @@ def add(
 
     output = Output(json_to)
     check_writable(out)
-    before = fitting.Fit.load(fit_file)
+    before = load_with_data(fit_file, data)
     wanted = {"effect": effect, **_options(option or [])}
     if joints is not None:
         wanted["joints"] = _joint_list(joints)
-    entry = check_effect(wanted, before.robot, str(fit_file), already=before.effects)
-    with waiting() as progress:
-        after = fitting.with_effects(before, [*before.effects, entry], progress=progress)
+    already = [*before.effects, *_effects_with_joints(before)]
+    entry = check_effect(wanted, before.robot, str(fit_file), already=already)
+    try:
+        with waiting(output) as progress:
+            after = fitting.with_effects(before, [*before.effects, entry], progress=progress)
+    except InputError as error:
+        raise InputError(f"{fit_file}: {effect} cannot be added: {error}") from None
     after.save(out)
     present_fall(before, after, output)
     output.say(f"\nwritten: {out}")
@@ -208,7 +215,17 @@ def _floor_sentence(document: dict[str, Any]) -> str:
     source = floor.get("source", "none")
     if floor.get("um") is None:
         return "noise floor: not known, as the data hold no repeats and no sigma"
-    return f"noise floor: {floor['um']:.1f} µm ({_FLOOR_SOURCES.get(source, source)})"
+    return f"noise floor: {floor['um']:.1f} µm ({FLOOR_SOURCES.get(source, source)})"
+
+
+def _effects_with_joints(fit: Fit) -> list[dict[str, Any]]:
+    """The effects of a fit, each with the joints that it acts on where the model left them to the effect."""
+    effects = []
+    for entry in fit.effects:
+        of_effect = [p for p in fit.document["parameters"] if p["effect"] == entry["effect"]]
+        joints = sorted({joint for parameter in of_effect for joint in parameter["joints"]})
+        effects.append({**entry, "joints": joints} if joints and "joints" not in entry else entry)
+    return effects
 
 
 def _joint_list(text: str) -> list[int]:

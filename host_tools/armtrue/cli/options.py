@@ -26,6 +26,15 @@ PosesArgument = Annotated[
 FitArgument = Annotated[
     Path, typer.Argument(metavar="FIT", help="A fit, as 'armtrue fit' writes it.", show_default=False)
 ]
+MovedDataOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--data",
+        metavar="DATA",
+        help="The fit's measurements, where they no longer lie where they were fitted.",
+        show_default=False,
+    ),
+]
 RobotOption = Annotated[
     Path,
     typer.Option("--robot", "-r", metavar="ROBOT", help="The nominal arm: robot.yaml.", show_default=False),

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
 from armtrue import progress as progress_protocol
@@ -35,6 +35,11 @@ class Output:
         self.console = Console(
             width=width, highlight=False, markup=False, soft_wrap=False, quiet=json_to == STANDARD_OUTPUT
         )
+
+    @property
+    def is_watched(self) -> bool:
+        """True where what is said goes to a terminal."""
+        return self.console.is_terminal and not self.console.quiet
 
     def say(self, text: str = "") -> None:
         """Print a line for people."""
@@ -84,8 +89,11 @@ def plain_table(*headers: str, title: str | None = None) -> Table:
 
 
 @contextmanager
-def waiting() -> Iterator[progress_protocol.Progress]:
-    """Yield a progress callback; once a second has passed a bar with the remaining time stands on stderr."""
+def waiting(output: Output) -> Iterator[progress_protocol.Progress]:
+    """Yield a progress callback; once a second has passed a bar with the remaining time stands below what is said.
+
+    It stands on stderr where `output` goes to no terminal.
+    """
     bar = Progress(
         TextColumn("{task.description}"),
         BarColumn(),
@@ -93,23 +101,25 @@ def waiting() -> Iterator[progress_protocol.Progress]:
         TimeElapsedColumn(),
         TextColumn("remaining"),
         TimeRemainingColumn(),
-        console=Console(stderr=True),
+        # One console for both, so that a line said meanwhile goes above the bar and not into it.
+        console=output.console if output.is_watched else Console(stderr=True),
         transient=True,
     )
     started = time.monotonic()
-    tasks: dict[str, TaskID] = {}
+    task = bar.add_task("", total=1.0)
+    done = 0.0
     shown = False
 
     def report(share: float, stage: str) -> None:
-        nonlocal shown
+        nonlocal shown, done
         if not shown and time.monotonic() - started > _SHOW_PROGRESS_AFTER_S:
             bar.start()
             shown = True
-        if stage not in tasks:
-            for earlier in tasks.values():
-                bar.update(earlier, visible=False)
-            tasks[stage] = bar.add_task(stage, total=1.0)
-        bar.update(tasks[stage], completed=share)
+        if share < done:  # the next round of the same work
+            bar.reset(task, description=stage)
+        done = share
+        # The numerical library lets no other thread run, which would refresh it now and then.
+        bar.update(task, completed=share, description=stage, refresh=shown)
 
     try:
         yield report

@@ -5,45 +5,26 @@ from __future__ import annotations
 import csv
 import json
 import re
+import shutil
 import signal
 import subprocess
 import sys
 import time
-from pathlib import Path
 
-import armtrue_sim
 import numpy as np
 import pytest
 import typer
 from click import Group
+from typer.testing import CliRunner
 
+from armtrue import diagnosis
 from armtrue.cli.app import app
-
-SCENARIO = Path(__file__).resolve().parents[3] / "sim" / "scenarios" / "kr30-eccentric-gear.yaml"
-
-
-def armtrue(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "armtrue", *arguments]
-    run = subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=False, timeout=120)
-    assert "Traceback" not in run.stderr, run.stderr
-    return run
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    made = tmp_path_factory.mktemp("commands")
-    armtrue_sim.cli_simulate(SCENARIO, made)
-    run = armtrue(
-        "fit", "data.csv", "--robot", "robot.yaml", "--model", "model.yaml", "--out", "fit.json", cwd=made
-    )
-    assert run.returncode == 0, run.stderr
-    return made
+from armtrue.cli.conftest import FIT, armtrue
+from armtrue.fitting import Fit
 
 
 def test_fit_prints_errors_before_and_after_beside_the_noise_floor(folder):
-    run = armtrue(
-        "fit", "data.csv", "--robot", "robot.yaml", "--model", "model.yaml", "--out", "again.json", cwd=folder
-    )
+    run = armtrue(*FIT, "--out", "again.json", cwd=folder)
     for words in (
         "nominal",
         "training poses",
@@ -103,6 +84,14 @@ def test_diagnose_names_the_hidden_effect_and_add_lets_the_error_fall(folder):
     assert figures["error"]["held_out"]["mean_um"] < 0.6 * figures["before"]["held_out"]["mean_um"]
 
 
+def test_diagnose_prints_the_coefficients_it_recommends(folder):
+    run = armtrue("diagnose", "fit.json", cwd=folder)
+    values = re.findall(r"gear_harmonics\[3\]\.(\w+) = (-?[\d.]+) ± ([\d.]+) ″", run.stdout)
+    assert [name for name, _, _ in values] == ["sin1", "cos1", "sin2", "cos2"]
+    assert all(float(sigma) > 0.0 for _, _, sigma in values)
+    assert "another candidate explains the residual better" in run.stdout
+
+
 def test_refine_prints_a_waterfall_and_keeps_the_last_step(folder):
     run = armtrue("refine", "fit.json", "--out", "best.json", "--json", "steps.json", cwd=folder)
     assert run.returncode == 0, run.stderr
@@ -113,6 +102,83 @@ def test_refine_prints_a_waterfall_and_keeps_the_last_step(folder):
     assert len(bars) == len(steps)
     best = json.loads((folder / "best.json").read_text())
     assert best["error"]["held_out"]["mean_um"] == steps[-1]["error"]["held_out"]["mean_um"]
+
+
+REFUSED_EFFECTS = {
+    "one of those it holds by default": (
+        "joint_compliance --joints 2",
+        ["fit.json: found joint_compliance in the model already"],
+    ),
+    "all of those it holds by default": (
+        "joint_compliance",
+        ["fit.json: found joint_compliance in the model already"],
+    ),
+    "not of this arm": (
+        "parallelogram",
+        ["fit.json: parallelogram cannot be added", "expected linkage in robot.yaml, found none"],
+    ),
+    "not recorded": ("command_readback --joints 2", ["data.csv", "expected column qr2, found none"]),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED_EFFECTS)
+def test_an_effect_that_cannot_be_added_is_refused_by_what_it_lacks(folder, case):
+    arguments, named = REFUSED_EFFECTS[case]
+    run = armtrue("add", "fit.json", *arguments.split(), "--out", "refused.json", cwd=folder)
+    refused(run, named)
+    assert not (folder / "refused.json").exists()
+
+
+def test_an_effect_partly_held_blames_the_model(folder):
+    held = armtrue("add", "fit.json", "joint_scale", "--joints", "3", "--out", "scale.json", cwd=folder)
+    assert held.returncode == 0, held.stderr
+    run = armtrue("add", "scale.json", "joint_scale", "--out", "refused.json", cwd=folder)
+    refused(run, ["scale.json: joint_scale cannot be added", "parameter joint_scale[3]", "twice"])
+
+
+def refused(run: subprocess.CompletedProcess[str], named: list[str]) -> None:
+    """One sentence with these words, and status 2."""
+    assert run.returncode == 2, run.stdout + run.stderr
+    assert len(run.stderr.strip().splitlines()) == 1
+    for words in named:
+        assert words in run.stderr
+
+
+def test_predict_names_the_column_to_record(folder):
+    armtrue("add", "fit.json", "thermal_expansion", "--out", "warm.json", cwd=folder)
+    with (folder / "test.csv").open() as stream:
+        rows = list(csv.DictReader(stream))
+    names = [name for name in rows[0] if not name.startswith("temp_")]
+    assert len(names) < len(rows[0])
+    with (folder / "cold.csv").open("w", newline="") as stream:
+        writer = csv.DictWriter(stream, names, extrasaction="ignore")
+        writer.writeheader()
+        writer.writerows(rows)
+    run = armtrue("predict", "warm.json", "cold.csv", "--out", "refused.csv", cwd=folder)
+    refused(run, ["cold.csv: column temp_arm is missing"])
+    assert not (folder / "refused.csv").exists()
+
+
+def test_data_that_moved_is_said_with_each_place_once_and_read_from_where_data_says(folder):
+    away = folder / "away"
+    away.mkdir()
+    shutil.copy(folder / "fit.json", away / "fit.json")
+    document = json.loads((away / "fit.json").read_text())
+    document["data"]["path"] = str(folder / "old" / "data.csv")
+    (away / "fit.json").write_text(json.dumps(document))
+    run = armtrue("diagnose", "away/fit.json", cwd=folder)
+    refused(run, ["--data DATA"])
+    refused(armtrue("plan", "away/fit.json", "--poses", "5", "--out", "p.csv", cwd=folder), ["--data DATA"])
+    places = re.search(r"looked for them at (.*);", run.stderr)
+    assert places is not None
+    assert places[1].split(", ") == [str(folder / "old" / "data.csv"), str(away / "data.csv")]
+    refused(armtrue("diagnose", "away/fit.json", "--data", "no.csv", cwd=folder), ["no.csv", "found no file"])
+    other = armtrue("diagnose", "away/fit.json", "--data", "test.csv", cwd=folder)
+    refused(other, ["test.csv", "other measurements than those of the fit"])
+    step = ("add", "away/fit.json", "gear_harmonics", "--joints", "3", "--out", "away/next.json")
+    run = armtrue(*step, "--data", "data.csv", cwd=folder)
+    assert run.returncode == 0, run.stderr
+    assert armtrue("diagnose", "away/next.json", cwd=folder).returncode == 0
 
 
 def test_check_ends_with_1_where_an_error_was_found(folder):
@@ -160,6 +226,82 @@ def test_an_interrupt_keeps_the_last_finished_step(folder):
     # A machine quick enough to finish before the signal is right as well.
     assert process.returncode in (130, 0)
     assert json.loads((folder / "stopped.json").read_text())["format"] == "armtrue-fit"
+
+
+class Interrupted:
+    """A refinement that is interrupted once `count` steps are finished."""
+
+    def __init__(self, count: int) -> None:
+        self.steps = [
+            {**diagnosed, "added": added, "removed": [], "effects": [{"effect": "base_frame"}] * (k + 1)}
+            for k, (diagnosed, added) in enumerate([(STEP, None), (STEP, ADDED)][:count])
+        ]
+
+    def __call__(self, fit, progress, on_step):
+        for step in self.steps:
+            on_step(fit, step)
+        raise KeyboardInterrupt
+
+
+STEP = {
+    "error": {"held_out": {"mean_um": 69.9, "rms_um": 78.7, "p95_um": 131.3, "max_um": 229.2}},
+    "noise_floor_um": None,
+    "noise_floor_source": "none",
+}
+ADDED = {"effect": "gear_harmonics", "joints": [3], "options": {}, "parameters": []}
+
+
+def test_an_interrupt_writes_the_finished_steps_as_interrupted(folder, monkeypatch):
+    refinement = Interrupted(2)
+    monkeypatch.setattr(diagnosis, "refine", refinement)
+    out, steps = folder / "two.json", folder / "two-steps.json"
+    arguments = ["refine", str(folder / "fit.json"), "--out", str(out), "--json", str(steps)]
+    run = CliRunner().invoke(app, arguments)
+    assert run.exit_code == 130
+    assert f"stopped: {out} holds the last finished step" in " ".join(run.output.split())
+    figures = json.loads(steps.read_text())
+    assert figures == {
+        "steps": refinement.steps,
+        "effects": [{"effect": "base_frame"}] * 2,
+        "interrupted": True,
+    }
+    assert Fit.load(out).effects
+
+
+def test_an_interrupt_before_the_first_step_writes_nothing(folder, monkeypatch):
+    monkeypatch.setattr(diagnosis, "refine", Interrupted(0))
+    out, steps = folder / "none.json", folder / "none-steps.json"
+    arguments = ["refine", str(folder / "fit.json"), "--out", str(out), "--json", str(steps)]
+    run = CliRunner().invoke(app, arguments)
+    assert run.exit_code == 130
+    assert "nothing is written" in run.output
+    assert not out.exists()
+    assert not steps.exists()
+
+
+def test_an_interrupt_while_the_command_is_read_in_ends_it_quietly(folder):
+    script = """
+import os, signal, sys
+class AtImport:
+    def find_spec(self, name, path=None, target=None):
+        if name == "typer":
+            os.kill(os.getpid(), signal.SIGINT)
+sys.meta_path.insert(0, AtImport())
+from armtrue.cli import main
+main()
+"""
+    command = [sys.executable, "-c", script, "diagnose", "fit.json"]
+    # Who starts tests in the background may have had the signal ignored.
+    run = subprocess.run(
+        command,
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=60,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+    )
+    assert (run.returncode, run.stdout, run.stderr) == (130, "", "")
 
 
 def test_output_cut_short_by_its_reader_is_no_error(folder):

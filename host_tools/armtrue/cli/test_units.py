@@ -13,6 +13,11 @@ from armtrue.cli.units import figure, for_people, value_and_sigma
         (1.8e-6, "rad/Nm", 1.8, "µrad/Nm"),
         (2.36e-5, "1/K", 23.6, "µm/(m K)"),
         (5400.0, "s", 1.5, "h"),
+        (3.1e-10, "rad/Nm^2", 0.31, "nrad/Nm²"),
+        (1.2e-5, "m/h", 12.0, "µm/h"),
+        (8.27e-5, "rad/rad", 82.7, "ppm"),
+        (-1.65e-4, "m/m", -165.0, "ppm"),
+        (0.02, "rad/rad", 2.0, "%"),
         (3.0, "furlong", 3.0, "furlong"),
         (0.0, "m", 0.0, "µm"),
     ],
@@ -35,6 +40,10 @@ def test_a_figure_comes_in_the_unit_people_read_it_in(value, unit, shown, name):
 )
 def test_value_and_sigma_share_a_unit_and_their_digits(value, sigma, words):
     assert value_and_sigma(value, sigma, "m") == words
+
+
+def test_what_is_small_in_a_unit_of_its_own_keeps_its_digits():
+    assert value_and_sigma(-3.14e-12, 2e-14, "furlong") == ("-3.140e-12", "2.0e-14", "furlong")
 
 
 def test_figures_keep_their_digits_without_exponents_where_they_read_well():

@@ -8,14 +8,21 @@ import math
 _FOR_PEOPLE: dict[str, list[tuple[str, float]]] = {
     "m": [("µm", 1e-6), ("mm", 1e-3), ("m", 1.0)],
     "rad": [("″", math.pi / 648000.0), ("°", math.pi / 180.0)],
+    "m/m": [("ppm", 1e-6), ("%", 1e-2)],
+    "rad/rad": [("ppm", 1e-6), ("%", 1e-2)],
     "rad/Nm": [("µrad/Nm", 1e-6), ("mrad/Nm", 1e-3)],
+    "rad/Nm^2": [("nrad/Nm²", 1e-9), ("µrad/Nm²", 1e-6)],
+    "rad/Nm^3": [("prad/Nm³", 1e-12), ("nrad/Nm³", 1e-9)],
+    "rad/N": [("nrad/N", 1e-9), ("µrad/N", 1e-6)],
+    "rad/N/m*kg": [("nrad kg/(N m)", 1e-9), ("µrad kg/(N m)", 1e-6)],
     "rad/K": [("µrad/K", 1e-6)],
     "m/K": [("µm/K", 1e-6)],
     "1/K": [("µm/(m K)", 1e-6)],
-    "m/s": [("µm/h", 1e-6 / 3600.0)],
-    "rad/s": [("″/h", math.pi / 648000.0 / 3600.0)],
+    "m/h": [("µm/h", 1e-6), ("mm/h", 1e-3)],
+    "rad/h": [("″/h", math.pi / 648000.0)],
     "s": [("s", 1.0), ("min", 60.0), ("h", 3600.0)],
 }
+_MOST_DECIMALS = 9
 # A degree is named only from here on: 0.3° and below are read in arcseconds.
 _ENOUGH = {"°": 0.3, "mm": 1.0, "m": 1.0}
 
@@ -47,5 +54,8 @@ def value_and_sigma(value: float, sigma: float | None, unit: str) -> tuple[str, 
     factor = largest / shown if shown else 1.0
     if spread <= 0.0:
         return figure(value / factor), "", name
-    decimals = min(9, max(0, 1 - math.floor(math.log10(spread / factor))))
+    decimals = max(0, 1 - math.floor(math.log10(spread / factor)))
+    if decimals > _MOST_DECIMALS:
+        digits = max(1, 1 + math.floor(math.log10(largest / spread)))
+        return f"{value / factor:.{digits}e}", f"{spread / factor:.1e}", name
     return f"{value / factor:.{decimals}f}", f"{spread / factor:.{decimals}f}", name

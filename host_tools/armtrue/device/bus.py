@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -62,8 +63,16 @@ def open_bus(options: BusOptions) -> can.BusABC:
         )
     try:
         return can.Bus(**options.arguments())
-    except (can.CanError, OSError, ValueError, TypeError, ImportError) as problem:
-        # Each interface has its own ways of failing; a person needs to know which bus and why.
+    except Exception as problem:
+        # Each interface has its own ways of failing (kvaser without its driver: NameError); a person needs to
+        # know which bus and why.
         raise CommunicationError(
-            f"{options.interface} {options.channel}: cannot be opened: {problem}"
+            f"{options.interface} {options.channel}: cannot be opened: {str(problem) or type(problem).__name__}"
         ) from None
+
+
+def quiet_interfaces() -> None:
+    """Keep python-can's log off stderr: what fails there is said by the exception that it ends in."""
+    log = logging.getLogger("can")
+    log.addHandler(logging.NullHandler())
+    log.propagate = False

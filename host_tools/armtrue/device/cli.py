@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from enum import Enum
 from pathlib import Path
 from typing import Annotated
@@ -36,7 +36,9 @@ from armtrue.device.compensator import (
 from armtrue.device.connection import REFUSED, Connection, on_a_bus
 from armtrue.device.image import checksum_of, read_image
 from armtrue.device.monitor import Monitor, Snapshot, draw
+from armtrue.device.recording import Recording, channel_label
 from armtrue.device.upload import Step, UploadResult, upload_image
+from armtrue.errors import InputError
 from armtrue.io.files import check_writable, write_file
 
 app = typer.Typer(
@@ -48,6 +50,7 @@ Exit status: 0 done, 1 the device refused or a test failed, 2 bad input (nothing
 )
 
 NOMINAL_BITRATE = 1_000_000
+SHORTEST_PERIOD_S = 0.05
 TablesArgument = Annotated[
     Path,
     typer.Argument(metavar="TABLES", help="Table image, as 'armtrue export' writes it.", show_default=False),
@@ -112,8 +115,15 @@ def upload(
         def advance(done: int, total: int) -> None:
             bar.update(task, completed=done, total=total, visible=done < total)
 
+        warnings = device.warnings()
         result = upload_image(device, image, show, advance, transfer is Transfer.BLOCK, confirm)
-    output.figures(_upload_document(result, image.sequence, image.checksum))
+    _say_warnings(output, warnings)
+    output.figures(_upload_document(result, image.sequence, image.checksum) | {"warnings": warnings})
+
+
+def _say_warnings(output: Output, warnings: list[str]) -> None:
+    for warning in warnings:
+        output.say(f"! warning   {warning}")
 
 
 def _upload_document(result: UploadResult, sequence: int, checksum: int) -> dict[str, object]:
@@ -137,10 +147,11 @@ def info(connection: Connection, json_to: JsonOption = None) -> None:
     """
     output = Output(json_to)
     with connection.compensator() as device:
-        status = device.identify()
+        status, warnings = device.identify(), device.warnings()
     for line in _describe(status):
         output.say(line)
-    output.figures(status.values)
+    _say_warnings(output, warnings)
+    output.figures(status.values | {"warnings": warnings})
 
 
 def _describe(status: Status) -> list[str]:
@@ -266,6 +277,22 @@ def _order(connection: Connection, word: str, done: str, json_to: str | None) ->
 
 @app.command()
 @on_a_bus
+def save(connection: Connection, json_to: JsonOption = None) -> None:
+    """Save the device's parameters as they are: mode, PDOs, times. Without that a restart forgets them.
+
+    Example: [bold]armtrue device save --interface socketcan --channel can0[/]
+    """
+    output = Output(json_to)
+    with connection.compensator() as device:
+        device.save()
+        warnings = device.warnings(just_saved=True)
+    output.say("saved: these are the parameters of every later start")
+    _say_warnings(output, warnings)
+    output.figures({"saved": True, "warnings": warnings})
+
+
+@app.command()
+@on_a_bus
 def selftest(connection: Connection, json_to: JsonOption = None) -> None:
     """Let the device test itself; exit status 1 if a test failed.
 
@@ -287,9 +314,7 @@ def selftest(connection: Connection, json_to: JsonOption = None) -> None:
 @on_a_bus
 def monitor(
     connection: Connection,
-    period: Annotated[
-        float, typer.Option("--period", metavar="S", min=0.05, help="Time between pictures.")
-    ] = 0.25,
+    period: Annotated[float, typer.Option("--period", metavar="S", help="Time between pictures.")] = 0.25,
     duration: Annotated[
         float | None,
         typer.Option("--duration", metavar="S", help="Stop after this time.", show_default=False),
@@ -299,7 +324,7 @@ def monitor(
         typer.Option(
             "--record",
             metavar="FILE",
-            help="Record all frames, in python-can's .asc, .blf, .log, .csv, …",
+            help="Record all frames, in python-can's .asc, .blf, .log, …; replaces FILE at the end.",
             show_default=False,
         ),
     ] = None,
@@ -310,18 +335,29 @@ def monitor(
     Example: [bold]armtrue device monitor --interface socketcan --channel can0 --record run.blf[/]
     """
     output = Output(json_to)
+    for name, value in (("--period", period), ("--duration", duration)):
+        if value is not None and not value >= SHORTEST_PERIOD_S:
+            raise InputError(f"{name}: found {value:g}, expected at least {SHORTEST_PERIOD_S:g} s")
     last: Snapshot | None = None
-    with connection.bus() as bus:
-        nominal = connection.bitrate or NOMINAL_BITRATE
-        watcher = Monitor(bus, connection.node, nominal, connection.data_bitrate or nominal, record)
+    nominal = connection.bitrate or NOMINAL_BITRATE
+    label = channel_label(connection.interface, connection.channel)
+    with (
+        nullcontext() if record is None else Recording(record, label) as recording,
+        connection.bus() as bus,
+    ):
+        watcher = Monitor(
+            bus, connection.node, connection.timeout, nominal, connection.data_bitrate or nominal, recording
+        )
         try:
             with Live(console=output.console, auto_refresh=False) as page:
                 for last in watcher.snapshots(period, duration):
                     page.update(draw(last), refresh=True)
         except KeyboardInterrupt:
+            if last is None:
+                raise
             output.say("stopped")
-        finally:
-            watcher.close()
+    if recording is not None:
+        output.say(f"recorded: {record} ({recording.frames} frames)")
     if last is not None:
         output.figures(last.document())
 

@@ -49,6 +49,7 @@ _DEVICE_STATE = 0x08000022
 _INCOMPATIBLE = 0x06040043
 # Erasing a flash sector takes up to two seconds, a signature check tens of milliseconds.
 _COMMAND_TIMEOUT_S = 20.0
+_SAVE = int.from_bytes(b"save", "little")
 # The first request often finds a device that an interrupted client left waiting, so it is given up early.
 _FIRST_PATIENCE_S = 0.5
 
@@ -138,6 +139,37 @@ class Compensator:
         """Whether no joint commands have arrived for the time that table commands need."""
         return bool(self.read_number("Compensator status.Status bits") & 1 << 3)
 
+    def warnings(self, just_saved: bool = False) -> list[str]:
+        """Why a table would correct nothing, now or after a restart; one sentence each."""
+        bits = self.read_number("Compensator status.Status bits")
+        found = []
+        if self.read_number("Compensator control.Mode") == MODES.index("forward"):
+            found.append(
+                "the device is in forward mode: nothing is corrected, whatever table it has (its mode is 0x2000 sub 1)"
+            )
+        else:
+            if not bits & 1 << 0:
+                found.append(
+                    "nothing is corrected: valid RPDOs do not map the targets of all joints (0x1400, 0x1600)"
+                )
+            if not just_saved:  # before that, no object of the device tells
+                found.append(
+                    "the device does not tell whether its parameters are saved: what is not ('armtrue device save') "
+                    "a restart forgets, and comes back in forward mode"
+                )
+        if not self.read_number("Compensator control.Correction enable"):
+            found.append("nothing is corrected: correction is disabled (0x2000 sub 2)")
+        return found
+
+    def save(self) -> None:
+        """Make the parameters as they are those of every later start (0x1010). Raises DeviceRefusedError."""
+        try:
+            self.write("Store parameters.Save all parameters", _SAVE, _COMMAND_TIMEOUT_S)
+        except SdoAbortError as refusal:
+            if refusal.code == _DEVICE_STATE:
+                raise DeviceRefusedError(_STILL_MOVING_AT_SAVE) from None
+            raise
+
     def command(self, word: str) -> None:
         """One table command: vrfy, cmit, actv, cfrm, rvrt, dscd.
 
@@ -200,6 +232,7 @@ class Compensator:
 
 
 _STILL_MOVING = "joint commands are arriving; stop the controller before tables are changed"
+_STILL_MOVING_AT_SAVE = "joint commands are arriving; stop the controller before parameters are saved"
 _NOTHING_TO_DO = {
     "vrfy": "nothing has been transferred that could be verified",
     "cmit": "a table cannot be committed now: it is not verified, or a trial is running (confirm or revert it first)",

@@ -13,7 +13,7 @@ from typing import Annotated, Any
 import can
 import typer
 
-from armtrue.device.bus import BusOptions, open_bus
+from armtrue.device.bus import BusOptions, open_bus, quiet_interfaces
 from armtrue.device.compensator import Compensator, DeviceRefusedError
 from armtrue.device.sdo import DEFAULT_TIMEOUT_S, CommunicationError, SdoAbortError, SdoClient
 
@@ -68,6 +68,7 @@ class Connection:
     @contextmanager
     def bus(self) -> Iterator[can.BusABC]:
         """The open bus; what goes wrong on it ends the command with one sentence and its exit status."""
+        quiet_interfaces()
         try:
             options = BusOptions(
                 self.interface, self.channel, self.bitrate, self.fd, self.data_bitrate, self.bus_option or []
@@ -84,7 +85,7 @@ class Connection:
             print(f"armtrue: the device refused: {refusal}", file=sys.stderr)
             raise typer.Exit(REFUSED) from None
         except (CommunicationError, can.CanError) as problem:
-            print(f"armtrue: {problem}", file=sys.stderr)
+            print(f"armtrue: {' '.join(str(problem).split())}", file=sys.stderr)
             raise typer.Exit(NO_COMMUNICATION) from None
 
     @contextmanager

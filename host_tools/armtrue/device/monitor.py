@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import can
@@ -15,8 +14,9 @@ from rich.text import Text
 
 from armtrue.device.bus_load import frame_seconds
 from armtrue.device.compensator import BUS_STATES, COMPENSATOR_STATES, MODES, Compensator, name_of
+from armtrue.device.cycle_frames import CycleFrames
+from armtrue.device.recording import Recording
 from armtrue.device.sdo import SdoClient
-from armtrue.errors import InputError
 
 # CycleFlags of firmware/core/compensator.h, in bit order.
 CLAMP_WORDS = (
@@ -26,6 +26,9 @@ _COUNTERS = (
     "Cycles", "Clamped", "Stale", "Refused", "Sets withheld", "Repeated frames", "Malformed frames",
     "Worst cycle (us)",
 )  # fmt: skip
+
+# Where a snapshot's joint values are from: the frames of one cycle, or objects that were asked for one after another.
+FRAMES, SAMPLES = "frames", "samples"
 
 
 @dataclass(frozen=True)
@@ -39,9 +42,13 @@ class Snapshot:
     streaming: bool
     targets: list[int]  # increments
     corrections: list[int]  # increments
-    clamps: list[str]
+    targets_from: str  # FRAMES or SAMPLES; with both from frames they are of the same cycle
+    corrections_from: str
+    clamps: list[str]  # of any joint: the device does not tell of which
     counters: dict[str, int]
-    bus_state: str
+    bus_state: str  # of the bus that we are on
+    downstream_bus_state: str
+    downstream_frames: int  # received and sent there; none: the device has no such port, or nothing is on it
     bus_load: float  # share of the nominal bit rate since the last snapshot
     frames_per_second: float
 
@@ -50,7 +57,7 @@ class Snapshot:
         return dict(vars(self))
 
 
-class _Tap(can.Listener):
+class _Tap:
     """Counts what passes, and the time that it took on the wire."""
 
     def __init__(self, bitrate: int, data_bitrate: int) -> None:
@@ -58,86 +65,126 @@ class _Tap(can.Listener):
         self.seconds = 0.0
         self.frames = 0
 
-    def on_message_received(self, msg: can.Message) -> None:
-        self.seconds += frame_seconds(msg, self._bitrate, self._data_bitrate)
+    def count(self, message: can.Message) -> None:
+        """One frame more."""
+        self.seconds += frame_seconds(message, self._bitrate, self._data_bitrate)
         self.frames += 1
 
 
 class Monitor:
-    """Takes snapshots over one bus; everything that passes meanwhile is counted and may be recorded."""
+    """Takes snapshots over one bus; everything that passes meanwhile is counted, and recorded where wanted."""
 
     def __init__(
-        self, bus: can.BusABC, node_id: int, bitrate: int, data_bitrate: int, record: Path | None = None
+        self,
+        bus: can.BusABC,
+        node_id: int,
+        timeout_s: float,
+        bitrate: int,
+        data_bitrate: int,
+        recording: Recording | None = None,
     ) -> None:
+        """Find the device. Raises as Compensator.greet; the recording is kept from its answer on."""
         self._tap = _Tap(bitrate, data_bitrate)
-        self._logger: can.Listener | None = None
-        if record is not None:
-            try:
-                self._logger = can.Logger(str(record))
-            except (ValueError, OSError) as problem:
-                raise InputError(f"{record}: cannot be recorded to: {problem}") from None
-        self._bus = _Watched(bus, [self._tap, *([self._logger] if self._logger else [])])
-        self._device = Compensator(SdoClient(self._bus, node_id))
+        self._bus = _Watched(bus, self._tap, recording)
+        self._device = Compensator(SdoClient(self._bus, node_id, timeout_s))
         self._device.greet()
+        if recording is not None:
+            recording.keep()
         self._joints = self._device.read_number("Compensator status.Joint count")
+        self._mapped_while: tuple[int, int] | None = None
+        self._joint_path(*self._mode_and_bits())
 
     def snapshots(self, period_s: float, duration_s: float | None) -> Iterator[Snapshot]:
-        """One snapshot a period until the duration is over (None: for ever)."""
+        """One snapshot a period, and one when the duration is over (None: for ever)."""
         begin = last = time.monotonic()
-        while duration_s is None or time.monotonic() - begin < duration_s:
-            self._bus.watch_until(last + period_s)
+        end = float("inf") if duration_s is None else begin + duration_s
+        while last < end:
+            self._bus.watch_until(min(last + period_s, end))
             now = time.monotonic()
             yield self._take(now - begin, now - last)
             last = now
-
-    def close(self) -> None:
-        """Finish the recording."""
-        if self._logger is not None:
-            self._logger.stop()
 
     def _take(self, seconds: float, elapsed_s: float) -> Snapshot:
         load, frames = self._tap.seconds / elapsed_s, self._tap.frames / elapsed_s
         self._tap.seconds, self._tap.frames = 0.0, 0
         read = self._device.read_number
-        axes = range(1, self._joints + 1)
-        bits = read("Compensator status.Status bits")
+        mode, bits = self._mode_and_bits()
+        targets, corrections = self._joint_path(mode, bits)
         flags = read("Compensator status.Correction clamp bits")
+        downstream = ("Frames received", "Frames sent")
         return Snapshot(
             seconds=seconds,
             state=name_of(COMPENSATOR_STATES, read("Compensator status.State")),
-            mode=name_of(MODES, read("Compensator control.Mode")),
+            mode=name_of(MODES, mode),
             trial=bool(bits & 1 << 2),
             streaming=bool(bits & 1 << 1),
-            targets=[read(f"Axis {axis} target position (inc)") for axis in axes],
-            corrections=[read(f"Axis {axis} position offset (inc)") for axis in axes],
+            targets=targets or self._sample("target position"),
+            corrections=corrections or self._sample("position offset"),
+            targets_from=FRAMES if targets else SAMPLES,
+            corrections_from=FRAMES if corrections else SAMPLES,
             clamps=[word for bit, word in enumerate(CLAMP_WORDS) if flags & 1 << bit],
             counters={name: read(f"Compensator status.{name}") for name in _COUNTERS},
             bus_state=name_of(BUS_STATES, read("Upstream bus status.Bus state")),
+            downstream_bus_state=name_of(BUS_STATES, read("Downstream bus status.Bus state")),
+            downstream_frames=sum(read(f"Downstream bus status.{name}") for name in downstream),
             bus_load=load,
             frames_per_second=frames,
         )
 
+    def _mode_and_bits(self) -> tuple[int, int]:
+        read = self._device.read_number
+        return read("Compensator control.Mode"), read("Compensator status.Status bits")
+
+    def _sample(self, name: str) -> list[int]:
+        return [self._device.read_number(f"Axis {axis} {name} (inc)") for axis in range(1, self._joints + 1)]
+
+    def _joint_path(self, mode: int, bits: int) -> tuple[list[int] | None, list[int] | None]:
+        """Targets and corrections as frames showed them since the last snapshot, None where they did not."""
+        seen = self._bus.cycles
+        if (mode, bits & 1) != self._mapped_while:
+            # The mapping is asked for once, and again when something has been set up.
+            self._mapped_while = (mode, bits & 1)
+            self._bus.cycles = CycleFrames(self._device.client, self._joints)
+        if seen is None:
+            return None, None
+        targets, corrections = seen.pair or (seen.targets, None if seen.targets else seen.corrections)
+        seen.forget()
+        return targets, corrections
+
 
 class _Watched:
-    """A bus whose received frames also go to listeners; what the SDO client sends and takes is seen as well."""
+    """A bus whose frames, received and sent, are also counted, recorded, and searched for joint values."""
 
-    def __init__(self, bus: can.BusABC, listeners: list[can.Listener]) -> None:
-        self._bus = bus
-        self._listeners = listeners
+    def __init__(self, bus: can.BusABC, tap: _Tap, recording: Recording | None) -> None:
+        self._bus, self._tap, self._recording = bus, tap, recording
+        self.cycles: CycleFrames | None = None
 
     def recv(self, timeout: float | None = None) -> can.Message | None:
         """As can.BusABC.recv."""
         message = self._bus.recv(timeout)
-        if message is not None:
-            for listener in self._listeners:
-                listener.on_message_received(message)
+        if message is None:
+            if self._recording is not None:
+                self._recording.settle()
+            return None
+        self._tap.count(message)
+        if self._recording is not None:
+            self._recording.received(message)
+        if self.cycles is not None:
+            self.cycles.take(message)
         return message
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
         """As can.BusABC.send; what we send occupies the bus as well."""
-        self._bus.send(msg, timeout)
-        for listener in self._listeners:
-            listener.on_message_received(msg)
+        # Noted before it leaves: an answer may be here, or Ctrl-C, before `send` is over.
+        if self._recording is not None:
+            self._recording.sent(msg, time.time())
+        try:
+            self._bus.send(msg, timeout)
+        except can.CanError:
+            if self._recording is not None:
+                self._recording.withdraw()
+            raise
+        self._tap.count(msg)
 
     def watch_until(self, moment: float) -> None:
         """Take frames until a time of time.monotonic()."""
@@ -154,12 +201,27 @@ def draw(snapshot: Snapshot) -> Group:
         head.append("   ON TRIAL", style="bold magenta")
     head.append(
         f"\nbus {snapshot.bus_state}, load {100 * snapshot.bus_load:.1f} %, {snapshot.frames_per_second:.0f} frames/s"
+        f"   downstream {snapshot.downstream_bus_state}, {snapshot.downstream_frames} frames in all"
     )
     axes = Table(box=None, pad_edge=False, header_style="bold")
     for header in ("axis", "target (inc)", "correction (inc)"):
         axes.add_column(header, justify="right")
     for axis, (target, correction) in enumerate(zip(snapshot.targets, snapshot.corrections, strict=True), 1):
         axes.add_row(str(axis), f"{target:,}", f"{correction:+,}")
+    sources = Text(_sources(snapshot), style="dim")
     clamps = Text("limits: " + (", ".join(snapshot.clamps) or "none"), style="red" if snapshot.clamps else "")
     counters = Text("  ".join(f"{name} {value}" for name, value in snapshot.counters.items()), style="dim")
-    return Group(head, axes, clamps, counters)
+    return Group(head, axes, sources, clamps, counters)
+
+
+def _sources(snapshot: Snapshot) -> str:
+    if snapshot.targets_from == snapshot.corrections_from:
+        together = snapshot.targets_from == FRAMES
+        return (
+            "of one cycle, from its frames"
+            if together
+            else "sampled one after another by SDO: not of one cycle"
+        )
+    if snapshot.targets_from == FRAMES:
+        return "targets of one cycle, from its frames; corrections sampled one after another by SDO"
+    return "corrections of one cycle, from its frames; targets sampled one after another by SDO"

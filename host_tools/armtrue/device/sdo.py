@@ -48,7 +48,10 @@ _ABORT_TEXT = {
 
 
 class CommunicationError(Exception):
-    """The bus could not be used, or nobody answered."""
+    """The bus could not be used, or nobody answered. The message is one line, whatever it quotes."""
+
+    def __init__(self, message: str) -> None:
+        super().__init__(" ".join(message.split()))
 
 
 class SdoAbortError(Exception):

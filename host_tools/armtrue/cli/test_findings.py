@@ -1,0 +1,178 @@
+"""What `armtrue diagnose` prints, read as a person reads it."""
+
+from __future__ import annotations
+
+import copy
+from typing import Any
+
+import pytest
+
+from armtrue.cli.findings import called, parameter_lines, present_diagnosis
+from armtrue.cli.output import Output
+
+
+def parameter(name: str, value: float, sigma: float, unit: str) -> dict[str, Any]:
+    return {"name": name, "value": value, "sigma": sigma, "unit": unit}
+
+
+def candidate(effect: str, joints: list[int], **other: Any) -> dict[str, Any]:
+    plain: dict[str, Any] = {
+        "effect": effect,
+        "joints": joints,
+        "options": {},
+        "parameters": [],
+        "recommend": False,
+        "explained": 0.03,
+        "log10_p": 0.0,
+        "delta_bic": -3.0,
+        "separability": 0.5,
+        "confirmed": False,
+        "held_out_mean_um_if_added": 65.4,
+        "confounded_with": [],
+        "why": "not significant among all that was tried",
+    }
+    return {**plain, **other}
+
+
+RESULT: dict[str, Any] = {
+    "verdict": "missing_effect",
+    "error": {"held_out": {"mean_um": 69.9, "rms_um": 78.7, "p95_um": 131.3, "max_um": 229.2}},
+    "noise_floor_um": 14.57,
+    "noise_floor_source": "repeats",
+    "candidates": [
+        candidate(
+            "gear_harmonics",
+            [3],
+            recommend=True,
+            confirmed=True,
+            explained=0.966,
+            log10_p=-219.7,
+            delta_bic=-2416.0,
+            separability=0.0987,
+            held_out_mean_um_if_added=13.5,
+            confounded_with=["transmission_pwl 3", "gear_mesh 3 orders [13.0]", "warm_up"],
+            why="explains 96.6 % of the squared residual, held-out mean 69.9 um -> 13.5 um",
+            parameters=[
+                parameter("gear_harmonics[3].sin1", -1.830899e-4, 3.94e-6, "rad"),
+                parameter("gear_harmonics[3].cos1", -2.042219e-4, 9.77e-6, "rad"),
+            ],
+        ),
+        candidate(
+            "joint_coupling",
+            [2, 1],
+            confirmed=True,
+            explained=0.708,
+            log10_p=-61.0,
+            held_out_mean_um_if_added=45.0,
+            why="stands in for structure that no effect of the catalogue names",
+        ),
+        candidate("gear_mesh", [2], options={"orders": [13.0]}),
+        candidate("gear_mesh", [2], options={"cycles": [459.0]}),
+        candidate("backlash", [2]),
+    ],
+    "unexplained": [],
+    "untestable": [{"effect": "parallelogram", "needs": ["linkage in robot.yaml"]}],
+    "advice": ["add it: armtrue add FIT gear_harmonics --joints 3 --out FIT2"],
+}
+
+
+def printed(result: dict[str, Any], capsys: pytest.CaptureFixture[str], width: int = 100) -> list[str]:
+    output = Output(None)
+    output.console.width = width
+    present_diagnosis(result, output)
+    lines = [line.rstrip() for line in capsys.readouterr().out.splitlines()]
+    assert max(map(len, lines)) <= width
+    return lines
+
+
+def test_each_coefficient_keeps_its_name_sign_sigma_and_unit():
+    lines = parameter_lines(
+        [
+            parameter("gear_harmonics[3].sin1", -1.830899e-4, 3.94e-6, "rad"),
+            parameter("thermal_expansion.alpha", 1.873e-5, 6.522e-7, "1/K"),
+            parameter("joint_coupling[2,3]", -2.05682e-4, 5.65e-6, "rad/rad"),
+            parameter("stiffness_nonlinear[2].square", 3.1e-10, 2e-11, "rad/Nm^2"),
+        ]
+    )
+    assert lines == [
+        "gear_harmonics[3].sin1 = -37.77 ± 0.81 ″",
+        "thermal_expansion.alpha = 18.73 ± 0.65 µm/(m K)",
+        "joint_coupling[2,3] = -205.7 ± 5.7 ppm",
+        "stiffness_nonlinear[2].square = 0.310 ± 0.020 nrad/Nm²",
+    ]
+
+
+def test_the_nodes_of_each_table_are_one_line_beside_what_is_none():
+    nodes = [
+        parameter(f"transmission_pwl[{joint}].node{k}", joint * k * 1e-5, 1e-6, "rad")
+        for joint in (2, 3)
+        for k in range(1, 5)
+    ]
+    lines = parameter_lines([*nodes[:2], parameter("backlash[2].dir", 1e-4, 1e-6, "rad"), *nodes[2:]])
+    assert lines == [
+        "backlash[2].dir = 20.63 ± 0.21 ″",
+        "transmission_pwl[2]: 4 nodes from 4.125 ″ to 16.50 ″, each ± 0.2063 ″ (median)",
+        "transmission_pwl[3]: 4 nodes from 6.188 ″ to 24.75 ″, each ± 0.2063 ″ (median)",
+    ]
+
+
+def test_a_diagnosis_shows_separability_reasons_and_what_is_only_predicted(capsys):
+    lines = printed(RESULT, capsys)
+    rows = {line[4:].split("  ")[0]: line.split() for line in lines if line[:2].strip().isdigit()}
+    assert rows["gear_harmonics [3]"][-4:] == ["9.9", "%", "13.5", "recommended"]
+    assert rows["joint_coupling [2, 1]"][-3:] == ["50.0", "%", "45.0"]
+    assert rows["backlash [2]"][-4:] == ["50.0", "%", "≈", "65.4"]
+    assert "gear_mesh [2], order 13" in rows
+    assert "gear_mesh [2] 459 cycles a turn" in rows
+    reasons = lines[lines.index("Not recommended") + 1 :]
+    assert reasons[0] == "  · 2: stands in for structure that no effect of the catalogue names"
+    assert reasons[1] == "  · 3–5: not significant among all that was tried"
+    assert any(line.startswith("cannot imitate; ≈: predicted") for line in lines)
+    assert (
+        "  · nearly as much is explained by: transmission_pwl [3], gear_mesh [3], order 13, warm_up" in lines
+    )
+    assert "  · gear_harmonics[3].cos1 = -42.1 ± 2.0 ″" in lines
+    assert "error on held-out poses: mean 69.9 µm, RMS 78.7 µm, 95 % 131.3 µm, max 229.2 µm" in lines
+
+
+def test_where_nothing_is_missing_the_nearest_candidate_and_its_reason_stand_in_one_line(capsys):
+    result = copy.deepcopy(RESULT)
+    result.update(verdict="nothing_missing", candidates=RESULT["candidates"][4:], noise_floor_um=None)
+    lines = printed(result, capsys)
+    assert "noise floor not known" in lines
+    assert (
+        "nearest to an effect: backlash [2], 3.0 % of the squared residual: not significant among all that was tried"
+        in " ".join(lines)
+    )
+    assert not any("separable" in line for line in lines)
+
+
+def test_a_candidate_refused_after_its_refit_is_shown_where_nothing_is_missing(capsys):
+    result = copy.deepcopy(RESULT)
+    refused = candidate("base_compliance", [], confirmed=True, why="base_compliance.rx has the wrong sign")
+    result.update(verdict="nothing_missing", candidates=[refused])
+    lines = printed(result, capsys)
+    assert "  · 1: base_compliance.rx has the wrong sign" in lines
+
+
+def test_structure_comes_before_the_candidates_and_once_for_each_variable(capsys):
+    result = copy.deepcopy(RESULT)
+    shape = {"log10_p": -30.0, "shape": "a joint function of q1 and q3", "joints": [1, 3]}
+    result.update(
+        verdict="unexplained_structure",
+        unexplained=[
+            {"variable": "q1*q3", "coordinate": "motor2", **shape},
+            {"variable": "q1*q3", "coordinate": "motor3", **shape},
+            {"variable": "none recorded", **shape, "joints": []},
+        ],
+    )
+    lines = printed(result, capsys)
+    at = lines.index("Left over")
+    assert lines[at + 1].startswith("  · depends on q1*q3 (joints 1, 3): a joint function")
+    assert lines[at + 2].startswith("  · depends on no recorded variable: ")
+    assert at < next(k for k, line in enumerate(lines) if "separable" in line)
+
+
+def test_joints_in_a_row_are_a_range_and_pairs_are_not():
+    assert called({"effect": "thermal_expansion", "joints": [1, 2, 3, 4]}) == "thermal_expansion [1–4]"
+    assert called({"effect": "joint_coupling", "joints": [3, 2]}) == "joint_coupling [3, 2]"

@@ -1,0 +1,35 @@
+"""Words and the progress bar on one terminal."""
+
+from __future__ import annotations
+
+import io
+import re
+
+from rich.console import Console
+
+from armtrue.cli import output as module
+from armtrue.cli.output import Output, waiting
+
+
+def test_what_is_said_while_the_bar_stands_begins_on_a_cleared_line(monkeypatch):
+    monkeypatch.setattr(module, "_SHOW_PROGRESS_AFTER_S", -1.0)
+    screen = io.StringIO()
+    output = Output(None)
+    output.console = Console(file=screen, force_terminal=True, width=100, color_system=None)
+    with waiting(output) as progress:
+        progress(0.5, "fitting")
+        output.say("   1    50.9")
+        progress(0.2, "fitting again")
+    shown = screen.getvalue()
+    assert "50 %" in shown
+    assert re.search(r"\x1b\[2K   1    50\.9\n", shown)
+    assert re.search(r"fitting again .* 20 %", shown)
+
+
+def test_the_bar_keeps_out_of_standard_output_that_is_no_terminal(monkeypatch, capsys):
+    monkeypatch.setattr(module, "_SHOW_PROGRESS_AFTER_S", -1.0)
+    output = Output(None)
+    with waiting(output) as progress:
+        progress(0.5, "fitting")
+        output.say("   1    50.9")
+    assert capsys.readouterr().out == "   1    50.9\n"

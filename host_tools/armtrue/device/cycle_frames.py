@@ -1,0 +1,129 @@
+"""Targets and corrections of one cycle, from the frames that carry them by the device's PDO mapping."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import can
+
+from armtrue.device.sdo import SdoClient
+
+TARGET_POSITION, POSITION_OFFSET = 0x607A, 0x60B0
+_RECEIVE, _TRANSMIT = (0x1400, 0x1600, 19), (0x1800, 0x1A00, 9)  # communication, mapping, how many
+_AXIS_STEP = 0x800
+_VALUE_BYTES = 4
+# Frames of one set are this close together, or within the device's own set window where that is longer: their stamps
+# may be those of an adapter that delivers in batches.
+_LEAST_WINDOW_S = 5e-3
+
+# Identifier and whether it is extended -> (first byte, axis from 0) of each value.
+Mapping = dict[tuple[int, bool], list[tuple[int, int]]]
+
+
+@dataclass
+class _Set:
+    """The values of one cycle, as far as they have come."""
+
+    begin: float
+    seen: set[tuple[int, bool]]
+    values: dict[int, int]
+
+
+class FrameSets:
+    """Puts together what the frames of one cycle say of all axes."""
+
+    def __init__(self, mapping: Mapping, joints: int, window_s: float) -> None:
+        mapped = {axis for values in mapping.values() for _, axis in values}
+        self._mapping: Mapping = mapping if mapped >= set(range(joints)) else {}
+        self._joints, self._window_s = joints, max(window_s, _LEAST_WINDOW_S)
+        self._set: _Set | None = None
+
+    def belongs(self, message: can.Message) -> bool:
+        """Whether this frame carries values of ours."""
+        return (message.arbitration_id, message.is_extended_id) in self._mapping
+
+    @property
+    def has_begun(self) -> bool:
+        """Whether a part of a set has come."""
+        return self._set is not None
+
+    def divide(self) -> None:
+        """What has come so far belongs to no later frame."""
+        self._set = None
+
+    def take(self, message: can.Message) -> list[int] | None:
+        """All axes' values, with the frame that makes them whole."""
+        key = (message.arbitration_id, message.is_extended_id)
+        places, data = self._mapping[key], bytes(message.data)
+        if len(data) < max(place for place, _ in places) + _VALUE_BYTES:
+            self.divide()
+            return None
+        held = self._set
+        if held is None or key in held.seen or message.timestamp - held.begin > self._window_s:
+            held = self._set = _Set(message.timestamp, set(), {})
+        held.seen.add(key)
+        for place, axis in places:
+            held.values[axis] = int.from_bytes(data[place : place + _VALUE_BYTES], "little", signed=True)
+        if held.seen != set(self._mapping):
+            return None
+        self.divide()
+        return [held.values[axis] for axis in range(self._joints)]
+
+
+class CycleFrames:
+    """Follows the frames of a device's joint path. Forgets with `forget` what it saw."""
+
+    def __init__(self, client: SdoClient, joints: int) -> None:
+        """Ask the device which frames those are."""
+        window_s = 1e-6 * _number(client, 0x2000, 4)
+        self._sync = _number(client, 0x1005, 0) & 0x7FF
+        self._targets = FrameSets(_mapping(client, *_RECEIVE, TARGET_POSITION), joints, window_s)
+        self._offsets = FrameSets(_mapping(client, *_TRANSMIT, POSITION_OFFSET), joints, window_s)
+        self._before_offsets: list[int] | None = None
+        self.forget()
+
+    def forget(self) -> None:
+        """Begin anew: what is asked for from now on was seen from now on."""
+        self.targets: list[int] | None = None
+        self.corrections: list[int] | None = None
+        self.pair: tuple[list[int], list[int]] | None = None
+
+    def take(self, message: can.Message) -> None:
+        """A frame of the bus, in its order."""
+        if message.is_error_frame or message.is_remote_frame:
+            return
+        if message.arbitration_id == self._sync and not message.is_extended_id:
+            self._targets.divide()
+            self._offsets.divide()
+        elif self._targets.belongs(message):
+            self.targets = self._targets.take(message) or self.targets
+        elif self._offsets.belongs(message):
+            if not self._offsets.has_begun:
+                self._before_offsets = self.targets
+            corrections = self._offsets.take(message)
+            if corrections is not None:
+                self.corrections = corrections
+                if self._before_offsets is not None:
+                    self.pair = (self._before_offsets, corrections)
+
+
+def _number(client: SdoClient, index: int, sub: int) -> int:
+    return int.from_bytes(client.upload(index, sub), "little")
+
+
+def _mapping(client: SdoClient, communication: int, mapping: int, count: int, wanted: int) -> Mapping:
+    """Where the valid PDOs of one direction carry an object of the axes."""
+    found: Mapping = {}
+    for number in range(count):
+        identifier = _number(client, communication + number, 1)
+        if identifier & 1 << 31:
+            continue
+        bit = 0
+        for sub in range(1, _number(client, mapping + number, 0) + 1):
+            entry = _number(client, mapping + number, sub)
+            axis, rest = divmod((entry >> 16) - wanted, _AXIS_STEP)
+            if 0 <= axis < 8 and rest == 0 and entry & 0xFFFF == 8 * _VALUE_BYTES:
+                key = (identifier & 0x1FFFFFFF, bool(identifier & 1 << 29))
+                found.setdefault(key, []).append((bit // 8, axis))
+            bit += entry & 0xFF
+    return found

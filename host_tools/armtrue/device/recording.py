@@ -1,0 +1,123 @@
+"""A log of everything on one bus, ours included, in the order of time."""
+
+from __future__ import annotations
+
+import copy
+import re
+import shutil
+import tempfile
+import time
+from collections import deque
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+import can
+from can.io import MESSAGE_WRITERS
+
+from armtrue.errors import InputError
+from armtrue.io.files import check_writable
+
+# A stamp that is further from this machine's clock is not of it (some adapters count from their own start).
+_SAME_CLOCK_S = 60.0
+
+
+def channel_label(interface: str, channel: str) -> str:
+    """How a log names a channel: a word that ends in the channel's number, which is all that some forms keep."""
+    if re.fullmatch(r"[A-Za-z]\w*", channel):
+        return channel
+    return interface + (channel if re.fullmatch(r"\d{1,3}", channel) else "0")
+
+
+class Recording:
+    """Writes beside the file, and takes the file's name at its end if `keep` was called. A context manager."""
+
+    def __init__(self, file: Path, label: str) -> None:
+        check_writable(file)
+        self.frames = 0
+        self._file, self._label = file, label
+        self._keep = False
+        self._ours: deque[can.Message] = deque()
+        try:
+            self._folder = Path(tempfile.mkdtemp(prefix=f".{file.name}.", dir=file.parent))
+        except OSError as problem:
+            raise InputError(f"{file}: cannot be recorded to ({problem.strerror})") from None
+        self._beside = self._folder / file.name
+        try:
+            self._writer = can.Logger(str(self._beside))
+        except Exception as problem:
+            shutil.rmtree(self._folder)
+            if file.suffix.lower() in (*MESSAGE_WRITERS, ".gz"):
+                raise InputError(f"{file}: cannot be recorded to: {problem}") from None
+            known = ", ".join(sorted(MESSAGE_WRITERS))
+            raise InputError(
+                f"{file}: found a name that ends in '{file.suffix}', expected one of {known}"
+            ) from None
+
+    def received(self, message: can.Message) -> None:
+        """A frame from the bus. Its stamp stays where it is of this machine's clock, else it is that of arrival."""
+        now = time.time()
+        if abs(message.timestamp - now) > _SAME_CLOCK_S:
+            message.timestamp = now
+        while self._ours and self._ours[0].timestamp <= message.timestamp:
+            self._write(self._ours.popleft())
+        self._write(message)
+
+    def sent(self, message: can.Message, moment: float) -> None:
+        """A frame of ours that is being given to the bus at a time of time.time()."""
+        ours = copy.copy(message)
+        ours.timestamp, ours.is_rx = moment, False
+        self._ours.append(ours)
+
+    def withdraw(self) -> None:
+        """What was sent last was not taken by the bus."""
+        self._ours.pop()
+
+    def settle(self) -> None:
+        """Nothing waits to be received: what we sent is older than all that follows."""
+        while self._ours:
+            self._write(self._ours.popleft())
+
+    def keep(self) -> None:
+        """From now on the recording is worth its name, however it ends."""
+        self._keep = True
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, problem: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        try:
+            self.settle()
+            with self._one_sentence():
+                self._writer.stop()
+        finally:
+            self._take_name()
+
+    def _take_name(self) -> None:
+        if not self._keep:
+            shutil.rmtree(self._folder)
+            return
+        try:
+            self._beside.replace(self._file)
+            self._folder.rmdir()
+        except OSError as failed:
+            raise InputError(
+                f"{self._file}: cannot be written ({failed.strerror}); the recording is {self._beside}"
+            ) from None
+
+    def _write(self, message: can.Message) -> None:
+        message.channel = self._label
+        with self._one_sentence():
+            self._writer.on_message_received(message)
+        self.frames += 1
+
+    @contextmanager
+    def _one_sentence(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as failed:
+            raise InputError(f"{self._file}: cannot be written ({failed.strerror})") from None

@@ -1,0 +1,132 @@
+"""Joint values of one cycle out of frames that come one by one, late, or not at all."""
+
+from __future__ import annotations
+
+import struct
+
+import can
+import pytest
+
+from armtrue.device.cycle_frames import CycleFrames
+
+INVALID = 1 << 31
+
+
+class Device:
+    """Three target RPDOs of two axes each, the offsets of all six in one TPDO of 24 bytes; whatever else is invalid."""
+
+    def __init__(self, window_us: int = 500) -> None:
+        self.objects = {(0x2000, 4): window_us, (0x1005, 0): 0x80}
+        for pair in range(3):
+            self.objects[0x1400 + pair, 1] = 0x220 + 0x100 * pair
+            self.objects[0x1600 + pair, 0] = 2
+            for sub in (1, 2):
+                self.objects[0x1600 + pair, sub] = 0x607A0020 + (2 * pair + sub - 1) * 0x08000000
+        # A controlword ahead of a target velocity: neither is a target position.
+        self.objects |= {(0x1403, 1): 0x520, (0x1603, 0): 2, (0x1603, 1): 0x60400010, (0x1603, 2): 0x60FF0020}
+        self.objects |= {(0x1800, 1): 0x1A0, (0x1A00, 0): 6}
+        self.objects |= {(0x1A00, 1 + axis): 0x60B00020 + axis * 0x08000000 for axis in range(6)}
+
+    def upload(self, index: int, sub: int) -> bytes:
+        return self.objects.get((index, sub), INVALID).to_bytes(4, "little")
+
+
+def following(device: Device) -> CycleFrames:
+    return CycleFrames(device, 6)  # type: ignore[arg-type]
+
+
+def targets(cycle: int, pair: int, stamp: float) -> can.Message:
+    data = struct.pack("<2i", 100 * cycle + 2 * pair, 100 * cycle + 2 * pair + 1)
+    return can.Message(arbitration_id=0x220 + 0x100 * pair, is_extended_id=False, data=data, timestamp=stamp)
+
+
+def offsets(cycle: int, stamp: float) -> can.Message:
+    data = struct.pack("<6i", *(-100 * cycle - axis for axis in range(6)))
+    return can.Message(arbitration_id=0x1A0, is_extended_id=False, data=data, is_fd=True, timestamp=stamp)
+
+
+def sync(stamp: float) -> can.Message:
+    return can.Message(arbitration_id=0x80, is_extended_id=False, timestamp=stamp)
+
+
+def wanted(cycle: int) -> list[int]:
+    return [100 * cycle + axis for axis in range(6)]
+
+
+def test_a_cycle_is_paired_with_its_own_corrections() -> None:
+    seen = following(Device())
+    for cycle in (1, 2, 3):
+        for pair in (1, 0, 2):
+            seen.take(targets(cycle, pair, 0.1 * cycle))
+        seen.take(offsets(cycle, 0.1 * cycle))
+    seen.take(targets(4, 0, 0.4))
+    assert seen.pair == (wanted(3), [-value for value in wanted(3)])
+    seen.forget()
+    assert (seen.pair, seen.targets, seen.corrections) == (None, None, None)
+
+
+def test_corrections_that_follow_no_whole_set_are_not_paired() -> None:
+    seen = following(Device())
+    seen.take(targets(1, 0, 0.1))
+    seen.take(offsets(1, 0.1))
+    assert seen.pair is None
+    assert seen.corrections == [-value for value in wanted(1)]
+
+
+@pytest.mark.parametrize("divide", ["sync", "repeat", "time"])
+def test_a_lost_frame_is_not_made_up_from_the_next_cycle(divide: str) -> None:
+    seen = following(Device())
+    seen.take(targets(1, 1, 0.100))
+    seen.take(targets(1, 2, 0.100))
+    if divide == "sync":
+        seen.take(sync(0.101))
+    if divide == "repeat":
+        seen.take(targets(2, 1, 0.101))
+        seen.take(targets(2, 2, 0.101))
+    seen.take(targets(2, 0, 0.101 if divide != "time" else 0.106))
+    assert seen.targets == (wanted(2) if divide == "repeat" else None)
+
+
+def test_two_cycles_that_lost_different_frames_are_not_put_together() -> None:
+    seen = following(Device())
+    for cycle, pair in ((1, 0), (1, 1), (2, 0), (2, 2)):
+        seen.take(targets(cycle, pair, 0.1))
+    assert seen.targets is None
+
+
+def test_the_devices_own_window_holds_where_it_is_longer() -> None:
+    seen = following(Device(window_us=20_000))
+    for pair in range(3):
+        seen.take(targets(1, pair, 0.1 + 0.009 * pair))
+    assert seen.targets == wanted(1)
+
+
+def test_a_short_frame_is_no_target() -> None:
+    seen = following(Device())
+    short = targets(1, 0, 0.1)
+    short.data = short.data[:7]
+    for message in (short, targets(1, 1, 0.1), targets(1, 2, 0.1)):
+        seen.take(message)
+    assert seen.targets is None
+
+
+@pytest.mark.parametrize(
+    "change", [{"is_extended_id": True}, {"is_remote_frame": True}, {"is_error_frame": True}]
+)
+def test_frames_of_another_kind_are_not_taken(change: dict[str, bool]) -> None:
+    seen = following(Device())
+    foreign = targets(2, 2, 0.1)
+    for name, value in change.items():
+        setattr(foreign, name, value)
+    for message in (targets(1, 0, 0.1), targets(1, 1, 0.1), foreign):
+        seen.take(message)
+    assert seen.targets is None
+
+
+def test_joints_that_are_not_all_mapped_are_not_followed() -> None:
+    device = Device()
+    device.objects[0x1402, 1] = INVALID | 0x420
+    seen = following(device)
+    for pair in range(3):
+        seen.take(targets(1, pair, 0.1))
+    assert seen.targets is None

@@ -1,0 +1,46 @@
+"""What diagnose and refine return: the contract's JSON, with names."""
+
+from __future__ import annotations
+
+import json
+
+import armtrue_sim
+import pytest
+
+from armtrue import Diagnosis, Fit, Refinement, diagnose, fit, load_data, load_model, load_robot, refine
+
+SCENARIO = {"arm": "kr30", "seed": 2, "hidden": [{"effect": "gear_harmonics", "joints": [3], "scale": 2.5}]}
+
+
+@pytest.fixture(scope="module")
+def believed(tmp_path_factory) -> Fit:
+    folder = tmp_path_factory.mktemp("diagnosis")
+    armtrue_sim.simulate(SCENARIO).write(folder)
+    robot = load_robot(folder / "robot.yaml")
+    return fit(load_data(folder / "data.csv", robot), robot, load_model(folder / "model.yaml", robot))
+
+
+def test_a_diagnosis_is_its_json_and_names_what_is_asked_most(believed):
+    found = diagnose(believed)
+    assert isinstance(found, Diagnosis)
+    assert json.loads(json.dumps(found)) == found
+    assert found.verdict == found["verdict"] == "missing_effect"
+    assert found.recommended is not None
+    assert (found.recommended["effect"], found.recommended["joints"]) == ("gear_harmonics", [3])
+    assert found.candidates == found["candidates"]
+    lines = str(found).splitlines()
+    assert lines[0] == "An effect is missing."
+    assert lines[1].startswith("gear_harmonics 3: explains ")
+    assert lines[2:] == [f"– {sentence}" for sentence in found.advice]
+
+
+def test_a_refinement_is_its_json_and_its_steps_are_diagnoses(believed):
+    seen = []
+    best, story = refine(believed, on_step=lambda _, step: seen.append(step))
+    assert isinstance(story, Refinement)
+    assert [type(step) for step in seen] == [Diagnosis] * len(story.steps)
+    assert story.steps[-1].verdict == "nothing_missing"
+    assert story.steps[-1].recommended is None
+    assert story.effects == best.effects
+    assert "as it stood" in str(story).splitlines()[0]
+    assert str(story).splitlines()[1].endswith("+ gear_harmonics [3]")
