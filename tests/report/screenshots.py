@@ -15,7 +15,9 @@ from browser import LAPTOP, PHONE, Browser
 from PIL import Image
 
 ROOT = Path(__file__).resolve().parents[2]
-SCENARIO = ROOT / "sim" / "scenarios" / "cobot-two-effects.yaml"
+SCENARIOS = ROOT / "sim" / "scenarios"
+SCENARIO = SCENARIOS / "cobot-two-effects.yaml"
+STRUCTURE = SCENARIOS / "foreign-heat-times-joint.yaml"
 # Section, how it is shown, and the height of the picture in CSS pixels; None: the whole section.
 SHOTS = {
     "top-light": ("header", LAPTOP, False, 1180),
@@ -26,15 +28,18 @@ SHOTS = {
     "added-dark": ("#added", LAPTOP, True, None),
     "top-phone": ("header", PHONE, False, 1400),
     "vectors-phone": ("#vectors", PHONE, True, 880),
+    "candidates-phone": ("#candidates", PHONE, False, 1080),
 }
+# Of an arm with something that no effect names.
+SHOTS_OF_STRUCTURE = {"unexplained-light": ("#unexplained", LAPTOP, False, None)}
 PLACE = """const box = document.querySelector(arguments[0]).getBoundingClientRect();
 return [box.top + scrollY, box.height];"""
 LARGEST_BYTES = 300_000
 
 
-def made_report(folder: Path) -> Path:
+def made_report(folder: Path, scenario: Path) -> Path:
     """The report of a simulated arm, believed model and refined."""
-    armtrue_sim.cli_simulate(SCENARIO, folder)
+    armtrue_sim.cli_simulate(scenario, folder)
     robot = load_robot(folder / "robot.yaml")
     believed = fit(load_data(folder / "data.csv", robot), robot, load_model(folder / "model.yaml", robot))
     refined, _ = refine(believed)
@@ -52,6 +57,16 @@ def save(picture: bytes, path: Path) -> None:
     assert size < LARGEST_BYTES, f"{path}: found {size} bytes, expected fewer than {LARGEST_BYTES}"
 
 
+def shoot(
+    browser: Browser, page: Path, shots: dict[str, tuple[str, tuple[int, int], bool, int | None]], out: Path
+) -> None:
+    """Make pictures of a page."""
+    for name, (selector, size, dark, height) in shots.items():
+        browser.open(page, size, dark=dark)
+        box = browser.run(PLACE, selector)
+        save(browser.picture(box[0], height or box[1], size[0]), out / f"{name}.png")
+
+
 def main() -> None:
     """Make all pictures."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -60,13 +75,13 @@ def main() -> None:
     given = parser.parse_args()
     given.out.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as scratch:
-        page = given.page or made_report(Path(scratch))
+        page = given.page or made_report(Path(scratch) / "effects", SCENARIO)
         browser = Browser()
         try:
-            for name, (selector, size, dark, height) in SHOTS.items():
-                browser.open(page, size, dark=dark)
-                box = browser.run(PLACE, selector)
-                save(browser.picture(box[0], height or box[1], size[0]), given.out / f"{name}.png")
+            shoot(browser, page, SHOTS, given.out)
+            if given.page is None:
+                structure = made_report(Path(scratch) / "structure", STRUCTURE)
+                shoot(browser, structure, SHOTS_OF_STRUCTURE, given.out)
             browser.open(page)
             paper = Path(scratch) / "report.pdf"
             paper.write_bytes(browser.paper())

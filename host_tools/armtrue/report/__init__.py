@@ -13,12 +13,17 @@ from armtrue.report.page import page
 __all__ = ["Report", "gather", "write"]
 
 
-def write(fits: list[Fit], path: str | Path, progress: Progress | None = None) -> None:
+def write(
+    fits: list[Fit],
+    path: str | Path,
+    progress: Progress | None = None,
+    names: list[str] | None = None,
+) -> None:
     """Write the report of `fits`, first to last step of one calibration, as one self-contained HTML page.
 
-    Errors: InputError where measurements are gone (it says where they were looked for) or changed, where the fits are
-    not of the same ones, or where `path` cannot be written.
+    `names`: as of `gather`. Errors: InputError where measurements are gone (it says where they were looked for) or
+    changed, where the fits are not of the same ones, or where `path` cannot be written.
     """
     path = Path(path)
     check_writable(path)
-    write_file(path, page(gather(fits, progress)))
+    write_file(path, page(gather(fits, progress, names)))

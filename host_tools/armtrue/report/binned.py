@@ -70,10 +70,12 @@ def binned(values: Array, readings: Array, weight: Array) -> Binned:
         rows.append((float(np.average(values[inside])), mean, 2.0 * spread, low, high))
         between += total * (mean - grand) ** 2
         within += scatter
-    centre, mean, error, low, high = np.array(rows).T
+    centre, means, error, lows, highs = np.array(rows).reshape(-1, 5).T
     bins, count = centre.size, values.size
     plain = between / (between + within) if between + within > 0.0 else 0.0
     freedom = max(1, count - bins)
     adjusted = 1.0 - (1.0 - plain) * (count - 1) / freedom
     chance = np.sqrt(2.0 * max(1, bins - 1)) / freedom
-    return Binned(centre, mean, error, low, high, float(adjusted), bool(adjusted > _BEYOND_CHANCE * chance))
+    return Binned(
+        centre, means, error, lows, highs, float(adjusted), bool(adjusted > _BEYOND_CHANCE * chance)
+    )

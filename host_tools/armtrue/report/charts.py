@@ -7,10 +7,11 @@ from numpy.typing import NDArray
 
 from armtrue.report.binned import DISCRETE
 from armtrue.report.content import AddedVariable, Report, View
-from armtrue.report.markup import Markup
+from armtrue.report.markup import Markup, tag
 from armtrue.report.panel import Panel
 from armtrue.report.scales import Scale, around, symmetric, tick_text
 from armtrue.report.spectrum import Peak, Spectrum
+from armtrue.report.structure import Finding
 from armtrue.report.thinning import loudest, spread_rows
 
 Array = NDArray[np.float64]
@@ -20,6 +21,9 @@ _SPECTRUM_LINES = 700
 _NAMED_PEAKS = 3
 # Readings beyond this percentile run off the panel: one gross error should not flatten all others.
 _SHOWN_PERCENT = 99.0
+_ONE_PERCENT = 0.01
+# Shares of the residual nearer together than this read as the same figure.
+_SAME_SHARE = 0.005
 
 
 def state_panel(report: Report, view: View, dots: int = _DOTS) -> Markup:
@@ -56,7 +60,8 @@ def trend_words(view: View) -> str:
     """What the bin means say, in words."""
 
     def share(explained: float, trend: bool) -> str:
-        return f"explains {100 * explained:.0f} % of its scatter" if trend else "no trend"
+        percent = f"{100 * explained:.0f} %" if explained >= _ONE_PERCENT else "less than 1 %"
+        return f"explains {percent} of its scatter" if trend else "no trend"
 
     last = share(view.last.explained, view.last.trend)
     if view.first is None:
@@ -89,27 +94,40 @@ def spectrum_panel(spectrum: Spectrum, first: Spectrum | None) -> Markup:
         panel.line(s.cycles[starts], 100.0 * s.explained[peaks], kind)
     peaks_of_all: list[Peak] = [peak for s in drawn for peak in s.peaks]
     for peak in sorted(peaks_of_all, key=lambda peak: -peak.explained)[:_NAMED_PEAKS]:
-        panel.note(peak.cycles, 100.0 * peak.explained, f"{peak.called}, {peak.amplitude_arcsec:.1f}″")
+        panel.note(peak.cycles, 100.0 * peak.explained, peak.short)
     return panel.render()
 
 
 def added_variable_panel(plot: AddedVariable) -> Markup:
     """What is left over against what the candidate would add; a line of slope 1 is a candidate that is right."""
-    rows = spread_rows(plot.added_um.size, 3 * _DOTS)
-    x, y = plot.added_um[rows], plot.left_um[rows]
-    size_x, size_y = (float(np.percentile(np.abs(v), _SHOWN_PERCENT)) for v in (plot.added_um, plot.left_um))
+    size_x, size_y = (float(np.percentile(np.abs(v), _SHOWN_PERCENT)) for v in (plot.added, plot.left))
     panel = Panel(
         symmetric(1.1 * size_x),
         symmetric(1.1 * size_y),
-        f"{plot.name} would add [µm]",
-        "left over [µm]",
-        f"Added-variable plot of {plot.name}: it explains {100 * plot.explained:.0f} % of what is left over.",
+        f"{plot.name} would add [{plot.unit}]",
+        f"left over [{plot.unit}]",
+        f"Added-variable plot of {plot.name}: fitted, it takes away {100 * plot.explained:.0f} % of what is left over.",
     )
-    panel.points(x, y, "dots")
+    for kind, which in (("dots", ~plot.turned), ("dots turns", plot.turned)):
+        readings = np.flatnonzero(which)
+        if readings.size:
+            rows = readings[spread_rows(readings.size, 3 * _DOTS)]
+            panel.points(plot.added[rows], plot.left[rows], kind)
     panel.level(0.0, "", "zero")
     ends = np.array([-1.1, 1.1]) * size_x
     panel.line(ends, ends, "last")
     return panel.render()
+
+
+def added_words(plot: AddedVariable) -> str:
+    """What the plot's share is, beside that of the candidates table where the two differ."""
+    scored = float(plot.candidate["explained"])
+    words = f"fitted, it takes away {100 * plot.explained:.1f} % of the squared residual"
+    return (
+        words
+        if abs(plot.explained - scored) < _SAME_SHARE
+        else f"{words}; its score was {100 * scored:.1f} %"
+    )
 
 
 def curve_panel(
@@ -127,6 +145,36 @@ def curve_panel(
     panel.line(x, y, "last")
     panel.points(x, y, "knots")
     return panel.render()
+
+
+def structure_panel(finding: Finding) -> Markup:
+    """What a dependence looks like: the function of one variable, or means for each part of the second."""
+    entry = finding.entry
+    if finding.x is not None and finding.y is not None:
+        spoken = f"Shape of what is left over: {entry['shape']}"
+        return curve_panel(finding.x, finding.y, finding.over, finding.along, spoken)
+    means = [part.means for part in finding.parts]
+    size = max(float(np.max(np.abs(m.mean) + m.error)) for m in means)
+    panel = Panel(
+        around(np.concatenate([m.centre for m in means])),
+        symmetric(1.1 * size),
+        finding.over,
+        finding.along,
+        f"What is left over by {finding.over}, a line for each part of {finding.by}: {entry['shape']}",
+    )
+    panel.level(0.0, "", "zero")
+    for k, m in enumerate(means):
+        panel.whiskers(m.centre, m.mean - m.error, m.mean + m.error, f"part whisk{k}")
+        panel.line(m.centre, m.mean, f"part part{k}")
+    return panel.render()
+
+
+def key(k: int) -> Markup:
+    """A short line drawn like the one of part `k`."""
+    return tag(
+        "svg", tag("path", class_=f"part part{k}", d="M1 6H29"), class_="panel key", viewBox="0 0 30 12",
+        aria_hidden="true",
+    )  # fmt: skip
 
 
 def histogram_panel(

@@ -42,5 +42,14 @@ def fits(tmp_path_factory: pytest.TempPathFactory) -> list[Fit]:
 
 
 @pytest.fixture(scope="session")
+def heated(tmp_path_factory: pytest.TempPathFactory) -> Report:
+    """Of an arm whose axis 2 drifts with heat, one way on the left of the cell and the other way on the right."""
+    term = {"effect": "custom", "name": "heat_times_joint", "coordinate": "motor2", "joints": [1]}
+    hidden = [{**term, "expression": "tanh(dT*q1/10)", "value": 1.5e-4}]
+    scenario = {"arm": "kr30", "seed": 14, "hidden": hidden}
+    return gather([fitted(tmp_path_factory.mktemp("heated"), scenario)])
+
+
+@pytest.fixture(scope="session")
 def report(fits: list[Fit]) -> Report:
     return gather(fits)

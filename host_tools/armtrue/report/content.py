@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from armtrue import _core
 from armtrue.diagnosis import diagnose
 from armtrue.fitting import Fit
 from armtrue.progress import Progress
@@ -16,12 +17,14 @@ from armtrue.report.binned import Binned, binned
 from armtrue.report.names import called
 from armtrue.report.refits import between, with_candidate
 from armtrue.report.spectrum import Spectrum, spectra_of
-from armtrue.report.state import Direction, Variable, directions, variables
-from armtrue.report.steps import Step, check_same_data, steps_of
+from armtrue.report.state import Direction, Variable, directions, tiny_levers, variables
+from armtrue.report.steps import Step, check_same_data, steps_of, titles_of
+from armtrue.report.structure import Finding, findings_of
 
 Array = NDArray[np.float64]
 
 _LEADING = 3
+_AXES = 3
 # A joint's variable is read as that joint's error unless another direction shows this much more.
 _OWN_JOINT = 0.75
 
@@ -43,32 +46,31 @@ class View:
 
 @dataclass(frozen=True)
 class AddedVariable:
-    """Added-variable plot of a candidate, three readings a pose.
+    """Added-variable plot of a candidate: three readings a pose, six where orientations were measured.
 
-    `added_um` (M,): what it would add to the prediction beyond what the model can take over. `left_um` (M,): what is
-    left over. Readings that it explains lie on the line of slope 1.
+    `added` (M,): what it adds to the prediction beyond what the model can take over, fitted together with it. `left`
+    (M,): what is left over without it. Readings that it explains lie on the line of slope 1. `unit`: µm, or σ, standard
+    deviations of the noise, where `turned` (M,) readings are angles.
     """
 
     name: str
     candidate: dict[str, Any]
-    added_um: Array
-    left_um: Array
+    added: Array
+    left: Array
+    unit: str
+    turned: NDArray[np.bool_]
 
     @property
     def explained(self) -> float:
-        """Share of Σ left² that the line through the origin takes away."""
-        total = float(self.left_um @ self.left_um)
-        square = float(self.added_um @ self.added_um)
-        return (
-            float(self.left_um @ self.added_um) ** 2 / (square * total)
-            if square > 0.0 and total > 0.0
-            else 0.0
-        )
+        """Share of Σ left² that is gone with the candidate fitted."""
+        total = float(self.left @ self.left)
+        after = self.left - self.added
+        return 1.0 - float(after @ after) / total if total > 0.0 else 0.0
 
 
 @dataclass(frozen=True)
 class StepDiagnosis:
-    """What one step lacks, with spectra and added variables of its leading candidates.
+    """What one step lacks, with spectra, added variables of its leading candidates, and what no effect names.
 
     `not_drawn`: leading candidates whose fit would take too long, or that are in the model on these joints already.
     """
@@ -78,16 +80,22 @@ class StepDiagnosis:
     spectra: list[Spectrum]
     added_variables: list[AddedVariable]
     not_drawn: list[str]
+    findings: list[Finding]
 
 
 @dataclass(frozen=True)
 class Report:
-    """Steps of one calibration with what is shown of them. `diagnoses`: of the first and the last step."""
+    """Steps of one calibration with what is shown of them.
+
+    `diagnoses`: of the first and the last step. `tiny_levers`: joints as whose error no residual is read, with the
+    reflector's usual distance from their axis [m].
+    """
 
     steps: list[Step]
     variables: list[Variable]
     directions: list[Direction]
     diagnoses: list[StepDiagnosis]
+    tiny_levers: dict[int, float]
 
     @property
     def first(self) -> Step:
@@ -120,23 +128,30 @@ class Report:
         return own if own.strongest >= _OWN_JOINT * best.strongest else best
 
 
-def gather(fits: list[Fit], progress: Progress | None = None) -> Report:
+def gather(fits: list[Fit], progress: Progress | None = None, names: list[str] | None = None) -> Report:
     """Everything that a report of these fits, first to last step, shows.
 
-    Errors: InputError where measurements are gone or changed, or where the fits are not of the same ones.
+    `names`: what the fits are called; otherwise their files, or `fit 1`, `fit 2` … where they are not saved. Errors:
+    InputError where measurements are gone or changed, or where the fits are not of the same ones.
     """
-    steps = steps_of(_with_steps_between(fits))
+    check_same_data(fits)
+    steps = steps_of(_with_steps_between(fits, titles_of(fits, names)))
     shown = [steps[0]] if len(steps) == 1 else [steps[0], steps[-1]]
     last = steps[-1].fit
     along = directions(last)
-    return Report(steps, variables(last), along, [_diagnosed(step, along, progress) for step in shown])
+    return Report(
+        steps,
+        variables(last),
+        along,
+        [_diagnosed(step, along, progress) for step in shown],
+        tiny_levers(last),
+    )
 
 
-def _with_steps_between(fits: list[Fit]) -> list[Fit]:
-    check_same_data(fits)
-    result = fits[:1]
-    for before, after in pairwise(fits):
-        result += [*between(before, after), after]
+def _with_steps_between(fits: list[Fit], titles: list[str]) -> list[tuple[Fit, str | None]]:
+    result: list[tuple[Fit, str | None]] = [(fits[0], titles[0])]
+    for (before, after), title in zip(pairwise(fits), titles[1:], strict=True):
+        result += [*((fit, None) for fit in between(before, after)), (after, title)]
     return result
 
 
@@ -144,16 +159,19 @@ def _diagnosed(step: Step, along: list[Direction], progress: Progress | None) ->
     result = diagnose(step.fit, progress)
     joints = step.fit.robot.joints
     by_name = {direction.name: direction for direction in along}
+    # Of a joint that positions do not show, orientations alone tell: one reading a pose.
     independent = {
         number: by_name[f"motor{number}"].independent(step.residual_m)
-        for number in range(1, len(joints) + 1)
         if f"motor{number}" in by_name
+        else float(step.used.sum())
+        for number in range(1, len(joints) + 1)
     }
     spectra = spectra_of(result, joints, independent)
     leading = result["candidates"][:_LEADING]
     plots = {called(candidate): _added_variable(step, candidate) for candidate in leading}
     drawn = [plot for plot in plots.values() if plot is not None]
-    return StepDiagnosis(step, result, spectra, drawn, [name for name, plot in plots.items() if plot is None])
+    not_drawn = [name for name, plot in plots.items() if plot is None]
+    return StepDiagnosis(step, result, spectra, drawn, not_drawn, findings_of(step, result))
 
 
 def _added_variable(step: Step, candidate: dict[str, Any]) -> AddedVariable | None:
@@ -162,6 +180,12 @@ def _added_variable(step: Step, candidate: dict[str, Any]) -> AddedVariable | No
         return None
     # By the Frisch–Waugh–Lovell theorem the candidate's own part, all that is fitted already projected out, is what the
     # prediction gains when everything is fitted together.
-    left = step.residual_m[step.used]
-    added = left - refitted.residuals()[step.used]
-    return AddedVariable(called(candidate), candidate, 1e6 * added.ravel(), 1e6 * left.ravel())
+    used = step.used
+    if step.fit.document["noise"]["sigma_rotation_rad"] is None:
+        left, after, unit = 1e6 * step.residual_m[used], 1e6 * refitted.residuals()[used], "µm"
+    else:
+        noise = step.fit.core
+        left = np.asarray(_core.residuals_in_noise(noise, noise))[used]
+        after, unit = np.asarray(_core.residuals_in_noise(refitted.core, noise))[used], "σ"
+    turned = np.tile(np.arange(left.shape[1]) >= _AXES, len(left))
+    return AddedVariable(called(candidate), candidate, (left - after).ravel(), left.ravel(), unit, turned)

@@ -92,7 +92,8 @@ def about_section(report: Report) -> Markup:
         ["solver", document["solver"]["message"]],
     ]
     for step in report.steps:
-        where = str(step.fit.path.resolve()) if step.fit.path else "not saved: fitted for this report"
+        unsaved = "not saved" if step.given else "not saved: fitted for this report"
+        where = str(step.fit.path.resolve()) if step.fit.path else unsaved
         rows.append([f"fit: {step.title}", where])
     return section(
         "about",

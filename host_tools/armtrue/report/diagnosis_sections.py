@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import re
 from typing import Any
 
-from armtrue.cli.units import value_and_sigma
+from armtrue.cli.findings import parameter_lines
 from armtrue.report import charts
 from armtrue.report.content import Report, StepDiagnosis
 from armtrue.report.markup import Content, Markup, tag
@@ -19,8 +18,10 @@ from armtrue.report.parts import (
     micrometres,
     minus,
     plural,
+    rounded,
     section,
     table,
+    typeset,
 )
 
 VERDICTS = {
@@ -36,7 +37,12 @@ _CANDIDATES = (
 _ADDED = (
     "Added-variable plots: across, what the candidate at its best size would add to each reading beyond what the model "
     "can already take over; up, what is left over of that reading. Points along the line are explained; a cloud that "
-    "ignores it is not."
+    "ignores it is not. Here every candidate was put in and fitted, so that tables chose their smoothness and periods "
+    "their place; the score in the table above is one linear step, with repeats of a pose counted for what they add."
+)
+_TURNED = (
+    " Positions (round) and orientations (square, coloured) are read in standard deviations of their noise (σ), as the "
+    "fit weighs them."
 )
 _NOT_DRAWN = "Not drawn, for a fit would take too long here or the model has the effect on these joints: "
 _SHOWN = 8
@@ -60,15 +66,18 @@ def added_variable_section(report: Report) -> Markup | None:
         figures: list[Content] = []
         for plot in diagnosis.added_variables:
             mark = _star() if plot.candidate["recommend"] else None
-            caption = f"explains {100 * plot.explained:.1f} % of what is left over"
             panel = charts.added_variable_panel(plot)
-            figures.append(figure(plot.name, panel, mark, " · " if mark else None, caption, level=4))
+            figures.append(
+                figure(plot.name, panel, mark, " · " if mark else None, charts.added_words(plot), level=4)
+            )
         parts += [tag("h3", f"After {diagnosis.step.title}"), grid(figures)]
         if diagnosis.not_drawn:
             parts.append(tag("p", _NOT_DRAWN, f"{', '.join(diagnosis.not_drawn)}.", class_="lead"))
     if not parts:
         return None
-    return section("added", "What the leading candidates would do", lead(_ADDED), parts)
+    plots = [plot for diagnosis in report.diagnoses for plot in diagnosis.added_variables]
+    turned = _TURNED if any(plot.turned.any() for plot in plots) else None
+    return section("added", "What the leading candidates would do", lead(_ADDED, turned), parts)
 
 
 def _star() -> Markup:
@@ -92,7 +101,7 @@ def _one(diagnosis: StepDiagnosis, many: bool) -> list[Content]:
                 folded(plural(len(rest), "more candidate"), _table(rest, "More candidates"), printed=False)
             )
     if result["advice"]:
-        parts += [tag("h4", "Advice"), listed([_typeset(sentence) for sentence in result["advice"]])]
+        parts += [tag("h4", "Advice"), listed([typeset(sentence) for sentence in result["advice"]])]
     if result["untestable"]:
         needs = [[entry["effect"], ", ".join(entry["needs"])] for entry in result["untestable"]]
         caption = "Not testable with what was recorded"
@@ -117,7 +126,7 @@ def _ambiguity(candidates: list[dict[str, Any]]) -> Markup | None:
 
 
 def _table(candidates: list[dict[str, Any]], caption: str) -> Markup:
-    headers = ["candidate", "", "explains", "log10 p", "ΔBIC", "held-out mean if added [µm]", "separable"]
+    headers = ["candidate", "explains", "log10 p", "ΔBIC", "held-out mean if added [µm]", "separable"]
     rows: list[list[Content]] = []
     for candidate in candidates:
         share = 100.0 * candidate["explained"]
@@ -125,8 +134,7 @@ def _table(candidates: list[dict[str, Any]], caption: str) -> Markup:
         about = "" if candidate["confirmed"] else "≈ "
         rows.append(
             [
-                called(candidate),
-                _star() if candidate["recommend"] else "",
+                [called(candidate), [" ", _star()] if candidate["recommend"] else None],
                 tag(
                     "span",
                     tag("span", bar, class_="bar-track"),
@@ -140,27 +148,18 @@ def _table(candidates: list[dict[str, Any]], caption: str) -> Markup:
             ]
         )
     note = " (≈ is predicted, the others were refitted and cross-validated)"
-    return table(headers, rows, caption + note, words=(0, 1))
+    return table(headers, rows, caption + note, stacked=True)
 
 
 def _reasons(candidates: list[dict[str, Any]]) -> Markup:
     entries: list[Content] = []
     for candidate in candidates:
-        values: list[Content] = []
-        for parameter in candidate["parameters"][:_PARAMETERS_SHOWN]:
-            value, sigma, unit = value_and_sigma(parameter["value"], parameter["sigma"], parameter["unit"])
-            spread = f" ± {sigma}" if sigma else ""
-            values.append(tag("li", tag("code", parameter["name"]), minus(f" = {value}{spread} {unit}")))
-        more = len(candidate["parameters"]) - len(values)
-        if more > 0:
-            values.append(tag("li", f"and {more} more"))
-        why = _typeset(candidate["why"])
+        lines = [minus(rounded(line)) for line in parameter_lines(candidate["parameters"])]
+        values = [tag("li", line) for line in lines[:_PARAMETERS_SHOWN]]
+        if len(lines) > _PARAMETERS_SHOWN:
+            values.append(tag("li", f"and {len(lines) - _PARAMETERS_SHOWN} more"))
+        why = typeset(candidate["why"])
         entries.append(
             tag("li", tag("strong", called(candidate)), f": {why}.", tag("ul", values, class_="values"))
         )
     return folded("Why, and how large", tag("ol", entries, class_="evidence"), opened=True)
-
-
-def _typeset(sentence: str) -> str:
-    """A sentence of the diagnosis, which is plain ASCII, with its signs and units as they are printed."""
-    return re.sub(r"(?<=\s)-(?=\d)", "−", sentence.replace(" um", " µm").replace("->", "→"))

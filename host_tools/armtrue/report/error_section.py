@@ -9,7 +9,7 @@ from armtrue.report.content import Report
 from armtrue.report.markup import Content, Markup, tag
 from armtrue.report.parts import lead, micrometres, section, table
 from armtrue.report.scales import Scale, tick_text
-from armtrue.report.steps import ON_THE_WAY
+from armtrue.report.steps import ON_THE_WAY, floor_source
 
 # Measure, what it is called, and the outline of its mark in a square of 16.
 _MEASURES = (
@@ -55,9 +55,9 @@ def error_section(report: Report) -> Markup:
         if scale.share(value) < _LAST_TICK
     ]
     axis = tag("div", ticks, tag("span", "µm", class_="unit"), class_="waterfall-axis", aria_hidden="true")
-    source = report.last.fit.document["noise_floor"]["source"]
+    source = floor_source(report.last)
     floor_words = (
-        f"The dashed line is the noise floor, {micrometres(floor)} µm (from {source}): what measuring and "
+        f"The dashed line is the noise floor, {micrometres(floor)} µm ({source}): what measuring and "
         "repeatability alone leave."
         if floor is not None
         else "The noise floor is not known: nothing was measured twice and no uncertainty is stated."
@@ -65,7 +65,7 @@ def error_section(report: Report) -> Markup:
     return section(
         "error",
         "How the error fell",
-        lead(_READING, floor_words, _ON_THE_WAY if any(bar.title == ON_THE_WAY for bar in bars) else None),
+        lead(_READING, floor_words, None if all(step.given for step in report.steps) else _ON_THE_WAY),
         _legend(),
         tag("div", rows, axis, class_="waterfall"),
         _table(bars, floor),
@@ -76,10 +76,12 @@ def error_section(report: Report) -> Markup:
 def _bars(report: Report) -> list[_Bar]:
     nominal = report.first.error["nominal"]
     bars = [_Bar("Nominal arm", "aligned to the data, nothing fitted", None, nominal)]
-    for step in report.steps:
+    for place, step in enumerate(report.steps):
         changes: list[Content] = [f"+ {effect}  " for effect in step.added]
         changes += [f"− {effect}  " for effect in step.removed]
-        if not changes:
+        if not changes and place > 0:
+            changes = ["the same effects, fitted again"]
+        elif not changes:
             changes = [", ".join(dict.fromkeys(p["effect"] for p in step.fit.document["parameters"]))]
         bars.append(_Bar(step.title, changes, step.error["train"], step.error["held_out"]))
     return bars

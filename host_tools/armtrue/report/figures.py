@@ -6,22 +6,28 @@
     figures.waterfall(report)
     figures.vectors(report)
     figures.state(report)
+    figures.unexplained(report.diagnoses[-1])
 
 Every function returns a `matplotlib.figure.Figure` and leaves pyplot alone. Only this module needs Matplotlib.
 """
 
 from __future__ import annotations
 
+import re
+import textwrap
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from armtrue.cli.units import for_people
 from armtrue.report.arm import arm_corners, typical_row
-from armtrue.report.charts import trend_words
+from armtrue.report.charts import added_words, trend_words
 from armtrue.report.content import Report, StepDiagnosis, View
 from armtrue.report.names import called
+from armtrue.report.parts import rounded, typeset
+from armtrue.report.state import joint_unit
 from armtrue.report.thinning import spread_rows
 
 _LAST, _FIRST, _DOTS, _SOFT = "#12578f", "#a3480c", "#9aa6ae", "#56626b"
@@ -34,6 +40,14 @@ _MEASURES = (
     ("max_um", "max", "s"),
 )
 _MOST_DOTS = 2000
+_TITLE_CHARACTERS = 52
+# Lines for parts of a variable: told apart without colour too.
+_PART_STYLES: tuple[dict[str, Any], ...] = (
+    {"color": _LAST, "ls": "-", "marker": "o", "ms": 3},
+    {"color": _FIRST, "ls": "--", "marker": "s", "ms": 3},
+    {"color": "#1c6b45", "ls": ":", "marker": "^", "ms": 3},
+    {"color": "#1b2227", "ls": "-.", "marker": "D", "ms": 3},
+)
 _ARROW_SHARE = 0.1
 
 
@@ -126,14 +140,80 @@ def candidates(diagnosis: StepDiagnosis, most: int = 10) -> Figure:
 
 
 def added_variables(diagnosis: StepDiagnosis) -> Figure:
-    """Added-variable plots of the leading candidates; readings that one explains lie on its line."""
+    """Added-variable plots of the leading candidates; readings that one explains lie on its line.
+
+    Crosses are readings of orientation.
+    """
     plots = diagnosis.added_variables
     figure, panels = _panels(len(plots))
     for axes, plot in zip(panels, plots, strict=True):
-        rows = spread_rows(plot.added_um.size, _MOST_DOTS)
-        axes.plot(plot.added_um[rows], plot.left_um[rows], ".", ms=2, color=_DOTS)
+        for which, marker, colour in ((~plot.turned, ".", _DOTS), (plot.turned, "x", _FIRST)):
+            readings = np.flatnonzero(which)
+            rows = readings[spread_rows(readings.size, _MOST_DOTS)]
+            axes.plot(plot.added[rows], plot.left[rows], marker, ms=2, mew=0.4, color=colour)
         axes.axline((0.0, 0.0), slope=1.0, color=_LAST)
-        axes.set(xlabel=f"{plot.name} would add [µm]", ylabel="left over [µm]")
+        axes.set(xlabel=f"{plot.name} would add [{plot.unit}]", ylabel=f"left over [{plot.unit}]")
+        _head(axes, added_words(plot))
+    return figure
+
+
+def unexplained(diagnosis: StepDiagnosis) -> Figure:
+    """What no effect names: the function found of one variable; of two, means for each part of the second."""
+    found = [finding for finding in diagnosis.findings if finding.drawn]
+    figure, panels = _panels(len(found))
+    for axes, finding in zip(panels, found, strict=True):
+        if finding.x is not None and finding.y is not None:
+            axes.plot(finding.x, finding.y, color=_LAST)
+        for part, style in zip(finding.parts, _PART_STYLES, strict=False):
+            means = part.means
+            axes.errorbar(means.centre, means.mean, yerr=means.error, label=part.label, **style)
+        if finding.parts:
+            axes.legend(title=finding.by, fontsize=7, title_fontsize=7)
+        axes.axhline(0.0, color=_SOFT, lw=0.8)
+        axes.set(xlabel=finding.over, ylabel=finding.along)
+        _head(axes, typeset(finding.entry["shape"]))
+    return figure
+
+
+def coverage(report: Report) -> Figure:
+    """Where the arm was measured: joints within their limits (dashed), payload, temperatures and time."""
+    fit = report.last.fit
+    limits = {}
+    for number, joint in enumerate(fit.robot.joints, start=1):
+        if joint.get("limits"):
+            limits[f"q{number}"] = np.array(joint["limits"]) / joint_unit(joint)[1]
+    shown = [v for v in report.variables if re.fullmatch(r"q\d+|temp_.*|payload|time", v.name)]
+    figure, panels = _panels(len(shown))
+    for axes, variable in zip(panels, shown, strict=True):
+        axes.hist(variable.values, bins=24, color=_LAST, alpha=0.75)
+        for limit in limits.get(variable.name, []):
+            axes.axvline(limit, color=_SOFT, ls="--", lw=1)
+        axes.set(xlabel=variable.label, ylabel="poses")
+    return figure
+
+
+def parameters(report: Report, sigmas: float = 2.0) -> Figure:
+    """Parameters of the last step with so many `sigmas`, those of one unit in one panel; base, tool and tables not."""
+    groups: dict[str, list[tuple[str, float, float]]] = {}
+    for parameter in report.last.fit.document["parameters"]:
+        table = parameter["terms"][0].get("table")
+        if parameter["held"] or table is not None or parameter["effect"] in ("base_frame", "tool_offset"):
+            continue
+        entry = (rounded(parameter["name"]), parameter["value"], parameter["sigma"] or 0.0)
+        groups.setdefault(parameter["unit"], []).append(entry)
+    tallest = max((len(entries) for entries in groups.values()), default=1)
+    figure = Figure(figsize=(4.6 * max(1, len(groups)), 1.0 + 0.24 * tallest), layout="constrained")
+    for column, (unit, entries) in enumerate(groups.items(), start=1):
+        axes = figure.add_subplot(1, len(groups), column)
+        names, values, spreads = zip(*entries, strict=True)
+        shown, name = for_people(float(np.median(np.abs(values))) or 1.0, unit)
+        factor = (float(np.median(np.abs(values))) or 1.0) / shown
+        width = sigmas * np.array(spreads) / factor
+        axes.errorbar(np.array(values) / factor, range(len(names)), xerr=width, fmt="o", ms=4, color=_LAST)
+        axes.axvline(0.0, color=_SOFT, lw=0.8)
+        axes.set_yticks(range(len(names)), names, fontsize=7)
+        axes.set_ylim(tallest - 0.5, -0.5)
+        axes.set(xlabel=f"[{name}], bars: {sigmas:g} sigmas")
     return figure
 
 
@@ -149,7 +229,12 @@ def _draw_state(axes: Axes, report: Report, view: View) -> None:
     axes.errorbar(last.centre, last.mean, yerr=last.error, color=_LAST, marker="o", ms=3)
     axes.axhline(0.0, color=_SOFT, lw=0.8)
     axes.set(xlabel=view.variable.label, ylabel=f"{view.direction.what} [{view.direction.unit}]")
-    axes.set_title(trend_words(view), fontsize=8)
+    _head(axes, trend_words(view))
+
+
+def _head(axes: Axes, words: str) -> None:
+    """Words above a panel, in lines that fit its width."""
+    axes.set_title(textwrap.fill(words, _TITLE_CHARACTERS), fontsize=8)
 
 
 def _panels(count: int) -> tuple[Figure, list[Axes]]:

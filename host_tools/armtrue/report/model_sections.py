@@ -7,12 +7,15 @@ from typing import Any
 
 import numpy as np
 
-from armtrue.cli.diagnosis import name
+from armtrue.cli.findings import name
 from armtrue.cli.units import value_and_sigma
+from armtrue.fitting import Fit
 from armtrue.report import charts
 from armtrue.report.content import Report
 from armtrue.report.markup import Content, Markup, tag
-from armtrue.report.parts import figure, folded, grid, lead, listed, minus, plural, section, table
+from armtrue.report.parts import figure, folded, grid, lead, listed, minus, plural, rounded, section, table
+from armtrue.report.state import axis_of
+from armtrue.report.structure import coordinate_words
 
 _PARAMETERS = (
     "Values of the last step with one standard deviation. ● is known to better than a third of itself, ○ may as well "
@@ -51,7 +54,7 @@ def parameters_section(report: Report) -> Markup:
         parts.append(folded(heading, listing) if len(parameters) > _LONG else listing)
     if document["nonlinear"]:
         parts.append(_parameter_table(document["nonlinear"], "Searched for: periods, time constants"))
-    curves = [_curve(entries) for entries in tables.values() if _axes(entries) == 1]
+    curves = [_curve(report.last.fit, entries) for entries in tables.values() if _axes(entries) == 1]
     if curves:
         parts += [tag("h3", "Tables"), grid(curves)]
     grids = [entries for entries in tables.values() if _axes(entries) > 1]
@@ -100,16 +103,18 @@ def _parameter_table(parameters: list[dict[str, Any]], caption: str) -> Markup:
             ratio = abs(parameter["value"]) / parameter["sigma"]
             known = f"{'●' if ratio >= _KNOWN else '○'} {min(ratio, 9999.0):.0f}"
         tied = [
-            minus(f"{entry['with']} ({entry['r']:+.2f})")
+            minus(rounded(f"{entry['with']} ({entry['r']:+.2f})"))
             for entry in parameter.get("correlations", [])
             if abs(entry["r"]) >= _TIED
         ]
-        rows.append([tag("code", parameter["name"]), minus(value), sigma, unit, known, ", ".join(tied)])
+        rows.append(
+            [tag("code", rounded(parameter["name"])), minus(value), sigma, unit, known, ", ".join(tied)]
+        )
     headers = ["parameter", "value", "± sigma", "unit", "value / sigma", "tied to (correlation)"]
     return table(headers, rows, caption, words=(0, 3, 5))
 
 
-def _curve(entries: list[dict[str, Any]]) -> Markup:
+def _curve(fit: Fit, entries: list[dict[str, Any]]) -> Markup:
     term = entries[0]["terms"][0]
     axis = term["table"]["axes"][0]
     nodes = np.array(axis["nodes"], dtype=np.float64)
@@ -119,13 +124,13 @@ def _curve(entries: list[dict[str, Any]]) -> Markup:
         values[at] = entry["value"] * entry["terms"][0]["weight"]
         sigmas[at] = entry["sigma"] or 0.0
     factor, unit = (_ARCSECOND, "″") if entries[0]["unit"].startswith("rad") else (1e-6, "µm")
-    turns = axis["variable"].startswith(("q", "th"))
+    what, of_axis, scale, origin = axis_of(fit, axis["variable"])
     title = name({"effect": entries[0]["effect"], "joints": entries[0]["joints"]})
     panel = charts.curve_panel(
-        np.degrees(nodes) if turns else nodes,
+        (nodes - origin) / scale,
         values / factor,
-        f"{axis['variable']}{' [°]' if turns else ''}",
-        f"{term['coordinate']} [{unit}]",
+        f"{what} [{of_axis}]" if of_axis else what,
+        f"{coordinate_words(term['coordinate'])} [{unit}]",
         f"Table of {title} over {axis['variable']}",
         sigmas / factor,
     )

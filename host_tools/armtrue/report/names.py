@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import re
 from typing import Any
 
-from armtrue.cli.diagnosis import name
+from armtrue.cli.findings import entry_of, name
 
 
 def called(candidate: dict[str, Any]) -> str:
@@ -17,10 +16,7 @@ def called(candidate: dict[str, Any]) -> str:
 
 def bracketed(label: str) -> str:
     """`gear_harmonics 3`, as diagnose names others, the way the page writes it."""
-    found = re.fullmatch(r"(\S+) ([\d,]+)", label)
-    if found is None:
-        return label
-    return name({"effect": found[1], "joints": [int(joint) for joint in found[2].split(",")]})
+    return called(entry_of(label))
 
 
 def gathered(effects: list[tuple[str, tuple[int, ...]]]) -> list[str]:

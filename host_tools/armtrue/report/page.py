@@ -18,6 +18,7 @@ from armtrue.report.residual_sections import (
     unexplained_section,
     vectors_section,
 )
+from armtrue.report.steps import floor_source
 
 
 def page(report: Report) -> str:
@@ -76,7 +77,7 @@ def _summary(report: Report, robot: str) -> Content:
     figures = [
         ("held-out mean", f"{micrometres(before['mean_um'])} → {micrometres(held['mean_um'])} µm", fell),
         ("held-out 95 %", f"{micrometres(held['p95_um'])} µm", f"worst {micrometres(held['max_um'])} µm"),
-        ("noise floor", floor_words, f"from {last.fit.document['noise_floor']['source']}"),
+        ("noise floor", floor_words, floor_source(last)),
         ("measurements", str(last.fit.data.count), f"{len(last.fit.document['rejected'])} rejected"),
     ]
     best = next((c for c in report.diagnoses[-1].result["candidates"] if c["recommend"]), None)

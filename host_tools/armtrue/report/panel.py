@@ -12,8 +12,11 @@ Array = NDArray[np.float64]
 
 WIDTH = 360
 _LEFT, _RIGHT, _TOP, _BOTTOM = 46, 8, 10, 36
+_BESIDE_TICKS = 22.0  # what the axis name and the gaps beside tick labels take of the left margin
+_POINTER = (3.5, 9.0)  # half width and height of a note's pointer
 _LINE = 12.0
 _LABEL_CHARACTER = 5.6  # width of a character of a label, in user units
+_TICK_CHARACTER = 6.2
 
 
 class Panel:
@@ -26,9 +29,14 @@ class Panel:
         self._labels = (x_label, y_label)
         self._description = description
         self._height = height
-        self._w, self._h = WIDTH - _LEFT - _RIGHT, height - _TOP - _BOTTOM
+        self._y_ticks = [(value, tick_text(value)) for value in y.ticks(max(4, height // 50))]
+        longest = max((len(text) for _, text in self._y_ticks), default=0)
+        self._left = max(_LEFT, round(_BESIDE_TICKS + _TICK_CHARACTER * longest))
+        self._w, self._h = WIDTH - self._left - _RIGHT, height - _TOP - _BOTTOM
         self._drawn: list[Markup] = []
-        self._notes: list[tuple[float, float, float]] = []
+        # What notes keep clear of: (centre, baseline, half width).
+        self._taken: list[tuple[float, float, float]] = []
+        self._notes: list[tuple[float, float, str]] = []
         self._x_tick_values: list[tuple[float, str]] | None = None
 
     def name_x_ticks(self, ticks: list[tuple[float, str]]) -> None:
@@ -87,7 +95,7 @@ class Panel:
         left = at + 3 + _LABEL_CHARACTER * len(label) > self._w
         self._drawn.append(tag("path", class_=kind, d=f"M{at:.1f} 0V{self._h}"))
         half, height = _LABEL_CHARACTER * len(label) / 2, 9.0 + 11 * level
-        self._notes.append((at - half - 3 if left else at + half + 3, height, half))
+        self._taken.append((at - half - 3 if left else at + half + 3, height, half))
         self._label(at - 3 if left else at + 3, height, label, "end" if left else "start")
 
     def level(self, y: float, label: str, kind: str = "mark", *, at_start: bool = False) -> None:
@@ -102,25 +110,34 @@ class Panel:
             self._label(place, at - 3 if at > 14 else at + 11, label, anchor)
 
     def note(self, x: float, y: float, label: str) -> None:
-        """A pointer above a point, and words above it where no other note stands."""
+        """A pointer above a point, and words above it where no other note or pointer stands."""
         column, row = (int(v[0]) / 10 for v in self._tenths(np.array([x]), np.array([y])))
-        half = _LABEL_CHARACTER * len(label) / 2
-        at = min(max(column, half + 2), self._w - half - 2)
-        height = max(9.0, row - 12)
-        while any(abs(at - a) < half + other and abs(height - h) < _LINE for a, h, other in self._notes):
-            height -= 1.0
-        if height < _LINE:
-            return
-        self._notes.append((at, height, half))
+        self._notes.append((column, row, label))
+        self._taken.append((column, row - 3, _POINTER[0]))
         self._drawn.append(tag("path", class_="peak", d=f"M{column:.1f} {row - 3:.1f}l-3.5 -6h7z"))
-        self._label(at, height, label, "middle", "label strong")
+
+    def _write_notes(self) -> None:
+        """Words of all notes: each as near above its pointer as is free, else left out."""
+        for column, row, label in self._notes:
+            half = _LABEL_CHARACTER * len(label) / 2
+            at = min(max(column, half + 2), self._w - half - 2)
+            height = max(9.0, row - 3 - _POINTER[1])
+            while height >= 9.0 and any(
+                abs(at - a) < half + other and abs(height - h) < _LINE for a, h, other in self._taken
+            ):
+                height -= 1.0
+            if height >= 9.0:
+                self._taken.append((at, height, half))
+                self._label(at, height, label, "middle", "label strong")
+        self._notes = []
 
     def render(self) -> Markup:
         """The chart as an SVG element."""
+        self._write_notes()
         plot = tag(
             "svg",
             self._drawn,
-            x=_LEFT,
+            x=self._left,
             y=_TOP,
             width=self._w,
             height=self._h,
@@ -134,18 +151,20 @@ class Panel:
 
     def _axes(self) -> Markup:
         bottom, pieces = _TOP + self._h, []
-        for value in self._y.ticks(max(4, self._height // 50)):
+        for value, text in self._y_ticks:
             at = bottom - float(self._y.share(value)) * self._h
-            pieces.append(tag("path", class_="grid", d=f"M{_LEFT} {at:.1f}h{self._w}"))
-            pieces.append(_words(tick_text(value), _LEFT - 5, at + 3.5, "end"))
+            pieces.append(tag("path", class_="grid", d=f"M{self._left} {at:.1f}h{self._w}"))
+            pieces.append(_words(text, self._left - 5, at + 3.5, "end"))
         named = self._x_tick_values or [(value, tick_text(value)) for value in self._x.ticks(6)]
         for value, text in named:
-            at = _LEFT + float(self._x.share(value)) * self._w
+            at = self._left + float(self._x.share(value)) * self._w
             pieces.append(tag("path", class_="tick", d=f"M{at:.1f} {bottom}v4"))
             at_edge = at + _LABEL_CHARACTER * len(text) / 2 > WIDTH
             pieces.append(_words(text, WIDTH if at_edge else at, bottom + 14, "end" if at_edge else "middle"))
-        pieces.append(tag("path", class_="axis", d=f"M{_LEFT} {_TOP}V{bottom}h{self._w}"))
-        pieces.append(_words(self._labels[0], _LEFT + self._w / 2, self._height - 5, "middle", "axis-name"))
+        pieces.append(tag("path", class_="axis", d=f"M{self._left} {_TOP}V{bottom}h{self._w}"))
+        pieces.append(
+            _words(self._labels[0], self._left + self._w / 2, self._height - 5, "middle", "axis-name")
+        )
         middle = _TOP + self._h / 2
         pieces.append(
             tag("text", self._labels[1], class_="axis-name", text_anchor="middle",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Container, Sequence
 
 from armtrue.report.markup import Content, Markup, tag
@@ -22,9 +23,17 @@ def lead(*content: Content) -> Markup:
 
 
 def table(
-    headers: Sequence[str], rows: Sequence[Sequence[Content]], caption: str, words: Container[int] = (0,)
+    headers: Sequence[str],
+    rows: Sequence[Sequence[Content]],
+    caption: str,
+    words: Container[int] = (0,),
+    *,
+    stacked: bool = False,
 ) -> Markup:
-    """A table that scrolls sideways where it must. Columns `words` are words, the others figures."""
+    """A table that scrolls sideways where it must. Columns `words` are words, the others figures.
+
+    `stacked`: on a phone every row has its name on a line of its own, and its figures below, all in sight.
+    """
 
     def kind(column: int) -> str | None:
         return None if column in words else _NUMBER
@@ -35,7 +44,8 @@ def table(
         cells = [tag("th", row[0], scope="row")]
         cells += [tag("td", cell, class_=kind(k)) for k, cell in enumerate(row[1:], start=1)]
         body.append(tag("tr", cells))
-    whole = tag("table", tag("caption", caption), tag("thead", head), tag("tbody", body))
+    title = tag("caption", tag("span", caption))
+    whole = tag("table", title, tag("thead", head), tag("tbody", body), class_="stacked" if stacked else None)
     return tag("div", whole, class_="scroll", tabindex="0", role="region", aria_label=caption)
 
 
@@ -83,3 +93,14 @@ def minus(text: str) -> str:
 def plural(count: int, word: str) -> str:
     """`1 row`, `2 rows`."""
     return f"{count} {word}{'' if count == 1 else 's'}"
+
+
+def typeset(sentence: str) -> str:
+    """A sentence of the diagnosis, which is plain ASCII, with its signs, units and figures as they are printed."""
+    plain = sentence.replace(" um", " µm").replace(" arcsec", "″").replace("->", "→")
+    return rounded(re.sub(r"(?<=[\s(])-(?=\d)", "−", plain))
+
+
+def rounded(text: str) -> str:
+    """Figures in `text` with more than three decimals, as of a period that was searched for, to two."""
+    return re.sub(r"\d+\.\d{4,}", lambda found: f"{float(found[0]):.2f}", text)

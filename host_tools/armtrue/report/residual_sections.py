@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import json
 
-import numpy as np
-
 from armtrue.report import arm, charts
 from armtrue.report.content import Report, View
 from armtrue.report.markup import Content, Markup, tag
-from armtrue.report.parts import figure, folded, grid, lead, minus, plural, section
+from armtrue.report.parts import figure, folded, grid, lead, plural, section, typeset
 from armtrue.report.spectrum import Spectrum
+from armtrue.report.structure import Finding
 
 _VECTORS = (
     "Each arrow starts where the reflector was measured and points from the predicted to the measured position, much "
-    "enlarged. Larger errors have thicker arrows. "
+    "enlarged. Larger errors have thicker arrows; one that ends in two bars is longer than there is room for. "
 )
 _TURNING = (
     "Drag to turn, with Shift to move, scroll or pinch to zoom. With the keyboard: arrow keys turn, + and − zoom, "
@@ -36,7 +35,8 @@ _SPECTRA = (
 )
 _UNEXPLAINED = (
     "Smooth dependence on a variable that no effect of the catalogue explains, with the shape the data give it. It is "
-    "not squeezed into an effect that it is not."
+    "not squeezed into an effect that it is not. The first panel has the most evidence; others may be the same thing "
+    "seen elsewhere. What depends on two variables together has one line for each value or third of the second."
 )
 _BUTTONS = (
     ("corner", "Corner", "seen from above a corner (4)"),
@@ -122,10 +122,20 @@ def state_section(report: Report) -> Markup:
     return section(
         "state",
         "What the error depends on",
-        lead(_STATE, before, _TELLING),
+        lead(_STATE, before, _TELLING, _not_read(report)),
         tag("div", _chooser("state-view", "read", list(_VIEWS), 0), class_="controls only-script"),
         tag("div", sets, class_="views"),
     )
+
+
+def _not_read(report: Report) -> str:
+    """Which joints no residual is read as, and why."""
+    sentences = [
+        f" None is read as an error of joint {number}, whose axis runs {1e3 * lever:.1f} mm beside the reflector: its "
+        "angle hardly moves it."
+        for number, lever in report.tiny_levers.items()
+    ]
+    return "".join(sentences)
 
 
 def _state_figure(report: Report, view: View, dots: int | None = None) -> Markup:
@@ -167,34 +177,34 @@ def _lines(spectrum: Spectrum) -> str:
 def unexplained_section(report: Report) -> Markup | None:
     """Structure that no effect names, drawn; None where neither step has any."""
     parts: list[Content] = []
+    before: list[Finding] = []
     for diagnosis in report.diagnoses:
-        figures: list[Content] = []
-        for entry in diagnosis.result["unexplained"]:
-            joints = ", ".join(map(str, entry["joints"]))
-            whose = f" joint{'s' if len(entry['joints']) > 1 else ''} {joints}" if joints else ""
-            title = [tag("code", entry["variable"]), whose]
-            about = minus(f"{entry['shape']} (log10 p {entry['log10_p']:.1f})")
-            curve = entry.get("curve") or {"x": [], "y": []}
-            if len(curve["x"]) < 2:
-                figures.append(figure(title, None, about, level=4))
-                continue
-            turns = entry["coordinate"].startswith("motor") or ".r" in entry["coordinate"]
-            factor, unit = (np.pi / 648000.0, "″") if turns else (1e-6, "µm")
-            over = entry["variables"][0]
-            of_joint = over.rstrip("0123456789") in ("q", "th")
-            panel = charts.curve_panel(
-                np.degrees(curve["x"]) if of_joint else np.array(curve["x"]),
-                np.array(curve["y"]) / factor,
-                f"{over}{' [°]' if of_joint else ''}",
-                f"on {entry['coordinate']} [{unit}]",
-                f"Shape of what is left over: {about}",
-            )
-            figures.append(figure(title, panel, about, level=4))
-        if figures:
-            parts += [tag("h3", f"After {diagnosis.step.title}"), grid(figures)]
+        found = diagnosis.findings
+        if not found:
+            continue
+        parts.append(tag("h3", f"After {diagnosis.step.title}"))
+        same = [finding.entry for finding in found] == [finding.entry for finding in before]
+        parts.append(tag("p", "The same.") if same else grid(map(_finding, found)))
+        before = found
     if not parts:
         return None
     return section("unexplained", "Structure that no effect names", lead(_UNEXPLAINED), parts)
+
+
+def _finding(finding: Finding) -> Markup:
+    entry = finding.entry
+    joints = ", ".join(map(str, entry["joints"]))
+    whose = f" joint{'s' if len(entry['joints']) > 1 else ''} {joints}" if joints else ""
+    title = [tag("code", entry["variable"].replace("*", " × ")), finding.where or whose]
+    about = typeset(f"{entry['shape']} (log10 p {entry['log10_p']:.1f})")
+    if not finding.drawn:
+        return figure(title, None, about, level=4)
+    if not finding.parts:
+        return figure(title, charts.structure_panel(finding), f"{about}. The function as fitted.", level=4)
+    keys = [tag("span", charts.key(k), f"{part.label}") for k, part in enumerate(finding.parts)]
+    legend = tag("span", f"{finding.by}: ", keys, class_="keys")
+    how = f". Means of what is left over{', positions alone,' if finding.turned else ''} with two standard errors. "
+    return figure(title, charts.structure_panel(finding), about, how, legend, level=4)
 
 
 def _chooser(group: str, legend: str, choices: list[tuple[str, str]], chosen: int) -> Markup:

@@ -33,6 +33,11 @@ class Peak:
     amplitude_arcsec: float
     called: str
 
+    @property
+    def short(self) -> str:
+        """`called` where the axis says that figures are cycles a turn."""
+        return self.called.removesuffix(" a turn").removesuffix(" cycles").removesuffix(" cycle")
+
 
 @dataclass(frozen=True)
 class Spectrum:

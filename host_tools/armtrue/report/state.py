@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,8 +18,21 @@ _DEGREE = np.pi / 180.0
 _ARCSECOND = np.pi / 648000.0
 _MICROMETRE = 1e-6
 _HOUR = 3600.0
+# What variables of docs/model.md are called, with the unit people read and its size in SI.
+_STATE = {
+    "th": ("link angle {}", "°", _DEGREE),
+    "dir": ("direction joint {} came from", "", 1.0),
+    "payload": ("payload", "kg", 1.0),
+    "tau": ("gravity torque on joint {}", "Nm", 1.0),
+    "gmx": ("gravity moment about x of link {}", "Nm", 1.0),
+    "gmy": ("gravity moment about y of link {}", "Nm", 1.0),
+    "bmx": ("gravity moment about x of the base", "Nm", 1.0),
+    "bmy": ("gravity moment about y of the base", "Nm", 1.0),
+}
 # Variables that move less than this share of their size have not moved.
 _STANDSTILL = 1e-9
+# An axis that the reflector is nearer to than this share of the farthest is not read: it would show little but noise.
+_TINY_LEVER = 0.01
 # A reflector nearer to an axis than this share of its usual distance tells nothing of that axis's angle.
 _SHORT_LEVER = 0.25
 
@@ -26,6 +40,27 @@ _SHORT_LEVER = 0.25
 def joint_unit(joint: dict[str, Any]) -> tuple[str, float]:
     """The unit in which people read a joint's variable, and its size in SI."""
     return ("mm", 1e-3) if joint.get("type") == "prismatic" else ("°", _DEGREE)
+
+
+def axis_of(fit: Fit, name: str) -> tuple[str, str, float, float]:
+    """What people call a state variable of docs/model.md, their unit, its size in SI, and where they count from."""
+    found = re.fullmatch(r"([a-zA-Z]+)(\d*)", name)
+    stem, number = found.groups() if found else (name, "")
+    if stem == "q":
+        return f"joint {number}", *joint_unit(fit.robot.joints[int(number) - 1]), 0.0
+    if stem == "time":
+        return "time", "h", _HOUR, float(fit.data.columns["time"].min())
+    if name.startswith("dT"):
+        return f"temperature {name[3:]} above its reference".replace("  ", " "), "K", 1.0, 0.0
+    words, unit, factor = _STATE.get(stem, (name, "", 1.0))
+    return words.format(number), unit, factor, 0.0
+
+
+def state_variable(fit: Fit, name: str) -> Variable:
+    """A state variable of docs/model.md over the fitted rows, in the unit people read."""
+    what, unit, factor, origin = axis_of(fit, name)
+    values = (_core.state_column(fit.core, name)[:, 0] - origin) / factor
+    return Variable(name, what, unit, values)
 
 
 @dataclass(frozen=True)
@@ -57,6 +92,11 @@ class Direction:
     along: Array
     weight: Array
     drawn: NDArray[np.bool_]
+
+    @property
+    def size(self) -> float:
+        """Its unit in SI."""
+        return _ARCSECOND if self.unit == "″" else _MICROMETRE
 
     def read(self, residual_m: Array) -> Array:
         """The residuals (N, 3) [m] along this direction, in `unit`."""
@@ -131,7 +171,10 @@ def variables(fit: Fit) -> list[Variable]:
 
 
 def directions(fit: Fit) -> list[Direction]:
-    """The residual along x, y and z of the measuring frame, and as an error of every joint's angle (or travel)."""
+    """The residual along x, y and z of the measuring frame, and as an error of a joint's angle (or travel).
+
+    Joints of `tiny_levers` are left out.
+    """
     count = fit.data.count
     everywhere = np.ones(count, dtype=np.bool_)
     found = [
@@ -145,14 +188,30 @@ def directions(fit: Fit) -> list[Direction]:
         )
         for k, axis in enumerate("xyz")
     ]
+    tiny = tiny_levers(fit)
     for number, joint in enumerate(fit.robot.joints, start=1):
-        lever = np.asarray(_core.coordinate_column(fit.core, f"motor{number}"))
-        square = np.einsum("ij,ij->i", lever, lever)
-        if not np.any(square > 0.0):
-            continue
-        # Least squares for one joint at one pose: (g·e) / (g·g), whose information is g·g.
-        unit, factor = ("µm", _MICROMETRE) if joint.get("type") == "prismatic" else ("″", _ARCSECOND)
-        along = lever / np.maximum(square, 1e-12 * square.max())[:, None] / factor
-        drawn = square > _SHORT_LEVER**2 * float(np.median(square))
-        found.append(Direction(f"motor{number}", f"error as joint {number}", unit, along, square, drawn))
+        if number not in tiny:
+            turns = joint.get("type") != "prismatic"
+            found.append(reading(fit, f"motor{number}", f"error as joint {number}", turns))
     return found
+
+
+def reading(fit: Fit, coordinate: str, what: str, turns: bool) -> Direction:
+    """The residual as an error of one coordinate: by least squares at each pose, (g·e) / (g·g)."""
+    lever = np.asarray(_core.coordinate_column(fit.core, coordinate))
+    square = np.einsum("ij,ij->i", lever, lever)
+    unit, factor = ("″", _ARCSECOND) if turns else ("µm", _MICROMETRE)
+    along = lever / np.maximum(square, 1e-12 * (float(square.max()) or 1.0))[:, None] / factor
+    drawn = square > _SHORT_LEVER**2 * float(np.median(square))
+    return Direction(coordinate, what, unit, along, square, drawn)
+
+
+def tiny_levers(fit: Fit) -> dict[int, float]:
+    """Revolute joints (1-based) whose angle hardly moves the reflector, with its usual distance from their axis [m]."""
+    levers = {}
+    for number, joint in enumerate(fit.robot.joints, start=1):
+        if joint.get("type") != "prismatic":
+            lever = np.asarray(_core.coordinate_column(fit.core, f"motor{number}"))
+            levers[number] = float(np.median(np.linalg.norm(lever, axis=1)))
+    longest = max(levers.values(), default=0.0)
+    return {number: lever for number, lever in levers.items() if lever <= _TINY_LEVER * longest}

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from armtrue.cli.fitting import FLOOR_SOURCES
 from armtrue.errors import InputError
 from armtrue.fitting import Fit
 from armtrue.report.names import gathered
@@ -21,12 +22,14 @@ ON_THE_WAY = "on the way"
 class Step:
     """One fit among others.
 
-    `title`: what it is called on the page. `added`, `removed`: effects against the step before, as people write them.
-    `residual_m`: measured minus predicted (N, 3), measuring frame. `used`: rows that took part (N,).
+    `title`: what it is called on the page. `given`: False where it was fitted for the report. `added`, `removed`:
+    effects against the step before, as people write them. `residual_m`: measured minus predicted (N, 3), measuring
+    frame. `used`: rows that took part (N,).
     """
 
     title: str
     fit: Fit
+    given: bool
     added: list[str]
     removed: list[str]
     residual_m: Array
@@ -44,6 +47,12 @@ class Step:
         return None if floor is None else float(floor)
 
 
+def floor_source(step: Step) -> str:
+    """What the noise floor was found from, in words."""
+    source = str(step.fit.document["noise_floor"]["source"])
+    return FLOOR_SOURCES.get(source, source)
+
+
 def check_same_data(fits: list[Fit]) -> None:
     """Raise InputError where there is no fit, or where two of them are of different measurements."""
     if not fits:
@@ -57,16 +66,29 @@ def check_same_data(fits: list[Fit]) -> None:
             )
 
 
-def steps_of(fits: list[Fit]) -> list[Step]:
-    """Fits of the same measurements, in order, as steps. Those without a file are on the way between others."""
+def titles_of(fits: list[Fit], names: list[str] | None) -> list[str]:
+    """What given fits are called: `names`, or their files, or their place among them where they have none.
+
+    Errors: InputError where there are more or fewer names than fits.
+    """
+    if names is None:
+        return [f"fit {k}" if fit.path is None else fit.path.stem for k, fit in enumerate(fits, start=1)]
+    if len(names) != len(fits):
+        raise InputError(f"report: found {len(names)} names for {len(fits)} fits, expected one each")
+    return list(names)
+
+
+def steps_of(fits: list[tuple[Fit, str | None]]) -> list[Step]:
+    """Fits of the same measurements, in order, with their titles; those of none are on the way between others."""
     steps: list[Step] = []
-    for fit in fits:
+    for fit, title in fits:
         before = _effects(steps[-1].fit) if steps else []
         after = _effects(fit)
         steps.append(
             Step(
-                title=ON_THE_WAY if fit.path is None else fit.path.stem,
+                title=ON_THE_WAY if title is None else title,
                 fit=fit,
+                given=title is not None,
                 added=gathered([effect for effect in after if effect not in before]) if steps else [],
                 removed=gathered([effect for effect in before if effect not in after]),
                 residual_m=fit.residuals(),

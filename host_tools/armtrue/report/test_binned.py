@@ -48,3 +48,9 @@ def test_readings_of_no_weight_do_not_count():
     found = binned(values, readings, np.tile([1.0, 0.0], 40))
     assert found.mean.tolist() == [1.0, 1.0]
     assert found.high.tolist() == [1.0, 1.0]
+
+
+def test_too_few_rows_for_any_bin_are_no_bins_and_no_trend():
+    found = binned(np.array([1.0, 2.0, 3.0]), np.array([5.0, 6.0, 9.0]), np.ones(3))
+    assert found.centre.size == 0
+    assert not found.trend

@@ -2,11 +2,25 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from armtrue import Fit, InputError, _core, refine
+from armtrue.report import gather
+from armtrue.report.conftest import fitted
+from armtrue.report.page import page
 from armtrue.report.steps import ON_THE_WAY
 
+# Orientations as well as positions, and an eccentric gear on the wrist that hardly moves the reflector.
+ORIENTED = {
+    "arm": "cobot",
+    "seed": 3,
+    "instrument": {"sigma": 9e-6, "orientation": 2e-5},
+    "columns": {"add": ["orientation"]},
+    "hidden": [{"effect": "gear_harmonics", "joints": [6]}],
+}
 ARCSECOND = np.pi / 648000.0
 
 
@@ -43,6 +57,25 @@ def test_an_error_of_one_joint_is_read_as_that_angle(report, joint):
     assert np.percentile(np.abs(read - 10.0), 95) < 0.1
 
 
+def test_a_joint_with_the_reflector_on_its_axis_is_not_read(report, monkeypatch):
+    column = _core.coordinate_column
+
+    def on_axis_6(fit, name):
+        return column(fit, name) * (1e-3 if name == "motor6" else 1.0)
+
+    monkeypatch.setattr(_core, "coordinate_column", on_axis_6)
+    made = gather([report.last.fit])
+    assert list(made.tiny_levers) == [6]
+    assert "motor6" not in {direction.name for direction in made.directions}
+    assert "motor6" not in {view.direction.name for view in made.telling_views()}
+    assert f"joint 6, whose axis runs {1e3 * made.tiny_levers[6]:.1f} mm beside the reflector" in page(made)
+
+
+def test_joints_with_a_lever_are_all_read(report):
+    assert report.tiny_levers == {}
+    assert {f"motor{k}" for k in range(1, 7)} <= {direction.name for direction in report.directions}
+
+
 def test_the_telling_views_show_what_is_hidden_and_that_it_went(report):
     telling = {view.variable.name: view for view in report.telling_views()}
     for name in ("q3", "dir2"):
@@ -55,9 +88,25 @@ def test_added_variables_lie_on_their_line(report):
     first = report.diagnoses[0]
     best = first.added_variables[0]
     assert best.candidate["recommend"]
-    slope = float(best.added_um @ best.left_um) / float(best.added_um @ best.added_um)
+    slope = float(best.added @ best.left) / float(best.added @ best.added)
     assert slope == pytest.approx(1.0, abs=0.05)
     assert best.explained == pytest.approx(best.candidate["explained"], abs=0.2)
+    assert best.unit == "µm"
+    assert not best.turned.any()
+
+
+def test_orientations_count_in_added_variables_as_they_do_in_the_table(tmp_path):
+    """An arm measured in orientation too, with the reflector nearly on axis 6: joint 6 shows in orientations alone."""
+    made = fitted(tmp_path, ORIENTED)
+    (diagnosis,) = gather([made]).diagnoses
+    best = diagnosis.added_variables[0]
+    assert best.name == "gear_harmonics [6]"
+    assert best.unit == "σ"
+    assert best.turned.sum() == best.turned.size / 2
+    assert best.explained == pytest.approx(best.candidate["explained"], abs=0.02)
+    positions = ~best.turned
+    left, after = best.left[positions], (best.left - best.added)[positions]
+    assert 1.0 - float(after @ after) / float(left @ left) < 0.5 * best.explained
 
 
 def test_added_variables_of_noise_explain_nothing(report):
@@ -81,3 +130,37 @@ def test_readings_along_one_direction_count_once_a_pose(report):
     along_it = unit * rng.normal(0.0, 1e-5, (count, 1))
     assert direction.independent(anywhere) == pytest.approx(3 * count, rel=0.25)
     assert direction.independent(along_it) == pytest.approx(count, rel=0.25)
+
+
+def test_given_fits_that_are_not_saved_are_not_called_on_the_way(fits):
+    given = [replace(fit, path=None, document={**fit.document}) for fit in fits]
+    made = gather(given)
+    assert [step.title for step in made.steps] == ["fit 1", ON_THE_WAY, "fit 2"]
+    assert [step.given for step in made.steps] == [True, False, True]
+    assert [step.title for step in gather(given, names=["before", "after"]).steps][::2] == ["before", "after"]
+    text = page(gather([given[0]]))
+    assert "were fitted for this report" not in text
+    assert "not saved" in text
+
+
+def test_names_are_one_a_fit(fits):
+    with pytest.raises(InputError, match="found 1 names for 2 fits"):
+        gather(fits, names=["only"])
+
+
+def test_every_step_of_a_refinement_can_be_shown(fits):
+    """One step for each effect that comes in: nothing is fitted between them, and each effect comes once."""
+    seen: list[Fit] = []
+    refine(fits[0], on_step=lambda fit, _: seen.append(fit))
+    made = gather(seen)
+    assert len(made.steps) == len(seen) == 3
+    assert all(step.given for step in made.steps)
+    assert sorted(effect for step in made.steps for effect in step.added) == [
+        "backlash [2]",
+        "gear_harmonics [3]",
+    ]
+    assert "fitted again" not in page(made)
+
+
+def test_a_step_that_changes_no_effect_says_so(fits):
+    assert "the same effects, fitted again" in page(gather([fits[1], fits[1]]))

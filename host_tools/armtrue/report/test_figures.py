@@ -48,3 +48,45 @@ def test_spectra_are_of_each_joint(report):
     assert labels == [f"cycles a turn of joint {k}" for k in range(1, 7)]
     first = np.asarray(figures.spectra(report).axes[2].lines[0].get_ydata())
     assert first.max() == pytest.approx(100.0 * report.diagnoses[0].spectra[2].explained.max())
+
+
+def test_what_no_effect_names_has_a_line_for_each_part(heated):
+    figure = figures.unexplained(heated.diagnoses[0])
+    assert drawn(figure).startswith(b"\x89PNG")
+    findings = heated.diagnoses[0].findings
+    assert len(figure.axes) == len(findings)
+    at = next(k for k, finding in enumerate(findings) if finding.parts)
+    words = [text.get_text() for text in figure.axes[at].get_legend().get_texts()]
+    assert words == [part.label for part in findings[at].parts]
+    means = [container.lines[0].get_ydata() for container in figure.axes[at].containers]
+    assert means[0] == pytest.approx(findings[at].parts[0].means.mean)
+
+
+def test_nothing_unexplained_is_an_empty_figure(report):
+    assert figures.unexplained(report.diagnoses[-1]).axes == []
+
+
+def test_coverage_counts_every_pose(report):
+    figure = figures.coverage(report)
+    assert drawn(figure).startswith(b"\x89PNG")
+    labels = [axes.get_xlabel() for axes in figure.axes]
+    assert labels[:2] == ["joint 1 [°]", "joint 2 [°]"]
+    assert {"payload [kg]", "time [h]"} <= set(labels)
+    for axes in figure.axes:
+        assert sum(bar.get_height() for bar in axes.patches) == report.last.fit.data.count
+
+
+def test_parameters_stand_at_their_values(report):
+    figure = figures.parameters(report)
+    assert drawn(figure).startswith(b"\x89PNG")
+    at = {}
+    for axes in figure.axes:
+        names = [text.get_text() for text in axes.get_yticklabels()]
+        at |= dict(zip(names, axes.containers[0].lines[0].get_xdata(), strict=True))
+    document = report.last.fit.document["parameters"]
+    asked = {p["name"]: p for p in document if p["effect"] == "link_geometry" and not p["held"]}
+    angles = {name: p["value"] for name, p in asked.items() if p["unit"] == "rad"}
+    assert len(angles) > 3
+    for name, value in angles.items():
+        assert at[name] == pytest.approx(value * 648000.0 / np.pi)
+    assert not any(name.startswith(("base_frame", "tool_offset")) for name in at)

@@ -1,6 +1,7 @@
 """Elements as text."""
 
 from armtrue.report.markup import Markup, join, tag
+from armtrue.report.parts import rounded, typeset
 
 
 def test_text_is_escaped_once_and_markup_never():
@@ -20,3 +21,14 @@ def test_an_attribute_may_be_called_name():
 
 def test_void_elements_of_svg_close_themselves():
     assert join(tag("path", d="M0 0"), tag("br")) == '<path d="M0 0"/><br>'
+
+
+def test_periods_that_were_searched_for_are_rounded_and_others_stay():
+    assert rounded("gear_mesh[1].sin192.55173045837515c") == "gear_mesh[1].sin192.55c"
+    assert rounded("link_geometry[2].tx 0.125 v1.2.3") == "link_geometry[2].tx 0.125 v1.2.3"
+
+
+def test_sentences_of_the_diagnosis_have_signs_and_units():
+    assert typeset("rises by 41 arcsec (log10 p -232.7), 12.5 um -> 3 um") == (
+        "rises by 41″ (log10 p −232.7), 12.5 µm → 3 µm"
+    )

@@ -17,3 +17,5 @@ def test_options_tell_candidates_apart():
 def test_labels_of_diagnose_are_written_like_the_page():
     assert bracketed("thermal_expansion 1,2,3,4,5,6") == "thermal_expansion [1–6]"
     assert bracketed("warm_up") == "warm_up"
+    assert bracketed("gear_mesh 1 cycles [192.55173045837515]") == "gear_mesh [1] 192.552 cycles a turn"
+    assert bracketed("gear_mesh 2 orders [1.0,2.0]") == "gear_mesh [2], orders 1, 2"

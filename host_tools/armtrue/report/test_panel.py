@@ -73,6 +73,29 @@ def test_notes_do_not_cover_each_other():
     assert np.diff(sorted(notes)).min() >= 11.0
 
 
+def test_notes_keep_clear_of_pointers_whichever_came_first():
+    panel = empty()
+    panel.note(5.0, -1.0, "17")
+    panel.note(5.3, -0.8, "27")
+    plot = plot_of(panel)
+    texts = {text.text: (float(text.get("x")), float(text.get("y"))) for text in plot.findall("text")}
+    pointers = [path.get("d") for path in plot.findall("path")]
+    places = [tuple(map(float, re.match(r"M([\d.]+) ([\d.]+)l", d).groups())) for d in pointers]
+    for x, y in texts.values():
+        for at, tip in places:
+            beside = abs(x - at) >= 2 * 5.6 / 2 + 3.5
+            assert beside or y <= tip - 9.0 or y - 9.0 >= tip
+    assert len(texts) == 2
+
+
+def test_long_ticks_push_the_plot_aside_and_leave_the_name_free():
+    wide = plot_of(Panel(Scale(0.0, 1.0), symmetric(600_000.0), "x", "y", "large"))
+    usual = plot_of(Panel(Scale(0.0, 1.0), symmetric(90.0), "x", "y", "small"))
+    assert float(wide.get("x")) >= 22 + 6 * len("−500000")
+    assert float(usual.get("x")) == 46
+    assert float(wide.get("x")) + float(wide.get("width")) == WIDTH - 8
+
+
 @pytest.mark.parametrize("x", [0.0, 10.0])
 def test_notes_stay_inside(x):
     panel = empty()

@@ -174,6 +174,27 @@ def test_fits_of_different_measurements_are_refused(fits, tmp_path):
         gather([fits[0], other])
 
 
+def test_a_table_among_the_reasons_is_one_line(report):
+    """A table has hundreds of nodes: what they span says more than the first six."""
+    tables = [c for c in report.diagnoses[0].result["candidates"][:4] if c["effect"] == "transmission_pwl"]
+    assert tables
+    text = page(report)
+    reasons = text[text.index("Why, and how large") :][:6000]
+    assert f"{len(tables[0]['parameters'])} nodes from " in reasons
+    assert ".node2 = " not in reasons
+
+
+@pytest.mark.parametrize(
+    ("source", "words"),
+    [("repeats", "from poses measured again"), ("none", "nothing recorded tells it")],
+)
+def test_the_summary_says_where_the_noise_floor_comes_from(fits, source, words):
+    fit = Fit.load(fits[0].path)
+    fit.document["noise_floor"] = {**fit.document["noise_floor"], "source": source}
+    header = page(gather([fit])).split("<nav")[0]
+    assert f"<small>{words}</small>" in header
+
+
 def test_no_fit_is_refused(tmp_path):
     with pytest.raises(InputError, match="found no fit"):
         write([], tmp_path / "report.html")

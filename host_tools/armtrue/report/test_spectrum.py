@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from armtrue.report.spectrum import name_of, spectra_of
+from armtrue.report.spectrum import Peak, name_of, spectra_of
 
 JOINTS = [{"name": "A1", "gear_ratio": 101.0}, {"name": "A2"}]
 
@@ -55,3 +55,8 @@ def test_noise_stays_below_the_level():
 )
 def test_periods_have_names(cycles, ratio, called):
     assert name_of(cycles, ratio, 1.0) == called
+
+
+@pytest.mark.parametrize(("cycles", "short"), [(1.0, "1"), (17.4, "17.4"), (101.0, "motor turn")])
+def test_a_peak_is_short_where_the_axis_says_what_it_counts(cycles, short):
+    assert Peak(cycles, 0.1, 2.0, name_of(cycles, 101.0, 1.0)).short == short

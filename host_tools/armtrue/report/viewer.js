@@ -7,6 +7,8 @@
   const CLASSES = [0.25, 0.5, 1]; // shares of the first step's 95 % where arrows grow thicker
   // Of the scene, the first step's 95 %: more where a later step is what is looked at.
   const ARROW_SHARE = 0.08, ARROW_SHARE_OF_FIRST = 0.2;
+  // Of the scene: what would be longer (a gross error) is cut and ends in two bars.
+  const LONGEST_ARROW = 0.4;
   const PICK_PIXELS = 16;
   const TURN = 0.09, ZOOM = 1.15;
 
@@ -34,16 +36,22 @@
     }
   }
 
-  /** The view under which points and arm fill a stage of so many pixels, seen under two angles [rad]. */
-  function fitted(scene, angles, width, height) {
+  // Entries of the legend: as many side by side as fit, above the picture.
+  const ENTRY_WIDTH = 165, ENTRY_HEIGHT = 17, LEGEND_TOP = 12, RULER_HEIGHT = 34;
+  const legendColumns = (width) => Math.max(1, Math.min(CLASSES.length + 1, Math.floor((width - 16) / ENTRY_WIDTH)));
+  const legendHeight = (width) => LEGEND_TOP + ENTRY_HEIGHT * Math.ceil((CLASSES.length + 1) / legendColumns(width)) + 4;
+
+  /** The view under which points and arm fill a stage of so many pixels below `top`, seen under two angles [rad]. */
+  function fitted(scene, angles, width, height, top = 0) {
     const flat = { axes: viewAxes(...angles), centre: scene.centre, scale: 1, left: 0, top: 0 };
     const places = [];
     for (const points of [scene.points, scene.arm]) {
       for (let i = 0; i < points.length; i += 3) places.push(...project(flat, points[i], points[i + 1], points[i + 2]), 0);
     }
     const { low, high } = boundsOf(places);
-    const scale = Math.min((0.86 * width) / (high[0] - low[0]), (0.8 * height) / (high[1] - low[1]));
-    return { scale, left: width / 2 - (scale * (low[0] + high[0])) / 2, top: height / 2 - (scale * (low[1] + high[1])) / 2 };
+    const room = height - top - (top ? RULER_HEIGHT : 0);
+    const scale = Math.min((0.86 * width) / (high[0] - low[0]), ((top ? 0.94 : 0.8) * room) / (high[1] - low[1]));
+    return { scale, left: width / 2 - (scale * (low[0] + high[0])) / 2, top: top + room / 2 - (scale * (low[1] + high[1])) / 2 };
   }
 
   /** One drawing of a scene under a view {angles, scale, left, top}: SVG text, and the places of arrow tips for picking. */
@@ -67,9 +75,11 @@
     for (let i = 0; i < scene.points.length; i += 3) {
       const x = scene.points[i], y = scene.points[i + 1], z = scene.points[i + 2];
       const from = at(x, y, z);
-      const to = at(x + reach * vectors[i], y + reach * vectors[i + 1], z + reach * vectors[i + 2]);
-      const which = scene.classOf(scene.lengths[step][i / 3]);
-      paths[which] += `M${word(from)}L${word(to)}${head(from, to, 3 + 1.5 * which)}`;
+      const length = scene.lengths[step][i / 3];
+      const cut = Math.min(1, (LONGEST_ARROW * scene.size) / (scene.gain * length));
+      const to = at(x + cut * reach * vectors[i], y + cut * reach * vectors[i + 1], z + cut * reach * vectors[i + 2]);
+      const which = scene.classOf(length);
+      paths[which] += `M${word(from)}L${word(to)}${cut < 1 ? bars(from, to) : head(from, to, 3 + 1.5 * which)}`;
       starts += `M${word(from)}h0`;
       tips.push(to);
     }
@@ -86,6 +96,17 @@
     const ux = (dx / length) * size, uy = (dy / length) * size;
     const barb = (side) => `${(to[0] - ux + side * 0.5 * uy).toFixed(1)} ${(to[1] - uy - side * 0.5 * ux).toFixed(1)}`;
     return `M${barb(1)}L${to[0].toFixed(1)} ${to[1].toFixed(1)}L${barb(-1)}`;
+  }
+
+  /** Two short strokes across the end of an arrow that goes on. */
+  function bars(from, to) {
+    const dx = to[0] - from[0], dy = to[1] - from[1], length = Math.hypot(dx, dy) || 1;
+    const ux = dx / length, uy = dy / length;
+    const across = (back) => {
+      const x = to[0] - back * ux, y = to[1] - back * uy;
+      return `M${(x - 5 * uy).toFixed(1)} ${(y + 5 * ux).toFixed(1)}L${(x + 5 * uy).toFixed(1)} ${(y - 5 * ux).toFixed(1)}`;
+    };
+    return across(0) + across(5);
   }
 
   function floorGrid(scene, at, word) {
@@ -115,11 +136,14 @@
     const pixelsAMicrometre = scene.gain * view.scale;
     const ruler = roundNumber(Math.min(130, 0.3 * width) / pixelsAMicrometre);
     const right = width - 16, y = height - 16;
-    const parts = [`<path class="ruler" d="M${right} ${y}h${(-ruler * pixelsAMicrometre).toFixed(1)}m0 -4v8M${right} ${y - 4}v8"/>`];
+    const parts = [`<path class="cover" d="M0 0H${width}V${legendHeight(width)}H0z"/>`];
+    parts.push(`<path class="ruler" d="M${right} ${y}h${(-ruler * pixelsAMicrometre).toFixed(1)}m0 -4v8M${right} ${y - 4}v8"/>`);
     parts.push(`<text x="${right}" y="${y - 9}" text-anchor="end">error of ${ruler} µm, × ${(scene.gain * MICROMETRES_A_MM).toLocaleString("en").replace(/,/g, " ")}</text>`);
     const names = [`below ${scene.limits[0]} µm`, ...scene.limits.map((limit) => `${limit} µm and more`)];
+    const columns = legendColumns(width), lines = Math.ceil(names.length / columns);
     names.forEach((name, k) => {
-      parts.push(`<path class="length${k}" d="M16 ${18 + 17 * k}h26"/><text x="50" y="${22 + 17 * k}">${name}</text>`);
+      const x = 16 + ENTRY_WIDTH * Math.floor(k / lines), middle = LEGEND_TOP + 6 + ENTRY_HEIGHT * (k % lines);
+      parts.push(`<path class="length${k}" d="M${x} ${middle}h26"/><text class="entry" x="${x + 34}" y="${middle + 4}">${name}</text>`);
     });
     return parts.join("");
   }
@@ -143,7 +167,7 @@
     function render() {
       waiting = false;
       const width = Math.max(280, Math.round(stage.clientWidth)), height = Math.round(Math.min(620, Math.max(340, 0.58 * width)));
-      const fit = fitted(scene, home, width, height);
+      const fit = fitted(scene, home, width, height, legendHeight(width));
       const look = {
         angles, scale: fit.scale * zoom,
         left: width / 2 + zoom * (fit.left - width / 2) + pan[0], top: height / 2 + zoom * (fit.top - height / 2) + pan[1],
