@@ -48,8 +48,9 @@ ANSWER_TIMEOUT_S = 30.0
 # this in the middle of a cycle interrupts the stream of targets.
 _LONGEST_WAIT_US = 1_000_000
 # Sets that the compensator may withhold before the first of a stream goes out; two by its design (a stream begins
-# with its second set, and the interval before may have been spoilt).
-_STREAM_BEGINS_WITHIN = 5
+# with its second set, and the interval before may have been spoilt), and in offset mode after a start those of the
+# 0.1 s that it wants the arm to stand.
+_STREAM_BEGINS_WITHIN = 200
 _MOVE_ATTEMPTS = 5
 _SETTLES_WITHIN = 1000
 _BLENDING = 1

@@ -1,6 +1,7 @@
 """A CiA 402 servo drive as a CANopen node: power state machine and cyclic synchronous position.
 
-The drive is ideal: it stands where its last synchronous target (plus position offset 0x60B0) is.
+The drive is ideal: it stands where its last synchronous target (plus position offset 0x60B0) is. Nothing but a loss
+of power or another value takes the offset from it: CiA 402 asks for no more.
 """
 
 from __future__ import annotations
@@ -74,6 +75,7 @@ class Drive:
         """Come out of a loss of power: without torque, boot-up message sent, pre-operational. The brake held it."""
         self._state = "switch on disabled"
         self._mode = 0
+        self._offset = 0
         self._last_controlword = 0
         self._publish()
         self.node.nmt.send_command(0x80)
@@ -99,6 +101,8 @@ class Drive:
             self._publish()
         elif index == 0x607A:
             self._target = int.from_bytes(data, "little", signed=True)
+        elif index == 0x60B0:
+            self._offset = int.from_bytes(data, "little", signed=True)
 
     def _obey(self, controlword: int) -> None:
         edge = bool(controlword & 0x80) and not self._last_controlword & 0x80
@@ -106,7 +110,6 @@ class Drive:
         state = next_state(self._state, controlword, edge)
         if state == "operation enabled" and self._state != state:
             self._target = None  # stand still until the first target
-            self._offset = 0
         self._state = state
         self._publish()
 
@@ -117,6 +120,7 @@ class Drive:
     def _on_offset(self, _cob_id: int, data: bytearray, _timestamp: float) -> None:
         if self._operational() and len(data) == 8:
             self._offset = struct.unpack_from("<i", data, 4 * self._place)[0]
+            self._publish()
 
     def _on_sync(self, _cob_id: int, _data: bytearray, _timestamp: float) -> None:
         if not self._operational():
@@ -133,9 +137,14 @@ class Drive:
         status = STATUS[self._state] | _TARGET_REACHED
         if self.is_enabled:
             status |= _FOLLOWS_COMMAND
-        values = {0x6041: (status, 2), 0x6061: (self._mode, 1), 0x6064: (self.position, 4)}
+        values = {
+            0x6041: (status, 2),
+            0x6061: (self._mode, 1),
+            0x6064: (self.position, 4),
+            0x60B0: (self._offset, 4),
+        }
         for index, (value, size) in values.items():
             self.node.data_store.setdefault(index, {})[0] = value.to_bytes(
-                size, "little", signed=index == 0x6064
+                size, "little", signed=index in (0x6064, 0x60B0)
             )
         return status

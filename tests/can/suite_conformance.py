@@ -393,6 +393,29 @@ def test_od_01_every_object_by_its_access_type(target: Target) -> None:
             assert refusal.value.code == 0x06010002
 
 
+def test_od_05_no_object_has_a_sub_index_255(target: Target) -> None:
+    """It would tell the object's type; the EDS lists none."""
+    for index in (0x1000, 0x1018, 0x1600, 0x2013):
+        assert target.abort_code(0x40, index & 0xFF, index >> 8, 255, 0, 0, 0, 0) == 0x06090011
+
+
+def test_od_06_limits_of_every_object_that_has_some(target: Target) -> None:
+    limited = [
+        leaf
+        for leaf in leaves(canopen.import_od(str(EDS), target.node_id))
+        if leaf.access_type == "rw" and leaf.min is not None and leaf.max is not None
+    ]
+    assert len(limited) >= 10
+    for leaf in limited:
+        size = len(leaf) // 8
+        before = target.client.upload(leaf.index, leaf.subindex)
+        for value in (leaf.min - 1, leaf.max + 1):
+            if 0 <= value < 1 << len(leaf):
+                refusal = target.write(leaf.index, leaf.subindex, value, size)
+                assert refusal in (0x06090030, 0x06090031, 0x06090032, GENERAL), f"{leaf.index:04X} {value}"
+        assert target.client.upload(leaf.index, leaf.subindex) == before
+
+
 def test_od_02_communication_objects_hold_their_defaults(target: Target) -> None:
     """0x1001, 0x1003 and 0x1018 sub 4 are no defaults: they tell what this device has seen and is."""
     for leaf in leaves(canopen.import_od(str(EDS), target.node_id)):
@@ -428,6 +451,13 @@ def test_emergency_04_05_06_a_pdo_without_data(target: Target) -> None:
 
 def test_synchronization_01_default_identifier(target: Target) -> None:
     assert target.read(0x1005, 0) == 0x80
+
+
+def test_synchronization_05_counter_overflow_that_is_none(target: Target) -> None:
+    """CiA 301, 7.5.2.22: 1 and 241 to 255 are reserved."""
+    for value in (1, 241, 255):
+        assert target.write(0x1019, 0, value, 1) in (0x06090030, 0x06090031, GENERAL)
+    assert target.read(0x1019, 0) == 0
 
 
 def test_synchronization_without_a_producer(target: Target) -> None:
@@ -468,7 +498,15 @@ def test_heartbeat_05_consumer_is_content_with_heartbeats(target: Target) -> Non
         assert target.write(0x1016, slot, 0, 4) == 0
 
 
-def test_heartbeat_consumer_notices_silence_and_return(target: Target) -> None:
+def test_heartbeat_06_is_watched_for_from_the_first_on(target: Target) -> None:
+    time_s = 0.1 * target.patience
+    assert target.write(0x1016, 1, 0x000A0000 | int(1000 * time_s), 4) == 0
+    assert target.next_frame(0x80 + target.node_id, timeout_s=3.0 * time_s) is None
+    target.send(0x70A, [0x7F])
+    assert int.from_bytes(target.expect(0x80 + target.node_id)[:2], "little") == 0x8130
+
+
+def test_heartbeat_07_silence_leaves_operational_and_return_is_reported(target: Target) -> None:
     time_ms = int(100 * target.patience)
     assert target.write(0x1016, 1, 0x000A0000 | time_ms, 4) == 0
     target.nmt(NMT_START)

@@ -5,6 +5,8 @@ from __future__ import annotations
 
 import math
 import struct
+import time
+from collections.abc import Iterator
 
 import can
 import pytest
@@ -13,6 +15,8 @@ from target import ARRIVES_WITHIN_S, FEEDBACK_IDS, NMT_PREOPERATIONAL, NMT_START
 
 TURN = 1 << 20
 SYNC = 0x080
+OFFSET_IDS = (0x1A0, 0x2A0, 0x3A0)
+NO_RTR = 1 << 30
 MARK = 0x6E0  # nobody's
 
 
@@ -54,9 +58,8 @@ def withheld(target: Target, joints: list[int], pairs: tuple[int, ...] = (0, 1, 
     return cycle(target, joints, pairs) == {}
 
 
-@pytest.fixture
-def inline(target: Target) -> Target:
-    """Inline mode with a table in force, blended in."""
+def install_table(target: Target) -> None:
+    """A new table in force, the node pre-operational."""
     target.nmt(NMT_PREOPERATIONAL)
     image = small_table(sequence=target.description.setdefault("sequence", 100) + 1)
     target.description["sequence"] += 1
@@ -64,6 +67,12 @@ def inline(target: Target) -> Target:
     target.device.stage(image, True, lambda _done, _total: None)
     for word in ("vrfy", "cmit", "actv", "cfrm"):
         target.device.command(word)
+
+
+@pytest.fixture
+def inline(target: Target) -> Target:
+    """Inline mode with a table in force, blended in."""
+    install_table(target)
     target.configure(1)
     assert withheld(target, at_cycle(0)), "a stream begins with its second set"
     for number in range(1, 40):
@@ -194,3 +203,119 @@ def test_disabling_in_motion_blends_out(inline: Target) -> None:
     inline.nmt(NMT_PREOPERATIONAL)
     inline.wait_until_quiet()
     assert inline.write(0x2000, 2, 1, 1) == 0
+
+
+class OffsetDrives:
+    """Six ideal drives and their controller, beside the device: an offset stays until another comes."""
+
+    def __init__(self, target: Target) -> None:
+        self.target = target
+        self.held = [0] * 6
+        self.steps: list[int] = []  # largest change of an offset, frame by frame
+
+    def listen(self) -> int:
+        """Take the offsets that were sent before now; how many frames."""
+        frames = 0
+        self.target.send(0x600 + self.target.node_id, [0x40, 0x01, 0x20, 0x03, 0, 0, 0, 0])
+        while True:
+            frame = self.target.upstream.recv(ARRIVES_WITHIN_S)
+            assert frame is not None, "no answer"
+            if frame.arbitration_id == 0x580 + self.target.node_id:
+                return frames
+            if frame.arbitration_id not in OFFSET_IDS:
+                continue
+            pair = OFFSET_IDS.index(frame.arbitration_id)
+            offsets = struct.unpack("<2i", frame.data)
+            before = self.held[2 * pair : 2 * pair + 2]
+            self.steps.append(max(abs(new - old) for new, old in zip(offsets, before, strict=True)))
+            self.held[2 * pair : 2 * pair + 2] = offsets
+            frames += 1
+
+    def cycle(self, joints: list[int], *, feedback: bool = True) -> int:
+        """SYNC, actual positions of an arm that stands at the targets, targets; how many frames came."""
+        self.target.send(SYNC)
+        for pair, identifier in enumerate(FEEDBACK_IDS if feedback else ()):
+            stand = [joints[k] + self.held[k] for k in (2 * pair, 2 * pair + 1)]
+            self.target.send(identifier, struct.pack("<2i", *stand))
+        send_targets(self.target, joints)
+        return self.listen()
+
+    def begin(self, joints: list[int]) -> None:
+        """Stand until offsets come."""
+        give_up = time.monotonic() + ARRIVES_WITHIN_S
+        while self.cycle(joints) == 0:
+            assert time.monotonic() < give_up, "no offsets although the arm stands"
+
+
+@pytest.fixture
+def offset(target: Target) -> Iterator[OffsetDrives]:
+    """Offset mode with a table in force, the correction settled at one place."""
+    install_table(target)
+    for pair, identifier in enumerate(OFFSET_IDS):
+        assert target.write(0x1800 + pair, 1, identifier | NO_RTR, 4) == 0
+    target.configure(2)
+    drives = OffsetDrives(target)
+    drives.begin(at_cycle(0))
+    for _ in range(30):
+        assert drives.cycle(at_cycle(0)) == 3
+    assert max(map(abs, drives.held)) > 50
+    yield drives
+    target.nmt(NMT_PREOPERATIONAL)
+    target.wait_until_quiet()
+    for pair in range(3):
+        assert target.write(0x1800 + pair, 1, 1 << 31 | NO_RTR | OFFSET_IDS[pair], 4) == 0
+
+
+def test_offsets_follow_the_table_once_for_each_set(offset: OffsetDrives) -> None:
+    for number in range(1, 20):
+        joints = at_cycle(number)
+        assert offset.cycle(joints) == 3
+        for joint, held in zip(joints, offset.held, strict=True):
+            assert math.copysign(1, held) == -math.copysign(1, math.sin(2 * math.pi * joint / TURN))
+    offset.target.send(SYNC)
+    assert offset.listen() == 0, "no set, no offset"
+
+
+def test_leaving_operational_takes_the_offsets_back(offset: OffsetDrives) -> None:
+    offset.steps.clear()
+    offset.target.nmt(NMT_PREOPERATIONAL)
+    give_up = time.monotonic() + ARRIVES_WITHIN_S
+    while any(offset.held):
+        offset.listen()
+        assert time.monotonic() < give_up, f"still held: {offset.held}"
+    assert max(offset.steps) <= 106, "0.1 turn per second"
+
+
+def test_disabling_at_rest_takes_the_offsets_back(offset: OffsetDrives) -> None:
+    offset.target.wait_until_quiet()
+    held = list(offset.held)
+    assert offset.target.write(0x2000, 2, 0, 1) == 0
+    give_up = time.monotonic() + ARRIVES_WITHIN_S
+    while any(offset.held):
+        offset.listen()
+        assert time.monotonic() < give_up, f"still held: {offset.held}"
+    offset.target.wait_until_quiet()
+    assert offset.target.write(0x2000, 2, 1, 1) == 0
+    offset.begin(at_cycle(0))
+    for _ in range(40):
+        offset.cycle(at_cycle(0))
+    assert offset.held == held
+
+
+def test_a_restart_begins_with_the_offsets_that_the_drives_hold(offset: OffsetDrives) -> None:
+    target, held = offset.target, list(offset.held)
+    # What a power cut leaves: the node knows nothing, the drives hold what they held.
+    target.nmt(NMT_PREOPERATIONAL)
+    target.reset()
+    for pair, identifier in enumerate(OFFSET_IDS):
+        assert target.write(0x1800 + pair, 1, identifier | NO_RTR, 4) == 0
+    target.configure(2)
+    offset.held = list(held)
+    assert target.read(0x2001, 2) & 1 << 4, "not known"
+    offset.steps.clear()
+    offset.begin(at_cycle(0))
+    assert not target.read(0x2001, 2) & 1 << 4
+    for _ in range(30):
+        offset.cycle(at_cycle(0))
+    assert max(offset.steps) <= 3
+    assert offset.held == pytest.approx(held, abs=1)

@@ -32,6 +32,7 @@ class Target:
         self.patience: float = description["patience"]
         self.has_fd: bool = description["fd"]
         self.upstream, self.downstream = upstream, downstream
+        self.board: qemu.RealTimeBoard | None = None  # of kind "r5f"
         self.client = SdoClient(upstream, self.node_id, ARRIVES_WITHIN_S)
         self.device = Compensator(self.client)
 
@@ -169,11 +170,14 @@ def start_target(file: str, state: Path) -> Iterator[Target]:
         buses = [can.Bus(**line) for line in lines]
         for bus in buses:
             stack.callback(bus.shutdown)
+        real_time_board = None
         if description["kind"] == "posix":
             stack.enter_context(NodeProcess(state, upstream="vcan0", downstream="vcan1"))
         elif description["kind"] == "r5f":
             image = qemu.build_images("r5f", "armtrue_r5f") / "armtrue_r5f.elf"
-            stack.enter_context(qemu.real_time_board(image, ["vcan0", "vcan1"])).wait_for_text("ready")
+            real_time_board = stack.enter_context(qemu.real_time_board(image, ["vcan0", "vcan1"]))
+            real_time_board.wait_for_text("ready")
         target = Target(description, *buses)
+        target.board = real_time_board
         target.quiet()
         yield target

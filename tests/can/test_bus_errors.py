@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import subprocess
 import time
+from collections.abc import Iterator
 
 import can
 import canopen
 import pytest
+from node_process import NODE_ID, NodeProcess, connect, disconnect
 
 # linux/can/error.h: classes in the identifier, details of CAN_ERR_CRTL in the second byte.
 CONTROLLER, BUS_OFF, RESTARTED = 0x004, 0x040, 0x100
@@ -34,17 +37,68 @@ def expect_emergency(remote: canopen.RemoteNode, code: int) -> None:
         time.sleep(0.01)
 
 
-def test_bus_off_is_recovered_from_and_reported(remote: canopen.RemoteNode) -> None:
-    kernel_says(BUS_OFF)
-    # The message leaves after the recovery, 100 ms later; then the condition is over.
+def heartbeats(bus: can.BusABC, seconds: float) -> int:
+    """How often the node showed itself in that time, from now on."""
+    while bus.recv(0.0) is not None:
+        pass
+    end = time.monotonic() + seconds
+    count = 0
+    while (left := end - time.monotonic()) > 0.0:
+        message = bus.recv(left)
+        count += message is not None and message.arbitration_id == 0x700 + NODE_ID
+    return count
+
+
+@pytest.fixture
+def watcher(remote: canopen.RemoteNode) -> Iterator[can.BusABC]:
+    """The bus, on which the node shows itself every 20 ms."""
+    remote.sdo[0x1017].raw = 20
+    with can.Bus(interface="socketcan", channel="vcan0") as bus:
+        assert heartbeats(bus, 0.4) > 5
+        yield bus
+
+
+def recovers(remote: canopen.RemoteNode, watcher: can.BusABC, entries: int) -> None:
+    """The node is on the bus again and has reported why it was not."""
     expect_emergency(remote, 0x8140)
+    assert heartbeats(watcher, 0.4) > 5
     assert bus_state(remote) == "active"
-    assert remote.sdo["Upstream bus status"]["Bus-off entries"].raw == 1
+    assert remote.sdo["Upstream bus status"]["Bus-off entries"].raw == entries
     assert remote.sdo["Error register"].raw == 0
     assert remote.sdo[0x1003][1].raw & 0xFFFF == 0x8140
 
 
-def test_a_bus_that_the_kernel_restarts_is_active_again(remote: canopen.RemoteNode) -> None:
+def test_bus_off_lasts_until_the_kernel_restarts_the_controller(
+    remote: canopen.RemoteNode, watcher: can.BusABC
+) -> None:
+    kernel_says(BUS_OFF)
+    time.sleep(0.1)
+    assert heartbeats(watcher, 1.0) == 0, (
+        "beyond the pause before the recovery, and nobody restarted anything"
+    )
+    kernel_says(CONTROLLER, ACTIVE)
+    assert heartbeats(watcher, 0.4) == 0, "what the driver says of its counters is no restart"
+    assert remote.emcy.log == []
+    kernel_says(RESTARTED)
+    recovers(remote, watcher, 1)
+
+
+def test_a_link_that_comes_up_again_ends_bus_off(running_node: NodeProcess) -> None:
+    remote = connect(running_node.upstream)
+    remote.sdo[0x1017].raw = 20
+    disconnect(remote)  # its socket would not survive
+    kernel_says(BUS_OFF)
+    for word in ("down", "up"):
+        time.sleep(0.3)
+        subprocess.run(["ip", "link", "set", running_node.upstream, word], check=True)
+    with can.Bus(interface="socketcan", channel=running_node.upstream) as bus:
+        assert heartbeats(bus, 1.0) > 5
+    remote = connect(running_node.upstream)
+    assert bus_state(remote) == "active"
+    disconnect(remote)
+
+
+def test_a_bus_that_the_kernel_restarts_at_once_is_active_again(remote: canopen.RemoteNode) -> None:
     kernel_says(BUS_OFF)
     kernel_says(RESTARTED)
     expect_emergency(remote, 0x8140)

@@ -1,6 +1,6 @@
 """Clients that nobody here wrote: can-utils, and zencan-client from crates.io (in Rust).
 
-PyPI canopen is in test_sdo.py and, with its CiA 402 profile, in sim/armtrue_loop.
+PyPI canopen is in test_sdo.py, on all targets in suite_foreign.py, and, with its CiA 402 profile, in sim/armtrue_loop.
 """
 
 from __future__ import annotations

@@ -58,7 +58,9 @@ def test_every_command_over_a_serial_line(line: tuple[str, ...], tmp_path: Path)
     watched = answer(line, "device", "monitor", "--duration", "1", "--record", log)
     assert watched["corrections"] == [0] * 6
     assert 0.0 < float(str(watched["bus_load"])) < 1.0
-    assert {0x620, 0x5A0} <= {message.arbitration_id for message in can.LogReader(str(log))}
+    recorded = [(message.arbitration_id, message.is_rx) for message in can.LogReader(str(log))]
+    assert set(recorded) == {(0x620, False), (0x5A0, True)}
+    assert recorded == [(0x620, False), (0x5A0, True)] * (len(recorded) // 2)
 
 
 def test_an_upload_killed_on_a_serial_line_is_repeated_at_once(line: tuple[str, ...], tmp_path: Path) -> None:

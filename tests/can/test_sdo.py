@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import canopen
 import pytest
+from refusals import REFUSED
 
 
 def test_identity_and_names_come_from_the_eds(remote: canopen.RemoteNode) -> None:
@@ -41,15 +42,7 @@ def test_every_readable_object_of_the_eds_reads_with_its_own_size(remote: canope
 @pytest.mark.parametrize(
     ("index", "sub", "data", "code"),
     [
-        (0x1000, 0, b"\1\2\3\4", 0x06010002),
-        (0x1000, 1, None, 0x06090011),
-        (0x1004, 0, None, 0x06020000),
-        (0x1017, 0, b"\1\2\3\4", 0x06070012),
-        (0x1005, 0, b"\x80", 0x06070013),
-        (0x1003, 0, b"\1", 0x06090031),
-        (0x2000, 3, b"\1\0\0\0", 0x06090032),
-        (0x2012, 0, None, 0x06010001),
-        (0x2012, 0, b"nope", 0x06090030),
+        *REFUSED,
         (0x1005, 0, b"\x80\0\0\x40", 0x06090030),
         (0x6064, 0, b"\0\0\0\0", 0x06010002),
         (0x1A00, 1, b"\x20\0\x64\x60", 0x06010000),
@@ -68,8 +61,8 @@ def test_refusals_carry_the_code_of_the_standard(
 
 
 # Every size in which a segment can end, over and over, then around one and several blocks of 127 segments and the
-# largest table. All 16384 sizes go through the same server in firmware/canopen/sizes_main.cc, and through this client
-# in tools/bench.d/62-sizes.sh as far as its time allows.
+# largest table. All 16384 sizes, by this client and the same server, go through tests/can/every_size.py
+# (tools/bench.d/62-sizes.sh), and by our own through firmware/canopen/sizes_main.cc.
 EVERY_SIZE_UP_TO = 128
 SAMPLES = (888, 889, 890, 1777, 1778, 1779, 4096, 16383, 16384)
 

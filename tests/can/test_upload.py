@@ -254,12 +254,56 @@ def test_upload_while_joints_are_commanded_is_refused(tmp_path: Path, tables: Pa
         refused = armtrue("upload", tables)
         assert refused.returncode == 1
         assert "stop the controller" in refused.stderr
+        unsaved = armtrue("device", "save")
+        assert unsaved.returncode == 1
+        assert "stop the controller before parameters are saved" in unsaved.stderr
         for task in tasks:
             task.stop()
         node.sdo[0x2000][5].raw = 100
         time.sleep(0.7)
         assert armtrue("upload", tables).returncode == 0
         disconnect(node)
+
+
+def warnings_of(*words: str | Path) -> list[str]:
+    """What a command that succeeds warns of; for people as well as for programs."""
+    done = armtrue("device", *words, "--json", "-")
+    assert done.returncode == 0, done.stderr
+    warnings = list(json.loads(done.stdout)["warnings"])
+    assert armtrue("device", *words).stdout.count("! warning") == len(warnings)
+    return warnings
+
+
+def write(index: int, sub: int, value: int) -> None:
+    """Over a connection of its own: an old one hears the answers that the commands in between were given."""
+    node = connect()
+    node.sdo[index][sub].raw = value
+    disconnect(node)
+
+
+def test_a_device_that_corrects_nothing_or_will_forget_is_told_of(tmp_path: Path, tables: Path) -> None:
+    with NodeProcess(tmp_path / "state") as process:
+        uploaded = armtrue("upload", tables, "--confirm", "--json", tmp_path / "out.json")
+        assert "! warning" in uploaded.stdout
+        forward = warnings_of("info")
+        assert json.loads((tmp_path / "out.json").read_text())["warnings"] == forward
+        assert len(forward) == 1
+        assert "forward mode: nothing is corrected" in forward[0]
+
+        write(0x2000, 1, 2)
+        unmapped, unsaved = warnings_of("info")
+        assert "RPDOs do not map the targets of all joints" in unmapped
+        assert "does not tell whether its parameters are saved" in unsaved
+        for number in range(3):
+            write(0x1400 + number, 1, 0x220 + 0x100 * number)
+        assert warnings_of("info") == [unsaved]
+        assert warnings_of("save") == []
+        write(0x2000, 2, 0)
+        (disabled,) = warnings_of("save")
+        assert "correction is disabled" in disabled
+        process.stop()
+        process.start()
+        assert warnings_of("info") == [unsaved, disabled], "saved: mode, RPDOs and switch are as they were"
 
 
 def test_every_command_answers_a_program(tmp_path: Path, tables: Path) -> None:

@@ -1,4 +1,7 @@
-"""What the firmware costs: bytes, stack, instructions a cycle and where they go. `./dev firmware` prints it."""
+"""What the firmware costs: bytes, stack, instructions a cycle and where they go. `./dev firmware` prints it.
+
+With the word `table`: the STM32F405's figures beside their budgets, as docs/results.md has them.
+"""
 
 from __future__ import annotations
 
@@ -129,8 +132,39 @@ def _print_shares(counts: dict[str, int], total: int) -> None:
             print(f"  {count:6} {100 * count / total:5.1f} %  {name}")
 
 
+def table() -> str:
+    """The STM32F405's figures, each measured now."""
+    elf = qemu.build_images("stm32f405") / "armtrue_stm32f405.elf"
+    qemu.build_images("stm32f405", "cycle_replay")
+    cycles = test_cycles.CYCLES
+    worst = [int(test_cycles.on_chip(test_cycles.recorded("kr30", cycles, pose))["instructions"].max())
+             for pose in (False, True)]  # fmt: skip
+    reserved = image_facts.reserved_stack(elf)
+    rows = (
+        (f"instructions of a cycle of the core, worst of {_grouped(cycles)}, six axes, every effect, 3° tables, "
+         "6×6×6 grid",
+         worst[0], budget.INSTRUCTIONS_A_CYCLE),
+        ("the same with the attitude held too (`--full-pose`)", worst[1], test_cycles.POSE_BUDGET),
+        ("code of the whole image [bytes]", image_facts.code_size(elf), budget.CODE_BYTES),
+        ("static memory and reserved stack beside two table slots [bytes]",
+         image_facts.static_memory(elf) + reserved, budget.MEMORY_BYTES),
+        ("deepest stack, one interrupt on top of it [bytes]", image_facts.stack(elf).total, reserved),
+    )  # fmt: skip
+    lines = ["| STM32F405 | | budget |", "|---|---|---|"]
+    return "\n".join(
+        lines + [f"| {what} | {_grouped(value)} | {_grouped(most)} |" for what, value, most in rows]
+    )
+
+
+def _grouped(number: int) -> str:
+    return f"{number:,}".replace(",", " ")
+
+
 def main() -> int:
     """Print everything; the budgets themselves are tests (test_image_gates.py, test_cycles.py)."""
+    if sys.argv[1:] == ["table"]:
+        print(table())
+        return 0
     steps: tuple[Callable[[], None], ...] = (sizes, instructions)
     for step in steps:
         step()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import struct
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -13,10 +14,11 @@ from pathlib import Path
 import can
 import numpy as np
 import pytest
-from armtrue_loop.controller import Controller
+from armtrue_loop.controller import ANSWER_TIMEOUT_S, Controller
 from armtrue_loop.operator import Operator
 from armtrue_loop.processes import CellProcess, NodeUnderTest
-from armtrue_loop.wiring import CONTROLLER_BUS, DRIVE_BUS, TARGET_IDS
+from armtrue_loop.wiring import CONTROLLER_BUS, DRIVE_BUS, OFFSET_IDS, TARGET_IDS
+from small_table import small_table
 
 SCENARIO = Path(__file__).resolve().parents[2] / "sim/armtrue_loop/scenarios/warm-eccentric-gear.yaml"
 STALE_S = 1.0  # the longest stale time-out that the compensator can be set to
@@ -131,3 +133,42 @@ def test_drives_that_lost_power_are_brought_up_again(loop: Loop) -> None:
         assert drive.sdo[0x6061].raw == 8, "cyclic synchronous position"
     loop.controller.disable()
     assert {drive.state for drive in loop.controller.drives} == {"SWITCH ON DISABLED"}
+
+
+def held(loop: Loop) -> list[int]:
+    """The offsets that the drives hold."""
+    return [drive.sdo[0x60B0].raw for drive in loop.controller.drives]
+
+
+@pytest.mark.parametrize("loop", ["offset"], indirect=True)
+def test_offsets_outlive_a_dead_compensator_and_go_with_one_that_leaves(loop: Loop) -> None:
+    compensator = loop.controller.compensator
+    compensator.sdo.download(0x2010, 0, small_table(serial="loop", rate=200 << 12))  # 20 increments a cycle
+    for word in (b"vrfy", b"cmit", b"actv", b"cfrm"):
+        compensator.sdo.download(0x2012, 0, word)
+    loop.controller.move(HERE, cycles=6, settle=2)
+    before = held(loop)
+    assert max(map(abs, before)) > 50
+
+    loop.node.stop()
+    loop.controller.disable()
+    assert held(loop) == before, "absolute, and nobody told the drives anything else"
+
+    loop.node.start()
+    loop.controller.configure_compensator("offset")
+    loop.controller.enable()
+    assert loop.controller.joints == pytest.approx(HERE, abs=1e-6)
+    assert held(loop) == before, "nothing goes out before a set of targets"
+    begun: list[tuple[int, ...]] = []
+    loop.controller.network.subscribe(
+        OFFSET_IDS[0], lambda _cob_id, data, _timestamp: begun.append(struct.unpack("<2i", data))
+    )
+    loop.controller.move(HERE, cycles=1, settle=0)
+    assert begun
+    assert np.abs(np.subtract(begun[0], before[:2])).max() <= 2, "it began with what the drives held"
+
+    compensator.nmt.state = "PRE-OPERATIONAL"
+    give_up = time.monotonic() + ANSWER_TIMEOUT_S
+    while any(held(loop)) and time.monotonic() < give_up:
+        loop.controller.catch_up()
+    assert held(loop) == [0] * 6

@@ -1,0 +1,167 @@
+"""armtrue device monitor: what it shows is of one cycle, what it records was on the bus, nothing is lost."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import math
+import os
+import signal
+import struct
+import subprocess
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import can
+import pytest
+from command_line import Running, armtrue
+from node_process import NODE_ID, NodeProcess, connect, disconnect
+from small_table import small_table
+
+REQUEST, ANSWER = 0x600 + NODE_ID, 0x580 + NODE_ID
+TARGETS, OFFSETS = (0x220, 0x320, 0x420), (0x1A0, 0x2A0, 0x3A0)
+STEP = 30_000  # increments a joint goes on in a cycle
+TURN = 1 << 20
+AMPLITUDE = -TURN / 1024 / math.tau  # small_table's
+
+
+@contextmanager
+def commanded(offsets_on_the_bus: bool) -> Iterator[None]:
+    """A running node that corrects six joints in offset mode, and a controller that moves all of them alike."""
+    node = connect()
+    for pair in range(3):
+        node.sdo[0x1400 + pair][1].raw = TARGETS[pair]
+        if offsets_on_the_bus:
+            node.sdo[0x1800 + pair][1].raw = 0x40000000 | OFFSETS[pair]
+    node.sdo[0x2000][3].raw = 1_000_000
+    node.sdo[0x2000][4].raw = 15_000
+    node.sdo[0x2000][1].raw = 2
+    node.nmt.state = "OPERATIONAL"
+    leaving = threading.Event()
+
+    def command() -> None:
+        with can.Bus(interface="socketcan", channel="vcan0") as bus:
+            for cycle in itertools.count(1):
+                if leaving.wait(0.02):
+                    return
+                for pair in range(3):
+                    values = struct.pack("<2i", *(STEP * cycle + joint for joint in (2 * pair, 2 * pair + 1)))
+                    bus.send(can.Message(arbitration_id=TARGETS[pair], data=values, is_extended_id=False))
+
+    commanding = threading.Thread(target=command)
+    commanding.start()
+    try:
+        yield
+    finally:
+        leaving.set()
+        commanding.join()
+        disconnect(node)
+
+
+@pytest.mark.parametrize("offsets_on_the_bus", [True, False])
+def test_joint_values_are_of_one_cycle_where_frames_carry_them(
+    tmp_path: Path, offsets_on_the_bus: bool
+) -> None:
+    file = tmp_path / "tables.bin"
+    file.write_bytes(small_table())
+    with NodeProcess(tmp_path / "state", downstream="vcan1"):
+        assert armtrue("upload", file, "--confirm").returncode == 0
+        with commanded(offsets_on_the_bus):
+            watched = armtrue("device", "monitor", "--duration", "3", "--json", "-")
+    assert watched.returncode == 0, watched.stderr
+    document = json.loads(watched.stdout)
+    assert document["state"] == "active"
+    assert document["targets_from"] == "frames"
+    assert len({target - joint for joint, target in enumerate(document["targets"])}) == 1
+    assert document["corrections_from"] == ("frames" if offsets_on_the_bus else "samples")
+    if offsets_on_the_bus:
+        wanted = [AMPLITUDE * math.sin(math.tau * target / TURN) for target in document["targets"]]
+        # A cycle earlier or later it would be up to AMPLITUDE * tau * STEP / TURN = 29 increments off.
+        assert document["corrections"] == pytest.approx(wanted, abs=2)
+    assert document["downstream_bus_state"] == "active"
+    assert document["downstream_frames"] > 0
+
+
+@pytest.mark.parametrize("suffix", [".log", ".blf"])
+def test_a_recording_reads_back_as_what_was_on_the_bus(tmp_path: Path, suffix: str) -> None:
+    log = tmp_path / f"run{suffix}"
+    with NodeProcess(tmp_path / "state"), commanded(True):
+        begin = time.time()
+        watched = armtrue("device", "monitor", "--duration", "1", "--record", log, "--json", "-")
+        end = time.time()
+    assert watched.returncode == 0, watched.stderr
+    assert json.loads(watched.stdout)["downstream_frames"] == 0, "there is no such port"
+    recorded = list(can.LogReader(str(log)))
+    stamps = [message.timestamp for message in recorded]
+    assert begin - 0.1 <= stamps[0], "since 1970"
+    assert stamps[-1] <= end + 0.1
+    assert all(before <= after for before, after in itertools.pairwise(stamps))
+    assert {message.is_rx for message in recorded if message.arbitration_id == REQUEST} == {False}
+    assert {*TARGETS, *OFFSETS} <= {message.arbitration_id for message in recorded}
+    if suffix == ".log":
+        assert {message.channel for message in recorded} == {"vcan0"}
+    talk = [message.arbitration_id for message in recorded if message.arbitration_id in (REQUEST, ANSWER)]
+    assert len(talk) > 50
+    # The first request may stand alone (what it finds, an interrupted client left).
+    assert talk[-2:] == [REQUEST, ANSWER]
+    assert talk.count(REQUEST) == talk.count(ANSWER)
+    assert talk == [REQUEST, ANSWER] * (len(talk) // 2)
+
+
+def test_a_device_that_does_not_answer_costs_no_recording_and_no_more_time_than_was_given(
+    tmp_path: Path,
+) -> None:
+    log = tmp_path / "run.log"
+    log.write_text("an older recording\n")
+    silent = armtrue("device", "monitor", "--record", log, "--timeout", "0.1")
+    assert silent.returncode == 3
+    assert "did not answer within 0.1 s" in silent.stderr
+    assert len(silent.stderr.splitlines()) == 1
+    assert log.read_text() == "an older recording\n"
+    assert list(tmp_path.iterdir()) == [log]
+
+
+def requests_in(log: Path) -> int:
+    """How many frames of ours a recording has."""
+    return sum(message.arbitration_id == REQUEST for message in can.LogReader(str(log)))
+
+
+def watch_requests(bus: can.BusABC, count: int) -> None:
+    """Return when somebody has sent so many requests; fails where they do not come."""
+    give_up = time.monotonic() + 30.0
+    while count:
+        message = bus.recv(1.0)
+        assert time.monotonic() < give_up, "nobody asks"
+        count -= message is not None and message.arbitration_id == REQUEST
+
+
+def test_ctrl_c_ends_a_recording_that_replaces_the_one_before(tmp_path: Path) -> None:
+    log = tmp_path / "run.log"
+    log.write_text("an older recording\n")
+    with NodeProcess(tmp_path / "state"), can.Bus(interface="socketcan", channel="vcan0") as bus:
+        watching = Running("device", "monitor", "--record", log, "--period", "0.05")
+        watch_requests(bus, 100)
+        assert log.read_text() == "an older recording\n", "replaced at the end"
+        watching.send(signal.SIGINT)
+        done = watching.wait()
+    assert done.returncode == 0, done.stderr
+    assert requests_in(log) >= 100
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["run.log", "state"]
+
+
+def test_a_bus_that_goes_away_leaves_what_was_recorded(tmp_path: Path) -> None:
+    log = tmp_path / "run.log"
+    link = [*([] if os.geteuid() == 0 else ["sudo", "-n"]), "ip", "link", "set", "vcan0"]
+    with NodeProcess(tmp_path / "state"):
+        with can.Bus(interface="socketcan", channel="vcan0") as bus:
+            watching = Running("device", "monitor", "--record", log, "--period", "0.05", "--timeout", "0.5")
+            watch_requests(bus, 100)
+        subprocess.run([*link, "down"], check=True)
+        done = watching.wait()
+        subprocess.run([*link, "up"], check=True)
+    assert done.returncode == 3, done.stderr
+    assert len(done.stderr.splitlines()) == 1
+    assert requests_in(log) >= 100

@@ -1,0 +1,45 @@
+"""What can be said without a bus: interfaces that cannot be opened here, and a monitor's bad input."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from can.interfaces import VALID_INTERFACES
+from command_line import armtrue
+
+pytestmark = pytest.mark.without_bus
+PROGRAM = Path(sys.executable).parent / "armtrue"
+
+
+@pytest.mark.parametrize("interface", sorted(VALID_INTERFACES))
+def test_a_bus_that_is_not_there_is_one_sentence(interface: str) -> None:
+    # A number is a channel to all of them; no device and no multicast group has this one.
+    words = ["--interface", interface, "--channel", "0", "--timeout", "0.05"]
+    done = subprocess.run(
+        [PROGRAM, "device", "info", *words], capture_output=True, text=True, timeout=60.0, check=False
+    )
+    assert done.returncode == 3, done.stderr
+    assert len(done.stderr.splitlines()) == 1, done.stderr
+    assert done.stderr.startswith("armtrue: ")
+    assert done.stdout == ""
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (["--duration", "0"], "--duration: found 0, expected at least 0.05 s"),
+        (["--duration=-3"], "--duration: found -3, expected at least 0.05 s"),
+        (["--duration", "nan"], "--duration: found nan, expected at least 0.05 s"),
+        (["--period", "0"], "--period: found 0, expected at least 0.05 s"),
+        (["--record", "run.xyz"], "run.xyz: found a name that ends in '.xyz', expected one of"),
+    ],
+)
+def test_what_cannot_be_watched_is_one_sentence(words: list[str], sentence: str) -> None:
+    done = armtrue("device", "monitor", *words, "--json", "-", "--interface", "virtual")
+    assert done.returncode == 2
+    assert sentence in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+    assert done.stdout == ""
