@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
 import shutil
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -76,18 +78,37 @@ def test_the_dataset_of_the_page_reads_a_file_of_its_form(tmp_path: Path, robot:
     np.testing.assert_array_equal(data.columns["payload"], [2.5, 2.5])
 
 
-def test_the_notebook_of_the_page_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.fixture(scope="module")
+def notebook(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    """Every name that the page's notebook has after its last block, run in a folder of its own."""
     import armtrue_sim
 
-    scenario = DOCS.parent / "sim" / "scenarios" / "kr30.yaml"
-    armtrue_sim.cli_simulate(scenario, tmp_path)
-    shutil.copy(tmp_path / "test.csv", tmp_path / "poses.csv")
-    monkeypatch.chdir(tmp_path)
-    (block,) = blocks("python", "from armtrue")
-    names: dict[str, object] = {}
-    exec(compile(block, "files.md", "exec"), names)
-    assert (tmp_path / "fit.json").exists()
-    assert names["report"].findings is not None
+    folder = tmp_path_factory.mktemp("notebook")
+    armtrue_sim.cli_simulate(DOCS.parent / "sim" / "scenarios" / "cobot-two-effects.yaml", folder)
+    shutil.copy(folder / "test.csv", folder / "poses.csv")
+    names: dict[str, Any] = {"folder": folder}
+    with contextlib.chdir(folder):
+        for block in blocks("python", ""):
+            exec(compile(block, "files.md", "exec"), names)
+    return names
+
+
+def test_the_notebook_of_the_page_runs(notebook: dict[str, Any]) -> None:
+    assert (notebook["folder"] / "fit.json").exists()
+    assert (notebook["folder"] / "report.html").exists()
+    assert notebook["found"].recommended["effect"] == "backlash"
+    assert notebook["first"].count == 50
+    assert notebook["report"].last.title == "best"
+
+
+def test_every_key_of_a_diagnosis_is_in_the_pages_table(notebook: dict[str, Any]) -> None:
+    table = FILES[FILES.index("| key of a diagnosis |") : FILES.index("The steps of a `Refinement`")]
+    named = set(re.findall(r"`(\w+)`", table))
+    found = notebook["found"]
+    parts = [found, found["error"], found["error"]["train"], found["error"]["cross_validation"]]
+    parts += [found["candidates"][0], found["candidates"][0]["parameters"][0], found["untestable"][0]]
+    parts += [found["spectra"][0]]
+    assert {key for part in parts for key in part} <= named
 
 
 @pytest.mark.parametrize("series", ["a", "c"])

@@ -64,3 +64,9 @@ def test_every_command_that_keeps_figures_has_its_place() -> None:
     page = (ROOT / "docs/results.md").read_text(encoding="utf-8")
     assert {name for name in names if page.count(f"<!-- {name}: begin -->") != 1} == set()
     assert {name for name in names if page.count(f"<!-- {name}: end -->") != 1} == set()
+
+
+def test_every_table_has_a_command_that_keeps_it() -> None:
+    page = (ROOT / "docs/results.md").read_text(encoding="utf-8")
+    kept = re.sub(r"<!-- ([a-z0-9 ]+): begin -->.*?<!-- \1: end -->", "", page, flags=re.DOTALL)
+    assert [line for line in kept.splitlines() if line.startswith("|")] == []

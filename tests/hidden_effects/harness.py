@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import json
+import re
 import time
 from dataclasses import dataclass, field
 from typing import Any
@@ -63,6 +65,10 @@ class Outcome:
     seconds: float
     steps: list[str] = field(default_factory=list)
     variables: set[str] = field(default_factory=set)
+    joints: set[int] = field(default_factory=set)
+    lost: set[str] = field(default_factory=set)
+    untestable: bool = False
+    accounted: bool = True
 
     @property
     def found(self) -> bool:
@@ -86,15 +92,46 @@ class Outcome:
 
 
 def verdict_of(outcome: Outcome) -> str:
-    """`right`, or what is wrong: missed, extra, explained away, unnamed."""
+    """`right`, or what is wrong: missed, extra, lost, not accounted for, false alarm, explained away, unnamed."""
+    if not outcome.accounted:
+        return "not accounted for"
     if outcome.kind == "outside_catalogue":
         if outcome.added:
             return "explained away"
-        named_right = any(outcome.variables & set(found["variables"]) for found in outcome.unexplained)
+        # The leading finding alone: a variable that it depends on, and a joint that it acts on or depends on.
+        leading = outcome.unexplained[:1]
+        named_right = any(
+            outcome.variables & set(found["variables"]) and outcome.joints & set(found["joints"])
+            for found in leading
+        )
         return "right" if outcome.verdict == "unexplained_structure" and named_right else "unnamed"
     if not outcome.found:
         return "missed"
-    return "extra" if outcome.extras else "right"
+    if outcome.extras:
+        return "extra"
+    if outcome.lost:
+        return "lost"
+    return "right" if outcome.verdict == "nothing_missing" or outcome.untestable else "false alarm"
+
+
+def accounted_for(steps: list[dict[str, Any]]) -> bool:
+    """True where each step's effects are those before it, and what it says it added, less what it says it removed."""
+
+    def words(entry: dict[str, Any] | str) -> set[str]:
+        # On one link and on the whole arm it may stand side by side for a while.
+        if isinstance(entry, dict) and entry["effect"] == "thermal_expansion":
+            return {f"thermal_expansion {entry.get('joints')}"}
+        return effects_named([entry])
+
+    for before, after in itertools.pairwise(steps):
+        effects = set().union(*map(words, before["effects"]))
+        if after["added"]:
+            effects |= words(after["added"])
+        for removed in after["removed"]:
+            effects -= words(removed)
+        if effects != set().union(*map(words, after["effects"])):
+            return False
+    return True
 
 
 def fresh_error(core: Any, case: HiddenCase, robot: str) -> float:
@@ -144,8 +181,23 @@ def run_case(kind: str, arm: str, seed: int) -> Outcome:
         error_true=error_true,
         seconds=seconds,
         steps=[step_words(step) for step in steps],
+        lost=before - effects_named(steps[-1]["effects"]),
+        untestable=bool(case.untestable),
+        accounted=accounted_for(steps),
+        joints=joints_of(case),
         variables={variable.replace("temp_", "dT_") for h in case.hidden for variable in h.variables},
     )
+
+
+def joints_of(case: HiddenCase) -> set[int]:
+    """Joints that hidden effects depend on or act on."""
+    joints = {joint for h in case.hidden for joint in h.joints}
+    for effect in case.true_model["effects"]:
+        if isinstance(effect, dict) and (
+            acts_on := re.fullmatch(r"(?:motor|link)(\d+).*", effect.get("coordinate", ""))
+        ):
+            joints.add(int(acts_on[1]))
+    return joints
 
 
 def known_to_the_model(model: dict[str, Any]) -> dict[str, Any]:

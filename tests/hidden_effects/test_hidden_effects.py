@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Any
+
 import pytest
 from armtrue_sim.cases import ARMS
-from harness import Outcome, run_case, verdict_of
+from harness import Outcome, accounted_for, run_case, verdict_of
 
 SEEDS = (1, 2)
 
@@ -42,6 +45,38 @@ def test_what_no_effect_names_is_not_explained_away(arm: str, seed: int) -> None
 def test_hard_circumstances(kind: str, arm: str) -> None:
     outcome = run_case(kind, arm, 2)
     assert verdict_of(outcome) == "right", outcome
+
+
+def test_bumped_reflectors_do_not_lead_a_search_astray() -> None:
+    # Reflectors bumped by millimetres hid the balancer's valley from its search, and from the true model's as well.
+    outcome = run_case("gross_errors", "kr30", 600)
+    assert verdict_of(outcome) == "right", outcome
+    assert 0.95 < outcome.error_ratio <= 1.05
+
+
+def test_the_judge_sees_what_a_last_step_leaves() -> None:
+    fine = Outcome(
+        "one_hidden", "kr30", 0, {"backlash 2"}, [], [], {"backlash 2"}, "nothing_missing", [], 1.0, 1.0, 0.0
+    )
+    assert verdict_of(fine) == "right"
+    assert verdict_of(replace(fine, lost={"joint_compliance 3"})) == "lost"
+    assert verdict_of(replace(fine, verdict="unexplained_structure")) == "false alarm"
+    assert verdict_of(replace(fine, accounted=False)) == "not accounted for"
+
+
+def test_the_judge_wants_every_effect_named_by_a_step() -> None:
+    def step(effects: list[str], added: str | None = None, removed: tuple[str, ...] = ()) -> dict[str, Any]:
+        return {
+            "effects": effects,
+            "added": {"effect": added, "joints": []} if added else None,
+            "removed": [{"effect": name, "joints": []} for name in removed],
+        }
+
+    start = step(["base_frame"])
+    assert accounted_for([start, step(["base_frame", "warm_up"], "warm_up")])
+    assert accounted_for([start, step(["warm_up"], "warm_up", ("base_frame",))])
+    assert not accounted_for([start, step(["base_frame", "warm_up", "time_drift"], "warm_up")])
+    assert not accounted_for([start, step(["warm_up"], "warm_up")])
 
 
 def test_the_judge_knows_a_wrong_answer() -> None:
