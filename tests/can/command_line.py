@@ -7,15 +7,48 @@ import signal
 import subprocess
 import sys
 import tempfile
+import traceback
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from armtrue.cli.app import main
+from armtrue.device import SdoClient
+
+
+@dataclass(frozen=True)
+class Moment:
+    """Right behind the `count`th request of a kind, which is on the bus already, the program gets a signal.
+
+    The program does it to itself: whoever watches the bus to do it from outside loses frames on a loaded machine
+    (a socket keeps 277 of them, an upload has 1400) and comes too late on any.
+    """
+
+    how: signal.Signals
+    count: int
+    is_wanted: Callable[[bytes], bool]
+
+
+def _signal_itself(moment: Moment) -> None:
+    """In this process, from now on."""
+    send = SdoClient._send
+    left = moment.count
+
+    def send_until(client: SdoClient, payload: bytes) -> None:
+        nonlocal left
+        send(client, payload)
+        left -= moment.is_wanted(payload)
+        if left == 0:
+            left = -1
+            os.kill(os.getpid(), moment.how)
+
+    SdoClient._send = send_until  # type: ignore[method-assign]
 
 
 class Running:
     """`armtrue …` in a forked process: what the program does, without importing everything anew."""
 
-    def __init__(self, *words: str | Path) -> None:
+    def __init__(self, *words: str | Path, moments: Sequence[Moment] = ()) -> None:
         self.command = ["armtrue", *map(str, words)]
         if "--interface" not in words:
             self.command += ["--interface", "socketcan"]
@@ -27,18 +60,22 @@ class Running:
         self._out, self._err = tempfile.TemporaryFile("w+"), tempfile.TemporaryFile("w+")  # noqa: SIM115
         self._child = os.fork()
         if self._child == 0:
-            self._become()
+            self._become(moments)
 
-    def _become(self) -> None:
+    def _become(self, moments: Sequence[Moment]) -> None:
         os.dup2(self._out.fileno(), 1)
         os.dup2(self._err.fileno(), 2)
         sys.stdout, sys.stderr = os.fdopen(1, "w"), os.fdopen(2, "w")
         sys.argv = self.command
         status = 99
         try:
+            for moment in moments:
+                _signal_itself(moment)
             main()
         except SystemExit as leaving:
             status = leaving.code if isinstance(leaving.code, int) else int(leaving.code is not None)
+        except BaseException:
+            traceback.print_exc()
         finally:
             sys.stdout.flush()
             sys.stderr.flush()
@@ -47,6 +84,11 @@ class Running:
     def send(self, how: signal.Signals) -> None:
         """Send it a signal."""
         os.kill(self._child, how)
+
+    def wait_until_stopped(self) -> None:
+        """Until its next moment of SIGSTOP has come; fails where it ends before."""
+        status = os.waitpid(self._child, os.WUNTRACED)[1]
+        assert os.WIFSTOPPED(status), f"{self.command} ended before its moment, status {status}"
 
     def wait(self) -> subprocess.CompletedProcess[str]:
         """Its end."""
@@ -57,6 +99,6 @@ class Running:
             return subprocess.CompletedProcess(self.command, status, self._out.read(), self._err.read())
 
 
-def armtrue(*words: str | Path) -> subprocess.CompletedProcess[str]:
+def armtrue(*words: str | Path, moments: Sequence[Moment] = ()) -> subprocess.CompletedProcess[str]:
     """Run `armtrue …` to its end."""
-    return Running(*words).wait()
+    return Running(*words, moments=moments).wait()

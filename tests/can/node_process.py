@@ -36,7 +36,9 @@ class NodeProcess:
 
     def start(self) -> None:
         """Start it and wait for its boot-up message. Raises RuntimeError with its words if it ends."""
-        with can.Bus(interface="socketcan", channel=self.upstream) as bus:
+        # Only that message: a full socket would lose it.
+        wanted = [{"can_id": 0x700 + NODE_ID, "can_mask": 0x7FF, "extended": False}]
+        with can.Bus(interface="socketcan", channel=self.upstream, can_filters=wanted) as bus:
             self._process = subprocess.Popen(self.command, stderr=subprocess.PIPE)
             deadline = time.monotonic() + 60.0
             while time.monotonic() < deadline:

@@ -17,7 +17,7 @@ from pathlib import Path
 
 import can
 import pytest
-from command_line import Running, armtrue
+from command_line import Moment, Running, armtrue
 from node_process import NODE_ID, NodeProcess, connect, disconnect
 from small_table import small_table
 
@@ -129,23 +129,21 @@ def requests_in(log: Path) -> int:
     return sum(message.arbitration_id == REQUEST for message in can.LogReader(str(log)))
 
 
-def watch_requests(bus: can.BusABC, count: int) -> None:
-    """Return when somebody has sent so many requests; fails where they do not come."""
-    give_up = time.monotonic() + 30.0
-    while count:
-        message = bus.recv(1.0)
-        assert time.monotonic() < give_up, "nobody asks"
-        count -= message is not None and message.arbitration_id == REQUEST
+def any_request(_request: bytes) -> bool:
+    """Whatever the program asks."""
+    return True
 
 
 def test_ctrl_c_ends_a_recording_that_replaces_the_one_before(tmp_path: Path) -> None:
     log = tmp_path / "run.log"
     log.write_text("an older recording\n")
-    with NodeProcess(tmp_path / "state"), can.Bus(interface="socketcan", channel="vcan0") as bus:
-        watching = Running("device", "monitor", "--record", log, "--period", "0.05")
-        watch_requests(bus, 100)
+    with NodeProcess(tmp_path / "state"):
+        words = ("device", "monitor", "--record", log, "--period", "0.05")
+        watching = Running(*words, moments=[Moment(signal.SIGSTOP, 100, any_request)])
+        watching.wait_until_stopped()
         assert log.read_text() == "an older recording\n", "replaced at the end"
         watching.send(signal.SIGINT)
+        watching.send(signal.SIGCONT)
         done = watching.wait()
     assert done.returncode == 0, done.stderr
     assert requests_in(log) >= 100
@@ -156,10 +154,11 @@ def test_a_bus_that_goes_away_leaves_what_was_recorded(tmp_path: Path) -> None:
     log = tmp_path / "run.log"
     link = [*([] if os.geteuid() == 0 else ["sudo", "-n"]), "ip", "link", "set", "vcan0"]
     with NodeProcess(tmp_path / "state"):
-        with can.Bus(interface="socketcan", channel="vcan0") as bus:
-            watching = Running("device", "monitor", "--record", log, "--period", "0.05", "--timeout", "0.5")
-            watch_requests(bus, 100)
+        words = ("device", "monitor", "--record", log, "--period", "0.05", "--timeout", "0.5")
+        watching = Running(*words, moments=[Moment(signal.SIGSTOP, 100, any_request)])
+        watching.wait_until_stopped()
         subprocess.run([*link, "down"], check=True)
+        watching.send(signal.SIGCONT)
         done = watching.wait()
         subprocess.run([*link, "up"], check=True)
     assert done.returncode == 3, done.stderr

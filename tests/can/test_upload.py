@@ -6,19 +6,23 @@ import base64
 import json
 import os
 import signal
+import socket
 import struct
 import subprocess
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import can
 import canopen
 import pytest
-from command_line import Running, armtrue
+from command_line import Moment, Running, armtrue
 from node_process import NODE_ID, NodeProcess, connect, disconnect
 from small_table import small_table
+
+SO_RCVBUFFORCE = 33  # asm-generic/socket.h; Python has no name for it
 
 
 @pytest.fixture
@@ -134,35 +138,26 @@ def test_nobody_on_the_bus_and_no_bus_are_told_apart_from_refusals(tables: Path)
     assert "vcan7" in absent.stderr
 
 
-def is_request(message: can.Message) -> bool:
-    """Whether a frame is one that our side sends to the device's SDO server."""
-    return message.arbitration_id == 0x600 + NODE_ID
+def any_request(_request: bytes) -> bool:
+    """Whatever the program asks."""
+    return True
 
 
-def is_command(word: bytes) -> Callable[[can.Message], bool]:
-    """Whether a frame writes this table command."""
-    return lambda message: is_request(message) and bytes(message.data[4:8]) == word
+def is_command(word: bytes) -> Callable[[bytes], bool]:
+    """Whether a request writes this table command."""
+    return lambda request: request[4:8] == word
 
 
-def is_segment(message: can.Message) -> bool:
-    """Whether a frame carries bytes of the image: the padding of our tables is zeros, of their requests never."""
-    return is_request(message) and bytes(message.data[1:8]) == bytes(7)
+def is_segment(request: bytes) -> bool:
+    """Whether a request carries bytes of the image: the padding of our tables is zeros, of their requests never."""
+    return request[1:8] == bytes(7)
 
 
-def watch_for(bus: can.BusABC, count: int, wanted: Callable[[can.Message], bool]) -> None:
-    """Return with the `count`th frame of a kind; fails where it does not come."""
-    give_up = time.monotonic() + 30.0
-    while count:
-        message = bus.recv(1.0)
-        assert time.monotonic() < give_up, "the frame did not come"
-        count -= message is not None and wanted(message)
-
-
-# Counts stay below what a socket keeps for an observer that is slower than a block.
-INTERRUPTIONS = {
-    "asking": (5, is_request),
+INTERRUPTIONS: dict[str, tuple[int, Callable[[bytes], bool]]] = {
+    "asking": (5, any_request),
     "first segments": (3, is_segment),
     "middle segments": (200, is_segment),
+    "last segments": (420, is_segment),
     "verifying": (1, is_command(b"vrfy")),
     "committing": (1, is_command(b"cmit")),
     "activating": (1, is_command(b"actv")),
@@ -178,62 +173,75 @@ def test_an_upload_killed_anywhere_is_repeated_at_once(
     tmp_path: Path, transfer: str, moments: list[str]
 ) -> None:
     file = tmp_path / "tables.bin"
-    killed = 0
-    with NodeProcess(tmp_path / "state"), can.Bus(interface="socketcan", channel="vcan0") as bus:
-        for sequence, (count, wanted) in enumerate([INTERRUPTIONS[moment] for moment in moments], 1):
-            file.write_bytes(small_table(sequence=sequence, padding=8000))
-            words = ("upload", file, "--transfer", transfer, "--confirm", "--timeout", "10")
-            uploading = Running(*words)
-            watch_for(bus, count, wanted)
-            uploading.send(signal.SIGKILL)
-            killed += uploading.wait().returncode == -signal.SIGKILL
+    with NodeProcess(tmp_path / "state"):
+        for sequence, moment in enumerate(moments, 1):
+            file.write_bytes(small_table(sequence=sequence, padding=3000))  # four blocks
+            words = ("upload", file, "--transfer", transfer, "--confirm")
+            killed = armtrue(*words, moments=[Moment(signal.SIGKILL, *INTERRUPTIONS[moment])])
+            assert killed.returncode == -signal.SIGKILL, (moment, killed.stderr)
             finished = armtrue(*words)
-            assert finished.returncode == 0, finished.stderr
-            assert armtrue("device", "verify", file).returncode == 0
-            while bus.recv(0.0) is not None:
-                pass
-    assert killed >= len(moments) - ("confirming" in moments), (
-        "all but the last, which may be over before the signal"
-    )
+            assert finished.returncode == 0, (moment, finished.stderr)
+        assert armtrue("device", "verify", file).returncode == 0
 
 
 def test_ctrl_c_ends_the_transfer_on_the_device_too(tmp_path: Path) -> None:
     file = tmp_path / "tables.bin"
     file.write_bytes(small_table(padding=12000))
-    with NodeProcess(tmp_path / "state"), can.Bus(interface="socketcan", channel="vcan0") as bus:
-        uploading = Running("upload", file, "--transfer", "segmented")
-        watch_for(bus, 100, is_segment)
-        uploading.send(signal.SIGINT)
-        watch_for(bus, 1, lambda message: is_request(message) and message.data[0] == 0x80)
-        assert uploading.wait().returncode == 130
+    with NodeProcess(tmp_path / "state"), requests_seen() as bus:
+        done = armtrue(
+            "upload", file, "--transfer", "segmented", moments=[Moment(signal.SIGINT, 100, is_segment)]
+        )
+        assert done.returncode == 130, done.stderr
+        said = [bytes(message.data) for message in bus]
+    assert sum(map(is_segment, said)) == 100
+    assert said[-1][:4] == b"\x80\x10\x20\x00", "its last word"
+
+
+@contextmanager
+def requests_seen() -> Iterator[Iterator[can.Message]]:
+    """What is sent to the device's SDO server within the block, as it is taken: a socket keeps 277 frames, ours all."""
+    only = [{"can_id": 0x600 + NODE_ID, "can_mask": 0x7FF, "extended": False}]
+    with can.Bus(interface="socketcan", channel="vcan0", can_filters=only) as bus:
+        bus.socket.setsockopt(socket.SOL_SOCKET, SO_RCVBUFFORCE, 16 << 20)  # type: ignore[attr-defined]
+        yield iter(lambda: bus.recv(0.0), None)
 
 
 def test_a_bus_that_goes_away_is_no_answer_and_the_upload_can_be_repeated(tmp_path: Path) -> None:
     file = tmp_path / "tables.bin"
     file.write_bytes(small_table(padding=12000))
-    words = ("upload", file, "--transfer", "segmented", "--timeout", "0.5")
+    words = ("upload", file, "--transfer", "segmented")
     link = [*([] if os.geteuid() == 0 else ["sudo", "-n"]), "ip", "link", "set", "vcan0"]
     with NodeProcess(tmp_path / "state"):
-        with can.Bus(interface="socketcan", channel="vcan0") as bus:
-            uploading = Running(*words)
-            watch_for(bus, 100, is_segment)
+        uploading = Running(*words, "--timeout", "0.5", moments=[Moment(signal.SIGSTOP, 100, is_segment)])
+        uploading.wait_until_stopped()
         subprocess.run([*link, "down"], check=True)
+        uploading.send(signal.SIGCONT)
         interrupted = uploading.wait()
         subprocess.run([*link, "up"], check=True)
         assert interrupted.returncode == 3, interrupted.stderr
         assert len(interrupted.stderr.splitlines()) == 1
-        assert armtrue(*words[:-2]).returncode == 0
+        assert armtrue(*words).returncode == 0
         assert armtrue("device", "verify", file).returncode == 0
 
 
-def test_a_node_that_restarts_in_the_middle_does_not_matter(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    "silent", [False, True], ids=["back at once", "away for longer than an answer may take"]
+)
+def test_a_node_that_restarts_in_the_middle_does_not_matter(tmp_path: Path, silent: bool) -> None:
     file = tmp_path / "tables.bin"
     file.write_bytes(small_table(sequence=9, padding=12000))
-    with NodeProcess(tmp_path / "state") as node, can.Bus(interface="socketcan", channel="vcan0") as bus:
-        uploading = Running("upload", file, "--transfer", "segmented", "--confirm")
-        watch_for(bus, 400, is_segment)
+    gives_up = Moment(signal.SIGSTOP, 1, lambda request: request[:4] == b"\x80\x10\x20\x00")
+    moments = [Moment(signal.SIGSTOP, 400, is_segment), *([gives_up] if silent else [])]
+    words = ("upload", file, "--transfer", "segmented", "--confirm", "--timeout", "3")
+    with NodeProcess(tmp_path / "state") as node:
+        uploading = Running(*words, moments=moments)
+        uploading.wait_until_stopped()
         node.stop(signal.SIGKILL)
+        if silent:
+            uploading.send(signal.SIGCONT)
+            uploading.wait_until_stopped()
         node.start()
+        uploading.send(signal.SIGCONT)
         first = uploading.wait()
         assert first.returncode == 0, first.stderr
         assert armtrue("device", "verify", file).returncode == 0
