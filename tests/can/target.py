@@ -73,6 +73,13 @@ class Target:
                 return bytes(frame.data)
         return None
 
+    def passed_on(self, bus: can.BusABC) -> can.Message | None:
+        """The next frame on a line that is no emergency message of the device (commands stop: this machine halts)."""
+        while (frame := bus.recv(ARRIVES_WITHIN_S)) is not None:
+            if frame.arbitration_id != 0x80 + self.node_id or frame.is_extended_id:
+                return frame
+        return None
+
     def quiet(self, bus: can.BusABC | None = None, timeout_s: float = 0.05) -> list[can.Message]:
         """Everything that arrives until nothing has for a while, or 20 such whiles are over (heartbeats)."""
         bus = bus or self.upstream
