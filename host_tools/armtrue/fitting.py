@@ -109,13 +109,22 @@ class Fit:
         else:
             columns.pop("target", None)
         try:
-            return np.asarray(_core.predict(json.dumps(self.document), columns))
+            return np.asarray(_core.predict(self._for_the_library(), columns))
         except _core.ModelError as error:
             raise InputError(f"{data.path}: {error}") from None
 
     def residuals(self) -> NDArray[np.float64]:
         """Measured minus predicted positions (N, 3) [m] of the fitted measurements."""
         return np.asarray(self.core.residuals())
+
+    def _for_the_library(self) -> str:
+        """The document as JSON text for `_core.predict`, which knows reflectors by their place among sorted keys."""
+        names = self.document["data"].get("targets", [])
+        if len(names) < 2:
+            return json.dumps(self.document)
+        tools = self.document["flange_from_tool"]
+        in_order = {f"{code:04d}": tools[name] for code, name in enumerate(names)}
+        return json.dumps({**self.document, "flange_from_tool": in_order})
 
     def _data_path(self) -> Path:
         recorded = self.document["data"]
