@@ -65,7 +65,7 @@ def run_image(
     recorded: bytes = b"",
     *,
     machine: str = "netduinoplus2",
-    timeout_s: float = 60.0,
+    timeout_s: float = 300.0,
     extra: Sequence[str] = (),
 ) -> Run:
     """Run a test image with `recorded` as its input file and return what it wrote to its output file.
@@ -106,13 +106,6 @@ def instructions_by_function(
     return dict(counts.most_common())
 
 
-def free_port() -> int:
-    """A TCP port of this machine that nobody listens on now."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
-
-
 @dataclasses.dataclass(frozen=True)
 class Board:
     """An emulated board that runs: its process, and the TCP port of each serial port in order."""
@@ -125,22 +118,6 @@ class Board:
         return f"socket://127.0.0.1:{self.ports[serial]}"
 
 
-def _wait_for_listener(process: subprocess.Popen[str], port: int, timeout_s: float = 60.0) -> None:
-    # A connection would take the emulator's only seat on that port: ask the kernel's table instead.
-    wanted = f":{port:04X} "
-    deadline = time.monotonic() + timeout_s
-    while time.monotonic() < deadline:
-        if process.poll() is not None:
-            raise QemuError(
-                f"the emulator ended with status {process.returncode}: {process.communicate()[1]}"
-            )
-        listening = pathlib.Path("/proc/net/tcp").read_text("ascii").splitlines()
-        if any(wanted in line.split("0000:0000")[0] + " " and " 0A " in line for line in listening[1:]):
-            return
-        time.sleep(0.01)
-    raise QemuError(f"the emulator does not listen on port {port} after {timeout_s} s")
-
-
 @contextlib.contextmanager
 def board(
     elf: pathlib.Path, *, machine: str = "netduinoplus2", serial_ports: int = 2, extra: Sequence[str] = ()
@@ -149,16 +126,25 @@ def board(
 
     The image runs in real time (no instruction counting) and is ended with the block.
     """
-    ports = tuple(free_port() for _ in range(serial_ports))
     command = ["qemu-system-arm", "-M", machine, "-kernel", str(elf), "-display", "none", "-monitor", "none"]
-    for port in ports:
-        command += ["-serial", f"tcp:127.0.0.1:{port},server=on,wait=off,nodelay=on"]
-    process = subprocess.Popen(
-        [*command, *extra], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
-    )
+    with contextlib.ExitStack() as ours:
+        # The emulator is given sockets that listen already: nobody takes a port in between, nobody has to wait for one.
+        listeners = [ours.enter_context(socket.create_server(("127.0.0.1", 0))) for _ in range(serial_ports)]
+        ports = tuple(int(listener.getsockname()[1]) for listener in listeners)
+        for number, listener in enumerate(listeners):
+            command += [
+                "-chardev",
+                f"socket,id=serial{number},fd={listener.fileno()},server=on,wait=off,nodelay=on",
+            ]
+            command += ["-serial", f"chardev:serial{number}"]
+        process = subprocess.Popen(
+            [*command, *extra],
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            text=True,
+            pass_fds=[listener.fileno() for listener in listeners],
+        )
     try:
-        for port in ports:
-            _wait_for_listener(process, port)
         yield Board(process, ports)
     finally:
         process.kill()
@@ -168,7 +154,7 @@ def board(
 class QemuMonitor:
     """QEMU's machine protocol (QMP) on a Unix socket."""
 
-    def __init__(self, path: pathlib.Path, process: subprocess.Popen[str], timeout_s: float = 60.0) -> None:
+    def __init__(self, path: pathlib.Path, process: subprocess.Popen[str], timeout_s: float = 180.0) -> None:
         deadline = time.monotonic() + timeout_s
         self._socket = socket.socket(socket.AF_UNIX)
         self._socket.settimeout(timeout_s)
@@ -250,7 +236,7 @@ class RealTimeBoard:
         dump = self.monitor.call("human-monitor-command", **{"command-line": f"xp /3wx 0x{found[1]}"})
         return WaysIn(*(int(word, 16) for word in dump.partition(":")[2].split()))
 
-    def wait_for_text(self, text: str, timeout_s: float = 60.0) -> str:
+    def wait_for_text(self, text: str, timeout_s: float = 180.0) -> str:
         """Everything printed on the UART so far, as soon as it contains `text`."""
         deadline = time.monotonic() + timeout_s
         while time.monotonic() < deadline:

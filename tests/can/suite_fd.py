@@ -114,6 +114,7 @@ class Line:
         assert target.write(0x2000, 1, mode, 1) == 0
         target.nmt(NMT_START)
         assert target.read(0x2001, 2) & 1, "targets of all joints are mapped"
+        target.quiet(target.downstream, timeout_s=0.0)  # a full socket would lose the mark
         self.through([])  # what was on its way
 
     def _map(self, base: int, part: Part, words: list[int], bits: int) -> None:

@@ -91,6 +91,16 @@ class Target:
                 break
         return frames
 
+    def until_answered(self) -> list[can.Message]:
+        """Everything on the controller's line that was on its way before: what comes until a request is answered."""
+        frames = []
+        self.send(0x600 + self.node_id, [0x40, 0x00, 0x10, 0, 0, 0, 0, 0])
+        while (frame := self.upstream.recv(ARRIVES_WITHIN_S)) is not None:
+            if frame.arbitration_id == 0x580 + self.node_id:
+                return frames
+            frames.append(frame)
+        raise AssertionError(f"no answer within {ARRIVES_WITHIN_S:g} s")
+
     def expect_state(self, state: int) -> None:
         """Heartbeats say this NMT state before long; fails where they do not."""
         give_up = time.monotonic() + ARRIVES_WITHIN_S

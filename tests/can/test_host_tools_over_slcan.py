@@ -79,7 +79,7 @@ def test_a_person_sees_rate_and_remaining_time(line: tuple[str, ...], tmp_path: 
     child, terminal = pty.fork()
     if child == 0:
         os.environ |= {"TERM": "xterm", "COLUMNS": "100", "LINES": "30"}
-        os.execv(PROGRAM, [str(PROGRAM), "upload", str(tables), *line])
+        os.execv(PROGRAM, [str(PROGRAM), "upload", str(tables), *line, "--timeout", "30"])
     seen = b""
     with contextlib.suppress(OSError):  # how a terminal says that its other end is gone
         while piece := os.read(terminal, 4096):

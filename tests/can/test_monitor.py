@@ -37,7 +37,7 @@ def commanded(offsets_on_the_bus: bool) -> Iterator[None]:
         if offsets_on_the_bus:
             node.sdo[0x1800 + pair][1].raw = 0x40000000 | OFFSETS[pair]
     node.sdo[0x2000][3].raw = 1_000_000
-    node.sdo[0x2000][4].raw = 15_000
+    node.sdo[0x2000][4].raw = 500_000  # nothing is lost here, only late
     node.sdo[0x2000][1].raw = 2
     node.nmt.state = "OPERATIONAL"
     leaving = threading.Event()

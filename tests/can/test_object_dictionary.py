@@ -109,3 +109,16 @@ def test_every_test_that_the_protocol_page_names_is_there() -> None:
     assert len(named) >= 15
     assert [test for test in named if f", {test})" not in firmware] == []
     assert [test for test in re.findall(r"`(test_\w+)`", table) if f"def {test}(" not in python] == []
+
+
+def test_constants_on_the_protocol_page_are_those_of_the_code() -> None:
+    """Rows of name, value and file; "same" is the file of the row before."""
+    page = (ROOT / "docs" / "protocol.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| (`[^|]*\bk[A-Z][^|]*) \| ([\d ,]+) \| ([^|]*) \|$", page, re.MULTILINE)
+    assert len(rows) >= 10
+    source = ""
+    for names, values, where in rows:
+        if (file := re.match(r"`([^`]+)`", where)) is not None:
+            source = (ROOT / file[1]).read_text(encoding="utf-8").replace("'", "")
+        for name, value in zip(re.findall(r"k[A-Z]\w+", names), values.split(","), strict=True):
+            assert re.search(rf"\b{name} = {value.replace(' ', '')};", source), name

@@ -255,9 +255,12 @@ def test_upload_while_joints_are_commanded_is_refused(tmp_path: Path, tables: Pa
         node.sdo[0x2000][1].raw = 2
         # The longest quiet time: no pause of this machine is taken for a stop.
         node.sdo[0x2000][5].raw = 60_000
+        node.sdo[0x2000][4].raw = 500_000
         node.nmt.state = "OPERATIONAL"
         tasks = [node.network.send_periodic(0x220 + 0x100 * number, bytes(8), 0.05) for number in range(3)]
+        give_up = time.monotonic() + 30.0
         while node.sdo["Compensator status"]["Cycles"].raw == 0:
+            assert time.monotonic() < give_up, "no set was whole"
             time.sleep(0.01)
         refused = armtrue("upload", tables)
         assert refused.returncode == 1
@@ -358,7 +361,7 @@ def test_monitor_shows_what_the_joint_path_does(tmp_path: Path) -> None:
         for pair in range(3):
             node.sdo[0x1400 + pair][1].raw = 0x220 + 0x100 * pair
         node.sdo[0x2000][3].raw = 1_000_000
-        node.sdo[0x2000][4].raw = 40_000
+        node.sdo[0x2000][4].raw = 500_000
         node.sdo[0x2000][1].raw = 2
         node.nmt.state = "OPERATIONAL"
         leaving = threading.Event()

@@ -16,7 +16,7 @@ _FOUND = re.compile(r" in \[\S+ \{(\S+), [^}]*\}, \S+ \{(\S+), [^}]*\}\]")
 
 
 def gappa(text: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(["gappa"], input=text, capture_output=True, text=True, timeout=20.0, check=False)
+    return subprocess.run(["gappa"], input=text, capture_output=True, text=True, timeout=300.0, check=False)
 
 
 def best_bound(text: str) -> float:

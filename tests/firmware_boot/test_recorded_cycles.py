@@ -36,14 +36,14 @@ def motion() -> recording.Recording:
 @pytest.fixture(scope="module")
 def on_m4(motion: recording.Recording) -> np.ndarray:
     elf = qemu.build_images("stm32f405", "cycle_replay") / "cycle_replay.elf"
-    run = qemu.run_image(elf, motion.to_bytes(), timeout_s=120.0)
+    run = qemu.run_image(elf, motion.to_bytes(), timeout_s=300.0)
     assert run.status == 0
     return recording.played(run.output)
 
 
 def test_cortex_m7_gives_the_same_outputs(motion: recording.Recording, on_m4: np.ndarray) -> None:
     elf = qemu.build_images("cortex-m7", "cycle_replay") / "cycle_replay.elf"
-    run = qemu.run_image(elf, motion.to_bytes(), machine="mps2-an500", timeout_s=120.0)
+    run = qemu.run_image(elf, motion.to_bytes(), machine="mps2-an500", timeout_s=300.0)
     assert run.status == 0
     on_m7 = recording.played(run.output)
     assert len(on_m7) == CYCLES
@@ -53,7 +53,7 @@ def test_cortex_m7_gives_the_same_outputs(motion: recording.Recording, on_m4: np
 
 def test_node_tells_the_drives_what_the_core_computes(motion: recording.Recording, on_m4: np.ndarray) -> None:
     elf = qemu.build_images("stm32f405", "node_budget") / "node_budget.elf"
-    run = qemu.run_image(elf, motion.to_bytes(), timeout_s=120.0)
+    run = qemu.run_image(elf, motion.to_bytes(), timeout_s=300.0)
     assert run.status == 0
     through_can = np.frombuffer(run.output, _NODE_RESULT)
     assert np.array_equal(through_can["corrected"], on_m4["corrected"][:, :6])

@@ -34,15 +34,15 @@ def tables(tmp_path_factory: pytest.TempPathFactory) -> pathlib.Path:
 
 
 def armtrue(url: str, *words: str | pathlib.Path) -> subprocess.CompletedProcess[str]:
-    command = [str(PROGRAM), *map(str, words), "--interface", "slcan", "--channel", url]
-    return subprocess.run(command, capture_output=True, text=True, timeout=60.0, check=False)
+    command = [str(PROGRAM), *map(str, words), "--interface", "slcan", "--channel", url, "--timeout", "30"]
+    return subprocess.run(command, capture_output=True, text=True, timeout=300.0, check=False)
 
 
 def restart(url: str) -> None:
     """NMT reset node (CiA 301, 7.2.8.2); returns after the boot-up message."""
     with can.Bus(interface="slcan", channel=url, bitrate=1_000_000) as bus:
         bus.send(can.Message(arbitration_id=0, data=[0x81, NODE], is_extended_id=False))
-        while (frame := bus.recv(10.0)) is not None:
+        while (frame := bus.recv(30.0)) is not None:
             if frame.arbitration_id == 0x700 + NODE:
                 return
     pytest.fail("no boot-up message")

@@ -24,7 +24,7 @@ def buses() -> Iterator[tuple[can.BusABC, can.BusABC]]:
         yield upstream, downstream
 
 
-def receive(bus: can.BusABC, identifier: int, timeout_s: float = 20.0) -> can.Message:
+def receive(bus: can.BusABC, identifier: int, timeout_s: float = 30.0) -> can.Message:
     while (frame := bus.recv(timeout_s)) is not None:
         if frame.arbitration_id == identifier:
             return frame
