@@ -1,14 +1,14 @@
 // The whole node under any sequence of frames, times, refusals and restarts (libFuzzer).
 //
-// Each input is a list of events. One byte says what happens; what it needs follows:
-//   0..95    an SDO request with these eight bytes, aimed at an object that exists nine times in
-//   ten 96..127  a target frame (which pair: low bits), eight bytes 128..159 SYNC, NMT, heartbeat
-//   or an input PDO 160..191 any frame on the controllers' side: identifier, flags, length, payload
-//   192..207 any frame on the drives' side
-//   208..239 time passes: up to 2^16 · 100 µs
-//   240..247 the downstream queue takes this many more frames
-//   248..251 bus-off, on either side
-//   252..255 power cycle
+// The last byte says what the node is and how far it has come (Setup below). What is before it is a
+// list of events: one byte says what happens, what that needs follows.
+//   0..95     an SDO request with these eight bytes, aimed at an object that exists nine times of
+//   ten 96..127   a target frame (which pair: low bits), eight bytes 128..159  SYNC, NMT, heartbeat
+//   or actual positions 160..191  any frame on the controllers' side: identifier, flags, length,
+//   payload 192..207  any frame on the drives' side 208..239  time passes: up to 2^16 · 100 µs
+//   240..247  the queue takes this many more frames (240..243 upstream in offset mode)
+//   248..251  bus-off, on either side
+//   252..255  power cycle
 #include <algorithm>
 #include <array>
 #include <cstdint>
@@ -24,6 +24,20 @@ using namespace armtrue::canopen;
 
 // Every start reads all of the flash: a small one leaves more time for frames.
 constexpr std::size_t kSlotSize = 2048;
+
+struct Setup {
+  explicit Setup(std::uint8_t choice)
+      : mode((choice & 1U) != 0 ? Mode::kOffset : Mode::kInline),
+        two_buses(mode == Mode::kInline || (choice & 2U) == 0),
+        fd((choice & 4U) == 0),
+        saved((choice & 8U) == 0),
+        begun((choice & 16U) == 0) {}
+  Mode mode;
+  bool two_buses;
+  bool fd;
+  bool saved;  // a power cycle comes back in this mode, not in forward mode
+  bool begun;  // the correction is on its way before the first event
+};
 
 class Events {
  public:
@@ -107,6 +121,34 @@ void judge(NodeBench& bench) {
   }
 }
 
+constexpr std::array<std::int32_t, 6> kStand = {230'000,  300'000, 150'000,
+                                                -250'000, 270'000, -200'000};
+
+// Actual positions of an arm that stands at its targets, then the targets again and again: the
+// first offsets wait until targets have stood for 0.1 s.
+void begin(NodeBench& bench, Mode mode) {
+  for (std::uint32_t k = 0; k < 3; ++k) {
+    const CanFrame frame = NodeBench::pair_frame(0x1C0 + k, kStand[2 * k], kStand[2 * k + 1]);
+    mode == Mode::kInline ? bench.from_drives(frame) : bench.from_controller(frame);
+  }
+  for (int cycle = 0; cycle < 20; ++cycle) {
+    bench.now_us += 10'000;
+    bench.from_controller(make_frame(0x80, {}));
+    bench.command_joints(kStand);
+  }
+  require(bench.node().dictionary().get(od::axis::kPositionOffset[0]) != 0);
+}
+
+void prepare(NodeBench& bench, const Setup& setup) {
+  for (std::uint32_t k = 0; k < 3 && setup.mode == Mode::kOffset; ++k) {
+    const auto index = static_cast<std::uint16_t>(0x1800 + k);
+    require(bench.write(index, 1, 0x400001A0U + 0x100U * k, 4) == 0);
+  }
+  bench.configure(setup.mode);
+  if (setup.saved) require(bench.write(0x1010, 1, 0x65766173, 4) == 0);
+  if (setup.begun) begin(bench, setup.mode);
+}
+
 }  // namespace
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
@@ -116,9 +158,11 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     bench.install(TestTable{}.image());
     return bench.flash;
   }();
-  NodeBench bench(true, true, {}, kSlotSize, &prepared);
-  bench.configure(Mode::kInline);
-  Events events({data, size});
+  if (size == 0) return 0;
+  const Setup setup(data[size - 1]);
+  NodeBench bench(setup.two_buses, setup.fd, {}, kSlotSize, &prepared);
+  prepare(bench, setup);
+  Events events({data, size - 1});
   while (events.any()) {
     const std::uint8_t event = events.byte();
     if (event < 96) {
@@ -137,7 +181,9 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     } else if (event < 240) {
       bench.now_us += events.word() * 100ULL;
     } else if (event < 248) {
-      bench.downstream.set_room(event % 8 == 7 ? SIZE_MAX : event % 8);
+      const bool upstream = setup.mode == Mode::kOffset && event < 244;
+      (upstream ? bench.upstream : bench.downstream)
+          .set_room(event % 4 == 3 ? SIZE_MAX : event % 8);
     } else if (event < 252) {
       (event % 2 == 0 ? bench.upstream : bench.downstream).set_state(BusState::kBusOff);
     } else {
