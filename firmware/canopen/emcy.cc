@@ -46,7 +46,9 @@ void Emcy::reset() {
 
 void Emcy::clear_history() {
   dictionary_.set(od::kPreDefinedErrorFieldCount, std::uint8_t{0});
-  for (const auto& field : od::kPreDefinedErrorField) dictionary_.set(field, 0U);
+  for (std::size_t k = 0; k < std::size(od::kPreDefinedErrorField); ++k) {
+    dictionary_.set(od::kPreDefinedErrorField[k], 0U);
+  }
 }
 
 void Emcy::update_register() {

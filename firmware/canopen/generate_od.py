@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import configparser
+import itertools
 import re
 import sys
 from dataclasses import dataclass, field
@@ -191,6 +192,19 @@ def _reference(leaf: Leaf) -> str:
     return f"{{0x{leaf.index:04X}, {leaf.sub}, {leaf.offset}}}"
 
 
+def _reference_row(cpp: str, name: str, values: list[Leaf]) -> str:
+    """A `RefRow`. Raises EdsError where the values do not lie at even distances."""
+    places = [(leaf.index, leaf.sub, leaf.offset) for leaf in values]
+    steps = {tuple(b - a for a, b in zip(*pair, strict=True)) for pair in itertools.pairwise(places)}
+    if len(steps) > 1:
+        raise EdsError(f"{values[0].label}: its like do not lie at even distances")
+    index_step, sub_step, offset_step = steps.pop() if steps else (0, 0, 0)
+    return (
+        f"inline constexpr RefRow<{cpp}, {len(values)}> {name} = "
+        f"{{{_reference(values[0])}, {index_step}, {sub_step}, {offset_step}}};"
+    )
+
+
 def _reference_lines(objects: list[Object]) -> list[str]:
     """`Ref` constants: one a variable, an array for numbered families and for CiA 301 arrays."""
     families: dict[tuple[str, str, str], list[Leaf]] = {}
@@ -212,9 +226,8 @@ def _reference_lines(objects: list[Object]) -> list[str]:
             continue
         if found.kind == "ARRAY" and len(found.leaves) > 2:
             values = found.leaves[1:]
-            joined = ", ".join(_reference(leaf) for leaf in values)
             cpp = TYPES[values[0].type_code][1]
-            lines.append(f"inline constexpr Ref<{cpp}> {_camel(found.name)}[{len(values)}] = {{{joined}}};")
+            lines.append(_reference_row(cpp, _camel(found.name), values))
             lines.append(
                 f"inline constexpr Ref<std::uint8_t> {_camel(found.name)}Count = {_reference(found.leaves[0])};"
             )
@@ -230,9 +243,8 @@ def _reference_lines(objects: list[Object]) -> list[str]:
                 f"inline constexpr Ref<{TYPES[leaf.type_code][1]}> {_camel(found.name)} = {_reference(leaf)};"
             )
     for (group, name, cpp), values in families.items():
-        joined = ", ".join(_reference(leaf) for leaf in values)
         lines.append(f"namespace {group} {{")
-        lines.append(f"inline constexpr Ref<{cpp}> {name}[{len(values)}] = {{{joined}}};")
+        lines.append(_reference_row(cpp, name, values))
         lines.append("}")
     return lines
 

@@ -301,6 +301,28 @@ TEST_F(NetworkTest, SavedParametersOutliveARestartAndDefaultsComeBack) {
   EXPECT_EQ(bench.write(0x1010, 1, 0x65766173, 4), 0x06060000U);
 }
 
+TEST_F(NetworkTest, ParametersThatANewStartWouldNotHaveAreSaidToBeUnsaved) {
+  const auto unsaved = [this] { return (bench.read(0x2001, 2) >> 5 & 1U) != 0; };
+  EXPECT_FALSE(unsaved()) << "as delivered";
+  ASSERT_EQ(bench.write(0x2021, 0, 5000, 4), 0U);
+  EXPECT_FALSE(unsaved()) << "an input is no parameter";
+  EXPECT_NE(bench.write(0x2000, 3, 1, 4), 0U);
+  EXPECT_FALSE(unsaved()) << "refused";
+  ASSERT_EQ(bench.write(0x2000, 3, 30'000, 4), 0U);
+  EXPECT_TRUE(unsaved());
+  bench.parameters.broken = true;
+  EXPECT_NE(bench.write(0x1010, 1, 0x65766173, 4), 0U);
+  EXPECT_TRUE(unsaved());
+  bench.parameters.broken = false;
+  ASSERT_EQ(bench.write(0x1010, 1, 0x65766173, 4), 0U);
+  EXPECT_FALSE(unsaved());
+  bench.power_on();
+  EXPECT_EQ(bench.read(0x2000, 3), 30'000U);
+  EXPECT_FALSE(unsaved());
+  ASSERT_EQ(bench.write(0x1011, 1, 0x64616F6C, 4), 0U);
+  EXPECT_TRUE(unsaved()) << "the next start is one as delivered";
+}
+
 TEST_F(NetworkTest, BusOffIsRecoveredAfterAPauseAndReported) {
   bench.run_for(1000);
   sent();

@@ -349,11 +349,15 @@ void Node::refresh_status() {
   bits |= tables_.on_trial() ? 1U << 2 : 0U;
   bits |= is_quiet() ? 1U << 3 : 0U;
   bits |= joints_.knows_drives() ? 0U : 1U << 4;
+  bits |= has_unsaved_ ? 1U << 5 : 0U;
   dictionary_.set(status::kStatusBits, bits);
   dictionary_.set(od::kManufacturerStatusRegister, bits);
   dictionary_.set(status::kCycles, joints.sets);
   dictionary_.set(status::kClamped,
                   static_cast<std::uint32_t>(std::min<std::uint64_t>(clamped, UINT32_MAX)));
+  for (std::size_t k = 0; k < kAxes; ++k) {
+    dictionary_.set(od::kClampedCyclesByAxis[k], cycles.clamped[k]);
+  }
   dictionary_.set(status::kStale, joints.stale);
   dictionary_.set(status::kRefused, tables_.refused() + access_.refused_writes());
   dictionary_.set(status::kWorstCycle, joints.worst_cycle_us);
@@ -376,7 +380,7 @@ Abort Node::before_read(std::uint16_t index, std::uint8_t sub) {
     const bool is_held = sub <= dictionary_.get(od::kPreDefinedErrorFieldCount);
     return is_held ? Abort::kNone : Abort::kNoData;
   }
-  if (index == od::compensator_status::kState.index ||
+  if (index == od::compensator_status::kState.index || index == od::kClampedCyclesByAxis[0].index ||
       index == od::kManufacturerStatusRegister.index) {
     refresh_status();
   } else if (index == kUpstreamRefs.state.index) {

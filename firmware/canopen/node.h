@@ -130,6 +130,7 @@ class Node final : private ObjectHooks {
   std::uint64_t now_us_ = 0;
   NmtState known_state_ = NmtState::kInitialising;
   Mode mode_ = Mode::kForward;    // in force; 0x2000 sub 1 is what is wanted
+  bool has_unsaved_ = false;      // the next start comes with other parameters than these
   std::uint8_t nmt_command_ = 0;  // to be carried out, 0 for none
   NmtRequest pending_reset_ = NmtRequest::kNone;
   bool joint_path_sound_ = false;

@@ -128,6 +128,7 @@ Abort Node::before_write(const od::Entry& entry, std::span<const std::uint8_t> v
 }
 
 void Node::after_write(const od::Entry& entry) {
+  if ((entry.flags & od::kStored) != 0) has_unsaved_ = true;
   if (is(entry, od::kPreDefinedErrorFieldCount)) return emcy_.clear_history();
   if (is(entry, od::kProducerHeartbeatTime)) return nmt_.restart_heartbeat(now_us_);
   if (entry.index == od::kConsumerHeartbeatTime[0].index) {
@@ -135,10 +136,12 @@ void Node::after_write(const od::Entry& entry) {
     return heartbeats_.configure(slot, dictionary_.get(od::kConsumerHeartbeatTime[slot]));
   }
   if (is(entry, od::store_parameters::kSaveAllParameters)) {
+    has_unsaved_ = false;
     // Reads back as "saves on command".
     return dictionary_.set(od::store_parameters::kSaveAllParameters, 1U);
   }
   if (is(entry, od::restore_default_parameters::kRestoreAllDefaultParameters)) {
+    has_unsaved_ = true;
     return dictionary_.set(od::restore_default_parameters::kRestoreAllDefaultParameters, 1U);
   }
   if (entry.index >= 0x1400 && entry.index < 0x1C00) {

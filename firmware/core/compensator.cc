@@ -227,6 +227,7 @@ CycleOutput Compensator::cycle(const CycleInput& input) {
     flags |= wanted.is_saturated ? kStateSaturated : kCycleClean;
   }
 
+  std::uint32_t clamped = 0;  // bit k: joint k
   bool settled = true;
   if (state_ == CompensatorState::kBlending) {
     settled = blend_weight_ >= kBlendEnd - blend_step_;
@@ -240,7 +241,10 @@ CycleOutput Compensator::cycle(const CycleInput& input) {
                                    way, static_cast<std::int32_t>(blend_weight_)));
     }
     if (state_ != CompensatorState::kPassThrough) {
-      delta_[k] = limited(k, delta, flags);
+      std::uint16_t own = kCycleClean;
+      delta_[k] = limited(k, delta, own);
+      clamped |= own != kCycleClean ? 1U << k : 0U;
+      flags |= own;
       settled = settled && (corrects || delta_[k] == 0);
     }
   }
@@ -252,7 +256,11 @@ CycleOutput Compensator::cycle(const CycleInput& input) {
     const std::int32_t whole = delta_[k] == 0 ? 0 : increments_of(k);
     const std::int64_t sum = static_cast<std::int64_t>(input.target[k]) + whole;
     output.corrected[k] = saturate(sum);
-    flags |= output.corrected[k] != sum ? kOutputSaturated : kCycleClean;
+    if (output.corrected[k] != sum) {
+      flags |= kOutputSaturated;
+      clamped |= 1U << k;
+    }
+    if ((clamped >> k & 1U) != 0U) count_one(counters_.clamped[k]);
     output.delta[k] =
         static_cast<std::int32_t>(static_cast<std::int64_t>(output.corrected[k]) - input.target[k]);
   }

@@ -67,6 +67,8 @@ struct CycleCounters {
   std::uint32_t state_saturated = 0;
   std::uint32_t output_saturated = 0;
   std::uint32_t tables_switched = 0;
+  // By joint: cycles in which its output was not what was wanted (magnitude, rate, 32-bit range).
+  std::array<std::uint32_t, kMaxJoints> clamped = {};
 };
 
 struct CycleOutput {

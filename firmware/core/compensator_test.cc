@@ -199,7 +199,10 @@ TEST(CompensatorTest, MagnitudeIsLimitedByTheTableAndCounted) {
   const CycleOutput output = settle(compensator, at(0.1));
   EXPECT_EQ(output.delta[0], -(limit >> 8));
   EXPECT_TRUE((output.flags & kMagnitudeClamped) != 0);
-  EXPECT_GT(compensator.counters().magnitude_clamped, 100U);
+  const CycleCounters& counters = compensator.counters();
+  EXPECT_GT(counters.magnitude_clamped, 100U);
+  EXPECT_EQ(counters.clamped[0], counters.magnitude_clamped) << "its own, and no other's:";
+  for (std::size_t k = 1; k < kMaxJoints; ++k) EXPECT_EQ(counters.clamped[k], 0U);
 }
 
 TEST(CompensatorTest, NoTableRaisesTheCompileTimeLimits) {
@@ -245,6 +248,7 @@ TEST(CompensatorTest, RateIsLimitedAndCounted) {
   }
   EXPECT_GT(reversals, 5);
   EXPECT_GT(compensator.counters().rate_clamped, 100U);
+  EXPECT_EQ(compensator.counters().clamped[0], compensator.counters().rate_clamped);
 }
 
 TEST(CompensatorTest, DirectionNeedsMoreThanTheDeadBand) {

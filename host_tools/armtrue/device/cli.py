@@ -285,7 +285,7 @@ def save(connection: Connection, json_to: JsonOption = None) -> None:
     output = Output(json_to)
     with connection.compensator() as device:
         device.save()
-        warnings = device.warnings(just_saved=True)
+        warnings = device.warnings()
     output.say("saved: these are the parameters of every later start")
     _say_warnings(output, warnings)
     output.figures({"saved": True, "warnings": warnings})

@@ -139,7 +139,7 @@ class Compensator:
         """Whether no joint commands have arrived for the time that table commands need."""
         return bool(self.read_number("Compensator status.Status bits") & 1 << 3)
 
-    def warnings(self, just_saved: bool = False) -> list[str]:
+    def warnings(self) -> list[str]:
         """Why a table would correct nothing, now or after a restart; one sentence each."""
         bits = self.read_number("Compensator status.Status bits")
         found = []
@@ -152,10 +152,9 @@ class Compensator:
                 found.append(
                     "nothing is corrected: valid RPDOs do not map the targets of all joints (0x1400, 0x1600)"
                 )
-            if not just_saved:  # before that, no object of the device tells
+            if bits & 1 << 5:
                 found.append(
-                    "the device does not tell whether its parameters are saved: what is not ('armtrue device save') "
-                    "a restart forgets, and comes back in forward mode"
+                    "parameters were written and not saved ('armtrue device save'): a restart comes back without them"
                 )
         if not self.read_number("Compensator control.Correction enable"):
             found.append("nothing is corrected: correction is disabled (0x2000 sub 2)")

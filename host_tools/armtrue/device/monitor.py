@@ -44,7 +44,8 @@ class Snapshot:
     corrections: list[int]  # increments
     targets_from: str  # FRAMES or SAMPLES; with both from frames they are of the same cycle
     corrections_from: str
-    clamps: list[str]  # of any joint: the device does not tell of which
+    clamps: list[str]  # of any joint, in the last cycle
+    clamped_cycles: list[int]  # since its start, by joint
     counters: dict[str, int]
     bus_state: str  # of the bus that we are on
     downstream_bus_state: str
@@ -123,6 +124,10 @@ class Monitor:
             targets_from=FRAMES if targets else SAMPLES,
             corrections_from=FRAMES if corrections else SAMPLES,
             clamps=[word for bit, word in enumerate(CLAMP_WORDS) if flags & 1 << bit],
+            clamped_cycles=[
+                read(f"Clamped cycles by axis.Clamped cycles of axis {axis}")
+                for axis in range(1, self._joints + 1)
+            ],
             counters={name: read(f"Compensator status.{name}") for name in _COUNTERS},
             bus_state=name_of(BUS_STATES, read("Upstream bus status.Bus state")),
             downstream_bus_state=name_of(BUS_STATES, read("Downstream bus status.Bus state")),
@@ -204,10 +209,11 @@ def draw(snapshot: Snapshot) -> Group:
         f"   downstream {snapshot.downstream_bus_state}, {snapshot.downstream_frames} frames in all"
     )
     axes = Table(box=None, pad_edge=False, header_style="bold")
-    for header in ("axis", "target (inc)", "correction (inc)"):
+    for header in ("axis", "target (inc)", "correction (inc)", "clamped cycles"):
         axes.add_column(header, justify="right")
-    for axis, (target, correction) in enumerate(zip(snapshot.targets, snapshot.corrections, strict=True), 1):
-        axes.add_row(str(axis), f"{target:,}", f"{correction:+,}")
+    rows = zip(snapshot.targets, snapshot.corrections, snapshot.clamped_cycles, strict=True)
+    for axis, (target, correction, clamped) in enumerate(rows, 1):
+        axes.add_row(str(axis), f"{target:,}", f"{correction:+,}", f"{clamped:,}")
     sources = Text(_sources(snapshot), style="dim")
     clamps = Text("limits: " + (", ".join(snapshot.clamps) or "none"), style="red" if snapshot.clamps else "")
     counters = Text("  ".join(f"{name} {value}" for name, value in snapshot.counters.items()), style="dim")
