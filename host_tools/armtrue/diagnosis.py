@@ -10,12 +10,7 @@ from armtrue import _core
 from armtrue.errors import InputError
 from armtrue.fitting import Fit, from_core
 from armtrue.progress import Progress
-
-_VERDICTS = {
-    "nothing_missing": "Nothing is missing: what is left is noise.",
-    "missing_effect": "An effect is missing.",
-    "unexplained_structure": "What is left has structure that no effect of the catalogue explains.",
-}
+from armtrue.verdicts import verdict_words
 
 
 class Diagnosis(dict[str, Any]):
@@ -47,7 +42,7 @@ class Diagnosis(dict[str, Any]):
         return list(self["advice"])
 
     def __str__(self) -> str:
-        lines = [_VERDICTS[self.verdict]]
+        lines = [verdict_words(self)]
         if (best := self.recommended) is not None:
             joints = f" {', '.join(map(str, best['joints']))}" if best["joints"] else ""
             lines.append(f"{best['effect']}{joints}: {best['why']}")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 
 from armtrue import _core
 from armtrue.errors import InputError
+from armtrue.fit_file import check_document
 from armtrue.io import Dataset, Model, Robot, load_data
 from armtrue.io.files import read_text, write_file
 from armtrue.io.model import check_effect
@@ -21,6 +23,8 @@ from armtrue.progress import Progress
 
 FORMAT = "armtrue-fit"
 VERSION = 1
+# State variables in which a payload acts: torques, moments and gravity's regressors.
+_CARRIES = ("payload", "tau", "gmx", "gmy", "bmx", "bmy", "up")
 _LARGEST_FIT_BYTES = 512 * 1024 * 1024
 
 
@@ -50,9 +54,7 @@ class Fit:
             raise InputError(f"{path}: found no 'format: {FORMAT}', expected a file written by armtrue fit")
         if document.get("version") != VERSION:
             raise InputError(f"{path}: found version {document.get('version')}, expected {VERSION}")
-        for key in ("robot", "model", "parameters", "measuring_from_base", "flange_from_tool", "data"):
-            if key not in document:
-                raise InputError(f"{path}: key '{key}' is missing, expected a complete fit.json")
+        check_document(document, path)
         return cls(document, path)
 
     def save(self, path: str | Path) -> None:
@@ -95,7 +97,7 @@ class Fit:
 
     def predict(self, data: Dataset) -> NDArray[np.float64]:
         """Predicted positions (N, 3) [m] in the measuring frame. Errors: InputError where a column is missing."""
-        columns = dict(data.columns)
+        columns = {**data.columns, **self.assumed(data)[0]}
         names = self.document["data"].get("targets", [])
         if "target" in columns and names:
             labels = data.labels.get("target", [])
@@ -112,6 +114,36 @@ class Fit:
             return np.asarray(_core.predict(self._for_the_library(), columns))
         except _core.ModelError as error:
             raise InputError(f"{data.path}: {error}") from None
+
+    def assumed(self, data: Dataset) -> tuple[dict[str, NDArray[np.float64]], list[str]]:
+        """What `predict` takes for columns that poses still to be driven cannot have, and a note on each.
+
+        That is: nothing carried where the fit's own measurements had a payload, and joints that settled where the
+        command put them.
+        """
+        missing: dict[str, NDArray[np.float64]] = {}
+        notes: list[str] = []
+        read = {own: self._variables(own) for own in (True, False)}
+        is_left_out = "payload" in self.document["data"].get("columns", []) and "payload" not in data.columns
+        if is_left_out and any(name.startswith(_CARRIES) for name in read[True] | read[False]):
+            missing["payload"] = np.zeros(data.count)
+            notes.append(f"{data.path.name} has no payload: 0 kg is taken")
+        settled = [name for name in sorted(read[False] - read[True]) if re.fullmatch(r"qr\d+", name)]
+        settled = [name for name in settled if name not in data.columns]
+        if settled:
+            missing.update({name: data.columns[f"q{name[2:]}"] for name in settled})
+            notes.append(f"{data.path.name} has no {', '.join(settled)}: joints that settled are taken")
+        return missing, notes
+
+    def _variables(self, own: bool) -> set[str]:
+        """State variables that the terms read: the arm's own, or those of the measurement."""
+        texts = {
+            term["expression"]
+            for parameter in self.document["parameters"]
+            if parameter.get("exported", True) == own
+            for term in parameter["terms"]
+        }
+        return {word for text in texts for word in re.findall(r"[A-Za-z]\w*", text)}
 
     def residuals(self) -> NDArray[np.float64]:
         """Measured minus predicted positions (N, 3) [m] of the fitted measurements."""

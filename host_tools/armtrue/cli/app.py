@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 
+import click
 import typer
 
 from armtrue.cli import INTERRUPTED, campaign, catalogue, checking, diagnosis, fitting, planning
@@ -45,9 +46,14 @@ for commands in (checking, fitting, diagnosis, planning, tables, device, campaig
 def main() -> None:
     """Run the command line and exit."""
     try:
-        app()
+        status = app(standalone_mode=False)
+        sys.exit(status if isinstance(status, int) else 0)
     except InputError as error:
         print(f"armtrue: {error}", file=sys.stderr)
+        sys.exit(INPUT_AT_FAULT)
+    except click.ClickException as error:
+        # One sentence here too, where Typer would draw a box.
+        print(f"armtrue: {_sentence(error)}", file=sys.stderr)
         sys.exit(INPUT_AT_FAULT)
     except KeyboardInterrupt:
         print("armtrue: interrupted", file=sys.stderr)
@@ -56,3 +62,11 @@ def main() -> None:
         # The reader of our output went away, as `armtrue … | head` does: nothing to say and nobody to say it to.
         sys.stderr.close()
         sys.exit(0)
+
+
+def _sentence(error: click.ClickException) -> str:
+    """What was wrong with the words of the command line, and where its help is."""
+    message = " ".join(error.format_message().split()).rstrip(".")
+    context = getattr(error, "ctx", None)
+    words = context.command_path.removeprefix("python -m ").split()[1:] if context is not None else []
+    return f"{message}; '{' '.join(['armtrue', *words])} --help' says what there is"

@@ -10,6 +10,7 @@ from rich.table import Table
 from armtrue.cli.options import DataArgument, JsonOption, RobotOption
 from armtrue.cli.output import Output
 from armtrue.io import load_data, load_robot
+from armtrue.io.files import refuse_to_lose
 
 if TYPE_CHECKING:
     from armtrue.checking import Finding
@@ -32,8 +33,11 @@ def check(data: DataArgument, robot: RobotOption, json_to: JsonOption = None) ->
     from armtrue.checking import check as run_check
 
     output = Output(json_to)
+    refuse_to_lose([data, robot], [json_to])
     arm = load_robot(robot)
-    report = run_check(load_data(data, arm, strict=False), arm)
+    measurements = load_data(data, arm, strict=False)
+    refuse_to_lose([measurements.file], [json_to])
+    report = run_check(measurements, arm)
     output.table(_findings_table(report.findings))
     output.say(f"\n{report.summary()}")
     output.figures(report.document())

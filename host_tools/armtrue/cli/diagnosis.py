@@ -13,7 +13,7 @@ from armtrue.cli.fits import load_with_data
 from armtrue.cli.options import FitArgument, JsonOption, MovedDataOption, OutOption
 from armtrue.cli.output import Output, waiting
 from armtrue.cli.waterfall import Waterfall
-from armtrue.io.files import check_writable
+from armtrue.io.files import check_writable, refuse_to_lose
 
 
 def add_to(app: typer.Typer) -> None:
@@ -32,6 +32,7 @@ def diagnose(fit_file: FitArgument, data: MovedDataOption = None, json_to: JsonO
 
     output = Output(json_to)
     fit = load_with_data(fit_file, data)
+    refuse_to_lose([fit_file, fit.data.path, fit.data.file], [json_to])
     with waiting(output) as progress:
         result = diagnosis.diagnose(fit, progress=progress)
     present_diagnosis(result, output)
@@ -52,6 +53,7 @@ def refine(
     output = Output(json_to)
     check_writable(out)
     fit = load_with_data(fit_file, data)
+    refuse_to_lose([fit.data.path, fit.data.file], [out, json_to])
     waterfall = Waterfall(output)
 
     def keep(fit_so_far: fitting.Fit, step: dict[str, Any]) -> None:
@@ -94,5 +96,7 @@ def report(
     from armtrue import report as report_writer
 
     check_writable(out)
-    report_writer.write([load_with_data(path, data) for path in fit_files], out)
+    fits = [load_with_data(path, data) for path in fit_files]
+    refuse_to_lose([*fit_files, *(path for fit in fits for path in (fit.data.path, fit.data.file))], [out])
+    report_writer.write(fits, out)
     Output(None).say(f"written: {out}")

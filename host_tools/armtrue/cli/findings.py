@@ -12,12 +12,8 @@ from rich.table import Table
 from armtrue.cli.fitting import FLOOR_SOURCES
 from armtrue.cli.output import Output, plain_table
 from armtrue.cli.units import value_and_sigma
+from armtrue.verdicts import verdict_words
 
-_VERDICTS = {
-    "nothing_missing": "Nothing is missing: what is left is noise.",
-    "missing_effect": "An effect is missing.",
-    "unexplained_structure": "What is left has structure that no effect of the catalogue explains.",
-}
 _CANDIDATES_SHOWN = 10
 _ERROR_FIGURES = {"mean_um": "mean", "rms_um": "RMS", "p95_um": "95 %", "max_um": "max"}
 _LEGEND = (
@@ -66,7 +62,7 @@ def _joint_words(joints: list[int]) -> str:
 
 def present_diagnosis(result: dict[str, Any], output: Output) -> None:
     """Print a diagnosis as a short report."""
-    output.title(_VERDICTS.get(result["verdict"], result["verdict"]))
+    output.title(verdict_words(result))
     held_out = result["error"]["held_out"]
     figures = ", ".join(f"{word} {held_out[key]:.1f} µm" for key, word in _ERROR_FIGURES.items())
     output.say(f"error on held-out poses: {figures}")

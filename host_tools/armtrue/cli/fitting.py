@@ -26,7 +26,7 @@ from armtrue.cli.output import Output, plain_table, waiting
 from armtrue.cli.parameters import present_parameters
 from armtrue.errors import InputError
 from armtrue.io import load_data, load_model, load_robot
-from armtrue.io.files import check_writable, write_file
+from armtrue.io.files import check_writable, refuse_to_lose, write_file
 from armtrue.io.model import check_effect
 from armtrue.io.plausible import refuse_too_few_poses
 
@@ -71,9 +71,11 @@ def fit(
 
     output = Output(json_to)
     check_writable(out)
+    refuse_to_lose([data, robot, model], [out, json_to])
     arm = load_robot(robot)
     effects = load_model(model, arm)
     measurements = load_data(data, arm)
+    refuse_to_lose([measurements.file], [out, json_to])
     refuse_too_few_poses(measurements.file, measurements.joints)
     with waiting(output) as progress:
         result = fitting.fit(measurements, arm, effects, folds=folds, seed=seed, progress=progress)
@@ -110,6 +112,7 @@ def add(
     output = Output(json_to)
     check_writable(out)
     before = load_with_data(fit_file, data)
+    refuse_to_lose([before.data.path, before.data.file], [out, json_to])
     wanted = {"effect": effect, **_options(option or [])}
     if joints is not None:
         wanted["joints"] = _joint_list(joints)
@@ -136,9 +139,12 @@ def predict(fit_file: FitArgument, poses: PosesArgument, out: OutOption) -> None
     from armtrue import fitting
 
     check_writable(out)
+    refuse_to_lose([fit_file, poses], [out])
     result = fitting.Fit.load(fit_file)
     data = load_data(poses, result.robot, need_position=False)
+    refuse_to_lose([data.file], [out])
     write_columns(out, ["x", "y", "z"], result.predict(data))
+    Output(None).items(result.assumed(data)[1])
 
 
 def write_columns(out: Path, names: list[str], rows: Any) -> None:

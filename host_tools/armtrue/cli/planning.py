@@ -14,7 +14,7 @@ from armtrue.cli.options import JsonOption, MovedDataOption, OutOption
 from armtrue.cli.output import Output, plain_table, waiting
 from armtrue.errors import InputError
 from armtrue.io import Robot, load_model, load_robot
-from armtrue.io.files import check_writable
+from armtrue.io.files import check_writable, refuse_to_lose
 from armtrue.io.model import check_effect
 from armtrue.planning import SETTLED, Ambiguity, Cell, Plan, Rival, argument_of, entry_of
 
@@ -157,6 +157,7 @@ def plan(
 
     output = Output(json_to)
     check_writable(out)
+    refuse_to_lose([fit_file, robot, model, data], [out, json_to])
     if also and not candidates:
         raise InputError(f"--also: found '{also[0]}' without --candidates, expected it beside two")
     if clearance is not None and not clearance > 0.0:

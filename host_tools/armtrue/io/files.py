@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import tempfile
+from collections.abc import Iterable
 from pathlib import Path
 
 from armtrue.errors import InputError
@@ -41,6 +42,23 @@ def check_writable(path: Path) -> None:
         raise InputError(f"{path}: found no folder '{path.parent}' to write into")
     if not os.access(path.parent, os.W_OK):
         raise InputError(f"{path}: found a folder '{path.parent}' that may not be written into")
+
+
+def refuse_to_lose(reads: Iterable[Path | None], writes: Iterable[Path | str | None]) -> None:
+    """Raise InputError where one of the files that a command `writes` is one that it `reads`, or is named twice."""
+    inputs = {path.resolve() for path in reads if path is not None}
+    outputs: set[Path] = set()
+    for name in writes:
+        if name is None or name == "-":
+            continue
+        place = Path(name).resolve()
+        if place in inputs:
+            raise InputError(
+                f"{name}: found the name of a file that is read, expected one to write beside it"
+            )
+        if place in outputs:
+            raise InputError(f"{name}: found the name twice among the files to write, expected one for each")
+        outputs.add(place)
 
 
 def write_file(path: Path, content: str | bytes) -> None:

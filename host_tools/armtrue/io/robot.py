@@ -69,7 +69,15 @@ def load_robot(path: str | Path) -> Robot:
     Errors: InputError naming file and key path, what was found and what was expected.
     """
     path = Path(path)
-    top = load_yaml(path)
+    return Robot(_specification(load_yaml(path), path), path)
+
+
+def check_robot(spec: dict[str, Any], path: Path, where: str) -> None:
+    """Check the normalised `spec` of a robot under the key `where` of the file `path`. Errors: InputError."""
+    _specification(Section(spec, str(path), where), path)
+
+
+def _specification(top: Section, path: Path) -> dict[str, Any]:
     spec: dict[str, Any] = {"name": top.text("name", default=path.stem)}
     if top.has("serial"):
         spec["serial"] = top.text("serial")
@@ -107,7 +115,7 @@ def load_robot(path: str | Path) -> Robot:
     if top.has("linkage"):
         spec["linkage"] = _linkage(top.section("linkage"), joint_count)
     top.finish()
-    return Robot(spec, path)
+    return spec
 
 
 def pose(section: Section) -> dict[str, list[float]]:

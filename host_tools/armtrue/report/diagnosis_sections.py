@@ -23,12 +23,8 @@ from armtrue.report.parts import (
     table,
     typeset,
 )
+from armtrue.verdicts import verdict_words
 
-VERDICTS = {
-    "nothing_missing": "Nothing is missing: what is left is noise.",
-    "missing_effect": "An effect is missing.",
-    "unexplained_structure": "What is left has structure that no effect of the catalogue explains.",
-}
 _CANDIDATES = (
     "Every effect of the catalogue is tried on every joint that the recorded columns allow: the residual is regressed "
     "on it with all that is fitted already projected out. log10 p is corrected for the number of candidates; a fall of "
@@ -87,7 +83,7 @@ def _star() -> Markup:
 def _one(diagnosis: StepDiagnosis, many: bool) -> list[Content]:
     result = diagnosis.result
     parts: list[Content] = [tag("h3", f"After {diagnosis.step.title}")] if many else []
-    parts.append(tag("p", VERDICTS[result["verdict"]], class_=f"verdict {result['verdict']}"))
+    parts.append(tag("p", verdict_words(result), class_=f"verdict {result['verdict']}"))
     candidates = result["candidates"]
     if result["verdict"] == "nothing_missing":
         if candidates:

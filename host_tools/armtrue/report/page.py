@@ -6,7 +6,7 @@ from importlib.resources import files
 
 from armtrue.report.content import Report
 from armtrue.report.data_sections import about_section, coverage_section, rejected_section
-from armtrue.report.diagnosis_sections import VERDICTS, added_variable_section, candidates_section
+from armtrue.report.diagnosis_sections import added_variable_section, candidates_section
 from armtrue.report.error_section import error_section
 from armtrue.report.markup import Content, Markup, join, tag
 from armtrue.report.model_sections import observability_section, parameters_section
@@ -19,6 +19,7 @@ from armtrue.report.residual_sections import (
     vectors_section,
 )
 from armtrue.report.steps import floor_source
+from armtrue.verdicts import verdict_words
 
 
 def page(report: Report) -> str:
@@ -87,7 +88,7 @@ def _summary(report: Report, robot: str) -> Content:
     return [
         tag("p", "Calibration report", class_="kicker"),
         tag("h1", robot),
-        tag("p", VERDICTS[verdict], named, story, class_=f"verdict {verdict}"),
+        tag("p", verdict_words(report.diagnoses[-1].result), named, story, class_=f"verdict {verdict}"),
         tag(
             "dl",
             [

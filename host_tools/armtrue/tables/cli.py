@@ -12,7 +12,7 @@ from armtrue.cli.fitting import write_columns
 from armtrue.cli.options import FitArgument, JsonOption, OutOption, PosesArgument
 from armtrue.cli.output import Output
 from armtrue.errors import InputError
-from armtrue.io.files import check_writable, write_file
+from armtrue.io.files import check_writable, refuse_to_lose, write_file
 from armtrue.tables.compensate import Engine
 
 TablesArgument = Annotated[
@@ -106,6 +106,8 @@ def export(
 
     output = Output(json_to)
     check_writable(out)
+    check_writable(sidecar(out))
+    refuse_to_lose([fit_file], [out, json_to])
     document = fitting.Fit.load(fit_file).document
     options = ExportOptions(
         serial=serial,
@@ -158,9 +160,11 @@ def compensate(
     import numpy as np
 
     from armtrue.tables.compensate import compensate as run
+    from armtrue.tables.compensate import sidecar
 
     output = Output(json_to)
     check_writable(out)
+    refuse_to_lose([tables, sidecar(tables), poses, fit], [out, json_to])
     result = run(tables, poses, engine, fit, increments)
     names = [f"q{k + 1}" for k in range(result.joints.shape[1])]
     write_columns(out, [*names, "tx", "ty", "tz"], np.column_stack([result.joints, result.intended]))

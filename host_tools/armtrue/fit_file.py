@@ -1,0 +1,111 @@
+"""fit.json as it comes back from disk: checked whole before anything computes with it (docs/model.md, fit.json)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from armtrue import _core
+from armtrue.errors import InputError, did_you_mean, shorten
+from armtrue.io.model import check_effect, coordinate_names, state_names
+from armtrue.io.robot import Robot, check_robot, pose
+from armtrue.io.yamlfile import Section
+
+# What the report and the command line read of a fit beside what predict, export and diagnose need.
+_ALSO = {
+    "error": dict,
+    "noise": dict,
+    "noise_floor": dict,
+    "solver": dict,
+    "rejected": list,
+    "nonlinear": list,
+    "unobservable": list,
+    "warnings": list,
+}
+
+
+def check_document(document: dict[str, Any], path: Path) -> None:
+    """Refuse a fit.json that is not whole, or was edited into something else.
+
+    Errors: InputError naming the key, what was found and what was expected.
+    """
+    top = Section(document, str(path))
+    for key in ("robot", "model", "parameters", "measuring_from_base", "flange_from_tool", "data", "options"):
+        if key not in document:
+            raise InputError(f"{path}: key '{key}' is missing, expected a complete fit.json")
+    check_robot(document["robot"], path, "robot")
+    robot = Robot(document["robot"])
+    _check_model(top, robot)
+    _check_parameters(top, robot)
+    pose(top.section("measuring_from_base"))
+    tools = top.section("flange_from_tool")
+    if not list(tools):
+        raise top.fail("flange_from_tool", "a pose for each reflector, at least one")
+    for name in tools:
+        pose(tools.section(name))
+    if top.has("payload_point"):
+        top.numbers("payload_point", 3, "a list [x, y, z] in metres")
+    _check_data(top.section("data"), list(tools))
+    for key, kind in _ALSO.items():
+        if not isinstance(document.get(key), kind):
+            raise top.fail(key, "what armtrue fit writes there" if key in document else "a complete fit.json")
+
+
+def _check_model(top: Section, robot: Robot) -> None:
+    model = top.section("model")
+    for number, entry in enumerate(model.sections("effects", "a list of effects"), start=1):
+        check_effect({key: entry.raw(key) for key in entry}, robot, f"{top.file}: model.effects[{number}]")
+    for key in ("parameters", "priors"):
+        if model.has(key):
+            model.section(key)
+    options = top.section("options")
+    for key in ("folds", "seed"):
+        options.number(key, minimum=0.0, expected="a whole number")
+    if options.has("instrument"):
+        options.section("instrument")
+
+
+def _check_parameters(top: Section, robot: Robot) -> None:
+    targets = len(list(top.section("flange_from_tool")))
+    coordinates = coordinate_names(robot.joint_count)
+    coordinates += [
+        name.replace("tool", f"tool[{number}]")
+        for number in range(targets)
+        for name in coordinates
+        if name.startswith("tool.")
+    ]
+    states = state_names(robot)
+    known: set[str] = set()
+    for parameter in top.sections("parameters", "a list of fitted parameters"):
+        for key in ("name", "effect"):
+            parameter.text(key)
+        parameter.number("value", expected="a finite number")
+        parameter.entries("joints", "a list of joint numbers")
+        parameter.flag("exported", default=True)
+        for term in parameter.sections("terms", "a list of terms"):
+            coordinate = term.text("coordinate")
+            if coordinate not in coordinates:
+                raise term.fail(
+                    "coordinate", "a coordinate of the arm" + did_you_mean(coordinate, coordinates)
+                )
+            term.number("weight", expected="a finite number")
+            expression = term.text("expression")
+            if expression in known:
+                continue
+            try:
+                _core.check_expression(expression, states, [])
+            except ValueError as error:
+                place = term.place("expression")
+                found = shorten(expression)
+                raise InputError(
+                    f"{place}: found {found}, expected arithmetic of the state: {error}"
+                ) from None
+            known.add(expression)
+
+
+def _check_data(data: Section, reflectors: list[str]) -> None:
+    for key in ("path", "relative", "sha256"):
+        data.text(key)
+    targets = data.entries("targets", "a list of reflectors") if data.has("targets") else []
+    if len(targets) > 1 and sorted(map(str, targets)) != sorted(reflectors):
+        raise data.fail("targets", f"those of flange_from_tool: {', '.join(reflectors)}")
