@@ -2,7 +2,17 @@
 
 from __future__ import annotations
 
-from armtrue.checking import columns, conventions, drift, lengths, motion, residuals, tell, units
+from armtrue.checking import (
+    columns,
+    conventions,
+    drift,
+    lengths,
+    motion,
+    orientations,
+    residuals,
+    tell,
+    units,
+)
 from armtrue.checking.alignment import align, alignment_columns
 from armtrue.checking.report import CheckReport, Finding
 from armtrue.io.columns import POSITION
@@ -40,6 +50,9 @@ def _against_kinematics(data: Dataset, robot: Robot) -> list[Finding]:
     if findings:
         return findings
     alignment = align(measured, robot)
+    findings = orientations.find(riding, measured, robot, alignment)
+    if findings:
+        return findings
     return [
         *residuals.find_gross(riding, alignment),
         *residuals.find_stated_poses(riding, alignment, robot),

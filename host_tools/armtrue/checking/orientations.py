@@ -1,0 +1,100 @@
+"""Orientations that do not turn with the arm: another order of the quaternion, the inverse, other Euler angles."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armtrue.checking.alignment import Alignment, Columns
+from armtrue.checking.report import Finding
+from armtrue.io.columns import QUATERNION, commanded_joints
+from armtrue.io.dataset import Dataset
+from armtrue.io.robot import Robot
+
+Array = NDArray[np.float64]
+
+# Nominal arms turn their tool within a degree or two of the truth; a wrong convention misses by tens.
+_LARGEST_ANGLE = math.radians(5.0)
+_REMEDY = (
+    "Mend the rotation's order, sequence, axes or unit in dataset.yaml; until then fit without orientations."
+)
+# What was meant by the columns as they were read: places of w, x, y, z among them, whether inverted, and in words.
+_MEANT = (
+    (
+        (1, 2, 3, 0),
+        False,
+        "the quaternion's numbers stand in the order w, x, y, z and were read as x, y, z, w",
+    ),
+    (
+        (3, 0, 1, 2),
+        False,
+        "the quaternion's numbers stand in the order x, y, z, w and were read as w, x, y, z",
+    ),
+    (
+        (0, 1, 2, 3),
+        True,
+        "the rotations are those of the measuring frame in the tool, the inverse of what is expected",
+    ),
+)
+
+
+def find(data: Dataset, measured: Columns, robot: Robot, alignment: Alignment) -> list[Finding]:
+    """One error where orientations do not follow the joints, with the convention that mends it where one does.
+
+    `measured`: the joints of `data` in radians, whatever the file has them in.
+    """
+    if not all(name in data.columns for name in QUATERNION):
+        return []
+    from armtrue.tables.chain import chain_from_robot, pose
+
+    quaternion = np.column_stack([data.columns[name] for name in QUATERNION])
+    whole = np.isfinite(quaternion).all(axis=1) & (np.abs(np.linalg.norm(quaternion, axis=1) - 1.0) < 0.1)
+    if np.count_nonzero(whole) < 4:
+        return []
+    chain = chain_from_robot(robot.spec)
+    flange = (
+        chain.frames(np.column_stack([measured[name] for name in commanded_joints(measured)]))[-1] @ chain.end
+    )
+    nominal = pose(dict(alignment.measuring_from_base))[:3, :3] @ flange[:, :3, :3]
+    target = data.columns.get("target", np.zeros(data.count))
+
+    def typical_angle(places: tuple[int, ...], inverted: bool) -> float:
+        turned = _matrices(quaternion[:, places])
+        turned = np.swapaxes(turned, 1, 2) if inverted else turned
+        return _typical_angle(nominal[whole], turned[whole], target[whole])
+
+    angle = typical_angle((0, 1, 2, 3), False)
+    if angle <= _LARGEST_ANGLE:
+        return []
+    words = f"measured orientations do not turn with the arm: typically {math.degrees(angle):.0f}° away"
+    for places, inverted, meant in _MEANT:
+        if typical_angle(places, inverted) <= _LARGEST_ANGLE:
+            words += f"; they do where {meant}"
+            break
+    evidence = {"typical_angle_rad": angle}
+    return [Finding("orientations_do_not_follow", "error", words, evidence, _REMEDY)]
+
+
+def _typical_angle(nominal: Array, measured: Array, target: Array) -> float:
+    """Median angle [rad] between what is measured and the arm with the attitude of each target found."""
+    angles = []
+    for one in np.unique(target):
+        rows = target == one
+        relative = np.swapaxes(nominal[rows], 1, 2) @ measured[rows]
+        u, _, vt = np.linalg.svd(relative.sum(axis=0))
+        attitude = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
+        cosine = (np.einsum("nij,ij->n", relative, attitude) - 1.0) / 2.0
+        angles.append(np.arccos(np.clip(cosine, -1.0, 1.0)))
+    return float(np.median(np.concatenate(angles)))
+
+
+def _matrices(quaternion: Array) -> Array:
+    w, x, y, z = (quaternion / np.linalg.norm(quaternion, axis=1, keepdims=True)).T
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.moveaxis(np.array(rows), 2, 0)

@@ -1,0 +1,90 @@
+"""Orientations that follow the arm pass; those read under another convention are found, and named where they can be."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from armtrue.checking import check
+from armtrue.checking.alignment import align, alignment_columns
+from armtrue.io import Dataset, Robot
+from armtrue.tables.chain import chain_from_robot, pose, rotation_about
+
+CODE = "orientations_do_not_follow"
+
+
+def quaternions(rotation: np.ndarray) -> np.ndarray:
+    """(N, 4) w, x, y, z of rotations (N, 3, 3): the eigenvector of Bar-Itzhack's symmetric matrix."""
+    found = []
+    for r in rotation:
+        k = np.array(
+            [
+                [r[0, 0] + r[1, 1] + r[2, 2], r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]],
+                [0.0, r[0, 0] - r[1, 1] - r[2, 2], r[0, 1] + r[1, 0], r[0, 2] + r[2, 0]],
+                [0.0, 0.0, r[1, 1] - r[0, 0] - r[2, 2], r[1, 2] + r[2, 1]],
+                [0.0, 0.0, 0.0, r[2, 2] - r[0, 0] - r[1, 1]],
+            ]
+        )
+        found.append(np.linalg.eigh(k, UPLO="U")[1][:, -1])
+    return np.array(found)
+
+
+@pytest.fixture(scope="module")
+def turned(tmp_path_factory) -> tuple[Dataset, Robot, np.ndarray]:
+    """A campaign and its rotations, measuring frame from tool, a tool askew, half a degree of error."""
+    import armtrue_sim
+
+    from armtrue.checking.test_check import SCENARIOS
+    from armtrue.io import load_data, load_robot
+
+    folder = tmp_path_factory.mktemp("turned")
+    armtrue_sim.cli_simulate(SCENARIOS / "kr30.yaml", folder)
+    robot = load_robot(folder / "robot.yaml")
+    data = load_data(folder / "data.csv", robot, strict=False)
+    chain = chain_from_robot(robot.spec)
+    base = pose(dict(align(alignment_columns(data), robot).measuring_from_base))
+    flange = (base @ chain.frames(data.joints)[-1] @ chain.end)[:, :3, :3]
+    wobble = np.radians(np.random.default_rng(1).normal(0.0, 0.5, data.count))
+    tool = rotation_about(0, 0.7) @ rotation_about(2, -1.9)
+    return data, robot, flange @ tool @ np.array([rotation_about(1, angle) for angle in wobble])
+
+
+def with_rotations(data: Dataset, columns: np.ndarray) -> Dataset:
+    named = {f"q{axis}": columns[:, i] for i, axis in enumerate("wxyz")}
+    return replace(data, columns={**data.columns, **named})
+
+
+def said(data: Dataset, robot: Robot) -> list[str]:
+    return [finding.message for finding in check(data, robot).findings if finding.code == CODE]
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_orientations_that_follow_the_arm_pass(turned, sign):
+    data, robot, rotation = turned
+    assert said(with_rotations(data, sign * quaternions(rotation)), robot) == []
+
+
+@pytest.mark.parametrize(
+    ("places", "words"),
+    [((1, 2, 3, 0), "x, y, z, w and were read as w, x, y, z"), ((3, 0, 1, 2), "read as x, y, z, w")],
+)
+def test_another_order_of_the_quaternion_is_named(turned, places, words):
+    data, robot, rotation = turned
+    (message,) = said(with_rotations(data, quaternions(rotation)[:, places]), robot)
+    assert words in message
+
+
+def test_the_inverse_is_named(turned):
+    data, robot, rotation = turned
+    (message,) = said(with_rotations(data, quaternions(np.swapaxes(rotation, 1, 2))), robot)
+    assert "the inverse" in message
+
+
+def test_other_angles_are_found_without_a_name(turned):
+    data, robot, rotation = turned
+    mirrored = quaternions(rotation) * [1.0, 1.0, -1.0, 1.0]
+    (message,) = said(with_rotations(data, mirrored), robot)
+    assert "do not turn with the arm" in message
+    assert ";" not in message
