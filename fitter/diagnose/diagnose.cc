@@ -122,6 +122,7 @@ FitOptions refit_options(const Fit& fit, const std::map<std::string, double>& st
   options.progress = nullptr;
   options.nonlinear_starts = starts;
   options.nonlinear_guesses.clear();
+  options.start = std::make_shared<StartPoint>(fit.start_point());
   if (fit.smooth()) options.smoothness_sigma = fit.smoothness_sigma();
   for (const NonlinearParameter& p : fit.model().nonlinear)
     options.nonlinear_starts.try_emplace(p.name, p.value);
@@ -497,6 +498,7 @@ std::unique_ptr<Fit> search(const Fit& fit, const ModelSpecification& specificat
   options.progress = nullptr;
   options.nonlinear_starts.clear();
   options.nonlinear_guesses.clear();
+  options.start = std::make_shared<StartPoint>(fit.start_point());
   return Fit::run(fit.robot(), fit.state().columns(), specification, options);
 }
 

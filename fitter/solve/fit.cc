@@ -8,6 +8,7 @@
 #include <numeric>
 
 #include "fitter/solve/choose_options.h"
+#include "fitter/solve/replicates.h"
 #include "fitter/solve/start_search.h"
 #include "fitter/solve/table_evidence.h"
 
@@ -74,6 +75,7 @@ std::unique_ptr<Fit> Fit::run(const Robot& robot, const State::Columns& columns,
   fit->report(0.7, "held-out errors");
   fit->measure_errors();
   fit->measure_noise_floor();
+  fit->options_.start.reset();
   fit->report(1.0, "done");
   return fit;
 }
@@ -187,15 +189,54 @@ bool Fit::find_gross_errors() {
   return changed;
 }
 
+StartPoint Fit::start_point() const {
+  StartPoint start{{}, kinematics_->base(), {}};
+  for (const Parameter& p : model_.parameters) start.values[p.name] = p.value;
+  for (int t = 0; t < measurements_.targets; ++t)
+    start.flange_from_tool.push_back(kinematics_->tool(t));
+  return start;
+}
+
+// Sets what is free to where another fit ended; what it folded into base and tool is unfolded.
+void Fit::begin_at(const StartPoint& start) {
+  const CoordinateLayout layout = kinematics_->layout();
+  Eigen::VectorXd coordinates = Eigen::VectorXd::Zero(layout.size());
+  const auto unfold = [&](const Pose& from, const Pose& to, int first) {
+    const Pose step = from.inverse() * to;
+    coordinates.segment<3>(first) = step.translation();
+    coordinates.segment<3>(first + 3) = rotation_log(step.linear());
+  };
+  unfold(kinematics_->base(), start.measuring_from_base, layout.base(0));
+  for (int t = 0; t < layout.targets; ++t)
+    unfold(kinematics_->tool(t), start.flange_from_tool[static_cast<std::size_t>(t)],
+           layout.tool(t, 0));
+  std::vector<double> values = design_->values();
+  for (const int free : design_->free_parameters()) {
+    const Parameter& p = model_.parameters[static_cast<std::size_t>(free)];
+    double& value = values[static_cast<std::size_t>(free)];
+    if (p.effect == "base_frame" || p.effect == "tool_offset") {
+      value = coordinates[layout.index(p.terms.front().coordinate)];
+    } else if (const auto at = start.values.find(p.name); at != start.values.end()) {
+      value = at->second;
+    }
+  }
+  design_->set_values(values);
+}
+
+void Fit::solve_from_here() {
+  summary_ = solve(*design_, smoothness_sigma_);
+  solver_iterations_ += summary_.iterations;
+}
+
 // From the present values and, where nonlinear parameters are searched for, from a new search: what
 // bumped reflectors have led astray does not come back by itself.
 void Fit::solve_from_anywhere() {
-  summary_ = solve(*design_, smoothness_sigma_);
+  solve_from_here();
   if (!is_searched(model_)) return;
   const SolveSummary here = summary_;
   const std::vector<double> present = design_->unknown_values();
   design_->set_unknowns(search_starts(*design_, smoothness_sigma_).data());
-  summary_ = solve(*design_, smoothness_sigma_);
+  solve_from_here();
   if (summary_.cost < here.cost) return;
   summary_ = here;
   design_->set_unknowns(present.data());
@@ -226,8 +267,12 @@ void Fit::solve_robustly() {
     design_->set_values(values);
   };
   choose_kept();
-  if (is_searched(model_)) design_->set_unknowns(search_starts(*design_, smoothness_sigma_).data());
-  summary_ = solve(*design_, smoothness_sigma_);
+  if (is_searched(model_)) {
+    design_->set_unknowns(search_starts(*design_, smoothness_sigma_).data());
+  } else if (options_.start) {
+    begin_at(*options_.start);
+  }
+  solve_from_here();
   if (options_.reject_gross_errors) {
     for (int pass = 0; pass < kRobustPasses; ++pass) {
       if (!find_gross_errors()) break;
@@ -236,12 +281,12 @@ void Fit::solve_robustly() {
   }
   rescale_noise();
   choose_kept();
-  summary_ = solve(*design_, smoothness_sigma_);
+  solve_from_here();
   choose_smoothness();
   if (smoothness_sigma_ != options_.smoothness_sigma.value_or(kSmoothnessStart))
-    summary_ = solve(*design_, smoothness_sigma_);
+    solve_from_here();
   if (options_.reject_gross_errors && find_gross_errors())
-    summary_ = solve(*design_, smoothness_sigma_);
+    solve_from_here();
   if (!summary_.converged) warnings_.push_back("the solver did not converge: " + summary_.message);
 }
 
@@ -294,6 +339,43 @@ void Fit::compute_covariance() {
     if (!design_->is_table_unknown(u)) effective_outside_tables_ += determined[u];
   }
   table_evidence_ = table_evidence(*design_, data, smoothness_sigma_);
+  count_repeats_in_covariance();
+}
+
+// What the shots of one visit share makes coefficients less sure than as many visits would.
+void Fit::count_repeats_in_covariance() {
+  std::vector<std::size_t> rows;
+  for (std::size_t i = 0; i < design_->rows(); ++i) {
+    if (design_->weights()[i] > 0.0) rows.push_back(i);
+  }
+  const Replicates replicates(measurements_, rows);
+  if (!replicates.any()) return;
+  const int height = design_->residuals_per_row();
+  Eigen::VectorXd residual(static_cast<Eigen::Index>(rows.size()) * height);
+  std::vector<Design::Row> evaluated(rows.size());
+  for (std::size_t r = 0; r < rows.size(); ++r) {
+    design_->evaluate(rows[r], true, evaluated[r]);
+    residual.segment(static_cast<Eigen::Index>(r) * height, height) =
+        evaluated[r].residual.head(height);
+  }
+  const double correlation = replicates.correlation(residual, height);
+  if (correlation <= 0.0) return;
+  const std::vector<double> worth = replicates.worth(correlation);
+  NormalEquations equations(design_->unknowns());
+  double design_effect = 0.0;
+  for (std::size_t r = 0; r < rows.size(); ++r) {
+    Design::Row& row = evaluated[r];
+    row.jacobian *= std::sqrt(worth[r]);
+    equations.add(row, height);
+    design_effect += 1.0 / worth[r] / static_cast<double>(rows.size());
+  }
+  const double freedom =
+      std::max(1.0, static_cast<double>(residual.size()) - design_->unknowns() * design_effect);
+  equations.information /= std::max(residual.squaredNorm() / freedom, 1e-12);
+  const std::vector<double> values = design_->unknown_values();
+  for (const PenaltyRow& row : penalty_rows(*design_, smoothness_sigma_))
+    equations.add(row, values);
+  covariance_ = ScaledCholesky(equations.information).inverse();
 }
 
 void Fit::measure_errors() {

@@ -19,6 +19,13 @@
 
 namespace armtrue {
 
+/// What a fit has found, as a place for the next fit to the same measurements to begin at.
+struct StartPoint {
+  std::map<std::string, double> values;  ///< of linear parameters, by name
+  Pose measuring_from_base = Pose::Identity();
+  std::vector<Pose> flange_from_tool;  ///< by target
+};
+
 struct FitOptions {
   int folds = 5;
   std::uint64_t seed = 0;
@@ -33,6 +40,9 @@ struct FitOptions {
   std::map<std::string, double> nonlinear_starts;
   /// Values of nonlinear parameters that are tried beside their own starts.
   std::map<std::string, double> nonlinear_guesses;
+  /// Where linear parameters begin; none: where they are nominal. A fit that searches for nonlinear
+  /// parameters begins at nominal all the same.
+  std::shared_ptr<const StartPoint> start;
   std::function<void(double, const std::string&)> progress;  ///< share done, what is being done
 };
 
@@ -88,6 +98,10 @@ class Fit {
     return table_evidence_.occam + effective_outside_tables_ * std::log(coordinates);
   }
 
+  StartPoint start_point() const;
+  /// Steps of all solutions on the way.
+  int solver_iterations() const { return solver_iterations_; }
+
   /// Everything of fit.json that the numbers know (docs/model.md).
   nlohmann::json document() const;
 
@@ -96,11 +110,14 @@ class Fit {
   void prepare(const Robot& robot, const State::Columns& columns);
   void rescale_noise();
   void choose_smoothness();
+  void begin_at(const StartPoint& start);
+  void solve_from_here();
   void solve_from_anywhere();
   void solve_robustly();
   bool find_gross_errors();
   void fold_base_and_tool();
   void compute_covariance();
+  void count_repeats_in_covariance();
   void measure_errors();
   void measure_noise_floor();
   void measure_noise_floor_between_targets();
@@ -122,6 +139,7 @@ class Fit {
   std::vector<RejectedRow> rejected_;
   std::vector<std::string> warnings_;
   SolveSummary summary_;
+  int solver_iterations_ = 0;
   double smoothness_sigma_ = 1e-4;
   double noise_scale_ = 1.0;
   NoiseFloor noise_floor_;

@@ -90,6 +90,61 @@ TEST(Fit, HonestRowsAreKept) {
     EXPECT_TRUE(fit_of(geometry_problem(seed))->rejected().empty()) << seed;
 }
 
+TEST(Fit, SigmasHoldHoweverOftenAVisitWasMeasured) {
+  // What the arm scatters from visit to visit is in all shots of one. What noise does to a
+  // coefficient must be as large as its sigma says.
+  const std::size_t poses = 60, shots = 5;
+  for (const double shared : {0.0, 3e-5}) {
+    double squares = 0.0, count = 0.0;
+    for (std::uint64_t seed = 80; seed < 92; ++seed) {
+      Problem p = geometry_problem(seed, {poses, false, 1, 0.0, 0.0, {}});
+      State::Columns once = p.columns;
+      for (std::size_t shot = 1; shot < shots; ++shot) {
+        for (auto& [name, values] : p.columns)
+          values.insert(values.end(), once[name].begin(), once[name].end());
+      }
+      for (std::size_t row = 0; row < poses * shots; ++row)
+        p.columns["repeat"].push_back(static_cast<double>(row % poses));
+      const auto exact = fit_of(p);
+      Random random(seed);
+      for (const char* axis : {"x", "y", "z"}) {
+        for (std::size_t pose = 0; pose < poses; ++pose) {
+          const double scatter = testing::normal(random, shared);
+          for (std::size_t shot = 0; shot < shots; ++shot)
+            p.columns[axis][shot * poses + pose] += scatter + testing::normal(random, 1e-5);
+        }
+      }
+      const auto fit = fit_of(p);
+      for (std::size_t i = 0; i < fit->model().parameters.size(); ++i) {
+        const Parameter& q = fit->model().parameters[i];
+        const int unknown = fit->design().unknown_of(static_cast<int>(i));
+        if (unknown < 0 || exact->design().unknown_of(static_cast<int>(i)) < 0) continue;
+        if (q.effect == "base_frame" || q.effect == "tool_offset") continue;
+        const double pull = (q.value - exact->model().parameters[i].value) /
+                            std::sqrt(fit->covariance()(unknown, unknown));
+        squares += pull * pull;
+        count += 1.0;
+      }
+    }
+    EXPECT_NEAR(std::sqrt(squares / count), 1.0, 0.15) << shared;
+  }
+}
+
+TEST(Fit, AStartElsewhereEndsAtTheSameSolution) {
+  const Problem p = geometry_problem(58);
+  const auto cold = fit_of(p);
+  FitOptions options;
+  options.start = std::make_shared<StartPoint>(cold->start_point());
+  const auto warm = fit_of(p, testing::geometry_model(), options);
+  EXPECT_LT(warm->solver_iterations(), cold->solver_iterations());
+  EXPECT_NEAR(warm->train_error().rms, cold->train_error().rms, 1e-9);
+  for (std::size_t i = 0; i < cold->model().parameters.size(); ++i) {
+    EXPECT_NEAR(warm->model().parameters[i].value, cold->model().parameters[i].value, 1e-9)
+        << cold->model().parameters[i].name;
+  }
+  EXPECT_EQ(warm->options().start, nullptr);
+}
+
 // What an effect that the model lacks does to many rows is not a gross error.
 TEST(Fit, AMissingEffectIsNotRejectedAway) {
   Random random(54);

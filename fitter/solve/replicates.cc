@@ -39,6 +39,16 @@ double Replicates::log_determinant(double correlation) const {
   return sum;
 }
 
+std::vector<double> Replicates::worth(double correlation) const {
+  std::vector<double> result(group_of_.size(), 1.0);
+  for (const std::vector<Eigen::Index>& group : groups_) {
+    const double design_effect = 1.0 + (static_cast<double>(group.size()) - 1.0) * correlation;
+    for (const Eigen::Index place : group)
+      result[static_cast<std::size_t>(place)] = 1.0 / design_effect;
+  }
+  return result;
+}
+
 double Replicates::correlation(const Eigen::VectorXd& residual, int height) const {
   if (!any()) return 0.0;
   // Sums of squares by size of group are all that the likelihood needs.

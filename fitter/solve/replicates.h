@@ -23,6 +23,9 @@ class Replicates {
 
   /// Likeliest correlation of residuals with mean zero, `height` values a place.
   double correlation(const Eigen::VectorXd& residual, int height) const;
+  /// How many independent measurements each place is worth (Kish 1965, Survey Sampling, sec. 5.4:
+  /// the inverse of the design effect): 1 where it stands alone.
+  std::vector<double> worth(double correlation) const;
   /// log |correlation matrix| over all places, for one value a place.
   double log_determinant(double correlation) const;
   /// Turns columns (`height` values a place) into such as ordinary least squares may take: equal
