@@ -663,8 +663,15 @@ json Diagnosis::to_json(const Fit& fit) const {
        {{"train", document["error"]["train"]}, {"held_out", document["error"]["held_out"]}}},
       {"noise_floor_um", document["noise_floor"]["um"]},
       {"noise_floor_source", document["noise_floor"]["source"]},
+      {"instrument_floor_um", nullptr},
       {"advice", advice},
       {"neighbour_ratio", neighbour_ratio}};
+  if (fit.noise_floor().source == "targets") {
+    // Distances between reflectors do not hold the arm's repeatability: no noise floor.
+    result["instrument_floor_um"] = result["noise_floor_um"];
+    result["noise_floor_um"] = nullptr;
+    result["noise_floor_source"] = "none";
+  }
   result["error"]["cross_validation"] = document["error"]["cross_validation"];
   result["candidates"] = json::array();
   for (const Candidate& c : candidates) {

@@ -181,24 +181,37 @@ Eigen::Vector3d nominal_lengths(const Robot& robot, int link) {
   return robot.joints[static_cast<std::size_t>(link)].fixed.translation();
 }
 
+namespace {
+
+// Torque about joint k, root of its sum of squares, that a unit mass at each body makes [Nm/kg].
+double gravity_load(const EffectContext& context, int k) {
+  double sum = 0.0;
+  for (int j = k; j <= context.joint_count(); ++j) {
+    for (const double v :
+         context.state.column("u_" + std::to_string(k) + "_" + std::to_string(j) + "_m"))
+      sum += v * v;
+  }
+  return std::sqrt(sum);
+}
+
+}  // namespace
+
 std::vector<int> gravity_loaded_joints(const EffectContext& context) {
   if (context.joint_count() == 6) return {2, 3};
-  std::vector<double> rms;
-  for (int k = 1; k <= context.joint_count(); ++k) {
-    double sum = 0.0;
-    for (int j = k; j <= context.joint_count(); ++j) {
-      for (const double v :
-           context.state.column("u_" + std::to_string(k) + "_" + std::to_string(j) + "_m"))
-        sum += v * v;
-    }
-    rms.push_back(std::sqrt(sum));
-  }
-  const double largest = *std::max_element(rms.begin(), rms.end());
+  std::vector<double> load;
+  for (int k = 1; k <= context.joint_count(); ++k) load.push_back(gravity_load(context, k));
+  const double largest = *std::max_element(load.begin(), load.end());
   std::vector<int> joints;
-  for (std::size_t k = 0; k < rms.size(); ++k) {
-    if (rms[k] > 0.2 * largest && largest > 0.0) joints.push_back(static_cast<int>(k) + 1);
+  for (std::size_t k = 0; k < load.size(); ++k) {
+    if (load[k] > 0.2 * largest && largest > 0.0) joints.push_back(static_cast<int>(k) + 1);
   }
   return joints;
+}
+
+bool carries_gravity(const EffectContext& context, int joint) {
+  constexpr double kLeastLoad = 0.1;  // [Nm/kg]: a centimetre's lever, or an axis all but vertical
+  const double load = gravity_load(context, joint);
+  return load > kLeastLoad * std::sqrt(static_cast<double>(context.state.rows()));
 }
 
 std::string temperature_variable(const EffectRequest& request) {

@@ -130,6 +130,8 @@ Eigen::Vector3d nominal_lengths(const Robot& robot, int link);
 /// Joints that gravity loads: 2 and 3 on a six-axis arm; elsewhere those with at least a fifth of
 /// the largest gravity torque.
 std::vector<int> gravity_loaded_joints(const EffectContext& context);
+/// False where gravity has no torque about the joint whatever the arm weighs: its axis is vertical.
+bool carries_gravity(const EffectContext& context, int joint);
 
 /// Temperature variable of an entry: option `sensor`, or the first sensor.
 std::string temperature_variable(const EffectRequest& request);

@@ -59,7 +59,8 @@ class GravityBalancer final : public Effect {
 
   std::vector<EffectRequest> candidates(const EffectContext& context) const override {
     std::vector<EffectRequest> result;
-    if (context.joint_count() < 2 || context.prismatic(2)) return result;
+    if (context.joint_count() < 2 || context.prismatic(2) || !carries_gravity(context, 2))
+      return result;
     for (const double ratio : {0.1, 0.25, 0.4, 0.6, 0.85}) {
       for (int step = 0; step < kPhases; ++step) {
         result.push_back(

@@ -22,12 +22,9 @@ class JointCompliance final : public Effect {
     EffectTerms terms;
     for (const int k : request.joints) {
       const std::string joint = std::to_string(k);
-      const std::string tau = "tau" + joint;
-      if (context.state.has(tau)) {
-        Parameter p = single_term(id(), {k}, "", "rad/Nm", kSoftest, motor(k), tau);
-        // A measured torque may be the drive's (against the load) or the load's own: its sign
-        // proves nothing.
-        p.sign = context.state.recorded(tau) ? 0 : 1;
+      if (context.state.computes_torque()) {
+        Parameter p = single_term(id(), {k}, "", "rad/Nm", kSoftest, motor(k), "tau" + joint);
+        p.sign = 1;
         terms.parameters.push_back(p);
       } else {
         append(terms, gravity_regressor_terms(context, id(), {k}, "u_" + joint, "up_" + joint,

@@ -132,10 +132,13 @@ const std::vector<double>& State::remember(const std::string& name,
 
 const std::vector<double>& State::column(const std::string& name) const {
   if (const auto found = derived_.find(name); found != derived_.end()) return found->second;
-  if (const auto found = columns_.find(name); found != columns_.end()) {
-    const int k = trailing_number(name, "tau");
-    return k >= 1 && k <= robot_->joint_count() ? remember(name, smooth_torque(k, found->second))
-                                                : found->second;
+  const int torque_of = trailing_number(name, "tau");
+  const bool is_torque = torque_of >= 1 && torque_of <= robot_->joint_count();
+  const auto recorded = columns_.find(name);
+  // What is fitted must be what a device computes, so that statics come before a sensor.
+  if (recorded != columns_.end() && !(is_torque && computes_torque())) {
+    return is_torque ? remember(name, smooth_torque(torque_of, recorded->second))
+                     : recorded->second;
   }
   if (!has(name)) {
     throw ModelError(what_is_missing(name, *robot_) +
@@ -222,7 +225,7 @@ void State::compute_gravity() const {
   }
   for (std::size_t k = 0; k < count; ++k) {
     const std::string number = std::to_string(k + 1);
-    if (!columns_.contains("tau" + number)) remember("tau" + number, std::move(tau[k]));
+    remember("tau" + number, std::move(tau[k]));
     remember("gmx" + number, std::move(gmx[k]));
     remember("gmy" + number, std::move(gmy[k]));
   }

@@ -27,6 +27,9 @@ class State {
   bool has(const std::string& name) const;
   /// True where the column stands in the data file.
   bool recorded(const std::string& name) const { return columns_.contains(name); }
+  /// True where gravity torques follow from the links' masses; a recorded torque is used where they
+  /// do not.
+  bool computes_torque() const { return !robot_->links.empty(); }
   /// The column of a state variable; throws ModelError naming the column to record where it cannot
   /// be had.
   const std::vector<double>& column(const std::string& name) const;

@@ -25,6 +25,7 @@ constexpr double kMeanChi3 = 1.5957691;
 constexpr double kMedianChiSquared3 = 2.3659739;
 constexpr double kLargestChiSquared3 = 16.2662362;
 constexpr std::size_t kLeastFloorFreedom = 9;
+constexpr double kFloorAboveResidual = 1.25;  // more than few repeats scatter by
 // A bumped reflector stands this many robust standard deviations out; model errors of honest rows
 // do not.
 constexpr double kGrossError = 8.0;
@@ -283,10 +284,8 @@ void Fit::solve_robustly() {
   choose_kept();
   solve_from_here();
   choose_smoothness();
-  if (smoothness_sigma_ != options_.smoothness_sigma.value_or(kSmoothnessStart))
-    solve_from_here();
-  if (options_.reject_gross_errors && find_gross_errors())
-    solve_from_here();
+  if (smoothness_sigma_ != options_.smoothness_sigma.value_or(kSmoothnessStart)) solve_from_here();
+  if (options_.reject_gross_errors && find_gross_errors()) solve_from_here();
   if (!summary_.converged) warnings_.push_back("the solver did not converge: " + summary_.message);
 }
 
@@ -434,6 +433,11 @@ void Fit::measure_noise_floor() {
   noise_floor_.count = freedom;
   if (freedom >= kLeastFloorFreedom) {
     noise_floor_.mean = kMeanChi3 * std::sqrt(squares / static_cast<double>(freedom));
+    // Where every visit was long after the one before, their differences hold what drifted
+    // meanwhile. Noise is never more than what the fit leaves.
+    const double n = static_cast<double>(train_.count) * design_->residuals_per_row();
+    const double left = train_.mean / std::sqrt(std::max(0.2, 1.0 - design_->unknowns() / n));
+    if (noise_floor_.mean > kFloorAboveResidual * left) noise_floor_.mean = left;
     noise_floor_.source = "repeats";
     return;
   }

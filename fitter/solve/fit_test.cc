@@ -337,6 +337,27 @@ TEST(Fit, NoiseFloorComesFromDistancesBetweenReflectorsWhereNothingElseTells) {
   EXPECT_NEAR(fit->noise_floor().mean, 2e-5 * 1.596, 3e-6);
 }
 
+TEST(Fit, AFloorFromVisitsHoursApartIsNoMoreThanWhatTheFitLeaves) {
+  // Twelve poses of the beginning measured again at the end, after the base has moved; the model
+  // knows of no time.
+  Problem p = geometry_problem(78, {120, false, 1, 1e-5, 2e-5, {}});
+  for (std::size_t i = 0; i < 120; ++i) {
+    p.columns["time"].resize(120);
+    p.columns["time"][i] = 60.0 * static_cast<double>(i);
+    p.columns["repeat"].push_back(static_cast<double>(i));
+  }
+  for (auto& [name, values] : p.columns) {
+    for (std::size_t i = 0; i < 12; ++i)
+      values.push_back(name == "time" ? 7200.0 + 60.0 * static_cast<double>(i) : values[i]);
+  }
+  for (std::size_t i = 120; i < 132; ++i) p.columns["z"][i] += 2e-4;
+  FitOptions options;
+  options.reject_gross_errors = false;
+  const auto fit = fit_of(p, testing::geometry_model(), options);
+  EXPECT_EQ(fit->noise_floor().source, "repeats");
+  EXPECT_LT(fit->noise_floor().mean, 1.25 * fit->train_error().mean);
+}
+
 TEST(Fit, RefusesTooFewPoses) {
   EXPECT_THROW(fit_of(geometry_problem(73, {3, false, 1, 1e-5, 2e-5, {}})), ModelError);
 }

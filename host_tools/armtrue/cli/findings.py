@@ -79,10 +79,11 @@ def present_diagnosis(result: dict[str, Any], output: Output) -> None:
 
 def floor_words(result: dict[str, Any]) -> str:
     """The noise floor of a diagnosis, and what tells it."""
-    floor = result.get("noise_floor_um")
+    floor, source = result.get("noise_floor_um"), result.get("noise_floor_source", "none")
+    if floor is None and result.get("instrument_floor_um") is not None:
+        floor, source = result["instrument_floor_um"], "targets"
     if floor is None:
         return "noise floor not known"
-    source = result["noise_floor_source"]
     return f"noise floor {floor:.1f} µm ({FLOOR_SOURCES.get(source, source)})"
 
 
