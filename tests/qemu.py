@@ -119,6 +119,19 @@ class Board:
 
 
 @contextlib.contextmanager
+def _ended_here(process: subprocess.Popen[str]) -> Iterator[None]:
+    """End the emulator with the block. One that ended by itself fails the block, with its own last words."""
+    try:
+        yield
+    finally:
+        status = process.poll()
+        process.kill()
+        last_words = process.communicate()[1]
+        if status is not None:
+            raise QemuError(f"the emulator ended by itself, status {status}: {last_words}")
+
+
+@contextlib.contextmanager
 def board(
     elf: pathlib.Path, *, machine: str = "netduinoplus2", serial_ports: int = 2, extra: Sequence[str] = ()
 ) -> Iterator[Board]:
@@ -144,11 +157,8 @@ def board(
             text=True,
             pass_fds=[listener.fileno() for listener in listeners],
         )
-    try:
+    with _ended_here(process):
         yield Board(process, ports)
-    finally:
-        process.kill()
-        process.communicate()
 
 
 class QemuMonitor:
@@ -272,7 +282,7 @@ def real_time_board(elf: pathlib.Path, buses: Sequence[str] = ()) -> Iterator[Re
         process = subprocess.Popen(
             command, env=_SILENT, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
         )
-        try:
+        with _ended_here(process):
             monitor = QemuMonitor(monitor_path, process)
             core = "/machine/soc/rpu-cluster/rpu-cpu[0]"
             monitor.call("qom-set", path=core, property="start-powered-off", value=False)
@@ -280,6 +290,3 @@ def real_time_board(elf: pathlib.Path, buses: Sequence[str] = ()) -> Iterator[Re
             monitor.call("cont")
             yield RealTimeBoard(process, monitor, serial_log, elf)
             monitor.close()
-        finally:
-            process.kill()
-            process.communicate()

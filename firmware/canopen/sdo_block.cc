@@ -41,7 +41,7 @@ void SdoServer::initiate_block_download(const std::uint8_t* request) {
   with_crc_ = (request[0] & kClientCrc) != 0;
   crc_ = 0;
   sequence_ = 0;
-  block_size_ = kMaxBlockSize;
+  block_size_ = port_.longest_burst();
   last_segment_seen_ = false;
   has_held_ = false;
   state_ = State::kBlockDownload;
@@ -73,10 +73,9 @@ void SdoServer::acknowledge_sub_block() {
   Payload answer = {};
   answer[0] = 0xA2;
   answer[1] = sequence_;
-  answer[2] = kMaxBlockSize;
+  answer[2] = block_size_;
   if (last_segment_seen_) state_ = State::kBlockDownloadEnd;
   sequence_ = 0;
-  block_size_ = kMaxBlockSize;
   respond(answer);
 }
 

@@ -194,6 +194,27 @@ TEST_P(BlockDownloadTest, ArrivesWithItsCrcAndReadsBack) {
 INSTANTIATE_TEST_SUITE_P(Sizes, BlockDownloadTest,
                          testing::Values(1, 6, 7, 8, 14, 888, 889, 890, 891, 1778, 16384));
 
+TEST_F(SdoTest, NoBlockIsLongerThanThePortTakesAtOnce) {
+  constexpr int kBurst = 32;
+  bench.upstream.set_longest_burst(kBurst);
+  const std::vector<std::uint8_t> data = pattern(std::size_t{7} * (2 * kBurst + 6));
+  const auto size = static_cast<int>(data.size());
+  ASSERT_EQ(bench.ask({0xC6, 0x10, 0x20, 0, size & 0xFF, size >> 8, 0, 0}),
+            (Answer{0xA4, 0x10, 0x20, 0, kBurst, 0, 0, 0}));
+  std::size_t done = 0;
+  for (const int count : {kBurst, kBurst, 6}) {
+    send_segments(data, done, count, count == 6);
+    done += static_cast<std::size_t>(count);
+    const std::vector<CanFrame> sent = answers();
+    ASSERT_EQ(sent.size(), 1U);
+    EXPECT_EQ(sent[0].data[1], count);
+    EXPECT_EQ(sent[0].data[2], kBurst) << "of the next block";
+  }
+  end_block(data, crc16(data));
+  EXPECT_EQ(answers()[0].data[0], 0xA1);
+  EXPECT_EQ(bench.read(0x2013, 3), data.size());
+}
+
 TEST_F(SdoTest, ALostBlockSegmentIsAskedForAgain) {
   const std::vector<std::uint8_t> data = pattern(70);
   bench.ask({0xC6, 0x10, 0x20, 0, 70, 0, 0, 0});

@@ -41,6 +41,8 @@ class SimulatedPort final : public CanPort {
   // Of a queue that ends somewhere the first places are the controller's own.
   bool has_backlog() override { return room_ != SIZE_MAX && sent_.size() > kMailboxes; }
 
+  std::uint8_t longest_burst() const override { return longest_burst_; }
+
   BusState bus_state() override { return state_; }
 
   void recover() override {
@@ -74,6 +76,7 @@ class SimulatedPort final : public CanPort {
   }
   void lose_frames(std::uint32_t count) { counters_.receive_overruns += count; }
   void set_room(std::size_t room) { room_ = room; }
+  void set_longest_burst(std::uint8_t frames) { longest_burst_ = frames; }
   std::size_t recoveries() const { return recoveries_; }
 
  private:
@@ -81,6 +84,7 @@ class SimulatedPort final : public CanPort {
 
   bool fd_;
   std::size_t room_;
+  std::uint8_t longest_burst_ = CanPort::longest_burst();
   BusState state_ = BusState::kActive;
   BusCounters counters_;
   std::deque<CanFrame> arrived_;

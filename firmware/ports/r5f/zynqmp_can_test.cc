@@ -145,6 +145,13 @@ TEST_F(ZynqMpCanTest, ReceivesInOrder) {
   EXPECT_EQ(can_.counters().received, 60U);
 }
 
+TEST(LongestBurstTest, IsShortInTheEmulatorOnly) {
+  FakeZynqMpCan fake;
+  EXPECT_EQ(ZynqMpCan<FakeZynqMpCan>(fake, FifoLayout::kHardware).longest_burst(), 127);
+  EXPECT_LE(ZynqMpCan<FakeZynqMpCan>(fake, FifoLayout::kEmulated).longest_burst(),
+            FakeZynqMpCan::kFifo / 2);
+}
+
 TEST_F(ZynqMpCanTest, AnInterruptWithoutCauseIsHarmless) {
   can_.on_interrupt();
   CanFrame frame;
