@@ -320,6 +320,14 @@ void Fit::fold_base_and_tool() {
   design_->set_free(identifiability_.kept);
 }
 
+// The unknowns' covariance: what the measurements say, in `equations`, and the penalties.
+Eigen::MatrixXd Fit::inverse_with_penalties(NormalEquations& equations) const {
+  const std::vector<double> values = design_->unknown_values();
+  for (const PenaltyRow& row : penalty_rows(*design_, smoothness_sigma_))
+    equations.add(row, values);
+  return ScaledCholesky(equations.information).inverse();
+}
+
 void Fit::compute_covariance() {
   NormalEquations equations = accumulate(*design_);
   const double freedom =
@@ -327,10 +335,7 @@ void Fit::compute_covariance() {
   const double variance = equations.cost / freedom;
   equations.information /= std::max(variance, 1e-12);
   const Eigen::MatrixXd data = equations.information.selfadjointView<Eigen::Lower>();
-  const std::vector<double> values = design_->unknown_values();
-  for (const PenaltyRow& row : penalty_rows(*design_, smoothness_sigma_))
-    equations.add(row, values);
-  covariance_ = ScaledCholesky(equations.information).inverse();
+  covariance_ = inverse_with_penalties(equations);
   const Eigen::VectorXd determined = covariance_.cwiseProduct(data).rowwise().sum();
   effective_unknowns_ = determined.sum();
   effective_outside_tables_ = 0.0;
@@ -371,10 +376,7 @@ void Fit::count_repeats_in_covariance() {
   const double freedom =
       std::max(1.0, static_cast<double>(residual.size()) - design_->unknowns() * design_effect);
   equations.information /= std::max(residual.squaredNorm() / freedom, 1e-12);
-  const std::vector<double> values = design_->unknown_values();
-  for (const PenaltyRow& row : penalty_rows(*design_, smoothness_sigma_))
-    equations.add(row, values);
-  covariance_ = ScaledCholesky(equations.information).inverse();
+  covariance_ = inverse_with_penalties(equations);
 }
 
 void Fit::measure_errors() {

@@ -15,6 +15,7 @@
 #include "fitter/solve/cross_validation.h"
 #include "fitter/solve/identifiability.h"
 #include "fitter/solve/least_squares.h"
+#include "fitter/solve/normal_equations.h"
 #include "fitter/solve/table_evidence.h"
 
 namespace armtrue {
@@ -98,8 +99,9 @@ class Fit {
     return table_evidence_.occam + effective_outside_tables_ * std::log(coordinates);
   }
 
+  /// Where a fit of this model with something added or taken out begins (FitOptions::start).
   StartPoint start_point() const;
-  /// Steps of all solutions on the way.
+  /// Steps of all solutions on the way: what a start point saves.
   int solver_iterations() const { return solver_iterations_; }
 
   /// Everything of fit.json that the numbers know (docs/model.md).
@@ -116,6 +118,7 @@ class Fit {
   void solve_robustly();
   bool find_gross_errors();
   void fold_base_and_tool();
+  Eigen::MatrixXd inverse_with_penalties(NormalEquations& equations) const;
   void compute_covariance();
   void count_repeats_in_covariance();
   void measure_errors();

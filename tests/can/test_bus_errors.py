@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import subprocess
 import time
 from collections.abc import Iterator
 
 import can
 import canopen
+import link
 import pytest
 from node_process import NODE_ID, NodeProcess, connect, disconnect
 
@@ -105,9 +105,9 @@ def test_a_link_that_comes_up_again_ends_bus_off(running_node: NodeProcess) -> N
     remote.sdo[0x1017].raw = 20
     disconnect(remote)  # its socket would not survive
     kernel_says(BUS_OFF)
-    for word in ("down", "up"):
+    time.sleep(0.3)
+    with link.down(running_node.upstream):
         time.sleep(0.3)
-        subprocess.run(["ip", "link", "set", running_node.upstream, word], check=True)
     with can.Bus(interface="socketcan", channel=running_node.upstream) as bus:
         expect_heartbeats(bus)
     remote = connect(running_node.upstream)

@@ -5,10 +5,8 @@ from __future__ import annotations
 import itertools
 import json
 import math
-import os
 import signal
 import struct
-import subprocess
 import threading
 import time
 from collections.abc import Iterator
@@ -16,6 +14,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import can
+import link
 import pytest
 from command_line import Moment, Running, armtrue
 from node_process import NODE_ID, NodeProcess, connect, disconnect
@@ -152,15 +151,13 @@ def test_ctrl_c_ends_a_recording_that_replaces_the_one_before(tmp_path: Path) ->
 
 def test_a_bus_that_goes_away_leaves_what_was_recorded(tmp_path: Path) -> None:
     log = tmp_path / "run.log"
-    link = [*([] if os.geteuid() == 0 else ["sudo", "-n"]), "ip", "link", "set", "vcan0"]
     with NodeProcess(tmp_path / "state"):
         words = ("device", "monitor", "--record", log, "--period", "0.05", "--timeout", "0.5")
         watching = Running(*words, moments=[Moment(signal.SIGSTOP, 100, any_request)])
         watching.wait_until_stopped()
-        subprocess.run([*link, "down"], check=True)
-        watching.send(signal.SIGCONT)
-        done = watching.wait()
-        subprocess.run([*link, "up"], check=True)
+        with link.down("vcan0"):
+            watching.send(signal.SIGCONT)
+            done = watching.wait()
     assert done.returncode == 3, done.stderr
     assert len(done.stderr.splitlines()) == 1
     assert requests_in(log) >= 100

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import base64
 import json
-import os
 import signal
 import socket
 import struct
-import subprocess
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -17,6 +15,7 @@ from pathlib import Path
 
 import can
 import canopen
+import link
 import pytest
 from command_line import Moment, Running, armtrue
 from node_process import NODE_ID, NodeProcess, connect, disconnect
@@ -210,14 +209,12 @@ def test_a_bus_that_goes_away_is_no_answer_and_the_upload_can_be_repeated(tmp_pa
     file = tmp_path / "tables.bin"
     file.write_bytes(small_table(padding=12000))
     words = ("upload", file, "--transfer", "segmented")
-    link = [*([] if os.geteuid() == 0 else ["sudo", "-n"]), "ip", "link", "set", "vcan0"]
     with NodeProcess(tmp_path / "state"):
         uploading = Running(*words, "--timeout", "0.5", moments=[Moment(signal.SIGSTOP, 100, is_segment)])
         uploading.wait_until_stopped()
-        subprocess.run([*link, "down"], check=True)
-        uploading.send(signal.SIGCONT)
-        interrupted = uploading.wait()
-        subprocess.run([*link, "up"], check=True)
+        with link.down("vcan0"):
+            uploading.send(signal.SIGCONT)
+            interrupted = uploading.wait()
         assert interrupted.returncode == 3, interrupted.stderr
         assert len(interrupted.stderr.splitlines()) == 1
         assert armtrue(*words).returncode == 0
