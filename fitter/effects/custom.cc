@@ -48,8 +48,8 @@ class Custom final : public Effect {
     p.prior_sigma = 3.0 * p.bound;
     p.exported = !request.options.value("measurement", false);
     Term term;
-    term.coordinate =
-        parse_coordinate(request.options["coordinate"], context.joint_count(), context.targets);
+    const std::string coordinate = request.options["coordinate"];
+    term.coordinate = parse_coordinate(coordinate, context.joint_count(), context.targets);
     try {
       term.basis = Expression::parse(text);
     } catch (const ExpressionError& error) {
@@ -78,6 +78,13 @@ class Custom final : public Effect {
       }
     }
     p.terms.push_back(term);
+    // What the tool does, every reflector on it does.
+    if (term.coordinate.place == Place::kTool && coordinate.find('[') == std::string::npos) {
+      for (term.coordinate.index = 1; term.coordinate.index < context.targets;
+           ++term.coordinate.index) {
+        p.terms.push_back(term);
+      }
+    }
     terms.parameters.push_back(p);
     return terms;
   }

@@ -84,9 +84,12 @@ std::unique_ptr<Fit> Fit::run(const Robot& robot, const State::Columns& columns,
 void Fit::prepare(const Robot& robot, const State::Columns& columns) {
   robot_ = std::make_unique<Robot>(robot);
   std::optional<Eigen::Vector3d> payload_point = robot_->payload_point;
+  const bool has_tool_point = robot_->flange_from_tool.has_value();
   if (!payload_point) {
-    if (const std::optional<Pose> tool = robot_->nominal_tool(0))
+    if (const std::optional<Pose> tool =
+            has_tool_point ? robot_->flange_from_tool : robot_->nominal_tool(0)) {
       payload_point = tool->translation();
+    }
   }
   state_ =
       std::make_unique<State>(*robot_, columns, payload_point.value_or(Eigen::Vector3d::Zero()));
@@ -97,6 +100,12 @@ void Fit::prepare(const Robot& robot, const State::Columns& columns) {
     // The payload hangs at the tool point, which is known only now.
     state_ = std::make_unique<State>(*robot_, columns,
                                      alignment_.flange_from_tool.front().translation());
+  }
+  if (state_->has("payload") && measurements_.targets > 1 && !robot_->payload_point &&
+      !has_tool_point) {
+    warnings_.push_back(
+        "the payload is taken to hang at the first reflector: robot.yaml names neither a tool nor "
+        "the payload's centre of mass (payload: {com: [x, y, z]})");
   }
   kinematics_ = std::make_unique<Kinematics>(*robot_, measurements_.targets);
   const bool free_base = specification_.contains("base_frame") || !robot_->measuring_from_base;

@@ -136,7 +136,7 @@ def _listed_frames(kinematics: dict[str, Any]) -> tuple[list[Array], Array, list
 
 
 def chain_from_robot(spec: dict[str, Any]) -> Chain:
-    """The chain of a normalised robot.yaml (mdh, dh or chain; joint limits default to ±180° and ±1 m)."""
+    """The chain of a normalised robot.yaml (mdh, dh or chain; joint limits default to ±360° and ±1 m)."""
     kinematics = spec["kinematics"]
     rows = kinematics["joints"]
     n = len(rows)
@@ -156,7 +156,7 @@ def chain_from_robot(spec: dict[str, Any]) -> Chain:
         coupling=coupling,
         limits=np.array(
             [
-                row.get("limits") or ([-1.0, 1.0] if slides else [-np.pi, np.pi])
+                row.get("limits") or ([-1.0, 1.0] if slides else [-2.0 * np.pi, 2.0 * np.pi])
                 for row, slides in zip(rows, prismatic, strict=True)
             ],
             dtype=np.float64,

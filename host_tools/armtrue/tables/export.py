@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import re
 import zlib
 from collections import defaultdict
@@ -76,7 +77,7 @@ def export(arm: FittedArm, options: ExportOptions, path: object = "fit") -> Expo
 class _Exporter:
     def __init__(self, arm: FittedArm, options: ExportOptions, path: object) -> None:
         self.arm = arm
-        self.chain = arm.chain
+        self.chain = dataclasses.replace(arm.chain, limits=arm.chain.limits.copy())
         self.options = options
         self.path = path
         self.notes: list[str] = []
@@ -127,12 +128,20 @@ class _Exporter:
         n = self.chain.joint_count
         if n > layout.MAX_JOINTS:
             raise InputError(f"{self.path}: found {n} joints, expected at most {layout.MAX_JOINTS}")
+        largest = _LARGEST_POSITION - _LIMIT_MARGIN
         for k, (low, high) in enumerate(self.chain.limits):
-            if max(abs(low), abs(high)) + _LIMIT_MARGIN > _LARGEST_POSITION:
+            if max(abs(low), abs(high)) <= largest:
+                continue
+            if self.chain.prismatic[k]:
                 raise InputError(
-                    f"{self.path}: joint {k + 1} has limits {low:g} to {high:g}, expected within ±{_LARGEST_POSITION} "
-                    "rad (m)"
+                    f"{self.path}: joint {k + 1} has limits {low:g} to {high:g} m, expected within ±{largest:g} m"
                 )
+            # Angles within a turn go on as they are; only what grows with the angle itself has an end.
+            self.chain.limits[k] = np.clip((low, high), -largest, largest)
+            self.notes.append(
+                f"joint {k + 1} turns from {low:g} to {high:g} rad: "
+                f"what grows with its angle is held beyond ±{largest:g} rad"
+            )
         if len(self.chain.sensors) > layout.MAX_SENSORS:
             raise InputError(
                 f"{self.path}: found {len(self.chain.sensors)} sensors, expected at most {layout.MAX_SENSORS}"
@@ -265,7 +274,7 @@ class _Exporter:
 
     def _coordinate_number(self, coordinate: str) -> int | None:
         """Number of a coordinate; None for another tool than the active one."""
-        if coordinate.startswith("tool[") and coordinate[5:].split("]")[0] != self.tool:
+        if coordinate.startswith("tool[") and coordinate[5:].rsplit("]", 1)[0] != self.tool:
             return None
         return layout.coordinate_number(coordinate)
 

@@ -103,7 +103,8 @@ def fitted_arm(document: dict[str, Any], path: object) -> FittedArm:
     """Read the content of a fit.json. `path` is for messages. Errors: InputError."""
     try:
         arm = _head(document)
-        _gather(document["parameters"], arm)
+        reflectors = document.get("data", {}).get("targets") or list(arm.flange_from_tool)
+        _gather(document["parameters"], arm, reflectors)
     except _core.ExpressionError as error:
         raise InputError(f"{path}: {error}") from None
     except (KeyError, TypeError, IndexError) as error:
@@ -127,7 +128,15 @@ def _head(document: dict[str, Any]) -> FittedArm:
     )
 
 
-def _gather(parameters: list[dict[str, Any]], arm: FittedArm) -> None:
+def _with_reflector(coordinate: str, reflectors: list[str]) -> str:
+    """A fit numbers reflectors from 0 in the order of `reflectors`; tables know them by name."""
+    if not coordinate.startswith("tool["):
+        return coordinate
+    number, rest = coordinate[5:].split("]", 1)
+    return f"tool[{reflectors[int(number)]}]{rest}"
+
+
+def _gather(parameters: list[dict[str, Any]], arm: FittedArm, reflectors: list[str]) -> None:
     nodes: dict[tuple[str, str], list[tuple[dict[str, Any], float]]] = defaultdict(list)
     skipped: dict[str, None] = {}
     for parameter in parameters:
@@ -136,12 +145,13 @@ def _gather(parameters: list[dict[str, Any]], arm: FittedArm) -> None:
             continue
         for term in parameter["terms"]:
             coefficient = float(parameter["value"]) * float(term["weight"])
+            coordinate = _with_reflector(term["coordinate"], reflectors)
             table = term.get("table")
             if table and _is_node(term["expression"], table):
-                nodes[table["id"], term["coordinate"]].append((table, coefficient))
+                nodes[table["id"], coordinate].append((table, coefficient))
             else:
                 expression.parse(term["expression"])
-                basis = arm.terms.setdefault(term["coordinate"], {})
+                basis = arm.terms.setdefault(coordinate, {})
                 basis[term["expression"]] = basis.get(term["expression"], 0.0) + coefficient
     arm.terms = {
         coordinate: kept

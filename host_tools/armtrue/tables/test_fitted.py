@@ -47,6 +47,13 @@ def test_what_belongs_to_the_measurement_is_left_out() -> None:
     assert arm.skipped == ["time_drift"]
 
 
+def test_a_term_on_one_of_several_reflectors_is_known_by_its_name() -> None:
+    fit = document([("tool[1].tx", "q1", 1e-4), ("tool.ty", "q1", 2e-4)])
+    pose = fit["flange_from_tool"].popitem()[1]
+    fit["flange_from_tool"] = {"far": pose, "near": pose}
+    assert list(fitted_arm(fit, "fit").terms) == ["tool[near].tx", "tool.ty"]
+
+
 def test_digest_follows_the_content_not_the_layout() -> None:
     one, other = document([("motor1", "q1", 1e-4)]), document([("motor1", "q1", 1e-4)])
     other["parameters"][0] = dict(reversed(list(other["parameters"][0].items())))
