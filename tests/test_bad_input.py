@@ -190,6 +190,11 @@ CASES = [
         ["model.yaml", "order", "orders"],
         model=effects("{effect: gear_harmonics, order: [1]}"),
     ),
+    Case(
+        "effect on a joint that is not its own",
+        ["model.yaml", "gravity_balancer", "other joints", "leave joints out"],
+        model=effects("{effect: gravity_balancer, joints: [3]}"),
+    ),
     Case("no effects", ["model.yaml", "effects"], model=lambda _: "effects: []\n"),
     Case("model is no YAML", ["model.yaml line 2", "expected YAML"], model=lambda _: "effects: [\n"),
     Case(

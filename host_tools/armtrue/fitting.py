@@ -28,6 +28,10 @@ _CARRIES = ("payload", "tau", "gmx", "gmy", "bmx", "bmy", "up")
 _LARGEST_FIT_BYTES = 512 * 1024 * 1024
 
 
+class EffectError(InputError):
+    """What the arm or its measurements do not allow an effect to be; names no file, as it may come from any."""
+
+
 @dataclass
 class Fit:
     """A fitted model.
@@ -191,7 +195,10 @@ def fit(
     refuse_too_few_poses(data.file, data.joints)
     specification = {"effects": model.effects, "parameters": model.parameters, "priors": model.priors}
     options: dict[str, Any] = {"folds": folds, "seed": seed, "instrument": model.instrument}
-    return _finish(data, robot, specification, options, progress)
+    try:
+        return _finish(data, robot, specification, options, progress)
+    except EffectError as error:
+        raise InputError(f"{model.path or 'model'} on {data.path}: {error}") from None
 
 
 def add(
@@ -236,6 +243,8 @@ def _run(
             _robot_json(robot, data), data.columns, json.dumps(specification), json.dumps(options), progress
         )
     except _core.ModelError as error:
+        if str(error).startswith("effect "):
+            raise EffectError(str(error)) from None
         raise InputError(f"{data.path}: {error}") from None
 
 
