@@ -19,6 +19,8 @@ DISCRETE = 8
 _BAND = (5.0, 95.0)
 # Bins of pure noise explain 0 ± √(2 (bins − 1)) / rows of it, adjusted; six of these in 300 looks is no accident.
 _BEYOND_CHANCE = 6.0
+# Where even a trend that explains so much could be an accident, no trend found says nothing.
+_PLAIN_SHARE = 0.5
 
 
 @dataclass(frozen=True)
@@ -27,6 +29,7 @@ class Binned:
 
     All (bins,): `centre`, `mean`, `error` (two standard errors of the mean), `low` and `high` (5 and 95 % of readings).
     `explained`: share of the variance that bin means explain, less what they would of noise. `trend`: no accident.
+    `tells`: there are rows enough for a trend to be seen.
     """
 
     centre: Array
@@ -36,6 +39,7 @@ class Binned:
     high: Array
     explained: float
     trend: bool
+    tells: bool
 
 
 def bin_of(values: Array) -> NDArray[np.intp]:
@@ -44,6 +48,8 @@ def bin_of(values: Array) -> NDArray[np.intp]:
     if different.size <= DISCRETE:
         return np.asarray(inverse)
     bins = int(np.clip(values.size // _ROWS_A_BIN, _LEAST_BINS, _MOST_BINS))
+    # Few rows are few bins rather than bins too small to count.
+    bins = max(1, min(bins, values.size // _LEAST_ROWS))
     edges = np.unique(np.quantile(values, np.linspace(0.0, 1.0, bins + 1)[1:-1]))
     return np.searchsorted(edges, values, side="right")
 
@@ -75,7 +81,7 @@ def binned(values: Array, readings: Array, weight: Array) -> Binned:
     plain = between / (between + within) if between + within > 0.0 else 0.0
     freedom = max(1, count - bins)
     adjusted = 1.0 - (1.0 - plain) * (count - 1) / freedom
-    chance = np.sqrt(2.0 * max(1, bins - 1)) / freedom
-    return Binned(
-        centre, means, error, lows, highs, float(adjusted), bool(adjusted > _BEYOND_CHANCE * chance)
-    )
+    accident = _BEYOND_CHANCE * np.sqrt(2.0 * max(1, bins - 1)) / freedom
+    trend = bool(bins > 1 and adjusted > accident)
+    tells = trend or bool(bins > 1 and accident < _PLAIN_SHARE)
+    return Binned(centre, means, error, lows, highs, float(adjusted), trend, tells)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from armtrue.report.binned import DISCRETE
+from armtrue.report.binned import DISCRETE, Binned
 from armtrue.report.content import AddedVariable, Report, View
 from armtrue.report.markup import Markup, tag
 from armtrue.report.panel import Panel
@@ -32,10 +32,10 @@ def state_panel(report: Report, view: View, dots: int = _DOTS) -> Markup:
     rows = spread_rows(readings.size, dots)
     rows = rows[view.direction.drawn[rows] & report.last.used[rows]]
     after, before = view.last, view.first
-    sizes = [np.abs(readings[rows]), np.abs(after.low), np.abs(after.high)]
-    size = float(np.percentile(np.concatenate(sizes), _SHOWN_PERCENT))
+    sizes = np.concatenate([np.abs(readings[rows]), np.abs(after.low), np.abs(after.high)])
+    size = float(np.percentile(sizes, _SHOWN_PERCENT)) if sizes.size else 0.0
     if before is not None:
-        size = max(size, float(np.abs(before.mean).max()))
+        size = max(size, float(np.abs(before.mean).max(initial=0.0)))
     panel = Panel(
         around(view.variable.values),
         symmetric(1.08 * size),
@@ -59,14 +59,16 @@ def state_panel(report: Report, view: View, dots: int = _DOTS) -> Markup:
 def trend_words(view: View) -> str:
     """What the bin means say, in words."""
 
-    def share(explained: float, trend: bool) -> str:
-        percent = f"{100 * explained:.0f} %" if explained >= _ONE_PERCENT else "less than 1 %"
-        return f"explains {percent} of its scatter" if trend else "no trend"
+    def share(means: Binned) -> str:
+        percent = f"{100 * means.explained:.0f} %" if means.explained >= _ONE_PERCENT else "less than 1 %"
+        if means.trend:
+            return f"explains {percent} of its scatter"
+        return "no trend" if means.tells else "too few poses to tell a trend"
 
-    last = share(view.last.explained, view.last.trend)
+    last = share(view.last)
     if view.first is None:
         return f"{last.capitalize()}."
-    return f"First step: {share(view.first.explained, view.first.trend)}; last: {last}."
+    return f"First step: {share(view.first)}; last: {last}."
 
 
 def spectrum_panel(spectrum: Spectrum, first: Spectrum | None) -> Markup:

@@ -145,6 +145,8 @@ def _state_figure(report: Report, view: View, dots: int | None = None) -> Markup
         tag("span", "▲ trend left", class_="trend")
         if view.last.trend
         else tag("span", "○ nothing left", class_="calm")
+        if view.last.tells
+        else tag("span", "– cannot tell")
     )
     return figure(title, panel, mark, f" · {view.direction.what}. {charts.trend_words(view)}")
 

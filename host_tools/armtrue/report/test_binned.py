@@ -50,7 +50,16 @@ def test_readings_of_no_weight_do_not_count():
     assert found.high.tolist() == [1.0, 1.0]
 
 
+def test_few_rows_are_few_bins_and_tell_little():
+    x = np.arange(12.0)
+    found = binned(x, np.tile([1.0, -1.0], 6), np.ones(12))
+    assert found.centre.tolist() == [2.5, 8.5]
+    assert not found.tells
+    assert binned(np.arange(240.0), np.tile([1.0, -1.0], 120), np.ones(240)).tells
+
+
 def test_too_few_rows_for_any_bin_are_no_bins_and_no_trend():
     found = binned(np.array([1.0, 2.0, 3.0]), np.array([5.0, 6.0, 9.0]), np.ones(3))
     assert found.centre.size == 0
     assert not found.trend
+    assert not found.tells
