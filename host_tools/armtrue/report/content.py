@@ -17,7 +17,15 @@ from armtrue.report.binned import Binned, binned
 from armtrue.report.names import called
 from armtrue.report.refits import between, with_candidate
 from armtrue.report.spectrum import Spectrum, spectra_of
-from armtrue.report.state import Direction, Variable, directions, tiny_levers, variables
+from armtrue.report.state import (
+    Direction,
+    Variable,
+    directions,
+    independent,
+    tiny_levers,
+    turned_by,
+    variables,
+)
 from armtrue.report.steps import Step, check_same_data, steps_of, titles_of
 from armtrue.report.structure import Finding, findings_of
 
@@ -158,20 +166,32 @@ def _with_steps_between(fits: list[Fit], titles: list[str]) -> list[tuple[Fit, s
 def _diagnosed(step: Step, along: list[Direction], progress: Progress | None) -> StepDiagnosis:
     result = diagnose(step.fit, progress)
     joints = step.fit.robot.joints
-    by_name = {direction.name: direction for direction in along}
-    # Of a joint that positions do not show, orientations alone tell: one reading a pose.
-    independent = {
-        number: by_name[f"motor{number}"].independent(step.residual_m)
-        if f"motor{number}" in by_name
-        else float(step.used.sum())
-        for number in range(1, len(joints) + 1)
-    }
-    spectra = spectra_of(result, joints, independent)
+    readings = {number: _independent(step, number, along) for number in range(1, len(joints) + 1)}
+    spectra = spectra_of(result, joints, readings)
     leading = result["candidates"][:_LEADING]
     plots = {called(candidate): _added_variable(step, candidate) for candidate in leading}
     drawn = [plot for plot in plots.values() if plot is not None]
     not_drawn = [name for name, plot in plots.items() if plot is None]
     return StepDiagnosis(step, result, spectra, drawn, not_drawn, findings_of(step, result))
+
+
+def _independent(step: Step, number: int, along: list[Direction]) -> float:
+    """Independent readings of a joint (1-based) among the rows that took part: gross errors are none."""
+    used, fit = step.used, step.fit
+    visit = np.arange(int(used.sum()))
+    if "target" in fit.data.columns:
+        # Reflectors on one tool all see what the joints did.
+        visit = np.unique(fit.data.joints[used], axis=0, return_inverse=True)[1].ravel()
+    lever = np.asarray(_core.coordinate_column(fit.core, f"motor{number}"))
+    if step.turned_rad is not None:
+        noise = fit.document["noise"]
+        position, turn = 1e-6 * noise["sigma_um"], noise["sigma_rotation_rad"]
+        residual = np.hstack([step.residual_m / position, step.turned_rad / turn])
+        both = np.hstack([lever / position, turned_by(fit, number) / turn])
+        return independent(residual[used], both[used], visit)
+    # Positions alone do not show a joint whose axis runs through the reflector.
+    shown = any(direction.name == f"motor{number}" for direction in along)
+    return independent(step.residual_m[used], lever[used], visit) if shown else float(used.sum())
 
 
 def _added_variable(step: Step, candidate: dict[str, Any]) -> AddedVariable | None:

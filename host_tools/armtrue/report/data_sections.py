@@ -12,6 +12,7 @@ from armtrue.report.state import joint_unit
 from armtrue.tables.chain import pose
 
 _MOST_ROWS = 60
+_ARCSECOND = np.pi / 648000.0
 _COVERAGE = (
     "A model is worth as much as the poses it was fitted to. Joints that hardly moved, loads and temperatures that "
     "never changed, leave their effects unseen."
@@ -81,13 +82,15 @@ def about_section(report: Report) -> Markup:
     data, noise = document["data"], document["noise"]
     stated = noise["stated_sigma_um"]
     stated_words = f", {micrometres(stated)} µm stated" if stated is not None else ""
+    turn = noise["sigma_rotation_rad"]
+    turn_words = f"; orientation {turn / _ARCSECOND:.1f}″ about each axis" if turn is not None else ""
     rows: list[list[Content]] = [
         ["robot", report.last.fit.robot.spec.get("name", "")],
         ["measurements", data["path"]],
         ["their SHA-256", tag("code", data["sha256"])],
         ["rows", f"{data['rows']}, {len(document['rejected'])} rejected, {_repeats(report)}"],
         ["columns", ", ".join(data["columns"])],
-        ["noise per axis", f"{micrometres(noise['sigma_um'])} µm observed{stated_words}"],
+        ["noise per axis", f"{micrometres(noise['sigma_um'])} µm observed{stated_words}{turn_words}"],
         ["cross-validation", f"{document['error']['folds']} folds, seed {document['error']['seed']}"],
         ["solver", document["solver"]["message"]],
     ]

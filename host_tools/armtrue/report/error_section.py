@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 from armtrue.report.content import Report
@@ -19,6 +21,7 @@ _MEASURES = (
     ("max_um", "max", "M2.5 3h11v10h-11z"),
 )
 _NAMES = [called for _, called, _ in _MEASURES]
+_ARCSECOND = math.pi / 648000.0
 _WAYS = {
     "random": "poses drawn at random",
     "time": "stretches of time",
@@ -28,6 +31,7 @@ _READING = (
     "Distance between measured and predicted positions. Filled marks are held-out poses, which the fit never saw; "
     "hollow marks are training poses. The bar is the fall of the held-out mean. "
 )
+_RISE = "A hatched bar is a rise. "
 # A number further right than this would stand beside the axis.
 _LAST_TICK = 0.97
 _ON_THE_WAY = f" Steps called {ON_THE_WAY!r} were fitted for this report, one effect added at a time."
@@ -65,10 +69,16 @@ def error_section(report: Report) -> Markup:
     return section(
         "error",
         "How the error fell",
-        lead(_READING, floor_words, None if all(step.given for step in report.steps) else _ON_THE_WAY),
+        lead(
+            _READING,
+            _RISE if _rises(bars) else None,
+            floor_words,
+            None if all(step.given for step in report.steps) else _ON_THE_WAY,
+        ),
         _legend(),
         tag("div", rows, axis, class_="waterfall"),
         _table(bars, floor),
+        _turns(report),
         _cross_validation(report),
     )
 
@@ -85,6 +95,10 @@ def _bars(report: Report) -> list[_Bar]:
             changes = [", ".join(dict.fromkeys(p["effect"] for p in step.fit.document["parameters"]))]
         bars.append(_Bar(step.title, changes, step.error["train"], step.error["held_out"]))
     return bars
+
+
+def _rises(bars: list[_Bar]) -> bool:
+    return any(after.held_out["mean_um"] > before.held_out["mean_um"] for before, after in pairwise(bars))
 
 
 def _scale(bars: list[_Bar], floor: float | None) -> Scale:
@@ -144,6 +158,21 @@ def _table(bars: list[_Bar], floor: float | None) -> Markup:
     if floor is not None:
         rows.append(["Noise floor", micrometres(floor), *[""] * (2 * len(_MEASURES) - 1)])
     return table(headers, rows, "Error at each step [µm]")
+
+
+def _turns(report: Report) -> Markup | None:
+    """Errors of orientation at each step; None where orientations were not measured."""
+    rows: list[list[Content]] = []
+    for step in report.steps:
+        error = step.turn_error_rad
+        if error is not None:
+            rows.append(
+                [step.title, *(f"{error[key] / _ARCSECOND:.1f}" for key in ("mean", "rms", "p95", "max"))]
+            )
+    if not rows:
+        return None
+    caption = "Error of orientation at each step, training poses [″]: angle between measured and predicted"
+    return table(["step", *_NAMES], rows, caption)
 
 
 def _cross_validation(report: Report) -> Markup:

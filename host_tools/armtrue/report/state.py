@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from armtrue import _core
 from armtrue.fitting import Fit
+from armtrue.tables.chain import chain_from_robot, pose
 
 Array = NDArray[np.float64]
 
@@ -102,20 +103,16 @@ class Direction:
         """The residuals (N, 3) [m] along this direction, in `unit`."""
         return np.asarray(np.einsum("ij,ij->i", self.along, residual_m))
 
-    def independent(self, residual_m: Array) -> float:
-        """How many independent readings the residuals hold, seen along this direction.
 
-        Three a pose where they point anywhere, one a pose where all of them point along it: the scatter of g·r, White's
-        (Econometrica 48, 1980), against Σ r².
-        """
-        per_unit = np.einsum("ij,ij->i", self.along, self.along)
-        along = self.read(residual_m) ** 2 * self.weight / np.maximum(per_unit, 1e-300)
-        total = float(along.sum())
-        return (
-            float(np.sum(residual_m**2) * self.weight.sum() / total)
-            if total > 0.0
-            else float(residual_m.size)
-        )
+def independent(residual: Array, lever: Array, visit: NDArray[np.intp]) -> float:
+    """How many independent readings the residuals (N, k) hold, seen along a coordinate's columns `lever` (N, k).
+
+    All k a row where they point anywhere, one a `visit` (N,) where all of them point along it: the scatter of g·r,
+    White's (Econometrica 48, 1980), against Σ r². Residuals and levers are in the same noise, positions and
+    orientations alike.
+    """
+    along = float(np.sum(np.bincount(visit, np.einsum("ij,ij->i", lever, residual)) ** 2))
+    return float(np.sum(residual**2) * np.sum(lever**2)) / along if along > 0.0 else float(residual.size)
 
 
 def variables(fit: Fit) -> list[Variable]:
@@ -204,6 +201,17 @@ def reading(fit: Fit, coordinate: str, what: str, turns: bool) -> Direction:
     along = lever / np.maximum(square, 1e-12 * (float(square.max()) or 1.0))[:, None] / factor
     drawn = square > _SHORT_LEVER**2 * float(np.median(square))
     return Direction(coordinate, what, unit, along, square, drawn)
+
+
+def turned_by(fit: Fit, number: int) -> Array:
+    """How the tool turns with the motor of joint `number` (1-based): (N, 3), about the measuring frame's axes."""
+    chain = chain_from_robot(fit.document["robot"])
+    measuring_from_base = pose(fit.document["measuring_from_base"])[:3, :3]
+    result = np.zeros((fit.data.count, 3))
+    for k, frames in enumerate(chain.frames(fit.data.joints)):
+        if not chain.prismatic[k]:
+            result += chain.coupling[k, number - 1] * frames[:, :3, 2] @ measuring_from_base.T
+    return result
 
 
 def tiny_levers(fit: Fit) -> dict[int, float]:

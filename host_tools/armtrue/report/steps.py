@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from armtrue import _core
 from armtrue.cli.fitting import FLOOR_SOURCES
 from armtrue.errors import InputError
 from armtrue.fitting import Fit
@@ -16,6 +17,7 @@ from armtrue.report.names import gathered
 Array = NDArray[np.float64]
 
 ON_THE_WAY = "on the way"
+_AXES = 3
 
 
 @dataclass(frozen=True)
@@ -24,7 +26,8 @@ class Step:
 
     `title`: what it is called on the page. `given`: False where it was fitted for the report. `added`, `removed`:
     effects against the step before, as people write them. `residual_m`: measured minus predicted (N, 3), measuring
-    frame. `used`: rows that took part (N,).
+    frame. `turned_rad`: measured against predicted orientation (N, 3) as a turn about the measuring frame's axes; None
+    where no orientations were measured. `used`: rows that took part (N,).
     """
 
     title: str
@@ -33,12 +36,26 @@ class Step:
     added: list[str]
     removed: list[str]
     residual_m: Array
+    turned_rad: Array | None
     used: NDArray[np.bool_]
 
     @property
     def error(self) -> dict[str, Any]:
         """`nominal`, `train` and `held_out` with mean_um, rms_um, p95_um, max_um."""
         return dict(self.fit.document["error"])
+
+    @property
+    def turn_error_rad(self) -> dict[str, float] | None:
+        """Angle between measured and predicted orientation of the rows that took part: `mean`, `rms`, `p95`, `max`."""
+        if self.turned_rad is None:
+            return None
+        angle = np.linalg.norm(self.turned_rad[self.used], axis=1)
+        return {
+            "mean": float(angle.mean()),
+            "rms": float(np.sqrt(np.mean(angle**2))),
+            "p95": float(np.percentile(angle, 95.0)),
+            "max": float(angle.max()),
+        }
 
     @property
     def noise_floor_um(self) -> float | None:
@@ -92,10 +109,18 @@ def steps_of(fits: list[tuple[Fit, str | None]]) -> list[Step]:
                 added=gathered([effect for effect in after if effect not in before]) if steps else [],
                 removed=gathered([effect for effect in before if effect not in after]),
                 residual_m=fit.residuals(),
+                turned_rad=_turned(fit),
                 used=_used(fit),
             )
         )
     return steps
+
+
+def _turned(fit: Fit) -> Array | None:
+    sigma = fit.document["noise"]["sigma_rotation_rad"]
+    if sigma is None:
+        return None
+    return np.asarray(sigma * np.asarray(_core.residuals_in_noise(fit.core, fit.core))[:, _AXES:])
 
 
 def _used(fit: Fit) -> NDArray[np.bool_]:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
+import armtrue_sim
 import numpy as np
 import pytest
 
@@ -11,6 +13,7 @@ from armtrue import Fit, InputError, _core, refine
 from armtrue.report import gather
 from armtrue.report.conftest import fitted
 from armtrue.report.page import page
+from armtrue.report.state import independent, turned_by
 from armtrue.report.steps import ON_THE_WAY
 
 # Orientations as well as positions, and an eccentric gear on the wrist that hardly moves the reflector.
@@ -122,14 +125,70 @@ def test_spectra_are_of_every_joint_and_see_the_eccentric_gear(report):
 
 
 def test_readings_along_one_direction_count_once_a_pose(report):
-    direction = next(d for d in report.directions if d.name == "motor1")
-    count = report.last.fit.data.count
+    fit = report.last.fit
+    count = fit.data.count
+    visit = np.arange(count)
+    lever = np.asarray(_core.coordinate_column(fit.core, "motor1"))
     rng = np.random.default_rng(7)
     anywhere = rng.normal(0.0, 1e-5, (count, 3))
-    unit = direction.along / np.linalg.norm(direction.along, axis=1, keepdims=True)
-    along_it = unit * rng.normal(0.0, 1e-5, (count, 1))
-    assert direction.independent(anywhere) == pytest.approx(3 * count, rel=0.25)
-    assert direction.independent(along_it) == pytest.approx(count, rel=0.25)
+    along_it = lever / np.linalg.norm(lever, axis=1, keepdims=True) * rng.normal(0.0, 1e-5, (count, 1))
+    assert independent(anywhere, lever, visit) == pytest.approx(3 * count, rel=0.25)
+    once = independent(along_it, lever, visit)
+    assert once == pytest.approx(count, rel=0.25)
+    # Three reflectors that all see what the joint did are one reading of it.
+    thrice = [np.repeat(values, 3, axis=0) for values in (along_it, lever, visit)]
+    assert independent(*thrice) == pytest.approx(once)
+
+
+def test_the_tool_turns_with_a_motor_as_it_really_does(tmp_path):
+    """Joint 3 of this arm keeps its attitude while motor 2 moves: through the coupling, both turn other links."""
+    made = fitted(tmp_path, {"arm": "irb2400", "seed": 1, "poses": 40, "payloads": [0.0]})
+    arm = armtrue_sim.simulate({"arm": "irb2400", "seed": 1, "poses": 40, "payloads": [0.0]}).arm
+    joints, small = made.data.joints, 1e-4
+    before, _ = arm.true_pose(joints, made.data.columns)
+    for number in range(1, 7):
+        after, _ = arm.true_pose(joints + small * np.eye(6)[number - 1], made.data.columns)
+        turn = after @ before.transpose(0, 2, 1)
+        axis = np.stack([turn[:, 2, 1], turn[:, 0, 2], turn[:, 1, 0]], axis=1) / small
+        assert turned_by(made, number) == pytest.approx(axis, abs=0.02)
+
+
+def test_errors_of_orientation_are_said_beside_those_of_position(tmp_path):
+    made = fitted(tmp_path, {**ORIENTED, "hidden": []})
+    report = gather([made])
+    error = report.last.turn_error_rad
+    # Three normal errors of 20 µrad are 1.6 times that long in the mean; the fit and the drives add little.
+    assert error["mean"] == pytest.approx(1.6 * 2e-5, rel=0.15)
+    assert error["mean"] < error["rms"] < error["p95"] < error["max"]
+    text = page(report)
+    assert "Error of orientation at each step, training poses [″]" in text
+    assert f"{error['mean'] / ARCSECOND:.1f}</td>" in text
+    assert re.search(r"orientation \d+\.\d″ about each axis", text)
+
+
+def test_orientations_are_not_spoken_of_where_none_were_measured(report):
+    assert report.last.turn_error_rad is None
+    assert "rientation" not in page(report).split("<main>")[1].split("<script")[0]
+
+
+def test_gross_errors_do_not_make_lines_of_scatter(tmp_path):
+    made = fitted(tmp_path, {**ORIENTED, "hidden": [], "gross_errors": {"count": 3, "size": [0.002, 0.004]}})
+    assert len(made.document["rejected"]) == 3
+    spectra = gather([made]).diagnoses[0].spectra
+    assert len(spectra) == 6
+    assert not [peak for spectrum in spectra for peak in spectrum.peaks]
+    # What one line explains of six readings a pose that know nothing of each other.
+    assert [spectrum.significant for spectrum in spectra] == pytest.approx([0.02] * 6, rel=0.4)
+
+
+def test_a_dozen_poses_are_a_page_that_claims_no_more_than_they_tell(tmp_path):
+    few = {"arm": "kr30", "seed": 6, "poses": 12, "repeats": {}, "hidden": []}
+    believed = fitted(tmp_path, {**few, "believed": ["base_frame", "tool_offset", "joint_offset"]})
+    report = gather([believed, believed])
+    assert not any(view.last.tells for view in report.telling_views())
+    text = page(report)
+    assert "too few poses to tell a trend" in text
+    assert "nothing left</span>" not in text
 
 
 def test_given_fits_that_are_not_saved_are_not_called_on_the_way(fits):
