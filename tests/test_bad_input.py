@@ -356,6 +356,7 @@ def fitted(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ("add fit.json backlash --joints two --out kept", ["--joints", "'two'"]),
         ("add fit.json thermal_joint_drift --out kept", ["thermal_joint_drift", "temp_"]),
         ("add fit.json gear_harmonics --option orders --out kept", ["--option", "'orders'"]),
+        ("add fit.json gear_mesh --option orders=1,2 --out kept", ["orders", "'1,2'", "such as [1,2]"]),
         ("add moved/fit.json backlash --out kept", ["measurements", "/nowhere/data.csv", "moved/data.csv"]),
         ("diagnose text.json", ["text.json", "not JSON"]),
         ("diagnose moved/fit.json", ["/nowhere/data.csv"]),

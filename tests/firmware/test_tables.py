@@ -107,6 +107,35 @@ def test_intended_point_is_nominal_kinematics_in_the_fitted_base(fit: Path, tmp_
     assert np.abs(np.column_stack([found[a] for a in ("tx", "ty", "tz")]) - wanted).max() < 1e-7
 
 
+def test_corrected_joints_beyond_the_limits_are_written_and_said(fit: Path, tmp_path: Path) -> None:
+    tables = tmp_path / "tables.bin"
+    armtrue("export", fit, "--out", tables)
+    table = poses(tmp_path / "poses.csv")
+    inside = armtrue("compensate", tables, table, "--out", tmp_path / "c.csv")
+    assert inside.stderr == ""
+    limit = json.loads(fit.read_text())["robot"]["kinematics"]["joints"][1]["limits"][1]
+    for name, row in (("poses.csv", 4), ("sent.csv", 5)):
+        lines = (tmp_path / "poses.csv").read_text().splitlines()
+        cells = lines[row].split(",")
+        lines[row] = ",".join([cells[0], f"{limit + (row - 4) * 1e-3:.9f}", *cells[2:]])
+        (tmp_path / name).write_text("\n".join(lines) + "\n")
+    figures = tmp_path / "c.json"
+    for engine in ("fixed", "double"):
+        run = armtrue(
+            *("compensate", tables, tmp_path / "sent.csv", "--engine", engine),
+            *("--out", tmp_path / "c.csv", "--json", figures),
+        )
+        count = int(np.sum(read(tmp_path / "c.csv")["q2"] > limit))
+        assert count in (1, 2)
+        assert run.stderr.count("\n") == 1
+        assert f"warning: {tmp_path / 'c.csv'}: {count} of " in run.stderr
+        assert f"(joint 2 in {count}, 1 of them as commanded)" in run.stderr
+        assert json.loads(figures.read_text())["rows_beyond_limits_by_joint"] == {"2": count}
+    # Without the fit beside the table nobody knows the limits.
+    tables.with_name("tables.bin.fit.json").unlink()
+    assert armtrue("compensate", tables, tmp_path / "sent.csv", "--out", tmp_path / "c.csv").stderr == ""
+
+
 def test_increments_quantise_the_correction(fit: Path, tmp_path: Path) -> None:
     tables = tmp_path / "tables.bin"
     armtrue("export", fit, "--out", tables, "--increments", "36000")

@@ -106,11 +106,11 @@ def _option(section: Section, option: str, kind: str) -> Any:
     if kind == "bool":
         return section.flag(option, default=False)
     if kind == "[number]":
-        return section.numbers(option, None, "a list of numbers")
+        return section.numbers(option, None, "a list of numbers such as [1,2]")
     if kind == "[int]":
-        values = section.numbers(option, None, "a list of whole numbers")
+        values = section.numbers(option, None, "a list of whole numbers such as [1,2]")
         if any(value != int(value) for value in values):
-            raise section.fail(option, "a list of whole numbers")
+            raise section.fail(option, "a list of whole numbers such as [1,2]")
         return [int(value) for value in values]
     if kind == "{name: value}":
         named = section.section(option)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -153,7 +154,8 @@ def compensate(
 ) -> None:
     """Correct commands: q1…qn that bring the real tool where nominal kinematics puts it for the given ones.
 
-    The result also has tx, ty, tz: the point that each command was meant for, in the measuring frame.
+    The result also has tx, ty, tz: the point that each command was meant for, in the measuring frame. Corrected joints
+    that leave the limits are written all the same, with a warning.
 
     Example: [bold]armtrue compensate tables.bin poses.csv --engine fixed --out corrected.csv[/]
     """
@@ -170,7 +172,18 @@ def compensate(
     write_columns(out, [*names, "tx", "ty", "tz"], np.column_stack([result.joints, result.intended]))
     output.items(result.notes)
     output.say(f"written: {out} ({len(result.joints)} poses)")
-    output.figures({"poses": len(result.joints), "engine": engine.value, "notes": result.notes})
+    if leaving := result.limits_words():
+        why = "neither table nor firmware knows them, and they are written as they are"
+        print(f"armtrue: warning: {out}: {leaving}; {why}", file=sys.stderr)
+    beyond = {str(k + 1): int(count) for k, count in enumerate(result.beyond.sum(axis=0)) if count}
+    output.figures(
+        {
+            "poses": len(result.joints),
+            "engine": engine.value,
+            "notes": result.notes,
+            "rows_beyond_limits_by_joint": beyond,
+        }
+    )
 
 
 def keygen(

@@ -14,7 +14,7 @@ from armtrue.errors import InputError
 from armtrue.io import Dataset, Robot, load_data
 from armtrue.io.files import read_text
 from armtrue.tables import fixed
-from armtrue.tables.fitted import FittedArm, fitted_arm
+from armtrue.tables.fitted import FittedArm, digest_of, fitted_arm
 from armtrue.tables.image import Image
 from armtrue.tables.reference import Reference, Surroundings
 
@@ -45,11 +45,29 @@ class Engine(StrEnum):
 
 @dataclass(frozen=True)
 class Compensated:
-    """Corrected joints (N, n) [rad or m], intended points (N, 3) [m] in the measuring frame, and notes for people."""
+    """Corrected joints (N, n) [rad or m], intended points (N, 3) [m] in the measuring frame, and notes for people.
+
+    `beyond` (N, n): which corrected joints leave the arm's limits, as far as those are known; the commands themselves
+    did in `sent_beyond` (N, n).
+    """
 
     joints: Array
     intended: Array
+    beyond: NDArray[np.bool_]
+    sent_beyond: NDArray[np.bool_]
     notes: list[str] = field(default_factory=list)
+
+    def limits_words(self) -> str:
+        """Rows whose corrected joints leave the limits, and which joints; empty where none does."""
+        rows = int(self.beyond.any(axis=1).sum())
+        if not rows:
+            return ""
+        each = [
+            f"joint {k + 1} in {count}" for k, count in enumerate(self.beyond.sum(axis=0).tolist()) if count
+        ]
+        already = int((self.beyond & self.sent_beyond).any(axis=1).sum())
+        sent = f", {already} of them as commanded" if already else ""
+        return f"{rows} of {len(self.beyond)} rows leave the joint limits when corrected ({', '.join(each)}{sent})"
 
 
 def sidecar(tables: Path) -> Path:
@@ -83,7 +101,36 @@ def compensate(
     if quantise:
         per_unit = np.array([joint.increments for joint in image.joints()])
         corrected = joints + np.round((corrected - joints) * per_unit) / per_unit
-    return Compensated(corrected, intended_points(image, joints, tool), notes)
+    limits = _limits(tables, fit, image)
+    return Compensated(
+        corrected,
+        intended_points(image, joints, tool),
+        _is_beyond(corrected, limits),
+        _is_beyond(joints, limits),
+        notes,
+    )
+
+
+def _is_beyond(joints: Array, limits: Array) -> NDArray[np.bool_]:
+    return np.asarray((joints < limits[:, 0]) | (joints > limits[:, 1]))
+
+
+def _limits(tables: Path, fit: Path | None, image: Image) -> Array:
+    """Joint limits (n, 2) [rad or m] of the fit that a table was made from; infinite where it or they are not there.
+
+    An image has none: the firmware leaves them to controller and drives.
+    """
+    limits = np.tile([-np.inf, np.inf], (image.joint_count, 1))
+    try:
+        document = json.loads(read_text(fit or sidecar(tables), largest_bytes=_LARGEST_FIT_BYTES))
+        if digest_of(document) != image.header["fit_digest"]:
+            return limits
+        rows = document["robot"]["kinematics"]["joints"]
+    except (InputError, ValueError, RecursionError, AttributeError, KeyError, TypeError):
+        return limits
+    for k, row in enumerate(rows):
+        limits[k] = row.get("limits") or limits[k]
+    return limits
 
 
 def intended_points(image: Image, joints: Array, tool: NDArray[np.uint8]) -> Array:
