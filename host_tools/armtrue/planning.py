@@ -7,6 +7,7 @@ import math
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from itertools import permutations
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from armtrue.errors import InputError
 from armtrue.fitting import Fit
 from armtrue.io import Model, Robot
 from armtrue.progress import Progress
+from armtrue.verdicts import of_other_sensors
 
 # ΔBIC that settles a question: "very strong" evidence (Kass and Raftery 1995).
 SETTLED = 10.0
@@ -48,7 +50,8 @@ class Cell:
 class Plan:
     """Poses to measure, in the order to run them, and what they are expected to tell.
 
-    columns: q1…qn [rad or m] and whatever else is to be set (payload [kg], dir…, temp_… [°C], time [s]).
+    columns: q1…qn [rad or m] and whatever else is to be set (payload [kg], dir…, temp_… [°C], time [s]). target: the
+    reflector that they are for; None where reflectors have no names.
     figures: of a campaign `unknowns`, `weak` (sentences: what no pose can tell well), `same_numbers` (parameters that
     are another's whatever the pose), `information` (present, planned, random: eigenvalues_per_m2, weakest,
     prediction_rms_um) and `random_poses_per_planned`; of a separation `candidates` and `separations` (truth, rival,
@@ -57,6 +60,7 @@ class Plan:
 
     columns: dict[str, NDArray[np.float64]]
     figures: dict[str, Any] = field(default_factory=dict)
+    target: str | None = None
 
     @property
     def count(self) -> int:
@@ -84,17 +88,32 @@ def plan_campaign(
     """Choose `poses` poses for a first campaign, D-optimal for the parameters of `model`.
 
     levels: values that columns besides the joints may take, by column. tool: the reflector in the flange [m] where
-    robot.yaml has no tool. candidates: possible poses to choose from. Errors: InputError where the model reads a column
-    without levels, the tool is unknown, or hardly any pose is within limits and cell.
+    robot.yaml has no tool; of its `tools`, the first is taken. candidates: possible poses to choose from. Errors:
+    InputError where the model reads a column without levels, the tool is unknown, or hardly any pose is within limits
+    and cell.
     """
     options = _options(poses, cell, levels, candidates, seed)
     options["instrument"] = model.instrument
+    target = None
+    if tool is None and robot.spec.get("tools"):
+        target = next(iter(robot.spec["tools"]))
+        tool = robot.spec["tools"][target]["xyz"]
     if tool is not None:
         options["tool"] = list(tool)
     specification = {"effects": model.effects, "parameters": model.parameters, "priors": model.priors}
-    return _plan(
-        lambda: _core.plan_campaign(robot.json(), json.dumps(specification), json.dumps(options), progress)
-    )
+    try:
+        return _plan(
+            lambda: _core.plan_campaign(
+                robot.json(), json.dumps(specification), json.dumps(options), progress
+            ),
+            target,
+        )
+    except InputError as error:
+        if "column" not in str(error):
+            raise
+        raise InputError(
+            f"plan: {error}; give the values that it may take, such as --levels temp_arm=20,35"
+        ) from None
 
 
 def plan_sharpening(
@@ -112,7 +131,7 @@ def plan_sharpening(
     Arguments and errors as of `plan_campaign`; levels that are not given are as recorded.
     """
     options = json.dumps(_options(poses, cell, levels, candidates, seed))
-    return _plan(lambda: _core.plan_sharpening(fit.core, options, progress))
+    return _plan(lambda: _core.plan_sharpening(fit.core, options, progress), _target(fit))
 
 
 def plan_separation(
@@ -131,7 +150,16 @@ def plan_separation(
     Arguments as of `plan_sharpening`. Errors: InputError for fewer than two rivals, or where one cannot be fitted.
     """
     options = json.dumps(_options(poses, cell, levels, candidates, seed))
-    return _plan(lambda: _core.plan_separation(fit.core, json.dumps(rivals), options, progress))
+    plan = _plan(lambda: _core.plan_separation(fit.core, json.dumps(rivals), options, progress), _target(fit))
+    # The library's names are without sensors.
+    names = [
+        name + _sensor_words(fit, rival)
+        for name, rival in zip(plan.figures["candidates"], rivals, strict=True)
+    ]
+    plan.figures["candidates"] = names
+    for (truth, rival), entry in zip(permutations(names, 2), plan.figures["separations"], strict=True):
+        entry["truth"], entry["rival"] = truth, rival
+    return plan
 
 
 @dataclass(frozen=True)
@@ -198,7 +226,8 @@ class Ambiguity:
 def ambiguity(fit: Fit, diagnosis: Mapping[str, Any]) -> Ambiguity | None:
     """The ambiguity set of a diagnosis of `fit`, every member refitted; None where the diagnosis recommends nothing.
 
-    Its members are what the diagnosis gives as `confounded_with` of its first candidate. Errors: InputError where the
+    Its members are what the diagnosis gives as `confounded_with` of its first candidate, and the same effect of another
+    thermometer where that explains nearly as much. Errors: InputError where the
     first cannot be fitted.
     """
     candidates = diagnosis.get("candidates", [])
@@ -209,7 +238,8 @@ def ambiguity(fit: Fit, diagnosis: Mapping[str, Any]) -> Ambiguity | None:
     # Of two that differ in what the name does not say (a sensor), the better one.
     listed = {_name(entry): entry for entry in map(_entry, reversed(candidates))}
     named = [entry_of(label) for label in lead.get("confounded_with", [])]
-    others = [listed.get(_name(entry), entry) for entry in named]
+    others = [_entry(other) for other in of_other_sensors(lead, candidates)]
+    others += [listed.get(_name(entry), entry) for entry in named]
     evidence, *found = json.loads(_core.plan_evidence(fit.core, json.dumps([first, *others])))
     if evidence is None:
         raise InputError(
@@ -221,15 +251,17 @@ def ambiguity(fit: Fit, diagnosis: Mapping[str, Any]) -> Ambiguity | None:
         change, misfit = (
             (figures[key] - evidence[key] for key in ("delta_bic", "misfit")) if figures else (None, None)
         )
-        rivals.append(Rival(_name(entry), entry, change, misfit, entry["effect"] in tables))
+        called = _name(entry) + _sensor_words(fit, entry)
+        rivals.append(Rival(called, entry, change, misfit, entry["effect"] in tables))
     rivals.sort(key=lambda rival: math.inf if rival.delta_bic is None else rival.delta_bic)
-    return Ambiguity(_name(first), first, rivals)
+    return Ambiguity(_name(first) + _sensor_words(fit, first), first, rivals)
 
 
 def entry_of(candidate: str) -> dict[str, Any]:
     """An entry of model.yaml from a candidate as a diagnosis names it (`gear_mesh 2 cycles [13]`) or a shell takes it.
 
-    That is `gear_mesh:2:cycles=13`, as `argument_of` gives it. Raises ValueError where it has another form.
+    That is `gear_mesh:2:cycles=13` or `thermal_base:sensor=arm`, as `argument_of` gives it. Raises ValueError where it
+    has another form.
     """
     match = _CANDIDATE.fullmatch(candidate.strip())
     if match is None:
@@ -237,6 +269,8 @@ def entry_of(candidate: str) -> dict[str, Any]:
     entry: dict[str, Any] = {"effect": match["effect"]}
     if match["option"]:
         entry[match["option"]] = [_number(text) for text in match["values"].split(",")]
+    if match["sensor"]:
+        entry["sensor"] = match["sensor"]
     if match["joints"]:
         entry["joints"] = [int(text) for text in re.split("[ ,]", match["joints"])]
     return entry
@@ -244,15 +278,18 @@ def entry_of(candidate: str) -> dict[str, Any]:
 
 def argument_of(candidate: str) -> str:
     """A candidate as a diagnosis names it, written as one word of a command line."""
-    effect, *rest = candidate.translate(str.maketrans("", "", "[]")).split(" ")
+    named, _, sensor = candidate.partition(" sensor ")
+    effect, *rest = named.translate(str.maketrans("", "", "[]")).split(" ")
     joints = rest[:1] if len(rest) % 2 else []
     options = [f"{key}={value}" for key, value in zip(*[iter(rest[len(joints) :])] * 2, strict=True)]
+    options += [f"sensor={sensor}"] if sensor else []
     return ":".join([effect, *joints, *options])
 
 
 _CANDIDATE = re.compile(
     r"(?P<effect>\w+)(?:[ :](?P<joints>\d+(?:[ ,]\d+)*))?"
     r"(?:[ :](?P<option>cycles|orders)[ =]\[?(?P<values>\d[-+.\de]*(?:,\d[-+.\de]*)*)\]?)?"
+    r"(?:[ :]sensor[ =](?P<sensor>.+))?"
 )
 
 
@@ -291,10 +328,27 @@ def _options(
     }
 
 
-def _plan(make: Callable[[], str]) -> Plan:
+def _sensor_words(fit: Fit, entry: Mapping[str, Any]) -> str:
+    return f" sensor {entry['sensor']}" if "sensor" in entry and len(fit.robot.sensors) > 1 else ""
+
+
+def _target(fit: Fit) -> str | None:
+    """The reflector that poses are planned for: the first of those that the measurements name."""
+    names = fit.document["data"].get("targets")
+    return str(names[0]) if names else None
+
+
+def _plan(make: Callable[[], str], target: str | None) -> Plan:
     try:
         result = json.loads(make())
     except _core.ModelError as error:
+        if _MEASURED_TORQUE.match(str(error)):
+            raise InputError(
+                f"plan: {error}; torques were measured, and of poses not measured yet only masses tell them"
+            ) from None
         raise InputError(str(error)) from None
     columns = result.pop("columns")
-    return Plan({name: np.array(columns[name]) for name in result.pop("written")}, result)
+    return Plan({name: np.array(columns[name]) for name in result.pop("written")}, result, target)
+
+
+_MEASURED_TORQUE = re.compile(r"column tau\d+ ")

@@ -1,4 +1,4 @@
-"""A verdict in words, the same in the terminal, in a notebook and in the report."""
+"""What a diagnosis says beyond its fields, the same in the terminal, in a notebook and in the report."""
 
 from __future__ import annotations
 
@@ -10,6 +10,9 @@ _WORDS = {
     "unexplained_structure": "What is left has structure that no effect of the catalogue explains.",
 }
 
+# Share of the first's that makes another candidate explain nearly as much (docs/planning.md).
+_NEARLY = 0.9
+
 
 def verdict_words(diagnosis: dict[str, Any]) -> str:
     """The verdict of a diagnosis as a sentence. Without a noise floor nobody can say that what is left is noise."""
@@ -17,3 +20,21 @@ def verdict_words(diagnosis: dict[str, Any]) -> str:
     if verdict == "nothing_missing" and diagnosis.get("noise_floor_um") is None:
         return "Nothing to add was found; whether what is left is noise is not known."
     return _WORDS.get(verdict, verdict)
+
+
+def of_other_sensors(first: dict[str, Any], candidates: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Candidates that are `first` read from another thermometer and explain nearly as much.
+
+    `confounded_with` has none of these: its names are without sensors.
+    """
+    return [
+        other
+        for other in candidates
+        if (other["effect"], other["joints"]) == (first["effect"], first["joints"])
+        and _sensor(other) != _sensor(first)
+        and other["explained"] >= _NEARLY * first["explained"]
+    ]
+
+
+def _sensor(candidate: dict[str, Any]) -> Any:
+    return (candidate.get("options") or {}).get("sensor")

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from trial import CASES, HEAT, Case, settled, try_campaign, try_case, try_heat
+from armtrue_sim import presets
+from trial import CASES, HEAT, Case, settled, try_campaign, try_case, try_heat, try_sensors
 
 SEEDS = (1, 2, 3)
 POSES = 8
@@ -36,6 +37,21 @@ def test_the_diagnosis_names_the_cause_after_the_planned_session(
     assert np.count_nonzero(np.diff(warmth)) == len(set(warmth)) - 1
     # In the first session both rose together.
     assert np.corrcoef(time, warmth)[0, 1] < 0.0
+
+
+@pytest.mark.parametrize("cause", ["arm", "stand"])
+def test_which_thermometer_it_is_is_settled_by_the_planned_session(
+    cause: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(presets._load("kr30")["temperature"], "sensors", ["arm", "stand"])
+    outcome = try_sensors(cause, 3, POSES, tmp_path)
+    open_before = [(entry["effect"], entry.get("sensor")) for entry in outcome.before.open]
+    assert {("thermal_expansion", "arm"), ("thermal_expansion", "stand")} <= set(open_before)
+    assert {"temp_arm", "temp_stand"} <= outcome.plan.columns.keys()
+    truths = {entry["truth"] for entry in outcome.plan.figures["separations"]}
+    assert {f"thermal_expansion 1,2,3,4,5,6 sensor {name}" for name in ("arm", "stand")} <= truths
+    assert outcome.after.entry["sensor"] == cause
+    assert not outcome.after.open, outcome.after
 
 
 def test_a_planned_first_campaign_predicts_better_than_a_random_one(tmp_path: Path) -> None:

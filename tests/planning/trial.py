@@ -196,7 +196,10 @@ def try_heat(cause: str, seed: int, count: int, folder: Path) -> HeatOutcome:
         "payloads": [0.0],
         "temperature": {"jitter": 0.0},
     }
-    campaign = armtrue_sim.simulate(scenario, folder)
+    return _try_hot(armtrue_sim.simulate(scenario, folder), seed, count, folder)
+
+
+def _try_hot(campaign: armtrue_sim.Campaign, seed: int, count: int, folder: Path) -> HeatOutcome:
     robot = load_robot(folder / "robot.yaml")
     fitted = fit(load_data(folder / "data.csv", robot), robot, _model(GEOMETRY))
     before = ambiguity(fitted, diagnose(fitted))
@@ -206,8 +209,25 @@ def try_heat(cause: str, seed: int, count: int, folder: Path) -> HeatOutcome:
     diagnosis = diagnose(told)
     after = ambiguity(told, diagnosis)
     assert after is not None
-    recommended = [entry["effect"] for entry in diagnosis["candidates"] if entry["recommend"]]
-    return HeatOutcome(before, plan, *recommended, after)
+    recommended = [entry for entry in diagnosis["candidates"] if entry["recommend"]]
+    assert len(recommended) == 1
+    return HeatOutcome(before, plan, recommended[0]["effect"], after)
+
+
+def try_sensors(cause: str, seed: int, count: int, folder: Path) -> HeatOutcome:
+    """Plan, measure and diagnose again on an arm whose links grow by one of two thermometers, `cause`."""
+    scenario = {
+        "arm": "kr30",
+        "seed": seed,
+        "poses": 60,
+        "repeats": {},
+        "test_poses": 0,
+        "believed": GEOMETRY,
+        "hidden": [{"effect": "thermal_expansion", "sensor": cause}],
+        "payloads": [0.0],
+        "temperature": {"jitter": 0.0},
+    }
+    return _try_hot(armtrue_sim.simulate(scenario, folder), seed, count, folder)
 
 
 @dataclass

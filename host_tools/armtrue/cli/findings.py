@@ -12,7 +12,7 @@ from rich.table import Table
 from armtrue.cli.fitting import FLOOR_SOURCES
 from armtrue.cli.output import Output, plain_table
 from armtrue.cli.units import value_and_sigma
-from armtrue.verdicts import verdict_words
+from armtrue.verdicts import of_other_sensors, verdict_words
 
 _CANDIDATES_SHOWN = 10
 _ERROR_FIGURES = {"mean_um": "mean", "rms_um": "RMS", "p95_um": "95 %", "max_um": "max"}
@@ -38,6 +38,13 @@ def called(entry: dict[str, Any]) -> str:
     """The `name` of a candidate or an effect, and the orders that tell it from others on the same joint."""
     orders = ", ".join(f"{value:g}" for value in (entry.get("options") or {}).get("orders") or [])
     return name(entry) + (f", order {orders}" if orders else "")
+
+
+def _called_among(entry: dict[str, Any], candidates: list[dict[str, Any]]) -> str:
+    """`called`, with the sensor where `candidates` read several."""
+    sensors = {(other.get("options") or {}).get("sensor") for other in candidates} - {None}
+    sensor = (entry.get("options") or {}).get("sensor")
+    return called(entry) + (f", sensor {sensor}" if sensor is not None and len(sensors) > 1 else "")
 
 
 def _runs(numbers: list[int]) -> str:
@@ -119,22 +126,23 @@ def _present_candidates(result: dict[str, Any], output: Output) -> None:
     if result["verdict"] == "nothing_missing" and not any(c["confirmed"] for c in candidates):
         nearest = candidates[0]
         output.say(
-            f"nearest to an effect: {called(nearest)}, {100 * nearest['explained']:.1f} % "
+            f"nearest to an effect: {_called_among(nearest, candidates)}, {100 * nearest['explained']:.1f} % "
             f"of the squared residual: {_typeset(nearest['why'])}"
         )
         return
-    candidates = candidates[:_CANDIDATES_SHOWN]
+    tried, candidates = candidates, candidates[:_CANDIDATES_SHOWN]
     output.say()
-    output.table(_candidate_table(candidates))
+    output.table(_candidate_table(candidates, tried))
     for line in _LEGEND:
         output.say(line)
     for candidate in candidates:
         if candidate["recommend"]:
-            output.title(f"Recommended: {called(candidate)}")
+            output.title(f"Recommended: {_called_among(candidate, tried)}")
             output.items([_typeset(candidate["why"]), *parameter_lines(candidate["parameters"])])
-            if candidate["confounded_with"]:
-                others = ", ".join(called(entry_of(label)) for label in candidate["confounded_with"])
-                output.items([f"nearly as much is explained by: {others}"])
+            others = [_called_among(other, tried) for other in of_other_sensors(candidate, tried)]
+            others += [called(entry_of(label)) for label in candidate["confounded_with"]]
+            if others:
+                output.items([f"nearly as much is explained by: {', '.join(others)}"])
     reasons: dict[str, list[int]] = {}
     for rank, candidate in enumerate(candidates, start=1):
         if not candidate["recommend"]:
@@ -144,12 +152,12 @@ def _present_candidates(result: dict[str, Any], output: Output) -> None:
         output.items([f"{_runs(ranks)}: {why}" for why, ranks in reasons.items()])
 
 
-def _candidate_table(candidates: list[dict[str, Any]]) -> Table:
+def _candidate_table(candidates: list[dict[str, Any]], tried: list[dict[str, Any]]) -> Table:
     headers = ("explains", "log10 p", "ΔBIC", "separable", "held-out mean\nif added [µm]", "")
     table = plain_table("    candidate", *headers)
     for rank, candidate in enumerate(candidates, start=1):
         table.add_row(
-            f"{rank:>2}  {called(candidate)}",
+            f"{rank:>2}  {_called_among(candidate, tried)}",
             f"{100 * candidate['explained']:.1f} %",
             f"{round(candidate['log10_p'], 1) + 0.0:.1f}",
             f"{candidate['delta_bic']:.0f}",

@@ -147,12 +147,16 @@ def predict(fit_file: FitArgument, poses: PosesArgument, out: OutOption) -> None
     Output(None).items(result.assumed(data)[1])
 
 
-def write_columns(out: Path, names: list[str], rows: Any) -> None:
-    """Write a CSV of `names` and the (N, len(names)) array `rows`, to a nanometre and below."""
+def write_columns(out: Path, names: list[str], rows: Any, target: str | None = None) -> None:
+    """Write a CSV of `names` and the (N, len(names)) array `rows`, to a nanometre and below.
+
+    `target`: the reflector of all rows, in a column of its own; None where there is no such column.
+    """
+    own = [] if target is None else [target]
     text = text_io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(names)
-    writer.writerows([f"{value:.10f}" for value in row] for row in rows)
+    writer.writerow([*names, *(["target"] if own else [])])
+    writer.writerows([*(f"{value:.10f}" for value in row), *own] for row in rows)
     write_file(out, text.getvalue())
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import shlex
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -209,17 +210,21 @@ def plan(
                 result = planning.plan_sharpening(fit, poses, progress=progress, **settings)
         if not candidates and not sharpen:
             _present_ambiguity(ambiguity, result, f"armtrue plan {fit_file}", output)
-    write_columns(out, list(result.columns), list(zip(*result.columns.values(), strict=True)))
+    write_columns(out, list(result.columns), list(zip(*result.columns.values(), strict=True)), result.target)
     present_plan(result, output)
     output.say(f"\nwritten: {out}")
-    columns = {"columns": {name: list(values) for name, values in result.columns.items()}}
+    columns = {
+        "columns": {name: list(values) for name, values in result.columns.items()},
+        "target": result.target,
+    }
     open_set = {"ambiguity": ambiguity.figures()} if ambiguity else {}
     output.figures(result.figures | open_set | columns)
 
 
 def present_plan(plan: Plan, output: Output) -> None:
     """Print what was chosen and what it is expected to tell."""
-    output.say(f"{plan.count} poses{_settings_words(plan)}")
+    reflector = f" of reflector {plan.target}" if plan.target is not None else ""
+    output.say(f"{plan.count} poses{reflector}{_settings_words(plan)}")
     if plan.separates:
         _present_separation(plan.figures, plan.count, output)
     else:
@@ -254,7 +259,9 @@ def _present_ambiguity(ambiguity: Ambiguity | None, plan: Plan, command: str, ou
         if all(rival.decided for rival in ambiguity.rivals)
         else "No pose rules out a table"
     )
-    closest = [argument_of(name) for name in (ambiguity.candidate, ambiguity.rivals[0].candidate)]
+    closest = [
+        shlex.quote(argument_of(name)) for name in (ambiguity.candidate, ambiguity.rivals[0].candidate)
+    ]
     output.say(
         f"{why}: these poses are for the fit's own parameters. To measure the difference all the same: "
         f"{command} --candidates {' '.join(closest)} --poses {plan.count} --out FILE"
@@ -397,6 +404,7 @@ def _rival(text: str, robot: Robot) -> dict[str, Any]:
         entry = entry_of(text)
     except ValueError:
         raise InputError(
-            f"--candidates: found '{text}', expected an effect and joints such as gear_harmonics:2"
+            f"--candidates: found '{text}', expected an effect and joints such as gear_harmonics:2, or with an option "
+            "such as gear_mesh:5:cycles=13 or thermal_base:sensor=arm"
         ) from None
     return check_effect(entry, robot, "--candidates")

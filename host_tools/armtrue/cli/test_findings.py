@@ -176,3 +176,19 @@ def test_structure_comes_before_the_candidates_and_once_for_each_variable(capsys
 def test_joints_in_a_row_are_a_range_and_pairs_are_not():
     assert called({"effect": "thermal_expansion", "joints": [1, 2, 3, 4]}) == "thermal_expansion [1–4]"
     assert called({"effect": "joint_coupling", "joints": [3, 2]}) == "joint_coupling [3, 2]"
+
+
+def test_candidates_that_differ_in_their_thermometer_alone_are_told_apart(capsys):
+    result = copy.deepcopy(RESULT)
+    hot = [
+        candidate("thermal_base", [], options={"sensor": "arm"}, explained=0.90, recommend=True),
+        candidate("thermal_base", [], options={"sensor": "stand"}, explained=0.89),
+        candidate("thermal_base", [], options={"sensor": "cellar"}, explained=0.5),
+    ]
+    result["candidates"] = hot
+    lines = printed(result, capsys)
+    assert any(line.startswith(" 2  thermal_base, sensor stand") for line in lines)
+    assert "Recommended: thermal_base, sensor arm" in lines
+    assert any(line.endswith("nearly as much is explained by: thermal_base, sensor stand") for line in lines)
+    result["candidates"] = hot[:1]
+    assert "Recommended: thermal_base" in printed(result, capsys)

@@ -10,6 +10,7 @@ from pathlib import Path
 import armtrue_sim
 import numpy as np
 import pytest
+import yaml
 
 from armtrue.cli.conftest import FIT, SCENARIO, armtrue
 from armtrue.cli.planning import outlook, preference
@@ -235,6 +236,11 @@ def test_candidates_are_read_as_the_diagnosis_names_them_and_as_a_shell_takes_th
             "gear_mesh:2:orders=1,2",
             {"effect": "gear_mesh", "joints": [2], "orders": [1, 2]},
         ),
+        "thermal_base sensor arm": ("thermal_base:sensor=arm", {"effect": "thermal_base", "sensor": "arm"}),
+        "thermal_expansion 1,2 sensor link 2": (
+            "thermal_expansion:1,2:sensor=link 2",
+            {"effect": "thermal_expansion", "joints": [1, 2], "sensor": "link 2"},
+        ),
     }
     for label, (argument, entry) in cases.items():
         assert argument_of(label) == argument
@@ -310,6 +316,70 @@ def test_bad_input_gets_one_sentence_and_nothing_is_written(folder, case):
     assert not (folder / "refused.csv").exists()
 
 
+def test_poses_say_which_reflector_they_are_for(tmp_path):
+    armtrue_sim.simulate(
+        {
+            "arm": "kr30",
+            "seed": 5,
+            "poses": 60,
+            "repeats": {},
+            "hidden": [],
+            "targets": {"names": ["B", "A"], "order": "cycle"},
+        }
+    ).write(tmp_path)
+    made = armtrue(*FIT, "--out", "fit.json", cwd=tmp_path)
+    assert made.returncode == 0, made.stderr
+    run = armtrue(
+        *("plan", "fit.json", "--sharpen", "--poses", "4", "--choose-from", "300", "--out", "p.csv"),
+        cwd=tmp_path,
+    )
+    assert run.returncode == 0, run.stderr
+    assert "4 poses of reflector B" in run.stdout
+    with (tmp_path / "p.csv").open(encoding="utf-8") as file:
+        assert [row["target"] for row in csv.DictReader(file)] == ["B"] * 4
+    # The file is one that every command reads.
+    predicted = armtrue("predict", "fit.json", "p.csv", "--out", "predicted.csv", cwd=tmp_path)
+    assert predicted.returncode == 0, predicted.stderr
+
+
+def test_a_first_campaign_is_for_the_first_of_the_reflectors_that_robot_yaml_names(folder, tmp_path):
+    robot = yaml.safe_load((folder / "robot.yaml").read_text())
+    robot["tools"] = {"low": robot.pop("tool"), "high": {"xyz": [0.0, 0.0, 0.4]}}
+    (tmp_path / "robot.yaml").write_text(yaml.safe_dump(robot, sort_keys=False))
+    run = armtrue(
+        *("plan", "--robot", "robot.yaml", "--model", str(folder / "model.yaml"), "--poses", "5"),
+        *("--choose-from", "300", "--out", "p.csv"),
+        cwd=tmp_path,
+    )
+    assert run.returncode == 0, run.stderr
+    assert "5 poses of reflector low" in run.stdout
+
+
+def test_torques_that_were_measured_are_not_known_at_poses_to_come(tmp_path):
+    armtrue_sim.simulate(
+        {
+            "arm": "kr30",
+            "seed": 5,
+            "poses": 60,
+            "repeats": {},
+            "hidden": [],
+            "columns": {"add": ["tau"]},
+            "robot_file": {"omit": ["links"]},
+        }
+    ).write(tmp_path)
+    made = armtrue(*FIT, "--out", "fit.json", cwd=tmp_path)
+    assert made.returncode == 0, made.stderr
+    run = armtrue(
+        *("plan", "fit.json", "--candidates", "backlash:2", "gear_harmonics:2", "--poses", "4"),
+        *("--choose-from", "300", "--out", "p.csv"),
+        cwd=tmp_path,
+    )
+    assert run.returncode == 2
+    assert "tau2" in run.stderr
+    assert "only masses tell them" in run.stderr
+    assert len(run.stderr.strip().splitlines()) == 1
+
+
 def test_a_model_that_reads_directions_asks_for_their_levels(folder):
     (folder / "backlash.yaml").write_text(
         "effects: [base_frame, tool_offset, {effect: backlash, joints: [2]}]\n"
@@ -328,6 +398,7 @@ def test_a_model_that_reads_directions_asks_for_their_levels(folder):
     refused = armtrue(*arguments, cwd=folder)
     assert refused.returncode == 2
     assert "dir2" in refused.stderr
+    assert "--levels" in refused.stderr
     allowed = armtrue(*arguments, "--levels", "dir=-1,1", cwd=folder)
     assert allowed.returncode == 0, allowed.stderr
     assert {row["dir2"] for row in rows_of(folder / "b.csv")} == {-1.0, 1.0}

@@ -23,7 +23,7 @@ from armtrue.report.parts import (
     table,
     typeset,
 )
-from armtrue.verdicts import verdict_words
+from armtrue.verdicts import of_other_sensors, verdict_words
 
 _CANDIDATES = (
     "Every effect of the catalogue is tried on every joint that the recorded columns allow: the residual is regressed "
@@ -91,7 +91,11 @@ def _one(diagnosis: StepDiagnosis, many: bool) -> list[Content]:
             parts.append(folded(heading, _table(candidates, "Candidates"), printed=False))
     else:
         shown, rest = candidates[:_SHOWN], candidates[_SHOWN:]
-        parts += [_ambiguity(shown), _table(shown, "Leading candidates"), _reasons(shown[:_WITH_REASONS])]
+        parts += [
+            _ambiguity(candidates),
+            _table(shown, "Leading candidates"),
+            _reasons(shown[:_WITH_REASONS]),
+        ]
         if rest:
             parts.append(
                 folded(plural(len(rest), "more candidate"), _table(rest, "More candidates"), printed=False)
@@ -109,7 +113,8 @@ def _ambiguity(candidates: list[dict[str, Any]]) -> Markup | None:
     best = next((candidate for candidate in candidates if candidate["recommend"]), None)
     if best is None:
         return None
-    others = [bracketed(label) for label in best["confounded_with"]]
+    others = [called(other) for other in of_other_sensors(best, candidates)]
+    others += [bracketed(label) for label in best["confounded_with"]]
     if not others:
         return tag("p", "Nothing else explains nearly as much as ", tag("strong", called(best)), ".")
     return tag(

@@ -13,6 +13,7 @@ import pytest
 from armtrue import Fit, InputError
 from armtrue.report import gather, write
 from armtrue.report.conftest import fitted
+from armtrue.report.diagnosis_sections import _ambiguity
 from armtrue.report.page import page
 
 SECTIONS = [
@@ -198,3 +199,20 @@ def test_the_summary_says_where_the_noise_floor_comes_from(fits, source, words):
 def test_no_fit_is_refused(tmp_path):
     with pytest.raises(InputError, match="found no fit"):
         write([], tmp_path / "report.html")
+
+
+def test_another_thermometer_is_in_the_ambiguity_set():
+    def of(sensor: str, explained: float) -> dict[str, object]:
+        return {
+            "effect": "thermal_base",
+            "joints": [],
+            "options": {"sensor": sensor},
+            "explained": explained,
+            "recommend": sensor == "arm",
+            "confounded_with": [],
+        }
+
+    assert "Nothing else" in str(_ambiguity([of("arm", 0.9), of("stand", 0.5)]))
+    words = str(_ambiguity([of("arm", 0.9), of("stand", 0.89)]))
+    assert "Nothing else" not in words
+    assert "thermal_base, sensor stand" in words
