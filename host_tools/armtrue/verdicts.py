@@ -13,6 +13,11 @@ _WORDS = {
 # Share of the first's that makes another candidate explain nearly as much (docs/planning.md).
 _NEARLY = 0.9
 
+OTHER_SENSOR_ADVICE = (
+    "Thermometers are told apart by poses measured while they do not move together; "
+    "armtrue plan chooses them."
+)
+
 
 def verdict_words(diagnosis: dict[str, Any]) -> str:
     """The verdict of a diagnosis as a sentence. Without a noise floor nobody can say that what is left is noise."""

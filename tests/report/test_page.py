@@ -173,6 +173,21 @@ def test_every_arrow_is_there_and_has_its_length(laptop, fits):
     assert starts == len(expected)
 
 
+@pytest.mark.parametrize("size", [LAPTOP, PHONE], ids=["laptop", "phone"])
+def test_every_arrow_ends_in_the_picture_gross_errors_too(browser, page, size):
+    browser.open(page, size)
+    stage(browser)
+    browser.settle()
+    width, height = browser.run(
+        "const e = document.querySelector('.stage svg').viewBox.baseVal; return [e.width, e.height]"
+    )
+    ends = np.array(
+        [[float(v) for v in end] for end in re.findall(r"L(-?[\d.]+) (-?[\d.]+)", arrows(browser))]
+    )
+    assert len(ends) > 200
+    assert np.all((ends > -1) & (ends < [width + 1, height + 1]))
+
+
 @pytest.mark.parametrize(
     "key", [Keys.ARROW_LEFT, Keys.ARROW_UP, "+", "2", "]"], ids=["left", "up", "plus", "2", "]"]
 )

@@ -12,7 +12,7 @@ from rich.table import Table
 from armtrue.cli.fitting import FLOOR_SOURCES
 from armtrue.cli.output import Output, plain_table
 from armtrue.cli.units import value_and_sigma
-from armtrue.verdicts import of_other_sensors, verdict_words
+from armtrue.verdicts import OTHER_SENSOR_ADVICE, of_other_sensors, verdict_words
 
 _CANDIDATES_SHOWN = 10
 _ERROR_FIGURES = {"mean_um": "mean", "rms_um": "RMS", "p95_um": "95 %", "max_um": "max"}
@@ -140,9 +140,10 @@ def _present_candidates(result: dict[str, Any], output: Output) -> None:
             output.title(f"Recommended: {_called_among(candidate, tried)}")
             output.items([_typeset(candidate["why"]), *parameter_lines(candidate["parameters"])])
             others = [_called_among(other, tried) for other in of_other_sensors(candidate, tried)]
+            warmed = [OTHER_SENSOR_ADVICE] if others else []
             others += [called(entry_of(label)) for label in candidate["confounded_with"]]
             if others:
-                output.items([f"nearly as much is explained by: {', '.join(others)}"])
+                output.items([f"nearly as much is explained by: {', '.join(others)}", *warmed])
     reasons: dict[str, list[int]] = {}
     for rank, candidate in enumerate(candidates, start=1):
         if not candidate["recommend"]:
@@ -160,7 +161,7 @@ def _candidate_table(candidates: list[dict[str, Any]], tried: list[dict[str, Any
             f"{rank:>2}  {_called_among(candidate, tried)}",
             f"{100 * candidate['explained']:.1f} %",
             f"{round(candidate['log10_p'], 1) + 0.0:.1f}",
-            f"{candidate['delta_bic']:.0f}",
+            f"{round(candidate['delta_bic'])}",
             f"{100 * candidate['separability']:.1f} %",
             ("" if candidate["confirmed"] else "≈ ") + f"{candidate['held_out_mean_um_if_added']:.1f}",
             "recommended" if candidate["recommend"] else "",

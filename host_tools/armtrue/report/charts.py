@@ -63,7 +63,7 @@ def trend_words(view: View) -> str:
         percent = f"{100 * means.explained:.0f} %" if means.explained >= _ONE_PERCENT else "less than 1 %"
         if means.trend:
             return f"explains {percent} of its scatter"
-        return "no trend" if means.tells else "too few poses to tell a trend"
+        return "no trend" if means.tells else "too few poses"
 
     last = share(view.last)
     if view.first is None:

@@ -11,6 +11,7 @@ from armtrue.report.markup import Content, Markup, tag
 from armtrue.report.names import bracketed, called
 from armtrue.report.parts import (
     figure,
+    fixed,
     folded,
     grid,
     lead,
@@ -23,7 +24,7 @@ from armtrue.report.parts import (
     table,
     typeset,
 )
-from armtrue.verdicts import of_other_sensors, verdict_words
+from armtrue.verdicts import OTHER_SENSOR_ADVICE, of_other_sensors, verdict_words
 
 _CANDIDATES = (
     "Every effect of the catalogue is tried on every joint that the recorded columns allow: the residual is regressed "
@@ -114,6 +115,7 @@ def _ambiguity(candidates: list[dict[str, Any]]) -> Markup | None:
     if best is None:
         return None
     others = [called(other) for other in of_other_sensors(best, candidates)]
+    warmed = f" {OTHER_SENSOR_ADVICE}" if others else ""
     others += [bracketed(label) for label in best["confounded_with"]]
     if not others:
         return tag("p", "Nothing else explains nearly as much as ", tag("strong", called(best)), ".")
@@ -121,7 +123,7 @@ def _ambiguity(candidates: list[dict[str, Any]]) -> Markup | None:
         "p",
         "Ambiguity set, whatever explains at least 0.9 of what the best does: ",
         tag("strong", called(best)),
-        f", {', '.join(others)}. The advice below says what would tell them apart.",
+        f", {', '.join(others)}. The advice below says what would tell them apart.{warmed}",
         class_="ambiguous",
     )
 
@@ -142,8 +144,8 @@ def _table(candidates: list[dict[str, Any]], caption: str) -> Markup:
                     tag("span", f"{share:.1f} %"),
                     class_="share",
                 ),
-                minus(f"{candidate['log10_p']:.1f}"),
-                minus(f"{candidate['delta_bic']:.0f}"),
+                fixed(candidate["log10_p"], 1),
+                fixed(candidate["delta_bic"], 0),
                 about + micrometres(candidate["held_out_mean_um_if_added"]),
                 f"{100.0 * candidate['separability']:.1f} %",
             ]

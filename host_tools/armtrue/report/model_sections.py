@@ -13,7 +13,19 @@ from armtrue.fitting import Fit
 from armtrue.report import charts
 from armtrue.report.content import Report
 from armtrue.report.markup import Content, Markup, tag
-from armtrue.report.parts import figure, folded, grid, lead, listed, minus, plural, rounded, section, table
+from armtrue.report.parts import (
+    figure,
+    fixed,
+    folded,
+    grid,
+    lead,
+    listed,
+    minus,
+    plural,
+    rounded,
+    section,
+    table,
+)
 from armtrue.report.state import axis_of
 from armtrue.report.structure import coordinate_words
 
@@ -85,9 +97,9 @@ def _poses(document: dict[str, Any]) -> Markup:
         poses[f"reflector {target} in the flange" if target else "reflector in the flange"] = pose
     rows = []
     for what, pose in poses.items():
-        lengths = [f"{1000.0 * length:.3f}" for length in pose["xyz"]]
-        angles = [f"{math.degrees(angle):.4f}" for angle in pose["rpy"]]
-        rows.append([what, *map(minus, lengths), *map(minus, angles)])
+        lengths = [fixed(1000.0 * length, 3) for length in pose["xyz"]]
+        angles = [fixed(math.degrees(angle), 4) for angle in pose["rpy"]]
+        rows.append([what, *lengths, *angles])
     headers = ["pose", "x [mm]", "y [mm]", "z [mm]", "roll [°]", "pitch [°]", "yaw [°]"]
     return table(headers, rows, "Base and tool")
 

@@ -34,6 +34,7 @@ class Panel:
         self._left = max(_LEFT, round(_BESIDE_TICKS + _TICK_CHARACTER * longest))
         self._w, self._h = WIDTH - self._left - _RIGHT, height - _TOP - _BOTTOM
         self._drawn: list[Markup] = []
+        self._labels_drawn: list[Markup] = []  # last, so that no line crosses them out
         # What notes keep clear of: (centre, baseline, half width).
         self._taken: list[tuple[float, float, float]] = []
         self._notes: list[tuple[float, float, str]] = []
@@ -137,6 +138,7 @@ class Panel:
         plot = tag(
             "svg",
             self._drawn,
+            self._labels_drawn,
             x=self._left,
             y=_TOP,
             width=self._w,
@@ -173,7 +175,7 @@ class Panel:
         return join(pieces)
 
     def _label(self, x: float, y: float, text: str, anchor: str, kind: str = "label") -> None:
-        self._drawn.append(_words(text, x, y, anchor, kind))
+        self._labels_drawn.append(_words(text, x, y, anchor, kind))
 
     def _tenths(self, x: Array, y: Array) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Places in tenths of a user unit."""

@@ -85,6 +85,11 @@ def micrometres(value: float | None) -> str:
     )
 
 
+def fixed(value: float, decimals: int) -> str:
+    """A figure with so many decimals and a real minus sign; what rounds to zero has none."""
+    return minus(f"{round(value, decimals) + 0.0:.{decimals}f}")
+
+
 def minus(text: str) -> str:
     """Figures with a real minus sign."""
     return text.replace("-", "−")

@@ -167,7 +167,7 @@ def spectra_section(report: Report) -> Markup:
     if not figures:
         none = lead("No joint turns far enough in these data for a spectrum.")
         return section("spectra", "Periods of the joints", none)
-    dashed = " Dashed: first step." if first else ""
+    dashed = " Dashed: first step, whose scatter may reach beyond the last step's level." if first else ""
     return section("spectra", "Periods of the joints", lead(_SPECTRA, dashed), grid(figures))
 
 

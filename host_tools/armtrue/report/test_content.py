@@ -187,7 +187,7 @@ def test_a_dozen_poses_are_a_page_that_claims_no_more_than_they_tell(tmp_path):
     report = gather([believed, believed])
     assert not any(view.last.tells for view in report.telling_views())
     text = page(report)
-    assert "too few poses to tell a trend" in text
+    assert "first step: too few poses; last: too few poses." in text.lower()
     assert "nothing left</span>" not in text
 
 

@@ -1,7 +1,7 @@
 """Elements as text."""
 
 from armtrue.report.markup import Markup, join, tag
-from armtrue.report.parts import rounded, typeset
+from armtrue.report.parts import fixed, rounded, typeset
 
 
 def test_text_is_escaped_once_and_markup_never():
@@ -32,3 +32,8 @@ def test_sentences_of_the_diagnosis_have_signs_and_units():
     assert typeset("rises by 41 arcsec (log10 p -232.7), 12.5 um -> 3 um") == (
         "rises by 41″ (log10 p −232.7), 12.5 µm → 3 µm"
     )
+
+
+def test_what_rounds_to_zero_has_no_sign():
+    assert [fixed(value, 1) for value in (-0.04, 0.04, -0.06, 12.25)] == ["0.0", "0.0", "−0.1", "12.2"]
+    assert fixed(-0.4, 0) == "0"

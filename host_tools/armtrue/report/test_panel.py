@@ -113,3 +113,11 @@ def test_bars_stand_on_the_axis():
     assert path.count("z") == 2
     assert f"V{height:g}" in path
     assert f"V{height / 2:g}" in path
+
+
+def test_labels_are_drawn_over_lines():
+    panel = Panel(Scale(0.0, 1.0), Scale(0.0, 1.0), "x", "y", "a chart")
+    panel.level(0.5, "limit", "threshold", at_start=True)
+    panel.line(np.array([0.0, 1.0]), np.array([0.0, 1.0]), "last")
+    drawn = str(panel.render())
+    assert drawn.index('class="last"') < drawn.index(">limit<")

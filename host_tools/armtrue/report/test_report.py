@@ -216,3 +216,4 @@ def test_another_thermometer_is_in_the_ambiguity_set():
     words = str(_ambiguity([of("arm", 0.9), of("stand", 0.89)]))
     assert "Nothing else" not in words
     assert "thermal_base, sensor stand" in words
+    assert "while they do not move together" in words

@@ -29,6 +29,14 @@
       this.limits = CLASSES.map((share) => share * roundNumber(this.usual));
       // Millimetres drawn for every micrometre of error.
       this.gain = roundNumber(((this.vectors.length > 1 ? ARROW_SHARE_OF_FIRST : ARROW_SHARE) * this.size) / this.usual);
+      // Where arrows end, of all steps: there has to be room for them too.
+      this.ends = this.vectors.flatMap((vectors, step) => vectors.map((value, i) =>
+        this.points[i] + (this.drawnShare(step, Math.floor(i / 3)) * this.gain * value) / TENTHS));
+    }
+
+    /** How much of an arrow is drawn: all, or as much as there is room for. */
+    drawnShare(step, index) {
+      return Math.min(1, (LONGEST_ARROW * this.size) / (this.gain * this.lengths[step][index]));
     }
 
     classOf(length) {
@@ -41,11 +49,11 @@
   const legendColumns = (width) => Math.max(1, Math.min(CLASSES.length + 1, Math.floor((width - 16) / ENTRY_WIDTH)));
   const legendHeight = (width) => LEGEND_TOP + ENTRY_HEIGHT * Math.ceil((CLASSES.length + 1) / legendColumns(width)) + 4;
 
-  /** The view under which points and arm fill a stage of so many pixels below `top`, seen under two angles [rad]. */
+  /** The view under which points, arrows and arm fill a stage of so many pixels below `top`, seen under two angles [rad]. */
   function fitted(scene, angles, width, height, top = 0) {
     const flat = { axes: viewAxes(...angles), centre: scene.centre, scale: 1, left: 0, top: 0 };
     const places = [];
-    for (const points of [scene.points, scene.arm]) {
+    for (const points of [scene.points, scene.arm, scene.ends]) {
       for (let i = 0; i < points.length; i += 3) places.push(...project(flat, points[i], points[i + 1], points[i + 2]), 0);
     }
     const { low, high } = boundsOf(places);
@@ -76,7 +84,7 @@
       const x = scene.points[i], y = scene.points[i + 1], z = scene.points[i + 2];
       const from = at(x, y, z);
       const length = scene.lengths[step][i / 3];
-      const cut = Math.min(1, (LONGEST_ARROW * scene.size) / (scene.gain * length));
+      const cut = scene.drawnShare(step, i / 3);
       const to = at(x + cut * reach * vectors[i], y + cut * reach * vectors[i + 1], z + cut * reach * vectors[i + 2]);
       const which = scene.classOf(length);
       paths[which] += `M${word(from)}L${word(to)}${cut < 1 ? bars(from, to) : head(from, to, 3 + 1.5 * which)}`;
@@ -139,7 +147,9 @@
     const parts = [`<path class="cover" d="M0 0H${width}V${legendHeight(width)}H0z"/>`];
     parts.push(`<path class="ruler" d="M${right} ${y}h${(-ruler * pixelsAMicrometre).toFixed(1)}m0 -4v8M${right} ${y - 4}v8"/>`);
     parts.push(`<text x="${right}" y="${y - 9}" text-anchor="end">error of ${ruler} µm, × ${(scene.gain * MICROMETRES_A_MM).toLocaleString("en").replace(/,/g, " ")}</text>`);
-    const names = [`below ${scene.limits[0]} µm`, ...scene.limits.map((limit) => `${limit} µm and more`)];
+    const inMillimetres = scene.limits[0] >= MICROMETRES_A_MM;
+    const amount = (limit) => (inMillimetres ? `${limit / MICROMETRES_A_MM} mm` : `${limit} µm`);
+    const names = [`below ${amount(scene.limits[0])}`, ...scene.limits.map((limit) => `${amount(limit)} and more`)];
     const columns = legendColumns(width), lines = Math.ceil(names.length / columns);
     names.forEach((name, k) => {
       const x = 16 + ENTRY_WIDTH * Math.floor(k / lines), middle = LEGEND_TOP + 6 + ENTRY_HEIGHT * (k % lines);
