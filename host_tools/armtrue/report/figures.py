@@ -49,6 +49,9 @@ _PART_STYLES: tuple[dict[str, Any], ...] = (
     {"color": "#1b2227", "ls": "-.", "marker": "D", "ms": 3},
 )
 _ARROW_SHARE = 0.1
+_ROOM_FOR_WORDS = 0.15
+# Of the scene: what would be longer, as a gross error, is cut.
+_LONGEST_ARROW = 0.3
 
 
 def waterfall(report: Report) -> Figure:
@@ -60,7 +63,9 @@ def waterfall(report: Report) -> Figure:
     axes = figure.subplots()
     for row in range(1, len(held)):
         before, after = held[row - 1]["mean_um"], held[row]["mean_um"]
-        axes.barh(row, before - after, left=after, height=0.45, color="#b9cfe0")
+        # A rise is hatched, as on the page.
+        hatch = "////" if after > before else None
+        axes.barh(row, before - after, left=after, height=0.45, color="#b9cfe0", ec=_FIRST, lw=0, hatch=hatch)
     for key, label, marker in _MEASURES:
         axes.plot([entry[key] for entry in held], range(len(held)), marker, color=_LAST, label=label)
         hollow = [(entry[key], row) for row, entry in enumerate(train) if entry is not None]
@@ -79,7 +84,8 @@ def waterfall(report: Report) -> Figure:
 def vectors(report: Report, step: int = -1, exaggeration: float | None = None) -> Figure:
     """Residual vectors over the arm in the measuring frame; `step` counts as in a list.
 
-    `exaggeration`: how many times arrows are enlarged; None chooses.
+    `exaggeration`: how many times arrows are enlarged; None chooses. Arrows that would leave the picture are cut, and
+    the title says how many.
     """
     shown = report.steps[step]
     points, residual = shown.fit.data.positions_m, shown.residual_m
@@ -91,8 +97,13 @@ def vectors(report: Report, step: int = -1, exaggeration: float | None = None) -
     axes: Any = figure.add_subplot(projection="3d")
     corners = arm_corners(shown, typical_row(shown))
     axes.plot(*corners.T, "o-", color=_SOFT, lw=4, alpha=0.6)
-    axes.quiver(*points[rows].T, *(factor * residual[rows]).T, color=_LAST, lw=0.8)
-    axes.set(xlabel="x [m]", ylabel="y [m]", zlabel="z [m]", title=f"{shown.title}: errors × {factor:.0f}")
+    arrows = factor * residual[rows]
+    share = np.minimum(1.0, _LONGEST_ARROW * size / np.maximum(np.linalg.norm(arrows, axis=1), 1e-300))
+    axes.quiver(*points[rows].T, *(share[:, None] * arrows).T, color=_LAST, lw=0.8)
+    cut = int(np.sum(share < 1.0))
+    cut_words = f", {cut} of {len(rows)} cut" if cut else ""
+    title = f"{shown.title}: errors × {factor:.0f}{cut_words}"
+    axes.set(xlabel="x [m]", ylabel="y [m]", zlabel="z [m]", title=title)
     axes.set_aspect("equal")
     return figure
 
@@ -124,6 +135,7 @@ def spectra(report: Report) -> Figure:
         axes.set(
             xscale="log", xlabel=f"cycles a turn of joint {spectrum.joint}", ylabel="explains [% of Σr²]"
         )
+        axes.margins(y=_ROOM_FOR_WORDS)
     return figure
 
 
@@ -242,5 +254,7 @@ def _panels(count: int) -> tuple[Figure, list[Axes]]:
     rows = max(1, -(-count // _COLUMNS))
     width, height = _PANEL_INCHES
     figure = Figure(figsize=(_COLUMNS * width, rows * height), layout="constrained")
+    if not count:
+        figure.text(0.5, 0.5, "nothing to draw", ha="center", va="center", color=_SOFT)
     grid = figure.add_gridspec(rows, _COLUMNS)
     return figure, [figure.add_subplot(grid[k // _COLUMNS, k % _COLUMNS]) for k in range(count)]

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import copy
 import io
+import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from armtrue.report import figures
+from armtrue.report import figures, gather
+from armtrue.report.page import page
 
 
 def drawn(figure) -> bytes:
@@ -90,3 +94,31 @@ def test_parameters_stand_at_their_values(report):
     for name, value in angles.items():
         assert at[name] == pytest.approx(value * 648000.0 / np.pi)
     assert not any(name.startswith(("base_frame", "tool_offset")) for name in at)
+
+
+def test_gross_errors_are_cut_and_counted(report):
+    figure = figures.vectors(report)
+    gross = len(report.last.fit.document["rejected"])
+    title = figure.axes[0].get_title()
+    assert int(re.search(r"(\d+) of \d+ cut", title)[1]) >= gross
+    points = report.last.fit.data.positions_m
+    arrows = np.concatenate(figure.axes[0].collections[-1]._segments3d)
+    room = 0.31 * np.linalg.norm(np.ptp(points, axis=0))
+    assert np.all((arrows > points.min(axis=0) - room) & (arrows < points.max(axis=0) + room))
+
+
+def test_a_rise_is_hatched(report):
+    worse = copy.deepcopy(report.last.error)
+    fits = [report.last.fit, replace(report.last.fit, document={**report.last.fit.document, "error": worse})]
+    worse["held_out"]["mean_um"] *= 3.0
+    bars = figures.waterfall(gather(fits)).axes[0].patches
+    assert [bar.get_hatch() for bar in bars] == [None, "////"]
+    assert "A hatched bar is a rise." in page(gather(fits))
+    assert "A hatched bar" not in page(report)
+
+
+def test_where_there_is_nothing_to_draw_the_figure_says_so(report):
+    assert not report.diagnoses[-1].findings
+    assert [text.get_text() for text in figures.unexplained(report.diagnoses[-1]).texts] == [
+        "nothing to draw"
+    ]
