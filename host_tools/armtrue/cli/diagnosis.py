@@ -98,5 +98,7 @@ def report(
     check_writable(out)
     fits = [load_with_data(path, data) for path in fit_files]
     refuse_to_lose([*fit_files, *(path for fit in fits for path in (fit.data.path, fit.data.file))], [out])
-    report_writer.write(fits, out)
-    Output(None).say(f"written: {out}")
+    output = Output(None)
+    with waiting(output) as progress:
+        report_writer.write(fits, out, progress)
+    output.say(f"written: {out}")
