@@ -172,8 +172,10 @@ def _assemble(path: Path, layout: Layout, names: ColumnNames) -> Dataset:
         columns |= dict(zip(QUATERNION, _quaternions(layout.rotation, raw).T, strict=True))
     labels: dict[str, list[str]] = {}
     for name, header in layout.texts.items():
-        labels[name], codes = _codes(raw.texts[header])
-        columns[name] = codes
+        texts = _named(name, header, raw, layout)
+        if texts:
+            labels[name], codes = _codes(texts)
+            columns[name] = codes
     rows = raw.rows
     if layout.sort_by == "time":
         order = np.argsort(columns["time"], kind="stable")
@@ -199,6 +201,17 @@ def _filtered(raw: RawColumns, layout: Layout) -> RawColumns:
         {name: [texts[i] for i in kept] for name, texts in raw.texts.items()},
         raw.rows[kept],
     )
+
+
+def _named(name: str, header: str, raw: RawColumns, layout: Layout) -> list[str]:
+    """What the cells of a text column say; nothing where all are empty. A pose without `repeat` is one of its own."""
+    texts = raw.texts[header]
+    if all(texts) or not any(texts):
+        return texts if any(texts) else []
+    if name == "repeat":
+        return [text or f"row {row}" for text, row in zip(texts, raw.rows, strict=True)]
+    row = raw.rows[texts.index("")]
+    raise InputError(f"{layout.file} row {row} column {header}: found nothing, expected the reflector's name")
 
 
 def _codes(texts: list[str]) -> tuple[list[str], Array]:

@@ -183,3 +183,19 @@ def test_a_hundred_thousand_rows_read_in_about_a_second(tmp_path, two_joints):
     assert data.count == 100_000
     # Three times the aim: the machine that runs the tests has other work.
     assert time.process_time() - started < 3.0
+
+
+def test_poses_without_a_repeat_are_each_their_own(tmp_path, two_joints):
+    rows = ["7", "7", "", ""]
+    text = "q1,q2,x,y,z,repeat\n" + "".join(f"0.{k},0,1,2,3,{name}\n" for k, name in enumerate(rows))
+    data = load_data(written(tmp_path, text), two_joints)
+    np.testing.assert_array_equal(data.columns["repeat"], [0, 0, 1, 2])
+    unnamed = load_data(written(tmp_path, text.replace(",7\n", ",\n"), "other.csv"), two_joints)
+    assert "repeat" not in unnamed.columns
+
+
+def test_a_row_without_its_reflector_is_refused_and_a_column_without_any_is_none(tmp_path, two_joints):
+    with pytest.raises(InputError, match="row 3 column target: found nothing"):
+        load_data(written(tmp_path, PLAIN.replace(",B,", ",,")), two_joints)
+    unnamed = PLAIN.replace(",A,", ",,").replace(",B,", ",,")
+    assert "target" not in load_data(written(tmp_path, unnamed, "other.csv"), two_joints).columns
