@@ -219,7 +219,10 @@ def add(
 def with_effects(base: Fit, effects: list[dict[str, Any]], progress: Progress | None = None) -> Fit:
     """Return `base` with other effects, fitted again to the same measurements."""
     specification = {**base.document["model"], "effects": effects}
-    return _finish(base.data, base.robot, specification, base.document["options"], progress)
+    try:
+        return _finish(base.data, base.robot, specification, base.document["options"], progress)
+    except EffectError as error:
+        raise InputError(f"{base.data.path}: {error}") from None
 
 
 def fingerprint(data: Dataset) -> str:
