@@ -135,9 +135,9 @@ def _ended_here(process: subprocess.Popen[str]) -> Iterator[None]:
 def board(
     elf: pathlib.Path, *, machine: str = "netduinoplus2", serial_ports: int = 2, extra: Sequence[str] = ()
 ) -> Iterator[Board]:
-    """Run a product image; each of its first serial ports is a TCP server on this machine.
+    """Run a product image that speaks SLCAN; each of its first serial ports is a TCP server on this machine.
 
-    The image runs in real time (no instruction counting) and is ended with the block.
+    The image runs in real time (no instruction counting), answers on every port, and is ended with the block.
     """
     command = ["qemu-system-arm", "-M", machine, "-kernel", str(elf), "-display", "none", "-monitor", "none"]
     with contextlib.ExitStack() as ours:
@@ -158,7 +158,27 @@ def board(
             pass_fds=[listener.fileno() for listener in listeners],
         )
     with _ended_here(process):
+        for port in ports:
+            _wait_for_slcan(port)
         yield Board(process, ports)
+
+
+def _wait_for_slcan(port: int, timeout_s: float = 180.0) -> None:
+    """Until an SLCAN adapter on a TCP port says its version; a board that has yet to boot drops what it is sent."""
+    with socket.create_connection(("127.0.0.1", port), timeout=0.5) as line:
+        said = b""
+        deadline = time.monotonic() + timeout_s
+        while time.monotonic() < deadline:
+            if not said:
+                line.sendall(b"V\r")
+            with contextlib.suppress(TimeoutError):
+                said += (heard := line.recv(256))
+                if not heard:
+                    break  # the emulator ended
+                continue
+            if said:
+                return  # and said no more
+    raise QemuError(f"the board did not answer on its serial port within {timeout_s} s; it said {said!r}")
 
 
 class QemuMonitor:
