@@ -398,9 +398,13 @@ void name_confounded(const Scorer& scorer, std::vector<Candidate>& candidates) {
       if (&other == &c || is_part_of(other.request, c.request) || other.log10_p > kSignificant ||
           !other.score.objection.empty())
         continue;
+      // By another thermometer it has the same name.
+      const std::string name = label(other.request);
+      const auto named = std::find(c.confounded_with.begin(), c.confounded_with.end(), name);
+      if (name == label(c.request) || named != c.confounded_with.end()) continue;
       if (other.score.gain >= kSameExplanation * c.score.gain &&
           share_beyond(scorer, c, other) < kIndependentShare)
-        c.confounded_with.push_back(label(other.request));
+        c.confounded_with.push_back(name);
     }
   }
 }

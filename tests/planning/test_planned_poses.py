@@ -45,6 +45,9 @@ def test_which_thermometer_it_is_is_settled_by_the_planned_session(
 ) -> None:
     monkeypatch.setitem(presets._load("kr30")["temperature"], "sensors", ["arm", "stand"])
     outcome = try_sensors(cause, 3, POSES, tmp_path)
+    for candidate in outcome.first["candidates"]:
+        rivals = candidate["confounded_with"]
+        assert len(set(rivals)) == len(rivals), "one name for both thermometers"
     open_before = [(entry["effect"], entry.get("sensor")) for entry in outcome.before.open]
     assert {("thermal_expansion", "arm"), ("thermal_expansion", "stand")} <= set(open_before)
     assert {"temp_arm", "temp_stand"} <= outcome.plan.columns.keys()

@@ -14,7 +14,7 @@ from typing import Any
 import armtrue_sim
 import numpy as np
 from armtrue import Fit, Model, fit, load_data, load_robot
-from armtrue.diagnosis import diagnose
+from armtrue.diagnosis import Diagnosis, diagnose
 from armtrue.planning import SETTLED, Ambiguity, Plan, ambiguity, plan_campaign, plan_separation
 from armtrue_sim.campaign import joints_of
 from numpy.typing import NDArray
@@ -174,9 +174,11 @@ _GROWTH = {"warm_up": {"growth": 2.5e-4, "tau": 2000.0} | {f"motor{k}": 0.0 for 
 class HeatOutcome:
     """Temperature or time: the ambiguity of a session in which one rose with the other, the plan, and what it told.
 
-    recommended: the effect that the diagnosis recommends after the planned rows, after: what it then leaves open.
+    first: the session's diagnosis, recommended: the effect that it recommends after the planned rows, after: what it
+    then leaves open.
     """
 
+    first: Diagnosis
     before: Ambiguity
     plan: Plan
     recommended: str
@@ -202,7 +204,8 @@ def try_heat(cause: str, seed: int, count: int, folder: Path) -> HeatOutcome:
 def _try_hot(campaign: armtrue_sim.Campaign, seed: int, count: int, folder: Path) -> HeatOutcome:
     robot = load_robot(folder / "robot.yaml")
     fitted = fit(load_data(folder / "data.csv", robot), robot, _model(GEOMETRY))
-    before = ambiguity(fitted, diagnose(fitted))
+    first = diagnose(fitted)
+    before = ambiguity(fitted, first)
     assert before is not None
     plan = plan_separation(fitted, before.open, count, seed=seed)
     told = measure_more(campaign, plan.columns, seed, folder)
@@ -211,7 +214,7 @@ def _try_hot(campaign: armtrue_sim.Campaign, seed: int, count: int, folder: Path
     assert after is not None
     recommended = [entry for entry in diagnosis["candidates"] if entry["recommend"]]
     assert len(recommended) == 1
-    return HeatOutcome(before, plan, recommended[0]["effect"], after)
+    return HeatOutcome(first, before, plan, recommended[0]["effect"], after)
 
 
 def try_sensors(cause: str, seed: int, count: int, folder: Path) -> HeatOutcome:
