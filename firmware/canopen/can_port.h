@@ -69,8 +69,8 @@ class CanPort {
   // them. False where a port does not know.
   virtual bool has_backlog() { return false; }
 
-  // Frames, 1 to 127, that may come at once without one being lost: no block of segments is asked for
-  // that is longer.
+  // Frames, 1 to 127, that may come at once without one being lost: no block of segments is asked
+  // for that is longer.
   virtual std::uint8_t longest_burst() const { return 127; }
 
   virtual BusState bus_state() = 0;
