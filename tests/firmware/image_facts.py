@@ -162,6 +162,7 @@ INDIRECT_CALLS: dict[str, str] = {
     r"canopen::(Node::forward|SdoServer::transmit|TpdoProducer::transmit|Emcy::process|JointPath::release|"
     r"Nmt::send_state)\(": _PORT + r"send\(",
     r"canopen::SdoServer::send_block_segment\(": r"(BxCan<.*>|CanPort)::has_backlog\(",
+    r"canopen::SdoServer::initiate_block_download\(": r"(ZynqMpCan<.*>|CanPort)::longest_burst\(",
     r"canopen::Node::Node\(": _PORT + r"supports_fd\(",
     r"canopen::Node::check_communication_write\(": r"SlotParameters::erase\(",
     r"canopen::save_parameters\(": r"SlotParameters::save\(",
