@@ -4,6 +4,7 @@
 #include <cmath>
 #include <optional>
 #include <regex>
+#include <utility>
 
 namespace armtrue {
 namespace {
@@ -54,6 +55,33 @@ std::string what_is_missing(const std::string& name, const Robot& robot) {
       trailing_number(name, "gmy"))
     return "mass and com of robot.yaml's links";
   return "column " + name;
+}
+
+// What a unit mass at a body's origin, or a unit first moment along one of its axes (which weighs
+// nothing in total), exerts at one pose. `frames`: 1…n in the base, then the payload point's.
+double regressor_at(const Robot& robot, const std::vector<Pose>& frames,
+                    const RegressorName& what) {
+  const int n = robot.joint_count();
+  const std::size_t body = static_cast<std::size_t>(what.link == 0 ? n : what.link - 1);
+  const Eigen::Vector3d g = robot.gravity;
+  const bool unit_mass = what.component == 0;
+  const Eigen::Vector3d force = unit_mass ? g : Eigen::Vector3d::Zero();
+  const Eigen::Vector3d moment_at_base =
+      unit_mass ? frames[body].translation().cross(g).eval()
+                : frames[body].linear().col(what.component - 1).cross(g).eval();
+  if (what.joint == 0) return what.kind == 1 ? moment_at_base.x() : moment_at_base.y();
+  const auto about = [&](std::size_t k) -> Eigen::Vector3d {
+    return frames[k].linear().transpose() * (moment_at_base - frames[k].translation().cross(force));
+  };
+  if (what.kind != 0) return about(static_cast<std::size_t>(what.joint - 1))[what.kind - 1];
+  double torque = 0.0;
+  for (int k = 0; k < n && k <= static_cast<int>(body); ++k) {
+    const double c = robot.coupling(k, what.joint - 1);
+    if (c == 0.0) continue;
+    const auto i = static_cast<std::size_t>(k);
+    torque += c * (robot.joints[i].prismatic ? frames[i].linear().col(2).dot(force) : about(i).z());
+  }
+  return torque;
 }
 
 }  // namespace
@@ -276,40 +304,27 @@ std::vector<double> State::smooth_torque(int joint, const std::vector<double>& m
 
 std::vector<double> State::compute_regressor(const std::string& name) const {
   const int n = robot_->joint_count();
-  const RegressorName what = *parse_regressor(name, n);
-  const std::size_t body = static_cast<std::size_t>(what.link == 0 ? n : what.link - 1);
-  const Eigen::Vector3d g = robot_->gravity;
-  std::vector<double> values(rows_);
-  for (std::size_t row = 0; row < rows_; ++row) {
-    const Frames frames = frames_of_row(row);
-    // Unit mass at the body's origin, or unit first moment along one of its axes (which weighs
-    // nothing in total).
-    const bool unit_mass = what.component == 0;
-    const Eigen::Vector3d force = unit_mass ? g : Eigen::Vector3d::Zero();
-    const Eigen::Vector3d moment_at_base =
-        unit_mass ? frames[body].translation().cross(g).eval()
-                  : frames[body].linear().col(what.component - 1).cross(g).eval();
-    if (what.joint == 0) {
-      values[row] = what.kind == 1 ? moment_at_base.x() : moment_at_base.y();
-      continue;
-    }
-    const auto about = [&](std::size_t k) -> Eigen::Vector3d {
-      return frames[k].linear().transpose() *
-             (moment_at_base - frames[k].translation().cross(force));
-    };
-    if (what.kind != 0) {
-      values[row] = about(static_cast<std::size_t>(what.joint - 1))[what.kind - 1];
-      continue;
-    }
-    for (int k = 0; k < n && k <= static_cast<int>(body); ++k) {
-      const double c = robot_->coupling(k, what.joint - 1);
-      if (c == 0.0) continue;
-      const auto i = static_cast<std::size_t>(k);
-      values[row] +=
-          c * (robot_->joints[i].prismatic ? frames[i].linear().col(2).dot(force) : about(i).z());
+  const RegressorName asked = *parse_regressor(name, n);
+  // Those of one joint are asked for together, and the frames of a row cost more than all of them.
+  std::vector<std::pair<std::string, RegressorName>> wanted{{name, asked}};
+  if (asked.link != 0) {
+    const std::string stem = name.substr(0, name.find('_', name.find('_') + 1) + 1);
+    for (int link = 1; link <= n; ++link) {
+      for (const char* component : {"_m", "_x", "_y", "_z"}) {
+        const std::string other = stem + std::to_string(link) + component;
+        const auto what = parse_regressor(other, n);
+        if (what && other != name && !derived_.contains(other)) wanted.emplace_back(other, *what);
+      }
     }
   }
-  return values;
+  std::vector<std::vector<double>> values(wanted.size(), std::vector<double>(rows_));
+  for (std::size_t row = 0; row < rows_; ++row) {
+    const Frames frames = frames_of_row(row);
+    for (std::size_t w = 0; w < wanted.size(); ++w)
+      values[w][row] = regressor_at(*robot_, frames, wanted[w].second);
+  }
+  for (std::size_t w = 1; w < wanted.size(); ++w) remember(wanted[w].first, std::move(values[w]));
+  return std::move(values.front());
 }
 
 }  // namespace armtrue
