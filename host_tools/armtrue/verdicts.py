@@ -36,10 +36,11 @@ def of_other_sensors(first: dict[str, Any], candidates: list[dict[str, Any]]) ->
         other
         for other in candidates
         if (other["effect"], other["joints"]) == (first["effect"], first["joints"])
-        and _sensor(other) != _sensor(first)
+        and sensor_of(other) != sensor_of(first)
         and other["explained"] >= _NEARLY * first["explained"]
     ]
 
 
-def _sensor(candidate: dict[str, Any]) -> Any:
+def sensor_of(candidate: dict[str, Any]) -> Any:
+    """The thermometer that a candidate reads; None where it reads none, or there is but one."""
     return (candidate.get("options") or {}).get("sensor")

@@ -187,6 +187,10 @@ class HeatOutcome:
 
 def try_heat(cause: str, seed: int, count: int, folder: Path) -> HeatOutcome:
     """Plan, measure and diagnose again on an arm that grows by temperature or by time."""
+    return _try_hot({"effect": cause} | _GROWTH.get(cause, {}), seed, count, folder)
+
+
+def _try_hot(hidden: dict[str, Any], seed: int, count: int, folder: Path) -> HeatOutcome:
     scenario = {
         "arm": "kr30",
         "seed": seed,
@@ -194,14 +198,11 @@ def try_heat(cause: str, seed: int, count: int, folder: Path) -> HeatOutcome:
         "repeats": {},
         "test_poses": 0,
         "believed": GEOMETRY,
-        "hidden": [{"effect": cause} | _GROWTH.get(cause, {})],
+        "hidden": [hidden],
         "payloads": [0.0],
         "temperature": {"jitter": 0.0},
     }
-    return _try_hot(armtrue_sim.simulate(scenario, folder), seed, count, folder)
-
-
-def _try_hot(campaign: armtrue_sim.Campaign, seed: int, count: int, folder: Path) -> HeatOutcome:
+    campaign = armtrue_sim.simulate(scenario, folder)
     robot = load_robot(folder / "robot.yaml")
     fitted = fit(load_data(folder / "data.csv", robot), robot, _model(GEOMETRY))
     first = diagnose(fitted)
@@ -219,18 +220,7 @@ def _try_hot(campaign: armtrue_sim.Campaign, seed: int, count: int, folder: Path
 
 def try_sensors(cause: str, seed: int, count: int, folder: Path) -> HeatOutcome:
     """Plan, measure and diagnose again on an arm whose links grow by one of two thermometers, `cause`."""
-    scenario = {
-        "arm": "kr30",
-        "seed": seed,
-        "poses": 60,
-        "repeats": {},
-        "test_poses": 0,
-        "believed": GEOMETRY,
-        "hidden": [{"effect": "thermal_expansion", "sensor": cause}],
-        "payloads": [0.0],
-        "temperature": {"jitter": 0.0},
-    }
-    return _try_hot(armtrue_sim.simulate(scenario, folder), seed, count, folder)
+    return _try_hot({"effect": "thermal_expansion", "sensor": cause}, seed, count, folder)
 
 
 @dataclass

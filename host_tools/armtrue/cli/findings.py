@@ -12,7 +12,7 @@ from rich.table import Table
 from armtrue.cli.fitting import FLOOR_SOURCES
 from armtrue.cli.output import Output, plain_table
 from armtrue.cli.units import value_and_sigma
-from armtrue.verdicts import OTHER_SENSOR_ADVICE, of_other_sensors, verdict_words
+from armtrue.verdicts import OTHER_SENSOR_ADVICE, of_other_sensors, sensor_of, verdict_words
 
 _CANDIDATES_SHOWN = 10
 _ERROR_FIGURES = {"mean_um": "mean", "rms_um": "RMS", "p95_um": "95 %", "max_um": "max"}
@@ -42,8 +42,8 @@ def called(entry: dict[str, Any]) -> str:
 
 def _called_among(entry: dict[str, Any], candidates: list[dict[str, Any]]) -> str:
     """`called`, with the sensor where `candidates` read several."""
-    sensors = {(other.get("options") or {}).get("sensor") for other in candidates} - {None}
-    sensor = (entry.get("options") or {}).get("sensor")
+    sensors = {sensor_of(other) for other in candidates} - {None}
+    sensor = sensor_of(entry)
     return called(entry) + (f", sensor {sensor}" if sensor is not None and len(sensors) > 1 else "")
 
 

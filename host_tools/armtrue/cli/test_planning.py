@@ -316,19 +316,16 @@ def test_bad_input_gets_one_sentence_and_nothing_is_written(folder, case):
     assert not (folder / "refused.csv").exists()
 
 
-def test_poses_say_which_reflector_they_are_for(tmp_path):
-    armtrue_sim.simulate(
-        {
-            "arm": "kr30",
-            "seed": 5,
-            "poses": 60,
-            "repeats": {},
-            "hidden": [],
-            "targets": {"names": ["B", "A"], "order": "cycle"},
-        }
-    ).write(tmp_path)
-    made = armtrue(*FIT, "--out", "fit.json", cwd=tmp_path)
+def fitted_campaign(folder, **scenario):
+    """Write a campaign with nothing hidden, and its fit.json, into `folder`; `scenario`: what else it is."""
+    base = {"arm": "kr30", "seed": 5, "poses": 60, "repeats": {}, "hidden": []}
+    armtrue_sim.simulate(base | scenario).write(folder)
+    made = armtrue(*FIT, "--out", "fit.json", cwd=folder)
     assert made.returncode == 0, made.stderr
+
+
+def test_poses_say_which_reflector_they_are_for(tmp_path):
+    fitted_campaign(tmp_path, targets={"names": ["B", "A"], "order": "cycle"})
     run = armtrue(
         *("plan", "fit.json", "--sharpen", "--poses", "4", "--choose-from", "300", "--out", "p.csv"),
         cwd=tmp_path,
@@ -356,19 +353,7 @@ def test_a_first_campaign_is_for_the_first_of_the_reflectors_that_robot_yaml_nam
 
 
 def test_torques_that_were_measured_are_not_known_at_poses_to_come(tmp_path):
-    armtrue_sim.simulate(
-        {
-            "arm": "kr30",
-            "seed": 5,
-            "poses": 60,
-            "repeats": {},
-            "hidden": [],
-            "columns": {"add": ["tau"]},
-            "robot_file": {"omit": ["links"]},
-        }
-    ).write(tmp_path)
-    made = armtrue(*FIT, "--out", "fit.json", cwd=tmp_path)
-    assert made.returncode == 0, made.stderr
+    fitted_campaign(tmp_path, columns={"add": ["tau"]}, robot_file={"omit": ["links"]})
     run = armtrue(
         *("plan", "fit.json", "--candidates", "backlash:2", "gear_harmonics:2", "--poses", "4"),
         *("--choose-from", "300", "--out", "p.csv"),

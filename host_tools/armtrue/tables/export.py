@@ -96,6 +96,7 @@ class _Exporter:
 
     def run(self) -> Exported:
         self._check_arm()
+        self._cut_limits()
         self.builder.one()
         self._sample_ranges()
         try:
@@ -128,20 +129,6 @@ class _Exporter:
         n = self.chain.joint_count
         if n > layout.MAX_JOINTS:
             raise InputError(f"{self.path}: found {n} joints, expected at most {layout.MAX_JOINTS}")
-        largest = _LARGEST_POSITION - _LIMIT_MARGIN
-        for k, (low, high) in enumerate(self.chain.limits):
-            if max(abs(low), abs(high)) <= largest:
-                continue
-            if self.chain.prismatic[k]:
-                raise InputError(
-                    f"{self.path}: joint {k + 1} has limits {low:g} to {high:g} m, expected within ±{largest:g} m"
-                )
-            # Angles within a turn go on as they are; only what grows with the angle itself has an end.
-            self.chain.limits[k] = np.clip((low, high), -largest, largest)
-            self.notes.append(
-                f"joint {k + 1} turns from {low:g} to {high:g} rad: "
-                f"what grows with its angle is held beyond ±{largest:g} rad"
-            )
         if len(self.chain.sensors) > layout.MAX_SENSORS:
             raise InputError(
                 f"{self.path}: found {len(self.chain.sensors)} sensors, expected at most {layout.MAX_SENSORS}"
@@ -152,6 +139,22 @@ class _Exporter:
                     f"{self.path}: joints {entry[0] + 1} and {entry[1] + 1} are coupled and one slides, "
                     "expected coupling between turning joints"
                 )
+
+    def _cut_limits(self) -> None:
+        """Angles within a turn go on as they are beyond what Q28 holds; only what grows with the angle has an end."""
+        largest = _LARGEST_POSITION - _LIMIT_MARGIN
+        for k, (low, high) in enumerate(self.chain.limits):
+            if max(abs(low), abs(high)) <= largest:
+                continue
+            if self.chain.prismatic[k]:
+                raise InputError(
+                    f"{self.path}: joint {k + 1} has limits {low:g} to {high:g} m, expected within ±{largest:g} m"
+                )
+            self.chain.limits[k] = np.clip((low, high), -largest, largest)
+            self.notes.append(
+                f"joint {k + 1} turns from {low:g} to {high:g} rad: "
+                f"what grows with its angle is held beyond ±{largest:g} rad"
+            )
 
     def _random_poses(self, seed: int) -> Array:
         low, high = self.chain.limits.T
