@@ -5,6 +5,7 @@
 #include <cmath>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <numeric>
 #include <set>
 #include <thread>
 #include <tuple>
@@ -35,6 +36,7 @@ constexpr double kIndependentShare = 0.5;
 constexpr std::size_t kSpectralPeaks = 3;
 constexpr double kLowestLine = 2.5;  // below this, harmonics and geometry tell the tale
 constexpr int kLookAhead = 8;
+constexpr std::size_t kManyUnknowns = 12;     // of a candidate: a table's, whose refit takes long
 constexpr std::size_t kLargeCampaign = 2000;  // rows
 
 std::string percent(double share) {
@@ -232,15 +234,31 @@ std::vector<std::size_t> promising_of(const std::vector<Candidate>& candidates, 
   return promising;
 }
 
-// Those of `promising` that a refit confirms.
+// Those of `promising` that a refit confirms. `beside` is done meanwhile.
 template <typename Report>
-std::vector<std::size_t> confirmed_of(Fit& fit, double bic, std::vector<Candidate>& candidates,
-                                      const std::vector<std::size_t>& promising,
-                                      const Report& report) {
+std::vector<std::size_t> confirmed_of(
+    Fit& fit, double bic, std::vector<Candidate>& candidates,
+    const std::vector<std::size_t>& promising, const Report& report,
+    const std::function<void()>& beside = [] {}) {
   std::vector<char> holds(promising.size(), 0);
   std::atomic<int> done = 0;
   const auto caller = std::this_thread::get_id();
-  in_parallel(promising.size(), [&](std::size_t k) {
+  // What takes longest begins first, lest one processor waits for it in the end.
+  std::vector<std::size_t> order(promising.size());
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
+    const auto effort = [&](std::size_t k) {
+      const Candidate& c = candidates[promising[k]];
+      return std::pair{c.parameters.size() > kManyUnknowns, c.searched};
+    };
+    return effort(a) > effort(b);
+  });
+  in_parallel(promising.size() + 1, [&](std::size_t job) {
+    if (job == 0) {
+      beside();
+      return;
+    }
+    const std::size_t k = order[job - 1];
     // An objection of the linear score is not the last word: the refit's own coefficients are.
     Candidate& c = candidates[promising[k]];
     c.why.clear();
@@ -493,13 +511,17 @@ ModelSpecification with_effect(const ModelSpecification& specification,
 }
 
 std::unique_ptr<Fit> refit(const Fit& fit, const ModelSpecification& specification,
-                           const std::map<std::string, double>& starts) {
-  return Fit::run(fit.robot(), fit.state().columns(), specification, refit_options(fit, starts));
+                           const std::map<std::string, double>& starts, HeldOut held_out) {
+  FitOptions options = refit_options(fit, starts);
+  options.cross_validate = options.cross_validate && held_out == HeldOut::kAtOnce;
+  return Fit::run(fit.robot(), fit.state().columns(), specification, options);
 }
 
-std::unique_ptr<Fit> search(const Fit& fit, const ModelSpecification& specification) {
+std::unique_ptr<Fit> search(const Fit& fit, const ModelSpecification& specification,
+                            HeldOut held_out) {
   FitOptions options = fit.options();
   options.progress = nullptr;
+  options.cross_validate = options.cross_validate && held_out == HeldOut::kAtOnce;
   options.nonlinear_starts.clear();
   options.nonlinear_guesses.clear();
   options.start = std::make_shared<StartPoint>(fit.start_point());
@@ -593,7 +615,14 @@ Diagnosis diagnose(Fit& fit, const DiagnoseOptions& options) {
   const bool large = fit.design().rows() > kLargeCampaign;
   const std::size_t most = large ? std::min<std::size_t>(options.confirmed, 3) : options.confirmed;
   const std::vector<std::size_t> promising = promising_of(d.candidates, most);
-  std::vector<std::size_t> accepted = confirmed_of(fit, bic, d.candidates, promising, report);
+  Structure structure;
+  const auto look_for_structure = [&] {
+    structure = find_structure(scorer, fit, kStructureSignificant);
+  };
+  const bool look_at_once = options.look_ahead && !large;
+  std::vector<std::size_t> accepted =
+      look_at_once ? confirmed_of(fit, bic, d.candidates, promising, report, look_for_structure)
+                   : confirmed_of(fit, bic, d.candidates, promising, report);
   if (accepted.empty() && !large) accepted = hidden_by_tables(fit, bic, d.candidates);
   d.lack_of_fit = lack_of_fit(scorer, fit);
   if (accepted.empty() && options.look_ahead && d.lack_of_fit.testable &&
@@ -614,9 +643,7 @@ Diagnosis diagnose(Fit& fit, const DiagnoseOptions& options) {
     }
   }
   report(0.7, "looking for structure that no effect names");
-  const Structure structure = (options.look_ahead && !large) || accepted.empty()
-                                  ? find_structure(scorer, fit, kStructureSignificant)
-                                  : Structure{};
+  if (!look_at_once && accepted.empty()) look_for_structure();
   bool proxy = false;
   if (!accepted.empty()) {
     const std::size_t best = choose(d.candidates, accepted);

@@ -76,16 +76,22 @@ std::string label(const EffectRequest& request);
 ModelSpecification with_effect(const ModelSpecification& specification,
                                const EffectRequest& request);
 
+/// Whether a refit measures held-out errors at once or leaves that to Fit::cross_validate: where
+/// many trials are made, most are asked for their evidence alone.
+enum class HeldOut { kAtOnce, kLater };
+
 /// Fits again with another specification, same measurements and options. Nonlinear parameters start
 /// where `fit` has them, or at `starts`; others are searched for.
 std::unique_ptr<Fit> refit(const Fit& fit, const ModelSpecification& specification,
-                           const std::map<std::string, double>& starts = {});
+                           const std::map<std::string, double>& starts = {},
+                           HeldOut held_out = HeldOut::kAtOnce);
 /// The same, with the smoothness of tables chosen again: it may have been chosen while something
 /// else was missing.
 std::unique_ptr<Fit> refit_with_smoothness_anew(const Fit& fit,
                                                 const ModelSpecification& specification,
                                                 const std::map<std::string, double>& starts = {});
 /// The same, with every nonlinear parameter searched for from nothing.
-std::unique_ptr<Fit> search(const Fit& fit, const ModelSpecification& specification);
+std::unique_ptr<Fit> search(const Fit& fit, const ModelSpecification& specification,
+                            HeldOut held_out = HeldOut::kAtOnce);
 
 }  // namespace armtrue

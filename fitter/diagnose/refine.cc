@@ -1,10 +1,13 @@
 #include "fitter/diagnose/refine.h"
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <set>
+#include <thread>
 
 #include "fitter/solve/parallel.h"
 
@@ -131,7 +134,8 @@ void prune(std::shared_ptr<Fit>& fit, const std::vector<EffectRequest>& keep,
     const double bic = bayesian_information(*fit);
     in_parallel(removals.size(), [&](std::size_t k) {
       Removal& removal = removals[k];
-      std::shared_ptr<Fit> rest = large ? refit(*fit, removal.rest) : search(*fit, removal.rest);
+      std::shared_ptr<Fit> rest = large ? refit(*fit, removal.rest, {}, HeldOut::kLater)
+                                        : search(*fit, removal.rest, HeldOut::kLater);
       const double gained = is_renamed(*fit, removal.request, *rest) ? kWorthRenaming : 0.0;
       if (bayesian_information(*rest) <= bic + removal.allowed - gained) removal.fit = rest;
     });
@@ -139,6 +143,7 @@ void prune(std::shared_ptr<Fit>& fit, const std::vector<EffectRequest>& keep,
                                     [](const Removal& r) { return r.fit != nullptr; });
     if (first != removals.end()) {
       fit = first->fit;
+      fit->cross_validate();
       removed.push_back(first->request);
       again = true;
     }
@@ -174,19 +179,31 @@ std::vector<std::vector<EffectRequest>> swap_sets(const Fit& fit,
 bool swap(std::shared_ptr<Fit>& fit, const std::set<std::string>& added,
           std::vector<EffectRequest>& removed, Candidate& put_in, const RefineOptions& options) {
   const double bic = bayesian_information(*fit);
-  for (const std::vector<EffectRequest>& set : swap_sets(*fit, added)) {
-    std::shared_ptr<Fit> without = search(*fit, without_effects(*fit, set));
-    const Diagnosis d = diagnose(*without, quick_options(options));
+  const std::vector<std::vector<EffectRequest>> sets = swap_sets(*fit, added);
+  std::vector<std::shared_ptr<Fit>> without(sets.size());
+  std::vector<std::optional<Candidate>> better(sets.size());
+  std::atomic<std::size_t> first = sets.size();
+  const auto caller = std::this_thread::get_id();
+  in_parallel(sets.size(), [&](std::size_t k) {
+    if (k > first) return;
+    without[k] = search(*fit, without_effects(*fit, sets[k]));
+    DiagnoseOptions quick = quick_options(options);
+    if (std::this_thread::get_id() != caller) quick.progress = nullptr;
+    const Diagnosis d = diagnose(*without[k], quick);
     const Candidate* best = d.recommended();
-    if (!best || label(best->request) == label(set.front())) continue;
-    if (bayesian_information(*without) + best->delta_bic > bic - kBetterSwap) continue;
-    fit = refit_with_smoothness_anew(*without, with_effect(without->specification(), best->request),
-                                     best->starts);
-    put_in = *best;
-    removed.insert(removed.end(), set.begin(), set.end());
-    return true;
-  }
-  return false;
+    if (!best || label(best->request) == label(sets[k].front())) return;
+    if (bayesian_information(*without[k]) + best->delta_bic > bic - kBetterSwap) return;
+    better[k] = *best;
+    for (std::size_t before = first; k < before && !first.compare_exchange_weak(before, k);) {
+    }
+  });
+  if (first == sets.size()) return false;
+  const std::size_t k = first;
+  put_in = *better[k];
+  fit = refit_with_smoothness_anew(
+      *without[k], with_effect(without[k]->specification(), put_in.request), put_in.starts);
+  removed.insert(removed.end(), sets[k].begin(), sets[k].end());
+  return true;
 }
 
 // An effect that was put in, and the fit with it.

@@ -94,8 +94,8 @@ Eigen::MatrixXd information_of(const Linearised& l, const Fit& fit, const Design
   return equations.information;
 }
 
-std::vector<double> basis_values(const Term& term, const State& state,
-                                 std::map<std::string, std::vector<double>>& cache) {
+const std::vector<double>& basis_values(const Term& term, const State& state,
+                                        std::map<std::string, std::vector<double>>& cache) {
   const std::string key = term.basis.to_string();
   auto found = cache.find(key);
   if (found == cache.end()) {
@@ -148,13 +148,12 @@ std::vector<BlockScore> Scorer::score(const std::vector<Block>& blocks) const {
     for (std::size_t b = first; b < last; ++b) {
       for (const Parameter& p : blocks[b].terms.parameters) {
         for (const Term& term : p.terms) {
-          const std::vector<double> basis = basis_values(term, fit_.state(), cache);
-          const auto coordinate = geometry_.col(layout_.index(term.coordinate));
-          for (std::size_t r = 0; r < rows_.size(); ++r) {
-            const double value = term.weight * basis[rows_[r]];
-            if (value == 0.0) continue;
-            const Eigen::Index row = static_cast<Eigen::Index>(r) * height_;
-            columns.col(at).segment(row, height_) += value * coordinate.segment(row, height_);
+          const std::vector<double>& basis = basis_values(term, fit_.state(), cache);
+          const double* coordinate = geometry_.col(layout_.index(term.coordinate)).data();
+          double* column = columns.col(at).data();
+          for (const std::size_t row : rows_) {
+            const double value = term.weight * basis[row];
+            for (int h = 0; h < height_; ++h) *column++ += value * *coordinate++;
           }
         }
         ++at;

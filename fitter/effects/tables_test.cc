@@ -72,8 +72,7 @@ Problem wavy_arm(double waves, double size_m, Random& random) {
 ModelSpecification closed(const Problem& problem) {
   FitOptions options;
   options.cross_validate = false;
-  return close_options(problem.robot, problem.columns, ModelSpecification::from_json(kGrid),
-                       options);
+  return close_options(*problem.state, ModelSpecification::from_json(kGrid), options);
 }
 
 TEST(ResidualGrid, GetsNodesWhereTheErrorBendsAndNowhereElse) {

@@ -159,6 +159,7 @@ const std::vector<double>& State::remember(const std::string& name,
 }
 
 const std::vector<double>& State::column(const std::string& name) const {
+  const std::scoped_lock locked(lock_.mutex);
   if (const auto found = derived_.find(name); found != derived_.end()) return found->second;
   const int torque_of = trailing_number(name, "tau");
   const bool is_torque = torque_of >= 1 && torque_of <= robot_->joint_count();

@@ -4,6 +4,7 @@
 
 #include <Eigen/Core>
 #include <map>
+#include <mutex>
 #include <string>
 #include <vector>
 
@@ -58,6 +59,15 @@ class State {
   std::vector<double> q_;
   std::vector<std::string> sensors_;
   Eigen::Vector3d payload_point_;
+  // Fits that run side by side share one state: what is worked out on the way is locked. A copy
+  // has a lock of its own.
+  struct Lock {
+    Lock() = default;
+    Lock(const Lock&) {}
+    Lock& operator=(const Lock&) { return *this; }
+    std::recursive_mutex mutex;
+  };
+  mutable Lock lock_;
   mutable std::map<std::string, std::vector<double>> derived_;
 };
 

@@ -33,9 +33,10 @@ double held_out_rms(Fit& base, const EffectRequest& request, const std::vector<i
   }
   design.set_free(free);
   double least = std::numeric_limits<double>::infinity();
+  const EvaluatedRows evaluated = evaluate_rows(design);
   for (const double smoothness : kSmoothness) {
     const std::vector<double> distances =
-        held_out_distances(design, fold_of_row, kFolds, smoothness);
+        held_out_distances(design, evaluated, {fold_of_row}, kFolds, smoothness).front();
     least = std::min(least, summarise_finite(distances).rms);
   }
   return least;
@@ -69,10 +70,8 @@ bool is_open(const EffectContext& context, const EffectRequest& request) {
 
 }  // namespace
 
-ModelSpecification close_options(const Robot& robot, const State::Columns& columns,
-                                 const ModelSpecification& specification,
+ModelSpecification close_options(const State& state, const ModelSpecification& specification,
                                  const FitOptions& options) {
-  const State state(robot, columns, Eigen::Vector3d::Zero());
   const EffectContext context{state};
   ModelSpecification closed = specification;
   std::vector<EffectRequest> open;
@@ -86,7 +85,7 @@ ModelSpecification close_options(const Robot& robot, const State::Columns& colum
   quick.progress = nullptr;
   quick.cross_validate = false;
   for (const EffectRequest& request : open) {
-    const std::unique_ptr<Fit> base = Fit::run(robot, columns, closed, quick);
+    const std::unique_ptr<Fit> base = Fit::run(state.robot(), state.columns(), closed, quick);
     closed.effects.push_back(close(*base, request));
   }
   return closed;

@@ -11,8 +11,7 @@ namespace armtrue {
 /// step from the fit without the effect, which is exact for tables up to the model's slight
 /// curvature. A specification that leaves nothing open comes back as it is, at no cost. Throws
 /// ModelError.
-ModelSpecification close_options(const Robot& robot, const State::Columns& columns,
-                                 const ModelSpecification& specification,
+ModelSpecification close_options(const State& state, const ModelSpecification& specification,
                                  const FitOptions& options);
 
 }  // namespace armtrue

@@ -92,44 +92,43 @@ std::vector<int> make_folds(const Design& design, Folding folding, int folds, st
   return fold_of_row;
 }
 
-std::vector<double> held_out_distances(Design& design, const std::vector<int>& fold_of_row,
-                                       int folds, double smoothness_sigma) {
-  const auto count = static_cast<std::size_t>(folds);
-  std::vector<NormalEquations> fold(count, NormalEquations(design.unknowns()));
-  Design::Row row;
-  const int height = design.residuals_per_row();
-  for (std::size_t i = 0; i < design.rows(); ++i) {
-    if (design.weights()[i] == 0.0) continue;
-    design.evaluate(i, true, row);
-    fold[static_cast<std::size_t>(fold_of_row[i])].add(row, height);
-  }
-  NormalEquations total(design.unknowns());
+std::vector<std::vector<double>> held_out_distances(const Design& design,
+                                                    const EvaluatedRows& evaluated,
+                                                    const std::vector<std::vector<int>>& foldings,
+                                                    int folds, double smoothness_sigma) {
+  NormalEquations total = accumulate(design, evaluated);
   const std::vector<double> values = design.unknown_values();
   for (const PenaltyRow& penalty : penalty_rows(design, smoothness_sigma))
     total.add(penalty, values);
-  for (const NormalEquations& f : fold) {
-    total.information += f.information;
-    total.gradient += f.gradient;
+  std::vector<Eigen::Matrix3d> metres;  // of a whitened position
+  for (const std::size_t i : evaluated.index) {
+    metres.push_back(
+        (std::sqrt(design.weights()[i]) * design.measurements().whiten_position[i]).inverse());
   }
-  std::vector<Eigen::VectorXd> step(count);
-  for (std::size_t f = 0; f < count; ++f) {
-    const ScaledCholesky factor(total.information - fold[f].information);
-    step[f] = -factor.solve(total.gradient - fold[f].gradient);
-  }
-  std::vector<double> distance(design.rows(), std::numeric_limits<double>::quiet_NaN());
-  for (std::size_t i = 0; i < design.rows(); ++i) {
-    if (design.weights()[i] == 0.0) continue;
-    design.evaluate(i, true, row);
-    const Eigen::VectorXd& delta = step[static_cast<std::size_t>(fold_of_row[i])];
-    Eigen::Vector3d change = row.residual.head<3>();
-    for (std::size_t u = 0; u < row.unknowns.size(); ++u) {
-      change += row.jacobian.block<3, 1>(0, static_cast<Eigen::Index>(u)) * delta[row.unknowns[u]];
+  std::vector<std::vector<double>> result;
+  for (const std::vector<int>& fold_of_row : foldings) {
+    std::vector<double>& distance =
+        result.emplace_back(design.rows(), std::numeric_limits<double>::quiet_NaN());
+    for (int fold = 0; fold < folds; ++fold) {
+      NormalEquations own(design.unknowns());
+      for (std::size_t r = 0; r < evaluated.rows.size(); ++r) {
+        if (fold_of_row[evaluated.index[r]] == fold)
+          own.add(evaluated.rows[r], design.residuals_per_row());
+      }
+      const ScaledCholesky factor(total.information - own.information);
+      const Eigen::VectorXd step = -factor.solve(total.gradient - own.gradient);
+      for (std::size_t r = 0; r < evaluated.rows.size(); ++r) {
+        if (fold_of_row[evaluated.index[r]] != fold) continue;
+        const Design::Row& row = evaluated.rows[r];
+        Eigen::Vector3d change = row.residual.head<3>();
+        for (std::size_t u = 0; u < row.unknowns.size(); ++u)
+          change +=
+              row.jacobian.block<3, 1>(0, static_cast<Eigen::Index>(u)) * step[row.unknowns[u]];
+        distance[evaluated.index[r]] = (metres[r] * change).norm();
+      }
     }
-    const Eigen::Matrix3d whiten =
-        std::sqrt(design.weights()[i]) * design.measurements().whiten_position[i];
-    distance[i] = (whiten.inverse() * change).norm();
   }
-  return distance;
+  return result;
 }
 
 std::vector<double> residual_distances(Design& design) {

@@ -21,13 +21,15 @@ enum class Folding {
 std::vector<int> make_folds(const Design& design, Folding folding, int folds, std::uint64_t seed);
 
 /// Distance between prediction and measurement [m] of every row with weight, each predicted by the
-/// fit without its fold.
+/// fit without its fold; for each of `foldings` (fold numbers of every row).
 ///
 /// The left-out fits are one exact Gauss–Newton step from the full solution (JᵀJ and Jᵀr less the
 /// fold's own): the model is so nearly linear in its parameters that this differs from refitting by
 /// far less than the errors it measures. Rows without weight get NaN.
-std::vector<double> held_out_distances(Design& design, const std::vector<int>& fold_of_row,
-                                       int folds, double smoothness_sigma);
+std::vector<std::vector<double>> held_out_distances(const Design& design,
+                                                    const EvaluatedRows& evaluated,
+                                                    const std::vector<std::vector<int>>& foldings,
+                                                    int folds, double smoothness_sigma);
 
 /// Distances [m] of all rows at the design's present values.
 std::vector<double> residual_distances(Design& design);

@@ -81,10 +81,15 @@ void BasisTable::set_nonlinear(const std::vector<double>& values) {
     for (std::size_t i = 0; i < rows_; ++i)
       dense_values_[i * dense_.size() + c] = dense_[c].weight * column[i];
   }
+  slopes_stale_ = true;
+}
+
+void BasisTable::update_slopes() const {
   for (SlopeColumn& slope : slopes_) {
     slope.values = evaluate(slope.slope);
     for (double& v : slope.values) v *= slope.weight;
   }
+  slopes_stale_ = false;
 }
 
 void BasisTable::row(std::size_t i, std::vector<Entry>& entries) const {
@@ -108,6 +113,7 @@ void BasisTable::searched_row(std::size_t i, std::vector<Entry>& entries) const 
 
 void BasisTable::nonlinear_row(std::size_t i, std::size_t j, std::vector<Entry>& entries) const {
   entries.clear();
+  if (slopes_stale_) update_slopes();
   for (const SlopeColumn& slope : slopes_) {
     if (slope.nonlinear == j)
       entries.push_back({slope.parameter, slope.coordinate, slope.values[i]});
@@ -220,33 +226,36 @@ void Design::evaluate(std::size_t i, bool with_jacobian, Row& row) {
   const Eigen::Matrix3d whiten_rotation =
       residuals_per_row_ == 6 ? Eigen::Matrix3d(root / measurements_->sigma_rotation * turn)
                               : Eigen::Matrix3d::Zero();
-  row.jacobian.resize(6, static_cast<Eigen::Index>(entries_.size() + model_->nonlinear.size()));
+  const auto most = static_cast<Eigen::Index>(entries_.size() + model_->nonlinear.size());
+  if (raw_jacobian_.cols() < most) raw_jacobian_.resize(6, most);
   const auto slot = [&](int unknown) {
     int& s = slot_of_unknown_[static_cast<std::size_t>(unknown)];
     if (s < 0) {
       s = static_cast<int>(row.unknowns.size());
       row.unknowns.push_back(unknown);
-      row.jacobian.col(s).setZero();
+      raw_jacobian_.col(s).setZero();
     }
     return s;
   };
   for (const BasisTable::Entry& e : entries_) {
     const int unknown = unknown_of_[static_cast<std::size_t>(e.parameter)];
-    if (unknown >= 0) row.jacobian.col(slot(unknown)) += e.value * geometric_.col(e.coordinate);
+    if (unknown >= 0) raw_jacobian_.col(slot(unknown)) += e.value * geometric_.col(e.coordinate);
   }
   for (int j = 0; j < nonlinear_count(); ++j) {
     basis_.nonlinear_row(i, static_cast<std::size_t>(j), slope_entries_);
     const int s = slot(static_cast<int>(free_.size()) + j);
     for (const BasisTable::Entry& e : slope_entries_) {
-      row.jacobian.col(s) +=
+      raw_jacobian_.col(s) +=
           values_[static_cast<std::size_t>(e.parameter)] * e.value * geometric_.col(e.coordinate);
     }
   }
   const auto touched = static_cast<Eigen::Index>(row.unknowns.size());
-  row.jacobian.conservativeResize(6, touched);
-  row.jacobian.topRows<3>() = (whiten_position * row.jacobian.topRows<3>()).eval();
-  if (residuals_per_row_ == 6)
-    row.jacobian.bottomRows<3>() = (whiten_rotation * row.jacobian.bottomRows<3>()).eval();
+  row.jacobian.resize(6, touched);
+  for (Eigen::Index s = 0; s < touched; ++s) {
+    row.jacobian.col(s).head<3>().noalias() = whiten_position * raw_jacobian_.col(s).head<3>();
+    if (residuals_per_row_ == 6)
+      row.jacobian.col(s).tail<3>().noalias() = whiten_rotation * raw_jacobian_.col(s).tail<3>();
+  }
   for (const int unknown : row.unknowns) slot_of_unknown_[static_cast<std::size_t>(unknown)] = -1;
 }
 

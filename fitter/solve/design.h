@@ -58,6 +58,7 @@ class BasisTable {
     std::vector<double> values;
   };
   std::vector<double> evaluate(const Expression& expression) const;
+  void update_slopes() const;
 
   const State* state_;
   std::size_t rows_;
@@ -65,8 +66,9 @@ class BasisTable {
   std::vector<double> nonlinear_values_;
   std::vector<std::vector<double>> nonlinear_scalars_;
   std::vector<DenseColumn> dense_;
-  std::vector<double> dense_values_;  // rows × dense_.size()
-  std::vector<SlopeColumn> slopes_;
+  std::vector<double> dense_values_;         // rows × dense_.size()
+  mutable std::vector<SlopeColumn> slopes_;  // worked out when first asked for
+  mutable bool slopes_stale_ = true;
   std::vector<std::vector<Entry>> sparse_;
   std::vector<bool> table_parameter_, searched_parameter_;
 };
@@ -144,7 +146,7 @@ class Design {
   std::vector<BasisTable::Entry> entries_, slope_entries_;
   std::vector<int> slot_of_unknown_;
   Eigen::VectorXd coordinates_;
-  Eigen::Matrix<double, 6, Eigen::Dynamic> geometric_;
+  Eigen::Matrix<double, 6, Eigen::Dynamic> geometric_, raw_jacobian_;
 };
 
 /// Predicted poses of a state with a fitted model: what `predict` does.

@@ -59,65 +59,83 @@ bool is_searched(const Model& model) {
                      [](const NonlinearParameter& p) { return !p.starts.empty(); });
 }
 
+// What every fit to these measurements begins with.
+std::shared_ptr<const Prepared> prepare(const Robot& robot, const State::Columns& columns,
+                                        const FitOptions& options) {
+  auto prepared = std::make_shared<Prepared>();
+  prepared->robot = robot;
+  std::optional<Eigen::Vector3d> payload_point = robot.payload_point;
+  const bool has_tool_point = robot.flange_from_tool.has_value();
+  if (!payload_point) {
+    if (const std::optional<Pose> tool =
+            has_tool_point ? robot.flange_from_tool : robot.nominal_tool(0)) {
+      payload_point = tool->translation();
+    }
+  }
+  prepared->state = std::make_unique<State>(prepared->robot, columns,
+                                            payload_point.value_or(Eigen::Vector3d::Zero()));
+  prepared->measurements = Measurements::from_state(*prepared->state, options.instrument,
+                                                    options.assumed_sigma, options.sigma_rotation);
+  prepared->alignment = align(*prepared->state, prepared->measurements);
+  if (!payload_point) {
+    // The payload hangs at the tool point, which is known only now.
+    prepared->state = std::make_unique<State>(
+        prepared->robot, columns, prepared->alignment.flange_from_tool.front().translation());
+  }
+  if (prepared->state->has("payload") && prepared->measurements.targets > 1 &&
+      !robot.payload_point && !has_tool_point) {
+    prepared->warnings.push_back(
+        "the payload is taken to hang at the first reflector: robot.yaml names neither a tool nor "
+        "the payload's centre of mass (payload: {com: [x, y, z]})");
+  }
+  return prepared;
+}
+
 }  // namespace
 
 std::unique_ptr<Fit> Fit::run(const Robot& robot, const State::Columns& columns,
                               const ModelSpecification& specification, const FitOptions& options) {
   std::unique_ptr<Fit> fit(new Fit);
-  fit->specification_ = close_options(robot, columns, specification, options);
   fit->options_ = options;
   fit->report(0.0, "aligning");
-  fit->prepare(robot, columns);
+  fit->prepared_ = options.start ? options.start->prepared : prepare(robot, columns, options);
+  fit->specification_ = close_options(fit->state(), specification, options);
+  fit->begin();
   fit->report(0.1, "solving");
   fit->solve_robustly();
   fit->report(0.6, "covariance");
   fit->fold_base_and_tool();
-  fit->compute_covariance();
+  const EvaluatedRows evaluated = evaluate_rows(*fit->design_);
+  fit->compute_covariance(evaluated);
   fit->report(0.7, "held-out errors");
   fit->measure_errors();
+  if (options.cross_validate) {
+    fit->measure_held_out_errors(evaluated);
+  } else {
+    fit->held_out_.assign(3, ErrorSummary{});
+    fit->held_out_distances_.assign(3, {});
+  }
   fit->measure_noise_floor();
   fit->options_.start.reset();
   fit->report(1.0, "done");
   return fit;
 }
 
-void Fit::prepare(const Robot& robot, const State::Columns& columns) {
-  robot_ = std::make_unique<Robot>(robot);
-  std::optional<Eigen::Vector3d> payload_point = robot_->payload_point;
-  const bool has_tool_point = robot_->flange_from_tool.has_value();
-  if (!payload_point) {
-    if (const std::optional<Pose> tool =
-            has_tool_point ? robot_->flange_from_tool : robot_->nominal_tool(0)) {
-      payload_point = tool->translation();
-    }
-  }
-  state_ =
-      std::make_unique<State>(*robot_, columns, payload_point.value_or(Eigen::Vector3d::Zero()));
-  measurements_ = Measurements::from_state(*state_, options_.instrument, options_.assumed_sigma,
-                                           options_.sigma_rotation);
-  alignment_ = align(*state_, measurements_);
-  if (!payload_point) {
-    // The payload hangs at the tool point, which is known only now.
-    state_ = std::make_unique<State>(*robot_, columns,
-                                     alignment_.flange_from_tool.front().translation());
-  }
-  if (state_->has("payload") && measurements_.targets > 1 && !robot_->payload_point &&
-      !has_tool_point) {
-    warnings_.push_back(
-        "the payload is taken to hang at the first reflector: robot.yaml names neither a tool nor "
-        "the payload's centre of mass (payload: {com: [x, y, z]})");
-  }
-  kinematics_ = std::make_unique<Kinematics>(*robot_, measurements_.targets);
-  const bool free_base = specification_.contains("base_frame") || !robot_->measuring_from_base;
-  const bool free_tool = specification_.contains("tool_offset") || !robot_->nominal_tool(0);
-  kinematics_->set_base(free_base ? alignment_.measuring_from_base : *robot_->measuring_from_base);
+void Fit::begin() {
+  measurements_ = prepared_->measurements;
+  warnings_ = prepared_->warnings;
+  const Alignment& alignment = prepared_->alignment;
+  kinematics_ = std::make_unique<Kinematics>(robot(), measurements_.targets);
+  const bool free_base = specification_.contains("base_frame") || !robot().measuring_from_base;
+  const bool free_tool = specification_.contains("tool_offset") || !robot().nominal_tool(0);
+  kinematics_->set_base(free_base ? alignment.measuring_from_base : *robot().measuring_from_base);
   for (int t = 0; t < measurements_.targets; ++t) {
-    kinematics_->set_tool(t, free_tool ? alignment_.flange_from_tool[static_cast<std::size_t>(t)]
-                                       : *robot_->nominal_tool(t));
+    kinematics_->set_tool(t, free_tool ? alignment.flange_from_tool[static_cast<std::size_t>(t)]
+                                       : *robot().nominal_tool(t));
   }
-  nominal_ = summarise(alignment_.residual_m);
+  nominal_ = summarise(alignment.residual_m);
   context_ = std::make_unique<EffectContext>(EffectContext{
-      *state_, measurements_.targets, measurements_.has_rotation(), specification_.priors});
+      state(), measurements_.targets, measurements_.has_rotation(), specification_.priors});
   model_ = build_model(specification_, *context_);
   for (NonlinearParameter& p : model_.nonlinear) {
     if (const auto start = options_.nonlinear_starts.find(p.name);
@@ -130,7 +148,7 @@ void Fit::prepare(const Robot& robot, const State::Columns& columns) {
       p.starts.push_back(guess->second);
     }
   }
-  design_ = std::make_unique<Design>(*state_, measurements_, model_, *kinematics_);
+  design_ = std::make_unique<Design>(state(), measurements_, model_, *kinematics_);
   const std::size_t equations =
       measurements_.rows * static_cast<std::size_t>(measurements_.residuals_per_row());
   if (equations < 12) {
@@ -200,7 +218,7 @@ bool Fit::find_gross_errors() {
 }
 
 StartPoint Fit::start_point() const {
-  StartPoint start{{}, kinematics_->base(), {}};
+  StartPoint start{prepared_, {}, kinematics_->base(), {}};
   for (const Parameter& p : model_.parameters) start.values[p.name] = p.value;
   for (int t = 0; t < measurements_.targets; ++t)
     start.flange_from_tool.push_back(kinematics_->tool(t));
@@ -255,7 +273,7 @@ void Fit::solve_from_anywhere() {
 void Fit::solve_robustly() {
   smoothness_sigma_ = options_.smoothness_sigma.value_or(kSmoothnessStart);
   // Bumps are kept out of the very first step already, where alignment shows them.
-  const std::vector<double>& aligned = alignment_.residual_m;
+  const std::vector<double>& aligned = prepared_->alignment.residual_m;
   const double limit = std::max(kGrossError * median(aligned) / kMedianChi3,
                                 kAboveStructure * quantile(aligned, 1.0 - kLargestGrossShare));
   std::vector<double>& weights = design_->weights();
@@ -324,7 +342,7 @@ void Fit::fold_base_and_tool() {
   for (int t = 0; t < layout.targets; ++t)
     kinematics_->set_tool(t, moved(kinematics_->tool(t), layout.tool(t, 0)));
   std::vector<double> weights = design_->weights();
-  design_ = std::make_unique<Design>(*state_, measurements_, model_, *kinematics_);
+  design_ = std::make_unique<Design>(state(), measurements_, model_, *kinematics_);
   design_->weights() = weights;
   design_->set_free(identifiability_.kept);
 }
@@ -337,8 +355,8 @@ Eigen::MatrixXd Fit::inverse_with_penalties(NormalEquations& equations) const {
   return ScaledCholesky(equations.information).inverse();
 }
 
-void Fit::compute_covariance() {
-  NormalEquations equations = accumulate(*design_);
+void Fit::compute_covariance(const EvaluatedRows& evaluated) {
+  NormalEquations equations = accumulate(*design_, evaluated);
   const double freedom =
       std::max(1.0, static_cast<double>(equations.equations) - design_->unknowns());
   const double variance = equations.cost / freedom;
@@ -352,35 +370,30 @@ void Fit::compute_covariance() {
     if (!design_->is_table_unknown(u)) effective_outside_tables_ += determined[u];
   }
   table_evidence_ = table_evidence(*design_, data, smoothness_sigma_);
-  count_repeats_in_covariance();
+  count_repeats_in_covariance(evaluated);
 }
 
 // What the shots of one visit share makes coefficients less sure than as many visits would.
-void Fit::count_repeats_in_covariance() {
-  std::vector<std::size_t> rows;
-  for (std::size_t i = 0; i < design_->rows(); ++i) {
-    if (design_->weights()[i] > 0.0) rows.push_back(i);
-  }
-  const Replicates replicates(measurements_, rows);
+void Fit::count_repeats_in_covariance(const EvaluatedRows& evaluated) {
+  const std::size_t rows = evaluated.rows.size();
+  const Replicates replicates(measurements_, evaluated.index);
   if (!replicates.any()) return;
   const int height = design_->residuals_per_row();
-  Eigen::VectorXd residual(static_cast<Eigen::Index>(rows.size()) * height);
-  std::vector<Design::Row> evaluated(rows.size());
-  for (std::size_t r = 0; r < rows.size(); ++r) {
-    design_->evaluate(rows[r], true, evaluated[r]);
+  Eigen::VectorXd residual(static_cast<Eigen::Index>(rows) * height);
+  for (std::size_t r = 0; r < rows; ++r) {
     residual.segment(static_cast<Eigen::Index>(r) * height, height) =
-        evaluated[r].residual.head(height);
+        evaluated.rows[r].residual.head(height);
   }
   const double correlation = replicates.correlation(residual, height);
   if (correlation <= 0.0) return;
   const std::vector<double> worth = replicates.worth(correlation);
   NormalEquations equations(design_->unknowns());
   double design_effect = 0.0;
-  for (std::size_t r = 0; r < rows.size(); ++r) {
-    Design::Row& row = evaluated[r];
+  for (std::size_t r = 0; r < rows; ++r) {
+    Design::Row row = evaluated.rows[r];
     row.jacobian *= std::sqrt(worth[r]);
     equations.add(row, height);
-    design_effect += 1.0 / worth[r] / static_cast<double>(rows.size());
+    design_effect += 1.0 / worth[r] / static_cast<double>(rows);
   }
   const double freedom =
       std::max(1.0, static_cast<double>(residual.size()) - design_->unknowns() * design_effect);
@@ -396,17 +409,23 @@ void Fit::measure_errors() {
   }
   train_ = summarise(kept);
   for (RejectedRow& r : rejected_) r.residual = distance[r.row];
-  if (!options_.cross_validate) {
-    held_out_.assign(3, ErrorSummary{});
-    held_out_distances_.assign(3, {});
-    return;
-  }
-  for (const Folding folding : {Folding::kRandom, Folding::kTime, Folding::kRegion}) {
-    const std::vector<int> folds = make_folds(*design_, folding, options_.folds, options_.seed);
-    held_out_distances_.push_back(
-        held_out_distances(*design_, folds, options_.folds, smoothness_sigma_));
-    held_out_.push_back(summarise_finite(held_out_distances_.back()));
-  }
+}
+
+void Fit::measure_held_out_errors(const EvaluatedRows& evaluated) {
+  std::vector<std::vector<int>> foldings;
+  for (const Folding folding : {Folding::kRandom, Folding::kTime, Folding::kRegion})
+    foldings.push_back(make_folds(*design_, folding, options_.folds, options_.seed));
+  held_out_distances_ =
+      held_out_distances(*design_, evaluated, foldings, options_.folds, smoothness_sigma_);
+  held_out_.clear();
+  for (const std::vector<double>& distances : held_out_distances_)
+    held_out_.push_back(summarise_finite(distances));
+}
+
+void Fit::cross_validate() {
+  if (options_.cross_validate) return;
+  options_.cross_validate = true;
+  measure_held_out_errors(evaluate_rows(*design_));
 }
 
 void Fit::measure_noise_floor() {
@@ -419,11 +438,11 @@ void Fit::measure_noise_floor() {
         visits[{measurements_.repeat[i], measurements_.target[i]}].push_back(i);
     }
   }
-  const bool timed = state_->has("time");
+  const bool timed = state().has("time");
   std::vector<double> half_squares;
   for (auto& [id, rows] : visits) {
     if (timed) {
-      const std::vector<double>& time = state_->column("time");
+      const std::vector<double>& time = state().column("time");
       std::stable_sort(rows.begin(), rows.end(),
                        [&](std::size_t a, std::size_t b) { return time[a] < time[b]; });
     }
@@ -466,11 +485,11 @@ void Fit::measure_noise_floor() {
 void Fit::measure_noise_floor_between_targets() {
   std::map<std::vector<double>, std::vector<std::size_t>> standing;
   if (measurements_.targets > 1) {
-    const int n = robot_->joint_count();
+    const int n = robot().joint_count();
     for (std::size_t i = 0; i < measurements_.rows; ++i) {
       if (design_->weights()[i] == 0.0) continue;
       std::vector<double> q;
-      for (int k = 1; k <= n; ++k) q.push_back(state_->column("q" + std::to_string(k))[i]);
+      for (int k = 1; k <= n; ++k) q.push_back(state().column("q" + std::to_string(k))[i]);
       standing[q].push_back(i);
     }
   }
@@ -594,8 +613,8 @@ json Fit::document() const {
   document["solver"] = {{"iterations", summary_.iterations},
                         {"converged", summary_.converged},
                         {"message", summary_.message}};
-  document["payload_point"] = {state_->payload_point().x(), state_->payload_point().y(),
-                               state_->payload_point().z()};
+  document["payload_point"] = {state().payload_point().x(), state().payload_point().y(),
+                               state().payload_point().z()};
   return document;
 }
 

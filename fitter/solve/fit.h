@@ -20,8 +20,18 @@
 
 namespace armtrue {
 
+/// What all fits to the same measurements share. Nothing in it changes.
+struct Prepared {
+  Robot robot;
+  std::unique_ptr<const State> state;
+  Measurements measurements;
+  Alignment alignment;
+  std::vector<std::string> warnings;
+};
+
 /// What a fit has found, as a place for the next fit to the same measurements to begin at.
 struct StartPoint {
+  std::shared_ptr<const Prepared> prepared;
   std::map<std::string, double> values;  ///< of linear parameters, by name
   Pose measuring_from_base = Pose::Identity();
   std::vector<Pose> flange_from_tool;  ///< by target
@@ -66,8 +76,8 @@ class Fit {
                                   const ModelSpecification& specification,
                                   const FitOptions& options);
 
-  const Robot& robot() const { return *robot_; }
-  const State& state() const { return *state_; }
+  const Robot& robot() const { return prepared_->robot; }
+  const State& state() const { return *prepared_->state; }
   const Measurements& measurements() const { return measurements_; }
   const Model& model() const { return model_; }
   const ModelSpecification& specification() const { return specification_; }
@@ -104,12 +114,15 @@ class Fit {
   /// Steps of all solutions on the way: what a start point saves.
   int solver_iterations() const { return solver_iterations_; }
 
+  /// Measures the held-out errors that a fit without FitOptions::cross_validate left out.
+  void cross_validate();
+
   /// Everything of fit.json that the numbers know (docs/model.md).
   nlohmann::json document() const;
 
  private:
   Fit() = default;
-  void prepare(const Robot& robot, const State::Columns& columns);
+  void begin();
   void rescale_noise();
   void choose_smoothness();
   void begin_at(const StartPoint& start);
@@ -119,21 +132,20 @@ class Fit {
   bool find_gross_errors();
   void fold_base_and_tool();
   Eigen::MatrixXd inverse_with_penalties(NormalEquations& equations) const;
-  void compute_covariance();
-  void count_repeats_in_covariance();
+  void compute_covariance(const EvaluatedRows& evaluated);
+  void count_repeats_in_covariance(const EvaluatedRows& evaluated);
   void measure_errors();
+  void measure_held_out_errors(const EvaluatedRows& evaluated);
   void measure_noise_floor();
   void measure_noise_floor_between_targets();
   void report(double share, const std::string& what) const {
     if (options_.progress) options_.progress(share, what);
   }
 
-  std::unique_ptr<Robot> robot_;
-  std::unique_ptr<State> state_;
+  std::shared_ptr<const Prepared> prepared_;
   Measurements measurements_;
   ModelSpecification specification_;
   FitOptions options_;
-  Alignment alignment_;
   Model model_;
   std::unique_ptr<Kinematics> kinematics_;
   std::unique_ptr<EffectContext> context_;

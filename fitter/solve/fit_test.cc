@@ -164,7 +164,9 @@ TEST(Fit, HeldOutErrorsAreThoseOfRealRefits) {
   const auto fit = fit_of(p, testing::geometry_model(), options);
   const std::vector<int> folds = make_folds(fit->design(), Folding::kRandom, 5, 0);
   const std::vector<double> linearised =
-      held_out_distances(fit->design(), folds, 5, fit->smoothness_sigma());
+      held_out_distances(fit->design(), evaluate_rows(fit->design()), {folds}, 5,
+                         fit->smoothness_sigma())
+          .front();
   for (int fold = 0; fold < 5; ++fold) {
     std::vector<std::size_t> inside, outside;
     for (std::size_t i = 0; i < folds.size(); ++i)

@@ -37,13 +37,32 @@ std::vector<PenaltyRow> penalty_rows(const Design& design, double smoothness_sig
 
 void NormalEquations::add(const Design::Row& row, int residuals) {
   const auto touched = static_cast<Eigen::Index>(row.unknowns.size());
-  for (Eigen::Index a = 0; a < touched; ++a) {
-    const int ua = row.unknowns[static_cast<std::size_t>(a)];
-    gradient[ua] += row.jacobian.col(a).head(residuals).dot(row.residual.head(residuals));
-    for (Eigen::Index b = 0; b <= a; ++b) {
-      const int ub = row.unknowns[static_cast<std::size_t>(b)];
-      information(std::max(ua, ub), std::min(ua, ub)) +=
-          row.jacobian.col(a).head(residuals).dot(row.jacobian.col(b).head(residuals));
+  if (touched == 0) {
+    cost += row.residual.head(residuals).squaredNorm();
+    equations += static_cast<std::size_t>(residuals);
+    return;
+  }
+  auto across = across_.topRows(touched);
+  across = row.jacobian.leftCols(touched).transpose();
+  const int first = row.unknowns.front();
+  bool contiguous = true;
+  for (Eigen::Index a = 0; a < touched && contiguous; ++a)
+    contiguous = row.unknowns[static_cast<std::size_t>(a)] == first + a;
+  for (Eigen::Index b = 0; b < touched; ++b) {
+    const int ub = row.unknowns[static_cast<std::size_t>(b)];
+    gradient[ub] += row.jacobian.col(b).head(residuals).dot(row.residual.head(residuals));
+    const Eigen::Index left = touched - b;
+    auto products = products_.head(left);
+    products = across(b, 0) * across.col(0).tail(left) + across(b, 1) * across.col(1).tail(left) +
+               across(b, 2) * across.col(2).tail(left);
+    for (int r = 3; r < residuals; ++r) products += across(b, r) * across.col(r).tail(left);
+    if (contiguous) {
+      information.col(ub).segment(ub, left) += products;
+      continue;
+    }
+    for (Eigen::Index a = b; a < touched; ++a) {
+      const int ua = row.unknowns[static_cast<std::size_t>(a)];
+      information(std::max(ua, ub), std::min(ua, ub)) += products[a - b];
     }
   }
   const double square = row.residual.head(residuals).squaredNorm();
@@ -61,6 +80,23 @@ void NormalEquations::add(const PenaltyRow& row, const std::vector<double>& valu
       if (ub <= ua) information(ua, ub) += fa * fb;
     }
   }
+}
+
+EvaluatedRows evaluate_rows(Design& design) {
+  EvaluatedRows result;
+  for (std::size_t i = 0; i < design.rows(); ++i) {
+    if (design.weights()[i] > 0.0) result.index.push_back(i);
+  }
+  result.rows.resize(result.index.size());
+  for (std::size_t r = 0; r < result.rows.size(); ++r)
+    design.evaluate(result.index[r], true, result.rows[r]);
+  return result;
+}
+
+NormalEquations accumulate(const Design& design, const EvaluatedRows& evaluated) {
+  NormalEquations equations(design.unknowns());
+  for (const Design::Row& row : evaluated.rows) equations.add(row, design.residuals_per_row());
+  return equations;
 }
 
 NormalEquations accumulate(Design& design) {

@@ -29,13 +29,29 @@ struct NormalEquations {
 
   explicit NormalEquations(Eigen::Index unknowns)
       : information(Eigen::MatrixXd::Zero(unknowns, unknowns)),
-        gradient(Eigen::VectorXd::Zero(unknowns)) {}
+        gradient(Eigen::VectorXd::Zero(unknowns)),
+        across_(unknowns, 6),
+        products_(unknowns) {}
   void add(const Design::Row& row, int residuals);
   void add(const PenaltyRow& row, const std::vector<double>& values);
+
+ private:
+  // Scratch: a row's Jacobian with unknowns along memory, and one column of its square.
+  Eigen::Matrix<double, Eigen::Dynamic, 6> across_;
+  Eigen::VectorXd products_;
 };
+
+/// The rows with weight of a design, evaluated with their Jacobian at its present values.
+struct EvaluatedRows {
+  std::vector<std::size_t> index;  ///< row of the design
+  std::vector<Design::Row> rows;
+};
+EvaluatedRows evaluate_rows(Design& design);
 
 /// Accumulates over all rows of a design.
 NormalEquations accumulate(Design& design);
+/// The same over rows that are evaluated already.
+NormalEquations accumulate(const Design& design, const EvaluatedRows& evaluated);
 
 /// Scaled Cholesky factor of a symmetric positive matrix, given its lower triangle.
 class ScaledCholesky {
