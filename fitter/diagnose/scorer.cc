@@ -5,6 +5,8 @@
 #include <cmath>
 #include <map>
 
+#include "fitter/solve/dense.h"
+
 namespace armtrue {
 namespace {
 
@@ -160,7 +162,7 @@ std::vector<BlockScore> Scorer::score(const std::vector<Block>& blocks) const {
       }
     }
     replicates_.whiten(columns, height_, correlation_);
-    const Eigen::MatrixXd cross = jacobian_.transpose() * columns;
+    const Eigen::MatrixXd cross = transpose_times(jacobian_, columns);
     at = 0;
     for (std::size_t b = first; b < last; ++b) {
       scores[b] =
@@ -191,7 +193,7 @@ BlockScore Scorer::judge(const Block& block, const Eigen::MatrixXd& columns,
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(information);
   Eigen::VectorXd solution = Eigen::VectorXd::Zero(width);
   Eigen::MatrixXd inverse = Eigen::MatrixXd::Zero(width, width);
-  int rank = 0;
+  std::vector<Eigen::Index> used;
   double gain = 0.0;
   for (Eigen::Index k = 0; k < width; ++k) {
     const double share = eigen.eigenvalues()[k];
@@ -209,9 +211,9 @@ BlockScore Scorer::judge(const Block& block, const Eigen::MatrixXd& columns,
     gain += projection * projection / share;
     solution -= direction * (projection / share);
     inverse += direction * direction.transpose() / share;
-    ++rank;
+    used.push_back(k);
   }
-  score.degrees = rank + block.searched;
+  score.degrees = static_cast<int>(used.size()) + block.searched;
   score.coefficient.resize(static_cast<std::size_t>(width));
   score.sigma.resize(static_cast<std::size_t>(width));
   double least = 1.0;
@@ -222,7 +224,7 @@ BlockScore Scorer::judge(const Block& block, const Eigen::MatrixXd& columns,
     if (norm[c] > 0.0) least = std::min(least, information(c, c));
   }
   score.separability = least;
-  if (rank == 0) {
+  if (used.empty()) {
     score.objection = "the data cannot tell it from what is fitted already";
     return score;
   }
@@ -236,8 +238,8 @@ BlockScore Scorer::judge(const Block& block, const Eigen::MatrixXd& columns,
   score.log10_p =
       log10_f_survival((gain / score.degrees) / (after / freedom), score.degrees, freedom);
   if (score.log10_p < kWorthRobust) {
-    score.log10_p = std::max(score.log10_p,
-                             robust_log10_p(columns, cross, scale, eigen, solution, score.degrees));
+    score.log10_p = std::max(
+        score.log10_p, robust_log10_p(columns, cross, scale, eigen, used, solution, score.degrees));
   }
   score.delta_bic = n * std::log(after / rss) + score.degrees * std::log(n);
   for (std::size_t c = 0; c < block.terms.parameters.size(); ++c) {
@@ -257,16 +259,9 @@ BlockScore Scorer::judge(const Block& block, const Eigen::MatrixXd& columns,
 double Scorer::robust_log10_p(const Eigen::MatrixXd& columns, const Eigen::MatrixXd& cross,
                               const Eigen::VectorXd& scale,
                               const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>& eigen,
+                              const std::vector<Eigen::Index>& used,
                               const Eigen::VectorXd& solution, int degrees) const {
-  // Only directions that the plain test used: `solution` is zero along the others.
-  std::vector<Eigen::Index> used;
-  for (Eigen::Index k = 0; k < eigen.eigenvalues().size(); ++k) {
-    if (eigen.eigenvalues()[k] >= kSmallestShare &&
-        eigen.eigenvectors().col(k).dot(solution) != 0.0)
-      used.push_back(k);
-  }
   const auto rank = static_cast<Eigen::Index>(used.size());
-  if (rank == 0) return 0.0;
   Eigen::MatrixXd directions(columns.cols(), rank);
   for (Eigen::Index k = 0; k < rank; ++k)
     directions.col(k) = eigen.eigenvectors().col(used[static_cast<std::size_t>(k)]);

@@ -47,11 +47,12 @@ class Scorer {
  private:
   // Wald test with the scatter of the poses themselves (White's, clustered by pose and its
   // repeats): what is left over after the block need not be white, and acts along few directions
-  // when something else is missing too.
+  // when something else is missing too. `used`: the directions that the plain test used.
   double robust_log10_p(const Eigen::MatrixXd& columns, const Eigen::MatrixXd& cross,
                         const Eigen::VectorXd& scale,
                         const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>& eigen,
-                        const Eigen::VectorXd& solution, int degrees) const;
+                        const std::vector<Eigen::Index>& used, const Eigen::VectorXd& solution,
+                        int degrees) const;
   BlockScore judge(const Block& block, const Eigen::MatrixXd& columns,
                    const Eigen::MatrixXd& cross) const;
 

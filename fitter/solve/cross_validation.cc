@@ -106,11 +106,12 @@ std::vector<std::vector<double>> held_out_distances(const Design& design,
         (std::sqrt(design.weights()[i]) * design.measurements().whiten_position[i]).inverse());
   }
   std::vector<std::vector<double>> result;
+  NormalEquations own(design.unknowns());
   for (const std::vector<int>& fold_of_row : foldings) {
     std::vector<double>& distance =
         result.emplace_back(design.rows(), std::numeric_limits<double>::quiet_NaN());
     for (int fold = 0; fold < folds; ++fold) {
-      NormalEquations own(design.unknowns());
+      own.set_zero();
       for (std::size_t r = 0; r < evaluated.rows.size(); ++r) {
         if (fold_of_row[evaluated.index[r]] == fold)
           own.add(evaluated.rows[r], design.residuals_per_row());

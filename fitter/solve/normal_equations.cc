@@ -2,6 +2,8 @@
 
 #include <cmath>
 
+#include "fitter/solve/dense.h"
+
 namespace armtrue {
 
 std::vector<PenaltyRow> penalty_rows(const Design& design, double smoothness_sigma) {
@@ -33,6 +35,13 @@ std::vector<PenaltyRow> penalty_rows(const Design& design, double smoothness_sig
     if (!row.entries.empty()) rows.push_back(std::move(row));
   }
   return rows;
+}
+
+void NormalEquations::set_zero() {
+  information.setZero();
+  gradient.setZero();
+  cost = 0.0;
+  equations = 0;
 }
 
 void NormalEquations::add(const Design::Row& row, int residuals) {
@@ -114,33 +123,42 @@ ScaledCholesky::ScaledCholesky(const Eigen::MatrixXd& lower) : scale_(lower.rows
   for (Eigen::Index i = 0; i < lower.rows(); ++i) {
     scale_[i] = lower(i, i) > 0.0 ? 1.0 / std::sqrt(lower(i, i)) : 1.0;
   }
-  Eigen::MatrixXd scaled = scale_.asDiagonal() * lower * scale_.asDiagonal();
+  factor_ = scale_.asDiagonal() * lower * scale_.asDiagonal();
   // A rounding error's worth of ridge: exact dependencies are decided before, by rank, and not
   // here.
-  scaled.diagonal().array() += 1e-14;
-  factor_.compute(scaled.selfadjointView<Eigen::Lower>());
+  factor_.diagonal().array() += 1e-14;
+  ok_ = factorise_cholesky(factor_);
 }
 
 Eigen::VectorXd ScaledCholesky::solve(const Eigen::VectorXd& right) const {
-  return scale_.cwiseProduct(factor_.solve(scale_.cwiseProduct(right)));
+  Eigen::VectorXd result = scale_.cwiseProduct(right);
+  factor_.triangularView<Eigen::Lower>().solveInPlace(result);
+  factor_.triangularView<Eigen::Lower>().transpose().solveInPlace(result);
+  return scale_.cwiseProduct(result);
 }
 
 Eigen::MatrixXd ScaledCholesky::solve_matrix(const Eigen::MatrixXd& right) const {
-  return scale_.asDiagonal() * factor_.solve(scale_.asDiagonal() * right);
+  Eigen::MatrixXd result = scale_.asDiagonal() * right;
+  factor_.triangularView<Eigen::Lower>().solveInPlace(result);
+  factor_.triangularView<Eigen::Lower>().transpose().solveInPlace(result);
+  return scale_.asDiagonal() * result;
 }
 
 Eigen::MatrixXd ScaledCholesky::inverse() const {
-  const Eigen::Index n = scale_.size();
-  return scale_.asDiagonal() * factor_.solve(Eigen::MatrixXd::Identity(n, n)) * scale_.asDiagonal();
+  Eigen::MatrixXd lower = factor_;
+  invert_cholesky(lower);
+  const Eigen::MatrixXd whole = lower.selfadjointView<Eigen::Lower>();
+  return scale_.asDiagonal() * whole * scale_.asDiagonal();
 }
 
 Eigen::MatrixXd ScaledCholesky::half_solve(const Eigen::MatrixXd& right) const {
-  return factor_.matrixL().solve(scale_.asDiagonal() * right);
+  Eigen::MatrixXd result = scale_.asDiagonal() * right;
+  factor_.triangularView<Eigen::Lower>().solveInPlace(result);
+  return result;
 }
 
 double ScaledCholesky::log_determinant() const {
-  return 2.0 * factor_.matrixLLT().diagonal().array().log().sum() -
-         2.0 * scale_.array().log().sum();
+  return 2.0 * factor_.diagonal().array().log().sum() - 2.0 * scale_.array().log().sum();
 }
 
 }  // namespace armtrue

@@ -2,7 +2,6 @@
 // cross-validation and the diagnosis need.
 #pragma once
 
-#include <Eigen/Cholesky>
 #include <Eigen/Core>
 #include <vector>
 
@@ -32,6 +31,7 @@ struct NormalEquations {
         gradient(Eigen::VectorXd::Zero(unknowns)),
         across_(unknowns, 6),
         products_(unknowns) {}
+  void set_zero();
   void add(const Design::Row& row, int residuals);
   void add(const PenaltyRow& row, const std::vector<double>& values);
 
@@ -57,7 +57,7 @@ NormalEquations accumulate(const Design& design, const EvaluatedRows& evaluated)
 class ScaledCholesky {
  public:
   explicit ScaledCholesky(const Eigen::MatrixXd& lower);
-  bool ok() const { return factor_.info() == Eigen::Success; }
+  bool ok() const { return ok_; }
   Eigen::VectorXd solve(const Eigen::VectorXd& right) const;
   Eigen::MatrixXd solve_matrix(const Eigen::MatrixXd& right) const;
   Eigen::MatrixXd inverse() const;
@@ -68,7 +68,8 @@ class ScaledCholesky {
 
  private:
   Eigen::VectorXd scale_;
-  Eigen::LLT<Eigen::MatrixXd> factor_;
+  Eigen::MatrixXd factor_;  // lower triangle
+  bool ok_;
 };
 
 }  // namespace armtrue

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <optional>
 
+#include "fitter/solve/dense.h"
 #include "fitter/solve/normal_equations.h"
 
 namespace armtrue {
@@ -144,7 +145,7 @@ class ReducedProblem {
 
   template <typename Columns>
   Columns eliminate(Columns a) const {
-    a -= others_columns_ * others_factor_->solve_matrix(others_columns_.transpose() * a);
+    a -= others_columns_ * others_factor_->solve_matrix(transpose_times(others_columns_, a));
     return a;
   }
 

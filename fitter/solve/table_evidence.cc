@@ -47,8 +47,8 @@ double log_determinant(const Eigen::MatrixXd& lower, const std::vector<int>& unk
 }
 
 double occam_factor(const Split& split, const Eigen::MatrixXd& posterior,
-                    const Eigen::MatrixXd& prior) {
-  return ScaledCholesky(posterior).log_determinant() - log_determinant(posterior, split.other) -
+                    const ScaledCholesky& factor, const Eigen::MatrixXd& prior) {
+  return factor.log_determinant() - log_determinant(posterior, split.other) -
          log_determinant(prior, split.table);
 }
 
@@ -64,7 +64,9 @@ TableEvidence table_evidence(const Design& design, const Eigen::MatrixXd& inform
   NormalEquations posterior(information.rows());
   posterior.information = information.triangularView<Eigen::Lower>();
   for (const PenaltyRow& row : rows) posterior.add(row, values);
-  return {prior.penalty, occam_factor(split, posterior.information, prior.equations.information)};
+  return {prior.penalty,
+          occam_factor(split, posterior.information, ScaledCholesky(posterior.information),
+                       prior.equations.information)};
 }
 
 double likeliest_smoothness(Design& design, const std::vector<double>& candidates) {
@@ -78,7 +80,8 @@ double likeliest_smoothness(Design& design, const std::vector<double>& candidate
     NormalEquations posterior = data;
     const std::vector<PenaltyRow> rows = penalty_rows(design, smoothness);
     for (const PenaltyRow& row : rows) posterior.add(row, values);
-    const Eigen::VectorXd step = -ScaledCholesky(posterior.information).solve(posterior.gradient);
+    const ScaledCholesky factor(posterior.information);
+    const Eigen::VectorXd step = -factor.solve(posterior.gradient);
     const double misfit = data.cost + 2.0 * data.gradient.dot(step) +
                           step.dot(data.information.selfadjointView<Eigen::Lower>() * step);
     std::vector<double> solution = values;
@@ -87,7 +90,7 @@ double likeliest_smoothness(Design& design, const std::vector<double>& candidate
     const Prior prior(design, rows, solution);
     const double evidence =
         n * std::log(std::max(misfit + prior.penalty, std::numeric_limits<double>::min())) +
-        occam_factor(split, posterior.information, prior.equations.information);
+        occam_factor(split, posterior.information, factor, prior.equations.information);
     if (evidence >= least) continue;
     least = evidence;
     likeliest = smoothness;

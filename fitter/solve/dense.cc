@@ -1,0 +1,58 @@
+#include "fitter/solve/dense.h"
+
+extern "C" {
+void dpotrf_(const char* part, const int* size, double* matrix, const int* stride, int* info);
+void dpotri_(const char* part, const int* size, double* matrix, const int* stride, int* info);
+void dgemm_(const char* turn_a, const char* turn_b, const int* rows, const int* columns,
+            const int* depth, const double* alpha, const double* a, const int* stride_a,
+            const double* b, const int* stride_b, const double* beta, double* c,
+            const int* stride_c);
+// Only where the BLAS is OpenBLAS.
+__attribute__((weak)) void openblas_set_num_threads(int threads);
+}
+
+namespace armtrue {
+namespace {
+
+// Fits run side by side already (parallel.h); threads of the BLAS beside them only get in the way.
+void be_single_threaded() {
+  static const bool done = [] {
+    if (openblas_set_num_threads) openblas_set_num_threads(1);
+    return true;
+  }();
+  static_cast<void>(done);
+}
+
+}  // namespace
+
+bool factorise_cholesky(Eigen::MatrixXd& lower) {
+  be_single_threaded();
+  const int size = static_cast<int>(lower.rows());
+  int info = 0;
+  if (size > 0) dpotrf_("L", &size, lower.data(), &size, &info);
+  return info == 0;
+}
+
+void invert_cholesky(Eigen::MatrixXd& lower) {
+  be_single_threaded();
+  const int size = static_cast<int>(lower.rows());
+  int info = 0;
+  if (size > 0) dpotri_("L", &size, lower.data(), &size, &info);
+}
+
+Eigen::MatrixXd transpose_times(const Eigen::Ref<const Eigen::MatrixXd>& a,
+                                const Eigen::Ref<const Eigen::MatrixXd>& b) {
+  be_single_threaded();
+  Eigen::MatrixXd result = Eigen::MatrixXd::Zero(a.cols(), b.cols());
+  if (result.size() == 0 || a.rows() == 0) return result;
+  const int rows = static_cast<int>(a.cols()), columns = static_cast<int>(b.cols());
+  const int depth = static_cast<int>(a.rows());
+  const int stride_a = static_cast<int>(a.outerStride());
+  const int stride_b = static_cast<int>(b.outerStride());
+  const double one = 1.0, zero = 0.0;
+  dgemm_("T", "N", &rows, &columns, &depth, &one, a.data(), &stride_a, b.data(), &stride_b, &zero,
+         result.data(), &rows);
+  return result;
+}
+
+}  // namespace armtrue

@@ -1,0 +1,22 @@
+// Dense linear algebra by the machine's BLAS and LAPACK. Eigen is compiled for every x86-64, and a
+// BLAS that knows the processor (Debian: OpenBLAS) is several times faster from a hundred unknowns
+// on (docs/decisions/0064-lapack-for-dense.md).
+#pragma once
+
+#include <Eigen/Core>
+
+namespace armtrue {
+
+/// Cholesky factor in place of a symmetric matrix of which the lower triangle is read and written
+/// (LAPACK dpotrf). False where the matrix is not positive definite; what it holds is then no
+/// factor.
+bool factorise_cholesky(Eigen::MatrixXd& lower);
+
+/// From the factor to the inverse, lower triangle (LAPACK dpotri).
+void invert_cholesky(Eigen::MatrixXd& lower);
+
+/// aᵀ b (BLAS dgemm).
+Eigen::MatrixXd transpose_times(const Eigen::Ref<const Eigen::MatrixXd>& a,
+                                const Eigen::Ref<const Eigen::MatrixXd>& b);
+
+}  // namespace armtrue

@@ -1,0 +1,78 @@
+#include "fitter/solve/dense.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/LU>
+
+#include "fitter/solve/normal_equations.h"
+
+namespace armtrue {
+namespace {
+
+Eigen::MatrixXd some_matrix(Eigen::Index rows, Eigen::Index columns) {
+  Eigen::MatrixXd m(rows, columns);
+  for (Eigen::Index c = 0; c < columns; ++c) {
+    for (Eigen::Index r = 0; r < rows; ++r) {
+      m(r, c) = std::sin(1.0 + 7.0 * static_cast<double>(r) + 0.37 * static_cast<double>(c * c));
+    }
+  }
+  return m;
+}
+
+class Size : public ::testing::TestWithParam<Eigen::Index> {};
+INSTANTIATE_TEST_SUITE_P(Sizes, Size, ::testing::Values(0, 1, 2, 7, 64, 200));
+
+TEST_P(Size, ScaledCholeskySolvesInvertsAndMeasures) {
+  const Eigen::Index n = GetParam();
+  const Eigen::MatrixXd half = some_matrix(n + 5, n);
+  Eigen::VectorXd units(n);  // as far apart as metres and radians per newton metre
+  for (Eigen::Index i = 0; i < n; ++i) units[i] = std::pow(10.0, static_cast<double>(i % 7) - 3.0);
+  Eigen::MatrixXd full = half.transpose() * half + Eigen::MatrixXd::Identity(n, n);
+  full = (units.asDiagonal() * full * units.asDiagonal()).eval();
+  Eigen::MatrixXd lower = full;
+  lower.triangularView<Eigen::StrictlyUpper>().setConstant(1e30);  // is not to be read
+
+  const ScaledCholesky factor(lower);
+  ASSERT_TRUE(factor.ok());
+  const Eigen::MatrixXd identity = Eigen::MatrixXd::Identity(n, n);
+  // In units in which the unknowns are of one size.
+  const auto error = [&](const Eigen::MatrixXd& inverse) {
+    const Eigen::MatrixXd m =
+        units.cwiseInverse().asDiagonal() * (full * inverse) * units.asDiagonal();
+    return n == 0 ? 0.0 : (m - identity).cwiseAbs().maxCoeff();
+  };
+  EXPECT_LT(error(factor.inverse()), 1e-9);
+  EXPECT_LT(error(factor.solve_matrix(identity)), 1e-9);
+  if (n == 0) return;
+  const Eigen::VectorXd right = full * Eigen::VectorXd::Ones(n).cwiseQuotient(units);
+  EXPECT_LT(
+      (factor.solve(right).cwiseProduct(units) - Eigen::VectorXd::Ones(n)).cwiseAbs().maxCoeff(),
+      1e-9);
+  const Eigen::MatrixXd coordinates = factor.half_solve(identity);
+  EXPECT_LT(error(coordinates.transpose() * coordinates), 1e-9);
+  double expected = 2.0 * units.array().log().sum();
+  const Eigen::MatrixXd even = half.transpose() * half + identity;
+  expected += even.partialPivLu().matrixLU().diagonal().array().abs().log().sum();
+  EXPECT_NEAR(factor.log_determinant(), expected, 1e-8 * std::max(1.0, std::abs(expected)));
+}
+
+TEST(ScaledCholesky, SaysWhereThereIsNoFactor) {
+  Eigen::MatrixXd m = Eigen::MatrixXd::Identity(3, 3);
+  m(2, 0) = 2.0;
+  EXPECT_FALSE(ScaledCholesky(m).ok());
+}
+
+TEST_P(Size, TransposeTimesIsTheProductAlsoOfPartsOfMatrices) {
+  const Eigen::Index n = GetParam();
+  const Eigen::MatrixXd a = some_matrix(n + 3, n + 2), b = some_matrix(n + 3, 4);
+  const auto left = a.block(1, 1, n, n);
+  const auto right = b.block(2, 1, n, 2);
+  const Eigen::MatrixXd expected = left.transpose().lazyProduct(right);
+  const Eigen::MatrixXd product = transpose_times(left, right);
+  ASSERT_EQ(product.rows(), n);
+  ASSERT_EQ(product.cols(), 2);
+  EXPECT_LE((product - expected).norm(), 1e-12 * (1.0 + expected.norm()));
+}
+
+}  // namespace
+}  // namespace armtrue
