@@ -29,6 +29,8 @@ constexpr double kEqualEvidence = 4.0;
 constexpr double kStrangest = 20.0;
 // Candidates of which a table leaves less than this to be seen are refitted beside it.
 constexpr double kHiddenShare = 0.3;
+// The share of the evidence asked for that linear algebra must promise before a refit is made.
+constexpr double kWorthRefit = 0.5;
 constexpr double kSameExplanation =
     0.9;  // share of the best candidate's that makes another one confounded with it
 // A rival that explains this much of its own beside a candidate is another effect, no alternative.
@@ -38,6 +40,7 @@ constexpr double kLowestLine = 2.5;  // below this, harmonics and geometry tell 
 constexpr int kLookAhead = 8;
 constexpr std::size_t kManyUnknowns = 12;     // of a candidate: a table's, whose refit takes long
 constexpr std::size_t kLargeCampaign = 2000;  // rows
+constexpr std::size_t kLargeModel = 400;      // parameters: tables on several joints
 
 std::string percent(double share) {
   char text[32];
@@ -282,16 +285,43 @@ std::vector<std::size_t> confirmed_of(
   return confirmed;
 }
 
+// Candidates that the fit's tables hide and that, as far as linear algebra can say, would bring
+// enough with the smoothness of the tables chosen anew.
+std::vector<std::size_t> worth_a_refit_beside_tables(Fit& fit, const Scorer& scorer,
+                                                     const std::vector<Candidate>& candidates) {
+  std::vector<std::size_t> hidden;
+  std::vector<Block> blocks;
+  std::vector<Eigen::Index> widths;
+  for (std::size_t i = 0; i < candidates.size(); ++i) {
+    const Candidate& c = candidates[i];
+    if (!is_beside_table(fit, c.request) || c.score.separability >= kHiddenShare) continue;
+    hidden.push_back(i);
+    blocks.push_back(c.block);
+    widths.push_back(static_cast<Eigen::Index>(c.block.terms.parameters.size()));
+  }
+  if (hidden.empty()) return hidden;
+  const EvaluatedRows evaluated = evaluate_rows(fit.design());
+  std::vector<Eigen::Index> kept;
+  for (const std::size_t row : evaluated.index) {
+    for (int h = 0; h < scorer.height(); ++h)
+      kept.push_back(static_cast<Eigen::Index>(row) * scorer.height() + h);
+  }
+  const Eigen::MatrixXd columns = scorer.columns(blocks)(kept, Eigen::all);
+  const std::vector<double> changes =
+      bic_changes_beside_tables(fit.design(), evaluated, columns, widths, smoothnesses());
+  std::vector<std::size_t> worth;
+  for (std::size_t k = 0; k < hidden.size(); ++k) {
+    if (changes[k] <= -kWorthRefit * kBesideTable) worth.push_back(hidden[k]);
+  }
+  return worth;
+}
+
 // What a table on its joint can follow is hidden from the score at the table's own smoothness; with
 // the effect in, the table may become smoother. Such candidates are refitted with smoothness anew.
 // Returns those that hold.
-std::vector<std::size_t> hidden_by_tables(Fit& fit, double bic,
+std::vector<std::size_t> hidden_by_tables(Fit& fit, const Scorer& scorer, double bic,
                                           std::vector<Candidate>& candidates) {
-  std::vector<std::size_t> hidden;
-  for (std::size_t i = 0; i < candidates.size(); ++i) {
-    const Candidate& c = candidates[i];
-    if (is_beside_table(fit, c.request) && c.score.separability < kHiddenShare) hidden.push_back(i);
-  }
+  const std::vector<std::size_t> hidden = worth_a_refit_beside_tables(fit, scorer, candidates);
   std::vector<char> holds(hidden.size(), 0);
   in_parallel(hidden.size(), [&](std::size_t k) {
     Candidate trial = candidates[hidden[k]];
@@ -590,6 +620,10 @@ bool is_beside_table(const Fit& fit, const EffectRequest& request) {
       });
 }
 
+bool is_large(const Fit& fit) {
+  return fit.measurements().rows > kLargeCampaign || fit.model().parameters.size() > kLargeModel;
+}
+
 Diagnosis diagnose(Fit& fit, const DiagnoseOptions& options) {
   const auto report = [&](double share, const char* what) {
     if (options.progress) options.progress(share, what);
@@ -612,7 +646,7 @@ Diagnosis diagnose(Fit& fit, const DiagnoseOptions& options) {
 
   report(0.4, "confirming by refit");
   const double bic = bayesian_information(fit);
-  const bool large = fit.design().rows() > kLargeCampaign;
+  const bool large = is_large(fit);
   const std::size_t most = large ? std::min<std::size_t>(options.confirmed, 3) : options.confirmed;
   const std::vector<std::size_t> promising = promising_of(d.candidates, most);
   Structure structure;
@@ -623,7 +657,7 @@ Diagnosis diagnose(Fit& fit, const DiagnoseOptions& options) {
   std::vector<std::size_t> accepted =
       look_at_once ? confirmed_of(fit, bic, d.candidates, promising, report, look_for_structure)
                    : confirmed_of(fit, bic, d.candidates, promising, report);
-  if (accepted.empty() && !large) accepted = hidden_by_tables(fit, bic, d.candidates);
+  if (accepted.empty()) accepted = hidden_by_tables(fit, scorer, bic, d.candidates);
   d.lack_of_fit = lack_of_fit(scorer, fit);
   if (accepted.empty() && options.look_ahead && d.lack_of_fit.testable &&
       d.lack_of_fit.log10_p < kStructureSignificant) {
@@ -649,8 +683,8 @@ Diagnosis diagnose(Fit& fit, const DiagnoseOptions& options) {
     const std::size_t best = choose(d.candidates, accepted);
     Candidate& winner = d.candidates[best];
     if (find_effect(winner.request.effect).generic()) widen_tables(fit, bic, d.candidates, winner);
-    // On large campaigns the look ahead would take minutes; there the end of a refinement shows
-    // what outlives it.
+    // Where a refit takes seconds the look ahead would take minutes; there the end of a refinement
+    // shows what outlives it.
     proxy = options.look_ahead && !large && is_proxy(fit, winner, structure, options);
     winner.recommend = !proxy;
     winner.why = proxy ? "stands in for structure that no effect of the catalogue names"

@@ -62,6 +62,10 @@ constexpr double kBesideTable = 25.0;
 /// True for an effect with a shape of its own on a joint on which the fit also has a table.
 bool is_beside_table(const Fit& fit, const EffectRequest& request);
 
+/// True where one refit takes seconds, by the number of rows or of unknowns: no look ahead then,
+/// and fewer trials.
+bool is_large(const Fit& fit);
+
 Diagnosis diagnose(Fit& fit, const DiagnoseOptions& options);
 
 /// Bayesian information criterion of a fit, up to a constant of the data set: comparable between

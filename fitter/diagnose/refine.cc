@@ -16,10 +16,8 @@ namespace {
 
 using nlohmann::json;
 
-// On large campaigns, where refits take long, Wald's approximation says whether a removal is worth
-// one.
+// Where refits take long, Wald's approximation says whether a removal is worth one.
 constexpr double kWorthTrying = 40.0;
-constexpr std::size_t kLargeCampaign = 2000;
 constexpr double kBetterSwap = 1.0;
 // Where another effect stands in for one exactly, nothing is gained by taking it out.
 constexpr double kWorthRemoving = 2.0;
@@ -120,7 +118,7 @@ void prune(std::shared_ptr<Fit>& fit, const std::vector<EffectRequest>& keep,
            std::vector<EffectRequest>& removed) {
   for (bool again = true; again;) {
     again = false;
-    const bool large = fit->design().rows() > kLargeCampaign;
+    const bool large = is_large(*fit);
     std::vector<Removal> removals;
     for (const EffectRequest& request : removable(*fit)) {
       const bool just_added = std::any_of(keep.begin(), keep.end(), [&](const EffectRequest& k) {
@@ -367,7 +365,7 @@ std::vector<RefineStep> refine(std::shared_ptr<Fit> fit, const RefineOptions& op
     // against the catalogue again.
     Candidate put_in;
     std::vector<EffectRequest> removed;
-    const bool large = fit->design().rows() > kLargeCampaign;
+    const bool large = is_large(*fit);
     if (large || added.size() < 2 || swaps++ >= kMostSwaps ||
         !swap(fit, added, removed, put_in, options))
       break;

@@ -132,10 +132,38 @@ Scorer::Scorer(Fit& fit)
   freedom_ = std::max(1.0, static_cast<double>(residual_.size()) - fit.effective_unknowns());
 }
 
+Eigen::MatrixXd Scorer::columns(std::span<const Block> blocks) const {
+  BasisCache cache;
+  return columns(blocks, cache);
+}
+
+Eigen::MatrixXd Scorer::columns(std::span<const Block> blocks, BasisCache& cache) const {
+  Eigen::Index width = 0;
+  for (const Block& block : blocks)
+    width += static_cast<Eigen::Index>(block.terms.parameters.size());
+  Eigen::MatrixXd result = Eigen::MatrixXd::Zero(residual_.size(), width);
+  Eigen::Index at = 0;
+  for (const Block& block : blocks) {
+    for (const Parameter& p : block.terms.parameters) {
+      for (const Term& term : p.terms) {
+        const std::vector<double>& basis = basis_values(term, fit_.state(), cache);
+        const double* coordinate = geometry_.col(layout_.index(term.coordinate)).data();
+        double* column = result.col(at).data();
+        for (const std::size_t row : rows_) {
+          const double value = term.weight * basis[row];
+          for (int h = 0; h < height_; ++h) *column++ += value * *coordinate++;
+        }
+      }
+      ++at;
+    }
+  }
+  return result;
+}
+
 std::vector<BlockScore> Scorer::score(const std::vector<Block>& blocks) const {
   // Blocks go through in batches, so that one matrix product serves many and memory stays small.
   constexpr Eigen::Index kBatchColumns = 256;
-  std::map<std::string, std::vector<double>> cache;
+  BasisCache cache;
   std::vector<BlockScore> scores(blocks.size());
   const auto width_of = [&](std::size_t b) {
     return static_cast<Eigen::Index>(blocks[b].terms.parameters.size());
@@ -145,25 +173,10 @@ std::vector<BlockScore> Scorer::score(const std::vector<Block>& blocks) const {
     Eigen::Index width = 0;
     while (last < blocks.size() && (last == first || width + width_of(last) <= kBatchColumns))
       width += width_of(last++);
-    Eigen::MatrixXd columns = Eigen::MatrixXd::Zero(residual_.size(), width);
-    Eigen::Index at = 0;
-    for (std::size_t b = first; b < last; ++b) {
-      for (const Parameter& p : blocks[b].terms.parameters) {
-        for (const Term& term : p.terms) {
-          const std::vector<double>& basis = basis_values(term, fit_.state(), cache);
-          const double* coordinate = geometry_.col(layout_.index(term.coordinate)).data();
-          double* column = columns.col(at).data();
-          for (const std::size_t row : rows_) {
-            const double value = term.weight * basis[row];
-            for (int h = 0; h < height_; ++h) *column++ += value * *coordinate++;
-          }
-        }
-        ++at;
-      }
-    }
+    Eigen::MatrixXd columns = this->columns(std::span(blocks).subspan(first, last - first), cache);
     replicates_.whiten(columns, height_, correlation_);
     const Eigen::MatrixXd cross = transpose_times(jacobian_, columns);
-    at = 0;
+    Eigen::Index at = 0;
     for (std::size_t b = first; b < last; ++b) {
       scores[b] =
           judge(blocks[b], columns.middleCols(at, width_of(b)), cross.middleCols(at, width_of(b)));

@@ -3,6 +3,8 @@
 #pragma once
 
 #include <Eigen/Eigenvalues>
+#include <map>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -33,6 +35,10 @@ class Scorer {
 
   std::vector<BlockScore> score(const std::vector<Block>& blocks) const;
 
+  /// Columns of all parameters of some blocks, one after the other: whitened by the instrument as
+  /// residual() is, not yet by repeats.
+  Eigen::MatrixXd columns(std::span<const Block> blocks) const;
+
   std::size_t equations() const { return static_cast<std::size_t>(residual_.size()); }
   double residual_sum() const { return residual_.squaredNorm(); }
   double degrees_of_freedom() const { return freedom_; }
@@ -55,6 +61,9 @@ class Scorer {
                         int degrees) const;
   BlockScore judge(const Block& block, const Eigen::MatrixXd& columns,
                    const Eigen::MatrixXd& cross) const;
+
+  using BasisCache = std::map<std::string, std::vector<double>>;
+  Eigen::MatrixXd columns(std::span<const Block> blocks, BasisCache& cache) const;
 
   Fit& fit_;
   CoordinateLayout layout_;

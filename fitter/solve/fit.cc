@@ -190,8 +190,7 @@ bool Fit::smooth() const {
 
 void Fit::choose_smoothness() {
   if (!smooth() || options_.smoothness_sigma) return;
-  smoothness_sigma_ = likeliest_smoothness(
-      *design_, {1e-6, 4e-6, 1e-5, 2e-5, 4e-5, 7e-5, 1e-4, 1.5e-4, 2.5e-4, 5e-4});
+  smoothness_sigma_ = likeliest_smoothness(*design_, smoothnesses());
 }
 
 bool Fit::find_gross_errors() {

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <limits>
 
 #include "fitter/solve/identifiability.h"
 #include "fitter/solve/least_squares.h"
@@ -82,6 +83,72 @@ TEST(TableEvidence, FindsTheSmoothnessThatTheTableHas) {
       Design design = solved(arm.problem, 3e-5);
       const double found = likeliest_smoothness(design, tried);
       EXPECT_LE(std::abs(std::log10(found / sigma)), 0.6) << sigma << " seed " << seed;
+    }
+  }
+}
+
+// −2 log of the marginal likelihood at the best of some smoothnesses, each solved for.
+double least_evidence(Design& design, const std::vector<double>& tried) {
+  double least = std::numeric_limits<double>::infinity();
+  for (const double smoothness : tried) {
+    solve(design, smoothness);
+    const NormalEquations data = accumulate(design);
+    const TableEvidence tables = table_evidence(design, data.information, smoothness);
+    least =
+        std::min(least, static_cast<double>(data.equations) * std::log(data.cost + tables.penalty) +
+                            tables.occam);
+  }
+  return least;
+}
+
+TEST(TableEvidence, OfBlocksBesideATableIsThatOfRealRefits) {
+  const std::vector<double> tried{1e-6, 1e-5, 1e-4, 1e-3};
+  for (const double amplitude : {0.0, 5e-5}) {
+    Random random(9);
+    json model = table_model(0.3);
+    model["effects"].push_back({{"effect", "gear_harmonics"}, {"joints", {3}}, {"orders", {4}}});
+    const Problem with(
+        testing::industrial_arm(), model, {300, false, 1, kNoise, 2e-5, {}}, random,
+        [&](const Parameter& p) { return p.effect == "gear_harmonics" ? amplitude : 0.0; });
+    Design whole = with.make_design();
+    std::vector<int> all = identify(whole).kept, rest, block;
+    for (const int p : all) {
+      (with.model.parameters[static_cast<std::size_t>(p)].effect == "gear_harmonics" ? block : rest)
+          .push_back(p);
+    }
+    ASSERT_EQ(block.size(), 2u);
+    whole.set_free(rest);
+    const double without = least_evidence(whole, tried);
+    solve(whole, 1e-6);
+    const EvaluatedRows evaluated = evaluate_rows(whole);
+    whole.set_free(all);
+    Eigen::MatrixXd columns = Eigen::MatrixXd::Zero(900, 2);
+    Design::Row row;
+    for (std::size_t i = 0; i < 300; ++i) {
+      whole.evaluate(i, true, row);
+      for (std::size_t u = 0; u < row.unknowns.size(); ++u) {
+        for (std::size_t b = 0; b < 2; ++b) {
+          if (row.unknowns[u] != whole.unknown_of(block[b])) continue;
+          columns.block<3, 1>(3 * static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(b)) =
+              row.jacobian.block<3, 1>(0, static_cast<Eigen::Index>(u));
+        }
+      }
+    }
+    whole.set_free(rest);
+    // Twice the same block, to see that blocks do not see each other.
+    Eigen::MatrixXd twice(900, 4);
+    twice << columns, columns;
+    const std::vector<double> changes =
+        bic_changes_beside_tables(whole, evaluated, twice, {2, 2}, tried);
+    whole.set_free(all);
+    const double expected = least_evidence(whole, tried) + 2.0 * std::log(900.0) - without;
+    ASSERT_EQ(changes.size(), 2u);
+    EXPECT_EQ(changes[0], changes[1]);
+    EXPECT_NEAR(changes[0], expected, 1.0 + 0.02 * std::abs(expected)) << amplitude;
+    if (amplitude > 0.0) {
+      EXPECT_LT(changes[0], -25.0);
+    } else {
+      EXPECT_GT(changes[0], 0.0);
     }
   }
 }
