@@ -26,9 +26,11 @@ def checkout(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def keep(checkout: Path, name: str, printed: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, str(checkout / "tools/into_results.py"), name]
-    return subprocess.run(command, input=printed, capture_output=True, text=True, check=False)
+def keep(checkout: Path, name: str, printed: str, then: str = "") -> subprocess.CompletedProcess[str]:
+    """Keep what a command prints that then does something more."""
+    program = f"import sys; print({printed!r}, end='', flush=True)\n{then}"
+    command = [sys.executable, str(checkout / "tools/into_results.py"), name, sys.executable, "-c", program]
+    return subprocess.run(command, capture_output=True, text=True, check=False)
 
 
 def page_of(checkout: Path) -> str:
@@ -53,12 +55,25 @@ def test_what_has_no_place_or_is_empty_leaves_the_page(
     assert page_of(checkout) == before
 
 
+@pytest.mark.parametrize(("then", "status"), [("sys.exit(3)", 3), ("import os; os.kill(os.getpid(), 9)", 1)])
+def test_what_a_command_printed_that_failed_is_shown_and_not_kept(
+    checkout: Path, then: str, status: int
+) -> None:
+    before = page_of(checkout)
+    done = keep(checkout, "a", "| half a table |\n", then)
+    assert (done.returncode, done.stdout) == (status, "| half a table |\n")
+    assert len(done.stderr.splitlines()) == 1
+    assert page_of(checkout) == before
+
+
 def test_every_command_that_keeps_figures_has_its_place() -> None:
     scripts = [*(ROOT / "tools/dev.d").glob("*.sh"), *(ROOT / "tools/bench.d").glob("*.sh")]
     names = {
-        name
+        quoted or plain
         for script in scripts
-        for name in re.findall(r"into_results\.py \"?([a-z0-9 ]+?)\"?(?=[\n;<]| <)", script.read_text())
+        for quoted, plain in re.findall(
+            r"into_results\.py (?:\"([a-z0-9 ]+)\"|([a-z0-9]+))", script.read_text()
+        )
     }
     assert len(names) >= 10
     page = (ROOT / "docs/results.md").read_text(encoding="utf-8")

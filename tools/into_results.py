@@ -1,7 +1,13 @@
-"""Shows what a benchmark prints, and keeps it in docs/results.md between `<!-- NAME: begin -->` and `... end -->`."""
+"""Runs a benchmark, shows what it prints, and keeps that in docs/results.md.
+
+    into_results.py NAME COMMAND...
+
+Its place is between `<!-- NAME: begin -->` and `<!-- NAME: end -->`. What a command printed that failed or was killed is shown and not kept.
+"""
 
 from __future__ import annotations
 
+import subprocess
 import sys
 from pathlib import Path
 
@@ -9,20 +15,30 @@ RESULTS = Path(__file__).resolve().parents[1] / "docs" / "results.md"
 
 
 def main() -> int:
-    """Pass standard input on; 2 where the page has no such marks, 1 where nothing came."""
-    name, lines = sys.argv[1], []
-    for line in sys.stdin:
-        print(line, end="", flush=True)
-        lines.append(line)
-    printed = "".join(lines).strip()
+    """The command's status where it failed; 2 where the page has no such marks, 1 where nothing came."""
+    name, command = sys.argv[1], sys.argv[2:]
     begin, end = f"<!-- {name}: begin -->", f"<!-- {name}: end -->"
     text = RESULTS.read_text()
     if begin not in text or end not in text:
         print(f"into_results: {RESULTS} has no marks '{begin}' and '{end}'", file=sys.stderr)
         return 2
+    lines = []
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as running:
+        assert running.stdout is not None
+        for line in running.stdout:
+            print(line, end="", flush=True)
+            lines.append(line)
+    if running.returncode != 0:
+        print(
+            f"into_results: {command[0]} ended with status {running.returncode}, {RESULTS.name} stays",
+            file=sys.stderr,
+        )
+        return 1 if running.returncode < 0 else running.returncode
+    printed = "".join(lines).strip()
     if not printed:
         print(f"into_results: nothing came for {name}, {RESULTS.name} stays", file=sys.stderr)
         return 1
+    text = RESULTS.read_text()
     before, after = text.split(begin)[0], text.split(end)[1]
     RESULTS.write_text(f"{before}{begin}\n{printed}\n{end}{after}")
     return 0

@@ -1,9 +1,8 @@
 # The STM32F405 image beside its budgets, the faults of step 15 of ./dev test, and the fixed-point way back to the simulator, into
 # docs/results.md.
 build_preset stm32f405 >/dev/null
-$PY tests/firmware/firmware_report.py table | $PY tools/into_results.py stm32f405
-$PY tests/firmware/faults_report.py build/release | $PY tools/into_results.py faults
+$PY tools/into_results.py stm32f405 $PY tests/firmware/firmware_report.py table
+$PY tools/into_results.py faults $PY tests/firmware/faults_report.py build/release
 rows=$($PY -m pytest -q -s -p no:cacheprovider tests/firmware/test_truth.py |
   sed -nE 's/^\.*([a-z0-9]+): uncorrected ([0-9]+) µm, compensated ([0-9.]+) µm, fit ([0-9.]+) µm$/| \1 | \2 | \3 | \4 |/p')
-printf '%s\n' "| arm | uncorrected [µm] | compensated [µm] | the fit's own [µm] |" '|---|---|---|---|' "$rows" |
-  $PY tools/into_results.py truth
+$PY tools/into_results.py truth printf '%s\n' "| arm | uncorrected [µm] | compensated [µm] | the fit's own [µm] |" '|---|---|---|---|' "$rows"

@@ -6,4 +6,4 @@ mkdir -p out/bench-can
 for part in transfer latency; do
   on_a_bus 300 "$PY" tests/can/bench.py "$part" "out/bench-can/$part.json"
 done
-$PY tests/can/bench.py report out/bench-can | $PY tools/into_results.py can
+$PY tools/into_results.py can $PY tests/can/bench.py report out/bench-can

@@ -1,6 +1,7 @@
 #: hidden    the whole hidden-effect campaign; its table goes into docs/results.md (with --first-seed N: other cases, only shown)
 cmd_hidden() {
   cmd_build
-  OPENBLAS_NUM_THREADS=1 PYTHONPATH=tests/hidden_effects $PY tests/hidden_effects/campaign.py --jobs "$JOBS" "$@" |
-    if [ $# = 0 ]; then $PY tools/into_results.py "hidden effects"; else cat; fi
+  local keep=()
+  [ $# != 0 ] || keep=("$PY" tools/into_results.py "hidden effects")
+  OPENBLAS_NUM_THREADS=1 PYTHONPATH=tests/hidden_effects "${keep[@]}" $PY tests/hidden_effects/campaign.py --jobs "$JOBS" "$@"
 }

@@ -1,5 +1,5 @@
 #: ladder    the IRB2400 paper's ladder on the simulated arm; its tables go into docs/results.md
 cmd_ladder() {
   cmd_build
-  OPENBLAS_NUM_THREADS=1 PYTHONPATH=tests/ladder $PY tests/ladder/ladder.py "$@" | $PY tools/into_results.py ladder
+  OPENBLAS_NUM_THREADS=1 PYTHONPATH=tests/ladder $PY tools/into_results.py ladder $PY tests/ladder/ladder.py "$@"
 }
