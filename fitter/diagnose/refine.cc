@@ -172,25 +172,50 @@ std::vector<std::vector<EffectRequest>> swap_sets(const Fit& fit,
   return sets;
 }
 
+// How many of geometry's parameters the data can tell beside the effects that are in.
+double known_geometry(Fit& fit) {
+  const std::vector<Parameter>& parameters = fit.model().parameters;
+  double known = 0.0;
+  for (std::size_t i = 0; i < parameters.size(); ++i) {
+    if (geometry().contains(parameters[i].effect) &&
+        fit.design().unknown_of(static_cast<int>(i)) >= 0)
+      known += 1.0;
+  }
+  return known;
+}
+
+// True where `other` is the better model, and is so by what its effects explain: that it leaves the
+// data less to say about geometry, which is always in, is no evidence for an effect.
+bool is_better(Fit& other, Fit& fit) {
+  const double fall = bayesian_information(fit) - bayesian_information(other);
+  const double coordinates =
+      static_cast<double>(fit.design().rows()) * fit.design().residuals_per_row();
+  const double of_geometry = (known_geometry(fit) - known_geometry(other)) * std::log(coordinates);
+  return fall >= kBetterSwap && fall - of_geometry >= kBetterSwap;
+}
+
 // Tries each added effect for a swap: taken out, does the catalogue offer something better than
 // putting it back?
 bool swap(std::shared_ptr<Fit>& fit, const std::set<std::string>& added,
           std::vector<EffectRequest>& removed, Candidate& put_in, const RefineOptions& options) {
   const double bic = bayesian_information(*fit);
   const std::vector<std::vector<EffectRequest>> sets = swap_sets(*fit, added);
-  std::vector<std::shared_ptr<Fit>> without(sets.size());
+  std::vector<std::shared_ptr<Fit>> with(sets.size());
   std::vector<std::optional<Candidate>> better(sets.size());
   std::atomic<std::size_t> first = sets.size();
   const auto caller = std::this_thread::get_id();
   in_parallel(sets.size(), [&](std::size_t k) {
     if (k > first) return;
-    without[k] = search(*fit, without_effects(*fit, sets[k]));
+    const std::unique_ptr<Fit> without = search(*fit, without_effects(*fit, sets[k]));
     DiagnoseOptions quick = quick_options(options);
     if (std::this_thread::get_id() != caller) quick.progress = nullptr;
-    const Diagnosis d = diagnose(*without[k], quick);
+    const Diagnosis d = diagnose(*without, quick);
     const Candidate* best = d.recommended();
     if (!best || label(best->request) == label(sets[k].front())) return;
-    if (bayesian_information(*without[k]) + best->delta_bic > bic - kBetterSwap) return;
+    if (bayesian_information(*without) + best->delta_bic > bic - kBetterSwap) return;
+    with[k] = refit_with_smoothness_anew(
+        *without, with_effect(without->specification(), best->request), best->starts);
+    if (!is_better(*with[k], *fit)) return;
     better[k] = *best;
     for (std::size_t before = first; k < before && !first.compare_exchange_weak(before, k);) {
     }
@@ -198,8 +223,7 @@ bool swap(std::shared_ptr<Fit>& fit, const std::set<std::string>& added,
   if (first == sets.size()) return false;
   const std::size_t k = first;
   put_in = *better[k];
-  fit = refit_with_smoothness_anew(
-      *without[k], with_effect(without[k]->specification(), put_in.request), put_in.starts);
+  fit = with[k];
   removed.insert(removed.end(), sets[k].begin(), sets[k].end());
   return true;
 }
