@@ -54,6 +54,12 @@ def test_bumped_reflectors_do_not_lead_a_search_astray() -> None:
     assert 0.95 < outcome.error_ratio <= 1.05
 
 
+def test_what_is_there_is_not_swapped_for_what_says_less_about_geometry() -> None:
+    # Bending of joint 2 in the place of joint 1's explained less, but left two of geometry's parameters unknown.
+    outcome = run_case("three_hidden", "lbr", 3014)
+    assert verdict_of(outcome) == "right", outcome
+
+
 def test_the_judge_sees_what_a_last_step_leaves() -> None:
     fine = Outcome(
         "one_hidden", "kr30", 0, {"backlash 2"}, [], [], {"backlash 2"}, "nothing_missing", [], 1.0, 1.0, 0.0
