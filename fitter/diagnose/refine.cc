@@ -172,33 +172,33 @@ std::vector<std::vector<EffectRequest>> swap_sets(const Fit& fit,
   return sets;
 }
 
-// How many of geometry's parameters the data can tell beside the effects that are in.
-double known_geometry(Fit& fit) {
-  const std::vector<Parameter>& parameters = fit.model().parameters;
-  double known = 0.0;
-  for (std::size_t i = 0; i < parameters.size(); ++i) {
-    if (geometry().contains(parameters[i].effect) &&
-        fit.design().unknown_of(static_cast<int>(i)) >= 0)
-      known += 1.0;
-  }
-  return known;
-}
+// What a model is judged by in a swap. It is the better one where it is so by what its effects
+// explain: that it leaves the data less to say about geometry, which is always in, is no evidence
+// for an effect.
+struct Standing {
+  double bic, without_geometry;
 
-// True where `other` is the better model, and is so by what its effects explain: that it leaves the
-// data less to say about geometry, which is always in, is no evidence for an effect.
-bool is_better(Fit& other, Fit& fit) {
-  const double fall = bayesian_information(fit) - bayesian_information(other);
-  const double coordinates =
-      static_cast<double>(fit.design().rows()) * fit.design().residuals_per_row();
-  const double of_geometry = (known_geometry(fit) - known_geometry(other)) * std::log(coordinates);
-  return fall >= kBetterSwap && fall - of_geometry >= kBetterSwap;
-}
+  explicit Standing(Fit& fit) : bic(bayesian_information(fit)), without_geometry(bic) {
+    const double charge =
+        std::log(static_cast<double>(fit.design().rows()) * fit.design().residuals_per_row());
+    const std::vector<Parameter>& parameters = fit.model().parameters;
+    for (std::size_t i = 0; i < parameters.size(); ++i) {
+      if (geometry().contains(parameters[i].effect) &&
+          fit.design().unknown_of(static_cast<int>(i)) >= 0)
+        without_geometry -= charge;
+    }
+  }
+  bool is_better_than(const Standing& other) const {
+    return bic <= other.bic - kBetterSwap &&
+           without_geometry <= other.without_geometry - kBetterSwap;
+  }
+};
 
 // Tries each added effect for a swap: taken out, does the catalogue offer something better than
 // putting it back?
 bool swap(std::shared_ptr<Fit>& fit, const std::set<std::string>& added,
           std::vector<EffectRequest>& removed, Candidate& put_in, const RefineOptions& options) {
-  const double bic = bayesian_information(*fit);
+  const Standing present(*fit);
   const std::vector<std::vector<EffectRequest>> sets = swap_sets(*fit, added);
   std::vector<std::shared_ptr<Fit>> with(sets.size());
   std::vector<std::optional<Candidate>> better(sets.size());
@@ -212,10 +212,10 @@ bool swap(std::shared_ptr<Fit>& fit, const std::set<std::string>& added,
     const Diagnosis d = diagnose(*without, quick);
     const Candidate* best = d.recommended();
     if (!best || label(best->request) == label(sets[k].front())) return;
-    if (bayesian_information(*without) + best->delta_bic > bic - kBetterSwap) return;
+    if (bayesian_information(*without) + best->delta_bic > present.bic - kBetterSwap) return;
     with[k] = refit_with_smoothness_anew(
         *without, with_effect(without->specification(), best->request), best->starts);
-    if (!is_better(*with[k], *fit)) return;
+    if (!Standing(*with[k]).is_better_than(present)) return;
     better[k] = *best;
     for (std::size_t before = first; k < before && !first.compare_exchange_weak(before, k);) {
     }
