@@ -2,8 +2,8 @@
 
     into_results.py NAME COMMAND...
 
-Its place is between `<!-- NAME: begin -->` and `<!-- NAME: end -->`. What a command printed that failed or was killed is
-shown and not kept.
+Its place is between `<!-- NAME: begin -->` and `<!-- NAME: end -->`. What a command printed that failed or was killed
+is shown and not kept.
 """
 
 from __future__ import annotations
