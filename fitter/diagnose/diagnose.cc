@@ -239,10 +239,10 @@ std::vector<std::size_t> promising_of(const std::vector<Candidate>& candidates, 
 
 // Those of `promising` that a refit confirms. `beside` is done meanwhile.
 template <typename Report>
-std::vector<std::size_t> confirmed_of(
-    Fit& fit, double bic, std::vector<Candidate>& candidates,
-    const std::vector<std::size_t>& promising, const Report& report,
-    const std::function<void()>& beside = [] {}) {
+std::vector<std::size_t> confirmed_of(Fit& fit, double bic, std::vector<Candidate>& candidates,
+                                      const std::vector<std::size_t>& promising,
+                                      const Report& report,
+                                      const std::function<void()>& beside = nullptr) {
   std::vector<char> holds(promising.size(), 0);
   std::atomic<int> done = 0;
   const auto caller = std::this_thread::get_id();
@@ -258,7 +258,7 @@ std::vector<std::size_t> confirmed_of(
   });
   in_parallel(promising.size() + 1, [&](std::size_t job) {
     if (job == 0) {
-      beside();
+      if (beside) beside();
       return;
     }
     const std::size_t k = order[job - 1];
@@ -650,13 +650,12 @@ Diagnosis diagnose(Fit& fit, const DiagnoseOptions& options) {
   const std::size_t most = large ? std::min<std::size_t>(options.confirmed, 3) : options.confirmed;
   const std::vector<std::size_t> promising = promising_of(d.candidates, most);
   Structure structure;
-  const auto look_for_structure = [&] {
+  const std::function<void()> look_for_structure = [&] {
     structure = find_structure(scorer, fit, kStructureSignificant);
   };
   const bool look_at_once = options.look_ahead && !large;
-  std::vector<std::size_t> accepted =
-      look_at_once ? confirmed_of(fit, bic, d.candidates, promising, report, look_for_structure)
-                   : confirmed_of(fit, bic, d.candidates, promising, report);
+  std::vector<std::size_t> accepted = confirmed_of(fit, bic, d.candidates, promising, report,
+                                                   look_at_once ? look_for_structure : nullptr);
   if (accepted.empty()) accepted = hidden_by_tables(fit, scorer, bic, d.candidates);
   d.lack_of_fit = lack_of_fit(scorer, fit);
   if (accepted.empty() && options.look_ahead && d.lack_of_fit.testable &&

@@ -45,12 +45,10 @@ void NormalEquations::set_zero() {
 }
 
 void NormalEquations::add(const Design::Row& row, int residuals) {
+  cost += row.residual.head(residuals).squaredNorm();
+  equations += static_cast<std::size_t>(residuals);
+  if (row.unknowns.empty()) return;
   const auto touched = static_cast<Eigen::Index>(row.unknowns.size());
-  if (touched == 0) {
-    cost += row.residual.head(residuals).squaredNorm();
-    equations += static_cast<std::size_t>(residuals);
-    return;
-  }
   auto across = across_.topRows(touched);
   across = row.jacobian.leftCols(touched).transpose();
   const int first = row.unknowns.front();
@@ -74,9 +72,6 @@ void NormalEquations::add(const Design::Row& row, int residuals) {
       information(std::max(ua, ub), std::min(ua, ub)) += products[a - b];
     }
   }
-  const double square = row.residual.head(residuals).squaredNorm();
-  cost += square;
-  equations += static_cast<std::size_t>(residuals);
 }
 
 void NormalEquations::add(const PenaltyRow& row, const std::vector<double>& values) {
@@ -119,6 +114,17 @@ NormalEquations accumulate(Design& design) {
   return equations;
 }
 
+namespace {
+
+// Both triangular systems of a factor, in place.
+template <typename Right>
+void solve_in_place(const Eigen::MatrixXd& factor, Right& right) {
+  factor.triangularView<Eigen::Lower>().solveInPlace(right);
+  factor.triangularView<Eigen::Lower>().transpose().solveInPlace(right);
+}
+
+}  // namespace
+
 ScaledCholesky::ScaledCholesky(const Eigen::MatrixXd& lower) : scale_(lower.rows()) {
   for (Eigen::Index i = 0; i < lower.rows(); ++i) {
     scale_[i] = lower(i, i) > 0.0 ? 1.0 / std::sqrt(lower(i, i)) : 1.0;
@@ -132,15 +138,13 @@ ScaledCholesky::ScaledCholesky(const Eigen::MatrixXd& lower) : scale_(lower.rows
 
 Eigen::VectorXd ScaledCholesky::solve(const Eigen::VectorXd& right) const {
   Eigen::VectorXd result = scale_.cwiseProduct(right);
-  factor_.triangularView<Eigen::Lower>().solveInPlace(result);
-  factor_.triangularView<Eigen::Lower>().transpose().solveInPlace(result);
+  solve_in_place(factor_, result);
   return scale_.cwiseProduct(result);
 }
 
 Eigen::MatrixXd ScaledCholesky::solve_matrix(const Eigen::MatrixXd& right) const {
   Eigen::MatrixXd result = scale_.asDiagonal() * right;
-  factor_.triangularView<Eigen::Lower>().solveInPlace(result);
-  factor_.triangularView<Eigen::Lower>().transpose().solveInPlace(result);
+  solve_in_place(factor_, result);
   return scale_.asDiagonal() * result;
 }
 

@@ -46,12 +46,13 @@ def main() -> None:
         "--nothing-seeds", type=int, default=50, help="seeds for each arm with nothing hidden"
     )
     parser.add_argument("--first-seed", type=int, default=0, help="other cases than the table's")
+    parser.add_argument("--only", choices=KINDS, help="this kind of case alone")
     parser.add_argument("--jobs", type=int, default=2)
     given = parser.parse_args()
     first = given.first_seed
     print(HEAD, end="", flush=True)
     with ProcessPoolExecutor(given.jobs) as pool:
-        for kind in KINDS:
+        for kind in [given.only] if given.only else KINDS:
             seeds = given.nothing_seeds if kind == "nothing_hidden" else given.seeds
             jobs = [
                 pool.submit(run_case, kind, arm, seed) for arm in ARMS for seed in range(first, first + seeds)
