@@ -27,6 +27,8 @@ constexpr double kDecisive = 10.0;  // ΔBIC, "very strong" (Kass and Raftery 19
 constexpr double kDecisiveGeneric = 40.0;
 constexpr double kEqualEvidence = 4.0;
 constexpr double kStrangest = 20.0;
+// What runs against a load by this cosine or more carries it, whatever else its shape does.
+constexpr double kCarries = 0.5;
 // Candidates of which a table leaves less than this to be seen are refitted beside it.
 constexpr double kHiddenShare = 0.3;
 // The share of the evidence asked for that linear algebra must promise before a refit is made.
@@ -161,6 +163,38 @@ std::pair<std::vector<ErrorSummary>, std::vector<ErrorSummary>> held_out_errors_
   return result;
 }
 
+// What an effect that carries a load does to it.
+struct Carrying {
+  double largest = 0.0;  // of what the effect gives [its coordinate's unit]
+  double cosine = -1.0;  // between what it gives and the load, over the rows: −1 where it carries
+};
+
+Carrying carrying_of(Fit& fit, const std::string& effect, const CarriedLoad& load) {
+  const std::vector<Parameter>& parameters = fit.model().parameters;
+  // A recorded torque may have any sign.
+  const bool signed_load = fit.state().computes_torque();
+  Carrying result;
+  double product = 0.0, given_squares = 0.0, load_squares = 0.0;
+  std::vector<BasisTable::Entry> entries;
+  for (std::size_t i = 0; i < fit.design().rows(); ++i) {
+    fit.design().basis().row(i, entries);
+    double given = 0.0;
+    for (const BasisTable::Entry& entry : entries) {
+      const Parameter& p = parameters[static_cast<std::size_t>(entry.parameter)];
+      if (p.effect == effect) given += p.value * entry.value;
+    }
+    result.largest = std::max(result.largest, std::abs(given));
+    if (!signed_load) continue;
+    const double torque = fit.state().column(load.torque)[i];
+    product += given * torque;
+    given_squares += given * given;
+    load_squares += torque * torque;
+  }
+  if (given_squares > 0.0 && load_squares > 0.0)
+    result.cosine = product / std::sqrt(given_squares * load_squares);
+  return result;
+}
+
 // How a confirmation has the smoothness of the fit's tables.
 enum class Smoothness { kKept, kAnew };
 
@@ -204,6 +238,12 @@ bool confirm(const Fit& fit, double bic, Candidate& candidate, std::unique_ptr<F
       return false;
     }
   }
+  const auto load = find_effect(candidate.request.effect).carries();
+  if (load && carrying_of(*refitted, candidate.request.effect, *load).largest > load->largest) {
+    candidate.why = "what it gives would be larger than is physical";
+    return false;
+  }
+  candidate.strangeness = strangeness(*refitted, candidate.request);
   const auto [before_error, after_error] = held_out_errors_on_same_rows(fit, *refitted);
   if (after_error[0].mean >= before_error[0].mean ||
       after_error[0].rms >= 1.01 * before_error[0].rms) {
@@ -268,7 +308,7 @@ std::vector<std::size_t> confirmed_of(Fit& fit, double bic, std::vector<Candidat
     std::unique_ptr<Fit> refitted;
     try {
       const bool confirmed = confirm(fit, bic, c, refitted);
-      holds[k] = confirmed && c.delta_bic < -decisive(fit, c.request);
+      holds[k] = confirmed && c.delta_bic + c.strangeness < -decisive(fit, c.request);
       if (c.why.empty()) c.score.objection.clear();
       if (confirmed && !holds[k]) c.why = "the refit's evidence is too little for it";
     } catch (const ModelError& error) {
@@ -327,7 +367,8 @@ std::vector<std::size_t> hidden_by_tables(Fit& fit, const Scorer& scorer, double
     Candidate trial = candidates[hidden[k]];
     std::unique_ptr<Fit> refitted;
     try {
-      if (!confirm(fit, bic, trial, refitted, Smoothness::kAnew) || trial.delta_bic > -kBesideTable)
+      if (!confirm(fit, bic, trial, refitted, Smoothness::kAnew) ||
+          trial.delta_bic + trial.strangeness > -kBesideTable)
         return;
     } catch (const ModelError&) {
       return;
@@ -392,21 +433,11 @@ void widen_tables(Fit& fit, double bic, const std::vector<Candidate>& all, Candi
   }
 }
 
-// −2 log of a prior on the size of what is usual, where the effect says what is. No more than a
-// gentle word: what the data say clearly, they say louder.
-double strangeness(const Candidate& c) {
-  double sum = 0.0;
-  for (const Parameter& p : c.parameters) {
-    if (p.usual > 0.0) sum += std::pow(p.value / p.usual, 2);
-  }
-  return std::min(sum, kStrangest);
-}
-
 // The candidate with the most evidence and the least strange size. Of those that are equal for all
 // that the data can say, the one with the fewest searched and then the fewest other unknowns: what
 // can bend to fit anything should not win by a hair.
 std::size_t choose(const std::vector<Candidate>& all, const std::vector<std::size_t>& accepted) {
-  const auto cost = [&](std::size_t k) { return all[k].delta_bic + strangeness(all[k]); };
+  const auto cost = [&](std::size_t k) { return all[k].delta_bic + all[k].strangeness; };
   const auto rank = [&](std::size_t k) {
     return std::tuple{find_effect(all[k].request.effect).generic(), all[k].searched,
                       all[k].parameters.size()};
@@ -564,6 +595,22 @@ std::unique_ptr<Fit> refit_with_smoothness_anew(const Fit& fit,
   FitOptions options = refit_options(fit, starts);
   options.smoothness_sigma.reset();
   return Fit::run(fit.robot(), fit.state().columns(), specification, options);
+}
+
+double strangeness(Fit& fit, const EffectRequest& request) {
+  double sum = 0.0;
+  for (const Parameter& p : fit.model().parameters) {
+    const bool asked =
+        p.effect == request.effect &&
+        (request.joints.empty() || std::includes(request.joints.begin(), request.joints.end(),
+                                                 p.joints.begin(), p.joints.end()));
+    if (asked && p.usual > 0.0) sum += std::pow(p.value / p.usual, 2);
+  }
+  if (const auto load = find_effect(request.effect).carries()) {
+    const double cosine = carrying_of(fit, request.effect, *load).cosine;
+    sum += kStrangest * std::clamp(1.0 + cosine / kCarries, 0.0, 1.0);
+  }
+  return std::min(sum, kStrangest);
 }
 
 double bayesian_information(Fit& fit) {

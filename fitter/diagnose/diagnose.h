@@ -28,6 +28,7 @@ struct Candidate {
   double delta_bic = 0.0;
   std::vector<Parameter> parameters;  ///< with values
   std::vector<double> sigma;
+  double strangeness = 0.0;  ///< of what was confirmed, as strangeness() says it
   std::vector<std::string> confounded_with;
   std::string why;
 };
@@ -71,6 +72,11 @@ Diagnosis diagnose(Fit& fit, const DiagnoseOptions& options);
 /// Bayesian information criterion of a fit, up to a constant of the data set: comparable between
 /// fits of the same rows.
 double bayesian_information(Fit& fit);
+
+/// −2 log of a prior on what is usual of an effect in a fit: on its sizes, where the effect says
+/// which, and on its running against the load that it carries. No more than a gentle word: what the
+/// data say clearly, they say louder.
+double strangeness(Fit& fit, const EffectRequest& request);
 
 /// "gear_harmonics 3": a request as people say it.
 std::string label(const EffectRequest& request);

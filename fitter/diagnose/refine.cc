@@ -88,7 +88,8 @@ ModelSpecification without_effects(const Fit& fit, const std::vector<EffectReque
 struct Removal {
   EffectRequest request;
   ModelSpecification rest;
-  double allowed;            // rise of BIC
+  bool beside_table;         // put in beside a table, which may have its name now
+  double strangeness;        // goes with it
   std::shared_ptr<Fit> fit;  // where the rest does well enough
 };
 
@@ -112,30 +113,43 @@ bool is_renamed(Fit& fit, const EffectRequest& gone, Fit& rest) {
   return false;
 }
 
+// Effects that may be tried for removal, by their labels.
+std::set<std::string> labels_of(const std::vector<EffectRequest>& requests) {
+  std::set<std::string> labels;
+  for (const EffectRequest& request : requests) labels.insert(label(request));
+  return labels;
+}
+
 // Takes out what no longer earns its keep. What stays is searched for anew: it may have settled
-// beside what goes.
-void prune(std::shared_ptr<Fit>& fit, const std::vector<EffectRequest>& keep,
-           std::vector<EffectRequest>& removed) {
+// beside what goes. What was in from the start is not asked for more because a table came beside
+// it.
+void prune(std::shared_ptr<Fit>& fit, const std::set<std::string>& from_the_start,
+           const std::vector<EffectRequest>& keep, std::vector<EffectRequest>& removed) {
+  const std::set<std::string> kept = labels_of(keep);
   for (bool again = true; again;) {
     again = false;
     const bool large = is_large(*fit);
     std::vector<Removal> removals;
     for (const EffectRequest& request : removable(*fit)) {
-      const bool just_added = std::any_of(keep.begin(), keep.end(), [&](const EffectRequest& k) {
-        return label(k) == label(request);
-      });
-      if (just_added || (large && removal_cost(*fit, request) > kWorthTrying)) continue;
+      const std::string name = label(request);
+      if (kept.contains(name) || (large && removal_cost(*fit, request) > kWorthTrying)) continue;
       removals.push_back({request, without_effects(*fit, {request}),
-                          is_beside_table(*fit, request) ? kBesideTable : -kWorthRemoving,
-                          nullptr});
+                          is_beside_table(*fit, request) && !from_the_start.contains(name),
+                          strangeness(*fit, request), nullptr});
     }
     const double bic = bayesian_information(*fit);
     in_parallel(removals.size(), [&](std::size_t k) {
       Removal& removal = removals[k];
       std::shared_ptr<Fit> rest = large ? refit(*fit, removal.rest, {}, HeldOut::kLater)
                                         : search(*fit, removal.rest, HeldOut::kLater);
-      const double gained = is_renamed(*fit, removal.request, *rest) ? kWorthRenaming : 0.0;
-      if (bayesian_information(*rest) <= bic + removal.allowed - gained) removal.fit = rest;
+      double allowed = removal.strangeness;
+      if (removal.beside_table) {
+        allowed += kBesideTable;
+      } else {
+        allowed -= kWorthRemoving;
+        if (is_renamed(*fit, removal.request, *rest)) allowed -= kWorthRenaming;
+      }
+      if (bayesian_information(*rest) <= bic + allowed) removal.fit = rest;
     });
     const auto first = std::find_if(removals.begin(), removals.end(),
                                     [](const Removal& r) { return r.fit != nullptr; });
@@ -277,7 +291,8 @@ struct Change {
   std::vector<EffectRequest> removed;
 };
 
-Change add(std::shared_ptr<Fit>& fit, const Candidate& candidate, const RefineOptions& options) {
+Change add(std::shared_ptr<Fit>& fit, const std::set<std::string>& from_the_start,
+           const Candidate& candidate, const RefineOptions& options) {
   Change change;
   const std::shared_ptr<Fit> before = fit;
   const ModelSpecification specification = with_effect(fit->specification(), candidate.request);
@@ -289,7 +304,7 @@ Change add(std::shared_ptr<Fit>& fit, const Candidate& candidate, const RefineOp
   std::vector<EffectRequest> keep;
   const EffectRequest& last = change.put.back().candidate.request;
   if (change.put.size() == 1 && last.joints.size() < 2) keep.push_back(last);
-  prune(fit, keep, change.removed);
+  prune(fit, from_the_start, keep, change.removed);
   return change;
 }
 
@@ -367,6 +382,7 @@ std::vector<RefineStep> refine(std::shared_ptr<Fit> fit, const RefineOptions& op
     show(std::move(step));
   };
   finish({});
+  const std::set<std::string> from_the_start = labels_of(removable(*fit));
   std::set<std::string> added;
   const auto note = [&](const Change& change) {
     for (const Put& put : change.put) {
@@ -380,7 +396,7 @@ std::vector<RefineStep> refine(std::shared_ptr<Fit> fit, const RefineOptions& op
   int swaps = 0;
   for (int number = 0; number < options.most_steps; ++number) {
     if (const Candidate* best = steps.back().diagnosis.recommended()) {
-      const Change change = add(fit, *best, options);
+      const Change change = add(fit, from_the_start, *best, options);
       note(change);
       finish(change);
       continue;
@@ -394,7 +410,7 @@ std::vector<RefineStep> refine(std::shared_ptr<Fit> fit, const RefineOptions& op
         !swap(fit, added, removed, put_in, options))
       break;
     Change change{{{put_in, fit}}, removed};
-    prune(fit, {put_in.request}, change.removed);
+    prune(fit, from_the_start, {put_in.request}, change.removed);
     note(change);
     finish(change);
   }

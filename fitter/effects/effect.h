@@ -4,6 +4,7 @@
 
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -54,6 +55,12 @@ struct EffectOption {
   std::string name, type, help;
 };
 
+/// What an effect carries of a load, so that all that it gives runs against that load.
+struct CarriedLoad {
+  std::string torque;  ///< state variable of the load
+  double largest;      ///< of what the effect gives in all, in its coordinate's unit
+};
+
 class Effect {
  public:
   virtual ~Effect() = default;
@@ -76,6 +83,8 @@ class Effect {
   virtual std::vector<EffectRequest> refinements(const EffectContext&, const EffectRequest&) const {
     return {};
   }
+  /// The load that it carries; empty: none. What adds to that load instead is hardly this effect.
+  virtual std::optional<CarriedLoad> carries() const { return std::nullopt; }
   /// True for tables that fit any cause: preferred only where no physical effect does as well.
   virtual bool generic() const { return false; }
 
@@ -99,7 +108,8 @@ const Effect& find_effect(const std::string& id);
 /// Checks joints, options and columns, then builds. Throws ModelError in one sentence.
 EffectTerms build_effect(const EffectContext& context, const EffectRequest& request);
 
-/// Registers an effect at start-up: `const RegisterEffect<Backlash> registered;` in its file.
+/// Registers an effect at start-up: `const RegisterEffect<Backlash> registered_backlash;` in its
+/// file.
 void register_effect(std::unique_ptr<Effect> effect);
 template <typename T>
 struct RegisterEffect {

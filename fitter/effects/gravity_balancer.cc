@@ -11,7 +11,8 @@ class GravityBalancer final : public Effect {
   std::string summary() const override { return "spring or gas cylinder that carries axis 2"; }
   JointRule joint_rule() const override { return JointRule::kFixed; }
   std::string bound_text() const override {
-    return "1e-2 rad in all, pivots closer to the axis than each other (docs/effects.md)";
+    return "1e-2 rad in all, against gravity; pivots closer to the axis than each other "
+           "(docs/effects.md)";
   }
 
   std::vector<EffectOption> options() const override {
@@ -24,6 +25,8 @@ class GravityBalancer final : public Effect {
   std::vector<int> default_joints(const EffectContext&) const override { return {2}; }
 
   std::vector<std::string> searched_options() const override { return {"ratio", "phase"}; }
+
+  std::optional<CarriedLoad> carries() const override { return CarriedLoad{"tau2", kLargest}; }
 
   // A spring from a fixed pivot (lever a) to a pivot on link 2 (lever b = ratio * a): with x the
   // angle between the levers, length L = a sqrt(1 + ratio^2 - 2 ratio cos x), torque = a b sin(x)
@@ -50,9 +53,9 @@ class GravityBalancer final : public Effect {
         "phase", {"gravity_balancer_phase", id(), {2}, "rad", 0.0, -2 * pi, 2 * pi, phases});
     const std::string x = "(q2 + " + phase + ")";
     terms.parameters.push_back(
-        single_term(id(), {2}, "rate", "rad", kLargest, motor(2), "sin" + x));
+        single_term(id(), {2}, "rate", "rad", kLargestPart, motor(2), "sin" + x));
     terms.parameters.push_back(
-        single_term(id(), {2}, "preload", "rad", kLargest, motor(2),
+        single_term(id(), {2}, "preload", "rad", kLargestPart, motor(2),
                     "sin" + x + "/sqrt(1 + " + ratio + "^2 - 2*" + ratio + "*cos" + x + ")"));
     return terms;
   }
@@ -73,11 +76,13 @@ class GravityBalancer final : public Effect {
   }
 
  private:
-  static constexpr double kLargest = 1e-2;  // [rad]
+  static constexpr double kLargest = 1e-2;  // [rad], in all
+  static constexpr double kLargestPart =
+      3e-2;  // of rate and preload, which work against each other
   static constexpr int kPhases = 12;
 };
 
-const RegisterEffect<GravityBalancer> registered;
+const RegisterEffect<GravityBalancer> registered_gravity_balancer;
 
 }  // namespace
 }  // namespace armtrue

@@ -1,8 +1,13 @@
 #include "fitter/solve/dense.h"
 
+#include <vector>
+
 extern "C" {
 void dpotrf_(const char* part, const int* size, double* matrix, const int* stride, int* info);
 void dpotri_(const char* part, const int* size, double* matrix, const int* stride, int* info);
+void dsyevd_(const char* vectors, const char* part, const int* size, double* matrix,
+             const int* stride, double* values, double* work, const int* work_size,
+             int* integer_work, const int* integer_work_size, int* info);
 void dgemm_(const char* turn_a, const char* turn_b, const int* rows, const int* columns,
             const int* depth, const double* alpha, const double* a, const int* stride_a,
             const double* b, const int* stride_b, const double* beta, double* c,
@@ -38,6 +43,20 @@ void invert_cholesky(Eigen::MatrixXd& lower) {
   const int size = static_cast<int>(lower.rows());
   int info = 0;
   if (size > 0) dpotri_("L", &size, lower.data(), &size, &info);
+}
+
+Eigen::VectorXd symmetric_eigenvalues(Eigen::MatrixXd lower) {
+  be_single_threaded();
+  const int size = static_cast<int>(lower.rows());
+  Eigen::VectorXd values(size);
+  if (size == 0) return values;
+  // Sizes of the workspace without eigenvectors, by LAPACK's manual.
+  const int work_size = 2 * size + 1 + size * 64, integer_work_size = 1;
+  std::vector<double> work(static_cast<std::size_t>(work_size));
+  int integer_work = 0, info = 0;
+  dsyevd_("N", "L", &size, lower.data(), &size, values.data(), work.data(), &work_size,
+          &integer_work, &integer_work_size, &info);
+  return values;
 }
 
 Eigen::MatrixXd transpose_times(const Eigen::Ref<const Eigen::MatrixXd>& a,

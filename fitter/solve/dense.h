@@ -15,6 +15,9 @@ bool factorise_cholesky(Eigen::MatrixXd& lower);
 /// From the factor to the inverse, lower triangle (LAPACK dpotri).
 void invert_cholesky(Eigen::MatrixXd& lower);
 
+/// Eigenvalues of a symmetric matrix of which the lower triangle is read, rising (LAPACK dsyevd).
+Eigen::VectorXd symmetric_eigenvalues(Eigen::MatrixXd lower);
+
 /// aᵀ b (BLAS dgemm).
 Eigen::MatrixXd transpose_times(const Eigen::Ref<const Eigen::MatrixXd>& a,
                                 const Eigen::Ref<const Eigen::MatrixXd>& b);

@@ -56,6 +56,20 @@ TEST_P(Size, ScaledCholeskySolvesInvertsAndMeasures) {
   EXPECT_NEAR(factor.log_determinant(), expected, 1e-8 * std::max(1.0, std::abs(expected)));
 }
 
+TEST_P(Size, EigenvaluesOfAKnownSpectrum) {
+  const Eigen::Index n = GetParam();
+  // Reflected by a Householder matrix, diag(1 … n) keeps its eigenvalues.
+  Eigen::VectorXd known(n), v = Eigen::VectorXd::LinSpaced(n, 1.0, 2.0);
+  for (Eigen::Index i = 0; i < n; ++i) known[i] = static_cast<double>(i + 1);
+  if (n > 0) v.normalize();
+  const Eigen::MatrixXd turn = Eigen::MatrixXd::Identity(n, n) - 2.0 * v * v.transpose();
+  Eigen::MatrixXd lower = turn * known.asDiagonal() * turn;
+  lower.triangularView<Eigen::StrictlyUpper>().setConstant(1e30);  // is not to be read
+  const Eigen::VectorXd found = symmetric_eigenvalues(lower);
+  ASSERT_EQ(found.size(), n);
+  EXPECT_LT((found - known).lpNorm<Eigen::Infinity>(), 1e-10);
+}
+
 TEST(ScaledCholesky, SaysWhereThereIsNoFactor) {
   Eigen::MatrixXd m = Eigen::MatrixXd::Identity(3, 3);
   m(2, 0) = 2.0;

@@ -8,6 +8,7 @@
 #include <numeric>
 
 #include "fitter/solve/choose_options.h"
+#include "fitter/solve/dense.h"
 #include "fitter/solve/replicates.h"
 #include "fitter/solve/start_search.h"
 #include "fitter/solve/table_evidence.h"
@@ -33,6 +34,7 @@ constexpr double kLargestGrossShare = 0.1;
 constexpr double kAboveStructure = 3.0;
 constexpr int kRobustPasses = 8;
 constexpr double kSmoothnessStart = 1e-4;  // [rad]
+constexpr double kLearntInFull = 1e-300;   // variance over that before; its logarithm is finite
 
 json to_json(const ErrorSummary& s) {
   return {{"mean_um", s.mean * 1e6},
@@ -362,14 +364,36 @@ void Fit::compute_covariance(const EvaluatedRows& evaluated) {
   equations.information /= std::max(variance, 1e-12);
   const Eigen::MatrixXd data = equations.information.selfadjointView<Eigen::Lower>();
   covariance_ = inverse_with_penalties(equations);
-  const Eigen::VectorXd determined = covariance_.cwiseProduct(data).rowwise().sum();
-  effective_unknowns_ = determined.sum();
-  effective_outside_tables_ = 0.0;
-  for (int u = 0; u < design_->unknowns(); ++u) {
-    if (!design_->is_table_unknown(u)) effective_outside_tables_ += determined[u];
-  }
+  effective_unknowns_ = covariance_.cwiseProduct(data).sum();
   table_evidence_ = table_evidence(*design_, data, smoothness_sigma_);
   count_repeats_in_covariance(evaluated);
+  learnt_ = what_was_learnt();
+}
+
+Eigen::VectorXd Fit::what_was_learnt() const {
+  std::vector<int> outside;
+  std::vector<double> one_over_prior;
+  const std::vector<int>& linear = design_->free_parameters();
+  for (int u = 0; u < design_->unknowns(); ++u) {
+    if (design_->is_table_unknown(u)) continue;
+    const auto at = static_cast<std::size_t>(u);
+    const double prior = at < linear.size()
+                             ? model_.parameters[static_cast<std::size_t>(linear[at])].prior_sigma
+                             : 0.0;
+    outside.push_back(u);
+    // What has no prior is learnt without limit.
+    one_over_prior.push_back(prior > 0.0 ? 1.0 / prior : 0.0);
+  }
+  const Eigen::Map<const Eigen::VectorXd> scale(one_over_prior.data(),
+                                                static_cast<Eigen::Index>(one_over_prior.size()));
+  const Eigen::MatrixXd shrunk =
+      scale.asDiagonal() * covariance_(outside, outside) * scale.asDiagonal();
+  return -symmetric_eigenvalues(shrunk).array().max(kLearntInFull).log();
+}
+
+double Fit::charge_for_unknowns(double coordinates) const {
+  const double most = std::log(coordinates);
+  return table_evidence_.occam + learnt_.array().max(0.0).min(most).sum();
 }
 
 // What the shots of one visit share makes coefficients less sure than as many visits would.

@@ -103,11 +103,10 @@ class Fit {
   /// Unknowns less what priors and smoothness hold: the trace of the hat matrix.
   double effective_unknowns() const { return effective_unknowns_; }
   const TableEvidence& tables_evidence() const { return table_evidence_; }
-  /// What BIC charges for the unknowns when so many `coordinates` are measured; tables by their
-  /// marginal likelihood.
-  double charge_for_unknowns(double coordinates) const {
-    return table_evidence_.occam + effective_outside_tables_ * std::log(coordinates);
-  }
+  /// What BIC charges for the unknowns when so many `coordinates` are measured: the logarithm of
+  /// that for what the data know well, less for what they hardly know better than it was known
+  /// before (docs/decisions/0006-diagnosis.md); tables by their marginal likelihood.
+  double charge_for_unknowns(double coordinates) const;
 
   /// Where a fit of this model with something added or taken out begins (FitOptions::start).
   StartPoint start_point() const;
@@ -133,6 +132,7 @@ class Fit {
   void fold_base_and_tool();
   Eigen::MatrixXd inverse_with_penalties(NormalEquations& equations) const;
   void compute_covariance(const EvaluatedRows& evaluated);
+  Eigen::VectorXd what_was_learnt() const;
   void count_repeats_in_covariance(const EvaluatedRows& evaluated);
   void measure_errors();
   void measure_held_out_errors(const EvaluatedRows& evaluated);
@@ -159,7 +159,9 @@ class Fit {
   double noise_scale_ = 1.0;
   NoiseFloor noise_floor_;
   Eigen::MatrixXd covariance_;
-  double effective_unknowns_ = 0.0, effective_outside_tables_ = 0.0;
+  double effective_unknowns_ = 0.0;
+  // −log of variances over those of the priors, along the principal directions outside tables.
+  Eigen::VectorXd learnt_;
   TableEvidence table_evidence_;
   ErrorSummary nominal_, train_;
   std::vector<ErrorSummary> held_out_;

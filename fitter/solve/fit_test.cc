@@ -376,5 +376,34 @@ TEST(Fit, SameInputSameOutput) {
   EXPECT_EQ(fit_of(p)->document().dump(), fit_of(p)->document().dump());
 }
 
+// Two coefficients of which the data know little but the sum are charged as little more than one.
+TEST(Fit, ChargesLittleForWhatTheDataHardlyKnow) {
+  const Problem p = geometry_problem(67);
+  const auto with = [&](const std::vector<std::string>& expressions) {
+    json model = testing::geometry_model();
+    for (std::size_t i = 0; i < expressions.size(); ++i) {
+      model["effects"].push_back({{"effect", "custom"},
+                                  {"name", "c" + std::to_string(i)},
+                                  {"coordinate", "motor3"},
+                                  {"expression", expressions[i]},
+                                  {"bound", 1e-3}});
+    }
+    return fit_of(p, model);
+  };
+  const double coordinates = static_cast<double>(3 * p.measurements.rows);
+  const auto charge = [&](Fit& fit) { return fit.charge_for_unknowns(coordinates); };
+  const auto none = with({}), one = with({"sin(3*q3)"}), two = with({"sin(3*q3)", "cos(5*q3)"});
+  const auto alike = with({"sin(3*q3)", "sin(3*q3) + 0.008*cos(5*q3)"});
+  const double full = std::log(coordinates);
+  EXPECT_NEAR(charge(*one) - charge(*none), full, 0.05 * full);
+  EXPECT_NEAR(charge(*two) - charge(*none), 2.0 * full, 0.1 * full);
+  for (const int parameter : {1, 2}) {
+    const int last = static_cast<int>(alike->model().parameters.size()) - parameter;
+    ASSERT_GE(alike->design().unknown_of(last), 0) << "is held: nothing to charge";
+  }
+  EXPECT_GT(charge(*alike) - charge(*none), 1.1 * full);
+  EXPECT_LT(charge(*alike) - charge(*none), 1.8 * full);
+}
+
 }  // namespace
 }  // namespace armtrue

@@ -60,6 +60,19 @@ def test_what_is_there_is_not_swapped_for_what_says_less_about_geometry() -> Non
     assert verdict_of(outcome) == "right", outcome
 
 
+@pytest.mark.parametrize(
+    ("arm", "seed"),
+    [
+        pytest.param("cobot", 4008, id="a balancer that carries nothing, for harmonics"),
+        pytest.param("cobot", 5008, id="bending of link 2, for link 1's and half of axis 2's torsion"),
+        pytest.param("irb2400", 8012, id="six minutes of eccentricity under a table that needs none"),
+    ],
+)
+def test_what_is_strange_or_hardly_known_does_not_win_by_a_hair(arm: str, seed: int) -> None:
+    outcome = run_case("three_hidden", arm, seed)
+    assert verdict_of(outcome) == "right", outcome
+
+
 def test_the_judge_sees_what_a_last_step_leaves() -> None:
     fine = Outcome(
         "one_hidden", "kr30", 0, {"backlash 2"}, [], [], {"backlash 2"}, "nothing_missing", [], 1.0, 1.0, 0.0
