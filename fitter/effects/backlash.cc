@@ -62,7 +62,7 @@ class Backlash final : public Effect {
   }
 };
 
-const RegisterEffect<Backlash> registered;
+const RegisterEffect<Backlash> registered_backlash;
 
 }  // namespace
 }  // namespace armtrue

@@ -35,7 +35,7 @@ class BaseCompliance final : public Effect {
   static constexpr double kSoftest = 1e-5;  // [rad/Nm]
 };
 
-const RegisterEffect<BaseCompliance> registered;
+const RegisterEffect<BaseCompliance> registered_base_compliance;
 
 }  // namespace
 }  // namespace armtrue

@@ -28,7 +28,7 @@ class BaseFrame final : public Effect {
   }
 };
 
-const RegisterEffect<BaseFrame> registered;
+const RegisterEffect<BaseFrame> registered_base_frame;
 
 }  // namespace
 }  // namespace armtrue

@@ -39,7 +39,7 @@ class BendingCompliance final : public Effect {
   static constexpr double kSoftest = 2e-4;  // [rad/Nm]
 };
 
-const RegisterEffect<BendingCompliance> registered;
+const RegisterEffect<BendingCompliance> registered_bending_compliance;
 
 }  // namespace
 }  // namespace armtrue

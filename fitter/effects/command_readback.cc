@@ -42,7 +42,7 @@ class CommandReadback final : public Effect {
   }
 };
 
-const RegisterEffect<CommandReadback> registered;
+const RegisterEffect<CommandReadback> registered_command_readback;
 
 }  // namespace
 }  // namespace armtrue

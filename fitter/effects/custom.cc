@@ -92,7 +92,7 @@ class Custom final : public Effect {
   std::vector<EffectRequest> candidates(const EffectContext&) const override { return {}; }
 };
 
-const RegisterEffect<Custom> registered;
+const RegisterEffect<Custom> registered_custom;
 
 }  // namespace
 }  // namespace armtrue

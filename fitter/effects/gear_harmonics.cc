@@ -48,7 +48,7 @@ class GearHarmonics final : public Effect {
   static constexpr double kUsual = 2.9e-4;    // [rad], 60 arcsec
 };
 
-const RegisterEffect<GearHarmonics> registered;
+const RegisterEffect<GearHarmonics> registered_gear_harmonics;
 
 }  // namespace
 }  // namespace armtrue

@@ -93,7 +93,7 @@ class GearMesh final : public Effect {
   }
 };
 
-const RegisterEffect<GearMesh> registered;
+const RegisterEffect<GearMesh> registered_gear_mesh;
 
 }  // namespace
 }  // namespace armtrue

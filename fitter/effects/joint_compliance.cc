@@ -44,7 +44,7 @@ class JointCompliance final : public Effect {
   static constexpr double kSoftest = 2e-4;  // [rad/Nm]
 };
 
-const RegisterEffect<JointCompliance> registered;
+const RegisterEffect<JointCompliance> registered_joint_compliance;
 
 }  // namespace
 }  // namespace armtrue

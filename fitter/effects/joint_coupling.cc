@@ -43,7 +43,7 @@ class JointCoupling final : public Effect {
   }
 };
 
-const RegisterEffect<JointCoupling> registered;
+const RegisterEffect<JointCoupling> registered_joint_coupling;
 
 }  // namespace
 }  // namespace armtrue

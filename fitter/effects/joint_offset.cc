@@ -25,7 +25,7 @@ class JointOffset final : public Effect {
   }
 };
 
-const RegisterEffect<JointOffset> registered;
+const RegisterEffect<JointOffset> registered_joint_offset;
 
 }  // namespace
 }  // namespace armtrue

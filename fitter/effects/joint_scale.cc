@@ -24,7 +24,7 @@ class JointScale final : public Effect {
   }
 };
 
-const RegisterEffect<JointScale> registered;
+const RegisterEffect<JointScale> registered_joint_scale;
 
 }  // namespace
 }  // namespace armtrue

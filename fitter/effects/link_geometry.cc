@@ -26,7 +26,7 @@ class LinkGeometry final : public Effect {
   }
 };
 
-const RegisterEffect<LinkGeometry> registered;
+const RegisterEffect<LinkGeometry> registered_link_geometry;
 
 }  // namespace
 }  // namespace armtrue

@@ -55,7 +55,7 @@ class ParallelogramErrors final : public Effect {
   static constexpr double kLargest = 1e-2;  // [rad]
 };
 
-const RegisterEffect<ParallelogramErrors> registered;
+const RegisterEffect<ParallelogramErrors> registered_parallelogram;
 
 }  // namespace
 }  // namespace armtrue

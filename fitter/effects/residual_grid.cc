@@ -188,7 +188,7 @@ class ResidualGrid final : public Effect {
   }
 };
 
-const RegisterEffect<ResidualGrid> registered;
+const RegisterEffect<ResidualGrid> registered_residual_grid;
 
 }  // namespace
 }  // namespace armtrue

@@ -46,7 +46,7 @@ class StiffnessNonlinear final : public Effect {
   }
 };
 
-const RegisterEffect<StiffnessNonlinear> registered;
+const RegisterEffect<StiffnessNonlinear> registered_stiffness_nonlinear;
 
 }  // namespace
 }  // namespace armtrue

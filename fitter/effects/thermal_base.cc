@@ -37,7 +37,7 @@ class ThermalBase final : public Effect {
   }
 };
 
-const RegisterEffect<ThermalBase> registered;
+const RegisterEffect<ThermalBase> registered_thermal_base;
 
 }  // namespace
 }  // namespace armtrue

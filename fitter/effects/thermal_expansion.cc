@@ -57,7 +57,7 @@ class ThermalExpansion final : public Effect {
   static constexpr double kLargest = 5e-5;  // [1/K]
 };
 
-const RegisterEffect<ThermalExpansion> registered;
+const RegisterEffect<ThermalExpansion> registered_thermal_expansion;
 
 }  // namespace
 }  // namespace armtrue

@@ -39,7 +39,7 @@ class ThermalJointDrift final : public Effect {
   }
 };
 
-const RegisterEffect<ThermalJointDrift> registered;
+const RegisterEffect<ThermalJointDrift> registered_thermal_joint_drift;
 
 }  // namespace
 }  // namespace armtrue

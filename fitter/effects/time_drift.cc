@@ -38,7 +38,7 @@ class TimeDrift final : public Effect {
   }
 };
 
-const RegisterEffect<TimeDrift> registered;
+const RegisterEffect<TimeDrift> registered_time_drift;
 
 }  // namespace
 }  // namespace armtrue

@@ -30,7 +30,7 @@ class ToolOffset final : public Effect {
   }
 };
 
-const RegisterEffect<ToolOffset> registered;
+const RegisterEffect<ToolOffset> registered_tool_offset;
 
 }  // namespace
 }  // namespace armtrue

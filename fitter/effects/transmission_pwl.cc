@@ -126,7 +126,7 @@ class TransmissionPwl final : public Effect {
   }
 };
 
-const RegisterEffect<TransmissionPwl> registered;
+const RegisterEffect<TransmissionPwl> registered_transmission_pwl;
 
 }  // namespace
 }  // namespace armtrue

@@ -58,7 +58,7 @@ class WarmUp final : public Effect {
   }
 };
 
-const RegisterEffect<WarmUp> registered;
+const RegisterEffect<WarmUp> registered_warm_up;
 
 }  // namespace
 }  // namespace armtrue

@@ -20,12 +20,12 @@ std::vector<bool> all_of(const Criterion& criterion) {
 }
 
 // A random linear problem: so many measurements of three rows, and a start that knows little.
-struct Problem {
+struct LinearProblem {
   Eigen::MatrixXd jacobian, start;
   Eigen::VectorXd difference, gradient;
   double squares = 0.0;
 
-  Problem(int measurements, int unknowns, std::uint64_t seed) {
+  LinearProblem(int measurements, int unknowns, std::uint64_t seed) {
     std::mt19937_64 generator(seed);
     const auto random = [&] { return 2.0 * uniform(generator) - 1.0; };
     jacobian = Eigen::MatrixXd::NullaryExpr(kHeight * measurements, unknowns, random);
@@ -71,7 +71,7 @@ class ChoiceOfMeasurements : public ::testing::TestWithParam<int> {};
 INSTANTIATE_TEST_SUITE_P(Seeds, ChoiceOfMeasurements, ::testing::Range(0, 8));
 
 TEST_P(ChoiceOfMeasurements, FollowsEveryAdditionAndRemovalAsIfSolvedAnew) {
-  const Problem problem(12, 5, static_cast<std::uint64_t>(GetParam()));
+  const LinearProblem problem(12, 5, static_cast<std::uint64_t>(GetParam()));
   MeasurementChoice choice = problem.choice();
   std::mt19937_64 generator(static_cast<std::uint64_t>(GetParam()) + 100);
   std::set<std::size_t> taken;
@@ -96,7 +96,7 @@ TEST_P(ChoiceOfMeasurements, FollowsEveryAdditionAndRemovalAsIfSolvedAnew) {
 }
 
 TEST(MeasurementChoice, SurvivesTakingOutWhatAloneTellsSomething) {
-  Problem problem(4, 6, 3);
+  LinearProblem problem(4, 6, 3);
   problem.start = 1e-6 * Eigen::MatrixXd::Identity(6, 6);
   problem.gradient.setZero();
   problem.squares = 0.0;
@@ -132,7 +132,7 @@ void for_all_choices(std::size_t size, std::size_t count, const Visit& visit) {
 }
 
 TEST_P(ChoiceOfMeasurements, ExchangeComesNearTheBestOfAllChoices) {
-  const Problem problem(11, 4, static_cast<std::uint64_t>(GetParam()) + 40);
+  const LinearProblem problem(11, 4, static_cast<std::uint64_t>(GetParam()) + 40);
   DOptimality criterion(MeasurementChoice(problem.jacobian, kHeight, problem.start));
   const std::vector<std::size_t> chosen = choose_best(criterion, 4, all_of(criterion));
   EXPECT_EQ(std::set<std::size_t>(chosen.begin(), chosen.end()).size(), 4U);
@@ -151,8 +151,8 @@ TEST_P(ChoiceOfMeasurements, ExchangeComesNearTheBestOfAllChoices) {
 }
 
 TEST_P(ChoiceOfMeasurements, TheLeastEvidenceOfSeveralPairsIsRaised) {
-  const Problem first(40, 4, static_cast<std::uint64_t>(GetParam()) + 60);
-  const Problem second(40, 4, static_cast<std::uint64_t>(GetParam()) + 80);
+  const LinearProblem first(40, 4, static_cast<std::uint64_t>(GetParam()) + 60);
+  const LinearProblem second(40, 4, static_cast<std::uint64_t>(GetParam()) + 80);
   const auto least_of = [&](const std::vector<std::size_t>& rows) {
     return std::min(first.left(rows), second.left(rows));
   };
@@ -168,7 +168,7 @@ TEST_P(ChoiceOfMeasurements, TheLeastEvidenceOfSeveralPairsIsRaised) {
 }
 
 TEST(ChooseBest, TakesEverythingWhereMoreIsAskedForThanThereIs) {
-  const Problem problem(3, 2, 1);
+  const LinearProblem problem(3, 2, 1);
   DOptimality criterion(MeasurementChoice(problem.jacobian, kHeight, problem.start));
   std::vector<std::size_t> chosen = choose_best(criterion, 10, all_of(criterion));
   std::sort(chosen.begin(), chosen.end());
@@ -176,7 +176,7 @@ TEST(ChooseBest, TakesEverythingWhereMoreIsAskedForThanThereIs) {
 }
 
 TEST_P(ChoiceOfMeasurements, OnlyWhatIsAllowedIsChosen) {
-  const Problem problem(30, 4, static_cast<std::uint64_t>(GetParam()) + 90);
+  const LinearProblem problem(30, 4, static_cast<std::uint64_t>(GetParam()) + 90);
   DOptimality criterion(MeasurementChoice(problem.jacobian, kHeight, problem.start));
   std::vector<bool> even(30, false);
   for (std::size_t i = 0; i < 30; i += 2) even[i] = true;

@@ -10,13 +10,12 @@ namespace armtrue {
 namespace {
 
 using nlohmann::json;
+using testing::nothing;
 using testing::Problem;
 using testing::ProblemOptions;
 using testing::Random;
 
 constexpr double kDegrees = std::numbers::pi / 180.0;
-
-double nothing(const Parameter&) { return 0.0; }
 
 // Errors as the field has them: tenths of a degree, tenths of a millimetre.
 auto field_errors(Random& random) {

@@ -9,9 +9,9 @@ namespace {
 
 constexpr int kFolds = 4;
 // A finer form must predict better by this much: less is the luck of the folds.
-constexpr double kWorthwhile = 0.995;
+constexpr double kWorthRefining = 0.995;
 // Standard deviations of second differences that are tried [m or rad].
-constexpr double kSmoothness[] = {1e-5, 4e-5, 1.5e-4, 5e-4};
+constexpr double kSmoothnessesTried[] = {1e-5, 4e-5, 1.5e-4, 5e-4};
 
 // Held-out error (root mean square, [m]) of `base` with one more effect.
 double held_out_rms(Fit& base, const EffectRequest& request, const std::vector<int>& fold_of_row) {
@@ -34,7 +34,7 @@ double held_out_rms(Fit& base, const EffectRequest& request, const std::vector<i
   design.set_free(free);
   double least = std::numeric_limits<double>::infinity();
   const EvaluatedRows evaluated = evaluate_rows(design);
-  for (const double smoothness : kSmoothness) {
+  for (const double smoothness : kSmoothnessesTried) {
     const std::vector<double> distances =
         held_out_distances(design, evaluated, {fold_of_row}, kFolds, smoothness).front();
     least = std::min(least, summarise_finite(distances).rms);
@@ -53,7 +53,7 @@ EffectRequest close(Fit& base, const EffectRequest& open) {
     const double before = least;
     for (const EffectRequest& request : effect.refinements(base.context(), best)) {
       const double error = held_out_rms(base, request, folds);
-      if (error >= std::min(least, kWorthwhile * before)) continue;
+      if (error >= std::min(least, kWorthRefining * before)) continue;
       least = error;
       best = request;
       finer = true;

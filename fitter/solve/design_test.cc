@@ -171,11 +171,11 @@ std::vector<Named> problems() {
 }
 
 // The design stands at values of everyday size, and its rows carry different weights.
-struct Prepared {
+struct PreparedDesign {
   Problem problem;
   Design design;
 
-  Prepared(const Named& named, Random& random)
+  PreparedDesign(const Named& named, Random& random)
       : problem(
             named.robot, named.model, named.options, random,
             [&](const Parameter& p) { return testing::normal(random, testing::typical_size(p)); }),
@@ -194,7 +194,7 @@ struct Prepared {
 TEST(Design, JacobianIsWhatAutomaticDifferentiationGives) {
   Random random(1);
   for (const Named& named : problems()) {
-    Prepared p(named, random);
+    PreparedDesign p(named, random);
     for (std::size_t row = 0; row < 6; ++row) {
       Eigen::VectorXd analytic_residual, automatic_residual;
       const Eigen::MatrixXd analytic = dense_jacobian(p.design, row, analytic_residual);
@@ -212,7 +212,7 @@ TEST(Design, JacobianIsWhatAutomaticDifferentiationGives) {
 TEST(Design, JacobianIsWhatDifferencesGive) {
   Random random(2);
   for (const Named& named : problems()) {
-    Prepared p(named, random);
+    PreparedDesign p(named, random);
     const std::vector<double> start = p.design.unknown_values();
     const Eigen::VectorXd x =
         Eigen::Map<const Eigen::VectorXd>(start.data(), static_cast<Eigen::Index>(start.size()));
@@ -252,7 +252,7 @@ TEST(Design, JacobianIsWhatDifferencesGive) {
 TEST(Design, CheckNoticesASlightlyWrongArm) {
   Random random(3);
   const Named named = problems()[1];
-  Prepared p(named, random);
+  PreparedDesign p(named, random);
   Eigen::VectorXd ignored;
   const Eigen::MatrixXd automatic = automatic_jacobian(p.problem, p.design, 0, ignored);
   p.problem.robot.joints[2].fixed.translation().x() += 1e-4;
@@ -263,7 +263,7 @@ TEST(Design, CheckNoticesASlightlyWrongArm) {
 
 TEST(Design, HeldParametersKeepTheirValueAndLeaveTheJacobian) {
   Random random(4);
-  Prepared p(problems()[1], random);
+  PreparedDesign p(problems()[1], random);
   const std::vector<double> before = p.design.values();
   p.design.set_free({1, 4, 9});
   EXPECT_EQ(p.design.unknowns(), 3);
@@ -280,7 +280,7 @@ TEST(Design, HeldParametersKeepTheirValueAndLeaveTheJacobian) {
 
 TEST(Design, FixedParametersAreNeverFree) {
   Random random(5);
-  Prepared p(problems()[1], random);
+  PreparedDesign p(problems()[1], random);
   p.problem.model.parameters[2].fixed = true;
   p.design.set_free({0, 1, 2});
   EXPECT_EQ(p.design.unknowns(), 2);
@@ -290,7 +290,7 @@ TEST(Design, FixedParametersAreNeverFree) {
 TEST(Design, PredictionWithoutMeasurementsIsTheDesigns) {
   Random random(6);
   for (const Named& named : problems()) {
-    Prepared p(named, random);
+    PreparedDesign p(named, random);
     Model model = p.problem.model;
     for (std::size_t i = 0; i < model.parameters.size(); ++i)
       model.parameters[i].value = p.design.values()[i];

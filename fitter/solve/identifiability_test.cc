@@ -12,11 +12,10 @@ namespace armtrue {
 namespace {
 
 using nlohmann::json;
+using testing::nothing;
 using testing::Problem;
 using testing::ProblemOptions;
 using testing::Random;
-
-double nothing(const Parameter&) { return 0.0; }
 
 struct Result {
   Problem problem;

@@ -81,6 +81,9 @@ class Problem {
   }
 };
 
+/// Errors of an arm that has none.
+inline double nothing(const Parameter&) { return 0.0; }
+
 /// A third of what is physical, or of the weak prior on geometry.
 inline double typical_size(const Parameter& p) { return p.bound > 0.0 ? 0.3 * p.bound : 1e-3; }
 

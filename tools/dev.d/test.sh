@@ -5,6 +5,7 @@ processor_seconds() { awk '{ print int(($16 + $17) / 100) }' /proc/$$/stat; }
 
 cmd_test() {
   cmd_build
+  build_preset release firmware_tests
   local failed=() took=() step status begin busy
   for step in tools/test.d/*"${1:-}"*.sh; do
     [ -e "$step" ] || { echo "test: no step of tools/test.d has '$1' in its name" >&2; return 2; }

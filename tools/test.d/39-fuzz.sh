@@ -1,9 +1,6 @@
 # libFuzzer over everything that parses, on the committed corpora: what the C++ core reads (expressions, the JSON of robots
 # and terms; 30 s each), the node (frame sequences) and the table reader with the joint path of whatever it accepts (20 s each).
-[ -f build/fuzz/build.ninja ] || cmake --preset fuzz >/dev/null
-cmake --build build/fuzz --target fitter_fuzz -j "$JOBS"
-cmake --preset fuzz -B build/fuzz-can -DARMTRUE_SANITIZE=ON >/dev/null
-cmake --build build/fuzz-can --target canopen_fuzz table_fuzz -j "$JOBS"
+build_preset sanitize fitter_fuzz canopen_fuzz table_fuzz
 
 # fuzz_one HARNESS CORPUS SECONDS OPTIONS...: what was found is kept beside, and shown if it was a failure.
 fuzz_one() {
@@ -16,12 +13,12 @@ fuzz_one() {
   echo "$name: $(grep -E "number_of_executed_units|new_units_added" "$log" | tr -s '\n ' ' ')"
 }
 (
-  fuzz_one build/fuzz/fitter/expression_fuzz tests/fuzz/corpus/expression 30 -max_len=4096 -timeout=10 -rss_limit_mb=2048 -seed=1 \
+  fuzz_one build/sanitize/fitter/expression_fuzz tests/fuzz/corpus/expression 30 -max_len=4096 -timeout=10 -rss_limit_mb=2048 -seed=1 \
     -dict=tests/fuzz/tokens.dict
-  fuzz_one build/fuzz-can/firmware/canopen/canopen_fuzz firmware/canopen/fuzz/corpus 20 -max_len=2048
+  fuzz_one build/sanitize/firmware/canopen/canopen_fuzz firmware/canopen/fuzz/corpus 20 -max_len=2048
 ) &
 first=$!
-fuzz_one build/fuzz/fitter/json_fuzz tests/fuzz/corpus/core_json 30 -max_len=4096 -timeout=10 -rss_limit_mb=2048 -seed=1 \
+fuzz_one build/sanitize/fitter/json_fuzz tests/fuzz/corpus/core_json 30 -max_len=4096 -timeout=10 -rss_limit_mb=2048 -seed=1 \
   -dict=tests/fuzz/tokens.dict
-fuzz_one build/fuzz-can/firmware/core/table_fuzz firmware/core/fuzz/corpus 20 -max_len=16385
+fuzz_one build/sanitize/firmware/core/table_fuzz firmware/core/fuzz/corpus 20 -max_len=16385
 wait $first
