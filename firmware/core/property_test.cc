@@ -15,8 +15,8 @@ namespace {
 using testing::Bytes;
 using testing::TestImage;
 
-constexpr std::size_t kTableJoints = 3;
-constexpr double kTableIncrementsPerRadian = 16777216.0 / (2.0 * M_PI);
+constexpr std::size_t kJoints = 3;
+constexpr double kIncrementsPerRadian = 16777216.0 / (2.0 * M_PI);
 constexpr std::int32_t kIncrementsPerTurn = 1 << 24;
 constexpr int kTableNodes = 17;
 constexpr double kTableFirst = -2.0;
@@ -45,7 +45,7 @@ struct RandomTable {
 // Constants on motors and links, harmonics, and tables with holes; limits at random, also tight
 // ones.
 RandomTable random_table(Random& random, bool with_links) {
-  TestImage made(kTableJoints);
+  TestImage made(kJoints);
   RandomTable result;
   if (with_links) {
     for (int i = random.integer(0, 4); i > 0; --i) {
@@ -87,14 +87,14 @@ TEST_P(PropertyTest, WhateverIsAskedForTheOutputKeepsWithinItsLimits) {
   const std::uint32_t cycle_us = random.once_in(2) ? 1000 : 4000;
   const bool carries = random.once_in(2);
   Compensator compensator(
-      {.joint_count = kTableJoints, .cycle_us = cycle_us, .carry_remainder = carries});
+      {.joint_count = kJoints, .cycle_us = cycle_us, .carry_remainder = carries});
   const RandomTable tables[2] = {random_table(random, true), random_table(random, true)};
   Bytes broken = tables[0].image;
   broken[static_cast<std::size_t>(random.integer(0, static_cast<int>(broken.size()) - 1))] ^= 0x10U;
 
   const RandomTable* active = nullptr;
   CycleInput input;
-  std::array<double, kTableJoints> position = {random.real(-3.2, 3.2), random.real(-3.2, 3.2), 1.0};
+  std::array<double, kJoints> position = {random.real(-3.2, 3.2), random.real(-3.2, 3.2), 1.0};
   std::array<std::int32_t, kMaxJoints> last = {};
   int since_disabled = 0;
   for (int i = 0; i < 1500; ++i) {
@@ -111,10 +111,9 @@ TEST_P(PropertyTest, WhateverIsAskedForTheOutputKeepsWithinItsLimits) {
         ASSERT_FALSE(compensator.load(broken, {}).accepted());
       }
     }
-    for (std::size_t k = 0; k < kTableJoints; ++k) {
+    for (std::size_t k = 0; k < kJoints; ++k) {
       position[k] += random.real(-4e-3, 4e-3);
-      input.target[k] =
-          static_cast<std::int32_t>(std::lround(position[k] * kTableIncrementsPerRadian));
+      input.target[k] = static_cast<std::int32_t>(std::lround(position[k] * kIncrementsPerRadian));
     }
     input.temperature_valid = static_cast<std::uint32_t>(random.integer(0, 255));
     input.payload_g = random.integer(-1000, 100000);
@@ -130,7 +129,7 @@ TEST_P(PropertyTest, WhateverIsAskedForTheOutputKeepsWithinItsLimits) {
     ASSERT_LE(std::abs(output.delta[0] - last[0]), step) << "cycle " << i;
     std::array<std::int32_t, kMaxJoints> plain = {};
     ASSERT_TRUE(compensator.uncorrect_feedback(output.cycle, output.corrected, plain));
-    for (std::size_t k = 0; k < kTableJoints; ++k) {
+    for (std::size_t k = 0; k < kJoints; ++k) {
       ASSERT_EQ(output.corrected[k], input.target[k] + output.delta[k]);
       ASSERT_EQ(plain[k], input.target[k]);
       if (output.state == CompensatorState::kPassThrough) {
@@ -149,7 +148,7 @@ TEST_P(PropertyTest, WhateverIsAskedForTheOutputKeepsWithinItsLimits) {
 
 TEST_P(PropertyTest, TheCorrectionIsContinuousAcrossCellsMasksAndHalfATurn) {
   Random random(GetParam() + 1000);
-  Compensator compensator({.joint_count = kTableJoints});
+  Compensator compensator({.joint_count = kJoints});
   RandomTable table = random_table(random, false);
   while (table.magnitude != kMaxDeltaRevolute || table.rate != kMaxRateRevolute) {
     table = random_table(random, false);
@@ -162,12 +161,12 @@ TEST_P(PropertyTest, TheCorrectionIsContinuousAcrossCellsMasksAndHalfATurn) {
   const double step = 2e-4;
   const double begin = random.real(-3.6, -3.4);
   const auto at = [&](double q) {
-    input.target[0] = static_cast<std::int32_t>(std::lround(q * kTableIncrementsPerRadian));
+    input.target[0] = static_cast<std::int32_t>(std::lround(q * kIncrementsPerRadian));
     return compensator.cycle(input).delta[0];
   };
   std::int32_t last = 0;
   for (int i = 0; i < 300; ++i) last = at(begin);
-  const double most = 1.2 * table.steepest * step * kTableIncrementsPerRadian + 3.0;
+  const double most = 1.2 * table.steepest * step * kIncrementsPerRadian + 3.0;
   for (double q = begin; q < 3.6; q += step) {
     const std::int32_t delta = at(q);
     ASSERT_LE(std::abs(delta - last), most) << q;
@@ -177,9 +176,9 @@ TEST_P(PropertyTest, TheCorrectionIsContinuousAcrossCellsMasksAndHalfATurn) {
 
 TEST_P(PropertyTest, HarmonicsDoNotSeeWholeTurns) {
   Random random(GetParam() + 2000);
-  Compensator compensator({.joint_count = kTableJoints});
-  TestImage made(kTableJoints);
-  for (std::uint8_t joint = 0; joint < kTableJoints; ++joint) {
+  Compensator compensator({.joint_count = kJoints});
+  TestImage made(kJoints);
+  for (std::uint8_t joint = 0; joint < kJoints; ++joint) {
     made.add_harmonic(joint, joint, random.integer(1, 60), random.real(0.0, 1.0),
                       random.real(-1e-4, 1e-4));
   }
