@@ -4,5 +4,5 @@ cmd_threads() {
   setup
   build_preset threads fitter_test
   TSAN_OPTIONS="halt_on_error=1 ignore_noninstrumented_modules=1" build/threads/fitter/fitter_test --gtest_brief=1 \
-    --gtest_filter="${1:-Diagnose.*:Refine.*:Parallel.*:Fit.*:State.*:Structure.*}"
+    --gtest_filter="${1:-Diagnose.*:Refine.*:InParallel.*:Fit.*:State.*:Structure.*}"
 }
