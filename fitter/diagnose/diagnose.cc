@@ -600,11 +600,12 @@ std::unique_ptr<Fit> refit_with_smoothness_anew(const Fit& fit,
 double strangeness(Fit& fit, const EffectRequest& request) {
   double sum = 0.0;
   for (const Parameter& p : fit.model().parameters) {
-    const bool asked =
-        p.effect == request.effect &&
-        (request.joints.empty() || std::includes(request.joints.begin(), request.joints.end(),
-                                                 p.joints.begin(), p.joints.end()));
-    if (asked && p.usual > 0.0) sum += std::pow(p.value / p.usual, 2);
+    if (p.effect != request.effect || p.usual <= 0.0) continue;
+    const bool asked = std::all_of(p.joints.begin(), p.joints.end(), [&](int k) {
+      return request.joints.empty() ||
+             std::find(request.joints.begin(), request.joints.end(), k) != request.joints.end();
+    });
+    if (asked) sum += std::pow(p.value / p.usual, 2);
   }
   if (const auto load = find_effect(request.effect).carries()) {
     const double cosine = carrying_of(fit, request.effect, *load).cosine;

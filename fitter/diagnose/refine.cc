@@ -113,7 +113,6 @@ bool is_renamed(Fit& fit, const EffectRequest& gone, Fit& rest) {
   return false;
 }
 
-// Effects that may be tried for removal, by their labels.
 std::set<std::string> labels_of(const std::vector<EffectRequest>& requests) {
   std::set<std::string> labels;
   for (const EffectRequest& request : requests) labels.insert(label(request));

@@ -64,7 +64,7 @@ def test_what_is_there_is_not_swapped_for_what_says_less_about_geometry() -> Non
     ("arm", "seed"),
     [
         pytest.param("cobot", 4008, id="a balancer that carries nothing, for harmonics"),
-        pytest.param("cobot", 5008, id="bending of link 2, for link 1's and half of axis 2's torsion"),
+        pytest.param("cobot", 5008, id="bending of link 2, for link 1's and part of axis 2's torsion"),
         pytest.param("irb2400", 8012, id="six minutes of eccentricity under a table that needs none"),
     ],
 )
