@@ -39,7 +39,7 @@ from armtrue_loop.wiring import (
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 Increments = np.ndarray[Any, np.dtype[np.int64]]
-COMPENSATOR_EDS = Path(__file__).resolve().parents[2] / "firmware" / "canopen" / "armtrue.eds"
+COMPENSATOR_EDS = Path(__file__).resolve().parents[2] / "firmware" / "canopen" / "od" / "armtrue.eds"
 MODES = {"forward": 0, "inline": 1, "offset": 2}
 
 # Nobody on the bus needs this long, however loaded the machine is: who is silent for longer is not there.

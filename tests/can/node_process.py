@@ -13,7 +13,7 @@ import can
 import canopen
 
 ROOT = Path(__file__).resolve().parents[2]
-EDS = ROOT / "firmware" / "canopen" / "armtrue.eds"
+EDS = ROOT / "firmware" / "canopen" / "od" / "armtrue.eds"
 NODE_ID = 0x20
 
 

@@ -62,7 +62,7 @@ def test_refusals_carry_the_code_of_the_standard(
 
 # Every size in which a segment can end, over and over, then around one and several blocks of 127 segments and the
 # largest table. All 16384 sizes, by this client and the same server, go through tests/can/every_size.py
-# (tools/bench.d/62-sizes.sh), and by our own through firmware/canopen/sizes_main.cc.
+# (tools/bench.d/62-sizes.sh), and by our own through firmware/testing/sizes_main.cc.
 EVERY_SIZE_UP_TO = 128
 SAMPLES = (888, 889, 890, 1777, 1778, 1779, 4096, 16383, 16384)
 

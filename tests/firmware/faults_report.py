@@ -55,8 +55,8 @@ def commands(build: Path) -> dict[str, list[str]]:
         "storage": [str(firmware / "storage/storage_test"), "--gtest_filter=PowerCut.*", brief],
         "node": [str(firmware / "ports/common/ports_common_test"), "--gtest_filter=NodePowerCut.*", brief],
         "disturbed": [str(firmware / "canopen/canopen_test"), "--gtest_filter=TroubledTransfer.*", brief],
-        "sizes": [str(firmware / "canopen/canopen_sizes")],
-    } | {name: [str(firmware / "canopen/canopen_soak"), *args] for name, args in SOAK_HOURS.items()}
+        "sizes": [str(firmware / "testing/canopen_sizes")],
+    } | {name: [str(firmware / "testing/canopen_soak"), *args] for name, args in SOAK_HOURS.items()}
 
 
 def grouped(number: int) -> str:

@@ -15,7 +15,7 @@ fuzz_one() {
 (
   fuzz_one build/sanitize/fitter/expression_fuzz tests/fuzz/corpus/expression 30 -max_len=4096 -timeout=10 -rss_limit_mb=2048 -seed=1 \
     -dict=tests/fuzz/tokens.dict
-  fuzz_one build/sanitize/firmware/canopen/canopen_fuzz firmware/canopen/fuzz/corpus 20 -max_len=2048
+  fuzz_one build/sanitize/firmware/testing/canopen_fuzz firmware/testing/fuzz/corpus 20 -max_len=2048
 ) &
 first=$!
 fuzz_one build/sanitize/fitter/json_fuzz tests/fuzz/corpus/core_json 30 -max_len=4096 -timeout=10 -rss_limit_mb=2048 -seed=1 \

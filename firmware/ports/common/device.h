@@ -6,8 +6,8 @@
 #include <array>
 #include <cstdint>
 
-#include "firmware/canopen/node.h"
-#include "firmware/canopen/table_transfer.h"
+#include "firmware/canopen/node/node.h"
+#include "firmware/canopen/table/table_transfer.h"
 #include "firmware/core/compensator.h"
 #include "firmware/core/limits.h"
 #include "firmware/storage/flash.h"

@@ -6,7 +6,7 @@
 #include <array>
 #include <initializer_list>
 
-#include "firmware/canopen/node_bench.h"
+#include "firmware/testing/node_bench.h"
 
 namespace armtrue::ports {
 namespace {

@@ -7,7 +7,7 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "firmware/canopen/can_port.h"
+#include "firmware/canopen/protocol/can_port.h"
 
 namespace armtrue::ports {
 

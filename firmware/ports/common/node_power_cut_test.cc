@@ -10,8 +10,8 @@
 #include <utility>
 #include <vector>
 
-#include "firmware/canopen/node_bench.h"
-#include "firmware/canopen/test_table.h"
+#include "firmware/testing/node_bench.h"
+#include "firmware/testing/test_table.h"
 
 namespace armtrue::canopen {
 namespace {

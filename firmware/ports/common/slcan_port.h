@@ -16,7 +16,7 @@
 #include <cstdint>
 #include <span>
 
-#include "firmware/canopen/can_port.h"
+#include "firmware/canopen/protocol/can_port.h"
 #include "firmware/ports/common/byte_stream.h"
 
 namespace armtrue::ports {

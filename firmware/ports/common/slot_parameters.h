@@ -7,7 +7,7 @@
 #include <cstdint>
 #include <span>
 
-#include "firmware/canopen/parameter_store.h"
+#include "firmware/canopen/node/parameter_store.h"
 #include "firmware/storage/flash.h"
 #include "firmware/storage/slot_store.h"
 

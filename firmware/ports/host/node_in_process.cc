@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "firmware/canopen/node_bench.h"
+#include "firmware/testing/node_bench.h"
 
 using armtrue::canopen::CanFrame;
 using armtrue::canopen::NodeBench;

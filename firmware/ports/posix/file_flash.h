@@ -6,7 +6,7 @@
 
 #include <string>
 
-#include "firmware/canopen/parameter_store.h"
+#include "firmware/canopen/node/parameter_store.h"
 #include "firmware/storage/flash.h"
 
 namespace armtrue::posix {

@@ -20,7 +20,7 @@
 #include <string>
 #include <vector>
 
-#include "firmware/canopen/node.h"
+#include "firmware/canopen/node/node.h"
 #include "firmware/core/compensator.h"
 #include "firmware/ports/posix/file_flash.h"
 #include "firmware/ports/posix/socketcan_port.h"

@@ -5,7 +5,7 @@
 
 #include <string>
 
-#include "firmware/canopen/can_port.h"
+#include "firmware/canopen/protocol/can_port.h"
 
 namespace armtrue::posix {
 

@@ -10,7 +10,7 @@
 #include <cstdint>
 #include <initializer_list>
 
-#include "firmware/canopen/can_port.h"
+#include "firmware/canopen/protocol/can_port.h"
 #include "firmware/ports/common/bit_timing.h"
 #include "firmware/ports/common/frame_queue.h"
 #include "firmware/ports/common/interrupt_lock.h"

@@ -13,7 +13,7 @@
 #include <iterator>
 #include <span>
 
-#include "firmware/canopen/little_endian.h"
+#include "firmware/canopen/protocol/little_endian.h"
 #include "firmware/ports/arm/instruction_counter.h"
 #include "firmware/ports/arm/semihosting.h"
 #include "firmware/ports/common/device.h"

@@ -1,0 +1,278 @@
+// What the drives hold in offset mode: when the compensator starts beside a standing or a moving
+// arm, and how it takes its offsets back.
+#include "firmware/testing/drives_bench.h"
+
+namespace armtrue::canopen {
+namespace {
+
+// Offset: the drives follow the controller by themselves and keep the offset that they have.
+class OffsetDrivesTest : public DrivesTest {
+ protected:
+  void nmt(int command) { bench.from_controller(make_frame(0, {command, NodeBench::kNodeId})); }
+  NmtState state() { return bench.node().nmt_state(); }
+  // Time passes without targets; the largest step that a drive made.
+  std::int32_t wait(int milliseconds) {
+    std::int32_t most = 0;
+    take_output();
+    for (int k = 0; k < 2 * milliseconds; ++k) {
+      const Joints before = stand;
+      bench.now_us += 500;
+      bench.turn();
+      take_output();
+      most = std::max(most, farthest(before, stand));
+    }
+    return most;
+  }
+  void make_synchronous() {
+    for (std::uint16_t k = 0; k < 3; ++k) {
+      ASSERT_EQ(bench.write(static_cast<std::uint16_t>(0x1800 + k), 2, 1, 1), 0U);
+    }
+  }
+  static constexpr std::int32_t kRate = 105;  // 0.1 turn per second, increments in a cycle
+};
+
+TEST_P(OffsetDrivesTest, AnArmInMotionIsNotTakenForItsOffset) {
+  settle();
+  restart();
+  following_error = 70;
+  const Joints before = held;
+  for (int k = 0; k < 300; ++k) {
+    cycle(moved(kStand, 30 * k));
+    ASSERT_EQ(outputs, 0) << k;
+  }
+  EXPECT_EQ(held, before);
+  EXPECT_EQ(status() & kUnknownBit, kUnknownBit);
+  const Joints there = moved(kStand, 30 * 299);
+  following_error = 0;
+  EXPECT_EQ(rest(there, 95), 0);
+  EXPECT_LE(rest(there, 100), kBlendStep);
+  EXPECT_EQ(seen, there);
+  EXPECT_EQ(status() & kUnknownBit, 0U);
+}
+
+TEST_P(OffsetDrivesTest, ActualPositionsAreHeardBeforeTheNodeIsStarted) {
+  settle();
+  bench.power_on();
+  take_output();
+  feed_back();
+  bench.start_nodes();
+  for (int k = 0; k < 50; ++k) {
+    bench.now_us += 1000;
+    bench.from_controller(make_frame(0x80, {}));
+    bench.command_joints(kStand);
+    take_output();
+    ASSERT_EQ(outputs, 0) << "until the arm has stood for 0.1 s";
+  }
+}
+
+TEST_P(OffsetDrivesTest, AnArmThatStandsWhereNoCorrectionCanBringItIsNotTouched) {
+  settle();
+  restart();
+  following_error = 1000;
+  rest(kStand, 300);
+  EXPECT_EQ(status() & kUnknownBit, kUnknownBit);
+  EXPECT_GT(farthest(held, {}), 150) << "what it held before";
+}
+
+TEST_P(OffsetDrivesTest, NmtStopTakesTheOffsetsBackFirst) {
+  for (const int command : {2, 128}) {
+    for (const bool synchronous : {false, true}) {
+      SCOPED_TRACE(command * 10 + synchronous);
+      settle();
+      if (synchronous) {
+        wait(600);
+        make_synchronous();
+        rest(kStand, 5);
+      }
+      ASSERT_EQ(bench.write(0x1017, 0, 1, 2), 0U);
+      nmt(command);
+      EXPECT_EQ(state(), NmtState::kOperational) << "until the offsets are zero";
+      EXPECT_LE(wait(100), kRate);
+      EXPECT_EQ(held, Joints{});
+      EXPECT_EQ(state(), command == 2 ? NmtState::kStopped : NmtState::kPreOperational);
+      EXPECT_EQ(seen, kStand);
+      bench.start_nodes();
+      ASSERT_EQ(bench.write(0x1017, 0, 0, 2), 0U);
+      wait(600);
+    }
+  }
+}
+
+TEST_P(OffsetDrivesTest, NmtStopInMotionDoesTheSame) {
+  settle();
+  nmt(2);
+  for (int k = 0; k < 100; ++k) {
+    const Joints before = held;
+    cycle(moved(kStand, 30 * k));
+    EXPECT_LE(farthest(before, held), kRate);
+  }
+  EXPECT_EQ(held, Joints{});
+  EXPECT_EQ(state(), NmtState::kStopped);
+}
+
+TEST_P(OffsetDrivesTest, AStartThatOvertakesAStopIsObeyed) {
+  settle();
+  nmt(2);
+  wait(1);
+  nmt(1);
+  EXPECT_LE(rest(kStand, 300), kRate);
+  EXPECT_EQ(state(), NmtState::kOperational);
+  EXPECT_GT(farthest(held, {}), 150);
+}
+
+TEST_P(OffsetDrivesTest, CommandsForOthersAndUnknownOnesTakeNothingBack) {
+  settle();
+  const Joints before = held;
+  bench.from_controller(make_frame(0, {2, NodeBench::kNodeId + 1}));
+  nmt(77);
+  wait(50);
+  EXPECT_EQ(held, before);
+}
+
+TEST_P(OffsetDrivesTest, ResetsTakeTheOffsetsBackFirst) {
+  for (const int command : {129, 130}) {
+    settle();
+    nmt(command);
+    EXPECT_LE(wait(100), kRate);
+    EXPECT_EQ(held, Joints{});
+    EXPECT_EQ(state(), NmtState::kPreOperational);
+    bench.start_nodes();
+  }
+}
+
+TEST_P(OffsetDrivesTest, TargetsThatWaitBehindAResetAreOfNoLifeAnyMore) {
+  for (const int command : {129, 130}) {
+    settle();
+    nmt(command);
+    for (int k = 0; k < 10; ++k) {
+      bench.now_us += 1000;
+      bench.upstream.deliver(make_frame(0x80, {}));
+      for (const CanFrame& frame : NodeBench::targets(kStand)) bench.upstream.deliver(frame);
+      bench.turn();
+    }
+    take_output();
+    ASSERT_EQ(held, Joints{});
+    bench.start_nodes();
+    bench.now_us += 1000;
+    target = stand = kStand;
+    EXPECT_LE(rest(kStand, 200), kBlendStep);
+    EXPECT_EQ(status() & kUnknownBit, 0U) << "begun with what was heard in the new life";
+  }
+}
+
+TEST_P(OffsetDrivesTest, ALostHeartbeatTakesTheOffsetsBackFirst) {
+  ASSERT_EQ(bench.write(0x1016, 1, 0x00050064, 4), 0U);
+  settle();
+  bench.from_controller(make_frame(0x705, {5}));
+  EXPECT_LE(wait(300), kRate);
+  EXPECT_EQ(held, Joints{});
+  EXPECT_EQ(state(), NmtState::kPreOperational);
+}
+
+TEST_P(OffsetDrivesTest, AnotherModeTakesTheOffsetsBackFirst) {
+  settle();
+  wait(600);
+  ASSERT_GT(farthest(held, {}), 150) << "stale targets alone move nothing";
+  ASSERT_EQ(bench.write(0x2000, 1, 0, 1), 0U);
+  EXPECT_LE(wait(100), kRate);
+  EXPECT_EQ(held, Joints{});
+  wait(600);
+  target = moved(kStand, 700);
+  bench.command_joints(target);
+  take_output();
+  EXPECT_EQ(outputs, 0) << "forward";
+}
+
+TEST_P(OffsetDrivesTest, AModeThatIsTakenBackAtOnceGoesOn) {
+  settle();
+  wait(600);
+  ASSERT_EQ(bench.write(0x2000, 1, 0, 1), 0U);
+  ASSERT_EQ(bench.write(0x2000, 1, 2, 1), 0U);
+  take_output();
+  EXPECT_LE(rest(kStand, 300), kRate);
+  EXPECT_GT(farthest(held, {}), 150);
+}
+
+TEST_P(OffsetDrivesTest, DisablingAtRestTakesTheOffsetsBackAndEnablingGivesThemAgain) {
+  settle();
+  wait(600);
+  const Joints before = held;
+  ASSERT_EQ(bench.write(0x2000, 2, 0, 1), 0U);
+  EXPECT_LE(wait(100), kBlendStep);
+  EXPECT_EQ(held, Joints{});
+  EXPECT_EQ(seen, kStand);
+  wait(600);
+  ASSERT_EQ(bench.write(0x2000, 2, 1, 1), 0U);
+  EXPECT_EQ(wait(100), 0) << "nothing goes out by itself but the way to zero";
+  EXPECT_LE(rest(kStand, 100), kBlendStep);
+  EXPECT_EQ(held, before);
+}
+
+TEST_P(OffsetDrivesTest, DisabledWhileParkedStaysDisabled) {
+  settle();
+  nmt(128);
+  wait(100);
+  ASSERT_EQ(state(), NmtState::kPreOperational);
+  ASSERT_EQ(bench.write(0x2000, 2, 0, 1), 0U);
+  bench.start_nodes();
+  rest(kStand, 200);
+  EXPECT_EQ(held, Joints{});
+}
+
+TEST_P(OffsetDrivesTest, DisablingInMotionEndsWithZeroInTheDrives) {
+  settle();
+  ASSERT_EQ(bench.write(0x2000, 2, 0, 1), 0U);
+  for (int k = 0; k < 60; ++k) {
+    const Joints before = held;
+    cycle(moved(kStand, 30 * k));
+    EXPECT_EQ(outputs, 3) << "one set of offsets for each of targets";
+    EXPECT_LE(farthest(before, held), kBlendStep);
+  }
+  EXPECT_EQ(held, Joints{});
+}
+
+TEST_P(OffsetDrivesTest, SynchronousOffsetsLeaveWithSyncOnceForEachSet) {
+  make_synchronous();
+  settle();
+  for (int k = 0; k < 20; ++k) {
+    bench.now_us += 1000;
+    bench.command_joints(moved(kStand, 100 * k));
+    take_output();
+    ASSERT_EQ(outputs, 0) << "not at once";
+    bench.from_controller(make_frame(0x80, {}));
+    take_output();
+    ASSERT_EQ(outputs, 3) << k;
+  }
+  for (int k = 0; k < 10; ++k) {
+    bench.now_us += 1000;
+    bench.from_controller(make_frame(0x80, {}));
+    take_output();
+    ASSERT_EQ(outputs, 0) << "no new set, no old offset";
+  }
+}
+
+TEST_P(OffsetDrivesTest, OffsetsThatTheBusRefusesAreCounted) {
+  for (const bool synchronous : {false, true}) {
+    if (synchronous) {
+      bench.run_for(600'000);
+      make_synchronous();
+    }
+    settle();
+    const std::uint32_t before = bench.read(0x2001, 14);
+    bench.upstream.take_sent();
+    bench.upstream.set_room(1);
+    bench.now_us += 1000;
+    bench.from_controller(make_frame(0x80, {}));
+    bench.command_joints(kStand);
+    bench.from_controller(make_frame(0x80, {}));
+    bench.upstream.set_room(SIZE_MAX);
+    bench.upstream.take_sent();
+    // One frame of three finds room; those that wait for SYNC are refused at the next one, too.
+    EXPECT_EQ(bench.read(0x2001, 14), before + (synchronous ? 5 : 2));
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Offset, OffsetDrivesTest, ::testing::Values(Mode::kOffset));
+
+}  // namespace
+}  // namespace armtrue::canopen

@@ -1,0 +1,222 @@
+// What the drives hold when the compensator comes and goes: restarts and modes, in both modes of
+// output, and what the bus may not do to the joint path.
+#include "firmware/testing/drives_bench.h"
+#include "firmware/core/test_image.h"
+
+namespace armtrue::canopen {
+namespace {
+
+TEST_P(DrivesTest, ARestartBeginsWithWhatTheDrivesHold) {
+  settle();
+  EXPECT_EQ(status() & kUnknownBit, 0U);
+  const Joints before = stand;
+  restart();
+  EXPECT_EQ(status() & kUnknownBit, kUnknownBit);
+  EXPECT_LE(rest(kStand, 200), kBlendStep);
+  EXPECT_EQ(stand, before);
+  EXPECT_EQ(seen, kStand) << "with the same correction taken off again";
+  EXPECT_EQ(status() & kUnknownBit, 0U);
+}
+
+TEST_P(DrivesTest, ARestartInMidBlendGoesOnFromThere) {
+  settle();
+  ASSERT_EQ(bench.write(0x2000, 2, 0, 1), 0U);
+  rest(kStand, 8);
+  const Joints before = stand;
+  ASSERT_GT(farthest(before, kStand), 50);
+  ASSERT_LT(farthest(before, kStand), 150);
+  restart();
+  EXPECT_LE(rest(kStand, 200), kBlendStep);
+  EXPECT_GT(farthest(stand, kStand), 150) << "enabled again: that had not been saved";
+}
+
+TEST_P(DrivesTest, AControllerThatBeginsWhereItIsToldItStandsMakesNoStep) {
+  settle();
+  restart();
+  for (int k = 0; k < 3; ++k) {
+    bench.now_us += 1000;
+    feed_back();
+  }
+  EXPECT_EQ(seen, stand) << "before the first set nothing is taken off";
+  if (offset_) return;
+  const Joints there = stand;
+  EXPECT_LE(rest(there, 200), kBlendStep);
+  EXPECT_EQ(seen, there);
+}
+
+TEST_P(DrivesTest, FeedbackThatIsLateIsUncorrectedFromTheFirstSetOn) {
+  ASSERT_EQ(bench.write(0x2000, 7, 3, 1), 0U);
+  ASSERT_EQ(bench.write(0x1010, 1, 0x65766173, 4), 0U);
+  settle();
+  restart();
+  bool begun = false;
+  for (int k = 0; k < 200; ++k) {
+    cycle(kStand);
+    if (begun) {
+      EXPECT_LE(farthest(seen, kStand), 3 * kBlendStep) << k;
+    }
+    begun = begun || outputs > 0;
+  }
+  EXPECT_TRUE(begun);
+}
+
+TEST_P(DrivesTest, FeedbackIsUncorrectedByTheDeltaOfItsOwnCycle) {
+  ASSERT_EQ(bench.write(0x2000, 7, 2, 1), 0U);
+  settle();
+  std::vector<std::pair<Joints, Joints>> past;  // targets, where the drives stood
+  for (int k = 0; k < 50; ++k) {
+    cycle(moved(kStand, 1000 * k));
+    past.emplace_back(target, stand);
+    if (k < 5) continue;
+    const auto& [then, stood] = past[past.size() - 3];
+    const Joints now = stand;
+    stand = stood;
+    feed_back();
+    stand = now;
+    EXPECT_EQ(seen, then) << k;
+  }
+}
+
+TEST_P(DrivesTest, WithoutFeedbackItBeginsAtZeroAndSaysSo) {
+  settle();
+  restart();
+  Joints first = {};
+  for (int k = 0; k < 30; ++k) {
+    bench.now_us += 1000;
+    bench.from_controller(make_frame(0x80, {}));
+    bench.command_joints(kStand);
+    take_output();
+    if (outputs > 0 && first == Joints{}) first = stand;
+  }
+  EXPECT_LE(farthest(first, kStand), kBlendStep);
+  EXPECT_NE(first, Joints{});
+  EXPECT_EQ(status() & kUnknownBit, kUnknownBit);
+}
+
+TEST_P(DrivesTest, AnotherModeForgetsWhatTheDrivesHold) {
+  settle();
+  bench.run_for(600'000);
+  ASSERT_EQ(bench.write(0x2000, 1, 0, 1), 0U);
+  bench.run_for(600'000);
+  EXPECT_EQ(status() & kUnknownBit, kUnknownBit) << "forward mode knows nothing";
+  take_output();
+  target = moved(kStand, 5000);
+  stand = target;  // without a correction
+  held = {};
+  ASSERT_EQ(bench.write(0x2000, 1, static_cast<std::uint32_t>(GetParam()), 1), 0U);
+  EXPECT_LE(rest(target, 200), kBlendStep);
+  EXPECT_GT(farthest(stand, target), 100);
+}
+
+INSTANTIATE_TEST_SUITE_P(Modes, DrivesTest, ::testing::Values(Mode::kInline, Mode::kOffset),
+                         [](const auto& mode) {
+                           return mode.param == Mode::kInline ? "Inline" : "Offset";
+                         });
+
+// Inline: the drives stand while the compensator is away.
+class InlineDrivesTest : public DrivesTest {};
+
+TEST_P(InlineDrivesTest, FarFromTheFirstTargetTheNearestPermittedOutputIsTaken) {
+  settle();
+  restart();
+  const Joints before = stand;
+  const Joints far = moved(kStand, 3000);
+  cycle(far);
+  ASSERT_EQ(outputs, 0) << "a stream begins with its second set";
+  cycle(far);
+  ASSERT_EQ(outputs, 3);
+  for (std::size_t k = 0; k < 6; ++k) {
+    EXPECT_LE(std::abs(stand[k] - before[k]), std::abs(far[k] - before[k])) << "joint " << k + 1;
+    EXPECT_GE(stand[k], far[k] - kPermitted) << "joint " << k + 1;
+    EXPECT_LE(stand[k], far[k] - kPermitted + kBlendStep) << "joint " << k + 1;
+  }
+  EXPECT_LE(rest(far, 100), kBlendStep);
+  EXPECT_EQ(seen, far);
+}
+
+TEST_P(InlineDrivesTest, LeavingOperationalKeepsWhatIsKnown) {
+  settle();
+  bench.from_controller(make_frame(0, {128, NodeBench::kNodeId}));
+  EXPECT_EQ(bench.node().nmt_state(), NmtState::kPreOperational) << "nothing to take back";
+  bench.start_nodes();
+  EXPECT_EQ(rest(kStand, 50), 0);
+  EXPECT_EQ(status() & kUnknownBit, 0U);
+}
+
+INSTANTIATE_TEST_SUITE_P(Inline, InlineDrivesTest, ::testing::Values(Mode::kInline));
+
+// What the bus may not do to the joint path.
+
+TEST_P(InlineDrivesTest, NmtFromTheDrivesSideIsPassedOnAndNotObeyed) {
+  settle();
+  bench.upstream.take_sent();
+  bench.from_drives(make_frame(0, {2, 0}));
+  EXPECT_EQ(bench.node().nmt_state(), NmtState::kOperational);
+  const auto passed = bench.upstream.take_sent();
+  ASSERT_EQ(passed.size(), 1U);
+  EXPECT_EQ(passed[0].id, 0U);
+}
+
+TEST_P(InlineDrivesTest, SyncThatIsRemoteOrComesFromTheDrivesDividesNothing) {
+  settle();
+  CanFrame remote = make_frame(0x80, {});
+  remote.flags = kFrameRemote;
+  const auto frames = NodeBench::targets(kStand);
+  bench.now_us += 1000;
+  bench.from_controller(make_frame(0x80, {}));
+  bench.from_controller(frames[0]);
+  bench.from_controller(remote);
+  bench.from_controller(frames[1]);
+  bench.from_drives(make_frame(0x80, {}));
+  bench.from_controller(frames[2]);
+  take_output();
+  EXPECT_EQ(outputs, 3);
+}
+
+// Backlash of joint 1: plus or minus 1 mrad by direction.
+class BacklashTest : public DrivesTest {
+ protected:
+  BacklashTest() {
+    armtrue::testing::TestImage made(6);
+    made.add_state(format::State::kDirection, 0, 30);
+    made.add_term(0, 1, 1e-3, 30);
+    armtrue::testing::put(made.header(), format::header::kSequenceAt, std::uint32_t{2});
+    bench.run_for(600'000);
+    bench.install(made.image());
+  }
+};
+
+TEST_P(BacklashTest, AfterAnInterruptionTheSideOfApproachIsLearntAnew) {
+  Joints there = {};
+  for (int k = 0; k < 300; ++k) cycle(there = moved({}, 200 * std::min(k, 100)));
+  EXPECT_NEAR(stand[0] - there[0], -2670, 2) << "2^24 increments a turn";
+  bench.run_for(30'000);  // stale
+  rest(there, 200);
+  EXPECT_EQ(stand[0], there[0]) << "no direction, no backlash";
+}
+
+INSTANTIATE_TEST_SUITE_P(Inline, BacklashTest, ::testing::Values(Mode::kInline));
+
+TEST_P(InlineDrivesTest, ATemperatureThatComesBackEndsItsEmergency) {
+  ASSERT_EQ(bench.write(0x2000, 6, 100, 4), 0U);
+  ASSERT_EQ(bench.write(0x2020, 2, 2150, 2), 0U);
+  take_output();
+  bench.upstream.take_sent();
+  bench.run_for(150'000);
+  const auto raised = bench.upstream.take_sent();
+  ASSERT_EQ(raised.size(), 1U);
+  EXPECT_EQ(load_le<std::uint16_t>(raised[0].data), 0xFF12);
+  EXPECT_EQ(raised[0].data[3], 2) << "which";
+  ASSERT_EQ(bench.write(0x2020, 2, 2150, 2), 0U);
+  bench.run_for(1000);
+  std::vector<CanFrame> ended = bench.aside;
+  for (const CanFrame& frame : bench.upstream.take_sent()) ended.push_back(frame);
+  std::erase_if(ended, [](const CanFrame& frame) { return frame.id != 0xA0; });
+  ASSERT_EQ(ended.size(), 1U);
+  EXPECT_EQ(load_le<std::uint16_t>(ended[0].data), 0);
+  EXPECT_EQ(load_le<std::uint16_t>(&ended[0].data[3]), 0xFF12);
+  EXPECT_EQ(bench.read(0x1001, 0), 0U);
+}
+
+}  // namespace
+}  // namespace armtrue::canopen

@@ -1,0 +1,46 @@
+#include "firmware/canopen/node/bus_watch.h"
+
+namespace armtrue::canopen {
+
+void BusWatch::process(std::uint64_t now_us) {
+  const BusState state = port_.bus_state();
+  const BusCounters counters = port_.counters();
+  if (state == BusState::kBusOff) {
+    if (!off_) {
+      off_ = true;
+      recovering_ = false;
+      off_since_us_ = now_us;
+      emcy_.raise(bus_off_, counters.bus_off_entries);
+    } else if (!recovering_ && now_us - off_since_us_ >= kRecoveryPauseUs) {
+      recovering_ = true;
+      port_.recover();
+    }
+  } else if (off_) {
+    off_ = false;
+    emcy_.clear(bus_off_);
+  } else if (counters.bus_off_entries != off_entries_) {
+    // Off and on again between two turns.
+    emcy_.raise(bus_off_, counters.bus_off_entries);
+    emcy_.clear(bus_off_);
+  }
+  off_entries_ = counters.bus_off_entries;
+  // The other bus raises these conditions too: clear only what this one raised.
+  if (state == BusState::kPassive && !passive_) {
+    passive_ = true;
+    emcy_.raise(Condition::kBusPassive, 0);
+  } else if (passive_ && (state == BusState::kActive || state == BusState::kWarning)) {
+    passive_ = false;
+    emcy_.clear(Condition::kBusPassive);
+  }
+  if (counters.receive_overruns != overruns_) {
+    overruns_ = counters.receive_overruns;
+    last_overrun_us_ = now_us;
+    overrun_ = true;
+    emcy_.raise(Condition::kReceiveOverrun, overruns_);
+  } else if (overrun_ && now_us - last_overrun_us_ >= kOverrunMemoryUs) {
+    overrun_ = false;
+    emcy_.clear(Condition::kReceiveOverrun);
+  }
+}
+
+}  // namespace armtrue::canopen

@@ -1,0 +1,432 @@
+// NMT, heartbeat, EMCY, SYNC, PDO configuration and parameters of the whole node.
+#include <gtest/gtest.h>
+
+#include "firmware/testing/node_bench.h"
+#include "firmware/testing/test_table.h"
+
+namespace armtrue::canopen {
+namespace {
+
+constexpr std::uint8_t kId = NodeBench::kNodeId;
+
+class NetworkTest : public testing::Test {
+ protected:
+  NetworkTest() : bench(false) {}
+  std::vector<CanFrame> sent() { return bench.upstream.take_sent(); }
+  // Frames with this identifier among those sent.
+  std::vector<CanFrame> sent(std::uint32_t id) {
+    std::vector<CanFrame> frames = bench.upstream.take_sent();
+    std::erase_if(frames, [id](const CanFrame& frame) { return frame.id != id; });
+    return frames;
+  }
+  void nmt(int command, int node = kId) { bench.from_controller(make_frame(0, {command, node})); }
+  NmtState state() { return bench.node().nmt_state(); }
+  NodeBench bench;
+};
+
+TEST_F(NetworkTest, BootsWithOneMessageIntoPreOperational) {
+  const std::vector<CanFrame> frames = sent();
+  ASSERT_EQ(frames.size(), 1U);
+  EXPECT_EQ(frames[0].id, 0x700U + kId);
+  EXPECT_EQ(frames[0].len, 1);
+  EXPECT_EQ(frames[0].data[0], 0);
+  EXPECT_EQ(state(), NmtState::kPreOperational);
+}
+
+TEST_F(NetworkTest, ObeysItsOwnAndBroadcastNmtOnly) {
+  nmt(1, kId + 1);
+  EXPECT_EQ(state(), NmtState::kPreOperational);
+  nmt(1, 0);
+  EXPECT_EQ(state(), NmtState::kOperational);
+  nmt(2);
+  EXPECT_EQ(state(), NmtState::kStopped);
+  nmt(128);
+  EXPECT_EQ(state(), NmtState::kPreOperational);
+  nmt(77);
+  EXPECT_EQ(state(), NmtState::kPreOperational);
+  bench.from_controller(make_frame(0, {1}));
+  EXPECT_EQ(state(), NmtState::kPreOperational);
+}
+
+TEST_F(NetworkTest, ResetsBootAgainAndRestoreWhatTheyShould) {
+  ASSERT_EQ(bench.write(0x1017, 0, 500, 2), 0U);
+  ASSERT_EQ(bench.write(0x2000, 3, 9000, 4), 0U);
+  sent();
+  nmt(130);
+  bench.run_for(1000);
+  EXPECT_EQ(sent(0x700U + kId).size(), 1U);
+  EXPECT_EQ(bench.read(0x1017, 0), 0U);
+  EXPECT_EQ(bench.read(0x2000, 3), 9000U) << "not in the communication area";
+  nmt(129);
+  EXPECT_EQ(sent(0x700U + kId).size(), 1U);
+  EXPECT_EQ(bench.read(0x2000, 3), 20000U);
+}
+
+TEST_F(NetworkTest, HeartbeatKeepsItsPeriodAndShowsTheState) {
+  ASSERT_EQ(bench.write(0x1017, 0, 100, 2), 0U);
+  sent();
+  bench.run_for(1'000'000);
+  const std::vector<CanFrame> beats = sent(0x700U + kId);
+  EXPECT_EQ(beats.size(), 10U);
+  EXPECT_EQ(beats.back().data[0], 127);
+  nmt(2);
+  bench.run_for(100'000);
+  EXPECT_EQ(sent(0x700U + kId).back().data[0], 4);
+  nmt(1);
+  bench.run_for(100'000);
+  EXPECT_EQ(sent(0x700U + kId).back().data[0], 5);
+}
+
+TEST_F(NetworkTest, ALostHeartbeatLeavesOperationalAndIsReported) {
+  ASSERT_EQ(bench.write(0x1016, 1, 0x00050064, 4), 0U);  // node 5, 100 ms
+  nmt(1);
+  bench.run_for(500'000);
+  EXPECT_EQ(state(), NmtState::kOperational) << "watching begins with the first heartbeat";
+  bench.from_controller(make_frame(0x705, {5}));
+  sent();
+  bench.run_for(150'000);
+  EXPECT_EQ(state(), NmtState::kPreOperational);
+  const std::vector<CanFrame> emcy = sent(0x80U + kId);
+  ASSERT_EQ(emcy.size(), 1U);
+  EXPECT_EQ(load_le<std::uint16_t>(emcy[0].data), 0x8130);
+  EXPECT_EQ(emcy[0].data[3], 5) << "which node";
+  bench.from_controller(make_frame(0x705, {5}));
+  bench.run_for(1000);
+  EXPECT_EQ(load_le<std::uint16_t>(sent(0x80U + kId).at(0).data), 0);
+}
+
+TEST_F(NetworkTest, ErrorBehaviourDecidesWhatALostHeartbeatDoes) {
+  ASSERT_EQ(bench.write(0x1016, 1, 0x00050064, 4), 0U);
+  for (const auto& [behaviour, expected] :
+       {std::pair{1U, NmtState::kOperational}, std::pair{2U, NmtState::kStopped}}) {
+    nmt(128);
+    ASSERT_EQ(bench.write(0x1029, 1, behaviour, 1), 0U);
+    nmt(1);
+    bench.from_controller(make_frame(0x705, {5}));
+    bench.run_for(150'000);
+    EXPECT_EQ(state(), expected);
+  }
+}
+
+TEST_F(NetworkTest, OneNodeIsWatchedInOneSlotOnly) {
+  ASSERT_EQ(bench.write(0x1016, 1, 0x00050064, 4), 0U);
+  EXPECT_EQ(bench.write(0x1016, 2, 0x000500C8, 4), 0x06040043U);
+  EXPECT_EQ(bench.write(0x1016, 2, 0x00800064, 4), 0x06040043U);
+  EXPECT_EQ(bench.write(0x1016, 1, 0x000500C8, 4), 0U);
+}
+
+TEST_F(NetworkTest, EmcyKeepsItsInhibitTimeAndItsHistory) {
+  ASSERT_EQ(bench.write(0x1015, 0, 1000, 2), 0U);  // 100 ms
+  ASSERT_EQ(bench.write(0x2000, 6, 100, 4), 0U);
+  nmt(1);
+  bench.upstream.lose_frames(3);
+  bench.upstream.set_state(BusState::kPassive);
+  sent();
+  bench.run_for(50'000);
+  EXPECT_EQ(sent(0x80U + kId).size(), 1U);
+  bench.run_for(100'000);
+  EXPECT_EQ(sent(0x80U + kId).size(), 1U);
+  EXPECT_EQ(bench.read(0x1003, 0), 2U);
+  EXPECT_EQ(bench.read(0x1003, 1) & 0xFFFF, 0x8110U) << "the newest first";
+  EXPECT_EQ(bench.read(0x1003, 2) & 0xFFFF, 0x8120U);
+  EXPECT_EQ(bench.write(0x1003, 0, 1, 1), 0x06090031U);
+  EXPECT_EQ(bench.write(0x1003, 0, 0, 1), 0U);
+  const auto answer = bench.ask({0x40, 0x03, 0x10, 1, 0, 0, 0, 0});
+  EXPECT_EQ(load_le<std::uint32_t>(&answer[4]), 0x08000024U) << "a field without an error";
+}
+
+TEST_F(NetworkTest, AShortPdoIsReportedUntilAWholeOneComes) {
+  ASSERT_EQ(bench.write(0x1412, 1, 0x191, 4), 0U);
+  nmt(1);
+  sent();
+  for (int k = 0; k < 3; ++k) bench.from_controller(make_frame(0x191, {1}));
+  bench.run_for(1000);
+  const auto emergencies = sent(0x80U + kId);
+  ASSERT_EQ(emergencies.size(), 1U) << "once";
+  EXPECT_EQ(load_le<std::uint16_t>(emergencies[0].data), 0x8210);
+  EXPECT_EQ(load_le<std::uint16_t>(&emergencies[0].data[3]), 0x191);
+  EXPECT_EQ(bench.read(0x1001, 0), 0x11U);
+  bench.from_controller(make_frame(0x191, {0, 0, 0, 0, 0, 0, 0, 0}));
+  bench.run_for(1000);
+  EXPECT_EQ(load_le<std::uint16_t>(sent(0x80U + kId).at(0).data), 0U) << "error reset";
+  EXPECT_EQ(bench.read(0x1001, 0), 0U);
+}
+
+TEST(Mapping, ABusWithoutFdCarriesEightBytes) {
+  for (const bool fd : {false, true}) {
+    NodeBench bench(true, fd);
+    ASSERT_EQ(bench.write(0x1612, 0, 0, 1), 0U);
+    for (std::uint8_t k = 1; k <= 3; ++k) {
+      ASSERT_EQ(bench.write(0x1612, k, 0x607A0020U + 0x08000000U * (k - 1U), 4), 0U);
+    }
+    EXPECT_EQ(bench.write(0x1612, 0, 2, 1), 0U);
+    ASSERT_EQ(bench.write(0x1612, 0, 0, 1), 0U);
+    EXPECT_EQ(bench.write(0x1612, 0, 3, 1), fd ? 0U : 0x06040042U) << "twelve bytes";
+  }
+}
+
+TEST_F(NetworkTest, SyncWithAnUnexpectedLengthIsReportedAndIgnored) {
+  nmt(1);
+  sent();
+  bench.from_controller(make_frame(0x80, {1}));
+  bench.run_for(1000);
+  EXPECT_EQ(load_le<std::uint16_t>(sent(0x80U + kId).at(0).data), 0x8240);
+}
+
+TEST_F(NetworkTest, SyncMayMoveToAnotherIdentifier) {
+  EXPECT_EQ(bench.write(0x1005, 0, 0x40000080, 4), 0x06090030U) << "not a producer";
+  EXPECT_EQ(bench.write(0x1005, 0, 0x600, 4), 0U) << "free: only 0x601 to 0x67F are SDO";
+  EXPECT_EQ(bench.write(0x1005, 0, 0x601, 4), 0x06090030U);
+  EXPECT_EQ(bench.write(0x1005, 0, 0x20000080, 4), 0x06090030U);
+}
+
+TEST_F(NetworkTest, TemperaturesComeByRpdoAndGoStale) {
+  ASSERT_EQ(bench.write(0x1410, 1, 0x190, 4), 0U);
+  ASSERT_EQ(bench.write(0x2000, 6, 1000, 4), 0U);
+  nmt(1);
+  bench.from_controller(make_frame(0x190, {0xC4, 0x09, 0x9C, 0xFF, 0, 0, 1, 0}));
+  EXPECT_EQ(bench.read(0x2020, 1), 2500U);
+  EXPECT_EQ(static_cast<std::int16_t>(bench.read(0x2020, 2)), -100);
+  sent();
+  bench.run_for(1'100'000);
+  EXPECT_EQ(load_le<std::uint16_t>(sent(0x80U + kId).at(0).data), 0xFF12);
+}
+
+TEST_F(NetworkTest, SynchronousInputsWaitForSync) {
+  ASSERT_EQ(bench.write(0x1412, 1, 0x191, 4), 0U);
+  ASSERT_EQ(bench.write(0x1412, 2, 0, 1), 0U);
+  nmt(1);
+  bench.from_controller(make_frame(0x191, {0x10, 0x27, 0, 0}));
+  EXPECT_EQ(bench.read(0x2021, 0), 0U);
+  bench.from_controller(make_frame(0x80, {}));
+  EXPECT_EQ(bench.read(0x2021, 0), 10000U);
+}
+
+TEST_F(NetworkTest, AShortPdoIsReportedAndNotTaken) {
+  ASSERT_EQ(bench.write(0x1412, 1, 0x191, 4), 0U);
+  nmt(1);
+  sent();
+  bench.from_controller(make_frame(0x191, {0x10, 0x27, 0}));
+  bench.run_for(1000);
+  EXPECT_EQ(load_le<std::uint16_t>(sent(0x80U + kId).at(0).data), 0x8210);
+  EXPECT_EQ(bench.read(0x2021, 0), 0U);
+}
+
+TEST_F(NetworkTest, MappingFollowsTheProcedureOfTheStandard) {
+  ASSERT_EQ(bench.write(0x1412, 1, 0x191, 4), 0U);
+  EXPECT_EQ(bench.write(0x1612, 0, 0, 1), 0x06010000U) << "valid: switch it off first";
+  ASSERT_EQ(bench.write(0x1412, 1, 0x80000191, 4), 0U);
+  EXPECT_EQ(bench.write(0x1612, 1, 0x20200110, 4), 0x06010000U) << "mapping in use";
+  ASSERT_EQ(bench.write(0x1612, 0, 0, 1), 0U);
+  EXPECT_EQ(bench.write(0x1612, 1, 0x10000020, 4), 0x06040041U) << "not mappable";
+  EXPECT_EQ(bench.write(0x1612, 1, 0x30000020, 4), 0x06020000U) << "no such object";
+  EXPECT_EQ(bench.write(0x1612, 1, 0x20200910, 4), 0x06090011U) << "no such sub-index";
+  EXPECT_EQ(bench.write(0x1612, 1, 0x20200120, 4), 0x06040041U) << "wrong length";
+  EXPECT_EQ(bench.write(0x1612, 1, 0x20010220, 4), 0x06040041U) << "read-only in an RPDO";
+  ASSERT_EQ(bench.write(0x1612, 1, 0x00050008, 4), 0U) << "dummy";
+  ASSERT_EQ(bench.write(0x1612, 2, 0x20200110, 4), 0U);
+  EXPECT_EQ(bench.write(0x1612, 0, 3, 1), 0x06040041U) << "the third is empty";
+  EXPECT_EQ(bench.write(0x1612, 0, 9, 1), 0x06040042U);
+  ASSERT_EQ(bench.write(0x1612, 0, 2, 1), 0U);
+  ASSERT_EQ(bench.write(0x1412, 1, 0x191, 4), 0U);
+  nmt(1);
+  bench.from_controller(make_frame(0x191, {0xEE, 0x34, 0x12}));
+  EXPECT_EQ(bench.read(0x2020, 1), 0x1234U);
+}
+
+TEST_F(NetworkTest, PdoIdentifiersAreChecked) {
+  EXPECT_EQ(bench.write(0x1412, 1, 0x20000191, 4), 0x06090030U) << "29 bit";
+  EXPECT_EQ(bench.write(0x1412, 1, 0x581, 4), 0x06090030U) << "SDO's";
+  EXPECT_EQ(bench.write(0x1412, 1, 0, 4), 0x06090030U) << "NMT's";
+  ASSERT_EQ(bench.write(0x1412, 1, 0x191, 4), 0U);
+  EXPECT_EQ(bench.write(0x1412, 1, 0x192, 4), 0x06090030U) << "valid: does not move";
+  EXPECT_EQ(bench.write(0x1412, 2, 250, 1), 0x06090030U) << "reserved transmission type";
+  EXPECT_EQ(bench.write(0x1808, 3, 10, 2), 0U);
+  ASSERT_EQ(bench.write(0x1808, 1, 0x400001A8, 4), 0U);
+  EXPECT_EQ(bench.write(0x1808, 3, 20, 2), 0x06010000U) << "valid: inhibit time does not change";
+}
+
+TEST_F(NetworkTest, StatusTpdoLeavesOnChangeOnTimerAndOnSync) {
+  // 0x1001 alone: it changes only when something happens.
+  ASSERT_EQ(bench.write(0x1A08, 0, 0, 1), 0U);
+  ASSERT_EQ(bench.write(0x1A08, 1, 0x10010008, 4), 0U);
+  ASSERT_EQ(bench.write(0x1A08, 0, 1, 1), 0U);
+  ASSERT_EQ(bench.write(0x1808, 5, 100, 2), 0U);
+  ASSERT_EQ(bench.write(0x1808, 1, 0x400001A8, 4), 0U);
+  nmt(1);
+  bench.run_for(1'000'000);
+  const std::size_t timed = sent(0x1A8).size();
+  EXPECT_GE(timed, 10U);
+  EXPECT_LE(timed, 11U);
+  bench.upstream.lose_frames(1);
+  bench.run_for(1000);
+  const std::vector<CanFrame> changed = sent(0x1A8);
+  ASSERT_EQ(changed.size(), 1U);
+  EXPECT_EQ(changed[0].data[0], 0x11);
+  ASSERT_EQ(bench.write(0x1808, 2, 3, 1), 0U);
+  sent();
+  for (int k = 0; k < 9; ++k) bench.from_controller(make_frame(0x80, {}));
+  EXPECT_EQ(sent(0x1A8).size(), 3U) << "every third SYNC";
+}
+
+TEST_F(NetworkTest, SyncStartValueAlignsToTheCounter) {
+  ASSERT_EQ(bench.write(0x1019, 0, 10, 1), 0U);
+  ASSERT_EQ(bench.write(0x1808, 6, 4, 1), 0U);
+  ASSERT_EQ(bench.write(0x1808, 2, 2, 1), 0U);
+  ASSERT_EQ(bench.write(0x1808, 1, 0x400001A8, 4), 0U);
+  nmt(1);
+  sent();
+  std::vector<int> with_pdo;
+  for (int counter = 1; counter <= 10; ++counter) {
+    bench.from_controller(make_frame(0x80, {counter}));
+    if (!sent(0x1A8).empty()) with_pdo.push_back(counter);
+  }
+  EXPECT_EQ(with_pdo, (std::vector<int>{4, 6, 8, 10}));
+}
+
+TEST_F(NetworkTest, SavedParametersOutliveARestartAndDefaultsComeBack) {
+  ASSERT_EQ(bench.write(0x1412, 1, 0x191, 4), 0U);
+  ASSERT_EQ(bench.write(0x1017, 0, 250, 2), 0U);
+  EXPECT_EQ(bench.write(0x1010, 1, 0x12345678, 4), 0x08000020U);
+  ASSERT_EQ(bench.write(0x1010, 1, 0x65766173, 4), 0U);
+  bench.power_on();
+  EXPECT_EQ(bench.read(0x1017, 0), 250U);
+  EXPECT_EQ(bench.read(0x1412, 1), 0x191U);
+  EXPECT_EQ(bench.read(0x1010, 1), 1U);
+  ASSERT_EQ(bench.write(0x1011, 1, 0x64616F6C, 4), 0U);
+  EXPECT_EQ(bench.read(0x1017, 0), 250U) << "until the next reset";
+  bench.power_on();
+  EXPECT_EQ(bench.read(0x1017, 0), 0U);
+  bench.parameters.broken = true;
+  EXPECT_EQ(bench.write(0x1010, 1, 0x65766173, 4), 0x06060000U);
+}
+
+TEST_F(NetworkTest, ParametersThatANewStartWouldNotHaveAreSaidToBeUnsaved) {
+  const auto unsaved = [this] { return (bench.read(0x2001, 2) >> 5 & 1U) != 0; };
+  EXPECT_FALSE(unsaved()) << "as delivered";
+  ASSERT_EQ(bench.write(0x2021, 0, 5000, 4), 0U);
+  EXPECT_FALSE(unsaved()) << "an input is no parameter";
+  EXPECT_NE(bench.write(0x2000, 3, 1, 4), 0U);
+  EXPECT_FALSE(unsaved()) << "refused";
+  ASSERT_EQ(bench.write(0x2000, 3, 30'000, 4), 0U);
+  EXPECT_TRUE(unsaved());
+  bench.parameters.broken = true;
+  EXPECT_NE(bench.write(0x1010, 1, 0x65766173, 4), 0U);
+  EXPECT_TRUE(unsaved());
+  bench.parameters.broken = false;
+  ASSERT_EQ(bench.write(0x1010, 1, 0x65766173, 4), 0U);
+  EXPECT_FALSE(unsaved());
+  bench.power_on();
+  EXPECT_EQ(bench.read(0x2000, 3), 30'000U);
+  EXPECT_FALSE(unsaved());
+  ASSERT_EQ(bench.write(0x1011, 1, 0x64616F6C, 4), 0U);
+  EXPECT_TRUE(unsaved()) << "the next start is one as delivered";
+}
+
+TEST_F(NetworkTest, BusOffIsRecoveredAfterAPauseAndReported) {
+  bench.run_for(1000);
+  sent();
+  bench.upstream.set_state(BusState::kBusOff);
+  bench.run_for(BusWatch::kRecoveryPauseUs - 5000);
+  EXPECT_EQ(bench.upstream.recoveries(), 0U);
+  bench.run_for(10'000);
+  EXPECT_EQ(bench.upstream.recoveries(), 1U);
+  const std::vector<CanFrame> emcy = sent(0x80U + kId);
+  ASSERT_EQ(emcy.size(), 2U);
+  EXPECT_EQ(load_le<std::uint16_t>(emcy[0].data), 0x8140);
+  EXPECT_EQ(load_le<std::uint16_t>(emcy[1].data), 0x0000);
+}
+
+TEST_F(NetworkTest, ABusOffThatEndsBetweenTwoTurnsIsReported) {
+  bench.run_for(1000);
+  sent();
+  bench.upstream.set_state(BusState::kBusOff);
+  bench.upstream.set_state(BusState::kActive);
+  bench.run_for(10'000);
+  const std::vector<CanFrame> emcy = sent(0x80U + kId);
+  ASSERT_EQ(emcy.size(), 2U);
+  EXPECT_EQ(load_le<std::uint16_t>(emcy[0].data), 0x8140);
+  EXPECT_EQ(load_le<std::uint16_t>(emcy[1].data), 0x0000);
+}
+
+TEST_F(NetworkTest, WhatAPortCountedInAnEarlierLifeIsNoNews) {
+  bench.upstream.lose_frames(3);
+  bench.upstream.set_state(BusState::kBusOff);
+  bench.upstream.set_state(BusState::kActive);
+  bench.power_on();
+  sent();
+  bench.run_for(10'000);
+  EXPECT_TRUE(sent(0x80U + kId).empty());
+}
+
+TEST_F(NetworkTest, WhatIsReadInTheTurnInWhichABusChangesAgrees) {
+  bench.run_for(1000);
+  bench.upstream.set_state(BusState::kPassive);
+  EXPECT_EQ(bench.read(0x1001, 0), 0x11U);
+  EXPECT_EQ(bench.read(0x1003, 1) & 0xFFFF, 0x8120U);
+  bench.upstream.set_state(BusState::kActive);
+  EXPECT_EQ(bench.read(0x1001, 0), 0U);
+}
+
+TEST_F(NetworkTest, SelfTestRunsWhatItIsAskedTo) {
+  EXPECT_EQ(bench.write(0x2030, 1, 0x80, 1), 0x06090030U);
+  ASSERT_EQ(bench.write(0x2030, 1, 0x1F, 1), 0U);
+  EXPECT_EQ(bench.read(0x2030, 2), 0x1FU);
+  EXPECT_EQ(bench.read(0x2030, 3), 0U);
+}
+
+// Each part of the self-test that can be made to fail from outside, alone.
+class SelfTestTest : public testing::Test {
+ protected:
+  static constexpr std::uint32_t kTable = 1U << 2;
+  static constexpr std::uint32_t kBuses = 1U << 3;
+  static constexpr std::uint32_t kPassThrough = 1U << 4;
+
+  std::uint32_t failed(std::uint32_t tests = 0x1F) {
+    EXPECT_EQ(bench.write(0x2030, 1, tests, 1), 0U);
+    EXPECT_EQ(bench.read(0x2030, 2), tests);
+    return bench.read(0x2030, 3);
+  }
+  NodeBench bench;
+};
+
+TEST_F(SelfTestTest, ATableThatChangedInMemoryFails) {
+  const std::vector<std::uint8_t> image = TestTable{}.image();
+  bench.install(image);
+  EXPECT_EQ(failed(), 0U);
+  bench.spoil_tables(image.size() - 1);
+  EXPECT_EQ(failed(), kTable);
+  EXPECT_EQ(failed(0x1F & ~kTable), 0U) << "not asked for";
+  bench.power_on();
+  EXPECT_EQ(failed(), 0U) << "the one in flash is whole";
+}
+
+TEST_F(SelfTestTest, ABusThatIsOffFails) {
+  bench.downstream.set_state(BusState::kBusOff);
+  EXPECT_EQ(failed(), kBuses);
+  EXPECT_EQ(failed(0x1F & ~kBuses), 0U);
+  bench.run_for(200'000);
+  EXPECT_EQ(failed(), 0U);
+  bench.upstream.set_state(BusState::kBusOff);
+  bench.from_controller(make_frame(0x620, {0x2F, 0x30, 0x20, 1, 0x1F, 0, 0, 0}));
+  bench.run_for(200'000);
+  bench.upstream.take_sent();
+  EXPECT_EQ(bench.read(0x2030, 3), kBuses) << "of the run while it was off";
+}
+
+TEST_F(SelfTestTest, ACorrectionWithoutATableFails) {
+  for (std::size_t axis = 0; axis < 6; ++axis) {
+    const od::Ref<std::int32_t> offset = od::axis::kPositionOffset[axis];
+    auto& dictionary = const_cast<ObjectDictionary&>(bench.node().dictionary());
+    dictionary.set(offset, -1);
+    EXPECT_EQ(failed(), kPassThrough) << axis;
+    EXPECT_EQ(failed(0x1F & ~kPassThrough), 0U);
+    dictionary.set(offset, 0);
+    EXPECT_EQ(failed(), 0U);
+  }
+}
+
+TEST_F(NetworkTest, InlineNeedsASecondBus) { EXPECT_EQ(bench.write(0x2000, 1, 1, 1), 0x06040043U); }
+
+}  // namespace
+}  // namespace armtrue::canopen

@@ -1,0 +1,152 @@
+// The compensator as a CANopen device: routes frames between services, the joint path and the two
+// buses.
+//
+//   upstream  ── controller, clients ──┐
+//                                      ├─ Node ─ NMT, heartbeat, SDO, EMCY, PDO, tables
+//   downstream ── drives ──────────────┘
+//
+// With a downstream port every frame is passed on bit-identical, both ways, except: requests to
+// this node's own SDO server, and in inline mode the target frames (held, rewritten, released as a
+// set) and the actual-position frames (rewritten). NMT and SYNC are obeyed from upstream only.
+//
+// The port calls process() again and again from one context. Nothing here blocks except the table
+// commands, which are refused while joint commands arrive.
+#ifndef ARMTRUE_FIRMWARE_CANOPEN_NODE_NODE_H_
+#define ARMTRUE_FIRMWARE_CANOPEN_NODE_NODE_H_
+
+#include <array>
+#include <cstdint>
+#include <optional>
+
+#include "firmware/canopen/node/bus_watch.h"
+#include "firmware/canopen/protocol/can_port.h"
+#include "firmware/canopen/protocol/dictionary_access.h"
+#include "firmware/canopen/protocol/emcy.h"
+#include "firmware/canopen/motion/joint_path.h"
+#include "firmware/canopen/protocol/nmt.h"
+#include "firmware/canopen/protocol/object_dictionary.h"
+#include "firmware/canopen/node/parameter_store.h"
+#include "firmware/canopen/protocol/pdo.h"
+#include "firmware/canopen/protocol/sdo_server.h"
+#include "firmware/canopen/table/table_transfer.h"
+#include "firmware/canopen/protocol/tpdo_producer.h"
+
+namespace armtrue::canopen {
+
+struct NodeConfig {
+  std::uint8_t node_id = 0x20;      // 1..127
+  std::uint32_t serial_number = 0;  // 0x1018 sub 4
+  std::uint8_t joint_count = 6;
+  std::uint64_t (*clock_us)() = nullptr;  // for measuring cycles
+};
+
+// What the node is made of; none is owned, all outlive the node.
+struct NodeParts {
+  CanPort& upstream;
+  CanPort* downstream;  // nullptr: offset mode on one bus
+  Compensator& compensator;
+  storage::SlotStore& store;
+  ParameterStore& parameters;
+  const DeviceIdentity& device;
+  TableBuffers buffers;
+};
+
+// What the port has to do after process().
+enum class NodeAction : std::uint8_t {
+  kNone,
+  kRestart,  // NMT reset node: start again from power-on
+};
+
+class Node final : private ObjectHooks {
+ public:
+  Node(const NodeConfig& config, const NodeParts& parts);
+  Node(const Node&) = delete;
+  Node& operator=(const Node&) = delete;
+
+  // Loads parameters and the table of the slots. Call once, then process() for ever.
+  void start(std::uint64_t now_us);
+
+  // Takes what has arrived, runs timers, sends what is due.
+  NodeAction process(std::uint64_t now_us);
+
+  // Whether the joint path was supervised in the last process(), and in time: feed the watchdog
+  // only then.
+  bool joint_path_sound() const { return joint_path_sound_; }
+
+  NmtState nmt_state() const { return nmt_.state(); }
+  const JointCounters& joint_counters() const { return joints_.counters(); }
+  const ObjectDictionary& dictionary() const { return dictionary_; }
+
+ private:
+  // Frames taken from one port before the other has its turn.
+  static constexpr int kFramesPerTurn = 16;
+
+  void reset_communication(std::uint64_t now_us);
+  void apply_configuration();
+  void handle_upstream(const CanFrame& frame);
+  void handle_downstream(CanFrame& frame);
+  // Services of the node itself. True if the frame is for nobody else.
+  bool serve(const CanFrame& frame);
+  void handle_sync(const CanFrame& frame);
+  void handle_heartbeat(const CanFrame& frame);
+  void handle_rpdo(std::size_t number, const CanFrame& frame);
+  void take_input(std::size_t number, const CanFrame& frame);
+  void outputs_are_fresh();
+  // What ends the output waits until the drives' offsets are zero.
+  void carry_out();
+  void watch_sdo_targets(const CanFrame& frame);
+  void forward(CanPort& to, const CanFrame& frame, std::uint32_t& forwarded,
+               std::uint32_t& dropped);
+  void communication_error();
+  void watch_buses();
+  void note_nmt_state();
+  void refresh_status();
+  void run_self_test(std::uint8_t tests);
+  bool is_quiet() const;
+  Mode mode() const { return mode_; }
+  // Where inline output goes; nullptr in every other mode.
+  CanPort* inline_output() const;
+
+  Abort before_write(const od::Entry& entry, std::span<const std::uint8_t> value) override;
+  void after_write(const od::Entry& entry) override;
+  Abort before_read(std::uint16_t index, std::uint8_t sub) override;
+  Abort check_communication_write(const od::Entry& entry, std::span<const std::uint8_t> value);
+
+  NodeConfig config_;
+  NodeParts parts_;
+  ObjectDictionary dictionary_;
+  Nmt nmt_;
+  HeartbeatConsumer heartbeats_;
+  Emcy emcy_;
+  PdoTable pdos_;
+  JointPath joints_;
+  TableTransfer tables_;
+  DictionaryAccess access_;
+  SdoServer sdo_;
+  TpdoProducer tpdos_;
+  BusWatch upstream_watch_;
+  std::optional<BusWatch> downstream_watch_;
+
+  std::uint64_t now_us_ = 0;
+  NmtState known_state_ = NmtState::kInitialising;
+  Mode mode_ = Mode::kForward;    // in force; 0x2000 sub 1 is what is wanted
+  bool has_unsaved_ = false;      // the next start comes with other parameters than these
+  std::uint8_t nmt_command_ = 0;  // to be carried out, 0 for none
+  NmtRequest pending_reset_ = NmtRequest::kNone;
+  bool joint_path_sound_ = false;
+  struct Forwarding {
+    std::uint32_t forwarded = 0;
+    std::uint32_t dropped = 0;
+  };
+  Forwarding from_upstream_;
+  Forwarding from_downstream_;
+  std::uint32_t sdo_targets_ = 0;
+  std::size_t short_rpdo_ = kRpdos;  // whose last frame was too short; kRpdos: none
+  // Synchronous inputs wait here for SYNC.
+  std::array<CanFrame, kRpdos> waiting_ = {};
+  std::uint32_t waiting_bits_ = 0;
+};
+
+}  // namespace armtrue::canopen
+
+#endif  // ARMTRUE_FIRMWARE_CANOPEN_NODE_NODE_H_

@@ -1,0 +1,184 @@
+// What writing an object means to the node, beyond storing it.
+#include <algorithm>
+
+#include "firmware/canopen/protocol/crc16.h"
+#include "firmware/canopen/node/node.h"
+#include "firmware/core/crc32.h"
+
+namespace armtrue::canopen {
+namespace {
+
+constexpr std::uint32_t kSave = 0x65766173;  // "save"
+constexpr std::uint32_t kLoad = 0x64616F6C;  // "load"
+constexpr std::uint32_t kSyncProducer = 0x40000000;
+constexpr std::uint32_t kExtendedId = 0x20000000;
+constexpr std::uint32_t kInvalid = 0x80000000;
+constexpr std::uint32_t kIdMask = 0x7FF;
+constexpr std::uint32_t kReservedIdBits = 0x1FFFF800;
+
+template <typename T>
+bool is(const od::Entry& entry, const od::Ref<T>& ref) {
+  return entry.index == ref.index && entry.sub == ref.sub;
+}
+
+std::uint32_t number(std::span<const std::uint8_t> value) {
+  std::uint32_t result = 0;
+  for (std::size_t k = 0; k < value.size() && k < 4; ++k) {
+    result |= static_cast<std::uint32_t>(value[k]) << (8 * k);
+  }
+  return result;
+}
+
+// Identifiers that a service may be moved to: 11 bits, none of NMT's or SDO's.
+bool is_free_id(std::uint32_t id) {
+  return id >= 0x080 && !(id >= 0x101 && id <= 0x180) && !(id >= 0x581 && id <= 0x5FF) &&
+         !(id >= 0x601 && id <= 0x67F) && id < 0x6E0;
+}
+
+// Bits of 0x2030.
+enum SelfTest : std::uint8_t {
+  kTestChecksums = 1U << 0,
+  kTestDictionary = 1U << 1,
+  kTestTable = 1U << 2,
+  kTestBuses = 1U << 3,
+  kTestPassThrough = 1U << 4,
+};
+constexpr std::uint8_t kAllTests = 0x1F;
+
+bool checksums_are_right() {
+  // The check values that both CRC catalogues give for this text.
+  constexpr std::uint8_t kText[] = {'1', '2', '3', '4', '5', '6', '7', '8', '9'};
+  return crc16(kText) == 0x31C3 && crc32(kText) == 0xCBF43926U;
+}
+
+bool dictionary_is_ordered() {
+  return std::is_sorted(
+      od::kObjects, od::kObjects + od::kObjectCount,
+      [](const od::Object& one, const od::Object& other) { return one.index < other.index; });
+}
+
+}  // namespace
+
+Abort Node::check_communication_write(const od::Entry& entry, std::span<const std::uint8_t> value) {
+  const std::uint32_t wanted = number(value);
+  if (is(entry, od::kCOBIDSYNCMessage)) {
+    // This node consumes SYNC; it does not produce it.
+    const bool possible = (wanted & (kSyncProducer | kExtendedId | kReservedIdBits)) == 0 &&
+                          is_free_id(wanted & kIdMask);
+    return possible ? Abort::kNone : Abort::kValueRange;
+  }
+  if (is(entry, od::kSynchronousCounterOverflowValue)) {
+    return wanted == 1 ? Abort::kValueRange : Abort::kNone;  // reserved (CiA 301, 7.5.2.22)
+  }
+  if (is(entry, od::kCOBIDEMCY)) {
+    const std::uint32_t present = dictionary_.get(od::kCOBIDEMCY);
+    if ((wanted & (kExtendedId | kReservedIdBits)) != 0 || !is_free_id(wanted & kIdMask)) {
+      return Abort::kValueRange;
+    }
+    // While valid, only validity changes (CiA 301, 7.5.2.17).
+    const bool moves = (present & kIdMask) != (wanted & kIdMask);
+    return (present & kInvalid) == 0 && moves ? Abort::kValueRange : Abort::kNone;
+  }
+  if (entry.index == od::kConsumerHeartbeatTime[0].index && entry.sub > 0) {
+    const std::uint32_t node_id = wanted >> 16 & 0xFFU;
+    if ((wanted & 0xFF000000U) != 0 || node_id > 127) return Abort::kIncompatibleParameter;
+    if (node_id == 0 || (wanted & 0xFFFFU) == 0) return Abort::kNone;
+    for (std::size_t k = 0; k < HeartbeatConsumer::kNodes; ++k) {
+      const std::uint32_t other = dictionary_.get(od::kConsumerHeartbeatTime[k]);
+      const bool watched = (other >> 16 & 0xFFU) == node_id && (other & 0xFFFFU) != 0;
+      if (watched && k + 1 != entry.sub) return Abort::kIncompatibleParameter;
+    }
+    return Abort::kNone;
+  }
+  if (is(entry, od::store_parameters::kSaveAllParameters)) {
+    if (wanted != kSave) return Abort::kCannotStore;
+    if (!is_quiet()) return Abort::kDeviceState;
+    return save_parameters(dictionary_, parts_.parameters) ? Abort::kNone : Abort::kHardware;
+  }
+  if (is(entry, od::restore_default_parameters::kRestoreAllDefaultParameters)) {
+    if (wanted != kLoad) return Abort::kCannotStore;
+    if (!is_quiet()) return Abort::kDeviceState;
+    return parts_.parameters.erase() ? Abort::kNone : Abort::kHardware;
+  }
+  // A mapping that changes under way would let targets pass uncorrected: a step in the output.
+  const bool is_pdo_parameter = entry.index >= 0x1400 && entry.index < 0x1C00;
+  if (is_pdo_parameter && mode() != Mode::kForward && !is_quiet()) return Abort::kDeviceState;
+  return check_pdo_write(dictionary_, entry, value, pdos_.payload_max());
+}
+
+Abort Node::before_write(const od::Entry& entry, std::span<const std::uint8_t> value) {
+  if (entry.index < 0x2000) return check_communication_write(entry, value);
+  if (is(entry, od::kTableCommand)) return tables_.command(number(value), is_quiet());
+  namespace control = od::compensator_control;
+  if (is(entry, control::kMode)) {
+    if (static_cast<Mode>(value[0]) == Mode::kInline && parts_.downstream == nullptr) {
+      return Abort::kIncompatibleParameter;
+    }
+    return is_quiet() ? Abort::kNone : Abort::kDeviceState;
+  }
+  if (is(entry, control::kCorrectionEnable)) {
+    // Disabling is always allowed; enabling checks the table again, which takes too long in motion.
+    return value[0] == 0 || is_quiet() ? Abort::kNone : Abort::kDeviceState;
+  }
+  if (is(entry, od::self_test::kRun)) {
+    if ((value[0] & ~kAllTests) != 0 || value[0] == 0) return Abort::kValueRange;
+    return is_quiet() ? Abort::kNone : Abort::kDeviceState;
+  }
+  return Abort::kNone;
+}
+
+void Node::after_write(const od::Entry& entry) {
+  if ((entry.flags & od::kStored) != 0) has_unsaved_ = true;
+  if (is(entry, od::kPreDefinedErrorFieldCount)) return emcy_.clear_history();
+  if (is(entry, od::kProducerHeartbeatTime)) return nmt_.restart_heartbeat(now_us_);
+  if (entry.index == od::kConsumerHeartbeatTime[0].index) {
+    const std::size_t slot = entry.sub - 1U;
+    return heartbeats_.configure(slot, dictionary_.get(od::kConsumerHeartbeatTime[slot]));
+  }
+  if (is(entry, od::store_parameters::kSaveAllParameters)) {
+    has_unsaved_ = false;
+    // Reads back as "saves on command".
+    return dictionary_.set(od::store_parameters::kSaveAllParameters, 1U);
+  }
+  if (is(entry, od::restore_default_parameters::kRestoreAllDefaultParameters)) {
+    has_unsaved_ = true;
+    return dictionary_.set(od::restore_default_parameters::kRestoreAllDefaultParameters, 1U);
+  }
+  if (entry.index >= 0x1400 && entry.index < 0x1C00) {
+    pdos_.refresh();
+    joints_.configure(pdos_);
+    return tpdos_.restart(now_us_);
+  }
+  namespace control = od::compensator_control;
+  if (is(entry, control::kMode)) return carry_out();
+  if (is(entry, control::kCorrectionEnable)) {
+    return tables_.set_enabled(dictionary_.get(control::kCorrectionEnable) != 0);
+  }
+  if (entry.index == od::kTemperatureInputs[0].index && entry.sub > 0) {
+    return joints_.note_temperature(entry.sub - 1U, now_us_);
+  }
+  if (is(entry, od::self_test::kRun)) run_self_test(dictionary_.get(od::self_test::kRun));
+}
+
+void Node::run_self_test(std::uint8_t tests) {
+  std::uint32_t failed = 0;
+  if ((tests & kTestChecksums) != 0 && !checksums_are_right()) failed |= kTestChecksums;
+  if ((tests & kTestDictionary) != 0 && !dictionary_is_ordered()) failed |= kTestDictionary;
+  if ((tests & kTestTable) != 0 && !tables_.active_is_sound()) failed |= kTestTable;
+  if ((tests & kTestBuses) != 0) {
+    const bool downstream_off =
+        parts_.downstream != nullptr && parts_.downstream->bus_state() == BusState::kBusOff;
+    if (parts_.upstream.bus_state() == BusState::kBusOff || downstream_off) failed |= kTestBuses;
+  }
+  if ((tests & kTestPassThrough) != 0) {
+    // A compensator that says it passes through must have put out no correction at all.
+    const bool passes = parts_.compensator.state() == CompensatorState::kPassThrough;
+    for (std::size_t axis = 0; passes && axis < config_.joint_count; ++axis) {
+      if (dictionary_.get(od::axis::kPositionOffset[axis]) != 0) failed |= kTestPassThrough;
+    }
+  }
+  dictionary_.set(od::self_test::kTestsRun, static_cast<std::uint32_t>(tests));
+  dictionary_.set(od::self_test::kTestsFailed, failed);
+}
+
+}  // namespace armtrue::canopen

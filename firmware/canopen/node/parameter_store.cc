@@ -1,0 +1,30 @@
+#include "firmware/canopen/node/parameter_store.h"
+
+#include "firmware/core/crc32.h"
+
+namespace armtrue::canopen {
+namespace {
+
+using Block = std::array<std::uint8_t, kParameterBlockSize>;
+constexpr std::size_t kCrcAt = kParameterBlockSize - 4;
+
+}  // namespace
+
+bool save_parameters(const ObjectDictionary& dictionary, ParameterStore& store) {
+  Block block = {};
+  store_le(block.data(), od::kLayoutFingerprint);
+  dictionary.pack_stored(std::span(block).subspan(4, od::kStoredSize));
+  store_le(&block[kCrcAt], crc32(std::span(block).first(kCrcAt)));
+  return store.save(block);
+}
+
+bool load_parameters(ObjectDictionary& dictionary, ParameterStore& store) {
+  Block block = {};
+  if (!store.load(block)) return false;
+  if (load_le<std::uint32_t>(block.data()) != od::kLayoutFingerprint) return false;
+  if (load_le<std::uint32_t>(&block[kCrcAt]) != crc32(std::span(block).first(kCrcAt))) return false;
+  dictionary.unpack_stored(std::span(block).subspan(4, od::kStoredSize));
+  return true;
+}
+
+}  // namespace armtrue::canopen

@@ -1,0 +1,39 @@
+// Where 0x1010 saves parameters: one block of bytes that survives power-off.
+#ifndef ARMTRUE_FIRMWARE_CANOPEN_NODE_PARAMETER_STORE_H_
+#define ARMTRUE_FIRMWARE_CANOPEN_NODE_PARAMETER_STORE_H_
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+
+#include "firmware/canopen/protocol/object_dictionary.h"
+
+namespace armtrue::canopen {
+
+// A port's non-volatile memory for parameters. A save that is cut short must leave either the old
+// block or one that load() reports as absent or that fails its checksum.
+class ParameterStore {
+ public:
+  // Fills `block` with what was saved last. False if nothing of that length was.
+  virtual bool load(std::span<std::uint8_t> block) = 0;
+  virtual bool save(std::span<const std::uint8_t> block) = 0;
+  virtual bool erase() = 0;
+
+ protected:
+  ~ParameterStore() = default;
+};
+
+// Layout fingerprint, values, CRC-32.
+inline constexpr std::size_t kParameterBlockSize = 4 + od::kStoredSize + 4;
+
+// Saves all parameters that 0x1010 covers. False if the memory failed.
+bool save_parameters(const ObjectDictionary& dictionary, ParameterStore& store);
+
+// Restores saved parameters over the defaults. False, having changed nothing, if there are none,
+// they are damaged, or they were saved by a firmware with another dictionary.
+bool load_parameters(ObjectDictionary& dictionary, ParameterStore& store);
+
+}  // namespace armtrue::canopen
+
+#endif  // ARMTRUE_FIRMWARE_CANOPEN_NODE_PARAMETER_STORE_H_

@@ -1,0 +1,96 @@
+// The seam between the portable node and a CAN controller: one frame type and one port interface.
+// Every port (SocketCAN, bxCAN, ZynqMP CAN, SLCAN, the simulated bus) implements CanPort; nothing
+// above this header knows which one it talks to.
+#ifndef ARMTRUE_FIRMWARE_CANOPEN_PROTOCOL_CAN_PORT_H_
+#define ARMTRUE_FIRMWARE_CANOPEN_PROTOCOL_CAN_PORT_H_
+
+#include <cstddef>
+#include <cstdint>
+
+namespace armtrue::canopen {
+
+// Largest payload of a classic and of an FD frame (ISO 11898-1:2015, 10.4.2.3).
+inline constexpr std::size_t kClassicPayload = 8;
+inline constexpr std::size_t kFdPayload = 64;
+
+// Frame flags, combined with bitwise or. A frame without kFrameFd is a classic frame.
+enum FrameFlags : std::uint8_t {
+  kFrameNone = 0,
+  kFrameExtended = 1U << 0,       // 29-bit identifier
+  kFrameRemote = 1U << 1,         // remote transmission request (classic only, no payload)
+  kFrameFd = 1U << 2,             // CAN FD frame
+  kFrameBitRateSwitch = 1U << 3,  // FD only: data phase at the fast rate
+  kFrameErrorState = 1U << 4,     // FD only: error state indicator of the sender
+};
+
+// One frame as it stands on the bus. `id` is right-aligned (bits 10..0, or 28..0 when extended).
+// Bytes of `data` at and beyond `len` have no meaning.
+struct CanFrame {
+  std::uint32_t id = 0;
+  std::uint8_t flags = kFrameNone;
+  std::uint8_t len = 0;  // payload bytes: 0..8, FD also 12, 16, 20, 24, 32, 48, 64
+  std::uint8_t data[kFdPayload] = {};
+
+  constexpr bool is(FrameFlags flag) const { return (flags & flag) != 0; }
+};
+
+// Whether an FD frame can carry `len` bytes exactly; anything else has to be padded by the sender.
+constexpr bool is_valid_fd_length(std::size_t len) {
+  return len <= 8 || len == 12 || len == 16 || len == 20 || len == 24 || len == 32 || len == 48 ||
+         len == 64;
+}
+
+// Error confinement state of a controller (ISO 11898-1, 12.1.4).
+enum class BusState : std::uint8_t { kActive, kWarning, kPassive, kBusOff };
+
+// Running counts since start; they saturate at their maximum rather than wrap.
+struct BusCounters {
+  std::uint32_t received = 0;
+  std::uint32_t sent = 0;
+  std::uint32_t receive_overruns = 0;  // frames lost because nobody took them in time
+  std::uint32_t send_refused = 0;      // send() calls that found the queue full or the bus off
+  std::uint32_t bus_off_entries = 0;
+};
+
+// A CAN controller. No call blocks, allocates or throws. Frames with equal identifiers leave in the
+// order in which they were queued. All calls of one port come from one context; a driver that is
+// fed by interrupts protects its own queues.
+class CanPort {
+ public:
+  // Queues a frame for transmission. Returns false, having queued nothing, if the queue is full,
+  // the controller is bus-off, or the frame is one that this controller cannot send (FD on a
+  // classic controller, invalid length). The caller decides whether to try again.
+  virtual bool send(const CanFrame& frame) = 0;
+
+  // Takes the oldest received frame. Returns false if there is none; `frame` is then unchanged.
+  virtual bool receive(CanFrame& frame) = 0;
+
+  // Whether frames wait behind those that the controller has taken; what can wait does not add to
+  // them. False where a port does not know.
+  virtual bool has_backlog() { return false; }
+
+  // Frames, 1 to 127, that may come at once without one being lost: no block of segments is asked
+  // for that is longer.
+  virtual std::uint8_t longest_burst() const { return 127; }
+
+  virtual BusState bus_state() = 0;
+
+  // Begins the recovery from bus-off (the 128 × 11 recessive bits run in hardware). Discards what
+  // was queued for transmission: a target that waited out a bus-off is stale. No effect otherwise.
+  // bus_state() leaves kBusOff when the controller takes part in traffic again.
+  virtual void recover() = 0;
+
+  virtual BusCounters counters() const = 0;
+
+  // Whether send() accepts frames flagged kFrameFd.
+  virtual bool supports_fd() const = 0;
+
+ protected:
+  // Ports are static objects and never deleted through this type: a virtual destructor would pull
+  // operator delete into a heap-free image.
+  ~CanPort() = default;
+};
+
+}  // namespace armtrue::canopen
+
+#endif  // ARMTRUE_FIRMWARE_CANOPEN_PROTOCOL_CAN_PORT_H_

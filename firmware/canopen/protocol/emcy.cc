@@ -1,0 +1,122 @@
+#include "firmware/canopen/protocol/emcy.h"
+
+#include <algorithm>
+
+namespace armtrue::canopen {
+namespace {
+
+struct ConditionCode {
+  std::uint16_t code;          // CiA 301, table 27; 0xFFxx device specific
+  std::uint8_t register_bits;  // CiA 301, table 46
+};
+
+constexpr std::uint8_t kGeneric = 1U << 0;
+constexpr std::uint8_t kCommunication = 1U << 4;
+constexpr std::uint8_t kDeviceSpecific = 1U << 5;
+
+constexpr ConditionCode kCodes[] = {
+    {0xFF10, kGeneric | kCommunication},   // kJointInputStale
+    {0xFF11, kGeneric | kDeviceSpecific},  // kTableRefused
+    {0xFF12, kGeneric | kDeviceSpecific},  // kTemperatureStale
+    {0xFF13, kGeneric | kDeviceSpecific},  // kTargetBySdo
+    {0xFF14, kGeneric | kCommunication},   // kTargetConflict
+    {0x5530, kGeneric | kDeviceSpecific},  // kStorage: device hardware, EEPROM
+    {0x8130, kGeneric | kCommunication},   // kHeartbeatLost
+    {0x8110, kGeneric | kCommunication},   // kReceiveOverrun
+    {0x8120, kGeneric | kCommunication},   // kBusPassive
+    {0x8140, kGeneric | kCommunication},   // kBusOffUpstream
+    {0x8140, kGeneric | kCommunication},   // kBusOffDownstream
+    {0x8210, kGeneric | kCommunication},   // kPdoLength
+    {0x8240, kGeneric | kCommunication},   // kSyncLength
+};
+static_assert(std::size(kCodes) == static_cast<std::size_t>(Condition::kCount));
+
+constexpr std::uint16_t kErrorReset = 0x0000;
+constexpr std::uint32_t kNotValid = 0x80000000U;
+
+}  // namespace
+
+void Emcy::reset() {
+  raised_ = {};
+  queue_size_ = 0;
+  next_allowed_us_ = 0;
+  update_register();
+  clear_history();
+}
+
+void Emcy::clear_history() {
+  dictionary_.set(od::kPreDefinedErrorFieldCount, std::uint8_t{0});
+  for (std::size_t k = 0; k < std::size(od::kPreDefinedErrorField); ++k) {
+    dictionary_.set(od::kPreDefinedErrorField[k], 0U);
+  }
+}
+
+void Emcy::update_register() {
+  std::uint8_t bits = 0;
+  for (std::size_t k = 0; k < kConditions; ++k) {
+    if (raised_[k]) bits |= kCodes[k].register_bits;
+  }
+  dictionary_.set(od::kErrorRegister, bits);
+}
+
+void Emcy::raise(Condition condition, std::uint32_t information) {
+  const auto number = static_cast<std::size_t>(condition);
+  if (raised_[number]) return;
+  raised_[number] = true;
+  update_register();
+  const std::uint16_t code = kCodes[number].code;
+  // The newest error stands first; the oldest falls off the end.
+  constexpr std::size_t kFields = std::size(od::kPreDefinedErrorField);
+  for (std::size_t k = kFields - 1; k > 0; --k) {
+    dictionary_.set(od::kPreDefinedErrorField[k],
+                    dictionary_.get(od::kPreDefinedErrorField[k - 1]));
+  }
+  dictionary_.set(od::kPreDefinedErrorField[0],
+                  static_cast<std::uint32_t>(code) | (information & 0xFFFFU) << 16);
+  const std::uint8_t count = dictionary_.get(od::kPreDefinedErrorFieldCount);
+  dictionary_.set(od::kPreDefinedErrorFieldCount,
+                  static_cast<std::uint8_t>(std::min<std::size_t>(count + 1U, kFields)));
+  queue({code, dictionary_.get(od::kErrorRegister), information});
+}
+
+void Emcy::clear(Condition condition) {
+  const auto number = static_cast<std::size_t>(condition);
+  if (!raised_[number]) return;
+  raised_[number] = false;
+  update_register();
+  queue({kErrorReset, dictionary_.get(od::kErrorRegister), kCodes[number].code});
+}
+
+bool Emcy::is_raised(Condition condition) const {
+  return raised_[static_cast<std::size_t>(condition)];
+}
+
+void Emcy::queue(const Message& message) {
+  if (queue_size_ == queue_.size()) return;  // the history has it
+  queue_[(queue_begin_ + queue_size_) % queue_.size()] = message;
+  ++queue_size_;
+}
+
+void Emcy::process(CanPort& port, std::uint64_t now_us) {
+  const std::uint32_t cob_id = dictionary_.get(od::kCOBIDEMCY);
+  if ((cob_id & kNotValid) != 0) {
+    queue_size_ = 0;
+    return;
+  }
+  while (queue_size_ > 0 && now_us >= next_allowed_us_) {
+    const Message& message = queue_[queue_begin_];
+    CanFrame frame;
+    frame.id = cob_id & 0x7FFU;
+    frame.len = 8;
+    store_le(&frame.data[0], message.code);
+    frame.data[2] = message.error_register;
+    store_le(&frame.data[3], message.information);
+    if (!port.send(frame)) return;
+    queue_begin_ = (queue_begin_ + 1) % queue_.size();
+    --queue_size_;
+    // 0x1015 counts in 100 µs.
+    next_allowed_us_ = now_us + dictionary_.get(od::kInhibitTimeEMCY) * std::uint64_t{100};
+  }
+}
+
+}  // namespace armtrue::canopen

@@ -1,0 +1,103 @@
+// NMT slave state machine and heartbeat (CiA 301, 7.3.2 and 7.2.8).
+#ifndef ARMTRUE_FIRMWARE_CANOPEN_PROTOCOL_NMT_H_
+#define ARMTRUE_FIRMWARE_CANOPEN_PROTOCOL_NMT_H_
+
+#include <array>
+#include <cstdint>
+
+#include "firmware/canopen/protocol/can_port.h"
+
+namespace armtrue::canopen {
+
+inline constexpr std::uint32_t kNmtCommandId = 0x000;
+inline constexpr std::uint32_t kHeartbeatBase = 0x700;
+
+// The numbers are those of the heartbeat (CiA 301, table 37).
+enum class NmtState : std::uint8_t {
+  kInitialising = 0,
+  kStopped = 4,
+  kOperational = 5,
+  kPreOperational = 127,
+};
+
+// NMT command specifiers (CiA 301, 7.2.8.3.1).
+inline constexpr std::uint8_t kNmtStart = 1;
+inline constexpr std::uint8_t kNmtStop = 2;
+inline constexpr std::uint8_t kNmtEnterPreOperational = 128;
+inline constexpr std::uint8_t kNmtResetNode = 129;
+inline constexpr std::uint8_t kNmtResetCommunication = 130;
+
+// What an NMT command asks of the node.
+enum class NmtRequest : std::uint8_t { kNone, kResetNode, kResetCommunication };
+
+class Nmt {
+ public:
+  explicit Nmt(std::uint8_t node_id) : node_id_(node_id) {}
+
+  NmtState state() const { return state_; }
+
+  // Initialising: nothing is sent or taken until boot().
+  void begin_initialising() { state_ = NmtState::kInitialising; }
+
+  // Ends initialising: the boot-up message leaves and the node is pre-operational. False if the
+  // port did not take the message; call again.
+  bool boot(CanPort& port, std::uint64_t now_us);
+
+  // The command for this node in a frame of NMT, 0 for none.
+  std::uint8_t command_in(const CanFrame& frame) const;
+
+  // Whether a command, or 0, takes an operational node out of that state.
+  static bool leaves_operational(std::uint8_t command) {
+    return command == kNmtStop || command >= kNmtEnterPreOperational;
+  }
+
+  // Carries a command out. Transitions happen at once; resets are returned for the node to carry
+  // out, which takes no further frames until then.
+  NmtRequest apply(std::uint8_t command);
+
+  // Sends the heartbeat when it is due; `producer_ms` is 0x1017, 0 for none.
+  void process(CanPort& port, std::uint16_t producer_ms, std::uint64_t now_us);
+
+  // The producer time was written: the next heartbeat leaves now and the period begins anew.
+  void restart_heartbeat(std::uint64_t now_us) { next_heartbeat_us_ = now_us; }
+
+ private:
+  bool send_state(CanPort& port, NmtState state) const;
+
+  std::uint8_t node_id_;
+  NmtState state_ = NmtState::kInitialising;
+  std::uint64_t next_heartbeat_us_ = 0;
+};
+
+// Watches the heartbeats of other nodes (0x1016).
+class HeartbeatConsumer {
+ public:
+  static constexpr std::size_t kNodes = 8;
+
+  // Sets one slot from its 0x1016 value: node-ID in bits 23..16, time in ms in bits 15..0. Watching
+  // begins with the first heartbeat received.
+  void configure(std::size_t slot, std::uint32_t value);
+
+  // A frame with an identifier of 0x701..0x77F. Returns the node-ID if its watched heartbeat has
+  // come back after a loss, else 0.
+  std::uint8_t handle(const CanFrame& frame, std::uint64_t now_us);
+
+  // Returns the node-ID of a heartbeat that has just been missed, else 0. Call until it returns 0.
+  std::uint8_t process(std::uint64_t now_us);
+
+  bool any_lost() const;
+
+ private:
+  struct Watch {
+    std::uint8_t node_id = 0;
+    std::uint32_t time_us = 0;
+    bool seen = false;
+    bool lost = false;
+    std::uint64_t deadline_us = 0;
+  };
+  std::array<Watch, kNodes> watches_ = {};
+};
+
+}  // namespace armtrue::canopen
+
+#endif  // ARMTRUE_FIRMWARE_CANOPEN_PROTOCOL_NMT_H_

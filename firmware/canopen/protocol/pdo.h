@@ -1,0 +1,109 @@
+// Process data objects (CiA 301, 7.2.2): what the communication and mapping records say, decoded
+// once so that the joint path only follows pointers.
+//
+// A payload may be as long as a CAN FD frame; an entry is one to four whole bytes (granularity 8).
+#ifndef ARMTRUE_FIRMWARE_CANOPEN_PROTOCOL_PDO_H_
+#define ARMTRUE_FIRMWARE_CANOPEN_PROTOCOL_PDO_H_
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+
+#include "firmware/canopen/protocol/can_port.h"
+#include "firmware/canopen/protocol/object_dictionary.h"
+#include "firmware/canopen/protocol/sdo_abort.h"
+
+namespace armtrue::canopen {
+
+inline constexpr std::size_t kRpdos = std::size(od::rpdo::kCOBID);
+inline constexpr std::size_t kTpdos = std::size(od::tpdo::kCOBID);
+inline constexpr std::size_t kMappedMax = 8;
+inline constexpr std::size_t kAxes = std::size(od::axis::kTargetPosition);
+
+// Axis objects lie 0x800 apart (CiA 402-1); axis numbers are zero-based here.
+inline constexpr std::uint16_t kAxisStride = 0x800;
+inline constexpr std::uint16_t kControlword = 0x6040;
+inline constexpr std::uint16_t kActualPosition = 0x6064;
+inline constexpr std::uint16_t kTargetPosition = 0x607A;
+inline constexpr std::uint16_t kPositionOffset = 0x60B0;
+
+// The object of axis 1 that `index` corresponds to, where it is an axis object at all.
+constexpr std::uint16_t axis_object(std::uint16_t index) {
+  return index < 0x6000 || index > 0x9FFF
+             ? index
+             : static_cast<std::uint16_t>(0x6000 + (index - 0x6000) % kAxisStride);
+}
+constexpr std::size_t axis_of(std::uint16_t index) { return (index - 0x6000U) / kAxisStride; }
+
+struct MappedEntry {
+  std::uint16_t index = 0;   // 0: dummy, the bytes belong to somebody else
+  std::uint16_t offset = 0;  // od::Entry::offset
+  std::uint8_t sub = 0;
+  std::uint8_t at = 0;  // first byte in the payload
+  std::uint8_t size = 0;
+
+  bool is_dummy() const { return index == 0; }
+};
+
+struct Mapping {
+  std::array<MappedEntry, kMappedMax> entries = {};
+  std::uint8_t count = 0;
+  std::uint8_t length = 0;  // bytes
+
+  std::span<const MappedEntry> used() const { return std::span(entries).first(count); }
+  // Whether any entry is this object of any axis.
+  bool has_axis_object(std::uint16_t object) const;
+};
+
+struct Pdo {
+  bool valid = false;
+  std::uint32_t id = 0;
+  std::uint8_t transmission = 255;
+  Mapping mapping;
+
+  bool is_synchronous() const { return transmission <= 240; }
+};
+
+class PdoTable {
+ public:
+  // `payload_max`: bytes that a frame of the bus can carry.
+  PdoTable(const ObjectDictionary& dictionary, std::size_t payload_max)
+      : dictionary_(dictionary), payload_max_(payload_max) {}
+
+  std::size_t payload_max() const { return payload_max_; }
+
+  // Decodes all records anew.
+  void refresh();
+
+  const Pdo& rpdo(std::size_t number) const { return rpdos_[number]; }
+  const Pdo& tpdo(std::size_t number) const { return tpdos_[number]; }
+
+  // The number of the first valid RPDO that `frame` is, kRpdos if it is none.
+  std::size_t match(const CanFrame& frame) const;
+
+ private:
+  Mapping decode(od::Ref<std::uint8_t> count, od::Ref<std::uint32_t> first, bool receive) const;
+
+  const ObjectDictionary& dictionary_;
+  std::size_t payload_max_;
+  std::array<Pdo, kRpdos> rpdos_ = {};
+  std::array<Pdo, kTpdos> tpdos_ = {};
+};
+
+// The rules of CiA 301 for writing 0x1400–0x1BFF: a valid PDO is not changed, a mapping is switched
+// off before it is changed, identifiers of other services are refused, only what exists and may be
+// mapped is mapped. kNone for every other object.
+Abort check_pdo_write(const ObjectDictionary& dictionary, const od::Entry& entry,
+                      std::span<const std::uint8_t> value, std::size_t payload_max);
+
+// Fills `frame` (identifier, length, payload) from the dictionary. Longer than 8 bytes: an FD
+// frame.
+void sample_tpdo(const ObjectDictionary& dictionary, const Pdo& pdo, CanFrame& frame);
+
+// Writes a received payload into the dictionary. Precondition: frame.len >= pdo.mapping.length.
+void apply_rpdo(ObjectDictionary& dictionary, const Pdo& pdo, const CanFrame& frame);
+
+}  // namespace armtrue::canopen
+
+#endif  // ARMTRUE_FIRMWARE_CANOPEN_PROTOCOL_PDO_H_

@@ -1,0 +1,60 @@
+// When the TPDOs leave: on SYNC, on change, on their event timer, or on a fresh correction.
+//
+// A TPDO that carries a position offset (0x60B0) is a *joint output*: it leaves once for each
+// complete set of targets, and on the way to zero before they stop for good; never otherwise, so
+// that a drive's own time-out notices when corrections stop.
+#ifndef ARMTRUE_FIRMWARE_CANOPEN_PROTOCOL_TPDO_PRODUCER_H_
+#define ARMTRUE_FIRMWARE_CANOPEN_PROTOCOL_TPDO_PRODUCER_H_
+
+#include <array>
+#include <cstdint>
+
+#include "firmware/canopen/protocol/can_port.h"
+#include "firmware/canopen/protocol/dictionary_access.h"
+#include "firmware/canopen/protocol/pdo.h"
+
+namespace armtrue::canopen {
+
+class TpdoProducer {
+ public:
+  TpdoProducer(ObjectDictionary& dictionary, const PdoTable& pdos, ObjectHooks& hooks)
+      : dictionary_(dictionary), pdos_(pdos), hooks_(hooks) {}
+
+  // Timers begin anew, nothing counts as sent.
+  void restart(std::uint64_t now_us);
+
+  // Corrections have just been computed. `at_once`: synchronous TPDOs do not wait for SYNC either,
+  // because the node may not be operational any more when it comes. Returns how many joint outputs
+  // the port refused.
+  std::uint32_t on_fresh_outputs(CanPort& port, std::uint64_t now_us, bool at_once);
+
+  // SYNC with its counter, 0 if it carries none.
+  std::uint32_t on_sync(CanPort& port, std::uint8_t counter, std::uint64_t now_us);
+
+  // Change and event timers.
+  void process(CanPort& port, std::uint64_t now_us);
+
+ private:
+  struct Schedule {
+    CanFrame last;
+    bool has_last = false;
+    bool fresh = false;    // joint output: computed since it was last sent
+    bool started = false;  // SYNC start value has been seen
+    std::uint8_t syncs = 0;
+    std::uint64_t inhibited_until_us = 0;
+    std::uint64_t event_due_us = 0;
+  };
+
+  void sample(const Pdo& pdo, CanFrame& frame);
+  bool transmit(CanPort& port, std::size_t number, const CanFrame& frame, std::uint64_t now_us);
+  bool is_due_on_sync(std::size_t number, std::uint8_t counter);
+
+  ObjectDictionary& dictionary_;
+  const PdoTable& pdos_;
+  ObjectHooks& hooks_;
+  std::array<Schedule, kTpdos> schedules_ = {};
+};
+
+}  // namespace armtrue::canopen
+
+#endif  // ARMTRUE_FIRMWARE_CANOPEN_PROTOCOL_TPDO_PRODUCER_H_

@@ -1,0 +1,301 @@
+#include "firmware/canopen/table/table_transfer.h"
+
+#include <algorithm>
+
+#include "firmware/core/bytes.h"
+#include "firmware/core/crc32.h"
+#include "firmware/core/format.h"
+#include "firmware/core/limits.h"
+#include "firmware/core/table_view.h"
+
+namespace armtrue::canopen {
+namespace {
+
+// 0x2013 sub 2 beyond the table reader's own reasons (core/table.h).
+enum UploadRefusal : std::uint16_t {
+  kFits = 0,
+  kOlderThanActive = 0x100,  // replay: an earlier export than the table in force
+  kLimitsTooWide = 0x101,    // asks for larger corrections than this firmware ever makes
+};
+constexpr std::uint8_t kNoSlot = 0xFF;
+
+void count(std::uint32_t& counter) {
+  if (counter != UINT32_MAX) ++counter;
+}
+
+// How many bytes of `length` the checksum of an image is over: not those that hold it.
+std::uint32_t checked(std::uint32_t length) {
+  constexpr std::uint32_t kOwn = format::kChecksumLength;
+  return length < kOwn ? 0 : length - kOwn;
+}
+
+// The compensator caps such limits anyway; whoever wrote them expects something else to happen.
+bool limits_are_too_wide(std::span<const std::uint8_t> image) {
+  const TableView table(image);
+  for (std::size_t k = 0; k < table.joint_count(); ++k) {
+    const std::uint8_t* joint = table.joint(k);
+    const bool prismatic = table.is_prismatic(k);
+    if (load_i32(joint + format::joint::kMagnitudeAt) >
+            (prismatic ? kMaxDeltaPrismatic : kMaxDeltaRevolute) ||
+        load_i32(joint + format::joint::kRateAt) >
+            (prismatic ? kMaxRatePrismatic : kMaxRateRevolute)) {
+      return true;
+    }
+  }
+  return false;
+}
+
+// Never back to an older export, and one export number is one table.
+bool is_replay(std::span<const std::uint8_t> image, std::span<const std::uint8_t> active) {
+  if (active.empty()) return false;
+  const TableInfo staged = describe(image);
+  const TableInfo present = describe(active);
+  const bool same = staged.sequence == present.sequence && staged.checksum == present.checksum;
+  return staged.sequence <= present.sequence && !same;
+}
+
+}  // namespace
+
+storage::TableVerdict IdentityVerifier::verify(std::span<const std::uint8_t> image) const {
+  const Validation validation = validate(image, device_);
+  switch (validation.refusal) {
+    case Refusal::kNone:
+      return storage::TableVerdict::kAccepted;
+    case Refusal::kRobotSerial:
+    case Refusal::kJointCount:
+      return storage::TableVerdict::kForeign;
+    case Refusal::kNewerFormat:
+      return storage::TableVerdict::kNewer;
+    default:
+      return storage::TableVerdict::kRefused;
+  }
+}
+
+TableTransfer::TableTransfer(ObjectDictionary& dictionary, Compensator& compensator,
+                             storage::SlotStore& store, Emcy& emcy, const DeviceIdentity& device,
+                             const TableBuffers& buffers)
+    : dictionary_(dictionary),
+      compensator_(compensator),
+      store_(store),
+      emcy_(emcy),
+      device_(device),
+      buffers_(buffers) {}
+
+void TableTransfer::start() {
+  const std::span<const std::uint8_t> image = store_.start(staging_buffer());
+  if (!image.empty()) use(image);
+  store_.prepare_spare();
+}
+
+void TableTransfer::use(std::span<const std::uint8_t> image) {
+  active_ = image;
+  active_checksum_ = 0;
+  if (image.empty()) {
+    compensator_.disable();
+  } else {
+    active_checksum_ = crc32(image.first(checked(static_cast<std::uint32_t>(image.size()))));
+    // The image lies in the staging buffer: from now on that is the one in use.
+    staging_is_first_ = !staging_is_first_;
+    staged_ = 0;
+    staged_checksum_ = 0;
+    state_ = StagingState::kEmpty;
+    if (enabled_ && compensator_.load(image, device_).accepted()) compensator_.activate();
+  }
+  compensator_.take_up_request();
+}
+
+void TableTransfer::set_enabled(bool enabled) {
+  if (enabled == enabled_) return;
+  enabled_ = enabled;
+  if (!enabled) {
+    compensator_.disable();
+  } else if (!active_.empty() && compensator_.load(active_, device_).accepted()) {
+    compensator_.activate();
+  }
+  compensator_.take_up_request();
+}
+
+Abort TableTransfer::command(std::uint32_t word, bool quiet) {
+  const auto command = static_cast<TableCommand>(word);
+  if (command == TableCommand::kDiscard) return discard();
+  const bool known = command == TableCommand::kVerify || command == TableCommand::kCommit ||
+                     command == TableCommand::kActivate || command == TableCommand::kConfirm ||
+                     command == TableCommand::kRevert;
+  if (!known) return Abort::kValueRange;
+  if (!quiet) {
+    count(refused_);
+    return Abort::kDeviceState;
+  }
+  switch (command) {
+    case TableCommand::kVerify:
+      return verify();
+    case TableCommand::kCommit:
+      return commit();
+    case TableCommand::kActivate:
+      return activate();
+    case TableCommand::kConfirm:
+      return confirm();
+    default:
+      return revert();
+  }
+}
+
+Abort TableTransfer::refuse(std::uint16_t reason, std::uint32_t field) {
+  state_ = StagingState::kRefused;
+  refusal_reason_ = reason;
+  refusal_field_ = field;
+  count(refused_);
+  // Each refused image is its own event.
+  emcy_.clear(Condition::kTableRefused);
+  emcy_.raise(Condition::kTableRefused, reason);
+  return Abort::kIncompatibleParameter;
+}
+
+Abort TableTransfer::verify() {
+  if (state_ == StagingState::kVerified || state_ == StagingState::kCommitted) return Abort::kNone;
+  if (state_ != StagingState::kReceived) return Abort::kDeviceState;
+  const std::span<const std::uint8_t> image = staging_buffer().first(staged_);
+  const Validation validation = validate(image, device_);
+  if (!validation.accepted()) {
+    return refuse(static_cast<std::uint16_t>(validation.refusal), validation.field);
+  }
+  if (limits_are_too_wide(image)) return refuse(kLimitsTooWide, 0);
+  if (is_replay(image, active_)) return refuse(kOlderThanActive, format::header::kSequenceAt);
+  state_ = StagingState::kVerified;
+  emcy_.clear(Condition::kTableRefused);
+  return Abort::kNone;
+}
+
+Abort TableTransfer::result(storage::StoreResult result) {
+  last_result_ = result;
+  switch (result) {
+    case storage::StoreResult::kDone:
+      emcy_.clear(Condition::kStorage);
+      return Abort::kNone;
+    case storage::StoreResult::kEraseFailed:
+    case storage::StoreResult::kProgramFailed:
+    case storage::StoreResult::kImageChanged:
+      emcy_.raise(Condition::kStorage, static_cast<std::uint32_t>(result));
+      return Abort::kHardware;
+    case storage::StoreResult::kTooLarge:
+      return Abort::kOutOfMemory;
+    default:
+      count(refused_);
+      return Abort::kDeviceState;
+  }
+}
+
+Abort TableTransfer::commit() {
+  if (state_ == StagingState::kCommitted) return Abort::kNone;
+  if (state_ != StagingState::kVerified) return Abort::kDeviceState;
+  const Abort abort = result(store_.commit(staging_buffer().first(staged_)));
+  if (abort == Abort::kNone) state_ = StagingState::kCommitted;
+  return abort;
+}
+
+Abort TableTransfer::activate() {
+  std::span<const std::uint8_t> image;
+  const Abort abort = result(store_.activate(staging_buffer(), image));
+  if (abort == Abort::kNone) {
+    trial_ = true;
+    use(image);
+  } else if (state_ != StagingState::kReceiving) {
+    // The store may have used the buffer.
+    discard();
+  }
+  return abort;
+}
+
+Abort TableTransfer::confirm() {
+  const Abort abort = result(store_.confirm());
+  if (abort == Abort::kNone) trial_ = false;
+  return abort;
+}
+
+Abort TableTransfer::revert() {
+  const bool was_trial = trial_;
+  const Abort abort = result(store_.revert());
+  // A trial is over even if its mark could not be written: the next start rejects it all the same.
+  if (was_trial && (abort == Abort::kNone || abort == Abort::kHardware)) {
+    trial_ = false;
+    use(store_.load_active(staging_buffer()));
+  }
+  return abort;
+}
+
+Abort TableTransfer::discard() {
+  staged_ = 0;
+  staged_checksum_ = 0;
+  state_ = StagingState::kEmpty;
+  refusal_reason_ = kFits;
+  refusal_field_ = 0;
+  return Abort::kNone;
+}
+
+Abort TableTransfer::begin_download(std::uint16_t index, std::uint32_t size) {
+  if (index != kStagingObject) return Abort::kUnsupportedAccess;
+  if (!quiet_) {
+    count(refused_);
+    return Abort::kDeviceState;
+  }
+  const std::size_t capacity = std::min(staging_buffer().size(), store_.capacity());
+  if (size != kUnknownSize && size > capacity) return Abort::kOutOfMemory;
+  discard();
+  state_ = StagingState::kReceiving;
+  return Abort::kNone;
+}
+
+Abort TableTransfer::append(std::span<const std::uint8_t> piece) {
+  const std::size_t capacity = std::min(staging_buffer().size(), store_.capacity());
+  if (piece.size() > capacity - staged_) return Abort::kOutOfMemory;
+  std::copy(piece.begin(), piece.end(), staging_buffer().begin() + staged_);
+  // With every piece: at the end it would take milliseconds, and joints may move by then.
+  const std::uint32_t before = checked(staged_);
+  staged_ += static_cast<std::uint32_t>(piece.size());
+  staged_checksum_ =
+      crc32(staging_buffer().subspan(before, checked(staged_) - before), staged_checksum_);
+  return Abort::kNone;
+}
+
+Abort TableTransfer::finish_download() {
+  state_ = StagingState::kReceived;
+  return Abort::kNone;
+}
+
+void TableTransfer::cancel_download() { discard(); }
+
+Abort TableTransfer::begin_upload(std::uint16_t index, std::span<const std::uint8_t>& content) {
+  const bool received = state_ != StagingState::kEmpty && state_ != StagingState::kReceiving;
+  if (index == kActiveObject) {
+    content = active_;
+  } else {
+    content = received ? staging_buffer().first(staged_) : std::span<std::uint8_t>();
+  }
+  return content.empty() ? Abort::kNoData : Abort::kNone;
+}
+
+void TableTransfer::refresh_status() {
+  namespace status = od::table_status;
+  const storage::StoreStatus& store = store_.status();
+  dictionary_.set(status::kStagingState, static_cast<std::uint8_t>(state_));
+  dictionary_.set(status::kRefusalReason, refusal_reason_);
+  dictionary_.set(status::kRefusalByteOffset, refusal_field_);
+  dictionary_.set(status::kBytesStaged, staged_);
+  dictionary_.set(status::kChecksumOfStagedImage, staged_checksum_);
+  dictionary_.set(status::kCapacity,
+                  static_cast<std::uint32_t>(std::min(staging_buffer().size(), store_.capacity())));
+  dictionary_.set(status::kFormatVersionRead, format::kVersion);
+  dictionary_.set(status::kSignatureRequired, static_cast<std::uint8_t>(device_.has_key));
+  dictionary_.set(status::kSlotAState, static_cast<std::uint8_t>(store.slot[0].state));
+  dictionary_.set(status::kSlotASequenceNumber, store.slot[0].sequence);
+  dictionary_.set(status::kSlotBState, static_cast<std::uint8_t>(store.slot[1].state));
+  dictionary_.set(status::kSlotBSequenceNumber, store.slot[1].sequence);
+  dictionary_.set(status::kActiveSlot,
+                  store.active ? static_cast<std::uint8_t>(*store.active) : kNoSlot);
+  dictionary_.set(status::kChecksumOfActiveImage, active_checksum_);
+  dictionary_.set(status::kActiveTableSequence, active_.empty() ? 0U : describe(active_).sequence);
+  dictionary_.set(status::kTrial, static_cast<std::uint8_t>(trial_));
+  dictionary_.set(status::kStoreResult, static_cast<std::uint8_t>(last_result_));
+}
+
+}  // namespace armtrue::canopen

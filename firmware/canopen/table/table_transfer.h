@@ -1,0 +1,139 @@
+// A table's way onto the device: DOMAIN 0x2010 into RAM, verified, committed to flash, on trial,
+// confirmed or reverted; commands in 0x2012, state in 0x2013.
+//
+//   empty -> receiving -> received -> verified -> (committed to the spare slot) -> trial ->
+//   confirmed
+//                                  -> refused (0x2013 sub 2: why, sub 15: at which byte)
+//
+// Everything that writes flash or takes long (one signature check: tens of milliseconds) is refused
+// with "device state" while joint commands arrive; so is the beginning of a download.
+#ifndef ARMTRUE_FIRMWARE_CANOPEN_TABLE_TABLE_TRANSFER_H_
+#define ARMTRUE_FIRMWARE_CANOPEN_TABLE_TABLE_TRANSFER_H_
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+
+#include "firmware/canopen/protocol/dictionary_access.h"
+#include "firmware/canopen/protocol/emcy.h"
+#include "firmware/canopen/protocol/object_dictionary.h"
+#include "firmware/core/compensator.h"
+#include "firmware/core/table.h"
+#include "firmware/storage/slot_store.h"
+
+namespace armtrue::canopen {
+
+inline constexpr std::uint16_t kStagingObject = 0x2010;
+inline constexpr std::uint16_t kActiveObject = 0x2011;
+
+// 0x2013 sub 1.
+enum class StagingState : std::uint8_t {
+  kEmpty = 0,
+  kReceiving = 1,
+  kReceived = 2,
+  kVerified = 3,
+  kRefused = 4,
+  kCommitted = 5,
+};
+
+// 0x2012: four ASCII letters each, as 0x1010's "save", so that no stray write is a command.
+enum class TableCommand : std::uint32_t {
+  kVerify = 0x79667276,    // "vrfy"
+  kCommit = 0x74696D63,    // "cmit"
+  kActivate = 0x76746361,  // "actv"
+  kConfirm = 0x6D726663,   // "cfrm"
+  kRevert = 0x74727672,    // "rvrt"
+  kDiscard = 0x64637364,   // "dscd": empties the staging buffer
+};
+
+// Tells the slot store what the table reader thinks of an image.
+class IdentityVerifier final : public storage::TableVerifier {
+ public:
+  explicit IdentityVerifier(const DeviceIdentity& device) : device_(device) {}
+  storage::TableVerdict verify(std::span<const std::uint8_t> image) const override;
+
+ private:
+  const DeviceIdentity& device_;
+};
+
+// Two buffers of one table each: what the compensator reads, and what is being staged. They swap
+// when a staged table goes on trial.
+struct TableBuffers {
+  std::span<std::uint8_t> first;
+  std::span<std::uint8_t> second;
+};
+
+class TableTransfer final : public DomainHandler {
+ public:
+  TableTransfer(ObjectDictionary& dictionary, Compensator& compensator, storage::SlotStore& store,
+                Emcy& emcy, const DeviceIdentity& device, const TableBuffers& buffers);
+
+  // Reads the slots and puts their table in force. Call once at power-on and at NMT reset node, not
+  // while joint commands arrive.
+  void start();
+
+  // Carries out a command. `quiet`: no joint commands have arrived for the set time.
+  Abort command(std::uint32_t word, bool quiet);
+
+  // Whether a download may begin now; asked by begin_download().
+  void set_quiet(bool quiet) { quiet_ = quiet; }
+
+  // Enables (only while quiet: the table is checked again) or disables (at any time) the
+  // correction, 0x2000 sub 2. Blended by the compensator.
+  void set_enabled(bool enabled);
+
+  // Brings 0x2013 up to date. Cheap: it is read while joints move.
+  void refresh_status();
+
+  // Whether the image in force still validates; true where there is none. Takes long.
+  bool active_is_sound() const { return active_.empty() || validate(active_, device_).accepted(); }
+
+  std::uint32_t refused() const { return refused_; }
+  bool on_trial() const { return trial_; }
+
+  Abort begin_download(std::uint16_t index, std::uint32_t size) override;
+  Abort append(std::span<const std::uint8_t> piece) override;
+  Abort finish_download() override;
+  void cancel_download() override;
+  Abort begin_upload(std::uint16_t index, std::span<const std::uint8_t>& content) override;
+
+ private:
+  Abort verify();
+  Abort commit();
+  Abort activate();
+  Abort confirm();
+  Abort revert();
+  Abort discard();
+  Abort result(storage::StoreResult result);
+  Abort refuse(std::uint16_t reason, std::uint32_t field);
+  void use(std::span<const std::uint8_t> image);
+  std::span<std::uint8_t> staging_buffer() const {
+    return staging_is_first_ ? buffers_.first : buffers_.second;
+  }
+
+  ObjectDictionary& dictionary_;
+  Compensator& compensator_;
+  storage::SlotStore& store_;
+  Emcy& emcy_;
+  const DeviceIdentity& device_;
+  TableBuffers buffers_;
+  bool staging_is_first_ = true;
+  bool quiet_ = true;
+  bool enabled_ = true;
+  bool trial_ = false;
+  StagingState state_ = StagingState::kEmpty;
+  std::uint32_t staged_ = 0;  // bytes
+  // 0x2013 subs 4 and 13, from when the bytes came. Of all but an image's last four: those are its
+  // own CRC, and the CRC of something with its own behind it is the same for everything.
+  std::uint32_t staged_checksum_ = 0;
+  std::uint32_t active_checksum_ = 0;
+  std::uint16_t refusal_reason_ = 0;  // 0x2013 sub 2
+  std::uint32_t refusal_field_ = 0;   // 0x2013 sub 15
+  storage::StoreResult last_result_ = storage::StoreResult::kDone;
+  std::uint32_t refused_ = 0;
+  std::span<const std::uint8_t> active_;  // what should be in force, empty for none
+};
+
+}  // namespace armtrue::canopen
+
+#endif  // ARMTRUE_FIRMWARE_CANOPEN_TABLE_TABLE_TRANSFER_H_

@@ -1,0 +1,221 @@
+// A table's way onto the device, and every way in which it is refused.
+#include "firmware/canopen/table/table_transfer.h"
+
+#include <gtest/gtest.h>
+
+#include "firmware/testing/node_bench.h"
+#include "firmware/testing/test_table.h"
+#include "firmware/core/crc32.h"
+
+namespace armtrue::canopen {
+namespace {
+
+constexpr std::uint32_t kDeviceState = static_cast<std::uint32_t>(Abort::kDeviceState);
+constexpr std::uint32_t kRefused = static_cast<std::uint32_t>(Abort::kIncompatibleParameter);
+
+DeviceIdentity bound_to(const std::string& serial) {
+  DeviceIdentity device;
+  serial.copy(device.robot_serial.data(), device.robot_serial.size());
+  return device;
+}
+
+enum Sub : std::uint8_t {
+  kStaging = 1,
+  kReason = 2,
+  kStagedChecksum = 4,
+  kActiveChecksum = 13,
+  kActiveSlot = 12,
+  kTrial = 14,
+  kSequence = 16
+};
+
+class TableTransferTest : public testing::Test {
+ protected:
+  std::uint32_t status(std::uint8_t sub) { return bench.read(0x2013, sub); }
+  void expect_refused(const std::vector<std::uint8_t>& image, std::uint32_t reason) {
+    ASSERT_EQ(bench.stage(image), 0U);
+    EXPECT_EQ(bench.command(TableCommand::kVerify), kRefused);
+    EXPECT_EQ(status(kStaging), 4U);
+    EXPECT_EQ(status(kReason), reason);
+    EXPECT_EQ(bench.command(TableCommand::kCommit), kDeviceState);
+    EXPECT_EQ(bench.read(0x1003, 1) & 0xFFFFU, 0xFF11U);
+  }
+  NodeBench bench{true, false, bound_to("R-7")};
+};
+
+TEST_F(TableTransferTest, TrialConfirmAndItIsThereAfterPowerOn) {
+  const std::vector<std::uint8_t> image = TestTable{.sequence = 5, .serial = "R-7"}.image();
+  ASSERT_EQ(bench.stage(image), 0U);
+  EXPECT_EQ(status(kStaging), 2U);
+  EXPECT_EQ(bench.command(TableCommand::kCommit), kDeviceState) << "verify first";
+  ASSERT_EQ(bench.command(TableCommand::kVerify), 0U);
+  ASSERT_EQ(bench.command(TableCommand::kCommit), 0U);
+  EXPECT_EQ(status(kActiveSlot), 0xFFU);
+  ASSERT_EQ(bench.command(TableCommand::kActivate), 0U);
+  EXPECT_EQ(status(kTrial), 1U);
+  EXPECT_EQ(status(kSequence), 5U);
+  ASSERT_EQ(bench.command(TableCommand::kConfirm), 0U);
+  bench.power_on();
+  EXPECT_EQ(status(kSequence), 5U);
+  EXPECT_EQ(status(kTrial), 0U);
+}
+
+TEST_F(TableTransferTest, ChecksumsFollowWhatIsStagedAndWhatIsInForce) {
+  const std::vector<std::uint8_t> one = TestTable{.sequence = 5, .serial = "R-7"}.image();
+  const std::vector<std::uint8_t> two = TestTable{.sequence = 6, .serial = "R-7"}.image();
+  const auto checksum = [](const std::vector<std::uint8_t>& image) {
+    return crc32(std::span(image).first(image.size() - 4));
+  };
+  EXPECT_EQ(status(kStagedChecksum), 0U);
+  EXPECT_EQ(status(kActiveChecksum), 0U);
+  for (const std::size_t size : {3U, 4U, 5U, 8U, 21U}) {
+    const std::vector<std::uint8_t> few(one.begin(),
+                                        one.begin() + static_cast<std::ptrdiff_t>(size));
+    ASSERT_EQ(bench.stage(few), 0U);
+    EXPECT_EQ(status(kStagedChecksum), size < 4 ? 0U : checksum(few)) << size;
+  }
+  bench.install(one);
+  EXPECT_EQ(status(kStagedChecksum), 0U);
+  EXPECT_EQ(status(kActiveChecksum), checksum(one));
+  ASSERT_EQ(bench.stage(two), 0U);
+  EXPECT_EQ(status(kStagedChecksum), checksum(two));
+  EXPECT_EQ(status(kActiveChecksum), checksum(one));
+  ASSERT_EQ(bench.command(TableCommand::kVerify), 0U);
+  ASSERT_EQ(bench.command(TableCommand::kCommit), 0U);
+  ASSERT_EQ(bench.command(TableCommand::kActivate), 0U);
+  EXPECT_EQ(status(kActiveChecksum), checksum(two));
+  ASSERT_EQ(bench.command(TableCommand::kRevert), 0U);
+  EXPECT_EQ(status(kActiveChecksum), checksum(one));
+  ASSERT_EQ(bench.stage(two), 0U);
+  ASSERT_EQ(bench.command(TableCommand::kDiscard), 0U);
+  EXPECT_EQ(status(kStagedChecksum), 0U);
+  bench.power_on();
+  EXPECT_EQ(status(kActiveChecksum), checksum(one));
+}
+
+TEST_F(TableTransferTest, TheFirstTableHasNoChecksumAfterItIsReverted) {
+  ASSERT_EQ(bench.stage(TestTable{.serial = "R-7"}.image()), 0U);
+  ASSERT_EQ(bench.command(TableCommand::kVerify), 0U);
+  ASSERT_EQ(bench.command(TableCommand::kCommit), 0U);
+  ASSERT_EQ(bench.command(TableCommand::kActivate), 0U);
+  ASSERT_NE(status(kActiveChecksum), 0U);
+  ASSERT_EQ(bench.command(TableCommand::kRevert), 0U);
+  EXPECT_EQ(status(kActiveChecksum), 0U);
+}
+
+TEST_F(TableTransferTest, ATrialThatNobodyConfirmsEndsWithAReset) {
+  bench.install(TestTable{.sequence = 5, .serial = "R-7"}.image());
+  ASSERT_EQ(bench.stage(TestTable{.sequence = 6, .serial = "R-7"}.image()), 0U);
+  ASSERT_EQ(bench.command(TableCommand::kVerify), 0U);
+  ASSERT_EQ(bench.command(TableCommand::kCommit), 0U);
+  ASSERT_EQ(bench.command(TableCommand::kActivate), 0U);
+  EXPECT_EQ(status(kSequence), 6U);
+  bench.from_controller(make_frame(0, {129, NodeBench::kNodeId}));
+  EXPECT_EQ(status(kSequence), 5U);
+}
+
+TEST_F(TableTransferTest, RevertReturnsToTheTableBeforeAtOnce) {
+  bench.install(TestTable{.sequence = 5, .serial = "R-7"}.image());
+  ASSERT_EQ(bench.stage(TestTable{.sequence = 6, .serial = "R-7"}.image()), 0U);
+  ASSERT_EQ(bench.command(TableCommand::kVerify), 0U);
+  ASSERT_EQ(bench.command(TableCommand::kCommit), 0U);
+  ASSERT_EQ(bench.command(TableCommand::kActivate), 0U);
+  ASSERT_EQ(bench.command(TableCommand::kRevert), 0U);
+  EXPECT_EQ(status(kSequence), 5U);
+  EXPECT_EQ(bench.command(TableCommand::kRevert), kDeviceState) << "nothing left to revert";
+  bench.power_on();
+  EXPECT_EQ(status(kSequence), 5U);
+}
+
+TEST_F(TableTransferTest, TheFirstTableRevertsToPassThrough) {
+  ASSERT_EQ(bench.stage(TestTable{.serial = "R-7"}.image()), 0U);
+  ASSERT_EQ(bench.command(TableCommand::kVerify), 0U);
+  ASSERT_EQ(bench.command(TableCommand::kCommit), 0U);
+  ASSERT_EQ(bench.command(TableCommand::kActivate), 0U);
+  ASSERT_EQ(bench.command(TableCommand::kRevert), 0U);
+  EXPECT_EQ(status(kSequence), 0U);
+  EXPECT_EQ(status(kActiveSlot), 0xFFU);
+  bench.install(TestTable{.sequence = 2, .serial = "R-7"}.image());
+  EXPECT_EQ(status(kSequence), 2U);
+}
+
+TEST_F(TableTransferTest, AnotherRobotsTableIsRefused) {
+  expect_refused(TestTable{.serial = "R-8"}.image(),
+                 static_cast<std::uint32_t>(Refusal::kRobotSerial));
+}
+
+TEST_F(TableTransferTest, AnotherArmsTableIsRefused) {
+  expect_refused(TestTable{.joints = 5, .serial = "R-7"}.image(),
+                 static_cast<std::uint32_t>(Refusal::kJointCount));
+}
+
+TEST_F(TableTransferTest, ADamagedTableIsRefused) {
+  std::vector<std::uint8_t> image = TestTable{.serial = "R-7"}.image();
+  image[200] ^= 1;
+  expect_refused(image, static_cast<std::uint32_t>(Refusal::kChecksum));
+}
+
+TEST_F(TableTransferTest, AnOlderExportIsRefusedAndTheSameOneIsNot) {
+  const std::vector<std::uint8_t> image = TestTable{.sequence = 5, .serial = "R-7"}.image();
+  bench.install(image);
+  expect_refused(TestTable{.sequence = 4, .serial = "R-7"}.image(), 0x100);
+  expect_refused(TestTable{.sequence = 5, .serial = "R-7", .amplitude = 99}.image(), 0x100);
+  ASSERT_EQ(bench.stage(image), 0U);
+  EXPECT_EQ(bench.command(TableCommand::kVerify), 0U);
+}
+
+TEST_F(TableTransferTest, LimitsBeyondTheFirmwaresOwnAreRefused) {
+  expect_refused(TestTable{.serial = "R-7", .magnitude = kMaxDeltaRevolute + 1}.image(), 0x101);
+  expect_refused(TestTable{.serial = "R-7", .rate = kMaxRateRevolute + 1}.image(), 0x101);
+}
+
+TEST_F(TableTransferTest, ADeviceWithAKeyRefusesUnsignedTables) {
+  DeviceIdentity device = bound_to("R-7");
+  device.has_key = true;
+  NodeBench keyed(true, false, device);
+  ASSERT_EQ(keyed.stage(TestTable{.serial = "R-7"}.image()), 0U);
+  EXPECT_EQ(keyed.command(TableCommand::kVerify), kRefused);
+  EXPECT_EQ(keyed.read(0x2013, kReason), static_cast<std::uint32_t>(Refusal::kUnsigned));
+}
+
+TEST_F(TableTransferTest, WhileJointsAreCommandedNothingOfItHappens) {
+  const std::vector<std::uint8_t> image = TestTable{.serial = "R-7"}.image();
+  ASSERT_EQ(bench.stage(image), 0U);
+  bench.configure(Mode::kInline);
+  bench.command_joints({});
+  for (const TableCommand word :
+       {TableCommand::kVerify, TableCommand::kCommit, TableCommand::kActivate,
+        TableCommand::kConfirm, TableCommand::kRevert}) {
+    EXPECT_EQ(bench.command(word), kDeviceState);
+  }
+  EXPECT_EQ(bench.stage(image), kDeviceState);
+  EXPECT_GE(bench.read(0x2001, 6), 6U) << "all counted";
+  bench.run_for(600'000);
+  EXPECT_EQ(bench.command(TableCommand::kVerify), 0U) << "what was staged before is still there";
+}
+
+TEST_F(TableTransferTest, AnInterruptedTransferLeavesAnEmptyBufferAndMayBeRepeated) {
+  bench.ask({0x21, 0x10, 0x20, 0, 200, 0, 0, 0});
+  bench.ask({0x00, 1, 2, 3, 4, 5, 6, 7});
+  EXPECT_EQ(status(kStaging), 0U) << "this very read was the interruption";
+  ASSERT_EQ(bench.stage(TestTable{.serial = "R-7"}.image()), 0U);
+  EXPECT_EQ(bench.command(TableCommand::kVerify), 0U);
+}
+
+TEST_F(TableTransferTest, AFailingFlashIsReportedAndTheOldTableStays) {
+  bench.install(TestTable{.sequence = 1, .serial = "R-7"}.image());
+  ASSERT_EQ(bench.stage(TestTable{.sequence = 2, .serial = "R-7"}.image()), 0U);
+  ASSERT_EQ(bench.command(TableCommand::kVerify), 0U);
+  bench.flash.fail_at(3);
+  EXPECT_EQ(bench.command(TableCommand::kCommit), static_cast<std::uint32_t>(Abort::kHardware));
+  EXPECT_EQ(status(kSequence), 1U);
+  EXPECT_EQ(bench.read(0x1003, 1) & 0xFFFFU, 0x5530U);
+  EXPECT_EQ(bench.command(TableCommand::kCommit), 0U) << "and may be tried again";
+}
+
+TEST_F(TableTransferTest, UnknownCommandWordsAreRefused) {
+  EXPECT_EQ(bench.write(0x2012, 0, 0, 4), static_cast<std::uint32_t>(Abort::kValueRange));
+}
+
+}  // namespace
+}  // namespace armtrue::canopen

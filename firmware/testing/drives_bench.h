@@ -1,0 +1,149 @@
+// Ideal drives behind a node, for tests: they take what comes out, targets or offsets, and keep a
+// position offset until they get another.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <utility>
+#include <vector>
+
+#include "firmware/testing/node_bench.h"
+#include "firmware/testing/test_table.h"
+
+namespace armtrue::canopen {
+
+using Joints = std::array<std::int32_t, 6>;
+
+inline constexpr std::uint32_t kUnknownBit = 1U << 4;  // of 0x2001 sub 2
+inline constexpr std::int32_t kPermitted = 400;        // increments: the table's largest correction
+// Blending over 20 ms from one end of what is permitted to the other.
+inline constexpr std::int32_t kBlendStep = 2 * kPermitted / 20 + 2;
+
+// The test table's largest corrections, where no joint is close to the top of its sine.
+inline constexpr Joints kStand = {230'000, 300'000, 150'000, -250'000, 270'000, -200'000};
+
+inline Joints moved(const Joints& joints, std::int32_t by) {
+  Joints result = joints;
+  for (std::int32_t& joint : result) joint += by;
+  return result;
+}
+
+inline std::int32_t farthest(const Joints& one, const Joints& other) {
+  std::int32_t most = 0;
+  for (std::size_t k = 0; k < one.size(); ++k) most = std::max(most, std::abs(one[k] - other[k]));
+  return most;
+}
+
+class DrivesTest : public ::testing::TestWithParam<Mode> {
+ protected:
+  DrivesTest() : offset_(GetParam() == Mode::kOffset), bench(!offset_) {
+    bench.install(TestTable{.magnitude = kPermitted << 12}.image());
+    for (std::uint32_t k = 0; k < 3 && offset_; ++k) {
+      EXPECT_EQ(bench.write(static_cast<std::uint16_t>(0x1800 + k), 1, 0x400001A0U + 0x100U * k, 4),
+                0U);
+    }
+    bench.configure(GetParam());
+    EXPECT_EQ(bench.write(0x1010, 1, 0x65766173, 4), 0U);
+    take_output();
+  }
+
+  // What came out: targets or offsets. The drives take it.
+  void take_output() {
+    outputs = 0;
+    auto& port = offset_ ? bench.upstream : bench.downstream;
+    std::vector<CanFrame> frames = std::exchange(bench.aside, {});  // sent while SDO was waited for
+    for (const CanFrame& frame : port.take_sent()) frames.push_back(frame);
+    for (const CanFrame& frame : frames) {
+      const std::uint32_t base = offset_ ? 0x1A0 : 0x220;
+      if (frame.id == 0x700U + NodeBench::kNodeId) states.push_back(frame.data[0]);
+      if (frame.is(kFrameExtended) || frame.len != 8) continue;
+      if (frame.id != base && frame.id != base + 0x100 && frame.id != base + 0x200) continue;
+      const std::size_t first = 2 * ((frame.id - base) / 0x100);
+      for (std::size_t k = 0; k < 2; ++k) {
+        (offset_ ? held : stand)[first + k] = load_le<std::int32_t>(&frame.data[4 * k]);
+      }
+      ++outputs;
+    }
+    if (offset_) {
+      for (std::size_t k = 0; k < 6; ++k) stand[k] = target[k] + held[k];
+    }
+  }
+
+  // SYNC, actual positions, new targets. What the controller sees of its joints is in `seen`.
+  void cycle(const Joints& joints) {
+    bench.now_us += 1000;
+    bench.from_controller(make_frame(0x80, {}));
+    take_output();
+    feed_back();
+    target = joints;
+    const std::int32_t before = outputs;
+    bench.command_joints(joints);
+    take_output();
+    outputs += before;
+  }
+
+  void feed_back() {
+    for (std::uint32_t pair = 0; pair < 3; ++pair) {
+      Joints actual = {};
+      for (std::size_t k = 0; k < 6; ++k) actual[k] = stand[k] - following_error;
+      const CanFrame frame =
+          NodeBench::pair_frame(0x1C0 + pair, actual[2 * pair], actual[2 * pair + 1]);
+      if (offset_) {
+        bench.from_controller(frame);
+        continue;
+      }
+      bench.from_drives(frame);
+      for (const CanFrame& back : bench.upstream.take_sent()) {
+        if (back.id != frame.id) continue;
+        seen[2 * pair] = load_le<std::int32_t>(&back.data[0]);
+        seen[2 * pair + 1] = load_le<std::int32_t>(&back.data[4]);
+      }
+    }
+    if (!offset_ || bench.node().nmt_state() == NmtState::kStopped) return;
+    for (std::uint16_t k = 0; k < 6; ++k) {
+      seen[k] =
+          static_cast<std::int32_t>(bench.read(static_cast<std::uint16_t>(0x6064 + 0x800 * k), 0));
+    }
+  }
+
+  // Cycles at one place; the largest step that a drive made.
+  std::int32_t rest(const Joints& joints, int cycles) {
+    std::int32_t most = 0;
+    for (int k = 0; k < cycles; ++k) {
+      const Joints before = stand;
+      cycle(joints);
+      most = std::max(most, farthest(before, stand));
+    }
+    return most;
+  }
+
+  // Arm at kStand, correction settled.
+  void settle() {
+    target = stand = kStand;
+    rest(kStand, 200);
+    ASSERT_GT(farthest(stand, kStand), 150);
+    ASSERT_EQ(seen, kStand);
+  }
+
+  void restart() {
+    bench.power_on();
+    bench.start_nodes();
+    take_output();
+  }
+
+  std::uint32_t status() { return bench.read(0x2001, 2); }
+
+  bool offset_;
+  NodeBench bench;
+  Joints target = {};
+  Joints stand = {};
+  Joints held = {};  // position offsets
+  Joints seen = {};
+  std::int32_t following_error = 0;
+  std::int32_t outputs = 0;  // frames in the last cycle
+  std::vector<int> states;   // heartbeats and boot-ups, as they came
+};
+
+}  // namespace armtrue::canopen

@@ -1,0 +1,105 @@
+// A CAN controller whose bus is two queues. For tests and the in-process simulation.
+#ifndef ARMTRUE_FIRMWARE_TESTING_SIMULATED_PORT_H_
+#define ARMTRUE_FIRMWARE_TESTING_SIMULATED_PORT_H_
+
+#include <cstddef>
+#include <cstdint>
+#include <deque>
+#include <initializer_list>
+#include <vector>
+
+#include "firmware/canopen/protocol/can_port.h"
+
+namespace armtrue::canopen {
+
+// What a controller does with its queues full or the bus off, without the controller.
+class SimulatedPort final : public CanPort {
+ public:
+  // `room`: frames that fit into the transmit queue before send() refuses.
+  explicit SimulatedPort(bool fd = false, std::size_t room = SIZE_MAX) : fd_(fd), room_(room) {}
+
+  bool send(const CanFrame& frame) override {
+    const bool possible = frame.len <= (frame.is(kFrameFd) ? kFdPayload : kClassicPayload) &&
+                          (!frame.is(kFrameFd) || (fd_ && is_valid_fd_length(frame.len)));
+    if (!possible || state_ == BusState::kBusOff || sent_.size() >= room_) {
+      ++counters_.send_refused;
+      return false;
+    }
+    ++counters_.sent;
+    sent_.push_back(frame);
+    return true;
+  }
+
+  bool receive(CanFrame& frame) override {
+    if (arrived_.empty()) return false;
+    frame = arrived_.front();
+    arrived_.pop_front();
+    ++counters_.received;
+    return true;
+  }
+
+  // Of a queue that ends somewhere the first places are the controller's own.
+  bool has_backlog() override { return room_ != SIZE_MAX && sent_.size() > kMailboxes; }
+
+  std::uint8_t longest_burst() const override { return longest_burst_; }
+
+  BusState bus_state() override { return state_; }
+
+  void recover() override {
+    if (state_ != BusState::kBusOff) return;
+    sent_.clear();
+    state_ = BusState::kActive;
+    ++recoveries_;
+  }
+
+  BusCounters counters() const override { return counters_; }
+  bool supports_fd() const override { return fd_; }
+
+  // The bus's side.
+  void deliver(const CanFrame& frame) { arrived_.push_back(frame); }
+  std::vector<CanFrame> take_sent() {
+    std::vector<CanFrame> frames(sent_.begin(), sent_.end());
+    sent_.clear();
+    return frames;
+  }
+  // The bus takes the oldest frame. False where there is none.
+  bool take_one(CanFrame& frame) {
+    if (sent_.empty()) return false;
+    frame = sent_.front();
+    sent_.pop_front();
+    return true;
+  }
+  std::size_t waiting() const { return sent_.size(); }
+  void set_state(BusState state) {
+    if (state == BusState::kBusOff && state_ != state) ++counters_.bus_off_entries;
+    state_ = state;
+  }
+  void lose_frames(std::uint32_t count) { counters_.receive_overruns += count; }
+  void set_room(std::size_t room) { room_ = room; }
+  void set_longest_burst(std::uint8_t frames) { longest_burst_ = frames; }
+  std::size_t recoveries() const { return recoveries_; }
+
+ private:
+  static constexpr std::size_t kMailboxes = 3;
+
+  bool fd_;
+  std::size_t room_;
+  std::uint8_t longest_burst_ = CanPort::longest_burst();
+  BusState state_ = BusState::kActive;
+  BusCounters counters_;
+  std::deque<CanFrame> arrived_;
+  std::deque<CanFrame> sent_;
+  std::size_t recoveries_ = 0;
+};
+
+// A classic data frame.
+inline CanFrame make_frame(std::uint32_t id, std::initializer_list<int> bytes) {
+  CanFrame frame;
+  frame.id = id;
+  for (const int byte : bytes) frame.data[frame.len++] = static_cast<std::uint8_t>(byte);
+  return frame;
+}
+
+}  // namespace armtrue::canopen
+
+#endif  // ARMTRUE_FIRMWARE_TESTING_SIMULATED_PORT_H_
