@@ -8,7 +8,7 @@ from pathlib import Path
 FILE = Path(__file__).with_name("budget.json")
 # 1 kHz at 168 MHz leaves 168 000; wait states and the CAN path have the rest.
 INSTRUCTIONS_A_CYCLE = 25_000
-CODE_BYTES = 64 * 1024
+CODE_BYTES = 128 * 1024  # of 1 MiB; what is measured is held to what is on record, too
 MEMORY_BYTES = 24 * 1024  # static memory and stack beside two table slots
 REGRESSION = 1.02
 
