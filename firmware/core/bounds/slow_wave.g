@@ -1,5 +1,5 @@
 # add_slow_waves() of terms.cc: sine and cosine from the chain, each wrong by less than 2e-9, doubled
-# by products of theirs. w1 … w4: the four fitted amplitudes (Q32), at most 0.125 (table_checks.cc).
+# by products of theirs. w1 … w4: the four fitted amplitudes (Q32), at most 0.125 (checks_terms.cc).
 # Bound: 3.7e-9 with all four at that limit.
 sn = fixed<-30,ne>(RAW1);
 cs = fixed<-30,ne>(RAW2);
