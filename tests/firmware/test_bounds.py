@@ -84,7 +84,7 @@ def test_power_of_two_proof_has_the_code_s_coefficients() -> None:
 
 
 def test_largest_wave_is_what_the_reader_lets_in() -> None:
-    found = re.search(r"kMaxWave = std::int64_t\{1\} << (\d+)", (CORE / "table_checks.cc").read_text())
+    found = re.search(r"kMaxWave = std::int64_t\{1\} << (\d+)", (CORE / "checks_terms.cc").read_text())
     assert found
     assert 2.0 ** (int(found[1]) - 32) == 0.125
     assert "[-0.125,0.125]" in (CORE / "bounds" / "slow_wave.g").read_text()
