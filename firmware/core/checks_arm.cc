@@ -2,6 +2,7 @@
 #include "firmware/core/bytes.h"
 #include "firmware/core/fixed.h"
 #include "firmware/core/limits.h"
+#include "firmware/core/ratio.h"
 #include "firmware/core/table_checker.h"
 
 namespace armtrue {
@@ -13,6 +14,10 @@ constexpr std::int64_t kMaxReach = std::int64_t{12} << Length::fraction;
 constexpr std::int32_t kMaxPayloadArm = std::int32_t{4} << Length::fraction;
 constexpr std::int64_t kMaxOffset = std::int64_t{8} << 32;
 constexpr int kMaxShift = 62;
+// What one motor may drive beside its own joint, all ratios together; gears and parallelograms have
+// ratios about 1. An element of the Jacobian is then at most 9 times 23 m, and its products stay
+// within the 64 bits that the solver adds them in.
+constexpr std::int64_t kMaxDriven = std::int64_t{8} << format::coupling::kRatioFraction;
 
 }  // namespace
 
@@ -41,30 +46,43 @@ bool Checker::check_transform(const std::uint8_t* at, std::int64_t& reach) {
   return require_at(reach <= kMaxReach, Refusal::kValueRange, translation);
 }
 
+bool Checker::check_scale(const std::uint8_t* at) {
+  const std::uint8_t* back = at + format::joint::kIncrementPerUnitAt;
+  const std::int64_t u = load_i32(at + format::joint::kUnitPerIncrementAt);
+  const std::int64_t v = load_i32(back);
+  const int s = at[format::joint::kUnitShiftAt];
+  const int t = at[format::joint::kIncrementShiftAt];
+  if (!check_shift(s, 1, kMaxShift, at + format::joint::kUnitShiftAt) ||
+      !check_shift(t, 1, kMaxShift, at + format::joint::kIncrementShiftAt)) {
+    return false;
+  }
+  // There and back again is where it began: u/2^s · v/2^t = 1.
+  const std::int64_t both = u * v;
+  const bool is_inverse =
+      both > 0 && nearly_equal({static_cast<std::uint64_t>(both), -(s + t)}, {1, 0});
+  // 2^4 … 2^31 increments a unit: |v| / 2^t lies in 2^-28 … 2^-1.
+  const Scaled size = normalised({magnitude(v), -t});
+  const int power = size.exponent + 63;  // 2^power ≤ |v| / 2^t < 2^(power + 1)
+  const bool is_largest = power == -1 && size.mantissa == std::uint64_t{1} << 63U;
+  const bool is_in_range = power >= -28 && (power < -1 || is_largest);
+  return require_at(is_inverse && is_in_range, Refusal::kScale, back);
+}
+
 bool Checker::check_joints() {
   for (std::size_t k = 0; k < joints_; ++k) {
     const std::uint8_t* at = record(Section::kJoints, k);
-    const std::uint8_t unit_shift = at[format::joint::kUnitShiftAt];
-    const std::uint8_t increment_shift = at[format::joint::kIncrementShiftAt];
+    const std::uint8_t* rate = at + format::joint::kRateAt;
     const bool passed =
         check_transform(at + format::joint::kTransformAt, reach_) &&
         require_at(absolute(load_i64(at + format::joint::kOffsetAt) >> 1) <= kMaxOffset / 2,
                    Refusal::kValueRange, at + format::joint::kOffsetAt) &&
-        require_at(load_i32(at + format::joint::kUnitPerIncrementAt) != 0, Refusal::kValueRange,
-                   at + format::joint::kUnitPerIncrementAt) &&
-        require_at(load_i32(at + format::joint::kIncrementPerUnitAt) != 0, Refusal::kValueRange,
-                   at + format::joint::kIncrementPerUnitAt) &&
-        require_at(unit_shift >= 1U && unit_shift <= kMaxShift, Refusal::kValueRange,
-                   at + format::joint::kUnitShiftAt) &&
-        require_at(increment_shift >= 1U && increment_shift <= kMaxShift, Refusal::kValueRange,
-                   at + format::joint::kIncrementShiftAt) &&
+        check_scale(at) &&
         require_at(at[format::joint::kTypeAt] <= 1U, Refusal::kUnknownKind,
                    at + format::joint::kTypeAt) &&
         require_zero(at + format::joint::kReservedAt, 1) &&
         require_at(load_i32(at + format::joint::kMagnitudeAt) >= 0, Refusal::kValueRange,
                    at + format::joint::kMagnitudeAt) &&
-        require_at(load_i32(at + format::joint::kRateAt) >= 0, Refusal::kValueRange,
-                   at + format::joint::kRateAt) &&
+        require_at(load_i32(rate) >= kMinRate, Refusal::kValueRange, rate) &&
         require_at(load_i32(at + format::joint::kDeadBandAt) >= 0, Refusal::kValueRange,
                    at + format::joint::kDeadBandAt);
     if (!passed) {
@@ -89,19 +107,26 @@ bool Checker::is_revolute(std::size_t k) const {
 }
 
 bool Checker::check_coupling() {
+  std::uint64_t taken = 0;  // bit 8 · row + column
+  std::array<std::int64_t, kMaxJoints> driven = {};
   for (std::size_t i = 0; i < section(Section::kCoupling).count; ++i) {
     const std::uint8_t* at = record(Section::kCoupling, i);
     const std::uint8_t row = at[format::coupling::kRowAt];
     const std::uint8_t column = at[format::coupling::kColumnAt];
+    const std::int64_t ratio = absolute(load_i32(at + format::coupling::kRatioAt));
     const bool passed =
         require_at(row < joints_ && column < joints_ && row != column, Refusal::kBadReference,
                    at) &&
         require_at(is_revolute(row) && is_revolute(column), Refusal::kBadReference, at) &&
         require_zero(at + format::coupling::kReservedAt, 2) &&
-        require_at(i < kMaxJoints * kMaxJoints, Refusal::kTooManyRecords, at);
+        require_at((taken >> (8U * row + column) & 1U) == 0U, Refusal::kBadReference, at) &&
+        require_at(driven[column] + ratio <= kMaxDriven, Refusal::kValueRange,
+                   at + format::coupling::kRatioAt);
     if (!passed) {
       return false;
     }
+    driven[column] += ratio;
+    taken |= std::uint64_t{1} << (8U * row + column);
   }
   return true;
 }

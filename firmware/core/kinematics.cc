@@ -49,12 +49,14 @@ void link_positions(const TableView& table, const JointPositions& motor, JointPo
   for (std::size_t i = 0; i < coupling.count; ++i) {
     const std::uint8_t* entry = coupling.begin + i * format::coupling::kLength;
     const std::int32_t ratio = load_i32(entry + format::coupling::kRatioAt);
-    // Only the low 64 bits of the product matter: ±8 turns remain after the shift.
-    const auto driven = static_cast<std::int64_t>(
+    // Only the low 64 bits of the product matter: ±8 turns remain after the shift. Unsigned, for
+    // the half that rounds may take them past the largest number.
+    constexpr std::uint64_t kHalf = std::uint64_t{1} << (format::coupling::kRatioFraction - 1);
+    const std::uint64_t driven =
         static_cast<std::uint64_t>(motor[entry[format::coupling::kColumnAt]].raw) *
-        static_cast<std::uint64_t>(static_cast<std::int64_t>(ratio)));
+        static_cast<std::uint64_t>(static_cast<std::int64_t>(ratio));
     link[entry[format::coupling::kRowAt]].raw +=
-        round_shift(driven, format::coupling::kRatioFraction);
+        static_cast<std::int64_t>(driven + kHalf) >> format::coupling::kRatioFraction;
   }
 }
 

@@ -27,7 +27,10 @@ inline constexpr std::int32_t kMaxDeltaRevolute = 214748365;   // 0.05 turn
 inline constexpr std::int32_t kMaxDeltaPrismatic = 429496730;  // 0.1 m
 inline constexpr std::int32_t kMaxRateRevolute = 429496730;    // 0.1 turn per second
 inline constexpr std::int32_t kMaxRatePrismatic = 858993459;   // 0.2 m per second
-inline constexpr std::uint16_t kMinBlendMilliseconds = 20;     // enabling, disabling and switching
+// Slowest rate that a table may ask for, 2^-32 units a second: one unit in the shortest cycle that
+// a device has (62 us), so that no rate rounds to nothing and every fade ends.
+inline constexpr std::int32_t kMinRate = 16384;
+inline constexpr std::uint16_t kMinBlendMilliseconds = 20;  // enabling, disabling and switching
 
 }  // namespace armtrue
 

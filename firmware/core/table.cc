@@ -6,6 +6,7 @@
 #include "firmware/core/crc32.h"
 #include "firmware/core/ed25519.h"
 #include "firmware/core/format.h"
+#include "firmware/core/ratio.h"
 #include "firmware/core/table_checks.h"
 
 namespace armtrue {
@@ -84,6 +85,31 @@ Validation check_identity(std::span<const std::uint8_t> image, const DeviceIdent
   return {};
 }
 
+// The scales of a table whose contents passed, against what the device's drives count in.
+Validation check_resolution(std::span<const std::uint8_t> image, const DeviceIdentity& device) {
+  // Joints are the first section of every image.
+  const std::size_t first = load_u32(image.data() + header::kLength + 4);
+  for (std::size_t k = 0; k < image[header::kJointCountAt]; ++k) {
+    const Resolution& own = device.resolution[k];
+    if (own.increments == 0) {
+      continue;
+    }
+    const std::size_t field =
+        first + k * format::joint::kLength + format::joint::kIncrementPerUnitAt;
+    const std::uint8_t* joint = image.data() + first + k * format::joint::kLength;
+    const std::int64_t v = load_i32(joint + format::joint::kIncrementPerUnitAt);
+    const int t = joint[format::joint::kIncrementShiftAt];
+    const bool same_sign = (v < 0) == (own.increments < 0);
+    // v / 2^t · 2^32 increments a unit; v has 32 bits and the units have 32.
+    const Scaled asked = {magnitude(v) * own.units, 32 - t};
+    const Scaled known = {magnitude(own.increments), 0};
+    if (!same_sign || !nearly_equal(asked, known)) {
+      return refuse(Refusal::kResolution, field);
+    }
+  }
+  return {};
+}
+
 }  // namespace
 
 Validation validate(std::span<const std::uint8_t> image, const DeviceIdentity& device) {
@@ -93,6 +119,9 @@ Validation validate(std::span<const std::uint8_t> image, const DeviceIdentity& d
   }
   if (result.accepted()) {
     result = check_contents(without_trailer(image, is_signed(image)));
+  }
+  if (result.accepted()) {
+    result = check_resolution(image, device);
   }
   return result;
 }
@@ -157,6 +186,12 @@ const char* name_of(Refusal refusal) {
       return "too many records";
     case Refusal::kBusy:
       return "activation pending";
+    case Refusal::kTooCostly:
+      return "too much work for a control cycle";
+    case Refusal::kScale:
+      return "increment scales that do not fit each other";
+    case Refusal::kResolution:
+      return "another resolution than the device's drives have";
   }
   return "unknown refusal";
 }

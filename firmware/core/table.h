@@ -14,12 +14,20 @@
 
 namespace armtrue {
 
+// Increments of a drive for so many turns (revolute) or metres of its joint: 0x608F and 0x6091 as a
+// ratio. Negative where the drive counts against the joint.
+struct Resolution {
+  std::int64_t increments = 0;  // 0: the device does not know
+  std::uint32_t units = 1;
+};
+
 // Who this device is and whom it trusts. A table that does not fit is refused.
 struct DeviceIdentity {
-  std::array<char, kSerialLength> robot_serial = {};  // zero padded; empty: not bound to a robot
-  std::uint8_t joint_count = 0;                       // 0: any
-  bool has_key = false;                               // with a key, only signed tables are taken
-  std::array<std::uint8_t, 32> public_key = {};       // Ed25519 (RFC 8032)
+  std::array<char, kSerialLength> robot_serial = {};   // zero padded; empty: not bound to a robot
+  std::uint8_t joint_count = 0;                        // 0: any
+  bool has_key = false;                                // with a key, only signed tables are taken
+  std::array<std::uint8_t, 32> public_key = {};        // Ed25519 (RFC 8032)
+  std::array<Resolution, kMaxJoints> resolution = {};  // of each joint's drive
 };
 
 // Why a table is refused. The numbers are shown on the bus: never renumber.
@@ -44,6 +52,9 @@ enum class Refusal : std::uint8_t {
   kReserved = 17,        // a reserved field that is not zero
   kTooManyRecords = 18,  // more than this firmware has room for (limits.h)
   kBusy = 19,            // an earlier activation has not been taken up yet
+  kTooCostly = 20,       // a control cycle would take longer than kCycleBudget (table_cost.h)
+  kScale = 21,           // increment scales that are not each other's inverse
+  kResolution = 22,      // scales of drives with another resolution than this device's
 };
 
 // One short English name, for people and logs.

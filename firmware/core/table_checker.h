@@ -59,6 +59,8 @@ class Checker {
 
   // Rows of unit length; the translation's size is added to `reach`.
   bool check_transform(const std::uint8_t* at, std::int64_t& reach);
+  // The two increment scales of a joint.
+  bool check_scale(const std::uint8_t* at);
   bool check_joints();
   bool check_tools();
   bool is_revolute(std::size_t k) const;

@@ -199,7 +199,7 @@ INSTANTIATE_TEST_SUITE_P(
 
 TEST(TableTest, EveryReasonHasItsOwnName) {
   std::vector<std::string> names;
-  for (std::uint8_t i = 0; i <= static_cast<std::uint8_t>(Refusal::kBusy); ++i) {
+  for (std::uint8_t i = 0; i <= static_cast<std::uint8_t>(Refusal::kResolution); ++i) {
     names.emplace_back(name_of(static_cast<Refusal>(i)));
   }
   std::sort(names.begin(), names.end());

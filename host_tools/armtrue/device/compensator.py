@@ -39,6 +39,9 @@ REFUSALS = {
     17: "reserved field not zero",
     18: "more records than this firmware has room for",
     19: "an earlier activation is still pending",
+    20: "too much work for a control cycle: export with fewer or coarser tables",
+    21: "increment scales that do not fit each other",
+    22: "made for drives with another resolution than this device's (0x608F)",
     0x100: "an older export than the table in force",
     0x101: "limits beyond the firmware's own maxima",
 }
