@@ -1,5 +1,6 @@
 #include "firmware/core/compensator.h"
 
+#include <algorithm>
 #include <limits>
 #include <memory>
 
@@ -10,18 +11,7 @@ namespace {
 
 constexpr std::uint32_t kMicrosecondsPerMillisecond = 1000;
 constexpr int kBlendFraction = 30;
-constexpr std::uint32_t kBlendEnd = std::uint32_t{1} << kBlendFraction;
-
-std::int64_t units_of(const std::uint8_t* joint, std::int32_t increments) {
-  const int shift = joint[format::joint::kUnitShiftAt];
-  return round_shift(product(increments, load_i32(joint + format::joint::kUnitPerIncrementAt)),
-                     shift);
-}
-
-JointPosition position_of(const std::uint8_t* joint, std::int32_t increments) {
-  return {units_of(joint, saturate(static_cast<std::int64_t>(increments) -
-                                   load_i32(joint + format::joint::kZeroAt)))};
-}
+constexpr std::uint32_t kWhole = std::uint32_t{1} << kBlendFraction;
 
 void count_one(std::uint32_t& counter) {
   counter += counter < std::numeric_limits<std::uint32_t>::max() ? 1U : 0U;
@@ -46,13 +36,26 @@ Surroundings surroundings_of(const TableView& table, const CycleInput& input,
 
 constexpr std::int32_t smaller(std::int32_t a, std::int32_t b) { return a < b ? a : b; }
 
-// Largest change of a correction in one cycle, 2^-32 turn or metre.
-std::int32_t rate_per_cycle(const TableView& table, std::size_t joint, std::uint32_t cycle_us) {
-  const std::int32_t per_second =
-      smaller(table.is_prismatic(joint) ? kMaxRatePrismatic : kMaxRateRevolute,
-              load_i32(table.joint(joint) + format::joint::kRateAt));
-  return saturate(
-      static_cast<std::int64_t>(millionths(static_cast<std::uint32_t>(per_second), cycle_us)));
+// amount · share, rounded up: a share is that of a control period, Q30.
+std::int32_t share_of_amount(std::int32_t amount, std::uint32_t share) {
+  return static_cast<std::int32_t>(
+      (product(amount, static_cast<std::int32_t>(share)) + kWhole - 1) >> kBlendFraction);
+}
+
+// Increments whose way is `units`, where an increment is mantissa / 2^shift units. Nothing for a
+// mantissa that is no scale.
+std::int32_t increments_by_unit(std::int32_t units, std::int32_t mantissa, int shift) {
+  if (mantissa == 0) return 0;
+  auto whole = static_cast<std::uint64_t>(units);
+  for (; shift > 0 && whole < (std::uint64_t{1} << 62U); --shift) whole <<= 1U;
+  std::uint64_t result = whole / static_cast<std::uint64_t>(std::abs(std::int64_t{mantissa}));
+  for (; shift > 0 && result < INT32_MAX; --shift) result <<= 1U;
+  return static_cast<std::int32_t>(std::min<std::uint64_t>(result, INT32_MAX));
+}
+
+// Increments whose way is `units`, where a unit is mantissa / 2^shift increments.
+std::int32_t increments_by_increment(std::int32_t units, std::int32_t mantissa, int shift) {
+  return saturate(std::abs(product(units, mantissa)) >> std::min(shift, 63));
 }
 
 }  // namespace
@@ -67,224 +70,303 @@ std::int32_t within_magnitude(const TableView& table, std::size_t joint, std::in
   return wanted < -largest ? -largest : static_cast<std::int32_t>(wanted);
 }
 
+[[gnu::cold]] JointScale::JointScale(const TableView& table, std::size_t joint,
+                                     std::uint32_t cycle_us) {
+  const std::uint8_t* record = table.joint(joint);
+  const bool slides = table.is_prismatic(joint);
+  unit_per_increment = load_i32(record + format::joint::kUnitPerIncrementAt);
+  increment_per_unit = load_i32(record + format::joint::kIncrementPerUnitAt);
+  unit_shift = record[format::joint::kUnitShiftAt];
+  increment_shift = record[format::joint::kIncrementShiftAt];
+  zero = load_i32(record + format::joint::kZeroAt);
+  dead_band = load_i32(record + format::joint::kDeadBandAt);
+  const std::int32_t largest = slides ? kMaxDeltaPrismatic : kMaxDeltaRevolute;
+  magnitude = within_magnitude(table, joint, largest);
+  const std::int32_t per_second = smaller(slides ? kMaxRatePrismatic : kMaxRateRevolute,
+                                          load_i32(record + format::joint::kRateAt));
+  rate = saturate(
+      static_cast<std::int64_t>(millionths(static_cast<std::uint32_t>(per_second), cycle_us)));
+  const auto in_increments = [this](std::int32_t units) {
+    return smaller(increments_by_unit(units, unit_per_increment, unit_shift),
+                   increments_by_increment(units, increment_per_unit, increment_shift));
+  };
+  // What rounds to the next increment is no more than what was permitted.
+  magnitude_increments = saturate(std::int64_t{in_increments(magnitude)} + 1);
+  const std::int32_t fade = magnitude / static_cast<std::int32_t>(Compensator::kFadeCycles) + 1;
+  rate_increments = saturate(std::int64_t{in_increments(std::max(rate, fade))} + 2);
+}
+
+std::int64_t JointScale::units_of(std::int32_t increments) const {
+  return round_shift(product(increments, unit_per_increment), unit_shift);
+}
+
+std::int32_t PositionBounds::wrapped(std::int64_t position) const {
+  if (!wraps()) return saturate(position);
+  const std::int64_t count = std::int64_t{range_high} - range_low + 1;
+  // Corrections are small: it is once around at most, and a position far outside is nobody's.
+  if (position > range_high && position - count <= range_high) position -= count;
+  if (position < range_low && position + count >= range_low) position += count;
+  return saturate(position);
+}
+
+std::int64_t PositionBounds::way(std::int64_t way) const {
+  if (!wraps()) return way;
+  const std::int64_t count = std::int64_t{range_high} - range_low + 1;
+  if (way > count / 2) return way - count;
+  return way < -count / 2 ? way + count : way;
+}
+
+std::int64_t PositionBounds::within_limits(std::int64_t corrected, std::int32_t plain) const {
+  if (wraps() || limit_low >= limit_high) return corrected;
+  const std::int64_t low = std::min<std::int64_t>(limit_low, plain);
+  const std::int64_t high = std::max<std::int64_t>(limit_high, plain);
+  return std::clamp(corrected, low, high);
+}
+
 [[gnu::cold]] Compensator::Compensator(const CompensatorConfig& config) : config_(config) {}
 
 [[gnu::cold]] Validation Compensator::load(std::span<const std::uint8_t> image,
                                            const DeviceIdentity& device) {
-  if (request_.load(std::memory_order_acquire) != Request::kNone) {
-    return {Refusal::kBusy, 0};
-  }
   DeviceIdentity expected = device;
   expected.joint_count = config_.joint_count;
   const Validation validation = validate(image, expected);
   if (validation.accepted()) {
-    // The joint path reads only tables_[active_] until it takes the request below.
     // Made in place: a copy would take half a kilobyte of stack.
-    const TableView& table = *std::construct_at(&tables_[1U - active_], image);
-    for (std::size_t k = 0; k < table.joint_count(); ++k) {
-      rate_per_cycle_[1U - active_][k] = rate_per_cycle(table, k, config_.cycle_us);
-    }
+    std::construct_at(&tables_[1U - active_], image);
     has_pending_ = true;
   }
   return validation;
 }
 
-bool Compensator::activate() {
-  if (!has_pending_) {
-    return false;
-  }
+[[gnu::cold]] bool Compensator::activate() {
+  if (!has_pending_) return false;
   has_pending_ = false;
-  request_.store(Request::kActivate, std::memory_order_release);
+  active_ = static_cast<std::uint8_t>(1U - active_);
+  has_active_ = true;
+  count_one(counters_.tables_switched);
+  const TableView& table = tables_[active_];
+  for (std::size_t k = 0; k < config_.joint_count; ++k) {
+    scale_[k] = JointScale(table, k, config_.cycle_us);
+  }
+  blend_ms_ = std::max(table.blend_ms(), kMinBlendMilliseconds);
+  hold();
   return true;
 }
 
-void Compensator::disable() { request_.store(Request::kDisable, std::memory_order_release); }
+[[gnu::cold]] void Compensator::disable() {
+  has_active_ = false;
+  // Without a correction there is nothing to blend out, and perhaps no limit that could hold it.
+  if (motion_.state != CompensatorState::kPassThrough) hold();
+}
 
 [[gnu::cold]] bool Compensator::is_in_use(std::span<const std::uint8_t> image) const {
-  const bool is_requested = request_.load(std::memory_order_acquire) != Request::kNone;
-  // A table that is being blended out still limits its own way to zero.
-  const bool is_running = has_active_ || state_ != CompensatorState::kPassThrough;
   const auto holds = [image](const TableView& table) {
     return table.image().data() == image.data();
   };
-  return ((has_pending_ || is_requested) && holds(tables_[1U - active_])) ||
-         ((is_running || is_requested) && holds(tables_[active_]));
-}
-
-[[gnu::cold]] void Compensator::take_request() {
-  const Request request = request_.load(std::memory_order_acquire);
-  if (request == Request::kNone) {
-    return;
-  }
-  if (request == Request::kDisable && state_ == CompensatorState::kPassThrough) {
-    // Nothing to blend out, and perhaps no table yet whose limits could hold it.
-    has_active_ = false;
-    request_.store(Request::kNone, std::memory_order_release);
-    return;
-  }
-  std::uint32_t blend_ms = kMinBlendMilliseconds;
-  if (request == Request::kActivate) {
-    active_ = static_cast<std::uint8_t>(1U - active_);
-    has_active_ = true;
-    count_one(counters_.tables_switched);
-  }
-  if (tables_[active_].blend_ms() > blend_ms) {
-    blend_ms = tables_[active_].blend_ms();
-  }
-  if (request == Request::kDisable) {
-    has_active_ = false;
-  }
-  const std::uint32_t cycles = blend_ms * kMicrosecondsPerMillisecond / config_.cycle_us + 1U;
-  blend_step_ = kBlendEnd / cycles;
-  hold();
-  request_.store(Request::kNone, std::memory_order_release);
+  return (has_pending_ && holds(tables_[1U - active_])) || (has_active_ && holds(tables_[active_]));
 }
 
 [[gnu::cold]] void Compensator::hold() {
-  blend_weight_ = 0;
-  delta_held_ = delta_;
-  state_ = CompensatorState::kBlending;
+  const std::uint32_t cycles = blend_ms_ * kMicrosecondsPerMillisecond / config_.cycle_us + 1U;
+  blend_step_ = kWhole / cycles;
+  motion_.blend_weight = 0;
+  motion_.delta_held = motion_.delta;
+  motion_.state = CompensatorState::kBlending;
 }
 
 [[gnu::cold]] bool Compensator::begin(std::span<const std::int32_t> held) {
   parked_ = false;
-  take_request();
-  if (!has_active_ && state_ == CompensatorState::kPassThrough) {
-    return true;
-  }
+  if (!has_active_ && motion_.state == CompensatorState::kPassThrough) return true;
   bool fits = true;
   for (std::size_t k = 0; k < config_.joint_count; ++k) {
-    const std::int64_t exact = units_of(tables_[active_].joint(k), held[k]);
-    delta_[k] = within_magnitude(tables_[active_], k, exact);
-    fits = fits && delta_[k] == exact;
+    const JointScale& scale = scale_[k];
+    const std::int64_t exact = scale.units_of(held[k]);
+    motion_.delta[k] = static_cast<std::int32_t>(
+        std::clamp<std::int64_t>(exact, -scale.magnitude, scale.magnitude));
+    motion_.carried[k] = 0;
+    motion_.increments[k] = increments_of(k);
+    fits = fits && motion_.delta[k] == exact;
   }
   hold();
   return fits;
 }
 
 [[gnu::cold]] void Compensator::park() {
-  if (!parked_ && state_ != CompensatorState::kPassThrough) {
-    state_ = CompensatorState::kBlending;
-    blend_weight_ = kBlendEnd;
+  if (!parked_ && motion_.state != CompensatorState::kPassThrough) {
+    motion_.state = CompensatorState::kBlending;
+    motion_.blend_weight = kWhole;
+    motion_.delta_held = motion_.delta;
   }
   parked_ = true;
 }
 
+[[gnu::cold]] void Compensator::resume() {
+  if (!parked_) return;
+  parked_ = false;
+  if (has_active_ || motion_.state != CompensatorState::kPassThrough) hold();
+}
+
 void Compensator::update_direction(const CycleInput& input) {
   for (std::size_t k = 0; k < config_.joint_count; ++k) {
-    const std::int64_t moved = static_cast<std::int64_t>(input.target[k]) - direction_anchor_[k];
-    const std::int32_t band =
-        has_active_ ? load_i32(tables_[active_].joint(k) + format::joint::kDeadBandAt) : 0;
-    if (!has_previous_target_) {
-      direction_anchor_[k] = input.target[k];
+    const std::int64_t moved =
+        bounds_[k].way(std::int64_t{input.target[k]} - motion_.direction_anchor[k]);
+    const std::int32_t band = has_active_ ? scale_[k].dead_band : 0;
+    if (!motion_.has_previous_target) {
+      motion_.direction_anchor[k] = input.target[k];
       continue;
     }
     // The anchor trails the command by the dead band on the side it came from: a reversal counts
     // once the command has come back by more than the band from its furthest point.
+    std::int8_t& direction = motion_.direction[k];
     if (moved > band) {
-      direction_[k] = 1;
-    } else if (moved < -static_cast<std::int64_t>(band)) {
-      direction_[k] = -1;
+      direction = 1;
+    } else if (moved < -std::int64_t{band}) {
+      direction = -1;
     }
-    const bool leads = (direction_[k] >= 0 && moved > 0) || (direction_[k] <= 0 && moved < 0);
-    if (direction_[k] != 0 && leads) {
-      direction_anchor_[k] = input.target[k];
-    }
+    const bool leads = (direction >= 0 && moved > 0) || (direction <= 0 && moved < 0);
+    if (direction != 0 && leads) motion_.direction_anchor[k] = input.target[k];
   }
-  has_previous_target_ = true;
+  motion_.has_previous_target = true;
 }
 
-std::int32_t Compensator::limited(std::size_t joint, std::int64_t wanted, std::uint16_t& flags) {
+Correction Compensator::evaluate(const CycleInput& input, std::uint16_t& flags) {
   const TableView& table = tables_[active_];
-  const std::int32_t near = within_magnitude(table, joint, wanted);
-  flags |= near != wanted ? kMagnitudeClamped : kCycleClean;
-  const std::int64_t per_cycle = rate_per_cycle_[active_][joint];
-  const std::int64_t change = static_cast<std::int64_t>(near) - delta_[joint];
-  if (change > per_cycle || change < -per_cycle) {
-    flags |= kRateClamped;
-    return saturate(delta_[joint] + (change > 0 ? per_cycle : -per_cycle));
+  JointPositions target;
+  for (std::size_t k = 0; k < config_.joint_count; ++k) {
+    const JointScale& scale = scale_[k];
+    target[k] = {scale.units_of(saturate(std::int64_t{input.target[k]} - scale.zero))};
   }
-  return near;
+  const Correction wanted =
+      solve(table, target, surroundings_of(table, input, motion_.direction), workspace_);
+  flags |= wanted.is_near_singular ? kNearSingular : kCycleClean;
+  flags |= wanted.is_outside_coverage ? kOutsideCoverage : kCycleClean;
+  flags |= wanted.is_saturated ? kStateSaturated : kCycleClean;
+  return wanted;
+}
+
+// Of a control period, Q30: what has passed of it since the cycle before.
+std::uint32_t Compensator::share_of(std::uint32_t elapsed_us) const {
+  if (elapsed_us >= config_.cycle_us) return kWhole;
+  return static_cast<std::uint32_t>((std::uint64_t{elapsed_us} << kBlendFraction) /
+                                    config_.cycle_us);
+}
+
+std::int32_t Compensator::limited(std::size_t joint, std::int64_t wanted, std::uint32_t share,
+                                  std::uint16_t& flags) const {
+  const JointScale& scale = scale_[joint];
+  const std::int64_t near = std::clamp<std::int64_t>(wanted, -scale.magnitude, scale.magnitude);
+  flags |= near != wanted ? kMagnitudeClamped : kCycleClean;
+  std::int32_t per_cycle = scale.rate;
+  if (!corrects()) {
+    const std::int32_t all_of_it = std::abs(motion_.delta_held[joint]);
+    per_cycle = std::max(per_cycle, all_of_it / static_cast<std::int32_t>(kFadeCycles) + 1);
+  }
+  const std::int64_t most = share_of_amount(per_cycle, share);
+  const std::int64_t change = near - motion_.delta[joint];
+  if (change <= most && change >= -most) return static_cast<std::int32_t>(near);
+  flags |= kRateClamped;
+  return saturate(motion_.delta[joint] + (change > 0 ? most : -most));
+}
+
+// Moves every correction towards what is wanted. Returns a bit for each joint that was held back.
+std::uint32_t Compensator::move_corrections(const Correction& wanted, std::uint32_t share,
+                                            std::uint16_t& flags) {
+  if (motion_.state == CompensatorState::kPassThrough) return 0;
+  const bool blending = motion_.state == CompensatorState::kBlending;
+  const auto step =
+      static_cast<std::uint32_t>(share_of_amount(static_cast<std::int32_t>(blend_step_), share));
+  bool settled = !blending || motion_.blend_weight >= kWhole - step;
+  if (blending) motion_.blend_weight = settled ? kWhole : motion_.blend_weight + step;
+  const bool on_the_way = !settled;
+  std::uint32_t clamped = 0;
+  for (std::size_t k = 0; k < config_.joint_count; ++k) {
+    std::int64_t delta = wanted.delta[k];
+    if (on_the_way) {
+      const std::int32_t way = saturate(delta - motion_.delta_held[k]);
+      delta = motion_.delta_held[k] + std::int64_t{multiply<kBlendFraction>(
+                                          way, static_cast<std::int32_t>(motion_.blend_weight))};
+    }
+    std::uint16_t own = kCycleClean;
+    motion_.delta[k] = limited(k, delta, share, own);
+    clamped |= own != kCycleClean ? 1U << k : 0U;
+    flags |= own;
+    settled = settled && (corrects() || motion_.delta[k] == 0);
+  }
+  if (settled) {
+    motion_.state = corrects() ? CompensatorState::kActive : CompensatorState::kPassThrough;
+  }
+  return clamped;
+}
+
+// The last thing before a target or an offset leaves, in the drive's own increments and by limits
+// that no image can change any more: whatever went wrong before, this holds.
+std::int32_t Compensator::within_last_limits(std::size_t joint, std::int32_t increments,
+                                             std::uint32_t share) const {
+  const JointScale& scale = scale_[joint];
+  const std::int64_t most = share_of_amount(scale.rate_increments, share);
+  const std::int64_t last = motion_.increments[joint];
+  const std::int64_t near =
+      std::clamp(std::int64_t{increments}, -std::int64_t{scale.magnitude_increments},
+                 std::int64_t{scale.magnitude_increments});
+  return static_cast<std::int32_t>(std::clamp(near, last - most, last + most));
+}
+
+void Compensator::put_out(const CycleInput& input, std::uint32_t share, std::uint32_t clamped,
+                          CycleOutput& output) {
+  for (std::size_t k = 0; k < config_.joint_count; ++k) {
+    const std::int32_t wanted = motion_.delta[k] == 0 ? 0 : increments_of(k);
+    const std::int32_t whole = within_last_limits(k, wanted, share);
+    if (whole != wanted) {
+      output.flags |= kRateClamped;
+      clamped |= 1U << k;
+    }
+    motion_.increments[k] = whole;
+    const PositionBounds& bounds = bounds_[k];
+    const std::int64_t sum = std::int64_t{input.target[k]} + whole;
+    const std::int64_t in_range = bounds.wraps() ? sum : saturate(sum);
+    const std::int64_t allowed = bounds.within_limits(in_range, input.target[k]);
+    output.corrected[k] = whole == 0 ? input.target[k] : bounds.wrapped(allowed);
+    output.flags |= in_range != sum ? kOutputSaturated : kCycleClean;
+    output.flags |= allowed != in_range ? kAtPositionLimit : kCycleClean;
+    if (allowed != sum) clamped |= 1U << k;
+    output.delta[k] =
+        static_cast<std::int32_t>(bounds.way(std::int64_t{output.corrected[k]} - input.target[k]));
+    if ((clamped >> k & 1U) != 0U) count_one(counters_.clamped[k]);
+  }
 }
 
 CycleOutput Compensator::cycle(const CycleInput& input) {
-  take_request();
+  before_ = motion_;
   update_direction(input);
-
+  const std::uint32_t share = share_of(input.elapsed_us);
   CycleOutput output;
-  std::uint16_t flags = kCycleClean;
   Correction wanted;
-  const bool corrects = has_active_ && !parked_;
-  if (corrects) {
-    const TableView& table = tables_[active_];
-    JointPositions target;
-    for (std::size_t k = 0; k < table.joint_count(); ++k) {
-      target[k] = position_of(table.joint(k), input.target[k]);
-    }
-    wanted = solve(table, target, surroundings_of(table, input, direction_), workspace_);
-    flags |= wanted.is_near_singular ? kNearSingular : kCycleClean;
-    flags |= wanted.is_outside_coverage ? kOutsideCoverage : kCycleClean;
-    flags |= wanted.is_saturated ? kStateSaturated : kCycleClean;
-  }
-
-  std::uint32_t clamped = 0;  // bit k: joint k
-  bool settled = true;
-  if (state_ == CompensatorState::kBlending) {
-    settled = blend_weight_ >= kBlendEnd - blend_step_;
-    blend_weight_ = settled ? kBlendEnd : blend_weight_ + blend_step_;
-  }
-  for (std::size_t k = 0; k < config_.joint_count; ++k) {
-    std::int64_t delta = wanted.delta[k];
-    if (state_ == CompensatorState::kBlending && !settled) {
-      const std::int32_t way = saturate(delta - delta_held_[k]);
-      delta = delta_held_[k] + static_cast<std::int64_t>(multiply<kBlendFraction>(
-                                   way, static_cast<std::int32_t>(blend_weight_)));
-    }
-    if (state_ != CompensatorState::kPassThrough) {
-      std::uint16_t own = kCycleClean;
-      delta_[k] = limited(k, delta, own);
-      clamped |= own != kCycleClean ? 1U << k : 0U;
-      flags |= own;
-      settled = settled && (corrects || delta_[k] == 0);
-    }
-  }
-  if (state_ == CompensatorState::kBlending && settled) {
-    state_ = corrects ? CompensatorState::kActive : CompensatorState::kPassThrough;
-  }
-
-  for (std::size_t k = 0; k < config_.joint_count; ++k) {
-    const std::int32_t whole = delta_[k] == 0 ? 0 : increments_of(k);
-    const std::int64_t sum = static_cast<std::int64_t>(input.target[k]) + whole;
-    output.corrected[k] = saturate(sum);
-    if (output.corrected[k] != sum) {
-      flags |= kOutputSaturated;
-      clamped |= 1U << k;
-    }
-    if ((clamped >> k & 1U) != 0U) count_one(counters_.clamped[k]);
-    output.delta[k] =
-        static_cast<std::int32_t>(static_cast<std::int64_t>(output.corrected[k]) - input.target[k]);
-  }
+  if (corrects()) wanted = evaluate(input, output.flags);
+  const std::uint32_t clamped = move_corrections(wanted, share, output.flags);
+  put_out(input, share, clamped, output);
+  overwritten_ = history_[cycle_ % kFeedbackHistory];
   history_[cycle_ % kFeedbackHistory] = output.delta;
   output.cycle = cycle_;
-  output.flags = flags;
-  output.state = state_;
+  output.state = motion_.state;
   ++cycle_;
-  count(flags);
+  count(output.flags);
   return output;
 }
 
+void Compensator::take_back() {
+  motion_ = before_;
+  --cycle_;
+  history_[cycle_ % kFeedbackHistory] = overwritten_;
+}
+
 std::int32_t Compensator::increments_of(std::size_t joint) {
-  const std::uint8_t* record = tables_[active_].joint(joint);
-  const int shift = record[format::joint::kIncrementShiftAt];
-  const std::int64_t exact =
-      product(delta_[joint], load_i32(record + format::joint::kIncrementPerUnitAt));
-  if (!config_.carry_remainder) {
-    return saturate(round_shift(exact, shift));
-  }
+  const JointScale& scale = scale_[joint];
+  const std::int64_t exact = product(motion_.delta[joint], scale.increment_per_unit);
+  if (!config_.carry_remainder) return saturate(round_shift(exact, scale.increment_shift));
   // What rounding left over, in the same 2^-shift of an increment, is added in the next cycle.
-  const std::int64_t with_carry = exact + carried_[joint];
-  const std::int64_t whole = round_shift(with_carry, shift);
-  carried_[joint] = with_carry - whole * (std::int64_t{1} << shift);
+  const std::int64_t with_carry = exact + motion_.carried[joint];
+  const std::int64_t whole = round_shift(with_carry, scale.increment_shift);
+  motion_.carried[joint] = with_carry - whole * (std::int64_t{1} << scale.increment_shift);
   return saturate(whole);
 }
 
@@ -300,15 +382,15 @@ std::int32_t Compensator::correction_of(std::uint32_t cycle, std::size_t joint) 
 bool Compensator::uncorrect_feedback(std::uint32_t cycle, std::span<const std::int32_t> actual,
                                      std::span<std::int32_t> plain) const {
   for (std::size_t k = 0; k < config_.joint_count; ++k) {
-    plain[k] = saturate(static_cast<std::int64_t>(actual[k]) - correction_of(cycle, k));
+    plain[k] = bounds_[k].wrapped(std::int64_t{actual[k]} - correction_of(cycle, k));
   }
   return remembers(cycle);
 }
 
 void Compensator::restart_stream() {
-  has_previous_target_ = false;
-  direction_ = {};
-  carried_ = {};
+  motion_.has_previous_target = false;
+  motion_.direction = {};
+  motion_.carried = {};
 }
 
 void Compensator::count(std::uint16_t flags) {

@@ -1,24 +1,23 @@
 // The joint path: targets in, corrected targets out, once per control cycle.
 //
 //   Compensator compensator(config);
-//   compensator.load(image, device);     // background: validates, keeps it as the pending table
-//   compensator.activate();              // background: swapped in at the next cycle boundary
-//   CycleOutput out = compensator.cycle(in);          // joint path, every cycle
-//   compensator.uncorrect_feedback(out.cycle, actual, plain);   // joint path, when feedback comes
+//   compensator.load(image, device);   // validates; the table waits
+//   compensator.activate();            // it is in force: the next cycle begins to blend it in
+//   CycleOutput out = compensator.cycle(in);                    // every cycle
+//   compensator.uncorrect_feedback(out.cycle, actual, plain);   // when feedback comes
 //
 // Safe by construction: without a valid table the output is the input, bit for bit. Enabling,
 // disabling and switching blend over a set time from whatever correction was last put out.
 // Corrections and their rate are limited by the signed table, capped by limits.h, and every clamp
 // is counted. No heap, no floating point, no recursion.
 //
-// Contexts: cycle() and uncorrect_feedback() belong to one context (the joint path, which may be an
-// interrupt); load(), activate(), disable() to one other (the background). The two meet only in one
-// atomic word. The image of an active or pending table must not be changed; is_in_use() tells.
+// One context calls everything. The image of a table that waits or is in force must not change:
+// is_in_use() tells. Limits and scales are copied out when it is put in force, so that a way to
+// zero reads no image at all.
 #ifndef ARMTRUE_FIRMWARE_CORE_COMPENSATOR_H_
 #define ARMTRUE_FIRMWARE_CORE_COMPENSATOR_H_
 
 #include <array>
-#include <atomic>
 #include <cstdint>
 #include <span>
 
@@ -36,7 +35,30 @@ struct CycleInput {
   std::uint32_t temperature_valid =
       0;                       // bit s: sensor s is known; otherwise its reference is taken
   std::int32_t payload_g = 0;  // mass at the tool point, gram
-  std::uint32_t time_ms = 0;   // since start of the arm
+  std::uint64_t time_ms = 0;   // since start of the arm
+  // Since the cycle before. More than the control period counts as the period: a pause earns no
+  // step.
+  std::uint32_t elapsed_us = UINT32_MAX;
+};
+
+// Where a joint's positions lie, in increments. A range narrower than all of 32 bits is one that
+// positions wrap around in (0x607B); limits are the drive's (0x607D).
+struct PositionBounds {
+  std::int32_t range_low = INT32_MIN;
+  std::int32_t range_high = INT32_MAX;
+  std::int32_t limit_low = INT32_MIN;
+  std::int32_t limit_high = INT32_MAX;
+
+  bool wraps() const {
+    return range_low < range_high && (range_low != INT32_MIN || range_high != INT32_MAX);
+  }
+  // A position within the range, as the drive counts it.
+  std::int32_t wrapped(std::int64_t position) const;
+  // A way from one position to another: the short one where positions wrap.
+  std::int64_t way(std::int64_t way) const;
+  // `corrected` no further than a limit that `plain` respects. Continuous in both, so that no step
+  // is made where the plain target itself passes the limit.
+  std::int64_t within_limits(std::int64_t corrected, std::int32_t plain) const;
 };
 
 // What the compensator is doing.
@@ -55,6 +77,7 @@ enum CycleFlags : std::uint16_t {
   kOutsideCoverage = 1U << 3,   // some 1-D table or grid was outside what it was trained on
   kStateSaturated = 1U << 4,    // an input was outside the range that the format can hold
   kOutputSaturated = 1U << 5,   // target plus correction left the 32-bit range
+  kAtPositionLimit = 1U << 6,   // a corrected target was kept from passing a software limit
 };
 
 // Cycles in which each thing happened, since construction. They stop at their maximum.
@@ -67,7 +90,8 @@ struct CycleCounters {
   std::uint32_t state_saturated = 0;
   std::uint32_t output_saturated = 0;
   std::uint32_t tables_switched = 0;
-  // By joint: cycles in which its output was not what was wanted (magnitude, rate, 32-bit range).
+  // By joint: cycles in which its output was not what was wanted (magnitude, rate, limits, 32-bit
+  // range).
   std::array<std::uint32_t, kMaxJoints> clamped = {};
 };
 
@@ -92,6 +116,28 @@ struct CompensatorConfig {
 // by limits.h.
 std::int32_t within_magnitude(const TableView& table, std::size_t joint, std::int64_t wanted);
 
+// What a joint's record says of its drive, and what follows from it for every cycle.
+struct JointScale {
+  JointScale() = default;
+  JointScale(const TableView& table, std::size_t joint, std::uint32_t cycle_us);
+
+  std::int32_t unit_per_increment = 0;
+  std::int32_t increment_per_unit = 0;
+  std::uint8_t unit_shift = 0;
+  std::uint8_t increment_shift = 0;
+  std::int32_t zero = 0;
+  std::int32_t dead_band = 0;
+  // Largest correction and its largest change in a control period, 2^-32 turn or metre.
+  std::int32_t magnitude = 0;
+  std::int32_t rate = 0;
+  // The same in the drive's increments, by whichever of the two scales gives less.
+  std::int32_t magnitude_increments = 0;
+  std::int32_t rate_increments = 0;
+
+  // 2^-32 turn or metre.
+  std::int64_t units_of(std::int32_t increments) const;
+};
+
 class Compensator {
  public:
   explicit Compensator(const CompensatorConfig& config);
@@ -100,22 +146,16 @@ class Compensator {
 
   // Validates `image` against `device` and the configured joint count and, if accepted, keeps it as
   // the pending table (a pending table that was not activated is replaced). The image is referred
-  // to, not copied. Refused with Refusal::kBusy while an activation has not been taken up yet.
-  // Background only.
+  // to, not copied.
   Validation load(std::span<const std::uint8_t> image, const DeviceIdentity& device);
 
-  // Asks that the pending table be swapped in at the next cycle boundary. False if none is pending.
+  // Puts the pending table in force; the next cycles blend to it. False if none is pending.
   bool activate();
 
-  // Asks for pass-through from the next cycle boundary on; the correction is blended out.
+  // Pass-through: the next cycles blend the correction out. No image is read any more.
   void disable();
 
-  // Takes up what was asked for by activate() or disable() without a cycle, so that several changes
-  // can follow each other while no commands arrive. Nothing is put out; the blend begins with the
-  // next cycle. For the joint path's context only.
-  void take_up_request() { take_request(); }
-
-  // True while the joint path may read from `image` (active or pending).
+  // True while cycles read from `image` or activate() would put it in force.
   bool is_in_use(std::span<const std::uint8_t> image) const;
 
   // One control cycle. Constant work for a given table; bounded by tests/firmware/budget.
@@ -132,8 +172,12 @@ class Compensator {
   // none.
   std::int32_t correction_of(std::uint32_t cycle, std::size_t joint) const;
 
-  // Forgets the direction of approach and the carried remainder. For the joint path, after the
-  // stream of commands was interrupted.
+  // The last cycle's output goes to nobody: everything is as before it, but for the counters. Once
+  // for a cycle.
+  void take_back();
+
+  // Forgets the direction of approach and the carried remainder, after the stream of commands was
+  // interrupted.
   void restart_stream();
 
   // The drives stand `held` increments beyond their targets: the correction begins there, within
@@ -142,50 +186,72 @@ class Compensator {
   // first cycle, and where the drives may hold something else than the last cycle's output.
   bool begin(std::span<const std::int32_t> held);
 
-  // From the next cycle on the correction goes to zero at the permitted rate, until begin().
+  // From the next cycle on the correction goes to zero at the permitted rate, until begin() or
+  // resume(). It is there after kFadeCycles at most, whatever rate the table permits.
   void park();
+  // Ends park(): blends from whatever is put out now.
+  void resume();
+  static constexpr std::uint32_t kFadeCycles = 2000;
 
   // On the way to zero: parked, disabled or without a table any more.
   bool is_fading() const {
-    return state_ == CompensatorState::kBlending && (parked_ || !has_active_);
+    return motion_.state == CompensatorState::kBlending && (parked_ || !has_active_);
   }
 
-  CompensatorState state() const { return state_; }
+  void set_bounds(std::size_t joint, const PositionBounds& bounds) { bounds_[joint] = bounds; }
+  const PositionBounds& bounds(std::size_t joint) const { return bounds_[joint]; }
+
+  CompensatorState state() const { return motion_.state; }
   std::uint32_t cycle_us() const { return config_.cycle_us; }
   const CycleCounters& counters() const { return counters_; }
 
  private:
-  // What the background asks of the joint path.
-  enum class Request : std::uint8_t { kNone, kActivate, kDisable };
+  // What one cycle leaves for the next.
+  struct Motion {
+    CompensatorState state = CompensatorState::kPassThrough;
+    std::uint32_t blend_weight = 0;  // of the new correction in the running blend, Q30
+    bool has_previous_target = false;
+    std::array<std::int32_t, kMaxJoints> direction_anchor = {};
+    std::array<std::int8_t, kMaxJoints> direction = {};
+    std::array<std::int32_t, kMaxJoints> delta = {};       // put out last, 2^-32 units
+    std::array<std::int32_t, kMaxJoints> increments = {};  // the same in increments
+    std::array<std::int32_t, kMaxJoints> delta_held = {};  // where the running blend began
+    std::array<std::int64_t, kMaxJoints> carried = {};     // remainder of an increment
+  };
 
-  void take_request();
+  bool corrects() const { return has_active_ && !parked_; }
   void hold();
+  std::uint32_t share_of(std::uint32_t elapsed_us) const;
+  Correction evaluate(const CycleInput& input, std::uint16_t& flags);
   void update_direction(const CycleInput& input);
-  std::int32_t limited(std::size_t joint, std::int64_t wanted, std::uint16_t& flags);
+  std::uint32_t move_corrections(const Correction& wanted, std::uint32_t share,
+                                 std::uint16_t& flags);
+  void put_out(const CycleInput& input, std::uint32_t share, std::uint32_t clamped,
+               CycleOutput& output);
+  std::int32_t limited(std::size_t joint, std::int64_t wanted, std::uint32_t share,
+                       std::uint16_t& flags) const;
   std::int32_t increments_of(std::size_t joint);
+  std::int32_t within_last_limits(std::size_t joint, std::int32_t increments,
+                                  std::uint32_t share) const;
   bool remembers(std::uint32_t cycle) const;
   void count(std::uint16_t flags);
 
   CompensatorConfig config_;
   std::array<TableView, 2> tables_;
-  std::atomic<Request> request_ = Request::kNone;
   bool has_pending_ = false;  // load() filled tables_[1 - active_]
-  bool has_active_ = false;   // joint path: tables_[active_] is evaluated
-  bool parked_ = false;       // joint path: but no correction is wanted
+  bool has_active_ = false;   // tables_[active_] is evaluated
+  bool parked_ = false;       // but no correction is wanted
   std::uint8_t active_ = 1;
-  CompensatorState state_ = CompensatorState::kPassThrough;
-  // Largest change of a correction in a cycle, of either table, 2^-32 units.
-  std::array<std::array<std::int32_t, kMaxJoints>, 2> rate_per_cycle_ = {};
-  std::uint32_t blend_weight_ = 0;  // of the new correction in the running blend, Q30
-  std::uint32_t blend_step_ = 0;    // its growth in a cycle
+  // Of the table in force, or of the last that was.
+  std::array<JointScale, kMaxJoints> scale_ = {};
+  std::array<PositionBounds, kMaxJoints> bounds_ = {};
+  std::uint16_t blend_ms_ = 0;
+  std::uint32_t blend_step_ = 0;  // growth of the blend's weight in a control period
   std::uint32_t cycle_ = 0;
-  bool has_previous_target_ = false;
-  std::array<std::int32_t, kMaxJoints> direction_anchor_ = {};
-  std::array<std::int8_t, kMaxJoints> direction_ = {};
-  std::array<std::int32_t, kMaxJoints> delta_ = {};       // put out in the last cycle, 2^-32 units
-  std::array<std::int32_t, kMaxJoints> delta_held_ = {};  // where the running blend began
-  std::array<std::int64_t, kMaxJoints> carried_ = {};     // remainder of an increment
+  Motion motion_;
+  Motion before_;  // the last cycle
   std::array<std::array<std::int32_t, kMaxJoints>, kFeedbackHistory> history_ = {};
+  std::array<std::int32_t, kMaxJoints> overwritten_ = {};  // row of history_, by the last cycle
   CycleCounters counters_;
   Workspace workspace_;
 };

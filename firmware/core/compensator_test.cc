@@ -132,8 +132,6 @@ TEST(CompensatorTest, EnablingDisablingAndSwitchingMakeNoStep) {
   activate(compensator, first);
   EXPECT_NEAR(run(150).delta[0], -increments(5e-3), 1);
   activate(compensator, second);
-  EXPECT_EQ(compensator.state(), CompensatorState::kActive);
-  run(1);
   EXPECT_EQ(compensator.state(), CompensatorState::kBlending);
   EXPECT_NEAR(run(150).delta[0], increments(5e-3), 1);
   compensator.disable();
@@ -176,16 +174,142 @@ TEST(CompensatorTest, ATableInUseIsKnownToBe) {
   EXPECT_FALSE(compensator.is_in_use(first));
   activate(compensator, first);
   EXPECT_TRUE(compensator.is_in_use(first));
-  EXPECT_EQ(compensator.load(second, {}).refusal, Refusal::kBusy);  // not taken up yet
-  settle(compensator, at(0.0));
-  activate(compensator, second);
-  settle(compensator, at(0.0));
-  EXPECT_FALSE(compensator.is_in_use(first));
+  ASSERT_TRUE(compensator.load(second, {}).accepted());
+  EXPECT_TRUE(compensator.is_in_use(second)) << "it waits";
+  EXPECT_TRUE(compensator.is_in_use(first));
+  ASSERT_TRUE(compensator.activate());
+  EXPECT_FALSE(compensator.is_in_use(first)) << "the way to another reads only that";
   compensator.disable();
-  compensator.cycle(at(0.0));
-  EXPECT_TRUE(compensator.is_in_use(second));  // still limits its own way to zero
-  settle(compensator, at(0.0));
-  EXPECT_FALSE(compensator.is_in_use(second));
+  EXPECT_FALSE(compensator.is_in_use(second)) << "nor is an image read on the way to zero";
+}
+
+TEST(CompensatorTest, AWayToZeroReadsNoImage) {
+  Compensator compensator(config());
+  Bytes image = offset_table(5e-3);
+  activate(compensator, image);
+  CycleOutput last = settle(compensator, at(0.2));
+  compensator.disable();
+  std::fill(image.begin(), image.end(), std::uint8_t{0xA5});
+  const double permitted = 16777216.0 * 0.1 / 1000.0;
+  for (int cycle = 0; cycle < 400; ++cycle) {
+    const CycleOutput next = compensator.cycle(at(0.2));
+    ASSERT_LE(std::abs(next.delta[0] - last.delta[0]), permitted + 2) << cycle;
+    last = next;
+  }
+  EXPECT_EQ(last.delta[0], 0);
+}
+
+TEST(CompensatorTest, SetsThatComeTooFastChangeTheCorrectionNoFaster) {
+  TestImage made(kJoints);
+  made.add_constant(0, 0.2);
+  const Bytes image = made.image();
+  Compensator compensator(config());
+  activate(compensator, image);
+  CycleInput input = at(0.2);
+  input.elapsed_us = 70;
+  const std::int32_t before = compensator.cycle(input).delta[0];
+  std::int32_t after = before;
+  for (int set = 0; set < 1000; ++set) after = compensator.cycle(input).delta[0];
+  // 0.1 turn a second for 70 ms, and what rounding up may give a set.
+  EXPECT_LE(std::abs(after - before), 16777216.0 * 0.1 * 0.070 + 1000);
+}
+
+TEST(CompensatorTest, AWayToZeroEndsWhateverRateATableHas) {
+  for (const std::int32_t rate : {1000, 999, 1, 0}) {
+    const Bytes fast = offset_table(5e-3);
+    TestImage slow(kJoints);
+    for (std::size_t k = 0; k < kJoints; ++k) {
+      testing::put(slow.section(format::Section::kJoints),
+                   k * format::joint::kLength + format::joint::kRateAt, rate);
+    }
+    const Bytes image = slow.image();
+    Compensator compensator(config());
+    activate(compensator, fast);
+    settle(compensator, at(0.2));
+    const bool accepted = compensator.load(image, {}).accepted();
+    ASSERT_TRUE(accepted || rate < 1000);
+    if (!accepted) continue;  // refused: nothing to be slow
+    ASSERT_TRUE(compensator.activate());
+    compensator.cycle(at(0.2));
+    compensator.park();
+    EXPECT_TRUE(compensator.is_fading());
+    settle(compensator, at(0.2), Compensator::kFadeCycles);
+    EXPECT_FALSE(compensator.is_fading()) << rate;
+  }
+}
+
+TEST(CompensatorTest, AnOutputThatIsTakenBackNeverWas) {
+  const Bytes image = offset_table(5e-3);
+  Compensator once(config());
+  Compensator twice(config());
+  activate(once, image);
+  activate(twice, image);
+  for (int cycle = 0; cycle < 100; ++cycle) {
+    const CycleInput input = at(0.2 + 1e-3 * cycle);
+    twice.cycle(at(-1.0));
+    twice.take_back();
+    ASSERT_EQ(once.cycle(input).corrected, twice.cycle(input).corrected) << cycle;
+  }
+}
+
+TEST(CompensatorTest, ParkedAndResumedItBlendsWithoutAStep) {
+  Compensator compensator(config());
+  const Bytes image = offset_table(5e-3);
+  activate(compensator, image);
+  CycleOutput last = settle(compensator, at(0.2));
+  const std::int32_t whole = last.delta[0];
+  const auto run = [&](int cycles) {
+    for (int cycle = 0; cycle < cycles; ++cycle) {
+      const CycleOutput next = compensator.cycle(at(0.2));
+      ASSERT_LE(std::abs(next.delta[0] - last.delta[0]), 16777216.0 * 0.1 / 1000.0 + 2);
+      last = next;
+    }
+  };
+  compensator.park();
+  run(300);
+  EXPECT_EQ(last.delta[0], 0);
+  compensator.resume();
+  run(300);
+  EXPECT_EQ(last.delta[0], whole);
+}
+
+TEST(CompensatorTest, ACorrectedTargetPassesNoLimitThatThePlainOneRespects) {
+  Compensator compensator(config());
+  const Bytes image = offset_table(-5e-3);
+  activate(compensator, image);
+  const std::int32_t limit = increments(0.2);
+  compensator.set_bounds(0, {.limit_low = -limit, .limit_high = limit});
+  std::int32_t last = settle(compensator, at(0.15)).corrected[0];
+  EXPECT_GT(last, increments(0.15));
+  for (double angle = 0.15; angle < 0.25; angle += 1e-4) {
+    const CycleOutput output = compensator.cycle(at(angle));
+    EXPECT_LE(output.corrected[0], std::max(limit, increments(angle)));
+    EXPECT_LE(std::abs(output.corrected[0] - last), increments(1e-4) + 2) << "no step at the limit";
+    last = output.corrected[0];
+  }
+}
+
+TEST(CompensatorTest, PositionsThatWrapAreCorrectedAroundTheEnd) {
+  Compensator compensator(config());
+  const Bytes image = offset_table(-5e-3);
+  activate(compensator, image);
+  const PositionBounds turn{.range_low = 0, .range_high = 16777215};
+  compensator.set_bounds(0, turn);
+  CycleInput input = at(0.2);
+  std::int32_t last = settle(compensator, input).corrected[0];
+  for (std::int64_t way = input.target[0]; way < 3 * 16777216; way += 20000) {
+    input.target[0] = static_cast<std::int32_t>(way % 16777216);
+    const CycleOutput output = compensator.cycle(input);
+    ASSERT_GE(output.corrected[0], 0);
+    ASSERT_LE(output.corrected[0], 16777215);
+    EXPECT_NEAR(static_cast<double>(turn.way(std::int64_t{output.corrected[0]} - last)), 20000,
+                20000);
+    EXPECT_NEAR(output.delta[0], increments(5e-3), 2);
+    std::array<std::int32_t, kJoints> plain = {};
+    compensator.uncorrect_feedback(output.cycle, output.corrected, plain);
+    ASSERT_EQ(plain[0], input.target[0]);
+    last = output.corrected[0];
+  }
 }
 
 TEST(CompensatorTest, MagnitudeIsLimitedByTheTableAndCounted) {

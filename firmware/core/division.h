@@ -19,9 +19,8 @@ constexpr std::uint64_t quotient(std::uint64_t x, std::uint16_t divisor) {
   return result;
 }
 
-// Microseconds to milliseconds, modulo 2^32.
-constexpr std::uint32_t milliseconds_of(std::uint64_t microseconds) {
-  return static_cast<std::uint32_t>(quotient(microseconds, 1000));
+constexpr std::uint64_t milliseconds_of(std::uint64_t microseconds) {
+  return quotient(microseconds, 1000);
 }
 
 // amount · parts / 10^6, rounded down, for a product below 2^63: what a rate a second makes in some

@@ -13,7 +13,7 @@ TEST(DivisionTest, IsTheProcessorsOwn) {
     const std::uint64_t x = random() >> (random() % 64U);
     const auto divisor = static_cast<std::uint16_t>(1U + random() % 65535U);
     ASSERT_EQ(quotient(x, divisor), x / divisor) << x << " / " << divisor;
-    ASSERT_EQ(milliseconds_of(x), static_cast<std::uint32_t>(x / 1000U));
+    ASSERT_EQ(milliseconds_of(x), x / 1000U);
     const auto amount = static_cast<std::uint32_t>(random() >> 33U);
     const auto parts = static_cast<std::uint32_t>(random() >> 33U);
     ASSERT_EQ(millionths(amount, parts), std::uint64_t{amount} * parts / 1000000U);

@@ -124,7 +124,10 @@ TEST_P(PropertyTest, WhateverIsAskedForTheOutputKeepsWithinItsLimits) {
       return static_cast<double>(std::max(tables[0].*member, tables[1].*member));
     };
     const double largest = of_both(&RandomTable::magnitude) / 256.0 + 2.0;
-    const double step = of_both(&RandomTable::rate) / 256.0 * cycle_us * 1e-6 + 3.0;
+    // A way to zero takes kFadeCycles at most, even where the permitted rate would take longer.
+    const double fade = std::max(largest, 1.0) / Compensator::kFadeCycles;
+    const double permitted = of_both(&RandomTable::rate) / 256.0 * cycle_us * 1e-6;
+    const double step = (active == nullptr ? std::max(permitted, fade) : permitted) + 3.0;
     ASSERT_LE(std::abs(output.delta[0]), largest);
     ASSERT_LE(std::abs(output.delta[0] - last[0]), step) << "cycle " << i;
     std::array<std::int32_t, kMaxJoints> plain = {};

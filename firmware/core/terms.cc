@@ -263,11 +263,14 @@ std::int32_t payload_of_grams(std::int32_t gram) {
   return temperature_difference(gram, 0);  // thousandths to 2^-20 as well
 }
 
-std::int32_t time_of_milliseconds(std::uint32_t millisecond) {
+std::int32_t time_of_milliseconds(std::uint64_t millisecond) {
   // 2^10 / 1000 = 1.024, times 2^30.
   constexpr std::uint64_t kPerMilli = 1099511628;
+  // Beyond this it saturates in any case: no product overflows.
+  constexpr std::uint64_t kMost = std::uint64_t{1} << 32U;
+  const std::uint64_t bounded = millisecond < kMost ? millisecond : kMost;
   return saturate(
-      static_cast<std::int64_t>((millisecond * kPerMilli + (std::uint64_t{1} << 29U)) >> 30U));
+      static_cast<std::int64_t>((bounded * kPerMilli + (std::uint64_t{1} << 29U)) >> 30U));
 }
 
 void begin_terms(const TableView& table, const Surroundings& surroundings, TermWorkspace& work) {

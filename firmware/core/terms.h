@@ -23,7 +23,7 @@ struct Surroundings {
 // Inputs in the units of a bus to the units above. Saturate.
 std::int32_t temperature_difference(std::int32_t milli_degc, std::int32_t reference_milli_degc);
 std::int32_t payload_of_grams(std::int32_t gram);
-std::int32_t time_of_milliseconds(std::uint32_t millisecond);
+std::int32_t time_of_milliseconds(std::uint64_t millisecond);
 
 // What an evaluation met that is worth counting.
 struct TermFlags {

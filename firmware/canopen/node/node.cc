@@ -366,7 +366,7 @@ void Node::refresh_status() {
   dictionary_.set(status::kMalformedFrames, joints.malformed);
   dictionary_.set(status::kTargetsSeenBySDO, sdo_targets_);
   dictionary_.set(status::kJointCount, config_.joint_count);
-  dictionary_.set(status::kTimeSinceStart, milliseconds_of(now_us_));
+  dictionary_.set(status::kTimeSinceStart, static_cast<std::uint32_t>(milliseconds_of(now_us_)));
   dictionary_.set(status::kOutputFramesRefusedByTheBus, joints.output_refused);
   dictionary_.set(status::kContradictingTargets, joints.conflicts);
   dictionary_.set(status::kCorrectionClampBits, joints_.last_flags());

@@ -101,7 +101,6 @@ void TableTransfer::use(std::span<const std::uint8_t> image) {
     state_ = StagingState::kEmpty;
     if (enabled_ && compensator_.load(image, device_).accepted()) compensator_.activate();
   }
-  compensator_.take_up_request();
 }
 
 void TableTransfer::set_enabled(bool enabled) {
@@ -112,7 +111,6 @@ void TableTransfer::set_enabled(bool enabled) {
   } else if (!active_.empty() && compensator_.load(active_, device_).accepted()) {
     compensator_.activate();
   }
-  compensator_.take_up_request();
 }
 
 Abort TableTransfer::command(std::uint32_t word, bool quiet) {
