@@ -1,0 +1,135 @@
+"""How late SYNC and targets leave the STM32F405's node, and by how much that varies, per mode and frame layout.
+
+python tests/firmware/latency_report.py [--before ELF] [--cycles N]
+"""
+
+from __future__ import annotations
+
+import argparse
+import struct
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path[:0] = [str(ROOT), str(ROOT / "sim"), str(ROOT / "tests" / "firmware")]
+
+import arms  # noqa: E402
+import flash_model  # noqa: E402
+import recording  # noqa: E402
+from armtrue.tables.export import ExportOptions, export  # noqa: E402
+
+from tests import qemu  # noqa: E402
+
+CORE_HZ = 168_000_000
+_MEASURED = np.dtype(
+    [("sync_given", "<u4"), ("sync_on_wire", "<u4"), ("output_given", "<u4"), ("output_on_wire", "<u4")]
+)
+_NEVER = 2**32 - 1
+MODES = {"forward": 0, "inline": 1, "offset": 2}
+LAYOUTS = {"1 axis a PDO": 1, "2 axes a PDO": 2, "FD, 6 axes": 6}
+_BLENDED = 60  # cycles after which the correction is in force
+
+
+@dataclass(frozen=True)
+class Case:
+    """A mode, a frame layout, and whether the targets wait for SYNC."""
+
+    mode: str
+    layout: str
+    synchronous: bool
+
+    def __str__(self) -> str:
+        kind = "synchronous" if self.synchronous else "asynchronous"
+        return f"{self.mode}, {self.layout}" + ("" if self.mode == "forward" else f", {kind}")
+
+
+def cases() -> list[Case]:
+    """All that are told apart."""
+    return [
+        Case(mode, layout, synchronous)
+        for mode in MODES
+        for layout in LAYOUTS
+        for synchronous in ((False,) if mode == "forward" else (False, True))
+    ]
+
+
+def motion(cycles_count: int) -> recording.Recording:
+    """A six-axis arm with every effect, sweeping its limits."""
+    arm = arms.full_arm("kr30", grid_nodes=6)
+    cycles = recording.blank_cycles(cycles_count)
+    path = recording.motion(arm.chain.limits, cycles_count, 1e-3, np.random.default_rng(1))
+    cycles["target"][:, :6] = np.round(path * 2**20 / (2.0 * np.pi) * 100.0)
+    return recording.Recording(6, bytes(export(arm, ExportOptions()).image), cycles=cycles)
+
+
+def input_of(case: Case, motion: recording.Recording, clocks_per_instruction: float) -> bytes:
+    """What latency_check reads."""
+    instructions_per_ms = int(CORE_HZ / 1000 / clocks_per_instruction)
+    setup = struct.pack(
+        "<4I", MODES[case.mode], LAYOUTS[case.layout], int(case.synchronous), instructions_per_ms
+    )
+    return setup + motion.to_bytes()
+
+
+def measure(elf: Path, case: Case, motion: recording.Recording, clocks_per_instruction: float) -> np.ndarray:
+    """Microseconds in every cycle once the correction is in force; NaN where nothing came out."""
+    run = qemu.run_image(elf, input_of(case, motion, clocks_per_instruction), timeout_s=300.0)
+    if run.status != 0:
+        raise RuntimeError(f"{elf.name}, {case}: status {run.status} {run.printed}")
+    found = np.frombuffer(run.output, _MEASURED)[_BLENDED:]
+    columns = [found[name].astype(float) for name in _MEASURED.names or ()]
+    table = np.stack(columns, axis=1)
+    table[table == _NEVER] = np.nan
+    return table * clocks_per_instruction * 1e6 / CORE_HZ
+
+
+def spread(values: np.ndarray) -> str:
+    """Minimum, median, 99.9 %, maximum; or that (in how many cycles) nothing came."""
+    if np.isnan(values).all():
+        return "never"
+    missing = f", {np.isnan(values).sum()} missing" if np.isnan(values).any() else ""
+    low, middle, high, top = np.nanpercentile(values, [0.0, 50.0, 99.9, 100.0])
+    return f"{low:.0f} / {middle:.0f} / {high:.0f} / {top:.0f}{missing}"
+
+
+def model(elf: Path) -> float:
+    """Clocks an instruction, of some inline cycles."""
+    return flash_model.clocks_per_instruction(
+        elf, input_of(Case("inline", "2 axes a PDO", False), motion(10), 2.0)
+    )
+
+
+def table(images: dict[str, Path], cycles: int) -> list[str]:
+    """One row a case; in it each image's SYNC and outputs."""
+    recorded = motion(cycles)
+    factors = {name: model(elf) for name, elf in images.items()}
+    lines = [f"{name}: {factor:.2f} clocks an instruction" for name, factor in factors.items()]
+    heads = [
+        f"{what}, {name}"
+        for what in ("SYNC given", "SYNC on the wire", "last output given")
+        for name in images
+    ]
+    lines += ["", "| case | " + " | ".join(heads) + " |", "|---" * (len(heads) + 1) + "|"]
+    for case in cases():
+        found = [measure(elf, case, recorded, factors[name]) for name, elf in images.items()]
+        cells = [spread(one[:, column]) for column in range(3) for one in found]
+        lines.append(f"| {case} | " + " | ".join(cells) + " |")
+    return lines
+
+
+def main() -> None:
+    """The table, of before and now."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--before", type=Path, help="latency_check.elf of another commit")
+    parser.add_argument("--cycles", type=int, default=1000)
+    arguments = parser.parse_args()
+    images = {} if arguments.before is None else {"before": arguments.before}
+    images["now"] = qemu.build_images("stm32f405", "latency_check") / "latency_check.elf"
+    print("\n".join(table(images, arguments.cycles)))
+
+
+if __name__ == "__main__":
+    main()
