@@ -8,6 +8,7 @@
 #include "firmware/core/format.h"
 #include "firmware/core/ratio.h"
 #include "firmware/core/table_checks.h"
+#include "firmware/core/table_cost.h"
 
 namespace armtrue {
 namespace {
@@ -122,6 +123,9 @@ Validation validate(std::span<const std::uint8_t> image, const DeviceIdentity& d
   }
   if (result.accepted()) {
     result = check_resolution(image, device);
+  }
+  if (result.accepted() && cycle_cost(image) > kCycleBudget) {
+    result = refuse(Refusal::kTooCostly, header::kSectionCountAt);
   }
   return result;
 }

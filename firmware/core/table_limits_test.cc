@@ -6,6 +6,7 @@
 
 #include "firmware/core/compensator.h"
 #include "firmware/core/table.h"
+#include "firmware/core/table_cost.h"
 #include "firmware/core/test_image.h"
 
 namespace armtrue {
@@ -194,6 +195,69 @@ TEST(TableCouplingTest, PositionsAtTheEndsOfTheirRange_DoNotOverflow) {
     const CycleOutput output = compensator.cycle(input);
     for (std::size_t k = 0; k < 3; ++k) EXPECT_LE(std::abs(output.delta[k]), 2);
   }
+}
+
+// One kind of record after the other, so that each weight is seen: the count with one more of it.
+std::uint32_t cost_with(TestImage made) { return cycle_cost(made.image()); }
+
+TEST(TableCostTest, Arm_CountsItsJointsAndAttitude) {
+  EXPECT_EQ(cost_with(TestImage(3)), 4400U + 3 * 1480U + 15U);
+  EXPECT_EQ(cost_with(TestImage(4)), 4400U + 4 * 1480U + 15U);
+  TestImage pose(3);
+  pose.header()[format::header::kFlagsAt] = format::kFlagFullPose;
+  EXPECT_EQ(cost_with(pose), 9000U + 3 * 1900U + 15U);
+}
+
+TEST(TableCostTest, Parts_CountAsOftenAsACycleGoesThroughThem) {
+  const std::uint32_t arm = cost_with(TestImage(3));
+  TestImage terms(3);
+  for (int i = 0; i < 6; ++i) terms.add_term(1, 0, 1e-3, 30);
+  EXPECT_EQ(cost_with(terms), arm + 6 * 2 * 22U);
+  Bytes image = terms.image();
+  put(image, format::header::kConstantTermsAt, std::uint16_t{1});
+  put(image, format::header::kSteepTermsAt, std::uint16_t{3});
+  EXPECT_EQ(cycle_cost(image), arm + (1 + 2 * 3 + 3 * 2) * 22U);
+  TestImage waves(3);
+  for (int i = 0; i < 4; ++i) waves.add_harmonic(1, 1, 2.0, 0.0, 1e-4);
+  image = waves.image();
+  EXPECT_EQ(cycle_cost(image), arm + 4 * 2 * 62U);
+  put(image, format::header::kSteepHarmonicsAt, std::uint16_t{3});
+  EXPECT_EQ(cycle_cost(image), arm + (3 * 3 + 2) * 62U);
+}
+
+TEST(TableCostTest, Frame_CountsOnceHoweverManyActOnIt) {
+  const std::uint32_t arm = cost_with(TestImage(3));
+  TestImage made(3);
+  made.add_constant(8 + 6, 1e-3);
+  made.add_constant(8 + 6 + 5, 1e-3);
+  EXPECT_EQ(cost_with(made), arm + 300U + 2 * 22U);
+  made.add_constant(8, 1e-3);
+  made.add_harmonic(8 + 6 * 9, 1, 1.0, 0.0, 1e-4);
+  EXPECT_EQ(cost_with(made), arm + 3 * 300U + 3 * 22U + 2 * 62U);
+}
+
+TEST(TableCostTest, Line_CountsItsVariableNodeAndTerm) {
+  const std::uint32_t arm = cost_with(TestImage(3));
+  TestImage made(3);
+  made.add_table(0, -1.0, 0.5, {1e-4, 2e-4, 3e-4}, 24);
+  EXPECT_EQ(cost_with(made), arm + 3 * 44U + 2 * 115U + 2 * 22U);
+}
+
+TEST(TableCostTest, Coupling_CountsOnceACycle) {
+  EXPECT_EQ(cost_with(with_coupling({{2, 1, kOne}, {0, 1, kOne}})), cost_with(TestImage(3)) + 400U);
+}
+
+TEST(TableCostTest, Table_AboveTheBudget_IsRefusedByItsOwnReason) {
+  TestImage made(3);
+  for (int i = 0; i < 192; ++i) made.add_harmonic(1, 1, 2.0, 0.0, 1e-4);
+  const std::uint32_t waves = cost_with(made);
+  const auto room = static_cast<int>((kCycleBudget - waves) / 44U);
+  for (int i = 0; i < room; ++i) made.add_term(1, 0, 1e-3, 30);
+  EXPECT_EQ(refusal_of(made.image()), Refusal::kNone);
+  EXPECT_GT(cost_with(made), kCycleBudget - 44U);
+  made.add_term(1, 0, 1e-3, 30);
+  EXPECT_EQ(refusal_of(made.image()), Refusal::kTooCostly);
+  EXPECT_STREQ(name_of(Refusal::kTooCostly), "too much work for a control cycle");
 }
 
 }  // namespace

@@ -28,7 +28,7 @@ int main(int argc, char** argv) {
     return 2;
   }
   const auto player = std::make_unique<armtrue::replay::Player>();
-  const armtrue::replay::Outcome outcome = armtrue::replay::play(
+  const armtrue::replay::Outcome outcome = armtrue::replay::play_all(
       *player, {&read_file, input}, {&write_file, output}, {nullptr, nullptr, nullptr});
   std::fclose(input);
   return std::fclose(output) == 0 ? static_cast<int>(outcome) : 3;

@@ -36,18 +36,20 @@ bool fulfil(Compensator& compensator, std::uint32_t request, std::span<const std
     case Request::kDisable:
       compensator.disable();
       return true;
+    case Request::kRefuseA:
+      return !compensator.load(table_a, {}).accepted();
     case Request::kNone:
       return true;
   }
   return false;
 }
 
-}  // namespace
-
 Outcome play(Player& player, const Input& input, const Output& output, const Counter& counter) {
   RecordingHead head;
-  if (!input.read(input.context, &head, sizeof head) || head.magic != kMagic ||
-      head.joints > kMaxJoints || head.cycle_us == 0U ||
+  if (!input.read(input.context, &head, sizeof head)) {
+    return Outcome::kEnd;
+  }
+  if (head.magic != kMagic || head.joints > kMaxJoints || head.cycle_us == 0U ||
       !read_table(input, player.table_a, head.length_a) ||
       !read_table(input, player.table_b, head.length_b)) {
     return Outcome::kBadRecording;
@@ -66,7 +68,8 @@ Outcome play(Player& player, const Input& input, const Output& output, const Cou
     }
     if (!fulfil(compensator, recorded.request, std::span(player.table_a).first(head.length_a),
                 std::span(player.table_b).first(head.length_b))) {
-      return Outcome::kTableRefused;
+      return static_cast<Request>(recorded.request) == Request::kRefuseA ? Outcome::kTableTaken
+                                                                         : Outcome::kTableRefused;
     }
     const CycleInput cycle_input = input_of(recorded);
     const std::uint32_t before = counter.read != nullptr ? counter.read() : 0U;
@@ -86,6 +89,21 @@ Outcome play(Player& player, const Input& input, const Output& output, const Cou
     }
   }
   return Outcome::kPlayed;
+}
+
+}  // namespace
+
+Outcome play_all(Player& player, const Input& input, const Output& output, const Counter& counter) {
+  std::uint32_t played = 0;
+  Outcome outcome = play(player, input, output, counter);
+  while (outcome == Outcome::kPlayed) {
+    ++played;
+    outcome = play(player, input, output, counter);
+  }
+  if (outcome != Outcome::kEnd) {
+    return outcome;
+  }
+  return played != 0U ? Outcome::kPlayed : Outcome::kBadRecording;
 }
 
 }  // namespace armtrue::replay

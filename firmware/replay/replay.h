@@ -3,7 +3,7 @@
 //
 // Recording, little-endian 32-bit words: kMagic, joints, 1 to carry remainders, cycle time in µs,
 // number of cycles, length of table A and of table B in bytes (multiples of 4); both tables; then
-// one RecordedCycle a cycle. Result: one PlayedCycle a cycle.
+// one RecordedCycle a cycle. Result: one PlayedCycle a cycle. A file may hold many recordings.
 #ifndef ARMTRUE_FIRMWARE_REPLAY_REPLAY_H_
 #define ARMTRUE_FIRMWARE_REPLAY_REPLAY_H_
 
@@ -28,7 +28,13 @@ struct RecordingHead {
 };
 
 // What the background does before a cycle.
-enum class Request : std::uint32_t { kNone = 0, kActivateA = 1, kActivateB = 2, kDisable = 3 };
+enum class Request : std::uint32_t {
+  kNone = 0,
+  kActivateA = 1,
+  kActivateB = 2,
+  kDisable = 3,
+  kRefuseA = 4,  // table A is to be refused
+};
 
 struct RecordedCycle {
   std::uint32_t request;
@@ -67,6 +73,8 @@ enum class Outcome : std::uint32_t {
   kBadRecording = 1,
   kTableRefused = 2,
   kCannotWrite = 3,
+  kTableTaken = 4,  // one that was to be refused
+  kEnd = 5,         // no further recording
 };
 
 // Memory that a replay needs: two table slots and the compensator.
@@ -76,7 +84,8 @@ struct Player {
   alignas(Compensator) std::array<std::uint8_t, sizeof(Compensator)> compensator;
 };
 
-Outcome play(Player& player, const Input& input, const Output& output, const Counter& counter);
+// Plays the recordings of a file one after the other; kPlayed if there was one and all were played.
+Outcome play_all(Player& player, const Input& input, const Output& output, const Counter& counter);
 
 }  // namespace armtrue::replay
 

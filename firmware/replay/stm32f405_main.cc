@@ -28,7 +28,7 @@ armtrue::replay::Player player;
 }  // namespace
 
 int main() {
-  constexpr std::uint32_t kBadCommandLine = 4;
+  constexpr std::uint32_t kBadCommandLine = 9;
   char command_line[256];
   char* space = nullptr;
   if (semihosting::command_line(command_line, sizeof command_line)) {
@@ -45,8 +45,8 @@ int main() {
   }
   const InstructionCounter counter;
   const armtrue::replay::Outcome outcome =
-      armtrue::replay::play(player, {&read_file, &input}, {&write_file, &output},
-                            {&InstructionCounter::read, &between, &counter});
+      armtrue::replay::play_all(player, {&read_file, &input}, {&write_file, &output},
+                                {&InstructionCounter::read, &between, &counter});
   semihosting::close(output);
   semihosting::exit(static_cast<std::uint32_t>(outcome));
 }

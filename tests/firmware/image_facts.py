@@ -150,7 +150,7 @@ INDIRECT_CALLS: dict[str, str] = {
     r"^main$|make_device": r"(stm32f405|r5f)::clock_us\(",
     r"^irq_entry$": r"^irq_handler$",  # startup.S
     r"^unexpected$": r"^fault_handler$",
-    r"^armtrue::replay::play\(": (
+    r"^armtrue::replay::(\(anonymous namespace\)::)?play(_all)?\(": (
         r"^\(anonymous namespace\)::(read_file|write_file|between)\(|InstructionCounter::read\("
     ),
     r"SlcanPort::(send|reply)\(": r"::Usart<.*>::write\(|::Usart<.*>::writable\(",

@@ -78,6 +78,29 @@ def test_sizes_of_complete_tables() -> None:
     assert len(with_grid) <= 16 * 1024
 
 
+def test_a_model_too_costly_for_a_cycle_is_refused_in_plain_words(fit: Path, tmp_path: Path) -> None:
+    document = json.loads(fit.read_text())
+    document["parameters"] += [
+        arms.parameter(f"motor{1 + n % 6}", f"abs(sin({n}*q{1 + n % 6}))", 1e-6) for n in range(11, 140)
+    ]
+    costly = tmp_path / "costly.json"
+    costly.write_text(json.dumps(document))
+    tables = tmp_path / "tables.bin"
+    said = armtrue("export", costly, "--out", tables, status=2).stderr
+    assert said.startswith(f"armtrue: {costly}: found a model that takes up to ")
+    assert "instructions of a control cycle, expected at most 50000; fit fewer effects" in said
+    assert not tables.exists()
+
+
+def test_info_says_what_a_cycle_costs(fit: Path, tmp_path: Path) -> None:
+    tables = tmp_path / "tables.bin"
+    armtrue("export", fit, "--out", tables)
+    said = armtrue("tables", "info", tables, "--json", tmp_path / "info.json").stdout
+    figures = json.loads((tmp_path / "info.json").read_text())
+    assert 15_000 < figures["cycle_instructions"] < figures["cycle_instructions_budget"] == 50_000
+    assert f"a control cycle takes at most {figures['cycle_instructions']} instructions of 50000" in said
+
+
 def test_both_engines_from_the_command_line(fit: Path, tmp_path: Path) -> None:
     tables = tmp_path / "tables.bin"
     armtrue("export", fit, "--out", tables)

@@ -8,6 +8,7 @@
 #include "firmware/core/ed25519.h"
 #include "firmware/core/inverse.h"
 #include "firmware/core/table.h"
+#include "firmware/core/table_cost.h"
 
 namespace {
 
@@ -52,6 +53,12 @@ std::int32_t armtrue_validate(const std::uint8_t* image, std::size_t length, con
   *field = validation.field;
   return static_cast<std::int32_t>(validation.refusal);
 }
+
+std::uint32_t armtrue_cycle_cost(const std::uint8_t* image, std::size_t length) {
+  return armtrue::cycle_cost({image, length});
+}
+
+std::uint32_t armtrue_cycle_budget() { return armtrue::kCycleBudget; }
 
 const char* armtrue_refusal_name(std::int32_t refusal) {
   return armtrue::name_of(static_cast<armtrue::Refusal>(refusal));

@@ -20,6 +20,12 @@ extern "C" {
 ARMTRUE_API int32_t armtrue_validate(const uint8_t* image, size_t length, const char* serial,
                                      uint8_t joints, const uint8_t* public_key, uint32_t* field);
 
+/* Instructions of a control cycle with an accepted image at most (STM32F405). */
+ARMTRUE_API uint32_t armtrue_cycle_cost(const uint8_t* image, size_t length);
+
+/* The most that a device takes. */
+ARMTRUE_API uint32_t armtrue_cycle_budget(void);
+
 /* The refusal's name in English; static storage. */
 ARMTRUE_API const char* armtrue_refusal_name(int32_t refusal);
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armtrue.errors import InputError
-from armtrue.tables import expression, layout
+from armtrue.tables import expression, fixed, layout
 from armtrue.tables.builder import Builder, CannotCompileError, Value
 from armtrue.tables.compiler import Compiler, int_exponent
 from armtrue.tables.fitted import FittedArm, Grid
@@ -71,7 +71,24 @@ def export(arm: FittedArm, options: ExportOptions, path: object = "fit") -> Expo
 
     Errors: InputError naming what the format cannot hold. `path` is for messages.
     """
-    return _Exporter(arm, options, path).run()
+    exported = _Exporter(arm, options, path).run()
+    _check_as_a_device(exported.image, path)
+    return exported
+
+
+def _check_as_a_device(image: bytes, path: object) -> None:
+    """Errors: InputError where the firmware's own reader refuses `image`."""
+    verdict = fixed.validate(image)
+    if verdict.refusal == fixed.TOO_COSTLY:
+        raise InputError(
+            f"{path}: found a model that takes up to {fixed.cycle_cost(image)} instructions of a control cycle, "
+            f"expected at most {fixed.cycle_budget()}; fit fewer effects, wider table spacing or a grid of fewer axes"
+        )
+    if not verdict.accepted:
+        raise InputError(
+            f"{path}: found a table that no device would take ({verdict.reason}, byte {verdict.field}), "
+            "expected values within docs/table-format.md; check the options and the fit's parameters"
+        )
 
 
 class _Exporter:

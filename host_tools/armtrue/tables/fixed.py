@@ -17,6 +17,7 @@ from armtrue.tables.reference import Surroundings
 
 Array = NDArray[np.float64]
 
+TOO_COSTLY = 20  # Refusal::kTooCostly
 _LIBRARY = Path(__file__).with_name("_fixed.so")
 MAGNITUDE_CLAMPED = 1
 NEAR_SINGULAR = 4
@@ -41,6 +42,8 @@ def library() -> ctypes.CDLL:
         raise InputError(f"{_LIBRARY}: found no such file, expected the fixed-point engine; run ./dev build")
     loaded = ctypes.CDLL(str(_LIBRARY))
     loaded.armtrue_refusal_name.restype = ctypes.c_char_p
+    loaded.armtrue_cycle_cost.restype = ctypes.c_uint32
+    loaded.armtrue_cycle_budget.restype = ctypes.c_uint32
     for name in (
         "armtrue_solve",
         "armtrue_coordinates",
@@ -80,6 +83,16 @@ def validate(
     )
     name = library().armtrue_refusal_name(ctypes.c_int32(refusal))
     return Verdict(refusal, name.decode(), field.value)
+
+
+def cycle_cost(image: bytes) -> int:
+    """Instructions that a control cycle takes at most with an accepted `image`, by the firmware's own count."""
+    return int(library().armtrue_cycle_cost(image, ctypes.c_size_t(len(image))))
+
+
+def cycle_budget() -> int:
+    """The most of them that a device takes: `validate` refuses an image above it."""
+    return int(library().armtrue_cycle_budget())
 
 
 @dataclass(frozen=True)

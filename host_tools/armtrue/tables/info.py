@@ -8,6 +8,7 @@ import numpy as np
 
 from armtrue.cli.output import Output, plain_table
 from armtrue.tables import layout
+from armtrue.tables.fixed import cycle_budget, cycle_cost
 from armtrue.tables.image import Image
 from armtrue.tables.layout import Node, Section
 
@@ -33,6 +34,8 @@ def describe(image: Image) -> dict[str, Any]:
     return {
         "format_version": header["version"],
         "bytes": len(image.bytes),
+        "cycle_instructions": cycle_cost(image.bytes),
+        "cycle_instructions_budget": cycle_budget(),
         "robot_serial": image.serial,
         "sequence": header["sequence"],
         "fit_sha256": header["fit_digest"].hex(),
@@ -145,6 +148,10 @@ def present(document: dict[str, Any], image: Image, output: Output, terms: bool)
         f"{counts['harmonics']} harmonics, "
         f"{counts['slow_waves']} slow waves, "
         f"{counts['mass_sets']} mass sets"
+    )
+    output.say(
+        f"a control cycle takes at most {document['cycle_instructions']} instructions of "
+        f"{document['cycle_instructions_budget']} (STM32F405)"
     )
     output.say("bytes: " + ", ".join(f"{name} {size}" for name, size in document["section_bytes"].items()))
     if document["tables"]:
