@@ -13,8 +13,12 @@
 #include "firmware/ports/identity.h"
 #include "firmware/ports/stm32f405/bxcan.h"
 #include "firmware/ports/stm32f405/flash_driver.h"
+#include "firmware/ports/stm32f405/guarded_flash.h"
+#include "firmware/ports/stm32f405/protection.h"
+#include "firmware/ports/stm32f405/supply.h"
 #include "firmware/ports/stm32f405/system.h"
 #include "firmware/ports/stm32f405/usart.h"
+#include "firmware/ports/stm32f405/watchdogs.h"
 #include "firmware/storage/ram_flash.h"
 
 namespace {
@@ -30,13 +34,26 @@ constexpr std::uint32_t kTableSector = 10;     // and 11
 // Interrupt numbers (RM0090, table 62).
 constexpr std::uint32_t kCanInterrupts[] = {19, 20, 22, 63, 64, 66};
 constexpr std::uint32_t kSerialInterrupts[] = {37, 38};
+constexpr std::uint32_t kVoltageInterrupt = 1;
 
 MappedRegisters can1_registers(0x40006400);
 MappedRegisters can2_registers(0x40006800);
 MappedRegisters flash_registers(0x40023C00);
 MappedRegisters usart1_registers(0x40011000);
 MappedRegisters usart2_registers(0x40004400);
+MappedRegisters rcc_registers(0x40023800);
+MappedRegisters pwr_registers(0x40007000);
+MappedRegisters exti_registers(0x40013C00);
+MappedRegisters iwdg_registers(0x40003000);
+MappedRegisters wwdg_registers(0x40002C00);
 MappedFlashArray flash_array;
+
+using Independent = IndependentWatchdog<MappedRegisters>;
+using Window = WindowWatchdog<MappedRegisters, MappedRegisters>;
+using Detector = VoltageDetector<MappedRegisters, MappedRegisters>;
+Independent watchdog(iwdg_registers);
+Window window_watchdog(wwdg_registers, rcc_registers);
+Detector voltage(pwr_registers, exti_registers);
 
 // The device is on CAN or on serial lines, never on both: one memory for either's queues.
 struct CanLines {
@@ -52,35 +69,13 @@ struct SerialLines {
 alignas(8) std::byte line_memory[std::max(sizeof(CanLines), sizeof(SerialLines))];
 CanLines* can = nullptr;        // set before the interrupts that use it are enabled
 SerialLines* serial = nullptr;  // likewise
-Watchdog watchdog;
 
-// An erase stalls the core for longer than the watchdog usually allows. It happens only at rest.
-class PatientFlash final : public storage::Flash {
- public:
-  explicit PatientFlash(std::uint32_t first_sector)
-      : driver_(flash_registers, flash_array, first_sector) {}
-
-  bool is_present() const { return driver_.is_present(); }
-  std::size_t slot_size() const override { return driver_.slot_size(); }
-  void read(std::size_t slot, std::size_t offset, std::span<std::uint8_t> data) const override {
-    driver_.read(slot, offset, data);
-  }
-  bool program(std::size_t slot, std::size_t offset, std::uint32_t word) override {
-    return driver_.program(slot, offset, word);
-  }
-  bool erase(std::size_t slot) override {
-    watchdog.set_timeout(Watchdog::kEraseMs);
-    const bool erased = driver_.erase(slot);
-    watchdog.set_timeout(Watchdog::kUsualMs);
-    return erased;
-  }
-
- private:
-  FlashDriver<MappedRegisters, MappedFlashArray> driver_;
-};
-
-PatientFlash table_flash(kTableSector);
-PatientFlash parameter_flash(kParameterSector);
+using SectorFlash = FlashDriver<MappedRegisters, MappedFlashArray>;
+using SlotFlash = GuardedFlash<SectorFlash, Independent, Window, Detector, &clock_us>;
+SectorFlash table_sectors(flash_registers, flash_array, kTableSector);
+SectorFlash parameter_sectors(flash_registers, flash_array, kParameterSector);
+SlotFlash table_flash(table_sectors, watchdog, window_watchdog, voltage);
+SlotFlash parameter_flash(parameter_sectors, watchdog, window_watchdog, voltage);
 
 // Beyond the SRAM of the chip; the emulated board has memory there, and keeps it over a restart.
 constexpr std::uintptr_t kEmulatedMemory = 0x20020000;
@@ -143,6 +138,7 @@ void usart2_handler() {
   serial->second.on_interrupt();
   wake();
 }
+void voltage_handler() { voltage.on_interrupt(); }
 }
 
 namespace {
@@ -150,11 +146,14 @@ namespace {
 // Apart from main(), so that what it needs of the stack is free again while the device runs.
 [[gnu::noinline]] ports::Device& make_device() {
   const ClockSource source = start_clocks();
+  if (source == ClockSource::kCrystal) start_clock_security(rcc_registers);
   start_pins();
+  voltage.start();
+  enable_interrupt(kVoltageInterrupt);
   const bool has_can = source == ClockSource::kCrystal && !serial_is_requested() && start_can();
   if (!has_can) start_serial();
 
-  const bool has_flash = table_flash.is_present();
+  const bool has_flash = table_sectors.is_present();
   if (!has_flash) {
     emulated_tables.start();
     emulated_parameters.start();
@@ -177,9 +176,20 @@ namespace {
 }  // namespace
 
 int main() {
+  watchdog.set_timeout(Independent::kUsualMs);  // it runs since the first instruction
+  start_protection();
   ports::Device& device = make_device();
   device.start();
-  watchdog.start();
-  while (device.turn([] { watchdog.feed(); })) sleep();
-  restart();
+  watchdog.feed();
+  window_watchdog.start(clock_us());
+  for (bool goes_on = true; goes_on; sleep()) {
+    bool is_sound = false;
+    goes_on = device.turn([&is_sound] { is_sound = true; });
+    if (is_sound) {
+      watchdog.feed();
+      window_watchdog.feed(clock_us());
+    }
+    show_health(is_sound);
+  }
+  restart(ports::ResetCause::kNmt);
 }

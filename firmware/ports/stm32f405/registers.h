@@ -34,10 +34,6 @@ struct TimerRegisters {  // 18.4 (TIM2, 32 bits)
   Register cr1, cr2, smcr, dier, sr, egr, ccmr1, ccmr2, ccer, cnt, psc, arr;
 };
 
-struct IwdgRegisters {  // 21.4
-  Register kr, pr, rlr, sr;
-};
-
 struct SysTickRegisters {  // PM0214 4.5
   Register ctrl, load, val, calib;
 };
@@ -50,7 +46,6 @@ inline PwrRegisters& pwr() { return *reinterpret_cast<PwrRegisters*>(0x40007000)
 inline GpioRegisters& gpio_a() { return *reinterpret_cast<GpioRegisters*>(0x40020000); }
 inline GpioRegisters& gpio_b() { return *reinterpret_cast<GpioRegisters*>(0x40020400); }
 inline TimerRegisters& tim2() { return *reinterpret_cast<TimerRegisters*>(0x40000000); }
-inline IwdgRegisters& iwdg() { return *reinterpret_cast<IwdgRegisters*>(0x40003000); }
 inline SysTickRegisters& systick() { return *reinterpret_cast<SysTickRegisters*>(0xE000E010); }
 
 }  // namespace armtrue::stm32f405

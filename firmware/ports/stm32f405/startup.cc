@@ -3,6 +3,7 @@
 
 extern "C" {
 // An image defines those that it uses.
+[[gnu::weak]] void voltage_handler() { default_handler(); }
 [[gnu::weak]] void can1_tx_handler() { default_handler(); }
 [[gnu::weak]] void can1_rx0_handler() { default_handler(); }
 [[gnu::weak]] void can1_rx1_handler() { default_handler(); }
@@ -20,6 +21,7 @@ namespace {
 
 constexpr armtrue::ports::VectorTable<82> make_vector_table() {
   armtrue::ports::VectorTable<82> table;
+  table.set(1, voltage_handler);
   table.set(19, can1_tx_handler);
   table.set(20, can1_rx0_handler);
   table.set(21, can1_rx1_handler);

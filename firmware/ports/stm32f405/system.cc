@@ -108,9 +108,11 @@ std::uint64_t clock_us() {
 void start_pins() {
   rcc().ahb1enr = rcc().ahb1enr | (1U << 0) | (1U << 1);                 // GPIO A, B
   rcc().apb1enr = rcc().apb1enr | (1U << 17) | (1U << 25) | (1U << 26);  // USART2, CAN1, CAN2
-  rcc().apb2enr = rcc().apb2enr | (1U << 4);                             // USART1
+  rcc().apb2enr = rcc().apb2enr | (1U << 4) | (1U << 14);                // USART1, SYSCFG (EXTI)
   gpio_b().pupdr =
       gpio_b().pupdr | (2U << (2 * 2));  // BOOT1 reads low on a board without the jumper
+  show_health(false);
+  gpio_b().moder = (gpio_b().moder & ~3U) | 1U;  // PB0 is an output
   constexpr std::uint32_t kUsartFunction = 7;
   constexpr std::uint32_t kCanFunction = 9;
   for (const std::uint32_t pin : {2U, 3U, 9U, 10U}) set_alternate(gpio_a(), pin, kUsartFunction);
@@ -133,25 +135,6 @@ void sleep() {
   is_awake = false;
 }
 
-void restart() {
-  constexpr std::uint32_t kAircr = 0xE000ED0C;
-  constexpr std::uint32_t kRequest = 0x05FA0004;
-  asm volatile("dsb" : : : "memory");
-  *reinterpret_cast<Register*>(kAircr) = kRequest;
-  for (;;) {
-  }
-}
-
-void Watchdog::feed() { iwdg().kr = 0xAAAA; }
-
-// The slowest prescaler counts the 32 kHz oscillator by 256: eight milliseconds a step (table 107).
-void Watchdog::set_timeout(std::uint32_t milliseconds_allowed) {
-  iwdg().kr = 0xCCCC;
-  iwdg().kr = 0x5555;
-  iwdg().pr = 6;
-  iwdg().rlr = milliseconds_allowed / 8;
-  wait(iwdg().sr, 3, 0);
-  feed();
-}
+void show_health(bool is_sound) { gpio_b().bsrr = is_sound ? 1U << 0 : 1U << 16; }
 
 }  // namespace armtrue::stm32f405

@@ -1,4 +1,4 @@
-// Clocks, time, pins, restart and watchdog of the STM32F405.
+// Clocks, time and pins of the STM32F405.
 #ifndef ARMTRUE_FIRMWARE_PORTS_STM32F405_SYSTEM_H_
 #define ARMTRUE_FIRMWARE_PORTS_STM32F405_SYSTEM_H_
 
@@ -40,21 +40,9 @@ void wake();
 // Stops the core until an interrupt has come since the last call; the millisecond tick is one.
 void sleep();
 
-[[noreturn]] void restart();
-
-// The independent watchdog (RM0090, section 21). It cannot be stopped.
-class Watchdog {
- public:
-  // A commit of 16 KiB, signature check and 4096 words at their slowest (100 µs), is half a second.
-  static constexpr std::uint32_t kUsualMs = 1000;
-  // Erasing a sector stalls the core for up to two seconds, at rest.
-  static constexpr std::uint32_t kEraseMs = 8000;
-
-  void start() { set_timeout(kUsualMs); }
-  void feed();
-  // Also feeds.
-  void set_timeout(std::uint32_t milliseconds);
-};
+// The output PB0: high while the joint path is sound. It falls by itself with every reset and
+// without power, and holds the bypass relay of docs/installation.md.
+void show_health(bool is_sound);
 
 }  // namespace armtrue::stm32f405
 

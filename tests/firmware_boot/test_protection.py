@@ -1,0 +1,81 @@
+"""What the STM32F405 image may not do ends in a reset whose cause is known after it; the watchdog runs first of all."""
+
+from __future__ import annotations
+
+import pathlib
+import re
+import struct
+import subprocess
+import tempfile
+
+import pytest
+
+from tests import qemu
+
+NMT, FAULT, MEMORY_FAULT = 7, 8, 9
+DATA_ACCESS, INSTRUCTION_ACCESS, STACKING = 1 << 1, 1 << 0, 1 << 4  # of the memory fault status
+
+
+def after(what: str) -> tuple[int, ...]:
+    """Cause, protection, starts, and the fault's instruction, status and address, as the second life sees them."""
+    elf = qemu.build_images("stm32f405", "fault_check") / "fault_check.elf"
+    run = qemu.run_image(elf, what.encode())
+    assert run.status == 0, f"status {run.status}; 3: nothing forbade it. {run.printed}"
+    return struct.unpack("<6I", run.output)
+
+
+@pytest.mark.parametrize(
+    ("what", "status", "address"),
+    [
+        pytest.param("n", DATA_ACCESS, 4, id="write to the null page"),
+        pytest.param("r", DATA_ACCESS, 0, id="read of the null page"),
+        pytest.param("x", INSTRUCTION_ACCESS, None, id="execution from RAM"),
+        pytest.param("g", DATA_ACCESS, None, id="write below the stack"),
+        pytest.param("i", DATA_ACCESS, 0x08000400, id="write to the image"),
+    ],
+)
+def test_forbidden_access_resets_and_says_where(what: str, status: int, address: int | None) -> None:
+    cause, is_protected, starts, instruction, found, at = after(what)
+    assert (cause, is_protected, starts) == (MEMORY_FAULT, 1, 2)
+    assert found & status
+    if what == "x":
+        assert 0x20000000 <= instruction < 0x20020000
+    else:
+        assert 0x08000000 < instruction < 0x08100000
+    if address is not None:
+        assert at == address
+
+
+def test_overflowing_stack_resets_and_is_known() -> None:
+    cause, is_protected, starts, _, status, _ = after("s")
+    assert (cause, is_protected, starts) == (MEMORY_FAULT, 1, 2)
+    assert status & (DATA_ACCESS | STACKING)
+
+
+def test_undefined_instruction_resets_as_a_fault() -> None:
+    cause, _, _, instruction, _, _ = after("u")
+    assert cause == FAULT
+    assert 0x08000000 < instruction < 0x08100000
+
+
+def test_cause_that_the_program_notes_is_kept() -> None:
+    assert after("m")[0] == NMT
+
+
+def test_watchdog_is_the_first_that_the_image_touches() -> None:
+    elf = qemu.build_images("stm32f405", "armtrue_stm32f405") / "armtrue_stm32f405.elf"
+    pattern = r"^(\w+): unimplemented device (\w+).*offset (0x\w+)(?:, value (0x\w+))?"
+    with tempfile.TemporaryDirectory() as folder:
+        log = pathlib.Path(folder) / "log"
+        command = [
+            "qemu-system-arm", "-M", "netduinoplus2", "-kernel", str(elf), "-display", "none",
+            "-monitor", "none", "-serial", "null", "-serial", "null", "-d", "unimp,guest_errors", "-D", str(log),
+        ]  # fmt: skip
+        with pytest.raises(subprocess.TimeoutExpired):
+            subprocess.run(command, timeout=3.0, check=False)
+        log_text = log.read_text(encoding="ascii")
+    touched = re.findall(pattern, log_text, re.MULTILINE)
+    assert touched, "the emulator logs what it does not model"
+    device, access, offset, value = touched[0]
+    assert device.upper() in ("IWDG", "I2S2EXT")  # QEMU 7.2 has both at 0x40003000
+    assert (access, int(offset, 16), int(value, 16)) == ("write", 0, 0xCCCC)
