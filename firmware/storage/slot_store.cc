@@ -246,6 +246,13 @@ std::span<const std::uint8_t> SlotStore::load_active(std::span<std::uint8_t> buf
   return {};
 }
 
+bool SlotStore::has_lost_newest() const {
+  const std::uint32_t active = status_.active ? status_.slot[*status_.active].sequence : 0;
+  return std::ranges::any_of(status_.slot, [active](const SlotStatus& slot) {
+    return slot.state == SlotState::kTorn && slot.sequence > active;
+  });
+}
+
 StoreResult SlotStore::prepare_spare() {
   const std::size_t slot = spare();
   const SlotState state = status_.slot[slot].state;

@@ -126,6 +126,10 @@ class SlotStore {
 
   const StoreStatus& status() const { return status_; }
 
+  // Whether the image that was stored last, whole at the time, no longer is: what is active is
+  // older, or nothing. An upload or an erase that was cut short is not that.
+  bool has_lost_newest() const;
+
  private:
   HeaderWords read_header(std::size_t slot) const;
   bool is_blank(std::size_t slot, std::size_t from_byte) const;

@@ -201,6 +201,59 @@ TEST_F(SlotStoreTest, PreparingKeepsTheFallbackAndWhatIsPending) {
   EXPECT_EQ(state(1 - *store_->status().active), SlotState::kConfirmed);
 }
 
+TEST_F(SlotStoreTest, RottenNewest_IsLostAndTheOlderOneIsActive) {
+  restart();
+  install(make_image(1, 80));
+  install(make_image(2, 80));
+  EXPECT_FALSE(store_->has_lost_newest());
+  const std::size_t newest = *store_->status().active;
+  flash_.word(newest, kHeaderWords + 3) ^= 0x100;
+  EXPECT_EQ(restart(), make_image(1, 80));
+  EXPECT_TRUE(store_->has_lost_newest());
+  install(make_image(3, 80));
+  restart();
+  EXPECT_FALSE(store_->has_lost_newest());
+}
+
+TEST_F(SlotStoreTest, RottenOnlyImage_IsLost) {
+  restart();
+  install(make_image(1, 80));
+  flash_.word(*store_->status().active, kHeaderWords + 3) ^= 0x100;
+  EXPECT_TRUE(restart().empty());
+  EXPECT_TRUE(store_->has_lost_newest());
+}
+
+TEST_F(SlotStoreTest, RottenOlderImage_IsNotMissed) {
+  restart();
+  install(make_image(1, 80));
+  install(make_image(2, 80));
+  flash_.word(1 - *store_->status().active, kHeaderWords + 3) ^= 0x100;
+  EXPECT_EQ(restart(), make_image(2, 80));
+  EXPECT_FALSE(store_->has_lost_newest());
+}
+
+TEST_F(SlotStoreTest, PowerCutInACommit_LosesNothing) {
+  for (const CutKind kind : kAllCutKinds) {
+    for (std::size_t at = 0;; ++at) {
+      flash_ = SimulatedFlash(kSlotSize, static_cast<std::uint32_t>(at));
+      restart();
+      install(make_image(1, 40));
+      install(make_image(2, 40));
+      flash_.cut_at(at, kind);
+      bool was_cut = false;
+      try {
+        store_->commit(make_image(3, 40));
+      } catch (const PowerCut&) {
+        was_cut = true;
+      }
+      flash_.run_undisturbed();
+      EXPECT_EQ(restart(), make_image(2, 40)) << "operation " << at;
+      EXPECT_FALSE(store_->has_lost_newest()) << "operation " << at;
+      if (!was_cut) break;
+    }
+  }
+}
+
 TEST_F(SlotStoreTest, ContentOfAnotherOriginIsForeign) {
   for (std::size_t i = 0; i < kSlotSize / 4; ++i) flash_.word(1, i) = 0x12345678;
   EXPECT_TRUE(restart().empty());

@@ -52,12 +52,9 @@ class Device {
                settings.identity,
                {first_, second_}}) {}
 
-  // Puts the stored table in force, and erases the spare slot now if that is wanted: it may take
-  // seconds.
-  void start() {
-    node_.start(clock_us_());
-    store_.prepare_spare();
-  }
+  // Puts the stored table in force. Erases nothing: a device that was reset while its drives run is
+  // to pass frames on again at once.
+  void start() { node_.start(clock_us_()); }
 
   // One turn of the main loop. `feed_watchdog` is called only where the joint path is sound.
   // Returns false where the master asked for a restart.

@@ -5,7 +5,7 @@
 namespace armtrue::ports {
 
 bool SlotParameters::load(std::span<std::uint8_t> block) {
-  if (saved_.size() != block.size()) return false;
+  if (is_damaged() || saved_.size() != block.size()) return false;
   std::ranges::copy(saved_, block.begin());
   return true;
 }

@@ -20,6 +20,10 @@ class SlotParameters final : public canopen::ParameterStore {
   // Reads the slots. Call once, before anything else.
   void start() { saved_ = store_.start(block_); }
 
+  // Whether what was saved last can no longer be read. Then nothing is loaded: the parameters
+  // before those are not what anybody asked for.
+  bool is_damaged() const { return store_.has_lost_newest(); }
+
   bool load(std::span<std::uint8_t> block) override;
   bool save(std::span<const std::uint8_t> block) override;
   // Saves an empty note: what is not of the asked length counts as nothing saved.

@@ -57,6 +57,24 @@ TEST_F(SlotParametersTest, ErasedMeansNothingSaved) {
   EXPECT_TRUE(parameters_->load(loaded_));
 }
 
+TEST_F(SlotParametersTest, DamagedBlock_IsNotTakenForNothingSavedNorForTheOneBefore) {
+  ASSERT_TRUE(parameters_->save(block_of(1)));
+  ASSERT_TRUE(parameters_->save(block_of(2)));
+  EXPECT_FALSE(parameters_->is_damaged());
+  for (std::size_t slot = 0; slot < storage::kSlots; ++slot) {
+    std::uint32_t& word = flash_.word(slot, storage::kHeaderWords + 5);
+    if (word == 0x02020202) word ^= 0x00100000;
+  }
+  restart();
+  EXPECT_FALSE(parameters_->load(loaded_));
+  EXPECT_TRUE(parameters_->is_damaged());
+  ASSERT_TRUE(parameters_->save(block_of(3)));
+  restart();
+  ASSERT_TRUE(parameters_->load(loaded_));
+  EXPECT_EQ(loaded_, block_of(3));
+  EXPECT_FALSE(parameters_->is_damaged());
+}
+
 TEST_F(SlotParametersTest, APowerCutLeavesTheOldOrTheNewBlock) {
   for (std::size_t at = 0;; ++at) {
     storage::SimulatedFlash fresh(16 * 1024, static_cast<std::uint32_t>(at));

@@ -103,6 +103,7 @@ extern "C" void irq_handler() {
 int main() {
   constexpr ports::BitTiming kTiming = ports::bit_timing(kCanHz, ports::kBitRate);
   static_assert(kTiming.prescaler != 0, "ARMTRUE_BIT_RATE does not divide 100 MHz");
+  reset_log().start(ports::ResetCause::kUnknown);
   start_clock();
   if (!can0.start(kTiming) || !can1.start(kTiming)) {
     print("armtrue: a CAN controller does not leave its configuration mode\r\n");
@@ -115,6 +116,7 @@ int main() {
   static ports::Device device(ports::kSettings, {can0, &can1, table_flash, parameters, &clock_us});
   device.start();
 
+  feed_watchdog();
   const bool has_interrupts = interrupts.is_present();
   if (has_interrupts) {
     interrupts.start();
@@ -123,7 +125,6 @@ int main() {
     enable_interrupts();
   }
   print(has_interrupts ? "armtrue: ready, by interrupt\r\n" : "armtrue: ready, polling\r\n");
-  start_watchdog();
   while (device.turn(feed_watchdog)) {
     if (!has_interrupts) poll_controllers();
   }

@@ -32,6 +32,9 @@ reset_handler:
   mcr p15, 0, r0, c1, c0, 0
   isb
 
+  ldr r0, =early_start           // the watchdog, before anything can hang; uses no memory but the stack
+  blx r0
+
   ldr r0, =_sidata
   ldr r1, =_sdata
   ldr r2, =_edata

@@ -4,9 +4,27 @@
 
 extern "C" [[noreturn]] void reset_handler();
 
+namespace armtrue::r5f {
+namespace {
+
+// Survives a restart of the image.
+[[gnu::section(".noinit")]] ports::ResetRecord reset_record;
+constinit ports::ResetLog log(reset_record);
+
+}  // namespace
+
+ports::ResetLog& reset_log() { return log; }
+
+}  // namespace armtrue::r5f
+
+// Until the watchdog strikes.
 extern "C" [[noreturn, gnu::weak]] void fault_handler() {
+  armtrue::r5f::reset_log().note(armtrue::ports::ResetCause::kFault);
   for (;;) asm volatile("wfi");
 }
+
+// The first that runs: memory is not initialised yet.
+extern "C" void early_start() { armtrue::r5f::start_watchdog(); }
 
 namespace armtrue::r5f {
 namespace {
@@ -19,7 +37,7 @@ constexpr std::uint32_t kEmulatedCycles = 1000;
 std::uint32_t cycles_per_us = kHardwareCycles;
 std::uint32_t last_cycles = 0;
 std::uint64_t microseconds = 0;
-ports::MappedRegisters watchdog(0xFF150000);
+constexpr std::uintptr_t kWatchdog = 0xFF150000;
 
 std::uint32_t cycles() {
   std::uint32_t value;
@@ -62,6 +80,7 @@ void start_watchdog() {
   // Counts the 100 MHz of the bus by 4096, from (2 + 1) * 4096 down: 0.5 s.
   constexpr std::uint32_t kReload = 2U << 2;
   constexpr std::uint32_t kBy4096 = 3;
+  ports::MappedRegisters watchdog(kWatchdog);
   watchdog.write(kMode, kModeKey);
   watchdog.write(kControl, kControlKey | kReload | kBy4096);
   feed_watchdog();
@@ -71,10 +90,11 @@ void start_watchdog() {
 void feed_watchdog() {
   constexpr std::uint32_t kRestart = 0x08;
   constexpr std::uint32_t kRestartKey = 0x1999;
-  watchdog.write(kRestart, kRestartKey);
+  ports::MappedRegisters(kWatchdog).write(kRestart, kRestartKey);
 }
 
 void restart() {
+  log.note(ports::ResetCause::kNmt);
   asm volatile("cpsid if" : : : "memory");
   reset_handler();
 }

@@ -4,6 +4,8 @@
 
 #include <cstdint>
 
+#include "firmware/ports/common/reset_log.h"
+
 namespace armtrue::r5f {
 
 // Whether this is an emulator: the clock controller of the low-power domain is not modelled and
@@ -19,8 +21,12 @@ std::uint64_t clock_us();
 
 void enable_interrupts();
 
-// The watchdog of the low-power domain (UG1087, module SWDT). What its expiry resets is for the
-// platform's firmware to say.
+// The causes of this start and of those before it, since power came. What reset the unit from
+// outside the platform's firmware keeps to itself: such a start says kUnknown.
+ports::ResetLog& reset_log();
+
+// The watchdog of the low-power domain, from the first instruction on (UG1087, module SWDT). What
+// its expiry resets is for the platform's firmware to say.
 void start_watchdog();
 void feed_watchdog();
 
