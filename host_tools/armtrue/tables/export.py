@@ -523,10 +523,10 @@ class _Exporter:
         largest = self._magnitude_limits()
         increments = self._increments()
         records = []
-        for k, fixed in enumerate(self.chain.fixed):
+        for k, transform in enumerate(self.chain.fixed):
             slides = self.chain.prismatic[k]
             unit = 1.0 if slides else 1.0 / (2.0 * np.pi)  # native units (m or turn) per m or rad
-            rotation, translation = self._transform(fixed)
+            rotation, translation = self._transform(transform)
             to_position, position_shift = mantissa_and_shift(2.0**32 / increments[k])
             to_increment, increment_shift = mantissa_and_shift(increments[k] / 2.0**32)
             records.append(
