@@ -95,6 +95,37 @@ TEST_F(NetworkTest, ALostHeartbeatLeavesOperationalAndIsReported) {
   EXPECT_EQ(load_le<std::uint16_t>(sent(0x80U + kId).at(0).data), 0);
 }
 
+TEST_F(NetworkTest, LostHeartbeat_ThatIsUnwatched_LeavesTheErrorRegister) {
+  ASSERT_EQ(bench.write(0x1016, 1, 0x00050064, 4), 0U);
+  ASSERT_EQ(bench.write(0x1016, 2, 0x00060064, 4), 0U);
+  bench.from_controller(make_frame(0x705, {5}));
+  bench.from_controller(make_frame(0x706, {5}));
+  sent();
+  bench.run_for(150'000);
+  const std::vector<CanFrame> emcy = sent(0x80U + kId);
+  ASSERT_EQ(emcy.size(), 2U) << "each lost node";
+  EXPECT_EQ(emcy[0].data[3], 5);
+  EXPECT_EQ(emcy[1].data[3], 6);
+  ASSERT_EQ(bench.write(0x1016, 1, 0, 4), 0U);
+  EXPECT_EQ(bench.read(0x1001, 0), 0x11U) << "node 6 is still missing";
+  ASSERT_EQ(bench.write(0x1016, 2, 0, 4), 0U);
+  EXPECT_EQ(bench.read(0x1001, 0), 0U);
+}
+
+TEST(TwoBuses, PassiveOnBoth_StaysRaisedUntilBothAreActive) {
+  NodeBench bench;
+  bench.upstream.set_state(BusState::kPassive);
+  bench.downstream.set_state(BusState::kPassive);
+  bench.run_for(1000);
+  EXPECT_EQ(bench.read(0x1001, 0), 0x11U);
+  bench.upstream.set_state(BusState::kActive);
+  bench.run_for(1000);
+  EXPECT_EQ(bench.read(0x1001, 0), 0x11U) << "the drives' bus is still passive";
+  bench.downstream.set_state(BusState::kActive);
+  bench.run_for(1000);
+  EXPECT_EQ(bench.read(0x1001, 0), 0U);
+}
+
 TEST_F(NetworkTest, ErrorBehaviourDecidesWhatALostHeartbeatDoes) {
   ASSERT_EQ(bench.write(0x1016, 1, 0x00050064, 4), 0U);
   for (const auto& [behaviour, expected] :

@@ -144,7 +144,7 @@ NodeAction Node::process(std::uint64_t now_us) {
   joint_path_sound_ = joints_.process(now_us);
   watch_buses();
   while (const std::uint8_t lost = heartbeats_.process(now_us)) {
-    emcy_.raise(Condition::kHeartbeatLost, lost);
+    emcy_.raise(Condition::kHeartbeatLost, lost, heartbeats_.slot_of(lost));
     communication_error();
   }
   note_nmt_state();
@@ -273,8 +273,8 @@ void Node::handle_sync(const CanFrame& frame) {
 
 void Node::handle_heartbeat(const CanFrame& frame) {
   if (frame.id <= kHeartbeatBase || frame.id > kHeartbeatBase + kMaxNodeId) return;
-  if (heartbeats_.handle(frame, now_us_) != 0 && !heartbeats_.any_lost()) {
-    emcy_.clear(Condition::kHeartbeatLost);
+  if (const std::uint8_t back = heartbeats_.handle(frame, now_us_); back != 0) {
+    emcy_.clear(Condition::kHeartbeatLost, heartbeats_.slot_of(back));
   }
 }
 

@@ -1,8 +1,8 @@
 // What writing an object means to the node, beyond storing it.
 #include <algorithm>
 
-#include "firmware/canopen/protocol/crc16.h"
 #include "firmware/canopen/node/node.h"
+#include "firmware/canopen/protocol/crc16.h"
 #include "firmware/core/crc32.h"
 
 namespace armtrue::canopen {
@@ -133,6 +133,7 @@ void Node::after_write(const od::Entry& entry) {
   if (is(entry, od::kProducerHeartbeatTime)) return nmt_.restart_heartbeat(now_us_);
   if (entry.index == od::kConsumerHeartbeatTime[0].index) {
     const std::size_t slot = entry.sub - 1U;
+    emcy_.clear(Condition::kHeartbeatLost, slot);  // whoever it watched
     return heartbeats_.configure(slot, dictionary_.get(od::kConsumerHeartbeatTime[slot]));
   }
   if (is(entry, od::store_parameters::kSaveAllParameters)) {

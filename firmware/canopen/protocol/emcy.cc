@@ -54,15 +54,16 @@ void Emcy::clear_history() {
 void Emcy::update_register() {
   std::uint8_t bits = 0;
   for (std::size_t k = 0; k < kConditions; ++k) {
-    if (raised_[k]) bits |= kCodes[k].register_bits;
+    if (raised_[k] != 0) bits |= kCodes[k].register_bits;
   }
   dictionary_.set(od::kErrorRegister, bits);
 }
 
-void Emcy::raise(Condition condition, std::uint32_t information) {
+void Emcy::raise(Condition condition, std::uint32_t information, std::size_t source) {
   const auto number = static_cast<std::size_t>(condition);
-  if (raised_[number]) return;
-  raised_[number] = true;
+  const auto bit = static_cast<std::uint16_t>(1U << source);
+  if ((raised_[number] & bit) != 0) return;
+  raised_[number] = static_cast<std::uint16_t>(raised_[number] | bit);
   update_register();
   const std::uint16_t code = kCodes[number].code;
   // The newest error stands first; the oldest falls off the end.
@@ -79,16 +80,18 @@ void Emcy::raise(Condition condition, std::uint32_t information) {
   queue({code, dictionary_.get(od::kErrorRegister), information});
 }
 
-void Emcy::clear(Condition condition) {
+void Emcy::clear(Condition condition, std::size_t source) {
   const auto number = static_cast<std::size_t>(condition);
-  if (!raised_[number]) return;
-  raised_[number] = false;
+  const auto others = static_cast<std::uint16_t>(raised_[number] & ~(1U << source));
+  if (others == raised_[number]) return;
+  raised_[number] = others;
+  if (others != 0) return;
   update_register();
   queue({kErrorReset, dictionary_.get(od::kErrorRegister), kCodes[number].code});
 }
 
 bool Emcy::is_raised(Condition condition) const {
-  return raised_[static_cast<std::size_t>(condition)];
+  return raised_[static_cast<std::size_t>(condition)] != 0;
 }
 
 void Emcy::queue(const Message& message) {

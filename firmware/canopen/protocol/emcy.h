@@ -38,12 +38,13 @@ class Emcy {
   void reset();
 
   // Reports a condition: error register, history, message. `information` goes into the
-  // manufacturer's bytes of the message.
-  void raise(Condition condition, std::uint32_t information);
+  // manufacturer's bytes of the message. `source`, below 16: whose it is where several can have it
+  // (a sensor, a watched node, a bus); each is reported once.
+  void raise(Condition condition, std::uint32_t information, std::size_t source = 0);
 
-  // The condition has gone: the register follows, and the message "error reset" with the code of
-  // what went (in its manufacturer bytes) leaves.
-  void clear(Condition condition);
+  // The source is well. With the last one the condition has gone: the register follows, and the
+  // message "error reset" with the code of what went (in its manufacturer bytes) leaves.
+  void clear(Condition condition, std::size_t source = 0);
 
   bool is_raised(Condition condition) const;
 
@@ -66,7 +67,7 @@ class Emcy {
   void queue(const Message& message);
 
   ObjectDictionary& dictionary_;
-  std::array<bool, kConditions> raised_ = {};
+  std::array<std::uint16_t, kConditions> raised_ = {};  // a bit a source
   std::array<Message, 16> queue_ = {};
   std::size_t queue_begin_ = 0;
   std::size_t queue_size_ = 0;

@@ -23,8 +23,8 @@ bool Nmt::boot(CanPort& port, std::uint64_t now_us) {
 }
 
 std::uint8_t Nmt::command_in(const CanFrame& frame) const {
-  const bool is_command =
-      frame.len == 2 && !frame.is(kFrameRemote) && state_ != NmtState::kInitialising;
+  const bool is_command = frame.len == 2 && !frame.is(kFrameRemote) && !frame.is(kFrameFd) &&
+                          is_defined(frame.data[0]) && state_ != NmtState::kInitialising;
   const bool is_ours = frame.data[1] == kAllNodes || frame.data[1] == node_id_;
   return is_command && is_ours ? frame.data[0] : std::uint8_t{0};
 }
@@ -90,11 +90,12 @@ std::uint8_t HeartbeatConsumer::process(std::uint64_t now_us) {
   return 0;
 }
 
-bool HeartbeatConsumer::any_lost() const {
-  for (const Watch& watch : watches_) {
-    if (watch.lost) return true;
+std::size_t HeartbeatConsumer::slot_of(std::uint8_t node_id) const {
+  std::size_t slot = 0;
+  while (slot < kNodes && (watches_[slot].time_us == 0 || watches_[slot].node_id != node_id)) {
+    ++slot;
   }
-  return false;
+  return slot;
 }
 
 }  // namespace armtrue::canopen

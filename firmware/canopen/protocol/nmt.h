@@ -43,12 +43,18 @@ class Nmt {
   // port did not take the message; call again.
   bool boot(CanPort& port, std::uint64_t now_us);
 
-  // The command for this node in a frame of NMT, 0 for none.
+  // The five commands of the standard; every other number means nothing.
+  static bool is_defined(std::uint8_t command) {
+    return command == kNmtStart || command == kNmtStop || command == kNmtEnterPreOperational ||
+           command == kNmtResetNode || command == kNmtResetCommunication;
+  }
+
+  // The command for this node in a frame of NMT, 0 for none. Classic frames only, as with SDO.
   std::uint8_t command_in(const CanFrame& frame) const;
 
   // Whether a command, or 0, takes an operational node out of that state.
   static bool leaves_operational(std::uint8_t command) {
-    return command == kNmtStop || command >= kNmtEnterPreOperational;
+    return command != kNmtStart && is_defined(command);
   }
 
   // Carries a command out. Transitions happen at once; resets are returned for the node to carry
@@ -85,7 +91,11 @@ class HeartbeatConsumer {
   // Returns the node-ID of a heartbeat that has just been missed, else 0. Call until it returns 0.
   std::uint8_t process(std::uint64_t now_us);
 
-  bool any_lost() const;
+  // Whether the heartbeat that a slot watches is missing.
+  bool is_lost(std::size_t slot) const { return watches_[slot].lost; }
+
+  // The slot that watches a node, kNodes if none does.
+  std::size_t slot_of(std::uint8_t node_id) const;
 
  private:
   struct Watch {

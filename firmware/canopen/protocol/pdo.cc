@@ -11,6 +11,8 @@ namespace {
 constexpr std::uint32_t kInvalid = 0x80000000U;
 constexpr std::uint32_t kExtended = 0x20000000U;
 constexpr std::uint32_t kIdMask = 0x7FFU;
+constexpr std::uint32_t kReservedIdBits =
+    0x1FFFF800U;  // an extended identifier's (CiA 301, 7.5.2.35)
 
 constexpr std::uint16_t kRpdoCommunication = 0x1400;
 constexpr std::uint16_t kRpdoMapping = 0x1600;
@@ -66,13 +68,18 @@ bool is_restricted(std::uint32_t id) {
 }
 
 Abort check_cob_id(std::uint32_t present, std::uint32_t wanted) {
-  if ((wanted & kExtended) != 0) return Abort::kValueRange;
+  if ((wanted & (kExtended | kReservedIdBits)) != 0) return Abort::kValueRange;
   if ((wanted & kInvalid) != 0) return Abort::kNone;
   // While a PDO is valid only its validity may change.
   if ((present & kInvalid) == 0 && (present & kIdMask) != (wanted & kIdMask)) {
     return Abort::kValueRange;
   }
   return is_restricted(wanted & kIdMask) ? Abort::kValueRange : Abort::kNone;
+}
+
+// Of records in force: saved parameters could hold anything.
+bool names_pdo(std::uint32_t cob_id) {
+  return (cob_id & (kInvalid | kExtended | kReservedIdBits)) == 0;
 }
 
 Abort check_transmission(std::uint8_t type) {
@@ -146,7 +153,7 @@ void PdoTable::refresh() {
     pdo.id = cob_id & kIdMask;
     pdo.transmission = dictionary_.get(od::rpdo::kTransmissionType[k]);
     pdo.mapping = decode(od::rpdo::kMappingCount[k], od::rpdo::kMapping[k], true);
-    pdo.valid = (cob_id & (kInvalid | kExtended)) == 0 && pdo.mapping.count > 0;
+    pdo.valid = names_pdo(cob_id) && pdo.mapping.count > 0;
   }
   for (std::size_t k = 0; k < kTpdos; ++k) {
     const std::uint32_t cob_id = dictionary_.get(od::tpdo::kCOBID[k]);
@@ -154,7 +161,7 @@ void PdoTable::refresh() {
     pdo.id = cob_id & kIdMask;
     pdo.transmission = dictionary_.get(od::tpdo::kTransmissionType[k]);
     pdo.mapping = decode(od::tpdo::kMappingCount[k], od::tpdo::kMapping[k], false);
-    pdo.valid = (cob_id & (kInvalid | kExtended)) == 0 && pdo.mapping.count > 0;
+    pdo.valid = names_pdo(cob_id) && pdo.mapping.count > 0;
   }
 }
 

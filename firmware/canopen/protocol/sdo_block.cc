@@ -33,7 +33,7 @@ void SdoServer::initiate_block_download(const std::uint8_t* request) {
   finish();
   take_multiplexer(request);
   const bool sized = (request[0] & kSizeIndicated) != 0;
-  const std::uint32_t size = sized ? load_le<std::uint32_t>(request + 4) : kUnknownSize;
+  const std::uint32_t size = sized ? announced_size(request) : kUnknownSize;
   std::uint32_t expected = 0;
   if (const Abort code = access_.begin_write(index_, sub_, size, expected); code != Abort::kNone) {
     return abort(code);
@@ -117,8 +117,9 @@ void SdoServer::initiate_block_upload(const std::uint8_t* request) {
   if (const Abort code = access_.begin_read(index_, sub_, size_); code != Abort::kNone) {
     return abort(code);
   }
-  // Small objects go the shorter way if the client allows it (protocol switch threshold).
-  if (size_ <= request[5]) return respond_upload_initiated();
+  // Small objects go the shorter way if the client allows it; a threshold of 0 does not (CiA
+  // 301, 7.2.4.3.13).
+  if (request[5] != 0 && size_ <= request[5]) return respond_upload_initiated();
   with_crc_ = (request[0] & kClientCrc) != 0;
   crc_ = 0;
   crc_end_ = 0;

@@ -78,7 +78,7 @@ void SdoServer::initiate_download(const std::uint8_t* request) {
   const bool sized = (request[0] & kSizeIndicated) != 0;
   std::uint32_t size = kUnknownSize;
   if (sized) {
-    size = expedited ? 4U - ((request[0] >> 2) & 3U) : load_le<std::uint32_t>(request + 4);
+    size = expedited ? 4U - ((request[0] >> 2) & 3U) : announced_size(request);
   }
   std::uint32_t expected = 0;
   if (const Abort code = access_.begin_write(index_, sub_, size, expected); code != Abort::kNone) {
@@ -169,6 +169,10 @@ void SdoServer::process(std::uint64_t now_us, bool at_rest) {
   }
   int segments = at_rest ? kSegmentsPerTurn : (silence_us >= kSegmentPauseUs ? 1 : 0);
   while (segments > 0 && send_block_segment()) --segments;
+}
+
+std::uint32_t SdoServer::announced_size(const std::uint8_t* request) {
+  return std::min(load_le<std::uint32_t>(request + 4), kUnknownSize - 1);
 }
 
 void SdoServer::take_multiplexer(const std::uint8_t* request) {

@@ -74,6 +74,9 @@ class SdoServer {
   bool send_block_segment();
   void block_upload_acknowledged(const std::uint8_t* request);
 
+  // The size in an initiation. The one that stands for "not announced" is as far too large as the
+  // next one.
+  static std::uint32_t announced_size(const std::uint8_t* request);
   void take_multiplexer(const std::uint8_t* request);
   Payload response(std::uint8_t command) const;
   void respond(const Payload& payload);

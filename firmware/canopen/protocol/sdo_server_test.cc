@@ -278,6 +278,53 @@ TEST_F(SdoTest, BlockUploadOfASmallObjectMaySwitchProtocol) {
   EXPECT_EQ(bench.ask({0xA4, 0x00, 0x10, 0, 127, 4, 0, 0})[0], 0x43);
 }
 
+TEST_F(SdoTest, BlockUpload_OfNothingWithoutASwitchAllowed_StaysABlockUpload) {
+  // The robot's serial is empty here. Threshold 0: the server may not change the protocol.
+  const Answer begun = bench.ask({0xA4, 0x14, 0x20, 0, 127, 0, 0, 0});
+  EXPECT_EQ(begun[0], 0xC6);
+  EXPECT_EQ(load_le<std::uint32_t>(&begun[4]), 0U);
+  send({0xA3, 0, 0, 0, 0, 0, 0, 0});
+  const std::vector<CanFrame> segments = answers();
+  ASSERT_EQ(segments.size(), 1U);
+  EXPECT_EQ(segments[0].data[0], 0x81) << "segment 1, the last";
+  const Answer end = bench.ask({0xA2, 1, 127, 0, 0, 0, 0, 0});
+  EXPECT_EQ(end[0], 0xC1 | 7 << 2) << "none of its seven bytes counts";
+  send({0xA1, 0, 0, 0, 0, 0, 0, 0});
+  EXPECT_TRUE(answers().empty());
+  EXPECT_EQ(bench.ask({0xA4, 0x14, 0x20, 0, 127, 1, 0, 0})[0], 0x41) << "allowed: segmented";
+}
+
+TEST_F(SdoTest, AcknowledgeOfMoreThanWasSent_Aborts) {
+  ASSERT_EQ(bench.stage(pattern(70)), 0U);
+  for (const auto& [acknowledged, code] :
+       {std::pair{4, 0U}, std::pair{5, 0x05040003U}, std::pair{127, 0x05040003U}}) {
+    bench.ask({0xA4, 0x10, 0x20, 0, 4, 0, 0, 0});
+    send({0xA3, 0, 0, 0, 0, 0, 0, 0});
+    ASSERT_EQ(answers().size(), 4U);
+    send({0xA2, acknowledged, 4, 0, 0, 0, 0, 0});
+    const std::vector<CanFrame> next = answers();
+    ASSERT_FALSE(next.empty());
+    if (code != 0) {
+      EXPECT_EQ(next[0].data[0], 0x80);
+      EXPECT_EQ(load_le<std::uint32_t>(&next[0].data[4]), code) << acknowledged;
+    } else {
+      EXPECT_EQ(next[0].data[0], 1) << "the next sub-block";
+    }
+    send({0x80, 0x10, 0x20, 0, 0, 0, 0, 8});
+    answers();
+  }
+}
+
+TEST_F(SdoTest, AnnouncedSize_OfAllOnes_IsRefusedAsTheSizeThatItIs) {
+  for (const int command : {0x21, 0xC6 /* with a CRC and a size */}) {
+    const Answer table = bench.ask({command, 0x10, 0x20, 0, 0xFF, 0xFF, 0xFF, 0xFF});
+    EXPECT_EQ(abort_of(table), 0x05040005U) << command;
+    EXPECT_EQ(bench.read(0x2013, 1), 0U) << "nothing is being received";
+    const Answer number = bench.ask({command, 0x17, 0x10, 0, 0xFF, 0xFF, 0xFF, 0xFF});
+    EXPECT_EQ(abort_of(number), 0x06070012U) << command;
+  }
+}
+
 TEST_F(SdoTest, BlockUploadGoesOnWhenTheQueueHasRoomAgain) {
   const std::vector<std::uint8_t> data = pattern(700);
   ASSERT_EQ(bench.stage(data), 0U);

@@ -1,0 +1,102 @@
+// Which frames are NMT commands to this node, and whose heartbeat is missed.
+#include "firmware/canopen/protocol/nmt.h"
+
+#include <gtest/gtest.h>
+
+#include <vector>
+
+#include "firmware/testing/simulated_port.h"
+
+namespace armtrue::canopen {
+namespace {
+
+constexpr std::uint8_t kId = 0x20;
+
+class NmtTest : public testing::Test {
+ protected:
+  NmtTest() : port(false), nmt(kId) { nmt.boot(port, 0); }
+
+  SimulatedPort port;
+  Nmt nmt;
+};
+
+bool is_defined(int command) {
+  return command == 1 || command == 2 || command == 128 || command == 129 || command == 130;
+}
+
+TEST_F(NmtTest, Command_ThatTheStandardDoesNotDefine_IsNone) {
+  for (int command = 0; command < 256; ++command) {
+    const auto heard = nmt.command_in(make_frame(0, {command, kId}));
+    EXPECT_EQ(heard, is_defined(command) ? command : 0);
+  }
+}
+
+TEST_F(NmtTest, LeavesOperational_ForFourCommandsOnly) {
+  for (int command = 0; command < 256; ++command) {
+    EXPECT_EQ(Nmt::leaves_operational(static_cast<std::uint8_t>(command)),
+              is_defined(command) && command != 1)
+        << command;
+  }
+}
+
+TEST_F(NmtTest, Command_InAnFdOrRemoteFrameOrOfAnotherLength_IsNone) {
+  CanFrame frame = make_frame(0, {1, kId});
+  ASSERT_EQ(nmt.command_in(frame), 1);
+  frame.flags = kFrameFd;
+  EXPECT_EQ(nmt.command_in(frame), 0);
+  frame.flags = kFrameFd | kFrameBitRateSwitch;
+  EXPECT_EQ(nmt.command_in(frame), 0);
+  frame.flags = kFrameRemote;
+  EXPECT_EQ(nmt.command_in(frame), 0);
+  EXPECT_EQ(nmt.command_in(make_frame(0, {1, kId, 0})), 0);
+  EXPECT_EQ(nmt.command_in(make_frame(0, {1})), 0);
+}
+
+TEST_F(NmtTest, Heartbeat_BeyondItsTime_IsMissedOnce) {
+  HeartbeatConsumer consumer;
+  consumer.configure(0, 0x00050064);
+  EXPECT_EQ(consumer.process(1'000'000), 0) << "watching begins with the first one";
+  EXPECT_EQ(consumer.handle(make_frame(0x705, {5}), 1'000'000), 0);
+  EXPECT_EQ(consumer.process(1'099'999), 0);
+  EXPECT_EQ(consumer.process(1'100'000), 5);
+  EXPECT_EQ(consumer.process(1'200'000), 0);
+  EXPECT_TRUE(consumer.is_lost(0));
+  EXPECT_EQ(consumer.handle(make_frame(0x705, {5}), 1'300'000), 5) << "back";
+  EXPECT_FALSE(consumer.is_lost(0));
+}
+
+TEST_F(NmtTest, Heartbeat_OfTwoNodes_IsMissedOfEach) {
+  HeartbeatConsumer consumer;
+  consumer.configure(2, 0x00050064);
+  consumer.configure(7, 0x00060064);
+  consumer.handle(make_frame(0x705, {5}), 0);
+  consumer.handle(make_frame(0x706, {5}), 0);
+  EXPECT_EQ(consumer.slot_of(5), 2U);
+  EXPECT_EQ(consumer.slot_of(6), 7U);
+  EXPECT_EQ(consumer.process(100'000), 5);
+  EXPECT_EQ(consumer.process(100'000), 6);
+  EXPECT_EQ(consumer.process(100'000), 0);
+}
+
+TEST_F(NmtTest, Heartbeat_ThatIsUnwatched_IsNotLostAnyMore) {
+  HeartbeatConsumer consumer;
+  consumer.configure(0, 0x00050064);
+  consumer.handle(make_frame(0x705, {5}), 0);
+  ASSERT_EQ(consumer.process(100'000), 5);
+  consumer.configure(0, 0);
+  EXPECT_FALSE(consumer.is_lost(0));
+  EXPECT_EQ(consumer.process(200'000), 0);
+}
+
+TEST_F(NmtTest, Heartbeat_InARemoteOrLongerFrame_DoesNotCount) {
+  HeartbeatConsumer consumer;
+  consumer.configure(0, 0x00050064);
+  CanFrame remote = make_frame(0x705, {5});
+  remote.flags = kFrameRemote;
+  consumer.handle(remote, 0);
+  consumer.handle(make_frame(0x705, {5, 5}), 0);
+  EXPECT_EQ(consumer.process(1'000'000), 0) << "never heard, so never missed";
+}
+
+}  // namespace
+}  // namespace armtrue::canopen
