@@ -25,7 +25,7 @@ class Browser:
     def __init__(self) -> None:
         programs = {name: shutil.which(name) for name in ("chromium", "chromedriver")}
         missing = [name for name, found in programs.items() if found is None]
-        assert not missing, f"{', '.join(missing)} not found: install the packages of tools/apt-packages.txt"
+        assert not missing, f"{', '.join(missing)} not found: install the packages of tools/packages/test.txt"
         options = Options()
         options.binary_location = str(programs["chromium"])
         options.set_capability("goog:loggingPrefs", {"browser": "ALL"})

@@ -1,6 +1,5 @@
 # Upload against the protocol's own limit, the M4's cycle with the CAN path, latency through the POSIX node.
 # The tables go into docs/results.md.
-ensure_sim
 build_preset stm32f405 >/dev/null
 mkdir -p out/bench-can
 for part in transfer latency; do

@@ -1,5 +1,4 @@
 # The loop's figures over CAN, in both modes.
-ensure_sim
 for mode in inline offset; do
   on_a_bus 1800 "$PY" -m armtrue_loop --out "out/bench-loop-$mode" --mode "$mode"
 done

@@ -1,6 +1,8 @@
-#: demo      from nothing to the main job's result: an arm with hidden errors found out, compensated, measured again over CAN
+#: demo      an arm with hidden errors found out, compensated, measured again over CAN (3 minutes from a bare machine)
 # The loop of sim/armtrue_loop as a newcomer's story; `./dev sil` is the same for other scenarios and modes.
 cmd_demo() {
+  say "the demo: install what it needs (1 minute, once), compile (2 minutes, once), run (under 1 minute)"
+  install_packages run $(bus_packages)
   cmd_build
   say "an arm with errors that its owner does not know, on a CAN bus: controller, compensator, six drives, tracker"
   on_a_bus 1800 "$PY" -m armtrue_loop --out out/demo

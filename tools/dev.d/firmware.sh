@@ -1,5 +1,6 @@
 #: firmware  build the STM32F405, Cortex-M7 and Cortex-R5F images; print code, data, stack, instruction counts and the files
 cmd_firmware() {
+  install_packages run firmware
   cmd_build
   say "building the bare-metal images"
   local preset

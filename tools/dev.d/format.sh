@@ -2,7 +2,8 @@
 cpp_sources() { find fitter firmware -name '*.h' -o -name '*.cc' -o -name '*.cpp' | sort; }
 
 cmd_format() {
-  setup
+  install_packages run lint
+  ensure_venv run lint
   $PY -m ruff format
   $PY -m ruff check --fix
   cpp_sources | xargs clang-format-14 -i

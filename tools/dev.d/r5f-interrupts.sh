@@ -61,7 +61,9 @@ W
 
 cmd_r5f_interrupts() {
   local record=$ROOT/out/r5f-interrupts.txt version
+  install_packages run firmware
   cmd_build
+  ensure_venv run test
   build_preset r5f | tail -1
   if [ ! -d $R5F_QEMU ]; then r5f_fetch_qemu; fi
   version=$($R5F_QEMU/bin/qemu-system-aarch64 --version | head -1)

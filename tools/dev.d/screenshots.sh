@@ -1,5 +1,7 @@
 #: screenshots  make docs/screenshots of a report again (Debian's Chromium)
 cmd_screenshots() {
+  install_packages run test
   cmd_build
+  ensure_venv run test
   $PY tests/report/screenshots.py "$@"
 }

@@ -1,21 +1,43 @@
-#: test      everything from nothing to the test verdict (what CI runs); [STEP] runs the steps whose name has it
-# Each part adds a step in tools/test.d/NN-name.sh, run in order; a failing step fails the run but later steps still run.
+#: test      the tests of every change (what CI runs; 12 minutes from a bare machine); [full] all there are; [STEP] steps by name
+# Each step is a file tools/test.d/NN-name.sh, or NN-name.full.sh where `./dev test full` alone runs it. They run in order;
+# a failing step fails the run, but later steps still run. Python tests marked `full` belong to the full run too.
+
 # Of all that this shell waited for so far.
 processor_seconds() { awk '{ print int(($16 + $17) / 100) }' /proc/$$/stat; }
 
+# run_step FILE: leaves its status in STEP_STATUS; the first command that fails ends it. (Never call it behind `||`, `&&` or
+# `if`: bash then ignores `set -e` in all that runs.)
+run_step() {
+  set +e
+  ( set -euo pipefail; . "$1" )
+  STEP_STATUS=$?
+  set -e
+}
+
+# pytest with the tests of this level, without a word about those that are left out.
+run_pytest() { $PY -m pytest -q -rs --durations=20 --durations-min=4 -p no:cacheprovider "${CHOSEN[@]}" "$@"; }
+
 cmd_test() {
-  cmd_build
-  build_preset release firmware_tests
-  local failed=() took=() step status begin busy
+  local failed=() took=() step begin busy name
+  LEVEL=quick CHOSEN=(-m "not full")
+  if [ "${1:-}" = full ]; then LEVEL=full CHOSEN=(); shift; fi
+  install_packages run bus firmware test lint $([ $LEVEL = quick ] || echo full)
+  ensure_venv run test lint
+  configure release -DBUILD_TESTING=ON
+  say "building"
+  build_preset release product firmware_tests
   for step in tools/test.d/*"${1:-}"*.sh; do
     [ -e "$step" ] || { echo "test: no step of tools/test.d has '$1' in its name" >&2; return 2; }
-    say "test: $(basename "$step" .sh)"
-    status=0 begin=$SECONDS busy=$(processor_seconds)
-    ( set -euo pipefail; . "$step" ) || status=$?
-    took+=("$(basename "$step" .sh) $((SECONDS - begin)) s, $(($(processor_seconds) - busy)) s of processor")
-    [ $status = 0 ] || failed+=("$(basename "$step" .sh)")
+    # A step that is named runs at any level.
+    [[ $LEVEL = full || -n ${1:-} || $step != *.full.sh ]] || continue
+    name=$(basename "$step" .sh) name=${name%.full}
+    say "test: $name"
+    begin=$SECONDS busy=$(processor_seconds)
+    run_step "$step"
+    took+=("$name $((SECONDS - begin)) s, $(($(processor_seconds) - busy)) s of processor")
+    [ $STEP_STATUS = 0 ] || failed+=("$name")
   done
-  say "steps took:"
+  say "steps took ($LEVEL, $SECONDS s in all, installing and building included):"
   printf '  %s\n' "${took[@]}"
   if [ ${#failed[@]} -gt 0 ]; then say "FAILED: ${failed[*]}"; return 1; fi
   say "all steps passed"

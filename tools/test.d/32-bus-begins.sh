@@ -4,7 +4,7 @@ mkdir -p out
 rm -f out/pytest-bus.status
 (
   status=0
-  ARMTRUE_RIG_TIMEOUT=1800 OPENBLAS_NUM_THREADS=1 $PY -m pytest -q --durations=20 --durations-min=4 -p no:cacheprovider tests/can tests/loop tests/firmware_boot >out/pytest-bus.log 2>&1 ||
+  ARMTRUE_RIG_TIMEOUT=1800 OPENBLAS_NUM_THREADS=1 run_pytest tests/can tests/loop tests/firmware_boot >out/pytest-bus.log 2>&1 ||
     status=$?
   echo $status >out/pytest-bus.status
 ) </dev/null >/dev/null 2>&1 &
