@@ -126,7 +126,6 @@ std::vector<Candidate> best_of_each(const std::vector<Block>& blocks,
 // Options of a refit in which nonlinear parameters begin at `starts`, or where `fit` has them.
 FitOptions refit_options(const Fit& fit, const std::map<std::string, double>& starts) {
   FitOptions options = fit.options();
-  options.progress = nullptr;
   options.nonlinear_starts = starts;
   options.nonlinear_guesses.clear();
   options.start = std::make_shared<StartPoint>(fit.start_point());
@@ -315,7 +314,6 @@ std::vector<std::size_t> confirmed_of(Fit& fit, double bic, std::vector<Candidat
       c.why = error.what();
     }
     const double share = static_cast<double>(++done) / static_cast<double>(promising.size());
-    // Who wants to be told of progress is not asked to bear several threads.
     if (std::this_thread::get_id() == caller) report(0.4 + 0.3 * share, "confirming by refit");
   });
   std::vector<std::size_t> confirmed;
@@ -512,7 +510,6 @@ std::unique_ptr<Fit> look_ahead(const Fit& fit, const Candidate& first,
   DiagnoseOptions quick = options;
   quick.look_ahead = false;
   quick.confirmed = 3;
-  quick.progress = nullptr;
   for (int step = 0; step < kLookAhead; ++step) {
     const Diagnosis next = diagnose(*current, quick);
     const Candidate* recommended = next.recommended();
@@ -581,7 +578,6 @@ std::unique_ptr<Fit> refit(const Fit& fit, const ModelSpecification& specificati
 std::unique_ptr<Fit> search(const Fit& fit, const ModelSpecification& specification,
                             HeldOut held_out) {
   FitOptions options = fit.options();
-  options.progress = nullptr;
   options.cross_validate = options.cross_validate && held_out == HeldOut::kAtOnce;
   options.nonlinear_starts.clear();
   options.nonlinear_guesses.clear();
@@ -672,10 +668,8 @@ bool is_large(const Fit& fit) {
   return fit.measurements().rows > kLargeCampaign || fit.model().parameters.size() > kLargeModel;
 }
 
-Diagnosis diagnose(Fit& fit, const DiagnoseOptions& options) {
-  const auto report = [&](double share, const char* what) {
-    if (options.progress) options.progress(share, what);
-  };
+Diagnosis diagnose(Fit& fit, const DiagnoseOptions& options, Observer& observer) {
+  const auto report = [&](double share, const char* what) { observer.report(share, what); };
   Diagnosis d;
   report(0.0, "linearising");
   const Scorer scorer(fit);

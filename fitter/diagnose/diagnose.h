@@ -1,7 +1,6 @@
 // Which physical effect is missing, on which joint, how sure that is, and what else it could be.
 #pragma once
 
-#include <functional>
 #include <memory>
 #include <nlohmann/json_fwd.hpp>
 #include <optional>
@@ -53,7 +52,6 @@ struct DiagnoseOptions {
   std::size_t confirmed = 6;  ///< candidates refitted
   bool look_ahead = true;     ///< guard against proxies of structure that no effect names
   bool generic = true;        ///< tables and periods read off the spectra among the candidates
-  std::function<void(double, const std::string&)> progress;
 };
 
 /// Fall of BIC that an effect has to bring to stand beside a table on its joint: what the table
@@ -67,7 +65,7 @@ bool is_beside_table(const Fit& fit, const EffectRequest& request);
 /// and fewer trials.
 bool is_large(const Fit& fit);
 
-Diagnosis diagnose(Fit& fit, const DiagnoseOptions& options);
+Diagnosis diagnose(Fit& fit, const DiagnoseOptions& options, Observer& observer = Observer::none());
 
 /// Bayesian information criterion of a fit, up to a constant of the data set: comparable between
 /// fits of the same rows.

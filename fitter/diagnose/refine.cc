@@ -7,7 +7,6 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <set>
-#include <thread>
 
 #include "fitter/solve/parallel.h"
 
@@ -161,11 +160,10 @@ void prune(std::shared_ptr<Fit>& fit, const std::set<std::string>& from_the_star
   }
 }
 
-DiagnoseOptions quick_options(const RefineOptions& options) {
+DiagnoseOptions quick_options() {
   DiagnoseOptions quick;
   quick.look_ahead = false;
   quick.confirmed = 3;
-  quick.progress = options.progress;
   return quick;
 }
 
@@ -210,19 +208,16 @@ struct Standing {
 // Tries each added effect for a swap: taken out, does the catalogue offer something better than
 // putting it back?
 bool swap(std::shared_ptr<Fit>& fit, const std::set<std::string>& added,
-          std::vector<EffectRequest>& removed, Candidate& put_in, const RefineOptions& options) {
+          std::vector<EffectRequest>& removed, Candidate& put_in) {
   const Standing present(*fit);
   const std::vector<std::vector<EffectRequest>> sets = swap_sets(*fit, added);
   std::vector<std::shared_ptr<Fit>> with(sets.size());
   std::vector<std::optional<Candidate>> better(sets.size());
   std::atomic<std::size_t> first = sets.size();
-  const auto caller = std::this_thread::get_id();
   in_parallel(sets.size(), [&](std::size_t k) {
     if (k > first) return;
     const std::unique_ptr<Fit> without = search(*fit, without_effects(*fit, sets[k]));
-    DiagnoseOptions quick = quick_options(options);
-    if (std::this_thread::get_id() != caller) quick.progress = nullptr;
-    const Diagnosis d = diagnose(*without, quick);
+    const Diagnosis d = diagnose(*without, quick_options());
     const Candidate* best = d.recommended();
     if (!best || label(best->request) == label(sets[k].front())) return;
     if (bayesian_information(*without) + best->delta_bic > present.bic - kBetterSwap) return;
@@ -250,16 +245,15 @@ struct Put {
 // A table may stand for several physical effects at once: a few of those, one after the other, are
 // tried against it. Empty where they do no better.
 std::vector<Put> physical_instead(const std::shared_ptr<Fit>& before,
-                                  const std::shared_ptr<Fit>& with_table,
-                                  const RefineOptions& options) {
-  DiagnoseOptions quick = quick_options(options);
+                                  const std::shared_ptr<Fit>& with_table, Observer& observer) {
+  DiagnoseOptions quick = quick_options();
   quick.generic = false;
   std::shared_ptr<Fit> current = before;
   const double goal = bayesian_information(*with_table);
   double last = bayesian_information(*before);
   std::vector<Put> steps;
   for (int step = 0; step < kPhysicalSteps; ++step) {
-    const Diagnosis d = diagnose(*current, quick);
+    const Diagnosis d = diagnose(*current, quick, observer);
     const Candidate* best = d.recommended();
     if (!best) break;
     current = refit_with_smoothness_anew(
@@ -274,12 +268,10 @@ std::vector<Put> physical_instead(const std::shared_ptr<Fit>& before,
   return {};
 }
 
-RefineStep make_step(const std::shared_ptr<Fit>& fit, const RefineOptions& options) {
+RefineStep make_step(const std::shared_ptr<Fit>& fit, Observer& observer) {
   RefineStep step;
   step.fit = fit;
-  DiagnoseOptions diagnose_options;
-  diagnose_options.progress = options.progress;
-  step.diagnosis = diagnose(*fit, diagnose_options);
+  step.diagnosis = diagnose(*fit, {}, observer);
   return step;
 }
 
@@ -291,13 +283,13 @@ struct Change {
 };
 
 Change add(std::shared_ptr<Fit>& fit, const std::set<std::string>& from_the_start,
-           const Candidate& candidate, const RefineOptions& options) {
+           const Candidate& candidate, Observer& observer) {
   Change change;
   const std::shared_ptr<Fit> before = fit;
   const ModelSpecification specification = with_effect(fit->specification(), candidate.request);
   fit = refit_with_smoothness_anew(*fit, specification, candidate.starts);
   if (find_effect(candidate.request.effect).generic())
-    change.put = physical_instead(before, fit, options);
+    change.put = physical_instead(before, fit, observer);
   if (change.put.empty()) change.put = {{candidate, fit}};
   fit = change.put.back().fit;
   std::vector<EffectRequest> keep;
@@ -360,7 +352,8 @@ ModelSpecification without_effect(const ModelSpecification& specification,
   return result;
 }
 
-std::vector<RefineStep> refine(std::shared_ptr<Fit> fit, const RefineOptions& options) {
+std::vector<RefineStep> refine(std::shared_ptr<Fit> fit, const RefineOptions& options,
+                               Observer& observer) {
   std::vector<RefineStep> steps;
   const auto show = [&](RefineStep step) {
     steps.push_back(std::move(step));
@@ -369,13 +362,13 @@ std::vector<RefineStep> refine(std::shared_ptr<Fit> fit, const RefineOptions& op
   // One step for each effect that came in; what went, went after the last.
   const auto finish = [&](const Change& change) {
     for (std::size_t k = 0; k + 1 < change.put.size(); ++k) {
-      RefineStep step = make_step(change.put[k].fit, options);
+      RefineStep step = make_step(change.put[k].fit, observer);
       step.added = change.put[k].candidate;
       show(std::move(step));
     }
     if (!change.removed.empty() && fit->smooth())
       fit = refit_with_smoothness_anew(*fit, fit->specification(), {});
-    RefineStep step = make_step(fit, options);
+    RefineStep step = make_step(fit, observer);
     if (!change.put.empty()) step.added = change.put.back().candidate;
     step.removed = change.removed;
     show(std::move(step));
@@ -395,7 +388,7 @@ std::vector<RefineStep> refine(std::shared_ptr<Fit> fit, const RefineOptions& op
   int swaps = 0;
   for (int number = 0; number < options.most_steps; ++number) {
     if (const Candidate* best = steps.back().diagnosis.recommended()) {
-      const Change change = add(fit, from_the_start, *best, options);
+      const Change change = add(fit, from_the_start, *best, observer);
       note(change);
       finish(change);
       continue;
@@ -405,8 +398,7 @@ std::vector<RefineStep> refine(std::shared_ptr<Fit> fit, const RefineOptions& op
     Candidate put_in;
     std::vector<EffectRequest> removed;
     const bool large = is_large(*fit);
-    if (large || added.size() < 2 || swaps++ >= kMostSwaps ||
-        !swap(fit, added, removed, put_in, options))
+    if (large || added.size() < 2 || swaps++ >= kMostSwaps || !swap(fit, added, removed, put_in))
       break;
     Change change{{{put_in, fit}}, removed};
     prune(fit, from_the_start, {put_in.request}, change.removed);

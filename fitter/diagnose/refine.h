@@ -2,6 +2,8 @@
 // swap.
 #pragma once
 
+#include <functional>
+
 #include "fitter/diagnose/diagnose.h"
 
 namespace armtrue {
@@ -16,12 +18,12 @@ struct RefineStep {
 
 struct RefineOptions {
   int most_steps = 12;
-  std::function<void(double, const std::string&)> progress;
-  std::function<void(const RefineStep&)> on_step;
+  std::function<void(const RefineStep&)> on_step;  ///< called by the thread that refines
 };
 
 /// Steps, the first being the given fit as it stands. The last step's fit is the result.
-std::vector<RefineStep> refine(std::shared_ptr<Fit> fit, const RefineOptions& options);
+std::vector<RefineStep> refine(std::shared_ptr<Fit> fit, const RefineOptions& options,
+                               Observer& observer = Observer::none());
 
 /// The same model without one effect on some joints (all of the entry where `joints` is empty).
 ModelSpecification without_effect(const ModelSpecification& specification,

@@ -6,6 +6,7 @@
 #include <numbers>
 #include <random>
 
+#include "fitter/model/observer.h"
 #include "fitter/plan/exchange.h"
 
 namespace armtrue {
@@ -160,6 +161,7 @@ Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> reachable
   std::vector<double> q(static_cast<std::size_t>(n));
   std::size_t tries = 0;
   for (std::size_t found = 0; found < count;) {
+    throw_if_cancelled();
     if (++tries > kMostTries * (found + 1)) {
       throw ModelError("plan: hardly any pose is within the joint limits and the cell given (" +
                        std::to_string(found) + " of " + std::to_string(tries - 1) + " tries)");

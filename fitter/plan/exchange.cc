@@ -8,6 +8,7 @@
 #include <limits>
 #include <numeric>
 
+#include "fitter/model/observer.h"
 #include "fitter/solve/normal_equations.h"
 
 namespace armtrue {
@@ -104,6 +105,7 @@ double MeasurementChoice::left_gain(std::size_t i) const {
 }
 
 void MeasurementChoice::change(std::size_t i, double sign) {
+  throw_if_cancelled();
   const auto rows = rows_of(i);
   information_ += sign * (rows.transpose() * rows);
   if (!error_.empty()) {

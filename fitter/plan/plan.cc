@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <nlohmann/json.hpp>
 
@@ -24,14 +25,9 @@ constexpr double kSettled = 10.0;
 // Random choices that are worth a refit each of a rival that bends.
 constexpr std::size_t kRefits = 5;
 
-void report(const PlanOptions& options, double share, const char* what) {
-  if (options.progress) options.progress(share, what);
-}
-
-std::function<void(double)> stage(const PlanOptions& options, double from, double to,
-                                  const char* what) {
-  return [&options, from, to, what](double share) {
-    report(options, from + share * (to - from), what);
+std::function<void(double)> stage(Observer& observer, double from, double to, const char* what) {
+  return [&observer, from, to, what](double share) {
+    observer.report(from + share * (to - from), what);
   };
 }
 
@@ -111,18 +107,19 @@ std::vector<std::vector<std::size_t>> random_choices(const Menu& menu,
 
 // D-optimal choice from `linearised`, and as many random poses beside it.
 CampaignPlan choose(const Linearised& linearised, const Menu& menu, const Robot& robot,
-                    const Eigen::MatrixXd& start, double sigma, const PlanOptions& options) {
+                    const Eigen::MatrixXd& start, double sigma, const PlanOptions& options,
+                    Observer& observer) {
   CampaignPlan plan;
   plan.unknowns = linearised.unknowns();
   DOptimality criterion(MeasurementChoice(linearised.jacobian(), linearised.height(), start));
   const std::vector<bool> session = best_session(menu, criterion, options.poses);
   const std::vector<std::size_t> chosen =
-      choose_best(criterion, options.poses, session, stage(options, 0.2, 0.9, "choosing poses"));
+      choose_best(criterion, options.poses, session, stage(observer, 0.2, 0.9, "choosing poses"));
   const auto known_with = [&](const std::vector<std::size_t>& rows) -> Eigen::MatrixXd {
     return start + linearised.information_of(rows);
   };
   plan.planned = fisher_spectrum(linearised, known_with(chosen), sigma, menu.uniform);
-  report(options, 0.9, "comparing with random poses");
+  observer.report(0.9, "comparing with random poses");
   std::vector<std::pair<double, std::vector<std::size_t>>> draws;
   for (std::vector<std::size_t>& rows : random_choices(menu, session, options)) {
     const double worth = ScaledCholesky(known_with(rows)).log_determinant();
@@ -140,7 +137,7 @@ CampaignPlan choose(const Linearised& linearised, const Menu& menu, const Robot&
 
 // Pairs that so many poses on the menu can tell apart at all; all of them where none is.
 std::vector<RivalPair> separable_pairs(const Rivals& rivals, const Menu& menu,
-                                       const PlanOptions& options) {
+                                       const PlanOptions& options, Observer& observer) {
   std::vector<RivalPair> separable;
   for (const RivalPair& pair : rivals.pairs()) {
     std::vector<MeasurementChoice> only;
@@ -149,7 +146,7 @@ std::vector<RivalPair> separable_pairs(const Rivals& rivals, const Menu& menu,
     const std::vector<std::size_t> rows =
         choose_greedily(alone, options.poses, best_session(menu, alone, options.poses));
     if (rivals.evidence(pair, rows) < -kSettled) separable.push_back(pair);
-    report(options, 0.4, "finding what can be told apart");
+    observer.report(0.4, "finding what can be told apart");
   }
   return separable.empty() ? rivals.pairs() : separable;
 }
@@ -188,7 +185,7 @@ PlanOptions PlanOptions::from_json(const json& content) {
 }
 
 CampaignPlan plan_campaign(const Robot& given, const ModelSpecification& specification,
-                           const PlanOptions& options) {
+                           const PlanOptions& options, Observer& observer) {
   Robot robot = given;
   if (options.tool) {
     Pose tool = Pose::Identity();
@@ -199,14 +196,14 @@ CampaignPlan plan_campaign(const Robot& given, const ModelSpecification& specifi
     throw ModelError(
         "plan: robot.yaml has no tool, expected where the reflector will sit in the flange");
   }
-  report(options, 0.0, "finding reachable poses");
+  observer.report(0.0, "finding reachable poses");
   Menu menu = make_menu(robot, *robot.flange_from_tool, options.cell, joint_ranges(robot, {}),
                         options.levels, options.candidates, options.seed);
   const Eigen::Vector3d point = robot.flange_from_tool->translation();
   Kinematics kinematics(robot, 1);
   kinematics.set_base(robot.measuring_from_base.value_or(Pose::Identity()));
   kinematics.set_tool(0, *robot.flange_from_tool);
-  report(options, 0.1, "linearising the model");
+  observer.report(0.1, "linearising the model");
   const State joints(robot, menu.columns, point);
   const std::vector<Pose> poses =
       predict_poses(joints, std::vector<int>(joints.rows(), 0), Model{}, kinematics);
@@ -221,8 +218,8 @@ CampaignPlan plan_campaign(const Robot& given, const ModelSpecification& specifi
   const Identifiability identifiable = identify(design);
   design.set_free(identifiable.kept);
   const Linearised linearised(design, kSmoothness);
-  CampaignPlan plan =
-      choose(linearised, menu, robot, linearised.known(), measurements.typical_sigma, options);
+  CampaignPlan plan = choose(linearised, menu, robot, linearised.known(),
+                             measurements.typical_sigma, options, observer);
   for (const Unidentifiable& held : identifiable.held) {
     if (held.exact) {
       ++plan.same_numbers;
@@ -230,14 +227,14 @@ CampaignPlan plan_campaign(const Robot& given, const ModelSpecification& specifi
       plan.weak.push_back(held.sentence);
     }
   }
-  report(options, 1.0, "done");
+  observer.report(1.0, "done");
   return plan;
 }
 
-CampaignPlan plan_sharpening(Fit& fit, const PlanOptions& options) {
-  report(options, 0.0, "finding reachable poses");
+CampaignPlan plan_sharpening(Fit& fit, const PlanOptions& options, Observer& observer) {
+  observer.report(0.0, "finding reachable poses");
   const Menu menu = menu_for(fit, levels_for({&fit}, options.levels), options);
-  report(options, 0.1, "linearising the model");
+  observer.report(0.1, "linearising the model");
   const State state(fit.robot(), menu.columns, fit.state().payload_point());
   const Measurements measurements = expected_measurements(
       fit, predict_poses(state, std::vector<int>(state.rows(), 0), fit.model(), fit.kinematics()));
@@ -247,9 +244,9 @@ CampaignPlan plan_sharpening(Fit& fit, const PlanOptions& options) {
   const Eigen::MatrixXd taken = linearised.jacobian_of(fit.design());
   const Eigen::MatrixXd start = linearised.known() + taken.transpose() * taken;
   CampaignPlan plan =
-      choose(linearised, menu, fit.robot(), start, measurements.typical_sigma, options);
+      choose(linearised, menu, fit.robot(), start, measurements.typical_sigma, options, observer);
   plan.present = fisher_spectrum(linearised, start, measurements.typical_sigma, menu.uniform);
-  report(options, 1.0, "done");
+  observer.report(1.0, "done");
   return plan;
 }
 
@@ -274,10 +271,10 @@ std::vector<std::optional<Evidence>> evidence_of(Fit& fit,
 }
 
 SeparationPlan plan_separation(Fit& fit, const std::vector<EffectRequest>& requests,
-                               const PlanOptions& options) {
+                               const PlanOptions& options, Observer& observer) {
   if (requests.size() < 2)
     throw ModelError("plan: found fewer than two candidates, expected those to tell apart");
-  report(options, 0.0, "fitting the candidates");
+  observer.report(0.0, "fitting the candidates");
   std::vector<std::unique_ptr<Fit>> fits;
   std::vector<const Fit*> views;
   std::vector<double> bic;
@@ -288,18 +285,18 @@ SeparationPlan plan_separation(Fit& fit, const std::vector<EffectRequest>& reque
     bic.push_back(bayesian_information(*fits.back()));
     plan.candidates.push_back(label(request));
   }
-  report(options, 0.2, "finding reachable poses");
+  observer.report(0.2, "finding reachable poses");
   const Menu menu = menu_for(fit, levels_for(views, options.levels), options);
   const Rivals rivals(std::move(fits), menu);
   std::vector<MeasurementChoice> counted;
-  for (const RivalPair& pair : separable_pairs(rivals, menu, options)) {
+  for (const RivalPair& pair : separable_pairs(rivals, menu, options, observer)) {
     counted.push_back(rivals.choice(pair));
   }
   TOptimality criterion(std::move(counted));
   const std::vector<bool> session = best_session(menu, criterion, options.poses);
   const std::vector<std::size_t> chosen =
-      choose_best(criterion, options.poses, session, stage(options, 0.5, 0.95, "choosing poses"));
-  report(options, 0.95, "comparing with random poses");
+      choose_best(criterion, options.poses, session, stage(observer, 0.5, 0.95, "choosing poses"));
+  observer.report(0.95, "comparing with random poses");
   const std::vector<std::vector<std::size_t>> draws = random_choices(menu, session, options);
   for (const RivalPair& pair : rivals.pairs()) {
     std::vector<double> random;
@@ -312,7 +309,7 @@ SeparationPlan plan_separation(Fit& fit, const std::vector<EffectRequest>& reque
     plan.separations.push_back(s);
   }
   plan.rows = take(menu, fit.robot(), chosen);
-  report(options, 1.0, "done");
+  observer.report(1.0, "done");
   return plan;
 }
 

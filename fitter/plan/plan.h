@@ -2,7 +2,6 @@
 // that tell rival explanations apart.
 #pragma once
 
-#include <functional>
 #include <memory>
 #include <nlohmann/json_fwd.hpp>
 #include <optional>
@@ -22,7 +21,6 @@ struct PlanOptions {
   Cell cell;
   Levels levels;                  ///< of columns besides the joints; those not named: as recorded
   std::size_t random_draws = 25;  ///< of as many random poses, to compare with
-  std::function<void(double, const std::string&)> progress;
 
   /// A first campaign has no data to tell these:
   std::optional<Instrument> instrument;
@@ -62,10 +60,11 @@ struct CampaignPlan {
 /// Throws ModelError where the tool is unknown, a column that the model reads has no levels, or
 /// hardly a pose is admissible.
 CampaignPlan plan_campaign(const Robot& robot, const ModelSpecification& specification,
-                           const PlanOptions& options);
+                           const PlanOptions& options, Observer& observer = Observer::none());
 
 /// Further poses for a fit's own parameters, given what its measurements know already.
-CampaignPlan plan_sharpening(Fit& fit, const PlanOptions& options);
+CampaignPlan plan_sharpening(Fit& fit, const PlanOptions& options,
+                             Observer& observer = Observer::none());
 
 /// One rival explanation against another.
 struct Separation {
@@ -98,6 +97,6 @@ std::vector<std::optional<Evidence>> evidence_of(Fit& fit,
 /// that the fit lacks: T-optimality on the fitted rivals' predictions, every parameter of the wrong
 /// one free to follow. Throws ModelError for fewer than two rivals or where one cannot be fitted.
 SeparationPlan plan_separation(Fit& fit, const std::vector<EffectRequest>& rivals,
-                               const PlanOptions& options);
+                               const PlanOptions& options, Observer& observer = Observer::none());
 
 }  // namespace armtrue

@@ -162,7 +162,6 @@ double Rivals::left_after_refit(const RivalPair& pair, const std::vector<std::si
   target.resize(poses.size(), 0.0);
 
   FitOptions options = rival.options();
-  options.progress = nullptr;
   options.nonlinear_starts.clear();
   options.reject_gross_errors = false;
   options.cross_validate = false;

@@ -17,6 +17,7 @@
 #include "fitter/python/arrays.h"
 #include "fitter/python/drawing_binding.h"
 #include "fitter/python/plan_binding.h"
+#include "fitter/python/watched.h"
 
 namespace nb = nanobind;
 using namespace nb::literals;
@@ -26,7 +27,6 @@ namespace armtrue {
 namespace {
 
 using Column = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
-using Progress = std::function<void(double, const std::string&)>;
 
 // Columns are read once into the state, which keeps derived columns beside them.
 State::Columns to_columns(const std::map<std::string, Column>& arrays) {
@@ -44,7 +44,7 @@ std::vector<int> to_targets(const State::Columns& columns) {
   return target;
 }
 
-FitOptions fit_options(const json& given, Progress progress) {
+FitOptions fit_options(const json& given) {
   FitOptions options;
   options.folds = given.value("folds", options.folds);
   options.seed = given.value("seed", options.seed);
@@ -55,7 +55,6 @@ FitOptions fit_options(const json& given, Progress progress) {
   if (given.contains("instrument") && !given["instrument"].is_null()) {
     options.instrument = Instrument::from_json(given["instrument"]);
   }
-  options.progress = std::move(progress);
   return options;
 }
 
@@ -84,9 +83,11 @@ std::string effects_json() {
 std::string align_json(const std::string& robot_json, const std::map<std::string, Column>& arrays,
                        const std::string&) {
   const Robot robot = Robot::from_json(json::parse(robot_json));
-  const State state(robot, to_columns(arrays), Eigen::Vector3d::Zero());
-  const Measurements measurements = Measurements::from_state(state, std::nullopt, 1e-5, 1e-5);
-  const Alignment alignment = align(state, measurements);
+  const State::Columns columns = to_columns(arrays);
+  const Alignment alignment = watched({}, [&](WatchedCall&) {
+    const State state(robot, columns, Eigen::Vector3d::Zero());
+    return align(state, Measurements::from_state(state, std::nullopt, 1e-5, 1e-5));
+  });
   const auto pose = [](const Pose& p) {
     const Eigen::Vector3d rpy = rpy_from_rotation(p.linear());
     return json{{"xyz", {p.translation().x(), p.translation().y(), p.translation().z()}},
@@ -110,16 +111,21 @@ std::shared_ptr<Fit> run_fit(const std::string& robot_json,
                              const std::map<std::string, Column>& arrays,
                              const std::string& model_json, const std::string& options_json,
                              std::optional<Progress> progress) {
-  return Fit::run(Robot::from_json(json::parse(robot_json)), to_columns(arrays),
-                  ModelSpecification::from_json(json::parse(model_json)),
-                  fit_options(json::parse(options_json), progress ? *progress : Progress{}));
+  const State::Columns columns = to_columns(arrays);
+  return watched(std::move(progress), [&](WatchedCall& call) -> std::shared_ptr<Fit> {
+    return Fit::run(Robot::from_json(json::parse(robot_json)), columns,
+                    ModelSpecification::from_json(json::parse(model_json)),
+                    fit_options(json::parse(options_json)), call);
+  });
 }
 
 Vectors predict(const std::string& document_json, const std::map<std::string, Column>& arrays) {
   const FittedModel fitted = FittedModel::from_json(json::parse(document_json));
   const State::Columns columns = to_columns(arrays);
+  const std::vector<Pose> poses =
+      watched({}, [&](WatchedCall&) { return fitted.predict(columns, to_targets(columns)); });
   std::vector<double> xyz;
-  for (const Pose& pose : fitted.predict(columns, to_targets(columns))) {
+  for (const Pose& pose : poses) {
     xyz.insert(xyz.end(), {pose.translation().x(), pose.translation().y(), pose.translation().z()});
   }
   return to_numpy(std::move(xyz), 3);
@@ -135,18 +141,9 @@ Vectors residuals(Fit& fit) {
   return to_numpy(std::move(xyz), 3);
 }
 
-// Lets Ctrl-C through: it is seen between one report and the next.
-Progress interruptible(std::optional<Progress> progress) {
-  return [progress = std::move(progress)](double share, const std::string& what) {
-    if (PyErr_CheckSignals() != 0) throw nb::python_error();
-    if (progress) (*progress)(share, what);
-  };
-}
-
 std::string run_diagnose(Fit& fit, std::optional<Progress> progress) {
-  DiagnoseOptions options;
-  options.progress = interruptible(std::move(progress));
-  return diagnose(fit, options).to_json(fit).dump();
+  return watched(std::move(progress),
+                 [&](WatchedCall& call) { return diagnose(fit, {}, call).to_json(fit).dump(); });
 }
 
 using OnStep = std::function<void(std::shared_ptr<Fit>, const std::string&)>;
@@ -154,11 +151,16 @@ using OnStep = std::function<void(std::shared_ptr<Fit>, const std::string&)>;
 std::pair<std::shared_ptr<Fit>, std::string> run_refine(std::shared_ptr<Fit> fit,
                                                         std::optional<OnStep> on_step,
                                                         std::optional<Progress> progress) {
-  RefineOptions options;
-  options.progress = interruptible(std::move(progress));
-  if (on_step)
-    options.on_step = [&](const RefineStep& step) { (*on_step)(step.fit, step.document().dump()); };
-  const std::vector<RefineStep> steps = refine(std::move(fit), options);
+  const std::vector<RefineStep> steps = watched(std::move(progress), [&](WatchedCall& call) {
+    RefineOptions options;
+    if (on_step) {
+      options.on_step = [&](const RefineStep& step) {
+        const std::string document = step.document().dump();
+        call.on_callers_thread([&] { (*on_step)(step.fit, document); });
+      };
+    }
+    return refine(fit, options, call);
+  });
   json result{{"steps", json::array()}};
   for (const RefineStep& step : steps) result["steps"].push_back(step.document());
   result["effects"] = result["steps"].back()["effects"];

@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "fitter/plan/plan.h"
+#include "fitter/python/watched.h"
 
 namespace nb = nanobind;
 using namespace nb::literals;
@@ -15,37 +16,35 @@ using nlohmann::json;
 namespace armtrue {
 namespace {
 
-using Progress = std::function<void(double, const std::string&)>;
-
-PlanOptions plan_options(const std::string& options_json, std::optional<Progress> progress) {
-  PlanOptions options = PlanOptions::from_json(json::parse(options_json));
-  // Lets Ctrl-C through: it is seen between one report and the next.
-  options.progress = [progress = std::move(progress)](double share, const std::string& what) {
-    if (PyErr_CheckSignals() != 0) throw nb::python_error();
-    if (progress) (*progress)(share, what);
-  };
-  return options;
+PlanOptions plan_options(const std::string& options_json) {
+  return PlanOptions::from_json(json::parse(options_json));
 }
 
 std::string campaign(const std::string& robot_json, const std::string& model_json,
                      const std::string& options_json, std::optional<Progress> progress) {
-  return plan_campaign(Robot::from_json(json::parse(robot_json)),
-                       ModelSpecification::from_json(json::parse(model_json)),
-                       plan_options(options_json, std::move(progress)))
-      .to_json()
-      .dump();
+  return watched(std::move(progress), [&](WatchedCall& call) {
+    return plan_campaign(Robot::from_json(json::parse(robot_json)),
+                         ModelSpecification::from_json(json::parse(model_json)),
+                         plan_options(options_json), call)
+        .to_json()
+        .dump();
+  });
 }
 
 std::string sharpening(Fit& fit, const std::string& options_json,
                        std::optional<Progress> progress) {
-  return plan_sharpening(fit, plan_options(options_json, std::move(progress))).to_json().dump();
+  return watched(std::move(progress), [&](WatchedCall& call) {
+    return plan_sharpening(fit, plan_options(options_json), call).to_json().dump();
+  });
 }
 
 std::string evidence(Fit& fit, const std::string& effects_json) {
   const ModelSpecification asked =
       ModelSpecification::from_json({{"effects", json::parse(effects_json)}});
+  const std::vector<std::optional<Evidence>> found =
+      watched({}, [&](WatchedCall&) { return evidence_of(fit, asked.effects); });
   json result = json::array();
-  for (const std::optional<Evidence>& e : evidence_of(fit, asked.effects)) {
+  for (const std::optional<Evidence>& e : found) {
     result.push_back(e ? json{{"delta_bic", e->delta_bic}, {"misfit", e->misfit}} : json(nullptr));
   }
   return result.dump();
@@ -55,9 +54,9 @@ std::string separation(Fit& fit, const std::string& candidates_json,
                        const std::string& options_json, std::optional<Progress> progress) {
   const ModelSpecification asked =
       ModelSpecification::from_json({{"effects", json::parse(candidates_json)}});
-  return plan_separation(fit, asked.effects, plan_options(options_json, std::move(progress)))
-      .to_json()
-      .dump();
+  return watched(std::move(progress), [&](WatchedCall& call) {
+    return plan_separation(fit, asked.effects, plan_options(options_json), call).to_json().dump();
+  });
 }
 
 }  // namespace

@@ -82,7 +82,6 @@ ModelSpecification close_options(const State& state, const ModelSpecification& s
   });
   if (open.empty()) return specification;
   FitOptions quick = options;
-  quick.progress = nullptr;
   quick.cross_validate = false;
   for (const EffectRequest& request : open) {
     const std::unique_ptr<Fit> base = Fit::run(state.robot(), state.columns(), closed, quick);

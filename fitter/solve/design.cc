@@ -3,6 +3,8 @@
 #include <cmath>
 #include <limits>
 
+#include "fitter/model/observer.h"
+
 namespace armtrue {
 
 // --- BasisTable
@@ -198,6 +200,7 @@ Eigen::Matrix<double, 6, 1> Design::whiten(std::size_t i,
 }
 
 void Design::evaluate(std::size_t i, bool with_jacobian, Row& row) {
+  throw_if_cancelled();
   coordinates_of(i);
   const auto n = static_cast<std::size_t>(kinematics_.layout().joints);
   const double* q = &state_->joints()[i * n];
@@ -268,6 +271,7 @@ std::vector<Pose> predict_poses(const State& state, const std::vector<int>& targ
   std::vector<Pose> poses;
   const auto n = static_cast<std::size_t>(chain.layout().joints);
   for (std::size_t i = 0; i < state.rows(); ++i) {
+    throw_if_cancelled();
     basis.row(i, entries);
     coordinates.setZero();
     for (const BasisTable::Entry& e : entries) {

@@ -96,20 +96,21 @@ std::shared_ptr<const Prepared> prepare(const Robot& robot, const State::Columns
 }  // namespace
 
 std::unique_ptr<Fit> Fit::run(const Robot& robot, const State::Columns& columns,
-                              const ModelSpecification& specification, const FitOptions& options) {
+                              const ModelSpecification& specification, const FitOptions& options,
+                              Observer& observer) {
   std::unique_ptr<Fit> fit(new Fit);
   fit->options_ = options;
-  fit->report(0.0, "aligning");
+  observer.report(0.0, "aligning");
   fit->prepared_ = options.start ? options.start->prepared : prepare(robot, columns, options);
   fit->specification_ = close_options(fit->state(), specification, options);
   fit->begin();
-  fit->report(0.1, "solving");
+  observer.report(0.1, "solving");
   fit->solve_robustly();
-  fit->report(0.6, "covariance");
+  observer.report(0.6, "covariance");
   fit->fold_base_and_tool();
   const EvaluatedRows evaluated = evaluate_rows(*fit->design_);
   fit->compute_covariance(evaluated);
-  fit->report(0.7, "held-out errors");
+  observer.report(0.7, "held-out errors");
   fit->measure_errors();
   if (options.cross_validate) {
     fit->measure_held_out_errors(evaluated);
@@ -119,7 +120,7 @@ std::unique_ptr<Fit> Fit::run(const Robot& robot, const State::Columns& columns,
   }
   fit->measure_noise_floor();
   fit->options_.start.reset();
-  fit->report(1.0, "done");
+  observer.report(1.0, "done");
   return fit;
 }
 

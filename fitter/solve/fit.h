@@ -3,7 +3,6 @@
 #pragma once
 
 #include <cmath>
-#include <functional>
 #include <map>
 #include <memory>
 #include <nlohmann/json_fwd.hpp>
@@ -11,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "fitter/model/observer.h"
 #include "fitter/solve/align.h"
 #include "fitter/solve/cross_validation.h"
 #include "fitter/solve/identifiability.h"
@@ -54,7 +54,6 @@ struct FitOptions {
   /// Where linear parameters begin; none: where they are nominal. A fit that searches for nonlinear
   /// parameters begins at nominal all the same.
   std::shared_ptr<const StartPoint> start;
-  std::function<void(double, const std::string&)> progress;  ///< share done, what is being done
 };
 
 struct RejectedRow {
@@ -74,7 +73,7 @@ class Fit {
   /// Throws ModelError for data that cannot carry the model.
   static std::unique_ptr<Fit> run(const Robot& robot, const State::Columns& columns,
                                   const ModelSpecification& specification,
-                                  const FitOptions& options);
+                                  const FitOptions& options, Observer& observer = Observer::none());
 
   const Robot& robot() const { return prepared_->robot; }
   const State& state() const { return *prepared_->state; }
@@ -138,9 +137,6 @@ class Fit {
   void measure_held_out_errors(const EvaluatedRows& evaluated);
   void measure_noise_floor();
   void measure_noise_floor_between_targets();
-  void report(double share, const std::string& what) const {
-    if (options_.progress) options_.progress(share, what);
-  }
 
   std::shared_ptr<const Prepared> prepared_;
   Measurements measurements_;

@@ -8,20 +8,28 @@
 #include <thread>
 #include <vector>
 
+#include "fitter/model/observer.h"
+
 namespace armtrue {
 
 /// Calls `job(index)` once for each index below `count`, on as many threads as there are
 /// processors, the caller's among them. Jobs must share nothing that they change. The first
 /// exception is thrown on when all threads have ended; jobs that had not begun by then stay undone.
+/// The caller's CancelScope holds on all of them.
 template <typename Job>
 void in_parallel(std::size_t count, const Job& job) {
   const std::size_t workers =
       std::min<std::size_t>(count, std::max(1U, std::thread::hardware_concurrency()));
   std::atomic<std::size_t> next = 0;
   std::vector<std::exception_ptr> failures(workers);
+  const std::atomic<bool>* cancelled = CancelScope::current();
   const auto work = [&](std::size_t worker) {
+    const CancelScope scope(cancelled);
     try {
-      for (std::size_t index = next++; index < count; index = next++) job(index);
+      for (std::size_t index = next++; index < count; index = next++) {
+        throw_if_cancelled();
+        job(index);
+      }
     } catch (...) {
       failures[worker] = std::current_exception();
       next = count;

@@ -118,7 +118,6 @@ def waiting(output: Output) -> Iterator[progress_protocol.Progress]:
         if share < done:  # the next round of the same work
             bar.reset(task, description=stage)
         done = share
-        # The numerical library lets no other thread run, which would refresh it now and then.
         bar.update(task, completed=share, description=stage, refresh=shown)
 
     try:

@@ -1,0 +1,86 @@
+#include "fitter/python/watched.h"
+
+namespace nb = nanobind;
+
+namespace armtrue {
+namespace {
+
+// Ctrl-C waits so long at most before it is seen.
+constexpr std::chrono::milliseconds kBetweenLooks{50};
+
+}  // namespace
+
+void WatchedCall::report(double share, const std::string& stage) {
+  if (!progress_) return;
+  const std::lock_guard lock(mutex_);
+  tasks_.push_back({[this, share, stage] { (*progress_)(share, stage); }});
+  changed_.notify_all();
+}
+
+void WatchedCall::on_callers_thread(const std::function<void()>& task) {
+  bool done = false;
+  std::unique_lock lock(mutex_);
+  tasks_.push_back({task, &done});
+  changed_.notify_all();
+  changed_.wait(lock, [&] { return done || cancelled_; });
+  if (cancelled_) throw Cancelled();
+}
+
+// Waits a little for a task, without the GIL. False where none came.
+bool WatchedCall::wait_for_task(Task& task) {
+  const nb::gil_scoped_release released;
+  std::unique_lock lock(mutex_);
+  changed_.wait_for(lock, kBetweenLooks, [&] { return ended_ || !tasks_.empty(); });
+  if (tasks_.empty()) return false;
+  task = std::move(tasks_.front());
+  tasks_.pop_front();
+  return true;
+}
+
+// What the computing thread asks of this one, until it has ended.
+void WatchedCall::attend() {
+  for (;;) {
+    Task task;
+    const bool found = wait_for_task(task);
+    if (PyErr_CheckSignals() != 0) throw nb::python_error();
+    if (found) task.run();
+    const std::lock_guard lock(mutex_);
+    if (task.done) {
+      *task.done = true;
+      changed_.notify_all();
+    }
+    if (ended_ && tasks_.empty()) return;
+  }
+}
+
+void WatchedCall::run(const std::function<void()>& work) {
+  std::exception_ptr failure;
+  std::thread computing([&] {
+    const CancelScope scope(&cancelled_);
+    try {
+      work();
+    } catch (...) {
+      failure = std::current_exception();
+    }
+    const std::lock_guard lock(mutex_);
+    ended_ = true;
+    changed_.notify_all();
+  });
+  std::exception_ptr stopped_by;
+  try {
+    attend();
+  } catch (...) {
+    stopped_by = std::current_exception();
+    const std::lock_guard lock(mutex_);
+    cancelled_ = true;
+    changed_.notify_all();
+  }
+  {
+    const nb::gil_scoped_release released;
+    computing.join();
+  }
+  if (stopped_by) std::rethrow_exception(stopped_by);
+  if (failure) std::rethrow_exception(failure);
+}
+
+}  // namespace armtrue

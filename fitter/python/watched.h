@@ -1,0 +1,65 @@
+// Long calls from Python: the numbers are worked out on a thread of their own, without the GIL,
+// while the thread that called hands progress to Python and answers Ctrl-C.
+#pragma once
+
+#include <nanobind/nanobind.h>
+
+#include <atomic>
+#include <chrono>
+#include <condition_variable>
+#include <deque>
+#include <exception>
+#include <functional>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <thread>
+#include <utility>
+
+#include "fitter/model/observer.h"
+
+namespace armtrue {
+
+using Progress = std::function<void(double, const std::string&)>;
+
+/// What passes between the thread that computes and the one that called from Python.
+class WatchedCall final : public Observer {
+ public:
+  /// `progress`: called on the caller's thread only, with the GIL.
+  explicit WatchedCall(std::optional<Progress> progress) : progress_(std::move(progress)) {}
+
+  void report(double share, const std::string& stage) override;
+  /// Has the caller's thread do `task` with the GIL, and waits for it. Throws Cancelled where the
+  /// call was cancelled meanwhile.
+  void on_callers_thread(const std::function<void()>& task);
+
+  /// Called with the GIL. Runs `work` and returns when that has ended; throws what it threw, or
+  /// what a callback or Ctrl-C's handler threw.
+  void run(const std::function<void()>& work);
+
+ private:
+  struct Task {
+    std::function<void()> run;
+    bool* done = nullptr;  // of a task that is waited for
+  };
+  void attend();
+  bool wait_for_task(Task& task);
+
+  const std::optional<Progress> progress_;
+  std::atomic<bool> cancelled_ = false;
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  std::deque<Task> tasks_;
+  bool ended_ = false;
+};
+
+/// `work(call)` as WatchedCall::run does it; returns what it returns.
+template <typename Work>
+auto watched(std::optional<Progress> progress, const Work& work) {
+  WatchedCall call(std::move(progress));
+  std::optional<decltype(work(call))> result;
+  call.run([&] { result.emplace(work(call)); });
+  return std::move(*result);
+}
+
+}  // namespace armtrue
