@@ -1,235 +1,222 @@
-"""Wrong conventions: what single change of sign, zero, coupling or order makes the measurements follow the joints.
+"""Wrong conventions: which change of how the file was read makes the nominal arm follow the measurements.
 
-Each hypothesis is a change of the columns, judged by what distance stays after base and tool are found from nothing
-with nominal kinematics. A right convention leaves millimetres, a wrong one a good part of the arm's reach.
+Signs, zeros, couplings, degrees, tables, orders and scale compete, singly and in pairs. Each is judged by the distance
+that stays after base and tool are found from nothing; every further change must leave a third of it at most.
 """
 
 from __future__ import annotations
 
-import itertools
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from armtrue.checking import hypotheses, lengths
 from armtrue.checking.alignment import NOMINAL_ERROR_PER_REACH, Columns, align, thinned
+from armtrue.checking.hypotheses import Hypothesis
+from armtrue.checking.placement import Reading, lower_bounds
 from armtrue.checking.report import Finding
 from armtrue.io.robot import Robot
 
-# A hypothesis is believed when it leaves at most this share of the residual.
+# A further change is believed when it leaves at most this share of the residual.
 _CONVINCING = 1 / 3
-_ROWS_FOR_HYPOTHESES = 50
+# Nominal arms differ by this much without any mistake, in metres per metre of reach: better is not more convincing.
+_AS_GOOD_AS_NOMINAL = 0.0005
+_ROWS = 60
 # Hypotheses that leave at most so many times what the best leaves explain the data as well.
 _AS_WELL = 1.5
-_MOST_CHANGES = 3
-_JOINTS_FOR_ALL_SIGNS = 7
-
-
-@dataclass(frozen=True)
-class Hypothesis:
-    """A change that would explain the data: its finding's code, sentence and remedy, and the change itself."""
-
-    code: str
-    sentence: str
-    remedy: str
-    apply: Callable[[Columns], Columns]
-
-
-def find(columns: Columns, robot: Robot) -> list[Finding]:
-    """One error for each convention that is wrong, or one where positions follow the joints under none tried."""
-    rms = _rms(columns, robot)
-    acceptable = NOMINAL_ERROR_PER_REACH * robot.reach_m
-    if rms <= acceptable:
-        return []
-    start = rms
-    found: list[list[_Judged]] = []
-    while rms > acceptable and len(found) < _MOST_CHANGES:
-        judged = _judged(_hypotheses(robot, allow_order=not found), columns, robot)
-        if judged[0].rms_m > _CONVINCING * rms:
-            judged = _judged(_sign_patterns(robot), columns, robot)
-        if judged[0].rms_m > _CONVINCING * rms:
-            break
-        found.append(judged)
-        columns = judged[0].hypothesis.apply(columns)
-        rms = judged[0].rms_m
-    if not found:
-        return [_no_convention(start)]
-    return [_finding(judged, start, rms, alone=len(found) == 1) for judged in found]
+_MOST_AS_WELL = 3
+# Aligned in full, of those that the lower bound puts first: each takes 20 ms.
+_MOST_ALIGNED = 16
+_SCALE_PASSES = 2
+# Smaller zeros are what a calibration finds.
+_LEAST_ZERO_DEGREES = 2.0
+_ZERO_STEP_DEGREES = 15.0
+_LARGEST_SCALE_WITHIN = 1.25
 
 
 @dataclass(frozen=True)
 class _Judged:
-    hypothesis: Hypothesis
+    """A hypothesis (None: nothing is changed), the RMS distance that it leaves and the spread of its points [m]."""
+
+    hypothesis: Hypothesis | None
     rms_m: float
+    floor_m: float
+    spread_m: float
+
+    @property
+    def changes(self) -> int:
+        return 0 if self.hypothesis is None else self.hypothesis.changes
+
+    @property
+    def score(self) -> float:
+        """The residual as a share of the points' spread, over the share that each change must leave at most.
+
+        A share, since any arm reaches points that another unit shrinks to a speck.
+        """
+        return max(self.rms_m, self.floor_m) / self.spread_m / _CONVINCING**self.changes
 
 
-def _finding(judged: list[_Judged], start: float, rms: float, alone: bool) -> Finding:
-    change = judged[0].hypothesis
-    best = min(one.rms_m for one in judged)
-    as_well = [other.hypothesis.sentence for other in judged[1:] if other.rms_m <= _AS_WELL * best]
+def find(columns: Columns, robot: Robot) -> list[Finding]:
+    """One error for each convention that is wrong, or one where positions follow the joints under none tried."""
+    search = _Search(Reading(columns, robot.spec))
+    start = search.unchanged()[0]
+    if start.rms_m <= start.floor_m / _CONVINCING:
+        return []
+    best, as_well = search.best()
+    if best.hypothesis is not None:
+        return _findings(best, as_well, start.rms_m)
+    return [_no_convention(start.rms_m)] if start.rms_m > NOMINAL_ERROR_PER_REACH * robot.reach_m else []
+
+
+class _Search:
+    """The competition between all hypotheses about one reading."""
+
+    def __init__(self, reading: Reading) -> None:
+        self._reading = reading
+        self._robot = reading.robot
+        self._floor_m = _AS_GOOD_AS_NOMINAL * self._robot.reach_m
+        self._spread_m = lengths.spread(reading.columns)
+
+    def unchanged(self) -> list[_Judged]:
+        """What stays as the file was read; infinite where only another unit would bring points and arm together."""
+        return self._aligned(None)
+
+    def best(self) -> tuple[_Judged, list[str]]:
+        """The hypothesis with the lowest score, None in it where none is better than nothing; and its rivals."""
+        judged = self.unchanged()
+        singles = hypotheses.singles(self._robot)
+        odd_zeros = self._odd_zeros()
+        judged += self._judge([*singles, *odd_zeros], min(one.score for one in judged))
+        lowest = min(one.score for one in judged)
+        if lowest > self._lowest_score(changes=2):
+            several = [*_pairs(singles), *hypotheses.sign_patterns(self._robot)]
+            judged += self._judge(several, lowest)
+        judged += self._with_one_more(min(judged, key=lambda one: one.score), singles)
+        lowest = min(one.score for one in judged)
+        best = next(one for one in judged if one.score <= _AS_WELL * lowest)
+        return best, self._rivals(best, judged)
+
+    def _rivals(self, best: _Judged, judged: list[_Judged]) -> list[str]:
+        """Other hypotheses of as many changes that leave about as little."""
+        limit = _AS_WELL * max(best.rms_m, self._floor_m)
+        return [
+            one.hypothesis.sentence
+            for one in judged
+            if one is not best
+            and one.hypothesis is not None
+            and one.changes == best.changes
+            and one.rms_m <= limit
+        ][:_MOST_AS_WELL]
+
+    def _odd_zeros(self) -> list[Hypothesis]:
+        """For each joint the zero, at any angle, under which points can follow best."""
+        return [
+            hypotheses.zero(joint, degrees)
+            for joint in hypotheses.joints_with_a_zero(self._robot)
+            if abs(degrees := self._best_zero(joint)) >= _LEAST_ZERO_DEGREES
+        ]
+
+    def _best_zero(self, joint: int) -> float:
+        degrees, step = 0.0, _ZERO_STEP_DEGREES
+        around = np.arange(-12, 12)
+        while step > _ZERO_STEP_DEGREES / 1000.0:
+            tried = [degrees + step * int(count) for count in around]
+            bounds = lower_bounds([self._sample(hypotheses.zero(joint, angle)) for angle in tried])
+            degrees = tried[int(np.argmin(bounds))]
+            step, around = step / 4.0, np.arange(-4, 5)
+        return degrees
+
+    def _lowest_score(self, changes: int) -> float:
+        """The score of `changes` that leave nothing at all."""
+        return self._floor_m / self._spread_m / _CONVINCING**changes
+
+    def _with_one_more(self, best: _Judged, singles: list[Hypothesis]) -> list[_Judged]:
+        """Three mistakes at once: what is best so far and each single one beside it."""
+        if best.hypothesis is None or best.changes < 2 or best.score <= self._lowest_score(changes=3):
+            return []
+        more = [hypotheses.pair(best.hypothesis, one) for one in singles]
+        return self._judge([one for one in more if one is not None], best.score)
+
+    def _judge(self, candidates: Sequence[Hypothesis], to_beat: float) -> list[_Judged]:
+        """Those of `candidates` that may score below `to_beat`, aligned in full, in the order they came in."""
+        sampled = [self._sample(candidate) for candidate in candidates]
+        charged = [
+            max(bound, self._floor_m / self._spread_m) / _CONVINCING**candidate.changes
+            for bound, candidate in zip(lower_bounds(sampled), candidates, strict=True)
+        ]
+        found: dict[int, list[_Judged]] = {}
+        for at in sorted(range(len(candidates)), key=charged.__getitem__)[:_MOST_ALIGNED]:
+            if charged[at] > _AS_WELL * to_beat:
+                break
+            found[at] = self._aligned(candidates[at])
+            to_beat = min([to_beat, *(one.score for one in found[at])])
+        return [one for at in sorted(found) for one in found[at]]
+
+    def _sample(self, hypothesis: Hypothesis | None) -> Reading:
+        reading = self._reading if hypothesis is None else hypothesis.apply(self._reading)
+        return Reading(thinned(reading.columns, _ROWS), reading.spec)
+
+    def _aligned(self, hypothesis: Hypothesis | None) -> list[_Judged]:
+        """`hypothesis` as it is, and beside it with the scale that goes with it where there is one."""
+        sample = self._sample(hypothesis)
+        first = align(sample.columns, sample.robot)
+        # The alignment brings another unit to size by itself: what it then leaves is not this hypothesis's own.
+        within = 1.0 / _LARGEST_SCALE_WITHIN < first.scale < _LARGEST_SCALE_WITHIN
+        rms = first.rms_m if within else math.inf
+        judged = [_Judged(hypothesis, rms, self._floor_m, self._spread_m)]
+        if not abs(first.scale - 1.0) > lengths.TOLERANCE:
+            return judged
+        scale, latest = 1.0, first
+        for _ in range(_SCALE_PASSES):
+            scale *= latest.scale
+            if not (math.isfinite(scale) and scale > 0.0):
+                return judged
+            latest = align(lengths.scaled(sample.columns, scale), sample.robot)
+        scaled = hypotheses.scale(scale)
+        both = scaled if hypothesis is None else hypotheses.pair(hypothesis, scaled)
+        # Under wrong conventions any scale comes out: it counts only where it explains all there is.
+        if both is None or latest.rms_m > NOMINAL_ERROR_PER_REACH * self._robot.reach_m:
+            return judged
+        return [*judged, _Judged(both, latest.rms_m, self._floor_m, self._spread_m / scale)]
+
+
+def _pairs(singles: list[Hypothesis]) -> list[Hypothesis]:
+    both = (hypotheses.pair(one, other) for at, one in enumerate(singles) for other in singles[at + 1 :])
+    return [pair for pair in both if pair is not None]
+
+
+def _findings(best: _Judged, as_well: list[str], start_m: float) -> list[Finding]:
+    assert best.hypothesis is not None
+    parts = best.hypothesis.each()
+    before = f"{start_m * 1000:.1f} mm RMS stay" if np.isfinite(start_m) else "nothing fits"
+    so = "so" if len(parts) == 1 else "with all that is found here"
+    figures = f"with nominal kinematics {before} as the files stand, {best.rms_m * 1000:.2f} mm {so}"
+    evidence = {
+        "rms_m": start_m if np.isfinite(start_m) else None,
+        "rms_m_if_changed": best.rms_m,
+        "as_well": as_well,
+    }
     words = f" (or {'; or '.join(as_well)})" if as_well else ""
-    return Finding(
-        change.code,
-        "error",
-        f"{change.sentence}{words}: with nominal kinematics {start * 1000:.1f} mm RMS stay as the files stand, "
-        f"{rms * 1000:.2f} mm {'so' if alone else 'with all that is found here'}",
-        {"rms_m": start, "rms_m_if_changed": rms, "as_well": as_well},
-        change.remedy,
-    )
+    return [
+        Finding(
+            part.code,
+            "error",
+            f"{part.sentence}{words}: {figures}",
+            {**part.figures, **evidence},
+            part.remedy,
+        )
+        for part in parts
+    ]
 
 
 def _no_convention(rms: float) -> Finding:
     return Finding(
         "positions_do_not_follow",
         "error",
-        f"the positions do not follow the joints: whatever base and tool, {rms * 1000:.0f} mm RMS stay, and no single "
-        "sign, zero, coupling or order of columns explains it",
-        {"rms_m": rms},
+        f"the positions do not follow the joints: whatever base and tool, {rms * 1000:.0f} mm RMS stay, and no sign, "
+        "zero, coupling, order of columns, scale or pair of these explains it",
+        {"rms_m": rms if np.isfinite(rms) else None},
         "Compare robot.yaml with the arm's data sheet, and the pairing of joints and positions with the log.",
-    )
-
-
-def _rms(columns: Columns, robot: Robot) -> float:
-    return align(thinned(columns, _ROWS_FOR_HYPOTHESES), robot).rms_m
-
-
-def _judged(hypotheses: Iterator[Hypothesis], columns: Columns, robot: Robot) -> list[_Judged]:
-    """All hypotheses, the best first; those about as good as the best stand first in their own order."""
-    judged = [_Judged(hypothesis, _rms(hypothesis.apply(columns), robot)) for hypothesis in hypotheses]
-    best = min(one.rms_m for one in judged)
-    return sorted(judged, key=lambda one: max(one.rms_m, _AS_WELL * best))
-
-
-def _hypotheses(robot: Robot, allow_order: bool) -> Iterator[Hypothesis]:
-    yield from _signs(robot)
-    yield from _zeros(robot)
-    yield from _couplings(robot)
-    if allow_order:
-        yield from _orders(robot)
-
-
-def _revolute(robot: Robot) -> list[int]:
-    return [k for k, joint in enumerate(robot.joints, start=1) if joint["type"] == "revolute"]
-
-
-def _with(name: str, change: Callable[[Columns], object]) -> Callable[[Columns], Columns]:
-    """The columns with column `name` replaced by what `change` makes of them."""
-    return lambda columns: {**columns, name: np.asarray(change(columns), dtype=np.float64)}
-
-
-def _signs(robot: Robot) -> Iterator[Hypothesis]:
-    for k in range(1, robot.joint_count + 1):
-        name = f"q{k}"
-        yield Hypothesis(
-            "joint_sign",
-            f"joint {k} turns the other way than in robot.yaml",
-            f"Give {name} 'scale: -1' in a dataset.yaml, or turn axis {k} round in robot.yaml.",
-            _with(name, lambda columns, name=name: -columns[name]),  # type: ignore[misc]
-        )
-
-
-def _sign_patterns(robot: Robot) -> Iterator[Hypothesis]:
-    """Several signs at once, which one by one need not lessen the residual."""
-    joints = range(1, robot.joint_count + 1)
-    if robot.joint_count > _JOINTS_FOR_ALL_SIGNS:
-        pairs = itertools.combinations(joints, 2)
-        patterns = (set(pair) for pair in pairs)
-    else:
-        patterns = (
-            set(chosen)
-            for size in range(2, robot.joint_count)
-            for chosen in itertools.combinations(joints, size)
-        )
-    for pattern in patterns:
-        names = [f"q{k}" for k in sorted(pattern)]
-        words = ", ".join(str(k) for k in sorted(pattern))
-
-        def turn(columns: Columns, names: list[str] = names) -> Columns:
-            return {**columns, **{name: -columns[name] for name in names}}
-
-        yield Hypothesis(
-            "joint_sign",
-            f"joints {words} turn the other way than in robot.yaml",
-            f"Give {', '.join(names)} 'scale: -1' in a dataset.yaml, or turn these axes round in robot.yaml.",
-            turn,
-        )
-
-
-def _zeros(robot: Robot) -> Iterator[Hypothesis]:
-    # The first joint's zero is the base's turn, the last one's the tool's: both are found from the data anyway.
-    for k in _revolute(robot):
-        if k in (1, robot.joint_count):
-            continue
-        for degrees in (-90, 90, 180):
-            name, turn = f"q{k}", math.radians(degrees)
-            yield Hypothesis(
-                "joint_zero",
-                f"joint {k} has its zero {degrees:+d}° from that in robot.yaml",
-                f"Add {turn:+.6f} to the offset of joint {k} in robot.yaml.",
-                _with(name, lambda columns, name=name, turn=turn: columns[name] + turn),  # type: ignore[misc]
-            )
-
-
-def _couplings(robot: Robot) -> Iterator[Hypothesis]:
-    given = {(row["joint"], row["driving"]): row["ratio"] for row in robot.spec.get("coupling", [])}
-    for joint in range(2, robot.joint_count + 1):
-        driving = joint - 1
-        ratio = given.get((joint, driving), 0.0)
-        for right in (-1.0, 0.0, 1.0):
-            if right == ratio:
-                continue
-            words = (
-                "its own command alone"
-                if right == 0.0
-                else f"q{joint} {'+' if right > 0 else '−'} q{driving}"
-            )
-            remedy = (
-                f"Take the coupling of joint {joint} out of robot.yaml."
-                if right == 0.0
-                else f"Give robot.yaml 'coupling: [{{joint: {joint}, driving: {driving}, ratio: {right:+.1f}}}]'."
-            )
-
-            def couple(
-                columns: Columns, joint: int = joint, driving: int = driving, more: float = right - ratio
-            ) -> object:
-                return columns[f"q{joint}"] + more * columns[f"q{driving}"]
-
-            yield Hypothesis(
-                "coupling", f"link angle {joint} follows {words}", remedy, _with(f"q{joint}", couple)
-            )
-
-
-def _orders(robot: Robot) -> Iterator[Hypothesis]:
-    for one, other in itertools.combinations(range(1, robot.joint_count + 1), 2):
-
-        def swap(columns: Columns, one: str = f"q{one}", other: str = f"q{other}") -> Columns:
-            return {**columns, one: columns[other], other: columns[one]}
-
-        yield Hypothesis(
-            "joints_swapped",
-            f"columns q{one} and q{other} stand in each other's place",
-            f"Swap the columns q{one} and q{other}, or name them rightly in a dataset.yaml.",
-            swap,
-        )
-    for lag, words in ((1, "after"), (-1, "before")):
-
-        def shift(columns: Columns, lag: int = lag) -> Columns:
-            inner = slice(1, -1)
-            return {
-                name: np.roll(values, -lag)[inner] if name in ("x", "y", "z") else values[inner]
-                for name, values in columns.items()
-            }
-
-        yield Hypothesis(
-            "rows_shifted",
-            f"each position stands in the row {words} the joints it belongs to",
-            "Pair joints and positions again from the logs, by their times.",
-            shift,
-        )
-    yield Hypothesis(
-        "left_handed_frame",
-        "the measuring frame is left-handed (one of its axes is the wrong way round)",
-        "Give one of x, y, z 'scale: -1' in a dataset.yaml, or correct the instrument's frame.",
-        _with("z", lambda columns: -columns["z"]),
     )

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,12 +13,15 @@ from armtrue.checking.alignment import Alignment, Columns
 from armtrue.checking.report import Finding
 from armtrue.io.columns import QUATERNION, commanded_joints
 from armtrue.io.dataset import Dataset
+from armtrue.io.layout import TURNS, RotationSource
 from armtrue.io.robot import Robot
+from armtrue.io.rotation import matrix_from_euler
 
 Array = NDArray[np.float64]
 
 # Nominal arms turn their tool within a degree or two of the truth; a wrong convention misses by tens.
 _LARGEST_ANGLE = math.radians(5.0)
+_ROWS = 60
 _REMEDY = (
     "Mend the rotation's order, sequence, axes or unit in dataset.yaml; until then fit without orientations."
 )
@@ -73,8 +78,45 @@ def find(data: Dataset, measured: Columns, robot: Robot, alignment: Alignment) -
         if typical_angle(places, inverted) <= _LARGEST_ANGLE:
             words += f"; they do where {meant}"
             break
-    evidence = {"typical_angle_rad": angle}
-    return [Finding("orientations_do_not_follow", "error", words, evidence, _REMEDY)]
+    evidence: dict[str, Any] = {"typical_angle_rad": angle}
+    remedy = _REMEDY
+    if data.turns is not None and data.rotation is not None:
+        left, keys = _best_convention(nominal[whole], data.turns[whole], target[whole], data.rotation)
+        if left <= _LARGEST_ANGLE:
+            evidence["typical_angle_rad_if_changed"] = left
+            words += f", and {math.degrees(left):.2g}° where they are read otherwise"
+            remedy = f"Give dataset.yaml 'rotation: {keys}'."
+    return [Finding("orientations_do_not_follow", "error", words, evidence, remedy)]
+
+
+def _best_convention(
+    nominal: Array, turns: Array, target: Array, source: RotationSource
+) -> tuple[float, str]:
+    """The typical angle [rad] of the convention of Euler angles under which they follow best, and its keys.
+
+    `turns`: the file's angles (N, 3) [rad] as read by `source`. The fewest changes come first among equals.
+    """
+    chosen = np.unique(np.linspace(0, len(turns) - 1, _ROWS).astype(np.int64))
+    # Degrees read as radians or the other way round change what every sequence makes of them.
+    units = {"deg": math.pi / 180.0, "rad": 1.0}
+    own_unit = next((unit for unit, factor in units.items() if factor == source.factor), "mrad")
+    best = (math.inf, 0, "")
+    for unit, order, sequence, intrinsic in itertools.product(
+        units, itertools.permutations(range(3)), TURNS, (True, False)
+    ):
+        values = turns[chosen][:, order] * (units[unit] / source.factor)
+        matrices = matrix_from_euler(values, sequence, intrinsic)
+        left = _typical_angle(nominal[chosen], matrices, target[chosen])
+        changes = (unit != own_unit) + (sequence != source.sequence) + (intrinsic != source.intrinsic)
+        changes += 2 * (order != (0, 1, 2))
+        # Angles apart by rounding are equal: intrinsic XYZ is extrinsic ZYX with its columns the other way round.
+        rank = (round(left, 6), changes)
+        if rank < best[:2]:
+            columns = ", ".join(source.headers[at] for at in order)
+            axes = "intrinsic" if intrinsic else "extrinsic"
+            keys = f"{{form: euler, columns: [{columns}], sequence: {sequence.upper()}, axes: {axes}, unit: {unit}}}"
+            best = (*rank, keys)
+    return best[0], best[2]
 
 
 def _typical_angle(nominal: Array, measured: Array, target: Array) -> float:

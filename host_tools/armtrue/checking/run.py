@@ -6,7 +6,6 @@ from armtrue.checking import (
     columns,
     conventions,
     drift,
-    lengths,
     motion,
     orientations,
     residuals,
@@ -44,9 +43,10 @@ def _against_kinematics(data: Dataset, robot: Robot) -> list[Finding]:
         remedy = "Measure more poses, further apart; a calibration wants some 60 and more."
         return [Finding("too_few_poses", "error", too_few, {"rows": riding.count}, remedy)]
     measured = units.in_si_units(alignment_columns(riding), robot)
-    scale = lengths.find_scale(measured, robot)
-    measured = lengths.scaled(measured, scale)
-    findings = [*lengths.find(scale), *conventions.find(measured, robot)]
+    findings = conventions.find(measured, robot)
+    if units.positions_are_in_another(riding.columns, robot):
+        # Their unit is a finding already; the one guessed to go on with may have been another than the right one.
+        findings = [finding for finding in findings if finding.code != "scale"]
     if findings:
         return findings
     alignment = align(measured, robot)

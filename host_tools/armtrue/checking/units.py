@@ -27,6 +27,11 @@ def find(data: Dataset, robot: Robot) -> list[Finding]:
     ]
 
 
+def positions_are_in_another(columns: Columns, robot: Robot) -> bool:
+    """True where the unit of x, y, z must be wrong."""
+    return any(name in POSITION for name, _, _ in wrong_units(columns, robot))
+
+
 def in_si_units(columns: Columns, robot: Robot) -> Columns:
     """`columns` with joints and positions that must be in another unit brought to SI, for the checks to go on."""
     wrong = {name for name, _, _ in wrong_units(columns, robot)}

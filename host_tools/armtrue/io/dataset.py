@@ -35,6 +35,7 @@ class Dataset:
     `path`: what was asked for, a CSV or a dataset.yaml; `file`: the file that the rows stand in.
     `columns`: name → float64 array (N,); `target` and `repeat` hold codes, whose names stand in `labels`.
     `rows`: the file row (header = 1 where it is the first line) of each entry. `notes`: what the reader did.
+    `turns`: where the file has Euler angles, those (N, 3) [rad], which `rotation` says how they were read.
     """
 
     path: Path
@@ -43,6 +44,8 @@ class Dataset:
     rows: NDArray[np.int64]
     labels: dict[str, list[str]] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
+    rotation: RotationSource | None = None
+    turns: Array | None = None
 
     @property
     def count(self) -> int:
@@ -62,7 +65,8 @@ class Dataset:
     def take(self, which: NDArray[np.bool_] | NDArray[np.int64]) -> Dataset:
         """Return the entries that a mask (N,) or indices choose, in that order: to hold some out, say."""
         columns = {name: values[which] for name, values in self.columns.items()}
-        return replace(self, columns=columns, rows=self.rows[which])
+        turns = None if self.turns is None else self.turns[which]
+        return replace(self, columns=columns, rows=self.rows[which], turns=turns)
 
 
 def load_data(path: str | Path, robot: Robot, *, need_position: bool = True, strict: bool = True) -> Dataset:
@@ -118,10 +122,10 @@ def without_fixed_targets(data: Dataset) -> Dataset:
         return data
     codes = data.columns["target"].astype(np.int64)
     keep = ~np.isin(codes, fixed)
+    kept = data.take(keep)
     # Codes count on without gaps, as the fitter gives each a tool of its own.
     left, recoded = np.unique(codes[keep], return_inverse=True)
-    columns = {name: values[keep] for name, values in data.columns.items()}
-    columns["target"] = recoded.astype(np.float64)
+    columns = {**kept.columns, "target": recoded.astype(np.float64)}
     names = data.labels["target"]
     labels = {**data.labels, "target": [names[code] for code in left]}
     words = ", ".join(f"'{names[code]}'" for code in fixed)
@@ -129,7 +133,7 @@ def without_fixed_targets(data: Dataset) -> Dataset:
         f"{data.file.name}: target {words} does not move with the arm; its {int((~keep).sum())} rows are left out "
         "(armtrue check says whether it drifted)"
     )
-    return Dataset(data.path, data.file, columns, data.rows[keep], labels, [*data.notes, note])
+    return replace(kept, columns=columns, labels=labels, notes=[*data.notes, note])
 
 
 def _require_columns(layout: Layout, path: Path, robot: Robot, need_position: bool) -> None:
@@ -176,16 +180,19 @@ def _assemble(path: Path, layout: Layout, names: ColumnNames) -> Dataset:
         if texts:
             labels[name], codes = _codes(texts)
             columns[name] = codes
-    rows = raw.rows
+    rows, turns = raw.rows, None
+    if layout.rotation and layout.rotation.form == "euler":
+        turns = _rotation_values(layout.rotation, raw)
     if layout.sort_by == "time":
         order = np.argsort(columns["time"], kind="stable")
         if not np.array_equal(order, np.arange(order.size)):
             notes.append(f"{layout.file.name}: rows were not in order of time and are sorted by it")
         columns = {name: values[order] for name, values in columns.items()}
         rows = rows[order]
+        turns = None if turns is None else turns[order]
     if layout.direction_from_order:
         columns |= _directions(columns)
-    return Dataset(path, layout.file, columns, rows, labels, notes)
+    return Dataset(path, layout.file, columns, rows, labels, notes, layout.rotation, turns)
 
 
 def _filtered(raw: RawColumns, layout: Layout) -> RawColumns:
@@ -254,7 +261,7 @@ def _timestamp(text: str, pattern: str, place: str) -> datetime.datetime:
 
 def _quaternions(source: RotationSource, raw: RawColumns) -> Array:
     """Quaternions (N, 4), w first, not yet normalised where the file has quaternions."""
-    values = np.column_stack([raw.numbers[header] for header in source.headers]) * source.factor
+    values = _rotation_values(source, raw)
     if source.form == "quaternion":
         return values if source.scalar_first else values[:, [3, 0, 1, 2]]
     if source.form == "euler":
@@ -264,6 +271,10 @@ def _quaternions(source: RotationSource, raw: RawColumns) -> Array:
     else:
         matrices = values.reshape(-1, 3, 3)
     return rotation.quaternion_from_matrix(matrices)
+
+
+def _rotation_values(source: RotationSource, raw: RawColumns) -> Array:
+    return np.column_stack([raw.numbers[header] for header in source.headers]) * source.factor
 
 
 def _directions(columns: dict[str, Array]) -> dict[str, Array]:

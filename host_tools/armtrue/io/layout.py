@@ -15,7 +15,7 @@ from armtrue.io.yamlfile import Section, load_yaml
 
 _SEPARATORS = {"comma": ",", "semicolon": ";", "tab": "\t", "space": " ", "pipe": "|"}
 ROTATION_FORMS = {"quaternion": 4, "euler": 3, "rotation_vector": 3, "matrix": 9}
-_TURNS = [a + b + c for a in "xyz" for b in "xyz" for c in "xyz" if a != b != c]
+TURNS = [a + b + c for a in "xyz" for b in "xyz" for c in "xyz" if a != b != c]
 
 
 @dataclass(frozen=True)
@@ -251,7 +251,7 @@ def _rotation(top: Section) -> RotationSource | None:
         options["factor"] = UNITS[section.choice("unit", ["rad", "deg", "mrad"], default="rad")][1]
     if form == "euler":
         sequence = section.text("sequence", expected="three axes such as XYZ")
-        if sequence.lower() not in _TURNS:
+        if sequence.lower() not in TURNS:
             raise section.fail("sequence", "three axes such as XYZ, no two neighbours alike")
         options["sequence"] = sequence.lower()
         options["intrinsic"] = section.choice("axes", ["intrinsic", "extrinsic"]) == "intrinsic"

@@ -270,14 +270,17 @@ def _coupling(top: Section, joint_count: int) -> list[dict[str, Any]]:
     rows: list[dict[str, Any]] = []
     if not top.has("coupling"):
         return rows
-    for section in top.sections("coupling", "a list of {joint, driving, ratio}"):
-        row = {
+    for section in top.sections("coupling", "a list of {joint, driving, ratio, kind}"):
+        row: dict[str, Any] = {
             "joint": section.joint("joint", joint_count),
             "driving": section.joint("driving", joint_count),
             "ratio": section.number(
                 "ratio", expected="a ratio: the joint's angle per angle of the driving one"
             ),
         }
+        # `controller`: only the reported angle is coupled, so that no torque passes to the driving motor.
+        if section.choice("kind", ["mechanical", "controller"], default="mechanical") == "controller":
+            row["kind"] = "controller"
         section.finish()
         if row["joint"] == row["driving"]:
             raise section.fail("driving", "a joint other than the driven one")

@@ -1,0 +1,271 @@
+"""What may be wrong in how a file was read: signs, zeros, couplings, conventions, units, order of columns and rows.
+
+Each hypothesis is a change of the reading; it is judged by how well the nominal arm then follows the points.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from armtrue.checking import lengths
+from armtrue.checking.placement import Reading
+from armtrue.io.columns import POSITION
+from armtrue.io.robot import Robot
+from armtrue.io.rotation import matrix_from_euler, rpy_from_matrix
+
+_JOINTS_FOR_ALL_SIGNS = 7
+KIND_OF_COUPLING = (
+    "Positions cannot tell who couples: turn joint {driving} alone and watch joint {joint}'s motor count; where it "
+    "stands still, the arm's bars do ('kind: mechanical'), where it counts, the controller does ('kind: controller')."
+)
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """A change of the reading: its finding's code, sentence and remedy, and the change itself.
+
+    `changes`: how many single mistakes it stands for. `about`: no two hypotheses about the same thing make a pair.
+    `parts`: the single hypotheses that a pair is made of; empty for a single one. `figures`: evidence of its own.
+    """
+
+    code: str
+    sentence: str
+    remedy: str
+    apply: Callable[[Reading], Reading]
+    about: frozenset[str] = field(default_factory=frozenset)
+    changes: int = 1
+    parts: tuple[Hypothesis, ...] = ()
+    figures: dict[str, float] = field(default_factory=dict)
+
+    def each(self) -> tuple[Hypothesis, ...]:
+        """The single hypotheses in it."""
+        return self.parts or (self,)
+
+
+def pair(one: Hypothesis, other: Hypothesis) -> Hypothesis | None:
+    """Both changes together; None where they are about the same thing."""
+    if one.about & other.about:
+        return None
+    return Hypothesis(
+        one.code,
+        f"{one.sentence}, and {other.sentence}",
+        f"{one.remedy} {other.remedy}",
+        lambda reading: other.apply(one.apply(reading)),
+        one.about | other.about,
+        one.changes + other.changes,
+        (*one.each(), *other.each()),
+    )
+
+
+def scale(factor: float) -> Hypothesis:
+    """Positions `factor` times as large as the arm."""
+    return Hypothesis(
+        "scale",
+        lengths.sentence(factor),
+        lengths.remedy(factor),
+        lambda reading: Reading(lengths.scaled(reading.columns, factor), reading.spec),
+        frozenset({"scale"}),
+        figures={"scale": factor},
+    )
+
+
+def singles(robot: Robot) -> list[Hypothesis]:
+    """Every single mistake, the likelier first."""
+    return [
+        *_signs(robot),
+        *_couplings(robot),
+        *_zeros(robot),
+        *_angles_of_joints(robot),
+        *_conventions_of_the_table(robot),
+        *_orders(robot),
+    ]
+
+
+def sign_patterns(robot: Robot) -> Iterator[Hypothesis]:
+    """Three signs and more at once. They count as two mistakes: who errs there has another view of the whole arm."""
+    joints = range(1, robot.joint_count + 1)
+    if robot.joint_count > _JOINTS_FOR_ALL_SIGNS:
+        return
+    for size in range(3, robot.joint_count):
+        for pattern in itertools.combinations(joints, size):
+            yield _turned(pattern, changes=2)
+
+
+def _signs(robot: Robot) -> Iterator[Hypothesis]:
+    for k in range(1, robot.joint_count + 1):
+        yield _turned((k,), changes=1)
+
+
+def _turned(pattern: tuple[int, ...], changes: int) -> Hypothesis:
+    names = [f"q{k}" for k in pattern]
+    several = len(pattern) > 1
+    return Hypothesis(
+        "joint_sign",
+        f"joint{'s' if several else ''} {', '.join(map(str, pattern))} turn{'' if several else 's'} "
+        "the other way than in robot.yaml",
+        f"Give {', '.join(names)} 'scale: -1' in a dataset.yaml, or turn "
+        f"{'these axes' if several else f'axis {pattern[0]}'} round in robot.yaml.",
+        lambda reading: reading.with_columns(**{name: -reading.columns[name] for name in names}),
+        frozenset(f"sign of {name}" for name in names),
+        changes,
+    )
+
+
+def joints_with_a_zero(robot: Robot) -> list[int]:
+    """Joints whose zero matters: the first one's is the base's turn, the last one's the tool's, found in any case."""
+    return [k for k in range(2, robot.joint_count) if robot.joints[k - 1]["type"] == "revolute"]
+
+
+def _zeros(robot: Robot) -> Iterator[Hypothesis]:
+    for k, degrees in itertools.product(joints_with_a_zero(robot), (90.0, -90.0, 180.0)):
+        yield zero(k, degrees)
+
+
+def zero(joint: int, degrees: float) -> Hypothesis:
+    """Joint `joint` has its zero `degrees` from where robot.yaml has it."""
+    turn = math.radians(degrees)
+    name = f"q{joint}"
+    return Hypothesis(
+        "joint_zero",
+        f"joint {joint} has its zero {degrees:+.3g}° from that in robot.yaml",
+        f"Add {turn:+.6f} to the offset of joint {joint} in robot.yaml.",
+        lambda reading: reading.with_columns(**{name: reading.columns[name] + turn}),
+        frozenset({f"zero of {name}"}),
+    )
+
+
+def _couplings(robot: Robot) -> Iterator[Hypothesis]:
+    given = {(row["joint"], row["driving"]): row["ratio"] for row in robot.spec.get("coupling", [])}
+    for joint, right in itertools.product(range(2, robot.joint_count + 1), (-1.0, 0.0, 1.0)):
+        driving = joint - 1
+        if right != given.get((joint, driving), 0.0):
+            yield _coupling(joint, driving, right)
+
+
+def _coupling(joint: int, driving: int, ratio: float) -> Hypothesis:
+    if ratio == 0.0:
+        words = "its own command alone"
+        remedy = f"Take the coupling of joint {joint} out of robot.yaml."
+    else:
+        words = f"q{joint} {'+' if ratio > 0 else '−'} q{driving}"
+        remedy = (
+            f"Give robot.yaml 'coupling: [{{joint: {joint}, driving: {driving}, ratio: {ratio:+.1f}}}]'. "
+            + KIND_OF_COUPLING.format(joint=joint, driving=driving)
+        )
+
+    def couple(reading: Reading) -> Reading:
+        rows = reading.spec.get("coupling", [])
+        kept = [row for row in rows if (row["joint"], row["driving"]) != (joint, driving)]
+        own = [{"joint": joint, "driving": driving, "ratio": ratio}] if ratio else []
+        return reading.with_spec(coupling=[*kept, *own])
+
+    return Hypothesis(
+        "coupling",
+        f"link angle {joint} follows {words}",
+        remedy,
+        couple,
+        frozenset({f"coupling of q{joint}"}),
+    )
+
+
+def _angles_of_joints(robot: Robot) -> Iterator[Hypothesis]:
+    revolute = [f"q{k}" for k, joint in enumerate(robot.joints, start=1) if joint["type"] == "revolute"]
+    for code, factor, words, unit in (
+        ("joints_in_degrees", math.pi / 180.0, "degrees, and were read as radians", "deg"),
+        ("joints_in_radians", 180.0 / math.pi, "radians, and were read as degrees", "rad"),
+    ):
+
+        def convert(reading: Reading, factor: float = factor) -> Reading:
+            return reading.with_columns(**{name: factor * reading.columns[name] for name in revolute})
+
+        yield Hypothesis(
+            code,
+            f"the joints are in {words}",
+            f"Give the joints 'unit: {unit}' in a dataset.yaml.",
+            convert,
+            frozenset({"unit of joints"}),
+        )
+
+
+def _conventions_of_the_table(robot: Robot) -> Iterator[Hypothesis]:
+    kinematics = robot.spec["kinematics"]
+    others = {"dh": "mdh", "mdh": "dh"}
+    other = others.get(kinematics["convention"])
+    if other is not None:
+        meant = {
+            "dh": "standard Denavit-Hartenberg (a and alpha after the row's rotation)",
+            "mdh": "modified Denavit-Hartenberg (Craig's: a and alpha before the row's rotation)",
+        }
+        yield Hypothesis(
+            "dh_convention",
+            f"the table in robot.yaml is {meant[other]}",
+            f"Give robot.yaml 'convention: {other}'.",
+            lambda reading: reading.with_spec(kinematics={**reading.spec["kinematics"], "convention": other}),
+            frozenset({"table"}),
+        )
+    elif any(np.count_nonzero(row.get("rpy", [0.0])) > 1 for row in kinematics["joints"]):
+        yield Hypothesis(
+            "fixed_or_intrinsic_angles",
+            "the rpy of the joints in robot.yaml turn about the axes as they turn (intrinsic x, y, z)",
+            "Write the rpy of each joint as angles about fixed axes x, y, z.",
+            lambda reading: reading.with_spec(kinematics=_read_as_intrinsic(reading.spec["kinematics"])),
+            frozenset({"table"}),
+        )
+
+
+def _read_as_intrinsic(kinematics: dict[str, Any]) -> dict[str, Any]:
+    def turned(row: dict[str, Any]) -> dict[str, Any]:
+        matrix = matrix_from_euler(np.array([row["rpy"]], dtype=np.float64), "xyz", True)[0]
+        return {**row, "rpy": rpy_from_matrix(matrix)}
+
+    joints = [turned(row) if "rpy" in row else row for row in kinematics["joints"]]
+    return {**kinematics, "joints": joints}
+
+
+def _orders(robot: Robot) -> Iterator[Hypothesis]:
+    for one, other in itertools.combinations(range(1, robot.joint_count + 1), 2):
+
+        def swap(reading: Reading, one: str = f"q{one}", other: str = f"q{other}") -> Reading:
+            return reading.with_columns(**{one: reading.columns[other], other: reading.columns[one]})
+
+        yield Hypothesis(
+            "joints_swapped",
+            f"columns q{one} and q{other} stand in each other's place",
+            f"Swap the columns q{one} and q{other}, or name them rightly in a dataset.yaml.",
+            swap,
+            frozenset({"order"}),
+        )
+    for lag, words in ((1, "after"), (-1, "before")):
+
+        def shift(reading: Reading, lag: int = lag) -> Reading:
+            # Rows at the ends have no partner and repeat their neighbour: all readings stay equally long.
+            count = len(reading.columns["x"])
+            own = np.clip(np.arange(count), 1, count - 2)
+            return Reading(
+                {
+                    name: values[own + lag if name in POSITION else own]
+                    for name, values in reading.columns.items()
+                },
+                reading.spec,
+            )
+
+        yield Hypothesis(
+            "rows_shifted",
+            f"each position stands in the row {words} the joints it belongs to",
+            "Pair joints and positions again from the logs, by their times.",
+            shift,
+            frozenset({"order"}),
+        )
+    yield Hypothesis(
+        "left_handed_frame",
+        "the measuring frame is left-handed (one of its axes is the wrong way round)",
+        "Give one of x, y, z 'scale: -1' in a dataset.yaml, or correct the instrument's frame.",
+        lambda reading: reading.with_columns(z=-reading.columns["z"]),
+        frozenset({"hand"}),
+    )

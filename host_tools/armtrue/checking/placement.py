@@ -1,0 +1,98 @@
+"""How well an arm can follow its points at best: a lower bound in closed form, for hundreds of readings of a file."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armtrue.checking.alignment import Columns
+from armtrue.io.columns import POSITION, commanded_joints
+from armtrue.io.robot import Robot
+from armtrue.tables.chain import chain_from_robot
+
+Array = NDArray[np.float64]
+
+_AT_A_TIME = 128
+_ROBUST_PASSES = 4
+# Keeps the normal equations solvable where a tool cannot be told from the base.
+_RIDGE = 1e-9
+
+
+@dataclass(frozen=True)
+class Reading:
+    """One way to read a file: the columns (q1…qn, x, y, z, target where there is one) and the arm, both as changed."""
+
+    columns: Columns
+    spec: dict[str, Any]
+
+    @property
+    def robot(self) -> Robot:
+        """The arm of this reading."""
+        return Robot(self.spec)
+
+    def with_columns(self, **changed: Array) -> Reading:
+        """This reading with some columns replaced."""
+        return Reading({**self.columns, **changed}, self.spec)
+
+    def with_spec(self, **changed: Any) -> Reading:
+        """This reading with some keys of robot.yaml replaced."""
+        return Reading(self.columns, {**self.spec, **changed})
+
+
+def lower_bounds(readings: Sequence[Reading]) -> Array:
+    """About the least RMS distance that each of `readings` leaves, whatever base and tool, as a share of the points'
+    spread. All have as many rows.
+
+    Base rotation and the measurements' scale are relaxed to any 3 × 3 matrix: p = A x + c − R t is linear in A, c and
+    the tool t, where R and p are the flange's attitude and place. A bumped reflector loses its weight.
+    """
+    found = [_relaxed(readings[first : first + _AT_A_TIME]) for first in range(0, len(readings), _AT_A_TIME)]
+    return np.concatenate(found) if found else np.empty(0)
+
+
+def _relaxed(readings: Sequence[Reading]) -> Array:
+    systems = [_system(reading) for reading in readings]
+    rows = np.stack([system[0] for system in systems])  # (H, N, 3, unknowns)
+    right = np.stack([system[1] for system in systems])  # (H, N, 3)
+    count, poses, _, unknowns = rows.shape
+    weight = np.ones((count, poses))
+    for _ in range(_ROBUST_PASSES):
+        root = np.sqrt(weight)[:, :, None]
+        flat = (rows * root[..., None]).reshape(count, 3 * poses, unknowns)
+        target = (right * root).reshape(count, 3 * poses, 1)
+        normal = np.swapaxes(flat, 1, 2) @ flat
+        ridge = _RIDGE * np.trace(normal, axis1=1, axis2=2)[:, None, None] * np.eye(unknowns)
+        solution = np.linalg.solve(normal + ridge, np.swapaxes(flat, 1, 2) @ target)
+        distance = np.linalg.norm(right - (rows @ solution[:, None])[..., 0], axis=2)
+        scale = np.maximum(1e-9, 2.0 * np.median(distance, axis=1, keepdims=True))
+        weight = 1.0 / (1.0 + (distance / scale) ** 2)
+    rms = np.sqrt((weight * distance**2).sum(axis=1) / weight.sum(axis=1))
+    # Points were brought to unit spread: this is the spread that the solution gives them on the arm.
+    spread = np.linalg.norm(solution[:, :9, 0], axis=1) / np.sqrt(3.0)
+    return np.asarray(rms / np.maximum(spread, 1e-12))
+
+
+def _system(reading: Reading) -> tuple[Array, Array]:
+    """The rows (N, 3, unknowns) and right sides (N, 3) of the relaxed problem."""
+    columns = reading.columns
+    chain = chain_from_robot(reading.spec)
+    joints = np.column_stack([columns[name] for name in commanded_joints(columns)])
+    flange = chain.frames(joints)[-1] @ chain.end
+    point = np.column_stack([columns[name] for name in POSITION])
+    point = point - point.mean(axis=0)
+    point = point / max(1e-12, float(np.sqrt((point**2).sum(axis=1).mean())))
+    codes = np.unique(columns["target"], return_inverse=True)[1] if "target" in columns else None
+    tools = 1 if codes is None else int(codes.max()) + 1
+    count = len(point)
+    rows = np.zeros((count, 3, 12 + 3 * tools))
+    for axis in range(3):
+        rows[:, axis, 3 * axis : 3 * axis + 3] = point
+        rows[:, axis, 9 + axis] = 1.0
+    for tool in range(tools):
+        of_tool = slice(None) if codes is None else codes == tool
+        rows[of_tool, :, 12 + 3 * tool : 15 + 3 * tool] = -flange[of_tool, :3, :3]
+    return rows, flange[:, :3, 3]
