@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from armtrue.checking.alignment import Alignment, Columns
+from armtrue.checking.alignment import Columns, align, thinned
 from armtrue.checking.report import Finding
 from armtrue.io.columns import QUATERNION, commanded_joints
 from armtrue.io.dataset import Dataset
@@ -45,7 +45,7 @@ _MEANT = (
 )
 
 
-def find(data: Dataset, measured: Columns, robot: Robot, alignment: Alignment) -> list[Finding]:
+def find(data: Dataset, measured: Columns, robot: Robot) -> list[Finding]:
     """One error where orientations do not follow the joints, with the convention that mends it where one does.
 
     `measured`: the joints of `data` in radians, whatever the file has them in.
@@ -58,6 +58,7 @@ def find(data: Dataset, measured: Columns, robot: Robot, alignment: Alignment) -
     whole = np.isfinite(quaternion).all(axis=1) & (np.abs(np.linalg.norm(quaternion, axis=1) - 1.0) < 0.1)
     if np.count_nonzero(whole) < 4:
         return []
+    alignment = align(thinned(measured, _ROWS), robot)
     chain = chain_from_robot(robot.spec)
     flange = (
         chain.frames(np.column_stack([measured[name] for name in commanded_joints(measured)]))[-1] @ chain.end

@@ -6,6 +6,7 @@ from armtrue.checking import (
     columns,
     conventions,
     drift,
+    masses,
     motion,
     orientations,
     residuals,
@@ -14,10 +15,26 @@ from armtrue.checking import (
 )
 from armtrue.checking.alignment import align, alignment_columns
 from armtrue.checking.report import CheckReport, Finding
+from armtrue.errors import InputError
 from armtrue.io.columns import POSITION
 from armtrue.io.dataset import Dataset, fixed_targets, without_fixed_targets
 from armtrue.io.plausible import too_few_poses
 from armtrue.io.robot import Robot
+
+# Errors under which neither residuals nor a fit mean anything.
+_NO_ARM = {
+    *(
+        "too_few_poses",
+        "scale",
+        "joint_sign",
+        "joint_zero",
+        "coupling",
+        "joints_in_degrees",
+        "joints_in_radians",
+    ),
+    *("dh_convention", "fixed_or_intrinsic_angles", "joints_swapped", "rows_shifted", "left_handed_frame"),
+    *("positions_do_not_follow", "orientations_do_not_follow"),
+}
 
 
 def check(data: Dataset, robot: Robot) -> CheckReport:
@@ -25,19 +42,43 @@ def check(data: Dataset, robot: Robot) -> CheckReport:
 
     Errors: none of its own; what is wrong is a finding.
     """
-    findings = [
-        *units.find(data, robot),
-        *motion.find(data, robot),
-        *drift.find(data),
-        *columns.find(data),
-    ]
-    if all(name in data.columns for name in POSITION):
-        findings += _against_kinematics(data, robot)
+    findings = [*cheap_findings(data, robot), *drift.find(data)]
+    if _can_be_placed(data) and not any(finding.code in _NO_ARM for finding in findings):
+        riding = _riding(data)
+        alignment = align(units.in_si_units(alignment_columns(riding), robot), robot)
+        findings += residuals.find_gross(riding, alignment)
+        findings += residuals.find_stated_poses(riding, alignment, robot)
+        findings += tell.find(riding, robot)
     return CheckReport.of(findings)
 
 
+def cheap_findings(data: Dataset, robot: Robot) -> list[Finding]:
+    """What is found without a fit, in milliseconds where nothing is wrong: what `fit` asks before it begins."""
+    findings = [*units.find(data, robot), *masses.find(robot), *motion.find(data, robot), *columns.find(data)]
+    return [*findings, *_against_kinematics(data, robot)] if _can_be_placed(data) else findings
+
+
+def refuse_what_cannot_be_an_arm(data: Dataset, robot: Robot) -> None:
+    """Raise InputError with the first error of `cheap_findings`: under it a fit means nothing."""
+    for finding in cheap_findings(data, robot):
+        if finding.severity == "error":
+            raise InputError(
+                f"{data.path}: {finding.message}; to mend it: {finding.remedy.rstrip('.')} "
+                "('armtrue check' says more, --force fits all the same)"
+            )
+
+
+def _can_be_placed(data: Dataset) -> bool:
+    return all(name in data.columns for name in POSITION)
+
+
+def _riding(data: Dataset) -> Dataset:
+    """The rows of reflectors that ride on the arm."""
+    return without_fixed_targets(data) if fixed_targets(data) else data
+
+
 def _against_kinematics(data: Dataset, robot: Robot) -> list[Finding]:
-    riding = without_fixed_targets(data) if fixed_targets(data) else data
+    riding = _riding(data)
     too_few = too_few_poses(riding.joints)
     if too_few is not None:
         remedy = "Measure more poses, further apart; a calibration wants some 60 and more."
@@ -47,14 +88,4 @@ def _against_kinematics(data: Dataset, robot: Robot) -> list[Finding]:
     if units.positions_are_in_another(riding.columns, robot):
         # Their unit is a finding already; the one guessed to go on with may have been another than the right one.
         findings = [finding for finding in findings if finding.code != "scale"]
-    if findings:
-        return findings
-    alignment = align(measured, robot)
-    findings = orientations.find(riding, measured, robot, alignment)
-    if findings:
-        return findings
-    return [
-        *residuals.find_gross(riding, alignment),
-        *residuals.find_stated_poses(riding, alignment, robot),
-        *tell.find(riding, robot),
-    ]
+    return findings or orientations.find(riding, measured, robot)

@@ -59,15 +59,20 @@ def fit(
     parameters: Annotated[
         bool, typer.Option("--parameters", help="Print every parameter, tables too.")
     ] = False,
+    force: Annotated[
+        bool, typer.Option("--force", help="Fit even what the checks say cannot be an arm.")
+    ] = False,
     json_to: JsonOption = None,
 ) -> None:
     """Fit the model's effects to measurements, and say how well it predicts poses it has not seen.
 
     Base and tool are found from the data where robot.yaml does not give them. Gross errors are found and kept out.
+    Refuses measurements that do not follow the arm, such as those of a joint that turns the other way; see --force.
 
     Example: [bold]armtrue fit data.csv --robot robot.yaml --model model.yaml --out fit.json[/]
     """
     from armtrue import fitting
+    from armtrue.checking import refuse_what_cannot_be_an_arm
 
     output = Output(json_to)
     check_writable(out)
@@ -77,6 +82,8 @@ def fit(
     measurements = load_data(data, arm)
     refuse_to_lose([measurements.file], [out, json_to])
     refuse_too_few_poses(measurements.file, measurements.joints)
+    if not force:
+        refuse_what_cannot_be_an_arm(measurements, arm)
     with waiting(output) as progress:
         result = fitting.fit(measurements, arm, effects, folds=folds, seed=seed, progress=progress)
     result.save(out)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.table import Table
 
+from armtrue.cli.bounds import outside_words
 from armtrue.cli.output import Output, plain_table
 from armtrue.cli.units import value_and_sigma
 from armtrue.io.rotation import matrix_about, matrix_from_rpy, rpy_from_matrix
@@ -37,7 +38,9 @@ def present_parameters(document: dict[str, Any], output: Output, everything: boo
             by_effect[entry["effect"]] = by_effect.get(entry["effect"], 0) + 1
         output.items([f"{effect}: {count}" for effect, count in by_effect.items()])
         output.say("  (--parameters prints each)")
-        return
+        told = [entry for entry in told if outside_words(entry)]
+        if not told:
+            return
     output.table(_parameter_table(told, document["robot"]))
 
 
@@ -53,14 +56,16 @@ def _pose_table(document: dict[str, Any]) -> Table:
 
 
 def _parameter_table(parameters: list[dict[str, Any]], robot: dict[str, Any]) -> Table:
-    table = plain_table("parameter", "value", "± sigma", "unit", "nominal", "tied to")
+    table = plain_table("parameter", "value", "± sigma", "unit", "nominal", "note")
     for entry in parameters:
         value, sigma, unit = value_and_sigma(entry["value"], entry.get("sigma"), entry["unit"])
         if entry.get("fixed"):
             sigma = "fixed"
         ties = [tie for tie in entry.get("correlations", []) if abs(tie["r"]) >= _TIED]
-        tied = ", ".join(f"{tie['with']} ({tie['r']:+.3f})" for tie in ties)
-        table.add_row(entry["name"], value, sigma, unit, _nominal_words(entry, robot), tied)
+        notes = [f"tied to {tie['with']} ({tie['r']:+.3f})" for tie in ties]
+        outside = outside_words(entry)
+        notes = [outside, *notes] if outside else notes
+        table.add_row(entry["name"], value, sigma, unit, _nominal_words(entry, robot), ", ".join(notes))
     return table
 
 

@@ -1,0 +1,90 @@
+"""`armtrue fit` on what cannot be an arm: one sentence and nothing written; what it fits all the same is marked."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+import yaml
+
+from armtrue.cli.bounds import outside_words
+from armtrue.cli.conftest import FIT, armtrue
+
+
+@pytest.fixture
+def changed(folder, tmp_path):
+    """The campaign in a folder of its own, with columns of data.csv multiplied."""
+    for name in ("robot.yaml", "model.yaml"):
+        (tmp_path / name).write_bytes((folder / name).read_bytes())
+    header = (folder / "data.csv").read_text().splitlines()[0]
+    rows = np.genfromtxt(folder / "data.csv", delimiter=",", skip_header=1)
+
+    def write(**factors: float):
+        names = header.split(",")
+        factor = [factors.get(name, 1.0) for name in names]
+        np.savetxt(
+            tmp_path / "data.csv", rows * factor, delimiter=",", header=header, comments="", fmt="%.9g"
+        )
+        return tmp_path
+
+    return write
+
+
+def test_fit_flipped_joint_is_refused_with_the_joint_and_forced_on_request(changed):
+    where = changed(q2=-1.0)
+    run = armtrue(*FIT, "--out", "fit.json", cwd=where)
+    assert run.returncode == 2
+    (sentence,) = run.stderr.strip().splitlines()
+    for words in ("data.csv: joint 2 turns the other way", "scale: -1", "armtrue check", "--force"):
+        assert words in sentence
+    assert not (where / "fit.json").exists()
+    assert armtrue(*FIT, "--out", "fit.json", "--force", cwd=where).returncode == 0
+
+
+def test_fit_centre_of_mass_far_from_the_arm_is_refused_by_its_link(changed):
+    where = changed()
+    robot = yaml.safe_load((where / "robot.yaml").read_text())
+    robot["links"][2]["com"] = [500.0, 0.0, 0.0]
+    (where / "robot.yaml").write_text(yaml.safe_dump(robot))
+    run = armtrue(*FIT, "--out", "fit.json", cwd=where)
+    assert run.returncode == 2
+    assert "links[3].com: found a centre of mass 500 m from its frame" in run.stderr
+    checked = armtrue("check", "data.csv", "--robot", "robot.yaml", "--json", "-", cwd=where)
+    assert checked.returncode == 1
+    assert json.loads(checked.stdout)["findings"][0]["code"] == "masses"
+
+
+def test_fit_negative_spring_is_marked_beside_its_value(changed):
+    """Positions mirrored upside down about the arm let springs come out negative; the fit must say so."""
+    where = changed()
+    robot = yaml.safe_load((where / "robot.yaml").read_text())
+    robot["gravity"] = [0.0, 0.0, 9.81]
+    (where / "robot.yaml").write_text(yaml.safe_dump(robot))
+    run = armtrue(*FIT, "--out", "fit.json", cwd=where)
+    assert run.returncode == 0, run.stderr
+    (line,) = [line for line in run.stdout.splitlines() if line.startswith("joint_compliance[2]")]
+    assert line.split()[1].startswith("-")
+    assert "outside 0 to 200" in line
+
+
+@pytest.mark.parametrize(
+    ("value", "sigma", "words"),
+    [
+        (-1e-6, 1e-7, "outside 0 to 200.0 µrad/Nm"),
+        (-1e-7, 1e-7, ""),
+        (3e-4, 1e-6, "outside"),
+        (1e-6, 1e-7, ""),
+    ],
+)
+def test_outside_words_a_value_within_two_sigma_of_its_bound_is_inside(value, sigma, words):
+    parameter = {
+        "effect": "joint_compliance",
+        "bound": 2e-4,
+        "unit": "rad/Nm",
+        "value": value,
+        "sigma": sigma,
+    }
+    assert outside_words(parameter) == words or (
+        words == "outside" and outside_words(parameter).startswith(words)
+    )
