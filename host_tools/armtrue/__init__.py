@@ -14,6 +14,7 @@ The whole path in a notebook:
 from __future__ import annotations
 
 import importlib
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -50,6 +51,8 @@ _HOME = {
     "refine": "armtrue.diagnosis",
 }
 
+__version__: str  # of the release, from the file VERSION; firmware and tables carry the same
+
 __all__ = [
     "Cell",
     "CheckReport",
@@ -62,6 +65,7 @@ __all__ = [
     "Plan",
     "Refinement",
     "Robot",
+    "__version__",
     "add",
     "check",
     "diagnose",
@@ -76,6 +80,8 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        return Path(__file__).with_name("VERSION").read_text(encoding="ascii").strip()
     if name not in _HOME:
         raise AttributeError(f"module 'armtrue' has no attribute '{name}'")
     return getattr(importlib.import_module(_HOME[name]), name)

@@ -1,7 +1,10 @@
-# Layout, lint and types; `./dev format` mends the layout.
+# Layout, lint, types, and the order of packages and folders; `./dev format` mends the layout.
 lint_failed=0
+mkdir -p out
 $PY -m ruff check || lint_failed=1
 $PY -m ruff format --check || lint_failed=1
 $PY -m mypy --strict host_tools/armtrue || lint_failed=1
 cpp_sources | xargs clang-format-14 --dry-run -Werror || lint_failed=1
+PYTHONPATH=host_tools $PY .venv/bin/lint-imports --config tools/layers.ini --no-cache >out/layers.log || { cat out/layers.log; lint_failed=1; }
+$PY tools/include_order.py || lint_failed=1
 [ $lint_failed = 0 ]

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import sys
+from typing import Annotated
 
 import click
 import typer
 
+import armtrue
 from armtrue.cli import INTERRUPTED, campaign, catalogue, checking, diagnosis, fitting, planning
 from armtrue.device import cli as device
 from armtrue.errors import InputError
@@ -39,6 +41,24 @@ Measurements in any other form are read through a dataset.yaml.
 
 Exit status: 0 done, 1 done with a verdict against, 2 bad input (one sentence says what), 130 stopped.""",
 )
+
+
+def _say_version(wanted: bool) -> None:
+    if wanted:
+        print(f"armtrue {armtrue.__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=_say_version, is_eager=True, help="Print the version and end."),
+    ] = False,
+) -> None:
+    pass
+
+
 for commands in (checking, fitting, diagnosis, planning, tables, device, campaign, catalogue):
     commands.add_to(app)
 
