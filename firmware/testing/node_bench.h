@@ -11,8 +11,8 @@
 #include <vector>
 
 #include "firmware/canopen/node/node.h"
-#include "firmware/testing/simulated_port.h"
 #include "firmware/storage/simulated_flash.h"
+#include "firmware/testing/simulated_port.h"
 
 namespace armtrue::canopen {
 

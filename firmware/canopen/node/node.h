@@ -18,18 +18,18 @@
 #include <cstdint>
 #include <optional>
 
+#include "firmware/canopen/motion/joint_path.h"
 #include "firmware/canopen/node/bus_watch.h"
+#include "firmware/canopen/node/parameter_store.h"
 #include "firmware/canopen/protocol/can_port.h"
 #include "firmware/canopen/protocol/dictionary_access.h"
 #include "firmware/canopen/protocol/emcy.h"
-#include "firmware/canopen/motion/joint_path.h"
 #include "firmware/canopen/protocol/nmt.h"
 #include "firmware/canopen/protocol/object_dictionary.h"
-#include "firmware/canopen/node/parameter_store.h"
 #include "firmware/canopen/protocol/pdo.h"
 #include "firmware/canopen/protocol/sdo_server.h"
-#include "firmware/canopen/table/table_transfer.h"
 #include "firmware/canopen/protocol/tpdo_producer.h"
+#include "firmware/canopen/table/table_transfer.h"
 
 namespace armtrue::canopen {
 

@@ -13,8 +13,8 @@
 #include <span>
 #include <type_traits>
 
-#include "firmware/canopen/protocol/little_endian.h"
 #include "firmware/canopen/od_generated.h"
+#include "firmware/canopen/protocol/little_endian.h"
 
 namespace armtrue::canopen {
 

@@ -3,9 +3,9 @@
 
 #include <gtest/gtest.h>
 
+#include "firmware/core/crc32.h"
 #include "firmware/testing/node_bench.h"
 #include "firmware/testing/test_table.h"
-#include "firmware/core/crc32.h"
 
 namespace armtrue::canopen {
 namespace {
