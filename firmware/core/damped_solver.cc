@@ -43,8 +43,10 @@ void DampedSolver::factor(const Jacobian& jacobian, std::size_t joints, std::siz
     }
     largest = wide[i][i] > largest ? wide[i][i] : largest;
   }
-  // Bring the largest diagonal element to 30 bits; it is at least λ² · 2^44 ≥ 2^32.
-  scale_ = 34 - std::countl_zero(static_cast<std::uint64_t>(largest));
+  // Bring the largest diagonal element to 30 bits. It is at least λ² · 2^44 ≥ 2^28: where all axes
+  // pass through the tool it stays below them.
+  const int scale = 34 - std::countl_zero(static_cast<std::uint64_t>(largest));
+  scale_ = scale > 1 ? scale : 1;
   std::array<std::array<std::int32_t, kMaxRows>, kMaxRows> a;
   for (std::size_t i = 0; i < rows; ++i) {
     order_[i] = static_cast<std::uint8_t>(i);
@@ -53,7 +55,9 @@ void DampedSolver::factor(const Jacobian& jacobian, std::size_t joints, std::siz
       a[j][i] = a[i][j];
     }
   }
-  const std::int64_t smallest = (floor >> scale_) > 1 ? floor >> scale_ : 1;
+  // λ² in the same scale; 2 where couplings make the largest element 2^30 times as large, so that
+  // a quotient by it still has a place to round.
+  const std::int64_t smallest = (floor >> scale_) > 2 ? floor >> scale_ : 2;
   std::int64_t last_pivot = 0;
   for (std::size_t k = 0; k < rows; ++k) {
     std::size_t pivot = k;

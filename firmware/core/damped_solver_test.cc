@@ -138,5 +138,30 @@ TEST_P(DampedSolverTest, RegularPosturesAreNotFlagged) {
 
 INSTANTIATE_TEST_SUITE_P(Rows, DampedSolverTest, ::testing::Values(3, 6));
 
+TEST(DampedSolverTest, AxesThroughTheTool_WithTheLeastDamping_GiveNoStep) {
+  // Nothing moves the tool: J is zero and λ² alone is left, 2^28 in the solver's format.
+  const Jacobian jacobian = {};
+  DampedSolver solver;
+  solver.factor(jacobian, 6, 3, {std::int32_t{1} << (Length::fraction - 8)});
+  EXPECT_TRUE(solver.is_near_singular());
+  const JointStep step = solver.step({{{1 << 20}, {-(1 << 20)}, {5}, {0}, {0}, {0}}});
+  for (std::size_t k = 0; k < 6; ++k) EXPECT_EQ(step[k].raw, 0);
+}
+
+TEST(DampedSolverTest, ElementsAtTheEndOfTheirRange_StillFactor) {
+  // As far as couplings may take them (checks_arm.cc): λ² vanishes beside them.
+  Jacobian jacobian = {};
+  for (JacobianColumn& column : jacobian) column[0] = std::int32_t{1} << 29;
+  DampedSolver solver;
+  solver.factor(jacobian, kMaxJoints, 3, {std::int32_t{1} << (Length::fraction - 8)});
+  EXPECT_TRUE(solver.is_near_singular());
+  // Too small to be a number of the solver's: no step, and none the wrong way.
+  const JointStep step = solver.step({{{1 << 27}, {0}, {0}, {0}, {0}, {0}}});
+  for (const Coordinate& each : step) {
+    EXPECT_GE(each.raw, 0);
+    EXPECT_LE(each.raw, (1 << 27) / 1024);
+  }
+}
+
 }  // namespace
 }  // namespace armtrue
