@@ -8,9 +8,12 @@ import shutil
 from pathlib import Path
 from typing import Any
 
+import click
 import numpy as np
 import pytest
+import typer
 from armtrue import load_data, load_model, load_robot
+from armtrue.cli.app import app
 from armtrue.io import Robot
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
@@ -130,3 +133,30 @@ def test_the_ur10_descriptions_read_a_file_of_that_form(tmp_path: Path, series: 
     assert data.columns["time"].tolist() == ([0.0, 20.0] if series == "a" else [0.0, 10.0])
     assert np.ptp(data.columns["x"]) == pytest.approx(0.6767)
     assert "dir6" in data.columns
+
+
+def test_commands_of_the_installation_page_exist() -> None:
+    page = (DOCS / "installation.md").read_text()
+    checklist = page[page.index("## Start-up checklist") :]
+    commands = re.findall(r"`armtrue ([^`]+)`", checklist)
+    assert len(commands) > 10
+    root = typer.main.get_command(app)
+    for words in map(str.split, commands):
+        command: click.Command = root
+        while words and isinstance(command, click.Group):
+            assert words[0] in command.commands, words
+            command = command.commands[words.pop(0)]
+        known = {
+            option for parameter in command.params for option in parameter.opts + parameter.secondary_opts
+        }
+        assert {word for word in words if word.startswith("--")} <= known, words
+
+
+def test_files_that_the_installation_page_names_exist() -> None:
+    page = (DOCS / "installation.md").read_text()
+    named = re.findall(r"`((?:firmware|tests)/[^` ]+)`", page) + [
+        f"docs/{name}" for name in re.findall(r"\]\(([a-z-]+\.md)", page)
+    ]
+    assert len(named) > 5
+    for name in named:
+        assert (DOCS.parent / name).exists(), name

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
 from enum import Enum
 from pathlib import Path
 from typing import Annotated
 
+import can
 import typer
 from rich.console import Console
 from rich.live import Live
@@ -22,6 +24,7 @@ from rich.progress import (
 
 from armtrue.cli.options import JsonOption
 from armtrue.cli.output import STANDARD_OUTPUT, Output, plain_table
+from armtrue.device.commission import Listener, Report, examine
 from armtrue.device.compensator import (
     COMPENSATOR_STATES,
     MODES,
@@ -37,6 +40,7 @@ from armtrue.device.connection import REFUSED, Connection, on_a_bus
 from armtrue.device.image import checksum_of, read_image
 from armtrue.device.monitor import Monitor, Snapshot, draw
 from armtrue.device.recording import Recording, channel_label
+from armtrue.device.sdo import SdoClient
 from armtrue.device.upload import Step, UploadResult, upload_image
 from armtrue.errors import InputError
 from armtrue.io.files import check_writable, write_file
@@ -308,6 +312,68 @@ def selftest(connection: Connection, json_to: JsonOption = None) -> None:
     output.figures(results)
     if not all(results.values()):
         raise typer.Exit(REFUSED)
+
+
+@app.command()
+@on_a_bus
+def commission(
+    connection: Connection,
+    duration: Annotated[
+        float, typer.Option("--duration", metavar="S", help="How long to watch the arm move.")
+    ] = 30.0,
+    json_to: JsonOption = None,
+) -> None:
+    """Find drives in another order, with another sign or scale; moves nothing, watches the controller move.
+
+    Let the controller move every axis, one after the other, while this runs. Targets are compared with the
+    actual positions that follow them. Run it with correction disabled or before the first table.
+
+    Exit status 1 where something is wrong or the motion could not tell.
+
+    Example: [bold]armtrue device commission --interface socketcan --channel can0[/]
+    """
+    output = Output(json_to)
+    if not duration >= SHORTEST_PERIOD_S:
+        raise InputError(f"--duration: found {duration:g}, expected at least {SHORTEST_PERIOD_S:g} s")
+    with connection.bus() as bus:
+        report = _watch_commissioning(bus, connection, duration)
+    table = plain_table("axis", "commanded", "moved", "follows target of", "slope", "delay")
+    for number, axis in enumerate(report.axes, 1):
+        table.add_row(
+            str(number),
+            f"{axis.commanded:.0f}",
+            "not heard" if axis.moved is None else f"{axis.moved:.0f}",
+            ", ".join(map(str, axis.follows)) or "–",
+            "–" if axis.slope is None else f"{axis.slope:.4f}",
+            "–" if axis.delay is None else f"{axis.delay} cycles",
+        )
+    output.table(table)
+    for sentence in report.findings:
+        output.say(f"WRONG    {sentence}")
+    for sentence in report.unknown:
+        output.say(f"unknown  {sentence}")
+    if report.is_right:
+        output.say("all axes: order, sign and scale of the drives are as commanded")
+    output.figures(report.document())
+    if not report.is_right:
+        raise typer.Exit(REFUSED)
+
+
+def _watch_commissioning(bus: can.BusABC, connection: Connection, duration: float) -> Report:
+    client = SdoClient(bus, connection.node, connection.timeout)
+    device = Compensator(client)
+    device.greet()
+    listener = Listener(client, device.read_number("Compensator status.Joint count"))
+    if not listener.maps_targets:
+        raise DeviceRefusedError(
+            "valid RPDOs do not map the targets of all joints (0x1400, 0x1600): configure the device first"
+        )
+    end = time.monotonic() + duration
+    while (left := end - time.monotonic()) > 0.0:
+        message = bus.recv(left)
+        if message is not None:
+            listener.take(message)
+    return examine(*listener.recorded())
 
 
 @app.command()

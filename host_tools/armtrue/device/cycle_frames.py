@@ -8,10 +8,10 @@ import can
 
 from armtrue.device.sdo import SdoClient
 
-TARGET_POSITION, POSITION_OFFSET = 0x607A, 0x60B0
-_RECEIVE, _TRANSMIT = (0x1400, 0x1600, 19), (0x1800, 0x1A00, 9)  # communication, mapping, how many
+TARGET_POSITION, ACTUAL_POSITION, POSITION_OFFSET = 0x607A, 0x6064, 0x60B0
+RECEIVE, TRANSMIT = (0x1400, 0x1600, 19), (0x1800, 0x1A00, 9)  # communication, mapping, how many
 _AXIS_STEP = 0x800
-_VALUE_BYTES = 4
+VALUE_BYTES = 4
 # Frames of one set are this close together, or within the device's own set window where that is longer: their stamps
 # may be those of an adapter that delivers in batches.
 _LEAST_WINDOW_S = 5e-3
@@ -55,7 +55,7 @@ class FrameSets:
         """All axes' values, with the frame that makes them whole."""
         key = (message.arbitration_id, message.is_extended_id)
         places, data = self._mapping[key], bytes(message.data)
-        if len(data) < max(place for place, _ in places) + _VALUE_BYTES:
+        if len(data) < max(place for place, _ in places) + VALUE_BYTES:
             self.divide()
             return None
         held = self._set
@@ -63,7 +63,7 @@ class FrameSets:
             held = self._set = _Set(message.timestamp, set(), {})
         held.seen.add(key)
         for place, axis in places:
-            held.values[axis] = int.from_bytes(data[place : place + _VALUE_BYTES], "little", signed=True)
+            held.values[axis] = int.from_bytes(data[place : place + VALUE_BYTES], "little", signed=True)
         if held.seen != set(self._mapping):
             return None
         self.divide()
@@ -75,10 +75,10 @@ class CycleFrames:
 
     def __init__(self, client: SdoClient, joints: int) -> None:
         """Ask the device which frames those are."""
-        window_s = 1e-6 * _number(client, 0x2000, 4)
-        self._sync = _number(client, 0x1005, 0) & 0x7FF
-        self._targets = FrameSets(_mapping(client, *_RECEIVE, TARGET_POSITION), joints, window_s)
-        self._offsets = FrameSets(_mapping(client, *_TRANSMIT, POSITION_OFFSET), joints, window_s)
+        window_s = 1e-6 * number_of(client, 0x2000, 4)
+        self._sync = number_of(client, 0x1005, 0) & 0x7FF
+        self._targets = FrameSets(mapping_of(client, *RECEIVE, TARGET_POSITION), joints, window_s)
+        self._offsets = FrameSets(mapping_of(client, *TRANSMIT, POSITION_OFFSET), joints, window_s)
         self._before_offsets: list[int] | None = None
         self.forget()
 
@@ -107,22 +107,23 @@ class CycleFrames:
                     self.pair = (self._before_offsets, corrections)
 
 
-def _number(client: SdoClient, index: int, sub: int) -> int:
+def number_of(client: SdoClient, index: int, sub: int) -> int:
+    """The value of an unsigned object."""
     return int.from_bytes(client.upload(index, sub), "little")
 
 
-def _mapping(client: SdoClient, communication: int, mapping: int, count: int, wanted: int) -> Mapping:
+def mapping_of(client: SdoClient, communication: int, mapping: int, count: int, wanted: int) -> Mapping:
     """Where the valid PDOs of one direction carry an object of the axes."""
     found: Mapping = {}
     for number in range(count):
-        identifier = _number(client, communication + number, 1)
+        identifier = number_of(client, communication + number, 1)
         if identifier & 1 << 31:
             continue
         bit = 0
-        for sub in range(1, _number(client, mapping + number, 0) + 1):
-            entry = _number(client, mapping + number, sub)
+        for sub in range(1, number_of(client, mapping + number, 0) + 1):
+            entry = number_of(client, mapping + number, sub)
             axis, rest = divmod((entry >> 16) - wanted, _AXIS_STEP)
-            if 0 <= axis < 8 and rest == 0 and entry & 0xFFFF == 8 * _VALUE_BYTES:
+            if 0 <= axis < 8 and rest == 0 and entry & 0xFFFF == 8 * VALUE_BYTES:
                 key = (identifier & 0x1FFFFFFF, bool(identifier & 1 << 29))
                 found.setdefault(key, []).append((bit // 8, axis))
             bit += entry & 0xFF

@@ -1,0 +1,221 @@
+"""Whether the drives are those that the controller means: order, sign and scale of the axes, from a bus's frames.
+
+Nothing is commanded. While the controller moves the arm, targets and actual positions are compared: the actual
+position that follows an axis's target, at the delay that fits best, tells which drive that is, and the slope its
+sign and scale.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import can
+import numpy as np
+from numpy.typing import NDArray
+
+from armtrue.device.cycle_frames import (
+    ACTUAL_POSITION,
+    RECEIVE,
+    TARGET_POSITION,
+    VALUE_BYTES,
+    FrameSets,
+    mapping_of,
+    number_of,
+)
+from armtrue.device.sdo import SdoClient
+
+# Increments that an axis has to travel before anything is said of it: far above what a standing drive trembles.
+LEAST_TRAVEL = 1000
+# Cycles by which an actual position may lag behind its target (following error, bus, filters).
+_LONGEST_DELAY = 60
+# Share of an actual position's variance that a target must explain for the one to follow the other.
+_FOLLOWS = 0.99
+# What the slope may differ from one.
+SCALE_TOLERANCE = 0.02
+
+Samples = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Match:
+    """How one actual position follows one target."""
+
+    explained: float
+    slope: float
+    delay: int  # cycles
+
+
+@dataclass(frozen=True)
+class Axis:
+    """What was seen of one axis."""
+
+    commanded: float  # travel of its target, increments
+    moved: float | None  # travel of its actual position; None: that was never heard
+    follows: tuple[int, ...]  # axes, from 1, whose targets its actual position follows
+    slope: float | None  # of the actual position over its own target
+    delay: int | None  # cycles
+
+
+@dataclass(frozen=True)
+class Report:
+    """What a recording says."""
+
+    axes: list[Axis]
+    findings: list[str]  # one sentence each
+    unknown: list[str]  # what this motion cannot tell, one sentence each
+
+    @property
+    def is_right(self) -> bool:
+        """Whether all axes are known to be as the controller means them."""
+        return not self.findings and not self.unknown
+
+    def document(self) -> dict[str, object]:
+        """The figures for --json."""
+        return {
+            "right": self.is_right,
+            "axes": [dict(vars(axis)) for axis in self.axes],
+            "findings": self.findings,
+            "unknown": self.unknown,
+        }
+
+
+def match(target: Samples, actual: Samples) -> Match:
+    """The best linear dependence of an actual position on a target that came before it."""
+    best = Match(0.0, 0.0, 0)
+    for delay in range(min(_LONGEST_DELAY, len(target) // 4) + 1):
+        commanded, found = target[: len(target) - delay], actual[delay:]
+        commanded, found = commanded - commanded.mean(), found - found.mean()
+        power, spread = float(commanded @ commanded), float(found @ found)
+        if power == 0.0 or spread == 0.0:
+            continue
+        common = float(commanded @ found)
+        explained = common * common / (power * spread)
+        if explained > best.explained + 1e-9:
+            best = Match(explained, common / power, delay)
+    return best
+
+
+def examine(targets: Samples, actuals: Samples) -> Report:
+    """Compare recorded targets with actual positions (cycles × axes; NaN columns: never heard)."""
+    joints = targets.shape[1]
+    commanded = np.ptp(targets, axis=0) if len(targets) else np.zeros(joints)
+    heard = [bool(len(actuals)) and not np.isnan(actuals[:, k]).any() for k in range(joints)]
+    moved = [float(np.ptp(actuals[:, k])) if heard[k] else None for k in range(joints)]
+    matches = {
+        (j, k): match(targets[:, k], actuals[:, j])
+        for j in range(joints)
+        for k in range(joints)
+        if heard[j] and (moved[j] or 0.0) > 0.0 and commanded[k] >= LEAST_TRAVEL
+    }
+    axes = []
+    for j in range(joints):
+        own = matches.get((j, j))
+        follows = tuple(
+            k + 1 for k in range(joints) if (j, k) in matches and matches[j, k].explained >= _FOLLOWS
+        )
+        is_own = own is not None and j + 1 in follows
+        axes.append(
+            Axis(
+                commanded=float(commanded[j]),
+                moved=moved[j],
+                follows=follows,
+                slope=own.slope if own is not None and is_own else None,
+                delay=own.delay if own is not None and is_own else None,
+            )
+        )
+    return Report(axes, _findings(axes, matches), _unknown(axes))
+
+
+def _of_its_own(slope: float) -> list[str]:
+    """What is wrong with a drive that follows by this slope."""
+    words = []
+    if slope < 0.0:
+        words.append("backwards")
+    if abs(abs(slope) - 1.0) > SCALE_TOLERANCE:
+        words.append(f"{abs(slope):.3g} times as far as commanded")
+    return words
+
+
+def _findings(axes: list[Axis], matches: dict[tuple[int, int], Match]) -> list[str]:
+    found = []
+    told: set[int] = set()
+    for j, axis in enumerate(axes):
+        number = j + 1
+        if axis.moved is None:
+            found.append(
+                f"axis {number}: no actual position was heard: map 0x{ACTUAL_POSITION + 0x800 * j:04X} in a valid "
+                "RPDO of the compensator, and see that the drive sends it"
+            )
+        elif number in axis.follows:
+            words = _of_its_own(matches[j, j].slope)
+            if words:
+                found.append(f"axis {number}: the drive moves {' and '.join(words)}")
+        elif len(axis.follows) == 1 and j not in told:
+            other = axis.follows[0] - 1
+            extra = "".join(f", {words}" for words in _of_its_own(matches[j, other].slope))
+            if axes[other].follows == (number,):
+                told.add(other)
+                found.append(f"axes {number} and {other + 1}: their drives are exchanged{extra}")
+            else:
+                found.append(f"axis {number}: its drive follows the target of axis {other + 1}{extra}")
+        elif not axis.follows and axis.commanded >= LEAST_TRAVEL:
+            found.append(
+                f"axis {number}: commanded to move {axis.commanded:.0f} increments, and its drive does not follow"
+            )
+        elif not axis.follows and (axis.moved or 0.0) >= LEAST_TRAVEL:
+            found.append(f"axis {number}: moves {axis.moved:.0f} increments and was not commanded to")
+    return found
+
+
+def _unknown(axes: list[Axis]) -> list[str]:
+    found = []
+    alike = sorted({axis.follows for axis in axes if len(axis.follows) > 1})
+    for group in alike:
+        names = ", ".join(map(str, group[:-1])) + f" and {group[-1]}"
+        found.append(f"axes {names} were commanded alike and cannot be told apart: move one after the other")
+    for j, axis in enumerate(axes):
+        if axis.moved is not None and axis.commanded < LEAST_TRAVEL and not axis.follows:
+            found.append(
+                f"axis {j + 1}: was commanded to move {axis.commanded:.0f} increments, "
+                f"at least {LEAST_TRAVEL} are needed"
+            )
+    return found
+
+
+class Listener:
+    """Takes targets and actual positions from the frames of a bus. Asks the device for its mapping alone."""
+
+    def __init__(self, client: SdoClient, joints: int) -> None:
+        window_s = 1e-6 * number_of(client, 0x2000, 4)
+        self._joints = joints
+        self._sync = number_of(client, 0x1005, 0) & 0x7FF
+        mapped = mapping_of(client, *RECEIVE, TARGET_POSITION)
+        self._targets = FrameSets(mapped, joints, window_s)
+        self.maps_targets = {axis for places in mapped.values() for _, axis in places} >= set(range(joints))
+        self._actuals = mapping_of(client, *RECEIVE, ACTUAL_POSITION)
+        self._latest = np.full(joints, np.nan)
+        self._rows: list[tuple[list[int], Samples]] = []
+
+    def take(self, message: can.Message) -> None:
+        """A frame of the bus, in its order."""
+        if message.is_error_frame or message.is_remote_frame:
+            return
+        key = (message.arbitration_id, message.is_extended_id)
+        if key == (self._sync, False):
+            self._targets.divide()
+        elif self._targets.belongs(message):
+            targets = self._targets.take(message)
+            if targets is not None:
+                self._rows.append((targets, self._latest.copy()))
+        for place, axis in self._actuals.get(key, []):
+            value = bytes(message.data)[place : place + VALUE_BYTES]
+            if axis < self._joints and len(value) == VALUE_BYTES:
+                self._latest[axis] = int.from_bytes(value, "little", signed=True)
+
+    def recorded(self) -> tuple[Samples, Samples]:
+        """Targets and actual positions by cycle, from when every position that comes at all had come."""
+        comes = ~np.isnan(self._latest)
+        rows = [row for row in self._rows if not np.isnan(row[1][comes]).any()]
+        if not rows:
+            return np.zeros((0, self._joints)), np.zeros((0, self._joints))
+        return np.array([row[0] for row in rows], float), np.array([row[1] for row in rows])

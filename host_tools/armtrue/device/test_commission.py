@@ -1,0 +1,119 @@
+"""Drives in another order, with another sign or scale are found from targets and actual positions alone."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from armtrue.device.commission import Samples, examine
+
+JOINTS, CYCLES = 6, 3000
+
+
+def one_after_the_other(amplitude: float = 50_000.0) -> Samples:
+    """Each axis swings once while the others stand."""
+    targets = np.zeros((CYCLES, JOINTS))
+    share = CYCLES // JOINTS
+    for k in range(JOINTS):
+        targets[k * share : (k + 1) * share, k] = amplitude * np.sin(np.linspace(0.0, 2.0 * np.pi, share))
+    return targets + 1000.0 * np.arange(JOINTS)
+
+
+def all_at_once() -> Samples:
+    """Every axis at its own pace."""
+    time = np.linspace(0.0, 20.0, CYCLES)
+    return np.stack([40_000.0 * np.sin((0.4 + 0.23 * k) * time + k) for k in range(JOINTS)], axis=1)
+
+
+def drives(targets: Samples, lag: float = 0.12, noise: float = 2.0) -> Samples:
+    """Position loops behind the targets, with the trembling of an encoder."""
+    actual = np.empty_like(targets)
+    position = targets[0].copy()
+    for k, target in enumerate(targets):
+        actual[k] = position
+        position += lag * (target - position)
+    return np.round(actual + np.random.default_rng(1).normal(0.0, noise, actual.shape))
+
+
+@pytest.mark.parametrize("motion", [one_after_the_other, all_at_once])
+def test_right_drives_are_right(motion: Callable[[], Samples]) -> None:
+    targets = motion()
+    report = examine(targets, drives(targets))
+    assert report.is_right, (report.findings, report.unknown)
+    assert [axis.follows for axis in report.axes] == [(k,) for k in range(1, JOINTS + 1)]
+
+
+@pytest.mark.parametrize("motion", [one_after_the_other, all_at_once])
+def test_exchanged_drives_are_one_sentence(motion: Callable[[], Samples]) -> None:
+    targets = motion()
+    actuals = drives(targets)[:, [0, 2, 1, 3, 4, 5]]
+    assert examine(targets, actuals).findings == ["axes 2 and 3: their drives are exchanged"]
+
+
+def test_drives_in_a_circle_are_each_named() -> None:
+    targets = one_after_the_other()
+    actuals = drives(targets)[:, [1, 2, 0, 3, 4, 5]]
+    assert examine(targets, actuals).findings == [
+        "axis 1: its drive follows the target of axis 2",
+        "axis 2: its drive follows the target of axis 3",
+        "axis 3: its drive follows the target of axis 1",
+    ]
+
+
+def test_reversed_axis_is_named() -> None:
+    targets = all_at_once()
+    actuals = drives(targets) * np.array([1, 1, 1, -1, 1, 1])
+    assert examine(targets, actuals).findings == ["axis 4: the drive moves backwards"]
+
+
+@pytest.mark.parametrize("scale", [16.0, 0.5, 1.05])
+def test_wrong_scale_is_named_with_its_size(scale: float) -> None:
+    targets = one_after_the_other()
+    actuals = drives(targets)
+    actuals[:, 4] *= scale
+    (sentence,) = examine(targets, actuals).findings
+    found = re.fullmatch(r"axis 5: the drive moves (\S+) times as far as commanded", sentence)
+    assert found is not None, sentence
+    assert float(found[1]) == pytest.approx(scale, rel=0.01)
+
+
+def test_correction_of_a_table_is_no_wrong_scale() -> None:
+    targets = all_at_once()
+    actuals = drives(targets + 300.0 * np.sin(targets / 9000.0))
+    assert examine(targets, actuals).is_right
+
+
+def test_axis_that_was_not_moved_is_unknown() -> None:
+    targets = one_after_the_other()
+    targets[:, 5] = 7.0
+    report = examine(targets, drives(targets))
+    assert report.findings == []
+    assert report.unknown == ["axis 6: was commanded to move 0 increments, at least 1000 are needed"]
+
+
+def test_axes_that_moved_alike_are_unknown() -> None:
+    targets = all_at_once()
+    targets[:, 1] = 2.0 * targets[:, 0] + 5.0
+    report = examine(targets, drives(targets))
+    assert report.findings == []
+    assert report.unknown == [
+        "axes 1 and 2 were commanded alike and cannot be told apart: move one after the other"
+    ]
+
+
+def test_drive_that_stands_still_and_one_that_is_not_heard_are_named() -> None:
+    targets = one_after_the_other()
+    actuals = drives(targets)
+    actuals[:, 1] = 5.0
+    actuals[:, 2] = np.nan
+    stands, silent = examine(targets, actuals).findings
+    assert stands == "axis 2: commanded to move 100000 increments, and its drive does not follow"
+    assert silent.startswith("axis 3: no actual position was heard: map 0x7064 in a valid RPDO")
+
+
+def test_nothing_heard_is_not_right() -> None:
+    nothing = np.zeros((0, JOINTS))
+    assert not examine(nothing, nothing).is_right
