@@ -93,6 +93,8 @@ std::int32_t within_magnitude(const TableView& table, std::size_t joint, std::in
   // What rounds to the next increment is no more than what was permitted.
   magnitude_increments = saturate(std::int64_t{in_increments(magnitude)} + 1);
   const std::int32_t fade = magnitude / static_cast<std::int32_t>(Compensator::kFadeCycles) + 1;
+  per_turn = saturate(4 * std::int64_t{increments_by_unit(std::int32_t{1} << 30, unit_per_increment,
+                                                          unit_shift)});
   rate_increments = saturate(std::int64_t{in_increments(std::max(rate, fade))} + 2);
 }
 
@@ -156,7 +158,13 @@ std::int64_t PositionBounds::within_limits(std::int64_t corrected, std::int32_t 
 [[gnu::cold]] void Compensator::disable() {
   has_active_ = false;
   // Without a correction there is nothing to blend out, and perhaps no limit that could hold it.
-  if (motion_.state != CompensatorState::kPassThrough) hold();
+  const auto is_zero = [](std::int32_t value) { return value == 0; };
+  if (std::ranges::all_of(motion_.delta, is_zero) &&
+      std::ranges::all_of(motion_.increments, is_zero)) {
+    motion_.state = CompensatorState::kPassThrough;
+  } else {
+    hold();
+  }
 }
 
 [[gnu::cold]] bool Compensator::is_in_use(std::span<const std::uint8_t> image) const {
@@ -357,6 +365,7 @@ void Compensator::take_back() {
   motion_ = before_;
   --cycle_;
   history_[cycle_ % kFeedbackHistory] = overwritten_;
+  if (counters_.cycles != UINT32_MAX) --counters_.cycles;
 }
 
 std::int32_t Compensator::increments_of(std::size_t joint) {

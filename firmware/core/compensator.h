@@ -133,6 +133,8 @@ struct JointScale {
   // The same in the drive's increments, by whichever of the two scales gives less.
   std::int32_t magnitude_increments = 0;
   std::int32_t rate_increments = 0;
+  // Increments of a turn or a metre; at most INT32_MAX.
+  std::int32_t per_turn = 0;
 
   // 2^-32 turn or metre.
   std::int64_t units_of(std::int32_t increments) const;
@@ -172,8 +174,8 @@ class Compensator {
   // none.
   std::int32_t correction_of(std::uint32_t cycle, std::size_t joint) const;
 
-  // The last cycle's output goes to nobody: everything is as before it, but for the counters. Once
-  // for a cycle.
+  // The last cycle's output goes to nobody: everything is as before it, but for the counters of
+  // what happened in it. Once for a cycle.
   void take_back();
 
   // Forgets the direction of approach and the carried remainder, after the stream of commands was
@@ -200,6 +202,8 @@ class Compensator {
 
   void set_bounds(std::size_t joint, const PositionBounds& bounds) { bounds_[joint] = bounds; }
   const PositionBounds& bounds(std::size_t joint) const { return bounds_[joint]; }
+  // Of the table in force, or of the last that was.
+  const JointScale& scale(std::size_t joint) const { return scale_[joint]; }
 
   CompensatorState state() const { return motion_.state; }
   std::uint32_t cycle_us() const { return config_.cycle_us; }

@@ -24,6 +24,9 @@ class MemoryParameters final : public ParameterStore {
     std::copy(block_.begin(), block_.end(), block.begin());
     return true;
   }
+  bool holds_something() const override { return !block_.empty(); }
+  // A bit of what was saved flips.
+  void spoil(std::size_t at) { block_.at(at) ^= 1; }
   bool save(std::span<const std::uint8_t> block) override {
     if (broken) return false;
     block_.assign(block.begin(), block.end());

@@ -349,7 +349,7 @@ void Soak::heal() {
   }
   needs_healing_at_ = 0;
   bench_.start_nodes();
-  if (mode_ == Mode::kOffset) blends_from_ = bench_.compensator().counters().cycles;
+  if (mode_ == Mode::kOffset) blends_from_ = bench_.node().joint_counters().steps;
   // What the drives hold can only be heard of an arm that stands.
   if (mode_ == Mode::kOffset) stand_still(kSettles);
 }
@@ -467,7 +467,7 @@ void Soak::judge_joint(std::size_t joint, std::int32_t delta, std::int32_t comma
 }
 
 void Soak::judge_set(std::vector<CanFrame>& set) {
-  const bool evaluates = bench_.compensator().counters().cycles != 0;
+  const bool evaluates = bench_.node().joint_counters().steps != 0;
   const bool is_first = evaluates && evaluated_life_ != bench_.lives;
   if (is_first) {
     evaluated_life_ = bench_.lives;
@@ -495,7 +495,7 @@ void Soak::judge_set(std::vector<CanFrame>& set) {
   const bool is_new_life = bench_.lives != life_;
   begin_life();
   // Blending goes on with every evaluation, whether the bus took its output or not.
-  blended_ = bench_.compensator().counters().cycles;
+  blended_ = bench_.node().joint_counters().steps;
   const Joints commanded = targets_of(meant);
   if (is_new_life) {
     // The drives stand where they were told last. From there the nearest that is permitted: that
@@ -555,7 +555,7 @@ void Soak::judge_offsets() {
     if (id == std::end(kOffsetIds)) continue;
     ++frames;
     begin_life();
-    blended_ = bench_.compensator().counters().cycles;
+    blended_ = bench_.node().joint_counters().steps;
     if (leaving) blends_from_ = blended_;
     const auto pair = static_cast<std::size_t>(id - std::begin(kOffsetIds));
     const Joints commanded = targets_of(synchronous_ ? previous_pose_ : pose_);

@@ -24,6 +24,7 @@ struct TestTable {
   std::int32_t magnitude = kMaxDeltaRevolute;
   std::int32_t rate = kMaxRateRevolute;
   std::uint16_t blend_ms = kMinBlendMilliseconds;
+  int finer = 0;  // the drives have 2^(20 + finer) increments a turn
 
   std::vector<std::uint8_t> image() const {
     std::vector<std::uint8_t> bytes(format::header::kLength);
@@ -84,8 +85,8 @@ struct TestTable {
     // 2^20 increments a turn: 2^12 units of 2^-32 turn each.
     put(bytes, begin + format::joint::kUnitPerIncrementAt, std::int32_t{1} << 30);
     put(bytes, begin + format::joint::kIncrementPerUnitAt, std::int32_t{1} << 30);
-    bytes[begin + format::joint::kUnitShiftAt] = 18;
-    bytes[begin + format::joint::kIncrementShiftAt] = 42;
+    bytes[begin + format::joint::kUnitShiftAt] = static_cast<std::uint8_t>(18 + finer);
+    bytes[begin + format::joint::kIncrementShiftAt] = static_cast<std::uint8_t>(42 - finer);
     put(bytes, begin + format::joint::kMagnitudeAt, magnitude);
     put(bytes, begin + format::joint::kRateAt, rate);
   }

@@ -159,14 +159,14 @@ INDIRECT_CALLS: dict[str, str] = {
     r"canopen::(Node::run_self_test|.*refresh_bus)\(": _PORT + r"(bus_state|counters)\(",
     r"canopen::BusWatch::BusWatch\(": _PORT + r"counters\(",
     r"canopen::BusWatch::process\(": _PORT + r"(bus_state|counters|recover)\(",
-    r"canopen::(Node::forward|SdoServer::transmit|TpdoProducer::transmit|Emcy::process|JointPath::release|"
+    r"canopen::(Node::forward|SdoServer::transmit|TpdoProducer::transmit|Emcy::process|JointPath::(release|send_set)|"
     r"Nmt::send_state)\(": _PORT + r"send\(",
     r"canopen::SdoServer::send_block_segment\(": r"(BxCan<.*>|CanPort)::has_backlog\(",
     r"canopen::SdoServer::initiate_block_download\(": r"(ZynqMpCan<.*>|CanPort)::longest_burst\(",
     r"canopen::Node::Node\(": _PORT + r"supports_fd\(",
     r"canopen::Node::check_communication_write\(": r"SlotParameters::erase\(",
     r"canopen::save_parameters\(": r"SlotParameters::save\(",
-    r"canopen::load_parameters\(": r"SlotParameters::load\(",
+    r"canopen::load_parameters\(": r"SlotParameters::(load|holds_something)\(",
     r"canopen::DictionaryAccess::append\(": r"TableTransfer::append\(",
     r"canopen::DictionaryAccess::cancel\(": r"TableTransfer::cancel_download\(",
     r"canopen::DictionaryAccess::begin_write\(": r"TableTransfer::begin_download\(",
@@ -175,7 +175,8 @@ INDIRECT_CALLS: dict[str, str] = {
         r"TableTransfer::finish_download\(|Node::(before_write|after_write)\("
     ),
     r"canopen::TpdoProducer::sample\(": r"Node::before_read\(",
-    r"canopen::JointPath::evaluate\(": r"(stm32f405|r5f)::clock_us\(|" + _PORT + r"send\(",
+    r"canopen::JointPath::(compute|take_target)\(": r"(stm32f405|r5f)::clock_us\(|" + _PORT + r"send\(",
+    r"canopen::Node::handle_(sync|upstream)\(": r"(stm32f405|r5f)::clock_us\(|" + _PORT + r"send\(",
     r"storage::SlotStore::capacity\(": _FLASH + r"slot_size\(",
     r"storage::SlotStore::(read_header|is_blank|load|classify|activate|commit|load_active)\(": _FLASH
     + r"(read|slot_size)\(",

@@ -182,6 +182,12 @@ class BacklashTest : public DrivesTest {
     made.add_term(0, 1, 1e-3, 30);
     armtrue::testing::put(made.header(), format::header::kSequenceAt, std::uint32_t{2});
     bench.run_for(600'000);
+    // Drives of another resolution: nothing is corrected while that changes.
+    EXPECT_EQ(bench.write(0x2000, 2, 0, 1), 0U);
+    for (std::uint16_t k = 0; k < 6; ++k) {
+      EXPECT_EQ(bench.write(static_cast<std::uint16_t>(0x608F + 0x800 * k), 1, 1U << 24, 4), 0U);
+    }
+    EXPECT_EQ(bench.write(0x2000, 2, 1, 1), 0U);
     bench.install(made.image());
   }
 };

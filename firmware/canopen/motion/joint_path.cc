@@ -1,11 +1,8 @@
 #include "firmware/canopen/motion/joint_path.h"
 
 #include <algorithm>
-#include <bit>
-#include <cstring>
 #include <span>
 
-#include "firmware/canopen/protocol/search.h"
 #include "firmware/core/division.h"
 #include "firmware/core/fixed.h"
 
@@ -16,135 +13,137 @@ void count(std::uint32_t& counter) {
   if (counter != UINT32_MAX) ++counter;
 }
 
-bool same_payload(const CanFrame& one, const CanFrame& other) {
-  return one.len == other.len && std::memcmp(one.data, other.data, one.len) == 0;
-}
+// Information of EMCY 0xFF15.
+enum WhyWithheld : std::uint32_t {
+  kFramesMissing = 1,    // no set is whole within the set window
+  kContradictions = 2,   // contradicted or short frames
+  kPositionUnknown = 3,  // offset mode: the arm has not stood yet where its offset is known
+  kSyncMissing = 4,      // targets that wait for SYNC, which does not come
+};
 
 }  // namespace
 
 JointPath::JointPath(ObjectDictionary& dictionary, Compensator& compensator, Emcy& emcy,
-                     std::uint8_t joint_count, std::uint64_t (*clock_us)())
+                     CanPort* downstream, std::uint8_t joint_count, std::uint64_t (*clock_us)())
     : dictionary_(dictionary),
       compensator_(compensator),
       emcy_(emcy),
+      downstream_(downstream),
       clock_us_(clock_us),
       joint_count_(joint_count) {}
 
 void JointPath::configure(const PdoTable& pdos) {
-  drop_set();
-  expected_ = 0;
-  synchronous_ = false;
-  std::uint32_t joints = 0;
-  for (std::size_t k = 0; k < kRpdos; ++k) {
-    const Pdo& pdo = pdos.rpdo(k);
-    if (!pdo.valid || !pdo.mapping.has_axis_object(kTargetPosition)) continue;
-    expected_ |= 1U << k;
-    synchronous_ = synchronous_ || pdo.is_synchronous();
-    for (const MappedEntry& mapped : pdo.mapping.used()) {
-      if (axis_object(mapped.index) == kTargetPosition) {
-        joints |= 1U << axis_of(mapped.index);
-      }
-    }
+  take_back();
+  sets_.configure(pdos, joint_count_);
+}
+
+void JointPath::configure_bounds() {
+  for (std::size_t axis = 0; axis < joint_count_; ++axis) {
+    compensator_.set_bounds(
+        axis, {.range_low = dictionary_.get(od::axis::kMinimumPositionRangeLimit[axis]),
+               .range_high = dictionary_.get(od::axis::kMaximumPositionRangeLimit[axis]),
+               .limit_low = dictionary_.get(od::axis::kMinimumPositionLimit[axis]),
+               .limit_high = dictionary_.get(od::axis::kMaximumPositionLimit[axis])});
   }
-  const std::uint32_t needed = (1U << joint_count_) - 1U;
-  if ((joints & needed) != needed) expected_ = 0;
 }
 
-void JointPath::drop_set() {
-  present_ = 0;
-  held_count_ = 0;
-  evaluated_ = false;
-  spoilt_ = false;
+void JointPath::set_mode(Mode mode) {
+  stop();
+  forget();
+  mode_ = mode;
 }
 
-const JointPath::Held* JointPath::find(std::span<const Held> frames, std::size_t rpdo) {
-  return first_where(frames, [rpdo](const Held& held) { return held.rpdo == rpdo; });
+void JointPath::forget() {
+  phase_ = Phase::kUnknown;
+  known_ = false;
+  heard_ = 0;
+}
+
+// A set that was computed and waits is not sent: the drives never hear of it.
+void JointPath::take_back() {
+  if (sets_.progress() != SetProgress::kComputed) return;
+  compensator_.take_back();
+  sets_.set_progress(SetProgress::kWaiting);
 }
 
 void JointPath::end_interval() {
-  const std::span<const Held> held(held_.data(), held_count_);
-  const std::span<const Held> previous(previous_.data(), previous_count_);
-  // If all of it were repeats of the set before, nothing was lost.
-  const bool only_repeats =
-      !spoilt_ && first_where(held, [previous](const Held& one) {
-                    const Held* before = find(previous, one.rpdo);
-                    return before == nullptr || !same_payload(before->frame, one.frame);
-                  }) == nullptr;
-  if (present_ != 0 && !evaluated_) count(only_repeats ? counters_.repeated : counters_.withheld);
-  // A frame that is missing here may come late, ahead of its successor: the next set could be
-  // complete with it and would be a mixture. So what follows an interval that was not whole waits.
-  // An arm that stands still repeats whole sets: those are whole, too, or it could never go on.
-  const bool is_whole = present_ == expected_ && !spoilt_;
-  if (present_ == 0 || is_whole || !only_repeats) trusted_ = is_whole;
-  drop_set();
+  take_back();
+  switch (sets_.end_interval()) {
+    case SetAssembler::Ended::kOnlyRepeats:
+      return count(counters_.repeated);
+    case SetAssembler::Ended::kWithheld:
+      return count(counters_.withheld);
+    default:
+      return;
+  }
 }
 
-void JointPath::close_window(std::uint64_t now_us) {
-  const std::uint32_t window_us = dictionary_.get(od::compensator_control::kSetWindow);
-  const bool is_over = present_ != 0 && !evaluated_ && now_us - set_begin_us_ > window_us;
-  // Where SYNC divides the sets a whole one that waits for trust is left for SYNC to end.
-  if (is_over && (!sync_in_use_ || present_ != expected_)) end_interval();
+void JointPath::spoil(Condition condition, std::uint32_t information, std::uint32_t& counter) {
+  take_back();
+  count(counter);
+  clean_sets_ = 0;
+  emcy_.raise(condition, information);
 }
 
 bool JointPath::take_target(const Pdo& pdo, std::size_t rpdo, const CanFrame& frame,
-                            CanPort* downstream, std::uint64_t now_us) {
-  close_window(now_us);
-  if (frame.len < pdo.mapping.length) {
-    // A short target is a missing target.
-    count(counters_.malformed);
-    spoilt_ = true;
-    clean_sets_ = 0;
-    emcy_.raise(Condition::kPdoLength, frame.id);
-    return false;
+                            std::uint64_t now_us) {
+  // From the first target, or the last set, on somebody waits for one to go out.
+  const std::uint32_t stale_us = dictionary_.get(od::compensator_control::kStaleTimeOut);
+  if (waiting_since_us_ <= last_set_us_ || now_us - last_taken_us_ > stale_us) {
+    waiting_since_us_ = now_us;
   }
-  if (const Held* same = find({held_.data(), held_count_}, rpdo)) {
-    if (same_payload(same->frame, frame)) {
+  last_taken_us_ = now_us;
+  if (sets_.is_over(configured_window_us(), now_us)) end_interval();
+  SetEvent event = sets_.take(pdo, rpdo, frame, now_us);
+  if (event == SetEvent::kNextCycle) {
+    end_interval();
+    event = sets_.take(pdo, rpdo, frame, now_us);
+  }
+  switch (event) {
+    case SetEvent::kShort:
+      spoil(Condition::kPdoLength, frame.id, counters_.malformed);
+      return false;
+    case SetEvent::kContradicted:
+      spoil(Condition::kTargetConflict, frame.id, counters_.conflicts);
+      return false;
+    case SetEvent::kRepeated:
       count(counters_.repeated);
       return false;
-    }
-    if (sync_in_use_) {
-      // Two different targets for the same joints in one interval: whose are the others?
-      spoilt_ = true;
-      count(counters_.conflicts);
-      clean_sets_ = 0;
-      emcy_.raise(Condition::kTargetConflict, frame.id);
+    case SetEvent::kReady:
+      break;
+    default:
       return false;
-    }
-    end_interval();  // without SYNC the newer frame can only be of the next cycle
   }
-  if (present_ == 0) set_begin_us_ = now_us;
-  held_[held_count_++] = {frame, &pdo, static_cast<std::uint8_t>(rpdo)};
-  present_ |= 1U << rpdo;
-  const bool may_be_mixed = !trusted_ && !std::has_single_bit(expected_);
-  if (present_ != expected_ || spoilt_ || synchronous_ || may_be_mixed) return false;
-  const bool is_out = evaluate(downstream, now_us);
-  if (!sync_in_use_) end_interval();
+  const std::uint64_t complete_us = clock_us_();
+  if (!compute(now_us) || sets_.is_synchronous()) return false;
+  const bool is_out = release(now_us);
+  target_latency_.note(static_cast<std::uint32_t>(clock_us_() - complete_us));
+  if (!sets_.sync_in_use()) end_interval();
   return is_out;
 }
 
-bool JointPath::on_sync(CanPort* downstream, std::uint64_t now_us) {
-  // A set that a late SYNC left waiting for longer than two intervals is old; where the interval is
-  // not known yet, than the set window.
-  const std::uint64_t waits_us =
-      sync_period_us_ == 0 ? std::uint64_t{dictionary_.get(od::compensator_control::kSetWindow)}
-                           : 2 * sync_period_us_;
-  const bool on_time = now_us - set_begin_us_ <= waits_us;
-  const bool fresh =
-      synchronous_ && present_ == expected_ && !spoilt_ && on_time && evaluate(downstream, now_us);
+bool JointPath::on_sync(std::uint64_t now_us) {
+  const bool goes_out = sets_.progress() == SetProgress::kComputed &&
+                        sets_.content() == SetContent::kWhole &&
+                        sets_.is_on_time(configured_window_us(), now_us) && release(now_us);
   end_interval();
-  if (sync_in_use_) sync_period_us_ = now_us - last_sync_us_;
-  sync_in_use_ = true;
-  last_sync_us_ = now_us;
-  return fresh;
+  sets_.note_sync(now_us);
+  return goes_out;
 }
 
-void JointPath::read_inputs(std::uint64_t now_us) {
-  for (std::size_t k = 0; k < held_count_; ++k) {
-    apply_rpdo(dictionary_, *held_[k].pdo, held_[k].frame);
+void JointPath::read_targets(std::uint64_t now_us) {
+  for (const SetAssembler::Held& held : sets_.frames()) {
+    apply_rpdo(dictionary_, *held.pdo, held.frame);
   }
   for (std::size_t axis = 0; axis < joint_count_; ++axis) {
-    input_.target[axis] = dictionary_.get(od::axis::kTargetPosition[axis]);
+    const std::int32_t target = dictionary_.get(od::axis::kTargetPosition[axis]);
+    if (target != resting_[axis]) resting_since_us_ = now_us;
+    resting_[axis] = target;
+    input_.target[axis] = target;
   }
+}
+
+void JointPath::read_surroundings(std::uint64_t now_us) {
   const std::uint64_t limit_us =
       dictionary_.get(od::compensator_control::kTemperatureTimeOut) * std::uint64_t{1000};
   input_.temperature_valid = 0;
@@ -155,50 +154,77 @@ void JointPath::read_inputs(std::uint64_t now_us) {
       input_.temperature_valid |= 1U << sensor;
     }
   }
-  input_.payload_g = static_cast<std::int32_t>(dictionary_.get(od::kPayloadMass));
+  input_.payload_g = saturate(std::int64_t{dictionary_.get(od::kPayloadMass)});
   input_.time_ms = milliseconds_of(now_us);
+  input_.elapsed_us =
+      static_cast<std::uint32_t>(std::min<std::uint64_t>(now_us - last_step_us_, UINT32_MAX));
 }
 
-bool JointPath::begin(bool drives_wait, std::uint64_t now_us) {
+bool JointPath::begin(std::uint64_t now_us) {
   std::array<std::int32_t, kMaxJoints> held = {};
-  known_ = heard_ + 1U == 1U << joint_count_;
-  for (std::size_t axis = 0; axis < joint_count_; ++axis) {
-    const std::int32_t target = input_.target[axis];
-    if (target != resting_[axis]) resting_since_us_ = now_us;
-    resting_[axis] = target;
-    if (!known_) continue;
+  const bool all_heard = heard_ + 1U == 1U << joint_count_;
+  for (std::size_t axis = 0; axis < joint_count_ && all_heard; ++axis) {
     const std::int64_t actual = dictionary_.get(od::axis::kPositionActualValue[axis]);
-    held[axis] = saturate(actual - target);
+    held[axis] = saturate(compensator_.bounds(axis).way(actual - input_.target[axis]));
   }
   const bool fits = compensator_.begin(held);
-  begun_ = drives_wait || !known_ || (fits && now_us - resting_since_us_ >= kRestUs);
-  known_ = known_ && begun_;
-  return begun_;
+  const bool has_stood = now_us - resting_since_us_ >= kRestUs;
+  if (mode_ == Mode::kOffset && all_heard && !(fits && has_stood)) return false;
+  began_with_heard_ = all_heard;
+  return true;
 }
 
-void JointPath::put_out(std::uint64_t now_us) {
-  const CycleOutput output = compensator_.cycle(input_);
-  last_cycle_ = output.cycle;
-  last_output_us_ = now_us;
-  last_flags_ = output.flags;
-  for (std::size_t axis = 0; axis < joint_count_; ++axis) {
-    dictionary_.set(od::axis::kPositionOffset[axis], output.delta[axis]);
-    dictionary_.set(od::axis::kPositionDemandValue[axis], output.corrected[axis]);
+// Corrections are for drives that follow their targets: the way to zero begins when one leaves, the
+// way back when all have returned.
+void JointPath::follow_drives() {
+  const bool suspends = suspension() != kSuspendedNot;
+  if (phase_ == Phase::kCorrecting && suspends) {
+    compensator_.park();
+    phase_ = Phase::kSuspended;
+    count(counters_.suspended);
+  } else if (phase_ == Phase::kSuspended && !suspends) {
+    compensator_.resume();
+    phase_ = Phase::kCorrecting;
+    count(counters_.resumed);
   }
 }
 
-bool JointPath::evaluate(CanPort* downstream, std::uint64_t now_us) {
-  if (leaving_) return false;  // fade() has it
+bool JointPath::compute(std::uint64_t now_us) {
+  if (phase_ == Phase::kLeaving) return false;  // fade() has it
   const std::uint64_t begin_us = clock_us_();
-  read_inputs(now_us);
-  const bool is_first = !begun_;
-  if (is_first && !begin(downstream != nullptr, now_us)) return false;
-  put_out(now_us);
-  if (is_first) first_cycle_ = last_cycle_;
-  if (downstream != nullptr) release(*downstream);
-  previous_ = held_;
-  previous_count_ = held_count_;
-  evaluated_ = true;
+  read_targets(now_us);
+  read_surroundings(now_us);
+  // A first set that does not go out is not the first.
+  if (phase_ == Phase::kUnknown && !begin(now_us)) return false;
+  follow_drives();
+  output_ = compensator_.cycle(input_);
+  computed_us_ = now_us;
+  sets_.set_progress(SetProgress::kComputed);
+  const auto took_us = static_cast<std::uint32_t>(clock_us_() - begin_us);
+  counters_.worst_cycle_us = std::max(counters_.worst_cycle_us, took_us);
+  return true;
+}
+
+void JointPath::publish() {
+  last_cycle_ = output_.cycle;
+  last_step_us_ = computed_us_;
+  count(counters_.steps);
+  last_flags_ = output_.flags;
+  for (std::size_t axis = 0; axis < joint_count_; ++axis) {
+    dictionary_.set(od::axis::kPositionOffset[axis], output_.delta[axis]);
+    dictionary_.set(od::axis::kPositionDemandValue[axis], output_.corrected[axis]);
+  }
+}
+
+bool JointPath::release(std::uint64_t now_us) {
+  publish();
+  if (phase_ == Phase::kUnknown) {
+    first_cycle_ = last_cycle_;
+    known_ = began_with_heard_;
+    phase_ = Phase::kCorrecting;
+  }
+  if (mode_ == Mode::kInline) send_set();
+  sets_.set_progress(SetProgress::kOut);
   count(counters_.sets);
   if (++clean_sets_ >= kCleanSets) {
     emcy_.clear(Condition::kTargetConflict);
@@ -207,65 +233,125 @@ bool JointPath::evaluate(CanPort* downstream, std::uint64_t now_us) {
   streaming_ = true;
   last_set_us_ = now_us;
   emcy_.clear(Condition::kJointInputStale);
-  const auto took_us = static_cast<std::uint32_t>(clock_us_() - begin_us);
-  counters_.worst_cycle_us = std::max(counters_.worst_cycle_us, took_us);
+  emcy_.clear(Condition::kSetsWithheld);
   return true;
 }
 
-void JointPath::release(CanPort& downstream) {
+void JointPath::send_set() {
+  if (downstream_ == nullptr) return;
   bool refused = false;
-  for (std::size_t k = 0; k < held_count_; ++k) {
-    CanFrame frame = held_[k].frame;
-    for (const MappedEntry& mapped : held_[k].pdo->mapping.used()) {
+  for (const SetAssembler::Held& held : sets_.frames()) {
+    CanFrame frame = held.frame;
+    for (const MappedEntry& mapped : held.pdo->mapping.used()) {
       if (axis_object(mapped.index) != kTargetPosition) continue;
       const std::size_t axis = axis_of(mapped.index);
-      if (axis >= joint_count_) continue;
-      store_le(&frame.data[mapped.at], dictionary_.get(od::axis::kPositionDemandValue[axis]));
+      if (axis < joint_count_) store_le(&frame.data[mapped.at], output_.corrected[axis]);
     }
     // Once a frame was refused the rest of the set stays back too: as few joints as possible
     // differ.
-    refused = refused || !downstream.send(frame);
+    refused = refused || !downstream_->send(frame);
     if (refused) count(counters_.output_refused);
   }
 }
 
-void JointPath::take_feedback(const Pdo& pdo, CanFrame& frame) {
+void JointPath::hear(const Pdo& pdo, const CanFrame& frame) {
+  if (frame.len < pdo.mapping.length) return;
+  for (const MappedEntry& mapped : pdo.mapping.used()) {
+    const std::uint8_t* place = &frame.data[mapped.at];
+    if (mapped.index == od::kOffsetReadBack[0].index && mapped.sub > 0) {
+      check_offset(mapped.sub - 1U, load_le<std::int32_t>(place));
+    }
+    if (mapped.is_dummy() || mapped.index < 0x6000) continue;
+    const std::size_t axis = axis_of(mapped.index);
+    if (axis >= joint_count_) continue;
+    const std::uint16_t object = axis_object(mapped.index);
+    if (object == kStatusword) drives_.hear_state(axis, load_le<std::uint16_t>(place));
+    if (object == kModeDisplay) drives_.hear_mode(axis, static_cast<std::int8_t>(*place));
+  }
+  follow_drives();
+}
+
+// A drive says which offset it has. It may be a few cycles behind.
+void JointPath::check_offset(std::size_t axis, std::int32_t offset) {
+  if (axis >= joint_count_ || mode_ != Mode::kOffset || phase_ == Phase::kUnknown) return;
+  bool is_ours = offset == dictionary_.get(od::axis::kPositionOffset[axis]);
+  for (std::uint32_t age = 0; age < kFeedbackHistory && !is_ours; ++age) {
+    is_ours = offset == compensator_.correction_of(last_cycle_ - age, axis);
+  }
+  strange_offsets_[axis] = is_ours ? 0 : strange_offsets_[axis] + 1;
+  if (is_ours) return emcy_.clear(Condition::kOffsetDiffers, axis);
+  if (strange_offsets_[axis] < kStrangeOffsets) return;
+  strange_offsets_[axis] = kStrangeOffsets;
+  emcy_.raise(Condition::kOffsetDiffers, static_cast<std::uint32_t>(axis + 1), axis);
+}
+
+void JointPath::take_feedback(const Pdo& pdo, CanFrame& frame, std::uint64_t now_us) {
   if (frame.len < pdo.mapping.length) {
     count(counters_.malformed);
     return;
   }
+  // The computed set of a stream that waits for SYNC is a target like any other.
+  const bool at_rest = now_us - resting_since_us_ >= kRestUs;
   for (const MappedEntry& mapped : pdo.mapping.used()) {
     if (axis_object(mapped.index) != kActualPosition) continue;
     const std::size_t axis = axis_of(mapped.index);
     if (axis >= joint_count_) continue;
-    if (!begun_) {
+    std::uint8_t* place = &frame.data[mapped.at];
+    const auto actual = load_le<std::int32_t>(place);
+    const PositionBounds& bounds = compensator_.bounds(axis);
+    const auto per_turn = static_cast<std::uint32_t>(compensator_.scale(axis).per_turn);
+    if (drives_.hear_position(axis, actual, at_rest, per_turn, bounds, now_us)) {
+      reference_changed_ = true;
+      count(counters_.reference_changes);
+      emcy_.raise(Condition::kReferenceChanged, static_cast<std::uint32_t>(axis + 1));
+      follow_drives();
+    }
+    if (phase_ == Phase::kUnknown) {
       heard_ |= 1U << axis;
       continue;
     }
-    std::uint8_t* place = &frame.data[mapped.at];
     const std::uint32_t delay = std::min<std::uint32_t>(
         dictionary_.get(od::compensator_control::kFeedbackDelay), last_cycle_ - first_cycle_);
-    const std::int64_t actual = load_le<std::int32_t>(place);
-    store_le(place, saturate(actual - compensator_.correction_of(last_cycle_ - delay, axis)));
+    const std::int32_t correction = compensator_.correction_of(last_cycle_ - delay, axis);
+    store_le(place, correction == 0 ? actual : bounds.wrapped(std::int64_t{actual} - correction));
   }
   apply_rpdo(dictionary_, pdo, frame);
 }
 
+std::uint8_t JointPath::suspension() const {
+  std::uint8_t bits = kSuspendedNot;
+  if (drives_.away() != 0) bits |= kSuspendedAxisAway;
+  if (reference_changed_) bits |= kSuspendedReference;
+  return bits;
+}
+
+void JointPath::accept_reference() {
+  reference_changed_ = false;
+  emcy_.clear(Condition::kReferenceChanged);
+  follow_drives();
+}
+
 void JointPath::interrupted() {
   streaming_ = false;
-  trusted_ = false;
+  sets_.distrust();
   compensator_.restart_stream();
 }
 
-bool JointPath::process(std::uint64_t now_us) {
-  close_window(now_us);
+std::uint32_t JointPath::why_withheld() const {
+  if (sets_.is_synchronous() && !sets_.sync_in_use()) return kSyncMissing;
+  if (clean_sets_ == 0 && (counters_.conflicts != 0 || counters_.malformed != 0)) {
+    return kContradictions;
+  }
+  const bool waits_for_rest = mode_ == Mode::kOffset && phase_ == Phase::kUnknown;
+  return waits_for_rest ? kPositionUnknown : kFramesMissing;
+}
+
+void JointPath::watch_stream(std::uint64_t now_us) {
   const std::uint32_t stale_us = dictionary_.get(od::compensator_control::kStaleTimeOut);
-  const bool late = now_us - last_process_us_ > kSupervisionUs;
-  const bool overlooked = streaming_ && now_us - last_set_us_ > stale_us + kSupervisionUs;
-  last_process_us_ = now_us;
+  if (sets_.is_over(configured_window_us(), now_us)) end_interval();
   // A controller without SYNC is told apart by its window alone.
-  if (sync_in_use_ && now_us - last_sync_us_ > stale_us) {
-    sync_in_use_ = false;
+  if (sets_.sync_in_use() && now_us - sets_.last_sync_us() > stale_us) {
+    sets_.note_no_sync();
     end_interval();
   }
   if (streaming_ && now_us - last_set_us_ > stale_us) {
@@ -273,45 +359,74 @@ bool JointPath::process(std::uint64_t now_us) {
     interrupted();
     emcy_.raise(Condition::kJointInputStale, counters_.stale);
   }
+  // Targets come, and nothing goes out.
+  const bool waits = waiting_since_us_ > last_set_us_ && phase_ != Phase::kLeaving;
+  if (waits && last_taken_us_ - waiting_since_us_ > kWithheldUs) {
+    emcy_.raise(Condition::kSetsWithheld, why_withheld());
+  }
+}
+
+void JointPath::watch_temperatures(std::uint64_t now_us) {
   const std::uint64_t limit_us =
       dictionary_.get(od::compensator_control::kTemperatureTimeOut) * std::uint64_t{1000};
   for (std::size_t sensor = 0; sensor < kMaxSensors; ++sensor) {
     const bool given = (temperature_given_ >> sensor & 1U) != 0;
-    if (given && now_us - temperature_us_[sensor] > limit_us) {
-      temperature_given_ &= ~(1U << sensor);
-      emcy_.raise(Condition::kTemperatureStale, static_cast<std::uint32_t>(sensor + 1));
-    }
+    if (!given || now_us - temperature_us_[sensor] <= limit_us) continue;
+    temperature_given_ &= ~(1U << sensor);
+    emcy_.raise(Condition::kTemperatureStale, static_cast<std::uint32_t>(sensor + 1), sensor);
   }
+}
+
+bool JointPath::process(std::uint64_t now_us) {
+  const std::uint32_t stale_us = dictionary_.get(od::compensator_control::kStaleTimeOut);
+  const bool late = now_us - last_process_us_ > kSupervisionUs;
+  const bool overlooked = streaming_ && now_us - last_set_us_ > stale_us + kSupervisionUs;
+  last_process_us_ = now_us;
+  follow_drives();
+  watch_stream(now_us);
+  watch_temperatures(now_us);
   return !late && !overlooked;
 }
 
 void JointPath::stop() {
-  drop_set();
-  trusted_ = false;
+  take_back();
+  sets_.drop();
+  waiting_since_us_ = last_set_us_;
+  emcy_.clear(Condition::kSetsWithheld);
   if (streaming_) interrupted();
 }
 
-void JointPath::forget() {
-  begun_ = false;
-  known_ = false;
-  leaving_ = false;
-  heard_ = 0;
-}
-
-bool JointPath::leave() {
-  if (!begun_) return false;
-  compensator_.park();
-  leaving_ = compensator_.is_fading();
-  if (!leaving_) forget();
-  return leaving_;
+bool JointPath::leave(std::uint64_t now_us) {
+  if (phase_ == Phase::kUnknown) return false;
+  if (phase_ != Phase::kLeaving) {
+    take_back();
+    compensator_.park();
+    phase_ = Phase::kLeaving;
+    leaving_since_us_ = now_us;
+  }
+  if (compensator_.is_fading() && now_us - leaving_since_us_ < kLeaveUs) return true;
+  forget();
+  return false;
 }
 
 bool JointPath::fade(std::uint64_t now_us) {
   // A stream takes the steps itself, unless it is about to be cut off.
-  const bool is_due = begun_ && (leaving_ || !streaming_) && compensator_.is_fading() &&
-                      now_us - last_output_us_ >= compensator_.cycle_us();
-  if (is_due) put_out(now_us);
-  return is_due;
+  const bool is_ours = phase_ == Phase::kLeaving || !streaming_;
+  const bool is_allowed = mode_ == Mode::kOffset || phase_ == Phase::kSuspended;
+  const bool is_due = phase_ != Phase::kUnknown && is_ours && is_allowed &&
+                      sets_.progress() != SetProgress::kComputed && compensator_.is_fading() &&
+                      now_us - last_step_us_ >= compensator_.cycle_us();
+  if (!is_due) return false;
+  read_surroundings(now_us);
+  output_ = compensator_.cycle(input_);
+  computed_us_ = now_us;
+  publish();
+  return true;
+}
+
+void JointPath::note_command(std::uint64_t now_us) {
+  seen_target_ = true;
+  last_target_us_ = now_us;
 }
 
 void JointPath::note_refused(std::uint32_t frames) {
@@ -323,9 +438,10 @@ std::uint64_t JointPath::quiet_us(std::uint64_t now_us) const {
 }
 
 void JointPath::note_temperature(std::size_t sensor, std::uint64_t now_us) {
+  if (sensor >= kMaxSensors) return;
   temperature_us_[sensor] = now_us;
   temperature_given_ |= 1U << sensor;
-  emcy_.clear(Condition::kTemperatureStale);
+  emcy_.clear(Condition::kTemperatureStale, sensor);
 }
 
 }  // namespace armtrue::canopen

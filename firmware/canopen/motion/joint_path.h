@@ -1,40 +1,33 @@
 // From target frames to corrected targets, and from actual positions back.
 //
-// The target RPDOs together make one *set*: the targets of all joints for one cycle. A set is
-// evaluated when its last frame is here, and only then; what is incomplete at the next SYNC, or
-// when the set window has passed since its first frame, is dropped and counted. Nothing is ever
-// repeated, completed from an older cycle or extrapolated: no complete set, no output. After the
-// stale time-out without a set the stream counts as interrupted and EMCY 0xFF10 is raised; the next
-// set that goes out ends that.
-//
-// Asynchronous target RPDOs (254, 255): a set goes out at once, but only after a whole one, since a
-// frame that was late instead of lost could stand for its successor. A stream therefore begins with
-// its second set. Synchronous ones (0 to 240): a set goes out ahead of the SYNC that ends its
-// interval, when all that can contradict it has come; the drives take it at that SYNC.
-//
-// Where SYNC is in use there is one set for each interval: a second controller that commands the
-// same joints is noticed (EMCY 0xFF14), and after a contradiction nothing goes out until the next
-// SYNC.
+// SetAssembler says which frames are a set; a set is corrected when its last frame is here, and
+// only then. Asynchronous targets (254, 255) leave at once. Synchronous ones (0 to 240) are
+// corrected and held; SYNC takes them along, unless they were contradicted meanwhile: then the
+// correction is taken back. After the stale time-out without a set the stream counts as interrupted
+// and EMCY 0xFF10 is raised; targets that come without a set that goes out for kWithheldUs are EMCY
+// 0xFF15.
 //
 //   inline   the frames of the set are held, their target bytes rewritten, and released
 //            downstream in the order in which they came; all other bytes are untouched
 //   offset   0x60B0 of every axis is set and the TPDOs that carry it are sent; the frames
 //            themselves are none of our business
 //
-// After a start or a change of mode nobody here knows what the drives hold. Once all actual
-// positions have been heard, the first set begins with the difference from its targets, as far as
-// the table permits a correction, and blends from there. In offset mode the drives follow the
-// controller by themselves, and an arm in motion differs by its following error as well: nothing
-// goes out until it has stood for kRestUs where the difference is permitted. Where not all have
-// been heard a correction begins at zero.
+// What the drives hold is followed through four phases (Phase below). After a start or a change of
+// mode nobody here knows what it is. Once all actual positions have been heard, the first set
+// begins with the difference from its targets, as far as the table permits a correction, and blends
+// from there. In offset mode the drives follow the controller by themselves, and an arm in motion
+// differs by its following error as well: nothing goes out until it has stood for kRestUs where the
+// difference is permitted. Where not all have been heard a correction begins at zero.
 #ifndef ARMTRUE_FIRMWARE_CANOPEN_MOTION_JOINT_PATH_H_
 #define ARMTRUE_FIRMWARE_CANOPEN_MOTION_JOINT_PATH_H_
 
 #include <array>
 #include <cstddef>
 #include <cstdint>
-#include <span>
 
+#include "firmware/canopen/motion/drive_states.h"
+#include "firmware/canopen/motion/latency.h"
+#include "firmware/canopen/motion/set_assembler.h"
 #include "firmware/canopen/protocol/can_port.h"
 #include "firmware/canopen/protocol/emcy.h"
 #include "firmware/canopen/protocol/object_dictionary.h"
@@ -46,9 +39,25 @@ namespace armtrue::canopen {
 // 0x2000 sub 1.
 enum class Mode : std::uint8_t { kForward = 0, kInline = 1, kOffset = 2 };
 
+// What the drives hold, and what becomes of it.
+enum class Phase : std::uint8_t {
+  kUnknown,     // nothing has gone out: they hold what somebody else gave them
+  kCorrecting,  // the correction that is right, or on its way there
+  kSuspended,   // on its way to zero, or there, while a drive does not follow
+  kLeaving,     // on its way to zero, and nothing will follow
+};
+
+// Why a correction is suspended, 0x2005 sub 4. Bits.
+enum Suspension : std::uint8_t {
+  kSuspendedNot = 0,
+  kSuspendedAxisAway = 1U << 0,
+  kSuspendedReference = 1U << 1,  // an encoder's zero was changed; until the correction is disabled
+};
+
 // What the joint path counts; the compensator counts the rest.
 struct JointCounters {
-  std::uint32_t sets = 0;       // complete sets evaluated
+  std::uint32_t sets = 0;       // complete sets that went out
+  std::uint32_t steps = 0;      // of the correction: those sets, and the way to zero without any
   std::uint32_t stale = 0;      // times the stream was interrupted
   std::uint32_t withheld = 0;   // sets that did not go out: a frame missing, late or contradicted
   std::uint32_t repeated = 0;   // frames dropped because the set had them already
@@ -56,34 +65,42 @@ struct JointCounters {
   std::uint32_t conflicts = 0;  // targets that contradict others of the same SYNC interval
   std::uint32_t output_refused = 0;  // frames that the downstream port did not take
   std::uint32_t worst_cycle_us = 0;
+  std::uint32_t suspended = 0;
+  std::uint32_t resumed = 0;
+  std::uint32_t reference_changes = 0;
 };
 
 class JointPath {
  public:
-  JointPath(ObjectDictionary& dictionary, Compensator& compensator, Emcy& emcy,
+  // `downstream`: where inline output goes; nullptr on one bus, where inline is no mode.
+  JointPath(ObjectDictionary& dictionary, Compensator& compensator, Emcy& emcy, CanPort* downstream,
             std::uint8_t joint_count, std::uint64_t (*clock_us)());
 
   // Decides from the mappings which RPDOs make a set. Drops a set in the making.
   void configure(const PdoTable& pdos);
+  // Takes ranges and limits of positions from the dictionary.
+  void configure_bounds();
+
+  // Another mode: what the drives hold is not known any more.
+  void set_mode(Mode mode);
 
   // Whether every joint is mapped in the target RPDOs. Without that nothing is ever evaluated.
-  bool is_configured() const { return expected_ != 0; }
-
+  bool is_configured() const { return sets_.is_configured(); }
   // Whether this RPDO is one of the set.
-  bool carries_target(std::size_t rpdo) const { return (expected_ >> rpdo & 1U) != 0; }
+  bool carries_target(std::size_t rpdo) const { return sets_.carries_target(rpdo); }
 
-  // Takes a target frame. `downstream` is where inline output goes, nullptr for offset mode.
-  // Returns true if it completed a set and the outputs are fresh.
-  bool take_target(const Pdo& pdo, std::size_t rpdo, const CanFrame& frame, CanPort* downstream,
-                   std::uint64_t now_us);
+  // Takes a target frame. Returns true if outputs are fresh.
+  bool take_target(const Pdo& pdo, std::size_t rpdo, const CanFrame& frame, std::uint64_t now_us);
 
-  // SYNC divides sets. With synchronous target RPDOs a complete set is evaluated here, not before.
-  // Returns true if outputs are fresh.
-  bool on_sync(CanPort* downstream, std::uint64_t now_us);
+  // SYNC divides sets and takes along one that waits for it. Returns true if outputs are fresh.
+  bool on_sync(std::uint64_t now_us);
+
+  // What drives say of themselves in a frame: state, mode of operation, offset.
+  void hear(const Pdo& pdo, const CanFrame& frame);
 
   // Rewrites the actual positions in a frame from the drives, by the correction that was in force;
   // before the first set there is none.
-  void take_feedback(const Pdo& pdo, CanFrame& frame);
+  void take_feedback(const Pdo& pdo, CanFrame& frame, std::uint64_t now_us);
 
   // Windows and time-outs. Returns whether the supervision is sound, which is what feeds the
   // watchdog: the last call was at most kSupervisionUs ago, and no stream went on without a set for
@@ -94,27 +111,28 @@ class JointPath {
   // Output stops, the set in the making is dropped: NMT left operational, a reset, a mode change.
   void stop();
 
-  // What the drives hold is not known any more: the next stream begins with what is heard.
-  void forget();
+  // The drives' offsets are to become zero because nothing will follow. True while they are on
+  // their way, which ends after kLeaveUs at the latest; then what they hold counts as forgotten.
+  // Call until it is false.
+  bool leave(std::uint64_t now_us);
+  bool is_leaving() const { return phase_ == Phase::kLeaving; }
+  static constexpr std::uint64_t kLeaveUs = 5'000'000;
 
-  // Offset mode: the drives' offsets are to become zero because nothing will follow. True while
-  // they are on their way; then what the drives hold counts as forgotten. Call until it is false.
-  bool leave();
-  bool is_leaving() const { return leaving_; }
-
-  // Offset mode: takes the next step towards zero where no stream of targets does. True if outputs
-  // are fresh.
+  // Takes the next step towards zero where no stream of targets does. True if outputs are fresh.
   bool fade(std::uint64_t now_us);
+
+  // The correction was disabled or is of a new table: a change of an encoder's zero is somebody's
+  // responsibility now.
+  void accept_reference();
 
   // Whether the correction began with what the drives were heard to hold.
   bool knows_drives() const { return known_; }
+  Phase phase() const { return phase_; }
+  const DriveStates& drives() const { return drives_; }
+  std::uint8_t suspension() const;
 
   // A target frame is on the bus, whatever becomes of it: tables are not changed now.
-  void note_command(std::uint64_t now_us) {
-    seen_target_ = true;
-    last_target_us_ = now_us;
-  }
-
+  void note_command(std::uint64_t now_us);
   // Microseconds since the last target frame; a large number before the first.
   std::uint64_t quiet_us(std::uint64_t now_us) const;
 
@@ -127,73 +145,80 @@ class JointPath {
   bool is_streaming() const { return streaming_; }
   std::uint16_t last_flags() const { return last_flags_; }
   const JointCounters& counters() const { return counters_; }
+  std::uint32_t window_us() const { return sets_.window_us(configured_window_us()); }
+  // From a set's last frame to its last corrected one, asynchronous targets, µs.
+  const Latency& target_latency() const { return target_latency_; }
 
  private:
-  static constexpr std::size_t kSetMax = kAxes;  // frames: at worst one for each axis
-
-  struct Held {
-    CanFrame frame;  // as received
-    const Pdo* pdo = nullptr;
-    std::uint8_t rpdo = 0;
-  };
-  static const Held* find(std::span<const Held> frames, std::size_t rpdo);
-
-  void drop_set();
+  std::uint32_t configured_window_us() const {
+    return dictionary_.get(od::compensator_control::kSetWindow);
+  }
   void end_interval();
-  void close_window(std::uint64_t now_us);
-  bool evaluate(CanPort* downstream, std::uint64_t now_us);
-  bool begin(bool drives_wait, std::uint64_t now_us);
-  void put_out(std::uint64_t now_us);
-  void read_inputs(std::uint64_t now_us);
-  void release(CanPort& downstream);
+  void take_back();
+  void spoil(Condition condition, std::uint32_t information, std::uint32_t& counter);
+  bool compute(std::uint64_t now_us);
+  bool begin(std::uint64_t now_us);
+  bool release(std::uint64_t now_us);
+  void send_set();
+  void publish();
+  void follow_drives();
+  void read_targets(std::uint64_t now_us);
+  void read_surroundings(std::uint64_t now_us);
+  void check_offset(std::size_t axis, std::int32_t offset);
   void interrupted();
+  void forget();
+  void watch_stream(std::uint64_t now_us);
+  void watch_temperatures(std::uint64_t now_us);
+  std::uint32_t why_withheld() const;
 
   // Sets without a contradiction or a short frame after which the condition is over.
   static constexpr std::uint32_t kCleanSets = 100;
   // Following errors are over when the targets have stood for so long.
   static constexpr std::uint32_t kRestUs = 100'000;
+  // Targets that come for so long without a set that goes out are reported.
+  static constexpr std::uint64_t kWithheldUs = 100'000;
+  // Offsets read back in a row that are none of those sent lately before that is reported.
+  static constexpr std::uint32_t kStrangeOffsets = 20;
 
   ObjectDictionary& dictionary_;
   Compensator& compensator_;
   Emcy& emcy_;
+  CanPort* downstream_;
   std::uint64_t (*clock_us_)();
   std::uint8_t joint_count_;
 
-  std::array<Held, kSetMax> held_ = {};      // of this interval, in the order of arrival
-  std::array<Held, kSetMax> previous_ = {};  // the last evaluated set
-  std::uint8_t held_count_ = 0;
-  std::uint8_t previous_count_ = 0;
-  std::uint32_t expected_ = 0;  // bit r: RPDO r belongs to the set
-  std::uint32_t present_ = 0;
-  bool synchronous_ = false;
-  std::uint64_t set_begin_us_ = 0;
-  bool sync_in_use_ = false;  // SYNC has come within the stale time-out
-  bool evaluated_ = false;    // this interval's set is out
-  bool spoilt_ = false;       // contradicted or malformed: nothing more in this interval
-  bool trusted_ = false;      // the interval before was whole
-  std::uint64_t last_sync_us_ = 0;
-  std::uint64_t sync_period_us_ = 0;  // between the last two SYNCs
+  SetAssembler sets_;
+  DriveStates drives_;
+  Mode mode_ = Mode::kForward;
+  Phase phase_ = Phase::kUnknown;
+  bool known_ = false;             // the first set began with what the drives were heard to hold
+  bool began_with_heard_ = false;  // so does the set that was computed as the first
+  bool reference_changed_ = false;
+  std::uint32_t heard_ = 0;  // bit k: the actual position of axis k came in phase kUnknown
   std::uint32_t clean_sets_ = 0;
 
   CycleInput input_;
+  CycleOutput output_;  // of the set that was computed last
   std::uint32_t last_cycle_ = 0;
   std::uint32_t first_cycle_ = 0;
-  std::uint64_t last_output_us_ = 0;
-  bool begun_ = false;       // a set has gone out since what the drives held was unknown
-  bool known_ = false;       // and it began with what they were heard to hold
-  bool leaving_ = false;     // offsets go to zero, nothing follows
-  std::uint32_t heard_ = 0;  // bit k: the actual position of axis k came while nothing had begun
+  std::uint64_t computed_us_ = 0;                      // when output_ was
+  std::uint64_t last_step_us_ = 0;                     // the same of the last that went out
   std::array<std::int32_t, kMaxJoints> resting_ = {};  // targets, since resting_since_us_
   std::uint64_t resting_since_us_ = 0;
+  std::uint64_t leaving_since_us_ = 0;
+  std::array<std::uint32_t, kMaxJoints> strange_offsets_ = {};
   std::uint16_t last_flags_ = 0;
   bool streaming_ = false;
   bool seen_target_ = false;
   std::uint64_t last_target_us_ = 0;
+  std::uint64_t last_taken_us_ = 0;     // the last target that was to be corrected
+  std::uint64_t waiting_since_us_ = 0;  // since when none of them has gone out
   std::uint64_t last_set_us_ = 0;
   std::uint64_t last_process_us_ = 0;
   std::array<std::uint64_t, kMaxSensors> temperature_us_ = {};
   std::uint32_t temperature_given_ = 0;  // bit s: sensor s has been given since start
   JointCounters counters_;
+  Latency target_latency_;
 };
 
 }  // namespace armtrue::canopen

@@ -21,6 +21,12 @@ class BusWatch {
 
   void process(std::uint64_t now_us);
 
+  // The error register was emptied: what goes on is reported anew.
+  void restart() {
+    passive_ = false;
+    overrun_ = false;
+  }
+
   // A controller that goes off again at once must not hammer the bus: pause before each recovery.
   static constexpr std::uint64_t kRecoveryPauseUs = 100'000;
   // An overrun is over when no further frame was lost for this long.

@@ -1,12 +1,12 @@
 #include "firmware/canopen/node/node.h"
 
 #include <algorithm>
-
-#include "firmware/core/division.h"
+#include <optional>
 
 namespace armtrue::canopen {
 namespace {
 
+constexpr std::uint32_t kNoSet = 5;  // information of EMCY 0xFF15, beside those of the joint path
 constexpr std::uint32_t kSdoRequestBase = 0x600;
 constexpr std::uint32_t kSdoResponseBase = 0x580;
 constexpr std::uint32_t kMaxNodeId = 127;
@@ -16,42 +16,12 @@ void count(std::uint32_t& counter) {
   if (counter != UINT32_MAX) ++counter;
 }
 
-// Sub-indexes of one bus status record, in the order of the EDS; the two records are alike.
-struct BusStatusRefs {
-  od::Ref<std::uint8_t> state;
-  od::Ref<std::uint32_t> received, sent, overruns, refused, bus_off, forwarded, dropped;
-};
-
-namespace up = od::upstream_bus_status;
-namespace down = od::downstream_bus_status;
-constexpr BusStatusRefs kUpstreamRefs = {up::kBusState,
-                                         up::kFramesReceived,
-                                         up::kFramesSent,
-                                         up::kReceiveOverruns,
-                                         up::kSendRefused,
-                                         up::kBusOffEntries,
-                                         up::kFramesForwardedFromHere,
-                                         up::kFramesDroppedInForwarding};
-constexpr BusStatusRefs kDownstreamRefs = {down::kBusState,
-                                           down::kFramesReceived,
-                                           down::kFramesSent,
-                                           down::kReceiveOverruns,
-                                           down::kSendRefused,
-                                           down::kBusOffEntries,
-                                           down::kFramesForwardedFromHere,
-                                           down::kFramesDroppedInForwarding};
-
-void refresh_bus(ObjectDictionary& dictionary, const BusStatusRefs& refs, CanPort& port,
-                 std::uint32_t forwarded, std::uint32_t dropped) {
-  const BusCounters counters = port.counters();
-  dictionary.set(refs.state, static_cast<std::uint8_t>(port.bus_state()));
-  dictionary.set(refs.received, counters.received);
-  dictionary.set(refs.sent, counters.sent);
-  dictionary.set(refs.overruns, counters.receive_overruns);
-  dictionary.set(refs.refused, counters.send_refused);
-  dictionary.set(refs.bus_off, counters.bus_off_entries);
-  dictionary.set(refs.forwarded, forwarded);
-  dictionary.set(refs.dropped, dropped);
+// Parameters that are not what was saved leave the device in forward mode: targets pass
+// uncorrected, which nobody may learn from the arm alone. 0x5530 with 0x101 damaged, 0x102 of
+// another firmware.
+void report(Loaded loaded, Emcy& emcy) {
+  if (loaded == Loaded::kDamaged) emcy.raise(Condition::kStorage, 0x101);
+  if (loaded == Loaded::kOther) emcy.raise(Condition::kStorage, 0x102);
 }
 
 }  // namespace
@@ -62,7 +32,8 @@ Node::Node(const NodeConfig& config, const NodeParts& parts)
       nmt_(config.node_id),
       emcy_(dictionary_),
       pdos_(dictionary_, parts.upstream.supports_fd() ? kFdPayload : kClassicPayload),
-      joints_(dictionary_, parts.compensator, emcy_, config.joint_count, config.clock_us),
+      joints_(dictionary_, parts.compensator, emcy_, parts.downstream, config.joint_count,
+              config.clock_us),
       tables_(dictionary_, parts.compensator, parts.store, emcy_, parts.device, parts.buffers),
       access_(dictionary_, *this, tables_),
       sdo_(parts.upstream, access_),
@@ -76,8 +47,9 @@ Node::Node(const NodeConfig& config, const NodeParts& parts)
 void Node::start(std::uint64_t now_us) {
   now_us_ = now_us;
   dictionary_.restore_defaults(config_.node_id);
-  load_parameters(dictionary_, parts_.parameters);
+  const Loaded loaded = load_parameters(dictionary_, parts_.parameters);
   emcy_.reset();
+  report(loaded, emcy_);
   std::array<char, kSerialLength + 1> serial = {};
   std::copy(parts_.device.robot_serial.begin(), parts_.device.robot_serial.end(), serial.begin());
   dictionary_.set_string(od::kRobotSerial, serial.data());
@@ -93,8 +65,11 @@ void Node::reset_communication(std::uint64_t now_us) {
   dictionary_.restore_communication_defaults(config_.node_id);
   // Saved values are the power-on values (CiA 301, 7.3.2.2.1); those outside the area are live
   // already.
-  load_parameters(dictionary_, parts_.parameters);
+  const Loaded loaded = load_parameters(dictionary_, parts_.parameters);
   emcy_.reset();
+  report(loaded, emcy_);
+  restart_alarms();
+  tables_.agree_on_resolution();
   nmt_.begin_initialising();
   apply_configuration();
 }
@@ -106,13 +81,10 @@ void Node::apply_configuration() {
   }
   pdos_.refresh();
   joints_.configure(pdos_);
+  joints_.configure_bounds();
   sdo_.reset(kSdoRequestBase + config_.node_id, kSdoResponseBase + config_.node_id);
   tpdos_.restart(now_us_);
   waiting_bits_ = 0;
-}
-
-CanPort* Node::inline_output() const {
-  return mode() == Mode::kInline ? parts_.downstream : nullptr;
 }
 
 bool Node::is_quiet() const {
@@ -177,13 +149,13 @@ void Node::note_nmt_state() {
 void Node::carry_out() {
   const auto wanted = static_cast<Mode>(dictionary_.get(od::compensator_control::kMode));
   const bool ends = Nmt::leaves_operational(nmt_command_) || wanted != mode_;
-  if (mode_ == Mode::kOffset && nmt_.state() == NmtState::kOperational) {
+  if (nmt_.state() == NmtState::kOperational) {
     if (joints_.fade(now_us_)) outputs_are_fresh();
-    if ((ends || joints_.is_leaving()) && joints_.leave()) return;
+    const bool leaves = mode_ == Mode::kOffset && (ends || joints_.is_leaving());
+    if (leaves && joints_.leave(now_us_)) return;
   }
   if (wanted != mode_) {
-    joints_.stop();
-    joints_.forget();
+    joints_.set_mode(wanted);
     mode_ = wanted;
   }
   if (nmt_command_ == 0) return;
@@ -193,18 +165,32 @@ void Node::carry_out() {
   note_nmt_state();
 }
 
+// A reset that waits for offsets to become zero is not undone by what comes behind it; of other
+// commands the last counts.
+void Node::note_nmt_command(std::uint8_t command) {
+  const bool waits = nmt_command_ == kNmtResetNode || nmt_command_ == kNmtResetCommunication;
+  if (Nmt::is_defined(command) && (!waits || command == kNmtResetNode)) nmt_command_ = command;
+}
+
+// Conditions that go on are reported anew after a reset has emptied the error register.
+void Node::restart_alarms() {
+  upstream_watch_.restart();
+  if (downstream_watch_) downstream_watch_->restart();
+}
+
 void Node::communication_error() {
   // 0x1029 sub 1: 0 pre-operational (if operational), 1 no change, 2 stopped.
   const std::uint8_t behaviour = dictionary_.get(od::error_behaviour::kCommunicationError);
   if (behaviour == 0 && nmt_.state() == NmtState::kOperational) {
-    nmt_command_ = kNmtEnterPreOperational;
+    note_nmt_command(kNmtEnterPreOperational);
   } else if (behaviour == 2) {
-    nmt_command_ = kNmtStop;
+    note_nmt_command(kNmtStop);
   }
   carry_out();
 }
 
 void Node::handle_upstream(const CanFrame& frame) {
+  if (is_sync(frame)) return handle_sync(frame);
   if (!frame.is(kFrameExtended) && serve(frame)) return;
   const std::size_t number = pdos_.match(frame);
   const bool is_target = number < kRpdos && joints_.carries_target(number);
@@ -219,8 +205,9 @@ void Node::handle_upstream(const CanFrame& frame) {
 void Node::handle_downstream(CanFrame& frame) {
   if (!frame.is(kFrameExtended)) handle_heartbeat(frame);
   const std::size_t number = pdos_.match(frame);
+  if (number < kRpdos) joints_.hear(pdos_.rpdo(number), frame);
   if (number < kRpdos && pdos_.rpdo(number).mapping.has_axis_object(kActualPosition)) {
-    if (mode() == Mode::kInline) joints_.take_feedback(pdos_.rpdo(number), frame);
+    if (mode() == Mode::kInline) joints_.take_feedback(pdos_.rpdo(number), frame, now_us_);
   } else if (number < kRpdos && !joints_.carries_target(number)) {
     handle_rpdo(number, frame);
   }
@@ -234,12 +221,8 @@ void Node::forward(CanPort& to, const CanFrame& frame, std::uint32_t& forwarded,
 
 bool Node::serve(const CanFrame& frame) {
   if (frame.id == kNmtCommandId) {
-    if (const std::uint8_t command = nmt_.command_in(frame); command != 0) nmt_command_ = command;
+    note_nmt_command(nmt_.command_in(frame));
     carry_out();
-    return false;
-  }
-  if (frame.id == (dictionary_.get(od::kCOBIDSYNCMessage) & kIdMask)) {
-    handle_sync(frame);
     return false;
   }
   handle_heartbeat(frame);
@@ -252,7 +235,31 @@ bool Node::serve(const CanFrame& frame) {
   return true;
 }
 
+bool Node::is_sync(const CanFrame& frame) const {
+  return !frame.is(kFrameExtended) &&
+         frame.id == (dictionary_.get(od::kCOBIDSYNCMessage) & kIdMask);
+}
+
+// The targets that wait for it, then SYNC itself; everything else comes behind.
 void Node::handle_sync(const CanFrame& frame) {
+  const std::uint64_t begin_us = config_.clock_us();
+  const std::uint8_t length = dictionary_.get(od::kSynchronousCounterOverflowValue) != 0 ? 1 : 0;
+  const bool counts = !frame.is(kFrameRemote) && frame.len == length;
+  const bool obeyed = counts && nmt_.state() == NmtState::kOperational;
+  const bool fresh = obeyed && joints_.on_sync(now_us_);
+  if (parts_.downstream != nullptr) {
+    forward(*parts_.downstream, frame, from_upstream_.forwarded, from_upstream_.dropped);
+    const auto took_us = static_cast<std::uint32_t>(config_.clock_us() - begin_us);
+    sync_latency_.note(took_us);
+    sync_jitter_.note(std::max(took_us, last_sync_latency_us_) -
+                      std::min(took_us, last_sync_latency_us_));
+    last_sync_latency_us_ = took_us;
+  }
+  if (fresh) outputs_are_fresh();
+  obey_sync(frame);
+}
+
+void Node::obey_sync(const CanFrame& frame) {
   const std::uint8_t overflow = dictionary_.get(od::kSynchronousCounterOverflowValue);
   const std::uint8_t expected_length = overflow != 0 ? 1 : 0;
   if (frame.is(kFrameRemote)) return;
@@ -266,7 +273,6 @@ void Node::handle_sync(const CanFrame& frame) {
     if ((waiting_bits_ >> k & 1U) != 0) take_input(k, waiting_[k]);
   }
   waiting_bits_ = 0;
-  if (joints_.on_sync(inline_output(), now_us_)) outputs_are_fresh();
   joints_.note_refused(
       tpdos_.on_sync(parts_.upstream, overflow != 0 ? frame.data[0] : std::uint8_t{0}, now_us_));
 }
@@ -281,13 +287,18 @@ void Node::handle_heartbeat(const CanFrame& frame) {
 void Node::handle_rpdo(std::size_t number, const CanFrame& frame) {
   if (joints_.carries_target(number)) joints_.note_command(now_us_);
   const Pdo& pdo = pdos_.rpdo(number);
+  joints_.hear(pdo, frame);
   const bool is_feedback = pdo.mapping.has_axis_object(kActualPosition);
   // Actual positions are heard in every state: the first set has to know what the drives hold.
   if (!is_feedback && nmt_.state() != NmtState::kOperational) return;
   if (joints_.carries_target(number)) {
     if (mode() == Mode::kForward) return;
-    if (joints_.take_target(pdo, number, frame, inline_output(), now_us_)) outputs_are_fresh();
+    if (joints_.take_target(pdo, number, frame, now_us_)) outputs_are_fresh();
     return;
+  }
+  if (mode() != Mode::kForward && pdo.mapping.has_axis_object(kTargetPosition)) {
+    // Targets that are no part of a set are never corrected: too few joints, or too many frames.
+    emcy_.raise(Condition::kSetsWithheld, kNoSet);
   }
   if (frame.len < pdo.mapping.length) {
     short_rpdo_ = number;
@@ -302,7 +313,7 @@ void Node::handle_rpdo(std::size_t number, const CanFrame& frame) {
     // Not ours to change on the way; 0x6064 and the TPDOs that carry it give it without the
     // correction.
     CanFrame copy = frame;
-    return joints_.take_feedback(pdo, copy);
+    return joints_.take_feedback(pdo, copy, now_us_);
   }
   if (pdo.is_synchronous()) {
     waiting_[number] = frame;
@@ -312,8 +323,28 @@ void Node::handle_rpdo(std::size_t number, const CanFrame& frame) {
   }
 }
 
+// The bounds that SDO would have kept to.
+bool Node::is_within_bounds(const Pdo& pdo, const CanFrame& frame) {
+  for (const MappedEntry& mapped : pdo.mapping.used()) {
+    const auto entry =
+        mapped.is_dummy() ? std::nullopt : dictionary_.find(mapped.index, mapped.sub);
+    const od::Limit* limit = entry ? dictionary_.limit(*entry) : nullptr;
+    if (limit == nullptr) continue;
+    std::uint32_t value = 0;
+    for (std::size_t k = 0; k < mapped.size; ++k) {
+      value |= std::uint32_t{frame.data[mapped.at + k]} << (8 * k);
+    }
+    if (value >= limit->low && value <= limit->high) continue;
+    emcy_.raise(Condition::kInputRange, mapped.index);
+    return false;
+  }
+  emcy_.clear(Condition::kInputRange);
+  return true;
+}
+
 void Node::take_input(std::size_t number, const CanFrame& frame) {
   const Pdo& pdo = pdos_.rpdo(number);
+  if (frame.len < pdo.mapping.length || !is_within_bounds(pdo, frame)) return;
   apply_rpdo(dictionary_, pdo, frame);
   for (const MappedEntry& mapped : pdo.mapping.used()) {
     if (mapped.index == od::kTemperatureInputs[0].index) {
@@ -334,65 +365,6 @@ void Node::watch_sdo_targets(const CanFrame& frame) {
   if (axis_object(load_le<std::uint16_t>(&frame.data[1])) != kTargetPosition) return;
   count(sdo_targets_);
   emcy_.raise(Condition::kTargetBySdo, frame.id - kSdoRequestBase);
-}
-
-void Node::refresh_status() {
-  namespace status = od::compensator_status;
-  const JointCounters& joints = joints_.counters();
-  const CycleCounters& cycles = parts_.compensator.counters();
-  const std::uint64_t clamped =
-      std::uint64_t{cycles.magnitude_clamped} + cycles.rate_clamped + cycles.output_saturated;
-  dictionary_.set(status::kState, static_cast<std::uint8_t>(parts_.compensator.state()));
-  std::uint32_t bits = 0;
-  bits |= joints_.is_configured() ? 1U << 0 : 0U;
-  bits |= joints_.is_streaming() ? 1U << 1 : 0U;
-  bits |= tables_.on_trial() ? 1U << 2 : 0U;
-  bits |= is_quiet() ? 1U << 3 : 0U;
-  bits |= joints_.knows_drives() ? 0U : 1U << 4;
-  bits |= has_unsaved_ ? 1U << 5 : 0U;
-  dictionary_.set(status::kStatusBits, bits);
-  dictionary_.set(od::kManufacturerStatusRegister, bits);
-  dictionary_.set(status::kCycles, joints.sets);
-  dictionary_.set(status::kClamped,
-                  static_cast<std::uint32_t>(std::min<std::uint64_t>(clamped, UINT32_MAX)));
-  for (std::size_t k = 0; k < kAxes; ++k) {
-    dictionary_.set(od::kClampedCyclesByAxis[k], cycles.clamped[k]);
-  }
-  dictionary_.set(status::kStale, joints.stale);
-  dictionary_.set(status::kRefused, tables_.refused() + access_.refused_writes());
-  dictionary_.set(status::kWorstCycle, joints.worst_cycle_us);
-  dictionary_.set(status::kSetsWithheld, joints.withheld);
-  dictionary_.set(status::kRepeatedFrames, joints.repeated);
-  dictionary_.set(status::kMalformedFrames, joints.malformed);
-  dictionary_.set(status::kTargetsSeenBySDO, sdo_targets_);
-  dictionary_.set(status::kJointCount, config_.joint_count);
-  dictionary_.set(status::kTimeSinceStart, static_cast<std::uint32_t>(milliseconds_of(now_us_)));
-  dictionary_.set(status::kOutputFramesRefusedByTheBus, joints.output_refused);
-  dictionary_.set(status::kContradictingTargets, joints.conflicts);
-  dictionary_.set(status::kCorrectionClampBits, joints_.last_flags());
-}
-
-Abort Node::before_read(std::uint16_t index, std::uint8_t sub) {
-  // A bus's state and the errors that it raises are read in one turn: they must agree.
-  watch_buses();
-  if (index == od::kPreDefinedErrorField[0].index) {
-    // A field that holds no error is not readable (CiA 301, 7.5.2.4).
-    const bool is_held = sub <= dictionary_.get(od::kPreDefinedErrorFieldCount);
-    return is_held ? Abort::kNone : Abort::kNoData;
-  }
-  if (index == od::compensator_status::kState.index || index == od::kClampedCyclesByAxis[0].index ||
-      index == od::kManufacturerStatusRegister.index) {
-    refresh_status();
-  } else if (index == kUpstreamRefs.state.index) {
-    refresh_bus(dictionary_, kUpstreamRefs, parts_.upstream, from_upstream_.forwarded,
-                from_upstream_.dropped);
-  } else if (index == kDownstreamRefs.state.index && parts_.downstream != nullptr) {
-    refresh_bus(dictionary_, kDownstreamRefs, *parts_.downstream, from_downstream_.forwarded,
-                from_downstream_.dropped);
-  } else if (index == od::table_status::kStagingState.index) {
-    tables_.refresh_status();
-  }
-  return Abort::kNone;
 }
 
 }  // namespace armtrue::canopen

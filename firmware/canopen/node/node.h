@@ -48,7 +48,7 @@ struct NodeParts {
   storage::SlotStore& store;
   ParameterStore& parameters;
   const DeviceIdentity& device;
-  TableBuffers buffers;
+  TableMemory buffers;
 };
 
 // What the port has to do after process().
@@ -87,10 +87,16 @@ class Node final : private ObjectHooks {
   void handle_downstream(CanFrame& frame);
   // Services of the node itself. True if the frame is for nobody else.
   bool serve(const CanFrame& frame);
+  bool is_sync(const CanFrame& frame) const;
   void handle_sync(const CanFrame& frame);
+  void obey_sync(const CanFrame& frame);
+  void note_nmt_command(std::uint8_t command);
+  void restart_alarms();
   void handle_heartbeat(const CanFrame& frame);
   void handle_rpdo(std::size_t number, const CanFrame& frame);
   void take_input(std::size_t number, const CanFrame& frame);
+  bool is_within_bounds(const Pdo& pdo, const CanFrame& frame);
+  bool may_change_resolution() const;
   void outputs_are_fresh();
   // What ends the output waits until the drives' offsets are zero.
   void carry_out();
@@ -101,11 +107,11 @@ class Node final : private ObjectHooks {
   void watch_buses();
   void note_nmt_state();
   void refresh_status();
+  void refresh_drive_states();
+  void refresh_timing();
   void run_self_test(std::uint8_t tests);
   bool is_quiet() const;
   Mode mode() const { return mode_; }
-  // Where inline output goes; nullptr in every other mode.
-  CanPort* inline_output() const;
 
   Abort before_write(const od::Entry& entry, std::span<const std::uint8_t> value) override;
   void after_write(const od::Entry& entry) override;
@@ -142,6 +148,9 @@ class Node final : private ObjectHooks {
   Forwarding from_downstream_;
   std::uint32_t sdo_targets_ = 0;
   std::size_t short_rpdo_ = kRpdos;  // whose last frame was too short; kRpdos: none
+  Latency sync_latency_;
+  Latency sync_jitter_;  // difference to the latency of the SYNC before
+  std::uint32_t last_sync_latency_us_ = 0;
   // Synchronous inputs wait here for SYNC.
   std::array<CanFrame, kRpdos> waiting_ = {};
   std::uint32_t waiting_bits_ = 0;

@@ -35,6 +35,10 @@ bool is_free_id(std::uint32_t id) {
          !(id >= 0x601 && id <= 0x67F) && id < 0x6E0;
 }
 
+constexpr std::uint16_t kPositionRangeLimit = 0x607B;
+constexpr std::uint16_t kSoftwarePositionLimit = 0x607D;
+constexpr std::uint16_t kEncoderResolution = 0x608F;
+
 // Bits of 0x2030.
 enum SelfTest : std::uint8_t {
   kTestChecksums = 1U << 0,
@@ -106,6 +110,15 @@ Abort Node::check_communication_write(const od::Entry& entry, std::span<const st
   return check_pdo_write(dictionary_, entry, value, pdos_.payload_max());
 }
 
+// A change of scale under a correction would be a step: only without one, at rest, and with no
+// drive that has said that it is in operation.
+bool Node::may_change_resolution() const {
+  const std::uint8_t in_operation =
+      static_cast<std::uint8_t>(joints_.drives().known() & ~joints_.drives().disabled());
+  return is_quiet() && in_operation == 0 &&
+         parts_.compensator.state() == CompensatorState::kPassThrough;
+}
+
 Abort Node::before_write(const od::Entry& entry, std::span<const std::uint8_t> value) {
   if (entry.index < 0x2000) return check_communication_write(entry, value);
   if (is(entry, od::kTableCommand)) return tables_.command(number(value), is_quiet());
@@ -115,6 +128,11 @@ Abort Node::before_write(const od::Entry& entry, std::span<const std::uint8_t> v
       return Abort::kIncompatibleParameter;
     }
     return is_quiet() ? Abort::kNone : Abort::kDeviceState;
+  }
+  const std::uint16_t object = axis_object(entry.index);
+  const bool is_bound = object == kPositionRangeLimit || object == kSoftwarePositionLimit;
+  if (object == kEncoderResolution || is_bound) {
+    return may_change_resolution() ? Abort::kNone : Abort::kDeviceState;
   }
   if (is(entry, control::kCorrectionEnable)) {
     // Disabling is always allowed; enabling checks the table again, which takes too long in motion.
@@ -148,13 +166,16 @@ void Node::after_write(const od::Entry& entry) {
   if (entry.index >= 0x1400 && entry.index < 0x1C00) {
     pdos_.refresh();
     joints_.configure(pdos_);
+    waiting_bits_ = 0;  // what waits for SYNC came under other mappings
     return tpdos_.restart(now_us_);
   }
   namespace control = od::compensator_control;
   if (is(entry, control::kMode)) return carry_out();
   if (is(entry, control::kCorrectionEnable)) {
+    joints_.accept_reference();
     return tables_.set_enabled(dictionary_.get(control::kCorrectionEnable) != 0);
   }
+  if (entry.index >= 0x6000) return joints_.configure_bounds();
   if (entry.index == od::kTemperatureInputs[0].index && entry.sub > 0) {
     return joints_.note_temperature(entry.sub - 1U, now_us_);
   }

@@ -18,13 +18,15 @@ bool save_parameters(const ObjectDictionary& dictionary, ParameterStore& store) 
   return store.save(block);
 }
 
-bool load_parameters(ObjectDictionary& dictionary, ParameterStore& store) {
+Loaded load_parameters(ObjectDictionary& dictionary, ParameterStore& store) {
   Block block = {};
-  if (!store.load(block)) return false;
-  if (load_le<std::uint32_t>(block.data()) != od::kLayoutFingerprint) return false;
-  if (load_le<std::uint32_t>(&block[kCrcAt]) != crc32(std::span(block).first(kCrcAt))) return false;
+  if (!store.load(block)) return store.holds_something() ? Loaded::kDamaged : Loaded::kNone;
+  if (load_le<std::uint32_t>(&block[kCrcAt]) != crc32(std::span(block).first(kCrcAt))) {
+    return Loaded::kDamaged;
+  }
+  if (load_le<std::uint32_t>(block.data()) != od::kLayoutFingerprint) return Loaded::kOther;
   dictionary.unpack_stored(std::span(block).subspan(4, od::kStoredSize));
-  return true;
+  return Loaded::kParameters;
 }
 
 }  // namespace armtrue::canopen

@@ -17,6 +17,8 @@ class ParameterStore {
  public:
   // Fills `block` with what was saved last. False if nothing of that length was.
   virtual bool load(std::span<std::uint8_t> block) = 0;
+  // Whether something is there all the same: damaged, or of another length.
+  virtual bool holds_something() const = 0;
   virtual bool save(std::span<const std::uint8_t> block) = 0;
   virtual bool erase() = 0;
 
@@ -30,9 +32,16 @@ inline constexpr std::size_t kParameterBlockSize = 4 + od::kStoredSize + 4;
 // Saves all parameters that 0x1010 covers. False if the memory failed.
 bool save_parameters(const ObjectDictionary& dictionary, ParameterStore& store);
 
-// Restores saved parameters over the defaults. False, having changed nothing, if there are none,
-// they are damaged, or they were saved by a firmware with another dictionary.
-bool load_parameters(ObjectDictionary& dictionary, ParameterStore& store);
+// What became of saved parameters.
+enum class Loaded : std::uint8_t {
+  kParameters,
+  kNone,     // never saved, or erased
+  kOther,    // saved by a firmware with another dictionary
+  kDamaged,  // what was saved cannot be had
+};
+
+// Restores saved parameters over the defaults. Anything but kParameters has changed nothing.
+Loaded load_parameters(ObjectDictionary& dictionary, ParameterStore& store);
 
 }  // namespace armtrue::canopen
 

@@ -28,6 +28,10 @@ constexpr ConditionCode kCodes[] = {
     {0x8140, kGeneric | kCommunication},   // kBusOffDownstream
     {0x8210, kGeneric | kCommunication},   // kPdoLength
     {0x8240, kGeneric | kCommunication},   // kSyncLength
+    {0xFF15, kGeneric | kCommunication},   // kSetsWithheld
+    {0xFF16, kGeneric | kDeviceSpecific},  // kReferenceChanged
+    {0xFF17, kGeneric | kDeviceSpecific},  // kOffsetDiffers
+    {0xFF18, kGeneric | kDeviceSpecific},  // kInputRange
 };
 static_assert(std::size(kCodes) == static_cast<std::size_t>(Condition::kCount));
 

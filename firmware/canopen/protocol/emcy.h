@@ -25,8 +25,12 @@ enum class Condition : std::uint8_t {
   kBusPassive,        // error passive
   kBusOffUpstream,    // recovered from bus-off; the message leaves after the recovery
   kBusOffDownstream,
-  kPdoLength,   // a PDO shorter than its mapping
-  kSyncLength,  // SYNC with a counter that is not expected, or without one that is
+  kPdoLength,         // a PDO shorter than its mapping
+  kSyncLength,        // SYNC with a counter that is not expected, or without one that is
+  kSetsWithheld,      // targets come, and no set of them goes out
+  kReferenceChanged,  // an actual position jumped at rest: a drive counts from another zero
+  kOffsetDiffers,     // a drive says that it has another offset than it was sent
+  kInputRange,        // a PDO carries a value outside the object's bounds
   kCount,
 };
 

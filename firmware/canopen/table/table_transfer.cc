@@ -6,6 +6,7 @@
 #include "firmware/core/crc32.h"
 #include "firmware/core/format.h"
 #include "firmware/core/limits.h"
+#include "firmware/core/ratio.h"
 #include "firmware/core/table_view.h"
 
 namespace armtrue::canopen {
@@ -45,6 +46,28 @@ bool limits_are_too_wide(std::span<const std::uint8_t> image) {
   return false;
 }
 
+// Of increments a unit, without its sign and power of two.
+std::uint64_t mantissa_of(const std::uint8_t* joint) {
+  return magnitude(load_i32(joint + format::joint::kIncrementPerUnitAt));
+}
+
+// Increments of a joint's drive for so many turns or metres: whole numbers as exact as 32 bits
+// allow.
+Resolution resolution_of(const TableView& table, std::size_t k) {
+  const std::uint8_t* joint = table.joint(k);
+  const std::uint64_t mantissa = mantissa_of(joint);
+  const int down = joint[format::joint::kIncrementShiftAt] - 32;  // a turn or a metre: 2^32 units
+  const auto increments = [mantissa, down](std::uint64_t units) {
+    const std::uint64_t product = mantissa * units;
+    if (down <= 0) return product << -down;
+    return (product + (std::uint64_t{1} << (down - 1))) >> down;
+  };
+  std::uint32_t units = 1;
+  const bool is_whole = down <= 0 || (mantissa & ((std::uint64_t{1} << down) - 1U)) == 0;
+  while (!is_whole && units < 100'000'000 && increments(units * 10ULL) <= UINT32_MAX) units *= 10;
+  return {static_cast<std::int64_t>(std::min<std::uint64_t>(increments(units), UINT32_MAX)), units};
+}
+
 // Never back to an older export, and one export number is one table.
 bool is_replay(std::span<const std::uint8_t> image, std::span<const std::uint8_t> active) {
   if (active.empty()) return false;
@@ -73,44 +96,85 @@ storage::TableVerdict IdentityVerifier::verify(std::span<const std::uint8_t> ima
 
 TableTransfer::TableTransfer(ObjectDictionary& dictionary, Compensator& compensator,
                              storage::SlotStore& store, Emcy& emcy, const DeviceIdentity& device,
-                             const TableBuffers& buffers)
+                             const TableMemory& memory)
     : dictionary_(dictionary),
       compensator_(compensator),
       store_(store),
       emcy_(emcy),
       device_(device),
-      buffers_(buffers) {}
+      buffers_(memory, compensator) {}
+
+std::size_t TableTransfer::capacity() const {
+  return std::min(buffers_.capacity(), store_.capacity());
+}
 
 void TableTransfer::start() {
-  const std::span<const std::uint8_t> image = store_.start(staging_buffer());
+  const std::span<const std::uint8_t> image = store_.start(buffers_.writable());
   if (!image.empty()) use(image);
   store_.prepare_spare();
 }
 
-void TableTransfer::use(std::span<const std::uint8_t> image) {
-  active_ = image;
-  active_checksum_ = 0;
-  if (image.empty()) {
-    compensator_.disable();
-  } else {
-    active_checksum_ = crc32(image.first(checked(static_cast<std::uint32_t>(image.size()))));
-    // The image lies in the staging buffer: from now on that is the one in use.
-    staging_is_first_ = !staging_is_first_;
-    staged_ = 0;
-    staged_checksum_ = 0;
-    state_ = StagingState::kEmpty;
-    if (enabled_ && compensator_.load(image, device_).accepted()) compensator_.activate();
+// A table's scales against 0x608F. Which way a drive counts is the table's to say: the object has
+// no sign. Precondition: the image validates.
+Validation TableTransfer::check_resolution(std::span<const std::uint8_t> image) const {
+  const TableView table(image);
+  for (std::size_t k = 0; k < table.joint_count(); ++k) {
+    const std::uint8_t* joint = table.joint(k);
+    const std::uint32_t increments = dictionary_.get(od::axis::kEncoderIncrements[k]);
+    if (increments == 0) continue;
+    const Scaled asked = {mantissa_of(joint) * dictionary_.get(od::axis::kMotorRevolutions[k]),
+                          32 - joint[format::joint::kIncrementShiftAt]};
+    if (!nearly_equal(asked, {increments, 0})) {
+      const auto at = static_cast<std::uint32_t>(joint - image.data());
+      return {Refusal::kResolution, at + std::uint32_t{format::joint::kIncrementPerUnitAt}};
+    }
   }
+  return {};
+}
+
+Validation TableTransfer::check(std::span<const std::uint8_t> image) const {
+  const Validation validation = validate(image, device_);
+  return validation.accepted() ? check_resolution(image) : validation;
+}
+
+void TableTransfer::put_in_force() {
+  const std::span<const std::uint8_t> image = buffers_.active();
+  if (image.empty() || !enabled_) return compensator_.disable();
+  Validation validation = compensator_.load(image, device_);
+  if (validation.accepted()) validation = check_resolution(image);
+  if (validation.accepted()) {
+    compensator_.activate();
+    return agree_on_resolution();
+  }
+  compensator_.disable();
+  refuse(static_cast<std::uint16_t>(validation.refusal), validation.field);
+}
+
+void TableTransfer::agree_on_resolution() {
+  if (buffers_.active().empty()) return;
+  const TableView table(buffers_.active());
+  for (std::size_t k = 0; k < table.joint_count(); ++k) {
+    if (dictionary_.get(od::axis::kEncoderIncrements[k]) != 0) continue;
+    const Resolution own = resolution_of(table, k);
+    dictionary_.set(od::axis::kEncoderIncrements[k], static_cast<std::uint32_t>(own.increments));
+    dictionary_.set(od::axis::kMotorRevolutions[k], own.units);
+  }
+}
+
+void TableTransfer::use(std::span<const std::uint8_t> image) {
+  buffers_.put_in_force(image);
+  active_checksum_ = 0;
+  if (!image.empty()) {
+    active_checksum_ = crc32(image.first(checked(static_cast<std::uint32_t>(image.size()))));
+    discard();
+  }
+  put_in_force();
 }
 
 void TableTransfer::set_enabled(bool enabled) {
   if (enabled == enabled_) return;
   enabled_ = enabled;
-  if (!enabled) {
-    compensator_.disable();
-  } else if (!active_.empty() && compensator_.load(active_, device_).accepted()) {
-    compensator_.activate();
-  }
+  put_in_force();
 }
 
 Abort TableTransfer::command(std::uint32_t word, bool quiet) {
@@ -152,13 +216,14 @@ Abort TableTransfer::refuse(std::uint16_t reason, std::uint32_t field) {
 Abort TableTransfer::verify() {
   if (state_ == StagingState::kVerified || state_ == StagingState::kCommitted) return Abort::kNone;
   if (state_ != StagingState::kReceived) return Abort::kDeviceState;
-  const std::span<const std::uint8_t> image = staging_buffer().first(staged_);
-  const Validation validation = validate(image, device_);
+  const std::span<const std::uint8_t> image = buffers_.staged(staged_);
+  const Validation validation = check(image);
   if (!validation.accepted()) {
     return refuse(static_cast<std::uint16_t>(validation.refusal), validation.field);
   }
   if (limits_are_too_wide(image)) return refuse(kLimitsTooWide, 0);
-  if (is_replay(image, active_)) return refuse(kOlderThanActive, format::header::kSequenceAt);
+  if (is_replay(image, buffers_.active()))
+    return refuse(kOlderThanActive, format::header::kSequenceAt);
   state_ = StagingState::kVerified;
   emcy_.clear(Condition::kTableRefused);
   return Abort::kNone;
@@ -186,14 +251,16 @@ Abort TableTransfer::result(storage::StoreResult result) {
 Abort TableTransfer::commit() {
   if (state_ == StagingState::kCommitted) return Abort::kNone;
   if (state_ != StagingState::kVerified) return Abort::kDeviceState;
-  const Abort abort = result(store_.commit(staging_buffer().first(staged_)));
+  const Abort abort = result(store_.commit(buffers_.staged(staged_)));
   if (abort == Abort::kNone) state_ = StagingState::kCommitted;
   return abort;
 }
 
 Abort TableTransfer::activate() {
+  const std::span<std::uint8_t> buffer = buffers_.writable();
+  if (buffer.empty()) return Abort::kDeviceState;
   std::span<const std::uint8_t> image;
-  const Abort abort = result(store_.activate(staging_buffer(), image));
+  const Abort abort = result(store_.activate(buffer, image));
   if (abort == Abort::kNone) {
     trial_ = true;
     use(image);
@@ -212,11 +279,12 @@ Abort TableTransfer::confirm() {
 
 Abort TableTransfer::revert() {
   const bool was_trial = trial_;
+  if (was_trial && buffers_.writable().empty()) return Abort::kDeviceState;
   const Abort abort = result(store_.revert());
   // A trial is over even if its mark could not be written: the next start rejects it all the same.
   if (was_trial && (abort == Abort::kNone || abort == Abort::kHardware)) {
     trial_ = false;
-    use(store_.load_active(staging_buffer()));
+    use(store_.load_active(buffers_.writable()));
   }
   return abort;
 }
@@ -236,22 +304,22 @@ Abort TableTransfer::begin_download(std::uint16_t index, std::uint32_t size) {
     count(refused_);
     return Abort::kDeviceState;
   }
-  const std::size_t capacity = std::min(staging_buffer().size(), store_.capacity());
-  if (size != kUnknownSize && size > capacity) return Abort::kOutOfMemory;
+  if (buffers_.writable().empty()) return Abort::kDeviceState;
+  if (size != kUnknownSize && size > capacity()) return Abort::kOutOfMemory;
   discard();
   state_ = StagingState::kReceiving;
   return Abort::kNone;
 }
 
 Abort TableTransfer::append(std::span<const std::uint8_t> piece) {
-  const std::size_t capacity = std::min(staging_buffer().size(), store_.capacity());
-  if (piece.size() > capacity - staged_) return Abort::kOutOfMemory;
-  std::copy(piece.begin(), piece.end(), staging_buffer().begin() + staged_);
+  const std::span<std::uint8_t> buffer = buffers_.writable();
+  if (buffer.empty()) return Abort::kDeviceState;
+  if (piece.size() > capacity() - staged_) return Abort::kOutOfMemory;
+  std::copy(piece.begin(), piece.end(), buffer.begin() + staged_);
   // With every piece: at the end it would take milliseconds, and joints may move by then.
   const std::uint32_t before = checked(staged_);
   staged_ += static_cast<std::uint32_t>(piece.size());
-  staged_checksum_ =
-      crc32(staging_buffer().subspan(before, checked(staged_) - before), staged_checksum_);
+  staged_checksum_ = crc32(buffer.subspan(before, checked(staged_) - before), staged_checksum_);
   return Abort::kNone;
 }
 
@@ -265,9 +333,9 @@ void TableTransfer::cancel_download() { discard(); }
 Abort TableTransfer::begin_upload(std::uint16_t index, std::span<const std::uint8_t>& content) {
   const bool received = state_ != StagingState::kEmpty && state_ != StagingState::kReceiving;
   if (index == kActiveObject) {
-    content = active_;
+    content = buffers_.active();
   } else {
-    content = received ? staging_buffer().first(staged_) : std::span<std::uint8_t>();
+    content = received ? buffers_.staged(staged_) : std::span<const std::uint8_t>();
   }
   return content.empty() ? Abort::kNoData : Abort::kNone;
 }
@@ -280,8 +348,7 @@ void TableTransfer::refresh_status() {
   dictionary_.set(status::kRefusalByteOffset, refusal_field_);
   dictionary_.set(status::kBytesStaged, staged_);
   dictionary_.set(status::kChecksumOfStagedImage, staged_checksum_);
-  dictionary_.set(status::kCapacity,
-                  static_cast<std::uint32_t>(std::min(staging_buffer().size(), store_.capacity())));
+  dictionary_.set(status::kCapacity, static_cast<std::uint32_t>(capacity()));
   dictionary_.set(status::kFormatVersionRead, format::kVersion);
   dictionary_.set(status::kSignatureRequired, static_cast<std::uint8_t>(device_.has_key));
   dictionary_.set(status::kSlotAState, static_cast<std::uint8_t>(store.slot[0].state));
@@ -291,7 +358,8 @@ void TableTransfer::refresh_status() {
   dictionary_.set(status::kActiveSlot,
                   store.active ? static_cast<std::uint8_t>(*store.active) : kNoSlot);
   dictionary_.set(status::kChecksumOfActiveImage, active_checksum_);
-  dictionary_.set(status::kActiveTableSequence, active_.empty() ? 0U : describe(active_).sequence);
+  dictionary_.set(status::kActiveTableSequence,
+                  buffers_.active().empty() ? 0U : describe(buffers_.active()).sequence);
   dictionary_.set(status::kTrial, static_cast<std::uint8_t>(trial_));
   dictionary_.set(status::kStoreResult, static_cast<std::uint8_t>(last_result_));
 }

@@ -17,6 +17,7 @@
 #include "firmware/canopen/protocol/dictionary_access.h"
 #include "firmware/canopen/protocol/emcy.h"
 #include "firmware/canopen/protocol/object_dictionary.h"
+#include "firmware/canopen/table/table_buffers.h"
 #include "firmware/core/compensator.h"
 #include "firmware/core/table.h"
 #include "firmware/storage/slot_store.h"
@@ -56,17 +57,10 @@ class IdentityVerifier final : public storage::TableVerifier {
   const DeviceIdentity& device_;
 };
 
-// Two buffers of one table each: what the compensator reads, and what is being staged. They swap
-// when a staged table goes on trial.
-struct TableBuffers {
-  std::span<std::uint8_t> first;
-  std::span<std::uint8_t> second;
-};
-
 class TableTransfer final : public DomainHandler {
  public:
   TableTransfer(ObjectDictionary& dictionary, Compensator& compensator, storage::SlotStore& store,
-                Emcy& emcy, const DeviceIdentity& device, const TableBuffers& buffers);
+                Emcy& emcy, const DeviceIdentity& device, const TableMemory& memory);
 
   // Reads the slots and puts their table in force. Call once at power-on and at NMT reset node, not
   // while joint commands arrive.
@@ -86,7 +80,13 @@ class TableTransfer final : public DomainHandler {
   void refresh_status();
 
   // Whether the image in force still validates; true where there is none. Takes long.
-  bool active_is_sound() const { return active_.empty() || validate(active_, device_).accepted(); }
+  bool active_is_sound() const {
+    return buffers_.active().empty() || validate(buffers_.active(), device_).accepted();
+  }
+
+  // 0x608F was written, or restored: tables must have these scales from now on. Where it says
+  // nothing it takes those of the table in force.
+  void agree_on_resolution();
 
   std::uint32_t refused() const { return refused_; }
   bool on_trial() const { return trial_; }
@@ -107,9 +107,10 @@ class TableTransfer final : public DomainHandler {
   Abort result(storage::StoreResult result);
   Abort refuse(std::uint16_t reason, std::uint32_t field);
   void use(std::span<const std::uint8_t> image);
-  std::span<std::uint8_t> staging_buffer() const {
-    return staging_is_first_ ? buffers_.first : buffers_.second;
-  }
+  Validation check_resolution(std::span<const std::uint8_t> image) const;
+  Validation check(std::span<const std::uint8_t> image) const;
+  void put_in_force();
+  std::size_t capacity() const;
 
   ObjectDictionary& dictionary_;
   Compensator& compensator_;
@@ -117,7 +118,6 @@ class TableTransfer final : public DomainHandler {
   Emcy& emcy_;
   const DeviceIdentity& device_;
   TableBuffers buffers_;
-  bool staging_is_first_ = true;
   bool quiet_ = true;
   bool enabled_ = true;
   bool trial_ = false;
@@ -131,7 +131,6 @@ class TableTransfer final : public DomainHandler {
   std::uint32_t refusal_field_ = 0;   // 0x2013 sub 15
   storage::StoreResult last_result_ = storage::StoreResult::kDone;
   std::uint32_t refused_ = 0;
-  std::span<const std::uint8_t> active_;  // what should be in force, empty for none
 };
 
 }  // namespace armtrue::canopen

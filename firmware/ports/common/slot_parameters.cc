@@ -10,6 +10,10 @@ bool SlotParameters::load(std::span<std::uint8_t> block) {
   return true;
 }
 
+bool SlotParameters::holds_something() const {
+  return is_damaged() || saved_.size() > 1;  // one byte is the note of erase()
+}
+
 bool SlotParameters::save(std::span<const std::uint8_t> block) {
   return store_.commit(block) == storage::StoreResult::kDone &&
          store_.activate(block_, saved_) == storage::StoreResult::kDone &&

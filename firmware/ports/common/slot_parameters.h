@@ -25,6 +25,7 @@ class SlotParameters final : public canopen::ParameterStore {
   bool is_damaged() const { return store_.has_lost_newest(); }
 
   bool load(std::span<std::uint8_t> block) override;
+  bool holds_something() const override;
   bool save(std::span<const std::uint8_t> block) override;
   // Saves an empty note: what is not of the asked length counts as nothing saved.
   bool erase() override;

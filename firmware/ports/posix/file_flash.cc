@@ -76,6 +76,8 @@ bool FileParameters::load(std::span<std::uint8_t> block) {
   return file.gcount() == static_cast<std::streamsize>(block.size());
 }
 
+bool FileParameters::holds_something() const { return access(path_.c_str(), F_OK) == 0; }
+
 bool FileParameters::save(std::span<const std::uint8_t> block) {
   const std::string part = path_ + ".part";
   {

@@ -40,6 +40,7 @@ class FileParameters final : public canopen::ParameterStore {
   explicit FileParameters(std::string path) : path_(std::move(path)) {}
 
   bool load(std::span<std::uint8_t> block) override;
+  bool holds_something() const override;
   bool save(std::span<const std::uint8_t> block) override;
   bool erase() override;
 

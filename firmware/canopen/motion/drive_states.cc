@@ -1,0 +1,77 @@
+#include "firmware/canopen/motion/drive_states.h"
+
+#include <algorithm>
+#include <cstdlib>
+
+namespace armtrue::canopen {
+namespace {
+
+// CiA 402-2, table 30: operation enabled, in the bits that tell states apart.
+constexpr std::uint16_t kStateMask = 0x006F;
+constexpr std::uint16_t kOperationEnabled = 0x0027;
+// CiA 402-2, 0x6060.
+constexpr std::int8_t kHoming = 6;
+constexpr std::int8_t kInterpolatedPosition = 7;
+constexpr std::int8_t kCyclicPosition = 8;
+
+bool is_enabled(std::uint16_t statusword) { return (statusword & kStateMask) == kOperationEnabled; }
+bool is_cyclic(std::int8_t mode) {
+  return mode == kInterpolatedPosition || mode == kCyclicPosition;
+}
+
+}  // namespace
+
+void DriveStates::hear_state(std::size_t axis, std::uint16_t statusword) {
+  if (axis >= axes_.size()) return;
+  axes_[axis].has_state = true;
+  axes_[axis].statusword = statusword;
+}
+
+void DriveStates::hear_mode(std::size_t axis, std::int8_t mode) {
+  if (axis >= axes_.size()) return;
+  axes_[axis].has_mode = true;
+  axes_[axis].mode = mode;
+}
+
+AxisState DriveStates::state(std::size_t axis) const {
+  if (axis >= axes_.size()) return AxisState::kUnknown;
+  const Axis& heard = axes_[axis];
+  if (!heard.has_state && !heard.has_mode) return AxisState::kUnknown;
+  const bool follows = (!heard.has_state || is_enabled(heard.statusword)) &&
+                       (!heard.has_mode || is_cyclic(heard.mode));
+  return follows ? AxisState::kFollowing : AxisState::kAway;
+}
+
+std::uint8_t DriveStates::known() const {
+  return bits([this](std::size_t k) { return state(k) != AxisState::kUnknown; });
+}
+
+std::uint8_t DriveStates::away() const {
+  return bits([this](std::size_t k) { return state(k) == AxisState::kAway; });
+}
+
+std::uint8_t DriveStates::disabled() const {
+  return bits(
+      [this](std::size_t k) { return axes_[k].has_state && !is_enabled(axes_[k].statusword); });
+}
+
+bool DriveStates::hear_position(std::size_t axis, std::int32_t actual, bool at_rest,
+                                std::uint32_t per_turn, const PositionBounds& bounds,
+                                std::uint64_t now_us) {
+  if (axis >= axes_.size()) return false;
+  Axis& heard = axes_[axis];
+  const bool had_position = heard.has_position;
+  const std::uint64_t since_us = now_us - heard.heard_us;
+  const std::int64_t moved = std::abs(bounds.way(std::int64_t{actual} - heard.actual));
+  heard.has_position = true;
+  heard.actual = actual;
+  heard.heard_us = now_us;
+  const bool homes = heard.has_mode && heard.mode == kHoming;
+  if (!had_position || !at_rest || homes || per_turn == 0 || since_us > kNeighboursUs) return false;
+  const std::int64_t least = std::int64_t{per_turn} / kJumpPart;
+  const auto fastest =
+      static_cast<std::int64_t>(std::uint64_t{per_turn} * kFastestTurns * since_us / 1'000'000U);
+  return moved > std::max(least, fastest);
+}
+
+}  // namespace armtrue::canopen

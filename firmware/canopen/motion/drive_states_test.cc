@@ -1,0 +1,190 @@
+// What drives say of themselves, and what the correction does about it, in both modes.
+#include "firmware/canopen/motion/drive_states.h"
+
+#include "firmware/testing/drives_bench.h"
+
+namespace armtrue::canopen {
+namespace {
+
+constexpr std::int32_t kRate = 106;
+constexpr int kEnabled = 0x0237;
+constexpr int kDisabled = 0x0250;
+constexpr int kFault = 0x0218;
+
+// RPDO 13 hears the state and the mode of axis 1, RPDO 14 those of axis 2.
+class DriveStatesTest : public DrivesTest {
+ protected:
+  DriveStatesTest() {
+    for (std::uint16_t k = 0; k < 2; ++k) {
+      const auto communication = static_cast<std::uint16_t>(0x140C + k);
+      const auto mapping = static_cast<std::uint16_t>(0x160C + k);
+      const std::uint32_t axis = 0x800U * k;
+      EXPECT_EQ(bench.write(mapping, 0, 0, 1), 0U);
+      EXPECT_EQ(bench.write(mapping, 1, (0x6041U + axis) << 16 | 0x10U, 4), 0U);
+      EXPECT_EQ(bench.write(mapping, 2, (0x6061U + axis) << 16 | 0x08U, 4), 0U);
+      EXPECT_EQ(bench.write(mapping, 0, 2, 1), 0U);
+      EXPECT_EQ(bench.write(communication, 1, 0x1D0U + k, 4), 0U);
+    }
+    bench.run_for(600'000);
+    take_output();
+  }
+  void drive_says(std::uint32_t axis, int statusword, int mode) {
+    const CanFrame frame = make_frame(0x1D0 + axis, {statusword & 0xFF, statusword >> 8, mode});
+    offset_ ? bench.from_controller(frame) : bench.from_drives(frame);
+    take_output();
+  }
+  void all_follow() {
+    drive_says(0, kEnabled, 8);
+    drive_says(1, kEnabled, 8);
+  }
+  Joints correction() const {
+    Joints result = {};
+    for (std::size_t k = 0; k < 6; ++k) result[k] = stand[k] - target[k];
+    return result;
+  }
+  // Cycles, in none of which a drive or what the controller sees moves faster than is permitted.
+  void rest_smoothly(int cycles) {
+    for (int k = 0; k < cycles; ++k) {
+      const Joints before = stand;
+      const Joints saw = seen;
+      cycle(kStand);
+      ASSERT_LE(farthest(before, stand), kRate);
+      ASSERT_LE(farthest(saw, seen), kRate);
+    }
+  }
+  void expect_suspended(std::uint32_t why) {
+    EXPECT_EQ(bench.read(0x2005, 3), static_cast<std::uint32_t>(Phase::kSuspended));
+    EXPECT_EQ(bench.read(0x2005, 4), why);
+  }
+};
+
+TEST_P(DriveStatesTest, ACorrectionIsSuspendedUntilAllFollowAgain) {
+  settle();
+  all_follow();
+  const Joints before = correction();
+  struct Away {
+    int statusword;
+    int mode;
+  };
+  for (const Away away :
+       {Away{kDisabled, 8}, Away{kFault, 8}, Away{kEnabled, 6}, Away{kEnabled, 4}}) {
+    SCOPED_TRACE(away.statusword * 16 + away.mode);
+    drive_says(0, away.statusword, away.mode);
+    rest_smoothly(100);
+    EXPECT_EQ(correction(), Joints{});
+    EXPECT_EQ(seen, kStand);
+    expect_suspended(1);
+    EXPECT_EQ(bench.read(0x2005, 2), 1U) << "which";
+    drive_says(1, kDisabled, 8);
+    drive_says(0, kEnabled, 8);
+    rest_smoothly(50);
+    EXPECT_EQ(correction(), Joints{}) << "not all have returned";
+    drive_says(1, kEnabled, 8);
+    rest_smoothly(200);
+    EXPECT_EQ(correction(), before);
+    EXPECT_EQ(seen, kStand);
+  }
+  EXPECT_EQ(bench.read(0x2005, 5), 4U);
+  EXPECT_EQ(bench.read(0x2005, 6), 4U);
+}
+
+TEST_P(DriveStatesTest, WithoutTargetsACorrectionIsSuspendedAllTheSame) {
+  settle();
+  all_follow();
+  bench.run_for(100'000);
+  take_output();
+  drive_says(0, kDisabled, 8);
+  Joints saw = seen;
+  for (int k = 0; k < 100; ++k) {
+    bench.now_us += 1000;
+    bench.turn();
+    take_output();
+    feed_back();
+    ASSERT_LE(farthest(saw, seen), offset_ ? 2 * kRate : kRate);
+    saw = seen;
+  }
+  expect_suspended(1);
+  EXPECT_EQ(seen, stand) << "nothing is taken off a position that nothing was put on";
+}
+
+TEST_P(DriveStatesTest, DrivesThatSayNothingAreTakenToFollow) {
+  settle();
+  EXPECT_EQ(bench.read(0x2005, 1), 0U) << "and that is said";
+  EXPECT_EQ(bench.read(0x2005, 3), static_cast<std::uint32_t>(Phase::kCorrecting));
+  drive_says(1, kEnabled, 8);
+  EXPECT_EQ(bench.read(0x2005, 1), 2U);
+}
+
+TEST_P(DriveStatesTest, AZeroThatChangesAtRestSuspendsUntilSomebodyHasAnswered) {
+  settle();
+  all_follow();
+  rest(kStand, 150);
+  stand[2] += 5000;
+  feed_back();
+  const Joints jumped = stand;
+  for (int k = 0; k < 100; ++k) {
+    const Joints before = stand;
+    cycle(kStand);
+    ASSERT_LE(farthest(before, stand), k == 0 ? 6000 : kRate);
+  }
+  EXPECT_NE(jumped, stand);
+  expect_suspended(2);
+  EXPECT_EQ(bench.read(0x2005, 7), 2U) << "there, and back";
+  EXPECT_EQ(bench.read(0x1003, 1), 0x0003FF16U) << "of axis 3";
+  ASSERT_EQ(bench.write(0x2000, 2, 0, 1), 0U);
+  bench.run_for(600'000);
+  take_output();
+  ASSERT_EQ(bench.write(0x2000, 2, 1, 1), 0U);
+  rest_smoothly(200);
+  EXPECT_GT(farthest(stand, kStand), 150) << "confirmed by disabling and enabling";
+}
+
+TEST_P(DriveStatesTest, AZeroThatHomingChangesIsNoSurprise) {
+  settle();
+  all_follow();
+  drive_says(0, kEnabled, 6);
+  rest(kStand, 150);
+  stand[0] += 5000;
+  feed_back();
+  EXPECT_EQ(bench.read(0x2005, 7), 0U);
+}
+
+INSTANTIATE_TEST_SUITE_P(Modes, DriveStatesTest, ::testing::Values(Mode::kInline, Mode::kOffset),
+                         [](const auto& mode) {
+                           return mode.param == Mode::kInline ? "Inline" : "Offset";
+                         });
+
+class OffsetReadBackTest : public DriveStatesTest {};
+
+TEST_P(OffsetReadBackTest, AnOffsetThatIsNotTheOneSentIsReported) {
+  ASSERT_EQ(bench.write(0x160E, 0, 0, 1), 0U);
+  ASSERT_EQ(bench.write(0x160E, 1, 0x20070120, 4), 0U);
+  ASSERT_EQ(bench.write(0x160E, 0, 1, 1), 0U);
+  ASSERT_EQ(bench.write(0x140E, 1, 0x1E0, 4), 0U);
+  settle();
+  const auto drive_has = [this](std::int32_t offset) {
+    CanFrame frame = make_frame(0x1E0, {0, 0, 0, 0});
+    store_le(&frame.data[0], offset);
+    bench.from_controller(frame);
+  };
+  for (int k = 0; k < 50; ++k) drive_has(held[0]);
+  EXPECT_EQ(bench.read(0x1001, 0), 0U);
+  for (int k = 0; k < 50; ++k) drive_has(-held[0]);
+  EXPECT_EQ(bench.read(0x1003, 1), 0x0001FF17U) << "of axis 1";
+  drive_has(held[0]);
+  EXPECT_EQ(bench.read(0x1001, 0), 0U);
+}
+
+INSTANTIATE_TEST_SUITE_P(Offset, OffsetReadBackTest, ::testing::Values(Mode::kOffset));
+
+TEST(LatencyTest, QuantilesAreWithinAnEighth) {
+  Latency latency;
+  for (std::uint32_t value = 1; value <= 10000; ++value) latency.note(value);
+  EXPECT_EQ(latency.least(), 1U);
+  EXPECT_EQ(latency.most(), 10000U);
+  EXPECT_NEAR(latency.quantile(500), 5000, 5000 / 8);
+  EXPECT_NEAR(latency.quantile(999), 9990, 9990 / 8);
+}
+
+}  // namespace
+}  // namespace armtrue::canopen

@@ -1,0 +1,39 @@
+// How long something took, and how evenly: minimum, median, 99.9 % and maximum without keeping
+// every value.
+#ifndef ARMTRUE_FIRMWARE_CANOPEN_MOTION_LATENCY_H_
+#define ARMTRUE_FIRMWARE_CANOPEN_MOTION_LATENCY_H_
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+
+namespace armtrue::canopen {
+
+class Latency {
+ public:
+  void note(std::uint32_t microseconds);
+  void restart() { *this = {}; }
+
+  std::uint32_t count() const { return count_; }
+  std::uint32_t least() const { return count_ == 0 ? 0 : least_; }
+  std::uint32_t most() const { return most_; }
+  // The smallest value that `permille` thousandths of all do not exceed, rounded up to the end of
+  // its class: within an eighth.
+  std::uint32_t quantile(std::uint32_t permille) const;
+
+ private:
+  // Values below 8 each have a class; from there every power of two has eight, up to 2^20.
+  static constexpr std::size_t kFine = 8;
+  static constexpr std::size_t kClasses = kFine * 18;
+  static std::size_t class_of(std::uint32_t value);
+  static std::uint32_t end_of(std::size_t number);
+
+  std::array<std::uint32_t, kClasses> classes_ = {};
+  std::uint32_t count_ = 0;
+  std::uint32_t least_ = UINT32_MAX;
+  std::uint32_t most_ = 0;
+};
+
+}  // namespace armtrue::canopen
+
+#endif  // ARMTRUE_FIRMWARE_CANOPEN_MOTION_LATENCY_H_

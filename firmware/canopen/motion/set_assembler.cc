@@ -1,0 +1,132 @@
+#include "firmware/canopen/motion/set_assembler.h"
+
+#include <algorithm>
+#include <bit>
+#include <cstring>
+
+#include "firmware/canopen/protocol/search.h"
+
+namespace armtrue::canopen {
+namespace {
+
+bool same_payload(const CanFrame& one, const CanFrame& other) {
+  return one.len == other.len && std::memcmp(one.data, other.data, one.len) == 0;
+}
+
+}  // namespace
+
+void SetAssembler::configure(const PdoTable& pdos, std::uint8_t joint_count) {
+  drop();
+  expected_ = 0;
+  synchronous_ = false;
+  std::uint32_t joints = 0;
+  for (std::size_t k = 0; k < kRpdos; ++k) {
+    const Pdo& pdo = pdos.rpdo(k);
+    if (!pdo.valid || !pdo.mapping.has_axis_object(kTargetPosition)) continue;
+    expected_ |= 1U << k;
+    synchronous_ = synchronous_ || pdo.is_synchronous();
+    for (const MappedEntry& mapped : pdo.mapping.used()) {
+      if (axis_object(mapped.index) == kTargetPosition) joints |= 1U << axis_of(mapped.index);
+    }
+  }
+  const std::uint32_t needed = (1U << joint_count) - 1U;
+  const bool fits = static_cast<std::size_t>(std::popcount(expected_)) <= held_.size();
+  if ((joints & needed) != needed || !fits) expected_ = 0;
+  window_.restart(expected_);
+}
+
+void SetAssembler::clear() {
+  present_ = 0;
+  held_count_ = 0;
+  spoilt_ = false;
+  progress_ = SetProgress::kWaiting;
+}
+
+void SetAssembler::drop() {
+  clear();
+  trusted_ = false;
+}
+
+const SetAssembler::Held* SetAssembler::find(std::span<const Held> frames, std::size_t rpdo) {
+  return first_where(frames, [rpdo](const Held& held) { return held.rpdo == rpdo; });
+}
+
+SetContent SetAssembler::content() const {
+  if (spoilt_) return SetContent::kSpoilt;
+  return present_ == expected_ ? SetContent::kWhole : SetContent::kPartial;
+}
+
+SetEvent SetAssembler::take(const Pdo& pdo, std::size_t rpdo, const CanFrame& frame,
+                            std::uint64_t now_us) {
+  if (frame.len < pdo.mapping.length) {
+    spoilt_ = true;
+    return SetEvent::kShort;
+  }
+  if (const Held* same = find(frames(), rpdo)) {
+    if (same_payload(same->frame, frame)) return SetEvent::kRepeated;
+    if (!sync_in_use_) return SetEvent::kNextCycle;
+    // Two different targets for the same joints in one interval: whose are the others?
+    spoilt_ = true;
+    return SetEvent::kContradicted;
+  }
+  window_.note(rpdo, now_us);
+  if (held_count_ == held_.size())
+    return SetEvent::kHeld;  // configure() made sure that there is room
+  if (present_ == 0) begin_us_ = now_us;
+  held_[held_count_++] = {frame, &pdo, static_cast<std::uint8_t>(rpdo)};
+  present_ |= 1U << rpdo;
+  // A frame that was late instead of lost would complete this set with an old target: without SYNC
+  // to take them both, only what follows a whole set is one.
+  const bool may_be_mixed = !synchronous_ && !trusted_ && !std::has_single_bit(expected_);
+  const bool ready = content() == SetContent::kWhole && !may_be_mixed;
+  return ready ? SetEvent::kReady : SetEvent::kHeld;
+}
+
+void SetAssembler::set_progress(SetProgress progress) {
+  progress_ = progress;
+  if (progress != SetProgress::kOut) return;
+  previous_ = held_;
+  previous_count_ = held_count_;
+}
+
+bool SetAssembler::is_over(std::uint32_t configured_us, std::uint64_t now_us) const {
+  return !sync_in_use_ && present_ != 0 && progress_ != SetProgress::kOut &&
+         now_us - begin_us_ > window_.in_force(configured_us);
+}
+
+SetAssembler::Ended SetAssembler::end_interval() {
+  const std::span<const Held> previous(previous_.data(), previous_count_);
+  // If all of it were repeats of the set before, nothing was lost.
+  const bool only_repeats =
+      !spoilt_ && first_where(frames(), [previous](const Held& one) {
+                    const Held* before = find(previous, one.rpdo);
+                    return before == nullptr || !same_payload(before->frame, one.frame);
+                  }) == nullptr;
+  Ended ended = Ended::kEmptyOrOut;
+  if (present_ != 0 && progress_ != SetProgress::kOut) {
+    ended = only_repeats ? Ended::kOnlyRepeats : Ended::kWithheld;
+  }
+  // A frame that is missing here may come late, ahead of its successor: the next set could be
+  // complete with it and would be a mixture. So what follows an interval that was not whole waits.
+  // An arm that stands still repeats whole sets: those are whole, too, or it could never go on.
+  const bool is_whole = content() == SetContent::kWhole;
+  if (present_ == 0 || is_whole || !only_repeats) trusted_ = is_whole;
+  clear();
+  return ended;
+}
+
+void SetAssembler::note_sync(std::uint64_t now_us) {
+  if (sync_in_use_) sync_period_us_ = now_us - last_sync_us_;
+  sync_in_use_ = true;
+  last_sync_us_ = now_us;
+}
+
+bool SetAssembler::is_on_time(std::uint32_t configured_us, std::uint64_t now_us) const {
+  // A set that a late SYNC left waiting for longer than two intervals is old; where the interval is
+  // not known yet, than the set window.
+  const std::uint64_t waits_us =
+      sync_period_us_ == 0 ? std::uint64_t{window_.in_force(configured_us)} : 2 * sync_period_us_;
+  return now_us - begin_us_ <= waits_us;
+}
+
+}  // namespace armtrue::canopen

@@ -1,0 +1,110 @@
+// Which frames together are one cycle's targets.
+//
+// An *interval* takes the frames of one cycle. SYNC ends it where SYNC is in use; otherwise the set
+// window, or a newer frame of the same RPDO. What it holds, and how far that has got, are its two
+// states. Nothing is ever repeated, completed from an older cycle or extrapolated.
+#ifndef ARMTRUE_FIRMWARE_CANOPEN_MOTION_SET_ASSEMBLER_H_
+#define ARMTRUE_FIRMWARE_CANOPEN_MOTION_SET_ASSEMBLER_H_
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+
+#include "firmware/canopen/motion/set_window.h"
+#include "firmware/canopen/protocol/pdo.h"
+
+namespace armtrue::canopen {
+
+// What an interval holds.
+enum class SetContent : std::uint8_t {
+  kPartial,
+  kWhole,
+  kSpoilt,  // contradicted, or a frame was too short: nothing more comes of it
+};
+
+// How far the set of an interval has got.
+enum class SetProgress : std::uint8_t {
+  kWaiting,
+  kComputed,  // corrected, waits for SYNC
+  kOut,
+};
+
+// What a frame did.
+enum class SetEvent : std::uint8_t {
+  kHeld,
+  kRepeated,      // the set has it already
+  kNextCycle,     // it is of the next cycle, and was not taken: end the interval, come again
+  kShort,         // shorter than its mapping: as good as missing
+  kContradicted,  // another target for the same joints in one interval
+  kReady,         // the set is whole and may go out
+};
+
+class SetAssembler {
+ public:
+  struct Held {
+    CanFrame frame;  // as received
+    const Pdo* pdo = nullptr;
+    std::uint8_t rpdo = 0;
+  };
+
+  // Decides from the mappings which RPDOs make a set, so that together they map `joint_count`
+  // joints. More RPDOs than there are axes are no set: none could be held.
+  void configure(const PdoTable& pdos, std::uint8_t joint_count);
+  bool is_configured() const { return expected_ != 0; }
+  bool is_synchronous() const { return synchronous_; }
+  bool carries_target(std::size_t rpdo) const { return (expected_ >> rpdo & 1U) != 0; }
+
+  SetEvent take(const Pdo& pdo, std::size_t rpdo, const CanFrame& frame, std::uint64_t now_us);
+
+  SetContent content() const;
+  SetProgress progress() const { return progress_; }
+  void set_progress(SetProgress progress);
+  std::span<const Held> frames() const { return std::span(held_).first(held_count_); }
+  std::uint64_t begin_us() const { return begin_us_; }
+
+  // Whether an interval without SYNC has taken longer than a set may.
+  bool is_over(std::uint32_t configured_us, std::uint64_t now_us) const;
+  std::uint32_t window_us(std::uint32_t configured_us) const {
+    return window_.in_force(configured_us);
+  }
+
+  // What an interval turned out to be.
+  enum class Ended : std::uint8_t { kEmptyOrOut, kOnlyRepeats, kWithheld };
+  Ended end_interval();
+
+  // The interval is dropped, and nothing that follows is trusted.
+  void drop();
+  void distrust() { trusted_ = false; }
+
+  void note_sync(std::uint64_t now_us);
+  void note_no_sync() { sync_in_use_ = false; }
+  bool sync_in_use() const { return sync_in_use_; }
+  std::uint64_t last_sync_us() const { return last_sync_us_; }
+  // Whether a set that waits for SYNC at `now_us` is of this interval or the one before.
+  bool is_on_time(std::uint32_t configured_us, std::uint64_t now_us) const;
+
+ private:
+  static const Held* find(std::span<const Held> frames, std::size_t rpdo);
+  void clear();
+
+  std::array<Held, kAxes> held_ = {};      // of this interval, in the order of arrival
+  std::array<Held, kAxes> previous_ = {};  // the last set that went out
+  std::uint8_t held_count_ = 0;
+  std::uint8_t previous_count_ = 0;
+  std::uint32_t expected_ = 0;  // bit r: RPDO r belongs to the set
+  std::uint32_t present_ = 0;
+  bool synchronous_ = false;
+  bool spoilt_ = false;
+  bool trusted_ = false;      // the interval before was whole
+  bool sync_in_use_ = false;  // SYNC has come within the stale time-out
+  SetProgress progress_ = SetProgress::kWaiting;
+  std::uint64_t begin_us_ = 0;
+  std::uint64_t last_sync_us_ = 0;
+  std::uint64_t sync_period_us_ = 0;  // between the last two SYNCs
+  SetWindow window_;
+};
+
+}  // namespace armtrue::canopen
+
+#endif  // ARMTRUE_FIRMWARE_CANOPEN_MOTION_SET_ASSEMBLER_H_

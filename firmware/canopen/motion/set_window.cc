@@ -1,0 +1,63 @@
+#include "firmware/canopen/motion/set_window.h"
+
+#include <algorithm>
+
+namespace armtrue::canopen {
+
+void SetWindow::restart(std::uint32_t expected) {
+  *this = {};
+  expected_ = expected;
+}
+
+void SetWindow::begin_round(std::uint64_t now_us) {
+  seen_ = 1U << anchor_;
+  longest_us_ = 0;
+  second_us_ = 0;
+  total_us_ = 0;
+  last_us_ = now_us;
+}
+
+void SetWindow::note(std::size_t rpdo, std::uint64_t now_us) {
+  const std::uint32_t bit = 1U << rpdo;
+  if (seen_ == 0) {
+    anchor_ = static_cast<std::uint8_t>(rpdo);
+    return begin_round(now_us);
+  }
+  const auto gap_us =
+      static_cast<std::uint32_t>(std::min<std::uint64_t>(now_us - last_us_, 1'000'000));
+  last_us_ = now_us;
+  total_us_ += gap_us;
+  if (gap_us > longest_us_) {
+    second_us_ = longest_us_;
+    longest_us_ = gap_us;
+  } else {
+    second_us_ = std::max(second_us_, gap_us);
+  }
+  if (rpdo == anchor_) {
+    end_round();
+    return begin_round(now_us);
+  }
+  if ((seen_ & bit) != 0) agreed_ = 0;  // not one of each
+  seen_ |= bit;
+}
+
+void SetWindow::end_round() {
+  const bool has_pause = longest_us_ * 4U > second_us_ * kPauseQuarters;
+  if (seen_ != expected_ || !has_pause) {
+    agreed_ = 0;
+    return;
+  }
+  // Half-way between the end of a set and the earliest frame that could stand for its first.
+  const std::uint32_t window_us = total_us_ - (longest_us_ + second_us_) / 2;
+  const std::uint32_t span_us = total_us_ - longest_us_;
+  candidate_us_ = agreed_ == 0 ? window_us : std::min(candidate_us_, window_us);
+  widest_us_ = agreed_ == 0 ? span_us : std::max(widest_us_, span_us);
+  if (widest_us_ >= candidate_us_) {
+    agreed_ = 0;
+  } else if (++agreed_ >= kRounds) {
+    learnt_us_ = candidate_us_;
+    agreed_ = 0;
+  }
+}
+
+}  // namespace armtrue::canopen

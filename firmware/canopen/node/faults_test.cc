@@ -1,0 +1,326 @@
+// Faults that ordinary frames could make, one by one through the node's own objects. Each was red
+// before it was mended (docs/security.md, "Faults that were found").
+#include <gtest/gtest.h>
+
+#include "firmware/canopen/node/bus_watch.h"
+#include "firmware/core/terms.h"
+#include "firmware/testing/drives_bench.h"
+
+namespace armtrue::canopen {
+namespace {
+
+constexpr std::int32_t kRate = 106;  // 0.1 turn per second: increments in a cycle, rounded up
+
+class FaultTest : public DrivesTest {
+ protected:
+  void nmt(int command) { bench.from_controller(make_frame(0, {command, NodeBench::kNodeId})); }
+  NmtState state() { return bench.node().nmt_state(); }
+  std::int32_t wait(int milliseconds) {
+    std::int32_t most = 0;
+    take_output();
+    for (int k = 0; k < milliseconds; ++k) {
+      const Joints before = stand;
+      bench.now_us += 1000;
+      bench.turn();
+      take_output();
+      most = std::max(most, farthest(before, stand));
+    }
+    return most;
+  }
+  // Codes of the emergencies that have been sent.
+  std::vector<int> emergencies() {
+    std::vector<CanFrame> frames = std::exchange(bench.aside, {});
+    for (const CanFrame& frame : bench.upstream.take_sent()) frames.push_back(frame);
+    std::vector<int> codes;
+    for (const CanFrame& frame : frames) {
+      if (frame.id == 0x80U + NodeBench::kNodeId)
+        codes.push_back(load_le<std::uint16_t>(frame.data));
+    }
+    return codes;
+  }
+  bool reported(int code) {
+    const std::vector<int> codes = emergencies();
+    return std::find(codes.begin(), codes.end(), code) != codes.end();
+  }
+  std::uint32_t refusal() { return bench.read(0x2013, 2); }
+};
+class InlineFaultTest : public FaultTest {};
+class OffsetFaultTest : public FaultTest {};
+
+TEST_P(InlineFaultTest, BytesThatNobodyVerifiedSteerNothing) {
+  settle();
+  bench.run_for(600'000);
+  ASSERT_EQ(bench.write(0x2000, 2, 0, 1), 0U);
+  const auto image = TestTable{.magnitude = kPermitted << 12}.image();
+  bench.install(image);
+  const std::vector<std::uint8_t> junk(image.size(), 0xA5);
+  ASSERT_EQ(bench.stage(junk), 0U);
+  take_output();
+  EXPECT_LE(rest(kStand, 200), kRate);
+  EXPECT_EQ(stand, kStand) << "disabled";
+}
+
+TEST_P(InlineFaultTest, MoreTargetPdosThanAxesAreNoSetAndSaidAloud) {
+  bench.run_for(600'000);
+  ASSERT_EQ(bench.write(0x2000, 1, 0, 1), 0U);
+  constexpr std::uint32_t kMany = 19;
+  for (std::uint32_t k = 0; k < kMany; ++k) {
+    const auto communication = static_cast<std::uint16_t>(0x1400 + k);
+    const auto mapping = static_cast<std::uint16_t>(0x1600 + k);
+    bench.write(communication, 1, 0x80000000U | (0x300 + k), 4);
+    ASSERT_EQ(bench.write(mapping, 0, 0, 1), 0U);
+    ASSERT_EQ(bench.write(mapping, 1, (0x607AU + 0x800U * (k % 6)) << 16 | 0x20U, 4), 0U);
+    ASSERT_EQ(bench.write(mapping, 0, 1, 1), 0U);
+    ASSERT_EQ(bench.write(communication, 1, 0x300 + k, 4), 0U);
+  }
+  ASSERT_EQ(bench.write(0x2000, 1, 1, 1), 0U);
+  emergencies();
+  for (std::uint32_t k = 0; k < kMany; ++k) {
+    bench.from_controller(make_frame(0x300 + k, {1, 0, 0, 0}));
+  }
+  EXPECT_TRUE(reported(0xFF15));
+  EXPECT_EQ(status() & 1U, 0U) << "not configured";
+}
+
+// A controller whose three frames take longer than the window as delivered.
+class SlowFramesTest : public InlineFaultTest {
+ protected:
+  int sets_out(int cycles, bool with_sync) {
+    int sets = 0;
+    for (int k = 0; k < cycles; ++k) {
+      if (with_sync) bench.from_controller(make_frame(0x80, {}));
+      outputs = 0;
+      std::int32_t frames = 0;
+      for (const CanFrame& frame : NodeBench::targets(moved(kStand, 10 * k))) {
+        bench.from_controller(frame);
+        take_output();
+        frames += outputs;
+        bench.now_us += 270;
+        bench.turn();
+      }
+      bench.now_us += 190;
+      bench.turn();
+      sets += frames == 3;
+    }
+    return sets;
+  }
+};
+
+TEST_P(SlowFramesTest, ComeOutWhereSyncDelimitsThem) { EXPECT_GE(sets_out(5000, true), 4998); }
+
+TEST_P(SlowFramesTest, AreLearntWithoutSync) {
+  sets_out(20, false);
+  EXPECT_EQ(sets_out(1000, false), 1000);
+  EXPECT_GT(bench.read(0x2006, 13), 540U) << "the window in force";
+  EXPECT_LT(bench.read(0x2006, 13), 730U) << "ahead of what could be another cycle's";
+}
+
+TEST_P(SlowFramesTest, SetsThatDoNotComeOutAreAnEmergency) {
+  settle();
+  emergencies();
+  for (int k = 0; k < 150; ++k) {
+    bench.now_us += 1000;
+    const auto frames = NodeBench::targets(kStand);
+    bench.from_controller(frames[0]);
+    bench.from_controller(frames[1]);
+  }
+  EXPECT_TRUE(reported(0xFF15));
+  EXPECT_NE(bench.read(0x1001, 0), 0U);
+  rest(kStand, 10);
+  emergencies();
+  EXPECT_EQ(bench.read(0x1001, 0), 0U) << "over with the next set that goes out";
+}
+
+TEST_P(InlineFaultTest, SyncFindsItsTargetsComputed) {
+  bench.run_for(600'000);
+  for (std::uint16_t k = 0; k < 3; ++k) {
+    ASSERT_EQ(bench.write(static_cast<std::uint16_t>(0x1400 + k), 2, 1, 1), 0U);
+  }
+  for (int k = 0; k < 5; ++k) {
+    bench.now_us += 1000;
+    bench.from_controller(make_frame(0x80, {}));
+    bench.command_joints(kStand);
+  }
+  bench.downstream.take_sent();
+  const std::uint32_t before = bench.compensator().counters().cycles;
+  bench.now_us += 1000;
+  bench.from_controller(make_frame(0x80, {}));
+  EXPECT_EQ(bench.compensator().counters().cycles, before) << "nothing is evaluated ahead of SYNC";
+  const auto sent = bench.downstream.take_sent();
+  ASSERT_EQ(sent.size(), 4U);
+  EXPECT_EQ(sent[3].id, 0x80U) << "the drives take the targets at this SYNC";
+}
+
+TEST_P(OffsetFaultTest, ATableOfNoRateDoesNotKeepTheOffsets) {
+  for (const int command : {2, 128, 129, 130}) {
+    SCOPED_TRACE(command);
+    settle();
+    wait(600);
+    const auto image = TestTable{.sequence = 2, .magnitude = kPermitted << 12, .rate = 500}.image();
+    ASSERT_EQ(bench.stage(image), 0U);
+    if (bench.command(TableCommand::kVerify) == 0) {
+      ASSERT_EQ(bench.command(TableCommand::kCommit), 0U);
+      ASSERT_EQ(bench.command(TableCommand::kActivate), 0U);
+    }
+    nmt(command);
+    EXPECT_LE(wait(6000), kRate);
+    EXPECT_NE(state(), NmtState::kOperational);
+    EXPECT_EQ(held, Joints{});
+    bench.start_nodes();
+    take_output();
+  }
+}
+
+TEST_P(OffsetFaultTest, ACommandThatComesWhileOffsetsFadeIsNotLost) {
+  bench.install(
+      TestTable{.sequence = 2, .magnitude = kPermitted << 12, .rate = kMaxRateRevolute / 40}
+          .image());
+  settle();
+  rest(kStand, 400);
+  nmt(2);
+  wait(30);
+  ASSERT_EQ(state(), NmtState::kOperational) << "the offsets still fade";
+  nmt(0x4D);
+  wait(300);
+  EXPECT_EQ(state(), NmtState::kStopped);
+  bench.start_nodes();
+  settle();
+  rest(kStand, 400);
+  const std::uint64_t lives = bench.lives;
+  nmt(129);
+  wait(5);
+  nmt(1);
+  wait(300);
+  EXPECT_EQ(bench.lives, lives + 1) << "a reset is not undone by a start behind it";
+}
+
+TEST_P(FaultTest, ATableForOtherEncodersIsRefused) {
+  EXPECT_EQ(bench.read(0x608F, 1), 1U << 20) << "as the table in force says";
+  EXPECT_EQ(bench.read(0x608F, 2), 1U);
+  settle();
+  bench.run_for(600'000);
+  const auto finer = TestTable{.sequence = 2, .magnitude = kPermitted << 12, .finer = 4}.image();
+  ASSERT_EQ(bench.stage(finer), 0U);
+  EXPECT_NE(bench.command(TableCommand::kVerify), 0U);
+  EXPECT_EQ(refusal(), 22U);
+  EXPECT_EQ(bench.write(0x608F, 1, 1U << 24, 4), static_cast<std::uint32_t>(Abort::kDeviceState))
+      << "not under a correction";
+  EXPECT_LE(rest(kStand, 50), kRate);
+}
+
+TEST_P(FaultTest, AnotherResolutionNeedsDrivesThatAreNotInOperation) {
+  ASSERT_EQ(bench.write(0x2000, 2, 0, 1), 0U);
+  ASSERT_EQ(bench.write(0x140C, 1, 0x800001D0, 4), 0U);
+  ASSERT_EQ(bench.write(0x160C, 0, 0, 1), 0U);
+  ASSERT_EQ(bench.write(0x160C, 1, 0x60410010, 4), 0U);
+  ASSERT_EQ(bench.write(0x160C, 0, 1, 1), 0U);
+  ASSERT_EQ(bench.write(0x140C, 1, 0x1D0, 4), 0U);
+  const auto drive_says = [this](int statusword) {
+    const CanFrame frame = make_frame(0x1D0, {statusword & 0xFF, statusword >> 8});
+    offset_ ? bench.from_controller(frame) : bench.from_drives(frame);
+  };
+  drive_says(0x0237);
+  EXPECT_EQ(bench.write(0x608F, 1, 1U << 24, 4), static_cast<std::uint32_t>(Abort::kDeviceState));
+  drive_says(0x0250);
+  EXPECT_EQ(bench.write(0x608F, 1, 1U << 24, 4), 0U);
+  EXPECT_EQ(bench.write(0x2000, 2, 1, 1), 0U);
+  EXPECT_EQ(refusal(), 22U) << "the table in force is one of the drives that were";
+  EXPECT_EQ(bench.read(0x2001, 1), 0U) << "pass-through";
+}
+
+TEST_P(InlineFaultTest, SetsBackToBackChangeTheCorrectionNoFaster) {
+  settle();
+  ASSERT_EQ(bench.write(0x2000, 2, 0, 1), 0U);
+  take_output();
+  bench.run_for(30'000);  // SYNC is not in use any more
+  const Joints before = stand;
+  for (int set = 0; set < 20; ++set) {
+    bench.now_us += 70;
+    bench.command_joints(kStand);
+    take_output();
+    // The two hundred increments that there are would be gone after ten sets.
+    EXPECT_LE(farthest(stand, before), (set + 2) * kRate / 10) << set;
+  }
+}
+
+TEST_P(InlineFaultTest, AFrameThatWaitsForSyncIsNotReadByALaterMapping) {
+  ASSERT_EQ(bench.write(0x1412, 2, 1, 1), 0U);
+  ASSERT_EQ(bench.write(0x1412, 1, 0x1F0, 4), 0U);
+  bench.from_controller(make_frame(0x1F0, {0x88, 0x13, 0, 0}));
+  ASSERT_EQ(bench.write(0x1412, 1, 0x800001F0, 4), 0U);
+  ASSERT_EQ(bench.write(0x1612, 0, 0, 1), 0U);
+  ASSERT_EQ(bench.write(0x1612, 1, 0x20200110, 4), 0U);
+  ASSERT_EQ(bench.write(0x1612, 0, 1, 1), 0U);
+  ASSERT_EQ(bench.write(0x1412, 1, 0x1F0, 4), 0U);
+  bench.from_controller(make_frame(0x80, {}));
+  EXPECT_EQ(bench.read(0x2020, 1), 0U) << "5000 g are not 50 degrees";
+}
+
+TEST_P(InlineFaultTest, PayloadByPdoKeepsToItsBounds) {
+  ASSERT_EQ(bench.write(0x1412, 1, 0x1F0, 4), 0U);
+  bench.from_controller(make_frame(0x1F0, {0x88, 0x13, 0, 0}));
+  EXPECT_EQ(bench.read(0x2021, 0), 5000U);
+  emergencies();
+  bench.from_controller(make_frame(0x1F0, {0xFF, 0xFF, 0xFF, 0xFF}));
+  EXPECT_TRUE(reported(0xFF18));
+  EXPECT_EQ(bench.read(0x2021, 0), 5000U);
+}
+
+TEST(TimeTest, AnArmThatHasBeenOnForMonthsIsNotCold) {
+  std::int32_t last = 0;
+  for (std::uint64_t day = 1; day < 400; ++day) {
+    const std::int32_t now = time_of_milliseconds(day * 86'400'000);
+    EXPECT_GE(now, last) << day;
+    last = now;
+  }
+}
+
+TEST_P(InlineFaultTest, ALiveSensorDoesNotEndTheAlarmOfASilentOne) {
+  ASSERT_EQ(bench.write(0x2000, 6, 100, 4), 0U);
+  ASSERT_EQ(bench.write(0x2020, 1, 2150, 2), 0U);
+  for (int k = 0; k < 30; ++k) {
+    ASSERT_EQ(bench.write(0x2020, 2, 2150, 2), 0U);
+    bench.run_for(10'000);
+  }
+  EXPECT_NE(bench.read(0x1001, 0), 0U);
+  ASSERT_EQ(bench.write(0x2020, 1, 2150, 2), 0U);
+  EXPECT_EQ(bench.read(0x1001, 0), 0U);
+}
+
+TEST_P(InlineFaultTest, EachLostHeartbeatIsReportedAndOneThatIsUnwatchedIsOver) {
+  ASSERT_EQ(bench.write(0x1016, 1, 0x00050064, 4), 0U);
+  ASSERT_EQ(bench.write(0x1016, 2, 0x000600C8, 4), 0U);
+  bench.from_controller(make_frame(0x705, {5}));
+  bench.from_controller(make_frame(0x706, {5}));
+  bench.run_for(300'000);
+  const std::vector<int> codes = emergencies();
+  EXPECT_EQ(std::count(codes.begin(), codes.end(), 0x8130), 2);
+  ASSERT_EQ(bench.write(0x1016, 1, 0, 4), 0U);
+  EXPECT_NE(bench.read(0x1001, 0), 0U) << "the other is still lost";
+  ASSERT_EQ(bench.write(0x1016, 2, 0, 4), 0U);
+  EXPECT_EQ(bench.read(0x1001, 0), 0U);
+}
+
+TEST_P(InlineFaultTest, ABusThatIsStillPassiveIsReportedAfterAResetOfCommunication) {
+  bench.upstream.set_state(BusState::kPassive);
+  bench.run_for(10'000);
+  EXPECT_NE(bench.read(0x1001, 0), 0U);
+  nmt(130);
+  bench.run_for(10'000);
+  EXPECT_NE(bench.read(0x1001, 0), 0U);
+}
+
+TEST_P(InlineFaultTest, DamagedParametersAreReported) {
+  bench.parameters.spoil(100);
+  bench.power_on();
+  EXPECT_TRUE(reported(0x5530));
+  EXPECT_EQ(bench.read(0x1003, 1), 0x01015530U);
+}
+
+INSTANTIATE_TEST_SUITE_P(Modes, FaultTest, ::testing::Values(Mode::kInline, Mode::kOffset));
+INSTANTIATE_TEST_SUITE_P(Inline, InlineFaultTest, ::testing::Values(Mode::kInline));
+INSTANTIATE_TEST_SUITE_P(Inline, SlowFramesTest, ::testing::Values(Mode::kInline));
+INSTANTIATE_TEST_SUITE_P(Offset, OffsetFaultTest, ::testing::Values(Mode::kOffset));
+
+}  // namespace
+}  // namespace armtrue::canopen

@@ -1,0 +1,143 @@
+// What the node says of itself when it is asked.
+#include <algorithm>
+
+#include "firmware/canopen/node/node.h"
+#include "firmware/core/division.h"
+
+namespace armtrue::canopen {
+namespace {
+
+// Sub-indexes of one bus status record, in the order of the EDS; the two records are alike.
+struct BusStatusRefs {
+  od::Ref<std::uint8_t> state;
+  od::Ref<std::uint32_t> received, sent, overruns, refused, bus_off, forwarded, dropped;
+};
+
+namespace up = od::upstream_bus_status;
+namespace down = od::downstream_bus_status;
+constexpr BusStatusRefs kUpstreamRefs = {up::kBusState,
+                                         up::kFramesReceived,
+                                         up::kFramesSent,
+                                         up::kReceiveOverruns,
+                                         up::kSendRefused,
+                                         up::kBusOffEntries,
+                                         up::kFramesForwardedFromHere,
+                                         up::kFramesDroppedInForwarding};
+constexpr BusStatusRefs kDownstreamRefs = {down::kBusState,
+                                           down::kFramesReceived,
+                                           down::kFramesSent,
+                                           down::kReceiveOverruns,
+                                           down::kSendRefused,
+                                           down::kBusOffEntries,
+                                           down::kFramesForwardedFromHere,
+                                           down::kFramesDroppedInForwarding};
+
+void refresh_bus(ObjectDictionary& dictionary, const BusStatusRefs& refs, CanPort& port,
+                 std::uint32_t forwarded, std::uint32_t dropped) {
+  const BusCounters counters = port.counters();
+  dictionary.set(refs.state, static_cast<std::uint8_t>(port.bus_state()));
+  dictionary.set(refs.received, counters.received);
+  dictionary.set(refs.sent, counters.sent);
+  dictionary.set(refs.overruns, counters.receive_overruns);
+  dictionary.set(refs.refused, counters.send_refused);
+  dictionary.set(refs.bus_off, counters.bus_off_entries);
+  dictionary.set(refs.forwarded, forwarded);
+  dictionary.set(refs.dropped, dropped);
+}
+
+}  // namespace
+
+void Node::refresh_status() {
+  namespace status = od::compensator_status;
+  const JointCounters& joints = joints_.counters();
+  const CycleCounters& cycles = parts_.compensator.counters();
+  const std::uint64_t clamped =
+      std::uint64_t{cycles.magnitude_clamped} + cycles.rate_clamped + cycles.output_saturated;
+  dictionary_.set(status::kState, static_cast<std::uint8_t>(parts_.compensator.state()));
+  std::uint32_t bits = 0;
+  bits |= joints_.is_configured() ? 1U << 0 : 0U;
+  bits |= joints_.is_streaming() ? 1U << 1 : 0U;
+  bits |= tables_.on_trial() ? 1U << 2 : 0U;
+  bits |= is_quiet() ? 1U << 3 : 0U;
+  bits |= joints_.knows_drives() ? 0U : 1U << 4;
+  bits |= has_unsaved_ ? 1U << 5 : 0U;
+  dictionary_.set(status::kStatusBits, bits);
+  dictionary_.set(od::kManufacturerStatusRegister, bits);
+  dictionary_.set(status::kCycles, joints.sets);
+  dictionary_.set(status::kClamped,
+                  static_cast<std::uint32_t>(std::min<std::uint64_t>(clamped, UINT32_MAX)));
+  for (std::size_t k = 0; k < kAxes; ++k) {
+    dictionary_.set(od::kClampedCyclesByAxis[k], cycles.clamped[k]);
+  }
+  dictionary_.set(status::kStale, joints.stale);
+  dictionary_.set(status::kRefused, tables_.refused() + access_.refused_writes());
+  dictionary_.set(status::kWorstCycle, joints.worst_cycle_us);
+  dictionary_.set(status::kSetsWithheld, joints.withheld);
+  dictionary_.set(status::kRepeatedFrames, joints.repeated);
+  dictionary_.set(status::kMalformedFrames, joints.malformed);
+  dictionary_.set(status::kTargetsSeenBySDO, sdo_targets_);
+  dictionary_.set(status::kJointCount, config_.joint_count);
+  dictionary_.set(status::kTimeSinceStart, static_cast<std::uint32_t>(milliseconds_of(now_us_)));
+  dictionary_.set(status::kOutputFramesRefusedByTheBus, joints.output_refused);
+  dictionary_.set(status::kContradictingTargets, joints.conflicts);
+  dictionary_.set(status::kCorrectionClampBits, joints_.last_flags());
+}
+
+void Node::refresh_drive_states() {
+  namespace states = od::drive_states;
+  const JointCounters& joints = joints_.counters();
+  dictionary_.set(states::kAxesWhoseStateIsKnown, joints_.drives().known());
+  dictionary_.set(states::kAxesThatDoNotFollow, joints_.drives().away());
+  dictionary_.set(states::kPhase, static_cast<std::uint8_t>(joints_.phase()));
+  dictionary_.set(states::kWhySuspended, joints_.suspension());
+  dictionary_.set(states::kSuspensions, joints.suspended);
+  dictionary_.set(states::kResumptions, joints.resumed);
+  dictionary_.set(states::kChangedPositionReferences, joints.reference_changes);
+}
+
+void Node::refresh_timing() {
+  namespace timing = od::timing;
+  // Minimum, median, 99.9 % and maximum stand behind each other.
+  const auto put = [this](od::Ref<std::uint32_t> first, const Latency& latency) {
+    const std::uint32_t values[] = {latency.least(), latency.quantile(500), latency.quantile(999),
+                                    latency.most()};
+    for (const std::uint32_t value : values) {
+      dictionary_.set(first, value);
+      first.offset = static_cast<std::uint16_t>(first.offset + sizeof value);
+    }
+  };
+  put(timing::kSYNCLatencyMinimum, sync_latency_);
+  put(timing::kSYNCJitterMinimum, sync_jitter_);
+  put(timing::kTargetLatencyMinimum, joints_.target_latency());
+  dictionary_.set(timing::kSetWindowInForce, joints_.window_us());
+}
+
+Abort Node::before_read(std::uint16_t index, std::uint8_t sub) {
+  // A bus's state and the errors that it raises are read in one turn: they must agree.
+  watch_buses();
+  if (index == od::kPreDefinedErrorField[0].index) {
+    // A field that holds no error is not readable (CiA 301, 7.5.2.4).
+    const bool is_held = sub <= dictionary_.get(od::kPreDefinedErrorFieldCount);
+    return is_held ? Abort::kNone : Abort::kNoData;
+  }
+  if (index == od::drive_states::kPhase.index) {
+    refresh_drive_states();
+  } else if (index == od::timing::kSetWindowInForce.index) {
+    refresh_timing();
+  } else if (index == od::compensator_status::kState.index ||
+             index == od::kClampedCyclesByAxis[0].index ||
+             index == od::kManufacturerStatusRegister.index) {
+    refresh_status();
+  } else if (index == kUpstreamRefs.state.index) {
+    refresh_bus(dictionary_, kUpstreamRefs, parts_.upstream, from_upstream_.forwarded,
+                from_upstream_.dropped);
+  } else if (index == kDownstreamRefs.state.index && parts_.downstream != nullptr) {
+    refresh_bus(dictionary_, kDownstreamRefs, *parts_.downstream, from_downstream_.forwarded,
+                from_downstream_.dropped);
+  } else if (index == od::table_status::kStagingState.index) {
+    tables_.refresh_status();
+  }
+  return Abort::kNone;
+}
+
+}  // namespace armtrue::canopen
