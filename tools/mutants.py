@@ -1,0 +1,232 @@
+"""Mutation testing of the firmware: small faults put into the code one at a time, and whether a unit test notices.
+
+Works on copies of the tracked files (build/mutants/N), builds the test program concerned, and runs it with a time
+limit. A mutant that no test fails is printed and listed in build/mutants/survivors.txt: judge it, and add the test that
+it asks for.
+"""
+
+from __future__ import annotations
+
+import argparse
+import concurrent.futures
+import queue
+import random
+import re
+import shutil
+import subprocess
+import sys
+import time
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+SCRATCH = ROOT / "build" / "mutants"
+# Part of the firmware, its test programs in the order of how soon they answer.
+PROGRAMS = {
+    "firmware/core": ["core/firmware_core_test"],
+    "firmware/storage": ["storage/storage_test"],
+    "firmware/canopen": ["canopen/canopen_test", "testing/canopen_soak_test"],
+}
+# What is the same code tens of thousands of times (tools/test.d/37) is left to the full step.
+# Tests themselves; and format.h, whose numbers the tests' own images share (tests/firmware/test_format.py holds them).
+_LEFT_OUT = re.compile(r"_test\.cc|_main\.cc|test_|senseless|simulated|/fuzz/|format\.h")
+FILTER = "-PowerCut.AtEveryPairOfOperations:PowerCut.AtEveryOperationOfTheLargestTable"
+TIME_LIMIT_S = 90.0
+SHARE_OF_CHANGED = 0.7
+
+_SWAPS = {
+    "comparison": [("<", "<="), ("<=", "<"), (">", ">="), (">=", ">"), ("==", "!="), ("!=", "==")],
+    "arithmetic": [("+", "-"), ("-", "+"), ("*", "+"), ("/", "*"), ("%", "/"), ("<<", ">>"), (">>", "<<"),
+                   ("&", "|"), ("|", "&"), ("+=", "-="), ("-=", "+=")],
+    "logic": [("&&", "||"), ("||", "&&")],
+}  # fmt: skip
+_NUMBER = re.compile(r"(?<![\w.'])(0x[0-9A-Fa-f]+|\d+)(?=U?\b)(?!['.])")
+_CALL = re.compile(r"^\s+(?!return\b|throw\b|else\b|co_)[A-Za-z_][\w.:>-]*\(.*\);$")
+_CONDITION = re.compile(r"\b(?:if|while) \(")
+_COMMENT_OR_TEXT = re.compile(r'//.*|"(?:[^"\\]|\\.)*"|\'(?:[^\'\\]|\\.)\'')
+
+
+@dataclass(frozen=True)
+class Mutant:
+    """One changed line of one file."""
+
+    file: str
+    line: int  # 1-based
+    kind: str
+    before: str
+    after: str
+
+    def __str__(self) -> str:
+        return f"{self.file}:{self.line}: {self.kind}\n  - {self.before.strip()}\n  + {self.after.strip()}"
+
+
+def _changes_of(line: str) -> Iterator[tuple[str, str]]:
+    """(kind, changed line) for every place of a line of code."""
+    # Comments and text keep their length and hold nothing that could be changed.
+    code = _COMMENT_OR_TEXT.sub(lambda m: "\0" * len(m[0]), line)
+    for kind, swaps in _SWAPS.items():
+        for old, new in ((f" {old} ", f" {new} ") for old, new in swaps):  # binary: between spaces
+            at = code.find(old)
+            while at >= 0:
+                yield kind, line[:at] + new + line[at + len(old) :]
+                at = code.find(old, at + 1)
+    for match in _NUMBER.finditer(code):
+        yield "constant", line[: match.start()] + str(int(match[0], 0) + 1) + line[match.end() :]
+    if _CALL.match(code):
+        yield "removed call", line[: len(line) - len(line.lstrip())] + ";"
+    for match in _CONDITION.finditer(code):
+        end = _closing(code, match.end() - 1)
+        inside = line[match.end() : end]
+        if end < 0 or "\0" in inside:
+            continue
+        first = inside.rfind(";") + 1  # behind an initialiser
+        yield "negated condition", f"{line[: match.end() + first]} !({inside[first:].strip()}){line[end:]}"
+
+
+def _closing(code: str, opening: int) -> int:
+    depth = 0
+    for at in range(opening, len(code)):
+        depth += (code[at] == "(") - (code[at] == ")")
+        if depth == 0:
+            return at
+    return -1
+
+
+def mutants_of(file: Path, name: str) -> list[Mutant]:
+    """Every mutant of a file; declarations of tables, includes and assertions are left alone."""
+    result = []
+    for number, line in enumerate(file.read_text().splitlines(), 1):
+        code = _COMMENT_OR_TEXT.sub("", line)
+        skipped = code.lstrip().startswith(("#", "static_assert", "template", "using", "case ", "//"))
+        if line.startswith((" ", "constexpr", "inline constexpr")) and not skipped and code.strip():
+            result += [Mutant(name, number, kind, line, after) for kind, after in _changes_of(line)]
+    return result
+
+
+def tracked() -> list[str]:
+    """Files of the firmware that are mutated."""
+    listed = subprocess.run(
+        ["git", "ls-files", *PROGRAMS], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    return [
+        name
+        for name in listed.stdout.split()
+        if name.endswith((".cc", ".h"))
+        and not re.search(r"_test\.cc|_main\.cc|test_|senseless|simulated|/fuzz/", name)
+    ]
+
+
+def sample(count: int, seed: int, base: str) -> list[Mutant]:
+    """`count` mutants: files changed since `base` first, then all others; no two of one line."""
+    changed = subprocess.run(
+        ["git", "diff", "--name-only", base, "HEAD"], cwd=ROOT, capture_output=True, text=True, check=True
+    ).stdout.split()
+    chosen = random.Random(seed)
+    groups: dict[bool, list[Mutant]] = {True: [], False: []}
+    for name in tracked():
+        by_line: dict[int, list[Mutant]] = {}
+        for mutant in mutants_of(ROOT / name, name):
+            by_line.setdefault(mutant.line, []).append(mutant)
+        groups[name in changed] += [chosen.choice(mutants) for mutants in by_line.values()]
+    for group in groups.values():
+        chosen.shuffle(group)
+    first = groups[True][: round(SHARE_OF_CHANGED * count)]
+    return (first + groups[False] + groups[True][len(first) :])[:count]
+
+
+def prepare(number: int) -> Path:
+    """A copy of the tracked files, configured, its test programs built without a fault."""
+    tree = SCRATCH / str(number)
+    shutil.rmtree(tree, ignore_errors=True)
+    tree.mkdir(parents=True)
+    archive = subprocess.run(["git", "archive", "HEAD"], cwd=ROOT, capture_output=True, check=True).stdout
+    subprocess.run(["tar", "x"], cwd=tree, input=archive, check=True)
+    subprocess.run(
+        ["cmake", "-S", ".", "-B", "out", "-G", "Ninja", "-DCMAKE_BUILD_TYPE=Release", "-DARMTRUE_PYTHON=OFF",
+         "-DCMAKE_CXX_FLAGS_RELEASE=-O1 -D_GLIBCXX_ASSERTIONS"],
+        cwd=tree, check=True, stdout=subprocess.DEVNULL,
+    )  # fmt: skip
+    for programs in PROGRAMS.values():
+        if (status := _test(tree, programs)) != "survived":
+            raise SystemExit(f"mutants: without any fault: {status}")
+    return tree
+
+
+def _test(tree: Path, programs: list[str]) -> str:
+    """survived, killed, timed out, or does not compile."""
+    for program in programs:
+        built = subprocess.run(
+            ["cmake", "--build", "out", "-j", "2", "--target", Path(program).name],
+            cwd=tree, capture_output=True, text=True, check=False,
+        )  # fmt: skip
+        if built.returncode != 0:
+            return "does not compile"
+        try:
+            ran = subprocess.run(
+                [tree / "out/firmware" / program, "--gtest_brief=1", "--gtest_fail_fast", f"--gtest_filter={FILTER}"],
+                cwd=tree, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, timeout=TIME_LIMIT_S, check=False,
+            )  # fmt: skip
+        except subprocess.TimeoutExpired:
+            return "timed out"
+        if ran.returncode != 0:
+            return "killed"
+    return "survived"
+
+
+def judge(mutant: Mutant, trees: queue.Queue[Path], end: float) -> str:
+    """What became of a mutant."""
+    if time.monotonic() > end:
+        return "not begun"
+    tree = trees.get()
+    path = tree / mutant.file
+    original = path.read_text()
+    lines = original.splitlines()
+    lines[mutant.line - 1] = mutant.after
+    programs = next(programs for part, programs in PROGRAMS.items() if mutant.file.startswith(part))
+    try:
+        path.write_text("\n".join(lines) + "\n")
+        return _test(tree, programs)
+    finally:
+        path.write_text(original)
+        trees.put(tree)
+
+
+def main() -> int:
+    """Run a sample; 1 if fewer than 95 % of the mutants that compile are noticed."""
+    parser = argparse.ArgumentParser(prog="./dev mutants")
+    parser.add_argument("--count", type=int, default=200)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--base", default="HEAD~30", help="files changed since then come first")
+    parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--minutes", type=float, default=600.0, help="no mutant is begun after so long")
+    given = parser.parse_args()
+    chosen = sample(given.count, given.seed, given.base)
+    trees: queue.Queue[Path] = queue.Queue()
+    for number in range(given.jobs):
+        trees.put(prepare(number))
+    end = time.monotonic() + 60.0 * given.minutes
+    outcomes: Counter[str] = Counter()
+    survivors = SCRATCH / "survivors.txt"
+    survivors.write_text("")
+    with concurrent.futures.ThreadPoolExecutor(given.jobs) as pool:
+        running = {pool.submit(judge, mutant, trees, end): mutant for mutant in chosen}
+        for done in concurrent.futures.as_completed(running):
+            outcome = done.result()
+            outcomes[outcome] += 1
+            if outcome == "survived":
+                print(running[done], flush=True)
+                with survivors.open("a") as listed:
+                    listed.write(f"{running[done]}\n")
+    compiled = outcomes["killed"] + outcomes["timed out"] + outcomes["survived"]
+    noticed = outcomes["killed"] + outcomes["timed out"]
+    print(
+        f"{compiled} mutants of {len(chosen)}: {noticed} noticed ({100 * noticed / max(1, compiled):.1f} %)"
+    )
+    print(", ".join(f"{count} {outcome}" for outcome, count in sorted(outcomes.items())), f"({survivors})")
+    return 0 if noticed >= 0.95 * compiled else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
