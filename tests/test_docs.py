@@ -5,6 +5,8 @@ from __future__ import annotations
 import contextlib
 import re
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -160,3 +162,24 @@ def test_files_that_the_installation_page_names_exist() -> None:
     assert len(named) > 5
     for name in named:
         assert (DOCS.parent / name).exists(), name
+
+
+def test_commands_of_the_examples_page_find_what_is_hidden(tmp_path: Path) -> None:
+    """Every command of the page in its folder, as a person types it."""
+    page = (DOCS / "examples" / "README.md").read_text()
+    shutil.copytree(DOCS / "examples" / "kr30-eccentric-gear", tmp_path / "example")
+    commands = [line.split() for line in page.splitlines() if line.startswith("    armtrue ")]
+    commands += [found.split() for found in re.findall(r"`(armtrue (?!simulate)[^`]+)`", page)]
+    assert len(commands) == 4
+    said = ""
+    for words in commands:
+        done = subprocess.run(
+            [sys.executable, "-m", *words],
+            cwd=tmp_path / "example",
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert done.returncode in (0, 1), done.stderr
+        said += done.stdout
+    assert "Recommended: gear_harmonics [3]" in said
