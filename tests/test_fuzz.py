@@ -11,6 +11,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.full  # tests/test_bad_input.py has one bad file of each kind
+
 FUZZ = Path(__file__).parent / "fuzz"
 SECONDS = {"csv": 12, "dataset": 12, "robot": 10, "urdf": 6, "model": 10, "expression": 6, "fit": 4}
 

@@ -23,7 +23,7 @@ ZENCAN = ROOT / "build" / "zencan" / "debug" / "zencan-check"
 
 def zencan_check(*arguments: str, timeout_s: float) -> subprocess.CompletedProcess[str]:
     """Run the Rust client; a test fails where it has not been built."""
-    assert ZENCAN.exists(), "zencan-check is not built: ./dev test does it (tools/test.d/30-zencan.sh)"
+    assert ZENCAN.exists(), "zencan-check is not built: ./dev test zencan does it (tools/test.d/30-zencan.full.sh)"
     environment = os.environ | {"RUST_BACKTRACE": "1"}
     return subprocess.run(
         [str(ZENCAN), *arguments],
@@ -95,6 +95,7 @@ def test_a_bus_as_full_as_cangen_makes_it_loses_no_answer(
             flood.kill()
 
 
+@pytest.mark.full
 def test_zencan_client_does_everything(running_node: NodeProcess, tmp_path: Path) -> None:
     tables = tmp_path / "tables.bin"
     tables.write_bytes(small_table(sequence=7, padding=2000))
@@ -102,6 +103,7 @@ def test_zencan_client_does_everything(running_node: NodeProcess, tmp_path: Path
     assert done.returncode == 0, done.stderr
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("arguments", [[], ["vcan0", "many", "x"]])
 def test_zencan_check_names_what_it_needs(arguments: list[str]) -> None:
     done = zencan_check(*arguments, timeout_s=60.0)
