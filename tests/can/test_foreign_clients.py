@@ -23,7 +23,9 @@ ZENCAN = ROOT / "build" / "zencan" / "debug" / "zencan-check"
 
 def zencan_check(*arguments: str, timeout_s: float) -> subprocess.CompletedProcess[str]:
     """Run the Rust client; a test fails where it has not been built."""
-    assert ZENCAN.exists(), "zencan-check is not built: ./dev test zencan does it (tools/test.d/30-zencan.full.sh)"
+    assert ZENCAN.exists(), (
+        "zencan-check is not built: ./dev test zencan does it (tools/test.d/30-zencan.full.sh)"
+    )
     environment = os.environ | {"RUST_BACKTRACE": "1"}
     return subprocess.run(
         [str(ZENCAN), *arguments],
