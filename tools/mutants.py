@@ -1,5 +1,6 @@
-"""Mutation testing of the firmware: small faults put into the code one at a time, and whether a unit test notices.
+"""Mutation testing: small faults put into the code one at a time, and whether a test notices.
 
+Firmware and fitter are judged by their unit tests, host_tools by the Python tests of `./dev test` that need no bus.
 Works on copies of the tracked files (build/mutants/N), builds the test program concerned, and runs it with a time
 limit. A mutant that no test fails is printed and listed in build/mutants/survivors.txt: judge it, and add the test that
 it asks for.
@@ -9,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 import concurrent.futures
+import os
 import queue
 import random
 import re
@@ -21,17 +23,33 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+import python_mutants
+
 ROOT = Path(__file__).resolve().parents[1]
 SCRATCH = ROOT / "build" / "mutants"
-# Part of the firmware, its test programs in the order of how soon they answer.
-PROGRAMS = {
-    "firmware/core": ["core/firmware_core_test"],
-    "firmware/storage": ["storage/storage_test"],
-    "firmware/canopen": ["canopen/canopen_test", "testing/canopen_soak_test"],
+# Each part, its folders, and their tests, the quickest first: programs for C++, folders for Python.
+PARTS = {
+    "firmware": {
+        "firmware/core": ["firmware/core/firmware_core_test"],
+        "firmware/storage": ["firmware/storage/storage_test"],
+        "firmware/canopen": ["firmware/canopen/canopen_test", "firmware/testing/canopen_soak_test"],
+    },
+    "fitter": {"fitter": ["fitter/fitter_test"]},
+    "host_tools": {
+        **{
+            f"host_tools/armtrue/{room}": [f"host_tools/armtrue/{room}", "host_tools", "tests"]
+            for room in ("checking", "cli", "device", "io", "report", "tables")
+        },
+        "host_tools": ["host_tools", "tests"],
+    },
 }
+# Of `tests`, those without a bus, an emulator or a browser.
+PYTHON_TESTS = ["hidden_effects", "truth", "ladder", "planning", "test_bad_input.py", "test_docs.py"]
 # What is the same code tens of thousands of times (tools/test.d/37) is left to the full step.
 # Tests themselves; and format.h, whose numbers the tests' own images share (tests/firmware/test_format.py holds them).
-_LEFT_OUT = re.compile(r"_test\.cc|_main\.cc|test_|senseless|simulated|/fuzz/|format\.h")
+_LEFT_OUT = re.compile(
+    r"_test\.cc|_main\.cc|_bench\.cc|_fuzz\.cc|test_|conftest|senseless|simulated|/fuzz/|/testing/|format\.h|fitter/python/"
+)
 FILTER = "-PowerCut.AtEveryPairOfOperations:PowerCut.AtEveryOperationOfTheLargestTable"
 TIME_LIMIT_S = 90.0
 SHARE_OF_CHANGED = 0.7
@@ -96,6 +114,13 @@ def _closing(code: str, opening: int) -> int:
 
 def mutants_of(file: Path, name: str) -> list[Mutant]:
     """Every mutant of a file; declarations of tables, includes and assertions are left alone."""
+    if file.suffix == ".py":
+        text = file.read_text()
+        lines = text.splitlines()
+        return [
+            Mutant(name, number, kind, lines[number - 1], after)
+            for number, kind, after in python_mutants.changes_of(text)
+        ]
     result = []
     for number, line in enumerate(file.read_text().splitlines(), 1):
         code = _COMMENT_OR_TEXT.sub("", line)
@@ -105,27 +130,22 @@ def mutants_of(file: Path, name: str) -> list[Mutant]:
     return result
 
 
-def tracked() -> list[str]:
-    """Files of the firmware that are mutated."""
-    listed = subprocess.run(
-        ["git", "ls-files", *PROGRAMS], cwd=ROOT, capture_output=True, text=True, check=True
-    )
-    return [
-        name
-        for name in listed.stdout.split()
-        if name.endswith((".cc", ".h"))
-        and not re.search(r"_test\.cc|_main\.cc|test_|senseless|simulated|/fuzz/", name)
-    ]
+def tracked(part: str) -> list[str]:
+    """Files of a part that are mutated."""
+    command = ["git", "ls-files", *PARTS[part]]
+    listed = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
+    suffixes = (".cc", ".h", ".py")
+    return [name for name in listed.stdout.split() if name.endswith(suffixes) and not _LEFT_OUT.search(name)]
 
 
-def sample(count: int, seed: int, base: str) -> list[Mutant]:
+def sample(part: str, count: int, seed: int, base: str) -> list[Mutant]:
     """`count` mutants: files changed since `base` first, then all others; no two of one line."""
     changed = subprocess.run(
         ["git", "diff", "--name-only", base, "HEAD"], cwd=ROOT, capture_output=True, text=True, check=True
     ).stdout.split()
     chosen = random.Random(seed)
     groups: dict[bool, list[Mutant]] = {True: [], False: []}
-    for name in tracked():
+    for name in tracked(part):
         by_line: dict[int, list[Mutant]] = {}
         for mutant in mutants_of(ROOT / name, name):
             by_line.setdefault(mutant.line, []).append(mutant)
@@ -136,37 +156,55 @@ def sample(count: int, seed: int, base: str) -> list[Mutant]:
     return (first + groups[False] + groups[True][len(first) :])[:count]
 
 
-def prepare(number: int) -> Path:
-    """A copy of the tracked files, configured, its test programs built without a fault."""
+def prepare(part: str, number: int) -> Path:
+    """A copy of the tracked files, its tests built without a fault and passed."""
     tree = SCRATCH / str(number)
     shutil.rmtree(tree, ignore_errors=True)
     tree.mkdir(parents=True)
     archive = subprocess.run(["git", "archive", "HEAD"], cwd=ROOT, capture_output=True, check=True).stdout
     subprocess.run(["tar", "x"], cwd=tree, input=archive, check=True)
-    subprocess.run(
-        ["cmake", "-S", ".", "-B", "out", "-G", "Ninja", "-DCMAKE_BUILD_TYPE=Release", "-DARMTRUE_PYTHON=OFF",
-         "-DCMAKE_CXX_FLAGS_RELEASE=-O1 -D_GLIBCXX_ASSERTIONS"],
-        cwd=tree, check=True, stdout=subprocess.DEVNULL,
-    )  # fmt: skip
-    for programs in PROGRAMS.values():
-        if (status := _test(tree, programs)) != "survived":
+    if part == "host_tools":
+        for pattern in ("armtrue/*.so", "armtrue/*/*.so", "armtrue/device/*.eds"):
+            for built in (ROOT / "host_tools").glob(pattern):
+                shutil.copy(built, tree / built.relative_to(ROOT))
+    else:
+        # ARMTRUE_BENCH compiles every file by itself: a fault then costs one file and not eight.
+        subprocess.run(
+            ["cmake", "-S", ".", "-B", "out", "-G", "Ninja", "-DCMAKE_BUILD_TYPE=Release", "-DARMTRUE_PYTHON=OFF",
+             "-DARMTRUE_BENCH=ON", "-DCMAKE_CXX_FLAGS_RELEASE=-O1 -D_GLIBCXX_ASSERTIONS"],
+            cwd=tree, check=True, stdout=subprocess.DEVNULL,
+        )  # fmt: skip
+    for tests in PARTS[part].values():
+        if (status := _test(tree, tests)) != "survived":
             raise SystemExit(f"mutants: without any fault: {status}")
+        if part == "host_tools":
+            break  # the first room's tests are followed by all
     return tree
 
 
-def _test(tree: Path, programs: list[str]) -> str:
+def _test(tree: Path, tests: list[str]) -> str:
     """survived, killed, timed out, or does not compile."""
-    for program in programs:
-        built = subprocess.run(
-            ["cmake", "--build", "out", "-j", "2", "--target", Path(program).name],
-            cwd=tree, capture_output=True, text=True, check=False,
-        )  # fmt: skip
-        if built.returncode != 0:
-            return "does not compile"
+    for test in tests:
+        if test.startswith(("host_tools", "tests")):
+            command, limit_s = _pytest(test), 10 * TIME_LIMIT_S
+        else:
+            built = subprocess.run(
+                ["cmake", "--build", "out", "-j", "2", "--target", Path(test).name],
+                cwd=tree, capture_output=True, text=True, check=False,
+            )  # fmt: skip
+            if built.returncode != 0:
+                return "does not compile"
+            command, limit_s = [
+                str(tree / "out" / test), "--gtest_brief=1", "--gtest_fail_fast", f"--gtest_filter={FILTER}"
+            ], TIME_LIMIT_S  # fmt: skip
+        environment = os.environ | {
+            "PYTHONPATH": f"{tree}/host_tools:{tree}/sim",
+            "OPENBLAS_NUM_THREADS": "1",
+        }
         try:
             ran = subprocess.run(
-                [tree / "out/firmware" / program, "--gtest_brief=1", "--gtest_fail_fast", f"--gtest_filter={FILTER}"],
-                cwd=tree, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, timeout=TIME_LIMIT_S, check=False,
+                command, cwd=tree, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+                timeout=limit_s, check=False,
             )  # fmt: skip
         except subprocess.TimeoutExpired:
             return "timed out"
@@ -175,7 +213,12 @@ def _test(tree: Path, programs: list[str]) -> str:
     return "survived"
 
 
-def judge(mutant: Mutant, trees: queue.Queue[Path], end: float) -> str:
+def _pytest(folder: str) -> list[str]:
+    where = [f"tests/{name}" for name in PYTHON_TESTS] if folder == "tests" else [folder]
+    return [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", "-m", "not full", *where]
+
+
+def judge(part: str, mutant: Mutant, trees: queue.Queue[Path], end: float) -> str:
     """What became of a mutant."""
     if time.monotonic() > end:
         return "not begun"
@@ -184,10 +227,10 @@ def judge(mutant: Mutant, trees: queue.Queue[Path], end: float) -> str:
     original = path.read_text()
     lines = original.splitlines()
     lines[mutant.line - 1] = mutant.after
-    programs = next(programs for part, programs in PROGRAMS.items() if mutant.file.startswith(part))
+    tests = next(tests for folder, tests in PARTS[part].items() if mutant.file.startswith(folder))
     try:
         path.write_text("\n".join(lines) + "\n")
-        return _test(tree, programs)
+        return _test(tree, tests)
     finally:
         path.write_text(original)
         trees.put(tree)
@@ -196,22 +239,23 @@ def judge(mutant: Mutant, trees: queue.Queue[Path], end: float) -> str:
 def main() -> int:
     """Run a sample; 1 if fewer than 95 % of the mutants that compile are noticed."""
     parser = argparse.ArgumentParser(prog="./dev mutants")
+    parser.add_argument("--part", choices=PARTS, default="firmware")
     parser.add_argument("--count", type=int, default=200)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--base", default="HEAD~30", help="files changed since then come first")
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--minutes", type=float, default=600.0, help="no mutant is begun after so long")
     given = parser.parse_args()
-    chosen = sample(given.count, given.seed, given.base)
+    chosen = sample(given.part, given.count, given.seed, given.base)
     trees: queue.Queue[Path] = queue.Queue()
     for number in range(given.jobs):
-        trees.put(prepare(number))
+        trees.put(prepare(given.part, number))
     end = time.monotonic() + 60.0 * given.minutes
     outcomes: Counter[str] = Counter()
     survivors = SCRATCH / "survivors.txt"
     survivors.write_text("")
     with concurrent.futures.ThreadPoolExecutor(given.jobs) as pool:
-        running = {pool.submit(judge, mutant, trees, end): mutant for mutant in chosen}
+        running = {pool.submit(judge, given.part, mutant, trees, end): mutant for mutant in chosen}
         for done in concurrent.futures.as_completed(running):
             outcome = done.result()
             outcomes[outcome] += 1
