@@ -9,7 +9,7 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tools"))
 
-from python_mutants import changes_of  # noqa: E402
+from python_mutants import changes_of
 
 
 @pytest.mark.parametrize(

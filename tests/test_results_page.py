@@ -85,3 +85,13 @@ def test_every_table_has_a_command_that_keeps_it() -> None:
     page = (ROOT / "docs/results.md").read_text(encoding="utf-8")
     kept = re.sub(r"<!-- ([a-z0-9 ]+): begin -->.*?<!-- \1: end -->", "", page, flags=re.DOTALL)
     assert [line for line in kept.splitlines() if line.startswith("|")] == []
+
+
+def test_figures_of_the_readme_stand_in_the_results() -> None:
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    section = readme[readme.index("## How good it is") : readme.index("## Two commands")]
+    rows = [line for line in section.splitlines() if line.startswith("| ") and "held-out error" not in line]
+    figures = [figure for row in rows for figure in re.findall(r"([\d.]+)(?:\*\*)? [mµ]m", row)]
+    results = (ROOT / "docs" / "results.md").read_text(encoding="utf-8")
+    assert len(figures) >= 8
+    assert [figure for figure in figures if f" {figure} " not in results] == []
