@@ -15,6 +15,15 @@ from .instrument import Instrument
 BELIEVED = ("base_frame", "tool_offset", "joint_offset", "link_geometry", "joint_compliance")
 COLUMNS_TO_ADD = ("sigma", "tau", "qr", "orientation")
 
+# In a wheel they lie in the package, in a checkout beside it.
+_SHIPPED = (Path(__file__).with_name("scenarios"), Path(__file__).parents[1] / "scenarios")
+
+
+def _shipped(path: Path) -> Path:
+    """The path of a shipped scenario that is named without folder and ending; any other path as it is."""
+    named = [folder / f"{path}.yaml" for folder in _SHIPPED if path.name == str(path)]
+    return next((file for file in named if file.exists() and not path.exists()), path)
+
 
 @dataclass
 class Scenario:
@@ -119,8 +128,11 @@ class Scenario:
 
     @classmethod
     def from_file(cls, path: str | Path) -> Scenario:
-        """From a YAML file; the file's name is the scenario's where it gives none. Raises ScenarioError."""
-        path = Path(path)
+        """From a YAML file, or the name of one that is shipped; the file's name is the scenario's where it gives none.
+
+        Raises ScenarioError.
+        """
+        path = _shipped(Path(path))
         try:
             content = yaml.safe_load(path.read_text(encoding="utf-8"))
         except OSError as error:

@@ -334,3 +334,12 @@ def test_missing_file_and_occupied_folder_are_named(tmp_path):
     occupied.write_text("")
     with pytest.raises(ScenarioError, match="is a file"):
         cli_simulate(SCENARIOS[0], occupied)
+
+
+def test_shipped_scenario_is_found_by_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert Scenario.from_file("kr30-eccentric-gear").name == "kr30-eccentric-gear"
+    with pytest.raises(ScenarioError, match="kr31: cannot be read"):
+        Scenario.from_file("kr31")
+    Path("kr30").write_text("arm: cobot\n")
+    assert Scenario.from_file("kr30").arm == "cobot"

@@ -18,7 +18,11 @@ def add_to(app: typer.Typer) -> None:
 
 def simulate(
     scenario: Annotated[
-        Path, typer.Argument(metavar="SCENARIO", help="A scenario file; sim/scenarios holds examples.")
+        Path,
+        typer.Argument(
+            metavar="SCENARIO",
+            help="A scenario file, or the name of a shipped one, such as kr30-eccentric-gear.",
+        ),
     ],
     out: Annotated[
         Path, typer.Option("--out", "-o", metavar="FOLDER", help="Folder to write.", show_default=False)
@@ -28,7 +32,7 @@ def simulate(
 
     Plan with it what a campaign will tell before anybody stands in the cell; the same scenario gives the same files.
 
-    Example: [bold]armtrue simulate sim/scenarios/kr30-eccentric-gear.yaml --out out/kr30[/]
+    Example: [bold]armtrue simulate kr30-eccentric-gear --out kr30[/]
     """
     import armtrue_sim
 
