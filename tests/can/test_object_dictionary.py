@@ -67,12 +67,12 @@ SECURITY = (ROOT / "docs" / "security.md").read_text(encoding="utf-8")
 @pytest.mark.parametrize(
     ("source", "pattern"),
     [
-        ("emcy.cc", r"\{0x([0-9A-F]{4}), kGeneric"),
-        ("sdo_abort.h", r"= 0x([0-9A-F]{8}),"),
+        ("protocol/emcy.cc", r"\{0x([0-9A-F]{4}), kGeneric"),
+        ("protocol/sdo_abort.h", r"= 0x([0-9A-F]{8}),"),
     ],
 )
 def test_the_protocol_page_has_every_code(source: str, pattern: str) -> None:
-    codes = set(re.findall(pattern, (EDS.parent / source).read_text(encoding="utf-8")))
+    codes = set(re.findall(pattern, (EDS.parents[1] / source).read_text(encoding="utf-8")))
     assert len(codes) > 10
     assert {code for code in codes if f"0x{code}" not in PROTOCOL} == set()
 
@@ -81,7 +81,7 @@ def test_the_protocol_page_has_every_reason_and_command() -> None:
     for reason, words in REFUSALS.items():
         number = f"0x{reason:X}" if reason >= 0x100 else str(reason)
         assert reason == 0 or f"| {number} | {words} |" in PROTOCOL, words
-    header = (EDS.parent / "table_transfer.h").read_text(encoding="utf-8")
+    header = (EDS.parents[1] / "table/table_transfer.h").read_text(encoding="utf-8")
     commands = re.findall(r'= 0x([0-9A-Fa-f]{8}), +// "(\w{4})"', header)
     assert len(commands) == 6
     for code, word in commands:

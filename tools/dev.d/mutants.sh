@@ -1,6 +1,9 @@
-#: mutants  put small faults into the code one at a time and list those that no test notices (--part firmware|fitter|host_tools --count 200)
+#: mutants  put small faults into the firmware and list those that no unit test notices (--count 200; --part fitter|host_tools for those)
 cmd_mutants() {
   install_packages run test bench
   ensure_venv run test
-  nice -n 10 $PY tools/mutants.py "$@"
+  case " $* " in
+    *" --part "*) nice -n 10 $PY tools/mutants.py "$@" ;;
+    *) nice -n 10 $PY tools/firmware_mutants.py "$@" ;;
+  esac
 }

@@ -4,8 +4,6 @@
 #include <bit>
 #include <cstring>
 
-#include "firmware/canopen/protocol/search.h"
-
 namespace armtrue::canopen {
 namespace {
 
@@ -48,7 +46,8 @@ void SetAssembler::drop() {
 }
 
 const SetAssembler::Held* SetAssembler::find(std::span<const Held> frames, std::size_t rpdo) {
-  return first_where(frames, [rpdo](const Held& held) { return held.rpdo == rpdo; });
+  const auto found = std::ranges::find(frames, rpdo, &Held::rpdo);
+  return found == frames.end() ? nullptr : &*found;
 }
 
 SetContent SetAssembler::content() const {
@@ -97,11 +96,10 @@ bool SetAssembler::is_over(std::uint32_t configured_us, std::uint64_t now_us) co
 SetAssembler::Ended SetAssembler::end_interval() {
   const std::span<const Held> previous(previous_.data(), previous_count_);
   // If all of it were repeats of the set before, nothing was lost.
-  const bool only_repeats =
-      !spoilt_ && first_where(frames(), [previous](const Held& one) {
-                    const Held* before = find(previous, one.rpdo);
-                    return before == nullptr || !same_payload(before->frame, one.frame);
-                  }) == nullptr;
+  const bool only_repeats = !spoilt_ && std::ranges::all_of(frames(), [previous](const Held& one) {
+    const Held* before = find(previous, one.rpdo);
+    return before != nullptr && same_payload(before->frame, one.frame);
+  });
   Ended ended = Ended::kEmptyOrOut;
   if (present_ != 0 && progress_ != SetProgress::kOut) {
     ended = only_repeats ? Ended::kOnlyRepeats : Ended::kWithheld;

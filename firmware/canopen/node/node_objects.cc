@@ -1,5 +1,6 @@
 // What writing an object means to the node, beyond storing it.
 #include <algorithm>
+#include <utility>
 
 #include "firmware/canopen/node/node.h"
 #include "firmware/canopen/protocol/crc16.h"
@@ -56,9 +57,8 @@ bool checksums_are_right() {
 }
 
 bool dictionary_is_ordered() {
-  return std::is_sorted(
-      od::kObjects, od::kObjects + od::kObjectCount,
-      [](const od::Object& one, const od::Object& other) { return one.index < other.index; });
+  return std::ranges::is_sorted(
+      od::kEntries, {}, [](const od::Entry& entry) { return std::pair(entry.index, entry.sub); });
 }
 
 }  // namespace

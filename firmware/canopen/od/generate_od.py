@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import argparse
 import configparser
-import itertools
 import re
 import sys
 from dataclasses import dataclass, field
@@ -193,16 +192,9 @@ def _reference(leaf: Leaf) -> str:
 
 
 def _reference_row(cpp: str, name: str, values: list[Leaf]) -> str:
-    """A `RefRow`. Raises EdsError where the values do not lie at even distances."""
-    places = [(leaf.index, leaf.sub, leaf.offset) for leaf in values]
-    steps = {tuple(b - a for a, b in zip(*pair, strict=True)) for pair in itertools.pairwise(places)}
-    if len(steps) > 1:
-        raise EdsError(f"{values[0].label}: its like do not lie at even distances")
-    index_step, sub_step, offset_step = steps.pop() if steps else (0, 0, 0)
-    return (
-        f"inline constexpr RefRow<{cpp}, {len(values)}> {name} = "
-        f"{{{_reference(values[0])}, {index_step}, {sub_step}, {offset_step}}};"
-    )
+    """The same value of every RPDO, axis, or sub-index, in order."""
+    references = ", ".join(_reference(leaf) for leaf in values)
+    return f"inline constexpr Ref<{cpp}> {name}[] = {{{references}}};"
 
 
 def _reference_lines(objects: list[Object]) -> list[str]:
@@ -261,19 +253,15 @@ HEADER = """\
 namespace armtrue::canopen::od {{
 
 inline constexpr std::size_t kImageSize = {image};
-inline constexpr std::size_t kObjectCount = {objects};
-inline constexpr std::size_t kRunCount = {runs};
-inline constexpr std::size_t kShapeCount = {shapes};
+inline constexpr std::size_t kEntryCount = {entries};
 inline constexpr std::size_t kStoredSize = {stored};
 inline constexpr std::size_t kLimitCount = {limits};
 inline constexpr std::size_t kNodeRelativeCount = {relative};
 // Changes with every change of the dictionary's layout: saved parameters of another layout are refused.
 inline constexpr std::uint32_t kLayoutFingerprint = 0x{fingerprint:08X}U;
 
-extern const Object kObjects[kObjectCount];                // by index
-extern const Run kRuns[kRunCount];
-extern const std::uint8_t kShapes[kShapeCount + 1];        // first run of each shape
-extern const std::uint8_t kDefaults[];  // little endian, node-ID not yet added; zeros, bytes, and the bytes, in turn
+extern const Entry kEntries[kEntryCount];                  // by index, then sub-index
+extern const std::uint8_t kDefaults[kImageSize];           // little endian, node-ID not yet added
 extern const char kStrings[];                              // constant strings, end to end
 extern const Limit kLimits[kLimitCount];                   // by index, then sub-index
 extern const std::uint16_t kNodeRelative[kNodeRelativeCount];  // offsets of UNSIGNED32 += node-ID
@@ -301,38 +289,6 @@ def _flags(leaf: Leaf) -> str:
     return " | ".join(flags)
 
 
-def _shape(found: Object) -> tuple[tuple[int, int, str, int, str], ...]:
-    """Runs of values of an object that differ in nothing but their place."""
-    if len({leaf.in_rom for leaf in found.leaves}) > 1:
-        raise EdsError(f"{found.index:04X}: constant strings and values in one object")
-    runs: list[list[int | str]] = []
-    for leaf in found.leaves:
-        kind, size, flags = TYPES[leaf.type_code][0], leaf.size, _flags(leaf)
-        last = runs[-1] if runs else None
-        if last and last[2:] == [kind, size, flags] and int(last[0]) + int(last[1]) == leaf.sub:
-            last[1] = int(last[1]) + 1
-        else:
-            runs.append([leaf.sub, 1, kind, size, flags])
-    return tuple(
-        (int(sub), int(count), str(kind), int(size), str(flags)) for sub, count, kind, size, flags in runs
-    )
-
-
-def _pack(image: bytes) -> bytes:
-    """Runs of zeros by their length: number of zeros, number of bytes, the bytes, and so on."""
-    packed, at = bytearray(), 0
-    while at < len(image):
-        zeros = next((k for k in range(at, len(image)) if image[k]), len(image)) - at
-        zeros = min(zeros, 255)
-        start = end = at + zeros
-        # A single zero within bytes costs less than a new run.
-        while end < len(image) and end - start < 255 and (image[end] or any(image[end + 1 : end + 2])):
-            end += 1
-        packed += bytes([zeros, end - start]) + image[start:end]
-        at = end
-    return bytes(packed)
-
-
 def _fingerprint(leaves: list[Leaf]) -> int:
     """32-bit FNV-1a over what decides the layout of saved parameters."""
     value = 0x811C9DC5
@@ -347,15 +303,12 @@ def write_cpp(eds: Path, header: Path, source: Path) -> None:
     objects = read_eds(eds)
     leaves, image, strings = lay_out(objects)
     limits = [leaf for leaf in leaves if leaf.low is not None or leaf.high is not None]
-    shapes = sorted({_shape(found) for found in objects})
     relative = [leaf for leaf in leaves if leaf.relative_to_node]
     header.write_text(
         HEADER.format(
             eds=eds.name,
             image=len(image),
-            objects=len(objects),
-            runs=sum(len(shape) for shape in shapes),
-            shapes=len(shapes),
+            entries=len(leaves),
             stored=sum(leaf.size for leaf in leaves if leaf.stored),
             limits=len(limits),
             relative=len(relative),
@@ -365,25 +318,15 @@ def write_cpp(eds: Path, header: Path, source: Path) -> None:
     )
     lines = [f"// Generated from {eds.name} by generate_od.py. Do not edit."]
     lines += [f'#include "{header.name}"', "", "namespace armtrue::canopen::od {", ""]
-    lines.append("const Object kObjects[kObjectCount] = {")
-    for found in objects:
+    lines.append("const Entry kEntries[kEntryCount] = {")
+    for leaf in leaves:
+        kind = TYPES[leaf.type_code][0]
         lines.append(
-            f"    {{0x{found.index:04X}, {found.leaves[0].offset}, {shapes.index(_shape(found))}}},  // {found.name}"
+            f"    {{0x{leaf.index:04X}, {leaf.sub}, Type::{kind}, {leaf.offset}, {leaf.size}, {_flags(leaf)}}},"
         )
-    lines += ["};", "", "const Run kRuns[kRunCount] = {"]
-    starts = [0]
-    for shape in shapes:
-        lines += [
-            f"    {{{sub}, {count}, Type::{kind}, {size}, {flags}}},"
-            for sub, count, kind, size, flags in shape
-        ]
-        starts.append(starts[-1] + len(shape))
-    lines += ["};", "", "const std::uint8_t kShapes[kShapeCount + 1] = {"]
-    lines.append("    " + ", ".join(str(start) for start in starts) + ",")
-    lines += ["};", "", "const std::uint8_t kDefaults[] = {"]
-    packed = _pack(bytes(image))
-    for start in range(0, len(packed), 16):
-        lines.append("    " + ", ".join(f"0x{byte:02X}" for byte in packed[start : start + 16]) + ",")
+    lines += ["};", "", "const std::uint8_t kDefaults[kImageSize] = {"]
+    for start in range(0, len(image), 16):
+        lines.append("    " + ", ".join(f"0x{byte:02X}" for byte in image[start : start + 16]) + ",")
     lines += ["};", "", f'const char kStrings[] = "{strings}";', "", "const Limit kLimits[kLimitCount] = {"]
     for leaf in limits:
         low, high = int(leaf.low or "0", 0), int(leaf.high or "0xFFFFFFFF", 0)

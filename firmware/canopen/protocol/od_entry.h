@@ -27,7 +27,7 @@ enum EntryFlags : std::uint8_t {
   kInRom = 1U << 4,   // `offset` counts in kStrings, not in the RAM image
 };
 
-// One value, as ObjectDictionary::find() puts it together.
+// One value.
 struct Entry {
   std::uint16_t index;
   std::uint8_t sub;
@@ -35,21 +35,6 @@ struct Entry {
   std::uint16_t offset;  // into the RAM image or kStrings
   std::uint8_t size;     // bytes; a string in RAM: its capacity; a DOMAIN: 0
   std::uint8_t flags;
-};
-
-// The generated tables say it in a third of the flash: most objects are built alike (axis n, RPDO
-// n), and so are neighbouring sub-indexes. An object names its shape, a shape is a row of runs.
-struct Run {
-  std::uint8_t sub;  // the first of `count` values that differ in nothing but their place
-  std::uint8_t count;
-  Type type;
-  std::uint8_t size;
-  std::uint8_t flags;
-};
-struct Object {
-  std::uint16_t index;
-  std::uint16_t offset;  // of its first value; the others follow without gaps
-  std::uint8_t shape;    // runs kShapes[shape] to kShapes[shape + 1]
 };
 
 // Inclusive bounds of one value (unsigned types only).
@@ -66,22 +51,6 @@ struct Ref {
   std::uint16_t index;
   std::uint8_t sub;
   std::uint16_t offset;
-};
-
-// The same value of neighbours that lie at even distances: element k of an array, of RPDO k, of
-// axis k. A table of Refs would say the same in six bytes of flash each.
-template <typename T, std::size_t N>
-struct RefRow {
-  Ref<T> first;
-  std::uint16_t index_step;
-  std::uint8_t sub_step;
-  std::uint16_t offset_step;
-  constexpr Ref<T> operator[](std::size_t k) const {
-    return {static_cast<std::uint16_t>(first.index + k * index_step),
-            static_cast<std::uint8_t>(first.sub + k * sub_step),
-            static_cast<std::uint16_t>(first.offset + k * offset_step)};
-  }
-  constexpr std::size_t size() const { return N; }
 };
 
 }  // namespace armtrue::canopen::od

@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <cstring>
 
-#include "firmware/canopen/protocol/search.h"
-
 namespace armtrue::canopen {
 namespace {
 
@@ -115,9 +113,8 @@ Abort check_mapping(const ObjectDictionary& dictionary, std::uint16_t index, std
 }  // namespace
 
 bool Mapping::has_axis_object(std::uint16_t object) const {
-  return first_where(used(), [object](const MappedEntry& mapped) {
-           return axis_object(mapped.index) == object;
-         }) != nullptr;
+  return std::ranges::any_of(
+      used(), [object](const MappedEntry& mapped) { return axis_object(mapped.index) == object; });
 }
 
 Mapping PdoTable::decode(od::Ref<std::uint8_t> count, od::Ref<std::uint32_t> first,

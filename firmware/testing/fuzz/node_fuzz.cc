@@ -69,8 +69,8 @@ CanFrame sdo_request(Events& events) {
   events.fill(std::span(frame.data).first(8));
   const std::uint8_t choice = events.byte();
   if (choice % 10 != 0) {
-    const std::size_t number = (choice * 257U + frame.data[1]) % od::kObjectCount;
-    store_le(&frame.data[1], od::kObjects[number].index);
+    const std::size_t number = (choice * 257U + frame.data[1]) % od::kEntryCount;
+    store_le(&frame.data[1], od::kEntries[number].index);
     frame.data[3] = static_cast<std::uint8_t>(frame.data[3] % 10);
   }
   return frame;

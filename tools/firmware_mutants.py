@@ -1,0 +1,271 @@
+"""Mutation testing of the firmware: small faults put into the code, one at a time, and whether a unit test notices.
+
+All faults of a sample are compiled at once into a copy of the tracked files (build/firmware_mutants), each behind a switch: one
+build serves them all. `a < b` becomes `(mutant(7) ? (a <= b) : (a < b))`; the test programs then run once for each
+with ARMTRUE_MUTANT set to its number. A mutant that no test fails is printed and listed in build/firmware_mutants/survivors.txt:
+judge it, and add the test that it asks for.
+"""
+
+from __future__ import annotations
+
+import argparse
+import concurrent.futures
+import os
+import random
+import re
+import shutil
+import subprocess
+import sys
+import time
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+TREE = ROOT / "build" / "firmware_mutants" / "tree"
+SURVIVORS = ROOT / "build" / "firmware_mutants" / "survivors.txt"
+# Part of the firmware: its test programs, in the order of how soon they answer.
+PROGRAMS = {
+    "firmware/core": ["core/firmware_core_test", "canopen/canopen_test"],
+    "firmware/storage": ["storage/storage_test"],
+    "firmware/canopen": ["canopen/canopen_test", "testing/canopen_soak_test"],
+}
+# Tests themselves; and format.h, whose numbers the tests' own images share (tests/firmware/test_format.py has them).
+_LEFT_OUT = re.compile(r"_test\.cc|_main\.cc|test_|senseless|simulated|/fuzz/|format\.h")
+# What is the same code tens of thousands of times (tools/test.d/37) is left to the full step.
+FILTER = "-PowerCut.AtEveryPairOfOperations:PowerCut.AtEveryOperationOfTheLargestTable"
+TIME_LIMIT_S = 120.0
+SHARE_OF_CHANGED = 0.7
+
+SWITCH = """\
+#ifdef __cplusplus
+#include <cstdlib>
+#include <type_traits>
+namespace armtrue {
+inline int chosen_mutant() {
+  static const int number = [] {
+    const char* text = std::getenv("ARMTRUE_MUTANT");
+    return text == nullptr ? -1 : std::atoi(text);
+  }();
+  return number;
+}
+constexpr bool mutant(int number) {
+  if (std::is_constant_evaluated()) return false;
+  return chosen_mutant() == number;
+}
+}  // namespace armtrue
+#endif
+"""
+
+_SWAPS = {
+    "<": "<=", "<=": "<", ">": ">=", ">=": ">", "==": "!=", "!=": "==", "+": "-", "-": "+", "*": "+", "/": "*",
+    "%": "/", "<<": ">>", ">>": "<<", "&": "|", "|": "&", "&&": "||", "||": "&&",
+}  # fmt: skip
+_OPERAND = r"[A-Za-z0-9_](?:[\w.:]|->|\[[\w.]*\]|\([\w., :]*\))*"
+_BEFORE = r"(?<=[(,])|(?<== )|(?<=return )|(?<=&& )|(?<=\|\| )|(?<=\? )|(?<=: )|(?<=, )"
+_AFTER = r"(?=[),;]| &&| \|\|| \?| :)"
+_BINARY = re.compile(
+    rf"(?:{_BEFORE})({_OPERAND}) (<=|>=|==|!=|<<|>>|&&|\|\||[<>+\-*/%&|]) ({_OPERAND}){_AFTER}"
+)
+_NUMBER = re.compile(r"(?<![\w.'])(0x[0-9A-Fa-f]+|\d+)(U?)(?![\w.'])")
+_CALL = re.compile(r"^(\s+)((?!return\b|throw\b|else\b|using\b)[A-Za-z_][\w.:>-]*\(.*\);)$")
+_CONDITION = re.compile(r"\b(if|while) \(")
+_COMMENT_OR_TEXT = re.compile(r'//.*|"(?:[^"\\]|\\.)*"|\'(?:[^\'\\]|\\.)\'')
+
+
+@dataclass(frozen=True)
+class Mutant:
+    """One place of one line: what stands there, and what the switch makes of it."""
+
+    file: str
+    line: int  # 1-based
+    kind: str
+    begin: int
+    end: int
+    after: str  # instead of the text from begin to end
+
+    def text(self) -> str:
+        """For people."""
+        before = (ROOT / self.file).read_text().splitlines()[self.line - 1]
+        after = before[: self.begin] + self.after + before[self.end :]
+        return f"{self.file}:{self.line}: {self.kind}\n  - {before.strip()}\n  + {after.strip()}\n"
+
+    def switched(self, line: str, number: int) -> str:
+        """The line with both in it."""
+        head, original, tail = line[: self.begin], line[self.begin : self.end], line[self.end :]
+        if self.kind == "removed call":
+            return f"{head}if (!::armtrue::mutant({number})) {original}{tail}"
+        return f"{head}(::armtrue::mutant({number}) ? ({self.after}) : ({original})){tail}"
+
+
+def _places_of(line: str) -> Iterator[tuple[str, int, int, str]]:
+    # Comments and text keep their length and hold nothing that could be changed.
+    code = _COMMENT_OR_TEXT.sub(lambda m: "\0" * len(m[0]), line)
+    for match in _BINARY.finditer(code):
+        kind = (
+            "logic" if match[2] in ("&&", "||") else "comparison" if match[2][0] in "<>=!" else "arithmetic"
+        )
+        if match[2] in ("<<", ">>"):
+            kind = "arithmetic"
+        yield kind, match.start(), match.end(), f"{match[1]} {_SWAPS[match[2]]} {match[3]}"
+    for match in _NUMBER.finditer(code):
+        yield "constant", match.start(), match.end(), f"{int(match[1], 0) + 1}{match[2]}"
+    if call := _CALL.match(code):
+        yield "removed call", call.start(2), call.end(2), ";"
+    for match in _CONDITION.finditer(code):
+        end = _closing(code, match.end() - 1)
+        inside = line[match.end() : max(end, 0)]
+        if end > 0 and not re.search(r"[;\0]|[^=!<>]=[^=]", inside):  # neither an initialiser nor text
+            yield "negated condition", match.end(), end, f"!({inside})"
+
+
+def _closing(code: str, opening: int) -> int:
+    depth = 0
+    for at in range(opening, len(code)):
+        depth += (code[at] == "(") - (code[at] == ")")
+        if depth == 0:
+            return at
+    return -1
+
+
+def mutants_of(name: str) -> list[Mutant]:
+    """Every mutant of a file; what stands outside of functions, and what must be constant, is left alone."""
+    result = []
+    for number, line in enumerate((ROOT / name).read_text().splitlines(), 1):
+        code = _COMMENT_OR_TEXT.sub("", line).strip()
+        skipped = code.startswith(
+            ("#", "static_assert", "template", "using", "case ", "enum", "static constexpr")
+        )
+        is_table = re.search(r"constexpr|std::array<|= default|asm\(|\[\]|^k\w+ = ", code) is not None
+        if line.startswith(" ") and code and not skipped and not is_table:
+            result += [Mutant(name, number, *place) for place in _places_of(line)]
+    return result
+
+
+def sample(count: int, seed: int, base: str) -> list[Mutant]:
+    """`count` mutants: files changed since `base` first, then all others; no two of one line."""
+    listed = subprocess.run(
+        ["git", "ls-files", *PROGRAMS], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    files = [
+        name for name in listed.stdout.split() if name.endswith((".cc", ".h")) and not _LEFT_OUT.search(name)
+    ]
+    changed = subprocess.run(
+        ["git", "diff", "--name-only", base, "HEAD"], cwd=ROOT, capture_output=True, text=True, check=True
+    ).stdout.split()
+    chosen = random.Random(seed)
+    groups: dict[bool, list[Mutant]] = {True: [], False: []}
+    for name in files:
+        by_line: dict[int, list[Mutant]] = {}
+        for mutant in mutants_of(name):
+            by_line.setdefault(mutant.line, []).append(mutant)
+        groups[name in changed] += [chosen.choice(mutants) for mutants in by_line.values()]
+    for group in groups.values():
+        chosen.shuffle(group)
+    first = groups[True][: round(SHARE_OF_CHANGED * count)]
+    return (first + groups[False] + groups[True][len(first) :])[:count]
+
+
+def copy_tree() -> None:
+    """The files of HEAD, configured for a quick build that notices what leaves an array."""
+    if not TREE.is_dir():
+        TREE.mkdir(parents=True)
+        for fetched in (".venv", ".cache"):  # what the build has of registries
+            (TREE / fetched).symlink_to(ROOT / fetched)
+    shutil.rmtree(TREE / "firmware", ignore_errors=True)
+    archive = subprocess.run(["git", "archive", "HEAD"], cwd=ROOT, capture_output=True, check=True).stdout
+    subprocess.run(["tar", "x"], cwd=TREE, input=archive, check=True)
+    (TREE / "mutant_switch.h").write_text(SWITCH)
+    subprocess.run(
+        ["cmake", "-S", ".", "-B", "out", "-G", "Ninja", "-DCMAKE_BUILD_TYPE=Release", "-DARMTRUE_PYTHON=OFF",
+         f"-DCMAKE_CXX_FLAGS=-w -include {TREE}/mutant_switch.h",
+         "-DCMAKE_CXX_FLAGS_RELEASE=-O1 -D_GLIBCXX_ASSERTIONS"],
+        cwd=TREE, check=True, stdout=subprocess.DEVNULL,
+    )  # fmt: skip
+
+
+def build(mutants: list[Mutant]) -> list[Mutant]:
+    """Compile all of them behind their switches; returns those that compile, in the order of their numbers."""
+    while True:
+        for name in {mutant.file for mutant in mutants}:
+            lines = (ROOT / name).read_text().splitlines()
+            for number, mutant in enumerate(mutants):
+                if mutant.file == name:
+                    lines[mutant.line - 1] = mutant.switched(lines[mutant.line - 1], number)
+            target = TREE / name
+            if target.read_text() != "\n".join(lines) + "\n":
+                target.write_text("\n".join(lines) + "\n")
+        targets = [Path(program).name for programs in PROGRAMS.values() for program in programs]
+        built = subprocess.run(
+            ["cmake", "--build", "out", "-j", "2", "--target", *dict.fromkeys(targets), "--", "-k", "0"],
+            cwd=TREE, capture_output=True, text=True, check=False,
+        )  # fmt: skip
+        if built.returncode == 0:
+            return mutants
+        wrong = set(
+            re.findall(r"(firmware/[\w/.]+):(\d+):\d+: (?:fatal )?error", built.stdout + built.stderr)
+        )
+        left = [mutant for mutant in mutants if (mutant.file, str(mutant.line)) not in wrong]
+        if len(left) == len(mutants):
+            raise SystemExit("mutants: the copy does not compile:\n" + built.stdout[-3000:])
+        print(f"{len(mutants) - len(left)} do not compile and are left out", flush=True)
+        mutants = left  # their numbers move: everything is written anew
+
+
+def run(programs: list[str], number: int) -> str:
+    """survived, killed or timed out."""
+    for program in programs:
+        try:
+            ran = subprocess.run(
+                [TREE / "out/firmware" / program, "--gtest_brief=1", "--gtest_fail_fast", f"--gtest_filter={FILTER}"],
+                cwd=TREE, env={**os.environ, "ARMTRUE_MUTANT": str(number)}, stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL, timeout=TIME_LIMIT_S, check=False,
+            )  # fmt: skip
+        except subprocess.TimeoutExpired:
+            return "timed out"
+        if ran.returncode != 0:
+            return "killed"
+    return "survived"
+
+
+def main() -> int:
+    """Run a sample; 1 if fewer than 95 % of the mutants that compile are noticed."""
+    parser = argparse.ArgumentParser(prog="./dev mutants")
+    parser.add_argument("--count", type=int, default=200)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--base", default="HEAD~30", help="files changed since then come first")
+    parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--minutes", type=float, default=600.0, help="no mutant is run after so long")
+    given = parser.parse_args()
+    end = time.monotonic() + 60.0 * given.minutes
+    chosen = sample(given.count, given.seed, given.base)
+    copy_tree()
+    mutants = build(chosen)
+    for programs in PROGRAMS.values():
+        if (status := run(programs, -1)) != "survived":
+            raise SystemExit(f"mutants: {programs} without any fault: {status}")
+    SURVIVORS.write_text("")
+    outcomes: Counter[str] = Counter()
+
+    def judge(number: int) -> str:
+        if time.monotonic() > end:
+            return "not run"
+        return run(next(p for part, p in PROGRAMS.items() if mutants[number].file.startswith(part)), number)
+
+    with concurrent.futures.ThreadPoolExecutor(given.jobs) as pool:
+        for number, outcome in zip(range(len(mutants)), pool.map(judge, range(len(mutants))), strict=True):
+            outcomes[outcome] += 1
+            if outcome == "survived":
+                print(mutants[number].text(), end="", flush=True)
+                with SURVIVORS.open("a") as listed:
+                    listed.write(mutants[number].text())
+    noticed = outcomes["killed"] + outcomes["timed out"]
+    known = noticed + outcomes["survived"]
+    print(f"{known} mutants of {len(chosen)} ran: {noticed} noticed ({100 * noticed / max(1, known):.1f} %)")
+    print(", ".join(f"{count} {outcome}" for outcome, count in sorted(outcomes.items())), f"({SURVIVORS})")
+    return 0 if noticed >= 0.95 * known else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
