@@ -9,13 +9,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from armtrue.checking.alignment import Columns, align, thinned
+from armtrue.checking.alignment import Columns, align, alignment_columns, thinned
 from armtrue.checking.report import Finding
 from armtrue.io.columns import QUATERNION, commanded_joints
 from armtrue.io.dataset import Dataset
 from armtrue.io.layout import TURNS, RotationSource
 from armtrue.io.robot import Robot
-from armtrue.io.rotation import matrix_from_euler
+from armtrue.io.rotation import matrix_from_euler, matrix_from_rotation_vector
+from armtrue.tables.chain import chain_from_robot, pose
 
 Array = NDArray[np.float64]
 
@@ -52,18 +53,11 @@ def find(data: Dataset, measured: Columns, robot: Robot) -> list[Finding]:
     """
     if not all(name in data.columns for name in QUATERNION):
         return []
-    from armtrue.tables.chain import chain_from_robot, pose
-
     quaternion = np.column_stack([data.columns[name] for name in QUATERNION])
     whole = np.isfinite(quaternion).all(axis=1) & (np.abs(np.linalg.norm(quaternion, axis=1) - 1.0) < 0.1)
     if np.count_nonzero(whole) < 4:
         return []
-    alignment = align(thinned(measured, _ROWS), robot)
-    chain = chain_from_robot(robot.spec)
-    flange = (
-        chain.frames(np.column_stack([measured[name] for name in commanded_joints(measured)]))[-1] @ chain.end
-    )
-    nominal = pose(dict(alignment.measuring_from_base))[:3, :3] @ flange[:, :3, :3]
+    nominal = _nominal(measured, robot)
     target = data.columns.get("target", np.zeros(data.count))
 
     def typical_angle(places: tuple[int, ...], inverted: bool) -> float:
@@ -86,13 +80,55 @@ def find(data: Dataset, measured: Columns, robot: Robot) -> list[Finding]:
         if left <= _LARGEST_ANGLE:
             evidence["typical_angle_rad_if_changed"] = left
             words += f", and {math.degrees(left):.2g}° where they are read otherwise"
-            remedy = f"Give dataset.yaml 'rotation: {keys}'."
+            form = ", ".join(
+                f"{key}: {'[' + ', '.join(value) + ']' if isinstance(value, list) else value}"
+                for key, value in keys.items()
+            )
+            remedy = f"Give dataset.yaml 'rotation: {{{form}}}'."
     return [Finding("orientations_do_not_follow", "error", words, evidence, remedy)]
+
+
+def rotation_that_follows(
+    data: Dataset, robot: Robot, keys: dict[str, Any]
+) -> tuple[dict[str, Any], float] | None:
+    """The keys of dataset.yaml's `rotation` under which orientations follow the arm, and within how many degrees.
+
+    `keys`: those under which `data` was read. None where they follow under none.
+    """
+    measured = alignment_columns(data)
+    nominal = _nominal(measured, robot)
+    target = data.columns.get("target", np.zeros(data.count))
+    if data.turns is None:
+        quaternion = np.column_stack([data.columns[name] for name in QUATERNION])
+        orders = {"wxyz": (0, 1, 2, 3), "xyzw": (3, 0, 1, 2)}
+        angles = {
+            order: _typical_angle(nominal, _matrices(quaternion[:, places]), target)
+            for order, places in orders.items()
+        }
+        best = min(angles, key=angles.__getitem__)
+        found = {**keys, "order": best}
+        return (found, math.degrees(angles[best])) if angles[best] <= _LARGEST_ANGLE else None
+    as_vector = _typical_angle(nominal, matrix_from_rotation_vector(data.turns), target)
+    if as_vector <= _LARGEST_ANGLE:
+        vector = {"form": "rotation_vector", "columns": keys["columns"], "unit": keys["unit"]}
+        return vector, math.degrees(as_vector)
+    assert data.rotation is not None
+    left, named = _best_convention(nominal, data.turns, target, data.rotation)
+    return (named, math.degrees(left)) if left <= _LARGEST_ANGLE else None
+
+
+def _nominal(measured: Columns, robot: Robot) -> Array:
+    """Rotations (N, 3, 3) measuring frame from flange, with nominal kinematics and the base that is found."""
+    alignment = align(thinned(measured, _ROWS), robot)
+    chain = chain_from_robot(robot.spec)
+    joints = np.column_stack([measured[name] for name in commanded_joints(measured)])
+    flange = chain.frames(joints)[-1] @ chain.end
+    return np.asarray(pose(dict(alignment.measuring_from_base))[:3, :3] @ flange[:, :3, :3])
 
 
 def _best_convention(
     nominal: Array, turns: Array, target: Array, source: RotationSource
-) -> tuple[float, str]:
+) -> tuple[float, dict[str, Any]]:
     """The typical angle [rad] of the convention of Euler angles under which they follow best, and its keys.
 
     `turns`: the file's angles (N, 3) [rad] as read by `source`. The fewest changes come first among equals.
@@ -101,7 +137,7 @@ def _best_convention(
     # Degrees read as radians or the other way round change what every sequence makes of them.
     units = {"deg": math.pi / 180.0, "rad": 1.0}
     own_unit = next((unit for unit, factor in units.items() if factor == source.factor), "mrad")
-    best = (math.inf, 0, "")
+    best: tuple[float, int, dict[str, Any]] = (math.inf, 0, {})
     for unit, order, sequence, intrinsic in itertools.product(
         units, itertools.permutations(range(3)), TURNS, (True, False)
     ):
@@ -113,9 +149,13 @@ def _best_convention(
         # Angles apart by rounding are equal: intrinsic XYZ is extrinsic ZYX with its columns the other way round.
         rank = (round(left, 6), changes)
         if rank < best[:2]:
-            columns = ", ".join(source.headers[at] for at in order)
-            axes = "intrinsic" if intrinsic else "extrinsic"
-            keys = f"{{form: euler, columns: [{columns}], sequence: {sequence.upper()}, axes: {axes}, unit: {unit}}}"
+            keys = {
+                "form": "euler",
+                "columns": [source.headers[at] for at in order],
+                "sequence": sequence.upper(),
+                "axes": "intrinsic" if intrinsic else "extrinsic",
+                "unit": unit,
+            }
             best = (*rank, keys)
     return best[0], best[2]
 

@@ -9,7 +9,17 @@ import click
 import typer
 
 import armtrue
-from armtrue.cli import INTERRUPTED, campaign, catalogue, checking, diagnosis, fitting, planning
+from armtrue.cli import (
+    INTERRUPTED,
+    campaign,
+    catalogue,
+    checking,
+    diagnosis,
+    fitting,
+    init,
+    planning,
+    predicting,
+)
 from armtrue.device import cli as device
 from armtrue.errors import InputError
 from armtrue.tables import cli as tables
@@ -59,7 +69,18 @@ def _options(
     pass
 
 
-for commands in (checking, fitting, diagnosis, planning, tables, device, campaign, catalogue):
+for commands in (
+    init,
+    checking,
+    fitting,
+    predicting,
+    diagnosis,
+    planning,
+    tables,
+    device,
+    campaign,
+    catalogue,
+):
     commands.add_to(app)
 
 

@@ -1,9 +1,7 @@
-"""The commands fit, add and predict."""
+"""The commands fit, add and remove."""
 
 from __future__ import annotations
 
-import csv
-import io as text_io
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -18,15 +16,15 @@ from armtrue.cli.options import (
     ModelOption,
     MovedDataOption,
     OutOption,
-    PosesArgument,
     RobotOption,
     SeedOption,
 )
 from armtrue.cli.output import Output, plain_table, waiting
 from armtrue.cli.parameters import present_parameters
-from armtrue.errors import InputError
+from armtrue.errors import InputError, did_you_mean
 from armtrue.io import load_data, load_model, load_robot
-from armtrue.io.files import check_writable, refuse_to_lose, write_file
+from armtrue.io.catalogue import catalogue
+from armtrue.io.files import check_writable, refuse_to_lose
 from armtrue.io.model import check_effect
 from armtrue.io.plausible import refuse_too_few_poses
 
@@ -46,7 +44,7 @@ def add_to(app: typer.Typer) -> None:
     """Add the commands to `app`."""
     app.command()(fit)
     app.command()(add)
-    app.command()(predict)
+    app.command()(remove)
 
 
 def fit(
@@ -136,35 +134,67 @@ def add(
     output.figures({"before": before.document["error"], **summary(after)})
 
 
-def predict(fit_file: FitArgument, poses: PosesArgument, out: OutOption) -> None:
-    """Predict where the tool point will be, row by row, in the measuring frame.
+def remove(
+    fit_file: FitArgument,
+    effect: Annotated[
+        str, typer.Argument(metavar="EFFECT", help="Effect of the model, such as joint_compliance.")
+    ],
+    out: OutOption,
+    joints: Annotated[
+        str | None,
+        typer.Option("--joints", metavar="K,K…", help="Joints, counted from 1; default: all it acts on."),
+    ] = None,
+    data: MovedDataOption = None,
+    json_to: JsonOption = None,
+) -> None:
+    """Remove an effect from a fit, fit again, and print what that does to the error: the opposite of 'add'.
 
-    POSES needs the columns that the fitted effects read; x, y, z are not needed.
-
-    Example: [bold]armtrue predict fit.json poses.csv --out predicted.csv[/]
+    Example: [bold]armtrue remove fit2.json gear_harmonics --joints 3 --out fit3.json[/]
     """
     from armtrue import fitting
 
+    output = Output(json_to)
     check_writable(out)
-    refuse_to_lose([fit_file, poses], [out])
-    result = fitting.Fit.load(fit_file)
-    data = load_data(poses, result.robot, need_position=False)
-    refuse_to_lose([data.file], [out])
-    write_columns(out, ["x", "y", "z"], result.predict(data))
-    Output(None).items(result.assumed(data)[1])
+    before = load_with_data(fit_file, data)
+    refuse_to_lose([before.data.path, before.data.file], [out, json_to])
+    kept = _without(before, effect, None if joints is None else _joint_list(joints), fit_file)
+    with waiting(output) as progress:
+        after = fitting.with_effects(before, kept, progress=progress)
+    after.save(out)
+    present_fall(before, after, output)
+    output.say(f"\nwritten: {out}")
+    output.figures({"before": before.document["error"], **summary(after)})
 
 
-def write_columns(out: Path, names: list[str], rows: Any, target: str | None = None) -> None:
-    """Write a CSV of `names` and the (N, len(names)) array `rows`, to a nanometre and below.
-
-    `target`: the reflector of all rows, in a column of its own; None where there is no such column.
-    """
-    own = [] if target is None else [target]
-    text = text_io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow([*names, *(["target"] if own else [])])
-    writer.writerows([*(f"{value:.10f}" for value in row), *own] for row in rows)
-    write_file(out, text.getvalue())
+def _without(fit: Fit, effect: str, joints: list[int] | None, origin: Path) -> list[dict[str, Any]]:
+    """The effects of `fit` without `effect`, or without it on `joints`."""
+    standing = _effects_with_joints(fit)
+    chosen = [entry for entry in standing if entry["effect"] == effect]
+    if not chosen:
+        names = sorted({entry["effect"] for entry in standing})
+        hint = did_you_mean(effect, names) or f" (it has: {', '.join(names)})"
+        raise InputError(f"{origin}: found no effect '{effect}' in the model, expected one of its own{hint}")
+    is_pair = catalogue()[effect].joints == "pair"
+    on = [tuple(entry.get("joints", [])) for entry in chosen]
+    wanted = {tuple(joints)} if joints is not None and is_pair else {(k,) for k in joints or []}
+    known = set(on) if is_pair else {(k,) for own in on for k in own}
+    if not wanted <= known:
+        words = ", ".join(" ".join(map(str, place)) for place in sorted(known)) or "none"
+        raise InputError(
+            f"{origin}: --joints: found {joints}, expected joints of {effect} in the model: {words}"
+        )
+    kept: list[dict[str, Any]] = []
+    for entry, model_entry in zip(standing, fit.effects, strict=True):
+        if entry["effect"] != effect or (
+            joints is not None and is_pair and tuple(entry["joints"]) not in wanted
+        ):
+            kept.append(model_entry)
+        elif joints is not None and not is_pair:
+            left = [k for k in entry["joints"] if k not in joints]
+            kept += [{**entry, "joints": left}] if left else []
+    if not kept:
+        raise InputError(f"{origin}: {effect} is all that the model has, expected one effect to stay")
+    return kept
 
 
 def summary(result: Fit) -> dict[str, Any]:

@@ -45,6 +45,10 @@ class Output:
         """Print a line for people."""
         self.console.print(text)
 
+    def line(self, text: str) -> None:
+        """Print a command to paste: never broken, however narrow the terminal."""
+        self.console.print(text, soft_wrap=True)
+
     def title(self, text: str) -> None:
         """Print a heading for people."""
         self.console.print(f"\n{text}", style="bold")

@@ -12,22 +12,38 @@ from armtrue.errors import InputError
 LARGEST_TEXT_BYTES = 64 * 1024 * 1024
 
 
+def read_bytes(path: Path, largest_bytes: int = LARGEST_TEXT_BYTES) -> bytes:
+    """Return what stands in `path`, of which never more than `largest_bytes` is held.
+
+    Errors: InputError when it is missing, a folder, larger or unreadable.
+    """
+    try:
+        if path.is_dir():
+            raise InputError(f"{path}: found a folder, expected a file")
+        size = path.stat().st_size
+        if size <= largest_bytes:
+            with path.open("rb") as stream:
+                # A device or a pipe tells no size: it is cut off one byte beyond what is allowed.
+                content = stream.read(largest_bytes + 1)
+            size = len(content)
+        if size > largest_bytes:
+            raise InputError(f"{path}: found {size} bytes and more, expected at most {largest_bytes}")
+        return content
+    except FileNotFoundError:
+        raise InputError(f"{path}: found no such file") from None
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
+    except ValueError:
+        raise InputError(f"{str(path)!r}: found a name that no file can have") from None
+
+
 def read_text(path: Path, encoding: str = "utf-8-sig", largest_bytes: int = LARGEST_TEXT_BYTES) -> str:
     """Return the text of `path`.
 
     Errors: InputError when it is missing, a folder, larger than `largest_bytes`, unreadable or not `encoding`.
     """
-    if path.is_dir():
-        raise InputError(f"{path}: found a folder, expected a file")
     try:
-        size = path.stat().st_size
-        if size > largest_bytes:
-            raise InputError(f"{path}: found {size} bytes, expected at most {largest_bytes}")
-        return path.read_bytes().decode(encoding)
-    except FileNotFoundError:
-        raise InputError(f"{path}: found no such file") from None
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
+        return read_bytes(path, largest_bytes).decode(encoding)
     except UnicodeDecodeError as error:
         raise InputError(
             f"{path}: found byte 0x{error.object[error.start]:02x} at offset {error.start}, expected {encoding} text"
@@ -36,22 +52,36 @@ def read_text(path: Path, encoding: str = "utf-8-sig", largest_bytes: int = LARG
 
 def check_writable(path: Path) -> None:
     """Raise InputError where `path` cannot be written, so that a long computation need not end in that news."""
-    if path.is_dir():
-        raise InputError(f"{path}: found a folder, expected the name of a file to write")
-    if not path.parent.is_dir():
-        raise InputError(f"{path}: found no folder '{path.parent}' to write into")
-    if not os.access(path.parent, os.W_OK):
-        raise InputError(f"{path}: found a folder '{path.parent}' that may not be written into")
+    try:
+        place = Path(os.path.realpath(path))
+        if place.is_dir():
+            raise InputError(f"{path}: found a folder, expected the name of a file to write")
+        if not place.parent.is_dir():
+            raise InputError(f"{path}: found no folder '{place.parent}' to write into")
+        if _is_special(place):
+            if not os.access(place, os.W_OK):
+                raise InputError(f"{path}: found a device or pipe that may not be written to")
+        elif not os.access(place.parent, os.W_OK):
+            raise InputError(f"{path}: found a folder '{place.parent}' that may not be written into")
+    except (OSError, ValueError):
+        raise InputError(f"{str(path)!r}: found a name that no file can have") from None
+
+
+def _is_special(path: Path) -> bool:
+    """True for a device, pipe or socket: what is written through, never replaced."""
+    return path.exists() and not path.is_file()
 
 
 def refuse_to_lose(reads: Iterable[Path | None], writes: Iterable[Path | str | None]) -> None:
     """Raise InputError where one of the files that a command `writes` is one that it `reads`, or is named twice."""
-    inputs = {path.resolve() for path in reads if path is not None}
-    outputs: set[Path] = set()
+    inputs = {_identity(path) for path in reads if path is not None}
+    outputs: set[str] = set()
     for name in writes:
         if name is None or name == "-":
             continue
-        place = Path(name).resolve()
+        if os.path.realpath(name) == os.devnull:
+            continue
+        place = _identity(Path(name))
         if place in inputs:
             raise InputError(
                 f"{name}: found the name of a file that is read, expected one to write beside it"
@@ -61,22 +91,38 @@ def refuse_to_lose(reads: Iterable[Path | None], writes: Iterable[Path | str | N
         outputs.add(place)
 
 
+def _identity(path: Path) -> str:
+    """What names a file by whatever path: its place on the disk where it exists, so that hard links are one file."""
+    try:
+        found = path.stat()
+        return f"{found.st_dev}:{found.st_ino}"
+    except (OSError, ValueError):
+        return os.path.realpath(os.fspath(path).replace("\0", ""))
+
+
 def write_file(path: Path, content: str | bytes) -> None:
     """Write `content` beside `path`, then rename it onto `path`: a killed run leaves the old file whole.
+
+    A link is followed, and a device or pipe is written through: what it names is never replaced by a file.
 
     Errors: InputError when the folder is missing or may not be written.
     """
     check_writable(path)
     data = content.encode() if isinstance(content, str) else content
+    place = Path(os.path.realpath(path))
     try:
-        descriptor, beside = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
+        if _is_special(place):
+            with place.open("wb", buffering=0) as stream:
+                stream.write(data)
+            return
+        descriptor, beside = tempfile.mkstemp(prefix=f".{place.name[:100]}.", dir=place.parent)
         try:
             with os.fdopen(descriptor, "wb") as stream:
                 stream.write(data)
                 stream.flush()
                 os.fsync(stream.fileno())
             Path(beside).chmod(0o666 & ~_umask())
-            Path(beside).replace(path)
+            Path(beside).replace(place)
         except BaseException:
             Path(beside).unlink()
             raise

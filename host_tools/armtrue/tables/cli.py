@@ -9,9 +9,9 @@ from typing import Annotated
 
 import typer
 
-from armtrue.cli.fitting import write_columns
 from armtrue.cli.options import FitArgument, JsonOption, OutOption, PosesArgument
 from armtrue.cli.output import Output
+from armtrue.cli.predicting import write_columns
 from armtrue.errors import InputError
 from armtrue.io.files import check_writable, refuse_to_lose, write_file
 from armtrue.tables.compensate import Engine

@@ -1,0 +1,66 @@
+"""The command init."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from armtrue.cli.output import Output
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the command to `app`."""
+    app.command()(init)
+
+
+def init(
+    files: Annotated[
+        list[Path],
+        typer.Argument(metavar="FILE…", help="Measurements as exported: CSV, TXT, XLSX.", show_default=False),
+    ],
+    urdf: Annotated[
+        Path | None, typer.Option("--urdf", metavar="URDF", help="The arm as a URDF.", show_default=False)
+    ] = None,
+    dh: Annotated[
+        Path | None,
+        typer.Option(
+            "--dh", metavar="TABLE", help="The arm as a table: a, alpha, d, theta.", show_default=False
+        ),
+    ] = None,
+    robot: Annotated[
+        Path | None,
+        typer.Option("--robot", "-r", metavar="ROBOT", help="The arm as a robot.yaml.", show_default=False),
+    ] = None,
+    out: Annotated[
+        Path, typer.Option("--out", "-o", metavar="FOLDER", help="Folder to write into.", show_default=False)
+    ] = Path(),
+    force: Annotated[bool, typer.Option("--force", help="Replace files of an earlier run.")] = False,
+) -> None:
+    """Read foreign measurement files and write robot.yaml, dataset.yaml and model.yaml that check and fit take.
+
+    Separator, decimal mark, units, columns, angles, time and repeats are guessed, and it is said from what. Several
+    files are joined: joints in one, each reflector in its own.
+
+    Example: [bold]armtrue init joints.csv smr1.csv smr2.csv --urdf arm.urdf --out arm[/]
+    """
+    from armtrue.foreign import init as run
+
+    output = Output(None)
+    guessed = run(files, out, urdf=urdf, dh=dh, robot=robot, force=force)
+    output.title("Guessed")
+    output.items(guessed.notes)
+    wrong = [finding for finding in guessed.findings if finding.severity == "error"]
+    if wrong:
+        output.title("The measurements do not follow the arm yet")
+        output.items([f"{finding.message} → {finding.remedy}" for finding in wrong])
+    output.say(f"\nwritten: {', '.join(str(path) for path in guessed.written)}")
+    data, arm, model = (shlex.quote(str(out / name)) for name in ("dataset.yaml", "robot.yaml", "model.yaml"))
+    fit = shlex.quote(str(out / "fit.json"))
+    output.say("next:")
+    output.line(f"  armtrue check {data} --robot {arm}")
+    output.line(f"  armtrue fit {data} --robot {arm} --model {model} --out {fit}")
+    if wrong:
+        raise typer.Exit(1)

@@ -1,0 +1,152 @@
+"""The commands predict and compare."""
+
+from __future__ import annotations
+
+import csv
+import io as text_io
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from armtrue.cli.options import DataArgument, FitArgument, JsonOption, OutOption, PosesArgument
+from armtrue.cli.output import Output, plain_table
+from armtrue.errors import InputError
+from armtrue.io import Dataset, Robot, load_data
+from armtrue.io.dataset import in_file_order
+from armtrue.io.files import check_writable, refuse_to_lose, write_file
+
+_COVARIANCES = {"cxx": (0, 0), "cxy": (0, 1), "cxz": (0, 2), "cyy": (1, 1), "cyz": (1, 2), "czz": (2, 2)}
+_FIGURES = {"mean_um": "mean", "rms_um": "RMS", "p95_um": "95 %", "max_um": "max"}
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the commands to `app`."""
+    app.command()(predict)
+    app.command()(compare)
+
+
+def predict(
+    fit_file: FitArgument,
+    poses: PosesArgument,
+    out: OutOption,
+    uncertainty: Annotated[
+        bool,
+        typer.Option(
+            "--uncertainty",
+            help="Add cxx, cxy, cxz, cyy, cyz, czz: the covariance in m² of the model's own uncertainty.",
+        ),
+    ] = False,
+) -> None:
+    """Predict where the tool point will be, row by row, in the measuring frame.
+
+    POSES needs the columns that the fitted effects read; where it has x, y, z too, the error is said.
+
+    Example: [bold]armtrue predict fit.json poses.csv --out predicted.csv[/]
+    """
+    import numpy as np
+
+    from armtrue import comparing, fitting
+    from armtrue.uncertainty import position_covariance
+
+    output = Output(None)
+    check_writable(out)
+    refuse_to_lose([fit_file, poses], [out])
+    result = fitting.Fit.load(fit_file)
+    data = load_data(poses, result.robot, need_position=False)
+    refuse_to_lose([data.file, *(_measurements(result) if uncertainty else [])], [out])
+    predicted = result.predict(data)
+    texts = [[f"{value:.10f}" for value in row] for row in predicted]
+    names = ["x", "y", "z"]
+    if uncertainty:
+        covariance = position_covariance(result, data)
+        names += _COVARIANCES
+        for text, one in zip(texts, covariance, strict=True):
+            text += [f"{one[place]:.6e}" for place in _COVARIANCES.values()]
+        typical = float(np.median(np.sqrt(np.trace(covariance, axis1=1, axis2=2))))
+        output.say(
+            f"uncertainty of the model at these poses: {1e6 * typical:.1f} µm (median, one standard deviation)"
+        )
+    write_rows(out, names, texts)
+    output.items(result.assumed(data)[1])
+    measured = _with_positions(poses, result.robot)
+    error = None if measured is None else comparing.prediction_error(predicted, measured)
+    if error is not None:
+        output.say(f"error against the x, y, z of {data.file.name}: {_error_words(error)}")
+
+
+def compare(fit_file: FitArgument, data: DataArgument, json_to: JsonOption = None) -> None:
+    """Compare a fit with measurements it has not seen: the error, what was to be expected, and the worst rows.
+
+    Exit status 1 where the error is worse than the fit's held-out error lets expect.
+
+    Example: [bold]armtrue compare fit.json new.csv[/]
+    """
+    from armtrue import comparing, fitting
+
+    output = Output(json_to)
+    refuse_to_lose([fit_file, data], [json_to])
+    result = fitting.Fit.load(fit_file)
+    measurements = load_data(data, result.robot)
+    refuse_to_lose([measurements.file], [json_to])
+    found = comparing.compare(result, measurements)
+    output.items(measurements.notes)
+    _present(found, output)
+    output.figures(found.figures)
+    if found.figures["verdict"] == "worse":
+        raise typer.Exit(1)
+
+
+def _present(found: Any, output: Output) -> None:
+    figures = found.figures
+    as_expected = figures["verdict"] == "as_expected"
+    output.title("As expected" if as_expected else "Worse than expected")
+    output.say(f"error on {figures['error']['n']} rows: {_error_words(figures['error'])}")
+    output.say(
+        f"expected from poses held out of the fit: {figures['expected_mean_um']:.1f} µm, "
+        f"by chance up to {figures['limit_um']:.1f} µm"
+    )
+    if found.elsewhere_um is not None:
+        output.say(
+            f"after moving the measuring frame {found.elsewhere_um:.1f} µm stay: the arm is as it was, and base or "
+            "instrument stand elsewhere"
+        )
+    table = plain_table("worst rows", "error [µm]")
+    for row in figures["rows"]:
+        table.add_row(f"row {row['row']}", f"{row['error_um']:.1f}")
+    output.table(table)
+
+
+def _error_words(error: dict[str, float]) -> str:
+    return ", ".join(f"{word} {error[key]:.1f} µm" for key, word in _FIGURES.items())
+
+
+def _with_positions(poses: Path, robot: Robot) -> Dataset | None:
+    """The poses with their positions, where they have such; what cannot be read there does not hinder a prediction."""
+    try:
+        return in_file_order(load_data(poses, robot, strict=False))
+    except InputError:
+        return None
+
+
+def _measurements(fit: Any) -> list[Path]:
+    return [fit.data.path, fit.data.file]
+
+
+def write_columns(out: Path, names: list[str], rows: Any, target: str | None = None) -> None:
+    """Write a CSV of `names` and the (N, len(names)) array `rows`, to a nanometre and below.
+
+    `target`: the reflector of all rows, in a column of its own; None where there is no such column.
+    """
+    own = [] if target is None else [target]
+    cells = [[*(f"{value:.10f}" for value in row), *own] for row in rows]
+    write_rows(out, [*names, *(["target"] if own else [])], cells)
+
+
+def write_rows(out: Path, names: list[str], rows: list[list[str]]) -> None:
+    """Write a CSV of `names` and `rows`."""
+    text = text_io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(names)
+    writer.writerows(rows)
+    write_file(out, text.getvalue())

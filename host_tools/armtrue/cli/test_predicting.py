@@ -1,0 +1,111 @@
+"""remove, compare, and what predict says of error and uncertainty, on a simulated arm."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from armtrue.cli.conftest import armtrue
+
+
+def table(path):
+    return np.genfromtxt(path, delimiter=",", names=True)
+
+
+def shifted(folder, name, **shifts_m):
+    """test.csv with some columns shifted, as a new file `name`."""
+    header = (folder / "test.csv").read_text().splitlines()[0]
+    rows = np.genfromtxt(folder / "test.csv", delimiter=",", skip_header=1)
+    for column, shift in shifts_m.items():
+        rows[:, header.split(",").index(column)] += shift
+    np.savetxt(folder / name, rows, delimiter=",", header=header, comments="", fmt="%.10g")
+    return name
+
+
+def test_remove_takes_back_what_add_added(folder):
+    added = armtrue("add", "fit.json", "gear_harmonics", "--joints", "3,4", "--out", "two.json", cwd=folder)
+    assert added.returncode == 0, added.stderr
+    run = armtrue("remove", "two.json", "gear_harmonics", "--joints", "4", "--out", "one.json", cwd=folder)
+    assert run.returncode == 0, run.stderr
+    assert "before, held-out poses" in run.stdout
+    one = json.loads((folder / "one.json").read_text())
+    assert one["model"]["effects"][-1] == {"effect": "gear_harmonics", "joints": [3]}
+    armtrue("remove", "one.json", "gear_harmonics", "--out", "none.json", "--json", "none-f.json", cwd=folder)
+    before = json.loads((folder / "fit.json").read_text())
+    after = json.loads((folder / "none.json").read_text())
+    assert after["model"]["effects"] == before["model"]["effects"]
+    assert after["error"]["train"]["mean_um"] == pytest.approx(before["error"]["train"]["mean_um"], rel=1e-6)
+    figures = json.loads((folder / "none-f.json").read_text())
+    assert figures["before"]["held_out"]["mean_um"] < figures["error"]["held_out"]["mean_um"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["joint_complience"], "did you mean 'joint_compliance'"),
+        (["backlash"], "found no effect 'backlash'"),
+        (["joint_compliance", "--joints", "5"], "expected joints of joint_compliance in the model: 2, 3"),
+    ],
+)
+def test_remove_what_is_not_in_the_model_is_refused(folder, arguments, words):
+    run = armtrue("remove", "fit.json", *arguments, "--out", "refused.json", cwd=folder)
+    assert run.returncode == 2
+    assert words in run.stderr
+    assert not (folder / "refused.json").exists()
+
+
+def test_compare_new_measurements_of_the_same_arm_are_as_expected(folder):
+    run = armtrue("compare", "fit.json", "test.csv", "--json", "c.json", cwd=folder)
+    assert run.returncode == 0, run.stdout + run.stderr
+    found = json.loads((folder / "c.json").read_text())
+    fit = json.loads((folder / "fit.json").read_text())
+    assert found["verdict"] == "as_expected"
+    assert found["expected_mean_um"] == fit["error"]["held_out"]["mean_um"]
+    errors = [row["error_um"] for row in found["rows"]]
+    assert errors == sorted(errors, reverse=True)
+    assert errors[0] == pytest.approx(found["error"]["max_um"])
+
+
+def test_compare_an_arm_that_changed_is_worse_and_names_the_rows(folder):
+    shifted(folder, "crashed.csv", q3=2e-3)
+    run = armtrue("compare", "fit.json", "crashed.csv", "--json", "-", cwd=folder)
+    assert run.returncode == 1
+    found = json.loads(run.stdout)
+    assert found["verdict"] == "worse"
+    assert found["error"]["mean_um"] > 5 * found["expected_mean_um"]
+    words = armtrue("compare", "fit.json", "crashed.csv", cwd=folder).stdout
+    assert "Worse than expected" in words
+    assert "stand elsewhere" not in words
+
+
+def test_compare_a_tracker_that_stands_elsewhere_is_told_from_an_arm_that_changed(folder):
+    shifted(folder, "elsewhere.csv", x=0.003, z=-0.002)
+    run = armtrue("compare", "fit.json", "elsewhere.csv", cwd=folder)
+    assert run.returncode == 1
+    assert "base or instrument stand elsewhere" in " ".join(run.stdout.split())
+
+
+def test_predict_says_the_error_where_the_poses_were_measured(folder):
+    run = armtrue("predict", "fit.json", "test.csv", "--out", "p.csv", cwd=folder)
+    predicted, exact = table(folder / "p.csv"), table(folder / "test.csv")
+    apart = np.sqrt(sum((predicted[name] - exact[name]) ** 2 for name in "xyz"))
+    assert f"error against the x, y, z of test.csv: mean {1e6 * apart.mean():.1f} µm" in run.stdout
+
+
+def test_predict_uncertainty_covers_what_the_model_gets_wrong(folder):
+    """With the hidden effect added the model is right: errors at fresh poses are of the size it states."""
+    armtrue("add", "fit.json", "gear_harmonics", "--joints", "3", "--out", "right.json", cwd=folder)
+    run = armtrue("predict", "right.json", "test.csv", "--out", "p.csv", "--uncertainty", cwd=folder)
+    assert run.returncode == 0, run.stderr
+    predicted, exact = table(folder / "p.csv"), table(folder / "test.csv")
+    assert predicted.dtype.names == ("x", "y", "z", "cxx", "cxy", "cxz", "cyy", "cyz", "czz")
+    error = np.column_stack([predicted[name] - exact[name] for name in "xyz"])
+    covariance = np.array([[predicted[f"c{min(a, b)}{max(a, b)}"] for b in "xyz"] for a in "xyz"]).transpose(
+        2, 0, 1
+    )
+    distance = np.einsum("ni,nij,nj->n", error, np.linalg.inv(covariance), error)
+    # One campaign's errors move together, so that its share within 95 % is far from exact; its scale is not.
+    assert 0.5 < np.median(distance) < 8.0
+    assert np.all(np.linalg.eigvalsh(covariance) > 0.0)

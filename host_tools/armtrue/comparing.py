@@ -1,0 +1,84 @@
+"""A fit against measurements that it has not seen: as good as was to be expected, or worse."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armtrue.fitting import Fit
+from armtrue.io import Dataset
+from armtrue.io.columns import POSITION
+
+Array = NDArray[np.float64]
+
+_WORST_ROWS = 10
+# The mean of so many standard errors above what was expected is no chance.
+_STANDARD_ERRORS = 3.0
+_SAME_POSE = 1e-6
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """`figures`: what `armtrue compare --json` writes. `elsewhere_um`: the mean error after the measuring frame was
+    moved onto the predictions, where that explains what is worse; else None.
+    """
+
+    figures: dict[str, Any]
+    elsewhere_um: float | None
+
+
+def compare(fit: Fit, data: Dataset) -> Comparison:
+    """Compare the predictions of `fit` with the positions of `data`. Errors: InputError where a column is missing."""
+    predicted = fit.predict(data)
+    apart_um = 1e6 * np.linalg.norm(data.positions_m - predicted, axis=1)
+    held_out = fit.document["error"]["held_out"]
+    expected = float(held_out["mean_um"])
+    poses = len(np.unique(np.round(data.joints / _SAME_POSE), axis=0))
+    spread = math.sqrt(max(0.0, float(held_out["rms_um"]) ** 2 - expected**2))
+    chance = spread * math.sqrt(1.0 / poses + 1.0 / max(1, int(held_out.get("n") or data.count)))
+    limit = expected + _STANDARD_ERRORS * chance
+    figures = error_figures(apart_um)
+    worst = np.argsort(apart_um)[::-1][:_WORST_ROWS]
+    worse = figures["mean_um"] > limit
+    elsewhere = float(_moved_frame_um(data.positions_m, predicted).mean()) if worse and poses > 3 else None
+    return Comparison(
+        {
+            "error": figures,
+            "expected_mean_um": expected,
+            "limit_um": limit,
+            "verdict": "worse" if worse else "as_expected",
+            "rows": [{"row": int(data.rows[at]), "error_um": float(apart_um[at])} for at in worst],
+        },
+        elsewhere if elsewhere is not None and elsewhere <= limit else None,
+    )
+
+
+def prediction_error(predicted: Array, data: Dataset) -> dict[str, float] | None:
+    """The error of `predicted` (N, 3) [m] where `data` has positions; None where it has not."""
+    if any(name not in data.columns for name in POSITION):
+        return None
+    return error_figures(1e6 * np.linalg.norm(data.positions_m - predicted, axis=1))
+
+
+def error_figures(apart_um: Array) -> dict[str, float]:
+    """Mean, RMS, 95 % and largest of distances [µm]."""
+    return {
+        "mean_um": float(apart_um.mean()),
+        "rms_um": float(np.sqrt((apart_um**2).mean())),
+        "p95_um": float(np.quantile(apart_um, 0.95)),
+        "max_um": float(apart_um.max()),
+        "n": len(apart_um),
+    }
+
+
+def _moved_frame_um(measured: Array, predicted: Array) -> Array:
+    """Distances [µm] after a rigid motion brought `measured` onto `predicted`."""
+    middle, target = measured.mean(axis=0), predicted.mean(axis=0)
+    u, _, vt = np.linalg.svd((measured - middle).T @ (predicted - target))
+    rotation = (u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt).T
+    moved = (measured - middle) @ rotation.T + target
+    return np.asarray(1e6 * np.linalg.norm(moved - predicted, axis=1))

@@ -1,0 +1,223 @@
+"""Foreign sheets to one table in the contract's form: units, files that belong together, wide to long, repeats."""
+
+from __future__ import annotations
+
+import datetime
+import math
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armtrue.errors import InputError
+from armtrue.foreign.headers import Meaning
+from armtrue.foreign.sheets import Sheet, is_number, to_float
+from armtrue.io.columns import UNITS
+
+Array = NDArray[np.float64]
+
+_FARTHEST_M = 20.0
+_TIME_FORMATS = (
+    *("%Y-%m-%d %H:%M:%S.%f", "%Y-%m-%d %H:%M:%S", "%Y-%m-%dT%H:%M:%S.%f", "%Y-%m-%dT%H:%M:%S"),
+    *("%d.%m.%Y %H:%M:%S", "%d/%m/%Y %H:%M:%S", "%m/%d/%Y %H:%M:%S", "%Y/%m/%d %H:%M:%S", "%Y%m%d%H%M%S"),
+    *("%m/%d/%Y %I:%M:%S %p", "%H:%M:%S.%f", "%H:%M:%S"),
+)
+
+
+@dataclass
+class Part:
+    """One file with its meaning. `units`: contract name → unit as stated or guessed; `notes`: from what."""
+
+    sheet: Sheet
+    meaning: Meaning
+    units: dict[str, str] = field(default_factory=dict)
+    time_format: str | None = None
+    notes: list[str] = field(default_factory=list)
+
+    def numbers(self, header: str) -> Array:
+        """One column as numbers. Errors: InputError naming the first cell that is none."""
+        sheet = self.sheet
+        cells = sheet.cells(header)
+        for cell, row in zip(cells, sheet.numbers, strict=True):
+            if not is_number(cell, sheet.decimal):
+                raise InputError(f"{sheet.path} row {row} column {header}: found '{cell}', expected a number")
+        return np.array([to_float(cell, sheet.decimal) for cell in cells])
+
+    def in_si(self, name: str, header: str) -> Array:
+        """One column in SI units by the unit that was found for `name`."""
+        _, factor, added = UNITS[self.units[name]] if name in self.units else ("", 1.0, 0.0)
+        return self.numbers(header) * factor + added
+
+
+def find_units(part: Part, prismatic: set[str]) -> None:
+    """Fill `part.units` for joints, points, rotation, temperatures, time and payload; drop columns that are no use."""
+    sheet, meaning = part.sheet, part.meaning
+    _joint_units(part, prismatic)
+    for name, headers in meaning.points.items():
+        stated = next((sheet.units[header] for header in headers if header in sheet.units), None)
+        points = np.column_stack([part.numbers(header) for header in headers])
+        spread = float(np.median(np.linalg.norm(points - np.median(points, axis=0), axis=1)))
+        unit = stated or ("mm" if spread > _FARTHEST_M else "m")
+        part.units[f"point {name}"] = unit
+        part.notes.append(
+            f"{', '.join(headers)}: {unit}, {_source(stated, f'points lie {spread:.4g} apart')}"
+        )
+    if len(meaning.rotation) == 3:
+        stated = next((sheet.units[header] for header in meaning.rotation if header in sheet.units), None)
+        largest = max(float(np.abs(part.numbers(header)).max()) for header in meaning.rotation)
+        part.units["rotation"] = stated or ("deg" if largest > 2.0 * math.pi else "rad")
+    for name, header in list(meaning.others.items()):
+        if name.startswith("temp_"):
+            values = part.numbers(header)
+            part.units[name] = sheet.units.get(header) or (
+                "K" if float(np.median(values)) > 200.0 else "degC"
+            )
+        elif name == "payload" and header in sheet.units:
+            part.units[name] = sheet.units[header]
+        elif name == "time":
+            _find_time(part, header)
+
+
+def _joint_units(part: Part, prismatic: set[str]) -> None:
+    joints = part.meaning.joints
+    revolute = {name: header for name, header in joints.items() if name.lstrip("qr") not in prismatic}
+    if revolute:
+        largest = max(float(np.abs(part.numbers(header)).max()) for header in revolute.values())
+        stated = next(
+            (part.sheet.units[header] for header in revolute.values() if header in part.sheet.units), None
+        )
+        unit = stated or ("deg" if largest > 2.2 * math.pi else "rad")
+        part.units |= dict.fromkeys(revolute, unit)
+        words = ", ".join(revolute.values())
+        part.notes.append(f"{words}: joints in {unit}, {_source(stated, f'the largest is {largest:.4g}')}")
+    for name in set(part.meaning.joints) - set(revolute):
+        header = part.meaning.joints[name]
+        far = float(np.abs(part.numbers(header)).max()) > _FARTHEST_M
+        part.units[name] = part.sheet.units.get(header) or ("mm" if far else "m")
+
+
+def _source(stated: str | None, otherwise: str) -> str:
+    return "as its header says" if stated else f"as {otherwise}"
+
+
+def _find_time(part: Part, header: str) -> None:
+    cells = part.sheet.cells(header)
+    decimal = part.sheet.decimal
+    if len(set(cells)) < 2:
+        part.meaning.others.pop("time")
+        part.notes.append(f"{header}: the same in all rows, not used")
+        return
+    for pattern in _TIME_FORMATS:
+        if all(_is_time(cell, pattern) for cell in cells):
+            part.time_format = pattern
+            part.notes.append(f"{header}: time as {pattern}")
+            return
+    if all(is_number(cell, decimal) for cell in cells):
+        stated = part.sheet.units.get(header)
+        part.units["time"] = stated if stated in ("s", "ms", "min", "h") else "s"
+        part.notes.append(f"{header}: time in {part.units['time']}")
+        return
+    part.meaning.others.pop("time")
+    part.notes.append(f"{header}: found no time in '{cells[0]}', not used")
+
+
+def _is_time(cell: str, pattern: str) -> bool:
+    try:
+        datetime.datetime.strptime(cell, pattern)
+    except ValueError:
+        return False
+    return True
+
+
+def seconds(part: Part) -> Array | None:
+    """Seconds of each row since the earliest; None where the sheet has no time."""
+    header = part.meaning.others.get("time")
+    if header is None:
+        return None
+    if part.time_format is None:
+        return part.in_si("time", header)
+    stamps = [datetime.datetime.strptime(cell, part.time_format) for cell in part.sheet.cells(header)]
+    return np.array([(stamp - min(stamps)).total_seconds() for stamp in stamps])
+
+
+def match_rows(joints: Part, points: Part) -> tuple[NDArray[np.int64], NDArray[np.int64], str]:
+    """Which rows of the two files belong together, and by what. Errors: InputError where nothing tells."""
+    one, other = joints.meaning.key, points.meaning.key
+    if one is not None and other is not None:
+        own, foreign = joints.sheet.cells(one), points.sheet.cells(other)
+        if len(set(own)) == len(own) and len(set(own) & set(foreign)) >= 0.5 * len(foreign):
+            place = {key: at for at, key in enumerate(own)}
+            pairs = [(place[key], at) for at, key in enumerate(foreign) if key in place]
+            left, right = zip(*pairs, strict=True)
+            return np.array(left), np.array(right), f"by {one} and {other}"
+    count = len(joints.sheet.rows)
+    if count != len(points.sheet.rows):
+        raise InputError(
+            f"{points.sheet.path}: found {len(points.sheet.rows)} rows where {joints.sheet.path} has {count}, expected "
+            "as many, or a column of pose numbers in both"
+        )
+    rows = np.array(range(count), dtype=np.int64)
+    return rows, rows, "row by row"
+
+
+def long_table(parts: list[Part]) -> tuple[dict[str, Array], list[str] | None, list[str]]:
+    """All files as one table in the contract's form: columns, the reflector of each row, and what was done."""
+    with_joints = [part for part in parts if part.meaning.joints]
+    if len(with_joints) != 1:
+        names = ", ".join(part.sheet.path.name for part in (with_joints or parts))
+        raise InputError(f"{names}: found joints in {len(with_joints)} of the files, expected them in one")
+    base = with_joints[0]
+    blocks: list[tuple[str, Part, list[str], NDArray[np.int64], NDArray[np.int64]]] = []
+    notes: list[str] = []
+    for part in parts:
+        if not part.meaning.points:
+            continue
+        if part is base:
+            own = other = np.array(range(len(base.sheet.rows)), dtype=np.int64)
+        else:
+            own, other, how = match_rows(base, part)
+            notes.append(f"{part.sheet.path.name} belongs to {base.sheet.path.name} {how}")
+        for name, headers in part.meaning.points.items():
+            alone = len(part.meaning.points) == 1 and part is not base
+            label = part.sheet.path.stem if alone else (name or part.sheet.path.stem)
+            blocks.append((label, part, headers, own, other))
+    if not blocks:
+        raise InputError(
+            f"{base.sheet.path}: found no columns of points, expected x, y and z in one of the files"
+        )
+    if len(blocks) > 1:
+        notes.append(
+            f"{len(blocks)} reflectors, one below the other: {', '.join(block[0] for block in blocks)}"
+        )
+    columns: dict[str, list[Array]] = {}
+    labels: list[str] = []
+    for label, part, headers, own, other in blocks:
+        for name, header in base.meaning.joints.items():
+            columns.setdefault(name, []).append(base.in_si(name, header)[own])
+        unit = UNITS[part.units[f"point {next(k for k, v in part.meaning.points.items() if v is headers)}"]][
+            1
+        ]
+        for axis, header in zip("xyz", headers, strict=True):
+            columns.setdefault(axis, []).append(part.numbers(header)[other] * unit)
+        for source, rows in {id(base): (base, own), id(part): (part, other)}.values():
+            for name, header in source.meaning.others.items():
+                if name.startswith("temp_") or name == "payload":
+                    columns.setdefault(name, []).append(source.in_si(name, header)[rows])
+        clock = seconds(base)
+        if clock is not None:
+            columns.setdefault("time", []).append(clock[own])
+        labels += [label] * len(own)
+    table = {name: np.concatenate(values) for name, values in columns.items()}
+    table = {name: values for name, values in table.items() if len(values) == len(labels)}
+    return table, (labels if len(blocks) > 1 else None), notes
+
+
+def write_long(path: Path, table: dict[str, Array], labels: list[str] | None) -> str:
+    """The text of a CSV of `table` in the contract's form."""
+    names = [*table, *(["target"] if labels else [])]
+    lines = [",".join(names)]
+    for at in range(len(next(iter(table.values())))):
+        cells = [f"{values[at]:.10g}" for values in table.values()]
+        lines.append(",".join([*cells, *([labels[at].replace(",", " ")] if labels else [])]))
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,276 @@
+"""`armtrue init`: robot.yaml, dataset.yaml and model.yaml from foreign files, with what was guessed and from what."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from armtrue.checking.alignment import align, alignment_columns, thinned
+from armtrue.checking.orientations import rotation_that_follows
+from armtrue.checking.report import Finding
+from armtrue.checking.run import cheap_findings
+from armtrue.errors import InputError
+from armtrue.foreign import robots
+from armtrue.foreign.combine import Part, find_units, long_table, write_long
+from armtrue.foreign.headers import meaning
+from armtrue.foreign.sheets import SEPARATORS, read_sheet
+from armtrue.io import Dataset, Robot, load_data, load_robot
+from armtrue.io.files import check_writable, refuse_to_lose, write_file
+
+_SAME_POSE = 1e-6
+_GEOMETRY = ["base_frame", "tool_offset", "joint_offset", "link_geometry"]
+_ROWS = 200
+_NAMES = ("robot.yaml", "dataset.yaml", "model.yaml", "data.csv")
+
+
+@dataclass
+class Guessed:
+    """`written`: the files; `notes`: what was guessed and from what; `findings`: what the checks say of the result."""
+
+    written: list[Path] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    findings: list[Finding] = field(default_factory=list)
+
+
+def init(
+    files: list[Path],
+    out: Path,
+    *,
+    urdf: Path | None = None,
+    dh: Path | None = None,
+    robot: Path | None = None,
+    force: bool = False,
+) -> Guessed:
+    """Read foreign measurement `files` and write what `check` and `fit` take, into the folder `out`.
+
+    `urdf`, `dh`, `robot`: the arm as a URDF, a table of DH rows, or a robot.yaml that is there already. `force`:
+    replace files of an earlier run. Errors: InputError where a file or the arm cannot be read; nothing is then written.
+    """
+    targets = [out / name for name in _NAMES]
+    refuse_to_lose([*files, urdf, dh, robot], targets)
+    if out.exists() and not out.is_dir():
+        raise InputError(f"--out: found '{out}', expected a folder")
+    for target in targets:
+        kept = target.name == "robot.yaml" and not (urdf or dh)
+        if target.exists() and not force and not kept:
+            raise InputError(
+                f"{target}: found the file already, expected a new folder (or --force, which replaces it)"
+            )
+    return _Init(files, out).run(urdf, dh, robot or _own_robot(out))
+
+
+def _own_robot(out: Path) -> Path | None:
+    own = out / "robot.yaml"
+    return own if own.is_file() else None
+
+
+class _Init:
+    def __init__(self, files: list[Path], out: Path) -> None:
+        self._out = out
+        self._guessed = Guessed()
+        self._sheets = [read_sheet(file) for file in files]
+
+    def run(self, urdf: Path | None, dh: Path | None, robot: Path | None) -> Guessed:
+        robot_texts, names, prismatic = self._arm(urdf, dh, robot)
+        parts = [Part(sheet, meaning(sheet, names)) for sheet in self._sheets]
+        for part in parts:
+            find_units(part, prismatic)
+            self._guessed.notes += [f"{part.sheet.path.name}: {note}" for note in part.notes]
+        dataset, data_text = self._dataset(parts)
+        made = not self._out.exists()
+        self._out.mkdir(parents=True, exist_ok=True)
+        try:
+            self._write(robot_texts, robot, dataset, data_text)
+        except BaseException:
+            for path in self._guessed.written:
+                path.unlink(missing_ok=True)
+            if made:
+                self._out.rmdir()
+            raise
+        return self._guessed
+
+    def _arm(
+        self, urdf: Path | None, dh: Path | None, robot: Path | None
+    ) -> tuple[list[tuple[str, str]], list[str], set[str]]:
+        """Texts of robot.yaml to choose from, each with its words; joint names; prismatic joints."""
+        first = next((m for sheet in self._sheets if (m := meaning(sheet, [])).joints), None)
+        count = len([name for name in first.joints if not name.startswith("qr")]) if first else None
+        if urdf is not None:
+            kinematics, names, words = robots.urdf_kinematics(urdf, self._out, count)
+            self._guessed.notes.append(words)
+            return [(_yaml({"name": urdf.stem, "kinematics": kinematics}), "")], names, set()
+        if dh is not None:
+            rows, notes = robots.dh_rows(dh)
+            self._guessed.notes += notes
+            texts = {
+                "dh": "standard (a, alpha after the rotation)",
+                "mdh": "modified (Craig: before the rotation)",
+            }
+            return (
+                [
+                    (
+                        _yaml({"name": dh.stem, "kinematics": {"convention": own, "joints": rows}}),
+                        f"{dh.name}: Denavit-Hartenberg, {words}",
+                    )
+                    for own, words in texts.items()
+                ],
+                [],
+                set(),
+            )
+        if robot is None:
+            raise InputError(
+                "init: found no arm, expected --urdf FILE, --dh TABLE (columns a, alpha, d, theta) or "
+                "--robot robot.yaml; " + robots.WHERE_ARMS_ARE
+            )
+        arm = load_robot(robot)
+        prismatic = {str(k) for k, joint in enumerate(arm.joints, start=1) if joint["type"] == "prismatic"}
+        return [], [joint["name"] for joint in arm.joints], prismatic
+
+    def _dataset(self, parts: list[Part]) -> tuple[dict[str, Any], str | None]:
+        """dataset.yaml as a mapping without a rotation, and the text of data.csv where the files must be joined."""
+        part = parts[0]
+        alone = (
+            len(parts) == 1 and len(part.meaning.points) == 1 and part.sheet.direct and part.meaning.joints
+        )
+        return (_direct(part, self._out), None) if alone else self._joined(parts)
+
+    def _joined(self, parts: list[Part]) -> tuple[dict[str, Any], str]:
+        table, labels, notes = long_table(parts)
+        self._guessed.notes += notes
+        commanded = sorted(name for name in table if name[0] == "q" and name[1:].isdigit())
+        rounded = np.round(np.column_stack([table[name] for name in commanded]) / _SAME_POSE)
+        codes = np.unique(labels, return_inverse=True)[1] if labels else np.zeros(len(rounded))
+        poses, which, counts = np.unique(
+            np.column_stack([rounded, codes]), axis=0, return_inverse=True, return_counts=True
+        )
+        if counts.max() > 1:
+            table["repeat"] = which.reshape(-1).astype(np.float64)
+            self._guessed.notes.append(f"{len(rounded) - len(poses)} rows repeat a pose: column repeat")
+        entries: dict[str, Any] = {name: name for name in table}
+        if labels:
+            entries["target"] = "target"
+        dataset: dict[str, Any] = {"file": "data.csv", "columns": entries}
+        turned = [part for part in parts if part.meaning.rotation]
+        if not labels and len(turned) == 1 and len(turned[0].sheet.rows) == len(rounded):
+            names = [f"rotation_{k}" for k in range(1, 1 + len(turned[0].meaning.rotation))]
+            table |= {
+                name: turned[0].numbers(header)
+                for name, header in zip(names, turned[0].meaning.rotation, strict=True)
+            }
+            dataset["rotation"] = _rotation(names, turned[0])
+        if "time" in table and bool(np.any(np.diff(table["time"]) < 0.0)):
+            dataset["sort_by"] = "time"
+        return dataset, write_long(self._out / "data.csv", table, labels)
+
+    def _write(
+        self,
+        robot_texts: list[tuple[str, str]],
+        robot: Path | None,
+        dataset: dict[str, Any],
+        data: str | None,
+    ) -> None:
+        out, written = self._out, self._guessed.written
+
+        def put(name: str, text: str) -> Path:
+            check_writable(out / name)
+            if out / name not in written:
+                written.append(out / name)
+            write_file(out / name, text)
+            return out / name
+
+        if data is not None:
+            put("data.csv", data)
+        put("model.yaml", _yaml({"effects": _GEOMETRY}))
+        rotation = dataset.pop("rotation", None)
+        put("dataset.yaml", _yaml(dataset))
+        if robot is not None and not robot_texts:
+            if robot.resolve() != (out / "robot.yaml").resolve():
+                put("robot.yaml", _moved(robot, out))
+        else:
+            text, words = min(robot_texts, key=lambda choice: self._rms(put("robot.yaml", choice[0])))
+            put("robot.yaml", text)
+            self._guessed.notes += [words] if words else []
+        arm = load_robot(out / "robot.yaml")
+        if rotation is not None:
+            found = self._found_rotation(rotation, dataset, arm, put)
+            put("dataset.yaml", _yaml({**dataset, "rotation": found} if found else dataset))
+        measurements = load_data(out / "dataset.yaml", arm, strict=False)
+        self._guessed.notes += measurements.notes
+        self._guessed.findings = cheap_findings(measurements, arm)
+        comment = "".join(f"# {note}\n" for note in self._guessed.notes)
+        put("dataset.yaml", comment + (out / "dataset.yaml").read_text())
+
+    def _rms(self, robot: Path) -> float:
+        arm = load_robot(robot)
+        columns = alignment_columns(load_data(self._out / "dataset.yaml", arm, strict=False))
+        return align(thinned(columns, _ROWS), arm).rms_m
+
+    def _found_rotation(self, rotation: dict[str, Any], dataset: dict[str, Any], arm: Robot, put: Any) -> Any:
+        """`rotation` in the convention under which orientations follow the arm; None where they do under none."""
+        put("dataset.yaml", _yaml({**dataset, "rotation": rotation}))
+        data: Dataset = load_data(self._out / "dataset.yaml", arm, strict=False)
+        found = rotation_that_follows(data, arm, rotation)
+        names = ", ".join(rotation["columns"])
+        if found is None:
+            self._guessed.notes.append(
+                f"{names}: orientations follow the arm in no convention tried, not used"
+            )
+            return None
+        keys, degrees = found
+        words = " ".join(str(value) for key, value in keys.items() if key not in ("columns",))
+        self._guessed.notes.append(f"{names}: {words}, as they then follow the arm within {degrees:.2g}°")
+        return keys
+
+
+def _direct(part: Part, out: Path) -> dict[str, Any]:
+    """dataset.yaml for one file as it is, the rotation in a first guess."""
+    sheet, found = part.sheet, part.meaning
+    columns: dict[str, Any] = {}
+    (point,) = found.points.items()
+    named = {**found.joints, **dict(zip("xyz", point[1], strict=True)), **found.others}
+    for name, header in named.items():
+        unit = part.units.get(f"point {point[0]}" if name in ("x", "y", "z") else name)
+        columns[name] = (
+            {"column": header, "unit": unit} if unit not in (None, "m", "rad", "s", "degC") else header
+        )
+    dataset: dict[str, Any] = {"file": os.path.relpath(sheet.path.resolve(), out.resolve())}
+    if sheet.separator != ",":
+        dataset["separator"] = SEPARATORS[sheet.separator]
+    if sheet.decimal != ".":
+        dataset["decimal"] = sheet.decimal
+    if sheet.encoding != "utf-8":
+        dataset["encoding"] = sheet.encoding
+    if sheet.header_row != 1:
+        dataset["header_row"] = sheet.header_row
+    if part.time_format is not None:
+        dataset["time"] = {"column": columns.pop("time"), "format": part.time_format}
+    if found.rotation:
+        dataset["rotation"] = _rotation(found.rotation, part)
+    return {**dataset, "columns": columns}
+
+
+def _rotation(headers: list[str], part: Part) -> dict[str, Any]:
+    if len(headers) == 4:
+        return {"form": "quaternion", "columns": headers, "order": "wxyz"}
+    unit = part.units.get("rotation", "rad")
+    return {"form": "euler", "columns": headers, "sequence": "XYZ", "axes": "intrinsic", "unit": unit}
+
+
+def _moved(robot: Path, out: Path) -> str:
+    """The text of `robot` for another folder: a URDF that it names is named from there."""
+    text = robot.read_text(encoding="utf-8-sig")
+    spec = yaml.safe_load(text)
+    urdf = spec.get("kinematics", {}).get("urdf") if isinstance(spec, dict) else None
+    if urdf is None:
+        return text
+    spec["kinematics"]["urdf"] = os.path.relpath((robot.parent / urdf).resolve(), out.resolve())
+    return _yaml(spec)
+
+
+def _yaml(value: dict[str, Any]) -> str:
+    return str(yaml.safe_dump(value, sort_keys=False, allow_unicode=True, default_flow_style=None, width=110))

@@ -1,0 +1,111 @@
+"""robot.yaml from what people have of an arm: a URDF, or a table of Denavit-Hartenberg rows."""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+from pathlib import Path
+from typing import Any
+
+from armtrue.errors import InputError
+from armtrue.foreign.sheets import Sheet, is_number, read_sheet, split_unit, to_float
+from armtrue.io.files import read_text
+
+WHERE_ARMS_ARE = (
+    "robot descriptions stand in ur_description (UR), kuka_experimental and kuka_robot_descriptions (KUKA), abb_robot "
+    "descriptions (ABB), fanuc_driver (FANUC), franka_description (Franka), staubli_experimental (Stäubli); "
+    "xacro files become a URDF by 'xacro FILE'"
+)
+_TIPS = ("tool0", "flange", "tcp", "ee", "hand", "link_t", "link8")
+_COLUMNS = {
+    "a": re.compile(r"^(?:a|r|a_i|link_?length)$", re.IGNORECASE),
+    "alpha": re.compile(r"^(?:alpha|al|α|twist|alpha_i)$", re.IGNORECASE),
+    "d": re.compile(r"^(?:d|d_i|link_?offset)$", re.IGNORECASE),
+    "offset": re.compile(r"^(?:theta|θ|offset|theta_?0|theta_?offset|joint_?offset|th)$", re.IGNORECASE),
+    "gear_ratio": re.compile(r"^(?:gear|gear_?ratio|ratio|n)$", re.IGNORECASE),
+}
+_LONGEST_M = 10.0
+
+
+def urdf_kinematics(urdf: Path, out: Path, joint_count: int | None) -> tuple[dict[str, Any], list[str], str]:
+    """`kinematics` of robot.yaml for `urdf`, the names of its joints, and from what base and tip were guessed."""
+    from urdf_parser_py import urdf as parser
+
+    try:
+        robot = parser.URDF.from_xml_string(read_text(urdf).encode())
+        parents = {joint.child: joint for joint in robot.joints}
+        links = [link.name for link in robot.links]
+    except InputError:
+        raise
+    except Exception as error:
+        raise InputError(f"{urdf}: found no URDF ({' '.join(str(error).split())})") from None
+    chains: dict[str, list[Any]] = {}
+    for link in links:
+        chain: list[Any] = []
+        at = link
+        while at in parents and len(chain) <= len(links):
+            chain.append(parents[at])
+            at = parents[at].parent
+        chains[link] = chain[::-1]
+
+    def moving(link: str) -> int:
+        return sum(joint.type != "fixed" and joint.mimic is None for joint in chains[link])
+
+    wanted = joint_count or max(map(moving, links), default=0)
+    fitting = [link for link in links if moving(link) == wanted and wanted]
+    if not fitting:
+        raise InputError(
+            f"{urdf}: found no chain of {wanted} moving joints, expected one for each joint of the measurements"
+        )
+
+    def rank(link: str) -> tuple[int, int]:
+        known = next((k for k, name in enumerate(_TIPS) if name in link.lower()), len(_TIPS))
+        return known, len(chains[link])
+
+    tip = min(fitting, key=rank)
+    base = chains[tip][0].parent
+    names = [joint.name for joint in chains[tip] if joint.type != "fixed"]
+    kinematics = {"urdf": os.path.relpath(urdf.resolve(), out.resolve()), "base": base, "tip": tip}
+    return kinematics, names, f"{urdf.name}: {wanted} joints from {base} to {tip}"
+
+
+def dh_rows(table: Path) -> tuple[list[dict[str, Any]], list[str]]:
+    """Rows {a, alpha, d, offset, …} in SI units from a table of them, and what was guessed. Errors: InputError."""
+    sheet = read_sheet(table)
+    columns: dict[str, str] = {}
+    for name in sheet.header:
+        word = split_unit(name)[0].strip()
+        own = next((own for own, words in _COLUMNS.items() if words.match(word)), None)
+        if own is not None:
+            columns.setdefault(own, name)
+    missing = [own for own in ("a", "alpha", "d") if own not in columns]
+    if missing:
+        raise InputError(
+            f"{table} header: found no column '{missing[0]}', expected a, alpha, d and theta or offset"
+        )
+    values = {own: _numbers(sheet, name, table) for own, name in columns.items()}
+    length = sheet.units.get(columns["a"]) or (
+        "mm" if _largest(values["a"] + values["d"]) > _LONGEST_M else "m"
+    )
+    angles = values["alpha"] + values.get("offset", [])
+    angle = sheet.units.get(columns["alpha"]) or ("deg" if _largest(angles) > 2.0 * math.pi else "rad")
+    factors = {"a": length, "d": length, "alpha": angle, "offset": angle}
+    scale = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254, "deg": math.pi / 180.0, "rad": 1.0}
+    rows = [
+        {own: values[own][k] * scale.get(factors.get(own, "m"), 1.0) for own in values}
+        for k in range(len(sheet.rows))
+    ]
+    return rows, [f"{table.name}: lengths in {length}, angles in {angle}"]
+
+
+def _numbers(sheet: Sheet, name: str, table: Path) -> list[float]:
+    cells = sheet.cells(name)
+    for cell, row in zip(cells, sheet.numbers, strict=True):
+        if not is_number(cell or "0", sheet.decimal):
+            raise InputError(f"{table} row {row} column {name}: found '{cell}', expected a number")
+    return [to_float(cell or "0", sheet.decimal) for cell in cells]
+
+
+def _largest(values: list[float]) -> float:
+    return max(map(abs, values), default=0.0)

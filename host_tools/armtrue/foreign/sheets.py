@@ -1,0 +1,245 @@
+"""Foreign files as tables of cells: separator, decimal mark, encoding, header and row of units are found."""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+
+from armtrue.errors import InputError
+from armtrue.io.files import LARGEST_TEXT_BYTES, read_bytes
+
+SEPARATORS = {";": "semicolon", "\t": "tab", ",": "comma", "|": "pipe"}
+_COMMENTS = ("#", "%", "//", "!")
+_NUMBER = {
+    ".": re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?$"),
+    ",": re.compile(r"[-+]?(\d+,?\d*|,\d+)([eE][-+]?\d+)?$"),
+}
+# Units in brackets, after a slash, or as a last word of their own.
+_UNIT = re.compile(
+    r"[\[(<{]\s*([^\])>}]+?)\s*[\])>}]\s*$|/\s*([A-Za-z°µ]+)\s*$|"
+    r"[_ ](mm|cm|um|µm|in|inch|rad|deg|degC|ms|kg|Nm)$"
+)
+_UNIT_WORDS = {
+    **{
+        "m": "m",
+        "meter": "m",
+        "metre": "m",
+        "meters": "m",
+        "mm": "mm",
+        "millimeter": "mm",
+        "millimeters": "mm",
+    },
+    **{"cm": "cm", "um": "um", "µm": "um", "in": "in", "inch": "in", "inches": "in", '"': "in"},
+    **{"rad": "rad", "radian": "rad", "radians": "rad", "mrad": "mrad", "deg": "deg", "degree": "deg"},
+    **{
+        "degrees": "deg",
+        "°": "deg",
+        "grad": "deg",
+        "°c": "degC",
+        "c": "degC",
+        "degc": "degC",
+        "celsius": "degC",
+    },
+    **{"k": "K", "kelvin": "K", "°f": "degF", "f": "degF", "degf": "degF", "kg": "kg", "g": "g", "lb": "lb"},
+    **{"nm": "Nm", "n·m": "Nm", "s": "s", "sec": "s", "seconds": "s", "ms": "ms", "min": "min", "h": "h"},
+}
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """One file's table: `header` names, `units` where the file states them, `rows` of cells, and how it is written.
+
+    `numbers`: the file's line of each row. `direct`: True where a dataset.yaml can describe the file as it is.
+    """
+
+    path: Path
+    header: list[str]
+    units: dict[str, str]
+    rows: list[list[str]]
+    numbers: list[int]
+    separator: str
+    decimal: str
+    encoding: str
+    header_row: int
+    direct: bool
+
+    def cells(self, name: str) -> list[str]:
+        """The cells of one column."""
+        at = self.header.index(name)
+        return [row[at] for row in self.rows]
+
+
+def read_sheet(path: Path) -> Sheet:
+    """Read the table in `path`: CSV and its relatives, or XLSX. Errors: InputError where there is none."""
+    if path.suffix.lower() in (".xlsx", ".xlsm"):
+        return _sheet(path, _workbook(path), list[int](), "", ".", "", direct=False)
+    text, encoding = _text(path)
+    lines = [(n, line) for n, line in enumerate(text.splitlines(), start=1) if line.strip()]
+    commented = any(line.lstrip().startswith(_COMMENTS) for _, line in lines)
+    kept = [(n, line) for n, line in lines if not line.lstrip().startswith(_COMMENTS)]
+    if not kept:
+        raise InputError(f"{path}: found no rows, expected a table of measurements")
+    separator = _separator([line for _, line in kept])
+    if separator == " ":
+        cells = [line.split() for _, line in kept]
+    else:
+        cells = [
+            [cell.strip() for cell in row]
+            for row in csv.reader([line for _, line in kept], delimiter=separator)
+        ]
+    if len(cells) != len(kept):
+        raise InputError(f"{path}: found a line break within quotes, expected one row a line")
+    decimal = _decimal(cells, separator)
+    direct = separator != " " and not commented
+    return _sheet(path, cells, [n for n, _ in kept], separator, decimal, encoding, direct)
+
+
+def is_number(cell: str, decimal: str) -> bool:
+    """True where `cell` is one number with that decimal mark."""
+    return bool(_NUMBER[decimal].match(cell.strip()))
+
+
+def to_float(cell: str, decimal: str) -> float:
+    """The number in `cell`, which `is_number`."""
+    return float(cell.replace(",", ".") if decimal == "," else cell)
+
+
+def split_unit(name: str) -> tuple[str, str | None]:
+    """`("q1", "rad")` for `q1 [rad]`; the unit is None where the name has none that is known."""
+    match = _UNIT.search(name)
+    unit = unit_of(next(group for group in match.groups() if group)) if match else None
+    return (name[: match.start()].strip(), unit) if match and unit else (name, None)
+
+
+def unit_of(word: str) -> str | None:
+    """The unit that `word` writes, as dataset.yaml names it."""
+    return _UNIT_WORDS.get(word.strip().strip("[]()").lower())
+
+
+def _text(path: Path) -> tuple[str, str]:
+    content = read_bytes(path, largest_bytes=LARGEST_TEXT_BYTES)
+    if content[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        return content.decode("utf-16", errors="replace"), "utf-16"
+    if b"\0" in content[:4096]:
+        raise InputError(f"{path}: found bytes that are no text, expected a CSV, its relatives, or an XLSX")
+    try:
+        return content.decode("utf-8-sig"), "utf-8"
+    except UnicodeDecodeError:
+        return content.decode("cp1252", errors="replace"), "cp1252"
+
+
+def _separator(lines: list[str]) -> str:
+    """The mark that cuts most lines into the most cells of which most are numbers."""
+    sample = lines[-200:]
+
+    def score(mark: str) -> tuple[float, int]:
+        rows = [line.split() if mark == " " else line.split(mark) for line in sample]
+        width, count = Counter(len(row) for row in rows).most_common(1)[0]
+        if width < 2 or count < 0.8 * len(rows):
+            return (0.0, 0)
+        cells = [cell.strip() for row in rows for cell in row if cell.strip()]
+        numbers = sum(any(is_number(cell, decimal) for decimal in ".,") for cell in cells)
+        # Where commas are decimal marks too, a reading by commas cuts numbers in two: it is the last choice.
+        return (numbers / max(1, len(cells)), -len(SEPARATORS) if mark == "," else 0)
+
+    return max([*SEPARATORS, " "], key=score)
+
+
+def _decimal(cells: list[list[str]], separator: str) -> str:
+    if separator == ",":
+        return "."
+    flat = [cell for row in cells[1:200] for cell in row if cell]
+    with_comma = sum("," in cell and is_number(cell, ",") for cell in flat)
+    with_point = sum("." in cell and is_number(cell, ".") for cell in flat)
+    return "," if with_comma > with_point else "."
+
+
+def _sheet(
+    path: Path,
+    cells: list[list[str]],
+    numbers: list[int],
+    separator: str,
+    decimal: str,
+    encoding: str,
+    direct: bool,
+) -> Sheet:
+    numbers = numbers or list(range(1, len(cells) + 1))
+    width = Counter(len(row) for row in cells).most_common(1)[0][0]
+    shares = [sum(is_number(cell, decimal) for cell in row) / max(1, len(row)) for row in cells]
+    first = next(
+        (
+            at
+            for at, (row, share) in enumerate(zip(cells, shares, strict=True))
+            if len(row) == width and share >= 0.5
+        ),
+        None,
+    )
+    if first is None:
+        raise InputError(f"{path}: found no row of numbers, expected a table of measurements")
+    above = [at for at in range(first) if len(cells[at]) >= width - 1 or len(cells[at]) == width]
+    units: dict[str, str] = {}
+    if not above:
+        header, header_row = [str(k) for k in range(1, width + 1)], 0
+    else:
+        with_units = len(above) > 1 and all(
+            not cell or unit_of(cell) or cell == "-" for cell in cells[above[-1]]
+        )
+        at = above[-2] if with_units else above[-1]
+        header, header_row = [*cells[at], *[""] * (width - len(cells[at]))], numbers[at]
+        if with_units:
+            units = {
+                name: unit
+                for name, cell in zip(header, cells[above[-1]], strict=False)
+                if (unit := unit_of(cell))
+            }
+            direct = False
+    header = [name or f"column {k}" for k, name in enumerate(header, start=1)]
+    repeated = next((name for name, count in Counter(header).items() if count > 1), None)
+    if repeated is not None:
+        raise InputError(f"{path} header: found column '{repeated}' a second time, expected it once")
+    for name in header:
+        unit = split_unit(name)[1]
+        if unit and name not in units:
+            units[name] = unit
+    rows = [(row, n) for row, n in zip(cells[first:], numbers[first:], strict=True) if len(row) == width]
+    direct = direct and len(rows) == len(cells) - first
+    return Sheet(
+        path,
+        header,
+        units,
+        [row for row, _ in rows],
+        [n for _, n in rows],
+        separator,
+        decimal,
+        encoding,
+        header_row,
+        direct,
+    )
+
+
+def _workbook(path: Path) -> list[list[str]]:
+    try:
+        import openpyxl
+    except ImportError:
+        raise InputError(
+            f"{path}: found an XLSX, expected openpyxl to read it with: pip install openpyxl, "
+            "or export the sheet as CSV"
+        ) from None
+    read_bytes(path, largest_bytes=LARGEST_TEXT_BYTES)
+    try:
+        book = openpyxl.load_workbook(path, read_only=True, data_only=True)
+        sheets = {
+            sheet.title: [
+                ["" if cell is None else str(cell) for cell in row]
+                for row in sheet.iter_rows(values_only=True)
+            ]
+            for sheet in book.worksheets
+        }
+    except Exception as error:
+        raise InputError(f"{path}: cannot be read as an XLSX ({error})") from None
+    filled = {title: [row for row in rows if any(row)] for title, rows in sheets.items()}
+    best = max(filled, key=lambda title: len(filled[title]))
+    return filled[best] or [[""]]
