@@ -1,7 +1,7 @@
 # Python unit tests beside their subject, and the tests across parts; then the verdict of those that step 32 began.
 # (-rs: a test that cannot run here, for want of ../shared/datasets, says so.)
 OPENBLAS_NUM_THREADS=1 run_pytest -n "$JOBS" --dist loadfile host_tools sim tests \
-  --ignore=tests/can --ignore=tests/loop --ignore=tests/firmware_boot && others=0 || others=$?
+  --ignore=tests/can --ignore=tests/loop --ignore=tests/firmware_boot --ignore=tests/wheel && others=0 || others=$?
 if [ -e tools/test.d/32-bus-begins.sh ] && [ ! -e out/pytest-bus.log ]; then
   (. tools/test.d/32-bus-begins.sh)  # this step alone was asked for
 fi
