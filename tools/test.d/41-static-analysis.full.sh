@@ -6,6 +6,7 @@ shipped_sources() {
     grep -vE '_test\.cc|/soak|_main\.cc|/transfer_sizes|/node_budget|/boot_check|/semihosting|/conformance'
 }
 mkdir -p out
+configure sanitize
 sed -nE 's/^\| `([a-zA-Z0-9.-]+)` \|.*/\1/p' docs/misra.md >out/deviations.txt
 shipped_sources | grep -vE 'ports/(posix|arm|stm32f405)' >out/shipped.txt
 found=$(cppcheck -j "$JOBS" --addon=misra --std=c++20 --language=c++ --inline-suppr --quiet -I. -D__arm__ \
