@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass, field, replace
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -12,11 +12,22 @@ from .chain import Chain, Frames
 from .errors import ScenarioError
 from .expression import evaluate, variables
 from .fourbar import FourBar
-from .statics import GravityLoads, gravity_loads
+from .history import History
+from .statics import BodyError, GravityLoads, gravity_loads, real_body
+from .tracker import TrackerError
 from .transforms import Array, Pose, exp_so3
 
 COORDINATES = ("tx", "ty", "tz", "rx", "ry", "rz")
-MEASUREMENT_EFFECTS = frozenset({"base_frame", "tool_offset", "time_drift", "command_readback"})
+MEASUREMENT_EFFECTS = frozenset(
+    {
+        *("base_frame", "tool_offset", "time_drift", "command_readback"),
+        *("tracker_scale", "tracker_angles", "station", "nest"),
+    }
+)
+# State variables that follow from where the arm stands.
+LOADS = ("tau", "gmx", "gmy", "bmx", "bmy", "load", "balancer")
+# Loads turn the arm and the turned arm changes its loads: rounds until the tool stands still.
+STANDS_STILL, MOST_ROUNDS = 1e-12, 40
 Columns = Mapping[str, Array]
 
 
@@ -36,10 +47,37 @@ class Term:
         return {**self.__dict__, "joints": list(self.joints)}
 
 
+class LinkPhysics(Protocol):
+    """What turns and shifts links in a way that no sum of terms says."""
+
+    def coordinates(self, arm: Arm, state: State, frames: Frames) -> dict[int, Array]:
+        """Virtual-joint coordinates (N, 6) by link (from 0), for an arm that stands in `frames`."""
+
+    def scaled(self, factor: float) -> LinkPhysics:
+        """The same, `factor` times as large."""
+
+
+@dataclass
+class Deflections:
+    """What is added to motors (N, n), links (N, 6 each, from 0), base (N, 6) and tool (N, 6)."""
+
+    motor: Array
+    link: dict[int, Array]
+    base: Array
+    tool: Array
+
+    def copy(self) -> Deflections:
+        """Independent of this one."""
+        link = {k: v.copy() for k, v in self.link.items()}
+        return Deflections(self.motor.copy(), link, self.base.copy(), self.tool.copy())
+
+
 class State(Mapping[str, Array]):
     """State variables of N poses by their names in docs/model.md; loads are computed only where an expression asks.
 
-    A column that nobody recorded reads as its neutral value: no payload, reference temperature, direction 0, time 0.
+    A column that nobody recorded reads as its neutral value: no payload, reference temperature, direction 0, time 0,
+    a travel without end. Of what is in no file: load2 is what gear 2 carries, gravity's torque and the balancer's,
+    balancer2 that alone; names that begin with _ are what the way to the pose leaves (history.py).
     """
 
     def __init__(self, arm: Arm, q: Array, columns: Columns) -> None:
@@ -64,7 +102,7 @@ class State(Mapping[str, Array]):
 
     @property
     def loads(self) -> GravityLoads:
-        """Gravity loads; of the nominal arm unless replaced by `use_loads`."""
+        """Gravity loads of the nominal geometry, unless replaced by `use_loads`."""
         if self._loads is None:
             self._loads = self._arm.loads(self._arm.nominal_frames(self.q), self.column("payload", 0.0))
         return self._loads
@@ -72,16 +110,25 @@ class State(Mapping[str, Array]):
     def use_loads(self, loads: GravityLoads) -> None:
         """Replaces the gravity loads, for statics on the deflected arm."""
         self._loads = loads
-        self._cache = {k: v for k, v in self._cache.items() if not k.startswith(("tau", "gm", "bm"))}
+        self._cache = {k: v for k, v in self._cache.items() if not k.startswith(LOADS)}
 
     def __getitem__(self, name: str) -> Array:
         if name not in self._cache:
             self._cache[name] = self._compute(name)
         return self._cache[name]
 
+    def _balancer(self, joint: int) -> Array:
+        """Torque of the gravity_balancer that carries a joint (from 1)."""
+        if not self._arm.has_balancer(joint):
+            raise ScenarioError(f"joint {joint} has no gravity_balancer, which an effect beside it reads")
+        return sum(
+            (evaluate(t.expression, self) for t in self._arm.terms if t.effect == "gravity_balancer"),
+            self.q[:, 0] * 0.0,
+        )
+
     def _compute(self, name: str) -> Array:
         arm = self._arm
-        if name in ("payload", "time"):
+        if name in ("payload", "time") or name.startswith("_"):
             return self.column(name, 0.0)
         if name in ("bmx", "bmy"):
             return self.loads.base_moment[:, 0 if name == "bmx" else 1]
@@ -102,8 +149,12 @@ class State(Mapping[str, Array]):
             return arm.chain.link_variables(self.q)[:, k]
         if stem == "qr":
             return self.q[:, k] if name not in self._columns else np.asarray(self._columns[name], dtype=float)
-        if stem == "dir":
-            return self.column(name, 0.0)
+        if stem in ("dir", "travel"):
+            return self.column(name, 0.0 if stem == "dir" else np.inf)
+        if stem == "balancer":
+            return self._balancer(k + 1)
+        if stem == "load":
+            return self[f"tau{k + 1}"] + (self._balancer(k + 1) if self._arm.has_balancer(k + 1) else 0.0)
         loads = {"tau": "motor_torque", "gmx": "moment_x", "gmy": "moment_y"}
         if stem in loads:
             result: Array = getattr(self.loads, loads[stem])[:, k]
@@ -116,7 +167,9 @@ class Arm:
     """A nominal robot.yaml (with `base` and `tool`) and everything in which the real arm differs from it.
 
     measuring_from_base and flange_from_tool (by reflector id, "" where there is one) are the real poses. `statics`:
-    "nominal" (torques of the nominal geometry, as docs/model.md defines) or "deflected" (of the arm as it stands).
+    "deflected" (loads where the arm really stands) or "nominal" (loads of the nominal geometry, which no arm has).
+    body: masses, centres and gravity as they really are. physics: what bends links in forms that terms do not have;
+    histories: what the way to a pose leaves; tracker: what the instrument that looks at this arm has wrong.
     """
 
     robot: dict[str, Any]
@@ -124,10 +177,15 @@ class Arm:
     measuring_from_base: Pose
     flange_from_tool: dict[str, Pose]
     linkage: FourBar | None = None
-    statics: str = "nominal"
+    statics: str = "deflected"
+    body: BodyError = field(default_factory=BodyError)
+    physics: list[LinkPhysics] = field(default_factory=list)
+    histories: list[History] = field(default_factory=list)
+    tracker: TrackerError = field(default_factory=TrackerError)
     chain: Chain = field(init=False)
     nominal_base: Pose = field(init=False)
     nominal_tool: Pose = field(init=False)
+    heavy: Chain = field(init=False)
 
     def __post_init__(self) -> None:
         self.chain = Chain.from_robot(self.robot)
@@ -135,6 +193,7 @@ class Arm:
         zero = [0.0, 0.0, 0.0]
         self.nominal_base = Pose.from_xyz_rpy(base["xyz"], base.get("rpy", zero)) if base else Pose.identity()
         self.nominal_tool = Pose.from_xyz_rpy(tool["xyz"], tool.get("rpy", zero)) if tool else Pose.identity()
+        self.heavy = real_body(self.chain, self.body)
         for term in self.terms:
             self._slot(term.coordinate)
 
@@ -165,14 +224,23 @@ class Arm:
             f"coordinate '{coordinate}' is none of motor1...n, base.tx, link1.tx...linkn.rz, tool.tx"
         )
 
+    def has_balancer(self, joint: int) -> bool:
+        """True where a gravity_balancer carries the joint (from 1)."""
+        return any(t.effect == "gravity_balancer" and joint in t.joints for t in self.terms)
+
     def nominal_frames(self, q: Array) -> Frames:
         """Frames of the perfect arm in the robot base, for q (N, n)."""
         return self.chain.frames(self.chain.link_variables(q))
 
     def loads(self, frames: Frames, payload: Array) -> GravityLoads:
-        """Gravity loads for given frames; the payload (N,) kg hangs at the nominal tool point."""
-        point = frames.flange_origin + frames.flange_rotation @ self.nominal_tool.translation
-        return gravity_loads(self.chain, frames, payload, point)
+        """Gravity loads for given frames; the payload (N,) kg hangs at the tool point, shifted as `body` says."""
+        return gravity_loads(self.heavy, frames, payload, self.payload_point(frames))
+
+    def payload_point(self, frames: Frames) -> Array:
+        """Where the payload's weight acts (N, 3), in the robot base."""
+        centre = self.nominal_tool.translation + self.body.payload_centre
+        point: Array = frames.flange_origin + frames.flange_rotation @ centre
+        return point
 
     def state(self, q: Array, columns: Columns | None = None) -> State:
         """State of poses q (N, n) with the recorded columns (names of data.csv)."""
@@ -207,21 +275,48 @@ class Arm:
         motor_error: Array | None = None,
     ) -> tuple[Frames, Array, Array]:
         """As `true_pose`, but in the robot base: real joint frames, tool rotations (N, 3, 3) and positions (N, 3)."""
-        state = self.state(q, columns)
-        rounds = 1 if self.statics == "nominal" else 4
-        for _ in range(rounds):
-            motor, link, base, tool = self._deflections(state, measurement_effects)
-            if motor_error is not None:
-                motor = motor + motor_error
-            theta = self._true_link_variables(state.q + motor)
-            frames = self.chain.frames(theta, link, base)
-            if rounds > 1:
-                state.use_loads(self.loads(frames, state.column("payload", 0.0)))
+        state, frames, moved = self._stand(q, columns, measurement_effects, motor_error)
         rotation, position = frames.flange_rotation, frames.flange_origin
-        for pose_rotation, pose_translation in (self._tools(columns, len(state.q)), tool):
+        for pose_rotation, pose_translation in (self._tools(columns, len(state.q)), _batch_pose(moved.tool)):
             position = position + np.einsum("nij,nj->ni", rotation, pose_translation)
             rotation = rotation @ pose_rotation
         return frames, rotation, position
+
+    def standing_state(self, q: Array, columns: Columns | None = None) -> State:
+        """State of poses q (N, n) with the loads of the arm as it stands there."""
+        return self._stand(q, columns or {}, True, None)[0]
+
+    def _stand(
+        self, q: Array, columns: Columns, measurement_effects: bool, motor_error: Array | None
+    ) -> tuple[State, Frames, Deflections]:
+        state = self.state(q, columns)
+        terms = [t for t in self.terms if measurement_effects or t.effect not in MEASUREMENT_EFFECTS]
+        loaded = [t for t in terms if any(v.startswith(LOADS) for v in variables(t.expression))]
+        n, count = self.chain.n, len(state.q)
+        still = Deflections(np.zeros((count, n)), {}, np.zeros((count, 6)), np.zeros((count, 6)))
+        self._add(still, [t for t in terms if t not in loaded], state)
+        if motor_error is not None:
+            still.motor += motor_error
+        frames = self.nominal_frames(state.q)
+        for _ in range(MOST_ROUNDS):
+            before = frames
+            moved = still.copy()
+            self._add(moved, loaded, state)
+            for physics in self.physics:
+                for k, value in physics.coordinates(self, state, before).items():
+                    moved.link[k] = moved.link.get(k, 0.0) + value
+            theta = self._true_link_variables(state.q + moved.motor)
+            frames = self.chain.frames(theta, moved.link, moved.base)
+            if self.statics == "nominal" or not (loaded or self.physics):
+                break
+            state.use_loads(self.loads(frames, state.column("payload", 0.0)))
+            if np.abs(frames.flange_origin - before.flange_origin).max(initial=0.0) < STANDS_STILL:
+                break
+        else:
+            raise ScenarioError(f"the arm is too soft to stand: still moving after {MOST_ROUNDS} rounds")
+        if self.statics == "deflected":
+            state.use_loads(self.loads(frames, state.column("payload", 0.0)))
+        return state, frames, moved
 
     def true_position(
         self,
@@ -244,14 +339,7 @@ class Arm:
 
     def with_terms(self, terms: Sequence[Term]) -> Arm:
         """The same arm with other terms."""
-        return Arm(
-            self.robot,
-            list(terms),
-            self.measuring_from_base,
-            self.flange_from_tool,
-            self.linkage,
-            self.statics,
-        )
+        return replace(self, terms=list(terms))
 
     def _true_link_variables(self, motor_angle: Array) -> Array:
         theta = self.chain.link_variables(motor_angle)
@@ -261,29 +349,16 @@ class Arm:
             theta[:, 2] += self.linkage.rocker_angle(theta[:, 1], beta) - beta
         return theta
 
-    def _deflections(
-        self, state: State, measurement_effects: bool
-    ) -> tuple[Array, dict[int, Array], Array | None, tuple[Array, Array]]:
-        count = len(state.q)
-        motor = np.zeros((count, self.chain.n))
-        link: dict[int, Array] = {}
-        base: Array | None = None
-        tool = np.zeros((count, 6))
-        for term in self.terms:
-            if term.effect in MEASUREMENT_EFFECTS and not measurement_effects:
-                continue
+    def _add(self, to: Deflections, terms: Sequence[Term], state: State) -> None:
+        for term in terms:
             value = term.value * evaluate(term.expression, state)
             kind, k, c = self._slot(term.coordinate)
             if kind == "motor":
-                motor[:, k] += value
+                to.motor[:, k] += value
             elif kind == "link":
-                link.setdefault(k, np.zeros((count, 6)))[:, c] += value
-            elif kind == "base":
-                base = np.zeros((count, 6)) if base is None else base
-                base[:, c] += value
+                to.link.setdefault(k, np.zeros((len(state.q), 6)))[:, c] += value
             else:
-                tool[:, c] += value
-        return motor, link, base, _batch_pose(tool)
+                (to.base if kind == "base" else to.tool)[:, c] += value
 
     def _tools(self, columns: Columns, count: int) -> tuple[Array, Array]:
         names = list(self.flange_from_tool)

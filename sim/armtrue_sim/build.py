@@ -7,9 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from .arm import Arm, Term
+from . import foreign  # noqa: F401  (registers its effects)
+from .arm import Arm
 from .chain import Chain
-from .effects import EffectContext, build_effect
+from .effects import EffectContext, EffectTruth, build_effect
 from .errors import ScenarioError
 from .presets import PRESETS, nominal_robot
 from .scenario import Scenario
@@ -19,7 +20,18 @@ from .transforms import Pose
 def context_of(scenario: Scenario) -> EffectContext:
     """What the effects may know of the scenario's arm."""
     robot = nominal_robot(scenario.arm, scenario.convention)
+    if scenario.sensors:
+        robot.setdefault("temperature", {"reference": 20.0})["sensors"] = list(scenario.sensors)
     return EffectContext(robot, Chain.from_robot(robot), PRESETS[scenario.arm])
+
+
+def build_truth(scenario: Scenario) -> EffectTruth:
+    """All that the scenario's entries add to the arm and the instrument. Raises ScenarioError."""
+    context = context_of(scenario)
+    truth = EffectTruth()
+    for role, name, joints, sizes in scenario.entries():
+        truth += build_effect(name, joints, sizes, context, scenario.seed, f"{scenario.where}: {role}")
+    return truth
 
 
 def build_arm(scenario: Scenario) -> Arm:
@@ -39,13 +51,19 @@ def build_arm(scenario: Scenario) -> Arm:
     )
     robot["base"] = (base @ base_error.inverse()).xyz_rpy()
     targets = _reflectors(scenario, tool, rng)
-    terms: list[Term] = []
-    linkage = None
-    for role, name, joints, sizes in scenario.entries():
-        truth = build_effect(name, joints, sizes, context, scenario.seed, f"{scenario.where}: {role}")
-        terms += truth.terms
-        linkage = truth.linkage or linkage
-    arm = Arm(robot, terms, base, targets, linkage, scenario.statics)
+    truth = build_truth(scenario)
+    arm = Arm(
+        robot,
+        truth.terms,
+        base,
+        targets,
+        truth.linkage,
+        scenario.statics,
+        truth.body,
+        truth.physics,
+        truth.histories,
+        truth.tracker,
+    )
     _refuse_unknown_state(scenario, arm)
     return arm
 

@@ -17,15 +17,13 @@ from .build import build_arm, context_of, published_robot
 from .effects import default_joints, mesh_orders
 from .errors import ScenarioError
 from .instrument import Instrument, drive_sigma_for_tool_repeatability
-from .poses import random_poses
-from .presets import PRESETS
 from .scenario import Scenario
-from .transforms import Array, exp_so3, quaternion_from_matrix
+from .session import DECIMALS, Table, fresh_rows, joints_of, plan_rows, quaternions
+from .transforms import Array, exp_so3
 
-Table = dict[str, Array]
-DECIMALS = {"q": 10, "temp": 3, "payload": 3, "time": 1, "tau": 4, "sigma": 9, "qr": 10}
 # Keys of an entry that say which effect it is, not how large: they belong in a model file.
 _SHAPE_KEYS = ("orders", "name", "coordinate", "expression")
+BETWEEN_TWO = ("joint_coupling", "coupling_harmonics", "cross_compliance")
 
 
 @dataclass
@@ -97,11 +95,6 @@ def _is_custom(entry: Mapping[str, Any]) -> bool:
     return bool(entry["effect"] == "custom")
 
 
-def joints_of(table: Mapping[str, Array], n: int) -> Array:
-    """Columns q1...qn of a table as (N, n)."""
-    return np.stack([table[f"q{k}"] for k in range(1, n + 1)], axis=1)
-
-
 def csv_text(table: Table) -> str:
     """A table as CSV with the decimals of its columns."""
     columns = []
@@ -140,17 +133,20 @@ def measure(scenario: Scenario, arm: Arm) -> Campaign:
     """The campaign that the scenario's plan and instrument give on an arm (which may be other than the scenario's)."""
     plan = np.random.default_rng([scenario.seed, 1])
     noise = np.random.default_rng([scenario.seed, 2])
-    table = _plan_rows(scenario, arm, plan)
+    table = plan_rows(scenario, arm, plan)
     q = joints_of(table, arm.chain.n)
     drive = _drive_sigma(scenario, arm, q)
+    joint_sigma = _joint_sigmas(scenario, arm, drive)
     visits = np.unique(table["time"], return_inverse=True)[1]
-    settled = drive * noise.standard_normal((visits.max() + 1, arm.chain.n))[visits]
+    settled = joint_sigma * noise.standard_normal((visits.max() + 1, arm.chain.n))[visits]
     rotation, exact = arm.true_pose(q, table, motor_error=settled)
     instrument = Instrument.from_dict(scenario.instrument, f"{scenario.where}: instrument")
-    measured = exact + instrument.noise(exact, noise)
+    seen = arm.tracker.as_seen(exact, rotation, table, np.array(instrument.position))
+    measured = seen + instrument.noise(exact, noise)
     gross_rows = _add_gross_errors(scenario, measured, noise)
-    data = _with_results(scenario, arm, table, measured, rotation, instrument, noise)
-    test = _test_rows(scenario, arm, table, plan)
+    turned = arm.tracker.turned(rotation, table)
+    data = _with_results(scenario, arm, table, measured, turned, instrument, noise)
+    test = fresh_rows(scenario, arm, table, plan)
     unrecorded = {name: data[name] for name in data if _omitted(scenario, name)}
     truth = {
         "scenario": scenario.name,
@@ -162,6 +158,11 @@ def measure(scenario: Scenario, arm: Arm) -> Campaign:
         "linkage": arm.linkage.__dict__ | {"first_order": arm.linkage.first_order()} if arm.linkage else None,
         "instrument": {key: list(v) if isinstance(v, tuple) else v for key, v in instrument.__dict__.items()},
         "drive_repeatability": drive,
+        "joint_repeatability": [float(v) for v in joint_sigma],
+        "links": [{"mass": link.mass, "com": [float(v) for v in link.com]} for link in arm.heavy.links],
+        "gravity": [float(v) for v in arm.heavy.gravity],
+        "payload_centre": [float(v) for v in arm.body.payload_centre],
+        "tracker": arm.tracker.as_dict(),
         "gross_error_rows": [row + 1 for row in gross_rows],
         "measurement_effects": sorted(MEASUREMENT_EFFECTS),
     }
@@ -181,8 +182,11 @@ def measure(scenario: Scenario, arm: Arm) -> Campaign:
 
 
 def _omitted(scenario: Scenario, column: str) -> bool:
-    omit = scenario.columns.get("omit", [])
-    return column in omit or column.rstrip("0123456789") in omit
+    omit, stem = scenario.columns.get("omit", []), column.rstrip("0123456789")
+    seldom = stem.startswith("_") or (
+        stem in ("travel", "duty") and stem not in scenario.columns.get("add", [])
+    )
+    return seldom or column in omit or stem in omit
 
 
 def _model_entry(entry: Any) -> Any:
@@ -204,7 +208,7 @@ def _hidden_entries(scenario: Scenario) -> list[dict[str, Any]]:
         shape = {key: sizes[key] for key in _SHAPE_KEYS if key in sizes}
         if name == "gear_mesh":
             shape.setdefault("orders", mesh_orders(context))
-        step = 2 if name == "joint_coupling" else max(len(chosen), 1)
+        step = 2 if name in BETWEEN_TWO else max(len(chosen), 1)
         entries += [
             {"effect": name, "joints": chosen[i : i + step], **shape}
             for i in range(0, max(len(chosen), 1), step)
@@ -218,105 +222,16 @@ def _drive_sigma(scenario: Scenario, arm: Arm, q: Array) -> float:
     return float(scenario.repeatability.get("drive", 0.0))
 
 
-def _plan_rows(scenario: Scenario, arm: Arm, rng: np.random.Generator) -> Table:
-    """Commanded columns of the data rows: joints, state, time, repeat, target."""
-    repeated, times = scenario.repeats.get("poses", 0), scenario.repeats.get("times", 0)
-    fresh = scenario.poses - repeated * times
-    # The repeated poses come back at the session's end, so that they tell drift from noise.
-    index = np.concatenate([np.arange(fresh), np.tile(np.arange(repeated)[::-1], times)]).astype(int)
-    q = random_poses(arm.robot, arm.chain, fresh, rng, scenario.floor, _joint_range(scenario, arm))[index]
-    time = np.round(scenario.interval * np.arange(len(index)), 1)
-    table: Table = {f"q{k + 1}": q[:, k] for k in range(arm.chain.n)}
-    table |= _temperatures(scenario, arm, time, rng)
-    payload = _payloads(scenario, fresh, rng)
-    table["payload"] = np.round(payload[index], DECIMALS["payload"])
-    table |= _directions(scenario, q, index, fresh, rng)
-    table["time"] = time
-    table["repeat"] = index
-    table |= _readback(scenario, arm, table, rng)
-    return _with_targets(scenario, table)
-
-
-def _joint_range(scenario: Scenario, arm: Arm) -> Array | None:
-    if scenario.joint_range is None:
-        return None
-    limits = arm.chain.limits
-    try:
-        given = np.array(scenario.joint_range, dtype=float)
-    except (TypeError, ValueError):
-        given = np.empty(0)
-    inside = given.shape == limits.shape and np.all(given[:, 0] <= given[:, 1])
-    if not inside or np.any(given[:, 0] < limits[:, 0]) or np.any(given[:, 1] > limits[:, 1]):
-        raise ScenarioError(
-            f"{scenario.where}: 'joint_range' is {scenario.joint_range}, expected {arm.chain.n} pairs [low, high] "
-            "inside the joint limits"
-        )
-    return given
-
-
-def _payloads(scenario: Scenario, count: int, rng: np.random.Generator) -> Array:
-    masses = np.array(
-        scenario.payloads if scenario.payloads is not None else PRESETS[scenario.arm].payloads, float
-    )
-    if scenario.payload_order == "blocks":
-        result: Array = masses[np.arange(count) * len(masses) // max(count, 1)]
-        return result
-    return rng.choice(masses, count)
-
-
-def _temperatures(scenario: Scenario, arm: Arm, time: Array, rng: np.random.Generator) -> Table:
-    """Every sensor warms from ambient by `rise` with its time constant; sensors after the first differ by some 20 %."""
-    history = {"ambient": arm.reference_temperature, "rise": 13.0, "time_constant": 2000.0, "jitter": 0.25}
-    history |= scenario.temperature
-    columns: Table = {}
-    session = np.random.default_rng([scenario.seed, 4])
-    for i, sensor in enumerate(arm.sensors):
-        vary = session.uniform(0.7, 1.3, 2) if i else np.ones(2)
-        warmth = 1.0 - np.exp(-time / (history["time_constant"] * vary[0]))
-        noise = history["jitter"] * rng.standard_normal(len(time))
-        columns[f"temp_{sensor}"] = np.round(
-            history["ambient"] + history["rise"] * vary[1] * warmth + noise, 3
-        )
-    return columns
-
-
-def _directions(scenario: Scenario, q: Array, index: Array, fresh: int, rng: np.random.Generator) -> Table:
-    if scenario.directions == "random":
-        signs = rng.choice([-1, 1], (fresh, q.shape[1]))[index]
-    else:
-        # A joint that does not move keeps the side it came from; the first pose is reached from joint zeros.
-        moves = np.sign(np.diff(q, axis=0, prepend=np.zeros((1, q.shape[1])))).astype(int)
-        signs = np.empty_like(moves)
-        last: Array = np.ones(q.shape[1], dtype=int)
-        for i, move in enumerate(moves):
-            last = np.where(move == 0, last, move)
-            signs[i] = last
-    return {f"dir{k + 1}": signs[:, k].astype(int) for k in range(q.shape[1])}
-
-
-def _readback(scenario: Scenario, arm: Arm, table: Table, rng: np.random.Generator) -> Table:
-    """Joints as read back: lagging behind the command on the side of the approach, by a random share of the lag."""
-    if "qr" not in scenario.columns.get("add", []):
-        return {}
-    count = len(table["time"])
-    lag, noise = scenario.readback.get("lag", 0.0), scenario.readback.get("noise", 0.0)
-    columns: Table = {}
-    for k in range(1, arm.chain.n + 1):
-        behind = lag * rng.exponential(1.0, count) * table[f"dir{k}"]
-        read = table[f"q{k}"] - behind + noise * rng.standard_normal(count)
-        columns[f"qr{k}"] = np.round(read, DECIMALS["qr"])
-    return columns
-
-
-def _with_targets(scenario: Scenario, table: Table) -> Table:
-    names = scenario.targets.get("names")
-    if not names:
-        return table
-    count = len(table["time"])
-    if scenario.targets.get("order", "each_pose") == "cycle":
-        return table | {"target": np.array([names[i % len(names)] for i in range(count)])}
-    repeated = {name: np.repeat(values, len(names)) for name, values in table.items()}
-    return repeated | {"target": np.array(list(names) * count)}
+def _joint_sigmas(scenario: Scenario, arm: Arm, drive: float) -> Array:
+    """What each joint does not repeat (n,), rad or m, one standard deviation."""
+    sigmas = np.full(arm.chain.n, drive)
+    for joint, sigma in scenario.repeatability.get("joints", {}).items():
+        if not isinstance(joint, int) or not 1 <= joint <= arm.chain.n:
+            raise ScenarioError(
+                f"{scenario.where}: repeatability.joints has {joint!r}, expected joints from 1 to {arm.chain.n}"
+            )
+        sigmas[joint - 1] = float(sigma)
+    return sigmas
 
 
 def _add_gross_errors(scenario: Scenario, measured: Array, rng: np.random.Generator) -> list[int]:
@@ -357,48 +272,15 @@ def _with_results(
     data |= {c: np.round(measured[:, i], 9) for i, c in enumerate("xyz")}
     if "orientation" in add:
         turned = rotation @ exp_so3(instrument.orientation * rng.standard_normal((len(rotation), 3)))
-        data |= _quaternions(turned)
+        data |= quaternions(turned)
     data |= {name: values for name, values in table.items() if name not in data}
     if "sigma" in add:
         data["sigma"] = np.round(instrument.sigma_per_axis(measured), DECIMALS["sigma"])
     if "tau" in add:
-        torque = arm.state(joints_of(table, n), table).loads.motor_torque
+        torque = arm.standing_state(joints_of(table, n), table).loads.motor_torque
         torque = torque + scenario.torque_noise * rng.standard_normal(torque.shape)
         data |= {f"tau{k + 1}": np.round(torque[:, k], DECIMALS["tau"]) for k in range(n)}
     return data
-
-
-def _quaternions(rotation: Array) -> Table:
-    quaternion = quaternion_from_matrix(rotation)
-    return {f"q{c}": np.round(quaternion[:, i], 10) for i, c in enumerate("wxyz")}
-
-
-def _test_rows(scenario: Scenario, arm: Arm, data: Table, rng: np.random.Generator) -> Table:
-    """Fresh poses at random moments of the session, with exact positions of the first reflector."""
-    count, n = scenario.test_poses, arm.chain.n
-    q = (
-        random_poses(arm.robot, arm.chain, count, rng, scenario.floor, _joint_range(scenario, arm))
-        if count
-        else np.empty((0, n))
-    )
-    time = np.round(rng.uniform(0.0, max(float(data["time"].max()), scenario.interval), count), 1)
-    table: Table = {f"q{k + 1}": q[:, k] for k in range(n)}
-    state: Table = _temperatures(scenario, arm, time, rng)
-    state["payload"] = np.round(rng.permutation(_payloads(scenario, count, rng)), DECIMALS["payload"])
-    state |= {f"dir{k + 1}": rng.choice([-1, 1], count) for k in range(n)}
-    state["time"] = time
-    state["repeat"] = scenario.poses + np.arange(count)
-    state |= _readback(scenario, arm, table | state, rng)
-    if scenario.targets.get("names"):
-        state["target"] = np.array([scenario.targets["names"][0]] * count)
-    rotation, exact = arm.true_pose(q, state)
-    table |= {c: exact[:, i] for i, c in enumerate("xyz")}
-    if "orientation" in scenario.columns.get("add", []):
-        table |= _quaternions(rotation)
-    if "tau" in scenario.columns.get("add", []):
-        torque = arm.state(q, state).loads.motor_torque
-        state |= {f"tau{k + 1}": np.round(torque[:, k], DECIMALS["tau"]) for k in range(n)}
-    return table | state
 
 
 def cli_simulate(scenario_path: str | Path, out_dir: str | Path) -> Campaign:

@@ -7,7 +7,7 @@ what a geometric fit with the believed effects leaves of it is at least the nois
 from __future__ import annotations
 
 import zlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -17,23 +17,14 @@ from .build import build_arm
 from .campaign import Campaign, measure, simulate
 from .errors import ScenarioError
 from .expression import variables
-from .foreign import foreign_effects
+from .foreign import TRUTHS, foreign_effects
+from .kinds import BAD_REPEATABILITY, KINDS, LATER, UNLIKE_ITS_FILE, Kind, context_for
 from .presets import PRESETS, nominal_robot
 from .scenario import Scenario
 from .sensitivity import geometry_terms, orthonormal_range, sensitivity, unexplained, unit_term
+from .statics import BodyError
 from .transforms import Array
 
-KINDS = (
-    "one_hidden",
-    "three_hidden",
-    "nothing_hidden",
-    "outside_catalogue",
-    "gross_errors",
-    "sixty_poses",
-    "noise_x4",
-    "missing_columns",
-)
-ARMS = ("kr30", "irb2400", "cobot", "lbr")
 TRACKER_SIGMA = 8e-6  # metres an axis
 DRIVE_SIGMA = 2.5e-6  # radians
 RAW_FACTOR, VISIBLE_FACTOR = 3.0, 1.0
@@ -71,7 +62,11 @@ class HiddenEffect:
 
 @dataclass(frozen=True)
 class HiddenCase:
-    """A campaign in memory and what its model lacks. untestable: hidden effects whose column the case withholds."""
+    """A campaign in memory and what its model lacks. untestable: hidden effects whose column the case withholds.
+
+    accepted: effects that are in the arm too, so that naming them is no mistake. For a foreign truth, `causes` and
+    `variables` (foreign/) say what a right answer is.
+    """
 
     kind: str
     arm: str
@@ -79,6 +74,9 @@ class HiddenCase:
     campaign: Campaign
     hidden: tuple[HiddenEffect, ...]
     untestable: tuple[str, ...] = ()
+    accepted: tuple[str, ...] = ()
+    causes: frozenset[str] = frozenset()
+    variables: frozenset[str] = frozenset()
 
     @property
     def believed(self) -> list[Any]:
@@ -96,43 +94,75 @@ class HiddenCase:
         return self.campaign.true_model
 
 
-def hidden_cases(kind: str, arm: str, seed: int) -> HiddenCase:
-    """One seeded case. kind: one of KINDS; arm: one of ARMS (any preset works). Raises ScenarioError on another."""
+def hidden_cases(kind: str, arm: str, seed: int, statics: str = "deflected") -> HiddenCase:
+    """One seeded case. kind: one of KINDS; arm: one of ARMS (any preset works); statics as a scenario's.
+
+    Raises ScenarioError on another.
+    """
     if kind not in KINDS:
         raise ScenarioError(f"kind of case is '{kind}', expected one of {', '.join(KINDS)}")
     if arm not in PRESETS:
         raise ScenarioError(f"arm is '{arm}', expected one of {', '.join(PRESETS)}")
+    given = KINDS[kind]
     rng = np.random.default_rng([seed, zlib.crc32(f"{kind} {arm}".encode())])
-    plan: dict[str, Any] = {
-        "name": f"{kind}-{arm}-{seed}",
-        "arm": arm,
-        "seed": int(rng.integers(2**31)),
-        "instrument": {"sigma": TRACKER_SIGMA * (4.0 if kind == "noise_x4" else 1.0)},
-        "repeatability": {"drive": DRIVE_SIGMA},
-        "believed": [
-            *("base_frame", "tool_offset", "joint_offset", "link_geometry"),
-            {"effect": "joint_compliance", "joints": list(PRESETS[arm].compliant)},
-        ],
-    }
-    if kind == "sixty_poses":
-        plan |= {"poses": 60, "repeats": {"poses": 2, "times": 3}}
-    if kind == "gross_errors":
-        plan["gross_errors"] = {"count": int(rng.integers(3, 9)), "size": [4e-4, 5e-3]}
-    if kind == "nothing_hidden":
-        return HiddenCase(kind, arm, seed, simulate(plan), ())
-    wanted = 3 if kind == "three_hidden" else 1
+    plan = _plan(kind, given, arm, seed, rng) | {"statics": statics}
+    accepted = UNLIKE_ITS_FILE if given.real else ()
+    if not given.hidden:
+        return HiddenCase(kind, arm, seed, simulate(plan), (), accepted=accepted)
     for _ in range(MOST_DRAWS):
-        entries, changes, untestable = _draw(kind, arm, wanted, rng)
+        entries, changes, untestable = _draw(kind, given, arm, rng)
         sized = _sized(plan | changes, entries, rng)
         if sized is None:
+            if isinstance(given.source, tuple):
+                # One effect on few joints: only another arm of the kind has other sizes.
+                plan["seed"] = int(rng.integers(2**31))
             continue
         campaign = simulate(plan | changes | {"hidden": [entry for entry, _, _ in sized]})
         hidden = tuple(
             HiddenEffect(h["effect"], tuple(h["joints"]), raw, visible, _variables(entry))
             for h, (entry, raw, visible) in zip(campaign.hidden, sized, strict=True)
         )
-        return HiddenCase(kind, arm, seed, campaign, hidden, untestable)
+        causes, variables_of = (
+            _right_answers(hidden) if given.source == "truths" else (frozenset(), frozenset())
+        )
+        return HiddenCase(kind, arm, seed, campaign, hidden, untestable, accepted, causes, variables_of)
     raise ScenarioError(f"case {plan['name']}: no effect of realistic size is visible in {MOST_DRAWS} draws")
+
+
+def _right_answers(hidden: tuple[HiddenEffect, ...]) -> tuple[frozenset[str], frozenset[str]]:
+    truth, joints = TRUTHS[hidden[0].effect], hidden[0].joints
+    joint = joints[0] if joints else 0
+    return truth.causes(joint), truth.variables(joint)
+
+
+def _plan(kind: str, given: Kind, arm: str, seed: int, rng: np.random.Generator) -> dict[str, Any]:
+    """The scenario of a case, but for what is hidden."""
+    plan: dict[str, Any] = {
+        "name": f"{kind}-{arm}-{seed}",
+        "arm": arm,
+        "seed": int(rng.integers(2**31)),
+        "instrument": {"sigma": TRACKER_SIGMA * given.noise},
+        "repeatability": {"drive": DRIVE_SIGMA},
+        "believed": [
+            *("base_frame", "tool_offset", "joint_offset", "link_geometry"),
+            {"effect": "joint_compliance", "joints": list(PRESETS[arm].compliant)},
+        ],
+        **given.changes,
+    }
+    if kind == "gross_errors":
+        plan["gross_errors"] = {"count": int(rng.integers(3, 9)), "size": [4e-4, 5e-3]}
+    if given.real:
+        plan["unlike"] = list(UNLIKE_ITS_FILE)
+        bad = int(rng.integers(1, 6))
+        plan["repeatability"] = {"drive": DRIVE_SIGMA, "joints": {bad: BAD_REPEATABILITY}}
+    later = LATER.get(given.source[0]) if isinstance(given.source, tuple) else None
+    if later is not None:
+        compliance = plan["believed"][-1]
+        plan["believed"] = ["base_frame", "tool_offset", "joint_offset"] + [
+            compliance if name == "joint_compliance" else name for name in later.believed
+        ]
+        plan |= later.changes
+    return plan
 
 
 def _variables(entry: dict[str, Any]) -> tuple[str, ...]:
@@ -179,11 +209,31 @@ def catalogue_choices(arm: str) -> dict[str, list[list[int]]]:
 Drawn = tuple[list[dict[str, Any]], dict[str, Any], tuple[str, ...]]
 
 
-def _draw(kind: str, arm: str, wanted: int, rng: np.random.Generator) -> Drawn:
+def _draw(kind: str, given: Kind, arm: str, rng: np.random.Generator) -> Drawn:
     """Entries to hide, changes to the plan that their measurement needs, and effects that the case makes untestable."""
-    if kind == "outside_catalogue":
+    if given.source == "formulas":
         shapes = foreign_effects(arm, rng)
         return [shapes[rng.integers(len(shapes))]], {}, ()
+    if given.source == "truths":
+        name = str(rng.choice(sorted(TRUTHS)))
+        options = TRUTHS[name].choices(arm)
+        return [_entry(name, options[rng.integers(len(options))])], dict(TRUTHS[name].plan), ()
+    if isinstance(given.source, tuple):
+        entries = []
+        for name in given.source:
+            options = LATER[name].joints(context_for(arm)) if name in LATER else catalogue_choices(arm)[name]
+            joints = options[rng.integers(len(options))]
+            sizes = LATER[name].sizes if name in LATER else {}
+            entries.append(_entry(name, [] if name == "thermal_expansion" else joints) | dict(sizes))
+        return entries, {}, ()
+    return _draw_from_catalogue(kind, arm, given.hidden, rng)
+
+
+def _entry(name: str, joints: list[int]) -> dict[str, Any]:
+    return {"effect": name, "joints": joints} if joints else {"effect": name}
+
+
+def _draw_from_catalogue(kind: str, arm: str, wanted: int, rng: np.random.Generator) -> Drawn:
     choices = catalogue_choices(arm)
     changes: dict[str, Any] = {}
     untestable: tuple[str, ...] = ()
@@ -232,23 +282,63 @@ def _sized(
     bare = build_arm(scenario)
     campaign = measure(scenario, bare)
     columns = campaign.data | campaign.unrecorded
-    q, reference = campaign.q, bare.true_position(campaign.q, columns)
-    believed = [unit_term(t.coordinate, t.expression) for t in bare.terms if t.effect == "joint_compliance"]
-    geometry = sensitivity(bare, q, columns, geometry_terms(bare) + believed)
+    q, reference = campaign.q, _seen(bare, campaign.q, columns)
+    known = _known_columns(bare, plan, q, columns)
     arms = [build_arm(Scenario.from_dict(plan | {"hidden": [entry]})) for entry in entries]
-    own = [sensitivity(bare, q, columns, _own_terms(arm, bare)) for arm in arms]
+    moves = [_seen(arm, q, columns) - reference for arm in arms]
+    own = [_own_columns(arm, bare, q, columns, move) for arm, move in zip(arms, moves, strict=True)]
     sized = []
-    for i, (entry, arm) in enumerate(zip(entries, arms, strict=True)):
+    for i, (entry, moved) in enumerate(zip(entries, moves, strict=True)):
         others = [columns_of for j, columns_of in enumerate(own) if j != i]
-        basis = orthonormal_range(np.hstack([geometry, *others]))
-        moved = arm.true_position(q, columns) - reference
+        basis = orthonormal_range(np.hstack([known, *others]))
         raw, visible = _rms(moved), _rms(unexplained(moved, basis))
         needed = max(RAW_FACTOR * noise / raw, VISIBLE_FACTOR * noise / visible)
         if needed > LARGEST_SCALE:
             return None
         scale = needed * float(rng.uniform(1.0, 1.3)) if needed > 1.0 else 1.0
-        sized.append(({**entry, "scale": scale}, scale * raw, scale * visible))
+        sized.append(({**entry, "scale": float(scale)}, float(scale * raw), float(scale * visible)))
     return sized
+
+
+def _seen(arm: Arm, q: Array, columns: dict[str, Array]) -> Array:
+    """Where the instrument sees the tool (N, 3), without its noise; what the way leaves is the arm's own."""
+    table = columns | {history.column: history.along(q, columns["time"]) for history in arm.histories}
+    rotation, position = arm.true_pose(q, table)
+    return arm.tracker.as_seen(position, rotation, table, np.zeros(3))
+
+
+def _known_columns(bare: Arm, plan: dict[str, Any], q: Array, columns: dict[str, Array]) -> Array:
+    """What a fit of the believed model can move, and of an arm that is unlike its file, its weights."""
+    effects = {entry if isinstance(entry, str) else entry["effect"] for entry in plan["believed"]}
+    geometry = [
+        t for t in geometry_terms(bare) if "link_geometry" in effects or not t.coordinate.startswith("link")
+    ]
+    shape = ("joint_offset", "link_geometry")
+    believed = [unit_term(t.coordinate, t.expression) for t in bare.terms if t.effect not in shape]
+    known = sensitivity(bare, q, columns, geometry + believed)
+    return np.hstack([known, _weight_columns(bare, q, columns)]) if "unlike" in plan else known
+
+
+def _weight_columns(arm: Arm, q: Array, columns: dict[str, Array]) -> Array:
+    """What each mass (1 %), centre (1 mm) and tilt of gravity (1 mrad) moves, by differences."""
+    errors = [BodyError(tilt=1e-3 * axis) for axis in np.eye(3)[:2]]
+    errors += [BodyError(payload_centre=1e-3 * axis) for axis in np.eye(3)]
+    for k, link in enumerate(arm.heavy.links):
+        errors.append(BodyError(mass={k: 0.01 * link.mass}))
+        errors += [BodyError(centre={k: 1e-3 * axis}) for axis in np.eye(3)]
+    reference = _seen(arm, q, columns)
+    moved = [_seen(replace(arm, body=arm.body + error), q, columns) - reference for error in errors]
+    return np.stack([m.ravel() for m in moved], axis=1)
+
+
+def _own_columns(arm: Arm, bare: Arm, q: Array, columns: dict[str, Array], moved: Array) -> Array:
+    """What a fit that knows an arm's effect can move: its terms' coefficients, and it as a whole."""
+    terms = _own_terms(arm, bare)
+    whole = moved.reshape(-1, 1)
+    if not terms:
+        return whole
+    table = columns | {history.column: history.along(q, columns["time"]) for history in arm.histories}
+    return np.hstack([sensitivity(arm, q, table, terms), whole])
 
 
 def _own_terms(arm: Arm, bare: Arm) -> list[Term]:

@@ -13,7 +13,7 @@ from .errors import ScenarioError
 from .instrument import Instrument
 
 BELIEVED = ("base_frame", "tool_offset", "joint_offset", "link_geometry", "joint_compliance")
-COLUMNS_TO_ADD = ("sigma", "tau", "qr", "orientation")
+COLUMNS_TO_ADD = ("sigma", "tau", "qr", "orientation", "travel", "duty")
 
 # In a wheel they lie in the package, in a checkout beside it.
 _SHIPPED = (Path(__file__).with_name("scenarios"), Path(__file__).parents[1] / "scenarios")
@@ -30,17 +30,21 @@ class Scenario:
     """Everything that decides a data set; each field is a key of the YAML file, in SI units.
 
     arm: a preset's name (kr30, irb2400, cobot, lbr, scara, stanford); convention: mdh or dh.
-    believed: effects that model.yaml lists; hidden: effects that it lacks. Each an effect id or a mapping
-      {effect, joints, sizes that are not to be drawn, scale: factor on all of them}. The real arm has both.
+    believed: effects that model.yaml lists; hidden: effects that it lacks; unlike: what robot.yaml has wrong beside
+      them (mass_parameters, gravity_direction), in no list. Each an effect id or a mapping
+      {effect, joints, sizes that are not to be drawn, scale: factor on all of them}. The real arm has all.
     poses: rows per reflector, `repeats: {poses, times}` at the end among them; test_poses; interval: seconds a pose.
-    instrument: see Instrument.from_dict; repeatability: {drive: rad} or {tool_mean: m}.
+    instrument: see Instrument.from_dict; repeatability: {drive: rad} or {tool_mean: m}, and
+      {joints: {number: rad}} for those that repeat otherwise.
     payloads: kg, payload_order: random or blocks; directions: random or order (from the sequence of poses).
-    temperature: {ambient, rise, time_constant, jitter}; columns: {omit: [...], add: [sigma, tau, qr, orientation]}.
+    temperature: {ambient, rise, time_constant, jitter, wave: K that sensors after the first swing by on their own};
+    sensors: names, where not the preset's. columns: {omit: [...], add: [sigma, tau, qr, orientation, travel, duty]}.
+    rests: {count, seconds}: pauses in which nothing moves; setups: {stations, nests}: how many of each, in blocks.
     targets: reflectors {names, order: each_pose or cycle}; gross_errors: {count, size: [m, m], bump: {row, shift: m}}.
     readback: {lag: rad, noise: rad}; torque_noise: Nm; robot_file: {omit: [links, tool, base]}.
     base, tool: {xyz, rpy} of the real arm, drawn where absent; nominal_error: {base: m, tool: m} of robot.yaml's.
     floor: m, lowest flange in the base frame; joint_range: [[low, high], ...] inside the limits, where the instrument
-    sees the tool; statics: nominal or deflected.
+    sees the tool; statics: deflected (loads where the arm really stands) or nominal.
     """
 
     arm: str
@@ -49,17 +53,21 @@ class Scenario:
     convention: str = "mdh"
     believed: list[Any] = field(default_factory=lambda: list(BELIEVED))
     hidden: list[Any] = field(default_factory=list)
+    unlike: list[Any] = field(default_factory=list)
     poses: int = 240
     repeats: dict[str, int] = field(default_factory=lambda: {"poses": 4, "times": 3})
     test_poses: int = 60
     interval: float = 25.0
     instrument: dict[str, Any] = field(default_factory=lambda: {"sigma": 8e-6})
-    repeatability: dict[str, float] = field(default_factory=lambda: {"drive": 2.5e-6})
+    repeatability: dict[str, Any] = field(default_factory=lambda: {"drive": 2.5e-6})
     payloads: list[float] | None = None
     payload_order: str = "random"
     directions: str = "random"
     temperature: dict[str, float] = field(default_factory=dict)
     columns: dict[str, list[str]] = field(default_factory=dict)
+    sensors: list[str] = field(default_factory=list)
+    rests: dict[str, float] = field(default_factory=dict)
+    setups: dict[str, int] = field(default_factory=dict)
     targets: dict[str, Any] = field(default_factory=dict)
     gross_errors: dict[str, Any] = field(default_factory=dict)
     readback: dict[str, float] = field(default_factory=lambda: {"lag": 2e-4, "noise": 2e-6})
@@ -70,7 +78,7 @@ class Scenario:
     nominal_error: dict[str, float] = field(default_factory=lambda: {"base": 5e-3, "tool": 1e-3})
     floor: float | None = None
     joint_range: list[list[float]] | None = None
-    statics: str = "nominal"
+    statics: str = "deflected"
     where: str = "scenario"
 
     def __post_init__(self) -> None:
@@ -85,8 +93,10 @@ class Scenario:
                     f"{self.where}: '{key}' is {value!r}, expected a whole number of at least {least}"
                 )
         self._keys("repeats", {"poses", "times"})
-        self._keys("repeatability", {"drive", "tool_mean"})
-        self._keys("temperature", {"ambient", "rise", "time_constant", "jitter"})
+        self._keys("repeatability", {"drive", "tool_mean", "joints"})
+        self._keys("rests", {"count", "seconds"})
+        self._keys("setups", {"stations", "nests"})
+        self._keys("temperature", {"ambient", "rise", "time_constant", "jitter", "wave"})
         self._keys("columns", {"omit", "add"})
         self._keys("targets", {"names", "order"})
         self._keys("gross_errors", {"count", "size", "bump"})
@@ -144,9 +154,9 @@ class Scenario:
         return scenario
 
     def entries(self) -> list[tuple[str, str, list[int] | None, dict[str, Any]]]:
-        """(believed or hidden, effect, joints or None, given sizes) of every entry. Raises ScenarioError."""
+        """(believed, hidden or unlike; effect, joints or None, given sizes) of every entry. Raises ScenarioError."""
         found: list[tuple[str, str, list[int] | None, dict[str, Any]]] = []
-        for role in ("believed", "hidden"):
+        for role in ("believed", "hidden", "unlike"):
             for i, entry in enumerate(getattr(self, role)):
                 if isinstance(entry, str):
                     found.append((role, entry, None, {}))

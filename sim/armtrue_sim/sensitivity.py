@@ -60,7 +60,7 @@ def coordinate_sensitivity(arm: Arm, q: Array, columns: Columns) -> dict[str, Ar
 
 def sensitivity(arm: Arm, q: Array, columns: Columns, terms: Sequence[Term]) -> Array:
     """d position / d coefficient of each term, (3N, m). q (N, n); columns as in `Arm.true_pose`."""
-    state = arm.state(q, columns)
+    state = arm.standing_state(q, columns)
     moved = coordinate_sensitivity(arm, q, columns)
     result = np.empty((len(state.q), 3, len(terms)))
     for j, term in enumerate(terms):

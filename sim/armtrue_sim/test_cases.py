@@ -3,19 +3,20 @@
 import numpy as np
 import pytest
 
-from .cases import ARMS, KINDS, TRACKER_SIGMA, catalogue_choices, hidden_cases
+from .cases import KINDS, TRACKER_SIGMA, catalogue_choices, hidden_cases
 from .errors import ScenarioError
 from .sensitivity import geometry_terms, orthonormal_range, sensitivity, unexplained, unit_term
 
 NOISE = np.sqrt(3.0) * TRACKER_SIGMA
 
 
-@pytest.mark.parametrize("arm", ARMS)
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(
+    ("kind", "arm"), [(kind, arm) for kind, given in KINDS.items() for arm in given.arms]
+)
 def test_hidden_effects_are_there_and_can_be_seen(kind, arm):
-    for seed in range(4):
+    for seed in range(2):
         case = hidden_cases(kind, arm, seed)
-        assert len(case.hidden) == {"nothing_hidden": 0, "three_hidden": 3}.get(kind, 1)
+        assert len(case.hidden) == KINDS[kind].hidden
         names = [h.effect for h in case.hidden] or ["none"]
         assert [entry["effect"] for entry in case.campaign.hidden] == names
         for hidden in case.hidden:
@@ -23,9 +24,10 @@ def test_hidden_effects_are_there_and_can_be_seen(kind, arm):
             assert hidden.visible_rms >= 0.99 * NOISE
             assert hidden.raw_rms < 2e-2
             assert (hidden.effect == "custom") == bool(hidden.variables)
-        assert len(case.campaign.q) == (60 if kind == "sixty_poses" else 240)
+        assert len(case.campaign.q) == (60 if "sixty_poses" in kind else 240)
         assert bool(case.campaign.gross_rows) == (kind == "gross_errors")
-        assert bool(case.campaign.unrecorded) == (kind == "missing_columns")
+        withheld = [c for c in case.campaign.unrecorded if not c.startswith(("_", "travel", "duty"))]
+        assert bool(withheld) == (kind == "missing_columns")
 
 
 def test_what_a_geometric_fit_leaves_is_the_hidden_effect_and_noise():

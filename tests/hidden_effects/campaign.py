@@ -1,71 +1,131 @@
-"""The whole hidden-effect campaign: `./dev hidden` runs it and keeps its table in docs/results.md."""
+"""Hidden-effect campaigns through the command line: `./dev hidden [GROUP]` runs one and prints its tables.
+
+Groups: `table` (docs/results.md keeps it), `real` (arms unlike their files), `foreign` (truths whose form no effect
+has), `later` (each of the contract's later effects, ten seeds), `noise` (one joint that repeats badly).
+"""
 
 from __future__ import annotations
 
 import argparse
 import statistics
 import sys
+from collections.abc import Callable, Iterable
 from concurrent.futures import ProcessPoolExecutor
+from typing import Any
 
-from armtrue_sim.cases import ARMS, KINDS
-from harness import Outcome, run_case, verdict_of
+import noise_parts
+import reliability
+from armtrue_sim.kinds import KINDS
+from harness import Outcome, Settings, run_case, verdict_of
 
 HEAD = (
-    "| what is hidden | cases | right | top 1 | top 3 | extras | ambiguity set: size | holds it "
-    "| error / true effects (median, worst) | s/case |\n"
-    "|---|---|---|---|---|---|---|---|---|---|\n"
+    "| what is hidden | cases | right | found | false | missed | hang | failed | top 1 | top 3 | ambiguity set: size "
+    "| holds it | error / true effects (median, worst) | in 95 % region | s/case: median, worst |\n"
+    f"|{'---|' * 15}\n"
 )
+GROUPS = {
+    "table": [k for k in KINDS if not k.startswith(("real", "foreign", "later"))],
+    "real": [k for k in KINDS if k.startswith("real")],
+    "foreign": ["foreign_truth"],
+    "later": [k for k in KINDS if k.startswith("later")],
+}
 
 
 def row(kind: str, outcomes: list[Outcome]) -> str:
-    """One line of the table."""
-    right = sum(verdict_of(o) == "right" for o in outcomes)
-    first = sum(bool(o.first) and o.first[0] <= o.hidden for o in outcomes)
-    three = sum(any(words <= o.hidden for words in o.first) for o in outcomes)
-    extras = sum(bool(o.extras) for o in outcomes)
+    """One line of the table. found and missed: effects; false: cases with an effect that is not in the arm."""
+    right = [o for o in outcomes if verdict_of(o) == "right"]
+    wanted = sum(len(o.hidden) for o in outcomes)
+    found = sum(len(o.hidden & o.added) for o in outcomes)
+    hangs = sum(o.trouble == "hang" for o in outcomes)
+    failed = sum(bool(o.trouble) for o in outcomes) - hangs
+    named = [
+        sum(bool(o.first) and o.first[0] <= o.hidden for o in outcomes),
+        sum(any(words <= o.hidden for words in o.first) for o in outcomes),
+        sum(o.covered for o in outcomes),
+    ]
     sizes = [1 + len(o.ambiguity) for o in outcomes if o.first]
-    ratios = [o.error_ratio for o in outcomes if verdict_of(o) == "right" and o.error_ratio == o.error_ratio]
-    covered = sum(o.covered for o in outcomes)
-    tops = [str(first), str(three), str(covered)]
-    if kind in ("nothing_hidden", "outside_catalogue"):
-        tops = ["–"] * 3
-    ratio = f"{statistics.median(ratios):.3f}, {max(ratios):.3f}" if ratios else "–"
-    seconds = statistics.median(o.seconds for o in outcomes)
-    return (
-        f"| {kind.replace('_', ' ')} | {len(outcomes)} | {right} ({100 * right / len(outcomes):.1f} %) "
-        f"| {tops[0]} | {tops[1]} "
-        f"| {extras} | {statistics.mean(sizes):.1f} | {tops[2]} | {ratio} | {seconds:.2f} |\n"
-    )
+    ratios = [o.error_ratio for o in right if o.error_ratio == o.error_ratio]
+    held = [inside for o in right for inside in o.held]
+    seconds = [o.seconds for o in outcomes if o.seconds == o.seconds]
+    false = sum(bool(o.extras - o.causes) for o in outcomes)
+    cells = [
+        *(kind.replace("_", " "), len(outcomes), f"{len(right)} ({100 * len(right) / len(outcomes):.1f} %)"),
+        *(f"{found} of {wanted}", false, wanted - found, hangs, failed, *named[:2]),
+        *(f"{statistics.mean(sizes):.1f}" if sizes else "–", named[2]),
+        f"{statistics.median(ratios):.3f}, {max(ratios):.3f}" if ratios else "–",
+        f"{100 * sum(held) / len(held):.1f} %" if held else "–",
+        f"{statistics.median(seconds):.2f}, {max(seconds):.2f}" if seconds else "–",
+    ]
+    return "| " + " | ".join(map(str, cells)) + " |\n"
+
+
+def seeds_of(kind: str, given: argparse.Namespace) -> range:
+    """As many as were asked for; the later effects have ten in all, over their arms."""
+    count = given.seeds
+    if kind == "nothing_hidden" and given.nothing_seeds:
+        count = given.nothing_seeds
+    if kind.startswith("later"):
+        count = -(-min(given.seeds, 10) // len(KINDS[kind].arms))
+    return range(given.first_seed, given.first_seed + count)
+
+
+def run_kinds(kinds: Iterable[str], given: argparse.Namespace, pool: ProcessPoolExecutor) -> list[Outcome]:
+    """All cases; wrong ones go to stderr as they come."""
+    settings = Settings(limit=given.limit, reference=not given.no_reference)
+    print(HEAD, end="", flush=True)
+    everything = []
+    for kind in kinds:
+        seeds = seeds_of(kind, given)
+        arms = KINDS[kind].arms
+        outcomes = in_parallel(
+            pool, run_case, [(kind, arm, seed, settings) for arm in arms for seed in seeds]
+        )
+        for o in outcomes:
+            if verdict_of(o) != "right":
+                words = f"hidden {sorted(o.hidden)}, added {sorted(o.added)} {o.trouble}"
+                print(f"{verdict_of(o)}: {kind} {o.arm} {o.seed}: {words}", file=sys.stderr, flush=True)
+        print(row(kind, outcomes), end="", flush=True)
+        everything += outcomes
+    return everything
+
+
+def in_parallel(
+    pool: ProcessPoolExecutor, work: Callable[..., Any], calls: list[tuple[Any, ...]]
+) -> list[Any]:
+    """Results of work(*call) in the order of the calls."""
+    return [job.result() for job in [pool.submit(work, *call) for call in calls]]
 
 
 def main() -> None:
-    """Run all kinds over all arms and seeds; failures go to stderr as they come."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seeds", type=int, default=25, help="seeds for each kind and arm")
+    """Run the group's kinds over all their arms and seeds."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("group", nargs="?", choices=[*GROUPS, "noise"], default="table")
     parser.add_argument(
-        "--nothing-seeds", type=int, default=50, help="seeds for each arm with nothing hidden"
+        "--seeds", type=int, default=25, help="seeds for each kind and arm; of noise: 4 times that"
+    )
+    parser.add_argument(
+        "--nothing-seeds", type=int, help="seeds for each arm with nothing hidden (default: 2 x seeds)"
     )
     parser.add_argument("--first-seed", type=int, default=0, help="other cases than the table's")
     parser.add_argument("--only", choices=KINDS, help="this kind of case alone")
+    parser.add_argument("--limit", type=float, default=300.0, help="seconds until a command counts as hung")
+    parser.add_argument(
+        "--no-reference", action="store_true", help="without the fit that is handed the truth"
+    )
     parser.add_argument("--jobs", type=int, default=2)
     given = parser.parse_args()
-    first = given.first_seed
-    print(HEAD, end="", flush=True)
+    given.nothing_seeds = given.nothing_seeds or 2 * given.seeds
     with ProcessPoolExecutor(given.jobs) as pool:
-        for kind in [given.only] if given.only else KINDS:
-            seeds = given.nothing_seeds if kind == "nothing_hidden" else given.seeds
-            jobs = [
-                pool.submit(run_case, kind, arm, seed) for arm in ARMS for seed in range(first, first + seeds)
-            ]
-            outcomes = [job.result() for job in jobs]
-            for o in outcomes:
-                if verdict_of(o) != "right":
-                    print(
-                        f"{verdict_of(o)}: {kind} {o.arm} {o.seed}: hidden {sorted(o.hidden)}, added {sorted(o.added)}",
-                        file=sys.stderr,
-                        flush=True,
-                    )
-            print(row(kind, outcomes), end="", flush=True)
+        if given.group == "noise":
+            first = given.first_seed
+            calls = [(seed, given.limit) for seed in range(first, first + 4 * given.seeds)]
+            print(noise_parts.table(in_parallel(pool, noise_parts.noise_case, calls)), end="")
+            return
+        outcomes = run_kinds([given.only] if given.only else GROUPS[given.group], given, pool)
+    print("\nWhat is said with a probability, and how often it is so:\n")
+    print(reliability.table([pair for o in outcomes for pair in o.said]), end="")
 
 
 if __name__ == "__main__":

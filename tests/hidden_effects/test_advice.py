@@ -10,14 +10,16 @@ import numpy as np
 import pytest
 from armtrue import _core
 from armtrue_sim import simulate
-from armtrue_sim.cases import ARMS, hidden_cases
+from armtrue_sim.cases import hidden_cases
+from armtrue_sim.kinds import ARMS
+from harness import FITTER_LOADS
 
 Fit = Any
 
 
 def fit_of(plan: dict[str, Any], without: str = "", robot: dict[str, Any] | None = None) -> Fit:
     """A fit of what is believed to a simulated campaign, without the columns whose names begin with `without`."""
-    campaign = simulate(plan)
+    campaign = simulate({"statics": FITTER_LOADS, **plan})
     columns = {
         name: np.ascontiguousarray(values, dtype=float)
         for name, values in campaign.data.items()

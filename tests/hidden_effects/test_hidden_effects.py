@@ -6,10 +6,15 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-from armtrue_sim.cases import ARMS
-from harness import Outcome, accounted_for, run_case, verdict_of
+from armtrue_sim.kinds import ARMS
+from harness import FITTER_LOADS, Outcome, Settings, accounted_for, verdict_of
+from harness import run_case as run_settings
 
 SEEDS = (1, 2)
+
+
+def run_case(kind: str, arm: str, seed: int) -> Outcome:
+    return run_settings(kind, arm, seed, Settings(statics=FITTER_LOADS))
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -74,9 +79,7 @@ def test_what_is_strange_or_hardly_known_does_not_win_by_a_hair(arm: str, seed: 
 
 
 def test_the_judge_sees_what_a_last_step_leaves() -> None:
-    fine = Outcome(
-        "one_hidden", "kr30", 0, {"backlash 2"}, [], [], {"backlash 2"}, "nothing_missing", [], 1.0, 1.0, 0.0
-    )
+    fine = Outcome("one_hidden", "kr30", 0, {"backlash 2"}, added={"backlash 2"}, verdict="nothing_missing")
     assert verdict_of(fine) == "right"
     assert verdict_of(replace(fine, lost={"joint_compliance 3"})) == "lost"
     assert verdict_of(replace(fine, verdict="unexplained_structure")) == "false alarm"
@@ -99,26 +102,9 @@ def test_the_judge_wants_every_effect_named_by_a_step() -> None:
 
 
 def test_the_judge_knows_a_wrong_answer() -> None:
-    wrong = Outcome(
-        "one_hidden", "kr30", 0, {"backlash 2"}, [], [], {"backlash 3"}, "nothing_missing", [], 2.0, 1.0, 0.0
-    )
+    wrong = Outcome("one_hidden", "kr30", 0, {"backlash 2"}, added={"backlash 3"}, verdict="nothing_missing")
     assert verdict_of(wrong) == "missed"
-    extra = Outcome(
-        "one_hidden",
-        "kr30",
-        0,
-        {"backlash 2"},
-        [],
-        [],
-        {"backlash 2", "warm_up"},
-        "nothing_missing",
-        [],
-        1.0,
-        1.0,
-        0.0,
-    )
+    extra = replace(wrong, added={"backlash 2", "warm_up"})
     assert verdict_of(extra) == "extra"
-    squeezed = Outcome(
-        "outside_catalogue", "kr30", 0, {"custom"}, [], [], {"warm_up"}, "nothing_missing", [], 1.0, 1.0, 0.0
-    )
+    squeezed = replace(wrong, kind="outside_catalogue", hidden={"custom"}, added={"warm_up"})
     assert verdict_of(squeezed) == "explained away"

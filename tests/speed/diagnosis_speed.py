@@ -11,7 +11,8 @@ import numpy as np
 from armtrue import _core
 from armtrue_sim import simulate
 from armtrue_sim.campaign import Campaign
-from armtrue_sim.cases import ARMS, hidden_cases
+from armtrue_sim.cases import hidden_cases
+from armtrue_sim.kinds import ARMS
 
 BELIEVED = ["base_frame", "tool_offset", "joint_offset", "link_geometry", "joint_compliance"]
 SEEDS = 5

@@ -51,6 +51,8 @@ class KnownArm:
                 "repeats": {"poses": 0, "times": 0},
                 "instrument": {"sigma": 0.0},
                 "repeatability": {"drive": 0.0},
+                # The loads that the fitter knows; it is to take them where the arm stands (issue 15, fault 1).
+                "statics": "nominal",
                 **scenario,
                 **more,
             }

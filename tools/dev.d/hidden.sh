@@ -1,4 +1,4 @@
-#: hidden    the whole hidden-effect campaign; its table goes into docs/results.md (with --first-seed N: other cases, only shown)
+#: hidden    hidden-effect campaigns through the command line; its table goes into docs/results.md (with options: only shown); hidden real|foreign|later|noise
 cmd_hidden() {
   cmd_build
   local keep=()

@@ -1,6 +1,14 @@
 """Every effect of the contract's catalogue as the arm really has it: one function an effect, sizes drawn or given."""
 
-from . import elastic, gears, geometry, grid, measurement, thermal  # noqa: F401  (each registers its effects)
+from . import (  # noqa: F401  (each registers its effects)
+    elastic,
+    gears,
+    geometry,
+    grid,
+    instrument,
+    measurement,
+    thermal,
+)
 from .base import EFFECTS, EffectContext, EffectTruth, build_effect, default_joints
 from .gears import mesh_orders
 

@@ -9,11 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from ..arm import Term
+from ..arm import LinkPhysics, Term
 from ..chain import Chain
 from ..errors import ScenarioError
 from ..fourbar import FourBar
+from ..history import History
 from ..presets import Preset
+from ..statics import BodyError, gravity_loads
+from ..tracker import TrackerError
 
 ARCSEC = np.pi / 180.0 / 3600.0
 DEGREE = np.pi / 180.0
@@ -37,6 +40,16 @@ class EffectContext:
         """rad or m (joint from 1)."""
         return "m" if self.chain.prismatic[joint - 1] else "rad"
 
+    def parallel_pairs(self) -> list[list[int]]:
+        """Neighbouring revolute joints whose axes are parallel, as [deflected, loaded]."""
+        chain = self.chain
+        along = [chain.fixed[k].rotation[:, 2] for k in range(chain.n)]
+        return [
+            [k, k + 1]
+            for k in range(1, chain.n)
+            if abs(along[k][2]) > 1.0 - 1e-9 and not chain.prismatic[k - 1] and not chain.prismatic[k]
+        ]
+
     def sensor_variable(self, sensor: str | None) -> str:
         """State variable of a temperature sensor; None: the first."""
         sensors = self.robot.get("temperature", {}).get("sensors", [])
@@ -53,6 +66,31 @@ class EffectTruth:
 
     terms: list[Term] = field(default_factory=list)
     linkage: FourBar | None = None
+    body: BodyError = field(default_factory=BodyError)
+    tracker: TrackerError = field(default_factory=TrackerError)
+    histories: list[History] = field(default_factory=list)
+    physics: list[LinkPhysics] = field(default_factory=list)
+
+    def __add__(self, other: EffectTruth) -> EffectTruth:
+        return EffectTruth(
+            self.terms + other.terms,
+            other.linkage or self.linkage,
+            self.body + other.body,
+            self.tracker + other.tracker,
+            self.histories + other.histories,
+            self.physics + other.physics,
+        )
+
+    def scaled(self, factor: float) -> EffectTruth:
+        """The same effect, `factor` times as large."""
+        return EffectTruth(
+            [replace(term, value=factor * term.value) for term in self.terms],
+            self.linkage.scaled(factor) if self.linkage else None,
+            self.body.scaled(factor),
+            self.tracker.scaled(factor),
+            self.histories,
+            [physics.scaled(factor) for physics in self.physics],
+        )
 
 
 class Sizes:
@@ -101,6 +139,26 @@ class Sizes:
             raise ScenarioError(
                 f"{self._where}: unknown key '{unknown[0]}', expected {', '.join(sorted(self._asked))}"
             )
+
+
+def full_torque(context: EffectContext, joint: int) -> float:
+    """Gravity torque (Nm) on a motor (joint from 1), the worst of many poses with the largest payload; at least 1."""
+    chain = context.chain
+    q = np.random.default_rng(0).uniform(chain.limits[:, 0], chain.limits[:, 1], (256, chain.n))
+    frames = chain.frames(chain.link_variables(q))
+    load = np.full(len(q), max(context.preset.payloads))
+    torque = gravity_loads(chain, frames, load, frames.flange_origin).motor_torque[:, joint - 1]
+    return max(float(np.abs(torque).max()), 1.0)
+
+
+def joint_pairs(effect_name: str, joints: list[int]) -> list[tuple[int, int]]:
+    """[a, b, c, d] as pairs (a, b), (c, d). Raises ScenarioError where they are none."""
+    pairs = list(zip(joints[::2], joints[1::2], strict=False))
+    if not joints or len(joints) % 2 or any(first == second for first, second in pairs):
+        raise ScenarioError(
+            f"{effect_name}: joints {joints}, expected pairs of different joints, as [driven, driving]"
+        )
+    return pairs
 
 
 Build = Callable[[EffectContext, list[int], Sizes], EffectTruth]
@@ -177,7 +235,4 @@ def build_effect(
     factor = sizes.value("scale", 1.0)
     truth = EFFECTS[name].build(context, chosen, sizes)
     sizes.refuse_unasked()
-    if factor != 1.0:
-        truth.terms = [replace(term, value=factor * term.value) for term in truth.terms]
-        truth.linkage = truth.linkage.scaled(factor) if truth.linkage else None
-    return truth
+    return truth if factor == 1.0 else truth.scaled(factor)

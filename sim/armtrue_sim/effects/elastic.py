@@ -6,8 +6,18 @@ import numpy as np
 
 from ..arm import Term
 from ..errors import ScenarioError
-from ..statics import gravity_loads
-from .base import EffectContext, EffectTruth, Sizes, compliant_joints, effect, every_joint, no_joint
+from ..statics import BodyError
+from .base import (
+    EffectContext,
+    EffectTruth,
+    Sizes,
+    compliant_joints,
+    effect,
+    every_joint,
+    full_torque,
+    joint_pairs,
+    no_joint,
+)
 
 
 def drawn_torsion(context: EffectContext, sizes: Sizes, joint: int) -> float:
@@ -28,7 +38,10 @@ def joint_compliance(context: EffectContext, joints: list[int], sizes: Sizes) ->
 
 @effect("stiffness_nonlinear", compliant_joints)
 def stiffness_nonlinear(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
-    """Hardening: at the arm's full gravity torque the spring yields 20 to 50 % less than its slope at zero promises."""
+    """Hardening: at the arm's full gravity torque the spring yields 20 to 50 % less than its slope at zero promises.
+
+    `soft`: what a gear gives way by about zero torque, in rad, as tanh(load / `soft_torque`); none where not given.
+    """
     terms = []
     for k in joints:
         torsion = drawn_torsion(context, sizes, k)
@@ -37,20 +50,18 @@ def stiffness_nonlinear(context: EffectContext, joints: list[int], sizes: Sizes)
         cube = -sizes.rng.uniform(0.0, 0.1) * torsion / full**2
         coordinate = f"motor{k}"
         value = sizes.value("square", square, k)
-        terms.append(Term("stiffness_nonlinear", (k,), coordinate, f"tau{k}*abs(tau{k})", value, "rad/Nm^2"))
+        terms.append(
+            Term("stiffness_nonlinear", (k,), coordinate, f"load{k}*abs(load{k})", value, "rad/Nm^2")
+        )
         value = sizes.value("cube", cube, k)
-        terms.append(Term("stiffness_nonlinear", (k,), coordinate, f"tau{k}^3", value, "rad/Nm^3"))
+        terms.append(Term("stiffness_nonlinear", (k,), coordinate, f"load{k}^3", value, "rad/Nm^3"))
+        soft = sizes.value("soft", 0.0, k)
+        turn = sizes.value("soft_torque", 0.05 * full, k)
+        if soft:
+            terms.append(
+                Term("stiffness_nonlinear", (k,), coordinate, f"tanh(load{k}/{turn!r})", soft, "rad")
+            )
     return EffectTruth(terms)
-
-
-def full_torque(context: EffectContext, joint: int) -> float:
-    """Gravity torque (Nm) on a motor (joint from 1), the worst of many poses with the largest payload; at least 1."""
-    chain = context.chain
-    q = np.random.default_rng(0).uniform(chain.limits[:, 0], chain.limits[:, 1], (256, chain.n))
-    frames = chain.frames(chain.link_variables(q))
-    load = np.full(len(q), max(context.preset.payloads))
-    torque = gravity_loads(chain, frames, load, frames.flange_origin).motor_torque[:, joint - 1]
-    return max(float(np.abs(torque).max()), 1.0)
 
 
 @effect("bending_compliance", every_joint)
@@ -100,3 +111,64 @@ def gravity_balancer(context: EffectContext, joints: list[int], sizes: Sizes) ->
     length = f"sqrt({anchor**2 + hook**2!r} - {2.0 * anchor * hook!r}*cos(q2 - {upright!r}))"
     torque = f"-{stiffness * anchor * hook!r}*sin(q2 - {upright!r})*(1 - {free_length!r}/{length})"
     return EffectTruth([Term("gravity_balancer", (2,), "motor2", torque, compliance, "rad/Nm")])
+
+
+@effect("balancer_state", lambda context: [2])
+def balancer_state(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
+    """A gas balancer's pressure follows its temperature (1/293 per kelvin, 0.6 to 1.2 of it); its seals rub, 2 to 6 %.
+
+    Both in parts of the torque that a `gravity_balancer` of the same scenario has; they twist axis 2's gear.
+    """
+    if joints != [2]:
+        raise ScenarioError(f"balancer_state: joints {joints}, expected [2]")
+    temperature = context.sensor_variable(sizes.option("sensor", None))
+    torsion = sizes.value("compliance", drawn_torsion(context, sizes, 2))
+    pressure = sizes.value("pressure", sizes.rng.uniform(0.6, 1.2) / 293.0)
+    friction = sizes.value("friction", -sizes.rng.uniform(0.02, 0.06))
+    return EffectTruth(
+        [
+            Term(
+                "balancer_state", (2,), "motor2", f"balancer2*{temperature}", pressure * torsion, "rad/Nm/K"
+            ),
+            # Rubbing takes from the torque in the direction of motion, whatever the spring's own sign.
+            Term("balancer_state", (2,), "motor2", "abs(balancer2)*dir2", friction * torsion, "rad/Nm"),
+        ]
+    )
+
+
+@effect("cross_compliance", lambda context: context.parallel_pairs()[0])
+def cross_compliance(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
+    """A link bends in the plane of parallel axes: each one's torque turns the other, by 0.2 to 0.5 of a torsion."""
+    terms = []
+    for deflected, loaded in joint_pairs("cross_compliance", joints):
+        pair = (deflected, loaded)
+        drawn = sizes.rng.uniform(0.2, 0.5) * min(drawn_torsion(context, sizes, k) for k in pair)
+        value = sizes.value("value", drawn)
+        # Symmetric, as Maxwell and Betti have it.
+        for k, other in (pair, pair[::-1]):
+            terms.append(Term("cross_compliance", pair, f"motor{k}", f"tau{other}", value, "rad/Nm"))
+    return EffectTruth(terms)
+
+
+@effect("mass_parameters", no_joint)
+def mass_parameters(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
+    """Every link's mass is `mass` (0.2) of itself off, up or down; every centre and the payload's `centre` (15 mm)."""
+    mass, centre = sizes.value("mass", 0.2), sizes.value("centre", 0.015)
+    links = context.chain.links
+    signs = sizes.rng.choice([-1.0, 1.0], len(links))
+    ways = sizes.rng.standard_normal((len(links) + 1, 3))
+    shifts = centre * ways / np.linalg.norm(ways, axis=1, keepdims=True)
+    return EffectTruth(
+        body=BodyError(
+            {k: float(mass * signs[k] * link.mass) for k, link in enumerate(links)},
+            {k: shifts[k] for k in range(len(links))},
+            payload_centre=shifts[-1],
+        )
+    )
+
+
+@effect("gravity_direction", no_joint)
+def gravity_direction(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
+    """The base is `tilt` (3 mrad) out of level, whichever way; its pose in the measuring frame says nothing of that."""
+    tilt, way = sizes.value("tilt", 3e-3), sizes.rng.uniform(-np.pi, np.pi)
+    return EffectTruth(body=BodyError(tilt=tilt * np.array([np.cos(way), np.sin(way), 0.0])))

@@ -7,11 +7,28 @@ import numpy as np
 from ..arm import Term
 from ..errors import ScenarioError
 from ..transforms import Array
-from .base import ARCSEC, DEGREE, EffectContext, EffectTruth, Sizes, effect, every_joint
+from .base import (
+    ARCSEC,
+    DEGREE,
+    EffectContext,
+    EffectTruth,
+    Sizes,
+    effect,
+    every_joint,
+    full_torque,
+    joint_pairs,
+)
 
 
 def _wave(
-    name: str, context: EffectContext, sizes: Sizes, joint: int, angle: str, key: str, size: float
+    name: str,
+    context: EffectContext,
+    sizes: Sizes,
+    joint: int,
+    angle: str,
+    key: str,
+    size: float,
+    driving: tuple[int, ...] = (),
 ) -> list[Term]:
     """sin and cos of `angle` on a motor, amplitude `size` rad at a random phase; `key` names the two given values."""
     phase = sizes.rng.uniform(0.0, 2.0 * np.pi)
@@ -20,7 +37,7 @@ def _wave(
     return [
         Term(
             name,
-            (joint,),
+            (joint, *driving),
             f"motor{joint}",
             f"{part}({angle})",
             sizes.value(f"{part}{key}", drawn, joint),
@@ -119,25 +136,55 @@ def backlash(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectT
     terms = []
     for k in joints:
         half = sizes.rng.uniform(8.0, 30.0) * ARCSEC * context.size(k)
-        terms.append(
-            Term("backlash", (k,), f"motor{k}", f"dir{k}", sizes.value("value", half, k), context.unit(k))
-        )
+        # The drive stops where it was sent and has pushed the link there: the link lags, on the side that it came from.
+        value = sizes.value("value", -half, k)
+        terms.append(Term("backlash", (k,), f"motor{k}", f"dir{k}", value, context.unit(k)))
         load = sizes.value("load", 0.0, k)
         if load:
-            terms.append(Term("backlash", (k,), f"motor{k}", f"sign(tau{k})", load, context.unit(k)))
+            terms.append(Term("backlash", (k,), f"motor{k}", f"sign(load{k})", load, context.unit(k)))
+    return EffectTruth(terms)
+
+
+@effect("hysteresis", every_joint)
+def hysteresis(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
+    """Friction winds the gear up by 6 to 20 arcsec against the motion, and by as much again at full load.
+
+    After a turn round the wind-up changes sides over `theta0`, 0.5 to 3 degrees of travel.
+    """
+    terms = []
+    for k in joints:
+        size = sizes.rng.uniform(6.0, 20.0) * ARCSEC * context.size(k)
+        loaded = size * sizes.rng.uniform(0.5, 1.0) / full_torque(context, k)
+        theta0 = sizes.value("theta0", sizes.rng.uniform(0.5, 3.0) * DEGREE * context.size(k), k)
+        for key, drawn, text in (
+            ("travel", -size, f"dir{k}*(1 - 2*exp(-travel{k}/{theta0!r}))"),
+            ("load", -loaded, f"dir{k}*abs(load{k})"),
+        ):
+            unit = context.unit(k) if key == "travel" else f"{context.unit(k)}/Nm"
+            terms.append(Term("hysteresis", (k,), f"motor{k}", text, sizes.value(key, drawn, k), unit))
     return EffectTruth(terms)
 
 
 @effect("joint_coupling", lambda context: [joint for pair in context.preset.wrist_pairs for joint in pair])
 def joint_coupling(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
     """Wrist gears that turn each other: tens of arcsec a radian. joints: [driven, driving], pair after pair."""
-    pairs = list(zip(joints[::2], joints[1::2], strict=False))
-    if not joints or len(joints) % 2 or any(driven == driving for driven, driving in pairs):
-        raise ScenarioError(
-            f"joint_coupling: joints {joints}, expected [driven, driving] or several such pairs"
-        )
     terms = []
-    for driven, driving in pairs:
+    for driven, driving in joint_pairs("joint_coupling", joints):
         value = sizes.value("value", sizes.signed(10.0, 40.0) * ARCSEC)
         terms.append(Term("joint_coupling", (driven, driving), f"motor{driven}", f"q{driving}", value, "1"))
+    return EffectTruth(terms)
+
+
+@effect(
+    "coupling_harmonics", lambda context: [joint for pair in context.preset.wrist_pairs for joint in pair]
+)
+def coupling_harmonics(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
+    """Hollow wrists: eccentric gears of one joint turn another by 10 to 40 arcsec once a turn, less twice a turn."""
+    terms = []
+    for driven, driving in joint_pairs("coupling_harmonics", joints):
+        once = sizes.rng.uniform(10.0, 40.0) * ARCSEC
+        twice = sizes.rng.uniform(0.2, 0.5) * once
+        for n, size in ((1, once), (2, twice)):
+            angle = f"q{driving}" if n == 1 else f"{n}*q{driving}"
+            terms += _wave("coupling_harmonics", context, sizes, driven, angle, str(n), size, (driving,))
     return EffectTruth(terms)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from ..arm import Term
 from ..errors import ScenarioError
 from ..fourbar import FourBar
@@ -73,3 +75,47 @@ def parallelogram(context: EffectContext, joints: list[int], sizes: Sizes) -> Ef
     return EffectTruth(
         linkage=FourBar(linkage["crank"], linkage["rod"], linkage["angle"], **errors, **pivots)
     )
+
+
+@effect("axis_wobble", every_joint)
+def axis_wobble(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
+    """A bearing runs out: 4 to 15 arcsec of tilt and 3 to 10 um of shift once a turn, half of that twice a turn."""
+    terms = []
+    for k in joints:
+        for c in ("rx", "ry", "tx", "ty"):
+            linear = c[0] == "t"
+            size = sizes.rng.uniform(3e-6, 1e-5) if linear else sizes.rng.uniform(4.0, 15.0) * DEGREE / 3600.0
+            for n in (1, 2):
+                phase = sizes.rng.uniform(0.0, 2.0 * np.pi)
+                for wave, part in (("sin", np.cos(phase)), ("cos", np.sin(phase))):
+                    value = sizes.value(f"{c}_{wave}{n}", size / n * part, k)
+                    text = f"{wave}(th{k})" if n == 1 else f"{wave}({n}*th{k})"
+                    unit = "m" if linear else "rad"
+                    terms.append(Term("axis_wobble", (k,), f"link{k}.{c}", text, value, unit))
+    return EffectTruth(terms)
+
+
+@effect("axis_straightness", lambda context: [int(k) + 1 for k in np.flatnonzero(context.chain.prismatic)])
+def axis_straightness(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
+    """A rail bows by 20 to 60 um sideways and pitches, yaws and rolls by 10 to 30 arcsec over its travel.
+
+    Sideways is tx and ty: the joint's own z runs along the rail, and tz would be its position error (decision 0023).
+    """
+    terms = []
+    for k in joints:
+        if not context.chain.prismatic[k - 1]:
+            raise ScenarioError(f"axis_straightness: joint {k} turns, expected one that slides")
+        low, high = context.chain.limits[k - 1]
+        nodes = [float(v) for v in np.linspace(low, high, 6)]
+        for c in ("tx", "ty", "rx", "ry", "rz"):
+            size = (
+                sizes.rng.uniform(2e-5, 6e-5)
+                if c[0] == "t"
+                else sizes.rng.uniform(10.0, 30.0) * DEGREE / 3600.0
+            )
+            for i, height in enumerate(size * sizes.rng.standard_normal(len(nodes))):
+                left, right = nodes[max(i - 1, 0)], nodes[min(i + 1, len(nodes) - 1)]
+                text = f"hat(q{k}, {left!r}, {nodes[i]!r}, {right!r})"
+                unit = "m" if c[0] == "t" else "rad"
+                terms.append(Term("axis_straightness", (k,), f"link{k}.{c}", text, float(height), unit))
+    return EffectTruth(terms)

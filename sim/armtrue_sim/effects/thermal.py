@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from ..arm import Term
-from .base import EffectContext, EffectTruth, Sizes, effect, every_joint, no_joint
+from ..errors import ScenarioError
+from ..history import warmth
+from .base import ARCSEC, EffectContext, EffectTruth, Sizes, effect, every_joint, no_joint
 
 STEEL, ALUMINIUM = 11.7e-6, 23.6e-6
 
@@ -94,3 +96,47 @@ def warm_up(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTr
         value = sizes.value(f"motor{k}", sizes.signed(1.5e-5, 7e-5) * context.size(k))
         terms.append(Term("warm_up", (), f"motor{k}", warmth, value, context.unit(k)))
     return EffectTruth(terms)
+
+
+@effect("thermal_gradient", lambda context: [2])
+def thermal_gradient(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
+    """One side of a link is warmer: it bends by 15 to 50 urad/K between two `sensors` (default the last two)."""
+    names = context.robot.get("temperature", {}).get("sensors", [])
+    pair = sizes.option("sensors", names[-2:])
+    if not isinstance(pair, list) or len(pair) != 2:
+        raise ScenarioError(f"thermal_gradient: sensors is {pair!r}, expected two of {names}")
+    between = " - ".join(context.sensor_variable(str(name)) for name in pair)
+    return EffectTruth(
+        [
+            Term(
+                "thermal_gradient",
+                (k,),
+                f"link{k}.{c}",
+                between,
+                sizes.value(c, sizes.signed(1.5e-5, 5e-5), k),
+                "rad/K",
+            )
+            for k in joints
+            for c in ("rx", "ry")
+        ]
+    )
+
+
+# What a joint does on average between two random poses that are `interval` apart counts as full duty.
+FULL_SPEED = 0.04
+
+
+@effect("self_heating", every_joint)
+def self_heating(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
+    """A gear warms by its own duty: zero 6 to 20 arcsec, its link 30 to 100 ppm, `tau` 600 to 3000 s."""
+    terms, histories = [], []
+    for k in joints:
+        tau = sizes.value("tau", sizes.rng.uniform(600.0, 3000.0), k)
+        histories.append(warmth(k, tau, FULL_SPEED * context.size(k)))
+        value = sizes.value("value", sizes.signed(6.0, 20.0) * ARCSEC * context.size(k), k)
+        terms.append(Term("self_heating", (k,), f"motor{k}", f"_warm{k}", value, context.unit(k)))
+        growth = sizes.value("growth", sizes.rng.uniform(3e-5, 1e-4), k)
+        for coordinate, length in link_lengths(context, k):
+            if coordinate.startswith("link"):
+                terms.append(Term("self_heating", (k,), coordinate, f"{length!r}*_warm{k}", growth, "1"))
+    return EffectTruth(terms, histories=histories)

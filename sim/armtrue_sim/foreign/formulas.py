@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from .chain import Chain
-from .effects.base import ARCSEC
-from .presets import PRESETS, nominal_robot
+from ..chain import Chain
+from ..effects.base import ARCSEC
+from ..presets import PRESETS, nominal_robot
 
 
 def foreign_effects(arm: str, rng: np.random.Generator) -> list[dict[str, Any]]:

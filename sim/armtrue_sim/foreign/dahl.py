@@ -1,0 +1,56 @@
+"""Friction with presliding (Dahl, "A solid friction model", 1968, exponent 2): the gear is wound up by what it rubs.
+
+The friction f, from -1 to 1 of its full value, follows the way x: df/dx = s (1 - f s)^2 / x0, s the sign of motion.
+After a turn round it changes sides as a hyperbola does, with a long tail, where the catalogue's is exponential.
+"""
+
+from __future__ import annotations
+
+from ..arm import Term
+from ..effects.base import ARCSEC, DEGREE, EffectContext, EffectTruth, Sizes, effect, full_torque
+from ..history import History
+
+# The way to a pose decides, so the order of the poses is the way.
+PLAN = {"directions": "order"}
+
+
+def friction(joint: int, x0: float) -> History:
+    """Dahl's state of a joint; x0 in rad (m): half of full friction is reached from rest after that."""
+
+    def advance(f: float, motion: float, seconds: float) -> float:
+        if motion == 0.0:
+            return f
+        side = 1.0 if motion > 0.0 else -1.0
+        missing = 1.0 - side * f
+        return side * (1.0 - missing / (1.0 + missing * abs(motion) / x0))
+
+    return History(f"_dahl{joint}", joint, 0.0, advance)
+
+
+@effect("dahl_friction", lambda context: [2])
+def dahl_friction(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
+    """Full friction winds up 12 to 35 arcsec, and up to twice that at full load; `x0` 0.2 to 1.5 degrees."""
+    terms, histories = [], []
+    for k in joints:
+        x0 = sizes.value("x0", sizes.rng.uniform(0.2, 1.5) * DEGREE * context.size(k), k)
+        histories.append(friction(k, x0))
+        value = sizes.value("value", -sizes.rng.uniform(12.0, 35.0) * ARCSEC * context.size(k), k)
+        grows = sizes.rng.uniform(0.3, 1.0) / full_torque(context, k)
+        text = f"_dahl{k}*(1 + {grows!r}*abs(load{k}))"
+        terms.append(Term("dahl_friction", (k,), f"motor{k}", text, value, context.unit(k)))
+    return EffectTruth(terms, histories=histories)
+
+
+def causes(joint: int) -> frozenset[str]:
+    """Right names."""
+    return frozenset({f"hysteresis {joint}", f"backlash {joint}"})
+
+
+def variables(joint: int) -> frozenset[str]:
+    """What it depends on."""
+    return frozenset({f"dir{joint}", f"travel{joint}"})
+
+
+def choices(arm: str) -> list[list[int]]:
+    """Joints that it may sit on."""
+    return [[1], [2], [3]]

@@ -1,0 +1,146 @@
+"""Foreign truths are physics: each against what its own field says of it, and none has a form of the catalogue."""
+
+import numpy as np
+import pytest
+
+from ..build import build_arm, context_of
+from ..campaign import simulate
+from ..effects.base import ARCSEC, EFFECTS
+from ..scenario import Scenario
+from ..statics import distal_load
+from . import TRUTHS, beam, dahl, teeth
+from .beam import Beam
+
+STIFFNESS = 2e5
+
+
+def test_dahls_friction_goes_to_full_on_the_side_of_motion():
+    friction = dahl.friction(1, x0=0.01)
+    for side in (1.0, -1.0):
+        assert friction.advance(0.3, side * 10.0, 1.0) == pytest.approx(side, abs=2e-3)
+    assert friction.advance(0.0, 0.01, 1.0) == pytest.approx(0.5)
+    assert friction.advance(0.4, 0.0, 5.0) == 0.4
+
+
+def test_dahls_friction_is_a_path_and_not_its_ends():
+    """In one go or in a hundred, the same; there and back, a loop: what small motions do is nearly elastic."""
+    friction = dahl.friction(1, x0=0.01)
+    parts = 0.2
+    for _ in range(100):
+        parts = friction.advance(parts, 1e-4, 1.0)
+    assert parts == pytest.approx(friction.advance(0.2, 1e-2, 1.0), rel=1e-9)
+    small = friction.advance(friction.advance(0.0, 1e-5, 1.0), -1e-5, 1.0)
+    large = friction.advance(friction.advance(0.0, 1e-1, 1.0), -1e-1, 1.0)
+    assert abs(small) < 1e-5
+    assert large < -0.9
+
+
+def test_dahls_slope_is_that_of_his_equation():
+    friction = dahl.friction(1, x0=0.02)
+    for f, side in ((0.5, 1.0), (-0.7, 1.0), (0.5, -1.0)):
+        slope = (friction.advance(f, side * 1e-7, 1.0) - f) / (side * 1e-7)
+        assert slope == pytest.approx((1.0 - f * side) ** 2 / 0.02, rel=1e-4)
+
+
+def test_a_beam_bends_as_the_integral_of_its_curvature():
+    """Slope and deflection of the outstretched upper arm, from moments at 4000 sections; nothing of the formulas."""
+    arm = build_arm(Scenario(arm="kr30", believed=[]))
+    q = np.zeros((1, 6))
+    frames = arm.nominal_frames(q)
+    load = distal_load(arm.heavy, frames, np.array([16.0]), arm.payload_point(frames), 1)
+    span = arm.chain.link_lengths[1]
+    length = float(np.linalg.norm(span))
+    axis = span / length
+    force, moment, weight = (part[0] for part in load)
+    x = (np.arange(4000) + 0.5) * length / 4000
+    rest = (length - x)[:, None]
+    # Beyond section x: the end's force and moment, and the weight of what is left of the link at half of the rest.
+    sections = moment + np.cross(rest * axis, force) + np.cross(rest / 2.0 * axis, weight * rest / length)
+    curvature = (sections - np.outer(sections @ axis, axis)) / STIFFNESS
+    slope = curvature.sum(axis=0) * length / 4000
+    sag = np.cross((curvature * rest).sum(axis=0) * length / 4000, axis)
+    state = arm.state(q, {"payload": np.array([16.0])})
+    found = Beam(1, STIFFNESS).coordinates(arm, state, frames)[1][0]
+    assert np.allclose(found[3:], slope, rtol=1e-5, atol=1e-12)
+    assert np.allclose(found[:3] + np.cross(found[3:], span), sag, rtol=1e-5, atol=1e-12)
+    assert np.linalg.norm(sag) > 1e-5
+
+
+def test_a_beam_sinks_under_the_payload_and_twice_as_soft_twice_as_far():
+    scenario = Scenario(arm="kr30", believed=[], hidden=["beam_bending"])
+    arm = build_arm(scenario)
+    q = np.zeros((1, 6))
+    sinks = [
+        arm.true_position(q, {"payload": np.array([m])})[0] @ arm.measuring_from_base.rotation[:, 2]
+        for m in (0.0, 16.0)
+    ]
+    assert sinks[1] < sinks[0] - 2e-5
+    twice = arm.physics[0].scaled(2.0)
+    state, frames = arm.state(q), arm.nominal_frames(q)
+    once = arm.physics[0].coordinates(arm, state, frames)[1]
+    assert np.allclose(twice.coordinates(arm, state, frames)[1], 2.0 * once)
+
+
+def test_beams_are_hung_where_links_are_long():
+    assert beam.choices("kr30") == [[1], [2], [3]]
+    for arm in ("kr30", "irb2400", "cobot", "lbr"):
+        context = context_of(Scenario(arm=arm))
+        for (joint,) in beam.choices(arm):
+            assert np.linalg.norm(context.chain.link_lengths[joint - 1]) > 0.2
+
+
+def test_teeth_are_twenty_waves_of_the_given_size():
+    arm = build_arm(
+        Scenario(arm="kr30", believed=[], hidden=[{"effect": "tooth_waves", "joints": [4], "size": 1e-4}])
+    )
+    assert len(arm.terms) == teeth.WAVES
+    assert all(t.coordinate == "motor4" for t in arm.terms)
+    q = np.zeros((20000, 6))
+    q[:, 3] = np.linspace(-np.pi, np.pi, 20000, endpoint=False)
+    state = arm.state(q)
+    moved = arm._stand(q, {}, True, None)[2].motor[:, 3]
+    assert np.sqrt(np.mean(moved**2)) == pytest.approx(1e-4, rel=1e-6)
+    orders = np.abs(np.fft.rfft(moved)) > 1e-3 * len(q) * 1e-4
+    assert orders.sum() > 12
+    assert len(state.q) == 20000
+
+
+def test_gears_warm_by_their_own_duty_each_with_its_own_lag():
+    campaign = simulate({"arm": "kr30", "hidden": ["duty_heat"], "rests": {"count": 2, "seconds": 3000.0}})
+    warm = {
+        name: values for name, values in campaign.unrecorded.items() if name.startswith(("_gear", "_housing"))
+    }
+    assert len(warm) == 12
+    for k in range(1, 7):
+        # What stands still cools: the gear sooner than its housing.
+        left = [warm[name][80] / warm[name][79] for name in (f"_gear{k}", f"_housing{k}")]
+        assert left[0] < left[1] < 1.0
+    assert len({round(float(values[200]), 6) for values in warm.values()}) == 12
+    assert campaign.hidden == [{"effect": "duty_heat", "joints": [1, 2, 3, 4, 5, 6]}]
+
+
+def test_an_uneven_circle_has_three_harmonics():
+    truth = EFFECTS["tracker_circles"]
+    arm = build_arm(Scenario(arm="kr30", hidden=["tracker_circles"]))
+    assert truth.joints(context_of(Scenario(arm="kr30"))) == []
+    assert {harmonic for harmonic, _ in arm.tracker.circles} == {1, 2, 3}
+    assert max(abs(v) for v in arm.tracker.circles.values()) < 12.0 * ARCSEC
+
+
+@pytest.mark.parametrize("name", TRUTHS)
+def test_every_truth_says_what_a_right_answer_is(name):
+    truth = TRUTHS[name]
+    for arm in ("kr30", "irb2400", "cobot", "lbr"):
+        for joints in truth.choices(arm):
+            joint = joints[0] if joints else 0
+            assert truth.causes(joint)
+            assert truth.variables(joint)
+            plan = {
+                "arm": arm,
+                "poses": 40,
+                **truth.plan,
+                "hidden": [{"effect": name, **({"joints": joints} if joints else {})}],
+            }
+            without = simulate(plan | {"hidden": []})
+            shift = np.linalg.norm(simulate(plan).positions - without.positions, axis=1)
+            assert 1e-6 < np.sqrt(np.mean(shift**2)) < 5e-3

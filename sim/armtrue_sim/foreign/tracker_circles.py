@@ -1,0 +1,36 @@
+"""Angles of a tracker whose circles are graduated unevenly: three harmonics of azimuth and of elevation.
+
+The catalogue's `tracker_angles` has the first alone, which is a circle off its axis. Two and three times a turn are an
+oval circle and one head of three that reads wrong.
+"""
+
+from __future__ import annotations
+
+from ..effects.base import ARCSEC, EffectContext, EffectTruth, Sizes, effect, no_joint
+from ..tracker import CIRCLES, TrackerError
+
+
+@effect("tracker_circles", no_joint)
+def tracker_circles(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
+    """4 to 12 arcsec once a turn, half and a third of that at twice and three times."""
+    circles = {
+        (harmonic, name): sizes.signed(4.0, 12.0) * ARCSEC / harmonic
+        for harmonic in (1, 2, 3)
+        for name in CIRCLES
+    }
+    return EffectTruth(tracker=TrackerError(circles=circles))
+
+
+def causes(joint: int) -> frozenset[str]:
+    """Right names; `joint` plays no part."""
+    return frozenset({"tracker_angles"})
+
+
+def variables(joint: int) -> frozenset[str]:
+    """What it depends on: where the tool is seen, or joint 1, which carries it about."""
+    return frozenset({"azimuth", "elevation", "distance", "x", "y", "z", "q1"})
+
+
+def choices(arm: str) -> list[list[int]]:
+    """It names no joints."""
+    return [[]]

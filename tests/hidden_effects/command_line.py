@@ -1,0 +1,68 @@
+"""Runs `armtrue` as people do: a process of its own, with or without a terminal, under a time limit."""
+
+from __future__ import annotations
+
+import os
+import pty
+import select
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+ARMTRUE = str(Path(sys.executable).with_name("armtrue"))
+
+
+@dataclass
+class Ran:
+    """What became of a command. `hung`: it was still running at the time limit, and was ended."""
+
+    status: int | None
+    seconds: float
+    said: str
+
+    @property
+    def hung(self) -> bool:
+        """True where it was ended at the time limit."""
+        return self.status is None
+
+
+def run(arguments: Sequence[str], limit: float, terminal: bool = False) -> Ran:
+    """`armtrue ARGUMENTS`; terminal: on a pseudo-terminal, so that it draws its progress. limit: seconds."""
+    return run_program([ARMTRUE, *arguments], limit, terminal)
+
+
+def run_program(command: Sequence[str], limit: float, terminal: bool) -> Ran:
+    """Any command, all that it says in one text."""
+    ours, theirs = pty.openpty() if terminal else os.pipe()
+    started = time.perf_counter()
+    process = subprocess.Popen(
+        command, stdin=subprocess.DEVNULL, stdout=theirs, stderr=theirs, start_new_session=True
+    )
+    os.close(theirs)
+    said, alive = b"", True
+    while alive and time.perf_counter() - started < limit:
+        if select.select([ours], [], [], 0.2)[0]:
+            try:
+                part = os.read(ours, 65536)
+            except OSError:  # a terminal whose other end is gone
+                part = b""
+            said, alive = said + part, bool(part)
+    try:
+        status: int | None = process.wait(max(limit - (time.perf_counter() - started), 0.1))
+    except subprocess.TimeoutExpired:
+        status = None
+        os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+    os.close(ours)
+    return Ran(status, time.perf_counter() - started, said.decode(errors="replace"))
+
+
+@cache
+def knows(command: str, option: str) -> bool:
+    """True where this build's command has the option."""
+    return option in run([command, "--help"], 60.0).said

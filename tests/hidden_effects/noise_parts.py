@@ -1,0 +1,100 @@
+"""Campaigns in which one joint repeats badly: is it named, and by how much?
+
+`./dev hidden noise`: 300 poses, one joint repeats to 45 urad, the others to 4, the instrument reads to 8 um. The
+figures are those of `diagnose --json`: `noise.joints_urad` and `noise.reading_um`.
+"""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from armtrue_sim import simulate
+from armtrue_sim.kinds import ARMS
+from command_line import run
+
+BAD, GOOD, READING = 45e-6, 4e-6, 8e-6  # rad, rad, m
+BAD_WITHIN, READING_WITHIN = 8.0, 1.0  # urad, um
+
+
+@dataclass
+class NoiseFound:
+    """One campaign. joints_urad is empty and reading_um None where this build says nothing of the noise's parts."""
+
+    arm: str
+    seed: int
+    bad: int
+    joints_urad: list[float] = field(default_factory=list)
+    reading_um: float | None = None
+    trouble: str = ""
+
+    @property
+    def named(self) -> bool:
+        """True where the joint that repeats worst is the one."""
+        return bool(self.joints_urad) and int(np.argmax(self.joints_urad)) + 1 == self.bad
+
+    @property
+    def within(self) -> bool:
+        """True where both figures are as near as was asked for."""
+        if not self.named or self.reading_um is None:
+            return False
+        off = abs(self.joints_urad[self.bad - 1] - 1e6 * BAD)
+        return off <= BAD_WITHIN and abs(self.reading_um - 1e6 * READING) <= READING_WITHIN
+
+
+def scenario(arm: str, seed: int) -> tuple[dict[str, Any], int]:
+    """The campaign, and which joint repeats badly: any but the last, whose lever is centimetres."""
+    bad = int(np.random.default_rng([seed, 45]).integers(1, 6))
+    return {
+        "arm": arm,
+        "seed": 7000 + seed,
+        "poses": 300,
+        "instrument": {"sigma": READING},
+        "repeatability": {"drive": GOOD, "joints": {bad: BAD}},
+    }, bad
+
+
+def noise_case(seed: int, limit: float) -> NoiseFound:
+    """One seeded campaign; the arms take turns."""
+    arm = ARMS[seed % len(ARMS)]
+    given, bad = scenario(arm, seed)
+    found = NoiseFound(arm, seed, bad)
+    with tempfile.TemporaryDirectory(prefix="armtrue-noise-") as name:
+        folder = Path(name)
+        simulate(given, folder)
+        data, robot, model, fit, out = (
+            str(folder / f) for f in ("data.csv", "robot.yaml", "model.yaml", "fit.json", "out.json")
+        )
+        for command in (
+            ["fit", data, "--robot", robot, "--model", model, "--out", fit],
+            ["diagnose", fit, "--json", out],
+        ):
+            ran = run(command, limit)
+            if ran.status != 0:
+                found.trouble = "hang" if ran.hung else ran.said.strip()[-200:]
+                return found
+        noise = json.loads((folder / "out.json").read_text()).get("noise") or {}
+    found.joints_urad = [float(v or 0.0) for v in noise.get("joints_urad") or []]
+    found.reading_um = noise.get("reading_um")
+    return found
+
+
+def table(found: list[NoiseFound]) -> str:
+    """What `./dev hidden noise` prints."""
+    told = [f for f in found if f.joints_urad]
+    lines = [f"{len(found)} campaigns; {sum(bool(f.trouble) for f in found)} did not end well"]
+    if not told:
+        return lines[0] + "; this build's JSON has no `noise`.\n"
+    bad = np.array([f.joints_urad[f.bad - 1] for f in told])
+    reading = np.array([f.reading_um for f in told if f.reading_um is not None] or [np.nan])
+    lines += [
+        f"joint named: {sum(f.named for f in told)} of {len(told)}",
+        f"its repeatability (true {1e6 * BAD:.0f} urad): {bad.mean():.1f}, {bad.min():.1f} to {bad.max():.1f}",
+        f"reading (true {1e6 * READING:.0f} um): {reading.mean():.2f}, {reading.min():.2f} to {reading.max():.2f}",
+        f"both within {BAD_WITHIN:.0f} urad and {READING_WITHIN:.0f} um: {sum(f.within for f in told)} of {len(told)}",
+    ]
+    return "\n".join(lines) + "\n"

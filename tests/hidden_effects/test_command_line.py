@@ -1,0 +1,109 @@
+"""The harness itself: it counts hangs, draws progress on a terminal, and its tables say what is so."""
+
+from __future__ import annotations
+
+import sys
+import time
+
+import pytest
+from command_line import run, run_program
+from harness import Outcome, read_refinement, verdict_of
+from noise_parts import BAD, NoiseFound, scenario
+from noise_parts import table as noise_table
+from reliability import bins, expected_calibration_error, table
+
+
+def test_a_command_that_hangs_is_ended_with_its_children_at_the_limit() -> None:
+    started = time.perf_counter()
+    child = "import subprocess, sys; subprocess.run([sys.executable, '-c', 'import time; time.sleep(60)'])"
+    for terminal in (False, True):
+        assert run_program([sys.executable, "-c", child], 2.0, terminal).hung
+    assert time.perf_counter() - started < 30.0
+
+
+@pytest.mark.parametrize("terminal", [False, True])
+def test_a_command_knows_whether_it_has_a_terminal(terminal: bool) -> None:
+    ran = run_program(
+        [sys.executable, "-c", "import sys; print(sys.stdout.isatty()); sys.exit(3)"], 60.0, terminal
+    )
+    assert (ran.status, ran.said.strip()) == (3, str(terminal))
+
+
+def test_the_products_command_is_the_one_that_runs() -> None:
+    ran = run(["refine", "no-such-fit.json", "--out", "x.json"], 60.0)
+    assert ran.status == 2
+    assert "no-such-fit.json" in ran.said
+
+
+def test_a_hang_and_a_failure_are_verdicts() -> None:
+    hung = Outcome("one_hidden", "kr30", 0, {"backlash 2"}, trouble="hang")
+    assert verdict_of(hung) == "hang"
+    assert (
+        verdict_of(Outcome("one_hidden", "kr30", 0, {"backlash 2"}, trouble="status 2: ['no']")) == "failed"
+    )
+
+
+def outcome(kind: str, **more: object) -> Outcome:
+    return Outcome(kind, "kr30", 0, **{"hidden": set(), "verdict": "nothing_missing", **more})  # type: ignore[arg-type]
+
+
+def test_what_is_wrong_in_the_file_may_be_named_and_nothing_else() -> None:
+    real = {"accepted": {"mass_parameters", "gravity_direction"}}
+    assert verdict_of(outcome("real_nothing", added={"mass_parameters"}, **real)) == "right"
+    assert verdict_of(outcome("real_nothing", added={"bending_compliance 1"}, **real)) == "extra"
+
+
+def test_a_foreign_truth_wants_its_cause_or_its_variable() -> None:
+    foreign = {"hidden": {"dahl_friction 2"}, "causes": {"hysteresis 2", "backlash 2"}, "variables": {"dir2"}}
+    assert verdict_of(outcome("foreign_truth", added={"backlash 2"}, **foreign)) == "right"
+    assert verdict_of(outcome("foreign_truth", added={"backlash 3"}, **foreign)) == "extra"
+    assert verdict_of(outcome("foreign_truth", **foreign)) == "unnamed"
+    for found in ({"variable": "dir2"}, {"variables": ["q1", "dir2"]}):
+        assert verdict_of(outcome("foreign_truth", unexplained=[found], **foreign)) == "right"
+
+
+def test_heat_that_noise_hides_may_be_called_warm_up_where_the_rest_is_said_to_be_possible() -> None:
+    hidden = {"thermal_expansion", "thermal_joint_drift 2"}
+    vague = outcome("thermal_pair_noise_x4", hidden=hidden, added={"warm_up"}, open=hidden)
+    assert verdict_of(vague) == "right"
+    assert verdict_of(outcome("thermal_pair_noise_x4", hidden=hidden, added={"warm_up"})) == "missed"
+
+
+def test_probabilities_are_read_where_they_are_said() -> None:
+    base = {"removed": [], "verdict": "nothing_missing", "unexplained": [], "added": None}
+    candidate = {"effect": "backlash", "joints": [3], "confounded_with": ["warm_up"], "probability": 0.2}
+    step = base | {"effects": ["base_frame"], "candidates": [candidate], "probability_nothing": 0.7}
+    final = step | {"effects": ["base_frame", {"effect": "backlash", "joints": [2]}]}
+    final["added"] = {"effect": "backlash", "joints": [2]}
+    effects = ["base_frame", {"effect": "backlash", "joints": [2], "probability": 0.97}]
+    seen = outcome("one_hidden", hidden={"backlash 2"})
+    read_refinement(seen, {"steps": [step, final], "effects": effects})
+    assert sorted(seen.said) == [(0.2, False), (0.7, True), (0.97, True)]
+    assert seen.added == {"backlash 2"}
+    assert seen.open == {"backlash 3", "warm_up"}
+    assert seen.accounted
+
+
+def test_reliability_of_honest_and_of_boastful_words() -> None:
+    honest = [(0.9, i < 90) for i in range(100)] + [(0.1, i < 10) for i in range(100)]
+    assert expected_calibration_error(honest) == pytest.approx(0.0, abs=1e-12)
+    assert bins(honest) == [
+        (100, pytest.approx(0.1), pytest.approx(0.1)),
+        (100, pytest.approx(0.9), pytest.approx(0.9)),
+    ]
+    boastful = [(0.98, i < 50) for i in range(100)]
+    assert expected_calibration_error(boastful) == pytest.approx(0.48)
+    assert "of 100 said with 0.9 or more, 50 are true" in table(boastful)
+    assert "no `probability`" in table([])
+
+
+def test_noise_in_parts_is_judged_by_joint_and_size() -> None:
+    good = NoiseFound("kr30", 0, 2, [4.0, 44.0, 3.0], 8.3)
+    assert good.named
+    assert good.within
+    assert not NoiseFound("kr30", 0, 3, [4.0, 44.0, 3.0], 8.3).named
+    assert not NoiseFound("kr30", 0, 2, [4.0, 60.0, 3.0], 8.3).within
+    assert "joint named: 1 of 1" in noise_table([good])
+    assert "no `noise`" in noise_table([NoiseFound("kr30", 0, 2)])
+    given, bad = scenario("kr30", 5)
+    assert given["repeatability"]["joints"] == {bad: BAD}
