@@ -16,8 +16,8 @@ import yaml
 from armtrue_sim.cases import HiddenCase, hidden_cases
 from command_line import Ran, knows, run
 
-# The slices that every run of the tests takes stand on the loads that the fitter knows: those of the nominal geometry. With
-# its loads where the arm stands (issue 15, fault 1) this becomes "deflected", as ./dev hidden has it already.
+# The slices that every run of the tests takes stand on the loads that the fitter knows: those of the nominal geometry.
+# With its loads where the arm stands (issue 15, fault 1) this becomes "deflected", as ./dev hidden has it already.
 FITTER_LOADS = "nominal"
 # A candidate with less is not counted as said to be possible.
 WORTH_NAMING = 0.05

@@ -102,7 +102,7 @@ def test_the_direction_to_record_is_named_by_joint(joint: int) -> None:
 
 @pytest.mark.parametrize("arm", ARMS)
 def test_no_direction_is_asked_for_where_nothing_is_missing(arm: str) -> None:
-    case = hidden_cases("nothing_hidden", arm, 11)
+    case = hidden_cases("nothing_hidden", arm, 11, FITTER_LOADS)
     columns = {
         name: np.ascontiguousarray(values, dtype=float)
         for name, values in case.campaign.data.items()
@@ -130,7 +130,9 @@ def test_two_effects_that_are_both_there_are_no_alternatives() -> None:
 
 
 def test_what_the_data_cannot_tell_is_said_to_be_alternatives() -> None:
-    case = hidden_cases("one_hidden", "kr30", 124)  # a balancer that harmonics follow to a micrometre
+    case = hidden_cases(
+        "one_hidden", "kr30", 124, FITTER_LOADS
+    )  # a balancer that harmonics follow to a micrometre
     columns = {name: np.ascontiguousarray(v, dtype=float) for name, v in case.campaign.data.items()}
     fit = _core.fit(json.dumps(case.campaign.robot), columns, json.dumps({"effects": case.believed}))
     first = json.loads(_core.diagnose(fit))["candidates"][0]
