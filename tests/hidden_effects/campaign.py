@@ -20,8 +20,9 @@ from harness import Outcome, Settings, run_case, verdict_of
 
 HEAD = (
     "| what is hidden | cases | right | found | false | missed | hang | failed | top 1 | top 3 | ambiguity set: size "
-    "| holds it | error / true effects (median, worst) | in 95 % region | s/case: median, worst |\n"
-    f"|{'---|' * 15}\n"
+    "| holds it | error / true effects (median, worst) | in 95 % region "
+    "| coefficients within 4 sigma | s/case: median, worst |\n"
+    f"|{'---|' * 16}\n"
 )
 GROUPS = {
     "table": [k for k in KINDS if not k.startswith(("real", "foreign", "later"))],
@@ -46,6 +47,7 @@ def row(kind: str, outcomes: list[Outcome]) -> str:
     sizes = [1 + len(o.ambiguity) for o in outcomes if o.first]
     ratios = [o.error_ratio for o in right if o.error_ratio == o.error_ratio]
     held = [inside for o in right for inside in o.held]
+    off = [abs(d) for o in outcomes if o.found for d in o.deviations.values()]
     seconds = [o.seconds for o in outcomes if o.seconds == o.seconds]
     false = sum(bool(o.extras - o.causes) for o in outcomes)
     cells = [
@@ -54,6 +56,7 @@ def row(kind: str, outcomes: list[Outcome]) -> str:
         *(f"{statistics.mean(sizes):.1f}" if sizes else "–", named[2]),
         f"{statistics.median(ratios):.3f}, {max(ratios):.3f}" if ratios else "–",
         f"{100 * sum(held) / len(held):.1f} %" if held else "–",
+        f"{sum(d <= 4.0 for d in off)} of {len(off)}" if off else "–",
         f"{statistics.median(seconds):.2f}, {max(seconds):.2f}" if seconds else "–",
     ]
     return "| " + " | ".join(map(str, cells)) + " |\n"

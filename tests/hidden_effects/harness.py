@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import yaml
 from armtrue_sim.cases import HiddenCase, hidden_cases
+from coefficients import deviations
 from command_line import Ran, knows, run
 
 # The slices that every run of the tests takes stand on the loads that the fitter knows: those of the nominal geometry.
@@ -100,6 +101,7 @@ class Outcome:
     open: set[str] = field(default_factory=set)
     held: list[bool] = field(default_factory=list)
     trouble: str = ""
+    deviations: dict[str, float] = field(default_factory=dict)
 
     def ended(self, ran: Ran) -> Outcome:
         """A command that did not end well, with its last line."""
@@ -231,6 +233,7 @@ def _judged(case: HiddenCase, folder: Path, settings: Settings) -> Outcome:
     if refined.status != 0:
         return outcome.ended(refined)
     read_refinement(outcome, json.loads((folder / "out.json").read_text()))
+    outcome.deviations = deviations(json.loads((folder / "best.json").read_text()), case.campaign)
     outcome.error, outcome.held = fresh_error(case, folder, "best.json", settings)
     if settings.reference:
         (folder / "true.yaml").write_text(yaml.safe_dump(known_to_the_model(case.true_model)))

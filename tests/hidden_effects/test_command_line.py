@@ -6,6 +6,8 @@ import sys
 import time
 
 import pytest
+from armtrue_sim import simulate
+from coefficients import deviations
 from command_line import run, run_program
 from harness import Outcome, read_refinement, verdict_of
 from noise_parts import BAD, NoiseFound, scenario
@@ -107,3 +109,30 @@ def test_noise_in_parts_is_judged_by_joint_and_size() -> None:
     assert "no `noise`" in noise_table([NoiseFound("kr30", 0, 2)])
     given, bad = scenario("kr30", 5)
     assert given["repeatability"]["joints"] == {bad: BAD}
+
+
+def test_coefficients_are_held_against_the_truth_in_sigmas() -> None:
+    campaign = simulate({"arm": "kr30", "poses": 40, "hidden": [{"effect": "gear_harmonics", "joints": [3]}]})
+    true = {t.expression: t.value for t in campaign.arm.terms if t.effect == "gear_harmonics"}
+
+    def parameter(effect: str, expression: str, value: float, weight: float) -> dict[str, object]:
+        terms = [{"coordinate": "motor3", "expression": expression, "weight": weight}]
+        return {
+            "name": f"{effect} {expression}",
+            "effect": effect,
+            "value": value,
+            "sigma": 1e-6,
+            "terms": terms,
+        }
+
+    parameters = [
+        parameter("gear_harmonics", "sin(q3)", 0.5 * true["sin(q3)"] + 3e-6, 2.0),
+        parameter("gear_harmonics", "cos(q3*2)", true["cos(2*q3)"], 1.0),
+        parameter("gear_harmonics", "sin(5*q3)", 0.0, 1.0),
+        parameter("joint_offset", "1", 0.0, 1.0),
+    ]
+    found = deviations({"parameters": parameters}, campaign)
+    assert found == {
+        "gear_harmonics sin(q3)": pytest.approx(3.0),
+        "gear_harmonics cos(q3*2)": pytest.approx(0.0, abs=1e-9),
+    }
