@@ -114,6 +114,7 @@ class KnownFit:
             self._terms(values),
             _pose(self.document["measuring_from_base"]),
             {"": _pose(tool)},
+            statics=real.statics,
         )
 
     def projected_truth(self) -> tuple[Array, Array]:
