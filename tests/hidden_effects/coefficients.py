@@ -31,6 +31,8 @@ def deviations(fit: Mapping[str, Any], campaign: Campaign) -> dict[str, float]:
             basis = term["weight"] * evaluate(term["expression"], state)
         except ScenarioError:
             continue
+        if not np.any(basis):
+            continue
         for true in campaign.arm.terms:
             if (true.effect, true.coordinate) != (parameter["effect"], term["coordinate"]):
                 continue
