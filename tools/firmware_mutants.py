@@ -1,9 +1,9 @@
 """Mutation testing of the firmware: small faults put into the code, one at a time, and whether a unit test notices.
 
-All faults of a sample are compiled at once into a copy of the tracked files (build/firmware_mutants), each behind a switch: one
-build serves them all. `a < b` becomes `(mutant(7) ? (a <= b) : (a < b))`; the test programs then run once for each
-with ARMTRUE_MUTANT set to its number. A mutant that no test fails is printed and listed in build/firmware_mutants/survivors.txt:
-judge it, and add the test that it asks for.
+All faults of a sample are compiled at once into a copy of the tracked files (build/firmware_mutants), each behind a
+switch: one build serves them all. `a < b` becomes `(mutant(7) ? (a <= b) : (a < b))`; the test programs then run once
+for each with ARMTRUE_MUTANT set to its number. A mutant that no test fails is printed and listed in
+build/firmware_mutants/survivors.txt: judge it, and add the test that it asks for.
 """
 
 from __future__ import annotations

@@ -93,8 +93,8 @@ std::int32_t within_magnitude(const TableView& table, std::size_t joint, std::in
   // What rounds to the next increment is no more than what was permitted.
   magnitude_increments = saturate(std::int64_t{in_increments(magnitude)} + 1);
   const std::int32_t fade = magnitude / static_cast<std::int32_t>(Compensator::kFadeCycles) + 1;
-  per_turn = saturate(4 * std::int64_t{increments_by_unit(std::int32_t{1} << 30, unit_per_increment,
-                                                          unit_shift)});
+  per_turn = saturate(
+      4 * std::int64_t{increments_by_unit(std::int32_t{1} << 30, unit_per_increment, unit_shift)});
   rate_increments = saturate(std::int64_t{in_increments(std::max(rate, fade))} + 2);
 }
 

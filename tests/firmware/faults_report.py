@@ -1,4 +1,4 @@
-"""What was tried when things go wrong, as two tables: the campaigns of step 15 of `./dev test full`, and what they counted.
+"""What was tried when things go wrong, as two tables: the campaigns of step 15, and what they counted.
 
 python tests/firmware/faults_report.py BUILD: the tables on standard output, what the campaigns say on standard error.
 Exit status 1 where one of them failed.
