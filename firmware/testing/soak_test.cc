@@ -4,6 +4,8 @@
 
 #include <gtest/gtest.h>
 
+#include "firmware/testing/drive_soak.h"
+
 namespace armtrue::canopen {
 namespace {
 
@@ -37,6 +39,28 @@ TEST_P(SoakSeedTest, AMinuteWithEverythingAtRandom) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Seeds, SoakSeedTest, testing::Range(1U, 7U));
+
+class DriveSoakTest : public testing::TestWithParam<Mode> {};
+
+TEST_P(DriveSoakTest, MinutesWithDrivesThatDoNotAlwaysFollow) {
+  DriveSoak soak(1, GetParam());
+  EXPECT_EQ(soak.run(5 * kMinute), "");
+  EXPECT_EQ(soak.figures().came_back, soak.figures().suspended);
+  EXPECT_GT(soak.figures().suspended, 20U);
+  EXPECT_GT(soak.figures().wraps, 10U);
+  for (std::size_t k = 0; k < kDriveEvents; ++k) {
+    EXPECT_GT(soak.figures().events[k], 2U) << name_of(static_cast<DriveEvent>(k));
+  }
+}
+
+TEST_P(DriveSoakTest, ItsJudgeNoticesAWrongOutput) {
+  DriveSoak soak(1, GetParam());
+  soak.disable_correction();
+  soak.run_settled(200);
+  EXPECT_NE(soak.failure(), "");
+}
+
+INSTANTIATE_TEST_SUITE_P(Modes, DriveSoakTest, testing::Values(Mode::kInline, Mode::kOffset));
 
 TEST(SoakTest, TheJudgeNoticesAWrongOutput) {
   // A node whose correction has been disabled is not what the judge expects.

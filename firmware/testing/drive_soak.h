@@ -1,0 +1,104 @@
+// Hours of motion with drives that do not always follow: states, homing, hand-guiding, lost power,
+// another mode, other tables, an axis that turns for ever. A judge who knows the table and what
+// every drive does looks at every target or offset that comes out and every actual position that
+// goes back.
+#ifndef ARMTRUE_FIRMWARE_TESTING_DRIVE_SOAK_H_
+#define ARMTRUE_FIRMWARE_TESTING_DRIVE_SOAK_H_
+
+#include <array>
+#include <cstdint>
+#include <random>
+#include <string>
+
+#include "firmware/testing/node_bench.h"
+
+namespace armtrue::canopen {
+
+enum class DriveEvent : std::uint8_t {
+  kDisabled,    // an axis leaves operation enabled; targets go on
+  kFault,       // an axis faults and the controller stops sending
+  kHoming,      // an axis moves by itself
+  kHandGuided,  // an axis is moved by hand in torque mode; the controller follows what it sees
+  kOtherMode,   // the compensator goes to forward mode and back
+  kOtherTable,  // an operator installs another table
+  kDisableEnable,
+  kPowerLost,    // the compensator browns out and restarts
+  kPause,        // targets stop for a while
+  kLostTarget,   // one frame
+  kStoppedNode,  // NMT pre-operational and start
+  kCount,
+};
+inline constexpr std::size_t kDriveEvents = static_cast<std::size_t>(DriveEvent::kCount);
+const char* name_of(DriveEvent event);
+
+struct DriveSoakFigures {
+  std::uint64_t cycles = 0;
+  std::uint64_t outputs = 0;           // sets of targets or offsets, each axis judged
+  std::uint64_t right = 0;             // of them with the whole correction, as the table has it
+  std::uint64_t suspended = 0;         // events in which the correction was seen at zero
+  std::uint64_t came_back = 0;         // and whole again behind it
+  std::uint64_t wraps = 0;             // of the axis that turns for ever
+  double largest_output_step = 0.0;    // of a correction, in shares of what is permitted
+  double largest_feedback_step = 0.0;  // of what is taken off an actual position, likewise
+  std::array<std::uint64_t, kDriveEvents> events = {};
+};
+
+class DriveSoak {
+ public:
+  DriveSoak(std::uint32_t seed, Mode mode);
+
+  // Runs at least `cycles` milliseconds. Empty if nothing was wrong, else what was.
+  std::string run(std::uint64_t cycles);
+  const DriveSoakFigures& figures() const { return figures_; }
+
+  // For showing that the judge notices.
+  void disable_correction() { bench_.write(0x2000, 2, 0, 1); }
+  void run_settled(std::uint64_t cycles);
+  const std::string& failure() const { return failure_; }
+
+ private:
+  using Joints = std::array<std::int32_t, 6>;
+  enum class Drive : std::uint8_t { kFollows, kStands, kMovesItself };
+
+  void configure();
+  void carry_out(DriveEvent event);
+  void away(int statusword, int mode, Drive drive, bool stream);
+  void drive_says(std::size_t axis, int statusword, int mode);
+  void cycle(bool targets, std::uint32_t lost = 3);
+  void idle(std::uint64_t milliseconds);
+  void move();
+  void take_output();
+  void feed_back();
+  void judge_output(std::size_t axis, std::int32_t delta);
+  void come_back(bool was_suspended);
+  void forget_drives();
+  double expected(std::size_t axis) const;
+  void require(bool holds, const std::string& what);
+
+  bool offset_;
+  NodeBench bench_;
+  std::mt19937 random_;
+  DriveSoakFigures figures_;
+  std::string failure_;
+  std::int32_t amplitude_ = 1 << 22;
+  std::uint32_t sequence_ = 1;
+  Joints target_ = {230'000, 300'000, 150'000, -250'000, 270'000, 200'000};
+  Joints stand_ = target_;  // where the drives are
+  Joints meant_ = target_;  // the targets that the last output was of
+  Joints delta_ = {};       // what the drives have been told beyond them
+  Joints taken_off_ = {};   // what was taken off their actual positions last
+  Joints seen_ = target_;
+  std::array<Drive, 6> drive_ = {};
+  std::uint32_t fresh_ = 0;
+  std::uint32_t known_ = 0;       // bit k: delta_[k] came from this life of the node
+  std::uint32_t seen_known_ = 0;  // bit k: taken_off_[k] did
+  std::array<double, 6> credit_ = {};
+  std::array<double, 6> seen_credit_ = {};
+  std::array<std::uint64_t, 6> judged_us_ = {};
+  std::array<std::uint64_t, 6> fed_back_us_ = {};
+  std::uint64_t settled_ = 0;  // cycles since which nothing has happened
+};
+
+}  // namespace armtrue::canopen
+
+#endif  // ARMTRUE_FIRMWARE_TESTING_DRIVE_SOAK_H_

@@ -1,0 +1,448 @@
+// Lives of a compensator between a controller and drives, as a list of steps (libFuzzer): tables
+// come and go, PDOs are mapped, masters send NMT, the arm moves. Two bytes a step: what, and which.
+//
+// What must hold in every life, whatever the steps:
+//   clamp         no correction is larger than 0.05 turn of the drives that there are
+//   rate          no correction changes faster than 0.1 turn a second, in time and not in sets
+//   pass-through  disabled, the output is the input after at most kFadeCycles
+//   feedback      an actual position comes back without its own cycle's correction
+//   SYNC          nothing is evaluated between SYNC's arrival and its leaving
+//   NMT           what ends the output ends it within seconds
+//   cost          no table that is taken costs many times what an ordinary one does
+//
+// ARMTRUE_FUZZ_STEPS, a bit mask, leaves out steps that are not in it: to look past what was found.
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <cstdio>
+#include <cstdlib>
+#include <ctime>
+#include <span>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "firmware/core/test_image.h"
+#include "firmware/testing/node_bench.h"
+#include "firmware/testing/test_table.h"
+
+namespace {
+
+using namespace armtrue;
+using namespace armtrue::canopen;
+using Joints = std::array<std::int32_t, 6>;
+
+constexpr Joints kStand = {230'000, 300'000, 150'000, -250'000, 270'000, -200'000};
+constexpr std::int32_t kMagnitude = 400;             // increments, of the tables that are made here
+constexpr double kLargest = 0.05 * 1048576.0 + 1.0;  // increments
+constexpr double kRate = 0.1 * 1048576.0 * 1e-6;     // increments a microsecond
+constexpr double kSaved = 2.0 * 1000.0 * kRate;      // what two cycles may have left over
+constexpr double kSlack = 14.0;                      // rounding, and a target's own way
+constexpr int kFadeCycles = 2200;
+
+enum class Step : std::uint8_t {
+  kMove,
+  kRest,
+  kBackToBack,
+  kQuiet,
+  kDisable,
+  kEnable,
+  kInstall,
+  kStageJunk,
+  kNmt,
+  kManyTargetPdos,
+  kSynchronous,
+  kRevert,
+  kPowerCycle,
+  kCount,
+};
+
+void require(bool holds, std::string_view what) {
+  if (holds) return;
+  std::fprintf(stderr, "does not hold: %.*s\n", static_cast<int>(what.size()), what.data());
+  std::abort();
+}
+
+// Terms over many grids of four axes that all share their data: small, and much work.
+std::vector<std::uint8_t> costly_table(std::uint32_t sequence) {
+  constexpr std::uint16_t kGrids = 300;
+  testing::TestImage made(6);
+  testing::put(made.header(), format::header::kSequenceAt, sequence);
+  for (std::uint8_t joint = 0; joint < 4; ++joint) {
+    made.add_state(format::State::kMotor, joint, format::kPositionFraction);
+  }
+  testing::Bytes data = {4, 1, 0, 0};
+  for (std::uint16_t axis = 0; axis < 4; ++axis) {
+    testing::append(data, static_cast<std::uint16_t>(1 + axis));
+    testing::append(data, std::uint16_t{2});  // nodes
+    testing::append(data, std::uint32_t{0});
+    testing::append(data, -(std::int32_t{1} << 29));
+    testing::append(data, std::uint32_t{1} << 22);  // 2^52 / step, a step of 2^30
+  }
+  testing::append(data, std::uint32_t{1});  // its one cell is covered
+  for (int value = 0; value < 16; ++value) testing::append(data, std::int16_t{1});
+  made.add(format::Section::kData, data);
+  for (std::uint16_t grid = 0; grid < kGrids; ++grid) {
+    testing::Bytes node = {static_cast<std::uint8_t>(format::Node::kGrid), 0, 0, 4};
+    node.resize(format::node::kLength);
+    made.add(format::Section::kNodes, node);
+    made.add_term(0, static_cast<std::uint16_t>(5 + grid), 1e-6, 30);
+  }
+  return made.image();
+}
+
+class Life {
+ public:
+  Life(const storage::SimulatedFlash& flash, std::uint8_t setup)
+      : offset_((setup & 1U) != 0),
+        bench_(!offset_, false, {}, kMaxImageLength + storage::kHeaderBytes, &flash) {
+    for (std::uint32_t k = 0; k < 3 && offset_; ++k) {
+      bench_.write(static_cast<std::uint16_t>(0x1800 + k), 1, 0x400001A0U + 0x100U * k, 4);
+    }
+    bench_.configure(offset_ ? Mode::kOffset : Mode::kInline);
+    bench_.write(0x1010, 1, 0x65766173, 4);
+    take();
+    feed_back();
+  }
+
+  // False: nothing that follows can be judged.
+  bool carry_out(Step step, std::uint8_t which) {
+    switch (step) {
+      case Step::kMove:
+        return stream(length_of(which), 1000, 5);
+      case Step::kRest:
+        return stream(length_of(which), 1000, 0);
+      case Step::kBackToBack:
+        quiet(30);  // SYNC is not in use any more
+        return stream(100, 70, 0, false);
+      case Step::kQuiet:
+        return quiet(600);
+      case Step::kDisable:
+        bench_.write(0x2000, 2, 0, 1);
+        if (since_disabled_ < 0) since_disabled_ = 0;
+        return noted();
+      case Step::kEnable:
+        quiet(600);
+        if (bench_.write(0x2000, 2, 1, 1) == 0) since_disabled_ = -1;
+        return noted();
+      case Step::kInstall:
+        return install(which);
+      case Step::kStageJunk: {
+        quiet(600);
+        const std::vector<std::uint8_t> junk(400, static_cast<std::uint8_t>(which | 1U));
+        bench_.stage(junk);
+        return noted();
+      }
+      case Step::kNmt:
+        return nmt(which);
+      case Step::kManyTargetPdos:
+        return many_target_pdos(which);
+      case Step::kSynchronous:
+        quiet(600);
+        synchronous_ = which % 2 == 0;
+        for (std::uint16_t k = 0; k < 3; ++k) {
+          bench_.write(static_cast<std::uint16_t>(0x1400 + k), 2, synchronous_ ? 1 : 255, 1);
+        }
+        return noted();
+      case Step::kRevert:
+        quiet(600);
+        bench_.command(TableCommand::kRevert);
+        sequence_ += 2;
+        return noted();
+      default:
+        bench_.power_on();
+        since_disabled_ = -1;
+        synchronous_ = false;
+        return begin_anew();
+    }
+  }
+
+ private:
+  static int length_of(std::uint8_t which) {
+    constexpr int kLengths[] = {1, 5, 20, 120, 300, kFadeCycles + 100};
+    return kLengths[which % std::size(kLengths)];
+  }
+
+  bool noted() {
+    take();
+    return true;
+  }
+
+  bool quiet(int milliseconds) {
+    for (int k = 0; k < milliseconds; ++k) {
+      bench_.now_us += 1000;
+      bench_.turn();
+      take();
+      judge(target_);
+    }
+    return true;
+  }
+
+  // What the drives hold is somebody else's: the next output is where judging begins.
+  bool begin_anew() {
+    known_ = 0;
+    bench_.start_nodes();
+    take();
+    feed_back();
+    return true;
+  }
+
+  bool install(std::uint8_t which) {
+    quiet(600);
+    TestTable table{.sequence = sequence_, .magnitude = kMagnitude << 12};
+    std::vector<std::uint8_t> image;
+    switch (which % 8) {
+      case 0:
+      case 1:
+        break;  // that in force once more
+      case 2:
+        table.sequence = ++sequence_;
+        table.rate = 500;
+        break;
+      case 3:
+        table.sequence = ++sequence_;
+        table.finer = 4;
+        break;
+      case 4:
+        image = costly_table(++sequence_);
+        break;
+      case 5: {
+        table.sequence = ++sequence_;
+        image = table.image();
+        const std::size_t joints = format::header::kLength + 4 * format::kDirectoryEntryLength;
+        testing::put(image, joints + format::joint::kIncrementPerUnitAt, INT32_MAX);
+        image[joints + format::joint::kIncrementShiftAt] = 31;
+        testing::mend_checksum(image);
+        break;
+      }
+      default:
+        table.sequence = ++sequence_;
+        table.amplitude = which % 2 == 0 ? 1 << 22 : -(1 << 22);
+    }
+    if (image.empty()) image = table.image();
+    bool taken = bench_.stage(image) == 0;
+    for (const TableCommand word : {TableCommand::kVerify, TableCommand::kCommit,
+                                    TableCommand::kActivate, TableCommand::kConfirm}) {
+      taken = taken && bench_.command(word) == 0;
+    }
+    take();
+    if (taken && which % 8 == 4) require(cost() < 20.0 * ordinary_cost(), "cost");
+    return true;
+  }
+
+  // Seconds of processor time for one evaluation of what is in force.
+  double cost() {
+    double least = 1e9;
+    for (int k = 0; k < 5; ++k) {
+      bench_.now_us += 1000;
+      const auto frames = NodeBench::targets(target_);
+      timespec before;
+      timespec after;
+      clock_gettime(CLOCK_THREAD_CPUTIME_ID, &before);
+      for (const CanFrame& frame : frames) bench_.from_controller(frame);
+      clock_gettime(CLOCK_THREAD_CPUTIME_ID, &after);
+      if (k > 1) {
+        least = std::min(least, static_cast<double>(after.tv_sec - before.tv_sec) +
+                                    1e-9 * static_cast<double>(after.tv_nsec - before.tv_nsec));
+      }
+      take();
+      judge(target_);
+    }
+    return least;
+  }
+  static double ordinary_cost() {
+    static const double measured = [] {
+      NodeBench plain;
+      plain.install(TestTable{}.image());
+      plain.configure(Mode::kInline);
+      double least = 1e9;
+      for (int k = 0; k < 200; ++k) {
+        plain.now_us += 1000;
+        timespec before;
+        timespec after;
+        clock_gettime(CLOCK_THREAD_CPUTIME_ID, &before);
+        plain.command_joints(kStand);
+        clock_gettime(CLOCK_THREAD_CPUTIME_ID, &after);
+        plain.downstream.take_sent();
+        if (k > 100) {
+          least = std::min(least, static_cast<double>(after.tv_sec - before.tv_sec) +
+                                      1e-9 * static_cast<double>(after.tv_nsec - before.tv_nsec));
+        }
+      }
+      return least;
+    }();
+    return measured;
+  }
+
+  bool nmt(std::uint8_t which) {
+    constexpr int kCommands[] = {2, 128, 129, 130, 77};
+    const int command = kCommands[which % std::size(kCommands)];
+    const bool strange_behind = which % 2 == 0;
+    const std::uint64_t lives = bench_.lives;
+    bench_.from_controller(make_frame(0, {command, NodeBench::kNodeId}));
+    take();
+    const auto has_ended = [&] {
+      return bench_.node().nmt_state() != NmtState::kOperational || bench_.lives != lives;
+    };
+    for (int k = 0; k < 6000 && command != 77 && !has_ended(); ++k) {
+      bench_.now_us += 1000;
+      bench_.turn();
+      take();
+      judge(target_);
+      if (k == 1 && strange_behind) {
+        bench_.from_controller(make_frame(0, {0x4D, NodeBench::kNodeId}));
+      }
+    }
+    if (command == 77) return true;
+    require(has_ended(), "NMT");
+    if (command == 129) since_disabled_ = -1;
+    if (command > 128) synchronous_ = false;
+    bench_.run_for(2000);
+    return begin_anew();
+  }
+
+  bool many_target_pdos(std::uint8_t which) {
+    quiet(600);
+    bench_.write(0x2000, 1, 0, 1);
+    quiet(600);
+    const std::uint32_t many = 1 + which % 19U;
+    for (std::uint32_t k = 0; k < many; ++k) {
+      const auto communication = static_cast<std::uint16_t>(0x1400 + k);
+      const auto mapping = static_cast<std::uint16_t>(0x1600 + k);
+      bench_.write(communication, 1, 0x80000000U | (0x300 + k), 4);
+      bench_.write(mapping, 0, 0, 1);
+      bench_.write(mapping, 1, (0x607AU + 0x800U * (k % 6)) << 16 | 0x20U, 4);
+      bench_.write(mapping, 0, 1, 1);
+      bench_.write(communication, 1, 0x300 + k, 4);
+    }
+    bench_.write(0x2000, 1, offset_ ? 2 : 1, 1);
+    for (int set = 0; set < 3; ++set) {
+      bench_.now_us += 1000;
+      for (std::uint32_t k = 0; k < many; ++k) {
+        bench_.from_controller(make_frame(0x300 + k, {set, 0, 0, 0}));
+      }
+    }
+    return false;
+  }
+
+  bool stream(int cycles, std::uint64_t period_us, std::int32_t way, bool with_sync = true) {
+    for (int k = 0; k < cycles; ++k) {
+      const Joints before = target_;
+      bench_.now_us += period_us;
+      bench_.turn();
+      if (with_sync) {
+        const std::uint32_t evaluated = bench_.compensator().counters().cycles;
+        bench_.from_controller(make_frame(0x80, {}));
+        require(bench_.compensator().counters().cycles == evaluated, "SYNC");
+      }
+      take();
+      judge(before);
+      for (std::int32_t& joint : target_) joint += way;
+      bench_.command_joints(target_);
+      take();
+      judge(target_);
+      if (since_disabled_ >= 0 && ++since_disabled_ > kFadeCycles) {
+        for (const std::int32_t delta : delta_) require(delta == 0 || known_ == 0, "pass-through");
+      }
+      feed_back();
+    }
+    return true;
+  }
+
+  // What came out for the drives.
+  void take() {
+    fresh_ = 0;
+    std::vector<CanFrame> frames = std::exchange(bench_.aside, {});
+    auto& port = offset_ ? bench_.upstream : bench_.downstream;
+    for (const CanFrame& frame : port.take_sent()) frames.push_back(frame);
+    const std::uint32_t base = offset_ ? 0x1A0 : 0x220;
+    for (const CanFrame& frame : frames) {
+      if (frame.len != 8 || frame.is(kFrameExtended) || frame.id < base) continue;
+      const std::uint32_t pair = (frame.id - base) / 0x100;
+      if (pair > 2 || frame.id != base + 0x100 * pair) continue;
+      for (std::size_t k = 0; k < 2; ++k) {
+        out_[2 * pair + k] = load_le<std::int32_t>(&frame.data[4 * k]);
+        fresh_ |= 1U << (2 * pair + k);
+      }
+    }
+  }
+
+  void judge(const Joints& meant) {
+    for (std::size_t k = 0; k < 6; ++k) {
+      if ((fresh_ >> k & 1U) == 0) continue;
+      const std::int32_t delta = offset_ ? out_[k] : out_[k] - meant[k];
+      require(std::abs(delta) <= kLargest, "clamp");
+      if ((known_ >> k & 1U) != 0) {
+        const auto elapsed = static_cast<double>(bench_.now_us - judged_us_[k]);
+        credit_[k] = std::min(credit_[k] + elapsed * kRate, kSaved);
+        const double change = std::abs(static_cast<double>(delta) - delta_[k]);
+        require(change <= credit_[k] + kSlack, "rate");
+        credit_[k] -= change;
+      } else {
+        credit_[k] = kSaved / 2;
+      }
+      known_ |= 1U << k;
+      delta_[k] = delta;
+      judged_us_[k] = bench_.now_us;
+    }
+    fresh_ = 0;
+    stand_meant_ = meant;
+  }
+
+  void feed_back() {
+    for (std::size_t pair = 0; pair < 3; ++pair) {
+      Joints stand = target_;
+      for (std::size_t k = 0; k < 6; ++k) stand[k] = stand_meant_[k] + delta_[k];
+      const auto id = static_cast<std::uint32_t>(0x1C0 + pair);
+      const CanFrame frame = NodeBench::pair_frame(id, stand[2 * pair], stand[2 * pair + 1]);
+      if (offset_) {
+        bench_.from_controller(frame);
+        continue;
+      }
+      bench_.from_drives(frame);
+      for (const CanFrame& back : bench_.upstream.take_sent()) {
+        if (back.id != id || known_ != 0x3F) continue;
+        for (std::size_t k = 0; k < 2; ++k) {
+          require(load_le<std::int32_t>(&back.data[4 * k]) == stand_meant_[2 * pair + k],
+                  "feedback");
+        }
+      }
+    }
+  }
+
+  bool offset_;
+  NodeBench bench_;
+  bool synchronous_ = false;
+  std::uint32_t sequence_ = 1;
+  int since_disabled_ = -1;
+  Joints target_ = kStand;
+  Joints stand_meant_ = kStand;
+  Joints out_ = {};
+  Joints delta_ = {};
+  std::uint32_t fresh_ = 0;  // bit k: out_[k] has just come
+  std::uint32_t known_ = 0;  // bit k: delta_[k] is what the drive holds, of this node's life
+  std::array<double, 6> credit_ = {};
+  std::array<std::uint64_t, 6> judged_us_ = {};
+};
+
+}  // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  static const storage::SimulatedFlash prepared = [] {
+    NodeBench bench(true);
+    bench.install(TestTable{.magnitude = kMagnitude << 12}.image());
+    return bench.flash;
+  }();
+  static const unsigned long steps = [] {
+    const char* text = std::getenv("ARMTRUE_FUZZ_STEPS");
+    return text == nullptr ? ~0UL : std::strtoul(text, nullptr, 0);
+  }();
+  if (size < 3 || size > 64) return 0;
+  Life life(prepared, data[0]);
+  for (std::size_t at = 1; at + 1 < size; at += 2) {
+    const auto step = static_cast<Step>(data[at] % static_cast<std::uint8_t>(Step::kCount));
+    if ((steps >> static_cast<unsigned>(step) & 1U) == 0) continue;
+    if (!life.carry_out(step, data[at + 1])) break;
+  }
+  return 0;
+}
