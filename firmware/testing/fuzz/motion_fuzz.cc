@@ -10,7 +10,8 @@
 //   NMT           what ends the output ends it within seconds
 //   cost          no table that is taken costs many times what an ordinary one does
 //
-// ARMTRUE_FUZZ_STEPS, a bit mask, leaves out steps that are not in it: to look past what was found.
+// ARMTRUE_FUZZ_STEPS and ARMTRUE_FUZZ_TABLES, bit masks, leave out steps and tables that are not in
+// them: to look past what was found.
 #include <array>
 #include <cmath>
 #include <cstdint>
@@ -38,7 +39,10 @@ constexpr double kLargest = 0.05 * 1048576.0 + 1.0;  // increments
 constexpr double kRate = 0.1 * 1048576.0 * 1e-6;     // increments a microsecond
 constexpr double kSaved = 2.0 * 1000.0 * kRate;      // what two cycles may have left over
 constexpr double kSlack = 14.0;                      // rounding, and a target's own way
-constexpr int kFadeCycles = 2200;
+// Until a disabled correction is zero: a blend of 20 ms, and the way at full rate. With a table of
+// a low rate kFadeCycles.
+constexpr int kFadesWithin = 60;
+constexpr int kFadesSlowlyWithin = 2200;
 
 enum class Step : std::uint8_t {
   kMove,
@@ -56,6 +60,11 @@ enum class Step : std::uint8_t {
   kPowerCycle,
   kCount,
 };
+
+unsigned long mask_of(const char* variable) {
+  const char* text = std::getenv(variable);
+  return text == nullptr ? ~0UL : std::strtoul(text, nullptr, 0);
+}
 
 void require(bool holds, std::string_view what) {
   if (holds) return;
@@ -159,7 +168,7 @@ class Life {
 
  private:
   static int length_of(std::uint8_t which) {
-    constexpr int kLengths[] = {1, 5, 20, 120, 300, kFadeCycles + 100};
+    constexpr int kLengths[] = {1, 5, 20, 40, 80, 160};
     return kLengths[which % std::size(kLengths)];
   }
 
@@ -168,9 +177,12 @@ class Life {
     return true;
   }
 
+  // Without targets. Fades take their steps in the first of it; from then on time may go faster.
   bool quiet(int milliseconds) {
-    for (int k = 0; k < milliseconds; ++k) {
-      bench_.now_us += 1000;
+    for (int past = 0; past < milliseconds;) {
+      const int step = past < 60 ? 1 : 25;
+      past += step;
+      bench_.now_us += 1000U * static_cast<unsigned>(step);
       bench_.turn();
       take();
       judge(target_);
@@ -188,6 +200,8 @@ class Life {
   }
 
   bool install(std::uint8_t which) {
+    static const unsigned long tables = mask_of("ARMTRUE_FUZZ_TABLES");
+    if ((tables >> (which % 8) & 1U) == 0) which = 0;
     quiet(600);
     TestTable table{.sequence = sequence_, .magnitude = kMagnitude << 12};
     std::vector<std::uint8_t> image;
@@ -198,6 +212,7 @@ class Life {
       case 2:
         table.sequence = ++sequence_;
         table.rate = 500;
+        fades_within_ = kFadesSlowlyWithin;
         break;
       case 3:
         table.sequence = ++sequence_;
@@ -341,7 +356,7 @@ class Life {
       bench_.command_joints(target_);
       take();
       judge(target_);
-      if (since_disabled_ >= 0 && ++since_disabled_ > kFadeCycles) {
+      if (since_disabled_ >= 0 && ++since_disabled_ > fades_within_) {
         for (const std::int32_t delta : delta_) require(delta == 0 || known_ == 0, "pass-through");
       }
       feed_back();
@@ -415,6 +430,7 @@ class Life {
   bool synchronous_ = false;
   std::uint32_t sequence_ = 1;
   int since_disabled_ = -1;
+  int fades_within_ = kFadesWithin;
   Joints target_ = kStand;
   Joints stand_meant_ = kStand;
   Joints out_ = {};
@@ -433,10 +449,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     bench.install(TestTable{.magnitude = kMagnitude << 12}.image());
     return bench.flash;
   }();
-  static const unsigned long steps = [] {
-    const char* text = std::getenv("ARMTRUE_FUZZ_STEPS");
-    return text == nullptr ? ~0UL : std::strtoul(text, nullptr, 0);
-  }();
+  static const unsigned long steps = mask_of("ARMTRUE_FUZZ_STEPS");
   if (size < 3 || size > 64) return 0;
   Life life(prepared, data[0]);
   for (std::size_t at = 1; at + 1 < size; at += 2) {
