@@ -28,8 +28,12 @@ from armtrue.device.sdo import SdoClient
 LEAST_TRAVEL = 1000
 # Cycles by which an actual position may lag behind its target (following error, bus, filters).
 _LONGEST_DELAY = 60
-# Share of an actual position's variance that a target must explain for the one to follow the other.
-_FOLLOWS = 0.99
+# Share of an actual position's variance that a target must explain for the one to follow the other: adapters that
+# deliver in batches and slow machines shift frames by cycles.
+_FOLLOWS = 0.9
+# A second target explains the same motion where it leaves no more than so many times what the best one leaves.
+_AS_GOOD = 4.0
+_AS_GOOD_SHARE = 0.002
 # What the slope may differ from one.
 SCALE_TOLERANCE = 0.02
 
@@ -110,9 +114,7 @@ def examine(targets: Samples, actuals: Samples) -> Report:
     axes = []
     for j in range(joints):
         own = matches.get((j, j))
-        follows = tuple(
-            k + 1 for k in range(joints) if (j, k) in matches and matches[j, k].explained >= _FOLLOWS
-        )
+        follows = _followed({k: matches[j, k].explained for k in range(joints) if (j, k) in matches})
         is_own = own is not None and j + 1 in follows
         axes.append(
             Axis(
@@ -124,6 +126,14 @@ def examine(targets: Samples, actuals: Samples) -> Report:
             )
         )
     return Report(axes, _findings(axes, matches), _unknown(axes))
+
+
+def _followed(explained: dict[int, float]) -> tuple[int, ...]:
+    """The axes, from 1, whose targets explain a motion: the best, and those that are as good."""
+    left = 1.0 - max(explained.values(), default=0.0)
+    if left > 1.0 - _FOLLOWS:
+        return ()
+    return tuple(k + 1 for k, share in explained.items() if 1.0 - share <= _AS_GOOD * left + _AS_GOOD_SHARE)
 
 
 def _of_its_own(slope: float) -> list[str]:

@@ -86,6 +86,13 @@ def test_correction_of_a_table_is_no_wrong_scale() -> None:
     assert examine(targets, actuals).is_right
 
 
+def test_frames_that_come_cycles_early_and_late_hide_nothing() -> None:
+    targets = one_after_the_other()
+    moments = np.arange(CYCLES) + np.random.default_rng(2).integers(-6, 7, CYCLES)
+    actuals = drives(targets)[np.clip(moments, 0, CYCLES - 1)][:, [0, 2, 1, 3, 4, 5]]
+    assert examine(targets, actuals).findings == ["axes 2 and 3: their drives are exchanged"]
+
+
 def test_axis_that_was_not_moved_is_unknown() -> None:
     targets = one_after_the_other()
     targets[:, 5] = 7.0
