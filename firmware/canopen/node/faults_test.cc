@@ -49,7 +49,7 @@ class OffsetFaultTest : public FaultTest {};
 
 TEST_P(InlineFaultTest, BytesThatNobodyVerifiedSteerNothing) {
   settle();
-  bench.run_for(600'000);
+  bench.run_for(1'200'000);  // the drives are silent: commits are allowed
   ASSERT_EQ(bench.write(0x2000, 2, 0, 1), 0U);
   const auto image = TestTable{.magnitude = kPermitted << 12}.image();
   bench.install(image);

@@ -203,6 +203,8 @@ void Node::handle_upstream(const CanFrame& frame) {
 }
 
 void Node::handle_downstream(CanFrame& frame) {
+  has_heard_drives_ = true;
+  drives_heard_us_ = now_us_;
   if (!frame.is(kFrameExtended)) handle_heartbeat(frame);
   const std::size_t number = pdos_.match(frame);
   if (number < kRpdos) joints_.hear(pdos_.rpdo(number), frame);

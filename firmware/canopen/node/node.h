@@ -10,7 +10,8 @@
 // set) and the actual-position frames (rewritten). NMT and SYNC are obeyed from upstream only.
 //
 // The port calls process() again and again from one context. Nothing here blocks except the table
-// commands, which are refused while joint commands arrive.
+// commands, which are refused while joint commands arrive, and what erases flash, which stops
+// forwarding for seconds and is refused unless the drives are disabled.
 #ifndef ARMTRUE_FIRMWARE_CANOPEN_NODE_NODE_H_
 #define ARMTRUE_FIRMWARE_CANOPEN_NODE_NODE_H_
 
@@ -97,6 +98,7 @@ class Node final : private ObjectHooks {
   void take_input(std::size_t number, const CanFrame& frame);
   bool is_within_bounds(const Pdo& pdo, const CanFrame& frame);
   bool may_change_resolution() const;
+  bool may_erase() const;
   void outputs_are_fresh();
   // What ends the output waits until the drives' offsets are zero.
   void carry_out();
@@ -146,6 +148,8 @@ class Node final : private ObjectHooks {
   };
   Forwarding from_upstream_;
   Forwarding from_downstream_;
+  std::uint64_t drives_heard_us_ = 0;  // a frame from downstream
+  bool has_heard_drives_ = false;
   std::uint32_t sdo_targets_ = 0;
   std::size_t short_rpdo_ = kRpdos;  // whose last frame was too short; kRpdos: none
   Latency sync_latency_;

@@ -96,18 +96,30 @@ Abort Node::check_communication_write(const od::Entry& entry, std::span<const st
   }
   if (is(entry, od::store_parameters::kSaveAllParameters)) {
     if (wanted != kSave) return Abort::kCannotStore;
-    if (!is_quiet()) return Abort::kDeviceState;
+    if (!is_quiet() || !may_erase()) return Abort::kDeviceState;
     return save_parameters(dictionary_, parts_.parameters) ? Abort::kNone : Abort::kHardware;
   }
   if (is(entry, od::restore_default_parameters::kRestoreAllDefaultParameters)) {
     if (wanted != kLoad) return Abort::kCannotStore;
-    if (!is_quiet()) return Abort::kDeviceState;
+    if (!is_quiet() || !may_erase()) return Abort::kDeviceState;
     return parts_.parameters.erase() ? Abort::kNone : Abort::kHardware;
   }
   // A mapping that changes under way would let targets pass uncorrected: a step in the output.
   const bool is_pdo_parameter = entry.index >= 0x1400 && entry.index < 0x1C00;
   if (is_pdo_parameter && mode() != Mode::kForward && !is_quiet()) return Abort::kDeviceState;
   return check_pdo_write(dictionary_, entry, value, pdos_.payload_max());
+}
+
+// An erase stalls the core for seconds on some ports, and nothing is forwarded meanwhile. A drive
+// that has not said that it is disabled counts as enabled while anything is heard from the drives'
+// bus; where nothing is, there is nothing to forward.
+bool Node::may_erase() const {
+  constexpr std::uint64_t kSilentUs = 1'000'000;
+  const DriveStates& drives = joints_.drives();
+  if ((drives.known() & ~drives.disabled()) != 0) return false;
+  if (!has_heard_drives_ || now_us_ - drives_heard_us_ > kSilentUs) return true;
+  const auto all = static_cast<std::uint8_t>((1U << config_.joint_count) - 1U);
+  return (drives.disabled() & all) == all;
 }
 
 // A change of scale under a correction would be a step: only without one, at rest, and with no
@@ -121,7 +133,10 @@ bool Node::may_change_resolution() const {
 
 Abort Node::before_write(const od::Entry& entry, std::span<const std::uint8_t> value) {
   if (entry.index < 0x2000) return check_communication_write(entry, value);
-  if (is(entry, od::kTableCommand)) return tables_.command(number(value), is_quiet());
+  if (is(entry, od::kTableCommand)) {
+    const bool erases = number(value) == static_cast<std::uint32_t>(TableCommand::kCommit);
+    return tables_.command(number(value), is_quiet() && (!erases || may_erase()));
+  }
   namespace control = od::compensator_control;
   if (is(entry, control::kMode)) {
     if (static_cast<Mode>(value[0]) == Mode::kInline && parts_.downstream == nullptr) {

@@ -111,7 +111,11 @@ std::size_t TableTransfer::capacity() const {
 void TableTransfer::start() {
   const std::span<const std::uint8_t> image = store_.start(buffers_.writable());
   if (!image.empty()) use(image);
-  store_.prepare_spare();
+  // The table before, or none, is not what was put in force last.
+  if (store_.has_lost_newest()) {
+    emcy_.raise(Condition::kStorage,
+                static_cast<std::uint32_t>(storage::StoreResult::kImageChanged));
+  }
 }
 
 // A table's scales against 0x608F. Which way a drive counts is the table's to say: the object has

@@ -234,10 +234,14 @@ class Compensator:
 
 
 _STILL_MOVING = "joint commands are arriving; stop the controller before tables are changed"
-_STILL_MOVING_AT_SAVE = "joint commands are arriving; stop the controller before parameters are saved"
+_STILL_MOVING_AT_SAVE = (
+    "joint commands are arriving, or a drive is not disabled (an erase of flash stops forwarding): disable the drives "
+    "and stop the controller before parameters are saved"
+)
 _NOTHING_TO_DO = {
     "vrfy": "nothing has been transferred that could be verified",
-    "cmit": "a table cannot be committed now: it is not verified, or a trial is running (confirm or revert it first)",
+    "cmit": "a table cannot be committed now: a drive is not disabled (an erase of flash stops forwarding), "
+    "the table is not verified, or a trial is running (confirm or revert it first)",
     "actv": "no committed table waits for activation",
     "cfrm": "no table is on trial",
     "rvrt": "no table is on trial or waiting",
