@@ -19,8 +19,8 @@ from armtrue_sim.kinds import KINDS
 from harness import Outcome, Settings, run_case, verdict_of
 
 HEAD = (
-    "| what is hidden | cases | right | found | false | missed | hang | failed | top 1 | top 3 | ambiguity set: size "
-    "| holds it | error / true effects (median, worst) | in 95 % region "
+    "| what is hidden | cases | right | found | false: all, surely | missed | hang | failed | top 1 | top 3 "
+    "| ambiguity set: size | holds it | error / true effects (median, worst) | in 95 % region "
     "| coefficients within 4 sigma | s/case: median, worst |\n"
     f"|{'---|' * 16}\n"
 )
@@ -33,10 +33,12 @@ GROUPS = {
 
 
 def row(kind: str, outcomes: list[Outcome]) -> str:
-    """One line of the table. found and missed: effects; false: cases with an effect that is not in the arm."""
+    """One line of the table. found, missed: effects; false: cases with one that is not in the arm."""
     right = [o for o in outcomes if verdict_of(o) == "right"]
-    wanted = sum(len(o.hidden) for o in outcomes)
-    found = sum(len(o.hidden & o.added) for o in outcomes)
+    # A truth of no effect's form has no name to find: verdict_of judges what is said of it.
+    nameable = [o for o in outcomes if o.kind not in ("outside_catalogue", "foreign_truth")]
+    wanted = sum(len(o.hidden) for o in nameable)
+    found = sum(len(o.hidden & o.added) for o in nameable)
     hangs = sum(o.trouble == "hang" for o in outcomes)
     failed = sum(bool(o.trouble) for o in outcomes) - hangs
     named = [
@@ -49,7 +51,9 @@ def row(kind: str, outcomes: list[Outcome]) -> str:
     held = [inside for o in right for inside in o.held]
     off = [abs(d) for o in outcomes if o.found for d in o.deviations.values()]
     seconds = [o.seconds for o in outcomes if o.seconds == o.seconds]
-    false = sum(bool(o.extras - o.causes) for o in outcomes)
+    false = (
+        f"{sum(bool(o.extras - o.causes) for o in outcomes)}, {sum(bool(o.surely_false) for o in outcomes)}"
+    )
     cells = [
         *(kind.replace("_", " "), len(outcomes), f"{len(right)} ({100 * len(right) / len(outcomes):.1f} %)"),
         *(f"{found} of {wanted}", false, wanted - found, hangs, failed, *named[:2]),

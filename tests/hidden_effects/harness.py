@@ -22,6 +22,8 @@ from command_line import Ran, knows, run
 FITTER_LOADS = "nominal"
 # A candidate with less is not counted as said to be possible.
 WORTH_NAMING = 0.05
+# What is said with so much is said as a fact.
+SURELY = 0.9
 # The 95 % point of chi-squared with three degrees of freedom.
 CHI2_3_95 = 7.815
 
@@ -102,6 +104,7 @@ class Outcome:
     held: list[bool] = field(default_factory=list)
     trouble: str = ""
     deviations: dict[str, float] = field(default_factory=dict)
+    sure: set[str] = field(default_factory=set)
 
     def ended(self, ran: Ran) -> Outcome:
         """A command that did not end well, with its last line."""
@@ -117,6 +120,11 @@ class Outcome:
     def extras(self) -> set[str]:
         """What was added though it is not in the arm."""
         return self.added - self.hidden - self.accepted
+
+    @property
+    def surely_false(self) -> set[str]:
+        """What is not in the arm and was said with SURELY or more, or without a probability."""
+        return (self.extras - self.causes) & self.sure
 
     @property
     def covered(self) -> bool:
@@ -260,6 +268,12 @@ def read_refinement(outcome: Outcome, document: dict[str, Any]) -> None:
     outcome.verdict, outcome.unexplained = steps[-1]["verdict"], steps[-1]["unexplained"]
     outcome.steps, outcome.accounted = [step_words(step) for step in steps], accounted_for(steps)
     outcome.said = said_of(outcome, document)
+    outcome.sure = {
+        word
+        for entry in document["effects"]
+        if isinstance(entry, dict) and entry.get("probability", 1.0) >= SURELY
+        for word in effects_named([entry])
+    }
     outcome.open = {
         word
         for step in steps

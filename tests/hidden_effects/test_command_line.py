@@ -7,6 +7,7 @@ import time
 
 import pytest
 from armtrue_sim import simulate
+from campaign import HEAD, row
 from coefficients import deviations
 from command_line import run, run_program
 from harness import Outcome, read_refinement, verdict_of
@@ -60,6 +61,10 @@ def test_a_foreign_truth_wants_its_cause_or_its_variable() -> None:
     assert verdict_of(outcome("foreign_truth", added={"backlash 2"}, **foreign)) == "right"
     assert verdict_of(outcome("foreign_truth", added={"backlash 3"}, **foreign)) == "extra"
     assert verdict_of(outcome("foreign_truth", **foreign)) == "unnamed"
+    boast = outcome(
+        "foreign_truth", added={"backlash 2", "warm_up"}, sure={"backlash 2", "warm_up"}, **foreign
+    )
+    assert boast.surely_false == {"warm_up"}
     for found in ({"variable": "dir2"}, {"variables": ["q1", "dir2"]}):
         assert verdict_of(outcome("foreign_truth", unexplained=[found], **foreign)) == "right"
 
@@ -83,6 +88,7 @@ def test_probabilities_are_read_where_they_are_said() -> None:
     assert sorted(seen.said) == [(0.2, False), (0.7, True), (0.97, True)]
     assert seen.added == {"backlash 2"}
     assert seen.open == {"backlash 3", "warm_up"}
+    assert seen.sure == {"backlash 2"}
     assert seen.accounted
 
 
@@ -136,3 +142,20 @@ def test_coefficients_are_held_against_the_truth_in_sigmas() -> None:
         "gear_harmonics sin(q3)": pytest.approx(3.0),
         "gear_harmonics cos(q3*2)": pytest.approx(0.0, abs=1e-9),
     }
+
+
+def test_a_row_counts_effects_cases_and_hangs() -> None:
+    found = outcome(
+        "one_hidden", hidden={"backlash 2"}, added={"backlash 2"}, first=[{"backlash 2"}], seconds=1.0
+    )
+    wrong = outcome("one_hidden", hidden={"backlash 2"}, added={"warm_up"}, sure={"warm_up"}, seconds=3.0)
+    hung = outcome("one_hidden", hidden={"backlash 2"}, trouble="hang")
+    cells = [cell.strip() for cell in row("one_hidden", [found, wrong, hung]).split("|")[1:-1]]
+    heads = [cell.strip() for cell in HEAD.splitlines()[0].split("|")[1:-1]]
+    assert len(cells) == len(heads)
+    told = dict(zip(heads, cells, strict=True))
+    assert told["right"] == "1 (33.3 %)"
+    assert told["found"] == "1 of 3"
+    assert told["false: all, surely"] == "1, 1"
+    assert (told["missed"], told["hang"], told["failed"]) == ("2", "1", "0")
+    assert told["s/case: median, worst"] == "2.00, 3.00"
