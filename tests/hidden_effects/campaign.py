@@ -39,7 +39,7 @@ def row(kind: str, outcomes: list[Outcome]) -> str:
     nameable = [o for o in outcomes if o.kind not in ("outside_catalogue", "foreign_truth")]
     wanted = sum(len(o.hidden) for o in nameable)
     found = sum(len(o.hidden & o.added) for o in nameable)
-    hangs = sum(o.trouble == "hang" for o in outcomes)
+    hangs = sum(o.trouble.startswith("hang") for o in outcomes)
     failed = sum(bool(o.trouble) for o in outcomes) - hangs
     named = [
         sum(bool(o.first) and o.first[0] <= o.hidden for o in outcomes),

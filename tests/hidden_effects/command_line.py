@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import pty
+import resource
 import select
 import signal
 import subprocess
@@ -19,11 +20,12 @@ ARMTRUE = str(Path(sys.executable).with_name("armtrue"))
 
 @dataclass
 class Ran:
-    """What became of a command. `hung`: it was still running at the time limit, and was ended."""
+    """What became of a command. processor: seconds of processor it had, which tells a deadlock from a busy machine."""
 
     status: int | None
     seconds: float
     said: str
+    processor: float = 0.0
 
     @property
     def hung(self) -> bool:
@@ -39,7 +41,7 @@ def run(arguments: Sequence[str], limit: float, terminal: bool = False) -> Ran:
 def run_program(command: Sequence[str], limit: float, terminal: bool) -> Ran:
     """Any command, all that it says in one text."""
     ours, theirs = pty.openpty() if terminal else os.pipe()
-    started = time.perf_counter()
+    started, before = time.perf_counter(), _processor_of_children()
     process = subprocess.Popen(
         command, stdin=subprocess.DEVNULL, stdout=theirs, stderr=theirs, start_new_session=True
     )
@@ -59,7 +61,13 @@ def run_program(command: Sequence[str], limit: float, terminal: bool) -> Ran:
         os.killpg(process.pid, signal.SIGKILL)
         process.wait()
     os.close(ours)
-    return Ran(status, time.perf_counter() - started, said.decode(errors="replace"))
+    processor = _processor_of_children() - before
+    return Ran(status, time.perf_counter() - started, said.decode(errors="replace"), processor)
+
+
+def _processor_of_children() -> float:
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
 
 
 @cache

@@ -42,7 +42,10 @@ def named(effect: str, joints: list[int] | tuple[int, ...]) -> list[str]:
     if effect in WHOLE_ARM or not joints:
         return [effect]
     if effect in ("joint_coupling", "coupling_harmonics", "cross_compliance"):
-        return [f"{effect} {','.join(map(str, joints[i : i + 2]))}" for i in range(0, len(joints), 2)]
+        pairs = [list(joints[i : i + 2]) for i in range(0, len(joints), 2)]
+        # Which of a symmetric pair is named first says nothing.
+        pairs = [sorted(pair) if effect == "cross_compliance" else pair for pair in pairs]
+        return [f"{effect} {','.join(map(str, pair))}" for pair in pairs]
     return [f"{effect} {joint}" for joint in joints]
 
 
@@ -108,7 +111,8 @@ class Outcome:
 
     def ended(self, ran: Ran) -> Outcome:
         """A command that did not end well, with its last line."""
-        self.trouble = "hang" if ran.hung else f"status {ran.status}: {ran.said.strip().splitlines()[-1:]}"
+        limit = f"hang: {ran.seconds:.0f} s, {ran.processor:.1f} s of processor"
+        self.trouble = limit if ran.hung else f"status {ran.status}: {ran.said.strip().splitlines()[-1:]}"
         return self
 
     @property
@@ -140,7 +144,7 @@ class Outcome:
 def verdict_of(outcome: Outcome) -> str:
     """`right`, or what is wrong: hang, failed, missed, extra, lost, not accounted for, false alarm and the like."""
     if outcome.trouble:
-        return "hang" if outcome.trouble == "hang" else "failed"
+        return "hang" if outcome.trouble.startswith("hang") else "failed"
     if not outcome.accounted:
         return "not accounted for"
     if outcome.kind == "outside_catalogue":
@@ -245,14 +249,21 @@ def _judged(case: HiddenCase, folder: Path, settings: Settings) -> Outcome:
     outcome.error, outcome.held = fresh_error(case, folder, "best.json", settings)
     if settings.reference:
         (folder / "true.yaml").write_text(yaml.safe_dump(known_to_the_model(case.true_model)))
-        if _fitted(folder, "true.yaml", "true.json", settings).status == 0:
+        (folder / "weighed.yaml").write_text(yaml.safe_dump(weighed_robot(case)))
+        if _fitted(folder, "true.yaml", "true.json", settings, "weighed.yaml").status == 0:
             outcome.error_true = fresh_error(case, folder, "true.json", settings)[0]
     return outcome
 
 
-def _fitted(folder: Path, model: str, out: str, settings: Settings) -> Ran:
+def weighed_robot(case: HiddenCase) -> dict[str, Any]:
+    """robot.yaml of an owner who has weighed the links and levelled the base: as stated, but with the true figures."""
+    robot, truth = dict(case.campaign.robot), case.campaign.truth
+    return robot | {"links": truth["links"], "gravity": truth["gravity"]} if case.accepted else robot
+
+
+def _fitted(folder: Path, model: str, out: str, settings: Settings, robot: str = "robot.yaml") -> Ran:
     """`armtrue fit`; a column that the case withholds makes it end with status 2."""
-    files = [str(folder / name) for name in ("data.csv", "robot.yaml", model, out)]
+    files = [str(folder / name) for name in ("data.csv", robot, model, out)]
     return run(["fit", files[0], "--robot", files[1], "--model", files[2], "--out", files[3]], settings.limit)
 
 

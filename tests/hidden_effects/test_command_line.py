@@ -7,10 +7,11 @@ import time
 
 import pytest
 from armtrue_sim import simulate
+from armtrue_sim.cases import hidden_cases
 from campaign import HEAD, row
 from coefficients import deviations
 from command_line import run, run_program
-from harness import Outcome, read_refinement, verdict_of
+from harness import Outcome, named, read_refinement, verdict_of, weighed_robot
 from noise_parts import BAD, NoiseFound, scenario
 from noise_parts import table as noise_table
 from reliability import bins, expected_calibration_error, table
@@ -20,7 +21,10 @@ def test_a_command_that_hangs_is_ended_with_its_children_at_the_limit() -> None:
     started = time.perf_counter()
     child = "import subprocess, sys; subprocess.run([sys.executable, '-c', 'import time; time.sleep(60)'])"
     for terminal in (False, True):
-        assert run_program([sys.executable, "-c", child], 2.0, terminal).hung
+        ran = run_program([sys.executable, "-c", child], 2.0, terminal)
+        assert ran.hung
+        assert ran.processor < 2.0
+        assert verdict_of(outcome("one_hidden").ended(ran)) == "hang"
     assert time.perf_counter() - started < 30.0
 
 
@@ -159,3 +163,20 @@ def test_a_row_counts_effects_cases_and_hangs() -> None:
     assert told["false: all, surely"] == "1, 1"
     assert (told["missed"], told["hang"], told["failed"]) == ("2", "1", "0")
     assert told["s/case: median, worst"] == "2.00, 3.00"
+
+
+def test_a_symmetric_pair_has_one_name_and_a_driven_joint_another() -> None:
+    assert named("cross_compliance", [3, 2]) == named("cross_compliance", [2, 3]) == ["cross_compliance 2,3"]
+    assert named("coupling_harmonics", [5, 4]) != named("coupling_harmonics", [4, 5])
+
+
+def test_the_reference_of_an_arm_unlike_its_file_knows_its_masses() -> None:
+    real, plain = (hidden_cases(kind, "kr30", 1) for kind in ("real_nothing", "nothing_hidden"))
+    weighed = weighed_robot(real)
+    stated = [link["mass"] for link in real.campaign.robot["links"]]
+    assert [link["mass"] / mass for link, mass in zip(weighed["links"], stated, strict=True)] == [
+        pytest.approx(1.2) if link["mass"] > mass else pytest.approx(0.8)
+        for link, mass in zip(weighed["links"], stated, strict=True)
+    ]
+    assert weighed["gravity"] != real.campaign.robot["gravity"]
+    assert weighed_robot(plain) == plain.campaign.robot

@@ -71,7 +71,7 @@ def causes(joint: int) -> frozenset[str]:
     return frozenset(
         {f"bending_compliance {k}" for k in near}
         | {f"joint_compliance {k}" for k in (joint, joint + 1)}
-        | {f"cross_compliance {joint},{joint + 1}", f"cross_compliance {joint + 1},{joint}"}
+        | {f"cross_compliance {joint},{joint + 1}"}
     )
 
 
