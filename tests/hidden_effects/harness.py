@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 import yaml
 from armtrue_sim.cases import HiddenCase, hidden_cases
+from by_command import Ran, knows, run
 from coefficients import deviations
-from command_line import Ran, knows, run
 
 # The slices that every run of the tests takes stand on the loads that the fitter knows: those of the nominal geometry.
 # With its loads where the arm stands (issue 15, fault 1) this becomes "deflected", as ./dev hidden has it already.

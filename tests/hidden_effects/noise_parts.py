@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from armtrue_sim import simulate
 from armtrue_sim.kinds import ARMS
-from command_line import run
+from by_command import run
 
 BAD, GOOD, READING = 45e-6, 4e-6, 8e-6  # rad, rad, m
 BAD_WITHIN, READING_WITHIN = 8.0, 1.0  # urad, um

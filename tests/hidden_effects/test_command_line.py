@@ -8,9 +8,9 @@ import time
 import pytest
 from armtrue_sim import simulate
 from armtrue_sim.cases import hidden_cases
+from by_command import run, run_program
 from campaign import HEAD, row
 from coefficients import deviations
-from command_line import run, run_program
 from harness import Outcome, named, read_refinement, verdict_of, weighed_robot
 from noise_parts import BAD, NoiseFound, scenario
 from noise_parts import table as noise_table

@@ -17,7 +17,8 @@ import numpy as np
 import pytest
 from armtrue import _core
 from armtrue_sim.campaign import Campaign, simulate
-from armtrue_sim.cases import ARMS, hidden_cases
+from armtrue_sim.cases import hidden_cases
+from armtrue_sim.kinds import ARMS
 
 TIME_LIMIT_S = 300.0  # a refinement takes seconds; beside other tests on two processors ten times that
 ANSWER_S = 1.0
