@@ -238,8 +238,8 @@ TEST_P(InlineFaultTest, SetsBackToBackChangeTheCorrectionNoFaster) {
     bench.now_us += 70;
     bench.command_joints(kStand);
     take_output();
-    // The two hundred increments that there are would be gone after ten sets.
-    EXPECT_LE(farthest(stand, before), (set + 2) * kRate / 10) << set;
+    // All of it in 20 ms: less than an increment in 70 us.
+    EXPECT_LE(farthest(stand, before), set + 3) << set;
   }
 }
 

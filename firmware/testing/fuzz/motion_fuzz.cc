@@ -34,7 +34,8 @@ using namespace armtrue::canopen;
 using Joints = std::array<std::int32_t, 6>;
 
 constexpr Joints kStand = {230'000, 300'000, 150'000, -250'000, 270'000, -200'000};
-constexpr std::int32_t kMagnitude = 400;             // increments, of the tables that are made here
+constexpr std::int32_t kMagnitude = 4000;            // increments, of the tables that are made here
+constexpr std::int32_t kAmplitude = 1 << 24;         // 650 increments
 constexpr double kLargest = 0.05 * 1048576.0 + 1.0;  // increments
 constexpr double kRate = 0.1 * 1048576.0 * 1e-6;     // increments a microsecond
 constexpr double kSaved = 2.0 * 1000.0 * kRate;      // what two cycles may have left over
@@ -203,7 +204,7 @@ class Life {
     static const unsigned long tables = mask_of("ARMTRUE_FUZZ_TABLES");
     if ((tables >> (which % 8) & 1U) == 0) which = 0;
     quiet(600);
-    TestTable table{.sequence = sequence_, .magnitude = kMagnitude << 12};
+    TestTable table{.sequence = sequence_, .amplitude = kAmplitude, .magnitude = kMagnitude << 12};
     std::vector<std::uint8_t> image;
     switch (which % 8) {
       case 0:
@@ -232,7 +233,7 @@ class Life {
       }
       default:
         table.sequence = ++sequence_;
-        table.amplitude = which % 2 == 0 ? 1 << 22 : -(1 << 22);
+        table.amplitude = which % 2 == 0 ? kAmplitude : -kAmplitude;
     }
     if (image.empty()) image = table.image();
     bool taken = bench_.stage(image) == 0;
@@ -446,7 +447,7 @@ class Life {
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   static const storage::SimulatedFlash prepared = [] {
     NodeBench bench(true);
-    bench.install(TestTable{.magnitude = kMagnitude << 12}.image());
+    bench.install(TestTable{.amplitude = kAmplitude, .magnitude = kMagnitude << 12}.image());
     return bench.flash;
   }();
   static const unsigned long steps = mask_of("ARMTRUE_FUZZ_STEPS");
