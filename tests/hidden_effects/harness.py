@@ -258,7 +258,11 @@ def _judged(case: HiddenCase, folder: Path, settings: Settings) -> Outcome:
 def weighed_robot(case: HiddenCase) -> dict[str, Any]:
     """robot.yaml of an owner who has weighed the links and levelled the base: as stated, but with the true figures."""
     robot, truth = dict(case.campaign.robot), case.campaign.truth
-    return robot | {"links": truth["links"], "gravity": truth["gravity"]} if case.accepted else robot
+    if not case.accepted:
+        return robot
+    # Every arm of a case is in Craig's convention: its flange is the last link's frame.
+    centre = [a + b for a, b in zip(robot["tool"]["xyz"], truth["payload_centre"], strict=True)]
+    return robot | {"links": truth["links"], "gravity": truth["gravity"], "payload": {"com": centre}}
 
 
 def _fitted(folder: Path, model: str, out: str, settings: Settings, robot: str = "robot.yaml") -> Ran:

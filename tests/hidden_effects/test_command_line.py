@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 import time
 
+import numpy as np
 import pytest
 from armtrue_sim import simulate
 from armtrue_sim.cases import hidden_cases
@@ -178,5 +179,7 @@ def test_the_reference_of_an_arm_unlike_its_file_knows_its_masses() -> None:
         pytest.approx(1.2) if link["mass"] > mass else pytest.approx(0.8)
         for link, mass in zip(weighed["links"], stated, strict=True)
     ]
+    off = np.subtract(weighed["payload"]["com"], real.campaign.robot["tool"]["xyz"])
+    assert np.linalg.norm(off) == pytest.approx(0.015)
     assert weighed["gravity"] != real.campaign.robot["gravity"]
     assert weighed_robot(plain) == plain.campaign.robot
