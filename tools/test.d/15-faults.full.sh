@@ -2,3 +2,5 @@
 # size and disturbed ones, an hour of simulated 1 kHz motion with every fault at random, in both modes, with targets that wait for SYNC
 # and that do not.
 $PY tests/firmware/faults_report.py build/release
+# And hours with drives that do not always follow: states, homing, hand-guiding, other tables, an axis without end.
+for mode in inline offset; do build/release/firmware/testing/canopen_drive_soak 3600 1 $mode; done

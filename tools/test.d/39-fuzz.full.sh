@@ -1,6 +1,6 @@
 # libFuzzer over everything that parses, on the committed corpora: what the C++ core reads (expressions, the JSON of robots
-# and terms; 30 s each), the node (frame sequences) and the table reader with the joint path of whatever it accepts (20 s each).
-build_preset sanitize fitter_fuzz canopen_fuzz table_fuzz
+# and terms; 30 s each), the node (frame sequences, and lives of steps with oracles of motion) and the table reader with the joint path of whatever it accepts (20 s each).
+build_preset sanitize fitter_fuzz canopen_fuzz motion_fuzz table_fuzz
 
 # fuzz_one HARNESS CORPUS SECONDS OPTIONS...: what was found is kept beside, and shown if it was a failure.
 fuzz_one() {
@@ -16,6 +16,7 @@ fuzz_one() {
   fuzz_one build/sanitize/fitter/expression_fuzz tests/fuzz/corpus/expression 30 -max_len=4096 -timeout=10 -rss_limit_mb=2048 -seed=1 \
     -dict=tests/fuzz/tokens.dict
   fuzz_one build/sanitize/firmware/testing/canopen_fuzz firmware/testing/fuzz/corpus 20 -max_len=2048
+  fuzz_one build/sanitize/firmware/testing/motion_fuzz firmware/testing/fuzz/motion_corpus 20 -max_len=40 -len_control=0
 ) &
 first=$!
 fuzz_one build/sanitize/fitter/json_fuzz tests/fuzz/corpus/core_json 30 -max_len=4096 -timeout=10 -rss_limit_mb=2048 -seed=1 \

@@ -89,11 +89,11 @@ std::vector<std::uint8_t> costly_table(std::uint32_t sequence) {
     testing::append(data, -(std::int32_t{1} << 29));
     testing::append(data, std::uint32_t{1} << 22);  // 2^52 / step, a step of 2^30
   }
-  testing::append(data, std::uint32_t{1});  // its one cell is covered
+  testing::append(data, std::uint32_t{0xFFFF});  // all nodes are covered
   for (int value = 0; value < 16; ++value) testing::append(data, std::int16_t{1});
   made.add(format::Section::kData, data);
   for (std::uint16_t grid = 0; grid < kGrids; ++grid) {
-    testing::Bytes node = {static_cast<std::uint8_t>(format::Node::kGrid), 0, 0, 4};
+    testing::Bytes node = {static_cast<std::uint8_t>(format::Node::kGrid), 0, 0, 1};
     node.resize(format::node::kLength);
     made.add(format::Section::kNodes, node);
     made.add_term(0, static_cast<std::uint16_t>(5 + grid), 1e-6, 30);
