@@ -2,8 +2,8 @@
 
 All faults of a sample are compiled at once into a copy of the tracked files (build/firmware_mutants), each behind a
 switch: one build serves them all. `a < b` becomes `(mutant(7) ? (a <= b) : (a < b))`; the test programs then run once
-for each with ARMTRUE_MUTANT set to its number. A mutant that no test fails is printed and listed in
-build/firmware_mutants/survivors.txt: judge it, and add the test that it asks for.
+for each, with ARMTRUE_MUTANT set to its number. A mutant that no test fails is printed and listed in survivors.txt
+there: judge it, and add the test that it asks for.
 """
 
 from __future__ import annotations
@@ -41,7 +41,6 @@ SHARE_OF_CHANGED = 0.7
 SWITCH = """\
 #ifdef __cplusplus
 #include <cstdlib>
-#include <type_traits>
 namespace armtrue {
 inline int chosen_mutant() {
   static const int number = [] {
@@ -51,7 +50,7 @@ inline int chosen_mutant() {
   return number;
 }
 constexpr bool mutant(int number) {
-  if (std::is_constant_evaluated()) return false;
+  if (__builtin_is_constant_evaluated()) return false;
   return chosen_mutant() == number;
 }
 }  // namespace armtrue

@@ -4,12 +4,11 @@
 #include <limits>
 #include <memory>
 
-#include "firmware/core/division.h"
-
 namespace armtrue {
 namespace {
 
 constexpr std::uint32_t kMicrosecondsPerMillisecond = 1000;
+constexpr std::int64_t kMillion = 1'000'000;
 constexpr int kBlendFraction = 30;
 constexpr std::uint32_t kWhole = std::uint32_t{1} << kBlendFraction;
 
@@ -84,8 +83,7 @@ std::int32_t within_magnitude(const TableView& table, std::size_t joint, std::in
   magnitude = within_magnitude(table, joint, largest);
   const std::int32_t per_second = smaller(slides ? kMaxRatePrismatic : kMaxRateRevolute,
                                           load_i32(record + format::joint::kRateAt));
-  rate = saturate(
-      static_cast<std::int64_t>(millionths(static_cast<std::uint32_t>(per_second), cycle_us)));
+  rate = saturate(product(per_second, static_cast<std::int32_t>(cycle_us)) / kMillion);
   const auto in_increments = [this](std::int32_t units) {
     return smaller(increments_by_unit(units, unit_per_increment, unit_shift),
                    increments_by_increment(units, increment_per_unit, increment_shift));

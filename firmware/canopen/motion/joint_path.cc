@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <span>
 
-#include "firmware/core/division.h"
 #include "firmware/core/fixed.h"
 
 namespace armtrue::canopen {
@@ -155,7 +154,7 @@ void JointPath::read_surroundings(std::uint64_t now_us) {
     }
   }
   input_.payload_g = saturate(std::int64_t{dictionary_.get(od::kPayloadMass)});
-  input_.time_ms = milliseconds_of(now_us);
+  input_.time_ms = now_us / 1000;
   input_.elapsed_us =
       static_cast<std::uint32_t>(std::min<std::uint64_t>(now_us - last_step_us_, UINT32_MAX));
 }

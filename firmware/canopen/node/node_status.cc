@@ -2,7 +2,6 @@
 #include <algorithm>
 
 #include "firmware/canopen/node/node.h"
-#include "firmware/core/division.h"
 
 namespace armtrue::canopen {
 namespace {
@@ -77,7 +76,7 @@ void Node::refresh_status() {
   dictionary_.set(status::kMalformedFrames, joints.malformed);
   dictionary_.set(status::kTargetsSeenBySDO, sdo_targets_);
   dictionary_.set(status::kJointCount, config_.joint_count);
-  dictionary_.set(status::kTimeSinceStart, static_cast<std::uint32_t>(milliseconds_of(now_us_)));
+  dictionary_.set(status::kTimeSinceStart, static_cast<std::uint32_t>(now_us_ / 1000));
   dictionary_.set(status::kOutputFramesRefusedByTheBus, joints.output_refused);
   dictionary_.set(status::kContradictingTargets, joints.conflicts);
   dictionary_.set(status::kCorrectionClampBits, joints_.last_flags());
