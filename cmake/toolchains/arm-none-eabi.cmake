@@ -1,6 +1,6 @@
 # What every bare-metal ARM build shares. Include from a toolchain file that has set ARMTRUE_CPU_FLAGS.
 #
-# No default libraries: only memcpy and friends of newlib-nano and the integer helpers of libgcc are linked, so that a
+# No default libraries: only memcpy and friends of newlib and the integer helpers of libgcc are linked, so that a
 # heap (malloc needs _sbrk), an exception or operator delete is a link error and not a surprise on the target.
 # Floating point is soft everywhere and the FPU stays off: a stray `double` shows up as an __aeabi_d* symbol.
 set(CMAKE_SYSTEM_NAME Generic)
@@ -20,8 +20,8 @@ set(CMAKE_C_FLAGS_INIT "${ARMTRUE_COMMON_FLAGS}")
 set(CMAKE_CXX_FLAGS_INIT "${ARMTRUE_COMMON_FLAGS} -fno-exceptions -fno-rtti -fno-threadsafe-statics -fno-use-cxa-atexit -fno-unwind-tables -fno-asynchronous-unwind-tables")
 set(CMAKE_ASM_FLAGS_INIT "${ARMTRUE_CPU_FLAGS}")
 set(CMAKE_EXE_LINKER_FLAGS_INIT "-nostdlib -Wl,--gc-sections -Wl,--fatal-warnings -Wl,--no-warn-rwx-segments")
-set(CMAKE_C_STANDARD_LIBRARIES_INIT "-lc_nano -lgcc")
-set(CMAKE_CXX_STANDARD_LIBRARIES_INIT "-lc_nano -lgcc")
+set(CMAKE_C_STANDARD_LIBRARIES_INIT "-lc -lgcc")
+set(CMAKE_CXX_STANDARD_LIBRARIES_INIT "-lc -lgcc")
 
 # One optimisation level for what is measured and what is shipped; symbols stay in the ELF only.
 set(CMAKE_C_FLAGS_RELEASE "-O2 -g" CACHE STRING "")

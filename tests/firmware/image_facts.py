@@ -98,7 +98,7 @@ def frames(elf: Path) -> dict[str, int]:
 # Assembly of the Cortex-R5F's startup.S: what it pushes before it calls, the return state included.
 _ASSEMBLY = {"irq_entry": 44, "unexpected": 0, "reset_handler": 0}
 # Assembly and libgcc: no stack information; what their prologues push, rounded up.
-_LIBRARY = re.compile(r"^(__(popcountsi2|aeabi_\w+|udivmoddi4|divmoddi4)|strlen|strchr)$")
+_LIBRARY = re.compile(r"^(__(popcountsi2|aeabi_\w+|udivmoddi4|divmoddi4)|strlen|strchr|mem(cpy|move|set|cmp))$")
 LIBRARY_FRAME = 64
 
 
@@ -143,7 +143,7 @@ def demangled(names: list[str]) -> dict[str, str]:
 # What stands behind the calls that go through a pointer: who calls (by C++ name) which functions. A function with such
 # a call that is not listed fails the stack's test, and so does an entry that names nothing.
 _PORT = r"(BxCan<.*>|SlcanPort|ZynqMpCan<.*>)::"
-_FLASH = r"(PatientFlash|RamFlash|FlashDriver<.*>)::"
+_FLASH = r"(GuardedFlash<.*>|PatientFlash|RamFlash|FlashDriver<.*>)::"
 _VERIFY = r"(IdentityVerifier|AcceptAll)::verify\("
 INDIRECT_CALLS: dict[str, str] = {
     r"^reset_handler$": r"^(_GLOBAL__sub_I_|global constructors keyed to )",
@@ -177,7 +177,7 @@ INDIRECT_CALLS: dict[str, str] = {
     r"canopen::TpdoProducer::sample\(": r"Node::before_read\(",
     r"canopen::JointPath::(compute|take_target)\(": r"(stm32f405|r5f)::clock_us\(|" + _PORT + r"send\(",
     r"canopen::Node::handle_(sync|upstream)\(": r"(stm32f405|r5f)::clock_us\(|" + _PORT + r"send\(",
-    r"storage::SlotStore::capacity\(": _FLASH + r"slot_size\(",
+    r"(storage::SlotStore|canopen::TableTransfer)::capacity\(": _FLASH + r"slot_size\(",
     r"storage::SlotStore::(read_header|is_blank|load|classify|activate|commit|load_active)\(": _FLASH
     + r"(read|slot_size)\(",
     r"storage::SlotStore::program\(": _FLASH + r"(program|read)\(",
