@@ -131,20 +131,18 @@ std::int64_t PositionBounds::within_limits(std::int64_t corrected, std::int32_t 
   expected.joint_count = config_.joint_count;
   const Validation validation = validate(image, expected);
   if (validation.accepted()) {
-    // Made in place: a copy would take half a kilobyte of stack.
-    std::construct_at(&tables_[1U - active_], image);
-    has_pending_ = true;
+    pending_ = image;
   }
   return validation;
 }
 
 [[gnu::cold]] bool Compensator::activate() {
-  if (!has_pending_) return false;
-  has_pending_ = false;
-  active_ = static_cast<std::uint8_t>(1U - active_);
+  if (pending_.empty()) return false;
+  // Made in place: a copy would take half a kilobyte of stack.
+  const TableView& table = *std::construct_at(&table_, pending_);
+  pending_ = {};
   has_active_ = true;
   count_one(counters_.tables_switched);
-  const TableView& table = tables_[active_];
   for (std::size_t k = 0; k < config_.joint_count; ++k) {
     scale_[k] = JointScale(table, k, config_.cycle_us);
   }
@@ -166,10 +164,8 @@ std::int64_t PositionBounds::within_limits(std::int64_t corrected, std::int32_t 
 }
 
 [[gnu::cold]] bool Compensator::is_in_use(std::span<const std::uint8_t> image) const {
-  const auto holds = [image](const TableView& table) {
-    return table.image().data() == image.data();
-  };
-  return (has_pending_ && holds(tables_[1U - active_])) || (has_active_ && holds(tables_[active_]));
+  return (!pending_.empty() && pending_.data() == image.data()) ||
+         (has_active_ && table_.image().data() == image.data());
 }
 
 [[gnu::cold]] void Compensator::hold() {
@@ -236,7 +232,7 @@ void Compensator::update_direction(const CycleInput& input) {
 }
 
 Correction Compensator::evaluate(const CycleInput& input, std::uint16_t& flags) {
-  const TableView& table = tables_[active_];
+  const TableView& table = table_;
   JointPositions target;
   for (std::size_t k = 0; k < config_.joint_count; ++k) {
     const JointScale& scale = scale_[k];

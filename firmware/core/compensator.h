@@ -241,11 +241,10 @@ class Compensator {
   void count(std::uint16_t flags);
 
   CompensatorConfig config_;
-  std::array<TableView, 2> tables_;
-  bool has_pending_ = false;  // load() filled tables_[1 - active_]
-  bool has_active_ = false;   // tables_[active_] is evaluated
-  bool parked_ = false;       // but no correction is wanted
-  std::uint8_t active_ = 1;
+  TableView table_;                        // in force, or the last that was
+  std::span<const std::uint8_t> pending_;  // what load() accepted, empty for none
+  bool has_active_ = false;                // table_ is evaluated
+  bool parked_ = false;                    // but no correction is wanted
   // Of the table in force, or of the last that was.
   std::array<JointScale, kMaxJoints> scale_ = {};
   std::array<PositionBounds, kMaxJoints> bounds_ = {};

@@ -177,6 +177,16 @@ TEST_P(OffsetReadBackTest, AnOffsetThatIsNotTheOneSentIsReported) {
 
 INSTANTIATE_TEST_SUITE_P(Offset, OffsetReadBackTest, ::testing::Values(Mode::kOffset));
 
+TEST(LatencyTest, Quantiles_OfMoreThanAClassCounts_KeepTheirShares) {
+  Latency latency;
+  for (int k = 0; k < 1'000'000; ++k) latency.note(k % 100 == 0 ? 900U : 5U);
+  EXPECT_EQ(latency.count(), 1'000'000U);
+  EXPECT_EQ(latency.quantile(980), 5U);
+  EXPECT_NEAR(latency.quantile(995), 900, 900 / 8);
+  latency.note(5'000'000);
+  EXPECT_EQ(latency.quantile(1000), 5'000'000U);
+}
+
 TEST(LatencyTest, QuantilesAreWithinAnEighth) {
   Latency latency;
   for (std::uint32_t value = 1; value <= 10000; ++value) latency.note(value);

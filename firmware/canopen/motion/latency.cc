@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <numeric>
 
 namespace armtrue::canopen {
 
@@ -21,17 +22,23 @@ std::uint32_t Latency::end_of(std::size_t number) {
 void Latency::note(std::uint32_t microseconds) {
   if (count_ == UINT32_MAX) return;
   ++count_;
-  ++classes_[class_of(microseconds)];
+  std::uint16_t& own = classes_[class_of(microseconds)];
+  if (own == UINT16_MAX) {
+    for (std::uint16_t& each : classes_) each = static_cast<std::uint16_t>(each / 2U);
+  }
+  ++own;
   least_ = std::min(least_, microseconds);
   most_ = std::max(most_, microseconds);
 }
 
 std::uint32_t Latency::quantile(std::uint32_t permille) const {
-  const std::uint64_t wanted = (std::uint64_t{count_} * permille + 999U) / 1000U;
+  const std::uint32_t all = std::accumulate(classes_.begin(), classes_.end(), 0U);
+  const std::uint64_t wanted = (std::uint64_t{all} * permille + 999U) / 1000U;
   std::uint64_t below = 0;
   for (std::size_t k = 0; k < kClasses; ++k) {
     below += classes_[k];
-    if (below >= wanted && below != 0) return std::min(end_of(k), most_);
+    if (below < wanted || below == 0) continue;
+    return k == kClasses - 1 ? most_ : std::min(end_of(k), most_);
   }
   return most_;
 }

@@ -22,13 +22,15 @@ class Latency {
   std::uint32_t quantile(std::uint32_t permille) const;
 
  private:
-  // Values below 8 each have a class; from there every power of two has eight, up to 2^20.
+  // Values below 8 each have a class; from there every power of two has eight, up to 2^14; the last
+  // has all that are longer.
   static constexpr std::size_t kFine = 8;
-  static constexpr std::size_t kClasses = kFine * 18;
+  static constexpr std::size_t kClasses = kFine * 12;
   static std::size_t class_of(std::uint32_t value);
   static std::uint32_t end_of(std::size_t number);
 
-  std::array<std::uint32_t, kClasses> classes_ = {};
+  // Shares, not counts: all are halved where one would leave 16 bits.
+  std::array<std::uint16_t, kClasses> classes_ = {};
   std::uint32_t count_ = 0;
   std::uint32_t least_ = UINT32_MAX;
   std::uint32_t most_ = 0;

@@ -84,7 +84,7 @@ void Node::apply_configuration() {
   joints_.configure_bounds();
   sdo_.reset(kSdoRequestBase + config_.node_id, kSdoResponseBase + config_.node_id);
   tpdos_.restart(now_us_);
-  waiting_bits_ = 0;
+  waiting_count_ = 0;
 }
 
 bool Node::is_quiet() const {
@@ -271,10 +271,10 @@ void Node::obey_sync(const CanFrame& frame) {
   }
   emcy_.clear(Condition::kSyncLength);
   if (nmt_.state() != NmtState::kOperational) return;
-  for (std::size_t k = 0; k < kRpdos; ++k) {
-    if ((waiting_bits_ >> k & 1U) != 0) take_input(k, waiting_[k]);
+  for (const Waiting& input : std::span(waiting_).first(waiting_count_)) {
+    take_input(input.rpdo, input.frame);
   }
-  waiting_bits_ = 0;
+  waiting_count_ = 0;
   joints_.note_refused(
       tpdos_.on_sync(parts_.upstream, overflow != 0 ? frame.data[0] : std::uint8_t{0}, now_us_));
 }
@@ -317,12 +317,16 @@ void Node::handle_rpdo(std::size_t number, const CanFrame& frame) {
     CanFrame copy = frame;
     return joints_.take_feedback(pdo, copy, now_us_);
   }
-  if (pdo.is_synchronous()) {
-    waiting_[number] = frame;
-    waiting_bits_ |= 1U << number;
-  } else {
-    take_input(number, frame);
-  }
+  if (!pdo.is_synchronous() || !keep_for_sync(number, frame)) take_input(number, frame);
+}
+
+bool Node::keep_for_sync(std::size_t number, const CanFrame& frame) {
+  std::size_t place = 0;
+  while (place < waiting_count_ && waiting_[place].rpdo != number) ++place;
+  if (place == waiting_.size()) return false;
+  waiting_[place] = {frame, static_cast<std::uint8_t>(number)};
+  waiting_count_ = std::max(waiting_count_, place + 1);
+  return true;
 }
 
 // The bounds that SDO would have kept to.

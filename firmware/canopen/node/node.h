@@ -96,6 +96,8 @@ class Node final : private ObjectHooks {
   void handle_heartbeat(const CanFrame& frame);
   void handle_rpdo(std::size_t number, const CanFrame& frame);
   void take_input(std::size_t number, const CanFrame& frame);
+  // The newest frame of each synchronous input; false where there is no room.
+  bool keep_for_sync(std::size_t number, const CanFrame& frame);
   bool is_within_bounds(const Pdo& pdo, const CanFrame& frame);
   bool may_change_resolution() const;
   bool may_erase() const;
@@ -155,9 +157,14 @@ class Node final : private ObjectHooks {
   Latency sync_latency_;
   Latency sync_jitter_;  // difference to the latency of the SYNC before
   std::uint32_t last_sync_latency_us_ = 0;
-  // Synchronous inputs wait here for SYNC.
-  std::array<CanFrame, kRpdos> waiting_ = {};
-  std::uint32_t waiting_bits_ = 0;
+  // Synchronous inputs (temperatures, payload) wait here for SYNC; one more than fit is taken at
+  // once.
+  struct Waiting {
+    CanFrame frame;
+    std::uint8_t rpdo = 0;
+  };
+  std::array<Waiting, 4> waiting_ = {};
+  std::size_t waiting_count_ = 0;
 };
 
 }  // namespace armtrue::canopen

@@ -181,7 +181,7 @@ void Node::after_write(const od::Entry& entry) {
   if (entry.index >= 0x1400 && entry.index < 0x1C00) {
     pdos_.refresh();
     joints_.configure(pdos_);
-    waiting_bits_ = 0;  // what waits for SYNC came under other mappings
+    waiting_count_ = 0;  // what waits for SYNC came under other mappings
     return tpdos_.restart(now_us_);
   }
   namespace control = od::compensator_control;
