@@ -3,7 +3,7 @@
 shipped_sources() {
   ls firmware/core/*.cc firmware/storage/*.cc firmware/canopen/*/*.cc firmware/ports/common/*.cc \
     firmware/ports/stm32f405/*.cc firmware/ports/arm/*.cc firmware/ports/posix/*.cc |
-    grep -vE '_test\.cc|/soak|_main\.cc|/transfer_sizes|/node_budget|/boot_check|/semihosting|/conformance'
+    grep -vE '_test\.cc|/soak|/senseless|_main\.cc|/transfer_sizes|/node_budget|/boot_check|/semihosting|/conformance'
 }
 mkdir -p out
 configure sanitize

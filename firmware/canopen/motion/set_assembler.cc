@@ -72,7 +72,8 @@ SetEvent SetAssembler::take(const Pdo& pdo, std::size_t rpdo, const CanFrame& fr
   if (held_count_ == held_.size())
     return SetEvent::kHeld;  // configure() made sure that there is room
   if (present_ == 0) begin_us_ = now_us;
-  held_[held_count_++] = {frame, &pdo, static_cast<std::uint8_t>(rpdo)};
+  held_[held_count_] = {frame, &pdo, static_cast<std::uint8_t>(rpdo)};
+  ++held_count_;
   present_ |= 1U << rpdo;
   // A frame that was late instead of lost would complete this set with an old target: without SYNC
   // to take them both, only what follows a whole set is one.

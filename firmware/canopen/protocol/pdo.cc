@@ -130,7 +130,8 @@ Mapping PdoTable::decode(od::Ref<std::uint8_t> count, od::Ref<std::uint32_t> fir
     const MapWord map = split(word);
     const auto size = static_cast<std::uint8_t>(map.bits / 8);
     if (mapping.length + size > payload_max_) break;
-    MappedEntry& mapped = mapping.entries[mapping.count++];
+    MappedEntry& mapped = mapping.entries[mapping.count];  // count < wanted ≤ kMappedMax
+    ++mapping.count;
     mapped.at = mapping.length;
     mapped.size = size;
     if (!is_dummy(map.index)) {

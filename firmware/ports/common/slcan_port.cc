@@ -63,8 +63,10 @@ bool parse_frame(Line line, canopen::CanFrame& frame) {
 
 void append_hex(std::uint32_t value, std::size_t digits, std::uint8_t*& to) {
   constexpr char kDigits[] = "0123456789ABCDEF";
-  for (std::size_t i = digits; i > 0; --i)
-    *to++ = static_cast<std::uint8_t>(kDigits[value >> (4 * (i - 1)) & 15U]);
+  for (std::size_t i = digits; i > 0; --i) {
+    *to = static_cast<std::uint8_t>(kDigits[value >> (4 * (i - 1)) & 15U]);
+    ++to;
+  }
 }
 
 }  // namespace
@@ -77,11 +79,13 @@ bool SlcanPort::send(const canopen::CanFrame& frame) {
     const bool remote = frame.is(canopen::kFrameRemote);
     const char data_command = extended ? 'T' : 't';
     const char remote_command = extended ? 'R' : 'r';
-    *to++ = static_cast<std::uint8_t>(remote ? remote_command : data_command);
+    *to = static_cast<std::uint8_t>(remote ? remote_command : data_command);
+    ++to;
     append_hex(frame.id, extended ? 8 : 3, to);
     append_hex(frame.len, 1, to);
     for (std::size_t i = 0; i < (remote ? 0U : frame.len); ++i) append_hex(frame.data[i], 2, to);
-    *to++ = kEnd;
+    *to = kEnd;
+    ++to;
   }
   const auto size = static_cast<std::size_t>(to - text.data());
   if (size == 0 || size > stream_.writable()) {
@@ -99,7 +103,8 @@ bool SlcanPort::receive(canopen::CanFrame& frame) {
     if (byte == '\n') continue;  // terminals send it after CR
     if (byte != kEnd) {
       if (line_length_ < line_.size()) {
-        line_[line_length_++] = byte;
+        line_[line_length_] = byte;
+        ++line_length_;
       } else {
         line_too_long_ = true;
       }
