@@ -262,8 +262,8 @@ class Life {
                                     1e-9 * static_cast<double>(after.tv_nsec - before.tv_nsec));
       }
       take();
-      judge(target_);
     }
+    known_ = 0;  // what came out meanwhile was not judged
     return least;
   }
   static double ordinary_cost() {
