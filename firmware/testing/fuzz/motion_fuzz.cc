@@ -42,8 +42,8 @@ constexpr double kSaved = 2.0 * 1000.0 * kRate;      // what two cycles may have
 constexpr double kSlack = 14.0;                      // rounding, and a target's own way
 // Until a disabled correction is zero: a blend of 20 ms, and the way at full rate. With a table of
 // a low rate kFadeCycles.
-constexpr int kFadesWithin = 60;
-constexpr int kFadesSlowlyWithin = 2200;
+constexpr std::int64_t kFadesWithin = 60;  // ms
+constexpr std::int64_t kFadesSlowlyWithin = 2200;
 
 enum class Step : std::uint8_t {
   kMove,
@@ -349,7 +349,8 @@ class Life {
       if (with_sync) {
         const std::uint32_t evaluated = bench_.compensator().counters().cycles;
         bench_.from_controller(make_frame(0x80, {}));
-        require(bench_.compensator().counters().cycles == evaluated, "SYNC");
+        // Fewer: an old set was taken back.
+        require(bench_.compensator().counters().cycles <= evaluated, "SYNC");
       }
       take();
       judge(before);
@@ -357,7 +358,8 @@ class Life {
       bench_.command_joints(target_);
       take();
       judge(target_);
-      if (since_disabled_ >= 0 && ++since_disabled_ > fades_within_) {
+      if (since_disabled_ >= 0) since_disabled_ += static_cast<std::int64_t>(period_us);
+      if (since_disabled_ > fades_within_ * 1000) {
         for (const std::int32_t delta : delta_) require(delta == 0 || known_ == 0, "pass-through");
       }
       feed_back();
@@ -430,8 +432,8 @@ class Life {
   NodeBench bench_;
   bool synchronous_ = false;
   std::uint32_t sequence_ = 1;
-  int since_disabled_ = -1;
-  int fades_within_ = kFadesWithin;
+  std::int64_t since_disabled_ = -1;  // us with targets; negative while it is enabled
+  std::int64_t fades_within_ = kFadesWithin;
   Joints target_ = kStand;
   Joints stand_meant_ = kStand;
   Joints out_ = {};
