@@ -80,6 +80,13 @@ def test_nmt_reset_restarts_the_image(lines: Lines) -> None:
         lines.upstream.send(message(0x000, bytes([0x81, NODE])))
         assert (0x700 + NODE, receive(lines.upstream, 0x700 + NODE)) == BOOT_UP
         assert read_object(lines.upstream, 0x1000)
+        assert read_object(lines.upstream, 0x2040, 1) == b"\x07", "the cause outlives the reset: NMT"
+
+
+def test_protection_in_force_can_be_read(lines: Lines) -> None:
+    in_force = int.from_bytes(read_object(lines.upstream, 0x2040, 8), "little")
+    assert in_force & 0b1101 == 0b1101, "memory protection, voltage detector, window watchdog"
+    assert not in_force & 0b0010, "the emulated board has no crystal to watch"
 
 
 def test_every_request_is_answered(lines: Lines) -> None:

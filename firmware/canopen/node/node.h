@@ -22,6 +22,7 @@
 #include "firmware/canopen/motion/joint_path.h"
 #include "firmware/canopen/node/bus_watch.h"
 #include "firmware/canopen/node/parameter_store.h"
+#include "firmware/canopen/node/port_health.h"
 #include "firmware/canopen/protocol/can_port.h"
 #include "firmware/canopen/protocol/dictionary_access.h"
 #include "firmware/canopen/protocol/emcy.h"
@@ -50,6 +51,7 @@ struct NodeParts {
   ParameterStore& parameters;
   const DeviceIdentity& device;
   TableMemory buffers;
+  const PortHealth* health = nullptr;  // nullptr: the port knows nothing
 };
 
 // What the port has to do after process().
@@ -113,6 +115,7 @@ class Node final : private ObjectHooks {
   void refresh_status();
   void refresh_drive_states();
   void refresh_timing();
+  void refresh_health();
   void run_self_test(std::uint8_t tests);
   bool is_quiet() const;
   Mode mode() const { return mode_; }

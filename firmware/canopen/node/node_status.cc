@@ -111,6 +111,21 @@ void Node::refresh_timing() {
   dictionary_.set(timing::kSetWindowInForce, joints_.window_us());
 }
 
+void Node::refresh_health() {
+  namespace refs = od::start_and_supply;
+  if (parts_.health == nullptr) return;
+  const PortHealth& health = *parts_.health;
+  dictionary_.set(refs::kCauseOfTheLastReset, health.reset_cause);
+  dictionary_.set(refs::kStartsSincePowerOn, health.starts);
+  dictionary_.set(refs::kCausesOfTheLastEightResets, health.history);
+  dictionary_.set(refs::kInstructionOfTheLastFault, health.fault_instruction);
+  dictionary_.set(refs::kStatusOfTheLastFault, health.fault_status);
+  dictionary_.set(refs::kAddressOfTheLastFault, health.fault_address);
+  dictionary_.set(refs::kOptionBytes, health.option_bytes);
+  dictionary_.set(refs::kProtectionInForce, health.protection);
+  dictionary_.set(refs::kSupplyDips, health.supply_dips);
+}
+
 Abort Node::before_read(std::uint16_t index, std::uint8_t sub) {
   // A bus's state and the errors that it raises are read in one turn: they must agree.
   watch_buses();
@@ -119,7 +134,9 @@ Abort Node::before_read(std::uint16_t index, std::uint8_t sub) {
     const bool is_held = sub <= dictionary_.get(od::kPreDefinedErrorFieldCount);
     return is_held ? Abort::kNone : Abort::kNoData;
   }
-  if (index == od::drive_states::kPhase.index) {
+  if (index == od::start_and_supply::kOptionBytes.index) {
+    refresh_health();
+  } else if (index == od::drive_states::kPhase.index) {
     refresh_drive_states();
   } else if (index == od::timing::kSetWindowInForce.index) {
     refresh_timing();

@@ -22,6 +22,7 @@ struct DeviceParts {
   storage::Flash& tables;
   canopen::ParameterStore& parameters;
   std::uint64_t (*clock_us)();
+  const canopen::PortHealth* health = nullptr;
 };
 
 // What is fixed when the image is built (firmware/ports/identity.cmake).
@@ -50,7 +51,8 @@ class Device {
                store_,
                parts.parameters,
                settings.identity,
-               {first_, second_}}) {}
+               {first_, second_},
+               parts.health}) {}
 
   // Puts the stored table in force. Erases nothing: a device that was reset while its drives run is
   // to pass frames on again at once.

@@ -50,6 +50,8 @@ class WatchdogTest : public testing::Test {
     return fed && downstream_.take_sent().size() == 4;
   }
 
+  canopen::PortHealth health_{
+      .reset_cause = 9, .fault_instruction = 0x08001234, .option_bytes = 0x0FFFAAED};
   static inline std::uint64_t now_us = 1'000'000;
   static std::uint64_t clock() { return now_us; }
   bool goes_on_ = true;
@@ -65,7 +67,7 @@ class WatchdogTest : public testing::Test {
                                  .serial_number = 1,
                                  .joint_count = 6,
                                  .cycle_us = 1000};
-  Device device_{settings_, {upstream_, &downstream_, flash_, parameters_, &clock}};
+  Device device_{settings_, {upstream_, &downstream_, flash_, parameters_, &clock, &health_}};
 };
 
 TEST_F(WatchdogTest, IsFedAtRestInMotionAndWhenCommandsStop) {
@@ -86,6 +88,27 @@ TEST_F(WatchdogTest, IsNotFedByATurnThatComesLate) {
   for (int k = 0; k < 20; ++k) {
     EXPECT_FALSE(turn_after(3 * canopen::JointPath::kSupervisionUs / 2)) << "it would starve";
   }
+}
+
+TEST_F(WatchdogTest, WhatThePortKnowsOfItsStart_CanBeRead) {
+  turn();
+  turn_after(kMillisecond);
+  upstream_.take_sent();
+  const auto read = [this](int sub) {
+    request({0x40, 0x40, 0x20, sub, 0, 0, 0, 0});
+    for (const canopen::CanFrame& frame : upstream_.take_sent()) {
+      if (frame.id == 0x580 + NodeBench::kNodeId) {
+        return canopen::load_le<std::uint32_t>(&frame.data[4]);
+      }
+    }
+    return UINT32_MAX;
+  };
+  EXPECT_EQ(read(1), 9U);
+  EXPECT_EQ(read(4), 0x08001234U);
+  EXPECT_EQ(read(7), 0x0FFFAAEDU);
+  EXPECT_EQ(read(9), 0U);
+  health_.supply_dips = 3;
+  EXPECT_EQ(read(9), 3U);
 }
 
 TEST_F(WatchdogTest, IsNotFedByATurnThatAResetCutShort) {

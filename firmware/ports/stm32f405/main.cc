@@ -67,6 +67,7 @@ struct SerialLines {
   ports::SlcanPort second_port{second};
 };
 alignas(8) std::byte line_memory[std::max(sizeof(CanLines), sizeof(SerialLines))];
+canopen::PortHealth health;
 CanLines* can = nullptr;        // set before the interrupts that use it are enabled
 SerialLines* serial = nullptr;  // likewise
 
@@ -138,7 +139,10 @@ void usart2_handler() {
   serial->second.on_interrupt();
   wake();
 }
-void voltage_handler() { voltage.on_interrupt(); }
+void voltage_handler() {
+  voltage.on_interrupt();
+  health.supply_dips = voltage.dips();
+}
 }
 
 namespace {
@@ -146,7 +150,10 @@ namespace {
 // Apart from main(), so that what it needs of the stack is free again while the device runs.
 [[gnu::noinline]] ports::Device& make_device() {
   const ClockSource source = start_clocks();
-  if (source == ClockSource::kCrystal) start_clock_security(rcc_registers);
+  if (source == ClockSource::kCrystal) {
+    start_clock_security(rcc_registers);
+    health.protection |= canopen::kClockSecurity;
+  }
   start_pins();
   voltage.start();
   enable_interrupt(kVoltageInterrupt);
@@ -169,15 +176,40 @@ namespace {
   canopen::CanPort& downstream =
       has_can ? static_cast<canopen::CanPort&>(can->second) : serial->second_port;
   static ports::Device device(ports::kSettings,
-                              {upstream, &downstream, tables, parameters, &clock_us});
+                              {upstream, &downstream, tables, parameters, &clock_us, &health});
   return device;
+}
+
+}  // namespace
+
+namespace {
+
+void note_health(bool has_memory_protection) {
+  const ports::ResetLog& log = reset_log();
+  const OptionBytes option_bytes = read_option_bytes(flash_registers);
+  health = {.reset_cause = static_cast<std::uint8_t>(log.cause()),
+            .starts = log.resets(),
+            .history = log.history(),
+            .fault_instruction = log.fault().instruction,
+            .fault_status = log.fault().status,
+            .fault_address = log.fault().address,
+            .option_bytes = option_bytes.word,
+            .protection = canopen::kVoltageDetector | canopen::kWindowWatchdog};
+  const auto note = [](bool is_in_force, std::uint32_t bit) {
+    if (is_in_force) health.protection |= bit;
+  };
+  note(has_memory_protection, canopen::kMemoryProtection);
+  note(option_bytes.has_brown_out_level_3(), canopen::kBrownOutLevel3);
+  note(option_bytes.has_hardware_watchdog(), canopen::kHardwareWatchdog);
+  note(option_bytes.has_read_protection(), canopen::kReadProtection);
+  note(option_bytes.has_protected_code(), canopen::kCodeWriteProtection);
 }
 
 }  // namespace
 
 int main() {
   watchdog.set_timeout(Independent::kUsualMs);  // it runs since the first instruction
-  start_protection();
+  note_health(start_protection());
   ports::Device& device = make_device();
   device.start();
   watchdog.feed();

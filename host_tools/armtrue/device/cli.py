@@ -29,6 +29,8 @@ from armtrue.device.compensator import (
     COMPENSATOR_STATES,
     MODES,
     NO_SLOT,
+    PROTECTIONS,
+    RESET_CAUSES,
     SLOT_STATES,
     STAGING_STATES,
     Compensator,
@@ -181,8 +183,14 @@ def _describe(status: Status) -> list[str]:
         f"room for {status['Table status.Capacity (bytes)']} bytes",
         f"tables      format {status['Table status.Format version read']}, "
         f"{'signed only' if status['Table status.Signature required'] else 'unsigned accepted'}",
+        f"start       {name_of(RESET_CAUSES, status['Start and supply.Cause of the last reset'])}; not in force: "
+        + (_missing_protection(status["Start and supply.Protection in force"]) or "nothing"),
         "counters    " + ", ".join(f"{name.lower()} {status[f'{counters}.{name}']}" for name in counted),
     ]
+
+
+def _missing_protection(in_force: int) -> str:
+    return ", ".join(name for bit, name in enumerate(PROTECTIONS) if not in_force & 1 << bit)
 
 
 @app.command()

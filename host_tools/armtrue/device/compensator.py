@@ -14,6 +14,15 @@ SLOT_STATES = (
 )  # fmt: skip
 COMPENSATOR_STATES = ("pass-through", "blending", "active")
 MODES = ("forward", "inline", "offset")
+# 0x2040 subs 1 and 8: firmware/ports/common/reset_log.h, firmware/canopen/node/port_health.h.
+RESET_CAUSES = (
+    "unknown", "power-on", "brown-out", "reset pin", "watchdog", "window watchdog", "debugger", "NMT reset",
+    "processor fault", "memory fault", "crystal failed", "low power",
+)  # fmt: skip
+PROTECTIONS = (
+    "memory protection", "clock security", "voltage detector", "window watchdog", "brown-out level 3",
+    "hardware watchdog", "read protection", "write-protected code",
+)  # fmt: skip
 BUS_STATES = ("active", "warning", "passive", "bus-off")
 NO_SLOT = 0xFF
 
@@ -135,7 +144,7 @@ class Compensator:
         """Who the device is and what table it has; small enough to ask before every operation."""
         return self.status(
             "Manufacturer device name", "Manufacturer software version", "Identity object", "Robot serial",
-            "Table status", "Compensator control", "Compensator status",
+            "Table status", "Compensator control", "Compensator status", "Start and supply",
         )  # fmt: skip
 
     def is_quiet(self) -> bool:
