@@ -90,8 +90,15 @@ void SetAssembler::set_progress(SetProgress progress) {
 }
 
 bool SetAssembler::is_over(std::uint32_t configured_us, std::uint64_t now_us) const {
-  return !sync_in_use_ && present_ != 0 && progress_ != SetProgress::kOut &&
-         now_us - begin_us_ > window_.in_force(configured_us);
+  if (present_ == 0 || progress_ == SetProgress::kOut) return false;
+  std::uint64_t limit_us = window_.in_force(configured_us);
+  if (sync_in_use_) {
+    // A whole set waits for SYNC. What is missing from another may come as long as it can only be
+    // of this interval: SYNC itself may be late, and the next cycle's frame ahead of it.
+    if (content() == SetContent::kWhole) return false;
+    limit_us = std::max(limit_us, sync_period_us_ * 3 / 4);
+  }
+  return now_us - begin_us_ > limit_us;
 }
 
 SetAssembler::Ended SetAssembler::end_interval() {
