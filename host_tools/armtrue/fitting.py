@@ -52,7 +52,7 @@ class Fit:
         text = read_text(path, largest_bytes=_LARGEST_FIT_BYTES)
         try:
             document = json.loads(text)
-        except (json.JSONDecodeError, RecursionError) as error:
+        except (ValueError, RecursionError) as error:  # also a number of more digits than Python reads
             raise InputError(f"{path}: found text that is not JSON ({error}), expected a fit.json") from None
         if not isinstance(document, dict) or document.get("format") != FORMAT:
             raise InputError(f"{path}: found no 'format: {FORMAT}', expected a file written by armtrue fit")

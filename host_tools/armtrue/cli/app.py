@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from typing import Annotated
 
@@ -20,6 +21,7 @@ from armtrue.cli import (
     planning,
     predicting,
 )
+from armtrue.cli.guard import GuardedGroup
 from armtrue.device import cli as device
 from armtrue.errors import InputError
 from armtrue.tables import cli as tables
@@ -28,6 +30,7 @@ INPUT_AT_FAULT = 2
 
 app = typer.Typer(
     name="armtrue",
+    cls=GuardedGroup,
     no_args_is_help=True,
     rich_markup_mode="rich",
     pretty_exceptions_enable=False,
@@ -88,6 +91,7 @@ def main() -> None:
     """Run the command line and exit."""
     try:
         status = app(standalone_mode=False)
+        sys.stdout.flush()
         sys.exit(status if isinstance(status, int) else 0)
     except InputError as error:
         print(f"armtrue: {error}", file=sys.stderr)
@@ -103,6 +107,19 @@ def main() -> None:
         # The reader of our output went away, as `armtrue … | head` does: nothing to say and nobody to say it to.
         sys.stderr.close()
         sys.exit(0)
+    except OSError as error:
+        print(f"armtrue: {_place(error)}: {error.strerror or error}", file=sys.stderr)
+        # What standard output could not take would be tried again at the end.
+        sys.stderr.flush()
+        os._exit(INPUT_AT_FAULT)
+    except MemoryError:
+        print("armtrue: found more than this machine's memory holds, expected smaller files", file=sys.stderr)
+        sys.exit(INPUT_AT_FAULT)
+
+
+def _place(error: OSError) -> str:
+    """What could not be read or written."""
+    return str(error.filename) if error.filename else "standard output or a file"
 
 
 def _sentence(error: click.ClickException) -> str:

@@ -40,4 +40,6 @@ def simulate(
         armtrue_sim.cli_simulate(scenario, out)
     except armtrue_sim.ScenarioError as error:
         raise InputError(str(error)) from None
+    except OSError as error:
+        raise InputError(f"{error.filename or out}: cannot be written ({error.strerror})") from None
     Output(None).say(f"written: {out}")

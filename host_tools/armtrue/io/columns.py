@@ -8,6 +8,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from armtrue.io.robot import Robot
+from armtrue.io.sensor_names import is_sensor
 
 TEXT_COLUMNS = ("target", "repeat")
 QUATERNION = ("qw", "qx", "qy", "qz")
@@ -63,8 +64,8 @@ class ColumnNames:
             return "number"
         if name in _KIND_OF:
             return _KIND_OF[name]
-        if name.startswith("temp_") and len(name) > len("temp_"):
-            return "temperature"
+        if name.startswith("temp_"):
+            return "temperature" if is_sensor(name.removeprefix("temp_")) else None
         match = _PER_JOINT.match(name)
         if not match or not 1 <= int(match[2]) <= self.robot.joint_count:
             return None

@@ -18,6 +18,7 @@ Array = NDArray[np.float64]
 # Rows held as text at a time: bounds the memory, as text takes some ten times the room of its numbers.
 _ROWS_AT_A_TIME = 4096
 _LARGEST_CELL_CHARACTERS = 200
+_LONGEST_LINE = 1_000_000
 
 
 @dataclass(frozen=True)
@@ -91,11 +92,13 @@ class _Rows:
             raise InputError(f"{path}: found no such file") from None
         except OSError as error:
             raise InputError(f"{path}: cannot be read ({error.strerror})") from None
+        except ValueError:
+            raise InputError(f"{str(path)!r}: found a name that no file can have") from None
         except LookupError:
             raise InputError(
                 f"{path}: found encoding '{dialect.encoding}', expected one that Python knows"
             ) from None
-        self._reader = csv.reader(self._stream, delimiter=dialect.separator)
+        self._reader = csv.reader(self._lines(), delimiter=dialect.separator)
         try:
             self.header = self._read_header()
         except BaseException:
@@ -120,7 +123,7 @@ class _Rows:
         if self._dialect.header_row == 0:
             first = next(self._cells(), [])
             self._stream.seek(0)
-            self._reader = csv.reader(self._stream, delimiter=self._dialect.separator)
+            self._reader = csv.reader(self._lines(), delimiter=self._dialect.separator)
             header = [str(number) for number in range(1, len(first) + 1)]
         else:
             header = [name.strip() for name in next(self._cells(), [])]
@@ -134,6 +137,15 @@ class _Rows:
                     f"{self._path} header: found column '{name}' a second time, expected it once"
                 )
         return header
+
+    def _lines(self) -> Iterator[str]:
+        """Lines of a length that a table may have: a file without line breaks is not taken into memory."""
+        while line := self._stream.readline(_LONGEST_LINE + 1):
+            if len(line) > _LONGEST_LINE:
+                raise InputError(
+                    f"{self._path}: found a line of more than {_LONGEST_LINE} characters, expected rows of a table"
+                )
+            yield line
 
     def _cells(self) -> Iterator[list[str]]:
         """Rows as lists of cells; what the reader refuses becomes an InputError with the row."""
@@ -151,6 +163,8 @@ class _Rows:
                     f"{self._path} after row {self._reader.line_num}: found byte 0x{error.object[error.start]:02x}, "
                     f"expected {self._dialect.encoding} text"
                 ) from None
+            except UnicodeError as error:
+                raise InputError(f"{self._path}: found no {self._dialect.encoding} text ({error})") from None
 
     def _even_rows(self) -> Iterator[tuple[list[str], int]]:
         width = len(self.header)

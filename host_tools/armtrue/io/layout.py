@@ -11,6 +11,7 @@ from armtrue.errors import InputError, did_you_mean
 from armtrue.io.columns import POSITION, QUATERNION, UNITS, ColumnNames
 from armtrue.io.delimited import Dialect, read_header
 from armtrue.io.robot import Robot
+from armtrue.io.sensor_names import contract_name
 from armtrue.io.yamlfile import Section, load_yaml
 
 _SEPARATORS = {"comma": ",", "semicolon": ";", "tab": "\t", "space": " ", "pipe": "|"}
@@ -105,23 +106,28 @@ def contract_layout(path: Path, robot: Robot) -> Layout:
     if len(header) == 1 and any(mark in header[0] for mark in ";\t|"):
         raise InputError(
             f"{path} header: found no comma, expected columns separated by commas "
-            "(a foreign file is read through a dataset.yaml beside it)"
+            f"('armtrue init {path} --robot robot.yaml --out FOLDER' writes the dataset.yaml that reads a foreign file)"
         )
     numbers: dict[str, NumberSource] = {}
     texts: dict[str, str] = {}
     unused: list[str] = []
-    for name in header:
+    for own in header:
+        name = contract_name(own)
         kind = names.kind(name)
+        if name in numbers:
+            raise InputError(
+                f"{path} header: found column '{own}', which reads as {name} a second time, expected it once"
+            )
         if names.joint_beyond_arm(name):
             raise InputError(
                 f"{path} header: found column '{name}', expected joints 1 to {robot.joint_count}"
             )
         if kind is None:
-            unused.append(name)
+            unused.append(own)
         elif kind == "text":
-            texts[name] = name
+            texts[name] = own
         else:
-            numbers[name] = NumberSource(name)
+            numbers[name] = NumberSource(own)
     return Layout(path, dialect, numbers, texts, unused=unused)
 
 

@@ -13,6 +13,8 @@ from armtrue.io.robot import Robot
 from armtrue.io.yamlfile import Section, load_yaml
 
 # Weak enough to leave what the data can tell alone, strong enough to hold what they cannot (docs/files.md).
+# More waves a turn are beyond what any encoder resolves.
+_HIGHEST_ORDER = 10_000.0
 DEFAULT_PRIORS = {"angle_deg": 0.3, "length_mm": 2.0}
 
 
@@ -106,7 +108,10 @@ def _option(section: Section, option: str, kind: str) -> Any:
     if kind == "bool":
         return section.flag(option, default=False)
     if kind == "[number]":
-        return section.numbers(option, None, "a list of numbers such as [1,2]")
+        numbers = section.numbers(option, None, "a list of numbers such as [1,2]")
+        if option in ("orders", "cycles") and not all(0.0 < value <= _HIGHEST_ORDER for value in numbers):
+            raise section.fail(option, f"numbers above 0 and up to {_HIGHEST_ORDER:g}, cycles a turn")
+        return numbers
     if kind == "[int]":
         values = section.numbers(option, None, "a list of whole numbers such as [1,2]")
         if any(value != int(value) for value in values):

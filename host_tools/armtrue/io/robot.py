@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from armtrue.errors import InputError
+from armtrue.io.sensor_names import contract_name, is_sensor
 from armtrue.io.urdf import read_urdf_chain
 from armtrue.io.yamlfile import Section, load_yaml
 
@@ -258,6 +259,11 @@ def _temperature(section: Section) -> dict[str, Any]:
     reference = section.number("reference", minimum=-273.15, expected="a temperature in °C")
     sensors = section.texts("sensors", "a list of sensor names")
     for number, name in enumerate(sensors, start=1):
+        if not is_sensor(name):
+            raise InputError(
+                f"{section.place('sensors')}[{number}]: found '{name}', expected letters, digits and underscores, "
+                f"such as '{contract_name('temp_' + name).removeprefix('temp_') or 'arm'}'"
+            )
         if name in sensors[: number - 1]:
             raise InputError(
                 f"{section.place('sensors')}: found '{name}' a second time, expected names of their own"

@@ -16,6 +16,7 @@ from armtrue.io.files import read_text
 LARGEST_YAML_BYTES = 4 * 1024 * 1024
 
 _MISSING: Any = object()
+_MOST_NODES = 1_000_000
 
 
 class _Loader(yaml.SafeLoader):
@@ -73,6 +74,39 @@ _Loader.add_constructor("tag:yaml.org,2002:float", _construct_float)
 _Loader.add_constructor("tag:yaml.org,2002:int", _construct_int)
 
 
+def _construct(text: str) -> Any:
+    loader = _Loader(text)
+    try:
+        node = loader.get_single_node()
+        if node is None:
+            return None
+        _refuse_bombs(node)
+        return loader.construct_document(node)  # type: ignore[no-untyped-call]
+    finally:
+        loader.dispose()  # type: ignore[no-untyped-call]
+
+
+def _refuse_bombs(top: yaml.Node) -> None:
+    """Refuse a document whose aliases, written out, make it larger than a person could write."""
+    sizes: dict[int, int] = {}
+
+    def size(node: yaml.Node) -> int:
+        known = sizes.get(id(node))
+        if known is not None:
+            return known
+        sizes[id(node)] = _MOST_NODES + 1  # found again within itself: without end
+        total = 1
+        if isinstance(node, yaml.SequenceNode):
+            total += sum(map(size, node.value))
+        elif isinstance(node, yaml.MappingNode):
+            total += sum(size(key) + size(value) for key, value in node.value)
+        sizes[id(node)] = total
+        return total
+
+    if size(top) > _MOST_NODES:
+        raise _refused(f"aliases that write out to more than {_MOST_NODES} entries", top)
+
+
 def load_yaml(path: Path) -> Section:
     """Return the mapping at the top of the YAML file `path`.
 
@@ -80,7 +114,7 @@ def load_yaml(path: Path) -> Section:
     """
     text = read_text(path, largest_bytes=LARGEST_YAML_BYTES)
     try:
-        value = yaml.load(text, Loader=_Loader)
+        value = _construct(text)
     except yaml.MarkedYAMLError as error:
         line = f" line {error.problem_mark.line + 1}" if error.problem_mark else ""
         raise InputError(f"{path}{line}: found {error.problem or 'no YAML'}, expected YAML") from None
@@ -251,4 +285,7 @@ class Section:
 
 
 def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    try:
+        return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    except OverflowError:  # an integer beyond what a double holds
+        return False

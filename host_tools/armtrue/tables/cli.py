@@ -67,23 +67,23 @@ def export(
     max_correction: Annotated[
         float | None,
         typer.Option(
-            "--max-correction", help="Largest correction of a joint [rad, m]; default: from the model."
+            "--max-correction", help="Largest correction of a joint \\[rad, m]; default: from the model."
         ),
     ] = None,
     max_rate: Annotated[
-        float, typer.Option("--max-rate", help="Fastest change of a correction [rad/s, m/s].")
+        float, typer.Option("--max-rate", help="Fastest change of a correction \\[rad/s, m/s].")
     ] = 0.1,
     dead_band: Annotated[
         float,
-        typer.Option("--dead-band", help="Motion that does not count as a change of direction [rad, m]."),
+        typer.Option("--dead-band", help="Motion that does not count as a change of direction \\[rad, m]."),
     ] = 2e-5,
     damping: Annotated[
         float | None,
-        typer.Option("--damping", help="Damping near singularities [m/rad]; default: 0.4 % of the reach."),
+        typer.Option("--damping", help="Damping near singularities \\[m/rad]; default: 0.4 % of the reach."),
     ] = None,
     payload_max: Annotated[
         float | None,
-        typer.Option("--payload-max", help="Largest payload [kg]; default: half the arm's mass, or 50."),
+        typer.Option("--payload-max", help="Largest payload \\[kg]; default: half the arm's mass, or 50."),
     ] = None,
     sign: Annotated[
         Path | None, typer.Option("--sign", metavar="KEY", help="Sign with this key of 'armtrue keygen'.")
@@ -109,6 +109,7 @@ def export(
     check_writable(out)
     check_writable(sidecar(out))
     refuse_to_lose([fit_file], [out, json_to])
+    _refuse_sizes(sequence, max_correction, max_rate, dead_band, damping, payload_max, _numbers(increments))
     document = fitting.Fit.load(fit_file).document
     options = ExportOptions(
         serial=serial,
@@ -125,6 +126,8 @@ def export(
         secret_seed=None if sign is None else signing.read_seed(sign),
     )
     result = make_image(fitted_arm(document, fit_file), options, fit_file)
+    # Judged by the firmware's own reader before anything is written.
+    described = describe(Image(result.image, out))
     write_file(out, result.image)
     write_file(sidecar(out), json.dumps(document) + "\n")
     output.items(result.notes)
@@ -132,7 +135,7 @@ def export(
         f"written: {out} ({len(result.image)} bytes, "
         f"{'signed' if options.secret_seed else 'not signed'}), {sidecar(out)}"
     )
-    output.figures({**describe(Image(result.image, out)), "notes": result.notes})
+    output.figures({**described, "notes": result.notes})
 
 
 def compensate(
@@ -235,6 +238,31 @@ def info(
     document["signature_checked"] = key is not None
     present(document, image, output, terms)
     output.figures(document)
+
+
+def _refuse_sizes(
+    sequence: int,
+    max_correction: float | None,
+    max_rate: float,
+    dead_band: float,
+    damping: float | None,
+    payload_max: float | None,
+    increments: tuple[float, ...] | None,
+) -> None:
+    """Raise InputError for an option of `export` that no table can hold, or that would bar every later one."""
+    limits: list[tuple[str, float | None, float, float]] = [
+        ("--sequence", sequence, 0.0, 1e9),
+        ("--max-correction", max_correction, 1e-6, 1.0),
+        ("--max-rate", max_rate, 1e-4, 100.0),
+        ("--dead-band", dead_band, 0.0, 0.1),
+        ("--damping", damping, 1e-6, 100.0),
+        ("--payload-max", payload_max, 0.0, 1e5),
+        *(("--increments", value, 1.0, 2.0**40) for value in increments or ()),
+    ]
+    for name, value, least, most in limits:
+        # What is not a number compares with nothing.
+        if value is not None and not least <= value <= most:
+            raise InputError(f"{name}: found {value:g}, expected {least:g} to {most:g}")
 
 
 def _numbers(text: str | None) -> tuple[float, ...] | None:

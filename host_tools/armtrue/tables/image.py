@@ -11,10 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armtrue.errors import InputError
+from armtrue.io.files import read_bytes
 from armtrue.tables import layout
 from armtrue.tables.chain import Chain, transform
 from armtrue.tables.fixed import validate
 from armtrue.tables.layout import Node, Section, State
+
+# No device holds more.
+LARGEST_IMAGE_BYTES = 16 * 1024 * 1024
 
 Array = NDArray[np.float64]
 
@@ -91,14 +95,7 @@ class Image:
     @classmethod
     def load(cls, path: Path) -> Image:
         """Read and validate a file. Errors: InputError naming what a device would refuse."""
-        if path.is_dir():
-            raise InputError(f"{path}: found a folder, expected a file")
-        try:
-            return cls(path.read_bytes(), path)
-        except FileNotFoundError:
-            raise InputError(f"{path}: found no such file") from None
-        except OSError as error:
-            raise InputError(f"{path}: cannot be read ({error.strerror})") from None
+        return cls(read_bytes(path, LARGEST_IMAGE_BYTES), path)
 
     @property
     def joint_count(self) -> int:

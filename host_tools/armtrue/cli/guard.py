@@ -1,0 +1,99 @@
+"""What every command keeps to, whatever it does: no output is one of its inputs, and a mistyped name finds its like."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+import typer.core
+
+from armtrue.errors import did_you_mean
+from armtrue.io.files import check_writable, refuse_to_lose
+
+# Options that name what is written; every other path is read.
+_WRITTEN = {"out", "json_to", "record"}
+# Commands that may write over the fit they were given: the next step replaces the last one.
+_IN_PLACE = {"add", "remove", "refine"}
+# What is written beside --out, by what is put behind its name.
+_BESIDE_OUT = {"export": ".fit.json", "keygen": ".pub"}
+# What is read beside an argument.
+_BESIDE_TABLES = {"compensate": ".fit.json"}
+
+
+def refuse_clashes(command: str, parameters: dict[str, Any]) -> None:
+    """Raise InputError where `command` with `parameters` would write over what it reads, or twice to one file."""
+    reads = [path for name, value in parameters.items() if name not in _WRITTEN for path in _paths(value)]
+    if command in _BESIDE_TABLES:
+        reads += [_beside(path, _BESIDE_TABLES[command]) for path in _paths(parameters.get("tables"))]
+    writes: list[Path] = []
+    for name in _WRITTEN & set(parameters):
+        value = parameters[name]
+        if value is not None and str(value) != "-":
+            writes.append(Path(value))
+    if command in _BESIDE_OUT:
+        writes += [_beside(path, _BESIDE_OUT[command]) for path in _paths(parameters.get("out"))]
+    if command in _IN_PLACE:
+        fit = parameters.get("fit_file")
+        out = parameters.get("out")
+        in_place = fit is not None and out is not None and Path(fit).resolve() == Path(out).resolve()
+        reads = [path for path in reads if not (in_place and path == fit)]
+    refuse_to_lose(reads, writes)
+    if command not in ("init", "simulate"):
+        for path in writes:
+            check_writable(path)
+
+
+def _as_paths(value: Any) -> Any:
+    if value is None:
+        return None
+    return [Path(one) for one in value] if isinstance(value, list | tuple) else Path(value)
+
+
+def _paths(value: Any) -> list[Path]:
+    if isinstance(value, Path):
+        return [value]
+    return [path for path in value if isinstance(path, Path)] if isinstance(value, list | tuple) else []
+
+
+def _beside(path: Path, suffix: str) -> Path:
+    return path.with_name(path.name + suffix)
+
+
+class GuardedGroup(typer.core.TyperGroup):
+    """The group of all commands: what they write is compared with what they read before any of them begins."""
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """The command that `args` name, guarded; one that is not known is answered with the nearest that is."""
+        name = args[0] if args else ""
+        command = self.get_command(ctx, name)
+        if command is None and not name.startswith("-"):
+            hint = did_you_mean(name, self.list_commands(ctx)) if name else ""
+            ctx.fail(f"No such command '{name}'{hint}")
+        if command is not None:
+            _guard(name, command)
+        return super().resolve_command(ctx, args)
+
+
+def _guard(name: str, command: click.Command) -> None:
+    """Let `command`, or the commands under it, begin only where `refuse_clashes` allows."""
+    if isinstance(command, click.Group):
+        for under, own in command.commands.items():
+            _guard(under, own)
+        return
+    if getattr(command, "is_guarded", False):
+        return
+    run = command.invoke
+
+    named = {parameter.name for parameter in command.params if isinstance(parameter.type, click.Path)}
+
+    def invoke(ctx: click.Context) -> Any:
+        # Typer makes paths of the words only when it calls the function behind the command.
+        words = {key: _as_paths(value) if key in named else value for key, value in ctx.params.items()}
+        refuse_clashes(name, words)
+        return run(ctx)
+
+    command.invoke = invoke  # type: ignore[method-assign]
+    command.is_guarded = True  # type: ignore[attr-defined]

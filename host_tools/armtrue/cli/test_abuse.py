@@ -1,0 +1,224 @@
+"""Commands under abuse: outputs that are inputs, devices and links; options, names and sizes that cannot be."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import stat
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import pytest
+import yaml
+
+from armtrue.cli.conftest import armtrue
+from armtrue.errors import InputError
+from armtrue.io import load_data, load_robot
+from armtrue.io.files import write_file
+from armtrue.io.yamlfile import load_yaml
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file()}
+
+
+def refused(folder: Path, *arguments: str) -> str:
+    """The sentence of a command that must end with status 2 and leave every file as it is."""
+    before = contents(folder)
+    run = armtrue(*arguments, cwd=folder)
+    assert run.returncode == 2, run.stdout + run.stderr
+    assert len(run.stderr.strip().splitlines()) == 1, run.stderr
+    assert contents(folder) == before
+    return run.stderr
+
+
+@pytest.fixture(scope="module")
+def exported(folder):
+    assert armtrue("keygen", "--out", "k1", cwd=folder).returncode == 0
+    run = armtrue("export", "fit.json", "--out", "t.bin", cwd=folder)
+    assert run.returncode == 0, run.stderr
+    (folder / "linked.csv").hardlink_to(folder / "data.csv")
+    return folder
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        "export fit.json --out k1 --sign k1",
+        "export fit.json --out o.bin --json o.bin.fit.json",
+        "export fit.json --out fit.json",
+        "tables info t.bin --json t.bin",
+        "tables info t.bin --key k1.pub --json k1.pub",
+        "compensate t.bin test.csv --out c.csv --json t.bin.fit.json",
+        "predict fit.json data.csv --out linked.csv",
+        "compare fit.json test.csv --json test.csv",
+        "remove fit.json joint_compliance --out data.csv",
+        "check data.csv --robot robot.yaml --json robot.yaml",
+    ],
+)
+def test_output_that_is_an_input_is_refused_before_anything_is_written(exported, command):
+    assert "expected one" in refused(exported, *command.split())
+
+
+@pytest.mark.parametrize(
+    ("option", "value"),
+    [
+        *(
+            (option, value)
+            for option in ("--max-rate", "--max-correction", "--damping")
+            for value in ("nan", "inf", "1e300", "-1")
+        ),
+        ("--dead-band", "nan"),
+        ("--payload-max", "-5"),
+        ("--sequence", "4294967295"),
+        ("--increments", "nan"),
+        ("--increments", "0"),
+    ],
+)
+def test_export_options_that_no_table_can_hold_are_refused_by_name(exported, option, value):
+    assert option in refused(exported, "export", "fit.json", "--out", "o.bin", option, value)
+
+
+def test_write_file_follows_links_and_writes_through_pipes(tmp_path):
+    (tmp_path / "real").mkdir()
+    (tmp_path / "real" / "file").write_text("old")
+    (tmp_path / "link").symlink_to(tmp_path / "real" / "file")
+    write_file(tmp_path / "link", "new")
+    assert (tmp_path / "link").is_symlink()
+    assert (tmp_path / "real" / "file").read_text() == "new"
+    os.mkfifo(tmp_path / "pipe")
+    read: list[str] = []
+    reader = threading.Thread(target=lambda: read.append((tmp_path / "pipe").read_text()))
+    reader.start()
+    write_file(tmp_path / "pipe", "through")
+    reader.join(timeout=10)
+    assert read == ["through"]
+    assert stat.S_ISFIFO((tmp_path / "pipe").stat().st_mode)
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="this machine has no /dev/full")
+def test_commands_with_output_to_devices_leave_them_devices(folder):
+    run = armtrue("predict", "fit.json", "test.csv", "--out", "/dev/null", cwd=folder)
+    assert run.returncode == 0, run.stderr
+    assert stat.S_ISCHR(Path("/dev/null").stat().st_mode)
+    run = armtrue("predict", "fit.json", "test.csv", "--out", "/dev/full", cwd=folder)
+    assert run.returncode == 2
+    assert "No space left" in run.stderr
+    command = [sys.executable, "-m", "armtrue", "effects"]
+    with Path("/dev/full").open("w") as full:
+        ended = subprocess.run(
+            command, stdout=full, stderr=subprocess.PIPE, text=True, check=False, timeout=120
+        )
+    assert ended.returncode == 2
+    assert "Traceback" not in ended.stderr
+    assert "No space left" in ended.stderr
+
+
+@pytest.mark.parametrize(
+    ("header", "name"),
+    [
+        ("temp_arm 1", "temp_arm_1"),
+        ("temp_J1 (°C)", "temp_J1"),
+        ("temp_arm-2", "temp_arm_2"),
+        ("temp_arm", "temp_arm"),
+    ],
+)
+def test_temperature_column_is_read_under_a_name_that_expressions_can_hold(folder, tmp_path, header, name):
+    text = (folder / "data.csv").read_text().replace("temp_arm", header, 1)
+    (tmp_path / "data.csv").write_text(text)
+    robot = load_robot(folder / "robot.yaml")
+    assert name in load_data(tmp_path / "data.csv", robot).columns
+
+
+def test_sensor_name_that_no_expression_can_hold_is_refused_with_one_that_it_can(folder, tmp_path):
+    robot = yaml.safe_load((folder / "robot.yaml").read_text())
+    robot["temperature"]["sensors"] = ["arm 1"]
+    (tmp_path / "robot.yaml").write_text(yaml.safe_dump(robot))
+    with pytest.raises(InputError, match="such as 'arm_1'"):
+        load_robot(tmp_path / "robot.yaml")
+
+
+@pytest.mark.parametrize("orders", ["[0]", "[1e300]", "[-1]"])
+def test_orders_that_no_gear_has_are_refused(folder, orders):
+    sentence = refused(
+        folder,
+        "add",
+        "fit.json",
+        "gear_mesh",
+        "--joints",
+        "1",
+        "--option",
+        f"orders={orders}",
+        "--out",
+        "o.json",
+    )
+    assert "orders" in sentence
+
+
+def test_yaml_aliases_without_end_are_refused_at_once(tmp_path):
+    lines = ["a: &a [x, x, x, x, x, x, x, x, x, x]"]
+    lines += [f"{b}: &{b} [{', '.join([f'*{a}'] * 10)}]" for a, b in zip("abcdefgh", "bcdefghi", strict=True)]
+    (tmp_path / "bomb.yaml").write_text("\n".join(lines) + "\n")
+    with pytest.raises(InputError, match="aliases"):
+        load_yaml(tmp_path / "bomb.yaml")
+    (tmp_path / "loop.yaml").write_text("a: &a [*a]\n")
+    with pytest.raises(InputError, match="aliases"):
+        load_yaml(tmp_path / "loop.yaml")
+
+
+def test_sizes_are_looked_at_before_reading(exported, tmp_path):
+    shutil.copytree(exported, tmp_path / "in")
+    with (tmp_path / "in" / "sparse.bin").open("wb") as stream:
+        stream.truncate(20 * 1024**3)
+    for command in (
+        "tables info sparse.bin",
+        "predict sparse.bin test.csv --out p.csv",
+        "predict fit.json sparse.bin --out p.csv",
+        "init sparse.bin --robot robot.yaml --out arm",
+        "check sparse.bin --robot robot.yaml",
+        "check data.csv --robot sparse.bin",
+    ):
+        run = armtrue(*command.split(), cwd=tmp_path / "in")
+        assert run.returncode == 2, (command, run.stdout, run.stderr)
+        assert "sparse.bin" in run.stderr
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "words"),
+    [
+        ("d.yaml", 'file: "a\\0b"\n', "no file can have"),
+        ("d.yaml", "file: data.csv\nencoding: utf-16\n", "utf-16"),
+        ("d.yaml", "file: data.csv\nheader_row: " + "9" * 400 + "\n", "30 digits"),
+    ],
+)
+def test_dataset_yaml_that_cannot_be_is_one_sentence(folder, name, text, words):
+    columns = ", ".join(f"{column}: {column}" for column in (*(f"q{k}" for k in range(1, 7)), *"xyz"))
+    (folder / name).write_text(f"{text}columns: {{{columns}}}\n")
+    assert words in refused(folder, "check", name, "--robot", "robot.yaml")
+
+
+def test_number_of_6000_digits_in_a_fit_is_one_sentence(folder):
+    text = (folder / "fit.json").read_text().replace('"seed": 0', '"seed": ' + "7" * 6000)
+    (folder / "long.json").write_text(text)
+    assert "long.json" in refused(folder, "diagnose", "long.json")
+
+
+@pytest.mark.parametrize(
+    ("typed", "meant"), [("diagnos", "diagnose"), ("chek", "check"), ("refien", "refine")]
+)
+def test_mistyped_command_is_answered_with_the_nearest(folder, typed, meant):
+    assert f"did you mean '{meant}'" in refused(folder, typed, "fit.json")
+
+
+@pytest.mark.parametrize(
+    ("command", "units"),
+    [("export", ["[rad, m]", "[rad/s, m/s]", "[m/rad]", "[kg]"]), ("plan", ["[m]", "[m, robot base]"])],
+)
+def test_units_survive_in_help(folder, command, units):
+    run = armtrue(command, "--help", cwd=folder)
+    words = " ".join(run.stdout.replace("│", " ").split())
+    for unit in units:
+        assert unit in words
+    assert "\\[" not in words
