@@ -21,13 +21,13 @@ def read_bytes(path: Path, largest_bytes: int = LARGEST_TEXT_BYTES) -> bytes:
         if path.is_dir():
             raise InputError(f"{path}: found a folder, expected a file")
         size = path.stat().st_size
-        if size <= largest_bytes:
-            with path.open("rb") as stream:
-                # A device or a pipe tells no size: it is cut off one byte beyond what is allowed.
-                content = stream.read(largest_bytes + 1)
-            size = len(content)
         if size > largest_bytes:
-            raise InputError(f"{path}: found {size} bytes and more, expected at most {largest_bytes}")
+            raise InputError(f"{path}: found {size} bytes, expected at most {largest_bytes}")
+        with path.open("rb") as stream:
+            # A device or a pipe tells no size: it is cut off one byte beyond what is allowed.
+            content = stream.read(largest_bytes + 1)
+        if len(content) > largest_bytes:
+            raise InputError(f"{path}: found no end, expected at most {largest_bytes} bytes")
         return content
     except FileNotFoundError:
         raise InputError(f"{path}: found no such file") from None

@@ -127,7 +127,7 @@ def test_says_what_is_wrong_and_where(tmp_path, found, put, names):
         ("", "found nothing"),
         ("- a\n", "expected keys"),
         ("a: [1\n", "line 2"),
-        ("a: &x [*x]\n", "kinematics: found nothing"),
+        ("a: &x [*x]\n", "aliases that write out"),
         ("a: !!python/object:os.system x\n", "expected YAML"),
         ("? [1, 2]\n: 3\n", "a key that is not text"),
         ("[" * 5000, "nested too deep"),
