@@ -6,7 +6,9 @@ if [ ! -e "$before/build/stm32f405/images/latency_check.elf" ]; then
   mkdir -p "$before/.cache"
   git archive "$LATENCY_BEFORE" | tar x -C "$before"
   cp -r .cache/sdist "$before/.cache/"
-  cp firmware/ports/stm32f405/latency_check.cc firmware/ports/stm32f405/CMakeLists.txt "$before/firmware/ports/stm32f405/"
+  cp firmware/ports/stm32f405/latency_check.cc "$before/firmware/ports/stm32f405/"
+  sed -n '/armtrue_arm_image(latency_check/,+2p' firmware/ports/stm32f405/CMakeLists.txt >"$before/image.cmake"
+  sed -i "/armtrue_arm_image(boot_check/r $before/image.cmake" "$before/firmware/ports/stm32f405/CMakeLists.txt"
   # Headers lay in one folder then; of the images only this one is built.
   sed -i 's#firmware/canopen/protocol/#firmware/canopen/#' "$before/firmware/ports/stm32f405/latency_check.cc"
   (cd "$before" && cmake --preset stm32f405 >/dev/null && cmake --build --preset stm32f405 -j "$JOBS" --target latency_check >/dev/null)
