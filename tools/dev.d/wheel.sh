@@ -27,7 +27,7 @@ cmd_wheel() {
   rm -rf dist
   mkdir -p dist out
   $PY -m build --no-isolation --sdist --wheel --outdir dist/raw . >out/wheel.log 2>&1 || { tail -40 out/wheel.log; return 1; }
-  $PY -m auditwheel repair --wheel-dir dist dist/raw/*.whl >>out/wheel.log 2>&1 || { tail -40 out/wheel.log; return 1; }
+  PATH=$ROOT/.venv/bin:$PATH $PY -m auditwheel repair --wheel-dir dist dist/raw/*.whl >>out/wheel.log 2>&1 || { tail -40 out/wheel.log; return 1; }
   mv dist/raw/*.tar.gz dist/
   rm -r dist/raw
   ls -l dist

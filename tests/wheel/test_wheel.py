@@ -1,0 +1,173 @@
+"""The wheel in an empty environment: every command works without compiler, Debian packages or this checkout.
+
+tools/test.d/45-wheel.full.sh builds it first.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+import venv
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+pytestmark = pytest.mark.full
+
+ROOT = Path(__file__).resolve().parents[2]
+# What every Linux of the wheel's age brings (the manylinux policies).
+SYSTEM = {
+    "libc.so.6",
+    "libm.so.6",
+    "libpthread.so.0",
+    "libdl.so.2",
+    "librt.so.1",
+    "libgcc_s.so.1",
+    "libstdc++.so.6",
+}
+Armtrue = Callable[..., str]
+
+
+@pytest.fixture(scope="session")
+def wheel() -> Path:
+    built = list((ROOT / "dist").glob("armtrue-*.whl"))
+    assert len(built) == 1, "dist holds no wheel, or several: ./dev wheel makes it"
+    return built[0]
+
+
+@pytest.fixture(scope="session")
+def environment(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """An environment with the wheel and what it declares, at the versions of tools/requirements."""
+    folder = tmp_path_factory.mktemp("environment")
+    venv.create(folder, with_pip=True)
+    limits = ROOT / "tools/requirements/run.txt"
+    command = [folder / "bin/python", "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
+    subprocess.run([*command, "--use-pep517", "--constraint", limits, f"{wheel}[figures]"], check=True)
+    return folder
+
+
+@pytest.fixture(scope="session")
+def armtrue(environment: Path, tmp_path_factory: pytest.TempPathFactory) -> Armtrue:
+    """Runs the command with nothing else on the path, in a folder of its own."""
+    work = tmp_path_factory.mktemp("work")
+
+    def run(*words: str, status: int = 0) -> str:
+        done = subprocess.run(
+            [environment / "bin/armtrue", *words],
+            cwd=work,
+            env={"PATH": str(environment / "bin"), "HOME": str(work), "LANG": "C.UTF-8", "COLUMNS": "120"},
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert done.returncode == status, done.stdout + done.stderr
+        return done.stdout
+
+    return run
+
+
+def contents(wheel: Path) -> dict[str, bytes]:
+    with zipfile.ZipFile(wheel) as archive:
+        return {name: archive.read(name) for name in archive.namelist() if not name.endswith("/")}
+
+
+def test_wheel_fits_any_linux_and_says_the_version(wheel: Path, armtrue: Armtrue) -> None:
+    assert re.fullmatch(r"armtrue-[\d.]+-cp311-cp311-manylinux[\w.]+\.whl", wheel.name)
+    assert armtrue("--version") == f"armtrue {(ROOT / 'VERSION').read_text()}"
+
+
+def test_libraries_need_nothing_but_the_system_and_the_wheel(environment: Path) -> None:
+    (package,) = environment.glob("lib/python3*/site-packages/armtrue")
+    libraries = [*package.rglob("*.so*"), *package.parent.glob("armtrue.libs/*")]
+    assert len(libraries) >= 3
+    inside = {library.name for library in libraries}
+    for library in libraries:
+        said = subprocess.run(["readelf", "-d", library], capture_output=True, text=True, check=True).stdout
+        needed = set(re.findall(r"\(NEEDED\).*\[(.+)\]", said))
+        assert needed <= SYSTEM | inside | {"ld-linux-x86-64.so.2"}, library.name
+
+
+def test_notice_names_every_library_and_none_is_under_the_gpl(wheel: Path) -> None:
+    held = contents(wheel)
+    notice = (ROOT / "NOTICE").read_text()
+    for name in held:
+        if ".so" in Path(name).name:
+            stem = re.split(r"[.-]", Path(name).name)[0]
+            assert f"{Path(name).parent}/{stem}" in notice or f"armtrue/{stem}" in notice, name
+    licences = {Path(name).name for name in held if "/licenses/" in name}
+    assert {"LICENSE", "NOTICE", *(path.name for path in (ROOT / "licenses").iterdir())} <= licences
+    (core,) = (content for name, content in held.items() if "/_core" in name and name.endswith(".so"))
+    assert b"ceres" in core
+    # CHOLMOD's supernodal modules are what is under the GPL in Debian's Ceres; CXSparse is under the LGPL.
+    assert b"cholmod_super" not in core
+    assert b"cs_di_" not in core
+
+
+def test_wheel_holds_data_and_no_tests(wheel: Path) -> None:
+    names = set(contents(wheel))
+    for name in (
+        "armtrue/VERSION", "armtrue/py.typed", "armtrue/device/armtrue.eds", "armtrue/report/style.css",
+        "armtrue/examples/kr30-eccentric-gear/data.csv", "armtrue_sim/scenarios/kr30.yaml",
+    ):  # fmt: skip
+        assert name in names
+    assert [name for name in names if re.search(r"/(test_\w+|conftest)\.py$", name)] == []
+
+
+def test_every_command_has_its_help(armtrue: Armtrue) -> None:
+    groups: list[list[str]] = [[]]
+    seen = 0
+    while groups:
+        group = groups.pop()
+        for name in re.findall(r"^│ ([a-z]+) ", armtrue(*group, "--help"), flags=re.MULTILINE):
+            text = armtrue(*group, name, "--help")
+            seen += 1
+            if "COMMAND [ARGS]" in text:
+                groups.append([*group, name])
+    assert seen >= 20
+
+
+def test_the_whole_way_from_simulation_to_corrected_commands(armtrue: Armtrue) -> None:
+    armtrue("simulate", "kr30-eccentric-gear", "--out", ".")
+    armtrue("check", "data.csv", "--robot", "robot.yaml")
+    armtrue("fit", "data.csv", "--robot", "robot.yaml", "--model", "model.yaml", "--out", "fit.json")
+    assert "gear_harmonics" in armtrue("diagnose", "fit.json")
+    armtrue("add", "fit.json", "gear_harmonics", "--joints", "3", "--out", "added.json")
+    armtrue("remove", "added.json", "gear_harmonics", "--joints", "3", "--out", "removed.json")
+    armtrue("compare", "added.json", "test.csv")
+    armtrue("refine", "fit.json", "--out", "best.json")
+    armtrue("predict", "best.json", "test.csv", "--out", "predicted.csv")
+    armtrue("plan", "best.json", "--poses", "4", "--out", "poses.csv")
+    armtrue("report", "fit.json", "best.json", "--out", "report.html")
+    armtrue("export", "best.json", "--out", "tables.bin")
+    armtrue("tables", "info", "tables.bin")
+    armtrue("effects")
+    armtrue("keygen", "--help")
+    for engine in ("fixed", "double"):
+        armtrue("compensate", "tables.bin", "test.csv", "--engine", engine, "--out", f"{engine}.csv")
+
+
+def test_figures_of_the_extra_can_be_drawn(environment: Path) -> None:
+    program = (
+        "import armtrue.report.figures as f, matplotlib; print(sorted(n for n in dir(f) if n == 'waterfall'))"
+    )
+    done = subprocess.run(
+        [environment / "bin/python", "-c", program],
+        env={"PATH": os.defpath, "MPLBACKEND": "Agg", "HOME": str(environment)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.stdout == "['waterfall']\n", done.stderr
+
+
+def test_python_of_the_environment_is_not_the_checkouts(environment: Path) -> None:
+    program = "import armtrue, armtrue_sim; print(armtrue.__file__, armtrue_sim.__file__)"
+    done = subprocess.run(
+        [environment / "bin/python", "-I", "-c", program], capture_output=True, text=True, check=True
+    )
+    assert all(path.startswith(str(environment)) for path in done.stdout.split())
+    assert sys.prefix not in done.stdout
