@@ -143,9 +143,12 @@ void DriveSoak::carry_out(DriveEvent event) {
       idle(600);
       amplitude_ = (1 << 21) + static_cast<std::int32_t>(random_() % (1U << 21));
       if (random_() % 2 == 0) amplitude_ = -amplitude_;
+      // Flash is erased only while the drives are disabled.
+      for (std::size_t k = 0; k < 6; ++k) drive_says(k, kDisabled, kCyclic);
       bench_.install(
           TestTable{.sequence = ++sequence_, .amplitude = amplitude_, .magnitude = kPermitted << 12}
               .image());
+      for (std::size_t k = 0; k < 6; ++k) drive_says(k, kEnabled, kCyclic);
       take_output();
       break;
     }
