@@ -112,11 +112,10 @@ void advise_missing(const Diagnosis& d, std::vector<std::string>& advice) {
     if (&other == &best) continue;
     const auto& set = best.confounded_with;
     if (std::find(set.begin(), set.end(), label(other.request)) == set.end()) continue;
-    const double lead = other.confirmed ? other.delta_bic - best.delta_bic
-                                        : other.score.delta_bic - best.score.delta_bic;
     const std::string verdict =
-        lead > 10.0 ? ": this data prefers the first, but the second explains nearly as much; "
-                    : ": this data cannot tell; ";
+        other.probability < 0.05
+            ? ": this data prefers the first, but the second explains nearly as much; "
+            : ": this data cannot tell; ";
     advice.push_back(label(best.request) + " or " + label(other.request) + verdict +
                      how_to_tell(best, other));
     if (advice.size() >= 6) break;

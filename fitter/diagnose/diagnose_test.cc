@@ -59,23 +59,6 @@ TEST(Scorer, FallOfTheErrorIsThatOfARefit) {
     EXPECT_NEAR(score.coefficient[i], 6e-5, 5.0 * score.sigma[i]);
 }
 
-TEST(Refit, HeldOutErrorsThatWereLeftForLaterAreThoseOfAtOnce) {
-  const auto fit = believed(2, {{"effect", "gear_harmonics"}, {"joints", {3}}}, 6e-5);
-  const ModelSpecification more =
-      with_effect(fit->specification(), {"gear_harmonics", {3}, json::object()});
-  const auto at_once = refit(*fit, more);
-  const auto later = refit(*fit, more, {}, HeldOut::kLater);
-  EXPECT_EQ(later->held_out_error().count, 0u);
-  later->cross_validate();
-  for (std::size_t folding = 0; folding < 3; ++folding) {
-    EXPECT_EQ(later->held_out_distances_by_row()[folding],
-              at_once->held_out_distances_by_row()[folding]);
-  }
-  EXPECT_EQ(later->held_out_error().mean, at_once->held_out_error().mean);
-  // Whoever builds on it gets held-out errors again.
-  EXPECT_GT(refit(*later, more)->held_out_error().count, 0u);
-}
-
 TEST(Scorer, ProbabilitiesAreThoseOfChanceWhereNothingIsHidden) {
   // Joint 5 couples into nothing here: one test an arm, so that the tests are independent.
   int below = 0;

@@ -1,302 +1,113 @@
 #include "fitter/diagnose/refine.h"
 
 #include <algorithm>
-#include <atomic>
 #include <cmath>
-#include <map>
 #include <nlohmann/json.hpp>
-#include <optional>
 #include <set>
-
-#include "fitter/solve/parallel.h"
 
 namespace armtrue {
 namespace {
 
 using nlohmann::json;
 
-// Where refits take long, Wald's approximation says whether a removal is worth one.
-constexpr double kWorthTrying = 40.0;
-constexpr double kBetterSwap = 1.0;
-// Where another effect stands in for one exactly, nothing is gained by taking it out.
-constexpr double kWorthRemoving = 2.0;
-constexpr double kWorthRenaming = 10.0;
-constexpr double kHardlyKnown = 0.1;  // of the physical bound
-constexpr int kMostSwaps = 3;
-constexpr int kPhysicalSteps = 3;
+// The same effect on several joints comes in at once where each is this probable: tables, since
+// each waits for the others to see what it explains; any effect where one refit takes long.
+constexpr double kSurely = 0.9;
+// What is superfluous can go without poses that were not fitted being predicted worse than by this
+// share.
+constexpr double kSameWithout = 1e-2;
+constexpr std::size_t kLargeModel = 200;  // parameters
+// Held-out errors of two models that agree by this share are equal.
+constexpr double kSameError = 1e-3;
 
-const std::set<std::string>& geometry() {
-  static const std::set<std::string> names{"base_frame", "tool_offset", "joint_offset",
-                                           "link_geometry"};
-  return names;
+json parameters_json(const Candidate& c) {
+  json parameters = json::array();
+  for (std::size_t i = 0; i < c.parameters.size(); ++i) {
+    parameters.push_back({{"name", c.parameters[i].name},
+                          {"value", c.parameters[i].value},
+                          {"sigma", c.sigma[i]},
+                          {"unit", c.parameters[i].unit}});
+  }
+  return parameters;
 }
 
-// Effects of a model that may be tried for removal, joint by joint where they act joint by joint.
-std::vector<EffectRequest> removable(const Fit& fit) {
-  std::vector<EffectRequest> result;
-  for (const EffectRequest& entry : fit.specification().effects) {
-    if (geometry().contains(entry.effect) || entry.effect == "custom") continue;
-    const Effect& effect = find_effect(entry.effect);
-    EffectRequest whole = entry;
-    if (whole.joints.empty()) whole.joints = effect.default_joints(fit.context());
-    if (effect.joint_rule() != JointRule::kEach) {
-      result.push_back(whole);
+// A change of the model: what comes in, what goes.
+struct Move {
+  std::optional<Candidate> added;
+  std::vector<EffectRequest> removed;
+
+  std::string name() const {
+    std::string text = added ? "+" + label(added->request) : "";
+    for (const EffectRequest& r : removed) text += "-" + label(r);
+    return text;
+  }
+};
+
+Candidate with_its_like(const Diagnosis& d, const Candidate& best, bool is_large) {
+  Candidate wide = best;
+  const Effect& effect = find_effect(best.request.effect);
+  if (effect.joint_rule() != JointRule::kEach && effect.joint_rule() != JointRule::kPair)
+    return wide;
+  if (!effect.generic() && !is_large) return wide;
+  for (const Candidate& c : d.candidates) {
+    if (&c == &best || c.request.effect != best.request.effect || c.probability < kSurely ||
+        c.request.joints.size() != best.request.joints.size() ||
+        c.request.options != best.request.options || c.request.joints == best.request.joints)
       continue;
-    }
-    for (const int joint : whole.joints) result.push_back({entry.effect, {joint}, entry.options});
+    wide.request.joints.insert(wide.request.joints.end(), c.request.joints.begin(),
+                               c.request.joints.end());
+    wide.parameters.insert(wide.parameters.end(), c.parameters.begin(), c.parameters.end());
+    wide.sigma.insert(wide.sigma.end(), c.sigma.begin(), c.sigma.end());
   }
-  return result;
+  if (effect.joint_rule() == JointRule::kEach)
+    std::sort(wide.request.joints.begin(), wide.request.joints.end());
+  return wide;
 }
 
-// Rise of BIC if the effect's parameters went, by their joint Wald statistic.
-double removal_cost(Fit& fit, const EffectRequest& request) {
-  std::vector<int> unknowns;
-  for (std::size_t i = 0; i < fit.model().parameters.size(); ++i) {
-    const Parameter& p = fit.model().parameters[i];
-    const bool same = p.effect == request.effect &&
-                      (p.joints == request.joints || p.joints.empty() ||
-                       find_effect(request.effect).joint_rule() != JointRule::kEach);
-    if (same && fit.design().unknown_of(static_cast<int>(i)) >= 0)
-      unknowns.push_back(fit.design().unknown_of(static_cast<int>(i)));
-  }
-  if (unknowns.empty()) return -1.0;
-  const auto size = static_cast<Eigen::Index>(unknowns.size());
-  Eigen::MatrixXd covariance(size, size);
-  Eigen::VectorXd value(size);
-  const std::vector<double> values = fit.design().unknown_values();
-  for (Eigen::Index a = 0; a < size; ++a) {
-    value[a] = values[static_cast<std::size_t>(unknowns[static_cast<std::size_t>(a)])];
-    for (Eigen::Index b = 0; b < size; ++b) {
-      covariance(a, b) = fit.covariance()(unknowns[static_cast<std::size_t>(a)],
-                                          unknowns[static_cast<std::size_t>(b)]);
+// What the diagnosis asks for: the most probable effect in, or the least probable out. `refused`:
+// moves tried before.
+std::optional<Move> next_move(const Diagnosis& d, const std::set<std::string>& refused,
+                              bool is_large) {
+  const Candidate* best = d.recommended();
+  if (best) {
+    Move move{with_its_like(d, *best, is_large), {}};
+    if (!refused.contains(move.name())) return move;
+    for (const Candidate& c : d.candidates) {
+      Move other{c, {}};
+      if (c.probability > 0.5 && !refused.contains(other.name())) return other;
     }
   }
-  const double n = static_cast<double>(fit.design().rows()) * fit.design().residuals_per_row();
-  const double wald = value.dot(ScaledCholesky(covariance).solve(value));
-  return n * std::log1p(wald / n) - static_cast<double>(size) * std::log(n);
+  for (const Superfluous& s : d.superfluous) {
+    Move move{std::nullopt, {s.request}};
+    if (!refused.contains(move.name())) return move;
+  }
+  return std::nullopt;
 }
 
-ModelSpecification without_effects(const Fit& fit, const std::vector<EffectRequest>& requests) {
+ModelSpecification apply(const Fit& fit, const Move& move) {
   ModelSpecification specification = fit.specification();
-  for (const EffectRequest& request : requests)
-    specification = without_effect(specification, request, fit.context());
-  return specification;
+  for (const EffectRequest& r : move.removed)
+    specification = without_effect(specification, r, fit.context());
+  return move.added ? with_effect(specification, move.added->request) : specification;
 }
 
-// A trial of a model without one of its effects.
-struct Removal {
-  EffectRequest request;
-  ModelSpecification rest;
-  bool beside_table;         // put in beside a table, which may have its name now
-  double strangeness;        // goes with it
-  std::shared_ptr<Fit> fit;  // where the rest does well enough
-};
-
-// True where what was taken out goes on under another name: its coefficient was hardly known beside
-// others, or `rest` has one that `fit` holds for the data's sake.
-bool is_renamed(Fit& fit, const EffectRequest& gone, Fit& rest) {
-  for (std::size_t i = 0; i < fit.model().parameters.size(); ++i) {
-    const Parameter& p = fit.model().parameters[i];
-    const int unknown = fit.design().unknown_of(static_cast<int>(i));
-    if (p.effect != gone.effect || p.joints != gone.joints || p.bound <= 0.0 || unknown < 0)
-      continue;
-    if (std::sqrt(fit.covariance()(unknown, unknown)) > kHardlyKnown * p.bound) return true;
-  }
-  for (std::size_t i = 0; i < rest.model().parameters.size(); ++i) {
-    const Parameter& p = rest.model().parameters[i];
-    if (geometry().contains(p.effect) || rest.design().unknown_of(static_cast<int>(i)) < 0)
-      continue;
-    const int before = fit.model().index(p.name);
-    if (before >= 0 && fit.design().unknown_of(before) < 0) return true;
-  }
-  return false;
+// Held-out errors at random, in time and by region: a model is worse where their mean is.
+double held_out(const Fit& fit) {
+  double sum = 0.0;
+  for (const ErrorSummary& error : fit.held_out_errors()) sum += std::log(error.mean);
+  return sum / static_cast<double>(fit.held_out_errors().size());
 }
 
-std::set<std::string> labels_of(const std::vector<EffectRequest>& requests) {
-  std::set<std::string> labels;
-  for (const EffectRequest& request : requests) labels.insert(label(request));
-  return labels;
-}
-
-// Takes out what no longer earns its keep. What stays is searched for anew: it may have settled
-// beside what goes. What was in from the start is not asked for more because a table came beside
-// it.
-void prune(std::shared_ptr<Fit>& fit, const std::set<std::string>& from_the_start,
-           const std::vector<EffectRequest>& keep, std::vector<EffectRequest>& removed) {
-  const std::set<std::string> kept = labels_of(keep);
-  for (bool again = true; again;) {
-    again = false;
-    const bool large = is_large(*fit);
-    std::vector<Removal> removals;
-    for (const EffectRequest& request : removable(*fit)) {
-      const std::string name = label(request);
-      if (kept.contains(name) || (large && removal_cost(*fit, request) > kWorthTrying)) continue;
-      removals.push_back({request, without_effects(*fit, {request}),
-                          is_beside_table(*fit, request) && !from_the_start.contains(name),
-                          strangeness(*fit, request), nullptr});
-    }
-    const double bic = bayesian_information(*fit);
-    in_parallel(removals.size(), [&](std::size_t k) {
-      Removal& removal = removals[k];
-      std::shared_ptr<Fit> rest = large ? refit(*fit, removal.rest, {}, HeldOut::kLater)
-                                        : search(*fit, removal.rest, HeldOut::kLater);
-      double allowed = removal.strangeness;
-      if (removal.beside_table) {
-        allowed += kBesideTable;
-      } else {
-        allowed -= kWorthRemoving;
-        if (is_renamed(*fit, removal.request, *rest)) allowed -= kWorthRenaming;
-      }
-      if (bayesian_information(*rest) <= bic + allowed) removal.fit = rest;
-    });
-    const auto first = std::find_if(removals.begin(), removals.end(),
-                                    [](const Removal& r) { return r.fit != nullptr; });
-    if (first != removals.end()) {
-      fit = first->fit;
-      fit->cross_validate();
-      removed.push_back(first->request);
-      again = true;
-    }
-  }
-}
-
-DiagnoseOptions quick_options() {
-  DiagnoseOptions quick;
-  quick.look_ahead = false;
-  quick.confirmed = 3;
-  return quick;
-}
-
-// What is taken out together in a swap: each added effect, and all that were added on one joint.
-std::vector<std::vector<EffectRequest>> swap_sets(const Fit& fit,
-                                                  const std::set<std::string>& added) {
-  std::vector<std::vector<EffectRequest>> sets;
-  std::map<std::vector<int>, std::vector<EffectRequest>> by_joint;
-  for (const EffectRequest& request : removable(fit)) {
-    if (!added.contains(label(request))) continue;
-    sets.push_back({request});
-    if (request.joints.size() == 1) by_joint[request.joints].push_back(request);
-  }
-  for (const auto& [joint, requests] : by_joint) {
-    if (requests.size() > 1) sets.push_back(requests);
-  }
-  return sets;
-}
-
-// What a model is judged by in a swap. It is the better one where it is so by what its effects
-// explain: that it leaves the data less to say about geometry, which is always in, is no evidence
-// for an effect.
-struct Standing {
-  double bic, without_geometry;
-
-  explicit Standing(Fit& fit) : bic(bayesian_information(fit)), without_geometry(bic) {
-    const double charge =
-        std::log(static_cast<double>(fit.design().rows()) * fit.design().residuals_per_row());
-    const std::vector<Parameter>& parameters = fit.model().parameters;
-    for (std::size_t i = 0; i < parameters.size(); ++i) {
-      if (geometry().contains(parameters[i].effect) &&
-          fit.design().unknown_of(static_cast<int>(i)) >= 0)
-        without_geometry -= charge;
-    }
-  }
-  bool is_better_than(const Standing& other) const {
-    return bic <= other.bic - kBetterSwap &&
-           without_geometry <= other.without_geometry - kBetterSwap;
-  }
-};
-
-// Tries each added effect for a swap: taken out, does the catalogue offer something better than
-// putting it back?
-bool swap(std::shared_ptr<Fit>& fit, const std::set<std::string>& added,
-          std::vector<EffectRequest>& removed, Candidate& put_in) {
-  const Standing present(*fit);
-  const std::vector<std::vector<EffectRequest>> sets = swap_sets(*fit, added);
-  std::vector<std::shared_ptr<Fit>> with(sets.size());
-  std::vector<std::optional<Candidate>> better(sets.size());
-  std::atomic<std::size_t> first = sets.size();
-  in_parallel(sets.size(), [&](std::size_t k) {
-    if (k > first) return;
-    const std::unique_ptr<Fit> without = search(*fit, without_effects(*fit, sets[k]));
-    const Diagnosis d = diagnose(*without, quick_options());
-    const Candidate* best = d.recommended();
-    if (!best || label(best->request) == label(sets[k].front())) return;
-    if (bayesian_information(*without) + best->delta_bic > present.bic - kBetterSwap) return;
-    with[k] = refit_with_smoothness_anew(
-        *without, with_effect(without->specification(), best->request), best->starts);
-    if (!Standing(*with[k]).is_better_than(present)) return;
-    better[k] = *best;
-    for (std::size_t before = first; k < before && !first.compare_exchange_weak(before, k);) {
-    }
-  });
-  if (first == sets.size()) return false;
-  const std::size_t k = first;
-  put_in = *better[k];
-  fit = with[k];
-  removed.insert(removed.end(), sets[k].begin(), sets[k].end());
-  return true;
-}
-
-// An effect that was put in, and the fit with it.
-struct Put {
-  Candidate candidate;
-  std::shared_ptr<Fit> fit;
-};
-
-// A table may stand for several physical effects at once: a few of those, one after the other, are
-// tried against it. Empty where they do no better.
-std::vector<Put> physical_instead(const std::shared_ptr<Fit>& before,
-                                  const std::shared_ptr<Fit>& with_table, Observer& observer) {
-  DiagnoseOptions quick = quick_options();
-  quick.generic = false;
-  std::shared_ptr<Fit> current = before;
-  const double goal = bayesian_information(*with_table);
-  double last = bayesian_information(*before);
-  std::vector<Put> steps;
-  for (int step = 0; step < kPhysicalSteps; ++step) {
-    const Diagnosis d = diagnose(*current, quick, observer);
-    const Candidate* best = d.recommended();
-    if (!best) break;
-    current = refit_with_smoothness_anew(
-        *current, with_effect(current->specification(), best->request), best->starts);
-    steps.push_back({*best, current});
-    const double now = bayesian_information(*current);
-    if (now <= goal) return steps;
-    // Each brings no more than the one before it.
-    if ((last - now) * (kPhysicalSteps - 1 - step) < now - goal) break;
-    last = now;
-  }
-  return {};
-}
-
-RefineStep make_step(const std::shared_ptr<Fit>& fit, Observer& observer) {
+RefineStep make_step(const std::shared_ptr<Fit>& fit, Move move,
+                     const std::set<std::string>& searched, Observer& observer) {
   RefineStep step;
   step.fit = fit;
-  step.diagnosis = diagnose(*fit, {}, observer);
+  step.added = std::move(move.added);
+  step.removed = std::move(move.removed);
+  DiagnoseOptions diagnose_options;
+  diagnose_options.searched = searched;
+  step.diagnosis = diagnose(*fit, diagnose_options, observer);
   return step;
-}
-
-// What a model with one more effect becomes: the effect, or physical ones in a table's place, less
-// what they made needless.
-struct Change {
-  std::vector<Put> put;
-  std::vector<EffectRequest> removed;
-};
-
-Change add(std::shared_ptr<Fit>& fit, const std::set<std::string>& from_the_start,
-           const Candidate& candidate, Observer& observer) {
-  Change change;
-  const std::shared_ptr<Fit> before = fit;
-  const ModelSpecification specification = with_effect(fit->specification(), candidate.request);
-  fit = refit_with_smoothness_anew(*fit, specification, candidate.starts);
-  if (find_effect(candidate.request.effect).generic())
-    change.put = physical_instead(before, fit, observer);
-  if (change.put.empty()) change.put = {{candidate, fit}};
-  fit = change.put.back().fit;
-  std::vector<EffectRequest> keep;
-  const EffectRequest& last = change.put.back().candidate.request;
-  if (change.put.size() == 1 && last.joints.size() < 2) keep.push_back(last);
-  prune(fit, from_the_start, keep, change.removed);
-  return change;
 }
 
 }  // namespace
@@ -306,17 +117,10 @@ json RefineStep::document() const {
   result.erase("spectra");
   result["added"] = nullptr;
   if (added) {
-    json parameters = json::array();
-    for (std::size_t i = 0; i < added->parameters.size(); ++i) {
-      parameters.push_back({{"name", added->parameters[i].name},
-                            {"value", added->parameters[i].value},
-                            {"sigma", added->sigma[i]},
-                            {"unit", added->parameters[i].unit}});
-    }
     result["added"] = {{"effect", added->request.effect},
                        {"joints", added->request.joints},
                        {"options", added->request.options},
-                       {"parameters", parameters}};
+                       {"parameters", parameters_json(*added)}};
   }
   result["removed"] = json::array();
   for (const EffectRequest& r : removed) {
@@ -329,81 +133,37 @@ json RefineStep::document() const {
   return result;
 }
 
-ModelSpecification without_effect(const ModelSpecification& specification,
-                                  const EffectRequest& request, const EffectContext& context) {
-  ModelSpecification result = specification;
-  for (auto entry = result.effects.begin(); entry != result.effects.end(); ++entry) {
-    if (entry->effect != request.effect || entry->options != request.options) continue;
-    const Effect& effect = find_effect(entry->effect);
-    if (entry->joints.empty()) entry->joints = effect.default_joints(context);
-    if (effect.joint_rule() != JointRule::kEach) {
-      if (entry->joints != request.joints) continue;
-      result.effects.erase(entry);
-      return result;
-    }
-    std::erase_if(entry->joints, [&](int k) {
-      return std::find(request.joints.begin(), request.joints.end(), k) != request.joints.end();
-    });
-    if (entry->joints.empty()) {
-      result.effects.erase(entry);
-      return result;
-    }
-  }
-  return result;
-}
-
 std::vector<RefineStep> refine(std::shared_ptr<Fit> fit, const RefineOptions& options,
                                Observer& observer) {
   std::vector<RefineStep> steps;
+  std::set<std::string> refused;
   const auto show = [&](RefineStep step) {
     steps.push_back(std::move(step));
     if (options.on_step) options.on_step(steps.back());
   };
-  // One step for each effect that came in; what went, went after the last.
-  const auto finish = [&](const Change& change) {
-    for (std::size_t k = 0; k + 1 < change.put.size(); ++k) {
-      RefineStep step = make_step(change.put[k].fit, observer);
-      step.added = change.put[k].candidate;
-      show(std::move(step));
-    }
-    if (!change.removed.empty() && fit->smooth())
-      fit = refit_with_smoothness_anew(*fit, fit->specification(), {});
-    RefineStep step = make_step(fit, observer);
-    if (!change.put.empty()) step.added = change.put.back().candidate;
-    step.removed = change.removed;
-    show(std::move(step));
+  show(make_step(fit, {}, {}, observer));
+  const std::vector<EffectRequest> initial = removable_effects(*fit);
+  const auto searched = [&] {
+    std::set<std::string> labels;
+    for (const EffectRequest& request : removable_effects(*fit)) labels.insert(label(request));
+    for (const EffectRequest& request : initial) labels.erase(label(request));
+    return labels;
   };
-  finish({});
-  const std::set<std::string> from_the_start = labels_of(removable(*fit));
-  std::set<std::string> added;
-  const auto note = [&](const Change& change) {
-    for (const Put& put : change.put) {
-      const EffectRequest& request = put.candidate.request;
-      for (const int joint : request.joints)
-        added.insert(label({request.effect, {joint}, request.options}));
-      added.insert(label(request));
-    }
-    for (const EffectRequest& r : change.removed) added.erase(label(r));
-  };
-  int swaps = 0;
-  for (int number = 0; number < options.most_steps; ++number) {
-    if (const Candidate* best = steps.back().diagnosis.recommended()) {
-      const Change change = add(fit, from_the_start, *best, observer);
-      note(change);
-      finish(change);
+  while (static_cast<int>(steps.size()) <= options.most_steps) {
+    const std::optional<Move> move =
+        next_move(steps.back().diagnosis, refused, fit->model().parameters.size() > kLargeModel);
+    if (!move) break;
+    refused.insert(move->name());  // no move twice: a search that returns would never end
+    std::shared_ptr<Fit> changed;
+    try {
+      changed = refit(*fit, apply(*fit, *move),
+                      move->added ? move->added->starts : std::map<std::string, double>{});
+    } catch (const ModelError&) {
       continue;
     }
-    // Nothing more to add. What is in was chosen while other things were missing: each is tried
-    // against the catalogue again.
-    Candidate put_in;
-    std::vector<EffectRequest> removed;
-    const bool large = is_large(*fit);
-    if (large || added.size() < 2 || swaps++ >= kMostSwaps || !swap(fit, added, removed, put_in))
-      break;
-    Change change{{{put_in, fit}}, removed};
-    prune(fit, from_the_start, {put_in.request}, change.removed);
-    note(change);
-    finish(change);
+    if (held_out(*changed) > held_out(*fit) + (move->added ? kSameError : kSameWithout)) continue;
+    fit = changed;
+    show(make_step(fit, *move, searched(), observer));
   }
   return steps;
 }

@@ -1,5 +1,4 @@
-// Diagnose and add until nothing is missing; after each addition, try every effect for removal or
-// swap.
+// Diagnose and change the model until nothing is missing and nothing is superfluous.
 #pragma once
 
 #include <functional>
@@ -17,16 +16,12 @@ struct RefineStep {
 };
 
 struct RefineOptions {
-  int most_steps = 12;
+  int most_steps = 40;
   std::function<void(const RefineStep&)> on_step;  ///< called by the thread that refines
 };
 
 /// Steps, the first being the given fit as it stands. The last step's fit is the result.
 std::vector<RefineStep> refine(std::shared_ptr<Fit> fit, const RefineOptions& options,
                                Observer& observer = Observer::none());
-
-/// The same model without one effect on some joints (all of the entry where `joints` is empty).
-ModelSpecification without_effect(const ModelSpecification& specification,
-                                  const EffectRequest& request, const EffectContext& context);
 
 }  // namespace armtrue

@@ -374,12 +374,14 @@ Structure find_structure(const Scorer& scorer, const Fit& fit, double threshold)
 LackOfFit lack_of_fit(const Scorer& scorer, const Fit& fit) {
   LackOfFit result;
   const int h = scorer.height();
-  const std::vector<int>& repeat = fit.measurements().repeat;
+  const Poses& poses = fit.measurements().poses;
   std::map<std::pair<int, int>, std::vector<std::size_t>> groups;
-  if (!repeat.empty()) {
-    for (std::size_t r = 0; r < scorer.rows().size(); ++r) {
-      groups[{repeat[scorer.rows()[r]], fit.measurements().target[scorer.rows()[r]]}].push_back(r);
-    }
+  std::set<std::pair<int, int>> seen;  // visit, reflector
+  for (std::size_t r = 0; r < scorer.rows().size(); ++r) {
+    const std::size_t row = scorer.rows()[r];
+    // Readings of one visit do not show how the arm scatters from one visit to the next.
+    if (!seen.insert({poses.visit_of_row[row], fit.measurements().target[row]}).second) continue;
+    groups[{poses.pose_of_row[row], fit.measurements().target[row]}].push_back(r);
   }
   double pure = 0.0, freedom = 0.0;
   for (const auto& [id, rows] : groups) {

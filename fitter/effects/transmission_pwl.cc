@@ -62,7 +62,7 @@ class TransmissionPwl final : public Effect {
       0.02617993878;  // 1.5 deg: below this the tables of real arms gain nothing
   static constexpr double kMargin = 0.106;  // [rad], four of the finest cells
   static constexpr double kRowsPerNode = 2.0;
-  static constexpr double kRowsPerCandidateNode = 5.0;
+  static constexpr double kRowsPerCandidateNode = 3.0;
 
   static double default_spacing(const std::vector<double>& q) {
     const auto [low, high] = std::minmax_element(q.begin(), q.end());

@@ -77,6 +77,7 @@ Measurements Measurements::from_state(const State& state,
     m.targets = 1 + *std::max_element(m.target.begin(), m.target.end());
   }
   if (state.recorded("repeat")) m.repeat = integers(state.column("repeat"));
+  m.poses = find_poses(state, m.target, m.repeat);
   m.whiten_position.reserve(m.rows);
   double sum = 0.0;
   const std::vector<double>* sigma = state.recorded("sigma") ? &state.column("sigma") : nullptr;
@@ -104,6 +105,8 @@ Measurements Measurements::select(const std::vector<std::size_t>& chosen) const 
   m.rotation.clear();
   m.target.clear();
   m.repeat.clear();
+  m.poses.pose_of_row.clear();
+  m.poses.visit_of_row.clear();
   m.whiten_position.clear();
   for (std::size_t i = 0; i < chosen.size(); ++i) {
     m.position.col(static_cast<Eigen::Index>(i)) =
@@ -112,6 +115,8 @@ Measurements Measurements::select(const std::vector<std::size_t>& chosen) const 
     m.whiten_position.push_back(whiten_position[chosen[i]]);
     if (has_rotation()) m.rotation.push_back(rotation[chosen[i]]);
     if (!repeat.empty()) m.repeat.push_back(repeat[chosen[i]]);
+    m.poses.pose_of_row.push_back(poses.pose_of_row[chosen[i]]);
+    m.poses.visit_of_row.push_back(poses.visit_of_row[chosen[i]]);
   }
   return m;
 }

@@ -8,6 +8,7 @@
 #include <optional>
 #include <vector>
 
+#include "fitter/model/poses.h"
 #include "fitter/model/state.h"
 
 namespace armtrue {
@@ -32,6 +33,7 @@ struct Measurements {
   std::vector<Eigen::Matrix3d> rotation;  ///< rows, or empty where only positions were measured
   std::vector<int> target;                ///< 0-based reflector of each row
   int targets = 1;
+  Poses poses;              ///< which rows are one pose, declared or not
   std::vector<int> repeat;  ///< same number = same pose measured again; empty where not recorded
   std::vector<Eigen::Matrix3d> whiten_position;  ///< W with WᵀW = inverse covariance [1/m]
   double sigma_rotation = 0.0;                   ///< [rad], where orientations were measured

@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "fitter/diagnose/diagnose.h"
+#include "fitter/diagnose/information.h"
 #include "fitter/plan/rivals.h"
 #include "fitter/plan/session.h"
 #include "fitter/solve/statistics.h"

@@ -13,6 +13,7 @@
 #include <cstring>
 #include <nlohmann/json.hpp>
 
+#include "fitter/diagnose/information.h"
 #include "fitter/diagnose/refine.h"
 #include "fitter/python/arrays.h"
 #include "fitter/python/drawing_binding.h"

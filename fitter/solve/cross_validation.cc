@@ -11,20 +11,19 @@
 namespace armtrue {
 namespace {
 
-// Rows that must stay together: replicates of a pose. Groups in order of first appearance.
-std::vector<std::vector<std::size_t>> replicate_groups(const Measurements& m) {
-  std::vector<std::vector<std::size_t>> groups;
-  std::map<int, std::size_t> known;
-  for (std::size_t i = 0; i < m.rows; ++i) {
-    if (m.repeat.empty()) {
-      groups.push_back({i});
-      continue;
-    }
-    const auto [at, fresh] = known.try_emplace(m.repeat[i], groups.size());
-    if (fresh) groups.emplace_back();
-    groups[at->second].push_back(i);
+// Share of an unknown's information that rounding leaves where nothing but the fold speaks of it.
+constexpr double kUnseen = 1e-9;
+
+// Unknowns that the fold alone knows (a reflector, a column): what it holds of them is nobody's
+// prediction. A prior or smoothness predicts a table's node, but not what had neither.
+std::vector<bool> unseen_unknowns(const Design& design, const Eigen::VectorXd& data,
+                                  const NormalEquations& own) {
+  std::vector<bool> unseen(static_cast<std::size_t>(data.size()), false);
+  for (Eigen::Index u = 0; u < data.size(); ++u) {
+    const bool alone = data[u] - own.information(u, u) <= kUnseen * data[u];
+    unseen[static_cast<std::size_t>(u)] = alone && !design.is_table_unknown(static_cast<int>(u));
   }
-  return groups;
+  return unseen;
 }
 
 // Lloyd's algorithm from evenly spread starts; enough to cut a workspace into regions.
@@ -54,7 +53,7 @@ std::vector<int> cluster(const Eigen::Matrix3Xd& points, int count) {
 
 std::vector<int> make_folds(const Design& design, Folding folding, int folds, std::uint64_t seed) {
   const Measurements& m = design.measurements();
-  const std::vector<std::vector<std::size_t>> groups = replicate_groups(m);
+  const std::vector<std::vector<std::size_t>> groups = m.poses.rows_by_pose();
   std::vector<int> fold_of_group(groups.size());
   if (folding == Folding::kRegion) {
     Eigen::Matrix3Xd points(3, static_cast<Eigen::Index>(groups.size()));
@@ -97,6 +96,7 @@ std::vector<std::vector<double>> held_out_distances(const Design& design,
                                                     const std::vector<std::vector<int>>& foldings,
                                                     int folds, double smoothness_sigma) {
   NormalEquations total = accumulate(design, evaluated);
+  const Eigen::VectorXd data = total.information.diagonal();
   const std::vector<double> values = design.unknown_values();
   for (const PenaltyRow& penalty : penalty_rows(design, smoothness_sigma))
     total.add(penalty, values);
@@ -116,11 +116,15 @@ std::vector<std::vector<double>> held_out_distances(const Design& design,
         if (fold_of_row[evaluated.index[r]] == fold)
           own.add(evaluated.rows[r], design.residuals_per_row());
       }
+      const std::vector<bool> unseen = unseen_unknowns(design, data, own);
       const ScaledCholesky factor(total.information - own.information);
       const Eigen::VectorXd step = -factor.solve(total.gradient - own.gradient);
       for (std::size_t r = 0; r < evaluated.rows.size(); ++r) {
         if (fold_of_row[evaluated.index[r]] != fold) continue;
         const Design::Row& row = evaluated.rows[r];
+        if (std::any_of(row.unknowns.begin(), row.unknowns.end(),
+                        [&](int u) { return unseen[static_cast<std::size_t>(u)]; }))
+          continue;
         Eigen::Vector3d change = row.residual.head<3>();
         for (std::size_t u = 0; u < row.unknowns.size(); ++u)
           change +=

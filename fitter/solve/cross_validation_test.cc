@@ -19,6 +19,7 @@ Problem some_problem(std::size_t rows, bool repeats) {
             [](const Parameter&) { return 0.0; });
   if (repeats) {
     for (std::size_t i = 0; i < rows; ++i) p.measurements.repeat.push_back(static_cast<int>(i / 3));
+    p.measurements.poses = find_poses(*p.state, p.measurements.target, p.measurements.repeat);
   }
   return p;
 }

@@ -6,6 +6,7 @@
 #include <map>
 #include <nlohmann/json.hpp>
 #include <numeric>
+#include <utility>
 
 #include "fitter/solve/choose_options.h"
 #include "fitter/solve/dense.h"
@@ -34,7 +35,9 @@ constexpr double kLargestGrossShare = 0.1;
 constexpr double kAboveStructure = 3.0;
 constexpr int kRobustPasses = 8;
 constexpr double kSmoothnessStart = 1e-4;  // [rad]
-constexpr double kLearntInFull = 1e-300;   // variance over that before; its logarithm is finite
+constexpr int kVariancePasses = 6;
+constexpr double kSettled = 1e-3;         // of the equations
+constexpr double kLearntInFull = 1e-300;  // variance over that before; its logarithm is finite
 
 json to_json(const ErrorSummary& s) {
   return {{"mean_um", s.mean * 1e6},
@@ -169,9 +172,13 @@ void Fit::rescale_noise() {
     design_->evaluate(i, false, row);
     size.push_back(row.residual.head<3>().norm());
   }
-  const double poses = static_cast<double>(size.size());
-  const double freedom =
-      std::max(0.2, 1.0 - design_->unknowns() / (poses * design_->residuals_per_row()));
+  const double equations = static_cast<double>(size.size()) * design_->residuals_per_row();
+  double unknowns = design_->unknowns();
+  if (smooth()) {
+    count_effective_unknowns(accumulate(*design_));
+    unknowns = effective_unknowns_;
+  }
+  const double freedom = std::max(0.2, 1.0 - unknowns / equations);
   const double scale = std::max(1e-3, median(size) / kMedianChi3 / std::sqrt(freedom));
   noise_scale_ *= scale;
   for (Eigen::Matrix3d& w : measurements_.whiten_position) w /= scale;
@@ -313,7 +320,11 @@ void Fit::solve_robustly() {
   choose_kept();
   solve_from_here();
   choose_smoothness();
-  if (smoothness_sigma_ != options_.smoothness_sigma.value_or(kSmoothnessStart)) solve_from_here();
+  if (smoothness_sigma_ != options_.smoothness_sigma.value_or(kSmoothnessStart)) {
+    solve_from_here();
+    rescale_noise();
+    solve_from_here();
+  }
   if (options_.reject_gross_errors && find_gross_errors()) solve_from_here();
   if (!summary_.converged) warnings_.push_back("the solver did not converge: " + summary_.message);
 }
@@ -357,15 +368,28 @@ Eigen::MatrixXd Fit::inverse_with_penalties(NormalEquations& equations) const {
   return ScaledCholesky(equations.information).inverse();
 }
 
+// Covariance and effective number of unknowns: what priors and smoothness hold is no unknown, and
+// how much that is depends on the variance in turn. Returns JᵀJ in units of that variance.
+Eigen::MatrixXd Fit::count_effective_unknowns(const NormalEquations& equations) {
+  const Eigen::MatrixXd whole = equations.information.selfadjointView<Eigen::Lower>();
+  const double count = static_cast<double>(equations.equations);
+  effective_unknowns_ = std::min(static_cast<double>(design_->unknowns()), 0.5 * count);
+  Eigen::MatrixXd data;
+  for (int pass = 0; pass < kVariancePasses; ++pass) {
+    const double variance =
+        std::max(equations.cost / std::max(1.0, count - effective_unknowns_), 1e-12);
+    data = whole / variance;
+    NormalEquations scaled = equations;
+    scaled.information /= variance;
+    covariance_ = inverse_with_penalties(scaled);
+    const double before = std::exchange(effective_unknowns_, covariance_.cwiseProduct(data).sum());
+    if (std::abs(before - effective_unknowns_) < kSettled * count) break;
+  }
+  return data;
+}
+
 void Fit::compute_covariance(const EvaluatedRows& evaluated) {
-  NormalEquations equations = accumulate(*design_, evaluated);
-  const double freedom =
-      std::max(1.0, static_cast<double>(equations.equations) - design_->unknowns());
-  const double variance = equations.cost / freedom;
-  equations.information /= std::max(variance, 1e-12);
-  const Eigen::MatrixXd data = equations.information.selfadjointView<Eigen::Lower>();
-  covariance_ = inverse_with_penalties(equations);
-  effective_unknowns_ = covariance_.cwiseProduct(data).sum();
+  const Eigen::MatrixXd data = count_effective_unknowns(accumulate(*design_, evaluated));
   table_evidence_ = table_evidence(*design_, data, smoothness_sigma_);
   count_repeats_in_covariance(evaluated);
   learnt_ = what_was_learnt();
@@ -420,7 +444,7 @@ void Fit::count_repeats_in_covariance(const EvaluatedRows& evaluated) {
     design_effect += 1.0 / worth[r] / static_cast<double>(rows);
   }
   const double freedom =
-      std::max(1.0, static_cast<double>(residual.size()) - design_->unknowns() * design_effect);
+      std::max(1.0, static_cast<double>(residual.size()) - effective_unknowns_ * design_effect);
   equations.information /= std::max(residual.squaredNorm() / freedom, 1e-12);
   covariance_ = inverse_with_penalties(equations);
 }
@@ -456,11 +480,9 @@ void Fit::measure_noise_floor() {
   // Repeats: differences of the residuals of one pose from one visit to the next, so that neither
   // what the model explains (payload, temperature) counts nor what drifts slowly meanwhile.
   std::map<std::pair<int, int>, std::vector<std::size_t>> visits;
-  if (!measurements_.repeat.empty()) {
-    for (std::size_t i = 0; i < measurements_.rows; ++i) {
-      if (design_->weights()[i] > 0.0)
-        visits[{measurements_.repeat[i], measurements_.target[i]}].push_back(i);
-    }
+  for (std::size_t i = 0; i < measurements_.rows; ++i) {
+    if (design_->weights()[i] > 0.0)
+      visits[{measurements_.poses.pose_of_row[i], measurements_.target[i]}].push_back(i);
   }
   const bool timed = state().has("time");
   std::vector<double> half_squares;
@@ -471,7 +493,12 @@ void Fit::measure_noise_floor() {
                        [&](std::size_t a, std::size_t b) { return time[a] < time[b]; });
     }
     std::optional<Eigen::Vector3d> before;
+    int last_visit = -1;
     for (const std::size_t i : rows) {
+      // Of one visit a single reading: the others do not show how the arm repeats.
+      if (std::exchange(last_visit, measurements_.poses.visit_of_row[i]) ==
+          measurements_.poses.visit_of_row[i])
+        continue;
       const Eigen::Vector3d error = design_->predict(i).translation() -
                                     measurements_.position.col(static_cast<Eigen::Index>(i));
       if (before) half_squares.push_back((error - *before).squaredNorm() / 2.0);
@@ -490,7 +517,7 @@ void Fit::measure_noise_floor() {
     // Where every visit was long after the one before, their differences hold what drifted
     // meanwhile. Noise is never more than what the fit leaves.
     const double n = static_cast<double>(train_.count) * design_->residuals_per_row();
-    const double left = train_.mean / std::sqrt(std::max(0.2, 1.0 - design_->unknowns() / n));
+    const double left = train_.mean / std::sqrt(std::max(0.2, 1.0 - effective_unknowns_ / n));
     if (noise_floor_.mean > kFloorAboveResidual * left) noise_floor_.mean = left;
     noise_floor_.source = "repeats";
     return;
@@ -610,9 +637,10 @@ json Fit::document() const {
   document["error"] = {{"nominal", to_json(nominal_)},
                        {"train", to_json(train_)},
                        {"held_out", to_json(held_out_[0])}};
-  document["error"]["cross_validation"] = {{"random", to_json(held_out_[0])},
-                                           {"time", to_json(held_out_[1])},
-                                           {"region", to_json(held_out_[2])}};
+  document["error"]["held_out_by"] =
+      document["error"]["cross_validation"] = {{"random", to_json(held_out_[0])},
+                                               {"time", to_json(held_out_[1])},
+                                               {"region", to_json(held_out_[2])}};
   document["error"]["folds"] = options_.folds;
   document["error"]["seed"] = options_.seed;
   document["noise_floor"] = {

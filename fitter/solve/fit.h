@@ -94,6 +94,8 @@ class Fit {
   const Eigen::MatrixXd& covariance() const { return covariance_; }
   const ErrorSummary& train_error() const { return train_; }
   const ErrorSummary& held_out_error() const { return held_out_[0]; }
+  /// At random, by time, by region.
+  const std::vector<ErrorSummary>& held_out_errors() const { return held_out_; }
   /// Held-out distances at random, by time, by region; by row [m]: not a number for rows that are
   /// kept out of the fit.
   const std::vector<std::vector<double>>& held_out_distances_by_row() const {
@@ -130,6 +132,7 @@ class Fit {
   bool find_gross_errors();
   void fold_base_and_tool();
   Eigen::MatrixXd inverse_with_penalties(NormalEquations& equations) const;
+  Eigen::MatrixXd count_effective_unknowns(const NormalEquations& equations);
   void compute_covariance(const EvaluatedRows& evaluated);
   Eigen::VectorXd what_was_learnt() const;
   void count_repeats_in_covariance(const EvaluatedRows& evaluated);

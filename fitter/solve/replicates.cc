@@ -16,10 +16,10 @@ constexpr double kMostCorrelation = 0.98;
 
 Replicates::Replicates(const Measurements& measurements, const std::vector<std::size_t>& rows)
     : group_of_(rows.size(), -1) {
-  if (measurements.repeat.empty()) return;
+  if (!measurements.poses.any_repeated()) return;
   std::map<std::pair<int, int>, std::vector<Eigen::Index>> by_pose;
   for (std::size_t r = 0; r < rows.size(); ++r) {
-    by_pose[{measurements.repeat[rows[r]], measurements.target[rows[r]]}].push_back(
+    by_pose[{measurements.poses.pose_of_row[rows[r]], measurements.target[rows[r]]}].push_back(
         static_cast<Eigen::Index>(r));
   }
   for (auto& [pose, places] : by_pose) {

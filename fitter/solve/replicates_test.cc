@@ -26,6 +26,8 @@ struct Campaign {
         measurements.target.push_back(0);
       }
     }
+    measurements.poses.pose_of_row = measurements.repeat;
+    measurements.poses.poses = 2 * poses;
     rows.resize(measurements.repeat.size());
     std::iota(rows.begin(), rows.end(), std::size_t{0});
   }

@@ -17,8 +17,8 @@ from armtrue.verdicts import OTHER_SENSOR_ADVICE, of_other_sensors, sensor_of, v
 _CANDIDATES_SHOWN = 10
 _ERROR_FIGURES = {"mean_um": "mean", "rms_um": "RMS", "p95_um": "95 %", "max_um": "max"}
 _LEGEND = (
-    "explains: share of the squared residual; separable: share of its effect that what is fitted",
-    "cannot imitate; ≈: predicted by the linear score, the others refitted and cross-validated",
+    "probability: that the arm has it beside what is fitted; explains: share of the squared residual;",
+    "separable: share of its effect that what is fitted cannot imitate; ≈: predicted, not refitted",
 )
 
 
@@ -123,10 +123,12 @@ def _present_candidates(result: dict[str, Any], output: Output) -> None:
     candidates = result.get("candidates", [])
     if not candidates:
         return
-    if result["verdict"] == "nothing_missing" and not any(c["confirmed"] for c in candidates):
+    if result["verdict"] == "nothing_missing":
         nearest = candidates[0]
+        output.say(f"nothing is missing: {_chance(result['probability_nothing'])}")
         output.say(
-            f"nearest to an effect: {_called_among(nearest, candidates)}, {100 * nearest['explained']:.1f} % "
+            f"nearest to an effect: {_called_among(nearest, candidates)}, {_chance(nearest['probability'])}, "
+            f"{100 * nearest['explained']:.1f} % "
             f"of the squared residual: {_typeset(nearest['why'])}"
         )
         return
@@ -153,17 +155,24 @@ def _present_candidates(result: dict[str, Any], output: Output) -> None:
         output.items([f"{_runs(ranks)}: {why}" for why, ranks in reasons.items()])
 
 
+def _chance(probability: float) -> str:
+    """A probability in percent; near 0 and 1 as the bound that sampling can support."""
+    if probability > 0.995:
+        return "> 99 %"
+    return "< 1 %" if probability < 0.005 else f"{100 * probability:.0f} %"
+
+
 def _candidate_table(candidates: list[dict[str, Any]], tried: list[dict[str, Any]]) -> Table:
-    headers = ("explains", "log10 p", "ΔBIC", "separable", "held-out mean\nif added [µm]", "")
+    headers = ("probability", "explains", "ΔBIC", "separable", "held-out mean\nif added [µm]", "")
     table = plain_table("    candidate", *headers)
     for rank, candidate in enumerate(candidates, start=1):
         table.add_row(
             f"{rank:>2}  {_called_among(candidate, tried)}",
+            _chance(candidate["probability"]),
             f"{100 * candidate['explained']:.1f} %",
-            f"{round(candidate['log10_p'], 1) + 0.0:.1f}",
             f"{round(candidate['delta_bic'])}",
             f"{100 * candidate['separability']:.1f} %",
-            ("" if candidate["confirmed"] else "≈ ") + f"{candidate['held_out_mean_um_if_added']:.1f}",
+            f"≈ {candidate['held_out_mean_um_if_added']:.1f}",
             "recommended" if candidate["recommend"] else "",
         )
     return table

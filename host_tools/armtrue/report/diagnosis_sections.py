@@ -129,28 +129,27 @@ def _ambiguity(candidates: list[dict[str, Any]]) -> Markup | None:
 
 
 def _table(candidates: list[dict[str, Any]], caption: str) -> Markup:
-    headers = ["candidate", "explains", "log10 p", "ΔBIC", "held-out mean if added [µm]", "separable"]
+    headers = ["candidate", "probability", "explains", "ΔBIC", "held-out mean if added [µm]", "separable"]
     rows: list[list[Content]] = []
     for candidate in candidates:
         share = 100.0 * candidate["explained"]
         bar = tag("span", class_="bar", style=f"width:{min(100.0, max(0.0, share)):.1f}%")
-        about = "" if candidate["confirmed"] else "≈ "
         rows.append(
             [
                 [called(candidate), [" ", _star()] if candidate["recommend"] else None],
+                f"{100.0 * candidate['probability']:.0f} %",
                 tag(
                     "span",
                     tag("span", bar, class_="bar-track"),
                     tag("span", f"{share:.1f} %"),
                     class_="share",
                 ),
-                fixed(candidate["log10_p"], 1),
                 fixed(candidate["delta_bic"], 0),
-                about + micrometres(candidate["held_out_mean_um_if_added"]),
+                "≈ " + micrometres(candidate["held_out_mean_um_if_added"]),
                 f"{100.0 * candidate['separability']:.1f} %",
             ]
         )
-    note = " (≈ is predicted, the others were refitted and cross-validated)"
+    note = " (≈: predicted by the linearised model)"
     return table(headers, rows, caption + note, stacked=True)
 
 

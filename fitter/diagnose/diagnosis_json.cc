@@ -1,0 +1,99 @@
+#include <nlohmann/json.hpp>
+
+#include "fitter/diagnose/diagnose.h"
+
+namespace armtrue {
+
+using nlohmann::json;
+
+json Diagnosis::to_json(const Fit& fit) const {
+  static const char* const verdicts[] = {"nothing_missing", "missing_effect",
+                                         "unexplained_structure"};
+  const json document = fit.document();
+  json joints = json::array();
+  for (const double sigma : noise.joint) joints.push_back(sigma * 1e6);
+  const json noise_json{{"reading_um", reading_sigma * 1e6},
+                        {"joints_urad", joints},
+                        {"pose_um", noise.pose ? json(*noise.pose * 1e6) : json(nullptr)}};
+  json result{{"verdict", verdicts[static_cast<int>(verdict)]},
+              {"probability_nothing", probability_nothing},
+              {"error",
+               {{"train", document["error"]["train"]},
+                {"held_out", document["error"]["held_out"]},
+                {"held_out_by", document["error"]["held_out_by"]}}},
+              {"noise", noise_json},
+              {"noise_floor_um", document["noise_floor"]["um"]},
+              {"noise_floor_source", document["noise_floor"]["source"]},
+              {"instrument_floor_um", nullptr},
+              {"advice", advice},
+              {"neighbour_ratio", neighbour_ratio}};
+  if (fit.noise_floor().source == "targets") {
+    // Distances between reflectors do not hold the arm's repeatability: no noise floor.
+    result["instrument_floor_um"] = result["noise_floor_um"];
+    result["noise_floor_um"] = nullptr;
+    result["noise_floor_source"] = "none";
+  }
+  result["error"]["cross_validation"] = document["error"]["cross_validation"];
+  result["candidates"] = json::array();
+  for (const Candidate& c : candidates) {
+    json parameters = json::array();
+    for (std::size_t i = 0; i < c.parameters.size(); ++i) {
+      parameters.push_back({{"name", c.parameters[i].name},
+                            {"value", c.parameters[i].value},
+                            {"sigma", c.sigma[i]},
+                            {"unit", c.parameters[i].unit}});
+    }
+    result["candidates"].push_back({{"effect", c.request.effect},
+                                    {"joints", c.request.joints},
+                                    {"options", c.request.options},
+                                    {"parameters", parameters},
+                                    {"recommend", c.recommend},
+                                    {"explained", c.score.explained},
+                                    {"log10_p", c.log10_p},
+                                    {"delta_bic", c.delta_bic},
+                                    {"degrees", c.score.degrees},
+                                    {"separability", c.score.separability},
+                                    {"probability", c.probability},
+                                    {"held_out_mean_um_if_added", c.held_out_mean * 1e6},
+                                    {"confounded_with", c.confounded_with},
+                                    {"why", c.why}});
+  }
+  result["untestable"] = json::array();
+  for (const Untestable& u : untestable)
+    result["untestable"].push_back({{"effect", u.effect}, {"needs", u.needs}});
+  result["unexplained"] = json::array();
+  for (const StructureFinding& f : unexplained) {
+    std::string variable;
+    for (const std::string& v : f.variables) variable += (variable.empty() ? "" : "*") + v;
+    result["unexplained"].push_back({{"variable", variable},
+                                     {"variables", f.variables},
+                                     {"joints", f.joints},
+                                     {"coordinate", f.coordinate},
+                                     {"log10_p", f.log10_p},
+                                     {"explained", f.score.explained},
+                                     {"shape", f.shape},
+                                     {"curve", {{"x", f.x}, {"y", f.y}}}});
+  }
+  if (verdict == Verdict::kUnexplainedStructure && unexplained.empty()) {
+    result["unexplained"].push_back(
+        {{"variable", "none recorded"},
+         {"variables", json::array()},
+         {"joints", json::array()},
+         {"log10_p", lack_of_fit.log10_p},
+         {"shape", "more scatter than the " + lack_of_fit.against + " allow"}});
+  }
+  result["lack_of_fit"] = {{"testable", lack_of_fit.testable},
+                           {"against", lack_of_fit.against},
+                           {"log10_p", lack_of_fit.log10_p}};
+  result["spectra"] = json::array();
+  for (const JointSpectrum& s : spectra) {
+    result["spectra"].push_back({{"joint", s.joint},
+                                 {"resolution", s.resolution},
+                                 {"cycles", s.cycles},
+                                 {"explained", s.power},
+                                 {"amplitude_rad", s.amplitude}});
+  }
+  return result;
+}
+
+}  // namespace armtrue

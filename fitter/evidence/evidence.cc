@@ -1,0 +1,115 @@
+#include "fitter/evidence/evidence.h"
+
+#include <cmath>
+
+#include "fitter/solve/dense.h"
+
+namespace armtrue {
+namespace {
+
+// The noise is estimated at what was found, and what is found with that noise, so many times: it
+// comes down from broad parts, since a search that begins with small ones explains the noise and
+// then measures none.
+constexpr int kRounds = 3;
+constexpr int kNoiseSteps = 12, kFewNoiseSteps = 4;
+constexpr Eigen::Index kWideSet = 200;      // columns: steps take long
+constexpr Eigen::Index kWideProblem = 800;  // columns
+
+struct Projected {
+  SearchProblem problem;
+  double base_unknowns = 0.0;
+};
+
+// Whitens, and projects base out with its prior.
+Projected project(const EvidenceModel& model, const PoseWhitening& whitening) {
+  const Eigen::Index base = model.base.cols(), width = model.columns.cols();
+  Eigen::MatrixXd all(model.y.size(), base + width + 1);
+  all << model.base, model.columns, model.y;
+  whitening.apply(all);
+  const Eigen::MatrixXd products = transpose_times(all, all);
+  Projected result;
+  const Eigen::MatrixXd information = products.topLeftCorner(base, base);
+  const ScaledCholesky factor(information + model.base_precision);
+  Eigen::MatrixXd cross = products.block(0, base, base, width + 1);
+  cross.col(width) -= model.base_pull;
+  const Eigen::MatrixXd half = factor.half_solve(cross);
+  SearchProblem& p = result.problem;
+  const Eigen::MatrixXd taken = transpose_times(half, half);
+  p.gram = products.block(base, base, width, width) - taken.topLeftCorner(width, width);
+  p.whole = products.diagonal().segment(base, width);
+  p.gradient = products.block(base, base + width, width, 1) - taken.block(0, width, width, 1);
+  p.squares = products(base + width, base + width) + model.base_pull_squares - taken(width, width);
+  result.base_unknowns = factor.solve_matrix(information).trace();
+  p.freedom = std::max(1.0, static_cast<double>(model.y.size()) - result.base_unknowns);
+  p.prior_freedom = 1.0;
+  for (const EvidenceBlock& block : model.blocks) p.blocks.push_back(block.search);
+  return result;
+}
+
+// Base and the likeliest set as one matrix of columns with the precision of their prior.
+struct Found {
+  Eigen::MatrixXd columns, precision;
+};
+
+Found found_columns(const EvidenceModel& model, const SearchResult& search) {
+  Eigen::Index width = model.base.cols();
+  for (const auto& [b, w] : search.factors) width += w.cols();
+  Found found{Eigen::MatrixXd(model.y.size(), width), Eigen::MatrixXd::Identity(width, width)};
+  const Eigen::Index base = model.base.cols();
+  found.columns.leftCols(base) = model.base;
+  found.precision.topLeftCorner(base, base) = model.base_precision;
+  Eigen::Index at = base;
+  for (const auto& [b, w] : search.factors) {
+    const SearchBlock& own = model.blocks[b].search;
+    found.columns.middleCols(at, w.cols()) = model.columns.middleCols(own.first, own.width) * w;
+    at += w.cols();
+  }
+  return found;
+}
+
+}  // namespace
+
+EvidenceSummary weigh_evidence(Fit& fit, const Linearization& l, std::vector<EvidenceBlock> extra,
+                               const EvidenceOptions& options) {
+  std::vector<EvidenceBlock> blocks = evidence_blocks(fit, l);
+  for (EvidenceBlock& block : blocks)
+    block.believed = block.present && !options.searched.contains(block.label);
+  std::move(extra.begin(), extra.end(), std::back_inserter(blocks));
+  EvidenceModel model = make_evidence_model(fit, l, std::move(blocks));
+
+  EvidenceSummary evidence;
+  evidence.noise = broad_noise(l, l.residual);
+  const int rounds = model.columns.cols() > kWideProblem ? kRounds - 1 : kRounds;
+  for (int round = 0; round < rounds; ++round) {
+    const bool last = round + 1 == rounds;
+    const Projected projected = project(model, PoseWhitening(l, evidence.noise));
+    SearchOptions search;
+    // Wide problems are sampled for a shorter time.
+    search.sweeps =
+        last ? (model.columns.cols() > kWideProblem ? options.sweeps / 3 : options.sweeps) : 0;
+    if (!last) search.burn_in = 0;
+    evidence.search = search_blocks(projected.problem, search);
+    const Found found = found_columns(model, evidence.search);
+    evidence.noise = estimate_noise(l, found.columns, found.precision, model.y, evidence.noise,
+                                    found.columns.cols() > kWideSet ? kFewNoiseSteps : kNoiseSteps);
+    if (!last) {
+      refine_forms(fit, model.blocks, evidence.search);
+      model = make_evidence_model(fit, l, std::move(model.blocks));
+      continue;
+    }
+    const PoseWhitening whitening(l, evidence.noise);
+    Eigen::MatrixXd white = found.columns;
+    Eigen::VectorXd y = model.y;
+    whitening.apply(white);
+    whitening.apply(y);
+    const Eigen::MatrixXd information = transpose_times(white, white);
+    const ScaledCholesky factor(information + found.precision);
+    evidence.left = model.y - found.columns * factor.solve(white.transpose() * y);
+    evidence.freedom =
+        std::max(1.0, static_cast<double>(y.size()) - factor.solve_matrix(information).trace());
+  }
+  evidence.blocks = std::move(model.blocks);
+  return evidence;
+}
+
+}  // namespace armtrue

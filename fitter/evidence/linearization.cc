@@ -1,0 +1,87 @@
+#include "fitter/evidence/linearization.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace armtrue {
+namespace {
+
+// A rejected row counts as a residual of this many standard deviations.
+constexpr double kBoundedResidual = 6.0;
+
+// Nodes of a table of one joint: their columns are many and sparse.
+bool is_joint_table(const Design& design, int unknown) {
+  if (!design.is_table_unknown(unknown)) return false;
+  const int p = design.free_parameters()[static_cast<std::size_t>(unknown)];
+  return design.model().parameters[static_cast<std::size_t>(p)].joints.size() == 1;
+}
+
+void bound_rejected_rows(Design& design) {
+  Design::Row probe;
+  for (std::size_t i = 0; i < design.rows(); ++i) {
+    if (design.weights()[i] > 0.0) continue;
+    design.weights()[i] = 1.0;
+    design.evaluate(i, false, probe);
+    const double size = probe.residual.head(design.residuals_per_row()).norm();
+    design.weights()[i] = std::pow(kBoundedResidual / std::max(size, kBoundedResidual), 2);
+  }
+}
+
+}  // namespace
+
+double Linearization::displacement(const Eigen::Ref<const Eigen::VectorXd>& column) const {
+  double squares = 0.0;
+  for (Eigen::Index at = 0; at < column.size(); at += height)
+    squares += column.segment<3>(at).squaredNorm();
+  return typical_sigma * std::sqrt(squares * height / static_cast<double>(column.size()));
+}
+
+Linearization linearize(Fit& fit) {
+  Design& design = fit.design();
+  Linearization l;
+  l.height = design.residuals_per_row();
+  l.poses = fit.measurements().poses;
+  l.layout = fit.kinematics().layout();
+  l.typical_sigma = fit.measurements().typical_sigma;
+  const std::vector<double> weights = design.weights();
+  bound_rejected_rows(design);
+  const auto equations = static_cast<Eigen::Index>(design.rows()) * l.height;
+  std::vector<Eigen::Index> column_of(static_cast<std::size_t>(design.unknowns()), -1);
+  for (int u = 0; u < design.unknowns(); ++u) {
+    if (is_joint_table(design, u)) continue;
+    column_of[static_cast<std::size_t>(u)] = static_cast<Eigen::Index>(l.unknown.size());
+    l.unknown.push_back(u);
+  }
+  l.jacobian = Eigen::MatrixXd::Zero(equations, static_cast<Eigen::Index>(l.unknown.size()));
+  l.geometry.resize(equations, l.layout.size());
+  l.translation.resize(equations, 3);
+  l.residual.resize(equations);
+  l.from_tables = Eigen::VectorXd::Zero(equations);
+  const std::vector<double> values = design.unknown_values();
+  Design::Row row;
+  for (std::size_t i = 0; i < design.rows(); ++i) {
+    const Eigen::Index at = static_cast<Eigen::Index>(i) * l.height;
+    design.evaluate(i, true, row);
+    l.residual.segment(at, l.height) = row.residual.head(l.height);
+    for (std::size_t u = 0; u < row.unknowns.size(); ++u) {
+      const auto unknown = static_cast<std::size_t>(row.unknowns[u]);
+      const auto column = row.jacobian.col(static_cast<Eigen::Index>(u)).head(l.height);
+      if (column_of[unknown] >= 0) {
+        l.jacobian.col(column_of[unknown]).segment(at, l.height) = column;
+      } else {
+        l.from_tables.segment(at, l.height) += column * values[unknown];
+      }
+    }
+    const auto& geometric = design.geometric_jacobian();
+    for (Eigen::Index c = 0; c < geometric.cols(); ++c)
+      l.geometry.col(c).segment(at, l.height) = design.whiten(i, geometric.col(c)).head(l.height);
+    for (int c = 0; c < 3; ++c) {
+      l.translation.col(c).segment(at, l.height) =
+          design.whiten(i, Eigen::Matrix<double, 6, 1>::Unit(c)).head(l.height);
+    }
+  }
+  design.weights() = weights;
+  return l;
+}
+
+}  // namespace armtrue

@@ -1,0 +1,35 @@
+// A fit's model linearised once at its present values: what every statistic is a function of.
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "fitter/model/poses.h"
+#include "fitter/solve/fit.h"
+
+namespace armtrue {
+
+/// Residual and Jacobian of a fit, whitened by the instrument's own covariance, all rows: those
+/// kept out of the fit as gross errors have a bounded weight, since what looks like a bump may be a
+/// local effect that no term names yet. Equations stand row by row of the file, `height` each.
+struct Linearization {
+  int height = 3;  ///< equations a row: 3, or 6 with orientations
+  Poses poses;
+  CoordinateLayout layout;
+  Eigen::VectorXd residual;     ///< predicted − measured
+  std::vector<int> unknown;     ///< unknown of the design that each column of `jacobian` is
+  Eigen::MatrixXd jacobian;     ///< equations × unknowns that are no nodes of joint tables
+  Eigen::VectorXd from_tables;  ///< what joint tables of the fit add to the prediction
+  Eigen::MatrixXd geometry;     ///< equations × coordinates
+  Eigen::MatrixXd translation;  ///< equations × 3: a shift of the measured point
+  double typical_sigma = 1.0;   ///< [m] of one whitened unit of position
+
+  Eigen::Index equations() const { return residual.size(); }
+  /// Root mean square over rows of the displacement of the tool by one unit of a whitened column
+  /// [m].
+  double displacement(const Eigen::Ref<const Eigen::VectorXd>& column) const;
+};
+
+Linearization linearize(Fit& fit);
+
+}  // namespace armtrue

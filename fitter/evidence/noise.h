@@ -1,0 +1,58 @@
+// What scatters, in parts: the reading, what each joint does not repeat, what the readings of a
+// pose share.
+#pragma once
+
+#include <Eigen/Core>
+#include <functional>
+#include <optional>
+#include <vector>
+
+#include "fitter/evidence/linearization.h"
+
+namespace armtrue {
+
+/// One standard deviation of each part.
+struct NoiseParts {
+  double reading = 1.0;  ///< in units of the instrument's own sigma (Linearization::typical_sigma)
+  std::vector<double>
+      joint;  ///< by joint, motor side [rad or m]: anew at each visit, shared by its readings
+  std::optional<double>
+      pose;  ///< [m], shared by all readings of a pose; none where no pose has two readings
+};
+
+/// Turns columns into such as ordinary least squares may take: unit variance, no correlation. The
+/// covariance σ² + Σ ρ_k² m_k m_kᵀ + κ² 1 1ᵀ has one block for each pose.
+class PoseWhitening {
+ public:
+  PoseWhitening(const Linearization& linearization, const NoiseParts& parts);
+
+  void apply(Eigen::Ref<Eigen::MatrixXd> columns) const;
+  /// log |covariance|.
+  double log_determinant() const { return log_determinant_; }
+
+  struct Block {
+    std::vector<Eigen::Index> equations;
+    Eigen::MatrixXd inverse_root;  ///< lower triangle
+  };
+  /// One for each pose, in Linearization::poses' order.
+  const std::vector<Block>& blocks() const { return blocks_; }
+
+ private:
+  std::vector<Block> blocks_;
+  double log_determinant_ = 0.0;
+};
+
+/// Restricted likelihood (Patterson and Thompson 1971, Biometrika 58, 545), climbed by the
+/// multiplicative steps of Zhou, Hu, Qiao, Dai (2019, J. Comput. Graph. Stat. 28, 350), which never
+/// leave the positive. `columns`: what the model has, whitened by the instrument; `precision`: of
+/// the prior of their coefficients, which `target` centres at zero. `y`: what they explain. Begins
+/// at `start`.
+NoiseParts estimate_noise(const Linearization& linearization, const Eigen::MatrixXd& columns,
+                          const Eigen::MatrixXd& precision, const Eigen::VectorXd& y,
+                          const NoiseParts& start, int steps);
+
+/// Where an estimate begins: as if half of the squares were the joints' own, and all of them a
+/// pose's.
+NoiseParts broad_noise(const Linearization& linearization, const Eigen::VectorXd& residual);
+
+}  // namespace armtrue

@@ -1,0 +1,100 @@
+#include "fitter/evidence/noise.h"
+
+#include <gtest/gtest.h>
+
+#include "fitter/testing/problem.h"
+
+namespace armtrue {
+namespace {
+
+using nlohmann::json;
+using testing::Problem;
+using testing::Random;
+
+// A fit of geometry to 300 poses whose joints do not repeat by `joint_sigma` [rad]; each pose read
+// `readings` times with `reading_sigma` [m].
+std::unique_ptr<Fit> scattered(std::uint64_t seed, const std::vector<double>& joint_sigma,
+                               double reading_sigma, std::size_t readings) {
+  Random random(seed);
+  const Problem p(testing::industrial_arm(), testing::geometry_model(),
+                  {300, false, 1, 0.0, 0.0, {}}, random, [](const Parameter&) { return 0.0; });
+  // The arm stands where its joints went, the file says where they were sent.
+  State::Columns columns = p.columns, stood = p.columns;
+  for (std::size_t k = 0; k < joint_sigma.size(); ++k) {
+    for (double& q : stood["q" + std::to_string(k + 1)])
+      q += testing::normal(random, joint_sigma[k]);
+  }
+  const State state(p.robot, stood, Eigen::Vector3d::Zero());
+  const std::vector<Pose> poses =
+      predict_poses(state, p.measurements.target, p.model, *p.kinematics);
+  State::Columns all;
+  for (std::size_t r = 0; r < readings; ++r) {
+    for (const auto& [name, values] : columns)
+      all[name].insert(all[name].end(), values.begin(), values.end());
+  }
+  for (std::size_t i = 0; i < all["x"].size(); ++i) {
+    const Eigen::Vector3d point =
+        poses[i % poses.size()].translation() + testing::normal3(random, reading_sigma);
+    all["x"][i] = point.x();
+    all["y"][i] = point.y();
+    all["z"][i] = point.z();
+  }
+  return Fit::run(p.robot, all, ModelSpecification::from_json(testing::geometry_model()), {});
+}
+
+NoiseParts estimated(Fit& fit) {
+  const Linearization l = linearize(fit);
+  const auto width = l.jacobian.cols();
+  return estimate_noise(l, l.jacobian, Eigen::MatrixXd::Zero(width, width), -l.residual,
+                        broad_noise(l, l.residual), 60);
+}
+
+TEST(EstimateNoise, OneJointThatRepeatsBadly_IsNamedWithItsSize) {
+  const auto fit = scattered(1, {4e-6, 4e-6, 45e-6, 4e-6, 4e-6, 4e-6}, 8e-6, 1);
+  const Linearization l = linearize(*fit);
+  const NoiseParts parts = estimated(*fit);
+  EXPECT_NEAR(parts.joint[2], 45e-6, 8e-6);
+  for (const std::size_t k : {0, 1, 3}) EXPECT_LT(parts.joint[k], 15e-6) << k;
+  EXPECT_NEAR(parts.reading * l.typical_sigma, 8e-6, 1e-6);
+  EXPECT_FALSE(parts.pose.has_value());
+}
+
+TEST(EstimateNoise, ReadingsAlone_LeaveNothingToTheJoints) {
+  const auto fit = scattered(2, {}, 10e-6, 1);
+  const Linearization l = linearize(*fit);
+  const NoiseParts parts = estimated(*fit);
+  EXPECT_NEAR(parts.reading * l.typical_sigma, 10e-6, 1e-6);
+  for (const std::size_t k : {0, 1, 2}) EXPECT_LT(parts.joint[k], 6e-6) << k;
+}
+
+TEST(PoseWhitening, MakesCovarianceTheIdentity) {
+  const auto fit = scattered(3, {5e-6, 2e-5}, 8e-6, 2);
+  const Linearization l = linearize(*fit);
+  NoiseParts parts;
+  parts.reading = 1.3;
+  parts.joint = {1e-5, 2e-5, 0.0, 0.0, 3e-5, 0.0};
+  parts.pose = 5e-6;
+  const PoseWhitening whitening(l, parts);
+  // The covariance of the first pose's equations, written out.
+  const PoseWhitening::Block& block = whitening.blocks().front();
+  const auto size = static_cast<Eigen::Index>(block.equations.size());
+  ASSERT_EQ(size, 6);
+  Eigen::MatrixXd covariance = 1.3 * 1.3 * Eigen::MatrixXd::Identity(size, size);
+  const Eigen::MatrixXd shared = l.translation(block.equations, Eigen::all);
+  covariance += 25e-12 * shared * shared.transpose();
+  for (std::size_t k = 0; k < parts.joint.size(); ++k) {
+    // Both readings have one time, and so one visit.
+    const Eigen::VectorXd column = l.geometry(block.equations, l.layout.motor(static_cast<int>(k)));
+    covariance += parts.joint[k] * parts.joint[k] * column * column.transpose();
+  }
+  Eigen::MatrixXd both = Eigen::MatrixXd::Zero(l.equations(), size);
+  const Eigen::MatrixXd root = covariance.llt().matrixL();
+  for (Eigen::Index e = 0; e < size; ++e)
+    both.row(block.equations[static_cast<std::size_t>(e)]) = root.row(e);
+  whitening.apply(both);
+  const Eigen::MatrixXd white = both(block.equations, Eigen::all);
+  EXPECT_LT((white * white.transpose() - Eigen::MatrixXd::Identity(size, size)).norm(), 1e-9);
+}
+
+}  // namespace
+}  // namespace armtrue

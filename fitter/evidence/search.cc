@@ -1,0 +1,573 @@
+#include "fitter/evidence/search.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <random>
+
+#include "fitter/model/observer.h"
+#include "fitter/solve/dense.h"
+#include "fitter/solve/normal_equations.h"
+
+namespace armtrue {
+namespace {
+
+// Costly blocks are visited in one sweep of so many: any fixed order of visits leaves the
+// distribution as it is.
+constexpr int kCostlyEvery = 8;
+// A block whose presence was this improbable, or this sure, when it was visited last is visited as
+// seldom.
+constexpr double kImprobable = 1e-3;
+// One exchange in so many sweeps: it looks at every block.
+constexpr int kExchangeEvery = 4;
+// A climb looks again only at blocks that lacked less than this of being worth a change.
+constexpr double kPromising = -4.0;
+// Updates of the Gram matrix after which it is built anew, so that rounding does not add up.
+constexpr int kUpdatesBeforeRebuild = 400;
+constexpr double kLeastRise = 1e-6;
+constexpr int kLargestUpdateByEigen = 8;  // columns; wider products go to the BLAS
+
+// Taking an update back loses as many digits as the data know better than the prior, twice.
+constexpr double kLeastPivot = 1e-5;
+
+bool is_sound(const Eigen::LLT<Eigen::MatrixXd>& root) {
+  return root.info() == Eigen::Success &&
+         root.matrixLLT().diagonal().cwiseAbs2().minCoeff() > kLeastPivot;
+}
+
+struct Choice {
+  int shape = -1, scale = -1;  // −1: absent
+  bool is_present() const { return shape >= 0; }
+  bool operator==(const Choice&) const = default;
+};
+
+double log_normal_cdf(double z) {
+  if (z > -8.0) return std::log(0.5 * std::erfc(-z / std::sqrt(2.0)));
+  return -0.5 * z * z - std::log(-z) - 0.9189385332046727;
+}
+
+// What runs against its load by this cosine or more carries it, whatever else its shape does; what
+// runs along with it is hardly this effect.
+constexpr double kCarries = 0.5;
+constexpr double kHardly = 10.0;       // log odds
+constexpr double kLeastCarried = 0.1;  // of the load: less is not worth building
+
+double carrying_term(const Carrying& carrying, const Eigen::VectorXd& coefficient) {
+  const double size = std::sqrt(coefficient.dot(carrying.square * coefficient));
+  if (size <= 0.0) return 0.0;
+  const double cosine = coefficient.dot(carrying.along) / size;
+  const double share = carrying.yields > 0.0 ? size / carrying.yields : 1.0;
+  return -kHardly * std::max(std::clamp(1.0 + cosine / kCarries, 0.0, 1.0),
+                             std::clamp(1.0 - share / kLeastCarried, 0.0, 1.0));
+}
+
+double log_sum(const std::vector<double>& terms) {
+  const double most = *std::max_element(terms.begin(), terms.end());
+  double sum = 0.0;
+  for (const double t : terms) sum += std::exp(t - most);
+  return most + std::log(sum);
+}
+
+// The block alone, all other members of the present set projected out.
+struct Conditional {
+  std::vector<Choice> choices;     // the first is absence
+  std::vector<double> log_weight;  // up to a common constant
+  double probability() const { return -std::expm1(log_weight.front() - log_sum(log_weight)); }
+};
+
+class Sampler {
+ public:
+  Sampler(const SearchProblem& problem, const SearchOptions& options)
+      : problem_(problem), options_(options), generator_(options.seed) {
+    state_.assign(problem.blocks.size(), {});
+    rebuild();
+  }
+
+  SearchResult run();
+
+ private:
+  struct Local {
+    Eigen::MatrixXd gram;
+    Eigen::VectorXd gradient;
+    double squares;
+  };
+
+  const SearchBlock& block(std::size_t b) const { return problem_.blocks[b]; }
+  Eigen::MatrixXd factor(std::size_t b, const Choice& c) const {
+    const PriorShape& shape = block(b).shapes[static_cast<std::size_t>(c.shape)];
+    return shape.scale[static_cast<std::size_t>(c.scale)] * shape.spread;
+  }
+  double fit_term(double squares) const {
+    const double scaled = 0.5 * (problem_.prior_freedom + std::max(squares, 1e-9));
+    return -0.5 * (problem_.freedom + problem_.prior_freedom) * std::log(scaled);
+  }
+  Local without(std::size_t b) const;
+  Local without_from_the_start(std::size_t b) const;
+  Conditional conditional(std::size_t b) const;
+  void weigh_shape(const SearchBlock& own, const Local& local, int index,
+                   Conditional& result) const;
+  double sign_term(const PriorShape& shape, const Eigen::MatrixXd& vectors,
+                   const Eigen::VectorXd& mean, const Eigen::VectorXd& variance,
+                   double noise) const;
+  void add(std::size_t b, const Choice& c);
+  void remove(std::size_t b);
+  void set(std::size_t b, const Choice& c);
+  void update(const Eigen::MatrixXd& columns, const Eigen::MatrixXd& kernel,
+              const Eigen::VectorXd& step, double sign);
+  void rebuild();
+  double best_change(std::vector<std::size_t>& looked_at, std::size_t& at, Choice& to) const;
+  void climb(bool with_structure);
+  void sweep(int number, bool count);
+  void exchange();
+  Choice draw(const Conditional& conditional);
+  double log_posterior() const;
+  void remember();
+  void describe_alone(SearchResult& result) const;
+  void describe(SearchResult& result);
+
+  const SearchProblem& problem_;
+  const SearchOptions& options_;
+  std::mt19937_64 generator_;
+  std::vector<Choice> state_, best_;
+  double best_posterior_ = -std::numeric_limits<double>::infinity();
+  Eigen::MatrixXd gram_;
+  Eigen::VectorXd gradient_;
+  double squares_ = 0.0, log_determinant_ = 0.0;
+  int updates_ = 0;
+  std::vector<double> inclusion_, visits_, last_;  // last_: probability at the last visit
+  double nothing_ = 0.0, counted_ = 0.0;
+};
+
+void Sampler::rebuild() {
+  gram_ = problem_.gram;
+  gradient_ = problem_.gradient;
+  squares_ = problem_.squares;
+  log_determinant_ = 0.0;
+  updates_ = 0;
+  const std::vector<Choice> wanted = state_;
+  state_.assign(wanted.size(), {});
+  for (std::size_t b = 0; b < wanted.size(); ++b) {
+    if (wanted[b].is_present()) add(b, wanted[b]);
+  }
+}
+
+void Sampler::update(const Eigen::MatrixXd& columns, const Eigen::MatrixXd& kernel,
+                     const Eigen::VectorXd& step, double sign) {
+  const Eigen::LLT<Eigen::MatrixXd> root(kernel);
+  Eigen::MatrixXd half = columns * root.matrixL();
+  if (half.cols() <= kLargestUpdateByEigen) {
+    gram_.noalias() += sign * (half * half.transpose());
+  } else {
+    const Eigen::MatrixXd across = half.transpose();
+    gram_ += sign * transpose_times(across, across);
+  }
+  gradient_ += sign * (columns * (kernel * step));
+  ++updates_;
+}
+
+void Sampler::add(std::size_t b, const Choice& c) {
+  const SearchBlock& own = block(b);
+  const Eigen::MatrixXd w = factor(b, c);
+  const Eigen::MatrixXd columns = gram_.middleCols(own.first, own.width) * w;
+  const Eigen::MatrixXd inner = w.transpose() * columns.middleRows(own.first, own.width);
+  const Eigen::LLT<Eigen::MatrixXd> lower(Eigen::MatrixXd::Identity(inner.rows(), inner.cols()) +
+                                          inner);
+  const Eigen::MatrixXd kernel = lower.solve(Eigen::MatrixXd::Identity(inner.rows(), inner.cols()));
+  const Eigen::VectorXd along = w.transpose() * gradient_.segment(own.first, own.width);
+  squares_ -= along.dot(kernel * along);
+  log_determinant_ += 2.0 * lower.matrixLLT().diagonal().array().log().sum();
+  update(columns, kernel, along, -1.0);
+  state_[b] = c;
+}
+
+void Sampler::remove(std::size_t b) {
+  const SearchBlock& own = block(b);
+  const Eigen::MatrixXd w = factor(b, state_[b]);
+  const Eigen::MatrixXd columns = gram_.middleCols(own.first, own.width) * w;
+  const Eigen::MatrixXd inner = w.transpose() * columns.middleRows(own.first, own.width);
+  const Eigen::LLT<Eigen::MatrixXd> lower(Eigen::MatrixXd::Identity(inner.rows(), inner.cols()) -
+                                          inner);
+  state_[b] = {};
+  if (!is_sound(lower) || updates_ > kUpdatesBeforeRebuild) {
+    rebuild();
+    return;
+  }
+  const Eigen::MatrixXd kernel = lower.solve(Eigen::MatrixXd::Identity(inner.rows(), inner.cols()));
+  const Eigen::VectorXd along = w.transpose() * gradient_.segment(own.first, own.width);
+  squares_ += along.dot(kernel * along);
+  log_determinant_ += 2.0 * lower.matrixLLT().diagonal().array().log().sum();
+  update(columns, kernel, along, 1.0);
+}
+
+void Sampler::set(std::size_t b, const Choice& c) {
+  if (state_[b] == c) return;
+  if (state_[b].is_present()) remove(b);
+  if (c.is_present()) add(b, c);
+}
+
+Sampler::Local Sampler::without(std::size_t b) const {
+  const SearchBlock& own = block(b);
+  Local local{gram_.block(own.first, own.first, own.width, own.width),
+              gradient_.segment(own.first, own.width), squares_};
+  if (!state_[b].is_present()) return local;
+  const Eigen::MatrixXd w = factor(b, state_[b]);
+  const Eigen::MatrixXd columns = local.gram * w;
+  const Eigen::Index rank = w.cols();
+  const Eigen::LLT<Eigen::MatrixXd> lower(Eigen::MatrixXd::Identity(rank, rank) -
+                                          w.transpose() * columns);
+  if (!is_sound(lower)) return without_from_the_start(b);
+  const Eigen::MatrixXd kernel = lower.solve(Eigen::MatrixXd::Identity(rank, rank));
+  const Eigen::VectorXd along = w.transpose() * local.gradient;
+  local.squares += along.dot(kernel * along);
+  local.gradient += columns * (kernel * along);
+  local.gram += columns * kernel * columns.transpose();
+  return local;
+}
+
+// The same, not by taking one block's update back but from the Gram matrix as it was given.
+Sampler::Local Sampler::without_from_the_start(std::size_t b) const {
+  const SearchBlock& own = block(b);
+  std::vector<std::size_t> others;
+  std::vector<Eigen::MatrixXd> factors;
+  Eigen::Index size = 0;
+  for (std::size_t o = 0; o < state_.size(); ++o) {
+    if (o == b || !state_[o].is_present()) continue;
+    others.push_back(o);
+    factors.push_back(factor(o, state_[o]));
+    size += factors.back().cols();
+  }
+  Eigen::MatrixXd inner = Eigen::MatrixXd::Identity(size, size);
+  Eigen::MatrixXd across(size, own.width);
+  Eigen::VectorXd along(size);
+  Eigen::Index row = 0;
+  for (std::size_t i = 0; i < others.size(); ++i) {
+    const SearchBlock& left = block(others[i]);
+    const Eigen::Index height = factors[i].cols();
+    across.middleRows(row, height) =
+        factors[i].transpose() * problem_.gram.block(left.first, own.first, left.width, own.width);
+    along.segment(row, height) =
+        factors[i].transpose() * problem_.gradient.segment(left.first, left.width);
+    Eigen::Index column = 0;
+    for (std::size_t j = 0; j <= i; ++j) {
+      const SearchBlock& right = block(others[j]);
+      inner.block(row, column, height, factors[j].cols()) +=
+          factors[i].transpose() *
+          problem_.gram.block(left.first, right.first, left.width, right.width) * factors[j];
+      column += factors[j].cols();
+    }
+    row += height;
+  }
+  const ScaledCholesky root(inner);
+  Eigen::MatrixXd both(size, own.width + 1);
+  both << across, along;
+  const Eigen::MatrixXd half = root.half_solve(both);
+  const Eigen::MatrixXd taken = transpose_times(half, half);
+  return {problem_.gram.block(own.first, own.first, own.width, own.width) -
+              taken.topLeftCorner(own.width, own.width),
+          problem_.gradient.segment(own.first, own.width) - taken.block(0, own.width, own.width, 1),
+          problem_.squares - taken(own.width, own.width)};
+}
+
+double Sampler::sign_term(const PriorShape& shape, const Eigen::MatrixXd& vectors,
+                          const Eigen::VectorXd& mean, const Eigen::VectorXd& variance,
+                          double noise) const {
+  double sum = 0.0;
+  for (const Eigen::VectorXd& a : shape.positive) {
+    const Eigen::VectorXd along = vectors.transpose() * (shape.units.transpose() * a);
+    const double spread = std::sqrt(noise * along.cwiseAbs2().dot(variance));
+    if (spread <= 0.0) continue;
+    sum += std::log(2.0) + log_normal_cdf(along.dot(mean) / spread);
+  }
+  return sum;
+}
+
+void Sampler::weigh_shape(const SearchBlock& own, const Local& local, int index,
+                          Conditional& result) const {
+  const PriorShape& shape = own.shapes[static_cast<std::size_t>(index)];
+  const Eigen::MatrixXd inner = shape.spread.transpose() * local.gram * shape.spread;
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(inner);
+  const Eigen::VectorXd value = eigen.eigenvalues().cwiseMax(0.0);
+  const Eigen::VectorXd along =
+      eigen.eigenvectors().transpose() * (shape.spread.transpose() * local.gradient);
+  for (std::size_t s = 0; s < shape.scale.size(); ++s) {
+    const double square = shape.scale[s] * shape.scale[s];
+    const Eigen::VectorXd shrunk = (1.0 + square * value.array()).matrix();
+    const Eigen::VectorXd variance = square * shrunk.cwiseInverse();
+    const double left = local.squares - variance.dot(along.cwiseAbs2());
+    double weight =
+        own.log_odds + shape.log_prior[s] - 0.5 * shrunk.array().log().sum() + fit_term(left);
+    if (!shape.carries.empty()) {
+      const Eigen::VectorXd mean =
+          shape.units * (eigen.eigenvectors() * variance.cwiseProduct(along));
+      weight += carrying_term(shape.carries.front(), mean);
+    }
+    if (!shape.positive.empty()) {
+      const double noise = std::max(left, 1e-9) / std::max(1.0, problem_.freedom);
+      weight +=
+          sign_term(shape, eigen.eigenvectors(), variance.cwiseProduct(along), variance, noise);
+    }
+    result.choices.push_back({index, static_cast<int>(s)});
+    result.log_weight.push_back(weight);
+  }
+}
+
+Conditional Sampler::conditional(std::size_t b) const {
+  const SearchBlock& own = block(b);
+  const Local local = without(b);
+  Conditional result{{Choice{}}, {fit_term(local.squares)}};
+  for (std::size_t i = 0; i < own.shapes.size(); ++i)
+    weigh_shape(own, local, static_cast<int>(i), result);
+  return result;
+}
+
+Choice Sampler::draw(const Conditional& c) {
+  const double total = log_sum(c.log_weight);
+  double left = std::uniform_real_distribution<double>(0.0, 1.0)(generator_);
+  for (std::size_t i = 0; i < c.choices.size(); ++i) {
+    left -= std::exp(c.log_weight[i] - total);
+    if (left <= 0.0) return c.choices[i];
+  }
+  return c.choices.front();
+}
+
+double Sampler::log_posterior() const {
+  double value = fit_term(squares_) - 0.5 * log_determinant_;
+  for (std::size_t b = 0; b < state_.size(); ++b) {
+    if (!state_[b].is_present()) continue;
+    const PriorShape& shape = block(b).shapes[static_cast<std::size_t>(state_[b].shape)];
+    value += block(b).log_odds + shape.log_prior[static_cast<std::size_t>(state_[b].scale)];
+  }
+  return value;
+}
+
+void Sampler::remember() {
+  const double value = log_posterior();
+  if (value <= best_posterior_) return;
+  best_posterior_ = value;
+  best_ = state_;
+}
+
+// The change of one block that raises the posterior most, of those in `looked_at`; the others are
+// left out of it from now on.
+double Sampler::best_change(std::vector<std::size_t>& looked_at, std::size_t& at,
+                            Choice& to) const {
+  double most = kLeastRise;
+  std::vector<std::size_t> promising;
+  for (const std::size_t b : looked_at) {
+    const Conditional c = conditional(b);
+    const auto now = static_cast<std::size_t>(
+        std::find(c.choices.begin(), c.choices.end(), state_[b]) - c.choices.begin());
+    double rise = -std::numeric_limits<double>::infinity();
+    for (std::size_t i = 0; i < c.choices.size(); ++i) {
+      if (i == now || c.log_weight[i] - c.log_weight[now] <= rise) continue;
+      rise = c.log_weight[i] - c.log_weight[now];
+      if (rise <= most) continue;
+      most = rise;
+      at = b;
+      to = c.choices[i];
+    }
+    if (rise > kPromising) promising.push_back(b);
+  }
+  looked_at = std::move(promising);
+  return most;
+}
+
+// Takes the single change that raises the posterior most, until none does.
+void Sampler::climb(bool with_structure) {
+  std::vector<std::size_t> all;
+  for (std::size_t b = 0; b < state_.size(); ++b) {
+    if (with_structure || block(b).counts) all.push_back(b);
+  }
+  std::vector<std::size_t> looked_at = all;
+  bool whole = true;
+  for (std::size_t step = 0; step < 6 * state_.size(); ++step) {
+    throw_if_cancelled();
+    std::size_t at = 0;
+    Choice to;
+    const double rise = best_change(looked_at, at, to);
+    if (rise <= kLeastRise) {
+      if (whole) break;
+      looked_at = all;
+      whole = true;
+      continue;
+    }
+    set(at, to);
+    whole = false;
+  }
+  remember();
+}
+
+void Sampler::sweep(int number, bool count) {
+  std::vector<std::size_t> order(state_.size());
+  for (std::size_t i = 0; i < order.size(); ++i) order[i] = i;
+  for (std::size_t i = order.size(); i > 1; --i) std::swap(order[i - 1], order[generator_() % i]);
+  for (const std::size_t b : order) {
+    const bool settled =
+        state_[b].is_present() ? last_[b] > 1.0 - kImprobable : last_[b] < kImprobable;
+    const bool seldom = block(b).costly || settled;
+    if (count) visits_[b] += 1.0;
+    if (seldom && (number + static_cast<int>(b)) % kCostlyEvery != 0) {
+      if (count && state_[b].is_present()) inclusion_[b] += 1.0;
+      continue;
+    }
+    const Conditional c = conditional(b);
+    last_[b] = c.probability();
+    if (count) inclusion_[b] += c.probability();
+    set(b, draw(c));
+  }
+  if (number % kExchangeEvery == 0) exchange();
+  remember();
+  if (!count) return;
+  counted_ += 1.0;
+  bool nothing = true;
+  for (std::size_t b = 0; b < state_.size(); ++b)
+    nothing = nothing && (block(b).present || !block(b).counts || !state_[b].is_present());
+  nothing_ += nothing ? 1.0 : 0.0;
+}
+
+// One present block is taken out; whoever could stand in its place is drawn anew, itself and nobody
+// included.
+void Sampler::exchange() {
+  std::vector<std::size_t> present;
+  for (std::size_t b = 0; b < state_.size(); ++b) {
+    if (state_[b].is_present() && !block(b).costly) present.push_back(b);
+  }
+  if (present.empty()) return;
+  const std::size_t gone = present[generator_() % present.size()];
+  remove(gone);
+  std::vector<double> weight{fit_term(squares_)};
+  std::vector<std::pair<std::size_t, Choice>> stands{{gone, Choice{}}};
+  for (std::size_t b = 0; b < state_.size(); ++b) {
+    if (state_[b].is_present() || block(b).costly) continue;
+    const Conditional c = conditional(b);
+    for (std::size_t i = 1; i < c.choices.size(); ++i) {
+      weight.push_back(c.log_weight[i]);
+      stands.emplace_back(b, c.choices[i]);
+    }
+  }
+  const double total = log_sum(weight);
+  double left = std::uniform_real_distribution<double>(0.0, 1.0)(generator_);
+  for (std::size_t i = 0; i < weight.size(); ++i) {
+    left -= std::exp(weight[i] - total);
+    if (left > 0.0) continue;
+    set(stands[i].first, stands[i].second);
+    return;
+  }
+}
+
+// Every block beside the set that stands now.
+void Sampler::describe_alone(SearchResult& result) const {
+  result.start_squares = squares_;
+  for (std::size_t b = 0; b < state_.size(); ++b) {
+    const Conditional c = conditional(b);
+    const std::vector<double> there(c.log_weight.begin() + 1, c.log_weight.end());
+    result.alone_log_bayes.push_back(log_sum(there) - c.log_weight.front() - block(b).log_odds);
+    const auto best =
+        static_cast<std::size_t>(std::max_element(there.begin(), there.end()) - there.begin());
+    const Local local = without(b);
+    const Eigen::MatrixXd w = factor(b, c.choices[best + 1]);
+    const Eigen::MatrixXd inner =
+        Eigen::MatrixXd::Identity(w.cols(), w.cols()) + w.transpose() * local.gram * w;
+    const Eigen::VectorXd along = w.transpose() * local.gradient;
+    result.alone_gain.push_back(along.dot(inner.llt().solve(along)));
+    double least = 1.0;
+    for (Eigen::Index c2 = 0; c2 < block(b).width; ++c2) {
+      const double before = problem_.whole[block(b).first + c2];
+      if (before > 0.0) least = std::min(least, std::max(0.0, local.gram(c2, c2)) / before);
+    }
+    result.separability.push_back(least);
+  }
+}
+
+void Sampler::describe(SearchResult& result) {
+  state_ = best_;
+  rebuild();
+  const std::size_t count = state_.size();
+  result.squares = squares_;
+  result.log_evidence = best_posterior_;
+  result.coefficient.resize(count);
+  result.sigma.resize(count);
+  result.shape.assign(count, 0);
+  result.gain.assign(count, 0.0);
+  result.log_bayes.assign(count, 0.0);
+  result.likeliest.assign(count, false);
+  const double noise = std::max(squares_, 1e-9) / std::max(1.0, problem_.freedom);
+  for (std::size_t b = 0; b < count; ++b) {
+    const Conditional c = conditional(b);
+    std::vector<double> there(c.log_weight.begin() + 1, c.log_weight.end());
+    result.log_bayes[b] = log_sum(there) - c.log_weight.front() - block(b).log_odds;
+    Choice use = state_[b];
+    if (use.is_present()) {
+      result.likeliest[b] = true;
+      result.factors.emplace_back(b, factor(b, use));
+    } else {
+      use = c.choices[static_cast<std::size_t>(std::max_element(there.begin(), there.end()) -
+                                               there.begin()) +
+                      1];
+    }
+    const Local local = without(b);
+    const Eigen::MatrixXd w = factor(b, use);
+    const Eigen::LLT<Eigen::MatrixXd> inner(Eigen::MatrixXd::Identity(w.cols(), w.cols()) +
+                                            w.transpose() * local.gram * w);
+    const Eigen::VectorXd along = w.transpose() * local.gradient;
+    const Eigen::VectorXd mean = inner.solve(along);
+    result.gain[b] = along.dot(mean);
+    const PriorShape& shape = block(b).shapes[static_cast<std::size_t>(use.shape)];
+    const Eigen::MatrixXd units = shape.scale[static_cast<std::size_t>(use.scale)] * shape.units;
+    result.shape[b] = use.shape;
+    result.coefficient[b] = units * mean;
+    const Eigen::MatrixXd spread = inner.matrixL().solve(units.transpose());
+    result.sigma[b] = (noise * spread.colwise().squaredNorm()).cwiseSqrt().transpose();
+  }
+}
+
+SearchResult Sampler::run() {
+  const std::size_t count = state_.size();
+  inclusion_.assign(count, 0.0);
+  visits_.assign(count, 0.0);
+  last_.assign(count, 1.0);
+  for (std::size_t b = 0; b < count; ++b) {
+    if (!block(b).present) continue;
+    const Conditional c = conditional(b);
+    const auto best = std::max_element(c.log_weight.begin() + 1, c.log_weight.end());
+    add(b, c.choices[static_cast<std::size_t>(best - c.log_weight.begin())]);
+  }
+  SearchResult result;
+  describe_alone(result);
+  // A smooth function may stand for several effects at once: those come first, and then the better
+  // of both.
+  const std::vector<Choice> start = state_;
+  const bool structure = std::any_of(problem_.blocks.begin(), problem_.blocks.end(),
+                                     [](const SearchBlock& b) { return !b.counts; });
+  climb(false);
+  if (structure) {
+    climb(true);
+    state_ = start;
+    rebuild();
+    climb(true);
+    state_ = best_;
+    rebuild();
+  }
+  for (int i = 0; i < options_.burn_in + options_.sweeps; ++i) {
+    throw_if_cancelled();
+    sweep(i, i >= options_.burn_in);
+  }
+  describe(result);
+  result.inclusion.resize(count);
+  for (std::size_t b = 0; b < count; ++b) {
+    result.inclusion[b] =
+        visits_[b] > 0.0 ? inclusion_[b] / visits_[b] : (result.likeliest[b] ? 1.0 : 0.0);
+  }
+  result.nothing_missing = counted_ > 0.0 ? nothing_ / counted_ : 1.0;
+  return result;
+}
+
+}  // namespace
+
+SearchResult search_blocks(const SearchProblem& problem, const SearchOptions& options) {
+  return Sampler(problem, options).run();
+}
+
+}  // namespace armtrue

@@ -1,0 +1,123 @@
+#include "fitter/model/poses.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <numeric>
+
+namespace armtrue {
+namespace {
+
+constexpr double kSameAngle = 1e-5, kSameSlide = 1e-6;  // [rad], [m]
+
+class DisjointSets {
+ public:
+  explicit DisjointSets(std::size_t size) : parent_(size) {
+    std::iota(parent_.begin(), parent_.end(), std::size_t{0});
+  }
+  std::size_t find(std::size_t i) {
+    while (parent_[i] != i) i = parent_[i] = parent_[parent_[i]];
+    return i;
+  }
+  void join(std::size_t a, std::size_t b) { parent_[find(a)] = find(b); }
+
+ private:
+  std::vector<std::size_t> parent_;
+};
+
+void join_equal_joints(const State& state, DisjointSets& sets) {
+  const auto n = static_cast<std::size_t>(state.robot().joint_count());
+  const std::vector<double>& q = state.joints();
+  std::vector<double> tolerance;
+  for (const Joint& joint : state.robot().joints)
+    tolerance.push_back(joint.prismatic ? kSameSlide : kSameAngle);
+  std::vector<std::size_t> order(state.rows());
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  std::stable_sort(order.begin(), order.end(),
+                   [&](std::size_t a, std::size_t b) { return q[a * n] < q[b * n]; });
+  for (std::size_t at = 0; at < order.size(); ++at) {
+    for (std::size_t before = at; before-- > 0;) {
+      const std::size_t a = order[at], b = order[before];
+      if (q[a * n] - q[b * n] > tolerance[0]) break;
+      std::size_t k = 0;
+      while (k < n && std::abs(q[a * n + k] - q[b * n + k]) <= tolerance[k]) ++k;
+      if (k == n) sets.join(a, b);
+    }
+  }
+}
+
+// The rows in the order in which they were measured.
+std::vector<std::size_t> measured_order(const State& state) {
+  std::vector<std::size_t> order(state.rows());
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  if (state.recorded("time")) {
+    const std::vector<double>& time = state.column("time");
+    std::stable_sort(order.begin(), order.end(),
+                     [&](std::size_t a, std::size_t b) { return time[a] < time[b]; });
+  }
+  return order;
+}
+
+void number_visits(const State& state, const std::vector<int>& target, bool declared,
+                   Poses& poses) {
+  const std::vector<std::size_t> order = measured_order(state);
+  const bool timed = state.recorded("time");
+  struct Pose {
+    std::map<int, int> readings;  // by reflector
+    int visit = -1, serial = 0;
+    std::size_t last = 0;
+    std::map<int, int> visit_of_serial;
+  };
+  std::map<int, Pose> seen;
+  poses.visit_of_row.assign(state.rows(), 0);
+  for (std::size_t at = 0; at < order.size(); ++at) {
+    const std::size_t row = order[at];
+    Pose& pose = seen[poses.pose_of_row[row]];
+    const bool adjacent = pose.visit >= 0 && pose.last + 1 == at;
+    const bool read_before = pose.readings.contains(target[row]);
+    const bool declared_anew = read_before && declared;
+    int& readings = pose.readings[target[row]];
+    if (pose.visit < 0 || declared_anew || !adjacent) {
+      // Without time another reflector's readings may simply stand in another part of the file.
+      const bool same_serial = !timed && pose.visit_of_serial.contains(readings);
+      pose.visit = same_serial ? pose.visit_of_serial[readings] : poses.visits++;
+      pose.visit_of_serial[readings] = pose.visit;
+      ++readings;
+    } else if (!read_before) {
+      ++readings;
+    }
+    pose.last = at;
+    poses.visit_of_row[row] = pose.visit;
+  }
+}
+
+}  // namespace
+
+std::vector<std::vector<std::size_t>> Poses::rows_by_pose() const {
+  std::vector<std::vector<std::size_t>> rows(static_cast<std::size_t>(poses));
+  for (std::size_t i = 0; i < pose_of_row.size(); ++i)
+    rows[static_cast<std::size_t>(pose_of_row[i])].push_back(i);
+  return rows;
+}
+
+Poses find_poses(const State& state, const std::vector<int>& target,
+                 const std::vector<int>& repeat) {
+  DisjointSets sets(state.rows());
+  join_equal_joints(state, sets);
+  std::map<int, std::size_t> declared;
+  for (std::size_t i = 0; i < repeat.size(); ++i) {
+    const auto [first, fresh] = declared.try_emplace(repeat[i], i);
+    if (!fresh) sets.join(i, first->second);
+  }
+  Poses poses;
+  std::map<std::size_t, int> number;
+  for (std::size_t i = 0; i < state.rows(); ++i) {
+    const auto [at, fresh] = number.try_emplace(sets.find(i), poses.poses);
+    if (fresh) ++poses.poses;
+    poses.pose_of_row.push_back(at->second);
+  }
+  number_visits(state, target, !repeat.empty(), poses);
+  return poses;
+}
+
+}  // namespace armtrue
