@@ -188,13 +188,15 @@ std::vector<Candidate> make_candidates(const Fit& fit, const EvidenceSummary& ev
   return result;
 }
 
-// Probabilities in steps of a thousandth, and what explains more first among equals.
+// Probabilities in steps of a thousandth; what explains more comes first among equals and among the
+// improbable.
 void rank(std::vector<Candidate>& candidates) {
-  std::stable_sort(
-      candidates.begin(), candidates.end(), [](const Candidate& a, const Candidate& b) {
-        const double pa = std::round(1e3 * a.probability), pb = std::round(1e3 * b.probability);
-        return std::pair{-pa, a.delta_bic} < std::pair{-pb, b.delta_bic};
-      });
+  const auto step = [](double p) { return p < kWorthNaming ? 0.0 : std::round(1e3 * p); };
+  std::stable_sort(candidates.begin(), candidates.end(),
+                   [&](const Candidate& a, const Candidate& b) {
+                     return std::pair{-step(a.probability), a.delta_bic} <
+                            std::pair{-step(b.probability), b.delta_bic};
+                   });
 }
 
 // The same effect on fewer or more of the joints is not a rival.
@@ -281,7 +283,8 @@ void weigh(Fit& fit, const Linearization& linearization, std::vector<EvidenceBlo
   recommend(d, fit);
 }
 
-// Shares of the squared residual as the charts draw them: of each candidate alone, all rows weighed as the fit does.
+// Shares of the squared residual as the charts draw them: of each candidate alone, all rows weighed
+// as the fit does.
 void score_alone(const Scorer& scorer, std::vector<Candidate>& candidates) {
   std::vector<Block> blocks;
   for (const Candidate& c : candidates) blocks.push_back(c.block);
@@ -316,12 +319,14 @@ Diagnosis diagnose(Fit& fit, const DiagnoseOptions& options, Observer& observer)
   report(0.4, "weighing the catalogue");
   weigh(fit, linearization, std::move(extra), options, d);
   d.lack_of_fit = lack_of_fit(scorer, fit);
-  if (!d.recommended() && d.lack_of_fit.testable &&
-      d.lack_of_fit.log10_p < kStructureSignificant) {
-    // More is left than noise and nothing known explains it: a gear ratio may not be what it is said to be.
+  if (!d.recommended() && d.lack_of_fit.testable && d.lack_of_fit.log10_p < kStructureSignificant) {
+    // More is left than noise and nothing known explains it: a gear ratio may not be what it is
+    // said to be.
     std::vector<JointSpectrum> wide = wide_joint_spectra(scorer, fit.state());
     Diagnosis other;
-    weigh(fit, linearization, spectral_blocks(fit, scorer, wide), options, other);
+    std::vector<EvidenceBlock> lines = spectral_blocks(fit, scorer, wide);
+    for (EvidenceBlock& block : structure_blocks(fit, structure)) lines.push_back(std::move(block));
+    weigh(fit, linearization, std::move(lines), options, other);
     if (other.recommended()) {
       other.lack_of_fit = d.lack_of_fit;
       d = std::move(other);

@@ -163,14 +163,13 @@ def _chance(probability: float) -> str:
 
 
 def _candidate_table(candidates: list[dict[str, Any]], tried: list[dict[str, Any]]) -> Table:
-    headers = ("probability", "explains", "ΔBIC", "separable", "held-out mean\nif added [µm]", "")
+    headers = ("probability", "explains", "separable", "held-out mean\nif added [µm]", "")
     table = plain_table("    candidate", *headers)
     for rank, candidate in enumerate(candidates, start=1):
         table.add_row(
             f"{rank:>2}  {_called_among(candidate, tried)}",
             _chance(candidate["probability"]),
             f"{100 * candidate['explained']:.1f} %",
-            f"{round(candidate['delta_bic'])}",
             f"{100 * candidate['separability']:.1f} %",
             f"≈ {candidate['held_out_mean_um_if_added']:.1f}",
             "recommended" if candidate["recommend"] else "",
