@@ -98,7 +98,9 @@ def frames(elf: Path) -> dict[str, int]:
 # Assembly of the Cortex-R5F's startup.S: what it pushes before it calls, the return state included.
 _ASSEMBLY = {"irq_entry": 44, "unexpected": 0, "reset_handler": 0}
 # Assembly and libgcc: no stack information; what their prologues push, rounded up.
-_LIBRARY = re.compile(r"^(__(popcountsi2|aeabi_\w+|udivmoddi4|divmoddi4)|strlen|strchr|mem(cpy|move|set|cmp))$")
+_LIBRARY = re.compile(
+    r"^(__(popcountsi2|aeabi_\w+|udivmoddi4|divmoddi4)|strlen|strchr|mem(cpy|move|set|cmp))$"
+)
 LIBRARY_FRAME = 64
 
 
