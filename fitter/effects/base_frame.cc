@@ -7,10 +7,9 @@ class BaseFrame final : public Effect {
  public:
   std::string id() const override { return "base_frame"; }
   std::string summary() const override { return "robot base in the measuring frame"; }
+  Role role() const override { return Role::kPlacement; }
   JointRule joint_rule() const override { return JointRule::kNone; }
   std::string bound_text() const override { return "none: the base may stand anywhere"; }
-
-  bool exported() const override { return false; }
 
   EffectTerms build(const EffectContext&, const EffectRequest&) const override {
     EffectTerms terms;

@@ -7,12 +7,11 @@ class CommandReadback final : public Effect {
  public:
   std::string id() const override { return "command_readback"; }
   std::string summary() const override { return "joints recorded before the arm had settled"; }
+  Role role() const override { return Role::kMeasurement; }
   JointRule joint_rule() const override { return JointRule::kEach; }
   std::string bound_text() const override {
     return "-2 to 2 rad/rad: a full exchange of command and read-back is -1 (docs/effects.md)";
   }
-
-  bool exported() const override { return false; }
 
   std::vector<std::string> missing(const EffectContext& context,
                                    const std::vector<int>& joints) const override {

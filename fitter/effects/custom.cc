@@ -12,6 +12,7 @@ class Custom final : public Effect {
   std::string summary() const override {
     return "a user's own term: a name, a coordinate, an expression of the state";
   }
+  Role role() const override { return Role::kCustom; }
   JointRule joint_rule() const override { return JointRule::kEach; }
   std::string bound_text() const override { return "the user's: key bound, none by default"; }
 

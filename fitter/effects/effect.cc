@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <numeric>
 
 namespace armtrue {
@@ -65,6 +66,23 @@ void check_joints(const EffectContext& context, const Effect& effect,
   if (effect.joint_rule() != JointRule::kPair &&
       std::adjacent_find(sorted.begin(), sorted.end()) != sorted.end()) {
     throw ModelError("effect " + effect.id() + ": a joint is named twice");
+  }
+}
+
+// `dT` is the first thermometer of the file at hand; a term reads the one that was fitted, whatever
+// file it is evaluated on later.
+void name_thermometer(const EffectContext& context, EffectTerms& terms) {
+  if (context.state.sensors().empty()) return;
+  const std::string first = "dT_" + context.state.sensors().front();
+  const std::map<std::string, Expression> names{{"dT", Expression::variable(first)}};
+  for (Parameter& p : terms.parameters) {
+    for (Term& term : p.terms) {
+      term.basis = term.basis.substitute(names);
+      if (!term.table) continue;
+      for (TableReference::Axis& axis : term.table->axes) {
+        if (axis.variable == "dT") axis.variable = first;
+      }
+    }
   }
 }
 
@@ -140,7 +158,9 @@ EffectTerms build_effect(const EffectContext& context, const EffectRequest& give
                      (columns ? (one ? "column " : "columns ") : "") + join(lacking) + ", found " +
                      (one ? "none" : "none of these"));
   }
-  return effect.build(context, request);
+  EffectTerms terms = effect.build(context, request);
+  name_thermometer(context, terms);
+  return terms;
 }
 
 Coordinate motor(int joint) { return {Place::kMotor, joint - 1, 0}; }

@@ -61,16 +61,27 @@ struct CarriedLoad {
   double largest;      ///< of what the effect gives in all, in its coordinate's unit
 };
 
+/// What kind of cause an effect is: what the search may do with it, and what becomes of it.
+enum class Role {
+  kPlacement,    ///< where the base stands and the tool sits: any value, folded into their frames
+  kGeometry,     ///< the arm's nominal numbers: always in a model, never a finding
+  kPhysical,     ///< a cause with a bound that physics gives
+  kTable,        ///< fits any cause; preferred only where no physical effect does as well
+  kMeasurement,  ///< of the instrument or the session: fitted, never exported
+  kCustom        ///< a user's own
+};
+
 class Effect {
  public:
   virtual ~Effect() = default;
 
   virtual std::string id() const = 0;
   virtual std::string summary() const = 0;
+  virtual Role role() const { return Role::kPhysical; }
   virtual JointRule joint_rule() const = 0;
   virtual std::vector<EffectOption> options() const { return {}; }
   /// False where it belongs to the measurement and not to the arm.
-  virtual bool exported() const { return true; }
+  bool exported() const { return role() != Role::kPlacement && role() != Role::kMeasurement; }
   /// Physical bound on size and sign, with its source, for people.
   virtual std::string bound_text() const = 0;
 
@@ -85,8 +96,7 @@ class Effect {
   }
   /// The load that it carries; empty: none. What adds to that load instead is hardly this effect.
   virtual std::optional<CarriedLoad> carries() const { return std::nullopt; }
-  /// True for tables that fit any cause: preferred only where no physical effect does as well.
-  virtual bool generic() const { return false; }
+  bool generic() const { return role() == Role::kTable; }
 
   /// Joints of a bare entry.
   virtual std::vector<int> default_joints(const EffectContext& context) const;

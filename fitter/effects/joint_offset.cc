@@ -7,6 +7,7 @@ class JointOffset final : public Effect {
  public:
   std::string id() const override { return "joint_offset"; }
   std::string summary() const override { return "encoder zero"; }
+  Role role() const override { return Role::kGeometry; }
   JointRule joint_rule() const override { return JointRule::kEach; }
   std::string bound_text() const override {
     return "2 deg or 10 mm: zeros found in the field are 0.01 to 0.15 deg (docs/effects.md)";

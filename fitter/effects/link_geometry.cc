@@ -7,6 +7,7 @@ class LinkGeometry final : public Effect {
  public:
   std::string id() const override { return "link_geometry"; }
   std::string summary() const override { return "lengths, twists and offsets of a link"; }
+  Role role() const override { return Role::kGeometry; }
   JointRule joint_rule() const override { return JointRule::kEach; }
   std::string bound_text() const override {
     return "10 mm, 2 deg: axis offsets found in the field are 0.1 to 2 mm (docs/effects.md)";

@@ -17,6 +17,7 @@ class ResidualGrid final : public Effect {
   std::string summary() const override {
     return "what no effect explains: multilinear grid over joints 1 to 3";
   }
+  Role role() const override { return Role::kTable; }
   JointRule joint_rule() const override { return JointRule::kNone; }
   std::string bound_text() const override {
     return "2 mm: more than that is geometry that was not fitted (docs/effects.md)";
@@ -24,8 +25,6 @@ class ResidualGrid final : public Effect {
   std::vector<EffectOption> options() const override {
     return {{"nodes", "[int]", "nodes over joints 1, 2, 3; default chosen by cross-validation"}};
   }
-
-  bool generic() const override { return true; }
 
   EffectTerms build(const EffectContext& context, const EffectRequest& request) const override {
     const int axes = std::min(3, context.joint_count());

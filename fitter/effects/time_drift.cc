@@ -9,12 +9,11 @@ class TimeDrift final : public Effect {
  public:
   std::string id() const override { return "time_drift"; }
   std::string summary() const override { return "tracker or base creeps over the session"; }
+  Role role() const override { return Role::kMeasurement; }
   JointRule joint_rule() const override { return JointRule::kNone; }
   std::string bound_text() const override {
     return "1 mm/h, 1 mrad/h: trackers drift 30 to 130 um a day (docs/effects.md)";
   }
-
-  bool exported() const override { return false; }
 
   std::vector<std::string> missing(const EffectContext& context,
                                    const std::vector<int>&) const override {

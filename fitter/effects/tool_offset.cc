@@ -9,10 +9,9 @@ class ToolOffset final : public Effect {
   std::string summary() const override {
     return "reflector (SMR) or TCP in the flange, each target its own";
   }
+  Role role() const override { return Role::kPlacement; }
   JointRule joint_rule() const override { return JointRule::kNone; }
   std::string bound_text() const override { return "none: the reflector may sit anywhere"; }
-
-  bool exported() const override { return false; }
 
   EffectTerms build(const EffectContext& context, const EffectRequest&) const override {
     EffectTerms terms;

@@ -12,6 +12,7 @@ class TransmissionPwl final : public Effect {
   std::string summary() const override {
     return "any other periodic or local joint error, as a piecewise linear table";
   }
+  Role role() const override { return Role::kTable; }
   JointRule joint_rule() const override { return JointRule::kEach; }
   std::string bound_text() const override {
     return "1e-2 rad: what repeats with the joint angle and is larger is an offset or a scale "
@@ -24,8 +25,6 @@ class TransmissionPwl final : public Effect {
   }
 
   std::vector<std::string> searched_options() const override { return {"spacing"}; }
-  bool generic() const override { return true; }
-
   EffectTerms build(const EffectContext& context, const EffectRequest& request) const override {
     EffectTerms terms;
     for (const int k : request.joints) {

@@ -1,9 +1,12 @@
 #include "fitter/model/expression.h"
 
+#include <ceres/jet.h>
+
 #include <array>
 #include <charconv>
 #include <cmath>
 #include <numbers>
+#include <type_traits>
 
 namespace armtrue {
 namespace {
@@ -21,7 +24,7 @@ struct Function {
   int arity;
 };
 
-constexpr std::array<Function, 18> kFunctions{{{"sin", Op::kSin, 1},
+constexpr std::array<Function, 17> kFunctions{{{"sin", Op::kSin, 1},
                                                {"cos", Op::kCos, 1},
                                                {"tan", Op::kTan, 1},
                                                {"asin", Op::kAsin, 1},
@@ -37,7 +40,6 @@ constexpr std::array<Function, 18> kFunctions{{{"sin", Op::kSin, 1},
                                                {"min", Op::kMin, 2},
                                                {"max", Op::kMax, 2},
                                                {"hat", Op::kHat, 4},
-                                               {"hat_slope", Op::kHatSlope, 4},
                                                {"pow", Op::kPower, 2}}};
 
 std::string_view function_name(Op op) {
@@ -47,26 +49,30 @@ std::string_view function_name(Op op) {
   return {};
 }
 
+// A number, or a number with its slope: everything below is written once for both.
+using Slope = ceres::Jet<double, 1>;
+double number_of(double v) { return v; }
+double number_of(const Slope& v) { return v.a; }
+
 // hat(v, l, c, r). A missing side (l = c or r = c) is held constant, so that end nodes extrapolate
 // flat.
-double hat(double v, double l, double c, double r) {
+template <typename T>
+T hat(const T& v, const T& l, const T& c, const T& r) {
   if (v <= c) {
-    if (l >= c) return 1.0;
-    return v <= l ? 0.0 : (v - l) / (c - l);
+    if (l >= c) return T(1.0);
+    return v <= l ? T(0.0) : (v - l) / (c - l);
   }
-  if (r <= c) return 1.0;
-  return v >= r ? 0.0 : (r - v) / (r - c);
-}
-
-double hat_slope(double v, double l, double c, double r) {
-  if (v < c) return l >= c || v < l ? 0.0 : 1.0 / (c - l);
-  return r <= c || v >= r ? 0.0 : -1.0 / (r - c);
+  if (r <= c) return T(1.0);
+  return v >= r ? T(0.0) : (r - v) / (r - c);
 }
 
 // What is not a number stays so, here and in min and max, so that it is seen and refused.
 double sign(double v) { return v > 0.0 ? 1.0 : (v < 0.0 ? -1.0 : 0.0 * v); }
 
-double evaluate_op(Op op, const double* a) {
+template <typename T>
+T evaluate_op(Op op, const T* a) {
+  using std::abs, std::acos, std::asin, std::atan, std::atan2, std::cos, std::exp, std::log,
+      std::pow, std::sin, std::sqrt, std::tan, std::tanh;
   switch (op) {
     case Op::kAdd:
       return a[0] + a[1];
@@ -77,48 +83,46 @@ double evaluate_op(Op op, const double* a) {
     case Op::kDivide:
       return a[0] / a[1];
     case Op::kPower:
-      return a[1] == 2.0 ? a[0] * a[0] : std::pow(a[0], a[1]);
+      return a[1] == T(2.0) ? a[0] * a[0] : pow(a[0], a[1]);
     case Op::kNegate:
       return -a[0];
     case Op::kSin:
-      return std::sin(a[0]);
+      return sin(a[0]);
     case Op::kCos:
-      return std::cos(a[0]);
+      return cos(a[0]);
     case Op::kTan:
-      return std::tan(a[0]);
+      return tan(a[0]);
     case Op::kAsin:
-      return std::asin(a[0]);
+      return asin(a[0]);
     case Op::kAcos:
-      return std::acos(a[0]);
+      return acos(a[0]);
     case Op::kAtan:
-      return std::atan(a[0]);
+      return atan(a[0]);
     case Op::kExp:
-      return std::exp(a[0]);
+      return exp(a[0]);
     case Op::kLog:
-      return std::log(a[0]);
+      return log(a[0]);
     case Op::kSqrt:
-      return std::sqrt(a[0]);
+      return sqrt(a[0]);
     case Op::kAbs:
-      return std::abs(a[0]);
+      return abs(a[0]);
     case Op::kSign:
-      return sign(a[0]);
+      return T(sign(number_of(a[0])));
     case Op::kTanh:
-      return std::tanh(a[0]);
+      return tanh(a[0]);
     case Op::kAtan2:
-      return std::atan2(a[0], a[1]);
+      return atan2(a[0], a[1]);
     case Op::kMin:
-      return std::isnan(a[0]) || a[0] < a[1] ? a[0] : a[1];
+      return std::isnan(number_of(a[0])) || a[0] < a[1] ? a[0] : a[1];
     case Op::kMax:
-      return std::isnan(a[0]) || a[0] > a[1] ? a[0] : a[1];
+      return std::isnan(number_of(a[0])) || a[0] > a[1] ? a[0] : a[1];
     case Op::kHat:
       return hat(a[0], a[1], a[2], a[3]);
-    case Op::kHatSlope:
-      return hat_slope(a[0], a[1], a[2], a[3]);
     case Op::kNumber:
     case Op::kVariable:
       break;
   }
-  return 0.0;
+  return T(0.0);
 }
 
 }  // namespace
@@ -435,108 +439,72 @@ double Expression::evaluate(const Lookup& lookup) const {
   return evaluate_op(op(), values.data());
 }
 
-std::vector<double> Expression::evaluate(std::size_t rows, const Columns& columns) const {
-  if (op() == Op::kNumber) return std::vector<double>(rows, value());
-  if (op() == Op::kVariable) {
-    const std::vector<double>& column = columns(name());
-    return column.size() == rows ? column : std::vector<double>(rows, column.at(0));
+namespace {
+
+// Values of all rows at once; with slopes by `by` where T carries one.
+template <typename T>
+std::vector<T> evaluate_rows(const Expression& e, std::size_t rows,
+                             const Expression::Columns& columns, const std::string& by) {
+  if (e.is_constant()) return std::vector<T>(rows, T(e.value()));
+  std::vector<T> result;
+  if (e.op() == Op::kVariable) {
+    const std::vector<double>& column = columns(e.name());
+    result.reserve(rows);
+    for (std::size_t row = 0; row < rows; ++row)
+      result.emplace_back(column.size() == rows ? column[row] : column.at(0));
+    if constexpr (std::is_same_v<T, Slope>) {
+      if (e.name() == by) {
+        for (Slope& value : result) value.v[0] = 1.0;
+      }
+    }
+    return result;
   }
   // Constant arguments (the nodes of a hat, an order, an exponent) are not spread over rows.
-  std::array<std::vector<double>, 4> values;
-  std::array<double, 4> scratch{};
-  const std::size_t count = arguments().size();
-  std::array<bool, 4> varies{};
+  std::array<std::vector<T>, 4> values;
+  std::array<T, 4> scratch{};
+  const std::size_t count = e.arguments().size();
   for (std::size_t i = 0; i < count; ++i) {
-    varies[i] = !arguments()[i].is_constant();
-    if (varies[i]) {
-      values[i] = arguments()[i].evaluate(rows, columns);
+    if (e.arguments()[i].is_constant()) {
+      scratch[i] = T(e.arguments()[i].value());
     } else {
-      scratch[i] = arguments()[i].value();
+      values[i] = evaluate_rows<T>(e.arguments()[i], rows, columns, by);
     }
   }
-  std::vector<double> result(rows);
+  result.reserve(rows);
   for (std::size_t row = 0; row < rows; ++row) {
     for (std::size_t i = 0; i < count; ++i) {
-      if (varies[i]) scratch[i] = values[i][row];
+      if (!values[i].empty()) scratch[i] = values[i][row];
     }
-    result[row] = evaluate_op(op(), scratch.data());
+    result.push_back(evaluate_op(e.op(), scratch.data()));
   }
   return result;
 }
 
-// --- calculus
-// --------------------------------------------------------------------------------------------------------
+}  // namespace
 
-Expression Expression::derivative(const std::string& v) const {
-  const auto& a = arguments();
-  const auto n = [](double value) { return number(value); };
-  const auto d = [&](std::size_t i) { return a[i].derivative(v); };
-  const auto chain = [&](const Expression& outer) { return outer * d(0); };
-  switch (op()) {
-    case Op::kNumber:
-      return n(0.0);
-    case Op::kVariable:
-      return n(name() == v ? 1.0 : 0.0);
-    case Op::kAdd:
-      return d(0) + d(1);
-    case Op::kSubtract:
-      return d(0) - d(1);
-    case Op::kMultiply:
-      return d(0) * a[1] + a[0] * d(1);
-    case Op::kDivide:
-      return d(0) / a[1] - a[0] * d(1) / (a[1] * a[1]);
-    case Op::kNegate:
-      return apply(Op::kNegate, {d(0)});
-    case Op::kPower: {
-      const Expression in_base = a[1] * apply(Op::kPower, {a[0], a[1] - n(1.0)}) * d(0);
-      const Expression exponent_slope = d(1);
-      if (exponent_slope.is_constant() && exponent_slope.value() == 0.0) return in_base;
-      return in_base + *this * apply(Op::kLog, {a[0]}) * exponent_slope;
-    }
-    case Op::kSin:
-      return chain(apply(Op::kCos, {a[0]}));
-    case Op::kCos:
-      return chain(apply(Op::kNegate, {apply(Op::kSin, {a[0]})}));
-    case Op::kTan:
-      return chain(n(1.0) + *this * *this);
-    case Op::kAsin:
-      return chain(n(1.0) / apply(Op::kSqrt, {n(1.0) - a[0] * a[0]}));
-    case Op::kAcos:
-      return chain(n(-1.0) / apply(Op::kSqrt, {n(1.0) - a[0] * a[0]}));
-    case Op::kAtan:
-      return chain(n(1.0) / (n(1.0) + a[0] * a[0]));
-    case Op::kExp:
-      return chain(*this);
-    case Op::kLog:
-      return chain(n(1.0) / a[0]);
-    case Op::kSqrt:
-      return chain(n(0.5) / *this);
-    case Op::kAbs:
-      return chain(apply(Op::kSign, {a[0]}));
-    case Op::kSign:
-      return n(0.0);
-    case Op::kTanh:
-      return chain(n(1.0) - *this * *this);
-    case Op::kAtan2:
-      return (a[1] * d(0) - a[0] * d(1)) / (a[0] * a[0] + a[1] * a[1]);
-    case Op::kMin:
-    case Op::kMax: {
-      // (a + b ∓ |a − b|) / 2, whose derivative needs only sign.
-      const Expression s = apply(Op::kSign, {a[0] - a[1]}) * n(op() == Op::kMax ? 0.5 : -0.5);
-      return (n(0.5) + s) * d(0) + (n(0.5) - s) * d(1);
-    }
-    case Op::kHat:
-      return chain(apply(Op::kHatSlope, a));
-    case Op::kHatSlope:
-      return n(0.0);
-  }
-  return n(0.0);
+std::vector<double> Expression::evaluate(std::size_t rows, const Columns& columns) const {
+  return evaluate_rows<double>(*this, rows, columns, {});
+}
+
+std::vector<double> Expression::slopes(std::size_t rows, const Columns& columns,
+                                       const std::string& variable) const {
+  std::vector<double> result;
+  result.reserve(rows);
+  for (const Slope& value : evaluate_rows<Slope>(*this, rows, columns, variable))
+    result.push_back(value.v[0]);
+  return result;
 }
 
 Expression Expression::substitute(const std::map<std::string, double>& values) const {
+  std::map<std::string, Expression> numbers;
+  for (const auto& [name, value] : values) numbers.emplace(name, number(value));
+  return substitute(numbers);
+}
+
+Expression Expression::substitute(const std::map<std::string, Expression>& values) const {
   if (op() == Op::kVariable) {
     const auto found = values.find(name());
-    return found == values.end() ? *this : number(found->second);
+    return found == values.end() ? *this : found->second;
   }
   if (op() == Op::kNumber) return *this;
   std::vector<Expression> replaced;

@@ -47,8 +47,7 @@ class Expression {
     kAtan2,
     kMin,
     kMax,
-    kHat,
-    kHatSlope
+    kHat
   };
 
   /// Parses `text`. Throws ExpressionError; never evaluates anything but arithmetic.
@@ -81,11 +80,13 @@ class Expression {
   /// for a scalar).
   std::vector<double> evaluate(std::size_t rows, const Columns& columns) const;
 
-  /// Derivative with respect to one variable; at kinks (abs, hat, min, max) the one-sided
-  /// derivative from the right or zero.
-  Expression derivative(const std::string& variable) const;
-  /// Replaces variables by numbers.
+  /// Derivatives with respect to `variable` for `rows` states at once (automatic differentiation);
+  /// at kinks (abs, hat, min, max) that of one of the sides.
+  std::vector<double> slopes(std::size_t rows, const Columns& columns,
+                             const std::string& variable) const;
+  /// Replaces variables by numbers, or by other expressions.
   Expression substitute(const std::map<std::string, double>& values) const;
+  Expression substitute(const std::map<std::string, Expression>& values) const;
 
  private:
   struct Node;

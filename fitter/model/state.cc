@@ -3,77 +3,29 @@
 #include <algorithm>
 #include <cmath>
 #include <optional>
-#include <regex>
 #include <utility>
 
 namespace armtrue {
 namespace {
 
-// A gravity regressor's name taken apart: kind 0 torque, 1 moment x, 2 moment y; joint 0 = base;
-// link 0 = payload.
-struct RegressorName {
-  int kind, joint, link, component;
-};
-
-std::optional<RegressorName> parse_regressor(const std::string& name, int joints) {
-  static const std::regex pattern(
-      R"(u(x|y)?_([0-9]{1,2})_([0-9]{1,2})_([mxyz])|up(x|y)?_([0-9]{1,2}))");
-  std::smatch match;
-  if (name.empty() || name[0] != 'u' || !std::regex_match(name, match, pattern))
-    return std::nullopt;
-  RegressorName result{};
-  const bool payload = match[6].matched;
-  const std::string axis = match[payload ? 5 : 1];
-  result.kind = axis.empty() ? 0 : (axis == "x" ? 1 : 2);
-  result.joint = std::stoi(match[payload ? 6 : 2]);
-  result.link = payload ? 0 : std::stoi(match[3]);
-  result.component = payload ? 0 : static_cast<int>(std::string("mxyz").find(match[4].str()));
-  if (result.joint > joints || result.link > joints || (result.joint == 0 && result.kind == 0))
-    return std::nullopt;
-  if (!payload && (result.link == 0 || result.link < result.joint)) return std::nullopt;
-  return result;
-}
-
-int trailing_number(const std::string& name, const std::string& prefix) {
-  if (name.rfind(prefix, 0) != 0 || name.size() == prefix.size() || name.size() > prefix.size() + 2)
-    return 0;
-  for (std::size_t i = prefix.size(); i < name.size(); ++i) {
-    if (name[i] < '0' || name[i] > '9') return 0;
-  }
-  return std::stoi(name.substr(prefix.size()));
-}
-
-// What must be recorded, or stated of the arm, for the state variable `name`.
-std::string what_is_missing(const std::string& name, const Robot& robot) {
-  if (name == "dT")
-    return "column temp_" + (robot.sensors.empty() ? "NAME" : robot.sensors.front());
-  if (name.rfind("dT_", 0) == 0) return "column temp_" + name.substr(3);
-  if (parse_regressor(name, robot.joint_count())) return "column payload";
-  if (trailing_number(name, "tau"))
-    return "column " + name + " (or mass and com of robot.yaml's links)";
-  if (name == "bmx" || name == "bmy" || trailing_number(name, "gmx") ||
-      trailing_number(name, "gmy"))
-    return "mass and com of robot.yaml's links";
-  return "column " + name;
-}
-
 // What a unit mass at a body's origin, or a unit first moment along one of its axes (which weighs
 // nothing in total), exerts at one pose. `frames`: 1…n in the base, then the payload point's.
 double regressor_at(const Robot& robot, const std::vector<Pose>& frames,
-                    const RegressorName& what) {
+                    const Variable& what) {
   const int n = robot.joint_count();
   const std::size_t body = static_cast<std::size_t>(what.link == 0 ? n : what.link - 1);
   const Eigen::Vector3d g = robot.gravity;
-  const bool unit_mass = what.component == 0;
+  const bool unit_mass = what.component == 'm';
   const Eigen::Vector3d force = unit_mass ? g : Eigen::Vector3d::Zero();
   const Eigen::Vector3d moment_at_base =
       unit_mass ? frames[body].translation().cross(g).eval()
-                : frames[body].linear().col(what.component - 1).cross(g).eval();
-  if (what.joint == 0) return what.kind == 1 ? moment_at_base.x() : moment_at_base.y();
+                : frames[body].linear().col(what.component - 'x').cross(g).eval();
+  if (what.joint == 0) return moment_at_base[what.axis];
   const auto about = [&](std::size_t k) -> Eigen::Vector3d {
     return frames[k].linear().transpose() * (moment_at_base - frames[k].translation().cross(force));
   };
-  if (what.kind != 0) return about(static_cast<std::size_t>(what.joint - 1))[what.kind - 1];
+  if (what.kind == VariableKind::kMomentRegressor)
+    return about(static_cast<std::size_t>(what.joint - 1))[what.axis];
   double torque = 0.0;
   for (int k = 0; k < n && k <= static_cast<int>(body); ++k) {
     const double c = robot.coupling(k, what.joint - 1);
@@ -132,25 +84,38 @@ State State::select(const std::vector<std::size_t>& rows) const {
     column.reserve(rows.size());
     for (const std::size_t row : rows) column.push_back(values[row]);
   }
-  return State(*robot_, std::move(chosen), payload_point_);
+  State selected(*robot_, std::move(chosen), payload_point_);
+  selected.begin_time_at(time_origin_);
+  return selected;
+}
+
+void State::begin_time_at(double origin) {
+  time_origin_ = origin;
+  const auto clock = columns_.find("time");
+  if (clock == columns_.end() || origin == 0.0) return;
+  std::vector<double> values = clock->second;
+  for (double& v : values) v -= origin;
+  remember("time", std::move(values));
 }
 
 bool State::has(const std::string& name) const {
-  if (columns_.contains(name) && name != "repeat" && name != "target") return true;
-  const int n = robot_->joint_count();
-  const int th = trailing_number(name, "th");
-  if (th >= 1 && th <= n) return true;
-  if (name == "dT") return !sensors_.empty();
-  if (name.rfind("dT_", 0) == 0) return columns_.contains("temp_" + name.substr(3));
-  if (const auto regressor = parse_regressor(name, n))
-    return regressor->link != 0 || columns_.contains("payload");
-  const bool gravity = name == "bmx" || name == "bmy" || trailing_number(name, "tau") ||
-                       trailing_number(name, "gmx") || trailing_number(name, "gmy");
-  if (!gravity || robot_->links.empty()) return false;
-  for (const char* prefix : {"tau", "gmx", "gmy"}) {
-    if (trailing_number(name, prefix) > n) return false;
+  const std::optional<Variable> v = parse_variable(name, robot_->joint_count());
+  if (!v) return columns_.contains(name) && name != "repeat" && name != "target";
+  switch (v->kind) {
+    case VariableKind::kLinkAngle:
+      return true;
+    case VariableKind::kTemperature:
+      return v->sensor.empty() ? !sensors_.empty() : columns_.contains("temp_" + v->sensor);
+    case VariableKind::kTorqueRegressor:
+    case VariableKind::kMomentRegressor:
+      return v->link != 0 || columns_.contains("payload");
+    case VariableKind::kTorque:
+    case VariableKind::kMoment:
+    case VariableKind::kBaseMoment:
+      return computes_torque() || columns_.contains(name);
+    default:
+      return columns_.contains(name);
   }
-  return true;
 }
 
 const std::vector<double>& State::remember(const std::string& name,
@@ -161,38 +126,43 @@ const std::vector<double>& State::remember(const std::string& name,
 const std::vector<double>& State::column(const std::string& name) const {
   const std::scoped_lock locked(lock_.mutex);
   if (const auto found = derived_.find(name); found != derived_.end()) return found->second;
-  const int torque_of = trailing_number(name, "tau");
-  const bool is_torque = torque_of >= 1 && torque_of <= robot_->joint_count();
+  const int n = robot_->joint_count();
+  const std::optional<Variable> v = parse_variable(name, n);
   const auto recorded = columns_.find(name);
   // What is fitted must be what a device computes, so that statics come before a sensor.
-  if (recorded != columns_.end() && !(is_torque && computes_torque())) {
-    return is_torque ? remember(name, smooth_torque(torque_of, recorded->second))
-                     : recorded->second;
-  }
-  if (!has(name)) {
+  const bool is_computed = v && v->kind == VariableKind::kTorque && computes_torque();
+  if (recorded != columns_.end() && !is_computed) return recorded->second;
+  if (!v || !has(name)) {
     throw ModelError(what_is_missing(name, *robot_) +
                      " is missing, expected it as the model reads '" + name + "'");
   }
-  const int n = robot_->joint_count();
-  if (const int k = trailing_number(name, "th"); k >= 1) {
-    std::vector<double> values(rows_, robot_->joints[static_cast<std::size_t>(k - 1)].offset);
-    for (int j = 0; j < n; ++j) {
-      const double c = robot_->coupling(k - 1, j);
-      if (c == 0.0) continue;
-      for (std::size_t i = 0; i < rows_; ++i)
-        values[i] += c * q_[i * static_cast<std::size_t>(n) + static_cast<std::size_t>(j)];
+  switch (v->kind) {
+    case VariableKind::kLinkAngle:
+      return remember(name, link_angle(v->joint));
+    case VariableKind::kTemperature: {
+      if (v->sensor.empty()) return column("dT_" + sensors_.front());
+      std::vector<double> values = columns_.at("temp_" + v->sensor);
+      for (double& value : values) value -= robot_->temperature_reference;
+      return remember(name, std::move(values));
     }
-    return remember(name, std::move(values));
+    case VariableKind::kTorqueRegressor:
+    case VariableKind::kMomentRegressor:
+      return remember(name, compute_regressor(*v));
+    default:
+      compute_gravity();
+      return derived_.at(name);
   }
-  if (name == "dT") return column("dT_" + sensors_.front());
-  if (name.rfind("dT_", 0) == 0) {
-    std::vector<double> values = columns_.at("temp_" + name.substr(3));
-    for (double& v : values) v -= robot_->temperature_reference;
-    return remember(name, std::move(values));
+}
+
+std::vector<double> State::link_angle(int joint) const {
+  const auto n = static_cast<std::size_t>(robot_->joint_count());
+  std::vector<double> values(rows_, robot_->joints[static_cast<std::size_t>(joint - 1)].offset);
+  for (std::size_t j = 0; j < n; ++j) {
+    const double c = robot_->coupling(joint - 1, static_cast<Eigen::Index>(j));
+    if (c == 0.0) continue;
+    for (std::size_t i = 0; i < rows_; ++i) values[i] += c * q_[i * n + j];
   }
-  if (parse_regressor(name, n)) return remember(name, compute_regressor(name));
-  compute_gravity();
-  return derived_.at(name);
+  return values;
 }
 
 State::Frames State::frames_of_row(std::size_t row) const {
@@ -262,7 +232,15 @@ void State::compute_gravity() const {
   remember("bmy", std::move(bmy));
 }
 
-// A torque sensor's noise would pass for deflection, and weaken every spring that is fitted to it.
+void State::smooth_torques() {
+  if (computes_torque()) return;
+  for (int joint = 1; joint <= robot_->joint_count(); ++joint) {
+    const std::string name = "tau" + std::to_string(joint);
+    if (const auto recorded = columns_.find(name); recorded != columns_.end())
+      remember(name, smooth_torque(joint, recorded->second));
+  }
+}
+
 // At rest a joint's torque is linear in the arm's gravity regressors, a constant, and friction in
 // the direction of approach: where those explain the readings, what they explain is used.
 std::vector<double> State::smooth_torque(int joint, const std::vector<double>& measured) const {
@@ -303,18 +281,18 @@ std::vector<double> State::smooth_torque(int joint, const std::vector<double>& m
   return {smooth.data(), smooth.data() + rows};
 }
 
-std::vector<double> State::compute_regressor(const std::string& name) const {
+std::vector<double> State::compute_regressor(const Variable& asked) const {
   const int n = robot_->joint_count();
-  const RegressorName asked = *parse_regressor(name, n);
   // Those of one joint are asked for together, and the frames of a row cost more than all of them.
-  std::vector<std::pair<std::string, RegressorName>> wanted{{name, asked}};
+  std::vector<Variable> wanted{asked};
   if (asked.link != 0) {
-    const std::string stem = name.substr(0, name.find('_', name.find('_') + 1) + 1);
+    const std::string stem = asked.name.substr(0, asked.name.find('_', asked.name.find('_') + 1) + 1);
     for (int link = 1; link <= n; ++link) {
       for (const char* component : {"_m", "_x", "_y", "_z"}) {
-        const std::string other = stem + std::to_string(link) + component;
-        const auto what = parse_regressor(other, n);
-        if (what && other != name && !derived_.contains(other)) wanted.emplace_back(other, *what);
+        const auto other = parse_variable(stem + std::to_string(link) + component, n);
+        if (other && other->kind == asked.kind && other->name != asked.name &&
+            !derived_.contains(other->name))
+          wanted.push_back(*other);
       }
     }
   }
@@ -322,9 +300,9 @@ std::vector<double> State::compute_regressor(const std::string& name) const {
   for (std::size_t row = 0; row < rows_; ++row) {
     const Frames frames = frames_of_row(row);
     for (std::size_t w = 0; w < wanted.size(); ++w)
-      values[w][row] = regressor_at(*robot_, frames, wanted[w].second);
+      values[w][row] = regressor_at(*robot_, frames, wanted[w]);
   }
-  for (std::size_t w = 1; w < wanted.size(); ++w) remember(wanted[w].first, std::move(values[w]));
+  for (std::size_t w = 1; w < wanted.size(); ++w) remember(wanted[w].name, std::move(values[w]));
   return std::move(values.front());
 }
 

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "fitter/model/robot.h"
+#include "fitter/model/variable.h"
 
 namespace armtrue {
 
@@ -42,7 +43,15 @@ class State {
   const std::vector<std::string>& sensors() const { return sensors_; }
   /// The payload's point in the flange [m].
   const Eigen::Vector3d& payload_point() const { return payload_point_; }
-  /// Same robot and payload point, only the rows given.
+  /// Frees recorded torques that stand for gravity's of their sensors' scatter, which would weaken
+  /// every spring that is fitted to them. Looks at all rows together: for fitting, not for
+  /// prediction.
+  void smooth_torques();
+  /// The variable `time` counts from this reading of the clock [s]; from zero where none is set.
+  /// A fit sets its earliest row's, and its predictions the fit's.
+  void begin_time_at(double origin);
+  double time_origin() const { return time_origin_; }
+  /// Same robot, payload point and origin of time, only the rows given.
   State select(const std::vector<std::size_t>& rows) const;
 
  private:
@@ -51,7 +60,8 @@ class State {
   const std::vector<double>& remember(const std::string& name, std::vector<double> values) const;
   void compute_gravity() const;
   std::vector<double> smooth_torque(int joint, const std::vector<double>& measured) const;
-  std::vector<double> compute_regressor(const std::string& name) const;
+  std::vector<double> link_angle(int joint) const;
+  std::vector<double> compute_regressor(const Variable& asked) const;
 
   const Robot* robot_;
   std::size_t rows_ = 0;
@@ -59,6 +69,7 @@ class State {
   std::vector<double> q_;
   std::vector<std::string> sensors_;
   Eigen::Vector3d payload_point_;
+  double time_origin_ = 0.0;
   // Fits that run side by side share one state: what is worked out on the way is locked. A copy
   // has a lock of its own.
   struct Lock {

@@ -11,38 +11,18 @@ namespace {
 // More different values than this are a measured quantity, not a choice of a few.
 constexpr std::size_t kFewLevels = 6;
 
-bool is_numbered(const std::string& name, const std::string& prefix) {
-  return name.size() > prefix.size() && name.starts_with(prefix) &&
-         std::all_of(name.begin() + static_cast<std::ptrdiff_t>(prefix.size()), name.end(),
-                     [](char c) { return c >= '0' && c <= '9'; });
-}
-
-bool reads_gravity(const std::string& variable) {
-  for (const char* prefix : {"tau", "gmx", "gmy"}) {
-    if (is_numbered(variable, prefix)) return true;
-  }
-  return variable == "bmx" || variable == "bmy" || variable.starts_with("up") ||
-         variable.starts_with("u_") || variable.starts_with("ux_") || variable.starts_with("uy_");
-}
-
 }  // namespace
 
 std::set<std::string> settable_columns(const Model& model, const State& state) {
   std::set<std::string> columns;
-  const auto add = [&](const std::string& name) {
-    if (state.recorded(name)) columns.insert(name);
-  };
   for (const Parameter& p : model.parameters) {
     for (const Term& term : p.terms) {
-      for (const std::string& variable : term.basis.variables()) {
-        if (reads_gravity(variable)) {
-          add("payload");
-        } else if (variable == "dT") {
-          if (!state.sensors().empty()) add("temp_" + state.sensors().front());
-        } else if (variable.starts_with("dT_")) {
-          add("temp_" + variable.substr(3));
-        } else if (!is_numbered(variable, "q") && !is_numbered(variable, "qr")) {
-          add(variable);
+      for (const std::string& name : term.basis.variables()) {
+        const auto variable = parse_variable(name, state.robot().joint_count());
+        if (!variable || variable->kind == VariableKind::kReadBack) continue;
+        for (const std::string& column :
+             columns_of(*variable, state.robot(), state.recorded("payload"))) {
+          if (state.recorded(column)) columns.insert(column);
         }
       }
     }
@@ -53,7 +33,8 @@ std::set<std::string> settable_columns(const Model& model, const State& state) {
 Levels recorded_levels(const State& state, const std::set<std::string>& columns) {
   Levels levels;
   for (const std::string& name : columns) {
-    if (is_numbered(name, "dir")) {
+    const auto variable = parse_variable(name, state.robot().joint_count());
+    if (variable && variable->kind == VariableKind::kDirection) {
       levels[name] = {-1.0, 1.0};
       continue;
     }

@@ -180,6 +180,20 @@ NB_MODULE(_core, m) {
         "The effect catalogue as JSON: id, summary, whether it fits any cause, joints rule, "
         "options, physical bound.");
   m.def(
+      "state_variables",
+      [](int joints, const std::vector<std::string>& sensors) {
+        json variables = json::array();
+        for (const Variable& v : state_variables(joints, sensors))
+          variables.push_back({{"name", v.name},
+                               {"kind", to_string(v.kind)},
+                               {"joint", v.joint},
+                               {"sensor", v.sensor}});
+        return variables.dump();
+      },
+      "joints"_a, "sensors"_a,
+      "The state variables of an arm with so many joints and these thermometers: JSON of name, "
+      "kind, joint, sensor.");
+  m.def(
       "parse_expression", [](const std::string& text) { return Expression::parse(text).to_json(); },
       "text"_a, "Parse an expression of the state into nested JSON; raises ExpressionError.");
   m.def(
@@ -195,12 +209,6 @@ NB_MODULE(_core, m) {
       },
       "text"_a, "variables"_a, "parameters"_a,
       "Raise ExpressionError where text is no expression of the given names.");
-  m.def(
-      "derivative",
-      [](const std::string& text, const std::string& variable) {
-        return Expression::parse(text).derivative(variable).to_string();
-      },
-      "text"_a, "variable"_a, "Derivative of an expression as text.");
   m.def("align", &align_json, "robot"_a, "columns"_a, "options"_a = "{}",
         "Base and tool with nominal kinematics and no initial guess; JSON with rms_m, scale, "
         "poses, residual_m.");

@@ -1,6 +1,7 @@
 #include "fitter/solve/design.h"
 
 #include <cmath>
+#include <functional>
 #include <limits>
 
 #include "fitter/model/observer.h"
@@ -43,7 +44,7 @@ BasisTable::BasisTable(const Model& model, const State& state, const CoordinateL
                            coordinate,
                            j,
                            term.weight,
-                           term.basis.derivative(nonlinear_names_[j]),
+                           term.basis,
                            {}});
       }
       dense_.push_back(std::move(column));
@@ -65,13 +66,15 @@ BasisTable::BasisTable(const Model& model, const State& state, const CoordinateL
   set_nonlinear(nonlinear_values_);
 }
 
+const std::vector<double>& BasisTable::column(const std::string& name) const {
+  for (std::size_t j = 0; j < nonlinear_names_.size(); ++j) {
+    if (nonlinear_names_[j] == name) return nonlinear_scalars_[j];
+  }
+  return state_->column(name);
+}
+
 std::vector<double> BasisTable::evaluate(const Expression& expression) const {
-  return expression.evaluate(rows_, [&](const std::string& name) -> const std::vector<double>& {
-    for (std::size_t j = 0; j < nonlinear_names_.size(); ++j) {
-      if (nonlinear_names_[j] == name) return nonlinear_scalars_[j];
-    }
-    return state_->column(name);
-  });
+  return expression.evaluate(rows_, std::bind_front(&BasisTable::column, this));
 }
 
 void BasisTable::set_nonlinear(const std::vector<double>& values) {
@@ -88,7 +91,8 @@ void BasisTable::set_nonlinear(const std::vector<double>& values) {
 
 void BasisTable::update_slopes() const {
   for (SlopeColumn& slope : slopes_) {
-    slope.values = evaluate(slope.slope);
+    slope.values = slope.basis.slopes(rows_, std::bind_front(&BasisTable::column, this),
+                                      nonlinear_names_[slope.nonlinear]);
     for (double& v : slope.values) v *= slope.weight;
   }
   slopes_stale_ = false;

@@ -54,9 +54,10 @@ class BasisTable {
     int parameter, coordinate;
     std::size_t nonlinear;
     double weight;
-    Expression slope = Expression::number(0.0);
+    Expression basis = Expression::number(0.0);
     std::vector<double> values;
   };
+  const std::vector<double>& column(const std::string& name) const;
   std::vector<double> evaluate(const Expression& expression) const;
   void update_slopes() const;
 

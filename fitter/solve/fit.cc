@@ -10,6 +10,7 @@
 
 #include "fitter/solve/choose_options.h"
 #include "fitter/solve/dense.h"
+#include "fitter/solve/placement.h"
 #include "fitter/solve/replicates.h"
 #include "fitter/solve/start_search.h"
 #include "fitter/solve/table_evidence.h"
@@ -77,15 +78,20 @@ std::shared_ptr<const Prepared> prepare(const Robot& robot, const State::Columns
       payload_point = tool->translation();
     }
   }
-  prepared->state = std::make_unique<State>(prepared->robot, columns,
-                                            payload_point.value_or(Eigen::Vector3d::Zero()));
+  const auto state_with = [&](const Eigen::Vector3d& point) {
+    auto state = std::make_unique<State>(prepared->robot, columns, point);
+    state->smooth_torques();
+    if (state->recorded("time"))
+      state->begin_time_at(*std::ranges::min_element(state->columns().at("time")));
+    return state;
+  };
+  prepared->state = state_with(payload_point.value_or(Eigen::Vector3d::Zero()));
   prepared->measurements = Measurements::from_state(*prepared->state, options.instrument,
                                                     options.assumed_sigma, options.sigma_rotation);
   prepared->alignment = align(*prepared->state, prepared->measurements);
   if (!payload_point) {
     // The payload hangs at the tool point, which is known only now.
-    prepared->state = std::make_unique<State>(
-        prepared->robot, columns, prepared->alignment.flange_from_tool.front().translation());
+    prepared->state = state_with(prepared->alignment.flange_from_tool.front().translation());
   }
   if (prepared->state->has("payload") && prepared->measurements.targets > 1 &&
       !robot.payload_point && !has_tool_point) {
@@ -143,6 +149,7 @@ void Fit::begin() {
   context_ = std::make_unique<EffectContext>(EffectContext{
       state(), measurements_.targets, measurements_.has_rotation(), specification_.priors});
   model_ = build_model(specification_, *context_);
+  place_as_stated(specification_, model_, *kinematics_);
   for (NonlinearParameter& p : model_.nonlinear) {
     if (const auto start = options_.nonlinear_starts.find(p.name);
         start != options_.nonlinear_starts.end()) {
@@ -665,6 +672,8 @@ json Fit::document() const {
   document["solver"] = {{"iterations", summary_.iterations},
                         {"converged", summary_.converged},
                         {"message", summary_.message}};
+  document["columns"] = columns_needed(model_, state());
+  if (state().recorded("time")) document["time_origin_s"] = state().time_origin();
   document["payload_point"] = {state().payload_point().x(), state().payload_point().y(),
                                state().payload_point().z()};
   return document;
@@ -696,12 +705,14 @@ FittedModel FittedModel::from_json(const json& document) {
     const std::vector<double> point = document["payload_point"];
     fitted.robot.payload_point = Eigen::Vector3d(point.at(0), point.at(1), point.at(2));
   }
+  fitted.time_origin = document.value("time_origin_s", 0.0);
   return fitted;
 }
 
 std::vector<Pose> FittedModel::predict(const State::Columns& columns,
                                        const std::vector<int>& target) const {
-  const State state(robot, columns, robot.payload_point.value_or(Eigen::Vector3d::Zero()));
+  State state(robot, columns, robot.payload_point.value_or(Eigen::Vector3d::Zero()));
+  state.begin_time_at(time_origin);
   Kinematics kinematics(robot, static_cast<int>(flange_from_tool.size()));
   kinematics.set_base(measuring_from_base);
   for (std::size_t t = 0; t < flange_from_tool.size(); ++t)

@@ -174,6 +174,7 @@ struct FittedModel {
   std::vector<std::string> targets;
   std::vector<Pose> flange_from_tool;
   Pose measuring_from_base = Pose::Identity();
+  double time_origin = 0.0;  ///< [s] on the clock of the fitted measurements
 
   /// From fit.json's content. Throws ModelError.
   static FittedModel from_json(const nlohmann::json& document);

@@ -80,6 +80,25 @@ int Model::index(const std::string& name) const {
   return -1;
 }
 
+std::map<std::string, std::string> columns_needed(const Model& model, const State& state) {
+  std::map<std::string, std::string> columns;
+  for (const Parameter& p : model.parameters) {
+    for (const Term& term : p.terms) {
+      for (const std::string& name : term.basis.variables()) {
+        const auto variable = parse_variable(name, state.robot().joint_count());
+        if (!variable) continue;
+        const bool is_read_back = variable->kind == VariableKind::kReadBack;
+        for (const std::string& column :
+             columns_of(*variable, state.robot(), state.recorded("payload"))) {
+          // Joints that settled are where the command put them.
+          columns[column] = is_read_back ? "q" + std::to_string(variable->joint) : "";
+        }
+      }
+    }
+  }
+  return columns;
+}
+
 Model build_model(const ModelSpecification& specification, const EffectContext& given) {
   EffectContext context = given;
   context.priors = specification.priors;
@@ -110,8 +129,10 @@ Model build_model(const ModelSpecification& specification, const EffectContext& 
       throw ModelError("model: parameters names '" + name + "', which no effect of the model has");
     Parameter& p = model.parameters[static_cast<std::size_t>(index)];
     p.fixed = o.fixed;
-    p.prior_mean = o.value;
-    p.value = o.value;
+    // What is stated of the base's or the tool's pose, place_as_stated has put into their frames.
+    const bool is_placement = find_effect(p.effect).role() == Role::kPlacement;
+    p.prior_mean = is_placement ? 0.0 : o.value;
+    p.value = p.prior_mean;
     if (!o.fixed) p.prior_sigma = o.sigma;
   }
   return model;

@@ -38,6 +38,10 @@ struct Model {
   int index(const std::string& name) const;  ///< −1 where there is none
 };
 
+/// Columns that a file must hold for the model's predictions, and for each what stands in for it
+/// where poses have not been driven to yet; empty: nothing does.
+std::map<std::string, std::string> columns_needed(const Model& model, const State& state);
+
 /// Throws ModelError where an effect is unknown, lacks columns, or stands twice on the same joint.
 Model build_model(const ModelSpecification& specification, const EffectContext& context);
 

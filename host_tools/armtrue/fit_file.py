@@ -45,6 +45,13 @@ def check_document(document: dict[str, Any], path: Path) -> None:
         pose(tools.section(name))
     if top.has("payload_point"):
         top.numbers("payload_point", 3, "a list [x, y, z] in metres")
+    if top.has("columns"):
+        columns = top.section("columns")
+        for name in columns:
+            if not isinstance(columns.raw(name), str):
+                raise columns.fail(name, "the column that stands in for it, or ''")
+    if top.has("time_origin_s"):
+        top.number("time_origin_s", expected="a finite number")
     _check_data(top.section("data"), list(tools))
     for key, kind in _ALSO.items():
         if not isinstance(document.get(key), kind):
@@ -74,7 +81,10 @@ def _check_parameters(top: Section, robot: Robot) -> None:
         for name in coordinates
         if name.startswith("tool.")
     ]
-    states = state_names(robot)
+    # A thermometer that was only a column of the data is a variable too.
+    data = top.section("data")
+    recorded = data.entries("columns", "a list of columns") if data.has("columns") else []
+    states = state_names(robot, [str(name)[5:] for name in recorded if str(name).startswith("temp_")])
     known: set[str] = set()
     for parameter in top.sections("parameters", "a list of fitted parameters"):
         for key in ("name", "effect"):

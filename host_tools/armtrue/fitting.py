@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import re
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -23,8 +22,6 @@ from armtrue.progress import Progress
 
 FORMAT = "armtrue-fit"
 VERSION = 1
-# State variables in which a payload acts: torques, moments and gravity's regressors.
-_CARRIES = ("payload", "tau", "gmx", "gmy", "bmx", "bmy", "up")
 _LARGEST_FIT_BYTES = 512 * 1024 * 1024
 
 
@@ -122,32 +119,21 @@ class Fit:
     def assumed(self, data: Dataset) -> tuple[dict[str, NDArray[np.float64]], list[str]]:
         """What `predict` takes for columns that poses still to be driven cannot have, and a note on each.
 
-        That is: nothing carried where the fit's own measurements had a payload, and joints that settled where the
-        command put them.
+        Errors: InputError that names a column without which there is no prediction.
         """
-        missing: dict[str, NDArray[np.float64]] = {}
-        notes: list[str] = []
-        read = {own: self._variables(own) for own in (True, False)}
-        is_left_out = "payload" in self.document["data"].get("columns", []) and "payload" not in data.columns
-        if is_left_out and any(name.startswith(_CARRIES) for name in read[True] | read[False]):
-            missing["payload"] = np.zeros(data.count)
-            notes.append(f"{data.path.name} has no payload: 0 kg is taken")
-        settled = [name for name in sorted(read[False] - read[True]) if re.fullmatch(r"qr\d+", name)]
-        settled = [name for name in settled if name not in data.columns]
-        if settled:
-            missing.update({name: data.columns[f"q{name[2:]}"] for name in settled})
-            notes.append(f"{data.path.name} has no {', '.join(settled)}: joints that settled are taken")
-        return missing, notes
-
-    def _variables(self, own: bool) -> set[str]:
-        """State variables that the terms read: the arm's own, or those of the measurement."""
-        texts = {
-            term["expression"]
-            for parameter in self.document["parameters"]
-            if parameter.get("exported", True) == own
-            for term in parameter["terms"]
+        lacking = {
+            name: instead
+            for name, instead in self.document.get("columns", {}).items()
+            if name not in data.columns
         }
-        return {word for text in texts for word in re.findall(r"[A-Za-z]\w*", text)}
+        for name, instead in lacking.items():
+            if not instead:
+                raise InputError(
+                    f"{data.path}: column {name} is missing, expected it as {self.path or 'the fit'} reads it"
+                )
+        missing = {name: data.columns[instead] for name, instead in lacking.items()}
+        note = f"{data.path.name} has no {', '.join(missing)}: joints that settled are taken"
+        return missing, [note] if missing else []
 
     def residuals(self) -> NDArray[np.float64]:
         """Measured minus predicted positions (N, 3) [m] of the fitted measurements."""

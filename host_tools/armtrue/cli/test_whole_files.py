@@ -123,15 +123,15 @@ def test_a_slip_on_the_command_line_is_one_sentence(folder, command, named):
     assert named in refused(*command.split(), cwd=folder)
 
 
-def test_poses_without_a_payload_are_predicted_empty_and_that_is_said(folder):
+def test_poses_without_a_column_that_the_fit_reads_are_refused_by_its_name(folder):
     header, *rows = (folder / "data.csv").read_text().splitlines()
     kept = [i for i, name in enumerate(header.split(",")) if name != "payload"]
     assert len(kept) < len(header.split(","))
     lines = [",".join(line.split(",")[i] for i in kept) for line in (header, *rows)]
     (folder / "empty.csv").write_text("\n".join(lines) + "\n")
-    run = armtrue("predict", "fit.json", "empty.csv", "--out", "empty_out.csv", cwd=folder)
-    assert run.returncode == 0, run.stderr
-    assert "empty.csv has no payload: 0 kg is taken" in run.stdout
+    said = refused("predict", "fit.json", "empty.csv", "--out", "empty_out.csv", cwd=folder)
+    assert "empty.csv: column payload is missing" in said
+    assert not (folder / "empty_out.csv").exists()
     run = armtrue("predict", "fit.json", "data.csv", "--out", "full_out.csv", cwd=folder)
     assert run.returncode == 0, run.stderr
     assert "payload" not in run.stdout

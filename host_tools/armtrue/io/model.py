@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -155,17 +156,12 @@ def coordinate_names(joint_count: int) -> list[str]:
     return [*(f"motor{k}" for k in range(1, joint_count + 1)), *sixes]
 
 
-def state_names(robot: Robot) -> list[str]:
-    """The state variables that an expression may read (docs/model.md)."""
-    per_joint = ("q", "th", "qr", "tau", "gmx", "gmy", "dir")
-    names = [f"{stem}{k}" for stem in per_joint for k in range(1, robot.joint_count + 1)]
-    count = range(1, robot.joint_count + 1)
-    for stem, first in (("u", 1), ("ux", 0), ("uy", 0)):
-        names += [
-            f"{stem}_{k}_{j}_{c}" for k in range(first, robot.joint_count + 1) for j in count for c in "mxyz"
-        ]
-    names += [f"{stem}_{k}" for stem in ("up", "upx", "upy") for k in range(robot.joint_count + 1)]
-    return [*names, "bmx", "bmy", "dT", *(f"dT_{sensor}" for sensor in robot.sensors), "payload", "time"]
+def state_names(robot: Robot, sensors: Sequence[str] = ()) -> list[str]:
+    """The state variables that an expression may read (docs/model.md); `sensors`: besides those of robot.yaml."""
+    from armtrue import _core
+
+    variables = json.loads(_core.state_variables(robot.joint_count, [*robot.sensors, *sensors]))
+    return [variable["name"] for variable in variables]
 
 
 def _is_repeat(effect: dict[str, Any], other: dict[str, Any]) -> bool:

@@ -50,7 +50,7 @@ def axis_of(fit: Fit, name: str) -> tuple[str, str, float, float]:
     if stem == "q":
         return f"joint {number}", *joint_unit(fit.robot.joints[int(number) - 1]), 0.0
     if stem == "time":
-        return "time", "h", _HOUR, float(fit.data.columns["time"].min())
+        return "time", "h", _HOUR, 0.0
     if name.startswith("dT"):
         return f"temperature {name[3:]} above its reference".replace("  ", " "), "K", 1.0, 0.0
     words, unit, factor = _STATE.get(stem, (name, "", 1.0))

@@ -1,0 +1,212 @@
+#include "fitter/model/variable.h"
+
+#include <algorithm>
+#include <array>
+#include <regex>
+
+namespace armtrue {
+namespace {
+
+struct Stem {
+  const char* name;
+  VariableKind kind;
+  int axis;
+};
+
+// Variables of one joint: a stem and the joint's number.
+constexpr std::array<Stem, 7> kOfJoints{{{"q", VariableKind::kJoint, 0},
+                                         {"th", VariableKind::kLinkAngle, 0},
+                                         {"qr", VariableKind::kReadBack, 0},
+                                         {"tau", VariableKind::kTorque, 0},
+                                         {"gmx", VariableKind::kMoment, 0},
+                                         {"gmy", VariableKind::kMoment, 1},
+                                         {"dir", VariableKind::kDirection, 0}}};
+// Variables of the whole arm.
+constexpr std::array<Stem, 4> kOfArm{{{"bmx", VariableKind::kBaseMoment, 0},
+                                      {"bmy", VariableKind::kBaseMoment, 1},
+                                      {"payload", VariableKind::kPayload, 0},
+                                      {"time", VariableKind::kTime, 0}}};
+// Columns that are measured, or organise the measurements, and are no cause of anything.
+constexpr std::array<const char*, 10> kNoState{"x",  "y",  "z",      "qw",     "qx",
+                                               "qy", "qz", "repeat", "target", "sigma"};
+
+// The number behind a stem; 0 where there is none.
+int number_behind(const std::string& name, const std::string& stem) {
+  if (name.rfind(stem, 0) != 0 || name.size() == stem.size() || name.size() > stem.size() + 2)
+    return 0;
+  for (std::size_t i = stem.size(); i < name.size(); ++i) {
+    if (name[i] < '0' || name[i] > '9') return 0;
+  }
+  return std::stoi(name.substr(stem.size()));
+}
+
+std::optional<Variable> parse_regressor(const std::string& name, int joints) {
+  static const std::regex pattern(
+      R"(u(x|y)?_([0-9]{1,2})_([0-9]{1,2})_([mxyz])|up(x|y)?_([0-9]{1,2}))");
+  std::smatch match;
+  if (name.empty() || name[0] != 'u' || !std::regex_match(name, match, pattern))
+    return std::nullopt;
+  const bool payload = match[6].matched;
+  const std::string axis = match[payload ? 5 : 1];
+  Variable v;
+  v.name = name;
+  v.kind = axis.empty() ? VariableKind::kTorqueRegressor : VariableKind::kMomentRegressor;
+  v.axis = axis == "y" ? 1 : 0;
+  v.joint = std::stoi(match[payload ? 6 : 2]);
+  v.link = payload ? 0 : std::stoi(match[3]);
+  v.component = payload ? 'm' : match[4].str().front();
+  if (v.joint > joints || v.link > joints || (v.joint == 0 && axis.empty())) return std::nullopt;
+  if (!payload && (v.link == 0 || v.link < v.joint)) return std::nullopt;
+  return v;
+}
+
+}  // namespace
+
+bool Variable::reads_gravity() const {
+  switch (kind) {
+    case VariableKind::kTorque:
+    case VariableKind::kMoment:
+    case VariableKind::kBaseMoment:
+    case VariableKind::kPayload:
+      return true;
+    case VariableKind::kTorqueRegressor:
+    case VariableKind::kMomentRegressor:
+      return link == 0;
+    default:
+      return false;
+  }
+}
+
+std::optional<Variable> parse_variable(const std::string& name, int joints) {
+  Variable v;
+  v.name = name;
+  for (const Stem& stem : kOfArm) {
+    if (name != stem.name) continue;
+    v.kind = stem.kind;
+    v.axis = stem.axis;
+    return v;
+  }
+  for (const Stem& stem : kOfJoints) {
+    const int joint = number_behind(name, stem.name);
+    if (joint == 0) continue;
+    if (joint > joints) return std::nullopt;
+    v.kind = stem.kind;
+    v.axis = stem.axis;
+    v.joint = joint;
+    return v;
+  }
+  if (name == "dT" || name.rfind("dT_", 0) == 0) {
+    v.kind = VariableKind::kTemperature;
+    v.sensor = name == "dT" ? "" : name.substr(3);
+    return v;
+  }
+  if (const auto regressor = parse_regressor(name, joints)) return regressor;
+  if (name.rfind("temp_", 0) == 0 ||
+      std::find(kNoState.begin(), kNoState.end(), name) != kNoState.end())
+    return std::nullopt;
+  return v;
+}
+
+std::vector<Variable> state_variables(int joints, const std::vector<std::string>& sensors) {
+  std::vector<std::string> names;
+  for (const Stem& stem : kOfJoints) {
+    for (int k = 1; k <= joints; ++k) names.push_back(stem.name + std::to_string(k));
+  }
+  for (const char* stem : {"u", "ux", "uy"}) {
+    for (int k = stem[1] ? 0 : 1; k <= joints; ++k) {
+      for (int link = std::max(k, 1); link <= joints; ++link) {
+        for (const char* component : {"_m", "_x", "_y", "_z"}) {
+          names.push_back(stem + ("_" + std::to_string(k)) + "_" + std::to_string(link) +
+                          component);
+        }
+      }
+    }
+  }
+  for (const char* stem : {"up", "upx", "upy"}) {
+    for (int k = stem[2] ? 0 : 1; k <= joints; ++k)
+      names.push_back(stem + ("_" + std::to_string(k)));
+  }
+  for (const Stem& stem : kOfArm) names.push_back(stem.name);
+  names.push_back("dT");
+  for (const std::string& sensor : sensors) names.push_back("dT_" + sensor);
+  std::vector<Variable> result;
+  for (const std::string& name : names) result.push_back(*parse_variable(name, joints));
+  return result;
+}
+
+std::vector<std::string> columns_of(const Variable& v, const Robot& robot, bool with_payload) {
+  const bool computed = !robot.links.empty() || v.kind == VariableKind::kTorqueRegressor ||
+                        v.kind == VariableKind::kMomentRegressor;
+  switch (v.kind) {
+    case VariableKind::kJoint:
+    case VariableKind::kLinkAngle:
+      return {};
+    case VariableKind::kTemperature:
+      if (!v.sensor.empty()) return {"temp_" + v.sensor};
+      return {"temp_" + (robot.sensors.empty() ? "NAME" : robot.sensors.front())};
+    case VariableKind::kTorque:
+      if (!computed) return {v.name};
+      [[fallthrough]];
+    case VariableKind::kMoment:
+    case VariableKind::kBaseMoment:
+    case VariableKind::kTorqueRegressor:
+    case VariableKind::kMomentRegressor:
+      return v.reads_gravity() && with_payload ? std::vector<std::string>{"payload"}
+                                               : std::vector<std::string>{};
+    default:
+      return {v.name};
+  }
+}
+
+std::string what_is_missing(const std::string& name, const Robot& robot) {
+  const std::optional<Variable> v = parse_variable(name, robot.joint_count());
+  if (!v) return "column " + name;
+  switch (v->kind) {
+    case VariableKind::kTorque:
+      return "column " + name + " (or mass and com of robot.yaml's links)";
+    case VariableKind::kMoment:
+    case VariableKind::kBaseMoment:
+      return "mass and com of robot.yaml's links";
+    case VariableKind::kTorqueRegressor:
+    case VariableKind::kMomentRegressor:
+      return "column payload";
+    case VariableKind::kTemperature:
+      return "column " + columns_of(*v, robot, false).front();
+    default:
+      return "column " + name;
+  }
+}
+
+std::string to_string(VariableKind kind) {
+  switch (kind) {
+    case VariableKind::kJoint:
+      return "joint";
+    case VariableKind::kLinkAngle:
+      return "link_angle";
+    case VariableKind::kReadBack:
+      return "read_back";
+    case VariableKind::kTorque:
+      return "torque";
+    case VariableKind::kMoment:
+      return "moment";
+    case VariableKind::kBaseMoment:
+      return "base_moment";
+    case VariableKind::kTorqueRegressor:
+      return "torque_regressor";
+    case VariableKind::kMomentRegressor:
+      return "moment_regressor";
+    case VariableKind::kTemperature:
+      return "temperature";
+    case VariableKind::kPayload:
+      return "payload";
+    case VariableKind::kDirection:
+      return "direction";
+    case VariableKind::kTime:
+      return "time";
+    case VariableKind::kColumn:
+      return "column";
+  }
+  return "column";
+}
+
+}  // namespace armtrue

@@ -1,0 +1,61 @@
+// The variables of the state (docs/model.md): what each is, and what a file must hold for it. The
+// one place where their names are taken apart.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "fitter/model/robot.h"
+
+namespace armtrue {
+
+enum class VariableKind {
+  kJoint,
+  kLinkAngle,
+  kReadBack,
+  kTorque,
+  kMoment,
+  kBaseMoment,
+  kTorqueRegressor,
+  kMomentRegressor,
+  kTemperature,
+  kPayload,
+  kDirection,
+  kTime,
+  kColumn  ///< any other numeric column, under its own name
+};
+
+/// One state variable, taken from its name.
+struct Variable {
+  VariableKind kind = VariableKind::kColumn;
+  std::string name;
+  int joint = 0;  ///< 1-based; 0: none, or the base
+  int axis = 0;   ///< of moments: 0 about x, 1 about y
+  int link = 0;   ///< of regressors: the body; 0: the payload
+  char component = 'm';  ///< of regressors: m, or x, y, z of mass times centre
+  std::string sensor;    ///< of temperatures; empty: the first thermometer
+
+  /// True where a payload changes it.
+  bool reads_gravity() const;
+};
+
+/// A name taken apart: one of the state's own, or a column's (kColumn). Columns that tell no state
+/// (x, y, z, …, repeat, target, sigma) give nothing, nor do joints that the arm has not.
+std::optional<Variable> parse_variable(const std::string& name, int joints);
+
+/// The state's own variables of an arm, in the order of docs/model.md, with those of `sensors`.
+std::vector<Variable> state_variables(int joints, const std::vector<std::string>& sensors);
+
+/// Columns of a file without which the variable cannot be had on this arm; `with_payload`: what was
+/// measured had one.
+std::vector<std::string> columns_of(const Variable& variable, const Robot& robot,
+                                    bool with_payload);
+
+/// What must be recorded, or stated of the arm, for the variable `name`, in words.
+std::string what_is_missing(const std::string& name, const Robot& robot);
+
+/// "joint", "link_angle", …: a kind's name in JSON.
+std::string to_string(VariableKind kind);
+
+}  // namespace armtrue

@@ -1,0 +1,124 @@
+"""What a fit holds on to: stated poses are absolute, predictions depend on the row alone, expressions move."""
+
+from __future__ import annotations
+
+import copy
+
+import armtrue
+import numpy as np
+import pytest
+from armtrue.errors import InputError
+from conftest import GEOMETRY
+
+
+def test_tool_position_that_is_stated_is_where_the_tool_is(campaign):
+    given = campaign()
+    free = given.fit(GEOMETRY)
+    x = free.document["flange_from_tool"][""]["xyz"][0]
+    assert abs(x) > 0.02
+    stated = given.fit(GEOMETRY, parameters={"tool_offset.tx": {"fixed": x + 1e-4}})
+    assert stated.document["flange_from_tool"][""]["xyz"][0] == pytest.approx(x + 1e-4, abs=1e-12)
+    held = given.fit(GEOMETRY, parameters={"tool_offset.tx": {"prior": x, "sigma": 1e-9}})
+    assert held.document["flange_from_tool"][""]["xyz"][0] == pytest.approx(x, abs=1e-8)
+    assert held.document["error"]["train"]["mean_um"] == pytest.approx(
+        free.document["error"]["train"]["mean_um"], rel=0.02
+    )
+
+
+def test_base_that_is_stated_is_where_the_base_stands(campaign):
+    given = campaign()
+    base = given.fit(GEOMETRY).document["measuring_from_base"]
+    moved = [base["xyz"][0], base["xyz"][1], base["xyz"][2] + 1e-3]
+    stated = dict(zip(("tx", "ty", "tz"), moved, strict=True)) | dict(
+        zip(("rx", "ry", "rz"), base["rpy"], strict=True)
+    )
+    fit = given.fit(GEOMETRY, parameters={f"base_frame.{c}": {"fixed": v} for c, v in stated.items()})
+    assert fit.document["measuring_from_base"]["xyz"] == pytest.approx(moved, abs=1e-12)
+    assert fit.document["measuring_from_base"]["rpy"] == pytest.approx(base["rpy"], abs=1e-12)
+
+
+def test_part_of_a_turned_base_is_refused(campaign):
+    with pytest.raises(InputError, match="expected tx, ty and tz together"):
+        campaign().fit(GEOMETRY, parameters={"base_frame.tz": {"fixed": 0.1}})
+
+
+def test_parameters_in_every_argument_of_hat_move(campaign):
+    given = campaign()
+    free = given.fit(GEOMETRY)
+    bump = {"left": -1.9, "centre": -1.3, "right": -0.5}
+    document = copy.deepcopy(free.document)
+    truth = f"hat(q2, {bump['left']}, {bump['centre']}, {bump['right']})"
+    document["parameters"].append(
+        {
+            "name": "custom.bump",
+            "effect": "custom",
+            "joints": [],
+            "value": 2e-3,
+            "unit": "rad",
+            "terms": [{"coordinate": "motor3", "expression": truth, "weight": 1.0, "table": None}],
+        }
+    )
+    exact = armtrue.Fit(document).predict(given.data)
+    noise = np.random.default_rng(3).normal(0.0, 2e-6, exact.shape)
+    with_bump = given.with_columns(**dict(zip("xyz", (exact + noise).T, strict=True)))
+    effect = {
+        "effect": "custom",
+        "name": "bump",
+        "coordinate": "motor3",
+        "expression": "hat(q2, left, centre, right)",
+        "parameters": {name: value + 0.1 for name, value in bump.items()},
+    }
+    found = {p["name"]: p["value"] for p in with_bump.fit([*GEOMETRY, effect]).document["nonlinear"]}
+    assert found == {name: pytest.approx(value, abs=0.01) for name, value in bump.items()}
+
+
+def test_prediction_of_a_row_does_not_depend_on_the_other_rows(campaign):
+    """Torques as measured are a row's own, however a fit smooths them."""
+    given = campaign(hidden=["joint_compliance"])
+    rng = np.random.default_rng(5)
+    torque = {
+        f"tau{k}": 300.0 * np.cos(given.data.columns[f"q{k}"]) + rng.normal(0.0, 5.0, given.data.count)
+        for k in (2, 3)
+    }
+    given = given.with_columns(**torque)
+    given.robot.spec.pop("links", None)
+    fit = given.fit([*GEOMETRY, *custom_springs()])
+    whole = fit.predict(given.data)
+    assert fit.predict(given.rows(slice(10, 20))) == pytest.approx(whole[10:20], abs=1e-12)
+
+
+def custom_springs() -> list[dict[str, object]]:
+    return [
+        {"effect": "custom", "name": f"s{k}", "coordinate": f"motor{k}", "expression": f"tau{k}", "bound": 1e-4}
+        for k in (2, 3)
+    ]
+
+
+def test_prediction_reads_the_thermometer_that_was_fitted(campaign):
+    given = campaign(hidden=["thermal_expansion"])
+    fit = given.fit([*GEOMETRY, "thermal_expansion"])
+    whole = fit.predict(given.data)
+    another = given.with_columns(temp_aaa=np.full(given.data.count, 80.0))
+    assert fit.predict(another.data) == pytest.approx(whole, abs=1e-12)
+    assert "temp_arm" in fit.document["columns"]
+
+
+def test_prediction_without_a_needed_column_is_refused_by_its_name(campaign):
+    given = campaign(hidden=["thermal_expansion"])
+    fit = given.fit([*GEOMETRY, "thermal_expansion"])
+    given.data.columns.pop("temp_arm")
+    with pytest.raises(InputError, match="column temp_arm is missing"):
+        fit.predict(given.data)
+
+
+def test_time_on_any_clock_gives_the_same_fit_and_predictions(campaign):
+    given = campaign(hidden=[{"effect": "warm_up"}])
+    model = [*GEOMETRY, "warm_up"]
+    fit = given.fit(model)
+    later = given.with_columns(time=given.data.columns["time"] + 1.7e9)
+    again = later.fit(model)
+    assert again.document["error"]["train"]["mean_um"] == pytest.approx(
+        fit.document["error"]["train"]["mean_um"], rel=1e-3
+    )
+    tail = later.rows(slice(60, 120))
+    assert again.predict(tail) == pytest.approx(fit.predict(given.rows(slice(60, 120))), abs=1e-7)
