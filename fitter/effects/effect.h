@@ -21,12 +21,21 @@ struct GeometryPriors {
   double length = 2e-3;                       ///< [m]
 };
 
+/// A spring that a fit has found: what yields, to which load, and how much.
+struct Spring {
+  Coordinate coordinate;
+  std::string load;         ///< state variable: a torque or a moment of gravity
+  double compliance = 0.0;  ///< [rad/Nm]
+};
+
 /// What an effect may look at when it gives its terms.
 struct EffectContext {
   const State& state;
   int targets = 1;
   bool has_rotation = false;
   GeometryPriors priors{};
+  /// Of the fit that the context belongs to, or of the one before it.
+  std::vector<Spring> springs{};
 
   const Robot& robot() const { return state.robot(); }
   int joint_count() const { return robot().joint_count(); }
@@ -97,6 +106,10 @@ class Effect {
   /// The load that it carries; empty: none. What adds to that load instead is hardly this effect.
   virtual std::optional<CarriedLoad> carries() const { return std::nullopt; }
   bool generic() const { return role() == Role::kTable; }
+
+  /// True where the terms are weighed by EffectContext::springs: the fit then repeats until these
+  /// stand.
+  virtual bool reads_springs() const { return false; }
 
   /// Joints of a bare entry.
   virtual std::vector<int> default_joints(const EffectContext& context) const;

@@ -10,8 +10,7 @@ namespace {
 
 // What a unit mass at a body's origin, or a unit first moment along one of its axes (which weighs
 // nothing in total), exerts at one pose. `frames`: 1…n in the base, then the payload point's.
-double regressor_at(const Robot& robot, const std::vector<Pose>& frames,
-                    const Variable& what) {
+double regressor_at(const Robot& robot, const std::vector<Pose>& frames, const Variable& what) {
   const int n = robot.joint_count();
   const std::size_t body = static_cast<std::size_t>(what.link == 0 ? n : what.link - 1);
   const Eigen::Vector3d g = robot.gravity;
@@ -113,6 +112,9 @@ bool State::has(const std::string& name) const {
     case VariableKind::kMoment:
     case VariableKind::kBaseMoment:
       return computes_torque() || columns_.contains(name);
+    case VariableKind::kTorqueTilt:
+    case VariableKind::kMomentTilt:
+      return computes_torque();
     default:
       return columns_.contains(name);
   }
@@ -148,6 +150,10 @@ const std::vector<double>& State::column(const std::string& name) const {
     case VariableKind::kTorqueRegressor:
     case VariableKind::kMomentRegressor:
       return remember(name, compute_regressor(*v));
+    case VariableKind::kTorqueTilt:
+    case VariableKind::kMomentTilt:
+      compute_tilt(v->component);
+      return derived_.at(name);
     default:
       compute_gravity();
       return derived_.at(name);
@@ -189,11 +195,11 @@ State::Frames State::frames_of_row(std::size_t row) const {
   return frames;
 }
 
-void State::compute_gravity() const {
+State::Loads State::loads_under(const Eigen::Vector3d& gravity) const {
   const int n = robot_->joint_count();
   const auto count = static_cast<std::size_t>(n);
-  std::vector<std::vector<double>> tau(count, std::vector<double>(rows_)), gmx = tau, gmy = tau;
-  std::vector<double> bmx(rows_), bmy(rows_);
+  const std::vector<std::vector<double>> zeros(count, std::vector<double>(rows_));
+  Loads loads{zeros, zeros, zeros, zeros.front(), zeros.front()};
   const std::vector<double>* payload =
       columns_.contains("payload") ? &columns_.at("payload") : nullptr;
   Eigen::VectorXd link_torque(n);
@@ -201,35 +207,56 @@ void State::compute_gravity() const {
     const Frames frames = frames_of_row(row);
     // From the tip inwards: weight beyond joint k and its moment about the base origin.
     const double payload_mass = payload ? (*payload)[row] : 0.0;
-    Eigen::Vector3d force = payload_mass * robot_->gravity;
+    Eigen::Vector3d force = payload_mass * gravity;
     Eigen::Vector3d moment_at_base = frames[count].translation().cross(force);
     for (int k = n - 1; k >= 0; --k) {
       const auto i = static_cast<std::size_t>(k);
       const Link& link = robot_->links[i];
-      const Eigen::Vector3d weight = link.mass * robot_->gravity;
+      const Eigen::Vector3d weight = link.mass * gravity;
       force += weight;
       moment_at_base += (frames[i] * link.com_in_frame).cross(weight);
       const Eigen::Vector3d moment = moment_at_base - frames[i].translation().cross(force);
       const Eigen::Vector3d in_frame = frames[i].linear().transpose() * moment;
-      gmx[i][row] = in_frame.x();
-      gmy[i][row] = in_frame.y();
+      loads.moment_x[i][row] = in_frame.x();
+      loads.moment_y[i][row] = in_frame.y();
       link_torque[k] =
           robot_->joints[i].prismatic ? frames[i].linear().col(2).dot(force) : in_frame.z();
     }
-    bmx[row] = moment_at_base.x();
-    bmy[row] = moment_at_base.y();
+    loads.base_x[row] = moment_at_base.x();
+    loads.base_y[row] = moment_at_base.y();
     const Eigen::VectorXd motor_torque = robot_->coupling.transpose() * link_torque;
     for (std::size_t k = 0; k < count; ++k)
-      tau[k][row] = motor_torque[static_cast<Eigen::Index>(k)];
+      loads.torque[k][row] = motor_torque[static_cast<Eigen::Index>(k)];
   }
-  for (std::size_t k = 0; k < count; ++k) {
+  return loads;
+}
+
+void State::compute_gravity() const {
+  Loads loads = loads_under(robot_->gravity);
+  for (std::size_t k = 0; k < loads.torque.size(); ++k) {
     const std::string number = std::to_string(k + 1);
-    remember("tau" + number, std::move(tau[k]));
-    remember("gmx" + number, std::move(gmx[k]));
-    remember("gmy" + number, std::move(gmy[k]));
+    remember("tau" + number, std::move(loads.torque[k]));
+    remember("gmx" + number, std::move(loads.moment_x[k]));
+    remember("gmy" + number, std::move(loads.moment_y[k]));
   }
-  remember("bmx", std::move(bmx));
-  remember("bmy", std::move(bmy));
+  remember("bmx", std::move(loads.base_x));
+  remember("bmy", std::move(loads.base_y));
+}
+
+// Loads are linear in gravity, and a small turn of the base about an axis e changes it by g x e as
+// the base sees it.
+void State::compute_tilt(char about) const {
+  const Eigen::Vector3d axis = Eigen::Vector3d::Unit(about - 'x');
+  Loads loads = loads_under(robot_->gravity.cross(axis));
+  const std::string end = std::string("_") + about;
+  for (std::size_t k = 0; k < loads.torque.size(); ++k) {
+    const std::string number = std::to_string(k + 1);
+    remember("tilt_" + number + end, std::move(loads.torque[k]));
+    remember("tiltx_" + number + end, std::move(loads.moment_x[k]));
+    remember("tilty_" + number + end, std::move(loads.moment_y[k]));
+  }
+  remember("tiltx_0" + end, std::move(loads.base_x));
+  remember("tilty_0" + end, std::move(loads.base_y));
 }
 
 void State::smooth_torques() {
@@ -286,7 +313,8 @@ std::vector<double> State::compute_regressor(const Variable& asked) const {
   // Those of one joint are asked for together, and the frames of a row cost more than all of them.
   std::vector<Variable> wanted{asked};
   if (asked.link != 0) {
-    const std::string stem = asked.name.substr(0, asked.name.find('_', asked.name.find('_') + 1) + 1);
+    const std::string stem =
+        asked.name.substr(0, asked.name.find('_', asked.name.find('_') + 1) + 1);
     for (int link = 1; link <= n; ++link) {
       for (const char* component : {"_m", "_x", "_y", "_z"}) {
         const auto other = parse_variable(stem + std::to_string(link) + component, n);

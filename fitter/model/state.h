@@ -58,7 +58,14 @@ class State {
   using Frames = std::vector<Pose>;  // frame k in the base, k = 1…n, then the payload point's frame
   Frames frames_of_row(std::size_t row) const;
   const std::vector<double>& remember(const std::string& name, std::vector<double> values) const;
+  // What gravity exerts: by joint or frame, then by row.
+  struct Loads {
+    std::vector<std::vector<double>> torque, moment_x, moment_y;
+    std::vector<double> base_x, base_y;
+  };
+  Loads loads_under(const Eigen::Vector3d& gravity) const;
   void compute_gravity() const;
+  void compute_tilt(char about) const;
   std::vector<double> smooth_torque(int joint, const std::vector<double>& measured) const;
   std::vector<double> link_angle(int joint) const;
   std::vector<double> compute_regressor(const Variable& asked) const;

@@ -60,6 +60,22 @@ std::optional<Variable> parse_regressor(const std::string& name, int joints) {
   return v;
 }
 
+// tilt_K_C: torque on motor joint K per radian that the base is turned about its axis C;
+// tiltx_K_C, tilty_K_C: the moment about x and y of frame K, or of the base (K = 0).
+std::optional<Variable> parse_tilt(const std::string& name, int joints) {
+  static const std::regex pattern(R"(tilt(x|y)?_([0-9]{1,2})_([xy]))");
+  std::smatch match;
+  if (name.rfind("tilt", 0) != 0 || !std::regex_match(name, match, pattern)) return std::nullopt;
+  Variable v;
+  v.name = name;
+  v.kind = match[1].matched ? VariableKind::kMomentTilt : VariableKind::kTorqueTilt;
+  v.axis = match[1].str() == "y" ? 1 : 0;
+  v.joint = std::stoi(match[2]);
+  v.component = match[3].str().front();
+  if (v.joint > joints || (v.joint == 0 && !match[1].matched)) return std::nullopt;
+  return v;
+}
+
 }  // namespace
 
 bool Variable::reads_gravity() const {
@@ -67,6 +83,8 @@ bool Variable::reads_gravity() const {
     case VariableKind::kTorque:
     case VariableKind::kMoment:
     case VariableKind::kBaseMoment:
+    case VariableKind::kTorqueTilt:
+    case VariableKind::kMomentTilt:
     case VariableKind::kPayload:
       return true;
     case VariableKind::kTorqueRegressor:
@@ -101,6 +119,7 @@ std::optional<Variable> parse_variable(const std::string& name, int joints) {
     return v;
   }
   if (const auto regressor = parse_regressor(name, joints)) return regressor;
+  if (const auto tilt = parse_tilt(name, joints)) return tilt;
   if (name.rfind("temp_", 0) == 0 ||
       std::find(kNoState.begin(), kNoState.end(), name) != kNoState.end())
     return std::nullopt;
@@ -125,6 +144,11 @@ std::vector<Variable> state_variables(int joints, const std::vector<std::string>
   for (const char* stem : {"up", "upx", "upy"}) {
     for (int k = stem[2] ? 0 : 1; k <= joints; ++k)
       names.push_back(stem + ("_" + std::to_string(k)));
+  }
+  for (const std::string stem : {"tilt_", "tiltx_", "tilty_"}) {
+    for (int k = stem[4] == '_' ? 1 : 0; k <= joints; ++k) {
+      for (const char* about : {"_x", "_y"}) names.push_back(stem + std::to_string(k) + about);
+    }
   }
   for (const Stem& stem : kOfArm) names.push_back(stem.name);
   names.push_back("dT");
@@ -151,6 +175,8 @@ std::vector<std::string> columns_of(const Variable& v, const Robot& robot, bool 
     case VariableKind::kBaseMoment:
     case VariableKind::kTorqueRegressor:
     case VariableKind::kMomentRegressor:
+    case VariableKind::kTorqueTilt:
+    case VariableKind::kMomentTilt:
       return v.reads_gravity() && with_payload ? std::vector<std::string>{"payload"}
                                                : std::vector<std::string>{};
     default:
@@ -166,6 +192,8 @@ std::string what_is_missing(const std::string& name, const Robot& robot) {
       return "column " + name + " (or mass and com of robot.yaml's links)";
     case VariableKind::kMoment:
     case VariableKind::kBaseMoment:
+    case VariableKind::kTorqueTilt:
+    case VariableKind::kMomentTilt:
       return "mass and com of robot.yaml's links";
     case VariableKind::kTorqueRegressor:
     case VariableKind::kMomentRegressor:
@@ -195,6 +223,10 @@ std::string to_string(VariableKind kind) {
       return "torque_regressor";
     case VariableKind::kMomentRegressor:
       return "moment_regressor";
+    case VariableKind::kTorqueTilt:
+      return "torque_tilt";
+    case VariableKind::kMomentTilt:
+      return "moment_tilt";
     case VariableKind::kTemperature:
       return "temperature";
     case VariableKind::kPayload:

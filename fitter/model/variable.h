@@ -19,6 +19,8 @@ enum class VariableKind {
   kBaseMoment,
   kTorqueRegressor,
   kMomentRegressor,
+  kTorqueTilt,
+  kMomentTilt,
   kTemperature,
   kPayload,
   kDirection,
@@ -30,10 +32,10 @@ enum class VariableKind {
 struct Variable {
   VariableKind kind = VariableKind::kColumn;
   std::string name;
-  int joint = 0;  ///< 1-based; 0: none, or the base
-  int axis = 0;   ///< of moments: 0 about x, 1 about y
-  int link = 0;   ///< of regressors: the body; 0: the payload
-  char component = 'm';  ///< of regressors: m, or x, y, z of mass times centre
+  int joint = 0;         ///< 1-based; 0: none, or the base
+  int axis = 0;          ///< of moments: 0 about x, 1 about y
+  int link = 0;          ///< of regressors: the body; 0: the payload
+  char component = 'm';  ///< of regressors: m, or x, y, z of mass times centre; of tilts: x or y
   std::string sensor;    ///< of temperatures; empty: the first thermometer
 
   /// True where a payload changes it.

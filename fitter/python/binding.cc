@@ -65,6 +65,10 @@ std::string effects_json() {
                                                       {JointRule::kAll, "all"},
                                                       {JointRule::kPair, "pair"},
                                                       {JointRule::kFixed, "fixed"}};
+  static const std::map<Role, std::string> roles{
+      {Role::kPlacement, "placement"},     {Role::kGeometry, "geometry"},
+      {Role::kPhysical, "physical"},       {Role::kTable, "table"},
+      {Role::kMeasurement, "measurement"}, {Role::kCustom, "custom"}};
   json catalogue = json::array();
   for (const Effect* effect : effect_catalogue()) {
     json options = json::object();
@@ -72,6 +76,7 @@ std::string effects_json() {
       options[option.name] = {{"type", option.type}, {"help", option.help}};
     catalogue.push_back({{"id", effect->id()},
                          {"summary", effect->summary()},
+                         {"role", roles.at(effect->role())},
                          {"generic", effect->generic()},
                          {"joints", rules.at(effect->joint_rule())},
                          {"exported", effect->exported()},

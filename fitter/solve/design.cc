@@ -40,12 +40,7 @@ BasisTable::BasisTable(const Model& model, const State& state, const CoordinateL
         if (!used.contains(nonlinear_names_[j])) continue;
         column.nonlinear = true;
         searched_parameter_[index] = true;
-        slopes_.push_back({static_cast<int>(index),
-                           coordinate,
-                           j,
-                           term.weight,
-                           term.basis,
-                           {}});
+        slopes_.push_back({static_cast<int>(index), coordinate, j, term.weight, term.basis, {}});
       }
       dense_.push_back(std::move(column));
     }

@@ -38,6 +38,9 @@ constexpr int kRobustPasses = 8;
 constexpr double kSmoothnessStart = 1e-4;  // [rad]
 constexpr int kVariancePasses = 6;
 constexpr double kSettled = 1e-3;         // of the equations
+// Springs that a fit's own terms are weighed by are found in one or two repetitions.
+constexpr int kSpringPasses = 6;
+constexpr double kSpringsStand = 1e-3;    // of the largest
 constexpr double kLearntInFull = 1e-300;  // variance over that before; its logarithm is finite
 
 json to_json(const ErrorSummary& s) {
@@ -63,6 +66,17 @@ Pose pose_from(const json& value) {
 bool is_searched(const Model& model) {
   return std::any_of(model.nonlinear.begin(), model.nonlinear.end(),
                      [](const NonlinearParameter& p) { return !p.starts.empty(); });
+}
+
+// Largest change of a spring between two fits of one model, as a part of the largest spring.
+double largest_change(const std::vector<Spring>& before, const std::vector<Spring>& after) {
+  if (before.size() != after.size()) return 1.0;
+  double change = 0.0, largest = 0.0;
+  for (std::size_t i = 0; i < after.size(); ++i) {
+    change = std::max(change, std::abs(after[i].compliance - before[i].compliance));
+    largest = std::max(largest, std::abs(after[i].compliance));
+  }
+  return largest > 0.0 ? change / largest : 0.0;
 }
 
 // What every fit to these measurements begins with.
@@ -104,9 +118,44 @@ std::shared_ptr<const Prepared> prepare(const Robot& robot, const State::Columns
 
 }  // namespace
 
+// Some effects' terms are weighed by springs that the same fit finds: it is repeated until they
+// agree.
 std::unique_ptr<Fit> Fit::run(const Robot& robot, const State::Columns& columns,
                               const ModelSpecification& specification, const FitOptions& options,
                               Observer& observer) {
+  const auto reads_springs = [](const EffectRequest& e) {
+    return find_effect(e.effect).reads_springs();
+  };
+  if (std::none_of(specification.effects.begin(), specification.effects.end(), reads_springs))
+    return run_once(robot, columns, specification, options, observer);
+  FitOptions trial = options;
+  trial.cross_validate = false;
+  if (!trial.start || trial.start->springs.empty()) {
+    ModelSpecification without = specification;
+    std::erase_if(without.effects, reads_springs);
+    for (const EffectRequest& e : specification.effects) {
+      if (!reads_springs(e)) continue;
+      std::erase_if(without.overrides,
+                    [&](const auto& entry) { return entry.first.starts_with(e.effect + "."); });
+    }
+    trial.start = std::make_shared<StartPoint>(
+        run_once(robot, columns, without, trial, observer)->start_point());
+  }
+  std::unique_ptr<Fit> fit;
+  for (int pass = 0; pass < kSpringPasses; ++pass) {
+    fit = run_once(robot, columns, specification, trial, observer);
+    const double change = largest_change(trial.start->springs, fit->context().springs);
+    trial.start = std::make_shared<StartPoint>(fit->start_point());
+    if (change < kSpringsStand) break;
+  }
+  fit->options_.cross_validate = options.cross_validate;
+  if (options.cross_validate) fit->cross_validate();
+  return fit;
+}
+
+std::unique_ptr<Fit> Fit::run_once(const Robot& robot, const State::Columns& columns,
+                                   const ModelSpecification& specification,
+                                   const FitOptions& options, Observer& observer) {
   std::unique_ptr<Fit> fit(new Fit);
   fit->options_ = options;
   observer.report(0.0, "aligning");
@@ -128,6 +177,7 @@ std::unique_ptr<Fit> Fit::run(const Robot& robot, const State::Columns& columns,
     fit->held_out_distances_.assign(3, {});
   }
   fit->measure_noise_floor();
+  fit->context_->springs = springs_of(fit->model_, fit->robot().joint_count());
   fit->options_.start.reset();
   observer.report(1.0, "done");
   return fit;
@@ -147,7 +197,8 @@ void Fit::begin() {
   }
   nominal_ = summarise(alignment.residual_m);
   context_ = std::make_unique<EffectContext>(EffectContext{
-      state(), measurements_.targets, measurements_.has_rotation(), specification_.priors});
+      state(), measurements_.targets, measurements_.has_rotation(), specification_.priors,
+      options_.start ? options_.start->springs : std::vector<Spring>{}});
   model_ = build_model(specification_, *context_);
   place_as_stated(specification_, model_, *kinematics_);
   for (NonlinearParameter& p : model_.nonlinear) {
@@ -234,7 +285,7 @@ bool Fit::find_gross_errors() {
 }
 
 StartPoint Fit::start_point() const {
-  StartPoint start{prepared_, {}, kinematics_->base(), {}};
+  StartPoint start{prepared_, {}, kinematics_->base(), {}, context_->springs};
   for (const Parameter& p : model_.parameters) start.values[p.name] = p.value;
   for (int t = 0; t < measurements_.targets; ++t)
     start.flange_from_tool.push_back(kinematics_->tool(t));

@@ -35,6 +35,7 @@ struct StartPoint {
   std::map<std::string, double> values;  ///< of linear parameters, by name
   Pose measuring_from_base = Pose::Identity();
   std::vector<Pose> flange_from_tool;  ///< by target
+  std::vector<Spring> springs{};
 };
 
 struct FitOptions {
@@ -122,6 +123,9 @@ class Fit {
 
  private:
   Fit() = default;
+  static std::unique_ptr<Fit> run_once(const Robot& robot, const State::Columns& columns,
+                                       const ModelSpecification& specification,
+                                       const FitOptions& options, Observer& observer);
   void begin();
   void rescale_noise();
   void choose_smoothness();

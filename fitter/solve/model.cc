@@ -80,6 +80,22 @@ int Model::index(const std::string& name) const {
   return -1;
 }
 
+std::vector<Spring> springs_of(const Model& model, int joints) {
+  std::vector<Spring> springs;
+  for (const Parameter& p : model.parameters) {
+    for (const Term& term : p.terms) {
+      if (term.basis.op() != Expression::Op::kVariable || p.value == 0.0) continue;
+      const auto load = parse_variable(term.basis.name(), joints);
+      if (!load) continue;
+      const bool is_load = load->kind == VariableKind::kTorque ||
+                           load->kind == VariableKind::kMoment ||
+                           load->kind == VariableKind::kBaseMoment;
+      if (is_load) springs.push_back({term.coordinate, load->name, p.value * term.weight});
+    }
+  }
+  return springs;
+}
+
 std::map<std::string, std::string> columns_needed(const Model& model, const State& state) {
   std::map<std::string, std::string> columns;
   for (const Parameter& p : model.parameters) {

@@ -38,6 +38,9 @@ struct Model {
   int index(const std::string& name) const;  ///< −1 where there is none
 };
 
+/// Springs of a fitted model: coefficients whose basis is one load of gravity, and no more.
+std::vector<Spring> springs_of(const Model& model, int joints);
+
 /// Columns that a file must hold for the model's predictions, and for each what stands in for it
 /// where poses have not been driven to yet; empty: nothing does.
 std::map<std::string, std::string> columns_needed(const Model& model, const State& state);

@@ -55,8 +55,7 @@ void place_as_stated(const ModelSpecification& specification, const Model& model
   std::map<std::pair<Place, int>, Stated> stated;
   for (const Parameter& p : model.parameters) {
     const auto found = specification.overrides.find(p.name);
-    if (found == specification.overrides.end() ||
-        find_effect(p.effect).role() != Role::kPlacement)
+    if (found == specification.overrides.end() || find_effect(p.effect).role() != Role::kPlacement)
       continue;
     const Coordinate& at = p.terms.front().coordinate;
     Stated& pose = stated[{at.place, at.index}];
@@ -69,8 +68,8 @@ void place_as_stated(const ModelSpecification& specification, const Model& model
     if (place == Place::kBase) {
       kinematics.set_base(moved(kinematics.base(), pose.position, pose.angles, pose.effect));
     } else {
-      kinematics.set_tool(
-          target, moved(kinematics.tool(target), pose.position, pose.angles, pose.effect));
+      kinematics.set_tool(target,
+                          moved(kinematics.tool(target), pose.position, pose.angles, pose.effect));
     }
   }
 }

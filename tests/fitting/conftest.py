@@ -45,7 +45,9 @@ class Given:
 @pytest.fixture
 def campaign(tmp_path: Path) -> Callable[..., Given]:
     def make(**plan: Any) -> Given:
-        made = simulate({"name": "campaign", "arm": "kr30", "seed": 1, "poses": 120, "believed": GEOMETRY, **plan})
+        made = simulate(
+            {"name": "campaign", "arm": "kr30", "seed": 1, "poses": 120, "believed": GEOMETRY, **plan}
+        )
         made.write(tmp_path)
         robot = armtrue.load_robot(tmp_path / "robot.yaml")
         return Given(robot, armtrue.load_data(tmp_path / "data.csv", robot), tmp_path, made.truth)

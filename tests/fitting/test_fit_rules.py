@@ -89,7 +89,13 @@ def test_prediction_of_a_row_does_not_depend_on_the_other_rows(campaign):
 
 def custom_springs() -> list[dict[str, object]]:
     return [
-        {"effect": "custom", "name": f"s{k}", "coordinate": f"motor{k}", "expression": f"tau{k}", "bound": 1e-4}
+        {
+            "effect": "custom",
+            "name": f"s{k}",
+            "coordinate": f"motor{k}",
+            "expression": f"tau{k}",
+            "bound": 1e-4,
+        }
         for k in (2, 3)
     ]
 

@@ -8,11 +8,11 @@ import numpy as np
 
 from armtrue.checking.report import Finding
 from armtrue.errors import InputError
+from armtrue.io.catalogue import with_role
 from armtrue.io.dataset import Dataset
 from armtrue.io.model import Model
 from armtrue.io.robot import Robot
 
-_GEOMETRY = ("base_frame", "tool_offset", "joint_offset", "link_geometry")
 # Enough to see what separates; more only takes time.
 _ROWS = 300
 # Below this share of its limits a joint leaves much of the workspace unseen.
@@ -30,7 +30,7 @@ def _of_a_fit(data: Dataset, robot: Robot) -> list[Finding]:
     from armtrue.diagnosis import diagnose
     from armtrue.fitting import fit
 
-    model = Model([{"effect": effect} for effect in _GEOMETRY])
+    model = Model([{"effect": effect} for effect in with_role("placement", "geometry")])
     try:
         geometry = fit(_thinned(data), robot, model, folds=2)
         untestable = diagnose(geometry)["untestable"]

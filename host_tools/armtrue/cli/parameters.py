@@ -13,6 +13,7 @@ from rich.table import Table
 from armtrue.cli.bounds import outside_words
 from armtrue.cli.output import Output, plain_table
 from armtrue.cli.units import value_and_sigma
+from armtrue.io.catalogue import with_role
 from armtrue.io.rotation import matrix_about, matrix_from_rpy, rpy_from_matrix
 
 # Tables can have hundreds of parameters; more than this are shown only when asked for.
@@ -20,15 +21,15 @@ _SHOWN = 60
 # Two parameters tied closer than this are known together rather than each.
 _TIED = 0.95
 _AXES = ("x", "y", "z")
-# Their sums stand in the poses of base and tool, so that their own values are 0.
-_POSE_EFFECTS = ("base_frame", "tool_offset")
 
 
 def present_parameters(document: dict[str, Any], output: Output, everything: bool) -> None:
     """Print base and tool, then every parameter that the data were asked for."""
     output.title("Base and tool")
     output.table(_pose_table(document))
-    parameters = [entry for entry in document["parameters"] if entry["effect"] not in _POSE_EFFECTS]
+    # Their sums stand in the poses of base and tool, so that their own values are 0.
+    placed = with_role("placement")
+    parameters = [entry for entry in document["parameters"] if entry["effect"] not in placed]
     told = [entry for entry in parameters if not entry.get("held")]
     held = len(parameters) - len(told)
     output.title(f"{len(told)} parameters" + (f", and {held} held at nominal" if held else ""))

@@ -14,7 +14,8 @@ class EffectInfo:
 
     `joints`: "none", "each", "all" (together, or each on its own), "pair" (driven, driving), "fixed" (only its own).
     `options`: name → kind of value and what it is, as `armtrue._core` writes them. `bound`: physical bound and its
-    source, in words. `exported`: False where it belongs to the measurement.
+    source, in words. `role`: "placement" (of base and tool), "geometry", "physical", "table", "measurement" or
+    "custom". `exported`: False where it belongs to the measurement.
     """
 
     id: str
@@ -22,12 +23,18 @@ class EffectInfo:
     options: dict[str, tuple[str, str]]
     summary: str
     bound: str
+    role: str
     exported: bool
 
     def document(self) -> dict[str, Any]:
         """JSON-able form."""
         options = {name: {"type": kind, "help": text} for name, (kind, text) in self.options.items()}
         return {**asdict(self), "options": options}
+
+
+def with_role(*roles: str) -> list[str]:
+    """Ids of the effects with one of these roles."""
+    return [info.id for info in catalogue().values() if info.role in roles]
 
 
 @functools.cache
@@ -43,6 +50,7 @@ def catalogue() -> dict[str, EffectInfo]:
             {name: (option["type"], option["help"]) for name, option in entry["options"].items()},
             entry["summary"],
             entry["bound"],
+            entry["role"],
             entry["exported"],
         )
         for entry in entries

@@ -87,7 +87,7 @@ def _effect(section: Section, robot: Robot) -> dict[str, Any]:
     effect: dict[str, Any] = {"effect": effect_id}
     if section.has("joints"):
         effect["joints"] = _joints(section, info, robot)
-    if effect_id == "custom":
+    if info.role == "custom":
         effect.update(_custom(section, robot))
     for option, (kind, _) in info.options.items():
         if section.has(option) and option not in effect:
@@ -113,6 +113,8 @@ def _option(section: Section, option: str, kind: str) -> Any:
         if option in ("orders", "cycles") and not all(0.0 < value <= _HIGHEST_ORDER for value in numbers):
             raise section.fail(option, f"numbers above 0 and up to {_HIGHEST_ORDER:g}, cycles a turn")
         return numbers
+    if kind == "[string]":
+        return section.texts(option, "a list of texts")
     if kind == "[int]":
         values = section.numbers(option, None, "a list of whole numbers such as [1,2]")
         if any(value != int(value) for value in values):

@@ -22,6 +22,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from armtrue.cli.units import for_people
+from armtrue.io.catalogue import with_role
 from armtrue.report.arm import arm_corners, typical_row
 from armtrue.report.charts import added_words, trend_words
 from armtrue.report.content import Report, StepDiagnosis, View
@@ -209,7 +210,7 @@ def parameters(report: Report, sigmas: float = 2.0) -> Figure:
     groups: dict[str, list[tuple[str, float, float]]] = {}
     for parameter in report.last.fit.document["parameters"]:
         table = parameter["terms"][0].get("table")
-        if parameter["held"] or table is not None or parameter["effect"] in ("base_frame", "tool_offset"):
+        if parameter["held"] or table is not None or parameter["effect"] in with_role("placement"):
             continue
         entry = (rounded(parameter["name"]), parameter["value"], parameter["sigma"] or 0.0)
         groups.setdefault(parameter["unit"], []).append(entry)

@@ -10,6 +10,7 @@ import numpy as np
 from armtrue.cli.findings import name
 from armtrue.cli.units import value_and_sigma
 from armtrue.fitting import Fit
+from armtrue.io.catalogue import with_role
 from armtrue.report import charts
 from armtrue.report.content import Report
 from armtrue.report.markup import Content, Markup, tag
@@ -57,7 +58,7 @@ def parameters_section(report: Report) -> Markup:
             tables.setdefault(reference["id"], []).append(parameter)
         elif parameter["held"]:
             held += 1
-        elif parameter["effect"] not in ("base_frame", "tool_offset"):
+        elif parameter["effect"] not in with_role("placement"):
             plain.setdefault(parameter["effect"], []).append(parameter)
     parts: list[Content] = [_poses(document)]
     for effect, parameters in plain.items():

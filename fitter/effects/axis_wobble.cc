@@ -1,0 +1,66 @@
+#include "fitter/effects/effect.h"
+
+namespace armtrue {
+namespace {
+
+class AxisWobble final : public Effect {
+ public:
+  std::string id() const override { return "axis_wobble"; }
+  std::string summary() const override { return "bearing runs out: the axis tilts as it turns"; }
+  JointRule joint_rule() const override { return JointRule::kEach; }
+  std::string bound_text() const override {
+    return "3e-4 rad and 1e-4 m: ours, ten times what new bearings of robots "
+           "run out "
+           "(docs/effects.md)";
+  }
+
+  std::vector<int> default_joints(const EffectContext &context) const override {
+    std::vector<int> joints;
+    for (int k = 1; k <= context.joint_count(); ++k) {
+      if (!context.prismatic(k)) joints.push_back(k);
+    }
+    return joints;
+  }
+
+  std::vector<std::string> missing(const EffectContext &context,
+                                   const std::vector<int> &joints) const override {
+    std::vector<std::string> lacking;
+    for (const int k : joints) {
+      if (context.prismatic(k)) lacking.push_back("a revolute joint " + std::to_string(k));
+    }
+    return lacking;
+  }
+
+  EffectTerms build(const EffectContext &, const EffectRequest &request) const override {
+    EffectTerms terms;
+    for (const int k : request.joints) {
+      for (const int c : {3, 4, 0, 1}) {
+        for (const std::string order : {"", "2*"}) {
+          for (const std::string wave : {"sin", "cos"}) {
+            terms.parameters.push_back(single_term(
+                id(), {k},
+                std::string(kComponentNames[c]) + "_" + wave + (order.empty() ? "1" : "2"),
+                c < 3 ? "m" : "rad", c < 3 ? kFurthest : kLargest, on_link(k, c),
+                wave + "(" + order + "th" + std::to_string(k) + ")"));
+          }
+        }
+      }
+    }
+    return terms;
+  }
+
+  std::vector<EffectRequest> candidates(const EffectContext &context) const override {
+    std::vector<EffectRequest> result;
+    for (const int k : default_joints(context)) result.push_back({id(), {k}});
+    return result;
+  }
+
+ private:
+  static constexpr double kLargest = 3e-4;   // [rad]
+  static constexpr double kFurthest = 1e-4;  // [m]
+};
+
+const RegisterEffect<AxisWobble> registered_axis_wobble;
+
+}  // namespace
+}  // namespace armtrue

@@ -1,0 +1,100 @@
+"""Effects that change the loads on springs, against arms whose masses or level are truly others."""
+
+from __future__ import annotations
+
+import copy
+
+import armtrue
+import numpy as np
+import pytest
+from conftest import GEOMETRY, Given
+
+MODEL = [*GEOMETRY, {"effect": "joint_compliance", "joints": [2, 3]}]
+NOISE = 3e-6
+
+
+def measured(given: Given, truth: armtrue.Fit, rng: np.random.Generator) -> Given:
+    exact = truth.predict(given.data)
+    noisy = exact + rng.normal(0.0, NOISE, exact.shape)
+    return given.with_columns(**dict(zip("xyz", np.ascontiguousarray(noisy.T), strict=True)))
+
+
+def fresh_error(fit: armtrue.Fit, truth: armtrue.Fit, given: Given, rng: np.random.Generator) -> float:
+    """Mean distance [m] at poses that were not measured."""
+    columns = {}
+    for name, values in given.data.columns.items():
+        drawn = rng.permutation(values) if name.startswith("q") or name == "payload" else values
+        columns[name] = np.ascontiguousarray(drawn)
+    fresh = given.with_columns(**columns).data
+    return float(np.linalg.norm(fit.predict(fresh) - truth.predict(fresh), axis=1).mean())
+
+
+def arm_with(given: Given, **robot: object) -> armtrue.Fit:
+    """An arm with soft axes whose robot.yaml is not what its owner believes."""
+    document = copy.deepcopy(given.fit(MODEL).document)
+    for parameter in document["parameters"]:
+        if parameter["effect"] == "joint_compliance":
+            parameter["value"] = {2: 2.5e-6, 3: 4e-6}[parameter["joints"][0]]
+    document["robot"] = {**document["robot"], **robot}
+    return armtrue.Fit(document)
+
+
+@pytest.fixture
+def given(campaign) -> Given:
+    return campaign(hidden=["joint_compliance"], poses=250)
+
+
+def test_masses_that_are_not_as_stated_are_made_up_for(given):
+    rng = np.random.default_rng(11)
+    links = copy.deepcopy(given.robot.spec["links"])
+    for link in links:
+        link["mass"] *= 1.0 + 0.2 * rng.choice([-1.0, 1.0])
+        link["com"] = [float(c + rng.normal(0.0, 0.01)) for c in link["com"]]
+    truth = arm_with(given, links=links)
+    campaign = measured(given, truth, rng)
+    without = fresh_error(campaign.fit(MODEL), truth, given, np.random.default_rng(1))
+    fit = campaign.fit([*MODEL, "mass_parameters"])
+    assert fresh_error(fit, truth, given, np.random.default_rng(1)) < 3e-6 < 0.5 * without
+
+
+def test_base_that_is_not_level_is_found_with_its_tilt(given):
+    rng = np.random.default_rng(12)
+    tilt = np.array([3e-3, -2e-3, 0.0])
+    level = np.array(given.robot.spec.get("gravity", [0.0, 0.0, -9.81]))
+    truth = arm_with(given, gravity=[float(g) for g in level + np.cross(level, tilt)])
+    fit = measured(given, truth, rng).fit([*MODEL, "gravity_direction"])
+    found = {p["name"]: p for p in fit.document["parameters"] if p["effect"] == "gravity_direction"}
+    for axis, true in (("rx", tilt[0]), ("ry", tilt[1])):
+        if f"gravity_direction.{axis}" in found:
+            p = found[f"gravity_direction.{axis}"]
+            assert abs(p["value"] - true) < 4.0 * p["sigma"]
+    assert found
+    assert fresh_error(fit, truth, given, np.random.default_rng(1)) < 3e-6
+
+
+def test_loads_of_an_arm_as_stated_add_nothing(given):
+    rng = np.random.default_rng(13)
+    truth = arm_with(given)
+    fit = measured(given, truth, rng).fit([*MODEL, "mass_parameters", "gravity_direction"])
+    assert fresh_error(fit, truth, given, np.random.default_rng(1)) < 3e-6
+
+
+@pytest.mark.parametrize(
+    ("effect", "name", "value"),
+    [
+        ({"effect": "cross_compliance", "joints": [2, 3]}, "cross_compliance[2,3]", 1e-6),
+        ({"effect": "coupling_harmonics", "joints": [5, 4]}, "coupling_harmonics[5,4].sin1", 2e-4),
+        ({"effect": "axis_wobble", "joints": [1]}, "axis_wobble[1].rx_sin2", 5e-5),
+    ],
+)
+def test_coefficient_comes_back(given, effect, name, value):
+    rng = np.random.default_rng(14)
+    document = copy.deepcopy(given.fit([*MODEL, effect]).document)
+    for parameter in document["parameters"]:
+        if parameter["effect"] == effect["effect"]:
+            parameter["value"] = value if parameter["name"] == name else 0.0
+    truth = armtrue.Fit(document)
+    fit = measured(given, truth, rng).fit([*MODEL, effect])
+    found = next(p for p in fit.document["parameters"] if p["name"] == name)
+    assert abs(found["value"] - value) < 4.0 * found["sigma"]
+    assert found["sigma"] < 0.3 * value
