@@ -22,7 +22,7 @@ constexpr double kMotorFirst = 4.0;
 // A pair is no finding where one of the two explains nearly all of it alone.
 constexpr double kAlone = 0.93, kHalf = 0.5;
 
-struct Variable {
+struct StructureVariable {
   std::string name;
   int joint = 0;               // 0: none
   std::vector<double> values;  // distinct values where they are few
@@ -30,7 +30,7 @@ struct Variable {
   std::vector<double> nodes;
 };
 
-std::vector<Variable> variables_of(const State& state) {
+std::vector<StructureVariable> variables_of(const State& state) {
   std::vector<std::pair<std::string, int>> names;
   const int n = state.robot().joint_count();
   for (int k = 1; k <= n; ++k) names.emplace_back("q" + std::to_string(k), k);
@@ -41,9 +41,9 @@ std::vector<Variable> variables_of(const State& state) {
   for (int k = 1; k <= n; ++k) {
     if (state.recorded("dir" + std::to_string(k))) names.emplace_back("dir" + std::to_string(k), k);
   }
-  std::vector<Variable> result;
+  std::vector<StructureVariable> result;
   for (const auto& [name, joint] : names) {
-    Variable v{name, joint, {}, 0.0, 1.0, {}};
+    StructureVariable v{name, joint, {}, 0.0, 1.0, {}};
     std::vector<double> sorted = state.column(name);
     std::sort(sorted.begin(), sorted.end());
     if (sorted.back() - sorted.front() < 1e-9) continue;
@@ -64,13 +64,13 @@ std::vector<Variable> variables_of(const State& state) {
   return result;
 }
 
-std::string scaled(const Variable& v) {
+std::string scaled(const StructureVariable& v) {
   return "((" + v.name + " - " + Expression::number(v.middle).to_string() + ")/" +
          Expression::number(v.half).to_string() + ")";
 }
 
 // Function space of one variable: hats over quantiles, or the values themselves where they are few.
-std::vector<std::string> single_basis(const Variable& v) {
+std::vector<std::string> single_basis(const StructureVariable& v) {
   std::vector<std::string> basis;
   for (std::size_t i = 1; i < v.nodes.size(); ++i)
     basis.push_back(hat_expression(v.name, v.nodes, i));
@@ -78,8 +78,8 @@ std::vector<std::string> single_basis(const Variable& v) {
 }
 
 // Low powers of both and their products.
-std::vector<std::string> pair_basis(const Variable& a, const Variable& b) {
-  const auto powers = [](const Variable& v) {
+std::vector<std::string> pair_basis(const StructureVariable& a, const StructureVariable& b) {
+  const auto powers = [](const StructureVariable& v) {
     std::vector<std::string> result{scaled(v)};
     if (v.values.size() != 2) result.push_back(scaled(v) + "^2");
     return result;
@@ -113,11 +113,11 @@ std::vector<Where> elsewhere(int joints) {
   return result;
 }
 
-StructureFinding make_finding(const std::vector<const Variable*>& variables, const Where& where,
-                              const std::vector<std::string>& basis) {
+StructureFinding make_finding(const std::vector<const StructureVariable*>& variables,
+                              const Where& where, const std::vector<std::string>& basis) {
   StructureFinding finding;
   std::set<int> joints;
-  for (const Variable* v : variables) {
+  for (const StructureVariable* v : variables) {
     finding.variables.push_back(v->name);
     if (v->joint > 0) joints.insert(v->joint);
   }
@@ -163,8 +163,8 @@ void take_out_line(const std::vector<double>& x, std::vector<double>& y) {
 }
 
 // Whether a step explains the finding as well as its smooth function does, and where.
-bool is_step(const Scorer& scorer, const StructureFinding& finding, const Variable& variable,
-             double& at, double& height) {
+bool is_step(const Scorer& scorer, const StructureFinding& finding,
+             const StructureVariable& variable, double& at, double& height) {
   std::vector<Block> steps;
   std::vector<double> places;
   for (int i = 1; i < kStepsTried; ++i) {
@@ -188,8 +188,9 @@ bool is_step(const Scorer& scorer, const StructureFinding& finding, const Variab
 
 // The fitted function over the first variable, others at their middle, and what it looks like.
 void describe_shape(const Scorer& scorer, StructureFinding& finding,
-                    const std::vector<const Variable*>& variables, double share_alone, bool angle) {
-  const Variable& first = *variables.front();
+                    const std::vector<const StructureVariable*>& variables, double share_alone,
+                    bool angle) {
+  const StructureVariable& first = *variables.front();
   const auto& parameters = finding.block.terms.parameters;
   double largest = 0.0;
   for (int i = 0; i <= 40; ++i) {
@@ -199,7 +200,7 @@ void describe_shape(const Scorer& scorer, StructureFinding& finding,
       y += finding.score.coefficient[p] *
            parameters[p].terms.front().basis.evaluate([&](const std::string& name) {
              if (name == first.name) return x;
-             for (const Variable* v : variables) {
+             for (const StructureVariable* v : variables) {
                if (v->name == name) return v->middle + 0.5 * v->half;
              }
              return 0.0;
@@ -284,16 +285,16 @@ JointScatter along_joints(const Scorer& scorer, const Fit& fit,
 }  // namespace
 
 Structure find_structure(const Scorer& scorer, const Fit& fit, double threshold) {
-  const std::vector<Variable> variables = variables_of(fit.state());
+  const std::vector<StructureVariable> variables = variables_of(fit.state());
   const int n = fit.robot().joint_count();
   std::vector<StructureFinding> findings;
-  std::vector<std::vector<const Variable*>> used;
-  const auto offer = [&](const std::vector<const Variable*>& vs, const Where& where) {
+  std::vector<std::vector<const StructureVariable*>> used;
+  const auto offer = [&](const std::vector<const StructureVariable*>& vs, const Where& where) {
     findings.push_back(make_finding(
         vs, where, vs.size() == 1 ? single_basis(*vs[0]) : pair_basis(*vs[0], *vs[1])));
     used.push_back(vs);
   };
-  std::vector<std::vector<const Variable*>> sets;
+  std::vector<std::vector<const StructureVariable*>> sets;
   for (std::size_t a = 0; a < variables.size(); ++a) {
     sets.push_back({&variables[a]});
     for (std::size_t b = a + 1; b < variables.size(); ++b) {
@@ -311,14 +312,14 @@ Structure find_structure(const Scorer& scorer, const Fit& fit, double threshold)
   std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
     return findings[a].score.delta_bic < findings[b].score.delta_bic;
   });
-  std::vector<std::vector<const Variable*>> best_sets;
+  std::vector<std::vector<const StructureVariable*>> best_sets;
   for (const std::size_t i : order) {
     if (std::find(best_sets.begin(), best_sets.end(), used[i]) == best_sets.end())
       best_sets.push_back(used[i]);
     if (best_sets.size() == 6) break;
   }
-  for (const Variable& v : variables) {
-    const std::vector<const Variable*> set{&v};
+  for (const StructureVariable& v : variables) {
+    const std::vector<const StructureVariable*> set{&v};
     if (v.joint == 0 && std::find(best_sets.begin(), best_sets.end(), set) == best_sets.end())
       best_sets.push_back(set);
   }
