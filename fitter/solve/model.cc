@@ -98,11 +98,13 @@ std::vector<Spring> springs_of(const Model& model, int joints) {
 
 std::map<std::string, std::string> columns_needed(const Model& model, const State& state) {
   std::map<std::string, std::string> columns;
+  std::set<std::string> found;  // numbers that the fit finds stand in expressions too
+  for (const NonlinearParameter& p : model.nonlinear) found.insert(p.name);
   for (const Parameter& p : model.parameters) {
     for (const Term& term : p.terms) {
       for (const std::string& name : term.basis.variables()) {
         const auto variable = parse_variable(name, state.robot().joint_count());
-        if (!variable) continue;
+        if (!variable || found.contains(name)) continue;
         const bool is_read_back = variable->kind == VariableKind::kReadBack;
         for (const std::string& column :
              columns_of(*variable, state.robot(), state.recorded("payload"))) {

@@ -45,7 +45,8 @@ def test_part_of_a_turned_base_is_refused(campaign):
 def test_parameters_in_every_argument_of_hat_move(campaign):
     given = campaign()
     free = given.fit(GEOMETRY)
-    bump = {"left": -1.9, "centre": -1.3, "right": -0.5}
+    places = np.quantile(given.data.columns["q2"], [0.1, 0.4, 0.8])
+    bump = dict(zip(("left", "centre", "right"), map(float, places), strict=True))
     document = copy.deepcopy(free.document)
     truth = f"hat(q2, {bump['left']}, {bump['centre']}, {bump['right']})"
     document["parameters"].append(
