@@ -149,6 +149,12 @@ def test_the_catalogue_holds_every_effect_of_the_contract():
         "time_drift",
         "command_readback",
         "residual_grid",
+        "mass_parameters",
+        "gravity_direction",
+        "axis_wobble",
+        "cross_compliance",
+        "coupling_harmonics",
+        "thermal_gradient",
         "custom",
     }
     assert set(catalogue()) == contract
