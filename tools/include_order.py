@@ -17,6 +17,7 @@ ORDER = [
     ["firmware/core", "fitter/model"],
     ["firmware/storage", "firmware/replay", "fitter/effects"],
     ["firmware/canopen/protocol", "fitter/solve"],
+    ["fitter/evidence"],
     ["firmware/canopen/motion", "firmware/canopen/table", "fitter/diagnose", "fitter/export"],
     ["firmware/canopen/node", "fitter/plan"],
     ["firmware/ports/common", "fitter/python"],

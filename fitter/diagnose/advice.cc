@@ -5,7 +5,7 @@
 #include <set>
 
 #include "fitter/diagnose/diagnose.h"
-#include "fitter/diagnose/words.h"
+#include "fitter/evidence/words.h"
 
 namespace armtrue {
 namespace {

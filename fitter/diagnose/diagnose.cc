@@ -7,8 +7,8 @@
 #include <set>
 
 #include "fitter/diagnose/advice.h"
-#include "fitter/diagnose/words.h"
 #include "fitter/effects/tables.h"
+#include "fitter/evidence/words.h"
 
 namespace armtrue {
 namespace {

@@ -8,10 +8,10 @@
 #include <string>
 #include <vector>
 
-#include "fitter/diagnose/refit.h"
 #include "fitter/diagnose/spectrum.h"
 #include "fitter/diagnose/structure.h"
 #include "fitter/evidence/evidence.h"
+#include "fitter/evidence/refit.h"
 
 namespace armtrue {
 

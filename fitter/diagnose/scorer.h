@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "fitter/diagnose/block.h"
+#include "fitter/evidence/block.h"
 #include "fitter/solve/normal_equations.h"
 #include "fitter/solve/replicates.h"
 

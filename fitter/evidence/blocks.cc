@@ -6,7 +6,7 @@
 #include <map>
 #include <set>
 
-#include "fitter/diagnose/refit.h"
+#include "fitter/evidence/refit.h"
 #include "fitter/solve/dense.h"
 
 namespace armtrue {

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "fitter/diagnose/block.h"
+#include "fitter/evidence/block.h"
 #include "fitter/evidence/linearization.h"
 #include "fitter/evidence/search.h"
 

@@ -37,7 +37,7 @@ constexpr double kAboveStructure = 3.0;
 constexpr int kRobustPasses = 8;
 constexpr double kSmoothnessStart = 1e-4;  // [rad]
 constexpr int kVariancePasses = 6;
-constexpr double kSettled = 1e-3;         // of the equations
+constexpr double kSettled = 1e-3;  // of the equations
 // Springs that a fit's own terms are weighed by are found in one or two repetitions.
 constexpr int kSpringPasses = 6;
 constexpr double kSpringsStand = 1e-3;    // of the largest

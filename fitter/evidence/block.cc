@@ -1,4 +1,4 @@
-#include "fitter/diagnose/block.h"
+#include "fitter/evidence/block.h"
 
 #include <algorithm>
 #include <set>

@@ -1,4 +1,4 @@
-#include "fitter/diagnose/words.h"
+#include "fitter/evidence/words.h"
 
 #include <cstdio>
 #include <nlohmann/json.hpp>

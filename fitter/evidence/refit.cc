@@ -1,9 +1,9 @@
-#include "fitter/diagnose/refit.h"
+#include "fitter/evidence/refit.h"
 
 #include <algorithm>
 
-#include "fitter/diagnose/block.h"
-#include "fitter/diagnose/words.h"
+#include "fitter/evidence/block.h"
+#include "fitter/evidence/words.h"
 
 namespace armtrue {
 
