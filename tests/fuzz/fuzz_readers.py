@@ -19,7 +19,6 @@ with atheris.instrument_imports(include=["armtrue.io", "armtrue.errors", "yaml",
     from armtrue.errors import InputError
     from armtrue.io import Robot, load_data, load_model, load_robot
 
-from armtrue import _core
 from armtrue.fitting import Fit
 
 ROBOT = """\
