@@ -17,7 +17,7 @@ namespace {
 // than not.
 constexpr double kMoreLikelyThanNot = 0.5;
 // Where several candidates stand for one another, the first of them is at least this probable.
-constexpr double kLeastShare = 0.25;
+constexpr double kLeastShare = 0.45;
 // Below this a candidate is listed as what it is: improbable.
 constexpr double kWorthNaming = 0.02;
 // What is left is structured where noise would show as much once in a hundred thousand campaigns.

@@ -7,7 +7,7 @@ namespace armtrue {
 namespace {
 
 // A rejected row counts as a residual of this many standard deviations.
-constexpr double kBoundedResidual = 6.0;
+constexpr double kBoundedResidual = 3.0;
 
 // Nodes of a table of one joint: their columns are many and sparse.
 bool is_joint_table(const Design& design, int unknown) {

@@ -22,7 +22,10 @@ std::set<std::string> settable_columns(const Model& model, const State& state) {
         if (!variable || variable->kind == VariableKind::kReadBack) continue;
         for (const std::string& column :
              columns_of(*variable, state.robot(), state.recorded("payload"))) {
-          if (state.recorded(column)) columns.insert(column);
+          const auto read = parse_variable(column, state.robot().joint_count());
+          // A torque is measured, never set.
+          const bool is_torque = read && read->kind == VariableKind::kTorque;
+          if (!is_torque && state.recorded(column)) columns.insert(column);
         }
       }
     }

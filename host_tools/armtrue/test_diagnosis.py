@@ -30,7 +30,7 @@ def test_a_diagnosis_is_its_json_and_names_what_is_asked_most(believed):
     assert found.candidates == found["candidates"]
     lines = str(found).splitlines()
     assert lines[0] == "An effect is missing."
-    assert lines[1].startswith("gear_harmonics 3: explains ")
+    assert lines[1].startswith("gear_harmonics 3: probability ")
     assert lines[2:] == [f"– {sentence}" for sentence in found.advice]
 
 
