@@ -13,7 +13,7 @@ namespace armtrue {
 namespace {
 
 // Prior odds of a kind of effect, shared by its joints, pairs and periods (docs/decisions/0006).
-constexpr double kKindOdds = 0.12;
+constexpr double kKindOdds = 0.03;
 // Prior odds of what the owner of the arm put into the model.
 constexpr double kBelievedOdds = 3.0;
 // Root mean square displacement of the tool that one coefficient's prior allows [m]: from what is

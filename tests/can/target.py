@@ -23,6 +23,10 @@ FEEDBACK_IDS = (0x1C0, 0x1C1, 0x1C2)
 ARRIVES_WITHIN_S = 30.0
 
 
+# Drives that have said nothing for a second count as disabled: a table can be committed then.
+DRIVES_SILENT_S = 1.1
+
+
 class Target:
     """One running device between two lines. Frames are sent and awaited raw; SDO goes through our own client."""
 
@@ -153,6 +157,7 @@ class Target:
         while not self.device.is_quiet():
             assert time.monotonic() < give_up, "joint commands seem to arrive for ever"
             time.sleep(0.02)
+        time.sleep(DRIVES_SILENT_S)
 
     def configure(self, mode: int) -> None:
         """Target pairs on 0x220 …, actual positions on 0x1C0 …, mode 1 (inline) or 0, and operational."""

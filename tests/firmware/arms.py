@@ -9,6 +9,7 @@ from __future__ import annotations
 import functools
 import itertools
 import json
+import re
 import pathlib
 import tempfile
 from typing import Any
@@ -92,7 +93,8 @@ def document_of(arm: Arm, robot: dict[str, Any]) -> dict[str, Any]:
         "parameters": [
             parameter(
                 term.coordinate,
-                term.expression,
+                # A device knows gravity's torque; what a balancer takes off it is not in these arms' tables.
+                re.sub(r"\bload(\d+)", r"tau\1", term.expression),
                 term.value,
                 effect=term.effect,
                 exported=term.effect not in MEASUREMENT_EFFECTS,
