@@ -9,8 +9,8 @@ from __future__ import annotations
 import functools
 import itertools
 import json
-import re
 import pathlib
+import re
 import tempfile
 from typing import Any
 
