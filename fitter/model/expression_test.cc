@@ -160,7 +160,8 @@ TEST_F(RandomTrees, Slopes_OfTheWholeGrammar_AreThoseOfTheReference) {
     const double derivative = slope(e, "q1", kState);
     // Where the grammar's value or Jet's derivative is not finite (a pole, a root of a negative),
     // there is nothing to compare.
-    if (!std::isfinite(reference.a) || !std::isfinite(reference.v[0]) || !std::isfinite(derivative))
+    if (!std::isfinite(value(e)) || !std::isfinite(reference.a) || !std::isfinite(reference.v[0]) ||
+        !std::isfinite(derivative))
       continue;
     EXPECT_NEAR(derivative, reference.v[0], 1e-9 * std::max(1.0, std::abs(reference.v[0])))
         << e.to_string();
