@@ -8,7 +8,7 @@ import armtrue
 import numpy as np
 import pytest
 from armtrue.errors import InputError
-from conftest import GEOMETRY
+from fitting_given import GEOMETRY
 
 
 def test_tool_position_that_is_stated_is_where_the_tool_is(campaign):

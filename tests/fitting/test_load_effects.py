@@ -7,7 +7,7 @@ import copy
 import armtrue
 import numpy as np
 import pytest
-from conftest import GEOMETRY, Given
+from fitting_given import GEOMETRY, Given
 
 MODEL = [*GEOMETRY, {"effect": "joint_compliance", "joints": [2, 3]}]
 NOISE = 3e-6
