@@ -131,7 +131,11 @@ Candidate make_candidate(const Fit& fit, const EvidenceSummary& evidence, std::s
   c.request = block.request;
   const auto shape = static_cast<std::size_t>(search.shape[b]);
   const EvidenceForm& form = block.forms[static_cast<std::size_t>(block.search.shapes[shape].form)];
-  c.block = form.block;
+  // What another effect explains already says nothing of the form: alone it would have its best.
+  const auto alone = static_cast<std::size_t>(search.alone_shape[b]);
+  c.block = search.likeliest[b]
+                ? form.block
+                : block.forms[static_cast<std::size_t>(block.search.shapes[alone].form)].block;
   c.block.terms.parameters.resize(form.own);
   for (const std::string& option : find_effect(c.request.effect).searched_options()) {
     if (c.block.request.options.contains(option))

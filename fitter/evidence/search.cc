@@ -466,6 +466,7 @@ void Sampler::describe_alone(SearchResult& result) const {
     result.alone_log_bayes.push_back(log_sum(there) - c.log_weight.front() - block(b).log_odds);
     const auto best =
         static_cast<std::size_t>(std::max_element(there.begin(), there.end()) - there.begin());
+    result.alone_shape.push_back(c.choices[best + 1].shape);
     const Local local = without(b);
     const Eigen::MatrixXd w = factor(b, c.choices[best + 1]);
     const Eigen::MatrixXd inner =

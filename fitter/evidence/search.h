@@ -74,7 +74,8 @@ struct SearchResult {
   std::vector<double>
       log_bayes;         ///< by block: log evidence with it less that without, in the likeliest set
   double squares = 0.0;  ///< Σ r² that the likeliest set leaves
-  double start_squares = 0.0;  ///< Σ r² that the set leaves at which the search began
+  double start_squares = 0.0;    ///< Σ r² that the set leaves at which the search began
+  std::vector<int> alone_shape;  ///< by block: the prior shape that does best beside that set alone
   std::vector<double> alone_gain, alone_log_bayes;  ///< by block: beside that set alone
   std::vector<double>
       separability;  ///< by block: least share of a column that survives the projection, beside it
