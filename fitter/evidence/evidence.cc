@@ -99,14 +99,11 @@ EvidenceSummary weigh_evidence(Fit& fit, const Linearization& l, std::vector<Evi
     }
     const PoseWhitening whitening(l, evidence.noise);
     Eigen::MatrixXd white = found.columns;
-    Eigen::VectorXd y = model.y;
     whitening.apply(white);
-    whitening.apply(y);
     const Eigen::MatrixXd information = transpose_times(white, white);
     const ScaledCholesky factor(information + found.precision);
-    evidence.left = model.y - found.columns * factor.solve(white.transpose() * y);
     evidence.freedom =
-        std::max(1.0, static_cast<double>(y.size()) - factor.solve_matrix(information).trace());
+        std::max(1.0, static_cast<double>(white.rows()) - factor.solve_matrix(information).trace());
   }
   evidence.blocks = std::move(model.blocks);
   return evidence;

@@ -22,7 +22,6 @@ struct EvidenceSummary {
   std::vector<EvidenceBlock> blocks;
   SearchResult search;
   NoiseParts noise;      ///< at the likeliest set
-  Eigen::VectorXd left;  ///< what base and the likeliest set leave, whitened by the instrument
   double freedom = 1.0;  ///< equations less effective unknowns of base and the likeliest set
 };
 
