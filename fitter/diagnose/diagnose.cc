@@ -129,6 +129,7 @@ Candidate make_candidate(const Fit& fit, const EvidenceSummary& evidence, std::s
   const SearchResult& search = evidence.search;
   Candidate c;
   c.request = block.request;
+  c.evidence_block = b;
   const auto shape = static_cast<std::size_t>(search.shape[b]);
   const EvidenceForm& form = block.forms[static_cast<std::size_t>(block.search.shapes[shape].form)];
   // What another effect explains already says nothing of the form: alone it would have its best.
@@ -143,6 +144,7 @@ Candidate make_candidate(const Fit& fit, const EvidenceSummary& evidence, std::s
   }
   c.probability = search.inclusion[b];
   c.gain_beside = std::max(0.0, search.gain[b]);
+  c.likeliest = search.likeliest[b];
   c.parameters = c.block.terms.parameters;
   for (std::size_t i = 0; i < c.parameters.size(); ++i) {
     c.parameters[i].value = search.coefficient[b][static_cast<Eigen::Index>(i)];
@@ -210,18 +212,9 @@ bool is_part_of(const EffectRequest& a, const EffectRequest& b) {
          });
 }
 
-// Squares that `b` explains beyond what `a` does, as a share of what it explains alone.
-double share_beyond(const Scorer& scorer, const Candidate& a, const Candidate& b) {
-  Block both = a.block;
-  both.terms.parameters.insert(both.terms.parameters.end(), b.block.terms.parameters.begin(),
-                               b.block.terms.parameters.end());
-  const std::vector<BlockScore> scores = scorer.score({a.block, b.block, both});
-  return (scores[2].gain - scores[0].gain) / scores[1].gain;
-}
-
 // Alternatives to a candidate: what explains nearly as much, and nothing more once the candidate
 // has explained its part. Two effects that are both there are none.
-void name_confounded(const Scorer& scorer, std::vector<Candidate>& candidates) {
+void name_confounded(const SearchResult& search, std::vector<Candidate>& candidates) {
   for (Candidate& c : candidates) {
     if (c.delta_bic > 0.0 || (c.probability < kWorthNaming && !c.recommend)) continue;
     for (const Candidate& other : candidates) {
@@ -231,7 +224,9 @@ void name_confounded(const Scorer& scorer, std::vector<Candidate>& candidates) {
           std::find(c.confounded_with.begin(), c.confounded_with.end(), name) !=
               c.confounded_with.end())
         continue;
-      if (share_beyond(scorer, c, other) < kIndependentShare) c.confounded_with.push_back(name);
+      if (search.beyond(static_cast<Eigen::Index>(c.evidence_block),
+                        static_cast<Eigen::Index>(other.evidence_block)) < kIndependentShare)
+        c.confounded_with.push_back(name);
     }
   }
 }
@@ -285,6 +280,7 @@ void weigh(Fit& fit, const Linearization& linearization, std::vector<EvidenceBlo
   rank(d.candidates);
   describe_present(evidence, d);
   recommend(d, fit);
+  name_confounded(evidence.search, d.candidates);
 }
 
 // Shares of the squared residual as the charts draw them: of each candidate alone, all rows weighed
@@ -339,7 +335,6 @@ Diagnosis diagnose(Fit& fit, const DiagnoseOptions& options, Observer& observer)
   }
   if (d.candidates.size() > options.listed) d.candidates.resize(options.listed);
   score_alone(scorer, d.candidates);
-  name_confounded(scorer, d.candidates);
   d.scatter = scatter_along_joints(scorer, fit);
   if (d.recommended()) {
     d.verdict = Verdict::kMissingEffect;

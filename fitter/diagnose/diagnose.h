@@ -22,8 +22,10 @@ struct Candidate {
   EffectRequest request;                 ///< as it would be added
   Block block;                           ///< its columns, nonlinear parameters where they do best
   std::map<std::string, double> starts;  ///< where its nonlinear parameters do best
+  std::size_t evidence_block = 0;        ///< which of the evidence's
   double probability = 0.0;  ///< that it is present in the arm beside what the model has
   double gain_beside = 0.0;  ///< fall of Σ r² beside the likeliest set
+  bool likeliest = false;    ///< stands in that set
   BlockScore score;          ///< of it alone beside the fit
   double log10_p = 0.0;      ///< F test of it alone, corrected for the number of candidates
   bool recommend = false;

@@ -10,13 +10,16 @@ namespace {
 
 using nlohmann::json;
 
-// The same effect on several joints comes in at once where each is this probable: tables, since
-// each waits for the others to see what it explains; any effect where one refit takes long.
+// What one search was this sure of comes in without another search in between.
 constexpr double kSurely = 0.9;
+// Below this share of the squares that the greatest of a search explains, an effect may be what
+// linearising before that one came in has left: it waits for the next search.
+constexpr double kBeyondSecondOrder = 0.02;
 // What is superfluous can go without poses that were not fitted being predicted worse than by this
 // share.
 constexpr double kSameWithout = 1e-2;
-constexpr std::size_t kLargeModel = 200;  // parameters
+// Candidates of one search from which moves are taken.
+constexpr std::size_t kLookedThrough = 60;
 // Held-out errors of two models that agree by this share are equal.
 constexpr double kSameError = 1e-3;
 
@@ -35,23 +38,18 @@ json parameters_json(const Candidate& c) {
 struct Move {
   std::optional<Candidate> added;
   std::vector<EffectRequest> removed;
-
-  std::string name() const {
-    std::string text = added ? "+" + label(added->request) : "";
-    for (const EffectRequest& r : removed) text += "-" + label(r);
-    return text;
-  }
 };
 
-Candidate with_its_like(const Diagnosis& d, const Candidate& best, bool is_large) {
+bool is_table(const Candidate& c) { return find_effect(c.request.effect).generic(); }
+
+// A table of one joint comes in with those of the others that are as probable: each waits for the
+// others to see what it explains.
+Candidate with_its_like(const Diagnosis& d, const Candidate& best) {
   Candidate wide = best;
-  const Effect& effect = find_effect(best.request.effect);
-  if (effect.joint_rule() != JointRule::kEach && effect.joint_rule() != JointRule::kPair)
+  if (find_effect(best.request.effect).joint_rule() != JointRule::kEach || !is_table(best))
     return wide;
-  if (!effect.generic() && !is_large) return wide;
   for (const Candidate& c : d.candidates) {
     if (&c == &best || c.request.effect != best.request.effect || c.probability < kSurely ||
-        c.request.joints.size() != best.request.joints.size() ||
         c.request.options != best.request.options || c.request.joints == best.request.joints)
       continue;
     wide.request.joints.insert(wide.request.joints.end(), c.request.joints.begin(),
@@ -59,29 +57,34 @@ Candidate with_its_like(const Diagnosis& d, const Candidate& best, bool is_large
     wide.parameters.insert(wide.parameters.end(), c.parameters.begin(), c.parameters.end());
     wide.sigma.insert(wide.sigma.end(), c.sigma.begin(), c.sigma.end());
   }
-  if (effect.joint_rule() == JointRule::kEach)
-    std::sort(wide.request.joints.begin(), wide.request.joints.end());
+  std::sort(wide.request.joints.begin(), wide.request.joints.end());
   return wide;
 }
 
-// What the diagnosis asks for: the most probable effect in, or the least probable out. `refused`:
-// moves tried before.
-std::optional<Move> next_move(const Diagnosis& d, const std::set<std::string>& refused,
-                              bool is_large) {
+// What a search asks for, in this order: what is surely there, physical effects before tables,
+// which would swallow them; else the most probable; then what may go.
+std::vector<Move> moves_of(const Diagnosis& d) {
+  std::vector<Move> moves;
   const Candidate* best = d.recommended();
-  if (best) {
-    Move move{with_its_like(d, *best, is_large), {}};
-    if (!refused.contains(move.name())) return move;
-    for (const Candidate& c : d.candidates) {
-      Move other{c, {}};
-      if (c.probability > 0.5 && !refused.contains(other.name())) return other;
-    }
+  std::vector<const Candidate*> sure;
+  double most = 0.0;
+  for (const Candidate& c : d.candidates) {
+    if (!best || c.probability < kSurely || !c.likeliest) continue;
+    sure.push_back(&c);
+    most = std::max(most, c.gain_beside);
   }
-  for (const Superfluous& s : d.superfluous) {
-    Move move{std::nullopt, {s.request}};
-    if (!refused.contains(move.name())) return move;
+  std::erase_if(sure,
+                [&](const Candidate* c) { return c->gain_beside < kBeyondSecondOrder * most; });
+  std::stable_sort(sure.begin(), sure.end(), [](const Candidate* a, const Candidate* b) {
+    return std::pair{is_table(*a), -a->gain_beside} < std::pair{is_table(*b), -b->gain_beside};
+  });
+  for (const Candidate* c : sure) moves.push_back({with_its_like(d, *c), {}});
+  if (best) moves.push_back({with_its_like(d, *best), {}});
+  for (const Candidate& c : d.candidates) {
+    if (best && c.probability > 0.5) moves.push_back({c, {}});
   }
-  return std::nullopt;
+  for (const Superfluous& s : d.superfluous) moves.push_back({std::nullopt, {s.request}});
+  return moves;
 }
 
 ModelSpecification apply(const Fit& fit, const Move& move) {
@@ -98,16 +101,98 @@ double held_out(const Fit& fit) {
   return sum / static_cast<double>(fit.held_out_errors().size());
 }
 
-RefineStep make_step(const std::shared_ptr<Fit>& fit, Move move,
-                     const std::set<std::string>& searched, Observer& observer) {
-  RefineStep step;
-  step.fit = fit;
-  step.added = std::move(move.added);
-  step.removed = std::move(move.removed);
-  DiagnoseOptions diagnose_options;
-  diagnose_options.searched = searched;
-  step.diagnosis = diagnose(*fit, diagnose_options, observer);
-  return step;
+// What the search said, of a model in which one of its sure effects has come in: its probabilities
+// are averages over models that nearly all have that effect.
+Diagnosis with_added(const Diagnosis& searched, const Candidate& added) {
+  Diagnosis d = searched;
+  const std::vector<int>& joints = added.request.joints;
+  std::erase_if(d.candidates, [&](const Candidate& c) {
+    const bool of_a_joint = find_effect(c.request.effect).joint_rule() == JointRule::kEach;
+    return c.request.effect == added.request.effect && c.request.options == added.request.options &&
+           (c.request.joints == joints ||
+            (of_a_joint && std::ranges::all_of(c.request.joints, [&](int k) {
+               return std::ranges::find(joints, k) != joints.end();
+             })));
+  });
+  for (Candidate& c : d.candidates) c.recommend = false;
+  const auto next = std::ranges::find_if(
+      d.candidates, [](const Candidate& c) { return c.likeliest && c.probability >= kSurely; });
+  if (next != d.candidates.end()) next->recommend = true;
+  return d;
+}
+
+class Refinement {
+ public:
+  Refinement(std::shared_ptr<Fit> fit, const RefineOptions& options, Observer& observer)
+      : options_(options), observer_(observer), initial_(removable_effects(*fit)) {
+    steps_.push_back({std::nullopt, {}, diagnose_now(*fit), fit});
+    tried_.insert(fit->specification().to_json().dump());
+  }
+
+  std::vector<RefineStep> run() {
+    while (one_round()) steps_.back().diagnosis = diagnose_now(*steps_.back().fit);
+    show();
+    return std::move(steps_);
+  }
+
+ private:
+  Diagnosis diagnose_now(Fit& fit) const;
+  bool one_round();
+  std::shared_ptr<Fit> try_move(const Move& move);
+  void show() {
+    if (options_.on_step) options_.on_step(steps_.back());
+  }
+
+  const RefineOptions& options_;
+  Observer& observer_;
+  std::vector<EffectRequest> initial_;
+  std::vector<RefineStep> steps_;
+  std::set<std::string> tried_;  // models: none is fitted twice, so the search ends
+};
+
+Diagnosis Refinement::diagnose_now(Fit& fit) const {
+  DiagnoseOptions options;
+  options.listed = kLookedThrough;
+  for (const EffectRequest& request : removable_effects(fit))
+    options.searched.insert(label(request));
+  for (const EffectRequest& request : initial_) options.searched.erase(label(request));
+  return diagnose(fit, options, observer_);
+}
+
+// The fit after a move; none where it was tried before, cannot be, or unseen poses are predicted
+// worse.
+std::shared_ptr<Fit> Refinement::try_move(const Move& move) {
+  const Fit& fit = *steps_.back().fit;
+  const ModelSpecification specification = apply(fit, move);
+  if (!tried_.insert(specification.to_json().dump()).second) return nullptr;
+  std::shared_ptr<Fit> changed;
+  try {
+    changed = refit(fit, specification,
+                    move.added ? move.added->starts : std::map<std::string, double>{});
+  } catch (const ModelError&) {
+    return nullptr;
+  }
+  const double worse = move.added ? kSameError : kSameWithout;
+  return held_out(*changed) > held_out(fit) + worse ? nullptr : changed;
+}
+
+// What one search asks for, until a move that it is not sure of was made. False where no move was.
+bool Refinement::one_round() {
+  const Diagnosis searched = steps_.back().diagnosis;
+  bool moved = false;
+  for (const Move& move : moves_of(searched)) {
+    if (static_cast<int>(steps_.size()) > options_.most_steps) return moved;
+    const bool sure = move.added && move.added->likeliest && move.added->probability >= kSurely;
+    if (moved && !sure) return true;
+    const std::shared_ptr<Fit> changed = try_move(move);
+    if (!changed) continue;
+    show();
+    const Diagnosis& before = steps_.back().diagnosis;
+    Diagnosis now = move.added ? with_added(before, *move.added) : before;
+    steps_.push_back({move.added, move.removed, std::move(now), changed});
+    moved = true;
+  }
+  return moved;
 }
 
 }  // namespace
@@ -135,37 +220,7 @@ json RefineStep::document() const {
 
 std::vector<RefineStep> refine(std::shared_ptr<Fit> fit, const RefineOptions& options,
                                Observer& observer) {
-  std::vector<RefineStep> steps;
-  std::set<std::string> refused;
-  const auto show = [&](RefineStep step) {
-    steps.push_back(std::move(step));
-    if (options.on_step) options.on_step(steps.back());
-  };
-  show(make_step(fit, {}, {}, observer));
-  const std::vector<EffectRequest> initial = removable_effects(*fit);
-  const auto searched = [&] {
-    std::set<std::string> labels;
-    for (const EffectRequest& request : removable_effects(*fit)) labels.insert(label(request));
-    for (const EffectRequest& request : initial) labels.erase(label(request));
-    return labels;
-  };
-  while (static_cast<int>(steps.size()) <= options.most_steps) {
-    const std::optional<Move> move =
-        next_move(steps.back().diagnosis, refused, fit->model().parameters.size() > kLargeModel);
-    if (!move) break;
-    refused.insert(move->name());  // no move twice: a search that returns would never end
-    std::shared_ptr<Fit> changed;
-    try {
-      changed = refit(*fit, apply(*fit, *move),
-                      move->added ? move->added->starts : std::map<std::string, double>{});
-    } catch (const ModelError&) {
-      continue;
-    }
-    if (held_out(*changed) > held_out(*fit) + (move->added ? kSameError : kSameWithout)) continue;
-    fit = changed;
-    show(make_step(fit, *move, searched(), observer));
-  }
-  return steps;
+  return Refinement(std::move(fit), options, observer).run();
 }
 
 }  // namespace armtrue

@@ -221,7 +221,7 @@ Eigen::MatrixXd compress(const Eigen::MatrixXd& columns, std::vector<PriorShape>
   if (columns.cols() <= kWide) return columns;
   const Eigen::VectorXd norm = columns.colwise().norm().cwiseMax(1e-300);
   const Eigen::MatrixXd unit = columns * norm.cwiseInverse().asDiagonal();
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(transpose_times(unit, unit));
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(square(unit));
   const Eigen::Index kept =
       (eigen.eigenvalues().array() > kSpanned * eigen.eigenvalues().maxCoeff()).count();
   const Eigen::MatrixXd vectors = eigen.eigenvectors().rightCols(kept);

@@ -11,9 +11,10 @@ namespace {
 // comes down from broad parts, since a search that begins with small ones explains the noise and
 // then measures none.
 constexpr int kRounds = 3;
-constexpr int kNoiseSteps = 12, kFewNoiseSteps = 4;
-constexpr Eigen::Index kWideSet = 200;      // columns: steps take long
-constexpr Eigen::Index kWideProblem = 800;  // columns
+constexpr int kNoiseSteps = 12;
+constexpr int kFewNoiseSteps = 4, kLastNoiseSteps = 2;  // of wide sets
+constexpr Eigen::Index kWideSet = 200;                  // columns: steps take long
+constexpr Eigen::Index kWideProblem = 800;              // columns
 
 struct Projected {
   SearchProblem problem;
@@ -26,7 +27,7 @@ Projected project(const EvidenceModel& model, const PoseWhitening& whitening) {
   Eigen::MatrixXd all(model.y.size(), base + width + 1);
   all << model.base, model.columns, model.y;
   whitening.apply(all);
-  const Eigen::MatrixXd products = transpose_times(all, all);
+  const Eigen::MatrixXd products = square(all);
   Projected result;
   const Eigen::MatrixXd information = products.topLeftCorner(base, base);
   const ScaledCholesky factor(information + model.base_precision);
@@ -34,7 +35,7 @@ Projected project(const EvidenceModel& model, const PoseWhitening& whitening) {
   cross.col(width) -= model.base_pull;
   const Eigen::MatrixXd half = factor.half_solve(cross);
   SearchProblem& p = result.problem;
-  const Eigen::MatrixXd taken = transpose_times(half, half);
+  const Eigen::MatrixXd taken = square(half);
   p.gram = products.block(base, base, width, width) - taken.topLeftCorner(width, width);
   p.whole = products.diagonal().segment(base, width);
   p.gradient = products.block(base, base + width, width, 1) - taken.block(0, width, width, 1);
@@ -90,8 +91,10 @@ EvidenceSummary weigh_evidence(Fit& fit, const Linearization& l, std::vector<Evi
     if (!last) search.burn_in = 0;
     evidence.search = search_blocks(projected.problem, search);
     const Found found = found_columns(model, evidence.search);
-    evidence.noise = estimate_noise(l, found.columns, found.precision, model.y, evidence.noise,
-                                    found.columns.cols() > kWideSet ? kFewNoiseSteps : kNoiseSteps);
+    const bool wide = found.columns.cols() > kWideSet;
+    const int steps = !wide ? kNoiseSteps : last ? kLastNoiseSteps : kFewNoiseSteps;
+    evidence.noise =
+        estimate_noise(l, found.columns, found.precision, model.y, evidence.noise, steps);
     if (!last) {
       refine_forms(fit, model.blocks, evidence.search);
       model = make_evidence_model(fit, l, std::move(model.blocks));
@@ -100,7 +103,7 @@ EvidenceSummary weigh_evidence(Fit& fit, const Linearization& l, std::vector<Evi
     const PoseWhitening whitening(l, evidence.noise);
     Eigen::MatrixXd white = found.columns;
     whitening.apply(white);
-    const Eigen::MatrixXd information = transpose_times(white, white);
+    const Eigen::MatrixXd information = square(white);
     const ScaledCholesky factor(information + found.precision);
     evidence.freedom =
         std::max(1.0, static_cast<double>(white.rows()) - factor.solve_matrix(information).trace());

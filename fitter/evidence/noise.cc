@@ -77,10 +77,19 @@ PoseWhitening::PoseWhitening(const Linearization& linearization, const NoisePart
 }
 
 void PoseWhitening::apply(Eigen::Ref<Eigen::MatrixXd> columns) const {
-  Eigen::MatrixXd own;
-  for (const Block& block : blocks_) {
-    own = columns(block.equations, Eigen::all);
-    columns(block.equations, Eigen::all) = block.inverse_root.triangularView<Eigen::Lower>() * own;
+  Eigen::VectorXd own;
+  for (Eigen::Index c = 0; c < columns.cols(); ++c) {
+    double* column = columns.col(c).data();
+    for (const Block& block : blocks_) {
+      const auto size = static_cast<Eigen::Index>(block.equations.size());
+      own.resize(size);
+      for (Eigen::Index e = 0; e < size; ++e)
+        own[e] = column[block.equations[static_cast<std::size_t>(e)]];
+      for (Eigen::Index e = 0; e < size; ++e) {
+        column[block.equations[static_cast<std::size_t>(e)]] =
+            block.inverse_root.row(e).head(e + 1).dot(own.head(e + 1));
+      }
+    }
   }
 }
 
@@ -98,48 +107,103 @@ NoiseParts broad_noise(const Linearization& l, const Eigen::VectorXd& residual) 
   return parts;
 }
 
+namespace {
+
+// What the restricted likelihood compares for every part: reading, joints, pose.
+struct Score {
+  std::vector<double> above, below;
+};
+
+// The equations of a pose stand side by side, so that its share of a matrix is one piece of memory.
+class RestrictedLikelihood {
+ public:
+  RestrictedLikelihood(const Linearization& l, const Eigen::MatrixXd& columns,
+                       const Eigen::MatrixXd& precision, const Eigen::VectorXd& y)
+      : l_(l), precision_(precision), poses_(parts_of_poses(l)) {
+    std::vector<Eigen::Index> order;
+    for (const PoseParts& pose : poses_)
+      order.insert(order.end(), pose.equations.begin(), pose.equations.end());
+    across_ = columns(order, Eigen::all).transpose();
+    y_ = y(order);
+  }
+
+  Score score(const NoiseParts& parts) const;
+
+ private:
+  const Linearization& l_;
+  const Eigen::MatrixXd& precision_;
+  std::vector<PoseParts> poses_;
+  Eigen::MatrixXd across_;  // unknowns × equations
+  Eigen::VectorXd y_;
+};
+
+Score RestrictedLikelihood::score(const NoiseParts& parts) const {
+  const PoseWhitening whitening(l_, parts);
+  Eigen::MatrixXd white(across_.rows(), across_.cols());
+  Eigen::VectorXd left(y_.size());
+  Eigen::Index at = 0;
+  for (const PoseWhitening::Block& block : whitening.blocks()) {
+    const auto size = static_cast<Eigen::Index>(block.equations.size());
+    const auto root = block.inverse_root.triangularView<Eigen::Lower>();
+    white.middleCols(at, size).noalias() =
+        across_.middleCols(at, size).lazyProduct(block.inverse_root.transpose());
+    left.segment(at, size) = root * y_.segment(at, size);
+    at += size;
+  }
+  const ScaledCholesky factor(precision_ + square_across(white));
+  left -= white.transpose() * factor.solve(white * left);
+
+  // The sums that the steps compare are averages over poses: some hundreds of them say as much as
+  // all.
+  const std::size_t stride = std::max<std::size_t>(1, poses_.size() / kPosesLookedAt);
+  std::vector<Eigen::Index> looked_at;
+  at = 0;
+  for (std::size_t g = 0; g < poses_.size(); ++g) {
+    const auto size = static_cast<Eigen::Index>(poses_[g].equations.size());
+    for (Eigen::Index e = 0; e < size && g % stride == 0; ++e) looked_at.push_back(at + e);
+    at += size;
+  }
+  const Eigen::MatrixXd half = factor.half_solve(white(Eigen::all, looked_at));
+  const Eigen::VectorXd seen = left(looked_at);
+  Score score{std::vector<double>(parts.joint.size() + 2, 0.0), {}};
+  score.below = score.above;
+  at = 0;
+  for (std::size_t g = 0; g < poses_.size(); g += stride) {
+    const PoseParts& pose = poses_[g];
+    const auto size = static_cast<Eigen::Index>(pose.equations.size());
+    const Eigen::MatrixXd known = half.middleCols(at, size).transpose() * half.middleCols(at, size);
+    const Eigen::VectorXd own = seen.segment(at, size);
+    const auto root = whitening.blocks()[g].inverse_root.triangularView<Eigen::Lower>();
+    const auto add = [&](std::size_t part, const Eigen::MatrixXd& z) {
+      const Eigen::MatrixXd white_z = root * z;
+      score.above[part] += (white_z.transpose() * own).squaredNorm();
+      score.below[part] += white_z.squaredNorm() -
+                           (white_z.transpose() * known).cwiseProduct(white_z.transpose()).sum();
+    };
+    add(0, Eigen::MatrixXd::Identity(size, size));
+    for (std::size_t k = 0; k < pose.joint.size(); ++k) {
+      if (parts.joint[k] > 0.0) add(k + 1, pose.joint[k]);
+    }
+    if (parts.pose) add(parts.joint.size() + 1, pose.shared);
+    at += size;
+  }
+  return score;
+}
+
+}  // namespace
+
 NoiseParts estimate_noise(const Linearization& l, const Eigen::MatrixXd& columns,
                           const Eigen::MatrixXd& precision, const Eigen::VectorXd& y,
                           const NoiseParts& start, int steps) {
-  const std::vector<PoseParts> poses = parts_of_poses(l);
+  const RestrictedLikelihood likelihood(l, columns, precision, y);
   NoiseParts parts = start;
   parts.joint.resize(static_cast<std::size_t>(l.layout.joints), 0.0);
-  // The sums that the steps compare are averages over poses: some hundreds of them say as much as
-  // all.
-  const std::size_t stride = std::max<std::size_t>(1, poses.size() / kPosesLookedAt);
   for (int step = 0; step < steps; ++step) {
-    const PoseWhitening whitening(l, parts);
-    Eigen::MatrixXd x = columns;
-    Eigen::VectorXd white = y;
-    whitening.apply(x);
-    whitening.apply(white);
-    Eigen::MatrixXd information = precision + transpose_times(x, x);
-    const ScaledCholesky factor(information);
-    const Eigen::Index width = x.cols();
-    const Eigen::MatrixXd half = factor.half_solve(Eigen::MatrixXd::Identity(width, width));
-    const Eigen::VectorXd left = white - x * (half.transpose() * (half * (x.transpose() * white)));
-    const Eigen::MatrixXd turned = half.transpose();
-    const std::size_t count = parts.joint.size() + 2;
-    std::vector<double> above(count, 0.0), below(count, 0.0);
-    for (std::size_t g = 0; g < poses.size(); g += stride) {
-      const PoseParts& pose = poses[g];
-      const PoseWhitening::Block& block = whitening.blocks()[g];
-      const Eigen::MatrixXd u = x(pose.equations, Eigen::all) * turned;
-      const Eigen::VectorXd r = left(pose.equations);
-      const auto add = [&](std::size_t part, const Eigen::MatrixXd& z) {
-        const Eigen::MatrixXd zw = block.inverse_root.triangularView<Eigen::Lower>() * z;
-        above[part] += (zw.transpose() * r).squaredNorm();
-        below[part] += zw.squaredNorm() - (u.transpose() * zw).squaredNorm();
-      };
-      const auto size = static_cast<Eigen::Index>(pose.equations.size());
-      add(0, Eigen::MatrixXd::Identity(size, size));
-      for (std::size_t k = 0; k < pose.joint.size(); ++k) {
-        if (parts.joint[k] > 0.0) add(k + 1, pose.joint[k]);
-      }
-      if (parts.pose) add(count - 1, pose.shared);
-    }
+    const Score score = likelihood.score(parts);
     const auto factor_of = [&](std::size_t part) {
-      return below[part] > 0.0 ? std::pow(above[part] / below[part], kStepExponent) : 0.0;
+      return score.below[part] > 0.0
+                 ? std::pow(score.above[part] / score.below[part], kStepExponent)
+                 : 0.0;
     };
     parts.reading *= factor_of(0);
     for (std::size_t k = 0; k < parts.joint.size(); ++k) {
@@ -149,7 +213,7 @@ NoiseParts estimate_noise(const Linearization& l, const Eigen::MatrixXd& columns
       if (parts.joint[k] * parts.joint[k] * reach < kNone * parts.reading * parts.reading)
         parts.joint[k] = 0.0;
     }
-    if (parts.pose) *parts.pose *= factor_of(count - 1);
+    if (parts.pose) *parts.pose *= factor_of(parts.joint.size() + 1);
   }
   return parts;
 }

@@ -27,6 +27,8 @@ constexpr double kPromising = -4.0;
 // Updates of the Gram matrix after which it is built anew, so that rounding does not add up.
 constexpr int kUpdatesBeforeRebuild = 400;
 constexpr double kLeastRise = 1e-6;
+// What explains less than this share of what another block does is no alternative to it.
+constexpr double kComparable = 0.8;
 constexpr int kLargestUpdateByEigen = 8;  // columns; wider products go to the BLAS
 
 // Taking an update back loses as many digits as the data know better than the prior, twice.
@@ -125,6 +127,8 @@ class Sampler {
   double log_posterior() const;
   void remember();
   void describe_alone(SearchResult& result) const;
+  Eigen::MatrixXd beyond_each_other(const std::vector<Eigen::MatrixXd>& alone,
+                                    const SearchResult& result) const;
   void describe(SearchResult& result);
 
   const SearchProblem& problem_;
@@ -160,8 +164,7 @@ void Sampler::update(const Eigen::MatrixXd& columns, const Eigen::MatrixXd& kern
   if (half.cols() <= kLargestUpdateByEigen) {
     gram_.noalias() += sign * (half * half.transpose());
   } else {
-    const Eigen::MatrixXd across = half.transpose();
-    gram_ += sign * transpose_times(across, across);
+    gram_ += sign * square_across(half);
   }
   gradient_ += sign * (columns * (kernel * step));
   ++updates_;
@@ -263,7 +266,7 @@ Sampler::Local Sampler::without_from_the_start(std::size_t b) const {
   Eigen::MatrixXd both(size, own.width + 1);
   both << across, along;
   const Eigen::MatrixXd half = root.half_solve(both);
-  const Eigen::MatrixXd taken = transpose_times(half, half);
+  const Eigen::MatrixXd taken = square(half);
   return {problem_.gram.block(own.first, own.first, own.width, own.width) -
               taken.topLeftCorner(own.width, own.width),
           problem_.gradient.segment(own.first, own.width) - taken.block(0, own.width, own.width, 1),
@@ -460,6 +463,7 @@ void Sampler::exchange() {
 // Every block beside the set that stands now.
 void Sampler::describe_alone(SearchResult& result) const {
   result.start_squares = squares_;
+  std::vector<Eigen::MatrixXd> alone;
   for (std::size_t b = 0; b < state_.size(); ++b) {
     const Conditional c = conditional(b);
     const std::vector<double> there(c.log_weight.begin() + 1, c.log_weight.end());
@@ -473,6 +477,7 @@ void Sampler::describe_alone(SearchResult& result) const {
         Eigen::MatrixXd::Identity(w.cols(), w.cols()) + w.transpose() * local.gram * w;
     const Eigen::VectorXd along = w.transpose() * local.gradient;
     result.alone_gain.push_back(along.dot(inner.llt().solve(along)));
+    alone.push_back(w);
     double least = 1.0;
     for (Eigen::Index c2 = 0; c2 < block(b).width; ++c2) {
       const double before = problem_.whole[block(b).first + c2];
@@ -480,6 +485,44 @@ void Sampler::describe_alone(SearchResult& result) const {
     }
     result.separability.push_back(least);
   }
+  result.beyond = beyond_each_other(alone, result);
+}
+
+// Every two that pay and explain about as much: they may stand for one another.
+Eigen::MatrixXd Sampler::beyond_each_other(const std::vector<Eigen::MatrixXd>& alone,
+                                           const SearchResult& result) const {
+  const auto count = static_cast<Eigen::Index>(alone.size());
+  Eigen::MatrixXd beyond = Eigen::MatrixXd::Ones(count, count);
+  for (std::size_t a = 0; a < alone.size(); ++a) {
+    if (state_[a].is_present() || result.alone_log_bayes[a] <= 0.0) continue;
+    const SearchBlock& first = block(a);
+    const Eigen::MatrixXd own = alone[a].transpose() *
+                                gram_.block(first.first, first.first, first.width, first.width) *
+                                alone[a];
+    const Eigen::LLT<Eigen::MatrixXd> root(Eigen::MatrixXd::Identity(own.rows(), own.cols()) + own);
+    const Eigen::VectorXd along_own =
+        root.matrixL().solve(alone[a].transpose() * gradient_.segment(first.first, first.width));
+    for (std::size_t b = 0; b < alone.size(); ++b) {
+      if (a == b || state_[b].is_present() || result.alone_log_bayes[b] <= 0.0 ||
+          result.alone_gain[b] < kComparable * result.alone_gain[a])
+        continue;
+      const SearchBlock& other = block(b);
+      const Eigen::MatrixXd cross = root.matrixL().solve(
+          alone[a].transpose() * gram_.block(first.first, other.first, first.width, other.width) *
+          alone[b]);
+      Eigen::MatrixXd inner = alone[b].transpose() *
+                              gram_.block(other.first, other.first, other.width, other.width) *
+                              alone[b];
+      inner.diagonal().array() += 1.0;
+      inner -= cross.transpose() * cross;
+      const Eigen::VectorXd along =
+          alone[b].transpose() * gradient_.segment(other.first, other.width) -
+          cross.transpose() * along_own;
+      beyond(static_cast<Eigen::Index>(a), static_cast<Eigen::Index>(b)) =
+          along.dot(inner.llt().solve(along)) / result.alone_gain[b];
+    }
+  }
+  return beyond;
 }
 
 void Sampler::describe(SearchResult& result) {

@@ -77,6 +77,9 @@ struct SearchResult {
   double start_squares = 0.0;    ///< Σ r² that the set leaves at which the search began
   std::vector<int> alone_shape;  ///< by block: the prior shape that does best beside that set alone
   std::vector<double> alone_gain, alone_log_bayes;  ///< by block: beside that set alone
+  /// (a, b): share of what b explains alone beside that set that it still explains beside a; only
+  /// where both pay, else 1.
+  Eigen::MatrixXd beyond;
   std::vector<double>
       separability;  ///< by block: least share of a column that survives the projection, beside it
   /// Prior factors c = W u of the likeliest set, one for each block of it (for what comes after the

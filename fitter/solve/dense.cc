@@ -12,6 +12,12 @@ void dgemm_(const char* turn_a, const char* turn_b, const int* rows, const int* 
             const int* depth, const double* alpha, const double* a, const int* stride_a,
             const double* b, const int* stride_b, const double* beta, double* c,
             const int* stride_c);
+void dsyrk_(const char* part, const char* turn, const int* size, const int* depth,
+            const double* alpha, const double* a, const int* stride_a, const double* beta,
+            double* c, const int* stride_c);
+void dtrsm_(const char* side, const char* part, const char* turn, const char* unit, const int* rows,
+            const int* columns, const double* alpha, const double* a, const int* stride_a,
+            double* b, const int* stride_b);
 // Only where the BLAS is OpenBLAS.
 __attribute__((weak)) void openblas_set_num_threads(int threads);
 }
@@ -28,7 +34,46 @@ void be_single_threaded() {
   static_cast<void>(done);
 }
 
+Eigen::MatrixXd symmetric_product(const char* turn, const Eigen::Ref<const Eigen::MatrixXd>& a,
+                                  Eigen::Index size, Eigen::Index depth) {
+  be_single_threaded();
+  Eigen::MatrixXd result = Eigen::MatrixXd::Zero(size, size);
+  if (size == 0 || depth == 0) return result;
+  const int n = static_cast<int>(size), k = static_cast<int>(depth);
+  const int stride = static_cast<int>(a.outerStride());
+  const double one = 1.0, zero = 0.0;
+  dsyrk_("L", turn, &n, &k, &one, a.data(), &stride, &zero, result.data(), &n);
+  result.triangularView<Eigen::StrictlyUpper>() = result.transpose();
+  return result;
+}
+
+void solve_triangle(const char* turn, const Eigen::MatrixXd& factor,
+                    Eigen::Ref<Eigen::MatrixXd> right) {
+  be_single_threaded();
+  if (right.size() == 0) return;
+  const int rows = static_cast<int>(right.rows()), columns = static_cast<int>(right.cols());
+  const int stride = static_cast<int>(right.outerStride());
+  const double one = 1.0;
+  dtrsm_("L", "L", turn, "N", &rows, &columns, &one, factor.data(), &rows, right.data(), &stride);
+}
+
 }  // namespace
+
+Eigen::MatrixXd square(const Eigen::Ref<const Eigen::MatrixXd>& a) {
+  return symmetric_product("T", a, a.cols(), a.rows());
+}
+
+Eigen::MatrixXd square_across(const Eigen::Ref<const Eigen::MatrixXd>& a) {
+  return symmetric_product("N", a, a.rows(), a.cols());
+}
+
+void solve_lower(const Eigen::MatrixXd& factor, Eigen::Ref<Eigen::MatrixXd> right) {
+  solve_triangle("N", factor, right);
+}
+
+void solve_lower_transposed(const Eigen::MatrixXd& factor, Eigen::Ref<Eigen::MatrixXd> right) {
+  solve_triangle("T", factor, right);
+}
 
 bool factorise_cholesky(Eigen::MatrixXd& lower) {
   be_single_threaded();

@@ -18,6 +18,16 @@ void invert_cholesky(Eigen::MatrixXd& lower);
 /// Eigenvalues of a symmetric matrix of which the lower triangle is read, rising (LAPACK dsyevd).
 Eigen::VectorXd symmetric_eigenvalues(Eigen::MatrixXd lower);
 
+/// aᵀ a, both triangles (BLAS dsyrk).
+Eigen::MatrixXd square(const Eigen::Ref<const Eigen::MatrixXd>& a);
+
+/// a aᵀ, both triangles (BLAS dsyrk).
+Eigen::MatrixXd square_across(const Eigen::Ref<const Eigen::MatrixXd>& a);
+
+/// right ← L⁻¹ right, or L⁻ᵀ right, of a factor's lower triangle (BLAS dtrsm).
+void solve_lower(const Eigen::MatrixXd& factor, Eigen::Ref<Eigen::MatrixXd> right);
+void solve_lower_transposed(const Eigen::MatrixXd& factor, Eigen::Ref<Eigen::MatrixXd> right);
+
 /// aᵀ b (BLAS dgemm).
 Eigen::MatrixXd transpose_times(const Eigen::Ref<const Eigen::MatrixXd>& a,
                                 const Eigen::Ref<const Eigen::MatrixXd>& b);

@@ -36,6 +36,8 @@ constexpr double kLargestGrossShare = 0.1;
 constexpr double kAboveStructure = 3.0;
 constexpr int kRobustPasses = 8;
 constexpr double kSmoothnessStart = 1e-4;  // [rad]
+// The smoothness of tables is chosen anew where the noise has changed by more than this share.
+constexpr double kSameNoise = 0.05;
 constexpr int kVariancePasses = 6;
 constexpr double kSettled = 1e-3;  // of the equations
 // Springs that a fit's own terms are weighed by are found in one or two repetitions.
@@ -256,9 +258,25 @@ bool Fit::smooth() const {
                      [](const Penalty& p) { return p.smoothness; });
 }
 
+// True where the same tables were as smooth beside a noise that hardly differed.
+bool Fit::smoothness_stands() const {
+  if (!options_.start || options_.start->smoothness_sigma <= 0.0) return false;
+  const double change = measurements_.typical_sigma / options_.start->smoothness_noise;
+  return std::abs(change - 1.0) < kSameNoise &&
+         std::ranges::all_of(model_.parameters, [&](const Parameter& p) {
+           return p.terms.empty() || !p.terms.front().table ||
+                  options_.start->values.contains(p.name);
+         });
+}
+
 void Fit::choose_smoothness() {
   if (!smooth() || options_.smoothness_sigma) return;
+  if (smoothness_stands()) {
+    smoothness_noise_ = options_.start->smoothness_noise;
+    return;
+  }
   smoothness_sigma_ = likeliest_smoothness(*design_, smoothnesses());
+  smoothness_noise_ = measurements_.typical_sigma;
 }
 
 bool Fit::find_gross_errors() {
@@ -286,6 +304,10 @@ bool Fit::find_gross_errors() {
 
 StartPoint Fit::start_point() const {
   StartPoint start{prepared_, {}, kinematics_->base(), {}, context_->springs};
+  if (smooth()) {
+    start.smoothness_sigma = smoothness_sigma_;
+    start.smoothness_noise = smoothness_noise_;
+  }
   for (const Parameter& p : model_.parameters) start.values[p.name] = p.value;
   for (int t = 0; t < measurements_.targets; ++t)
     start.flange_from_tool.push_back(kinematics_->tool(t));
@@ -318,8 +340,8 @@ void Fit::begin_at(const StartPoint& start) {
   design_->set_values(values);
 }
 
-void Fit::solve_from_here() {
-  summary_ = solve(*design_, smoothness_sigma_);
+void Fit::solve_from_here(Accuracy accuracy) {
+  summary_ = solve(*design_, smoothness_sigma_, accuracy);
   solver_iterations_ += summary_.iterations;
 }
 
@@ -338,7 +360,10 @@ void Fit::solve_from_anywhere() {
 }
 
 void Fit::solve_robustly() {
-  smoothness_sigma_ = options_.smoothness_sigma.value_or(kSmoothnessStart);
+  const bool begun = options_.start && options_.start->smoothness_sigma > 0.0;
+  const double first_smoothness = options_.smoothness_sigma.value_or(
+      begun ? options_.start->smoothness_sigma : kSmoothnessStart);
+  smoothness_sigma_ = first_smoothness;
   // Bumps are kept out of the very first step already, where alignment shows them.
   const std::vector<double>& aligned = prepared_->alignment.residual_m;
   const double limit = std::max(kGrossError * median(aligned) / kMedianChi3,
@@ -378,12 +403,12 @@ void Fit::solve_robustly() {
   choose_kept();
   solve_from_here();
   choose_smoothness();
-  if (smoothness_sigma_ != options_.smoothness_sigma.value_or(kSmoothnessStart)) {
+  if (smoothness_sigma_ != first_smoothness) {
     solve_from_here();
     rescale_noise();
-    solve_from_here();
   }
-  if (options_.reject_gross_errors && find_gross_errors()) solve_from_here();
+  solve_from_here(Accuracy::kFull);
+  if (options_.reject_gross_errors && find_gross_errors()) solve_from_here(Accuracy::kFull);
   if (!summary_.converged) warnings_.push_back("the solver did not converge: " + summary_.message);
 }
 

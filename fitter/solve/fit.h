@@ -36,6 +36,8 @@ struct StartPoint {
   Pose measuring_from_base = Pose::Identity();
   std::vector<Pose> flange_from_tool;  ///< by target
   std::vector<Spring> springs{};
+  double smoothness_sigma = 0.0;  ///< of tables; 0: none stand in the model
+  double smoothness_noise = 0.0;  ///< noise of a reading where that smoothness was chosen [m]
 };
 
 struct FitOptions {
@@ -128,9 +130,10 @@ class Fit {
                                        const FitOptions& options, Observer& observer);
   void begin();
   void rescale_noise();
+  bool smoothness_stands() const;
   void choose_smoothness();
   void begin_at(const StartPoint& start);
-  void solve_from_here();
+  void solve_from_here(Accuracy accuracy = Accuracy::kOnTheWay);
   void solve_from_anywhere();
   void solve_robustly();
   bool find_gross_errors();
@@ -159,6 +162,7 @@ class Fit {
   SolveSummary summary_;
   int solver_iterations_ = 0;
   double smoothness_sigma_ = 1e-4;
+  double smoothness_noise_ = 0.0;
   double noise_scale_ = 1.0;
   NoiseFloor noise_floor_;
   Eigen::MatrixXd covariance_;

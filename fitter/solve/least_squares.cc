@@ -177,7 +177,7 @@ class LinearRow final : public ceres::CostFunction {
   double target_;
 };
 
-ceres::Solver::Options solver_options() {
+ceres::Solver::Options solver_options(Accuracy accuracy) {
   ceres::Solver::Options options;
   options.trust_region_strategy_type = ceres::LEVENBERG_MARQUARDT;
   // Starts as a plain Gauss–Newton step: alignment leaves millimetres, where the problem is nearly
@@ -185,7 +185,7 @@ ceres::Solver::Options solver_options() {
   options.initial_trust_region_radius = 1e12;
   options.max_trust_region_radius = 1e16;
   options.max_num_iterations = 50;
-  options.function_tolerance = 1e-9;
+  options.function_tolerance = accuracy == Accuracy::kFull ? 1e-9 : 1e-3;
   options.gradient_tolerance = 1e-12;
   options.parameter_tolerance = 1e-9;
   options.logging_type = ceres::SILENT;
@@ -210,12 +210,13 @@ SolveSummary report(const ceres::Solver::Summary& summary) {
           summary.message};
 }
 
-SolveSummary solve_whole(Design& design, const std::vector<PenaltyRow>& penalties) {
+SolveSummary solve_whole(Design& design, const std::vector<PenaltyRow>& penalties,
+                         Accuracy accuracy) {
   std::vector<double> x = design.unknown_values();
   ceres::Problem problem;
   problem.AddResidualBlock(new WholeDesign(design, penalties), nullptr, x.data());
   bound_nonlinear(design, problem, x.data(), design.unknowns() - design.nonlinear_count());
-  ceres::Solver::Options options = solver_options();
+  ceres::Solver::Options options = solver_options(accuracy);
   options.linear_solver_type = ceres::DENSE_NORMAL_CHOLESKY;
   ceres::Solver::Summary summary;
   ceres::Solve(options, &problem, &summary);
@@ -223,7 +224,8 @@ SolveSummary solve_whole(Design& design, const std::vector<PenaltyRow>& penaltie
   return report(summary);
 }
 
-SolveSummary solve_blocks(Design& design, const std::vector<PenaltyRow>& penalties) {
+SolveSummary solve_blocks(Design& design, const std::vector<PenaltyRow>& penalties,
+                          Accuracy accuracy) {
   BlockLayout layout(design);
   UpdateDesign update(design, layout);
   ceres::Problem::Options problem_options;
@@ -269,7 +271,7 @@ SolveSummary solve_blocks(Design& design, const std::vector<PenaltyRow>& penalti
     bound_nonlinear(design, problem, layout.dense_values.data(),
                     static_cast<int>(layout.dense.size()) - design.nonlinear_count());
   }
-  ceres::Solver::Options options = solver_options();
+  ceres::Solver::Options options = solver_options(accuracy);
   options.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
   ceres::Solver::Summary summary;
   ceres::Solve(options, &problem, &summary);
@@ -279,12 +281,13 @@ SolveSummary solve_blocks(Design& design, const std::vector<PenaltyRow>& penalti
 
 }  // namespace
 
-SolveSummary solve(Design& design, double smoothness_sigma) {
+SolveSummary solve(Design& design, double smoothness_sigma, Accuracy accuracy) {
   if (design.unknowns() == 0) return {0, true, 0.0, "nothing to solve for"};
   const std::vector<PenaltyRow> penalties = penalty_rows(design, smoothness_sigma);
   bool tables = false;
   for (int u = 0; u < design.unknowns() && !tables; ++u) tables = design.is_table_unknown(u);
-  return tables ? solve_blocks(design, penalties) : solve_whole(design, penalties);
+  return tables ? solve_blocks(design, penalties, accuracy)
+                : solve_whole(design, penalties, accuracy);
 }
 
 }  // namespace armtrue

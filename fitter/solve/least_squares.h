@@ -7,6 +7,10 @@
 
 namespace armtrue {
 
+/// How far a solution goes: on the way to another one (rows to be left out, noise to be rescaled)
+/// the cost need not settle to the last digit.
+enum class Accuracy { kOnTheWay, kFull };
+
 struct SolveSummary {
   int iterations = 0;
   bool converged = false;
@@ -17,6 +21,6 @@ struct SolveSummary {
 /// Minimises Σ r² with priors and penalties, starting from the design's present values, and leaves
 /// the solution there. Models without tables are one dense problem; with tables every measurement
 /// is a block that touches only its own nodes.
-SolveSummary solve(Design& design, double smoothness_sigma);
+SolveSummary solve(Design& design, double smoothness_sigma, Accuracy accuracy = Accuracy::kFull);
 
 }  // namespace armtrue

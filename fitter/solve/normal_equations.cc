@@ -114,17 +114,6 @@ NormalEquations accumulate(Design& design) {
   return equations;
 }
 
-namespace {
-
-// Both triangular systems of a factor, in place.
-template <typename Right>
-void solve_in_place(const Eigen::MatrixXd& factor, Right& right) {
-  factor.triangularView<Eigen::Lower>().solveInPlace(right);
-  factor.triangularView<Eigen::Lower>().transpose().solveInPlace(right);
-}
-
-}  // namespace
-
 ScaledCholesky::ScaledCholesky(const Eigen::MatrixXd& lower) : scale_(lower.rows()) {
   for (Eigen::Index i = 0; i < lower.rows(); ++i) {
     scale_[i] = lower(i, i) > 0.0 ? 1.0 / std::sqrt(lower(i, i)) : 1.0;
@@ -138,13 +127,15 @@ ScaledCholesky::ScaledCholesky(const Eigen::MatrixXd& lower) : scale_(lower.rows
 
 Eigen::VectorXd ScaledCholesky::solve(const Eigen::VectorXd& right) const {
   Eigen::VectorXd result = scale_.cwiseProduct(right);
-  solve_in_place(factor_, result);
+  factor_.triangularView<Eigen::Lower>().solveInPlace(result);
+  factor_.triangularView<Eigen::Lower>().transpose().solveInPlace(result);
   return scale_.cwiseProduct(result);
 }
 
 Eigen::MatrixXd ScaledCholesky::solve_matrix(const Eigen::MatrixXd& right) const {
   Eigen::MatrixXd result = scale_.asDiagonal() * right;
-  solve_in_place(factor_, result);
+  solve_lower(factor_, result);
+  solve_lower_transposed(factor_, result);
   return scale_.asDiagonal() * result;
 }
 
@@ -157,7 +148,7 @@ Eigen::MatrixXd ScaledCholesky::inverse() const {
 
 Eigen::MatrixXd ScaledCholesky::half_solve(const Eigen::MatrixXd& right) const {
   Eigen::MatrixXd result = scale_.asDiagonal() * right;
-  factor_.triangularView<Eigen::Lower>().solveInPlace(result);
+  solve_lower(factor_, result);
   return result;
 }
 

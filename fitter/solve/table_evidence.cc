@@ -159,9 +159,9 @@ std::vector<double> bic_changes_beside_tables(const Design& design, const Evalua
       const Eigen::Index width = widths[b];
       const auto own = columns.middleCols(first, width);
       const auto explained = half.middleCols(first, width);
-      Eigen::MatrixXd left = transpose_times(own, own);
+      Eigen::MatrixXd left = square(own);
       left.diagonal() *= 1.0 + kRidge;
-      left -= transpose_times(explained, explained);
+      left -= square(explained);
       const ScaledCholesky factor(left);
       if (factor.ok()) {
         const double gain = factor.half_solve(gradient.segment(first, width)).squaredNorm();
