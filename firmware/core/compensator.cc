@@ -35,8 +35,9 @@ Surroundings surroundings_of(const TableView& table, const CycleInput& input,
 
 constexpr std::int32_t smaller(std::int32_t a, std::int32_t b) { return a < b ? a : b; }
 
-// amount · share, rounded up: a share is that of a control period, Q30.
+// amount · share, rounded up: a share is that of a control period, Q30, and mostly all of it.
 std::int32_t share_of_amount(std::int32_t amount, std::uint32_t share) {
+  if (share == kWhole) return amount;
   return static_cast<std::int32_t>(
       (product(amount, static_cast<std::int32_t>(share)) + kWhole - 1) >> kBlendFraction);
 }
@@ -253,21 +254,21 @@ std::uint32_t Compensator::share_of(std::uint32_t elapsed_us) const {
                                     config_.cycle_us);
 }
 
-std::int32_t Compensator::limited(std::size_t joint, std::int64_t wanted, std::uint32_t share,
+std::int32_t Compensator::limited(std::size_t joint, std::int32_t wanted, std::uint32_t share,
                                   std::uint16_t& flags) const {
   const JointScale& scale = scale_[joint];
-  const std::int64_t near = std::clamp<std::int64_t>(wanted, -scale.magnitude, scale.magnitude);
+  const std::int32_t near = std::clamp(wanted, -scale.magnitude, scale.magnitude);
   flags |= near != wanted ? kMagnitudeClamped : kCycleClean;
   std::int32_t per_cycle = scale.rate;
   if (!corrects()) {
     const std::int32_t all_of_it = std::abs(motion_.delta_held[joint]);
     per_cycle = std::max(per_cycle, all_of_it / static_cast<std::int32_t>(kFadeCycles) + 1);
   }
-  const std::int64_t most = share_of_amount(per_cycle, share);
-  const std::int64_t change = near - motion_.delta[joint];
-  if (change <= most && change >= -most) return static_cast<std::int32_t>(near);
+  const std::int32_t most = share_of_amount(per_cycle, share);
+  const std::int64_t change = std::int64_t{near} - motion_.delta[joint];
+  if (change <= most && change >= -std::int64_t{most}) return near;
   flags |= kRateClamped;
-  return saturate(motion_.delta[joint] + (change > 0 ? most : -most));
+  return motion_.delta[joint] + (change > 0 ? most : -most);
 }
 
 // Moves every correction towards what is wanted. Returns a bit for each joint that was held back.
@@ -282,11 +283,12 @@ std::uint32_t Compensator::move_corrections(const Correction& wanted, std::uint3
   const bool on_the_way = !settled;
   std::uint32_t clamped = 0;
   for (std::size_t k = 0; k < config_.joint_count; ++k) {
-    std::int64_t delta = wanted.delta[k];
+    std::int32_t delta = wanted.delta[k];
     if (on_the_way) {
-      const std::int32_t way = saturate(delta - motion_.delta_held[k]);
-      delta = motion_.delta_held[k] + std::int64_t{multiply<kBlendFraction>(
-                                          way, static_cast<std::int32_t>(motion_.blend_weight))};
+      // Between what was held and what is wanted: no more than either.
+      const std::int32_t way = saturate(std::int64_t{delta} - motion_.delta_held[k]);
+      delta = motion_.delta_held[k] +
+              multiply<kBlendFraction>(way, static_cast<std::int32_t>(motion_.blend_weight));
     }
     std::uint16_t own = kCycleClean;
     motion_.delta[k] = limited(k, delta, share, own);
@@ -305,12 +307,13 @@ std::uint32_t Compensator::move_corrections(const Correction& wanted, std::uint3
 std::int32_t Compensator::within_last_limits(std::size_t joint, std::int32_t increments,
                                              std::uint32_t share) const {
   const JointScale& scale = scale_[joint];
-  const std::int64_t most = share_of_amount(scale.rate_increments, share);
-  const std::int64_t last = motion_.increments[joint];
-  const std::int64_t near =
-      std::clamp(std::int64_t{increments}, -std::int64_t{scale.magnitude_increments},
-                 std::int64_t{scale.magnitude_increments});
-  return static_cast<std::int32_t>(std::clamp(near, last - most, last + most));
+  const std::int32_t most = share_of_amount(scale.rate_increments, share);
+  const std::int32_t last = motion_.increments[joint];
+  const std::int32_t near =
+      std::clamp(increments, -scale.magnitude_increments, scale.magnitude_increments);
+  const std::int64_t way = std::int64_t{near} - last;
+  if (way > most) return last + most;
+  return way < -std::int64_t{most} ? last - most : near;
 }
 
 void Compensator::put_out(const CycleInput& input, std::uint32_t share, std::uint32_t clamped,

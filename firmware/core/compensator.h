@@ -232,7 +232,7 @@ class Compensator {
                                  std::uint16_t& flags);
   void put_out(const CycleInput& input, std::uint32_t share, std::uint32_t clamped,
                CycleOutput& output);
-  std::int32_t limited(std::size_t joint, std::int64_t wanted, std::uint32_t share,
+  std::int32_t limited(std::size_t joint, std::int32_t wanted, std::uint32_t share,
                        std::uint16_t& flags) const;
   std::int32_t increments_of(std::size_t joint);
   std::int32_t within_last_limits(std::size_t joint, std::int32_t increments,

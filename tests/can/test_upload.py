@@ -218,7 +218,8 @@ def test_a_bus_that_goes_away_is_no_answer_and_the_upload_can_be_repeated(tmp_pa
         assert interrupted.returncode == 3, interrupted.stderr
         assert len(interrupted.stderr.splitlines()) == 1
         assert armtrue(*words).returncode == 0
-        assert armtrue("device", "verify", file).returncode == 0
+        verified = armtrue("device", "verify", file)
+        assert verified.returncode == 0, verified.stderr
 
 
 @pytest.mark.parametrize(

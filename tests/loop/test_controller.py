@@ -143,9 +143,12 @@ def held(loop: Loop) -> list[int]:
 @pytest.mark.parametrize("loop", ["offset"], indirect=True)
 def test_offsets_outlive_a_dead_compensator_and_go_with_one_that_leaves(loop: Loop) -> None:
     compensator = loop.controller.compensator
+    loop.controller.disable()
+    loop.controller.wait_until_quiet()
     compensator.sdo.download(0x2010, 0, small_table(serial="loop", rate=200 << 12))  # 20 increments a cycle
     for word in (b"vrfy", b"cmit", b"actv", b"cfrm"):
         compensator.sdo.download(0x2012, 0, word)
+    loop.controller.enable()
     loop.controller.move(HERE, cycles=6, settle=2)
     before = held(loop)
     assert max(map(abs, before)) > 50
