@@ -131,7 +131,7 @@ def evidence(fitted: Fit, case: Case, rivals: list[dict[str, Any]]) -> float:
 
 
 def try_case(case: Case, seed: int, count: int, folder: Path) -> Outcome | None:
-    """Plan, measure, refit. None where nothing is open, or not the cause."""
+    """Plan, measure, refit. None where nothing is open that poses can tell apart, or not the cause."""
     campaign, fitted = campaign_of(case, seed, folder)
     # The owner knows that this arm has no balancer; with a free phase it is a first harmonic of gear 2.
     found = ambiguity(fitted, diagnose(fitted))
@@ -149,18 +149,21 @@ def try_case(case: Case, seed: int, count: int, folder: Path) -> Outcome | None:
     }
     if not told:
         return None
-    settled = [
+    told_apart = [
         rival
         for rival, label in zip(rivals, plan.figures["candidates"], strict=True)
         if label in told or label == truth
     ]
+    before = evidence(fitted, case, told_apart)
+    if settled(before):
+        return None  # what is open is open beside another candidate, not between these
     return Outcome(
         case,
         seed,
         names,
-        evidence(fitted, case, settled),
-        evidence(measure_more(campaign, plan.columns, seed, folder), case, settled),
-        evidence(measure_more(campaign, random_columns(campaign, count, seed), seed, folder), case, settled),
+        before,
+        evidence(measure_more(campaign, plan.columns, seed, folder), case, told_apart),
+        evidence(measure_more(campaign, random_columns(campaign, count, seed), seed, folder), case, told_apart),
         max(told.values()),
     )
 
