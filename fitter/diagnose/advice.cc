@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <set>
+#include <stdexcept>
 
 #include "fitter/diagnose/diagnose.h"
 #include "fitter/evidence/words.h"
@@ -126,14 +127,23 @@ bool is_of_first_three(const std::string& variable) {
   return variable == "q1" || variable == "q2" || variable == "q3";
 }
 
+// The table of the catalogue that acts on a joint each, or on the whole arm.
+std::string table_of(JointRule rule) {
+  for (const Effect* effect : effect_catalogue()) {
+    if (effect->generic() && effect->joint_rule() == rule) return effect->id();
+  }
+  throw std::logic_error("the catalogue has no such table");
+}
+
 // What follows a shape that has no name, by what the shape depends on.
 std::string remedy(const StructureFinding& f) {
   const bool one = f.variables.size() == 1;
   if (one && f.variables.front().starts_with("q") &&
       f.coordinate == "motor" + f.variables.front().substr(1))
-    return command_to_add({"transmission_pwl", {std::stoi(f.variables.front().substr(1))}, {}});
+    return command_to_add(
+        {table_of(JointRule::kEach), {std::stoi(f.variables.front().substr(1))}, {}});
   if (std::all_of(f.variables.begin(), f.variables.end(), is_of_first_three))
-    return command_to_add({"residual_grid", {}, {}});
+    return command_to_add({table_of(JointRule::kNone), {}, {}});
   std::string expressions;
   if (one) {
     const std::string& v = f.variables.front();

@@ -36,8 +36,15 @@ std::string percent(double share, const char* form = "%.1f %%") {
   return text;
 }
 
-// Lines of the spectra as gear_mesh candidates, where the catalogue's own orders do not cover them
-// already.
+// What explains a line of a joint's residual, as a request; none where no effect does.
+std::optional<EffectRequest> cause_of_line(int joint, double cycles) {
+  for (const Effect* effect : effect_catalogue()) {
+    if (std::optional<EffectRequest> request = effect->as_line(joint, cycles)) return request;
+  }
+  return std::nullopt;
+}
+
+// Lines of the spectra as candidates, where the catalogue's own orders do not cover them already.
 std::vector<EvidenceBlock> spectral_blocks(const Fit& fit, const Scorer& scorer,
                                            const std::vector<JointSpectrum>& spectra) {
   std::vector<EvidenceBlock> result;
@@ -56,8 +63,10 @@ std::vector<EvidenceBlock> spectral_blocks(const Fit& fit, const Scorer& scorer,
       const double whole = std::round(peak.cycles);
       const double cycles =
           std::abs(peak.cycles - whole) < 0.3 * spectrum.resolution ? whole : peak.cycles;
+      const std::optional<EffectRequest> cause = cause_of_line(spectrum.joint, cycles);
+      if (!cause) continue;
       EvidenceBlock block;
-      block.request = {"gear_mesh", {spectrum.joint}, {{"cycles", {cycles}}}};
+      block.request = *cause;
       block.forms = {EvidenceForm(make_block(fit.context(), block.request))};
       const auto& parameters = block.forms.front().block.terms.parameters;
       if (std::any_of(parameters.begin(), parameters.end(),

@@ -35,6 +35,11 @@ std::string join(const std::vector<std::string>& words) {
   return text;
 }
 
+std::string component_words(int component) {
+  const std::string axis(1, "xyz"[component % 3]);
+  return (component < 3 ? "shift along " : "turn about ") + axis;
+}
+
 std::vector<int> all_joints(const EffectContext& context) {
   std::vector<int> joints(static_cast<std::size_t>(context.joint_count()));
   std::iota(joints.begin(), joints.end(), 1);
@@ -116,6 +121,23 @@ const Effect& find_effect(const std::string& id) {
   throw ModelError("effect '" + id + "' is unknown" +
                    (least <= 4 ? ", did you mean '" + nearest->id() + "'?"
                                : ", expected one of the contract's effect ids"));
+}
+
+std::string Effect::describe(const Parameter& p) const {
+  if (p.terms.empty() || (role() != Role::kPlacement && role() != Role::kGeometry)) return p.name;
+  const Coordinate& at = p.terms.front().coordinate;
+  const std::string number = std::to_string(at.index + 1);
+  switch (at.place) {
+    case Place::kMotor:
+      return "axis " + number + "'s zero";
+    case Place::kBase:
+      return "the base's " + component_words(at.component);
+    case Place::kTool:
+      return "the tool's " + component_words(at.component);
+    case Place::kLink:
+      return "link " + number + "'s " + component_words(at.component);
+  }
+  return p.name;
 }
 
 std::vector<int> Effect::default_joints(const EffectContext& context) const {

@@ -38,6 +38,10 @@ class GearMesh final : public Effect {
     return joints;
   }
 
+  std::optional<EffectRequest> as_line(int joint, double cycles) const override {
+    return EffectRequest{id(), {joint}, {{"cycles", {cycles}}}};
+  }
+
   EffectTerms build(const EffectContext& context, const EffectRequest& request) const override {
     EffectTerms terms;
     for (const int k : request.joints) {

@@ -12,6 +12,9 @@ class JointScale final : public Effect {
     return "2e-3: a wrong tooth or pulse count shows as more and is a units mistake "
            "(docs/effects.md)";
   }
+  std::string describe(const Parameter& p) const override {
+    return "axis " + std::to_string(p.joints.front()) + "'s scale";
+  }
 
   EffectTerms build(const EffectContext& context, const EffectRequest& request) const override {
     EffectTerms terms;

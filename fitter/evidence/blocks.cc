@@ -1,6 +1,5 @@
 #include "fitter/evidence/blocks.h"
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -40,10 +39,9 @@ constexpr Eigen::Index kWide = 16;
 constexpr double kSpanned = 1e-11;
 constexpr Eigen::Index kCostlyDirections = 12;
 
-const std::set<std::string>& geometry() {
-  static const std::set<std::string> names{"base_frame", "tool_offset", "joint_offset",
-                                           "link_geometry"};
-  return names;
+bool is_geometry(const std::string& effect) {
+  const Role role = find_effect(effect).role();
+  return role == Role::kPlacement || role == Role::kGeometry;
 }
 
 bool is_joint_table(const EffectRequest& request) {
@@ -132,11 +130,10 @@ Eigen::MatrixXd smooth_directions(const Block& form, const std::vector<double>& 
       }
     }
   }
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(covariance);
-  const double least = kSmallestDirection * eigen.eigenvalues().maxCoeff();
-  const Eigen::Index kept = (eigen.eigenvalues().array() > least).count();
-  return eigen.eigenvectors().rightCols(kept) *
-         eigen.eigenvalues().tail(kept).cwiseSqrt().asDiagonal();
+  const SymmetricEigen eigen = symmetric_eigen(std::move(covariance));
+  const double least = kSmallestDirection * eigen.values.maxCoeff();
+  const Eigen::Index kept = (eigen.values.array() > least).count();
+  return eigen.vectors.rightCols(kept) * eigen.values.tail(kept).cwiseSqrt().asDiagonal();
 }
 
 // Correlation lengths that a table's nodes can resolve: absolute ones on a joint, shares of the
@@ -221,11 +218,10 @@ Eigen::MatrixXd compress(const Eigen::MatrixXd& columns, std::vector<PriorShape>
   if (columns.cols() <= kWide) return columns;
   const Eigen::VectorXd norm = columns.colwise().norm().cwiseMax(1e-300);
   const Eigen::MatrixXd unit = columns * norm.cwiseInverse().asDiagonal();
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(square(unit));
-  const Eigen::Index kept =
-      (eigen.eigenvalues().array() > kSpanned * eigen.eigenvalues().maxCoeff()).count();
-  const Eigen::MatrixXd vectors = eigen.eigenvectors().rightCols(kept);
-  const Eigen::VectorXd root = eigen.eigenvalues().tail(kept).cwiseSqrt();
+  const SymmetricEigen eigen = symmetric_eigen(square(unit));
+  const Eigen::Index kept = (eigen.values.array() > kSpanned * eigen.values.maxCoeff()).count();
+  const Eigen::MatrixXd vectors = eigen.vectors.rightCols(kept);
+  const Eigen::VectorXd root = eigen.values.tail(kept).cwiseSqrt();
   for (PriorShape& shape : shapes)
     shape.spread = root.asDiagonal() * (vectors.transpose() * (norm.asDiagonal() * shape.spread));
   return unit * vectors * root.cwiseInverse().asDiagonal();
@@ -397,7 +393,7 @@ void Builder::make_base() {
   Block held;
   for (std::size_t i = 0; i < fit_.model().parameters.size(); ++i) {
     const Parameter& p = fit_.model().parameters[i];
-    if (!p.fixed && geometry().contains(p.effect) && p.prior_sigma > 0.0 &&
+    if (!p.fixed && is_geometry(p.effect) && p.prior_sigma > 0.0 &&
         fit_.design().unknown_of(static_cast<int>(i)) < 0)
       held.terms.parameters.push_back(p);
   }
@@ -462,7 +458,8 @@ bool Builder::work_out(EvidenceBlock& block) const {
     }
   }
   if (shapes.empty()) return false;
-  block.columns = compress(block.columns, shapes);
+  // Forms of one effect span nearly the same, nodes of a table do not.
+  if (!table) block.columns = compress(block.columns, shapes);
   for (const PriorShape& shape : shapes)
     block.search.costly = block.search.costly || shape.spread.cols() > kCostlyDirections;
   return true;
@@ -664,7 +661,7 @@ void refine_forms(const Fit& fit, std::vector<EvidenceBlock>& blocks, const Sear
 std::vector<EffectRequest> removable_effects(const Fit& fit) {
   std::vector<EffectRequest> result;
   for (const EffectRequest& entry : fit.specification().effects) {
-    if (geometry().contains(entry.effect)) continue;
+    if (is_geometry(entry.effect)) continue;
     const Effect& effect = find_effect(entry.effect);
     // What is no candidate of the catalogue (a user's own terms, the grid) is not the search's to
     // take out.

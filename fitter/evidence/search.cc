@@ -29,6 +29,7 @@ constexpr int kUpdatesBeforeRebuild = 400;
 constexpr double kLeastRise = 1e-6;
 // What explains less than this share of what another block does is no alternative to it.
 constexpr double kComparable = 0.8;
+constexpr Eigen::Index kManyDirections = 16;
 constexpr int kLargestUpdateByEigen = 8;  // columns; wider products go to the BLAS
 
 // Taking an update back loses as many digits as the data know better than the prior, twice.
@@ -110,6 +111,8 @@ class Sampler {
   Conditional conditional(std::size_t b) const;
   void weigh_shape(const SearchBlock& own, const Local& local, int index,
                    Conditional& result) const;
+  void weigh_scales(const SearchBlock& own, const Local& local, int index,
+                    const Eigen::MatrixXd& inner, Conditional& result) const;
   double sign_term(const PriorShape& shape, const Eigen::MatrixXd& vectors,
                    const Eigen::VectorXd& mean, const Eigen::VectorXd& variance,
                    double noise) const;
@@ -290,6 +293,10 @@ void Sampler::weigh_shape(const SearchBlock& own, const Local& local, int index,
                           Conditional& result) const {
   const PriorShape& shape = own.shapes[static_cast<std::size_t>(index)];
   const Eigen::MatrixXd inner = shape.spread.transpose() * local.gram * shape.spread;
+  if (inner.cols() > kManyDirections && shape.carries.empty() && shape.positive.empty()) {
+    weigh_scales(own, local, index, inner, result);
+    return;
+  }
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(inner);
   const Eigen::VectorXd value = eigen.eigenvalues().cwiseMax(0.0);
   const Eigen::VectorXd along =
@@ -313,6 +320,30 @@ void Sampler::weigh_shape(const SearchBlock& own, const Local& local, int index,
     }
     result.choices.push_back({index, static_cast<int>(s)});
     result.log_weight.push_back(weight);
+  }
+}
+
+// A Cholesky factor for each scale: from some directions on, several cost less than one
+// eigendecomposition.
+void Sampler::weigh_scales(const SearchBlock& own, const Local& local, int index,
+                           const Eigen::MatrixXd& inner, Conditional& result) const {
+  const PriorShape& shape = own.shapes[static_cast<std::size_t>(index)];
+  const Eigen::MatrixXd along = shape.spread.transpose() * local.gradient;
+  for (std::size_t s = 0; s < shape.scale.size(); ++s) {
+    const double square = shape.scale[s] * shape.scale[s];
+    Eigen::MatrixXd root = square * inner;
+    root.diagonal().array() += 1.0;
+    result.choices.push_back({index, static_cast<int>(s)});
+    // Rounding alone can take definiteness from what another block explains already.
+    if (!factorise_cholesky(root)) {
+      result.log_weight.push_back(-std::numeric_limits<double>::infinity());
+      continue;
+    }
+    Eigen::MatrixXd half = along;
+    solve_lower(root, half);
+    const double left = local.squares - square * half.squaredNorm();
+    result.log_weight.push_back(own.log_odds + shape.log_prior[s] -
+                                root.diagonal().array().log().sum() + fit_term(left));
   }
 }
 

@@ -1,5 +1,6 @@
 #include "fitter/solve/dense.h"
 
+#include <utility>
 #include <vector>
 
 extern "C" {
@@ -90,18 +91,39 @@ void invert_cholesky(Eigen::MatrixXd& lower) {
   if (size > 0) dpotri_("L", &size, lower.data(), &size, &info);
 }
 
-Eigen::VectorXd symmetric_eigenvalues(Eigen::MatrixXd lower) {
+namespace {
+
+// Eigenvalues, and the eigenvectors in place of the matrix where `vectors` is "V".
+Eigen::VectorXd eigenvalues_in_place(const char* vectors, Eigen::MatrixXd& lower) {
   be_single_threaded();
   const int size = static_cast<int>(lower.rows());
   Eigen::VectorXd values(size);
   if (size == 0) return values;
-  // Sizes of the workspace without eigenvectors, by LAPACK's manual.
-  const int work_size = 2 * size + 1 + size * 64, integer_work_size = 1;
+  // LAPACK says how large its workspaces should be.
+  const int ask = -1;
+  double work_size = 0.0;
+  int integer_size = 0, info = 0;
+  dsyevd_(vectors, "L", &size, lower.data(), &size, values.data(), &work_size, &ask, &integer_size,
+          &ask, &info);
   std::vector<double> work(static_cast<std::size_t>(work_size));
-  int integer_work = 0, info = 0;
-  dsyevd_("N", "L", &size, lower.data(), &size, values.data(), work.data(), &work_size,
-          &integer_work, &integer_work_size, &info);
+  std::vector<int> integers(static_cast<std::size_t>(integer_size));
+  const int work_count = static_cast<int>(work.size());
+  dsyevd_(vectors, "L", &size, lower.data(), &size, values.data(), work.data(), &work_count,
+          integers.data(), &integer_size, &info);
   return values;
+}
+
+}  // namespace
+
+Eigen::VectorXd symmetric_eigenvalues(Eigen::MatrixXd lower) {
+  return eigenvalues_in_place("N", lower);
+}
+
+SymmetricEigen symmetric_eigen(Eigen::MatrixXd lower) {
+  SymmetricEigen result;
+  result.values = eigenvalues_in_place("V", lower);
+  result.vectors = std::move(lower);
+  return result;
 }
 
 Eigen::MatrixXd transpose_times(const Eigen::Ref<const Eigen::MatrixXd>& a,

@@ -18,6 +18,13 @@ void invert_cholesky(Eigen::MatrixXd& lower);
 /// Eigenvalues of a symmetric matrix of which the lower triangle is read, rising (LAPACK dsyevd).
 Eigen::VectorXd symmetric_eigenvalues(Eigen::MatrixXd lower);
 
+/// The same with eigenvectors as columns.
+struct SymmetricEigen {
+  Eigen::VectorXd values;
+  Eigen::MatrixXd vectors;
+};
+SymmetricEigen symmetric_eigen(Eigen::MatrixXd lower);
+
 /// aᵀ a, both triangles (BLAS dsyrk).
 Eigen::MatrixXd square(const Eigen::Ref<const Eigen::MatrixXd>& a);
 

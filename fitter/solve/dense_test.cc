@@ -68,6 +68,34 @@ TEST_P(Size, EigenvaluesOfAKnownSpectrum) {
   const Eigen::VectorXd found = symmetric_eigenvalues(lower);
   ASSERT_EQ(found.size(), n);
   EXPECT_LT((found - known).lpNorm<Eigen::Infinity>(), 1e-10);
+  const SymmetricEigen both = symmetric_eigen(lower);
+  if (n == 0) return;
+  EXPECT_LT((both.values - known).lpNorm<Eigen::Infinity>(), 1e-10);
+  const Eigen::MatrixXd again = both.vectors * both.values.asDiagonal() * both.vectors.transpose();
+  EXPECT_LT((again - turn * known.asDiagonal() * turn).lpNorm<Eigen::Infinity>(), 1e-9);
+}
+
+TEST_P(Size, SquaresAndTriangularSolutionsAlsoOfPartsOfMatrices) {
+  const Eigen::Index n = GetParam();
+  const Eigen::MatrixXd whole = some_matrix(n + 3, n + 2);
+  const auto part = whole.block(1, 1, n, n);
+  const auto largest = [](const Eigen::MatrixXd& m) {
+    return m.size() > 0 ? m.cwiseAbs().maxCoeff() : 0.0;
+  };
+  EXPECT_LT(largest(square(part) - part.transpose() * part), 1e-12 * static_cast<double>(n + 1));
+  EXPECT_LT(largest(square_across(part) - part * part.transpose()),
+            1e-12 * static_cast<double>(n + 1));
+  Eigen::MatrixXd factor = Eigen::MatrixXd::Constant(n, n, 1e30);  // above is not to be read
+  factor.triangularView<Eigen::Lower>() =
+      Eigen::MatrixXd(0.1 * part + 3.0 * Eigen::MatrixXd::Identity(n, n));
+  const Eigen::MatrixXd lower = factor.triangularView<Eigen::Lower>();
+  Eigen::MatrixXd right = some_matrix(n + 2, 3);
+  const Eigen::MatrixXd before = right.middleRows(1, n);
+  solve_lower(factor, right.middleRows(1, n));
+  EXPECT_LT(largest(lower * right.middleRows(1, n) - before), 1e-9);
+  right.middleRows(1, n) = before;
+  solve_lower_transposed(factor, right.middleRows(1, n));
+  EXPECT_LT(largest(lower.transpose() * right.middleRows(1, n) - before), 1e-9);
 }
 
 TEST(ScaledCholesky, SaysWhereThereIsNoFactor) {

@@ -190,18 +190,24 @@ void Fit::begin() {
   warnings_ = prepared_->warnings;
   const Alignment& alignment = prepared_->alignment;
   kinematics_ = std::make_unique<Kinematics>(robot(), measurements_.targets);
-  const bool free_base = specification_.contains("base_frame") || !robot().measuring_from_base;
-  const bool free_tool = specification_.contains("tool_offset") || !robot().nominal_tool(0);
+  context_ = std::make_unique<EffectContext>(EffectContext{
+      state(), measurements_.targets, measurements_.has_rotation(), specification_.priors,
+      options_.start ? options_.start->springs : std::vector<Spring>{}});
+  model_ = build_model(specification_, *context_);
+  const auto places = [&](Place place) {
+    return std::ranges::any_of(model_.parameters, [&](const Parameter& p) {
+      return find_effect(p.effect).role() == Role::kPlacement &&
+             p.terms.front().coordinate.place == place;
+    });
+  };
+  const bool free_base = places(Place::kBase) || !robot().measuring_from_base;
+  const bool free_tool = places(Place::kTool) || !robot().nominal_tool(0);
   kinematics_->set_base(free_base ? alignment.measuring_from_base : *robot().measuring_from_base);
   for (int t = 0; t < measurements_.targets; ++t) {
     kinematics_->set_tool(t, free_tool ? alignment.flange_from_tool[static_cast<std::size_t>(t)]
                                        : *robot().nominal_tool(t));
   }
   nominal_ = summarise(alignment.residual_m);
-  context_ = std::make_unique<EffectContext>(EffectContext{
-      state(), measurements_.targets, measurements_.has_rotation(), specification_.priors,
-      options_.start ? options_.start->springs : std::vector<Spring>{}});
-  model_ = build_model(specification_, *context_);
   place_as_stated(specification_, model_, *kinematics_);
   for (NonlinearParameter& p : model_.nonlinear) {
     if (const auto start = options_.nonlinear_starts.find(p.name);
@@ -331,7 +337,7 @@ void Fit::begin_at(const StartPoint& start) {
   for (const int free : design_->free_parameters()) {
     const Parameter& p = model_.parameters[static_cast<std::size_t>(free)];
     double& value = values[static_cast<std::size_t>(free)];
-    if (p.effect == "base_frame" || p.effect == "tool_offset") {
+    if (find_effect(p.effect).role() == Role::kPlacement) {
       value = coordinates[layout.index(p.terms.front().coordinate)];
     } else if (const auto at = start.values.find(p.name); at != start.values.end()) {
       value = at->second;
@@ -418,7 +424,7 @@ void Fit::fold_base_and_tool() {
   Eigen::VectorXd coordinates = Eigen::VectorXd::Zero(kinematics_->layout().size());
   for (std::size_t i = 0; i < model_.parameters.size(); ++i) {
     const Parameter& p = model_.parameters[i];
-    if (p.effect == "base_frame" || p.effect == "tool_offset") {
+    if (find_effect(p.effect).role() == Role::kPlacement) {
       coordinates[kinematics_->layout().index(p.terms.front().coordinate)] += values[i];
       values[i] = 0.0;
     }

@@ -1,6 +1,7 @@
 #include "fitter/solve/identifiability.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 namespace armtrue {
@@ -27,16 +28,21 @@ constexpr int kFirstEffect = 10;
 // Base and tool first: they are free to be anything. Of a link's five, those that Craig's four
 // parameters name come first.
 int preference(const Parameter& p) {
-  if (p.effect == "base_frame") return 0;
-  if (p.effect == "tool_offset") return 1;
-  if (p.effect == "joint_offset") return 2;
-  if (p.effect != "link_geometry") return kFirstEffect;
-  const std::string component = p.name.substr(p.name.size() - 2);
-  if (component == "tx") return 3;
-  if (component == "rx") return 4;
-  if (component == "tz") return 5;
-  if (component == "ty") return 6;
-  return 7;
+  const Role role = find_effect(p.effect).role();
+  if (p.terms.empty() || (role != Role::kPlacement && role != Role::kGeometry)) return kFirstEffect;
+  const Coordinate& at = p.terms.front().coordinate;
+  switch (at.place) {
+    case Place::kBase:
+      return 0;
+    case Place::kTool:
+      return 1;
+    case Place::kMotor:
+      return 2;
+    case Place::kLink:
+      break;
+  }
+  constexpr std::array<int, 6> kOrder{3, 6, 5, 4, 7, 7};  // tx ty tz rx ry rz
+  return kOrder[static_cast<std::size_t>(at.component)];
 }
 
 // Standard deviation to which the data must know a parameter.
@@ -44,18 +50,6 @@ double worthwhile_sigma(const Parameter& p) {
   const double prior = p.prior_sigma > 0.0 ? p.prior_sigma : kNoPriorSigma;
   if (preference(p) < kFirstEffect || p.bound <= 0.0) return prior;
   return std::min(prior, p.bound / kBoundsPerSigma);
-}
-
-std::string component_words(const std::string& name) {
-  const std::string c = name.substr(name.size() - 2);
-  const std::string axis = c.substr(1);
-  return c[0] == 't' ? "shift along " + axis : "turn about " + axis;
-}
-
-std::string joined(const std::vector<int>& joints) {
-  std::string text;
-  for (const int k : joints) text += (text.empty() ? "" : ", ") + std::to_string(k);
-  return text;
 }
 
 // Cholesky factorisation of the information on some unknowns, scaled to a unit diagonal, that takes
@@ -133,15 +127,7 @@ class RankRevealing {
 
 }  // namespace
 
-std::string describe(const Parameter& p) {
-  if (p.effect == "base_frame") return "the base's " + component_words(p.name);
-  if (p.effect == "tool_offset") return "the tool's " + component_words(p.name);
-  if (p.effect == "joint_offset") return "axis " + joined(p.joints) + "'s zero";
-  if (p.effect == "link_geometry")
-    return "link " + joined(p.joints) + "'s " + component_words(p.name);
-  if (p.effect == "joint_scale") return "axis " + joined(p.joints) + "'s scale";
-  return p.name;
-}
+std::string describe(const Parameter& p) { return find_effect(p.effect).describe(p); }
 
 Identifiability identify(Design& design) {
   const Model& model = design.model();

@@ -163,7 +163,9 @@ def try_case(case: Case, seed: int, count: int, folder: Path) -> Outcome | None:
         names,
         before,
         evidence(measure_more(campaign, plan.columns, seed, folder), case, told_apart),
-        evidence(measure_more(campaign, random_columns(campaign, count, seed), seed, folder), case, told_apart),
+        evidence(
+            measure_more(campaign, random_columns(campaign, count, seed), seed, folder), case, told_apart
+        ),
         max(told.values()),
     )
 

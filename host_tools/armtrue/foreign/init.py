@@ -20,10 +20,10 @@ from armtrue.foreign.combine import Part, find_units, long_table, write_long
 from armtrue.foreign.headers import meaning
 from armtrue.foreign.sheets import SEPARATORS, read_sheet
 from armtrue.io import Dataset, Robot, load_data, load_robot
+from armtrue.io.catalogue import with_role
 from armtrue.io.files import check_writable, refuse_to_lose, write_file
 
 _SAME_POSE = 1e-6
-_GEOMETRY = ["base_frame", "tool_offset", "joint_offset", "link_geometry"]
 _ROWS = 200
 _NAMES = ("robot.yaml", "dataset.yaml", "model.yaml", "data.csv")
 
@@ -185,7 +185,7 @@ class _Init:
 
         if data is not None:
             put("data.csv", data)
-        put("model.yaml", _yaml({"effects": _GEOMETRY}))
+        put("model.yaml", _yaml({"effects": with_role("placement", "geometry")}))
         rotation = dataset.pop("rotation", None)
         put("dataset.yaml", _yaml(dataset))
         if robot is not None and not robot_texts:
