@@ -85,7 +85,37 @@ State State::select(const std::vector<std::size_t>& rows) const {
   }
   State selected(*robot_, std::move(chosen), payload_point_);
   selected.begin_time_at(time_origin_);
+  if (standing_) {
+    const auto each = static_cast<std::ptrdiff_t>(robot_->joint_count()) + 1;
+    Frames frames;
+    for (const std::size_t row : rows) {
+      const auto first = standing_->begin() + static_cast<std::ptrdiff_t>(row) * each;
+      frames.insert(frames.end(), first, first + each);
+    }
+    selected.standing_ = std::make_shared<const Frames>(std::move(frames));
+  }
   return selected;
+}
+
+void State::stand(std::vector<Pose> frames) {
+  standing_ = std::make_shared<const Frames>(std::move(frames));
+  const int n = robot_->joint_count();
+  std::erase_if(derived_, [&](const auto& column) {
+    const std::optional<Variable> v = parse_variable(column.first, n);
+    return v && is_load(*v);
+  });
+}
+
+bool State::is_load(const Variable& v) const {
+  return v.is_load() && (v.kind != VariableKind::kTorque || computes_torque());
+}
+
+bool State::is_load(const Expression& basis) const {
+  const std::set<std::string> names = basis.variables();
+  return std::any_of(names.begin(), names.end(), [&](const std::string& name) {
+    const std::optional<Variable> v = parse_variable(name, robot_->joint_count());
+    return v && is_load(*v);
+  });
 }
 
 void State::begin_time_at(double origin) {
@@ -173,8 +203,13 @@ std::vector<double> State::link_angle(int joint) const {
 
 State::Frames State::frames_of_row(std::size_t row) const {
   const int n = robot_->joint_count();
+  const auto each = static_cast<std::size_t>(n) + 1;
+  if (standing_) {
+    const auto first = standing_->begin() + static_cast<std::ptrdiff_t>(row * each);
+    return {first, first + static_cast<std::ptrdiff_t>(each)};
+  }
   Frames frames;
-  frames.reserve(static_cast<std::size_t>(n) + 1);
+  frames.reserve(each);
   Pose pose = Pose::Identity();
   for (int k = 0; k < n; ++k) {
     const Joint& joint = robot_->joints[static_cast<std::size_t>(k)];

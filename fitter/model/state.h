@@ -4,10 +4,12 @@
 
 #include <Eigen/Core>
 #include <map>
+#include <memory>
 #include <mutex>
 #include <string>
 #include <vector>
 
+#include "fitter/model/expression.h"
 #include "fitter/model/robot.h"
 #include "fitter/model/variable.h"
 
@@ -51,11 +53,17 @@ class State {
   /// A fit sets its earliest row's, and its predictions the fit's.
   void begin_time_at(double origin);
   double time_origin() const { return time_origin_; }
-  /// Same robot, payload point and origin of time, only the rows given.
+  /// Loads act where the arm stands: `frames` are 1…n in the robot base of each row, and after them
+  /// the payload point's. Without this the loads are those of the nominal arm at commanded angles.
+  void stand(std::vector<Pose> frames);
+  /// True where the values depend on where the arm stands.
+  bool is_load(const Expression& basis) const;
+  /// Same robot, payload point, origin of time and stance, only the rows given.
   State select(const std::vector<std::size_t>& rows) const;
 
  private:
   using Frames = std::vector<Pose>;  // frame k in the base, k = 1…n, then the payload point's frame
+  bool is_load(const Variable& v) const;
   Frames frames_of_row(std::size_t row) const;
   const std::vector<double>& remember(const std::string& name, std::vector<double> values) const;
   // What gravity exerts: by joint or frame, then by row.
@@ -86,6 +94,7 @@ class State {
     std::recursive_mutex mutex;
   };
   mutable Lock lock_;
+  std::shared_ptr<const Frames> standing_;  // rows × (n + 1); none: nominal
   mutable std::map<std::string, std::vector<double>> derived_;
 };
 

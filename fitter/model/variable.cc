@@ -78,6 +78,21 @@ std::optional<Variable> parse_tilt(const std::string& name, int joints) {
 
 }  // namespace
 
+bool Variable::is_load() const {
+  switch (kind) {
+    case VariableKind::kTorque:
+    case VariableKind::kMoment:
+    case VariableKind::kBaseMoment:
+    case VariableKind::kTorqueRegressor:
+    case VariableKind::kMomentRegressor:
+    case VariableKind::kTorqueTilt:
+    case VariableKind::kMomentTilt:
+      return true;
+    default:
+      return false;
+  }
+}
+
 bool Variable::reads_gravity() const {
   switch (kind) {
     case VariableKind::kTorque:

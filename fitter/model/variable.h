@@ -38,6 +38,8 @@ struct Variable {
   char component = 'm';  ///< of regressors: m, or x, y, z of mass times centre; of tilts: x or y
   std::string sensor;    ///< of temperatures; empty: the first thermometer
 
+  /// True for what gravity exerts: torques and moments, what a unit of mass adds, what a tilt does.
+  bool is_load() const;
   /// True where a payload changes it.
   bool reads_gravity() const;
 };

@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "fitter/model/observer.h"
+#include "fitter/solve/stance.h"
 
 namespace armtrue {
 
@@ -25,16 +26,16 @@ BasisTable::BasisTable(const Model& model, const State& state, const CoordinateL
   for (std::size_t index = 0; index < model.parameters.size(); ++index) {
     for (const Term& term : model.parameters[index].terms) {
       const int coordinate = layout.index(term.coordinate);
+      const bool loads = state.is_load(term.basis);
+      reads_loads_ = reads_loads_ || loads;
       if (term.table) {
         table_parameter_[index] = true;
-        const std::vector<double> values = evaluate(term.basis);
-        for (std::size_t i = 0; i < rows_; ++i) {
-          if (values[i] != 0.0)
-            sparse_[i].push_back({static_cast<int>(index), coordinate, term.weight * values[i]});
-        }
+        tables_read_loads_ = tables_read_loads_ || loads;
+        tables_.push_back({static_cast<int>(index), coordinate, term.weight, term.basis});
         continue;
       }
-      DenseColumn column{static_cast<int>(index), coordinate, term.weight, term.basis, false};
+      DenseColumn column{static_cast<int>(index), coordinate, term.weight, term.basis, false,
+                         loads};
       const std::set<std::string> used = term.basis.variables();
       for (std::size_t j = 0; j < nonlinear_names_.size(); ++j) {
         if (!used.contains(nonlinear_names_[j])) continue;
@@ -45,20 +46,17 @@ BasisTable::BasisTable(const Model& model, const State& state, const CoordinateL
       dense_.push_back(std::move(column));
     }
   }
+  fill_sparse();
   dense_values_.resize(rows_ * dense_.size());
   for (std::size_t c = 0; c < dense_.size(); ++c) {
-    if (dense_[c].nonlinear) continue;
-    const std::vector<double> values = evaluate(dense_[c].basis);
+    fill_dense(c);
     for (std::size_t i = 0; i < rows_; ++i) {
-      if (!std::isfinite(values[i])) {
-        throw ModelError("model: term '" + dense_[c].basis.to_string() + "' of " +
-                         model.parameters[static_cast<std::size_t>(dense_[c].parameter)].name +
-                         " is not finite at measurement " + std::to_string(i + 1));
-      }
-      dense_values_[i * dense_.size() + c] = dense_[c].weight * values[i];
+      if (dense_[c].nonlinear || std::isfinite(dense_values_[i * dense_.size() + c])) continue;
+      throw ModelError("model: term '" + dense_[c].basis.to_string() + "' of " +
+                       model.parameters[static_cast<std::size_t>(dense_[c].parameter)].name +
+                       " is not finite at measurement " + std::to_string(i + 1));
     }
   }
-  set_nonlinear(nonlinear_values_);
 }
 
 const std::vector<double>& BasisTable::column(const std::string& name) const {
@@ -72,15 +70,37 @@ std::vector<double> BasisTable::evaluate(const Expression& expression) const {
   return expression.evaluate(rows_, std::bind_front(&BasisTable::column, this));
 }
 
+void BasisTable::fill_dense(std::size_t c) {
+  const std::vector<double> values = evaluate(dense_[c].basis);
+  for (std::size_t i = 0; i < rows_; ++i)
+    dense_values_[i * dense_.size() + c] = dense_[c].weight * values[i];
+}
+
+void BasisTable::fill_sparse() {
+  for (std::vector<Entry>& entries : sparse_) entries.clear();
+  for (const TableColumn& column : tables_) {
+    const std::vector<double> values = evaluate(column.basis);
+    for (std::size_t i = 0; i < rows_; ++i) {
+      if (values[i] != 0.0)
+        sparse_[i].push_back({column.parameter, column.coordinate, column.weight * values[i]});
+    }
+  }
+}
+
 void BasisTable::set_nonlinear(const std::vector<double>& values) {
   nonlinear_values_ = values;
   for (std::size_t j = 0; j < values.size(); ++j) nonlinear_scalars_[j] = {values[j]};
   for (std::size_t c = 0; c < dense_.size(); ++c) {
-    if (!dense_[c].nonlinear) continue;
-    const std::vector<double> column = evaluate(dense_[c].basis);
-    for (std::size_t i = 0; i < rows_; ++i)
-      dense_values_[i * dense_.size() + c] = dense_[c].weight * column[i];
+    if (dense_[c].nonlinear) fill_dense(c);
   }
+  slopes_stale_ = true;
+}
+
+void BasisTable::update_loads() {
+  for (std::size_t c = 0; c < dense_.size(); ++c) {
+    if (dense_[c].loads) fill_dense(c);
+  }
+  if (tables_read_loads_) fill_sparse();
   slopes_stale_ = true;
 }
 
@@ -131,9 +151,12 @@ Design::Design(const State& state, const Measurements& measurements, const Model
       model_(&model),
       kinematics_(kinematics),
       basis_(model, state, kinematics.layout()),
+      feedback_(model, kinematics.layout(), state),
       residuals_per_row_(measurements.residuals_per_row()),
       weights_(measurements.rows, 1.0),
-      coordinates_(Eigen::VectorXd::Zero(kinematics.layout().size())) {
+      coordinates_(Eigen::VectorXd::Zero(kinematics.layout().size())),
+      arm_coordinates_(coordinates_) {
+  for (const Parameter& p : model.parameters) is_arms_.push_back(p.exported);
   std::vector<int> all;
   for (std::size_t i = 0; i < model.parameters.size(); ++i) {
     values_.push_back(model.parameters[i].value);
@@ -177,8 +200,18 @@ std::vector<double> Design::unknown_values() const {
 void Design::coordinates_of(std::size_t i) {
   basis_.row(i, entries_);
   coordinates_.setZero();
-  for (const BasisTable::Entry& e : entries_)
-    coordinates_[e.coordinate] += values_[static_cast<std::size_t>(e.parameter)] * e.value;
+  const bool follows = feedback_.stands();
+  if (follows) arm_coordinates_.setZero();
+  for (const BasisTable::Entry& e : entries_) {
+    const auto p = static_cast<std::size_t>(e.parameter);
+    coordinates_[e.coordinate] += values_[p] * e.value;
+    if (follows && is_arms_[p]) arm_coordinates_[e.coordinate] += values_[p] * e.value;
+  }
+  if (follows) feedback_.correct(i, values_, arm_coordinates_, coordinates_);
+}
+
+double Design::stand(State& state) {
+  return armtrue::stand(state, basis_, *model_, values_, kinematics_, &feedback_);
 }
 
 Pose Design::predict(std::size_t i) {
@@ -206,6 +239,11 @@ void Design::evaluate(std::size_t i, bool with_jacobian, Row& row) {
   const int target = measurements_->target[i];
   row.predicted = with_jacobian ? kinematics_.forward(q, coordinates_.data(), target, geometric_)
                                 : kinematics_.forward(q, coordinates_.data(), target);
+  const bool follows = with_jacobian && feedback_.stands();
+  if (follows) {
+    direct_ = geometric_;
+    feedback_.follow(i, values_, geometric_);
+  }
 
   Eigen::Matrix<double, 6, 1> error = Eigen::Matrix<double, 6, 1>::Zero();
   error.head<3>() =
@@ -241,7 +279,10 @@ void Design::evaluate(std::size_t i, bool with_jacobian, Row& row) {
   };
   for (const BasisTable::Entry& e : entries_) {
     const int unknown = unknown_of_[static_cast<std::size_t>(e.parameter)];
-    if (unknown >= 0) raw_jacobian_.col(slot(unknown)) += e.value * geometric_.col(e.coordinate);
+    if (unknown < 0) continue;
+    const bool is_direct = follows && !is_arms_[static_cast<std::size_t>(e.parameter)];
+    raw_jacobian_.col(slot(unknown)) +=
+        e.value * (is_direct ? direct_ : geometric_).col(e.coordinate);
   }
   for (int j = 0; j < nonlinear_count(); ++j) {
     basis_.nonlinear_row(i, static_cast<std::size_t>(j), slope_entries_);

@@ -7,6 +7,7 @@
 
 #include "fitter/model/kinematics.h"
 #include "fitter/model/measurements.h"
+#include "fitter/solve/load_feedback.h"
 #include "fitter/solve/model.h"
 
 namespace armtrue {
@@ -27,6 +28,10 @@ class BasisTable {
   /// order.
   void set_nonlinear(const std::vector<double>& values);
   const std::vector<double>& nonlinear() const { return nonlinear_values_; }
+  /// Re-evaluates what reads loads, after the state's have changed.
+  void update_loads();
+  /// True where a term reads loads, so that where the arm stands matters.
+  bool reads_loads() const { return reads_loads_; }
 
   std::size_t rows() const { return rows_; }
   /// Entries of one row that are not zero, appended to `entries` (cleared first).
@@ -48,7 +53,12 @@ class BasisTable {
     int parameter, coordinate;
     double weight;
     Expression basis = Expression::number(0.0);
-    bool nonlinear = false;
+    bool nonlinear = false, loads = false;
+  };
+  struct TableColumn {
+    int parameter, coordinate;
+    double weight;
+    Expression basis = Expression::number(0.0);
   };
   struct SlopeColumn {
     int parameter, coordinate;
@@ -59,6 +69,8 @@ class BasisTable {
   };
   const std::vector<double>& column(const std::string& name) const;
   std::vector<double> evaluate(const Expression& expression) const;
+  void fill_dense(std::size_t c);
+  void fill_sparse();
   void update_slopes() const;
 
   const State* state_;
@@ -70,7 +82,9 @@ class BasisTable {
   std::vector<double> dense_values_;         // rows × dense_.size()
   mutable std::vector<SlopeColumn> slopes_;  // worked out when first asked for
   mutable bool slopes_stale_ = true;
+  std::vector<TableColumn> tables_;
   std::vector<std::vector<Entry>> sparse_;
+  bool reads_loads_ = false, tables_read_loads_ = false;
   std::vector<bool> table_parameter_, searched_parameter_;
 };
 
@@ -106,6 +120,9 @@ class Design {
   void set_values(const std::vector<double>& values) { values_ = values; }
   void set_unknowns(const double* unknowns);
   std::vector<double> unknown_values() const;
+  /// Puts the loads of `state`, which the design reads, to where the arm stands with the present
+  /// values. Returns how far their change moves a frame at most [m, or rad].
+  double stand(State& state);
 
   /// Row weights (square roots multiply the residual): 0 keeps a gross error out.
   std::vector<double>& weights() { return weights_; }
@@ -123,8 +140,8 @@ class Design {
   void evaluate(std::size_t i, bool with_jacobian, Row& row);
   /// Predicted pose of a row.
   Pose predict(std::size_t i);
-  /// The geometric Jacobian (6 × coordinates) of the last evaluated row and its whitening applied
-  /// to it: for candidates.
+  /// The geometric Jacobian (6 × coordinates) of the last evaluated row, with the loads that follow
+  /// the arm: for candidates.
   const Eigen::Matrix<double, 6, Eigen::Dynamic>& geometric_jacobian() const { return geometric_; }
   /// Whitens a 6-vector change of row i's tool pose (position, rotation) the way the residual is
   /// whitened.
@@ -139,6 +156,8 @@ class Design {
   const Model* model_;
   Kinematics kinematics_;
   BasisTable basis_;
+  LoadFeedback feedback_;
+  std::vector<bool> is_arms_;  // by parameter: what belongs to the arm moves its loads
   int residuals_per_row_;
   std::vector<int> free_;
   std::vector<int> unknown_of_;
@@ -146,8 +165,9 @@ class Design {
   std::vector<double> weights_;
   std::vector<BasisTable::Entry> entries_, slope_entries_;
   std::vector<int> slot_of_unknown_;
-  Eigen::VectorXd coordinates_;
-  Eigen::Matrix<double, 6, Eigen::Dynamic> geometric_, raw_jacobian_;
+  Eigen::VectorXd coordinates_, arm_coordinates_;
+  // By the coordinates: with the loads that follow them, and as if loads stayed.
+  Eigen::Matrix<double, 6, Eigen::Dynamic> geometric_, direct_, raw_jacobian_;
 };
 
 /// Predicted poses of a state with a fitted model: what `predict` does.

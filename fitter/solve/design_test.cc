@@ -209,40 +209,79 @@ TEST(Design, JacobianIsWhatAutomaticDifferentiationGives) {
   }
 }
 
+// Steps of everyday size for all unknowns.
+Eigen::VectorXd sizes_of_unknowns(const PreparedDesign& p) {
+  Eigen::VectorXd size(p.design.unknowns());
+  const auto linear = static_cast<Eigen::Index>(p.design.free_parameters().size());
+  for (Eigen::Index u = 0; u < size.size(); ++u) {
+    if (u < linear) {
+      const int index = p.design.free_parameters()[static_cast<std::size_t>(u)];
+      size[u] = testing::typical_size(p.problem.model.parameters[static_cast<std::size_t>(index)]);
+    } else {
+      const NonlinearParameter& n = p.problem.model.nonlinear[static_cast<std::size_t>(u - linear)];
+      size[u] = 1e-2 * (n.upper - n.lower);
+    }
+  }
+  return size;
+}
+
+// Largest part of a column by which the Jacobian of a row is not what differences give; where
+// `stands`, loads are worked out anew for each.
+testing::JacobianDifference from_differences(PreparedDesign& p, std::size_t row, bool stands) {
+  const std::vector<double> start = p.design.unknown_values();
+  const Eigen::VectorXd x =
+      Eigen::Map<const Eigen::VectorXd>(start.data(), static_cast<Eigen::Index>(start.size()));
+  const auto move_to = [&](const Eigen::VectorXd& at) {
+    p.design.set_unknowns(at.data());
+    if (stands) p.design.stand(*p.problem.state);
+  };
+  const auto residual = [&](const Eigen::VectorXd& at) -> Eigen::VectorXd {
+    move_to(at);
+    Design::Row r;
+    p.design.evaluate(row, false, r);
+    return r.residual.head(p.design.residuals_per_row());
+  };
+  const Eigen::MatrixXd numeric =
+      testing::numeric_jacobian(residual, x, sizes_of_unknowns(p), 1e-2);
+  move_to(x);
+  Eigen::VectorXd ignored;
+  return testing::compare_jacobians(dense_jacobian(p.design, row, ignored), numeric);
+}
+
 TEST(Design, JacobianIsWhatDifferencesGive) {
   Random random(2);
   for (const Named& named : problems()) {
     PreparedDesign p(named, random);
-    const std::vector<double> start = p.design.unknown_values();
-    const Eigen::VectorXd x =
-        Eigen::Map<const Eigen::VectorXd>(start.data(), static_cast<Eigen::Index>(start.size()));
-    Eigen::VectorXd size(x.size());
-    const auto linear = static_cast<Eigen::Index>(p.design.free_parameters().size());
-    for (Eigen::Index u = 0; u < x.size(); ++u) {
-      if (u < linear) {
-        const int index = p.design.free_parameters()[static_cast<std::size_t>(u)];
-        size[u] =
-            testing::typical_size(p.problem.model.parameters[static_cast<std::size_t>(index)]);
-      } else {
-        const NonlinearParameter& n =
-            p.problem.model.nonlinear[static_cast<std::size_t>(u - linear)];
-        size[u] = 1e-2 * (n.upper - n.lower);
-      }
-    }
     for (std::size_t row = 0; row < 3; ++row) {
-      const auto residual = [&](const Eigen::VectorXd& at) -> Eigen::VectorXd {
-        p.design.set_unknowns(at.data());
-        Design::Row r;
-        p.design.evaluate(row, false, r);
-        return r.residual.head(p.design.residuals_per_row());
-      };
-      const Eigen::MatrixXd numeric = testing::numeric_jacobian(residual, x, size, 1e-2);
-      p.design.set_unknowns(x.data());
-      Eigen::VectorXd ignored;
-      const auto difference =
-          testing::compare_jacobians(dense_jacobian(p.design, row, ignored), numeric);
+      const auto difference = from_differences(p, row, false);
       EXPECT_LT(difference.worst, 1e-4)
           << named.name << ", row " << row << ": " << difference.text();
+    }
+  }
+}
+
+// Loads follow the arm that they bend: that is in the Jacobian to first order, and in what is
+// evaluated before the loads are worked out again.
+TEST(Design, StandingArm_JacobianFollowsTheLoads) {
+  Random random(6);
+  json heavy = testing::industrial_arm(), slides = testing::random_chain(random, 5, {1, 3});
+  slides["coupling"] = {{{"joint", 4}, {"driving", 5}, {"ratio", 0.03}}};
+  for (json* robot : {&heavy, &slides}) testing::add_links(random, *robot);
+  const json compliance{{"effect", "joint_compliance"}, {"joints", {3, 5}}};
+  const json bending{{"effect", "bending_compliance"}, {"joints", {2, 4}}};
+  const json gear{{"effect", "stiffness_nonlinear"}, {"joints", {3}}};
+  for (const Named& named :
+       {Named{"six axes", heavy, effects({compliance, gear, bending, "base_compliance"}), {}},
+        Named{"sliding joints", slides, effects({compliance, bending, "base_compliance"}), {}}}) {
+    PreparedDesign p(named, random);
+    const double moved = p.design.stand(*p.problem.state);
+    EXPECT_GT(moved, 1e-5) << named.name << ": nothing bends";
+    EXPECT_LT(moved, 1e-2) << named.name;
+    for (std::size_t row = 0; row < 4; ++row) {
+      const auto standing = from_differences(p, row, true);
+      EXPECT_LT(standing.worst, 1e-3) << named.name << ", row " << row << ": " << standing.text();
+      const auto between = from_differences(p, row, false);
+      EXPECT_LT(between.worst, 1e-3) << named.name << ", row " << row << ": " << between.text();
     }
   }
 }

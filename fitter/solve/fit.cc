@@ -12,6 +12,7 @@
 #include "fitter/solve/dense.h"
 #include "fitter/solve/placement.h"
 #include "fitter/solve/replicates.h"
+#include "fitter/solve/stance.h"
 #include "fitter/solve/start_search.h"
 #include "fitter/solve/table_evidence.h"
 
@@ -43,6 +44,10 @@ constexpr double kSettled = 1e-3;  // of the equations
 // Springs that a fit's own terms are weighed by are found in one or two repetitions.
 constexpr int kSpringPasses = 6;
 constexpr double kSpringsStand = 1e-3;    // of the largest
+// Loads are worked out where the fitted arm stands, and the fit repeated while that moves a frame by
+// more than this: far less than any instrument sees.
+constexpr int kStancePasses = 4;
+constexpr double kStands = 1e-7;  // [m, or rad]
 constexpr double kLearntInFull = 1e-300;  // variance over that before; its logarithm is finite
 
 json to_json(const ErrorSummary& s) {
@@ -162,6 +167,9 @@ std::unique_ptr<Fit> Fit::run_once(const Robot& robot, const State::Columns& col
   fit->options_ = options;
   observer.report(0.0, "aligning");
   fit->prepared_ = options.start ? options.start->prepared : prepare(robot, columns, options);
+  const bool is_standing = options.start && options.start->state;
+  fit->state_ =
+      std::make_shared<State>(is_standing ? *options.start->state : *fit->prepared_->state);
   fit->specification_ = close_options(fit->state(), specification, options);
   fit->begin();
   observer.report(0.1, "solving");
@@ -309,7 +317,7 @@ bool Fit::find_gross_errors() {
 }
 
 StartPoint Fit::start_point() const {
-  StartPoint start{prepared_, {}, kinematics_->base(), {}, context_->springs};
+  StartPoint start{prepared_, {}, kinematics_->base(), {}, context_->springs, state_};
   if (smooth()) {
     start.smoothness_sigma = smoothness_sigma_;
     start.smoothness_noise = smoothness_noise_;
@@ -346,9 +354,14 @@ void Fit::begin_at(const StartPoint& start) {
   design_->set_values(values);
 }
 
+double Fit::stand_as_fitted() { return design_->stand(*state_); }
+
 void Fit::solve_from_here(Accuracy accuracy) {
-  summary_ = solve(*design_, smoothness_sigma_, accuracy);
-  solver_iterations_ += summary_.iterations;
+  for (int pass = 0; pass < kStancePasses; ++pass) {
+    summary_ = solve(*design_, smoothness_sigma_, accuracy);
+    solver_iterations_ += summary_.iterations;
+    if (stand_as_fitted() < kStands) break;
+  }
 }
 
 // From the present values and, where nonlinear parameters are searched for, from a new search: what
@@ -363,6 +376,7 @@ void Fit::solve_from_anywhere() {
   if (summary_.cost < here.cost) return;
   summary_ = here;
   design_->set_unknowns(present.data());
+  stand_as_fitted();
 }
 
 void Fit::solve_robustly() {
@@ -447,6 +461,7 @@ void Fit::fold_base_and_tool() {
   design_ = std::make_unique<Design>(state(), measurements_, model_, *kinematics_);
   design_->weights() = weights;
   design_->set_free(identifiability_.kept);
+  stand_as_fitted();
 }
 
 // The unknowns' covariance: what the measurements say, in `equations`, and the penalties.
@@ -799,6 +814,7 @@ std::vector<Pose> FittedModel::predict(const State::Columns& columns,
   kinematics.set_base(measuring_from_base);
   for (std::size_t t = 0; t < flange_from_tool.size(); ++t)
     kinematics.set_tool(static_cast<int>(t), flange_from_tool[t]);
+  stand(state, model, kinematics);
   return predict_poses(state, target, model, kinematics);
 }
 

@@ -23,7 +23,7 @@ namespace armtrue {
 /// What all fits to the same measurements share. Nothing in it changes.
 struct Prepared {
   Robot robot;
-  std::unique_ptr<const State> state;
+  std::unique_ptr<const State> state;  ///< loads of the nominal arm
   Measurements measurements;
   Alignment alignment;
   std::vector<std::string> warnings;
@@ -36,7 +36,8 @@ struct StartPoint {
   Pose measuring_from_base = Pose::Identity();
   std::vector<Pose> flange_from_tool;  ///< by target
   std::vector<Spring> springs{};
-  double smoothness_sigma = 0.0;  ///< of tables; 0: none stand in the model
+  std::shared_ptr<const State> state{};  ///< loads where that fit's arm stands
+  double smoothness_sigma = 0.0;         ///< of tables; 0: none stand in the model
   double smoothness_noise = 0.0;  ///< noise of a reading where that smoothness was chosen [m]
 };
 
@@ -79,7 +80,8 @@ class Fit {
                                   const FitOptions& options, Observer& observer = Observer::none());
 
   const Robot& robot() const { return prepared_->robot; }
-  const State& state() const { return *prepared_->state; }
+  /// Loads are those of the fitted arm where it stands.
+  const State& state() const { return *state_; }
   const Measurements& measurements() const { return measurements_; }
   const Model& model() const { return model_; }
   const ModelSpecification& specification() const { return specification_; }
@@ -133,6 +135,7 @@ class Fit {
   bool smoothness_stands() const;
   void choose_smoothness();
   void begin_at(const StartPoint& start);
+  double stand_as_fitted();
   void solve_from_here(Accuracy accuracy = Accuracy::kOnTheWay);
   void solve_from_anywhere();
   void solve_robustly();
@@ -149,6 +152,7 @@ class Fit {
   void measure_noise_floor_between_targets();
 
   std::shared_ptr<const Prepared> prepared_;
+  std::shared_ptr<State> state_;
   Measurements measurements_;
   ModelSpecification specification_;
   FitOptions options_;

@@ -17,9 +17,6 @@ from armtrue_sim.cases import HiddenCase, hidden_cases
 from by_command import Ran, knows, run
 from coefficients import deviations
 
-# The slices that every run of the tests takes stand on the loads that the fitter knows: those of the nominal geometry.
-# With its loads where the arm stands (issue 15, fault 1) this becomes "deflected", as ./dev hidden has it already.
-FITTER_LOADS = "nominal"
 # A candidate with less is not counted as said to be possible.
 WORTH_NAMING = 0.05
 # What is said with so much is said as a fact.

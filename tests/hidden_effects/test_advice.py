@@ -12,14 +12,13 @@ from armtrue import _core
 from armtrue_sim import simulate
 from armtrue_sim.cases import hidden_cases
 from armtrue_sim.kinds import ARMS
-from harness import FITTER_LOADS
 
 Fit = Any
 
 
 def fit_of(plan: dict[str, Any], without: str = "", robot: dict[str, Any] | None = None) -> Fit:
     """A fit of what is believed to a simulated campaign, without the columns whose names begin with `without`."""
-    campaign = simulate({"statics": FITTER_LOADS, **plan})
+    campaign = simulate(plan)
     columns = {
         name: np.ascontiguousarray(values, dtype=float)
         for name, values in campaign.data.items()
@@ -102,7 +101,7 @@ def test_the_direction_to_record_is_named_by_joint(joint: int) -> None:
 
 @pytest.mark.parametrize("arm", ARMS)
 def test_no_direction_is_asked_for_where_nothing_is_missing(arm: str) -> None:
-    case = hidden_cases("nothing_hidden", arm, 11, FITTER_LOADS)
+    case = hidden_cases("nothing_hidden", arm, 11)
     columns = {
         name: np.ascontiguousarray(values, dtype=float)
         for name, values in case.campaign.data.items()
@@ -130,9 +129,8 @@ def test_two_effects_that_are_both_there_are_no_alternatives() -> None:
 
 
 def test_what_the_data_cannot_tell_is_said_to_be_alternatives() -> None:
-    case = hidden_cases(
-        "one_hidden", "kr30", 124, FITTER_LOADS
-    )  # a balancer that harmonics follow to a micrometre
+    # A balancer that harmonics follow to a micrometre.
+    case = hidden_cases("one_hidden", "kr30", 124)
     columns = {name: np.ascontiguousarray(v, dtype=float) for name, v in case.campaign.data.items()}
     fit = _core.fit(json.dumps(case.campaign.robot), columns, json.dumps({"effects": case.believed}))
     first = json.loads(_core.diagnose(fit))["candidates"][0]

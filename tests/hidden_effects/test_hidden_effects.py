@@ -7,14 +7,14 @@ from typing import Any
 
 import pytest
 from armtrue_sim.kinds import ARMS
-from harness import FITTER_LOADS, Outcome, Settings, accounted_for, verdict_of
+from harness import Outcome, Settings, accounted_for, verdict_of
 from harness import run_case as run_settings
 
 SEEDS = (1, 2)
 
 
 def run_case(kind: str, arm: str, seed: int, reference: bool = False) -> Outcome:
-    return run_settings(kind, arm, seed, Settings(statics=FITTER_LOADS, reference=reference))
+    return run_settings(kind, arm, seed, Settings(reference=reference))
 
 
 @pytest.mark.parametrize("seed", SEEDS)

@@ -16,8 +16,9 @@ from typing import Any
 import numpy as np
 from armtrue import _core
 from armtrue_sim import simulate
-from armtrue_sim.arm import Arm, Term
+from armtrue_sim.arm import LOADS, Arm, Term
 from armtrue_sim.campaign import Campaign, joints_of
+from armtrue_sim.expression import variables
 from armtrue_sim.sensitivity import sensitivity
 from armtrue_sim.transforms import Pose
 from numpy.typing import NDArray
@@ -51,8 +52,6 @@ class KnownArm:
                 "repeats": {"poses": 0, "times": 0},
                 "instrument": {"sigma": 0.0},
                 "repeatability": {"drive": 0.0},
-                # The loads that the fitter knows; it is to take them where the arm stands (issue 15, fault 1).
-                "statics": "nominal",
                 **scenario,
                 **more,
             }
@@ -63,6 +62,14 @@ class KnownArm:
     def joints(self) -> Array:
         """Commanded joints (N, n) of the measured poses."""
         return joints_of(self.campaign.data, self.campaign.arm.chain.n)
+
+    def sag(self) -> Array:
+        """What the arm's loads move the tool by (N,) [m]."""
+        arm, data = self.campaign.arm, self.campaign.data
+        stiff = [t for t in arm.terms if not any(v.startswith(LOADS) for v in variables(t.expression))]
+        moved = arm.true_position(self.joints, data) - arm.with_terms(stiff).true_position(self.joints, data)
+        result: Array = np.linalg.norm(moved, axis=1)
+        return result
 
     def fit(self, seed: int | None, sigma: float = SIGMA, **options: Any) -> KnownFit:
         """Fit to positions with fresh noise; `seed` None: without any."""

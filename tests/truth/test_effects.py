@@ -12,6 +12,7 @@ SEEDS = 40
 SIGMAS = 4.0
 # Of the Cramer-Rao bound. The mean over 40 seeds scatters by 1 to 2 %.
 LARGEST_RATIO = 1.05
+HELD_GEOMETRY = 1e-3  # what nobody can tell of lengths and angles, m and rad
 BELIEVED = [*GEOMETRY, "joint_compliance"]
 
 CUSTOM: dict[str, Any] = {
@@ -92,7 +93,9 @@ def assert_known(arm: KnownArm, largest_left_m: float) -> None:
     """Coefficients within 4 sigma, and the error at fresh poses within 5 % of what the bound promises."""
     fit = arm.fit(seed=0)
     _, left = fit.projected_truth()
-    assert left.max() < largest_left_m, "the model cannot stand where the real arm stands"
+    # Loads act on the geometry as it is: what is held of it, about 1 mm and 1 mrad, changes the sag by as much a metre.
+    allowed = largest_left_m + HELD_GEOMETRY * arm.sag().max()
+    assert left.max() < allowed, "the model cannot stand where the real arm stands"
     off = np.abs(fit.deviations())
     worst = int(np.argmax(off))
     assert off[worst] < SIGMAS, f"{fit.kept[worst]['name']} is {off[worst]:.1f} sigma off"

@@ -29,7 +29,6 @@ def fits(tmp_path_factory: pytest.TempPathFactory) -> list[Fit]:
     scenario = {
         "arm": "kr30",
         "seed": 2,
-        "statics": "nominal",  # the fitter's loads act on the nominal arm
         "hidden": [
             {"effect": "gear_harmonics", "joints": [3], "scale": 2.5},
             {"effect": "backlash", "joints": [2]},

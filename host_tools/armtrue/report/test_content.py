@@ -20,7 +20,6 @@ from armtrue.report.steps import ON_THE_WAY
 ORIENTED = {
     "arm": "cobot",
     "seed": 3,
-    "statics": "nominal",  # the fitter's loads act on the nominal arm
     "instrument": {"sigma": 9e-6, "orientation": 2e-5},
     "columns": {"add": ["orientation"]},
     "hidden": [{"effect": "gear_harmonics", "joints": [6]}],
