@@ -153,7 +153,7 @@ Correction solve(const TableView& table, const JointPositions& target,
   }
   link_positions(table, corrected, link);
   turn_motions(table, work.link, link, work.motions);
-  update_gravity(table, work.motions, work.terms);
+  // Loads stay those of the target: there the corrected arm stands.
   evaluate_smooth_terms(table, corrected, link, work.motions, work.terms, coordinates);
   JointPositions deflected;
   for (std::size_t k = 0; k < joints; ++k) {

@@ -33,12 +33,13 @@ struct Correction {
 
 // Finds δ so that real(target + δ) = nominal(target), by Newton's method on the full model:
 //
-//   1. p* = nominal tool at the target. Terms at the target. Motor-side deflections m are taken off
+//   1. p* = nominal tool at the target. Gravity there, where the corrected arm will stand. Terms at
+//      the target. Motor-side deflections m are taken off
 //      directly; what the virtual joints leave, e = p* - real tool without m, goes through the
 //      arm's Jacobian: q₁ = target - m + J⁺ e.
 //   2. Steep terms s (gear mesh, tables of joint errors) at q₁, which moves on to where q₁ + s(q₁)
 //   is
-//      what it was to be. Gravity, all other terms and the real tool there: q₂ = q₁ + J⁺ (p* -
+//      what it was to be. All other terms and the real tool there: q₂ = q₁ + J⁺ (p* -
 //      p(q₁)).
 //   3. Steep terms at q₂: q₃ by a secant, so that q₃ + s(q₃) = q₂ + s(q₁).
 //

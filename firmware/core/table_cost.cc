@@ -17,7 +17,7 @@ using format::Section;
 constexpr std::uint32_t kConstantPasses = 1;
 constexpr std::uint32_t kSteepPasses = 3;
 constexpr std::uint32_t kSmoothPasses = 2;
-constexpr std::uint32_t kGravityPasses = 2;
+constexpr std::uint32_t kGravityPasses = 1;
 
 // The arm alone: solver, chain, limits, blending.
 constexpr std::uint32_t kPosition = 4400;

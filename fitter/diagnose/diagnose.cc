@@ -126,7 +126,10 @@ std::vector<EvidenceBlock> structure_blocks(const Fit& fit, const Structure& str
     block.label = "structure";
     block.kind = "structure";
     block.structure = true;
-    block.tried = static_cast<double>(structure.tried);
+    // A joint function of two variables holds two causes, one of each, where they are there: it has
+    // the odds of two.
+    block.tried = std::pow(static_cast<double>(structure.tried),
+                           static_cast<double>(finding.variables.size()));
     block.forms = {EvidenceForm(smooth_block(fit, finding))};
     result.push_back(std::move(block));
   }

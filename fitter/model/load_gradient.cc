@@ -29,9 +29,8 @@ double LoadGradient::change(int frame, const Eigen::Vector3d& axis, bool slides,
   }
   if (slides) return 0.0;
   const auto first = static_cast<std::size_t>(by.carries);
-  const Eigen::Vector3d shift = by.slides
-                                    ? Eigen::Vector3d(mass_[first] * by.axis)
-                                    : by.axis.cross(moment_[first] - mass_[first] * by.point);
+  const Eigen::Vector3d shift = by.slides ? Eigen::Vector3d(mass_[first] * by.axis)
+                                          : by.axis.cross(moment_[first] - mass_[first] * by.point);
   return axis.dot(shift.cross(g));
 }
 

@@ -34,7 +34,7 @@ class LoadGradient {
   const Robot& robot_;
   CoordinateLayout layout_;
   const Pose* frames_;
-  std::vector<double> mass_;              // of all bodies from k on, the payload last
+  std::vector<double> mass_;             // of all bodies from k on, the payload last
   std::vector<Eigen::Vector3d> moment_;  // the same: mass times place, in the base
 };
 

@@ -34,8 +34,8 @@ BasisTable::BasisTable(const Model& model, const State& state, const CoordinateL
         tables_.push_back({static_cast<int>(index), coordinate, term.weight, term.basis});
         continue;
       }
-      DenseColumn column{static_cast<int>(index), coordinate, term.weight, term.basis, false,
-                         loads};
+      DenseColumn column{
+          static_cast<int>(index), coordinate, term.weight, term.basis, false, loads};
       const std::set<std::string> used = term.basis.variables();
       for (std::size_t j = 0; j < nonlinear_names_.size(); ++j) {
         if (!used.contains(nonlinear_names_[j])) continue;

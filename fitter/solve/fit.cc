@@ -43,11 +43,11 @@ constexpr int kVariancePasses = 6;
 constexpr double kSettled = 1e-3;  // of the equations
 // Springs that a fit's own terms are weighed by are found in one or two repetitions.
 constexpr int kSpringPasses = 6;
-constexpr double kSpringsStand = 1e-3;    // of the largest
-// Loads are worked out where the fitted arm stands, and the fit repeated while that moves a frame by
-// more than this: far less than any instrument sees.
+constexpr double kSpringsStand = 1e-3;  // of the largest
+// Loads are worked out where the fitted arm stands, and the fit repeated while that moves a frame
+// by more than this: far less than any instrument sees.
 constexpr int kStancePasses = 4;
-constexpr double kStands = 1e-7;  // [m, or rad]
+constexpr double kStands = 1e-7;          // [m, or rad]
 constexpr double kLearntInFull = 1e-300;  // variance over that before; its logarithm is finite
 
 json to_json(const ErrorSummary& s) {

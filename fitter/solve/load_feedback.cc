@@ -28,8 +28,12 @@ LoadFeedback::LoadFeedback(const Model& model, const CoordinateLayout& layout, c
         if (term.table || !load || !is_followed(*load)) continue;
         auto found = std::ranges::find(loads_, name, &Variable::name);
         if (found == loads_.end()) found = loads_.insert(loads_.end(), *load);
-        springs_.push_back({p, static_cast<std::size_t>(found - loads_.begin()),
-                            layout.index(term.coordinate), term.weight, term.basis, {}});
+        springs_.push_back({p,
+                            static_cast<std::size_t>(found - loads_.begin()),
+                            layout.index(term.coordinate),
+                            term.weight,
+                            term.basis,
+                            {}});
       }
     }
   }
@@ -61,8 +65,8 @@ void LoadFeedback::update(const State& state, const std::vector<Pose>& frames,
 
 LoadFeedback::Gradients LoadFeedback::gradients(std::size_t row) const {
   const auto width = static_cast<std::size_t>(layout_.size());
-  return {gradient_.data() + row * loads_.size() * width,
-          static_cast<Eigen::Index>(loads_.size()), layout_.size()};
+  return {gradient_.data() + row * loads_.size() * width, static_cast<Eigen::Index>(loads_.size()),
+          layout_.size()};
 }
 
 void LoadFeedback::correct(std::size_t row, const std::vector<double>& values,

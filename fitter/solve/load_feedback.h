@@ -33,8 +33,8 @@ class LoadFeedback {
     Expression basis = Expression::number(0.0);
     std::vector<double> slope;  // of the basis by the load, by row
   };
-  using Gradients = Eigen::Map<const Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic,
-                                                   Eigen::RowMajor>>;
+  using Gradients =
+      Eigen::Map<const Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>;
   Gradients gradients(std::size_t row) const;
 
   CoordinateLayout layout_;

@@ -4,8 +4,7 @@ The measure: distance between the point that the fitted model in double precisio
 the point that nominal kinematics gives for the command asked for. "Away from singularities": the smallest singular
 value of the Jacobian (position, or pose with rotations weighed by a quarter of the reach) is at least 10 % of the
 reach: there a millimetre of tool error takes at most some milliradians. Nearer to singularities, down to 5 %, the mean
-is held to the same bound and the largest error to ten times it. Left out are poses where a torque changes its sign
-between command and correction: with sign(tau) in the model (backlash) such a pose has no exact inverse.
+is held to the same bound and the largest error to ten times it.
 """
 
 from __future__ import annotations
@@ -45,18 +44,12 @@ def measured(name: str, full_pose: bool, poses: int = POSES, seed: int = 5) -> d
     engine = FixedEngine(image, arm.chain.prismatic, arm.chain.sensors, arm.chain.temperature_reference)
     corrected = engine.solve(joints, around)
     reference = Reference(arm, "")
-    reached, jacobian = reference.real(corrected.joints, around)
+    reached, jacobian = reference.real(corrected.joints, around, reference.at_nominal(joints))
     wanted = reference.nominal(joints)
     rows = jacobian[:, :3]
     if full_pose:
         rows = np.concatenate([rows, 0.25 * arm.chain.reach_m * jacobian[:, 3:]], axis=1)
     least = np.linalg.svd(rows, compute_uv=False)[:, min(rows.shape[1:]) - 1]
-    before = reference.state(joints, around)
-    after = reference.state(corrected.joints, around)
-    flips = np.zeros(poses, dtype=bool)
-    for variable in before:
-        if variable.startswith("tau"):
-            flips |= np.sign(before[variable]) != np.sign(after[variable])
     between = np.swapaxes(wanted[:, :3, :3], 1, 2) @ reached[:, :3, :3]
     sine = 0.5 * np.linalg.norm(
         np.stack(
@@ -74,8 +67,8 @@ def measured(name: str, full_pose: bool, poses: int = POSES, seed: int = 5) -> d
         "urad": 1e6 * sine,
         "uncorrected_um": 1e6
         * np.linalg.norm(reference.real(joints, around)[0][:, :3, 3] - wanted[:, :3, 3], axis=1),
-        "regular": (least >= AWAY_FROM_SINGULAR * arm.chain.reach_m) & ~flips,
-        "nearly_regular": (least >= NEAR_SINGULAR * arm.chain.reach_m) & ~flips,
+        "regular": least >= AWAY_FROM_SINGULAR * arm.chain.reach_m,
+        "nearly_regular": least >= NEAR_SINGULAR * arm.chain.reach_m,
         "flags": corrected.flags,
         "correction": np.abs(corrected.joints - joints),
     }

@@ -37,6 +37,14 @@ class Surroundings:
     direction: Array | None = None  # (N, n)
 
 
+@dataclass(frozen=True)
+class Standing:
+    """Where loads act: frames 1…n in the robot base, (N, 4, 4) each, and the payload's place in the last, (N, 3)."""
+
+    frames: list[Array]
+    payload: Array
+
+
 class Reference:
     """Forward model and inverse of a fitted arm for one tool."""
 
@@ -51,8 +59,32 @@ class Reference:
         }
         self._variables = arm.variables()
 
-    def state(self, motor: Array, around: Surroundings) -> dict[str, Array]:
-        """Columns of every state variable that the exported terms read, at motor-side joints (N, n)."""
+    def at_nominal(self, motor: Array) -> Standing:
+        """Loads of the nominal arm."""
+        point = (self.chain.end @ [*self.arm.payload_point, 1.0])[:3]
+        return Standing(self.chain.frames(motor), np.tile(point, (motor.shape[0], 1)))
+
+    def as_deflected(self, motor: Array, around: Surroundings) -> Standing:
+        """Loads of the fitted arm where they have bent it to, as the fitter has them."""
+        standing = self.at_nominal(motor)
+        for _ in range(_MOST_STEPS):
+            coordinates = self.coordinates(self.state(motor, around, standing))
+            frames, _ = self._frames(motor, coordinates)
+            end = self._virtual_joint(coordinates, f"link{self.chain.joint_count}", motor.shape[0])
+            point = self.at_nominal(motor).payload
+            if end is not None:
+                point = np.einsum("nij,nj->ni", end[:, :3, :3], point) + end[:, :3, 3]
+            still = max(np.abs(a - b).max() for a, b in zip(frames, standing.frames, strict=True))
+            standing = Standing(frames, point)
+            if still < _CONVERGED_M:
+                break
+        return standing
+
+    def state(self, motor: Array, around: Surroundings, standing: Standing | None = None) -> dict[str, Array]:
+        """Columns of every state variable that the exported terms read, at motor-side joints (N, n).
+
+        `standing`: where loads act; default the nominal arm at `motor`.
+        """
         chain = self.chain
         rows = motor.shape[0]
         zero = np.zeros(rows)
@@ -71,7 +103,7 @@ class Reference:
             columns["dT"] = columns[f"dT_{chain.sensors[0]}"]
         gravity = {name for name in self._variables if name not in columns}
         if gravity:
-            self._add_gravity(columns, gravity, motor)
+            self._add_gravity(columns, gravity, standing or self.at_nominal(motor))
         return columns
 
     def coordinates(self, columns: dict[str, Array]) -> dict[str, Array]:
@@ -87,9 +119,11 @@ class Reference:
             result[grid.coordinate] = result.get(grid.coordinate, 0.0) + grid.evaluate(columns)
         return result
 
-    def real(self, motor: Array, around: Surroundings) -> tuple[Array, Array]:
+    def real(
+        self, motor: Array, around: Surroundings, standing: Standing | None = None
+    ) -> tuple[Array, Array]:
         """Real base_from_tool (N, 4, 4) and its Jacobian (N, 6, n) by the motor-side joints."""
-        coordinates = self.coordinates(self.state(motor, around))
+        coordinates = self.coordinates(self.state(motor, around, standing))
         return self._propagate(motor, coordinates)
 
     def nominal(self, motor: Array) -> Array:
@@ -99,16 +133,17 @@ class Reference:
     def inverse(self, target: Array, around: Surroundings, rotation_length_m: float | None = None) -> Array:
         """Motor-side joints (N, n) at which the real tool is where nominal kinematics puts it for `target`.
 
-        Motor-side deflections are taken off directly; the rest by least-norm steps, iterated to convergence.
+        Motor-side deflections are taken off directly; the rest by least-norm steps, iterated to convergence. Loads are
+        those of the nominal arm at `target`, where the corrected arm stands.
         `rotation_length_m`: metres that weigh as one radian where the full pose is to be met; None: position only.
         """
-        wanted = self.nominal(target)
-        coordinates = self.coordinates(self.state(target, around))
+        wanted, standing = self.nominal(target), self.at_nominal(target)
+        coordinates = self.coordinates(self.state(target, around, standing))
         deflection = self._motor_deflection(coordinates, target.shape)
         pose, jacobian = self._propagate(target - deflection, coordinates)
         corrected = target - deflection + self._step(wanted, pose, jacobian, rotation_length_m)
         for _ in range(_MOST_STEPS):
-            pose, jacobian = self.real(corrected, around)
+            pose, jacobian = self.real(corrected, around, standing)
             step = self._step(wanted, pose, jacobian, rotation_length_m)
             corrected = corrected + step
             if np.abs(step).max(initial=0.0) < _CONVERGED_M:
@@ -146,6 +181,15 @@ class Reference:
         return result
 
     def _propagate(self, motor: Array, coordinates: dict[str, Array]) -> tuple[Array, Array]:
+        frames, current = self._frames(motor, coordinates)
+        current = current @ self.chain.end @ self.flange_from_tool
+        for name in ("tool", f"tool[{self._tool}]"):
+            virtual = self._virtual_joint(coordinates, name, motor.shape[0])
+            current = current if virtual is None else current @ virtual
+        return current, self._jacobian(frames, current[:, :3, 3])
+
+    def _frames(self, motor: Array, coordinates: dict[str, Array]) -> tuple[list[Array], Array]:
+        """Frames 1…n before their virtual joints, and the last one's end."""
         chain = self.chain
         rows = motor.shape[0]
         link = chain.link_variables(motor + self._motor_deflection(coordinates, motor.shape))
@@ -158,11 +202,7 @@ class Reference:
             frames.append(current)
             virtual = self._virtual_joint(coordinates, f"link{k + 1}", rows)
             current = current if virtual is None else current @ virtual
-        current = current @ chain.end @ self.flange_from_tool
-        for name in ("tool", f"tool[{self._tool}]"):
-            virtual = self._virtual_joint(coordinates, name, rows)
-            current = current if virtual is None else current @ virtual
-        return current, self._jacobian(frames, current[:, :3, 3])
+        return frames, current
 
     def _jacobian(self, frames: list[Array], tool: Array) -> Array:
         links = np.zeros((tool.shape[0], 6, len(frames)))
@@ -175,14 +215,12 @@ class Reference:
                 links[:, 3:, k] = axis
         return np.asarray(links @ self.chain.coupling)
 
-    def _add_gravity(self, columns: dict[str, Array], names: set[str], motor: Array) -> None:
-        chain = self.chain
-        frames = chain.frames(motor)
-        point = (chain.end @ [*self.arm.payload_point, 1.0])[:3]
-        zero_set = (np.zeros(chain.joint_count), np.zeros((chain.joint_count, 3)))
+    def _add_gravity(self, columns: dict[str, Array], names: set[str], standing: Standing) -> None:
+        chain, frames, point = self.chain, standing.frames, standing.payload
+        rows = point.shape[0]
         if chain.masses is not None and chain.coms is not None:
-            masses = np.tile(chain.masses, (motor.shape[0], 1))
-            moments = np.tile(chain.masses[:, None] * chain.coms, (motor.shape[0], 1, 1))
+            masses = np.tile(chain.masses, (rows, 1))
+            moments = np.tile(chain.masses[:, None] * chain.coms, (rows, 1, 1))
             masses[:, -1] += columns["payload"]
             moments[:, -1] += columns["payload"][:, None] * point
             arm_moments = gravity_moments(chain.gravity, frames, masses, moments)
@@ -195,21 +233,18 @@ class Reference:
             match = _REGRESSOR.match(name)
             if match is None:
                 continue
-            masses, moments = (part.copy() for part in zero_set)
+            masses, moments = np.zeros((rows, chain.joint_count)), np.zeros((rows, chain.joint_count, 3))
             if match[6] is not None:
-                masses[-1], moments[-1] = 1.0, point
+                masses[:, -1], moments[:, -1] = 1.0, point
                 kind, joint = _kind(match[5]), int(match[6])
             else:
                 link = int(match[3]) - 1
                 if match[4] == "m":
-                    masses[link] = 1.0
+                    masses[:, link] = 1.0
                 else:
-                    moments[link, "xyz".index(match[4])] = 1.0
+                    moments[:, link, "xyz".index(match[4])] = 1.0
                 kind, joint = _kind(match[1]), int(match[2])
-            rows = motor.shape[0]
-            unit = gravity_moments(
-                chain.gravity, frames, np.tile(masses, (rows, 1)), np.tile(moments, (rows, 1, 1))
-            )
+            unit = gravity_moments(chain.gravity, frames, masses, moments)
             columns[name] = self._gravity_of(unit, frames, kind, joint)
 
     def _gravity_of(self, moments: tuple[Array, Array], frames: list[Array], kind: int, joint: int) -> Array:

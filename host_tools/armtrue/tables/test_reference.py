@@ -40,7 +40,8 @@ def test_forward_model_is_the_fitters() -> None:
     fit = document(TERMS, coupling=[{"joint": 3, "driving": 2, "ratio": -1.0}])
     joints, around, columns = state(200)
     predicted = np.asarray(_core.predict(json.dumps(fit), columns))
-    reached = Reference(fitted_arm(fit, "test"), "").real(joints, around)[0][:, :3, 3]
+    reference = Reference(fitted_arm(fit, "test"), "")
+    reached = reference.real(joints, around, reference.as_deflected(joints, around))[0][:, :3, 3]
     assert np.abs(predicted - reached).max() < 1e-12
 
 
@@ -49,7 +50,8 @@ def test_standard_dh_is_the_fitters() -> None:
     fit["robot"]["kinematics"]["convention"] = "dh"
     joints, around, columns = state(200)
     predicted = np.asarray(_core.predict(json.dumps(fit), columns))
-    reached = Reference(fitted_arm(fit, "test"), "").real(joints, around)[0][:, :3, 3]
+    reference = Reference(fitted_arm(fit, "test"), "")
+    reached = reference.real(joints, around, reference.as_deflected(joints, around))[0][:, :3, 3]
     assert np.abs(predicted - reached).max() < 1e-12
 
 
@@ -58,10 +60,24 @@ def test_inverse_reaches_the_nominal_point() -> None:
     joints, around, _ = state(500)
     nominal = reference.nominal(joints)[:, :3, 3]
     corrected = reference.inverse(joints, around)
-    reached, jacobian = reference.real(corrected, around)
+    reached, jacobian = reference.real(corrected, around, reference.at_nominal(joints))
     regular = np.linalg.svd(jacobian[:, :3], compute_uv=False)[:, 2] > 0.05
     assert regular.mean() > 0.5
     assert np.linalg.norm(reached[regular, :3, 3] - nominal[regular], axis=1).max() < 1e-10
+
+
+def test_corrected_arm_carries_nearly_what_the_nominal_one_does_at_the_target() -> None:
+    fit = document([("motor2", "tau2", 1e-5), ("motor3", "tau3", 2e-5), ("link2.rx", "gmx2", 5e-6)])
+    reference = Reference(fitted_arm(fit, "test"), "")
+    joints, around, columns = state(300)
+    nominal = reference.nominal(joints)[:, :3, 3]
+    corrected = reference.inverse(joints, around)
+    columns |= {f"q{k + 1}": np.ascontiguousarray(corrected[:, k]) for k in range(3)}
+    off = np.asarray(_core.predict(json.dumps(fit), columns)) - nominal
+    sag = reference.real(joints, around)[0][:, :3, 3] - nominal
+    regular = np.linalg.svd(reference.real(joints, around)[1][:, :3], compute_uv=False)[:, 2] > 0.05
+    assert np.linalg.norm(sag[regular], axis=1).max() > 1e-3
+    assert np.linalg.norm(off[regular], axis=1).max() < 1e-3 * np.linalg.norm(sag[regular], axis=1).max()
 
 
 def test_jacobian_is_the_derivative() -> None:
