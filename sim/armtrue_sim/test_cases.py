@@ -53,6 +53,7 @@ def test_seeds_reproduce_and_differ():
     assert not np.array_equal(first.campaign.positions, other.campaign.positions)
 
 
+@pytest.mark.full
 def test_many_seeds_reach_the_whole_catalogue():
     seen = {h.effect for seed in range(60) for h in hidden_cases("three_hidden", "irb2400", seed).hidden}
     assert seen == set(catalogue_choices("irb2400"))
