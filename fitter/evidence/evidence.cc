@@ -94,7 +94,7 @@ EvidenceSummary weigh_evidence(Fit& fit, const Linearization& l, std::vector<Evi
     const bool wide = found.columns.cols() > kWideSet;
     const int steps = !wide ? kNoiseSteps : last ? kLastNoiseSteps : kFewNoiseSteps;
     evidence.noise =
-        estimate_noise(l, found.columns, found.precision, model.y, evidence.noise, steps);
+        estimate_noise(l, found.columns, found.precision, model.y, evidence.noise, {steps, last});
     if (!last) {
       refine_forms(fit, model.blocks, evidence.search);
       model = make_evidence_model(fit, l, std::move(model.blocks));

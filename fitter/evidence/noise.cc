@@ -14,9 +14,9 @@ namespace {
 // A part that fell to this share of the reading's own variance is none.
 constexpr double kNone = 1e-8;
 constexpr std::size_t kPosesLookedAt = 400;
-// Of a standard deviation, for a ratio of squares: 1/4 climbs at every step, 1/2 is Fisher's and
-// may swing.
-constexpr double kStepExponent = 0.4;
+// A variance becomes at least and at most this share of itself in one step.
+constexpr int kStepsAfterDrop = 2;
+constexpr double kLeastShare = 0.05, kMostShare = 4.0;
 
 // Columns of every part within the equations of one pose.
 struct PoseParts {
@@ -109,10 +109,66 @@ NoiseParts broad_noise(const Linearization& l, const Eigen::VectorXd& residual) 
 
 namespace {
 
-// What the restricted likelihood compares for every part: reading, joints, pose.
+// Slope of the restricted likelihood by the variance of every part (reading, joints, pose), and the
+// information of these variances.
 struct Score {
-  std::vector<double> above, below;
+  Eigen::VectorXd slope;
+  Eigen::MatrixXd information;
 };
+
+void add_pose(const PoseParts& pose, const NoiseParts& parts, const Eigen::MatrixXd& inverse_root,
+              const Eigen::MatrixXd& free, const Eigen::VectorXd& left, Score& score) {
+  const auto root = inverse_root.triangularView<Eigen::Lower>();
+  const auto size = static_cast<Eigen::Index>(pose.equations.size());
+  std::vector<std::pair<Eigen::Index, Eigen::MatrixXd>> columns;  // of each part, whitened
+  columns.emplace_back(0, root * Eigen::MatrixXd::Identity(size, size));
+  for (std::size_t k = 0; k < pose.joint.size(); ++k) {
+    if (parts.joint[k] > 0.0)
+      columns.emplace_back(static_cast<Eigen::Index>(k) + 1, root * pose.joint[k]);
+  }
+  if (parts.pose && *parts.pose > 0.0)
+    columns.emplace_back(score.slope.size() - 1, root * pose.shared);
+  for (const auto& [part, own] : columns) {
+    score.slope[part] += 0.5 * (own.transpose() * left).squaredNorm();
+    const Eigen::MatrixXd freed = free * own;
+    score.slope[part] -= 0.5 * own.cwiseProduct(freed).sum();
+    for (const auto& [other, its] : columns)
+      score.information(part, other) += 0.5 * (its.transpose() * freed).squaredNorm();
+  }
+}
+
+// Fisher's step, in which no variance falls or grows by more than it may; those that would are held
+// there, and the others go where that leaves them.
+Eigen::VectorXd next_variances(const Eigen::VectorXd& variance, const Score& score) {
+  std::vector<Eigen::Index> free;
+  for (Eigen::Index i = 0; i < variance.size(); ++i) {
+    if (variance[i] > 0.0 && score.information(i, i) > 0.0) free.push_back(i);
+  }
+  Eigen::VectorXd change = Eigen::VectorXd::Zero(variance.size());
+  while (!free.empty()) {
+    // In shares of each variance, so that radians and metres weigh alike.
+    const Eigen::VectorXd unit = variance(free);
+    const Eigen::MatrixXd information =
+        unit.asDiagonal() * score.information(free, free) * unit.asDiagonal();
+    const Eigen::VectorXd slope =
+        unit.cwiseProduct((score.slope - score.information * change)(free));
+    const Eigen::VectorXd share = information.ldlt().solve(slope);
+    std::vector<Eigen::Index> kept;
+    for (std::size_t i = 0; i < free.size(); ++i) {
+      const double own = share[static_cast<Eigen::Index>(i)];
+      if (own > kLeastShare - 1.0 && own < kMostShare - 1.0) kept.push_back(free[i]);
+    }
+    for (std::size_t i = 0; i < free.size(); ++i) {
+      const double own =
+          std::clamp(share[static_cast<Eigen::Index>(i)], kLeastShare - 1.0, kMostShare - 1.0);
+      if (kept.size() == free.size() || std::ranges::find(kept, free[i]) == kept.end())
+        change[free[i]] = own * variance[free[i]];
+    }
+    if (kept.size() == free.size()) break;
+    free = kept;
+  }
+  return variance + change;
+}
 
 // The equations of a pose stand side by side, so that its share of a matrix is one piece of memory.
 class RestrictedLikelihood {
@@ -128,6 +184,7 @@ class RestrictedLikelihood {
   }
 
   Score score(const NoiseParts& parts) const;
+  double poses() const { return static_cast<double>(poses_.size()); }
 
  private:
   const Linearization& l_;
@@ -165,55 +222,90 @@ Score RestrictedLikelihood::score(const NoiseParts& parts) const {
   }
   const Eigen::MatrixXd half = factor.half_solve(white(Eigen::all, looked_at));
   const Eigen::VectorXd seen = left(looked_at);
-  Score score{std::vector<double>(parts.joint.size() + 2, 0.0), {}};
-  score.below = score.above;
+  const auto count = static_cast<Eigen::Index>(parts.joint.size()) + 2;
+  Score score{Eigen::VectorXd::Zero(count), Eigen::MatrixXd::Zero(count, count)};
   at = 0;
   for (std::size_t g = 0; g < poses_.size(); g += stride) {
-    const PoseParts& pose = poses_[g];
-    const auto size = static_cast<Eigen::Index>(pose.equations.size());
-    const Eigen::MatrixXd known = half.middleCols(at, size).transpose() * half.middleCols(at, size);
-    const Eigen::VectorXd own = seen.segment(at, size);
-    const auto root = whitening.blocks()[g].inverse_root.triangularView<Eigen::Lower>();
-    const auto add = [&](std::size_t part, const Eigen::MatrixXd& z) {
-      const Eigen::MatrixXd white_z = root * z;
-      score.above[part] += (white_z.transpose() * own).squaredNorm();
-      score.below[part] += white_z.squaredNorm() -
-                           (white_z.transpose() * known).cwiseProduct(white_z.transpose()).sum();
-    };
-    add(0, Eigen::MatrixXd::Identity(size, size));
-    for (std::size_t k = 0; k < pose.joint.size(); ++k) {
-      if (parts.joint[k] > 0.0) add(k + 1, pose.joint[k]);
-    }
-    if (parts.pose) add(parts.joint.size() + 1, pose.shared);
+    const auto size = static_cast<Eigen::Index>(poses_[g].equations.size());
+    const Eigen::MatrixXd free = Eigen::MatrixXd::Identity(size, size) -
+                                 half.middleCols(at, size).transpose() * half.middleCols(at, size);
+    add_pose(poses_[g], parts, whitening.blocks()[g].inverse_root, free, seen.segment(at, size),
+             score);
     at += size;
   }
   return score;
+}
+
+Eigen::VectorXd variances_of(const NoiseParts& parts) {
+  const auto joints = static_cast<Eigen::Index>(parts.joint.size());
+  Eigen::VectorXd variance(joints + 2);
+  variance[0] = parts.reading * parts.reading;
+  for (Eigen::Index k = 0; k < joints; ++k)
+    variance[k + 1] = std::pow(parts.joint[static_cast<std::size_t>(k)], 2);
+  variance[joints + 1] = parts.pose ? *parts.pose * *parts.pose : 0.0;
+  return variance;
+}
+
+NoiseParts climb(const RestrictedLikelihood& likelihood, const Linearization& l, NoiseParts parts,
+                 int steps) {
+  const auto joints = static_cast<Eigen::Index>(parts.joint.size());
+  for (int step = 0; step < steps; ++step) {
+    const Eigen::VectorXd variance = next_variances(variances_of(parts), likelihood.score(parts));
+    parts.reading = std::sqrt(variance[0]);
+    for (Eigen::Index k = 0; k < joints; ++k) {
+      const double reach = l.geometry.col(l.layout.motor(static_cast<int>(k))).squaredNorm() /
+                           static_cast<double>(l.geometry.rows());
+      parts.joint[static_cast<std::size_t>(k)] =
+          variance[k + 1] * reach < kNone * variance[0] ? 0.0 : std::sqrt(variance[k + 1]);
+    }
+    if (parts.pose) parts.pose = std::sqrt(variance[joints + 1]);
+  }
+  return parts;
+}
+
+// The part that the data know least to be there, if it does not pay for itself by the Bayesian
+// information criterion (Schwarz 1978, Ann. Stat. 6, 461); 0: all do.
+Eigen::Index unsure_part(const Eigen::VectorXd& variance, const Score& score, double poses) {
+  std::vector<Eigen::Index> there;
+  for (Eigen::Index i = 0; i < variance.size(); ++i) {
+    if (variance[i] > 0.0) there.push_back(i);
+  }
+  const Eigen::VectorXd unit = variance(there);
+  const Eigen::MatrixXd information =
+      unit.asDiagonal() * score.information(there, there) * unit.asDiagonal();
+  const Eigen::MatrixXd covariance =
+      information.ldlt().solve(Eigen::MatrixXd::Identity(unit.size(), unit.size()));
+  double least = std::log(poses);
+  Eigen::Index unsure = 0;
+  for (std::size_t i = 1; i < there.size(); ++i) {
+    const auto at = static_cast<Eigen::Index>(i);
+    const double squares = 1.0 / std::max(covariance(at, at), 1e-300);
+    if (squares >= least) continue;
+    least = squares;
+    unsure = there[i];
+  }
+  return unsure;
 }
 
 }  // namespace
 
 NoiseParts estimate_noise(const Linearization& l, const Eigen::MatrixXd& columns,
                           const Eigen::MatrixXd& precision, const Eigen::VectorXd& y,
-                          const NoiseParts& start, int steps) {
+                          const NoiseParts& start, const NoiseEffort& effort) {
   const RestrictedLikelihood likelihood(l, columns, precision, y);
   NoiseParts parts = start;
   parts.joint.resize(static_cast<std::size_t>(l.layout.joints), 0.0);
-  for (int step = 0; step < steps; ++step) {
-    const Score score = likelihood.score(parts);
-    const auto factor_of = [&](std::size_t part) {
-      return score.below[part] > 0.0
-                 ? std::pow(score.above[part] / score.below[part], kStepExponent)
-                 : 0.0;
-    };
-    parts.reading *= factor_of(0);
-    for (std::size_t k = 0; k < parts.joint.size(); ++k) {
-      parts.joint[k] *= factor_of(k + 1);
-      const double reach = l.geometry.col(l.layout.motor(static_cast<int>(k))).squaredNorm() /
-                           static_cast<double>(y.size());
-      if (parts.joint[k] * parts.joint[k] * reach < kNone * parts.reading * parts.reading)
-        parts.joint[k] = 0.0;
+  parts = climb(likelihood, l, std::move(parts), effort.steps);
+  while (effort.drops_unsure) {
+    const Eigen::Index unsure =
+        unsure_part(variances_of(parts), likelihood.score(parts), likelihood.poses());
+    if (unsure == 0) break;
+    if (unsure <= l.layout.joints) {
+      parts.joint[static_cast<std::size_t>(unsure) - 1] = 0.0;
+    } else {
+      parts.pose = 0.0;
     }
-    if (parts.pose) *parts.pose *= factor_of(parts.joint.size() + 1);
+    parts = climb(likelihood, l, std::move(parts), kStepsAfterDrop);
   }
   return parts;
 }

@@ -42,14 +42,18 @@ class PoseWhitening {
   double log_determinant_ = 0.0;
 };
 
-/// Restricted likelihood (Patterson and Thompson 1971, Biometrika 58, 545), climbed by the
-/// multiplicative steps of Zhou, Hu, Qiao, Dai (2019, J. Comput. Graph. Stat. 28, 350), which never
-/// leave the positive. `columns`: what the model has, whitened by the instrument; `precision`: of
-/// the prior of their coefficients, which `target` centres at zero. `y`: what they explain. Begins
-/// at `start`.
+struct NoiseEffort {
+  int steps = 12;
+  bool drops_unsure = true;  ///< parts that do not pay for themselves become zero
+};
+
+/// Restricted likelihood (Patterson and Thompson 1971, Biometrika 58, 545), climbed by Fisher's
+/// scoring within bounds that keep every variance positive. `columns`: what the model has, whitened
+/// by the instrument; `precision`: of the prior of their coefficients, which `target` centres at
+/// zero. `y`: what they explain. Begins at `start`.
 NoiseParts estimate_noise(const Linearization& linearization, const Eigen::MatrixXd& columns,
                           const Eigen::MatrixXd& precision, const Eigen::VectorXd& y,
-                          const NoiseParts& start, int steps);
+                          const NoiseParts& start, const NoiseEffort& effort);
 
 /// Where an estimate begins: as if half of the squares were the joints' own, and all of them a
 /// pose's.

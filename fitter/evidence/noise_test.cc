@@ -46,7 +46,7 @@ NoiseParts estimated(Fit& fit) {
   const Linearization l = linearize(fit);
   const auto width = l.jacobian.cols();
   return estimate_noise(l, l.jacobian, Eigen::MatrixXd::Zero(width, width), -l.residual,
-                        broad_noise(l, l.residual), 60);
+                        broad_noise(l, l.residual), {60, true});
 }
 
 TEST(EstimateNoise, OneJointThatRepeatsBadly_IsNamedWithItsSize) {
