@@ -20,9 +20,9 @@ requestAnimationFrame(() => requestAnimationFrame(() => done(true)));
 
 
 class Browser:
-    """A window without network. Sizes are CSS pixels."""
+    """A window without network, or with this machine's own alone. Sizes are CSS pixels."""
 
-    def __init__(self) -> None:
+    def __init__(self, *, this_machine: bool = False) -> None:
         programs = {name: shutil.which(name) for name in ("chromium", "chromedriver")}
         missing = [name for name, found in programs.items() if found is None]
         assert not missing, f"{', '.join(missing)} not found: install the packages of tools/packages/test.txt"
@@ -32,10 +32,16 @@ class Browser:
         # No sandbox: continuous integration runs as root in a container.
         for argument in ("--headless=new", "--no-sandbox", "--disable-gpu", "--hide-scrollbars"):
             options.add_argument(argument)
+        if this_machine:
+            # Names lead nowhere, and other addresses to a proxy that is not there.
+            options.add_argument("--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1")
+            options.add_argument("--proxy-server=http://127.0.0.1:9")
+            options.add_argument("--proxy-bypass-list=127.0.0.1")
         self.driver = Chrome(options=options, service=Service(programs["chromedriver"]))
         self.command("Network.enable")
         offline = {"offline": True, "latency": 0, "downloadThroughput": 0, "uploadThroughput": 0}
-        self.command("Network.emulateNetworkConditions", **offline)
+        if not this_machine:
+            self.command("Network.emulateNetworkConditions", **offline)
 
     def command(self, name: str, **parameters: Any) -> Any:
         """Send a DevTools command."""
@@ -51,6 +57,14 @@ class Browser:
         scripts: bool = True,
     ) -> None:
         """Open a file at a size, light or dark, on a screen or as it is printed, with or without scripts."""
+        self.look(size, dark=dark, media=media)
+        self.command("Emulation.setScriptExecutionDisabled", value=not scripts)
+        self.driver.get(page.resolve().as_uri())
+        if scripts:
+            self.settle()
+
+    def look(self, size: tuple[int, int] = LAPTOP, *, dark: bool = False, media: str = "") -> None:
+        """Take on a size, as a phone where it is one, and a scheme of colours."""
         width, height = size
         phone = size == PHONE
         self.command(
@@ -63,10 +77,6 @@ class Browser:
         self.command("Emulation.setTouchEmulationEnabled", enabled=phone)
         scheme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
         self.command("Emulation.setEmulatedMedia", media=media, features=[scheme])
-        self.command("Emulation.setScriptExecutionDisabled", value=not scripts)
-        self.driver.get(page.resolve().as_uri())
-        if scripts:
-            self.settle()
 
     def settle(self) -> None:
         """Wait until what was asked for is drawn."""

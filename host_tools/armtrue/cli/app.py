@@ -20,6 +20,7 @@ from armtrue.cli import (
     init,
     planning,
     predicting,
+    workbench,
 )
 from armtrue.cli.guard import GuardedGroup
 from armtrue.device import cli as device
@@ -78,6 +79,7 @@ for commands in (
     fitting,
     predicting,
     diagnosis,
+    workbench,
     planning,
     tables,
     device,

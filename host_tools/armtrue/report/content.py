@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
 
@@ -156,6 +156,24 @@ def gather(fits: list[Fit], progress: Progress | None = None, names: list[str] |
     )
 
 
+def shown_again(fits: list[Fit], names: list[str], results: list[dict[str, Any]]) -> Report:
+    """A report of fits whose diagnoses, with spectra, are known already; nothing is fitted for it.
+
+    It has no added variables. `results`: the `diagnose` JSON of each fit.
+    """
+    check_same_data(fits)
+    steps = steps_of(list(zip(fits, names, strict=True)))
+    along = directions(fits[-1])
+    diagnoses = [_shown(step, result, along) for step, result in zip(steps, results, strict=True)]
+    return Report(steps, variables(fits[-1]), along, diagnoses, tiny_levers(fits[-1]))
+
+
+def added_variable(fit: Fit, candidate: dict[str, Any]) -> AddedVariable | None:
+    """The added-variable plot of a candidate of `fit`; None where its fit would take too long."""
+    (step,) = steps_of([(fit, "")])
+    return _added_variable(step, candidate)
+
+
 def _with_steps_between(fits: list[Fit], titles: list[str]) -> list[tuple[Fit, str | None]]:
     result: list[tuple[Fit, str | None]] = [(fits[0], titles[0])]
     for (before, after), title in zip(pairwise(fits), titles[1:], strict=True):
@@ -164,15 +182,22 @@ def _with_steps_between(fits: list[Fit], titles: list[str]) -> list[tuple[Fit, s
 
 
 def _diagnosed(step: Step, along: list[Direction], progress: Progress | None) -> StepDiagnosis:
-    result = diagnose(step.fit, progress)
-    joints = step.fit.robot.joints
-    readings = {number: _independent(step, number, along) for number in range(1, len(joints) + 1)}
-    spectra = spectra_of(result, joints, readings)
+    shown = _shown(step, diagnose(step.fit, progress), along)
+    result = shown.result
     leading = result["candidates"][:_LEADING]
     plots = {called(candidate): _added_variable(step, candidate) for candidate in leading}
     drawn = [plot for plot in plots.values() if plot is not None]
     not_drawn = [name for name, plot in plots.items() if plot is None]
-    return StepDiagnosis(step, result, spectra, drawn, not_drawn, findings_of(step, result))
+    return replace(shown, added_variables=drawn, not_drawn=not_drawn)
+
+
+def _shown(step: Step, result: dict[str, Any], along: list[Direction]) -> StepDiagnosis:
+    """A diagnosis with its spectra and findings, and without added variables."""
+    joints = step.fit.robot.joints
+    readings = {number: _independent(step, number, along) for number in range(1, len(joints) + 1)}
+    return StepDiagnosis(
+        step, result, spectra_of(result, joints, readings), [], [], findings_of(step, result)
+    )
 
 
 def _independent(step: Step, number: int, along: list[Direction]) -> float:

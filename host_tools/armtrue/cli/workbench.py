@@ -1,0 +1,92 @@
+"""The command open."""
+
+from __future__ import annotations
+
+import os
+import sys
+import webbrowser
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from armtrue.cli.output import Output, waiting
+from armtrue.errors import InputError
+
+_HIGHEST_PORT = 65535
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the command to `app`."""
+    app.command("open")(open_workbench)
+
+
+def open_workbench(
+    files: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="FILE…", help="Measurements (CSV, dataset.yaml) or fits (fit.json).", show_default=False
+        ),
+    ],
+    robot: Annotated[
+        Path | None,
+        typer.Option(
+            "--robot", "-r", metavar="ROBOT", help="The nominal arm; default: robot.yaml beside the data."
+        ),
+    ] = None,
+    model: Annotated[
+        Path | None,
+        typer.Option(
+            "--model",
+            "-m",
+            metavar="MODEL",
+            help="The effects to begin with; default: model.yaml beside the data.",
+        ),
+    ] = None,
+    port: Annotated[int, typer.Option("--port", metavar="N", help="Port; 0: any that is free.")] = 0,
+    no_browser: Annotated[
+        bool, typer.Option("--no-browser", help="Print the address and open no browser.")
+    ] = False,
+    session: Annotated[
+        Path | None,
+        typer.Option(
+            "--session",
+            metavar="FOLDER",
+            help="Where the session is kept; default: in your state folder. It is gone on with where it lies there.",
+        ),
+    ] = None,
+    new: Annotated[
+        bool, typer.Option("--new", help="Begin anew, though there is a session of these files.")
+    ] = False,
+) -> None:
+    """Open the workbench: add an effect on a page in your browser, see the error fall, take it back.
+
+    Serves this machine alone until Ctrl-C, and goes on where it was when it is started on the same files again.
+
+    Example: [bold]armtrue open data.csv --robot robot.yaml --model model.yaml[/]
+    """
+    from armtrue.workbench import opening
+    from armtrue.workbench.start import start
+
+    if not 0 <= port <= _HIGHEST_PORT:
+        raise InputError(f"--port: found {port}, expected 0 to {_HIGHEST_PORT}")
+    output = Output(None)
+    opened = opening.open_files(files, robot, model)
+    with waiting(output) as progress:
+        server = start(opened, port, session, new, progress)
+    output.items(opened.notes)
+    output.say(f"session: {server.engine.session.folder}")
+    print(f"workbench {server.address}", flush=True)
+    if not no_browser:
+        webbrowser.open(server.address)
+    try:
+        server.serve_forever()
+    except KeyboardInterrupt:
+        sys.stdout.flush()
+        print(
+            "\nThe session is kept; 'armtrue open' on the same files goes on with it.",
+            file=sys.stderr,
+            flush=True,
+        )
+    # A fit that still runs in a thread of its own is of no use any more.
+    os._exit(0)

@@ -1,0 +1,6 @@
+"""`armtrue open`: the workbench, a page on this machine on which effects are added and the error is seen to fall.
+
+No physics and no statistics are here: fits and diagnoses are the library's, charts and tables are the report's.
+
+    opening → session (a tree of models on disk) → engine (one action at a time) → view → server → browser
+"""

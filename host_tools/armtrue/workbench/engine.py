@@ -1,0 +1,291 @@
+"""One action at a time: each makes a model with its diagnosis, beside the page, which goes on answering."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from armtrue.diagnosis import diagnose, refine
+from armtrue.errors import InputError
+from armtrue.fitting import Fit, with_effects
+from armtrue.io.model import check_effect
+from armtrue.progress import Progress
+from armtrue.workbench.names import change_words, model_entry
+from armtrue.workbench.opening import Opened
+from armtrue.workbench.outputs import Made, make
+from armtrue.workbench.session import Node, Session
+
+Entry = dict[str, Any]
+
+FAULT = "A fault of the workbench: the session is as it was before. The terminal says more."
+
+
+class CancelledError(Exception):
+    """The person stopped the running action."""
+
+
+class BusyError(InputError):
+    """An action is asked for while another runs."""
+
+
+@dataclass
+class Task:
+    """What is running: its name, the share done, and what that is in words."""
+
+    name: str
+    share: float = 0.0
+    stage: str = ""
+
+
+class Engine:
+    """The session and the one action that may run on it. `version` grows whenever there is something new to see."""
+
+    def __init__(self, session: Session) -> None:
+        self.session = session
+        self.said = ""
+        self.failure = ""
+        self.made: Made | None = None
+        self.task: Task | None = None
+        self.version = 1
+        self.changed = threading.Condition(threading.RLock())
+        self._cancel = threading.Event()
+        self._worker: threading.Thread | None = None
+
+    def begin(self, opened: Opened, progress: Progress | None = None) -> None:
+        """Fit and diagnose what was opened; steps of one calibration one below the other."""
+        for fit in opened.first_fits(progress):
+            before = self.session.node if self.session.nodes else None
+            self._put(fit, diagnose(fit, progress), before)
+        if len(self.session.nodes) == 1:
+            self.said = self.session.node.said
+
+    def do(self, action: str, words: Entry) -> None:
+        """Begin an action; returns at once. Errors: BusyError; InputError where it makes no sense here."""
+        if action == "cancel":
+            self._cancel.set()
+            return
+        work = self._work_of(action, words)
+        with self.changed:
+            if self.task is not None:
+                raise BusyError(
+                    f"{action}: found {self.task.name} still running, expected it to end or be cancelled"
+                )
+            self._cancel.clear()
+            self.task = Task(action)
+            self.failure = ""
+            self._announce()
+        self._worker = threading.Thread(
+            target=self._run, args=(work,), name=f"workbench {action}", daemon=True
+        )
+        self._worker.start()
+
+    def wait(self, version: int, seconds: float) -> int:
+        """Wait until there is something newer than `version`, or `seconds` have passed."""
+        with self.changed:
+            self.changed.wait_for(lambda: self.version != version, seconds)
+            return self.version
+
+    def tell(self, share: float, stage: str) -> None:
+        """Take note of progress. Errors: CancelledError where the person asked for that."""
+        if self._cancel.is_set():
+            raise CancelledError
+        if self.task is not None:
+            self.task.share, self.task.stage = share, stage
+        self._announce()
+
+    def _announce(self) -> None:
+        with self.changed:
+            self.version += 1
+            self.changed.notify_all()
+
+    def _work_of(self, action: str, words: Entry) -> Callable[[], None]:
+        known: dict[str, Callable[[Entry], None]] = {
+            "add": self._add,
+            "remove": self._remove,
+            "undo": self._undo,
+            "redo": self._redo,
+            "refine": self._refine,
+            "go": self._go,
+            "name": self._name,
+            "leave_out": self._leave_out,
+            "make": self._make,
+        }
+        if action not in known:
+            raise InputError(f"found no action '{action}', expected one of {', '.join(known)}")
+        return lambda: known[action](words)
+
+    def _run(self, work: Callable[[], None]) -> None:
+        try:
+            work()
+        except CancelledError:
+            self.said = f"Stopped. {self.session.node.said}"
+        except InputError as error:
+            self.failure = str(error)
+        except Exception:
+            logging.getLogger(__name__).exception("an action failed")
+            self.failure = FAULT
+        finally:
+            with self.changed:
+                self.task = None
+                self._announce()
+
+    def _add(self, words: Entry) -> None:
+        entry = self._candidate(words)
+        fit = self.session.fit_of(self.session.at)
+        checked = check_effect(entry, fit.robot, "add", already=fit.effects)
+        self._change([*fit.effects, checked])
+
+    def _candidate(self, words: Entry) -> Entry:
+        """The entry of model.yaml for a candidate by its place in the diagnosis, or as it is given."""
+        if "entry" in words:
+            entry = words["entry"]
+            if not isinstance(entry, dict):
+                raise InputError(f"add: found {entry!r}, expected an effect with its joints")
+            return entry
+        candidates = self.session.diagnosis_of(self.session.at)["candidates"]
+        place = _whole(words, "candidate", len(candidates))
+        return model_entry(candidates[place])
+
+    def _remove(self, words: Entry) -> None:
+        effects = self.session.node.effects
+        place = _whole(words, "effect", len(effects))
+        if len(effects) == 1:
+            raise InputError(f"{effects[0]['effect']} is all that the model has, expected one effect to stay")
+        self._change([entry for k, entry in enumerate(effects) if k != place])
+
+    def _change(self, effects: list[Entry]) -> None:
+        """Go to the model with these effects: one that was made from here before, or a new one."""
+        session = self.session
+        for child in session.children(session.at):
+            if child.effects == effects and child.left_out == session.node.left_out:
+                session.go(child.number)
+                self.said = child.said
+                return
+        before = session.node
+        fit = with_effects(session.fit_of(session.at), effects, self.tell)
+        self._put(fit, diagnose(fit, self.tell), before)
+
+    def _leave_out(self, words: Entry) -> None:
+        rows = words.get("rows")
+        if not isinstance(rows, list) or not all(isinstance(row, int) for row in rows):
+            raise InputError(f"leave_out: found {rows!r}, expected a list of row numbers")
+        session = self.session
+        known = set(session.data.rows.tolist())
+        if unknown := sorted(set(rows) - known):
+            raise InputError(f"leave_out: found row {unknown[0]}, expected a row of {session.data.file.name}")
+        before = session.node
+        data = session.data_without(sorted(set(rows)))
+        bare = Fit(session.fit_of(session.at).document, None, data)
+        fit = with_effects(bare, before.effects, self.tell)
+        self._put(fit, diagnose(fit, self.tell), before, sorted(set(rows)))
+
+    def _undo(self, _words: Entry) -> None:
+        node = self.session.node
+        if node.parent is None:
+            raise InputError("there is nothing to undo")
+        self._look(node.parent, f"Undone: {node.change}")
+
+    def _redo(self, _words: Entry) -> None:
+        forward = self.session.node.redo
+        if forward is None:
+            raise InputError("there is nothing to redo")
+        self._look(forward, f"Done again: {self.session.nodes[forward].change}")
+
+    def _go(self, words: Entry) -> None:
+        self._look(_whole(words, "node", len(self.session.nodes)), "Another model")
+
+    def _look(self, number: int, what: str) -> None:
+        before = self.session.node.mean_um
+        self.session.go(number)
+        self.said = f"{what}. {fall_words(before, self.session.node.mean_um)}"
+
+    def _name(self, words: Entry) -> None:
+        node = self.session.nodes[_whole(words, "node", len(self.session.nodes))]
+        node.name = str(words.get("name", ""))[:80]
+        self.session.save()
+        self.said = f"This model is now called {node.name}." if node.name else "This model has no name now."
+
+    def _refine(self, _words: Entry) -> None:
+        first = self.session.node.mean_um
+        steps = 0
+
+        def keep(fit: Fit, step: Entry) -> None:
+            nonlocal steps
+            if fit.effects != self.session.node.effects:
+                self._put(
+                    fit, {k: v for k, v in step.items() if k not in ("added", "removed")}, self.session.node
+                )
+                self._announce()
+                steps += 1
+
+        refine(self.session.fit_of(self.session.at), self.tell, keep)
+        node = self.session.node
+        what = f"Refined in {steps} steps" if steps != 1 else "Refined in one step"
+        self.said = (
+            f"{what}. {fall_words(first, node.mean_um)}"
+            if steps
+            else "Refine found nothing to add or remove."
+        )
+
+    def _make(self, words: Entry) -> None:
+        self.made = None
+        self.made = make(self.session, str(words.get("name")), self.tell)
+        size = max(1, round(len(self.made.content) / 1000))
+        mean = self.session.node.mean_um
+        self.said = f"{self.made.name} is made ({size} kB). The held-out mean error is {mean:.1f} µm."
+
+    def _put(
+        self, fit: Fit, diagnosis: Entry, before: Node | None, left_out: list[int] | None = None
+    ) -> None:
+        effects = fit.effects
+        old = before.effects if before else []
+        added = [entry for entry in effects if entry not in old] if before else []
+        removed = [entry for entry in old if entry not in effects]
+        out = left_out if left_out is not None else before.left_out if before else []
+        change = change_words(added, removed) or _left_out_words(out, before)
+        error = fit.document["error"]
+        mean = float(error["held_out"]["mean_um"])
+        said = (
+            f"{change[0].upper()}{change[1:]}. {fall_words(before.mean_um, mean)}"
+            if before
+            else _first_words(mean)
+        )
+        node = Node(
+            len(self.session.nodes), before.number if before else None, effects, added, removed, out, error,
+            fit.document["noise_floor"]["um"], str(diagnosis["verdict"]), change, said,
+        )  # fmt: skip
+        self.session.put(node, fit, diagnosis)
+        self.said = said
+
+
+def fall_words(before_um: float, after_um: float) -> str:
+    """What became of the error."""
+    share = 100.0 * (after_um / before_um - 1.0) if before_um else 0.0
+    figures = f"from {before_um:.1f} to {after_um:.1f} µm"
+    if abs(share) < 0.5:
+        return f"The held-out mean error stays at {after_um:.1f} µm."
+    change = f"{share:+.0f} %".replace("-", "−")
+    return f"The held-out mean error {'fell' if share < 0 else 'rose'} {figures} ({change})."
+
+
+def _first_words(mean_um: float) -> str:
+    return f"The model is fitted. The held-out mean error is {mean_um:.1f} µm."
+
+
+def _left_out_words(rows: list[int], before: Node | None) -> str:
+    if before is None:
+        return "as it stood"
+    if rows == before.left_out:
+        return "the same effects, fitted again"
+    words = ", ".join(map(str, rows[:5])) + (" and more" if len(rows) > 5 else "")
+    return f"left out: {len(rows)} rows ({words})" if rows else "all rows take part again"
+
+
+def _whole(words: Entry, key: str, count: int) -> int:
+    value = words.get(key)
+    if not isinstance(value, int) or not 0 <= value < count:
+        raise InputError(f"{key}: found {value!r}, expected a number from 0 to {count - 1}")
+    return value

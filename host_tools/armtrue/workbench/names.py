@@ -1,0 +1,46 @@
+"""What effects are called on the workbench: as `diagnose` names them, `gear_mesh 3 orders [13]`."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+_TOLD = ("orders", "cycles")
+
+
+def called(entry: dict[str, Any]) -> str:
+    """An effect of a model or a candidate with its joints, and the options that tell it from others."""
+    words = [str(entry["effect"])]
+    if joints := entry.get("joints"):
+        words.append(",".join(map(str, joints)))
+    options = _options(entry)
+    words += [f"{key} {json.dumps(options[key])}" for key in _TOLD if options.get(key)]
+    return " ".join(words)
+
+
+def called_among(entry: dict[str, Any], others: list[dict[str, Any]]) -> str:
+    """`called`, with the thermometer where `others` read several."""
+    sensors = {_options(other).get("sensor") for other in others} - {None}
+    sensor = _options(entry).get("sensor")
+    return called(entry) + (f" sensor {sensor}" if sensor is not None and len(sensors) > 1 else "")
+
+
+def model_entry(candidate: dict[str, Any]) -> dict[str, Any]:
+    """A candidate as an entry of model.yaml."""
+    entry = {"effect": candidate["effect"], **(candidate.get("options") or {})}
+    if candidate.get("joints"):
+        entry["joints"] = list(candidate["joints"])
+    return entry
+
+
+def change_words(added: list[dict[str, Any]], removed: list[dict[str, Any]]) -> str:
+    """`added gear_harmonics 3, removed backlash 2`."""
+    return ", ".join(
+        [f"added {called(entry)}" for entry in added] + [f"removed {called(entry)}" for entry in removed]
+    )
+
+
+def _options(entry: dict[str, Any]) -> dict[str, Any]:
+    if isinstance(options := entry.get("options"), dict):
+        return options
+    return {key: value for key, value in entry.items() if key not in ("effect", "joints")}

@@ -1,0 +1,158 @@
+"""What leaves the workbench: tables, model, report, and the session as commands and as a notebook."""
+
+from __future__ import annotations
+
+import io
+import json
+import shlex
+import tempfile
+import zipfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from armtrue.errors import InputError
+from armtrue.progress import Progress
+from armtrue.report import write
+from armtrue.tables import ExportOptions, export, fitted_arm
+from armtrue.workbench.session import Node, Session
+
+
+@dataclass(frozen=True)
+class Made:
+    """A file for the person to keep."""
+
+    name: str
+    content: bytes
+    kind: str
+
+
+def make(session: Session, name: str, progress: Progress | None = None) -> Made:
+    """Make one of the files. Errors: InputError for a name that is none, or where the fit cannot be exported."""
+    known: dict[str, Callable[[Session], Made]] = {
+        "export": _bundle,
+        "report": lambda s: _report(s, progress),
+        "tables": lambda s: Made("tables.bin", _tables(s), "application/octet-stream"),
+        "model": lambda s: Made("model.yaml", _model(s), "application/yaml"),
+        "fit": lambda s: Made("fit.json", _fit(s), "application/json"),
+        "commands": lambda s: Made("commands.sh", _commands(s).encode(), "text/x-shellscript"),
+        "notebook": lambda s: Made("session.ipynb", _notebook(s), "application/x-ipynb+json"),
+    }
+    if name not in known:
+        raise InputError(f"file: found '{name}', expected one of {', '.join(known)}")
+    return known[name](session)
+
+
+def _bundle(session: Session) -> Made:
+    """Everything in one file, so that one button is enough."""
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as bundle:
+        bundle.writestr("tables.bin", _tables(session))
+        bundle.writestr("tables.bin.fit.json", _fit(session))
+        bundle.writestr("fit.json", _fit(session))
+        bundle.writestr("model.yaml", _model(session))
+        bundle.writestr("commands.sh", _commands(session))
+        bundle.writestr("session.ipynb", _notebook(session))
+    return Made("calibration.zip", stream.getvalue(), "application/zip")
+
+
+def _report(session: Session, progress: Progress | None) -> Made:
+    path = [node for node in session.path if node.left_out == session.node.left_out]
+    fits = [session.fit_of(node.number) for node in path]
+    names = [node.name or (node.change if node.parent is not None else "first model") for node in path]
+    with tempfile.TemporaryDirectory() as folder:
+        place = Path(folder) / "report.html"
+        write(fits, place, progress, names)
+        return Made("report.html", place.read_bytes(), "text/html; charset=utf-8")
+
+
+def _tables(session: Session) -> bytes:
+    origin = Path("fit.json")
+    return export(fitted_arm(session.fit_of(session.at).document, origin), ExportOptions(), origin).image
+
+
+def _fit(session: Session) -> bytes:
+    return (json.dumps(session.fit_of(session.at).document, indent=1) + "\n").encode()
+
+
+def _model(session: Session) -> bytes:
+    model = session.fit_of(session.at).document["model"]
+    shown: dict[str, Any] = {
+        "effects": [entry["effect"] if len(entry) == 1 else entry for entry in model["effects"]]
+    }
+    for key in ("parameters", "priors"):
+        if model.get(key):
+            shown[key] = model[key]
+    if instrument := session.fit_of(session.at).document["options"].get("instrument"):
+        shown["instrument"] = instrument
+    return yaml.safe_dump(shown, sort_keys=False, allow_unicode=True).encode()
+
+
+def _commands(session: Session) -> str:
+    """The path from the first model to this one as commands."""
+    data = shlex.quote(str(session.data.path))
+    lines = [
+        "#!/bin/sh",
+        "# The session as commands; robot.yaml and model.yaml are those it was begun with.",
+        "set -e",
+        f"armtrue fit {data} --robot robot.yaml --model model.yaml --out step-0.json",
+    ]
+    for k, node in enumerate(session.path[1:], start=1):
+        lines += _step_commands(node, k)
+    last = len(session.path) - 1
+    lines += [
+        f"armtrue report {' '.join(f'step-{k}.json' for k in range(last + 1))} --out report.html",
+        f"armtrue export step-{last}.json --out tables.bin",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _step_commands(node: Node, number: int) -> list[str]:
+    changes = [("remove", entry) for entry in node.removed] + [("add", entry) for entry in node.added]
+    if not changes:
+        return [f"# {node.change}", f"cp step-{number - 1}.json step-{number}.json"]
+    lines = []
+    for k, (command, entry) in enumerate(changes):
+        source = f"step-{number - 1}.json" if k == 0 else f"step-{number}.json"
+        words = ["armtrue", command, source, entry["effect"]]
+        if entry.get("joints"):
+            words += ["--joints", ",".join(map(str, entry["joints"]))]
+        if command == "add":
+            for key, value in entry.items():
+                if key not in ("effect", "joints"):
+                    words += ["--option", f"{key}={json.dumps(value)}"]
+        lines.append(shlex.join([*words, "--out", f"step-{number}.json"]))
+    return lines
+
+
+def _notebook(session: Session) -> bytes:
+    start = session.path[0]
+    cells = [
+        "from armtrue import diagnose, fit, load_data, load_robot\n"
+        "from armtrue.fitting import with_effects\n"
+        "from armtrue.io import Model\n",
+        'robot = load_robot("robot.yaml")\n'
+        f"data = load_data({str(session.data.path)!r}, robot)\n"
+        f"model = fit(data, robot, Model({start.effects!r}))\n"
+        "print(diagnose(model))",
+    ]
+    cells += [
+        f"# {node.name or node.change}\nmodel = with_effects(model, {node.effects!r})\nprint(diagnose(model))"
+        for node in session.path[1:]
+    ]
+    document = {
+        "nbformat": 4,
+        "nbformat_minor": 5,
+        "metadata": {"kernelspec": {"name": "python3", "display_name": "Python 3", "language": "python"}},
+        "cells": [
+            {
+                "cell_type": "code", "id": f"step{k}", "metadata": {}, "execution_count": None, "outputs": [],
+                "source": text.splitlines(keepends=True),
+            }
+            for k, text in enumerate(cells)
+        ],
+    }  # fmt: skip
+    return (json.dumps(document, indent=1) + "\n").encode()

@@ -1,0 +1,147 @@
+"""The page itself, which stays while its pieces change."""
+
+from __future__ import annotations
+
+import json
+from importlib.resources import files
+from typing import Any
+
+from armtrue.report.markup import Content, Markup, join, tag
+
+_BUTTONS = (
+    ("undo", "Undo", "Control+Z"),
+    ("redo", "Redo", "Control+Y"),
+    ("refine", "Refine", None),
+    ("export", "Export", None),
+    ("report", "Report", None),
+    ("cancel", "Cancel", "Escape"),
+)
+_PANELS = (
+    ("state", "What the error depends on"),
+    ("spectra", "Periods of the joints"),
+    ("unexplained", "What no effect names"),
+    ("parameters", "Parameters"),
+    ("unobservable", "What the data cannot tell"),
+    ("coverage", "Where was measured"),
+    ("rejected", "Gross errors"),
+)
+
+
+def page(title: str, about: str, notes: list[str]) -> str:
+    """The whole page without its figures, which the script asks for."""
+    head = tag(
+        "head",
+        tag("meta", charset="utf-8"),
+        tag("meta", name="viewport", content="width=device-width, initial-scale=1"),
+        tag("meta", name="color-scheme", content="light dark"),
+        tag("title", f"{title} – Armtrue workbench"),
+        Markup('<link rel="stylesheet" href="style.css"><link rel="icon" href="data:,">'),
+    )
+    body = tag(
+        "body",
+        tag("a", "Skip to the candidates", href="#candidates-part", class_="skip"),
+        _top(title, about),
+        tag("main", _left_column(), _right_column(), _panels(notes)),
+        tag("dialog", tag("div", id="card"), id="card-dialog", aria_label="Effect"),
+        Markup('<script src="script.js"></script>'),
+        id="workbench",
+    )
+    return join(Markup("<!doctype html>\n"), tag("html", head, body, lang="en")) + "\n"
+
+
+def script() -> str:
+    """The page's script: the report's picture in space, then the workbench's own."""
+    return "".join(_text("armtrue.report", name) for name in ("geometry.js", "viewer.js")) + _text(
+        "armtrue.workbench", "workbench.js"
+    )
+
+
+def style() -> str:
+    """The report's style, then the workbench's own."""
+    return _text("armtrue.report", "style.css") + _text("armtrue.workbench", "workbench.css")
+
+
+def _top(title: str, about: str) -> Markup:
+    buttons = [
+        tag("button", text, type="button", data_act=action, id=f"button-{action}", aria_keyshortcuts=keys)
+        for action, text, keys in _BUTTONS
+    ]
+    return tag(
+        "header",
+        tag("div", tag("h1", title), tag("p", about, class_="about"), class_="titles"),
+        tag("div", buttons, class_="buttons", role="group", aria_label="Actions"),
+        tag("p", role="status", id="status", aria_live="polite"),
+        tag("p", role="alert", id="failure", hidden=True),
+        tag(
+            "div",
+            tag("progress", id="progress", max="1", value="0", aria_label="Progress"),
+            tag("span", id="stage"),
+            id="running",
+            hidden=True,
+        ),
+    )
+
+
+def _left_column() -> Markup:
+    error = tag(
+        "section",
+        tag("h2", "Error", id="error-title"),
+        _slot("error"),
+        tag("h3", "Steps"),
+        _slot("waterfall"),
+        aria_labelledby="error-title",
+        role="region",
+    )
+    scene = tag(
+        "details",
+        tag("summary", "The arm among its points"),
+        tag("div", class_="panel-slot"),
+        class_="looking scene-part",
+        data_panel="vectors",
+        open=True,
+    )
+    return tag("div", error, scene, class_="column")
+
+
+def _right_column() -> Markup:
+    missing = tag(
+        "section",
+        tag("h2", "What is missing"),
+        _slot("verdict"),
+        _slot("candidates"),
+        _slot("advice"),
+        id="candidates-part",
+    )
+    model = tag("section", tag("h2", "Model"), _slot("model"), _slot("left-out"))
+    history = tag("section", tag("h2", "History"), _slot("history"))
+    return tag("div", missing, tag("div", model, history, class_="pair"), class_="column")
+
+
+def _panels(notes: list[str]) -> Markup:
+    folded: list[Content] = [
+        tag(
+            "details",
+            tag("summary", title),
+            tag("div", class_="panel-slot"),
+            class_="looking",
+            data_panel=name,
+        )
+        for name, title in _PANELS
+    ]
+    notes_part = tag(
+        "details", tag("summary", "Notes on the files"), tag("ul", [tag("li", n) for n in notes])
+    )
+    return tag("div", folded, notes_part if notes else None, class_="column whole")
+
+
+def _slot(name: str) -> Markup:
+    return tag("div", data_piece=name)
+
+
+def _text(package: str, name: str) -> str:
+    return files(package).joinpath(name).read_text(encoding="utf-8")
+
+
+def as_json(value: Any) -> bytes:
+    """JSON without NaN, which browsers do not read."""
+    return json.dumps(value, allow_nan=False).encode()

@@ -1,0 +1,225 @@
+"""The web server: this machine alone, one secret in the path, nothing from or to elsewhere."""
+
+from __future__ import annotations
+
+import hmac
+import json
+import logging
+import secrets
+from http import HTTPStatus
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from typing import Any
+from urllib.parse import parse_qs, quote, urlsplit
+
+from armtrue.errors import InputError
+from armtrue.workbench import page
+from armtrue.workbench.card import card
+from armtrue.workbench.engine import FAULT, BusyError, Engine
+from armtrue.workbench.panels import panel
+from armtrue.workbench.state import state
+from armtrue.workbench.view import buttons, pieces
+
+HOST = "127.0.0.1"
+_LARGEST_REQUEST = 1024 * 1024
+# How long an idle stream of changes waits before it says that it is still there.
+_HEARTBEAT_S = 15.0
+_POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data:; "
+    "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+)
+_HEADERS = {
+    "Content-Security-Policy": _POLICY,
+    "Cache-Control": "no-store",
+    "Referrer-Policy": "no-referrer",
+    "X-Content-Type-Options": "nosniff",
+    "X-Frame-Options": "DENY",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cross-Origin-Resource-Policy": "same-origin",
+}
+
+
+class Server(ThreadingHTTPServer):
+    """Serves one engine. `address`: what the person opens."""
+
+    daemon_threads = True
+    # A tab that goes away while it is answered is nothing to report.
+    block_on_close = False
+
+    def __init__(self, engine: Engine, port: int, title: str, about: str, notes: list[str]) -> None:
+        self.engine = engine
+        self.token = secrets.token_urlsafe(24)
+        self.title, self.about, self.notes = title, about, notes
+        super().__init__((HOST, port), _Handler)
+
+    @property
+    def address(self) -> str:
+        """The page, with its token."""
+        return f"http://{HOST}:{self.server_address[1]}/{self.token}/"
+
+    def own_names(self) -> set[str]:
+        """What a browser may call this server; any other name is a page elsewhere that was pointed here."""
+        port = self.server_address[1]
+        return {f"{HOST}:{port}", f"localhost:{port}"}
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """A connection that broke is the browser's business."""
+
+
+class _Handler(BaseHTTPRequestHandler):
+    server: Server
+    protocol_version = "HTTP/1.1"
+    server_version = "armtrue"
+    sys_version = ""
+    timeout = 120
+
+    def do_GET(self) -> None:
+        self._answer({"": self._page, "state.json": self._state, "script.js": self._script, "style.css": self._style,
+                      "view.json": self._view, "changes": self._changes, "panel": self._panel, "card": self._card,
+                      "file": self._file})  # fmt: skip
+
+    def do_POST(self) -> None:
+        self._answer({"do": self._do})
+
+    def log_message(self, format: str, *args: Any) -> None:
+        """Nothing: the address holds the token."""
+
+    def _answer(self, known: dict[str, Any]) -> None:
+        parts = urlsplit(self.path)
+        _, token, name = [*parts.path.split("/", 2), "", ""][:3]
+        if not self._allowed(token):
+            self._refuse(HTTPStatus.FORBIDDEN, "The workbench answers to its own page on this machine alone.")
+            return
+        if name not in known:
+            self._refuse(HTTPStatus.NOT_FOUND, "There is no such thing here.")
+            return
+        words = {key: values[0] for key, values in parse_qs(parts.query).items()}
+        try:
+            known[name](words)
+        except BusyError as error:
+            self._refuse(HTTPStatus.CONFLICT, str(error))
+        except InputError as error:
+            self._refuse(HTTPStatus.BAD_REQUEST, str(error))
+        except (BrokenPipeError, ConnectionResetError):
+            self.close_connection = True
+        except Exception:
+            logging.getLogger(__name__).exception("a request failed")
+            self._refuse(HTTPStatus.INTERNAL_SERVER_ERROR, FAULT)
+
+    def _allowed(self, token: str) -> bool:
+        names = self.server.own_names()
+        origin = self.headers.get("Origin")
+        if len(self.headers.get_all("Host") or []) != 1 or self.headers["Host"] not in names:
+            return False
+        if origin is not None and origin not in {f"http://{name}" for name in names}:
+            return False
+        return hmac.compare_digest(token.encode(), self.server.token.encode())
+
+    def _page(self, _words: dict[str, str]) -> None:
+        text = page.page(self.server.title, self.server.about, self.server.notes)
+        self._send(text.encode(), "text/html; charset=utf-8")
+
+    def _script(self, _words: dict[str, str]) -> None:
+        self._send(page.script().encode(), "text/javascript; charset=utf-8")
+
+    def _style(self, _words: dict[str, str]) -> None:
+        self._send(page.style().encode(), "text/css; charset=utf-8")
+
+    def _state(self, _words: dict[str, str]) -> None:
+        self._json(state(self.server.engine))
+
+    def _view(self, _words: dict[str, str]) -> None:
+        engine = self.server.engine
+        self._json({
+            "version": engine.version, "model": engine.session.at, "pieces": pieces(engine),
+            "said": engine.said, "failure": engine.failure, **running(engine),
+        })  # fmt: skip
+
+    def _panel(self, words: dict[str, str]) -> None:
+        self._send(
+            panel(self.server.engine.session, words.get("name", "")).encode(), "text/html; charset=utf-8"
+        )
+
+    def _card(self, words: dict[str, str]) -> None:
+        self._send(
+            card(self.server.engine.session, words.get("candidate", "")).encode(), "text/html; charset=utf-8"
+        )
+
+    def _file(self, _words: dict[str, str]) -> None:
+        made = self.server.engine.made
+        if made is None:
+            raise InputError("file: found none that was made, expected Export or Report to be pressed first")
+        name = quote(made.name)
+        self._send(made.content, made.kind, {"Content-Disposition": f"attachment; filename*=UTF-8''{name}"})
+
+    def _do(self, _words: dict[str, str]) -> None:
+        length = self.headers.get("Content-Length", "")
+        if not length.isdigit() or int(length) > _LARGEST_REQUEST:
+            self._refuse(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, "The request is too long.")
+            return
+        body = self.rfile.read(int(length))
+        try:
+            words = json.loads(body)
+        except (ValueError, RecursionError):
+            words = None
+        if not isinstance(words, dict) or not isinstance(words.get("do"), str):
+            raise InputError('found a request that is no action, expected {"do": …}')
+        self.server.engine.do(words["do"], words)
+        self._json({"accepted": True})
+
+    def _changes(self, _words: dict[str, str]) -> None:
+        """A stream of events: one whenever there is something new to see."""
+        self.send_response(HTTPStatus.OK)
+        self._headers("text/event-stream")
+        self.send_header("Connection", "close")
+        self.end_headers()
+        self.close_connection = True
+        engine, seen = self.server.engine, 0
+        while True:
+            now = engine.wait(seen, _HEARTBEAT_S)
+            event = {
+                "model": engine.session.at,
+                "said": engine.said,
+                "failure": engine.failure,
+                **running(engine),
+            }
+            line = f"data: {json.dumps(event)}\n\n" if now != seen else ": still here\n\n"
+            self.wfile.write(line.encode())
+            self.wfile.flush()
+            seen = now
+
+    def _json(self, value: Any) -> None:
+        self._send(page.as_json(value), "application/json")
+
+    def _refuse(self, status: HTTPStatus, sentence: str) -> None:
+        # What was sent along was not read: the next request could not be told from it.
+        self.close_connection = True
+        self._send(page.as_json({"error": sentence}), "application/json", status=status)
+
+    def _send(
+        self,
+        content: bytes,
+        kind: str,
+        more: dict[str, str] | None = None,
+        status: HTTPStatus = HTTPStatus.OK,
+    ) -> None:
+        self.send_response(status)
+        self._headers(kind)
+        for name, value in (more or {}).items():
+            self.send_header(name, value)
+        self.send_header("Content-Length", str(len(content)))
+        if self.close_connection:
+            self.send_header("Connection", "close")
+        self.end_headers()
+        self.wfile.write(content)
+
+    def _headers(self, kind: str) -> None:
+        self.send_header("Content-Type", kind)
+        for name, value in _HEADERS.items():
+            self.send_header(name, value)
+
+
+def running(engine: Engine) -> dict[str, Any]:
+    """What runs, and which buttons can be pressed."""
+    task = engine.task
+    shown = None if task is None else {"name": task.name, "share": task.share, "stage": task.stage}
+    return {"task": shown, "buttons": buttons(engine), "made": engine.made.name if engine.made else None}

@@ -1,0 +1,179 @@
+"""The session: every model that was tried, as a tree, in a folder that a killed server is started from again."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections import OrderedDict
+from dataclasses import asdict, dataclass, field
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from armtrue.errors import InputError
+from armtrue.fitting import Fit
+from armtrue.io import Dataset
+from armtrue.io.files import read_text, write_file
+
+FORMAT = "armtrue-session"
+VERSION = 1
+# Fits and diagnoses held in memory; others are read again from the session's folder.
+_HELD = 8
+_LARGEST_BYTES = 512 * 1024 * 1024
+
+
+@dataclass
+class Node:
+    """One model of the tree: what it changed against its parent, its error, and what the person called it.
+
+    `effects`, `added`, `removed`: entries of model.yaml. `left_out`: rows of the file that the person marked as wrong.
+    `error`: as in fit.json. `said`: the sentence about the error. `redo`: the child that Redo goes to.
+    """
+
+    number: int
+    parent: int | None
+    effects: list[dict[str, Any]]
+    added: list[dict[str, Any]]
+    removed: list[dict[str, Any]]
+    left_out: list[int]
+    error: dict[str, Any]
+    noise_floor_um: float | None
+    verdict: str
+    change: str
+    said: str
+    name: str = ""
+    redo: int | None = None
+
+    @property
+    def mean_um(self) -> float:
+        """Mean error on held-out poses."""
+        return float(self.error["held_out"]["mean_um"])
+
+
+@dataclass
+class Session:
+    """The tree of models in `folder`. `key` tells which files it was begun with; `data` are their measurements."""
+
+    folder: Path
+    key: str
+    data: Dataset
+    nodes: list[Node] = field(default_factory=list)
+    at: int = 0
+
+    def __post_init__(self) -> None:
+        self._held: OrderedDict[int, tuple[Fit, dict[str, Any]]] = OrderedDict()
+
+    @property
+    def node(self) -> Node:
+        """The model that is looked at."""
+        return self.nodes[self.at]
+
+    @property
+    def path(self) -> list[Node]:
+        """Models from the first to the one that is looked at."""
+        found = [self.node]
+        while (parent := found[-1].parent) is not None:
+            found.append(self.nodes[parent])
+        return found[::-1]
+
+    def children(self, number: int) -> list[Node]:
+        """Models that were made from `number`, oldest first."""
+        return [node for node in self.nodes if node.parent == number]
+
+    def put(self, node: Node, fit: Fit, diagnosis: dict[str, Any]) -> None:
+        """Add a model below its parent and go to it; it is on disk when this returns."""
+        models = self.folder / "models"
+        models.mkdir(parents=True, exist_ok=True)
+        write_file(
+            models / f"{node.number}.json", json.dumps({"fit": fit.document, "diagnosis": diagnosis}) + "\n"
+        )
+        self.nodes.append(node)
+        self._hold(node.number, fit, diagnosis)
+        self.go(node.number)
+
+    def go(self, number: int) -> None:
+        """Look at another model; Redo then leads along the path to it."""
+        if not 0 <= number < len(self.nodes):
+            raise InputError(f"session: found no model {number}, expected 0 to {len(self.nodes) - 1}")
+        self.at = number
+        for before, after in pairwise(self.path):
+            before.redo = after.number
+        self.save()
+
+    def fit_of(self, number: int) -> Fit:
+        """The fit of a model, with its measurements."""
+        return self._content(number)[0]
+
+    def diagnosis_of(self, number: int) -> dict[str, Any]:
+        """The diagnosis of a model."""
+        return self._content(number)[1]
+
+    def data_without(self, rows: list[int]) -> Dataset:
+        """The measurements without some rows of their file."""
+        return self.data.take(~np.isin(self.data.rows, rows)) if rows else self.data
+
+    def save(self) -> None:
+        """Write the tree."""
+        document = {
+            "format": FORMAT,
+            "version": VERSION,
+            "key": self.key,
+            "at": self.at,
+            "nodes": [asdict(node) for node in self.nodes],
+        }
+        self.folder.mkdir(parents=True, exist_ok=True)
+        write_file(self.folder / "session.json", json.dumps(document) + "\n")
+
+    def _content(self, number: int) -> tuple[Fit, dict[str, Any]]:
+        if number not in self._held:
+            path = self.folder / "models" / f"{number}.json"
+            try:
+                content = json.loads(read_text(path, largest_bytes=_LARGEST_BYTES))
+                fit = Fit(content["fit"], None, self.data_without(self.nodes[number].left_out))
+                self._hold(number, fit, content["diagnosis"])
+            except (ValueError, KeyError, TypeError):
+                raise InputError(
+                    f"{path}: found no model of a session, expected it as it was written"
+                ) from None
+        self._held.move_to_end(number)
+        return self._held[number]
+
+    def _hold(self, number: int, fit: Fit, diagnosis: dict[str, Any]) -> None:
+        self._held[number] = (fit, diagnosis)
+        while len(self._held) > _HELD:
+            self._held.popitem(last=False)
+
+
+def load_session(folder: Path, key: str, data: Dataset) -> Session | None:
+    """The session that lies in `folder` for the files of `key`; None where there is none that can be gone on with."""
+    path = folder / "session.json"
+    if not path.is_file():
+        return None
+    try:
+        document = json.loads(read_text(path))
+        if (document["format"], document["version"], document["key"]) != (FORMAT, VERSION, key):
+            return None
+        nodes = [Node(**node) for node in document["nodes"]]
+        session = Session(folder, key, data, nodes, int(document["at"]))
+        whole = bool(nodes) and all((folder / "models" / f"{node.number}.json").is_file() for node in nodes)
+        return session if whole and 0 <= session.at < len(nodes) else None
+    except (ValueError, KeyError, TypeError):
+        return None
+
+
+def key_of(files: list[Path]) -> str:
+    """What tells one set of files from another: where they lie and what stands in them."""
+    digest = hashlib.sha256()
+    for file in files:
+        digest.update(os.fsencode(file.resolve()))
+        digest.update(hashlib.sha256(file.read_bytes()).digest())
+    return digest.hexdigest()[:16]
+
+
+def default_folder(key: str) -> Path:
+    """Where a session lies that nobody gave a place: in the user's state folder, never among their measurements."""
+    state = os.environ.get("XDG_STATE_HOME") or str(Path.home() / ".local" / "state")
+    return Path(state) / "armtrue" / "workbench" / key

@@ -1,0 +1,44 @@
+"""state.json: the session as programs read it (the contract, Workbench)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from armtrue.workbench.engine import Engine
+from armtrue.workbench.session import Node
+
+
+def state(engine: Engine) -> dict[str, Any]:
+    """The model that is looked at with its diagnosis, and the steps to it. `busy`: an action still runs."""
+    session = engine.session
+    node = session.node
+    diagnosis = {k: v for k, v in session.diagnosis_of(node.number).items() if k != "spectra"}
+    return {
+        **diagnosis,
+        "effects": node.effects,
+        "error": {
+            **diagnosis["error"],
+            **{k: v for k, v in node.error.items() if k not in diagnosis["error"]},
+        },
+        "noise_floor_um": node.noise_floor_um,
+        "verdict": node.verdict,
+        "steps": [_step(each) for each in session.path],
+        "left_out": node.left_out,
+        "model": node.number,
+        "models": [{"model": each.number, "parent": each.parent, **_step(each)} for each in session.nodes],
+        "status": engine.said,
+        "failure": engine.failure,
+        "busy": engine.task is not None,
+    }
+
+
+def _step(node: Node) -> dict[str, Any]:
+    return {
+        "added": node.added[0] if len(node.added) == 1 else node.added or None,
+        "removed": node.removed,
+        "effects": node.effects,
+        "error": node.error,
+        "noise_floor_um": node.noise_floor_um,
+        "verdict": node.verdict,
+        "name": node.name,
+    }

@@ -1,0 +1,255 @@
+"""What the page shows, as pieces of HTML under their names; the browser puts in those that are new."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from armtrue.io.catalogue import catalogue
+from armtrue.report.markup import Content, Markup, tag
+from armtrue.report.parts import micrometres, plural, typeset
+from armtrue.verdicts import verdict_words
+from armtrue.workbench.engine import Engine
+from armtrue.workbench.names import called, called_among
+from armtrue.workbench.session import Node, Session
+
+_SPLITS = {"random": "at random", "region": "by region", "time": "by time"}
+_FIGURES = (("mean_um", "mean"), ("rms_um", "RMS"), ("p95_um", "95 %"), ("max_um", "max"))
+_NO_CHANCE, _SURE = 0.005, 0.995
+
+
+def pieces(engine: Engine) -> dict[str, str]:
+    """The parts of the page that an action changes."""
+    session = engine.session
+    diagnosis = session.diagnosis_of(session.at)
+    return {
+        "error": _error(session, diagnosis),
+        "waterfall": _waterfall(session),
+        "model": _model(session),
+        "candidates": _candidates(diagnosis),
+        "verdict": _verdict(diagnosis),
+        "advice": _advice(diagnosis),
+        "history": _history(session),
+        "left-out": _left_out(session),
+    }
+
+
+def buttons(engine: Engine) -> dict[str, bool]:
+    """Which of the buttons can be pressed."""
+    node, free = engine.session.node, engine.task is None
+    return {
+        "undo": free and node.parent is not None,
+        "redo": free and node.redo is not None,
+        "refine": free,
+        "export": free,
+        "report": free,
+        "cancel": not free,
+    }
+
+
+def _error(session: Session, diagnosis: dict[str, Any]) -> Markup:
+    node = session.node
+    held = node.error["held_out"]
+    floor = node.noise_floor_um
+    source = str(diagnosis.get("noise_floor_source", "none"))
+    words = {"repeats": "from poses measured again", "sigma": "from the stated sigma"}.get(
+        source, "nothing tells it"
+    )
+    rows: list[Content] = [_error_row("held out", held), _error_row("training", node.error["train"])]
+    rows += [
+        _error_row(f"held out {_SPLITS.get(split, split)}", figures)
+        for split, figures in (node.error.get("held_out_by") or {}).items()
+        if figures
+    ]
+    heads = [tag("th", name, scope="col") for name in ("", *(name for _, name in _FIGURES))]
+    return tag(
+        "div",
+        tag(
+            "p",
+            tag("b", f"{micrometres(held['mean_um'])} µm", class_="figure"),
+            " held-out mean error",
+        ),
+        tag(
+            "p",
+            tag("b", "not known" if floor is None else f"{micrometres(floor)} µm", class_="figure"),
+            f" noise floor ({words})",
+        ),
+        _bar(held["mean_um"], floor, max(step.mean_um for step in session.path)),
+        tag(
+            "table",
+            tag("caption", "Error of the model [µm]"),
+            tag("thead", tag("tr", heads)),
+            tag("tbody", rows),
+            class_="figures",
+        ),
+    )
+
+
+def _error_row(name: str, figures: dict[str, float]) -> Markup:
+    cells = [tag("td", micrometres(figures[key])) for key, _ in _FIGURES]
+    return tag("tr", tag("th", name, scope="row"), cells)
+
+
+def _bar(mean: float, floor: float | None, whole: float) -> Markup:
+    share = 100.0 * mean / (whole or 1.0)
+    mark = tag("i", style=f"left:{min(100.0, 100.0 * floor / (whole or 1.0)):.2f}%") if floor else None
+    return tag("div", tag("span", style=f"width:{share:.2f}%"), mark, class_="error-bar", aria_hidden="true")
+
+
+def _waterfall(session: Session) -> Markup:
+    whole = max(node.mean_um for node in session.path)
+    steps = [
+        tag(
+            "li",
+            tag("span", node.name or node.change, class_="step"),
+            _bar(node.mean_um, node.noise_floor_um, whole),
+            tag("span", f"{micrometres(node.mean_um)} µm", class_="num"),
+        )
+        for node in session.path
+    ]
+    return tag("ol", steps, class_="waterfall-steps", aria_label="Steps")
+
+
+def _model(session: Session) -> Markup:
+    entries = []
+    for k, effect in enumerate(session.node.effects):
+        name = called(effect)
+        info = catalogue().get(effect["effect"])
+        entries.append(
+            tag(
+                "li",
+                tag("span", name, id=f"model-{k}", title=info.summary if info else None),
+                _button("Remove", "remove", effect=k, aria_describedby=f"model-{k}"),
+            )
+        )
+    return tag("ul", entries, aria_label="Model", role="list", class_="model")
+
+
+def _candidates(diagnosis: dict[str, Any]) -> Markup:
+    candidates = diagnosis["candidates"]
+    heads = ("candidate", "probability", "explains", "error if added", "could also be", "")
+    rows = [_candidate(k, candidate, candidates) for k, candidate in enumerate(candidates)]
+    if not rows:
+        rows = [tag("tr", tag("td", "No effect of the catalogue is left to try.", colspan=len(heads)))]
+    return tag(
+        "table",
+        tag("caption", "Candidates"),
+        tag("thead", tag("tr", [tag("th", head, scope="col") if head else tag("td") for head in heads])),
+        tag("tbody", rows),
+        aria_label="Candidates",
+        class_="candidates",
+    )
+
+
+def _candidate(k: int, candidate: dict[str, Any], candidates: list[dict[str, Any]]) -> Markup:
+    share = 100.0 * candidate["explained"]
+    others = ", ".join(candidate["confounded_with"])
+    star = tag("span", " ★", class_="trend", title="recommended") if candidate["recommend"] else None
+    name = called_among(candidate, candidates)
+    return tag(
+        "tr",
+        tag(
+            "th",
+            tag("span", name, id=f"candidate-{k}"),
+            star,
+            scope="row",
+        ),
+        tag("td", chance(candidate["probability"]), class_="num", data_label="probability"),
+        tag(
+            "td",
+            tag("span", tag("span", style=f"width:{min(100.0, max(0.0, share)):.1f}%"), class_="share-bar"),
+            f"{share:.1f} %",
+            class_="num",
+            data_label="explains",
+        ),
+        tag(
+            "td",
+            f"≈ {micrometres(candidate['held_out_mean_um_if_added'])} µm",
+            class_="num",
+            data_label="error if added",
+        ),
+        tag("td", others or "–", data_label="could also be"),
+        tag(
+            "td",
+            _button("Add", "add", candidate=k, aria_describedby=f"candidate-{k}"),
+            _button("Why?", "card", candidate=k, aria_describedby=f"candidate-{k}", class_="quiet"),
+            class_="actions",
+        ),
+        class_="recommended" if candidate["recommend"] else None,
+        title=typeset(candidate["why"]),
+    )
+
+
+def chance(probability: float) -> str:
+    """A probability in percent; near 0 and 1 as the bound that sampling can support."""
+    if probability > _SURE:
+        return "> 99 %"
+    return "< 1 %" if probability < _NO_CHANCE else f"{100.0 * probability:.0f} %"
+
+
+def _verdict(diagnosis: dict[str, Any]) -> Markup:
+    return tag(
+        "div",
+        tag("p", verdict_words(diagnosis), class_=f"verdict {diagnosis['verdict']}"),
+        tag("p", f"Probability that nothing is missing: {chance(diagnosis['probability_nothing'])}"),
+    )
+
+
+def _advice(diagnosis: dict[str, Any]) -> Markup:
+    unexplained = dict.fromkeys(
+        f"What is left depends on {entry['variable']}: {entry['shape']}" for entry in diagnosis["unexplained"]
+    )
+    untestable = [
+        f"{entry['effect']} cannot be tested: record {', '.join(entry['needs'])}"
+        for entry in diagnosis["untestable"]
+    ]
+    more = tag(
+        "details", tag("summary", plural(len(untestable), "effect") + " not testable"), _list(untestable)
+    )
+    return tag(
+        "div",
+        _list([typeset(line) for line in unexplained]) if unexplained else None,
+        _list([typeset(line) for line in diagnosis["advice"] if "armtrue add FIT" not in line]),
+        more if untestable else None,
+    )
+
+
+def _list(lines: list[str]) -> Markup:
+    return tag("ul", [tag("li", line) for line in lines])
+
+
+def _history(session: Session) -> Markup:
+    def branch(node: Node) -> Markup:
+        here = node.number == session.at
+        go = tag(
+            "button",
+            node.name or node.change,
+            type="button",
+            data_act="go",
+            data_node=node.number,
+            aria_current="step" if here else None,
+        )
+        below = [branch(child) for child in session.children(node.number)]
+        return tag(
+            "li",
+            go,
+            tag("span", f" {micrometres(node.mean_um)} µm", class_="num"),
+            tag("ul", below) if below else None,
+        )
+
+    return tag("ul", branch(session.nodes[0]), class_="tree", aria_label="History")
+
+
+def _left_out(session: Session) -> Markup:
+    rows = session.node.left_out
+    rejected = session.fit_of(session.at).document["rejected"]
+    words = [
+        f"{plural(len(rows), 'row')} marked as wrong by you: {', '.join(map(str, rows))}." if rows else "",
+        f"{plural(len(rejected), 'row')} kept out as gross errors." if rejected else "",
+    ]
+    again = _button("Let all rows take part again", "leave_out", rows="[]") if rows else None
+    return tag("p", " ".join(filter(None, words)), " ", again)
+
+
+def _button(text: str, action: str, class_: str | None = None, **words: object) -> Markup:
+    attributes = {key if key.startswith("aria_") else f"data_{key}": value for key, value in words.items()}
+    return tag("button", text, type="button", data_act=action, class_=class_, **attributes)

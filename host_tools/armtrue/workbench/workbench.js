@@ -1,0 +1,191 @@
+// The workbench in the browser: it shows the pieces that the server makes, and says what was pressed. No figures are made here.
+"use strict";
+(() => {
+  const byId = (id) => document.getElementById(id);
+  const REACH_AGAIN_MS = 1000;
+  const SHOW_PROGRESS_AFTER_MS = 400;
+  let model = null; // the model whose pieces stand on the page
+  let busy = false, wanted = null, drawing = false, again = false, waitingForProgress = 0;
+
+  async function ask(address, request) {
+    const answer = await fetch(address, request);
+    if (answer.ok) return answer;
+    let sentence = `The workbench answered ${answer.status}.`;
+    try { sentence = (await answer.json()).error || sentence; } catch { /* no sentence came along */ }
+    throw new Error(sentence);
+  }
+
+  function fail(sentence) {
+    const place = byId("failure");
+    place.textContent = sentence;
+    place.hidden = !sentence;
+  }
+
+  async function act(words) {
+    if (busy && words.do !== "cancel") return;
+    fail("");
+    try {
+      await ask("do", { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(words) });
+    } catch (error) {
+      wanted = null;
+      fail(error.message);
+    }
+  }
+
+  function press(button) {
+    const words = { do: button.dataset.act };
+    for (const key of ["candidate", "effect", "node"]) if (key in button.dataset) words[key] = Number(button.dataset[key]);
+    if ("rows" in button.dataset) words.rows = JSON.parse(button.dataset.rows);
+    if (words.do === "card") return void showCard(words.candidate);
+    if (words.do === "close") return void byId("card-dialog").close();
+    if (words.do === "export" || words.do === "report") {
+      wanted = words.do;
+      Object.assign(words, { do: "make", name: button.dataset.name || words.do });
+    }
+    act(words);
+  }
+
+  /** Where the keyboard is, so that it can go on there when its button is replaced. */
+  function focused() {
+    const element = document.activeElement;
+    const piece = element && element.closest("[data-piece]");
+    if (!piece) return null;
+    const alike = [...piece.querySelectorAll("button")].filter((other) => other.dataset.act === element.dataset.act);
+    return { piece, act: element.dataset.act, place: alike.indexOf(element) };
+  }
+
+  function focusAgain(before) {
+    if (!before || !before.act) return;
+    const alike = [...before.piece.querySelectorAll("button")].filter((other) => other.dataset.act === before.act);
+    const next = alike[Math.min(Math.max(before.place, 0), alike.length - 1)] || byId("button-undo");
+    next.focus({ preventScroll: true });
+  }
+
+  async function draw() {
+    if (drawing) {
+      again = true;
+      return;
+    }
+    drawing = true;
+    try {
+      do {
+        again = false;
+        const view = await (await ask("view.json")).json();
+        const before = focused();
+        for (const [name, html] of Object.entries(view.pieces)) {
+          document.querySelectorAll(`[data-piece="${name}"]`).forEach((place) => { place.innerHTML = html; });
+        }
+        model = view.model;
+        show(view);
+        focusAgain(before);
+        document.querySelectorAll("details.looking").forEach((details) => { details.dataset.model = ""; });
+        lookAgain();
+      } while (again);
+    } catch (error) {
+      fail(error.message);
+    } finally {
+      drawing = false;
+    }
+  }
+
+  /** What changes while an action runs: the buttons, the progress and the sentences. */
+  function show(event) {
+    busy = event.task !== null;
+    document.body.setAttribute("aria-busy", String(busy));
+    for (const [name, can] of Object.entries(event.buttons)) byId(`button-${name}`).disabled = !can;
+    document.querySelectorAll("[data-piece] button[data-act]").forEach((button) => {
+      button.disabled = busy && button.dataset.act !== "card";
+    });
+    if (!busy && byId("status").textContent !== event.said) byId("status").textContent = event.said;
+    if (event.failure || !busy) fail(event.failure);
+    clearTimeout(waitingForProgress);
+    if (!busy) byId("running").hidden = true;
+    else if (byId("running").hidden) waitingForProgress = setTimeout(() => { byId("running").hidden = false; }, SHOW_PROGRESS_AFTER_MS);
+    if (busy) {
+      byId("progress").value = event.task.share;
+      byId("stage").textContent = event.task.stage || event.task.name;
+    }
+  }
+
+  function listen() {
+    const events = new EventSource("changes");
+    events.onmessage = (message) => {
+      const event = JSON.parse(message.data);
+      if (event.model !== model || (busy && event.task === null)) draw();
+      else show(event);
+      if (wanted && event.task === null && event.made) {
+        if (!event.failure) save(event.made);
+        wanted = null;
+      }
+    };
+    events.onerror = () => {
+      if (events.readyState === EventSource.CLOSED) setTimeout(listen, REACH_AGAIN_MS);
+      fail("The workbench does not answer. Where it was ended, start 'armtrue open' on the same files again: the session is kept.");
+    };
+    events.onopen = () => fail("");
+  }
+
+  function save(name) {
+    const link = document.createElement("a");
+    link.href = "file?name=made";
+    link.download = name;
+    document.body.append(link);
+    link.click();
+    link.remove();
+  }
+
+  /** Fill the open parts below that do not show this model yet. */
+  function lookAgain() {
+    document.querySelectorAll("details.looking[open]").forEach(look);
+  }
+
+  async function look(details) {
+    const shown = String(model);
+    if (model === null || details.dataset.model === shown) return;
+    details.dataset.model = shown;
+    const slot = details.querySelector(".panel-slot");
+    slot.setAttribute("aria-busy", "true");
+    try {
+      const html = await (await ask(`panel?name=${encodeURIComponent(details.dataset.panel)}`)).text();
+      if (details.dataset.model !== shown) return;
+      slot.innerHTML = html;
+      slot.querySelectorAll(".viewer").forEach(globalThis.armtrueReport.start);
+      if (slot.querySelector(".view")) globalThis.armtrueReport.chooseView();
+    } catch (error) {
+      slot.textContent = error.message;
+    } finally {
+      slot.removeAttribute("aria-busy");
+    }
+  }
+
+  async function showCard(candidate) {
+    const dialog = byId("card-dialog");
+    byId("card").textContent = "Working out the evidence…";
+    dialog.showModal();
+    try {
+      byId("card").innerHTML = await (await ask(`card?candidate=${candidate}`)).text();
+    } catch (error) {
+      byId("card").textContent = error.message;
+    }
+  }
+
+  document.addEventListener("click", (event) => {
+    const button = event.target.closest("button[data-act]");
+    if (button && !button.disabled) press(button);
+  });
+  document.addEventListener("keydown", (event) => {
+    if (event.target.closest("input, select, textarea")) return;
+    const key = event.key.toLowerCase();
+    if ((event.ctrlKey || event.metaKey) && (key === "z" || key === "y")) {
+      event.preventDefault();
+      act({ do: key === "y" || event.shiftKey ? "redo" : "undo" });
+    } else if (event.key === "Escape" && busy && !byId("card-dialog").open) {
+      act({ do: "cancel" });
+    }
+  });
+  document.querySelectorAll("details.looking").forEach((details) => details.addEventListener("toggle", () => {
+    if (details.open) look(details);
+  }));
+  document.documentElement.classList.add("script");
+  draw().then(listen);
+})();

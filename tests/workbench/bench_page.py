@@ -1,0 +1,101 @@
+"""The page by the roles and names of the contract, as a person or a screen reader finds its parts."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+from selenium.webdriver.common.by import By
+from selenium.webdriver.remote.webelement import WebElement
+
+from tests.report.browser import LAPTOP, Browser
+
+_PATIENCE_S = 60.0
+
+
+class Page:
+    """The workbench in a browser's tab. Elements are found by the roles and names that Chromium computes."""
+
+    def __init__(self, browser: Browser, address: str, size: tuple[int, int] = LAPTOP) -> None:
+        self.browser = browser
+        self.address = address
+        browser.look(size)
+        browser.driver.get(address)
+        self.until(lambda: self.candidates(), "candidates")
+
+    def until(self, true: Callable[[], Any], what: str) -> Any:
+        """Wait until something is so, and return it."""
+        end = time.monotonic() + _PATIENCE_S
+        while time.monotonic() < end:
+            if found := true():
+                return found
+            time.sleep(0.02)
+        raise AssertionError(
+            f"no {what} within {_PATIENCE_S} s; the page says: {self.status()} {self.failure()}"
+        )
+
+    def by_role(self, tags: str, role: str, name: str | None = None) -> list[WebElement]:
+        """Elements of a role, and of a name if given."""
+        found = self.browser.driver.find_elements(By.CSS_SELECTOR, tags)
+        return [
+            element
+            for element in found
+            if element.aria_role == role and (name is None or element.accessible_name == name)
+        ]
+
+    def one(self, tags: str, role: str, name: str) -> WebElement:
+        """The one element of a role and name."""
+        found = self.by_role(tags, role, name)
+        assert len(found) == 1, f"found {len(found)} elements of role {role} named {name}, expected one"
+        return found[0]
+
+    def button(self, name: str) -> WebElement:
+        """One of the buttons above."""
+        return self.one("header button", "button", name)
+
+    def press(self, name: str) -> None:
+        """Press one of the buttons above and wait for what it says."""
+        self.after(self.button(name).click)
+
+    def after(self, act: Callable[[], None]) -> str:
+        """Do something, and return what the page then says of the error."""
+        before = self.status()
+        act()
+        self.until(lambda: self.status() != before or self.failure(), "word of what was done")
+        return self.status()
+
+    def status(self) -> str:
+        """What the last action did to the error."""
+        return str(self.browser.run("return document.querySelector('[role=status]').textContent"))
+
+    def failure(self) -> str:
+        """What went wrong, if anything."""
+        return str(self.browser.run("return document.querySelector('[role=alert]').textContent"))
+
+    def candidates(self) -> list[str]:
+        """What the rows of the table begin with."""
+        rows = "return [...document.querySelectorAll('table[aria-label=Candidates] tbody tr')].map((r) => r.innerText)"
+        return [str(row) for row in self.browser.run(rows)]
+
+    def add(self, place: int = 0) -> str:
+        """Press Add in a row, the first is 0."""
+        table = self.one("table", "table", "Candidates")
+        row = table.find_elements(By.CSS_SELECTOR, "tbody tr")[place]
+        buttons = [b for b in row.find_elements(By.TAG_NAME, "button") if b.accessible_name == "Add"]
+        return self.after(buttons[0].click)
+
+    def model(self) -> list[str]:
+        """Entries of the model, as they are called."""
+        entries = self.one("ul", "list", "Model").find_elements(By.TAG_NAME, "li")
+        return [entry.text.removesuffix("Remove").strip() for entry in entries]
+
+    def remove(self, name: str) -> str:
+        """Press Remove beside an entry of the model."""
+        entries = self.one("ul", "list", "Model").find_elements(By.TAG_NAME, "li")
+        entry = next(e for e in entries if e.text.startswith(name))
+        return self.after(entry.find_element(By.TAG_NAME, "button").click)
+
+    def error(self) -> str:
+        """The words of the region Error."""
+        return self.one("section", "region", "Error").text
