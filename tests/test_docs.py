@@ -142,7 +142,7 @@ def test_commands_of_the_installation_page_exist() -> None:
     checklist = page[page.index("## Start-up checklist") :]
     commands = re.findall(r"`armtrue ([^`]+)`", checklist)
     assert len(commands) > 10
-    root = typer.main.get_command(app)
+    root = typer.main.get_command(app).whole()
     for words in map(str.split, commands):
         command: click.Command = root
         while words and isinstance(command, click.Group):

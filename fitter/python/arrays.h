@@ -4,12 +4,27 @@
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
 
+#include <map>
+#include <string>
 #include <utility>
 #include <vector>
+
+#include "fitter/model/state.h"
 
 namespace armtrue {
 
 using Vectors = nanobind::ndarray<nanobind::numpy, double, nanobind::ndim<2>>;
+
+using Column =
+    nanobind::ndarray<const double, nanobind::ndim<1>, nanobind::c_contig, nanobind::device::cpu>;
+
+/// Columns are read once into the state, which keeps derived columns beside them.
+inline State::Columns to_columns(const std::map<std::string, Column>& arrays) {
+  State::Columns columns;
+  for (const auto& [name, array] : arrays)
+    columns[name].assign(array.data(), array.data() + array.shape(0));
+  return columns;
+}
 
 /// An array of `width` columns out of values row by row. Hands the memory over without copying.
 inline Vectors to_numpy(std::vector<double> values, std::size_t width) {

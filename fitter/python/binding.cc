@@ -16,6 +16,7 @@
 #include "fitter/diagnose/information.h"
 #include "fitter/diagnose/refine.h"
 #include "fitter/python/arrays.h"
+#include "fitter/python/catalogue_binding.h"
 #include "fitter/python/drawing_binding.h"
 #include "fitter/python/plan_binding.h"
 #include "fitter/python/watched.h"
@@ -26,16 +27,6 @@ using nlohmann::json;
 
 namespace armtrue {
 namespace {
-
-using Column = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
-
-// Columns are read once into the state, which keeps derived columns beside them.
-State::Columns to_columns(const std::map<std::string, Column>& arrays) {
-  State::Columns columns;
-  for (const auto& [name, array] : arrays)
-    columns[name].assign(array.data(), array.data() + array.shape(0));
-  return columns;
-}
 
 std::vector<int> to_targets(const State::Columns& columns) {
   const auto found = columns.find("target");
@@ -57,33 +48,6 @@ FitOptions fit_options(const json& given) {
     options.instrument = Instrument::from_json(given["instrument"]);
   }
   return options;
-}
-
-std::string effects_json() {
-  static const std::map<JointRule, std::string> rules{{JointRule::kNone, "none"},
-                                                      {JointRule::kEach, "each"},
-                                                      {JointRule::kAll, "all"},
-                                                      {JointRule::kPair, "pair"},
-                                                      {JointRule::kFixed, "fixed"}};
-  static const std::map<Role, std::string> roles{
-      {Role::kPlacement, "placement"},     {Role::kGeometry, "geometry"},
-      {Role::kPhysical, "physical"},       {Role::kTable, "table"},
-      {Role::kMeasurement, "measurement"}, {Role::kCustom, "custom"}};
-  json catalogue = json::array();
-  for (const Effect* effect : effect_catalogue()) {
-    json options = json::object();
-    for (const EffectOption& option : effect->options())
-      options[option.name] = {{"type", option.type}, {"help", option.help}};
-    catalogue.push_back({{"id", effect->id()},
-                         {"summary", effect->summary()},
-                         {"role", roles.at(effect->role())},
-                         {"generic", effect->generic()},
-                         {"joints", rules.at(effect->joint_rule())},
-                         {"exported", effect->exported()},
-                         {"bound", effect->bound_text()},
-                         {"options", options}});
-  }
-  return catalogue.dump();
 }
 
 std::string align_json(const std::string& robot_json, const std::map<std::string, Column>& arrays,
@@ -181,9 +145,7 @@ NB_MODULE(_core, m) {
   nb::exception<ModelError>(m, "ModelError", PyExc_ValueError);
   nb::exception<ExpressionError>(m, "ExpressionError", PyExc_ValueError);
 
-  m.def("effects", &effects_json,
-        "The effect catalogue as JSON: id, summary, whether it fits any cause, joints rule, "
-        "options, physical bound.");
+  bind_catalogue(m);
   m.def(
       "state_variables",
       [](int joints, const std::vector<std::string>& sensors) {

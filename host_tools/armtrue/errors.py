@@ -18,6 +18,14 @@ class InputError(Exception):
         super().__init__(" ".join(message.splitlines()))
 
 
+class RowError(InputError):
+    """One row of a file is at fault; the others may be read without it. `row` counts as in messages."""
+
+    def __init__(self, row: int, message: str) -> None:
+        super().__init__(message)
+        self.row = row
+
+
 def did_you_mean(word: str, known: Iterable[str]) -> str:
     """Return `" (did you mean 'x'?)"` for the nearest of `known`, or an empty string where none is near."""
     by_lower_case = {name.lower(): name for name in sorted(known)}

@@ -116,6 +116,9 @@ def _check_parameters(top: Section, robot: Robot) -> None:
 def _check_data(data: Section, reflectors: list[str]) -> None:
     for key in ("path", "relative", "sha256"):
         data.text(key)
+    for skipped in data.sections("skipped", "a list of rows left out") if data.has("skipped") else []:
+        skipped.number("row", minimum=1.0, expected="a row of the file")
+        skipped.text("why")
     targets = data.entries("targets", "a list of reflectors") if data.has("targets") else []
     if len(targets) > 1 and sorted(map(str, targets)) != sorted(reflectors):
         raise data.fail("targets", f"those of flange_from_tool: {', '.join(reflectors)}")

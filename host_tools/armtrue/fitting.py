@@ -80,7 +80,8 @@ class Fit:
         Errors: InputError that says where they were looked for, or that they have changed.
         """
         if self._data is None:
-            self._data = load_data(self._data_path(), self.robot)
+            skip_bad = bool(self.document["data"].get("skipped"))
+            self._data = load_data(self._data_path(), self.robot, skip_bad=skip_bad)
             if fingerprint(self._data) != self.document["data"]["sha256"]:
                 raise InputError(
                     f"{self._data.path}: found other measurements than those of the fit, expected them unchanged"
@@ -300,4 +301,5 @@ def _data_entry(data: Dataset) -> dict[str, Any]:
         "rows": data.count,
         "columns": sorted(data.columns),
         "targets": data.labels.get("target", []),
+        "skipped": [{"row": row, "why": why} for row, why in sorted(data.skipped.items())],
     }

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
+import sys
 from types import FrameType
 
 INTERRUPTED = 130
@@ -15,6 +17,13 @@ def main() -> None:
     interruptible = signal.getsignal(signal.SIGINT) is signal.default_int_handler
     if interruptible:
         signal.signal(signal.SIGINT, _leave)
+    if sys.argv[1:] == ["--version"]:
+        from armtrue import __version__
+
+        # Answered before the libraries of the command line are read in.
+        with contextlib.suppress(OSError):
+            os.write(sys.stdout.fileno(), f"armtrue {__version__}\n".encode())
+            return
     from armtrue.cli import app
 
     if interruptible:

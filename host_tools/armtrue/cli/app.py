@@ -4,38 +4,74 @@ from __future__ import annotations
 
 import os
 import sys
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import click
 import typer
 
 import armtrue
-from armtrue.cli import (
-    INTERRUPTED,
-    campaign,
-    catalogue,
-    checking,
-    diagnosis,
-    fitting,
-    init,
-    planning,
-    predicting,
-    workbench,
-)
+from armtrue.cli import INTERRUPTED
 from armtrue.cli.guard import GuardedGroup
-from armtrue.device import cli as device
 from armtrue.errors import InputError
-from armtrue.tables import cli as tables
 
 INPUT_AT_FAULT = 2
 
+
+class _Commands(GuardedGroup):
+    """All commands: the module that adds each, and its line of the help; a module is imported when its command runs."""
+
+    homes: ClassVar[dict[str, tuple[str, str]]] = {
+        "init": (
+            "cli.init",
+            "Read foreign measurement files and write robot.yaml, dataset.yaml and model.yaml.",
+        ),
+        "check": (
+            "cli.checking",
+            "Look for mistakes in measurements before any physics: units, signs, drift.",
+        ),
+        "fit": (
+            "cli.fitting",
+            "Fit the model's effects, and say how well it predicts poses it has not seen.",
+        ),
+        "add": ("cli.fitting", "Add an effect to a fit, fit again, and print how the error fell."),
+        "remove": ("cli.fitting", "Remove an effect from a fit, fit again: the opposite of 'add'."),
+        "predict": ("cli.predicting", "Predict where the tool point will be, row by row."),
+        "compare": ("cli.predicting", "Compare a fit with measurements it has not seen."),
+        "diagnose": (
+            "cli.diagnosis",
+            "Say which physical effect a fit lacks, on which joint, how sure that is.",
+        ),
+        "refine": ("cli.diagnosis", "Diagnose and add until nothing is missing."),
+        "report": (
+            "cli.diagnosis",
+            "Write one self-contained HTML page: what is missing, how the error fell.",
+        ),
+        "open": ("cli.workbench", "Open the workbench, a page in the browser that adds and removes effects."),
+        "plan": (
+            "cli.planning",
+            "Choose the poses to measure: for a first campaign, or to settle what is open.",
+        ),
+        "export": ("tables.cli", "Write the firmware's table image for a fit."),
+        "compensate": (
+            "tables.cli",
+            "Correct commands: q1…qn that bring the real tool where it was meant to be.",
+        ),
+        "keygen": ("tables.cli", "Make an Ed25519 key pair to sign tables with."),
+        "upload": ("device.cli", "Bring a table into force on a compensator: transfer, verify, activate."),
+        "simulate": ("cli.campaign", "Simulate a campaign with known truth."),
+        "effects": ("cli.catalogue", "List the effects; of one, its formula, course, bound and options."),
+        "explain": ("cli.explain", "Say what a word of reports and messages means."),
+        "tables": ("tables.cli", "Look into table images."),
+        "device": ("device.cli", "Ask and manage a compensator on a bus."),
+    }
+
+
 app = typer.Typer(
     name="armtrue",
-    cls=GuardedGroup,
+    cls=_Commands,
     no_args_is_help=True,
     rich_markup_mode="rich",
     pretty_exceptions_enable=False,
-    add_completion=False,
     help="""Calibrate a robot arm: fit it, see where the model fails, add what is missing, compensate.
 
 The way through it, from measurements to tables:
@@ -71,22 +107,6 @@ def _options(
     ] = False,
 ) -> None:
     pass
-
-
-for commands in (
-    init,
-    checking,
-    fitting,
-    predicting,
-    diagnosis,
-    workbench,
-    planning,
-    tables,
-    device,
-    campaign,
-    catalogue,
-):
-    commands.add_to(app)
 
 
 def main() -> None:

@@ -32,7 +32,7 @@ def effects(
     ] = None,
     json_to: JsonOption = None,
 ) -> None:
-    """List the effects that a model.yaml may name; of one, its joints, options and physical bound.
+    """List the effects that a model.yaml may name; of one, its formula, course, physical bound and options.
 
     Example: [bold]armtrue effects gear_mesh[/]
     """
@@ -48,11 +48,21 @@ def effects(
 
 def _description(info: EffectInfo, full: bool) -> list[tuple[str, str]]:
     lines = [(info.id, info.summary)]
-    if full:
-        lines += [("joints", _JOINTS[info.joints]), ("bound", info.bound)]
-        lines += [
-            (f"option {name}", f"{kind}: {help_text}") for name, (kind, help_text) in info.options.items()
-        ]
-        if not info.exported:
-            lines.append(("exported", "no: it belongs to the measurement"))
+    if not full:
+        return lines
+    from armtrue.cli import sketch
+
+    bound, _, source = info.bound.removesuffix(" (docs/effects.md)").partition(": ")
+    lines += [
+        ("joints", _JOINTS[info.joints]),
+        ("formula", "\n".join(sketch.formulas(info))),
+        ("bound", bound),
+        ("source", source or "docs/effects.md"),
+    ]
+    drawn = sketch.sketch(info)
+    if drawn:
+        lines.append(("sketch", "\n".join(drawn)))
+    lines += [(f"option {name}", f"{kind}: {help_text}") for name, (kind, help_text) in info.options.items()]
+    if not info.exported:
+        lines.append(("exported", "no: it belongs to the measurement"))
     return lines

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 import typer
 from rich.table import Table
 
-from armtrue.cli.options import DataArgument, JsonOption, RobotOption
+from armtrue.cli.fits import load_measurements
+from armtrue.cli.options import DataArgument, JsonOption, RobotOption, SkipBadOption
 from armtrue.cli.output import Output
-from armtrue.io import load_data, load_robot
+from armtrue.io import load_robot
 from armtrue.io.files import refuse_to_lose
 
 if TYPE_CHECKING:
@@ -23,7 +24,12 @@ def add_to(app: typer.Typer) -> None:
     app.command()(check)
 
 
-def check(data: DataArgument, robot: RobotOption, json_to: JsonOption = None) -> None:
+def check(
+    data: DataArgument,
+    robot: RobotOption,
+    skip_bad: SkipBadOption = False,
+    json_to: JsonOption = None,
+) -> None:
     """Look for mistakes in measurements before any physics: units, signs, coupling, read-back, duplicates, drift.
 
     Says what the data can and cannot tell apart. Exit status 1 where an error was found.
@@ -35,7 +41,7 @@ def check(data: DataArgument, robot: RobotOption, json_to: JsonOption = None) ->
     output = Output(json_to)
     refuse_to_lose([data, robot], [json_to])
     arm = load_robot(robot)
-    measurements = load_data(data, arm, strict=False)
+    measurements = load_measurements(data, arm, skip_bad=skip_bad, strict=False)
     refuse_to_lose([measurements.file], [json_to])
     report = run_check(measurements, arm)
     output.table(_findings_table(report.findings))

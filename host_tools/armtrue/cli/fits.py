@@ -5,10 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from armtrue.errors import InputError
+from armtrue.errors import InputError, RowError
 
 if TYPE_CHECKING:
     from armtrue.fitting import Fit
+    from armtrue.io import Dataset, Robot
 
 
 def load_with_data(path: Path, data: Path | None) -> Fit:
@@ -34,3 +35,13 @@ def load_with_data(path: Path, data: Path | None) -> Fit:
             raise
         raise InputError(f"{error}; where they lie elsewhere, name them with --data DATA") from None
     return fit
+
+
+def load_measurements(path: Path, robot: Robot, *, skip_bad: bool, strict: bool = True) -> Dataset:
+    """Return the measurements at `path`; without `skip_bad`, the refusal of a row says how to read the others."""
+    from armtrue.io import load_data
+
+    try:
+        return load_data(path, robot, skip_bad=skip_bad, strict=strict)
+    except RowError as error:
+        raise InputError(f"{error}; --skip-bad reads the other rows") from None

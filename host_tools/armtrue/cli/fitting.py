@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from armtrue.cli.fits import load_with_data
+from armtrue.cli.fits import load_measurements, load_with_data
 from armtrue.cli.options import (
     DataArgument,
     FitArgument,
@@ -18,11 +18,12 @@ from armtrue.cli.options import (
     OutOption,
     RobotOption,
     SeedOption,
+    SkipBadOption,
 )
 from armtrue.cli.output import Output, plain_table, waiting
 from armtrue.cli.parameters import present_parameters
 from armtrue.errors import InputError, did_you_mean
-from armtrue.io import load_data, load_model, load_robot
+from armtrue.io import load_model, load_robot
 from armtrue.io.catalogue import catalogue
 from armtrue.io.files import check_writable, refuse_to_lose
 from armtrue.io.model import check_effect
@@ -57,6 +58,7 @@ def fit(
     parameters: Annotated[
         bool, typer.Option("--parameters", help="Print every parameter, tables too.")
     ] = False,
+    skip_bad: SkipBadOption = False,
     force: Annotated[
         bool, typer.Option("--force", help="Fit even what the checks say cannot be an arm.")
     ] = False,
@@ -77,7 +79,7 @@ def fit(
     refuse_to_lose([data, robot, model], [out, json_to])
     arm = load_robot(robot)
     effects = load_model(model, arm)
-    measurements = load_data(data, arm)
+    measurements = load_measurements(data, arm, skip_bad=skip_bad)
     refuse_to_lose([measurements.file], [out, json_to])
     refuse_too_few_poses(measurements.file, measurements.joints)
     if not force:

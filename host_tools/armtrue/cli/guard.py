@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import importlib
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import click
+import typer
 import typer.core
+import typer.main
 
 from armtrue.errors import did_you_mean
 from armtrue.io.files import check_writable, refuse_to_lose
@@ -61,19 +64,49 @@ def _beside(path: Path, suffix: str) -> Path:
 
 
 class GuardedGroup(typer.core.TyperGroup):
-    """The group of all commands: what they write is compared with what they read before any of them begins."""
+    """The group of all commands: what they write is compared with what they read before any of them begins.
+
+    `homes`: of each command the module that adds it, imported when the command runs, and its line of the help.
+    """
+
+    homes: ClassVar[dict[str, tuple[str, str]]] = {}
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Names of all commands, in the order of the help."""
+        return list(self.homes)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """The command, or before it has run no more than its line of the help."""
+        if cmd_name in self.commands or cmd_name not in self.homes:
+            return self.commands.get(cmd_name)
+        return typer.core.TyperCommand(cmd_name, help=self.homes[cmd_name][1])
+
+    def whole(self) -> GuardedGroup:
+        """The group with every command loaded, as documentation needs it."""
+        for name in self.homes:
+            self.load(name)
+        return self
+
+    def load(self, name: str) -> click.Command:
+        """The command `name`, whole and guarded."""
+        if name not in self.commands:
+            part = typer.Typer(rich_markup_mode="rich", pretty_exceptions_enable=False)
+            part.callback()(lambda: None)
+            importlib.import_module(f"armtrue.{self.homes[name][0]}").add_to(part)
+            self.commands.update(typer.main.get_group(part).commands)
+            _guard(name, self.commands[name])
+        return self.commands[name]
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
         """The command that `args` name, guarded; one that is not known is answered with the nearest that is."""
         name = args[0] if args else ""
-        command = self.get_command(ctx, name)
-        if command is None and not name.startswith("-"):
-            hint = did_you_mean(name, self.list_commands(ctx)) if name else ""
+        if name in self.homes:
+            self.load(name)
+        elif not name.startswith("-"):
+            hint = did_you_mean(name, self.homes) if name else ""
             ctx.fail(f"No such command '{name}'{hint}")
-        if command is not None:
-            _guard(name, command)
         return super().resolve_command(ctx, args)
 
 

@@ -59,3 +59,6 @@ JsonOption = Annotated[
 ]
 SeedOption = Annotated[int, typer.Option("--seed", help="Seed of the random split into folds.")]
 FoldsOption = Annotated[int, typer.Option("--folds", min=2, help="Folds of cross-validation.")]
+SkipBadOption = Annotated[
+    bool, typer.Option("--skip-bad", help="Leave out rows that cannot be read, and say which.")
+]

@@ -9,7 +9,15 @@ from typing import Annotated, Any
 
 import typer
 
-from armtrue.cli.options import DataArgument, FitArgument, JsonOption, OutOption, PosesArgument
+from armtrue.cli.fits import load_measurements
+from armtrue.cli.options import (
+    DataArgument,
+    FitArgument,
+    JsonOption,
+    OutOption,
+    PosesArgument,
+    SkipBadOption,
+)
 from armtrue.cli.output import Output, plain_table
 from armtrue.errors import InputError
 from armtrue.io import Dataset, Robot, load_data
@@ -75,7 +83,12 @@ def predict(
         output.say(f"error against the x, y, z of {data.file.name}: {_error_words(error)}")
 
 
-def compare(fit_file: FitArgument, data: DataArgument, json_to: JsonOption = None) -> None:
+def compare(
+    fit_file: FitArgument,
+    data: DataArgument,
+    skip_bad: SkipBadOption = False,
+    json_to: JsonOption = None,
+) -> None:
     """Compare a fit with measurements it has not seen: the error, what was to be expected, and the worst rows.
 
     Exit status 1 where the error is worse than the fit's held-out error lets expect.
@@ -87,7 +100,7 @@ def compare(fit_file: FitArgument, data: DataArgument, json_to: JsonOption = Non
     output = Output(json_to)
     refuse_to_lose([fit_file, data], [json_to])
     result = fitting.Fit.load(fit_file)
-    measurements = load_data(data, result.robot)
+    measurements = load_measurements(data, result.robot, skip_bad=skip_bad)
     refuse_to_lose([measurements.file], [json_to])
     found = comparing.compare(result, measurements)
     output.items(measurements.notes)

@@ -323,7 +323,7 @@ def commands(group: Group, path: tuple[str, ...] = ()) -> list[tuple[tuple[str, 
 
 
 def test_the_help_of_every_command_shows_an_example_of_it():
-    root = typer.main.get_command(app)
+    root = typer.main.get_command(app).whole()
     assert isinstance(root, Group)
     known = commands(root)
     assert len(known) > 10

@@ -9,11 +9,18 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from armtrue.errors import InputError, did_you_mean, shorten
+from armtrue.errors import InputError, RowError, did_you_mean, shorten
 from armtrue.io import rotation
 from armtrue.io.columns import POSITION, QUATERNION, TEXT_COLUMNS, ColumnNames, commanded_joints
 from armtrue.io.delimited import RawColumns, read_columns
-from armtrue.io.layout import Layout, RotationSource, TimeSource, contract_layout, yaml_layout
+from armtrue.io.layout import (
+    Layout,
+    RotationSource,
+    TimeSource,
+    contract_layout,
+    foreign_hint,
+    yaml_layout,
+)
 from armtrue.io.plausible import refuse_wrong_units
 from armtrue.io.robot import Robot
 
@@ -26,6 +33,8 @@ _STANDSTILL = 1e-6
 # A reflector that moves less than this [m] in all while a joint moves more than that [rad, m] is fixed to the floor.
 _FIXED_SPAN_M = 5e-3
 _ARM_MOVED = 0.2
+# More bad rows than this are a file that is read in the wrong way.
+_MOST_SKIPPED = 100
 
 
 @dataclass(frozen=True)
@@ -35,6 +44,7 @@ class Dataset:
     `path`: what was asked for, a CSV or a dataset.yaml; `file`: the file that the rows stand in.
     `columns`: name → float64 array (N,); `target` and `repeat` hold codes, whose names stand in `labels`.
     `rows`: the file row (header = 1 where it is the first line) of each entry. `notes`: what the reader did.
+    `skipped`: file row → why it could not be read, of the rows left out with `skip_bad`.
     `turns`: where the file has Euler angles, those (N, 3) [rad], which `rotation` says how they were read.
     """
 
@@ -46,6 +56,7 @@ class Dataset:
     notes: list[str] = field(default_factory=list)
     rotation: RotationSource | None = None
     turns: Array | None = None
+    skipped: dict[int, str] = field(default_factory=dict)
 
     @property
     def count(self) -> int:
@@ -69,12 +80,19 @@ class Dataset:
         return replace(self, columns=columns, rows=self.rows[which], turns=turns)
 
 
-def load_data(path: str | Path, robot: Robot, *, need_position: bool = True, strict: bool = True) -> Dataset:
+def load_data(
+    path: str | Path,
+    robot: Robot,
+    *,
+    need_position: bool = True,
+    strict: bool = True,
+    skip_bad: bool = False,
+) -> Dataset:
     """Read measurements of `robot` from a CSV or a dataset.yaml (docs/files.md).
 
     `need_position`: False for poses to predict: nothing measured is read of them, and they come in file order.
     `strict`: refuse what must be a mistake of units, and leave out reflectors that do not ride on the arm; `check`
-    passes False and reports both as findings instead.
+    passes False and reports both as findings instead. `skip_bad`: leave out up to 100 rows that cannot be read.
 
     Errors: InputError naming file, row and column or key, what was found and what was expected.
     """
@@ -84,10 +102,20 @@ def load_data(path: str | Path, robot: Robot, *, need_position: bool = True, str
     if not need_position:
         layout = layout.without_measurements()
     _require_columns(layout, path if foreign else layout.file, robot, need_position)
-    data = _assemble(path, layout, ColumnNames(robot))
-    if data.count == 0:
-        raise InputError(f"{layout.file}: found no rows of measurements, expected at least one")
-    _check_values(data)
+    skipped: dict[int, str] = {}
+    while True:
+        try:
+            data = _assemble(path, layout, ColumnNames(robot), skipped)
+            if data.count == 0:
+                raise InputError(f"{layout.file}: found no rows of measurements, expected at least one")
+            _check_values(data)
+            break
+        except RowError as error:
+            if not skip_bad:
+                raise
+            skipped[error.row] = str(error)
+            if len(skipped) > _MOST_SKIPPED:
+                raise InputError(f"{error}; expected no more than {_MOST_SKIPPED} such rows") from None
     if not strict:
         return data
     refuse_wrong_units(data.file, data.columns, data.rows, robot)
@@ -140,9 +168,9 @@ def _require_columns(layout: Layout, path: Path, robot: Robot, need_position: bo
     names = layout.names()
     for name in ColumnNames(robot).required(need_position):
         if name not in names:
-            raise InputError(
-                f"{path}: found no column '{name}', expected it{did_you_mean(name, layout.unused)}"
-            )
+            near = did_you_mean(name, layout.unused)
+            hint = foreign_hint(path, robot) if path == layout.file else ""
+            raise InputError(f"{path}: found no column '{name}', expected it{near}{hint}")
     for group in (QUATERNION, POSITION):
         missing = [name for name in group if name not in names]
         if missing and len(missing) < len(group):
@@ -151,14 +179,14 @@ def _require_columns(layout: Layout, path: Path, robot: Robot, need_position: bo
             )
 
 
-def _assemble(path: Path, layout: Layout, names: ColumnNames) -> Dataset:
+def _assemble(path: Path, layout: Layout, names: ColumnNames, skipped: dict[int, str]) -> Dataset:
     number_headers = {source.header for source in layout.numbers.values()}
     if layout.rotation:
         number_headers |= set(layout.rotation.headers)
     text_headers = set(layout.texts.values()) | set(layout.rows.where)
     if layout.time and layout.time.header:
         text_headers.add(layout.time.header)
-    raw = read_columns(layout.file, layout.dialect, sorted(number_headers), sorted(text_headers))
+    raw = read_columns(layout.file, layout.dialect, sorted(number_headers), sorted(text_headers), skipped)
     raw = _filtered(raw, layout)
     columns = {
         name: raw.numbers[source.header] * source.factor + source.added
@@ -170,6 +198,7 @@ def _assemble(path: Path, layout: Layout, names: ColumnNames) -> Dataset:
         f"{did_you_mean(name, set(names.all()) - layout.names())}"
         for name in layout.unused
     ]
+    notes += [f"left out: {why}" for why in skipped.values()]
     if layout.time:
         columns["time"] = _times(layout.time, raw, layout, notes)
     if layout.rotation:
@@ -192,7 +221,7 @@ def _assemble(path: Path, layout: Layout, names: ColumnNames) -> Dataset:
         turns = None if turns is None else turns[order]
     if layout.direction_from_order:
         columns |= _directions(columns)
-    return Dataset(path, layout.file, columns, rows, labels, notes, layout.rotation, turns)
+    return Dataset(path, layout.file, columns, rows, labels, notes, layout.rotation, turns, dict(skipped))
 
 
 def _filtered(raw: RawColumns, layout: Layout) -> RawColumns:
@@ -217,8 +246,10 @@ def _named(name: str, header: str, raw: RawColumns, layout: Layout) -> list[str]
         return texts if any(texts) else []
     if name == "repeat":
         return [text or f"row {row}" for text, row in zip(texts, raw.rows, strict=True)]
-    row = raw.rows[texts.index("")]
-    raise InputError(f"{layout.file} row {row} column {header}: found nothing, expected the reflector's name")
+    row = int(raw.rows[texts.index("")])
+    raise RowError(
+        row, f"{layout.file} row {row} column {header}: found nothing, expected the reflector's name"
+    )
 
 
 def _codes(texts: list[str]) -> tuple[list[str], Array]:
@@ -232,26 +263,27 @@ def _times(source: TimeSource, raw: RawColumns, layout: Layout, notes: list[str]
     """Seconds: since `origin` where it is given, else since the earliest row."""
     if source.header is None or source.pattern is None:
         return np.arange(raw.rows.size, dtype=np.float64) * source.seconds_per_row
-    place = f"{layout.file} row {{}} column {source.header}"
-    stamps = [
-        _timestamp(text, source.pattern, place.format(row))
-        for text, row in zip(raw.texts[source.header], raw.rows, strict=True)
-    ]
+    stamps = []
+    for text, row in zip(raw.texts[source.header], raw.rows, strict=True):
+        place = f"{layout.file} row {row} column {source.header}"
+        stamps.append(_timestamp(text, source.pattern, place, int(row)))
     if not stamps:
         return np.empty(0)
     if source.origin is not None:
-        origin = _timestamp(source.origin, source.pattern, "time.origin")
+        origin = _timestamp(source.origin, source.pattern, "time.origin", None)
     else:
         origin = min(stamps)
         notes.append(f"{layout.file.name}: time counts from the earliest row, {origin}")
     return np.array([(stamp - origin).total_seconds() for stamp in stamps])
 
 
-def _timestamp(text: str, pattern: str, place: str) -> datetime.datetime:
+def _timestamp(text: str, pattern: str, place: str, row: int | None) -> datetime.datetime:
+    """The time that `text` says; `row` is that of the file, None where it stands elsewhere."""
     try:
         stamp = datetime.datetime.strptime(text, pattern)
     except (ValueError, OverflowError):
-        raise InputError(f"{place}: found {shorten(text)}, expected a time in the format {pattern}") from None
+        message = f"{place}: found {shorten(text)}, expected a time in the format {pattern}"
+        raise (InputError(message) if row is None else RowError(row, message)) from None
     except Exception as error:  # strptime builds a regular expression of the pattern, which may not compile
         raise InputError(
             f"{place}: found time format {pattern!r}, expected a strptime pattern ({error})"
@@ -295,8 +327,9 @@ def _check_values(data: Dataset) -> None:
     def refuse(name: str, bad: NDArray[np.bool_], expected: str) -> None:
         if bad.any():
             at = int(np.argmax(bad))
-            raise InputError(
-                f"{data.file} row {data.rows[at]} column {name}: found {columns[name][at]:.6g}, expected {expected}"
+            raise RowError(
+                int(data.rows[at]),
+                f"{data.file} row {data.rows[at]} column {name}: found {columns[name][at]:.6g}, expected {expected}",
             )
 
     for name, values in columns.items():
@@ -316,9 +349,10 @@ def _check_values(data: Dataset) -> None:
         wrong = np.abs(lengths - 1.0) > _QUATERNION_LENGTH_TOLERANCE
         if wrong.any():
             at = int(np.argmax(wrong))
-            raise InputError(
+            raise RowError(
+                int(data.rows[at]),
                 f"{data.file} row {data.rows[at]} columns qw, qx, qy, qz: found length {lengths[at]:.6g}, "
-                "expected a unit quaternion"
+                "expected a unit quaternion",
             )
         for name, values in zip(QUATERNION, (quaternions / lengths[:, None]).T, strict=True):
             columns[name] = values

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import csv
 import itertools
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from armtrue.errors import InputError, did_you_mean, shorten
+from armtrue.errors import InputError, RowError, did_you_mean, shorten
 
 Array = NDArray[np.float64]
 
@@ -49,12 +49,15 @@ def read_header(path: Path, dialect: Dialect) -> list[str]:
         return rows.header
 
 
-def read_columns(path: Path, dialect: Dialect, numbers: list[str], texts: list[str]) -> RawColumns:
+def read_columns(
+    path: Path, dialect: Dialect, numbers: list[str], texts: list[str], without: Container[int] = ()
+) -> RawColumns:
     """Read the columns `numbers` as finite float64 and `texts` as stripped text; other columns are not looked at.
 
-    Errors: InputError naming row and column of the first wrong cell, a ragged row, or a name not in the header.
+    `without`: file rows that are not read. Errors: RowError naming row and column of the first wrong cell, or a ragged
+    row; InputError for a name not in the header.
     """
-    with _Rows(path, dialect) as rows:
+    with _Rows(path, dialect, without) as rows:
         index = {name: rows.index(name) for name in [*numbers, *texts]}
         # Left to right, so that the first wrong cell of a row is the one named.
         numbers = sorted(numbers, key=index.__getitem__)
@@ -79,9 +82,10 @@ def read_columns(path: Path, dialect: Dialect, numbers: list[str], texts: list[s
 class _Rows:
     """The open file: header first, then blocks of rows of equal length with their numbers."""
 
-    def __init__(self, path: Path, dialect: Dialect) -> None:
+    def __init__(self, path: Path, dialect: Dialect, without: Container[int] = ()) -> None:
         self._path = path
         self._dialect = dialect
+        self._without = without
         if path.is_dir():
             raise InputError(f"{path}: found a folder, expected a file of measurements")
         try:
@@ -169,14 +173,15 @@ class _Rows:
     def _even_rows(self) -> Iterator[tuple[list[str], int]]:
         width = len(self.header)
         for cells in self._cells():
-            if not "".join(cells).strip():
+            if self._reader.line_num in self._without or not "".join(cells).strip():
                 continue
             while len(cells) > width and not cells[-1].strip():
                 cells.pop()
             if len(cells) != width:
-                raise InputError(
+                raise RowError(
+                    self._reader.line_num,
                     f"{self._path} row {self._reader.line_num}: found {len(cells)} cells, "
-                    f"expected {width} as in the header"
+                    f"expected {width} as in the header",
                 )
             yield cells, self._reader.line_num
 
@@ -200,7 +205,7 @@ def _to_floats(cells: tuple[str, ...], at: list[int], name: str, path: Path, dia
         if not is_number(cell, dialect.decimal):
             found = shorten(cell.strip()) if cell.strip() else "nothing"
             kind = "a number with a decimal comma" if comma else "a number"
-            raise InputError(f"{path} row {row} column {name}: found {found}, expected {kind}")
+            raise RowError(row, f"{path} row {row} column {name}: found {found}, expected {kind}")
     raise AssertionError("a block that does not convert holds a cell that is no number")
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -95,18 +96,37 @@ class Layout:
         return {*self.numbers, *self.texts, *self.constants, *rotation, *time}
 
 
+def foreign_hint(path: Path, robot: Robot) -> str:
+    """The command, to paste, that writes a dataset.yaml for a file in another form than the contract's."""
+    arm = shlex.quote(str(robot.path or "robot.yaml"))
+    folder = shlex.quote(str(path.with_suffix("")))
+    command = f"armtrue init {shlex.quote(str(path))} --robot {arm} --out {folder}"
+    return f"; this writes the dataset.yaml that reads a foreign file: {command}"
+
+
+def _refuse_a_spreadsheet(path: Path, robot: Robot) -> None:
+    try:
+        with path.open("rb") as stream:
+            begins = stream.read(4)
+    except (OSError, ValueError):
+        return  # the reader of text says what is wrong
+    if begins in (b"PK\x03\x04", b"\xd0\xcf\x11\xe0"):
+        raise InputError(f"{path}: found a spreadsheet, expected a CSV{foreign_hint(path, robot)}")
+
+
 def contract_layout(path: Path, robot: Robot) -> Layout:
     """Layout of a CSV in the contract's own form, from its header.
 
     Errors: InputError for a joint beyond the arm, or a header that is not the contract's separator.
     """
     dialect = Dialect()
+    if path.is_file():
+        _refuse_a_spreadsheet(path, robot)
     header = read_header(path, dialect)
     names = ColumnNames(robot)
     if len(header) == 1 and any(mark in header[0] for mark in ";\t|"):
         raise InputError(
-            f"{path} header: found no comma, expected columns separated by commas "
-            f"('armtrue init {path} --robot robot.yaml --out FOLDER' writes the dataset.yaml that reads a foreign file)"
+            f"{path} header: found no comma, expected columns separated by commas{foreign_hint(path, robot)}"
         )
     numbers: dict[str, NumberSource] = {}
     texts: dict[str, str] = {}

@@ -196,3 +196,46 @@ def test_a_row_without_its_reflector_is_refused_and_a_column_without_any_is_none
         load_data(written(tmp_path, PLAIN.replace(",B,", ",,")), two_joints)
     unnamed = PLAIN.replace(",A,", ",,").replace(",B,", ",,")
     assert "target" not in load_data(written(tmp_path, unnamed, "other.csv"), two_joints).columns
+
+
+def test_bad_rows_are_left_out_on_request_and_named(tmp_path, two_joints):
+    rows = [
+        "0.0,0.1,1.0,2.0,3.0,20.5,A,0",
+        "oops,0.1,1.0,2.0,3.0,20.5,A,1",
+        "0.5,-0.1,1.1,2.1,3.1,20.6,B",
+        "0.7,0.2,1e300,2.1,3.1,20.6,B,3",
+        "0.9,0.3,1.2,2.2,3.2,20.7,,4",
+        "1.0,0.3,1.2,2.2,3.2,20.7,A,20",
+    ]
+    path = written(tmp_path, "\n".join([PLAIN.splitlines()[0], *rows]) + "\n")
+    with pytest.raises(InputError, match="row 4: found 7 cells"):
+        load_data(path, two_joints)
+    data = load_data(path, two_joints, skip_bad=True)
+    np.testing.assert_array_equal(data.rows, [2, 7])
+    assert list(data.skipped) == [4, 3, 6, 5]
+    assert "found 7 cells" in data.skipped[4]
+    assert any("left out" in note and "'oops'" in note for note in data.notes)
+
+
+def test_a_file_of_bad_rows_is_refused_though_bad_rows_may_be_left_out(tmp_path, two_joints):
+    path = written(tmp_path, PLAIN + "x,0,0,0,0,20,A,0\n" * 101)
+    with pytest.raises(InputError, match="no more than 100"):
+        load_data(path, two_joints, skip_bad=True)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        PLAIN.replace("q1,", "q1 (°),"),
+        "# our tracker\n" + PLAIN,
+        PLAIN.replace(",", ";"),
+        PLAIN.replace(",", "\t"),
+        b"PK\x03\x04 a spreadsheet",
+    ],
+)
+def test_foreign_files_are_refused_with_the_command_that_reads_them(tmp_path, two_joints, text):
+    path = written(tmp_path, text, "my data.csv")
+    with pytest.raises(InputError) as refusal:
+        load_data(path, two_joints)
+    command = f"armtrue init '{path}' --robot {two_joints.path} --out '{tmp_path / 'my data'}'"
+    assert str(refusal.value).endswith(command)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from armtrue.report import charts
@@ -23,9 +25,10 @@ def rejected_section(report: Report) -> Markup:
     """Rows that were kept out of the fit as gross errors."""
     fit = report.last.fit
     rejected = sorted(fit.document["rejected"], key=lambda entry: -float(entry["residual_um"]))
+    unread = _unread(fit.document["data"].get("skipped", []))
     if not rejected:
-        none = tag("p", f"None: all {fit.data.count} measurements took part.")
-        return section("rejected", "Rejected rows", none)
+        none = tag("p", f"None: all {fit.data.count} measurements that were read took part.")
+        return section("rejected", "Rejected rows", none, unread)
     units = [joint_unit(joint) for joint in fit.robot.joints]
     rows: list[list[Content]] = []
     for entry in rejected[:_MOST_ROWS]:
@@ -42,7 +45,16 @@ def rejected_section(report: Report) -> Markup:
         ),
         table(["row", "error [µm]", "joints"], rows, f"Rejected rows of {fit.data.file.name}, worst first"),
         tag("p", f"and {more} more") if more > 0 else None,
+        unread,
     )
+
+
+def _unread(skipped: list[dict[str, Any]]) -> Markup | None:
+    """Rows that could not be read, and why."""
+    if not skipped:
+        return None
+    rows: list[list[Content]] = [[str(entry["row"]), entry["why"]] for entry in skipped]
+    return table(["row", "why"], rows, f"{plural(len(rows), 'row')} left out because unreadable", words=(1,))
 
 
 def coverage_section(report: Report) -> Markup:
@@ -88,7 +100,11 @@ def about_section(report: Report) -> Markup:
         ["robot", report.last.fit.robot.spec.get("name", "")],
         ["measurements", data["path"]],
         ["their SHA-256", tag("code", data["sha256"])],
-        ["rows", f"{data['rows']}, {len(document['rejected'])} rejected, {_repeats(report)}"],
+        [
+            "rows",
+            f"{data['rows']}, {len(document['rejected'])} rejected, {len(data.get('skipped', []))} unreadable, "
+            f"{_repeats(report)}",
+        ],
         ["columns", ", ".join(data["columns"])],
         ["noise per axis", f"{micrometres(noise['sigma_um'])} µm observed{stated_words}{turn_words}"],
         ["cross-validation", f"{document['error']['folds']} folds, seed {document['error']['seed']}"],

@@ -1,0 +1,169 @@
+"""What an effect does, in text: its terms on a sample arm as formulas, and their course over one variable."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armtrue.errors import InputError
+from armtrue.io.catalogue import EffectInfo
+
+Array = NDArray[np.float64]
+
+_POINTS = 33
+_BARS = "▁▂▃▄▅▆▇█"
+_SHOWN = 4
+# Where the joints of the sample arm stand while one of them turns [rad].
+_AT_REST = (0.2, -0.4, 0.5, 0.3, 0.6, 0.1)
+_SENSORS = ("arm", "base")
+_HALF_TURN = math.pi
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """One recorded variable that runs from `low` to `high` while the others rest; `words` names it and its range."""
+
+    columns: tuple[str, ...]
+    low: float
+    high: float
+    words: str
+
+
+def sample_arm() -> dict[str, Any]:
+    """A six-axis arm that has all an effect may ask for: masses, gear ratios, thermometers, a parallelogram."""
+    rows = [
+        (0.0, 0.0, 0.4),
+        (0.3, -90.0, 0.0),
+        (0.8, 0.0, 0.0),
+        (0.1, -90.0, 0.8),
+        (0.0, 90.0, 0.0),
+        (0.0, -90.0, 0.1),
+    ]
+    joints = [
+        {"name": f"A{k}", "type": "revolute", "a": a, "alpha": math.radians(alpha), "d": d, "offset": 0.0,
+         "gear_ratio": 100.0, "limits": [-_HALF_TURN, _HALF_TURN]}
+        for k, (a, alpha, d) in enumerate(rows, start=1)
+    ]  # fmt: skip
+    return {
+        "name": "sample",
+        "kinematics": {"convention": "mdh", "joints": joints},
+        "links": [{"mass": mass, "com": [0.1, 0.0, 0.05]} for mass in (100.0, 80.0, 50.0, 20.0, 10.0, 5.0)],
+        "gravity": [0.0, 0.0, -9.81],
+        "temperature": {"reference": 20.0, "sensors": list(_SENSORS)},
+        "linkage": {"type": "parallelogram", "joints": [2, 3], "crank": 0.3, "rod": 0.8, "angle": 1.5},
+    }
+
+
+def _columns(sweep: Sweep) -> dict[str, Array]:
+    columns: dict[str, Array] = {f"q{k}": np.full(_POINTS, rest) for k, rest in enumerate(_AT_REST, start=1)}
+    columns |= {f"qr{name[1:]}": values for name, values in columns.items()}
+    columns |= {f"dir{k}": np.ones(_POINTS) for k in range(1, 7)}
+    columns |= {f"temp_{name}": np.full(_POINTS, 20.0) for name in _SENSORS}
+    columns |= {"time": np.zeros(_POINTS), "payload": np.zeros(_POINTS)}
+    for name in sweep.columns:
+        columns[name] = np.linspace(sweep.low, sweep.high, _POINTS, dtype=np.float64)
+        if name.startswith("dir"):
+            columns[name] = np.where(columns[name] < 0.0, -1.0, 1.0)
+    return columns
+
+
+def _sweeps(joints: list[int]) -> list[Sweep]:
+    """What may drive an effect on `joints`, the likeliest first."""
+    order = [*reversed(joints), *(k for k in range(1, 7) if k not in joints)]
+    sweeps = [Sweep((f"q{k}", f"qr{k}"), -_HALF_TURN, _HALF_TURN, f"q{k} from -180° to 180°") for k in order]
+    sweeps += [Sweep((f"dir{k}",), -1.0, 1.0, f"dir{k} from -1 to 1") for k in order]
+    sweeps += [Sweep((f"qr{k}",), -1e-3, 1e-3, f"qr{k}, q{k} at rest") for k in order]
+    sweeps += [Sweep((f"temp_{_SENSORS[0]}",), 10.0, 40.0, f"temp_{_SENSORS[0]} from 10 to 40 °C")]
+    sweeps += [Sweep(("time",), 0.0, 14400.0, "time from 0 to 4 h")]
+    return sweeps
+
+
+def _terms(info: EffectInfo, joints: list[int], sweep: Sweep) -> dict[str, Any]:
+    from armtrue import _core
+
+    request: dict[str, Any] = {"effect": info.id, "joints": joints}
+    if info.role == "custom":
+        request["options"] = {"name": "mine", "coordinate": "motor2", "expression": "sin(3*q2)"}
+    try:
+        document: dict[str, Any] = json.loads(
+            _core.effect_terms(json.dumps(sample_arm()), _columns(sweep), json.dumps(request))
+        )
+    except _core.ModelError as error:
+        raise InputError(str(error)) from None
+    return document
+
+
+def _joints(info: EffectInfo) -> list[int]:
+    """Joints of the example: what each kind of effect is asked for by."""
+    return {"each": [2], "all": [2], "pair": [6, 5]}.get(info.joints, [])
+
+
+def formulas(info: EffectInfo) -> list[str]:
+    """The effect's terms on the sample arm, one line a coordinate: `motor 2 [rad]: sin1·sin(q2) + …`."""
+    joints = _joints(info)
+    document = _terms(info, joints, _sweeps(joints)[0])
+    by_coordinate: dict[str, list[str]] = {}
+    several = len(document["parameters"]) > 1
+    for number, parameter in enumerate(document["parameters"], start=1):
+        name = parameter["name"].rpartition("].")[2]
+        if name == parameter["name"] or not name.isidentifier():
+            name = f"c{number}" if several else "c"
+        for term in parameter["terms"]:
+            weight = "" if term["weight"] == 1.0 else f"{term['weight']:.4g}·"
+            basis = "" if term["expression"] == "1" else f"·{_factor(term['expression'])}"
+            by_coordinate.setdefault(term["coordinate"], []).append(f"{weight}{name}{basis}")
+    lines = []
+    for coordinate, sums in list(by_coordinate.items())[:_SHOWN]:
+        more = f" + … ({len(sums)} terms)" if len(sums) > _SHOWN else ""
+        lines.append(f"{coordinate} += {' + '.join(sums[:_SHOWN])}{more}")
+    if len(by_coordinate) > _SHOWN:
+        lines.append(f"… and {len(by_coordinate) - _SHOWN} more coordinates")
+    lines += [
+        f"{p['name']} found from the data: {p['lower']:.4g} to {p['upper']:.4g} {p['unit']}".rstrip()
+        for p in document["nonlinear"]
+    ]
+    return lines
+
+
+def _factor(expression: str) -> str:
+    """An expression as one factor: a sum stands in brackets."""
+    text = _spaced(expression)
+    bare = text
+    while (inner := re.sub(r"\([^()]*\)", "", bare)) != bare:
+        bare = inner
+    return f"({text})" if re.search(r" [+-] ", bare) else text
+
+
+def _spaced(expression: str) -> str:
+    """An expression with figures of readable length."""
+    return re.sub(r"\d+\.\d{5,}(?:e-?\d+)?", lambda number: f"{float(number[0]):.4g}", expression)
+
+
+def sketch(info: EffectInfo) -> list[str]:
+    """The course of the first few terms, each over the variable that drives it; empty where all are constant."""
+    joints = _joints(info)
+    lines: list[str] = []
+    drawn: set[str] = set()
+    for sweep in _sweeps(joints):
+        heading = [f"over {sweep.words}"]
+        for parameter in _terms(info, joints, sweep)["parameters"]:
+            for term in parameter["terms"]:
+                values, name = np.asarray(term["values"]), _spaced(term["expression"])
+                if len(drawn) < _SHOWN and name not in drawn and values.size > 1 and np.ptp(values) > 1e-12:
+                    drawn.add(name)
+                    lines += [*heading, f"{_bars(values)}  {name}"]
+                    heading = []
+        if len(drawn) == _SHOWN:
+            break
+    return lines
+
+
+def _bars(values: Array) -> str:
+    share = (values - values.min()) / np.ptp(values)
+    return "".join(_BARS[round(float(s) * (len(_BARS) - 1))] for s in share)

@@ -1,0 +1,46 @@
+"""`--skip-bad`: one row that cannot be read does not keep the others from being used, and is said everywhere."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from armtrue import Fit
+from armtrue.cli.conftest import FIT, armtrue
+from armtrue.report import gather
+from armtrue.report.page import page
+
+
+@pytest.fixture(scope="module")
+def spoilt(folder):
+    """The campaign with one cell of row 5 that is no number."""
+    lines = (folder / "data.csv").read_text().splitlines()
+    lines[4] = "oops," + lines[4].partition(",")[2]
+    (folder / "data.csv").write_text("\n".join(lines) + "\n")
+    return folder
+
+
+def test_refusal_of_a_row_says_how_to_read_the_others(spoilt):
+    run = armtrue(*FIT, "--out", "no.json", cwd=spoilt)
+    assert run.returncode == 2
+    assert "row 5 column q1: found 'oops'" in run.stderr
+    assert run.stderr.rstrip().endswith("--skip-bad reads the other rows")
+
+
+def test_skipped_rows_are_printed_kept_in_the_fit_and_counted_in_the_report(spoilt):
+    run = armtrue(*FIT, "--skip-bad", "--out", "rest.json", cwd=spoilt)
+    assert run.returncode == 0, run.stderr
+    assert "left out: data.csv row 5 column q1: found 'oops'" in " ".join(run.stdout.split())
+    (skipped,) = json.loads((spoilt / "rest.json").read_text())["data"]["skipped"]
+    assert skipped["row"] == 5
+    fit = Fit.load(spoilt / "rest.json")
+    assert 5 not in fit.data.rows
+    text = page(gather([fit]))
+    assert "1 row left out because unreadable" in text
+    assert "1 unreadable" in text
+
+
+def test_check_finds_the_row_that_it_left_out(spoilt):
+    run = armtrue("check", "data.csv", "--robot", "robot.yaml", "--skip-bad", cwd=spoilt)
+    assert "row 5 column q1" in " ".join(run.stdout.split())
