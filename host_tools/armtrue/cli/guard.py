@@ -118,6 +118,9 @@ def _guard(name: str, command: click.Command) -> None:
         return
     if getattr(command, "is_guarded", False):
         return
+    for parameter in command.params:
+        if parameter.default is None:
+            parameter.show_default = False  # type: ignore[attr-defined]
     run = command.invoke
 
     named = {parameter.name for parameter in command.params if isinstance(parameter.type, click.Path)}

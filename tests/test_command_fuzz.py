@@ -1,0 +1,29 @@
+"""Damaged calls of every command (tests/fuzz/fuzz_commands.py): a few in each run, two minutes of them in the full one."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+HARNESS = Path(__file__).parent / "fuzz" / "fuzz_commands.py"
+
+
+def run(*arguments: str, timeout: float) -> str:
+    """What the harness says; it must find no fault and have tried something."""
+    command = [sys.executable, str(HARNESS), *arguments]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=timeout)
+    assert done.returncode == 0, done.stdout[-6000:] + done.stderr[-2000:]
+    return done.stdout
+
+
+def test_damaged_calls_end_as_documented() -> None:
+    assert "20 trials, 0 faults" in run("--trials", "20", "--seed", "5", timeout=600)
+
+
+@pytest.mark.full
+def test_two_minutes_of_damaged_calls_end_as_documented() -> None:
+    said = run("--seconds", "120", "--seed", "6", timeout=900)
+    assert int(said.split()[-4]) > 50
