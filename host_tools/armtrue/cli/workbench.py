@@ -23,11 +23,11 @@ def add_to(app: typer.Typer) -> None:
 
 def open_workbench(
     files: Annotated[
-        list[Path],
+        list[Path] | None,
         typer.Argument(
             metavar="FILE…", help="Measurements (CSV, dataset.yaml) or fits (fit.json).", show_default=False
         ),
-    ],
+    ] = None,
     robot: Annotated[
         Path | None,
         typer.Option(
@@ -71,11 +71,14 @@ def open_workbench(
     if not 0 <= port <= _HIGHEST_PORT:
         raise InputError(f"--port: found {port}, expected 0 to {_HIGHEST_PORT}")
     output = Output(None)
-    opened = opening.open_files(files, robot, model)
+    if not files and (robot or model):
+        raise InputError(f"{robot or model}: found no measurements beside it, expected DATA or a fit.json")
+    opened = opening.open_files(files, robot, model) if files else None
     with waiting(output) as progress:
         server = start(opened, port, session, new, progress)
-    output.items(opened.notes)
-    output.say(f"session: {server.engine.session.folder}")
+    if opened is not None:
+        output.items(opened.notes)
+        output.say(f"session: {server.engine.session.folder}")
     print(f"workbench {server.address}", flush=True)
     if not no_browser:
         webbrowser.open(server.address)

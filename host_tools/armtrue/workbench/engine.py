@@ -6,6 +6,7 @@ import logging
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from armtrue.diagnosis import diagnose, refine
@@ -13,10 +14,11 @@ from armtrue.errors import InputError
 from armtrue.fitting import Fit, with_effects
 from armtrue.io.model import check_effect
 from armtrue.progress import Progress
+from armtrue.workbench.dropped import Drop
 from armtrue.workbench.names import change_words, model_entry
 from armtrue.workbench.opening import Opened
 from armtrue.workbench.outputs import Made, make
-from armtrue.workbench.session import Node, Session
+from armtrue.workbench.session import Node, Session, default_folder, key_of, load_session
 
 Entry = dict[str, Any]
 
@@ -43,8 +45,12 @@ class Task:
 class Engine:
     """The session and the one action that may run on it. `version` grows whenever there is something new to see."""
 
-    def __init__(self, session: Session) -> None:
-        self.session = session
+    def __init__(self, drop: Drop) -> None:
+        self.drop = drop
+        self.title = "Armtrue"
+        self.about = "nothing is open yet"
+        self.notes: list[str] = []
+        self._session: Session | None = None
         self.said = ""
         self.failure = ""
         self.made: Made | None = None
@@ -54,13 +60,55 @@ class Engine:
         self._cancel = threading.Event()
         self._worker: threading.Thread | None = None
 
-    def begin(self, opened: Opened, progress: Progress | None = None) -> None:
-        """Fit and diagnose what was opened; steps of one calibration one below the other."""
-        for fit in opened.first_fits(progress):
-            before = self.session.node if self.session.nodes else None
-            self._put(fit, diagnose(fit, progress), before)
-        if len(self.session.nodes) == 1:
-            self.said = self.session.node.said
+    @property
+    def session(self) -> Session:
+        """The session that is open. Errors: InputError where none is."""
+        if self._session is None:
+            raise InputError("found nothing opened, expected measurements or a fit to be opened first")
+        return self._session
+
+    @property
+    def is_open(self) -> bool:
+        """True where there is a session."""
+        return self._session is not None
+
+    @property
+    def shown(self) -> str:
+        """What tells one model of one session from any other."""
+        return f"{self.session.key}/{self.session.at}" if self.is_open else "none"
+
+    def begin(
+        self, opened: Opened, folder: Path | None = None, new: bool = False, progress: Progress | None = None
+    ) -> None:
+        """Go on with the session of these files, or fit and diagnose them; a session that is open stays until then.
+
+        `folder`: where it is kept, if not where sessions are. Errors: InputError where that cannot be written, or the
+        data cannot carry the model.
+        """
+        key = key_of(opened.files)
+        place = folder or default_folder(key)
+        if place.exists() and not place.is_dir():
+            raise InputError(f"--session: found a file '{place}', expected a folder")
+        session = None if new else load_session(place, key, opened.data)
+        if session:
+            said = f"The session is gone on with. {session.node.said}"
+        else:
+            session = self._begun(opened, Session(place, key, opened.data), progress)
+            said = session.node.said
+        self._session, self.said, self.notes = session, said, opened.notes
+        self.title = str(opened.robot.spec.get("name", "robot"))
+        self.about = f"{opened.data.file.name}: {opened.data.count} measurements"
+
+    def _begun(self, opened: Opened, session: Session, progress: Progress | None) -> Session:
+        """A session with the fits of `opened`, steps of one calibration one below the other."""
+        fits = opened.first_fits(progress)
+        try:
+            for fit in fits:
+                diagnosis = diagnose(fit, progress)
+                session.put(node_of(session, fit, diagnosis), fit, diagnosis)
+        except OSError as error:
+            raise InputError(f"{session.folder}: cannot be written ({error.strerror})") from None
+        return session
 
     def do(self, action: str, words: Entry) -> None:
         """Begin an action; returns at once. Errors: BusyError; InputError where it makes no sense here."""
@@ -81,6 +129,13 @@ class Engine:
             target=self._run, args=(work,), name=f"workbench {action}", daemon=True
         )
         self._worker.start()
+
+    def take(self, name: str, content: bytes) -> None:
+        """Keep a file that was dropped. Errors: InputError where its name will not do."""
+        self.drop.take(name, content)
+        self.failure = ""
+        self.said = f"{name} is here. Choose more files, or press Open."
+        self._announce()
 
     def wait(self, version: int, seconds: float) -> int:
         """Wait until there is something newer than `version`, or `seconds` have passed."""
@@ -112,6 +167,8 @@ class Engine:
             "name": self._name,
             "leave_out": self._leave_out,
             "make": self._make,
+            "open": self._open,
+            "forget": self._forget,
         }
         if action not in known:
             raise InputError(f"found no action '{action}', expected one of {', '.join(known)}")
@@ -230,6 +287,19 @@ class Engine:
             else "Refine found nothing to add or remove."
         )
 
+    def _open(self, words: Entry) -> None:
+        text = words.get("text")
+        opened = self.drop.open(text if isinstance(text, str) else None)
+        if opened is None:
+            self.said = "The files are not in Armtrue's own form: look at what was guessed, then open them."
+            return
+        self.begin(opened, progress=self.tell)
+        self.drop.forget()
+
+    def _forget(self, _words: Entry) -> None:
+        self.drop.forget()
+        self.said = "The files are put aside."
+
     def _make(self, words: Entry) -> None:
         self.made = None
         self.made = make(self.session, str(words.get("name")), self.tell)
@@ -240,25 +310,35 @@ class Engine:
     def _put(
         self, fit: Fit, diagnosis: Entry, before: Node | None, left_out: list[int] | None = None
     ) -> None:
-        effects = fit.effects
-        old = before.effects if before else []
-        added = [entry for entry in effects if entry not in old] if before else []
-        removed = [entry for entry in old if entry not in effects]
-        out = left_out if left_out is not None else before.left_out if before else []
-        change = change_words(added, removed) or _left_out_words(out, before)
-        error = fit.document["error"]
-        mean = float(error["held_out"]["mean_um"])
-        said = (
-            f"{change[0].upper()}{change[1:]}. {fall_words(before.mean_um, mean)}"
-            if before
-            else _first_words(mean)
-        )
-        node = Node(
-            len(self.session.nodes), before.number if before else None, effects, added, removed, out, error,
-            fit.document["noise_floor"]["um"], str(diagnosis["verdict"]), change, said,
-        )  # fmt: skip
+        node = node_of(self.session, fit, diagnosis, before, left_out)
         self.session.put(node, fit, diagnosis)
-        self.said = said
+        self.said = node.said
+
+
+def node_of(
+    session: Session,
+    fit: Fit,
+    diagnosis: Entry,
+    before: Node | None = None,
+    left_out: list[int] | None = None,
+) -> Node:
+    """The next node of `session`, below `before` or else below the one that is looked at."""
+    before = before or (session.node if session.nodes else None)
+    effects = fit.effects
+    old = before.effects if before else []
+    added = [entry for entry in effects if entry not in old] if before else []
+    removed = [entry for entry in old if entry not in effects]
+    out = left_out if left_out is not None else before.left_out if before else []
+    change = change_words(added, removed) or _left_out_words(out, before)
+    error = fit.document["error"]
+    mean = float(error["held_out"]["mean_um"])
+    upper = change[0].upper() + change[1:]
+    said = f"{upper}. {fall_words(before.mean_um, mean)}" if before else _first_words(mean)
+    floor = fit.document["noise_floor"]["um"]
+    return Node(
+        len(session.nodes), before.number if before else None, effects, added, removed, out, error, floor,
+        str(diagnosis["verdict"]), change, said,
+    )  # fmt: skip
 
 
 def fall_words(before_um: float, after_um: float) -> str:

@@ -27,21 +27,21 @@ _PANELS = (
 )
 
 
-def page(title: str, about: str, notes: list[str]) -> str:
+def page() -> str:
     """The whole page without its figures, which the script asks for."""
     head = tag(
         "head",
         tag("meta", charset="utf-8"),
         tag("meta", name="viewport", content="width=device-width, initial-scale=1"),
         tag("meta", name="color-scheme", content="light dark"),
-        tag("title", f"{title} – Armtrue workbench"),
+        tag("title", "Armtrue workbench"),
         Markup('<link rel="stylesheet" href="style.css"><link rel="icon" href="data:,">'),
     )
     body = tag(
         "body",
         tag("a", "Skip to the candidates", href="#candidates-part", class_="skip"),
-        _top(title, about),
-        tag("main", _left_column(), _right_column(), _panels(notes)),
+        _top(),
+        tag("main", _left_column(), _right_column(), _panels(), _opening()),
         tag("dialog", tag("div", id="card"), id="card-dialog", aria_label="Effect"),
         Markup('<script src="script.js"></script>'),
         id="workbench",
@@ -61,14 +61,14 @@ def style() -> str:
     return _text("armtrue.report", "style.css") + _text("armtrue.workbench", "workbench.css")
 
 
-def _top(title: str, about: str) -> Markup:
+def _top() -> Markup:
     buttons = [
         tag("button", text, type="button", data_act=action, id=f"button-{action}", aria_keyshortcuts=keys)
         for action, text, keys in _BUTTONS
     ]
     return tag(
         "header",
-        tag("div", tag("h1", title), tag("p", about, class_="about"), class_="titles"),
+        tag("div", _slot("title"), class_="titles"),
         tag("div", buttons, class_="buttons", role="group", aria_label="Actions"),
         tag("p", role="status", id="status", aria_live="polite"),
         tag("p", role="alert", id="failure", hidden=True),
@@ -100,7 +100,7 @@ def _left_column() -> Markup:
         data_panel="vectors",
         open=True,
     )
-    return tag("div", error, scene, class_="column")
+    return tag("div", error, scene, class_="column needs-session")
 
 
 def _right_column() -> Markup:
@@ -114,10 +114,10 @@ def _right_column() -> Markup:
     )
     model = tag("section", tag("h2", "Model"), _slot("model"), _slot("left-out"))
     history = tag("section", tag("h2", "History"), _slot("history"))
-    return tag("div", missing, tag("div", model, history, class_="pair"), class_="column")
+    return tag("div", missing, tag("div", model, history, class_="pair"), class_="column needs-session")
 
 
-def _panels(notes: list[str]) -> Markup:
+def _panels() -> Markup:
     folded: list[Content] = [
         tag(
             "details",
@@ -128,10 +128,27 @@ def _panels(notes: list[str]) -> Markup:
         )
         for name, title in _PANELS
     ]
-    notes_part = tag(
-        "details", tag("summary", "Notes on the files"), tag("ul", [tag("li", n) for n in notes])
+    return tag("div", folded, class_="column whole needs-session")
+
+
+def _opening() -> Markup:
+    chooser = tag(
+        "label",
+        "Measurements, arm, model or fits: drop them here, or choose ",
+        tag(
+            "input",
+            type="file",
+            id="files",
+            multiple=True,
+            accept=".csv,.txt,.tsv,.dat,.xlsx,.json,.yaml,.yml,.urdf",
+        ),
+        class_="drop",
     )
-    return tag("div", folded, notes_part if notes else None, class_="column whole")
+    return tag(
+        "div",
+        tag("section", tag("h2", "Open files"), chooser, _slot("opening"), _slot("notes"), id="opening"),
+        class_="column whole",
+    )
 
 
 def _slot(name: str) -> Markup:

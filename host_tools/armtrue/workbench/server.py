@@ -21,6 +21,7 @@ from armtrue.workbench.view import buttons, pieces
 
 HOST = "127.0.0.1"
 _LARGEST_REQUEST = 1024 * 1024
+_LARGEST_FILE = 64 * 1024 * 1024
 # How long an idle stream of changes waits before it says that it is still there.
 _HEARTBEAT_S = 15.0
 _POLICY = (
@@ -45,10 +46,9 @@ class Server(ThreadingHTTPServer):
     # A tab that goes away while it is answered is nothing to report.
     block_on_close = False
 
-    def __init__(self, engine: Engine, port: int, title: str, about: str, notes: list[str]) -> None:
+    def __init__(self, engine: Engine, port: int) -> None:
         self.engine = engine
         self.token = secrets.token_urlsafe(24)
-        self.title, self.about, self.notes = title, about, notes
         super().__init__((HOST, port), _Handler)
 
     @property
@@ -78,7 +78,7 @@ class _Handler(BaseHTTPRequestHandler):
                       "file": self._file})  # fmt: skip
 
     def do_POST(self) -> None:
-        self._answer({"do": self._do})
+        self._answer({"do": self._do, "drop": self._drop})
 
     def log_message(self, format: str, *args: Any) -> None:
         """Nothing: the address holds the token."""
@@ -115,7 +115,7 @@ class _Handler(BaseHTTPRequestHandler):
         return hmac.compare_digest(token.encode(), self.server.token.encode())
 
     def _page(self, _words: dict[str, str]) -> None:
-        text = page.page(self.server.title, self.server.about, self.server.notes)
+        text = page.page()
         self._send(text.encode(), "text/html; charset=utf-8")
 
     def _script(self, _words: dict[str, str]) -> None:
@@ -130,7 +130,7 @@ class _Handler(BaseHTTPRequestHandler):
     def _view(self, _words: dict[str, str]) -> None:
         engine = self.server.engine
         self._json({
-            "version": engine.version, "model": engine.session.at, "pieces": pieces(engine),
+            "version": engine.version, "model": engine.shown, "pieces": pieces(engine),
             "said": engine.said, "failure": engine.failure, **running(engine),
         })  # fmt: skip
 
@@ -152,19 +152,26 @@ class _Handler(BaseHTTPRequestHandler):
         self._send(made.content, made.kind, {"Content-Disposition": f"attachment; filename*=UTF-8''{name}"})
 
     def _do(self, _words: dict[str, str]) -> None:
-        length = self.headers.get("Content-Length", "")
-        if not length.isdigit() or int(length) > _LARGEST_REQUEST:
-            self._refuse(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, "The request is too long.")
-            return
-        body = self.rfile.read(int(length))
         try:
-            words = json.loads(body)
+            words = json.loads(self._body(_LARGEST_REQUEST))
         except (ValueError, RecursionError):
             words = None
         if not isinstance(words, dict) or not isinstance(words.get("do"), str):
             raise InputError('found a request that is no action, expected {"do": …}')
         self.server.engine.do(words["do"], words)
         self._json({"accepted": True})
+
+    def _drop(self, words: dict[str, str]) -> None:
+        self.server.engine.take(words.get("name", ""), self._body(_LARGEST_FILE))
+        self._json({"accepted": True})
+
+    def _body(self, largest: int) -> bytes:
+        """What came along. Errors: InputError where it is too long or does not say how long."""
+        length = self.headers.get("Content-Length", "")
+        if not length.isdecimal() or int(length) > largest:
+            self.close_connection = True
+            raise InputError(f"found {length or 'no'} bytes announced, expected at most {largest}")
+        return self.rfile.read(int(length))
 
     def _changes(self, _words: dict[str, str]) -> None:
         """A stream of events: one whenever there is something new to see."""
@@ -177,7 +184,7 @@ class _Handler(BaseHTTPRequestHandler):
         while True:
             now = engine.wait(seen, _HEARTBEAT_S)
             event = {
-                "model": engine.session.at,
+                "model": engine.shown,
                 "said": engine.said,
                 "failure": engine.failure,
                 **running(engine),

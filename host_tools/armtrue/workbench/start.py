@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import secrets
 from pathlib import Path
 
 from armtrue.errors import InputError
 from armtrue.progress import Progress
+from armtrue.workbench.dropped import Drop
 from armtrue.workbench.engine import Engine
 from armtrue.workbench.opening import Opened
 from armtrue.workbench.server import Server
-from armtrue.workbench.session import Session, default_folder, key_of, load_session
+from armtrue.workbench.session import default_folder
 
 
 def start(
-    opened: Opened,
+    opened: Opened | None,
     port: int = 0,
     folder: Path | None = None,
     new: bool = False,
@@ -21,25 +23,16 @@ def start(
 ) -> Server:
     """A server of the session of these files: the one that was kept, or a new one with its first fit made.
 
-    Errors: InputError where the port is taken, the session cannot be written or the data cannot carry the model.
+    `opened`: None for a page that waits for files. Errors: InputError where the port is taken, the session cannot be
+    written or the data cannot carry the model.
     """
-    key = key_of(opened.files)
-    place = folder or default_folder(key)
-    if place.exists() and not place.is_dir():
-        raise InputError(f"--session: found a file '{place}', expected a folder")
-    kept = None if new else load_session(place, key, opened.data)
-    engine = Engine(kept or Session(place, key, opened.data))
-    name = str(opened.robot.spec.get("name", "robot"))
-    about = f"{opened.data.file.name}: {opened.data.count} measurements"
+    engine = Engine(Drop(default_folder(f"dropped-{secrets.token_hex(4)}")))
     try:
-        server = Server(engine, port, name, about, opened.notes)
+        server = Server(engine, port)
     except OSError as error:
-        raise InputError(f"--port: found port {port} that cannot be had ({error.strerror})") from None
-    if kept:
-        engine.said = f"The session is gone on with. {kept.node.said}"
+        raise InputError(f"--port: found port {port}, which cannot be had ({error.strerror})") from None
+    if opened is not None:
+        engine.begin(opened, folder, new, progress)
     else:
-        try:
-            engine.begin(opened, progress)
-        except OSError as error:
-            raise InputError(f"--session: {place} cannot be written ({error.strerror})") from None
+        engine.said = "Drop files on the page, or choose them."
     return server

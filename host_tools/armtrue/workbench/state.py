@@ -7,9 +7,15 @@ from typing import Any
 from armtrue.workbench.engine import Engine
 from armtrue.workbench.session import Node
 
+_NOTHING: dict[str, Any] = {
+    "effects": [], "error": None, "noise_floor_um": None, "verdict": None, "candidates": [], "steps": [], "models": [],
+}  # fmt: skip
+
 
 def state(engine: Engine) -> dict[str, Any]:
     """The model that is looked at with its diagnosis, and the steps to it. `busy`: an action still runs."""
+    if not engine.is_open:
+        return {**_NOTHING, "status": engine.said, "failure": engine.failure, "busy": engine.task is not None}
     session = engine.session
     node = session.node
     diagnosis = {k: v for k, v in session.diagnosis_of(node.number).items() if k != "spectra"}

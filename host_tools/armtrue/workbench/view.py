@@ -19,9 +19,13 @@ _NO_CHANCE, _SURE = 0.005, 0.995
 
 def pieces(engine: Engine) -> dict[str, str]:
     """The parts of the page that an action changes."""
+    always: dict[str, str] = {"title": _title(engine), "opening": _opening(engine), "notes": _list(engine.notes)}
+    if not engine.is_open:
+        return always
     session = engine.session
     diagnosis = session.diagnosis_of(session.at)
     return {
+        **always,
         "error": _error(session, diagnosis),
         "waterfall": _waterfall(session),
         "model": _model(session),
@@ -35,7 +39,17 @@ def pieces(engine: Engine) -> dict[str, str]:
 
 def buttons(engine: Engine) -> dict[str, bool]:
     """Which of the buttons can be pressed."""
-    node, free = engine.session.node, engine.task is None
+    free = engine.task is None
+    if not engine.is_open:
+        return {
+            "undo": False,
+            "redo": False,
+            "refine": False,
+            "export": False,
+            "report": False,
+            "cancel": not free,
+        }
+    node = engine.session.node
     return {
         "undo": free and node.parent is not None,
         "redo": free and node.redo is not None,
@@ -44,6 +58,42 @@ def buttons(engine: Engine) -> dict[str, bool]:
         "report": free,
         "cancel": not free,
     }
+
+
+def _title(engine: Engine) -> Markup:
+    return tag("div", tag("h1", engine.title), tag("p", engine.about, class_="about"))
+
+
+_HOW_TO_OPEN = (
+    "A CSV in Armtrue's own form wants its robot.yaml beside it; foreign files want a robot.yaml or a URDF. What "
+    "units, columns and angles they have is then guessed, shown and checked before anything is fitted."
+)
+
+
+def _opening(engine: Engine) -> Markup:
+    """Files that were dropped, and what was guessed of them."""
+    drop = engine.drop
+    if not drop.names:
+        return tag("p", _HOW_TO_OPEN)
+    content: list[Content] = [_list(drop.names)]
+    if drop.guess is None:
+        content.append(_button("Open", "open"))
+    else:
+        guess = drop.guess
+        rows = [tag("tr", [tag("td", cell) for cell in row]) for row in guess.rows]
+        first = tag("table", tag("caption", "The first rows"), tag("tbody", rows))
+        says = [f"{f.severity}: {f.message} {f.remedy}".strip() for f in guess.findings]
+        content += [
+            tag("h3", "What was guessed, and from what"),
+            _list(guess.notes),
+            tag("div", first, class_="scroll", tabindex="0", role="region", aria_label="The first rows"),
+            tag("h3", "What the check says"),
+            _list(says or ["Nothing is wrong."]),
+            tag("label", "dataset.yaml: change what was guessed wrongly", for_="dataset"),
+            tag("textarea", guess.text, id="dataset", rows="16", spellcheck="false"),
+            _button("Open with these", "open"),
+        ]
+    return tag("div", content, " ", _button("Put aside", "forget", class_="quiet"))
 
 
 def _error(session: Session, diagnosis: dict[str, Any]) -> Markup:

@@ -6,6 +6,7 @@
   const SHOW_PROGRESS_AFTER_MS = 400;
   let model = null; // the model whose pieces stand on the page
   let busy = false, wanted = null, drawing = false, again = false, waitingForProgress = 0;
+  let held = null; // where the keyboard was when a button was pressed: a button that is disabled loses it
 
   async function ask(address, request) {
     const answer = await fetch(address, request);
@@ -23,6 +24,7 @@
 
   async function act(words) {
     if (busy && words.do !== "cancel") return;
+    held = focused();
     fail("");
     try {
       await ask("do", { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(words) });
@@ -38,6 +40,7 @@
     if ("rows" in button.dataset) words.rows = JSON.parse(button.dataset.rows);
     if (words.do === "card") return void showCard(words.candidate);
     if (words.do === "close") return void byId("card-dialog").close();
+    if (words.do === "open" && byId("dataset")) words.text = byId("dataset").value;
     if (words.do === "export" || words.do === "report") {
       wanted = words.do;
       Object.assign(words, { do: "make", name: button.dataset.name || words.do });
@@ -71,13 +74,18 @@
       do {
         again = false;
         const view = await (await ask("view.json")).json();
-        const before = focused();
+        const before = focused() || held;
         for (const [name, html] of Object.entries(view.pieces)) {
           document.querySelectorAll(`[data-piece="${name}"]`).forEach((place) => { place.innerHTML = html; });
         }
         model = view.model;
+        document.title = `${document.querySelector("h1").textContent} – Armtrue workbench`;
+        document.body.classList.toggle("nothing-open", model === "none");
         show(view);
-        focusAgain(before);
+        if (!busy) {
+          focusAgain(before);
+          held = null;
+        }
         document.querySelectorAll("details.looking").forEach((details) => { details.dataset.model = ""; });
         lookAgain();
       } while (again);
@@ -141,7 +149,7 @@
 
   async function look(details) {
     const shown = String(model);
-    if (model === null || details.dataset.model === shown) return;
+    if (model === null || model === "none" || details.dataset.model === shown) return;
     details.dataset.model = shown;
     const slot = details.querySelector(".panel-slot");
     slot.setAttribute("aria-busy", "true");
@@ -172,6 +180,26 @@
   document.addEventListener("click", (event) => {
     const button = event.target.closest("button[data-act]");
     if (button && !button.disabled) press(button);
+  });
+  async function take(files) {
+    fail("");
+    let sentence = "";
+    try {
+      for (const file of files) await ask(`drop?name=${encodeURIComponent(file.name)}`, { method: "POST", body: file });
+    } catch (error) {
+      sentence = error.message;
+    }
+    await draw();
+    if (sentence) fail(sentence);
+  }
+  byId("files").addEventListener("change", async () => {
+    await take([...byId("files").files]);
+    byId("files").value = "";
+  });
+  document.addEventListener("dragover", (event) => event.preventDefault());
+  document.addEventListener("drop", (event) => {
+    event.preventDefault();
+    if (event.dataTransfer.files.length) take([...event.dataTransfer.files]);
   });
   document.addEventListener("keydown", (event) => {
     if (event.target.closest("input, select, textarea")) return;
