@@ -1,4 +1,4 @@
-"""Damaged calls of every command (tests/fuzz/fuzz_commands.py): a few in each run, two minutes of them in the full one."""
+"""Damaged calls of every command (fuzz/fuzz_commands.py): a few in each run, two minutes of them in the full one."""
 
 from __future__ import annotations
 

@@ -10,6 +10,14 @@ _WORDS = {
     "unexplained_structure": "What is left has structure that no effect of the catalogue explains.",
 }
 
+# Where a noise floor comes from, by its `source`.
+FLOOR_SOURCES = {
+    "repeats": "from poses measured again",
+    "targets": "of the instrument alone, from distances between reflectors on one tool",
+    "sigma": "from the stated sigma",
+    "none": "nothing recorded tells it",
+}
+
 # Share of the first's that makes another candidate explain nearly as much (docs/planning.md).
 _NEARLY = 0.9
 

@@ -51,18 +51,18 @@ class _Commands(GuardedGroup):
             "cli.planning",
             "Choose the poses to measure: for a first campaign, or to settle what is open.",
         ),
-        "export": ("tables.cli", "Write the firmware's table image for a fit."),
+        "export": ("cli.tables", "Write the firmware's table image for a fit."),
         "compensate": (
-            "tables.cli",
+            "cli.tables",
             "Correct commands: q1…qn that bring the real tool where it was meant to be.",
         ),
-        "keygen": ("tables.cli", "Make an Ed25519 key pair to sign tables with."),
-        "upload": ("device.cli", "Bring a table into force on a compensator: transfer, verify, activate."),
+        "keygen": ("cli.tables", "Make an Ed25519 key pair to sign tables with."),
+        "upload": ("cli.device", "Bring a table into force on a compensator: transfer, verify, activate."),
         "simulate": ("cli.campaign", "Simulate a campaign with known truth."),
         "effects": ("cli.catalogue", "List the effects; of one, its formula, course, bound and options."),
         "explain": ("cli.explain", "Say what a word of reports and messages means."),
-        "tables": ("tables.cli", "Look into table images."),
-        "device": ("device.cli", "Ask and manage a compensator on a bus."),
+        "tables": ("cli.tables", "Look into table images."),
+        "device": ("cli.device", "Ask and manage a compensator on a bus."),
     }
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 from typing import Any
 
-from armtrue.cli.units import value_and_sigma
 from armtrue.io.catalogue import catalogue
+from armtrue.units import value_and_sigma
 
 # Within so many standard deviations of its bound a value may lie inside.
 _SIGMAS = 2.0

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from armtrue.cli.findings import name as name
+from armtrue.candidates import name as name
 from armtrue.cli.findings import present_diagnosis
 from armtrue.cli.fits import load_with_data
 from armtrue.cli.options import FitArgument, JsonOption, MovedDataOption, OutOption

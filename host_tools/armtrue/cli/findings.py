@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import json
-import re
-import statistics
 from typing import Any
 
 from rich.table import Table
 
-from armtrue.cli.fitting import FLOOR_SOURCES
+from armtrue.candidates import called, entry_of, parameter_lines
 from armtrue.cli.output import Output, plain_table
-from armtrue.cli.units import value_and_sigma
-from armtrue.verdicts import OTHER_SENSOR_ADVICE, of_other_sensors, sensor_of, verdict_words
+from armtrue.verdicts import FLOOR_SOURCES, OTHER_SENSOR_ADVICE, of_other_sensors, sensor_of, verdict_words
 
 _CANDIDATES_SHOWN = 10
 _ERROR_FIGURES = {"mean_um": "mean", "rms_um": "RMS", "p95_um": "95 %", "max_um": "max"}
@@ -20,24 +16,6 @@ _LEGEND = (
     "probability: that the arm has it beside what is fitted; explains: share of the squared residual;",
     "separable: share of its effect that what is fitted cannot imitate; ≈: predicted, not refitted",
 )
-
-
-def name(entry: dict[str, Any]) -> str:
-    """`effect [joints]` of a candidate or an added effect."""
-    joints = entry.get("joints") or []
-    options = entry.get("options") or {}
-    cycles = ", ".join(f"{value:g}" for value in options.get("cycles") or [])
-    return (
-        str(entry["effect"])
-        + (f" [{_joint_words(joints)}]" if joints else "")
-        + (f" {cycles} cycles a turn" if cycles else "")
-    )
-
-
-def called(entry: dict[str, Any]) -> str:
-    """The `name` of a candidate or an effect, and the orders that tell it from others on the same joint."""
-    orders = ", ".join(f"{value:g}" for value in (entry.get("options") or {}).get("orders") or [])
-    return name(entry) + (f", order {orders}" if orders else "")
 
 
 def _called_among(entry: dict[str, Any], candidates: list[dict[str, Any]]) -> str:
@@ -58,13 +36,6 @@ def _runs(numbers: list[int]) -> str:
         words += [f"{run[0]}–{run[-1]}"] if len(run) > 2 else map(str, run)
         first = at + 1
     return ", ".join(words)
-
-
-def _joint_words(joints: list[int]) -> str:
-    """`1–6` for a run of three and more, else the numbers."""
-    if len(joints) > 2 and joints == list(range(joints[0], joints[-1] + 1)):
-        return f"{joints[0]}–{joints[-1]}"
-    return ", ".join(map(str, joints))
 
 
 def present_diagnosis(result: dict[str, Any], output: Output) -> None:
@@ -92,31 +63,6 @@ def floor_words(result: dict[str, Any]) -> str:
     if floor is None:
         return "noise floor not known"
     return f"noise floor {floor:.1f} µm ({FLOOR_SOURCES.get(source, source)})"
-
-
-def parameter_lines(parameters: list[dict[str, Any]]) -> list[str]:
-    """Each parameter with its sigma; a table or grid as one line."""
-    tables: dict[str, list[dict[str, Any]]] = {}
-    lines = []
-    for parameter in parameters:
-        stem, is_node, _ = parameter["name"].rpartition(".node")
-        if is_node:
-            tables.setdefault(stem, []).append(parameter)
-            continue
-        value, sigma, unit = value_and_sigma(parameter["value"], parameter["sigma"], parameter["unit"])
-        spread = f" ± {sigma}" if sigma else ""
-        lines.append(f"{parameter['name']} = {value}{spread} {unit}")
-    for stem, nodes in tables.items():
-        values = [node["value"] for node in nodes]
-        typical = statistics.median(node["sigma"] or 0.0 for node in nodes)
-        low, _, unit = value_and_sigma(min(values), None, nodes[0]["unit"])
-        high, _, high_unit = value_and_sigma(max(values), None, nodes[0]["unit"])
-        spread, _, spread_unit = value_and_sigma(typical, None, nodes[0]["unit"])
-        lines.append(
-            f"{stem}: {len(nodes)} nodes from {low} {unit} to {high} {high_unit}, "
-            f"each ± {spread} {spread_unit} (median)"
-        )
-    return lines
 
 
 def _present_candidates(result: dict[str, Any], output: Output) -> None:
@@ -191,16 +137,6 @@ def _present_structure(findings: list[dict[str, Any]], output: Output) -> None:
     if lines:
         output.title("Left over")
         output.items(list(lines.values()))
-
-
-def entry_of(label: str) -> dict[str, Any]:
-    """Effect, joints and options of a candidate that the diagnosis names as `gear_mesh 3 orders [13]`."""
-    found = re.fullmatch(r"(\S+)(?: ([\d,]+))?(?: (orders|cycles) (\[.*\]))?", label)
-    if found is None:
-        return {"effect": label}
-    joints = [int(joint) for joint in found[2].split(",")] if found[2] else []
-    options = {found[3]: json.loads(found[4])} if found[3] else {}
-    return {"effect": found[1], "joints": joints, "options": options}
 
 
 def _typeset(sentence: str) -> str:

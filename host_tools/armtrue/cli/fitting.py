@@ -28,17 +28,12 @@ from armtrue.io.catalogue import catalogue
 from armtrue.io.files import check_writable, refuse_to_lose
 from armtrue.io.model import check_effect
 from armtrue.io.plausible import refuse_too_few_poses
+from armtrue.verdicts import FLOOR_SOURCES
 
 if TYPE_CHECKING:
     from armtrue.fitting import Fit
 
 _ERROR_FIGURES = ("mean_um", "rms_um", "p95_um", "max_um")
-FLOOR_SOURCES = {
-    "repeats": "from poses measured again",
-    "targets": "of the instrument alone, from distances between reflectors on one tool",
-    "sigma": "from the stated sigma",
-    "none": "nothing recorded tells it",
-}
 
 
 def add_to(app: typer.Typer) -> None:

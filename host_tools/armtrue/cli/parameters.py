@@ -12,9 +12,9 @@ from rich.table import Table
 
 from armtrue.cli.bounds import outside_words
 from armtrue.cli.output import Output, plain_table
-from armtrue.cli.units import value_and_sigma
 from armtrue.io.catalogue import with_role
 from armtrue.io.rotation import matrix_about, matrix_from_rpy, rpy_from_matrix
+from armtrue.units import value_and_sigma
 
 # Tables can have hundreds of parameters; more than this are shown only when asked for.
 _SHOWN = 60

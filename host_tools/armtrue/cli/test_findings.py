@@ -7,7 +7,8 @@ from typing import Any
 
 import pytest
 
-from armtrue.cli.findings import called, parameter_lines, present_diagnosis
+from armtrue.candidates import called, parameter_lines
+from armtrue.cli.findings import present_diagnosis
 from armtrue.cli.output import Output
 
 

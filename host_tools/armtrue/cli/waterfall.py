@@ -5,7 +5,7 @@ from __future__ import annotations
 import textwrap
 from typing import Any
 
-from armtrue.cli.findings import called
+from armtrue.candidates import called
 from armtrue.cli.output import Output
 
 _ERROR_FIGURES = ("mean_um", "rms_um", "p95_um", "max_um")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from armtrue.cli.findings import parameter_lines
+from armtrue.candidates import parameter_lines
 from armtrue.report import charts
 from armtrue.report.content import Report, StepDiagnosis
 from armtrue.report.markup import Content, Markup, tag

@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from armtrue.cli.findings import name
-from armtrue.cli.units import value_and_sigma
+from armtrue.candidates import name
 from armtrue.fitting import Fit
 from armtrue.io.catalogue import with_role
 from armtrue.report import charts
@@ -29,6 +28,7 @@ from armtrue.report.parts import (
 )
 from armtrue.report.state import axis_of
 from armtrue.report.structure import coordinate_words
+from armtrue.units import value_and_sigma
 
 _PARAMETERS = (
     "Values of the last step with one standard deviation. ● is known to better than a third of itself, ○ may as well "

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from armtrue.cli.findings import entry_of, name
+from armtrue.candidates import entry_of, name
 
 
 def called(candidate: dict[str, Any]) -> str:

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armtrue import _core
-from armtrue.cli.fitting import FLOOR_SOURCES
 from armtrue.errors import InputError
 from armtrue.fitting import Fit
 from armtrue.report.names import gathered
+from armtrue.verdicts import FLOOR_SOURCES
 
 Array = NDArray[np.float64]
 

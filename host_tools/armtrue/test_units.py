@@ -1,6 +1,6 @@
 import pytest
 
-from armtrue.cli.units import figure, for_people, value_and_sigma
+from armtrue.units import figure, for_people, value_and_sigma
 
 
 @pytest.mark.parametrize(

@@ -223,10 +223,11 @@ def info(
 
     Example: [bold]armtrue tables info tables.bin[/]
     """
+    from armtrue.cli.table_info import present
     from armtrue.tables import signing
     from armtrue.tables.fixed import validate
     from armtrue.tables.image import Image
-    from armtrue.tables.info import describe, present
+    from armtrue.tables.info import describe
 
     output = Output(json_to)
     image = Image.load(tables)

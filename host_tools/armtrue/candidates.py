@@ -1,0 +1,70 @@
+"""Candidates of a diagnosis as people name them, the same in the terminal, the report and the workbench."""
+
+from __future__ import annotations
+
+import json
+import re
+import statistics
+from typing import Any
+
+from armtrue.units import value_and_sigma
+
+
+def name(entry: dict[str, Any]) -> str:
+    """`effect [joints]` of a candidate or an added effect."""
+    joints = entry.get("joints") or []
+    options = entry.get("options") or {}
+    cycles = ", ".join(f"{value:g}" for value in options.get("cycles") or [])
+    return (
+        str(entry["effect"])
+        + (f" [{_joint_words(joints)}]" if joints else "")
+        + (f" {cycles} cycles a turn" if cycles else "")
+    )
+
+
+def called(entry: dict[str, Any]) -> str:
+    """The `name` of a candidate or an effect, and the orders that tell it from others on the same joint."""
+    orders = ", ".join(f"{value:g}" for value in (entry.get("options") or {}).get("orders") or [])
+    return name(entry) + (f", order {orders}" if orders else "")
+
+
+def _joint_words(joints: list[int]) -> str:
+    """`1–6` for a run of three and more, else the numbers."""
+    if len(joints) > 2 and joints == list(range(joints[0], joints[-1] + 1)):
+        return f"{joints[0]}–{joints[-1]}"
+    return ", ".join(map(str, joints))
+
+
+def entry_of(label: str) -> dict[str, Any]:
+    """Effect, joints and options of a candidate that the diagnosis names as `gear_mesh 3 orders [13]`."""
+    found = re.fullmatch(r"(\S+)(?: ([\d,]+))?(?: (orders|cycles) (\[.*\]))?", label)
+    if found is None:
+        return {"effect": label}
+    joints = [int(joint) for joint in found[2].split(",")] if found[2] else []
+    options = {found[3]: json.loads(found[4])} if found[3] else {}
+    return {"effect": found[1], "joints": joints, "options": options}
+
+
+def parameter_lines(parameters: list[dict[str, Any]]) -> list[str]:
+    """Each parameter with its sigma; a table or grid as one line."""
+    tables: dict[str, list[dict[str, Any]]] = {}
+    lines = []
+    for parameter in parameters:
+        stem, is_node, _ = parameter["name"].rpartition(".node")
+        if is_node:
+            tables.setdefault(stem, []).append(parameter)
+            continue
+        value, sigma, unit = value_and_sigma(parameter["value"], parameter["sigma"], parameter["unit"])
+        spread = f" ± {sigma}" if sigma else ""
+        lines.append(f"{parameter['name']} = {value}{spread} {unit}")
+    for stem, nodes in tables.items():
+        values = [node["value"] for node in nodes]
+        typical = statistics.median(node["sigma"] or 0.0 for node in nodes)
+        low, _, unit = value_and_sigma(min(values), None, nodes[0]["unit"])
+        high, _, high_unit = value_and_sigma(max(values), None, nodes[0]["unit"])
+        spread, _, spread_unit = value_and_sigma(typical, None, nodes[0]["unit"])
+        lines.append(
+            f"{stem}: {len(nodes)} nodes from {low} {unit} to {high} {high_unit}, "
+            f"each ± {spread} {spread_unit} (median)"
+        )
+    return lines
