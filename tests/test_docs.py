@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import ast
 import contextlib
+import json
 import re
 import shutil
 import subprocess
@@ -183,3 +185,28 @@ def test_commands_of_the_examples_page_find_what_is_hidden(tmp_path: Path) -> No
         assert done.returncode in (0, 1), done.stderr
         said += done.stdout
     assert "Recommended: gear_harmonics [3]" in said
+
+
+def test_the_example_notebook_runs_and_every_result_has_a_form_of_its_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shutil.copytree(DOCS / "examples/kr30-eccentric-gear", tmp_path / "tour")
+    monkeypatch.chdir(tmp_path / "tour")
+    cells = json.loads(Path("tour.ipynb").read_text())["cells"]
+    names: dict[str, Any] = {}
+    shown = []
+    for cell in cells:
+        if cell["cell_type"] != "code":
+            continue
+        *body, last = ast.parse("".join(cell["source"])).body
+        exec(compile(ast.Module(body, []), "tour.ipynb", "exec"), names)
+        assert isinstance(last, ast.Expr)
+        shown.append(eval(compile(ast.Expression(last.value), "tour.ipynb", "eval"), names))
+    check, first, diagnosis, steps, error_um, picture = shown
+    for result in (check, first, diagnosis, steps):
+        assert result._repr_html_().count("<tr>") >= 2
+    assert "gear_harmonics" in diagnosis._repr_html_()
+    assert "held-out poses" in repr(first)
+    assert "µm" in repr(first)
+    assert error_um < 0.5 * first.document["error"]["held_out"]["mean_um"]
+    assert len(picture.axes) == 1

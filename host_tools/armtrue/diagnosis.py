@@ -6,7 +6,7 @@ import json
 from collections.abc import Callable
 from typing import Any
 
-from armtrue import _core
+from armtrue import _core, notebook
 from armtrue.errors import InputError
 from armtrue.fitting import Fit, from_core
 from armtrue.progress import Progress
@@ -41,6 +41,9 @@ class Diagnosis(dict[str, Any]):
         """What to do next, in sentences."""
         return list(self["advice"])
 
+    def _repr_html_(self) -> str:
+        return notebook.diagnosis_html(self)
+
     def __str__(self) -> str:
         lines = [verdict_words(self)]
         if (best := self.recommended) is not None:
@@ -64,6 +67,11 @@ class Refinement(dict[str, Any]):
     def effects(self) -> list[dict[str, Any]]:
         """The effects of the last step."""
         return list(self["effects"])
+
+    def _repr_html_(self) -> str:
+        return notebook.html_table(
+            ["held-out mean and change"], [[line] for line in str(self).splitlines()], "Steps"
+        )
 
     def __str__(self) -> str:
         lines = []

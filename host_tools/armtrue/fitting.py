@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from armtrue import _core
+from armtrue import _core, notebook
 from armtrue.errors import InputError
 from armtrue.fit_file import check_document
 from armtrue.io import Dataset, Model, Robot, load_data
@@ -41,6 +41,12 @@ class Fit:
     path: Path | None = None
     _data: Dataset | None = field(default=None, repr=False)
     _core_fit: _core.Fit | None = field(default=None, repr=False)
+
+    def __repr__(self) -> str:
+        return notebook.fit_text(self.document)
+
+    def _repr_html_(self) -> str:
+        return notebook.fit_html(self.document)
 
     @classmethod
     def load(cls, path: str | Path) -> Fit:

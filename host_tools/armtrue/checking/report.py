@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
+from armtrue.notebook import html_table
+
 Severity = Literal["error", "warning", "note"]
 _ORDER: dict[Severity, int] = {"error": 0, "warning": 1, "note": 2}
 
@@ -45,6 +47,10 @@ class CheckReport:
     def document(self) -> dict[str, Any]:
         """JSON-able form."""
         return {"ok": not self.has_errors, "findings": [asdict(finding) for finding in self.findings]}
+
+    def _repr_html_(self) -> str:
+        rows = [[f.severity, f.code, f.message, f.remedy] for f in self.findings]
+        return html_table(["", "finding", "what", "what to do"], rows, self.summary())
 
     def __str__(self) -> str:
         return "\n".join(

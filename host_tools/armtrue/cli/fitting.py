@@ -28,7 +28,7 @@ from armtrue.io.catalogue import catalogue
 from armtrue.io.files import check_writable, refuse_to_lose
 from armtrue.io.model import check_effect
 from armtrue.io.plausible import refuse_too_few_poses
-from armtrue.verdicts import FLOOR_SOURCES
+from armtrue.notebook import floor_sentence
 
 if TYPE_CHECKING:
     from armtrue.fitting import Fit
@@ -209,7 +209,7 @@ def present_fit(result: Fit, output: Output, all_parameters: bool = False) -> No
     """Print errors before and after, the noise floor, parameters, and what the data could not tell."""
     document = result.document
     output.table(_error_table(document))
-    output.say(_floor_sentence(document))
+    output.say(floor_sentence(document))
     present_parameters(document, output, all_parameters)
     rejected = document.get("rejected", [])
     if rejected:
@@ -232,7 +232,7 @@ def present_fall(before: Fit, after: Fit, output: Output) -> None:
         for part in ("train", "held_out"):
             table.add_row(f"{name}, {_PARTS[part]}", *_error_cells(fitted.document["error"][part]))
     output.table(table)
-    output.say(_floor_sentence(after.document))
+    output.say(floor_sentence(after.document))
 
 
 _PARTS = {"nominal": "nominal, base and tool fitted", "train": "training poses", "held_out": "held-out poses"}
@@ -252,14 +252,6 @@ def _error_table(document: dict[str, Any]) -> Any:
 
 def _error_cells(figures: dict[str, float]) -> list[str]:
     return [f"{figures[name]:.1f}" for name in _ERROR_FIGURES]
-
-
-def _floor_sentence(document: dict[str, Any]) -> str:
-    floor = document.get("noise_floor") or {}
-    source = floor.get("source", "none")
-    if floor.get("um") is None:
-        return "noise floor: not known, as the data hold no repeats and no sigma"
-    return f"noise floor: {floor['um']:.1f} µm ({FLOOR_SOURCES.get(source, source)})"
 
 
 def _effects_with_joints(fit: Fit) -> list[dict[str, Any]]:

@@ -42,6 +42,7 @@ _MEASURES = (
 )
 _MOST_DOTS = 2000
 _TITLE_CHARACTERS = 52
+_NAME_CHARACTERS = 32
 # Lines for parts of a variable: told apart without colour too.
 _PART_STYLES: tuple[dict[str, Any], ...] = (
     {"color": _LAST, "ls": "-", "marker": "o", "ms": 3},
@@ -57,10 +58,13 @@ _LONGEST_ARROW = 0.3
 
 def waterfall(report: Report) -> Figure:
     """Held-out (filled) and training (hollow) errors at each step [µm], and the noise floor."""
-    names = ["nominal arm", *(step.title for step in report.steps)]
+    names = [
+        textwrap.fill(name, _NAME_CHARACTERS) for name in ("nominal arm", *(s.title for s in report.steps))
+    ]
+    lines = sum(name.count("\n") for name in names)
     held = [report.first.error["nominal"], *(step.error["held_out"] for step in report.steps)]
     train: list[dict[str, Any] | None] = [None, *(step.error["train"] for step in report.steps)]
-    figure = Figure(figsize=(8.0, 0.9 + 0.5 * len(names)), layout="constrained")
+    figure = Figure(figsize=(8.0, 1.1 + 0.5 * len(names) + 0.15 * lines), layout="constrained")
     axes = figure.subplots()
     for row in range(1, len(held)):
         before, after = held[row - 1]["mean_um"], held[row]["mean_um"]
@@ -78,7 +82,8 @@ def waterfall(report: Report) -> Figure:
     axes.set_yticks(range(len(names)), names)
     axes.invert_yaxis()
     axes.set(xscale="log", xlabel="error [µm], filled: held out, hollow: training")
-    axes.legend(ncols=len(_MEASURES) + 1, frameon=False, loc="lower center", bbox_to_anchor=(0.5, 1.0))
+    # Of the figure, not of the axes: long names leave the axes narrower than the legend.
+    figure.legend(ncols=len(_MEASURES) + 1, frameon=False, loc="outside upper center")
     return figure
 
 

@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from armtrue.report import figures, gather
 from armtrue.report.page import page
@@ -40,6 +41,21 @@ def test_the_waterfall_shows_the_held_out_means(report):
     expected = [report.first.error["nominal"]["mean_um"]]
     expected += [step.error["held_out"]["mean_um"] for step in report.steps]
     assert line.get_xdata() == pytest.approx(expected)
+
+
+def test_the_waterfall_of_long_names_is_inside_its_figure(report):
+    steps = [replace(step, title="thermal_joint_drift 1, 2, 3 " * 4) for step in report.steps]
+    figure = figures.waterfall(replace(report, steps=steps))
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    renderer = canvas.get_renderer()
+    (axes,) = figure.axes
+    texts = [*axes.get_yticklabels(), axes.xaxis.label, *figure.legends]
+    for text in texts:
+        extent = text.get_window_extent(renderer)
+        assert 0 <= extent.x0 < extent.x1 <= figure.bbox.width
+        assert 0 <= extent.y0 < extent.y1 <= figure.bbox.height
+    assert axes.get_window_extent(renderer).width > 0.3 * figure.bbox.width
 
 
 def test_vectors_are_enlarged_as_asked(report):

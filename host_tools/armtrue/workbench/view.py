@@ -19,7 +19,11 @@ _NO_CHANCE, _SURE = 0.005, 0.995
 
 def pieces(engine: Engine) -> dict[str, str]:
     """The parts of the page that an action changes."""
-    always: dict[str, str] = {"title": _title(engine), "opening": _opening(engine), "notes": _list(engine.notes)}
+    always: dict[str, str] = {
+        "title": _title(engine),
+        "opening": _opening(engine),
+        "notes": _list(engine.notes),
+    }
     if not engine.is_open:
         return always
     session = engine.session
