@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <nlohmann/json.hpp>
 #include <set>
 
@@ -94,10 +95,14 @@ ModelSpecification apply(const Fit& fit, const Move& move) {
   return move.added ? with_effect(specification, move.added->request) : specification;
 }
 
-// Held-out errors at random, in time and by region: a model is worse where their mean is.
+// Held-out errors at random, in time and by region: a model is worse where their mean is, and
+// endlessly bad where nothing can be predicted.
 double held_out(const Fit& fit) {
   double sum = 0.0;
-  for (const ErrorSummary& error : fit.held_out_errors()) sum += std::log(error.mean);
+  for (const ErrorSummary& error : fit.held_out_errors()) {
+    if (error.count == 0 || !(error.mean > 0.0)) return std::numeric_limits<double>::infinity();
+    sum += std::log(error.mean);
+  }
   return sum / static_cast<double>(fit.held_out_errors().size());
 }
 

@@ -1,11 +1,13 @@
 #include "fitter/solve/fit.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <numeric>
+#include <set>
 #include <utility>
 
 #include "fitter/solve/choose_options.h"
@@ -39,6 +41,8 @@ constexpr int kRobustPasses = 8;
 constexpr double kSmoothnessStart = 1e-4;  // [rad]
 // The smoothness of tables is chosen anew where the noise has changed by more than this share.
 constexpr double kSameNoise = 0.05;
+constexpr int kSmoothnessPasses = 2;
+constexpr std::array<double, 6> kSmoothnessFactors{0.03, 0.1, 0.3, 3.0, 10.0, 30.0};
 constexpr int kVariancePasses = 6;
 constexpr double kSettled = 1e-3;  // of the equations
 // Springs that a fit's own terms are weighed by are found in one or two repetitions.
@@ -216,6 +220,10 @@ void Fit::begin() {
                                        : *robot().nominal_tool(t));
   }
   nominal_ = summarise(alignment.residual_m);
+  if (options_.start) {
+    for (const auto& [effect, factor] : options_.start->smoothness_scale)
+      scale_smoothness(effect, factor);
+  }
   place_as_stated(specification_, model_, *kinematics_);
   for (NonlinearParameter& p : model_.nonlinear) {
     if (const auto start = options_.nonlinear_starts.find(p.name);
@@ -283,14 +291,52 @@ bool Fit::smoothness_stands() const {
          });
 }
 
-void Fit::choose_smoothness() {
-  if (!smooth() || options_.smoothness_sigma) return;
+// Tables of one effect are as smooth as each other; those of another one need not be.
+void Fit::scale_smoothness(const std::string& effect, double factor) {
+  smoothness_scale_.try_emplace(effect, 1.0).first->second *= factor;
+  for (Penalty& penalty : model_.penalties) {
+    if (penalty.smoothness && effect_of(penalty) == effect) penalty.sigma *= factor;
+  }
+}
+
+const std::string& Fit::effect_of(const Penalty& penalty) const {
+  const auto at = static_cast<std::size_t>(model_.index(penalty.row.front().first));
+  return model_.parameters[at].effect;
+}
+
+// True where it is not what it was.
+bool Fit::choose_smoothness() {
+  if (!smooth() || options_.smoothness_sigma) return false;
   if (smoothness_stands()) {
     smoothness_noise_ = options_.start->smoothness_noise;
-    return;
+    return false;
   }
-  smoothness_sigma_ = likeliest_smoothness(*design_, smoothnesses());
+  const double sigma = smoothness_sigma_;
+  const std::map<std::string, double> scale = smoothness_scale_;
+  const NormalEquations data = accumulate(*design_);
+  const auto [likeliest, evidence] = likeliest_smoothness(*design_, data, smoothnesses());
+  smoothness_sigma_ = likeliest;
   smoothness_noise_ = measurements_.typical_sigma;
+  std::set<std::string> effects;
+  for (const Penalty& penalty : model_.penalties) {
+    if (penalty.smoothness) effects.insert(effect_of(penalty));
+  }
+  double least = evidence;
+  for (int pass = 0; effects.size() > 1 && pass < kSmoothnessPasses; ++pass) {
+    for (const std::string& effect : effects) {
+      double best = 1.0;
+      for (const double factor : kSmoothnessFactors) {
+        scale_smoothness(effect, factor);
+        const double now = likeliest_smoothness(*design_, data, {smoothness_sigma_}).evidence;
+        scale_smoothness(effect, 1.0 / factor);
+        if (now >= least) continue;
+        least = now;
+        best = factor;
+      }
+      scale_smoothness(effect, best);
+    }
+  }
+  return smoothness_sigma_ != sigma || smoothness_scale_ != scale;
 }
 
 bool Fit::find_gross_errors() {
@@ -321,6 +367,7 @@ StartPoint Fit::start_point() const {
   if (smooth()) {
     start.smoothness_sigma = smoothness_sigma_;
     start.smoothness_noise = smoothness_noise_;
+    start.smoothness_scale = smoothness_scale_;
   }
   for (const Parameter& p : model_.parameters) start.values[p.name] = p.value;
   for (int t = 0; t < measurements_.targets; ++t)
@@ -381,9 +428,8 @@ void Fit::solve_from_anywhere() {
 
 void Fit::solve_robustly() {
   const bool begun = options_.start && options_.start->smoothness_sigma > 0.0;
-  const double first_smoothness = options_.smoothness_sigma.value_or(
-      begun ? options_.start->smoothness_sigma : kSmoothnessStart);
-  smoothness_sigma_ = first_smoothness;
+  smoothness_sigma_ = options_.smoothness_sigma.value_or(begun ? options_.start->smoothness_sigma
+                                                               : kSmoothnessStart);
   // Bumps are kept out of the very first step already, where alignment shows them.
   const std::vector<double>& aligned = prepared_->alignment.residual_m;
   const double limit = std::max(kGrossError * median(aligned) / kMedianChi3,
@@ -422,8 +468,7 @@ void Fit::solve_robustly() {
   rescale_noise();
   choose_kept();
   solve_from_here();
-  choose_smoothness();
-  if (smoothness_sigma_ != first_smoothness) {
+  if (choose_smoothness()) {
     solve_from_here();
     rescale_noise();
   }

@@ -36,8 +36,9 @@ struct StartPoint {
   Pose measuring_from_base = Pose::Identity();
   std::vector<Pose> flange_from_tool;  ///< by target
   std::vector<Spring> springs{};
-  std::shared_ptr<const State> state{};  ///< loads where that fit's arm stands
-  double smoothness_sigma = 0.0;         ///< of tables; 0: none stand in the model
+  std::shared_ptr<const State> state{};              ///< loads where that fit's arm stands
+  double smoothness_sigma = 0.0;                     ///< of tables; 0: none stand in the model
+  std::map<std::string, double> smoothness_scale{};  ///< by effect, beside the common one
   double smoothness_noise = 0.0;  ///< noise of a reading where that smoothness was chosen [m]
 };
 
@@ -133,7 +134,9 @@ class Fit {
   void begin();
   void rescale_noise();
   bool smoothness_stands() const;
-  void choose_smoothness();
+  bool choose_smoothness();
+  void scale_smoothness(const std::string& effect, double factor);
+  const std::string& effect_of(const Penalty& penalty) const;
   void begin_at(const StartPoint& start);
   double stand_as_fitted();
   void solve_from_here(Accuracy accuracy = Accuracy::kOnTheWay);
@@ -167,6 +170,7 @@ class Fit {
   int solver_iterations_ = 0;
   double smoothness_sigma_ = 1e-4;
   double smoothness_noise_ = 0.0;
+  std::map<std::string, double> smoothness_scale_;  // by effect, where tables differ
   double noise_scale_ = 1.0;
   NoiseFloor noise_floor_;
   Eigen::MatrixXd covariance_;

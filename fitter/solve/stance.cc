@@ -1,6 +1,7 @@
 #include "fitter/solve/stance.h"
 
 #include <algorithm>
+#include <limits>
 
 #include "fitter/model/observer.h"
 
@@ -75,17 +76,28 @@ class Stance {
 
 double stand(State& state, BasisTable& basis, const Model& model, const std::vector<double>& values,
              const Kinematics& kinematics, LoadFeedback* feedback) {
-  if (!basis.reads_loads()) return 0.0;
+  // Unknown mass moments are known in sum only, at the angles that were measured: elsewhere they are
+  // anybody's guess.
+  if (!basis.reads_loads() || !state.computes_torque()) return 0.0;
   Stance stance(state, model, values, kinematics);
   const std::vector<Pose> first = stance.frames(basis);
   std::vector<Pose> here = first;
+  double last = std::numeric_limits<double>::infinity();
   for (int round = 0; round < kMostRounds; ++round) {
     state.stand(here);
     basis.update_loads();
     std::vector<Pose> next = stance.frames(basis);
-    const bool still = Stance::distance(here, next) < kStandsStill;
+    const double moved = Stance::distance(here, next);
+    // An arm so soft that it finds no rest is none: its loads stay those of the first round.
+    if (!(moved < last) && moved > kStandsStill) {
+      here = first;
+      state.stand(here);
+      basis.update_loads();
+      break;
+    }
+    last = moved;
     here = std::move(next);
-    if (still) break;
+    if (moved < kStandsStill) break;
   }
   if (feedback) feedback->update(state, here, stance.coordinates());
   return Stance::distance(first, here);

@@ -118,13 +118,12 @@ const std::vector<double>& smoothnesses() {
   return tried;
 }
 
-double likeliest_smoothness(Design& design, const std::vector<double>& candidates) {
-  double least = std::numeric_limits<double>::infinity();
-  double likeliest = candidates.front();
-  for_each_smoothness(design, accumulate(design), candidates, [&](const Smoothed& smoothed) {
-    if (smoothed.evidence(0.0) >= least) return;
-    least = smoothed.evidence(0.0);
-    likeliest = smoothed.smoothness;
+LikeliestSmoothness likeliest_smoothness(const Design& design, const NormalEquations& data,
+                                         const std::vector<double>& candidates) {
+  LikeliestSmoothness likeliest{candidates.front(), std::numeric_limits<double>::infinity()};
+  for_each_smoothness(design, data, candidates, [&](const Smoothed& smoothed) {
+    if (smoothed.evidence(0.0) < likeliest.evidence)
+      likeliest = {smoothed.smoothness, smoothed.evidence(0.0)};
   });
   return likeliest;
 }

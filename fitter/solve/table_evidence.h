@@ -24,7 +24,12 @@ const std::vector<double>& smoothnesses();
 
 /// Of `candidates` [rad or m] the smoothness under which the measurements are likeliest, each with
 /// its own best solution, one linearised step from the design's present values.
-double likeliest_smoothness(Design& design, const std::vector<double>& candidates);
+struct LikeliestSmoothness {
+  double sigma;     ///< [rad or m]
+  double evidence;  ///< −2 log of the marginal likelihood, up to a constant of the data
+};
+LikeliestSmoothness likeliest_smoothness(const Design& design, const NormalEquations& data,
+                                         const std::vector<double>& candidates);
 
 /// Change of BIC that each of several blocks of columns would bring if smoothness were chosen anew
 /// with it, all linearised at the design's present values: what a table follows while the block is
