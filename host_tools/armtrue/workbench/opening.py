@@ -10,12 +10,11 @@ from armtrue.checking import refuse_what_cannot_be_an_arm
 from armtrue.errors import InputError
 from armtrue.fitting import Fit, fit
 from armtrue.io import Dataset, Model, Robot, load_data, load_model, load_robot
+from armtrue.io.catalogue import with_role
 from armtrue.io.plausible import refuse_too_few_poses
 from armtrue.progress import Progress
 from armtrue.report.steps import check_same_data
 
-# What `armtrue init` writes: the geometry, to which the diagnosis then adds.
-_GEOMETRY = ["base_frame", "tool_offset", "joint_offset", "link_geometry"]
 _BESIDE = {"robot": "robot.yaml", "model": "model.yaml"}
 
 
@@ -78,7 +77,9 @@ def _of_measurements(path: Path, robot: Path | None, model: Path | None) -> Open
     arm = load_robot(robot)
     model = model or _beside(path, "model", notes)
     if model is None:
-        effects: list[dict[str, Any]] = [{"effect": name} for name in _GEOMETRY]
+        # What `armtrue init` writes: the geometry, to which the diagnosis then adds.
+        geometry = with_role("placement", "geometry")
+        effects: list[dict[str, Any]] = [{"effect": name} for name in geometry]
         believed = Model(effects)
         notes.append("no model was named: the geometry of the arm is fitted first")
     else:
