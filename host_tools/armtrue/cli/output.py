@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from rich.cells import cell_len
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
@@ -20,6 +21,8 @@ from armtrue.io.files import check_writable, write_file
 # A pipe has no width of its own; tables cut at 80 columns would lose figures.
 _WIDTH_OF_A_PIPE = 120
 _FIELD_WIDTH = 20
+# Spaces that Rich counts for each column beside its content.
+_GAP = 2
 _SHOW_PROGRESS_AFTER_S = 1.0
 STANDARD_OUTPUT = "-"
 
@@ -70,7 +73,9 @@ class Output:
         self.console.print(grid)
 
     def table(self, table: Table) -> None:
-        """Print a table for people."""
+        """Print a table for people; in a narrow terminal its cells break between words, and none is cut."""
+        if table.show_header:
+            _fit(table, self.console.width)
         self.console.print(table)
 
     def figures(self, document: Mapping[str, Any]) -> None:
@@ -90,6 +95,28 @@ def plain_table(*headers: str, title: str | None = None) -> Table:
     for number, header in enumerate(headers):
         table.add_column(header, justify="left" if number == 0 else "right", no_wrap=number > 0)
     return table
+
+
+def _fit(table: Table, width: int) -> None:
+    """Give the columns of a `plain_table` widths that add up to `width`, where it is wider than that.
+
+    Rich by itself cuts names to `par…` or to nothing, as it takes from every column alike.
+    """
+    texts = [[str(column.header), *map(str, column.cells)] for column in table.columns]
+    full = [max(cell_len(line) for text in column for line in text.split("\n")) for column in texts]
+    spare = width - _GAP * len(full)
+    if sum(full) <= spare:
+        return
+    widths = [
+        max((cell_len(word) for text in column for word in text.split()), default=1) for column in texts
+    ]
+    while sum(widths) > spare and max(widths) > 1:  # no room for the longest words: they are folded
+        widths[widths.index(max(widths))] -= 1
+    while sum(widths) < spare:
+        lacking = [wanted - given for wanted, given in zip(full, widths, strict=True)]
+        widths[lacking.index(max(lacking))] += 1
+    for column, own in zip(table.columns, widths, strict=True):
+        column.width, column.no_wrap, column.overflow = own, False, "fold"
 
 
 @contextmanager

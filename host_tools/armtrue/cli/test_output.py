@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import re
 
+import pytest
 from rich.console import Console
 
 from armtrue.cli import output as module
@@ -33,3 +34,27 @@ def test_the_bar_keeps_out_of_standard_output_that_is_no_terminal(monkeypatch, c
         progress(0.5, "fitting")
         output.say("   1    50.9")
     assert capsys.readouterr().out == "   1    50.9\n"
+
+
+@pytest.mark.parametrize("width", [120, 80, 68])
+def test_tables_in_narrow_terminals_lose_no_name_and_no_figure(capsys, width):
+    table = module.plain_table(
+        "parameter", "increments per turn (m)", "one is [µm at tool]", "nominal", "note"
+    )
+    cells = (
+        "link_geometry[5].tz",
+        "265604300.8",
+        "0.056",
+        "350.000 mm",
+        "tied to joint_offset[5] (+0.978), outside",
+    )
+    table.add_row(*cells)
+    output = module.Output(None)
+    output.console = Console(width=width, highlight=False)
+    output.table(table)
+    lines = capsys.readouterr().out.splitlines()
+    assert max(map(len, lines)) <= width
+    assert "…" not in "".join(lines)
+    shown = " ".join(" ".join(lines).split())
+    for word in " ".join(cells).split():
+        assert word in shown
