@@ -83,7 +83,7 @@ WORDS = [
     "'",
     "é" * 300,
     "a\nb",
-    "../..",
+    "..",
     "/",
     "[rad]",
     "{}",
@@ -180,13 +180,15 @@ def damaged_call(chance: random.Random, folder: Path, commands: click.Group) -> 
     files = {path.name for path in folder.iterdir() if path.is_file() and path.name != "sparse"}
     for _ in range(chance.randint(1, 3)):
         at = chance.randrange(1, len(words))
-        what = chance.choice(["file", "number", "word", "path", "option", "drop", "twice"])
+        what = chance.choice(["file", "number", "word", "path", "option", "drop", "twice", "swap"])
         if what == "file" and words[at] in files:
             done.append(f"{words[at]}: {damage_file(chance, folder / words[at])}")
         elif what == "option":
             words += [chance.choice(options_of(words, commands)), chance.choice(NUMBERS + WORDS + PATHS)]
         elif what == "drop":
             del words[at]
+        elif what == "swap":
+            words[at] = chance.choice(words[1:])
         elif what == "twice":
             words.append(words[at])
         else:
@@ -273,9 +275,8 @@ def written_in_place(words: list[str], folder: Path) -> set[str]:
     outputs = {word for word in named_as_output if len(word) < 200}
     allowed = {word for word in outputs if in_place or (folder / word).resolve() not in read}
     beside = {f"{word}{suffix}" for word in allowed for suffix in (".fit.json", ".pub")}
-    under = {
-        str(p.relative_to(folder)) for w in allowed if (folder / w).is_dir() for p in (folder / w).rglob("*")
-    }
+    inside = [path for word in allowed for path in (folder / word).glob("*") if path.is_relative_to(folder)]
+    under = {str(path.relative_to(folder)) for path in inside if path.resolve() not in read}
     resolved = {(folder / word).resolve().name for word in allowed}
     return allowed | beside | resolved | (under if words[0] in ("init", "simulate") else set())
 

@@ -60,7 +60,7 @@ def _paths(value: Any) -> list[Path]:
 
 
 def _beside(path: Path, suffix: str) -> Path:
-    return path.with_name(path.name + suffix)
+    return Path(f"{path}{suffix}")  # of '.' too, which has no name
 
 
 class GuardedGroup(typer.core.TyperGroup):

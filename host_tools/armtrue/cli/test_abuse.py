@@ -63,6 +63,19 @@ def test_output_that_is_an_input_is_refused_before_anything_is_written(exported,
 
 
 @pytest.mark.parametrize(
+    "command",
+    [
+        ("compensate", ".", "test.csv", "--out", "c.csv"),
+        ("export", "fit.json", "--out", "."),
+        ("keygen", "--out", ""),
+        ("tables", "info", ""),
+    ],
+)
+def test_folder_or_nothing_in_place_of_a_file_is_refused(exported, command):
+    assert "expected" in refused(exported, *command)
+
+
+@pytest.mark.parametrize(
     ("option", "value"),
     [
         *(

@@ -72,7 +72,7 @@ class Compensated:
 
 def sidecar(tables: Path) -> Path:
     """Where export leaves the fit that a table was made from, for the double engine."""
-    return tables.with_name(tables.name + ".fit.json")
+    return Path(f"{tables}.fit.json")
 
 
 def compensate(

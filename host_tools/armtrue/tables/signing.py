@@ -49,7 +49,7 @@ def write_key_pair(path: Path) -> tuple[Path, bytes]:
 
     Returns the public file and key. Errors: InputError where one of them is there already.
     """
-    public_path = path.with_name(path.name + ".pub")
+    public_path = Path(f"{path}.pub")
     for place in (path, public_path):
         if place.exists():
             raise InputError(f"{place}: found a file, expected none: a key that is lost cannot be made again")
