@@ -21,6 +21,7 @@ constexpr double kStepExplains = 0.95;
 constexpr double kMotorFirst = 4.0;
 // A pair is no finding where one of the two explains nearly all of it alone.
 constexpr double kAlone = 0.93, kHalf = 0.5;
+constexpr std::size_t kFewColumns = 3;
 
 struct StructureVariable {
   std::string name;
@@ -28,6 +29,7 @@ struct StructureVariable {
   std::vector<double> values;  // distinct values where they are few
   double middle = 0.0, half = 1.0;
   std::vector<double> nodes;
+  bool in_pairs = true;
 };
 
 std::vector<StructureVariable> variables_of(const State& state) {
@@ -41,9 +43,27 @@ std::vector<StructureVariable> variables_of(const State& state) {
   for (int k = 1; k <= n; ++k) {
     if (state.recorded("dir" + std::to_string(k))) names.emplace_back("dir" + std::to_string(k), k);
   }
+  // What a user recorded beside the contract's columns: in pairs where they are few, for their
+  // number is squared.
+  const std::size_t of_contract = names.size();
+  for (const auto& [name, values] : state.columns()) {
+    const auto variable = parse_variable(name, n);
+    if (variable && variable->kind == VariableKind::kColumn) names.emplace_back(name, 0);
+  }
+  const bool few = names.size() - of_contract <= kFewColumns;
+  const std::size_t in_pairs = few ? names.size() : of_contract;
+  for (int k = 1; k <= n && state.computes_torque(); ++k) {
+    for (const char* stem : {"tau", "gmx", "gmy"}) names.emplace_back(stem + std::to_string(k), k);
+  }
+  for (int k = 1; k <= n; ++k) {
+    // Elsewhere the link angle is the joint's own.
+    if (!state.robot().coupling.row(k - 1).isApprox(Eigen::RowVectorXd::Unit(n, k - 1)))
+      names.emplace_back("th" + std::to_string(k), k);
+  }
   std::vector<StructureVariable> result;
-  for (const auto& [name, joint] : names) {
-    StructureVariable v{name, joint, {}, 0.0, 1.0, {}};
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    const auto& [name, joint] = names[i];
+    StructureVariable v{name, joint, {}, 0.0, 1.0, {}, i < in_pairs};
     std::vector<double> sorted = state.column(name);
     std::sort(sorted.begin(), sorted.end());
     if (sorted.back() - sorted.front() < 1e-9) continue;
@@ -297,7 +317,7 @@ Structure find_structure(const Scorer& scorer, const Fit& fit, double threshold)
   std::vector<std::vector<const StructureVariable*>> sets;
   for (std::size_t a = 0; a < variables.size(); ++a) {
     sets.push_back({&variables[a]});
-    for (std::size_t b = a + 1; b < variables.size(); ++b) {
+    for (std::size_t b = a + 1; b < variables.size() && variables[b].in_pairs; ++b) {
       sets.push_back({&variables[a], &variables[b]});
     }
   }

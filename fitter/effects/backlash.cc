@@ -14,7 +14,8 @@ class Backlash final : public Effect {
   }
   JointRule joint_rule() const override { return JointRule::kEach; }
   std::string bound_text() const override {
-    return "3e-3 rad: 3 to 60 arcsec are usual (docs/effects.md)";
+    return "3e-3 rad (5e-4 m where it slides), the link lags behind its drive and falls with its "
+           "load: 3 to 60 arcsec are usual (docs/effects.md)";
   }
 
   std::vector<std::string> missing(const EffectContext& context,
@@ -32,18 +33,22 @@ class Backlash final : public Effect {
     for (const int k : request.joints) {
       const std::string joint = std::to_string(k);
       const std::string tau = "tau" + joint;
+      const std::string unit = motor_unit(context, k);
+      const double bound = on_motor(context, k, kLargest, kFurthest);
       terms.parameters.push_back(
-          single_term(id(), {k}, "direction", "rad", kLargest, motor(k), "dir" + joint));
+          single_term(id(), {k}, "direction", unit, bound, motor(k), "dir" + joint));
+      terms.parameters.back().sign = -1;
       if (context.state.has(tau) && loaded(context, k)) {
         terms.parameters.push_back(
-            single_term(id(), {k}, "load", "rad", kLargest, motor(k), "sign(" + tau + ")"));
+            single_term(id(), {k}, "load", unit, bound, motor(k), "sign(" + tau + ")"));
+        terms.parameters.back().sign = 1;
       }
     }
     return terms;
   }
 
  private:
-  static constexpr double kLargest = 3e-3;  // [rad]
+  static constexpr double kLargest = 3e-3, kFurthest = 5e-4;  // [rad], [m]
 
   // An axis along gravity has no side of the gap to fall to: its torque is rounding error and its
   // sign noise.

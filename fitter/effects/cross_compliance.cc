@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cmath>
 
 #include "fitter/effects/effect.h"
@@ -14,9 +15,9 @@ class CrossCompliance final : public Effect {
   }
   JointRule joint_rule() const override { return JointRule::kPair; }
   std::string bound_text() const override {
-    return "0 to 2e-4 rad/Nm: ours, a joint's own torsion at most, for what "
-           "bends between two axes "
-           "is no softer than their gears (docs/effects.md)";
+    return "0 to 1e-2 rad under the larger of the two torques in the data, at most 1e-3 rad/Nm: "
+           "ours, a joint's own torsion at most, for what bends between two axes is no softer than "
+           "their gears (docs/effects.md)";
   }
 
   std::vector<int> default_joints(const EffectContext &context) const override {
@@ -40,7 +41,7 @@ class CrossCompliance final : public Effect {
 
   // One number drives both: by Maxwell and Betti the compliance matrix is
   // symmetric.
-  EffectTerms build(const EffectContext &, const EffectRequest &request) const override {
+  EffectTerms build(const EffectContext &context, const EffectRequest &request) const override {
     EffectTerms terms;
     for (std::size_t i = 0; i + 1 < request.joints.size(); i += 2) {
       const int a = request.joints[i], b = request.joints[i + 1];
@@ -49,7 +50,10 @@ class CrossCompliance final : public Effect {
                          " twice in a pair, expected two joints");
       }
       Parameter p =
-          single_term(id(), {a, b}, "", "rad/Nm", kSoftest, motor(a), "tau" + std::to_string(b));
+          single_term(id(), {a, b}, "", "rad/Nm",
+                      std::min(softest(context, "tau" + std::to_string(a), kLargest, kSoftest),
+                               softest(context, "tau" + std::to_string(b), kLargest, kSoftest)),
+                      motor(a), "tau" + std::to_string(b));
       p.terms.push_back(
           {motor(b), Expression::variable("tau" + std::to_string(a)), 1.0, std::nullopt});
       p.sign = 1;
@@ -67,7 +71,8 @@ class CrossCompliance final : public Effect {
   }
 
  private:
-  static constexpr double kSoftest = 2e-4;  // [rad/Nm]
+  static constexpr double kLargest = 1e-2;  // [rad]
+  static constexpr double kSoftest = 1e-3;  // [rad/Nm]
 
   // Of joints k and k + 1, whatever joint k's angle.
   static bool are_parallel(const EffectContext &context, int k) {

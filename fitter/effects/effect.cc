@@ -223,6 +223,26 @@ Eigen::Vector3d nominal_lengths(const Robot& robot, int link) {
   return robot.joints[static_cast<std::size_t>(link)].fixed.translation();
 }
 
+double largest_of(const EffectContext& context, const std::string& variable) {
+  double largest = 0.0;
+  for (const double v : context.state.column(variable)) largest = std::max(largest, std::abs(v));
+  return largest;
+}
+
+double softest(const EffectContext& context, const std::string& load, double deflection,
+               double most) {
+  const double largest = largest_of(context, load);
+  return largest * most > deflection ? deflection / largest : most;
+}
+
+std::string motor_unit(const EffectContext& context, int joint) {
+  return context.prismatic(joint) ? "m" : "rad";
+}
+
+double on_motor(const EffectContext& context, int joint, double turning, double sliding) {
+  return context.prismatic(joint) ? sliding : turning;
+}
+
 namespace {
 
 // Torque about joint k, root of its sum of squares, that a unit mass at each body makes [Nm/kg].

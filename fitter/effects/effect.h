@@ -2,6 +2,7 @@
 // says what it needs, and gives its terms; nothing else in the house knows it by name.
 #pragma once
 
+#include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -36,6 +37,12 @@ struct EffectContext {
   GeometryPriors priors{};
   /// Of the fit that the context belongs to, or of the one before it.
   std::vector<Spring> springs{};
+  /// By the load (state variable): what the fit has of effects that carry it, in their coordinate's
+  /// unit.
+  std::map<std::string, Expression> carried{};
+  /// Where the instrument stands in the measuring frame [m], and the robot base's axes there.
+  Eigen::Vector3d instrument = Eigen::Vector3d::Zero();
+  Eigen::Matrix3d measuring_from_base = Eigen::Matrix3d::Identity();
 
   const Robot& robot() const { return state.robot(); }
   int joint_count() const { return robot().joint_count(); }
@@ -170,6 +177,16 @@ Eigen::Vector3d nominal_lengths(const Robot& robot, int link);
 std::vector<int> gravity_loaded_joints(const EffectContext& context);
 /// False where gravity has no torque about the joint whatever the arm weighs: its axis is vertical.
 bool carries_gravity(const EffectContext& context, int joint);
+
+/// Largest magnitude of a state variable over the rows.
+double largest_of(const EffectContext& context, const std::string& variable);
+/// Compliance that gives `deflection` under the largest load in the data, `most` where that load is
+/// small.
+double softest(const EffectContext& context, const std::string& load, double deflection,
+               double most);
+/// "rad", or "m" where the joint slides; the same of a number for each.
+std::string motor_unit(const EffectContext& context, int joint);
+double on_motor(const EffectContext& context, int joint, double turning, double sliding);
 
 /// Temperature variable of an entry: option `sensor`, or the first sensor.
 std::string temperature_variable(const EffectRequest& request);

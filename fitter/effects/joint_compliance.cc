@@ -10,8 +10,8 @@ class JointCompliance final : public Effect {
   std::string summary() const override { return "one-dimensional torsion spring"; }
   JointRule joint_rule() const override { return JointRule::kEach; }
   std::string bound_text() const override {
-    return "0 to 2e-4 rad/Nm: a spring yields; 0.5 to 2.5 urad/Nm on a 30 kg arm, 70 urad/Nm on a "
-           "light one (docs/effects.md)";
+    return "0 to 1e-2 rad (3 mm where it slides) under the largest load in the data, at most 1e-3 "
+           "rad/Nm: a spring yields; light arms sag by 3 mrad, heavy ones by 1 (docs/effects.md)";
   }
 
   std::vector<int> default_joints(const EffectContext& context) const override {
@@ -23,12 +23,16 @@ class JointCompliance final : public Effect {
     for (const int k : request.joints) {
       const std::string joint = std::to_string(k);
       if (context.state.computes_torque()) {
-        Parameter p = single_term(id(), {k}, "", "rad/Nm", kSoftest, motor(k), "tau" + joint);
+        const double bound = context.prismatic(k)
+                                 ? softest(context, "tau" + joint, kFurthest, kLoosest)
+                                 : softest(context, "tau" + joint, kLargest, kSoftest);
+        Parameter p = single_term(id(), {k}, "", context.prismatic(k) ? "m/N" : "rad/Nm", bound,
+                                  motor(k), "tau" + joint);
         p.sign = 1;
         terms.parameters.push_back(p);
       } else {
         append(terms, gravity_regressor_terms(context, id(), {k}, "u_" + joint, "up_" + joint,
-                                              motor(k), kSoftest));
+                                              motor(k), kUnknown));
       }
     }
     return terms;
@@ -41,7 +45,10 @@ class JointCompliance final : public Effect {
   }
 
  private:
-  static constexpr double kSoftest = 2e-4;  // [rad/Nm]
+  static constexpr double kLargest = 1e-2;  // [rad], three times what light arms sag by
+  static constexpr double kSoftest = 1e-3;  // [rad/Nm], four times a small strain-wave gear's
+  static constexpr double kFurthest = 3e-3, kLoosest = 1e-5;  // [m], [m/N]
+  static constexpr double kUnknown = 2e-4;  // [rad/Nm] where nobody knows the loads
 };
 
 const RegisterEffect<JointCompliance> registered_joint_compliance;

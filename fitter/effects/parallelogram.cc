@@ -25,8 +25,9 @@ class ParallelogramErrors final : public Effect {
   }
 
   // First order in the bar errors: d(theta3) = [(dl_d - dl_b) + (dl_c - dl_a) cos(beta) - (e_x
-  // cos(theta2) + e_y sin(theta2))] / (a sin(beta)); four basis functions (Armtrue,
-  // reading/calibration.md; after the IRB2400 paper, section 2).
+  // cos(theta2) + e_y sin(theta2))] / (a sin(beta)); four basis functions (derived
+  // from the closure of the four bars, docs/effects.md; the IRB2400 paper's level 1 fits the same
+  // kind of functions).
   EffectTerms build(const EffectContext& context, const EffectRequest& request) const override {
     EffectTerms terms;
     const auto& linkage = *context.robot().parallelogram;

@@ -1,3 +1,6 @@
+#include <algorithm>
+#include <cmath>
+
 #include "fitter/effects/effect.h"
 
 namespace armtrue {
@@ -9,8 +12,8 @@ class StiffnessNonlinear final : public Effect {
   std::string summary() const override { return "hardening spring (strain-wave gear)"; }
   JointRule joint_rule() const override { return JointRule::kEach; }
   std::string bound_text() const override {
-    return "30 % of a soft joint's deflection at 200 Nm: 1.5e-7 rad/Nm^2, 1e-9 rad/Nm^3 "
-           "(docs/effects.md)";
+    return "5e-3 rad (1 mm where it slides) at the largest load in the data, each; the square only "
+           "hardens: ours, half of what a spring may yield (docs/effects.md)";
   }
 
   std::vector<int> default_joints(const EffectContext& context) const override {
@@ -27,14 +30,20 @@ class StiffnessNonlinear final : public Effect {
     return lacking;
   }
 
-  EffectTerms build(const EffectContext&, const EffectRequest& request) const override {
+  EffectTerms build(const EffectContext& context, const EffectRequest& request) const override {
     EffectTerms terms;
     for (const int k : request.joints) {
       const std::string tau = "tau" + std::to_string(k);
-      terms.parameters.push_back(
-          single_term(id(), {k}, "square", "rad/Nm^2", 1e-6, motor(k), tau + "*abs(" + tau + ")"));
-      terms.parameters.push_back(
-          single_term(id(), {k}, "cube", "rad/Nm^3", 1e-8, motor(k), tau + "^3"));
+      const std::string per = motor_unit(context, k) + (context.prismatic(k) ? "/N" : "/Nm");
+      const double load = std::max(largest_of(context, tau), kLeastLoad);
+      const double most = on_motor(context, k, kLargest, kFurthest);
+      // A gear that is wound up engages more of its teeth: it hardens.
+      Parameter square = single_term(id(), {k}, "square", per + "^2", most / std::pow(load, 2),
+                                     motor(k), tau + "*abs(" + tau + ")");
+      square.sign = -1;
+      terms.parameters.push_back(square);
+      terms.parameters.push_back(single_term(id(), {k}, "cube", per + "^3",
+                                             most / std::pow(load, 3), motor(k), tau + "^3"));
     }
     return terms;
   }
@@ -44,6 +53,10 @@ class StiffnessNonlinear final : public Effect {
     for (int k = 1; k <= context.joint_count(); ++k) result.push_back({id(), {k}});
     return result;
   }
+
+ private:
+  static constexpr double kLargest = 5e-3, kFurthest = 1e-3;  // [rad], [m]
+  static constexpr double kLeastLoad = 1.0;                   // [Nm or N]
 };
 
 const RegisterEffect<StiffnessNonlinear> registered_stiffness_nonlinear;

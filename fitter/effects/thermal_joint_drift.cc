@@ -8,7 +8,9 @@ class ThermalJointDrift final : public Effect {
   std::string id() const override { return "thermal_joint_drift"; }
   std::string summary() const override { return "joint zero moves with temperature"; }
   JointRule joint_rule() const override { return JointRule::kEach; }
-  std::string bound_text() const override { return "2e-4 rad/K (docs/effects.md)"; }
+  std::string bound_text() const override {
+    return "2e-4 rad/K, 5e-5 m/K where it slides (docs/effects.md)";
+  }
 
   std::vector<EffectOption> options() const override {
     return {{"sensor", "string", "temperature sensor, default the first"}};
@@ -20,11 +22,12 @@ class ThermalJointDrift final : public Effect {
     return {"temp_NAME"};
   }
 
-  EffectTerms build(const EffectContext&, const EffectRequest& request) const override {
+  EffectTerms build(const EffectContext& context, const EffectRequest& request) const override {
     EffectTerms terms;
     for (const int k : request.joints) {
-      terms.parameters.push_back(
-          single_term(id(), {k}, "", "rad/K", 2e-4, motor(k), temperature_variable(request)));
+      terms.parameters.push_back(single_term(id(), {k}, "", motor_unit(context, k) + "/K",
+                                             on_motor(context, k, 2e-4, 5e-5), motor(k),
+                                             temperature_variable(request)));
     }
     return terms;
   }

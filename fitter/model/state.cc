@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <optional>
 #include <utility>
 
@@ -145,6 +146,8 @@ bool State::has(const std::string& name) const {
     case VariableKind::kTorqueTilt:
     case VariableKind::kMomentTilt:
       return computes_torque();
+    case VariableKind::kWarmth:
+      return columns_.contains("time") && columns_.contains("duty" + std::to_string(v->joint));
     default:
       return columns_.contains(name);
   }
@@ -180,6 +183,8 @@ const std::vector<double>& State::column(const std::string& name) const {
     case VariableKind::kTorqueRegressor:
     case VariableKind::kMomentRegressor:
       return remember(name, compute_regressor(*v));
+    case VariableKind::kWarmth:
+      return remember(name, warmth(v->joint, v->tau));
     case VariableKind::kTorqueTilt:
     case VariableKind::kMomentTilt:
       compute_tilt(v->component);
@@ -197,6 +202,26 @@ std::vector<double> State::link_angle(int joint) const {
     const double c = robot_->coupling(joint - 1, static_cast<Eigen::Index>(j));
     if (c == 0.0) continue;
     for (std::size_t i = 0; i < rows_; ++i) values[i] += c * q_[i * n + j];
+  }
+  return values;
+}
+
+// What the joint did since the row before warms it; a session begins cold.
+std::vector<double> State::warmth(int joint, double tau) const {
+  const std::vector<double>& time = columns_.at("time");
+  const std::vector<double>& duty = columns_.at("duty" + std::to_string(joint));
+  std::vector<std::size_t> order(rows_);
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  std::stable_sort(order.begin(), order.end(),
+                   [&](std::size_t a, std::size_t b) { return time[a] < time[b]; });
+  std::vector<double> values(rows_);
+  double warm = 0.0;
+  double before = rows_ > 0 ? time[order.front()] : 0.0;
+  for (const std::size_t i : order) {
+    const double kept = std::exp(-(time[i] - before) / tau);
+    warm = kept * warm + (1.0 - kept) * duty[i];
+    values[i] = warm;
+    before = time[i];
   }
   return values;
 }

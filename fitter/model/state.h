@@ -76,6 +76,7 @@ class State {
   void compute_tilt(char about) const;
   std::vector<double> smooth_torque(int joint, const std::vector<double>& measured) const;
   std::vector<double> link_angle(int joint) const;
+  std::vector<double> warmth(int joint, double tau) const;
   std::vector<double> compute_regressor(const Variable& asked) const;
 
   const Robot* robot_;

@@ -76,6 +76,20 @@ std::optional<Variable> parse_tilt(const std::string& name, int joints) {
   return v;
 }
 
+// warmK_TAU: duty of joint K, low-passed with TAU seconds.
+std::optional<Variable> parse_warmth(const std::string& name, int joints) {
+  static const std::regex pattern(R"(warm([0-9]{1,2})_([0-9]{1,7}))");
+  std::smatch match;
+  if (name.rfind("warm", 0) != 0 || !std::regex_match(name, match, pattern)) return std::nullopt;
+  Variable v;
+  v.name = name;
+  v.kind = VariableKind::kWarmth;
+  v.joint = std::stoi(match[1]);
+  v.tau = std::stod(match[2]);
+  if (v.joint < 1 || v.joint > joints || !(v.tau > 0.0)) return std::nullopt;
+  return v;
+}
+
 }  // namespace
 
 bool Variable::is_load() const {
@@ -135,6 +149,7 @@ std::optional<Variable> parse_variable(const std::string& name, int joints) {
   }
   if (const auto regressor = parse_regressor(name, joints)) return regressor;
   if (const auto tilt = parse_tilt(name, joints)) return tilt;
+  if (const auto warmth = parse_warmth(name, joints)) return warmth;
   if (name.rfind("temp_", 0) == 0 ||
       std::find(kNoState.begin(), kNoState.end(), name) != kNoState.end())
     return std::nullopt;
@@ -194,6 +209,8 @@ std::vector<std::string> columns_of(const Variable& v, const Robot& robot, bool 
     case VariableKind::kMomentTilt:
       return v.reads_gravity() && with_payload ? std::vector<std::string>{"payload"}
                                                : std::vector<std::string>{};
+    case VariableKind::kWarmth:
+      return {"time", "duty" + std::to_string(v.joint)};
     default:
       return {v.name};
   }
@@ -250,6 +267,8 @@ std::string to_string(VariableKind kind) {
       return "direction";
     case VariableKind::kTime:
       return "time";
+    case VariableKind::kWarmth:
+      return "warmth";
     case VariableKind::kColumn:
       return "column";
   }

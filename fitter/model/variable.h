@@ -25,7 +25,8 @@ enum class VariableKind {
   kPayload,
   kDirection,
   kTime,
-  kColumn  ///< any other numeric column, under its own name
+  kWarmth,  ///< of a gear by its own duty, low-passed
+  kColumn   ///< any other numeric column, under its own name
 };
 
 /// One state variable, taken from its name.
@@ -37,6 +38,7 @@ struct Variable {
   int link = 0;          ///< of regressors: the body; 0: the payload
   char component = 'm';  ///< of regressors: m, or x, y, z of mass times centre; of tilts: x or y
   std::string sensor;    ///< of temperatures; empty: the first thermometer
+  double tau = 0.0;      ///< of warmth: time constant [s]
 
   /// True for what gravity exerts: torques and moments, what a unit of mass adds, what a tilt does.
   bool is_load() const;

@@ -192,6 +192,8 @@ std::unique_ptr<Fit> Fit::run_once(const Robot& robot, const State::Columns& col
   }
   fit->measure_noise_floor();
   fit->context_->springs = springs_of(fit->model_, fit->robot().joint_count());
+  fit->context_->carried = carried_of(fit->model_);
+  fit->context_->measuring_from_base = fit->kinematics_->base().linear();
   fit->options_.start.reset();
   observer.report(1.0, "done");
   return fit;
@@ -204,7 +206,10 @@ void Fit::begin() {
   kinematics_ = std::make_unique<Kinematics>(robot(), measurements_.targets);
   context_ = std::make_unique<EffectContext>(EffectContext{
       state(), measurements_.targets, measurements_.has_rotation(), specification_.priors,
-      options_.start ? options_.start->springs : std::vector<Spring>{}});
+      options_.start ? options_.start->springs : std::vector<Spring>{},
+      options_.start ? options_.start->carried : std::map<std::string, Expression>{},
+      options_.instrument ? options_.instrument->position : Eigen::Vector3d::Zero(),
+      alignment.measuring_from_base.linear()});
   model_ = build_model(specification_, *context_);
   const auto places = [&](Place place) {
     return std::ranges::any_of(model_.parameters, [&](const Parameter& p) {
@@ -363,7 +368,8 @@ bool Fit::find_gross_errors() {
 }
 
 StartPoint Fit::start_point() const {
-  StartPoint start{prepared_, {}, kinematics_->base(), {}, context_->springs, state_};
+  StartPoint start{prepared_,         {},    kinematics_->base(), {}, context_->springs,
+                   context_->carried, state_};
   if (smooth()) {
     start.smoothness_sigma = smoothness_sigma_;
     start.smoothness_noise = smoothness_noise_;
@@ -841,7 +847,8 @@ FittedModel FittedModel::from_json(const json& document) {
     for (const json& term : entry.at("terms")) {
       p.terms.push_back(term_from_json(term, fitted.robot.joint_count(), targets));
     }
-    if (p.value != 0.0) fitted.model.parameters.push_back(std::move(p));
+    if (p.value != 0.0 && is_foreseeable(p, fitted.robot.joint_count()))
+      fitted.model.parameters.push_back(std::move(p));
   }
   if (document.contains("payload_point")) {
     const std::vector<double> point = document["payload_point"];
@@ -859,8 +866,18 @@ std::vector<Pose> FittedModel::predict(const State::Columns& columns,
   kinematics.set_base(measuring_from_base);
   for (std::size_t t = 0; t < flange_from_tool.size(); ++t)
     kinematics.set_tool(static_cast<int>(t), flange_from_tool[t]);
-  stand(state, model, kinematics);
-  return predict_poses(state, target, model, kinematics);
+  // Of a set-up that nobody says, the first one's.
+  Model told = model;
+  std::erase_if(told.parameters, [&](const Parameter& p) {
+    return !p.exported && std::ranges::any_of(p.terms, [&](const Term& term) {
+      return std::ranges::any_of(term.basis.variables(), [&](const std::string& name) {
+        const auto v = parse_variable(name, robot.joint_count());
+        return v && v->kind == VariableKind::kColumn && !state.has(name);
+      });
+    });
+  });
+  stand(state, told, kinematics);
+  return predict_poses(state, target, told, kinematics);
 }
 
 }  // namespace armtrue

@@ -36,6 +36,7 @@ struct StartPoint {
   Pose measuring_from_base = Pose::Identity();
   std::vector<Pose> flange_from_tool;  ///< by target
   std::vector<Spring> springs{};
+  std::map<std::string, Expression> carried{};
   std::shared_ptr<const State> state{};              ///< loads where that fit's arm stands
   double smoothness_sigma = 0.0;                     ///< of tables; 0: none stand in the model
   std::map<std::string, double> smoothness_scale{};  ///< by effect, beside the common one

@@ -96,15 +96,45 @@ std::vector<Spring> springs_of(const Model& model, int joints) {
   return springs;
 }
 
+std::map<std::string, Expression> carried_of(const Model& model) {
+  std::map<std::string, double> found;
+  for (const NonlinearParameter& p : model.nonlinear) found[p.name] = p.value;
+  std::map<std::string, std::string> sums;
+  for (const Parameter& p : model.parameters) {
+    const auto load = find_effect(p.effect).carries();
+    if (!load || p.value == 0.0) continue;
+    std::string& sum = sums[load->torque];
+    sum += (sum.empty() ? "(" : " + (") + Expression::number(p.value).to_string() + ")*(" +
+           p.terms.front().basis.substitute(found).to_string() + ")";
+  }
+  std::map<std::string, Expression> result;
+  for (const auto& [load, sum] : sums) result.emplace(load, Expression::parse(sum));
+  return result;
+}
+
+bool is_foreseeable(const Parameter& parameter, int joints) {
+  for (const Term& term : parameter.terms) {
+    for (const std::string& name : term.basis.variables()) {
+      if (name == "x" || name == "y" || name == "z") return false;
+      const auto variable = parse_variable(name, joints);
+      if (variable && variable->kind == VariableKind::kWarmth) return false;
+    }
+  }
+  return true;
+}
+
 std::map<std::string, std::string> columns_needed(const Model& model, const State& state) {
   std::map<std::string, std::string> columns;
   std::set<std::string> found;  // numbers that the fit finds stand in expressions too
   for (const NonlinearParameter& p : model.nonlinear) found.insert(p.name);
   for (const Parameter& p : model.parameters) {
+    if (!is_foreseeable(p, state.robot().joint_count())) continue;
     for (const Term& term : p.terms) {
       for (const std::string& name : term.basis.variables()) {
         const auto variable = parse_variable(name, state.robot().joint_count());
         if (!variable || found.contains(name)) continue;
+        // Of a set-up that nobody says, a prediction is in the first one's frame.
+        if (!p.exported && variable->kind == VariableKind::kColumn) continue;
         const bool is_read_back = variable->kind == VariableKind::kReadBack;
         for (const std::string& column :
              columns_of(*variable, state.robot(), state.recorded("payload"))) {

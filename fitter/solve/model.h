@@ -41,6 +41,12 @@ struct Model {
 /// Springs of a fitted model: coefficients whose basis is one load of gravity, and no more.
 std::vector<Spring> springs_of(const Model& model, int joints);
 
+/// What a fitted model has of effects that carry a load (Effect::carries), by that load.
+std::map<std::string, Expression> carried_of(const Model& model);
+
+/// False where it takes what the instrument saw, or the way to a pose: no prediction has that.
+bool is_foreseeable(const Parameter& parameter, int joints);
+
 /// Columns that a file must hold for the model's predictions, and for each what stands in for it
 /// where poses have not been driven to yet; empty: nothing does.
 std::map<std::string, std::string> columns_needed(const Model& model, const State& state);

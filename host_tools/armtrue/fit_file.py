@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,8 @@ from armtrue.io.robot import Robot, check_robot, pose
 from armtrue.io.yamlfile import Section
 
 # What the report and the command line read of a fit beside what predict, export and diagnose need.
+# A gear's warmth by its duty, low-passed: the time constant stands in the name.
+_WARMTH = re.compile(r"\bwarm[0-9]+_[0-9]+\b")
 _ALSO = {
     "error": dict,
     "noise": dict,
@@ -84,7 +87,8 @@ def _check_parameters(top: Section, robot: Robot) -> None:
     # A thermometer that was only a column of the data is a variable too.
     data = top.section("data")
     recorded = data.entries("columns", "a list of columns") if data.has("columns") else []
-    states = state_names(robot, [str(name)[5:] for name in recorded if str(name).startswith("temp_")])
+    sensors = [str(name)[5:] for name in recorded if str(name).startswith("temp_")]
+    states = [*state_names(robot, sensors), *map(str, recorded)]
     known: set[str] = set()
     for parameter in top.sections("parameters", "a list of fitted parameters"):
         for key in ("name", "effect"):
@@ -103,7 +107,7 @@ def _check_parameters(top: Section, robot: Robot) -> None:
             if expression in known:
                 continue
             try:
-                _core.check_expression(expression, states, [])
+                _core.check_expression(expression, [*states, *_WARMTH.findall(expression)], [])
             except ValueError as error:
                 place = term.place("expression")
                 found = shorten(expression)

@@ -21,8 +21,10 @@ from armtrue.io.layout import (
     foreign_hint,
     yaml_layout,
 )
+from armtrue.io.model import state_names
 from armtrue.io.plausible import refuse_wrong_units
 from armtrue.io.robot import Robot
+from armtrue.io.sensor_names import contract_name
 
 Array = NDArray[np.float64]
 
@@ -30,6 +32,10 @@ Array = NDArray[np.float64]
 _QUATERNION_LENGTH_TOLERANCE = 1e-3
 # A commanded joint that moves less than this [rad, m] has not moved.
 _STANDSTILL = 1e-6
+# Functions and constants of expressions (docs/model.md).
+EXPRESSION_WORDS = frozenset(
+    "pi sin cos tan asin acos atan exp log sqrt abs sign tanh atan2 min max hat".split()
+)
 # A reflector that moves less than this [m] in all while a joint moves more than that [rad, m] is fixed to the floor.
 _FIXED_SPAN_M = 5e-3
 _ARM_MOVED = 0.2
@@ -179,6 +185,26 @@ def _require_columns(layout: Layout, path: Path, robot: Robot, need_position: bo
             )
 
 
+def _variables_of_others(layout: Layout, names: ColumnNames) -> dict[str, str]:
+    """Columns that are not the contract's and whose names an expression can have: name → header."""
+    reserved = {*state_names(names.robot), *layout.names(), *names.all(), *EXPRESSION_WORDS}
+    result: dict[str, str] = {}
+    for header in layout.unused:
+        name = contract_name(header)
+        if name.isidentifier() and name.isascii() and name not in reserved and name not in result:
+            result[name] = header
+    return result
+
+
+def _numbers(texts: list[str]) -> NDArray[np.float64] | None:
+    """Texts as finite numbers, or None where one is none."""
+    try:
+        values = np.array([float(text) for text in texts])
+    except ValueError:
+        return None
+    return values if np.isfinite(values).all() else None
+
+
 def _assemble(path: Path, layout: Layout, names: ColumnNames, skipped: dict[int, str]) -> Dataset:
     number_headers = {source.header for source in layout.numbers.values()}
     if layout.rotation:
@@ -186,17 +212,30 @@ def _assemble(path: Path, layout: Layout, names: ColumnNames, skipped: dict[int,
     text_headers = set(layout.texts.values()) | set(layout.rows.where)
     if layout.time and layout.time.header:
         text_headers.add(layout.time.header)
-    raw = read_columns(layout.file, layout.dialect, sorted(number_headers), sorted(text_headers), skipped)
+    others = _variables_of_others(layout, names)
+    raw = read_columns(
+        layout.file,
+        layout.dialect,
+        sorted(number_headers),
+        sorted(text_headers | set(others.values())),
+        skipped,
+    )
     raw = _filtered(raw, layout)
     columns = {
         name: raw.numbers[source.header] * source.factor + source.added
         for name, source in layout.numbers.items()
     }
     columns |= {name: np.full(raw.rows.size, value) for name, value in layout.constants.items()}
+    variables = {
+        name: values for name, header in others.items() if (values := _numbers(raw.texts[header])) is not None
+    }
+    columns |= variables
+    taken = {others[name] for name in variables}
     notes = [
-        f"{layout.file.name}: column '{name}' is not one of the contract's and is not used"
-        f"{did_you_mean(name, set(names.all()) - layout.names())}"
-        for name in layout.unused
+        f"{layout.file.name}: column '{header}' is not one of the contract's and is "
+        + ("a variable for custom effects and the search" if header in taken else "not used")
+        + did_you_mean(header, set(names.all()) - layout.names())
+        for header in layout.unused
     ]
     notes += [f"left out: {why}" for why in skipped.values()]
     if layout.time:

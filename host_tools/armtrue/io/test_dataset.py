@@ -80,12 +80,27 @@ def test_what_was_measured_of_poses_to_predict_is_not_read(tmp_path, two_joints)
     assert sorted(data.columns) == ["q1", "q2", "target", "temp_arm", "time"]
 
 
-def test_a_column_that_is_not_the_contracts_is_noted(tmp_path, two_joints):
+def test_numeric_column_that_is_not_the_contracts_is_a_variable_and_noted(tmp_path, two_joints):
     data = load_data(written(tmp_path, PLAIN.replace("temp_arm", "tmp_arm")), two_joints)
-    assert "tmp_arm" not in data.columns
+    assert data.columns["tmp_arm"].size == data.count
     assert data.notes == [
-        "data.csv: column 'tmp_arm' is not one of the contract's and is not used (did you mean 'temp_arm'?)"
+        "data.csv: column 'tmp_arm' is not one of the contract's and is a variable for custom effects and the search "
+        "(did you mean 'temp_arm'?)"
     ]
+
+
+@pytest.mark.parametrize("name", ["two words", "th1", "sin"])
+def test_column_that_no_expression_can_name_is_not_used(name, tmp_path, two_joints):
+    data = load_data(written(tmp_path, PLAIN.replace("temp_arm", name)), two_joints)
+    assert name not in data.columns
+    assert data.notes[0].startswith(f"data.csv: column '{name}' is not one of the contract's and is not used")
+
+
+def test_column_of_words_is_not_used(tmp_path, two_joints):
+    text = PLAIN.replace("20.6", "warm")
+    data = load_data(written(tmp_path, text.replace("temp_arm", "weather")), two_joints)
+    assert "weather" not in data.columns
+    assert data.notes == ["data.csv: column 'weather' is not one of the contract's and is not used"]
 
 
 def test_a_fixed_reflector_is_left_out_with_a_note(tmp_path, two_joints):
