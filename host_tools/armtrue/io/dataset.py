@@ -34,7 +34,25 @@ _QUATERNION_LENGTH_TOLERANCE = 1e-3
 _STANDSTILL = 1e-6
 # Functions and constants of expressions (docs/model.md).
 EXPRESSION_WORDS = frozenset(
-    "pi sin cos tan asin acos atan exp log sqrt abs sign tanh atan2 min max hat".split()
+    [
+        "pi",
+        "sin",
+        "cos",
+        "tan",
+        "asin",
+        "acos",
+        "atan",
+        "exp",
+        "log",
+        "sqrt",
+        "abs",
+        "sign",
+        "tanh",
+        "atan2",
+        "min",
+        "max",
+        "hat",
+    ]
 )
 # A reflector that moves less than this [m] in all while a joint moves more than that [rad, m] is fixed to the floor.
 _FIXED_SPAN_M = 5e-3
