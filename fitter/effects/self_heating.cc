@@ -41,12 +41,12 @@ class SelfHeating final : public Effect {
     for (const int k : request.joints) {
       const std::string warmth = "warm" + std::to_string(k) + "_" + tau;
       const double largest = largest_of(context, warmth);
-      if (!(largest > 0.0)) continue;
+      const double bound = largest > 0.0 ? kLargest / largest : kLargest;
       const bool slides = context.prismatic(k);
-      Parameter zero = single_term(id(), {k}, "zero", slides ? "m/(m/s)" : "rad/(rad/s)",
-                                   kLargest / largest, motor(k), warmth);
-      Parameter growth = grown_lengths(context.robot(), id(), {k}, "length", "1/(rad/s)",
-                                       kLargest / largest, {k}, warmth);
+      Parameter zero = single_term(id(), {k}, "zero", slides ? "m/(m/s)" : "rad/(rad/s)", bound,
+                                   motor(k), warmth);
+      Parameter growth =
+          grown_lengths(context.robot(), id(), {k}, "length", "1/(rad/s)", bound, {k}, warmth);
       for (Parameter* p : {&zero, &growth}) {
         p->exported = false;
         if (!p->terms.empty()) terms.parameters.push_back(*p);

@@ -41,9 +41,9 @@ Term term_from_json(const json& value, int joints, int targets) {
 json to_json(const Parameter& p, int targets) {
   json terms = json::array();
   for (const Term& term : p.terms) terms.push_back(to_json(term, targets));
-  return {{"name", p.name},   {"effect", p.effect}, {"joints", p.joints},
-          {"unit", p.unit},   {"value", p.value},   {"exported", p.exported},
-          {"fixed", p.fixed}, {"bound", p.bound},   {"terms", terms}};
+  return {{"name", p.name},   {"effect", p.effect},     {"joints", p.joints}, {"unit", p.unit},
+          {"value", p.value}, {"exported", p.exported}, {"fixed", p.fixed},   {"bound", p.bound},
+          {"sign", p.sign},   {"terms", terms}};
 }
 
 }  // namespace armtrue

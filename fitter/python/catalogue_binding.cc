@@ -42,7 +42,8 @@ std::string effects_json() {
   return catalogue.dump();
 }
 
-// Terms whose weights are what a fit has found of the springs show one spring of 1 rad/Nm.
+// Terms that are weighed by what a fit has found show one spring of 1 rad/Nm, and a balancer of
+// 1 mrad.
 std::string effect_terms_json(const std::string& robot_json,
                               const std::map<std::string, Column>& arrays,
                               const std::string& request_json) {
@@ -53,6 +54,7 @@ std::string effect_terms_json(const std::string& robot_json,
                         given.value("options", json::object())};
   EffectContext context{state};
   context.springs = {{motor(2), "tau2", 1.0}};
+  context.carried.emplace("tau2", Expression::parse("1e-3*sin(q2)"));
   const EffectTerms terms = build_effect(context, request);
   std::map<std::string, std::vector<double>> found;
   json nonlinear = json::array();

@@ -64,7 +64,12 @@ def _columns(sweep: Sweep) -> dict[str, Array]:
     columns: dict[str, Array] = {f"q{k}": np.full(_POINTS, rest) for k, rest in enumerate(_AT_REST, start=1)}
     columns |= {f"qr{name[1:]}": values for name, values in columns.items()}
     columns |= {f"dir{k}": np.ones(_POINTS) for k in range(1, 7)}
+    columns |= {f"travel{k}": np.full(_POINTS, 0.1) for k in range(1, 7)}
+    columns |= {f"duty{k}": np.full(_POINTS, 0.1) for k in range(1, 7)}
     columns |= {f"temp_{name}": np.full(_POINTS, 20.0) for name in _SENSORS}
+    # Two set-ups of the instrument, and where it sees the tool.
+    columns |= {name: np.where(np.arange(_POINTS) < _POINTS // 2, 1.0, 2.0) for name in ("station", "nest")}
+    columns |= {axis: np.full(_POINTS, at) for axis, at in zip("xyz", (2.0, 1.0, 0.5), strict=True)}
     columns |= {"time": np.zeros(_POINTS), "payload": np.zeros(_POINTS)}
     for name in sweep.columns:
         columns[name] = np.linspace(sweep.low, sweep.high, _POINTS, dtype=np.float64)
@@ -90,13 +95,18 @@ def _terms(info: EffectInfo, joints: list[int], sweep: Sweep) -> dict[str, Any]:
     request: dict[str, Any] = {"effect": info.id, "joints": joints}
     if info.role == "custom":
         request["options"] = {"name": "mine", "coordinate": "motor2", "expression": "sin(3*q2)"}
-    try:
-        document: dict[str, Any] = json.loads(
-            _core.effect_terms(json.dumps(sample_arm()), _columns(sweep), json.dumps(request))
-        )
-    except _core.ModelError as error:
-        raise InputError(str(error)) from None
-    return document
+    arm = sample_arm()
+    for kind in ("revolute", "prismatic"):
+        # Some effects are of joints that slide.
+        arm["kinematics"]["joints"][1]["type"] = kind
+        try:
+            document: dict[str, Any] = json.loads(
+                _core.effect_terms(json.dumps(arm), _columns(sweep), json.dumps(request))
+            )
+            return document
+        except _core.ModelError as error:
+            refused = str(error)
+    raise InputError(refused)
 
 
 def _joints(info: EffectInfo) -> list[int]:
