@@ -39,6 +39,7 @@ def test_skipped_rows_are_printed_kept_in_the_fit_and_counted_in_the_report(spoi
     text = page(gather([fit]))
     assert "1 row left out because unreadable" in text
     assert "1 unreadable" in text
+    assert "armtrue explain" in text
 
 
 def test_check_finds_the_row_that_it_left_out(spoilt):
