@@ -12,8 +12,8 @@ from armtrue import _core
 
 ROOT = Path(__file__).resolve().parents[1]
 IDS = {effect["id"] for effect in json.loads(_core.effects())}
-# Words that are names of other things too: a linkage's kind in robot.yaml, the role of a user's own effect.
-OTHERWISE = {"parallelogram", "custom"}
+# Words that are names of other things too: a linkage's kind in robot.yaml, the role of a user's own effect, columns.
+OTHERWISE = {"parallelogram", "custom", "station", "nest"}
 NAMED = re.compile(r"""["']([a-z_]+)["']""")
 
 

@@ -20,6 +20,9 @@ from armtrue_sim.campaign import csv_text
 
 ROOT = Path(__file__).resolve().parents[2]
 FRESH_POSES = 400
+# The device takes loads where the nominal arm stands at the target, the fit where the arm it found stands
+# (docs/decisions/0068-loads-where-the-arm-stands.md): softest on the seven-axis arm, 0.9 µm.
+LOADS_OF_THE_NOMINAL_ARM_M = 1e-6
 AWAY_FROM_SINGULAR = 0.10
 CASES: dict[str, list[Any]] = {
     "kr30": [
@@ -110,5 +113,5 @@ def test_the_tool_reaches_the_intended_point(arm: str, tmp_path: Path) -> None:
         f"{arm}: uncorrected {1e6 * uncorrected.mean():.0f} µm, compensated {1e6 * missed.mean():.2f} µm, "
         f"fit {1e6 * own.mean():.2f} µm"
     )
-    assert missed.mean() <= 1.02 * own.mean()
+    assert missed.mean() <= 1.02 * own.mean() + LOADS_OF_THE_NOMINAL_ARM_M
     assert missed.mean() < 0.05 * uncorrected.mean()

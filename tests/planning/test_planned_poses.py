@@ -15,7 +15,7 @@ POSES = 8
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.hidden)
 def test_what_is_ambiguous_is_settled_by_the_planned_poses(case: Case, tmp_path: Path) -> None:
-    outcomes = [outcome for seed in SEEDS if (outcome := try_case(case, seed, POSES, tmp_path))]
+    outcomes = [outcome for seed in case.seeds if (outcome := try_case(case, seed, POSES, tmp_path))]
     assert outcomes, "no seed leaves an ambiguity that poses can settle"
     for outcome in outcomes:
         assert settled(outcome.planned), outcome

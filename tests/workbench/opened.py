@@ -24,7 +24,13 @@ class Workbench:
         command = [ARMTRUE, "open", *map(str, arguments), "--no-browser"]
         environment = {**os.environ, "XDG_STATE_HOME": str(state)}
         self.process = subprocess.Popen(
-            command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment
+            command,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            env=environment,
+            # A test run that was put into the background leaves Ctrl-C ignored.
+            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
         )
         self.address = ""
         assert self.process.stdout is not None
