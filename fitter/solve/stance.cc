@@ -76,8 +76,8 @@ class Stance {
 
 double stand(State& state, BasisTable& basis, const Model& model, const std::vector<double>& values,
              const Kinematics& kinematics, LoadFeedback* feedback) {
-  // Unknown mass moments are known in sum only, at the angles that were measured: elsewhere they are
-  // anybody's guess.
+  // Unknown mass moments are known in sum only, at the angles that were measured: elsewhere they
+  // are anybody's guess.
   if (!basis.reads_loads() || !state.computes_torque()) return 0.0;
   Stance stance(state, model, values, kinematics);
   const std::vector<Pose> first = stance.frames(basis);
