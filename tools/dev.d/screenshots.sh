@@ -1,7 +1,8 @@
-#: screenshots  make docs/screenshots of a report again (Debian's Chromium)
+#: screenshots  make docs/screenshots of a report and of the workbench again (Debian's Chromium)
 cmd_screenshots() {
   install_packages run test
   cmd_build
   ensure_venv run test
   $PY tests/report/screenshots.py "$@"
+  $PY tests/workbench/screenshots.py
 }

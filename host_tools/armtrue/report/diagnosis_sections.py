@@ -156,12 +156,15 @@ def _table(candidates: list[dict[str, Any]], caption: str) -> Markup:
 def _reasons(candidates: list[dict[str, Any]]) -> Markup:
     entries: list[Content] = []
     for candidate in candidates:
-        lines = [minus(rounded(line)) for line in parameter_lines(candidate["parameters"])]
-        values = [tag("li", line) for line in lines[:_PARAMETERS_SHOWN]]
-        if len(lines) > _PARAMETERS_SHOWN:
-            values.append(tag("li", f"and {len(lines) - _PARAMETERS_SHOWN} more"))
         why = typeset(candidate["why"])
-        entries.append(
-            tag("li", tag("strong", called(candidate)), f": {why}.", tag("ul", values, class_="values"))
-        )
+        entries.append(tag("li", tag("strong", called(candidate)), f": {why}.", values_list(candidate)))
     return folded("Why, and how large", tag("ol", entries, class_="evidence"), opened=True)
+
+
+def values_list(candidate: dict[str, Any]) -> Markup:
+    """A candidate's coefficients with their sigmas, in units for people."""
+    lines = [minus(rounded(line)) for line in parameter_lines(candidate["parameters"])]
+    values = [tag("li", line) for line in lines[:_PARAMETERS_SHOWN]]
+    if len(lines) > _PARAMETERS_SHOWN:
+        values.append(tag("li", f"and {len(lines) - _PARAMETERS_SHOWN} more"))
+    return tag("ul", values, class_="values")

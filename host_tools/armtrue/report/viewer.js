@@ -189,6 +189,7 @@
         const [x, y] = tips[picked];
         stage.firstChild.insertAdjacentHTML("beforeend", `<circle class="picked" fill="none" cx="${x.toFixed(1)}" cy="${y.toFixed(1)}" r="9"/>`);
       }
+      if (picked >= 0) stage.dispatchEvent(new CustomEvent("armtrue-picked", { bubbles: true, detail: scene.rows[picked] }));
       readout.textContent = picked >= 0 ? describe(picked) : "Point at an arrow, or press N for the next worst pose, to read it.";
     }
 

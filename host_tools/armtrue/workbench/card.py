@@ -8,8 +8,9 @@ from armtrue.errors import InputError
 from armtrue.io.catalogue import catalogue
 from armtrue.report import charts
 from armtrue.report.content import added_variable
+from armtrue.report.diagnosis_sections import values_list
 from armtrue.report.markup import Content, Markup, tag
-from armtrue.report.parts import listed, micrometres, typeset
+from armtrue.report.parts import micrometres, typeset
 from armtrue.workbench.names import called, called_among
 from armtrue.workbench.session import Session
 
@@ -28,20 +29,11 @@ def card(session: Session, place: str) -> str:
         tag("p", info.summary),
         tag("p", tag("b", "Physical bound: "), info.bound or "none is known"),
         tag("p", tag("b", "Evidence: "), typeset(candidate["why"]), "."),
-        _values(candidate),
+        values_list(candidate),
         _others(candidate),
         _plot(session, candidate),
         tag("button", "Close", type="button", data_act="close"),
     )
-
-
-def _values(candidate: dict[str, Any]) -> Content:
-    lines = [
-        f"{entry['name']} = {entry['value']:.4g} ± {entry['sigma'] or 0.0:.2g} {entry['unit']}"
-        for entry in candidate["parameters"][:8]
-    ]
-    more = len(candidate["parameters"]) - len(lines)
-    return listed([*lines, *([f"and {more} more"] if more > 0 else [])])
 
 
 def _others(candidate: dict[str, Any]) -> Markup:

@@ -15,6 +15,7 @@ from armtrue.fitting import Fit, with_effects
 from armtrue.io.model import check_effect
 from armtrue.progress import Progress
 from armtrue.workbench.dropped import Drop
+from armtrue.workbench.further import Result, compared, planned, rows_between
 from armtrue.workbench.names import change_words, model_entry
 from armtrue.workbench.opening import Opened
 from armtrue.workbench.outputs import Made, make
@@ -54,6 +55,7 @@ class Engine:
         self.said = ""
         self.failure = ""
         self.made: Made | None = None
+        self.result: Result | None = None
         self.task: Task | None = None
         self.version = 1
         self.changed = threading.Condition(threading.RLock())
@@ -95,7 +97,7 @@ class Engine:
         else:
             session = self._begun(opened, Session(place, key, opened.data), progress)
             said = session.node.said
-        self._session, self.said, self.notes = session, said, opened.notes
+        self._session, self.said, self.notes, self.result = session, said, opened.notes, None
         self.title = str(opened.robot.spec.get("name", "robot"))
         self.about = f"{opened.data.file.name}: {opened.data.count} measurements"
 
@@ -167,6 +169,9 @@ class Engine:
             "name": self._name,
             "leave_out": self._leave_out,
             "make": self._make,
+            "leave_out_where": self._leave_out_where,
+            "plan": self._plan,
+            "compare": self._compare,
             "open": self._open,
             "forget": self._forget,
         }
@@ -238,6 +243,21 @@ class Engine:
         bare = Fit(session.fit_of(session.at).document, None, data)
         fit = with_effects(bare, before.effects, self.tell)
         self._put(fit, diagnose(fit, self.tell), before, sorted(set(rows)))
+
+    def _leave_out_where(self, words: Entry) -> None:
+        rows = rows_between(self.session.fit_of(self.session.at), words)
+        self._leave_out({"rows": [*self.session.node.left_out, *rows]})
+
+    def _plan(self, words: Entry) -> None:
+        self._show(planned(self.session.fit_of(self.session.at), words, self.tell))
+
+    def _compare(self, _words: Entry) -> None:
+        self._show(compared(self.session.fit_of(self.session.at), self.drop))
+
+    def _show(self, result: Result) -> None:
+        self.result, self.said = result, result.said
+        if result.made is not None:
+            self.made = result.made
 
     def _undo(self, _words: Entry) -> None:
         node = self.session.node

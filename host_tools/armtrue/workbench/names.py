@@ -14,7 +14,9 @@ def called(entry: dict[str, Any]) -> str:
     if joints := entry.get("joints"):
         words.append(",".join(map(str, joints)))
     options = _options(entry)
-    words += [f"{key} {json.dumps(options[key])}" for key in _TOLD if options.get(key)]
+    words += [
+        f"{key} {json.dumps([_short(value) for value in options[key]])}" for key in _TOLD if options.get(key)
+    ]
     return " ".join(words)
 
 
@@ -38,6 +40,11 @@ def change_words(added: list[dict[str, Any]], removed: list[dict[str, Any]]) -> 
     return ", ".join(
         [f"added {called(entry)}" for entry in added] + [f"removed {called(entry)}" for entry in removed]
     )
+
+
+def _short(value: float) -> float:
+    """Whole numbers without a point."""
+    return int(value) if value == int(value) else value
 
 
 def _options(entry: dict[str, Any]) -> dict[str, Any]:

@@ -96,6 +96,7 @@ def _left_column() -> Markup:
         "details",
         tag("summary", "The arm among its points"),
         tag("div", class_="panel-slot"),
+        tag("p", tag("button", "Mark as wrong", type="button", data_act="mark", id="mark", hidden=True)),
         class_="looking scene-part",
         data_panel="vectors",
         open=True,
@@ -112,9 +113,28 @@ def _right_column() -> Markup:
         _slot("advice"),
         id="candidates-part",
     )
-    model = tag("section", tag("h2", "Model"), _slot("model"), _slot("left-out"))
+    model = tag("section", tag("h2", "Model"), _slot("model"), _slot("left-out"), _slot("leave-out"))
     history = tag("section", tag("h2", "History"), _slot("history"))
-    return tag("div", missing, tag("div", model, history, class_="pair"), class_="column needs-session")
+    files = [
+        tag("button", text, type="button", data_act="export", data_name=name)
+        for name, text in (
+            ("commands", "As commands"),
+            ("notebook", "As a notebook"),
+            ("model", "model.yaml"),
+        )
+    ]
+    further = tag(
+        "section",
+        tag("h2", "What next"),
+        tag("label", "poses ", tag("input", type="number", id="poses", min="1", max="200", value="12")),
+        tag("button", "Plan poses", type="button", data_act="plan"),
+        _slot("result"),
+        tag("h3", "The session"),
+        tag("div", files, class_="buttons"),
+    )
+    return tag(
+        "div", missing, tag("div", model, history, further, class_="pair"), class_="column needs-session"
+    )
 
 
 def _panels() -> Markup:

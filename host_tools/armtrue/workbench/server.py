@@ -131,6 +131,7 @@ class _Handler(BaseHTTPRequestHandler):
         engine = self.server.engine
         self._json({
             "version": engine.version, "model": engine.shown, "pieces": pieces(engine),
+            "left_out": engine.session.node.left_out if engine.is_open else [],
             "said": engine.said, "failure": engine.failure, **running(engine),
         })  # fmt: skip
 

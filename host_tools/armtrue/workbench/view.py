@@ -9,6 +9,7 @@ from armtrue.report.markup import Content, Markup, tag
 from armtrue.report.parts import micrometres, plural, typeset
 from armtrue.verdicts import verdict_words
 from armtrue.workbench.engine import Engine
+from armtrue.workbench.further import leave_out_form
 from armtrue.workbench.names import called, called_among
 from armtrue.workbench.session import Node, Session
 
@@ -38,6 +39,8 @@ def pieces(engine: Engine) -> dict[str, str]:
         "advice": _advice(diagnosis),
         "history": _history(session),
         "left-out": _left_out(session),
+        "leave-out": leave_out_form(session.fit_of(session.at)),
+        "result": engine.result.shown if engine.result else "",
     }
 
 
@@ -82,6 +85,8 @@ def _opening(engine: Engine) -> Markup:
     content: list[Content] = [_list(drop.names)]
     if drop.guess is None:
         content.append(_button("Open", "open"))
+        if engine.is_open:
+            content += [" ", _button("Compare with the model", "compare")]
     else:
         guess = drop.guess
         rows = [tag("tr", [tag("td", cell) for cell in row]) for row in guess.rows]

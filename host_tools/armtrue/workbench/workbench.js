@@ -6,6 +6,7 @@
   const SHOW_PROGRESS_AFTER_MS = 400;
   let model = null; // the model whose pieces stand on the page
   let busy = false, wanted = null, drawing = false, again = false, waitingForProgress = 0;
+  let picked = null, leftOut = []; // the row that was pointed at last, and those that are marked as wrong
   let held = null; // where the keyboard was when a button was pressed: a button that is disabled loses it
 
   async function ask(address, request) {
@@ -40,6 +41,15 @@
     if ("rows" in button.dataset) words.rows = JSON.parse(button.dataset.rows);
     if (words.do === "card") return void showCard(words.candidate);
     if (words.do === "close") return void byId("card-dialog").close();
+    if (words.do === "mark") Object.assign(words, { do: "leave_out", rows: [...leftOut, picked] });
+    if (words.do === "leave_out_where") {
+      const number = (id) => (byId(id).value === "" ? null : Number(byId(id).value));
+      Object.assign(words, { variable: byId("leave-variable").value, low: number("leave-low"), high: number("leave-high") });
+    }
+    if (words.do === "plan") {
+      wanted = "plan";
+      words.poses = Number(byId("poses").value);
+    }
     if (words.do === "open" && byId("dataset")) words.text = byId("dataset").value;
     if (words.do === "export" || words.do === "report") {
       wanted = words.do;
@@ -79,6 +89,8 @@
           document.querySelectorAll(`[data-piece="${name}"]`).forEach((place) => { place.innerHTML = html; });
         }
         model = view.model;
+        leftOut = view.left_out;
+        byId("mark").hidden = true;
         document.title = `${document.querySelector("h1").textContent} – Armtrue workbench`;
         document.body.classList.toggle("nothing-open", model === "none");
         show(view);
@@ -192,6 +204,11 @@
     await draw();
     if (sentence) fail(sentence);
   }
+  document.addEventListener("armtrue-picked", (event) => {
+    picked = event.detail;
+    byId("mark").textContent = `Mark row ${picked} as wrong`;
+    byId("mark").hidden = false;
+  });
   byId("files").addEventListener("change", async () => {
     await take([...byId("files").files]);
     byId("files").value = "";

@@ -1,0 +1,124 @@
+"""What is done beside adding effects: rows left out by a variable, poses planned, new measurements compared."""
+
+from __future__ import annotations
+
+import csv
+import io
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from armtrue.comparing import compare
+from armtrue.errors import InputError
+from armtrue.fitting import Fit
+from armtrue.further_poses import plan
+from armtrue.io import load_data
+from armtrue.progress import Progress
+from armtrue.report.markup import Content, Markup, tag
+from armtrue.report.parts import micrometres
+from armtrue.report.state import Variable, variables
+from armtrue.workbench.dropped import Drop
+from armtrue.workbench.outputs import Made
+
+_MOST_POSES = 200
+_MOST_SHOWN = 12
+
+
+@dataclass(frozen=True)
+class Result:
+    """What an action found: for the page, in a sentence, and as a file where there is one."""
+
+    shown: Markup
+    said: str
+    made: Made | None = None
+
+
+def rows_between(fit: Fit, words: dict[str, Any]) -> list[int]:
+    """Rows of the file where a variable lies between two values, ends included. Errors: InputError where none does."""
+    known = {variable.name: variable for variable in variables(fit)}
+    variable = known.get(str(words.get("variable")))
+    low, high = words.get("low"), words.get("high")
+    if variable is None:
+        raise InputError(f"variable: found {words.get('variable')!r}, expected one of {', '.join(known)}")
+    if not isinstance(low, int | float) or not isinstance(high, int | float) or not low <= high:
+        raise InputError(f"from, to: found {low!r} and {high!r}, expected two numbers, the lower one first")
+    inside = (variable.values >= low) & (variable.values <= high)
+    if not inside.any():
+        raise InputError(f"found no row with {variable.label} from {low:g} to {high:g}, expected some")
+    return [int(row) for row in fit.data.rows[inside]]
+
+
+def leave_out_form(fit: Fit) -> Markup:
+    """A form to leave out a region, a time or a range of any other variable."""
+
+    def option(variable: Variable) -> Markup:
+        values = variable.values
+        return tag(
+            "option", f"{variable.label} ({values.min():.4g} to {values.max():.4g})", value=variable.name
+        )
+
+    return tag(
+        "details",
+        tag("summary", "Leave out a region or a time"),
+        tag("label", "rows with ", tag("select", [option(v) for v in variables(fit)], id="leave-variable")),
+        tag("label", " from ", tag("input", type="number", step="any", id="leave-low")),
+        tag("label", " to ", tag("input", type="number", step="any", id="leave-high")),
+        tag("button", "Leave out", type="button", data_act="leave_out_where"),
+    )
+
+
+def planned(fit: Fit, words: dict[str, Any], progress: Progress) -> Result:
+    """The next poses to measure, for what the diagnosis leaves open or else for the model's parameters."""
+    count = words.get("poses", _MOST_SHOWN)
+    if not isinstance(count, int) or not 1 <= count <= _MOST_POSES:
+        raise InputError(f"poses: found {count!r}, expected 1 to {_MOST_POSES}")
+    chosen = plan(fit, count, progress=progress)
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    own = [] if chosen.target is None else [chosen.target]
+    writer.writerow([*chosen.columns, *(["target"] if own else [])])
+    rows = np.column_stack(list(chosen.columns.values()))
+    writer.writerows([[*(f"{value:.10f}" for value in row), *own] for row in rows])
+    sentences = [
+        f"To tell {entry['truth']} from {entry['rival']}: ΔBIC is {entry['delta_bic_now']:.0f} now and "
+        f"{entry['delta_bic_expected']:.0f} with these poses, {entry['delta_bic_expected_random']:.0f} with as many "
+        "random ones; below −10 the question is settled."
+        for entry in chosen.figures.get("separations", [])
+    ]
+    if (share := chosen.figures.get("random_poses_per_planned")) is not None:
+        sentences.append(f"{count} planned poses give the precision of {share * count:.0f} random ones.")
+    heads = [tag("th", name, scope="col") for name in chosen.columns]
+    body = [tag("tr", [tag("td", f"{value:.4f}") for value in row]) for row in rows[:_MOST_SHOWN]]
+    shown = tag(
+        "div",
+        [tag("p", sentence) for sentence in sentences],
+        _scrolled(
+            tag("table", tag("caption", "Planned poses [rad, m]"), tag("tr", heads), body), "Planned poses"
+        ),
+    )
+    made = Made("poses.csv", text.getvalue().encode(), "text/csv; charset=utf-8")
+    return Result(shown, f"{count} poses are planned: run poses.csv, then drop what was measured.", made)
+
+
+def compared(fit: Fit, drop: Drop) -> Result:
+    """Dropped measurements against the model. Errors: InputError where they are not one file in Armtrue's form."""
+    files = [name for name in drop.names if name.lower().endswith((".csv", ".yaml", ".yml"))]
+    if len(files) != 1:
+        raise InputError(
+            f"compare: found {len(files)} files of measurements, expected one to be dropped first"
+        )
+    figures = compare(fit, load_data(drop.folder / files[0], fit.robot)).figures
+    mean, expected = figures["error"]["mean_um"], figures["expected_mean_um"]
+    verdict = (
+        "as was to be expected" if figures["verdict"] == "as_expected" else "worse than was to be expected"
+    )
+    said = f"{files[0]}: mean error {micrometres(mean)} µm, {verdict} ({micrometres(expected)} µm)."
+    worst: list[Content] = [
+        tag("li", f"row {entry['row']}: {micrometres(entry['error_um'])} µm") for entry in figures["rows"]
+    ]
+    return Result(tag("div", tag("p", said), tag("h3", "The worst rows"), tag("ol", worst)), said)
+
+
+def _scrolled(table: Markup, name: str) -> Markup:
+    return tag("div", table, class_="scroll", tabindex="0", role="region", aria_label=name)

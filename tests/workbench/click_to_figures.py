@@ -1,0 +1,89 @@
+"""From a click on Add or Undo to the new figures on the page, at 300, 2000 and 12 000 poses: median and worst.
+
+A table for docs/results.md. `./dev bench workbench` runs it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import statistics
+import sys
+import tempfile
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path[:0] = [str(ROOT), str(Path(__file__).parent)]
+
+import armtrue_sim  # noqa: E402
+from bench_page import Page  # noqa: E402
+from opened import Workbench  # noqa: E402
+
+from tests.report.browser import Browser  # noqa: E402
+
+POSES = (300, 2000, 12000)
+SCENARIO = {
+    "arm": "kr30",
+    "seed": 8,
+    "hidden": [
+        {"effect": "gear_harmonics", "joints": [3], "scale": 2.5},
+        {"effect": "backlash", "joints": [2]},
+    ],
+}
+# Presses a button and answers with the milliseconds until the page has the new step and nothing runs.
+PRESS = """
+const [selector, place, done] = arguments;
+const steps = document.querySelector('[data-piece=waterfall]'), before = steps.innerHTML, start = performance.now();
+const look = () => {
+  const drawn = steps.innerHTML !== before && document.body.getAttribute('aria-busy') === 'false';
+  return drawn ? done(performance.now() - start) : requestAnimationFrame(look);
+};
+document.querySelectorAll(selector)[place].click();
+requestAnimationFrame(look);
+"""
+ADD, UNDO = "table[aria-label=Candidates] [data-act=add]", "#button-undo"
+
+
+def measured(page: Page, actions: int) -> tuple[list[float], list[float]]:
+    """Seconds from click to figures, of so many presses of Add and as many of Undo after them."""
+    page.browser.driver.set_script_timeout(300)
+    adds, undos = [], []
+    count = len(page.candidates())
+    for k in range(actions):
+        adds.append(page.browser.driver.execute_async_script(PRESS, ADD, k % count) / 1000.0)
+        undos.append(page.browser.driver.execute_async_script(PRESS, UNDO, 0) / 1000.0)
+    return adds, undos
+
+
+def memory_mb(workbench: Workbench) -> float:
+    """Memory that the server holds."""
+    lines = Path(f"/proc/{workbench.process.pid}/status").read_text().splitlines()
+    return next(int(line.split()[1]) / 1024.0 for line in lines if line.startswith("VmRSS"))
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--actions", type=int, default=25, help="presses of Add, and as many of Undo")
+    parser.add_argument("--poses", type=int, nargs="*", default=list(POSES))
+    given = parser.parse_args()
+    print("| poses | Add: median [s] | worst [s] | Undo: median [s] | worst [s] | server's memory [MB] |")
+    print("|---|---|---|---|---|---|")
+    browser = Browser(this_machine=True)
+    try:
+        for poses in given.poses:
+            with tempfile.TemporaryDirectory() as name:
+                folder = Path(name)
+                armtrue_sim.simulate({**SCENARIO, "poses": poses}).write(folder)
+                workbench = Workbench([folder / "data.csv"], folder / "state")
+                try:
+                    adds, undos = measured(Page(browser, workbench.address), given.actions)
+                    figures = [f"{statistics.median(s):.2f} | {max(s):.2f}" for s in (adds, undos)]
+                    print(f"| {poses} | {' | '.join(figures)} | {memory_mb(workbench):.0f} |", flush=True)
+                finally:
+                    workbench.kill()
+    finally:
+        browser.close()
+
+
+if __name__ == "__main__":
+    main()
