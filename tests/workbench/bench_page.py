@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable
 from typing import Any
 
+from selenium.common.exceptions import StaleElementReferenceException
 from selenium.webdriver.common.by import By
 from selenium.webdriver.remote.webelement import WebElement
 
@@ -36,13 +37,15 @@ class Page:
         )
 
     def by_role(self, tags: str, role: str, name: str | None = None) -> list[WebElement]:
-        """Elements of a role, and of a name if given."""
-        found = self.browser.driver.find_elements(By.CSS_SELECTOR, tags)
-        return [
-            element
-            for element in found
-            if element.aria_role == role and (name is None or element.accessible_name == name)
-        ]
+        """Elements of a role, and of a name if given. Those that were replaced while they were asked are found anew."""
+        while True:
+            found = self.browser.driver.find_elements(By.CSS_SELECTOR, tags)
+            try:
+                return [
+                    e for e in found if e.aria_role == role and (name is None or e.accessible_name == name)
+                ]
+            except StaleElementReferenceException:
+                continue
 
     def one(self, tags: str, role: str, name: str) -> WebElement:
         """The one element of a role and name."""
