@@ -29,13 +29,16 @@ struct Candidate {
   BlockScore score;          ///< of it alone beside the fit
   double log10_p = 0.0;      ///< F test of it alone, corrected for the number of candidates
   bool recommend = false;
-  double held_out_mean = 0.0;         ///< mean held-out error if added, predicted [m]
+  double held_out_mean = 0.0;         ///< expected mean held-out error once it is in the model [m]
   double delta_bic = 0.0;             ///< −2 log Bayes factor of it alone
   std::vector<Parameter> parameters;  ///< with values
   std::vector<double> sigma;
   std::vector<std::string> confounded_with;
   std::string why;
 };
+
+/// The parameters as documents list them: name, value, sigma, unit.
+nlohmann::json parameters_json(const Candidate& candidate);
 
 /// An effect of the fit that the search left out more often than not.
 struct Superfluous {

@@ -6,6 +6,17 @@ namespace armtrue {
 
 using nlohmann::json;
 
+json parameters_json(const Candidate& candidate) {
+  json parameters = json::array();
+  for (std::size_t i = 0; i < candidate.parameters.size(); ++i) {
+    parameters.push_back({{"name", candidate.parameters[i].name},
+                          {"value", candidate.parameters[i].value},
+                          {"sigma", candidate.sigma[i]},
+                          {"unit", candidate.parameters[i].unit}});
+  }
+  return parameters;
+}
+
 json Diagnosis::to_json(const Fit& fit) const {
   static const char* const verdicts[] = {"nothing_missing", "missing_effect",
                                          "unexplained_structure"};
@@ -36,17 +47,10 @@ json Diagnosis::to_json(const Fit& fit) const {
   result["error"]["cross_validation"] = document["error"]["cross_validation"];
   result["candidates"] = json::array();
   for (const Candidate& c : candidates) {
-    json parameters = json::array();
-    for (std::size_t i = 0; i < c.parameters.size(); ++i) {
-      parameters.push_back({{"name", c.parameters[i].name},
-                            {"value", c.parameters[i].value},
-                            {"sigma", c.sigma[i]},
-                            {"unit", c.parameters[i].unit}});
-    }
     result["candidates"].push_back({{"effect", c.request.effect},
                                     {"joints", c.request.joints},
                                     {"options", c.request.options},
-                                    {"parameters", parameters},
+                                    {"parameters", parameters_json(c)},
                                     {"recommend", c.recommend},
                                     {"explained", c.score.explained},
                                     {"log10_p", c.log10_p},

@@ -24,17 +24,6 @@ constexpr std::size_t kLookedThrough = 60;
 // Held-out errors of two models that agree by this share are equal.
 constexpr double kSameError = 1e-3;
 
-json parameters_json(const Candidate& c) {
-  json parameters = json::array();
-  for (std::size_t i = 0; i < c.parameters.size(); ++i) {
-    parameters.push_back({{"name", c.parameters[i].name},
-                          {"value", c.parameters[i].value},
-                          {"sigma", c.sigma[i]},
-                          {"unit", c.parameters[i].unit}});
-  }
-  return parameters;
-}
-
 // A change of the model: what comes in, what goes.
 struct Move {
   std::optional<Candidate> added;

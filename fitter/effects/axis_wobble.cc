@@ -14,7 +14,7 @@ class AxisWobble final : public Effect {
            "(docs/effects.md)";
   }
 
-  std::vector<int> default_joints(const EffectContext &context) const override {
+  std::vector<int> default_joints(const EffectContext& context) const override {
     std::vector<int> joints;
     for (int k = 1; k <= context.joint_count(); ++k) {
       if (!context.prismatic(k)) joints.push_back(k);
@@ -22,8 +22,8 @@ class AxisWobble final : public Effect {
     return joints;
   }
 
-  std::vector<std::string> missing(const EffectContext &context,
-                                   const std::vector<int> &joints) const override {
+  std::vector<std::string> missing(const EffectContext& context,
+                                   const std::vector<int>& joints) const override {
     std::vector<std::string> lacking;
     for (const int k : joints) {
       if (context.prismatic(k)) lacking.push_back("a revolute joint " + std::to_string(k));
@@ -31,7 +31,7 @@ class AxisWobble final : public Effect {
     return lacking;
   }
 
-  EffectTerms build(const EffectContext &, const EffectRequest &request) const override {
+  EffectTerms build(const EffectContext&, const EffectRequest& request) const override {
     EffectTerms terms;
     for (const int k : request.joints) {
       for (const int c : {3, 4, 0, 1}) {
@@ -49,7 +49,7 @@ class AxisWobble final : public Effect {
     return terms;
   }
 
-  std::vector<EffectRequest> candidates(const EffectContext &context) const override {
+  std::vector<EffectRequest> candidates(const EffectContext& context) const override {
     std::vector<EffectRequest> result;
     for (const int k : default_joints(context)) result.push_back({id(), {k}});
     return result;

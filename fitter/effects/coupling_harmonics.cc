@@ -20,13 +20,13 @@ class CouplingHarmonics final : public Effect {
     return {{"orders", "[int]", "cycles per turn of the driving joint, default [1, 2]"}};
   }
 
-  std::vector<int> default_joints(const EffectContext &context) const override {
+  std::vector<int> default_joints(const EffectContext& context) const override {
     const int n = context.joint_count();
     if (n < 3) return {};
     return {n - 1, n - 2, n, n - 2, n, n - 1};
   }
 
-  EffectTerms build(const EffectContext &, const EffectRequest &request) const override {
+  EffectTerms build(const EffectContext&, const EffectRequest& request) const override {
     EffectTerms terms;
     const std::vector<int> orders = request.options.value("orders", std::vector<int>{1, 2});
     for (std::size_t i = 0; i + 1 < request.joints.size(); i += 2) {
@@ -48,7 +48,7 @@ class CouplingHarmonics final : public Effect {
     return terms;
   }
 
-  std::vector<EffectRequest> candidates(const EffectContext &context) const override {
+  std::vector<EffectRequest> candidates(const EffectContext& context) const override {
     std::vector<EffectRequest> result;
     const std::vector<int> pairs = default_joints(context);
     for (std::size_t i = 0; i + 1 < pairs.size(); i += 2) {

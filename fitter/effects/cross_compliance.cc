@@ -20,15 +20,15 @@ class CrossCompliance final : public Effect {
            "their gears (docs/effects.md)";
   }
 
-  std::vector<int> default_joints(const EffectContext &context) const override {
+  std::vector<int> default_joints(const EffectContext& context) const override {
     for (int k = 1; k < context.joint_count(); ++k) {
       if (are_parallel(context, k)) return {k, k + 1};
     }
     return {};
   }
 
-  std::vector<std::string> missing(const EffectContext &context,
-                                   const std::vector<int> &joints) const override {
+  std::vector<std::string> missing(const EffectContext& context,
+                                   const std::vector<int>& joints) const override {
     std::vector<std::string> lacking;
     if (joints.empty()) lacking.emplace_back("two parallel axes");
     for (const int k : joints) {
@@ -41,7 +41,7 @@ class CrossCompliance final : public Effect {
 
   // One number drives both: by Maxwell and Betti the compliance matrix is
   // symmetric.
-  EffectTerms build(const EffectContext &context, const EffectRequest &request) const override {
+  EffectTerms build(const EffectContext& context, const EffectRequest& request) const override {
     EffectTerms terms;
     for (std::size_t i = 0; i + 1 < request.joints.size(); i += 2) {
       const int a = request.joints[i], b = request.joints[i + 1];
@@ -62,7 +62,7 @@ class CrossCompliance final : public Effect {
     return terms;
   }
 
-  std::vector<EffectRequest> candidates(const EffectContext &context) const override {
+  std::vector<EffectRequest> candidates(const EffectContext& context) const override {
     std::vector<EffectRequest> result;
     for (int k = 1; k < context.joint_count(); ++k) {
       if (are_parallel(context, k)) result.push_back({id(), {k, k + 1}});
@@ -75,9 +75,9 @@ class CrossCompliance final : public Effect {
   static constexpr double kSoftest = 1e-3;  // [rad/Nm]
 
   // Of joints k and k + 1, whatever joint k's angle.
-  static bool are_parallel(const EffectContext &context, int k) {
+  static bool are_parallel(const EffectContext& context, int k) {
     if (context.prismatic(k) || context.prismatic(k + 1)) return false;
-    const auto &next = context.robot().joints[static_cast<std::size_t>(k)].fixed;
+    const auto& next = context.robot().joints[static_cast<std::size_t>(k)].fixed;
     return std::abs(next.linear()(2, 2)) > 1.0 - 1e-6;
   }
 };

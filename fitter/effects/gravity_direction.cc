@@ -3,28 +3,20 @@
 namespace armtrue {
 namespace {
 
-class GravityDirection final : public Effect {
+class GravityDirection final : public LoadEffect {
  public:
   std::string id() const override { return "gravity_direction"; }
   std::string summary() const override { return "robot base is not level"; }
-  JointRule joint_rule() const override { return JointRule::kNone; }
   std::string bound_text() const override {
     return "5e-2 rad: ours, a floor that slopes by 3 degrees is seen by eye "
            "(docs/effects.md)";
   }
 
-  bool reads_springs() const override { return true; }
-
-  std::vector<std::string> missing(const EffectContext &context,
-                                   const std::vector<int> &) const override {
-    return missing_for_loads(context);
-  }
-
-  EffectTerms build(const EffectContext &context, const EffectRequest &) const override {
+  EffectTerms build(const EffectContext& context, const EffectRequest&) const override {
     EffectTerms terms;
     for (const std::string about : {"x", "y"}) {
       Parameter p = load_change(
-          context, id(), "r" + about, "rad", kLargest, kUsual, [&](const Variable &load) {
+          context, id(), "r" + about, "rad", kLargest, kUsual, [&](const Variable& load) {
             const std::string of = load.kind == VariableKind::kTorque
                                        ? "tilt_"
                                        : (load.axis == 0 ? "tiltx_" : "tilty_");

@@ -5,34 +5,26 @@ namespace {
 
 // The regressor that is the derivative of a load by a component of a link's
 // mass; empty where the link lies before the joint.
-std::string regressor(const Variable &load, int link, const std::string &component) {
+std::string regressor(const Variable& load, int link, const std::string& component) {
   if (link < load.joint) return "";
   const std::string of =
       load.kind == VariableKind::kTorque ? "u_" : (load.axis == 0 ? "ux_" : "uy_");
   return of + std::to_string(load.joint) + "_" + std::to_string(link) + "_" + component;
 }
 
-class MassParameters final : public Effect {
+class MassParameters final : public LoadEffect {
  public:
   std::string id() const override { return "mass_parameters"; }
   std::string summary() const override {
     return "masses, centres of mass or the payload's centre are not as stated";
   }
-  JointRule joint_rule() const override { return JointRule::kNone; }
   std::string bound_text() const override {
     return "each mass by itself, each centre by 0.1 m: ours, data sheets are "
            "20 % and 15 mm off "
            "(docs/effects.md)";
   }
 
-  bool reads_springs() const override { return true; }
-
-  std::vector<std::string> missing(const EffectContext &context,
-                                   const std::vector<int> &) const override {
-    return missing_for_loads(context);
-  }
-
-  EffectTerms build(const EffectContext &context, const EffectRequest &) const override {
+  EffectTerms build(const EffectContext& context, const EffectRequest&) const override {
     EffectTerms terms;
     const auto add = [&](Parameter p) {
       if (!p.terms.empty()) terms.parameters.push_back(std::move(p));
@@ -46,14 +38,14 @@ class MassParameters final : public Effect {
         add(load_change(context, id(), "link" + std::to_string(link) + "_" + component,
                         is_mass ? "kg" : "kg m", mass * (is_mass ? 1.0 : kFurthest),
                         mass * (is_mass ? kUsualShare : kUsualShift),
-                        [&](const Variable &load) { return regressor(load, link, component); }));
+                        [&](const Variable& load) { return regressor(load, link, component); }));
       }
     }
     if (context.state.recorded("payload")) {
       for (const std::string component : {"x", "y", "z"}) {
         add(load_change(
             context, id(), "payload_" + component, "m", kFurthest, kUsualShift,
-            [&](const Variable &load) { return "payload*" + regressor(load, n, component); }));
+            [&](const Variable& load) { return "payload*" + regressor(load, n, component); }));
       }
     }
     return terms;

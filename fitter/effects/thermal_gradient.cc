@@ -20,14 +20,14 @@ class ThermalGradient final : public Effect {
     return {{"sensors", "[string]", "the two whose difference counts, default the last two"}};
   }
 
-  std::vector<std::string> missing(const EffectContext &context,
-                                   const std::vector<int> &) const override {
+  std::vector<std::string> missing(const EffectContext& context,
+                                   const std::vector<int>&) const override {
     if (context.state.sensors().size() > 1) return {};
     return {"two columns temp_NAME, one on either side of a link"};
   }
 
-  EffectTerms build(const EffectContext &context, const EffectRequest &request) const override {
-    const std::vector<std::string> &known = context.state.sensors();
+  EffectTerms build(const EffectContext& context, const EffectRequest& request) const override {
+    const std::vector<std::string>& known = context.state.sensors();
     const std::vector<std::string> pair = request.options.value(
         "sensors", std::vector<std::string>{known[known.size() - 2], known.back()});
     if (pair.size() != 2) {
@@ -45,8 +45,8 @@ class ThermalGradient final : public Effect {
     return terms;
   }
 
-  std::vector<EffectRequest> candidates(const EffectContext &context) const override {
-    const std::vector<std::string> &sensors = context.state.sensors();
+  std::vector<EffectRequest> candidates(const EffectContext& context) const override {
+    const std::vector<std::string>& sensors = context.state.sensors();
     std::vector<EffectRequest> result;
     for (int k = 1; k <= context.joint_count(); ++k) {
       for (std::size_t a = 0; a < sensors.size(); ++a) {

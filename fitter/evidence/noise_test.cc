@@ -18,7 +18,7 @@ std::unique_ptr<Fit> scattered(std::uint64_t seed, const std::vector<double>& jo
   Random random(seed);
   const Problem p(testing::industrial_arm(), testing::geometry_model(),
                   {300, false, 1, 0.0, 0.0, {}}, random, [](const Parameter&) { return 0.0; });
-  // The arm stands where its joints went, the file says where they were sent.
+  // Positions are measured with the scattered joints; the file keeps the commanded ones.
   State::Columns columns = p.columns, stood = p.columns;
   for (std::size_t k = 0; k < joint_sigma.size(); ++k) {
     for (double& q : stood["q" + std::to_string(k + 1)])

@@ -40,12 +40,20 @@ int number_behind(const std::string& name, const std::string& stem) {
   return std::stoi(name.substr(stem.size()));
 }
 
+// The parts of a name that has this stem and this form; nothing for another name.
+std::optional<std::smatch> parts_of(const std::string& name, const char* stem,
+                                    const std::regex& form) {
+  std::smatch parts;
+  if (!name.starts_with(stem) || !std::regex_match(name, parts, form)) return std::nullopt;
+  return parts;
+}
+
 std::optional<Variable> parse_regressor(const std::string& name, int joints) {
   static const std::regex pattern(
       R"(u(x|y)?_([0-9]{1,2})_([0-9]{1,2})_([mxyz])|up(x|y)?_([0-9]{1,2}))");
-  std::smatch match;
-  if (name.empty() || name[0] != 'u' || !std::regex_match(name, match, pattern))
-    return std::nullopt;
+  const std::optional<std::smatch> found = parts_of(name, "u", pattern);
+  if (!found) return std::nullopt;
+  const std::smatch& match = *found;
   const bool payload = match[6].matched;
   const std::string axis = match[payload ? 5 : 1];
   Variable v;
@@ -64,8 +72,9 @@ std::optional<Variable> parse_regressor(const std::string& name, int joints) {
 // tiltx_K_C, tilty_K_C: the moment about x and y of frame K, or of the base (K = 0).
 std::optional<Variable> parse_tilt(const std::string& name, int joints) {
   static const std::regex pattern(R"(tilt(x|y)?_([0-9]{1,2})_([xy]))");
-  std::smatch match;
-  if (name.rfind("tilt", 0) != 0 || !std::regex_match(name, match, pattern)) return std::nullopt;
+  const std::optional<std::smatch> found = parts_of(name, "tilt", pattern);
+  if (!found) return std::nullopt;
+  const std::smatch& match = *found;
   Variable v;
   v.name = name;
   v.kind = match[1].matched ? VariableKind::kMomentTilt : VariableKind::kTorqueTilt;
@@ -79,8 +88,9 @@ std::optional<Variable> parse_tilt(const std::string& name, int joints) {
 // warmK_TAU: duty of joint K, low-passed with TAU seconds.
 std::optional<Variable> parse_warmth(const std::string& name, int joints) {
   static const std::regex pattern(R"(warm([0-9]{1,2})_([0-9]{1,7}))");
-  std::smatch match;
-  if (name.rfind("warm", 0) != 0 || !std::regex_match(name, match, pattern)) return std::nullopt;
+  const std::optional<std::smatch> found = parts_of(name, "warm", pattern);
+  if (!found) return std::nullopt;
+  const std::smatch& match = *found;
   Variable v;
   v.name = name;
   v.kind = VariableKind::kWarmth;

@@ -50,7 +50,8 @@ struct Variable {
 /// (x, y, z, …, repeat, target, sigma) give nothing, nor do joints that the arm has not.
 std::optional<Variable> parse_variable(const std::string& name, int joints);
 
-/// The state's own variables of an arm, in the order of docs/model.md, with those of `sensors`.
+/// All variables that the state of an arm with so many joints and these temperature sensors can
+/// have, in the order of docs/model.md.
 std::vector<Variable> state_variables(int joints, const std::vector<std::string>& sensors);
 
 /// Columns of a file without which the variable cannot be had on this arm; `with_payload`: what was

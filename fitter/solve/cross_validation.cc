@@ -14,8 +14,9 @@ namespace {
 // Share of an unknown's information that rounding leaves where nothing but the fold speaks of it.
 constexpr double kUnseen = 1e-9;
 
-// Unknowns that the fold alone knows (a reflector, a column): what it holds of them is nobody's
-// prediction. A prior or smoothness predicts a table's node, but not what had neither.
+// Unknowns that only rows of this fold measure, such as the position of a reflector that no other
+// fold saw: without the fold they have no estimate, so rows that need them are not scored. Nodes of
+// tables are excepted, since smoothness predicts them from their neighbours.
 std::vector<bool> unseen_unknowns(const Design& design, const Eigen::VectorXd& data,
                                   const NormalEquations& own) {
   std::vector<bool> unseen(static_cast<std::size_t>(data.size()), false);

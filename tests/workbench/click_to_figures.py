@@ -16,19 +16,11 @@ sys.path[:0] = [str(ROOT), str(Path(__file__).parent)]
 
 import armtrue_sim  # noqa: E402
 from bench_page import Page  # noqa: E402
-from opened import Workbench  # noqa: E402
+from opened import TWO_HIDDEN, Workbench  # noqa: E402
 
 from tests.report.browser import Browser  # noqa: E402
 
 POSES = (300, 2000, 12000)
-SCENARIO = {
-    "arm": "kr30",
-    "seed": 8,
-    "hidden": [
-        {"effect": "gear_harmonics", "joints": [3], "scale": 2.5},
-        {"effect": "backlash", "joints": [2]},
-    ],
-}
 # Presses a button and answers with the milliseconds until the page has the new step and nothing runs.
 PRESS = """
 const [selector, place, done] = arguments;
@@ -73,7 +65,7 @@ def main() -> None:
         for poses in given.poses:
             with tempfile.TemporaryDirectory() as name:
                 folder = Path(name)
-                armtrue_sim.simulate({**SCENARIO, "poses": poses}).write(folder)
+                armtrue_sim.simulate({**TWO_HIDDEN, "poses": poses}).write(folder)
                 workbench = Workbench([folder / "data.csv"], folder / "state")
                 try:
                     adds, undos = measured(Page(browser, workbench.address), given.actions)

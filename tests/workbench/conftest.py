@@ -8,19 +8,9 @@ from pathlib import Path
 import armtrue_sim
 import pytest
 from bench_page import Page
-from opened import Workbench
+from opened import TWO_HIDDEN, Workbench
 
 from tests.report.browser import Browser
-
-# Two effects that the believed model lacks, either of them clear.
-TWO_HIDDEN = {
-    "arm": "kr30",
-    "seed": 8,
-    "hidden": [
-        {"effect": "gear_harmonics", "joints": [3], "scale": 2.5},
-        {"effect": "backlash", "joints": [2]},
-    ],
-}
 
 
 @pytest.fixture(scope="session")

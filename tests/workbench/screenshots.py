@@ -14,19 +14,11 @@ sys.path[:0] = [str(ROOT), str(Path(__file__).parent)]
 
 import armtrue_sim  # noqa: E402
 from bench_page import Page  # noqa: E402
-from opened import Workbench  # noqa: E402
+from opened import TWO_HIDDEN, Workbench  # noqa: E402
 from PIL import Image  # noqa: E402
 
 from tests.report.browser import PHONE, Browser  # noqa: E402
 
-SCENARIO = {
-    "arm": "kr30",
-    "seed": 8,
-    "hidden": [
-        {"effect": "gear_harmonics", "joints": [3], "scale": 2.5},
-        {"effect": "backlash", "joints": [2]},
-    ],
-}
 WINDOW = (1280, 860)
 FRAME_WIDTH = 900
 FRAME_MS = 2200
@@ -57,7 +49,7 @@ def main() -> None:
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        armtrue_sim.simulate(SCENARIO).write(folder)
+        armtrue_sim.simulate(TWO_HIDDEN).write(folder)
         workbench = Workbench([folder / "data.csv"], folder / "state")
         browser = Browser(this_machine=True)
         try:

@@ -1,4 +1,4 @@
-"""What lasts: two tabs, a killed server, files that are bad or foreign, a keyboard alone, a phone."""
+"""A session in two tabs, after a restart of the server, with bad and foreign files, by keyboard, and on a phone."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Commands under abuse: outputs that are inputs, devices and links; options, names and sizes that cannot be."""
+"""Commands whose output is an input, a device or a link, and options, names and file sizes that are impossible."""
 
 from __future__ import annotations
 

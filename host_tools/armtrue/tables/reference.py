@@ -65,7 +65,7 @@ class Reference:
         return Standing(self.chain.frames(motor), np.tile(point, (motor.shape[0], 1)))
 
     def as_deflected(self, motor: Array, around: Surroundings) -> Standing:
-        """Loads of the fitted arm where they have bent it to, as the fitter has them."""
+        """Gravity loads of the fitted arm in its deflected position, which the fitter uses too."""
         standing = self.at_nominal(motor)
         for _ in range(_MOST_STEPS):
             coordinates = self.coordinates(self.state(motor, around, standing))

@@ -47,7 +47,7 @@ def make(session: Session, name: str, progress: Progress | None = None) -> Made:
 
 
 def _bundle(session: Session) -> Made:
-    """Everything in one file, so that one button is enough."""
+    """One archive with every output of the session: the Export button downloads it."""
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as bundle:
         bundle.writestr("tables.bin", _tables(session))
