@@ -91,7 +91,8 @@ def diagnose(fit: Fit, progress: Progress | None = None) -> Diagnosis:
     Errors: InputError where the measurements are gone or changed.
     """
     try:
-        return Diagnosis(json.loads(_core.diagnose(fit.core, progress)))
+        with fit.lock:
+            return Diagnosis(json.loads(_core.diagnose(fit.core, progress)))
     except _core.ModelError as error:
         raise InputError(f"{fit.data.path}: {error}") from None
 
@@ -108,7 +109,8 @@ def refine(fit: Fit, progress: Progress | None = None, on_step: Step | None = No
             on_step(from_core(fit, core), Diagnosis(json.loads(step)))
 
     try:
-        core, result = _core.refine(fit.core, forward, progress)
+        with fit.lock:
+            core, result = _core.refine(fit.core, forward, progress)
     except _core.ModelError as error:
         raise InputError(f"{fit.data.path}: {error}") from None
     return from_core(fit, core), Refinement(json.loads(result))

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import json
+import threading
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -41,6 +43,11 @@ class Fit:
     path: Path | None = None
     _data: Dataset | None = field(default=None, repr=False)
     _core_fit: _core.Fit | None = field(default=None, repr=False)
+    # The library's fit works in scratch memory of its own: one thread at a time may ask it.
+    lock: threading.RLock = field(default_factory=threading.RLock, init=False, repr=False, compare=False)
+    _arrays: dict[str, NDArray[np.float64]] = field(
+        default_factory=dict, init=False, repr=False, compare=False
+    )
 
     def __repr__(self) -> str:
         return notebook.fit_text(self.document)
@@ -97,11 +104,12 @@ class Fit:
     @property
     def core(self) -> _core.Fit:
         """The fitted model in the numerical library, solved again where the fit was loaded from a file."""
-        if self._core_fit is None:
-            self._core_fit = _run(
-                self.data, self.robot, self.document["model"], self.document["options"], None
-            )
-        return self._core_fit
+        with self.lock:
+            if self._core_fit is None:
+                self._core_fit = _run(
+                    self.data, self.robot, self.document["model"], self.document["options"], None
+                )
+            return self._core_fit
 
     def predict(self, data: Dataset) -> NDArray[np.float64]:
         """Predicted positions (N, 3) [m] in the measuring frame. Errors: InputError where a column is missing."""
@@ -144,7 +152,26 @@ class Fit:
 
     def residuals(self) -> NDArray[np.float64]:
         """Measured minus predicted positions (N, 3) [m] of the fitted measurements."""
-        return np.asarray(self.core.residuals())
+        return self._kept("residuals", lambda core: core.residuals())
+
+    def state_column(self, name: str) -> NDArray[np.float64]:
+        """A state variable of docs/model.md over the fitted rows (N,). Errors: _core.ModelError where there is none."""
+        return self._kept(f"state {name}", lambda core: _core.state_column(core, name)[:, 0])
+
+    def coordinate_column(self, name: str) -> NDArray[np.float64]:
+        """Change of every predicted position by one coordinate [m per unit], (N, 3)."""
+        return self._kept(f"coordinate {name}", lambda core: _core.coordinate_column(core, name))
+
+    def residuals_in_noise(self) -> NDArray[np.float64]:
+        """Measured minus predicted in standard deviations: (N, 3), or (N, 6) where orientations were measured."""
+        return self._kept("in noise", lambda core: _core.residuals_in_noise(core, core))
+
+    def _kept(self, name: str, work: Callable[[_core.Fit], Any]) -> NDArray[np.float64]:
+        """An array that the library makes, kept: charts ask for the same ones again and again."""
+        if name not in self._arrays:
+            with self.lock:
+                self._arrays[name] = np.asarray(work(self.core))
+        return self._arrays[name]
 
     def _for_the_library(self) -> str:
         """The document as JSON text for `_core.predict`, which knows reflectors by their place among sorted keys."""

@@ -27,6 +27,12 @@ OTHER_SENSOR_ADVICE = (
 )
 
 
+def scored_mean_um(figures: dict[str, Any]) -> float | None:
+    """Mean of held-out error figures; None where no pose could be scored, whose figures say nothing."""
+    mean = figures.get("mean_um")
+    return None if mean is None or figures.get("n") == 0 else float(mean)
+
+
 def verdict_words(diagnosis: dict[str, Any]) -> str:
     """The verdict of a diagnosis as a sentence. Without a noise floor nobody can say that what is left is noise."""
     verdict = str(diagnosis["verdict"])

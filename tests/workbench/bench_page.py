@@ -12,7 +12,7 @@ from selenium.webdriver.remote.webelement import WebElement
 
 from tests.report.browser import LAPTOP, Browser
 
-_PATIENCE_S = 60.0
+_PATIENCE_S = 120.0
 
 
 class Page:
@@ -75,6 +75,10 @@ class Page:
     def failure(self) -> str:
         """What went wrong, if anything."""
         return str(self.browser.run("return document.querySelector('[role=alert]').textContent"))
+
+    def text(self, piece: str) -> str:
+        """The words of a piece of the page."""
+        return str(self.browser.run(f"return document.querySelector('[data-piece={piece}]').innerText"))
 
     def candidates(self) -> list[str]:
         """What the rows of the table begin with."""

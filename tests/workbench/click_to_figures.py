@@ -9,6 +9,7 @@ import argparse
 import statistics
 import sys
 import tempfile
+import time
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -46,6 +47,14 @@ def measured(page: Page, actions: int) -> tuple[list[float], list[float]]:
     return adds, undos
 
 
+def diagnosed_s(page: Page, workbench: Workbench) -> float:
+    """Seconds from a click on Add until the diagnosis of the new model stands there too."""
+    begun = time.monotonic()
+    page.add()
+    page.until(lambda: workbench.state()["verdict"], "verdict")
+    return time.monotonic() - begun
+
+
 def memory_mb(workbench: Workbench) -> float:
     """Memory that the server holds."""
     lines = Path(f"/proc/{workbench.process.pid}/status").read_text().splitlines()
@@ -58,8 +67,11 @@ def main() -> None:
     parser.add_argument("--actions", type=int, default=25, help="presses of Add, and as many of Undo")
     parser.add_argument("--poses", type=int, nargs="*", default=list(POSES))
     given = parser.parse_args()
-    print("| poses | Add: median [s] | worst [s] | Undo: median [s] | worst [s] | server's memory [MB] |")
-    print("|---|---|---|---|---|---|")
+    print(
+        "| poses | Add: median [s] | worst [s] | Undo: median [s] | worst [s] | with its diagnosis [s] "
+        "| server's memory [MB] |"
+    )
+    print("|---|---|---|---|---|---|---|")
     browser = Browser(this_machine=True)
     try:
         for poses in given.poses:
@@ -68,9 +80,14 @@ def main() -> None:
                 armtrue_sim.simulate({**TWO_HIDDEN, "poses": poses}).write(folder)
                 workbench = Workbench([folder / "data.csv"], folder / "state")
                 try:
-                    adds, undos = measured(Page(browser, workbench.address), given.actions)
+                    page = Page(browser, workbench.address)
+                    adds, undos = measured(page, given.actions)
+                    whole = diagnosed_s(page, workbench)
                     figures = [f"{statistics.median(s):.2f} | {max(s):.2f}" for s in (adds, undos)]
-                    print(f"| {poses} | {' | '.join(figures)} | {memory_mb(workbench):.0f} |", flush=True)
+                    print(
+                        f"| {poses} | {' | '.join(figures)} | {whole:.1f} | {memory_mb(workbench):.0f} |",
+                        flush=True,
+                    )
                 finally:
                     workbench.kill()
     finally:

@@ -159,12 +159,13 @@ def gather(fits: list[Fit], progress: Progress | None = None, names: list[str] |
 def shown_again(fits: list[Fit], names: list[str], results: list[dict[str, Any]]) -> Report:
     """A report of fits whose diagnoses, with spectra, are known already; nothing is fitted for it.
 
-    It has no added variables. `results`: the `diagnose` JSON of each fit.
+    It has no added variables. `results`: the `diagnose` JSON of each fit, or none at all where no section that needs
+    one is drawn.
     """
     check_same_data(fits)
     steps = steps_of(list(zip(fits, names, strict=True)))
     along = directions(fits[-1])
-    diagnoses = [_shown(step, result, along) for step, result in zip(steps, results, strict=True)]
+    diagnoses = [_shown(step, result, along) for step, result in zip(steps, results, strict=bool(results))]
     return Report(steps, variables(fits[-1]), along, diagnoses, tiny_levers(fits[-1]))
 
 
@@ -207,7 +208,7 @@ def _independent(step: Step, number: int, along: list[Direction]) -> float:
     if "target" in fit.data.columns:
         # Reflectors on one tool all see what the joints did.
         visit = np.unique(fit.data.joints[used], axis=0, return_inverse=True)[1].ravel()
-    lever = np.asarray(_core.coordinate_column(fit.core, f"motor{number}"))
+    lever = fit.coordinate_column(f"motor{number}")
     if step.turned_rad is not None:
         noise = fit.document["noise"]
         position, turn = 1e-6 * noise["sigma_um"], noise["sigma_rotation_rad"]
@@ -229,8 +230,8 @@ def _added_variable(step: Step, candidate: dict[str, Any]) -> AddedVariable | No
     if step.fit.document["noise"]["sigma_rotation_rad"] is None:
         left, after, unit = 1e6 * step.residual_m[used], 1e6 * refitted.residuals()[used], "µm"
     else:
-        noise = step.fit.core
-        left = np.asarray(_core.residuals_in_noise(noise, noise))[used]
-        after, unit = np.asarray(_core.residuals_in_noise(refitted.core, noise))[used], "σ"
+        left, unit = step.fit.residuals_in_noise()[used], "σ"
+        with step.fit.lock:
+            after = np.asarray(_core.residuals_in_noise(refitted.core, step.fit.core))[used]
     turned = np.tile(np.arange(left.shape[1]) >= _AXES, len(left))
     return AddedVariable(called(candidate), candidate, (left - after).ravel(), left.ravel(), unit, turned)

@@ -60,7 +60,7 @@ def axis_of(fit: Fit, name: str) -> tuple[str, str, float, float]:
 def state_variable(fit: Fit, name: str) -> Variable:
     """A state variable of docs/model.md over the fitted rows, in the unit people read."""
     what, unit, factor, origin = axis_of(fit, name)
-    values = (_core.state_column(fit.core, name)[:, 0] - origin) / factor
+    values = (fit.state_column(name) - origin) / factor
     return Variable(name, what, unit, values)
 
 
@@ -128,7 +128,7 @@ def variables(fit: Fit) -> list[Variable]:
 
     def derive(name: str, what: str, unit: str, factor: float = 1.0, joint: int = 0) -> None:
         try:
-            values = _core.state_column(fit.core, name)[:, 0]
+            values = fit.state_column(name)
         except _core.ModelError:  # it needs masses or a column that is not there
             return
         add(name, what, unit, values / factor, joint)
@@ -195,7 +195,7 @@ def directions(fit: Fit) -> list[Direction]:
 
 def reading(fit: Fit, coordinate: str, what: str, turns: bool) -> Direction:
     """The residual as an error of one coordinate: by least squares at each pose, (g·e) / (g·g)."""
-    lever = np.asarray(_core.coordinate_column(fit.core, coordinate))
+    lever = fit.coordinate_column(coordinate)
     square = np.einsum("ij,ij->i", lever, lever)
     unit, factor = ("″", _ARCSECOND) if turns else ("µm", _MICROMETRE)
     along = lever / np.maximum(square, 1e-12 * (float(square.max()) or 1.0))[:, None] / factor
@@ -219,7 +219,7 @@ def tiny_levers(fit: Fit) -> dict[int, float]:
     levers = {}
     for number, joint in enumerate(fit.robot.joints, start=1):
         if joint.get("type") != "prismatic":
-            lever = np.asarray(_core.coordinate_column(fit.core, f"motor{number}"))
+            lever = fit.coordinate_column(f"motor{number}")
             levers[number] = float(np.median(np.linalg.norm(lever, axis=1)))
     longest = max(levers.values(), default=0.0)
     return {number: lever for number, lever in levers.items() if lever <= _TINY_LEVER * longest}

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from armtrue import _core
 from armtrue.errors import InputError
 from armtrue.fitting import Fit
 from armtrue.report.names import gathered
@@ -120,7 +119,7 @@ def _turned(fit: Fit) -> Array | None:
     sigma = fit.document["noise"]["sigma_rotation_rad"]
     if sigma is None:
         return None
-    return np.asarray(sigma * np.asarray(_core.residuals_in_noise(fit.core, fit.core))[:, _AXES:])
+    return np.asarray(sigma * fit.residuals_in_noise()[:, _AXES:])
 
 
 def _used(fit: Fit) -> NDArray[np.bool_]:

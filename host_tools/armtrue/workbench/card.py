@@ -11,13 +11,14 @@ from armtrue.report.content import added_variable
 from armtrue.report.diagnosis_sections import values_list
 from armtrue.report.markup import Content, Markup, tag
 from armtrue.report.parts import micrometres, typeset
+from armtrue.workbench.actions import candidates_of
 from armtrue.workbench.names import called, called_among
 from armtrue.workbench.session import Session
 
 
 def card(session: Session, place: str) -> str:
     """The card of the candidate at `place` of the diagnosis. Errors: InputError where there is none."""
-    candidates = session.diagnosis_of(session.at)["candidates"]
+    candidates = candidates_of(session)
     if not place.isdigit() or int(place) >= len(candidates):
         raise InputError(f"candidate: found '{place}', expected a number from 0 to {len(candidates) - 1}")
     candidate = candidates[int(place)]

@@ -76,6 +76,7 @@ def _top() -> Markup:
             "div",
             tag("progress", id="progress", max="1", value="0", aria_label="Progress"),
             tag("span", id="stage"),
+            class_="running",
             id="running",
             hidden=True,
         ),
@@ -109,6 +110,16 @@ def _right_column() -> Markup:
         "section",
         tag("h2", "What is missing"),
         _slot("verdict"),
+        tag(
+            "div",
+            tag(
+                "progress", id="diagnosing-share", max="1", value="0", aria_label="Progress of the diagnosis"
+            ),
+            tag("span", id="diagnosing-stage"),
+            class_="running",
+            id="diagnosing",
+            hidden=True,
+        ),
         _slot("candidates"),
         _slot("advice"),
         id="candidates-part",

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
-from armtrue.diagnosis import diagnose
 from armtrue.errors import InputError
 from armtrue.report.content import Report, shown_again
 from armtrue.report.data_sections import coverage_section, rejected_section
@@ -29,29 +27,30 @@ _SECTIONS: dict[str, Callable[[Report], Markup | None]] = {
     "coverage": coverage_section,
     "rejected": rejected_section,
 }
+# Sections of the diagnosis; all others show the fit alone.
+OF_THE_DIAGNOSIS = {"spectra", "unexplained"}
 
 
 def panel(session: Session, name: str) -> str:
     """One section of the report as HTML. Errors: InputError for a name that is none."""
     if name not in _SECTIONS:
         raise InputError(f"panel: found '{name}', expected one of {', '.join(_SECTIONS)}")
-    return _SECTIONS[name](_report(session)) or tag("p", "Nothing.")
+    diagnosed = name in OF_THE_DIAGNOSIS
+    if diagnosed and not session.is_diagnosed(session.at):
+        return tag("p", "The diagnosis of this model is not worked out yet.")
+    return _SECTIONS[name](_report(session, diagnosed)) or tag("p", "Nothing.")
 
 
-def _report(session: Session) -> Report:
+def _report(session: Session, diagnosed: bool) -> Report:
     """The first model of the path beside the one that is looked at, where both saw the same rows."""
     path = session.path
     last = path[-1]
     shown = [node for node in path[:1] if node.number != last.number and node.left_out == last.left_out] + [
         last
     ]
+    shown = [node for node in shown if not diagnosed or session.is_diagnosed(node.number)]
     fits = [session.fit_of(node.number) for node in shown]
-    diagnoses = [_with_spectra(session, node.number) for node in shown]
-    return shown_again(fits, [node.name or node.change for node in shown], diagnoses)
-
-
-def _with_spectra(session: Session, number: int) -> dict[str, Any]:
-    diagnosis = session.diagnosis_of(number)
-    if "spectra" not in diagnosis:  # made on the way of Refine
-        diagnosis["spectra"] = diagnose(session.fit_of(number))["spectra"]
-    return diagnosis
+    diagnoses = [session.diagnosis_of(node.number) for node in shown] if diagnosed else []
+    return shown_again(
+        fits, [node.name or node.change for node in shown], [each for each in diagnoses if each is not None]
+    )

@@ -13,8 +13,9 @@ from urllib.parse import parse_qs, quote, urlsplit
 
 from armtrue.errors import InputError
 from armtrue.workbench import page
+from armtrue.workbench.background import FAULT, Task
 from armtrue.workbench.card import card
-from armtrue.workbench.engine import FAULT, BusyError, Engine
+from armtrue.workbench.engine import BusyError, Engine
 from armtrue.workbench.panels import panel
 from armtrue.workbench.state import state
 from armtrue.workbench.view import buttons, pieces
@@ -130,7 +131,7 @@ class _Handler(BaseHTTPRequestHandler):
     def _view(self, _words: dict[str, str]) -> None:
         engine = self.server.engine
         self._json({
-            "version": engine.version, "model": engine.shown, "pieces": pieces(engine),
+            "version": engine.version, "model": engine.shown, "known": engine.known, "pieces": pieces(engine),
             "left_out": engine.session.node.left_out if engine.is_open else [],
             "said": engine.said, "failure": engine.failure, **running(engine),
         })  # fmt: skip
@@ -186,6 +187,7 @@ class _Handler(BaseHTTPRequestHandler):
             now = engine.wait(seen, _HEARTBEAT_S)
             event = {
                 "model": engine.shown,
+                "known": engine.known,
                 "said": engine.said,
                 "failure": engine.failure,
                 **running(engine),
@@ -228,6 +230,11 @@ class _Handler(BaseHTTPRequestHandler):
 
 def running(engine: Engine) -> dict[str, Any]:
     """What runs, and which buttons can be pressed."""
-    task = engine.task
-    shown = None if task is None else {"name": task.name, "share": task.share, "stage": task.stage}
-    return {"task": shown, "buttons": buttons(engine), "made": engine.made.name if engine.made else None}
+    return {
+        "task": _shown(engine.task), "diagnosing": _shown(engine.background.task), "buttons": buttons(engine),
+        "made": engine.made.name if engine.made else None,
+    }  # fmt: skip
+
+
+def _shown(task: Task | None) -> dict[str, Any] | None:
+    return None if task is None else {"name": task.name, "share": task.share, "stage": task.stage}

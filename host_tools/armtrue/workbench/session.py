@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import threading
 from collections import OrderedDict
 from dataclasses import asdict, dataclass, field
 from itertools import pairwise
@@ -17,6 +18,7 @@ from armtrue.errors import InputError
 from armtrue.fitting import Fit
 from armtrue.io import Dataset
 from armtrue.io.files import read_text, write_file
+from armtrue.verdicts import scored_mean_um
 
 FORMAT = "armtrue-session"
 VERSION = 1
@@ -30,7 +32,8 @@ class Node:
     """One model of the tree: what it changed against its parent, its error, and what the person called it.
 
     `effects`, `added`, `removed`: entries of model.yaml. `left_out`: rows of the file that the person marked as wrong.
-    `error`: as in fit.json. `said`: the sentence about the error. `redo`: the child that Redo goes to.
+    `error`: as in fit.json. `verdict`: None until the model is diagnosed. `said`: the sentence about the error.
+    `redo`: the child that Redo goes to.
     """
 
     number: int
@@ -41,16 +44,16 @@ class Node:
     left_out: list[int]
     error: dict[str, Any]
     noise_floor_um: float | None
-    verdict: str
+    verdict: str | None
     change: str
     said: str
     name: str = ""
     redo: int | None = None
 
     @property
-    def mean_um(self) -> float:
-        """Mean error on held-out poses."""
-        return float(self.error["held_out"]["mean_um"])
+    def mean_um(self) -> float | None:
+        """Mean error on held-out poses; None where none could be scored."""
+        return scored_mean_um(self.error["held_out"])
 
 
 @dataclass
@@ -64,7 +67,8 @@ class Session:
     at: int = 0
 
     def __post_init__(self) -> None:
-        self._held: OrderedDict[int, tuple[Fit, dict[str, Any]]] = OrderedDict()
+        self._held: OrderedDict[int, tuple[Fit, dict[str, Any] | None]] = OrderedDict()
+        self._lock = threading.RLock()  # a diagnosis comes in beside what the person does
 
     @property
     def node(self) -> Node:
@@ -83,16 +87,31 @@ class Session:
         """Models that were made from `number`, oldest first."""
         return [node for node in self.nodes if node.parent == number]
 
-    def put(self, node: Node, fit: Fit, diagnosis: dict[str, Any]) -> None:
+    def put(self, node: Node, fit: Fit, diagnosis: dict[str, Any] | None = None) -> None:
         """Add a model below its parent and go to it; it is on disk when this returns."""
+        with self._lock:
+            self._write(node.number, fit, diagnosis)
+            self.nodes.append(node)
+            self.go(node.number)
+
+    def diagnosed(self, number: int, diagnosis: dict[str, Any]) -> None:
+        """Keep the diagnosis of a model that was put in without one, or with a shorter one."""
+        with self._lock:
+            self._write(number, self.fit_of(number), diagnosis)
+            self.nodes[number].verdict = str(diagnosis["verdict"])
+            self.save()
+
+    def is_diagnosed(self, number: int) -> bool:
+        """True where the whole diagnosis of a model is known; those made on the way of Refine lack spectra."""
+        diagnosis = self.diagnosis_of(number)
+        return diagnosis is not None and "spectra" in diagnosis
+
+    def _write(self, number: int, fit: Fit, diagnosis: dict[str, Any] | None) -> None:
         models = self.folder / "models"
         models.mkdir(parents=True, exist_ok=True)
-        write_file(
-            models / f"{node.number}.json", json.dumps({"fit": fit.document, "diagnosis": diagnosis}) + "\n"
-        )
-        self.nodes.append(node)
-        self._hold(node.number, fit, diagnosis)
-        self.go(node.number)
+        content = {"fit": fit.document, "diagnosis": diagnosis}
+        write_file(models / f"{number}.json", json.dumps(content) + "\n")
+        self._hold(number, fit, diagnosis)
 
     def go(self, number: int) -> None:
         """Look at another model; Redo then leads along the path to it."""
@@ -107,8 +126,8 @@ class Session:
         """The fit of a model, with its measurements."""
         return self._content(number)[0]
 
-    def diagnosis_of(self, number: int) -> dict[str, Any]:
-        """The diagnosis of a model."""
+    def diagnosis_of(self, number: int) -> dict[str, Any] | None:
+        """The diagnosis of a model; None where it is not worked out yet."""
         return self._content(number)[1]
 
     def data_without(self, rows: list[int]) -> Dataset:
@@ -117,31 +136,33 @@ class Session:
 
     def save(self) -> None:
         """Write the tree."""
-        document = {
-            "format": FORMAT,
-            "version": VERSION,
-            "key": self.key,
-            "at": self.at,
-            "nodes": [asdict(node) for node in self.nodes],
-        }
-        self.folder.mkdir(parents=True, exist_ok=True)
-        write_file(self.folder / "session.json", json.dumps(document) + "\n")
+        with self._lock:
+            document = {
+                "format": FORMAT,
+                "version": VERSION,
+                "key": self.key,
+                "at": self.at,
+                "nodes": [asdict(node) for node in self.nodes],
+            }
+            self.folder.mkdir(parents=True, exist_ok=True)
+            write_file(self.folder / "session.json", json.dumps(document) + "\n")
 
-    def _content(self, number: int) -> tuple[Fit, dict[str, Any]]:
-        if number not in self._held:
-            path = self.folder / "models" / f"{number}.json"
-            try:
-                content = json.loads(read_text(path, largest_bytes=_LARGEST_BYTES))
-                fit = Fit(content["fit"], None, self.data_without(self.nodes[number].left_out))
-                self._hold(number, fit, content["diagnosis"])
-            except (ValueError, KeyError, TypeError):
-                raise InputError(
-                    f"{path}: found no model of a session, expected it as it was written"
-                ) from None
-        self._held.move_to_end(number)
-        return self._held[number]
+    def _content(self, number: int) -> tuple[Fit, dict[str, Any] | None]:
+        with self._lock:
+            if number not in self._held:
+                path = self.folder / "models" / f"{number}.json"
+                try:
+                    content = json.loads(read_text(path, largest_bytes=_LARGEST_BYTES))
+                    fit = Fit(content["fit"], None, self.data_without(self.nodes[number].left_out))
+                    self._hold(number, fit, content["diagnosis"])
+                except (ValueError, KeyError, TypeError):
+                    raise InputError(
+                        f"{path}: found no model of a session, expected it as it was written"
+                    ) from None
+            self._held.move_to_end(number)
+            return self._held[number]
 
-    def _hold(self, number: int, fit: Fit, diagnosis: dict[str, Any]) -> None:
+    def _hold(self, number: int, fit: Fit, diagnosis: dict[str, Any] | None) -> None:
         self._held[number] = (fit, diagnosis)
         while len(self._held) > _HELD:
             self._held.popitem(last=False)

@@ -13,12 +13,17 @@ _NOTHING: dict[str, Any] = {
 
 
 def state(engine: Engine) -> dict[str, Any]:
-    """The model that is looked at with its diagnosis, and the steps to it. `busy`: an action still runs."""
+    """The model that is looked at with its diagnosis, and the steps to it.
+
+    `busy`: an action still runs. `diagnosing`: the diagnosis is being worked out; until then verdict is null and
+    candidates are none.
+    """
     if not engine.is_open:
         return {**_NOTHING, "status": engine.said, "failure": engine.failure, "busy": engine.task is not None}
     session = engine.session
     node = session.node
-    diagnosis = {k: v for k, v in session.diagnosis_of(node.number).items() if k != "spectra"}
+    known = session.diagnosis_of(node.number) or {"candidates": [], "error": {}}
+    diagnosis = {key: value for key, value in known.items() if key != "spectra"}
     return {
         **diagnosis,
         "effects": node.effects,
@@ -35,6 +40,7 @@ def state(engine: Engine) -> dict[str, Any]:
         "status": engine.said,
         "failure": engine.failure,
         "busy": engine.task is not None,
+        "diagnosing": engine.background.task is not None,
     }
 
 

@@ -7,11 +7,12 @@ from typing import Any
 from armtrue.io.catalogue import catalogue
 from armtrue.report.markup import Content, Markup, tag
 from armtrue.report.parts import micrometres, plural, typeset
-from armtrue.verdicts import verdict_words
+from armtrue.verdicts import FLOOR_SOURCES, scored_mean_um, verdict_words
 from armtrue.workbench.engine import Engine
 from armtrue.workbench.further import leave_out_form
 from armtrue.workbench.names import called, called_among
 from armtrue.workbench.session import Node, Session
+from armtrue.workbench.words import NOT_SCORED, length
 
 _SPLITS = {"random": "at random", "region": "by region", "time": "by time"}
 _FIGURES = (("mean_um", "mean"), ("rms_um", "RMS"), ("p95_um", "95 %"), ("max_um", "max"))
@@ -31,12 +32,12 @@ def pieces(engine: Engine) -> dict[str, str]:
     diagnosis = session.diagnosis_of(session.at)
     return {
         **always,
-        "error": _error(session, diagnosis),
+        "error": _error(session),
         "waterfall": _waterfall(session),
         "model": _model(session),
         "candidates": _candidates(diagnosis),
-        "verdict": _verdict(diagnosis),
-        "advice": _advice(diagnosis),
+        "verdict": _verdict(diagnosis) if diagnosis else _no_verdict(engine),
+        "advice": _advice(diagnosis) if diagnosis else "",
         "history": _history(session),
         "left-out": _left_out(session),
         "leave-out": leave_out_form(session.fit_of(session.at)),
@@ -57,13 +58,14 @@ def buttons(engine: Engine) -> dict[str, bool]:
             "cancel": not free,
         }
     node = engine.session.node
+    diagnosing = engine.background.task is not None
     return {
         "undo": free and node.parent is not None,
         "redo": free and node.redo is not None,
         "refine": free,
         "export": free,
         "report": free,
-        "cancel": not free,
+        "cancel": not free or diagnosing,
     }
 
 
@@ -105,15 +107,15 @@ def _opening(engine: Engine) -> Markup:
     return tag("div", content, " ", _button("Put aside", "forget", class_="quiet"))
 
 
-def _error(session: Session, diagnosis: dict[str, Any]) -> Markup:
+def _error(session: Session) -> Markup:
     node = session.node
-    held = node.error["held_out"]
     floor = node.noise_floor_um
-    source = str(diagnosis.get("noise_floor_source", "none"))
-    words = {"repeats": "from poses measured again", "sigma": "from the stated sigma"}.get(
-        source, "nothing tells it"
-    )
-    rows: list[Content] = [_error_row("held out", held), _error_row("training", node.error["train"])]
+    source = str(session.fit_of(session.at).document["noise_floor"]["source"])
+    words = FLOOR_SOURCES.get(source, source)
+    rows: list[Content] = [
+        _error_row("held out", node.error["held_out"]),
+        _error_row("training", node.error["train"]),
+    ]
     rows += [
         _error_row(f"held out {_SPLITS.get(split, split)}", figures)
         for split, figures in (node.error.get("held_out_by") or {}).items()
@@ -124,7 +126,7 @@ def _error(session: Session, diagnosis: dict[str, Any]) -> Markup:
         "div",
         tag(
             "p",
-            tag("b", f"{micrometres(held['mean_um'])} µm", class_="figure"),
+            tag("b", length(node.mean_um), class_="figure"),
             " held-out mean error",
         ),
         tag(
@@ -132,7 +134,7 @@ def _error(session: Session, diagnosis: dict[str, Any]) -> Markup:
             tag("b", "not known" if floor is None else f"{micrometres(floor)} µm", class_="figure"),
             f" noise floor ({words})",
         ),
-        _bar(held["mean_um"], floor, max(step.mean_um for step in session.path)),
+        _bar(node.mean_um, floor, _largest(session)),
         tag(
             "table",
             tag("caption", "Error of the model [µm]"),
@@ -144,24 +146,33 @@ def _error(session: Session, diagnosis: dict[str, Any]) -> Markup:
 
 
 def _error_row(name: str, figures: dict[str, float]) -> Markup:
-    cells = [tag("td", micrometres(figures[key])) for key, _ in _FIGURES]
+    cells = (
+        [tag("td", NOT_SCORED, colspan=len(_FIGURES))]
+        if scored_mean_um(figures) is None
+        else [tag("td", micrometres(figures[key])) for key, _ in _FIGURES]
+    )
     return tag("tr", tag("th", name, scope="row"), cells)
 
 
-def _bar(mean: float, floor: float | None, whole: float) -> Markup:
-    share = 100.0 * mean / (whole or 1.0)
+def _largest(session: Session) -> float:
+    """The largest error on the way to this model: what a full bar stands for."""
+    return max((step.mean_um for step in session.path if step.mean_um is not None), default=0.0)
+
+
+def _bar(mean: float | None, floor: float | None, whole: float) -> Markup:
+    share = 100.0 * (mean or 0.0) / (whole or 1.0)
     mark = tag("i", style=f"left:{min(100.0, 100.0 * floor / (whole or 1.0)):.2f}%") if floor else None
     return tag("div", tag("span", style=f"width:{share:.2f}%"), mark, class_="error-bar", aria_hidden="true")
 
 
 def _waterfall(session: Session) -> Markup:
-    whole = max(node.mean_um for node in session.path)
+    whole = _largest(session)
     steps = [
         tag(
             "li",
             tag("span", node.name or node.change, class_="step"),
             _bar(node.mean_um, node.noise_floor_um, whole),
-            tag("span", f"{micrometres(node.mean_um)} µm", class_="num"),
+            tag("span", length(node.mean_um), class_="num"),
         )
         for node in session.path
     ]
@@ -183,15 +194,14 @@ def _model(session: Session) -> Markup:
     return tag("ul", entries, aria_label="Model", role="list", class_="model")
 
 
-def _candidates(diagnosis: dict[str, Any]) -> Markup:
-    candidates = diagnosis["candidates"]
+def _candidates(diagnosis: dict[str, Any] | None) -> Markup:
+    candidates = diagnosis["candidates"] if diagnosis else []
     heads = ("candidate", "probability", "explains", "error if added", "could also be", "")
     rows = [_candidate(k, candidate, candidates) for k, candidate in enumerate(candidates)]
-    if not rows:
-        rows = [tag("tr", tag("td", "No effect of the catalogue is left to try.", colspan=len(heads)))]
+    none = "No effect of the catalogue is left to try." if diagnosis else "None is known yet."
     return tag(
         "table",
-        tag("caption", "Candidates"),
+        tag("caption", "Candidates", None if rows else f": {none}"),
         tag("thead", tag("tr", [tag("th", head, scope="col") if head else tag("td") for head in heads])),
         tag("tbody", rows),
         aria_label="Candidates",
@@ -253,6 +263,15 @@ def _verdict(diagnosis: dict[str, Any]) -> Markup:
     )
 
 
+def _no_verdict(engine: Engine) -> Markup:
+    """What stands in the verdict's place while there is none."""
+    if engine.background.task is not None:
+        return tag("p", "What is missing is being worked out.", class_="verdict")
+    again = _button("Work out what is missing", "diagnose")
+    why = engine.background.failure or "The diagnosis was stopped."
+    return tag("p", why, " ", again, class_="verdict")
+
+
 def _advice(diagnosis: dict[str, Any]) -> Markup:
     unexplained = dict.fromkeys(
         f"What is left depends on {entry['variable']}: {entry['shape']}" for entry in diagnosis["unexplained"]
@@ -291,7 +310,7 @@ def _history(session: Session) -> Markup:
         return tag(
             "li",
             go,
-            tag("span", f" {micrometres(node.mean_um)} µm", class_="num"),
+            tag("span", f" {length(node.mean_um)}", class_="num"),
             tag("ul", below) if below else None,
         )
 

@@ -4,8 +4,9 @@
   const byId = (id) => document.getElementById(id);
   const REACH_AGAIN_MS = 1000;
   const SHOW_PROGRESS_AFTER_MS = 400;
-  let model = null; // the model whose pieces stand on the page
-  let busy = false, wanted = null, drawing = false, again = false, waitingForProgress = 0;
+  let model = null, known = null; // the model whose pieces stand on the page, and how much of its diagnosis
+  const OF_THE_DIAGNOSIS = ["spectra", "unexplained"]; // the other parts below show the fit alone
+  let busy = false, diagnosing = false, wanted = null, drawing = false, again = false, waitingForProgress = 0;
   let picked = null, leftOut = []; // the row that was pointed at last, and those that are marked as wrong
   let held = null; // where the keyboard was when a button was pressed: a button that is disabled loses it
 
@@ -89,6 +90,7 @@
           document.querySelectorAll(`[data-piece="${name}"]`).forEach((place) => { place.innerHTML = html; });
         }
         model = view.model;
+        known = view.known;
         leftOut = view.left_out;
         byId("mark").hidden = true;
         document.title = `${document.querySelector("h1").textContent} – Armtrue workbench`;
@@ -98,7 +100,6 @@
           focusAgain(before);
           held = null;
         }
-        document.querySelectorAll("details.looking").forEach((details) => { details.dataset.model = ""; });
         lookAgain();
       } while (again);
     } catch (error) {
@@ -116,6 +117,12 @@
     document.querySelectorAll("[data-piece] button[data-act]").forEach((button) => {
       button.disabled = busy && button.dataset.act !== "card";
     });
+    byId("diagnosing").hidden = !event.diagnosing;
+    if (event.diagnosing) {
+      byId("diagnosing-share").value = event.diagnosing.share;
+      byId("diagnosing-stage").textContent = event.diagnosing.stage;
+    }
+    diagnosing = event.diagnosing !== null;
     if (!busy && byId("status").textContent !== event.said) byId("status").textContent = event.said;
     if (event.failure || !busy) fail(event.failure);
     clearTimeout(waitingForProgress);
@@ -131,7 +138,7 @@
     const events = new EventSource("changes");
     events.onmessage = (message) => {
       const event = JSON.parse(message.data);
-      if (event.model !== model || (busy && event.task === null)) draw();
+      if (event.known !== known || (busy && event.task === null) || (diagnosing && event.diagnosing === null)) draw();
       else show(event);
       if (wanted && event.task === null && event.made) {
         if (!event.failure) save(event.made);
@@ -160,7 +167,7 @@
   }
 
   async function look(details) {
-    const shown = String(model);
+    const shown = String(OF_THE_DIAGNOSIS.includes(details.dataset.panel) ? known : model);
     if (model === null || model === "none" || details.dataset.model === shown) return;
     details.dataset.model = shown;
     const slot = details.querySelector(".panel-slot");
@@ -224,7 +231,7 @@
     if ((event.ctrlKey || event.metaKey) && (key === "z" || key === "y")) {
       event.preventDefault();
       act({ do: key === "y" || event.shiftKey ? "redo" : "undo" });
-    } else if (event.key === "Escape" && busy && !byId("card-dialog").open) {
+    } else if (event.key === "Escape" && (busy || diagnosing) && !byId("card-dialog").open) {
       act({ do: "cancel" });
     }
   });

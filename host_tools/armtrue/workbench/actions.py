@@ -1,0 +1,266 @@
+"""What the buttons do: each action makes or looks at a model of the session, or works something out for it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+from armtrue.diagnosis import refine
+from armtrue.errors import InputError
+from armtrue.fitting import Fit, with_effects
+from armtrue.io.model import check_effect
+from armtrue.workbench.further import Result, compared, planned, rows_between
+from armtrue.workbench.names import change_words, model_entry
+from armtrue.workbench.outputs import make
+from armtrue.workbench.session import Node, Session
+from armtrue.workbench.words import fall_words, first_words, length, rows_words
+
+if TYPE_CHECKING:
+    from armtrue.workbench.engine import Engine
+
+Entry = dict[str, Any]
+_LONGEST_NAME = 80
+
+
+def candidates_of(session: Session) -> list[Entry]:
+    """Candidates of the model that is looked at. Errors: InputError where its diagnosis is not worked out yet."""
+    diagnosis = session.diagnosis_of(session.at)
+    if diagnosis is None:
+        raise InputError("candidate: the diagnosis is still being worked out, expected it to end first")
+    return list(diagnosis["candidates"])
+
+
+def _add(engine: Engine, words: Entry) -> None:
+    entry = _candidate(engine.session, words)
+    fit = engine.session.fit_of(engine.session.at)
+    checked = check_effect(entry, fit.robot, "add", already=fit.effects)
+    _change(engine, [*fit.effects, checked])
+
+
+def _remove(engine: Engine, words: Entry) -> None:
+    effects = engine.session.node.effects
+    place = _whole(words, "effect", len(effects))
+    if len(effects) == 1:
+        raise InputError(f"{effects[0]['effect']} is all that the model has, expected one effect to stay")
+    _change(engine, [entry for k, entry in enumerate(effects) if k != place])
+
+
+def _swap(engine: Engine, words: Entry) -> None:
+    """Put a candidate in the place of an effect of the model."""
+    fit = engine.session.fit_of(engine.session.at)
+    place = _whole(words, "effect", len(fit.effects))
+    rest = [entry for k, entry in enumerate(fit.effects) if k != place]
+    checked = check_effect(_candidate(engine.session, words), fit.robot, "swap", already=rest)
+    _change(engine, [*rest, checked])
+
+
+def _candidate(session: Session, words: Entry) -> Entry:
+    """The entry of model.yaml for a candidate by its place in the diagnosis, or as it is given."""
+    if "entry" in words:
+        entry = words["entry"]
+        if not isinstance(entry, dict):
+            raise InputError(f"add: found {entry!r}, expected an effect with its joints")
+        return entry
+    candidates = candidates_of(session)
+    return model_entry(candidates[_whole(words, "candidate", len(candidates))])
+
+
+def _change(engine: Engine, effects: list[Entry]) -> None:
+    """Go to the model with these effects: one that was made from here before, or a new one."""
+    session = engine.session
+    for child in session.children(session.at):
+        if child.effects == effects and child.left_out == session.node.left_out:
+            session.go(child.number)
+            engine.said = child.said
+            return
+    before = session.node
+    fit = with_effects(session.fit_of(session.at), effects, engine.tell)
+    _put(engine, fit, before)
+
+
+def _leave_out(engine: Engine, words: Entry) -> None:
+    rows = words.get("rows")
+    if not isinstance(rows, list) or not all(isinstance(row, int) for row in rows):
+        raise InputError(f"leave_out: found {rows!r}, expected a list of row numbers")
+    session = engine.session
+    known = set(session.data.rows.tolist())
+    if unknown := sorted(set(rows) - known):
+        raise InputError(f"leave_out: found row {unknown[0]}, expected a row of {session.data.file.name}")
+    before = session.node
+    data = session.data_without(sorted(set(rows)))
+    bare = Fit(session.fit_of(session.at).document, None, data)
+    _put(engine, with_effects(bare, before.effects, engine.tell), before, sorted(set(rows)))
+
+
+def _leave_out_where(engine: Engine, words: Entry) -> None:
+    rows = rows_between(engine.session.fit_of(engine.session.at), words)
+    _leave_out(engine, {"rows": [*engine.session.node.left_out, *rows]})
+
+
+def _plan(engine: Engine, words: Entry) -> None:
+    fit = engine.session.fit_of(engine.session.at)
+    with fit.lock:
+        _show(engine, planned(fit, words, engine.tell))
+
+
+def _compare(engine: Engine, _words: Entry) -> None:
+    _show(engine, compared(engine.session.fit_of(engine.session.at), engine.drop))
+
+
+def _show(engine: Engine, result: Result) -> None:
+    engine.result, engine.said = result, result.said
+    if result.made is not None:
+        engine.made = result.made
+
+
+def _undo(engine: Engine, _words: Entry) -> None:
+    node = engine.session.node
+    if node.parent is None:
+        raise InputError("there is nothing to undo")
+    _look(engine, node.parent, f"Undone: {node.change}")
+
+
+def _redo(engine: Engine, _words: Entry) -> None:
+    forward = engine.session.node.redo
+    if forward is None:
+        raise InputError("there is nothing to redo")
+    _look(engine, forward, f"Done again: {engine.session.nodes[forward].change}")
+
+
+def _go(engine: Engine, words: Entry) -> None:
+    _look(engine, _whole(words, "node", len(engine.session.nodes)), "Another model")
+
+
+def _look(engine: Engine, number: int, what: str) -> None:
+    before = engine.session.node.mean_um
+    engine.session.go(number)
+    engine.said = f"{what}. {fall_words(before, engine.session.node.mean_um)}"
+
+
+def _name(engine: Engine, words: Entry) -> None:
+    node = engine.session.nodes[_whole(words, "node", len(engine.session.nodes))]
+    node.name = str(words.get("name", ""))[:_LONGEST_NAME]
+    engine.session.save()
+    engine.said = f"This model is now called {node.name}." if node.name else "This model has no name now."
+
+
+def _diagnose(engine: Engine, _words: Entry) -> None:
+    """Work out the diagnosis that was stopped; the engine begins it when this has ended."""
+    engine.background.allow()
+    engine.said = f"The diagnosis is worked out. {engine.session.node.said}"
+
+
+def _refine(engine: Engine, _words: Entry) -> None:
+    session = engine.session
+    first = session.node.mean_um
+    steps = 0
+
+    def keep(fit: Fit, step: Entry) -> None:
+        nonlocal steps
+        diagnosis = {key: value for key, value in step.items() if key not in ("added", "removed")}
+        if fit.effects != session.node.effects:
+            _put(engine, fit, session.node, diagnosis=diagnosis)
+            engine.announce()
+            steps += 1
+        elif session.diagnosis_of(session.at) is None:
+            session.diagnosed(session.at, diagnosis)
+
+    refine(session.fit_of(session.at), engine.tell, keep)
+    what = f"Refined in {steps} steps" if steps != 1 else "Refined in one step"
+    engine.said = (
+        f"{what}. {fall_words(first, session.node.mean_um)}"
+        if steps
+        else "Refine found nothing to add or remove."
+    )
+
+
+def _open(engine: Engine, words: Entry) -> None:
+    text = words.get("text")
+    opened = engine.drop.open(text if isinstance(text, str) else None)
+    if opened is None:
+        engine.said = "The files are not in Armtrue's own form: look at what was guessed, then open them."
+        return
+    engine.begin(opened, progress=engine.tell)
+    engine.drop.forget()
+
+
+def _forget(engine: Engine, _words: Entry) -> None:
+    engine.drop.forget()
+    engine.said = "The files are put aside."
+
+
+def _make(engine: Engine, words: Entry) -> None:
+    engine.made = None
+    engine.made = make(engine.session, str(words.get("name")), engine.tell)
+    size = max(1, round(len(engine.made.content) / 1000))
+    mean = length(engine.session.node.mean_um)
+    engine.said = f"{engine.made.name} is made ({size} kB). The held-out mean error is {mean}."
+
+
+def _put(
+    engine: Engine,
+    fit: Fit,
+    before: Node,
+    left_out: list[int] | None = None,
+    diagnosis: Entry | None = None,
+) -> None:
+    node = node_of(engine.session, fit, before, left_out, diagnosis)
+    engine.session.put(node, fit, diagnosis)
+    engine.said = node.said
+
+
+def node_of(
+    session: Session,
+    fit: Fit,
+    before: Node | None = None,
+    left_out: list[int] | None = None,
+    diagnosis: Entry | None = None,
+) -> Node:
+    """The next node of `session`, below `before` or else below the one that is looked at."""
+    before = before or (session.node if session.nodes else None)
+    effects = fit.effects
+    old = before.effects if before else []
+    added = [entry for entry in effects if entry not in old] if before else []
+    removed = [entry for entry in old if entry not in effects]
+    out = left_out if left_out is not None else before.left_out if before else []
+    change = change_words(added, removed) or rows_words(out, before.left_out if before else None)
+    floor = fit.document["noise_floor"]["um"]
+    verdict = None if diagnosis is None else str(diagnosis["verdict"])
+    node = Node(
+        len(session.nodes), before.number if before else None, effects, added, removed, out,
+        fit.document["error"], floor, verdict, change, "",
+    )  # fmt: skip
+    upper = change[0].upper() + change[1:]
+    node.said = (
+        f"{upper}. {fall_words(before.mean_um, node.mean_um)}" if before else first_words(node.mean_um)
+    )
+    return node
+
+
+def _whole(words: Entry, key: str, count: int) -> int:
+    value = words.get(key)
+    if not isinstance(value, int) or not 0 <= value < count:
+        raise InputError(f"{key}: found {value!r}, expected a number from 0 to {count - 1}")
+    return value
+
+
+WORK: dict[str, Callable[[Engine, Entry], None]] = {
+    "add": _add,
+    "remove": _remove,
+    "swap": _swap,
+    "undo": _undo,
+    "redo": _redo,
+    "refine": _refine,
+    "go": _go,
+    "name": _name,
+    "diagnose": _diagnose,
+    "leave_out": _leave_out,
+    "leave_out_where": _leave_out_where,
+    "make": _make,
+    "plan": _plan,
+    "compare": _compare,
+    "open": _open,
+    "forget": _forget,
+}
+# Actions that leave a diagnosis that runs alone: they need neither the library's fit nor the processors for long.
+BESIDE_A_DIAGNOSIS = {"name", "compare", "forget", "diagnose"}

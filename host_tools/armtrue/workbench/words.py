@@ -1,0 +1,45 @@
+"""Sentences about errors and rows. Where no pose could be scored there is no figure to say."""
+
+from __future__ import annotations
+
+from armtrue.report.parts import plural
+
+NOT_SCORED = "not scored"
+_SAME_PERCENT = 0.5
+_NAMED_ROWS = 5
+
+
+def length(mean_um: float | None) -> str:
+    """A mean error with its unit, or that there is none."""
+    return NOT_SCORED if mean_um is None else f"{mean_um:.1f} µm"
+
+
+def fall_words(before_um: float | None, after_um: float | None) -> str:
+    """What became of the error."""
+    if after_um is None:
+        return "The held-out error is not scored: no pose could be held out of this model."
+    if before_um is None:
+        return f"The held-out mean error is {after_um:.1f} µm; before it was not scored."
+    share = 100.0 * (after_um / before_um - 1.0) if before_um else 0.0
+    if abs(share) < _SAME_PERCENT:
+        return f"The held-out mean error stays at {after_um:.1f} µm."
+    figures = f"from {before_um:.1f} to {after_um:.1f} µm"
+    change = f"{share:+.0f} %".replace("-", "−")
+    return f"The held-out mean error {'fell' if share < 0 else 'rose'} {figures} ({change})."
+
+
+def first_words(mean_um: float | None) -> str:
+    """What is said of the first model."""
+    if mean_um is None:
+        return f"The model is fitted. {fall_words(None, None)}"
+    return f"The model is fitted. The held-out mean error is {mean_um:.1f} µm."
+
+
+def rows_words(rows: list[int], before: list[int] | None) -> str:
+    """What rows were left out against the model before; `before` is None for the first."""
+    if before is None:
+        return "as it stood"
+    if rows == before:
+        return "the same effects, fitted again"
+    words = ", ".join(map(str, rows[:_NAMED_ROWS])) + (" and more" if len(rows) > _NAMED_ROWS else "")
+    return f"left out: {plural(len(rows), 'row')} ({words})" if rows else "all rows take part again"
