@@ -9,9 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from armtrue.errors import InputError
 from armtrue.fitting import Fit
 from armtrue.io import Dataset
 from armtrue.io.columns import POSITION
+from armtrue.verdicts import scored_mean_um
 
 Array = NDArray[np.float64]
 
@@ -36,7 +38,12 @@ def compare(fit: Fit, data: Dataset) -> Comparison:
     predicted = fit.predict(data)
     apart_um = 1e6 * np.linalg.norm(data.positions_m - predicted, axis=1)
     held_out = fit.document["error"]["held_out"]
-    expected = float(held_out["mean_um"])
+    mean = scored_mean_um(held_out)
+    if mean is None:
+        raise InputError(
+            "compare: found a fit whose held-out error is not scored, expected one to compare with"
+        )
+    expected = mean
     poses = len(np.unique(np.round(data.joints / _SAME_POSE), axis=0))
     spread = math.sqrt(max(0.0, float(held_out["rms_um"]) ** 2 - expected**2))
     chance = spread * math.sqrt(1.0 / poses + 1.0 / max(1, int(held_out.get("n") or data.count)))

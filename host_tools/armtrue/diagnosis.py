@@ -10,7 +10,7 @@ from armtrue import _core, notebook
 from armtrue.errors import InputError
 from armtrue.fitting import Fit, from_core
 from armtrue.progress import Progress
-from armtrue.verdicts import verdict_words
+from armtrue.verdicts import length_words, scored_mean_um, verdict_words
 
 
 class Diagnosis(dict[str, Any]):
@@ -78,7 +78,8 @@ class Refinement(dict[str, Any]):
         for step in self["steps"]:
             put = [f"+ {_name(step['added'])}"] if step.get("added") else []
             changes = ", ".join(put + [f"− {_name(entry)}" for entry in step.get("removed") or []])
-            lines.append(f"{step['error']['held_out']['mean_um']:9.1f} µm  {changes or 'as it stood'}")
+            mean = length_words(scored_mean_um(step["error"]["held_out"]))
+            lines.append(f"{mean:>10} µm  {changes or 'as it stood'}")
         return "\n".join(lines)
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from armtrue.candidates import name
 from armtrue.units import value_and_sigma
-from armtrue.verdicts import FLOOR_SOURCES, verdict_words
+from armtrue.verdicts import FLOOR_SOURCES, length_words, scored, verdict_words
 
 _ERROR_FIGURES = {"mean_um": "mean", "rms_um": "RMS", "p95_um": "95 %", "max_um": "max"}
 _PARTS = {"nominal": "nominal, base and tool fitted", "train": "training poses", "held_out": "held-out poses"}
@@ -26,7 +26,7 @@ def error_rows(document: Mapping[str, Any]) -> list[list[str]]:
     """Name and figures [µm] of each part of a fit's error."""
     error = document["error"]
     return [
-        [words, *(f"{error[part][key]:.1f}" for key in _ERROR_FIGURES)]
+        [words, *(length_words(scored(error[part])[key]) for key in _ERROR_FIGURES)]
         for part, words in _PARTS.items()
         if error.get(part)
     ]
@@ -77,7 +77,7 @@ def diagnosis_html(diagnosis: Mapping[str, Any]) -> str:
             name(candidate),
             f"{100 * candidate['probability']:.0f} %",
             f"{100 * candidate['explained']:.1f} %",
-            f"{candidate['held_out_mean_um_if_added']:.1f}",
+            length_words(candidate["held_out_mean_um_if_added"]),
             "recommended" if candidate["recommend"] else candidate["why"],
         ]
         for candidate in diagnosis["candidates"][:10]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 _WORDS = {
@@ -27,10 +28,25 @@ OTHER_SENSOR_ADVICE = (
 )
 
 
-def scored_mean_um(figures: dict[str, Any]) -> float | None:
-    """Mean of held-out error figures; None where no pose could be scored, whose figures say nothing."""
-    mean = figures.get("mean_um")
-    return None if mean is None or figures.get("n") == 0 else float(mean)
+NOT_SCORED = "not scored"
+
+
+def scored(figures: Mapping[str, Any]) -> dict[str, Any]:
+    """Error figures as they are; all None where no pose could be scored, for then they say nothing."""
+    if figures.get("n") != 0:
+        return dict(figures)
+    return {key: None if key.endswith("_um") else value for key, value in figures.items()}
+
+
+def scored_mean_um(figures: Mapping[str, Any]) -> float | None:
+    """Mean of held-out error figures; None where no pose could be scored."""
+    mean = scored(figures).get("mean_um")
+    return None if mean is None else float(mean)
+
+
+def length_words(value_um: float | None) -> str:
+    """A length of an error table in µm, or that no pose was scored."""
+    return NOT_SCORED if value_um is None else f"{value_um:.1f}"
 
 
 def verdict_words(diagnosis: dict[str, Any]) -> str:

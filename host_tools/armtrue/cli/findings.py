@@ -8,7 +8,15 @@ from rich.table import Table
 
 from armtrue.candidates import called, entry_of, parameter_lines
 from armtrue.cli.output import Output, plain_table
-from armtrue.verdicts import FLOOR_SOURCES, OTHER_SENSOR_ADVICE, of_other_sensors, sensor_of, verdict_words
+from armtrue.verdicts import (
+    FLOOR_SOURCES,
+    NOT_SCORED,
+    OTHER_SENSOR_ADVICE,
+    of_other_sensors,
+    scored,
+    sensor_of,
+    verdict_words,
+)
 
 _CANDIDATES_SHOWN = 10
 _ERROR_FIGURES = {"mean_um": "mean", "rms_um": "RMS", "p95_um": "95 %", "max_um": "max"}
@@ -41,9 +49,11 @@ def _runs(numbers: list[int]) -> str:
 def present_diagnosis(result: dict[str, Any], output: Output) -> None:
     """Print a diagnosis as a short report."""
     output.title(verdict_words(result))
-    held_out = result["error"]["held_out"]
-    figures = ", ".join(f"{word} {held_out[key]:.1f} µm" for key, word in _ERROR_FIGURES.items())
-    output.say(f"error on held-out poses: {figures}")
+    held_out = scored(result["error"]["held_out"])
+    figures = [
+        f"{word} {held_out[key]:.1f} µm" for key, word in _ERROR_FIGURES.items() if held_out[key] is not None
+    ]
+    output.say(f"error on held-out poses: {', '.join(figures) or NOT_SCORED}")
     output.say(floor_words(result))
     _present_structure(result.get("unexplained", []), output)
     _present_candidates(result, output)
@@ -117,10 +127,15 @@ def _candidate_table(candidates: list[dict[str, Any]], tried: list[dict[str, Any
             _chance(candidate["probability"]),
             f"{100 * candidate['explained']:.1f} %",
             f"{100 * candidate['separability']:.1f} %",
-            f"≈ {candidate['held_out_mean_um_if_added']:.1f}",
+            _if_added(candidate),
             "recommended" if candidate["recommend"] else "",
         )
     return table
+
+
+def _if_added(candidate: dict[str, Any]) -> str:
+    after = candidate["held_out_mean_um_if_added"]
+    return NOT_SCORED if after is None else f"≈ {after:.1f}"
 
 
 def _present_structure(findings: list[dict[str, Any]], output: Output) -> None:

@@ -29,6 +29,7 @@ from armtrue.io.files import check_writable, refuse_to_lose
 from armtrue.io.model import check_effect
 from armtrue.io.plausible import refuse_too_few_poses
 from armtrue.notebook import floor_sentence
+from armtrue.verdicts import length_words, scored
 
 if TYPE_CHECKING:
     from armtrue.fitting import Fit
@@ -251,7 +252,7 @@ def _error_table(document: dict[str, Any]) -> Any:
 
 
 def _error_cells(figures: dict[str, float]) -> list[str]:
-    return [f"{figures[name]:.1f}" for name in _ERROR_FIGURES]
+    return [length_words(scored(figures)[name]) for name in _ERROR_FIGURES]
 
 
 def _effects_with_joints(fit: Fit) -> list[dict[str, Any]]:

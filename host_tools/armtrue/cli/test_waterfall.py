@@ -88,3 +88,12 @@ def test_the_floor_stands_where_its_share_of_the_bar_is(capsys):
     row = lines[4]
     start = row.index("█")
     assert row.index("│") - start == (row.count("█") + 1) // 2
+
+
+def test_a_step_that_was_not_scored_has_no_figures_and_no_bar(capsys):
+    unscored = step(0.0, 12.0)
+    unscored["error"]["held_out"]["n"] = 0
+    row, more = printed([step(200.0, 12.0), unscored], capsys)[-2:]
+    assert row.split()[:6] == ["1", "–", "–", "–", "–", "12.0"]
+    assert "█" not in row
+    assert more.strip() == "not scored"

@@ -7,6 +7,7 @@ from typing import Any
 
 from armtrue.candidates import called
 from armtrue.cli.output import Output
+from armtrue.verdicts import NOT_SCORED, scored
 
 _ERROR_FIGURES = ("mean_um", "rms_um", "p95_um", "max_um")
 _HEADERS = ("mean", "RMS", "95 %", "max", "floor")
@@ -31,18 +32,20 @@ class Waterfall:
 
     def add(self, step: dict[str, Any]) -> None:
         """Print the next step."""
-        error = step["error"]["held_out"]
+        error = scored(step["error"]["held_out"])
         floor = step.get("noise_floor_um")
         if not self.steps:
-            self._first_um = error["mean_um"]
+            self._first_um = error["mean_um"] or 0.0
             self._output.say("Held-out error and noise floor [µm] after each step.")
             self._output.say("Bar: the mean as a share of the first step's; │: the noise floor.\n")
             headers = "".join(f"{header:>{_FIGURE_WIDTH}}" for header in _HEADERS)
             self._output.say(f"step{headers}  {'':{self._cells}}  what changed")
         figures = [error[key] for key in _ERROR_FIGURES]
-        cells = [f"{figure:.1f}" for figure in figures] + ["–" if floor is None else f"{floor:.1f}"]
+        cells = ["–" if figure is None else f"{figure:.1f}" for figure in figures] + [
+            "–" if floor is None else f"{floor:.1f}"
+        ]
         row = f"{len(self.steps):>4}" + "".join(f"{cell:>{_FIGURE_WIDTH}}" for cell in cells)
-        changed = self._changes(step)
+        changed = self._changes(step) + ([NOT_SCORED] if error["mean_um"] is None else [])
         self._output.say(f"{row}  {self._bar(error['mean_um'], floor)}  {changed[0]}")
         for line in changed[1:]:
             self._output.say(" " * (self._figures_width + self._cells + 4) + line)
@@ -59,9 +62,9 @@ class Waterfall:
         width = max(16, self._output.console.width - self._figures_width - self._cells - 4)
         return [line for change in changes for line in textwrap.wrap(change, width, subsequent_indent="  ")]
 
-    def _bar(self, mean_um: float, floor_um: float | None) -> str:
+    def _bar(self, mean_um: float | None, floor_um: float | None) -> str:
         per_cell = self._first_um / self._cells or 1.0
-        length = min(self._cells, max(1, round(mean_um / per_cell)))
+        length = 0 if mean_um is None else min(self._cells, max(1, round(mean_um / per_cell)))
         cells = list("█" * length + " " * (self._cells - length))
         if floor_um is not None and floor_um < self._first_um:
             cells[min(self._cells - 1, int(floor_um / per_cell))] = "│"

@@ -9,7 +9,7 @@ from typing import Any
 
 from armtrue.report.content import Report
 from armtrue.report.markup import Content, Markup, tag
-from armtrue.report.parts import lead, micrometres, section, table
+from armtrue.report.parts import lead, micrometres, scored_um, section, table
 from armtrue.report.scales import Scale, tick_text
 from armtrue.report.steps import ON_THE_WAY, floor_source
 
@@ -98,14 +98,15 @@ def _bars(report: Report) -> list[_Bar]:
 
 
 def _rises(bars: list[_Bar]) -> bool:
-    return any(after.held_out["mean_um"] > before.held_out["mean_um"] for before, after in pairwise(bars))
+    means = [bar.held_out["mean_um"] for bar in bars]
+    return any(after > before for before, after in pairwise(means) if None not in (before, after))
 
 
 def _scale(bars: list[_Bar], floor: float | None) -> Scale:
     values = [bar.held_out[key] for bar in bars for key, _, _ in _MEASURES]
     values += [bar.train[key] for bar in bars if bar.train for key, _, _ in _MEASURES]
     values += [floor or 0.0]
-    positive = [value for value in values if value > 0.0] or [1.0]
+    positive = [value for value in values if value is not None and value > 0.0] or [1.0]
     return Scale(0.7 * min(positive), 1.35 * max(positive), logarithmic=True)
 
 
@@ -113,13 +114,15 @@ def _row(bar: _Bar, before: _Bar | None, scale: Scale, floor: float | None) -> M
     track: list[Content] = []
     if floor is not None:
         track.append(tag("i", class_="floor", style=_left(scale, floor)))
-    if before is not None:
-        track.append(_fall(scale, before.held_out["mean_um"], bar.held_out["mean_um"]))
+    start, end = before.held_out["mean_um"] if before else None, bar.held_out["mean_um"]
+    if start is not None and end is not None:
+        track.append(_fall(scale, start, end))
     for key, _, outline in _MEASURES:
         if bar.train is not None:
             track.append(_mark(outline, "train", scale, bar.train[key]))
-        track.append(_mark(outline, "held", scale, bar.held_out[key]))
-    figures = tag("span", f"{micrometres(bar.held_out['mean_um'])} µm", class_="figure")
+        if bar.held_out[key] is not None:
+            track.append(_mark(outline, "held", scale, bar.held_out[key]))
+    figures = tag("span", scored_um(bar.held_out["mean_um"]), class_="figure")
     name = tag("div", tag("strong", bar.title), figures, tag("small", bar.changes), class_="step")
     return tag("div", name, tag("div", track, class_="track", aria_hidden="true"), class_="row")
 

@@ -68,11 +68,19 @@ def waterfall(report: Report) -> Figure:
     axes = figure.subplots()
     for row in range(1, len(held)):
         before, after = held[row - 1]["mean_um"], held[row]["mean_um"]
+        if before is None or after is None:
+            continue
         # A rise is hatched, as on the page.
         hatch = "////" if after > before else None
         axes.barh(row, before - after, left=after, height=0.45, color="#b9cfe0", ec=_FIRST, lw=0, hatch=hatch)
     for key, label, marker in _MEASURES:
-        axes.plot([entry[key] for entry in held], range(len(held)), marker, color=_LAST, label=label)
+        axes.plot(
+            [np.nan if entry[key] is None else entry[key] for entry in held],
+            range(len(held)),
+            marker,
+            color=_LAST,
+            label=label,
+        )
         hollow = [(entry[key], row) for row, entry in enumerate(train) if entry is not None]
         x, y = zip(*hollow, strict=True)
         axes.plot(x, y, marker, mfc="none", color=_SOFT)

@@ -11,7 +11,7 @@ from armtrue.report.error_section import error_section
 from armtrue.report.markup import Content, Markup, join, tag
 from armtrue.report.model_sections import observability_section, parameters_section
 from armtrue.report.names import called
-from armtrue.report.parts import micrometres
+from armtrue.report.parts import micrometres, scored_um
 from armtrue.report.residual_sections import (
     spectra_section,
     state_section,
@@ -76,8 +76,8 @@ def _summary(report: Report, robot: str) -> Content:
     floor_words = "not known" if floor is None else f"{micrometres(floor)} µm"
     fell = "from the nominal arm to the fit" if len(report.steps) == 1 else "from the first step to the last"
     figures = [
-        ("held-out mean", f"{micrometres(before['mean_um'])} → {micrometres(held['mean_um'])} µm", fell),
-        ("held-out 95 %", f"{micrometres(held['p95_um'])} µm", f"worst {micrometres(held['max_um'])} µm"),
+        ("held-out mean", f"{micrometres(before['mean_um'])} → {scored_um(held['mean_um'])}", fell),
+        ("held-out 95 %", scored_um(held["p95_um"]), f"worst {scored_um(held['max_um'])}"),
         ("noise floor", floor_words, floor_source(last)),
         ("measurements", str(last.fit.data.count), f"{len(last.fit.document['rejected'])} rejected"),
     ]

@@ -6,6 +6,7 @@ import re
 from collections.abc import Container, Sequence
 
 from armtrue.report.markup import Content, Markup, tag
+from armtrue.verdicts import NOT_SCORED
 
 _NUMBER = "num"
 
@@ -83,6 +84,11 @@ def micrometres(value: float | None) -> str:
         if abs(value) < 1000.0
         else f"{value:,.0f}".replace(",", " ")
     )
+
+
+def scored_um(value: float | None) -> str:
+    """A held-out error with its unit, or that no pose could be scored."""
+    return NOT_SCORED if value is None else f"{micrometres(value)} µm"
 
 
 def fixed(value: float, decimals: int) -> str:

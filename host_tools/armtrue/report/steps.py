@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from armtrue.errors import InputError
 from armtrue.fitting import Fit
 from armtrue.report.names import gathered
-from armtrue.verdicts import FLOOR_SOURCES
+from armtrue.verdicts import FLOOR_SOURCES, scored
 
 Array = NDArray[np.float64]
 
@@ -40,8 +40,10 @@ class Step:
 
     @property
     def error(self) -> dict[str, Any]:
-        """`nominal`, `train` and `held_out` with mean_um, rms_um, p95_um, max_um."""
-        return dict(self.fit.document["error"])
+        """`nominal`, `train` and `held_out` with mean_um, rms_um, p95_um, max_um; None where no pose was scored."""
+        error = self.fit.document["error"]
+        ways = {way: scored(figures) for way, figures in error["cross_validation"].items() if figures}
+        return {**error, "held_out": scored(error["held_out"]), "cross_validation": ways}
 
     @property
     def turn_error_rad(self) -> dict[str, float] | None:

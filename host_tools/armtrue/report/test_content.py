@@ -67,7 +67,7 @@ def test_a_joint_with_the_reflector_on_its_axis_is_not_read(report, monkeypatch)
         return column(fit, name) * (1e-3 if name == "motor6" else 1.0)
 
     monkeypatch.setattr(_core, "coordinate_column", on_axis_6)
-    made = gather([report.last.fit])
+    made = gather([replace(report.last.fit)])
     assert list(made.tiny_levers) == [6]
     assert "motor6" not in {direction.name for direction in made.directions}
     assert "motor6" not in {view.direction.name for view in made.telling_views()}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import shutil
 from collections import Counter
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -217,3 +218,13 @@ def test_another_thermometer_is_in_the_ambiguity_set():
     assert "Nothing else" not in words
     assert "thermal_base, sensor stand" in words
     assert "while they do not move together" in words
+
+
+def test_a_fit_that_could_not_be_scored_is_said_to_be_so(report):
+    error = report.last.fit.document["error"]
+    zero = dict.fromkeys(("mean_um", "rms_um", "p95_um", "max_um"), 0.0)
+    unscored = {**error, "held_out": {**zero, "n": 0}}
+    fit = replace(report.last.fit, document={**report.last.fit.document, "error": unscored})
+    text = page(replace(report, steps=[*report.steps[:-1], replace(report.last, fit=fit)]))
+    assert "→ not scored" in text
+    assert "0.00 µm" not in text

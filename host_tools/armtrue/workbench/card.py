@@ -49,7 +49,8 @@ def _plot(session: Session, candidate: dict[str, Any]) -> Content:
     if plot is None:
         return tag("p", "The evidence is not drawn: a fit of this size would take too long here.")
     after = candidate["held_out_mean_um_if_added"]
-    caption = f"{charts.added_words(plot)}. Added, the held-out mean would be about {micrometres(after)} µm."
+    would = f" Added, the held-out mean would be about {micrometres(after)} µm." if after is not None else ""
+    caption = f"{charts.added_words(plot)}.{would}"
     return tag(
         "figure",
         tag("h3", "Added-variable plot"),

@@ -7,12 +7,12 @@ from typing import Any
 from armtrue.io.catalogue import catalogue
 from armtrue.report.markup import Content, Markup, tag
 from armtrue.report.parts import micrometres, plural, typeset
-from armtrue.verdicts import FLOOR_SOURCES, scored_mean_um, verdict_words
+from armtrue.verdicts import FLOOR_SOURCES, NOT_SCORED, scored_mean_um, verdict_words
 from armtrue.workbench.engine import Engine
 from armtrue.workbench.further import leave_out_form
 from armtrue.workbench.names import called, called_among
 from armtrue.workbench.session import Node, Session
-from armtrue.workbench.words import NOT_SCORED, length
+from armtrue.workbench.words import length
 
 _SPLITS = {"random": "at random", "region": "by region", "time": "by time"}
 _FIGURES = (("mean_um", "mean"), ("rms_um", "RMS"), ("p95_um", "95 %"), ("max_um", "max"))
@@ -210,7 +210,7 @@ def _candidates(diagnosis: dict[str, Any] | None) -> Markup:
 
 
 def _candidate(k: int, candidate: dict[str, Any], candidates: list[dict[str, Any]]) -> Markup:
-    share = 100.0 * candidate["explained"]
+    share, after = 100.0 * candidate["explained"], candidate["held_out_mean_um_if_added"]
     others = ", ".join(candidate["confounded_with"])
     star = tag("span", " ★", class_="trend", title="recommended") if candidate["recommend"] else None
     name = called_among(candidate, candidates)
@@ -232,7 +232,7 @@ def _candidate(k: int, candidate: dict[str, Any], candidates: list[dict[str, Any
         ),
         tag(
             "td",
-            f"≈ {micrometres(candidate['held_out_mean_um_if_added'])} µm",
+            "–" if after is None else f"≈ {micrometres(after)} µm",
             class_="num",
             data_label="error if added",
         ),

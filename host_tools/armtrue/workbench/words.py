@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from armtrue.report.parts import plural
+from armtrue.verdicts import NOT_SCORED
 
-NOT_SCORED = "not scored"
 _SAME_PERCENT = 0.5
 _NAMED_ROWS = 5
 
