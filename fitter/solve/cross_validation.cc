@@ -21,7 +21,8 @@ std::vector<bool> unseen_unknowns(const Design& design, const Eigen::VectorXd& d
                                   const NormalEquations& own) {
   std::vector<bool> unseen(static_cast<std::size_t>(data.size()), false);
   for (Eigen::Index u = 0; u < data.size(); ++u) {
-    const bool alone = data[u] - own.information(u, u) <= kUnseen * data[u];
+    // What no row measures at all (a tilt of gravity where nothing bends) moves no prediction.
+    const bool alone = data[u] > 0.0 && data[u] - own.information(u, u) <= kUnseen * data[u];
     unseen[static_cast<std::size_t>(u)] = alone && !design.is_table_unknown(static_cast<int>(u));
   }
   return unseen;
