@@ -4,6 +4,8 @@ A folder's conftest.py imports the fixture and the hooks of `__all__` and calls 
 With AF_CAN in the kernel the tests simply run. Without it, each module's tests run by a second pytest in a User-Mode
 Linux of their own; the reports are replayed here one by one, so selection, failures, output and exit status are those
 of an ordinary run. If the machine cannot be had, every selected test fails with the reason.
+
+What machines side by side may not all build at once, a module's function BUILD_FIRST builds before they start.
 """
 
 from __future__ import annotations
@@ -27,13 +29,19 @@ REPORTS_VARIABLE = "ARMTRUE_RIG_REPORTS"
 TIMEOUT_VARIABLE = "ARMTRUE_RIG_TIMEOUT"
 DEFAULT_TIMEOUT_S = 900.0
 MACHINES_VARIABLE = "ARMTRUE_RIG_MACHINES"
-DEFAULT_MACHINES = 3
+DEFAULT_MACHINES = 4
 
 _folders: set[Path] = set()
 # What each test reported, and what to say if that was not all of it.
 _replays: dict[str, tuple[list[dict[str, Any]], str]] = {}
 
-__all__ = ["can_buses", "needs_can", "pytest_runtest_logreport", "pytest_runtest_protocol"]
+__all__ = [
+    "can_buses",
+    "needs_can",
+    "pytest_collection_modifyitems",
+    "pytest_runtest_logreport",
+    "pytest_runtest_protocol",
+]
 
 
 def needs_can(conftest: str) -> None:
@@ -45,6 +53,14 @@ def _is_ours(item: pytest.Item) -> bool:
     """Whether a test needs a bus: all of a declared folder but those marked `without_bus`."""
     inside = any(folder in item.path.parents for folder in _folders)
     return inside and item.get_closest_marker("without_bus") is None
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark what needs a bus, for `-m on_bus`."""
+    for item in items:
+        if _is_ours(item):
+            item.add_marker("on_bus")
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -100,8 +116,11 @@ def _run_selected(session: pytest.Session) -> None:
     """
     modules: dict[Path, list[str]] = {}
     for item in session.items:
-        if _is_ours(item):
-            modules.setdefault(item.path, []).append(item.nodeid)
+        if not _is_ours(item):
+            continue
+        if item.path not in modules and isinstance(item, pytest.Function):
+            getattr(item.module, "BUILD_FIRST", lambda: None)()
+        modules.setdefault(item.path, []).append(item.nodeid)
     work = Path(tempfile.mkdtemp(prefix="armtrue-rig-reports-"))
     try:
         with ThreadPoolExecutor(int(os.environ.get(MACHINES_VARIABLE, DEFAULT_MACHINES))) as machines:

@@ -16,12 +16,18 @@ from node_process import NodeProcess, connect, disconnect  # noqa: E402
 from rig.pytest_plugin import (  # noqa: E402
     can_buses,
     needs_can,
+    pytest_collection_modifyitems,
     pytest_runtest_logreport,
     pytest_runtest_protocol,
 )
 from target import Target, start_target  # noqa: E402
 
-__all__ = ["can_buses", "pytest_runtest_logreport", "pytest_runtest_protocol"]
+__all__ = [
+    "can_buses",
+    "pytest_collection_modifyitems",
+    "pytest_runtest_logreport",
+    "pytest_runtest_protocol",
+]
 
 needs_can(__file__)
 

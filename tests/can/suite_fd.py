@@ -199,7 +199,10 @@ def inline_fd(request: pytest.FixtureRequest, fd_target: Target) -> Line:
 def test_fd_targets_are_changed_in_their_own_bytes_and_nowhere_else(inline_fd: Line) -> None:
     for number, kind in enumerate(4 * KINDS, 40):
         joints = at_cycle(number)
-        assert of_all(inline_fd.cycle(joints, kind)) == pytest.approx(wanted(joints), abs=2)
+        # The correction follows at a limited rate of time, and blends out where this machine halted for too long.
+        give_up = time.monotonic() + ARRIVES_WITHIN_S
+        while (corrections := of_all(inline_fd.cycle(joints, kind))) != pytest.approx(wanted(joints), abs=2):
+            assert time.monotonic() < give_up, f"{corrections}, expected {wanted(joints)}"
 
 
 def test_fd_feedback_comes_back_as_it_was_commanded(inline_fd: Line) -> None:

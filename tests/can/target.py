@@ -36,6 +36,14 @@ class Target:
         self.patience: float = description["patience"]
         self.has_fd: bool = description["fd"]
         self.upstream, self.downstream = upstream, downstream
+        self.drives_spoke_s = -DRIVES_SILENT_S  # time.monotonic() of the last frame from the drives' side
+        send = downstream.send
+
+        def noted_send(message: can.Message, timeout: float | None = None) -> None:
+            send(message, timeout)
+            self.drives_spoke_s = time.monotonic()
+
+        downstream.send = noted_send  # type: ignore[method-assign]
         self.board: qemu.RealTimeBoard | None = None  # of kind "r5f"
         self.client = SdoClient(upstream, self.node_id, ARRIVES_WITHIN_S)
         self.device = Compensator(self.client)
@@ -157,7 +165,7 @@ class Target:
         while not self.device.is_quiet():
             assert time.monotonic() < give_up, "joint commands seem to arrive for ever"
             time.sleep(0.02)
-        time.sleep(DRIVES_SILENT_S)
+        time.sleep(max(0.0, self.drives_spoke_s + DRIVES_SILENT_S - time.monotonic()))
 
     def configure(self, mode: int) -> None:
         """Target pairs on 0x220 …, actual positions on 0x1C0 …, mode 1 (inline) or 0, and operational."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import os
 from pathlib import Path
 
@@ -11,7 +12,10 @@ from suite_motion import *  # noqa: F403
 from suite_tables import *  # noqa: F403
 from target import Target
 
+from tests import qemu
+
 TARGET = "r5f.toml"
+BUILD_FIRST = functools.partial(qemu.build_images, "r5f", "armtrue_r5f")
 # Set by `./dev r5f-interrupts`: interrupts are demanded, and their numbers go into this file.
 RECORD_VARIABLE = "ARMTRUE_R5F_INTERRUPTS"
 

@@ -15,12 +15,12 @@ run_step() {
 }
 
 # pytest with the tests of this level, without a word about those that are left out.
-run_pytest() { $PY -m pytest -q -rs --durations=20 --durations-min=4 -p no:cacheprovider "${CHOSEN[@]}" "$@"; }
+run_pytest() { $PY -m pytest -q -rs --durations=20 --durations-min=4 -p no:cacheprovider "$@"; }
 
 cmd_test() {
   local failed=() took=() step begin busy name
-  LEVEL=quick CHOSEN=(-m "not full")
-  if [ "${1:-}" = full ]; then LEVEL=full CHOSEN=(); shift; fi
+  LEVEL=quick LEVEL_MARK="not full"
+  if [ "${1:-}" = full ]; then LEVEL=full LEVEL_MARK=""; shift; fi
   install_packages run bus firmware test lint $([ $LEVEL = quick ] || echo full)
   ensure_venv run test lint
   configure release -DBUILD_TESTING=ON

@@ -10,10 +10,16 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[3] / "sim"))
 from rig.pytest_plugin import (
     can_buses,
     needs_can,
+    pytest_collection_modifyitems,
     pytest_runtest_logreport,
     pytest_runtest_protocol,
 )
 
-__all__ = ["can_buses", "pytest_runtest_logreport", "pytest_runtest_protocol"]
+__all__ = [
+    "can_buses",
+    "pytest_collection_modifyitems",
+    "pytest_runtest_logreport",
+    "pytest_runtest_protocol",
+]
 
 needs_can(__file__)

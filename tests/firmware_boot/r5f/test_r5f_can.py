@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterator
 
 import can
@@ -10,6 +11,7 @@ import pytest
 from tests import qemu
 
 NODE = 0x20
+BUILD_FIRST = functools.partial(qemu.build_images, "r5f", "armtrue_r5f")
 
 
 @pytest.fixture(scope="module")
