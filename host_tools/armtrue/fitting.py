@@ -245,6 +245,16 @@ def with_effects(base: Fit, effects: list[dict[str, Any]], progress: Progress | 
         raise InputError(f"{base.data.path}: {error}") from None
 
 
+def effect_terms(base: Fit, entry: dict[str, Any], columns: dict[str, NDArray[np.float64]]) -> dict[str, Any]:
+    """The terms that an effect would add to `base`, evaluated on `columns`: what `_core.effect_terms` gives.
+
+    `entry`: effect, joints and options. Errors: _core.ModelError where the arm cannot have it.
+    """
+    request = {key: entry[key] for key in ("effect", "joints", "options") if entry.get(key)}
+    robot = _robot_json(base.robot, base.data)
+    return dict(json.loads(_core.effect_terms(robot, columns, json.dumps(request))))
+
+
 def fingerprint(data: Dataset) -> str:
     """SHA-256 over the columns of `data`: tells whether measurements changed, whatever file form they lie in."""
     digest = hashlib.sha256()

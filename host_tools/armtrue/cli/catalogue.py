@@ -50,16 +50,15 @@ def _description(info: EffectInfo, full: bool) -> list[tuple[str, str]]:
     lines = [(info.id, info.summary)]
     if not full:
         return lines
-    from armtrue.cli import sketch
+    from armtrue import sketching
 
-    bound, _, source = info.bound.removesuffix(" (docs/effects.md)").partition(": ")
     lines += [
         ("joints", _JOINTS[info.joints]),
-        ("formula", "\n".join(sketch.formulas(info))),
-        ("bound", bound),
-        ("source", source or "docs/effects.md"),
+        ("formula", "\n".join(sketching.formulas(info))),
+        ("bound", info.bound_and_source[0]),
+        ("source", info.bound_and_source[1]),
     ]
-    drawn = sketch.sketch(info)
+    drawn = sketching.sketch(info)
     if drawn:
         lines.append(("sketch", "\n".join(drawn)))
     lines += [(f"option {name}", f"{kind}: {help_text}") for name, (kind, help_text) in info.options.items()]

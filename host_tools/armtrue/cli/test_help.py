@@ -76,7 +76,7 @@ def test_explain_says_what_a_word_means_and_refuses_with_the_nearest(tmp_path):
 
 
 def test_every_effect_is_shown_with_formula_bound_and_source(tmp_path):
-    from armtrue.cli.sketch import formulas
+    from armtrue.sketching import formulas
 
     for info in catalogue().values():
         lines = formulas(info)
@@ -90,7 +90,7 @@ def test_every_effect_is_shown_with_formula_bound_and_source(tmp_path):
 
 
 def test_effects_that_depend_on_time_or_temperature_are_drawn_over_it():
-    from armtrue.cli.sketch import sketch
+    from armtrue.sketching import sketch
 
     known = catalogue()
     assert sketch(known["warm_up"])[0] == "over time from 0 to 4 h"

@@ -26,6 +26,12 @@ class EffectInfo:
     role: str
     exported: bool
 
+    @property
+    def bound_and_source(self) -> tuple[str, str]:
+        """The physical bound, and where it comes from."""
+        bound, _, source = self.bound.removesuffix(" (docs/effects.md)").partition(": ")
+        return bound, source or "docs/effects.md"
+
     def document(self) -> dict[str, Any]:
         """JSON-able form."""
         options = {name: {"type": kind, "help": text} for name, (kind, text) in self.options.items()}

@@ -9,9 +9,10 @@ from armtrue.diagnosis import refine
 from armtrue.errors import InputError
 from armtrue.fitting import Fit, with_effects
 from armtrue.io.model import check_effect
-from armtrue.workbench.further import Result, compared, planned, rows_between
+from armtrue.workbench.further import Result, compared, rows_between
 from armtrue.workbench.names import change_words, model_entry
 from armtrue.workbench.outputs import make
+from armtrue.workbench.poses import planned
 from armtrue.workbench.session import Node, Session
 from armtrue.workbench.words import fall_words, first_words, length, rows_words
 
@@ -99,8 +100,15 @@ def _leave_out_where(engine: Engine, words: Entry) -> None:
 
 def _plan(engine: Engine, words: Entry) -> None:
     fit = engine.session.fit_of(engine.session.at)
+    rivals = None
+    if "rivals" in words:
+        candidates = candidates_of(engine.session)
+        if not isinstance(words["rivals"], list):
+            raise InputError(f"rivals: found {words['rivals']!r}, expected a list of candidates")
+        places = [_whole({"rivals": place}, "rivals", len(candidates)) for place in words["rivals"]]
+        rivals = [model_entry(candidates[place]) for place in places]
     with fit.lock:
-        _show(engine, planned(fit, words, engine.tell))
+        _show(engine, planned(fit, words, rivals, engine.tell))
 
 
 def _compare(engine: Engine, _words: Entry) -> None:

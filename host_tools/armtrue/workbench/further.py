@@ -1,28 +1,19 @@
-"""What is done beside adding effects: rows left out by a variable, poses planned, new measurements compared."""
+"""What is done beside adding effects: rows left out by a variable, new measurements compared."""
 
 from __future__ import annotations
 
-import csv
-import io
 from dataclasses import dataclass
 from typing import Any
-
-import numpy as np
 
 from armtrue.comparing import compare
 from armtrue.errors import InputError
 from armtrue.fitting import Fit
-from armtrue.further_poses import plan
 from armtrue.io import load_data
-from armtrue.progress import Progress
 from armtrue.report.markup import Content, Markup, tag
 from armtrue.report.parts import micrometres
 from armtrue.report.state import Variable, variables
 from armtrue.workbench.dropped import Drop
 from armtrue.workbench.outputs import Made
-
-_MOST_POSES = 200
-_MOST_SHOWN = 12
 
 
 @dataclass(frozen=True)
@@ -68,39 +59,6 @@ def leave_out_form(fit: Fit) -> Markup:
     )
 
 
-def planned(fit: Fit, words: dict[str, Any], progress: Progress) -> Result:
-    """The next poses to measure, for what the diagnosis leaves open or else for the model's parameters."""
-    count = words.get("poses", _MOST_SHOWN)
-    if not isinstance(count, int) or not 1 <= count <= _MOST_POSES:
-        raise InputError(f"poses: found {count!r}, expected 1 to {_MOST_POSES}")
-    chosen = plan(fit, count, progress=progress)
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    own = [] if chosen.target is None else [chosen.target]
-    writer.writerow([*chosen.columns, *(["target"] if own else [])])
-    rows = np.column_stack(list(chosen.columns.values()))
-    writer.writerows([[*(f"{value:.10f}" for value in row), *own] for row in rows])
-    sentences = [
-        f"To tell {entry['truth']} from {entry['rival']}: ΔBIC is {entry['delta_bic_now']:.0f} now and "
-        f"{entry['delta_bic_expected']:.0f} with these poses, {entry['delta_bic_expected_random']:.0f} with as many "
-        "random ones; below −10 the question is settled."
-        for entry in chosen.figures.get("separations", [])
-    ]
-    if (share := chosen.figures.get("random_poses_per_planned")) is not None:
-        sentences.append(f"{count} planned poses give the precision of {share * count:.0f} random ones.")
-    heads = [tag("th", name, scope="col") for name in chosen.columns]
-    body = [tag("tr", [tag("td", f"{value:.4f}") for value in row]) for row in rows[:_MOST_SHOWN]]
-    shown = tag(
-        "div",
-        [tag("p", sentence) for sentence in sentences],
-        _scrolled(
-            tag("table", tag("caption", "Planned poses [rad, m]"), tag("tr", heads), body), "Planned poses"
-        ),
-    )
-    made = Made("poses.csv", text.getvalue().encode(), "text/csv; charset=utf-8")
-    return Result(shown, f"{count} poses are planned: run poses.csv, then drop what was measured.", made)
-
-
 def compared(fit: Fit, drop: Drop) -> Result:
     """Dropped measurements against the model. Errors: InputError where they are not one file in Armtrue's form."""
     files = [name for name in drop.names if name.lower().endswith((".csv", ".yaml", ".yml"))]
@@ -118,7 +76,3 @@ def compared(fit: Fit, drop: Drop) -> Result:
         tag("li", f"row {entry['row']}: {micrometres(entry['error_um'])} µm") for entry in figures["rows"]
     ]
     return Result(tag("div", tag("p", said), tag("h3", "The worst rows"), tag("ol", worst)), said)
-
-
-def _scrolled(table: Markup, name: str) -> Markup:
-    return tag("div", table, class_="scroll", tabindex="0", role="region", aria_label=name)

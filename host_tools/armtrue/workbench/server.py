@@ -14,7 +14,7 @@ from urllib.parse import parse_qs, quote, urlsplit
 from armtrue.errors import InputError
 from armtrue.workbench import page
 from armtrue.workbench.background import FAULT, Task
-from armtrue.workbench.card import card
+from armtrue.workbench.card import card, evidence
 from armtrue.workbench.engine import BusyError, Engine
 from armtrue.workbench.panels import panel
 from armtrue.workbench.state import state
@@ -76,7 +76,7 @@ class _Handler(BaseHTTPRequestHandler):
     def do_GET(self) -> None:
         self._answer({"": self._page, "state.json": self._state, "script.js": self._script, "style.css": self._style,
                       "view.json": self._view, "changes": self._changes, "panel": self._panel, "card": self._card,
-                      "file": self._file})  # fmt: skip
+                      "evidence": self._evidence, "file": self._file})  # fmt: skip
 
     def do_POST(self) -> None:
         self._answer({"do": self._do, "drop": self._drop})
@@ -144,6 +144,12 @@ class _Handler(BaseHTTPRequestHandler):
     def _card(self, words: dict[str, str]) -> None:
         self._send(
             card(self.server.engine.session, words.get("candidate", "")).encode(), "text/html; charset=utf-8"
+        )
+
+    def _evidence(self, words: dict[str, str]) -> None:
+        self._send(
+            evidence(self.server.engine.session, words.get("candidate", "")).encode(),
+            "text/html; charset=utf-8",
         )
 
     def _file(self, _words: dict[str, str]) -> None:

@@ -12,11 +12,10 @@ from armtrue.workbench.engine import Engine
 from armtrue.workbench.further import leave_out_form
 from armtrue.workbench.names import called, called_among
 from armtrue.workbench.session import Node, Session
-from armtrue.workbench.words import length
+from armtrue.workbench.words import chance, length
 
 _SPLITS = {"random": "at random", "region": "by region", "time": "by time"}
 _FIGURES = (("mean_um", "mean"), ("rms_um", "RMS"), ("p95_um", "95 %"), ("max_um", "max"))
-_NO_CHANCE, _SURE = 0.005, 0.995
 
 
 def pieces(engine: Engine) -> dict[str, str]:
@@ -246,13 +245,6 @@ def _candidate(k: int, candidate: dict[str, Any], candidates: list[dict[str, Any
         class_="recommended" if candidate["recommend"] else None,
         title=typeset(candidate["why"]),
     )
-
-
-def chance(probability: float) -> str:
-    """A probability in percent; near 0 and 1 as the bound that sampling can support."""
-    if probability > _SURE:
-        return "> 99 %"
-    return "< 1 %" if probability < _NO_CHANCE else f"{100.0 * probability:.0f} %"
 
 
 def _verdict(diagnosis: dict[str, Any]) -> Markup:

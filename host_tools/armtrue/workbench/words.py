@@ -7,6 +7,7 @@ from armtrue.verdicts import NOT_SCORED
 
 _SAME_PERCENT = 0.5
 _NAMED_ROWS = 5
+_NO_CHANCE, _SURE = 0.005, 0.995
 
 
 def length(mean_um: float | None) -> str:
@@ -43,3 +44,10 @@ def rows_words(rows: list[int], before: list[int] | None) -> str:
         return "the same effects, fitted again"
     words = ", ".join(map(str, rows[:_NAMED_ROWS])) + (" and more" if len(rows) > _NAMED_ROWS else "")
     return f"left out: {plural(len(rows), 'row')} ({words})" if rows else "all rows take part again"
+
+
+def chance(probability: float) -> str:
+    """A probability in percent; near 0 and 1 as the bound that sampling can support."""
+    if probability > _SURE:
+        return "> 99 %"
+    return "< 1 %" if probability < _NO_CHANCE else f"{100.0 * probability:.0f} %"

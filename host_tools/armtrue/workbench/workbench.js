@@ -3,6 +3,7 @@
 (() => {
   const byId = (id) => document.getElementById(id);
   const REACH_AGAIN_MS = 1000;
+  const BESIDE_WORK = ["card", "hold", "close"]; // buttons that ask for no work of the session
   const SHOW_PROGRESS_AFTER_MS = 400;
   let model = null, known = null; // the model whose pieces stand on the page, and how much of its diagnosis
   const OF_THE_DIAGNOSIS = ["spectra", "unexplained"]; // the other parts below show the fit alone
@@ -41,6 +42,7 @@
     for (const key of ["candidate", "effect", "node"]) if (key in button.dataset) words[key] = Number(button.dataset[key]);
     if ("rows" in button.dataset) words.rows = JSON.parse(button.dataset.rows);
     if (words.do === "card") return void showCard(words.candidate);
+    if (words.do === "hold") return void hold(button);
     if (words.do === "close") return void byId("card-dialog").close();
     if (words.do === "mark") Object.assign(words, { do: "leave_out", rows: [...leftOut, picked] });
     if (words.do === "leave_out_where") {
@@ -50,6 +52,8 @@
     if (words.do === "plan") {
       wanted = "plan";
       words.poses = Number(byId("poses").value);
+      if ("rivals" in button.dataset) words.rivals = JSON.parse(button.dataset.rivals);
+      byId("card-dialog").close();
     }
     if (words.do === "open" && byId("dataset")) words.text = byId("dataset").value;
     if (words.do === "export" || words.do === "report") {
@@ -115,7 +119,7 @@
     document.body.setAttribute("aria-busy", String(busy));
     for (const [name, can] of Object.entries(event.buttons)) byId(`button-${name}`).disabled = !can;
     document.querySelectorAll("[data-piece] button[data-act]").forEach((button) => {
-      button.disabled = busy && button.dataset.act !== "card";
+      button.disabled = busy && !BESIDE_WORK.includes(button.dataset.act);
     });
     byId("diagnosing").hidden = !event.diagnosing;
     if (event.diagnosing) {
@@ -191,9 +195,31 @@
     dialog.showModal();
     try {
       byId("card").innerHTML = await (await ask(`card?candidate=${candidate}`)).text();
+      if (matchMedia("(prefers-reduced-motion: reduce)").matches) byId("card").querySelectorAll("[data-act=hold]").forEach(hold);
+      byId("card").querySelectorAll("[data-later]").forEach(fill);
     } catch (error) {
       byId("card").textContent = error.message;
     }
+  }
+
+  /** What takes longer to work out than the card that it stands on. */
+  async function fill(place) {
+    try {
+      place.innerHTML = await (await ask(place.dataset.later)).text();
+    } catch (error) {
+      place.textContent = error.message;
+    }
+  }
+
+  /** Stops a picture that moves where its displacement is largest, or lets it go on. */
+  function hold(button) {
+    const picture = button.closest("figure").querySelector("svg");
+    const held = button.getAttribute("aria-pressed") !== "true";
+    button.setAttribute("aria-pressed", String(held));
+    button.textContent = held ? "Let it move" : "Hold still";
+    if (!held) return void picture.unpauseAnimations();
+    picture.pauseAnimations();
+    picture.setCurrentTime(Number(picture.dataset.still));
   }
 
   document.addEventListener("click", (event) => {

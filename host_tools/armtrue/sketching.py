@@ -117,7 +117,11 @@ def _joints(info: EffectInfo) -> list[int]:
 def formulas(info: EffectInfo) -> list[str]:
     """The effect's terms on the sample arm, one line a coordinate: `motor 2 [rad]: sin1·sin(q2) + …`."""
     joints = _joints(info)
-    document = _terms(info, joints, _sweeps(joints)[0])
+    return formula_lines(_terms(info, joints, _sweeps(joints)[0]))
+
+
+def formula_lines(document: dict[str, Any]) -> list[str]:
+    """As `formulas`, of terms that `armtrue._core.effect_terms` gave for some arm."""
     by_coordinate: dict[str, list[str]] = {}
     several = len(document["parameters"]) > 1
     for number, parameter in enumerate(document["parameters"], start=1):

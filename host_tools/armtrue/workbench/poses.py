@@ -1,0 +1,97 @@
+"""The next poses to measure: as a file to run, in sentences, and drawn as the arm will stand."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from typing import Any
+
+import numpy as np
+
+from armtrue.errors import InputError
+from armtrue.fitting import Fit
+from armtrue.further_poses import plan
+from armtrue.planning import Plan
+from armtrue.progress import Progress
+from armtrue.report.effect_picture import arms_picture
+from armtrue.report.markup import tag
+from armtrue.report.parts import minus, plural
+from armtrue.workbench.further import Result
+from armtrue.workbench.outputs import Made
+
+_MOST_POSES = 200
+_MOST_SHOWN = 12
+# |ΔBIC| beyond which the evidence is called decisive (docs/planning.md).
+_SETTLED = 10.0
+
+
+def planned(
+    fit: Fit, words: dict[str, Any], rivals: list[dict[str, Any]] | None, progress: Progress
+) -> Result:
+    """Poses that tell `rivals` (entries of model.yaml) apart; None: what the diagnosis leaves open, or else what the
+    model's parameters need.
+    """
+    count = words.get("poses", _MOST_SHOWN)
+    if not isinstance(count, int) or not 1 <= count <= _MOST_POSES:
+        raise InputError(f"poses: found {count!r}, expected 1 to {_MOST_POSES}")
+    chosen = plan(fit, count, rivals=rivals, progress=progress)
+    rows = np.column_stack(list(chosen.columns.values()))
+    sentences = [*_decisions(chosen), *_precision(chosen)]
+    heads = [tag("th", name, scope="col") for name in chosen.columns]
+    body = [tag("tr", [tag("td", f"{value:.4f}") for value in row]) for row in rows[:_MOST_SHOWN]]
+    table = tag("table", tag("caption", "Planned poses [rad, m]"), tag("tr", heads), body)
+    joints = np.column_stack([chosen.columns[f"q{k}"] for k in range(1, len(fit.robot.joints) + 1)])
+    picture, said = arms_picture(fit, joints[:_MOST_SHOWN])
+    shown = tag(
+        "div",
+        [tag("p", sentence) for sentence in sentences],
+        tag("figure", picture, tag("figcaption", said)),
+        tag("div", table, class_="scroll", tabindex="0", role="region", aria_label="Planned poses"),
+    )
+    made = Made("poses.csv", _csv(chosen, rows).encode(), "text/csv; charset=utf-8")
+    said = f"{plural(count, 'pose')} planned: run poses.csv, then drop what was measured. {' '.join(sentences[:1])}"
+    return Result(shown, said.strip(), made)
+
+
+def _csv(chosen: Plan, rows: Any) -> str:
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    own = [] if chosen.target is None else [chosen.target]
+    writer.writerow([*chosen.columns, *(["target"] if own else [])])
+    writer.writerows([[*(f"{value:.10f}" for value in row), *own] for row in rows])
+    return text.getvalue()
+
+
+def _decisions(chosen: Plan) -> list[str]:
+    """A sentence for each pair that the poses tell apart: what is expected whichever of the two is the cause."""
+    pairs: dict[frozenset[str], list[dict[str, Any]]] = {}
+    for entry in chosen.figures.get("separations", []):
+        pairs.setdefault(frozenset((entry["truth"], entry["rival"])), []).append(entry)
+    sentences = []
+    for entries in pairs.values():
+        first = entries[0]
+        worst = max(float(entry["delta_bic_expected"]) for entry in entries)
+        random = max(float(entry["delta_bic_expected_random"]) for entry in entries)
+        settles = "decide" if worst <= -_SETTLED else "help to decide"
+        sentences.append(
+            f"These {plural(chosen.count, 'pose')} {settles} between {first['truth']} and {first['rival']}: "
+            f"whichever is the cause is expected to reach a probability of {_percent(worst)} "
+            f"(ΔBIC {minus(f'{worst:.0f}')}), with as many random poses {_percent(random)}."
+        )
+    return sentences
+
+
+def _percent(delta_bic: float) -> str:
+    """The probability of one of two causes by its ΔBIC less the other's."""
+    share = 1.0 / (1.0 + math.exp(min(700.0, delta_bic / 2.0)))
+    return "more than 99.9 %" if share > 0.999 else f"{100.0 * share:.0f} %"
+
+
+def _precision(chosen: Plan) -> list[str]:
+    share = chosen.figures.get("random_poses_per_planned")
+    if share is None:
+        return []
+    return [
+        f"{plural(chosen.count, 'planned pose')} give the precision of {share * chosen.count:.0f} random ones."
+    ]
