@@ -47,6 +47,12 @@ def typical_row(step: Step) -> int:
     return int(np.argmin(np.sum(((joints - np.median(joints, axis=0)) / spread) ** 2, axis=1)))
 
 
+def scene_rows(step: Step) -> NDArray[np.intp]:
+    """Places of the rows that are drawn: all, or some of very many with the worst among them."""
+    worst = np.argsort(-np.linalg.norm(step.residual_m, axis=1))[:_WORST_KEPT]
+    return spread_rows(step.fit.data.count, _MOST_VECTORS, worst)
+
+
 def scene(steps: list[Step]) -> dict[str, Any]:
     """What the viewer draws.
 
@@ -55,9 +61,7 @@ def scene(steps: list[Step]) -> dict[str, Any]:
     """
     shown = [steps[0]] if len(steps) == 1 else [steps[0], steps[-1]]
     last = steps[-1]
-    worst = np.argsort(-np.linalg.norm(last.residual_m, axis=1))[:_WORST_KEPT]
-    rows = spread_rows(last.fit.data.count, _MOST_VECTORS, worst)
-    data = last.fit.data
+    rows, data = scene_rows(last), last.fit.data
     units = [joint_unit(joint) for joint in last.fit.robot.joints]
     joints = data.joints[rows] / np.array([factor for _, factor in units])
     return {

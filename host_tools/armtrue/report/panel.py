@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -26,7 +28,7 @@ class Panel:
         self, x: Scale, y: Scale, x_label: str, y_label: str, description: str, *, height: int = 210
     ) -> None:
         self._x, self._y = x, y
-        self._labels = (x_label, y_label)
+        self._labels = (_axis_name(x, x_label), _axis_name(y, y_label))
         self._description = description
         self._height = height
         self._y_ticks = [(value, tick_text(value)) for value in y.ticks(max(4, height // 50))]
@@ -149,7 +151,20 @@ class Panel:
         return tag(
             "svg", title, self._axes(), plot,
             class_="panel", role="img", viewBox=f"0 0 {WIDTH} {self._height}", aria_label=self._description,
+            data_plot=self._places(),
         )  # fmt: skip
+
+    def _places(self) -> str:
+        """Where the axes lie and what they are called: a page that reads values off the chart needs that."""
+
+        def axis(scale: Scale, name: str) -> dict[str, object]:
+            ends = [float(f"{end:.6g}") for end in (scale.low, scale.high)]
+            return {"ends": ends, "logarithmic": scale.logarithmic, "name": name}
+
+        x, y = axis(self._x, self._labels[0]), axis(self._y, self._labels[1])
+        return json.dumps(
+            {"box": [self._left, _TOP, self._w, self._h], "x": x, "y": y}, separators=(",", ":")
+        )
 
     def _axes(self) -> Markup:
         bottom, pieces = _TOP + self._h, []
@@ -187,6 +202,10 @@ class Panel:
         columns, rows = self._tenths(x, y)
         places = [f"{_tenth(a)} {_tenth(b)}" for a, b in zip(columns.tolist(), rows.tolist(), strict=True)]
         return "M" + "L".join(places)
+
+
+def _axis_name(scale: Scale, label: str) -> str:
+    return f"{label}, logarithmic" if scale.logarithmic else label
 
 
 def _words(text: str, x: float, y: float, anchor: str, kind: str = "ticks") -> Markup:

@@ -16,8 +16,8 @@ _VECTORS = (
     "enlarged. Larger errors have thicker arrows; one that ends in two bars is longer than there is room for. "
 )
 _TURNING = (
-    "Drag to turn, with Shift to move, scroll or pinch to zoom. With the keyboard: arrow keys turn, + and − zoom, "
-    "0 starts again."
+    "Drag to turn, with Shift to move, with Ctrl to select, scroll or pinch to zoom. With the keyboard: arrow keys "
+    "turn, + and − zoom, 0 starts again."
 )
 _STATE = (
     "What is left over at the last step, against every variable of the state. The line joins bin means, upright bars "

@@ -11,6 +11,7 @@
   const LONGEST_ARROW = 0.4;
   const PICK_PIXELS = 16;
   const TURN = 0.09, ZOOM = 1.15;
+  const NEIGHBOURS = 3;
 
   class Scene {
     constructor(data) {
@@ -63,7 +64,7 @@
   }
 
   /** One drawing of a scene under a view {angles, scale, left, top}: SVG text, and the places of arrow tips for picking. */
-  function draw(scene, step, look, width, height, full) {
+  function draw(scene, step, look, width, height, full, rings = []) {
     const view = { ...look, axes: viewAxes(...look.angles), centre: scene.centre };
     const at = (x, y, z) => project(view, x, y, z);
     const word = ([x, y]) => `${x.toFixed(1)} ${y.toFixed(1)}`;
@@ -95,6 +96,8 @@
     paths.forEach((path, k) => parts.push(`<path class="length${k}" d="${path}"/>`));
     parts.push(axes(view, height, full));
     if (full) parts.push(legend(scene, view, width, height));
+    const ringed = [...rings].map((k) => `M${word(tips[k])}h0`).join("");
+    if (ringed) parts.push(`<path class="ringed" d="${ringed}"/>`);
     return { svg: `<svg class="scene" viewBox="0 0 ${width} ${height}" aria-hidden="true">${parts.join("")}</svg>`, tips };
   }
 
@@ -163,6 +166,7 @@
     const stage = viewer.querySelector(".stage"), readout = viewer.querySelector(".readout"), stills = viewer.querySelector(".stills");
     const usualGain = scene.gain;
     let step = scene.vectors.length - 1, angles = VIEWS.corner, zoom = 1, pan = [0, 0], picked = -1, tips = [], waiting = false;
+    let ringed = new Set(), brush = null; // poses that are selected, and the corners of the frame that selects them
     let home = VIEWS.corner; // the angles that the picture is fitted for: turning does not change the scale
 
     const signed = (value) => (value < 0 ? "−" : "+") + Math.abs(value).toFixed(0);
@@ -171,7 +175,28 @@
       const v = [0, 1, 2].map((k) => scene.vectors[step][3 * index + k] / TENTHS);
       const n = scene.joint_units.length;
       const joints = scene.joint_units.map((unit, k) => `${scene.joints[n * index + k]}${unit}`.replace("-", "−")).join(" ");
-      return `Row ${scene.rows[index]}: ${scene.lengths[step][index].toFixed(0)} µm (x ${signed(v[0])}, y ${signed(v[1])}, z ${signed(v[2])}), joints ${joints}`;
+      return `Row ${scene.rows[index]}: ${scene.lengths[step][index].toFixed(0)} µm (x ${signed(v[0])}, y ${signed(v[1])}, z ${signed(v[2])}), joints ${joints}. ${neighbours(index)}`;
+    }
+
+    /** The poses whose joints are nearest, each as a share of its range, with their errors. */
+    function neighbours(index) {
+      const n = scene.joint_units.length;
+      const ranges = scene.joint_units.map((_, k) => {
+        const values = scene.rows.map((_row, i) => scene.joints[n * i + k]);
+        return values.reduce((a, b) => Math.max(a, b)) - values.reduce((a, b) => Math.min(a, b)) || 1;
+      });
+      const far = scene.rows.map((_, i) => ranges.reduce((sum, range, k) => sum + ((scene.joints[n * i + k] - scene.joints[n * index + k]) / range) ** 2, 0));
+      const nearest = scene.rows.map((_, i) => i).filter((i) => i !== index).sort((a, b) => far[a] - far[b]).slice(0, NEIGHBOURS);
+      return `Nearest poses: ${nearest.map((i) => `row ${scene.rows[i]} (${scene.lengths[step][i].toFixed(0)} µm)`).join(", ")}.`;
+    }
+
+    function select(indices) {
+      ringed = new Set(indices);
+      if (ringed.size) {
+        const mean = [...ringed].reduce((sum, k) => sum + scene.lengths[step][k], 0) / ringed.size;
+        readout.textContent = `${ringed.size} poses are selected; their mean error is ${mean.toFixed(0)} µm.`;
+      }
+      redraw();
     }
 
     function render() {
@@ -182,7 +207,7 @@
         angles, scale: fit.scale * zoom,
         left: width / 2 + zoom * (fit.left - width / 2) + pan[0], top: height / 2 + zoom * (fit.top - height / 2) + pan[1],
       };
-      const drawn = draw(scene, step, look, width, height, true);
+      const drawn = draw(scene, step, look, width, height, true, ringed);
       tips = drawn.tips;
       stage.innerHTML = drawn.svg;
       if (picked >= 0) {
@@ -190,7 +215,12 @@
         stage.firstChild.insertAdjacentHTML("beforeend", `<circle class="picked" fill="none" cx="${x.toFixed(1)}" cy="${y.toFixed(1)}" r="9"/>`);
       }
       if (picked >= 0) stage.dispatchEvent(new CustomEvent("armtrue-picked", { bubbles: true, detail: scene.rows[picked] }));
-      readout.textContent = picked >= 0 ? describe(picked) : "Point at an arrow, or press N for the next worst pose, to read it.";
+      if (brush) {
+        const [[x0, y0], [x1, y1]] = brush;
+        stage.firstChild.insertAdjacentHTML("beforeend",
+          `<rect class="brush-frame" x="${Math.min(x0, x1)}" y="${Math.min(y0, y1)}" width="${Math.abs(x1 - x0)}" height="${Math.abs(y1 - y0)}"/>`);
+      }
+      if (picked >= 0 || !ringed.size) readout.textContent = picked >= 0 ? describe(picked) : "Point at an arrow, or press N for the next worst pose, to read it.";
     }
 
     function redraw() {
@@ -230,6 +260,7 @@
         see("corner");
         scene.gain = usualGain;
         picked = -1;
+        ringed = new Set();
       },
     };
     const keys = {
@@ -263,15 +294,28 @@
     };
     stage.addEventListener("pointerdown", (event) => {
       stage.setPointerCapture(event.pointerId);
+      if (event.ctrlKey || event.metaKey) {
+        brush = [placeOf(event), placeOf(event)];
+        return;
+      }
       held.set(event.pointerId, [event.clientX, event.clientY]);
       moved = false;
     });
-    stage.addEventListener("pointercancel", (event) => held.delete(event.pointerId));
+    stage.addEventListener("pointercancel", (event) => {
+      held.delete(event.pointerId);
+      brush = null;
+    });
     stage.addEventListener("pointerup", (event) => {
+      if (brush) return void endBrush();
       held.delete(event.pointerId);
       if (!moved) pick(event); // a tap
     });
     stage.addEventListener("pointermove", (event) => {
+      if (brush) {
+        brush[1] = placeOf(event);
+        redraw();
+        return;
+      }
       const before = held.get(event.pointerId);
       if (!before) {
         pick(event);
@@ -297,9 +341,29 @@
       redraw();
     }, { passive: false });
 
-    function pick(event) {
+    function placeOf(event) {
       const box = stage.getBoundingClientRect();
-      const x = event.clientX - box.left, y = event.clientY - box.top;
+      return [event.clientX - box.left, event.clientY - box.top];
+    }
+
+    /** Selects the arrows that end inside the frame, and tells the page. */
+    function endBrush() {
+      const [[x0, y0], [x1, y1]] = brush;
+      brush = null;
+      picked = -1;
+      const between = (value, a, b) => value >= Math.min(a, b) && value <= Math.max(a, b);
+      select(tips.flatMap(([x, y], k) => (between(x, x0, x1) && between(y, y0, y1) ? [k] : [])));
+      stage.dispatchEvent(new CustomEvent("armtrue-brushed", { bubbles: true, detail: [...ringed].map((k) => scene.rows[k]) }));
+    }
+
+    // Another chart of the page selects poses by their rows.
+    viewer.addEventListener("armtrue-select", (event) => {
+      const rows = new Set(event.detail);
+      select(scene.rows.flatMap((row, k) => (rows.has(row) ? [k] : [])));
+    });
+
+    function pick(event) {
+      const [x, y] = placeOf(event);
       let nearest = -1, least = PICK_PIXELS;
       tips.forEach((tip, k) => {
         const distance = Math.hypot(tip[0] - x, tip[1] - y);

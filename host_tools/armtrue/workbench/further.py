@@ -11,8 +11,9 @@ from armtrue.fitting import Fit
 from armtrue.io import load_data
 from armtrue.report.markup import Content, Markup, tag
 from armtrue.report.parts import micrometres
-from armtrue.report.state import Variable, variables
+from armtrue.report.state import Variable
 from armtrue.workbench.dropped import Drop
+from armtrue.workbench.looking import all_variables
 from armtrue.workbench.outputs import Made
 
 
@@ -27,7 +28,7 @@ class Result:
 
 def rows_between(fit: Fit, words: dict[str, Any]) -> list[int]:
     """Rows of the file where a variable lies between two values, ends included. Errors: InputError where none does."""
-    known = {variable.name: variable for variable in variables(fit)}
+    known = {variable.name: variable for variable in all_variables(fit)}
     variable = known.get(str(words.get("variable")))
     low, high = words.get("low"), words.get("high")
     if variable is None:
@@ -52,7 +53,9 @@ def leave_out_form(fit: Fit) -> Markup:
     return tag(
         "details",
         tag("summary", "Leave out a region or a time"),
-        tag("label", "rows with ", tag("select", [option(v) for v in variables(fit)], id="leave-variable")),
+        tag(
+            "label", "rows with ", tag("select", [option(v) for v in all_variables(fit)], id="leave-variable")
+        ),
         tag("label", " from ", tag("input", type="number", step="any", id="leave-low")),
         tag("label", " to ", tag("input", type="number", step="any", id="leave-high")),
         tag("button", "Leave out", type="button", data_act="leave_out_where"),

@@ -51,9 +51,9 @@ def page() -> str:
 
 def script() -> str:
     """The page's script: the report's picture in space, then the workbench's own."""
-    return "".join(_text("armtrue.report", name) for name in ("geometry.js", "viewer.js")) + _text(
-        "armtrue.workbench", "workbench.js"
-    )
+    of_the_report = [_text("armtrue.report", name) for name in ("geometry.js", "viewer.js")]
+    own = [_text("armtrue.workbench", name) for name in ("looking.js", "workbench.js")]
+    return "".join([*of_the_report, *own])
 
 
 def style() -> str:

@@ -3,24 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 from armtrue.errors import InputError
 from armtrue.report.content import Report, shown_again
 from armtrue.report.data_sections import coverage_section, rejected_section
 from armtrue.report.markup import Markup, tag
 from armtrue.report.model_sections import observability_section, parameters_section
-from armtrue.report.residual_sections import (
-    spectra_section,
-    state_section,
-    unexplained_section,
-    vectors_section,
-)
+from armtrue.report.residual_sections import unexplained_section, vectors_section
+from armtrue.workbench.looking import all_variables, looking_section, peaks_section, ranked
 from armtrue.workbench.session import Session
 
 _SECTIONS: dict[str, Callable[[Report], Markup | None]] = {
     "vectors": vectors_section,
-    "state": state_section,
-    "spectra": spectra_section,
+    "spectra": peaks_section,
     "unexplained": unexplained_section,
     "parameters": parameters_section,
     "unobservable": observability_section,
@@ -31,10 +27,15 @@ _SECTIONS: dict[str, Callable[[Report], Markup | None]] = {
 OF_THE_DIAGNOSIS = {"spectra", "unexplained"}
 
 
-def panel(session: Session, name: str) -> str:
-    """One section of the report as HTML. Errors: InputError for a name that is none."""
+def panel(session: Session, words: dict[str, str]) -> str:
+    """One part of the page as HTML: the section `name` of `words`. Errors: InputError for a name that is none."""
+    name = words.get("name", "")
+    if name == "state":
+        report = _report(session, diagnosed=False)
+        report = replace(report, variables=all_variables(report.last.fit))
+        return looking_section(report, session.worked_out(session.at, "ranks", lambda: ranked(report)), words)
     if name not in _SECTIONS:
-        raise InputError(f"panel: found '{name}', expected one of {', '.join(_SECTIONS)}")
+        raise InputError(f"panel: found '{name}', expected one of {', '.join(('state', *_SECTIONS))}")
     diagnosed = name in OF_THE_DIAGNOSIS
     if diagnosed and not session.is_diagnosed(session.at):
         return tag("p", "The diagnosis of this model is not worked out yet.")

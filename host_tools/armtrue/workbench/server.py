@@ -137,9 +137,7 @@ class _Handler(BaseHTTPRequestHandler):
         })  # fmt: skip
 
     def _panel(self, words: dict[str, str]) -> None:
-        self._send(
-            panel(self.server.engine.session, words.get("name", "")).encode(), "text/html; charset=utf-8"
-        )
+        self._send(panel(self.server.engine.session, words).encode(), "text/html; charset=utf-8")
 
     def _card(self, words: dict[str, str]) -> None:
         self._send(

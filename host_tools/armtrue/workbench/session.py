@@ -7,6 +7,7 @@ import json
 import os
 import threading
 from collections import OrderedDict
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from itertools import pairwise
 from pathlib import Path
@@ -68,6 +69,7 @@ class Session:
 
     def __post_init__(self) -> None:
         self._held: OrderedDict[int, tuple[Fit, dict[str, Any] | None]] = OrderedDict()
+        self._worked_out: dict[int, dict[str, Any]] = {}
         self._lock = threading.RLock()  # a diagnosis comes in beside what the person does
 
     @property
@@ -100,6 +102,13 @@ class Session:
             self._write(number, self.fit_of(number), diagnosis)
             self.nodes[number].verdict = str(diagnosis["verdict"])
             self.save()
+
+    def worked_out(self, number: int, name: str, work: Callable[[], Any]) -> Any:
+        """What `work` gives for a model, kept under `name` as long as the model is held in memory."""
+        kept = self._worked_out.setdefault(number, {})
+        if name not in kept:
+            kept[name] = work()
+        return kept[name]
 
     def is_diagnosed(self, number: int) -> bool:
         """True where the whole diagnosis of a model is known; those made on the way of Refine lack spectra."""
@@ -165,7 +174,8 @@ class Session:
     def _hold(self, number: int, fit: Fit, diagnosis: dict[str, Any] | None) -> None:
         self._held[number] = (fit, diagnosis)
         while len(self._held) > _HELD:
-            self._held.popitem(last=False)
+            oldest, _ = self._held.popitem(last=False)
+            self._worked_out.pop(oldest, None)
 
 
 def load_session(folder: Path, key: str, data: Dataset) -> Session | None:

@@ -8,7 +8,7 @@
   let model = null, known = null; // the model whose pieces stand on the page, and how much of its diagnosis
   const OF_THE_DIAGNOSIS = ["spectra", "unexplained"]; // the other parts below show the fit alone
   let busy = false, diagnosing = false, wanted = null, drawing = false, again = false, waitingForProgress = 0;
-  let picked = null, leftOut = []; // the row that was pointed at last, and those that are marked as wrong
+  let picked = [], leftOut = []; // the rows that were pointed at or framed last, and those that are marked as wrong
   let held = null; // where the keyboard was when a button was pressed: a button that is disabled loses it
 
   async function ask(address, request) {
@@ -44,11 +44,13 @@
     if (words.do === "card") return void showCard(words.candidate);
     if (words.do === "hold") return void hold(button);
     if (words.do === "close") return void byId("card-dialog").close();
-    if (words.do === "mark") Object.assign(words, { do: "leave_out", rows: [...leftOut, picked] });
+    if (words.do === "mark") Object.assign(words, { do: "leave_out", rows: [...leftOut, ...picked] });
+    if ("entry" in button.dataset) words.entry = JSON.parse(button.dataset.entry);
     if (words.do === "leave_out_where") {
       const number = (id) => (byId(id).value === "" ? null : Number(byId(id).value));
       Object.assign(words, { variable: byId("leave-variable").value, low: number("leave-low"), high: number("leave-high") });
     }
+    if (words.do === "leave_out_brushed") Object.assign(words, { do: "leave_out_where", ...globalThis.armtrueLooking.range() });
     if (words.do === "plan") {
       wanted = "plan";
       words.poses = Number(byId("poses").value);
@@ -177,11 +179,11 @@
     const slot = details.querySelector(".panel-slot");
     slot.setAttribute("aria-busy", "true");
     try {
-      const html = await (await ask(`panel?name=${encodeURIComponent(details.dataset.panel)}`)).text();
+      const html = await (await ask(`panel?name=${encodeURIComponent(details.dataset.panel)}&${details.dataset.query || ""}`)).text();
       if (details.dataset.model !== shown) return;
       slot.innerHTML = html;
       slot.querySelectorAll(".viewer").forEach(globalThis.armtrueReport.start);
-      if (slot.querySelector(".view")) globalThis.armtrueReport.chooseView();
+      globalThis.armtrueLooking.start(slot);
     } catch (error) {
       slot.textContent = error.message;
     } finally {
@@ -237,10 +239,19 @@
     await draw();
     if (sentence) fail(sentence);
   }
-  document.addEventListener("armtrue-picked", (event) => {
-    picked = event.detail;
-    byId("mark").textContent = `Mark row ${picked} as wrong`;
-    byId("mark").hidden = false;
+  function offerToMark(rows) {
+    picked = rows;
+    byId("mark").textContent = rows.length === 1 ? `Mark row ${rows[0]} as wrong` : `Mark ${rows.length} rows as wrong`;
+    byId("mark").hidden = !rows.length;
+  }
+  document.addEventListener("armtrue-picked", (event) => offerToMark([event.detail]));
+  document.addEventListener("armtrue-brushed", (event) => offerToMark(event.detail));
+  // Another variable or direction is wanted of a part that is open already.
+  document.addEventListener("armtrue-look", (event) => {
+    const details = document.querySelector("details[data-panel=state]");
+    details.dataset.query = new URLSearchParams(event.detail).toString();
+    details.dataset.model = "";
+    look(details);
   });
   byId("files").addEventListener("change", async () => {
     await take([...byId("files").files]);

@@ -1,0 +1,148 @@
+"""The residual against any variable, poses brushed on a chart and found on the arm, and peaks that are pressed."""
+
+from __future__ import annotations
+
+import shutil
+
+import pytest
+from bench_page import Page
+from selenium.webdriver.common.action_chains import ActionChains
+from selenium.webdriver.common.by import By
+from selenium.webdriver.common.keys import Keys
+from selenium.webdriver.support.ui import Select
+
+pytestmark = pytest.mark.full
+
+RINGS = "return (document.querySelector('{} .ringed')?.getAttribute('d') || '').split('M').length - 1"
+ON_THE_CHART, ON_THE_ARM = RINGS.format(".look-figure"), RINGS.format(".stage")
+
+
+def open_part(page: Page, name: str) -> None:
+    """Unfold a part of the page and bring it into sight."""
+    page.browser.run(f"document.querySelector('details[data-panel={name}]').open = true")
+    page.until(
+        lambda: page.browser.run(
+            f"return document.querySelector('details[data-panel={name}] figure') !== null"
+        ),
+        name,
+    )
+    page.browser.run(
+        f"document.querySelector('details[data-panel={name}] figure').scrollIntoView({{block: 'center'}})"
+    )
+
+
+def choose(page: Page, what: str, value: str) -> None:
+    """Choose the variable or the direction, and wait for its chart."""
+    chart = page.browser.driver.find_element(By.CSS_SELECTOR, ".look-figure svg")
+    Select(page.browser.driver.find_element(By.ID, f"look-{what}")).select_by_value(value)
+    page.until(
+        lambda: page.browser.driver.find_element(By.CSS_SELECTOR, ".look-figure svg") != chart, "other chart"
+    )
+    page.browser.run("document.querySelector('.look-figure').scrollIntoView({block: 'center'})")
+
+
+@pytest.fixture
+def named(campaign, tmp_path):
+    """The campaign with a column that nobody knows."""
+    shutil.copytree(campaign, folder := tmp_path / "named")
+    lines = (folder / "data.csv").read_text().splitlines()
+    rows = [f"{lines[0]},humidity", *(f"{line},{40 + k % 7}" for k, line in enumerate(lines[1:]))]
+    (folder / "data.csv").write_text("\n".join(rows) + "\n")
+    return folder / "data.csv"
+
+
+def test_the_variable_that_shows_most_comes_first_and_any_other_can_be_chosen(start, browser, named):
+    page = Page(browser, start(named).address)
+    open_part(page, "state")
+    options = [o.text for o in Select(browser.driver.find_element(By.ID, "look-variable")).options]
+    assert options[0].startswith("direction joint 2 came from")
+    for wanted in (
+        "joint 1 [°]",
+        "motor angle 3 [°]",
+        "humidity",
+        "temperature",
+        "gravity torque",
+        "reflector's z",
+    ):
+        assert any(option.startswith(wanted) for option in options), wanted
+    choose(page, "variable", "humidity")
+    choose(page, "direction", "motor1")
+    words = browser.run("return document.getElementById('looking').innerText")
+    assert "error as joint 1" in words
+    assert "no trend" in words.lower()
+    assert browser.complaints() == []
+
+
+def test_poses_brushed_on_the_chart_are_ringed_on_the_arm_and_can_be_left_out(page, workbench):
+    open_part(page, "state")
+    choose(page, "variable", "q3")
+    figure = page.browser.driver.find_element(By.CSS_SELECTOR, ".look-figure svg")
+    ActionChains(page.browser.driver).move_to_element_with_offset(
+        figure, -60, 0
+    ).click_and_hold().move_by_offset(120, 0).release().perform()
+    ringed = page.until(lambda: page.browser.run(ON_THE_CHART), "rings on the chart")
+    assert page.browser.run(ON_THE_ARM) >= ringed > 10
+    before = workbench.state()["error"]["held_out"]["n"]
+    page.after(page.one("#looking button", "button", "Leave these out").click)
+    left_out = workbench.state()["left_out"]
+    assert len(left_out) >= ringed
+    assert workbench.state()["error"]["held_out"]["n"] == before - len(left_out)
+
+
+def test_poses_are_selected_with_the_keyboard(page):
+    open_part(page, "state")
+    for name, value in (("low", "-1"), ("high", "0")):
+        page.browser.driver.find_element(By.ID, f"brush-{name}").send_keys(value)
+    page.one("#looking button", "button", "Select").send_keys(Keys.ENTER)
+    assert page.until(lambda: page.browser.run(ON_THE_CHART), "rings") > 10
+
+
+def test_values_are_read_under_the_pointer(page):
+    open_part(page, "state")
+    chart = page.browser.driver.find_element(By.CSS_SELECTOR, ".look-figure svg")
+    read = "return document.querySelector('#looking .readout').textContent"
+
+    def swept() -> str:
+        for x in range(-300, 300, 6):
+            ActionChains(page.browser.driver, duration=5).move_to_element_with_offset(chart, x, -60).perform()
+            if said := page.browser.run(read):
+                return str(said)
+        return ""
+
+    assert swept().startswith("Row ")
+    open_part(page, "spectra")
+    spectrum = page.browser.driver.find_element(By.CSS_SELECTOR, "details[data-panel=spectra] svg")
+    ActionChains(page.browser.driver).move_to_element(spectrum).perform()
+    said = page.browser.run(
+        "return document.querySelector('details[data-panel=spectra] .values').textContent"
+    )
+    assert said.startswith("cycles a turn of joint 1, logarithmic: ")
+
+
+def test_poses_framed_on_the_arm_are_ringed_on_the_chart(page):
+    open_part(page, "state")
+    page.browser.run("document.querySelector('.stage').scrollIntoView({block: 'center'})")
+    stage = page.browser.driver.find_element(By.CSS_SELECTOR, ".stage")
+    ActionChains(page.browser.driver).key_down(Keys.CONTROL).move_to_element_with_offset(
+        stage, -120, -90
+    ).click_and_hold().move_by_offset(200, 150).release().key_up(Keys.CONTROL).perform()
+    framed = page.until(lambda: page.browser.run(ON_THE_ARM), "rings on the arm")
+    assert framed >= page.browser.run(ON_THE_CHART) > 0
+    assert f"Mark {framed} rows as wrong" in page.browser.run(
+        "return document.getElementById('mark').textContent"
+    )
+
+
+def test_a_peak_of_a_spectrum_becomes_an_effect(page, workbench):
+    page.add()  # without lost motion the eccentric gear stands out
+    open_part(page, "spectra")
+    peak = page.until(
+        lambda: [
+            b for b in page.by_role("details[data-panel=spectra] button", "button") if "joint 3" not in b.text
+        ],
+        "peak",
+    )[0]
+    name = peak.text.removeprefix("Add ").split(":")[0]
+    page.after(peak.click)
+    assert page.model()[-1].startswith(name)
+    assert len(workbench.state()["steps"]) == 3
