@@ -6,6 +6,7 @@
 #include <cmath>
 #include <limits>
 #include <random>
+#include <utility>
 
 #include "fitter/model/observer.h"
 #include "fitter/solve/dense.h"
@@ -24,6 +25,8 @@ constexpr double kImprobable = 1e-3;
 constexpr int kExchangeEvery = 4;
 // A climb looks again only at blocks that lacked less than this of being worth a change.
 constexpr double kPromising = -4.0;
+// Another reading of the data counts down to this log odds against the likeliest set.
+constexpr double kWorthReading = -6.0;
 // Updates of the Gram matrix after which it is built anew, so that rounding does not add up.
 constexpr int kUpdatesBeforeRebuild = 400;
 constexpr double kLeastRise = 1e-6;
@@ -123,7 +126,11 @@ class Sampler {
               const Eigen::VectorXd& step, double sign);
   void rebuild();
   double best_change(std::vector<std::size_t>& looked_at, std::size_t& at, Choice& to) const;
-  void climb(bool with_structure);
+  void climb(const std::vector<std::size_t>& allowed);
+  std::vector<std::size_t> blocks_for(bool with_structure) const;
+  void find_readings();
+  double enter(const std::vector<std::size_t>& members, std::vector<Choice>& sizes);
+  void read_otherwise();
   void sweep(int number, bool count);
   void exchange();
   Choice draw(const Conditional& conditional);
@@ -137,7 +144,13 @@ class Sampler {
   const SearchProblem& problem_;
   const SearchOptions& options_;
   std::mt19937_64 generator_;
+  // What stands for what: blocks of the likeliest set, and those that replace them.
+  struct Reading {
+    std::vector<std::size_t> one, other;
+  };
+
   std::vector<Choice> state_, best_;
+  std::vector<Reading> readings_;
   double best_posterior_ = -std::numeric_limits<double>::infinity();
   Eigen::MatrixXd gram_;
   Eigen::VectorXd gradient_;
@@ -408,13 +421,17 @@ double Sampler::best_change(std::vector<std::size_t>& looked_at, std::size_t& at
   return most;
 }
 
-// Takes the single change that raises the posterior most, until none does.
-void Sampler::climb(bool with_structure) {
-  std::vector<std::size_t> all;
+std::vector<std::size_t> Sampler::blocks_for(bool with_structure) const {
+  std::vector<std::size_t> result;
   for (std::size_t b = 0; b < state_.size(); ++b) {
-    if (with_structure || block(b).counts) all.push_back(b);
+    if (with_structure || block(b).counts) result.push_back(b);
   }
-  std::vector<std::size_t> looked_at = all;
+  return result;
+}
+
+// Takes the single change of an allowed block that raises the posterior most, until none does.
+void Sampler::climb(const std::vector<std::size_t>& allowed) {
+  std::vector<std::size_t> looked_at = allowed;
   bool whole = true;
   for (std::size_t step = 0; step < 6 * state_.size(); ++step) {
     throw_if_cancelled();
@@ -423,7 +440,7 @@ void Sampler::climb(bool with_structure) {
     const double rise = best_change(looked_at, at, to);
     if (rise <= kLeastRise) {
       if (whole) break;
-      looked_at = all;
+      looked_at = allowed;
       whole = true;
       continue;
     }
@@ -451,7 +468,10 @@ void Sampler::sweep(int number, bool count) {
     if (count) inclusion_[b] += c.probability();
     set(b, draw(c));
   }
-  if (number % kExchangeEvery == 0) exchange();
+  if (number % kExchangeEvery == 0) {
+    exchange();
+    read_otherwise();
+  }
   remember();
   if (!count) return;
   counted_ += 1.0;
@@ -489,6 +509,84 @@ void Sampler::exchange() {
     set(stands[i].first, stands[i].second);
     return;
   }
+}
+
+// Members enter the set one after the other: log evidence that each brings, over all its sizes, at
+// the sizes that those before it were given. Where `sizes` has none, one is drawn.
+double Sampler::enter(const std::vector<std::size_t>& members, std::vector<Choice>& sizes) {
+  double sum = 0.0;
+  for (std::size_t i = 0; i < members.size(); ++i) {
+    Conditional there = conditional(members[i]);
+    const double absent = there.log_weight.front();
+    there.choices.erase(there.choices.begin());
+    there.log_weight.erase(there.log_weight.begin());
+    sum += log_sum(there.log_weight) - absent;
+    if (i == sizes.size()) sizes.push_back(draw(there));
+    add(members[i], sizes[i]);
+  }
+  return sum;
+}
+
+// Two blocks may stand for one, which no exchange of one for one finds: each member of the
+// likeliest set is taken out in turn, and what the others then do without it is another reading of
+// the data.
+void Sampler::find_readings() {
+  const std::vector<Choice> home = best_;
+  for (std::size_t gone = 0; gone < home.size(); ++gone) {
+    if (!home[gone].is_present() || block(gone).costly || !block(gone).counts) continue;
+    state_ = home;
+    state_[gone] = {};
+    rebuild();
+    std::vector<std::size_t> allowed;
+    for (std::size_t b = 0; b < home.size(); ++b) {
+      if (b != gone && !block(b).costly && block(b).counts) allowed.push_back(b);
+    }
+    climb(allowed);
+    Reading reading;
+    std::vector<Choice> at_home, found;
+    for (std::size_t b = 0; b < home.size(); ++b) {
+      if (home[b].is_present() == state_[b].is_present()) continue;
+      (home[b].is_present() ? reading.one : reading.other).push_back(b);
+      (home[b].is_present() ? at_home : found)
+          .push_back(home[b].is_present() ? home[b] : state_[b]);
+    }
+    if (reading.one.size() + reading.other.size() <= 2) continue;  // exchanges find it
+    for (const std::size_t b : reading.other) state_[b] = {};
+    rebuild();
+    const double otherwise = enter(reading.other, found);
+    for (const std::size_t b : reading.other) state_[b] = {};
+    rebuild();
+    if (otherwise - enter(reading.one, at_home) > kWorthReading)
+      readings_.push_back(std::move(reading));
+  }
+  state_ = best_;
+  rebuild();
+}
+
+// A step of Metropolis and Hastings from one side of a reading to the other, sizes drawn as they
+// enter: what all sizes of a side bring decides.
+void Sampler::read_otherwise() {
+  if (readings_.empty()) return;
+  const Reading& reading = readings_[generator_() % readings_.size()];
+  const auto stands = [&](const std::vector<std::size_t>& side, bool present) {
+    return std::all_of(side.begin(), side.end(),
+                       [&](std::size_t b) { return state_[b].is_present() == present; });
+  };
+  const bool at_one = stands(reading.one, true) && stands(reading.other, false);
+  if (!at_one && !(stands(reading.one, false) && stands(reading.other, true))) return;
+  const std::vector<Choice> before = state_;
+  const std::vector<std::size_t>& from = at_one ? reading.one : reading.other;
+  std::vector<Choice> sizes, drawn;
+  for (const std::size_t b : from) sizes.push_back(std::exchange(state_[b], Choice{}));
+  rebuild();
+  const std::vector<Choice> neither = state_;
+  const double here = enter(from, sizes);
+  state_ = neither;
+  rebuild();
+  const double there = enter(at_one ? reading.other : reading.one, drawn);
+  if (std::log(std::uniform_real_distribution<double>(0.0, 1.0)(generator_)) < there - here) return;
+  state_ = before;
+  rebuild();
 }
 
 // Every block beside the set that stands now.
@@ -616,15 +714,16 @@ SearchResult Sampler::run() {
   const std::vector<Choice> start = state_;
   const bool structure = std::any_of(problem_.blocks.begin(), problem_.blocks.end(),
                                      [](const SearchBlock& b) { return !b.counts; });
-  climb(false);
+  climb(blocks_for(false));
   if (structure) {
-    climb(true);
+    climb(blocks_for(true));
     state_ = start;
     rebuild();
-    climb(true);
+    climb(blocks_for(true));
     state_ = best_;
     rebuild();
   }
+  find_readings();
   for (int i = 0; i < options_.burn_in + options_.sweeps; ++i) {
     throw_if_cancelled();
     sweep(i, i >= options_.burn_in);

@@ -107,6 +107,30 @@ std::vector<double> enumerated(const Example& e) {
   return result;
 }
 
+// Two blocks side by side do what a third does alone, but for a rest that decides between them.
+Example two_or_one(double towards_one) {
+  Example e = example(11, {0.0, 0.0, 0.0});
+  std::mt19937_64 generator(12);
+  const Eigen::MatrixXd rest = normal(generator, e.y.size(), 2);
+  e.columns.rightCols(2) = e.columns.leftCols(2) + e.columns.middleCols(2, 2) + 0.3 * rest;
+  e.y += 2.0 * (e.columns.col(0) + e.columns.col(2)) + 2.0 * 0.3 * towards_one * rest.col(0);
+  set_products(e);
+  return e;
+}
+
+TEST(SearchBlocks, WhereTwoBlocksMayStandForOne_BothReadingsHaveTheirProbability) {
+  int undecided = 0;
+  for (double towards_one = 0.0; towards_one < 1.0; towards_one += 0.02) {
+    const Example e = two_or_one(towards_one);
+    const std::vector<double> exact = enumerated(e);
+    if (exact[2] < 0.2 || exact[2] > 0.8) continue;
+    ++undecided;
+    const SearchResult found = search_blocks(e.problem, {20, 2000, 5});
+    for (std::size_t b = 0; b < 3; ++b) EXPECT_NEAR(found.inclusion[b], exact[b], 0.06) << b;
+  }
+  EXPECT_GT(undecided, 0);
+}
+
 TEST(SearchBlocks, InclusionProbabilities_AreThoseOfAllSetsEnumerated) {
   const Example e = example(1, {0.5, 0.0, 0.21, 0.0});
   SearchOptions options;

@@ -92,11 +92,12 @@ TEST(HeldOut, AnUnknownThatNothingMeasuresLeavesEveryRowScored) {
   // A tilt of gravity bends nothing where no joint is a spring.
   nlohmann::json model = testing::geometry_model();
   model["effects"].push_back("gravity_direction");
-  Problem p(testing::industrial_arm(), model, {60}, random, testing::nothing);
+  nlohmann::json arm = testing::industrial_arm();
+  testing::add_links(random, arm);
+  Problem p(arm, model, {60}, random, testing::nothing);
   Design design = p.make_design();
-  const std::vector<std::vector<double>> distances =
-      held_out_distances(design, evaluate_rows(design),
-                         {make_folds(design, Folding::kRandom, 5, 3)}, 5, 1e-3);
+  const std::vector<std::vector<double>> distances = held_out_distances(
+      design, evaluate_rows(design), {make_folds(design, Folding::kRandom, 5, 3)}, 5, 1e-3);
   for (const double distance : distances.at(0)) EXPECT_TRUE(std::isfinite(distance));
 }
 

@@ -159,7 +159,6 @@ std::unique_ptr<Fit> Fit::run(const Robot& robot, const State::Columns& columns,
     trial.start = std::make_shared<StartPoint>(fit->start_point());
     if (change < kSpringsStand) break;
   }
-  fit->options_.cross_validate = options.cross_validate;
   if (options.cross_validate) fit->cross_validate();
   return fit;
 }
