@@ -52,6 +52,20 @@ def test_hard_circumstances(kind: str, arm: str) -> None:
     assert verdict_of(outcome) == "right", outcome
 
 
+@pytest.mark.parametrize("arm", ["kr30", "cobot"])
+@pytest.mark.parametrize("kind", ["real_nothing", "real_one"])
+def test_an_arm_unlike_its_file_hides_nothing_and_alarms_nobody(kind: str, arm: str) -> None:
+    # Masses 20 % off, the base not level, loads where the arm stands: the search weighs the links, or it is led astray.
+    outcome = run_case(kind, arm, 20000)
+    assert verdict_of(outcome) == "right", outcome
+
+
+@pytest.mark.parametrize("arm", ["cobot", "lbr"])
+def test_two_heats_under_noise_or_warm_up_are_both_readings(arm: str) -> None:
+    outcome = run_case("thermal_pair_noise_x4", arm, 20000)
+    assert verdict_of(outcome) == "right", outcome
+
+
 def test_bumped_reflectors_do_not_lead_a_search_astray() -> None:
     # Reflectors bumped by millimetres hid the balancer's valley from its search, and from the true model's as well.
     outcome = run_case("gross_errors", "kr30", 600, reference=True)
