@@ -23,6 +23,7 @@ class Page:
         self.address = address
         browser.look(size)
         browser.driver.get(address)
+        browser.complaints()  # those of a page before this one
         self.until(lambda: self.candidates(), "candidates")
 
     def until(self, true: Callable[[], Any], what: str) -> Any:
@@ -95,13 +96,13 @@ class Page:
     def model(self) -> list[str]:
         """Entries of the model, as they are called."""
         entries = self.one("ul", "list", "Model").find_elements(By.TAG_NAME, "li")
-        return [entry.text.removesuffix("Remove").strip() for entry in entries]
+        return [entry.find_element(By.CSS_SELECTOR, "span").text for entry in entries]
 
     def remove(self, name: str) -> str:
         """Press Remove beside an entry of the model."""
         entries = self.one("ul", "list", "Model").find_elements(By.TAG_NAME, "li")
         entry = next(e for e in entries if e.text.startswith(name))
-        return self.after(entry.find_element(By.TAG_NAME, "button").click)
+        return self.after(entry.find_element(By.CSS_SELECTOR, "[data-act=remove]").click)
 
     def error(self) -> str:
         """The words of the region Error."""

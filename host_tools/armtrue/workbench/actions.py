@@ -9,6 +9,7 @@ from armtrue.diagnosis import refine
 from armtrue.errors import InputError
 from armtrue.fitting import Fit, with_effects
 from armtrue.io.model import check_effect
+from armtrue.workbench.beside import planned_between
 from armtrue.workbench.further import Result, compared, rows_between
 from armtrue.workbench.names import change_words, model_entry
 from armtrue.workbench.outputs import make
@@ -99,6 +100,10 @@ def _leave_out_where(engine: Engine, words: Entry) -> None:
 
 
 def _plan(engine: Engine, words: Entry) -> None:
+    if "node" in words:
+        other = _whole(words, "node", len(engine.session.nodes))
+        _show(engine, planned_between(engine.session, other, words, engine.tell))
+        return
     fit = engine.session.fit_of(engine.session.at)
     rivals = None
     if "rivals" in words:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from armtrue.diagnosis import diagnose
 from armtrue.errors import InputError
 from armtrue.report.state import directions, tiny_levers, variables
+from armtrue.workbench.beside import bayesian_information
 from armtrue.workbench.session import Session
 
 FAULT = "A fault of the workbench: the session is as it was before. The terminal says more."
@@ -89,6 +90,7 @@ class Background:
             variables(fit)
             directions(fit)
             tiny_levers(fit)
+            bayesian_information(session, number)
             session.diagnosed(number, diagnose(fit, self._tell))
         except CancelledError:
             pass

@@ -14,6 +14,7 @@ from urllib.parse import parse_qs, quote, urlsplit
 from armtrue.errors import InputError
 from armtrue.workbench import page
 from armtrue.workbench.background import FAULT, Task
+from armtrue.workbench.beside import beside, swaps
 from armtrue.workbench.card import card, evidence
 from armtrue.workbench.engine import BusyError, Engine
 from armtrue.workbench.panels import panel
@@ -76,7 +77,8 @@ class _Handler(BaseHTTPRequestHandler):
     def do_GET(self) -> None:
         self._answer({"": self._page, "state.json": self._state, "script.js": self._script, "style.css": self._style,
                       "view.json": self._view, "changes": self._changes, "panel": self._panel, "card": self._card,
-                      "evidence": self._evidence, "file": self._file})  # fmt: skip
+                      "evidence": self._evidence, "beside": self._beside, "swaps": self._swaps,
+                      "file": self._file})  # fmt: skip
 
     def do_POST(self) -> None:
         self._answer({"do": self._do, "drop": self._drop})
@@ -116,8 +118,7 @@ class _Handler(BaseHTTPRequestHandler):
         return hmac.compare_digest(token.encode(), self.server.token.encode())
 
     def _page(self, _words: dict[str, str]) -> None:
-        text = page.page()
-        self._send(text.encode(), "text/html; charset=utf-8")
+        self._html(page.page())
 
     def _script(self, _words: dict[str, str]) -> None:
         self._send(page.script().encode(), "text/javascript; charset=utf-8")
@@ -137,18 +138,19 @@ class _Handler(BaseHTTPRequestHandler):
         })  # fmt: skip
 
     def _panel(self, words: dict[str, str]) -> None:
-        self._send(panel(self.server.engine.session, words).encode(), "text/html; charset=utf-8")
+        self._html(panel(self.server.engine.session, words))
 
     def _card(self, words: dict[str, str]) -> None:
-        self._send(
-            card(self.server.engine.session, words.get("candidate", "")).encode(), "text/html; charset=utf-8"
-        )
+        self._html(card(self.server.engine.session, words.get("candidate", "")))
 
     def _evidence(self, words: dict[str, str]) -> None:
-        self._send(
-            evidence(self.server.engine.session, words.get("candidate", "")).encode(),
-            "text/html; charset=utf-8",
-        )
+        self._html(evidence(self.server.engine.session, words.get("candidate", "")))
+
+    def _beside(self, words: dict[str, str]) -> None:
+        self._html(beside(self.server.engine.session, words.get("node", "")))
+
+    def _swaps(self, words: dict[str, str]) -> None:
+        self._html(swaps(self.server.engine.session, words.get("effect", "")))
 
     def _file(self, _words: dict[str, str]) -> None:
         made = self.server.engine.made
@@ -200,6 +202,9 @@ class _Handler(BaseHTTPRequestHandler):
             self.wfile.write(line.encode())
             self.wfile.flush()
             seen = now
+
+    def _html(self, text: str) -> None:
+        self._send(text.encode(), "text/html; charset=utf-8")
 
     def _json(self, value: Any) -> None:
         self._send(page.as_json(value), "application/json")

@@ -187,7 +187,11 @@ def _model(session: Session) -> Markup:
             tag(
                 "li",
                 tag("span", name, id=f"model-{k}", title=info.summary if info else None),
-                _button("Remove", "remove", effect=k, aria_describedby=f"model-{k}"),
+                tag(
+                    "span",
+                    _button("Swap", "swaps", effect=k, aria_describedby=f"model-{k}", class_="quiet"),
+                    _button("Remove", "remove", effect=k, aria_describedby=f"model-{k}"),
+                ),
             )
         )
     return tag("ul", entries, aria_label="Model", role="list", class_="model")
@@ -303,10 +307,29 @@ def _history(session: Session) -> Markup:
             "li",
             go,
             tag("span", f" {length(node.mean_um)}", class_="num"),
+            None
+            if here
+            else _button(
+                "Side by side",
+                "beside",
+                node=node.number,
+                class_="quiet",
+                aria_label=f"{node.name or node.change} side by side with the model shown",
+            ),
             tag("ul", below) if below else None,
         )
 
-    return tag("ul", branch(session.nodes[0]), class_="tree", aria_label="History")
+    name = tag(
+        "p",
+        tag(
+            "label",
+            "This model is called ",
+            tag("input", id="model-name", maxlength="80", value=session.node.name),
+        ),
+        " ",
+        _button("Name", "name", node=session.at),
+    )
+    return tag("div", tag("ul", branch(session.nodes[0]), class_="tree", aria_label="History"), name)
 
 
 def _left_out(session: Session) -> Markup:

@@ -3,12 +3,13 @@
 (() => {
   const byId = (id) => document.getElementById(id);
   const REACH_AGAIN_MS = 1000;
-  const BESIDE_WORK = ["card", "hold", "close"]; // buttons that ask for no work of the session
+  const BESIDE_WORK = ["card", "beside", "swaps", "ring", "hold", "close"]; // buttons that ask for no work of the session
   const SHOW_PROGRESS_AFTER_MS = 400;
   let model = null, known = null; // the model whose pieces stand on the page, and how much of its diagnosis
   const OF_THE_DIAGNOSIS = ["spectra", "unexplained"]; // the other parts below show the fit alone
   let busy = false, diagnosing = false, wanted = null, drawing = false, again = false, waitingForProgress = 0;
   let picked = [], leftOut = []; // the rows that were pointed at or framed last, and those that are marked as wrong
+  const drawn = new Map(); // the pieces as they stand on the page
   let held = null; // where the keyboard was when a button was pressed: a button that is disabled loses it
 
   async function ask(address, request) {
@@ -41,7 +42,12 @@
     const words = { do: button.dataset.act };
     for (const key of ["candidate", "effect", "node"]) if (key in button.dataset) words[key] = Number(button.dataset[key]);
     if ("rows" in button.dataset) words.rows = JSON.parse(button.dataset.rows);
-    if (words.do === "card") return void showCard(words.candidate);
+    if (words.do === "card") return void showCard(`card?candidate=${words.candidate}`);
+    if (words.do === "beside") return void showCard(`beside?node=${words.node}`);
+    if (words.do === "swaps") return void showCard(`swaps?effect=${words.effect}`);
+    if (words.do === "ring") return void ring(words.rows);
+    if (words.do === "swap") byId("card-dialog").close();
+    if (words.do === "name") words.name = byId("model-name").value;
     if (words.do === "hold") return void hold(button);
     if (words.do === "close") return void byId("card-dialog").close();
     if (words.do === "mark") Object.assign(words, { do: "leave_out", rows: [...leftOut, ...picked] });
@@ -93,7 +99,10 @@
         const view = await (await ask("view.json")).json();
         const before = focused() || held;
         for (const [name, html] of Object.entries(view.pieces)) {
+          // What is the same stays: somebody may be typing there.
+          if (drawn.get(name) === html) continue;
           document.querySelectorAll(`[data-piece="${name}"]`).forEach((place) => { place.innerHTML = html; });
+          drawn.set(name, html);
         }
         model = view.model;
         known = view.known;
@@ -191,17 +200,24 @@
     }
   }
 
-  async function showCard(candidate) {
+  async function showCard(address) {
     const dialog = byId("card-dialog");
-    byId("card").textContent = "Working out the evidence…";
+    byId("card").textContent = "It is being worked out…";
     dialog.showModal();
     try {
-      byId("card").innerHTML = await (await ask(`card?candidate=${candidate}`)).text();
+      byId("card").innerHTML = await (await ask(address)).text();
       if (matchMedia("(prefers-reduced-motion: reduce)").matches) byId("card").querySelectorAll("[data-act=hold]").forEach(hold);
       byId("card").querySelectorAll("[data-later]").forEach(fill);
     } catch (error) {
       byId("card").textContent = error.message;
     }
+  }
+
+  /** Rings poses on the picture of the arm. */
+  function ring(rows) {
+    byId("card-dialog").close();
+    document.querySelectorAll(".viewer").forEach((viewer) => viewer.dispatchEvent(new CustomEvent("armtrue-select", { detail: rows })));
+    document.querySelector(".scene-part").scrollIntoView();
   }
 
   /** What takes longer to work out than the card that it stands on. */
