@@ -123,6 +123,9 @@ def _check_data(data: Section, reflectors: list[str]) -> None:
     for skipped in data.sections("skipped", "a list of rows left out") if data.has("skipped") else []:
         skipped.number("row", minimum=1.0, expected="a row of the file")
         skipped.text("why")
+    for row in data.entries("left_out", "a list of rows") if data.has("left_out") else []:
+        if type(row) is not int or row < 1:
+            raise data.fail("left_out", "rows of the file, counted from 1")
     targets = data.entries("targets", "a list of reflectors") if data.has("targets") else []
     if len(targets) > 1 and sorted(map(str, targets)) != sorted(reflectors):
         raise data.fail("targets", f"those of flange_from_tool: {', '.join(reflectors)}")

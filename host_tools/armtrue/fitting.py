@@ -94,7 +94,8 @@ class Fit:
         """
         if self._data is None:
             skip_bad = bool(self.document["data"].get("skipped"))
-            self._data = load_data(self._data_path(), self.robot, skip_bad=skip_bad)
+            read = load_data(self._data_path(), self.robot, skip_bad=skip_bad)
+            self._data = read.without(self.document["data"].get("left_out", []))
             if fingerprint(self._data) != self.document["data"]["sha256"]:
                 raise InputError(
                     f"{self._data.path}: found other measurements than those of the fit, expected them unchanged"
@@ -345,4 +346,5 @@ def _data_entry(data: Dataset) -> dict[str, Any]:
         "columns": sorted(data.columns),
         "targets": data.labels.get("target", []),
         "skipped": [{"row": row, "why": why} for row, why in sorted(data.skipped.items())],
+        "left_out": data.left_out,
     }

@@ -55,6 +55,10 @@ def fit(
         bool, typer.Option("--parameters", help="Print every parameter, tables too.")
     ] = False,
     skip_bad: SkipBadOption = False,
+    leave_out: Annotated[
+        str | None,
+        typer.Option("--leave-out", metavar="ROW,ROW…", help="Rows of the file that are known to be wrong."),
+    ] = None,
     force: Annotated[
         bool, typer.Option("--force", help="Fit even what the checks say cannot be an arm.")
     ] = False,
@@ -75,7 +79,7 @@ def fit(
     refuse_to_lose([data, robot, model], [out, json_to])
     arm = load_robot(robot)
     effects = load_model(model, arm)
-    measurements = load_measurements(data, arm, skip_bad=skip_bad)
+    measurements = load_measurements(data, arm, skip_bad=skip_bad).without(_rows(leave_out))
     refuse_to_lose([measurements.file], [out, json_to])
     refuse_too_few_poses(measurements.file, measurements.joints)
     if not force:
@@ -263,6 +267,13 @@ def _effects_with_joints(fit: Fit) -> list[dict[str, Any]]:
         joints = sorted({joint for parameter in of_effect for joint in parameter["joints"]})
         effects.append({**entry, "joints": joints} if joints and "joints" not in entry else entry)
     return effects
+
+
+def _rows(text: str | None) -> list[int]:
+    try:
+        return [int(part) for part in (text or "").replace(",", " ").split()]
+    except ValueError:
+        raise InputError(f"--leave-out: found '{text}', expected row numbers such as 12,40") from None
 
 
 def _joint_list(text: str) -> list[int]:

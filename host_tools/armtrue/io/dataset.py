@@ -68,8 +68,9 @@ class Dataset:
     `path`: what was asked for, a CSV or a dataset.yaml; `file`: the file that the rows stand in.
     `columns`: name → float64 array (N,); `target` and `repeat` hold codes, whose names stand in `labels`.
     `rows`: the file row (header = 1 where it is the first line) of each entry. `notes`: what the reader did.
-    `skipped`: file row → why it could not be read, of the rows left out with `skip_bad`.
-    `turns`: where the file has Euler angles, those (N, 3) [rad], which `rotation` says how they were read.
+    `skipped`: file row → why it could not be read, of the rows left out with `skip_bad`. `left_out`: file rows that a
+    person marked as wrong. `turns`: where the file has Euler angles, those (N, 3) [rad], which `rotation` says how
+    they were read.
     """
 
     path: Path
@@ -81,6 +82,7 @@ class Dataset:
     rotation: RotationSource | None = None
     turns: Array | None = None
     skipped: dict[int, str] = field(default_factory=dict)
+    left_out: list[int] = field(default_factory=list)
 
     @property
     def count(self) -> int:
@@ -102,6 +104,17 @@ class Dataset:
         columns = {name: values[which] for name, values in self.columns.items()}
         turns = None if self.turns is None else self.turns[which]
         return replace(self, columns=columns, rows=self.rows[which], turns=turns)
+
+    def without(self, rows: list[int]) -> Dataset:
+        """Return the measurements without these rows of the file. Errors: InputError for a row that is not there."""
+        if unknown := sorted(set(rows) - set(self.rows.tolist())):
+            raise InputError(
+                f"{self.file}: found no row {unknown[0]} to leave out, expected a row that was read"
+            )
+        if not rows:
+            return self
+        taken = self.take(~np.isin(self.rows, rows))
+        return replace(taken, left_out=sorted({*self.left_out, *rows}))
 
 
 def load_data(

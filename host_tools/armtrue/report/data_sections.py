@@ -8,7 +8,7 @@ import numpy as np
 
 from armtrue.report import charts
 from armtrue.report.content import Report
-from armtrue.report.markup import Content, Markup, tag
+from armtrue.report.markup import Content, Markup, join, tag
 from armtrue.report.parts import figure, grid, lead, micrometres, minus, plural, section, table
 from armtrue.report.state import joint_unit
 from armtrue.tables.chain import pose
@@ -25,7 +25,7 @@ def rejected_section(report: Report) -> Markup:
     """Rows that were kept out of the fit as gross errors."""
     fit = report.last.fit
     rejected = sorted(fit.document["rejected"], key=lambda entry: -float(entry["residual_um"]))
-    unread = _unread(fit.document["data"].get("skipped", []))
+    unread = join(_unread(fit.document["data"].get("skipped", [])), _left_out(fit.data.left_out))
     if not rejected:
         none = tag("p", f"None: all {fit.data.count} measurements that were read took part.")
         return section("rejected", "Rejected rows", none, unread)
@@ -47,6 +47,13 @@ def rejected_section(report: Report) -> Markup:
         tag("p", f"and {more} more") if more > 0 else None,
         unread,
     )
+
+
+def _left_out(rows: list[int]) -> Markup | None:
+    """Rows that a person marked as wrong."""
+    if not rows:
+        return None
+    return tag("p", f"{plural(len(rows), 'row')} left out by a person: {', '.join(map(str, rows))}.")
 
 
 def _unread(skipped: list[dict[str, Any]]) -> Markup | None:

@@ -10,7 +10,7 @@ from armtrue.errors import InputError
 from armtrue.fitting import Fit, with_effects
 from armtrue.io.model import check_effect
 from armtrue.workbench.beside import planned_between
-from armtrue.workbench.further import Result, compared, rows_between
+from armtrue.workbench.further import Result, compared, joined, rows_between
 from armtrue.workbench.names import change_words, model_entry
 from armtrue.workbench.outputs import make
 from armtrue.workbench.poses import planned
@@ -118,6 +118,13 @@ def _plan(engine: Engine, words: Entry) -> None:
 
 def _compare(engine: Engine, _words: Entry) -> None:
     _show(engine, compared(engine.session.fit_of(engine.session.at), engine.drop))
+
+
+def _join(engine: Engine, _words: Entry) -> None:
+    opened = joined(engine.session.fit_of(engine.session.at), engine.drop, engine.tell)
+    engine.begin(opened)
+    engine.drop.forget()
+    engine.said = f"{opened.notes[0]}. {engine.session.node.said}"
 
 
 def _show(engine: Engine, result: Result) -> None:
@@ -272,6 +279,7 @@ WORK: dict[str, Callable[[Engine, Entry], None]] = {
     "make": _make,
     "plan": _plan,
     "compare": _compare,
+    "join": _join,
     "open": _open,
     "forget": _forget,
 }

@@ -79,41 +79,64 @@ def _fit(session: Session) -> bytes:
 
 
 def _model(session: Session) -> bytes:
-    model = session.fit_of(session.at).document["model"]
+    return _as_yaml(session, session.node)
+
+
+def _as_yaml(session: Session, node: Node) -> bytes:
+    """A model of the session as model.yaml."""
+    document = session.fit_of(node.number).document
+    model = document["model"]
     shown: dict[str, Any] = {
         "effects": [entry["effect"] if len(entry) == 1 else entry for entry in model["effects"]]
     }
     for key in ("parameters", "priors"):
         if model.get(key):
             shown[key] = model[key]
-    if instrument := session.fit_of(session.at).document["options"].get("instrument"):
+    if instrument := document["options"].get("instrument"):
         shown["instrument"] = instrument
     return yaml.safe_dump(shown, sort_keys=False, allow_unicode=True).encode()
 
 
+def _robot(session: Session) -> bytes:
+    spec = session.fit_of(session.at).document["robot"]
+    return yaml.safe_dump(spec, sort_keys=False, allow_unicode=True).encode()
+
+
 def _commands(session: Session) -> str:
-    """The path from the first model to this one as commands."""
-    data = shlex.quote(str(session.data.path))
+    """The path from the first model to this one as commands, with the arm and the models that they read."""
     lines = [
         "#!/bin/sh",
-        "# The session as commands; robot.yaml and model.yaml are those it was begun with.",
+        "# The session as commands.",
         "set -e",
-        f"armtrue fit {data} --robot robot.yaml --model model.yaml --out step-0.json",
+        *_here("session-robot.yaml", _robot(session)),
     ]
-    for k, node in enumerate(session.path[1:], start=1):
-        lines += _step_commands(node, k)
+    for k, node in enumerate(session.path):
+        lines += _step_commands(session, node, k)
     last = len(session.path) - 1
+    # A report shows steps of one calibration: those of the same measurements.
+    same = [k for k, node in enumerate(session.path) if node.left_out == session.node.left_out]
     lines += [
-        f"armtrue report {' '.join(f'step-{k}.json' for k in range(last + 1))} --out report.html",
+        f"armtrue report {' '.join(f'step-{k}.json' for k in same)} --out report.html",
         f"armtrue export step-{last}.json --out tables.bin",
     ]
     return "\n".join(lines) + "\n"
 
 
-def _step_commands(node: Node, number: int) -> list[str]:
+def _here(name: str, content: bytes) -> list[str]:
+    """Lines that write a file."""
+    return [f"cat > {name} <<'ARMTRUE'", content.decode().rstrip("\n"), "ARMTRUE"]
+
+
+def _step_commands(session: Session, node: Node, number: int) -> list[str]:
+    before = session.nodes[node.parent] if node.parent is not None else None
     changes = [("remove", entry) for entry in node.removed] + [("add", entry) for entry in node.added]
-    if not changes:
-        return [f"# {node.change}", f"cp step-{number - 1}.json step-{number}.json"]
+    if before is None or before.left_out != node.left_out or not changes:
+        model = f"step-{number}-model.yaml"
+        words = ["armtrue", "fit", str(session.data.path), "--robot", "session-robot.yaml", "--model", model]
+        if rows := sorted({*session.data.left_out, *node.left_out}):
+            words += ["--leave-out", ",".join(map(str, rows))]
+        fitted = shlex.join([*words, "--out", f"step-{number}.json"])
+        return [f"# {node.change}", *_here(model, _as_yaml(session, node)), fitted]
     lines = []
     for k, (command, entry) in enumerate(changes):
         source = f"step-{number - 1}.json" if k == 0 else f"step-{number}.json"
@@ -129,20 +152,30 @@ def _step_commands(node: Node, number: int) -> list[str]:
 
 
 def _notebook(session: Session) -> bytes:
-    start = session.path[0]
+    """The path from the first model to this one as a notebook that needs the measurements alone."""
+    path = session.path
+    robot = json.dumps(session.fit_of(session.at).document["robot"])
     cells = [
-        "from armtrue import diagnose, fit, load_data, load_robot\n"
-        "from armtrue.fitting import with_effects\n"
-        "from armtrue.io import Model\n",
-        'robot = load_robot("robot.yaml")\n'
-        f"data = load_data({str(session.data.path)!r}, robot)\n"
-        f"model = fit(data, robot, Model({start.effects!r}))\n"
-        "print(diagnose(model))",
+        "import json\n\nfrom armtrue import diagnose, fit, load_data\nfrom armtrue.fitting import with_effects\n"
+        "from armtrue.io import Model, Robot\n\n"
+        f"robot = Robot(json.loads({robot!r}))\n"
+        f"data = load_data({str(session.data.path)!r}, robot){_without(session.data.left_out)}\n",
     ]
-    cells += [
-        f"# {node.name or node.change}\nmodel = with_effects(model, {node.effects!r})\nprint(diagnose(model))"
-        for node in session.path[1:]
-    ]
+    for node in path:
+        before = session.nodes[node.parent] if node.parent is not None else None
+        model = session.fit_of(node.number).document
+        arguments = [repr(node.effects)]
+        for key in ("parameters", "priors"):
+            arguments += [f"{key}={model['model'][key]!r}"] if model["model"].get(key) else []
+        if model["options"].get("instrument"):
+            arguments.append(f"instrument={model['options']['instrument']!r}")
+        if before is not None and before.left_out == node.left_out:
+            made = f"with_effects(model, {node.effects!r})"
+        else:
+            made = f"fit(data{_without(node.left_out)}, robot, Model({', '.join(arguments)}))"
+        heading = "\n".join(f"# {line}" for line in (node.name or node.change).splitlines())
+        cells.append(f"{heading}\nmodel = {made}\nmodel")
+    cells.append("diagnose(model)")
     document = {
         "nbformat": 4,
         "nbformat_minor": 5,
@@ -156,3 +189,7 @@ def _notebook(session: Session) -> bytes:
         ],
     }  # fmt: skip
     return (json.dumps(document, indent=1) + "\n").encode()
+
+
+def _without(rows: list[int]) -> str:
+    return f".without({rows!r})" if rows else ""

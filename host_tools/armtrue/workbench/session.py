@@ -13,8 +13,6 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from armtrue.errors import InputError
 from armtrue.fitting import Fit
 from armtrue.io import Dataset
@@ -141,7 +139,7 @@ class Session:
 
     def data_without(self, rows: list[int]) -> Dataset:
         """The measurements without some rows of their file."""
-        return self.data.take(~np.isin(self.data.rows, rows)) if rows else self.data
+        return self.data.without(rows)
 
     def save(self) -> None:
         """Write the tree."""
