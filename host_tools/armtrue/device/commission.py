@@ -136,13 +136,18 @@ def _followed(explained: dict[int, float]) -> tuple[int, ...]:
     return tuple(k + 1 for k, share in explained.items() if 1.0 - share <= _AS_GOOD * left + _AS_GOOD_SHARE)
 
 
-def _of_its_own(slope: float) -> list[str]:
-    """What is wrong with a drive that follows by this slope."""
+def _of_its_own(match: Match) -> list[str]:
+    """What is wrong with a drive that follows its target like this.
+
+    Frames that come late by now more, now fewer cycles flatten the slope: the scale lies between it and that of the
+    target on the actual position.
+    """
     words = []
-    if slope < 0.0:
+    if match.slope < 0.0:
         words.append("backwards")
-    if abs(abs(slope) - 1.0) > SCALE_TOLERANCE:
-        words.append(f"{abs(slope):.3g} times as far as commanded")
+    least, most = abs(match.slope), abs(match.slope) / match.explained
+    if least > 1.0 + SCALE_TOLERANCE or most < 1.0 - SCALE_TOLERANCE:
+        words.append(f"{abs(match.slope):.3g} times as far as commanded")
     return words
 
 
@@ -157,12 +162,12 @@ def _findings(axes: list[Axis], matches: dict[tuple[int, int], Match]) -> list[s
                 "RPDO of the compensator, and see that the drive sends it"
             )
         elif number in axis.follows:
-            words = _of_its_own(matches[j, j].slope)
+            words = _of_its_own(matches[j, j])
             if words:
                 found.append(f"axis {number}: the drive moves {' and '.join(words)}")
         elif len(axis.follows) == 1 and j not in told:
             other = axis.follows[0] - 1
-            extra = "".join(f", {words}" for words in _of_its_own(matches[j, other].slope))
+            extra = "".join(f", {words}" for words in _of_its_own(matches[j, other]))
             if axes[other].follows == (number,):
                 told.add(other)
                 found.append(f"axes {number} and {other + 1}: their drives are exchanged{extra}")

@@ -93,6 +93,13 @@ def test_frames_that_come_cycles_early_and_late_hide_nothing() -> None:
     assert examine(targets, actuals).findings == ["axes 2 and 3: their drives are exchanged"]
 
 
+def test_frames_that_come_in_bursts_are_no_wrong_scale() -> None:
+    targets = all_at_once()
+    moments = np.arange(CYCLES) - 3
+    moments -= moments % 100  # a busy machine reads its socket seldom
+    assert examine(targets, drives(targets)[np.clip(moments, 0, CYCLES - 1)]).findings == []
+
+
 def test_axis_that_was_not_moved_is_unknown() -> None:
     targets = one_after_the_other()
     targets[:, 5] = 7.0
