@@ -125,6 +125,8 @@ Robot Robot::from_json(const json& content) {
   robot.coupling = Eigen::MatrixXd::Identity(n, n);
   if (content.contains("coupling") && !content["coupling"].is_null()) {
     for (const json& row : content["coupling"]) {
+      // A matter of what is reported: columns hold the drives' angles.
+      if (row.value("kind", "mechanical") == "controller") continue;
       const int driven = joint_index(row.at("joint"), n, "coupling");
       const int driving = joint_index(row.at("driving"), n, "coupling");
       robot.coupling(driven - 1, driving - 1) += row.at("ratio").get<double>();

@@ -107,6 +107,7 @@ def plan_campaign(
                 robot.json(), json.dumps(specification), json.dumps(options), progress
             ),
             target,
+            robot,
         )
     except InputError as error:
         if "column" not in str(error):
@@ -131,7 +132,7 @@ def plan_sharpening(
     Arguments and errors as of `plan_campaign`; levels that are not given are as recorded.
     """
     options = json.dumps(_options(poses, cell, levels, candidates, seed))
-    return _plan(lambda: _core.plan_sharpening(fit.core, options, progress), _target(fit))
+    return _plan(lambda: _core.plan_sharpening(fit.core, options, progress), _target(fit), fit.robot)
 
 
 def plan_separation(
@@ -150,7 +151,7 @@ def plan_separation(
     Arguments as of `plan_sharpening`. Errors: InputError for fewer than two rivals, or where one cannot be fitted.
     """
     options = json.dumps(_options(poses, cell, levels, candidates, seed))
-    plan = _plan(lambda: _core.plan_separation(fit.core, json.dumps(rivals), options, progress), _target(fit))
+    plan = _plan(lambda: _core.plan_separation(fit.core, json.dumps(rivals), options, progress), _target(fit), fit.robot)
     # The library's names are without sensors.
     names = [
         name + _sensor_words(fit, rival)
@@ -338,7 +339,7 @@ def _target(fit: Fit) -> str | None:
     return str(names[0]) if names else None
 
 
-def _plan(make: Callable[[], str], target: str | None) -> Plan:
+def _plan(make: Callable[[], str], target: str | None, robot: Robot) -> Plan:
     try:
         result = json.loads(make())
     except _core.ModelError as error:
@@ -348,7 +349,14 @@ def _plan(make: Callable[[], str], target: str | None) -> Plan:
             ) from None
         raise InputError(str(error)) from None
     columns = result.pop("columns")
-    return Plan({name: np.array(columns[name]) for name in result.pop("written")}, result, target)
+    chosen = {name: np.array(columns[name]) for name in result.pop("written")}
+    for stem in ("q", "qr"):  # as a controller that couples what it reports wants to be told
+        names = [f"{stem}{k}" for k in range(1, robot.joint_count + 1)]
+        if all(name in chosen for name in names):
+            drives = np.column_stack([chosen[name] for name in names])
+            reported = drives @ np.linalg.inv(robot.drives_from_reported).T
+            chosen |= {name: reported[:, k] for k, name in enumerate(names)}
+    return Plan(chosen, result, target)
 
 
 _MEASURED_TORQUE = re.compile(r"column tau\d+ ")

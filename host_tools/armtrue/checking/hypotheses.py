@@ -142,9 +142,15 @@ def zero(joint: int, degrees: float) -> Hypothesis:
 
 def _couplings(robot: Robot) -> Iterator[Hypothesis]:
     given = {(row["joint"], row["driving"]): row["ratio"] for row in robot.spec.get("coupling", [])}
+    # What the controller couples is out of the angles already.
+    reported = {
+        (row["joint"], row["driving"])
+        for row in robot.spec.get("coupling", [])
+        if row.get("kind") == "controller"
+    }
     for joint, right in itertools.product(range(2, robot.joint_count + 1), (-1.0, 0.0, 1.0)):
         driving = joint - 1
-        if right != given.get((joint, driving), 0.0):
+        if right != given.get((joint, driving), 0.0) and (joint, driving) not in reported:
             yield _coupling(joint, driving, right)
 
 

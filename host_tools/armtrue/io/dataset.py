@@ -153,10 +153,26 @@ def load_data(
             skipped[error.row] = str(error)
             if len(skipped) > _MOST_SKIPPED:
                 raise InputError(f"{error}; expected no more than {_MOST_SKIPPED} such rows") from None
+    data = _at_the_drives(data, robot)
     if not strict:
         return data
     refuse_wrong_units(data.file, data.columns, data.rows, robot)
     return without_fixed_targets(data) if need_position else in_file_order(data)
+
+
+def _at_the_drives(data: Dataset, robot: Robot) -> Dataset:
+    """`data` with the drives' angles, in which all physics is, where the controller reports coupled ones."""
+    matrix = robot.drives_from_reported
+    if np.array_equal(matrix, np.eye(robot.joint_count)):
+        return data
+    columns = dict(data.columns)
+    for stem in ("q", "qr"):
+        names = [f"{stem}{k}" for k in range(1, robot.joint_count + 1)]
+        if all(name in columns for name in names):
+            drives = np.column_stack([columns[name] for name in names]) @ matrix.T
+            columns |= {name: drives[:, k] for k, name in enumerate(names)}
+    note = "joints are taken where the drives are: robot.yaml says that the controller couples what it reports"
+    return replace(data, columns=columns, notes=[*data.notes, note])
 
 
 def in_file_order(data: Dataset) -> Dataset:

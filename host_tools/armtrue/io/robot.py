@@ -8,6 +8,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from armtrue.errors import InputError
 from armtrue.io.sensor_names import contract_name, is_sensor
 from armtrue.io.urdf import read_urdf_chain
@@ -37,6 +40,15 @@ class Robot:
     def sensors(self) -> list[str]:
         """Names of the temperature sensors."""
         return list(self.spec.get("temperature", {}).get("sensors", []))
+
+    @property
+    def drives_from_reported(self) -> NDArray[np.float64]:
+        """M (n, n): the drives' angles are M · the reported ones; identity but for couplings of `kind: controller`."""
+        matrix = np.eye(self.joint_count)
+        for row in self.spec.get("coupling", []):
+            if row.get("kind") == "controller":
+                matrix[row["joint"] - 1, row["driving"] - 1] += row["ratio"]
+        return matrix
 
     @property
     def reach_m(self) -> float:

@@ -144,6 +144,8 @@ def chain_from_robot(spec: dict[str, Any]) -> Chain:
     prismatic = [row.get("type", "revolute") == "prismatic" for row in rows]
     coupling = np.eye(n)
     for entry in spec.get("coupling") or []:
+        if entry.get("kind") == "controller":
+            continue  # a matter of what is reported: io.dataset reads the drives' angles
         coupling[entry["joint"] - 1, entry["driving"] - 1] += entry["ratio"]
     links = spec.get("links") or []
     temperature = spec.get("temperature") or {}

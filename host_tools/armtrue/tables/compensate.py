@@ -6,6 +6,7 @@ import json
 from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -89,7 +90,9 @@ def compensate(
     and a note says so. Errors: InputError.
     """
     image = Image.load(tables)
-    data = load_data(poses, _robot_of(image), need_position=False)
+    document = _made_from(tables, fit, image)
+    robot = _robot_of(image, document)
+    data = load_data(poses, robot, need_position=False)
     joints = data.joints
     around, notes = _surroundings(image, data)
     tool = _tool_numbers(image, data)
@@ -101,12 +104,14 @@ def compensate(
     if quantise:
         per_unit = np.array([joint.increments for joint in image.joints()])
         corrected = joints + np.round((corrected - joints) * per_unit) / per_unit
-    limits = _limits(tables, fit, image)
+    limits = _limits(document, image)
+    reported_from_drives = np.linalg.inv(robot.drives_from_reported)
+    reported = corrected @ reported_from_drives.T
     return Compensated(
-        corrected,
+        reported,
         intended_points(image, joints, tool),
-        _is_beyond(corrected, limits),
-        _is_beyond(joints, limits),
+        _is_beyond(reported, limits),
+        _is_beyond(joints @ reported_from_drives.T, limits),
         notes,
     )
 
@@ -115,20 +120,22 @@ def _is_beyond(joints: Array, limits: Array) -> NDArray[np.bool_]:
     return np.asarray((joints < limits[:, 0]) | (joints > limits[:, 1]))
 
 
-def _limits(tables: Path, fit: Path | None, image: Image) -> Array:
-    """Joint limits (n, 2) [rad or m] of the fit that a table was made from; infinite where it or they are not there.
+def _made_from(tables: Path, fit: Path | None, image: Image) -> dict[str, Any]:
+    """The fit that a table was made from, as it stands in its file; empty where it is not there."""
+    try:
+        document = json.loads(read_text(fit or sidecar(tables), largest_bytes=_LARGEST_FIT_BYTES))
+        return dict(document) if digest_of(document) == image.header["fit_digest"] else {}
+    except (InputError, ValueError, RecursionError, AttributeError, KeyError, TypeError):
+        return {}
+
+
+def _limits(document: dict[str, Any], image: Image) -> Array:
+    """Joint limits (n, 2) [rad or m] of the fit that a table was made from; infinite where it has none.
 
     An image has none: the firmware leaves them to controller and drives.
     """
     limits = np.tile([-np.inf, np.inf], (image.joint_count, 1))
-    try:
-        document = json.loads(read_text(fit or sidecar(tables), largest_bytes=_LARGEST_FIT_BYTES))
-        if digest_of(document) != image.header["fit_digest"]:
-            return limits
-        rows = document["robot"]["kinematics"]["joints"]
-    except (InputError, ValueError, RecursionError, AttributeError, KeyError, TypeError):
-        return limits
-    for k, row in enumerate(rows):
+    for k, row in enumerate(document["robot"]["kinematics"]["joints"] if document else []):
         limits[k] = row.get("limits") or limits[k]
     return limits
 
@@ -195,8 +202,8 @@ def _fitted(tables: Path, fit: Path | None, image: Image) -> FittedArm:
     return arm
 
 
-def _robot_of(image: Image) -> Robot:
-    """As much of robot.yaml as reading poses takes."""
+def _robot_of(image: Image, document: dict[str, Any]) -> Robot:
+    """As much of robot.yaml as reading poses takes; what the controller couples is known from the fit alone."""
     joints = [
         {
             "name": str(k + 1),
@@ -210,6 +217,7 @@ def _robot_of(image: Image) -> Robot:
             "name": image.serial,
             "kinematics": {"convention": "chain", "joints": joints},
             "temperature": {"sensors": list(image.sensors())},
+            "coupling": document["robot"].get("coupling", []) if document else [],
         }
     )
 

@@ -1,0 +1,91 @@
+"""A serial arm whose controller couples what it reports: all physics stays where the drives are."""
+
+from __future__ import annotations
+
+import csv
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+ARMTRUE = str(Path(sys.executable).with_name("armtrue"))
+MODEL = {
+    "effects": [
+        *("base_frame", "tool_offset", "joint_offset", "link_geometry"),
+        {"effect": "joint_compliance", "joints": [2, 3]},
+        {"effect": "gear_harmonics", "joints": [3], "orders": [1]},
+    ]
+}
+COUPLING = [{"joint": 3, "driving": 2, "ratio": -1.0, "kind": "controller"}]
+
+
+def run(*arguments: object) -> None:
+    done = subprocess.run([ARMTRUE, *map(str, arguments)], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
+def table(path: Path) -> tuple[list[str], np.ndarray]:
+    head, *rows = list(csv.reader(path.open()))
+    return head, np.array(rows, dtype=float)
+
+
+def reported(path: Path, out: Path, sign: float = 1.0) -> None:
+    """The same poses as such a controller has them: q3 = drive 3 + q2."""
+    head, rows = table(path)
+    rows[:, head.index("q3")] += sign * rows[:, head.index("q2")]
+    out.write_text("\n".join([",".join(head), *(",".join(map(repr, row)) for row in rows.tolist())]) + "\n")
+
+
+@pytest.fixture
+def folders(campaign, tmp_path: Path) -> tuple[Path, Path]:
+    """The arm as its drives see it, and as its controller reports it: the same measurements."""
+    campaign(hidden=["joint_compliance"], poses=150)
+    plain, coupled = tmp_path / "plain", tmp_path / "coupled"
+    for folder in (plain, coupled):
+        folder.mkdir()
+        (folder / "model.yaml").write_text(json.dumps(MODEL))
+    robot = yaml.safe_load((tmp_path / "robot.yaml").read_text())
+    assert "coupling" not in robot
+    (plain / "robot.yaml").write_text(yaml.safe_dump(robot))
+    (coupled / "robot.yaml").write_text(yaml.safe_dump({**robot, "coupling": COUPLING}))
+    reported(tmp_path / "data.csv", plain / "data.csv", 0.0)
+    reported(tmp_path / "data.csv", coupled / "data.csv")
+    for folder in (plain, coupled):
+        files = [folder / name for name in ("data.csv", "robot.yaml", "model.yaml", "fit.json")]
+        run("fit", files[0], "--robot", files[1], "--model", files[2], "--out", files[3])
+    return plain, coupled
+
+
+def test_fit_and_prediction_are_those_of_the_drives_angles(folders: tuple[Path, Path]) -> None:
+    found = []
+    for folder in folders:
+        run("predict", folder / "fit.json", folder / "data.csv", "--out", folder / "p.csv")
+        found.append(table(folder / "p.csv")[1])
+    assert found[1] == pytest.approx(found[0], abs=1e-9)
+    springs = [
+        [
+            p["value"]
+            for p in json.loads((folder / "fit.json").read_text())["parameters"]
+            if "compl" in p["effect"]
+        ]
+        for folder in folders
+    ]
+    assert springs[1] == pytest.approx(springs[0], rel=1e-6)
+
+
+@pytest.mark.parametrize("engine", ["fixed", "double"])
+def test_corrected_commands_are_those_that_the_controller_takes(
+    folders: tuple[Path, Path], engine: str
+) -> None:
+    plain, coupled = folders
+    for folder in folders:
+        run("export", folder / "fit.json", "--out", folder / "t.bin")
+        run(
+            "compensate", folder / "t.bin", folder / "data.csv", "--engine", engine, "--out", folder / "c.csv"
+        )
+    reported(plain / "c.csv", plain / "as_reported.csv")
+    assert table(coupled / "c.csv")[1] == pytest.approx(table(plain / "as_reported.csv")[1], abs=2e-8)
