@@ -11,10 +11,12 @@ std::string number_words(double value) {
   return text;
 }
 
-std::string list_words(const nlohmann::json& numbers) {
+std::string list_words(const nlohmann::json& values) {
   std::string text;
-  for (const auto& value : numbers)
-    text += (text.empty() ? "[" : ",") + number_words(value.get<double>());
+  for (const auto& value : values) {
+    text += text.empty() ? "[" : ",";
+    text += value.is_string() ? value.get<std::string>() : number_words(value.get<double>());
+  }
   return text + "]";
 }
 

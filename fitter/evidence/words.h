@@ -9,7 +9,7 @@ namespace armtrue {
 /// Up to six digits, no trailing zeros.
 std::string number_words(double value);
 /// "[13,26.5]" of an array of numbers.
-std::string list_words(const nlohmann::json& numbers);
+std::string list_words(const nlohmann::json& values);
 /// "12.3 um" of metres.
 std::string micrometre_words(double metres);
 
