@@ -41,7 +41,7 @@ class Hypothesis:
     about: frozenset[str] = field(default_factory=frozenset)
     changes: int = 1
     parts: tuple[Hypothesis, ...] = ()
-    figures: dict[str, float] = field(default_factory=dict)
+    figures: dict[str, Any] = field(default_factory=dict)
 
     def each(self) -> tuple[Hypothesis, ...]:
         """The single hypotheses in it."""
@@ -114,6 +114,7 @@ def _turned(pattern: tuple[int, ...], changes: int) -> Hypothesis:
         lambda reading: reading.with_columns(**{name: -reading.columns[name] for name in names}),
         frozenset(f"sign of {name}" for name in names),
         changes,
+        figures={"joints": list(pattern)},
     )
 
 
@@ -246,6 +247,7 @@ def _orders(robot: Robot) -> Iterator[Hypothesis]:
             f"Swap the columns q{one} and q{other}, or name them rightly in a dataset.yaml.",
             swap,
             frozenset({"order"}),
+            figures={"joints": [one, other]},
         )
     for lag, words in ((1, "after"), (-1, "before")):
 

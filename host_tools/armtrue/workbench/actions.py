@@ -195,10 +195,11 @@ def _refine(engine: Engine, _words: Entry) -> None:
 
 
 def _open(engine: Engine, words: Entry) -> None:
-    text = words.get("text")
-    opened = engine.drop.open(text if isinstance(text, str) else None)
+    opened = engine.drop.open(words)
     if opened is None:
         engine.said = "The files are not in Armtrue's own form: look at what was guessed, then open them."
+        if "mend" in words:
+            engine.said = "It is mended. Look at what the check says now, then open the files."
         return
     engine.begin(opened, progress=engine.tell)
     engine.drop.forget()

@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
-import csv
 from dataclasses import dataclass, field
-from itertools import islice
 from pathlib import Path
+from typing import Any
 
 from armtrue.checking import Finding, check
 from armtrue.errors import InputError, shorten
 from armtrue.foreign import init
-from armtrue.io import load_data, load_robot
+from armtrue.io import Robot, load_data, load_robot
 from armtrue.io.files import read_text, write_file
 from armtrue.io.yamlfile import load_yaml
+from armtrue.workbench.guesses import can_be_mended, filled_in, mended
 from armtrue.workbench.opening import Opened, open_files
 
 _TABLES = {".csv", ".txt", ".tsv", ".dat", ".xlsx"}
 _KNOWN = {*_TABLES, ".json", ".yaml", ".yml", ".urdf"}
 _LONGEST_NAME = 120
-_FIRST_ROWS = 5
 _GUESSED = "guessed"
 
 
@@ -26,10 +25,11 @@ _GUESSED = "guessed"
 class Guess:
     """What `init` made of foreign files: its dataset.yaml, from what that was guessed, and what `check` says."""
 
+    path: Path
     text: str
     notes: list[str]
     findings: list[Finding]
-    rows: list[list[str]]
+    robot: Robot
 
 
 @dataclass
@@ -55,13 +55,20 @@ class Drop:
         """Begin anew; the files stay where they are."""
         self.names, self.guess = [], None
 
-    def open(self, text: str | None) -> Opened | None:
+    def open(self, words: dict[str, Any]) -> Opened | None:
         """Open what was dropped; None where guesses are to be looked at first.
 
-        `text`: dataset.yaml as the person left it. Errors: InputError in one sentence.
+        `words`: `text`, dataset.yaml as the person left it; `form`, the form; or `mend`, a finding's place. Errors:
+        InputError in one sentence.
         """
-        if text is not None and self.guess is not None:
-            return self._open_guessed(text)
+        if self.guess is not None:
+            if isinstance(words.get("text"), str):
+                return self._open_guessed(words["text"])
+            if "form" in words:
+                return self._open_guessed(filled_in(self.guess.text, words["form"], self.guess.robot))
+            if "mend" in words:
+                self._mend(words["mend"])
+                return None
         self.guess = None
         kinds: dict[str, list[Path]] = {
             "fit": [],
@@ -96,16 +103,32 @@ class Drop:
         if robot is not None:
             write_file(out / "robot.yaml", read_text(robot))
         notes = [*([why] if why else []), *found.notes]
-        self.guess = Guess(read_text(out / "dataset.yaml"), notes, found.findings, _first_rows(tables[0]))
+        arm = load_robot(out / "robot.yaml")
+        self.guess = Guess(out / "dataset.yaml", read_text(out / "dataset.yaml"), notes, found.findings, arm)
 
     def _open_guessed(self, text: str) -> Opened:
-        assert self.guess is not None
+        self._check(text)
         out = self.folder / _GUESSED
-        write_file(out / "dataset.yaml", text)
-        self.guess.text = text
-        arm = load_robot(out / "robot.yaml")
-        self.guess.findings = check(load_data(out / "dataset.yaml", arm, strict=False), arm).findings
         return open_files([out / "dataset.yaml"], out / "robot.yaml", out / "model.yaml")
+
+    def _check(self, text: str) -> None:
+        """Take `text` for dataset.yaml, and have it checked."""
+        assert self.guess is not None
+        write_file(self.guess.path, text)
+        try:
+            data = load_data(self.guess.path, self.guess.robot, strict=False)
+        except InputError:
+            write_file(self.guess.path, self.guess.text)
+            raise
+        self.guess.text = text
+        self.guess.findings = check(data, self.guess.robot).findings
+
+    def _mend(self, place: object) -> None:
+        assert self.guess is not None
+        findings = self.guess.findings
+        if not isinstance(place, int) or not 0 <= place < len(findings) or not can_be_mended(findings[place]):
+            raise InputError(f"mend: found {place!r}, expected a finding that can be mended here")
+        self._check(mended(self.guess.text, findings[place]))
 
 
 def _kind(path: Path) -> str:
@@ -127,15 +150,3 @@ def _one(paths: list[Path], what: str) -> Path | None:
     if len(paths) > 1:
         raise InputError(f"{paths[1].name}: found a second {what} beside {paths[0].name}, expected one")
     return paths[0] if paths else None
-
-
-def _first_rows(path: Path) -> list[list[str]]:
-    """The first rows as they stand in a text file; none of a spreadsheet."""
-    if path.suffix.lower() == ".xlsx":
-        return []
-    lines = list(islice(read_text(path).splitlines(), 1 + _FIRST_ROWS))
-    try:
-        dialect: type[csv.Dialect] = csv.Sniffer().sniff("\n".join(lines), ",;\t ")
-    except csv.Error:
-        dialect = csv.excel
-    return list(csv.reader(lines, dialect))

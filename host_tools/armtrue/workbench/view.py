@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from typing import Any
 
+import yaml
+
 from armtrue.io.catalogue import catalogue
 from armtrue.report.markup import Content, Markup, tag
 from armtrue.report.parts import micrometres, plural, typeset
 from armtrue.verdicts import FLOOR_SOURCES, NOT_SCORED, scored_mean_um, verdict_words
 from armtrue.workbench.engine import Engine
 from armtrue.workbench.further import leave_out_form
+from armtrue.workbench.guesses import findings_list, first_rows, form
 from armtrue.workbench.names import called, called_among
 from armtrue.workbench.session import Node, Session
 from armtrue.workbench.words import chance, length
@@ -90,18 +93,21 @@ def _opening(engine: Engine) -> Markup:
             content += [" ", _button("Compare with the model", "compare")]
     else:
         guess = drop.guess
-        rows = [tag("tr", [tag("td", cell) for cell in row]) for row in guess.rows]
-        first = tag("table", tag("caption", "The first rows"), tag("tbody", rows))
-        says = [f"{f.severity}: {f.message} {f.remedy}".strip() for f in guess.findings]
+        document = yaml.safe_load(guess.text)
         content += [
             tag("h3", "What was guessed, and from what"),
             _list(guess.notes),
-            tag("div", first, class_="scroll", tabindex="0", role="region", aria_label="The first rows"),
+            form(document, *first_rows(guess.path, document), guess.robot),
             tag("h3", "What the check says"),
-            _list(says or ["Nothing is wrong."]),
-            tag("label", "dataset.yaml: change what was guessed wrongly", for_="dataset"),
-            tag("textarea", guess.text, id="dataset", rows="16", spellcheck="false"),
-            _button("Open with these", "open"),
+            findings_list(guess.findings),
+            tag(
+                "details",
+                tag("summary", "As dataset.yaml"),
+                tag("label", "change what the form does not have", for_="dataset"),
+                tag("textarea", guess.text, id="dataset", rows="16", spellcheck="false"),
+                _button("Open with this text", "open", source="text"),
+            ),
+            _button("Open with these", "open", source="form"),
         ]
     return tag("div", content, " ", _button("Put aside", "forget", class_="quiet"))
 

@@ -63,12 +63,24 @@
       if ("rivals" in button.dataset) words.rivals = JSON.parse(button.dataset.rivals);
       byId("card-dialog").close();
     }
-    if (words.do === "open" && byId("dataset")) words.text = byId("dataset").value;
+    if (words.do === "open" && "mend" in button.dataset) words.mend = Number(button.dataset.mend);
+    if (words.do === "open" && button.dataset.source === "text") words.text = byId("dataset").value;
+    if (words.do === "open" && button.dataset.source === "form") words.form = filledIn();
     if (words.do === "export" || words.do === "report") {
       wanted = words.do;
       Object.assign(words, { do: "make", name: button.dataset.name || words.do });
     }
     act(words);
+  }
+
+  /** What the form of the guesses says. */
+  function filledIn() {
+    const fields = {}, columns = {};
+    document.querySelectorAll("#opening [data-form]").forEach((field) => { fields[field.dataset.form] = field.value; });
+    document.querySelectorAll("#opening [data-column]").forEach((field) => {
+      columns[field.dataset.column] = { ...columns[field.dataset.column], [field.dataset.what]: field.value };
+    });
+    return { fields, columns };
   }
 
   /** Where the keyboard is, so that it can go on there when its button is replaced. */

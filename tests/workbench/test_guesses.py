@@ -1,0 +1,105 @@
+"""Foreign files: what was guessed as a form beside the first rows, mended by a button, changed by hand, and opened."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from bench_page import Page
+from selenium.webdriver.common.by import By
+from selenium.webdriver.support.ui import Select
+
+from tests.report.browser import LAPTOP
+
+pytestmark = pytest.mark.full
+
+
+@pytest.fixture
+def foreign(campaign, tmp_path):
+    """Writes the campaign as an instrument would: degrees and millimetres, semicolons and decimal commas."""
+
+    def write(turned: int = 0, swapped: bool = False):
+        head, *rows = [line.split(",") for line in (campaign / "data.csv").read_text().splitlines()]
+        at = {name: k for k, name in enumerate(head)}
+        axes = "yxz" if swapped else "xyz"
+        lines = ["A1;A2;A3;A4;A5;A6;X;Y;Z"]
+        for row in rows:
+            angles = [math.degrees(float(row[at[f"q{k}"]])) * (-1 if k == turned else 1) for k in range(1, 7)]
+            places = [1000.0 * float(row[at[name]]) for name in axes]
+            lines.append(";".join(f"{value:.6f}" for value in (*angles, *places)).replace(".", ","))
+        path = tmp_path / "tracker.csv"
+        path.write_text("\n".join(lines) + "\n")
+        return path
+
+    return write
+
+
+@pytest.fixture
+def guessed(start, browser, campaign):
+    """Drops a foreign file and the arm on an empty workbench, and opens them as far as the guesses."""
+
+    def drop(path) -> Page:
+        workbench = start("--port", "0")
+        browser.look(LAPTOP)
+        browser.driver.get(workbench.address)
+        page = Page.__new__(Page)
+        page.browser, page.address = browser, workbench.address
+        page.workbench = workbench
+        browser.driver.find_element(By.ID, "files").send_keys(f"{path}\n{campaign / 'robot.yaml'}")
+        page.until(lambda: page.by_role("#opening button", "button", "Open"), "files")[0].click()
+        page.until(lambda: page.by_role("#opening button", "button", "Open with these"), "guesses")
+        return page
+
+    return drop
+
+
+def opened_mean_um(page: Page) -> float:
+    """Open the files as the form has them; the held-out mean error of the first model."""
+    page.one("#opening button", "button", "Open with these").click()
+    page.until(page.candidates, "candidates")
+    return float(page.workbench.state()["error"]["held_out"]["mean_um"])
+
+
+@pytest.fixture
+def right_um(guessed, foreign) -> float:
+    """What the file as it should be leads to."""
+    return opened_mean_um(guessed(foreign()))
+
+
+def shown(page: Page, label: str) -> str:
+    """What a field of the form says."""
+    return str(page.one("#opening select", "combobox", label).get_attribute("value"))
+
+
+def choose(page: Page, label: str, value: str) -> None:
+    Select(page.one("#opening select", "combobox", label)).select_by_value(value)
+
+
+def test_the_form_shows_separator_units_and_columns_beside_the_first_rows(guessed, foreign):
+    page = guessed(foreign())
+    assert shown(page, "separator") == "semicolon"
+    assert shown(page, "decimal") == ","
+    assert (shown(page, "A1 is"), shown(page, "unit of A1")) == ("q1", "deg")
+    assert (shown(page, "Z is"), shown(page, "unit of Z")) == ("z", "mm")
+    first = foreign().read_text().splitlines()[1].split(";")
+    assert all(cell in page.text("opening") for cell in first)
+    page.one("#opening button", "button", "Open with these").click()
+    page.until(page.candidates, "candidates")
+
+
+def test_a_joint_that_turns_the_other_way_is_found_and_mended_by_a_button(guessed, foreign, right_um):
+    page = guessed(foreign(turned=3))
+    assert "joint 3 turns the other way" in page.text("opening")
+    page.one("#opening button", "button", "Mend this").click()
+    page.until(lambda: "joint 3 turns the other way" not in page.text("opening"), "mended file")
+    assert opened_mean_um(page) == pytest.approx(right_um, rel=1e-6)
+
+
+def test_columns_named_wrongly_are_put_right_in_the_form(guessed, foreign, right_um):
+    page = guessed(foreign(swapped=True))
+    choose(page, "X is", "y")
+    page.one("#opening button", "button", "Open with these").click()
+    assert "two columns that are y" in page.until(page.failure, "sentence")
+    assert shown(page, "X is") == "y", "what was chosen stays"
+    choose(page, "Y is", "x")
+    assert opened_mean_um(page) == pytest.approx(right_um, rel=1e-6)
