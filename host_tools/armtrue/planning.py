@@ -151,7 +151,11 @@ def plan_separation(
     Arguments as of `plan_sharpening`. Errors: InputError for fewer than two rivals, or where one cannot be fitted.
     """
     options = json.dumps(_options(poses, cell, levels, candidates, seed))
-    plan = _plan(lambda: _core.plan_separation(fit.core, json.dumps(rivals), options, progress), _target(fit), fit.robot)
+    plan = _plan(
+        lambda: _core.plan_separation(fit.core, json.dumps(rivals), options, progress),
+        _target(fit),
+        fit.robot,
+    )
     # The library's names are without sensors.
     names = [
         name + _sensor_words(fit, rival)

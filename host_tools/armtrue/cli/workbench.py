@@ -6,12 +6,15 @@ import os
 import sys
 import webbrowser
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from armtrue.cli.output import Output, waiting
 from armtrue.errors import InputError
+
+if TYPE_CHECKING:
+    from armtrue.workbench.compensator import Device
 
 _HIGHEST_PORT = 65535
 
@@ -58,6 +61,19 @@ def open_workbench(
     new: Annotated[
         bool, typer.Option("--new", help="Begin anew, though there is a session of these files.")
     ] = False,
+    interface: Annotated[
+        str | None,
+        typer.Option(
+            "--interface", "-i", metavar="NAME", help="python-can interface of a compensator's bus."
+        ),
+    ] = None,
+    channel: Annotated[
+        str | None, typer.Option("--channel", "-c", metavar="NAME", help="Its channel, such as can0.")
+    ] = None,
+    bitrate: Annotated[
+        int | None, typer.Option("--bitrate", metavar="BIT/S", help="Where the interface has to be told.")
+    ] = None,
+    node: Annotated[int, typer.Option("--node", "-n", min=1, max=127, help="CANopen node-ID.")] = 32,
 ) -> None:
     """Open the workbench: add an effect on a page in your browser, see the error fall, take it back.
 
@@ -73,9 +89,10 @@ def open_workbench(
     output = Output(None)
     if not files and (robot or model):
         raise InputError(f"{robot or model}: found no measurements beside it, expected DATA or a fit.json")
+    device = _device(interface, channel, bitrate, node)
     opened = opening.open_files(files, robot, model) if files else None
     with waiting(output) as progress:
-        server = start(opened, port, session, new, progress)
+        server = start(opened, port, session, new, progress, device)
     if opened is not None:
         output.items(opened.notes)
         output.say(f"session: {server.engine.session.folder}")
@@ -93,3 +110,18 @@ def open_workbench(
         )
     # A fit that still runs in a thread of its own is of no use any more.
     os._exit(0)
+
+
+def _device(interface: str | None, channel: str | None, bitrate: int | None, node: int) -> Device | None:
+    """The compensator on the bus that is named; None where none is."""
+    if interface is None and channel is None:
+        return None
+    if interface is None or channel is None:
+        raise InputError("--interface, --channel: found one without the other, expected both")
+    from armtrue.device.bus import BusOptions, open_bus, quiet_interfaces
+    from armtrue.device.sdo import DEFAULT_TIMEOUT_S
+    from armtrue.workbench.compensator import Device
+
+    quiet_interfaces()
+    options = BusOptions(interface, channel, bitrate)
+    return Device(lambda: open_bus(options), f"{interface} {channel}", node, DEFAULT_TIMEOUT_S)

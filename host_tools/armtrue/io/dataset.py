@@ -171,7 +171,9 @@ def _at_the_drives(data: Dataset, robot: Robot) -> Dataset:
         if all(name in columns for name in names):
             drives = np.column_stack([columns[name] for name in names]) @ matrix.T
             columns |= {name: drives[:, k] for k, name in enumerate(names)}
-    note = "joints are taken where the drives are: robot.yaml says that the controller couples what it reports"
+    note = (
+        "joints are taken where the drives are: robot.yaml says that the controller couples what it reports"
+    )
     return replace(data, columns=columns, notes=[*data.notes, note])
 
 

@@ -10,6 +10,7 @@ from armtrue.errors import InputError
 from armtrue.fitting import Fit, with_effects
 from armtrue.io.model import check_effect
 from armtrue.workbench.beside import planned_between
+from armtrue.workbench.compensator import Device
 from armtrue.workbench.further import Result, compared, joined, rows_between
 from armtrue.workbench.names import change_words, model_entry
 from armtrue.workbench.outputs import make
@@ -218,6 +219,28 @@ def _make(engine: Engine, words: Entry) -> None:
     engine.said = f"{engine.made.name} is made ({size} kB). The held-out mean error is {mean}."
 
 
+def _device(engine: Engine) -> Device:
+    if engine.device is None:
+        raise InputError("device: found none, expected armtrue open with --interface and --channel")
+    return engine.device
+
+
+def _upload(engine: Engine, _words: Entry) -> None:
+    device = _device(engine)
+    image = make(engine.session, "tables", engine.tell).content
+    engine.said = device.upload(image, engine.tell)
+
+
+def _confirm(engine: Engine, _words: Entry) -> None:
+    _device(engine).order("cfrm")
+    engine.said = "The table on the device is confirmed: every later start takes it."
+
+
+def _revert(engine: Engine, _words: Entry) -> None:
+    _device(engine).order("rvrt")
+    engine.said = "The device has gone back to the table before."
+
+
 def _put(
     engine: Engine,
     fit: Fit,
@@ -278,6 +301,9 @@ WORK: dict[str, Callable[[Engine, Entry], None]] = {
     "leave_out": _leave_out,
     "leave_out_where": _leave_out_where,
     "make": _make,
+    "upload": _upload,
+    "confirm": _confirm,
+    "revert": _revert,
     "plan": _plan,
     "compare": _compare,
     "join": _join,
@@ -285,4 +311,4 @@ WORK: dict[str, Callable[[Engine, Entry], None]] = {
     "forget": _forget,
 }
 # Actions that leave a diagnosis that runs alone: they need neither the library's fit nor the processors for long.
-BESIDE_A_DIAGNOSIS = {"name", "compare", "forget", "diagnose"}
+BESIDE_A_DIAGNOSIS = {"upload", "confirm", "revert", "name", "compare", "forget", "diagnose"}

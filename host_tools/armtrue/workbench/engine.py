@@ -11,6 +11,7 @@ from armtrue.errors import InputError
 from armtrue.progress import Progress
 from armtrue.workbench.actions import BESIDE_A_DIAGNOSIS, WORK, node_of
 from armtrue.workbench.background import FAULT, Background, CancelledError, Task
+from armtrue.workbench.compensator import Device
 from armtrue.workbench.dropped import Drop
 from armtrue.workbench.further import Result
 from armtrue.workbench.opening import Opened
@@ -31,8 +32,9 @@ class BusyError(InputError):
 class Engine:
     """The session and the one action that may run on it. `version` grows whenever there is something new to see."""
 
-    def __init__(self, drop: Drop) -> None:
+    def __init__(self, drop: Drop, device: Device | None = None) -> None:
         self.drop = drop
+        self.device = device
         self.title = "Armtrue"
         self.about = "nothing is open yet"
         self.notes: list[str] = []

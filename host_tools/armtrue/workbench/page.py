@@ -144,7 +144,11 @@ def _right_column() -> Markup:
         tag("div", files, class_="buttons"),
     )
     return tag(
-        "div", missing, tag("div", model, history, further, class_="pair"), class_="column needs-session"
+        "div",
+        missing,
+        tag("div", model, history, further, class_="pair"),
+        _slot("device"),
+        class_="column needs-session",
     )
 
 

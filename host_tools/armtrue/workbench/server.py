@@ -16,6 +16,7 @@ from armtrue.workbench import page
 from armtrue.workbench.background import FAULT, Task
 from armtrue.workbench.beside import beside, swaps
 from armtrue.workbench.card import card, evidence
+from armtrue.workbench.compensator import device_view
 from armtrue.workbench.engine import BusyError, Engine
 from armtrue.workbench.panels import panel
 from armtrue.workbench.state import state
@@ -78,7 +79,7 @@ class _Handler(BaseHTTPRequestHandler):
         self._answer({"": self._page, "state.json": self._state, "script.js": self._script, "style.css": self._style,
                       "view.json": self._view, "changes": self._changes, "panel": self._panel, "card": self._card,
                       "evidence": self._evidence, "beside": self._beside, "swaps": self._swaps,
-                      "file": self._file})  # fmt: skip
+                      "device": self._device, "file": self._file})  # fmt: skip
 
     def do_POST(self) -> None:
         self._answer({"do": self._do, "drop": self._drop})
@@ -148,6 +149,12 @@ class _Handler(BaseHTTPRequestHandler):
 
     def _beside(self, words: dict[str, str]) -> None:
         self._html(beside(self.server.engine.session, words.get("node", "")))
+
+    def _device(self, _words: dict[str, str]) -> None:
+        device = self.server.engine.device
+        if device is None:
+            raise InputError("device: found none, expected armtrue open with --interface and --channel")
+        self._html(device_view(device))
 
     def _swaps(self, words: dict[str, str]) -> None:
         self._html(swaps(self.server.engine.session, words.get("effect", "")))

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from armtrue.errors import InputError
 from armtrue.progress import Progress
+from armtrue.workbench.compensator import Device
 from armtrue.workbench.dropped import Drop
 from armtrue.workbench.engine import Engine
 from armtrue.workbench.opening import Opened
@@ -20,13 +21,14 @@ def start(
     folder: Path | None = None,
     new: bool = False,
     progress: Progress | None = None,
+    device: Device | None = None,
 ) -> Server:
     """A server of the session of these files: the one that was kept, or a new one with its first fit made.
 
-    `opened`: None for a page that waits for files. Errors: InputError where the port is taken, the session cannot be
-    written or the data cannot carry the model.
+    `opened`: None for a page that waits for files. `device`: on the CAN bus that was named. Errors: InputError where
+    the port is taken, the session cannot be written or the data cannot carry the model.
     """
-    engine = Engine(Drop(default_folder(f"dropped-{secrets.token_hex(4)}")))
+    engine = Engine(Drop(default_folder(f"dropped-{secrets.token_hex(4)}")), device)
     try:
         server = Server(engine, port)
     except OSError as error:

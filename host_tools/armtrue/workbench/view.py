@@ -10,6 +10,7 @@ from armtrue.io.catalogue import catalogue
 from armtrue.report.markup import Content, Markup, tag
 from armtrue.report.parts import micrometres, plural, typeset
 from armtrue.verdicts import FLOOR_SOURCES, NOT_SCORED, scored_mean_um, verdict_words
+from armtrue.workbench.compensator import device_section
 from armtrue.workbench.engine import Engine
 from armtrue.workbench.further import leave_out_form
 from armtrue.workbench.guesses import findings_list, first_rows, form
@@ -43,6 +44,7 @@ def pieces(engine: Engine) -> dict[str, str]:
         "history": _history(session),
         "left-out": _left_out(session),
         "leave-out": leave_out_form(session.fit_of(session.at)),
+        "device": device_section(engine.device) or "",
         "result": engine.result.shown if engine.result else "",
     }
 

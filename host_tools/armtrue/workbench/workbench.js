@@ -2,7 +2,7 @@
 "use strict";
 (() => {
   const byId = (id) => document.getElementById(id);
-  const REACH_AGAIN_MS = 1000;
+  const REACH_AGAIN_MS = 1000, WATCH_MS = 500;
   const BESIDE_WORK = ["card", "beside", "swaps", "ring", "hold", "close"]; // buttons that ask for no work of the session
   const SHOW_PROGRESS_AFTER_MS = 400;
   let model = null, known = null; // the model whose pieces stand on the page, and how much of its diagnosis
@@ -219,7 +219,7 @@
     try {
       byId("card").innerHTML = await (await ask(address)).text();
       if (matchMedia("(prefers-reduced-motion: reduce)").matches) byId("card").querySelectorAll("[data-act=hold]").forEach(hold);
-      byId("card").querySelectorAll("[data-later]").forEach(fill);
+      byId("card").querySelectorAll("[data-later]").forEach((place) => fill(place));
     } catch (error) {
       byId("card").textContent = error.message;
     }
@@ -233,9 +233,9 @@
   }
 
   /** What takes longer to work out than the card that it stands on. */
-  async function fill(place) {
+  async function fill(place, address = place.dataset.later) {
     try {
-      place.innerHTML = await (await ask(place.dataset.later)).text();
+      place.innerHTML = await (await ask(address)).text();
     } catch (error) {
       place.textContent = error.message;
     }
@@ -303,6 +303,14 @@
   document.querySelectorAll("details.looking").forEach((details) => details.addEventListener("toggle", () => {
     if (details.open) look(details);
   }));
+  /** What the device does, as long as the page is looked at. */
+  async function watch() {
+    const place = byId("live");
+    if (place && document.visibilityState === "visible") await fill(place, "device");
+    setTimeout(watch, WATCH_MS);
+  }
+
   document.documentElement.classList.add("script");
+  watch();
   draw().then(listen);
 })();

@@ -1,0 +1,164 @@
+"""The compensator on a named CAN bus: tables brought into force there, and a live view of what it does."""
+
+from __future__ import annotations
+
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import can
+
+from armtrue.device import CommunicationError, Compensator, DeviceRefusedError, SdoAbortError, SdoClient
+from armtrue.device import upload_image as bring_into_force
+from armtrue.device.image import read_image
+from armtrue.device.monitor import Monitor, Snapshot
+from armtrue.errors import InputError
+from armtrue.progress import Progress
+from armtrue.report.markup import Content, Markup, tag
+from armtrue.report.parts import table
+
+PERIOD_S = 0.5
+# The view ends when no page has asked for it for so long: the bus is free again.
+_UNWATCHED_S = 3.0
+_NOMINAL_BITRATE = 1_000_000
+
+
+class Device:
+    """One compensator. The bus is opened for each task, and while a page watches."""
+
+    def __init__(self, opened: Callable[[], can.BusABC], name: str, node: int, timeout_s: float) -> None:
+        self.name = name
+        self._open, self._node, self._timeout_s = opened, node, timeout_s
+        self._bus = threading.Lock()
+        self._state = threading.Lock()
+        self._watcher: threading.Thread | None = None
+        self._asked = 0.0
+        self._snapshot: Snapshot | None = None
+        self._failure = ""
+        self._wanted_elsewhere = threading.Event()
+
+    def upload(self, image: bytes, progress: Progress) -> str:
+        """Bring a table image into force on trial, and say what became of it. Errors: InputError in one sentence."""
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "tables.bin"
+            path.write_bytes(image)
+            info = read_image(path)
+        with self._device() as device:
+            result = bring_into_force(
+                device,
+                info,
+                lambda step: progress(0.0, f"{step.name} {step.note}"),
+                lambda done, total: progress(done / max(1, total), "transferring"),
+            )
+        trial = ", on trial until it is reset or confirmed" if result.on_trial else ""
+        return f"Export {info.sequence} is in force on the device{trial}."
+
+    def order(self, word: str) -> None:
+        """Give one of the device's commands, such as `cfrm`. Errors: InputError in one sentence."""
+        with self._device() as device:
+            device.command(word)
+
+    def view(self) -> tuple[Snapshot | None, str]:
+        """What the device did last, and what is wrong if anything; begins to watch where nothing does."""
+        with self._state:
+            self._asked = time.monotonic()
+            if self._watcher is None or not self._watcher.is_alive():
+                self._watcher = threading.Thread(target=self._watch, name="workbench device", daemon=True)
+                self._watcher.start()
+            return self._snapshot, self._failure
+
+    def close(self) -> None:
+        """End the live view."""
+        self._wanted_elsewhere.set()
+        if self._watcher is not None:
+            self._watcher.join()
+
+    def _watch(self) -> None:
+        try:
+            with self._own_bus() as bus:
+                monitor = Monitor(bus, self._node, self._timeout_s, _NOMINAL_BITRATE, _NOMINAL_BITRATE)
+                for snapshot in monitor.snapshots(PERIOD_S, None):
+                    with self._state:
+                        self._snapshot, self._failure = snapshot, ""
+                    unwatched = time.monotonic() - self._asked > _UNWATCHED_S
+                    if unwatched or self._wanted_elsewhere.is_set():
+                        return
+        except InputError as error:
+            with self._state:
+                self._snapshot, self._failure = None, str(error)
+
+    @contextmanager
+    def _device(self) -> Iterator[Compensator]:
+        """The device, for which the live view gives up the bus."""
+        self._wanted_elsewhere.set()
+        try:
+            with self._own_bus() as bus:
+                self._wanted_elsewhere.clear()
+                device = Compensator(SdoClient(bus, self._node, self._timeout_s))
+                device.greet()
+                yield device
+        finally:
+            self._wanted_elsewhere.clear()
+
+    @contextmanager
+    def _own_bus(self) -> Iterator[can.BusABC]:
+        """The open bus. Errors: InputError for all that can go wrong on it."""
+        with self._bus:
+            try:
+                bus = self._open()
+                try:
+                    yield bus
+                finally:
+                    bus.shutdown()
+            except SdoAbortError as refusal:
+                raise InputError(f"{self.name}: the device refused: {refusal}") from None
+            except (DeviceRefusedError, CommunicationError, can.CanError) as problem:
+                raise InputError(f"{self.name}: {' '.join(str(problem).split())}") from None
+
+
+def device_view(device: Device) -> Markup:
+    """State, targets, corrections and clamps as they are now."""
+    snapshot, failure = device.view()
+    if snapshot is None:
+        return tag("p", failure or f"Waiting for the device on {device.name}.")
+    streaming = "joint commands arrive" if snapshot.streaming else "no joint commands arrive"
+    trial = ", table on trial" if snapshot.trial else ""
+    rows: list[list[Content]] = [
+        [str(axis), str(target), f"{correction:+d}".replace("-", "−"), str(clamped)]
+        for axis, (target, correction, clamped) in enumerate(
+            zip(snapshot.targets, snapshot.corrections, snapshot.clamped_cycles, strict=True), start=1
+        )
+    ]
+    heads = ["axis", "target [increments]", "correction [increments]", "clamped cycles"]
+    counted = ", ".join(f"{name.lower()} {value}" for name, value in snapshot.counters.items())
+    return tag(
+        "div",
+        tag("p", tag("b", snapshot.state), f", mode {snapshot.mode}, {streaming}{trial}"),
+        table(heads, rows, "The device now"),
+        tag("p", f"Limits in the last cycle: {', '.join(snapshot.clamps) or 'none'}."),
+        tag("p", f"{counted}; bus load {100.0 * snapshot.bus_load:.1f} %.", class_="lead"),
+    )
+
+
+def device_section(device: Device | None) -> Markup | None:
+    """The part of the page for the device; None where no bus was named."""
+    if device is None:
+        return None
+    buttons: list[Any] = [
+        tag("button", text, type="button", data_act=action)
+        for text, action in (("Upload", "upload"), ("Confirm", "confirm"), ("Revert", "revert"))
+    ]
+    return tag(
+        "section",
+        tag("h2", f"Device on {device.name}"),
+        tag(
+            "p",
+            "Upload brings this model's tables into force on trial; Confirm keeps them, Revert takes them back.",
+        ),
+        tag("div", buttons, class_="buttons"),
+        tag("div", class_="live", id="live", role="region", aria_label="Device"),
+    )
