@@ -12,6 +12,7 @@
 
 #include "fitter/solve/choose_options.h"
 #include "fitter/solve/dense.h"
+#include "fitter/solve/effect_sizes.h"
 #include "fitter/solve/placement.h"
 #include "fitter/solve/replicates.h"
 #include "fitter/solve/stance.h"
@@ -819,6 +820,9 @@ json Fit::document() const {
   document["solver"] = {{"iterations", summary_.iterations},
                         {"converged", summary_.converged},
                         {"message", summary_.message}};
+  document["effects_move_um"] = json::object();
+  for (const auto& [effect, metres] : effect_sizes(*design_))
+    document["effects_move_um"][effect] = metres * 1e6;
   document["columns"] = columns_needed(model_, state());
   if (state().recorded("time")) document["time_origin_s"] = state().time_origin();
   document["payload_point"] = {state().payload_point().x(), state().payload_point().y(),

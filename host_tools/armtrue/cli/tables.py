@@ -125,7 +125,8 @@ def export(
         payload_max_kg=payload_max,
         secret_seed=None if sign is None else signing.read_seed(sign),
     )
-    result = make_image(fitted_arm(document, fit_file), options, fit_file)
+    arm = fitted_arm(document, fit_file)
+    result = make_image(arm, options, fit_file)
     # Judged by the firmware's own reader before anything is written.
     described = describe(Image(result.image, out))
     write_file(out, result.image)
@@ -135,7 +136,8 @@ def export(
         f"written: {out} ({len(result.image)} bytes, "
         f"{'signed' if options.secret_seed else 'not signed'}), {sidecar(out)}"
     )
-    output.figures({**described, "notes": result.notes})
+    behind = {effect: {"why": why, "effect_um": size} for effect, (why, size) in arm.stays_behind.items()}
+    output.figures({**described, "notes": result.notes, "stays_behind": behind})
 
 
 def compensate(

@@ -122,6 +122,9 @@ class _Exporter:
             raise InputError(f"{self.path}: cannot be exported: {error}") from None
         if self.arm.skipped:
             self.notes.append(f"left out, as it belongs to the measurement: {', '.join(self.arm.skipped)}")
+        for effect, (why, moves_um) in self.arm.stays_behind.items():
+            size = "" if moves_um is None else f" (the effect moves the tool by {moves_um:.1f} µm RMS)"
+            self.notes.append(f"stays behind, in part or whole: {effect}, for {why}{size}")
         return Exported(self._image(), self.notes)
 
     # ---- what goes in

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 from collections import defaultdict
 from dataclasses import dataclass, field
 from typing import Any
@@ -13,11 +14,15 @@ from numpy.typing import NDArray
 
 from armtrue import _core
 from armtrue.errors import InputError
+from armtrue.io.catalogue import catalogue
 from armtrue.tables import expression
 from armtrue.tables.chain import Chain, chain_from_robot, pose
 from armtrue.tables.expression import Tree
 
 Array = NDArray[np.float64]
+
+# How far a joint has gone since it turned round is nothing that a device keeps: after most moves it is far.
+_TRAVEL, _FAR = re.compile(r"\btravel[0-9]+\b"), "1e9"
 
 
 @dataclass(frozen=True)
@@ -78,6 +83,8 @@ class FittedArm:
     terms: dict[str, dict[str, float]] = field(default_factory=dict)
     grids: list[Grid] = field(default_factory=list)
     skipped: list[str] = field(default_factory=list)  # effects that belong to the measurement
+    # Effects of the arm that stay behind, wholly or on short moves: why, and how far each moves the tool [µm RMS].
+    stays_behind: dict[str, tuple[str, float | None]] = field(default_factory=dict)
 
     def variables(self) -> set[str]:
         """State variables that the exported terms read."""
@@ -104,7 +111,7 @@ def fitted_arm(document: dict[str, Any], path: object) -> FittedArm:
     try:
         arm = _head(document)
         reflectors = document.get("data", {}).get("targets") or list(arm.flange_from_tool)
-        _gather(document["parameters"], arm, reflectors)
+        _gather(document["parameters"], document.get("effects_move_um", {}), arm, reflectors)
     except _core.ExpressionError as error:
         raise InputError(f"{path}: {error}") from None
     except (KeyError, TypeError, IndexError) as error:
@@ -136,23 +143,36 @@ def _with_reflector(coordinate: str, reflectors: list[str]) -> str:
     return f"tool[{reflectors[int(number)]}]{rest}"
 
 
-def _gather(parameters: list[dict[str, Any]], arm: FittedArm, reflectors: list[str]) -> None:
+def _gather(
+    parameters: list[dict[str, Any]], moves: dict[str, float], arm: FittedArm, reflectors: list[str]
+) -> None:
     nodes: dict[tuple[str, str], list[tuple[dict[str, Any], float]]] = defaultdict(list)
     skipped: dict[str, None] = {}
+    behind: dict[str, str] = {}
     for parameter in parameters:
+        effect = parameter["effect"]
         if not parameter.get("exported", True):
-            skipped[parameter["effect"]] = None
+            info = catalogue().get(effect)
+            if info is None or not info.exported:
+                skipped[effect] = None
+            else:
+                behind[effect] = "what it depends on is nothing that a device knows"
             continue
         for term in parameter["terms"]:
             coefficient = float(parameter["value"]) * float(term["weight"])
             coordinate = _with_reflector(term["coordinate"], reflectors)
             table = term.get("table")
-            if table and _is_node(term["expression"], table):
+            text = _TRAVEL.sub(_FAR, term["expression"])
+            if text != term["expression"]:
+                behind[effect] = (
+                    "a device does not know how far a joint went since it turned, and takes it as far"
+                )
+            if table and _is_node(text, table):
                 nodes[table["id"], coordinate].append((table, coefficient))
             else:
-                expression.parse(term["expression"])
+                expression.parse(text)
                 basis = arm.terms.setdefault(coordinate, {})
-                basis[term["expression"]] = basis.get(term["expression"], 0.0) + coefficient
+                basis[text] = basis.get(text, 0.0) + coefficient
     arm.terms = {
         coordinate: kept
         for coordinate, basis in arm.terms.items()
@@ -160,6 +180,7 @@ def _gather(parameters: list[dict[str, Any]], arm: FittedArm, reflectors: list[s
     }
     arm.grids = [_grid(name, coordinate, entries) for (name, coordinate), entries in nodes.items()]
     arm.skipped = list(skipped)
+    arm.stays_behind = {effect: (why, moves.get(effect)) for effect, why in behind.items()}
 
 
 def _is_node(text: str, table: dict[str, Any]) -> bool:

@@ -6,13 +6,15 @@ import numpy as np
 import pytest
 
 from armtrue.errors import InputError
+from armtrue.tables import expression
 from armtrue.tables.conftest import document
+from armtrue.tables.export import ExportOptions, export
 from armtrue.tables.fitted import digest_of, fitted_arm
 
 
-def node(index: int, value: float, nodes: list[float], expression: str) -> dict[str, object]:
+def node(index: int, value: float, nodes: list[float], text: str) -> dict[str, object]:
     table = {"id": "t", "axes": [{"variable": "q1", "nodes": nodes}], "index": [index]}
-    term = {"coordinate": "motor1", "expression": expression, "weight": 2.0, "table": table}
+    term = {"coordinate": "motor1", "expression": text, "weight": 2.0, "table": table}
     return {"name": "t", "effect": "transmission_pwl", "value": value, "terms": [term]}
 
 
@@ -45,6 +47,25 @@ def test_what_belongs_to_the_measurement_is_left_out() -> None:
     arm = fitted_arm(fit, "fit")
     assert list(arm.terms) == ["motor1"]
     assert arm.skipped == ["time_drift"]
+
+
+def test_what_a_device_cannot_know_stays_behind_with_its_size() -> None:
+    fit = document([("motor1", "dir1*(1 - 2*exp(-travel1/0.01))", -4e-5), ("motor2", "warm2_1000", 1e-4)])
+    fit["parameters"][0] |= {"effect": "hysteresis"}
+    fit["parameters"][1] |= {"exported": False, "effect": "self_heating"}
+    fit["effects_move_um"] = {"hysteresis": 23.06}
+    arm = fitted_arm(fit, "fit")
+    assert arm.skipped == []
+    assert arm.variables() == {"dir1"}
+    assert {effect: size for effect, (_, size) in arm.stays_behind.items()} == {
+        "hysteresis": 23.06,
+        "self_heating": None,
+    }
+    columns = {"dir1": np.array([1.0, -1.0])}
+    ((text, coefficient),) = arm.terms["motor1"].items()
+    assert np.allclose(coefficient * expression.evaluate(expression.parse(text), columns), [-4e-5, 4e-5])
+    notes = export(arm, ExportOptions()).notes
+    assert any("hysteresis" in note and "23.1 µm" in note for note in notes)
 
 
 def test_a_term_on_one_of_several_reflectors_is_known_by_its_name() -> None:
