@@ -46,6 +46,12 @@ class Cell:
         return {key: value for key, value in self.__dict__.items() if value is not None}
 
 
+def _percent(delta_bic: float) -> str:
+    """The probability of one of two causes by its BIC less the other's."""
+    share = 1.0 / (1.0 + math.exp(max(-700.0, min(700.0, delta_bic / 2.0))))
+    return "more than 99.9 %" if share > 0.999 else f"{100.0 * share:.0f} %"
+
+
 @dataclass
 class Plan:
     """Poses to measure, in the order to run them, and what they are expected to tell.
@@ -66,6 +72,23 @@ class Plan:
     def count(self) -> int:
         """How many poses there are."""
         return len(next(iter(self.columns.values())))
+
+    def decisions(self) -> list[str]:
+        """A sentence for each pair that the poses tell apart: what is expected whichever of the two is the cause."""
+        pairs: dict[frozenset[str], list[dict[str, Any]]] = {}
+        for entry in self.figures.get("separations", []):
+            pairs.setdefault(frozenset((entry["truth"], entry["rival"])), []).append(entry)
+        sentences = []
+        for entries in pairs.values():
+            worst = max(float(entry["delta_bic_expected"]) for entry in entries)
+            random = max(float(entry["delta_bic_expected_random"]) for entry in entries)
+            settles = "decide" if worst <= -SETTLED else "help to decide"
+            sentences.append(
+                f"These {self.count} poses {settles} between {entries[0]['truth']} and {entries[0]['rival']}: "
+                f"whichever is the cause is expected to reach a probability of {_percent(worst)}, with as many random "
+                f"poses {_percent(random)}."
+            )
+        return sentences
 
     @property
     def separates(self) -> bool:

@@ -22,13 +22,12 @@ from opened import TWO_HIDDEN, Workbench  # noqa: E402
 from tests.report.browser import Browser  # noqa: E402
 
 POSES = (300, 2000, 12000)
-# Presses a button and answers with the milliseconds until the page has the new step and nothing runs.
+# Presses a button and answers with the milliseconds until the page has the figures of the new step.
 PRESS = """
 const [selector, place, done] = arguments;
 const steps = document.querySelector('[data-piece=waterfall]'), before = steps.innerHTML, start = performance.now();
 const look = () => {
-  const drawn = steps.innerHTML !== before && document.body.getAttribute('aria-busy') === 'false';
-  return drawn ? done(performance.now() - start) : requestAnimationFrame(look);
+  return steps.innerHTML !== before ? done(performance.now() - start) : requestAnimationFrame(look);
 };
 document.querySelectorAll(selector)[place].click();
 requestAnimationFrame(look);
@@ -41,9 +40,17 @@ def measured(page: Page, actions: int) -> tuple[list[float], list[float]]:
     page.browser.driver.set_script_timeout(300)
     adds, undos = [], []
     count = len(page.candidates())
+
+    def pressed(selector: str, place: int) -> float:
+        milliseconds = page.browser.driver.execute_async_script(PRESS, selector, place)
+        page.until(
+            lambda: page.browser.run("return document.body.getAttribute('aria-busy') === 'false'"), "end"
+        )
+        return milliseconds / 1000.0
+
     for k in range(actions):
-        adds.append(page.browser.driver.execute_async_script(PRESS, ADD, k % count) / 1000.0)
-        undos.append(page.browser.driver.execute_async_script(PRESS, UNDO, 0) / 1000.0)
+        adds.append(pressed(ADD, k % count))
+        undos.append(pressed(UNDO, 0))
     return adds, undos
 
 

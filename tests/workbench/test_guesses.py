@@ -103,3 +103,11 @@ def test_columns_named_wrongly_are_put_right_in_the_form(guessed, foreign, right
     assert shown(page, "X is") == "y", "what was chosen stays"
     choose(page, "Y is", "x")
     assert opened_mean_um(page) == pytest.approx(right_um, rel=1e-6)
+
+
+def test_the_arm_is_drawn_at_once_and_a_wrong_sign_is_seen(guessed, foreign):
+    page = guessed(foreign(turned=3))
+    (picture,) = page.by_role("#opening svg", "image")
+    assert "does not reach its points" in picture.accessible_name
+    page.one("#opening button", "button", "Mend this").click()
+    page.until(lambda: "The arm reaches its points" in page.text("opening"), "arm among its points")

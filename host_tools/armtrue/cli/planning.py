@@ -226,7 +226,7 @@ def present_plan(plan: Plan, output: Output) -> None:
     reflector = f" of reflector {plan.target}" if plan.target is not None else ""
     output.say(f"{plan.count} poses{reflector}{_settings_words(plan)}")
     if plan.separates:
-        _present_separation(plan.figures, plan.count, output)
+        _present_separation(plan, output)
     else:
         _present_campaign(plan.figures, plan.count, output)
 
@@ -301,8 +301,13 @@ def _settings_words(plan: Plan) -> str:
     return f"; {'; '.join(parts)}" if parts else ""
 
 
-def _present_separation(figures: dict[str, Any], poses: int, output: Output) -> None:
-    table = plain_table("ΔBIC of the cause less the rival", "now", f"{poses} random poses", "these poses")
+def _present_separation(plan: Plan, output: Output) -> None:
+    for sentence in plan.decisions():
+        output.say(sentence)
+    figures = plan.figures
+    table = plain_table(
+        "ΔBIC of the cause less the rival", "now", f"{plan.count} random poses", "these poses"
+    )
     for entry in figures["separations"]:
         table.add_row(
             f"if {entry['truth']}, not {entry['rival']}",
@@ -311,10 +316,7 @@ def _present_separation(figures: dict[str, Any], poses: int, output: Output) -> 
             f"{entry['delta_bic_expected']:.0f}",
         )
     output.table(table)
-    outlooks = [outlook(entry) for entry in figures["separations"]]
-    if not any(outlooks):
-        output.say("These poses are expected to settle it: ΔBIC below −10 whichever is the cause.")
-    for sentence in filter(None, outlooks):
+    for sentence in filter(None, map(outlook, figures["separations"])):
         output.say(sentence)
 
 

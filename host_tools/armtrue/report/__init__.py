@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from armtrue.fitting import Fit
 from armtrue.io.files import check_writable, write_file
@@ -18,12 +20,13 @@ def write(
     path: str | Path,
     progress: Progress | None = None,
     names: list[str] | None = None,
+    known: Sequence[dict[str, Any] | None] = (),
 ) -> None:
     """Write the report of `fits`, first to last step of one calibration, as one self-contained HTML page.
 
-    `names`: as of `gather`. Errors: InputError where measurements are gone (it says where they were looked for) or
-    changed, where the fits are not of the same ones, or where `path` cannot be written.
+    `names`, `known`: as of `gather`. Errors: InputError where measurements are gone (it says where they were looked
+    for) or changed, where the fits are not of the same ones, or where `path` cannot be written.
     """
     path = Path(path)
     check_writable(path)
-    write_file(path, page(gather(fits, progress, names)))
+    write_file(path, page(gather(fits, progress, names, known)))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
@@ -95,7 +96,7 @@ class StepDiagnosis:
 class Report:
     """Steps of one calibration with what is shown of them.
 
-    `diagnoses`: of the first and the last step. `tiny_levers`: joints as whose error no residual is read, with the
+    `diagnoses`: of every step that was given. `tiny_levers`: joints as whose error no residual is read, with the
     reflector's usual distance from their axis [m].
     """
 
@@ -136,22 +137,34 @@ class Report:
         return own if own.strongest >= _OWN_JOINT * best.strongest else best
 
 
-def gather(fits: list[Fit], progress: Progress | None = None, names: list[str] | None = None) -> Report:
+def gather(
+    fits: list[Fit],
+    progress: Progress | None = None,
+    names: list[str] | None = None,
+    known: Sequence[dict[str, Any] | None] = (),
+) -> Report:
     """Everything that a report of these fits, first to last step, shows.
 
+    `known`: the `diagnose` JSON of each fit where that was worked out before; others are diagnosed.
     `names`: what the fits are called; otherwise their files, or `fit 1`, `fit 2` … where they are not saved. Errors:
     InputError where measurements are gone or changed, or where the fits are not of the same ones.
     """
     check_same_data(fits)
     steps = steps_of(_with_steps_between(fits, titles_of(fits, names)))
-    shown = [steps[0]] if len(steps) == 1 else [steps[0], steps[-1]]
+    given = [step for step in steps if step.given]
+    results = [*known, *[None] * len(given)]
     last = steps[-1].fit
     along = directions(last)
     return Report(
         steps,
         variables(last),
         along,
-        [_diagnosed(step, along, progress) for step in shown],
+        [
+            _diagnosed(
+                step, result, along, progress, _LEADING if step is given[0] or step is given[-1] else 1
+            )
+            for step, result in zip(given, results, strict=False)
+        ],
         tiny_levers(last),
     )
 
@@ -182,10 +195,12 @@ def _with_steps_between(fits: list[Fit], titles: list[str]) -> list[tuple[Fit, s
     return result
 
 
-def _diagnosed(step: Step, along: list[Direction], progress: Progress | None) -> StepDiagnosis:
-    shown = _shown(step, diagnose(step.fit, progress), along)
+def _diagnosed(
+    step: Step, known: dict[str, Any] | None, along: list[Direction], progress: Progress | None, plotted: int
+) -> StepDiagnosis:
+    shown = _shown(step, known or diagnose(step.fit, progress), along)
     result = shown.result
-    leading = result["candidates"][:_LEADING]
+    leading = result["candidates"][:plotted]
     plots = {called(candidate): _added_variable(step, candidate) for candidate in leading}
     drawn = [plot for plot in plots.values() if plot is not None]
     not_drawn = [name for name, plot in plots.items() if plot is None]

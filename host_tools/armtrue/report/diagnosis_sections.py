@@ -48,9 +48,14 @@ _PARAMETERS_SHOWN = 6
 
 
 def candidates_section(report: Report) -> Markup:
-    """Candidates of the first and the last step, with evidence, ambiguity and advice."""
+    """Candidates of every step, with evidence, ambiguity and advice; those of steps between are folded."""
     many = len(report.diagnoses) > 1
-    parts = [part for diagnosis in report.diagnoses for part in _one(diagnosis, many)]
+    parts: list[Content] = []
+    for diagnosis in report.diagnoses:
+        if diagnosis is report.diagnoses[0] or diagnosis is report.diagnoses[-1]:
+            parts += _one(diagnosis, many)
+        else:
+            parts.append(folded(f"After {diagnosis.step.title}", _one(diagnosis, False), printed=False))
     return section("candidates", "What is missing", lead(_CANDIDATES), parts)
 
 

@@ -51,13 +51,13 @@ def effect_picture(fit: Fit, candidate: dict[str, Any], sweep: Sweep) -> tuple[M
     """The picture of a candidate on the arm of `fit`, and what it says."""
     chain = chain_from_robot(fit.document["robot"])
     row = _typical(fit.data.joints)
-    nominal = _corners(chain, fit.data.joints[row], {})
+    nominal = corners(chain, fit.data.joints[row], {})
     frames = range(len(sweep.values))
     size = float(np.linalg.norm(np.ptp(nominal, axis=0)))
 
     def moved(gain: float) -> list[Array]:
         return [
-            _corners(chain, fit.data.joints[row], {c: gain * v[k] for c, v in sweep.moves.items()})
+            corners(chain, fit.data.joints[row], {c: gain * v[k] for c, v in sweep.moves.items()})
             for k in frames
         ]
 
@@ -65,7 +65,7 @@ def effect_picture(fit: Fit, candidate: dict[str, Any], sweep: Sweep) -> tuple[M
     turn = max((float(np.abs(v).max()) for c, v in sweep.moves.items() if _turns(chain, c)), default=0.0)
     gain = min(_SEEN * size / (far or 1.0), _LARGEST_ANGLE / (turn or 1e-9))
     drawn = moved(gain)
-    places = _projected([nominal, *drawn])
+    places = projected([nominal, *drawn])
     words = _words(sweep, candidate, far, gain)
     marked = [k for k in candidate["joints"] if k <= chain.joint_count]
     return _svg(places[0], places[1:], marked, sweep, words), words
@@ -125,15 +125,15 @@ def _range(
 def arms_picture(fit: Fit, joints: Array) -> tuple[Markup, str]:
     """The arm as it stands at each of the motor-side `joints` (N, n), and what the picture says."""
     chain = chain_from_robot(fit.document["robot"])
-    here = _corners(chain, fit.data.joints[_typical(fit.data.joints)], {})
-    places = _projected([here, *(_corners(chain, row, {}) for row in joints)])
+    here = corners(chain, fit.data.joints[_typical(fit.data.joints)], {})
+    places = projected([here, *(corners(chain, row, {}) for row in joints)])
     words = f"The arm at {plural(len(joints), 'planned pose')}; a dot marks the flange."
-    arms = [tag("path", class_="planned-arm", d=_path(place)) for place in places[1:]]
+    arms = [tag("path", class_="planned-arm", d=path(place)) for place in places[1:]]
     ends = [
         tag("circle", cx=f"{x:.1f}", cy=f"{y:.1f}", r="4") for x, y in (place[-1] for place in places[1:])
     ]
     picture = tag(
-        "svg", tag("title", words), tag("path", class_="arm", d=_path(places[0])), arms, ends,
+        "svg", tag("title", words), tag("path", class_="arm", d=path(places[0])), arms, ends,
         class_="panel effect-picture", role="img", viewBox=f"0 0 {WIDTH} {HEIGHT}", aria_label=words,
     )  # fmt: skip
     return picture, words
@@ -178,11 +178,11 @@ def _turns(chain: Chain, coordinate: str) -> bool:
     return not chain.prismatic[int(motor[1]) - 1] if motor else ".r" in coordinate
 
 
-def _corners(chain: Chain, joints: Array, moves: dict[str, float]) -> Array:
+def corners(chain: Chain, joints: Array, moves: dict[str, float]) -> Array:
     """Corners (n + 2, 3) [m] of the arm in its base frame, displaced: base, joints 1 to n, flange."""
     frames = [frame[0] for frame in chain.frames(joints[None, :])]
     end = frames[-1] @ chain.end
-    corners = np.array([np.zeros(3), *(frame[:3, 3] for frame in frames), end[:3, 3]])
+    places = np.array([np.zeros(3), *(frame[:3, 3] for frame in frames), end[:3, 3]])
     steps: list[tuple[int, Array, str, float]] = []
     for coordinate, move in moves.items():
         if motor := re.fullmatch(r"motor(\d+)", coordinate):
@@ -198,16 +198,16 @@ def _corners(chain: Chain, joints: Array, moves: dict[str, float]) -> Array:
     # From the flange to the base: an axis that is moved itself moves with all that it carries.
     for number, frame, component, move in sorted(steps, key=lambda step: -step[0]):
         axis = _AXES[component[1]]
-        beyond = np.arange(len(corners)) > number if number else np.ones(len(corners), dtype=np.bool_)
+        beyond = np.arange(len(places)) > number if number else np.ones(len(places), dtype=np.bool_)
         if component[0] == "t":
-            corners[beyond] += move * frame[:3, axis]
+            places[beyond] += move * frame[:3, axis]
         else:
             turn = frame[:3, :3] @ rotation_about(axis, move) @ frame[:3, :3].T
-            corners[beyond] = (corners[beyond] - frame[:3, 3]) @ turn.T + frame[:3, 3]
-    return corners
+            places[beyond] = (places[beyond] - frame[:3, 3]) @ turn.T + frame[:3, 3]
+    return places
 
 
-def _projected(shapes: list[Array]) -> list[Array]:
+def projected(shapes: list[Array]) -> list[Array]:
     """Shapes (M, 3) as places (M, 2) in the picture, all to one scale, seen from beside the arm and above."""
     reach = shapes[0][-1] - shapes[0][0]
     azimuth = float(np.arctan2(reach[1], reach[0])) + _AZIMUTH
@@ -224,7 +224,7 @@ def _projected(shapes: list[Array]) -> list[Array]:
 
 def _svg(nominal: Array, moved: list[Array], marked: list[int], sweep: Sweep, words: str) -> Markup:
     there_and_back = [*range(len(moved)), *range(len(moved) - 2, -1, -1)]
-    paths = [_path(places) for places in moved]
+    paths = [path(places) for places in moved]
     farthest = max(range(len(moved)), key=lambda k: float(np.abs(moved[k] - nominal).max()))
     joints = [
         tag("circle", class_="marked-joint" if k in marked else "plain-joint", cx=f"{x:.1f}", cy=f"{y:.1f}",
@@ -259,7 +259,7 @@ def _svg(nominal: Array, moved: list[Array], marked: list[int], sweep: Sweep, wo
     return tag(
         "svg",
         tag("title", words),
-        tag("path", class_="arm", d=_path(nominal)),
+        tag("path", class_="arm", d=path(nominal)),
         tag("path", swing, class_="moved-arm", d=paths[farthest]),
         joints, names, track,
         class_="panel effect-picture", role="img", viewBox=f"0 0 {WIDTH} {HEIGHT}", aria_label=words,
@@ -277,7 +277,8 @@ def _animated(attribute: str, values: list[str]) -> Markup:
     )
 
 
-def _path(places: Array) -> str:
+def path(places: Array) -> str:
+    """A line through places (M, 2) as SVG writes it."""
     return "M" + "L".join(f"{x:.1f} {y:.1f}" for x, y in places)
 
 

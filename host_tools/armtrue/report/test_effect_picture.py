@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from armtrue.report.effect_picture import _corners, effect_picture, effect_sweep
+from armtrue.report.effect_picture import corners, effect_picture, effect_sweep
 from armtrue.tables.chain import chain_from_robot
 
 GEAR = {
@@ -27,15 +27,15 @@ def test_a_joint_that_is_moved_moves_what_it_carries_as_the_chain_does(fit):
     for motor in range(chain.joint_count):
         moved = joints.copy()
         moved[motor] += 0.01
-        drawn = _corners(chain, joints, {f"motor{motor + 1}": 0.01})
-        assert np.allclose(drawn, _corners(chain, moved, {}), atol=1e-12)
+        drawn = corners(chain, joints, {f"motor{motor + 1}": 0.01})
+        assert np.allclose(drawn, corners(chain, moved, {}), atol=1e-12)
 
 
 @pytest.mark.parametrize("coordinate", ["base.tx", "base.rz", "link2.ty", "link3.rx", "tool.tz"])
 def test_a_small_coordinate_moves_nothing_that_stands_before_it(fit, coordinate):
     chain = chain_from_robot(fit.document["robot"])
     joints = fit.data.joints[0]
-    change = _corners(chain, joints, {coordinate: 1e-3}) - _corners(chain, joints, {})
+    change = corners(chain, joints, {coordinate: 1e-3}) - corners(chain, joints, {})
     first = {"base": 0, "link2": 3, "link3": 4, "tool": 7}[coordinate.split(".")[0]]
     assert np.all(change[:first] == 0.0)
     if ".t" in coordinate:

@@ -12,6 +12,8 @@ from armtrue.foreign import init
 from armtrue.io import Robot, load_data, load_robot
 from armtrue.io.files import read_text, write_file
 from armtrue.io.yamlfile import load_yaml
+from armtrue.report.markup import Markup
+from armtrue.workbench.guess_picture import guess_picture
 from armtrue.workbench.guesses import can_be_mended, filled_in, mended
 from armtrue.workbench.opening import Opened, open_files
 
@@ -30,6 +32,7 @@ class Guess:
     notes: list[str]
     findings: list[Finding]
     robot: Robot
+    picture: Markup | None
 
 
 @dataclass
@@ -104,7 +107,9 @@ class Drop:
             write_file(out / "robot.yaml", read_text(robot))
         notes = [*([why] if why else []), *found.notes]
         arm = load_robot(out / "robot.yaml")
-        self.guess = Guess(out / "dataset.yaml", read_text(out / "dataset.yaml"), notes, found.findings, arm)
+        dataset = out / "dataset.yaml"
+        picture = guess_picture(dataset, arm)
+        self.guess = Guess(dataset, read_text(dataset), notes, found.findings, arm, picture)
 
     def _open_guessed(self, text: str) -> Opened:
         self._check(text)
@@ -122,6 +127,7 @@ class Drop:
             raise
         self.guess.text = text
         self.guess.findings = check(data, self.guess.robot).findings
+        self.guess.picture = guess_picture(self.guess.path, self.guess.robot)
 
     def _mend(self, place: object) -> None:
         assert self.guess is not None

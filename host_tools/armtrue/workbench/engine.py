@@ -20,7 +20,7 @@ from armtrue.workbench.session import Session, default_folder, key_of, load_sess
 
 Entry = dict[str, Any]
 
-# Up to so many measurements a diagnosis is done in a moment: the page waits for it, and changes once.
+# Up to so many measurements a diagnosis is done in a moment: the action ends with it.
 _AT_ONCE_ROWS = 1000
 _AT_ONCE_S = 10.0
 
@@ -191,5 +191,6 @@ class Engine:
             return
         at_once = self.session.data.count <= _AT_ONCE_ROWS
         self.background.start(self.session, politely=not at_once)
+        self.announce()  # the page has the new figures while the diagnosis is worked out
         if at_once:
             self.background.wait(_AT_ONCE_S)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-import math
 from typing import Any
 
 import numpy as np
@@ -16,14 +15,12 @@ from armtrue.planning import Plan
 from armtrue.progress import Progress
 from armtrue.report.effect_picture import arms_picture
 from armtrue.report.markup import tag
-from armtrue.report.parts import minus, plural
+from armtrue.report.parts import plural
 from armtrue.workbench.further import Result
 from armtrue.workbench.outputs import Made
 
 _MOST_POSES = 200
 _MOST_SHOWN = 12
-# |ΔBIC| beyond which the evidence is called decisive (docs/planning.md).
-_SETTLED = 10.0
 
 
 def planned(
@@ -37,7 +34,7 @@ def planned(
         raise InputError(f"poses: found {count!r}, expected 1 to {_MOST_POSES}")
     chosen = plan(fit, count, rivals=rivals, progress=progress)
     rows = np.column_stack(list(chosen.columns.values()))
-    sentences = [*_decisions(chosen), *_precision(chosen)]
+    sentences = [*chosen.decisions(), *_precision(chosen)]
     heads = [tag("th", name, scope="col") for name in chosen.columns]
     body = [tag("tr", [tag("td", f"{value:.4f}") for value in row]) for row in rows[:_MOST_SHOWN]]
     table = tag("table", tag("caption", "Planned poses [rad, m]"), tag("tr", heads), body)
@@ -61,31 +58,6 @@ def _csv(chosen: Plan, rows: Any) -> str:
     writer.writerow([*chosen.columns, *(["target"] if own else [])])
     writer.writerows([[*(f"{value:.10f}" for value in row), *own] for row in rows])
     return text.getvalue()
-
-
-def _decisions(chosen: Plan) -> list[str]:
-    """A sentence for each pair that the poses tell apart: what is expected whichever of the two is the cause."""
-    pairs: dict[frozenset[str], list[dict[str, Any]]] = {}
-    for entry in chosen.figures.get("separations", []):
-        pairs.setdefault(frozenset((entry["truth"], entry["rival"])), []).append(entry)
-    sentences = []
-    for entries in pairs.values():
-        first = entries[0]
-        worst = max(float(entry["delta_bic_expected"]) for entry in entries)
-        random = max(float(entry["delta_bic_expected_random"]) for entry in entries)
-        settles = "decide" if worst <= -_SETTLED else "help to decide"
-        sentences.append(
-            f"These {plural(chosen.count, 'pose')} {settles} between {first['truth']} and {first['rival']}: "
-            f"whichever is the cause is expected to reach a probability of {_percent(worst)} "
-            f"(ΔBIC {minus(f'{worst:.0f}')}), with as many random poses {_percent(random)}."
-        )
-    return sentences
-
-
-def _percent(delta_bic: float) -> str:
-    """The probability of one of two causes by its ΔBIC less the other's."""
-    share = 1.0 / (1.0 + math.exp(min(700.0, delta_bic / 2.0)))
-    return "more than 99.9 %" if share > 0.999 else f"{100.0 * share:.0f} %"
 
 
 def _precision(chosen: Plan) -> list[str]:

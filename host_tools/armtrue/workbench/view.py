@@ -102,6 +102,7 @@ def _opening(engine: Engine) -> Markup:
             form(document, *first_rows(guess.path, document), guess.robot),
             tag("h3", "What the check says"),
             findings_list(guess.findings),
+            guess.picture,
             tag(
                 "details",
                 tag("summary", "As dataset.yaml"),
