@@ -16,7 +16,8 @@ struct Sight {
 };
 Sight line_of_sight(const EffectContext& context);
 
-/// A parameter that moves the measured point by `shift`, text in the measuring frame.
+/// A parameter that moves the measured point by `shift`, text in the measuring frame, less what of
+/// it moves all points of the campaign as one body.
 Parameter shift_of_point(const EffectContext& context, const std::string& effect,
                          const std::string& suffix, const std::string& unit, double bound,
                          const std::array<std::string, 3>& shift);

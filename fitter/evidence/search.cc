@@ -541,6 +541,11 @@ void Sampler::find_readings() {
     for (std::size_t b = 0; b < home.size(); ++b) {
       if (b != gone && !block(b).costly && block(b).counts) allowed.push_back(b);
     }
+    // Who might stand in its place; the others are not looked at again.
+    std::size_t at = 0;
+    Choice to;
+    if (best_change(allowed, at, to) <= kLeastRise) continue;
+    set(at, to);
     climb(allowed);
     Reading reading;
     std::vector<Choice> at_home, found;
