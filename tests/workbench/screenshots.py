@@ -42,6 +42,27 @@ def save_film(frames: list[Image.Image], path: Path) -> None:
     assert path.stat().st_size < LARGEST_BYTES, f"{path}: {path.stat().st_size} bytes"
 
 
+def look_at_a_variable(page: Page) -> None:
+    """What is left over against a joint, with some poses selected there."""
+    run = page.browser.run
+    run("document.querySelector('details[data-panel=state]').open = true")
+    page.until(lambda: run("return document.querySelector('#looking') !== null"), "chart")
+    run(
+        "const choose = document.getElementById('look-variable'); choose.value = 'q3'; "
+        "choose.dispatchEvent(new Event('change'))"
+    )
+    page.until(
+        lambda: run("return document.querySelector('.look-figure title').textContent.includes('joint 3')"),
+        "q3",
+    )
+    run(
+        "document.getElementById('brush-low').value = -60; document.getElementById('brush-high').value = -20; "
+        "document.querySelector('[data-look=select]').click(); "
+        "document.querySelector('details[data-panel=state]').scrollIntoView()"
+    )
+    time.sleep(1.0)
+
+
 def main() -> None:
     """Make all pictures."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -60,6 +81,10 @@ def main() -> None:
             page.until(lambda: page.by_role("#card button", "button", "Close"), "card")
             frame(browser).quantize(128).save(given.out / "workbench-card.png", optimize=True)
             page.one("#card button", "button", "Close").click()
+            look_at_a_variable(page)
+            picture = Image.open(io.BytesIO(browser.driver.get_screenshot_as_png())).convert("RGB")
+            picture.quantize(128).save(given.out / "workbench-looking.png", optimize=True)
+            browser.run("document.querySelector('details[data-panel=state]').open = false")
             for _ in range(2):
                 page.add()
                 browser.run("scrollTo(0, 0)")

@@ -9,7 +9,7 @@ from opened import TWO_HIDDEN
 
 pytestmark = pytest.mark.full
 
-POSES = 4000
+POSES = 2500
 
 
 @pytest.fixture(scope="module")

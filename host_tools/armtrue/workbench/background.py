@@ -7,7 +7,7 @@ import os
 import sys
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from armtrue.diagnosis import diagnose
 from armtrue.errors import InputError
@@ -32,16 +32,34 @@ class Task:
     stage: str = ""
 
 
+@dataclass
+class _Run:
+    """One diagnosis under way."""
+
+    session: Session
+    number: int
+    politely: bool
+    task: Task = field(default_factory=lambda: Task("diagnose", stage="begins"))
+    cancelled: threading.Event = field(default_factory=threading.Event)
+    ended: threading.Event = field(default_factory=threading.Event)
+
+
 class Background:
-    """At most one diagnosis at a time. `task`: what runs now; `failure`: why the last one ended without a result."""
+    """At most one diagnosis that counts. `failure`: why the last one ended without a result.
+
+    One that is stopped ends when the library next looks up, which nobody waits for.
+    """
 
     def __init__(self, changed: Callable[[], None]) -> None:
-        self.task: Task | None = None
         self.failure = ""
         self._changed = changed
-        self._cancel = threading.Event()
-        self._worker: threading.Thread | None = None
+        self._now: _Run | None = None
         self._stopped: tuple[str, int] | None = None
+
+    @property
+    def task(self) -> Task | None:
+        """What runs now; None where nothing does."""
+        return self._now.task if self._now is not None else None
 
     def start(self, session: Session, politely: bool) -> None:
         """Begin to diagnose the model that is looked at, unless that is known or the person stopped it before.
@@ -49,63 +67,63 @@ class Background:
         `politely`: the page and the fits go first.
         """
         number = session.at
-        if self.task is not None or session.is_diagnosed(number) or self._stopped == (session.key, number):
+        if self._now is not None or session.is_diagnosed(number) or self._stopped == (session.key, number):
             return
-        self._cancel.clear()
         self.failure = ""
-        self.task = Task("diagnose", stage="begins")
-        self._worker = threading.Thread(
-            target=self._run, args=(session, number, politely), name="workbench diagnose", daemon=True
-        )
-        self._worker.start()
+        run = self._now = _Run(session, number, politely)
+        threading.Thread(target=self._run, args=(run,), name="workbench diagnose", daemon=True).start()
 
     def wait(self, seconds: float) -> None:
         """Wait until the diagnosis has ended, or so long."""
-        if self._worker is not None:
-            self._worker.join(seconds)
+        if (run := self._now) is not None:
+            run.ended.wait(seconds)
 
     def stop(self) -> None:
-        """End the diagnosis and return when it has ended: it may begin anew later."""
-        self._cancel.set()
-        if self._worker is not None:
-            self._worker.join()
+        """Let go of the diagnosis: it may begin anew later."""
+        run, self._now = self._now, None
+        if run is not None:
+            run.cancelled.set()
 
     def stop_for_good(self, session: Session) -> None:
-        """End the diagnosis as the person asked, so that it does not begin by itself."""
+        """Let go of the diagnosis as the person asked, so that it does not begin by itself."""
         self._stopped = (session.key, session.at)
-        self._cancel.set()
+        self.stop()
+        self._changed()
 
     def allow(self) -> None:
         """Let what was stopped begin again."""
         self._stopped = None
 
-    def _run(self, session: Session, number: int, politely: bool) -> None:
-        if politely and sys.platform == "linux":
+    def _run(self, run: _Run) -> None:
+        if run.politely and sys.platform == "linux":
             # The library's threads inherit this one's priority.
             os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), _NICE)
+
+        def tell(share: float, stage: str) -> None:
+            if run.cancelled.is_set():
+                raise CancelledError
+            run.task.share, run.task.stage = share, stage
+            self._changed()
+
+        failure = ""
         try:
-            fit = session.fit_of(number)
+            fit = run.session.fit_of(run.number)
             # What charts read is kept with the fit: they need not wait until the library is free again.
             fit.residuals()
             variables(fit)
             directions(fit)
             tiny_levers(fit)
-            bayesian_information(session, number)
-            session.diagnosed(number, diagnose(fit, self._tell))
+            bayesian_information(run.session, run.number)
+            run.session.diagnosed(run.number, diagnose(fit, tell))
         except CancelledError:
             pass
         except InputError as error:
-            self.failure = str(error)
+            failure = str(error)
         except Exception:
             logging.getLogger(__name__).exception("a diagnosis failed")
-            self.failure = FAULT
+            failure = FAULT
         finally:
-            self.task = None
+            if self._now is run:
+                self._now, self.failure = None, failure
+            run.ended.set()
             self._changed()
-
-    def _tell(self, share: float, stage: str) -> None:
-        if self._cancel.is_set():
-            raise CancelledError
-        if self.task is not None:
-            self.task.share, self.task.stage = share, stage
-        self._changed()
