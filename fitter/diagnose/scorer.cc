@@ -259,7 +259,7 @@ BlockScore Scorer::judge(const Block& block, const Eigen::MatrixXd& columns,
     const Parameter& p = block.terms.parameters[c];
     const double value = score.coefficient[c];
     const double sigma = score.sigma[c];
-    if (p.sign != 0 && p.sign * value < -kWrongSign * sigma) {
+    if (p.sign != 0 && p.sign_doubt == 0.0 && p.sign * value < -kWrongSign * sigma) {
       score.objection =
           describe(p) + " would have the wrong sign: a spring yields, it does not push back";
     } else if (p.bound > 0.0 && std::abs(value) - kWrongSign * sigma > p.bound) {

@@ -38,10 +38,12 @@ class Backlash final : public Effect {
       terms.parameters.push_back(
           single_term(id(), {k}, "direction", unit, bound, motor(k), "dir" + joint));
       terms.parameters.back().sign = -1;
+      terms.parameters.back().sign_doubt = kCountedOtherwise;
       if (context.state.has(tau) && loaded(context, k)) {
         terms.parameters.push_back(
             single_term(id(), {k}, "load", unit, bound, motor(k), "sign(" + tau + ")"));
         terms.parameters.back().sign = 1;
+        terms.parameters.back().sign_doubt = kCountedOtherwise;
       }
     }
     return terms;

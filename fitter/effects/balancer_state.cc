@@ -42,6 +42,7 @@ class BalancerState final : public Effect {
     Parameter friction = single_term(id(), {kAxis}, "friction", "1", kMostFriction, motor(kAxis),
                                      "abs" + gives + "*dir" + std::to_string(kAxis));
     friction.sign = -1;
+    friction.sign_doubt = kCountedOtherwise;
     terms.parameters = {pressure, friction};
     return terms;
   }

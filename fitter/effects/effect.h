@@ -22,6 +22,10 @@ struct GeometryPriors {
   double length = 2e-3;                       ///< [m]
 };
 
+/// Prior probability that a file counts directions of motion the other way round, so that what lags
+/// behind its drive seems to lead.
+inline constexpr double kCountedOtherwise = 0.05;
+
 /// A spring that a fit has found: what yields, to which load, and how much.
 struct Spring {
   Coordinate coordinate;

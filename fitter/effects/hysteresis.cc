@@ -50,6 +50,7 @@ class Hysteresis final : public Effect {
                            const std::string& basis) {
         Parameter p = single_term(id(), {k}, suffix, unit, bound, motor(k), basis);
         p.sign = -1;
+        p.sign_doubt = kCountedOtherwise;
         terms.parameters.push_back(p);
       };
       const std::string unit = motor_unit(context, k);

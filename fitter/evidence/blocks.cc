@@ -173,12 +173,12 @@ void add_table_shapes(const Block& form, bool is_joint, const Eigen::MatrixXd& c
 }
 
 // Coefficients that physics gives a sign.
-std::vector<Eigen::VectorXd> signs_of(const EvidenceForm& form) {
-  std::vector<Eigen::VectorXd> result;
+std::vector<SignRule> signs_of(const EvidenceForm& form) {
+  std::vector<SignRule> result;
   const auto width = static_cast<Eigen::Index>(form.block.terms.parameters.size());
   for (Eigen::Index c = 0; c < width; ++c) {
-    const int sign = form.block.terms.parameters[static_cast<std::size_t>(c)].sign;
-    if (sign != 0) result.push_back(sign * Eigen::VectorXd::Unit(width, c));
+    const Parameter& p = form.block.terms.parameters[static_cast<std::size_t>(c)];
+    if (p.sign != 0) result.push_back({p.sign * Eigen::VectorXd::Unit(width, c), p.sign_doubt});
   }
   return result;
 }
@@ -451,7 +451,7 @@ bool Builder::work_out(EvidenceBlock& block) const {
       add_shapes(form, displacement, at, block.columns.cols(), shapes);
       for (std::size_t s = before; s < shapes.size(); ++s) {
         shapes[s].form = static_cast<int>(&form - block.forms.data());
-        shapes[s].positive = signs_of(form);
+        shapes[s].signs = signs_of(form);
         shapes[s].carries = carrying_of(form, fit_);
       }
       at += own;

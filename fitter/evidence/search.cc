@@ -293,11 +293,14 @@ double Sampler::sign_term(const PriorShape& shape, const Eigen::MatrixXd& vector
                           const Eigen::VectorXd& mean, const Eigen::VectorXd& variance,
                           double noise) const {
   double sum = 0.0;
-  for (const Eigen::VectorXd& a : shape.positive) {
-    const Eigen::VectorXd along = vectors.transpose() * (shape.units.transpose() * a);
+  for (const SignRule& rule : shape.signs) {
+    const Eigen::VectorXd along = vectors.transpose() * (shape.units.transpose() * rule.along);
     const double spread = std::sqrt(noise * along.cwiseAbs2().dot(variance));
     if (spread <= 0.0) continue;
-    sum += std::log(2.0) + log_normal_cdf(along.dot(mean) / spread);
+    const double z = along.dot(mean) / spread;
+    std::vector<double> ways{std::log1p(-rule.doubt) + log_normal_cdf(z)};
+    if (rule.doubt > 0.0) ways.push_back(std::log(rule.doubt) + log_normal_cdf(-z));
+    sum += std::log(2.0) + log_sum(ways);
   }
   return sum;
 }
@@ -306,7 +309,7 @@ void Sampler::weigh_shape(const SearchBlock& own, const Local& local, int index,
                           Conditional& result) const {
   const PriorShape& shape = own.shapes[static_cast<std::size_t>(index)];
   const Eigen::MatrixXd inner = shape.spread.transpose() * local.gram * shape.spread;
-  if (inner.cols() > kManyDirections && shape.carries.empty() && shape.positive.empty()) {
+  if (inner.cols() > kManyDirections && shape.carries.empty() && shape.signs.empty()) {
     weigh_scales(own, local, index, inner, result);
     return;
   }
@@ -326,7 +329,7 @@ void Sampler::weigh_shape(const SearchBlock& own, const Local& local, int index,
           shape.units * (eigen.eigenvectors() * variance.cwiseProduct(along));
       weight += carrying_term(shape.carries.front(), mean);
     }
-    if (!shape.positive.empty()) {
+    if (!shape.signs.empty()) {
       const double noise = std::max(left, 1e-9) / std::max(1.0, problem_.freedom);
       weight +=
           sign_term(shape, eigen.eigenvectors(), variance.cwiseProduct(along), variance, noise);

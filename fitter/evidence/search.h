@@ -21,16 +21,23 @@ struct Carrying {
                         ///< 0: not known
 };
 
+/// What physics says of a sign: along · (coefficients) ≥ 0, or the other way with probability
+/// `doubt`.
+struct SignRule {
+  Eigen::VectorXd along;
+  double doubt = 0.0;
+};
+
 /// One prior on a block: its columns' factors are scale · spread · u, u standard normal, one scale
 /// of several.
 struct PriorShape {
   Eigen::MatrixXd spread;  ///< columns × directions
   Eigen::MatrixXd units;   ///< coefficients as people know them × directions: scale · units · u
   int form = 0;            ///< which form of the block it is
-  std::vector<double> scale;              ///< sizes tried
-  std::vector<double> log_prior;          ///< of each size, given that the block is present
-  std::vector<Eigen::VectorXd> positive;  ///< a: physics demands aᵀ(coefficients) ≥ 0
-  std::vector<Carrying> carries;          ///< none or one
+  std::vector<double> scale;      ///< sizes tried
+  std::vector<double> log_prior;  ///< of each size, given that the block is present
+  std::vector<SignRule> signs;
+  std::vector<Carrying> carries;  ///< none or one
 };
 
 /// Columns that enter or leave the model together.

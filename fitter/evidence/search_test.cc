@@ -179,9 +179,11 @@ TEST(SearchBlocks, ABlockKnownFarBetterThanItsPrior_KeepsItsDigits) {
 
 TEST(SearchBlocks, WrongSign_IsNoExplanation) {
   Example e = example(4, {0.5, 0.0});
-  e.problem.blocks[0].shapes[0].positive = {Eigen::Vector2d(-1.0, 0.0)};  // the truth is positive
-  EXPECT_LT(search_blocks(e.problem, {}).inclusion[0], 0.1);              // its prior is 0.048
-  e.problem.blocks[0].shapes[0].positive = {Eigen::Vector2d(1.0, 0.0)};
+  e.problem.blocks[0].shapes[0].signs = {{Eigen::Vector2d(-1.0, 0.0)}};  // the truth is positive
+  EXPECT_LT(search_blocks(e.problem, {}).inclusion[0], 0.1);             // its prior is 0.048
+  e.problem.blocks[0].shapes[0].signs = {{Eigen::Vector2d(-1.0, 0.0), 0.05}};  // may be otherwise
+  EXPECT_GT(search_blocks(e.problem, {}).inclusion[0], 0.95);
+  e.problem.blocks[0].shapes[0].signs = {{Eigen::Vector2d(1.0, 0.0)}};
   EXPECT_GT(search_blocks(e.problem, {}).inclusion[0], 0.95);
 }
 
