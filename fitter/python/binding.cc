@@ -20,6 +20,7 @@
 #include "fitter/python/drawing_binding.h"
 #include "fitter/python/plan_binding.h"
 #include "fitter/python/watched.h"
+#include "fitter/solve/prediction.h"
 
 namespace nb = nanobind;
 using namespace nb::literals;
@@ -99,6 +100,18 @@ Vectors predict(const std::string& document_json, const std::map<std::string, Co
     xyz.insert(xyz.end(), {pose.translation().x(), pose.translation().y(), pose.translation().z()});
   }
   return to_numpy(std::move(xyz), 3);
+}
+
+Vectors position_covariance(const Fit& fit, const std::map<std::string, Column>& arrays) {
+  const State::Columns columns = to_columns(arrays);
+  const std::vector<Eigen::Matrix3d> covariances = watched({}, [&](WatchedCall&) {
+    return predicted_position_covariance(fit, columns, to_targets(columns));
+  });
+  std::vector<double> values;
+  values.reserve(9 * covariances.size());
+  for (const Eigen::Matrix3d& c : covariances)
+    values.insert(values.end(), c.data(), c.data() + c.size());
+  return to_numpy(std::move(values), 9);
 }
 
 Vectors residuals(Fit& fit) {
@@ -181,6 +194,10 @@ NB_MODULE(_core, m) {
         "poses, residual_m.");
   m.def("predict", &predict, "fit"_a, "columns"_a,
         "Predicted x, y, z [m] in the measuring frame, (N, 3).");
+
+  m.def("position_covariance", &position_covariance, "fit"_a, "columns"_a,
+        "Covariance of the predicted positions [m²] without the instrument's noise, 3 × 3 by row, "
+        "(N, 9).");
 
   nb::class_<Fit>(m, "Fit", "A fitted model with its measurements.")
       .def(

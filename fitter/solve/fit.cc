@@ -69,11 +69,6 @@ json to_json(const Pose& pose) {
   return {{"xyz", {p.x(), p.y(), p.z()}}, {"rpy", {a.x(), a.y(), a.z()}}};
 }
 
-Pose pose_from(const json& value) {
-  const std::vector<double> p = value.at("xyz"), a = value.at("rpy");
-  return pose_from_xyz_rpy({p.at(0), p.at(1), p.at(2)}, {a.at(0), a.at(1), a.at(2)});
-}
-
 // False where all that could be searched for has a start of its own already.
 bool is_searched(const Model& model) {
   return std::any_of(model.nonlinear.begin(), model.nonlinear.end(),
@@ -828,59 +823,6 @@ json Fit::document() const {
   document["payload_point"] = {state().payload_point().x(), state().payload_point().y(),
                                state().payload_point().z()};
   return document;
-}
-
-FittedModel FittedModel::from_json(const json& document) {
-  FittedModel fitted;
-  fitted.robot = Robot::from_json(document.at("robot"));
-  fitted.measuring_from_base = pose_from(document.at("measuring_from_base"));
-  for (const auto& [name, pose] : document.at("flange_from_tool").items()) {
-    fitted.targets.push_back(name);
-    fitted.flange_from_tool.push_back(pose_from(pose));
-  }
-  const int targets = static_cast<int>(fitted.targets.size());
-  for (const json& entry : document.at("parameters")) {
-    Parameter p;
-    p.name = entry.at("name");
-    p.effect = entry.at("effect");
-    p.joints = entry.value("joints", std::vector<int>{});
-    p.unit = entry.value("unit", "");
-    p.value = entry.at("value");
-    p.exported = entry.value("exported", true);
-    for (const json& term : entry.at("terms")) {
-      p.terms.push_back(term_from_json(term, fitted.robot.joint_count(), targets));
-    }
-    if (p.value != 0.0 && is_foreseeable(p, fitted.robot.joint_count()))
-      fitted.model.parameters.push_back(std::move(p));
-  }
-  if (document.contains("payload_point")) {
-    const std::vector<double> point = document["payload_point"];
-    fitted.robot.payload_point = Eigen::Vector3d(point.at(0), point.at(1), point.at(2));
-  }
-  fitted.time_origin = document.value("time_origin_s", 0.0);
-  return fitted;
-}
-
-std::vector<Pose> FittedModel::predict(const State::Columns& columns,
-                                       const std::vector<int>& target) const {
-  State state(robot, columns, robot.payload_point.value_or(Eigen::Vector3d::Zero()));
-  state.begin_time_at(time_origin);
-  Kinematics kinematics(robot, static_cast<int>(flange_from_tool.size()));
-  kinematics.set_base(measuring_from_base);
-  for (std::size_t t = 0; t < flange_from_tool.size(); ++t)
-    kinematics.set_tool(static_cast<int>(t), flange_from_tool[t]);
-  // Of a set-up that nobody says, the first one's.
-  Model told = model;
-  std::erase_if(told.parameters, [&](const Parameter& p) {
-    return !p.exported && std::ranges::any_of(p.terms, [&](const Term& term) {
-      return std::ranges::any_of(term.basis.variables(), [&](const std::string& name) {
-        const auto v = parse_variable(name, robot.joint_count());
-        return v && v->kind == VariableKind::kColumn && !state.has(name);
-      });
-    });
-  });
-  stand(state, told, kinematics);
-  return predict_poses(state, target, told, kinematics);
 }
 
 }  // namespace armtrue

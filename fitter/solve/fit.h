@@ -89,6 +89,7 @@ class Fit {
   const ModelSpecification& specification() const { return specification_; }
   const FitOptions& options() const { return options_; }
   Design& design() { return *design_; }
+  const Design& design() const { return *design_; }
   const Kinematics& kinematics() const { return *kinematics_; }
   const EffectContext& context() const { return *context_; }
   double smoothness_sigma() const { return smoothness_sigma_; }
@@ -182,21 +183,6 @@ class Fit {
   ErrorSummary nominal_, train_;
   std::vector<ErrorSummary> held_out_;
   std::vector<std::vector<double>> held_out_distances_;
-};
-
-/// State and kinematics of a saved fit, for prediction at new poses without the measurements.
-struct FittedModel {
-  Robot robot;
-  Model model;
-  std::vector<std::string> targets;
-  std::vector<Pose> flange_from_tool;
-  Pose measuring_from_base = Pose::Identity();
-  double time_origin = 0.0;  ///< [s] on the clock of the fitted measurements
-
-  /// From fit.json's content. Throws ModelError.
-  static FittedModel from_json(const nlohmann::json& document);
-  /// Predicted poses in the measuring frame. `target` numbers index `targets`.
-  std::vector<Pose> predict(const State::Columns& columns, const std::vector<int>& target) const;
 };
 
 }  // namespace armtrue

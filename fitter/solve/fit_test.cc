@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
+#include "fitter/solve/prediction.h"
 #include "fitter/testing/problem.h"
 
 namespace armtrue {

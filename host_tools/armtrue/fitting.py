@@ -114,23 +114,31 @@ class Fit:
 
     def predict(self, data: Dataset) -> NDArray[np.float64]:
         """Predicted positions (N, 3) [m] in the measuring frame. Errors: InputError where a column is missing."""
-        columns = {**data.columns, **self.assumed(data)[0]}
-        names = self.document["data"].get("targets", [])
-        if "target" in columns and names:
-            labels = data.labels.get("target", [])
-            unknown = [label for label in labels if label not in names]
-            if unknown:
-                raise InputError(
-                    f"{data.path} column target: found '{unknown[0]}', expected one of the fit's {', '.join(names)}"
-                )
-            code = np.array([names.index(label) for label in labels], dtype=np.float64)
-            columns["target"] = code[columns["target"].astype(int)]
-        else:
-            columns.pop("target", None)
+        columns = self.columns_for(data)
         try:
             return np.asarray(_core.predict(self._for_the_library(), columns))
         except _core.ModelError as error:
             raise InputError(f"{data.path}: {error}") from None
+
+    def columns_for(self, data: Dataset) -> dict[str, NDArray[np.float64]]:
+        """Columns of `data` as the library predicts from them, reflectors as this fit counts them.
+
+        Errors: InputError where a column is missing, or a reflector is none of the fit's.
+        """
+        columns = {**data.columns, **self.assumed(data)[0]}
+        names = self.document["data"].get("targets", [])
+        if "target" not in columns or not names:
+            columns.pop("target", None)
+            return columns
+        labels = data.labels.get("target", [])
+        unknown = [label for label in labels if label not in names]
+        if unknown:
+            raise InputError(
+                f"{data.path} column target: found '{unknown[0]}', expected one of the fit's {', '.join(names)}"
+            )
+        code = np.array([names.index(label) for label in labels], dtype=np.float64)
+        columns["target"] = code[columns["target"].astype(int)]
+        return columns
 
     def assumed(self, data: Dataset) -> tuple[dict[str, NDArray[np.float64]], list[str]]:
         """What `predict` takes for columns that poses still to be driven cannot have, and a note on each.

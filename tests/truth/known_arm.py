@@ -83,7 +83,7 @@ class KnownArm:
         core = _core.fit(
             json.dumps(self.campaign.robot), columns, json.dumps(self.model), json.dumps(settings)
         )
-        return KnownFit(self, {**json.loads(core.document()), "robot": self.campaign.robot})
+        return KnownFit(self, {**json.loads(core.document()), "robot": self.campaign.robot}, core)
 
 
 @dataclass
@@ -92,6 +92,7 @@ class KnownFit:
 
     arm: KnownArm
     document: dict[str, Any]
+    core: _core.Fit
     _projected: tuple[Array, Array] | None = None
 
     @property
@@ -107,10 +108,12 @@ class KnownFit:
             if name != "target"
         }
         exact = np.stack([test[axis] for axis in "xyz"], axis=1)
-        result: Array = np.linalg.norm(
-            np.asarray(_core.predict(json.dumps(self.document), test)) - exact, axis=1
-        )
+        result: Array = np.linalg.norm(self.predicted(test) - exact, axis=1)
         return result
+
+    def predicted(self, columns: Mapping[str, Array]) -> Array:
+        """Predicted positions (M, 3) [m]."""
+        return np.asarray(_core.predict(json.dumps(self.document), dict(columns)))
 
     def own_arm(self, values: Array) -> Arm:
         """The simulator's arm with this fit's kept parameters at `values`, and with its base and tool."""

@@ -1,0 +1,140 @@
+#include "fitter/solve/prediction.h"
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+#include <utility>
+
+#include "fitter/solve/stance.h"
+
+namespace armtrue {
+namespace {
+
+using nlohmann::json;
+
+Pose pose_from(const json& value) {
+  const std::vector<double> p = value.at("xyz"), a = value.at("rpy");
+  return pose_from_xyz_rpy({p.at(0), p.at(1), p.at(2)}, {a.at(0), a.at(1), a.at(2)});
+}
+
+// Of a set-up that nobody says, a prediction is in the first one's frame.
+Model without_unsaid_setups(Model model, const State& state) {
+  const int joints = state.robot().joint_count();
+  std::erase_if(model.parameters, [&](const Parameter& p) {
+    return !p.exported && std::ranges::any_of(p.terms, [&](const Term& term) {
+      return std::ranges::any_of(term.basis.variables(), [&](const std::string& name) {
+        const auto v = parse_variable(name, joints);
+        return v && v->kind == VariableKind::kColumn && !state.has(name);
+      });
+    });
+  });
+  return model;
+}
+
+Model predicted_part(const Model& model, const State& state) {
+  Model part = without_unsaid_setups(model, state);
+  const int joints = state.robot().joint_count();
+  std::erase_if(part.parameters, [&](const Parameter& p) { return !is_foreseeable(p, joints); });
+  return part;
+}
+
+// Rows to be predicted, as a design wants them: seen in metres, from nowhere.
+Measurements unmeasured(std::size_t rows, const std::vector<int>& target, int targets) {
+  Measurements measurements;
+  measurements.rows = rows;
+  measurements.position = Eigen::Matrix3Xd::Zero(3, static_cast<Eigen::Index>(rows));
+  measurements.target = target;
+  measurements.targets = targets;
+  measurements.whiten_position.assign(rows, Eigen::Matrix3d::Identity());
+  return measurements;
+}
+
+// For each unknown of `part`, its place among the fit's; parameters that the fit held are held.
+std::vector<Eigen::Index> places_in_fit(const Fit& fit, Design& part) {
+  const Design& whole = fit.design();
+  std::vector<int> free;
+  std::vector<Eigen::Index> places;
+  const std::vector<Parameter>& parameters = part.model().parameters;
+  for (std::size_t i = 0; i < parameters.size(); ++i) {
+    const int unknown = whole.unknown_of(fit.model().index(parameters[i].name));
+    if (unknown < 0) continue;
+    free.push_back(static_cast<int>(i));
+    places.push_back(unknown);
+  }
+  part.set_free(free);
+  const auto linear = static_cast<Eigen::Index>(whole.free_parameters().size());
+  for (int j = 0; j < part.nonlinear_count(); ++j) places.push_back(linear + j);
+  return places;
+}
+
+}  // namespace
+
+FittedModel FittedModel::from_json(const json& document) {
+  FittedModel fitted;
+  fitted.robot = Robot::from_json(document.at("robot"));
+  fitted.measuring_from_base = pose_from(document.at("measuring_from_base"));
+  for (const auto& [name, pose] : document.at("flange_from_tool").items()) {
+    fitted.targets.push_back(name);
+    fitted.flange_from_tool.push_back(pose_from(pose));
+  }
+  const int targets = static_cast<int>(fitted.targets.size());
+  for (const json& entry : document.at("parameters")) {
+    Parameter p;
+    p.name = entry.at("name");
+    p.effect = entry.at("effect");
+    p.joints = entry.value("joints", std::vector<int>{});
+    p.unit = entry.value("unit", "");
+    p.value = entry.at("value");
+    p.exported = entry.value("exported", true);
+    for (const json& term : entry.at("terms")) {
+      p.terms.push_back(term_from_json(term, fitted.robot.joint_count(), targets));
+    }
+    if (p.value != 0.0 && is_foreseeable(p, fitted.robot.joint_count()))
+      fitted.model.parameters.push_back(std::move(p));
+  }
+  if (document.contains("payload_point")) {
+    const std::vector<double> point = document["payload_point"];
+    fitted.robot.payload_point = Eigen::Vector3d(point.at(0), point.at(1), point.at(2));
+  }
+  fitted.time_origin = document.value("time_origin_s", 0.0);
+  return fitted;
+}
+
+std::vector<Pose> FittedModel::predict(const State::Columns& columns,
+                                       const std::vector<int>& target) const {
+  State state(robot, columns, robot.payload_point.value_or(Eigen::Vector3d::Zero()));
+  state.begin_time_at(time_origin);
+  Kinematics kinematics(robot, static_cast<int>(flange_from_tool.size()));
+  kinematics.set_base(measuring_from_base);
+  for (std::size_t t = 0; t < flange_from_tool.size(); ++t)
+    kinematics.set_tool(static_cast<int>(t), flange_from_tool[t]);
+  const Model told = without_unsaid_setups(model, state);
+  stand(state, told, kinematics);
+  return predict_poses(state, target, told, kinematics);
+}
+
+std::vector<Eigen::Matrix3d> predicted_position_covariance(const Fit& fit,
+                                                           const State::Columns& columns,
+                                                           const std::vector<int>& target) {
+  State state(fit.robot(), columns, fit.state().payload_point());
+  state.begin_time_at(fit.state().time_origin());
+  const Model part = predicted_part(fit.model(), state);
+  const Measurements rows = unmeasured(state.rows(), target, fit.measurements().targets);
+  Design design(state, rows, part, fit.kinematics());
+  const std::vector<Eigen::Index> places = places_in_fit(fit, design);
+  design.stand(state);
+  std::vector<Eigen::Matrix3d> covariances;
+  covariances.reserve(state.rows());
+  Design::Row row;
+  std::vector<Eigen::Index> touched;
+  for (std::size_t i = 0; i < state.rows(); ++i) {
+    design.evaluate(i, true, row);
+    touched.clear();
+    for (const int unknown : row.unknowns)
+      touched.push_back(places[static_cast<std::size_t>(unknown)]);
+    const Eigen::Matrix3Xd jacobian = row.jacobian.topRows<3>();
+    covariances.emplace_back(jacobian * fit.covariance()(touched, touched) * jacobian.transpose());
+  }
+  return covariances;
+}
+
+}  // namespace armtrue

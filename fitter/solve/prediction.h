@@ -1,0 +1,36 @@
+// Where a fitted arm will be at poses that nobody measured, and how well that is known.
+#pragma once
+
+#include <Eigen/Core>
+#include <nlohmann/json_fwd.hpp>
+#include <string>
+#include <vector>
+
+#include "fitter/solve/fit.h"
+
+namespace armtrue {
+
+/// State and kinematics of a saved fit, for prediction at new poses without the measurements.
+struct FittedModel {
+  Robot robot;
+  Model model;
+  std::vector<std::string> targets;
+  std::vector<Pose> flange_from_tool;
+  Pose measuring_from_base = Pose::Identity();
+  double time_origin = 0.0;  ///< [s] on the clock of the fitted measurements
+
+  /// From fit.json's content. Throws ModelError.
+  static FittedModel from_json(const nlohmann::json& document);
+  /// Predicted poses in the measuring frame. `target` numbers index `targets`.
+  std::vector<Pose> predict(const State::Columns& columns, const std::vector<int>& target) const;
+};
+
+/// Covariance of each predicted position [m²], without the instrument's noise: the covariance of
+/// all unknowns of the fit (priors, smoothness and robust weights in it), carried over by the
+/// derivatives of what a prediction contains. An unknown that no prediction contains (an error of
+/// the instrument) so makes base and tool less sure, and nothing else. Throws ModelError.
+std::vector<Eigen::Matrix3d> predicted_position_covariance(const Fit& fit,
+                                                           const State::Columns& columns,
+                                                           const std::vector<int>& target);
+
+}  // namespace armtrue
