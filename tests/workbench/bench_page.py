@@ -18,8 +18,12 @@ _PATIENCE_S = 120.0
 class Page:
     """The workbench in a browser's tab. Elements are found by the roles and names that Chromium computes."""
 
-    def __init__(self, browser: Browser, address: str, size: tuple[int, int] = LAPTOP) -> None:
-        self.browser = browser
+    patience_s = _PATIENCE_S
+
+    def __init__(
+        self, browser: Browser, address: str, size: tuple[int, int] = LAPTOP, patience_s: float = _PATIENCE_S
+    ) -> None:
+        self.browser, self.patience_s = browser, patience_s
         self.address = address
         browser.look(size)
         browser.driver.get(address)
@@ -28,13 +32,13 @@ class Page:
 
     def until(self, true: Callable[[], Any], what: str) -> Any:
         """Wait until something is so, and return it."""
-        end = time.monotonic() + _PATIENCE_S
+        end = time.monotonic() + self.patience_s
         while time.monotonic() < end:
             if found := true():
                 return found
             time.sleep(0.02)
         raise AssertionError(
-            f"no {what} within {_PATIENCE_S} s; the page says: {self.status()} {self.failure()}"
+            f"no {what} within {self.patience_s} s; the page says: {self.status()} {self.failure()}"
         )
 
     def by_role(self, tags: str, role: str, name: str | None = None) -> list[WebElement]:

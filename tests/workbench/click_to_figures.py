@@ -22,6 +22,7 @@ from opened import TWO_HIDDEN, Workbench  # noqa: E402
 from tests.report.browser import Browser  # noqa: E402
 
 POSES = (300, 2000, 12000)
+PATIENCE_S = 900.0
 # Presses a button and answers with the milliseconds until the page has the figures of the new step.
 PRESS = """
 const [selector, place, done] = arguments;
@@ -87,7 +88,7 @@ def main() -> None:
                 armtrue_sim.simulate({**TWO_HIDDEN, "poses": poses}).write(folder)
                 workbench = Workbench([folder / "data.csv"], folder / "state")
                 try:
-                    page = Page(browser, workbench.address)
+                    page = Page(browser, workbench.address, patience_s=PATIENCE_S)
                     adds, undos = measured(page, given.actions)
                     whole = diagnosed_s(page, workbench)
                     figures = [f"{statistics.median(s):.2f} | {max(s):.2f}" for s in (adds, undos)]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 
 import pytest
@@ -146,3 +147,13 @@ def test_a_peak_of_a_spectrum_becomes_an_effect(page, workbench):
     page.after(peak.click)
     assert page.model()[-1].startswith(name)
     assert len(workbench.state()["steps"]) == 3
+
+
+def test_the_uncertainty_of_the_prediction_is_shown_over_the_place(page):
+    open_part(page, "certainty")
+    words = page.browser.run("return document.querySelector('details[data-panel=certainty]').innerText")
+    median, largest = (
+        float(figure) for figure in re.search(r"Median ([\d.]+) µm, largest ([\d.]+) µm", words).groups()
+    )
+    assert 0.0 < median < largest
+    assert len(page.by_role("details[data-panel=certainty] svg", "image")) == 3

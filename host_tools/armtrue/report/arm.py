@@ -40,11 +40,15 @@ def arm_corners(step: Step, row: int) -> Array:
     return np.array(kept)
 
 
-def typical_row(step: Step) -> int:
-    """The measured pose whose joints are nearest to the median of all."""
-    joints = step.fit.data.joints
+def typical_pose(joints: Array) -> int:
+    """The row of joints (N, n) that is nearest to the median of all."""
     spread = np.maximum(np.ptp(joints, axis=0), 1e-9)
     return int(np.argmin(np.sum(((joints - np.median(joints, axis=0)) / spread) ** 2, axis=1)))
+
+
+def typical_row(step: Step) -> int:
+    """The measured pose whose joints are nearest to the median of all."""
+    return typical_pose(step.fit.data.joints)
 
 
 def scene_rows(step: Step) -> NDArray[np.intp]:

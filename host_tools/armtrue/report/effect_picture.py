@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from armtrue import _core
 from armtrue.fitting import Fit, effect_terms
+from armtrue.report.arm import typical_pose
 from armtrue.report.markup import Markup, tag
 from armtrue.report.parts import fixed, plural
 from armtrue.report.state import Variable, variables
@@ -50,7 +51,7 @@ class Sweep:
 def effect_picture(fit: Fit, candidate: dict[str, Any], sweep: Sweep) -> tuple[Markup, str]:
     """The picture of a candidate on the arm of `fit`, and what it says."""
     chain = chain_from_robot(fit.document["robot"])
-    row = _typical(fit.data.joints)
+    row = typical_pose(fit.data.joints)
     nominal = corners(chain, fit.data.joints[row], {})
     frames = range(len(sweep.values))
     size = float(np.linalg.norm(np.ptp(nominal, axis=0)))
@@ -74,7 +75,7 @@ def effect_picture(fit: Fit, candidate: dict[str, Any], sweep: Sweep) -> tuple[M
 def effect_sweep(fit: Fit, candidate: dict[str, Any]) -> Sweep | None:
     """The variable that moves a candidate's effect most, and how; None where the effect has no terms on this arm."""
     joints = candidate["joints"]
-    row = _typical(fit.data.joints)
+    row = typical_pose(fit.data.joints)
     at_rest = {name: float(values[row]) for name, values in fit.data.columns.items() if name != "target"}
     best: Sweep | None = None
     largest = -1.0
@@ -125,7 +126,7 @@ def _range(
 def arms_picture(fit: Fit, joints: Array) -> tuple[Markup, str]:
     """The arm as it stands at each of the motor-side `joints` (N, n), and what the picture says."""
     chain = chain_from_robot(fit.document["robot"])
-    here = corners(chain, fit.data.joints[_typical(fit.data.joints)], {})
+    here = corners(chain, fit.data.joints[typical_pose(fit.data.joints)], {})
     places = projected([here, *(corners(chain, row, {}) for row in joints)])
     words = f"The arm at {plural(len(joints), 'planned pose')}; a dot marks the flange."
     arms = [tag("path", class_="planned-arm", d=path(place)) for place in places[1:]]
@@ -165,12 +166,6 @@ def _moves(document: dict[str, Any], candidate: dict[str, Any]) -> dict[str, Arr
             move = value * float(term["weight"]) * np.broadcast_to(np.asarray(term["values"]), (_FRAMES,))
             moves[term["coordinate"]] = moves.get(term["coordinate"], 0.0) + move
     return moves
-
-
-def _typical(joints: Array) -> int:
-    """The measured pose whose joints are nearest to the median of all."""
-    spread = np.maximum(np.ptp(joints, axis=0), 1e-9)
-    return int(np.argmin(np.sum(((joints - np.median(joints, axis=0)) / spread) ** 2, axis=1)))
 
 
 def _turns(chain: Chain, coordinate: str) -> bool:

@@ -16,7 +16,7 @@ from armtrue.workbench.beside import bayesian_information
 from armtrue.workbench.session import Session
 
 FAULT = "A fault of the workbench: the session is as it was before. The terminal says more."
-_NICE = 10
+_NICE = 5
 
 
 class CancelledError(Exception):

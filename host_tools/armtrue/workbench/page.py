@@ -23,6 +23,7 @@ _PANELS = (
     ("parameters", "Parameters"),
     ("unobservable", "What the data cannot tell"),
     ("coverage", "Where was measured"),
+    ("certainty", "How well each place is known"),
     ("rejected", "Gross errors"),
 )
 

@@ -11,6 +11,7 @@ from armtrue.report.data_sections import coverage_section, rejected_section
 from armtrue.report.markup import Markup, tag
 from armtrue.report.model_sections import observability_section, parameters_section
 from armtrue.report.residual_sections import unexplained_section, vectors_section
+from armtrue.workbench.certainty import certainty_section
 from armtrue.workbench.looking import all_variables, looking_section, peaks_section, ranked
 from armtrue.workbench.session import Session
 
@@ -34,8 +35,13 @@ def panel(session: Session, words: dict[str, str]) -> str:
         report = _report(session, diagnosed=False)
         report = replace(report, variables=all_variables(report.last.fit))
         return looking_section(report, session.worked_out(session.at, "ranks", lambda: ranked(report)), words)
+    if name == "certainty":
+        fit = session.fit_of(session.at)
+        return str(session.worked_out(session.at, "certainty", lambda: certainty_section(fit)))
     if name not in _SECTIONS:
-        raise InputError(f"panel: found '{name}', expected one of {', '.join(('state', *_SECTIONS))}")
+        raise InputError(
+            f"panel: found '{name}', expected one of {', '.join(('state', 'certainty', *_SECTIONS))}"
+        )
     diagnosed = name in OF_THE_DIAGNOSIS
     if diagnosed and not session.is_diagnosed(session.at):
         return tag("p", "The diagnosis of this model is not worked out yet.")

@@ -22,7 +22,7 @@ from armtrue.verdicts import scored_mean_um
 FORMAT = "armtrue-session"
 VERSION = 1
 # Fits and diagnoses held in memory; others are read again from the session's folder.
-_HELD = 8
+_HELD = 4
 _LARGEST_BYTES = 512 * 1024 * 1024
 
 
