@@ -26,11 +26,13 @@ struct GeometryPriors {
 /// behind its drive seems to lead.
 inline constexpr double kCountedOtherwise = 0.05;
 
-/// A spring that a fit has found: what yields, to which load, and how much.
+/// A spring that a fit has found: what yields, to which load, and how much: compliance · yields for
+/// a unit of load more.
 struct Spring {
   Coordinate coordinate;
-  std::string load;         ///< state variable: a torque or a moment of gravity
-  double compliance = 0.0;  ///< [rad/Nm]
+  std::string load;                             ///< state variable: a torque or a moment of gravity
+  double compliance = 0.0;                      ///< [rad/Nm], or its coefficient
+  Expression yields = Expression::number(1.0);  ///< of the load, where the spring hardens
 };
 
 /// What an effect may look at when it gives its terms.

@@ -29,7 +29,8 @@ Parameter load_change(const EffectContext& context, const std::string& effect,
     const auto load = parse_variable(spring.load, context.joint_count());
     const std::string text = load ? change(*load) : "";
     if (text.empty()) continue;
-    const Expression basis = Expression::parse(text);
+    const Expression basis =
+        Expression::apply(Expression::Op::kMultiply, {spring.yields, Expression::parse(text)});
     if (!is_zero(context.state, basis))
       p.terms.push_back({spring.coordinate, basis, spring.compliance, std::nullopt});
   }

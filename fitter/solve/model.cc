@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <numbers>
+#include <optional>
 #include <set>
 
 namespace armtrue {
@@ -26,6 +27,25 @@ EffectRequest request_from_json(const json& entry) {
     }
   }
   return request;
+}
+
+// d(basis)/d(load) of a basis that reads one load: what springs of the catalogue are made of, a
+// power of the load or the load times its size. None of anything else.
+std::optional<Expression> slope_of(const Expression& basis) {
+  using Op = Expression::Op;
+  const auto is = [](const Expression& e, Op op) { return e.op() == op; };
+  if (is(basis, Op::kVariable)) return Expression::number(1.0);
+  const std::vector<Expression>& parts = basis.arguments();
+  if (is(basis, Op::kPower) && is(parts[0], Op::kVariable) && parts[1].is_constant()) {
+    const double power = parts[1].value();
+    return Expression::apply(
+        Op::kMultiply,
+        {Expression::number(power),
+         Expression::apply(Op::kPower, {parts[0], Expression::number(power - 1.0)})});
+  }
+  if (is(basis, Op::kMultiply) && is(parts[0], Op::kVariable) && is(parts[1], Op::kAbs))
+    return Expression::apply(Op::kMultiply, {Expression::number(2.0), parts[1]});
+  return std::nullopt;
 }
 
 }  // namespace
@@ -84,13 +104,16 @@ std::vector<Spring> springs_of(const Model& model, int joints) {
   std::vector<Spring> springs;
   for (const Parameter& p : model.parameters) {
     for (const Term& term : p.terms) {
-      if (term.basis.op() != Expression::Op::kVariable || p.value == 0.0) continue;
-      const auto load = parse_variable(term.basis.name(), joints);
+      const std::set<std::string> read = term.basis.variables();
+      if (read.size() != 1 || p.value == 0.0) continue;
+      const auto load = parse_variable(*read.begin(), joints);
       if (!load) continue;
       const bool is_load = load->kind == VariableKind::kTorque ||
                            load->kind == VariableKind::kMoment ||
                            load->kind == VariableKind::kBaseMoment;
-      if (is_load) springs.push_back({term.coordinate, load->name, p.value * term.weight});
+      if (!is_load) continue;
+      if (auto yields = slope_of(term.basis))
+        springs.push_back({term.coordinate, load->name, p.value * term.weight, std::move(*yields)});
     }
   }
   return springs;

@@ -60,6 +60,12 @@ def test_an_arm_unlike_its_file_hides_nothing_and_alarms_nobody(kind: str, arm: 
     assert verdict_of(outcome) == "right", outcome
 
 
+def test_links_heavier_than_stated_bend_a_hardening_spring_by_its_slope_where_it_is() -> None:
+    # Weighed as if the spring were linear, they left a wave on axis 2 that stood for nothing in the arm.
+    outcome = run_case("real_three", "kr30", 20014)
+    assert verdict_of(outcome) == "right", outcome
+
+
 @pytest.mark.parametrize("arm", ["cobot", "lbr"])
 def test_two_heats_under_noise_or_warm_up_are_both_readings(arm: str) -> None:
     outcome = run_case("thermal_pair_noise_x4", arm, 20000)
