@@ -6,7 +6,7 @@ import hashlib
 import json
 import re
 from collections import defaultdict
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -21,6 +21,8 @@ from armtrue.tables.expression import Tree
 
 Array = NDArray[np.float64]
 
+# A load per radian by which the base is turned about an axis (docs/model.md).
+_TILT = re.compile(r"\btilt[xy]?_[0-9]+_([xyz])\b")
 # How far a joint has gone since it turned round is nothing that a device keeps: after most moves it is far.
 _TRAVEL, _FAR = re.compile(r"\btravel[0-9]+\b"), "1e9"
 
@@ -149,6 +151,7 @@ def _gather(
     nodes: dict[tuple[str, str], list[tuple[dict[str, Any], float]]] = defaultdict(list)
     skipped: dict[str, None] = {}
     behind: dict[str, str] = {}
+    gravity = arm.chain.gravity.copy()
     for parameter in parameters:
         effect = parameter["effect"]
         if not parameter.get("exported", True):
@@ -157,6 +160,12 @@ def _gather(
                 skipped[effect] = None
             else:
                 behind[effect] = "what it depends on is nothing that a device knows"
+            continue
+        tilts = [_TILT.findall(term["expression"]) for term in parameter["terms"]]
+        if tilts and all(tilts):
+            # Loads are linear in gravity: all that such a parameter does is done by another direction of it.
+            about = np.eye(3)["xyz".index(tilts[0][0])]
+            gravity += float(parameter["value"]) * np.cross(arm.chain.gravity, about)
             continue
         for term in parameter["terms"]:
             coefficient = float(parameter["value"]) * float(term["weight"])
@@ -173,6 +182,7 @@ def _gather(
                 expression.parse(text)
                 basis = arm.terms.setdefault(coordinate, {})
                 basis[text] = basis.get(text, 0.0) + coefficient
+    arm.chain = replace(arm.chain, gravity=gravity)
     arm.terms = {
         coordinate: kept
         for coordinate, basis in arm.terms.items()
