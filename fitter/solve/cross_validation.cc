@@ -138,6 +138,19 @@ std::vector<std::vector<double>> held_out_distances(const Design& design,
   return result;
 }
 
+CrossValidation cross_validate(const Design& design, const EvaluatedRows& evaluated, int folds,
+                               std::uint64_t seed, double smoothness_sigma) {
+  std::vector<std::vector<int>> foldings;
+  for (const Folding folding : {Folding::kRandom, Folding::kTime, Folding::kRegion})
+    foldings.push_back(make_folds(design, folding, folds, seed));
+  CrossValidation result;
+  result.distances = held_out_distances(design, evaluated, foldings, folds, smoothness_sigma);
+  result.errors.clear();
+  for (const std::vector<double>& distances : result.distances)
+    result.errors.push_back(summarise_finite(distances));
+  return result;
+}
+
 std::vector<double> residual_distances(Design& design) {
   std::vector<double> distance(design.rows());
   for (std::size_t i = 0; i < design.rows(); ++i) {

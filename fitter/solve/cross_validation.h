@@ -31,6 +31,15 @@ std::vector<std::vector<double>> held_out_distances(const Design& design,
                                                     const std::vector<std::vector<int>>& foldings,
                                                     int folds, double smoothness_sigma);
 
+/// Errors on poses that were held out at random, in blocks of time, and by region, in this order.
+struct CrossValidation {
+  std::vector<ErrorSummary> errors = std::vector<ErrorSummary>(3);
+  /// [m] by row: not a number for rows that are kept out of the fit.
+  std::vector<std::vector<double>> distances = std::vector<std::vector<double>>(3);
+};
+CrossValidation cross_validate(const Design& design, const EvaluatedRows& evaluated, int folds,
+                               std::uint64_t seed, double smoothness_sigma);
+
 /// Distances [m] of all rows at the design's present values.
 std::vector<double> residual_distances(Design& design);
 

@@ -11,23 +11,16 @@
 #include <vector>
 
 #include "fitter/model/observer.h"
-#include "fitter/solve/align.h"
 #include "fitter/solve/cross_validation.h"
 #include "fitter/solve/identifiability.h"
 #include "fitter/solve/least_squares.h"
+#include "fitter/solve/noise_floor.h"
 #include "fitter/solve/normal_equations.h"
-#include "fitter/solve/table_evidence.h"
+#include "fitter/solve/prepared.h"
+#include "fitter/solve/smoothness.h"
+#include "fitter/solve/uncertainty.h"
 
 namespace armtrue {
-
-/// What all fits to the same measurements share. Nothing in it changes.
-struct Prepared {
-  Robot robot;
-  std::unique_ptr<const State> state;  ///< loads of the nominal arm
-  Measurements measurements;
-  Alignment alignment;
-  std::vector<std::string> warnings;
-};
 
 /// What a fit has found, as a place for the next fit to the same measurements to begin at.
 struct StartPoint {
@@ -37,10 +30,8 @@ struct StartPoint {
   std::vector<Pose> flange_from_tool;  ///< by target
   std::vector<Spring> springs{};
   std::map<std::string, Expression> carried{};
-  std::shared_ptr<const State> state{};              ///< loads where that fit's arm stands
-  double smoothness_sigma = 0.0;                     ///< of tables; 0: none stand in the model
-  std::map<std::string, double> smoothness_scale{};  ///< by effect, beside the common one
-  double smoothness_noise = 0.0;  ///< noise of a reading where that smoothness was chosen [m]
+  std::shared_ptr<const State> state{};  ///< loads where that fit's arm stands
+  Smoothness smoothness{0.0, 0.0, {}};   ///< of tables; of sigma 0 where none stand in the model
 };
 
 struct FitOptions {
@@ -67,12 +58,6 @@ struct RejectedRow {
   double residual = 0.0;  ///< [m]
 };
 
-struct NoiseFloor {
-  double mean = 0.0;   ///< mean distance [m] that measurement and repeatability alone would leave
-  std::string source;  ///< repeats, sigma, targets, none
-  std::size_t count = 0;  ///< degrees of freedom of repeats or distances
-};
-
 /// A fitted model with everything known about it. Holds its own copies of what it was fitted to.
 class Fit {
  public:
@@ -92,30 +77,28 @@ class Fit {
   const Design& design() const { return *design_; }
   const Kinematics& kinematics() const { return *kinematics_; }
   const EffectContext& context() const { return *context_; }
-  double smoothness_sigma() const { return smoothness_sigma_; }
-  /// True where smoothness was chosen from the data.
-  bool smooth() const;
+  double smoothness_sigma() const { return smoothness_.sigma; }
   /// Factor between the stated and the observed standard deviation of a measurement.
   double noise_scale() const { return noise_scale_; }
   const NoiseFloor& noise_floor() const { return noise_floor_; }
   const std::vector<RejectedRow>& rejected() const { return rejected_; }
-  const Eigen::MatrixXd& covariance() const { return covariance_; }
+  const Eigen::MatrixXd& covariance() const { return uncertainty_.covariance; }
   const ErrorSummary& train_error() const { return train_; }
-  const ErrorSummary& held_out_error() const { return held_out_[0]; }
+  const ErrorSummary& nominal_error() const { return nominal_; }
+  const ErrorSummary& held_out_error() const { return held_out_.errors[0]; }
   /// At random, by time, by region.
-  const std::vector<ErrorSummary>& held_out_errors() const { return held_out_; }
+  const std::vector<ErrorSummary>& held_out_errors() const { return held_out_.errors; }
   /// Held-out distances at random, by time, by region; by row [m]: not a number for rows that are
   /// kept out of the fit.
   const std::vector<std::vector<double>>& held_out_distances_by_row() const {
-    return held_out_distances_;
+    return held_out_.distances;
   }
-  /// Unknowns less what priors and smoothness hold: the trace of the hat matrix.
-  double effective_unknowns() const { return effective_unknowns_; }
-  const TableEvidence& tables_evidence() const { return table_evidence_; }
-  /// What BIC charges for the unknowns when so many `coordinates` are measured: the logarithm of
-  /// that for what the data know well, less for what they hardly know better than it was known
-  /// before (docs/decisions/0006-diagnosis.md); tables by their marginal likelihood.
-  double charge_for_unknowns(double coordinates) const;
+  double effective_unknowns() const { return uncertainty_.effective_unknowns; }
+  const TableEvidence& tables_evidence() const { return uncertainty_.tables; }
+  double charge_for_unknowns(double coordinates) const {
+    return uncertainty_.charge_for_unknowns(coordinates);
+  }
+  const Identifiability& identifiability() const { return identifiability_; }
 
   /// Where a fit of this model with something added or taken out begins (FitOptions::start).
   StartPoint start_point() const;
@@ -136,9 +119,7 @@ class Fit {
   void begin();
   void rescale_noise();
   bool smoothness_stands() const;
-  bool choose_smoothness();
-  void scale_smoothness(const std::string& effect, double factor);
-  const std::string& effect_of(const Penalty& penalty) const;
+  bool change_smoothness();
   void begin_at(const StartPoint& start);
   double stand_as_fitted();
   void solve_from_here(Accuracy accuracy = Accuracy::kOnTheWay);
@@ -146,15 +127,8 @@ class Fit {
   void solve_robustly();
   bool find_gross_errors();
   void fold_base_and_tool();
-  Eigen::MatrixXd inverse_with_penalties(NormalEquations& equations) const;
-  Eigen::MatrixXd count_effective_unknowns(const NormalEquations& equations);
-  void compute_covariance(const EvaluatedRows& evaluated);
-  Eigen::VectorXd what_was_learnt() const;
-  void count_repeats_in_covariance(const EvaluatedRows& evaluated);
   void measure_errors();
-  void measure_held_out_errors(const EvaluatedRows& evaluated);
-  void measure_noise_floor();
-  void measure_noise_floor_between_targets();
+  CrossValidation predict_held_out(const EvaluatedRows& evaluated) const;
 
   std::shared_ptr<const Prepared> prepared_;
   std::shared_ptr<State> state_;
@@ -170,19 +144,12 @@ class Fit {
   std::vector<std::string> warnings_;
   SolveSummary summary_;
   int solver_iterations_ = 0;
-  double smoothness_sigma_ = 1e-4;
-  double smoothness_noise_ = 0.0;
-  std::map<std::string, double> smoothness_scale_;  // by effect, where tables differ
+  Smoothness smoothness_;
   double noise_scale_ = 1.0;
   NoiseFloor noise_floor_;
-  Eigen::MatrixXd covariance_;
-  double effective_unknowns_ = 0.0;
-  // −log of variances over those of the priors, along the principal directions outside tables.
-  Eigen::VectorXd learnt_;
-  TableEvidence table_evidence_;
+  Uncertainty uncertainty_;
   ErrorSummary nominal_, train_;
-  std::vector<ErrorSummary> held_out_;
-  std::vector<std::vector<double>> held_out_distances_;
+  CrossValidation held_out_;
 };
 
 }  // namespace armtrue
