@@ -7,7 +7,7 @@ sign and scale.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import can
 import numpy as np
@@ -36,6 +36,7 @@ _AS_GOOD = 4.0
 _AS_GOOD_SHARE = 0.002
 # What the slope may differ from one.
 SCALE_TOLERANCE = 0.02
+_MEMORY = 20  # of a lag: what is older weighs nothing
 
 Samples = NDArray[np.float64]
 
@@ -47,6 +48,8 @@ class Match:
     explained: float
     slope: float
     delay: int  # cycles
+    # The slope on the target as a position loop that lags by `delay` smooths it: its share of fast motion is missing.
+    smoothed_slope: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -96,7 +99,16 @@ def match(target: Samples, actual: Samples) -> Match:
         explained = common * common / (power * spread)
         if explained > best.explained + 1e-9:
             best = Match(explained, common / power, delay)
-    return best
+    if best.delay == 0:
+        return replace(best, smoothed_slope=best.slope)
+    kept = best.delay / (best.delay + 1.0)
+    weights = (1.0 - kept) * kept ** np.arange(_MEMORY * best.delay)
+    smoothed = np.convolve(target - target[0], weights)[: len(target)]
+    found = actual - actual.mean()
+    centred = smoothed - smoothed.mean()
+    power, common = float(centred @ centred), float(centred @ found)
+    fits = power > 0.0 and common != 0.0
+    return replace(best, smoothed_slope=float(found @ found) / common if fits else best.slope)
 
 
 def examine(targets: Samples, actuals: Samples) -> Report:
@@ -139,13 +151,13 @@ def _followed(explained: dict[int, float]) -> tuple[int, ...]:
 def _of_its_own(match: Match) -> list[str]:
     """What is wrong with a drive that follows its target like this.
 
-    Frames that come late by now more, now fewer cycles flatten the slope: the scale lies between it and that of the
-    target on the actual position.
+    Frames that come late by now more, now fewer cycles flatten the slope, and a lagging position loop the motion: the
+    scale lies between it and the inverse of the slope of the target, as such a loop smooths it, on the actual position.
     """
     words = []
     if match.slope < 0.0:
         words.append("backwards")
-    least, most = abs(match.slope), abs(match.slope) / match.explained
+    least, most = abs(match.slope), max(abs(match.slope) / match.explained, abs(match.smoothed_slope))
     if least > 1.0 + SCALE_TOLERANCE or most < 1.0 - SCALE_TOLERANCE:
         words.append(f"{abs(match.slope):.3g} times as far as commanded")
     return words

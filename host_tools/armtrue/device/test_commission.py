@@ -100,6 +100,15 @@ def test_frames_that_come_in_bursts_are_no_wrong_scale() -> None:
     assert examine(targets, drives(targets)[np.clip(moments, 0, CYCLES - 1)]).findings == []
 
 
+def test_a_position_loop_that_lags_behind_fast_motion_is_no_wrong_scale() -> None:
+    time = np.linspace(0.0, 20.0, CYCLES)
+    fastest = 0.24 * CYCLES / 20.0 / 10.0  # a lag of ten cycles takes 3 % of it
+    targets = np.stack(
+        [40_000.0 * np.sin((1.0 - 0.13 * k) * fastest * time + k) for k in range(JOINTS)], axis=1
+    )
+    assert examine(targets, drives(targets, lag=0.1)).findings == []
+
+
 def test_axis_that_was_not_moved_is_unknown() -> None:
     targets = one_after_the_other()
     targets[:, 5] = 7.0
