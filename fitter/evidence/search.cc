@@ -535,6 +535,9 @@ double Sampler::enter(const std::vector<std::size_t>& members, std::vector<Choic
 // the data.
 void Sampler::find_readings() {
   const std::vector<Choice> home = best_;
+  const double home_posterior = best_posterior_;
+  std::vector<Choice> better = home;
+  double gain = 0.0;
   for (std::size_t gone = 0; gone < home.size(); ++gone) {
     if (!home[gone].is_present() || block(gone).costly || !block(gone).counts) continue;
     state_ = home;
@@ -550,6 +553,10 @@ void Sampler::find_readings() {
     if (best_change(allowed, at, to) <= kLeastRise) continue;
     set(at, to);
     climb(allowed);
+    // Which is better, what physics demands of coefficients decides too (enter), and not a climb.
+    best_ = home;
+    best_posterior_ = home_posterior;
+    const std::vector<Choice> otherwise = state_;
     Reading reading;
     std::vector<Choice> at_home, found;
     for (std::size_t b = 0; b < home.size(); ++b) {
@@ -561,14 +568,18 @@ void Sampler::find_readings() {
     if (reading.one.size() + reading.other.size() <= 2) continue;  // exchanges find it
     for (const std::size_t b : reading.other) state_[b] = {};
     rebuild();
-    const double otherwise = enter(reading.other, found);
+    double odds = enter(reading.other, found);
     for (const std::size_t b : reading.other) state_[b] = {};
     rebuild();
-    if (otherwise - enter(reading.one, at_home) > kWorthReading)
-      readings_.push_back(std::move(reading));
+    odds -= enter(reading.one, at_home);
+    if (odds > gain) better = otherwise;
+    gain = std::max(gain, odds);
+    if (odds > kWorthReading) readings_.push_back(std::move(reading));
   }
-  state_ = best_;
+  state_ = better;
   rebuild();
+  best_ = better;
+  best_posterior_ = log_posterior();
 }
 
 // A step of Metropolis and Hastings from one side of a reading to the other, sizes drawn as they

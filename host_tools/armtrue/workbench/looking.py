@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armtrue.fitting import Fit
+from armtrue.io.catalogue import catalogue
 from armtrue.io.columns import POSITION
 from armtrue.report import charts
 from armtrue.report.arm import scene_rows
@@ -197,8 +198,10 @@ def _peaks(spectrum: Spectrum) -> Content:
 
 
 def _as_effect(joint: int, peak: Peak) -> tuple[str, dict[str, Any]]:
-    """The effect that makes a wave of this period."""
+    """The effect that makes a wave of this period: of a few orders of one joint, or of any number of cycles."""
+    waves = [info for info in catalogue().values() if info.joints == "each" and "orders" in info.options]
+    few, any_number = sorted(waves, key=lambda info: "cycles" in info.options)[:2]
     if any(abs(peak.cycles - cycles) < _NEAR for cycles in _ECCENTRIC):
-        return f"gear_harmonics {joint}", {"effect": "gear_harmonics", "joints": [joint]}
+        return f"{few.id} {joint}", {"effect": few.id, "joints": [joint]}
     cycles = round(peak.cycles, 2)
-    return f"gear_mesh {joint}", {"effect": "gear_mesh", "joints": [joint], "cycles": [cycles]}
+    return f"{any_number.id} {joint}", {"effect": any_number.id, "joints": [joint], "cycles": [cycles]}
