@@ -17,6 +17,8 @@ constexpr std::size_t kPosesLookedAt = 400;
 // A variance becomes at least and at most this share of itself in one step.
 constexpr int kStepsAfterDrop = 2;
 constexpr double kLeastShare = 0.05, kMostShare = 4.0;
+// A climb has arrived where no part changes the variance of the readings by more than this share.
+constexpr double kArrived = 2e-3;
 
 // Columns of every part within the equations of one pose.
 struct PoseParts {
@@ -77,12 +79,13 @@ PoseWhitening::PoseWhitening(const Linearization& linearization, const NoisePart
 }
 
 void PoseWhitening::apply(Eigen::Ref<Eigen::MatrixXd> columns) const {
-  Eigen::VectorXd own;
+  std::size_t largest = 0;
+  for (const Block& block : blocks_) largest = std::max(largest, block.equations.size());
+  Eigen::VectorXd own(static_cast<Eigen::Index>(largest));
   for (Eigen::Index c = 0; c < columns.cols(); ++c) {
     double* column = columns.col(c).data();
     for (const Block& block : blocks_) {
       const auto size = static_cast<Eigen::Index>(block.equations.size());
-      own.resize(size);
       for (Eigen::Index e = 0; e < size; ++e)
         own[e] = column[block.equations[static_cast<std::size_t>(e)]];
       for (Eigen::Index e = 0; e < size; ++e) {
@@ -246,19 +249,33 @@ Eigen::VectorXd variances_of(const NoiseParts& parts) {
   return variance;
 }
 
+// What a unit of each part's variance adds to that of a reading, on average.
+Eigen::VectorXd reaches(const Linearization& l) {
+  Eigen::VectorXd reach(l.layout.joints + 2);
+  const auto rows = static_cast<double>(l.geometry.rows());
+  reach[0] = 1.0;
+  for (int k = 0; k < l.layout.joints; ++k)
+    reach[k + 1] = l.geometry.col(l.layout.motor(k)).squaredNorm() / rows;
+  reach[l.layout.joints + 1] = l.translation.squaredNorm() / rows;
+  return reach;
+}
+
 NoiseParts climb(const RestrictedLikelihood& likelihood, const Linearization& l, NoiseParts parts,
                  int steps) {
   const auto joints = static_cast<Eigen::Index>(parts.joint.size());
+  const Eigen::VectorXd reach = reaches(l);
   for (int step = 0; step < steps; ++step) {
-    const Eigen::VectorXd variance = next_variances(variances_of(parts), likelihood.score(parts));
+    const Eigen::VectorXd before = variances_of(parts);
+    const Eigen::VectorXd variance = next_variances(before, likelihood.score(parts));
     parts.reading = std::sqrt(variance[0]);
     for (Eigen::Index k = 0; k < joints; ++k) {
-      const double reach = l.geometry.col(l.layout.motor(static_cast<int>(k))).squaredNorm() /
-                           static_cast<double>(l.geometry.rows());
       parts.joint[static_cast<std::size_t>(k)] =
-          variance[k + 1] * reach < kNone * variance[0] ? 0.0 : std::sqrt(variance[k + 1]);
+          variance[k + 1] * reach[k + 1] < kNone * variance[0] ? 0.0 : std::sqrt(variance[k + 1]);
     }
     if (parts.pose) parts.pose = std::sqrt(variance[joints + 1]);
+    if ((variance - before).cwiseAbs().cwiseProduct(reach).maxCoeff() <
+        kArrived * variance.dot(reach))
+      break;
   }
   return parts;
 }

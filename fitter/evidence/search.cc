@@ -1,16 +1,15 @@
 #include "fitter/evidence/search.h"
 
 #include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <random>
 #include <utility>
 
+#include "fitter/evidence/conditional.h"
+#include "fitter/evidence/elimination.h"
 #include "fitter/model/observer.h"
-#include "fitter/solve/dense.h"
-#include "fitter/solve/normal_equations.h"
 
 namespace armtrue {
 namespace {
@@ -27,104 +26,37 @@ constexpr int kExchangeEvery = 4;
 constexpr double kPromising = -4.0;
 // Another reading of the data counts down to this log odds against the likeliest set.
 constexpr double kWorthReading = -6.0;
-// Updates of the Gram matrix after which it is built anew, so that rounding does not add up.
-constexpr int kUpdatesBeforeRebuild = 400;
 constexpr double kLeastRise = 1e-6;
 // What explains less than this share of what another block does is no alternative to it.
 constexpr double kComparable = 0.8;
-constexpr Eigen::Index kManyDirections = 16;
-constexpr int kLargestUpdateByEigen = 8;  // columns; wider products go to the BLAS
-
-// Taking an update back loses as many digits as the data know better than the prior, twice.
-constexpr double kLeastPivot = 1e-5;
-
-bool is_sound(const Eigen::LLT<Eigen::MatrixXd>& root) {
-  return root.info() == Eigen::Success &&
-         root.matrixLLT().diagonal().cwiseAbs2().minCoeff() > kLeastPivot;
-}
-
-struct Choice {
-  int shape = -1, scale = -1;  // −1: absent
-  bool is_present() const { return shape >= 0; }
-  bool operator==(const Choice&) const = default;
-};
-
-double log_normal_cdf(double z) {
-  if (z > -8.0) return std::log(0.5 * std::erfc(-z / std::sqrt(2.0)));
-  return -0.5 * z * z - std::log(-z) - 0.9189385332046727;
-}
-
-// What runs against its load by this cosine or more carries it, whatever else its shape does; what
-// runs along with it is hardly this effect.
-constexpr double kCarries = 0.5;
-constexpr double kHardly = 10.0;       // log odds
-constexpr double kLeastCarried = 0.1;  // of the load: less is not worth building
-
-double carrying_term(const Carrying& carrying, const Eigen::VectorXd& coefficient) {
-  const double size = std::sqrt(coefficient.dot(carrying.square * coefficient));
-  if (size <= 0.0) return 0.0;
-  const double cosine = coefficient.dot(carrying.along) / size;
-  const double share = carrying.yields > 0.0 ? size / carrying.yields : 1.0;
-  return -kHardly * std::max(std::clamp(1.0 + cosine / kCarries, 0.0, 1.0),
-                             std::clamp(1.0 - share / kLeastCarried, 0.0, 1.0));
-}
-
-double log_sum(const std::vector<double>& terms) {
-  const double most = *std::max_element(terms.begin(), terms.end());
-  double sum = 0.0;
-  for (const double t : terms) sum += std::exp(t - most);
-  return most + std::log(sum);
-}
-
-// The block alone, all other members of the present set projected out.
-struct Conditional {
-  std::vector<Choice> choices;     // the first is absence
-  std::vector<double> log_weight;  // up to a common constant
-  double probability() const { return -std::expm1(log_weight.front() - log_sum(log_weight)); }
-};
 
 class Sampler {
  public:
   Sampler(const SearchProblem& problem, const SearchOptions& options)
-      : problem_(problem), options_(options), generator_(options.seed) {
-    state_.assign(problem.blocks.size(), {});
-    rebuild();
-  }
+      : problem_(problem),
+        options_(options),
+        generator_(options.seed),
+        state_(problem.blocks.size()),
+        eliminated_(problem.gram, problem.gradient, problem.squares) {}
 
   SearchResult run();
 
  private:
-  struct Local {
-    Eigen::MatrixXd gram;
-    Eigen::VectorXd gradient;
-    double squares;
-  };
-
   const SearchBlock& block(std::size_t b) const { return problem_.blocks[b]; }
   Eigen::MatrixXd factor(std::size_t b, const Choice& c) const {
     const PriorShape& shape = block(b).shapes[static_cast<std::size_t>(c.shape)];
     return shape.scale[static_cast<std::size_t>(c.scale)] * shape.spread;
   }
-  double fit_term(double squares) const {
-    const double scaled = 0.5 * (problem_.prior_freedom + std::max(squares, 1e-9));
-    return -0.5 * (problem_.freedom + problem_.prior_freedom) * std::log(scaled);
+  Elimination::Local without(std::size_t b) const {
+    return state_[b].is_present() ? eliminated_.without(b)
+                                  : eliminated_.beside(block(b).first, block(b).width);
   }
-  Local without(std::size_t b) const;
-  Local without_from_the_start(std::size_t b) const;
-  Conditional conditional(std::size_t b) const;
-  void weigh_shape(const SearchBlock& own, const Local& local, int index,
-                   Conditional& result) const;
-  void weigh_scales(const SearchBlock& own, const Local& local, int index,
-                    const Eigen::MatrixXd& inner, Conditional& result) const;
-  double sign_term(const PriorShape& shape, const Eigen::MatrixXd& vectors,
-                   const Eigen::VectorXd& mean, const Eigen::VectorXd& variance,
-                   double noise) const;
-  void add(std::size_t b, const Choice& c);
-  void remove(std::size_t b);
+  Conditional conditional(std::size_t b) const {
+    return weigh_choices(problem_, block(b), without(b));
+  }
   void set(std::size_t b, const Choice& c);
-  void update(const Eigen::MatrixXd& columns, const Eigen::MatrixXd& kernel,
-              const Eigen::VectorXd& step, double sign);
-  void rebuild();
+  void go_to(const std::vector<Choice>& wanted);
+  void line_up();
   double best_change(std::vector<std::size_t>& looked_at, std::size_t& at, Choice& to) const;
   void climb(const std::vector<std::size_t>& allowed);
   std::vector<std::size_t> blocks_for(bool with_structure) const;
@@ -152,224 +84,32 @@ class Sampler {
   std::vector<Choice> state_, best_;
   std::vector<Reading> readings_;
   double best_posterior_ = -std::numeric_limits<double>::infinity();
-  Eigen::MatrixXd gram_;
-  Eigen::VectorXd gradient_;
-  double squares_ = 0.0, log_determinant_ = 0.0;
-  int updates_ = 0;
+  Elimination eliminated_;
   std::vector<double> inclusion_, visits_, last_;  // last_: probability at the last visit
   double nothing_ = 0.0, counted_ = 0.0;
 };
 
-void Sampler::rebuild() {
-  gram_ = problem_.gram;
-  gradient_ = problem_.gradient;
-  squares_ = problem_.squares;
-  log_determinant_ = 0.0;
-  updates_ = 0;
-  const std::vector<Choice> wanted = state_;
-  state_.assign(wanted.size(), {});
-  for (std::size_t b = 0; b < wanted.size(); ++b) {
-    if (wanted[b].is_present()) add(b, wanted[b]);
-  }
-}
-
-void Sampler::update(const Eigen::MatrixXd& columns, const Eigen::MatrixXd& kernel,
-                     const Eigen::VectorXd& step, double sign) {
-  const Eigen::LLT<Eigen::MatrixXd> root(kernel);
-  Eigen::MatrixXd half = columns * root.matrixL();
-  if (half.cols() <= kLargestUpdateByEigen) {
-    gram_.noalias() += sign * (half * half.transpose());
-  } else {
-    gram_ += sign * square_across(half);
-  }
-  gradient_ += sign * (columns * (kernel * step));
-  ++updates_;
-}
-
-void Sampler::add(std::size_t b, const Choice& c) {
-  const SearchBlock& own = block(b);
-  const Eigen::MatrixXd w = factor(b, c);
-  const Eigen::MatrixXd columns = gram_.middleCols(own.first, own.width) * w;
-  const Eigen::MatrixXd inner = w.transpose() * columns.middleRows(own.first, own.width);
-  const Eigen::LLT<Eigen::MatrixXd> lower(Eigen::MatrixXd::Identity(inner.rows(), inner.cols()) +
-                                          inner);
-  const Eigen::MatrixXd kernel = lower.solve(Eigen::MatrixXd::Identity(inner.rows(), inner.cols()));
-  const Eigen::VectorXd along = w.transpose() * gradient_.segment(own.first, own.width);
-  squares_ -= along.dot(kernel * along);
-  log_determinant_ += 2.0 * lower.matrixLLT().diagonal().array().log().sum();
-  update(columns, kernel, along, -1.0);
+void Sampler::set(std::size_t b, const Choice& c) {
+  if (state_[b] == c) return;
+  if (state_[b].is_present()) eliminated_.remove(b);
+  if (c.is_present()) eliminated_.add(b, block(b).first, factor(b, c));
   state_[b] = c;
 }
 
-void Sampler::remove(std::size_t b) {
-  const SearchBlock& own = block(b);
-  const Eigen::MatrixXd w = factor(b, state_[b]);
-  const Eigen::MatrixXd columns = gram_.middleCols(own.first, own.width) * w;
-  const Eigen::MatrixXd inner = w.transpose() * columns.middleRows(own.first, own.width);
-  const Eigen::LLT<Eigen::MatrixXd> lower(Eigen::MatrixXd::Identity(inner.rows(), inner.cols()) -
-                                          inner);
-  state_[b] = {};
-  if (!is_sound(lower) || updates_ > kUpdatesBeforeRebuild) {
-    rebuild();
-    return;
+void Sampler::go_to(const std::vector<Choice>& wanted) {
+  for (std::size_t b = 0; b < wanted.size(); ++b) {
+    if (state_[b] != wanted[b]) set(b, {});
   }
-  const Eigen::MatrixXd kernel = lower.solve(Eigen::MatrixXd::Identity(inner.rows(), inner.cols()));
-  const Eigen::VectorXd along = w.transpose() * gradient_.segment(own.first, own.width);
-  squares_ += along.dot(kernel * along);
-  log_determinant_ += 2.0 * lower.matrixLLT().diagonal().array().log().sum();
-  update(columns, kernel, along, 1.0);
+  for (std::size_t b = 0; b < wanted.size(); ++b) set(b, wanted[b]);
 }
 
-void Sampler::set(std::size_t b, const Choice& c) {
-  if (state_[b] == c) return;
-  if (state_[b].is_present()) remove(b);
-  if (c.is_present()) add(b, c);
-}
-
-Sampler::Local Sampler::without(std::size_t b) const {
-  const SearchBlock& own = block(b);
-  Local local{gram_.block(own.first, own.first, own.width, own.width),
-              gradient_.segment(own.first, own.width), squares_};
-  if (!state_[b].is_present()) return local;
-  const Eigen::MatrixXd w = factor(b, state_[b]);
-  const Eigen::MatrixXd columns = local.gram * w;
-  const Eigen::Index rank = w.cols();
-  const Eigen::LLT<Eigen::MatrixXd> lower(Eigen::MatrixXd::Identity(rank, rank) -
-                                          w.transpose() * columns);
-  if (!is_sound(lower)) return without_from_the_start(b);
-  const Eigen::MatrixXd kernel = lower.solve(Eigen::MatrixXd::Identity(rank, rank));
-  const Eigen::VectorXd along = w.transpose() * local.gradient;
-  local.squares += along.dot(kernel * along);
-  local.gradient += columns * (kernel * along);
-  local.gram += columns * kernel * columns.transpose();
-  return local;
-}
-
-// The same, not by taking one block's update back but from the Gram matrix as it was given.
-Sampler::Local Sampler::without_from_the_start(std::size_t b) const {
-  const SearchBlock& own = block(b);
-  std::vector<std::size_t> others;
-  std::vector<Eigen::MatrixXd> factors;
-  Eigen::Index size = 0;
-  for (std::size_t o = 0; o < state_.size(); ++o) {
-    if (o == b || !state_[o].is_present()) continue;
-    others.push_back(o);
-    factors.push_back(factor(o, state_[o]));
-    size += factors.back().cols();
+// What comes and goes often is eliminated last: then little follows it that has to change.
+void Sampler::line_up() {
+  const std::vector<Choice> wanted = state_;
+  for (std::size_t b = 0; b < wanted.size(); ++b) {
+    if (!block(b).costly) set(b, {});
   }
-  Eigen::MatrixXd inner = Eigen::MatrixXd::Identity(size, size);
-  Eigen::MatrixXd across(size, own.width);
-  Eigen::VectorXd along(size);
-  Eigen::Index row = 0;
-  for (std::size_t i = 0; i < others.size(); ++i) {
-    const SearchBlock& left = block(others[i]);
-    const Eigen::Index height = factors[i].cols();
-    across.middleRows(row, height) =
-        factors[i].transpose() * problem_.gram.block(left.first, own.first, left.width, own.width);
-    along.segment(row, height) =
-        factors[i].transpose() * problem_.gradient.segment(left.first, left.width);
-    Eigen::Index column = 0;
-    for (std::size_t j = 0; j <= i; ++j) {
-      const SearchBlock& right = block(others[j]);
-      inner.block(row, column, height, factors[j].cols()) +=
-          factors[i].transpose() *
-          problem_.gram.block(left.first, right.first, left.width, right.width) * factors[j];
-      column += factors[j].cols();
-    }
-    row += height;
-  }
-  const ScaledCholesky root(inner);
-  Eigen::MatrixXd both(size, own.width + 1);
-  both << across, along;
-  const Eigen::MatrixXd half = root.half_solve(both);
-  const Eigen::MatrixXd taken = square(half);
-  return {problem_.gram.block(own.first, own.first, own.width, own.width) -
-              taken.topLeftCorner(own.width, own.width),
-          problem_.gradient.segment(own.first, own.width) - taken.block(0, own.width, own.width, 1),
-          problem_.squares - taken(own.width, own.width)};
-}
-
-double Sampler::sign_term(const PriorShape& shape, const Eigen::MatrixXd& vectors,
-                          const Eigen::VectorXd& mean, const Eigen::VectorXd& variance,
-                          double noise) const {
-  double sum = 0.0;
-  for (const SignRule& rule : shape.signs) {
-    const Eigen::VectorXd along = vectors.transpose() * (shape.units.transpose() * rule.along);
-    const double spread = std::sqrt(noise * along.cwiseAbs2().dot(variance));
-    if (spread <= 0.0) continue;
-    const double z = along.dot(mean) / spread;
-    std::vector<double> ways{std::log1p(-rule.doubt) + log_normal_cdf(z)};
-    if (rule.doubt > 0.0) ways.push_back(std::log(rule.doubt) + log_normal_cdf(-z));
-    sum += std::log(2.0) + log_sum(ways);
-  }
-  return sum;
-}
-
-void Sampler::weigh_shape(const SearchBlock& own, const Local& local, int index,
-                          Conditional& result) const {
-  const PriorShape& shape = own.shapes[static_cast<std::size_t>(index)];
-  const Eigen::MatrixXd inner = shape.spread.transpose() * local.gram * shape.spread;
-  if (inner.cols() > kManyDirections && shape.carries.empty() && shape.signs.empty()) {
-    weigh_scales(own, local, index, inner, result);
-    return;
-  }
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(inner);
-  const Eigen::VectorXd value = eigen.eigenvalues().cwiseMax(0.0);
-  const Eigen::VectorXd along =
-      eigen.eigenvectors().transpose() * (shape.spread.transpose() * local.gradient);
-  for (std::size_t s = 0; s < shape.scale.size(); ++s) {
-    const double square = shape.scale[s] * shape.scale[s];
-    const Eigen::VectorXd shrunk = (1.0 + square * value.array()).matrix();
-    const Eigen::VectorXd variance = square * shrunk.cwiseInverse();
-    const double left = local.squares - variance.dot(along.cwiseAbs2());
-    double weight =
-        own.log_odds + shape.log_prior[s] - 0.5 * shrunk.array().log().sum() + fit_term(left);
-    if (!shape.carries.empty()) {
-      const Eigen::VectorXd mean =
-          shape.units * (eigen.eigenvectors() * variance.cwiseProduct(along));
-      weight += carrying_term(shape.carries.front(), mean);
-    }
-    if (!shape.signs.empty()) {
-      const double noise = std::max(left, 1e-9) / std::max(1.0, problem_.freedom);
-      weight +=
-          sign_term(shape, eigen.eigenvectors(), variance.cwiseProduct(along), variance, noise);
-    }
-    result.choices.push_back({index, static_cast<int>(s)});
-    result.log_weight.push_back(weight);
-  }
-}
-
-// A Cholesky factor for each scale: from some directions on, several cost less than one
-// eigendecomposition.
-void Sampler::weigh_scales(const SearchBlock& own, const Local& local, int index,
-                           const Eigen::MatrixXd& inner, Conditional& result) const {
-  const PriorShape& shape = own.shapes[static_cast<std::size_t>(index)];
-  const Eigen::MatrixXd along = shape.spread.transpose() * local.gradient;
-  for (std::size_t s = 0; s < shape.scale.size(); ++s) {
-    const double square = shape.scale[s] * shape.scale[s];
-    Eigen::MatrixXd root = square * inner;
-    root.diagonal().array() += 1.0;
-    result.choices.push_back({index, static_cast<int>(s)});
-    // Rounding alone can take definiteness from what another block explains already.
-    if (!factorise_cholesky(root)) {
-      result.log_weight.push_back(-std::numeric_limits<double>::infinity());
-      continue;
-    }
-    Eigen::MatrixXd half = along;
-    solve_lower(root, half);
-    const double left = local.squares - square * half.squaredNorm();
-    result.log_weight.push_back(own.log_odds + shape.log_prior[s] -
-                                root.diagonal().array().log().sum() + fit_term(left));
-  }
-}
-
-Conditional Sampler::conditional(std::size_t b) const {
-  const SearchBlock& own = block(b);
-  const Local local = without(b);
-  Conditional result{{Choice{}}, {fit_term(local.squares)}};
-  for (std::size_t i = 0; i < own.shapes.size(); ++i)
-    weigh_shape(own, local, static_cast<int>(i), result);
-  return result;
+  go_to(wanted);
 }
 
 Choice Sampler::draw(const Conditional& c) {
@@ -383,7 +123,7 @@ Choice Sampler::draw(const Conditional& c) {
 }
 
 double Sampler::log_posterior() const {
-  double value = fit_term(squares_) - 0.5 * log_determinant_;
+  double value = fit_term(problem_, eliminated_.squares()) - 0.5 * eliminated_.log_determinant();
   for (std::size_t b = 0; b < state_.size(); ++b) {
     if (!state_[b].is_present()) continue;
     const PriorShape& shape = block(b).shapes[static_cast<std::size_t>(state_[b].shape)];
@@ -493,8 +233,8 @@ void Sampler::exchange() {
   }
   if (present.empty()) return;
   const std::size_t gone = present[generator_() % present.size()];
-  remove(gone);
-  std::vector<double> weight{fit_term(squares_)};
+  set(gone, {});
+  std::vector<double> weight{fit_term(problem_, eliminated_.squares())};
   std::vector<std::pair<std::size_t, Choice>> stands{{gone, Choice{}}};
   for (std::size_t b = 0; b < state_.size(); ++b) {
     if (state_[b].is_present() || block(b).costly) continue;
@@ -525,7 +265,7 @@ double Sampler::enter(const std::vector<std::size_t>& members, std::vector<Choic
     there.log_weight.erase(there.log_weight.begin());
     sum += log_sum(there.log_weight) - absent;
     if (i == sizes.size()) sizes.push_back(draw(there));
-    add(members[i], sizes[i]);
+    set(members[i], sizes[i]);
   }
   return sum;
 }
@@ -540,9 +280,9 @@ void Sampler::find_readings() {
   double gain = 0.0;
   for (std::size_t gone = 0; gone < home.size(); ++gone) {
     if (!home[gone].is_present() || block(gone).costly || !block(gone).counts) continue;
-    state_ = home;
-    state_[gone] = {};
-    rebuild();
+    std::vector<Choice> without_it = home;
+    without_it[gone] = {};
+    go_to(without_it);
     std::vector<std::size_t> allowed;
     for (std::size_t b = 0; b < home.size(); ++b) {
       if (b != gone && !block(b).costly && block(b).counts) allowed.push_back(b);
@@ -566,18 +306,15 @@ void Sampler::find_readings() {
           .push_back(home[b].is_present() ? home[b] : state_[b]);
     }
     if (reading.one.size() + reading.other.size() <= 2) continue;  // exchanges find it
-    for (const std::size_t b : reading.other) state_[b] = {};
-    rebuild();
+    for (const std::size_t b : reading.other) set(b, {});
     double odds = enter(reading.other, found);
-    for (const std::size_t b : reading.other) state_[b] = {};
-    rebuild();
+    for (const std::size_t b : reading.other) set(b, {});
     odds -= enter(reading.one, at_home);
     if (odds > gain) better = otherwise;
     gain = std::max(gain, odds);
     if (odds > kWorthReading) readings_.push_back(std::move(reading));
   }
-  state_ = better;
-  rebuild();
+  go_to(better);
   best_ = better;
   best_posterior_ = log_posterior();
 }
@@ -596,21 +333,21 @@ void Sampler::read_otherwise() {
   const std::vector<Choice> before = state_;
   const std::vector<std::size_t>& from = at_one ? reading.one : reading.other;
   std::vector<Choice> sizes, drawn;
-  for (const std::size_t b : from) sizes.push_back(std::exchange(state_[b], Choice{}));
-  rebuild();
+  for (const std::size_t b : from) {
+    sizes.push_back(state_[b]);
+    set(b, {});
+  }
   const std::vector<Choice> neither = state_;
   const double here = enter(from, sizes);
-  state_ = neither;
-  rebuild();
+  go_to(neither);
   const double there = enter(at_one ? reading.other : reading.one, drawn);
   if (std::log(std::uniform_real_distribution<double>(0.0, 1.0)(generator_)) < there - here) return;
-  state_ = before;
-  rebuild();
+  go_to(before);
 }
 
 // Every block beside the set that stands now.
 void Sampler::describe_alone(SearchResult& result) const {
-  result.start_squares = squares_;
+  result.start_squares = eliminated_.squares();
   std::vector<Eigen::MatrixXd> alone;
   for (std::size_t b = 0; b < state_.size(); ++b) {
     const Conditional c = conditional(b);
@@ -619,7 +356,7 @@ void Sampler::describe_alone(SearchResult& result) const {
     const auto best =
         static_cast<std::size_t>(std::max_element(there.begin(), there.end()) - there.begin());
     result.alone_shape.push_back(c.choices[best + 1].shape);
-    const Local local = without(b);
+    const Elimination::Local local = without(b);
     const Eigen::MatrixXd w = factor(b, c.choices[best + 1]);
     const Eigen::MatrixXd inner =
         Eigen::MatrixXd::Identity(w.cols(), w.cols()) + w.transpose() * local.gram * w;
@@ -644,28 +381,24 @@ Eigen::MatrixXd Sampler::beyond_each_other(const std::vector<Eigen::MatrixXd>& a
   for (std::size_t a = 0; a < alone.size(); ++a) {
     if (state_[a].is_present() || result.alone_log_bayes[a] <= 0.0) continue;
     const SearchBlock& first = block(a);
-    const Eigen::MatrixXd own = alone[a].transpose() *
-                                gram_.block(first.first, first.first, first.width, first.width) *
-                                alone[a];
+    const Elimination::Local left = without(a);
+    const Eigen::MatrixXd own = alone[a].transpose() * left.gram * alone[a];
     const Eigen::LLT<Eigen::MatrixXd> root(Eigen::MatrixXd::Identity(own.rows(), own.cols()) + own);
-    const Eigen::VectorXd along_own =
-        root.matrixL().solve(alone[a].transpose() * gradient_.segment(first.first, first.width));
+    const Eigen::VectorXd along_own = root.matrixL().solve(alone[a].transpose() * left.gradient);
     for (std::size_t b = 0; b < alone.size(); ++b) {
       if (a == b || state_[b].is_present() || result.alone_log_bayes[b] <= 0.0 ||
           result.alone_gain[b] < kComparable * result.alone_gain[a])
         continue;
       const SearchBlock& other = block(b);
+      const Elimination::Local right = without(b);
       const Eigen::MatrixXd cross = root.matrixL().solve(
-          alone[a].transpose() * gram_.block(first.first, other.first, first.width, other.width) *
-          alone[b]);
-      Eigen::MatrixXd inner = alone[b].transpose() *
-                              gram_.block(other.first, other.first, other.width, other.width) *
-                              alone[b];
+          alone[a].transpose() *
+          eliminated_.across(first.first, first.width, other.first, other.width) * alone[b]);
+      Eigen::MatrixXd inner = alone[b].transpose() * right.gram * alone[b];
       inner.diagonal().array() += 1.0;
       inner -= cross.transpose() * cross;
       const Eigen::VectorXd along =
-          alone[b].transpose() * gradient_.segment(other.first, other.width) -
-          cross.transpose() * along_own;
+          alone[b].transpose() * right.gradient - cross.transpose() * along_own;
       beyond(static_cast<Eigen::Index>(a), static_cast<Eigen::Index>(b)) =
           along.dot(inner.llt().solve(along)) / result.alone_gain[b];
     }
@@ -674,10 +407,9 @@ Eigen::MatrixXd Sampler::beyond_each_other(const std::vector<Eigen::MatrixXd>& a
 }
 
 void Sampler::describe(SearchResult& result) {
-  state_ = best_;
-  rebuild();
+  go_to(best_);
   const std::size_t count = state_.size();
-  result.squares = squares_;
+  result.squares = eliminated_.squares();
   result.log_evidence = best_posterior_;
   result.coefficient.resize(count);
   result.sigma.resize(count);
@@ -685,7 +417,7 @@ void Sampler::describe(SearchResult& result) {
   result.gain.assign(count, 0.0);
   result.log_bayes.assign(count, 0.0);
   result.likeliest.assign(count, false);
-  const double noise = std::max(squares_, 1e-9) / std::max(1.0, problem_.freedom);
+  const double noise = std::max(result.squares, 1e-9) / std::max(1.0, problem_.freedom);
   for (std::size_t b = 0; b < count; ++b) {
     const Conditional c = conditional(b);
     std::vector<double> there(c.log_weight.begin() + 1, c.log_weight.end());
@@ -699,7 +431,7 @@ void Sampler::describe(SearchResult& result) {
                                                there.begin()) +
                       1];
     }
-    const Local local = without(b);
+    const Elimination::Local local = without(b);
     const Eigen::MatrixXd w = factor(b, use);
     const Eigen::LLT<Eigen::MatrixXd> inner(Eigen::MatrixXd::Identity(w.cols(), w.cols()) +
                                             w.transpose() * local.gram * w);
@@ -724,7 +456,7 @@ SearchResult Sampler::run() {
     if (!block(b).present) continue;
     const Conditional c = conditional(b);
     const auto best = std::max_element(c.log_weight.begin() + 1, c.log_weight.end());
-    add(b, c.choices[static_cast<std::size_t>(best - c.log_weight.begin())]);
+    set(b, c.choices[static_cast<std::size_t>(best - c.log_weight.begin())]);
   }
   SearchResult result;
   describe_alone(result);
@@ -736,12 +468,11 @@ SearchResult Sampler::run() {
   climb(blocks_for(false));
   if (structure) {
     climb(blocks_for(true));
-    state_ = start;
-    rebuild();
+    go_to(start);
     climb(blocks_for(true));
-    state_ = best_;
-    rebuild();
+    go_to(best_);
   }
+  line_up();
   find_readings();
   for (int i = 0; i < options_.burn_in + options_.sweeps; ++i) {
     throw_if_cancelled();

@@ -1,0 +1,63 @@
+// Normal equations in which members are eliminated one after the other.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstddef>
+#include <vector>
+
+namespace armtrue {
+
+/// A Gram matrix G = ZᵀZ with gradient Zᵀy, and members: columns Z_b W_b whose coefficients are
+/// standard normal. What all other columns have left beside the members follows from one
+/// triangular factor, of I + WᵀGW, that grows and shrinks with them; G itself is never touched, so
+/// no rounding adds up.
+class Elimination {
+ public:
+  /// What some columns have left beside the members.
+  struct Local {
+    Eigen::MatrixXd gram;
+    Eigen::VectorXd gradient;
+    double squares = 0.0;  ///< yᵀy that the members leave
+  };
+
+  /// Keeps references to both.
+  Elimination(const Eigen::MatrixXd& gram, const Eigen::VectorXd& gradient, double squares);
+
+  /// Member `key`: columns from `first` on times `factor`.
+  void add(std::size_t key, Eigen::Index first, const Eigen::MatrixXd& factor);
+  void remove(std::size_t key);
+
+  /// Columns `first` to `first + width`, beside all members.
+  Local beside(Eigen::Index first, Eigen::Index width) const;
+  /// A member's own columns, beside all others.
+  Local without(std::size_t key) const;
+  /// The part of the Gram matrix between two ranges of columns, beside all members.
+  Eigen::MatrixXd across(Eigen::Index first, Eigen::Index width, Eigen::Index other,
+                         Eigen::Index other_width) const;
+
+  double squares() const { return squares_ - along_.head(size_).squaredNorm(); }
+  /// log |I + WᵀGW|.
+  double log_determinant() const;
+
+ private:
+  struct Member {
+    std::size_t key;
+    Eigen::Index first, size;  // rows of the root
+    Eigen::Index column;       // its first in the Gram matrix
+    Eigen::MatrixXd factor;
+  };
+  std::vector<Member>::const_iterator find(std::size_t key) const;
+  Local without_exactly(const Member& member) const;
+  void reserve(Eigen::Index size);
+
+  const Eigen::MatrixXd& gram_;
+  const Eigen::VectorXd& gradient_;
+  double squares_;
+  std::vector<Member> members_;  // in the order in which they came
+  Eigen::Index size_ = 0;        // directions of all members
+  Eigen::MatrixXd root_;         // L, lower triangle, of I + WᵀGW
+  Eigen::MatrixXd half_;         // L⁻¹ WᵀG, a column for each of G's
+  Eigen::VectorXd along_;        // L⁻¹ Wᵀ(Zᵀy)
+};
+
+}  // namespace armtrue
