@@ -282,8 +282,10 @@ void weigh(Fit& fit, const Linearization& linearization, std::vector<EvidenceBlo
            const DiagnoseOptions& options, Diagnosis& d) {
   EvidenceOptions weighing;
   weighing.searched = options.searched;
-  const EvidenceSummary evidence = weigh_evidence(fit, linearization, std::move(extra), weighing);
-  d.untestable = catalogue_blocks(fit).untestable;
+  CandidateBlocks catalogue = catalogue_blocks(fit);
+  const EvidenceSummary evidence =
+      weigh_evidence(fit, linearization, std::move(catalogue.blocks), std::move(extra), weighing);
+  d.untestable = std::move(catalogue.untestable);
   d.noise = evidence.noise;
   d.reading_sigma = evidence.noise.reading * linearization.typical_sigma;
   d.probability_nothing = evidence.search.nothing_missing;

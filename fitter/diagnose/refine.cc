@@ -5,6 +5,9 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <set>
+#include <thread>
+
+#include "fitter/solve/parallel.h"
 
 namespace armtrue {
 namespace {
@@ -77,11 +80,15 @@ std::vector<Move> moves_of(const Diagnosis& d) {
   return moves;
 }
 
-ModelSpecification apply(const Fit& fit, const Move& move) {
-  ModelSpecification specification = fit.specification();
+ModelSpecification apply(ModelSpecification specification, const Move& move,
+                         const EffectContext& context) {
   for (const EffectRequest& r : move.removed)
-    specification = without_effect(specification, r, fit.context());
+    specification = without_effect(specification, r, context);
   return move.added ? with_effect(specification, move.added->request) : specification;
+}
+
+bool is_sure(const Move& move) {
+  return move.added && move.added->likeliest && move.added->probability >= kSurely;
 }
 
 // Held-out errors at random, in time and by region: a model is worse where their mean is, and
@@ -131,8 +138,15 @@ class Refinement {
 
  private:
   Diagnosis diagnose_now(Fit& fit) const;
+  // A model that moves lead to, and its fit; none where it cannot be had.
+  struct Trial {
+    ModelSpecification specification;
+    std::map<std::string, double> starts;
+    std::shared_ptr<Fit> fit;
+  };
   bool one_round();
-  std::shared_ptr<Fit> try_move(const Move& move);
+  void fit_trials(std::vector<Trial>& trials) const;
+  bool accept(const Move& move, const Trial& trial);
   void show() {
     if (options_.on_step) options_.on_step(steps_.back());
   }
@@ -153,38 +167,68 @@ Diagnosis Refinement::diagnose_now(Fit& fit) const {
   return diagnose(fit, options, observer_);
 }
 
-// The fit after a move; none where it was tried before, cannot be, or unseen poses are predicted
-// worse.
-std::shared_ptr<Fit> Refinement::try_move(const Move& move) {
+// All from the last step's fit, side by side.
+void Refinement::fit_trials(std::vector<Trial>& trials) const {
   const Fit& fit = *steps_.back().fit;
-  const ModelSpecification specification = apply(fit, move);
-  if (!tried_.insert(specification.to_json().dump()).second) return nullptr;
-  std::shared_ptr<Fit> changed;
-  try {
-    changed = refit(fit, specification,
-                    move.added ? move.added->starts : std::map<std::string, double>{});
-  } catch (const ModelError&) {
-    return nullptr;
-  }
+  in_parallel(trials.size(), [&](std::size_t i) {
+    try {
+      trials[i].fit = refit(fit, trials[i].specification, trials[i].starts);
+    } catch (const ModelError&) {
+      trials[i].fit = nullptr;
+    }
+  });
+}
+
+// Whether a trial becomes the next step: not where it cannot be, or unseen poses are predicted
+// worse.
+bool Refinement::accept(const Move& move, const Trial& trial) {
+  tried_.insert(trial.specification.to_json().dump());
   const double worse = move.added ? kSameError : kSameWithout;
-  return held_out(*changed) > held_out(fit) + worse ? nullptr : changed;
+  if (!trial.fit || held_out(*trial.fit) > held_out(*steps_.back().fit) + worse) return false;
+  show();
+  const Diagnosis& before = steps_.back().diagnosis;
+  Diagnosis now = move.added ? with_added(before, *move.added) : before;
+  steps_.push_back({move.added, move.removed, std::move(now), trial.fit});
+  return true;
 }
 
 // What one search asks for, until a move that it is not sure of was made. False where no move was.
+// Most moves are taken: while one is tried, so is the next on top of it.
 bool Refinement::one_round() {
-  const Diagnosis searched = steps_.back().diagnosis;
+  const std::vector<Move> moves = moves_of(steps_.back().diagnosis);
+  const bool ahead = std::thread::hardware_concurrency() > 1;
   bool moved = false;
-  for (const Move& move : moves_of(searched)) {
+  for (std::size_t m = 0; m < moves.size();) {
     if (static_cast<int>(steps_.size()) > options_.most_steps) return moved;
-    const bool sure = move.added && move.added->likeliest && move.added->probability >= kSurely;
-    if (moved && !sure) return true;
-    const std::shared_ptr<Fit> changed = try_move(move);
-    if (!changed) continue;
-    show();
-    const Diagnosis& before = steps_.back().diagnosis;
-    Diagnosis now = move.added ? with_added(before, *move.added) : before;
-    steps_.push_back({move.added, move.removed, std::move(now), changed});
-    moved = true;
+    if (moved && !is_sure(moves[m])) return true;
+    ModelSpecification reached = steps_.back().fit->specification();
+    const EffectContext& context = steps_.back().fit->context();
+    std::map<std::string, double> starts;
+    std::vector<Trial> trials;
+    std::vector<std::size_t> of_move;
+    std::size_t next = m;
+    for (; next < moves.size() && trials.size() < (ahead ? 2U : 1U); ++next) {
+      if (!trials.empty() && !is_sure(moves[next])) break;
+      ModelSpecification specification = apply(reached, moves[next], context);
+      if (tried_.contains(specification.to_json().dump())) continue;
+      if (moves[next].added)
+        starts.insert(moves[next].added->starts.begin(), moves[next].added->starts.end());
+      reached = specification;
+      trials.push_back({std::move(specification), starts, nullptr});
+      of_move.push_back(next);
+    }
+    if (trials.empty()) return moved;
+    fit_trials(trials);
+    m = next;
+    for (std::size_t t = 0; t < trials.size(); ++t) {
+      if (static_cast<int>(steps_.size()) > options_.most_steps) return moved;
+      if (accept(moves[of_move[t]], trials[t])) {
+        moved = true;
+        continue;
+      }
+      m = of_move[t] + 1;  // what was tried on top of it says nothing
+      break;
+    }
   }
   return moved;
 }

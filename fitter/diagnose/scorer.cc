@@ -6,6 +6,7 @@
 #include <map>
 
 #include "fitter/solve/dense.h"
+#include "fitter/solve/parallel.h"
 
 namespace armtrue {
 namespace {
@@ -163,27 +164,33 @@ Eigen::MatrixXd Scorer::columns(std::span<const Block> blocks, BasisCache& cache
 std::vector<BlockScore> Scorer::score(const std::vector<Block>& blocks) const {
   // Blocks go through in batches, so that one matrix product serves many and memory stays small.
   constexpr Eigen::Index kBatchColumns = 256;
-  BasisCache cache;
-  std::vector<BlockScore> scores(blocks.size());
   const auto width_of = [&](std::size_t b) {
     return static_cast<Eigen::Index>(blocks[b].terms.parameters.size());
   };
-  for (std::size_t first = 0; first < blocks.size();) {
-    std::size_t last = first;
-    Eigen::Index width = 0;
-    while (last < blocks.size() && (last == first || width + width_of(last) <= kBatchColumns))
-      width += width_of(last++);
-    Eigen::MatrixXd columns = this->columns(std::span(blocks).subspan(first, last - first), cache);
-    replicates_.whiten(columns, height_, correlation_);
-    const Eigen::MatrixXd cross = transpose_times(jacobian_, columns);
+  std::vector<std::size_t> batches{0};  // first block of each, and the end
+  Eigen::Index columns = 0;
+  for (std::size_t b = 0; b < blocks.size(); ++b) {
+    if (b > batches.back() && columns + width_of(b) > kBatchColumns) {
+      batches.push_back(b);
+      columns = 0;
+    }
+    columns += width_of(b);
+  }
+  batches.push_back(blocks.size());
+  std::vector<BlockScore> scores(blocks.size());
+  in_parallel(batches.size() - 1, [&](std::size_t batch) {
+    const std::size_t first = batches[batch], last = batches[batch + 1];
+    BasisCache cache;
+    Eigen::MatrixXd own = this->columns(std::span(blocks).subspan(first, last - first), cache);
+    replicates_.whiten(own, height_, correlation_);
+    const Eigen::MatrixXd cross = transpose_times(jacobian_, own);
     Eigen::Index at = 0;
     for (std::size_t b = first; b < last; ++b) {
       scores[b] =
-          judge(blocks[b], columns.middleCols(at, width_of(b)), cross.middleCols(at, width_of(b)));
+          judge(blocks[b], own.middleCols(at, width_of(b)), cross.middleCols(at, width_of(b)));
       at += width_of(b);
     }
-    first = last;
-  }
+  });
   return scores;
 }
 

@@ -75,8 +75,8 @@ std::vector<StructureVariable> variables_of(const State& state) {
       v.values = distinct;
       v.nodes = distinct;
     } else {
-      for (std::size_t i = 0; i < kNodes; ++i)
-        v.nodes.push_back(sorted[i * (sorted.size() - 1) / (kNodes - 1)]);
+      for (std::size_t node = 0; node < kNodes; ++node)
+        v.nodes.push_back(sorted[node * (sorted.size() - 1) / (kNodes - 1)]);
       v.nodes.erase(std::unique(v.nodes.begin(), v.nodes.end()), v.nodes.end());
     }
     result.push_back(std::move(v));

@@ -109,10 +109,14 @@ const std::vector<const Effect*>& effect_catalogue() {
 }
 
 const Effect& find_effect(const std::string& id) {
+  const std::vector<const Effect*>& all = effect_catalogue();
+  const auto at =
+      std::lower_bound(all.begin(), all.end(), id,
+                       [](const Effect* e, const std::string& i) { return e->id() < i; });
+  if (at != all.end() && (*at)->id() == id) return **at;
   const Effect* nearest = nullptr;
   std::size_t least = 1000;
-  for (const Effect* effect : effect_catalogue()) {
-    if (effect->id() == id) return *effect;
+  for (const Effect* effect : all) {
     if (const std::size_t distance = edit_distance(effect->id(), id); distance < least) {
       least = distance;
       nearest = effect;

@@ -29,7 +29,10 @@ Block make_block(const EffectContext& context, const EffectRequest& request) {
     for (Term& term : p.terms) term.basis = term.basis.substitute(values);
   }
   // What was stepped through on a grid costs evidence like any other unknown.
-  block.searched = static_cast<int>(build_effect(context, as_added(request)).nonlinear.size());
+  const EffectRequest added = as_added(request);
+  block.searched = static_cast<int>(added.options == request.options
+                                        ? block.terms.nonlinear.size()
+                                        : build_effect(context, added).nonlinear.size());
   return block;
 }
 

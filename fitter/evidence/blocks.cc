@@ -7,6 +7,7 @@
 
 #include "fitter/evidence/refit.h"
 #include "fitter/solve/dense.h"
+#include "fitter/solve/parallel.h"
 
 namespace armtrue {
 namespace {
@@ -231,9 +232,9 @@ class Builder {
  public:
   Builder(Fit& fit, const Linearization& linearization) : fit_(fit), l_(linearization) {}
 
-  std::vector<EvidenceBlock> candidates() {
+  std::vector<EvidenceBlock> candidates(std::vector<Block> catalogue) {
     add_present();
-    add_catalogue();
+    add_catalogue(std::move(catalogue));
     add_all_slopes(fit_.context(), model_.blocks);
     return std::move(model_.blocks);
   }
@@ -248,7 +249,7 @@ class Builder {
 
  private:
   void add_present();
-  void add_catalogue();
+  void add_catalogue(std::vector<Block> catalogue);
   void make_base();
   bool work_out(EvidenceBlock& block) const;
   void make_columns();
@@ -345,9 +346,9 @@ void Builder::add_present() {
   }
 }
 
-void Builder::add_catalogue() {
+void Builder::add_catalogue(std::vector<Block> catalogue) {
   std::map<std::string, std::size_t> by_label;
-  for (Block& candidate : catalogue_blocks(fit_).blocks) {
+  for (Block& candidate : catalogue) {
     const EffectRequest added = as_added(candidate.request);
     const std::string key = label(added) + added.options.dump();
     const auto [at, fresh] = by_label.try_emplace(key, model_.blocks.size());
@@ -468,8 +469,14 @@ bool Builder::work_out(EvidenceBlock& block) const {
 void Builder::make_columns() {
   Eigen::Index width = 0;
   std::vector<EvidenceBlock> used;
-  for (EvidenceBlock& block : model_.blocks) {
-    if (block.columns.size() == 0 && !work_out(block)) continue;
+  std::vector<char> stands(model_.blocks.size());
+  in_parallel(model_.blocks.size(), [&](std::size_t b) {
+    EvidenceBlock& block = model_.blocks[b];
+    stands[b] = block.columns.size() > 0 || work_out(block) ? 1 : 0;
+  });
+  for (std::size_t b = 0; b < model_.blocks.size(); ++b) {
+    EvidenceBlock& block = model_.blocks[b];
+    if (stands[b] == 0) continue;
     block.search.present = block.present;
     block.search.counts = !block.structure;
     block.search.first = width;
@@ -532,8 +539,9 @@ Eigen::MatrixXd block_columns(const Linearization& l, const State& state,
   return result;
 }
 
-std::vector<EvidenceBlock> evidence_blocks(Fit& fit, const Linearization& linearization) {
-  return Builder(fit, linearization).candidates();
+std::vector<EvidenceBlock> evidence_blocks(Fit& fit, const Linearization& linearization,
+                                           std::vector<Block> catalogue) {
+  return Builder(fit, linearization).candidates(std::move(catalogue));
 }
 
 EvidenceModel make_evidence_model(Fit& fit, const Linearization& linearization,

@@ -53,8 +53,9 @@ struct EvidenceModel {
   std::vector<EvidenceBlock> blocks;
 };
 
-/// The catalogue and what of the fit may leave, without columns.
-std::vector<EvidenceBlock> evidence_blocks(Fit& fit, const Linearization& linearization);
+/// What of the catalogue may enter the fit and what of the fit may leave, without columns.
+std::vector<EvidenceBlock> evidence_blocks(Fit& fit, const Linearization& linearization,
+                                           std::vector<Block> catalogue);
 
 /// Columns and priors of what may enter or leave, and of all else in the fit.
 EvidenceModel make_evidence_model(Fit& fit, const Linearization& linearization,

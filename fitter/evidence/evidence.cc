@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "fitter/evidence/contrasts.h"
 #include "fitter/solve/dense.h"
 
 namespace armtrue {
@@ -22,7 +23,8 @@ struct Projected {
 };
 
 // Whitens, and projects base out with its prior.
-Projected project(const EvidenceModel& model, const PoseWhitening& whitening) {
+Projected project(const Fit& fit, const Linearization& l, const EvidenceModel& model,
+                  const PoseWhitening& whitening) {
   const Eigen::Index base = model.base.cols(), width = model.columns.cols();
   Eigen::MatrixXd all(model.y.size(), base + width + 1);
   all << model.base, model.columns, model.y;
@@ -41,7 +43,10 @@ Projected project(const EvidenceModel& model, const PoseWhitening& whitening) {
   p.gradient = products.block(base, base + width, width, 1) - taken.block(0, width, width, 1);
   p.squares = products(base + width, base + width) + model.base_pull_squares - taken(width, width);
   result.base_unknowns = factor.solve_matrix(information).trace();
-  p.freedom = std::max(1.0, static_cast<double>(model.y.size()) - result.base_unknowns);
+  const IdleContrasts idle = idle_contrasts(l, fit.measurements().target, whitening, all);
+  p.squares -= idle.squares;
+  p.freedom =
+      std::max(1.0, static_cast<double>(model.y.size()) - result.base_unknowns - idle.freedom);
   p.prior_freedom = 1.0;
   for (const EvidenceBlock& block : model.blocks) p.blocks.push_back(block.search);
   return result;
@@ -70,9 +75,9 @@ Found found_columns(const EvidenceModel& model, const SearchResult& search) {
 
 }  // namespace
 
-EvidenceSummary weigh_evidence(Fit& fit, const Linearization& l, std::vector<EvidenceBlock> extra,
-                               const EvidenceOptions& options) {
-  std::vector<EvidenceBlock> blocks = evidence_blocks(fit, l);
+EvidenceSummary weigh_evidence(Fit& fit, const Linearization& l, std::vector<Block> catalogue,
+                               std::vector<EvidenceBlock> extra, const EvidenceOptions& options) {
+  std::vector<EvidenceBlock> blocks = evidence_blocks(fit, l, std::move(catalogue));
   for (EvidenceBlock& block : blocks)
     block.believed = block.present && !options.searched.contains(block.label);
   std::move(extra.begin(), extra.end(), std::back_inserter(blocks));
@@ -83,7 +88,7 @@ EvidenceSummary weigh_evidence(Fit& fit, const Linearization& l, std::vector<Evi
   const int rounds = model.columns.cols() > kWideProblem ? kRounds - 1 : kRounds;
   for (int round = 0; round < rounds; ++round) {
     const bool last = round + 1 == rounds;
-    const Projected projected = project(model, PoseWhitening(l, evidence.noise));
+    const Projected projected = project(fit, l, model, PoseWhitening(l, evidence.noise));
     SearchOptions search;
     // Wide problems are sampled for a shorter time.
     search.sweeps =

@@ -25,8 +25,10 @@ struct EvidenceSummary {
   double freedom = 1.0;  ///< equations less effective unknowns of base and the likeliest set
 };
 
-/// Searches, estimates the noise at what was found, and searches again.
+/// Searches, estimates the noise at what was found, and searches again. `catalogue`: what may enter
+/// (catalogue_blocks); `extra`: what may beside it.
 EvidenceSummary weigh_evidence(Fit& fit, const Linearization& linearization,
-                               std::vector<EvidenceBlock> extra, const EvidenceOptions& options);
+                               std::vector<Block> catalogue, std::vector<EvidenceBlock> extra,
+                               const EvidenceOptions& options);
 
 }  // namespace armtrue

@@ -7,6 +7,7 @@
 
 #include "fitter/solve/dense.h"
 #include "fitter/solve/normal_equations.h"
+#include "fitter/solve/parallel.h"
 
 namespace armtrue {
 namespace {
@@ -14,6 +15,8 @@ namespace {
 // A part that fell to this share of the reading's own variance is none.
 constexpr double kNone = 1e-8;
 constexpr std::size_t kPosesLookedAt = 400;
+constexpr Eigen::Index kFewestEquations = 3600, kEquationsPerColumn = 4;
+constexpr Eigen::Index kTogether = 16;  // columns that one thread whitens at a time
 // A variance becomes at least and at most this share of itself in one step.
 constexpr int kStepsAfterDrop = 2;
 constexpr double kLeastShare = 0.05, kMostShare = 4.0;
@@ -27,9 +30,12 @@ struct PoseParts {
   Eigen::MatrixXd shared;              // equations × 3
 };
 
-std::vector<PoseParts> parts_of_poses(const Linearization& l) {
+// Of every `stride`-th pose.
+std::vector<PoseParts> parts_of_poses(const Linearization& l, std::size_t stride = 1) {
   std::vector<PoseParts> result;
-  for (const std::vector<std::size_t>& rows : l.poses.rows_by_pose()) {
+  const std::vector<std::vector<std::size_t>> all = l.poses.rows_by_pose();
+  for (std::size_t g = 0; g < all.size(); g += stride) {
+    const std::vector<std::size_t>& rows = all[g];
     PoseParts pose;
     std::map<int, Eigen::Index> visits;
     for (const std::size_t row : rows) {
@@ -55,7 +61,7 @@ std::vector<PoseParts> parts_of_poses(const Linearization& l) {
 }
 
 Eigen::MatrixXd covariance_of(const PoseParts& pose, const NoiseParts& parts) {
-  const auto size = static_cast<Eigen::Index>(pose.equations.size());
+  const Eigen::Index size = pose.shared.rows();
   Eigen::MatrixXd v = parts.reading * parts.reading * Eigen::MatrixXd::Identity(size, size);
   for (std::size_t k = 0; k < pose.joint.size(); ++k) {
     const double variance = k < parts.joint.size() ? parts.joint[k] * parts.joint[k] : 0.0;
@@ -66,34 +72,40 @@ Eigen::MatrixXd covariance_of(const PoseParts& pose, const NoiseParts& parts) {
   return v;
 }
 
+// L⁻¹ of the covariance LLᵀ.
+Eigen::MatrixXd inverse_root_of(const PoseParts& pose, const NoiseParts& parts) {
+  const Eigen::LLT<Eigen::MatrixXd> root(covariance_of(pose, parts));
+  return root.matrixL().solve(Eigen::MatrixXd::Identity(pose.shared.rows(), pose.shared.rows()));
+}
+
 }  // namespace
 
 PoseWhitening::PoseWhitening(const Linearization& linearization, const NoiseParts& parts) {
   for (PoseParts& pose : parts_of_poses(linearization)) {
-    const Eigen::LLT<Eigen::MatrixXd> root(covariance_of(pose, parts));
-    const auto size = static_cast<Eigen::Index>(pose.equations.size());
-    log_determinant_ += 2.0 * root.matrixLLT().diagonal().array().log().sum();
-    blocks_.push_back(
-        {std::move(pose.equations), root.matrixL().solve(Eigen::MatrixXd::Identity(size, size))});
+    blocks_.push_back({std::move(pose.equations), inverse_root_of(pose, parts)});
   }
 }
 
 void PoseWhitening::apply(Eigen::Ref<Eigen::MatrixXd> columns) const {
   std::size_t largest = 0;
   for (const Block& block : blocks_) largest = std::max(largest, block.equations.size());
-  Eigen::VectorXd own(static_cast<Eigen::Index>(largest));
-  for (Eigen::Index c = 0; c < columns.cols(); ++c) {
-    double* column = columns.col(c).data();
-    for (const Block& block : blocks_) {
-      const auto size = static_cast<Eigen::Index>(block.equations.size());
-      for (Eigen::Index e = 0; e < size; ++e)
-        own[e] = column[block.equations[static_cast<std::size_t>(e)]];
-      for (Eigen::Index e = 0; e < size; ++e) {
-        column[block.equations[static_cast<std::size_t>(e)]] =
-            block.inverse_root.row(e).head(e + 1).dot(own.head(e + 1));
+  const Eigen::Index pieces = (columns.cols() + kTogether - 1) / kTogether;
+  in_parallel(static_cast<std::size_t>(pieces), [&](std::size_t piece) {
+    Eigen::VectorXd own(static_cast<Eigen::Index>(largest));
+    const Eigen::Index first = static_cast<Eigen::Index>(piece) * kTogether;
+    for (Eigen::Index c = first; c < std::min(first + kTogether, columns.cols()); ++c) {
+      double* column = columns.col(c).data();
+      for (const Block& block : blocks_) {
+        const auto size = static_cast<Eigen::Index>(block.equations.size());
+        for (Eigen::Index e = 0; e < size; ++e)
+          own[e] = column[block.equations[static_cast<std::size_t>(e)]];
+        for (Eigen::Index e = 0; e < size; ++e) {
+          column[block.equations[static_cast<std::size_t>(e)]] =
+              block.inverse_root.row(e).head(e + 1).dot(own.head(e + 1));
+        }
       }
     }
-  }
+  });
 }
 
 NoiseParts broad_noise(const Linearization& l, const Eigen::VectorXd& residual) {
@@ -178,7 +190,7 @@ class RestrictedLikelihood {
  public:
   RestrictedLikelihood(const Linearization& l, const Eigen::MatrixXd& columns,
                        const Eigen::MatrixXd& precision, const Eigen::VectorXd& y)
-      : l_(l), precision_(precision), poses_(parts_of_poses(l)) {
+      : precision_(precision), poses_(parts_of_poses(l, stride_of(l, columns.cols()))) {
     std::vector<Eigen::Index> order;
     for (const PoseParts& pose : poses_)
       order.insert(order.end(), pose.equations.begin(), pose.equations.end());
@@ -186,11 +198,17 @@ class RestrictedLikelihood {
     y_ = y(order);
   }
 
+  // A few equations for every column tell variances to some hundredths: more would take as many
+  // times as long.
+  static std::size_t stride_of(const Linearization& l, Eigen::Index columns) {
+    const Eigen::Index wanted = std::max(kFewestEquations, kEquationsPerColumn * columns);
+    return static_cast<std::size_t>(std::max<Eigen::Index>(1, l.equations() / wanted));
+  }
+
   Score score(const NoiseParts& parts) const;
   double poses() const { return static_cast<double>(poses_.size()); }
 
  private:
-  const Linearization& l_;
   const Eigen::MatrixXd& precision_;
   std::vector<PoseParts> poses_;
   Eigen::MatrixXd across_;  // unknowns × equations
@@ -198,16 +216,16 @@ class RestrictedLikelihood {
 };
 
 Score RestrictedLikelihood::score(const NoiseParts& parts) const {
-  const PoseWhitening whitening(l_, parts);
+  std::vector<Eigen::MatrixXd> roots;
   Eigen::MatrixXd white(across_.rows(), across_.cols());
   Eigen::VectorXd left(y_.size());
   Eigen::Index at = 0;
-  for (const PoseWhitening::Block& block : whitening.blocks()) {
-    const auto size = static_cast<Eigen::Index>(block.equations.size());
-    const auto root = block.inverse_root.triangularView<Eigen::Lower>();
+  for (const PoseParts& pose : poses_) {
+    roots.push_back(inverse_root_of(pose, parts));
+    const Eigen::Index size = roots.back().rows();
     white.middleCols(at, size).noalias() =
-        across_.middleCols(at, size).lazyProduct(block.inverse_root.transpose());
-    left.segment(at, size) = root * y_.segment(at, size);
+        across_.middleCols(at, size).lazyProduct(roots.back().transpose());
+    left.segment(at, size) = roots.back().triangularView<Eigen::Lower>() * y_.segment(at, size);
     at += size;
   }
   const ScaledCholesky factor(precision_ + square_across(white));
@@ -232,8 +250,7 @@ Score RestrictedLikelihood::score(const NoiseParts& parts) const {
     const auto size = static_cast<Eigen::Index>(poses_[g].equations.size());
     const Eigen::MatrixXd free = Eigen::MatrixXd::Identity(size, size) -
                                  half.middleCols(at, size).transpose() * half.middleCols(at, size);
-    add_pose(poses_[g], parts, whitening.blocks()[g].inverse_root, free, seen.segment(at, size),
-             score);
+    add_pose(poses_[g], parts, roots[g], free, seen.segment(at, size), score);
     at += size;
   }
   return score;

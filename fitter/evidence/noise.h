@@ -27,9 +27,6 @@ class PoseWhitening {
   PoseWhitening(const Linearization& linearization, const NoiseParts& parts);
 
   void apply(Eigen::Ref<Eigen::MatrixXd> columns) const;
-  /// log |covariance|.
-  double log_determinant() const { return log_determinant_; }
-
   struct Block {
     std::vector<Eigen::Index> equations;
     Eigen::MatrixXd inverse_root;  ///< lower triangle
@@ -39,7 +36,6 @@ class PoseWhitening {
 
  private:
   std::vector<Block> blocks_;
-  double log_determinant_ = 0.0;
 };
 
 struct NoiseEffort {

@@ -10,6 +10,7 @@
 #include "fitter/evidence/conditional.h"
 #include "fitter/evidence/elimination.h"
 #include "fitter/model/observer.h"
+#include "fitter/solve/parallel.h"
 
 namespace armtrue {
 namespace {
@@ -57,6 +58,7 @@ class Sampler {
   void set(std::size_t b, const Choice& c);
   void go_to(const std::vector<Choice>& wanted);
   void line_up();
+  std::vector<Conditional> conditionals(const std::vector<std::size_t>& blocks) const;
   double best_change(std::vector<std::size_t>& looked_at, std::size_t& at, Choice& to) const;
   void climb(const std::vector<std::size_t>& allowed);
   std::vector<std::size_t> blocks_for(bool with_structure) const;
@@ -139,14 +141,22 @@ void Sampler::remember() {
   best_ = state_;
 }
 
+std::vector<Conditional> Sampler::conditionals(const std::vector<std::size_t>& blocks) const {
+  std::vector<Conditional> result(blocks.size());
+  in_parallel(blocks.size(), [&](std::size_t i) { result[i] = conditional(blocks[i]); });
+  return result;
+}
+
 // The change of one block that raises the posterior most, of those in `looked_at`; the others are
 // left out of it from now on.
 double Sampler::best_change(std::vector<std::size_t>& looked_at, std::size_t& at,
                             Choice& to) const {
   double most = kLeastRise;
   std::vector<std::size_t> promising;
-  for (const std::size_t b : looked_at) {
-    const Conditional c = conditional(b);
+  const std::vector<Conditional> all = conditionals(looked_at);
+  for (std::size_t seen = 0; seen < looked_at.size(); ++seen) {
+    const std::size_t b = looked_at[seen];
+    const Conditional& c = all[seen];
     const auto now = static_cast<std::size_t>(
         std::find(c.choices.begin(), c.choices.end(), state_[b]) - c.choices.begin());
     double rise = -std::numeric_limits<double>::infinity();
@@ -236,9 +246,14 @@ void Sampler::exchange() {
   set(gone, {});
   std::vector<double> weight{fit_term(problem_, eliminated_.squares())};
   std::vector<std::pair<std::size_t, Choice>> stands{{gone, Choice{}}};
+  std::vector<std::size_t> absent;
   for (std::size_t b = 0; b < state_.size(); ++b) {
-    if (state_[b].is_present() || block(b).costly) continue;
-    const Conditional c = conditional(b);
+    if (!state_[b].is_present() && !block(b).costly) absent.push_back(b);
+  }
+  const std::vector<Conditional> all = conditionals(absent);
+  for (std::size_t a = 0; a < absent.size(); ++a) {
+    const std::size_t b = absent[a];
+    const Conditional& c = all[a];
     for (std::size_t i = 1; i < c.choices.size(); ++i) {
       weight.push_back(c.log_weight[i]);
       stands.emplace_back(b, c.choices[i]);

@@ -8,6 +8,8 @@
 #include <numeric>
 #include <random>
 
+#include "fitter/solve/parallel.h"
+
 namespace armtrue {
 namespace {
 
@@ -107,34 +109,32 @@ std::vector<std::vector<double>> held_out_distances(const Design& design,
     metres.push_back(
         (std::sqrt(design.weights()[i]) * design.measurements().whiten_position[i]).inverse());
   }
-  std::vector<std::vector<double>> result;
-  NormalEquations own(design.unknowns());
-  for (const std::vector<int>& fold_of_row : foldings) {
-    std::vector<double>& distance =
-        result.emplace_back(design.rows(), std::numeric_limits<double>::quiet_NaN());
-    for (int fold = 0; fold < folds; ++fold) {
-      own.set_zero();
-      for (std::size_t r = 0; r < evaluated.rows.size(); ++r) {
-        if (fold_of_row[evaluated.index[r]] == fold)
-          own.add(evaluated.rows[r], design.residuals_per_row());
-      }
-      const std::vector<bool> unseen = unseen_unknowns(design, data, own);
-      const ScaledCholesky factor(total.information - own.information);
-      const Eigen::VectorXd step = -factor.solve(total.gradient - own.gradient);
-      for (std::size_t r = 0; r < evaluated.rows.size(); ++r) {
-        if (fold_of_row[evaluated.index[r]] != fold) continue;
-        const Design::Row& row = evaluated.rows[r];
-        if (std::any_of(row.unknowns.begin(), row.unknowns.end(),
-                        [&](int u) { return unseen[static_cast<std::size_t>(u)]; }))
-          continue;
-        Eigen::Vector3d change = row.residual.head<3>();
-        for (std::size_t u = 0; u < row.unknowns.size(); ++u)
-          change +=
-              row.jacobian.block<3, 1>(0, static_cast<Eigen::Index>(u)) * step[row.unknowns[u]];
-        distance[evaluated.index[r]] = (metres[r] * change).norm();
-      }
+  std::vector<std::vector<double>> result(
+      foldings.size(),
+      std::vector<double>(design.rows(), std::numeric_limits<double>::quiet_NaN()));
+  const auto each = static_cast<std::size_t>(folds);
+  in_parallel(foldings.size() * each, [&](std::size_t job) {
+    const std::vector<int>& fold_of_row = foldings[job / each];
+    std::vector<std::size_t> rows;
+    for (std::size_t r = 0; r < evaluated.rows.size(); ++r) {
+      if (fold_of_row[evaluated.index[r]] == static_cast<int>(job % each)) rows.push_back(r);
     }
-  }
+    NormalEquations own(design.unknowns());
+    for (const std::size_t r : rows) own.add(evaluated.rows[r], design.residuals_per_row());
+    const std::vector<bool> unseen = unseen_unknowns(design, data, own);
+    const ScaledCholesky factor(total.information - own.information);
+    const Eigen::VectorXd step = -factor.solve(total.gradient - own.gradient);
+    for (const std::size_t r : rows) {
+      const Design::Row& row = evaluated.rows[r];
+      if (std::any_of(row.unknowns.begin(), row.unknowns.end(),
+                      [&](int u) { return unseen[static_cast<std::size_t>(u)]; }))
+        continue;
+      Eigen::Vector3d change = row.residual.head<3>();
+      for (std::size_t u = 0; u < row.unknowns.size(); ++u)
+        change += row.jacobian.block<3, 1>(0, static_cast<Eigen::Index>(u)) * step[row.unknowns[u]];
+      result[job / each][evaluated.index[r]] = (metres[r] * change).norm();
+    }
+  });
   return result;
 }
 

@@ -1,7 +1,10 @@
 #include "fitter/solve/dense.h"
 
+#include <algorithm>
 #include <utility>
 #include <vector>
+
+#include "fitter/solve/parallel.h"
 
 extern "C" {
 void dpotrf_(const char* part, const int* size, double* matrix, const int* stride, int* info);
@@ -35,27 +38,73 @@ void be_single_threaded() {
   static_cast<void>(done);
 }
 
+// Multiplications from which a product is worth several threads, and how it is cut.
+constexpr double kWorthThreads = 2e7;
+constexpr Eigen::Index kNarrowestPanel = 64, kPanels = 8;
+
+// Calls job(first, count) for panels of `columns` columns, side by side where that pays.
+template <typename Job>
+void in_panels(Eigen::Index columns, double multiplications, const Job& job) {
+  be_single_threaded();
+  if (multiplications < kWorthThreads) {
+    if (columns > 0) job(Eigen::Index{0}, columns);
+    return;
+  }
+  const Eigen::Index panel = std::max(kNarrowestPanel, (columns + kPanels - 1) / kPanels);
+  in_parallel(static_cast<std::size_t>((columns + panel - 1) / panel), [&](std::size_t p) {
+    const Eigen::Index first = static_cast<Eigen::Index>(p) * panel;
+    job(first, std::min(panel, columns - first));
+  });
+}
+
+// c ← op(a) op(b), `depth` the length of the sums.
+void multiply(const char* turn_a, const char* turn_b, const double* a, Eigen::Index stride_a,
+              const double* b, Eigen::Index stride_b, Eigen::Index depth,
+              Eigen::Ref<Eigen::MatrixXd> c) {
+  const int rows = static_cast<int>(c.rows()), columns = static_cast<int>(c.cols());
+  const int k = static_cast<int>(depth), sa = static_cast<int>(stride_a);
+  const int sb = static_cast<int>(stride_b), sc = static_cast<int>(c.outerStride());
+  const double one = 1.0, zero = 0.0;
+  if (rows > 0 && columns > 0)
+    dgemm_(turn_a, turn_b, &rows, &columns, &k, &one, a, &sa, b, &sb, &zero, c.data(), &sc);
+}
+
+// aᵀa where `turn` is "T", aaᵀ where it is "N".
 Eigen::MatrixXd symmetric_product(const char* turn, const Eigen::Ref<const Eigen::MatrixXd>& a,
                                   Eigen::Index size, Eigen::Index depth) {
-  be_single_threaded();
   Eigen::MatrixXd result = Eigen::MatrixXd::Zero(size, size);
   if (size == 0 || depth == 0) return result;
-  const int n = static_cast<int>(size), k = static_cast<int>(depth);
-  const int stride = static_cast<int>(a.outerStride());
-  const double one = 1.0, zero = 0.0;
-  dsyrk_("L", turn, &n, &k, &one, a.data(), &stride, &zero, result.data(), &n);
+  const Eigen::Index stride = a.outerStride();
+  const bool across = *turn == 'N';
+  const auto from = [&](Eigen::Index at) { return a.data() + at * (across ? 1 : stride); };
+  const double work =
+      0.5 * static_cast<double>(size) * static_cast<double>(size) * static_cast<double>(depth);
+  in_panels(size, work, [&](Eigen::Index first, Eigen::Index count) {
+    const int n = static_cast<int>(count), k = static_cast<int>(depth);
+    const int sa = static_cast<int>(stride), sc = static_cast<int>(size);
+    const double one = 1.0, zero = 0.0;
+    dsyrk_("L", turn, &n, &k, &one, from(first), &sa, &zero, &result(first, first), &sc);
+    const Eigen::Index below = first + count;
+    if (below == size) return;
+    multiply(across ? "N" : "T", across ? "T" : "N", from(below), stride, from(first), stride,
+             depth, result.block(below, first, size - below, count));
+  });
   result.triangularView<Eigen::StrictlyUpper>() = result.transpose();
   return result;
 }
 
 void solve_triangle(const char* turn, const Eigen::MatrixXd& factor,
                     Eigen::Ref<Eigen::MatrixXd> right) {
-  be_single_threaded();
   if (right.size() == 0) return;
-  const int rows = static_cast<int>(right.rows()), columns = static_cast<int>(right.cols());
+  const int rows = static_cast<int>(right.rows());
   const int stride = static_cast<int>(right.outerStride());
   const double one = 1.0;
-  dtrsm_("L", "L", turn, "N", &rows, &columns, &one, factor.data(), &rows, right.data(), &stride);
+  const double work = 0.5 * static_cast<double>(right.size()) * static_cast<double>(rows);
+  in_panels(right.cols(), work, [&](Eigen::Index first, Eigen::Index count) {
+    const int columns = static_cast<int>(count);
+    dtrsm_("L", "L", turn, "N", &rows, &columns, &one, factor.data(), &rows,
+           right.data() + first * right.outerStride(), &stride);
+  });
 }
 
 }  // namespace
@@ -128,16 +177,13 @@ SymmetricEigen symmetric_eigen(Eigen::MatrixXd lower) {
 
 Eigen::MatrixXd transpose_times(const Eigen::Ref<const Eigen::MatrixXd>& a,
                                 const Eigen::Ref<const Eigen::MatrixXd>& b) {
-  be_single_threaded();
   Eigen::MatrixXd result = Eigen::MatrixXd::Zero(a.cols(), b.cols());
   if (result.size() == 0 || a.rows() == 0) return result;
-  const int rows = static_cast<int>(a.cols()), columns = static_cast<int>(b.cols());
-  const int depth = static_cast<int>(a.rows());
-  const int stride_a = static_cast<int>(a.outerStride());
-  const int stride_b = static_cast<int>(b.outerStride());
-  const double one = 1.0, zero = 0.0;
-  dgemm_("T", "N", &rows, &columns, &depth, &one, a.data(), &stride_a, b.data(), &stride_b, &zero,
-         result.data(), &rows);
+  const double work = static_cast<double>(result.size()) * static_cast<double>(a.rows());
+  in_panels(b.cols(), work, [&](Eigen::Index first, Eigen::Index count) {
+    multiply("T", "N", a.data(), a.outerStride(), b.data() + first * b.outerStride(),
+             b.outerStride(), a.rows(), result.middleCols(first, count));
+  });
   return result;
 }
 

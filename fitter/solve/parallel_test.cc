@@ -4,6 +4,8 @@
 
 #include <numeric>
 #include <stdexcept>
+#include <thread>
+#include <vector>
 
 namespace armtrue {
 namespace {
@@ -22,6 +24,22 @@ TEST(InParallel, ThrowsOnWhatAJobThrew) {
                              if (k == 17) throw std::runtime_error("job 17");
                            }),
                std::runtime_error);
+}
+
+TEST(InParallel, WithinAnothersJob_StaysOnItsThread) {
+  std::vector<int> strayed(8, 0);
+  in_parallel(strayed.size(), [&](std::size_t k) {
+    const std::thread::id own = std::this_thread::get_id();
+    in_parallel(100, [&](std::size_t) {
+      if (std::this_thread::get_id() != own) strayed[k] = 1;
+    });
+  });
+  EXPECT_EQ(strayed, std::vector<int>(8, 0));
+}
+
+TEST(InParallel, AfterItsJobs_LeavesTheCallersThreadFree) {
+  in_parallel(10, [](std::size_t) {});
+  EXPECT_FALSE(is_one_of_many());
 }
 
 }  // namespace
