@@ -7,6 +7,8 @@
 #include <set>
 #include <thread>
 
+#include "fitter/model/variable.h"
+#include "fitter/solve/cross_validation.h"
 #include "fitter/solve/parallel.h"
 
 namespace armtrue {
@@ -91,15 +93,38 @@ bool is_sure(const Move& move) {
   return move.added && move.added->likeliest && move.added->probability >= kSurely;
 }
 
+// Whether an effect is a function of time.
+bool runs_with_time(const EffectContext& context, const EffectRequest& request) {
+  const EffectTerms effect = build_effect(context, request);
+  return std::ranges::any_of(effect.parameters, [&](const Parameter& p) {
+    return std::ranges::any_of(p.terms, [&](const Term& term) {
+      return std::ranges::any_of(term.basis.variables(), [&](const std::string& name) {
+        const auto variable = parse_variable(name, context.joint_count());
+        return variable && variable->kind == VariableKind::kTime;
+      });
+    });
+  });
+}
+
+bool runs_with_time(const EffectContext& context, const Move& move) {
+  const auto does = [&](const EffectRequest& r) { return runs_with_time(context, r); };
+  return (move.added && does(move.added->request)) || std::ranges::any_of(move.removed, does);
+}
+
 // Held-out errors at random, in time and by region: a model is worse where their mean is, and
-// endlessly bad where nothing can be predicted.
-double held_out(const Fit& fit) {
-  double sum = 0.0;
-  for (const ErrorSummary& error : fit.held_out_errors()) {
-    if (error.count == 0 || !(error.mean > 0.0)) return std::numeric_limits<double>::infinity();
-    sum += std::log(error.mean);
+// endlessly bad where nothing can be predicted. What runs with time is not judged by predicting
+// times unlike those that it was seen at.
+double held_out(const Fit& fit, bool in_time) {
+  const std::vector<ErrorSummary>& errors = fit.held_out_errors();
+  double sum = 0.0, count = 0.0;
+  for (std::size_t folding = 0; folding < errors.size(); ++folding) {
+    if (!in_time && static_cast<Folding>(folding) == Folding::kTime) continue;
+    if (errors[folding].count == 0 || !(errors[folding].mean > 0.0))
+      return std::numeric_limits<double>::infinity();
+    sum += std::log(errors[folding].mean);
+    count += 1.0;
   }
-  return sum / static_cast<double>(fit.held_out_errors().size());
+  return sum / count;
 }
 
 // What the search said, of a model in which one of its sure effects has come in: its probabilities
@@ -184,7 +209,9 @@ void Refinement::fit_trials(std::vector<Trial>& trials) const {
 bool Refinement::accept(const Move& move, const Trial& trial) {
   tried_.insert(trial.specification.to_json().dump());
   const double worse = move.added ? kSameError : kSameWithout;
-  if (!trial.fit || held_out(*trial.fit) > held_out(*steps_.back().fit) + worse) return false;
+  const Fit& fit = *steps_.back().fit;
+  const bool in_time = !runs_with_time(fit.context(), move);
+  if (!trial.fit || held_out(*trial.fit, in_time) > held_out(fit, in_time) + worse) return false;
   show();
   const Diagnosis& before = steps_.back().diagnosis;
   Diagnosis now = move.added ? with_added(before, *move.added) : before;

@@ -5,6 +5,7 @@
 #include <map>
 #include <set>
 
+#include "fitter/evidence/prior_shapes.h"
 #include "fitter/evidence/refit.h"
 #include "fitter/solve/dense.h"
 #include "fitter/solve/parallel.h"
@@ -16,28 +17,12 @@ namespace {
 constexpr double kKindOdds = 0.03;
 // Prior odds of what the owner of the arm put into the model.
 constexpr double kBelievedOdds = 3.0;
-// Root mean square displacement of the tool that one coefficient's prior allows [m]: from what is
-// just seen to what heavy arms do. A prior that is too narrow is sure and wrong.
-const std::vector<double> kSizes{25e-6, 80e-6, 250e-6, 800e-6, 2500e-6};
-// Half a cell of the distance between a cell's two neighbours.
-constexpr double kHalfCell = 0.25;
-// A physical bound is taken for so many standard deviations of the prior.
-constexpr double kBoundIsSigmas = 2.0;
-// What real arms have of an effect (Parameter::usual) is one standard deviation.
 // A nonlinear parameter of the fit stands where it was found: its range is so many standard
 // deviations.
 constexpr double kRangeIsSigmas = 20.0;
-constexpr double kUsualIsSigmas = 1.0;
-// Correlation lengths of tables [rad or m].
-const std::vector<double> kLengths{1.0, 0.3, 0.1, 0.04};
 // A table finer than the poses lie is what each pose scatters by.
 constexpr double kPosesPerNode = 3.0;
 constexpr double kFewestNodes = 12.0, kMostNodes = 150.0, kFinestSpacing = 0.035;
-// Directions of a prior below this share of its largest variance are left out.
-constexpr double kSmallestDirection = 1e-4;
-// Blocks with more columns than this are brought to an orthonormal basis of what they span.
-constexpr Eigen::Index kWide = 16;
-constexpr double kSpanned = 1e-11;
 constexpr Eigen::Index kCostlyDirections = 12;
 
 bool is_geometry(const std::string& effect) {
@@ -48,184 +33,6 @@ bool is_geometry(const std::string& effect) {
 bool is_joint_table(const EffectRequest& request) {
   const Effect& effect = find_effect(request.effect);
   return effect.generic() && effect.joint_rule() == JointRule::kEach;
-}
-
-double largest_size(const Parameter& p) {
-  double most = std::numeric_limits<double>::infinity();
-  if (p.bound > 0.0) most = p.bound / kBoundIsSigmas;
-  if (p.usual > 0.0) most = std::min(most, p.usual * kUsualIsSigmas);
-  if (p.prior_sigma > 0.0) most = std::min(most, p.prior_sigma);
-  return most;
-}
-
-// Standard deviations of coefficients at one size, from what each moves and its physical bound.
-Eigen::VectorXd sizes_of(const EvidenceForm& form, const Eigen::VectorXd& displacement,
-                         double size) {
-  Eigen::VectorXd sigma(displacement.size());
-  for (std::size_t c = 0; c < form.like.size(); ++c) {
-    const double moves = displacement[static_cast<Eigen::Index>(form.like[c])];
-    const Parameter& p = form.block.terms.parameters[form.like[c]];
-    sigma[static_cast<Eigen::Index>(c)] =
-        moves > 0.0 ? std::min(size / moves, largest_size(p)) : 0.0;
-  }
-  return sigma;
-}
-
-// Prior shapes of a form whose columns stand at `first` of `width`.
-void add_shapes(const EvidenceForm& form, const Eigen::VectorXd& displacement, Eigen::Index first,
-                Eigen::Index width, std::vector<PriorShape>& shapes) {
-  const Eigen::Index own = displacement.size();
-  const auto shape_of = [&](const Eigen::VectorXd& sigma) {
-    PriorShape shape;
-    shape.units = sigma.asDiagonal();
-    shape.spread = Eigen::MatrixXd::Zero(width, own);
-    shape.spread.middleRows(first, own) = shape.units;
-    return shape;
-  };
-  std::vector<double> free_sizes;
-  Eigen::VectorXd last;
-  std::vector<Eigen::VectorXd> bounded;
-  for (const double size : kSizes) {
-    const Eigen::VectorXd sigma = sizes_of(form, displacement, size);
-    const bool is_free =
-        (sigma - size / kSizes.front() * sizes_of(form, displacement, kSizes.front()))
-            .cwiseAbs()
-            .maxCoeff() <= 1e-12 * sigma.cwiseAbs().maxCoeff();
-    if (is_free) {
-      free_sizes.push_back(size);
-    } else if (last.size() == 0 || (sigma - last).cwiseAbs().maxCoeff() > 0.05 * sigma.maxCoeff()) {
-      bounded.push_back(sigma);
-    }
-    last = sigma;
-  }
-  const double each =
-      form.log_prior - std::log(static_cast<double>(free_sizes.size() + bounded.size()));
-  PriorShape free_shape = shape_of(sizes_of(form, displacement, kSizes.front()));
-  for (const double size : free_sizes) {
-    free_shape.scale.push_back(size / kSizes.front());
-    free_shape.log_prior.push_back(each);
-  }
-  if (!free_sizes.empty()) shapes.push_back(std::move(free_shape));
-  for (const Eigen::VectorXd& sigma : bounded) {
-    shapes.push_back(shape_of(sigma));
-    shapes.back().scale = {1.0};
-    shapes.back().log_prior = {each};
-  }
-}
-
-// Matérn covariance of order 3/2 over the nodes of a table (a product over its axes), as its
-// leading directions. `lengths`: by axis.
-Eigen::MatrixXd smooth_directions(const Block& form, const std::vector<double>& lengths) {
-  const auto n = static_cast<Eigen::Index>(form.terms.parameters.size());
-  const auto at = [&](Eigen::Index node, std::size_t axis) {
-    const TableReference& table =
-        *form.terms.parameters[static_cast<std::size_t>(node)].terms.front().table;
-    return table.axes[axis].nodes[static_cast<std::size_t>(table.index[axis])];
-  };
-  Eigen::MatrixXd covariance = Eigen::MatrixXd::Ones(n, n);
-  for (std::size_t axis = 0; axis < lengths.size(); ++axis) {
-    for (Eigen::Index a = 0; a < n; ++a) {
-      for (Eigen::Index b = 0; b < n; ++b) {
-        const double z = std::sqrt(3.0) * std::abs(at(a, axis) - at(b, axis)) / lengths[axis];
-        covariance(a, b) *= (1.0 + z) * std::exp(-z);
-      }
-    }
-  }
-  const SymmetricEigen eigen = symmetric_eigen(std::move(covariance));
-  const double least = kSmallestDirection * eigen.values.maxCoeff();
-  const Eigen::Index kept = (eigen.values.array() > least).count();
-  return eigen.vectors.rightCols(kept) * eigen.values.tail(kept).cwiseSqrt().asDiagonal();
-}
-
-// Correlation lengths that a table's nodes can resolve: absolute ones on a joint, shares of the
-// range elsewhere.
-std::vector<std::vector<double>> lengths_of(const TableReference& table, bool is_joint) {
-  std::vector<std::vector<double>> result;
-  for (const double length : kLengths) {
-    std::vector<double> lengths;
-    for (const TableReference::Axis& axis : table.axes) {
-      const double range = axis.nodes.back() - axis.nodes.front();
-      const double spacing = range / static_cast<double>(axis.nodes.size() - 1);
-      const double own = is_joint ? length : length * range;
-      if (own > 0.8 * spacing) lengths.push_back(own);
-    }
-    if (lengths.size() == table.axes.size()) result.push_back(std::move(lengths));
-  }
-  return result;
-}
-
-void add_table_shapes(const Block& form, bool is_joint, const Eigen::MatrixXd& columns,
-                      const Linearization& l, std::vector<PriorShape>& shapes) {
-  const TableReference& table = *form.terms.parameters.front().terms.front().table;
-  const std::vector<std::vector<double>> lengths = lengths_of(table, is_joint);
-  // A table of one unit at every node moves the tool as its coordinate does.
-  const double reach = l.displacement(columns.rowwise().sum());
-  if (reach <= 0.0) return;
-  for (const std::vector<double>& own : lengths) {
-    PriorShape shape;
-    shape.units = smooth_directions(form, own) / reach;
-    shape.spread = shape.units;
-    for (const double size : kSizes) {
-      shape.scale.push_back(size);
-      shape.log_prior.push_back(-std::log(static_cast<double>(kSizes.size() * lengths.size())));
-    }
-    shapes.push_back(std::move(shape));
-  }
-}
-
-// Coefficients that physics gives a sign.
-std::vector<SignRule> signs_of(const EvidenceForm& form) {
-  std::vector<SignRule> result;
-  const auto width = static_cast<Eigen::Index>(form.block.terms.parameters.size());
-  for (Eigen::Index c = 0; c < width; ++c) {
-    const Parameter& p = form.block.terms.parameters[static_cast<std::size_t>(c)];
-    if (p.sign != 0) result.push_back({p.sign * Eigen::VectorXd::Unit(width, c), p.sign_doubt});
-  }
-  return result;
-}
-
-// What an effect that carries a load gives, against that load over the campaign.
-std::vector<Carrying> carrying_of(const EvidenceForm& form, const Fit& fit) {
-  const State& state = fit.state();
-  const auto load = find_effect(form.block.request.effect).carries();
-  if (!load || !state.computes_torque()) return {};
-  const std::vector<double>& torque = state.column(load->torque);
-  const auto rows = static_cast<Eigen::Index>(torque.size());
-  const Eigen::Map<const Eigen::VectorXd> against(torque.data(), rows);
-  if (against.norm() <= 0.0) return {};
-  Eigen::MatrixXd gives =
-      Eigen::MatrixXd::Zero(rows, static_cast<Eigen::Index>(form.block.terms.parameters.size()));
-  for (Eigen::Index c = 0; c < static_cast<Eigen::Index>(form.own); ++c) {
-    const Parameter& p = form.block.terms.parameters[static_cast<std::size_t>(c)];
-    if (p.terms.empty()) continue;
-    const std::vector<double> basis = p.terms.front().basis.evaluate(
-        state.rows(),
-        [&](const std::string& name) -> const std::vector<double>& { return state.column(name); });
-    gives.col(c) = Eigen::Map<const Eigen::VectorXd>(basis.data(), rows);
-  }
-  double softness = 0.0;  // of the spring that the same load bends
-  for (const Parameter& p : fit.model().parameters) {
-    const Term& term = p.terms.front();
-    if (term.coordinate == form.block.terms.parameters.front().terms.front().coordinate &&
-        term.basis.to_string() == load->torque)
-      softness += std::abs(p.value);
-  }
-  return {{gives.transpose() * against / against.norm(), gives.transpose() * gives,
-           softness * against.norm()}};
-}
-
-// Brings wide blocks to an orthonormal basis of what their columns span.
-Eigen::MatrixXd compress(const Eigen::MatrixXd& columns, std::vector<PriorShape>& shapes) {
-  if (columns.cols() <= kWide) return columns;
-  const Eigen::VectorXd norm = columns.colwise().norm().cwiseMax(1e-300);
-  const Eigen::MatrixXd unit = columns * norm.cwiseInverse().asDiagonal();
-  const SymmetricEigen eigen = symmetric_eigen(square(unit));
-  const Eigen::Index kept = (eigen.values.array() > kSpanned * eigen.values.maxCoeff()).count();
-  const Eigen::MatrixXd vectors = eigen.vectors.rightCols(kept);
-  const Eigen::VectorXd root = eigen.values.tail(kept).cwiseSqrt();
-  for (PriorShape& shape : shapes)
-    shape.spread = root.asDiagonal() * (vectors.transpose() * (norm.asDiagonal() * shape.spread));
-  return unit * vectors * root.cwiseInverse().asDiagonal();
 }
 
 class Builder {
@@ -547,123 +354,6 @@ std::vector<EvidenceBlock> evidence_blocks(Fit& fit, const Linearization& linear
 EvidenceModel make_evidence_model(Fit& fit, const Linearization& linearization,
                                   std::vector<EvidenceBlock> blocks) {
   return Builder(fit, linearization).build(std::move(blocks));
-}
-
-namespace {
-
-// The neighbours of an option's value on a block's grid.
-std::pair<double, double> neighbours(const EvidenceBlock& block, const std::string& option,
-                                     double at) {
-  double below = -std::numeric_limits<double>::infinity();
-  double above = std::numeric_limits<double>::infinity();
-  for (const EvidenceForm& form : block.forms) {
-    const double value = form.block.request.options[option];
-    if (value < at) below = std::max(below, value);
-    if (value > at) above = std::min(above, value);
-  }
-  if (!std::isfinite(below)) below = at;
-  if (!std::isfinite(above)) above = at;
-  return {below, above};
-}
-
-std::vector<std::string> numeric_options(const EffectRequest& request) {
-  std::vector<std::string> result;
-  for (const std::string& option : find_effect(request.effect).searched_options()) {
-    if (request.options.contains(option) && request.options[option].is_number())
-      result.push_back(option);
-  }
-  return result;
-}
-
-// The form of a block at other values of an option: from its grid where it stands there.
-Block form_at(const EffectContext& context, const EvidenceBlock& block, EffectRequest request,
-              const std::string& option, double value) {
-  request.options[option] = value;
-  for (const EvidenceForm& form : block.forms) {
-    if (form.block.request.options != request.options) continue;
-    Block own = form.block;
-    own.terms.parameters.resize(form.own);
-    return own;
-  }
-  return make_block(context, request);
-}
-
-// What a form changes by while its nonlinear parameters move from the middle of their cells to the
-// edge.
-void add_slopes(const EffectContext& context, const EvidenceBlock& block, EvidenceForm& form) {
-  for (const std::string& option : numeric_options(form.block.request)) {
-    const double at = form.block.request.options[option];
-    const auto [below, above] = neighbours(block, option, at);
-    if (!(above > below)) continue;
-    const Block lower = form_at(context, block, form.block.request, option, below);
-    const Block upper = form_at(context, block, form.block.request, option, above);
-    for (std::size_t c = 0; c < form.own; ++c) {
-      Parameter slope = upper.terms.parameters[c];
-      slope.sign = 0;
-      for (Term& term : slope.terms) term.weight *= kHalfCell;
-      for (Term term : lower.terms.parameters[c].terms) {
-        term.weight *= -kHalfCell;
-        slope.terms.push_back(std::move(term));
-      }
-      form.block.terms.parameters.push_back(std::move(slope));
-      form.like.push_back(c);
-    }
-  }
-}
-
-}  // namespace
-
-EvidenceForm::EvidenceForm(Block b) : block(std::move(b)), own(block.terms.parameters.size()) {
-  for (std::size_t c = 0; c < own; ++c) like.push_back(c);
-}
-
-void add_all_slopes(const EffectContext& context, std::vector<EvidenceBlock>& blocks) {
-  for (EvidenceBlock& block : blocks) {
-    if (block.forms.size() < 2) continue;
-    for (EvidenceForm& form : block.forms) {
-      form.log_prior = -std::log(static_cast<double>(block.forms.size()));
-      add_slopes(context, block, form);
-    }
-  }
-}
-
-void refine_forms(const Fit& fit, std::vector<EvidenceBlock>& blocks, const SearchResult& search) {
-  for (std::size_t b = 0; b < blocks.size(); ++b) {
-    EvidenceBlock& block = blocks[b];
-    if (block.forms.size() < 2) continue;
-    const auto shape = static_cast<std::size_t>(search.shape[b]);
-    const EvidenceForm best =
-        block.forms[static_cast<std::size_t>(block.search.shapes[shape].form)];
-    std::vector<EffectRequest> near{best.block.request};
-    for (const std::string& option : numeric_options(best.block.request)) {
-      const double at = best.block.request.options[option];
-      const auto [below, above] = neighbours(block, option, at);
-      std::vector<EffectRequest> more;
-      for (const EffectRequest& request : near) {
-        for (const double value : {0.5 * (at + below), at, 0.5 * (at + above)}) {
-          more.push_back(request);
-          more.back().options[option] = value;
-        }
-      }
-      near = std::move(more);
-    }
-    std::vector<EvidenceForm> finer;
-    const double halved = std::log(2.0) * static_cast<double>(numeric_options(near[0]).size());
-    for (const EffectRequest& request : near) {
-      finer.emplace_back(make_block(fit.context(), request));
-      finer.back().log_prior = best.log_prior - halved;
-    }
-    // The cell that is refined is now made of finer ones.
-    std::erase_if(block.forms, [&](const EvidenceForm& form) {
-      return form.block.request.options == best.block.request.options;
-    });
-    const std::size_t first = block.forms.size();
-    std::move(finer.begin(), finer.end(), std::back_inserter(block.forms));
-    for (std::size_t f = first; f < block.forms.size(); ++f)
-      add_slopes(fit.context(), block, block.forms[f]);
-    block.columns.resize(0, 0);
-    block.search = SearchBlock{};
-  }
 }
 
 std::vector<EffectRequest> removable_effects(const Fit& fit) {

@@ -1,0 +1,207 @@
+#include "fitter/evidence/prior_shapes.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "fitter/solve/dense.h"
+
+namespace armtrue {
+namespace {
+
+// Root mean square displacement of the tool that one coefficient's prior allows [m]: from what is
+// just seen to what heavy arms do. A prior that is too narrow is sure and wrong.
+const std::vector<double> kSizes{25e-6, 80e-6, 250e-6, 800e-6, 2500e-6};
+// A physical bound is taken for so many standard deviations of the prior.
+constexpr double kBoundIsSigmas = 2.0;
+// What real arms have of an effect (Parameter::usual) is one standard deviation.
+constexpr double kUsualIsSigmas = 1.0;
+// Correlation lengths of tables [rad or m].
+const std::vector<double> kLengths{1.0, 0.3, 0.1, 0.04};
+// Directions of a prior below this share of its largest variance are left out.
+constexpr double kSmallestDirection = 1e-4;
+// Blocks with more columns than this are brought to an orthonormal basis of what they span.
+constexpr Eigen::Index kWide = 16;
+constexpr double kSpanned = 1e-11;
+
+double largest_size(const Parameter& p) {
+  double most = std::numeric_limits<double>::infinity();
+  if (p.bound > 0.0) most = p.bound / kBoundIsSigmas;
+  if (p.usual > 0.0) most = std::min(most, p.usual * kUsualIsSigmas);
+  if (p.prior_sigma > 0.0) most = std::min(most, p.prior_sigma);
+  return most;
+}
+
+// Standard deviations of coefficients at one size, from what each moves and its physical bound.
+Eigen::VectorXd sizes_of(const EvidenceForm& form, const Eigen::VectorXd& displacement,
+                         double size) {
+  Eigen::VectorXd sigma(displacement.size());
+  for (std::size_t c = 0; c < form.like.size(); ++c) {
+    const double moves = displacement[static_cast<Eigen::Index>(form.like[c])];
+    const Parameter& p = form.block.terms.parameters[form.like[c]];
+    sigma[static_cast<Eigen::Index>(c)] =
+        moves > 0.0 ? std::min(size / moves, largest_size(p)) : 0.0;
+  }
+  return sigma;
+}
+
+}  // namespace
+
+void add_shapes(const EvidenceForm& form, const Eigen::VectorXd& displacement, Eigen::Index first,
+                Eigen::Index width, std::vector<PriorShape>& shapes) {
+  const Eigen::Index own = displacement.size();
+  const auto shape_of = [&](const Eigen::VectorXd& sigma) {
+    PriorShape shape;
+    shape.units = sigma.asDiagonal();
+    shape.spread = Eigen::MatrixXd::Zero(width, own);
+    shape.spread.middleRows(first, own) = shape.units;
+    return shape;
+  };
+  std::vector<double> free_sizes;
+  Eigen::VectorXd last;
+  std::vector<Eigen::VectorXd> bounded;
+  for (const double size : kSizes) {
+    const Eigen::VectorXd sigma = sizes_of(form, displacement, size);
+    const bool is_free =
+        (sigma - size / kSizes.front() * sizes_of(form, displacement, kSizes.front()))
+            .cwiseAbs()
+            .maxCoeff() <= 1e-12 * sigma.cwiseAbs().maxCoeff();
+    if (is_free) {
+      free_sizes.push_back(size);
+    } else if (last.size() == 0 || (sigma - last).cwiseAbs().maxCoeff() > 0.05 * sigma.maxCoeff()) {
+      bounded.push_back(sigma);
+    }
+    last = sigma;
+  }
+  const double each =
+      form.log_prior - std::log(static_cast<double>(free_sizes.size() + bounded.size()));
+  PriorShape free_shape = shape_of(sizes_of(form, displacement, kSizes.front()));
+  for (const double size : free_sizes) {
+    free_shape.scale.push_back(size / kSizes.front());
+    free_shape.log_prior.push_back(each);
+  }
+  if (!free_sizes.empty()) shapes.push_back(std::move(free_shape));
+  for (const Eigen::VectorXd& sigma : bounded) {
+    shapes.push_back(shape_of(sigma));
+    shapes.back().scale = {1.0};
+    shapes.back().log_prior = {each};
+  }
+}
+
+namespace {
+
+// Matérn covariance of order 3/2 over the nodes of a table (a product over its axes), as its
+// leading directions. `lengths`: by axis.
+Eigen::MatrixXd smooth_directions(const Block& form, const std::vector<double>& lengths) {
+  const auto n = static_cast<Eigen::Index>(form.terms.parameters.size());
+  const auto at = [&](Eigen::Index node, std::size_t axis) {
+    const TableReference& table =
+        *form.terms.parameters[static_cast<std::size_t>(node)].terms.front().table;
+    return table.axes[axis].nodes[static_cast<std::size_t>(table.index[axis])];
+  };
+  Eigen::MatrixXd covariance = Eigen::MatrixXd::Ones(n, n);
+  for (std::size_t axis = 0; axis < lengths.size(); ++axis) {
+    for (Eigen::Index a = 0; a < n; ++a) {
+      for (Eigen::Index b = 0; b < n; ++b) {
+        const double z = std::sqrt(3.0) * std::abs(at(a, axis) - at(b, axis)) / lengths[axis];
+        covariance(a, b) *= (1.0 + z) * std::exp(-z);
+      }
+    }
+  }
+  const SymmetricEigen eigen = symmetric_eigen(std::move(covariance));
+  const double least = kSmallestDirection * eigen.values.maxCoeff();
+  const Eigen::Index kept = (eigen.values.array() > least).count();
+  return eigen.vectors.rightCols(kept) * eigen.values.tail(kept).cwiseSqrt().asDiagonal();
+}
+
+// Correlation lengths that a table's nodes can resolve: absolute ones on a joint, shares of the
+// range elsewhere.
+std::vector<std::vector<double>> lengths_of(const TableReference& table, bool is_joint) {
+  std::vector<std::vector<double>> result;
+  for (const double length : kLengths) {
+    std::vector<double> lengths;
+    for (const TableReference::Axis& axis : table.axes) {
+      const double range = axis.nodes.back() - axis.nodes.front();
+      const double spacing = range / static_cast<double>(axis.nodes.size() - 1);
+      const double own = is_joint ? length : length * range;
+      if (own > 0.8 * spacing) lengths.push_back(own);
+    }
+    if (lengths.size() == table.axes.size()) result.push_back(std::move(lengths));
+  }
+  return result;
+}
+
+}  // namespace
+
+void add_table_shapes(const Block& form, bool is_joint, const Eigen::MatrixXd& columns,
+                      const Linearization& l, std::vector<PriorShape>& shapes) {
+  const TableReference& table = *form.terms.parameters.front().terms.front().table;
+  const std::vector<std::vector<double>> lengths = lengths_of(table, is_joint);
+  // A table of one unit at every node moves the tool as its coordinate does.
+  const double reach = l.displacement(columns.rowwise().sum());
+  if (reach <= 0.0) return;
+  for (const std::vector<double>& own : lengths) {
+    PriorShape shape;
+    shape.units = smooth_directions(form, own) / reach;
+    shape.spread = shape.units;
+    for (const double size : kSizes) {
+      shape.scale.push_back(size);
+      shape.log_prior.push_back(-std::log(static_cast<double>(kSizes.size() * lengths.size())));
+    }
+    shapes.push_back(std::move(shape));
+  }
+}
+
+std::vector<SignRule> signs_of(const EvidenceForm& form) {
+  std::vector<SignRule> result;
+  const auto width = static_cast<Eigen::Index>(form.block.terms.parameters.size());
+  for (Eigen::Index c = 0; c < width; ++c) {
+    const Parameter& p = form.block.terms.parameters[static_cast<std::size_t>(c)];
+    if (p.sign != 0) result.push_back({p.sign * Eigen::VectorXd::Unit(width, c), p.sign_doubt});
+  }
+  return result;
+}
+
+std::vector<Carrying> carrying_of(const EvidenceForm& form, const Fit& fit) {
+  const State& state = fit.state();
+  const auto load = find_effect(form.block.request.effect).carries();
+  if (!load || !state.computes_torque()) return {};
+  const std::vector<double>& torque = state.column(load->torque);
+  const auto rows = static_cast<Eigen::Index>(torque.size());
+  const Eigen::Map<const Eigen::VectorXd> against(torque.data(), rows);
+  if (against.norm() <= 0.0) return {};
+  Eigen::MatrixXd gives =
+      Eigen::MatrixXd::Zero(rows, static_cast<Eigen::Index>(form.block.terms.parameters.size()));
+  for (Eigen::Index c = 0; c < static_cast<Eigen::Index>(form.own); ++c) {
+    const Parameter& p = form.block.terms.parameters[static_cast<std::size_t>(c)];
+    if (p.terms.empty()) continue;
+    const std::vector<double> basis = p.terms.front().basis.evaluate(
+        state.rows(),
+        [&](const std::string& name) -> const std::vector<double>& { return state.column(name); });
+    gives.col(c) = Eigen::Map<const Eigen::VectorXd>(basis.data(), rows);
+  }
+  double softness = 0.0;  // of the spring that the same load bends
+  for (const Parameter& p : fit.model().parameters) {
+    const Term& term = p.terms.front();
+    if (term.coordinate == form.block.terms.parameters.front().terms.front().coordinate &&
+        term.basis.to_string() == load->torque)
+      softness += std::abs(p.value);
+  }
+  return {{gives.transpose() * against / against.norm(), gives.transpose() * gives,
+           softness * against.norm()}};
+}
+
+Eigen::MatrixXd compress(const Eigen::MatrixXd& columns, std::vector<PriorShape>& shapes) {
+  if (columns.cols() <= kWide) return columns;
+  const Eigen::VectorXd norm = columns.colwise().norm().cwiseMax(1e-300);
+  const Eigen::MatrixXd unit = columns * norm.cwiseInverse().asDiagonal();
+  const SymmetricEigen eigen = symmetric_eigen(square(unit));
+  const Eigen::Index kept = (eigen.values.array() > kSpanned * eigen.values.maxCoeff()).count();
+  const Eigen::MatrixXd vectors = eigen.vectors.rightCols(kept);
+  const Eigen::VectorXd root = eigen.values.tail(kept).cwiseSqrt();
+  for (PriorShape& shape : shapes)
+    shape.spread = root.asDiagonal() * (vectors.transpose() * (norm.asDiagonal() * shape.spread));
+  return unit * vectors * root.cwiseInverse().asDiagonal();
+}
+
+}  // namespace armtrue
