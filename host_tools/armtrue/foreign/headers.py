@@ -21,7 +21,7 @@ _AXIS = re.compile(r"^(.*?)(?<![a-z])(r?)([xyz])(?![a-z])(.*)$", re.IGNORECASE)
 _ANGLES = (("roll", "pitch", "yaw"), ("a", "b", "c"), ("w", "p", "r"), ("rx", "ry", "rz"))
 _QUATERNIONS = (("qw", "qx", "qy", "qz"), ("quat_w", "quat_x", "quat_y", "quat_z"), ("q0", "q1", "q2", "q3"))
 _WORDS = {
-    "payload": re.compile(r"payload|^load|last_?kg|tool_?mass", re.IGNORECASE),
+    "payload": re.compile(r"payload|^load|^(?:nutz|trag)?last(?:_?kg)?$|tool_?mass", re.IGNORECASE),
     "time": re.compile(r"^t$|time|zeit|stamp|date|datum|uhr", re.IGNORECASE),
     "repeat": re.compile(r"^rep|repeat|repetition|wdh|wiederhol", re.IGNORECASE),
     "target": re.compile(r"target|smr|reflector|prism|ball_?id", re.IGNORECASE),

@@ -179,33 +179,9 @@ def _sheet(
     )
     if first is None:
         raise InputError(f"{path}: found no row of numbers, expected a table of measurements")
-    above = [at for at in range(first) if len(cells[at]) >= width - 1 or len(cells[at]) == width]
-    units: dict[str, str] = {}
-    if not above:
-        header, header_row = [str(k) for k in range(1, width + 1)], 0
-    else:
-        with_units = len(above) > 1 and all(
-            not cell or unit_of(cell) or cell == "-" for cell in cells[above[-1]]
-        )
-        at = above[-2] if with_units else above[-1]
-        header, header_row = [*cells[at], *[""] * (width - len(cells[at]))], numbers[at]
-        if with_units:
-            units = {
-                name: unit
-                for name, cell in zip(header, cells[above[-1]], strict=False)
-                if (unit := unit_of(cell))
-            }
-            direct = False
-    header = [name or f"column {k}" for k, name in enumerate(header, start=1)]
-    repeated = next((name for name, count in Counter(header).items() if count > 1), None)
-    if repeated is not None:
-        raise InputError(f"{path} header: found column '{repeated}' a second time, expected it once")
-    for name in header:
-        unit = split_unit(name)[1]
-        if unit and name not in units:
-            units[name] = unit
+    header, units, header_row, plain = _header(path, cells[:first], numbers, width)
     rows = [(row, n) for row, n in zip(cells[first:], numbers[first:], strict=True) if len(row) == width]
-    direct = direct and len(rows) == len(cells) - first
+    direct = direct and plain and len(rows) == len(cells) - first
     return Sheet(
         path,
         header,
@@ -218,6 +194,49 @@ def _sheet(
         header_row,
         direct,
     )
+
+
+def _header(
+    path: Path, above: list[list[str]], numbers: list[int], width: int
+) -> tuple[list[str], dict[str, str], int, bool]:
+    """Names of the columns, their units, the file's line of the names, and whether they stand in that line alone.
+
+    `above`: the rows before the first row of numbers.
+    """
+    wide = [at for at, row in enumerate(above) if len(row) >= width - 1]
+    if not wide:
+        return [str(k) for k in range(1, width + 1)], {}, 0, True
+    with_units = len(wide) > 1 and all(not cell or unit_of(cell) or cell == "-" for cell in above[wide[-1]])
+    at = wide[-2] if with_units else wide[-1]
+    header = _filled(above[at], width)
+    plain = not with_units
+    if at > 0 and _repeated(header):
+        header, plain = _grouped(_filled(above[at - 1], width), header), False
+    header = [name or f"column {k}" for k, name in enumerate(header, start=1)]
+    if repeated := _repeated(header):
+        raise InputError(f"{path} header: found column '{repeated}' a second time, expected it once")
+    stated = [unit_of(cell) for cell in _filled(above[wide[-1]], width)] if with_units else []
+    units = {name: unit for name, unit in zip(header, stated, strict=False) if unit}
+    units |= {name: unit for name in header if (unit := split_unit(name)[1]) and name not in units}
+    return header, units, numbers[at], plain
+
+
+def _filled(row: list[str], width: int) -> list[str]:
+    return [*row, *[""] * width][:width]
+
+
+def _repeated(header: list[str]) -> str | None:
+    return next((name for name, count in Counter(header).items() if name and count > 1), None)
+
+
+def _grouped(groups: list[str], header: list[str]) -> list[str]:
+    """Names that stand more than once, each behind the last word of the row above that is not right of it."""
+    often = {name for name, count in Counter(header).items() if count > 1}
+    found, group = [], ""
+    for word, name in zip(groups, header, strict=True):
+        group = word or group
+        found.append(f"{group} {name}".strip() if name in often and name else name)
+    return found
 
 
 def _workbook(path: Path) -> list[list[str]]:
