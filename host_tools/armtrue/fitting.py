@@ -221,7 +221,6 @@ def fit(
     """
     if not 2 <= folds <= 100:
         raise InputError(f"--folds: found {folds}, expected 2 to 100")
-    refuse_too_few_poses(data.file, data.joints)
     specification = {"effects": model.effects, "parameters": model.parameters, "priors": model.priors}
     options: dict[str, Any] = {"folds": folds, "seed": seed, "instrument": model.instrument}
     try:
@@ -313,6 +312,7 @@ def _finish(
     options: dict[str, Any],
     progress: Progress | None,
 ) -> Fit:
+    refuse_too_few_poses(data.file, data.joints)
     core = _run(data, robot, specification, options, progress)
     return _document(core, data, robot, specification, options)
 

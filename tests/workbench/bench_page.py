@@ -66,6 +66,10 @@ class Page:
         """Press one of the buttons above and wait for what it says."""
         self.after(self.button(name).click)
 
+    def press_plan(self) -> str:
+        """Press Plan poses, and return what the page then says."""
+        return self.after(self.one("main button", "button", "Plan poses").click)
+
     def after(self, act: Callable[[], None]) -> str:
         """Do something, and return what the page then says of the error."""
         before = self.status()

@@ -12,6 +12,7 @@ from armtrue.io.model import check_effect
 from armtrue.workbench.beside import planned_between
 from armtrue.workbench.compensator import Device
 from armtrue.workbench.further import Result, compared, joined, rows_between
+from armtrue.workbench.left_out import error_there, said_there
 from armtrue.workbench.names import change_words, model_entry
 from armtrue.workbench.outputs import make
 from armtrue.workbench.poses import planned
@@ -123,7 +124,9 @@ def _compare(engine: Engine, _words: Entry) -> None:
 
 def _join(engine: Engine, _words: Entry) -> None:
     opened = joined(engine.session.fit_of(engine.session.at), engine.drop, engine.tell)
+    before = engine.session
     engine.begin(opened)
+    before.keep({"joined": str(opened.files[0])})
     engine.drop.forget()
     engine.said = f"{opened.notes[0]}. {engine.session.node.said}"
 
@@ -274,10 +277,13 @@ def node_of(
         len(session.nodes), before.number if before else None, effects, added, removed, out,
         fit.document["error"], floor, verdict, change, "",
     )  # fmt: skip
+    node.left_out_error = error_there(fit, session.data, out)
     upper = change[0].upper() + change[1:]
     node.said = (
         f"{upper}. {fall_words(before.mean_um, node.mean_um)}" if before else first_words(node.mean_um)
     )
+    if out:
+        node.said = f"{node.said} {said_there(node)}"
     return node
 
 

@@ -58,6 +58,17 @@ class Drop:
         """Begin anew; the files stay where they are."""
         self.names, self.guess = [], None
 
+    def as_json(self) -> dict[str, Any]:
+        """Which files wait, for the session's file."""
+        return {"folder": str(self.folder), "names": self.names}
+
+    def go_on(self, kept: dict[str, Any]) -> None:
+        """Go on with the files that waited when `as_json` was asked, those that are still there."""
+        folder = Path(kept["folder"])
+        names = [str(name) for name in kept["names"] if (folder / str(name)).is_file()]
+        if names:
+            self.folder, self.names, self.guess = folder, names, None
+
     def open(self, words: dict[str, Any]) -> Opened | None:
         """Open what was dropped; None where guesses are to be looked at first.
 

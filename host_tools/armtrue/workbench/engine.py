@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import logging
 import threading
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from armtrue.errors import InputError
+from armtrue.io import load_data
 from armtrue.progress import Progress
 from armtrue.workbench.actions import BESIDE_A_DIAGNOSIS, WORK, node_of
 from armtrue.workbench.background import FAULT, Background, CancelledError, Task
@@ -91,15 +93,39 @@ class Engine:
             raise InputError(f"--session: found a file '{place}', expected a folder")
         session = None if new else load_session(place, key, opened.data)
         if session:
+            session, opened = _joined_since(session, opened)
             said = f"The session is gone on with. {session.node.said}"
         else:
             session = self._begun(opened, Session(place, key, opened.data), progress)
             said = session.node.said
         self.background.stop()
-        self._session, self.said, self.notes, self.result = session, said, opened.notes, None
+        self._session, self.said, self.notes = session, said, opened.notes
+        self._go_on(session.beside)
         self.title = str(opened.robot.spec.get("name", "robot"))
         self.about = f"{opened.data.file.name}: {opened.data.count} measurements"
         self._diagnose()
+
+    def _go_on(self, beside: Entry) -> None:
+        """Take up what the session's file holds beside the tree, where that is as it was written."""
+        self.result = None
+        try:
+            if beside.get("result"):
+                self.result = Result.of_json(beside["result"])
+            if beside.get("dropped"):
+                self.drop.go_on(beside["dropped"])
+        except (KeyError, TypeError, AttributeError):
+            self.notes = [*self.notes, "What was planned or dropped last could not be read again."]
+
+    def _keep(self) -> None:
+        """Have the session's file hold all that the page shows."""
+        if self._session is None:
+            return
+        result = self.result.as_json() if self.result else None
+        dropped = self.drop.as_json() if self.drop.names else None
+        try:
+            self._session.keep({"result": result, "dropped": dropped})
+        except (OSError, InputError) as error:
+            self.failure = f"{self._session.folder}: the session cannot be kept ({error})"
 
     def _begun(self, opened: Opened, session: Session, progress: Progress | None) -> Session:
         """A session with the fits of `opened`, steps of one calibration one below the other."""
@@ -137,6 +163,7 @@ class Engine:
         self.drop.take(name, content)
         self.failure = ""
         self.said = f"{name} is here. Choose more files, or press Open."
+        self._keep()
         self.announce()
 
     def wait(self, version: int, seconds: float) -> int:
@@ -180,6 +207,7 @@ class Engine:
             logging.getLogger(__name__).exception("an action failed")
             self.failure = FAULT
         finally:
+            self._keep()
             self._diagnose()
             with self.changed:
                 self.task = None
@@ -194,3 +222,17 @@ class Engine:
         self.announce()  # the page has the new figures while the diagnosis is worked out
         if at_once:
             self.background.wait(_AT_ONCE_S)
+
+
+def _joined_since(session: Session, opened: Opened) -> tuple[Session, Opened]:
+    """The session in which further measurements joined those of `session`, with its files; itself where none did."""
+    path = Path(str(session.beside.get("joined") or ""))
+    if not path.is_file():
+        return session, opened
+    data = load_data(path, opened.robot)
+    key = key_of([path])
+    went_on = load_session(default_folder(key), key, data)
+    if went_on is None:
+        return session, opened
+    note = f"{path.name}: measurements joined since; --new begins with {opened.data.file.name} alone"
+    return went_on, replace(opened, data=data, files=[path], notes=[*opened.notes, note])

@@ -31,6 +31,23 @@ class Result:
     said: str
     made: Made | None = None
 
+    def as_json(self) -> dict[str, Any]:
+        """For the session's file. Files of results are text."""
+        made = self.made and {
+            "name": self.made.name,
+            "kind": self.made.kind,
+            "text": self.made.content.decode(),
+        }
+        return {"shown": str(self.shown), "said": self.said, "made": made}
+
+    @staticmethod
+    def of_json(kept: dict[str, Any]) -> Result:
+        """What `as_json` gave. Errors: KeyError, TypeError where it is something else."""
+        made = kept["made"] and Made(
+            kept["made"]["name"], kept["made"]["text"].encode(), kept["made"]["kind"]
+        )
+        return Result(Markup(kept["shown"]), str(kept["said"]), made or None)
+
 
 def rows_between(fit: Fit, words: dict[str, Any]) -> list[int]:
     """Rows of the file where a variable lies between two values, ends included. Errors: InputError where none does."""

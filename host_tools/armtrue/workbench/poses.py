@@ -43,6 +43,11 @@ def planned(
     shown = tag(
         "div",
         [tag("p", sentence) for sentence in sentences],
+        tag(
+            "p",
+            tag("a", "poses.csv", href="file?name=result", download="poses.csv"),
+            ": all of them, to run.",
+        ),
         tag("figure", picture, tag("figcaption", said)),
         tag("div", table, class_="scroll", tabindex="0", role="region", aria_label="Planned poses"),
     )

@@ -159,8 +159,9 @@ class _Handler(BaseHTTPRequestHandler):
     def _swaps(self, words: dict[str, str]) -> None:
         self._html(swaps(self.server.engine.session, words.get("effect", "")))
 
-    def _file(self, _words: dict[str, str]) -> None:
-        made = self.server.engine.made
+    def _file(self, words: dict[str, str]) -> None:
+        engine = self.server.engine
+        made = engine.result.made if words.get("name") == "result" and engine.result else engine.made
         if made is None:
             raise InputError("file: found none that was made, expected Export or Report to be pressed first")
         name = quote(made.name)

@@ -31,8 +31,9 @@ class Node:
     """One model of the tree: what it changed against its parent, its error, and what the person called it.
 
     `effects`, `added`, `removed`: entries of model.yaml. `left_out`: rows of the file that the person marked as wrong.
-    `error`: as in fit.json. `verdict`: None until the model is diagnosed. `said`: the sentence about the error.
-    `redo`: the child that Redo goes to.
+    `error`: as in fit.json. `verdict`: None until the model is diagnosed. `said`: the sentence about the error. `redo`:
+    the child that Redo goes to. `left_out_error`: the error of the prediction at the rows left out, None where there
+    are none.
     """
 
     number: int
@@ -48,6 +49,7 @@ class Node:
     said: str
     name: str = ""
     redo: int | None = None
+    left_out_error: dict[str, Any] | None = None
 
     @property
     def mean_um(self) -> float | None:
@@ -57,13 +59,17 @@ class Node:
 
 @dataclass
 class Session:
-    """The tree of models in `folder`. `key` tells which files it was begun with; `data` are their measurements."""
+    """The tree of models in `folder`. `key` tells which files it was begun with; `data` are their measurements.
+
+    `beside`: what the page holds beside the tree, planned poses among it, as JSON.
+    """
 
     folder: Path
     key: str
     data: Dataset
     nodes: list[Node] = field(default_factory=list)
     at: int = 0
+    beside: dict[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self._held: OrderedDict[int, tuple[Fit, dict[str, Any] | None]] = OrderedDict()
@@ -129,6 +135,13 @@ class Session:
             before.redo = after.number
         self.save()
 
+    def keep(self, beside: dict[str, Any]) -> None:
+        """Have the session's file hold `beside`."""
+        with self._lock:
+            if beside != self.beside:
+                self.beside = beside
+                self.save()
+
     def fit_of(self, number: int) -> Fit:
         """The fit of a model, with its measurements."""
         return self._content(number)[0]
@@ -149,6 +162,7 @@ class Session:
                 "version": VERSION,
                 "key": self.key,
                 "at": self.at,
+                "beside": self.beside,
                 "nodes": [asdict(node) for node in self.nodes],
             }
             self.folder.mkdir(parents=True, exist_ok=True)
@@ -186,7 +200,7 @@ def load_session(folder: Path, key: str, data: Dataset) -> Session | None:
         if (document["format"], document["version"], document["key"]) != (FORMAT, VERSION, key):
             return None
         nodes = [Node(**node) for node in document["nodes"]]
-        session = Session(folder, key, data, nodes, int(document["at"]))
+        session = Session(folder, key, data, nodes, int(document["at"]), dict(document.get("beside") or {}))
         whole = bool(nodes) and all((folder / "models" / f"{node.number}.json").is_file() for node in nodes)
         return session if whole and 0 <= session.at < len(nodes) else None
     except (ValueError, KeyError, TypeError):
@@ -194,15 +208,22 @@ def load_session(folder: Path, key: str, data: Dataset) -> Session | None:
 
 
 def key_of(files: list[Path]) -> str:
-    """What tells one set of files from another: where they lie and what stands in them."""
+    """What tells one set of files from another: where they lie, if they were not dropped, and what stands in them."""
     digest = hashlib.sha256()
     for file in files:
-        digest.update(os.fsencode(file.resolve()))
+        place = file.resolve()
+        # Dropped files lie in another folder each time.
+        dropped = _state_folder().resolve() in place.parents
+        digest.update(os.fsencode(place.name if dropped else place))
         digest.update(hashlib.sha256(file.read_bytes()).digest())
     return digest.hexdigest()[:16]
 
 
 def default_folder(key: str) -> Path:
     """Where a session lies that nobody gave a place: in the user's state folder, never among their measurements."""
+    return _state_folder() / key
+
+
+def _state_folder() -> Path:
     state = os.environ.get("XDG_STATE_HOME") or str(Path.home() / ".local" / "state")
-    return Path(state) / "armtrue" / "workbench" / key
+    return Path(state) / "armtrue" / "workbench"

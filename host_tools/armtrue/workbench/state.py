@@ -35,6 +35,7 @@ def state(engine: Engine) -> dict[str, Any]:
         "verdict": node.verdict,
         "steps": [_step(each) for each in session.path],
         "left_out": node.left_out,
+        "left_out_error": node.left_out_error,
         "model": node.number,
         "models": [{"model": each.number, "parent": each.parent, **_step(each)} for each in session.nodes],
         "status": engine.said,

@@ -14,6 +14,7 @@ from armtrue.workbench.compensator import device_section
 from armtrue.workbench.engine import Engine
 from armtrue.workbench.further import leave_out_form
 from armtrue.workbench.guesses import findings_list, first_rows, form
+from armtrue.workbench.left_out import left_out_part, left_out_row
 from armtrue.workbench.names import called, called_among
 from armtrue.workbench.session import Node, Session
 from armtrue.workbench.words import chance, length
@@ -129,6 +130,7 @@ def _error(session: Session) -> Markup:
         for split, figures in (node.error.get("held_out_by") or {}).items()
         if figures
     ]
+    rows.append(left_out_row(node, [key for key, _ in _FIGURES]))
     heads = [tag("th", name, scope="col") for name in ("", *(name for _, name in _FIGURES))]
     return tag(
         "div",
@@ -342,14 +344,9 @@ def _history(session: Session) -> Markup:
 
 
 def _left_out(session: Session) -> Markup:
-    rows = session.node.left_out
-    rejected = session.fit_of(session.at).document["rejected"]
-    words = [
-        f"{plural(len(rows), 'row')} marked as wrong by you: {', '.join(map(str, rows))}." if rows else "",
-        f"{plural(len(rejected), 'row')} kept out as gross errors." if rejected else "",
-    ]
-    again = _button("Let all rows take part again", "leave_out", rows="[]") if rows else None
-    return tag("p", " ".join(filter(None, words)), " ", again)
+    rejected = len(session.fit_of(session.at).document["rejected"])
+    again = _button("Let all rows take part again", "leave_out", rows="[]")
+    return left_out_part(session.node, rejected, again)
 
 
 def _button(text: str, action: str, class_: str | None = None, **words: object) -> Markup:
