@@ -72,7 +72,7 @@ def scene(steps: list[Step]) -> dict[str, Any]:
         "arm": _integers(arm_corners(last, typical_row(last)), _MILLIMETRE),
         "points": _integers(data.positions_m[rows], _MILLIMETRE),
         "vectors": [_integers(step.residual_m[rows], _TENTH_MICROMETRE) for step in shown],
-        "names": [step.title for step in shown],
+        "names": [step.called for step in shown],
         "joints": np.round(joints).astype(int).ravel().tolist(),
         "joint_units": [unit for unit, _ in units],
         "rows": data.rows[rows].tolist(),

@@ -96,7 +96,7 @@ class StepDiagnosis:
 class Report:
     """Steps of one calibration with what is shown of them.
 
-    `diagnoses`: of every step that was given. `tiny_levers`: joints as whose error no residual is read, with the
+    `diagnoses`: of every step. `tiny_levers`: joints as whose error no residual is read, with the
     reflector's usual distance from their axis [m].
     """
 
@@ -151,8 +151,8 @@ def gather(
     """
     check_same_data(fits)
     steps = steps_of(_with_steps_between(fits, titles_of(fits, names)))
-    given = [step for step in steps if step.given]
-    results = [*known, *[None] * len(given)]
+    of_given = iter([*known, *[None] * len(fits)])
+    results = [next(of_given) if step.given else None for step in steps]
     last = steps[-1].fit
     along = directions(last)
     return Report(
@@ -161,9 +161,9 @@ def gather(
         along,
         [
             _diagnosed(
-                step, result, along, progress, _LEADING if step is given[0] or step is given[-1] else 1
+                step, result, along, progress, _LEADING if step is steps[0] or step is steps[-1] else 1
             )
-            for step, result in zip(given, results, strict=False)
+            for step, result in zip(steps, results, strict=True)
         ],
         tiny_levers(last),
     )
@@ -176,7 +176,7 @@ def shown_again(fits: list[Fit], names: list[str], results: list[dict[str, Any]]
     one is drawn.
     """
     check_same_data(fits)
-    steps = steps_of(list(zip(fits, names, strict=True)))
+    steps = steps_of(list(zip(fits, names, strict=True)), numbered=False)
     along = directions(fits[-1])
     diagnoses = [_shown(step, result, along) for step, result in zip(steps, results, strict=bool(results))]
     return Report(steps, variables(fits[-1]), along, diagnoses, tiny_levers(fits[-1]))

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import datetime
+import hashlib
 from typing import Any
 
 import numpy as np
 
+from armtrue import __version__
 from armtrue.report import charts
 from armtrue.report.content import Report
 from armtrue.report.markup import Content, Markup, join, tag
@@ -89,10 +92,24 @@ def coverage_section(report: Report) -> Markup:
         "coverage",
         "Where the arm was measured",
         lead(_COVERAGE),
-        grid(panels),
-        grid(_places(report)),
+        grid(*panels, *_places(report)),
         _approach(report),
     )
+
+
+def made_words(report: Report) -> Content:
+    """When this was made, by which version, and from which file with its checksum."""
+    now = datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%d %H:%M UTC")
+    checksum = _checksum(report)
+    return [
+        f"{now} · Armtrue {__version__} · {report.last.fit.data.file.name} · SHA-256 ",
+        tag("code", f"{checksum[:16]}…", title=checksum),
+    ]
+
+
+def _checksum(report: Report) -> str:
+    """SHA-256 of the file of measurements, as `sha256sum` prints it."""
+    return hashlib.sha256(report.last.fit.data.file.read_bytes()).hexdigest()
 
 
 def about_section(report: Report) -> Markup:
@@ -104,9 +121,11 @@ def about_section(report: Report) -> Markup:
     turn = noise["sigma_rotation_rad"]
     turn_words = f"; orientation {turn / _ARCSECOND:.1f}″ about each axis" if turn is not None else ""
     rows: list[list[Content]] = [
+        ["Armtrue", __version__],
         ["robot", report.last.fit.robot.spec.get("name", "")],
         ["measurements", data["path"]],
-        ["their SHA-256", tag("code", data["sha256"])],
+        [f"SHA-256 of {report.last.fit.data.file.name}", tag("code", _checksum(report))],
+        ["SHA-256 of what was read of it", tag("code", data["sha256"])],
         [
             "rows",
             f"{data['rows']}, {len(document['rejected'])} rejected, {len(data.get('skipped', []))} unreadable, "
@@ -116,12 +135,12 @@ def about_section(report: Report) -> Markup:
         ["noise per axis", f"{micrometres(noise['sigma_um'])} µm observed{stated_words}{turn_words}"],
         ["cross-validation", f"{document['error']['folds']} folds, seed {document['error']['seed']}"],
         ["solver", document["solver"]["message"]],
-        ["words of this page", tag("code", "armtrue explain TERM")],
+        ["words of this page", ["the ", tag("a", "glossary", href="#glossary")]],
     ]
     for step in report.steps:
         unsaved = "not saved" if step.given else "not saved: fitted for this report"
         where = str(step.fit.path.resolve()) if step.fit.path else unsaved
-        rows.append([f"fit: {step.title}", where])
+        rows.append([f"fit of {step.called}", where])
     return section(
         "about",
         "What this was made from",

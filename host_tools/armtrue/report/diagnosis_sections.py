@@ -18,7 +18,6 @@ from armtrue.report.parts import (
     listed,
     micrometres,
     minus,
-    plural,
     rounded,
     section,
     table,
@@ -43,69 +42,78 @@ _TURNED = (
 )
 _NOT_DRAWN = "Not drawn, for a fit would take too long here or the model has the effect on these joints: "
 _SHOWN = 8
+_SHOWN_BETWEEN = 3
 _WITH_REASONS = 4
 _PARAMETERS_SHOWN = 6
 
 
 def candidates_section(report: Report) -> Markup:
-    """Candidates of every step, with evidence, ambiguity and advice; those of steps between are folded."""
-    many = len(report.diagnoses) > 1
+    """Candidates of every step, with evidence and ambiguity; fewer of steps between. Advice of the last step."""
+    first, last = report.diagnoses[0], report.diagnoses[-1]
     parts: list[Content] = []
     for diagnosis in report.diagnoses:
-        if diagnosis is report.diagnoses[0] or diagnosis is report.diagnoses[-1]:
-            parts += _one(diagnosis, many)
-        else:
-            parts.append(folded(f"After {diagnosis.step.title}", _one(diagnosis, False), printed=False))
+        if len(report.diagnoses) > 1:
+            parts.append(tag("h3", f"After {diagnosis.step.called}"))
+        parts += _one(diagnosis, _SHOWN if diagnosis in (first, last) else _SHOWN_BETWEEN)
+        if diagnosis is last:
+            parts += _advice(diagnosis.result)
     return section("candidates", "What is missing", lead(_CANDIDATES), parts)
 
 
 def added_variable_section(report: Report) -> Markup | None:
     """Added-variable plots of the leading candidates; None where no step has candidates."""
-    parts: list[Content] = []
+    figures: list[Content] = []
+    not_drawn: list[Content] = []
+    many = len(report.diagnoses) > 1
     for diagnosis in report.diagnoses:
-        if not diagnosis.result["candidates"]:
-            continue
-        figures: list[Content] = []
+        after = f", after step {diagnosis.step.number}" if many else ""
         for plot in diagnosis.added_variables:
             mark = _star() if plot.candidate["recommend"] else None
             panel = charts.added_variable_panel(plot)
             figures.append(
-                figure(plot.name, panel, mark, " · " if mark else None, charts.added_words(plot), level=4)
+                figure(plot.name + after, panel, mark, " · " if mark else None, charts.added_words(plot))
             )
-        parts += [tag("h3", f"After {diagnosis.step.title}"), grid(figures)]
         if diagnosis.not_drawn:
-            parts.append(tag("p", _NOT_DRAWN, f"{', '.join(diagnosis.not_drawn)}.", class_="lead"))
-    if not parts:
+            names = f"{', '.join(diagnosis.not_drawn)}{after}."
+            not_drawn.append(tag("p", _NOT_DRAWN, names, class_="lead"))
+    if not figures and not not_drawn:
         return None
     plots = [plot for diagnosis in report.diagnoses for plot in diagnosis.added_variables]
     turned = _TURNED if any(plot.turned.any() for plot in plots) else None
-    return section("added", "What the leading candidates would do", lead(_ADDED, turned), parts)
+    return section(
+        "added", "What the leading candidates would do", lead(_ADDED, turned), grid(figures), not_drawn
+    )
 
 
 def _star() -> Markup:
     return tag("span", "★ recommended", class_="trend")
 
 
-def _one(diagnosis: StepDiagnosis, many: bool) -> list[Content]:
+def _one(diagnosis: StepDiagnosis, most: int) -> list[Content]:
+    """The verdict, the leading `most` candidates with reasons, and the names of the others."""
     result = diagnosis.result
-    parts: list[Content] = [tag("h3", f"After {diagnosis.step.title}")] if many else []
-    parts.append(tag("p", verdict_words(result), class_=f"verdict {result['verdict']}"))
+    parts: list[Content] = [tag("p", verdict_words(result), class_=f"verdict {result['verdict']}")]
     candidates = result["candidates"]
+    shown, rest = candidates[:most], candidates[most:]
     if result["verdict"] == "nothing_missing":
         if candidates:
-            heading = f"The strongest {len(candidates)} of what was tried, none of them significant"
-            parts.append(folded(heading, _table(candidates, "Candidates"), printed=False))
+            heading = "The strongest of what was tried, none of them significant"
+            parts.append(folded(heading, _table(shown, "Candidates")))
     else:
-        shown, rest = candidates[:_SHOWN], candidates[_SHOWN:]
         parts += [
             _ambiguity(candidates),
             _table(shown, "Leading candidates"),
-            _reasons(shown[:_WITH_REASONS]),
+            _reasons(shown[: min(_WITH_REASONS, most - 1)]),
         ]
-        if rest:
-            parts.append(
-                folded(plural(len(rest), "more candidate"), _table(rest, "More candidates"), printed=False)
-            )
+    if rest:
+        names = ", ".join(map(called, rest))
+        parts.append(tag("p", f"Tried as well, with less evidence: {names}.", class_="lead"))
+    return parts
+
+
+def _advice(result: dict[str, Any]) -> list[Content]:
+    """What to do next, and what cannot be tested for want of a column."""
+    parts: list[Content] = []
     if result["advice"]:
         parts += [tag("h4", "Advice"), listed([typeset(sentence) for sentence in result["advice"]])]
     if result["untestable"]:

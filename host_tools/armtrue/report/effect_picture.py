@@ -19,7 +19,7 @@ from armtrue.tables.chain import Chain, chain_from_robot, rotation_about
 
 Array = NDArray[np.float64]
 
-WIDTH, HEIGHT = 360, 270
+WIDTH, HEIGHT = 310, 240
 _TRACK = 26  # below the picture: where the variable is that drives the effect
 _FRAMES = 17
 _SECONDS = 6

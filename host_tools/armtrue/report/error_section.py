@@ -11,7 +11,7 @@ from armtrue.report.content import Report
 from armtrue.report.markup import Content, Markup, tag
 from armtrue.report.parts import lead, micrometres, scored_um, section, table
 from armtrue.report.scales import Scale, tick_text
-from armtrue.report.steps import ON_THE_WAY, floor_source
+from armtrue.report.steps import floor_source
 
 # Measure, what it is called, and the outline of its mark in a square of 16.
 _MEASURES = (
@@ -34,7 +34,7 @@ _READING = (
 _RISE = "A hatched bar is a rise. "
 # A number further right than this would stand beside the axis.
 _LAST_TICK = 0.97
-_ON_THE_WAY = f" Steps called {ON_THE_WAY!r} were fitted for this report, one effect added at a time."
+_FITTED_HERE = " Steps that say so were fitted for this report, one effect added at a time."
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class _Bar:
     """One row of the waterfall."""
 
     title: str
-    changes: Content
+    about: Content
     train: dict[str, Any] | None
     held_out: dict[str, Any]
 
@@ -73,7 +73,7 @@ def error_section(report: Report) -> Markup:
             _READING,
             _RISE if _rises(bars) else None,
             floor_words,
-            None if all(step.given for step in report.steps) else _ON_THE_WAY,
+            None if all(step.given for step in report.steps) else _FITTED_HERE,
         ),
         _legend(),
         tag("div", rows, axis, class_="waterfall"),
@@ -86,14 +86,11 @@ def error_section(report: Report) -> Markup:
 def _bars(report: Report) -> list[_Bar]:
     nominal = report.first.error["nominal"]
     bars = [_Bar("Nominal arm", "aligned to the data, nothing fitted", None, nominal)]
-    for place, step in enumerate(report.steps):
-        changes: list[Content] = [f"+ {effect}  " for effect in step.added]
-        changes += [f"− {effect}  " for effect in step.removed]
-        if not changes and place > 0:
-            changes = ["the same effects, fitted again"]
-        elif not changes:
-            changes = [", ".join(dict.fromkeys(p["effect"] for p in step.fit.document["parameters"]))]
-        bars.append(_Bar(step.title, changes, step.error["train"], step.error["held_out"]))
+    for step in report.steps:
+        about: Content = step.title if step.given else "fitted for this report"
+        if step is report.first:
+            about = ", ".join(dict.fromkeys(p["effect"] for p in step.fit.document["parameters"]))
+        bars.append(_Bar(step.called, about, step.error["train"], step.error["held_out"]))
     return bars
 
 
@@ -123,7 +120,7 @@ def _row(bar: _Bar, before: _Bar | None, scale: Scale, floor: float | None) -> M
         if bar.held_out[key] is not None:
             track.append(_mark(outline, "held", scale, bar.held_out[key]))
     figures = tag("span", scored_um(bar.held_out["mean_um"]), class_="figure")
-    name = tag("div", tag("strong", bar.title), figures, tag("small", bar.changes), class_="step")
+    name = tag("div", tag("strong", bar.title), figures, tag("small", bar.about), class_="step")
     return tag("div", name, tag("div", track, class_="track", aria_hidden="true"), class_="row")
 
 
@@ -170,7 +167,7 @@ def _turns(report: Report) -> Markup | None:
         error = step.turn_error_rad
         if error is not None:
             rows.append(
-                [step.title, *(f"{error[key] / _ARCSECOND:.1f}" for key in ("mean", "rms", "p95", "max"))]
+                [step.called, *(f"{error[key] / _ARCSECOND:.1f}" for key in ("mean", "rms", "p95", "max"))]
             )
     if not rows:
         return None

@@ -5,9 +5,11 @@ from __future__ import annotations
 from importlib.resources import files
 
 from armtrue.report.content import Report
-from armtrue.report.data_sections import about_section, coverage_section, rejected_section
+from armtrue.report.data_sections import about_section, coverage_section, made_words, rejected_section
 from armtrue.report.diagnosis_sections import added_variable_section, candidates_section
+from armtrue.report.effect_card import cards_section
 from armtrue.report.error_section import error_section
+from armtrue.report.glossary_section import glossary_section
 from armtrue.report.markup import Content, Markup, join, tag
 from armtrue.report.model_sections import observability_section, parameters_section
 from armtrue.report.names import called
@@ -31,6 +33,7 @@ def page(report: Report) -> str:
         ("spectra", "Spectra", spectra_section(report)),
         ("candidates", "Candidates", candidates_section(report)),
         ("added", "Added variables", added_variable_section(report)),
+        ("effects", "Effects", cards_section(report)),
         ("unexplained", "Unexplained", unexplained_section(report)),
         ("parameters", "Parameters", parameters_section(report)),
         ("unobservable", "Not observed", observability_section(report)),
@@ -39,6 +42,7 @@ def page(report: Report) -> str:
         ("about", "About", about_section(report)),
     ]
     shown = [(key, short, content) for key, short, content in sections if content is not None]
+    shown.append(("glossary", "Glossary", glossary_section(join(*(content for _, _, content in shown)))))
     links = [tag("li", tag("a", short, href=f"#{key}")) for key, short, _ in shown]
     robot = str(report.last.fit.robot.spec.get("name", "robot"))
     head = tag(
@@ -59,7 +63,9 @@ def page(report: Report) -> str:
             "footer",
             tag(
                 "p",
-                "Made by Armtrue. Lengths in µm, angles in arcseconds (″) or degrees; joints count from 1.",
+                "Lengths in µm, angles in arcseconds (″) or degrees; joints count from 1. Words are explained in the ",
+                tag("a", "glossary", href="#glossary"),
+                ".",
             ),
         ),
         tag("script", _file("geometry.js"), _file("viewer.js")),
@@ -88,6 +94,7 @@ def _summary(report: Report, robot: str) -> Content:
     return [
         tag("p", "Calibration report", class_="kicker"),
         tag("h1", robot),
+        tag("p", made_words(report), class_="made"),
         tag("p", verdict_words(report.diagnoses[-1].result), named, story, class_=f"verdict {verdict}"),
         tag(
             "dl",

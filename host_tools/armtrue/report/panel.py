@@ -12,13 +12,13 @@ from armtrue.report.scales import Scale, tick_text
 
 Array = NDArray[np.float64]
 
-WIDTH = 360
-_LEFT, _RIGHT, _TOP, _BOTTOM = 46, 8, 10, 36
-_BESIDE_TICKS = 22.0  # what the axis name and the gaps beside tick labels take of the left margin
+WIDTH = 310  # as wide as the narrowest chart on a laptop is shown: letters are no smaller than they are set
+_LEFT, _RIGHT, _TOP, _BOTTOM = 46, 8, 10, 38
+_BESIDE_TICKS = 23.0  # what the axis name and the gaps beside tick labels take of the left margin
 _POINTER = (3.5, 9.0)  # half width and height of a note's pointer
-_LINE = 12.0
-_LABEL_CHARACTER = 5.6  # width of a character of a label, in user units
-_TICK_CHARACTER = 6.2
+_LINE = 13.0
+_LABEL_CHARACTER = 6.3  # width of a character of a label, in user units
+_TICK_CHARACTER = 6.9
 
 
 class Panel:
@@ -172,7 +172,7 @@ class Panel:
             at = bottom - float(self._y.share(value)) * self._h
             pieces.append(tag("path", class_="grid", d=f"M{self._left} {at:.1f}h{self._w}"))
             pieces.append(_words(text, self._left - 5, at + 3.5, "end"))
-        named = self._x_tick_values or [(value, tick_text(value)) for value in self._x.ticks(6)]
+        named = self._x_tick_values or [(value, tick_text(value)) for value in self._x.ticks(5)]
         for value, text in named:
             at = self._left + float(self._x.share(value)) * self._w
             pieces.append(tag("path", class_="tick", d=f"M{at:.1f} {bottom}v4"))

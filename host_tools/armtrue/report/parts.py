@@ -66,11 +66,9 @@ def listed(items: Sequence[Content]) -> Markup:
     return tag("ul", [tag("li", item) for item in items])
 
 
-def folded(summary: Content, *content: Content, opened: bool = False, printed: bool = True) -> Markup:
-    """Content that is folded away on a screen; on paper it stands in full, or its summary alone."""
-    return tag(
-        "details", tag("summary", summary), *content, open=opened, class_=None if printed else "screen"
-    )
+def folded(summary: Content, *content: Content, opened: bool = False) -> Markup:
+    """Content that is folded away on a screen; on paper it stands in full."""
+    return tag("details", tag("summary", summary), *content, open=opened)
 
 
 def micrometres(value: float | None) -> str:

@@ -7,7 +7,7 @@ import json
 from armtrue.report import arm, charts
 from armtrue.report.content import Report, View
 from armtrue.report.markup import Content, Markup, tag
-from armtrue.report.parts import figure, folded, grid, lead, plural, section, typeset
+from armtrue.report.parts import figure, folded, grid, lead, plural, section, table, typeset
 from armtrue.report.spectrum import Spectrum
 from armtrue.report.structure import Finding
 
@@ -111,7 +111,11 @@ def state_section(report: Report) -> Markup:
             figures = [_state_figure(report, view, _DOTS_OF_OTHERS) for view in views]
         rest = figures[_SHOWN:]
         more = (
-            folded(f"{plural(len(rest), 'more variable')} that show less", grid(rest), printed=False)
+            folded(
+                f"{plural(len(rest), 'more variable')} that show less",
+                tag("div", grid(rest), class_="screen"),
+                _listed_views(telling[_SHOWN:]) if key == "telling" else None,
+            )
             if rest
             else None
         )
@@ -126,6 +130,15 @@ def state_section(report: Report) -> Markup:
         tag("div", _chooser("state-view", "read", list(_VIEWS), 0), class_="controls only-script"),
         tag("div", sets, class_="views"),
     )
+
+
+def _listed_views(views: list[View]) -> Markup:
+    """What paper has in place of charts."""
+    rows: list[list[Content]] = [
+        [view.variable.what, view.direction.what, charts.trend_words(view)] for view in views
+    ]
+    listing = table(["variable", "read as", "what is left"], rows, "Without a chart", words=(0, 1, 2))
+    return tag("div", listing, class_="paper")
 
 
 def _not_read(report: Report) -> str:
@@ -184,7 +197,7 @@ def unexplained_section(report: Report) -> Markup | None:
         found = diagnosis.findings
         if not found:
             continue
-        parts.append(tag("h3", f"After {diagnosis.step.title}"))
+        parts.append(tag("h3", f"After {diagnosis.step.called}"))
         same = [finding.entry for finding in found] == [finding.entry for finding in before]
         parts.append(tag("p", "The same.") if same else grid(map(_finding, found)))
         before = found

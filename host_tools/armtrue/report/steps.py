@@ -15,7 +15,6 @@ from armtrue.verdicts import FLOOR_SOURCES, scored
 
 Array = NDArray[np.float64]
 
-ON_THE_WAY = "on the way"
 _AXES = 3
 
 
@@ -23,12 +22,14 @@ _AXES = 3
 class Step:
     """One fit among others.
 
-    `title`: what it is called on the page. `given`: False where it was fitted for the report. `added`, `removed`:
-    effects against the step before, as people write them. `residual_m`: measured minus predicted (N, 3), measuring
-    frame. `turned_rad`: measured against predicted orientation (N, 3) as a turn about the measuring frame's axes; None
-    where no orientations were measured. `used`: rows that took part (N,).
+    `number`: from 1; 0 where the steps are some of many. `title`: its file's name, or what it changed where it was
+    fitted for the report, which `given` False says. `added`, `removed`: effects against the step before, as people
+    write them. `residual_m`: measured minus predicted (N, 3), measuring frame. `turned_rad`: measured against predicted
+    orientation (N, 3) as a turn about the measuring frame's axes; None where no orientations were measured. `used`:
+    rows that took part (N,).
     """
 
+    number: int
     title: str
     fit: Fit
     given: bool
@@ -37,6 +38,14 @@ class Step:
     residual_m: Array
     turned_rad: Array | None
     used: NDArray[np.bool_]
+
+    @property
+    def called(self) -> str:
+        """The step by its number and by what it did."""
+        if not self.number:
+            return self.title
+        did = self.title if self.number == 1 else _changes(self.added, self.removed)
+        return f"step {self.number}: {did}"
 
     @property
     def error(self) -> dict[str, Any]:
@@ -96,25 +105,33 @@ def titles_of(fits: list[Fit], names: list[str] | None) -> list[str]:
     return list(names)
 
 
-def steps_of(fits: list[tuple[Fit, str | None]]) -> list[Step]:
-    """Fits of the same measurements, in order, with their titles; those of none are on the way between others."""
+def steps_of(fits: list[tuple[Fit, str | None]], *, numbered: bool = True) -> list[Step]:
+    """Fits of the same measurements, in order, with their titles; those of none were fitted for the report."""
     steps: list[Step] = []
     for fit, title in fits:
-        before = _effects(steps[-1].fit) if steps else []
-        after = _effects(fit)
+        before = effects_of(steps[-1].fit) if steps else []
+        after = effects_of(fit)
+        added = gathered([effect for effect in after if effect not in before]) if steps else []
+        removed = gathered([effect for effect in before if effect not in after])
         steps.append(
             Step(
-                title=ON_THE_WAY if title is None else title,
+                number=len(steps) + 1 if numbered else 0,
+                title=_changes(added, removed) if title is None else title,
                 fit=fit,
                 given=title is not None,
-                added=gathered([effect for effect in after if effect not in before]) if steps else [],
-                removed=gathered([effect for effect in before if effect not in after]),
+                added=added,
+                removed=removed,
                 residual_m=fit.residuals(),
                 turned_rad=_turned(fit),
                 used=_used(fit),
             )
         )
     return steps
+
+
+def _changes(added: list[str], removed: list[str]) -> str:
+    changes = [*(f"+ {name}" for name in added), *(f"− {name}" for name in removed)]
+    return ", ".join(changes) or "the same effects, fitted again"
 
 
 def _turned(fit: Fit) -> Array | None:
@@ -130,7 +147,7 @@ def _used(fit: Fit) -> NDArray[np.bool_]:
     return used
 
 
-def _effects(fit: Fit) -> list[tuple[str, tuple[int, ...]]]:
+def effects_of(fit: Fit) -> list[tuple[str, tuple[int, ...]]]:
     """Effects with joints, one for each set of joints that has parameters of its own."""
     found = ((str(p["effect"]), tuple(p["joints"])) for p in fit.document["parameters"])
     return list(dict.fromkeys(found))

@@ -14,7 +14,6 @@ from armtrue.report import gather
 from armtrue.report.conftest import fitted
 from armtrue.report.page import page
 from armtrue.report.state import independent, turned_by
-from armtrue.report.steps import ON_THE_WAY
 
 # Orientations as well as positions, and an eccentric gear on the wrist that hardly moves the reflector.
 ORIENTED = {
@@ -28,7 +27,11 @@ ARCSECOND = np.pi / 648000.0
 
 
 def test_steps_tell_what_changed_and_the_error_falls(report):
-    assert [step.title for step in report.steps] == ["believed", ON_THE_WAY, "refined"]
+    between = report.steps[1]
+    assert [step.title for step in report.steps] == ["believed", f"+ {between.added[0]}", "refined"]
+    for number, step in enumerate(report.steps, start=1):
+        did = ", ".join(f"+ {effect}" for effect in step.added) or "believed"
+        assert step.called == f"step {number}: {did}"
     added = [effect for step in report.steps for effect in step.added]
     assert sorted(added) == ["backlash [2]", "gear_harmonics [3]"]
     means = [step.error["held_out"]["mean_um"] for step in report.steps]
@@ -191,10 +194,10 @@ def test_a_dozen_poses_are_a_page_that_claims_no_more_than_they_tell(tmp_path):
     assert "nothing left</span>" not in text
 
 
-def test_given_fits_that_are_not_saved_are_not_called_on_the_way(fits):
+def test_given_fits_that_are_not_saved_are_not_said_to_be_made_for_the_report(fits):
     given = [replace(fit, path=None, document={**fit.document}) for fit in fits]
     made = gather(given)
-    assert [step.title for step in made.steps] == ["fit 1", ON_THE_WAY, "fit 2"]
+    assert [step.title for step in made.steps][::2] == ["fit 1", "fit 2"]
     assert [step.given for step in made.steps] == [True, False, True]
     assert [step.title for step in gather(given, names=["before", "after"]).steps][::2] == ["before", "after"]
     text = page(gather([given[0]]))

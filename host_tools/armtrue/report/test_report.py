@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import datetime
+import hashlib
 import re
 import shutil
 from collections import Counter
 from dataclasses import replace
 from html.parser import HTMLParser
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
 
-from armtrue import Fit, InputError
+from armtrue import Fit, InputError, __version__
 from armtrue.report import gather, write
 from armtrue.report.conftest import fitted
 from armtrue.report.diagnosis_sections import _ambiguity
@@ -24,11 +27,13 @@ SECTIONS = [
     "spectra",
     "candidates",
     "added",
+    "effects",
     "parameters",
     "unobservable",
     "rejected",
     "coverage",
     "about",
+    "glossary",
 ]
 VOID = {"br", "hr", "input", "meta"}
 
@@ -103,7 +108,7 @@ def test_the_page_stays_small(text):
 
 
 def test_every_chart_is_spoken(read):
-    charts = sum(1 for tag, name, value in read.attributes if (name, value) == ("class", "panel"))
+    charts = sum(1 for tag, name, value in read.attributes if name == "class" and value.split()[0] == "panel")
     spoken = [value for tag, name, value in read.attributes if tag == "svg" and name == "aria-label"]
     assert len(spoken) == charts
     assert all(len(words) > 10 for words in spoken)
@@ -129,6 +134,45 @@ def test_the_summary_says_what_is_missing(report):
     first = page(gather([report.first.fit]))
     best = report.diagnoses[0].result["candidates"][0]
     assert f"The evidence points to {best['effect']} [{best['joints'][0]}]" in first[: first.index("<nav")]
+
+
+def test_every_step_has_its_diagnosis_with_its_own_evidence(text, report):
+    """The step between too, which nobody saved: what spoke for the second effect is seen."""
+    assert [diagnosis.step for diagnosis in report.diagnoses] == report.steps
+    missing = text[text.index('<section id="candidates"') : text.index('<section id="added"')]
+    plots = text[text.index('<section id="added"') : text.index('<section id="effects"')]
+    for number, (before, after) in enumerate(pairwise(report.steps), start=1):
+        (added,) = after.added
+        part = missing[missing.index(f"After {before.called}") : missing.index(f"After {after.called}")]
+        assert f"<strong>{added}</strong>" in part
+        assert f"<h3>{added}, after step {number}</h3>" in plots
+
+
+def test_each_added_effect_has_a_card_with_picture_formula_bound_and_evidence(text, report):
+    cards = text[text.index('<section id="effects"') :].split("</section>")[0].split("<figure>")[1:]
+    added = [effect for step in report.steps for effect in step.added]
+    assert [card.split("</h3>")[0] for card in cards] == [f"<h3>{effect}" for effect in added]
+    for card in cards:
+        for words in ("<svg", 'class="formula"', "Physical bound: ", "Source of the bound: ", "Evidence: "):
+            assert words in card
+
+
+def test_it_says_when_it_was_made_by_which_version_and_from_which_file(text, report):
+    header = text[: text.index("<nav")]
+    checksum = hashlib.sha256(report.last.fit.data.file.read_bytes()).hexdigest()
+    assert f"{datetime.datetime.now(datetime.UTC):%Y-%m-%d}" in header
+    assert f"Armtrue {__version__}" in header
+    assert "data.csv" in header
+    assert checksum[:16] in header
+    assert f"<code>{checksum}</code>" in text
+
+
+def test_the_glossary_explains_the_words_of_the_page_and_is_linked(text, read):
+    assert read.links.count("#glossary") >= 3
+    glossary = text[text.index('<section id="glossary"') :]
+    assert "<b>held out</b>" in glossary or "<b>held-out" in glossary
+    assert "<b>noise floor</b>" in glossary
+    assert "<b>dead band</b>" not in glossary, "a word that the page does not use"
 
 
 def test_names_from_outside_cannot_break_the_page(fits, tmp_path):

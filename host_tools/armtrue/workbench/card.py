@@ -11,7 +11,8 @@ from armtrue.io.catalogue import EffectInfo, catalogue
 from armtrue.report import charts
 from armtrue.report.content import added_variable
 from armtrue.report.diagnosis_sections import values_list
-from armtrue.report.effect_picture import effect_picture, effect_sweep
+from armtrue.report.effect_card import bound_lines, formula_block, sweep_of
+from armtrue.report.effect_picture import effect_picture
 from armtrue.report.markup import Content, Markup, join, tag
 from armtrue.report.parts import listed, micrometres, typeset
 from armtrue.workbench.actions import candidates_of
@@ -27,14 +28,12 @@ def card(session: Session, place: str) -> str:
     candidates, number = _chosen(session, place)
     candidate, fit = candidates[number], session.fit_of(session.at)
     info = catalogue()[candidate["effect"]]
-    bound, source = info.bound_and_source
     return tag(
         "article",
         tag("h2", called_among(candidate, candidates), id="card-title"),
         tag("p", info.summary),
         _picture_and_formula(fit, candidate, info),
-        tag("p", tag("b", "Physical bound: "), bound or "none is known"),
-        tag("p", tag("b", "Source of the bound: "), source),
+        bound_lines(info),
         tag("p", tag("b", "Evidence: "), typeset(candidate["why"]), "."),
         values_list(candidate),
         tag("div", "The evidence is being drawn…", class_="later", data_later=f"evidence?candidate={number}"),
@@ -71,20 +70,20 @@ def _chosen(session: Session, place: str) -> tuple[list[dict[str, Any]], int]:
 
 
 def _picture_and_formula(fit: Fit, candidate: dict[str, Any], info: EffectInfo) -> Content:
-    # What belongs to the measurement does not move the arm.
-    sweep = effect_sweep(fit, candidate) if info.exported else None
+    sweep = sweep_of(fit, candidate, info)
+    formula = formula_block(info, sweep)
     lines = sketching.sketch(info)
     course = (
         tag("details", tag("summary", "Its course, as text"), tag("pre", "\n".join(lines))) if lines else None
     )
     if sweep is None:
-        return [tag("pre", "\n".join(sketching.formulas(info)), class_="formula"), course]
+        return [formula, course]
     picture, words = effect_picture(fit, candidate, sweep)
     still = tag("button", "Hold still", type="button", data_act="hold", aria_pressed="false")
     return [
         tag("figure", picture, tag("figcaption", words, " ", still)),
         tag("h3", "Formula"),
-        tag("pre", "\n".join(sketching.formula_lines(sweep.document)), class_="formula"),
+        formula,
         course,
     ]
 
