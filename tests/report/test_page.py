@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import http.server
+import json
 import re
 import subprocess
 import threading
@@ -105,6 +106,35 @@ def test_words_in_charts_are_large_enough_to_read(browser, page, size):
     heights = browser.run(HEIGHTS)
     assert len(heights) > 20
     assert min(heights) >= 12.0
+
+
+@pytest.mark.parametrize("size", [LAPTOP, PHONE], ids=["laptop", "phone"])
+def test_words_of_charts_end_within_them(browser, page, size):
+    browser.open(page, size)
+    cut = browser.run("""
+        return [...document.querySelectorAll('.panel text')].filter((t) => t.checkVisibility()).filter((t) => {
+            const words = t.getBoundingClientRect(), chart = t.closest('.panel').getBoundingClientRect();
+            return words.left < chart.left - 1 || words.right > chart.right + 1
+                || words.top < chart.top - 1 || words.bottom > chart.bottom + 1;
+        }).map((t) => t.textContent)""")
+    assert cut == []
+
+
+def test_axes_say_their_units_and_that_they_are_logarithmic(laptop):
+    plots = laptop.run("return [...document.querySelectorAll('[data-plot]')].map((e) => e.dataset.plot)")
+    axes = [(axis, json.loads(plot)[axis]) for plot in plots for axis in ("x", "y")]
+    assert len(axes) > 100
+    for _, axis in axes:
+        assert axis["name"].endswith(", logarithmic") == axis["logarithmic"]
+    # What is counted, and a direction that is −1, 0 or 1, have no unit.
+    bare = {axis["name"] for _, axis in axes if "[" not in axis["name"]}
+    bare = {
+        name
+        for name in bare
+        if not re.match(r"direction joint \d came from|cycles a turn of joint \d|poses$", name)
+    }
+    assert bare == set()
+    assert "µm, logarithmic" in laptop.run("return document.querySelector('.waterfall-axis').textContent")
 
 
 @pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
@@ -316,6 +346,17 @@ def test_paper_holds_everything_that_matters(browser, page, tmp_path):
     ):
         assert words in text
     assert "Next worst" not in text
+
+
+def test_paper_has_every_folded_part_open(browser, page):
+    browser.open(page, media="print")
+    folded, hidden = browser.run("""
+        const parts = [...document.querySelectorAll('details')].filter((d) => d.checkVisibility());
+        const shut = parts.filter((d) => ![...d.children].some((c) => c.tagName !== 'SUMMARY'
+            && c.checkVisibility({contentVisibilityAuto: true}) && c.getBoundingClientRect().height > 0));
+        return [parts.length, shut.map((d) => d.querySelector('summary').textContent)]""")
+    assert folded >= 3
+    assert hidden == []
 
 
 def test_paper_is_white_even_at_night_and_shows_three_views(browser, page):

@@ -12,6 +12,8 @@ from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 from selenium.webdriver.support.ui import Select
 
+from tests.report.browser import LAPTOP, PHONE
+
 pytestmark = pytest.mark.full
 
 RINGS = "return (document.querySelector('{} .ringed')?.getAttribute('d') || '').split('M').length - 1"
@@ -157,3 +159,31 @@ def test_the_uncertainty_of_the_prediction_is_shown_over_the_place(page):
     )
     assert 0.0 < median < largest
     assert len(page.by_role("details[data-panel=certainty] svg", "image")) == 3
+
+
+@pytest.mark.parametrize("size", [LAPTOP, PHONE], ids=["laptop", "phone"])
+def test_letters_of_all_charts_are_12_px_where_they_are_shown(browser, workbench, size):
+    page = Page(browser, workbench.address, size)
+    parts = browser.run(
+        "return [...document.querySelectorAll('details[data-panel]')].map((d) => d.dataset.panel)"
+    )
+    for name in parts:
+        browser.run(f"document.querySelector('details[data-panel={name}]').open = true")
+    page.until(
+        lambda: browser.run(
+            "return [...document.querySelectorAll('.panel-slot')]"
+            ".every((e) => e.innerHTML && !e.hasAttribute('aria-busy'))"
+        ),
+        "all parts",
+    )
+    page.press_plan()
+    browser.driver.find_element(By.CSS_SELECTOR, "[data-act=card]").click()
+    page.until(lambda: browser.run("return document.querySelectorAll('#card svg').length > 1"), "evidence")
+    small = browser.run("""
+        return [...document.querySelectorAll('svg text')].filter((t) => t.checkVisibility()).map((t) => {
+            const chart = t.closest('svg[viewBox]:not(svg svg)');
+            const scale = chart.getBoundingClientRect().width / chart.viewBox.baseVal.width;
+            return [t.textContent, scale * parseFloat(getComputedStyle(t).fontSize)];
+        }).filter((found) => found[1] < 11.9)""")
+    assert small == []
+    assert browser.run("return document.querySelectorAll('svg text').length") > 150

@@ -31,7 +31,8 @@ def state_panel(report: Report, view: View, dots: int = _DOTS) -> Markup:
     readings = view.direction.read(report.last.residual_m)
     rows = spread_rows(readings.size, dots)
     rows = rows[view.direction.drawn[rows] & report.last.used[rows]]
-    after, before = view.last, view.first
+    # A line of means that scatter alone may have made would say against the caption that there is a trend.
+    after, before = view.last, view.first if view.first and view.first.trend else None
     sizes = np.concatenate([np.abs(readings[rows]), np.abs(after.low), np.abs(after.high)])
     size = float(np.percentile(sizes, _SHOWN_PERCENT)) if sizes.size else 0.0
     if before is not None:
@@ -106,7 +107,7 @@ def added_variable_panel(plot: AddedVariable) -> Markup:
     panel = Panel(
         symmetric(1.1 * size_x),
         symmetric(1.1 * size_y),
-        f"{plot.name} would add [{plot.unit}]",
+        f"it would add [{plot.unit}]",
         f"left over [{plot.unit}]",
         f"Added-variable plot of {plot.name}: fitted, it takes away {100 * plot.explained:.0f} % of what is left over.",
     )

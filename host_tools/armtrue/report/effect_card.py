@@ -47,11 +47,13 @@ def _chosen(report: Report) -> list[tuple[Fit, Candidate]]:
 
 def _among(tried: StepDiagnosis | None, new: list[tuple[str, tuple[int, ...]]]) -> list[Candidate]:
     candidates = tried.result["candidates"] if tried else []
-    chosen = []
-    for effect, joints in new:
-        same = (c for c in candidates if (c["effect"], tuple(c["joints"])) == (effect, joints))
-        if (candidate := next(same, None)) is not None:
-            chosen.append(candidate)
+    chosen: list[Candidate] = []
+    for effect in dict.fromkeys(effect for effect, _ in new):
+        on = {joint for other, joints in new if other == effect for joint in joints}
+        same = [c for c in candidates if c["effect"] == effect]
+        # An effect of all joints has parameters that name one or none.
+        exact = [c for c in same if c["joints"] and set(c["joints"]) <= on]
+        chosen += exact or same[:1]
     return chosen
 
 

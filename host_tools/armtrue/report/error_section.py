@@ -58,7 +58,13 @@ def error_section(report: Report) -> Markup:
         for value in scale.ticks()
         if scale.share(value) < _LAST_TICK
     ]
-    axis = tag("div", ticks, tag("span", "µm", class_="unit"), class_="waterfall-axis", aria_hidden="true")
+    axis = tag(
+        "div",
+        ticks,
+        tag("span", "µm, logarithmic", class_="unit"),
+        class_="waterfall-axis",
+        aria_hidden="true",
+    )
     source = floor_source(report.last)
     floor_words = (
         f"The dashed line is the noise floor, {micrometres(floor)} µm ({source}): what measuring and "

@@ -13,8 +13,8 @@ from armtrue.report.scales import Scale, tick_text
 Array = NDArray[np.float64]
 
 WIDTH = 310  # as wide as the narrowest chart on a laptop is shown: letters are no smaller than they are set
-_LEFT, _RIGHT, _TOP, _BOTTOM = 46, 8, 10, 38
-_BESIDE_TICKS = 23.0  # what the axis name and the gaps beside tick labels take of the left margin
+_LEFT, _RIGHT, _TOP, _BOTTOM = 49, 8, 10, 38
+_BESIDE_TICKS = 26.0  # what the axis name and the gaps beside tick labels take of the left margin
 _POINTER = (3.5, 9.0)  # half width and height of a note's pointer
 _LINE = 13.0
 _LABEL_CHARACTER = 6.3  # width of a character of a label, in user units
@@ -185,7 +185,7 @@ class Panel:
         middle = _TOP + self._h / 2
         pieces.append(
             tag("text", self._labels[1], class_="axis-name", text_anchor="middle",
-                transform=f"translate(10 {middle:.1f}) rotate(-90)")
+                transform=f"translate(13 {middle:.1f}) rotate(-90)")
         )  # fmt: skip
         return join(pieces)
 

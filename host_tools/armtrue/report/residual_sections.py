@@ -122,7 +122,9 @@ def state_section(report: Report) -> Markup:
         sets.append(
             tag("div", grid(figures[:_SHOWN]), more, class_="view", data_view=key, hidden=key != "telling")
         )
-    before = " The dashed line is the first step's mean." if len(report.steps) > 1 else ""
+    before = (
+        " The dashed line is the first step's mean, where that has a trend." if len(report.steps) > 1 else ""
+    )
     return section(
         "state",
         "What the error depends on",
