@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import csv
+import json
 import re
 import shutil
+import subprocess
 
+import numpy as np
 import pytest
 from bench_page import Page
+from opened import ARMTRUE
 from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
@@ -158,7 +163,48 @@ def test_the_uncertainty_of_the_prediction_is_shown_over_the_place(page):
         float(figure) for figure in re.search(r"Median ([\d.]+) µm, largest ([\d.]+) µm", words).groups()
     )
     assert 0.0 < median < largest
-    assert len(page.by_role("details[data-panel=certainty] svg", "image")) == 3
+    assert len(page.by_role("details[data-panel=certainty] figure svg", "image")) == 3
+
+
+def test_the_uncertainty_is_drawn_over_the_arm_as_predict_gives_it(page, workbench, campaign, tmp_path):
+    open_part(page, "certainty")
+    scene = json.loads(
+        page.browser.run(
+            "return document.querySelector('details[data-panel=certainty] .viewer script').textContent"
+        )
+    )
+    drawn = np.linalg.norm(np.reshape(scene["vectors"][0], (-1, 3)) / 10.0, axis=1)
+    workbench.do(do="make", name="fit")
+    page.until(lambda: not workbench.state()["busy"], "fit.json")
+    (tmp_path / "fit.json").write_bytes(workbench.ask(f"{workbench.path}file?name=made").read())
+    words = ["predict", "fit.json", str(campaign / "data.csv"), "--uncertainty", "--out", "p.csv"]
+    subprocess.run([ARMTRUE, *words], cwd=tmp_path, check=True, capture_output=True, timeout=120)
+    with (tmp_path / "p.csv").open() as stream:
+        rows = [
+            {name: float(row[name]) for name in ("cxx", "cxy", "cxz", "cyy", "cyz", "czz")}
+            for row in csv.DictReader(stream)
+        ]
+    expected = [
+        1e6
+        * np.sqrt(
+            np.linalg.eigvalsh(
+                [
+                    [c["cxx"], c["cxy"], c["cxz"]],
+                    [c["cxy"], c["cyy"], c["cyz"]],
+                    [c["cxz"], c["cyz"], c["czz"]],
+                ]
+            )[-1]
+        )
+        for c in rows
+    ]
+    assert len(drawn) == len(expected)
+    assert drawn == pytest.approx(np.array(expected), abs=0.1)
+    starts = "document.querySelector('details[data-panel=certainty] .stage .start').getAttribute('d')"
+    picture = f"return {starts}.split('M').length - 1"
+    assert page.until(lambda: page.browser.run(picture), "picture") == len(expected)
+    page.browser.driver.find_element(By.CSS_SELECTOR, "details[data-panel=certainty] .stage").send_keys("n")
+    said = "return document.querySelector('details[data-panel=certainty] .viewer .readout').textContent"
+    assert page.until(lambda: "standard deviation" in page.browser.run(said), "reading")
 
 
 @pytest.mark.parametrize("size", [LAPTOP, PHONE], ids=["laptop", "phone"])

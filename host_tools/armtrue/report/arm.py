@@ -57,8 +57,8 @@ def scene_rows(step: Step) -> NDArray[np.intp]:
     return spread_rows(step.fit.data.count, _MOST_VECTORS, worst)
 
 
-def scene(steps: list[Step]) -> dict[str, Any]:
-    """What the viewer draws.
+def scene(steps: list[Step], what: str = "error") -> dict[str, Any]:
+    """What the viewer draws. `what`: what the arrows are, in a word or two.
 
     `arm` and `points` in mm, `vectors` (of the first and the last step) in 0.1 µm, `joints` in degrees, `rows` of the
     file.
@@ -72,6 +72,7 @@ def scene(steps: list[Step]) -> dict[str, Any]:
         "arm": _integers(arm_corners(last, typical_row(last)), _MILLIMETRE),
         "points": _integers(data.positions_m[rows], _MILLIMETRE),
         "vectors": [_integers(step.residual_m[rows], _TENTH_MICROMETRE) for step in shown],
+        "what": what,
         "names": [step.called for step in shown],
         "joints": np.round(joints).astype(int).ravel().tolist(),
         "joint_units": [unit for unit, _ in units],

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from typing import Any
 
 from armtrue.report import arm, charts
 from armtrue.report.content import Report, View
@@ -66,16 +67,6 @@ def vectors_section(report: Report) -> Markup:
     names = [(str(k), title) for k, title in enumerate(scene["names"])]
     chooser = _chooser("vectors-step", "error of", names, len(names) - 1) if len(names) > 1 else None
     buttons = [tag("button", text, type="button", data_do=do, title=title) for do, text, title in _BUTTONS]
-    stage = tag(
-        "div",
-        class_="stage",
-        tabindex="0",
-        role="application",
-        aria_roledescription="three-dimensional picture",
-        aria_label="Residual vectors over the arm. Arrow keys turn, plus and minus zoom, N reads the next worst pose.",
-    )
-    without = tag("p", "This one picture needs JavaScript; everything else on the page does without.")
-    data = Markup(json.dumps(scene, separators=(",", ":")).replace("<", "\\u003c"))
     return section(
         "vectors",
         "Where the error points",
@@ -86,15 +77,33 @@ def vectors_section(report: Report) -> Markup:
             tag("div", buttons, class_="buttons", role="group", aria_label="view"),
             class_="controls only-script",
         ),
-        tag(
-            "div",
-            stage,
-            tag("div", class_="stills", aria_hidden="true"),
-            tag("p", class_="readout", aria_live="polite"),
-            tag("noscript", without),
-            tag("script", data, type="application/json"),
-            class_="viewer",
+        viewer(
+            scene,
+            "Residual vectors over the arm. Arrow keys turn, plus and minus zoom, N reads the next worst pose.",
         ),
+    )
+
+
+def viewer(scene: dict[str, Any], spoken: str) -> Markup:
+    """Where viewer.js draws what `arm.scene` made; `spoken`: what a screen reader says of it."""
+    stage = tag(
+        "div",
+        class_="stage",
+        tabindex="0",
+        role="application",
+        aria_roledescription="three-dimensional picture",
+        aria_label=spoken,
+    )
+    without = tag("p", "This one picture needs JavaScript; everything else on the page does without.")
+    data = Markup(json.dumps(scene, separators=(",", ":")).replace("<", "\\u003c"))
+    return tag(
+        "div",
+        stage,
+        tag("div", class_="stills", aria_hidden="true"),
+        tag("p", class_="readout", aria_live="polite"),
+        tag("noscript", without),
+        tag("script", data, type="application/json"),
+        class_="viewer",
     )
 
 

@@ -149,7 +149,7 @@
     const right = width - 16, y = height - 16;
     const parts = [`<path class="cover" d="M0 0H${width}V${legendHeight(width)}H0z"/>`];
     parts.push(`<path class="ruler" d="M${right} ${y}h${(-ruler * pixelsAMicrometre).toFixed(1)}m0 -4v8M${right} ${y - 4}v8"/>`);
-    parts.push(`<text x="${right}" y="${y - 9}" text-anchor="end">error of ${ruler} µm, × ${(scene.gain * MICROMETRES_A_MM).toLocaleString("en").replace(/,/g, " ")}</text>`);
+    parts.push(`<text x="${right}" y="${y - 9}" text-anchor="end">${scene.what} of ${ruler} µm, × ${(scene.gain * MICROMETRES_A_MM).toLocaleString("en").replace(/,/g, " ")}</text>`);
     const inMillimetres = scene.limits[0] >= MICROMETRES_A_MM;
     const amount = (limit) => (inMillimetres ? `${limit / MICROMETRES_A_MM} mm` : `${limit} µm`);
     const names = [`below ${amount(scene.limits[0])}`, ...scene.limits.map((limit) => `${amount(limit)} and more`)];
@@ -169,13 +169,14 @@
     let ringed = new Set(), brush = null; // poses that are selected, and the corners of the frame that selects them
     let home = VIEWS.corner; // the angles that the picture is fitted for: turning does not change the scale
 
+    const figure = (value) => value.toFixed(value < 10 ? 1 : 0);
     const signed = (value) => (value < 0 ? "−" : "+") + Math.abs(value).toFixed(0);
 
     function describe(index) {
       const v = [0, 1, 2].map((k) => scene.vectors[step][3 * index + k] / TENTHS);
       const n = scene.joint_units.length;
       const joints = scene.joint_units.map((unit, k) => `${scene.joints[n * index + k]}${unit}`.replace("-", "−")).join(" ");
-      return `Row ${scene.rows[index]}: ${scene.lengths[step][index].toFixed(0)} µm (x ${signed(v[0])}, y ${signed(v[1])}, z ${signed(v[2])}), joints ${joints}. ${neighbours(index)}`;
+      return `Row ${scene.rows[index]}: ${scene.what === "error" ? "" : `${scene.what} `}${figure(scene.lengths[step][index])} µm (x ${signed(v[0])}, y ${signed(v[1])}, z ${signed(v[2])}), joints ${joints}. ${neighbours(index)}`;
     }
 
     /** The poses whose joints are nearest, each as a share of its range, with their errors. */
@@ -187,14 +188,14 @@
       });
       const far = scene.rows.map((_, i) => ranges.reduce((sum, range, k) => sum + ((scene.joints[n * i + k] - scene.joints[n * index + k]) / range) ** 2, 0));
       const nearest = scene.rows.map((_, i) => i).filter((i) => i !== index).sort((a, b) => far[a] - far[b]).slice(0, NEIGHBOURS);
-      return `Nearest poses: ${nearest.map((i) => `row ${scene.rows[i]} (${scene.lengths[step][i].toFixed(0)} µm)`).join(", ")}.`;
+      return `Nearest poses: ${nearest.map((i) => `row ${scene.rows[i]} (${figure(scene.lengths[step][i])} µm)`).join(", ")}.`;
     }
 
     function select(indices) {
       ringed = new Set(indices);
       if (ringed.size) {
         const mean = [...ringed].reduce((sum, k) => sum + scene.lengths[step][k], 0) / ringed.size;
-        readout.textContent = `${ringed.size} poses are selected; their mean error is ${mean.toFixed(0)} µm.`;
+        readout.textContent = `${ringed.size} poses are selected; their mean ${scene.what} is ${figure(mean)} µm.`;
       }
       redraw();
     }

@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 from armtrue.errors import InputError
 from armtrue.fitting import Fit
+from armtrue.io import Dataset
+from armtrue.report.arm import scene
 from armtrue.report.markup import Content, Markup, tag
 from armtrue.report.panel import Panel
 from armtrue.report.parts import figure, grid, micrometres, section, table
+from armtrue.report.residual_sections import viewer
 from armtrue.report.scales import Scale, around
+from armtrue.report.steps import Step
 from armtrue.report.thinning import spread_rows
 from armtrue.uncertainty import position_covariance
 
@@ -20,6 +26,7 @@ _MOST_POSES = 300
 _WORST = 5
 _LEAD = (
     "One standard deviation of the predicted position, of the model's own uncertainty without the instrument's noise. "
+    "On the arm, an arrow at each pose is one standard deviation along the direction that is known least. "
     "Where it is large, further poses tell most: Plan poses chooses them."
 )
 
@@ -47,11 +54,30 @@ def certainty_section(fit: Fit) -> Markup:
         "How well each place is known",
         tag("p", _LEAD, class_="lead"),
         tag("p", words),
+        viewer(_over_the_arm(fit, chosen, covariance), f"The prediction's uncertainty over the arm. {words}"),
         grid(figures),
         table(
             ["row", "standard deviation [µm]", "place [m]"], worst, "Poses that are known least", words=(0, 2)
         ),
     )
+
+
+def _over_the_arm(fit: Fit, poses: Dataset, covariance: Array) -> dict[str, Any]:
+    """A scene with an arrow at each pose: one standard deviation along the direction that is known least."""
+    lengths, directions = np.linalg.eigh(covariance)
+    arrows = np.sqrt(np.maximum(lengths[:, -1:], 0.0)) * directions[:, :, -1]
+    shown = Step(
+        number=0,
+        title="one standard deviation",
+        fit=Fit(fit.document, None, poses),
+        given=True,
+        added=[],
+        removed=[],
+        residual_m=arrows,
+        turned_rad=None,
+        used=np.ones(poses.count, dtype=np.bool_),
+    )
+    return scene([shown], "standard deviation")
 
 
 def _panel(place: Array, sigma: Array, label: str) -> Markup:
