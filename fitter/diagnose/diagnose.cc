@@ -298,15 +298,20 @@ void weigh(Fit& fit, const Linearization& linearization, std::vector<EvidenceBlo
 }
 
 // Shares of the squared residual as the charts draw them: of each candidate alone, all rows weighed
-// as the fit does.
+// as the fit does. What a table explains is what its smoothness lets it: that the search has said.
 void score_alone(const Scorer& scorer, std::vector<Candidate>& candidates) {
   std::vector<Block> blocks;
-  for (const Candidate& c : candidates) blocks.push_back(c.block);
+  std::vector<Candidate*> of_block;
+  for (Candidate& c : candidates) {
+    if (find_effect(c.request.effect).generic()) continue;
+    blocks.push_back(c.block);
+    of_block.push_back(&c);
+  }
   const std::vector<BlockScore> scores = scorer.score(blocks);
-  for (std::size_t i = 0; i < candidates.size(); ++i) {
-    candidates[i].score.explained = scores[i].explained;
-    candidates[i].score.gain = scores[i].gain;
-    candidates[i].score.separability = scores[i].separability;
+  for (std::size_t i = 0; i < scores.size(); ++i) {
+    of_block[i]->score.explained = scores[i].explained;
+    of_block[i]->score.gain = scores[i].gain;
+    of_block[i]->score.separability = scores[i].separability;
   }
 }
 

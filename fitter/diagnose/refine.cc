@@ -24,6 +24,8 @@ constexpr double kBeyondSecondOrder = 0.02;
 // What is superfluous can go without poses that were not fitted being predicted worse than by this
 // share.
 constexpr double kSameWithout = 1e-2;
+// Finer tables must predict unseen poses better by this share: they take room in the compensator.
+constexpr double kWorthNodes = 5e-3;
 // Candidates of one search from which moves are taken.
 constexpr std::size_t kLookedThrough = 60;
 // Held-out errors of two models that agree by this share are equal.
@@ -157,6 +159,8 @@ class Refinement {
 
   std::vector<RefineStep> run() {
     while (one_round()) steps_.back().diagnosis = diagnose_now(*steps_.back().fit);
+    while (refine_tables()) {
+    }
     show();
     return std::move(steps_);
   }
@@ -170,6 +174,7 @@ class Refinement {
     std::shared_ptr<Fit> fit;
   };
   bool one_round();
+  bool refine_tables();
   void fit_trials(std::vector<Trial>& trials) const;
   bool accept(const Move& move, const Trial& trial);
   void show() {
@@ -258,6 +263,31 @@ bool Refinement::one_round() {
     }
   }
   return moved;
+}
+
+// Tables with more nodes, where unseen poses are predicted better by them. False where they are as
+// fine as they should be.
+bool Refinement::refine_tables() {
+  const Fit& fit = *steps_.back().fit;
+  for (std::size_t e = 0; e < fit.specification().effects.size(); ++e) {
+    if (static_cast<int>(steps_.size()) > options_.most_steps) return false;
+    const EffectRequest& present = fit.specification().effects[e];
+    const auto finer = find_effect(present.effect).finer(fit.context(), present);
+    if (!finer) continue;
+    std::vector<Trial> trials{{fit.specification(), {}, nullptr}};
+    trials.front().specification.effects[e] = *finer;
+    if (!tried_.insert(trials.front().specification.to_json().dump()).second) continue;
+    observer_.report(1.0, "trying finer tables");
+    fit_trials(trials);
+    const std::shared_ptr<Fit>& changed = trials.front().fit;
+    if (!changed || held_out(*changed, true) > held_out(fit, true) - kWorthNodes) continue;
+    show();
+    Candidate added;
+    added.request = *finer;
+    steps_.push_back({std::move(added), {}, steps_.back().diagnosis, changed});
+    return true;
+  }
+  return false;
 }
 
 }  // namespace

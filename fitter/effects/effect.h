@@ -116,6 +116,10 @@ class Effect {
   virtual std::vector<EffectRequest> refinements(const EffectContext&, const EffectRequest&) const {
     return {};
   }
+  /// The same in a finer form; none where it has none, or more nodes than the data can carry.
+  virtual std::optional<EffectRequest> finer(const EffectContext&, const EffectRequest&) const {
+    return std::nullopt;
+  }
   /// The load that it carries; empty: none. What adds to that load instead is hardly this effect.
   virtual std::optional<CarriedLoad> carries() const { return std::nullopt; }
   bool generic() const { return role() == Role::kTable; }

@@ -37,6 +37,22 @@ class TransmissionPwl final : public Effect {
     return terms;
   }
 
+  std::optional<EffectRequest> finer(const EffectContext& context,
+                                     const EffectRequest& request) const override {
+    EffectRequest result = request;
+    double spacing = kFinestOfAll, present = 0.0;
+    for (const int k : request.joints.empty() ? default_joints(context) : request.joints) {
+      const std::vector<double>& q = context.state.column("q" + std::to_string(k));
+      const auto [low, high] = std::minmax_element(q.begin(), q.end());
+      const auto rows = static_cast<double>(std::max<std::size_t>(q.size(), 1));
+      spacing = std::max(spacing, (*high - *low) * kRowsPerFineNode / rows);
+      present = std::max(present, request.options.value("spacing", default_spacing(q)));
+    }
+    if (spacing > kWorthwhile * present) return std::nullopt;
+    result.options["spacing"] = spacing;
+    return result;
+  }
+
   std::vector<EffectRequest> candidates(const EffectContext& context) const override {
     std::vector<EffectRequest> result;
     const double rows = static_cast<double>(context.state.rows());
@@ -57,11 +73,15 @@ class TransmissionPwl final : public Effect {
   // In units of smoothness; wide, so that a large smooth shape is nothing improbable
   // (docs/decisions/0014).
   static constexpr double kValue = 16.0;
-  static constexpr double kFinest =
-      0.02617993878;  // 1.5 deg: below this the tables of real arms gain nothing
-  static constexpr double kMargin = 0.106;  // [rad], four of the finest cells
+  // 1.5 deg: a search takes the time that some thousand nodes need, and real arms gain some percent
+  // below.
+  static constexpr double kFinest = 0.02617993878;
+  static constexpr double kFinestOfAll = 0.01163552835;  // 0.67 deg
+  static constexpr double kMargin = 0.106;               // [rad], four of the finest cells
   static constexpr double kRowsPerNode = 2.0;
   static constexpr double kRowsPerCandidateNode = 3.0;
+  static constexpr double kRowsPerFineNode = 1.5;
+  static constexpr double kWorthwhile = 0.8;  // of the present spacing
 
   static double default_spacing(const std::vector<double>& q) {
     const auto [low, high] = std::minmax_element(q.begin(), q.end());

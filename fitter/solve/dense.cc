@@ -41,6 +41,8 @@ void be_single_threaded() {
 // Multiplications from which a product is worth several threads, and how it is cut.
 constexpr double kWorthThreads = 2e7;
 constexpr Eigen::Index kNarrowestPanel = 64, kPanels = 8;
+// Smaller matrices are factorised in one piece, others in blocks of columns.
+constexpr Eigen::Index kSmallFactor = 600, kFactorBlock = 192;
 
 // Calls job(first, count) for panels of `columns` columns, side by side where that pays.
 template <typename Job>
@@ -127,10 +129,35 @@ void solve_lower_transposed(const Eigen::MatrixXd& factor, Eigen::Ref<Eigen::Mat
 
 bool factorise_cholesky(Eigen::MatrixXd& lower) {
   be_single_threaded();
-  const int size = static_cast<int>(lower.rows());
-  int info = 0;
-  if (size > 0) dpotrf_("L", &size, lower.data(), &size, &info);
-  return info == 0;
+  const Eigen::Index whole = lower.rows();
+  const int stride = static_cast<int>(whole);
+  const Eigen::Index width = whole < kSmallFactor ? std::max<Eigen::Index>(whole, 1) : kFactorBlock;
+  for (Eigen::Index first = 0; first < whole; first += width) {
+    const Eigen::Index count = std::min(width, whole - first), below = first + count;
+    const int size = static_cast<int>(count);
+    int info = 0;
+    dpotrf_("L", &size, &lower(first, first), &stride, &info);
+    if (info != 0) return false;
+    if (below == whole) break;
+    const double one = 1.0, less = -1.0;
+    const double work = static_cast<double>(whole - below) * static_cast<double>(count * count);
+    in_panels(whole - below, work, [&](Eigen::Index panel, Eigen::Index rows) {
+      const int n = static_cast<int>(rows);
+      dtrsm_("R", "L", "T", "N", &n, &size, &one, &lower(first, first), &stride,
+             &lower(below + panel, first), &stride);
+    });
+    const double update = 0.5 * static_cast<double>(whole - below) *
+                          static_cast<double>(whole - below) * static_cast<double>(count);
+    in_panels(whole - below, update, [&](Eigen::Index panel, Eigen::Index columns) {
+      const Eigen::Index at = below + panel, rest = whole - at - columns;
+      const int n = static_cast<int>(columns), m = static_cast<int>(rest);
+      dsyrk_("L", "N", &n, &size, &less, &lower(at, first), &stride, &one, &lower(at, at), &stride);
+      if (rest > 0)
+        dgemm_("N", "T", &m, &n, &size, &less, &lower(at + columns, first), &stride,
+               &lower(at, first), &stride, &one, &lower(at + columns, at), &stride);
+    });
+  }
+  return true;
 }
 
 void invert_cholesky(Eigen::MatrixXd& lower) {

@@ -2,10 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <utility>
 
 #include "fitter/solve/choose_options.h"
+#include "fitter/solve/orientation_worth.h"
 #include "fitter/solve/placement.h"
 #include "fitter/solve/start_search.h"
 
@@ -146,6 +149,7 @@ void Fit::begin() {
   nominal_ = summarise(alignment.residual_m);
   if (options_.start) {
     smoothness_.scale = options_.start->smoothness.scale;
+    orientation_inflation_ = options_.start->orientation_inflation;
     for (const auto& [effect, factor] : smoothness_.scale) scale_smoothness(model_, effect, factor);
   }
   place_as_stated(specification_, model_, *kinematics_);
@@ -194,7 +198,17 @@ void Fit::rescale_noise() {
     design_->evaluate(i, false, row);
     turn.push_back(row.residual.tail<3>().norm());
   }
-  measurements_.sigma_rotation *= std::max(1e-3, median(turn) / kMedianChi3 / std::sqrt(freedom));
+  measurements_.sigma_rotation *=
+      orientation_inflation_ * std::max(1e-3, median(turn) / kMedianChi3 / std::sqrt(freedom));
+}
+
+void Fit::weigh_orientations() {
+  measurements_.sigma_rotation /= orientation_inflation_;
+  orientation_inflation_ = orientation_inflation(*design_, evaluate_rows(*design_),
+                                                 smoothness_.sigma, options_.seed + 1);
+  measurements_.sigma_rotation *= orientation_inflation_;
+  solve_from_here();
+  rescale_noise();
 }
 
 // True where the same tables were as smooth beside a noise that hardly differed.
@@ -243,11 +257,41 @@ bool Fit::find_gross_errors() {
   return changed;
 }
 
+namespace {
+
+// The table of one axis that a parameter is a node of; none for others.
+const TableReference* table_of(const Parameter& p) {
+  if (p.terms.empty() || !p.terms.front().table || p.terms.front().table->axes.size() != 1)
+    return nullptr;
+  return &*p.terms.front().table;
+}
+
+double node_of(const TableReference& table) {
+  return table.axes.front().nodes[static_cast<std::size_t>(table.index.front())];
+}
+
+// A table of as many nodes as one likes, taken at `node`.
+double between(const std::map<double, double>& values, double node) {
+  const auto above = values.lower_bound(node);
+  if (above == values.end()) return values.rbegin()->second;
+  if (above == values.begin()) return above->second;
+  const auto below = std::prev(above);
+  const double share = (node - below->first) / (above->first - below->first);
+  return below->second + share * (above->second - below->second);
+}
+
+}  // namespace
+
 StartPoint Fit::start_point() const {
   StartPoint start{prepared_,         {},    kinematics_->base(), {}, context_->springs,
                    context_->carried, state_};
   if (has_tables(model_)) start.smoothness = smoothness_;
-  for (const Parameter& p : model_.parameters) start.values[p.name] = p.value;
+  start.orientation_inflation = orientation_inflation_;
+  for (const Parameter& p : model_.parameters) {
+    start.values[p.name] = p.value;
+    const TableReference* table = table_of(p);
+    if (table) start.tables[table->id][node_of(*table)] = p.value;
+  }
   for (int t = 0; t < measurements_.targets; ++t)
     start.flange_from_tool.push_back(kinematics_->tool(t));
   return start;
@@ -272,6 +316,9 @@ void Fit::begin_at(const StartPoint& start) {
     double& value = values[static_cast<std::size_t>(free)];
     if (find_effect(p.effect).role() == Role::kPlacement) {
       value = coordinates[layout.index(p.terms.front().coordinate)];
+    } else if (const TableReference* table = table_of(p);
+               table && start.tables.contains(table->id)) {
+      value = between(start.tables.at(table->id), node_of(*table));
     } else if (const auto at = start.values.find(p.name); at != start.values.end()) {
       value = at->second;
     }
@@ -346,10 +393,12 @@ void Fit::solve_robustly() {
   rescale_noise();
   choose_kept();
   solve_from_here();
+  const bool as_before = smoothness_stands();
   if (change_smoothness()) {
     solve_from_here();
     rescale_noise();
   }
+  if (measurements_.has_rotation() && !as_before) weigh_orientations();
   solve_from_here(Accuracy::kFull);
   if (options_.reject_gross_errors && find_gross_errors()) solve_from_here(Accuracy::kFull);
   if (!summary_.converged) warnings_.push_back("the solver did not converge: " + summary_.message);

@@ -32,6 +32,8 @@ struct StartPoint {
   std::map<std::string, Expression> carried{};
   std::shared_ptr<const State> state{};  ///< loads where that fit's arm stands
   Smoothness smoothness{0.0, 0.0, {}};   ///< of tables; of sigma 0 where none stand in the model
+  double orientation_inflation = 1.0;    ///< of the standard deviation of orientations
+  std::map<std::string, std::map<double, double>> tables{};  ///< of one axis: by id, value by node
 };
 
 struct FitOptions {
@@ -118,6 +120,7 @@ class Fit {
                                        const FitOptions& options, Observer& observer);
   void begin();
   void rescale_noise();
+  void weigh_orientations();
   bool smoothness_stands() const;
   bool change_smoothness();
   void begin_at(const StartPoint& start);
@@ -146,6 +149,7 @@ class Fit {
   int solver_iterations_ = 0;
   Smoothness smoothness_;
   double noise_scale_ = 1.0;
+  double orientation_inflation_ = 1.0;
   NoiseFloor noise_floor_;
   Uncertainty uncertainty_;
   ErrorSummary nominal_, train_;

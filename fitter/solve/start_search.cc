@@ -90,6 +90,19 @@ class ReducedProblem {
     others_columns_ = MatrixXd::Zero(all, others_);
     penalty_columns_ = MatrixXd::Zero(all, coefficients_);
     raw_residual_.resize(all);
+    MatrixXd information = MatrixXd::Zero(others_, others_);
+    // Of the columns that are not zero in `count` equations from `at` on.
+    std::vector<Index> own;
+    const auto square_into = [&](Index at, Index count) {
+      for (const Index a : own) {
+        for (const Index b : own) {
+          if (a < b) continue;
+          information(a, b) += others_columns_.col(a).segment(at, count).dot(
+              others_columns_.col(b).segment(at, count));
+        }
+      }
+      own.clear();
+    };
     Design::Row row;
     for (std::size_t k = 0; k < rows_.size(); ++k) {
       const Index at = static_cast<Index>(k) * height;
@@ -100,7 +113,9 @@ class ReducedProblem {
         if (unknown >= position_.size() || searched_[unknown]) continue;
         others_columns_.block(at, position_[unknown], height, 1) =
             row.jacobian.block(0, static_cast<Index>(u), height, 1);
+        own.push_back(position_[unknown]);
       }
+      square_into(at, height);
       MatrixXd geometric = design_.geometric_jacobian();
       for (Index c = 0; c < geometric.cols(); ++c)
         geometric.col(c) = design_.whiten(rows_[k], geometric.col(c));
@@ -114,10 +129,10 @@ class ReducedProblem {
         if (u >= position_.size()) continue;
         raw_residual_[at] += factor * before_[u];
         (searched_[u] ? penalty_columns_ : others_columns_)(at, position_[u]) = factor;
+        if (!searched_[u]) own.push_back(position_[u]);
       }
+      square_into(at, 1);
     }
-    MatrixXd information = MatrixXd::Zero(others_, others_);
-    information.selfadjointView<Eigen::Lower>().rankUpdate(others_columns_.transpose());
     others_factor_.emplace(information);
     residual_ = eliminate(raw_residual_);
   }

@@ -5,12 +5,10 @@
 #include <limits>
 
 #include "fitter/solve/dense.h"
+#include "fitter/solve/parallel.h"
 
 namespace armtrue {
 namespace {
-
-// Of a column's own squares: keeps a block that says one thing twice from being singular.
-constexpr double kRidge = 1e-7;
 
 struct Split {
   std::vector<int> table, other;
@@ -57,42 +55,24 @@ double occam_factor(const Split& split, const Eigen::MatrixXd& posterior,
          log_determinant(prior, split.table);
 }
 
-// A linearised model at one smoothness of its tables.
-struct Smoothed {
-  double smoothness;
-  const ScaledCholesky& factor;  // of the information with all penalties
-  const Eigen::VectorXd& step;   // to the best solution
-  double squares;                // misfit there and penalties of tables
-  double occam, equations;
-
-  // −2 log of the marginal likelihood where so many squares less were left.
-  double evidence(double gain) const {
-    return equations * std::log(std::max(squares - gain, std::numeric_limits<double>::min())) +
-           occam;
-  }
-};
-
-template <typename Visit>
-void for_each_smoothness(const Design& design, const NormalEquations& data,
-                         const std::vector<double>& candidates, const Visit& visit) {
-  const Split split = split_unknowns(design);
+// −2 log of the marginal likelihood of a linearised model at one smoothness of its tables.
+double evidence_at(const Design& design, const NormalEquations& data, const Split& split,
+                   double smoothness) {
   const std::vector<double> values = design.unknown_values();
-  for (const double smoothness : candidates) {
-    NormalEquations posterior = data;
-    const std::vector<PenaltyRow> rows = penalty_rows(design, smoothness);
-    for (const PenaltyRow& row : rows) posterior.add(row, values);
-    const ScaledCholesky factor(posterior.information);
-    const Eigen::VectorXd step = -factor.solve(posterior.gradient);
-    const double misfit = data.cost + 2.0 * data.gradient.dot(step) +
-                          step.dot(data.information.selfadjointView<Eigen::Lower>() * step);
-    std::vector<double> solution = values;
-    for (std::size_t u = 0; u < solution.size(); ++u)
-      solution[u] += step[static_cast<Eigen::Index>(u)];
-    const Prior prior(design, rows, solution);
-    visit(Smoothed{smoothness, factor, step, misfit + prior.penalty,
-                   occam_factor(split, posterior.information, factor, prior.equations.information),
-                   static_cast<double>(data.equations)});
-  }
+  NormalEquations posterior = data;
+  const std::vector<PenaltyRow> rows = penalty_rows(design, smoothness);
+  for (const PenaltyRow& row : rows) posterior.add(row, values);
+  const ScaledCholesky factor(posterior.information);
+  const Eigen::VectorXd step = -factor.solve(posterior.gradient);
+  const double misfit = data.cost + 2.0 * data.gradient.dot(step) +
+                        step.dot(data.information.selfadjointView<Eigen::Lower>() * step);
+  std::vector<double> solution = values;
+  for (std::size_t u = 0; u < solution.size(); ++u)
+    solution[u] += step[static_cast<Eigen::Index>(u)];
+  const Prior prior(design, rows, solution);
+  const double squares = std::max(misfit + prior.penalty, std::numeric_limits<double>::min());
+  return static_cast<double>(data.equations) * std::log(squares) +
+         occam_factor(split, posterior.information, factor, prior.equations.information);
 }
 
 }  // namespace
@@ -120,57 +100,13 @@ const std::vector<double>& smoothnesses() {
 
 LikeliestSmoothness likeliest_smoothness(const Design& design, const NormalEquations& data,
                                          const std::vector<double>& candidates) {
-  LikeliestSmoothness likeliest{candidates.front(), std::numeric_limits<double>::infinity()};
-  for_each_smoothness(design, data, candidates, [&](const Smoothed& smoothed) {
-    if (smoothed.evidence(0.0) < likeliest.evidence)
-      likeliest = {smoothed.smoothness, smoothed.evidence(0.0)};
+  const Split split = split_unknowns(design);
+  std::vector<double> evidence(candidates.size());
+  in_parallel(candidates.size(), [&](std::size_t c) {
+    evidence[c] = evidence_at(design, data, split, candidates[c]);
   });
-  return likeliest;
-}
-
-std::vector<double> bic_changes_beside_tables(const Design& design, const EvaluatedRows& evaluated,
-                                              const Eigen::MatrixXd& columns,
-                                              const std::vector<Eigen::Index>& widths,
-                                              const std::vector<double>& candidates) {
-  const Eigen::Index height = design.residuals_per_row();
-  const NormalEquations data = accumulate(design, evaluated);
-  const Eigen::MatrixXd across = columns.transpose();
-  Eigen::VectorXd own_gradient = Eigen::VectorXd::Zero(columns.cols());
-  Eigen::MatrixXd shared = Eigen::MatrixXd::Zero(columns.cols(), design.unknowns());
-  for (std::size_t r = 0; r < evaluated.rows.size(); ++r) {
-    const Design::Row& row = evaluated.rows[r];
-    const auto own = across.middleCols(static_cast<Eigen::Index>(r) * height, height);
-    own_gradient += own * row.residual.head(height);
-    for (std::size_t u = 0; u < row.unknowns.size(); ++u) {
-      shared.col(row.unknowns[u]).noalias() +=
-          own * row.jacobian.col(static_cast<Eigen::Index>(u)).head(height);
-    }
-  }
-  const double charge = std::log(static_cast<double>(data.equations));
-  double without = std::numeric_limits<double>::infinity();
-  std::vector<double> with(widths.size(), without);
-  for_each_smoothness(design, data, candidates, [&](const Smoothed& smoothed) {
-    without = std::min(without, smoothed.evidence(0.0));
-    const Eigen::MatrixXd half = smoothed.factor.half_solve(shared.transpose());
-    const Eigen::VectorXd gradient = own_gradient + shared * smoothed.step;
-    Eigen::Index first = 0;
-    for (std::size_t b = 0; b < widths.size(); ++b) {
-      const Eigen::Index width = widths[b];
-      const auto own = columns.middleCols(first, width);
-      const auto explained = half.middleCols(first, width);
-      Eigen::MatrixXd left = square(own);
-      left.diagonal() *= 1.0 + kRidge;
-      left -= square(explained);
-      const ScaledCholesky factor(left);
-      if (factor.ok()) {
-        const double gain = factor.half_solve(gradient.segment(first, width)).squaredNorm();
-        with[b] = std::min(with[b], smoothed.evidence(gain) + charge * static_cast<double>(width));
-      }
-      first += width;
-    }
-  });
-  for (double& value : with) value -= without;
-  return with;
+  const auto best = std::min_element(evidence.begin(), evidence.end());
+  return {candidates[static_cast<std::size_t>(best - evidence.begin())], *best};
 }
 
 }  // namespace armtrue

@@ -31,14 +31,4 @@ struct LikeliestSmoothness {
 LikeliestSmoothness likeliest_smoothness(const Design& design, const NormalEquations& data,
                                          const std::vector<double>& candidates);
 
-/// Change of BIC that each of several blocks of columns would bring if smoothness were chosen anew
-/// with it, all linearised at the design's present values: what a table follows while the block is
-/// missing, it may let go of once the block is there. `columns`: residual rows of `evaluated` × the
-/// columns of all blocks, one block after the other, `widths` columns each. What was searched for
-/// inside a block is not charged.
-std::vector<double> bic_changes_beside_tables(const Design& design, const EvaluatedRows& evaluated,
-                                              const Eigen::MatrixXd& columns,
-                                              const std::vector<Eigen::Index>& widths,
-                                              const std::vector<double>& candidates);
-
 }  // namespace armtrue
