@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import csv
 import re
-import time
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -142,38 +140,3 @@ def test_dropped_files_are_gone_on_with_when_they_are_dropped_again(start, brows
     again = dropped()
     assert "gone on with" in again.status()
     assert again.model() == model
-
-
-def test_memory_is_flat_over_500_actions_and_the_file_of_the_session_small(workbench, tmp_path):
-    """Add, Undo, Redo and Remove at 300 poses: after what the first hundred need, nothing more is held."""
-
-    def resident_mb() -> float:
-        lines = Path(f"/proc/{workbench.process.pid}/status").read_text().splitlines()
-        return next(int(line.split()[1]) / 1024.0 for line in lines if line.startswith("VmRSS"))
-
-    def done(**words) -> None:
-        assert workbench.do(**words) == 200
-        end = time.monotonic() + 120
-        while workbench.state()["busy"]:
-            assert time.monotonic() < end
-            time.sleep(0.01)
-
-    def cycle(place: int) -> None:
-        """Four actions of which two make a model."""
-        done(do="add", candidate=place % 8)
-        done(do="undo")
-        done(do="redo")
-        done(do="remove", effect=len(workbench.state()["effects"]) - 1)
-
-    end = time.monotonic() + 120
-    while not workbench.state()["candidates"] and time.monotonic() < end:
-        time.sleep(0.1)
-    held = []
-    for number in range(125):
-        cycle(number)
-        if number % 25 == 24:
-            held.append(resident_mb())
-    print("resident memory [MB] after each 100 actions:", [round(each) for each in held])
-    assert workbench.state()["failure"] == ""
-    assert len(held) == 5
-    assert held[-1] < 1.05 * held[0]

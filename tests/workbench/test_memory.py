@@ -1,0 +1,21 @@
+"""The server's memory over a long session."""
+
+from __future__ import annotations
+
+import armtrue_sim
+import pytest
+from memory import ACTIONS, EVERY, POSES, held_over
+from opened import TWO_HIDDEN
+
+pytestmark = pytest.mark.full
+
+
+def test_memory_is_flat_over_500_actions(start, tmp_path):
+    """After what the first hundred need, nothing more is held, though each hundred makes some fifty models."""
+    armtrue_sim.simulate({**TWO_HIDDEN, "poses": POSES}).write(tmp_path / "campaign")
+    workbench = start(tmp_path / "campaign" / "data.csv")
+    held = held_over(workbench, ACTIONS, EVERY)
+    assert len(held) == 5
+    assert len(workbench.state()["models"]) > 200
+    # What is freed comes back in pieces: one figure may stand above the others.
+    assert min(held[-2:]) < 1.05 * held[0], held
