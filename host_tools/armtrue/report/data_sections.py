@@ -135,7 +135,15 @@ def about_section(report: Report) -> Markup:
         ["noise per axis", f"{micrometres(noise['sigma_um'])} µm observed{stated_words}{turn_words}"],
         ["cross-validation", f"{document['error']['folds']} folds, seed {document['error']['seed']}"],
         ["solver", document["solver"]["message"]],
-        ["words of this page", ["the ", tag("a", "glossary", href="#glossary")]],
+        [
+            "words of this page",
+            [
+                tag("a", "glossary", href="#glossary"),
+                "; ",
+                tag("code", "armtrue explain TERM"),
+                " for any other",
+            ],
+        ],
     ]
     for step in report.steps:
         unsaved = "not saved" if step.given else "not saved: fitted for this report"
