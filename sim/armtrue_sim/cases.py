@@ -1,7 +1,7 @@
 """Random cases for the hidden-effect tests: campaigns of which it is known what their model lacks.
 
 Every hidden effect is large enough to be found in principle: it moves the tool by at least three times the noise, and
-what a geometric fit with the believed effects leaves of it is at least the noise (RMS over the poses, decision 0022).
+what a geometric fit with the believed effects leaves of it is at least the noise (RMS over the poses, decision 0021).
 """
 
 from __future__ import annotations
