@@ -337,13 +337,40 @@ def write_cpp(eds: Path, header: Path, source: Path) -> None:
     source.write_text("\n".join(lines) + "\n")
 
 
-def _row(leaf: Leaf) -> str:
+def _cells(leaf: Leaf) -> str:
+    """All of a row but its place and name."""
     kind = TYPES[leaf.type_code][0][1:].upper()
     limits = f"{leaf.low or ''}…{leaf.high or ''}" if leaf.low is not None or leaf.high is not None else ""
     return (
-        f"| {leaf.sub} | {leaf.name} | {kind} | {leaf.access} | {leaf.default} | {limits} "
+        f"{kind} | {leaf.access} | {leaf.default} | {limits} "
         f"| {'yes' if leaf.mappable else ''} | {'yes' if leaf.stored else ''} |"
     )
+
+
+def _runs(leaves: list[Leaf]) -> list[list[Leaf]]:
+    """Neighbours that differ by a number in their name alone, together."""
+    runs: list[list[Leaf]] = []
+    for leaf in leaves:
+        like = re.sub(r"\d+", "", leaf.name), _cells(leaf)
+        last = runs[-1][-1] if runs else None
+        if last and (re.sub(r"\d+", "", last.name), _cells(last)) == like and leaf.sub == last.sub + 1:
+            runs[-1].append(leaf)
+        else:
+            runs.append([leaf])
+    return runs
+
+
+def _rows(place: str, title: str, leaves: list[Leaf]) -> list[str]:
+    """An object's rows: a heading of its own where it has several."""
+    runs = _runs(leaves)
+    lines = [f"| **{place}** | **{title}** | | | | | | |"] if len(runs) > 1 else []
+    for run in runs:
+        first, last = run[0], run[-1]
+        sub = str(first.sub) if len(run) == 1 else f"{first.sub}…{last.sub}"
+        name = first.name if len(run) == 1 else f"{first.name} … {last.name}"
+        where = f"**{place}**" + (f":{sub}" if sub != "0" else "") if len(runs) == 1 else f":{sub}"
+        lines.append(f"| {where} | {name} | {_cells(first)}")
+    return lines
 
 
 def write_markdown(eds: Path, page: Path) -> None:
@@ -353,6 +380,9 @@ def write_markdown(eds: Path, page: Path) -> None:
         "",
         f"Generated from `firmware/canopen/od/{eds.name}` by `generate_od.py`; a test keeps them equal. What the",
         "manufacturer objects mean, with frames byte by byte: [protocol.md](protocol.md).",
+        "",
+        "| object:sub | name | type | access | default | range | PDO | saved |",
+        "|---|---|---|---|---|---|---|---|",
     ]
     families: dict[str, list[Object]] = {}
     objects = read_eds(eds)
@@ -365,17 +395,11 @@ def write_markdown(eds: Path, page: Path) -> None:
             continue
         done.add(key)
         family = families[key]
-        place = f"0x{found.index:04X}"
-        title = found.name
+        place, title = f"0x{found.index:04X}", found.name
         if len(family) > 1:
             place = f"0x{family[0].index:04X}–0x{family[-1].index:04X}"
             title = f"{key}, n = 1…{len(family)} (shown: n = 1)"
-        lines += ["", f"## {place} {title}", ""]
-        lines += [
-            "| sub | name | type | access | default | range | PDO | saved |",
-            "|---|---|---|---|---|---|---|---|",
-        ]
-        lines += [_row(leaf) for leaf in found.leaves]
+        lines += _rows(place, title, found.leaves)
     page.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
