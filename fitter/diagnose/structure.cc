@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <optional>
 #include <set>
 
 #include "fitter/effects/tables.h"
@@ -12,9 +13,8 @@ namespace {
 
 constexpr std::size_t kNodes = 7;
 constexpr std::size_t kFewValues = 6;
-constexpr std::size_t kNeighbourRows = 3000;
-constexpr double kLeastScatterFreedom = 8.0;
-constexpr double kScatterSurely = -6.0;
+constexpr double kNearlyAsMuch = 0.9;  // of the first finding's gain
+constexpr std::size_t kDescribed = 10, kListed = 5;
 constexpr int kStepsTried = 40;
 constexpr double kStepExplains = 0.95;
 // What acts on a motor and what acts beside it can be one number: the motor is named.
@@ -182,28 +182,44 @@ void take_out_line(const std::vector<double>& x, std::vector<double>& y) {
     y[i] -= mean + slope * centred[static_cast<Eigen::Index>(i)];
 }
 
-// Whether a step explains the finding as well as its smooth function does, and where.
-bool is_step(const Scorer& scorer, const StructureFinding& finding,
-             const StructureVariable& variable, double& at, double& height) {
+struct Step {
+  double at, height;
+  BlockScore score;
+};
+
+// The best step among `count` places between two others.
+Step best_step(const Scorer& scorer, const StructureFinding& finding, const std::string& variable,
+               double low, double high, int count) {
   std::vector<Block> steps;
   std::vector<double> places;
-  for (int i = 1; i < kStepsTried; ++i) {
-    places.push_back(variable.middle + variable.half * (2.0 * i / kStepsTried - 1.0));
+  for (int i = 1; i < count; ++i) {
+    places.push_back(low + (high - low) * i / count);
     Block block = finding.block;
     block.terms.parameters.resize(1);
     Term& term = block.terms.parameters.front().terms.front();
-    term.basis = Expression::parse("sign(" + variable.name + " - " +
+    term.basis = Expression::parse("sign(" + variable + " - " +
                                    Expression::number(places.back()).to_string() + ")");
+    block.searched = 1;
     steps.push_back(std::move(block));
   }
   const std::vector<BlockScore> scores = scorer.score(steps);
   const auto best =
       std::max_element(scores.begin(), scores.end(),
                        [](const BlockScore& a, const BlockScore& b) { return a.gain < b.gain; });
-  if (best->gain < kStepExplains * finding.score.gain) return false;
-  at = places[static_cast<std::size_t>(best - scores.begin())];
-  height = 2.0 * std::abs(best->coefficient.front());
-  return true;
+  return {places[static_cast<std::size_t>(best - scores.begin())],
+          best->coefficient.empty() ? 0.0 : 2.0 * std::abs(best->coefficient.front()), *best};
+}
+
+// The step that explains the finding as well as its smooth function does; none where none does.
+std::optional<Step> find_step(const Scorer& scorer, const StructureFinding& finding,
+                              const StructureVariable& variable) {
+  const double low = variable.middle - variable.half, high = variable.middle + variable.half;
+  const Step coarse = best_step(scorer, finding, variable.name, low, high, kStepsTried);
+  if (coarse.score.gain < kStepExplains * finding.score.gain) return std::nullopt;
+  const double cell = (high - low) / kStepsTried;
+  const Step fine = best_step(scorer, finding, variable.name, coarse.at - cell, coarse.at + cell,
+                              2 * kStepsTried);
+  return fine.score.gain > coarse.score.gain ? fine : coarse;
 }
 
 // The fitted function over the first variable, others at their middle, and what it looks like.
@@ -247,15 +263,19 @@ void describe_shape(const Scorer& scorer, StructureFinding& finding,
     }
   }
   char text[160];
-  double step_at = 0.0, step_height = 0.0;
+  std::optional<Step> step;
+  if (variables.size() == 1 && first.values.empty()) step = find_step(scorer, finding, first);
+  if (step)
+    finding.cost =
+        std::min(finding.cost, finding.cost + step->score.delta_bic - finding.score.delta_bic);
   if (variables.size() == 2) {
     std::snprintf(text, sizeof text, "a joint function of %s and %s, about %s%s",
                   first.name.c_str(), variables[1]->name.c_str(),
                   words_for_unit(largest, angle).c_str(),
                   share_alone < kHalf ? ", that neither makes alone" : "");
-  } else if (first.values.empty() && is_step(scorer, finding, first, step_at, step_height)) {
+  } else if (step) {
     std::snprintf(text, sizeof text, "a step of %s near %s = %.3g",
-                  words_for_unit(step_height, angle).c_str(), first.name.c_str(), step_at);
+                  words_for_unit(step->height, angle).c_str(), first.name.c_str(), step->at);
   } else if (range > 0.0 && jump > 0.35 * range) {
     std::snprintf(text, sizeof text, "a step of %s near %s = %.3g",
                   words_for_unit(largest, angle).c_str(), first.name.c_str(), finding.x[jump_at]);
@@ -271,35 +291,6 @@ void describe_shape(const Scorer& scorer, StructureFinding& finding,
                   words_for_unit(largest, angle).c_str(), first.name.c_str());
   }
   finding.shape = text;
-}
-
-using PlacedVector = std::pair<std::size_t, Eigen::Vector3d>;
-
-JointScatter along_joints(const Scorer& scorer, const Fit& fit,
-                          const std::vector<PlacedVector>& vectors, double freedom,
-                          bool between_repeats) {
-  JointScatter result;
-  result.between_repeats = between_repeats;
-  if (freedom < kLeastScatterFreedom) return result;
-  const int n = fit.robot().joint_count();
-  for (int joint = 1; joint <= n; ++joint) {
-    const Eigen::VectorXd column = scorer.coordinate_column(scorer.layout().motor(joint - 1));
-    double along = 0.0, all = 0.0;
-    for (const auto& [r, vector] : vectors) {
-      const Eigen::Vector3d direction =
-          column.segment<3>(static_cast<Eigen::Index>(r) * scorer.height());
-      if (direction.squaredNorm() == 0.0) continue;
-      along += std::pow(vector.dot(direction.normalized()), 2);
-      all += vector.squaredNorm();
-    }
-    if (all <= 0.0 || along / all <= result.share) continue;
-    result.joint = joint;
-    result.share = along / all;
-    const double across = std::max(all - along, 1e-12 * all);
-    result.log10_p = std::min(0.0, log10_f_survival(2.0 * along / across, freedom, 2.0 * freedom) +
-                                       std::log10(static_cast<double>(n)));
-  }
-  return result;
 }
 
 }  // namespace
@@ -381,109 +372,20 @@ Structure find_structure(const Scorer& scorer, const Fit& fit, double threshold)
         std::min(0.0, finding.score.log10_p + std::log10(static_cast<double>(structure.tried)));
     if (finding.log10_p > threshold || finding.score.delta_bic > -10.0) continue;
     if (!structure.findings.empty() &&
-        finding.score.gain < 0.9 * structure.findings.front().score.gain)
+        finding.score.gain < kNearlyAsMuch * structure.findings.front().score.gain)
       continue;
+    finding.cost = cost(i);
     describe_shape(scorer, finding, used[i], alone,
                    finding.coordinate.starts_with("motor") ||
                        finding.coordinate.find(".r") != std::string::npos);
     structure.findings.push_back(std::move(finding));
-    if (structure.findings.size() == 5) break;
+    if (structure.findings.size() == kDescribed) break;
   }
+  // What is really a step has a variable in which it is sharp; in one that goes along with it, it
+  // is not.
+  std::ranges::stable_sort(structure.findings, {}, &StructureFinding::cost);
+  if (structure.findings.size() > kListed) structure.findings.resize(kListed);
   return structure;
-}
-
-LackOfFit lack_of_fit(const Scorer& scorer, const Fit& fit) {
-  LackOfFit result;
-  const int h = scorer.height();
-  const Poses& poses = fit.measurements().poses;
-  std::map<std::pair<int, int>, std::vector<std::size_t>> groups;
-  std::set<std::pair<int, int>> seen;  // visit, reflector
-  for (std::size_t r = 0; r < scorer.rows().size(); ++r) {
-    const std::size_t row = scorer.rows()[r];
-    // Readings of one visit do not show how the arm scatters from one visit to the next.
-    if (!seen.insert({poses.visit_of_row[row], fit.measurements().target[row]}).second) continue;
-    groups[{poses.pose_of_row[row], fit.measurements().target[row]}].push_back(r);
-  }
-  double pure = 0.0, freedom = 0.0;
-  for (const auto& [id, rows] : groups) {
-    if (rows.size() < 2) continue;
-    Eigen::VectorXd mean = Eigen::VectorXd::Zero(h);
-    for (const std::size_t r : rows)
-      mean += scorer.residual().segment(static_cast<Eigen::Index>(r) * h, h) /
-              static_cast<double>(rows.size());
-    for (const std::size_t r : rows)
-      pure += (scorer.residual().segment(static_cast<Eigen::Index>(r) * h, h) - mean).squaredNorm();
-    freedom += h * (static_cast<double>(rows.size()) - 1.0);
-  }
-  if (freedom >= 9.0 && scorer.degrees_of_freedom() > freedom + 10.0) {
-    const double left = std::max(0.0, scorer.residual_sum() - pure);
-    const double left_freedom = scorer.degrees_of_freedom() - freedom;
-    result.testable = true;
-    result.against = "repeats";
-    result.log10_p =
-        log10_f_survival((left / left_freedom) / (pure / freedom), left_freedom, freedom);
-  } else if (fit.measurements().sigma_source != SigmaSource::kAssumed) {
-    // The stated sigma is the instrument's: repeatability comes on top, so half as much again is
-    // allowed for.
-    const double scale2 = fit.noise_scale() * fit.noise_scale();
-    result.testable = true;
-    result.against = "sigma";
-    result.log10_p = log10_chi2_survival(scorer.residual_sum() * scale2 / (1.5 * 1.5),
-                                         scorer.degrees_of_freedom());
-  }
-  return result;
-}
-
-JointScatter scatter_along_joints(const Scorer& scorer, const Fit& fit) {
-  const int h = scorer.height();
-  const auto residual = [&](std::size_t r) -> Eigen::Vector3d {
-    return scorer.residual().segment<3>(static_cast<Eigen::Index>(r) * h);
-  };
-  std::vector<PlacedVector> left, between;
-  for (std::size_t r = 0; r < scorer.rows().size(); ++r) left.emplace_back(r, residual(r));
-  const Replicates replicates(fit.measurements(), scorer.rows());
-  std::map<int, std::vector<std::size_t>> groups;
-  for (std::size_t r = 0; r < scorer.rows().size(); ++r) {
-    if (replicates.group_of()[r] >= 0) groups[replicates.group_of()[r]].push_back(r);
-  }
-  double freedom = 0.0;
-  for (const auto& [group, rows] : groups) {
-    Eigen::Vector3d mean = Eigen::Vector3d::Zero();
-    for (const std::size_t r : rows) mean += residual(r) / static_cast<double>(rows.size());
-    for (const std::size_t r : rows) between.emplace_back(r, residual(r) - mean);
-    freedom += static_cast<double>(rows.size()) - 1.0;
-  }
-  const JointScatter of_repeats = along_joints(scorer, fit, between, freedom, true);
-  const JointScatter of_residual =
-      along_joints(scorer, fit, left, scorer.degrees_of_freedom() / h, false);
-  return of_repeats.log10_p <= kScatterSurely ? of_repeats : of_residual;
-}
-
-double neighbour_ratio(const Scorer& scorer, const Fit& fit) {
-  const std::size_t rows = std::min(scorer.rows().size(), kNeighbourRows);
-  const auto n = static_cast<std::size_t>(fit.robot().joint_count());
-  const int h = scorer.height();
-  if (rows < 10) return 1.0;
-  double differences = 0.0, squares = 0.0;
-  const auto joints = [&](std::size_t r) { return &fit.state().joints()[scorer.rows()[r] * n]; };
-  for (std::size_t a = 0; a < rows; ++a) {
-    double nearest = 1e300;
-    std::size_t neighbour = a;
-    for (std::size_t b = 0; b < rows; ++b) {
-      if (a == b) continue;
-      double distance = 0.0;
-      for (std::size_t k = 0; k < n; ++k) distance += std::pow(joints(a)[k] - joints(b)[k], 2);
-      if (distance < nearest) {
-        nearest = distance;
-        neighbour = b;
-      }
-    }
-    const Eigen::VectorXd ra = scorer.residual().segment(static_cast<Eigen::Index>(a) * h, h);
-    differences +=
-        (ra - scorer.residual().segment(static_cast<Eigen::Index>(neighbour) * h, h)).squaredNorm();
-    squares += ra.squaredNorm();
-  }
-  return squares > 0.0 ? differences / (2.0 * squares) : 1.0;
 }
 
 }  // namespace armtrue

@@ -17,6 +17,7 @@ struct StructureFinding {
   Block block;
   BlockScore score;
   double log10_p = 0.0;  ///< corrected for the number of blocks tried
+  double cost = 0.0;     ///< BIC with it minus without, in the form that suits it best
   std::string shape;     ///< in words
   std::vector<double> x,
       y;  ///< the fitted function over the first variable [rad or m], for drawing

@@ -66,6 +66,13 @@ def test_links_heavier_than_stated_bend_a_hardening_spring_by_its_slope_where_it
     assert verdict_of(outcome) == "right", outcome
 
 
+@pytest.mark.parametrize(("arm", "seed"), [("cobot", 20402), ("irb2400", 20406)])
+def test_a_step_is_named_by_the_variable_in_which_it_is_sharp(arm: str, seed: int) -> None:
+    # A load that goes along with the joint's angle explained the smoothed step as well, and was named first.
+    outcome = run_case("outside_catalogue", arm, seed)
+    assert verdict_of(outcome) == "right", outcome
+
+
 @pytest.mark.parametrize(("arm", "seed"), [("cobot", 20202), ("lbr", 20203)])
 def test_what_runs_with_time_is_not_refused_for_the_times_it_has_not_seen(arm: str, seed: int) -> None:
     # Gears warm by their duty: diagnose was sure of warm_up, and refine kept it out, since the session's first
