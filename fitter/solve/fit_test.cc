@@ -361,6 +361,12 @@ TEST(Fit, AFloorFromVisitsHoursApartIsNoMoreThanWhatTheFitLeaves) {
   EXPECT_LT(fit->noise_floor().mean, 1.25 * fit->train_error().mean);
 }
 
+TEST(Fit, RefusesMeasurementsWithoutARow) {
+  Problem p = geometry_problem(73, {5, false, 1, 1e-5, 2e-5, {}});
+  for (auto& [name, values] : p.columns) values.clear();
+  EXPECT_THROW(fit_of(p), ModelError);
+}
+
 TEST(Fit, RefusesTooFewPoses) {
   EXPECT_THROW(fit_of(geometry_problem(73, {3, false, 1, 1e-5, 2e-5, {}})), ModelError);
 }

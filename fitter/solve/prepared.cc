@@ -6,6 +6,8 @@ namespace armtrue {
 
 std::shared_ptr<const Prepared> prepare(const Robot& robot, const State::Columns& columns,
                                         const Accuracies& accuracies) {
+  if (columns.empty() || columns.begin()->second.empty())
+    throw ModelError("measurements: found no row, expected at least 4 poses");
   auto prepared = std::make_shared<Prepared>();
   prepared->robot = robot;
   std::optional<Eigen::Vector3d> payload_point = robot.payload_point;
