@@ -159,22 +159,23 @@ class Refinement {
 
   std::vector<RefineStep> run() {
     while (one_round()) steps_.back().diagnosis = diagnose_now(*steps_.back().fit);
-    while (refine_tables()) {
-    }
+    refine_tables();
     show();
     return std::move(steps_);
   }
 
  private:
   Diagnosis diagnose_now(Fit& fit) const;
-  // A model that moves lead to, and its fit; none where it cannot be had.
+  // The model that a move leads to, and its fit; none where it cannot be had.
   struct Trial {
+    std::size_t move = 0;  // of the search's
     ModelSpecification specification;
     std::map<std::string, double> starts;
     std::shared_ptr<Fit> fit;
   };
   bool one_round();
-  bool refine_tables();
+  std::vector<Trial> next_trials(const std::vector<Move>& moves, std::size_t& next) const;
+  void refine_tables();
   void fit_trials(std::vector<Trial>& trials) const;
   bool accept(const Move& move, const Trial& trial);
   void show() {
@@ -224,70 +225,67 @@ bool Refinement::accept(const Move& move, const Trial& trial) {
   return true;
 }
 
+// The first of the search's moves from `next` on whose model is new and, since most moves are taken
+// and cores stand by, the one after it on top of that. Leaves `next` behind what was looked at.
+std::vector<Refinement::Trial> Refinement::next_trials(const std::vector<Move>& moves,
+                                                       std::size_t& next) const {
+  const std::size_t most = std::thread::hardware_concurrency() > 1 ? 2 : 1;
+  const Fit& fit = *steps_.back().fit;
+  std::vector<Trial> trials;
+  for (; next < moves.size() && trials.size() < most; ++next) {
+    const Move& move = moves[next];
+    if (!trials.empty() && !is_sure(move)) break;
+    Trial trial = trials.empty() ? Trial{0, fit.specification(), {}, nullptr} : trials.back();
+    trial.move = next;
+    trial.specification = apply(trial.specification, move, fit.context());
+    if (tried_.contains(trial.specification.to_json().dump())) continue;
+    if (move.added) trial.starts.insert(move.added->starts.begin(), move.added->starts.end());
+    trials.push_back(std::move(trial));
+  }
+  return trials;
+}
+
 // What one search asks for, until a move that it is not sure of was made. False where no move was.
-// Most moves are taken: while one is tried, so is the next on top of it.
 bool Refinement::one_round() {
   const std::vector<Move> moves = moves_of(steps_.back().diagnosis);
-  const bool ahead = std::thread::hardware_concurrency() > 1;
+  const auto full = [&] { return static_cast<int>(steps_.size()) > options_.most_steps; };
   bool moved = false;
-  for (std::size_t m = 0; m < moves.size();) {
-    if (static_cast<int>(steps_.size()) > options_.most_steps) return moved;
-    if (moved && !is_sure(moves[m])) return true;
-    ModelSpecification reached = steps_.back().fit->specification();
-    const EffectContext& context = steps_.back().fit->context();
-    std::map<std::string, double> starts;
-    std::vector<Trial> trials;
-    std::vector<std::size_t> of_move;
-    std::size_t next = m;
-    for (; next < moves.size() && trials.size() < (ahead ? 2U : 1U); ++next) {
-      if (!trials.empty() && !is_sure(moves[next])) break;
-      ModelSpecification specification = apply(reached, moves[next], context);
-      if (tried_.contains(specification.to_json().dump())) continue;
-      if (moves[next].added)
-        starts.insert(moves[next].added->starts.begin(), moves[next].added->starts.end());
-      reached = specification;
-      trials.push_back({std::move(specification), starts, nullptr});
-      of_move.push_back(next);
-    }
-    if (trials.empty()) return moved;
+  for (std::size_t next = 0; next < moves.size() && !full();) {
+    if (moved && !is_sure(moves[next])) return true;
+    std::vector<Trial> trials = next_trials(moves, next);
     fit_trials(trials);
-    m = next;
-    for (std::size_t t = 0; t < trials.size(); ++t) {
-      if (static_cast<int>(steps_.size()) > options_.most_steps) return moved;
-      if (accept(moves[of_move[t]], trials[t])) {
-        moved = true;
-        continue;
+    for (const Trial& trial : trials) {
+      if (full()) return moved;
+      if (!accept(moves[trial.move], trial)) {
+        next = trial.move + 1;  // what was tried on top of it says nothing
+        break;
       }
-      m = of_move[t] + 1;  // what was tried on top of it says nothing
-      break;
+      moved = true;
     }
   }
   return moved;
 }
 
-// Tables with more nodes, where unseen poses are predicted better by them. False where they are as
-// fine as they should be.
-bool Refinement::refine_tables() {
-  const Fit& fit = *steps_.back().fit;
-  for (std::size_t e = 0; e < fit.specification().effects.size(); ++e) {
-    if (static_cast<int>(steps_.size()) > options_.most_steps) return false;
+// Tables with more nodes, where unseen poses are predicted better by them.
+void Refinement::refine_tables() {
+  const std::size_t effects = steps_.back().fit->specification().effects.size();
+  for (std::size_t e = 0; e < effects; ++e) {
+    if (static_cast<int>(steps_.size()) > options_.most_steps) return;
+    const Fit& fit = *steps_.back().fit;
     const EffectRequest& present = fit.specification().effects[e];
     const auto finer = find_effect(present.effect).finer(fit.context(), present);
     if (!finer) continue;
-    std::vector<Trial> trials{{fit.specification(), {}, nullptr}};
-    trials.front().specification.effects[e] = *finer;
-    if (!tried_.insert(trials.front().specification.to_json().dump()).second) continue;
     observer_.report(1.0, "trying finer tables");
-    fit_trials(trials);
-    const std::shared_ptr<Fit>& changed = trials.front().fit;
+    std::vector<Trial> trial{{0, fit.specification(), {}, nullptr}};
+    trial.front().specification.effects[e] = *finer;
+    fit_trials(trial);
+    const std::shared_ptr<Fit>& changed = trial.front().fit;
     if (!changed || held_out(*changed, true) > held_out(fit, true) - kWorthNodes) continue;
     show();
     Candidate added;
     added.request = *finer;
     steps_.push_back({std::move(added), {}, steps_.back().diagnosis, changed});
-    return true;
   }
-  return false;
 }
 
 }  // namespace

@@ -77,7 +77,7 @@ class TransmissionPwl final : public Effect {
   // below.
   static constexpr double kFinest = 0.02617993878;
   static constexpr double kFinestOfAll = 0.01163552835;  // 0.67 deg
-  static constexpr double kMargin = 0.106;               // [rad], four of the finest cells
+  static constexpr double kMargin = 0.106;               // [rad], just over four cells of kFinest
   static constexpr double kRowsPerNode = 2.0;
   static constexpr double kRowsPerCandidateNode = 3.0;
   static constexpr double kRowsPerFineNode = 1.5;

@@ -1,4 +1,4 @@
-// What differs between readings of one place, and tells of no model.
+// Differences between repeated readings of one pose: they show the scatter of readings only.
 #pragma once
 
 #include <Eigen/Core>
@@ -8,16 +8,16 @@
 
 namespace armtrue {
 
-/// Squares that no column can explain, since the readings they are of share every column, and how
-/// many degrees of freedom they have. They tell the scatter of shots. How far a pose as a whole
-/// scatters is told by the rest alone: counted with it, a hundred shots of fifty poses would make
-/// fifty numbers as sure as five thousand.
+/// Sum of squares, and degrees of freedom, of the differences between readings of one pose that no
+/// column of the model can explain. They measure how single readings scatter. How whole poses
+/// scatter is estimated without them: fifty poses, each read a hundred times, say as much about it
+/// as fifty numbers do, and these differences would make that look like five thousand.
 struct IdleContrasts {
   double squares = 0.0, freedom = 0.0;
 };
 
-/// `white`: columns and, last, what they explain, whitened by `whitening`. `target`: reflector of
-/// each row of `linearization`.
+/// `white`: the model's columns and, in the last column, the residual, all whitened by `whitening`.
+/// `target`: reflector of each row of `linearization`.
 IdleContrasts idle_contrasts(const Linearization& linearization, const std::vector<int>& target,
                              const PoseWhitening& whitening, const Eigen::MatrixXd& white);
 

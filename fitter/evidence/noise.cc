@@ -266,7 +266,7 @@ Eigen::VectorXd variances_of(const NoiseParts& parts) {
   return variance;
 }
 
-// What a unit of each part's variance adds to that of a reading, on average.
+// Mean variance of a reading that one unit of each part's variance causes.
 Eigen::VectorXd reaches(const Linearization& l) {
   Eigen::VectorXd reach(l.layout.joints + 2);
   const auto rows = static_cast<double>(l.geometry.rows());

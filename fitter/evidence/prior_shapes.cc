@@ -9,8 +9,9 @@
 namespace armtrue {
 namespace {
 
-// Root mean square displacement of the tool that one coefficient's prior allows [m]: from what is
-// just seen to what heavy arms do. A prior that is too narrow is sure and wrong.
+// Root mean square displacement of the tool that one coefficient's prior expects [m]. The smallest
+// can just be measured, the largest is seen on heavy arms. An effect larger than its prior expects
+// would be taken for another one, with a high probability.
 const std::vector<double> kSizes{25e-6, 80e-6, 250e-6, 800e-6, 2500e-6};
 // A physical bound is taken for so many standard deviations of the prior.
 constexpr double kBoundIsSigmas = 2.0;

@@ -33,7 +33,8 @@ struct StartPoint {
   std::shared_ptr<const State> state{};  ///< loads where that fit's arm stands
   Smoothness smoothness{0.0, 0.0, {}};   ///< of tables; of sigma 0 where none stand in the model
   double orientation_inflation = 1.0;    ///< of the standard deviation of orientations
-  std::map<std::string, std::map<double, double>> tables{};  ///< of one axis: by id, value by node
+  std::map<std::string, std::map<double, double>>
+      tables{};  ///< of one variable: value by node, by id
 };
 
 struct FitOptions {
