@@ -113,17 +113,34 @@ bool runs_with_time(const EffectContext& context, const Move& move) {
   return (move.added && does(move.added->request)) || std::ranges::any_of(move.removed, does);
 }
 
-// Held-out errors at random, in time and by region: a model is worse where their mean is, and
-// endlessly bad where nothing can be predicted. What runs with time is not judged by predicting
-// times unlike those that it was seen at.
-double held_out(const Fit& fit, bool in_time) {
-  const std::vector<ErrorSummary>& errors = fit.held_out_errors();
+// How far the prediction of every row was off that no fit saw [m]: not a number where it is not
+// known. What was kept out as a gross error was seen by none.
+std::vector<double> unseen_distances(const Fit& fit, std::size_t folding) {
+  std::vector<double> distance = fit.held_out_distances_by_row()[folding];
+  for (const RejectedRow& r : fit.rejected()) distance[r.row] = r.residual;
+  return distance;
+}
+
+// Logarithm of the factor by which held-out errors grow from one model to another: at random, in
+// time and by region, on average; endless where nothing can be predicted. Rows count that either
+// model was fitted to: one may explain what the other takes for a gross error. What runs with time
+// is not judged by predicting times unlike those that it was seen at.
+double held_out_growth(const Fit& before, const Fit& after, bool in_time) {
   double sum = 0.0, count = 0.0;
-  for (std::size_t folding = 0; folding < errors.size(); ++folding) {
-    if (!in_time && static_cast<Folding>(folding) == Folding::kTime) continue;
-    if (errors[folding].count == 0 || !(errors[folding].mean > 0.0))
-      return std::numeric_limits<double>::infinity();
-    sum += std::log(errors[folding].mean);
+  for (const Folding folding : {Folding::kRandom, Folding::kTime, Folding::kRegion}) {
+    if (!in_time && folding == Folding::kTime) continue;
+    const auto f = static_cast<std::size_t>(folding);
+    const std::vector<double> was = unseen_distances(before, f), is = unseen_distances(after, f);
+    double sum_was = 0.0, sum_is = 0.0;
+    for (std::size_t i = 0; i < was.size(); ++i) {
+      const bool fitted = std::isfinite(before.held_out_distances_by_row()[f][i]) ||
+                          std::isfinite(after.held_out_distances_by_row()[f][i]);
+      if (!fitted || !std::isfinite(was[i]) || !std::isfinite(is[i])) continue;
+      sum_was += was[i];
+      sum_is += is[i];
+    }
+    if (!(sum_was > 0.0) || !(sum_is > 0.0)) return std::numeric_limits<double>::infinity();
+    sum += std::log(sum_is / sum_was);
     count += 1.0;
   }
   return sum / count;
@@ -217,7 +234,7 @@ bool Refinement::accept(const Move& move, const Trial& trial) {
   const double worse = move.added ? kSameError : kSameWithout;
   const Fit& fit = *steps_.back().fit;
   const bool in_time = !runs_with_time(fit.context(), move);
-  if (!trial.fit || held_out(*trial.fit, in_time) > held_out(fit, in_time) + worse) return false;
+  if (!trial.fit || held_out_growth(fit, *trial.fit, in_time) > worse) return false;
   show();
   const Diagnosis& before = steps_.back().diagnosis;
   Diagnosis now = move.added ? with_added(before, *move.added) : before;
@@ -280,7 +297,7 @@ void Refinement::refine_tables() {
     trial.front().specification.effects[e] = *finer;
     fit_trials(trial);
     const std::shared_ptr<Fit>& changed = trial.front().fit;
-    if (!changed || held_out(*changed, true) > held_out(fit, true) - kWorthNodes) continue;
+    if (!changed || held_out_growth(fit, *changed, true) > -kWorthNodes) continue;
     show();
     Candidate added;
     added.request = *finer;

@@ -318,6 +318,11 @@ SearchResult Sampler::run() {
   const std::vector<Choice> start = state_;
   const bool structure = std::any_of(problem_.blocks.begin(), problem_.blocks.end(),
                                      [](const SearchBlock& b) { return !b.counts; });
+  std::vector<std::size_t> few;
+  for (const std::size_t b : blocks_for(false)) {
+    if (!block(b).costly) few.push_back(b);
+  }
+  climb(few);
   climb(blocks_for(false));
   if (structure) {
     climb(blocks_for(true));
