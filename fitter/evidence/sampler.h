@@ -46,7 +46,11 @@ class Sampler {
   std::vector<std::size_t> blocks_for(bool with_structure) const;
   void find_readings();
   double enter(const std::vector<std::size_t>& members, std::vector<Choice>& sizes);
-  void read_otherwise();
+  // What stands for what: blocks of the likeliest set, and those that replace them.
+  struct Reading {
+    std::vector<std::size_t> one, other;
+  };
+  void read_otherwise(const Reading& reading);
   void sweep(int number, bool count);
   void exchange();
   Choice draw(const Conditional& conditional);
@@ -60,11 +64,6 @@ class Sampler {
   const SearchProblem& problem_;
   const SearchOptions& options_;
   std::mt19937_64 generator_;
-  // What stands for what: blocks of the likeliest set, and those that replace them.
-  struct Reading {
-    std::vector<std::size_t> one, other;
-  };
-
   std::vector<Choice> state_, best_;
   std::vector<Reading> readings_;
   double best_posterior_ = -std::numeric_limits<double>::infinity();

@@ -160,10 +160,8 @@ void Sampler::sweep(int number, bool count) {
     if (count) inclusion_[b] += c.probability();
     set(b, draw(c));
   }
-  if (number % kExchangeEvery == 0) {
-    exchange();
-    read_otherwise();
-  }
+  if (number % kExchangeEvery == 0) exchange();
+  for (const Reading& reading : readings_) read_otherwise(reading);
   remember();
   if (!count) return;
   counted_ += 1.0;
@@ -224,9 +222,8 @@ double Sampler::enter(const std::vector<std::size_t>& members, std::vector<Choic
   return sum;
 }
 
-// Two blocks may stand for one, which no exchange of one for one finds: each member of the
-// likeliest set is taken out in turn, and what the others then do without it is another reading of
-// the data.
+// Two blocks may stand for one, and one for one: each member of the likeliest set is taken out in
+// turn, and what the others then do without it is another reading of the data.
 void Sampler::find_readings() {
   const std::vector<Choice> home = best_;
   const double home_posterior = best_posterior_;
@@ -259,7 +256,6 @@ void Sampler::find_readings() {
       (home[b].is_present() ? at_home : found)
           .push_back(home[b].is_present() ? home[b] : state_[b]);
     }
-    if (reading.one.size() + reading.other.size() <= 2) continue;  // exchanges find it
     for (const std::size_t b : reading.other) set(b, {});
     double odds = enter(reading.other, found);
     for (const std::size_t b : reading.other) set(b, {});
@@ -275,9 +271,7 @@ void Sampler::find_readings() {
 
 // A step of Metropolis and Hastings from one side of a reading to the other, sizes drawn as they
 // enter: what all sizes of a side bring decides.
-void Sampler::read_otherwise() {
-  if (readings_.empty()) return;
-  const Reading& reading = readings_[generator_() % readings_.size()];
+void Sampler::read_otherwise(const Reading& reading) {
   const auto stands = [&](const std::vector<std::size_t>& side, bool present) {
     return std::all_of(side.begin(), side.end(),
                        [&](std::size_t b) { return state_[b].is_present() == present; });

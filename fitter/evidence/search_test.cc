@@ -155,6 +155,17 @@ TEST(SearchBlocks, TwoBlocksThatAreOne_ShareTheirProbability) {
   EXPECT_LT(result.nothing_missing, 0.01);
 }
 
+TEST(SearchBlocks, TwoBlocksThatAreOneAmongOthers_ShareItWithinTheSweepsOfADiagnosis) {
+  for (std::uint64_t seed = 1; seed <= 10; ++seed) {
+    Example e = example(seed, {0.6, 0.0, 0.7, 0.8, 0.6, 0.9, 0.0, 0.0});
+    e.columns.middleCols(2, 2) = e.columns.middleCols(0, 2);
+    set_products(e);
+    SearchOptions options;
+    options.seed = seed;
+    EXPECT_NEAR(search_blocks(e.problem, options).inclusion[0], 0.5, 0.25) << seed;
+  }
+}
+
 TEST(SearchBlocks, Noise_HasNothingMissing) {
   double nothing = 0.0;
   for (std::uint64_t seed = 10; seed < 20; ++seed)
