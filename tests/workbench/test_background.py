@@ -10,6 +10,7 @@ from opened import TWO_HIDDEN
 pytestmark = pytest.mark.full
 
 POSES = 2500
+SO_MANY_THAT_SOME_COME_FIRST = 12000
 
 
 @pytest.fixture(scope="module")
@@ -56,3 +57,29 @@ def test_another_step_does_not_wait_for_the_diagnosis_of_the_last(start, browser
     assert [node["parent"] for node in workbench.state()["models"]] == [None, 0, 0]
     page.remove(page.model()[-1])
     assert page.failure() == ""
+
+
+def test_first_figures_of_some_measurements_stand_while_all_are_fitted(start, browser, tmp_path):
+    armtrue_sim.simulate({**TWO_HIDDEN, "poses": SO_MANY_THAT_SOME_COME_FIRST}).write(tmp_path)
+    workbench = start(tmp_path / "data.csv")
+    page = Page(browser, workbench.address)
+    names = page.candidates()
+    slow = next(k for k, name in enumerate(names) if name.startswith("transmission_pwl"))
+    said = page.add(slow)
+    assert said.startswith(f"First figures, from 1500 of {SO_MANY_THAT_SOME_COME_FIRST} measurements")
+    assert "being fitted" in page.error()
+    assert page.model()[-1].startswith("transmission_pwl")
+    running = workbench.state()
+    assert (running["busy"], len(running["steps"])) == (True, 1)
+    page.until(lambda: not workbench.state()["busy"], "fit to all measurements")
+    page.until(lambda: "being fitted" not in page.error(), "figures of all measurements")
+    assert not page.status().startswith("First figures")
+    assert len(workbench.state()["steps"]) == 2
+
+    page.press("Undo")
+    page.until(page.candidates, "candidates")
+    page.add(slow + 1)
+    page.button("Cancel").click()
+    page.until(lambda: page.status().startswith("Stopped"), "word of the stop")
+    page.until(lambda: "being fitted" not in page.error(), "figures of the model before")
+    assert len(workbench.state()["models"]) == 2

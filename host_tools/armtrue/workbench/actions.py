@@ -11,6 +11,7 @@ from armtrue.fitting import Fit, with_effects
 from armtrue.io.model import check_effect
 from armtrue.workbench.beside import planned_between
 from armtrue.workbench.compensator import Device
+from armtrue.workbench.first_figures import FirstFigures, fit_to_some
 from armtrue.workbench.further import Result, compared, joined, rows_between
 from armtrue.workbench.left_out import error_there, said_there
 from armtrue.workbench.names import change_words, model_entry
@@ -78,8 +79,19 @@ def _change(engine: Engine, effects: list[Entry]) -> None:
             engine.said = child.said
             return
     before = session.node
-    fit = with_effects(session.fit_of(session.at), effects, engine.tell)
+    fit = _fitted(engine, session.fit_of(session.at), effects, before)
     _put(engine, fit, before)
+
+
+def _fitted(
+    engine: Engine, base: Fit, effects: list[Entry], before: Node, left_out: list[int] | None = None
+) -> Fit:
+    """`base` with these effects. Of many measurements the page shows first figures, from some, meanwhile."""
+    some = fit_to_some(base, effects, engine.tell)
+    if some is not None:
+        node = node_of(engine.session, some, before, left_out)
+        engine.show_first_figures(FirstFigures(node, some, base.data.count))
+    return with_effects(base, effects, engine.tell)
 
 
 def _leave_out(engine: Engine, words: Entry) -> None:
@@ -93,7 +105,8 @@ def _leave_out(engine: Engine, words: Entry) -> None:
     before = session.node
     data = session.data_without(sorted(set(rows)))
     bare = Fit(session.fit_of(session.at).document, None, data)
-    _put(engine, with_effects(bare, before.effects, engine.tell), before, sorted(set(rows)))
+    out = sorted(set(rows))
+    _put(engine, _fitted(engine, bare, before.effects, before, out), before, out)
 
 
 def _leave_out_where(engine: Engine, words: Entry) -> None:
@@ -253,6 +266,7 @@ def _put(
 ) -> None:
     node = node_of(engine.session, fit, before, left_out, diagnosis)
     engine.session.put(node, fit, diagnosis)
+    engine.first_figures = None
     engine.said = node.said
 
 

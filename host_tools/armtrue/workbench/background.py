@@ -11,12 +11,15 @@ from dataclasses import dataclass, field
 
 from armtrue.diagnosis import diagnose
 from armtrue.errors import InputError
+from armtrue.progress import Progress
 from armtrue.report.state import directions, tiny_levers, variables
+from armtrue.workbench.allocator import give_back
 from armtrue.workbench.beside import bayesian_information
 from armtrue.workbench.session import Session
 
 FAULT = "A fault of the workbench: the session is as it was before. The terminal says more."
 _NICE = 5
+_LOOK_UP_S = 0.1
 
 
 class CancelledError(Exception):
@@ -54,6 +57,8 @@ class Background:
         self.failure = ""
         self._changed = changed
         self._now: _Run | None = None
+        # Diagnoses that were stopped one after the other would share the processors, and hold memory side by side.
+        self._one_at_a_time = threading.Lock()
         self._stopped: tuple[str, int] | None = None
 
     @property
@@ -107,14 +112,12 @@ class Background:
 
         failure = ""
         try:
-            fit = run.session.fit_of(run.number)
-            # What charts read is kept with the fit: they need not wait until the library is free again.
-            fit.residuals()
-            variables(fit)
-            directions(fit)
-            tiny_levers(fit)
-            bayesian_information(run.session, run.number)
-            run.session.diagnosed(run.number, diagnose(fit, tell))
+            while not self._one_at_a_time.acquire(timeout=_LOOK_UP_S):
+                tell(0.0, "waits for the diagnosis that was stopped")
+            try:
+                self._diagnose(run, tell)
+            finally:
+                self._one_at_a_time.release()
         except CancelledError:
             pass
         except InputError as error:
@@ -123,7 +126,18 @@ class Background:
             logging.getLogger(__name__).exception("a diagnosis failed")
             failure = FAULT
         finally:
+            give_back()
             if self._now is run:
                 self._now, self.failure = None, failure
             run.ended.set()
             self._changed()
+
+    def _diagnose(self, run: _Run, tell: Progress) -> None:
+        fit = run.session.fit_of(run.number)
+        # What charts read is kept with the fit: they need not wait until the library is free again.
+        fit.residuals()
+        variables(fit)
+        directions(fit)
+        tiny_levers(fit)
+        bayesian_information(run.session, run.number)
+        run.session.diagnosed(run.number, diagnose(fit, tell))

@@ -12,9 +12,11 @@ from armtrue.errors import InputError
 from armtrue.io import load_data
 from armtrue.progress import Progress
 from armtrue.workbench.actions import BESIDE_A_DIAGNOSIS, WORK, node_of
+from armtrue.workbench.allocator import give_back
 from armtrue.workbench.background import FAULT, Background, CancelledError, Task
 from armtrue.workbench.compensator import Device
 from armtrue.workbench.dropped import Drop
+from armtrue.workbench.first_figures import FirstFigures
 from armtrue.workbench.further import Result
 from armtrue.workbench.opening import Opened
 from armtrue.workbench.outputs import Made
@@ -44,6 +46,8 @@ class Engine:
         self.said = ""
         self.failure = ""
         self.made: Made | None = None
+        # The model that is being fitted, from some of the measurements, until the fit to all of them is there.
+        self.first_figures: FirstFigures | None = None
         self.result: Result | None = None
         self.task: Task | None = None
         self.version = 1
@@ -71,9 +75,11 @@ class Engine:
 
     @property
     def known(self) -> str:
-        """`shown`, and how much of its diagnosis is known."""
+        """`shown`, and how much of its diagnosis is known; or that first figures of another model stand there."""
         if not self.is_open:
             return "none"
+        if self.first_figures is not None:
+            return f"{self.shown}/first figures"
         diagnosis = self.session.diagnosis_of(self.session.at)
         return (
             f"{self.shown}/{'nothing' if diagnosis is None else 'all' if 'spectra' in diagnosis else 'some'}"
@@ -180,6 +186,12 @@ class Engine:
             self.task.share, self.task.stage = share, stage
         self.announce()
 
+    def show_first_figures(self, figures: FirstFigures) -> None:
+        """Show a model from some of the measurements while the action fits it to all of them."""
+        self.first_figures = figures
+        self.said = figures.said
+        self.announce()
+
     def announce(self) -> None:
         """Have every open page look again."""
         with self.changed:
@@ -207,7 +219,9 @@ class Engine:
             logging.getLogger(__name__).exception("an action failed")
             self.failure = FAULT
         finally:
+            self.first_figures = None
             self._keep()
+            give_back()
             self._diagnose()
             with self.changed:
                 self.task = None

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from armtrue.errors import InputError
 from armtrue.progress import Progress
+from armtrue.workbench.allocator import share_one_arena
 from armtrue.workbench.compensator import Device
 from armtrue.workbench.dropped import Drop
 from armtrue.workbench.engine import Engine
@@ -28,6 +29,7 @@ def start(
     `opened`: None for a page that waits for files. `device`: on the CAN bus that was named. Errors: InputError where
     the port is taken, the session cannot be written or the data cannot carry the model.
     """
+    share_one_arena()
     engine = Engine(Drop(default_folder(f"dropped-{secrets.token_hex(4)}")), device)
     try:
         server = Server(engine, port)

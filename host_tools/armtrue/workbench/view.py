@@ -6,12 +6,14 @@ from typing import Any
 
 import yaml
 
+from armtrue.fitting import Fit
 from armtrue.io.catalogue import catalogue
 from armtrue.report.markup import Content, Markup, tag
 from armtrue.report.parts import micrometres, plural, typeset
 from armtrue.verdicts import FLOOR_SOURCES, NOT_SCORED, scored_mean_um, verdict_words
 from armtrue.workbench.compensator import device_section
 from armtrue.workbench.engine import Engine
+from armtrue.workbench.first_figures import FirstFigures
 from armtrue.workbench.further import leave_out_form
 from armtrue.workbench.guesses import findings_list, first_rows, form
 from armtrue.workbench.left_out import left_out_part, left_out_row
@@ -32,13 +34,16 @@ def pieces(engine: Engine) -> dict[str, str]:
     }
     if not engine.is_open:
         return always
-    session = engine.session
-    diagnosis = session.diagnosis_of(session.at)
+    session, first = engine.session, engine.first_figures
+    # First figures are of a model whose diagnosis begins when it is fitted to all measurements.
+    diagnosis = None if first else session.diagnosis_of(session.at)
+    path = [*session.path, *([first.node] if first else [])]
+    fit = first.fit if first else session.fit_of(session.at)
     return {
         **always,
-        "error": _error(session),
-        "waterfall": _waterfall(session),
-        "model": _model(session),
+        "error": _error(path, fit, first),
+        "waterfall": _waterfall(path, first),
+        "model": _model(path[-1]),
         "candidates": _candidates(diagnosis),
         "verdict": _verdict(diagnosis) if diagnosis else _no_verdict(engine),
         "advice": _advice(diagnosis) if diagnosis else "",
@@ -116,10 +121,10 @@ def _opening(engine: Engine) -> Markup:
     return tag("div", content, " ", _button("Put aside", "forget", class_="quiet"))
 
 
-def _error(session: Session) -> Markup:
-    node = session.node
+def _error(path: list[Node], fit: Fit, first: FirstFigures | None) -> Markup:
+    node = path[-1]
     floor = node.noise_floor_um
-    source = str(session.fit_of(session.at).document["noise_floor"]["source"])
+    source = str(fit.document["noise_floor"]["source"])
     words = FLOOR_SOURCES.get(source, source)
     rows: list[Content] = [
         _error_row("held out", node.error["held_out"]),
@@ -138,13 +143,14 @@ def _error(session: Session) -> Markup:
             "p",
             tag("b", length(node.mean_um), class_="figure"),
             " held-out mean error",
+            f" ({first.words})" if first else None,
         ),
         tag(
             "p",
             tag("b", "not known" if floor is None else f"{micrometres(floor)} µm", class_="figure"),
             f" noise floor ({words})",
         ),
-        _bar(node.mean_um, floor, _largest(session)),
+        _bar(node.mean_um, floor, _largest(path)),
         tag(
             "table",
             tag("caption", "Error of the model [µm]"),
@@ -164,9 +170,9 @@ def _error_row(name: str, figures: dict[str, float]) -> Markup:
     return tag("tr", tag("th", name, scope="row"), cells)
 
 
-def _largest(session: Session) -> float:
+def _largest(path: list[Node]) -> float:
     """The largest error on the way to this model: what a full bar stands for."""
-    return max((step.mean_um for step in session.path if step.mean_um is not None), default=0.0)
+    return max((step.mean_um for step in path if step.mean_um is not None), default=0.0)
 
 
 def _bar(mean: float | None, floor: float | None, whole: float) -> Markup:
@@ -175,23 +181,24 @@ def _bar(mean: float | None, floor: float | None, whole: float) -> Markup:
     return tag("div", tag("span", style=f"width:{share:.2f}%"), mark, class_="error-bar", aria_hidden="true")
 
 
-def _waterfall(session: Session) -> Markup:
-    whole = _largest(session)
+def _waterfall(path: list[Node], first: FirstFigures | None) -> Markup:
+    whole = _largest(path)
     steps = [
         tag(
             "li",
             tag("span", node.name or node.change, class_="step"),
             _bar(node.mean_um, node.noise_floor_um, whole),
             tag("span", length(node.mean_um), class_="num"),
+            class_="first-figures" if first and node is first.node else None,
         )
-        for node in session.path
+        for node in path
     ]
     return tag("ol", steps, class_="waterfall-steps", aria_label="Steps")
 
 
-def _model(session: Session) -> Markup:
+def _model(node: Node) -> Markup:
     entries = []
-    for k, effect in enumerate(session.node.effects):
+    for k, effect in enumerate(node.effects):
         name = called(effect)
         info = catalogue().get(effect["effect"])
         entries.append(
@@ -272,6 +279,8 @@ def _verdict(diagnosis: dict[str, Any]) -> Markup:
 
 def _no_verdict(engine: Engine) -> Markup:
     """What stands in the verdict's place while there is none."""
+    if engine.first_figures is not None:
+        return tag("p", "What is missing is worked out when all measurements are fitted.", class_="verdict")
     if engine.background.task is not None:
         return tag("p", "What is missing is being worked out.", class_="verdict")
     again = _button("Work out what is missing", "diagnose")

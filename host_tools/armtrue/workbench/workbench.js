@@ -150,7 +150,7 @@
       byId("diagnosing-stage").textContent = event.diagnosing.stage;
     }
     diagnosing = event.diagnosing !== null;
-    if (!busy && byId("status").textContent !== event.said) byId("status").textContent = event.said;
+    if ((!busy || event.first_figures) && byId("status").textContent !== event.said) byId("status").textContent = event.said;
     if (event.failure || !busy) fail(event.failure);
     clearTimeout(waitingForProgress);
     if (!busy) byId("running").hidden = true;
