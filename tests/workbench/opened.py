@@ -73,6 +73,11 @@ class Workbench:
         """state.json."""
         return dict(json.loads(self.ask(f"{self.path}state.json").read()))
 
+    def drafted(self, column: str, what: str) -> str | None:
+        """What the server keeps of the form of guesses: what a column is, or its unit."""
+        view = json.loads(self.ask(f"{self.path}view.json").read())
+        return view["draft"].get("form", {}).get("columns", {}).get(column, {}).get(what)
+
     def do(self, **words: Any) -> int:
         """Ask for an action; the status of the answer."""
         return self.ask(f"{self.path}do", "POST", json.dumps(words).encode()).status

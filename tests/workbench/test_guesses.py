@@ -34,17 +34,22 @@ def foreign(campaign, tmp_path):
     return write
 
 
+def empty(start, browser) -> Page:
+    """The page of a workbench that was started without files."""
+    page = Page.__new__(Page)
+    page.workbench = start("--port", "0")
+    page.browser, page.address = browser, page.workbench.address
+    browser.look(LAPTOP)
+    browser.driver.get(page.address)
+    return page
+
+
 @pytest.fixture
 def guessed(start, browser, campaign):
     """Drops a foreign file and the arm on an empty workbench, and opens them as far as the guesses."""
 
     def drop(path) -> Page:
-        workbench = start("--port", "0")
-        browser.look(LAPTOP)
-        browser.driver.get(workbench.address)
-        page = Page.__new__(Page)
-        page.browser, page.address = browser, workbench.address
-        page.workbench = workbench
+        page = empty(start, browser)
         browser.driver.find_element(By.ID, "files").send_keys(f"{path}\n{campaign / 'robot.yaml'}")
         page.until(lambda: page.by_role("#opening button", "button", "Open"), "files")[0].click()
         page.until(lambda: page.by_role("#opening button", "button", "Open with these"), "guesses")
@@ -111,3 +116,26 @@ def test_the_arm_is_drawn_at_once_and_a_wrong_sign_is_seen(guessed, foreign):
     assert "does not reach its points" in picture.accessible_name
     page.one("#opening button", "button", "Mend this").click()
     page.until(lambda: "The arm reaches its points" in page.text("opening"), "arm among its points")
+
+
+def test_a_form_that_was_changed_outlives_a_killed_server(guessed, foreign, start, browser, right_um):
+    page = guessed(foreign(swapped=True))
+    choose(page, "X is", "y")
+    choose(page, "Y is", "x")
+    page.until(
+        lambda: page.workbench.drafted("X", "is") == "y" and page.workbench.drafted("Y", "is") == "x", "draft"
+    )
+    page.workbench.kill()
+    again = empty(start, browser)
+    again.until(lambda: again.by_role("#opening button", "button", "Open with these"), "guesses")
+    assert (shown(again, "X is"), shown(again, "Y is")) == ("y", "x")
+    assert "tracker.csv" in again.text("opening")
+    assert opened_mean_um(again) == pytest.approx(right_um, rel=1e-6)
+
+
+def test_mending_keeps_what_was_changed_in_the_form(guessed, foreign):
+    page = guessed(foreign(turned=3))
+    choose(page, "unit of X", "m")
+    page.one("#opening button", "button", "Mend this").click()
+    page.until(lambda: "joint 3 turns the other way" not in page.text("opening"), "mended file")
+    assert shown(page, "unit of X") == "m"

@@ -18,6 +18,7 @@ from armtrue.workbench.names import change_words, model_entry
 from armtrue.workbench.outputs import make
 from armtrue.workbench.poses import planned
 from armtrue.workbench.session import Node, Session
+from armtrue.workbench.waiting import keep_waiting
 from armtrue.workbench.words import fall_words, first_words, length, rows_words
 
 if TYPE_CHECKING:
@@ -218,8 +219,11 @@ def _open(engine: Engine, words: Entry) -> None:
         if "mend" in words:
             engine.said = "It is mended. Look at what the check says now, then open the files."
         return
+    was_open = engine.is_open
     engine.begin(opened, progress=engine.tell)
     engine.drop.forget()
+    if not was_open:
+        keep_waiting(engine.drop)
 
 
 def _forget(engine: Engine, _words: Entry) -> None:

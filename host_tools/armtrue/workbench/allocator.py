@@ -15,7 +15,10 @@ def _of_the_c_library(name: str, *arguments: int) -> None:
 
 
 def share_one_arena() -> None:
-    """Have all threads allocate from one arena: each keeps the most that it once held. Call this before any thread starts."""
+    """Have all threads allocate from one arena, for each arena keeps what it was once grown to.
+
+    To be called before any thread starts.
+    """
     _of_the_c_library("mallopt", _M_ARENA_MAX, 1)
 
 

@@ -17,6 +17,8 @@ from armtrue.workbench.guess_picture import guess_picture
 from armtrue.workbench.guesses import can_be_mended, filled_in, mended
 from armtrue.workbench.opening import Opened, open_files
 
+Entry = dict[str, Any]
+
 _TABLES = {".csv", ".txt", ".tsv", ".dat", ".xlsx"}
 _KNOWN = {*_TABLES, ".json", ".yaml", ".yml", ".urdf"}
 _LONGEST_NAME = 120
@@ -37,11 +39,15 @@ class Guess:
 
 @dataclass
 class Drop:
-    """Files in `folder` that were dropped since the last time something was opened."""
+    """Files in `folder` that were dropped since the last time something was opened.
+
+    `draft`: `form` and `text` of the guesses as the person left them, before they are opened.
+    """
 
     folder: Path
     names: list[str] = field(default_factory=list)
     guess: Guess | None = None
+    draft: Entry = field(default_factory=dict)
 
     def take(self, name: str, content: bytes) -> None:
         """Keep one file. Errors: InputError for a name that is no plain file name of a known kind."""
@@ -56,34 +62,48 @@ class Drop:
 
     def forget(self) -> None:
         """Begin anew; the files stay where they are."""
-        self.names, self.guess = [], None
+        self.names, self.guess, self.draft = [], None, {}
 
-    def as_json(self) -> dict[str, Any]:
-        """Which files wait, for the session's file."""
-        return {"folder": str(self.folder), "names": self.names}
+    def take_draft(self, words: Entry) -> None:
+        """Keep the form and the text of the guesses as they stand on the page. Errors: InputError where none came."""
+        form, text = words.get("form"), words.get("text")
+        parts = [form.get(part) for part in ("fields", "columns")] if isinstance(form, dict) else [None]
+        whole = all(isinstance(part, dict) for part in parts) and isinstance(text, str)
+        if self.guess is None or not whole:
+            raise InputError("draft: found no form of guesses, expected its fields, its columns and its text")
+        self.draft = {"form": form, "text": text}
 
-    def go_on(self, kept: dict[str, Any]) -> None:
+    def as_json(self) -> Entry:
+        """Which files wait and what was guessed of them, for the session's file."""
+        notes = None if self.guess is None else self.guess.notes
+        return {"folder": str(self.folder), "names": self.names, "notes": notes, "draft": self.draft}
+
+    def go_on(self, kept: Entry) -> None:
         """Go on with the files that waited when `as_json` was asked, those that are still there."""
         folder = Path(kept["folder"])
         names = [str(name) for name in kept["names"] if (folder / str(name)).is_file()]
-        if names:
-            self.folder, self.names, self.guess = folder, names, None
+        if not names:
+            return
+        self.folder, self.names, self.guess, self.draft = folder, names, None, {}
+        if kept.get("notes") is not None:
+            self.guess = self._looked_at([str(note) for note in kept["notes"]])
+            self.draft = dict(kept["draft"])
 
-    def open(self, words: dict[str, Any]) -> Opened | None:
+    def open(self, words: Entry) -> Opened | None:
         """Open what was dropped; None where guesses are to be looked at first.
 
-        `words`: `text`, dataset.yaml as the person left it; `form`, the form; or `mend`, a finding's place. Errors:
-        InputError in one sentence.
+        `words`: `text`, dataset.yaml as the person left it; `form`, the form; or `mend`, a finding's place, with the
+        form as it stands. Errors: InputError in one sentence.
         """
         if self.guess is not None:
+            if "mend" in words:
+                self._mend(words)
+                return None
             if isinstance(words.get("text"), str):
                 return self._open_guessed(words["text"])
             if "form" in words:
                 return self._open_guessed(filled_in(self.guess.text, words["form"], self.guess.robot))
-            if "mend" in words:
-                self._mend(words["mend"])
-                return None
-        self.guess = None
+        self.guess, self.draft = None, {}
         kinds: dict[str, list[Path]] = {
             "fit": [],
             "robot": [],
@@ -116,11 +136,14 @@ class Drop:
         found = init(tables, out, urdf=_one(kinds["urdf"], "URDF"), robot=robot, force=True)
         if robot is not None:
             write_file(out / "robot.yaml", read_text(robot))
-        notes = [*([why] if why else []), *found.notes]
-        arm = load_robot(out / "robot.yaml")
-        dataset = out / "dataset.yaml"
-        picture = guess_picture(dataset, arm)
-        self.guess = Guess(dataset, read_text(dataset), notes, found.findings, arm, picture)
+        self.guess = self._looked_at([*([why] if why else []), *found.notes])
+
+    def _looked_at(self, notes: list[str]) -> Guess:
+        """The guesses as they lie in the folder, with what the check says of them."""
+        arm = load_robot(self.folder / _GUESSED / "robot.yaml")
+        dataset = self.folder / _GUESSED / "dataset.yaml"
+        findings = check(load_data(dataset, arm, strict=False), arm).findings
+        return Guess(dataset, read_text(dataset), notes, findings, arm, guess_picture(dataset, arm))
 
     def _open_guessed(self, text: str) -> Opened:
         self._check(text)
@@ -136,16 +159,19 @@ class Drop:
         except InputError:
             write_file(self.guess.path, self.guess.text)
             raise
-        self.guess.text = text
+        self.guess.text, self.draft = text, {}
         self.guess.findings = check(data, self.guess.robot).findings
         self.guess.picture = guess_picture(self.guess.path, self.guess.robot)
 
-    def _mend(self, place: object) -> None:
+    def _mend(self, words: Entry) -> None:
         assert self.guess is not None
-        findings = self.guess.findings
+        place, findings = words["mend"], self.guess.findings
         if not isinstance(place, int) or not 0 <= place < len(findings) or not can_be_mended(findings[place]):
             raise InputError(f"mend: found {place!r}, expected a finding that can be mended here")
-        self._check(mended(self.guess.text, findings[place]))
+        text = self.guess.text
+        if "form" in words:
+            text = filled_in(text, words["form"], self.guess.robot)
+        self._check(mended(text, findings[place]))
 
 
 def _kind(path: Path) -> str:

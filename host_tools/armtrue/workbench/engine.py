@@ -21,6 +21,7 @@ from armtrue.workbench.further import Result
 from armtrue.workbench.opening import Opened
 from armtrue.workbench.outputs import Made
 from armtrue.workbench.session import Session, default_folder, key_of, load_session
+from armtrue.workbench.waiting import go_on_waiting, keep_waiting
 
 Entry = dict[str, Any]
 
@@ -119,19 +120,21 @@ class Engine:
                 self.result = Result.of_json(beside["result"])
             if beside.get("dropped"):
                 self.drop.go_on(beside["dropped"])
-        except (KeyError, TypeError, AttributeError):
+        except (InputError, KeyError, TypeError, AttributeError):
+            self.drop.forget()
             self.notes = [*self.notes, "What was planned or dropped last could not be read again."]
 
     def _keep(self) -> None:
         """Have the session's file hold all that the page shows."""
-        if self._session is None:
-            return
         result = self.result.as_json() if self.result else None
         dropped = self.drop.as_json() if self.drop.names else None
         try:
-            self._session.keep({"result": result, "dropped": dropped})
+            if self._session is None:
+                keep_waiting(self.drop)
+            else:
+                self._session.keep({"result": result, "dropped": dropped})
         except (OSError, InputError) as error:
-            self.failure = f"{self._session.folder}: the session cannot be kept ({error})"
+            self.failure = f"the session cannot be kept: {error}"
 
     def _begun(self, opened: Opened, session: Session, progress: Progress | None) -> Session:
         """A session with the fits of `opened`, steps of one calibration one below the other."""
@@ -171,6 +174,16 @@ class Engine:
         self.said = f"{name} is here. Choose more files, or press Open."
         self._keep()
         self.announce()
+
+    def take_draft(self, words: Entry) -> None:
+        """Keep what stands in the form of guesses. Errors: InputError where there is no such form."""
+        self.drop.take_draft(words)
+        self._keep()
+
+    def go_on_waiting(self) -> None:
+        """Take up the files that were dropped before anything was opened."""
+        if go_on_waiting(self.drop):
+            self.said = "The files that were dropped last wait to be opened."
 
     def wait(self, version: int, seconds: float) -> int:
         """Wait until there is something newer than `version`, or `seconds` have passed."""

@@ -190,6 +190,8 @@ def mended(text: str, finding: Finding) -> str:
         for name, entry in document["columns"].items()
     }
     joints = [f"q{k}" for k in finding.evidence.get("joints", [])]
+    if missing := [name for name in joints if name not in columns]:
+        raise InputError(f"columns: found none that is {missing[0]}, expected the one to be mended")
     if finding.code in (_SIGN, _HAND):
         for name in joints or ["z"]:
             columns[name]["scale"] = -columns[name].get("scale", 1)

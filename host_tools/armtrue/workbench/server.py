@@ -82,7 +82,7 @@ class _Handler(BaseHTTPRequestHandler):
                       "device": self._device, "file": self._file})  # fmt: skip
 
     def do_POST(self) -> None:
-        self._answer({"do": self._do, "drop": self._drop})
+        self._answer({"do": self._do, "drop": self._drop, "draft": self._draft})
 
     def log_message(self, format: str, *args: Any) -> None:
         """Nothing: the address holds the token."""
@@ -134,6 +134,7 @@ class _Handler(BaseHTTPRequestHandler):
         engine = self.server.engine
         self._json({
             "version": engine.version, "model": engine.shown, "known": engine.known, "pieces": pieces(engine),
+            "draft": engine.drop.draft,
             "left_out": engine.session.node.left_out if engine.is_open else [],
             "said": engine.said, "failure": engine.failure, **running(engine),
         })  # fmt: skip
@@ -168,18 +169,27 @@ class _Handler(BaseHTTPRequestHandler):
         self._send(made.content, made.kind, {"Content-Disposition": f"attachment; filename*=UTF-8''{name}"})
 
     def _do(self, _words: dict[str, str]) -> None:
-        try:
-            words = json.loads(self._body(_LARGEST_REQUEST))
-        except (ValueError, RecursionError):
-            words = None
-        if not isinstance(words, dict) or not isinstance(words.get("do"), str):
+        words = self._words()
+        if not isinstance(words.get("do"), str):
             raise InputError('found a request that is no action, expected {"do": …}')
         self.server.engine.do(words["do"], words)
+        self._json({"accepted": True})
+
+    def _draft(self, _words: dict[str, str]) -> None:
+        self.server.engine.take_draft(self._words())
         self._json({"accepted": True})
 
     def _drop(self, words: dict[str, str]) -> None:
         self.server.engine.take(words.get("name", ""), self._body(_LARGEST_FILE))
         self._json({"accepted": True})
+
+    def _words(self) -> dict[str, Any]:
+        """What came along, as JSON; empty where that is none."""
+        try:
+            words = json.loads(self._body(_LARGEST_REQUEST))
+        except (ValueError, RecursionError):
+            return {}
+        return words if isinstance(words, dict) else {}
 
     def _body(self, largest: int) -> bytes:
         """What came along. Errors: InputError where it is too long or does not say how long."""

@@ -39,4 +39,6 @@ def start(
         engine.begin(opened, folder, new, progress)
     else:
         engine.said = "Drop files on the page, or choose them."
+        if not new:
+            engine.go_on_waiting()
     return server

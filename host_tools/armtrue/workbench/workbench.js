@@ -4,10 +4,10 @@
   const byId = (id) => document.getElementById(id);
   const REACH_AGAIN_MS = 1000, WATCH_MS = 500;
   const BESIDE_WORK = ["card", "beside", "swaps", "ring", "hold", "close"]; // buttons that ask for no work of the session
-  const SHOW_PROGRESS_AFTER_MS = 400;
+  const SHOW_PROGRESS_AFTER_MS = 400, KEEP_DRAFT_MS = 300;
   let model = null, known = null; // the model whose pieces stand on the page, and how much of its diagnosis
   const OF_THE_DIAGNOSIS = ["spectra", "unexplained"]; // the other parts below show the fit alone
-  let busy = false, diagnosing = false, wanted = null, drawing = false, again = false, waitingForProgress = 0;
+  let busy = false, diagnosing = false, wanted = null, drawing = false, again = false, waitingForProgress = 0, waitingForDraft = 0;
   let picked = [], leftOut = []; // the rows that were pointed at or framed last, and those that are marked as wrong
   const drawn = new Map(); // the pieces as they stand on the page
   let held = null; // where the keyboard was when a button was pressed: a button that is disabled loses it
@@ -63,7 +63,7 @@
       if ("rivals" in button.dataset) words.rivals = JSON.parse(button.dataset.rivals);
       byId("card-dialog").close();
     }
-    if (words.do === "open" && "mend" in button.dataset) words.mend = Number(button.dataset.mend);
+    if (words.do === "open" && "mend" in button.dataset) Object.assign(words, { mend: Number(button.dataset.mend), form: filledIn() });
     if (words.do === "open" && button.dataset.source === "text") words.text = byId("dataset").value;
     if (words.do === "open" && button.dataset.source === "form") words.form = filledIn();
     if (words.do === "export" || words.do === "report") {
@@ -81,6 +81,29 @@
       columns[field.dataset.column] = { ...columns[field.dataset.column], [field.dataset.what]: field.value };
     });
     return { fields, columns };
+  }
+
+  /** Has the server keep the form of the guesses while it is changed: a killed server comes back with it. */
+  function keepDraft() {
+    clearTimeout(waitingForDraft);
+    waitingForDraft = setTimeout(async () => {
+      if (!byId("dataset")) return;
+      try {
+        await ask("draft", { method: "POST", body: JSON.stringify({ form: filledIn(), text: byId("dataset").value }) });
+      } catch (error) {
+        fail(error.message);
+      }
+    }, KEEP_DRAFT_MS);
+  }
+
+  /** Puts what was changed into a form that was drawn anew. */
+  function fillInDraft(draft) {
+    if (!draft.form || !byId("dataset")) return;
+    document.querySelectorAll("#opening [data-form]").forEach((field) => { field.value = draft.form.fields[field.dataset.form] ?? field.value; });
+    document.querySelectorAll("#opening [data-column]").forEach((field) => {
+      field.value = (draft.form.columns[field.dataset.column] || {})[field.dataset.what] ?? field.value;
+    });
+    byId("dataset").value = draft.text;
   }
 
   /** Where the keyboard is, so that it can go on there when its button is replaced. */
@@ -115,6 +138,7 @@
           if (drawn.get(name) === html) continue;
           document.querySelectorAll(`[data-piece="${name}"]`).forEach((place) => { place.innerHTML = html; });
           drawn.set(name, html);
+          if (name === "opening") fillInDraft(view.draft);
         }
         model = view.model;
         known = view.known;
@@ -280,6 +304,9 @@
     details.dataset.query = new URLSearchParams(event.detail).toString();
     details.dataset.model = "";
     look(details);
+  });
+  for (const kind of ["input", "change"]) byId("opening").addEventListener(kind, (event) => {
+    if (event.target.closest("[data-form], [data-column], #dataset")) keepDraft();
   });
   byId("files").addEventListener("change", async () => {
     await take([...byId("files").files]);
