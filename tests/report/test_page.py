@@ -11,7 +11,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from armtrue import Fit
+from armtrue import Fit, add, diagnose
+from armtrue.report import write
 from browser import LAPTOP, PHONE, Browser
 from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.actions.wheel_input import ScrollOrigin
@@ -346,6 +347,34 @@ def test_paper_holds_everything_that_matters(browser, page, tmp_path):
     ):
         assert words in text
     assert "Next worst" not in text
+
+
+def test_eight_added_effects_fit_on_eight_sheets(browser, fits, tmp_path):
+    longer, diagnoses = [fits[0]], [diagnose(fits[0])]
+    while len(longer) < 9:
+        tried = (c for c in diagnoses[-1].candidates if not _has(longer[-1], c))
+        best = next(tried)
+        longer.append(add(longer[-1], best["effect"], best["joints"] or None, best["options"]))
+        diagnoses.append(diagnose(longer[-1]))
+    write(longer, tmp_path / "report.html", names=[f"model {k}" for k in range(9)], known=diagnoses)
+    browser.open(tmp_path / "report.html")
+    (tmp_path / "report.pdf").write_bytes(browser.paper())
+    told = subprocess.run(
+        ["pdfinfo", tmp_path / "report.pdf"], capture_output=True, text=True, check=True
+    ).stdout
+    assert int(re.search(r"Pages:\s+(\d+)", told)[1]) <= 8
+    text = subprocess.run(
+        ["pdftotext", tmp_path / "report.pdf", "-"], capture_output=True, text=True, check=True
+    ).stdout
+    assert all(f"After step {k}:" in text for k in range(1, 10)), "every step's diagnosis stands there"
+
+
+def _has(fit: Fit, candidate) -> bool:
+    """True where the model has the effect on some of these joints."""
+    return any(
+        entry["effect"] == candidate["effect"] and set(entry.get("joints", [])) & set(candidate["joints"])
+        for entry in fit.effects
+    )
 
 
 def test_paper_has_every_folded_part_open(browser, page):

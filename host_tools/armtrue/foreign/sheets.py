@@ -230,7 +230,10 @@ def _repeated(header: list[str]) -> str | None:
 
 
 def _grouped(groups: list[str], header: list[str]) -> list[str]:
-    """Names that stand more than once, each behind the last word of the row above that is not right of it."""
+    """Header names that occur more than once get the group's title in front, as spreadsheets print it: `Ball 1 X`.
+
+    `groups`: the row above the header, whose titles stand over the first of their columns alone.
+    """
     often = {name for name, count in Counter(header).items() if count > 1}
     found, group = [], ""
     for word, name in zip(groups, header, strict=True):

@@ -160,9 +160,7 @@ def gather(
         variables(last),
         along,
         [
-            _diagnosed(
-                step, result, along, progress, _LEADING if step is steps[0] or step is steps[-1] else 1
-            )
+            _diagnosed(step, result, along, progress, between=step not in (steps[0], steps[-1]))
             for step, result in zip(steps, results, strict=True)
         ],
         tiny_levers(last),
@@ -196,11 +194,14 @@ def _with_steps_between(fits: list[Fit], titles: list[str]) -> list[tuple[Fit, s
 
 
 def _diagnosed(
-    step: Step, known: dict[str, Any] | None, along: list[Direction], progress: Progress | None, plotted: int
+    step: Step, known: dict[str, Any] | None, along: list[Direction], progress: Progress | None, between: bool
 ) -> StepDiagnosis:
+    """A diagnosis with added variables of what leads: of a step between, of what it recommends alone."""
     shown = _shown(step, known or diagnose(step.fit, progress), along)
     result = shown.result
-    leading = result["candidates"][:plotted]
+    leading = (
+        [c for c in result["candidates"] if c["recommend"]] if between else result["candidates"][:_LEADING]
+    )
     plots = {called(candidate): _added_variable(step, candidate) for candidate in leading}
     drawn = [plot for plot in plots.values() if plot is not None]
     not_drawn = [name for name, plot in plots.items() if plot is None]

@@ -146,9 +146,10 @@ def about_section(report: Report) -> Markup:
         ],
     ]
     for step in report.steps:
-        unsaved = "not saved" if step.given else "not saved: fitted for this report"
-        where = str(step.fit.path.resolve()) if step.fit.path else unsaved
-        rows.append([f"fit of {step.called}", where])
+        if step.fit.path:
+            rows.append([f"fit of {step.called}", str(step.fit.path.resolve())])
+    if unsaved := [f"step {step.number}" for step in report.steps if not step.fit.path]:
+        rows.append(["fits that were not saved", ", ".join(unsaved)])
     return section(
         "about",
         "What this was made from",

@@ -44,6 +44,7 @@ _NOT_DRAWN = "Not drawn, for a fit would take too long here or the model has the
 _SHOWN = 8
 _SHOWN_BETWEEN = 3
 _WITH_REASONS = 4
+_WITH_REASONS_BETWEEN = 1
 _PARAMETERS_SHOWN = 6
 
 
@@ -51,13 +52,19 @@ def candidates_section(report: Report) -> Markup:
     """Candidates of every step, with evidence and ambiguity; fewer of steps between. Advice of the last step."""
     first, last = report.diagnoses[0], report.diagnoses[-1]
     parts: list[Content] = []
-    for diagnosis in report.diagnoses:
-        if len(report.diagnoses) > 1:
-            parts.append(tag("h3", f"After {diagnosis.step.called}"))
-        parts += _one(diagnosis, _SHOWN if diagnosis in (first, last) else _SHOWN_BETWEEN)
-        if diagnosis is last:
-            parts += _advice(diagnosis.result)
+    if len(report.diagnoses) > 1:
+        parts += [_after(first), *_one(first)]
+        between = [
+            tag("div", _after(diagnosis), _one(diagnosis, between=True))
+            for diagnosis in report.diagnoses[1:-1]
+        ]
+        parts += [tag("div", between, class_="steps-between"), _after(last)]
+    parts += [*_one(last), *_advice(last.result)]
     return section("candidates", "What is missing", lead(_CANDIDATES), parts)
+
+
+def _after(diagnosis: StepDiagnosis) -> Markup:
+    return tag("h3", f"After {diagnosis.step.called}")
 
 
 def added_variable_section(report: Report) -> Markup | None:
@@ -89,8 +96,9 @@ def _star() -> Markup:
     return tag("span", "★ recommended", class_="trend")
 
 
-def _one(diagnosis: StepDiagnosis, most: int) -> list[Content]:
-    """The verdict, the leading `most` candidates with reasons, and the names of the others."""
+def _one(diagnosis: StepDiagnosis, between: bool = False) -> list[Content]:
+    """The verdict and the leading candidates, with reasons; a step between has fewer, and does not name the others."""
+    most, with_reasons = (_SHOWN_BETWEEN, _WITH_REASONS_BETWEEN) if between else (_SHOWN, _WITH_REASONS)
     result = diagnosis.result
     parts: list[Content] = [tag("p", verdict_words(result), class_=f"verdict {result['verdict']}")]
     candidates = result["candidates"]
@@ -103,9 +111,9 @@ def _one(diagnosis: StepDiagnosis, most: int) -> list[Content]:
         parts += [
             _ambiguity(candidates),
             _table(shown, "Leading candidates"),
-            _reasons(shown[: min(_WITH_REASONS, most - 1)]),
+            _reasons(shown[:with_reasons]),
         ]
-    if rest:
+    if rest and not between:
         names = ", ".join(map(called, rest))
         parts.append(tag("p", f"Tried as well, with less evidence: {names}.", class_="lead"))
     return parts
@@ -119,7 +127,7 @@ def _advice(result: dict[str, Any]) -> list[Content]:
     if result["untestable"]:
         needs = [[entry["effect"], ", ".join(entry["needs"])] for entry in result["untestable"]]
         caption = "Not testable with what was recorded"
-        parts.append(table(["effect", "record"], needs, caption, words=(0, 1)))
+        parts.append(tag("div", table(["effect", "record"], needs, caption, words=(0, 1)), class_="listings"))
     return parts
 
 

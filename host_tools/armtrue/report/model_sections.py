@@ -60,13 +60,14 @@ def parameters_section(report: Report) -> Markup:
             held += 1
         elif parameter["effect"] not in with_role("placement"):
             plain.setdefault(parameter["effect"], []).append(parameter)
-    parts: list[Content] = [_poses(document)]
+    listings: list[Content] = []
     for effect, parameters in plain.items():
         listing = _parameter_table(parameters, effect)
         heading = f"{effect}: {plural(len(parameters), 'parameter')}"
-        parts.append(folded(heading, listing) if len(parameters) > _LONG else listing)
+        listings.append(folded(heading, listing) if len(parameters) > _LONG else listing)
     if document["nonlinear"]:
-        parts.append(_parameter_table(document["nonlinear"], "Searched for: periods, time constants"))
+        listings.append(_parameter_table(document["nonlinear"], "Searched for: periods, time constants"))
+    parts: list[Content] = [_poses(document), tag("div", listings, class_="listings")]
     curves = [_curve(report.last.fit, entries) for entries in tables.values() if _axes(entries) == 1]
     if curves:
         parts += [tag("h3", "Tables"), grid(curves)]

@@ -12,7 +12,7 @@ from armtrue.report.scales import Scale, tick_text
 
 Array = NDArray[np.float64]
 
-WIDTH = 310  # as wide as the narrowest chart on a laptop is shown: letters are no smaller than they are set
+WIDTH = 310  # [px] the narrowest chart on a laptop: charts are never shrunk there, so letters keep their set size
 _LEFT, _RIGHT, _TOP, _BOTTOM = 49, 8, 10, 38
 _BESIDE_TICKS = 26.0  # what the axis name and the gaps beside tick labels take of the left margin
 _POINTER = (3.5, 9.0)  # half width and height of a note's pointer

@@ -85,7 +85,10 @@ def vectors_section(report: Report) -> Markup:
 
 
 def viewer(scene: dict[str, Any], spoken: str) -> Markup:
-    """Where viewer.js draws what `arm.scene` made; `spoken`: what a screen reader says of it."""
+    """The element in which viewer.js draws `scene`, the picture in space that `arm.scene` describes.
+
+    `spoken`: its name for screen readers.
+    """
     stage = tag(
         "div",
         class_="stage",
@@ -145,11 +148,18 @@ def state_section(report: Report) -> Markup:
 
 def _listed_views(views: list[View]) -> Markup:
     """What paper has in place of charts."""
+    trend = [view for view in views if view.last.trend or (view.first and view.first.trend)]
+    none = [view.variable.what for view in views if view not in trend]
     rows: list[list[Content]] = [
-        [view.variable.what, view.direction.what, charts.trend_words(view)] for view in views
+        [view.variable.what, view.direction.what, charts.trend_words(view)] for view in trend
     ]
     listing = table(["variable", "read as", "what is left"], rows, "Without a chart", words=(0, 1, 2))
-    return tag("div", listing, class_="paper")
+    return tag(
+        "div",
+        tag("div", listing, class_="listed") if rows else None,
+        tag("p", f"No trend over {', '.join(none)}.") if none else None,
+        class_="paper",
+    )
 
 
 def _not_read(report: Report) -> str:
