@@ -13,7 +13,7 @@ import can
 import pytest
 from armtrue.errors import InputError
 from armtrue.workbench.compensator import Device, device_view
-from armtrue.workbench.opening import open_files
+from armtrue.workbench.opening.opened import open_files
 from armtrue.workbench.start import start
 from bench_page import Page
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from armtrue.workbench.words import fall_words, first_words, length
+from armtrue.workbench.showing.words import fall_words, first_words, length
 
 
 @pytest.mark.parametrize(

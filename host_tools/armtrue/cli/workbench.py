@@ -81,7 +81,7 @@ def open_workbench(
 
     Example: [bold]armtrue open data.csv --robot robot.yaml --model model.yaml[/]
     """
-    from armtrue.workbench import opening
+    from armtrue.workbench.opening.opened import open_files
     from armtrue.workbench.start import start
 
     if not 0 <= port <= _HIGHEST_PORT:
@@ -90,7 +90,7 @@ def open_workbench(
     if not files and (robot or model):
         raise InputError(f"{robot or model}: found no measurements beside it, expected DATA or a fit.json")
     device = _device(interface, channel, bitrate, node)
-    opened = opening.open_files(files, robot, model) if files else None
+    opened = open_files(files, robot, model) if files else None
     with waiting(output) as progress:
         server = start(opened, port, session, new, progress, device)
     if opened is not None:

@@ -14,11 +14,10 @@ from armtrue import _core
 from armtrue.diagnosis import diagnose
 from armtrue.fitting import Fit
 from armtrue.progress import Progress
-from armtrue.report.binned import Binned, binned
-from armtrue.report.names import called
-from armtrue.report.refits import between, with_candidate
-from armtrue.report.spectrum import Spectrum, spectra_of
-from armtrue.report.state import (
+from armtrue.report.gathered.binned import Binned, binned
+from armtrue.report.gathered.refits import between, with_candidate
+from armtrue.report.gathered.spectrum import Spectrum, spectra_of
+from armtrue.report.gathered.state import (
     Direction,
     Variable,
     directions,
@@ -27,8 +26,9 @@ from armtrue.report.state import (
     turned_by,
     variables,
 )
-from armtrue.report.steps import Step, check_same_data, steps_of, titles_of
-from armtrue.report.structure import Finding, findings_of
+from armtrue.report.gathered.steps import Step, check_same_data, steps_of, titles_of
+from armtrue.report.gathered.structure import Finding, findings_of
+from armtrue.report.names import called
 
 Array = NDArray[np.float64]
 

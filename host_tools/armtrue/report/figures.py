@@ -22,13 +22,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from armtrue.io.catalogue import with_role
-from armtrue.report.arm import arm_corners, typical_row
-from armtrue.report.charts import added_words, trend_words
 from armtrue.report.content import Report, StepDiagnosis, View
+from armtrue.report.gathered.state import joint_unit
+from armtrue.report.gathered.thinning import spread_rows
 from armtrue.report.names import called
 from armtrue.report.parts import rounded, typeset
-from armtrue.report.state import joint_unit
-from armtrue.report.thinning import spread_rows
+from armtrue.report.pictures.arm import arm_corners, typical_row
+from armtrue.report.pictures.charts import added_words, trend_words
 from armtrue.units import for_people
 
 _LAST, _FIRST, _DOTS, _SOFT = "#12578f", "#a3480c", "#9aa6ae", "#56626b"

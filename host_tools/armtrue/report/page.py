@@ -5,22 +5,27 @@ from __future__ import annotations
 from importlib.resources import files
 
 from armtrue.report.content import Report
-from armtrue.report.data_sections import about_section, coverage_section, made_words, rejected_section
-from armtrue.report.diagnosis_sections import added_variable_section, candidates_section
-from armtrue.report.effect_card import cards_section
-from armtrue.report.error_section import error_section
-from armtrue.report.glossary_section import glossary_section
+from armtrue.report.gathered.steps import floor_source
 from armtrue.report.markup import Content, Markup, join, tag
-from armtrue.report.model_sections import observability_section, parameters_section
 from armtrue.report.names import called
 from armtrue.report.parts import micrometres, scored_um
-from armtrue.report.residual_sections import (
+from armtrue.report.sections.data_sections import (
+    about_section,
+    coverage_section,
+    made_words,
+    rejected_section,
+)
+from armtrue.report.sections.diagnosis_sections import added_variable_section, candidates_section
+from armtrue.report.sections.effect_card import cards_section
+from armtrue.report.sections.error_section import error_section
+from armtrue.report.sections.glossary_section import glossary_section
+from armtrue.report.sections.model_sections import observability_section, parameters_section
+from armtrue.report.sections.residual_sections import (
     spectra_section,
     state_section,
     unexplained_section,
     vectors_section,
 )
-from armtrue.report.steps import floor_source
 from armtrue.verdicts import verdict_words
 
 

@@ -12,8 +12,8 @@ import pytest
 from armtrue import Fit, InputError, _core, refine
 from armtrue.report import gather
 from armtrue.report.conftest import fitted
+from armtrue.report.gathered.state import independent, turned_by
 from armtrue.report.page import page
-from armtrue.report.state import independent, turned_by
 
 # Orientations as well as positions, and an eccentric gear on the wrist that hardly moves the reflector.
 ORIENTED = {

@@ -17,8 +17,8 @@ import pytest
 from armtrue import Fit, InputError, __version__
 from armtrue.report import gather, write
 from armtrue.report.conftest import fitted
-from armtrue.report.diagnosis_sections import _ambiguity
 from armtrue.report.page import page
+from armtrue.report.sections.diagnosis_sections import _ambiguity
 
 SECTIONS = [
     "error",

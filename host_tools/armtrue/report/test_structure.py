@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from armtrue import Fit
+from armtrue.report.gathered.state import axis_of, state_variable
+from armtrue.report.gathered.structure import coordinate_words, findings_of
 from armtrue.report.page import page
-from armtrue.report.state import axis_of, state_variable
-from armtrue.report.structure import coordinate_words, findings_of
 
 ARCSECOND = np.pi / 648000.0
 

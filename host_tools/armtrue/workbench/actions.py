@@ -9,17 +9,17 @@ from armtrue.diagnosis import refine
 from armtrue.errors import InputError
 from armtrue.fitting import Fit, with_effects
 from armtrue.io.model import check_effect
-from armtrue.workbench.beside import planned_between
 from armtrue.workbench.compensator import Device
 from armtrue.workbench.first_figures import FirstFigures, fit_to_some
-from armtrue.workbench.further import Result, compared, joined, rows_between
-from armtrue.workbench.left_out import error_there, said_there
-from armtrue.workbench.names import change_words, model_entry
+from armtrue.workbench.opening.waiting import keep_waiting
 from armtrue.workbench.outputs import make
-from armtrue.workbench.poses import planned
 from armtrue.workbench.session import Node, Session
-from armtrue.workbench.waiting import keep_waiting
-from armtrue.workbench.words import fall_words, first_words, length, rows_words
+from armtrue.workbench.showing.beside import planned_between
+from armtrue.workbench.showing.further import Result, compared, joined, rows_between
+from armtrue.workbench.showing.left_out import error_there, said_there
+from armtrue.workbench.showing.names import change_words, model_entry
+from armtrue.workbench.showing.poses import planned
+from armtrue.workbench.showing.words import fall_words, first_words, length, rows_words
 
 if TYPE_CHECKING:
     from armtrue.workbench.engine import Engine

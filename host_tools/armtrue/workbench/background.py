@@ -12,10 +12,10 @@ from dataclasses import dataclass, field
 from armtrue.diagnosis import diagnose
 from armtrue.errors import InputError
 from armtrue.progress import Progress
-from armtrue.report.state import directions, tiny_levers, variables
+from armtrue.report.gathered.state import directions, tiny_levers, variables
 from armtrue.workbench.allocator import give_back
-from armtrue.workbench.beside import bayesian_information
 from armtrue.workbench.session import Session
+from armtrue.workbench.showing.beside import bayesian_information
 
 FAULT = "A fault of the workbench: the session is as it was before. The terminal says more."
 _NICE = 5

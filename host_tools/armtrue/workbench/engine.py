@@ -15,13 +15,13 @@ from armtrue.workbench.actions import BESIDE_A_DIAGNOSIS, WORK, node_of
 from armtrue.workbench.allocator import give_back
 from armtrue.workbench.background import FAULT, Background, CancelledError, Task
 from armtrue.workbench.compensator import Device
-from armtrue.workbench.dropped import Drop
 from armtrue.workbench.first_figures import FirstFigures
-from armtrue.workbench.further import Result
-from armtrue.workbench.opening import Opened
+from armtrue.workbench.opening.dropped import Drop
+from armtrue.workbench.opening.opened import Opened
+from armtrue.workbench.opening.waiting import go_on_waiting, keep_waiting
 from armtrue.workbench.outputs import Made
 from armtrue.workbench.session import Session, default_folder, key_of, load_session
-from armtrue.workbench.waiting import go_on_waiting, keep_waiting
+from armtrue.workbench.showing.further import Result
 
 Entry = dict[str, Any]
 

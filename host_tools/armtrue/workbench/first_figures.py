@@ -8,7 +8,7 @@ from typing import Any
 from armtrue.errors import InputError
 from armtrue.fitting import Fit, with_effects
 from armtrue.progress import Progress
-from armtrue.report.thinning import spread_rows
+from armtrue.report.gathered.thinning import spread_rows
 from armtrue.workbench.session import Node
 
 Entry = dict[str, Any]

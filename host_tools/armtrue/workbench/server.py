@@ -12,15 +12,15 @@ from typing import Any
 from urllib.parse import parse_qs, quote, urlsplit
 
 from armtrue.errors import InputError
-from armtrue.workbench import page
 from armtrue.workbench.background import FAULT, Task
-from armtrue.workbench.beside import beside, swaps
-from armtrue.workbench.card import card, evidence
 from armtrue.workbench.compensator import device_view
 from armtrue.workbench.engine import BusyError, Engine
-from armtrue.workbench.panels import panel
+from armtrue.workbench.showing import page
+from armtrue.workbench.showing.beside import beside, swaps
+from armtrue.workbench.showing.card import card, evidence
+from armtrue.workbench.showing.panels import panel
+from armtrue.workbench.showing.view import buttons, pieces
 from armtrue.workbench.state import state
-from armtrue.workbench.view import buttons, pieces
 
 HOST = "127.0.0.1"
 _LARGEST_REQUEST = 1024 * 1024

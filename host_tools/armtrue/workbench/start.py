@@ -9,9 +9,9 @@ from armtrue.errors import InputError
 from armtrue.progress import Progress
 from armtrue.workbench.allocator import share_one_arena
 from armtrue.workbench.compensator import Device
-from armtrue.workbench.dropped import Drop
 from armtrue.workbench.engine import Engine
-from armtrue.workbench.opening import Opened
+from armtrue.workbench.opening.dropped import Drop
+from armtrue.workbench.opening.opened import Opened
 from armtrue.workbench.server import Server
 from armtrue.workbench.session import default_folder
 

@@ -1,0 +1,1 @@
+"""What a report is made of: the steps, and what is left over of each against any variable and period."""

@@ -1,0 +1,62 @@
+"""Peaks of spectra and their names."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from armtrue.report.gathered.spectrum import Peak, name_of, spectra_of
+
+JOINTS = [{"name": "A1", "gear_ratio": 101.0}, {"name": "A2"}]
+
+
+def spectrum(cycles: np.ndarray, explained: np.ndarray, joint: int = 1) -> dict[str, object]:
+    amplitude = np.full(cycles.size, 1e-4)
+    return {
+        "joint": joint,
+        "resolution": 1.0,
+        "cycles": cycles.tolist(),
+        "explained": explained.tolist(),
+        "amplitude_rad": amplitude.tolist(),
+    }
+
+
+def peak(cycles: np.ndarray, at: float, height: float) -> np.ndarray:
+    return height * np.exp(-(((cycles - at) / 0.8) ** 2))
+
+
+def test_separate_lines_are_named_strongest_first():
+    cycles = np.arange(0.5, 210.0, 0.25)
+    explained = peak(cycles, 13.0, 0.3) + peak(cycles, 101.0, 0.2)
+    (found,) = spectra_of({"spectra": [spectrum(cycles, explained)]}, JOINTS, {1: 720.0, 2: 720.0})
+    assert [p.called for p in found.peaks] == ["13 cycles a turn", "motor turn"]
+    assert found.peaks[0].explained == pytest.approx(0.3)
+    assert found.peaks[0].amplitude_arcsec == pytest.approx(20.63, abs=0.01)
+
+
+def test_noise_stays_below_the_level():
+    rng = np.random.default_rng(6)
+    cycles = np.arange(0.5, 150.0, 0.25)
+    for _ in range(100):
+        share = rng.exponential(2.0 / 720.0, cycles.size)
+        (found,) = spectra_of({"spectra": [spectrum(cycles, share, joint=2)]}, JOINTS, {1: 720.0, 2: 720.0})
+        assert not found.peaks
+
+
+@pytest.mark.parametrize(
+    ("cycles", "ratio", "called"),
+    [
+        (1.02, None, "1 cycle a turn"),
+        (2.0, 101.0, "2 cycles a turn"),
+        (202.1, 101.0, "twice a motor turn"),
+        (50.5, 101.0, "half the motor speed"),
+        (17.4, 101.0, "17.4 cycles a turn"),
+    ],
+)
+def test_periods_have_names(cycles, ratio, called):
+    assert name_of(cycles, ratio, 1.0) == called
+
+
+@pytest.mark.parametrize(("cycles", "short"), [(1.0, "1"), (17.4, "17.4"), (101.0, "motor turn")])
+def test_a_peak_is_short_where_the_axis_says_what_it_counts(cycles, short):
+    assert Peak(cycles, 0.1, 2.0, name_of(cycles, 101.0, 1.0)).short == short

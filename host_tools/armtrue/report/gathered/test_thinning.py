@@ -1,0 +1,27 @@
+"""Fewer points of many."""
+
+import numpy as np
+
+from armtrue.report.gathered.thinning import loudest, spread_rows
+
+
+def test_all_rows_where_they_are_few():
+    assert spread_rows(5, 10).tolist() == [0, 1, 2, 3, 4]
+
+
+def test_rows_are_spread_evenly_and_the_wanted_ones_stay():
+    keep = np.array([7, 11_111])
+    rows = spread_rows(12_000, 1500, keep)
+    assert rows.size <= 1500
+    assert set(keep) <= set(rows.tolist())
+    assert rows[0] == 0
+    assert rows[-1] == 11_999
+    assert np.diff(rows).max() <= 10
+
+
+def test_no_peak_of_a_curve_is_lost():
+    values = np.zeros(5000)
+    values[[17, 2500, 4999]] = [3.0, 5.0, 4.0]
+    peaks, starts = loudest(values, 300)
+    assert peaks.size == starts.size == 300
+    assert {17, 2500, 4999} <= set(peaks.tolist())

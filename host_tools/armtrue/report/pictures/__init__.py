@@ -1,0 +1,1 @@
+"""Charts, the arm in space and the pictures of effects, as SVG."""

@@ -1,0 +1,73 @@
+"""What the picture of an effect draws, against the fitter's own prediction of moved joints."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from armtrue.report.pictures.effect_picture import corners, effect_picture, effect_sweep
+from armtrue.tables.chain import chain_from_robot
+
+GEAR = {
+    "effect": "gear_harmonics",
+    "joints": [3],
+    "options": {},
+    "parameters": [{"name": "gear_harmonics[3].sin1", "value": 1e-4, "sigma": 1e-6, "unit": "rad"}],
+}
+
+
+@pytest.fixture(scope="module")
+def fit(fits):
+    return fits[0]
+
+
+def test_a_joint_that_is_moved_moves_what_it_carries_as_the_chain_does(fit):
+    chain = chain_from_robot(fit.document["robot"])
+    joints = fit.data.joints[0]
+    for motor in range(chain.joint_count):
+        moved = joints.copy()
+        moved[motor] += 0.01
+        drawn = corners(chain, joints, {f"motor{motor + 1}": 0.01})
+        assert np.allclose(drawn, corners(chain, moved, {}), atol=1e-12)
+
+
+@pytest.mark.parametrize("coordinate", ["base.tx", "base.rz", "link2.ty", "link3.rx", "tool.tz"])
+def test_a_small_coordinate_moves_nothing_that_stands_before_it(fit, coordinate):
+    chain = chain_from_robot(fit.document["robot"])
+    joints = fit.data.joints[0]
+    change = corners(chain, joints, {coordinate: 1e-3}) - corners(chain, joints, {})
+    first = {"base": 0, "link2": 3, "link3": 4, "tool": 7}[coordinate.split(".")[0]]
+    assert np.all(change[:first] == 0.0)
+    if ".t" in coordinate:
+        assert np.allclose(np.linalg.norm(change[first:], axis=1), 1e-3)
+
+
+def test_an_effect_is_driven_by_the_variable_that_moves_it_most(fit):
+    sweep = effect_sweep(fit, GEAR)
+    assert sweep.variable.name == "q3"
+    assert np.allclose(sweep.moves["motor3"], 1e-4 * np.sin(np.radians(sweep.values)), atol=1e-9)
+    _, words = effect_picture(fit, GEAR, sweep)
+    assert "joint 3 changes" in words
+
+
+def test_waves_that_are_many_are_drawn_two_at_a_time(fit):
+    mesh = {
+        "effect": "gear_mesh",
+        "joints": [2],
+        "options": {"cycles": [90.0]},
+        "parameters": [{"name": "gear_mesh[2].sin90c", "value": 1e-5, "sigma": 1e-6, "unit": "rad"}],
+    }
+    sweep = effect_sweep(fit, mesh)
+    assert np.ptp(sweep.values) == pytest.approx(2 * 360 / 90, rel=1e-6)
+
+
+def test_an_effect_that_nothing_drives_is_shown_as_it_comes(fit):
+    offset = {
+        "effect": "joint_offset",
+        "joints": [2],
+        "options": {},
+        "parameters": [{"name": "joint_offset[2]", "value": 1e-3, "sigma": 1e-6, "unit": "rad"}],
+    }
+    sweep = effect_sweep(fit, offset)
+    assert sweep.variable is None
+    assert np.allclose(sweep.moves["motor2"], np.linspace(0.0, 1e-3, len(sweep.values)))

@@ -1,0 +1,1 @@
+"""The sections of the page, in files by what they tell of."""

@@ -1,0 +1,93 @@
+"""An effect explained: what it does to the arm, its formula, how large it can be; and those of a report's steps."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Any
+
+from armtrue import sketching
+from armtrue.fitting import Fit
+from armtrue.io.catalogue import EffectInfo, catalogue
+from armtrue.report.content import Report, StepDiagnosis
+from armtrue.report.gathered.steps import effects_of
+from armtrue.report.markup import Content, Markup, tag
+from armtrue.report.names import called
+from armtrue.report.parts import lead, section, typeset
+from armtrue.report.pictures.effect_picture import Sweep, effect_picture, effect_sweep
+
+Candidate = dict[str, Any]
+
+_LEAD = (
+    "Each effect that was added, and what the last step still recommends: what it does to the arm, its formula, how "
+    "large it can physically be, and what spoke for it before it was added."
+)
+_MOST_CARDS = 8
+
+
+def cards_section(report: Report) -> Markup | None:
+    """A card for each effect that came in after the first step; None where there is none."""
+    cards = [_card(fit, candidate) for fit, candidate in _chosen(report)[:_MOST_CARDS]]
+    if not cards:
+        return None
+    return section("effects", "The effects, explained", lead(_LEAD), tag("div", cards, class_="grid cards"))
+
+
+def _chosen(report: Report) -> list[tuple[Fit, Candidate]]:
+    """Candidates of each step that the next one has, and those that the last one recommends."""
+    diagnosed = {id(diagnosis.step): diagnosis for diagnosis in report.diagnoses}
+    found: list[tuple[Fit, Candidate]] = []
+    for before, after in pairwise(report.steps):
+        new = [effect for effect in effects_of(after.fit) if effect not in effects_of(before.fit)]
+        tried = diagnosed.get(id(before))
+        found += [(before.fit, candidate) for candidate in _among(tried, new)]
+    last = report.diagnoses[-1]
+    open_still = [candidate for candidate in last.result["candidates"] if candidate["recommend"]]
+    return found + [(last.step.fit, candidate) for candidate in open_still[:1]]
+
+
+def _among(tried: StepDiagnosis | None, new: list[tuple[str, tuple[int, ...]]]) -> list[Candidate]:
+    candidates = tried.result["candidates"] if tried else []
+    chosen: list[Candidate] = []
+    for effect in dict.fromkeys(effect for effect, _ in new):
+        on = {joint for other, joints in new if other == effect for joint in joints}
+        same = [c for c in candidates if c["effect"] == effect]
+        # An effect of all joints has parameters that name one or none.
+        exact = [c for c in same if c["joints"] and set(c["joints"]) <= on]
+        chosen += exact or same[:1]
+    return chosen
+
+
+def _card(fit: Fit, candidate: Candidate) -> Markup:
+    info = catalogue()[candidate["effect"]]
+    sweep = sweep_of(fit, candidate, info)
+    picture, words = effect_picture(fit, candidate, sweep) if sweep else (None, "")
+    return tag(
+        "figure",
+        tag("h3", called(candidate)),
+        picture,
+        tag("figcaption", words) if words else None,
+        tag("p", info.summary),
+        formula_block(info, sweep),
+        bound_lines(info),
+        tag("p", tag("b", "Evidence: "), typeset(candidate["why"]), "."),
+    )
+
+
+def sweep_of(fit: Fit, candidate: Candidate, info: EffectInfo) -> Sweep | None:
+    """What the effect does to the arm; None for what belongs to the measurement, which does not move the arm."""
+    return effect_sweep(fit, candidate) if info.exported else None
+
+
+def formula_block(info: EffectInfo, sweep: Sweep | None) -> Markup:
+    """The formula on the joints of `sweep`, or in general."""
+    lines = sketching.formula_lines(sweep.document) if sweep else sketching.formulas(info)
+    return tag("pre", "\n".join(lines), class_="formula")
+
+
+def bound_lines(info: EffectInfo) -> Content:
+    """How large the effect can physically be, and who says so."""
+    bound, source = info.bound_and_source
+    return [
+        tag("p", tag("b", "Physical bound: "), bound or "none is known"),
+        tag("p", tag("b", "Source of the bound: "), source),
+    ]

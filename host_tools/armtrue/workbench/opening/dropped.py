@@ -1,0 +1,195 @@
+"""Files that were dropped on the page: kept in a folder of their own, guessed at by `init` where they are foreign."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from armtrue.checking import Finding, check
+from armtrue.errors import InputError, shorten
+from armtrue.foreign import init
+from armtrue.io import Robot, load_data, load_robot
+from armtrue.io.files import read_text, write_file
+from armtrue.io.yamlfile import load_yaml
+from armtrue.report.markup import Markup
+from armtrue.workbench.opening.guess_picture import guess_picture
+from armtrue.workbench.opening.guesses import can_be_mended, filled_in, mended
+from armtrue.workbench.opening.opened import Opened, open_files
+
+Entry = dict[str, Any]
+
+_TABLES = {".csv", ".txt", ".tsv", ".dat", ".xlsx"}
+_KNOWN = {*_TABLES, ".json", ".yaml", ".yml", ".urdf"}
+_LONGEST_NAME = 120
+_GUESSED = "guessed"
+
+
+@dataclass
+class Guess:
+    """What `init` made of foreign files: its dataset.yaml, from what that was guessed, and what `check` says."""
+
+    path: Path
+    text: str
+    notes: list[str]
+    findings: list[Finding]
+    robot: Robot
+    picture: Markup | None
+
+
+@dataclass
+class Drop:
+    """Files in `folder` that were dropped since the last time something was opened.
+
+    `draft`: `form` and `text` of the guesses as the person left them, before they are opened.
+    """
+
+    folder: Path
+    names: list[str] = field(default_factory=list)
+    guess: Guess | None = None
+    draft: Entry = field(default_factory=dict)
+
+    def take(self, name: str, content: bytes) -> None:
+        """Keep one file. Errors: InputError for a name that is no plain file name of a known kind."""
+        if name != Path(name).name or "\\" in name or not name.isprintable() or name.startswith("."):
+            raise InputError(f"found a file named {shorten(name)}, expected a plain name")
+        if len(name) > _LONGEST_NAME or Path(name).suffix.lower() not in _KNOWN:
+            raise InputError(f"{shorten(name)}: expected one of {', '.join(sorted(_KNOWN))}")
+        self.folder.mkdir(parents=True, exist_ok=True)
+        write_file(self.folder / name, content)
+        if name not in self.names:
+            self.names.append(name)
+
+    def forget(self) -> None:
+        """Begin anew; the files stay where they are."""
+        self.names, self.guess, self.draft = [], None, {}
+
+    def take_draft(self, words: Entry) -> None:
+        """Keep the form and the text of the guesses as they stand on the page. Errors: InputError where none came."""
+        form, text = words.get("form"), words.get("text")
+        parts = [form.get(part) for part in ("fields", "columns")] if isinstance(form, dict) else [None]
+        whole = all(isinstance(part, dict) for part in parts) and isinstance(text, str)
+        if self.guess is None or not whole:
+            raise InputError("draft: found no form of guesses, expected its fields, its columns and its text")
+        self.draft = {"form": form, "text": text}
+
+    def as_json(self) -> Entry:
+        """Which files wait and what was guessed of them, for the session's file."""
+        notes = None if self.guess is None else self.guess.notes
+        return {"folder": str(self.folder), "names": self.names, "notes": notes, "draft": self.draft}
+
+    def go_on(self, kept: Entry) -> None:
+        """Go on with the files that waited when `as_json` was asked, those that are still there."""
+        folder = Path(kept["folder"])
+        names = [str(name) for name in kept["names"] if (folder / str(name)).is_file()]
+        if not names:
+            return
+        self.folder, self.names, self.guess, self.draft = folder, names, None, {}
+        if kept.get("notes") is not None:
+            self.guess = self._looked_at([str(note) for note in kept["notes"]])
+            self.draft = dict(kept["draft"])
+
+    def open(self, words: Entry) -> Opened | None:
+        """Open what was dropped; None where guesses are to be looked at first.
+
+        `words`: `text`, dataset.yaml as the person left it; `form`, the form; or `mend`, a finding's place, with the
+        form as it stands. Errors: InputError in one sentence.
+        """
+        if self.guess is not None:
+            if "mend" in words:
+                self._mend(words)
+                return None
+            if isinstance(words.get("text"), str):
+                return self._open_guessed(words["text"])
+            if "form" in words:
+                return self._open_guessed(filled_in(self.guess.text, words["form"], self.guess.robot))
+        self.guess, self.draft = None, {}
+        kinds: dict[str, list[Path]] = {
+            "fit": [],
+            "robot": [],
+            "model": [],
+            "data": [],
+            "urdf": [],
+            "table": [],
+        }
+        for name in self.names:
+            kinds[_kind(self.folder / name)].append(self.folder / name)
+        robot, model = _one(kinds["robot"], "arm"), _one(kinds["model"], "model")
+        if kinds["fit"] or kinds["data"]:
+            return open_files([*kinds["fit"], *kinds["data"]], robot, model)
+        if not kinds["table"]:
+            raise InputError(
+                "found no measurements among the files, expected a CSV, an XLSX, a dataset.yaml or a fit.json"
+            )
+        if robot is not None and len(kinds["table"]) == 1:
+            try:
+                return open_files(kinds["table"], robot, model)
+            except InputError as error:
+                self._guess(kinds, robot, str(error))
+                return None
+        self._guess(kinds, robot, "")
+        return None
+
+    def _guess(self, kinds: dict[str, list[Path]], robot: Path | None, why: str) -> None:
+        tables = kinds["table"]
+        out = self.folder / _GUESSED
+        found = init(tables, out, urdf=_one(kinds["urdf"], "URDF"), robot=robot, force=True)
+        if robot is not None:
+            write_file(out / "robot.yaml", read_text(robot))
+        self.guess = self._looked_at([*([why] if why else []), *found.notes])
+
+    def _looked_at(self, notes: list[str]) -> Guess:
+        """The guesses as they lie in the folder, with what the check says of them."""
+        arm = load_robot(self.folder / _GUESSED / "robot.yaml")
+        dataset = self.folder / _GUESSED / "dataset.yaml"
+        findings = check(load_data(dataset, arm, strict=False), arm).findings
+        return Guess(dataset, read_text(dataset), notes, findings, arm, guess_picture(dataset, arm))
+
+    def _open_guessed(self, text: str) -> Opened:
+        self._check(text)
+        out = self.folder / _GUESSED
+        return open_files([out / "dataset.yaml"], out / "robot.yaml", out / "model.yaml")
+
+    def _check(self, text: str) -> None:
+        """Take `text` for dataset.yaml, and have it checked."""
+        assert self.guess is not None
+        write_file(self.guess.path, text)
+        try:
+            data = load_data(self.guess.path, self.guess.robot, strict=False)
+        except InputError:
+            write_file(self.guess.path, self.guess.text)
+            raise
+        self.guess.text, self.draft = text, {}
+        self.guess.findings = check(data, self.guess.robot).findings
+        self.guess.picture = guess_picture(self.guess.path, self.guess.robot)
+
+    def _mend(self, words: Entry) -> None:
+        assert self.guess is not None
+        place, findings = words["mend"], self.guess.findings
+        if not isinstance(place, int) or not 0 <= place < len(findings) or not can_be_mended(findings[place]):
+            raise InputError(f"mend: found {place!r}, expected a finding that can be mended here")
+        text = self.guess.text
+        if "form" in words:
+            text = filled_in(text, words["form"], self.guess.robot)
+        self._check(mended(text, findings[place]))
+
+
+def _kind(path: Path) -> str:
+    """What a file is, by its ending and, for YAML, by its keys."""
+    ending = path.suffix.lower()
+    if ending in _TABLES:
+        return "table"
+    if ending == ".json":
+        return "fit"
+    if ending == ".urdf":
+        return "urdf"
+    top = load_yaml(path)
+    if top.has("kinematics"):
+        return "robot"
+    return "model" if top.has("effects") else "data"
+
+
+def _one(paths: list[Path], what: str) -> Path | None:
+    if len(paths) > 1:
+        raise InputError(f"{paths[1].name}: found a second {what} beside {paths[0].name}, expected one")
+    return paths[0] if paths else None

@@ -1,0 +1,196 @@
+"""Two models side by side, and what could stand in the place of an effect of the model."""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import Any
+
+import numpy as np
+
+from armtrue.errors import InputError
+from armtrue.fitting import Fit, with_effects
+from armtrue.progress import Progress
+from armtrue.report.gathered.state import joint_unit
+from armtrue.report.markup import Content, Markup, tag
+from armtrue.report.parts import micrometres, minus, plural, table
+from armtrue.workbench.session import Node, Session
+from armtrue.workbench.showing.further import Result
+from armtrue.workbench.showing.names import called, called_among, model_entry
+from armtrue.workbench.showing.poses import planned
+from armtrue.workbench.showing.words import chance, length
+
+_SHOWN_POSES = 10
+_MOST_RIVALS = 12
+
+
+def beside(session: Session, place: str) -> str:
+    """The model that is looked at beside the one at `place` of the history. Errors: InputError where there is none."""
+    if not place.isdecimal() or int(place) >= len(session.nodes):
+        raise InputError(f"node: found '{place}', expected a number from 0 to {len(session.nodes) - 1}")
+    nodes = [session.node, session.nodes[int(place)]]
+    names = [f"A: {_name(nodes[0])}", f"B: {_name(nodes[1])}"]
+    return tag(
+        "article",
+        tag("h2", "Two models side by side", id="card-title"),
+        _figures(session, nodes, names),
+        tag("h3", "Where they differ most"),
+        _poses(session, nodes),
+        _deciding(nodes),
+        tag("p", tag("button", "Close", type="button", data_act="close")),
+    )
+
+
+def bayesian_information(session: Session, number: int) -> float:
+    """BIC of a model up to a constant of its measurements."""
+
+    def work() -> float:
+        fit = session.fit_of(number)
+        with fit.lock:
+            return float(fit.core.bayesian_information())
+
+    return float(session.worked_out(number, "bic", work))
+
+
+def _name(node: Node) -> str:
+    return node.name or node.change
+
+
+def _figures(session: Session, nodes: list[Node], names: list[str]) -> Markup:
+    own = [
+        [e for e in node.effects if e not in other.effects]
+        for node, other in zip(nodes, nodes[::-1], strict=True)
+    ]
+    counts = [
+        sum(not parameter["held"] for parameter in session.fit_of(node.number).document["parameters"])
+        for node in nodes
+    ]
+    rows: list[list[Content]] = [
+        ["effects that the other lacks", *(", ".join(map(called, effects)) or "none" for effects in own)],
+        ["held-out mean error", *(length(node.mean_um) for node in nodes)],
+        ["parameters", *map(str, counts)],
+    ]
+    after: Content = None
+    if nodes[0].left_out == nodes[1].left_out:
+        apart = bayesian_information(session, nodes[1].number) - bayesian_information(
+            session, nodes[0].number
+        )
+        share = 1.0 / (1.0 + math.exp(max(-700.0, min(700.0, -apart / 2.0))))
+        rows.append(["probability, one of the two being right", chance(share), chance(1.0 - share)])
+        after = tag("p", f"BIC of B less that of A: {minus(f'{apart:.0f}')}.")
+    else:
+        after = tag("p", "They were fitted to different rows: there is no probability to tell.")
+    return tag("div", table(["", *names], rows, "Two models", words=(0, 1, 2)), after)
+
+
+def _poses(session: Session, nodes: list[Node]) -> Markup:
+    """The measured poses whose predictions are farthest apart."""
+    fits = [session.fit_of(node.number) for node in nodes]
+    both, first, second = np.intersect1d(fits[0].data.rows, fits[1].data.rows, return_indices=True)
+    left = [fits[0].residuals()[first], fits[1].residuals()[second]]
+    apart = 1e6 * np.linalg.norm(left[0] - left[1], axis=1)
+    errors = [1e6 * np.linalg.norm(each, axis=1) for each in left]
+    order = np.argsort(-apart)[:_SHOWN_POSES]
+    rows: list[list[Content]] = [
+        [
+            str(int(both[k])),
+            micrometres(float(apart[k])),
+            *(micrometres(float(error[k])) for error in errors),
+            _joints(fits[0], int(first[k])),
+        ]
+        for k in order
+    ]
+    words = (
+        f"Their predictions are {micrometres(float(apart.mean()))} µm apart on average, and "
+        f"{micrometres(float(apart.max()))} µm at most."
+    )
+    ring = tag(
+        "button",
+        "Ring these poses on the arm",
+        type="button",
+        data_act="ring",
+        data_rows=json.dumps(both[order].tolist()),
+    )
+    heads = ["row", "apart [µm]", "error of A [µm]", "error of B [µm]", "joints"]
+    return tag("div", tag("p", words), table(heads, rows, "Poses where they differ most", words=(0, 4)), ring)
+
+
+def _joints(fit: Fit, place: int) -> str:
+    units = [joint_unit(joint) for joint in fit.robot.joints]
+    values = fit.data.joints[place]
+    return minus(
+        " ".join(f"{value / size:.0f}{unit}" for value, (unit, size) in zip(values, units, strict=True))
+    )
+
+
+def _deciding(nodes: list[Node]) -> Content:
+    if _rivals(nodes) is None:
+        return None
+    words = "Poses that tell the two apart best are planned and drawn under What next. "
+    button = tag(
+        "button", "Plan poses that decide", type="button", data_act="plan", data_node=nodes[1].number
+    )
+    return [tag("h3", "Which poses would decide?"), tag("p", words, button)]
+
+
+def _rivals(nodes: list[Node]) -> list[dict[str, Any]] | None:
+    """The effects that two models differ by, one each; None where they differ otherwise."""
+    own = [
+        [e for e in node.effects if e not in other.effects]
+        for node, other in zip(nodes, nodes[::-1], strict=True)
+    ]
+    return [own[0][0], own[1][0]] if [len(each) for each in own] == [1, 1] else None
+
+
+def planned_between(session: Session, other: int, words: dict[str, Any], progress: Progress) -> Result:
+    """Poses that decide between the model that is looked at and another that differs from it by one effect."""
+    nodes = [session.node, session.nodes[other]]
+    rivals = _rivals(nodes)
+    if rivals is None:
+        raise InputError("plan: found models that differ by more than one effect each, expected one each")
+    common = [effect for effect in nodes[0].effects if effect in nodes[1].effects]
+    base = with_effects(session.fit_of(session.at), common, progress)
+    return planned(base, words, rivals, progress)
+
+
+def swaps(session: Session, place: str) -> str:
+    """What could stand in the place of an effect: candidates of the step at which it was added, or of this one."""
+    effects = session.node.effects
+    if not place.isdecimal() or int(place) >= len(effects):
+        raise InputError(f"effect: found '{place}', expected a number from 0 to {len(effects) - 1}")
+    old = effects[int(place)]
+    added = next((node.parent for node in session.path if old in node.added), None)
+    diagnosis = session.diagnosis_of(session.at if added is None else added)
+    candidates = [] if diagnosis is None else list(diagnosis["candidates"])
+    alike = {label for each in candidates if model_entry(each) == old for label in each["confounded_with"]}
+    others = [each for each in candidates if model_entry(each) not in effects]
+    others.sort(
+        key=lambda each: (called(each) not in alike, not set(each["joints"]) & set(old.get("joints") or []))
+    )
+    rows = [
+        tag(
+            "li",
+            tag("span", f"{called_among(each, candidates)}: probability {chance(each['probability'])}"),
+            " ",
+            tag(
+                "button",
+                "Put in its place",
+                type="button",
+                data_act="swap",
+                data_effect=int(place),
+                data_entry=json.dumps(model_entry(each)),
+                aria_label=f"Put {called_among(each, candidates)} in the place of {called(old)}",
+            ),
+        )
+        for each in others[:_MOST_RIVALS]
+    ]
+    return tag(
+        "article",
+        tag("h2", f"In the place of {called(old)}", id="card-title"),
+        tag(
+            "p",
+            f"{plural(len(rows), 'effect')} could stand there; the likeliest to be mistaken for it come first.",
+        ),
+        tag("ul", rows, class_="model"),
+        tag("p", tag("button", "Close", type="button", data_act="close")),
+    )

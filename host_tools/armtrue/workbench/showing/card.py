@@ -1,0 +1,126 @@
+"""The card of a candidate: what the effect does, how large it may be, the evidence, and what it could be instead."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from armtrue import sketching
+from armtrue.errors import InputError
+from armtrue.fitting import Fit
+from armtrue.io.catalogue import EffectInfo, catalogue
+from armtrue.report.content import added_variable
+from armtrue.report.markup import Content, Markup, join, tag
+from armtrue.report.parts import listed, micrometres, typeset
+from armtrue.report.pictures import charts
+from armtrue.report.pictures.effect_picture import effect_picture
+from armtrue.report.sections.diagnosis_sections import values_list
+from armtrue.report.sections.effect_card import bound_lines, formula_block, sweep_of
+from armtrue.workbench.actions import candidates_of
+from armtrue.workbench.session import Session
+from armtrue.workbench.showing.names import called, called_among
+from armtrue.workbench.showing.words import chance
+
+_NEIGHBOURS = 3
+
+
+def card(session: Session, place: str) -> str:
+    """The card of the candidate at `place` of the diagnosis. Errors: InputError where there is none."""
+    candidates, number = _chosen(session, place)
+    candidate, fit = candidates[number], session.fit_of(session.at)
+    info = catalogue()[candidate["effect"]]
+    return tag(
+        "article",
+        tag("h2", called_among(candidate, candidates), id="card-title"),
+        tag("p", info.summary),
+        _picture_and_formula(fit, candidate, info),
+        bound_lines(info),
+        tag("p", tag("b", "Evidence: "), typeset(candidate["why"]), "."),
+        values_list(candidate),
+        tag("div", "The evidence is being drawn…", class_="later", data_later=f"evidence?candidate={number}"),
+        tag("h3", "Why not its neighbour?"),
+        _neighbours(candidate, candidates),
+        tag("h3", "Which poses would decide?"),
+        _deciding(candidate, candidates, number),
+        tag("button", "Close", type="button", data_act="close"),
+    )
+
+
+def evidence(session: Session, place: str) -> str:
+    """The added-variable plot of a candidate, for which it is fitted. Errors: InputError where there is none."""
+    candidates, number = _chosen(session, place)
+    candidate = candidates[number]
+    plot = added_variable(session.fit_of(session.at), candidate)
+    if plot is None:
+        return tag("p", "The evidence is not drawn: a fit of this size would take too long here.")
+    after = candidate["held_out_mean_um_if_added"]
+    would = f" Added, the held-out mean would be about {micrometres(after)} µm." if after is not None else ""
+    return tag(
+        "figure",
+        tag("h3", "Added-variable plot"),
+        charts.added_variable_panel(plot),
+        tag("figcaption", f"{charts.added_words(plot)}.{would}"),
+    )
+
+
+def _chosen(session: Session, place: str) -> tuple[list[dict[str, Any]], int]:
+    candidates = candidates_of(session)
+    if not place.isdecimal() or int(place) >= len(candidates):
+        raise InputError(f"candidate: found '{place}', expected a number from 0 to {len(candidates) - 1}")
+    return candidates, int(place)
+
+
+def _picture_and_formula(fit: Fit, candidate: dict[str, Any], info: EffectInfo) -> Content:
+    sweep = sweep_of(fit, candidate, info)
+    formula = formula_block(info, sweep)
+    lines = sketching.sketch(info)
+    course = (
+        tag("details", tag("summary", "Its course, as text"), tag("pre", "\n".join(lines))) if lines else None
+    )
+    if sweep is None:
+        return [formula, course]
+    picture, words = effect_picture(fit, candidate, sweep)
+    still = tag("button", "Hold still", type="button", data_act="hold", aria_pressed="false")
+    return [
+        tag("figure", picture, tag("figcaption", words, " ", still)),
+        tag("h3", "Formula"),
+        formula,
+        course,
+    ]
+
+
+def _neighbours(candidate: dict[str, Any], candidates: list[dict[str, Any]]) -> Markup:
+    """What else the evidence could be of: candidates that stand for one another, then others on the same joints."""
+    alike = _alike(candidate, candidates)
+    others = [other for other in candidates if other is not candidate and other not in alike]
+    near = [other for other in others if set(other["joints"]) & set(candidate["joints"])]
+    shown = [*alike, *near[: max(0, _NEIGHBOURS - len(alike))]]
+    if not shown:
+        return tag("p", "No other effect that was tried acts on the same joints.")
+    own = f"{chance(candidate['probability'])} and {100.0 * candidate['explained']:.1f} %"
+    lines: list[Content] = []
+    for other in shown:
+        words = f"probability {chance(other['probability'])}, explains {100.0 * other['explained']:.1f} %"
+        hardly = "; these data hardly tell the two apart" if other in alike else ""
+        lines.append(
+            [tag("b", called_among(other, candidates)), f": {words}{hardly}. {typeset(other['why'])}."]
+        )
+    return join(tag("p", f"For {called(candidate)} it is {own}."), listed(lines))
+
+
+def _alike(candidate: dict[str, Any], candidates: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Candidates that could stand for this one."""
+    return [other for other in candidates if called(other) in candidate["confounded_with"]]
+
+
+def _deciding(candidate: dict[str, Any], candidates: list[dict[str, Any]], number: int) -> Markup:
+    rivals = [candidates.index(other) for other in _alike(candidate, candidates)]
+    if not rivals:
+        nearest = next((k for k in range(len(candidates)) if k != number), None)
+        rivals = [] if nearest is None else [nearest]
+    if not rivals:
+        return tag("p", "There is nothing to tell it from.")
+    names = ", ".join(called_among(candidates[k], candidates) for k in rivals)
+    return tag(
+        "p", f"Poses that tell it from {names} best are planned and drawn under What next. ",
+        tag("button", "Plan these poses", type="button", data_act="plan", data_rivals=str([number, *rivals])),
+    )  # fmt: skip

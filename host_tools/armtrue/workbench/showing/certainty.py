@@ -1,0 +1,98 @@
+"""How well the model knows each place: the standard deviation of its prediction at the measured poses."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armtrue.errors import InputError
+from armtrue.fitting import Fit
+from armtrue.io import Dataset
+from armtrue.report.gathered.steps import Step
+from armtrue.report.gathered.thinning import spread_rows
+from armtrue.report.markup import Content, Markup, tag
+from armtrue.report.parts import figure, grid, micrometres, section, table
+from armtrue.report.pictures.arm import scene
+from armtrue.report.pictures.panel import Panel
+from armtrue.report.scales import Scale, around
+from armtrue.report.sections.residual_sections import viewer
+from armtrue.uncertainty import position_covariance
+
+Array = NDArray[np.float64]
+
+_MOST_POSES = 300
+_WORST = 5
+_LEAD = (
+    "One standard deviation of the predicted position, of the model's own uncertainty without the instrument's noise. "
+    "On the arm, an arrow at each pose is one standard deviation along the direction that is known least. "
+    "Where it is large, further poses tell most: Plan poses chooses them."
+)
+
+
+def certainty_section(fit: Fit) -> Markup:
+    """The uncertainty of the prediction over the place, and where it is largest."""
+    rows = spread_rows(fit.data.count, _MOST_POSES)
+    chosen = fit.data.take(rows)
+    try:
+        covariance = position_covariance(fit, chosen)
+    except InputError as error:
+        return tag("p", str(error))
+    sigma = 1e6 * np.sqrt(np.trace(covariance, axis1=1, axis2=2))
+    figures = [
+        figure(f"Over {axis}", _panel(chosen.positions_m[:, k], sigma, f"reflector's {axis} [m]"))
+        for k, axis in enumerate("xyz")
+    ]
+    worst: list[list[Content]] = [
+        [str(int(chosen.rows[k])), micrometres(float(sigma[k])), _place(chosen.positions_m[k])]
+        for k in np.argsort(-sigma)[:_WORST]
+    ]
+    words = f"Median {micrometres(float(np.median(sigma)))} µm, largest {micrometres(float(sigma.max()))} µm."
+    return section(
+        "certainty",
+        "How well each place is known",
+        tag("p", _LEAD, class_="lead"),
+        tag("p", words),
+        viewer(_over_the_arm(fit, chosen, covariance), f"The prediction's uncertainty over the arm. {words}"),
+        grid(figures),
+        table(
+            ["row", "standard deviation [µm]", "place [m]"], worst, "Poses that are known least", words=(0, 2)
+        ),
+    )
+
+
+def _over_the_arm(fit: Fit, poses: Dataset, covariance: Array) -> dict[str, Any]:
+    """A scene with an arrow at each pose: one standard deviation along the direction that is known least."""
+    lengths, directions = np.linalg.eigh(covariance)
+    arrows = np.sqrt(np.maximum(lengths[:, -1:], 0.0)) * directions[:, :, -1]
+    shown = Step(
+        number=0,
+        title="one standard deviation",
+        fit=Fit(fit.document, None, poses),
+        given=True,
+        added=[],
+        removed=[],
+        residual_m=arrows,
+        turned_rad=None,
+        used=np.ones(poses.count, dtype=np.bool_),
+    )
+    return scene([shown], "standard deviation")
+
+
+def _panel(place: Array, sigma: Array, label: str) -> Markup:
+    top = 1.1 * float(sigma.max())
+    panel = Panel(
+        around(place),
+        Scale(0.0, top or 1.0),
+        label,
+        "standard deviation [µm]",
+        f"Uncertainty of the prediction over {label}: {micrometres(float(sigma.min()))} to "
+        f"{micrometres(float(sigma.max()))} µm.",
+    )
+    panel.points(place, sigma, "dots strong-dots")
+    return panel.render()
+
+
+def _place(position: Array) -> str:
+    return ", ".join(f"{value:.3f}".replace("-", "−") for value in position)

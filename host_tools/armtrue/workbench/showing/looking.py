@@ -1,0 +1,207 @@
+"""The residual against any variable: one chart at a time, whose poses can be brushed and found again on the arm."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armtrue.fitting import Fit
+from armtrue.io.catalogue import catalogue
+from armtrue.io.columns import POSITION
+from armtrue.report.content import Report
+from armtrue.report.gathered.spectrum import Peak, Spectrum
+from armtrue.report.gathered.state import Direction, Variable, variables
+from armtrue.report.gathered.thinning import spread_rows
+from armtrue.report.markup import Content, Markup, tag
+from armtrue.report.pictures import charts
+from armtrue.report.pictures.arm import scene_rows
+
+# So many poses tell which variable shows most.
+_RANKED_POSES = 1500
+_DIGITS = 6
+_TURN = 360.0
+# Waves this near to once or twice a turn of the joint are eccentricity, any other are of the mesh.
+_NEAR = 0.3
+_ECCENTRIC = (1.0, 2.0)
+_ABOUT = (
+    "What is left over, against one variable. The line joins bin means, upright bars are two standard errors of a "
+    "mean, the band holds 5 to 95 % of the readings. Point at a dot to read it. Drag over the chart to select poses: "
+    "they are ringed on the arm above."
+)
+
+
+@dataclass(frozen=True)
+class Rank:
+    """The direction along which a variable shows most, and the share of the scatter that it explains there."""
+
+    variable: str
+    direction: str
+    explained: float
+
+
+def all_variables(fit: Fit) -> list[Variable]:
+    """State variables, where each motor stands in its turn, and every other column of numbers that was recorded."""
+    found = variables(fit)
+    columns = fit.data.columns
+    for number, joint in enumerate(fit.robot.joints, start=1):
+        ratio = joint.get("gear_ratio")
+        if ratio and joint.get("type") != "prismatic":
+            angle = np.mod(np.degrees(columns[f"q{number}"]) * ratio, _TURN)
+            found.append(Variable(f"motor angle {number}", f"motor angle {number}", "°", angle, number))
+    known = {variable.name for variable in found}
+    for name in sorted(columns):
+        standard = name in POSITION or name in known or name[:1] == "q"
+        if not standard and name not in ("target", "repeat") and np.ptp(columns[name]) > 0.0:
+            found.append(Variable(name, name, "", columns[name]))
+    return found
+
+
+def ranked(report: Report) -> list[Rank]:
+    """Each variable along the direction that shows most, judged by some of the poses; the first shows most."""
+    last = report.last
+    some = np.zeros(last.used.size, dtype=np.bool_)
+    some[spread_rows(last.used.size, _RANKED_POSES)] = True
+    rough = replace(report, steps=[replace(last, used=last.used & some)])
+    return [
+        Rank(view.variable.name, view.direction.name, max(0.0, view.last.explained))
+        for view in rough.telling_views()
+    ]
+
+
+def looking_section(report: Report, ranks: list[Rank], words: dict[str, str]) -> Markup:
+    """The chart of `words`' variable and direction, or of those that show most, with what chooses another."""
+    known = {variable.name: variable for variable in report.variables}
+    ways = {direction.name: direction for direction in report.directions}
+    rank = next((rank for rank in ranks if rank.variable == words.get("variable")), ranks[0])
+    variable = known[rank.variable]
+    direction = ways.get(words.get("direction", ""), ways[rank.direction])
+    view = report.view(variable, direction)
+    panel = charts.state_panel(report, view)
+    return tag(
+        "section",
+        tag("p", _ABOUT, class_="lead"),
+        _choosers(report, ranks, rank, direction),
+        tag(
+            "figure",
+            panel,
+            tag("figcaption", f"{direction.what}. {charts.trend_words(view)}"),
+            class_="look-figure",
+        ),
+        tag("p", class_="readout", aria_live="polite"),
+        _selector(),
+        tag("script", _dots(report, variable, direction), type="application/json"),
+        id="looking",
+    )
+
+
+def _choosers(report: Report, ranks: list[Rank], chosen: Rank, direction: Direction) -> Markup:
+    known = {variable.name: variable for variable in report.variables}
+    choices = [
+        tag(
+            "option",
+            f"{known[rank.variable].label}: {100.0 * rank.explained:.0f} %",
+            value=rank.variable,
+            selected=rank is chosen,
+        )
+        for rank in ranks
+    ]
+    ways = [
+        tag("option", f"{each.what} [{each.unit}]", value=each.name, selected=each.name == direction.name)
+        for each in report.directions
+    ]
+    return tag(
+        "p",
+        tag("label", "against ", tag("select", choices, id="look-variable", data_look="variable")),
+        tag("label", " read as ", tag("select", ways, id="look-direction", data_look="direction")),
+        class_="controls",
+    )
+
+
+def _selector() -> Markup:
+    """What the brush does, for the keyboard; and what can be done with the selected poses."""
+    return tag(
+        "p",
+        tag("label", "Poses from ", tag("input", type="number", step="any", id="brush-low")),
+        tag("label", " to ", tag("input", type="number", step="any", id="brush-high")),
+        tag("button", "Select", type="button", data_look="select"),
+        tag("button", "Leave these out", type="button", data_act="leave_out_brushed", hidden=True),
+        tag("span", class_="selected", role="log"),
+        class_="brush",
+    )
+
+
+def _dots(report: Report, variable: Variable, direction: Direction) -> Markup:
+    """Rows that stand on the arm's picture too, with the variable, the reading, and the size of the error [µm]."""
+    last = report.last
+    rows = scene_rows(last)
+    rows = rows[last.used[rows]]
+    readings = direction.read(last.residual_m)
+    size = 1e6 * np.linalg.norm(last.residual_m, axis=1)
+    document = {
+        "variable": variable.name,
+        "what": variable.what,
+        "unit": variable.unit,
+        "reading": direction.what,
+        "reading_unit": direction.unit,
+        "row": last.fit.data.rows[rows].tolist(),
+        "x": _rounded(variable.values[rows]),
+        "y": _rounded(readings[rows]),
+        "size": np.round(size[rows], 1).tolist(),
+        "poses": int(last.used.sum()),
+    }
+    return Markup(json.dumps(document, separators=(",", ":")).replace("<", "\\u003c"))
+
+
+def _rounded(values: NDArray[np.float64]) -> list[float]:
+    return [float(f"{value:.{_DIGITS}g}") for value in values]
+
+
+def peaks_section(report: Report) -> Markup:
+    """Spectra of the joints; what stands out can be added as an effect."""
+    diagnosis, before = report.diagnoses[-1], report.diagnoses[0]
+    first = {s.joint: s for s in before.spectra} if len(report.diagnoses) > 1 else {}
+    figures: list[Content] = [
+        tag(
+            "figure",
+            tag("h3", f"Joint {spectrum.joint}"),
+            charts.spectrum_panel(spectrum, first.get(spectrum.joint)),
+            tag("figcaption", _peaks(spectrum)),
+        )
+        for spectrum in diagnosis.spectra
+    ]
+    lead = (
+        "Share of the squared residual that one sine of each period would explain, as an error of that joint's angle. "
+        "Press what stands out, here or in the chart, to add it to the model and see the error change."
+    )
+    return tag("section", tag("p", lead, class_="lead"), tag("div", figures, class_="grid"))
+
+
+def _peaks(spectrum: Spectrum) -> Content:
+    if not spectrum.peaks:
+        return "No line stands out."
+    return [
+        tag(
+            "button",
+            f"Add {name}: {peak.called}, {peak.amplitude_arcsec:.1f}″, {100.0 * peak.explained:.1f} %",
+            type="button",
+            data_act="add",
+            data_entry=json.dumps(entry),
+            data_x=f"{peak.cycles:.6g}",
+        )
+        for peak in spectrum.peaks
+        for name, entry in [_as_effect(spectrum.joint, peak)]
+    ]
+
+
+def _as_effect(joint: int, peak: Peak) -> tuple[str, dict[str, Any]]:
+    """The effect that makes a wave of this period: of a few orders of one joint, or of any number of cycles."""
+    waves = [info for info in catalogue().values() if info.joints == "each" and "orders" in info.options]
+    few, any_number = sorted(waves, key=lambda info: "cycles" in info.options)[:2]
+    if any(abs(peak.cycles - cycles) < _NEAR for cycles in _ECCENTRIC):
+        return f"{few.id} {joint}", {"effect": few.id, "joints": [joint]}
+    cycles = round(peak.cycles, 2)
+    return f"{any_number.id} {joint}", {"effect": any_number.id, "joints": [joint], "cycles": [cycles]}

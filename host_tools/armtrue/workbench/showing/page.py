@@ -1,0 +1,200 @@
+"""The page itself, which stays while its pieces change."""
+
+from __future__ import annotations
+
+import json
+from importlib.resources import files
+from typing import Any
+
+from armtrue.report.markup import Content, Markup, join, tag
+
+_BUTTONS = (
+    ("undo", "Undo", "Control+Z"),
+    ("redo", "Redo", "Control+Y"),
+    ("refine", "Refine", None),
+    ("export", "Export", None),
+    ("report", "Report", None),
+    ("cancel", "Cancel", "Escape"),
+)
+_PANELS = (
+    ("state", "What the error depends on"),
+    ("spectra", "Periods of the joints"),
+    ("unexplained", "What no effect names"),
+    ("parameters", "Parameters"),
+    ("unobservable", "What the data cannot tell"),
+    ("coverage", "Where was measured"),
+    ("certainty", "How well each place is known"),
+    ("rejected", "Gross errors"),
+)
+
+
+def page() -> str:
+    """The whole page without its figures, which the script asks for."""
+    head = tag(
+        "head",
+        tag("meta", charset="utf-8"),
+        tag("meta", name="viewport", content="width=device-width, initial-scale=1"),
+        tag("meta", name="color-scheme", content="light dark"),
+        tag("title", "Armtrue workbench"),
+        Markup('<link rel="stylesheet" href="style.css"><link rel="icon" href="data:,">'),
+    )
+    body = tag(
+        "body",
+        tag("a", "Skip to the candidates", href="#candidates-part", class_="skip"),
+        _top(),
+        tag("main", _left_column(), _right_column(), _panels(), _opening()),
+        tag("dialog", tag("div", id="card"), id="card-dialog", aria_label="Effect"),
+        Markup('<script src="script.js"></script>'),
+        id="workbench",
+    )
+    return join(Markup("<!doctype html>\n"), tag("html", head, body, lang="en")) + "\n"
+
+
+def script() -> str:
+    """The page's script: the report's picture in space, then the workbench's own."""
+    of_the_report = [_text("armtrue.report", name) for name in ("geometry.js", "viewer.js")]
+    own = [_text("armtrue.workbench.showing", name) for name in ("looking.js", "workbench.js")]
+    return "".join([*of_the_report, *own])
+
+
+def style() -> str:
+    """The report's style, then the workbench's own."""
+    return _text("armtrue.report", "style.css") + _text("armtrue.workbench.showing", "workbench.css")
+
+
+def _top() -> Markup:
+    buttons = [
+        tag("button", text, type="button", data_act=action, id=f"button-{action}", aria_keyshortcuts=keys)
+        for action, text, keys in _BUTTONS
+    ]
+    return tag(
+        "header",
+        tag("div", _slot("title"), class_="titles"),
+        tag("div", buttons, class_="buttons", role="group", aria_label="Actions"),
+        tag("p", role="status", id="status", aria_live="polite"),
+        tag("p", role="alert", id="failure", hidden=True),
+        tag(
+            "div",
+            tag("progress", id="progress", max="1", value="0", aria_label="Progress"),
+            tag("span", id="stage"),
+            class_="running",
+            id="running",
+            hidden=True,
+        ),
+    )
+
+
+def _left_column() -> Markup:
+    error = tag(
+        "section",
+        tag("h2", "Error", id="error-title"),
+        _slot("error"),
+        tag("h3", "Steps"),
+        _slot("waterfall"),
+        aria_labelledby="error-title",
+        role="region",
+    )
+    scene = tag(
+        "details",
+        tag("summary", "The arm among its points"),
+        tag("div", class_="panel-slot"),
+        tag("p", tag("button", "Mark as wrong", type="button", data_act="mark", id="mark", hidden=True)),
+        class_="looking scene-part",
+        data_panel="vectors",
+        open=True,
+    )
+    return tag("div", error, scene, class_="column needs-session")
+
+
+def _right_column() -> Markup:
+    missing = tag(
+        "section",
+        tag("h2", "What is missing"),
+        _slot("verdict"),
+        tag(
+            "div",
+            tag(
+                "progress", id="diagnosing-share", max="1", value="0", aria_label="Progress of the diagnosis"
+            ),
+            tag("span", id="diagnosing-stage"),
+            class_="running",
+            id="diagnosing",
+            hidden=True,
+        ),
+        _slot("candidates"),
+        _slot("advice"),
+        id="candidates-part",
+    )
+    model = tag("section", tag("h2", "Model"), _slot("model"), _slot("left-out"), _slot("leave-out"))
+    history = tag("section", tag("h2", "History"), _slot("history"))
+    files = [
+        tag("button", text, type="button", data_act="export", data_name=name)
+        for name, text in (
+            ("commands", "As commands"),
+            ("notebook", "As a notebook"),
+            ("model", "model.yaml"),
+        )
+    ]
+    further = tag(
+        "section",
+        tag("h2", "What next"),
+        tag("label", "poses ", tag("input", type="number", id="poses", min="1", max="200", value="12")),
+        tag("button", "Plan poses", type="button", data_act="plan"),
+        _slot("result"),
+        tag("h3", "The session"),
+        tag("div", files, class_="buttons"),
+    )
+    return tag(
+        "div",
+        missing,
+        tag("div", model, history, further, class_="pair"),
+        _slot("device"),
+        class_="column needs-session",
+    )
+
+
+def _panels() -> Markup:
+    folded: list[Content] = [
+        tag(
+            "details",
+            tag("summary", title),
+            tag("div", class_="panel-slot"),
+            class_="looking",
+            data_panel=name,
+        )
+        for name, title in _PANELS
+    ]
+    return tag("div", folded, class_="column whole needs-session")
+
+
+def _opening() -> Markup:
+    chooser = tag(
+        "label",
+        "Measurements, arm, model or fits: drop them here, or choose ",
+        tag(
+            "input",
+            type="file",
+            id="files",
+            multiple=True,
+            accept=".csv,.txt,.tsv,.dat,.xlsx,.json,.yaml,.yml,.urdf",
+        ),
+        class_="drop",
+    )
+    return tag(
+        "div",
+        tag("section", tag("h2", "Open files"), chooser, _slot("opening"), _slot("notes"), id="opening"),
+        class_="column whole",
+    )
+
+
+def _slot(name: str) -> Markup:
+    return tag("div", data_piece=name)
+
+
+def _text(package: str, name: str) -> str:
+    return files(package).joinpath(name).read_text(encoding="utf-8")
+
+
+def as_json(value: Any) -> bytes:
+    """JSON without NaN, which browsers do not read."""
+    return json.dumps(value, allow_nan=False).encode()

@@ -1,0 +1,74 @@
+"""The next poses to measure: as a file to run, in sentences, and drawn as the arm will stand."""
+
+from __future__ import annotations
+
+import csv
+import io
+from typing import Any
+
+import numpy as np
+
+from armtrue.errors import InputError
+from armtrue.fitting import Fit
+from armtrue.further_poses import plan
+from armtrue.planning import Plan
+from armtrue.progress import Progress
+from armtrue.report.markup import tag
+from armtrue.report.parts import plural
+from armtrue.report.pictures.effect_picture import arms_picture
+from armtrue.workbench.outputs import Made
+from armtrue.workbench.showing.further import Result
+
+_MOST_POSES = 200
+_MOST_SHOWN = 12
+
+
+def planned(
+    fit: Fit, words: dict[str, Any], rivals: list[dict[str, Any]] | None, progress: Progress
+) -> Result:
+    """Poses that tell `rivals` (entries of model.yaml) apart; None: what the diagnosis leaves open, or else what the
+    model's parameters need.
+    """
+    count = words.get("poses", _MOST_SHOWN)
+    if not isinstance(count, int) or not 1 <= count <= _MOST_POSES:
+        raise InputError(f"poses: found {count!r}, expected 1 to {_MOST_POSES}")
+    chosen = plan(fit, count, rivals=rivals, progress=progress)
+    rows = np.column_stack(list(chosen.columns.values()))
+    sentences = [*chosen.decisions(), *_precision(chosen)]
+    heads = [tag("th", name, scope="col") for name in chosen.columns]
+    body = [tag("tr", [tag("td", f"{value:.4f}") for value in row]) for row in rows[:_MOST_SHOWN]]
+    table = tag("table", tag("caption", "Planned poses [rad, m]"), tag("tr", heads), body)
+    joints = np.column_stack([chosen.columns[f"q{k}"] for k in range(1, len(fit.robot.joints) + 1)])
+    picture, said = arms_picture(fit, joints[:_MOST_SHOWN])
+    shown = tag(
+        "div",
+        [tag("p", sentence) for sentence in sentences],
+        tag(
+            "p",
+            tag("a", "poses.csv", href="file?name=result", download="poses.csv"),
+            ": all of them, to run.",
+        ),
+        tag("figure", picture, tag("figcaption", said)),
+        tag("div", table, class_="scroll", tabindex="0", role="region", aria_label="Planned poses"),
+    )
+    made = Made("poses.csv", _csv(chosen, rows).encode(), "text/csv; charset=utf-8")
+    said = f"{plural(count, 'pose')} planned: run poses.csv, then drop what was measured. {' '.join(sentences[:1])}"
+    return Result(shown, said.strip(), made)
+
+
+def _csv(chosen: Plan, rows: Any) -> str:
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    own = [] if chosen.target is None else [chosen.target]
+    writer.writerow([*chosen.columns, *(["target"] if own else [])])
+    writer.writerows([[*(f"{value:.10f}" for value in row), *own] for row in rows])
+    return text.getvalue()
+
+
+def _precision(chosen: Plan) -> list[str]:
+    share = chosen.figures.get("random_poses_per_planned")
+    if share is None:
+        return []
+    return [
+        f"{plural(chosen.count, 'planned pose')} give the precision of {share * chosen.count:.0f} random ones."
+    ]

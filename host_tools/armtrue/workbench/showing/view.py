@@ -1,0 +1,363 @@
+"""What the page shows, as pieces of HTML under their names; the browser puts in those that are new."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import yaml
+
+from armtrue.fitting import Fit
+from armtrue.io.catalogue import catalogue
+from armtrue.report.markup import Content, Markup, tag
+from armtrue.report.parts import micrometres, plural, typeset
+from armtrue.verdicts import FLOOR_SOURCES, NOT_SCORED, scored_mean_um, verdict_words
+from armtrue.workbench.compensator import device_section
+from armtrue.workbench.engine import Engine
+from armtrue.workbench.first_figures import FirstFigures
+from armtrue.workbench.opening.guesses import findings_list, first_rows, form
+from armtrue.workbench.session import Node, Session
+from armtrue.workbench.showing.further import leave_out_form
+from armtrue.workbench.showing.left_out import left_out_part, left_out_row
+from armtrue.workbench.showing.names import called, called_among
+from armtrue.workbench.showing.words import chance, length
+
+_SPLITS = {"random": "at random", "region": "by region", "time": "by time"}
+_FIGURES = (("mean_um", "mean"), ("rms_um", "RMS"), ("p95_um", "95 %"), ("max_um", "max"))
+
+
+def pieces(engine: Engine) -> dict[str, str]:
+    """The parts of the page that an action changes."""
+    always: dict[str, str] = {
+        "title": _title(engine),
+        "opening": _opening(engine),
+        "notes": _list(engine.notes),
+    }
+    if not engine.is_open:
+        return always
+    session, first = engine.session, engine.first_figures
+    # First figures are of a model whose diagnosis begins when it is fitted to all measurements.
+    diagnosis = None if first else session.diagnosis_of(session.at)
+    path = [*session.path, *([first.node] if first else [])]
+    fit = first.fit if first else session.fit_of(session.at)
+    return {
+        **always,
+        "error": _error(path, fit, first),
+        "waterfall": _waterfall(path, first),
+        "model": _model(path[-1]),
+        "candidates": _candidates(diagnosis),
+        "verdict": _verdict(diagnosis) if diagnosis else _no_verdict(engine),
+        "advice": _advice(diagnosis) if diagnosis else "",
+        "history": _history(session),
+        "left-out": _left_out(session),
+        "leave-out": leave_out_form(session.fit_of(session.at)),
+        "device": device_section(engine.device) or "",
+        "result": engine.result.shown if engine.result else "",
+    }
+
+
+def buttons(engine: Engine) -> dict[str, bool]:
+    """Which of the buttons can be pressed."""
+    free = engine.task is None
+    if not engine.is_open:
+        return {
+            "undo": False,
+            "redo": False,
+            "refine": False,
+            "export": False,
+            "report": False,
+            "cancel": not free,
+        }
+    node = engine.session.node
+    diagnosing = engine.background.task is not None
+    return {
+        "undo": free and node.parent is not None,
+        "redo": free and node.redo is not None,
+        "refine": free,
+        "export": free,
+        "report": free,
+        "cancel": not free or diagnosing,
+    }
+
+
+def _title(engine: Engine) -> Markup:
+    return tag("div", tag("h1", engine.title), tag("p", engine.about, class_="about"))
+
+
+_HOW_TO_OPEN = (
+    "A CSV in Armtrue's own form wants its robot.yaml beside it; foreign files want a robot.yaml or a URDF. What "
+    "units, columns and angles they have is then guessed, shown and checked before anything is fitted."
+)
+
+
+def _opening(engine: Engine) -> Markup:
+    """Files that were dropped, and what was guessed of them."""
+    drop = engine.drop
+    if not drop.names:
+        return tag("p", _HOW_TO_OPEN)
+    content: list[Content] = [_list(drop.names)]
+    if drop.guess is None:
+        content.append(_button("Open", "open"))
+        if engine.is_open:
+            content += [" ", _button("Compare with the model", "compare")]
+    else:
+        guess = drop.guess
+        document = yaml.safe_load(guess.text)
+        content += [
+            tag("h3", "What was guessed, and from what"),
+            _list(guess.notes),
+            form(document, *first_rows(guess.path, document), guess.robot),
+            tag("h3", "What the check says"),
+            findings_list(guess.findings),
+            guess.picture,
+            tag(
+                "details",
+                tag("summary", "As dataset.yaml"),
+                tag("label", "change what the form does not have", for_="dataset"),
+                tag("textarea", guess.text, id="dataset", rows="16", spellcheck="false"),
+                _button("Open with this text", "open", source="text"),
+            ),
+            _button("Open with these", "open", source="form"),
+        ]
+    return tag("div", content, " ", _button("Put aside", "forget", class_="quiet"))
+
+
+def _error(path: list[Node], fit: Fit, first: FirstFigures | None) -> Markup:
+    node = path[-1]
+    floor = node.noise_floor_um
+    source = str(fit.document["noise_floor"]["source"])
+    words = FLOOR_SOURCES.get(source, source)
+    rows: list[Content] = [
+        _error_row("held out", node.error["held_out"]),
+        _error_row("training", node.error["train"]),
+    ]
+    rows += [
+        _error_row(f"held out {_SPLITS.get(split, split)}", figures)
+        for split, figures in (node.error.get("held_out_by") or {}).items()
+        if figures
+    ]
+    rows.append(left_out_row(node, [key for key, _ in _FIGURES]))
+    heads = [tag("th", name, scope="col") for name in ("", *(name for _, name in _FIGURES))]
+    return tag(
+        "div",
+        tag(
+            "p",
+            tag("b", length(node.mean_um), class_="figure"),
+            " held-out mean error",
+            f" ({first.words})" if first else None,
+        ),
+        tag(
+            "p",
+            tag("b", "not known" if floor is None else f"{micrometres(floor)} µm", class_="figure"),
+            f" noise floor ({words})",
+        ),
+        _bar(node.mean_um, floor, _largest(path)),
+        tag(
+            "table",
+            tag("caption", "Error of the model [µm]"),
+            tag("thead", tag("tr", heads)),
+            tag("tbody", rows),
+            class_="figures",
+        ),
+    )
+
+
+def _error_row(name: str, figures: dict[str, float]) -> Markup:
+    cells = (
+        [tag("td", NOT_SCORED, colspan=len(_FIGURES))]
+        if scored_mean_um(figures) is None
+        else [tag("td", micrometres(figures[key])) for key, _ in _FIGURES]
+    )
+    return tag("tr", tag("th", name, scope="row"), cells)
+
+
+def _largest(path: list[Node]) -> float:
+    """The largest error on the way to this model: what a full bar stands for."""
+    return max((step.mean_um for step in path if step.mean_um is not None), default=0.0)
+
+
+def _bar(mean: float | None, floor: float | None, whole: float) -> Markup:
+    share = 100.0 * (mean or 0.0) / (whole or 1.0)
+    mark = tag("i", style=f"left:{min(100.0, 100.0 * floor / (whole or 1.0)):.2f}%") if floor else None
+    return tag("div", tag("span", style=f"width:{share:.2f}%"), mark, class_="error-bar", aria_hidden="true")
+
+
+def _waterfall(path: list[Node], first: FirstFigures | None) -> Markup:
+    whole = _largest(path)
+    steps = [
+        tag(
+            "li",
+            tag("span", node.name or node.change, class_="step"),
+            _bar(node.mean_um, node.noise_floor_um, whole),
+            tag("span", length(node.mean_um), class_="num"),
+            class_="first-figures" if first and node is first.node else None,
+        )
+        for node in path
+    ]
+    return tag("ol", steps, class_="waterfall-steps", aria_label="Steps")
+
+
+def _model(node: Node) -> Markup:
+    entries = []
+    for k, effect in enumerate(node.effects):
+        name = called(effect)
+        info = catalogue().get(effect["effect"])
+        entries.append(
+            tag(
+                "li",
+                tag("span", name, id=f"model-{k}", title=info.summary if info else None),
+                tag(
+                    "span",
+                    _button("Swap", "swaps", effect=k, aria_describedby=f"model-{k}", class_="quiet"),
+                    _button("Remove", "remove", effect=k, aria_describedby=f"model-{k}"),
+                ),
+            )
+        )
+    return tag("ul", entries, aria_label="Model", role="list", class_="model")
+
+
+def _candidates(diagnosis: dict[str, Any] | None) -> Markup:
+    candidates = diagnosis["candidates"] if diagnosis else []
+    heads = ("candidate", "probability", "explains", "error if added", "could also be", "")
+    rows = [_candidate(k, candidate, candidates) for k, candidate in enumerate(candidates)]
+    none = "No effect of the catalogue is left to try." if diagnosis else "None is known yet."
+    return tag(
+        "table",
+        tag("caption", "Candidates", None if rows else f": {none}"),
+        tag("thead", tag("tr", [tag("th", head, scope="col") if head else tag("td") for head in heads])),
+        tag("tbody", rows),
+        aria_label="Candidates",
+        class_="candidates",
+    )
+
+
+def _candidate(k: int, candidate: dict[str, Any], candidates: list[dict[str, Any]]) -> Markup:
+    share, after = 100.0 * candidate["explained"], candidate["held_out_mean_um_if_added"]
+    others = ", ".join(candidate["confounded_with"])
+    star = tag("span", " ★", class_="trend", title="recommended") if candidate["recommend"] else None
+    name = called_among(candidate, candidates)
+    return tag(
+        "tr",
+        tag(
+            "th",
+            tag("span", name, id=f"candidate-{k}"),
+            star,
+            scope="row",
+        ),
+        tag("td", chance(candidate["probability"]), class_="num", data_label="probability"),
+        tag(
+            "td",
+            tag("span", tag("span", style=f"width:{min(100.0, max(0.0, share)):.1f}%"), class_="share-bar"),
+            f"{share:.1f} %",
+            class_="num",
+            data_label="explains",
+        ),
+        tag(
+            "td",
+            "–" if after is None else f"≈ {micrometres(after)} µm",
+            class_="num",
+            data_label="error if added",
+        ),
+        tag("td", others or "–", data_label="could also be"),
+        tag(
+            "td",
+            _button("Add", "add", candidate=k, aria_describedby=f"candidate-{k}"),
+            _button("Why?", "card", candidate=k, aria_describedby=f"candidate-{k}", class_="quiet"),
+            class_="actions",
+        ),
+        class_="recommended" if candidate["recommend"] else None,
+        title=typeset(candidate["why"]),
+    )
+
+
+def _verdict(diagnosis: dict[str, Any]) -> Markup:
+    return tag(
+        "div",
+        tag("p", verdict_words(diagnosis), class_=f"verdict {diagnosis['verdict']}"),
+        tag("p", f"Probability that nothing is missing: {chance(diagnosis['probability_nothing'])}"),
+    )
+
+
+def _no_verdict(engine: Engine) -> Markup:
+    """What stands in the verdict's place while there is none."""
+    if engine.first_figures is not None:
+        return tag("p", "What is missing is worked out when all measurements are fitted.", class_="verdict")
+    if engine.background.task is not None:
+        return tag("p", "What is missing is being worked out.", class_="verdict")
+    again = _button("Work out what is missing", "diagnose")
+    why = engine.background.failure or "The diagnosis was stopped."
+    return tag("p", why, " ", again, class_="verdict")
+
+
+def _advice(diagnosis: dict[str, Any]) -> Markup:
+    unexplained = dict.fromkeys(
+        f"What is left depends on {entry['variable']}: {entry['shape']}" for entry in diagnosis["unexplained"]
+    )
+    untestable = [
+        f"{entry['effect']} cannot be tested: record {', '.join(entry['needs'])}"
+        for entry in diagnosis["untestable"]
+    ]
+    more = tag(
+        "details", tag("summary", plural(len(untestable), "effect") + " not testable"), _list(untestable)
+    )
+    return tag(
+        "div",
+        _list([typeset(line) for line in unexplained]) if unexplained else None,
+        _list([typeset(line) for line in diagnosis["advice"] if "armtrue add FIT" not in line]),
+        more if untestable else None,
+    )
+
+
+def _list(lines: list[str]) -> Markup:
+    return tag("ul", [tag("li", line) for line in lines])
+
+
+def _history(session: Session) -> Markup:
+    def branch(node: Node) -> Markup:
+        here = node.number == session.at
+        go = tag(
+            "button",
+            node.name or node.change,
+            type="button",
+            data_act="go",
+            data_node=node.number,
+            aria_current="step" if here else None,
+        )
+        below = [branch(child) for child in session.children(node.number)]
+        return tag(
+            "li",
+            go,
+            tag("span", f" {length(node.mean_um)}", class_="num"),
+            None
+            if here
+            else _button(
+                "Side by side",
+                "beside",
+                node=node.number,
+                class_="quiet",
+                aria_label=f"{node.name or node.change} side by side with the model shown",
+            ),
+            tag("ul", below) if below else None,
+        )
+
+    name = tag(
+        "p",
+        tag(
+            "label",
+            "This model is called ",
+            tag("input", id="model-name", maxlength="80", value=session.node.name),
+        ),
+        " ",
+        _button("Name", "name", node=session.at),
+    )
+    return tag("div", tag("ul", branch(session.nodes[0]), class_="tree", aria_label="History"), name)
+
+
+def _left_out(session: Session) -> Markup:
+    rejected = len(session.fit_of(session.at).document["rejected"])
+    again = _button("Let all rows take part again", "leave_out", rows="[]")
+    return left_out_part(session.node, rejected, again)
+
+
+def _button(text: str, action: str, class_: str | None = None, **words: object) -> Markup:
+    attributes = {key if key.startswith("aria_") else f"data_{key}": value for key, value in words.items()}
+    return tag("button", text, type="button", data_act=action, class_=class_, **attributes)
