@@ -16,6 +16,9 @@ constexpr int kNoiseSteps = 12;
 constexpr int kFewNoiseSteps = 4, kLastNoiseSteps = 2;  // of wide sets
 constexpr Eigen::Index kWideSet = 200;                  // columns: steps take long
 constexpr Eigen::Index kWideProblem = 800;              // columns
+// Beside an effect of its own form, a smooth function explains less than this share of what it
+// explains alone.
+constexpr double kSameForm = 1e-2;
 
 struct Projected {
   SearchProblem problem;
@@ -73,6 +76,22 @@ Found found_columns(const EvidenceModel& model, const SearchResult& search) {
   return found;
 }
 
+// Smooth functions that explain nothing beside some effect have its form: only what no effect names
+// competes with the catalogue.
+void drop_named_structure(std::vector<EvidenceBlock>& blocks, const SearchResult& search) {
+  std::vector<EvidenceBlock> kept;
+  for (std::size_t b = 0; b < blocks.size(); ++b) {
+    bool named = false;
+    for (std::size_t a = 0; blocks[b].structure && a < blocks.size(); ++a) {
+      named = named || (!blocks[a].structure && !blocks[a].search.costly &&
+                        search.beyond(static_cast<Eigen::Index>(a), static_cast<Eigen::Index>(b)) <
+                            kSameForm);
+    }
+    if (!named) kept.push_back(std::move(blocks[b]));
+  }
+  blocks = std::move(kept);
+}
+
 }  // namespace
 
 EvidenceSummary weigh_evidence(Fit& fit, const Linearization& l, std::vector<Block> catalogue,
@@ -102,6 +121,7 @@ EvidenceSummary weigh_evidence(Fit& fit, const Linearization& l, std::vector<Blo
         estimate_noise(l, found.columns, found.precision, model.y, evidence.noise, {steps, last});
     if (!last) {
       refine_forms(fit, model.blocks, evidence.search);
+      drop_named_structure(model.blocks, evidence.search);
       model = make_evidence_model(fit, l, std::move(model.blocks));
       continue;
     }

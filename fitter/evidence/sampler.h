@@ -43,7 +43,6 @@ class Sampler {
   std::vector<Conditional> conditionals(const std::vector<std::size_t>& blocks) const;
   double best_change(std::vector<std::size_t>& looked_at, std::size_t& at, Choice& to) const;
   void climb(const std::vector<std::size_t>& allowed);
-  std::vector<std::size_t> blocks_for(bool with_structure) const;
   void find_readings();
   double enter(const std::vector<std::size_t>& members, std::vector<Choice>& sizes);
   // What stands for what: blocks of the likeliest set, and those that replace them.
@@ -51,6 +50,7 @@ class Sampler {
     std::vector<std::size_t> one, other;
   };
   void read_otherwise(const Reading& reading);
+  bool has_stranger() const;
   void sweep(int number, bool count);
   void exchange();
   Choice draw(const Conditional& conditional);
@@ -69,6 +69,7 @@ class Sampler {
   double best_posterior_ = -std::numeric_limits<double>::infinity();
   Elimination eliminated_;
   std::vector<double> inclusion_, visits_, last_;  // last_: probability at the last visit
+  std::vector<bool> strange_;                      // came in against the odds when it last did
   double nothing_ = 0.0, counted_ = 0.0;
 };
 

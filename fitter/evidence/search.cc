@@ -20,6 +20,8 @@ constexpr int kCostlyEvery = 8;
 // A block whose presence was this improbable, or this sure, when it was visited last is visited as
 // seldom.
 constexpr double kImprobable = 1e-3;
+// What is drawn with less than this came in against the odds.
+constexpr double kStrange = 0.02;
 // One exchange in so many sweeps: it looks at every block.
 constexpr int kExchangeEvery = 4;
 // A climb looks again only at blocks that lacked less than this of being worth a change.
@@ -113,14 +115,6 @@ double Sampler::best_change(std::vector<std::size_t>& looked_at, std::size_t& at
   return most;
 }
 
-std::vector<std::size_t> Sampler::blocks_for(bool with_structure) const {
-  std::vector<std::size_t> result;
-  for (std::size_t b = 0; b < state_.size(); ++b) {
-    if (with_structure || block(b).counts) result.push_back(b);
-  }
-  return result;
-}
-
 // Takes the single change of an allowed block that raises the posterior most, until none does.
 void Sampler::climb(const std::vector<std::size_t>& allowed) {
   std::vector<std::size_t> looked_at = allowed;
@@ -142,6 +136,13 @@ void Sampler::climb(const std::vector<std::size_t>& allowed) {
   remember();
 }
 
+bool Sampler::has_stranger() const {
+  for (std::size_t b = 0; b < state_.size(); ++b) {
+    if (strange_[b] && state_[b].is_present()) return true;
+  }
+  return false;
+}
+
 void Sampler::sweep(int number, bool count) {
   std::vector<std::size_t> order(state_.size());
   for (std::size_t i = 0; i < order.size(); ++i) order[i] = i;
@@ -149,7 +150,9 @@ void Sampler::sweep(int number, bool count) {
   for (const std::size_t b : order) {
     const bool settled =
         state_[b].is_present() ? last_[b] > 1.0 - kImprobable : last_[b] < kImprobable;
-    const bool seldom = block(b).costly || settled;
+    // What came in against the odds may keep a table from what it was, or be kept by what has
+    // changed since: all of it is looked at until it has gone.
+    const bool seldom = (block(b).costly || settled) && !has_stranger();
     if (count) visits_[b] += 1.0;
     if (seldom && (number + static_cast<int>(b)) % kCostlyEvery != 0) {
       if (count && state_[b].is_present()) inclusion_[b] += 1.0;
@@ -158,7 +161,9 @@ void Sampler::sweep(int number, bool count) {
     const Conditional c = conditional(b);
     last_[b] = c.probability();
     if (count) inclusion_[b] += c.probability();
-    set(b, draw(c));
+    const Choice drawn = draw(c);
+    if (!state_[b].is_present()) strange_[b] = c.probability() < kStrange;
+    set(b, drawn);
   }
   if (number % kExchangeEvery == 0) exchange();
   for (const Reading& reading : readings_) read_otherwise(reading);
@@ -299,6 +304,7 @@ SearchResult Sampler::run() {
   inclusion_.assign(count, 0.0);
   visits_.assign(count, 0.0);
   last_.assign(count, 1.0);
+  strange_.assign(count, false);
   for (std::size_t b = 0; b < count; ++b) {
     if (!block(b).present) continue;
     const Conditional c = conditional(b);
@@ -307,21 +313,23 @@ SearchResult Sampler::run() {
   }
   SearchResult result;
   describe_alone(result);
-  // A smooth function may stand for several effects at once: those come first, and then the better
-  // of both.
+  // A table may stand for several effects at once, and so may a smooth function: what has few
+  // coefficients comes first, then all do, and the better of both stays.
   const std::vector<Choice> start = state_;
-  const bool structure = std::any_of(problem_.blocks.begin(), problem_.blocks.end(),
-                                     [](const SearchBlock& b) { return !b.counts; });
-  std::vector<std::size_t> few;
-  for (const std::size_t b : blocks_for(false)) {
-    if (!block(b).costly) few.push_back(b);
+  std::vector<std::size_t> few, effects, all;
+  for (std::size_t b = 0; b < count; ++b) {
+    all.push_back(b);
+    if (block(b).counts) effects.push_back(b);
+    if (block(b).counts && !block(b).costly) few.push_back(b);
   }
   climb(few);
-  climb(blocks_for(false));
-  if (structure) {
-    climb(blocks_for(true));
+  climb(effects);
+  if (effects.size() < all.size()) climb(all);
+  const bool table = std::ranges::any_of(
+      effects, [&](std::size_t b) { return block(b).costly && best_[b].is_present(); });
+  if (table || effects.size() < all.size()) {
     go_to(start);
-    climb(blocks_for(true));
+    climb(all);
     go_to(best_);
   }
   line_up();

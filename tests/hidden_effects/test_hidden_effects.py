@@ -81,6 +81,32 @@ def test_what_runs_with_time_is_not_refused_for_the_times_it_has_not_seen(arm: s
     assert verdict_of(outcome) == "right", outcome
 
 
+@pytest.mark.parametrize(("arm", "seed"), [("kr30", 20201), ("irb2400", 20200)])
+def test_a_link_that_bends_along_its_length_is_one_cause(arm: str, seed: int) -> None:
+    # As a hinge at its joint, up to four other effects were named for what the shape of a beam adds.
+    outcome = run_case("foreign_truth", arm, seed)
+    assert verdict_of(outcome) == "right", outcome
+
+
+def test_an_effect_is_not_put_aside_for_a_smooth_function_of_its_own_form() -> None:
+    # Backlash left a function of the direction of approach: "depends on dir2", and no effect was named.
+    outcome = run_case("gross_errors", "lbr", 20706)
+    assert verdict_of(outcome) == "right", outcome
+
+
+@pytest.mark.parametrize(("arm", "seed"), [("kr30", 20600), ("lbr", 20501)])
+def test_a_table_does_not_stand_for_what_physics_explains_together(arm: str, seed: int) -> None:
+    # Beside effects that were still missing, a joint's table explained more than the one effect it hid.
+    outcome = run_case("three_hidden", arm, seed)
+    assert verdict_of(outcome) == "right", outcome
+
+
+def test_a_bump_comes_in_though_its_poses_were_taken_for_gross_errors() -> None:
+    # The model without the table had kept those poses out, and was judged by the others alone.
+    outcome = run_case("three_hidden", "kr30", 20603)
+    assert verdict_of(outcome) == "right", outcome
+
+
 @pytest.mark.parametrize("arm", ["cobot", "lbr"])
 def test_two_heats_under_noise_or_warm_up_are_both_readings(arm: str) -> None:
     outcome = run_case("thermal_pair_noise_x4", arm, 20000)
