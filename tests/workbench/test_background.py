@@ -66,7 +66,7 @@ def test_first_figures_of_some_measurements_stand_while_all_are_fitted(start, br
     names = page.candidates()
     slow = next(k for k, name in enumerate(names) if name.startswith("transmission_pwl"))
     said = page.add(slow)
-    assert said.startswith(f"First figures, from 1500 of {SO_MANY_THAT_SOME_COME_FIRST} measurements")
+    assert said.startswith(f"First figures, from 1000 of {SO_MANY_THAT_SOME_COME_FIRST} measurements")
     assert "being fitted" in page.error()
     assert page.model()[-1].startswith("transmission_pwl")
     running = workbench.state()

@@ -15,7 +15,7 @@ Entry = dict[str, Any]
 
 # Up to here the slowest effect of the catalogue is fitted in about a second; at 12 000 measurements it takes thirteen.
 _MANY_ROWS = 3000
-_SOME_ROWS = 1500
+_SOME_ROWS = 1000
 
 
 @dataclass(frozen=True)
