@@ -10,7 +10,7 @@ from opened import TWO_HIDDEN
 pytestmark = pytest.mark.full
 
 POSES = 2500
-SO_MANY_THAT_SOME_COME_FIRST = 12000
+MANY_POSES = 12000
 
 
 @pytest.fixture(scope="module")
@@ -60,13 +60,13 @@ def test_another_step_does_not_wait_for_the_diagnosis_of_the_last(start, browser
 
 
 def test_first_figures_of_some_measurements_stand_while_all_are_fitted(start, browser, tmp_path):
-    armtrue_sim.simulate({**TWO_HIDDEN, "poses": SO_MANY_THAT_SOME_COME_FIRST}).write(tmp_path)
+    armtrue_sim.simulate({**TWO_HIDDEN, "poses": MANY_POSES}).write(tmp_path)
     workbench = start(tmp_path / "data.csv")
     page = Page(browser, workbench.address)
     names = page.candidates()
     slow = next(k for k, name in enumerate(names) if name.startswith("transmission_pwl"))
     said = page.add(slow)
-    assert said.startswith(f"First figures, from 1000 of {SO_MANY_THAT_SOME_COME_FIRST} measurements")
+    assert said.startswith(f"First figures, from 1000 of {MANY_POSES} measurements")
     assert "being fitted" in page.error()
     assert page.model()[-1].startswith("transmission_pwl")
     running = workbench.state()
