@@ -65,3 +65,10 @@ def test_what_is_not_there_is_refused_in_one_sentence(workbench, asked):
     answer = workbench.ask(f"{workbench.path}{asked}")
     assert answer.status == 400
     assert b"expected" in answer.read()
+
+
+def test_an_effect_that_these_data_cannot_tell_says_so_when_it_is_added(page, workbench):
+    place = next(k for k, name in enumerate(page.candidates()) if name.startswith("tracker_scale"))
+    said = page.add(place)
+    assert "The held-out mean error stays" in said
+    assert "tracker_scale and the base's shift along z can hardly be told apart by these poses" in said

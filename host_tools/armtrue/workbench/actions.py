@@ -300,9 +300,20 @@ def node_of(
     node.said = (
         f"{upper}. {fall_words(before.mean_um, node.mean_um)}" if before else first_words(node.mean_um)
     )
+    node.said = " ".join([node.said, *_held_back(fit, added)])
     if out:
         node.said = f"{node.said} {said_there(node)}"
     return node
+
+
+def _held_back(fit: Fit, added: list[Entry]) -> list[str]:
+    """Why an added effect changes nothing: the fit's sentences about effects of which it holds all at nominal."""
+    parameters = fit.document["parameters"]
+    names = {entry["effect"] for entry in added}
+    names -= {parameter["effect"] for parameter in parameters if not parameter["held"]}
+    sentences = [str(sentence) for sentence in fit.document["unobservable"]]
+    told = [sentence for sentence in sentences if any(name in sentence for name in names)]
+    return [f"These data do not show it: {sentence}." for sentence in told]
 
 
 def _whole(words: Entry, key: str, count: int) -> int:
