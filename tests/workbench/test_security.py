@@ -34,7 +34,8 @@ def test_another_host_is_refused(workbench, asked, host):
     "origin", ["http://evil.example", "null", "https://127.0.0.1:{port}", "http://127.0.0.1:1"]
 )
 @pytest.mark.parametrize(
-    ("method", "name"), [("GET", "state.json"), ("POST", "do"), ("POST", "drop?name=a.csv")]
+    ("method", "name"),
+    [("GET", "state.json"), ("POST", "do"), ("POST", "drop?name=a.csv"), ("POST", "draft")],
 )
 def test_another_origin_is_refused(workbench, asked, origin, method, name):
     own = origin.format(port=workbench.port)

@@ -135,6 +135,7 @@ def test_a_bad_file_is_one_sentence_and_the_session_lives_on(page, workbench, ca
         sentence = page.until(page.failure, f"sentence about {name}")
         assert "expected" in sentence or "cannot" in sentence or "found" in sentence
         assert "fault of the workbench" not in sentence, name
+        assert "dropped-" not in sentence, f"{name} is where the person left it, not in the session's folder"
         page.until(lambda: page.button("Refine").is_enabled(), "end of opening")
         assert workbench.state()["effects"] == before["effects"]
         page.one("#opening button", "button", "Put aside").click()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 import threading
 from dataclasses import replace
 from pathlib import Path
@@ -227,7 +228,9 @@ class Engine:
         except CancelledError:
             self.said = f"Stopped. {self.session.node.said}"
         except InputError as error:
-            self.failure = str(error)
+            self.failure = str(error).replace(
+                f"{self.drop.folder}{os.sep}", ""
+            )  # a dropped file has its name alone
         except Exception:
             logging.getLogger(__name__).exception("an action failed")
             self.failure = FAULT
