@@ -13,7 +13,9 @@ import concurrent.futures
 import os
 import random
 import re
+import resource
 import shutil
+import signal
 import subprocess
 import sys
 import time
@@ -35,7 +37,11 @@ PROGRAMS = {
 _LEFT_OUT = re.compile(r"_test\.cc|_main\.cc|test_|senseless|simulated|/fuzz/|format\.h")
 # What is the same code tens of thousands of times (tools/test.d/37) is left to the full step.
 FILTER = "-PowerCut.AtEveryPairOfOperations:PowerCut.AtEveryOperationOfTheLargestTable"
-TIME_LIMIT_S = 120.0
+# A mutant may take so many times the processor seconds of the program without any fault. Wall time says nothing on a
+# loaded machine; it only ends a program that waits for ever.
+TIMES_UNFAULTED = 5
+LEAST_LIMIT_S = 20
+LONGEST_WALL_S = 3600
 SHARE_OF_CHANGED = 0.7
 
 SWITCH = """\
@@ -212,20 +218,42 @@ def build(mutants: list[Mutant]) -> list[Mutant]:
         mutants = left  # their numbers move: everything is written anew
 
 
-def run(programs: list[str], number: int) -> str:
-    """survived, killed or timed out."""
+def run_program(program: str, number: int, cpu_limit_s: int) -> str:
+    """survived, killed or timed out; `number` -1 is the code without any fault."""
+    try:
+        ran = subprocess.run(
+            ["prlimit", f"--cpu={cpu_limit_s}", TREE / "out/firmware" / program,
+             "--gtest_brief=1", "--gtest_fail_fast", f"--gtest_filter={FILTER}"],
+            cwd=TREE, env={**os.environ, "ARMTRUE_MUTANT": str(number)}, stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL, timeout=LONGEST_WALL_S, check=False,
+        )  # fmt: skip
+    except subprocess.TimeoutExpired:
+        return "timed out"
+    if ran.returncode in (-signal.SIGXCPU, -signal.SIGKILL):  # the limit's signal, and the kernel's after it
+        return "timed out"
+    return "survived" if ran.returncode == 0 else "killed"
+
+
+def run(programs: list[str], number: int, limits: dict[str, int]) -> str:
+    """The first answer of the programs that is not survived."""
     for program in programs:
-        try:
-            ran = subprocess.run(
-                [TREE / "out/firmware" / program, "--gtest_brief=1", "--gtest_fail_fast", f"--gtest_filter={FILTER}"],
-                cwd=TREE, env={**os.environ, "ARMTRUE_MUTANT": str(number)}, stdout=subprocess.DEVNULL,
-                stderr=subprocess.DEVNULL, timeout=TIME_LIMIT_S, check=False,
-            )  # fmt: skip
-        except subprocess.TimeoutExpired:
-            return "timed out"
-        if ran.returncode != 0:
-            return "killed"
+        if (outcome := run_program(program, number, limits[program])) != "survived":
+            return outcome
     return "survived"
+
+
+def measured_limits(programs: set[str]) -> dict[str, int]:
+    """Processor seconds that a mutant may take in each program, from a run without any fault."""
+    limits = {}
+    for program in sorted(programs):
+        before = resource.getrusage(resource.RUSAGE_CHILDREN)
+        if (outcome := run_program(program, -1, LONGEST_WALL_S)) != "survived":
+            raise SystemExit(f"mutants: {program} without any fault: {outcome}")
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        took = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+        limits[program] = max(LEAST_LIMIT_S, round(TIMES_UNFAULTED * took))
+        print(f"{program}: {took:.1f} processor seconds without any fault", flush=True)
+    return limits
 
 
 def main() -> int:
@@ -241,16 +269,15 @@ def main() -> int:
     chosen = sample(given.count, given.seed, given.base)
     copy_tree()
     mutants = build(chosen)
-    for programs in PROGRAMS.values():
-        if (status := run(programs, -1)) != "survived":
-            raise SystemExit(f"mutants: {programs} without any fault: {status}")
+    limits = measured_limits({program for programs in PROGRAMS.values() for program in programs})
     SURVIVORS.write_text("")
     outcomes: Counter[str] = Counter()
 
     def judge(number: int) -> str:
         if time.monotonic() > end:
             return "not run"
-        return run(next(p for part, p in PROGRAMS.items() if mutants[number].file.startswith(part)), number)
+        programs = next(p for part, p in PROGRAMS.items() if mutants[number].file.startswith(part))
+        return run(programs, number, limits)
 
     with concurrent.futures.ThreadPoolExecutor(given.jobs) as pool:
         for number, outcome in zip(range(len(mutants)), pool.map(judge, range(len(mutants))), strict=True):

@@ -1,0 +1,47 @@
+"""How long `./dev mutants` lets a fault in the firmware run."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tools"))
+
+import firmware_mutants
+
+
+@pytest.fixture
+def program(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    (tmp_path / "out/firmware").mkdir(parents=True)
+    monkeypatch.setattr(firmware_mutants, "TREE", tmp_path)
+    path = tmp_path / "out/firmware/some_test"
+    path.write_text("")
+    path.chmod(0o755)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("script", "outcome"),
+    [
+        ("sleep 3", "survived"),  # a loaded machine: time passes, little of it is the program's
+        ("while :; do :; done", "timed out"),
+        ("exit 1", "killed"),
+    ],
+)
+def test_time_limit_counts_processor_seconds(program: Path, script: str, outcome: str) -> None:
+    program.write_text(f"#!/bin/sh\n{script}\n")
+    assert firmware_mutants.run_program("some_test", 0, 1) == outcome
+
+
+def test_limit_is_relative_to_the_unfaulted_run(program: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(firmware_mutants, "LEAST_LIMIT_S", 0)
+    program.write_text("#!/bin/sh\ni=0; while [ $i -lt 1000000 ]; do i=$((i + 1)); done\n")
+    assert firmware_mutants.measured_limits({"some_test"})["some_test"] >= 1
+
+
+def test_program_that_fails_without_a_fault_is_refused(program: Path) -> None:
+    program.write_text("#!/bin/sh\nexit 1\n")
+    with pytest.raises(SystemExit, match="some_test without any fault: killed"):
+        firmware_mutants.measured_limits({"some_test"})
