@@ -1,7 +1,7 @@
 // The two watchdogs of the STM32F405. Neither can be stopped once it runs.
 //
 // The independent one (RM0090, section 21) has an oscillator of its own and runs from the first
-// instruction on (early_start() in startup.cc): a start that hangs is reset as well.
+// instruction on (early_start() in protection.cc): a start that hangs is reset as well.
 //
 // The window watchdog (section 22) watches the joint path: it is fed every 25 ms of the program's
 // clock, and resets where the next feeding comes within 12.5 ms or not within 49.9 ms of its own.
