@@ -45,3 +45,12 @@ def test_program_that_fails_without_a_fault_is_refused(program: Path) -> None:
     program.write_text("#!/bin/sh\nexit 1\n")
     with pytest.raises(SystemExit, match="some_test without any fault: killed"):
         firmware_mutants.measured_limits({"some_test"})
+
+
+def test_rows_of_numbers_are_left_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The compiler folds a constant table before any switch is asked: its mutants could not be noticed."""
+    monkeypatch.setattr(firmware_mutants, "ROOT", tmp_path)
+    (tmp_path / "a.cc").write_text(
+        "const int kA[] = {\n    0x4cc5, 2U,\n};\nint f(int a) {\n  return a + 2;\n}\n"
+    )
+    assert {mutant.line for mutant in firmware_mutants.mutants_of("a.cc")} == {5}

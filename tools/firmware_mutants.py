@@ -143,7 +143,8 @@ def mutants_of(name: str) -> list[Mutant]:
             ("#", "static_assert", "template", "using", "case ", "enum", "static constexpr")
         )
         is_table = re.search(r"constexpr|std::array<|= default|asm\(|\[\]|^k\w+ = ", code) is not None
-        if line.startswith(" ") and code and not skipped and not is_table:
+        is_row = re.fullmatch(r"(?:(?:0x[0-9A-Fa-f]+|\d+)U?,?\s*)+", code) is not None
+        if line.startswith(" ") and code and not skipped and not is_table and not is_row:
             result += [Mutant(name, number, *place) for place in _places_of(line)]
     return result
 

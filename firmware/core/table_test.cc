@@ -69,6 +69,14 @@ TEST(TableTest, RefusesAnotherRobotAndAnotherJointCount) {
   EXPECT_EQ(validation.field, format::header::kJointCountAt);
 }
 
+TEST(TableTest, BaseRecord_Once_IsTaken_Twice_IsRefused) {
+  TestImage made(3);
+  made.section(format::Section::kBase).resize(format::base::kLength);
+  EXPECT_EQ(validate(made.image(), any_device()).refusal, Refusal::kNone);
+  made.section(format::Section::kBase).resize(2 * format::base::kLength);
+  EXPECT_EQ(validate(made.image(), any_device()).refusal, Refusal::kTooManyRecords);
+}
+
 TEST(TableTest, RefusesANewerFormatByItsOwnReason) {
   Bytes image = full_image().image();
   put(image, format::header::kVersionAt, std::uint16_t{2});
