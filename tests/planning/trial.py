@@ -122,11 +122,12 @@ def random_columns(campaign: armtrue_sim.Campaign, count: int, seed: int) -> dic
 
 def evidence(fitted: Fit, case: Case, rivals: list[dict[str, Any]]) -> float:
     """ΔBIC of the true cause less that of its best rival, each added to `fitted`."""
-    figures = {}
+    named = {(rival["effect"], tuple(rival.get("joints", []))) for rival in rivals}
+    figures: dict[tuple[str, tuple[int, ...]], float] = {}
     for candidate in diagnose(fitted)["candidates"]:
-        entry = {"effect": candidate["effect"], "joints": candidate["joints"]}
-        if any(entry["effect"] == r["effect"] and entry["joints"] == r.get("joints", []) for r in rivals):
-            figures[candidate["effect"], tuple(candidate["joints"])] = candidate["delta_bic"]
+        key = candidate["effect"], tuple(candidate["joints"])
+        if key in named:  # by the form (of a beam, a thermometer) that explains most
+            figures[key] = min(candidate["delta_bic"], figures.get(key, 0.0))
     true = figures.pop((case.hidden, (case.joint,)), 0.0)
     return float(true - min(figures.values(), default=0.0))
 
