@@ -297,6 +297,24 @@ void weigh(Fit& fit, const Linearization& linearization, std::vector<EvidenceBlo
   name_confounded(evidence.search, d.candidates);
 }
 
+// Shares of the squared residual as the charts draw them: of each candidate alone, all rows weighed
+// as the fit does. What a table explains is what its smoothness lets it: that the search has said.
+void score_alone(const Scorer& scorer, std::vector<Candidate>& candidates) {
+  std::vector<Block> blocks;
+  std::vector<Candidate*> of_block;
+  for (Candidate& c : candidates) {
+    if (find_effect(c.request.effect).generic()) continue;
+    blocks.push_back(c.block);
+    of_block.push_back(&c);
+  }
+  const std::vector<BlockScore> scores = scorer.score(blocks);
+  for (std::size_t i = 0; i < scores.size(); ++i) {
+    of_block[i]->score.explained = scores[i].explained;
+    of_block[i]->score.gain = scores[i].gain;
+    of_block[i]->score.separability = scores[i].separability;
+  }
+}
+
 }  // namespace
 
 const Candidate* Diagnosis::recommended() const {
@@ -335,6 +353,7 @@ Diagnosis diagnose(Fit& fit, const DiagnoseOptions& options, Observer& observer)
     }
   }
   if (d.candidates.size() > options.listed) d.candidates.resize(options.listed);
+  score_alone(scorer, d.candidates);
   d.scatter = scatter_along_joints(scorer, fit);
   if (d.recommended()) {
     d.verdict = Verdict::kMissingEffect;

@@ -14,6 +14,9 @@ namespace {
 // Directions of a block of which less than this share survives the projection are the fit's own, to
 // rounding.
 constexpr double kSmallestShare = 1e-7;
+// A column so much smaller than another of its block is rounding: of a link that hangs plumb, or of
+// a lever that is none.
+constexpr double kMovesNothing = 1e-9;
 // Coefficients outside their physical bound, or of the wrong sign by this many standard deviations,
 // are refused.
 constexpr double kWrongSign = 3.0;
@@ -200,7 +203,8 @@ BlockScore Scorer::judge(const Block& block, const Eigen::MatrixXd& columns,
   const Eigen::Index width = columns.cols();
   const Eigen::VectorXd norm = columns.colwise().norm();
   Eigen::VectorXd scale(width);
-  for (Eigen::Index c = 0; c < width; ++c) scale[c] = norm[c] > 0.0 ? 1.0 / norm[c] : 0.0;
+  for (Eigen::Index c = 0; c < width; ++c)
+    scale[c] = norm[c] > kMovesNothing * norm.maxCoeff() ? 1.0 / norm[c] : 0.0;
   const Eigen::MatrixXd half = factor_.half_solve(cross) * scale.asDiagonal();
   Eigen::MatrixXd information =
       scale.asDiagonal() * (columns.transpose() * columns) * scale.asDiagonal();
@@ -224,7 +228,7 @@ BlockScore Scorer::judge(const Block& block, const Eigen::MatrixXd& columns,
     double prior = 0.0;
     for (Eigen::Index c = 0; c < width; ++c) {
       const double sigma = block.terms.parameters[static_cast<std::size_t>(c)].prior_sigma;
-      if (sigma > 0.0 && norm[c] > 0.0) prior += std::pow(direction[c] / (sigma * norm[c]), 2);
+      if (sigma > 0.0 && scale[c] > 0.0) prior += std::pow(direction[c] / (sigma * norm[c]), 2);
     }
     if (share < prior * variance) continue;
     const double projection = direction.dot(gradient);
@@ -241,7 +245,7 @@ BlockScore Scorer::judge(const Block& block, const Eigen::MatrixXd& columns,
     const auto i = static_cast<std::size_t>(c);
     score.coefficient[i] = solution[c] * scale[c];
     score.sigma[i] = std::sqrt(std::max(0.0, inverse(c, c))) * scale[c];
-    if (norm[c] > 0.0) least = std::min(least, information(c, c));
+    if (scale[c] > 0.0) least = std::min(least, information(c, c));
   }
   score.separability = least;
   if (used.empty()) {

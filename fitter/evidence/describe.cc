@@ -9,6 +9,8 @@ namespace {
 
 // What explains less than this share of what another block does is no alternative to it.
 constexpr double kComparable = 0.8;
+// A column whose square is so much smaller than another's of its block is rounding.
+constexpr double kMovesNothing = 1e-18;
 
 }  // namespace
 
@@ -30,9 +32,11 @@ void Sampler::describe_alone(SearchResult& result) const {
     result.alone_gain.push_back(along.dot(inner.llt().solve(along)));
     alone.push_back(w);
     double least = 1.0;
+    const double nothing =
+        kMovesNothing * problem_.whole.segment(block(b).first, block(b).width).maxCoeff();
     for (Eigen::Index c2 = 0; c2 < block(b).width; ++c2) {
       const double before = problem_.whole[block(b).first + c2];
-      if (before > 0.0) least = std::min(least, std::max(0.0, local.gram(c2, c2)) / before);
+      if (before > nothing) least = std::min(least, std::max(0.0, local.gram(c2, c2)) / before);
     }
     result.separability.push_back(least);
   }

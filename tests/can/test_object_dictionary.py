@@ -90,7 +90,7 @@ def test_the_protocol_page_has_every_reason_and_command() -> None:
 
 
 def test_every_test_that_the_security_page_names_is_there() -> None:
-    tests = (Path(__file__).with_name("test_security.py")).read_text(encoding="utf-8")
+    tests = (Path(__file__).with_name("test_hostile_bus.py")).read_text(encoding="utf-8")
     named = re.findall(r"`…\[([^\]]+)\]`", SECURITY)
     assert len(named) >= 9
     for case in named:

@@ -35,6 +35,7 @@ def test_series_a_later_than_what_was_fitted(cut):
     assert held_out_rms_mm(cut["A, last 30 % of the time"], SPRINGS) <= 0.105
 
 
+@pytest.mark.full
 def test_diagnosis_of_geometry_alone_names_the_mid_frequency_joint_error(cut):
     arm = robot()
     result = armtrue.diagnose(armtrue.fit(cut["C, random 30 %"].train, arm, model_of(GEOMETRY, arm)))
@@ -45,6 +46,7 @@ def test_diagnosis_of_geometry_alone_names_the_mid_frequency_joint_error(cut):
     assert any("cycles a turn" in sentence for sentence in result["advice"])
 
 
+@pytest.mark.full
 def test_orientations_beside_positions_do_not_make_positions_worse(cut):
     # What the model lacks of the wrist shows in orientations: weighed by how they scatter, they made the error on
     # unseen poses a quarter larger.

@@ -112,6 +112,7 @@ def test_effect_alone(name: str) -> None:
     assert_known(known(CASES[name], poses=240), largest_left_m=1.5e-6 if linkage else 6e-7)
 
 
+@pytest.mark.full
 def test_all_effects_together() -> None:
     assert_known(known(TOGETHER, poses=600), largest_left_m=1e-6)
 

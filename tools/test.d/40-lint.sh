@@ -7,4 +7,9 @@ $PY -m mypy --strict host_tools/armtrue || lint_failed=1
 cpp_sources | xargs clang-format-14 --dry-run -Werror || lint_failed=1
 PYTHONPATH=host_tools $PY .venv/bin/lint-imports --config tools/layers.ini --no-cache >out/layers.log || { cat out/layers.log; lint_failed=1; }
 $PY tools/include_order.py || lint_failed=1
+# pytest takes test files outside packages by their names alone: two of one name cannot run together.
+twice=$(git ls-files '*test_*.py' | while read -r file; do
+  [ -e "$(dirname "$file")/__init__.py" ] || basename "$file"
+done | sort | uniq -d)
+[ -z "$twice" ] || { echo "test files of one name: $twice"; lint_failed=1; }
 [ $lint_failed = 0 ]

@@ -28,7 +28,14 @@ def main() -> None:
 
     if interruptible:
         signal.signal(signal.SIGINT, signal.default_int_handler)
-    app.main()
+    try:
+        app.main()
+    except KeyboardInterrupt:  # on the way out of `app.main`
+        os._exit(INTERRUPTED)
+    finally:
+        # What is done is done: Python would put the signal's own action back, which is to die of it.
+        if interruptible:
+            signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def _leave(_signal: int, _frame: FrameType | None) -> None:

@@ -279,8 +279,7 @@ def test_an_interrupt_before_the_first_step_writes_nothing(folder, monkeypatch):
     assert not steps.exists()
 
 
-def test_an_interrupt_while_the_command_is_read_in_ends_it_quietly(folder):
-    script = """
+INTERRUPTED_WHILE_READ_IN = """
 import os, signal, sys
 class AtImport:
     def find_spec(self, name, path=None, target=None):
@@ -290,6 +289,27 @@ sys.meta_path.insert(0, AtImport())
 from armtrue.cli import main
 main()
 """
+INTERRUPTED_WHEN_DONE = """
+import atexit, os, signal
+from armtrue.cli import app, main
+app.main = lambda: None
+atexit.register(os.kill, os.getpid(), signal.SIGINT)
+main()
+"""
+INTERRUPTED_ON_THE_WAY_OUT = """
+import os, signal
+from armtrue.cli import app, main
+app.main = lambda: os.kill(os.getpid(), signal.SIGINT)
+main()
+"""
+
+
+@pytest.mark.parametrize(
+    ("script", "status"),
+    [(INTERRUPTED_WHILE_READ_IN, 130), (INTERRUPTED_ON_THE_WAY_OUT, 130), (INTERRUPTED_WHEN_DONE, 0)],
+    ids=["while read in", "on the way out", "when done"],
+)
+def test_an_interrupt_outside_a_command_ends_it_quietly(folder, script, status):
     command = [sys.executable, "-c", script, "diagnose", "fit.json"]
     # Who starts tests in the background may have had the signal ignored.
     run = subprocess.run(
@@ -301,7 +321,7 @@ main()
         timeout=60,
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
     )
-    assert (run.returncode, run.stdout, run.stderr) == (130, "", "")
+    assert (run.returncode, run.stdout, run.stderr) == (status, "", "")
 
 
 def test_output_cut_short_by_its_reader_is_no_error(folder):

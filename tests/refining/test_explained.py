@@ -1,0 +1,37 @@
+"""What a candidate is said to explain is what a fit with it explains."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from armtrue import Fit, Model, diagnose, fit, load_data, load_robot
+from armtrue_sim import simulate
+
+GEOMETRY = [{"effect": name} for name in ("base_frame", "tool_offset", "joint_offset", "link_geometry")]
+
+
+def squares(fitted: Fit) -> float:
+    return float(fitted.document["error"]["train"]["rms_um"]) ** 2
+
+
+def test_a_refit_bears_out_what_candidates_explain(tmp_path: Path) -> None:
+    # The forms of a beam were said to explain nothing, beside all the evidence for them.
+    simulate(
+        {"arm": "kr30", "seed": 4, "poses": 240, "test_poses": 0,
+         "believed": [entry["effect"] for entry in GEOMETRY],
+         "hidden": [{"effect": "bending_compliance", "joints": [1]}]},
+        tmp_path,
+    )  # fmt: skip
+    robot = load_robot(tmp_path / "robot.yaml")
+    data = load_data(tmp_path / "data.csv", robot)
+    plain = fit(data, robot, Model(GEOMETRY))
+    paying = [c for c in diagnose(plain)["candidates"] if c["delta_bic"] < -100.0]
+    assert {(c["effect"], c["options"].get("shape")) for c in paying} >= {
+        ("bending_compliance", None),
+        ("bending_compliance", "beam"),
+    }
+    for c in paying[:5]:
+        entry = {"effect": c["effect"], "joints": c["joints"], **c["options"]}
+        fuller = fit(data, robot, Model([*GEOMETRY, entry]))
+        assert c["explained"] == pytest.approx(1.0 - squares(fuller) / squares(plain), abs=0.02), entry
