@@ -355,15 +355,14 @@ Diagnosis diagnose(Fit& fit, const DiagnoseOptions& options, Observer& observer)
   if (d.candidates.size() > options.listed) d.candidates.resize(options.listed);
   score_alone(scorer, d.candidates);
   d.scatter = scatter_along_joints(scorer, fit);
+  const bool unlike_noise = d.lack_of_fit.testable && d.lack_of_fit.log10_p < kStructureSignificant;
   if (d.recommended()) {
     d.verdict = Verdict::kMissingEffect;
-  } else if (!structure.findings.empty()) {
+  } else if (!structure.findings.empty() || unlike_noise) {
     d.verdict = Verdict::kUnexplainedStructure;
     d.unexplained = structure.findings;
     d.neighbour_ratio = neighbour_ratio(scorer, fit);
-  } else if (d.lack_of_fit.testable && d.lack_of_fit.log10_p < kStructureSignificant) {
-    d.verdict = Verdict::kUnexplainedStructure;
-    d.neighbour_ratio = neighbour_ratio(scorer, fit);
+    d.probability_nothing = std::min(d.probability_nothing, std::pow(10.0, kStructureSignificant));
   }
   d.advice = advise(d, fit);
   report(1.0, "done");

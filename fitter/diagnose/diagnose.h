@@ -49,7 +49,7 @@ struct Superfluous {
 struct Diagnosis {
   Verdict verdict = Verdict::kNothingMissing;
   std::vector<Candidate> candidates;
-  double probability_nothing = 1.0;                   ///< that nothing of the catalogue is missing
+  double probability_nothing = 1.0;  ///< that nothing is missing, in the catalogue or outside it
   std::vector<Superfluous> superfluous;               ///< least probable first
   std::map<std::string, double> probability_present;  ///< of the fit's own effects, by label
   NoiseParts noise;

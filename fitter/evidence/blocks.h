@@ -22,6 +22,7 @@ struct EvidenceForm {
   std::size_t own = 0;            ///< parameters that are no slopes
   std::vector<std::size_t> like;  ///< of each parameter: the own one whose prior size it has
   double log_prior = 0.0;         ///< that the block has this form
+  bool halved = false;            ///< its cell of the grid is part of a coarser one
 
   EvidenceForm() = default;
   EvidenceForm(Block b);  ///< without slopes
@@ -66,6 +67,10 @@ void add_all_slopes(const EffectContext& context, std::vector<EvidenceBlock>& bl
 
 /// Halves the grid of forms around those that do best, for blocks with several.
 void refine_forms(const Fit& fit, std::vector<EvidenceBlock>& blocks, const SearchResult& search);
+
+/// Whether a block that alone explains about as much as any was looked at on the coarse grid only,
+/// where it does best.
+bool wants_finer_forms(const std::vector<EvidenceBlock>& blocks, const SearchResult& search);
 
 /// Effects of a fit that may leave it, joint by joint where they act joint by joint.
 std::vector<EffectRequest> removable_effects(const Fit& fit);

@@ -22,6 +22,9 @@ double log_normal_cdf(double z) {
 constexpr double kCarries = 0.5;
 constexpr double kHardly = 10.0;       // log odds
 constexpr double kLeastCarried = 0.1;  // of the load: less is not worth building
+// Of waves of any phase a third run against their load that well: those that do are as much
+// likelier.
+constexpr double kCarrySeldom = 1.0986122886681098;  // log 3
 
 double carrying_term(const Carrying& carrying, const Eigen::VectorXd& coefficient) {
   const double size = std::sqrt(coefficient.dot(carrying.square * coefficient));
@@ -94,7 +97,7 @@ void weigh_shape(const SearchProblem& problem, const SearchBlock& own,
     if (!shape.carries.empty()) {
       const Eigen::VectorXd mean =
           shape.units * (eigen.eigenvectors() * variance.cwiseProduct(along));
-      weight += carrying_term(shape.carries.front(), mean);
+      weight += kCarrySeldom + carrying_term(shape.carries.front(), mean);
     }
     if (!shape.signs.empty()) {
       const double noise = std::max(left, 1e-9) / std::max(1.0, problem.freedom);

@@ -104,9 +104,10 @@ EvidenceSummary weigh_evidence(Fit& fit, const Linearization& l, std::vector<Blo
 
   EvidenceSummary evidence;
   evidence.noise = broad_noise(l, l.residual);
-  const int rounds = model.columns.cols() > kWideProblem ? kRounds - 1 : kRounds;
+  int rounds = model.columns.cols() > kWideProblem ? kRounds - 1 : kRounds;
+  bool repeated = false;
   for (int round = 0; round < rounds; ++round) {
-    const bool last = round + 1 == rounds;
+    bool last = round + 1 == rounds;
     const Projected projected = project(fit, l, model, PoseWhitening(l, evidence.noise));
     SearchOptions search;
     // Wide problems are sampled for a shorter time.
@@ -114,6 +115,12 @@ EvidenceSummary weigh_evidence(Fit& fit, const Linearization& l, std::vector<Blo
         last ? (model.columns.cols() > kWideProblem ? options.sweeps / 3 : options.sweeps) : 0;
     if (!last) search.burn_in = 0;
     evidence.search = search_blocks(projected.problem, search);
+    // With the noise that is known by now, another form may do best than with the broad one.
+    if (last && !repeated && wants_finer_forms(model.blocks, evidence.search)) {
+      repeated = true;
+      last = false;
+      ++rounds;
+    }
     const Found found = found_columns(model, evidence.search);
     const bool wide = found.columns.cols() > kWideSet;
     const int steps = !wide ? kNoiseSteps : last ? kLastNoiseSteps : kFewNoiseSteps;

@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <set>
 #include <utility>
 
 #include "fitter/evidence/blocks.h"
@@ -10,6 +11,9 @@ namespace {
 
 // Half a cell of the distance between a cell's two neighbours.
 constexpr double kHalfCell = 0.25;
+// Of what the best block explains alone: a block that explains so much of it may be what is
+// missing.
+constexpr double kMuch = 0.8;
 
 // The neighbours of an option's value on a block's grid.
 std::pair<double, double> neighbours(const EvidenceBlock& block, const std::string& option,
@@ -71,6 +75,44 @@ void add_slopes(const EffectContext& context, const EvidenceBlock& block, Eviden
   }
 }
 
+// A form's cell of the grid gives way to cells of half its width.
+void halve(const Fit& fit, EvidenceBlock& block, const EvidenceForm& coarse) {
+  std::vector<EffectRequest> near{coarse.block.request};
+  for (const std::string& option : numeric_options(coarse.block.request)) {
+    const double at = coarse.block.request.options[option];
+    const auto [below, above] = neighbours(block, option, at);
+    std::vector<EffectRequest> more;
+    for (const EffectRequest& request : near) {
+      for (const double value : {0.5 * (at + below), at, 0.5 * (at + above)}) {
+        more.push_back(request);
+        more.back().options[option] = value;
+      }
+    }
+    near = std::move(more);
+  }
+  std::erase_if(block.forms, [&](const EvidenceForm& form) {
+    return form.block.request.options == coarse.block.request.options;
+  });
+  const double halved = std::log(2.0) * static_cast<double>(numeric_options(near[0]).size());
+  const std::size_t first = block.forms.size();
+  for (const EffectRequest& request : near) {
+    // Cells that lie side by side share the middle between them.
+    if (std::ranges::any_of(block.forms, [&](const EvidenceForm& form) {
+          return form.block.request.options == request.options;
+        }))
+      continue;
+    block.forms.emplace_back(make_block(fit.context(), request));
+    block.forms.back().log_prior = coarse.log_prior - halved;
+    block.forms.back().halved = true;
+  }
+  for (std::size_t f = first; f < block.forms.size(); ++f)
+    add_slopes(fit.context(), block, block.forms[f]);
+}
+
+int form_of(const EvidenceBlock& block, int shape) {
+  return block.search.shapes[static_cast<std::size_t>(shape)].form;
+}
+
 }  // namespace
 
 EvidenceForm::EvidenceForm(Block b) : block(std::move(b)), own(block.terms.parameters.size()) {
@@ -91,39 +133,24 @@ void refine_forms(const Fit& fit, std::vector<EvidenceBlock>& blocks, const Sear
   for (std::size_t b = 0; b < blocks.size(); ++b) {
     EvidenceBlock& block = blocks[b];
     if (block.forms.size() < 2) continue;
-    const auto shape = static_cast<std::size_t>(search.shape[b]);
-    const EvidenceForm best =
-        block.forms[static_cast<std::size_t>(block.search.shapes[shape].form)];
-    std::vector<EffectRequest> near{best.block.request};
-    for (const std::string& option : numeric_options(best.block.request)) {
-      const double at = best.block.request.options[option];
-      const auto [below, above] = neighbours(block, option, at);
-      std::vector<EffectRequest> more;
-      for (const EffectRequest& request : near) {
-        for (const double value : {0.5 * (at + below), at, 0.5 * (at + above)}) {
-          more.push_back(request);
-          more.back().options[option] = value;
-        }
-      }
-      near = std::move(more);
-    }
-    std::vector<EvidenceForm> finer;
-    const double halved = std::log(2.0) * static_cast<double>(numeric_options(near[0]).size());
-    for (const EffectRequest& request : near) {
-      finer.emplace_back(make_block(fit.context(), request));
-      finer.back().log_prior = best.log_prior - halved;
-    }
-    // The cell that is refined is now made of finer ones.
-    std::erase_if(block.forms, [&](const EvidenceForm& form) {
-      return form.block.request.options == best.block.request.options;
-    });
-    const std::size_t first = block.forms.size();
-    std::move(finer.begin(), finer.end(), std::back_inserter(block.forms));
-    for (std::size_t f = first; f < block.forms.size(); ++f)
-      add_slopes(fit.context(), block, block.forms[f]);
+    // Beside what was found, and beside the fit alone: what stands in its place now may be wrong.
+    const std::set<int> best{form_of(block, search.shape[b]),
+                             form_of(block, search.alone_shape[b])};
+    const std::vector<EvidenceForm> before = block.forms;
+    for (const int form : best) halve(fit, block, before[static_cast<std::size_t>(form)]);
     block.columns.resize(0, 0);
     block.search = SearchBlock{};
   }
+}
+
+bool wants_finer_forms(const std::vector<EvidenceBlock>& blocks, const SearchResult& search) {
+  const double most = *std::max_element(search.alone_gain.begin(), search.alone_gain.end());
+  for (std::size_t b = 0; b < blocks.size(); ++b) {
+    if (blocks[b].forms.size() < 2 || search.alone_gain[b] < kMuch * most) continue;
+    const int form = form_of(blocks[b], search.alone_shape[b]);
+    if (!blocks[b].forms[static_cast<std::size_t>(form)].halved) return true;
+  }
+  return false;
 }
 
 }  // namespace armtrue
