@@ -9,6 +9,7 @@
 #include "fitter/diagnose/advice.h"
 #include "fitter/effects/tables.h"
 #include "fitter/evidence/words.h"
+#include "fitter/model/variable.h"
 
 namespace armtrue {
 namespace {
@@ -179,22 +180,45 @@ Candidate make_candidate(const Fit& fit, const EvidenceSummary& evidence, std::s
   return c;
 }
 
+// What a block depends on beside the arm's posture: "time", "dir2", "dT_arm", a user's column.
+std::set<std::string> beside_posture(const Block& block, int joints) {
+  std::set<std::string> result;
+  for (const Parameter& p : block.terms.parameters) {
+    for (const Term& term : p.terms) {
+      for (const std::string& name : term.basis.variables()) {
+        const auto variable = parse_variable(name, joints);
+        if (variable && !variable->is_of_posture()) result.insert(name);
+      }
+    }
+  }
+  return result;
+}
+
 // What is left where a structure that no effect names explains more than a candidate does: the
 // candidate may stand for what the structure's smooth function does not follow, and is as much less
-// sure.
-void doubt_beside_structure(const EvidenceSummary& evidence, std::vector<Candidate>& candidates,
-                            double& nothing) {
+// sure. Not so where it depends on something, time or a direction, that the structure does not: no
+// error of that function runs with it.
+void doubt_beside_structure(const Fit& fit, const EvidenceSummary& evidence,
+                            std::vector<Candidate>& candidates, double& nothing) {
+  const int joints = fit.robot().joint_count();
   double structure = 0.0;
+  std::set<std::string> known;
   for (std::size_t b = 0; b < evidence.blocks.size(); ++b) {
-    if (evidence.blocks[b].structure && evidence.search.likeliest[b])
-      structure = std::max(structure, evidence.search.gain[b]);
+    if (!evidence.blocks[b].structure || !evidence.search.likeliest[b]) continue;
+    structure = std::max(structure, evidence.search.gain[b]);
+    known.merge(beside_posture(evidence.blocks[b].forms.front().block, joints));
   }
+  if (structure == 0.0) return;
   double most = 0.0;
   for (Candidate& c : candidates) {
-    if (c.gain_beside < structure) c.probability *= c.gain_beside / (c.gain_beside + structure);
+    const std::set<std::string> own = beside_posture(c.block, joints);
+    const bool apart =
+        std::ranges::any_of(own, [&](const std::string& name) { return !known.contains(name); });
+    if (!apart && c.gain_beside < structure)
+      c.probability *= c.gain_beside / (c.gain_beside + structure);
     most = std::max(most, c.probability);
   }
-  if (structure > 0.0) nothing = std::max(nothing, 1.0 - most);
+  nothing = std::max(nothing, 1.0 - most);
 }
 
 std::vector<Candidate> make_candidates(const Fit& fit, const EvidenceSummary& evidence) {
@@ -290,7 +314,7 @@ void weigh(Fit& fit, const Linearization& linearization, std::vector<EvidenceBlo
   d.reading_sigma = evidence.noise.reading * linearization.typical_sigma;
   d.probability_nothing = evidence.search.nothing_missing;
   d.candidates = make_candidates(fit, evidence);
-  doubt_beside_structure(evidence, d.candidates, d.probability_nothing);
+  doubt_beside_structure(fit, evidence, d.candidates, d.probability_nothing);
   rank(d.candidates);
   describe_present(evidence, d);
   recommend(d, fit);

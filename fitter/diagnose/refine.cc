@@ -175,7 +175,10 @@ class Refinement {
   }
 
   std::vector<RefineStep> run() {
-    while (one_round()) steps_.back().diagnosis = diagnose_now(*steps_.back().fit);
+    while (one_round()) {
+      fit_in_full();
+      steps_.back().diagnosis = diagnose_now(*steps_.back().fit);
+    }
     refine_tables();
     show();
     return std::move(steps_);
@@ -193,7 +196,8 @@ class Refinement {
   bool one_round();
   std::vector<Trial> next_trials(const std::vector<Move>& moves, std::size_t& next) const;
   void refine_tables();
-  void fit_trials(std::vector<Trial>& trials) const;
+  void fit_trials(std::vector<Trial>& trials, bool keeps_weights = false) const;
+  void fit_in_full();
   bool accept(const Move& move, const Trial& trial);
   void show() {
     if (options_.on_step) options_.on_step(steps_.back());
@@ -216,15 +220,22 @@ Diagnosis Refinement::diagnose_now(Fit& fit) const {
 }
 
 // All from the last step's fit, side by side.
-void Refinement::fit_trials(std::vector<Trial>& trials) const {
+void Refinement::fit_trials(std::vector<Trial>& trials, bool keeps_weights) const {
   const Fit& fit = *steps_.back().fit;
   in_parallel(trials.size(), [&](std::size_t i) {
     try {
-      trials[i].fit = refit(fit, trials[i].specification, trials[i].starts);
+      trials[i].fit = refit(fit, trials[i].specification, trials[i].starts, keeps_weights);
     } catch (const ModelError&) {
       trials[i].fit = nullptr;
     }
   });
+}
+
+// What a search asked for has come in one by one beside the weights of the last full fit; the next
+// search begins at a fit with its own.
+void Refinement::fit_in_full() {
+  RefineStep& last = steps_.back();
+  if (last.fit->kept_weights()) last.fit = refit(*last.fit, last.fit->specification());
 }
 
 // Whether a trial becomes the next step: not where it cannot be, or unseen poses are predicted
@@ -270,7 +281,7 @@ bool Refinement::one_round() {
   for (std::size_t next = 0; next < moves.size() && !full();) {
     if (moved && !is_sure(moves[next])) return true;
     std::vector<Trial> trials = next_trials(moves, next);
-    fit_trials(trials);
+    fit_trials(trials, true);
     for (const Trial& trial : trials) {
       if (full()) return moved;
       if (!accept(moves[trial.move], trial)) {

@@ -59,8 +59,9 @@ ModelSpecification without_effect(const ModelSpecification& specification,
 }
 
 std::unique_ptr<Fit> refit(const Fit& fit, const ModelSpecification& specification,
-                           const std::map<std::string, double>& guesses) {
+                           const std::map<std::string, double>& guesses, bool keeps_weights) {
   FitOptions options = fit.options();
+  options.keeps_weights = keeps_weights;
   options.nonlinear_guesses = guesses;
   options.nonlinear_starts.clear();
   for (const NonlinearParameter& p : fit.model().nonlinear)

@@ -22,8 +22,9 @@ ModelSpecification without_effect(const ModelSpecification& specification,
 
 /// Fits again with another specification, same measurements and options, beginning where `fit`
 /// ended. Nonlinear parameters begin where `fit` has them; `guesses` are tried beside those of new
-/// ones.
+/// ones. `keeps_weights`: FitOptions::keeps_weights.
 std::unique_ptr<Fit> refit(const Fit& fit, const ModelSpecification& specification,
-                           const std::map<std::string, double>& guesses = {});
+                           const std::map<std::string, double>& guesses = {},
+                           bool keeps_weights = false);
 
 }  // namespace armtrue

@@ -117,6 +117,11 @@ bool Variable::is_load() const {
   }
 }
 
+bool Variable::is_of_posture() const {
+  return is_load() || kind == VariableKind::kJoint || kind == VariableKind::kLinkAngle ||
+         kind == VariableKind::kReadBack;
+}
+
 bool Variable::reads_gravity() const {
   switch (kind) {
     case VariableKind::kTorque:

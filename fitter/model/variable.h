@@ -42,6 +42,8 @@ struct Variable {
 
   /// True for what gravity exerts: torques and moments, what a unit of mass adds, what a tilt does.
   bool is_load() const;
+  /// True for angles and for loads: what is known once it is known where the arm stands.
+  bool is_of_posture() const;
   /// True where a payload changes it.
   bool reads_gravity() const;
 };

@@ -2,9 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <iterator>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <numeric>
 #include <utility>
 
 #include "fitter/solve/choose_options.h"
@@ -103,11 +103,17 @@ std::unique_ptr<Fit> Fit::run_once(const Robot& robot, const State::Columns& col
   fit->specification_ = close_options(fit->state(), specification, options);
   fit->begin();
   observer.report(0.1, "solving");
-  fit->solve_robustly();
+  fit->kept_weights_ = fit->keeps_weights();
+  if (fit->kept_weights_) {
+    fit->solve_as_weighed();
+  } else {
+    fit->solve_robustly();
+  }
   observer.report(0.6, "covariance");
   fit->fold_base_and_tool();
   const EvaluatedRows evaluated = evaluate_rows(*fit->design_);
-  fit->uncertainty_ = measure_uncertainty(*fit->design_, evaluated, fit->smoothness_.sigma);
+  fit->uncertainty_ =
+      measure_uncertainty(*fit->design_, evaluated, fit->smoothness_.sigma, fit->effective_guess_);
   observer.report(0.7, "held-out errors");
   fit->measure_errors();
   if (options.cross_validate) fit->held_out_ = fit->predict_held_out(evaluated);
@@ -117,6 +123,7 @@ std::unique_ptr<Fit> Fit::run_once(const Robot& robot, const State::Columns& col
   fit->context_->carried = carried_of(fit->model_);
   fit->context_->measuring_from_base = fit->kinematics_->base().linear();
   fit->options_.start.reset();
+  fit->options_.keeps_weights = false;
   observer.report(1.0, "done");
   return fit;
 }
@@ -173,6 +180,12 @@ void Fit::begin() {
   }
 }
 
+void Fit::scale_noise(double factor) {
+  noise_scale_ *= factor;
+  for (Eigen::Matrix3d& w : measurements_.whiten_position) w /= factor;
+  measurements_.typical_sigma *= factor;
+}
+
 // Brings the stated sigma to what the residuals show, so that priors weigh what they should.
 void Fit::rescale_noise() {
   std::vector<double> size;
@@ -184,13 +197,16 @@ void Fit::rescale_noise() {
   }
   const double equations = static_cast<double>(size.size()) * design_->residuals_per_row();
   double unknowns = design_->unknowns();
-  if (has_tables(model_))
-    unknowns = count_effective_unknowns(*design_, accumulate(*design_), smoothness_.sigma);
+  if (has_tables(model_)) {
+    if (!kept_weights_) {
+      effective_guess_ = count_effective_unknowns(*design_, accumulate(*design_), smoothness_.sigma,
+                                                  effective_guess_);
+    }
+    unknowns = effective_guess_;
+  }
   const double freedom = std::max(0.2, 1.0 - unknowns / equations);
   const double scale = std::max(1e-3, median(size) / kMedianChi3 / std::sqrt(freedom));
-  noise_scale_ *= scale;
-  for (Eigen::Matrix3d& w : measurements_.whiten_position) w /= scale;
-  measurements_.typical_sigma *= scale;
+  scale_noise(scale);
   if (!measurements_.has_rotation()) return;
   std::vector<double> turn;
   for (std::size_t i = 0; i < design_->rows(); ++i) {
@@ -211,15 +227,26 @@ void Fit::weigh_orientations() {
   rescale_noise();
 }
 
+// True where every table stood in the fit that this one begins at, perhaps with other nodes.
+bool Fit::has_the_tables_of_the_start() const {
+  return std::ranges::all_of(model_.parameters, [&](const Parameter& p) {
+    return p.terms.empty() || !p.terms.front().table ||
+           options_.start->tables.contains(p.terms.front().table->id) ||
+           options_.start->values.contains(p.name);
+  });
+}
+
+bool Fit::has_the_nodes_of_the_start() const {
+  return std::ranges::all_of(model_.parameters, [&](const Parameter& p) {
+    return p.terms.empty() || !p.terms.front().table || options_.start->values.contains(p.name);
+  });
+}
+
 // True where the same tables were as smooth beside a noise that hardly differed.
 bool Fit::smoothness_stands() const {
   if (!options_.start || options_.start->smoothness.sigma <= 0.0) return false;
   const double change = measurements_.typical_sigma / options_.start->smoothness.noise;
-  return std::abs(change - 1.0) < kSameNoise &&
-         std::ranges::all_of(model_.parameters, [&](const Parameter& p) {
-           return p.terms.empty() || !p.terms.front().table ||
-                  options_.start->values.contains(p.name);
-         });
+  return std::abs(change - 1.0) < kSameNoise && has_the_nodes_of_the_start();
 }
 
 // True where it is not what it was.
@@ -257,75 +284,6 @@ bool Fit::find_gross_errors() {
   return changed;
 }
 
-namespace {
-
-// The table of one axis that a parameter is a node of; none for others.
-const TableReference* table_of(const Parameter& p) {
-  if (p.terms.empty() || !p.terms.front().table || p.terms.front().table->axes.size() != 1)
-    return nullptr;
-  return &*p.terms.front().table;
-}
-
-double node_of(const TableReference& table) {
-  return table.axes.front().nodes[static_cast<std::size_t>(table.index.front())];
-}
-
-// A table of as many nodes as one likes, taken at `node`.
-double between(const std::map<double, double>& values, double node) {
-  const auto above = values.lower_bound(node);
-  if (above == values.end()) return values.rbegin()->second;
-  if (above == values.begin()) return above->second;
-  const auto below = std::prev(above);
-  const double share = (node - below->first) / (above->first - below->first);
-  return below->second + share * (above->second - below->second);
-}
-
-}  // namespace
-
-StartPoint Fit::start_point() const {
-  StartPoint start{prepared_,         {},    kinematics_->base(), {}, context_->springs,
-                   context_->carried, state_};
-  if (has_tables(model_)) start.smoothness = smoothness_;
-  start.orientation_inflation = orientation_inflation_;
-  for (const Parameter& p : model_.parameters) {
-    start.values[p.name] = p.value;
-    const TableReference* table = table_of(p);
-    if (table) start.tables[table->id][node_of(*table)] = p.value;
-  }
-  for (int t = 0; t < measurements_.targets; ++t)
-    start.flange_from_tool.push_back(kinematics_->tool(t));
-  return start;
-}
-
-// Sets what is free to where another fit ended; what it folded into base and tool is unfolded.
-void Fit::begin_at(const StartPoint& start) {
-  const CoordinateLayout layout = kinematics_->layout();
-  Eigen::VectorXd coordinates = Eigen::VectorXd::Zero(layout.size());
-  const auto unfold = [&](const Pose& from, const Pose& to, int first) {
-    const Pose step = from.inverse() * to;
-    coordinates.segment<3>(first) = step.translation();
-    coordinates.segment<3>(first + 3) = rotation_log(step.linear());
-  };
-  unfold(kinematics_->base(), start.measuring_from_base, layout.base(0));
-  for (int t = 0; t < layout.targets; ++t)
-    unfold(kinematics_->tool(t), start.flange_from_tool[static_cast<std::size_t>(t)],
-           layout.tool(t, 0));
-  std::vector<double> values = design_->values();
-  for (const int free : design_->free_parameters()) {
-    const Parameter& p = model_.parameters[static_cast<std::size_t>(free)];
-    double& value = values[static_cast<std::size_t>(free)];
-    if (find_effect(p.effect).role() == Role::kPlacement) {
-      value = coordinates[layout.index(p.terms.front().coordinate)];
-    } else if (const TableReference* table = table_of(p);
-               table && start.tables.contains(table->id)) {
-      value = between(start.tables.at(table->id), node_of(*table));
-    } else if (const auto at = start.values.find(p.name); at != start.values.end()) {
-      value = at->second;
-    }
-  }
-  design_->set_values(values);
-}
-
 double Fit::stand_as_fitted() { return design_->stand(*state_); }
 
 void Fit::solve_from_here(Accuracy accuracy) {
@@ -351,8 +309,47 @@ void Fit::solve_from_anywhere() {
   stand_as_fitted();
 }
 
+// What the data can tell is solved for; the rest is held.
+void Fit::choose_free() {
+  std::vector<int> all(model_.parameters.size());
+  std::iota(all.begin(), all.end(), 0);
+  design_->set_free(all);
+  identifiability_ = identify(*design_);
+  design_->set_free(identifiability_.kept);
+  // What is held returns to nominal: a value from an earlier choice would be nobody's estimate.
+  std::vector<double> values = design_->values();
+  for (const Unidentifiable& held : identifiability_.held) {
+    const auto index = static_cast<std::size_t>(held.parameter);
+    values[index] = model_.parameters[index].prior_mean;
+  }
+  design_->set_values(values);
+}
+
+bool Fit::keeps_weights() const {
+  return options_.keeps_weights && options_.start && options_.start->smoothness.sigma > 0.0 &&
+         !is_searched(model_) && has_the_nodes_of_the_start();
+}
+
+// Between two full fits: coefficients anew, and the scale of the noise.
+void Fit::solve_as_weighed() {
+  const StartPoint& start = *options_.start;
+  smoothness_ = start.smoothness;
+  design_->weights() = start.weights;
+  scale_noise(start.noise_scale);
+  measurements_.sigma_rotation = start.sigma_rotation;
+  choose_free();
+  effective_guess_ = start.effective_unknowns + design_->unknowns() - start.unknowns;
+  begin_at(start);
+  solve_from_here();
+  rescale_noise();
+  solve_from_here(Accuracy::kFull);
+  if (options_.reject_gross_errors && find_gross_errors()) solve_from_here(Accuracy::kFull);
+  if (!summary_.converged) warnings_.push_back("the solver did not converge: " + summary_.message);
+}
+
 void Fit::solve_robustly() {
   const bool begun = options_.start && options_.start->smoothness.sigma > 0.0;
+  if (begun) effective_guess_ = options_.start->effective_unknowns;
   smoothness_.sigma = options_.smoothness_sigma.value_or(begun ? options_.start->smoothness.sigma
                                                                : kSmoothnessStart);
   // Bumps are kept out of the very first step already, where alignment shows them.
@@ -363,21 +360,7 @@ void Fit::solve_robustly() {
   for (std::size_t i = 0; i < weights.size(); ++i) {
     weights[i] = options_.reject_gross_errors && aligned[i] > limit ? 0.0 : 1.0;
   }
-  std::vector<int> all;
-  for (std::size_t i = 0; i < model_.parameters.size(); ++i) all.push_back(static_cast<int>(i));
-  const auto choose_kept = [&] {
-    design_->set_free(all);
-    identifiability_ = identify(*design_);
-    design_->set_free(identifiability_.kept);
-    // What is held returns to nominal: a value from an earlier choice would be nobody's estimate.
-    std::vector<double> values = design_->values();
-    for (const Unidentifiable& held : identifiability_.held) {
-      const auto index = static_cast<std::size_t>(held.parameter);
-      values[index] = model_.parameters[index].prior_mean;
-    }
-    design_->set_values(values);
-  };
-  choose_kept();
+  choose_free();
   if (is_searched(model_)) {
     design_->set_unknowns(search_starts(*design_, smoothness_.sigma).data());
   } else if (options_.start) {
@@ -391,14 +374,14 @@ void Fit::solve_robustly() {
     }
   }
   rescale_noise();
-  choose_kept();
+  choose_free();
   solve_from_here();
-  const bool as_before = smoothness_stands();
+  const bool orientations_stand = begun && has_the_tables_of_the_start();
   if (change_smoothness()) {
     solve_from_here();
     rescale_noise();
   }
-  if (measurements_.has_rotation() && !as_before) weigh_orientations();
+  if (measurements_.has_rotation() && !orientations_stand) weigh_orientations();
   solve_from_here(Accuracy::kFull);
   if (options_.reject_gross_errors && find_gross_errors()) solve_from_here(Accuracy::kFull);
   if (!summary_.converged) warnings_.push_back("the solver did not converge: " + summary_.message);

@@ -33,6 +33,11 @@ struct StartPoint {
   std::shared_ptr<const State> state{};  ///< loads where that fit's arm stands
   Smoothness smoothness{0.0, 0.0, {}};   ///< of tables; of sigma 0 where none stand in the model
   double orientation_inflation = 1.0;    ///< of the standard deviation of orientations
+  double noise_scale = 1.0;              ///< of the stated standard deviation of a reading
+  double sigma_rotation = 0.0;           ///< [rad] of measured orientations
+  std::vector<double> weights{};         ///< of rows: 0 for gross errors
+  int unknowns = 0;
+  double effective_unknowns = 0.0;  ///< 0: not known
   std::map<std::string, std::map<double, double>>
       tables{};  ///< of one variable: value by node, by id
 };
@@ -54,6 +59,9 @@ struct FitOptions {
   /// Where linear parameters begin; none: where they are nominal. A fit that searches for nonlinear
   /// parameters begins at nominal all the same.
   std::shared_ptr<const StartPoint> start;
+  /// Gross errors, smoothness of tables and the weight of orientations stay as `start` has them:
+  /// for one of several steps between two full fits. Without effect where the start has no tables.
+  bool keeps_weights = false;
 };
 
 struct RejectedRow {
@@ -80,6 +88,8 @@ class Fit {
   const Design& design() const { return *design_; }
   const Kinematics& kinematics() const { return *kinematics_; }
   const EffectContext& context() const { return *context_; }
+  /// Whether gross errors, smoothness and the weight of orientations are those of another fit.
+  bool kept_weights() const { return kept_weights_; }
   double smoothness_sigma() const { return smoothness_.sigma; }
   /// Factor between the stated and the observed standard deviation of a measurement.
   double noise_scale() const { return noise_scale_; }
@@ -120,15 +130,21 @@ class Fit {
                                        const ModelSpecification& specification,
                                        const FitOptions& options, Observer& observer);
   void begin();
+  void scale_noise(double factor);
   void rescale_noise();
   void weigh_orientations();
+  bool has_the_tables_of_the_start() const;
+  bool has_the_nodes_of_the_start() const;
   bool smoothness_stands() const;
   bool change_smoothness();
   void begin_at(const StartPoint& start);
   double stand_as_fitted();
   void solve_from_here(Accuracy accuracy = Accuracy::kOnTheWay);
   void solve_from_anywhere();
+  void choose_free();
   void solve_robustly();
+  bool keeps_weights() const;
+  void solve_as_weighed();
   bool find_gross_errors();
   void fold_base_and_tool();
   void measure_errors();
@@ -149,6 +165,8 @@ class Fit {
   SolveSummary summary_;
   int solver_iterations_ = 0;
   Smoothness smoothness_;
+  bool kept_weights_ = false;
+  double effective_guess_ = 0.0;  // number of effective unknowns that the next count begins at
   double noise_scale_ = 1.0;
   double orientation_inflation_ = 1.0;
   NoiseFloor noise_floor_;

@@ -147,6 +147,36 @@ TEST(Fit, AStartElsewhereEndsAtTheSameSolution) {
 }
 
 // What an effect that the model lacks does to many rows is not a gross error.
+TEST(Fit, OneThatKeepsTheWeightsOfItsStartEndsWhereAFullOneDoes) {
+  const json geometry = testing::geometry_model();
+  json tables = geometry, whole = geometry;
+  tables["effects"].push_back("transmission_pwl");
+  whole["effects"].push_back("transmission_pwl");
+  whole["effects"].push_back({{"effect", "joint_scale"}, {"joints", {4}}});
+  Random random(58);
+  const Problem p(testing::industrial_arm(), whole, {240, true, 1, 1e-5, 2e-5, {}}, random,
+                  [&](const Parameter& q) {
+                    if (q.effect == "transmission_pwl") return testing::normal(random, 2e-5);
+                    return q.effect == "joint_scale" ? 1e-5 : field_error(q, random);
+                  });
+  const auto start = fit_of(p, tables);
+  EXPECT_FALSE(start->kept_weights());
+  FitOptions options = start->options();
+  options.start = std::make_shared<StartPoint>(start->start_point());
+  const auto full = fit_of(p, whole, options);
+  options.keeps_weights = true;
+  const auto kept = fit_of(p, whole, options);
+  EXPECT_TRUE(kept->kept_weights());
+  EXPECT_FALSE(full->kept_weights());
+  EXPECT_EQ(kept->smoothness_sigma(), start->smoothness_sigma());
+  EXPECT_NEAR(kept->held_out_error().mean, full->held_out_error().mean,
+              0.02 * full->held_out_error().mean);
+  EXPECT_NEAR(kept->noise_scale(), full->noise_scale(), 0.02 * full->noise_scale());
+  // Tables that did not stand in the start are weighed first.
+  options.start = std::make_shared<StartPoint>(fit_of(p, geometry)->start_point());
+  EXPECT_FALSE(fit_of(p, whole, options)->kept_weights());
+}
+
 TEST(Fit, AMissingEffectIsNotRejectedAway) {
   Random random(54);
   json truth = testing::geometry_model();

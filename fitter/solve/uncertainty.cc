@@ -31,11 +31,13 @@ struct Spread {
 
 // What priors and smoothness hold is no unknown, and how much that is depends on the residuals'
 // variance, which depends on the number of unknowns in turn.
-Spread spread_of(const Design& design, const NormalEquations& equations, double smoothness_sigma) {
+Spread spread_of(const Design& design, const NormalEquations& equations, double smoothness_sigma,
+                 double guess) {
   const Eigen::MatrixXd whole = equations.information.selfadjointView<Eigen::Lower>();
   const double count = static_cast<double>(equations.equations);
   Spread spread;
-  spread.effective_unknowns = std::min(static_cast<double>(design.unknowns()), 0.5 * count);
+  spread.effective_unknowns =
+      std::min(guess > 0.0 ? guess : static_cast<double>(design.unknowns()), 0.5 * count);
   for (int pass = 0; pass < kVariancePasses; ++pass) {
     const double variance =
         std::max(equations.cost / std::max(1.0, count - spread.effective_unknowns), 1e-12);
@@ -109,13 +111,13 @@ double Uncertainty::charge_for_unknowns(double coordinates) const {
 }
 
 double count_effective_unknowns(const Design& design, const NormalEquations& equations,
-                                double smoothness_sigma) {
-  return spread_of(design, equations, smoothness_sigma).effective_unknowns;
+                                double smoothness_sigma, double guess) {
+  return spread_of(design, equations, smoothness_sigma, guess).effective_unknowns;
 }
 
 Uncertainty measure_uncertainty(const Design& design, const EvaluatedRows& evaluated,
-                                double smoothness_sigma) {
-  Spread spread = spread_of(design, accumulate(design, evaluated), smoothness_sigma);
+                                double smoothness_sigma, double guess) {
+  Spread spread = spread_of(design, accumulate(design, evaluated), smoothness_sigma, guess);
   const TableEvidence tables = table_evidence(design, spread.data, smoothness_sigma);
   count_repeats(design, evaluated, smoothness_sigma, spread);
   Eigen::VectorXd learnt = what_was_learnt(design, spread.covariance);

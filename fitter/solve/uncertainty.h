@@ -22,11 +22,12 @@ struct Uncertainty {
 };
 
 /// Of a design at its solution. Shots of one visit count for less where what they leave is alike.
+/// `guess`: where the number of effective unknowns is searched from; 0: all of them.
 Uncertainty measure_uncertainty(const Design& design, const EvaluatedRows& evaluated,
-                                double smoothness_sigma);
+                                double smoothness_sigma, double guess = 0.0);
 
 /// The effective number of unknowns alone, from the measurements' normal equations.
 double count_effective_unknowns(const Design& design, const NormalEquations& equations,
-                                double smoothness_sigma);
+                                double smoothness_sigma, double guess = 0.0);
 
 }  // namespace armtrue

@@ -15,6 +15,8 @@ VALUE_BYTES = 4
 # Frames of one set are this close together, or within the device's own set window where that is longer: their stamps
 # may be those of an adapter that delivers in batches.
 _LEAST_WINDOW_S = 5e-3
+# Where sets begin is known from so many pauses before each frame, one of which is this much longer than the others.
+_PAUSES_KNOWN, _STANDS_OUT = 2, 3.0
 
 # Identifier and whether it is extended -> (first byte, axis from 0) of each value.
 Mapping = dict[tuple[int, bool], list[tuple[int, int]]]
@@ -29,6 +31,18 @@ class _Set:
     values: dict[int, int]
 
 
+@dataclass
+class _Pauses:
+    """How long the bus carried none of the frames before one of them, on average."""
+
+    count: int = 0
+    mean_s: float = 0.0
+
+    def add(self, pause_s: float) -> None:
+        self.count += 1
+        self.mean_s += (pause_s - self.mean_s) / self.count
+
+
 class FrameSets:
     """Puts together what the frames of one cycle say of all axes."""
 
@@ -37,6 +51,8 @@ class FrameSets:
         self._mapping: Mapping = mapping if mapped >= set(range(joints)) else {}
         self._joints, self._window_s = joints, max(window_s, _LEAST_WINDOW_S)
         self._set: _Set | None = None
+        self._last_s: float | None = None
+        self._pauses: dict[tuple[int, bool], _Pauses] = {key: _Pauses() for key in self._mapping}
 
     def belongs(self, message: can.Message) -> bool:
         """Whether this frame carries values of ours."""
@@ -58,6 +74,11 @@ class FrameSets:
         if len(data) < max(place for place, _ in places) + VALUE_BYTES:
             self.divide()
             return None
+        first = self._first_of_a_set(key, message.timestamp)
+        if first is not None and (key == first or self._set is None):
+            self.divide()
+            if key != first:
+                return None
         held = self._set
         if held is None or key in held.seen or message.timestamp - held.begin > self._window_s:
             held = self._set = _Set(message.timestamp, set(), {})
@@ -68,6 +89,21 @@ class FrameSets:
             return None
         self.divide()
         return [held.values[axis] for axis in range(self._joints)]
+
+    def _first_of_a_set(self, key: tuple[int, bool], stamp_s: float) -> tuple[int, bool] | None:
+        """The frame before which the controller pauses, by all that came; None where no frame stands out.
+
+        A client that begins to listen in the middle of a set would otherwise join each set's end to the next one's
+        beginning for as long as both lie within the window.
+        """
+        if self._last_s is not None:
+            self._pauses[key].add(stamp_s - self._last_s)
+        self._last_s = stamp_s
+        if len(self._pauses) < 2 or any(p.count < _PAUSES_KNOWN for p in self._pauses.values()):
+            return None
+        second, longest = sorted(self._pauses, key=lambda k: self._pauses[k].mean_s)[-2:]
+        stands_out = self._pauses[longest].mean_s > _STANDS_OUT * self._pauses[second].mean_s
+        return longest if stands_out else None
 
 
 class CycleFrames:

@@ -65,6 +65,19 @@ def test_a_cycle_is_paired_with_its_own_corrections() -> None:
     assert (seen.pair, seen.targets, seen.corrections) == (None, None, None)
 
 
+def test_who_listens_from_the_middle_of_a_set_sees_whole_ones() -> None:
+    seen = following(Device())
+    shown = []
+    for cycle in range(1, 9):
+        for pair in range(3):
+            if cycle > 1 or pair > 0:
+                seen.forget()
+                seen.take(targets(cycle, pair, 0.001 * cycle + 5e-5 * pair))
+                shown.append(seen.targets)
+    assert shown[-1] == wanted(8)
+    assert all(values in (None, wanted(cycle)) for values in shown[8:] for cycle in [(values or [0])[0] // 100])
+
+
 def test_corrections_that_follow_no_whole_set_are_not_paired() -> None:
     seen = following(Device())
     seen.take(targets(1, 0, 0.1))

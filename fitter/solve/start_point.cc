@@ -1,0 +1,81 @@
+// Where a fit begins that has another one before it.
+#include <iterator>
+
+#include "fitter/solve/fit.h"
+
+namespace armtrue {
+namespace {
+
+// The table of one axis that a parameter is a node of; none for others.
+const TableReference* table_of(const Parameter& p) {
+  if (p.terms.empty() || !p.terms.front().table || p.terms.front().table->axes.size() != 1)
+    return nullptr;
+  return &*p.terms.front().table;
+}
+
+double node_of(const TableReference& table) {
+  return table.axes.front().nodes[static_cast<std::size_t>(table.index.front())];
+}
+
+// A table of as many nodes as one likes, taken at `node`.
+double between(const std::map<double, double>& values, double node) {
+  const auto above = values.lower_bound(node);
+  if (above == values.end()) return values.rbegin()->second;
+  if (above == values.begin()) return above->second;
+  const auto below = std::prev(above);
+  const double share = (node - below->first) / (above->first - below->first);
+  return below->second + share * (above->second - below->second);
+}
+
+}  // namespace
+
+StartPoint Fit::start_point() const {
+  StartPoint start{prepared_,         {},    kinematics_->base(), {}, context_->springs,
+                   context_->carried, state_};
+  if (has_tables(model_)) start.smoothness = smoothness_;
+  start.orientation_inflation = orientation_inflation_;
+  start.noise_scale = noise_scale_;
+  start.sigma_rotation = measurements_.sigma_rotation;
+  start.weights = design_->weights();
+  start.unknowns = design_->unknowns();
+  start.effective_unknowns = effective_unknowns();
+  for (const Parameter& p : model_.parameters) {
+    start.values[p.name] = p.value;
+    const TableReference* table = table_of(p);
+    if (table) start.tables[table->id][node_of(*table)] = p.value;
+  }
+  for (int t = 0; t < measurements_.targets; ++t)
+    start.flange_from_tool.push_back(kinematics_->tool(t));
+  return start;
+}
+
+// Sets what is free to where another fit ended; what it folded into base and tool is unfolded.
+void Fit::begin_at(const StartPoint& start) {
+  const CoordinateLayout layout = kinematics_->layout();
+  Eigen::VectorXd coordinates = Eigen::VectorXd::Zero(layout.size());
+  const auto unfold = [&](const Pose& from, const Pose& to, int first) {
+    const Pose step = from.inverse() * to;
+    coordinates.segment<3>(first) = step.translation();
+    coordinates.segment<3>(first + 3) = rotation_log(step.linear());
+  };
+  unfold(kinematics_->base(), start.measuring_from_base, layout.base(0));
+  for (int t = 0; t < layout.targets; ++t)
+    unfold(kinematics_->tool(t), start.flange_from_tool[static_cast<std::size_t>(t)],
+           layout.tool(t, 0));
+  std::vector<double> values = design_->values();
+  for (const int free : design_->free_parameters()) {
+    const Parameter& p = model_.parameters[static_cast<std::size_t>(free)];
+    double& value = values[static_cast<std::size_t>(free)];
+    if (find_effect(p.effect).role() == Role::kPlacement) {
+      value = coordinates[layout.index(p.terms.front().coordinate)];
+    } else if (const TableReference* table = table_of(p);
+               table && start.tables.contains(table->id)) {
+      value = between(start.tables.at(table->id), node_of(*table));
+    } else if (const auto at = start.values.find(p.name); at != start.values.end()) {
+      value = at->second;
+    }
+  }
+  design_->set_values(values);
+}
+
+}  // namespace armtrue
