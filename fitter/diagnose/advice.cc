@@ -7,6 +7,7 @@
 
 #include "fitter/diagnose/diagnose.h"
 #include "fitter/evidence/words.h"
+#include "fitter/model/variable.h"
 
 namespace armtrue {
 namespace {
@@ -17,24 +18,25 @@ struct Reads {
   bool load = false, direction = false, temperature = false, time = false;
 };
 
-Reads reads_of(const Candidate& candidate) {
+Reads reads_of(const Candidate& candidate, int joints) {
   Reads reads;
   for (const Parameter& p : candidate.parameters) {
     for (const Term& term : p.terms) {
-      for (const std::string& v : term.basis.variables()) {
-        reads.load = reads.load || v == "payload" || v.starts_with("tau") || v.starts_with("gm") ||
-                     v.starts_with("bm") || v.starts_with("u");
-        reads.direction = reads.direction || v.starts_with("dir");
-        reads.temperature = reads.temperature || v.starts_with("dT");
-        reads.time = reads.time || v == "time";
+      for (const std::string& name : term.basis.variables()) {
+        const auto variable = parse_variable(name, joints);
+        if (!variable) continue;
+        reads.load = reads.load || variable->is_load() || variable->kind == VariableKind::kPayload;
+        reads.direction = reads.direction || variable->kind == VariableKind::kDirection;
+        reads.temperature = reads.temperature || variable->kind == VariableKind::kTemperature;
+        reads.time = reads.time || variable->kind == VariableKind::kTime;
       }
     }
   }
   return reads;
 }
 
-std::string how_to_tell(const Candidate& a, const Candidate& b) {
-  const Reads ra = reads_of(a), rb = reads_of(b);
+std::string how_to_tell(const Candidate& a, const Candidate& b, int joints) {
+  const Reads ra = reads_of(a, joints), rb = reads_of(b, joints);
   if (ra.load != rb.load)
     return "measure the same poses with another payload: only one of them follows the load";
   if (ra.direction != rb.direction)
@@ -97,7 +99,7 @@ std::string command_to_add(const EffectRequest& request) {
   return "armtrue add FIT " + request.effect + joints + options + " --out FIT2";
 }
 
-void advise_missing(const Diagnosis& d, std::vector<std::string>& advice) {
+void advise_missing(const Diagnosis& d, int joints, std::vector<std::string>& advice) {
   const Candidate& best = *d.recommended();
   advice.push_back("add it: " + command_to_add(best.request));
   if (best.request.options.contains("cycles")) {
@@ -118,7 +120,7 @@ void advise_missing(const Diagnosis& d, std::vector<std::string>& advice) {
             ? ": this data prefers the first, but the second explains nearly as much; "
             : ": this data cannot tell; ";
     advice.push_back(label(best.request) + " or " + label(other.request) + verdict +
-                     how_to_tell(best, other));
+                     how_to_tell(best, other, joints));
     if (advice.size() >= 6) break;
   }
 }
@@ -243,9 +245,11 @@ void advise_nothing(const Diagnosis& d, const Fit& fit, std::vector<std::string>
 
 std::vector<std::string> advise(const Diagnosis& d, const Fit& fit) {
   std::vector<std::string> advice;
-  if (d.verdict == Verdict::kMissingEffect) advise_missing(d, advice);
+  if (d.verdict == Verdict::kMissingEffect) advise_missing(d, fit.robot().joint_count(), advice);
   if (d.verdict == Verdict::kUnexplainedStructure) advise_structure(d, fit, advice);
   if (d.verdict == Verdict::kNothingMissing) advise_nothing(d, fit, advice);
+  const std::string tables = sentence_of(d.tables);
+  if (!tables.empty()) advice.push_back(tables);
   std::string untestable;
   for (const Untestable& u : d.untestable)
     untestable += (untestable.empty() ? "" : ", ") + u.effect;

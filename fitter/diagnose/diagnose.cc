@@ -388,6 +388,7 @@ Diagnosis diagnose(Fit& fit, const DiagnoseOptions& options, Observer& observer)
     d.neighbour_ratio = neighbour_ratio(scorer, fit);
     d.probability_nothing = std::min(d.probability_nothing, std::pow(10.0, kStructureSignificant));
   }
+  d.tables = tables_of(fit);
   d.advice = advise(d, fit);
   report(1.0, "done");
   return d;

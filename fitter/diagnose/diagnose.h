@@ -10,6 +10,7 @@
 
 #include "fitter/diagnose/spectrum.h"
 #include "fitter/diagnose/structure.h"
+#include "fitter/diagnose/table_verdict.h"
 #include "fitter/evidence/evidence.h"
 #include "fitter/evidence/refit.h"
 
@@ -60,6 +61,7 @@ struct Diagnosis {
   std::vector<JointSpectrum> spectra;
   LackOfFit lack_of_fit;
   JointScatter scatter;
+  std::vector<TableVerdict> tables;  ///< of the fit: no physics
   double neighbour_ratio = 1.0;
 
   const Candidate* recommended() const;

@@ -62,6 +62,7 @@ json Diagnosis::to_json(const Fit& fit) const {
                                     {"confounded_with", c.confounded_with},
                                     {"why", c.why}});
   }
+  result["tables"] = armtrue::to_json(tables);
   result["untestable"] = json::array();
   for (const Untestable& u : untestable)
     result["untestable"].push_back({{"effect", u.effect}, {"needs", u.needs}});

@@ -1,0 +1,143 @@
+#include "fitter/diagnose/table_verdict.h"
+
+#include <Eigen/QR>
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <numbers>
+
+#include "fitter/evidence/words.h"
+
+namespace armtrue {
+namespace {
+
+// Shares below these are no finding: smooth functions of any form hold as much.
+constexpr double kWavesHold = 0.5, kLineHolds = 0.3;
+// A wave needs four nodes to be one.
+constexpr double kNodesPerWave = 4.0;
+constexpr double kFirstLine = 3.0, kLineStep = 0.5;
+
+// Σ r² that columns of waves, a constant and a line leave of `values`.
+double left_by(const Eigen::VectorXd& at, const Eigen::VectorXd& values,
+               const std::vector<double>& cycles) {
+  Eigen::MatrixXd columns(at.size(), 2 + 2 * static_cast<Eigen::Index>(cycles.size()));
+  columns.col(0).setOnes();
+  columns.col(1) = at;
+  for (std::size_t i = 0; i < cycles.size(); ++i) {
+    const auto c = 2 + 2 * static_cast<Eigen::Index>(i);
+    columns.col(c) = (cycles[i] * at.array()).sin();
+    columns.col(c + 1) = (cycles[i] * at.array()).cos();
+  }
+  const Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr(columns);
+  return (values - columns * qr.solve(values)).squaredNorm();
+}
+
+void find_waves(const std::map<double, double>& nodes, TableVerdict& verdict) {
+  const auto count = static_cast<Eigen::Index>(nodes.size());
+  if (count < 12) return;
+  Eigen::VectorXd at(count), values(count);
+  Eigen::Index i = 0;
+  for (const auto& [x, y] : nodes) {
+    at[i] = x;
+    values[i++] = y;
+  }
+  const double range = at[count - 1] - at[0];
+  if (range < std::numbers::pi / 2) return;  // one wave a turn is no wave over less
+  const double plain = left_by(at, values, {});
+  const double beyond = left_by(at, values, {1.0, 2.0});
+  if (!(plain > 0.0) || !(beyond > 0.0)) return;
+  verdict.waves = 1.0 - beyond / plain;
+  const double finest =
+      2.0 * std::numbers::pi / (kNodesPerWave * range / static_cast<double>(count));
+  double least = beyond;
+  for (double cycles = kFirstLine; cycles <= finest; cycles += kLineStep) {
+    const double left = left_by(at, values, {1.0, 2.0, cycles});
+    if (left >= least) continue;
+    least = left;
+    verdict.cycles = cycles;
+  }
+  verdict.cycles_hold = 1.0 - least / beyond;
+  if (verdict.cycles_hold < kLineHolds) verdict.cycles = 0.0;
+}
+
+std::string next_of(const TableVerdict& t) {
+  if (t.joints.empty())
+    return "record what may act (temperatures, payload, directions), and look again";
+  const std::string joint = std::to_string(t.joints.front());
+  if (t.cycles > 0.0)
+    return "try gear_mesh on joint " + joint + " with cycles=[" + number_words(t.cycles) + "]";
+  if (t.waves > kWavesHold) return "try gear_harmonics on joint " + joint + " in its place";
+  return "turn joint " + joint +
+         " alone in fine steps, with two payloads: what stays is its gear, what grows is load";
+}
+
+}  // namespace
+
+std::vector<TableVerdict> tables_of(const Fit& fit) {
+  std::map<std::string, std::map<double, double>> nodes;  // of tables over one variable, by id
+  std::map<std::string, TableVerdict> found;
+  for (const Parameter& p : fit.model().parameters) {
+    if (p.terms.empty() || !p.terms.front().table) continue;
+    const TableReference& table = *p.terms.front().table;
+    TableVerdict& verdict = found[table.id];
+    verdict.effect = p.effect;
+    verdict.joints = p.joints;
+    ++verdict.nodes;
+    if (table.axes.size() != 1) continue;
+    nodes[table.id][table.axes.front().nodes[static_cast<std::size_t>(table.index.front())]] =
+        p.value;
+  }
+  std::vector<TableVerdict> result;
+  for (auto& [id, verdict] : found) {
+    verdict.nodes_per_pose = verdict.nodes / std::max(1.0, 1.0 * fit.measurements().poses.poses);
+    if (nodes.contains(id)) find_waves(nodes.at(id), verdict);
+    verdict.next = next_of(verdict);
+    result.push_back(std::move(verdict));
+  }
+  return result;
+}
+
+nlohmann::json to_json(const std::vector<TableVerdict>& tables) {
+  nlohmann::json result = nlohmann::json::array();
+  for (const TableVerdict& t : tables) {
+    result.push_back({{"effect", t.effect},
+                      {"joints", t.joints},
+                      {"verdict", "a table, not physics"},
+                      {"nodes", t.nodes},
+                      {"nodes_per_pose", t.nodes_per_pose},
+                      {"waves", t.waves},
+                      {"next", t.next}});
+    result.back()["cycles"] = nullptr;
+    if (t.cycles > 0.0) result.back()["cycles"] = t.cycles;
+  }
+  return result;
+}
+
+std::string sentence_of(const std::vector<TableVerdict>& tables) {
+  if (tables.empty()) return "";
+  double nodes = 0.0, per_pose = 0.0;
+  std::map<std::string, std::string> joints_of;  // by effect
+  for (const TableVerdict& t : tables) {
+    nodes += t.nodes;
+    per_pose += t.nodes_per_pose;
+    std::string& joints = joints_of[t.effect];
+    for (const int k : t.joints) joints += (joints.empty() ? " " : ",") + std::to_string(k);
+  }
+  std::string which;
+  for (const auto& [effect, joints] : joints_of)
+    which += (which.empty() ? "" : " and ") + effect + joints;
+  // The table in which a wave stands out most says most.
+  const auto clearest = std::max_element(
+      tables.begin(), tables.end(), [](const TableVerdict& a, const TableVerdict& b) {
+        return std::max(a.waves, a.cycles > 0.0 ? a.cycles_hold : 0.0) <
+               std::max(b.waves, b.cycles > 0.0 ? b.cycles_hold : 0.0);
+      });
+  char cost[80];
+  std::snprintf(cost, sizeof cost, "%.0f nodes, %.2g for each pose", nodes, per_pose);
+  return which + ": a table, not physics (" + cost +
+         "): it holds where poses lie and says nothing beyond them; to turn it into physics, " +
+         clearest->next;
+}
+
+}  // namespace armtrue

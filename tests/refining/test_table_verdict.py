@@ -1,0 +1,44 @@
+"""A table is said to be a table: what it costs, and what would turn it into physics."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from armtrue import Model, diagnose, fit, load_data, load_robot
+from armtrue_sim import simulate
+
+GEOMETRY = [{"effect": name} for name in ("base_frame", "tool_offset", "joint_offset", "link_geometry")]
+WAVES = {"effect": "gear_harmonics", "joints": [3], "scale": 4.0}
+CUBIC = {
+    "effect": "custom", "name": "cubic", "coordinate": "motor3", "expression": "q3^3", "joints": [3], "value": 2e-4,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("hidden", "words"), [(WAVES, "gear_harmonics on joint 3"), (CUBIC, "turn joint 3 alone")]
+)
+def test_a_table_says_what_it_is(tmp_path: Path, hidden: dict[str, Any], words: str) -> None:
+    simulate({"arm": "kr30", "seed": 4, "poses": 240, "test_poses": 0, "hidden": [hidden]}, tmp_path)
+    robot = load_robot(tmp_path / "robot.yaml")
+    table = {"effect": "transmission_pwl", "joints": [3]}
+    data = load_data(tmp_path / "data.csv", robot)
+    found = diagnose(fit(data, robot, Model([*GEOMETRY, table])))
+    poses = len(np.unique(np.stack([data.columns[f"q{k}"] for k in range(1, 7)]), axis=1).T)
+    (said,) = found["tables"]
+    assert (said["effect"], said["joints"]) == ("transmission_pwl", [3])
+    assert said["nodes_per_pose"] == pytest.approx(said["nodes"] / poses)
+    assert words in said["next"]
+    (sentence,) = [s for s in found["advice"] if "a table, not physics" in s]
+    assert sentence.startswith("transmission_pwl 3: ")
+    assert said["next"] in sentence
+
+
+def test_physics_is_no_table(tmp_path: Path) -> None:
+    simulate({"arm": "kr30", "seed": 4, "poses": 60, "test_poses": 0}, tmp_path)
+    robot = load_robot(tmp_path / "robot.yaml")
+    found = diagnose(fit(load_data(tmp_path / "data.csv", robot), robot, Model(GEOMETRY)))
+    assert found["tables"] == []
+    assert not any("not physics" in s for s in found["advice"])
