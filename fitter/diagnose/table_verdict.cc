@@ -57,8 +57,8 @@ void find_waves(const std::map<double, double>& nodes, TableVerdict& verdict) {
     least = left;
     verdict.cycles = cycles;
   }
-  verdict.cycles_hold = 1.0 - least / beyond;
-  if (verdict.cycles_hold < kLineHolds) verdict.cycles = 0.0;
+  verdict.cycles_hold = (beyond - least) / plain;
+  if (verdict.cycles_hold < kLineHolds) verdict.cycles = verdict.cycles_hold = 0.0;
 }
 
 std::string next_of(const TableVerdict& t) {
@@ -130,8 +130,7 @@ std::string sentence_of(const std::vector<TableVerdict>& tables) {
   // The table in which a wave stands out most says most.
   const auto clearest = std::max_element(
       tables.begin(), tables.end(), [](const TableVerdict& a, const TableVerdict& b) {
-        return std::max(a.waves, a.cycles > 0.0 ? a.cycles_hold : 0.0) <
-               std::max(b.waves, b.cycles > 0.0 ? b.cycles_hold : 0.0);
+        return std::max(a.waves, a.cycles_hold) < std::max(b.waves, b.cycles_hold);
       });
   char cost[80];
   std::snprintf(cost, sizeof cost, "%.0f nodes, %.2g for each pose", nodes, per_pose);

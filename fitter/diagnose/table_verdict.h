@@ -18,7 +18,7 @@ struct TableVerdict {
   double nodes_per_pose = 0.0;
   double waves = 0.0;   ///< share of its variance beyond a line that one and two waves a turn hold
   double cycles = 0.0;  ///< a turn, of the strongest further wave; 0: none stands out
-  double cycles_hold = 0.0;  ///< share of the rest that it holds
+  double cycles_hold = 0.0;  ///< share of the variance that it holds beside them
   std::string next;          ///< what would turn it into physics
 };
 

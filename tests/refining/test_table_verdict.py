@@ -12,13 +12,15 @@ from armtrue_sim import simulate
 
 GEOMETRY = [{"effect": name} for name in ("base_frame", "tool_offset", "joint_offset", "link_geometry")]
 WAVES = {"effect": "gear_harmonics", "joints": [3], "scale": 4.0}
-CUBIC = {
-    "effect": "custom", "name": "cubic", "coordinate": "motor3", "expression": "q3^3", "joints": [3], "value": 2e-4,
+LINE = {
+    "effect": "custom", "name": "line", "coordinate": "motor3", "expression": "sin(9*q3)", "joints": [3], "value": 2e-4,
 }  # fmt: skip
+ROUGH = {"effect": "transmission_pwl", "joints": [3], "scale": 4.0}
 
 
 @pytest.mark.parametrize(
-    ("hidden", "words"), [(WAVES, "gear_harmonics on joint 3"), (CUBIC, "turn joint 3 alone")]
+    ("hidden", "words"),
+    [(WAVES, "gear_harmonics on joint 3"), (ROUGH, "turn joint 3 alone"), (LINE, "cycles=[9")],
 )
 def test_a_table_says_what_it_is(tmp_path: Path, hidden: dict[str, Any], words: str) -> None:
     simulate({"arm": "kr30", "seed": 4, "poses": 240, "test_poses": 0, "hidden": [hidden]}, tmp_path)
