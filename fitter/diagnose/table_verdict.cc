@@ -13,7 +13,7 @@ namespace armtrue {
 namespace {
 
 // Shares below these are no finding: smooth functions of any form hold as much.
-constexpr double kWavesHold = 0.5, kLineHolds = 0.3;
+constexpr double kWavesHold = 0.5, kLineHolds = 0.5;
 // A wave needs four nodes to be one.
 constexpr double kNodesPerWave = 4.0;
 constexpr double kFirstLine = 3.0, kLineStep = 0.5;

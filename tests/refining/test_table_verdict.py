@@ -10,7 +10,10 @@ import pytest
 from armtrue import Model, diagnose, fit, load_data, load_robot
 from armtrue_sim import simulate
 
-GEOMETRY = [{"effect": name} for name in ("base_frame", "tool_offset", "joint_offset", "link_geometry")]
+GEOMETRY = [
+    {"effect": name}
+    for name in ("base_frame", "tool_offset", "joint_offset", "link_geometry", "joint_compliance")
+]
 WAVES = {"effect": "gear_harmonics", "joints": [3], "scale": 4.0}
 LINE = {
     "effect": "custom", "name": "line", "coordinate": "motor3", "expression": "sin(9*q3)", "joints": [3], "value": 2e-4,
