@@ -17,9 +17,9 @@ from .build import build_arm, context_of, published_robot
 from .effects import default_joints, mesh_orders
 from .errors import ScenarioError
 from .instrument import Instrument, drive_sigma_for_tool_repeatability
+from .mechanics.transforms import Array, exp_so3
 from .scenario import Scenario
 from .session import DECIMALS, Table, fresh_rows, joints_of, plan_rows, quaternions
-from .transforms import Array, exp_so3
 
 # Keys of an entry that say which effect it is, not how large: they belong in a model file.
 _SHAPE_KEYS = ("orders", "name", "coordinate", "expression")

@@ -12,8 +12,8 @@ from . import ScenarioError, cli_simulate, simulate
 from .arm import Arm
 from .build import build_arm
 from .campaign import joints_of, measure
+from .mechanics.transforms import exp_so3
 from .scenario import Scenario
-from .transforms import exp_so3
 
 SCENARIOS = sorted((Path(__file__).parents[1] / "scenarios").glob("*.yaml"))
 FILES = ["data.csv", "hidden.json", "model.yaml", "robot.yaml", "test.csv", "truth.json"]

@@ -8,11 +8,11 @@ from typing import Annotated, Any
 import typer
 
 from armtrue.candidates import name as name
-from armtrue.cli.findings import present_diagnosis
-from armtrue.cli.fits import load_with_data
-from armtrue.cli.options import FitArgument, JsonOption, MovedDataOption, OutOption
-from armtrue.cli.output import Output, waiting
-from armtrue.cli.waterfall import Waterfall
+from armtrue.cli.shared.findings import present_diagnosis
+from armtrue.cli.shared.fits import load_with_data
+from armtrue.cli.shared.options import FitArgument, JsonOption, MovedDataOption, OutOption
+from armtrue.cli.shared.output import Output, waiting
+from armtrue.cli.shared.waterfall import Waterfall
 from armtrue.io.files import check_writable, refuse_to_lose
 
 

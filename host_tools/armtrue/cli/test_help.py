@@ -13,7 +13,7 @@ import typer
 from armtrue import glossary
 from armtrue.cli.app import app
 from armtrue.cli.conftest import armtrue
-from armtrue.cli.guard import GuardedGroup
+from armtrue.cli.shared.guard import GuardedGroup
 from armtrue.io.catalogue import catalogue
 
 HEAVY = ("numpy", "armtrue._core", "yaml", "can", "serial")

@@ -7,7 +7,7 @@ from typing import Any
 from rich.table import Table
 
 from armtrue.candidates import called, entry_of, parameter_lines
-from armtrue.cli.output import Output, plain_table
+from armtrue.cli.shared.output import Output, plain_table
 from armtrue.verdicts import (
     FLOOR_SOURCES,
     NOT_SCORED,

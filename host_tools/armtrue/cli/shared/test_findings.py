@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 
 from armtrue.candidates import called, parameter_lines
-from armtrue.cli.findings import present_diagnosis
-from armtrue.cli.output import Output
+from armtrue.cli.shared.findings import present_diagnosis
+from armtrue.cli.shared.output import Output
 
 
 def parameter(name: str, value: float, sigma: float, unit: str) -> dict[str, Any]:
