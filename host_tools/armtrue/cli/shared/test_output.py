@@ -8,7 +8,7 @@ import re
 import pytest
 from rich.console import Console
 
-from armtrue.cli import output as module
+from armtrue.cli.shared import output as module
 from armtrue.cli.shared.output import Output, waiting
 
 
