@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -81,7 +82,7 @@ RESULT: dict[str, Any] = {
 def printed(result: dict[str, Any], capsys: pytest.CaptureFixture[str], width: int = 100) -> list[str]:
     output = Output(None)
     output.console.width = width
-    present_diagnosis(result, output)
+    present_diagnosis(result, output, Path("fit.json"))
     lines = [line.rstrip() for line in capsys.readouterr().out.splitlines()]
     assert max(map(len, lines)) <= width
     return lines
