@@ -265,7 +265,8 @@ def _refuse_sizes(
     for name, value, least, most in limits:
         # What is not a number compares with nothing.
         if value is not None and not least <= value <= most:
-            raise InputError(f"{name}: found {value:g}, expected {least:g} to {most:g}")
+            found = f"{value:g}" if isinstance(value, float) else value
+            raise InputError(f"{name}: found {found}, expected {least:g} to {most:g}")
 
 
 def _numbers(text: str | None) -> tuple[float, ...] | None:

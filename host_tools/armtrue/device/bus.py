@@ -36,7 +36,7 @@ class BusOptions:
         for text in self.extra:
             key, separator, value = text.partition("=")
             if not separator or not key:
-                raise InputError(f"--bus-option: '{text}', expected KEY=VALUE")
+                raise InputError(f"--bus-option: found '{text}', expected KEY=VALUE")
             found[key] = _typed(value)
         return found
 
@@ -54,15 +54,16 @@ def _typed(text: str) -> Any:
 
 
 def open_bus(options: BusOptions) -> can.BusABC:
-    """Open the bus. Raises InputError for an unknown interface, CommunicationError if it cannot be opened."""
+    """Open the bus. Raises InputError for an unknown interface or option, CommunicationError if it cannot be opened."""
     if options.interface not in VALID_INTERFACES:
         known = sorted(VALID_INTERFACES)
         raise InputError(
             f"--interface: '{options.interface}'{did_you_mean(options.interface, known)}, "
             f"expected one of {', '.join(known)}"
         )
+    arguments = options.arguments()
     try:
-        return can.Bus(**options.arguments())
+        return can.Bus(**arguments)
     except Exception as problem:
         # Each interface has its own ways of failing (kvaser without its driver: NameError); a person needs to
         # know which bus and why.

@@ -26,7 +26,7 @@ def test_words_become_what_python_can_takes() -> None:
 
 
 def test_an_option_without_a_value_is_bad_input() -> None:
-    with pytest.raises(InputError, match="--bus-option: 'rtscts', expected KEY=VALUE"):
+    with pytest.raises(InputError, match="--bus-option: found 'rtscts', expected KEY=VALUE"):
         BusOptions("slcan", "x", extra=["rtscts"]).arguments()
 
 
