@@ -1,6 +1,6 @@
 """Ten thousand random tables that pass the reader and describe no arm, on the host and on the emulated STM32F405.
 
-`senseless_tables` (firmware/core/senseless_main.cc) makes them, checks on the host that no correction exceeds the maxima,
+`senseless_tables` (firmware/core/senseless_main.cc) makes them, checks on the host that corrections keep to the maxima,
 and writes recordings. The chip must accept and refuse the same tables and give the same output within the cycle budget.
 """
 

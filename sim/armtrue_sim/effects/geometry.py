@@ -99,7 +99,7 @@ def axis_wobble(context: EffectContext, joints: list[int], sizes: Sizes) -> Effe
 def axis_straightness(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
     """A rail bows by 20 to 60 um sideways and pitches, yaws and rolls by 10 to 30 arcsec over its travel.
 
-    Sideways is tx and ty: the joint's own z runs along the rail, and tz would be its position error (decision 0023).
+    Sideways is tx and ty: the joint's own z runs along the rail, and tz would be its position error.
     """
     terms = []
     for k in joints:
