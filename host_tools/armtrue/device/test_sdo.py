@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import deque
 from collections.abc import Callable
 from pathlib import Path
@@ -9,6 +10,7 @@ from pathlib import Path
 import can
 import pytest
 
+from armtrue.device import sdo
 from armtrue.device.compensator import Compensator, DeviceRefusedError, Status
 from armtrue.device.image import ImageInfo
 from armtrue.device.sdo import CommunicationError, SdoAbortError, SdoClient
@@ -130,3 +132,10 @@ def test_a_table_for_the_device_and_the_one_in_force_are_let_through() -> None:
     compare(image(sequence=5, checksum=0xAA), Status(DEVICE))
     compare(image(sequence=1), Status(DEVICE | {"Table status.Active slot": 0xFF}))
     compare(image(robot_serial="other"), Status(DEVICE | {"Robot serial": ""}))
+
+
+def test_every_abort_code_of_the_firmware_has_words() -> None:
+    (header,) = (Path(__file__).resolve().parents[3] / "firmware").rglob("sdo_abort.h")
+    codes = {int(code, 16) for code in re.findall(r"= 0x([0-9A-F]{8}),", header.read_text(encoding="utf-8"))}
+    assert len(codes) > 20
+    assert codes <= sdo._ABORT_TEXT.keys()
