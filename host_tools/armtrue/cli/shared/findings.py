@@ -67,7 +67,8 @@ def present_diagnosis(
         output.title("Not testable with what was recorded")
         output.items([f"{entry['effect']} needs {_words(entry['needs'])}" for entry in result["untestable"]])
     advice = result.get("advice", [])
-    if sentences := [line for line in advice if _COMMAND not in line]:
+    # What is not testable stands above, effect by effect.
+    if sentences := [line for line in advice if _COMMAND not in line and not line.startswith("not testable")]:
         output.title("Advice")
         output.items(sentences)
     if commands := _next_commands(advice, fit_file, data):
@@ -116,11 +117,10 @@ def _present_candidates(result: dict[str, Any], output: Output) -> None:
         return
     if result["verdict"] == "nothing_missing":
         nearest = candidates[0]
-        output.say(f"nothing is missing: {_chance(result['probability_nothing'])}")
+        output.say(f"probability that nothing is missing: {_chance(result['probability_nothing'])}")
         output.say(
-            f"nearest to an effect: {_called_among(nearest, candidates)}, {_chance(nearest['probability'])}, "
-            f"{100 * nearest['explained']:.1f} % "
-            f"of the squared residual: {_typeset(nearest['why'])}"
+            f"nearest candidate: {_called_among(nearest, candidates)}, probability {_chance(nearest['probability'])}, "
+            f"explains {100 * nearest['explained']:.1f} % of the squared residual: {_typeset(nearest['why'])}"
         )
         return
     tried, candidates = candidates, candidates[:_CANDIDATES_SHOWN]

@@ -149,9 +149,9 @@ def test_where_nothing_is_missing_the_nearest_candidate_and_its_reason_stand_in_
     )
     lines = printed(result, capsys)
     assert "noise floor not known" in lines
-    assert "nothing is missing: 93 %" in lines
+    assert "probability that nothing is missing: 93 %" in lines
     assert (
-        "nearest to an effect: backlash [2], 1 %, 3.0 % of the squared residual: "
+        "nearest candidate: backlash [2], probability 1 %, explains 3.0 % of the squared residual: "
         "not significant among all that was tried" in " ".join(lines)
     )
     assert not any("separable" in line for line in lines)
