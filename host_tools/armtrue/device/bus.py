@@ -63,13 +63,29 @@ def open_bus(options: BusOptions) -> can.BusABC:
         )
     arguments = options.arguments()
     try:
-        return can.Bus(**arguments)
+        return _with_errors_of_its_own(can.Bus(**arguments))
     except Exception as problem:
         # Each interface has its own ways of failing (kvaser without its driver: NameError); a person needs to
         # know which bus and why.
         raise CommunicationError(
             f"{options.interface} {options.channel}: cannot be opened: {str(problem) or type(problem).__name__}"
         ) from None
+
+
+def _with_errors_of_its_own(bus: can.BusABC) -> can.BusABC:
+    """`bus`, whose `recv` raises nothing but CanError: a damaged line of slcan is a ValueError of python-can's."""
+    receive = bus.recv
+
+    def recv(timeout: float | None = None) -> can.Message | None:
+        try:
+            return receive(timeout)
+        except (can.CanError, KeyboardInterrupt):
+            raise
+        except Exception as problem:
+            raise can.CanOperationError(f"found a frame that cannot be read ({problem})") from None
+
+    bus.recv = recv  # type: ignore[method-assign]
+    return bus
 
 
 def quiet_interfaces() -> None:

@@ -59,6 +59,31 @@ def test_an_abort_of_our_object_is_ours() -> None:
         SdoClient(Scripted(answer), NODE).upload(0x2001, 1)
 
 
+@pytest.mark.parametrize("announced", [0, 10])
+def test_an_upload_without_end_is_given_up(announced: int) -> None:
+    def answer(request: bytes) -> list[bytes]:
+        if request[0] == 0x40:
+            begin = bytes([0x41 if announced else 0x40]) + request[1:4]
+            return [begin + announced.to_bytes(4, "little")]
+        return [bytes([request[0] & 0x10]) + bytes(7)] if request[0] & 0xE0 == 0x60 else []
+
+    bus = Scripted(answer)
+    with pytest.raises(CommunicationError, match=f"more than {announced or 65536} bytes"):
+        SdoClient(bus, NODE).upload(0x2011, 0)
+    assert bus.requests[-1][0] == 0x80  # the node is told that the transfer is over
+
+
+def test_a_bus_that_is_never_idle_does_not_keep_a_request_waiting() -> None:
+    class Busy(Scripted):
+        def recv(self, timeout: float | None = None) -> can.Message | None:
+            return super().recv(timeout) or can.Message(
+                arbitration_id=0x181, data=bytes(8), is_extended_id=False
+            )
+
+    client = SdoClient(Busy(lambda request: [expedited(request, 5)]), NODE, 0.1)
+    assert client.upload(0x2001, 1) == (5).to_bytes(4, "little")
+
+
 def test_a_transfer_that_somebody_left_open_is_ended_first() -> None:
     open_block = True
 
