@@ -1,7 +1,8 @@
 """Mutation testing: small faults put into the code one at a time, and whether a test notices.
 
-The fitter is judged by its unit tests, host_tools by the Python tests of `./dev test` that need no bus. (Firmware:
-tools/firmware_mutants.py, which compiles all faults of a sample at once.)
+The fitter is judged by its unit tests, host_tools by the Python tests of `./dev test` that need neither a bus nor a
+browser: first the files that name the changed module, then its folder's, then all. (The workbench, whose tests need a
+browser, is left out. Firmware: tools/firmware_mutants.py, which compiles all faults of a sample at once.)
 Works on copies of the tracked files (build/mutants/N), builds the test program concerned, and runs it with a time
 limit. A mutant that no test fails is printed and listed in build/mutants/survivors.txt: judge it, and add the test that
 it asks for.
@@ -40,8 +41,11 @@ PARTS = {
     },
 }
 # Of `tests`, those without a bus, an emulator or a browser.
-PYTHON_TESTS = ["hidden_effects", "truth", "ladder", "planning", "test_bad_input.py", "test_docs.py"]
-_LEFT_OUT = re.compile(r"_test\.cc|_bench\.cc|_fuzz\.cc|test_|conftest|/testing/|fitter/python/")
+PYTHON_TESTS = [
+    "fitting", "init", "refining", "hidden_effects", "truth", "ladder", "planning", "test_bad_input.py", "test_docs.py",
+    *(f"firmware/test_{name}.py" for name in ("accuracy", "format", "tables", "truth")),
+]  # fmt: skip
+_LEFT_OUT = re.compile(r"_test\.cc|_bench\.cc|_fuzz\.cc|test_|conftest|/testing/|fitter/python/|/workbench/")
 TIME_LIMIT_S = 90.0
 SHARE_OF_CHANGED = 0.7
 
@@ -147,7 +151,7 @@ def sample(part: str, count: int, seed: int, base: str) -> list[Mutant]:
     return (first + groups[False] + groups[True][len(first) :])[:count]
 
 
-def prepare(part: str, number: int) -> Path:
+def prepare(part: str, number: int, near: bool = False) -> Path:
     """A copy of the tracked files, its tests built without a fault and passed."""
     tree = SCRATCH / str(number)
     shutil.rmtree(tree, ignore_errors=True)
@@ -166,7 +170,7 @@ def prepare(part: str, number: int) -> Path:
             cwd=tree, check=True, stdout=subprocess.DEVNULL,
         )  # fmt: skip
     for tests in PARTS[part].values():
-        if (status := _test(tree, tests)) != "survived":
+        if (status := _test(tree, tests[:1] if near else tests)) != "survived":
             raise SystemExit(f"mutants: without any fault: {status}")
         if part == "host_tools":
             break  # the first room's tests are followed by all
@@ -203,13 +207,25 @@ def _test(tree: Path, tests: list[str]) -> str:
     return "survived"
 
 
+def _naming(file: str) -> list[str]:
+    """The test files that name a Python module, the shortest first."""
+    module = file.removeprefix("host_tools/").removesuffix(".py").removesuffix("/__init__").replace("/", ".")
+    found = [
+        path
+        for folder in ("host_tools", *(f"tests/{name}" for name in PYTHON_TESTS))
+        for path in ([ROOT / folder] if folder.endswith(".py") else (ROOT / folder).rglob("test_*.py"))
+        if module in path.read_text() or path.stem == f"test_{Path(file).stem}"
+    ]
+    return [str(path.relative_to(ROOT)) for path in sorted(found, key=lambda path: path.stat().st_size)]
+
+
 def _pytest(folder: str) -> list[str]:
-    where = [f"tests/{name}" for name in PYTHON_TESTS] if folder == "tests" else [folder]
+    where = [f"tests/{name}" for name in PYTHON_TESTS] if folder == "tests" else folder.split()
     return [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", "-m", "not full", *where]
 
 
-def judge(part: str, mutant: Mutant, trees: queue.Queue[Path], end: float) -> str:
-    """What became of a mutant."""
+def judge(part: str, mutant: Mutant, trees: queue.Queue[Path], end: float, near: bool = False) -> str:
+    """What became of a mutant; `near`: by the tests that name its module and those of its folder alone."""
     if time.monotonic() > end:
         return "not begun"
     tree = trees.get()
@@ -218,6 +234,10 @@ def judge(part: str, mutant: Mutant, trees: queue.Queue[Path], end: float) -> st
     lines = original.splitlines()
     lines[mutant.line - 1] = mutant.after
     tests = next(tests for folder, tests in PARTS[part].items() if mutant.file.startswith(folder))
+    if mutant.file.endswith(".py") and (naming := _naming(mutant.file)):
+        tests = [" ".join(naming), *tests]
+    if near:
+        tests = [test for test in tests if test not in ("host_tools", "tests")] or tests[:1]
     try:
         path.write_text("\n".join(lines) + "\n")
         return _test(tree, tests)
@@ -235,17 +255,20 @@ def main() -> int:
     parser.add_argument("--base", default="HEAD~30", help="files changed since then come first")
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--minutes", type=float, default=600.0, help="no mutant is begun after so long")
+    parser.add_argument("--near", action="store_true", help="only the tests beside a change: more survive")
     given = parser.parse_args()
     chosen = sample(given.part, given.count, given.seed, given.base)
     trees: queue.Queue[Path] = queue.Queue()
     for number in range(given.jobs):
-        trees.put(prepare(given.part, number))
+        trees.put(prepare(given.part, number, given.near))
     end = time.monotonic() + 60.0 * given.minutes
     outcomes: Counter[str] = Counter()
     survivors = SCRATCH / "survivors.txt"
     survivors.write_text("")
     with concurrent.futures.ThreadPoolExecutor(given.jobs) as pool:
-        running = {pool.submit(judge, given.part, mutant, trees, end): mutant for mutant in chosen}
+        running = {
+            pool.submit(judge, given.part, mutant, trees, end, given.near): mutant for mutant in chosen
+        }
         for done in concurrent.futures.as_completed(running):
             outcome = done.result()
             outcomes[outcome] += 1

@@ -17,7 +17,7 @@ from armtrue import _core, notebook
 from armtrue.errors import InputError
 from armtrue.fit_file import check_document
 from armtrue.io import Dataset, Model, Robot, load_data
-from armtrue.io.files import read_text, write_file
+from armtrue.io.files import read_json, write_file
 from armtrue.io.model import check_effect
 from armtrue.io.plausible import refuse_too_few_poses
 from armtrue.progress import Progress
@@ -59,11 +59,7 @@ class Fit:
     def load(cls, path: str | Path) -> Fit:
         """Read a fit.json. Errors: InputError where it is no fit or of a newer version."""
         path = Path(path)
-        text = read_text(path, largest_bytes=_LARGEST_FIT_BYTES)
-        try:
-            document = json.loads(text)
-        except (ValueError, RecursionError) as error:  # also a number of more digits than Python reads
-            raise InputError(f"{path}: found text that is not JSON ({error}), expected a fit.json") from None
+        document = read_json(path, _LARGEST_FIT_BYTES, "a fit.json")
         if not isinstance(document, dict) or document.get("format") != FORMAT:
             raise InputError(f"{path}: found no 'format: {FORMAT}', expected a file written by armtrue fit")
         if document.get("version") != VERSION:

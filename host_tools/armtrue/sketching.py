@@ -135,7 +135,7 @@ def formula_lines(document: dict[str, Any]) -> list[str]:
     lines = []
     for coordinate, sums in list(by_coordinate.items())[:_SHOWN]:
         more = f" + … ({len(sums)} terms)" if len(sums) > _SHOWN else ""
-        lines.append(f"{coordinate} += {' + '.join(sums[:_SHOWN])}{more}")
+        lines.append(f"{coordinate} += {' + '.join(sums[:_SHOWN])}{more}".replace(" + -", " - "))
     if len(by_coordinate) > _SHOWN:
         lines.append(f"… and {len(by_coordinate) - _SHOWN} more coordinates")
     lines += [
@@ -155,8 +155,11 @@ def _factor(expression: str) -> str:
 
 
 def _spaced(expression: str) -> str:
-    """An expression with figures of readable length."""
-    return re.sub(r"\d+\.\d{5,}(?:e-?\d+)?", lambda number: f"{float(number[0]):.4g}", expression)
+    """An expression with figures of readable length, without what rounding leaves of a zero."""
+    dust = r"-?\d(?:\.\d+)?e-1[2-9](?:\*\w+)?"
+    without_dust = re.sub(rf" \+ {dust}|^{dust} \+ ", "", expression)
+    shorter = re.sub(r"\d+\.\d{5,}(?:e-?\d+)?", lambda number: f"{float(number[0]):.4g}", without_dust)
+    return shorter.replace(" + -", " - ")
 
 
 def sketch(info: EffectInfo) -> list[str]:

@@ -114,9 +114,8 @@ def section_of(figures: Figures) -> str:
     """What docs/results.md shows of a run."""
     lines = [
         f"`{figures.scenario}`, {figures.mode} mode; hidden: {', '.join(figures.hidden)}; found: "
-        f"{', '.join(figures.found)}. {len(figures.steps[0].measured.each_um)} poses that nobody fitted, "
-        f"{figures.cycles} cycles over CAN. Measured: by the tracker; exact: without its noise; double: what the "
-        "double-precision engine would have reached; ratio: exact over double.",
+        f"{', '.join(figures.found)}. {len(figures.steps[0].measured.each_um)} poses, "
+        f"{figures.cycles} cycles over CAN.",
         "",
         "| in force | measured mean [µm] | rms | max | exact mean | double | ratio |",
         "|---|---|---|---|---|---|---|",

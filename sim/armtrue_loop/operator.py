@@ -1,4 +1,4 @@
-"""The operator's line to the cell: mount a payload, wait, look at the tracker."""
+"""Client of the simulated cell: asks it to mount a payload, to wait, to measure with the tracker."""
 
 from __future__ import annotations
 
@@ -35,6 +35,6 @@ class Operator:
         return answer
 
     def close(self) -> None:
-        """Hang up."""
+        """Close the connection, which ends the cell."""
         self._stream.close()
         self._socket.close()

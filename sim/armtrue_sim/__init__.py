@@ -9,9 +9,9 @@ Own kinematics in numpy; no code is shared with the fitter, so that agreement be
 from .arm import Arm, Term
 from .campaign import Campaign, cli_simulate, measure, simulate
 from .errors import ScenarioError
+from .mechanics.transforms import Pose
 from .poses import random_poses
 from .scenario import Scenario
-from .transforms import Pose
 
 __all__ = [
     "Arm",

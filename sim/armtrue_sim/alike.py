@@ -15,10 +15,10 @@ import numpy as np
 
 from .arm import Arm, Columns, Term
 from .build import build_arm
+from .mechanics.transforms import Array
 from .poses import random_poses
 from .scenario import Scenario
 from .sensitivity import geometry_terms, orthonormal_range, sensitivity, unexplained, unit_term
-from .transforms import Array
 
 POSES, SIGMA = 60, 8e-6
 Session = Callable[[Arm, np.random.Generator], tuple[Array, dict[str, Array]]]

@@ -8,14 +8,14 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from .chain import Chain, Frames
 from .errors import ScenarioError
-from .expression import evaluate, variables
-from .fourbar import FourBar
 from .history import History
-from .statics import BodyError, GravityLoads, gravity_loads, real_body
+from .mechanics.chain import Chain, Frames
+from .mechanics.expression import evaluate, variables
+from .mechanics.fourbar import FourBar
+from .mechanics.statics import BodyError, GravityLoads, gravity_loads, real_body
+from .mechanics.transforms import Array, Pose, exp_so3
 from .tracker import TrackerError
-from .transforms import Array, Pose, exp_so3
 
 COORDINATES = ("tx", "ty", "tz", "rx", "ry", "rz")
 MEASUREMENT_EFFECTS = frozenset(

@@ -9,12 +9,12 @@ import numpy as np
 
 from . import foreign  # noqa: F401  (registers its effects)
 from .arm import Arm
-from .chain import Chain
 from .effects import EffectContext, EffectTruth, build_effect
 from .errors import ScenarioError
+from .mechanics.chain import Chain
+from .mechanics.transforms import Pose
 from .presets import PRESETS, nominal_robot
 from .scenario import Scenario
-from .transforms import Pose
 
 
 def context_of(scenario: Scenario) -> EffectContext:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,9 +18,9 @@ from .build import build_arm, context_of, published_robot
 from .effects import default_joints, mesh_orders
 from .errors import ScenarioError
 from .instrument import Instrument, drive_sigma_for_tool_repeatability
+from .mechanics.transforms import Array, exp_so3
 from .scenario import Scenario
 from .session import DECIMALS, Table, fresh_rows, joints_of, plan_rows, quaternions
-from .transforms import Array, exp_so3
 
 # Keys of an entry that say which effect it is, not how large: they belong in a model file.
 _SHAPE_KEYS = ("orders", "name", "coordinate", "expression")
@@ -73,8 +74,9 @@ class Campaign:
         return {"effects": [*self.model["effects"], *hidden]}
 
     def write(self, out_dir: str | Path) -> None:
-        """Writes robot.yaml, model.yaml, data.csv, test.csv, hidden.json and truth.json, each beside and renamed."""
+        """Writes robot.yaml, model.yaml, data.csv, test.csv, hidden.json and truth.json: all of them or none."""
         folder = Path(out_dir)
+        is_new = not folder.exists()
         folder.mkdir(parents=True, exist_ok=True)
         contents = {
             "robot.yaml": yaml.safe_dump(self.robot, sort_keys=False),
@@ -84,10 +86,18 @@ class Campaign:
             "hidden.json": json.dumps(self.hidden) + "\n",
             "truth.json": json.dumps(self.truth, indent=1) + "\n",
         }
-        for name, text in contents.items():
-            beside = folder / f".{name}.{os.getpid()}"
-            beside.write_text(text, encoding="utf-8")
-            beside.replace(folder / name)
+        beside = {name: folder / f".{name}.{os.getpid()}" for name in contents}
+        try:
+            for name, text in contents.items():
+                beside[name].write_text(text, encoding="utf-8")
+            for name, path in beside.items():
+                path.replace(folder / name)
+        except BaseException:  # a full disk, an interrupt
+            for path in beside.values():
+                path.unlink(missing_ok=True)
+            if is_new:
+                shutil.rmtree(folder, ignore_errors=True)
+            raise
 
 
 def _is_custom(entry: Mapping[str, Any]) -> bool:

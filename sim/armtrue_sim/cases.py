@@ -16,14 +16,14 @@ from .arm import Arm, Term
 from .build import build_arm
 from .campaign import Campaign, measure, simulate
 from .errors import ScenarioError
-from .expression import variables
 from .foreign import TRUTHS, foreign_effects
 from .kinds import BAD_REPEATABILITY, KINDS, LATER, UNLIKE_ITS_FILE, Kind, context_for
+from .mechanics.expression import variables
+from .mechanics.statics import BodyError
+from .mechanics.transforms import Array
 from .presets import PRESETS, nominal_robot
 from .scenario import Scenario
 from .sensitivity import geometry_terms, orthonormal_range, sensitivity, unexplained, unit_term
-from .statics import BodyError
-from .transforms import Array
 
 TRACKER_SIGMA = 8e-6  # metres an axis
 DRIVE_SIGMA = 2.5e-6  # radians

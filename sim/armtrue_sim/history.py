@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .transforms import Array
+from .mechanics.transforms import Array
 
 # state before, motion of the joint (rad or m), seconds that it took -> state after
 Advance = Callable[[float, float, float], float]

@@ -10,7 +10,7 @@ import numpy as np
 
 from .arm import Arm
 from .errors import ScenarioError
-from .transforms import Array
+from .mechanics.transforms import Array
 
 # Stops at each pose that the standard's repeatability is taken from.
 ISO_9283_STOPS = 30

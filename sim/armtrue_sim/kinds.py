@@ -6,8 +6,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from .chain import Chain
 from .effects.base import EffectContext
+from .mechanics.chain import Chain
 from .presets import PRESETS, nominal_robot
 
 ARMS = ("kr30", "irb2400", "cobot", "lbr")

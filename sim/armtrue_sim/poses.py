@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from .chain import Chain
-from .transforms import Array
+from .mechanics.chain import Chain
+from .mechanics.transforms import Array
 
 # A parallelogram's crank and lower arm never come closer to a line than this: the arm's own stops are there.
 LINKAGE_MARGIN = np.radians(35.0)

@@ -15,7 +15,7 @@ import numpy as np
 import yaml
 
 from .errors import ScenarioError
-from .transforms import Pose, rot_x
+from .mechanics.transforms import Pose, rot_x
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from .arm import COORDINATES, Arm, Columns, Term
-from .expression import evaluate
-from .transforms import Array
+from .mechanics.expression import evaluate
+from .mechanics.transforms import Array
 
 
 def unit_term(coordinate: str, expression: str = "1", effect: str = "probe") -> Term:

@@ -9,10 +9,10 @@ import numpy as np
 from .arm import Arm
 from .errors import ScenarioError
 from .history import one_way_travel
+from .mechanics.transforms import Array, quaternion_from_matrix
 from .poses import random_poses
 from .presets import PRESETS
 from .scenario import Scenario
-from .transforms import Array, quaternion_from_matrix
 
 Table = dict[str, Array]
 DECIMALS = {"q": 10, "temp": 3, "payload": 3, "time": 1, "tau": 4, "sigma": 9, "qr": 10}

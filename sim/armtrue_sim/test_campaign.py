@@ -12,8 +12,8 @@ from . import ScenarioError, cli_simulate, simulate
 from .arm import Arm
 from .build import build_arm
 from .campaign import joints_of, measure
+from .mechanics.transforms import exp_so3
 from .scenario import Scenario
-from .transforms import exp_so3
 
 SCENARIOS = sorted((Path(__file__).parents[1] / "scenarios").glob("*.yaml"))
 FILES = ["data.csv", "hidden.json", "model.yaml", "robot.yaml", "test.csv", "truth.json"]
@@ -345,3 +345,18 @@ def test_shipped_scenario_is_found_by_its_name(tmp_path: Path, monkeypatch: pyte
         Scenario.from_file("kr31")
     Path("kr30").write_text("arm: cobot\n")
     assert Scenario.from_file("kr30").arm == "cobot"
+
+
+def test_full_disk_leaves_neither_files_nor_a_new_folder(tmp_path, monkeypatch):
+    campaign = simulate({"arm": "kr30", "seed": 3, "poses": 60})
+    write_text = Path.write_text
+
+    def on_a_full_disk(path, text, **options):
+        write_text(path, text[:100], **options)
+        if "test.csv" in path.name:
+            raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_text", on_a_full_disk)
+    with pytest.raises(OSError, match="No space left"):
+        campaign.write(tmp_path / "made")
+    assert list(tmp_path.iterdir()) == []

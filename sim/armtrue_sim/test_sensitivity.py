@@ -4,6 +4,7 @@ import pytest
 from .arm import Arm, Term
 from .build import build_arm
 from .campaign import simulate
+from .mechanics.transforms import Pose
 from .presets import PRESETS, nominal_robot
 from .scenario import Scenario
 from .sensitivity import (
@@ -14,7 +15,6 @@ from .sensitivity import (
     unexplained,
     unit_term,
 )
-from .transforms import Pose
 
 
 @pytest.mark.parametrize("name", PRESETS)

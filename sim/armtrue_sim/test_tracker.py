@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from .campaign import simulate
+from .mechanics.transforms import Pose, exp_so3
 from .tracker import TrackerError
-from .transforms import Pose, exp_so3
 
 POINTS = np.array([[3.0, 0.0, 0.0], [0.0, 2.0, 1.0], [-1.0, 1.0, -0.5], [2.0, -2.0, 0.3]])
 LEVEL = np.tile(np.eye(3), (4, 1, 1))

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from .transforms import Array, Pose
+from .mechanics.transforms import Array, Pose
 
 # sin azimuth, cos azimuth on the azimuth; sin elevation, cos elevation on the elevation
 CIRCLES = ("azimuth_sin", "azimuth_cos", "elevation_sin", "elevation_cos")

@@ -102,7 +102,7 @@ def _with_gravity(table: Table, sets: int) -> None:
 
 
 def gravity(kind: State, alternating: bool) -> Callable[[Table, int], None]:
-    """Gravity variables of one set, or of two in turn: each then sums its masses anew."""
+    """Gravity variables of one mass set, or of two sets in turn, so that each variable sums its masses again."""
 
     def add(table: Table, count: int) -> None:
         _with_gravity(table, 2)
@@ -123,7 +123,7 @@ def torque_with_coupling(table: Table, count: int) -> None:
 
 
 def coupling(table: Table, count: int) -> None:
-    """Couplings of ever other pairs of joints."""
+    """Couplings, each of another pair of joints."""
     pairs = [(r, c) for c in range(table.joints) for r in range(table.joints) if r != c]
     for row, column in pairs[:count]:
         table.add(Section.COUPLING, layout.COUPLING.pack(row, column, 0, 1 << 26))
@@ -257,7 +257,7 @@ def slow_wave(table: Table, count: int) -> None:
 
 
 def frames(table: Table, count: int) -> None:
-    """A motion of so many virtual joints: the base, the links, the tool; turns beyond second order."""
+    """`count` virtual joints that turn: the base, the links, the tool; by more than the second order covers."""
     places = [*range(table.joints + 1), layout.TOOL_FRAME][:count]
     for place in places:
         table.add(Section.TERMS, layout.TERM.pack(8 + 6 * place + 3, 0, 0, 1 << 29))
@@ -265,7 +265,7 @@ def frames(table: Table, count: int) -> None:
 
 
 def sensors(table: Table, count: int) -> None:
-    """Temperature sensors, each read once; more than the format can count are as refused as 100."""
+    """Temperature sensors, each read once; at most 100, which is more than the format allows."""
     for i in range(min(count, 100)):
         table.add(Section.SENSORS, layout.SENSOR.pack(20_000, b"s"))
         table.add_state(State.TEMPERATURE, i)

@@ -1,4 +1,4 @@
-"""What was tried when things go wrong, as two tables: the campaigns of step 15, and what they counted.
+"""Runs the fault campaigns of tools/test.d/15-faults.full.sh and prints as two tables what they counted.
 
 python tests/firmware/faults_report.py BUILD: the tables on standard output, what the campaigns say on standard error.
 Exit status 1 where one of them failed.
@@ -60,7 +60,7 @@ def commands(build: Path) -> dict[str, list[str]]:
 
 
 def grouped(number: int) -> str:
-    """As the page writes it: 70 812."""
+    """The number with its thousands apart: 70 812."""
     return f"{number:,}".replace(",", " ")
 
 

@@ -1,4 +1,4 @@
-"""Campaigns on disk, read as a person's are."""
+"""Simulated campaigns, written to disk and read back as a user's files are."""
 
 from __future__ import annotations
 

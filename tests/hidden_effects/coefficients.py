@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from armtrue_sim.campaign import Campaign
 from armtrue_sim.errors import ScenarioError
-from armtrue_sim.expression import evaluate
+from armtrue_sim.mechanics.expression import evaluate
 
 # Two expressions are the same basis where they differ by a factor alone, to this part of their size.
 SAME = 1e-6

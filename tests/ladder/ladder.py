@@ -20,7 +20,7 @@ import numpy as np
 from armtrue import _core
 from armtrue_sim.campaign import joints_of
 from armtrue_sim.instrument import Instrument
-from armtrue_sim.transforms import rot_z
+from armtrue_sim.mechanics.transforms import rot_z
 from grids import Grid, fit_grid
 from numpy.typing import NDArray
 

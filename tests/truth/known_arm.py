@@ -18,9 +18,9 @@ from armtrue import _core
 from armtrue_sim import simulate
 from armtrue_sim.arm import LOADS, Arm, Term
 from armtrue_sim.campaign import Campaign, joints_of
-from armtrue_sim.expression import variables
+from armtrue_sim.mechanics.expression import variables
+from armtrue_sim.mechanics.transforms import Pose
 from armtrue_sim.sensitivity import sensitivity
-from armtrue_sim.transforms import Pose
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]

@@ -2,7 +2,7 @@
 """Generate the C++ object dictionary and its reference page from armtrue.eds.
 
     generate_od.py EDS --header od_generated.h --source od_generated.cc
-    generate_od.py EDS --markdown object-dictionary.md
+    generate_od.py EDS --markdown FILE
 
 Reads CiA 306-1 with the standard library only, so that a build needs no Python package.
 """
@@ -378,8 +378,7 @@ def write_markdown(eds: Path, page: Path) -> None:
     lines = [
         "# Object dictionary",
         "",
-        f"Generated from `firmware/canopen/od/{eds.name}` by `generate_od.py`; a test keeps them equal. What the",
-        "manufacturer objects mean, with frames byte by byte: [protocol.md](protocol.md).",
+        f"Made from `{eds.name}` by `generate_od.py`. What the manufacturer objects mean: docs/protocol.md.",
         "",
         "| object:sub | name | type | access | default | range | PDO | saved |",
         "|---|---|---|---|---|---|---|---|",

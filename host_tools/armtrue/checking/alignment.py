@@ -1,4 +1,4 @@
-"""Base and tool from nothing with nominal kinematics: the yardstick that the checks of conventions measure with."""
+"""Base and tool found with nominal kinematics and no first guess: a wrong convention leaves a larger distance."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from armtrue.io.robot import Robot
 Array = NDArray[np.float64]
 Columns = dict[str, Array]
 
-# Nominal geometry under the right conventions never leaves more, in metres of residual per metre of reach.
+# The largest distance per metre of reach that nominal geometry leaves under the right conventions.
 NOMINAL_ERROR_PER_REACH = 0.01
 
 
 @dataclass(frozen=True)
 class Alignment:
-    """Where base and tools are, and what distance stays, with nominal kinematics. `scale`: 1000 for millimetres."""
+    """Base, tools and the remaining distance with nominal kinematics. `scale`: 1000 where positions are millimetres."""
 
     rms_m: float
     scale: float

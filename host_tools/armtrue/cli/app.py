@@ -11,7 +11,7 @@ import typer
 
 import armtrue
 from armtrue.cli import INTERRUPTED
-from armtrue.cli.guard import GuardedGroup
+from armtrue.cli.shared.guard import GuardedGroup
 from armtrue.errors import InputError
 
 INPUT_AT_FAULT = 2

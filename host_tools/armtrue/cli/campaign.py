@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from armtrue.cli.output import Output
+from armtrue.cli.shared.output import Output
 from armtrue.errors import InputError
 
 

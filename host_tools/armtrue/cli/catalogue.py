@@ -6,8 +6,8 @@ from typing import Annotated
 
 import typer
 
-from armtrue.cli.options import JsonOption
-from armtrue.cli.output import Output
+from armtrue.cli.shared.options import JsonOption
+from armtrue.cli.shared.output import Output
 from armtrue.errors import InputError, did_you_mean
 from armtrue.io.catalogue import EffectInfo
 from armtrue.io.catalogue import catalogue as known_effects

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 import typer
 from rich.table import Table
 
-from armtrue.cli.fits import load_measurements
-from armtrue.cli.options import DataArgument, JsonOption, RobotOption, SkipBadOption
-from armtrue.cli.output import Output
+from armtrue.cli.shared.fits import load_measurements
+from armtrue.cli.shared.options import DataArgument, JsonOption, RobotOption, SkipBadOption
+from armtrue.cli.shared.output import Output
 from armtrue.io import load_robot
 from armtrue.io.files import refuse_to_lose
 

@@ -22,8 +22,8 @@ from rich.progress import (
     TransferSpeedColumn,
 )
 
-from armtrue.cli.options import JsonOption
-from armtrue.cli.output import STANDARD_OUTPUT, Output, plain_table
+from armtrue.cli.shared.options import JsonOption
+from armtrue.cli.shared.output import STANDARD_OUTPUT, Output, plain_table
 from armtrue.device.commission import Listener, Report, examine
 from armtrue.device.compensator import (
     COMPENSATOR_STATES,

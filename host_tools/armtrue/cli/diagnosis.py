@@ -8,11 +8,11 @@ from typing import Annotated, Any
 import typer
 
 from armtrue.candidates import name as name
-from armtrue.cli.findings import present_diagnosis
-from armtrue.cli.fits import load_with_data
-from armtrue.cli.options import FitArgument, JsonOption, MovedDataOption, OutOption
-from armtrue.cli.output import Output, waiting
-from armtrue.cli.waterfall import Waterfall
+from armtrue.cli.shared.findings import present_diagnosis
+from armtrue.cli.shared.fits import load_with_data
+from armtrue.cli.shared.options import FitArgument, JsonOption, MovedDataOption, OutOption
+from armtrue.cli.shared.output import Output, waiting
+from armtrue.cli.shared.waterfall import Waterfall
 from armtrue.io.files import check_writable, refuse_to_lose
 
 
@@ -35,7 +35,7 @@ def diagnose(fit_file: FitArgument, data: MovedDataOption = None, json_to: JsonO
     refuse_to_lose([fit_file, fit.data.path, fit.data.file], [json_to])
     with waiting(output) as progress:
         result = diagnosis.diagnose(fit, progress=progress)
-    present_diagnosis(result, output)
+    present_diagnosis(result, output, fit_file, data)
     output.figures(result)
 
 
@@ -77,7 +77,7 @@ def refine(
         raise
     refined.save(out)
     if result.get("steps"):
-        present_diagnosis(result["steps"][-1], output)
+        present_diagnosis(result["steps"][-1], output, out, data)
     output.say(f"\nwritten: {out}")
     output.figures(result)
 

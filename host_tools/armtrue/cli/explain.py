@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from armtrue import glossary
-from armtrue.cli.output import Output
+from armtrue.cli.shared.output import Output
 from armtrue.errors import InputError, did_you_mean
 from armtrue.io.catalogue import catalogue
 

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from armtrue.cli.fits import load_measurements, load_with_data
-from armtrue.cli.options import (
+from armtrue.cli.shared.fits import load_measurements, load_with_data
+from armtrue.cli.shared.options import (
     DataArgument,
     FitArgument,
     FoldsOption,
@@ -20,8 +20,8 @@ from armtrue.cli.options import (
     SeedOption,
     SkipBadOption,
 )
-from armtrue.cli.output import Output, plain_table, waiting
-from armtrue.cli.parameters import present_parameters
+from armtrue.cli.shared.output import Output, plain_table, waiting
+from armtrue.cli.shared.parameters import present_parameters
 from armtrue.errors import InputError, did_you_mean
 from armtrue.io import load_model, load_robot
 from armtrue.io.catalogue import catalogue

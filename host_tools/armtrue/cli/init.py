@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from armtrue.cli.output import Output
+from armtrue.cli.shared.output import Output
 
 
 def add_to(app: typer.Typer) -> None:

@@ -9,10 +9,10 @@ from typing import Annotated, Any
 
 import typer
 
-from armtrue.cli.fits import load_with_data
-from armtrue.cli.options import JsonOption, MovedDataOption, OutOption
-from armtrue.cli.output import Output, plain_table, waiting
 from armtrue.cli.predicting import write_columns
+from armtrue.cli.shared.fits import load_with_data
+from armtrue.cli.shared.options import JsonOption, MovedDataOption, OutOption
+from armtrue.cli.shared.output import Output, plain_table, waiting
 from armtrue.errors import InputError
 from armtrue.io import Robot, load_model, load_robot
 from armtrue.io.files import check_writable, refuse_to_lose

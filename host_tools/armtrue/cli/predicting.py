@@ -9,8 +9,8 @@ from typing import Annotated, Any
 
 import typer
 
-from armtrue.cli.fits import load_measurements
-from armtrue.cli.options import (
+from armtrue.cli.shared.fits import load_measurements
+from armtrue.cli.shared.options import (
     DataArgument,
     FitArgument,
     JsonOption,
@@ -18,7 +18,7 @@ from armtrue.cli.options import (
     PosesArgument,
     SkipBadOption,
 )
-from armtrue.cli.output import Output, plain_table
+from armtrue.cli.shared.output import Output, plain_table
 from armtrue.errors import InputError
 from armtrue.io import Dataset, Robot, load_data
 from armtrue.io.dataset import in_file_order

@@ -9,9 +9,9 @@ from typing import Annotated
 
 import typer
 
-from armtrue.cli.options import FitArgument, JsonOption, OutOption, PosesArgument
-from armtrue.cli.output import Output
 from armtrue.cli.predicting import write_columns
+from armtrue.cli.shared.options import FitArgument, JsonOption, OutOption, PosesArgument
+from armtrue.cli.shared.output import Output
 from armtrue.errors import InputError
 from armtrue.io.files import check_writable, refuse_to_lose, write_file
 from armtrue.tables.compensate import Engine
@@ -225,7 +225,7 @@ def info(
 
     Example: [bold]armtrue tables info tables.bin[/]
     """
-    from armtrue.cli.table_info import present
+    from armtrue.cli.shared.table_info import present
     from armtrue.tables import signing
     from armtrue.tables.fixed import validate
     from armtrue.tables.image import Image
@@ -265,7 +265,8 @@ def _refuse_sizes(
     for name, value, least, most in limits:
         # What is not a number compares with nothing.
         if value is not None and not least <= value <= most:
-            raise InputError(f"{name}: found {value:g}, expected {least:g} to {most:g}")
+            found = f"{value:g}" if isinstance(value, float) else value
+            raise InputError(f"{name}: found {found}, expected {least:g} to {most:g}")
 
 
 def _numbers(text: str | None) -> tuple[float, ...] | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 import shutil
 import stat
 import subprocess
@@ -191,6 +192,8 @@ def test_sizes_are_looked_at_before_reading(exported, tmp_path):
         "init sparse.bin --robot robot.yaml --out arm",
         "check sparse.bin --robot robot.yaml",
         "check data.csv --robot sparse.bin",
+        "upload sparse.bin --interface virtual --channel test",
+        "device verify sparse.bin --interface virtual --channel test",
     ):
         run = armtrue(*command.split(), cwd=tmp_path / "in")
         assert run.returncode == 2, (command, run.stdout, run.stderr)
@@ -214,7 +217,22 @@ def test_dataset_yaml_that_cannot_be_is_one_sentence(folder, name, text, words):
 def test_number_of_6000_digits_in_a_fit_is_one_sentence(folder):
     text = (folder / "fit.json").read_text().replace('"seed": 0', '"seed": ' + "7" * 6000)
     (folder / "long.json").write_text(text)
-    assert "long.json" in refused(folder, "diagnose", "long.json")
+    said = refused(folder, "diagnose", "long.json")
+    assert "long.json: found a number of more digits than can be read" in said
+
+
+def test_bus_option_without_a_value_is_bad_input(folder):
+    command = "device info --interface virtual --channel test --bus-option foo"
+    assert "KEY=VALUE" in refused(folder, *command.split())
+
+
+def test_utf_16_without_a_mark_is_named_and_read_by_init(folder):
+    (folder / "wide.csv").write_bytes((folder / "data.csv").read_text().encode("utf-16-le"))
+    said = refused(folder, "check", "wide.csv", "--robot", "robot.yaml")
+    assert "found UTF-16 text" in said
+    run = armtrue(*shlex.split(said[said.index("armtrue init") :])[1:], cwd=folder)
+    assert run.returncode == 0, run.stderr
+    assert armtrue("check", "wide/dataset.yaml", "--robot", "wide/robot.yaml", cwd=folder).returncode == 0
 
 
 @pytest.mark.parametrize(

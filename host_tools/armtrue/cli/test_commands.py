@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import re
+import shlex
 import shutil
 import signal
 import subprocess
@@ -90,6 +91,20 @@ def test_diagnose_prints_the_coefficients_it_recommends(folder):
     assert [name for name, _, _ in values] == ["sin1", "cos1", "sin2", "cos2"]
     assert all(float(sigma) > 0.0 for _, _, sigma in values)
     assert "another candidate explains the residual better" in run.stdout
+
+
+def test_next_step_of_a_diagnosis_can_be_pasted(folder, tmp_path):
+    shutil.copytree(folder, tmp_path / "my arm")
+    (tmp_path / "my arm" / "fit.json").rename(tmp_path / "my arm" / "first try.json")
+    run = armtrue("diagnose", "my arm/first try.json", "--data", "my arm/data.csv", cwd=tmp_path)
+    (line,) = [line for line in run.stdout.splitlines() if line.startswith("  armtrue add ")]
+    assert line.endswith("--out 'my arm/first try2.json' --data 'my arm/data.csv'")
+    added = armtrue(*shlex.split(line)[1:], cwd=tmp_path)
+    assert added.returncode == 0, added.stderr
+    assert (tmp_path / "my arm" / "first try2.json").exists()
+    (line,) = [line for line in run.stdout.splitlines() if line.startswith("  armtrue plan ")]
+    assert shlex.split(line)[2] == "my arm/first try.json"
+    assert " FIT" not in run.stdout
 
 
 def test_refine_prints_a_waterfall_and_keeps_the_last_step(folder):

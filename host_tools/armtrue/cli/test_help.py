@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -13,7 +14,7 @@ import typer
 from armtrue import glossary
 from armtrue.cli.app import app
 from armtrue.cli.conftest import armtrue
-from armtrue.cli.guard import GuardedGroup
+from armtrue.cli.shared.guard import GuardedGroup
 from armtrue.io.catalogue import catalogue
 
 HEAVY = ("numpy", "armtrue._core", "yaml", "can", "serial")
@@ -82,6 +83,8 @@ def test_every_effect_is_shown_with_formula_bound_and_source(tmp_path):
         lines = formulas(info)
         assert lines, info.id
         assert "+=" in lines[0], info.id
+        # Neither what rounding leaves of a zero nor signs one after another.
+        assert not re.search(r"\de-1[2-9]|\+ -", " ".join(lines)), (info.id, lines)
     run = armtrue("effects", "gear_harmonics", cwd=tmp_path)
     said = " ".join(run.stdout.split())
     assert "motor2 += cos1·cos(q2) + sin1·sin(q2)" in said or "sin(q2)" in said

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import yaml
 
-from armtrue.cli.bounds import outside_words
 from armtrue.cli.conftest import FIT, armtrue
+from armtrue.cli.shared.bounds import outside_words
 
 
 @pytest.fixture

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from armtrue.cli.output import Output, waiting
+from armtrue.cli.shared.output import Output, waiting
 from armtrue.errors import InputError
 
 if TYPE_CHECKING:

@@ -36,7 +36,7 @@ class BusOptions:
         for text in self.extra:
             key, separator, value = text.partition("=")
             if not separator or not key:
-                raise InputError(f"--bus-option: '{text}', expected KEY=VALUE")
+                raise InputError(f"--bus-option: found '{text}', expected KEY=VALUE")
             found[key] = _typed(value)
         return found
 
@@ -54,21 +54,38 @@ def _typed(text: str) -> Any:
 
 
 def open_bus(options: BusOptions) -> can.BusABC:
-    """Open the bus. Raises InputError for an unknown interface, CommunicationError if it cannot be opened."""
+    """Open the bus. Raises InputError for an unknown interface or option, CommunicationError if it cannot be opened."""
     if options.interface not in VALID_INTERFACES:
         known = sorted(VALID_INTERFACES)
         raise InputError(
             f"--interface: '{options.interface}'{did_you_mean(options.interface, known)}, "
             f"expected one of {', '.join(known)}"
         )
+    arguments = options.arguments()
     try:
-        return can.Bus(**options.arguments())
+        return _with_errors_of_its_own(can.Bus(**arguments))
     except Exception as problem:
         # Each interface has its own ways of failing (kvaser without its driver: NameError); a person needs to
         # know which bus and why.
         raise CommunicationError(
             f"{options.interface} {options.channel}: cannot be opened: {str(problem) or type(problem).__name__}"
         ) from None
+
+
+def _with_errors_of_its_own(bus: can.BusABC) -> can.BusABC:
+    """`bus`, whose `recv` raises nothing but CanError: a damaged line of slcan is a ValueError of python-can's."""
+    receive = bus.recv
+
+    def recv(timeout: float | None = None) -> can.Message | None:
+        try:
+            return receive(timeout)
+        except (can.CanError, KeyboardInterrupt):
+            raise
+        except Exception as problem:
+            raise can.CanOperationError(f"found a frame that cannot be read ({problem})") from None
+
+    bus.recv = recv  # type: ignore[method-assign]
+    return bus
 
 
 def quiet_interfaces() -> None:

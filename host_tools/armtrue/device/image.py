@@ -7,7 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from armtrue.errors import InputError
+from armtrue.io.files import read_bytes
 from armtrue.tables import layout
+from armtrue.tables.image import LARGEST_IMAGE_BYTES
 
 
 @dataclass(frozen=True)
@@ -31,10 +33,7 @@ def checksum_of(image: bytes) -> int:
 
 def read_image(path: Path) -> ImageInfo:
     """Read and check the envelope of an image. Raises InputError naming file and field."""
-    try:
-        data = path.read_bytes()
-    except OSError as problem:
-        raise InputError(f"{path}: {problem.strerror or problem}") from None
+    data = read_bytes(path, LARGEST_IMAGE_BYTES)
     least = layout.HEADER.size + layout.CHECKSUM.size
     if len(data) < least:
         raise InputError(f"{path}: {len(data)} bytes, expected a table image of at least {least}")

@@ -17,6 +17,9 @@ SEGMENT = 7
 # after half of that it says how far a block got.
 DEFAULT_TIMEOUT_S = 3.0
 
+# More than any object of a compensator holds: an upload that goes on is given up.
+_LARGEST_UPLOAD_BYTES = 64 * 1024
+_SWEEP_S = 0.5
 _ABORT_TEXT = {
     0x05030000: "toggle bit not alternated",
     0x05040000: "SDO protocol timed out",
@@ -118,6 +121,11 @@ class SdoClient:
             if answer[0] >> 5 != 0 or answer[0] & 0x10 != toggle:
                 raise self._confused(answer, "an upload segment")
             data += answer[1 : 8 - (answer[0] >> 1 & 7)]
+            if len(data) > (most := total or _LARGEST_UPLOAD_BYTES):
+                self.abort(index, sub)
+                raise CommunicationError(
+                    f"node {self._node_id} sent more than {most} bytes (object 0x{index:04X} sub {sub}): given up"
+                )
             progress(len(data), total)
             if answer[0] & 0x01:
                 break
@@ -201,8 +209,10 @@ class SdoClient:
     def _ask(
         self, index: int, sub: int, request: bytes, timeout_s: float | None = None, place: bytes | None = None
     ) -> bytes:
-        while self._bus.recv(0.0) is not None:
-            pass  # whatever is left over belongs to no request of ours
+        # Whatever is left over belongs to no request of ours; a bus that is never idle has no end of it.
+        give_up = time.monotonic() + _SWEEP_S
+        while self._bus.recv(0.0) is not None and time.monotonic() < give_up:
+            pass
         self._send(request)
         return self._receive(index, sub, self.timeout_s if timeout_s is None else timeout_s, place)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import can
 import pytest
 
 from armtrue.device.bus import BusOptions, open_bus
@@ -26,7 +27,7 @@ def test_words_become_what_python_can_takes() -> None:
 
 
 def test_an_option_without_a_value_is_bad_input() -> None:
-    with pytest.raises(InputError, match="--bus-option: 'rtscts', expected KEY=VALUE"):
+    with pytest.raises(InputError, match="--bus-option: found 'rtscts', expected KEY=VALUE"):
         BusOptions("slcan", "x", extra=["rtscts"]).arguments()
 
 
@@ -43,3 +44,14 @@ def test_a_bus_that_cannot_be_opened_is_no_communication() -> None:
 def test_any_interface_opens() -> None:
     with open_bus(BusOptions("virtual", "here")) as bus:
         assert bus.channel_info.endswith("here")
+
+
+def test_a_frame_that_python_can_cannot_read_is_an_error_of_the_bus(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Damaged:
+        def recv(self, timeout: float | None = None) -> can.Message | None:
+            return int("t2z", 16) and None  # as python-can's slcan does with a damaged line
+
+    monkeypatch.setattr(can, "Bus", lambda **_: Damaged())
+    bus = open_bus(BusOptions("slcan", "x"))
+    with pytest.raises(can.CanOperationError, match="frame that cannot be read"):
+        bus.recv(0.1)

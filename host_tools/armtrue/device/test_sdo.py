@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import deque
 from collections.abc import Callable
 from pathlib import Path
@@ -9,6 +10,7 @@ from pathlib import Path
 import can
 import pytest
 
+from armtrue.device import sdo
 from armtrue.device.compensator import Compensator, DeviceRefusedError, Status
 from armtrue.device.image import ImageInfo
 from armtrue.device.sdo import CommunicationError, SdoAbortError, SdoClient
@@ -55,6 +57,31 @@ def test_an_abort_of_our_object_is_ours() -> None:
 
     with pytest.raises(SdoAbortError, match="object 0x2001 sub 1: refused with 0x06020000"):
         SdoClient(Scripted(answer), NODE).upload(0x2001, 1)
+
+
+@pytest.mark.parametrize("announced", [0, 10])
+def test_an_upload_without_end_is_given_up(announced: int) -> None:
+    def answer(request: bytes) -> list[bytes]:
+        if request[0] == 0x40:
+            begin = bytes([0x41 if announced else 0x40]) + request[1:4]
+            return [begin + announced.to_bytes(4, "little")]
+        return [bytes([request[0] & 0x10]) + bytes(7)] if request[0] & 0xE0 == 0x60 else []
+
+    bus = Scripted(answer)
+    with pytest.raises(CommunicationError, match=f"more than {announced or 65536} bytes"):
+        SdoClient(bus, NODE).upload(0x2011, 0)
+    assert bus.requests[-1][0] == 0x80  # the node is told that the transfer is over
+
+
+def test_a_bus_that_is_never_idle_does_not_keep_a_request_waiting() -> None:
+    class Busy(Scripted):
+        def recv(self, timeout: float | None = None) -> can.Message | None:
+            return super().recv(timeout) or can.Message(
+                arbitration_id=0x181, data=bytes(8), is_extended_id=False
+            )
+
+    client = SdoClient(Busy(lambda request: [expedited(request, 5)]), NODE, 0.1)
+    assert client.upload(0x2001, 1) == (5).to_bytes(4, "little")
 
 
 def test_a_transfer_that_somebody_left_open_is_ended_first() -> None:
@@ -130,3 +157,10 @@ def test_a_table_for_the_device_and_the_one_in_force_are_let_through() -> None:
     compare(image(sequence=5, checksum=0xAA), Status(DEVICE))
     compare(image(sequence=1), Status(DEVICE | {"Table status.Active slot": 0xFF}))
     compare(image(robot_serial="other"), Status(DEVICE | {"Robot serial": ""}))
+
+
+def test_every_abort_code_of_the_firmware_has_words() -> None:
+    (header,) = (Path(__file__).resolve().parents[3] / "firmware").rglob("sdo_abort.h")
+    codes = {int(code, 16) for code in re.findall(r"= 0x([0-9A-F]{8}),", header.read_text(encoding="utf-8"))}
+    assert len(codes) > 20
+    assert codes <= sdo._ABORT_TEXT.keys()

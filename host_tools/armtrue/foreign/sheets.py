@@ -123,6 +123,10 @@ def _text(path: Path) -> tuple[str, str]:
     content = read_bytes(path, largest_bytes=LARGEST_TEXT_BYTES)
     if content[:2] in (b"\xff\xfe", b"\xfe\xff"):
         return content.decode("utf-16", errors="replace"), "utf-16"
+    # UTF-16 without a byte-order mark: every other byte of the header's plain letters is zero.
+    for encoding, zeros in (("utf-16-le", content[1:64:2]), ("utf-16-be", content[0:64:2])):
+        if zeros and not any(zeros):
+            return content.decode(encoding, errors="replace"), encoding
     if b"\0" in content[:4096]:
         raise InputError(f"{path}: found bytes that are no text, expected a CSV, its relatives, or an XLSX")
     try:

@@ -133,6 +133,11 @@ class _Rows:
             header = [name.strip() for name in next(self._cells(), [])]
             while header and not header[-1]:
                 header.pop()
+        if any("\0" in name for name in header):
+            raise InputError(
+                f"{self._path}: found UTF-16 text, expected {self._dialect.encoding}: "
+                "write 'encoding: utf-16-le' into its dataset.yaml"
+            )
         if not header:
             raise InputError(f"{self._path}: found no header row, expected the names of the columns")
         for number, name in enumerate(header, start=1):

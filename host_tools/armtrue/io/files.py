@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import json
 import os
 import tempfile
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 from armtrue.errors import InputError
 
@@ -48,6 +50,24 @@ def read_text(path: Path, encoding: str = "utf-8-sig", largest_bytes: int = LARG
         raise InputError(
             f"{path}: found byte 0x{error.object[error.start]:02x} at offset {error.start}, expected {encoding} text"
         ) from None
+
+
+def read_json(path: Path, largest_bytes: int, expected: str) -> Any:
+    """Return the content of the JSON file `path`.
+
+    Errors: InputError as of `read_text`, and where the text is no JSON or has a number that cannot be read.
+    """
+    text = read_text(path, largest_bytes=largest_bytes)
+    try:
+        return json.loads(text)
+    except json.JSONDecodeError as error:
+        raise InputError(f"{path}: found text that is not JSON ({error}), expected {expected}") from None
+    except ValueError:
+        raise InputError(
+            f"{path}: found a number of more digits than can be read, expected {expected}"
+        ) from None
+    except RecursionError:
+        raise InputError(f"{path}: found brackets without end, expected {expected}") from None
 
 
 def check_writable(path: Path) -> None:

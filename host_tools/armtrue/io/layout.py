@@ -104,7 +104,7 @@ def foreign_hint(path: Path, robot: Robot) -> str:
     return f"; this writes the dataset.yaml that reads a foreign file: {command}"
 
 
-def _refuse_a_spreadsheet(path: Path, robot: Robot) -> None:
+def _refuse_foreign_bytes(path: Path, robot: Robot) -> None:
     try:
         with path.open("rb") as stream:
             begins = stream.read(4)
@@ -112,6 +112,8 @@ def _refuse_a_spreadsheet(path: Path, robot: Robot) -> None:
         return  # the reader of text says what is wrong
     if begins in (b"PK\x03\x04", b"\xd0\xcf\x11\xe0"):
         raise InputError(f"{path}: found a spreadsheet, expected a CSV{foreign_hint(path, robot)}")
+    if b"\0" in begins:
+        raise InputError(f"{path}: found UTF-16 text, expected UTF-8{foreign_hint(path, robot)}")
 
 
 def contract_layout(path: Path, robot: Robot) -> Layout:
@@ -121,7 +123,7 @@ def contract_layout(path: Path, robot: Robot) -> Layout:
     """
     dialect = Dialect()
     if path.is_file():
-        _refuse_a_spreadsheet(path, robot)
+        _refuse_foreign_bytes(path, robot)
     header = read_header(path, dialect)
     names = ColumnNames(robot)
     if len(header) == 1 and any(mark in header[0] for mark in ";\t|"):

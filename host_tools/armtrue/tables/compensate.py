@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
@@ -13,7 +12,7 @@ from numpy.typing import NDArray
 
 from armtrue.errors import InputError
 from armtrue.io import Dataset, Robot, load_data
-from armtrue.io.files import read_text
+from armtrue.io.files import read_json
 from armtrue.tables import fixed
 from armtrue.tables.fitted import FittedArm, digest_of, fitted_arm
 from armtrue.tables.image import Image
@@ -123,7 +122,7 @@ def _is_beyond(joints: Array, limits: Array) -> NDArray[np.bool_]:
 def _made_from(tables: Path, fit: Path | None, image: Image) -> dict[str, Any]:
     """The fit that a table was made from, as it stands in its file; empty where it is not there."""
     try:
-        document = json.loads(read_text(fit or sidecar(tables), largest_bytes=_LARGEST_FIT_BYTES))
+        document = read_json(fit or sidecar(tables), _LARGEST_FIT_BYTES, "a fit.json")
         return dict(document) if digest_of(document) == image.header["fit_digest"] else {}
     except (InputError, ValueError, RecursionError, AttributeError, KeyError, TypeError):
         return {}
@@ -190,10 +189,7 @@ def _fitted(tables: Path, fit: Path | None, image: Image) -> FittedArm:
         raise InputError(
             f"{place}: found no such file, expected the fit that {tables.name} was made from; give it with --fit"
         )
-    try:
-        document = json.loads(read_text(place, largest_bytes=_LARGEST_FIT_BYTES))
-    except (json.JSONDecodeError, RecursionError) as error:
-        raise InputError(f"{place}: found text that is not JSON ({error}), expected a fit.json") from None
+    document = read_json(place, _LARGEST_FIT_BYTES, "a fit.json")
     if not isinstance(document, dict):
         raise InputError(f"{place}: found no fit, expected a fit.json")
     arm = fitted_arm(document, place)

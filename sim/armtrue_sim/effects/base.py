@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 
 from ..arm import LinkPhysics, Term
-from ..chain import Chain
 from ..errors import ScenarioError
-from ..fourbar import FourBar
 from ..history import History
+from ..mechanics.chain import Chain
+from ..mechanics.fourbar import FourBar
+from ..mechanics.statics import BodyError, gravity_loads
 from ..presets import Preset
-from ..statics import BodyError, gravity_loads
 from ..tracker import TrackerError
 
 ARCSEC = np.pi / 180.0 / 3600.0

@@ -6,7 +6,7 @@ import numpy as np
 
 from ..arm import Term
 from ..errors import ScenarioError
-from ..statics import BodyError
+from ..mechanics.statics import BodyError
 from .base import (
     EffectContext,
     EffectTruth,

@@ -6,7 +6,7 @@ import numpy as np
 
 from ..arm import Term
 from ..errors import ScenarioError
-from ..transforms import Array
+from ..mechanics.transforms import Array
 from .base import (
     ARCSEC,
     DEGREE,

@@ -6,7 +6,7 @@ import numpy as np
 
 from ..arm import Term
 from ..errors import ScenarioError
-from ..fourbar import FourBar
+from ..mechanics.fourbar import FourBar
 from .base import DEGREE, EffectContext, EffectTruth, Sizes, effect, every_joint, no_joint
 
 
@@ -59,7 +59,7 @@ def link_geometry(context: EffectContext, joints: list[int], sizes: Sizes) -> Ef
 
 @effect("parallelogram", lambda context: [2, 3])
 def parallelogram(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
-    """Bars 0.05 to 0.2 mm wrong, crank pivot up to 0.1 mm off axis 2; closed exactly (armtrue_sim.fourbar)."""
+    """Bars 0.05 to 0.2 mm wrong, crank pivot up to 0.1 mm off axis 2; closed exactly (mechanics.fourbar)."""
     if joints != [2, 3]:
         raise ScenarioError(f"parallelogram: joints {joints}, expected [2, 3]")
     linkage = context.robot.get("linkage")
@@ -99,7 +99,7 @@ def axis_wobble(context: EffectContext, joints: list[int], sizes: Sizes) -> Effe
 def axis_straightness(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
     """A rail bows by 20 to 60 um sideways and pitches, yaws and rolls by 10 to 30 arcsec over its travel.
 
-    Sideways is tx and ty: the joint's own z runs along the rail, and tz would be its position error (decision 0023).
+    Sideways is tx and ty: the joint's own z runs along the rail, and tz would be its position error.
     """
     terms = []
     for k in joints:

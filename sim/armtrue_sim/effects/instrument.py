@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from ..mechanics.transforms import Pose
 from ..tracker import CIRCLES, TrackerError
-from ..transforms import Pose
 from .base import ARCSEC, EffectContext, EffectTruth, Sizes, effect, no_joint
 
 SETUPS = 3  # as many numbers as a scenario may have; those that no row has play no part

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ..arm import Term
 from ..errors import ScenarioError
-from ..expression import variables
+from ..mechanics.expression import variables
 from .base import EffectContext, EffectTruth, Sizes, effect, every_joint, no_joint
 
 DAY = 86400.0

@@ -5,14 +5,14 @@ import pytest
 
 from ..arm import Arm, Term
 from ..build import context_of
-from ..chain import Chain
 from ..errors import ScenarioError
 from ..foreign import TRUTHS
+from ..mechanics.chain import Chain
+from ..mechanics.statics import gravity_loads
+from ..mechanics.transforms import Pose
 from ..poses import random_poses
 from ..presets import PRESETS, nominal_robot
 from ..scenario import Scenario
-from ..statics import gravity_loads
-from ..transforms import Pose
 from . import EFFECTS, build_effect
 
 IDENTITY = Pose.identity()

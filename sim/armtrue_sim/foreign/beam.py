@@ -17,11 +17,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..arm import Arm, State
-from ..chain import Frames
 from ..effects.base import EffectContext, EffectTruth, Sizes, effect
+from ..mechanics.chain import Frames
+from ..mechanics.statics import distal_load
+from ..mechanics.transforms import Array
 from ..presets import nominal_robot
-from ..statics import distal_load
-from ..transforms import Array
 
 
 @dataclass(frozen=True)

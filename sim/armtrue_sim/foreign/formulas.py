@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from ..chain import Chain
 from ..effects.base import ARCSEC
+from ..mechanics.chain import Chain
 from ..presets import PRESETS, nominal_robot
 
 

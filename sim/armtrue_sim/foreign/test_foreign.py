@@ -6,8 +6,8 @@ import pytest
 from ..build import build_arm, context_of
 from ..campaign import simulate
 from ..effects.base import ARCSEC, EFFECTS
+from ..mechanics.statics import distal_load
 from ..scenario import Scenario
-from ..statics import distal_load
 from . import TRUTHS, beam, dahl, teeth
 from .beam import Beam
 

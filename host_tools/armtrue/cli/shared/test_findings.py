@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import copy
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from armtrue.candidates import called, parameter_lines
-from armtrue.cli.findings import present_diagnosis
-from armtrue.cli.output import Output
+from armtrue.cli.shared.findings import present_diagnosis
+from armtrue.cli.shared.output import Output
 
 
 def parameter(name: str, value: float, sigma: float, unit: str) -> dict[str, Any]:
@@ -81,7 +82,7 @@ RESULT: dict[str, Any] = {
 def printed(result: dict[str, Any], capsys: pytest.CaptureFixture[str], width: int = 100) -> list[str]:
     output = Output(None)
     output.console.width = width
-    present_diagnosis(result, output)
+    present_diagnosis(result, output, Path("fit.json"))
     lines = [line.rstrip() for line in capsys.readouterr().out.splitlines()]
     assert max(map(len, lines)) <= width
     return lines
@@ -148,9 +149,9 @@ def test_where_nothing_is_missing_the_nearest_candidate_and_its_reason_stand_in_
     )
     lines = printed(result, capsys)
     assert "noise floor not known" in lines
-    assert "nothing is missing: 93 %" in lines
+    assert "probability that nothing is missing: 93 %" in lines
     assert (
-        "nearest to an effect: backlash [2], 1 %, 3.0 % of the squared residual: "
+        "nearest candidate: backlash [2], probability 1 %, explains 3.0 % of the squared residual: "
         "not significant among all that was tried" in " ".join(lines)
     )
     assert not any("separable" in line for line in lines)

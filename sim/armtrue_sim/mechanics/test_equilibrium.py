@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from .arm import Arm
-from .build import build_arm
-from .campaign import simulate
-from .errors import ScenarioError
-from .scenario import Scenario
-from .sensitivity import sensitivity, unit_term
+from ..arm import Arm
+from ..build import build_arm
+from ..campaign import simulate
+from ..errors import ScenarioError
+from ..scenario import Scenario
+from ..sensitivity import sensitivity, unit_term
 
 SPRING = {"effect": "joint_compliance", "joints": [2], "value": 3e-4}
 

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.table import Table
 
-from armtrue.cli.bounds import outside_words
-from armtrue.cli.output import Output, plain_table
+from armtrue.cli.shared.bounds import outside_words
+from armtrue.cli.shared.output import Output, plain_table
 from armtrue.io.catalogue import with_role
 from armtrue.io.rotation import matrix_about, matrix_from_rpy, rpy_from_matrix
 from armtrue.units import value_and_sigma

@@ -8,8 +8,8 @@ import re
 import pytest
 from rich.console import Console
 
-from armtrue.cli import output as module
-from armtrue.cli.output import Output, waiting
+from armtrue.cli.shared import output as module
+from armtrue.cli.shared.output import Output, waiting
 
 
 def test_what_is_said_while_the_bar_stands_begins_on_a_cleared_line(monkeypatch):

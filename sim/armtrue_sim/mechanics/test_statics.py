@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from ..poses import random_poses
+from ..presets import PRESETS, nominal_robot
 from .chain import Chain
-from .poses import random_poses
-from .presets import PRESETS, nominal_robot
 from .statics import gravity_loads
 
 PAYLOAD_POINT = np.array([0.05, -0.02, 0.11])

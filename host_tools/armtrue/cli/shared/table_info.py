@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from armtrue.cli.output import Output, plain_table
+from armtrue.cli.shared.output import Output, plain_table
 from armtrue.tables.image import Image
 from armtrue.tables.layout import Node, Section
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from .errors import ScenarioError
+from ..errors import ScenarioError
 from .expression import evaluate, hat, variables
 
 STATE = {"q1": np.array([0.5, -2.0]), "tau2": np.array([100.0, -40.0]), "dT_arm": np.array([3.0, 0.0])}

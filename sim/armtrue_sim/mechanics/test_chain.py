@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from ..errors import ScenarioError
+from ..poses import random_poses
+from ..presets import PRESETS, nominal_robot
 from .chain import Chain
-from .errors import ScenarioError
-from .poses import random_poses
-from .presets import PRESETS, nominal_robot
 
 
 def flange(name, q, convention="mdh"):

@@ -11,7 +11,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from .errors import ScenarioError
+from ..errors import ScenarioError
 from .transforms import Array
 
 _FUNCTIONS: dict[str, tuple[int, Callable[..., Array]]] = {

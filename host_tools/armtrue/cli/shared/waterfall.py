@@ -6,7 +6,7 @@ import textwrap
 from typing import Any
 
 from armtrue.candidates import called
-from armtrue.cli.output import Output
+from armtrue.cli.shared.output import Output
 from armtrue.verdicts import NOT_SCORED, scored
 
 _ERROR_FIGURES = ("mean_um", "rms_um", "p95_um", "max_um")

@@ -37,13 +37,13 @@ def test_first_order_formula_holds_in_the_limit():
         linkage = FourBar(0.32, 0.705, 1.67, **ERRORS).scaled(scale)
         exact = linkage.rocker_angle(THETA2, BETA) - BETA
         left.append(np.abs(exact - first_order(linkage, THETA2, BETA)).max())
-    # What the formula leaves is of second order: a tenth of the error leaves a hundredth.
+    # The remainder is of second order: errors a tenth as large leave a hundredth of it.
     assert left[0] < 5e-6
     assert left[1] / left[0] == pytest.approx(0.01, rel=0.05)
 
 
-def test_the_figures_of_the_reading():
-    # 0.1 mm at a = 0.4 m: 52 arcsec at 90 degrees, 103 at 30.
+def test_arm_error_of_a_tenth_of_a_millimetre_turns_the_rocker_as_the_reading_says():
+    # Crank 0.4 m: 52 arcsec where beta is 90 degrees, 103 where it is 30.
     linkage = FourBar(0.4, 0.9, np.pi / 2, arm_error=1e-4)
     beta = np.radians([90.0, 30.0])
     error = (linkage.rocker_angle(np.zeros(2), beta) - beta) / ARCSEC

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from .errors import ScenarioError
+from ..errors import ScenarioError
 from .transforms import Array, Pose, exp_so3, rot_x
 
 

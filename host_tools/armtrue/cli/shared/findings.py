@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import itertools
+import shlex
+from pathlib import Path
 from typing import Any
 
 from rich.table import Table
 
 from armtrue.candidates import called, entry_of, parameter_lines
-from armtrue.cli.output import Output, plain_table
+from armtrue.cli.shared.output import Output, plain_table
 from armtrue.verdicts import (
     FLOOR_SOURCES,
     NOT_SCORED,
@@ -19,6 +22,7 @@ from armtrue.verdicts import (
 )
 
 _CANDIDATES_SHOWN = 10
+_COMMAND = "armtrue add FIT"
 _ERROR_FIGURES = {"mean_um": "mean", "rms_um": "RMS", "p95_um": "95 %", "max_um": "max"}
 _LEGEND = (
     "probability: that the arm has it beside what is fitted; explains: share of the squared residual;",
@@ -46,8 +50,10 @@ def _runs(numbers: list[int]) -> str:
     return ", ".join(words)
 
 
-def present_diagnosis(result: dict[str, Any], output: Output) -> None:
-    """Print a diagnosis as a short report."""
+def present_diagnosis(
+    result: dict[str, Any], output: Output, fit_file: Path, data: Path | None = None
+) -> None:
+    """Print a diagnosis of `fit_file` as a short report, with the commands that come next."""
     output.title(verdict_words(result))
     held_out = scored(result["error"]["held_out"])
     figures = [
@@ -60,9 +66,39 @@ def present_diagnosis(result: dict[str, Any], output: Output) -> None:
     if result.get("untestable"):
         output.title("Not testable with what was recorded")
         output.items([f"{entry['effect']} needs {_words(entry['needs'])}" for entry in result["untestable"]])
-    if result.get("advice"):
+    advice = result.get("advice", [])
+    # What is not testable stands above, effect by effect.
+    if sentences := [line for line in advice if _COMMAND not in line and not line.startswith("not testable")]:
         output.title("Advice")
-        output.items(result["advice"])
+        output.items(sentences)
+    if commands := _next_commands(advice, fit_file, data):
+        output.title("Next")
+        for command in commands:
+            output.line(f"  {command}")
+
+
+def _next_commands(advice: list[str], fit_file: Path, data: Path | None) -> list[str]:
+    """The commands that the advice means, with the user's own files in place of FIT and FIT2."""
+    fit, moved = shlex.quote(str(fit_file)), f" --data {shlex.quote(str(data))}" if data else ""
+    commands = []
+    for line in advice:
+        if _COMMAND in line:
+            command = line[line.index(_COMMAND) :].replace(" FIT ", f" {fit} ")
+            commands.append(
+                f"{command.removesuffix(' FIT2')} {shlex.quote(str(_following(fit_file)))}{moved}"
+            )
+    if any("armtrue plan" in line for line in advice):
+        poses = shlex.quote(str(fit_file.with_name("poses.csv")))
+        commands.append(f"armtrue plan {fit} --poses 12 --out {poses}{moved}")
+    return commands
+
+
+def _following(fit_file: Path) -> Path:
+    """fit.json → fit2.json → fit3.json: the first that does not exist."""
+    stem = fit_file.stem.rstrip("0123456789") or fit_file.stem
+    number = int(fit_file.stem[len(stem) :] or 1)
+    names = (fit_file.with_name(f"{stem}{k}{fit_file.suffix}") for k in itertools.count(number + 1))
+    return next(name for name in names if not name.exists())
 
 
 def floor_words(result: dict[str, Any]) -> str:
@@ -81,11 +117,10 @@ def _present_candidates(result: dict[str, Any], output: Output) -> None:
         return
     if result["verdict"] == "nothing_missing":
         nearest = candidates[0]
-        output.say(f"nothing is missing: {_chance(result['probability_nothing'])}")
+        output.say(f"probability that nothing is missing: {_chance(result['probability_nothing'])}")
         output.say(
-            f"nearest to an effect: {_called_among(nearest, candidates)}, {_chance(nearest['probability'])}, "
-            f"{100 * nearest['explained']:.1f} % "
-            f"of the squared residual: {_typeset(nearest['why'])}"
+            f"nearest candidate: {_called_among(nearest, candidates)}, probability {_chance(nearest['probability'])}, "
+            f"explains {100 * nearest['explained']:.1f} % of the squared residual: {_typeset(nearest['why'])}"
         )
         return
     tried, candidates = candidates, candidates[:_CANDIDATES_SHOWN]

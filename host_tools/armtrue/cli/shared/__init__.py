@@ -1,0 +1,1 @@
+"""What several commands share: options, output, reading and showing of fits, diagnoses and tables."""

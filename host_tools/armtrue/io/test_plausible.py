@@ -1,0 +1,42 @@
+"""Figures that no arm reaches: too few poses, and positions in another unit."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from armtrue.io.plausible import too_few_poses, wrong_units
+from armtrue.io.robot import Robot
+
+JOINTS = [{"name": "1", "a": 0.0, "alpha": 0.0, "d": 1.0, "offset": 0.0, "type": "revolute"}]
+ARM = Robot({"name": "one", "kinematics": {"convention": "mdh", "joints": JOINTS}})
+POINTS = np.random.default_rng(1).uniform(-1.0, 1.0, (20, 3))
+
+
+@pytest.mark.parametrize(
+    ("count", "travel", "words"),
+    [
+        (1, 0.0, "found 1 different pose, expected at least 10"),
+        (9, 1.0, "found 9 different poses, expected at least 10"),
+        (10, 0.04, "found no joint that moves more than 0.04, expected 0.05 at least"),
+    ],
+)
+def test_poses_that_cannot_place_base_and_tool_are_counted(count: int, travel: float, words: str) -> None:
+    assert too_few_poses(np.column_stack([np.linspace(0.0, travel, count), np.zeros(count)])) == words
+
+
+def test_ten_poses_of_one_moving_joint_are_enough() -> None:
+    assert too_few_poses(np.column_stack([np.linspace(0.0, 0.06, 10), np.zeros(10)])) is None
+
+
+@pytest.mark.parametrize(("per_metre", "likely"), [(1000.0, "millimetres"), (39.37, "inches or centimetres")])
+def test_positions_in_another_unit_are_named_by_the_unit_that_is_likely(
+    per_metre: float, likely: str
+) -> None:
+    columns = dict(zip("xyz", per_metre * POINTS.T, strict=True))
+    ((_, _, expected),) = wrong_units(columns, ARM)
+    assert f"these look like {likely})" in expected
+
+
+def test_positions_in_metres_are_plausible() -> None:
+    assert wrong_units(dict(zip("xyz", POINTS.T, strict=True)), ARM) == []

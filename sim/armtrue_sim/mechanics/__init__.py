@@ -1,0 +1,1 @@
+"""What holds of any arm: transforms, kinematic chains, gravity loads, the four-bar linkage, expressions."""
