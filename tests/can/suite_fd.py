@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import can
 import pytest
-from suite_motion import MARK, SYNC, TURN, at_cycle, install_table, until_emergency
+from suite_motion import ACTIVE, MARK, SYNC, TURN, at_cycle, cycle_until, install_table, until_emergency
 from target import ARRIVES_WITHIN_S, NMT_PREOPERATIONAL, NMT_START, Target
 
 AMPLITUDE = -TURN / 1024 / math.tau  # small_table's
@@ -318,8 +318,11 @@ def test_fd_offsets_are_those_of_the_table_and_targets_pass(offset_fd: Line) -> 
     give_up = time.monotonic() + ARRIVES_WITHIN_S
     while offset_cycle(offset_fd, at_cycle(0), held, (True, False)) == 0:
         assert time.monotonic() < give_up, "no offsets although the arm stands"
-    for _ in range(30):
+
+    def one_cycle() -> None:
         assert offset_cycle(offset_fd, at_cycle(0), held, (True, False)) == len(offset_fd.offsets)
+
+    cycle_until(offset_fd.target, ACTIVE, one_cycle)
     assert held == pytest.approx(wanted(at_cycle(0)), abs=2)
     for number, kind in enumerate(2 * KINDS, 1):
         assert offset_cycle(offset_fd, at_cycle(number), held, kind) == len(offset_fd.offsets)
