@@ -12,7 +12,7 @@ from pathlib import Path
 import can
 import canopen
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 EDS = ROOT / "firmware" / "canopen" / "od" / "armtrue.eds"
 NODE_ID = 0x20
 
