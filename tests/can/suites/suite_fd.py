@@ -137,6 +137,7 @@ class Line:
         while True:
             frame = target.downstream.recv(ARRIVES_WITHIN_S)
             assert frame is not None, "a frame of nobody's was not passed on"
+            target.note_time()
             if frame.arbitration_id == MARK:
                 return got
             if frame.arbitration_id != SYNC:
@@ -144,9 +145,12 @@ class Line:
 
     def cycle(self, joints: list[int], kind: tuple[bool, bool] = (True, False)) -> dict[int, int]:
         """A set of targets; the correction of each axis, every other bit of its frames as it was sent."""
-        sent = [part.frame(joints, kind, self.noise) for part in self.targets]
-        got = self.through(sent)
-        assert len(got) == len(sent)
+        while True:
+            sent = [part.frame(joints, kind, self.noise) for part in self.targets]
+            if len(got := self.through(sent)) == len(sent):
+                break
+            assert self.target.sets_excused > 0, f"of a whole set {got} went out, and nothing halted"
+            self.target.sets_excused -= 1
         corrections = {}
         for part, before, after in zip(self.targets, sent, got, strict=True):
             expected = copy.deepcopy(before)
@@ -319,11 +323,15 @@ def test_fd_offsets_are_those_of_the_table_and_targets_pass(offset_fd: Line) -> 
     while offset_cycle(offset_fd, at_cycle(0), held, (True, False)) == 0:
         assert time.monotonic() < give_up, "no offsets although the arm stands"
 
-    def one_cycle() -> None:
-        assert offset_cycle(offset_fd, at_cycle(0), held, (True, False)) == len(offset_fd.offsets)
+    def whole_cycle(joints: list[int], kind: tuple[bool, bool]) -> None:
+        while offset_cycle(offset_fd, joints, held, kind) < len(offset_fd.offsets):
+            assert offset_fd.target.sets_excused > 0, (
+                "offsets of a whole set did not come, and nothing halted"
+            )
+            offset_fd.target.sets_excused -= 1
 
-    cycle_until(offset_fd.target, ACTIVE, one_cycle)
+    cycle_until(offset_fd.target, ACTIVE, lambda: whole_cycle(at_cycle(0), (True, False)))
     assert held == pytest.approx(wanted(at_cycle(0)), abs=2)
     for number, kind in enumerate(2 * KINDS, 1):
-        assert offset_cycle(offset_fd, at_cycle(number), held, kind) == len(offset_fd.offsets)
+        whole_cycle(at_cycle(number), kind)
         assert held == pytest.approx(wanted(at_cycle(number)), abs=2)

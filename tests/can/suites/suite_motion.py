@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 import math
 import struct
@@ -41,6 +42,7 @@ def released(target: Target) -> dict[int, list[int]]:
     while True:
         frame = target.downstream.recv(ARRIVES_WITHIN_S)
         assert frame is not None, "a frame of nobody's was not passed on"
+        target.note_time()
         if frame.arbitration_id == MARK:
             return found
         if frame.arbitration_id in TARGET_IDS:
@@ -52,6 +54,36 @@ def cycle(target: Target, joints: list[int], pairs: tuple[int, ...] = (0, 1, 2))
     target.send(SYNC)
     send_targets(target, joints, pairs)
     return released(target)
+
+
+def whole_cycle(target: Target, joints: list[int]) -> dict[int, list[int]]:
+    """A set that goes out. Where this machine halted the stream was interrupted: then it is sent again."""
+    while len(out := cycle(target, joints)) < 3:
+        assert target.sets_excused > 0, f"of a whole set {out} went out, and nothing halted"
+        target.sets_excused -= 1
+    return out
+
+
+def again_after_halts(scenario: Callable[[Target], None]) -> Callable[[Target], None]:
+    """A scenario that says of each set whether it goes out, on a stream that flows.
+
+    It is played again where it failed and this machine halted in it for longer than a stream may be silent.
+    """
+
+    @functools.wraps(scenario)
+    def played(inline: Target) -> None:
+        for _ in range(4):
+            halts = inline.halts
+            try:
+                return scenario(inline)
+            except AssertionError:
+                if inline.halts == halts:
+                    raise
+            whole_cycle(inline, at_cycle(40))
+            inline.quiet()
+        return scenario(inline)
+
+    return played
 
 
 def withheld(target: Target, joints: list[int], pairs: tuple[int, ...] = (0, 1, 2)) -> bool:
@@ -76,7 +108,7 @@ PASS_THROUGH, ACTIVE = 0, 2
 BLENDS_WITHIN_S = 4 * ARRIVES_WITHIN_S
 
 
-def cycle_until(target: Target, state: int, one_cycle: Callable[[], None]) -> None:
+def cycle_until(target: Target, state: int, one_cycle: Callable[[], object]) -> None:
     """Cycles until the device's correction is in a state.
 
     Blending takes the time that the table says, by the device's own clock. No number of cycles ends it: they are as
@@ -95,18 +127,14 @@ def inline(target: Target) -> Target:
     target.configure(1)
     assert withheld(target, at_cycle(0)), "a stream begins with its second set"
     for number in range(1, 40):
-        assert len(cycle(target, at_cycle(number))) == 3
-
-    def one_cycle() -> None:
-        assert len(cycle(target, at_cycle(40))) == 3
-
-    cycle_until(target, ACTIVE, one_cycle)
+        whole_cycle(target, at_cycle(number))
+    cycle_until(target, ACTIVE, lambda: whole_cycle(target, at_cycle(40)))
     return target
 
 
 def test_targets_are_corrected_by_the_table(inline: Target) -> None:
     joints = at_cycle(41)
-    out = cycle(inline, joints)
+    out = whole_cycle(inline, joints)
     for pair in range(3):
         for place in range(2):
             joint = joints[2 * pair + place]
@@ -118,13 +146,14 @@ def test_targets_are_corrected_by_the_table(inline: Target) -> None:
 
 def test_feedback_comes_back_as_it_was_commanded(inline: Target) -> None:
     joints = at_cycle(41)
-    out = cycle(inline, joints)
+    out = whole_cycle(inline, joints)
     inline.quiet()
     for pair, identifier in enumerate(FEEDBACK_IDS):
         inline.send_from_drives(identifier, struct.pack("<2i", *out[pair]))
         assert list(struct.unpack("<2i", inline.expect(identifier))) == joints[2 * pair : 2 * pair + 2]
 
 
+@again_after_halts
 def test_a_lost_target_withholds_the_set_and_the_next(inline: Target) -> None:
     before = inline.read(0x2001, 8)
     assert withheld(inline, at_cycle(41), pairs=(0, 2))
@@ -133,6 +162,7 @@ def test_a_lost_target_withholds_the_set_and_the_next(inline: Target) -> None:
     assert inline.read(0x2001, 8) == before + 2
 
 
+@again_after_halts
 def test_a_late_target_never_stands_for_its_successor(inline: Target) -> None:
     assert withheld(inline, at_cycle(41), pairs=(0, 1))
     inline.send(SYNC)
@@ -143,6 +173,7 @@ def test_a_late_target_never_stands_for_its_successor(inline: Target) -> None:
     assert len(cycle(inline, at_cycle(44))) == 3
 
 
+@again_after_halts
 def test_a_second_controller_is_noticed(inline: Target) -> None:
     cycle(inline, at_cycle(41))
     send_targets(inline, [99, 98, 97, 96, 95, 94])
@@ -150,6 +181,7 @@ def test_a_second_controller_is_noticed(inline: Target) -> None:
     until_emergency(inline, 0xFF14)
 
 
+@again_after_halts
 def test_a_repeated_target_changes_nothing(inline: Target) -> None:
     before = inline.read(0x2001, 8)
     assert len(cycle(inline, at_cycle(41), pairs=(0, 0, 1, 2))) == 3
@@ -157,6 +189,7 @@ def test_a_repeated_target_changes_nothing(inline: Target) -> None:
     assert inline.read(0x2001, 8) == before
 
 
+@again_after_halts
 def test_stopped_commands_are_reported_and_end_with_the_next(inline: Target) -> None:
     # Written while commands come: short enough to be noticed, long enough for a slow emulator's cycle.
     assert inline.write(0x2000, 3, 900_000, 4) == 0
@@ -177,6 +210,7 @@ def until_emergency(target: Target, code: int) -> None:
     pytest.fail(f"no emergency {code:#06x} among six")
 
 
+@again_after_halts
 def test_pre_operational_holds_targets_back(inline: Target) -> None:
     inline.nmt(NMT_PREOPERATIONAL)
     inline.quiet(inline.downstream)
@@ -218,7 +252,7 @@ def test_disabling_in_motion_blends_out(inline: Target) -> None:
 
     def one_cycle() -> None:
         joints = at_cycle(next(numbers))
-        out = cycle(inline, joints)
+        out = whole_cycle(inline, joints)
         deltas.append(
             [out[pair][place] - joints[2 * pair + place] for pair in range(3) for place in range(2)]
         )
@@ -250,6 +284,7 @@ class OffsetDrives:
         while True:
             frame = self.target.upstream.recv(ARRIVES_WITHIN_S)
             assert frame is not None, "no answer"
+            self.target.note_time()
             if frame.arbitration_id == 0x580 + self.target.node_id:
                 return frames
             if frame.arbitration_id not in OFFSET_IDS:
@@ -270,6 +305,14 @@ class OffsetDrives:
         send_targets(self.target, joints)
         return self.listen()
 
+    def whole_cycle(self, joints: list[int]) -> None:
+        """A set that goes out, as `whole_cycle` above."""
+        while (frames := self.cycle(joints)) < 3:
+            assert self.target.sets_excused > 0, (
+                f"{frames} frames with offsets, expected 3, and nothing halted"
+            )
+            self.target.sets_excused -= 1
+
     def begin(self, joints: list[int]) -> None:
         """Stand until offsets come."""
         give_up = time.monotonic() + ARRIVES_WITHIN_S
@@ -278,11 +321,7 @@ class OffsetDrives:
 
     def settle(self, joints: list[int]) -> None:
         """Stand until the whole correction of this place is held."""
-
-        def one_cycle() -> None:
-            assert self.cycle(joints) == 3
-
-        cycle_until(self.target, ACTIVE, one_cycle)
+        cycle_until(self.target, ACTIVE, lambda: self.whole_cycle(joints))
 
 
 @pytest.fixture
@@ -306,7 +345,7 @@ def offset(target: Target) -> Iterator[OffsetDrives]:
 def test_offsets_follow_the_table_once_for_each_set(offset: OffsetDrives) -> None:
     for number in range(1, 20):
         joints = at_cycle(number)
-        assert offset.cycle(joints) == 3
+        offset.whole_cycle(joints)
         for joint, held in zip(joints, offset.held, strict=True):
             assert math.copysign(1, held) == -math.copysign(1, math.sin(2 * math.pi * joint / TURN))
     offset.target.send(SYNC)

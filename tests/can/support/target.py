@@ -23,6 +23,11 @@ FEEDBACK_IDS = (0x1C0, 0x1C1, 0x1C2)
 ARRIVES_WITHIN_S = 30.0
 
 
+# Shorter than the set window and the stale time-out that `configure` writes: after such a pause of this machine, or of
+# the emulator on it, the device may rightly count the stream as interrupted.
+HALT_S = 0.3
+# So many sets may then stay out: the one that was interrupted, and the one that follows none that was whole.
+SETS_LOST_BY_A_HALT = 2
 # Drives that have said nothing for a second of the device's own time count as disabled: a table can be committed then.
 DRIVES_SILENT_MS = 1100
 
@@ -37,6 +42,9 @@ class Target:
         self.has_fd: bool = description["fd"]
         self.upstream, self.downstream = upstream, downstream
         self.drives_spoke = False  # since it was last waited for their silence
+        self.at_work_s = time.monotonic()
+        self.halts = 0
+        self.sets_excused = 0
         send = downstream.send
 
         def noted_send(message: can.Message, timeout: float | None = None) -> None:
@@ -48,8 +56,17 @@ class Target:
         self.client = SdoClient(upstream, self.node_id, ARRIVES_WITHIN_S)
         self.device = Compensator(self.client)
 
+    def note_time(self) -> None:
+        """Called wherever a test sends or has received: a longer time between two calls is a halt of this machine."""
+        now_s = time.monotonic()
+        if now_s - self.at_work_s > HALT_S:
+            self.halts += 1
+            self.sets_excused = SETS_LOST_BY_A_HALT
+        self.at_work_s = now_s
+
     def send(self, identifier: int, data: Sequence[int] | bytes = b"", *, extended: bool = False) -> None:
         """A frame from the controller's side."""
+        self.note_time()
         self.upstream.send(
             can.Message(arbitration_id=identifier, data=bytes(data), is_extended_id=extended),
             timeout=self.patience,
