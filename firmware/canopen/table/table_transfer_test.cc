@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 
-#include "firmware/core/crc32.h"
+#include "firmware/core/crypto/crc32.h"
 #include "firmware/testing/node_bench.h"
 #include "firmware/testing/test_table.h"
 
