@@ -8,6 +8,8 @@
 #include <fstream>
 #include <iterator>
 #include <memory>
+#include <ostream>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -23,6 +25,8 @@ struct Arm {
   const char* file;
   std::int64_t permitted;
 };
+
+void PrintTo(const Arm& arm, std::ostream* out) { *out << arm.file; }
 
 // Where as many coordinates are held as there are joints, or the joints alone are corrected, one
 // correction is right: rounding is left.
@@ -40,9 +44,9 @@ constexpr Arm kArms[] = {{"kr30", kRedundant},         {"kr30_pose", kRounding},
 class Reader {
  public:
   explicit Reader(const std::string& name) {
-    std::ifstream file(
-        std::filesystem::path(__FILE__).parent_path() / "reference" / (name + ".bin"),
-        std::ios::binary);
+    std::ifstream file(std::filesystem::path(ARMTRUE_REFERENCE_CASES) / (name + ".bin"),
+                       std::ios::binary);
+    if (!file) throw std::runtime_error(name + ".bin cannot be read");
     data_.assign(std::istreambuf_iterator<char>(file), {});
   }
   template <typename T>
