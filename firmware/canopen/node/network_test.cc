@@ -226,6 +226,17 @@ TEST_F(NetworkTest, TemperaturesComeByRpdoAndGoStale) {
   EXPECT_EQ(load_le<std::uint16_t>(sent(0x80U + kId).at(0).data), 0xFF12);
 }
 
+TEST_F(NetworkTest, TemperatureTimeOut_IsExact) {
+  ASSERT_EQ(bench.write(0x1410, 1, 0x190, 4), 0U);
+  ASSERT_EQ(bench.write(0x2000, 6, 1000, 4), 0U);
+  nmt(1);
+  bench.from_controller(make_frame(0x190, {0xC4, 0x09, 0x9C, 0xFF, 0, 0, 1, 0}));
+  bench.run_for(1'000'000);
+  EXPECT_TRUE(sent(0x80U + kId).empty());
+  bench.run_for(1);
+  EXPECT_EQ(load_le<std::uint16_t>(sent(0x80U + kId).at(0).data), 0xFF12);
+}
+
 TEST_F(NetworkTest, SynchronousInputsWaitForSync) {
   ASSERT_EQ(bench.write(0x1412, 1, 0x191, 4), 0U);
   ASSERT_EQ(bench.write(0x1412, 2, 0, 1), 0U);
