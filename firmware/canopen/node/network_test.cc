@@ -359,6 +359,19 @@ TEST_F(StatusTpdoTest, NoEventTimer_SendsWhatDoesNotChangeOnce) {
   EXPECT_TRUE(intervals_ms(300).empty());
 }
 
+TEST_F(NetworkTest, TimeSinceStart_IsInMilliseconds) {
+  bench.run_for(2'345'000);
+  EXPECT_EQ(bench.read(0x2001, 13), bench.now_us / 1000);
+}
+
+TEST_F(NetworkTest, EachSelfTest_MayBeAskedForAlone) {
+  for (std::uint32_t test = 1; test <= 0x10; test <<= 1U) {
+    EXPECT_EQ(bench.write(0x2030, 1, test, 1), 0U) << test;
+  }
+  EXPECT_EQ(bench.write(0x2030, 1, 0, 1), 0x06090030U);
+  EXPECT_EQ(bench.write(0x2030, 1, 0x20, 1), 0x06090030U);
+}
+
 TEST(BusStatus, Counters_AreThoseOfTheirOwnBus) {
   NodeBench bench;
   const std::uint32_t taken = bench.read(0x2002, 2);  // this request and all before
