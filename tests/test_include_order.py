@@ -18,6 +18,8 @@ from include_order import violations  # noqa: E402
     [
         ("firmware/storage/a.cc", "firmware/core/b.h", False),
         ("firmware/core/a.cc", "firmware/storage/b.h", True),
+        ("firmware/core/evaluation/a.cc", "firmware/core/table/b.h", False),
+        ("firmware/core/table/a.cc", "firmware/core/compensator.h", True),
         ("firmware/canopen/motion/a.cc", "firmware/canopen/table/b.h", True),
         ("firmware/core/a.cc", "firmware/testing/b.h", True),
         ("firmware/core/a.cc", "fitter/model/b.h", True),

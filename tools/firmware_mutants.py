@@ -149,10 +149,10 @@ def mutants_of(name: str) -> list[Mutant]:
     return result
 
 
-def sample(count: int, seed: int, base: str) -> list[Mutant]:
+def sample(count: int, seed: int, base: str, folders: list[str]) -> list[Mutant]:
     """`count` mutants: files changed since `base` first, then all others; no two of one line."""
     listed = subprocess.run(
-        ["git", "ls-files", *PROGRAMS], cwd=ROOT, capture_output=True, text=True, check=True
+        ["git", "ls-files", *folders], cwd=ROOT, capture_output=True, text=True, check=True
     )
     files = [
         name for name in listed.stdout.split() if name.endswith((".cc", ".h")) and not _LEFT_OUT.search(name)
@@ -191,7 +191,7 @@ def copy_tree() -> None:
     )  # fmt: skip
 
 
-def build(mutants: list[Mutant]) -> list[Mutant]:
+def build(mutants: list[Mutant], programs: dict[str, list[str]]) -> list[Mutant]:
     """Compile all of them behind their switches; returns those that compile, in the order of their numbers."""
     while True:
         for name in {mutant.file for mutant in mutants}:
@@ -202,7 +202,7 @@ def build(mutants: list[Mutant]) -> list[Mutant]:
             target = TREE / name
             if target.read_text() != "\n".join(lines) + "\n":
                 target.write_text("\n".join(lines) + "\n")
-        targets = [Path(program).name for programs in PROGRAMS.values() for program in programs]
+        targets = [Path(program).name for listed in programs.values() for program in listed]
         built = subprocess.run(
             ["cmake", "--build", "out", "-j", "2", "--target", *dict.fromkeys(targets), "--", "-k", "0"],
             cwd=TREE, capture_output=True, text=True, check=False,
@@ -264,20 +264,26 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--base", default="HEAD~30", help="files changed since then come first")
     parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--folder", choices=list(PROGRAMS), help="mutants of this one alone")
+    parser.add_argument(
+        "--own", action="store_true", help="run a folder's own tests alone, not those above it"
+    )
     parser.add_argument("--minutes", type=float, default=600.0, help="no mutant is run after so long")
     given = parser.parse_args()
     end = time.monotonic() + 60.0 * given.minutes
-    chosen = sample(given.count, given.seed, given.base)
+    folders = [given.folder] if given.folder else list(PROGRAMS)
+    programs_of = {folder: PROGRAMS[folder][:1] if given.own else PROGRAMS[folder] for folder in folders}
+    chosen = sample(given.count, given.seed, given.base, folders)
     copy_tree()
-    mutants = build(chosen)
-    limits = measured_limits({program for programs in PROGRAMS.values() for program in programs})
+    mutants = build(chosen, programs_of)
+    limits = measured_limits({program for programs in programs_of.values() for program in programs})
     SURVIVORS.write_text("")
     outcomes: Counter[str] = Counter()
 
     def judge(number: int) -> str:
         if time.monotonic() > end:
             return "not run"
-        programs = next(p for part, p in PROGRAMS.items() if mutants[number].file.startswith(part))
+        programs = next(p for part, p in programs_of.items() if mutants[number].file.startswith(part))
         return run(programs, number, limits)
 
     with concurrent.futures.ThreadPoolExecutor(given.jobs) as pool:

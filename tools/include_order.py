@@ -14,8 +14,11 @@ from pathlib import Path
 
 # From the bottom up: a folder may include those of earlier lines. Folders on one line do not know each other.
 ORDER = [
-    ["firmware/core", "fitter/model"],
-    ["firmware/storage", "firmware/replay", "fitter/effects"],
+    ["firmware/core/fixed", "firmware/core/crypto", "fitter/model"],
+    ["firmware/core/table"],
+    ["firmware/core/evaluation"],
+    ["firmware/core"],
+    ["firmware/core/senseless", "firmware/storage", "firmware/replay", "fitter/effects"],
     ["firmware/canopen/protocol", "fitter/solve"],
     ["fitter/evidence"],
     ["firmware/canopen/motion", "firmware/canopen/table", "fitter/diagnose", "fitter/export"],

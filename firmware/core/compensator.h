@@ -21,10 +21,10 @@
 #include <cstdint>
 #include <span>
 
-#include "firmware/core/inverse.h"
-#include "firmware/core/limits.h"
-#include "firmware/core/table.h"
-#include "firmware/core/table_view.h"
+#include "firmware/core/evaluation/inverse.h"
+#include "firmware/core/table/limits.h"
+#include "firmware/core/table/table.h"
+#include "firmware/core/table/table_view.h"
 
 namespace armtrue {
 

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <random>
 
-#include "firmware/core/test_image.h"
+#include "firmware/core/table/test_image.h"
 
 namespace armtrue {
 namespace {

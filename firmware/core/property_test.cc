@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "firmware/core/compensator.h"
-#include "firmware/core/test_image.h"
+#include "firmware/core/table/test_image.h"
 
 namespace armtrue {
 namespace {

@@ -1,6 +1,6 @@
 #include "firmware/storage/slot_format.h"
 
-#include "firmware/core/crc32.h"
+#include "firmware/core/crypto/crc32.h"
 
 namespace armtrue::storage {
 

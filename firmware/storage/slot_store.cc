@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "firmware/core/crc32.h"
+#include "firmware/core/crypto/crc32.h"
 
 namespace armtrue::storage {
 namespace {

@@ -9,10 +9,10 @@
 #include <vector>
 
 #include "firmware/canopen/protocol/little_endian.h"
-#include "firmware/core/crc32.h"
-#include "firmware/core/format.h"
-#include "firmware/core/limits.h"
-#include "firmware/core/table_view.h"
+#include "firmware/core/crypto/crc32.h"
+#include "firmware/core/table/format.h"
+#include "firmware/core/table/limits.h"
+#include "firmware/core/table/table_view.h"
 
 namespace armtrue::canopen {
 

@@ -20,7 +20,12 @@ import can
 import numpy as np
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(ROOT), str(ROOT / "sim"), str(ROOT / "tests" / "can"), str(ROOT / "tests" / "firmware")]
+sys.path[:0] = [
+    str(ROOT),
+    str(ROOT / "sim"),
+    str(ROOT / "tests" / "can" / "support"),
+    str(ROOT / "tests" / "firmware"),
+]
 
 from armtrue.device import Compensator, SdoClient, upload_image  # noqa: E402
 from armtrue.device.bus_load import classic_frame_bits  # noqa: E402

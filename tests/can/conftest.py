@@ -10,7 +10,10 @@ import canopen
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(ROOT), str(ROOT / "sim"), str(Path(__file__).resolve().parent)]
+HERE = Path(__file__).resolve().parent
+sys.path[:0] = [str(ROOT), str(ROOT / "sim"), str(HERE), str(HERE / "support"), str(HERE / "suites")]
+# The suites' assertions are shown with their values, as those of test files are.
+pytest.register_assert_rewrite("target", *(path.stem for path in (HERE / "suites").glob("suite_*.py")))
 
 from node_process import NodeProcess, connect, disconnect  # noqa: E402
 from rig.pytest_plugin import (  # noqa: E402

@@ -14,9 +14,13 @@ import os
 import sys
 import time
 from collections.abc import Iterable
+from pathlib import Path
 
 import can
 import canopen
+
+sys.path.insert(0, str(Path(__file__).resolve().parent / "support"))
+
 from in_process import InProcessBus, InProcessNode, in_process
 
 STAGING = 0x2010

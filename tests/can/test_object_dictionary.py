@@ -100,14 +100,14 @@ def test_every_test_that_the_security_page_names_is_there() -> None:
         assert f'"{case}"' in tests, case
     for function in re.findall(r"`(test_\w+)`", SECURITY):
         assert any(
-            f"def {function}(" in file.read_text("utf-8") for file in Path(__file__).parent.glob("*.py")
+            f"def {function}(" in file.read_text("utf-8") for file in Path(__file__).parent.rglob("*.py")
         )
 
 
 def test_every_test_that_the_protocol_page_names_is_there() -> None:
     table = PROTOCOL[PROTOCOL.index("## Faults, and what is expected") :]
     firmware = "".join(file.read_text("utf-8") for file in (ROOT / "firmware").rglob("*_test.cc"))
-    python = "".join(file.read_text("utf-8") for file in Path(__file__).parent.glob("*.py"))
+    python = "".join(file.read_text("utf-8") for file in Path(__file__).parent.rglob("*.py"))
     named = re.findall(r"`([A-Z]\w{12,})`", table)
     assert len(named) >= 15
     assert [test for test in named if f", {test})" not in firmware] == []

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import canopen
 import pytest
+from patience import again_if_halted
 from refusals import REFUSED
 
 
@@ -70,16 +71,16 @@ SAMPLES = (888, 889, 890, 1777, 1778, 1779, 4096, 16383, 16384)
 def test_segmented_transfers_of_every_small_size_read_back(remote: canopen.RemoteNode) -> None:
     for size in range(1, EVERY_SIZE_UP_TO + 1):
         image = bytes((7 * k + size) % 251 for k in range(size))
-        remote.sdo.download(0x2010, 0, image)
-        assert remote.sdo.upload(0x2010, 0) == image, size
+        again_if_halted(lambda image=image: remote.sdo.download(0x2010, 0, image))
+        assert again_if_halted(lambda: remote.sdo.upload(0x2010, 0)) == image, size
 
 
 @pytest.mark.parametrize("size", SAMPLES)
 def test_segmented_download_reads_back(remote: canopen.RemoteNode, size: int) -> None:
     image = bytes((7 * k + size) % 251 for k in range(size))
-    remote.sdo.download(0x2010, 0, image)
+    again_if_halted(lambda: remote.sdo.download(0x2010, 0, image))
     assert remote.sdo["Table status"]["Bytes staged"].raw == size
-    assert remote.sdo.upload(0x2010, 0) == image
+    assert again_if_halted(lambda: remote.sdo.upload(0x2010, 0)) == image
 
 
 def test_staging_never_takes_more_than_a_slot(remote: canopen.RemoteNode) -> None:
@@ -93,7 +94,14 @@ def test_staging_never_takes_more_than_a_slot(remote: canopen.RemoteNode) -> Non
 def test_block_download_and_upload(remote: canopen.RemoteNode, size: int) -> None:
     # The client's block writer wants chunks that are multiples of seven (its issue 618).
     image = bytes((k * k + size) % 253 for k in range(size))
-    with remote.sdo.open(0x2010, 0, "wb", size=size, block_transfer=True, buffering=7 * 127) as stream:
-        stream.write(image)
-    with remote.sdo.open(0x2010, 0, "rb", block_transfer=True) as stream:
-        assert stream.read() == image
+
+    def write() -> None:
+        with remote.sdo.open(0x2010, 0, "wb", size=size, block_transfer=True, buffering=7 * 127) as stream:
+            stream.write(image)
+
+    def read() -> bytes:
+        with remote.sdo.open(0x2010, 0, "rb", block_transfer=True) as stream:
+            return bytes(stream.read())
+
+    again_if_halted(write)
+    assert again_if_halted(read) == image

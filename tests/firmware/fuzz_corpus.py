@@ -1,4 +1,4 @@
-"""Small table images of every kind, the seeds of firmware/core/fuzz: `fuzz_corpus.py FOLDER` writes them."""
+"""Small table images of every kind, the seeds of firmware/core/table/fuzz: `fuzz_corpus.py FOLDER` writes them."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """How late SYNC and targets leave the STM32F405's node, and by how much that varies, per mode and frame layout.
 
-python tests/firmware/latency_report.py [--cycles N]
+python tests/firmware/latency_report.py [--before ELF] [--cycles N]
 """
 
 from __future__ import annotations
@@ -102,25 +102,33 @@ def model(elf: Path) -> float:
     )
 
 
-def table(elf: Path, cycles: int) -> list[str]:
-    """One row a case."""
+def table(images: dict[str, Path], cycles: int) -> list[str]:
+    """One row a case; in it each image's SYNC and outputs."""
     recorded = motion(cycles)
-    factor = model(elf)
-    lines = [f"{factor:.2f} clocks an instruction", ""]
-    lines += ["| case | SYNC given | SYNC on the wire | last output given |", "|---|---|---|---|"]
+    factors = {name: model(elf) for name, elf in images.items()}
+    lines = [f"{name}: {factor:.2f} clocks an instruction" for name, factor in factors.items()]
+    heads = [
+        f"{what}, {name}"
+        for what in ("SYNC given", "SYNC on the wire", "last output given")
+        for name in images
+    ]
+    lines += ["", "| case | " + " | ".join(heads) + " |", "|---" * (len(heads) + 1) + "|"]
     for case in cases():
-        found = measure(elf, case, recorded, factor)
-        lines.append(f"| {case} | " + " | ".join(spread(found[:, column]) for column in range(3)) + " |")
+        found = [measure(elf, case, recorded, factors[name]) for name, elf in images.items()]
+        cells = [spread(one[:, column]) for column in range(3) for one in found]
+        lines.append(f"| {case} | " + " | ".join(cells) + " |")
     return lines
 
 
 def main() -> None:
-    """The table."""
+    """The table, of before and now."""
     parser = argparse.ArgumentParser()
+    parser.add_argument("--before", type=Path, help="latency_check.elf of another commit")
     parser.add_argument("--cycles", type=int, default=1000)
     arguments = parser.parse_args()
-    elf = qemu.build_images("stm32f405", "latency_check") / "latency_check.elf"
-    print("\n".join(table(elf, arguments.cycles)))
+    images = {} if arguments.before is None else {"before": arguments.before}
+    images["now"] = qemu.build_images("stm32f405", "latency_check") / "latency_check.elf"
+    print("\n".join(table(images, arguments.cycles)))
 
 
 if __name__ == "__main__":

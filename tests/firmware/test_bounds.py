@@ -1,4 +1,4 @@
-"""Machine-checked error bounds: gappa over firmware/core/bounds, and that these files say what the code computes."""
+"""Machine-checked error bounds: gappa over the proofs of firmware/core, and that they say what the code computes."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 CORE = Path(__file__).resolve().parents[2] / "firmware" / "core"
-PROOFS = sorted((CORE / "bounds").glob("*.g"))
+BOUNDS = CORE / "fixed" / "bounds"
+PROOFS = sorted(BOUNDS.glob("*.g"))
 _GOAL = re.compile(r"->\s*([\w\s*.\-]+?) in \[-([\d.e-]+),([\d.e-]+)\]")
 _FOUND = re.compile(r" in \[\S+ \{(\S+), [^}]*\}, \S+ \{(\S+), [^}]*\}\]")
 
@@ -69,25 +70,25 @@ def integers(source: Path, pattern: str) -> list[int]:
 
 def quoted(name: str) -> list[int]:
     """Integer coefficients of a proof, in the order of their powers."""
-    text = (CORE / "bounds" / f"{name}.g").read_text().split("\n\n")[0]
+    text = (BOUNDS / f"{name}.g").read_text().split("\n\n")[0]
     return [int(value) for value in re.findall(r"(-?\d{6,})b-\d+", text)]
 
 
 def test_sine_proof_has_the_code_s_coefficients() -> None:
-    code = integers(CORE / "angle.h", r"namespace sine_polynomial \{.*?\}  // namespace")
+    code = integers(CORE / "fixed/angle.h", r"namespace sine_polynomial \{.*?\}  // namespace")
     assert quoted("sine")[::-1] == code
 
 
 def test_power_of_two_proof_has_the_code_s_coefficients() -> None:
-    code = integers(CORE / "terms.cc", r"kPowerPolynomial = \{.*?\};")
+    code = integers(CORE / "evaluation/terms.cc", r"kPowerPolynomial = \{.*?\};")
     assert quoted("power_of_two")[::-1] == code
 
 
 def test_largest_wave_is_what_the_reader_lets_in() -> None:
-    found = re.search(r"kMaxWave = std::int64_t\{1\} << (\d+)", (CORE / "checks_terms.cc").read_text())
+    found = re.search(r"kMaxWave = std::int64_t\{1\} << (\d+)", (CORE / "table/checks_terms.cc").read_text())
     assert found
     assert 2.0 ** (int(found[1]) - 32) == 0.125
-    assert "[-0.125,0.125]" in (CORE / "bounds" / "slow_wave.g").read_text()
+    assert "[-0.125,0.125]" in (BOUNDS / "slow_wave.g").read_text()
 
 
 def largest_error(polynomial: list[float], exact: np.ufunc, curvature: float, *, odd: bool) -> float:
@@ -100,7 +101,7 @@ def largest_error(polynomial: list[float], exact: np.ufunc, curvature: float, *,
 
 
 def test_sine_polynomial_is_close_to_the_sine() -> None:
-    text = (CORE / "bounds" / "sine.g").read_text()
+    text = (BOUNDS / "sine.g").read_text()
     exact_coefficients = [float(re.search(rf"^P{i} = (\S+) \+", text, re.M)[1]) for i in range(5)]  # type: ignore[index]
     exact_coefficients.append(float(re.search(r"^P4 = .* \+ z \* (\S+);", text, re.M)[1]))  # type: ignore[index]
     # Both second derivatives are below 5 on 0 … 1.
@@ -110,6 +111,6 @@ def test_sine_polynomial_is_close_to_the_sine() -> None:
 
 
 def test_power_polynomial_is_close_to_the_power() -> None:
-    code = integers(CORE / "terms.cc", r"kPowerPolynomial = \{.*?\};")
+    code = integers(CORE / "evaluation/terms.cc", r"kPowerPolynomial = \{.*?\};")
     error = largest_error([value / 2.0**30 for value in code], np.exp2, 2.0, odd=False)
     assert error < 2.8e-9

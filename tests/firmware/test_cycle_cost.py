@@ -1,6 +1,6 @@
 """The longest control cycle of any table that is let in: the reader's count against instructions measured in QEMU.
 
-`cycle_cost` (firmware/core/table_cost.h) is a sum over the records of a table. Here every kind of record fills a table
+`cycle_cost` (firmware/core/table/table_cost.h) sums over a table's records. Here every kind of record fills a table
 up to what the reader takes, with inputs at the ends of their ranges, and the emulated STM32F405 counts: no cycle may
 take more than was counted, and the count may not be so far above that it refuses what would fit.
 """

@@ -10,8 +10,8 @@ from armtrue.tables import layout
 from armtrue.tables.layout import Node, Section, State
 
 ROOT = Path(__file__).resolve().parents[2]
-HEADER = (ROOT / "firmware/core/format.h").read_text()
-LIMITS = (ROOT / "firmware/core/limits.h").read_text()
+HEADER = (ROOT / "firmware/core/table/format.h").read_text()
+LIMITS = (ROOT / "firmware/core/table/limits.h").read_text()
 PAGE = (ROOT / "docs/table-format.md").read_text()
 
 RECORDS = {
@@ -189,7 +189,7 @@ def test_every_state_variable_is_on_the_page_with_its_fraction() -> None:
 
 def test_every_reason_is_on_the_page() -> None:
     """In the order of their codes; "activation pending" is no fault of an image."""
-    source = (ROOT / "firmware/core/table.cc").read_text().split("name_of(Refusal refusal)")[1]
+    source = (ROOT / "firmware/core/table/table.cc").read_text().split("name_of(Refusal refusal)")[1]
     named = re.findall(r'return "([^"]+)";', source)[1:-1]
     reasons = [reason for reason in named if reason != "activation pending"]
     listed = PAGE.split("## What a reader refuses")[1].split("field: ")[1].split(". An accepted")[0]

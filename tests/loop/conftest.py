@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "sim"))
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "can"))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "can" / "support"))
 
 from rig.pytest_plugin import (
     can_buses,

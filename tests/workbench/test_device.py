@@ -17,7 +17,7 @@ from armtrue.workbench.opening.opened import open_files
 from armtrue.workbench.start import start
 from bench_page import Page
 
-sys.path.append(str(Path(__file__).resolve().parents[1] / "can"))
+sys.path.append(str(Path(__file__).resolve().parents[1] / "can" / "support"))
 
 from in_process import InProcessNode
 from node_process import NODE_ID

@@ -21,5 +21,5 @@ fuzz_one() {
 first=$!
 fuzz_one build/sanitize/fitter/json_fuzz tests/fuzz/corpus/core_json 30 -max_len=4096 -timeout=10 -rss_limit_mb=2048 -seed=1 \
   -dict=tests/fuzz/tokens.dict
-fuzz_one build/sanitize/firmware/core/table_fuzz firmware/core/fuzz/corpus 20 -max_len=16385
+fuzz_one build/sanitize/firmware/core/table_fuzz firmware/core/table/fuzz/corpus 20 -max_len=16385
 wait $first

@@ -1,9 +1,9 @@
 # cppcheck with its MISRA addon, and clang-tidy, over what the devices run. What firmware/cppcheck-deviations.txt lists
 # is let through, everything else fails. (clang-tidy reads how step 36 compiles.)
 shipped_sources() {
-  ls firmware/core/*.cc firmware/storage/*.cc firmware/canopen/*/*.cc firmware/ports/common/*.cc \
+  ls firmware/core/*.cc firmware/core/*/*.cc firmware/storage/*.cc firmware/canopen/*/*.cc firmware/ports/common/*.cc \
     firmware/ports/stm32f405/*.cc firmware/ports/arm/*.cc firmware/ports/posix/*.cc |
-    grep -vE '_test\.cc|/soak|/senseless|_main\.cc|/transfer_sizes|/node_budget|/boot_check|/semihosting|/conformance'
+    grep -vE '_test\.cc|/soak|/senseless|_main\.cc|/transfer_sizes|/semihosting|/conformance'
 }
 mkdir -p out
 configure sanitize

@@ -1,6 +1,6 @@
 // What the drives hold when the compensator comes and goes: restarts and modes, in both modes of
 // output, and what the bus may not do to the joint path.
-#include "firmware/core/test_image.h"
+#include "firmware/core/table/test_image.h"
 #include "firmware/testing/drives_bench.h"
 
 namespace armtrue::canopen {

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <span>
 
-#include "firmware/core/fixed.h"
+#include "firmware/core/fixed/fixed.h"
 
 namespace armtrue::canopen {
 namespace {

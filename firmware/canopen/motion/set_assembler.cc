@@ -7,8 +7,8 @@
 namespace armtrue::canopen {
 namespace {
 
-bool same_payload(const CanFrame& one, const CanFrame& other) {
-  return one.len == other.len && std::memcmp(one.data, other.data, one.len) == 0;
+bool has_payload(const CanFrame& frame, std::uint8_t len, const std::uint8_t* data) {
+  return frame.len == len && std::memcmp(frame.data, data, len) == 0;
 }
 
 }  // namespace
@@ -45,9 +45,16 @@ void SetAssembler::drop() {
   trusted_ = false;
 }
 
-const SetAssembler::Held* SetAssembler::find(std::span<const Held> frames, std::size_t rpdo) {
-  const auto found = std::ranges::find(frames, rpdo, &Held::rpdo);
-  return found == frames.end() ? nullptr : &*found;
+const SetAssembler::Held* SetAssembler::find(std::size_t rpdo) const {
+  const std::span<const Held> held = frames();
+  const auto found = std::ranges::find(held, rpdo, &Held::rpdo);
+  return found == held.end() ? nullptr : &*found;
+}
+
+bool SetAssembler::repeats_previous(const Held& held) const {
+  const std::span<const Sent> previous = std::span(previous_).first(previous_count_);
+  const auto found = std::ranges::find(previous, held.rpdo, &Sent::rpdo);
+  return found != previous.end() && has_payload(held.frame, found->len, found->data.data());
 }
 
 SetContent SetAssembler::content() const {
@@ -61,8 +68,8 @@ SetEvent SetAssembler::take(const Pdo& pdo, std::size_t rpdo, const CanFrame& fr
     spoilt_ = true;
     return SetEvent::kShort;
   }
-  if (const Held* same = find(frames(), rpdo)) {
-    if (same_payload(same->frame, frame)) return SetEvent::kRepeated;
+  if (const Held* same = find(rpdo)) {
+    if (has_payload(frame, same->frame.len, same->frame.data)) return SetEvent::kRepeated;
     if (!sync_in_use_) return SetEvent::kNextCycle;
     // Two different targets for the same joints in one interval: whose are the others?
     spoilt_ = true;
@@ -85,8 +92,13 @@ SetEvent SetAssembler::take(const Pdo& pdo, std::size_t rpdo, const CanFrame& fr
 void SetAssembler::set_progress(SetProgress progress) {
   progress_ = progress;
   if (progress != SetProgress::kOut) return;
-  previous_ = held_;
   previous_count_ = held_count_;
+  for (std::size_t k = 0; k < held_count_; ++k) {
+    const CanFrame& frame = held_[k].frame;
+    previous_[k].rpdo = held_[k].rpdo;
+    previous_[k].len = frame.len;
+    std::ranges::copy(frame.data, previous_[k].data.begin());
+  }
 }
 
 bool SetAssembler::is_over(std::uint32_t configured_us, std::uint64_t now_us) const {
@@ -102,11 +114,9 @@ bool SetAssembler::is_over(std::uint32_t configured_us, std::uint64_t now_us) co
 }
 
 SetAssembler::Ended SetAssembler::end_interval() {
-  const std::span<const Held> previous(previous_.data(), previous_count_);
   // If all of it were repeats of the set before, nothing was lost.
-  const bool only_repeats = !spoilt_ && std::ranges::all_of(frames(), [previous](const Held& one) {
-    const Held* before = find(previous, one.rpdo);
-    return before != nullptr && same_payload(before->frame, one.frame);
+  const bool only_repeats = !spoilt_ && std::ranges::all_of(frames(), [this](const Held& one) {
+    return repeats_previous(one);
   });
   Ended ended = Ended::kEmptyOrOut;
   if (present_ != 0 && progress_ != SetProgress::kOut) {

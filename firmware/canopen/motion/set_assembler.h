@@ -85,11 +85,19 @@ class SetAssembler {
   bool is_on_time(std::uint32_t configured_us, std::uint64_t now_us) const;
 
  private:
-  static const Held* find(std::span<const Held> frames, std::size_t rpdo);
+  // What a set that went out leaves to be compared with: no identifier, no mapping.
+  struct Sent {
+    std::uint8_t rpdo = 0;
+    std::uint8_t len = 0;
+    std::array<std::uint8_t, kFdPayload> data = {};
+  };
+
+  const Held* find(std::size_t rpdo) const;
+  bool repeats_previous(const Held& held) const;
   void clear();
 
   std::array<Held, kAxes> held_ = {};      // of this interval, in the order of arrival
-  std::array<Held, kAxes> previous_ = {};  // the last set that went out
+  std::array<Sent, kAxes> previous_ = {};  // the last set that went out
   std::uint8_t held_count_ = 0;
   std::uint8_t previous_count_ = 0;
   std::uint32_t expected_ = 0;  // bit r: RPDO r belongs to the set

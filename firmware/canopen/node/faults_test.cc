@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "firmware/canopen/node/bus_watch.h"
-#include "firmware/core/terms.h"
+#include "firmware/core/evaluation/terms.h"
 #include "firmware/testing/drives_bench.h"
 
 namespace armtrue::canopen {

@@ -1,6 +1,9 @@
 // NMT, heartbeat, EMCY, SYNC, PDO configuration and parameters of the whole node.
 #include <gtest/gtest.h>
 
+#include <cstdint>
+#include <vector>
+
 #include "firmware/testing/node_bench.h"
 #include "firmware/testing/test_table.h"
 
@@ -223,6 +226,17 @@ TEST_F(NetworkTest, TemperaturesComeByRpdoAndGoStale) {
   EXPECT_EQ(load_le<std::uint16_t>(sent(0x80U + kId).at(0).data), 0xFF12);
 }
 
+TEST_F(NetworkTest, TemperatureTimeOut_IsExact) {
+  ASSERT_EQ(bench.write(0x1410, 1, 0x190, 4), 0U);
+  ASSERT_EQ(bench.write(0x2000, 6, 1000, 4), 0U);
+  nmt(1);
+  bench.from_controller(make_frame(0x190, {0xC4, 0x09, 0x9C, 0xFF, 0, 0, 1, 0}));
+  bench.run_for(1'000'000);
+  EXPECT_TRUE(sent(0x80U + kId).empty());
+  bench.run_for(1);
+  EXPECT_EQ(load_le<std::uint16_t>(sent(0x80U + kId).at(0).data), 0xFF12);
+}
+
 TEST_F(NetworkTest, SynchronousInputsWaitForSync) {
   ASSERT_EQ(bench.write(0x1412, 1, 0x191, 4), 0U);
   ASSERT_EQ(bench.write(0x1412, 2, 0, 1), 0U);
@@ -298,6 +312,94 @@ TEST_F(NetworkTest, StatusTpdoLeavesOnChangeOnTimerAndOnSync) {
   sent();
   for (int k = 0; k < 9; ++k) bench.from_controller(make_frame(0x80, {}));
   EXPECT_EQ(sent(0x1A8).size(), 3U) << "every third SYNC";
+}
+
+class StatusTpdoTest : public NetworkTest {
+ protected:
+  // Maps one object into the ninth TPDO and starts the node.
+  void start(std::uint32_t mapped, std::uint32_t inhibit_100us, std::uint32_t event_ms) {
+    ASSERT_EQ(bench.write(0x1A08, 0, 0, 1), 0U);
+    ASSERT_EQ(bench.write(0x1A08, 1, mapped, 4), 0U);
+    ASSERT_EQ(bench.write(0x1A08, 0, 1, 1), 0U);
+    ASSERT_EQ(bench.write(0x1808, 3, inhibit_100us, 2), 0U);
+    ASSERT_EQ(bench.write(0x1808, 5, event_ms, 2), 0U);
+    ASSERT_EQ(bench.write(0x1808, 1, 0x400001A8, 4), 0U);
+    sent();
+    nmt(1);
+  }
+  // Milliseconds from one frame to the next; the first left at the start.
+  std::vector<std::uint64_t> intervals_ms(std::uint64_t duration_ms) {
+    std::vector<std::uint64_t> found;
+    EXPECT_EQ(sent(0x1A8).size(), 1U);
+    std::uint64_t last_us = bench.now_us;
+    const std::uint64_t end_us = bench.now_us + duration_ms * 1000;
+    while (bench.now_us < end_us) {
+      bench.run_for(1000);
+      for (std::size_t frames = sent(0x1A8).size(); frames != 0; --frames) {
+        found.push_back((bench.now_us - last_us) / 1000);
+        last_us = bench.now_us;
+      }
+    }
+    return found;
+  }
+};
+
+TEST_F(StatusTpdoTest, InhibitTime_KeepsChangesThatFarApartAndNoFarther) {
+  start(0x20010D20, 50, 0);  // 0x2001 sub 13 changes every millisecond
+  EXPECT_EQ(intervals_ms(60), std::vector<std::uint64_t>(12, 5));
+}
+
+TEST_F(StatusTpdoTest, EventTimer_RepeatsWhatDoesNotChange) {
+  start(0x20010C08, 0, 7);  // 0x2001 sub 12, the number of joints
+  EXPECT_EQ(intervals_ms(70), std::vector<std::uint64_t>(10, 7));
+}
+
+TEST_F(StatusTpdoTest, NoEventTimer_SendsWhatDoesNotChangeOnce) {
+  start(0x20010C08, 0, 0);
+  EXPECT_TRUE(intervals_ms(300).empty());
+}
+
+TEST_F(NetworkTest, TimeSinceStart_IsInMilliseconds) {
+  bench.run_for(2'345'000);
+  EXPECT_EQ(bench.read(0x2001, 13), bench.now_us / 1000);
+}
+
+TEST_F(NetworkTest, EachSelfTest_MayBeAskedForAlone) {
+  for (std::uint32_t test = 1; test <= 0x10; test <<= 1U) {
+    EXPECT_EQ(bench.write(0x2030, 1, test, 1), 0U) << test;
+  }
+  EXPECT_EQ(bench.write(0x2030, 1, 0, 1), 0x06090030U);
+  EXPECT_EQ(bench.write(0x2030, 1, 0x20, 1), 0x06090030U);
+}
+
+TEST(BusStatus, Counters_AreThoseOfTheirOwnBus) {
+  NodeBench bench;
+  const std::uint32_t taken = bench.read(0x2002, 2);  // this request and all before
+  const std::uint32_t back = bench.read(0x2003, 2);
+  for (int k = 0; k < 3; ++k) bench.from_controller(make_frame(0x123, {k}));
+  for (int k = 0; k < 2; ++k) bench.from_drives(make_frame(0x124, {k}));
+  bench.upstream.lose_frames(7);
+  bench.downstream.lose_frames(8);
+  EXPECT_EQ(bench.read(0x2002, 2), taken + 3 + 2) << "and the two requests";
+  EXPECT_EQ(bench.read(0x2003, 2), back + 2);
+  EXPECT_EQ(bench.read(0x2002, 7), 3U) << "forwarded from here";
+  EXPECT_EQ(bench.read(0x2003, 7), 2U);
+  EXPECT_EQ(bench.read(0x2003, 3), 3U) << "sent";
+  EXPECT_EQ(bench.read(0x2002, 4), 7U) << "overruns";
+  EXPECT_EQ(bench.read(0x2003, 4), 8U);
+  bench.downstream.set_room(0);
+  bench.downstream.take_sent();
+  bench.from_controller(make_frame(0x123, {9}));
+  EXPECT_EQ(bench.read(0x2003, 5), 1U) << "refused";
+  EXPECT_EQ(bench.read(0x2002, 8), 1U) << "dropped in forwarding";
+  EXPECT_EQ(bench.read(0x2003, 8), 0U);
+  bench.downstream.set_state(BusState::kPassive);
+  EXPECT_EQ(bench.read(0x2003, 1), 2U);
+  EXPECT_EQ(bench.read(0x2002, 1), 0U);
+  bench.downstream.set_state(BusState::kBusOff);
+  EXPECT_EQ(bench.read(0x2003, 1), 3U);
+  EXPECT_EQ(bench.read(0x2003, 6), 1U) << "entries";
+  EXPECT_EQ(bench.read(0x2002, 6), 0U);
 }
 
 TEST_F(NetworkTest, SyncStartValueAlignsToTheCounter) {

@@ -4,7 +4,7 @@
 
 #include "firmware/canopen/node/node.h"
 #include "firmware/canopen/protocol/crc16.h"
-#include "firmware/core/crc32.h"
+#include "firmware/core/crypto/crc32.h"
 
 namespace armtrue::canopen {
 namespace {

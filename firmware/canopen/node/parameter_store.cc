@@ -1,6 +1,6 @@
 #include "firmware/canopen/node/parameter_store.h"
 
-#include "firmware/core/crc32.h"
+#include "firmware/core/crypto/crc32.h"
 
 namespace armtrue::canopen {
 namespace {

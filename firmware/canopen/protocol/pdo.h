@@ -56,9 +56,10 @@ struct Mapping {
   bool has_axis_object(std::uint16_t object) const;
 };
 
+// There are 28 of them: the identifier stands first, which leaves no gaps.
 struct Pdo {
-  bool valid = false;
   std::uint32_t id = 0;
+  bool valid = false;
   std::uint8_t transmission = 255;
   Mapping mapping;
 

@@ -2,12 +2,12 @@
 
 #include <algorithm>
 
-#include "firmware/core/bytes.h"
-#include "firmware/core/crc32.h"
-#include "firmware/core/format.h"
-#include "firmware/core/limits.h"
-#include "firmware/core/ratio.h"
-#include "firmware/core/table_view.h"
+#include "firmware/core/crypto/crc32.h"
+#include "firmware/core/fixed/bytes.h"
+#include "firmware/core/fixed/ratio.h"
+#include "firmware/core/table/format.h"
+#include "firmware/core/table/limits.h"
+#include "firmware/core/table/table_view.h"
 
 namespace armtrue::canopen {
 namespace {

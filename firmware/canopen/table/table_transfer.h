@@ -19,7 +19,7 @@
 #include "firmware/canopen/protocol/object_dictionary.h"
 #include "firmware/canopen/table/table_buffers.h"
 #include "firmware/core/compensator.h"
-#include "firmware/core/table.h"
+#include "firmware/core/table/table.h"
 #include "firmware/storage/slot_store.h"
 
 namespace armtrue::canopen {

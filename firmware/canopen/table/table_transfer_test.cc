@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 
-#include "firmware/core/crc32.h"
+#include "firmware/core/crypto/crc32.h"
 #include "firmware/testing/node_bench.h"
 #include "firmware/testing/test_table.h"
 
@@ -34,7 +34,9 @@ class TableTransferTest : public testing::Test {
   std::uint32_t status(std::uint8_t sub) { return bench.read(0x2013, sub); }
   void expect_refused(const std::vector<std::uint8_t>& image, std::uint32_t reason) {
     ASSERT_EQ(bench.stage(image), 0U);
+    const std::uint32_t refused = bench.read(0x2001, 6);
     EXPECT_EQ(bench.command(TableCommand::kVerify), kRefused);
+    EXPECT_EQ(bench.read(0x2001, 6), refused + 1);
     EXPECT_EQ(status(kStaging), 4U);
     EXPECT_EQ(status(kReason), reason);
     EXPECT_EQ(bench.command(TableCommand::kCommit), kDeviceState);

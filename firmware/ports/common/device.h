@@ -9,7 +9,7 @@
 #include "firmware/canopen/node/node.h"
 #include "firmware/canopen/table/table_transfer.h"
 #include "firmware/core/compensator.h"
-#include "firmware/core/limits.h"
+#include "firmware/core/table/limits.h"
 #include "firmware/storage/flash.h"
 #include "firmware/storage/slot_store.h"
 

@@ -5,10 +5,10 @@
 #include <span>
 
 #include "firmware/core/compensator.h"
-#include "firmware/core/ed25519.h"
-#include "firmware/core/inverse.h"
-#include "firmware/core/table.h"
-#include "firmware/core/table_cost.h"
+#include "firmware/core/crypto/ed25519.h"
+#include "firmware/core/evaluation/inverse.h"
+#include "firmware/core/table/table.h"
+#include "firmware/core/table/table_cost.h"
 
 namespace {
 

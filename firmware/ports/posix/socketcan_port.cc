@@ -1,5 +1,6 @@
 #include "firmware/ports/posix/socketcan_port.h"
 
+#include <fcntl.h>
 #include <linux/can.h>
 #include <linux/can/error.h>
 #include <linux/can/raw.h>
@@ -9,7 +10,9 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <charconv>
 #include <cstring>
+#include <string_view>
 
 namespace armtrue::posix {
 namespace {
@@ -27,7 +30,30 @@ SocketCanPort::~SocketCanPort() {
   if (socket_ >= 0) close(socket_);
 }
 
+std::string SocketCanPort::adopt(const std::string& name, int descriptor) {
+  int type = 0;
+  socklen_t length = sizeof type;
+  const int flags = fcntl(descriptor, F_GETFL);
+  if (flags < 0 || getsockopt(descriptor, SOL_SOCKET, SO_TYPE, &type, &length) < 0 ||
+      type == SOCK_STREAM || fcntl(descriptor, F_SETFL, flags | O_NONBLOCK) < 0) {
+    return name + ": expected an open socket that keeps messages apart (SOCK_SEQPACKET)";
+  }
+  socket_ = descriptor;
+  interface_ = name;
+  supports_fd_ = true;
+  return "";
+}
+
 std::string SocketCanPort::open(const std::string& interface) {
+  constexpr std::string_view kInherited = "fd:";
+  if (interface.starts_with(kInherited)) {
+    int descriptor = -1;
+    const char* begin = interface.data() + kInherited.size();
+    const char* end = interface.data() + interface.size();
+    const auto [read, error] = std::from_chars(begin, end, descriptor);
+    if (error != std::errc() || read != end) return interface + ": expected fd:NUMBER";
+    return adopt(interface, descriptor);
+  }
   socket_ = socket(PF_CAN, SOCK_RAW | SOCK_NONBLOCK | SOCK_CLOEXEC, CAN_RAW);
   if (socket_ < 0) return interface + ": this kernel has no CAN: " + std::strerror(errno);
   ifreq request = {};

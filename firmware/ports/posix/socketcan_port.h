@@ -17,6 +17,8 @@ class SocketCanPort final : public canopen::CanPort {
   SocketCanPort& operator=(const SocketCanPort&) = delete;
 
   // Binds to `interface`. Empty if it worked, else one sentence that names the interface.
+  // "fd:N": file descriptor N, inherited from the parent process, is a socket each message of which
+  // is a can_frame or canfd_frame: a bus without the kernel's CAN.
   std::string open(const std::string& interface);
 
   // For poll(2).
@@ -31,6 +33,7 @@ class SocketCanPort final : public canopen::CanPort {
   bool supports_fd() const override { return supports_fd_; }
 
  private:
+  std::string adopt(const std::string& name, int descriptor);
   void take_error_frame(std::uint32_t error_class, const std::uint8_t* data);
   bool is_link_up() const;
 

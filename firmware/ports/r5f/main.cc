@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <span>
 
-#include "firmware/core/limits.h"
+#include "firmware/core/table/limits.h"
 #include "firmware/ports/common/device.h"
 #include "firmware/ports/common/register_block.h"
 #include "firmware/ports/common/slot_parameters.h"

@@ -23,7 +23,7 @@
 #include <utility>
 #include <vector>
 
-#include "firmware/core/test_image.h"
+#include "firmware/core/table/test_image.h"
 #include "firmware/testing/node_bench.h"
 #include "firmware/testing/test_table.h"
 

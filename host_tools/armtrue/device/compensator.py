@@ -26,7 +26,7 @@ PROTECTIONS = (
 BUS_STATES = ("active", "warning", "passive", "bus-off")
 NO_SLOT = 0xFF
 
-# Why a table was refused: firmware/core/table.h, and from 0x100 the upload's own reasons.
+# Why a table was refused: firmware/core/table/table.h, and from 0x100 the upload's own reasons.
 REFUSALS = {
     0: "accepted",
     1: "too short",

@@ -1,4 +1,4 @@
-"""The layout of a table image: docs/table-format.md in code, the writer's side of firmware/core/format.h."""
+"""The layout of a table image: docs/table-format.md in code, the writer's side of firmware/core/table/format.h."""
 
 from __future__ import annotations
 

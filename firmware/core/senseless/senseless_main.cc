@@ -1,0 +1,86 @@
+// senseless_tables FIRST COUNT [RECORDINGS]: runs so many senseless tables, and writes them as
+// recordings for cycle_replay where a file is named. Fails at the first that does what none may.
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <string>
+
+#include "firmware/core/senseless/senseless_run.h"
+#include "firmware/replay/replay.h"
+
+namespace {
+
+using namespace armtrue;
+
+void append_bytes(testing::Bytes& to, const void* from, std::size_t size) {
+  const std::size_t begin = to.size();
+  to.resize(begin + size);
+  std::memcpy(&to[begin], from, size);
+}
+
+// One recording: the table put in force and run, or refused in its only cycle.
+bool record(std::FILE* file, std::uint64_t seed, bool accepted) {
+  testing::SenselessImage made(seed);
+  const std::vector<CycleInput> inputs = testing::senseless_inputs(made);
+  testing::Bytes image = made.image();
+  image.resize((image.size() + 3) / 4 * 4);
+  const std::uint32_t cycles = accepted ? static_cast<std::uint32_t>(inputs.size()) : 1U;
+  const replay::RecordingHead head = {replay::kMagic,
+                                      made.joints(),
+                                      static_cast<std::uint32_t>(seed % 2),
+                                      1000,
+                                      cycles,
+                                      static_cast<std::uint32_t>(image.size()),
+                                      0};
+  testing::Bytes bytes;
+  append_bytes(bytes, &head, sizeof head);
+  append_bytes(bytes, image.data(), image.size());
+  for (std::uint32_t i = 0; i < cycles; ++i) {
+    replay::RecordedCycle cycle = {};
+    const auto first = accepted ? replay::Request::kActivateA : replay::Request::kRefuseA;
+    cycle.request = static_cast<std::uint32_t>(i == 0 ? first : replay::Request::kNone);
+    std::copy(inputs[i].target.begin(), inputs[i].target.end(), cycle.target);
+    std::copy(inputs[i].temperature_mdegc.begin(), inputs[i].temperature_mdegc.end(),
+              cycle.temperature_mdegc);
+    cycle.temperature_valid = inputs[i].temperature_valid;
+    cycle.payload_g = inputs[i].payload_g;
+    cycle.time_ms = static_cast<std::uint32_t>(inputs[i].time_ms);
+    append_bytes(bytes, &cycle, sizeof cycle);
+  }
+  return std::fwrite(bytes.data(), 1, bytes.size(), file) == bytes.size();
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  if (argc != 3 && argc != 4) {
+    std::fprintf(stderr, "usage: senseless_tables FIRST COUNT [RECORDINGS]\n");
+    return 2;
+  }
+  const std::uint64_t first = std::strtoull(argv[1], nullptr, 10);
+  const std::uint64_t count = std::strtoull(argv[2], nullptr, 10);
+  std::FILE* file = argc == 4 ? std::fopen(argv[3], "wb") : nullptr;
+  if (argc == 4 && file == nullptr) {
+    std::fprintf(stderr, "senseless_tables: %s cannot be written\n", argv[3]);
+    return 2;
+  }
+  std::uint64_t taken = 0;
+  for (std::uint64_t seed = first; seed < first + count; ++seed) {
+    bool accepted = false;
+    const std::string wrong = testing::run_senseless(seed, accepted);
+    if (!wrong.empty()) {
+      std::fprintf(stderr, "seed %llu: %s\n", static_cast<unsigned long long>(seed), wrong.c_str());
+      return 1;
+    }
+    taken += accepted ? 1U : 0U;
+    if (file != nullptr && !record(file, seed, accepted)) {
+      std::fprintf(stderr, "senseless_tables: %s cannot be written\n", argv[3]);
+      return 2;
+    }
+  }
+  if (file != nullptr && std::fclose(file) != 0) return 2;
+  std::printf("%llu senseless tables: %llu taken, %llu refused, none beyond the maxima\n",
+              static_cast<unsigned long long>(count), static_cast<unsigned long long>(taken),
+              static_cast<unsigned long long>(count - taken));
+  return 0;
+}

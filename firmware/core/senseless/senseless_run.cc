@@ -1,0 +1,106 @@
+#include "firmware/core/senseless/senseless_run.h"
+
+#include <cmath>
+#include <memory>
+
+#include "firmware/core/table/table_cost.h"
+
+namespace armtrue::testing {
+namespace {
+
+constexpr std::array<std::uint8_t, 32> kSeed = {3, 1, 4, 1, 5};
+
+// The image with a flag, a signature and a checksum that fits both.
+Bytes signed_image(const Bytes& plain) {
+  Bytes bytes(plain.begin(), plain.end() - 4);
+  bytes[format::header::kFlagsAt] |= static_cast<std::uint8_t>(format::kFlagSigned);
+  put(bytes, format::header::kImageLengthAt, static_cast<std::uint32_t>(plain.size() + 64));
+  const auto signature = sign_ed25519(kSeed, bytes);
+  bytes.insert(bytes.end(), signature.begin(), signature.end());
+  append(bytes, crc32(bytes));
+  return bytes;
+}
+
+// The most that a correction of a joint may be, and the most that it may change in a cycle of a
+// millisecond: increments, from the compile-time maxima and the table's own scale.
+struct Maxima {
+  double delta;
+  double step;
+};
+
+Maxima maxima_of(const TableView& table, std::size_t joint) {
+  const std::uint8_t* at = table.joint(joint);
+  const bool slides = table.is_prismatic(joint);
+  const double scale = std::abs(std::ldexp(load_i32(at + format::joint::kIncrementPerUnitAt),
+                                           -at[format::joint::kIncrementShiftAt]));
+  return {(slides ? kMaxDeltaPrismatic : kMaxDeltaRevolute) * scale,
+          (slides ? kMaxRatePrismatic : kMaxRateRevolute) * scale * 1e-3};
+}
+
+std::string check_cycle(const CycleInput& input, const CycleOutput& output,
+                        const CycleOutput& before, const TableView& table) {
+  for (std::size_t k = 0; k < table.joint_count(); ++k) {
+    const Maxima most = maxima_of(table, k);
+    const std::int64_t delta = std::int64_t{output.corrected[k]} - input.target[k];
+    if (std::abs(static_cast<double>(delta)) > most.delta + 1.0) return "beyond the clamp";
+    if (output.delta[k] != delta) return "a delta that is not the difference";
+    // Where the target is at the end of 32 bits the output stops there, and is back with the next.
+    if (((output.flags | before.flags) & kOutputSaturated) != 0) continue;
+    const double step = static_cast<double>(delta) - before.delta[k];
+    if (std::abs(step) > most.step + 2.0) return "faster than the rate";
+  }
+  return {};
+}
+
+}  // namespace
+
+std::vector<CycleInput> senseless_inputs(SenselessImage& made) {
+  std::vector<CycleInput> inputs(kSenselessCycles);
+  for (CycleInput& input : inputs) {
+    for (std::int32_t& target : input.target) target = made.extreme() / 2;
+    for (std::int32_t& temperature : input.temperature_mdegc) temperature = made.extreme();
+    input.temperature_valid = static_cast<std::uint32_t>(made.extreme());
+    input.payload_g = made.extreme();
+    input.time_ms = static_cast<std::uint32_t>(made.extreme());
+  }
+  inputs.back().target = inputs.front().target;
+  for (std::int32_t& target : inputs.back().target) target = made.extreme();
+  return inputs;
+}
+
+std::string run_senseless(std::uint64_t seed, bool& accepted) {
+  SenselessImage made(seed);
+  const std::vector<CycleInput> inputs = senseless_inputs(made);
+  DeviceIdentity device;
+  Bytes image = made.image();
+  if (seed % 16 == 0) {
+    image = signed_image(image);
+    device.has_key = true;
+    device.public_key = public_key_ed25519(kSeed);
+  }
+  CompensatorConfig config;
+  config.joint_count = made.joints();
+  config.carry_remainder = seed % 2 == 1;
+  const auto compensator = std::make_unique<Compensator>(config);
+  const Validation validation = compensator->load(image, device);
+  accepted = validation.accepted();
+  if (!accepted) {
+    const bool is_inside = validation.field <= image.size();
+    return is_inside ? std::string() : "a refusal that points outside the image";
+  }
+  if (cycle_cost(image) > kCycleBudget) return "above the budget";
+  if (!compensator->activate()) return "accepted and not activated";
+  const TableView table(image);
+  CycleOutput before;
+  for (const CycleInput& input : inputs) {
+    const CycleOutput output = compensator->cycle(input);
+    const std::string wrong = check_cycle(input, output, before, table);
+    if (!wrong.empty()) return wrong;
+    before = output;
+  }
+  compensator->disable();
+  const CycleOutput output = compensator->cycle(inputs.front());
+  return check_cycle(inputs.front(), output, before, table);
+}
+
+}  // namespace armtrue::testing

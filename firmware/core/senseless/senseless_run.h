@@ -1,0 +1,25 @@
+// What has to hold for any table that is let in, whatever stands in it.
+#ifndef ARMTRUE_FIRMWARE_CORE_SENSELESS_SENSELESS_RUN_H_
+#define ARMTRUE_FIRMWARE_CORE_SENSELESS_SENSELESS_RUN_H_
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "firmware/core/compensator.h"
+#include "firmware/core/senseless/senseless_image.h"
+
+namespace armtrue::testing {
+
+inline constexpr int kSenselessCycles = 12;
+
+// Inputs at the ends of what a bus can carry; the same for the same table.
+std::vector<CycleInput> senseless_inputs(SenselessImage& made);
+
+// Loads the table of a seed as a device with a key would (every 16th is signed and checked with it)
+// and runs its cycles. Returns what went wrong, empty if nothing did; `accepted` is the verdict.
+std::string run_senseless(std::uint64_t seed, bool& accepted);
+
+}  // namespace armtrue::testing
+
+#endif  // ARMTRUE_FIRMWARE_CORE_SENSELESS_SENSELESS_RUN_H_

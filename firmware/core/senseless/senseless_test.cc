@@ -1,0 +1,35 @@
+// Tables that are in order and mean nothing, a few hundred; senseless_main.cc runs ten thousand.
+#include <gtest/gtest.h>
+
+#include "firmware/core/senseless/senseless_run.h"
+#include "firmware/core/table/table.h"
+
+namespace armtrue {
+namespace {
+
+TEST(SenselessTableTest, AnyTable_StaysWithinTheMaxima) {
+  int taken = 0;
+  for (std::uint64_t seed = 0; seed < 400; ++seed) {
+    bool accepted = false;
+    EXPECT_EQ(testing::run_senseless(seed, accepted), "") << "seed " << seed;
+    taken += accepted ? 1 : 0;
+  }
+  // A generator whose tables are refused tests nothing, one whose tables all pass meets no limit.
+  EXPECT_GT(taken, 200);
+  EXPECT_LT(taken, 380);
+}
+
+TEST(SenselessTableTest, RefusedTables_AreRefusedForManyReasons) {
+  std::array<int, 32> seen = {};
+  for (std::uint64_t seed = 0; seed < 2000; ++seed) {
+    const Validation validation = validate(testing::SenselessImage(seed).image(), {});
+    ++seen[static_cast<std::size_t>(validation.refusal)];
+  }
+  for (const Refusal refusal :
+       {Refusal::kNone, Refusal::kBadReference, Refusal::kValueRange, Refusal::kTooCostly}) {
+    EXPECT_GT(seen[static_cast<std::size_t>(refusal)], 10) << name_of(refusal);
+  }
+}
+
+}  // namespace
+}  // namespace armtrue

@@ -1,0 +1,180 @@
+// The arm: joints and their drives, tools, coupling, sensors, masses.
+#include "firmware/core/fixed/bytes.h"
+#include "firmware/core/fixed/fixed.h"
+#include "firmware/core/fixed/ratio.h"
+#include "firmware/core/table/limits.h"
+#include "firmware/core/table/table_checker.h"
+
+namespace armtrue {
+namespace {
+
+namespace header = format::header;
+
+constexpr std::int64_t kMaxReach = std::int64_t{12} << Length::fraction;
+constexpr std::int32_t kMaxPayloadArm = std::int32_t{4} << Length::fraction;
+constexpr std::int64_t kMaxOffset = std::int64_t{8} << 32;
+constexpr int kMaxShift = 62;
+// What one motor may drive beside its own joint, all ratios together; gears and parallelograms have
+// ratios about 1. An element of the Jacobian is then at most 9 times 23 m, and its products stay
+// within the 64 bits that the solver adds them in.
+constexpr std::int64_t kMaxDriven = std::int64_t{8} << format::coupling::kRatioFraction;
+
+}  // namespace
+
+// Rows of unit length; the translation's size is added to `reach`.
+bool Checker::check_transform(const std::uint8_t* at, std::int64_t& reach) {
+  constexpr std::int64_t kOne = std::int64_t{1} << (2 * Ratio::fraction);
+  constexpr std::int64_t kTolerance = std::int64_t{1} << 36;
+  for (std::size_t row = 0; row < 3; ++row) {
+    std::int64_t square = 0;
+    for (std::size_t column = 0; column < 3; ++column) {
+      const std::uint8_t* element = at + 4 * (3 * row + column);
+      const std::int32_t value = load_i32(element);
+      if (!require_at(absolute(value) <= kRatioOne.raw, Refusal::kValueRange, element)) {
+        return false;
+      }
+      square += product(value, value);
+    }
+    if (!require_at(absolute(square - kOne) <= kTolerance, Refusal::kValueRange, at + 12 * row)) {
+      return false;
+    }
+  }
+  const std::uint8_t* translation = at + format::transform::kTranslationAt;
+  for (std::size_t i = 0; i < 3; ++i) {
+    reach += absolute(load_i32(translation + 4 * i));
+  }
+  return require_at(reach <= kMaxReach, Refusal::kValueRange, translation);
+}
+
+bool Checker::check_scale(const std::uint8_t* at) {
+  const std::uint8_t* back = at + format::joint::kIncrementPerUnitAt;
+  const std::int64_t u = load_i32(at + format::joint::kUnitPerIncrementAt);
+  const std::int64_t v = load_i32(back);
+  const int s = at[format::joint::kUnitShiftAt];
+  const int t = at[format::joint::kIncrementShiftAt];
+  if (!check_shift(s, 1, kMaxShift, at + format::joint::kUnitShiftAt) ||
+      !check_shift(t, 1, kMaxShift, at + format::joint::kIncrementShiftAt)) {
+    return false;
+  }
+  // There and back again is where it began: u/2^s · v/2^t = 1.
+  const std::int64_t both = u * v;
+  const bool is_inverse =
+      both > 0 && nearly_equal({static_cast<std::uint64_t>(both), -(s + t)}, {1, 0});
+  // 2^4 … 2^31 increments a unit: |v| / 2^t lies in 2^-28 … 2^-1.
+  const Scaled size = normalised({magnitude(v), -t});
+  const int power = size.exponent + 63;  // 2^power ≤ |v| / 2^t < 2^(power + 1)
+  const bool is_largest = power == -1 && size.mantissa == std::uint64_t{1} << 63U;
+  const bool is_in_range = power >= -28 && (power < -1 || is_largest);
+  return require_at(is_inverse && is_in_range, Refusal::kScale, back);
+}
+
+bool Checker::check_joints() {
+  for (std::size_t k = 0; k < joints_; ++k) {
+    const std::uint8_t* at = record(Section::kJoints, k);
+    const std::uint8_t* rate = at + format::joint::kRateAt;
+    const bool passed =
+        check_transform(at + format::joint::kTransformAt, reach_) &&
+        require_at(absolute(load_i64(at + format::joint::kOffsetAt) >> 1) <= kMaxOffset / 2,
+                   Refusal::kValueRange, at + format::joint::kOffsetAt) &&
+        check_scale(at) &&
+        require_at(at[format::joint::kTypeAt] <= 1U, Refusal::kUnknownKind,
+                   at + format::joint::kTypeAt) &&
+        require_zero(at + format::joint::kReservedAt, 1) &&
+        require_at(load_i32(at + format::joint::kMagnitudeAt) >= 0, Refusal::kValueRange,
+                   at + format::joint::kMagnitudeAt) &&
+        require_at(load_i32(rate) >= kMinRate, Refusal::kValueRange, rate) &&
+        require_at(load_i32(at + format::joint::kDeadBandAt) >= 0, Refusal::kValueRange,
+                   at + format::joint::kDeadBandAt);
+    if (!passed) {
+      return false;
+    }
+  }
+  return true;
+}
+
+bool Checker::check_tools() {
+  for (std::size_t i = 0; i < section(Section::kTools).count; ++i) {
+    std::int64_t reach = reach_;  // one tool at a time
+    if (!check_transform(record(Section::kTools, i), reach)) {
+      return false;
+    }
+  }
+  return true;
+}
+
+bool Checker::is_revolute(std::size_t k) const {
+  return record(Section::kJoints, k)[format::joint::kTypeAt] == 0U;
+}
+
+bool Checker::check_coupling() {
+  std::uint64_t taken = 0;  // bit 8 · row + column
+  std::array<std::int64_t, kMaxJoints> driven = {};
+  for (std::size_t i = 0; i < section(Section::kCoupling).count; ++i) {
+    const std::uint8_t* at = record(Section::kCoupling, i);
+    const std::uint8_t row = at[format::coupling::kRowAt];
+    const std::uint8_t column = at[format::coupling::kColumnAt];
+    const std::int64_t ratio = absolute(load_i32(at + format::coupling::kRatioAt));
+    const bool passed =
+        require_at(row < joints_ && column < joints_ && row != column, Refusal::kBadReference,
+                   at) &&
+        require_at(is_revolute(row) && is_revolute(column), Refusal::kBadReference, at) &&
+        require_zero(at + format::coupling::kReservedAt, 2) &&
+        require_at((taken >> (8U * row + column) & 1U) == 0U, Refusal::kBadReference, at) &&
+        require_at(driven[column] + ratio <= kMaxDriven, Refusal::kValueRange,
+                   at + format::coupling::kRatioAt);
+    if (!passed) {
+      return false;
+    }
+    driven[column] += ratio;
+    taken |= std::uint64_t{1} << (8U * row + column);
+  }
+  return true;
+}
+
+bool Checker::check_sensors() {
+  for (std::size_t i = 0; i < section(Section::kSensors).count; ++i) {
+    const std::uint8_t* at = record(Section::kSensors, i);
+    if (!require_at(load_i32(at) > -300000 && load_i32(at) < 1000000, Refusal::kValueRange, at)) {
+      return false;
+    }
+  }
+  return true;
+}
+
+bool Checker::check_mass_sets() {
+  const std::size_t count = section(Section::kMassSets).count;
+  if (!require(count <= kMaxMassSets, Refusal::kTooManyRecords, header::kSectionCountAt)) {
+    return false;
+  }
+  for (std::size_t i = 0; i < count; ++i) {
+    const std::uint8_t* at = record(Section::kMassSets, i);
+    const std::uint8_t flags = at[format::mass_set::kFlagsAt];
+    const std::uint8_t most = flags == format::mass_set::kCarriesPayload ? 30U : 60U;
+    if (!require_at(at[format::mass_set::kFractionAt] <= most, Refusal::kValueRange, at) ||
+        !require_at(flags <= format::mass_set::kCarriesPayload, Refusal::kUnknownFlag, at + 1) ||
+        !require_zero(at + format::mass_set::kReservedAt, 2)) {
+      return false;
+    }
+  }
+  return true;
+}
+
+bool Checker::check_gravity() {
+  const SectionView& gravity = section(Section::kGravity);
+  if (gravity.count == 0U) {
+    return true;
+  }
+  if (!require_at(gravity.count == 1U, Refusal::kTooManyRecords, gravity.begin)) {
+    return false;
+  }
+  for (std::size_t i = 0; i < 3; ++i) {
+    const std::uint8_t* at = gravity.begin + format::gravity::kPayloadPointAt + 4 * i;
+    if (!require_at(absolute(load_i32(at)) <= kMaxPayloadArm, Refusal::kValueRange, at)) {
+      return false;
+    }
+  }
+  const std::uint8_t* limit = gravity.begin + format::gravity::kPayloadLimitAt;
+  return require_at(load_i32(limit) >= 0, Refusal::kValueRange, limit);
+}
+
+}  // namespace armtrue

@@ -1,0 +1,203 @@
+#include "firmware/core/table/table.h"
+
+#include <algorithm>
+
+#include "firmware/core/crypto/crc32.h"
+#include "firmware/core/crypto/ed25519.h"
+#include "firmware/core/fixed/bytes.h"
+#include "firmware/core/fixed/ratio.h"
+#include "firmware/core/table/format.h"
+#include "firmware/core/table/table_checks.h"
+#include "firmware/core/table/table_cost.h"
+
+namespace armtrue {
+namespace {
+
+namespace header = format::header;
+
+std::span<const std::uint8_t> without_trailer(std::span<const std::uint8_t> image, bool is_signed) {
+  const std::size_t trailer = format::kChecksumLength + (is_signed ? format::kSignatureLength : 0U);
+  return image.first(image.size() - trailer);
+}
+
+bool is_signed(std::span<const std::uint8_t> image) {
+  return (load_u32(image.data() + header::kFlagsAt) & format::kFlagSigned) != 0U;
+}
+
+constexpr Validation refuse(Refusal refusal, std::size_t field) {
+  return {refusal, static_cast<std::uint32_t>(field)};
+}
+
+// Everything that can be said without trusting a byte behind the header.
+Validation check_envelope(std::span<const std::uint8_t> image) {
+  if (image.size() < header::kLength + format::kChecksumLength) {
+    return refuse(Refusal::kTooShort, image.size());
+  }
+  const std::uint8_t* bytes = image.data();
+  if (load_u32(bytes + header::kMagicAt) != format::kMagic) {
+    return refuse(Refusal::kMagic, header::kMagicAt);
+  }
+  if (load_u16(bytes + header::kVersionAt) != format::kVersion) {
+    return refuse(Refusal::kNewerFormat, header::kVersionAt);
+  }
+  if (load_u16(bytes + header::kHeaderLengthAt) != header::kLength) {
+    return refuse(Refusal::kNewerFormat, header::kHeaderLengthAt);
+  }
+  if (load_u32(bytes + header::kImageLengthAt) != image.size() || image.size() > kMaxImageLength) {
+    return refuse(Refusal::kLength, header::kImageLengthAt);
+  }
+  if (is_signed(image) &&
+      image.size() < header::kLength + format::kChecksumLength + format::kSignatureLength) {
+    return refuse(Refusal::kTooShort, image.size());
+  }
+  const std::span<const std::uint8_t> checked = image.first(image.size() - format::kChecksumLength);
+  if (crc32(checked) != load_u32(bytes + checked.size())) {
+    return refuse(Refusal::kChecksum, checked.size());
+  }
+  const std::uint32_t flags = load_u32(bytes + header::kFlagsAt);
+  if ((flags & ~format::kKnownFlags) != 0U) {
+    return refuse(Refusal::kUnknownFlag, header::kFlagsAt);
+  }
+  return {};
+}
+
+Validation check_identity(std::span<const std::uint8_t> image, const DeviceIdentity& device) {
+  const std::uint8_t* bytes = image.data();
+  if (device.joint_count != 0U && bytes[header::kJointCountAt] != device.joint_count) {
+    return refuse(Refusal::kJointCount, header::kJointCountAt);
+  }
+  const bool is_bound = device.robot_serial[0] != '\0';
+  const auto same = [](char a, std::uint8_t b) { return static_cast<std::uint8_t>(a) == b; };
+  if (is_bound && !std::equal(device.robot_serial.begin(), device.robot_serial.end(),
+                              bytes + header::kSerialAt, same)) {
+    return refuse(Refusal::kRobotSerial, header::kSerialAt);
+  }
+  if (device.has_key) {
+    if (!is_signed(image)) {
+      return refuse(Refusal::kUnsigned, header::kFlagsAt);
+    }
+    const std::span<const std::uint8_t> message = without_trailer(image, true);
+    const auto signature = std::span<const std::uint8_t, format::kSignatureLength>(
+        image.subspan(message.size(), format::kSignatureLength));
+    if (!verify_ed25519(signature, device.public_key, message)) {
+      return refuse(Refusal::kSignature, message.size());
+    }
+  }
+  return {};
+}
+
+// The scales of a table whose contents passed, against what the device's drives count in.
+Validation check_resolution(std::span<const std::uint8_t> image, const DeviceIdentity& device) {
+  // Joints are the first section of every image.
+  const std::size_t first = load_u32(image.data() + header::kLength + 4);
+  for (std::size_t k = 0; k < image[header::kJointCountAt]; ++k) {
+    const Resolution& own = device.resolution[k];
+    if (own.increments == 0) {
+      continue;
+    }
+    const std::size_t field =
+        first + k * format::joint::kLength + format::joint::kIncrementPerUnitAt;
+    const std::uint8_t* joint = image.data() + first + k * format::joint::kLength;
+    const std::int64_t v = load_i32(joint + format::joint::kIncrementPerUnitAt);
+    const int t = joint[format::joint::kIncrementShiftAt];
+    const bool same_sign = (v < 0) == (own.increments < 0);
+    // v / 2^t · 2^32 increments a unit; v has 32 bits and the units have 32.
+    const Scaled asked = {magnitude(v) * own.units, 32 - t};
+    const Scaled known = {magnitude(own.increments), 0};
+    if (!same_sign || !nearly_equal(asked, known)) {
+      return refuse(Refusal::kResolution, field);
+    }
+  }
+  return {};
+}
+
+}  // namespace
+
+Validation validate(std::span<const std::uint8_t> image, const DeviceIdentity& device) {
+  Validation result = check_envelope(image);
+  if (result.accepted()) {
+    result = check_identity(image, device);
+  }
+  if (result.accepted()) {
+    result = check_contents(without_trailer(image, is_signed(image)));
+  }
+  if (result.accepted()) {
+    result = check_resolution(image, device);
+  }
+  if (result.accepted() && cycle_cost(image) > kCycleBudget) {
+    result = refuse(Refusal::kTooCostly, header::kSectionCountAt);
+  }
+  return result;
+}
+
+TableInfo describe(std::span<const std::uint8_t> image) {
+  const std::uint8_t* bytes = image.data();
+  TableInfo info;
+  info.format_version = load_u16(bytes + header::kVersionAt);
+  info.image_length = load_u32(bytes + header::kImageLengthAt);
+  info.sequence = load_u32(bytes + header::kSequenceAt);
+  info.checksum = load_u32(bytes + image.size() - format::kChecksumLength);
+  for (std::size_t i = 0; i < kSerialLength; ++i) {
+    info.robot_serial[i] = static_cast<char>(bytes[header::kSerialAt + i]);
+  }
+  info.joint_count = bytes[header::kJointCountAt];
+  info.sensor_count = bytes[header::kSensorCountAt];
+  info.tool_count = bytes[header::kToolCountAt];
+  info.is_signed = is_signed(image);
+  info.is_full_pose = (load_u32(bytes + header::kFlagsAt) & format::kFlagFullPose) != 0U;
+  return info;
+}
+
+const char* name_of(Refusal refusal) {
+  switch (refusal) {
+    case Refusal::kNone:
+      return "accepted";
+    case Refusal::kTooShort:
+      return "too short";
+    case Refusal::kMagic:
+      return "not a table";
+    case Refusal::kNewerFormat:
+      return "unknown format version";
+    case Refusal::kLength:
+      return "wrong length";
+    case Refusal::kChecksum:
+      return "wrong checksum";
+    case Refusal::kJointCount:
+      return "wrong number of joints";
+    case Refusal::kRobotSerial:
+      return "another robot's table";
+    case Refusal::kUnsigned:
+      return "not signed";
+    case Refusal::kSignature:
+      return "wrong signature";
+    case Refusal::kUnknownFlag:
+      return "unknown flag";
+    case Refusal::kUnknownSection:
+      return "unknown section";
+    case Refusal::kMissingSection:
+      return "missing section";
+    case Refusal::kSectionBounds:
+      return "section out of bounds";
+    case Refusal::kUnknownKind:
+      return "unknown kind of record";
+    case Refusal::kBadReference:
+      return "reference to nothing";
+    case Refusal::kValueRange:
+      return "value out of range";
+    case Refusal::kReserved:
+      return "reserved field not zero";
+    case Refusal::kTooManyRecords:
+      return "too many records";
+    case Refusal::kBusy:
+      return "activation pending";
+    case Refusal::kTooCostly:
+      return "too much work for a control cycle";
+    case Refusal::kScale:
+      return "increment scales that do not fit each other";
+    case Refusal::kResolution:
+      return "another resolution than the device's drives have";
+  }
+  return "unknown refusal";
+}
+
+}  // namespace armtrue

@@ -1,0 +1,97 @@
+// A table image as the firmware sees it: validated once, then read in place.
+//
+// docs/table-format.md gives every bit. The image is never copied and never written to; it must
+// stay where it is, unchanged, for as long as a Table that was made from it is used.
+#ifndef ARMTRUE_FIRMWARE_CORE_TABLE_TABLE_H_
+#define ARMTRUE_FIRMWARE_CORE_TABLE_TABLE_H_
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+
+#include "firmware/core/table/limits.h"
+
+namespace armtrue {
+
+// Increments of a drive for so many turns (revolute) or metres of its joint: 0x608F and 0x6091 as a
+// ratio. Negative where the drive counts against the joint.
+struct Resolution {
+  std::int64_t increments = 0;  // 0: the device does not know
+  std::uint32_t units = 1;
+};
+
+// Who this device is and whom it trusts. A table that does not fit is refused.
+struct DeviceIdentity {
+  std::array<char, kSerialLength> robot_serial = {};   // zero padded; empty: not bound to a robot
+  std::uint8_t joint_count = 0;                        // 0: any
+  bool has_key = false;                                // with a key, only signed tables are taken
+  std::array<std::uint8_t, 32> public_key = {};        // Ed25519 (RFC 8032)
+  std::array<Resolution, kMaxJoints> resolution = {};  // of each joint's drive
+};
+
+// Why a table is refused. The numbers are shown on the bus: never renumber.
+enum class Refusal : std::uint8_t {
+  kNone = 0,
+  kTooShort = 1,         // fewer bytes than a header
+  kMagic = 2,            // not a table
+  kNewerFormat = 3,      // a format version that this firmware does not know
+  kLength = 4,           // the length in the header is not the length of the image
+  kChecksum = 5,         // CRC-32
+  kJointCount = 6,       // not this arm's number of joints
+  kRobotSerial = 7,      // another robot's table
+  kUnsigned = 8,         // this device has a key, the table has no signature
+  kSignature = 9,        // signed by somebody else, or altered
+  kUnknownFlag = 10,     // a header flag of a later format
+  kUnknownSection = 11,  // a section kind of a later format
+  kMissingSection = 12,  // a section that every table has is absent
+  kSectionBounds = 13,   // a section reaches outside the image or overlaps the header
+  kUnknownKind = 14,     // a state variable, node, coordinate or joint type of a later format
+  kBadReference = 15,    // a record names a slot, joint, sensor, mass set or byte that is not there
+  kValueRange = 16,      // a value outside what the format allows
+  kReserved = 17,        // a reserved field that is not zero
+  kTooManyRecords = 18,  // more than this firmware has room for (limits.h)
+  kBusy = 19,            // an earlier activation has not been taken up yet
+  kTooCostly = 20,       // a control cycle would take longer than kCycleBudget (table_cost.h)
+  kScale = 21,           // increment scales that are not each other's inverse
+  kResolution = 22,      // scales of drives with another resolution than this device's
+};
+
+// One short English name, for people and logs.
+const char* name_of(Refusal refusal);
+
+// The outcome of a validation. `field` is the byte offset in the image of the field at fault, so
+// that a person with docs/table-format.md at hand can find it.
+struct Validation {
+  Refusal refusal = Refusal::kNone;
+  std::uint32_t field = 0;
+
+  constexpr bool accepted() const { return refusal == Refusal::kNone; }
+};
+
+// Checks the whole image: length, magic, version, CRC-32, identity, signature (when the device has
+// a key, or whenever `device.has_key` is set), then every section and every record, so that nothing
+// has to be checked again in the joint path. Takes time proportional to the image, plus one Ed25519
+// verification (tens of milliseconds on a Cortex-M4): never call it from the joint path.
+Validation validate(std::span<const std::uint8_t> image, const DeviceIdentity& device);
+
+// What the header of a validated image says; for status objects and replay protection.
+struct TableInfo {
+  std::uint16_t format_version = 0;
+  std::uint32_t image_length = 0;
+  std::uint32_t sequence = 0;  // grows with every export for one robot
+  std::uint32_t checksum = 0;  // CRC-32 of the image
+  std::array<char, kSerialLength> robot_serial = {};
+  std::uint8_t joint_count = 0;
+  std::uint8_t sensor_count = 0;
+  std::uint8_t tool_count = 0;
+  bool is_signed = false;
+  bool is_full_pose = false;
+};
+
+// Reads the header. Precondition: `image` passed validate().
+TableInfo describe(std::span<const std::uint8_t> image);
+
+}  // namespace armtrue
+
+#endif  // ARMTRUE_FIRMWARE_CORE_TABLE_TABLE_H_

@@ -1,0 +1,251 @@
+#include "firmware/core/table/table_cost.h"
+
+#include <array>
+#include <bit>
+
+#include "firmware/core/fixed/bytes.h"
+#include "firmware/core/table/format.h"
+#include "firmware/core/table/limits.h"
+#include "firmware/core/table/table_view.h"
+
+namespace armtrue {
+namespace {
+
+using format::Section;
+
+// How often a cycle goes through the parts of the term list (inverse.h).
+constexpr std::uint32_t kConstantPasses = 1;
+constexpr std::uint32_t kSteepPasses = 3;
+constexpr std::uint32_t kSmoothPasses = 2;
+constexpr std::uint32_t kGravityPasses = 1;
+
+// The arm alone: solver, chain, limits, blending.
+constexpr std::uint32_t kPosition = 4400;
+constexpr std::uint32_t kPositionPerJoint = 1480;
+constexpr std::uint32_t kPose = 9000;
+constexpr std::uint32_t kPosePerJoint = 1900;
+
+// Once a cycle, whatever the passes.
+constexpr std::uint32_t kSensor = 44;
+constexpr std::uint32_t kCoupling = 200;
+constexpr std::uint32_t kFrame = 300;  // of a virtual joint
+constexpr std::uint32_t kFrameOfPose = 540;
+
+// A pass.
+constexpr std::uint32_t kStillState = 15;
+constexpr std::uint32_t kPositionState = 44;
+constexpr std::uint32_t kGravityState = 46;
+constexpr std::uint32_t kGravity = 60;  // in the frames of the links
+constexpr std::uint32_t kGravityPerJoint = 50;
+constexpr std::uint32_t kMassSet = 90;
+constexpr std::uint32_t kMassSetPerJoint = 80;
+constexpr std::uint32_t kTorqueOfCoupling = 44;
+constexpr std::uint32_t kOtherCoupling = 9;
+constexpr std::uint32_t kTerm = 22;
+constexpr std::uint32_t kHarmonic = 62;
+constexpr std::uint32_t kSlowWave = 42;
+
+// A table of one axis and one output, and the general way through one of more.
+constexpr std::uint32_t kLine = 115;
+constexpr std::uint32_t kGrid = 72;
+constexpr std::uint32_t kGridAxis = 76;
+constexpr std::uint32_t kGridCorner = 27;
+constexpr std::uint32_t kGridOutput = 20;
+constexpr std::uint32_t kGridOutputCorner = 8;
+constexpr std::uint32_t kListedAxis = 14;
+constexpr std::uint32_t kHalving = 11;
+
+std::uint32_t cost_of(format::Node kind) {
+  switch (kind) {
+    case format::Node::kContinuation:
+      return 10;
+    case format::Node::kHarmonic:
+      return 60;
+    case format::Node::kAngle:
+      return 40;
+    case format::Node::kToAngle:
+      return 38;
+    case format::Node::kSine:
+      return 46;
+    case format::Node::kProduct:
+      return 20;
+    case format::Node::kSum:
+      return 90;
+    case format::Node::kScale:
+      return 60;
+    case format::Node::kReciprocal:
+      return 102;
+    case format::Node::kAbsolute:
+    case format::Node::kMinimum:
+    case format::Node::kMaximum:
+      return 22;
+    case format::Node::kSign:
+      return 26;
+    case format::Node::kSpline:
+      return 130;
+    case format::Node::kPowerOfTwo:
+      return 108;
+    case format::Node::kGrid:
+      break;  // by its data
+  }
+  return 0;
+}
+
+class Counter {
+ public:
+  explicit Counter(std::span<const std::uint8_t> image) : bytes_(image.data()) {
+    const std::uint8_t* entry = bytes_ + format::header::kLength;
+    for (std::size_t i = 0; i < bytes_[format::header::kSectionCountAt]; ++i) {
+      sections_[load_u16(entry)] = {bytes_ + load_u32(entry + 4), load_u16(entry + 2)};
+      entry += format::kDirectoryEntryLength;
+    }
+  }
+
+  std::uint32_t count() const { return arm() + states() + gravity() + nodes() + terms(); }
+
+ private:
+  const SectionView& section(Section kind) const {
+    return sections_[static_cast<std::size_t>(kind)];
+  }
+  std::uint32_t header_count(std::size_t at) const { return load_u16(bytes_ + at); }
+  std::uint32_t joints() const { return bytes_[format::header::kJointCountAt]; }
+  bool is_full_pose() const {
+    return (load_u32(bytes_ + format::header::kFlagsAt) & format::kFlagFullPose) != 0U;
+  }
+
+  std::uint32_t arm() const;
+  std::uint32_t moving_frames() const;
+  std::uint32_t states() const;
+  std::uint32_t gravity() const;
+  std::uint32_t nodes() const;
+  std::uint32_t grid(const std::uint8_t* node) const;
+  std::uint32_t terms() const;
+
+  const std::uint8_t* bytes_;
+  std::array<SectionView, format::kSectionKinds> sections_ = {};
+};
+
+std::uint32_t Counter::arm() const {
+  const std::uint32_t frame = is_full_pose() ? kFrameOfPose : kFrame;
+  const std::uint32_t fixed =
+      is_full_pose() ? kPose + joints() * kPosePerJoint : kPosition + joints() * kPositionPerJoint;
+  return fixed + section(Section::kSensors).count * kSensor +
+         section(Section::kCoupling).count * kCoupling + moving_frames() * frame;
+}
+
+// Virtual joints that some record acts on.
+std::uint32_t Counter::moving_frames() const {
+  std::uint32_t frames = 0;
+  for (const Section kind : {Section::kTerms, Section::kHarmonics, Section::kSlowWaves}) {
+    const SectionView& records = section(kind);
+    const std::size_t length = record_length(kind, joints());
+    for (std::size_t i = 0; i < records.count; ++i) {
+      const std::uint32_t coordinate = records.begin[i * length];  // the first byte of all three
+      if (coordinate >= format::kMotorCoordinates) {
+        frames |= 1U << ((coordinate - format::kMotorCoordinates) / 6U);
+      }
+    }
+  }
+  return static_cast<std::uint32_t>(std::popcount(frames));
+}
+
+std::uint32_t Counter::states() const {
+  std::uint32_t sum = 0;
+  const SectionView& states = section(Section::kState);
+  for (std::size_t i = 0; i < states.count; ++i) {
+    const auto kind = static_cast<format::State>(states.begin[i * format::state::kLength]);
+    const int kind_class = format::class_of(kind);
+    if (kind_class == format::kStillClass) {
+      sum += kStillState;
+    } else if (kind_class == format::kPositionClass) {
+      sum += kSteepPasses * kPositionState;
+    } else {
+      sum += kGravityPasses * kGravityState;
+    }
+  }
+  return sum;
+}
+
+// A change of the mass set from one variable to the next sums all masses anew; the torque of a
+// motor asks every coupling whether it drives it.
+std::uint32_t Counter::gravity() const {
+  std::array<std::uint32_t, kMaxJoints> driven = {};
+  const SectionView& coupling = section(Section::kCoupling);
+  for (std::size_t i = 0; i < coupling.count; ++i) {
+    ++driven[coupling.begin[i * format::coupling::kLength + format::coupling::kColumnAt]];
+  }
+  std::uint32_t sum = 0;
+  std::uint32_t set = format::node::kNone;
+  const SectionView& states = section(Section::kState);
+  for (std::size_t i = 0; i < states.count; ++i) {
+    const std::uint8_t* state = states.begin + i * format::state::kLength;
+    const auto kind = static_cast<format::State>(state[format::state::kKindAt]);
+    if (format::class_of(kind) != format::kGravityClass) {
+      continue;
+    }
+    sum += set == format::node::kNone ? kGravity + joints() * kGravityPerJoint : 0U;
+    sum += set != state[format::state::kSetAt] ? kMassSet + joints() * kMassSetPerJoint : 0U;
+    set = state[format::state::kSetAt];
+    if (kind == format::State::kTorque) {
+      sum += driven[state[format::state::kIndexAt]] * kTorqueOfCoupling +
+             coupling.count * kOtherCoupling;
+    }
+  }
+  return kGravityPasses * sum;
+}
+
+std::uint32_t Counter::nodes() const {
+  const std::uint32_t constant = header_count(format::header::kConstantNodesAt);
+  const std::uint32_t steep = header_count(format::header::kSteepNodesAt);
+  const SectionView& nodes = section(Section::kNodes);
+  std::uint32_t sum = 0;
+  for (std::uint32_t i = 0; i < nodes.count; ++i) {
+    const std::uint8_t* node = nodes.begin + i * format::node::kLength;
+    const auto kind = static_cast<format::Node>(node[format::node::kKindAt]);
+    const std::uint32_t once = kind == format::Node::kGrid ? grid(node) : cost_of(kind);
+    const std::uint32_t smooth_or_steep = i < steep ? kSteepPasses : kSmoothPasses;
+    sum += (i < constant ? kConstantPasses : smooth_or_steep) * once;
+  }
+  return sum;
+}
+
+std::uint32_t Counter::grid(const std::uint8_t* node) const {
+  const std::uint8_t* data = section(Section::kData).begin +
+                             4 * static_cast<std::size_t>(load_i32(node + format::node::kRAt));
+  const std::uint32_t axes = data[format::grid::kAxesAt];
+  const std::uint32_t outputs = data[format::grid::kOutputsAt];
+  const std::uint32_t corners = 1U << axes;
+  std::uint32_t sum = axes == 1U && outputs == 1U
+                          ? kLine
+                          : kGrid + axes * kGridAxis + corners * kGridCorner +
+                                outputs * (kGridOutput + corners * kGridOutputCorner);
+  const std::uint8_t* axis = data + format::grid::kHeadLength;
+  for (std::uint32_t i = 0; i < axes; ++i) {
+    const std::uint32_t count = load_u16(axis + format::grid::kAxisNodesAt);
+    const bool is_listed = (axis[format::grid::kAxisFlagsAt] & format::grid::kAxisExplicit) != 0U;
+    if (is_listed) {
+      sum += kListedAxis + static_cast<std::uint32_t>(std::bit_width(count - 1U)) * kHalving;
+    }
+    axis += format::grid::kAxisHeadLength + (is_listed ? 8U * count - 4U : 8U);
+  }
+  return sum;
+}
+
+std::uint32_t Counter::terms() const {
+  const auto weighed = [](std::uint32_t constant, std::uint32_t steep, std::uint32_t all) {
+    return constant * kConstantPasses + (steep - constant) * kSteepPasses +
+           (all - steep) * kSmoothPasses;
+  };
+  return kTerm * weighed(header_count(format::header::kConstantTermsAt),
+                         header_count(format::header::kSteepTermsAt),
+                         section(Section::kTerms).count) +
+         kHarmonic * weighed(0, header_count(format::header::kSteepHarmonicsAt),
+                             section(Section::kHarmonics).count) +
+         kSlowWave * kSmoothPasses * section(Section::kSlowWaves).count;
+}
+
+}  // namespace
+
+std::uint32_t cycle_cost(std::span<const std::uint8_t> image) { return Counter(image).count(); }
+
+}  // namespace armtrue

@@ -1,0 +1,264 @@
+// What a signed table may not ask for: scales that leave the maxima, rates that never arrive,
+// couplings beyond the solver's range.
+#include <gtest/gtest.h>
+
+#include <limits>
+
+#include "firmware/core/compensator.h"
+#include "firmware/core/table/table.h"
+#include "firmware/core/table/table_cost.h"
+#include "firmware/core/table/test_image.h"
+
+namespace armtrue {
+namespace {
+
+using testing::append;
+using testing::Bytes;
+using testing::put;
+using testing::TestImage;
+
+// One field of joint `joint` set to `value`.
+template <typename Integer>
+Bytes with_joint_field(std::size_t joint, std::size_t field, Integer value) {
+  TestImage made(3);
+  put(made.section(format::Section::kJoints), joint * format::joint::kLength + field, value);
+  return made.image();
+}
+
+TestImage with_scale(std::int32_t u, std::uint8_t s, std::int32_t v, std::uint8_t t) {
+  TestImage made(3);
+  Bytes& joints = made.section(format::Section::kJoints);
+  for (std::size_t k = 0; k < 3; ++k) {
+    const std::size_t at = k * format::joint::kLength;
+    put(joints, at + format::joint::kUnitPerIncrementAt, u);
+    put(joints, at + format::joint::kIncrementPerUnitAt, v);
+    joints[at + format::joint::kUnitShiftAt] = s;
+    joints[at + format::joint::kIncrementShiftAt] = t;
+  }
+  return made;
+}
+
+Refusal refusal_of(const Bytes& image, const DeviceIdentity& device = {}) {
+  return validate(image, device).refusal;
+}
+
+DeviceIdentity with_resolution(std::int64_t increments, std::uint32_t units) {
+  DeviceIdentity device;
+  device.resolution.fill({increments, units});
+  return device;
+}
+
+TEST(TableScaleTest, Scale_LargestMantissa_IsRefused) {
+  // The table: the way back alone is changed, and a correction of 0.05 turn becomes a step
+  // of 2^31 increments that no limit of the table sees.
+  const Bytes image = with_joint_field(0, format::joint::kIncrementPerUnitAt,
+                                       std::numeric_limits<std::int32_t>::max());
+  const Validation validation = validate(image, {});
+  EXPECT_EQ(validation.refusal, Refusal::kScale);
+  EXPECT_EQ(validation.field - (format::header::kLength + 3 * format::kDirectoryEntryLength),
+            format::joint::kIncrementPerUnitAt);
+}
+
+TEST(TableScaleTest, Scale_OtherShiftOrSign_IsRefused) {
+  EXPECT_EQ(refusal_of(with_joint_field(1, format::joint::kIncrementShiftAt, std::uint8_t{37})),
+            Refusal::kScale);
+  EXPECT_EQ(refusal_of(with_joint_field(1, format::joint::kIncrementShiftAt, std::uint8_t{39})),
+            Refusal::kScale);
+  EXPECT_EQ(refusal_of(with_joint_field(2, format::joint::kUnitPerIncrementAt, -(1 << 30))),
+            Refusal::kScale);
+  EXPECT_EQ(refusal_of(with_scale(-(1 << 30), 22, -(1 << 30), 38).image()), Refusal::kNone);
+}
+
+TEST(TableScaleTest, Scale_RoundedMantissas_AreTaken) {
+  // 3 000 000 increments a turn, mantissas of 30 bits as the exporter rounds them.
+  const std::int32_t u = 750599938;  // 2^32 / 3e6 · 2^19
+  const std::int32_t v = 768000000;  // 3e6 / 2^32 · 2^40
+  EXPECT_EQ(refusal_of(with_scale(u, 19, v, 40).image()), Refusal::kNone);
+  EXPECT_EQ(refusal_of(with_scale(u + 10, 19, v, 40).image()), Refusal::kNone);
+  EXPECT_EQ(refusal_of(with_scale(u + 20, 19, v, 40).image()), Refusal::kScale);
+  EXPECT_EQ(refusal_of(with_scale(u, 19, v - 20, 40).image()), Refusal::kScale);
+}
+
+TEST(TableScaleTest, Scale_CoarserThan16OrFinerThan2To31_IsRefused) {
+  EXPECT_EQ(refusal_of(with_scale(1 << 30, 2, 1 << 30, 58).image()), Refusal::kNone);   // 2^4
+  EXPECT_EQ(refusal_of(with_scale(1 << 30, 1, 1 << 30, 59).image()), Refusal::kScale);  // 2^3
+  EXPECT_EQ(refusal_of(with_scale(1 << 30, 29, 1 << 30, 31).image()), Refusal::kNone);  // 2^31
+  EXPECT_EQ(refusal_of(with_scale(1 << 30, 30, 1 << 30, 30).image()), Refusal::kScale);
+}
+
+TEST(TableScaleTest, Resolution_OfAnotherDrive_IsRefused) {
+  const Bytes image = TestImage(3).image();  // 2^24 increments a turn
+  EXPECT_EQ(refusal_of(image, with_resolution(1 << 24, 1)), Refusal::kNone);
+  EXPECT_EQ(refusal_of(image, with_resolution(std::int64_t{100} << 24, 100)), Refusal::kNone);
+  EXPECT_EQ(refusal_of(image, with_resolution(1 << 20, 1)), Refusal::kResolution);
+  EXPECT_EQ(refusal_of(image, with_resolution((1 << 24) + 16, 1)), Refusal::kResolution);
+  EXPECT_EQ(refusal_of(image, with_resolution(-(1 << 24), 1)), Refusal::kResolution);
+  EXPECT_EQ(refusal_of(image, with_resolution(std::int64_t{1} << 56, 1)), Refusal::kResolution);
+  EXPECT_EQ(refusal_of(image, with_resolution(1 << 24, 0)), Refusal::kResolution);
+}
+
+TEST(TableScaleTest, Resolution_OfOneJointAlone_IsCompared) {
+  const Bytes image = TestImage(3).image();
+  DeviceIdentity device;
+  device.resolution[2] = {1 << 23, 1};
+  EXPECT_EQ(refusal_of(image, device), Refusal::kResolution);
+  device.resolution[2] = {1 << 23, 0};
+  EXPECT_EQ(refusal_of(image, device), Refusal::kResolution);
+  device.resolution[2] = {};
+  device.resolution[3] = {1 << 23, 1};  // of a joint that this table has not
+  EXPECT_EQ(refusal_of(image, device), Refusal::kNone);
+}
+
+TEST(TableRateTest, Rate_ThatRoundsToNothingInACycle_IsRefused) {
+  for (const std::int32_t rate : {0, 1, 999, 1000, kMinRate - 1}) {
+    const Validation validation =
+        validate(with_joint_field(1, format::joint::kRateAt, rate), DeviceIdentity{});
+    EXPECT_EQ(validation.refusal, Refusal::kValueRange) << rate;
+    EXPECT_EQ(validation.field - (format::header::kLength + 3 * format::kDirectoryEntryLength),
+              format::joint::kLength + format::joint::kRateAt);
+  }
+  EXPECT_EQ(refusal_of(with_joint_field(1, format::joint::kRateAt, kMinRate)), Refusal::kNone);
+}
+
+TEST(TableRateTest, SlowestRate_StillEndsItsFade) {
+  TestImage made(3);
+  made.add_constant(0, -1e-5);
+  put(made.section(format::Section::kJoints), format::joint::kRateAt, kMinRate);
+  const Bytes image = made.image();
+  // The shortest cycle: a millisecond holds sixteen of them.
+  Compensator compensator({.joint_count = 3, .cycle_us = 62});
+  ASSERT_TRUE(compensator.load(image, {}).accepted());
+  ASSERT_TRUE(compensator.activate());
+  CycleOutput output;
+  for (int i = 0; i < 20000; ++i) output = compensator.cycle({});
+  EXPECT_GT(output.delta[0], 0);
+  compensator.disable();
+  int cycles = 0;
+  while (output.state != CompensatorState::kPassThrough && cycles < 100000) {
+    output = compensator.cycle({});
+    ++cycles;
+  }
+  EXPECT_LT(cycles, 25000);
+  EXPECT_EQ(output.delta[0], 0);
+}
+
+TestImage with_coupling(const std::vector<std::array<std::int32_t, 3>>& entries) {
+  TestImage made(3);
+  for (const auto& [row, column, ratio] : entries) {
+    Bytes record = {static_cast<std::uint8_t>(row), static_cast<std::uint8_t>(column), 0, 0};
+    append(record, ratio);
+    made.add(format::Section::kCoupling, record);
+  }
+  return made;
+}
+
+constexpr std::int32_t kMostNegative = std::numeric_limits<std::int32_t>::min();  // -8
+constexpr std::int32_t kOne = std::int32_t{1} << format::coupling::kRatioFraction;
+
+TEST(TableCouplingTest, Ratios_BeyondTheSolversRange_AreRefused) {
+  EXPECT_EQ(refusal_of(with_coupling({{2, 1, -kOne}}).image()), Refusal::kNone);
+  EXPECT_EQ(refusal_of(with_coupling({{2, 1, kMostNegative}}).image()), Refusal::kNone);
+  EXPECT_EQ(refusal_of(with_coupling({{2, 1, kMostNegative}, {1, 0, 7 * kOne}}).image()),
+            Refusal::kNone);
+  EXPECT_EQ(refusal_of(with_coupling({{2, 1, kMostNegative}, {0, 1, 1}}).image()),
+            Refusal::kValueRange);
+  EXPECT_EQ(refusal_of(with_coupling({{0, 1, -1}, {2, 1, kMostNegative}}).image()),
+            Refusal::kValueRange);
+}
+
+TEST(TableCouplingTest, EntryTwice_IsRefused) {
+  EXPECT_EQ(refusal_of(with_coupling({{2, 1, kOne}, {2, 1, kOne}}).image()),
+            Refusal::kBadReference);
+  EXPECT_EQ(refusal_of(with_coupling({{2, 1, kOne}, {1, 2, kOne}}).image()), Refusal::kNone);
+  EXPECT_EQ(refusal_of(with_coupling({{2, 1, kOne}, {2, 0, kOne}}).image()), Refusal::kNone);
+}
+
+TEST(TableCouplingTest, PositionsAtTheEndsOfTheirRange_DoNotOverflow) {
+  // Under the sanitizers: the product of a position and a ratio may be any 64-bit number.
+  TestImage made = with_coupling(
+      {{2, 1, kMostNegative}, {1, 0, kMostNegative + 1}, {0, 2, -(kMostNegative + 1)}});
+  made.add_constant(8 + 6, 1e-3);
+  Bytes& joints = made.section(format::Section::kJoints);
+  for (std::size_t k = 0; k < 3; ++k) {  // 2^4 increments a turn: positions of 2^59
+    joints[k * format::joint::kLength + format::joint::kUnitShiftAt] = 2;
+    joints[k * format::joint::kLength + format::joint::kIncrementShiftAt] = 58;
+  }
+  const Bytes image = made.image();
+  Compensator compensator({.joint_count = 3});
+  ASSERT_TRUE(compensator.load(image, {}).accepted());
+  ASSERT_TRUE(compensator.activate());
+  constexpr std::int32_t kEnds[] = {std::numeric_limits<std::int32_t>::min(),
+                                    std::numeric_limits<std::int32_t>::max(), -1, 0x55555555};
+  for (std::size_t i = 0; i < 256; ++i) {
+    CycleInput input;
+    for (std::size_t k = 0; k < 3; ++k) input.target[k] = kEnds[(i >> (2 * k)) % 4];
+    const CycleOutput output = compensator.cycle(input);
+    for (std::size_t k = 0; k < 3; ++k) EXPECT_LE(std::abs(output.delta[k]), 2);
+  }
+}
+
+// One kind of record after the other, so that each weight is seen: the count with one more of it.
+std::uint32_t cost_with(TestImage made) { return cycle_cost(made.image()); }
+
+TEST(TableCostTest, Arm_CountsItsJointsAndAttitude) {
+  EXPECT_EQ(cost_with(TestImage(3)), 4400U + 3 * 1480U + 15U);
+  EXPECT_EQ(cost_with(TestImage(4)), 4400U + 4 * 1480U + 15U);
+  TestImage pose(3);
+  pose.header()[format::header::kFlagsAt] = format::kFlagFullPose;
+  EXPECT_EQ(cost_with(pose), 9000U + 3 * 1900U + 15U);
+}
+
+TEST(TableCostTest, Parts_CountAsOftenAsACycleGoesThroughThem) {
+  const std::uint32_t arm = cost_with(TestImage(3));
+  TestImage terms(3);
+  for (int i = 0; i < 6; ++i) terms.add_term(1, 0, 1e-3, 30);
+  EXPECT_EQ(cost_with(terms), arm + 6 * 2 * 22U);
+  Bytes image = terms.image();
+  put(image, format::header::kConstantTermsAt, std::uint16_t{1});
+  put(image, format::header::kSteepTermsAt, std::uint16_t{3});
+  EXPECT_EQ(cycle_cost(image), arm + (1 + 2 * 3 + 3 * 2) * 22U);
+  TestImage waves(3);
+  for (int i = 0; i < 4; ++i) waves.add_harmonic(1, 1, 2.0, 0.0, 1e-4);
+  image = waves.image();
+  EXPECT_EQ(cycle_cost(image), arm + 4 * 2 * 62U);
+  put(image, format::header::kSteepHarmonicsAt, std::uint16_t{3});
+  EXPECT_EQ(cycle_cost(image), arm + (3 * 3 + 2) * 62U);
+}
+
+TEST(TableCostTest, Frame_CountsOnceHoweverManyActOnIt) {
+  const std::uint32_t arm = cost_with(TestImage(3));
+  TestImage made(3);
+  made.add_constant(8 + 6, 1e-3);
+  made.add_constant(8 + 6 + 5, 1e-3);
+  EXPECT_EQ(cost_with(made), arm + 300U + 2 * 22U);
+  made.add_constant(8, 1e-3);
+  made.add_harmonic(8 + 6 * 9, 1, 1.0, 0.0, 1e-4);
+  EXPECT_EQ(cost_with(made), arm + 3 * 300U + 3 * 22U + 2 * 62U);
+}
+
+TEST(TableCostTest, Line_CountsItsVariableNodeAndTerm) {
+  const std::uint32_t arm = cost_with(TestImage(3));
+  TestImage made(3);
+  made.add_table(0, -1.0, 0.5, {1e-4, 2e-4, 3e-4}, 24);
+  EXPECT_EQ(cost_with(made), arm + 3 * 44U + 2 * 115U + 2 * 22U);
+}
+
+TEST(TableCostTest, Coupling_CountsOnceACycle) {
+  EXPECT_EQ(cost_with(with_coupling({{2, 1, kOne}, {0, 1, kOne}})), cost_with(TestImage(3)) + 400U);
+}
+
+TEST(TableCostTest, Table_AboveTheBudget_IsRefusedByItsOwnReason) {
+  TestImage made(3);
+  for (int i = 0; i < 192; ++i) made.add_harmonic(1, 1, 2.0, 0.0, 1e-4);
+  const std::uint32_t waves = cost_with(made);
+  const auto room = static_cast<int>((kCycleBudget - waves) / 44U);
+  for (int i = 0; i < room; ++i) made.add_term(1, 0, 1e-3, 30);
+  EXPECT_EQ(refusal_of(made.image()), Refusal::kNone);
+  EXPECT_GT(cost_with(made), kCycleBudget - 44U);
+  made.add_term(1, 0, 1e-3, 30);
+  EXPECT_EQ(refusal_of(made.image()), Refusal::kTooCostly);
+  EXPECT_STREQ(name_of(Refusal::kTooCostly), "too much work for a control cycle");
+}
+
+}  // namespace
+}  // namespace armtrue

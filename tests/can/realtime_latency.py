@@ -1,0 +1,135 @@
+"""How late the POSIX node's corrected targets leave it, as an ordinary process and under SCHED_FIFO.
+
+python tests/can/realtime_latency.py [--cycles N] [--busy N]
+
+The program itself (armtrue_node) between two socket pairs: its own loop, system calls and wake-ups, none of a CAN
+controller or its driver. Time runs from just before the last target frame of a set is sent to the kernel's stamp of
+the last corrected one. Prints the section of docs/results.md (`./dev bench posix`).
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import multiprocessing
+import os
+import platform
+import struct
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import can
+import numpy as np
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "can" / "support")]
+
+from armtrue.device import Compensator, SdoClient  # noqa: E402
+from node_process import NODE_ID  # noqa: E402
+from small_table import small_table  # noqa: E402
+from socket_bus import SocketBus, node_on_sockets  # noqa: E402
+
+TARGET_IDS = (0x220, 0x320, 0x420)
+PERIOD_S = 0.001
+PRIORITY = 50
+# Ahead of the node while it sleeps until the next cycle: it only measures.
+OUR_PRIORITY = 60
+
+
+def _spin() -> None:
+    while True:
+        pass
+
+
+@contextlib.contextmanager
+def busy(count: int) -> Iterator[None]:
+    """So many processes that compute without end."""
+    spinning = [multiprocessing.Process(target=_spin, daemon=True) for _ in range(count)]
+    for process in spinning:
+        process.start()
+    try:
+        yield
+    finally:
+        for process in spinning:
+            process.kill()
+            process.join()
+
+
+def prepare(upstream: can.BusABC) -> None:
+    """A table in force, inline mode, asynchronous targets, two axes a PDO."""
+    client = SdoClient(upstream, NODE_ID, 30.0)
+    device = Compensator(client)
+    device.stage(small_table(), True, lambda _done, _total: None)
+    for word in ("vrfy", "cmit", "actv", "cfrm"):
+        device.command(word)
+    for pair, identifier in enumerate(TARGET_IDS):
+        client.download(0x1400 + pair, 1, identifier.to_bytes(4, "little"))
+    for sub in (3, 4):  # a late cycle is a late cycle, not the end of the stream
+        client.download(0x2000, sub, (1_000_000).to_bytes(4, "little"))
+    client.download(0x2000, 1, b"\1")
+    upstream.send(can.Message(arbitration_id=0, data=[1, NODE_ID], is_extended_id=False))
+
+
+def measured(upstream: SocketBus, downstream: SocketBus, cycles: int) -> list[float]:
+    """Microseconds of each set, one a millisecond."""
+    taken = []
+    due = time.clock_gettime(time.CLOCK_MONOTONIC)
+    for number in range(cycles + 1):
+        due = max(due + PERIOD_S, time.clock_gettime(time.CLOCK_MONOTONIC))
+        time.sleep(max(0.0, due - time.clock_gettime(time.CLOCK_MONOTONIC)))
+        targets = [120_000 + 30 * number * (joint + 1) for joint in range(6)]
+        upstream.send(can.Message(arbitration_id=0x080, is_extended_id=False))
+        for pair, identifier in enumerate(TARGET_IDS):
+            data = struct.pack("<2i", *targets[2 * pair : 2 * pair + 2])
+            sent = time.clock_gettime(time.CLOCK_REALTIME)
+            upstream.send(can.Message(arbitration_id=identifier, data=data, is_extended_id=False))
+        if number == 0:
+            continue  # a stream begins with its second set
+        while True:
+            frame = downstream.recv(10.0)
+            if frame is None:
+                raise RuntimeError("no corrected target within 10 s")
+            if frame.arbitration_id == TARGET_IDS[-1]:
+                break
+        taken.append(1e6 * (frame.timestamp - sent))
+    return taken
+
+
+def row(name: str, options: list[str], busy_count: int, cycles: int) -> str:
+    """One line of the table."""
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        node_on_sockets(Path(folder) / "state", *options) as (_, upstream, downstream),
+    ):
+        prepare(upstream)
+        with busy(busy_count):
+            taken = measured(upstream, downstream, cycles)
+    figures = [np.min(taken), np.median(taken), np.percentile(taken, 99.9), np.max(taken)]
+    return f"| {name} | {busy_count} | " + " | ".join(f"{figure:.0f}" for figure in figures) + " |"
+
+
+def main() -> None:
+    """The table."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--cycles", type=int, default=5_000)
+    parser.add_argument("--busy", type=int, default=2 * (os.cpu_count() or 1))
+    arguments = parser.parse_args()
+    # Ours alone: what a late measurer adds would be taken for the node's.
+    os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(OUR_PRIORITY))
+    print(
+        f"{arguments.cycles} cycles of one a millisecond, six axes in three frames, inline; Linux "
+        f"{platform.release()}, {os.cpu_count()} "
+        f"processors of a virtual machine, other programs on it:\n"
+    )
+    print("| node | busy loops beside it | min [µs] | median | 99.9 % | max |")
+    print("|---|---|---|---|---|---|")
+    for name, options in (("ordinary", []), ("SCHED_FIFO", ["--priority", str(PRIORITY)])):
+        for count in (0, arguments.busy):
+            print(row(name, options, count, arguments.cycles), flush=True)
+
+
+if __name__ == "__main__":
+    main()
