@@ -56,6 +56,7 @@ class Engine:
         self.changed = threading.Condition(threading.RLock())
         self.background = Background(self.announce)
         self._cancel = threading.Event()
+        self.pausing = threading.Event()
         self._worker: threading.Thread | None = None
 
     @property
@@ -152,6 +153,9 @@ class Engine:
         if action == "cancel":
             self._stop()
             return
+        if action == "pause":
+            self._pause()
+            return
         if action not in WORK:
             raise InputError(f"found no action '{action}', expected one of {', '.join(WORK)}")
         with self.changed:
@@ -160,6 +164,7 @@ class Engine:
                     f"{action}: found {self.task.name} still running, expected it to end or be cancelled"
                 )
             self._cancel.clear()
+            self.pausing.clear()
             self.task = Task(action)
             self.failure = ""
             self.announce()
@@ -219,6 +224,14 @@ class Engine:
                 self._cancel.set()
             elif self.background.task is not None:
                 self.background.stop_for_good(self.session)
+
+    def _pause(self) -> None:
+        """Have Refine end with the step that it is at. Errors: InputError where it does not run."""
+        with self.changed:
+            if self.task is None or self.task.name != "refine":
+                raise InputError("pause: found no Refine that runs, expected it to be begun first")
+            self.pausing.set()
+            self.announce()
 
     def _run(self, action: str, words: Entry) -> None:
         try:

@@ -259,7 +259,7 @@ def running(engine: Engine) -> dict[str, Any]:
     """What runs, and which buttons can be pressed."""
     return {
         "task": _shown(engine.task), "diagnosing": _shown(engine.background.task), "buttons": buttons(engine),
-        "first_figures": engine.first_figures is not None,
+        "first_figures": engine.first_figures is not None, "pausing": engine.pausing.is_set(),
         "made": engine.made.name if engine.made else None,
     }  # fmt: skip
 

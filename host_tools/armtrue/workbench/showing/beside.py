@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import json
-import math
 from typing import Any
 
-import numpy as np
-
+from armtrue import comparing
 from armtrue.errors import InputError
 from armtrue.fitting import Fit, with_effects
 from armtrue.progress import Progress
@@ -44,12 +42,9 @@ def beside(session: Session, place: str) -> str:
 def bayesian_information(session: Session, number: int) -> float:
     """BIC of a model up to a constant of its measurements."""
 
-    def work() -> float:
-        fit = session.fit_of(number)
-        with fit.lock:
-            return float(fit.core.bayesian_information())
-
-    return float(session.worked_out(number, "bic", work))
+    return float(
+        session.worked_out(number, "bic", lambda: comparing.bayesian_information(session.fit_of(number)))
+    )
 
 
 def _name(node: Node) -> str:
@@ -72,12 +67,10 @@ def _figures(session: Session, nodes: list[Node], names: list[str]) -> Markup:
     ]
     after: Content = None
     if nodes[0].left_out == nodes[1].left_out:
-        apart = bayesian_information(session, nodes[1].number) - bayesian_information(
-            session, nodes[0].number
-        )
-        share = 1.0 / (1.0 + math.exp(max(-700.0, min(700.0, -apart / 2.0))))
+        bic = [bayesian_information(session, node.number) for node in nodes]
+        share = comparing.probability_of_first(*bic)
         rows.append(["probability, one of the two being right", chance(share), chance(1.0 - share)])
-        after = tag("p", f"BIC of B less that of A: {minus(f'{apart:.0f}')}.")
+        after = tag("p", f"BIC of B less that of A: {minus(f'{bic[1] - bic[0]:.0f}')}.")
     else:
         after = tag("p", "They were fitted to different rows: there is no probability to tell.")
     return tag("div", table(["", *names], rows, "Two models", words=(0, 1, 2)), after)
@@ -86,30 +79,28 @@ def _figures(session: Session, nodes: list[Node], names: list[str]) -> Markup:
 def _poses(session: Session, nodes: list[Node]) -> Markup:
     """The measured poses whose predictions are farthest apart."""
     fits = [session.fit_of(node.number) for node in nodes]
-    both, first, second = np.intersect1d(fits[0].data.rows, fits[1].data.rows, return_indices=True)
-    left = [fits[0].residuals()[first], fits[1].residuals()[second]]
-    apart = 1e6 * np.linalg.norm(left[0] - left[1], axis=1)
-    errors = [1e6 * np.linalg.norm(each, axis=1) for each in left]
-    order = np.argsort(-apart)[:_SHOWN_POSES]
+    found = comparing.difference(*fits)
+    if not len(found.rows):
+        return tag("p", "They were fitted to different rows, none of which both have.")
+    shown = range(min(_SHOWN_POSES, len(found.rows)))
     rows: list[list[Content]] = [
         [
-            str(int(both[k])),
-            micrometres(float(apart[k])),
-            *(micrometres(float(error[k])) for error in errors),
-            _joints(fits[0], int(first[k])),
+            str(int(found.rows[k])),
+            *(micrometres(float(each[k])) for each in (found.apart_um, *found.errors_um)),
+            _joints(fits[0], int(found.first[k])),
         ]
-        for k in order
+        for k in shown
     ]
     words = (
-        f"Their predictions are {micrometres(float(apart.mean()))} µm apart on average, and "
-        f"{micrometres(float(apart.max()))} µm at most."
+        f"Their predictions are {micrometres(float(found.apart_um.mean()))} µm apart on average, and "
+        f"{micrometres(float(found.apart_um.max()))} µm at most."
     )
     ring = tag(
         "button",
         "Ring these poses on the arm",
         type="button",
         data_act="ring",
-        data_rows=json.dumps(both[order].tolist()),
+        data_rows=json.dumps(found.rows[:_SHOWN_POSES].tolist()),
     )
     heads = ["row", "apart [µm]", "error of A [µm]", "error of B [µm]", "joints"]
     return tag("div", tag("p", words), table(heads, rows, "Poses where they differ most", words=(0, 4)), ring)
