@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import os
 import threading
 from dataclasses import replace
 from pathlib import Path
@@ -183,8 +182,15 @@ class Engine:
 
     def take_draft(self, words: Entry) -> None:
         """Keep what stands in the form of guesses. Errors: InputError where there is no such form."""
-        self.drop.take_draft(words)
-        self._keep()
+        with self.changed:  # nobody is told of it before it is on disk
+            self.drop.take_draft(words)
+            self._keep()
+
+    @property
+    def draft(self) -> Entry:
+        """What stands in the form of guesses, as it is kept."""
+        with self.changed:
+            return self.drop.draft
 
     def go_on_waiting(self) -> None:
         """Take up the files that were dropped before anything was opened."""
@@ -241,9 +247,7 @@ class Engine:
         except CancelledError:
             self.said = f"Stopped. {self.session.node.said}"
         except InputError as error:
-            self.failure = str(error).replace(
-                f"{self.drop.folder}{os.sep}", ""
-            )  # a dropped file has its name alone
+            self.failure = self.drop.without_place(str(error))
         except Exception:
             logging.getLogger(__name__).exception("an action failed")
             self.failure = FAULT

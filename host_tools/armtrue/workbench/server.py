@@ -134,7 +134,7 @@ class _Handler(BaseHTTPRequestHandler):
         engine = self.server.engine
         self._json({
             "version": engine.version, "model": engine.shown, "known": engine.known, "pieces": pieces(engine),
-            "draft": engine.drop.draft,
+            "draft": engine.draft,
             "left_out": engine.session.node.left_out if engine.is_open else [],
             "said": engine.said, "failure": engine.failure, **running(engine),
         })  # fmt: skip

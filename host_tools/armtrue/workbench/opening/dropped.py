@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -69,22 +70,30 @@ class Drop:
     def take_foreign(self, files: list[Path], robot: Path | None, model: Path | None) -> bool:
         """Keep copies of foreign files named in the terminal, and guess what they are; False where they are not such.
 
-        A file in Armtrue's own form is not foreign, whatever is wrong with it.
+        A file in Armtrue's own form is not foreign, whatever is wrong with it. Errors: InputError where several files,
+        or one with a URDF, cannot be understood; of one file alone the reader of Armtrue's own form says more.
         """
-        arm = [robot] if robot else [path for file in files[:1] if (path := file.with_name("robot.yaml")).is_file()]
-        named = [*files, *arm, *([model] if model else [])]
-        of_others = len(files) > 1 or arm[:1] and arm[0].suffix.lower() == ".urdf" or not _is_own(files[0])
+        arm = robot or next((path for file in files[:1] if (path := file.with_name("robot.yaml")).is_file()), None)
+        named = [*files, *(path for path in (arm, model) if path)]
+        certain = len(files) > 1 or (arm is not None and arm.suffix.lower() == ".urdf")
         tables = all(file.suffix.lower() in _TABLES for file in files)
-        if not (tables and of_others) or len({path.name for path in named}) < len(named):
+        whole = all(path.is_file() for path in named) and len({path.name for path in named}) == len(named)
+        if not (tables and whole and (certain or not _is_own(files[0]))):
             return False
         try:
             for path in named:
                 self.take(path.name, path.read_bytes())
             self.open({})
-        except (InputError, OSError):
+        except InputError as error:
             self.forget()
             shutil.rmtree(self.folder, ignore_errors=True)
+            if certain:
+                raise InputError(self.without_place(str(error))) from None
         return self.guess is not None
+
+    def without_place(self, sentence: str) -> str:
+        """A sentence with dropped files under their names alone."""
+        return sentence.replace(f"{self.folder}{os.sep}", "")
 
     def forget(self) -> None:
         """Begin anew; the files stay where they are."""

@@ -12,6 +12,7 @@ import yaml
 
 from armtrue.errors import InputError
 from armtrue.workbench.opening.dropped import Drop
+from armtrue.workbench.opening.opened import open_files
 
 MODEL = "effects: [base_frame, tool_offset, joint_offset, {effect: joint_compliance, joints: [2]}]\n"
 
@@ -124,3 +125,18 @@ def test_file_that_is_no_table_of_measurements_leaves_nothing_behind(campaign, t
     (tmp_path / "words.csv").write_text("hello\nworld\n")
     assert not Drop(tmp_path / "drop").take_foreign([tmp_path / "words.csv"], campaign / "robot.yaml", None)
     assert not (tmp_path / "drop").exists()
+
+
+def test_several_files_that_cannot_be_joined_are_refused_by_their_names(campaign, tmp_path):
+    for name in ("one.csv", "two.csv"):
+        (tmp_path / name).write_text("hello\nworld\n")
+    with pytest.raises(InputError, match=r"^one\.csv"):
+        Drop(tmp_path / "drop").take_foreign(
+            [tmp_path / "one.csv", tmp_path / "two.csv"], campaign / "robot.yaml", None
+        )
+    assert not (tmp_path / "drop").exists()
+
+
+def test_file_that_is_not_there_is_named_before_what_it_lacks(tmp_path):
+    with pytest.raises(InputError, match=r"nosuch\.csv: cannot be read"):
+        open_files([tmp_path / "nosuch.csv"])

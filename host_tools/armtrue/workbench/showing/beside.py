@@ -14,7 +14,7 @@ from armtrue.report.markup import Content, Markup, tag
 from armtrue.report.parts import micrometres, minus, plural, table
 from armtrue.workbench.session import Node, Session
 from armtrue.workbench.showing.further import Result
-from armtrue.workbench.showing.names import called, called_among, model_entry
+from armtrue.workbench.showing.names import called, called_among, model_entry, named
 from armtrue.workbench.showing.poses import planned
 from armtrue.workbench.showing.words import chance, length
 
@@ -27,7 +27,7 @@ def beside(session: Session, place: str) -> str:
     if not place.isdecimal() or int(place) >= len(session.nodes):
         raise InputError(f"node: found '{place}', expected a number from 0 to {len(session.nodes) - 1}")
     nodes = [session.node, session.nodes[int(place)]]
-    names = [f"A: {_name(nodes[0])}", f"B: {_name(nodes[1])}"]
+    names = [f"{letter}: {_name(session, node)}" for letter, node in zip("AB", nodes, strict=True)]
     return tag(
         "article",
         tag("h2", "Two models side by side", id="card-title"),
@@ -47,8 +47,10 @@ def bayesian_information(session: Session, number: int) -> float:
     )
 
 
-def _name(node: Node) -> str:
-    return node.name or node.change
+def _name(session: Session, node: Node) -> str:
+    """What the person called a model, or all that was changed on the way to it: two may end with the same step."""
+    steps = session.path_to(node.number)
+    return node.name or ", ".join(step.change for step in steps[1:]) or steps[0].change
 
 
 def _figures(session: Session, nodes: list[Node], names: list[str]) -> Markup:
@@ -61,7 +63,7 @@ def _figures(session: Session, nodes: list[Node], names: list[str]) -> Markup:
         for node in nodes
     ]
     rows: list[list[Content]] = [
-        ["effects that the other lacks", *(", ".join(map(called, effects)) or "none" for effects in own)],
+        ["effects that the other lacks", *(", ".join(map(named, effects)) or "none" for effects in own)],
         ["held-out mean error", *(length(node.mean_um) for node in nodes)],
         ["parameters", *map(str, counts)],
     ]
@@ -170,14 +172,14 @@ def swaps(session: Session, place: str) -> str:
                 data_act="swap",
                 data_effect=int(place),
                 data_entry=json.dumps(model_entry(each)),
-                aria_label=f"Put {called_among(each, candidates)} in the place of {called(old)}",
+                aria_label=f"Put {called_among(each, candidates)} in the place of {named(old)}",
             ),
         )
         for each in others[:_MOST_RIVALS]
     ]
     return tag(
         "article",
-        tag("h2", f"In the place of {called(old)}", id="card-title"),
+        tag("h2", f"In the place of {named(old)}", id="card-title"),
         tag(
             "p",
             f"{plural(len(rows), 'effect')} could stand there; the likeliest to be mistaken for it come first.",

@@ -47,7 +47,7 @@
     if (words.do === "beside") return void showCard(`beside?node=${words.node}`);
     if (words.do === "swaps") return void showCard(`swaps?effect=${words.effect}`);
     if (words.do === "ring") return void ring(words.rows);
-    if (words.do === "swap") byId("card-dialog").close();
+    if (words.do === "swap" || words.do === "add") byId("card-dialog").close();
     if (words.do === "name") words.name = byId("model-name").value;
     if (words.do === "hold") return void hold(button);
     if (words.do === "close") return void byId("card-dialog").close();
