@@ -95,7 +95,9 @@ def open_workbench(
         try:
             opened = open_files(files, robot, model)
         except InputError:
-            if (drop := guessed(files, robot, model)) is None:
+            with waiting(output):
+                drop = guessed(files, robot, model)
+            if drop is None:
                 raise
     with waiting(output) as progress:
         server = start(opened, port, session, new, progress, device, drop)
