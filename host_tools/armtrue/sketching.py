@@ -155,8 +155,9 @@ def _factor(expression: str) -> str:
 
 
 def _spaced(expression: str) -> str:
-    """An expression with figures of readable length."""
-    return re.sub(r"\d+\.\d{5,}(?:e-?\d+)?", lambda number: f"{float(number[0]):.4g}", expression)
+    """An expression with figures of readable length, without what rounding alone left in it."""
+    short = re.sub(r"\d+\.\d{5,}(?:e-?\d+)?", lambda number: f"{float(number[0]):.4g}", expression)
+    return re.sub(r" [+-] -?[\d.]+e-1\d\*\w+", "", short).replace("+ -", "- ")
 
 
 def sketch(info: EffectInfo) -> list[str]:
