@@ -153,7 +153,8 @@ class Drop:
             try:
                 return open_files(kinds["table"], robot, model)
             except InputError as error:
-                self._guess(kinds, robot, model, str(error))
+                # What the message says of `armtrue init` is being done here.
+                self._guess(kinds, robot, model, self.without_place(str(error)).split("; ")[0])
                 return None
         self._guess(kinds, robot, model, "")
         return None

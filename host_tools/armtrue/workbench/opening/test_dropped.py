@@ -140,3 +140,10 @@ def test_several_files_that_cannot_be_joined_are_refused_by_their_names(campaign
 def test_file_that_is_not_there_is_named_before_what_it_lacks(tmp_path):
     with pytest.raises(InputError, match=r"nosuch\.csv: cannot be read"):
         open_files([tmp_path / "nosuch.csv"])
+
+
+def test_notes_of_guesses_name_files_as_they_were_dropped(campaign, foreign, tmp_path):
+    drop = dropped(tmp_path / "drop", foreign, campaign / "robot.yaml")
+    drop.open({})
+    assert drop.guess is not None
+    assert not any(str(tmp_path) in note for note in drop.guess.notes)

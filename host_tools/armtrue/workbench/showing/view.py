@@ -22,6 +22,10 @@ from armtrue.workbench.showing.names import called_among, named
 from armtrue.workbench.showing.words import chance, length
 
 _SPLITS = {"random": "at random", "region": "by region", "time": "by time"}
+# Of what a candidate could also be, so many are named; its card has all.
+_NAMED_RIVALS = 2
+# So many sentences of advice stand open.
+_SHOWN_ADVICE = 2
 # Sentences of the advice that the page says by its buttons and in a list of its own.
 _SAID_ELSEWHERE = ("armtrue add FIT", "not testable with")
 _FIGURES = (("mean_um", "mean"), ("rms_um", "RMS"), ("p95_um", "95 %"), ("max_um", "max"))
@@ -108,9 +112,9 @@ def _opening(engine: Engine) -> Markup:
             tag("h3", "What was guessed, and from what"),
             _list(guess.notes),
             form(document, *first_rows(guess.path, document), guess.robot),
+            guess.picture,
             tag("h3", "What the check says"),
             findings_list(guess.findings),
-            guess.picture,
             tag(
                 "details",
                 tag("summary", "As dataset.yaml"),
@@ -237,7 +241,9 @@ def _candidates(diagnosis: dict[str, Any] | None) -> Markup:
 
 def _candidate(k: int, candidate: dict[str, Any], candidates: list[dict[str, Any]]) -> Markup:
     share, after = 100.0 * candidate["explained"], candidate["held_out_mean_um_if_added"]
-    others = ", ".join(candidate["confounded_with"])
+    rivals = [str(rival) for rival in candidate["confounded_with"]]
+    more = f" and {len(rivals) - _NAMED_RIVALS} more" if len(rivals) > _NAMED_RIVALS else ""
+    others = ", ".join(rivals[:_NAMED_RIVALS]) + more
     star = tag("span", " ★", class_="trend", title="recommended") if candidate["recommend"] else None
     name = called_among(candidate, candidates)
     return tag(
@@ -262,7 +268,13 @@ def _candidate(k: int, candidate: dict[str, Any], candidates: list[dict[str, Any
             class_="num",
             data_label="error if added",
         ),
-        tag("td", others or "–", data_label="could also be", class_=None if others else "nothing"),
+        tag(
+            "td",
+            others or "–",
+            data_label="could also be",
+            class_=None if others else "nothing",
+            title=", ".join(rivals) if more else None,
+        ),
         tag(
             "td",
             _button("Add", "add", candidate=k, aria_describedby=f"candidate-{k}"),
@@ -301,10 +313,17 @@ def _advice(diagnosis: dict[str, Any]) -> Markup:
     more = tag(
         "details", tag("summary", plural(len(untestable), "effect") + " not testable with what was recorded"), _list(untestable)
     )
+    advice = [
+        typeset(line).replace("armtrue plan", "Plan poses")
+        for line in diagnosis["advice"]
+        if not any(word in line for word in _SAID_ELSEWHERE)
+    ]
+    rest = advice[_SHOWN_ADVICE:]
     return tag(
         "div",
         _list([typeset(line) for line in unexplained]) if unexplained else None,
-        _list([typeset(line) for line in diagnosis["advice"] if not any(word in line for word in _SAID_ELSEWHERE)]),
+        _list(advice[:_SHOWN_ADVICE]) if advice else None,
+        tag("details", tag("summary", f"{len(rest)} more like this"), _list(rest)) if rest else None,
         more if untestable else None,
     )
 
