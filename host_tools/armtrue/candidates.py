@@ -23,7 +23,7 @@ def name(entry: dict[str, Any]) -> str:
 
 
 def called(entry: dict[str, Any]) -> str:
-    """The `name` of a candidate or an effect, and the orders or the shape that tell it from others on the same joint."""
+    """The `name` of a candidate or an effect, and orders or shape that tell it from others on the same joint."""
     options = entry.get("options") or {}
     orders = ", ".join(f"{value:g}" for value in options.get("orders") or [])
     shape = options.get("shape")

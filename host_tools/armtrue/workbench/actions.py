@@ -214,7 +214,9 @@ def _refine(engine: Engine, _words: Entry) -> None:
     try:
         refine(session.fit_of(session.at), engine.tell, keep)
     except PausedError:
-        engine.said = f"Paused after {plural(steps, 'step')}; Refine goes on. {fall_words(first, session.node.mean_um)}"
+        engine.said = (
+            f"Paused after {plural(steps, 'step')}; Refine goes on. {fall_words(first, session.node.mean_um)}"
+        )
         return
     what = f"Refined in {steps} steps" if steps != 1 else "Refined in one step"
     engine.said = (

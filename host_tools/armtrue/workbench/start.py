@@ -17,7 +17,7 @@ from armtrue.workbench.session import default_folder
 
 
 def guessed(files: list[Path], robot: Path | None, model: Path | None) -> Drop | None:
-    """Foreign files with what was guessed of them, as if they had been dropped on the page; None where they are none."""
+    """Foreign files with what was guessed of them, as if they had been dropped; None where they are none."""
     drop = _new_drop()
     return drop if drop.take_foreign(files, robot, model) else None
 

@@ -73,7 +73,9 @@ class Drop:
         A file in Armtrue's own form is not foreign, whatever is wrong with it. Errors: InputError where several files,
         or one with a URDF, cannot be understood; of one file alone the reader of Armtrue's own form says more.
         """
-        arm = robot or next((path for file in files[:1] if (path := file.with_name("robot.yaml")).is_file()), None)
+        arm = robot or next(
+            (path for file in files[:1] if (path := file.with_name("robot.yaml")).is_file()), None
+        )
         named = [*files, *(path for path in (arm, model) if path)]
         certain = len(files) > 1 or (arm is not None and arm.suffix.lower() == ".urdf")
         tables = all(file.suffix.lower() in _TABLES for file in files)
@@ -159,11 +161,11 @@ class Drop:
         self._guess(kinds, robot, model, "")
         return None
 
-    def _guess(
-        self, kinds: dict[str, list[Path]], robot: Path | None, model: Path | None, why: str
-    ) -> None:
+    def _guess(self, kinds: dict[str, list[Path]], robot: Path | None, model: Path | None, why: str) -> None:
         # A URDF beside a robot.yaml is the one that this names.
-        urdf, dh = (None, None) if robot else (_one(kinds["urdf"], "URDF"), _one(kinds["dh"], "table of an arm"))
+        urdf, dh = (
+            (None, None) if robot else (_one(kinds["urdf"], "URDF"), _one(kinds["dh"], "table of an arm"))
+        )
         if not (robot or urdf or dh):
             names = ", ".join(path.name for path in kinds["table"])
             raise InputError(

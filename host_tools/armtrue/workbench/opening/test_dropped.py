@@ -1,4 +1,4 @@
-"""Foreign files with whatever describes the arm: which of them are guessed at, and what is kept of those that are not."""
+"""Foreign files with whatever describes the arm: which of them are guessed at, and what is kept of the others."""
 
 from __future__ import annotations
 
@@ -32,7 +32,9 @@ def foreign(campaign, tmp_path) -> Path:
     lines = ["A1;A2;A3;A4;A5;A6;X;Y;Z"]
     for row in rows:
         angles = [math.degrees(float(row[f"q{k}"])) for k in range(1, 7)]
-        lines.append(";".join(f"{value:.6f}" for value in (*angles, *(1000.0 * float(row[a]) for a in "xyz"))))
+        lines.append(
+            ";".join(f"{value:.6f}" for value in (*angles, *(1000.0 * float(row[a]) for a in "xyz")))
+        )
     path = tmp_path / "tracker.csv"
     path.write_text("\n".join(lines) + "\n")
     return path
@@ -56,7 +58,12 @@ def dh_table(campaign: Path, path: Path) -> Path:
     kinematics = yaml.safe_load((campaign / "robot.yaml").read_text())["kinematics"]
     lines = ["a [mm],alpha [deg],d [mm],theta [deg]"]
     for row in kinematics["joints"]:
-        figures = (1000 * row["a"], math.degrees(row["alpha"]), 1000 * row["d"], math.degrees(row.get("offset", 0)))
+        figures = (
+            1000 * row["a"],
+            math.degrees(row["alpha"]),
+            1000 * row["d"],
+            math.degrees(row.get("offset", 0)),
+        )
         lines.append(",".join(f"{value:.6f}" for value in figures))
     path.write_text("\n".join(lines) + "\n")
     return path
@@ -85,7 +92,9 @@ def test_table_of_denavit_hartenberg_rows_is_the_arm(campaign, foreign, tmp_path
 
 def test_arm_file_that_names_a_urdf_is_read_with_it(tmp_path):
     (tmp_path / "two.urdf").write_text(URDF)
-    (tmp_path / "robot.yaml").write_text("name: mine\nkinematics: {urdf: two.urdf, base: base, tip: flange}\n")
+    (tmp_path / "robot.yaml").write_text(
+        "name: mine\nkinematics: {urdf: two.urdf, base: base, tip: flange}\n"
+    )
     rows = ["A1;A2;X;Y;Z"]
     for k in range(30):
         one, two = math.radians(7 * k - 100), math.radians(50 * math.sin(k))
@@ -102,7 +111,9 @@ def test_arm_file_that_names_a_urdf_is_read_with_it(tmp_path):
 
 
 def test_measurements_without_an_arm_say_which_files_to_drop_too(foreign, tmp_path):
-    with pytest.raises(InputError, match=r"tracker\.csv: found no arm beside it, expected its robot\.yaml, its URDF"):
+    with pytest.raises(
+        InputError, match=r"tracker\.csv: found no arm beside it, expected its robot\.yaml, its URDF"
+    ):
         dropped(tmp_path / "drop", foreign).open({})
 
 

@@ -10,7 +10,7 @@ _SAID = ("shape", "name")
 
 
 def called(entry: dict[str, Any]) -> str:
-    """An effect of a model or a candidate as `diagnose` names it: its joints, and the orders that tell it from others."""
+    """An effect or a candidate as `diagnose` names it: with its joints, and the orders that tell it from others."""
     words = [str(entry["effect"])]
     if joints := entry.get("joints"):
         words.append(",".join(map(str, joints)))

@@ -311,7 +311,9 @@ def _advice(diagnosis: dict[str, Any]) -> Markup:
     )
     untestable = [f"{entry['effect']} needs {', '.join(entry['needs'])}" for entry in diagnosis["untestable"]]
     more = tag(
-        "details", tag("summary", plural(len(untestable), "effect") + " not testable with what was recorded"), _list(untestable)
+        "details",
+        tag("summary", plural(len(untestable), "effect") + " not testable with what was recorded"),
+        _list(untestable),
     )
     advice = [
         typeset(line).replace("armtrue plan", "Plan poses")
