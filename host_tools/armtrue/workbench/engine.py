@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import threading
+import time
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -25,9 +26,11 @@ from armtrue.workbench.showing.further import Result
 
 Entry = dict[str, Any]
 
-# Up to so many measurements a diagnosis is done in a moment: the action ends with it.
+# Up to so many measurements a diagnosis is done in a moment: the action ends with it. The page has its figures before;
+# the longest wait is that of a machine which is busy with other things.
 _AT_ONCE_ROWS = 1000
-_AT_ONCE_S = 10.0
+_AT_ONCE_S = 60.0
+_LOOK_UP_S = 0.1
 
 
 class BusyError(InputError):
@@ -267,8 +270,11 @@ class Engine:
         at_once = self.session.data.count <= _AT_ONCE_ROWS
         self.background.start(self.session, politely=not at_once)
         self.announce()  # the page has the new figures while the diagnosis is worked out
-        if at_once:
-            self.background.wait(_AT_ONCE_S)
+        self._cancel.clear()  # what stopped the action does not stop its diagnosis
+        end = time.monotonic() + _AT_ONCE_S
+        while at_once and time.monotonic() < end and not self.background.wait(_LOOK_UP_S):
+            if self._cancel.is_set():
+                self.background.stop_for_good(self.session)
 
 
 def _joined_since(session: Session, opened: Opened) -> tuple[Session, Opened]:
