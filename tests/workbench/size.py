@@ -16,7 +16,9 @@ def main() -> None:
     """Print the table."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     packages = project["optional-dependencies"]["workbench"]
-    files = [f for f in OWN.rglob("*") if f.suffix in (".py", ".js", ".css") and not f.name.startswith("test_")]
+    files = [
+        f for f in OWN.rglob("*") if f.suffix in (".py", ".js", ".css") and not f.name.startswith("test_")
+    ]
     size = sum(file.stat().st_size for file in files) / 1e6
     print("| further packages of `armtrue[workbench]` | its own files [MB] |")
     print("|---|---|")

@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 from typing import Any
 
+from armtrue.report.parts import rounded
+
 _TOLD = ("orders", "cycles")
 _SAID = ("shape", "name")
 
@@ -22,9 +24,9 @@ def called(entry: dict[str, Any]) -> str:
 
 
 def named(entry: dict[str, Any]) -> str:
-    """`called`, and what else is said of it in a word: `bending_compliance 1 shape beam`."""
+    """`called` with short figures, and what else is said of it in a word: `bending_compliance 1 shape beam`."""
     options = _options(entry)
-    return " ".join([called(entry), *(f"{key} {options[key]}" for key in _SAID if options.get(key))])
+    return " ".join([rounded(called(entry)), *(f"{key} {options[key]}" for key in _SAID if options.get(key))])
 
 
 def called_among(entry: dict[str, Any], others: list[dict[str, Any]]) -> str:

@@ -9,7 +9,7 @@ import yaml
 from armtrue.fitting import Fit
 from armtrue.io.catalogue import catalogue
 from armtrue.report.markup import Content, Markup, tag
-from armtrue.report.parts import micrometres, plural, typeset
+from armtrue.report.parts import micrometres, plural, rounded, typeset
 from armtrue.verdicts import FLOOR_SOURCES, NOT_SCORED, scored_mean_um, verdict_words
 from armtrue.workbench.compensator import device_section
 from armtrue.workbench.engine import Engine
@@ -241,7 +241,7 @@ def _candidates(diagnosis: dict[str, Any] | None) -> Markup:
 
 def _candidate(k: int, candidate: dict[str, Any], candidates: list[dict[str, Any]]) -> Markup:
     share, after = 100.0 * candidate["explained"], candidate["held_out_mean_um_if_added"]
-    rivals = [str(rival) for rival in candidate["confounded_with"]]
+    rivals = [rounded(rival) for rival in candidate["confounded_with"]]
     more = f" and {len(rivals) - _NAMED_RIVALS} more" if len(rivals) > _NAMED_RIVALS else ""
     others = ", ".join(rivals[:_NAMED_RIVALS]) + more
     star = tag("span", " ★", class_="trend", title="recommended") if candidate["recommend"] else None
