@@ -23,9 +23,11 @@ def name(entry: dict[str, Any]) -> str:
 
 
 def called(entry: dict[str, Any]) -> str:
-    """The `name` of a candidate or an effect, and the orders that tell it from others on the same joint."""
-    orders = ", ".join(f"{value:g}" for value in (entry.get("options") or {}).get("orders") or [])
-    return name(entry) + (f", order {orders}" if orders else "")
+    """The `name` of a candidate or an effect, and orders or shape that tell it from others on the same joint."""
+    options = entry.get("options") or {}
+    orders = ", ".join(f"{value:g}" for value in options.get("orders") or [])
+    shape = options.get("shape")
+    return name(entry) + (f", order {orders}" if orders else "") + (f", shape {shape}" if shape else "")
 
 
 def _joint_words(joints: list[int]) -> str:

@@ -21,6 +21,7 @@ _WORST_ROWS = 10
 # The mean of so many standard errors above what was expected is no chance.
 _STANDARD_ERRORS = 3.0
 _SAME_POSE = 1e-6
+_LARGEST_EXPONENT = 700.0
 
 
 @dataclass(frozen=True)
@@ -62,6 +63,40 @@ def compare(fit: Fit, data: Dataset) -> Comparison:
         },
         elsewhere if elsewhere is not None and elsewhere <= limit else None,
     )
+
+
+@dataclass(frozen=True)
+class Difference:
+    """Two fits at the measurements that both hold, those first where the predictions are farthest apart.
+
+    `first`: places in the first fit's data. `apart_um`: between the predictions. `errors_um`: of either.
+    """
+
+    rows: NDArray[np.int64]
+    first: NDArray[np.int64]
+    apart_um: Array
+    errors_um: tuple[Array, Array]
+
+
+def difference(one: Fit, other: Fit) -> Difference:
+    """Where the predictions of two fits of one file differ. Errors: InputError where the measurements are gone."""
+    rows, first, second = np.intersect1d(one.data.rows, other.data.rows, return_indices=True)
+    residuals = one.residuals()[first], other.residuals()[second]
+    apart = 1e6 * np.linalg.norm(residuals[0] - residuals[1], axis=1)
+    order = np.argsort(-apart)
+    errors = [1e6 * np.linalg.norm(each, axis=1)[order] for each in residuals]
+    return Difference(rows[order], first[order], apart[order], (errors[0], errors[1]))
+
+
+def bayesian_information(fit: Fit) -> float:
+    """BIC of a fit, up to a constant of its measurements."""
+    with fit.lock:
+        return float(fit.core.bayesian_information())
+
+
+def probability_of_first(first: float, second: float) -> float:
+    """Of two models of the same measurements, given their BIC, one of which is right: that the first is."""
+    return 1.0 / (1.0 + math.exp(min(_LARGEST_EXPONENT, (first - second) / 2.0)))
 
 
 def prediction_error(predicted: Array, data: Dataset) -> dict[str, float] | None:

@@ -23,3 +23,14 @@ def position_covariance(fit: Fit, poses: Dataset) -> NDArray[np.float64]:
         except _core.ModelError as error:
             raise InputError(f"{poses.path}: {error}") from None
     return np.asarray(covariance).reshape(-1, 3, 3)
+
+
+def standard_deviation_m(covariance: NDArray[np.float64]) -> NDArray[np.float64]:
+    """One standard deviation (N,) [m] of a position, of all directions together."""
+    return np.asarray(np.sqrt(np.trace(covariance, axis1=1, axis2=2)))
+
+
+def least_known_m(covariance: NDArray[np.float64]) -> NDArray[np.float64]:
+    """One standard deviation as a vector (N, 3) [m] along the direction that is known least."""
+    variances, directions = np.linalg.eigh(covariance)
+    return np.asarray(np.sqrt(np.maximum(variances[:, -1:], 0.0)) * directions[:, :, -1])

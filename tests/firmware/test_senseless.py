@@ -1,6 +1,6 @@
 """Ten thousand random tables that pass the reader and describe no arm, on the host and on the emulated STM32F405.
 
-`senseless_tables` (firmware/core/senseless) makes them, checks on the host that none leaves the maxima, and
+`senseless_tables` (firmware/core/senseless/senseless_main.cc) makes them, checks on the host that none leaves the maxima, and
 writes them as recordings; the chip then has to take and refuse the same ones and put out
 the same, within the cycle budget.
 """

@@ -13,6 +13,8 @@ from selenium.webdriver.chrome.service import Service
 
 LAPTOP = (1280, 800)
 PHONE = (390, 844)
+# What 8 mm margins leave of a sheet.
+A4 = (733, 1062)
 _SETTLED = """
 const done = arguments[arguments.length - 1];
 requestAnimationFrame(() => requestAnimationFrame(() => done(true)));

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from armtrue import Fit, add, diagnose
 from armtrue.report import write
-from browser import LAPTOP, PHONE, Browser
+from browser import A4, LAPTOP, PHONE, Browser
 from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.actions.wheel_input import ScrollOrigin
 from selenium.webdriver.common.by import By
@@ -386,6 +386,15 @@ def test_paper_has_every_folded_part_open(browser, page):
         return [parts.length, shut.map((d) => d.querySelector('summary').textContent)]""")
     assert folded >= 3
     assert hidden == []
+
+
+def test_tables_end_within_their_column_on_paper(browser, page):
+    browser.open(page, A4, media="print")
+    wide = browser.run("""
+        return [...document.querySelectorAll('.listings table')]
+            .filter((t) => t.getBoundingClientRect().width > t.parentElement.getBoundingClientRect().width + 1)
+            .map((t) => t.caption.textContent)""")
+    assert wide == []
 
 
 def test_paper_is_white_even_at_night_and_shows_three_views(browser, page):

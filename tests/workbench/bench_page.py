@@ -95,7 +95,8 @@ class Page:
         return [str(row) for row in self.browser.run(rows)]
 
     def add(self, place: int = 0) -> str:
-        """Press Add in a row, the first is 0."""
+        """Press Add in a row, the first is 0, as soon as there are candidates."""
+        self.until(self.candidates, "candidates")
         table = self.one("table", "table", "Candidates")
         row = table.find_elements(By.CSS_SELECTOR, "tbody tr")[place]
         buttons = [b for b in row.find_elements(By.TAG_NAME, "button") if b.accessible_name == "Add"]

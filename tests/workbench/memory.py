@@ -1,10 +1,11 @@
-"""Memory that the workbench's server holds over 500 actions at 300 poses. A row for docs/results.md.
+"""Memory that the workbench's server holds over 500 actions. A table for docs/results.md.
 
 `./dev bench workbench` runs it.
 """
 
 from __future__ import annotations
 
+import argparse
 import sys
 import tempfile
 import time
@@ -31,8 +32,8 @@ def resident_mb(workbench: Workbench) -> float:
 def held_over(workbench: Workbench, actions: int, every: int) -> list[float]:
     """Memory [MB] after each `every` of so many actions: Add, Undo, Redo and Remove in turn, each waited for."""
     held = []
-    _wait(workbench, "candidates")
     for done in range(0, actions, 4):
+        _wait(workbench, "candidates")  # of many measurements they come a while after the figures
         _do(workbench, do="add", candidate=(done // 4) % _CANDIDATES)
         _do(workbench, do="undo")
         _do(workbench, do="redo")
@@ -61,19 +62,25 @@ def _wait(workbench: Workbench, key: str) -> None:
 
 def main() -> None:
     """Print the table."""
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        armtrue_sim.simulate({**TWO_HIDDEN, "poses": POSES}).write(folder)
-        workbench = Workbench([folder / "data.csv"], folder / "state")
-        try:
-            held = held_over(workbench, ACTIONS, EVERY)
-            models = len(workbench.state()["models"])
-        finally:
-            workbench.kill()
-    heads = [str(count) for count in range(EVERY, ACTIONS + 1, EVERY)]
-    print(f"| actions at {POSES} poses | {' | '.join(heads)} |")
-    print(f"|---|{'---|' * len(heads)}")
-    print(f"| memory [MB]; {models} models at the end | {' | '.join(f'{each:.0f}' for each in held)} |")
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--poses", type=int, nargs="*", default=[POSES])
+    parser.add_argument("--actions", type=int, default=ACTIONS)
+    given = parser.parse_args()
+    every = given.actions // 5
+    heads = [str(count) for count in range(every, given.actions + 1, every)]
+    print(f"| memory [MB] after so many actions | {' | '.join(heads)} | models at the end |")
+    print(f"|---|{'---|' * len(heads)}---|")
+    for poses in given.poses:
+        with tempfile.TemporaryDirectory() as name:
+            folder = Path(name)
+            armtrue_sim.simulate({**TWO_HIDDEN, "poses": poses}).write(folder)
+            workbench = Workbench([folder / "data.csv"], folder / "state")
+            try:
+                held = held_over(workbench, given.actions, every)
+                models = len(workbench.state()["models"])
+            finally:
+                workbench.kill()
+        print(f"| {poses} poses | {' | '.join(f'{each:.0f}' for each in held)} | {models} |", flush=True)
 
 
 if __name__ == "__main__":

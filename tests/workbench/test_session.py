@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import re
 import time
 from pathlib import Path
 
+import armtrue_sim
 import pytest
 from bench_page import Page
+from opened import TWO_HIDDEN
 from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
@@ -185,6 +188,23 @@ def test_refine_can_be_stopped_and_keeps_what_was_finished(page, workbench):
     assert not state["busy"]
     assert state["failure"] == ""
     page.until(lambda: page.button("Refine").is_enabled(), "Refine to be possible again")
+
+
+def test_refine_pauses_after_a_step_and_goes_on(start, browser, tmp_path):
+    armtrue_sim.simulate({**TWO_HIDDEN, "poses": 900}).write(tmp_path)
+    workbench = start(tmp_path / "data.csv")
+    page = Page(browser, workbench.address)
+    page.button("Refine").click()
+    page.until(lambda: page.by_role("#pause", "button", "Pause"), "Pause")
+    said = page.after(page.one("#pause", "button", "Pause").click)
+    assert re.match(r"Paused after [01] steps?; Refine goes on\. The held-out mean error", said)
+    half = workbench.state()
+    assert not half["busy"]
+    assert half["verdict"] != "nothing_missing"
+    page.press("Refine")
+    page.until(lambda: not workbench.state()["busy"], "end of Refine")
+    assert workbench.state()["verdict"] == "nothing_missing"
+    assert workbench.do(do="pause") == 400
 
 
 def test_a_row_marked_as_wrong_is_left_out_and_counted(page, workbench):

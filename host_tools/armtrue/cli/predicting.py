@@ -55,7 +55,7 @@ def predict(
     import numpy as np
 
     from armtrue import comparing, fitting
-    from armtrue.uncertainty import position_covariance
+    from armtrue.uncertainty import position_covariance, standard_deviation_m
 
     output = Output(None)
     check_writable(out)
@@ -71,7 +71,7 @@ def predict(
         names += _COVARIANCES
         for text, one in zip(texts, covariance, strict=True):
             text += [f"{one[place]:.6e}" for place in _COVARIANCES.values()]
-        typical = float(np.median(np.sqrt(np.trace(covariance, axis1=1, axis2=2))))
+        typical = float(np.median(standard_deviation_m(covariance)))
         output.say(
             f"uncertainty of the model at these poses: {1e6 * typical:.1f} µm (median, one standard deviation)"
         )

@@ -82,7 +82,7 @@ def open_workbench(
     Example: [bold]armtrue open data.csv --robot robot.yaml --model model.yaml[/]
     """
     from armtrue.workbench.opening.opened import open_files
-    from armtrue.workbench.start import start
+    from armtrue.workbench.start import guessed, start
 
     if not 0 <= port <= _HIGHEST_PORT:
         raise InputError(f"--port: found {port}, expected 0 to {_HIGHEST_PORT}")
@@ -90,9 +90,19 @@ def open_workbench(
     if not files and (robot or model):
         raise InputError(f"{robot or model}: found no measurements beside it, expected DATA or a fit.json")
     device = _device(interface, channel, bitrate, node)
-    opened = open_files(files, robot, model) if files else None
+    opened = drop = None
+    if files:
+        try:
+            opened = open_files(files, robot, model)
+        except InputError:
+            with waiting(output):
+                drop = guessed(files, robot, model)
+            if drop is None:
+                raise
     with waiting(output) as progress:
-        server = start(opened, port, session, new, progress, device)
+        server = start(opened, port, session, new, progress, device, drop)
+    if drop is not None:
+        output.say("The files are not in Armtrue's own form: the page shows what was guessed of them.")
     if opened is not None:
         output.items(opened.notes)
         output.say(f"session: {server.engine.session.folder}")

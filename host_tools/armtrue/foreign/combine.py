@@ -166,7 +166,10 @@ def long_table(parts: list[Part]) -> tuple[dict[str, Array], list[str] | None, l
     with_joints = [part for part in parts if part.meaning.joints]
     if len(with_joints) != 1:
         names = ", ".join(part.sheet.path.name for part in (with_joints or parts))
-        raise InputError(f"{names}: found joints in {len(with_joints)} of the files, expected them in one")
+        raise InputError(
+            f"{names}: found joints in {len(with_joints)} of the files, expected them in one, "
+            "under a header that names them (q1, J1, A1, joint_1 …)"
+        )
     base = with_joints[0]
     blocks: list[tuple[str, Part, list[str], NDArray[np.int64], NDArray[np.int64]]] = []
     notes: list[str] = []

@@ -25,6 +25,7 @@ _COLUMNS = {
     "offset": re.compile(r"^(?:theta|θ|offset|theta_?0|theta_?offset|joint_?offset|th)$", re.IGNORECASE),
     "gear_ratio": re.compile(r"^(?:gear|gear_?ratio|ratio|n)$", re.IGNORECASE),
 }
+_NEEDED = ("a", "alpha", "d")
 _LONGEST_M = 10.0
 
 
@@ -70,16 +71,30 @@ def urdf_kinematics(urdf: Path, out: Path, joint_count: int | None) -> tuple[dic
     return kinematics, names, f"{urdf.name}: {wanted} joints from {base} to {tip}"
 
 
-def dh_rows(table: Path) -> tuple[list[dict[str, Any]], list[str]]:
-    """Rows {a, alpha, d, offset, …} in SI units from a table of them, and what was guessed. Errors: InputError."""
-    sheet = read_sheet(table)
+def is_dh_table(table: Path) -> bool:
+    """True where a file is a table of Denavit-Hartenberg rows, and no measurements."""
+    try:
+        columns = _dh_columns(read_sheet(table))
+    except InputError:
+        return False
+    return all(own in columns for own in _NEEDED)
+
+
+def _dh_columns(sheet: Sheet) -> dict[str, str]:
     columns: dict[str, str] = {}
     for name in sheet.header:
         word = split_unit(name)[0].strip()
         own = next((own for own, words in _COLUMNS.items() if words.match(word)), None)
         if own is not None:
             columns.setdefault(own, name)
-    missing = [own for own in ("a", "alpha", "d") if own not in columns]
+    return columns
+
+
+def dh_rows(table: Path) -> tuple[list[dict[str, Any]], list[str]]:
+    """Rows {a, alpha, d, offset, …} in SI units from a table of them, and what was guessed. Errors: InputError."""
+    sheet = read_sheet(table)
+    columns = _dh_columns(sheet)
+    missing = [own for own in _NEEDED if own not in columns]
     if missing:
         raise InputError(
             f"{table} header: found no column '{missing[0]}', expected a, alpha, d and theta or offset"

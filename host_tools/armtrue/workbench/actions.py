@@ -9,8 +9,10 @@ from armtrue.diagnosis import refine
 from armtrue.errors import InputError
 from armtrue.fitting import Fit, with_effects
 from armtrue.io.model import check_effect
+from armtrue.report.parts import plural
 from armtrue.workbench.compensator import Device
 from armtrue.workbench.first_figures import FirstFigures, fit_to_some
+from armtrue.workbench.opening.dropped import LOOK_AT_GUESSES
 from armtrue.workbench.opening.waiting import keep_waiting
 from armtrue.workbench.outputs import make
 from armtrue.workbench.session import Node, Session
@@ -26,6 +28,10 @@ if TYPE_CHECKING:
 
 Entry = dict[str, Any]
 _LONGEST_NAME = 80
+
+
+class PausedError(Exception):
+    """The person asked Refine to pause, and a step has ended."""
 
 
 def candidates_of(session: Session) -> list[Entry]:
@@ -202,8 +208,16 @@ def _refine(engine: Engine, _words: Entry) -> None:
             steps += 1
         elif session.diagnosis_of(session.at) is None:
             session.diagnosed(session.at, diagnosis)
+        if engine.pausing.is_set():
+            raise PausedError
 
-    refine(session.fit_of(session.at), engine.tell, keep)
+    try:
+        refine(session.fit_of(session.at), engine.tell, keep)
+    except PausedError:
+        engine.said = (
+            f"Paused after {plural(steps, 'step')}; Refine goes on. {fall_words(first, session.node.mean_um)}"
+        )
+        return
     what = f"Refined in {steps} steps" if steps != 1 else "Refined in one step"
     engine.said = (
         f"{what}. {fall_words(first, session.node.mean_um)}"
@@ -215,7 +229,7 @@ def _refine(engine: Engine, _words: Entry) -> None:
 def _open(engine: Engine, words: Entry) -> None:
     opened = engine.drop.open(words)
     if opened is None:
-        engine.said = "The files are not in Armtrue's own form: look at what was guessed, then open them."
+        engine.said = LOOK_AT_GUESSES
         if "mend" in words:
             engine.said = "It is mended. Look at what the check says now, then open the files."
         return

@@ -78,10 +78,10 @@ class Background:
         run = self._now = _Run(session, number, politely)
         threading.Thread(target=self._run, args=(run,), name="workbench diagnose", daemon=True).start()
 
-    def wait(self, seconds: float) -> None:
-        """Wait until the diagnosis has ended, or so long."""
-        if (run := self._now) is not None:
-            run.ended.wait(seconds)
+    def wait(self, seconds: float) -> bool:
+        """Wait until the diagnosis has ended, or so long; True where none runs any more."""
+        run = self._now
+        return run is None or run.ended.wait(seconds)
 
     def stop(self) -> None:
         """Let go of the diagnosis: it may begin anew later."""

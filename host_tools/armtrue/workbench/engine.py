@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import logging
-import os
 import threading
+import time
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -26,9 +26,11 @@ from armtrue.workbench.showing.further import Result
 
 Entry = dict[str, Any]
 
-# Up to so many measurements a diagnosis is done in a moment: the action ends with it.
+# Up to so many measurements a diagnosis is done in a moment: the action ends with it. The page has its figures before;
+# the longest wait is that of a machine which is busy with other things.
 _AT_ONCE_ROWS = 1000
-_AT_ONCE_S = 10.0
+_AT_ONCE_S = 60.0
+_LOOK_UP_S = 0.1
 
 
 class BusyError(InputError):
@@ -56,6 +58,7 @@ class Engine:
         self.changed = threading.Condition(threading.RLock())
         self.background = Background(self.announce)
         self._cancel = threading.Event()
+        self.pausing = threading.Event()
         self._worker: threading.Thread | None = None
 
     @property
@@ -152,6 +155,9 @@ class Engine:
         if action == "cancel":
             self._stop()
             return
+        if action == "pause":
+            self._pause()
+            return
         if action not in WORK:
             raise InputError(f"found no action '{action}', expected one of {', '.join(WORK)}")
         with self.changed:
@@ -160,6 +166,7 @@ class Engine:
                     f"{action}: found {self.task.name} still running, expected it to end or be cancelled"
                 )
             self._cancel.clear()
+            self.pausing.clear()
             self.task = Task(action)
             self.failure = ""
             self.announce()
@@ -178,8 +185,15 @@ class Engine:
 
     def take_draft(self, words: Entry) -> None:
         """Keep what stands in the form of guesses. Errors: InputError where there is no such form."""
-        self.drop.take_draft(words)
-        self._keep()
+        with self.changed:  # nobody is told of it before it is on disk
+            self.drop.take_draft(words)
+            self._keep()
+
+    @property
+    def draft(self) -> Entry:
+        """What stands in the form of guesses, as it is kept."""
+        with self.changed:
+            return self.drop.draft
 
     def go_on_waiting(self) -> None:
         """Take up the files that were dropped before anything was opened."""
@@ -220,6 +234,14 @@ class Engine:
             elif self.background.task is not None:
                 self.background.stop_for_good(self.session)
 
+    def _pause(self) -> None:
+        """Have Refine end with the step that it is at. Errors: InputError where it does not run."""
+        with self.changed:
+            if self.task is None or self.task.name != "refine":
+                raise InputError("pause: found no Refine that runs, expected it to be begun first")
+            self.pausing.set()
+            self.announce()
+
     def _run(self, action: str, words: Entry) -> None:
         try:
             if action not in BESIDE_A_DIAGNOSIS:
@@ -228,9 +250,7 @@ class Engine:
         except CancelledError:
             self.said = f"Stopped. {self.session.node.said}"
         except InputError as error:
-            self.failure = str(error).replace(
-                f"{self.drop.folder}{os.sep}", ""
-            )  # a dropped file has its name alone
+            self.failure = self.drop.without_place(str(error))
         except Exception:
             logging.getLogger(__name__).exception("an action failed")
             self.failure = FAULT
@@ -250,8 +270,11 @@ class Engine:
         at_once = self.session.data.count <= _AT_ONCE_ROWS
         self.background.start(self.session, politely=not at_once)
         self.announce()  # the page has the new figures while the diagnosis is worked out
-        if at_once:
-            self.background.wait(_AT_ONCE_S)
+        self._cancel.clear()  # what stopped the action does not stop its diagnosis
+        end = time.monotonic() + _AT_ONCE_S
+        while at_once and time.monotonic() < end and not self.background.wait(_LOOK_UP_S):
+            if self._cancel.is_set():
+                self.background.stop_for_good(self.session)
 
 
 def _joined_since(session: Session, opened: Opened) -> tuple[Session, Opened]:

@@ -62,7 +62,7 @@ def _bundle(session: Session) -> Made:
 def _report(session: Session, progress: Progress | None) -> Made:
     path = [node for node in session.path if node.left_out == session.node.left_out]
     fits = [session.fit_of(node.number) for node in path]
-    names = [node.name or (node.change if node.parent is not None else "first model") for node in path]
+    names = [node.name or node.change for node in path]
     # Diagnoses made on the way of Refine lack spectra.
     known = [
         session.diagnosis_of(node.number) if session.is_diagnosed(node.number) else None for node in path

@@ -134,7 +134,7 @@ class _Handler(BaseHTTPRequestHandler):
         engine = self.server.engine
         self._json({
             "version": engine.version, "model": engine.shown, "known": engine.known, "pieces": pieces(engine),
-            "draft": engine.drop.draft,
+            "draft": engine.draft,
             "left_out": engine.session.node.left_out if engine.is_open else [],
             "said": engine.said, "failure": engine.failure, **running(engine),
         })  # fmt: skip
@@ -259,7 +259,7 @@ def running(engine: Engine) -> dict[str, Any]:
     """What runs, and which buttons can be pressed."""
     return {
         "task": _shown(engine.task), "diagnosing": _shown(engine.background.task), "buttons": buttons(engine),
-        "first_figures": engine.first_figures is not None,
+        "first_figures": engine.first_figures is not None, "pausing": engine.pausing.is_set(),
         "made": engine.made.name if engine.made else None,
     }  # fmt: skip
 

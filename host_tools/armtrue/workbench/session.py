@@ -84,7 +84,11 @@ class Session:
     @property
     def path(self) -> list[Node]:
         """Models from the first to the one that is looked at."""
-        found = [self.node]
+        return self.path_to(self.at)
+
+    def path_to(self, number: int) -> list[Node]:
+        """Models from the first to this one."""
+        found = [self.nodes[number]]
         while (parent := found[-1].parent) is not None:
             found.append(self.nodes[parent])
         return found[::-1]

@@ -20,7 +20,7 @@ from armtrue.tables.chain import Chain, chain_from_robot, rotation_about
 Array = NDArray[np.float64]
 
 WIDTH, HEIGHT = 310, 240
-_TRACK = 26  # below the picture: where the variable is that drives the effect
+_TRACK = 40  # below the picture: where the variable is that drives the effect
 _FRAMES = 17
 _SECONDS = 6
 _MARGIN = 26.0
@@ -248,7 +248,7 @@ def _svg(nominal: Array, moved: list[Array], marked: list[int], sweep: Sweep, wo
                 cy=y, r="5"),
             tag("text", f"{_figure(sweep.values[0])}{unit}", class_="ticks", x=left, y=y + 18),
             tag("text", f"{_figure(sweep.values[-1])}{unit}", class_="ticks", x=right, y=y + 18, text_anchor="end"),
-            tag("text", sweep.variable.what, class_="ticks", x=WIDTH / 2, y=y + 18, text_anchor="middle"),
+            tag("text", sweep.variable.what, class_="ticks", x=WIDTH / 2, y=y - 9, text_anchor="middle"),
         ]  # fmt: skip
     swing = _animated("d", [paths[k] for k in there_and_back])
     return tag(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import shutil
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -9,7 +11,9 @@ from typing import Any
 from armtrue.checking import Finding, check
 from armtrue.errors import InputError, shorten
 from armtrue.foreign import init
-from armtrue.io import Robot, load_data, load_robot
+from armtrue.foreign.robots import WHERE_ARMS_ARE, is_dh_table
+from armtrue.io import Robot, load_data, load_model, load_robot
+from armtrue.io.columns import POSITION
 from armtrue.io.files import read_text, write_file
 from armtrue.io.yamlfile import load_yaml
 from armtrue.report.markup import Markup
@@ -19,8 +23,11 @@ from armtrue.workbench.opening.opened import Opened, open_files
 
 Entry = dict[str, Any]
 
+LOOK_AT_GUESSES = "The files are not in Armtrue's own form: look at what was guessed, then open them."
+
 _TABLES = {".csv", ".txt", ".tsv", ".dat", ".xlsx"}
 _KNOWN = {*_TABLES, ".json", ".yaml", ".yml", ".urdf"}
+_KINDS = ("fit", "robot", "model", "data", "urdf", "dh", "table")
 _LONGEST_NAME = 120
 _GUESSED = "guessed"
 
@@ -59,6 +66,36 @@ class Drop:
         write_file(self.folder / name, content)
         if name not in self.names:
             self.names.append(name)
+
+    def take_foreign(self, files: list[Path], robot: Path | None, model: Path | None) -> bool:
+        """Keep copies of foreign files named in the terminal, and guess what they are; False where they are not such.
+
+        A file in Armtrue's own form is not foreign, whatever is wrong with it. Errors: InputError where several files,
+        or one with a URDF, cannot be understood; of one file alone the reader of Armtrue's own form says more.
+        """
+        arm = robot or next(
+            (path for file in files[:1] if (path := file.with_name("robot.yaml")).is_file()), None
+        )
+        named = [*files, *(path for path in (arm, model) if path)]
+        certain = len(files) > 1 or (arm is not None and arm.suffix.lower() == ".urdf")
+        tables = all(file.suffix.lower() in _TABLES for file in files)
+        whole = all(path.is_file() for path in named) and len({path.name for path in named}) == len(named)
+        if not (tables and whole and (certain or not _is_own(files[0]))):
+            return False
+        try:
+            for path in named:
+                self.take(path.name, path.read_bytes())
+            self.open({})
+        except InputError as error:
+            self.forget()
+            shutil.rmtree(self.folder, ignore_errors=True)
+            if certain:
+                raise InputError(self.without_place(str(error))) from None
+        return self.guess is not None
+
+    def without_place(self, sentence: str) -> str:
+        """A sentence with dropped files under their names alone."""
+        return sentence.replace(f"{self.folder}{os.sep}", "")
 
     def forget(self) -> None:
         """Begin anew; the files stay where they are."""
@@ -104,14 +141,7 @@ class Drop:
             if "form" in words:
                 return self._open_guessed(filled_in(self.guess.text, words["form"], self.guess.robot))
         self.guess, self.draft = None, {}
-        kinds: dict[str, list[Path]] = {
-            "fit": [],
-            "robot": [],
-            "model": [],
-            "data": [],
-            "urdf": [],
-            "table": [],
-        }
+        kinds: dict[str, list[Path]] = {kind: [] for kind in _KINDS}
         for name in self.names:
             kinds[_kind(self.folder / name)].append(self.folder / name)
         robot, model = _one(kinds["robot"], "arm"), _one(kinds["model"], "model")
@@ -125,17 +155,28 @@ class Drop:
             try:
                 return open_files(kinds["table"], robot, model)
             except InputError as error:
-                self._guess(kinds, robot, str(error))
+                # What the message says of `armtrue init` is being done here.
+                self._guess(kinds, robot, model, self.without_place(str(error)).split("; ")[0])
                 return None
-        self._guess(kinds, robot, "")
+        self._guess(kinds, robot, model, "")
         return None
 
-    def _guess(self, kinds: dict[str, list[Path]], robot: Path | None, why: str) -> None:
-        tables = kinds["table"]
+    def _guess(self, kinds: dict[str, list[Path]], robot: Path | None, model: Path | None, why: str) -> None:
+        # A URDF beside a robot.yaml is the one that this names.
+        urdf, dh = (
+            (None, None) if robot else (_one(kinds["urdf"], "URDF"), _one(kinds["dh"], "table of an arm"))
+        )
+        if not (robot or urdf or dh):
+            names = ", ".join(path.name for path in kinds["table"])
+            raise InputError(
+                f"{names}: found no arm beside it, expected its robot.yaml, its URDF, or a table of "
+                f"Denavit-Hartenberg rows (a, alpha, d, theta) to be dropped too; {WHERE_ARMS_ARE}"
+            )
         out = self.folder / _GUESSED
-        found = init(tables, out, urdf=_one(kinds["urdf"], "URDF"), robot=robot, force=True)
-        if robot is not None:
-            write_file(out / "robot.yaml", read_text(robot))
+        found = init(kinds["table"], out, urdf=urdf, dh=dh, robot=robot, force=True)
+        if model is not None:
+            load_model(model, load_robot(out / "robot.yaml"))
+            write_file(out / "model.yaml", read_text(model))
         self.guess = self._looked_at([*([why] if why else []), *found.notes])
 
     def _looked_at(self, notes: list[str]) -> Guess:
@@ -174,11 +215,20 @@ class Drop:
         self._check(mended(text, findings[place]))
 
 
+def _is_own(path: Path) -> bool:
+    """True where a file has the columns of Armtrue's own form."""
+    try:
+        header = read_text(path).split("\n", 1)[0].strip().split(",")
+    except InputError:
+        return False
+    return {"q1", *POSITION} <= set(header)
+
+
 def _kind(path: Path) -> str:
     """What a file is, by its ending and, for YAML, by its keys."""
     ending = path.suffix.lower()
     if ending in _TABLES:
-        return "table"
+        return "dh" if is_dh_table(path) else "table"
     if ending == ".json":
         return "fit"
     if ending == ".urdf":

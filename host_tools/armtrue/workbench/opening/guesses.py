@@ -16,6 +16,7 @@ from armtrue.io import Robot
 from armtrue.io.columns import POSITION, QUATERNION, TEXT_COLUMNS, UNITS, ColumnNames
 from armtrue.io.files import read_text
 from armtrue.report.markup import Content, Markup, tag
+from armtrue.report.parts import listed, plural
 
 Document = dict[str, Any]
 
@@ -219,15 +220,18 @@ def _text(document: Document) -> str:
 
 
 def findings_list(findings: list[Finding]) -> Markup:
-    """What the check says, with a button beside what can be mended here."""
-    lines: list[Content] = [
-        [
-            f"{finding.severity}: {finding.message} {finding.remedy}".strip(),
-            " ",
+    """What the check says, with a button beside what can be mended here; what is no fault is folded away."""
+
+    def line(place: int, finding: Finding) -> list[Content]:
+        words = " → ".join(part for part in (finding.message, finding.remedy) if part)
+        mend = (
             tag("button", "Mend this", type="button", data_act="open", data_mend=place)
             if can_be_mended(finding)
-            else None,
-        ]
-        for place, finding in enumerate(findings)
-    ]
-    return tag("ul", [tag("li", line) for line in lines or ["Nothing is wrong."]])
+            else None
+        )
+        return [f"{finding.severity}: {words} ", mend]
+
+    wrong = [line(k, finding) for k, finding in enumerate(findings) if finding.severity != "note"]
+    notes = [line(k, finding) for k, finding in enumerate(findings) if finding.severity == "note"]
+    folded = tag("details", tag("summary", plural(len(notes), "note")), listed(notes)) if notes else None
+    return tag("div", listed(wrong) if wrong else tag("p", "Nothing is wrong."), folded)

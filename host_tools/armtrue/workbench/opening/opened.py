@@ -44,6 +44,8 @@ def open_files(files: list[Path], robot: Path | None = None, model: Path | None 
     """Read measurements or fits. Errors: InputError that names the file and what was expected."""
     if not files:
         raise InputError("open: found no file, expected measurements (CSV, dataset.yaml) or a fit.json")
+    if missing := [file for file in files if not file.exists()]:
+        raise InputError(f"{missing[0]}: cannot be read (there is no such file)")
     fits = [file for file in files if file.suffix.lower() == ".json"]
     others = [file for file in files if file not in fits]
     if fits and (others or robot or model):

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import json
-import math
 from typing import Any
 
-import numpy as np
-
+from armtrue import comparing
 from armtrue.errors import InputError
 from armtrue.fitting import Fit, with_effects
 from armtrue.progress import Progress
@@ -16,7 +14,7 @@ from armtrue.report.markup import Content, Markup, tag
 from armtrue.report.parts import micrometres, minus, plural, table
 from armtrue.workbench.session import Node, Session
 from armtrue.workbench.showing.further import Result
-from armtrue.workbench.showing.names import called, called_among, model_entry
+from armtrue.workbench.showing.names import called, called_among, model_entry, named
 from armtrue.workbench.showing.poses import planned
 from armtrue.workbench.showing.words import chance, length
 
@@ -29,7 +27,7 @@ def beside(session: Session, place: str) -> str:
     if not place.isdecimal() or int(place) >= len(session.nodes):
         raise InputError(f"node: found '{place}', expected a number from 0 to {len(session.nodes) - 1}")
     nodes = [session.node, session.nodes[int(place)]]
-    names = [f"A: {_name(nodes[0])}", f"B: {_name(nodes[1])}"]
+    names = [f"{letter}: {_name(session, node)}" for letter, node in zip("AB", nodes, strict=True)]
     return tag(
         "article",
         tag("h2", "Two models side by side", id="card-title"),
@@ -44,16 +42,15 @@ def beside(session: Session, place: str) -> str:
 def bayesian_information(session: Session, number: int) -> float:
     """BIC of a model up to a constant of its measurements."""
 
-    def work() -> float:
-        fit = session.fit_of(number)
-        with fit.lock:
-            return float(fit.core.bayesian_information())
-
-    return float(session.worked_out(number, "bic", work))
+    return float(
+        session.worked_out(number, "bic", lambda: comparing.bayesian_information(session.fit_of(number)))
+    )
 
 
-def _name(node: Node) -> str:
-    return node.name or node.change
+def _name(session: Session, node: Node) -> str:
+    """What the person called a model, or all that was changed on the way to it: two may end with the same step."""
+    steps = session.path_to(node.number)
+    return node.name or ", ".join(step.change for step in steps[1:]) or steps[0].change
 
 
 def _figures(session: Session, nodes: list[Node], names: list[str]) -> Markup:
@@ -66,18 +63,16 @@ def _figures(session: Session, nodes: list[Node], names: list[str]) -> Markup:
         for node in nodes
     ]
     rows: list[list[Content]] = [
-        ["effects that the other lacks", *(", ".join(map(called, effects)) or "none" for effects in own)],
+        ["effects that the other lacks", *(", ".join(map(named, effects)) or "none" for effects in own)],
         ["held-out mean error", *(length(node.mean_um) for node in nodes)],
         ["parameters", *map(str, counts)],
     ]
     after: Content = None
     if nodes[0].left_out == nodes[1].left_out:
-        apart = bayesian_information(session, nodes[1].number) - bayesian_information(
-            session, nodes[0].number
-        )
-        share = 1.0 / (1.0 + math.exp(max(-700.0, min(700.0, -apart / 2.0))))
+        bic = [bayesian_information(session, node.number) for node in nodes]
+        share = comparing.probability_of_first(*bic)
         rows.append(["probability, one of the two being right", chance(share), chance(1.0 - share)])
-        after = tag("p", f"BIC of B less that of A: {minus(f'{apart:.0f}')}.")
+        after = tag("p", f"BIC of B less that of A: {minus(f'{bic[1] - bic[0]:.0f}')}.")
     else:
         after = tag("p", "They were fitted to different rows: there is no probability to tell.")
     return tag("div", table(["", *names], rows, "Two models", words=(0, 1, 2)), after)
@@ -86,30 +81,28 @@ def _figures(session: Session, nodes: list[Node], names: list[str]) -> Markup:
 def _poses(session: Session, nodes: list[Node]) -> Markup:
     """The measured poses whose predictions are farthest apart."""
     fits = [session.fit_of(node.number) for node in nodes]
-    both, first, second = np.intersect1d(fits[0].data.rows, fits[1].data.rows, return_indices=True)
-    left = [fits[0].residuals()[first], fits[1].residuals()[second]]
-    apart = 1e6 * np.linalg.norm(left[0] - left[1], axis=1)
-    errors = [1e6 * np.linalg.norm(each, axis=1) for each in left]
-    order = np.argsort(-apart)[:_SHOWN_POSES]
+    found = comparing.difference(*fits)
+    if not len(found.rows):
+        return tag("p", "They were fitted to different rows, none of which both have.")
+    shown = range(min(_SHOWN_POSES, len(found.rows)))
     rows: list[list[Content]] = [
         [
-            str(int(both[k])),
-            micrometres(float(apart[k])),
-            *(micrometres(float(error[k])) for error in errors),
-            _joints(fits[0], int(first[k])),
+            str(int(found.rows[k])),
+            *(micrometres(float(each[k])) for each in (found.apart_um, *found.errors_um)),
+            _joints(fits[0], int(found.first[k])),
         ]
-        for k in order
+        for k in shown
     ]
     words = (
-        f"Their predictions are {micrometres(float(apart.mean()))} µm apart on average, and "
-        f"{micrometres(float(apart.max()))} µm at most."
+        f"Their predictions are {micrometres(float(found.apart_um.mean()))} µm apart on average, and "
+        f"{micrometres(float(found.apart_um.max()))} µm at most."
     )
     ring = tag(
         "button",
         "Ring these poses on the arm",
         type="button",
         data_act="ring",
-        data_rows=json.dumps(both[order].tolist()),
+        data_rows=json.dumps(found.rows[:_SHOWN_POSES].tolist()),
     )
     heads = ["row", "apart [µm]", "error of A [µm]", "error of B [µm]", "joints"]
     return tag("div", tag("p", words), table(heads, rows, "Poses where they differ most", words=(0, 4)), ring)
@@ -179,14 +172,14 @@ def swaps(session: Session, place: str) -> str:
                 data_act="swap",
                 data_effect=int(place),
                 data_entry=json.dumps(model_entry(each)),
-                aria_label=f"Put {called_among(each, candidates)} in the place of {called(old)}",
+                aria_label=f"Put {called_among(each, candidates)} in the place of {named(old)}",
             ),
         )
         for each in others[:_MOST_RIVALS]
     ]
     return tag(
         "article",
-        tag("h2", f"In the place of {called(old)}", id="card-title"),
+        tag("h2", f"In the place of {named(old)}", id="card-title"),
         tag(
             "p",
             f"{plural(len(rows), 'effect')} could stand there; the likeliest to be mistaken for it come first.",

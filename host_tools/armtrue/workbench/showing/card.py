@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from typing import Any
 
 from armtrue import sketching
@@ -17,7 +18,7 @@ from armtrue.report.sections.diagnosis_sections import values_list
 from armtrue.report.sections.effect_card import bound_lines, formula_block, sweep_of
 from armtrue.workbench.actions import candidates_of
 from armtrue.workbench.session import Session
-from armtrue.workbench.showing.names import called, called_among
+from armtrue.workbench.showing.names import called, called_among, model_entry
 from armtrue.workbench.showing.words import chance
 
 _NEIGHBOURS = 3
@@ -41,7 +42,18 @@ def card(session: Session, place: str) -> str:
         _neighbours(candidate, candidates),
         tag("h3", "Which poses would decide?"),
         _deciding(candidate, candidates, number),
-        tag("button", "Close", type="button", data_act="close"),
+        tag(
+            "p",
+            tag(
+                "button",
+                "Add to the model",
+                type="button",
+                data_act="add",
+                data_entry=json.dumps(model_entry(candidate)),
+            ),
+            " ",
+            tag("button", "Close", type="button", data_act="close"),
+        ),
     )
 
 
@@ -54,11 +66,12 @@ def evidence(session: Session, place: str) -> str:
         return tag("p", "The evidence is not drawn: a fit of this size would take too long here.")
     after = candidate["held_out_mean_um_if_added"]
     would = f" Added, the held-out mean would be about {micrometres(after)} µm." if after is not None else ""
+    words = charts.added_words(plot)
     return tag(
         "figure",
         tag("h3", "Added-variable plot"),
         charts.added_variable_panel(plot),
-        tag("figcaption", f"{charts.added_words(plot)}.{would}"),
+        tag("figcaption", f"{words[0].upper()}{words[1:]}.{would}"),
     )
 
 
@@ -96,15 +109,15 @@ def _neighbours(candidate: dict[str, Any], candidates: list[dict[str, Any]]) -> 
     shown = [*alike, *near[: max(0, _NEIGHBOURS - len(alike))]]
     if not shown:
         return tag("p", "No other effect that was tried acts on the same joints.")
-    own = f"{chance(candidate['probability'])} and {100.0 * candidate['explained']:.1f} %"
+    own = f"probability {chance(candidate['probability'])}, explains {100.0 * candidate['explained']:.1f} %"
     lines: list[Content] = []
     for other in shown:
         words = f"probability {chance(other['probability'])}, explains {100.0 * other['explained']:.1f} %"
         hardly = "; these data hardly tell the two apart" if other in alike else ""
         lines.append(
-            [tag("b", called_among(other, candidates)), f": {words}{hardly}. {typeset(other['why'])}."]
+            [tag("b", called_among(other, candidates)), f": {words}{hardly}; {typeset(other['why'])}."]
         )
-    return join(tag("p", f"For {called(candidate)} it is {own}."), listed(lines))
+    return join(tag("p", f"{called_among(candidate, candidates)}: {own}."), listed(lines))
 
 
 def _alike(candidate: dict[str, Any], candidates: list[dict[str, Any]]) -> list[dict[str, Any]]:

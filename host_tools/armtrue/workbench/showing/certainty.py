@@ -18,7 +18,7 @@ from armtrue.report.pictures.arm import scene
 from armtrue.report.pictures.panel import Panel
 from armtrue.report.scales import Scale, around
 from armtrue.report.sections.residual_sections import viewer
-from armtrue.uncertainty import position_covariance
+from armtrue.uncertainty import least_known_m, position_covariance, standard_deviation_m
 
 Array = NDArray[np.float64]
 
@@ -39,7 +39,7 @@ def certainty_section(fit: Fit) -> Markup:
         covariance = position_covariance(fit, chosen)
     except InputError as error:
         return tag("p", str(error))
-    sigma = 1e6 * np.sqrt(np.trace(covariance, axis1=1, axis2=2))
+    sigma = 1e6 * standard_deviation_m(covariance)
     figures = [
         figure(f"Over {axis}", _panel(chosen.positions_m[:, k], sigma, f"reflector's {axis} [m]"))
         for k, axis in enumerate("xyz")
@@ -64,8 +64,6 @@ def certainty_section(fit: Fit) -> Markup:
 
 def _over_the_arm(fit: Fit, poses: Dataset, covariance: Array) -> dict[str, Any]:
     """A scene with an arrow at each pose: one standard deviation along the direction that is known least."""
-    lengths, directions = np.linalg.eigh(covariance)
-    arrows = np.sqrt(np.maximum(lengths[:, -1:], 0.0)) * directions[:, :, -1]
     shown = Step(
         number=0,
         title="one standard deviation",
@@ -73,7 +71,7 @@ def _over_the_arm(fit: Fit, poses: Dataset, covariance: Array) -> dict[str, Any]
         given=True,
         added=[],
         removed=[],
-        residual_m=arrows,
+        residual_m=least_known_m(covariance),
         turned_rad=None,
         used=np.ones(poses.count, dtype=np.bool_),
     )

@@ -5,11 +5,14 @@ from __future__ import annotations
 import json
 from typing import Any
 
+from armtrue.report.parts import rounded
+
 _TOLD = ("orders", "cycles")
+_SAID = ("shape", "name")
 
 
 def called(entry: dict[str, Any]) -> str:
-    """An effect of a model or a candidate with its joints, and the options that tell it from others."""
+    """An effect or a candidate as `diagnose` names it: with its joints, and the orders that tell it from others."""
     words = [str(entry["effect"])]
     if joints := entry.get("joints"):
         words.append(",".join(map(str, joints)))
@@ -20,11 +23,17 @@ def called(entry: dict[str, Any]) -> str:
     return " ".join(words)
 
 
+def named(entry: dict[str, Any]) -> str:
+    """`called` with short figures, and what else is said of it in a word: `bending_compliance 1 shape beam`."""
+    options = _options(entry)
+    return " ".join([rounded(called(entry)), *(f"{key} {options[key]}" for key in _SAID if options.get(key))])
+
+
 def called_among(entry: dict[str, Any], others: list[dict[str, Any]]) -> str:
-    """`called`, with the thermometer where `others` read several."""
+    """`named`, with the thermometer where `others` read several."""
     sensors = {_options(other).get("sensor") for other in others} - {None}
     sensor = _options(entry).get("sensor")
-    return called(entry) + (f" sensor {sensor}" if sensor is not None and len(sensors) > 1 else "")
+    return named(entry) + (f" sensor {sensor}" if sensor is not None and len(sensors) > 1 else "")
 
 
 def model_entry(candidate: dict[str, Any]) -> dict[str, Any]:
@@ -38,7 +47,7 @@ def model_entry(candidate: dict[str, Any]) -> dict[str, Any]:
 def change_words(added: list[dict[str, Any]], removed: list[dict[str, Any]]) -> str:
     """`added gear_harmonics 3, removed backlash 2`."""
     return ", ".join(
-        [f"added {called(entry)}" for entry in added] + [f"removed {called(entry)}" for entry in removed]
+        [f"added {named(entry)}" for entry in added] + [f"removed {named(entry)}" for entry in removed]
     )
 
 

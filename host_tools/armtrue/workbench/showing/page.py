@@ -77,6 +77,7 @@ def _top() -> Markup:
             "div",
             tag("progress", id="progress", max="1", value="0", aria_label="Progress"),
             tag("span", id="stage"),
+            tag("button", "Pause", type="button", data_act="pause", id="pause", hidden=True),
             class_="running",
             id="running",
             hidden=True,

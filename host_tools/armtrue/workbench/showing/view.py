@@ -9,7 +9,7 @@ import yaml
 from armtrue.fitting import Fit
 from armtrue.io.catalogue import catalogue
 from armtrue.report.markup import Content, Markup, tag
-from armtrue.report.parts import micrometres, plural, typeset
+from armtrue.report.parts import micrometres, plural, rounded, typeset
 from armtrue.verdicts import FLOOR_SOURCES, NOT_SCORED, scored_mean_um, verdict_words
 from armtrue.workbench.compensator import device_section
 from armtrue.workbench.engine import Engine
@@ -18,10 +18,16 @@ from armtrue.workbench.opening.guesses import findings_list, first_rows, form
 from armtrue.workbench.session import Node, Session
 from armtrue.workbench.showing.further import leave_out_form
 from armtrue.workbench.showing.left_out import left_out_part, left_out_row
-from armtrue.workbench.showing.names import called, called_among
+from armtrue.workbench.showing.names import called_among, named
 from armtrue.workbench.showing.words import chance, length
 
 _SPLITS = {"random": "at random", "region": "by region", "time": "by time"}
+# Of what a candidate could also be, so many are named; its card has all.
+_NAMED_RIVALS = 2
+# So many sentences of advice stand open.
+_SHOWN_ADVICE = 2
+# Sentences of the advice that the page says by its buttons and in a list of its own.
+_SAID_ELSEWHERE = ("armtrue add FIT", "not testable with")
 _FIGURES = (("mean_um", "mean"), ("rms_um", "RMS"), ("p95_um", "95 %"), ("max_um", "max"))
 
 
@@ -106,9 +112,9 @@ def _opening(engine: Engine) -> Markup:
             tag("h3", "What was guessed, and from what"),
             _list(guess.notes),
             form(document, *first_rows(guess.path, document), guess.robot),
+            guess.picture,
             tag("h3", "What the check says"),
             findings_list(guess.findings),
-            guess.picture,
             tag(
                 "details",
                 tag("summary", "As dataset.yaml"),
@@ -126,29 +132,31 @@ def _error(path: list[Node], fit: Fit, first: FirstFigures | None) -> Markup:
     floor = node.noise_floor_um
     source = str(fit.document["noise_floor"]["source"])
     words = FLOOR_SOURCES.get(source, source)
+    held_out = {"random": node.error["held_out"], **(node.error.get("held_out_by") or {})}
     rows: list[Content] = [
-        _error_row("held out", node.error["held_out"]),
-        _error_row("training", node.error["train"]),
-    ]
-    rows += [
         _error_row(f"held out {_SPLITS.get(split, split)}", figures)
-        for split, figures in (node.error.get("held_out_by") or {}).items()
+        for split, figures in held_out.items()
         if figures
     ]
+    rows.append(_error_row("training", node.error["train"]))
     rows.append(left_out_row(node, [key for key, _ in _FIGURES]))
     heads = [tag("th", name, scope="col") for name in ("", *(name for _, name in _FIGURES))]
     return tag(
         "div",
         tag(
-            "p",
-            tag("b", length(node.mean_um), class_="figure"),
-            " held-out mean error",
-            f" ({first.words})" if first else None,
-        ),
-        tag(
-            "p",
-            tag("b", "not known" if floor is None else f"{micrometres(floor)} µm", class_="figure"),
-            f" noise floor ({words})",
+            "div",
+            tag(
+                "p",
+                tag("b", length(node.mean_um), class_="figure"),
+                " held-out mean error",
+                f" ({first.words})" if first else None,
+            ),
+            tag(
+                "p",
+                tag("b", "not known" if floor is None else f"{micrometres(floor)} µm", class_="figure"),
+                f" noise floor ({words})",
+            ),
+            class_="two-figures",
         ),
         _bar(node.mean_um, floor, _largest(path)),
         tag(
@@ -199,7 +207,7 @@ def _waterfall(path: list[Node], first: FirstFigures | None) -> Markup:
 def _model(node: Node) -> Markup:
     entries = []
     for k, effect in enumerate(node.effects):
-        name = called(effect)
+        name = named(effect)
         info = catalogue().get(effect["effect"])
         entries.append(
             tag(
@@ -220,7 +228,7 @@ def _candidates(diagnosis: dict[str, Any] | None) -> Markup:
     heads = ("candidate", "probability", "explains", "error if added", "could also be", "")
     rows = [_candidate(k, candidate, candidates) for k, candidate in enumerate(candidates)]
     none = "No effect of the catalogue is left to try." if diagnosis else "None is known yet."
-    return tag(
+    table = tag(
         "table",
         tag("caption", "Candidates", None if rows else f": {none}"),
         tag("thead", tag("tr", [tag("th", head, scope="col") if head else tag("td") for head in heads])),
@@ -228,11 +236,14 @@ def _candidates(diagnosis: dict[str, Any] | None) -> Markup:
         aria_label="Candidates",
         class_="candidates",
     )
+    return tag("div", table, class_="in-sight")
 
 
 def _candidate(k: int, candidate: dict[str, Any], candidates: list[dict[str, Any]]) -> Markup:
     share, after = 100.0 * candidate["explained"], candidate["held_out_mean_um_if_added"]
-    others = ", ".join(candidate["confounded_with"])
+    rivals = [rounded(rival) for rival in candidate["confounded_with"]]
+    more = f" and {len(rivals) - _NAMED_RIVALS} more" if len(rivals) > _NAMED_RIVALS else ""
+    others = ", ".join(rivals[:_NAMED_RIVALS]) + more
     star = tag("span", " ★", class_="trend", title="recommended") if candidate["recommend"] else None
     name = called_among(candidate, candidates)
     return tag(
@@ -247,7 +258,7 @@ def _candidate(k: int, candidate: dict[str, Any], candidates: list[dict[str, Any
         tag(
             "td",
             tag("span", tag("span", style=f"width:{min(100.0, max(0.0, share)):.1f}%"), class_="share-bar"),
-            f"{share:.1f} %",
+            tag("span", f"{share:.1f} %"),
             class_="num",
             data_label="explains",
         ),
@@ -257,7 +268,13 @@ def _candidate(k: int, candidate: dict[str, Any], candidates: list[dict[str, Any
             class_="num",
             data_label="error if added",
         ),
-        tag("td", others or "–", data_label="could also be"),
+        tag(
+            "td",
+            others or "–",
+            data_label="could also be",
+            class_=None if others else "nothing",
+            title=", ".join(rivals) if more else None,
+        ),
         tag(
             "td",
             _button("Add", "add", candidate=k, aria_describedby=f"candidate-{k}"),
@@ -292,17 +309,23 @@ def _advice(diagnosis: dict[str, Any]) -> Markup:
     unexplained = dict.fromkeys(
         f"What is left depends on {entry['variable']}: {entry['shape']}" for entry in diagnosis["unexplained"]
     )
-    untestable = [
-        f"{entry['effect']} cannot be tested: record {', '.join(entry['needs'])}"
-        for entry in diagnosis["untestable"]
-    ]
+    untestable = [f"{entry['effect']} needs {', '.join(entry['needs'])}" for entry in diagnosis["untestable"]]
     more = tag(
-        "details", tag("summary", plural(len(untestable), "effect") + " not testable"), _list(untestable)
+        "details",
+        tag("summary", plural(len(untestable), "effect") + " not testable with what was recorded"),
+        _list(untestable),
     )
+    advice = [
+        typeset(line).replace("armtrue plan", "Plan poses")
+        for line in diagnosis["advice"]
+        if not any(word in line for word in _SAID_ELSEWHERE)
+    ]
+    rest = advice[_SHOWN_ADVICE:]
     return tag(
         "div",
         _list([typeset(line) for line in unexplained]) if unexplained else None,
-        _list([typeset(line) for line in diagnosis["advice"] if "armtrue add FIT" not in line]),
+        _list(advice[:_SHOWN_ADVICE]) if advice else None,
+        tag("details", tag("summary", f"{len(rest)} more like this"), _list(rest)) if rest else None,
         more if untestable else None,
     )
 

@@ -39,7 +39,7 @@ def first_words(mean_um: float | None) -> str:
 def rows_words(rows: list[int], before: list[int] | None) -> str:
     """What rows were left out against the model before; `before` is None for the first."""
     if before is None:
-        return "as it stood"
+        return "first model"
     if rows == before:
         return "the same effects, fitted again"
     words = ", ".join(map(str, rows[:_NAMED_ROWS])) + (" and more" if len(rows) > _NAMED_ROWS else "")

@@ -4,6 +4,7 @@
   const byId = (id) => document.getElementById(id);
   const REACH_AGAIN_MS = 1000, WATCH_MS = 500;
   const BESIDE_WORK = ["card", "beside", "swaps", "ring", "hold", "close"]; // buttons that ask for no work of the session
+  const WHILE_BUSY = ["cancel", "pause"];
   const SHOW_PROGRESS_AFTER_MS = 400, KEEP_DRAFT_MS = 300;
   let model = null, known = null; // the model whose pieces stand on the page, and how much of its diagnosis
   const OF_THE_DIAGNOSIS = ["spectra", "unexplained"]; // the other parts below show the fit alone
@@ -27,7 +28,7 @@
   }
 
   async function act(words) {
-    if (busy && words.do !== "cancel") return;
+    if (busy && !WHILE_BUSY.includes(words.do)) return;
     held = focused();
     fail("");
     try {
@@ -46,7 +47,7 @@
     if (words.do === "beside") return void showCard(`beside?node=${words.node}`);
     if (words.do === "swaps") return void showCard(`swaps?effect=${words.effect}`);
     if (words.do === "ring") return void ring(words.rows);
-    if (words.do === "swap") byId("card-dialog").close();
+    if (words.do === "swap" || words.do === "add") byId("card-dialog").close();
     if (words.do === "name") words.name = byId("model-name").value;
     if (words.do === "hold") return void hold(button);
     if (words.do === "close") return void byId("card-dialog").close();
@@ -179,9 +180,11 @@
     clearTimeout(waitingForProgress);
     if (!busy) byId("running").hidden = true;
     else if (byId("running").hidden) waitingForProgress = setTimeout(() => { byId("running").hidden = false; }, SHOW_PROGRESS_AFTER_MS);
+    byId("pause").hidden = !busy || event.task.name !== "refine";
+    byId("pause").disabled = event.pausing;
     if (busy) {
       byId("progress").value = event.task.share;
-      byId("stage").textContent = event.task.stage || event.task.name;
+      byId("stage").textContent = event.pausing ? "Refine pauses when this step ends" : event.task.stage || event.task.name;
     }
   }
 

@@ -1,0 +1,33 @@
+"""What effects are called on the page."""
+
+from __future__ import annotations
+
+import pytest
+
+from armtrue.workbench.showing.names import called, named
+
+
+@pytest.mark.parametrize(
+    ("candidate", "name"),
+    [
+        (
+            {"effect": "bending_compliance", "joints": [1], "options": {"shape": "beam"}},
+            "bending_compliance 1 shape beam",
+        ),
+        (
+            {"effect": "gear_mesh", "joints": [6], "options": {"cycles": [171.3119657]}},
+            "gear_mesh 6 cycles [171.31]",
+        ),
+        ({"effect": "gear_mesh", "joints": [3], "options": {"orders": [13.0]}}, "gear_mesh 3 orders [13]"),
+    ],
+    ids=lambda value: value if isinstance(value, str) else "",
+)
+def test_candidate_is_told_from_others_in_few_figures(candidate, name):
+    assert named(candidate) == name
+
+
+def test_name_that_the_diagnosis_uses_keeps_all_figures():
+    assert (
+        called({"effect": "gear_mesh", "joints": [6], "cycles": [171.3119657]})
+        == "gear_mesh 6 cycles [171.3119657]"
+    )
