@@ -1,8 +1,8 @@
 """Ten thousand random tables that pass the reader and describe no arm, on the host and on the emulated STM32F405.
 
-`senseless_tables` (firmware/core/senseless/senseless_main.cc) makes them, checks on the host that none leaves the maxima, and
-writes them as recordings; the chip then has to take and refuse the same ones and put out
-the same, within the cycle budget.
+`senseless_tables` (firmware/core/senseless/senseless_main.cc) makes them, checks on the host that corrections keep to
+the maxima, and writes recordings. The chip must accept and refuse the same tables and give the same output within the
+cycle budget.
 """
 
 from __future__ import annotations

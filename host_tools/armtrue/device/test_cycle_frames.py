@@ -75,7 +75,9 @@ def test_who_listens_from_the_middle_of_a_set_sees_whole_ones() -> None:
                 seen.take(targets(cycle, pair, 0.001 * cycle + 5e-5 * pair))
                 shown.append(seen.targets)
     assert shown[-1] == wanted(8)
-    assert all(values in (None, wanted(cycle)) for values in shown[8:] for cycle in [(values or [0])[0] // 100])
+    assert all(
+        values in (None, wanted(cycle)) for values in shown[8:] for cycle in [(values or [0])[0] // 100]
+    )
 
 
 def test_corrections_that_follow_no_whole_set_are_not_paired() -> None:
