@@ -35,6 +35,7 @@ constexpr double kSameError = 1e-3;
 struct Move {
   std::optional<Candidate> added;
   std::vector<EffectRequest> removed;
+  bool at_once = false;  // whatever of the same search came in before it
 };
 
 bool is_table(const Candidate& c) { return find_effect(c.request.effect).generic(); }
@@ -75,7 +76,7 @@ std::vector<Move> moves_of(const Diagnosis& d) {
   std::stable_sort(sure.begin(), sure.end(), [](const Candidate* a, const Candidate* b) {
     return std::pair{is_table(*a), -a->gain_beside} < std::pair{is_table(*b), -b->gain_beside};
   });
-  for (const Candidate* c : sure) moves.push_back({with_its_like(d, *c), {}});
+  for (const Candidate* c : sure) moves.push_back({with_its_like(d, *c), {}, true});
   if (best) moves.push_back({with_its_like(d, *best), {}});
   for (const Candidate& c : d.candidates) {
     if (best && c.probability > 0.5) moves.push_back({c, {}});
@@ -89,10 +90,6 @@ ModelSpecification apply(ModelSpecification specification, const Move& move,
   for (const EffectRequest& r : move.removed)
     specification = without_effect(specification, r, context);
   return move.added ? with_effect(specification, move.added->request) : specification;
-}
-
-bool is_sure(const Move& move) {
-  return move.added && move.added->likeliest && move.added->probability >= kSurely;
 }
 
 // Whether an effect is a function of time.
@@ -262,7 +259,7 @@ std::vector<Refinement::Trial> Refinement::next_trials(const std::vector<Move>& 
   std::vector<Trial> trials;
   for (; next < moves.size() && trials.size() < most; ++next) {
     const Move& move = moves[next];
-    if (!trials.empty() && !is_sure(move)) break;
+    if (!trials.empty() && !move.at_once) break;
     Trial trial = trials.empty() ? Trial{0, fit.specification(), {}, nullptr} : trials.back();
     trial.move = next;
     trial.specification = apply(trial.specification, move, fit.context());
@@ -279,7 +276,7 @@ bool Refinement::one_round() {
   const auto full = [&] { return static_cast<int>(steps_.size()) > options_.most_steps; };
   bool moved = false;
   for (std::size_t next = 0; next < moves.size() && !full();) {
-    if (moved && !is_sure(moves[next])) return true;
+    if (moved && !moves[next].at_once) return true;
     std::vector<Trial> trials = next_trials(moves, next);
     fit_trials(trials, true);
     for (const Trial& trial : trials) {
