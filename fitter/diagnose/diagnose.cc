@@ -277,10 +277,13 @@ std::string evidence_words(const Candidate& c, const Fit& fit) {
   return text;
 }
 
-void recommend(Diagnosis& d, const Fit& fit) {
+void recommend(Diagnosis& d) {
   if (d.probability_nothing < kMoreLikelyThanNot && !d.candidates.empty() &&
       d.candidates.front().probability > kLeastShare)
     d.candidates.front().recommend = true;
+}
+
+void explain(Diagnosis& d, const Fit& fit) {
   for (Candidate& c : d.candidates) {
     c.why = c.recommend || c.probability > kMoreLikelyThanNot ? evidence_words(c, fit)
             : c.probability > kWorthNaming ? "an alternative, or not surely seen in these data"
@@ -317,13 +320,13 @@ void weigh(Fit& fit, const Linearization& linearization, std::vector<EvidenceBlo
   doubt_beside_structure(fit, evidence, d.candidates, d.probability_nothing);
   rank(d.candidates);
   describe_present(evidence, d);
-  recommend(d, fit);
+  recommend(d);
   name_confounded(evidence.search, d.candidates);
 }
 
 // Shares of the squared residual as the charts draw them: of each candidate alone, all rows weighed
 // as the fit does. What a table explains is what its smoothness lets it: that the search has said.
-void score_alone(const Scorer& scorer, std::vector<Candidate>& candidates) {
+void score_alone(const Scorer& scorer, const Fit& fit, std::vector<Candidate>& candidates) {
   std::vector<Block> blocks;
   std::vector<Candidate*> of_block;
   for (Candidate& c : candidates) {
@@ -336,6 +339,8 @@ void score_alone(const Scorer& scorer, std::vector<Candidate>& candidates) {
     of_block[i]->score.explained = scores[i].explained;
     of_block[i]->score.gain = scores[i].gain;
     of_block[i]->score.separability = scores[i].separability;
+    of_block[i]->held_out_mean =
+        fit.held_out_error().mean * std::sqrt(1.0 - of_block[i]->score.explained);
   }
 }
 
@@ -377,7 +382,8 @@ Diagnosis diagnose(Fit& fit, const DiagnoseOptions& options, Observer& observer)
     }
   }
   if (d.candidates.size() > options.listed) d.candidates.resize(options.listed);
-  score_alone(scorer, d.candidates);
+  score_alone(scorer, fit, d.candidates);
+  explain(d, fit);
   d.scatter = scatter_along_joints(scorer, fit);
   const bool unlike_noise = d.lack_of_fit.testable && d.lack_of_fit.log10_p < kStructureSignificant;
   if (d.recommended()) {

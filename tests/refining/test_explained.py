@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from armtrue import Fit, Model, diagnose, fit, load_data, load_robot
+from armtrue import Fit, Model, diagnose, fit, load_data, load_model, load_robot
 from armtrue_sim import simulate
 
 GEOMETRY = [{"effect": name} for name in ("base_frame", "tool_offset", "joint_offset", "link_geometry")]
@@ -35,3 +35,18 @@ def test_a_refit_bears_out_what_candidates_explain(tmp_path: Path) -> None:
         entry = {"effect": c["effect"], "joints": c["joints"], **c["options"]}
         fuller = fit(data, robot, Model([*GEOMETRY, entry]))
         assert c["explained"] == pytest.approx(1.0 - squares(fuller) / squares(plain), abs=0.02), entry
+
+
+def test_the_reason_says_what_the_table_says(tmp_path: Path) -> None:
+    simulate({"arm": "kr30", "seed": 5, "poses": 240, "test_poses": 0, "hidden": [
+        {"effect": "gear_harmonics", "joints": [3]}, {"effect": "thermal_expansion"}]}, tmp_path)  # fmt: skip
+    robot = load_robot(tmp_path / "robot.yaml")
+    model = load_model(tmp_path / "model.yaml", robot)
+    found = diagnose(fit(load_data(tmp_path / "data.csv", robot), robot, model))
+    said = [c for c in found["candidates"] if "of the squared residual" in c["why"]]
+    assert said
+    for c in said:
+        assert f"explains {100 * c['explained']:.1f} %" in c["why"]
+        assert c["held_out_mean_um_if_added"] == pytest.approx(
+            found["error"]["held_out"]["mean_um"] * (1.0 - c["explained"]) ** 0.5
+        )
