@@ -14,9 +14,6 @@
 namespace armtrue {
 namespace {
 
-// Something is said to be missing, and something to be superfluous, where that is more probable
-// than not.
-constexpr double kMoreLikelyThanNot = 0.5;
 // Where several candidates stand for one another, the first of them is at least this probable.
 constexpr double kLeastShare = 0.45;
 // Below this a candidate is listed as what it is: improbable.
@@ -180,14 +177,16 @@ Candidate make_candidate(const Fit& fit, const EvidenceSummary& evidence, std::s
   return c;
 }
 
-// What a block depends on beside the arm's posture: "time", "dir2", "dT_arm", a user's column.
+// What a block depends on beside the arm's posture: "session" for time and temperatures, which go
+// along with one another, else a variable's name ("dir2", "payload", a user's column).
 std::set<std::string> beside_posture(const Block& block, int joints) {
   std::set<std::string> result;
   for (const Parameter& p : block.terms.parameters) {
     for (const Term& term : p.terms) {
       for (const std::string& name : term.basis.variables()) {
         const auto variable = parse_variable(name, joints);
-        if (variable && !variable->is_of_posture()) result.insert(name);
+        if (!variable || variable->is_of_posture()) continue;
+        result.insert(variable->is_of_session() ? "session" : name);
       }
     }
   }

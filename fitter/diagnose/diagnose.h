@@ -16,6 +16,10 @@
 
 namespace armtrue {
 
+/// Something is said to be missing, and something to be superfluous, where that is more probable
+/// than this.
+inline constexpr double kMoreLikelyThanNot = 0.5;
+
 enum class Verdict { kNothingMissing, kMissingEffect, kUnexplainedStructure };
 
 /// An effect that the fit lacks.

@@ -59,6 +59,14 @@ Candidate with_its_like(const Diagnosis& d, const Candidate& best) {
   return wide;
 }
 
+// One that stands for several: it alone beside them predicts no better, and each of them alone is
+// needed while it is out.
+Move exchange_of(const Diagnosis& d, const Candidate& best) {
+  Move move{with_its_like(d, best), {}};
+  for (const Superfluous& s : d.superfluous) move.removed.push_back(s.request);
+  return move;
+}
+
 // What a search asks for, in this order: what is surely there, physical effects before tables,
 // which would swallow them; else the most probable; then what may go.
 std::vector<Move> moves_of(const Diagnosis& d) {
@@ -77,11 +85,23 @@ std::vector<Move> moves_of(const Diagnosis& d) {
     return std::pair{is_table(*a), -a->gain_beside} < std::pair{is_table(*b), -b->gain_beside};
   });
   for (const Candidate* c : sure) moves.push_back({with_its_like(d, *c), {}, true});
+  // The most probable of the others needs no search in between either, where it is as large; else
+  // what is least probable of the model goes, while those stand that came in its place.
+  const auto next = std::ranges::find_if(d.candidates, [&](const Candidate& c) {
+    return c.probability > kMoreLikelyThanNot && c.probability < kSurely &&
+           c.gain_beside >= kBeyondSecondOrder * most;
+  });
+  if (!sure.empty() && next != d.candidates.end()) {
+    moves.push_back({*next, {}, true});
+  } else if (!sure.empty() && !d.superfluous.empty()) {
+    moves.push_back({std::nullopt, {d.superfluous.front().request}, true});
+  }
   if (best) moves.push_back({with_its_like(d, *best), {}});
   for (const Candidate& c : d.candidates) {
-    if (best && c.probability > 0.5) moves.push_back({c, {}});
+    if (best && c.probability > kMoreLikelyThanNot) moves.push_back({c, {}});
   }
   for (const Superfluous& s : d.superfluous) moves.push_back({std::nullopt, {s.request}});
+  if (best && !d.superfluous.empty()) moves.push_back(exchange_of(d, *best));
   return moves;
 }
 
@@ -239,7 +259,7 @@ void Refinement::fit_in_full() {
 // worse.
 bool Refinement::accept(const Move& move, const Trial& trial) {
   tried_.insert(trial.specification.to_json().dump());
-  const double worse = move.added ? kSameError : kSameWithout;
+  const double worse = move.removed.empty() ? kSameError : kSameWithout;
   const Fit& fit = *steps_.back().fit;
   const bool in_time = !runs_with_time(fit.context(), move);
   if (!trial.fit || held_out_growth(fit, *trial.fit, in_time) > worse) return false;

@@ -16,7 +16,6 @@ constexpr int kNoiseSteps = 12;
 constexpr int kFewNoiseSteps = 4, kLastNoiseSteps = 2;  // of wide sets
 constexpr Eigen::Index kWideSet = 200;                  // columns: steps take long
 constexpr Eigen::Index kWideProblem = 800;              // columns
-constexpr int kSweeps = 4, kWideSweeps = 1;             // fourths of the sweeps asked for
 // Beside an effect of its own form, a smooth function explains less than this share of what it
 // explains alone.
 constexpr double kSameForm = 1e-2;
@@ -111,10 +110,10 @@ EvidenceSummary weigh_evidence(Fit& fit, const Linearization& l, std::vector<Blo
     bool last = round + 1 == rounds;
     const Projected projected = project(fit, l, model, PoseWhitening(l, evidence.noise));
     SearchOptions search;
-    // Wide problems are sampled for a shorter time: a sweep takes long there.
-    const int share = !last ? 0 : model.columns.cols() > kWideProblem ? kWideSweeps : kSweeps;
-    search.sweeps = options.sweeps * share / kSweeps;
-    search.burn_in = search.burn_in * share / kSweeps;
+    // Wide problems are sampled for a shorter time.
+    search.sweeps =
+        last ? (model.columns.cols() > kWideProblem ? options.sweeps / 3 : options.sweeps) : 0;
+    if (!last) search.burn_in = 0;
     evidence.search = search_blocks(projected.problem, search);
     // With the noise that is known by now, another form may do best than with the broad one.
     if (last && !repeated && wants_finer_forms(model.blocks, evidence.search)) {

@@ -122,6 +122,11 @@ bool Variable::is_of_posture() const {
          kind == VariableKind::kReadBack;
 }
 
+bool Variable::is_of_session() const {
+  return kind == VariableKind::kTime || kind == VariableKind::kTemperature ||
+         kind == VariableKind::kWarmth;
+}
+
 bool Variable::reads_gravity() const {
   switch (kind) {
     case VariableKind::kTorque:

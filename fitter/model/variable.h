@@ -44,6 +44,8 @@ struct Variable {
   bool is_load() const;
   /// True for angles and for loads: what is known once it is known where the arm stands.
   bool is_of_posture() const;
+  /// True for what changes slowly over a session: time, temperatures, a gear's own warmth.
+  bool is_of_session() const;
   /// True where a payload changes it.
   bool reads_gravity() const;
 };
