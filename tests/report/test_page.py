@@ -349,6 +349,7 @@ def test_paper_holds_everything_that_matters(browser, page, tmp_path):
     assert "Next worst" not in text
 
 
+@pytest.mark.full
 def test_eight_added_effects_fit_on_eight_sheets(browser, fits, tmp_path):
     longer, diagnoses = [fits[0]], [diagnose(fits[0])]
     while len(longer) < 9:
