@@ -35,7 +35,6 @@ constexpr double kSameError = 1e-3;
 struct Move {
   std::optional<Candidate> added;
   std::vector<EffectRequest> removed;
-  bool at_once = false;  // whatever of the same search came in before it
 };
 
 bool is_table(const Candidate& c) { return find_effect(c.request.effect).generic(); }
@@ -59,14 +58,6 @@ Candidate with_its_like(const Diagnosis& d, const Candidate& best) {
   return wide;
 }
 
-// One that stands for several: it alone beside them predicts no better, and each of them alone is
-// needed while it is out.
-Move exchange_of(const Diagnosis& d, const Candidate& best) {
-  Move move{with_its_like(d, best), {}};
-  for (const Superfluous& s : d.superfluous) move.removed.push_back(s.request);
-  return move;
-}
-
 // What a search asks for, in this order: what is surely there, physical effects before tables,
 // which would swallow them; else the most probable; then what may go.
 std::vector<Move> moves_of(const Diagnosis& d) {
@@ -84,24 +75,12 @@ std::vector<Move> moves_of(const Diagnosis& d) {
   std::stable_sort(sure.begin(), sure.end(), [](const Candidate* a, const Candidate* b) {
     return std::pair{is_table(*a), -a->gain_beside} < std::pair{is_table(*b), -b->gain_beside};
   });
-  for (const Candidate* c : sure) moves.push_back({with_its_like(d, *c), {}, true});
-  // The most probable of the others needs no search in between either, where it is as large; else
-  // what is least probable of the model goes, while those stand that came in its place.
-  const auto next = std::ranges::find_if(d.candidates, [&](const Candidate& c) {
-    return c.probability > kMoreLikelyThanNot && c.probability < kSurely &&
-           c.gain_beside >= kBeyondSecondOrder * most;
-  });
-  if (!sure.empty() && next != d.candidates.end()) {
-    moves.push_back({*next, {}, true});
-  } else if (!sure.empty() && !d.superfluous.empty()) {
-    moves.push_back({std::nullopt, {d.superfluous.front().request}, true});
-  }
+  for (const Candidate* c : sure) moves.push_back({with_its_like(d, *c), {}});
   if (best) moves.push_back({with_its_like(d, *best), {}});
   for (const Candidate& c : d.candidates) {
-    if (best && c.probability > kMoreLikelyThanNot) moves.push_back({c, {}});
+    if (best && c.probability > 0.5) moves.push_back({c, {}});
   }
   for (const Superfluous& s : d.superfluous) moves.push_back({std::nullopt, {s.request}});
-  if (best && !d.superfluous.empty()) moves.push_back(exchange_of(d, *best));
   return moves;
 }
 
@@ -110,6 +89,10 @@ ModelSpecification apply(ModelSpecification specification, const Move& move,
   for (const EffectRequest& r : move.removed)
     specification = without_effect(specification, r, context);
   return move.added ? with_effect(specification, move.added->request) : specification;
+}
+
+bool is_sure(const Move& move) {
+  return move.added && move.added->likeliest && move.added->probability >= kSurely;
 }
 
 // Whether an effect is a function of time.
@@ -259,7 +242,7 @@ void Refinement::fit_in_full() {
 // worse.
 bool Refinement::accept(const Move& move, const Trial& trial) {
   tried_.insert(trial.specification.to_json().dump());
-  const double worse = move.removed.empty() ? kSameError : kSameWithout;
+  const double worse = move.added ? kSameError : kSameWithout;
   const Fit& fit = *steps_.back().fit;
   const bool in_time = !runs_with_time(fit.context(), move);
   if (!trial.fit || held_out_growth(fit, *trial.fit, in_time) > worse) return false;
@@ -279,7 +262,7 @@ std::vector<Refinement::Trial> Refinement::next_trials(const std::vector<Move>& 
   std::vector<Trial> trials;
   for (; next < moves.size() && trials.size() < most; ++next) {
     const Move& move = moves[next];
-    if (!trials.empty() && !move.at_once) break;
+    if (!trials.empty() && !is_sure(move)) break;
     Trial trial = trials.empty() ? Trial{0, fit.specification(), {}, nullptr} : trials.back();
     trial.move = next;
     trial.specification = apply(trial.specification, move, fit.context());
@@ -296,7 +279,7 @@ bool Refinement::one_round() {
   const auto full = [&] { return static_cast<int>(steps_.size()) > options_.most_steps; };
   bool moved = false;
   for (std::size_t next = 0; next < moves.size() && !full();) {
-    if (moved && !moves[next].at_once) return true;
+    if (moved && !is_sure(moves[next])) return true;
     std::vector<Trial> trials = next_trials(moves, next);
     fit_trials(trials, true);
     for (const Trial& trial : trials) {

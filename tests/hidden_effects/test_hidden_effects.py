@@ -66,13 +66,6 @@ def test_links_heavier_than_stated_bend_a_hardening_spring_by_its_slope_where_it
     assert verdict_of(outcome) == "right", outcome
 
 
-@pytest.mark.parametrize(("arm", "seed"), [("irb2400", 20705), ("kr30", 20702)])
-def test_what_is_small_beside_a_search_s_largest_waits_for_the_next_search(arm: str, seed: int) -> None:
-    # What linearising before the large effects left was taken for waves of joint 3, and for masses that stayed open.
-    outcome = run_case("real_three", arm, seed)
-    assert verdict_of(outcome) == "right", outcome
-
-
 def test_what_three_others_stood_for_is_tried_in_the_form_that_fits_it() -> None:
     # With noise not known yet another period of the balancer did best, and only that one was looked at closely.
     outcome = run_case("one_hidden", "kr30", 20801)
