@@ -231,8 +231,8 @@ void Refinement::fit_trials(std::vector<Trial>& trials, bool keeps_weights) cons
   });
 }
 
-// What a search asked for has come in one by one beside the weights of the last full fit; the next
-// search begins at a fit with its own.
+// The effects of one search are added with the gross errors and smoothness of the last full fit;
+// these are determined anew before the next search.
 void Refinement::fit_in_full() {
   RefineStep& last = steps_.back();
   if (last.fit->kept_weights()) last.fit = refit(*last.fit, last.fit->specification());

@@ -34,10 +34,10 @@ struct StartPoint {
   Smoothness smoothness{0.0, 0.0, {}};   ///< of tables; of sigma 0 where none stand in the model
   double orientation_inflation = 1.0;    ///< of the standard deviation of orientations
   double noise_scale = 1.0;              ///< of the stated standard deviation of a reading
-  double sigma_rotation = 0.0;           ///< [rad] of measured orientations
+  double sigma_rotation = 0.0;           ///< [rad] standard deviation of a measured orientation
   std::vector<double> weights{};         ///< of rows: 0 for gross errors
-  int unknowns = 0;
-  double effective_unknowns = 0.0;  ///< 0: not known
+  int unknowns = 0;                      ///< solved for
+  double effective_unknowns = 0.0;       ///< less what priors and smoothness hold
   std::map<std::string, std::map<double, double>>
       tables{};  ///< of one variable: value by node, by id
 };
@@ -166,7 +166,7 @@ class Fit {
   int solver_iterations_ = 0;
   Smoothness smoothness_;
   bool kept_weights_ = false;
-  double effective_guess_ = 0.0;  // number of effective unknowns that the next count begins at
+  double effective_guess_ = 0.0;  // last known number of effective unknowns; saves iterations
   double noise_scale_ = 1.0;
   double orientation_inflation_ = 1.0;
   NoiseFloor noise_floor_;

@@ -146,7 +146,6 @@ TEST(Fit, AStartElsewhereEndsAtTheSameSolution) {
   EXPECT_EQ(warm->options().start, nullptr);
 }
 
-// What an effect that the model lacks does to many rows is not a gross error.
 TEST(Fit, OneThatKeepsTheWeightsOfItsStartEndsWhereAFullOneDoes) {
   const json geometry = testing::geometry_model();
   json tables = geometry, whole = geometry;
@@ -177,6 +176,7 @@ TEST(Fit, OneThatKeepsTheWeightsOfItsStartEndsWhereAFullOneDoes) {
   EXPECT_FALSE(fit_of(p, whole, options)->kept_weights());
 }
 
+// What an effect that the model lacks does to many rows is not a gross error.
 TEST(Fit, AMissingEffectIsNotRejectedAway) {
   Random random(54);
   json truth = testing::geometry_model();

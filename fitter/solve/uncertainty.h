@@ -22,7 +22,7 @@ struct Uncertainty {
 };
 
 /// Of a design at its solution. Shots of one visit count for less where what they leave is alike.
-/// `guess`: where the number of effective unknowns is searched from; 0: all of them.
+/// `guess`: an approximate number of effective unknowns, which saves iterations; 0: not known.
 Uncertainty measure_uncertainty(const Design& design, const EvaluatedRows& evaluated,
                                 double smoothness_sigma, double guess = 0.0);
 

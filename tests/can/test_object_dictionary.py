@@ -1,4 +1,4 @@
-"""One EDS is the truth: the page that people read is made of it, and what is wrong in it is named."""
+"""The EDS is the only source of the object dictionary: its page is generated from it, its errors are reported by name."""
 
 from __future__ import annotations
 

@@ -31,9 +31,9 @@ void PrintTo(const Arm& arm, std::ostream* out) { *out << arm.file; }
 // Where as many coordinates are held as there are joints, or the joints alone are corrected, one
 // correction is right: rounding is left.
 constexpr std::int64_t kRounding = 200;
-// Where fewer are held many corrections bring the tool to the same point. The shortest step is
-// taken from Jacobians that differ in second order, so joints may differ by some thousandths of the
-// correction.
+// With fewer coordinates held than there are joints, many corrections bring the tool to the same
+// point. The reference and the firmware take the shortest one by Jacobians at slightly different
+// joints, so their joint values may differ by some thousandths of the correction.
 constexpr std::int64_t kRedundant = 50'000;
 
 constexpr Arm kArms[] = {{"kr30", kRedundant},         {"kr30_pose", kRounding},

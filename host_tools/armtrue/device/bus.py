@@ -73,7 +73,7 @@ def open_bus(options: BusOptions) -> can.BusABC:
 
 
 def _with_errors_of_its_own(bus: can.BusABC) -> can.BusABC:
-    """`bus`, whose `recv` raises nothing but CanError: a damaged line of slcan is a ValueError of python-can's."""
+    """`bus` with every error of `recv` turned into a CanError: python-can raises ValueError for a damaged slcan line."""
     receive = bus.recv
 
     def recv(timeout: float | None = None) -> can.Message | None:

@@ -1,1 +1,1 @@
-"""What holds of any arm: transforms, kinematic chains, gravity loads, the four-bar linkage, expressions."""
+"""Mechanics of an arm: transforms, kinematic chains, gravity loads, the four-bar linkage; and the expression parser."""
