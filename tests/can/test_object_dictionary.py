@@ -1,4 +1,4 @@
-"""The EDS is the only source of the object dictionary: its page is generated from it, its errors are reported by name."""
+"""The EDS is the only source of the object dictionary: its page is generated from it, faults in it are named."""
 
 from __future__ import annotations
 

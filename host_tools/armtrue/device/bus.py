@@ -73,7 +73,7 @@ def open_bus(options: BusOptions) -> can.BusABC:
 
 
 def _with_errors_of_its_own(bus: can.BusABC) -> can.BusABC:
-    """`bus` with every error of `recv` turned into a CanError: python-can raises ValueError for a damaged slcan line."""
+    """`bus` whose `recv` raises CanError alone: for a damaged slcan line python-can raises ValueError."""
     receive = bus.recv
 
     def recv(timeout: float | None = None) -> can.Message | None:
