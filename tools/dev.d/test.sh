@@ -18,17 +18,18 @@ run_step() {
 run_pytest() { $PY -m pytest -q -rs --durations=20 --durations-min=4 -p no:cacheprovider "$@"; }
 
 cmd_test() {
-  local failed=() took=() step begin busy name
+  local failed=() took=() step begin busy name more=
   LEVEL=quick LEVEL_MARK="not full"
   if [ "${1:-}" = full ]; then LEVEL=full LEVEL_MARK=""; shift; fi
-  install_packages run bus firmware test lint $([ $LEVEL = quick ] || echo full)
+  # A step that is named runs at any level, and needs what its level needs.
+  if [ $LEVEL = full ] || { [ -n "${1:-}" ] && compgen -G "tools/test.d/*$1*.full.sh" >/dev/null; }; then more=full; fi
+  install_packages run bus firmware test lint $more
   ensure_venv run test lint
   configure release -DBUILD_TESTING=ON
   say "building"
   build_preset release product firmware_tests
   for step in tools/test.d/*"${1:-}"*.sh; do
     [ -e "$step" ] || { echo "test: no step of tools/test.d has '$1' in its name" >&2; return 2; }
-    # A step that is named runs at any level.
     [[ $LEVEL = full || -n ${1:-} || $step != *.full.sh ]] || continue
     name=$(basename "$step" .sh) name=${name%.full}
     say "test: $name"

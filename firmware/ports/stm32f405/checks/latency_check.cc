@@ -15,18 +15,16 @@
 #include "firmware/canopen/protocol/little_endian.h"
 #include "firmware/ports/arm/instruction_counter.h"
 #include "firmware/ports/arm/semihosting.h"
-#include "firmware/ports/common/device.h"
 #include "firmware/ports/common/slot_parameters.h"
+#include "firmware/ports/stm32f405/checks/installed_table.h"
 #include "firmware/replay/replay.h"
-#include "firmware/storage/ram_flash.h"
 
 namespace {
 
 using namespace armtrue;
+using namespace armtrue::checks;
 using canopen::CanFrame;
 
-constexpr std::uint32_t kJoints = 6;
-constexpr std::uint8_t kNodeId = 32;
 constexpr std::uint32_t kSyncId = 0x080;
 constexpr std::uint32_t kTargetId = 0x221;    // of the first frame, the next are one apart
 constexpr std::uint32_t kFeedbackId = 0x1A1;  // likewise
@@ -140,36 +138,8 @@ class TimedPort final : public canopen::CanPort {
   std::uint32_t free_at_ = 0;
 };
 
-struct AcceptAll final : storage::TableVerifier {
-  storage::TableVerdict verify(std::span<const std::uint8_t>) const override {
-    return storage::TableVerdict::kAccepted;
-  }
-};
-
-constexpr ports::DeviceSettings kSettings{
-    .identity = {.robot_serial = {}, .joint_count = kJoints, .has_key = false, .public_key = {}},
-    .node_id = kNodeId,
-    .serial_number = 1,
-    .joint_count = kJoints,
-    .cycle_us = 1000};
-
-std::array<std::uint8_t, 2 * (kMaxImageLength + storage::kHeaderBytes)> table_memory;
-std::array<std::uint8_t, 8 * 1024> parameter_memory;
-storage::RamFlash table_flash(table_memory);
-storage::RamFlash parameter_flash(parameter_memory);
 TimedPort upstream;
 TimedPort downstream;
-alignas(4) std::array<std::uint8_t, kMaxImageLength> image;
-
-void install(std::span<const std::uint8_t> table) {
-  const AcceptAll verifier;
-  storage::SlotStore store(table_flash, verifier);  // memory of zeros: nothing to start from
-  std::span<const std::uint8_t> active;
-  const bool done = store.commit(table) == storage::StoreResult::kDone &&
-                    store.activate(image, active) == storage::StoreResult::kDone &&
-                    store.confirm() == storage::StoreResult::kDone;
-  if (!done) semihosting::exit(kNotInstalled);
-}
 
 std::uint32_t random_state = 1;
 std::uint32_t random_below(std::uint32_t bound) {
@@ -335,7 +305,7 @@ int main() {
       semihosting::read(input, image.data(), head.length_a) != head.length_a) {
     semihosting::exit(kBadInput);
   }
-  install(std::span(image).first(head.length_a));
+  if (!install(std::span(image).first(head.length_a))) semihosting::exit(kNotInstalled);
 
   const ports::InstructionCounter counter;
   us_per_instruction = 65'536'000U / setup.instructions_per_ms;

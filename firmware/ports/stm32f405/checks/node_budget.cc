@@ -16,20 +16,18 @@
 #include "firmware/canopen/protocol/little_endian.h"
 #include "firmware/ports/arm/instruction_counter.h"
 #include "firmware/ports/arm/semihosting.h"
-#include "firmware/ports/common/device.h"
 #include "firmware/ports/common/frame_queue.h"
 #include "firmware/ports/common/slot_parameters.h"
+#include "firmware/ports/stm32f405/checks/installed_table.h"
 #include "firmware/replay/replay.h"
-#include "firmware/storage/ram_flash.h"
 
 namespace {
 
 using namespace armtrue;
+using namespace armtrue::checks;
 using canopen::CanFrame;
 
-constexpr std::uint32_t kJoints = 6;
 constexpr std::uint32_t kFrames = kJoints / 2;
-constexpr std::uint8_t kNodeId = 32;
 constexpr std::uint32_t kTargetId = 0x220;    // of the first two axes; the next are 0x100 apart
 constexpr std::uint32_t kFeedbackId = 0x1A0;  // likewise
 constexpr std::uint8_t kFirstFeedbackRpdo = 8;
@@ -72,36 +70,8 @@ class MemoryPort final : public canopen::CanPort {
 std::uint64_t now_us = 0;
 std::uint64_t clock_us() { return now_us; }
 
-struct AcceptAll final : storage::TableVerifier {
-  storage::TableVerdict verify(std::span<const std::uint8_t>) const override {
-    return storage::TableVerdict::kAccepted;
-  }
-};
-
-constexpr ports::DeviceSettings kSettings{
-    .identity = {.robot_serial = {}, .joint_count = kJoints, .has_key = false, .public_key = {}},
-    .node_id = kNodeId,
-    .serial_number = 1,
-    .joint_count = kJoints,
-    .cycle_us = 1000};
-
-std::array<std::uint8_t, 2 * (kMaxImageLength + storage::kHeaderBytes)> table_memory;
-std::array<std::uint8_t, 8 * 1024> parameter_memory;
-storage::RamFlash table_flash(table_memory);
-storage::RamFlash parameter_flash(parameter_memory);
 MemoryPort upstream;
 MemoryPort downstream;
-alignas(4) std::array<std::uint8_t, kMaxImageLength> image;
-
-void install(std::span<const std::uint8_t> table) {
-  const AcceptAll verifier;
-  storage::SlotStore store(table_flash, verifier);  // memory of zeros: nothing to start from
-  std::span<const std::uint8_t> active;
-  const bool done = store.commit(table) == storage::StoreResult::kDone &&
-                    store.activate(image, active) == storage::StoreResult::kDone &&
-                    store.confirm() == storage::StoreResult::kDone;
-  if (!done) semihosting::exit(kNotInstalled);
-}
 
 ports::ClassicFrame frame_of(std::uint32_t id, std::uint8_t len) {
   return {id, canopen::kFrameNone, len, {}};
@@ -314,7 +284,7 @@ int main() {
       semihosting::read(input, image.data(), head.length_a) != head.length_a) {
     semihosting::exit(kBadRecording);
   }
-  install(std::span(image).first(head.length_a));
+  if (!install(std::span(image).first(head.length_a))) semihosting::exit(kNotInstalled);
 
   static ports::SlotParameters parameters(parameter_flash);
   parameters.start();
