@@ -31,6 +31,7 @@ from armtrue.device import Compensator, SdoClient, upload_image  # noqa: E402
 from armtrue.device.bus_load import classic_frame_bits  # noqa: E402
 from armtrue.device.image import read_image  # noqa: E402
 from node_process import NODE_ID, NodeProcess  # noqa: E402
+from put_to_work import INLINE, OFFSET, OFFSET_IDS, TARGET_IDS, put_to_work  # noqa: E402
 from small_table import small_table  # noqa: E402
 
 BITRATE = 1_000_000
@@ -38,10 +39,7 @@ SEGMENT = 7
 BLOCK_SEGMENTS = 127
 _NODE_RESULT = np.dtype([("instructions", "<u4"), ("read", "<u4"), ("corrected", "<i4", 6)])
 PADDING = {"small": 0, "16 KiB": 15_500}
-TARGET_IDS = (0x220, 0x320, 0x420)
-OFFSET_IDS = (0x1A0, 0x2A0, 0x3A0)
-NO_RTR = 0x40000000
-MODES = {"inline": 1, "offset": 2}
+MODES = {"inline": INLINE, "offset": OFFSET}
 CYCLES = 2000
 
 
@@ -143,19 +141,7 @@ def _latency_in(mode: str) -> dict[str, Any]:
 
 
 def _latency(mode: str, upstream: can.BusABC, downstream: can.BusABC) -> dict[str, Any]:
-    client = SdoClient(upstream, NODE_ID, 10.0)
-    device = Compensator(client)
-    device.stage(small_table(), True, lambda _done, _total: None)
-    for word in ("vrfy", "cmit", "actv", "cfrm"):
-        device.command(word)
-    for pair, identifier in enumerate(TARGET_IDS):
-        client.download(0x1400 + pair, 1, identifier.to_bytes(4, "little"))
-    for pair, identifier in enumerate(OFFSET_IDS if mode == "offset" else ()):
-        client.download(0x1800 + pair, 1, (NO_RTR | identifier).to_bytes(4, "little"))
-    for sub in (3, 4):
-        client.download(0x2000, sub, (1_000_000).to_bytes(4, "little"))
-    client.download(0x2000, 1, bytes([MODES[mode]]))
-    upstream.send(can.Message(arbitration_id=0, data=[1, NODE_ID], is_extended_id=False))
+    device = put_to_work(upstream, MODES[mode], 10.0)
     output, identifier = (downstream, TARGET_IDS[-1]) if mode == "inline" else (upstream, OFFSET_IDS[-1])
     taken = []
     for number in range(CYCLES):

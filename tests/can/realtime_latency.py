@@ -27,12 +27,9 @@ import numpy as np
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "can" / "support")]
 
-from armtrue.device import Compensator, SdoClient  # noqa: E402
-from node_process import NODE_ID  # noqa: E402
-from small_table import small_table  # noqa: E402
+from put_to_work import INLINE, TARGET_IDS, put_to_work  # noqa: E402
 from socket_bus import SocketBus, node_on_sockets  # noqa: E402
 
-TARGET_IDS = (0x220, 0x320, 0x420)
 PERIOD_S = 0.001
 PRIORITY = 50
 # Ahead of the node while it sleeps until the next cycle: it only measures.
@@ -56,21 +53,6 @@ def busy(count: int) -> Iterator[None]:
         for process in spinning:
             process.kill()
             process.join()
-
-
-def prepare(upstream: can.BusABC) -> None:
-    """A table in force, inline mode, asynchronous targets, two axes a PDO."""
-    client = SdoClient(upstream, NODE_ID, 30.0)
-    device = Compensator(client)
-    device.stage(small_table(), True, lambda _done, _total: None)
-    for word in ("vrfy", "cmit", "actv", "cfrm"):
-        device.command(word)
-    for pair, identifier in enumerate(TARGET_IDS):
-        client.download(0x1400 + pair, 1, identifier.to_bytes(4, "little"))
-    for sub in (3, 4):  # a late cycle is a late cycle, not the end of the stream
-        client.download(0x2000, sub, (1_000_000).to_bytes(4, "little"))
-    client.download(0x2000, 1, b"\1")
-    upstream.send(can.Message(arbitration_id=0, data=[1, NODE_ID], is_extended_id=False))
 
 
 def measured(upstream: SocketBus, downstream: SocketBus, cycles: int) -> list[float]:
@@ -104,7 +86,7 @@ def row(name: str, options: list[str], busy_count: int, cycles: int) -> str:
         tempfile.TemporaryDirectory() as folder,
         node_on_sockets(Path(folder) / "state", *options) as (_, upstream, downstream),
     ):
-        prepare(upstream)
+        put_to_work(upstream, INLINE, 30.0)
         with busy(busy_count):
             taken = measured(upstream, downstream, cycles)
     figures = [np.min(taken), np.median(taken), np.percentile(taken, 99.9), np.max(taken)]
