@@ -63,8 +63,10 @@ void Elimination::reserve(Eigen::Index size) {
   if (size <= half_.rows()) return;
   const Eigen::Index room = std::max(size, 2 * half_.rows());
   Eigen::MatrixXd root = Eigen::MatrixXd::Zero(room, room), half(room, gram_.cols());
-  root.topLeftCorner(size_, size_) = root_.topLeftCorner(size_, size_);
-  half.topRows(size_) = half_.topRows(size_);
+  if (size_ > 0) {
+    root.topLeftCorner(size_, size_) = root_.topLeftCorner(size_, size_);
+    half.topRows(size_) = half_.topRows(size_);
+  }
   root_ = std::move(root);
   half_ = std::move(half);
   along_.conservativeResize(room);
