@@ -14,14 +14,16 @@ from pathlib import Path
 
 # From the bottom up: a folder may include those of earlier lines. Folders on one line do not know each other.
 ORDER = [
-    ["firmware/core/fixed", "firmware/core/crypto", "fitter/model"],
-    ["firmware/core/table"],
-    ["firmware/core/evaluation"],
-    ["firmware/core"],
-    ["firmware/core/senseless", "firmware/storage", "firmware/replay", "fitter/effects"],
-    ["firmware/canopen/protocol", "fitter/solve"],
+    ["firmware/core/fixed", "firmware/core/crypto", "fitter/common", "fitter/model/expression"],
+    ["firmware/core/table", "fitter/model"],
+    ["firmware/core/evaluation", "fitter/effects"],
+    ["firmware/core", "fitter/design"],
+    ["firmware/core/senseless", "firmware/storage", "firmware/replay", "fitter/start"],
+    ["firmware/canopen/protocol", "fitter/inference"],
+    ["fitter/solve"],
+    ["fitter/evidence/search"],
     ["fitter/evidence"],
-    ["firmware/canopen/motion", "firmware/canopen/table", "fitter/diagnose", "fitter/export"],
+    ["firmware/canopen/motion", "firmware/canopen/table", "fitter/diagnose"],
     ["firmware/canopen/node", "fitter/plan"],
     ["firmware/ports/common", "fitter/python"],
     ["firmware/ports/arm"],

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "fitter/solve/replicates.h"
+#include "fitter/inference/replicates.h"
 
 namespace armtrue {
 

@@ -5,8 +5,8 @@
 #include <cmath>
 #include <map>
 
-#include "fitter/solve/dense.h"
-#include "fitter/solve/parallel.h"
+#include "fitter/common/dense.h"
+#include "fitter/common/parallel.h"
 
 namespace armtrue {
 namespace {

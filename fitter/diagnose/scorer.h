@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "fitter/evidence/block.h"
-#include "fitter/solve/normal_equations.h"
-#include "fitter/solve/replicates.h"
+#include "fitter/design/normal_equations.h"
+#include "fitter/inference/replicates.h"
 
 namespace armtrue {
 

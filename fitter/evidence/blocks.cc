@@ -7,8 +7,8 @@
 
 #include "fitter/evidence/prior_shapes.h"
 #include "fitter/evidence/refit.h"
-#include "fitter/solve/dense.h"
-#include "fitter/solve/parallel.h"
+#include "fitter/common/dense.h"
+#include "fitter/common/parallel.h"
 
 namespace armtrue {
 namespace {

@@ -7,7 +7,7 @@
 
 #include "fitter/evidence/block.h"
 #include "fitter/evidence/linearization.h"
-#include "fitter/evidence/search.h"
+#include "fitter/evidence/search/search.h"
 
 namespace armtrue {
 

@@ -5,7 +5,7 @@
 #include <utility>
 #include <vector>
 
-#include "fitter/solve/dense.h"
+#include "fitter/common/dense.h"
 
 namespace armtrue {
 namespace {

@@ -3,7 +3,7 @@
 #include <cmath>
 
 #include "fitter/evidence/contrasts.h"
-#include "fitter/solve/dense.h"
+#include "fitter/common/dense.h"
 
 namespace armtrue {
 namespace {

@@ -5,9 +5,9 @@
 #include <cmath>
 #include <map>
 
-#include "fitter/solve/dense.h"
-#include "fitter/solve/normal_equations.h"
-#include "fitter/solve/parallel.h"
+#include "fitter/common/dense.h"
+#include "fitter/design/normal_equations.h"
+#include "fitter/common/parallel.h"
 
 namespace armtrue {
 namespace {

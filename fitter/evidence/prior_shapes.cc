@@ -4,7 +4,7 @@
 #include <cmath>
 #include <limits>
 
-#include "fitter/solve/dense.h"
+#include "fitter/common/dense.h"
 
 namespace armtrue {
 namespace {

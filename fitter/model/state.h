@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "fitter/model/expression.h"
+#include "fitter/model/expression/expression.h"
 #include "fitter/model/robot.h"
 #include "fitter/model/variable.h"
 

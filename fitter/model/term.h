@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "fitter/model/coordinate.h"
-#include "fitter/model/expression.h"
+#include "fitter/model/expression/expression.h"
 
 namespace armtrue {
 

@@ -6,7 +6,7 @@
 #include <numbers>
 #include <random>
 
-#include "fitter/model/observer.h"
+#include "fitter/common/observer.h"
 #include "fitter/plan/exchange.h"
 
 namespace armtrue {

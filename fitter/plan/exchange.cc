@@ -8,8 +8,8 @@
 #include <limits>
 #include <numeric>
 
-#include "fitter/model/observer.h"
-#include "fitter/solve/normal_equations.h"
+#include "fitter/common/observer.h"
+#include "fitter/design/normal_equations.h"
 
 namespace armtrue {
 namespace {

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "fitter/plan/exchange.h"
-#include "fitter/solve/design.h"
+#include "fitter/design/design.h"
 
 namespace armtrue {
 

@@ -3,7 +3,7 @@
 #include <algorithm>
 
 #include "fitter/plan/exchange.h"
-#include "fitter/solve/statistics.h"
+#include "fitter/common/statistics.h"
 
 namespace armtrue {
 namespace {

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "fitter/plan/cell.h"
-#include "fitter/solve/model.h"
+#include "fitter/design/model.h"
 
 namespace armtrue {
 

@@ -10,7 +10,7 @@
 #include "fitter/diagnose/information.h"
 #include "fitter/plan/rivals.h"
 #include "fitter/plan/session.h"
-#include "fitter/solve/statistics.h"
+#include "fitter/common/statistics.h"
 
 namespace armtrue {
 namespace {

@@ -16,7 +16,7 @@
 #include <thread>
 #include <utility>
 
-#include "fitter/model/observer.h"
+#include "fitter/common/observer.h"
 
 namespace armtrue {
 

@@ -8,9 +8,9 @@
 #include <utility>
 
 #include "fitter/solve/choose_options.h"
-#include "fitter/solve/orientation_worth.h"
-#include "fitter/solve/placement.h"
-#include "fitter/solve/start_search.h"
+#include "fitter/inference/orientation_worth.h"
+#include "fitter/design/placement.h"
+#include "fitter/start/start_search.h"
 
 namespace armtrue {
 namespace {

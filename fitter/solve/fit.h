@@ -10,15 +10,15 @@
 #include <string>
 #include <vector>
 
-#include "fitter/model/observer.h"
-#include "fitter/solve/cross_validation.h"
-#include "fitter/solve/identifiability.h"
+#include "fitter/common/observer.h"
+#include "fitter/inference/cross_validation.h"
+#include "fitter/inference/identifiability.h"
 #include "fitter/solve/least_squares.h"
-#include "fitter/solve/noise_floor.h"
-#include "fitter/solve/normal_equations.h"
-#include "fitter/solve/prepared.h"
-#include "fitter/solve/smoothness.h"
-#include "fitter/solve/uncertainty.h"
+#include "fitter/inference/noise_floor.h"
+#include "fitter/design/normal_equations.h"
+#include "fitter/start/prepared.h"
+#include "fitter/inference/smoothness.h"
+#include "fitter/inference/uncertainty.h"
 
 namespace armtrue {
 

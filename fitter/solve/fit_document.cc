@@ -5,7 +5,7 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
-#include "fitter/solve/effect_sizes.h"
+#include "fitter/design/effect_sizes.h"
 #include "fitter/solve/fit.h"
 
 namespace armtrue {

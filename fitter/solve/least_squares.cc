@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <memory>
 
-#include "fitter/solve/normal_equations.h"
+#include "fitter/design/normal_equations.h"
 
 namespace armtrue {
 namespace {

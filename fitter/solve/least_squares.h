@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "fitter/solve/design.h"
+#include "fitter/design/design.h"
 
 namespace armtrue {
 

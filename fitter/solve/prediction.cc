@@ -4,7 +4,7 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
-#include "fitter/solve/stance.h"
+#include "fitter/design/stance.h"
 
 namespace armtrue {
 namespace {

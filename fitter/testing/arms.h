@@ -11,7 +11,7 @@
 #include "fitter/model/kinematics.h"
 #include "fitter/model/robot.h"
 #include "fitter/model/state.h"
-#include "fitter/solve/model.h"
+#include "fitter/design/model.h"
 
 namespace armtrue::testing {
 

@@ -9,8 +9,8 @@
 #include <utility>
 #include <vector>
 
-#include "fitter/solve/design.h"
-#include "fitter/solve/model.h"
+#include "fitter/design/design.h"
+#include "fitter/design/model.h"
 #include "fitter/testing/arms.h"
 
 namespace armtrue::testing {

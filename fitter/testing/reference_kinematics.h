@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "fitter/model/coordinate.h"
-#include "fitter/model/expression.h"
+#include "fitter/model/expression/expression.h"
 #include "fitter/model/robot.h"
 
 namespace armtrue::testing {

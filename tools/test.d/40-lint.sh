@@ -12,4 +12,7 @@ twice=$(git ls-files '*test_*.py' | while read -r file; do
   [ -e "$(dirname "$file")/__init__.py" ] || basename "$file"
 done | sort | uniq -d)
 [ -z "$twice" ] || { echo "test files of one name: $twice"; lint_failed=1; }
+# A folder is read at a glance: 25 files at most. (A fuzzer's corpus is not read.)
+crowded=$(git ls-files | grep -v ^firmware/testing/fuzz/corpus/ | xargs -n 1 dirname | sort | uniq -c | awk '$1 > 25')
+[ -z "$crowded" ] || { echo "folders of more than 25 files: $crowded"; lint_failed=1; }
 [ $lint_failed = 0 ]

@@ -1,0 +1,217 @@
+#include "fitter/common/dense.h"
+
+#include <algorithm>
+#include <utility>
+#include <vector>
+
+#include "fitter/common/parallel.h"
+
+extern "C" {
+void dpotrf_(const char* part, const int* size, double* matrix, const int* stride, int* info);
+void dpotri_(const char* part, const int* size, double* matrix, const int* stride, int* info);
+void dsyevd_(const char* vectors, const char* part, const int* size, double* matrix,
+             const int* stride, double* values, double* work, const int* work_size,
+             int* integer_work, const int* integer_work_size, int* info);
+void dgemm_(const char* turn_a, const char* turn_b, const int* rows, const int* columns,
+            const int* depth, const double* alpha, const double* a, const int* stride_a,
+            const double* b, const int* stride_b, const double* beta, double* c,
+            const int* stride_c);
+void dsyrk_(const char* part, const char* turn, const int* size, const int* depth,
+            const double* alpha, const double* a, const int* stride_a, const double* beta,
+            double* c, const int* stride_c);
+void dtrsm_(const char* side, const char* part, const char* turn, const char* unit, const int* rows,
+            const int* columns, const double* alpha, const double* a, const int* stride_a,
+            double* b, const int* stride_b);
+// Only where the BLAS is OpenBLAS.
+__attribute__((weak)) void openblas_set_num_threads(int threads);
+}
+
+namespace armtrue {
+namespace {
+
+// Fits run side by side already (parallel.h); threads of the BLAS beside them only get in the way.
+void be_single_threaded() {
+  static const bool done = [] {
+    if (openblas_set_num_threads) openblas_set_num_threads(1);
+    return true;
+  }();
+  static_cast<void>(done);
+}
+
+// Multiplications from which a product is worth several threads, and how it is cut.
+constexpr double kWorthThreads = 2e7;
+constexpr Eigen::Index kNarrowestPanel = 64, kPanels = 8;
+// Smaller matrices are factorised in one piece, others in blocks of columns.
+constexpr Eigen::Index kSmallFactor = 600, kFactorBlock = 192;
+
+// Calls job(first, count) for panels of `columns` columns, side by side where that pays.
+template <typename Job>
+void in_panels(Eigen::Index columns, double multiplications, const Job& job) {
+  be_single_threaded();
+  if (multiplications < kWorthThreads) {
+    if (columns > 0) job(Eigen::Index{0}, columns);
+    return;
+  }
+  const Eigen::Index panel = std::max(kNarrowestPanel, (columns + kPanels - 1) / kPanels);
+  in_parallel(static_cast<std::size_t>((columns + panel - 1) / panel), [&](std::size_t p) {
+    const Eigen::Index first = static_cast<Eigen::Index>(p) * panel;
+    job(first, std::min(panel, columns - first));
+  });
+}
+
+// c ← op(a) op(b), `depth` the length of the sums.
+void multiply(const char* turn_a, const char* turn_b, const double* a, Eigen::Index stride_a,
+              const double* b, Eigen::Index stride_b, Eigen::Index depth,
+              Eigen::Ref<Eigen::MatrixXd> c) {
+  const int rows = static_cast<int>(c.rows()), columns = static_cast<int>(c.cols());
+  const int k = static_cast<int>(depth), sa = static_cast<int>(stride_a);
+  const int sb = static_cast<int>(stride_b), sc = static_cast<int>(c.outerStride());
+  const double one = 1.0, zero = 0.0;
+  if (rows > 0 && columns > 0)
+    dgemm_(turn_a, turn_b, &rows, &columns, &k, &one, a, &sa, b, &sb, &zero, c.data(), &sc);
+}
+
+// aᵀa where `turn` is "T", aaᵀ where it is "N".
+Eigen::MatrixXd symmetric_product(const char* turn, const Eigen::Ref<const Eigen::MatrixXd>& a,
+                                  Eigen::Index size, Eigen::Index depth) {
+  Eigen::MatrixXd result = Eigen::MatrixXd::Zero(size, size);
+  if (size == 0 || depth == 0) return result;
+  const Eigen::Index stride = a.outerStride();
+  const bool across = *turn == 'N';
+  const auto from = [&](Eigen::Index at) { return a.data() + at * (across ? 1 : stride); };
+  const double work =
+      0.5 * static_cast<double>(size) * static_cast<double>(size) * static_cast<double>(depth);
+  in_panels(size, work, [&](Eigen::Index first, Eigen::Index count) {
+    const int n = static_cast<int>(count), k = static_cast<int>(depth);
+    const int sa = static_cast<int>(stride), sc = static_cast<int>(size);
+    const double one = 1.0, zero = 0.0;
+    dsyrk_("L", turn, &n, &k, &one, from(first), &sa, &zero, &result(first, first), &sc);
+    const Eigen::Index below = first + count;
+    if (below == size) return;
+    multiply(across ? "N" : "T", across ? "T" : "N", from(below), stride, from(first), stride,
+             depth, result.block(below, first, size - below, count));
+  });
+  result.triangularView<Eigen::StrictlyUpper>() = result.transpose();
+  return result;
+}
+
+void solve_triangle(const char* turn, const Eigen::MatrixXd& factor,
+                    Eigen::Ref<Eigen::MatrixXd> right) {
+  if (right.size() == 0) return;
+  const int rows = static_cast<int>(right.rows());
+  const int stride = static_cast<int>(right.outerStride());
+  const double one = 1.0;
+  const double work = 0.5 * static_cast<double>(right.size()) * static_cast<double>(rows);
+  in_panels(right.cols(), work, [&](Eigen::Index first, Eigen::Index count) {
+    const int columns = static_cast<int>(count);
+    dtrsm_("L", "L", turn, "N", &rows, &columns, &one, factor.data(), &rows,
+           right.data() + first * right.outerStride(), &stride);
+  });
+}
+
+}  // namespace
+
+Eigen::MatrixXd square(const Eigen::Ref<const Eigen::MatrixXd>& a) {
+  return symmetric_product("T", a, a.cols(), a.rows());
+}
+
+Eigen::MatrixXd square_across(const Eigen::Ref<const Eigen::MatrixXd>& a) {
+  return symmetric_product("N", a, a.rows(), a.cols());
+}
+
+void solve_lower(const Eigen::MatrixXd& factor, Eigen::Ref<Eigen::MatrixXd> right) {
+  solve_triangle("N", factor, right);
+}
+
+void solve_lower_transposed(const Eigen::MatrixXd& factor, Eigen::Ref<Eigen::MatrixXd> right) {
+  solve_triangle("T", factor, right);
+}
+
+bool factorise_cholesky(Eigen::MatrixXd& lower) {
+  be_single_threaded();
+  const Eigen::Index whole = lower.rows();
+  const int stride = static_cast<int>(whole);
+  const Eigen::Index width = whole < kSmallFactor ? std::max<Eigen::Index>(whole, 1) : kFactorBlock;
+  for (Eigen::Index first = 0; first < whole; first += width) {
+    const Eigen::Index count = std::min(width, whole - first), below = first + count;
+    const int size = static_cast<int>(count);
+    int info = 0;
+    dpotrf_("L", &size, &lower(first, first), &stride, &info);
+    if (info != 0) return false;
+    if (below == whole) break;
+    const double one = 1.0, less = -1.0;
+    const double work = static_cast<double>(whole - below) * static_cast<double>(count * count);
+    in_panels(whole - below, work, [&](Eigen::Index panel, Eigen::Index rows) {
+      const int n = static_cast<int>(rows);
+      dtrsm_("R", "L", "T", "N", &n, &size, &one, &lower(first, first), &stride,
+             &lower(below + panel, first), &stride);
+    });
+    const double update = 0.5 * static_cast<double>(whole - below) *
+                          static_cast<double>(whole - below) * static_cast<double>(count);
+    in_panels(whole - below, update, [&](Eigen::Index panel, Eigen::Index columns) {
+      const Eigen::Index at = below + panel, rest = whole - at - columns;
+      const int n = static_cast<int>(columns), m = static_cast<int>(rest);
+      dsyrk_("L", "N", &n, &size, &less, &lower(at, first), &stride, &one, &lower(at, at), &stride);
+      if (rest > 0)
+        dgemm_("N", "T", &m, &n, &size, &less, &lower(at + columns, first), &stride,
+               &lower(at, first), &stride, &one, &lower(at + columns, at), &stride);
+    });
+  }
+  return true;
+}
+
+void invert_cholesky(Eigen::MatrixXd& lower) {
+  be_single_threaded();
+  const int size = static_cast<int>(lower.rows());
+  int info = 0;
+  if (size > 0) dpotri_("L", &size, lower.data(), &size, &info);
+}
+
+namespace {
+
+// Eigenvalues, and the eigenvectors in place of the matrix where `vectors` is "V".
+Eigen::VectorXd eigenvalues_in_place(const char* vectors, Eigen::MatrixXd& lower) {
+  be_single_threaded();
+  const int size = static_cast<int>(lower.rows());
+  Eigen::VectorXd values(size);
+  if (size == 0) return values;
+  // LAPACK says how large its workspaces should be.
+  const int ask = -1;
+  double work_size = 0.0;
+  int integer_size = 0, info = 0;
+  dsyevd_(vectors, "L", &size, lower.data(), &size, values.data(), &work_size, &ask, &integer_size,
+          &ask, &info);
+  std::vector<double> work(static_cast<std::size_t>(work_size));
+  std::vector<int> integers(static_cast<std::size_t>(integer_size));
+  const int work_count = static_cast<int>(work.size());
+  dsyevd_(vectors, "L", &size, lower.data(), &size, values.data(), work.data(), &work_count,
+          integers.data(), &integer_size, &info);
+  return values;
+}
+
+}  // namespace
+
+Eigen::VectorXd symmetric_eigenvalues(Eigen::MatrixXd lower) {
+  return eigenvalues_in_place("N", lower);
+}
+
+SymmetricEigen symmetric_eigen(Eigen::MatrixXd lower) {
+  SymmetricEigen result;
+  result.values = eigenvalues_in_place("V", lower);
+  result.vectors = std::move(lower);
+  return result;
+}
+
+Eigen::MatrixXd transpose_times(const Eigen::Ref<const Eigen::MatrixXd>& a,
+                                const Eigen::Ref<const Eigen::MatrixXd>& b) {
+  Eigen::MatrixXd result = Eigen::MatrixXd::Zero(a.cols(), b.cols());
+  if (result.size() == 0 || a.rows() == 0) return result;
+  const double work = static_cast<double>(result.size()) * static_cast<double>(a.rows());
+  in_panels(b.cols(), work, [&](Eigen::Index first, Eigen::Index count) {
+    multiply("T", "N", a.data(), a.outerStride(), b.data() + first * b.outerStride(),
+             b.outerStride(), a.rows(), result.middleCols(first, count));
+  });
+  return result;
+}
+
+}  // namespace armtrue

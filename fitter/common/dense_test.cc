@@ -1,0 +1,120 @@
+#include "fitter/common/dense.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/LU>
+
+#include "fitter/design/normal_equations.h"
+
+namespace armtrue {
+namespace {
+
+Eigen::MatrixXd some_matrix(Eigen::Index rows, Eigen::Index columns) {
+  Eigen::MatrixXd m(rows, columns);
+  for (Eigen::Index c = 0; c < columns; ++c) {
+    for (Eigen::Index r = 0; r < rows; ++r) {
+      m(r, c) = std::sin(1.0 + 7.0 * static_cast<double>(r) + 0.37 * static_cast<double>(c * c));
+    }
+  }
+  return m;
+}
+
+class Size : public ::testing::TestWithParam<Eigen::Index> {};
+INSTANTIATE_TEST_SUITE_P(Sizes, Size, ::testing::Values(0, 1, 2, 7, 64, 200));
+
+TEST_P(Size, ScaledCholeskySolvesInvertsAndMeasures) {
+  const Eigen::Index n = GetParam();
+  const Eigen::MatrixXd half = some_matrix(n + 5, n);
+  Eigen::VectorXd units(n);  // as far apart as metres and radians per newton metre
+  for (Eigen::Index i = 0; i < n; ++i) units[i] = std::pow(10.0, static_cast<double>(i % 7) - 3.0);
+  Eigen::MatrixXd full = half.transpose() * half + Eigen::MatrixXd::Identity(n, n);
+  full = (units.asDiagonal() * full * units.asDiagonal()).eval();
+  Eigen::MatrixXd lower = full;
+  lower.triangularView<Eigen::StrictlyUpper>().setConstant(1e30);  // is not to be read
+
+  const ScaledCholesky factor(lower);
+  ASSERT_TRUE(factor.ok());
+  const Eigen::MatrixXd identity = Eigen::MatrixXd::Identity(n, n);
+  // In units in which the unknowns are of one size.
+  const auto error = [&](const Eigen::MatrixXd& inverse) {
+    const Eigen::MatrixXd m =
+        units.cwiseInverse().asDiagonal() * (full * inverse) * units.asDiagonal();
+    return n == 0 ? 0.0 : (m - identity).cwiseAbs().maxCoeff();
+  };
+  EXPECT_LT(error(factor.inverse()), 1e-9);
+  EXPECT_LT(error(factor.solve_matrix(identity)), 1e-9);
+  if (n == 0) return;
+  const Eigen::VectorXd right = full * Eigen::VectorXd::Ones(n).cwiseQuotient(units);
+  EXPECT_LT(
+      (factor.solve(right).cwiseProduct(units) - Eigen::VectorXd::Ones(n)).cwiseAbs().maxCoeff(),
+      1e-9);
+  const Eigen::MatrixXd coordinates = factor.half_solve(identity);
+  EXPECT_LT(error(coordinates.transpose() * coordinates), 1e-9);
+  double expected = 2.0 * units.array().log().sum();
+  const Eigen::MatrixXd even = half.transpose() * half + identity;
+  expected += even.partialPivLu().matrixLU().diagonal().array().abs().log().sum();
+  EXPECT_NEAR(factor.log_determinant(), expected, 1e-8 * std::max(1.0, std::abs(expected)));
+}
+
+TEST_P(Size, EigenvaluesOfAKnownSpectrum) {
+  const Eigen::Index n = GetParam();
+  // Reflected by a Householder matrix, diag(1 … n) keeps its eigenvalues.
+  Eigen::VectorXd known(n), v = Eigen::VectorXd::LinSpaced(n, 1.0, 2.0);
+  for (Eigen::Index i = 0; i < n; ++i) known[i] = static_cast<double>(i + 1);
+  if (n > 0) v.normalize();
+  const Eigen::MatrixXd turn = Eigen::MatrixXd::Identity(n, n) - 2.0 * v * v.transpose();
+  Eigen::MatrixXd lower = turn * known.asDiagonal() * turn;
+  lower.triangularView<Eigen::StrictlyUpper>().setConstant(1e30);  // is not to be read
+  const Eigen::VectorXd found = symmetric_eigenvalues(lower);
+  ASSERT_EQ(found.size(), n);
+  EXPECT_LT((found - known).lpNorm<Eigen::Infinity>(), 1e-10);
+  const SymmetricEigen both = symmetric_eigen(lower);
+  if (n == 0) return;
+  EXPECT_LT((both.values - known).lpNorm<Eigen::Infinity>(), 1e-10);
+  const Eigen::MatrixXd again = both.vectors * both.values.asDiagonal() * both.vectors.transpose();
+  EXPECT_LT((again - turn * known.asDiagonal() * turn).lpNorm<Eigen::Infinity>(), 1e-9);
+}
+
+TEST_P(Size, SquaresAndTriangularSolutionsAlsoOfPartsOfMatrices) {
+  const Eigen::Index n = GetParam();
+  const Eigen::MatrixXd whole = some_matrix(n + 3, n + 2);
+  const auto part = whole.block(1, 1, n, n);
+  const auto largest = [](const Eigen::MatrixXd& m) {
+    return m.size() > 0 ? m.cwiseAbs().maxCoeff() : 0.0;
+  };
+  EXPECT_LT(largest(square(part) - part.transpose() * part), 1e-12 * static_cast<double>(n + 1));
+  EXPECT_LT(largest(square_across(part) - part * part.transpose()),
+            1e-12 * static_cast<double>(n + 1));
+  Eigen::MatrixXd factor = Eigen::MatrixXd::Constant(n, n, 1e30);  // above is not to be read
+  factor.triangularView<Eigen::Lower>() =
+      Eigen::MatrixXd(0.1 * part + 3.0 * Eigen::MatrixXd::Identity(n, n));
+  const Eigen::MatrixXd lower = factor.triangularView<Eigen::Lower>();
+  Eigen::MatrixXd right = some_matrix(n + 2, 3);
+  const Eigen::MatrixXd before = right.middleRows(1, n);
+  solve_lower(factor, right.middleRows(1, n));
+  EXPECT_LT(largest(lower * right.middleRows(1, n) - before), 1e-9);
+  right.middleRows(1, n) = before;
+  solve_lower_transposed(factor, right.middleRows(1, n));
+  EXPECT_LT(largest(lower.transpose() * right.middleRows(1, n) - before), 1e-9);
+}
+
+TEST(ScaledCholesky, SaysWhereThereIsNoFactor) {
+  Eigen::MatrixXd m = Eigen::MatrixXd::Identity(3, 3);
+  m(2, 0) = 2.0;
+  EXPECT_FALSE(ScaledCholesky(m).ok());
+}
+
+TEST_P(Size, TransposeTimesIsTheProductAlsoOfPartsOfMatrices) {
+  const Eigen::Index n = GetParam();
+  const Eigen::MatrixXd a = some_matrix(n + 3, n + 2), b = some_matrix(n + 3, 4);
+  const auto left = a.block(1, 1, n, n);
+  const auto right = b.block(2, 1, n, 2);
+  const Eigen::MatrixXd expected = left.transpose().lazyProduct(right);
+  const Eigen::MatrixXd product = transpose_times(left, right);
+  ASSERT_EQ(product.rows(), n);
+  ASSERT_EQ(product.cols(), 2);
+  EXPECT_LE((product - expected).norm(), 1e-12 * (1.0 + expected.norm()));
+}
+
+}  // namespace
+}  // namespace armtrue

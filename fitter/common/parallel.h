@@ -1,0 +1,64 @@
+// Independent jobs on the processors that there are.
+#pragma once
+
+#include <algorithm>
+#include <atomic>
+#include <cstddef>
+#include <exception>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "fitter/common/observer.h"
+
+namespace armtrue {
+
+/// True on a thread of in_parallel: the processors are taken.
+inline bool& is_one_of_many() {
+  static thread_local bool value = false;
+  return value;
+}
+
+/// Calls `job(index)` once for each index below `count`, on as many threads as there are
+/// processors, the caller's among them; from within another's job, on the caller's alone. Jobs must
+/// share nothing that they change. The first exception is thrown on when all threads have ended;
+/// jobs that had not begun by then stay undone. The caller's CancelScope holds on all of them.
+template <typename Job>
+void in_parallel(std::size_t count, const Job& job) {
+  const std::size_t workers = std::min<std::size_t>(
+      count, is_one_of_many() ? 1U : std::max(1U, std::thread::hardware_concurrency()));
+  if (workers <= 1) {
+    for (std::size_t index = 0; index < count; ++index) {
+      throw_if_cancelled();
+      job(index);
+    }
+    return;
+  }
+  std::atomic<std::size_t> next = 0;
+  std::vector<std::exception_ptr> failures(workers);
+  const std::atomic<bool>* cancelled = CancelScope::current();
+  const auto work = [&](std::size_t worker) {
+    const CancelScope scope(cancelled);
+    const bool before = std::exchange(is_one_of_many(), true);
+    try {
+      for (std::size_t index = next++; index < count; index = next++) {
+        throw_if_cancelled();
+        job(index);
+      }
+    } catch (...) {
+      failures[worker] = std::current_exception();
+      next = count;
+    }
+    is_one_of_many() = before;
+  };
+  {
+    std::vector<std::jthread> others;
+    for (std::size_t worker = 1; worker < workers; ++worker) others.emplace_back(work, worker);
+    work(0);
+  }
+  for (const std::exception_ptr& failure : failures) {
+    if (failure) std::rethrow_exception(failure);
+  }
+}
+
+}  // namespace armtrue

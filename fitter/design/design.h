@@ -1,0 +1,178 @@
+// Residuals and analytic Jacobian of the unified model, row by row: columns of the geometric
+// Jacobian times basis values.
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "fitter/design/load_feedback.h"
+#include "fitter/design/model.h"
+#include "fitter/model/kinematics.h"
+#include "fitter/model/measurements.h"
+
+namespace armtrue {
+
+/// Basis values of a model over a state, kept once: dense columns row-major, tables (hats) as
+/// sparse rows.
+class BasisTable {
+ public:
+  struct Entry {
+    int parameter;   ///< into Model::parameters
+    int coordinate;  ///< into CoordinateLayout
+    double value;    ///< weight × basis
+  };
+
+  BasisTable(const Model& model, const State& state, const CoordinateLayout& layout);
+
+  /// Re-evaluates the columns that depend on nonlinear parameters. `values` in Model::nonlinear's
+  /// order.
+  void set_nonlinear(const std::vector<double>& values);
+  const std::vector<double>& nonlinear() const { return nonlinear_values_; }
+  /// Re-evaluates what reads loads, after the state's have changed.
+  void update_loads();
+  /// True where a term reads loads, so that where the arm stands matters.
+  bool reads_loads() const { return reads_loads_; }
+
+  std::size_t rows() const { return rows_; }
+  /// A variable of the state at every row, or the present value of a nonlinear parameter.
+  const std::vector<double>& column(const std::string& name) const;
+  /// Entries of one row that are not zero, appended to `entries` (cleared first).
+  void row(std::size_t i, std::vector<Entry>& entries) const;
+  /// As `row`, of the parameters alone in whose basis a nonlinear parameter stands.
+  void searched_row(std::size_t i, std::vector<Entry>& entries) const;
+  bool is_searched(int parameter) const {
+    return searched_parameter_[static_cast<std::size_t>(parameter)];
+  }
+  /// d(weight × basis)/d(nonlinear[j]) of one row; `parameter` is the coefficient that multiplies
+  /// it.
+  void nonlinear_row(std::size_t i, std::size_t j, std::vector<Entry>& entries) const;
+  bool is_table(int parameter) const {
+    return table_parameter_[static_cast<std::size_t>(parameter)];
+  }
+
+ private:
+  struct DenseColumn {
+    int parameter, coordinate;
+    double weight;
+    Expression basis = Expression::number(0.0);
+    bool nonlinear = false, loads = false;
+  };
+  struct TableColumn {
+    int parameter, coordinate;
+    double weight;
+    Expression basis = Expression::number(0.0);
+  };
+  struct SlopeColumn {
+    int parameter, coordinate;
+    std::size_t nonlinear;
+    double weight;
+    Expression basis = Expression::number(0.0);
+    std::vector<double> values;
+  };
+  std::vector<double> evaluate(const Expression& expression) const;
+  void fill_dense(std::size_t c);
+  void fill_sparse();
+  void update_slopes() const;
+
+  const State* state_;
+  std::size_t rows_;
+  std::vector<std::string> nonlinear_names_;
+  std::vector<double> nonlinear_values_;
+  std::vector<std::vector<double>> nonlinear_scalars_;
+  std::vector<DenseColumn> dense_;
+  std::vector<double> dense_values_;         // rows × dense_.size()
+  mutable std::vector<SlopeColumn> slopes_;  // worked out when first asked for
+  mutable bool slopes_stale_ = true;
+  std::vector<TableColumn> tables_;
+  std::vector<std::vector<Entry>> sparse_;
+  bool reads_loads_ = false, tables_read_loads_ = false;
+  std::vector<bool> table_parameter_, searched_parameter_;
+};
+
+/// Everything needed to evaluate a model against measurements. Unknowns are the free linear
+/// parameters in order, then the nonlinear ones.
+class Design {
+ public:
+  /// `kinematics` carries the base and tool reference poses. Both references must outlive the
+  /// design.
+  Design(const State& state, const Measurements& measurements, const Model& model,
+         const Kinematics& kinematics);
+
+  std::size_t rows() const { return measurements_->rows; }
+  int residuals_per_row() const { return residuals_per_row_; }
+  int unknowns() const { return static_cast<int>(free_.size()) + nonlinear_count(); }
+  int nonlinear_count() const { return static_cast<int>(model_->nonlinear.size()); }
+  const Model& model() const { return *model_; }
+  const State& state() const { return *state_; }
+  const Measurements& measurements() const { return *measurements_; }
+  Kinematics& kinematics() { return kinematics_; }
+  const BasisTable& basis() const { return basis_; }
+  /// Parameters (indices into Model::parameters) that are unknowns, in order.
+  const std::vector<int>& free_parameters() const { return free_; }
+  /// Holds all other parameters at their present value. Fixed ones are never free.
+  void set_free(const std::vector<int>& parameters);
+  /// Unknown number of a parameter; −1 where it is held.
+  int unknown_of(int parameter) const { return unknown_of_[static_cast<std::size_t>(parameter)]; }
+  bool is_table_unknown(int unknown) const;
+
+  /// Values of all linear parameters (held ones included); set_unknowns writes the free ones and
+  /// the nonlinear ones.
+  const std::vector<double>& values() const { return values_; }
+  void set_values(const std::vector<double>& values) { values_ = values; }
+  void set_unknowns(const double* unknowns);
+  std::vector<double> unknown_values() const;
+  /// Puts the loads of `state`, which the design reads, to where the arm stands with the present
+  /// values. Returns how far their change moves a frame at most [m, or rad].
+  double stand(State& state);
+
+  /// Row weights (square roots multiply the residual): 0 keeps a gross error out.
+  std::vector<double>& weights() { return weights_; }
+  const std::vector<double>& weights() const { return weights_; }
+
+  /// One row of the Jacobian: the unknowns that it touches and a residuals × touched matrix.
+  struct Row {
+    std::vector<int> unknowns;
+    Eigen::Matrix<double, 6, Eigen::Dynamic> jacobian;  // top residuals_per_row() rows hold
+    Eigen::Matrix<double, 6, 1> residual;
+    Pose predicted = Pose::Identity();
+  };
+  /// Whitened, weighted residual (predicted − measured) and, where asked for, its Jacobian. Uses
+  /// scratch: not thread-safe.
+  void evaluate(std::size_t i, bool with_jacobian, Row& row);
+  /// Predicted pose of a row.
+  Pose predict(std::size_t i);
+  /// The geometric Jacobian (6 × coordinates) of the last evaluated row, with the loads that follow
+  /// the arm: for candidates.
+  const Eigen::Matrix<double, 6, Eigen::Dynamic>& geometric_jacobian() const { return geometric_; }
+  /// Whitens a 6-vector change of row i's tool pose (position, rotation) the way the residual is
+  /// whitened.
+  Eigen::Matrix<double, 6, 1> whiten(std::size_t i,
+                                     const Eigen::Matrix<double, 6, 1>& change) const;
+
+ private:
+  void coordinates_of(std::size_t i);
+
+  const State* state_;
+  const Measurements* measurements_;
+  const Model* model_;
+  Kinematics kinematics_;
+  BasisTable basis_;
+  LoadFeedback feedback_;
+  std::vector<bool> is_arms_;  // by parameter: what belongs to the arm moves its loads
+  int residuals_per_row_;
+  std::vector<int> free_;
+  std::vector<int> unknown_of_;
+  std::vector<double> values_;
+  std::vector<double> weights_;
+  std::vector<BasisTable::Entry> entries_, slope_entries_;
+  std::vector<int> slot_of_unknown_;
+  Eigen::VectorXd coordinates_, arm_coordinates_;
+  // By the coordinates: with the loads that follow them, and as if loads stayed.
+  Eigen::Matrix<double, 6, Eigen::Dynamic> geometric_, direct_, raw_jacobian_;
+};
+
+/// Predicted poses of a state with a fitted model: what `predict` does.
+std::vector<Pose> predict_poses(const State& state, const std::vector<int>& target,
+                                const Model& model, const Kinematics& kinematics);
+
+}  // namespace armtrue

@@ -1,0 +1,75 @@
+// Linearised least squares at a design's present values: what identifiability, covariance,
+// cross-validation and the diagnosis need.
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "fitter/design/design.h"
+
+namespace armtrue {
+
+/// Rows of quadratic penalty that stand beside the measurements: priors, gauges, smoothness.
+struct PenaltyRow {
+  std::vector<std::pair<int, double>> entries;  ///< unknown, factor / sigma
+  double target = 0.0;                          ///< / sigma
+};
+
+/// Priors of the free parameters and penalties of the model, in unknowns. `smoothness_sigma` scales
+/// smoothness rows.
+std::vector<PenaltyRow> penalty_rows(const Design& design, double smoothness_sigma);
+
+/// JᵀJ and Jᵀr of the measurements, in unknowns.
+struct NormalEquations {
+  Eigen::MatrixXd information;  ///< JᵀJ, lower triangle filled
+  Eigen::VectorXd gradient;     ///< Jᵀr
+  double cost = 0.0;            ///< Σ r²
+  std::size_t equations = 0;    ///< residual rows with weight
+
+  explicit NormalEquations(Eigen::Index unknowns)
+      : information(Eigen::MatrixXd::Zero(unknowns, unknowns)),
+        gradient(Eigen::VectorXd::Zero(unknowns)),
+        across_(unknowns, 6),
+        products_(unknowns) {}
+  void set_zero();
+  void add(const Design::Row& row, int residuals);
+  void add(const PenaltyRow& row, const std::vector<double>& values);
+
+ private:
+  // Scratch: a row's Jacobian with unknowns along memory, and one column of its square.
+  Eigen::Matrix<double, Eigen::Dynamic, 6> across_;
+  Eigen::VectorXd products_;
+};
+
+/// The rows with weight of a design, evaluated with their Jacobian at its present values.
+struct EvaluatedRows {
+  std::vector<std::size_t> index;  ///< row of the design
+  std::vector<Design::Row> rows;
+};
+EvaluatedRows evaluate_rows(Design& design);
+
+/// Accumulates over all rows of a design.
+NormalEquations accumulate(Design& design);
+/// The same over rows that are evaluated already.
+NormalEquations accumulate(const Design& design, const EvaluatedRows& evaluated);
+
+/// Scaled Cholesky factor of a symmetric positive matrix, given its lower triangle.
+class ScaledCholesky {
+ public:
+  explicit ScaledCholesky(const Eigen::MatrixXd& lower);
+  bool ok() const { return ok_; }
+  Eigen::VectorXd solve(const Eigen::VectorXd& right) const;
+  Eigen::MatrixXd solve_matrix(const Eigen::MatrixXd& right) const;
+  Eigen::MatrixXd inverse() const;
+  /// L⁻¹ D with D the scaling: columns of a matrix become orthonormal coordinates of the solution
+  /// space.
+  Eigen::MatrixXd half_solve(const Eigen::MatrixXd& right) const;
+  double log_determinant() const;
+
+ private:
+  Eigen::VectorXd scale_;
+  Eigen::MatrixXd factor_;  // lower triangle
+  bool ok_;
+};
+
+}  // namespace armtrue

@@ -1,0 +1,75 @@
+#include <cmath>
+
+#include "fitter/effects/effect.h"
+#include "fitter/effects/heat/lengths.h"
+
+namespace armtrue {
+namespace {
+
+class SelfHeating final : public Effect {
+ public:
+  std::string id() const override { return "self_heating"; }
+  std::string summary() const override {
+    return "a gear warms by its own work: its zero and its link follow its duty, later";
+  }
+  JointRule joint_rule() const override { return JointRule::kEach; }
+  std::string bound_text() const override {
+    return "1e-3 rad and 1e-3 of the link's length at the largest warmth in the data: ours, five "
+           "times what gears show; time constant 5 min to 2 h (docs/effects.md)";
+  }
+
+  std::vector<EffectOption> options() const override {
+    return {{"tau", "s", "time constant; the diagnosis tries several, default 1500"}};
+  }
+
+  std::vector<std::string> missing(const EffectContext& context,
+                                   const std::vector<int>& joints) const override {
+    std::vector<std::string> lacking;
+    if (!context.state.has("time")) lacking.emplace_back("time");
+    for (const int k : joints) {
+      const std::string duty = "duty" + std::to_string(k);
+      if (!context.state.has(duty)) lacking.push_back(duty);
+    }
+    return lacking;
+  }
+
+  // Nothing that a device or a single pose knows tells how warm a gear is: it is fitted, so that
+  // nothing else takes its place, and left out of predictions and tables.
+  EffectTerms build(const EffectContext& context, const EffectRequest& request) const override {
+    EffectTerms terms;
+    const std::string tau = std::to_string(std::lround(request.options.value("tau", kTypical)));
+    for (const int k : request.joints) {
+      const std::string warmth = "warm" + std::to_string(k) + "_" + tau;
+      const double largest = largest_of(context, warmth);
+      const double bound = largest > 0.0 ? kLargest / largest : kLargest;
+      const bool slides = context.prismatic(k);
+      Parameter zero = single_term(id(), {k}, "zero", slides ? "m/(m/s)" : "rad/(rad/s)", bound,
+                                   motor(k), warmth);
+      Parameter growth =
+          grown_lengths(context.robot(), id(), {k}, "length", "1/(rad/s)", bound, {k}, warmth);
+      for (Parameter* p : {&zero, &growth}) {
+        p->exported = false;
+        if (!p->terms.empty()) terms.parameters.push_back(*p);
+      }
+    }
+    return terms;
+  }
+
+  std::vector<EffectRequest> candidates(const EffectContext& context) const override {
+    std::vector<EffectRequest> result;
+    for (int k = 1; k <= context.joint_count(); ++k) {
+      for (const double tau : {500.0, 1000.0, 2000.0, 4000.0})
+        result.push_back({id(), {k}, {{"tau", tau}}});
+    }
+    return result;
+  }
+
+ private:
+  static constexpr double kTypical = 1500.0;  // [s]
+  static constexpr double kLargest = 1e-3;    // [rad, m, or of a length]
+};
+
+const RegisterEffect<SelfHeating> registered_self_heating;
+
+}  // namespace
+}  // namespace armtrue

@@ -1,0 +1,63 @@
+#include "fitter/effects/loads/spring_loads.h"
+
+namespace armtrue {
+namespace {
+
+// The regressor that is the derivative of a load by a component of a link's
+// mass; empty where the link lies before the joint.
+std::string regressor(const Variable& load, int link, const std::string& component) {
+  if (link < load.joint) return "";
+  const std::string of =
+      load.kind == VariableKind::kTorque ? "u_" : (load.axis == 0 ? "ux_" : "uy_");
+  return of + std::to_string(load.joint) + "_" + std::to_string(link) + "_" + component;
+}
+
+class MassParameters final : public LoadEffect {
+ public:
+  std::string id() const override { return "mass_parameters"; }
+  std::string summary() const override {
+    return "masses, centres of mass or the payload's centre are not as stated";
+  }
+  std::string bound_text() const override {
+    return "each mass by itself, each centre by 0.1 m: ours, data sheets are "
+           "20 % and 15 mm off "
+           "(docs/effects.md)";
+  }
+
+  EffectTerms build(const EffectContext& context, const EffectRequest&) const override {
+    EffectTerms terms;
+    const auto add = [&](Parameter p) {
+      if (!p.terms.empty()) terms.parameters.push_back(std::move(p));
+    };
+    const int n = context.joint_count();
+    for (int link = 1; link <= n; ++link) {
+      const double mass = context.robot().links[static_cast<std::size_t>(link - 1)].mass;
+      if (!(mass > 0.0)) continue;
+      for (const std::string component : {"m", "x", "y", "z"}) {
+        const bool is_mass = component == "m";
+        add(load_change(context, id(), "link" + std::to_string(link) + "_" + component,
+                        is_mass ? "kg" : "kg m", mass * (is_mass ? 1.0 : kFurthest),
+                        mass * (is_mass ? kUsualShare : kUsualShift),
+                        [&](const Variable& load) { return regressor(load, link, component); }));
+      }
+    }
+    if (context.state.recorded("payload")) {
+      for (const std::string component : {"x", "y", "z"}) {
+        add(load_change(
+            context, id(), "payload_" + component, "m", kFurthest, kUsualShift,
+            [&](const Variable& load) { return "payload*" + regressor(load, n, component); }));
+      }
+    }
+    return terms;
+  }
+
+ private:
+  static constexpr double kFurthest = 0.1;      // [m]
+  static constexpr double kUsualShare = 0.2;    // of a mass
+  static constexpr double kUsualShift = 0.015;  // [m] of a centre
+};
+
+const RegisterEffect<MassParameters> registered_mass_parameters;
+
+}  // namespace
+}  // namespace armtrue

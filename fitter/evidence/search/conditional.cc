@@ -1,0 +1,134 @@
+#include "fitter/evidence/search/conditional.h"
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "fitter/common/dense.h"
+
+namespace armtrue {
+namespace {
+
+constexpr Eigen::Index kManyDirections = 16;
+
+double log_normal_cdf(double z) {
+  if (z > -8.0) return std::log(0.5 * std::erfc(-z / std::sqrt(2.0)));
+  return -0.5 * z * z - std::log(-z) - 0.9189385332046727;
+}
+
+// What runs against its load by this cosine or more carries it, whatever else its shape does; what
+// runs along with it is hardly this effect.
+constexpr double kCarries = 0.5;
+constexpr double kHardly = 10.0;       // log odds
+constexpr double kLeastCarried = 0.1;  // of the load: less is not worth building
+// Of waves of any phase a third run against their load that well: those that do are as much
+// likelier.
+constexpr double kCarrySeldom = 1.0986122886681098;  // log 3
+
+double carrying_term(const Carrying& carrying, const Eigen::VectorXd& coefficient) {
+  const double size = std::sqrt(coefficient.dot(carrying.square * coefficient));
+  if (size <= 0.0) return 0.0;
+  const double cosine = coefficient.dot(carrying.along) / size;
+  const double share = carrying.yields > 0.0 ? size / carrying.yields : 1.0;
+  return -kHardly * std::max(std::clamp(1.0 + cosine / kCarries, 0.0, 1.0),
+                             std::clamp(1.0 - share / kLeastCarried, 0.0, 1.0));
+}
+
+double sign_term(const PriorShape& shape, const Eigen::MatrixXd& vectors,
+                 const Eigen::VectorXd& mean, const Eigen::VectorXd& variance, double noise) {
+  double sum = 0.0;
+  for (const SignRule& rule : shape.signs) {
+    const Eigen::VectorXd along = vectors.transpose() * (shape.units.transpose() * rule.along);
+    const double spread = std::sqrt(noise * along.cwiseAbs2().dot(variance));
+    if (spread <= 0.0) continue;
+    const double z = along.dot(mean) / spread;
+    std::vector<double> ways{std::log1p(-rule.doubt) + log_normal_cdf(z)};
+    if (rule.doubt > 0.0) ways.push_back(std::log(rule.doubt) + log_normal_cdf(-z));
+    sum += std::log(2.0) + log_sum(ways);
+  }
+  return sum;
+}
+
+// A Cholesky factor for each scale: from some directions on, several cost less than one
+// eigendecomposition.
+void weigh_scales(const SearchProblem& problem, const SearchBlock& own,
+                  const Elimination::Local& local, int index, const Eigen::MatrixXd& inner,
+                  Conditional& result) {
+  const PriorShape& shape = own.shapes[static_cast<std::size_t>(index)];
+  const Eigen::MatrixXd along = shape.spread.transpose() * local.gradient;
+  for (std::size_t s = 0; s < shape.scale.size(); ++s) {
+    const double square = shape.scale[s] * shape.scale[s];
+    Eigen::MatrixXd root = square * inner;
+    root.diagonal().array() += 1.0;
+    result.choices.push_back({index, static_cast<int>(s)});
+    // Rounding alone can take definiteness from what another block explains already.
+    if (!factorise_cholesky(root)) {
+      result.log_weight.push_back(-std::numeric_limits<double>::infinity());
+      continue;
+    }
+    Eigen::MatrixXd half = along;
+    solve_lower(root, half);
+    const double left = local.squares - square * half.squaredNorm();
+    result.log_weight.push_back(own.log_odds + shape.log_prior[s] -
+                                root.diagonal().array().log().sum() + fit_term(problem, left));
+  }
+}
+
+void weigh_shape(const SearchProblem& problem, const SearchBlock& own,
+                 const Elimination::Local& local, int index, Conditional& result) {
+  const PriorShape& shape = own.shapes[static_cast<std::size_t>(index)];
+  const Eigen::MatrixXd inner = shape.spread.transpose() * local.gram * shape.spread;
+  if (inner.cols() > kManyDirections && shape.carries.empty() && shape.signs.empty()) {
+    weigh_scales(problem, own, local, index, inner, result);
+    return;
+  }
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(inner);
+  const Eigen::VectorXd value = eigen.eigenvalues().cwiseMax(0.0);
+  const Eigen::VectorXd along =
+      eigen.eigenvectors().transpose() * (shape.spread.transpose() * local.gradient);
+  for (std::size_t s = 0; s < shape.scale.size(); ++s) {
+    const double square = shape.scale[s] * shape.scale[s];
+    const Eigen::VectorXd shrunk = (1.0 + square * value.array()).matrix();
+    const Eigen::VectorXd variance = square * shrunk.cwiseInverse();
+    const double left = local.squares - variance.dot(along.cwiseAbs2());
+    double weight = own.log_odds + shape.log_prior[s] - 0.5 * shrunk.array().log().sum() +
+                    fit_term(problem, left);
+    if (!shape.carries.empty()) {
+      const Eigen::VectorXd mean =
+          shape.units * (eigen.eigenvectors() * variance.cwiseProduct(along));
+      weight += kCarrySeldom + carrying_term(shape.carries.front(), mean);
+    }
+    if (!shape.signs.empty()) {
+      const double noise = std::max(left, 1e-9) / std::max(1.0, problem.freedom);
+      weight +=
+          sign_term(shape, eigen.eigenvectors(), variance.cwiseProduct(along), variance, noise);
+    }
+    result.choices.push_back({index, static_cast<int>(s)});
+    result.log_weight.push_back(weight);
+  }
+}
+
+}  // namespace
+
+double log_sum(const std::vector<double>& terms) {
+  const double most = *std::max_element(terms.begin(), terms.end());
+  double sum = 0.0;
+  for (const double t : terms) sum += std::exp(t - most);
+  return most + std::log(sum);
+}
+
+double fit_term(const SearchProblem& problem, double squares) {
+  const double scaled = 0.5 * (problem.prior_freedom + std::max(squares, 1e-9));
+  return -0.5 * (problem.freedom + problem.prior_freedom) * std::log(scaled);
+}
+
+Conditional weigh_choices(const SearchProblem& problem, const SearchBlock& block,
+                          const Elimination::Local& local) {
+  Conditional result{{Choice{}}, {fit_term(problem, local.squares)}};
+  for (std::size_t i = 0; i < block.shapes.size(); ++i)
+    weigh_shape(problem, block, local, static_cast<int>(i), result);
+  return result;
+}
+
+}  // namespace armtrue

@@ -1,0 +1,194 @@
+#include "fitter/evidence/search/elimination.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <limits>
+
+#include "fitter/common/dense.h"
+
+namespace armtrue {
+namespace {
+
+constexpr Eigen::Index kLeastRoom = 64;
+// Taking a member back by what it leaves of itself loses as many digits as the data know better
+// than the prior, twice.
+constexpr double kLeastPivot = 1e-5;
+
+// Rounding can take a little more than there is where the data know a direction by far better than
+// its prior.
+void factorise(Eigen::MatrixXd& matrix) {
+  const Eigen::MatrixXd given = matrix;
+  if (factorise_cholesky(matrix)) return;
+  matrix = given;
+  matrix.diagonal().array() +=
+      std::numeric_limits<double>::epsilon() * static_cast<double>(given.rows()) * given.trace();
+  factorise_cholesky(matrix);
+}
+
+// The factor of L Lᵀ + S Sᵀ: the members after one that goes no longer have its part taken out.
+Eigen::MatrixXd put_back(const Eigen::Ref<const Eigen::MatrixXd>& root,
+                         const Eigen::Ref<const Eigen::MatrixXd>& part) {
+  Eigen::MatrixXd both(root.rows(), root.cols() + part.cols());
+  both.leftCols(root.cols()) = root.triangularView<Eigen::Lower>();
+  both.rightCols(part.cols()) = part;
+  Eigen::MatrixXd result = square_across(both);
+  factorise(result);
+  return result;
+}
+
+// L′⁻¹ (L half + S half_of_gone).
+Eigen::MatrixXd turned(const Eigen::MatrixXd& now, const Eigen::Ref<const Eigen::MatrixXd>& root,
+                       const Eigen::Ref<const Eigen::MatrixXd>& part,
+                       const Eigen::Ref<const Eigen::MatrixXd>& half,
+                       const Eigen::Ref<const Eigen::MatrixXd>& half_of_gone) {
+  Eigen::MatrixXd both(root.rows() + part.cols(), root.rows());
+  both.topRows(root.rows()) = root.triangularView<Eigen::Lower>().transpose();
+  both.bottomRows(part.cols()) = part.transpose();
+  Eigen::MatrixXd halves(both.rows(), half.cols());
+  halves << half, half_of_gone;
+  Eigen::MatrixXd result = transpose_times(both, halves);
+  solve_lower(now, result);
+  return result;
+}
+
+}  // namespace
+
+Elimination::Elimination(const Eigen::MatrixXd& gram, const Eigen::VectorXd& gradient,
+                         double squares)
+    : gram_(gram), gradient_(gradient), squares_(squares) {
+  reserve(kLeastRoom);
+}
+
+void Elimination::reserve(Eigen::Index size) {
+  if (size <= half_.rows()) return;
+  const Eigen::Index room = std::max(size, 2 * half_.rows());
+  Eigen::MatrixXd root = Eigen::MatrixXd::Zero(room, room), half(room, gram_.cols());
+  if (size_ > 0) {
+    root.topLeftCorner(size_, size_) = root_.topLeftCorner(size_, size_);
+    half.topRows(size_) = half_.topRows(size_);
+  }
+  root_ = std::move(root);
+  half_ = std::move(half);
+  along_.conservativeResize(room);
+}
+
+void Elimination::add(std::size_t key, Eigen::Index first, const Eigen::MatrixXd& factor) {
+  const Eigen::Index size = factor.cols(), width = factor.rows();
+  reserve(size_ + size);
+  Eigen::MatrixXd rows = transpose_times(factor, gram_.middleRows(first, width));
+  Eigen::MatrixXd inner =
+      Eigen::MatrixXd::Identity(size, size) + rows.middleCols(first, width) * factor;
+  Eigen::MatrixXd right = factor.transpose() * gradient_.segment(first, width);
+  if (size_ > 0) {
+    const Eigen::MatrixXd before = half_.block(0, first, size_, width) * factor;
+    root_.block(size_, 0, size, size_) = before.transpose();
+    rows -= transpose_times(before, half_.topRows(size_));
+    inner -= square(before);
+    right -= before.transpose() * along_.head(size_);
+  }
+  factorise(inner);
+  solve_lower(inner, rows);
+  solve_lower(inner, right);
+  root_.block(size_, size_, size, size) = inner.triangularView<Eigen::Lower>();
+  half_.middleRows(size_, size) = rows;
+  along_.segment(size_, size) = right;
+  members_.push_back({key, size_, size, first, factor});
+  size_ += size;
+}
+
+std::vector<Elimination::Member>::const_iterator Elimination::find(std::size_t key) const {
+  return std::find_if(members_.begin(), members_.end(),
+                      [&](const Member& m) { return m.key == key; });
+}
+
+void Elimination::remove(std::size_t key) {
+  const auto at = find(key);
+  if (at == members_.end()) return;
+  const Member gone = *at;
+  const Eigen::Index after = gone.first + gone.size, rest = size_ - after;
+  if (rest > 0) {
+    const auto root = root_.block(after, after, rest, rest);
+    const auto part = root_.block(after, gone.first, rest, gone.size);
+    const Eigen::MatrixXd now = put_back(root, part);
+    const Eigen::MatrixXd half = turned(now, root, part, half_.middleRows(after, rest),
+                                        half_.middleRows(gone.first, gone.size));
+    const Eigen::VectorXd along =
+        turned(now, root, part, along_.segment(after, rest), along_.segment(gone.first, gone.size));
+    const Eigen::MatrixXd before = root_.block(after, 0, rest, gone.first);
+    root_.block(gone.first, 0, rest, gone.first) = before;
+    root_.block(gone.first, gone.first, rest, rest) = now.triangularView<Eigen::Lower>();
+    half_.middleRows(gone.first, rest) = half;
+    along_.segment(gone.first, rest) = along;
+  }
+  size_ -= gone.size;
+  members_.erase(at);
+  for (Member& m : members_) {
+    if (m.first > gone.first) m.first -= gone.size;
+  }
+}
+
+Elimination::Local Elimination::beside(Eigen::Index first, Eigen::Index width) const {
+  Local local{gram_.block(first, first, width, width), gradient_.segment(first, width), squares()};
+  if (size_ == 0) return local;
+  const auto half = half_.block(0, first, size_, width);
+  local.gram -= square(half);
+  local.gradient -= half.transpose() * along_.head(size_);
+  return local;
+}
+
+Elimination::Local Elimination::without(std::size_t key) const {
+  const Member& member = *find(key);
+  Local local = beside(member.column, member.factor.rows());
+  const Eigen::MatrixXd columns = local.gram * member.factor;
+  const Eigen::LLT<Eigen::MatrixXd> kernel(Eigen::MatrixXd::Identity(member.size, member.size) -
+                                           member.factor.transpose() * columns);
+  if (kernel.info() != Eigen::Success ||
+      kernel.matrixLLT().diagonal().cwiseAbs2().minCoeff() < kLeastPivot)
+    return without_exactly(member);
+  const Eigen::VectorXd along = member.factor.transpose() * local.gradient;
+  const Eigen::VectorXd back = kernel.solve(along);
+  local.squares += along.dot(back);
+  local.gradient += columns * back;
+  local.gram += columns * kernel.solve(columns.transpose());
+  return local;
+}
+
+// The same from the factor that the others would have.
+Elimination::Local Elimination::without_exactly(const Member& member) const {
+  const Eigen::Index first = member.column, width = member.factor.rows();
+  const Eigen::Index before = member.first, after = before + member.size, rest = size_ - after;
+  Local local{gram_.block(first, first, width, width), gradient_.segment(first, width),
+              squares_ - along_.head(before).squaredNorm()};
+  const auto take = [&](const Eigen::MatrixXd& half, const Eigen::VectorXd& along) {
+    local.gram -= square(half);
+    local.gradient -= half.transpose() * along;
+  };
+  if (before > 0) take(half_.block(0, first, before, width), along_.head(before));
+  if (rest == 0) return local;
+  const auto root = root_.block(after, after, rest, rest);
+  const auto part = root_.block(after, before, rest, member.size);
+  const Eigen::MatrixXd now = put_back(root, part);
+  const Eigen::VectorXd along =
+      turned(now, root, part, along_.segment(after, rest), along_.segment(before, member.size));
+  take(turned(now, root, part, half_.block(after, first, rest, width),
+              half_.block(before, first, member.size, width)),
+       along);
+  local.squares -= along.squaredNorm();
+  return local;
+}
+
+Eigen::MatrixXd Elimination::across(Eigen::Index first, Eigen::Index width, Eigen::Index other,
+                                    Eigen::Index other_width) const {
+  Eigen::MatrixXd result = gram_.block(first, other, width, other_width);
+  if (size_ > 0) {
+    result -= transpose_times(half_.block(0, first, size_, width),
+                              half_.block(0, other, size_, other_width));
+  }
+  return result;
+}
+
+double Elimination::log_determinant() const {
+  return 2.0 * root_.diagonal().head(size_).array().log().sum();
+}
+
+}  // namespace armtrue

@@ -1,0 +1,76 @@
+// The sampler behind search_blocks(): one state, changed block by block.
+#pragma once
+
+#include <Eigen/Core>
+#include <limits>
+#include <random>
+#include <utility>
+#include <vector>
+
+#include "fitter/evidence/search/conditional.h"
+#include "fitter/evidence/search/elimination.h"
+#include "fitter/evidence/search/search.h"
+
+namespace armtrue {
+
+class Sampler {
+ public:
+  Sampler(const SearchProblem& problem, const SearchOptions& options)
+      : problem_(problem),
+        options_(options),
+        generator_(options.seed),
+        state_(problem.blocks.size()),
+        eliminated_(problem.gram, problem.gradient, problem.squares) {}
+
+  SearchResult run();
+
+ private:
+  const SearchBlock& block(std::size_t b) const { return problem_.blocks[b]; }
+  Eigen::MatrixXd factor(std::size_t b, const Choice& c) const {
+    const PriorShape& shape = block(b).shapes[static_cast<std::size_t>(c.shape)];
+    return shape.scale[static_cast<std::size_t>(c.scale)] * shape.spread;
+  }
+  Elimination::Local without(std::size_t b) const {
+    return state_[b].is_present() ? eliminated_.without(b)
+                                  : eliminated_.beside(block(b).first, block(b).width);
+  }
+  Conditional conditional(std::size_t b) const {
+    return weigh_choices(problem_, block(b), without(b));
+  }
+  void set(std::size_t b, const Choice& c);
+  void go_to(const std::vector<Choice>& wanted);
+  void line_up();
+  std::vector<Conditional> conditionals(const std::vector<std::size_t>& blocks) const;
+  double best_change(std::vector<std::size_t>& looked_at, std::size_t& at, Choice& to) const;
+  void climb(const std::vector<std::size_t>& allowed);
+  void find_readings();
+  double enter(const std::vector<std::size_t>& members, std::vector<Choice>& sizes);
+  // What stands for what: blocks of the likeliest set, and those that replace them.
+  struct Reading {
+    std::vector<std::size_t> one, other;
+  };
+  void read_otherwise(const Reading& reading);
+  bool has_stranger() const;
+  void sweep(int number, bool count);
+  void exchange();
+  Choice draw(const Conditional& conditional);
+  double log_posterior() const;
+  void remember();
+  void describe_alone(SearchResult& result) const;
+  Eigen::MatrixXd beyond_each_other(const std::vector<Eigen::MatrixXd>& alone,
+                                    const SearchResult& result) const;
+  void describe(SearchResult& result);
+
+  const SearchProblem& problem_;
+  const SearchOptions& options_;
+  std::mt19937_64 generator_;
+  std::vector<Choice> state_, best_;
+  std::vector<Reading> readings_;
+  double best_posterior_ = -std::numeric_limits<double>::infinity();
+  Elimination eliminated_;
+  std::vector<double> inclusion_, visits_, last_;  // last_: probability at the last visit
+  std::vector<bool> strange_;                      // came in against the odds when it last did
+  double nothing_ = 0.0, counted_ = 0.0;
+};
+
+}  // namespace armtrue

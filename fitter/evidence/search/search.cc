@@ -1,0 +1,355 @@
+#include "fitter/evidence/search/search.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <random>
+#include <utility>
+
+#include "fitter/evidence/search/sampler.h"
+#include "fitter/common/observer.h"
+#include "fitter/common/parallel.h"
+
+namespace armtrue {
+namespace {
+
+// Costly blocks are visited in one sweep of so many: any fixed order of visits leaves the
+// distribution as it is.
+constexpr int kCostlyEvery = 8;
+// A block whose presence was this improbable, or this sure, when it was visited last is visited as
+// seldom.
+constexpr double kImprobable = 1e-3;
+// What is drawn with less than this came in against the odds.
+constexpr double kStrange = 0.02;
+// One exchange in so many sweeps: it looks at every block.
+constexpr int kExchangeEvery = 4;
+// A climb looks again only at blocks that lacked less than this of being worth a change.
+constexpr double kPromising = -4.0;
+// Another reading of the data counts down to this log odds against the likeliest set.
+constexpr double kWorthReading = -6.0;
+constexpr double kLeastRise = 1e-6;
+
+}  // namespace
+
+void Sampler::set(std::size_t b, const Choice& c) {
+  if (state_[b] == c) return;
+  if (state_[b].is_present()) eliminated_.remove(b);
+  if (c.is_present()) eliminated_.add(b, block(b).first, factor(b, c));
+  state_[b] = c;
+}
+
+void Sampler::go_to(const std::vector<Choice>& wanted) {
+  for (std::size_t b = 0; b < wanted.size(); ++b) {
+    if (state_[b] != wanted[b]) set(b, {});
+  }
+  for (std::size_t b = 0; b < wanted.size(); ++b) set(b, wanted[b]);
+}
+
+// What comes and goes often is eliminated last: then little follows it that has to change.
+void Sampler::line_up() {
+  const std::vector<Choice> wanted = state_;
+  for (std::size_t b = 0; b < wanted.size(); ++b) {
+    if (!block(b).costly) set(b, {});
+  }
+  go_to(wanted);
+}
+
+Choice Sampler::draw(const Conditional& c) {
+  const double total = log_sum(c.log_weight);
+  double left = std::uniform_real_distribution<double>(0.0, 1.0)(generator_);
+  for (std::size_t i = 0; i < c.choices.size(); ++i) {
+    left -= std::exp(c.log_weight[i] - total);
+    if (left <= 0.0) return c.choices[i];
+  }
+  return c.choices.front();
+}
+
+double Sampler::log_posterior() const {
+  double value = fit_term(problem_, eliminated_.squares()) - 0.5 * eliminated_.log_determinant();
+  for (std::size_t b = 0; b < state_.size(); ++b) {
+    if (!state_[b].is_present()) continue;
+    const PriorShape& shape = block(b).shapes[static_cast<std::size_t>(state_[b].shape)];
+    value += block(b).log_odds + shape.log_prior[static_cast<std::size_t>(state_[b].scale)];
+  }
+  return value;
+}
+
+void Sampler::remember() {
+  const double value = log_posterior();
+  if (value <= best_posterior_) return;
+  best_posterior_ = value;
+  best_ = state_;
+}
+
+std::vector<Conditional> Sampler::conditionals(const std::vector<std::size_t>& blocks) const {
+  std::vector<Conditional> result(blocks.size());
+  in_parallel(blocks.size(), [&](std::size_t i) { result[i] = conditional(blocks[i]); });
+  return result;
+}
+
+// The change of one block that raises the posterior most, of those in `looked_at`; the others are
+// left out of it from now on.
+double Sampler::best_change(std::vector<std::size_t>& looked_at, std::size_t& at,
+                            Choice& to) const {
+  double most = kLeastRise;
+  std::vector<std::size_t> promising;
+  const std::vector<Conditional> all = conditionals(looked_at);
+  for (std::size_t seen = 0; seen < looked_at.size(); ++seen) {
+    const std::size_t b = looked_at[seen];
+    const Conditional& c = all[seen];
+    const auto now = static_cast<std::size_t>(
+        std::find(c.choices.begin(), c.choices.end(), state_[b]) - c.choices.begin());
+    double rise = -std::numeric_limits<double>::infinity();
+    for (std::size_t i = 0; i < c.choices.size(); ++i) {
+      if (i == now || c.log_weight[i] - c.log_weight[now] <= rise) continue;
+      rise = c.log_weight[i] - c.log_weight[now];
+      if (rise <= most) continue;
+      most = rise;
+      at = b;
+      to = c.choices[i];
+    }
+    if (rise > kPromising) promising.push_back(b);
+  }
+  looked_at = std::move(promising);
+  return most;
+}
+
+// Takes the single change of an allowed block that raises the posterior most, until none does.
+void Sampler::climb(const std::vector<std::size_t>& allowed) {
+  std::vector<std::size_t> looked_at = allowed;
+  bool whole = true;
+  for (std::size_t step = 0; step < 6 * state_.size(); ++step) {
+    throw_if_cancelled();
+    std::size_t at = 0;
+    Choice to;
+    const double rise = best_change(looked_at, at, to);
+    if (rise <= kLeastRise) {
+      if (whole) break;
+      looked_at = allowed;
+      whole = true;
+      continue;
+    }
+    set(at, to);
+    whole = false;
+  }
+  remember();
+}
+
+bool Sampler::has_stranger() const {
+  for (std::size_t b = 0; b < state_.size(); ++b) {
+    if (strange_[b] && state_[b].is_present()) return true;
+  }
+  return false;
+}
+
+void Sampler::sweep(int number, bool count) {
+  std::vector<std::size_t> order(state_.size());
+  for (std::size_t i = 0; i < order.size(); ++i) order[i] = i;
+  for (std::size_t i = order.size(); i > 1; --i) std::swap(order[i - 1], order[generator_() % i]);
+  for (const std::size_t b : order) {
+    const bool settled =
+        state_[b].is_present() ? last_[b] > 1.0 - kImprobable : last_[b] < kImprobable;
+    // What came in against the odds may keep a table from what it was, or be kept by what has
+    // changed since: all of it is looked at until it has gone.
+    const bool seldom = (block(b).costly || settled) && !has_stranger();
+    if (count) visits_[b] += 1.0;
+    if (seldom && (number + static_cast<int>(b)) % kCostlyEvery != 0) {
+      if (count && state_[b].is_present()) inclusion_[b] += 1.0;
+      continue;
+    }
+    const Conditional c = conditional(b);
+    last_[b] = c.probability();
+    if (count) inclusion_[b] += c.probability();
+    const Choice drawn = draw(c);
+    if (!state_[b].is_present()) strange_[b] = c.probability() < kStrange;
+    set(b, drawn);
+  }
+  if (number % kExchangeEvery == 0) exchange();
+  for (const Reading& reading : readings_) read_otherwise(reading);
+  remember();
+  if (!count) return;
+  counted_ += 1.0;
+  bool nothing = true;
+  for (std::size_t b = 0; b < state_.size(); ++b)
+    nothing = nothing && (block(b).present || !block(b).counts || !state_[b].is_present());
+  nothing_ += nothing ? 1.0 : 0.0;
+}
+
+// One present block is taken out; whoever could stand in its place is drawn anew, itself and nobody
+// included.
+void Sampler::exchange() {
+  std::vector<std::size_t> present;
+  for (std::size_t b = 0; b < state_.size(); ++b) {
+    if (state_[b].is_present() && !block(b).costly) present.push_back(b);
+  }
+  if (present.empty()) return;
+  const std::size_t gone = present[generator_() % present.size()];
+  set(gone, {});
+  std::vector<double> weight{fit_term(problem_, eliminated_.squares())};
+  std::vector<std::pair<std::size_t, Choice>> stands{{gone, Choice{}}};
+  std::vector<std::size_t> absent;
+  for (std::size_t b = 0; b < state_.size(); ++b) {
+    if (!state_[b].is_present() && !block(b).costly) absent.push_back(b);
+  }
+  const std::vector<Conditional> all = conditionals(absent);
+  for (std::size_t a = 0; a < absent.size(); ++a) {
+    const std::size_t b = absent[a];
+    const Conditional& c = all[a];
+    for (std::size_t i = 1; i < c.choices.size(); ++i) {
+      weight.push_back(c.log_weight[i]);
+      stands.emplace_back(b, c.choices[i]);
+    }
+  }
+  const double total = log_sum(weight);
+  double left = std::uniform_real_distribution<double>(0.0, 1.0)(generator_);
+  for (std::size_t i = 0; i < weight.size(); ++i) {
+    left -= std::exp(weight[i] - total);
+    if (left > 0.0) continue;
+    set(stands[i].first, stands[i].second);
+    return;
+  }
+}
+
+// Members enter the set one after the other: log evidence that each brings, over all its sizes, at
+// the sizes that those before it were given. Where `sizes` has none, one is drawn.
+double Sampler::enter(const std::vector<std::size_t>& members, std::vector<Choice>& sizes) {
+  double sum = 0.0;
+  for (std::size_t i = 0; i < members.size(); ++i) {
+    Conditional there = conditional(members[i]);
+    const double absent = there.log_weight.front();
+    there.choices.erase(there.choices.begin());
+    there.log_weight.erase(there.log_weight.begin());
+    sum += log_sum(there.log_weight) - absent;
+    if (i == sizes.size()) sizes.push_back(draw(there));
+    set(members[i], sizes[i]);
+  }
+  return sum;
+}
+
+// Two blocks may stand for one, and one for one: each member of the likeliest set is taken out in
+// turn, and what the others then do without it is another reading of the data.
+void Sampler::find_readings() {
+  const std::vector<Choice> home = best_;
+  const double home_posterior = best_posterior_;
+  std::vector<Choice> better = home;
+  double gain = 0.0;
+  for (std::size_t gone = 0; gone < home.size(); ++gone) {
+    if (!home[gone].is_present() || block(gone).costly || !block(gone).counts) continue;
+    std::vector<Choice> without_it = home;
+    without_it[gone] = {};
+    go_to(without_it);
+    std::vector<std::size_t> allowed;
+    for (std::size_t b = 0; b < home.size(); ++b) {
+      if (b != gone && !block(b).costly && block(b).counts) allowed.push_back(b);
+    }
+    // Who might stand in its place; the others are not looked at again.
+    std::size_t at = 0;
+    Choice to;
+    if (best_change(allowed, at, to) <= kLeastRise) continue;
+    set(at, to);
+    climb(allowed);
+    // Which is better, what physics demands of coefficients decides too (enter), and not a climb.
+    best_ = home;
+    best_posterior_ = home_posterior;
+    const std::vector<Choice> otherwise = state_;
+    Reading reading;
+    std::vector<Choice> at_home, found;
+    for (std::size_t b = 0; b < home.size(); ++b) {
+      if (home[b].is_present() == state_[b].is_present()) continue;
+      (home[b].is_present() ? reading.one : reading.other).push_back(b);
+      (home[b].is_present() ? at_home : found)
+          .push_back(home[b].is_present() ? home[b] : state_[b]);
+    }
+    for (const std::size_t b : reading.other) set(b, {});
+    double odds = enter(reading.other, found);
+    for (const std::size_t b : reading.other) set(b, {});
+    odds -= enter(reading.one, at_home);
+    if (odds > gain) better = otherwise;
+    gain = std::max(gain, odds);
+    if (odds > kWorthReading) readings_.push_back(std::move(reading));
+  }
+  go_to(better);
+  best_ = better;
+  best_posterior_ = log_posterior();
+}
+
+// A step of Metropolis and Hastings from one side of a reading to the other, sizes drawn as they
+// enter: what all sizes of a side bring decides.
+void Sampler::read_otherwise(const Reading& reading) {
+  const auto stands = [&](const std::vector<std::size_t>& side, bool present) {
+    return std::all_of(side.begin(), side.end(),
+                       [&](std::size_t b) { return state_[b].is_present() == present; });
+  };
+  const bool at_one = stands(reading.one, true) && stands(reading.other, false);
+  if (!at_one && !(stands(reading.one, false) && stands(reading.other, true))) return;
+  const std::vector<Choice> before = state_;
+  const std::vector<std::size_t>& from = at_one ? reading.one : reading.other;
+  std::vector<Choice> sizes, drawn;
+  for (const std::size_t b : from) {
+    sizes.push_back(state_[b]);
+    set(b, {});
+  }
+  const std::vector<Choice> neither = state_;
+  const double here = enter(from, sizes);
+  go_to(neither);
+  const double there = enter(at_one ? reading.other : reading.one, drawn);
+  if (std::log(std::uniform_real_distribution<double>(0.0, 1.0)(generator_)) < there - here) return;
+  go_to(before);
+}
+
+// Every block beside the set that stands now.
+SearchResult Sampler::run() {
+  const std::size_t count = state_.size();
+  inclusion_.assign(count, 0.0);
+  visits_.assign(count, 0.0);
+  last_.assign(count, 1.0);
+  strange_.assign(count, false);
+  for (std::size_t b = 0; b < count; ++b) {
+    if (!block(b).present) continue;
+    const Conditional c = conditional(b);
+    const auto best = std::max_element(c.log_weight.begin() + 1, c.log_weight.end());
+    set(b, c.choices[static_cast<std::size_t>(best - c.log_weight.begin())]);
+  }
+  SearchResult result;
+  describe_alone(result);
+  // A table may stand for several effects at once, and so may a smooth function: what has few
+  // coefficients comes first, then all do, and the better of both stays.
+  const std::vector<Choice> start = state_;
+  std::vector<std::size_t> few, effects, all;
+  for (std::size_t b = 0; b < count; ++b) {
+    all.push_back(b);
+    if (block(b).counts) effects.push_back(b);
+    if (block(b).counts && !block(b).costly) few.push_back(b);
+  }
+  climb(few);
+  climb(effects);
+  if (effects.size() < all.size()) climb(all);
+  const bool table = std::ranges::any_of(
+      effects, [&](std::size_t b) { return block(b).costly && best_[b].is_present(); });
+  if (table || effects.size() < all.size()) {
+    go_to(start);
+    climb(all);
+    go_to(best_);
+  }
+  line_up();
+  find_readings();
+  for (int i = 0; i < options_.burn_in + options_.sweeps; ++i) {
+    throw_if_cancelled();
+    sweep(i, i >= options_.burn_in);
+  }
+  describe(result);
+  result.inclusion.resize(count);
+  for (std::size_t b = 0; b < count; ++b) {
+    result.inclusion[b] =
+        visits_[b] > 0.0 ? inclusion_[b] / visits_[b] : (result.likeliest[b] ? 1.0 : 0.0);
+  }
+  result.nothing_missing = counted_ > 0.0 ? nothing_ / counted_ : 1.0;
+  return result;
+}
+
+SearchResult search_blocks(const SearchProblem& problem, const SearchOptions& options) {
+  return Sampler(problem, options).run();
+}
+
+}  // namespace armtrue

@@ -1,0 +1,208 @@
+#include "fitter/inference/identifiability.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+namespace armtrue {
+namespace {
+
+// What counts as seen where a parameter has no prior: a metre, a radian.
+constexpr double kNoPriorSigma = 1.0;
+// Below this share of a column's own information the remainder is rounding error of JᵀJ.
+constexpr double kRounding = 3e-13;
+// An effect's coefficient is worth having where the data know it to a third of its physical bound.
+constexpr double kBoundsPerSigma = 3.0;
+
+// A column with at least this share of itself left is clearly something of its own, and taken in
+// the order of preference. What is left after those is taken largest gain first: two nearly
+// parallel axes must not stand in for a shift by turning a hundred times as far against each other.
+constexpr double kClearShare = 0.1;
+constexpr double kClearlyMore = 1.01;
+// With less than this left, geometry is told apart by terms of second order, if at all: effects
+// come before it, lest it takes a direction that is theirs.
+constexpr double kFaintShare = 1e-6;
+// Preferences from here on are not geometry.
+constexpr int kFirstEffect = 10;
+
+// Base and tool first: they are free to be anything. Of a link's five, those that Craig's four
+// parameters name come first.
+int preference(const Parameter& p) {
+  const Role role = find_effect(p.effect).role();
+  if (p.terms.empty() || (role != Role::kPlacement && role != Role::kGeometry)) return kFirstEffect;
+  const Coordinate& at = p.terms.front().coordinate;
+  switch (at.place) {
+    case Place::kBase:
+      return 0;
+    case Place::kTool:
+      return 1;
+    case Place::kMotor:
+      return 2;
+    case Place::kLink:
+      break;
+  }
+  constexpr std::array<int, 6> kOrder{3, 6, 5, 4, 7, 7};  // tx ty tz rx ry rz
+  return kOrder[static_cast<std::size_t>(at.component)];
+}
+
+// Standard deviation to which the data must know a parameter.
+double worthwhile_sigma(const Parameter& p) {
+  const double prior = p.prior_sigma > 0.0 ? p.prior_sigma : kNoPriorSigma;
+  if (preference(p) < kFirstEffect || p.bound <= 0.0) return prior;
+  return std::min(prior, p.bound / kBoundsPerSigma);
+}
+
+// Cholesky factorisation of the information on some unknowns, scaled to a unit diagonal, that takes
+// columns one by one and keeps the Schur complement of the others (Golub and Van Loan, Matrix
+// Computations, 4.2.9).
+class RankRevealing {
+ public:
+  RankRevealing(const Eigen::MatrixXd& information, const std::vector<int>& unknowns)
+      : accepted_at_(unknowns.size(), -1) {
+    const auto size = static_cast<Eigen::Index>(unknowns.size());
+    own_.resize(size);
+    for (Eigen::Index v = 0; v < size; ++v) {
+      const int u = unknowns[static_cast<std::size_t>(v)];
+      own_[v] = std::max(0.0, information(u, u));
+    }
+    const Eigen::VectorXd scale = (own_.array() > 0.0).select(own_.array().rsqrt(), 0.0);
+    rest_ = scale.asDiagonal() * information(unknowns, unknowns) * scale.asDiagonal();
+    factor_.setZero(size, size);
+  }
+
+  double own(Eigen::Index v) const { return own_[v]; }
+  // Part of the column that what is accepted cannot stand in for.
+  double share(Eigen::Index v) const { return own_[v] > 0.0 ? rest_(v, v) : 0.0; }
+  bool is_accepted(Eigen::Index v) const { return accepted_at_[static_cast<std::size_t>(v)] >= 0; }
+
+  // Accepts columns of [begin, end) with at least `least_share` left and a gain above 1: clear ones
+  // in order, then by gain.
+  template <typename Gain>
+  void accept_between(Eigen::Index begin, Eigen::Index end, double least_share, const Gain& gain) {
+    for (Eigen::Index v = begin; v < end; ++v) {
+      if (share(v) >= kClearShare && gain(v) > 1.0) accept(v);
+    }
+    for (;;) {
+      Eigen::Index best = -1;
+      double most = 1.0;
+      for (Eigen::Index v = begin; v < end; ++v) {
+        // Equal gains differ by rounding: the earlier column wins, at every noise level.
+        if (is_accepted(v) || share(v) < least_share || gain(v) <= most) continue;
+        best = v;
+        most = kClearlyMore * gain(v);
+      }
+      if (best < 0) return;
+      accept(best);
+    }
+  }
+
+  // The accepted column that stands in for most of column v; −1 where none does.
+  Eigen::Index largest_stand_in(Eigen::Index v) const {
+    const auto count = static_cast<Eigen::Index>(accepted_.size());
+    if (count == 0) return -1;
+    const Eigen::MatrixXd lower = factor_(accepted_, Eigen::seqN(0, count));
+    const Eigen::VectorXd stand_in = lower.triangularView<Eigen::Lower>().transpose().solve(
+        factor_.row(v).head(count).transpose());
+    Eigen::Index top = 0;
+    stand_in.cwiseAbs().maxCoeff(&top);
+    return accepted_[static_cast<std::size_t>(top)];
+  }
+
+ private:
+  void accept(Eigen::Index v) {
+    const auto count = static_cast<Eigen::Index>(accepted_.size());
+    factor_.col(count) = rest_.col(v) / std::sqrt(rest_(v, v));
+    for (const Eigen::Index before : accepted_) factor_(before, count) = 0.0;
+    rest_.noalias() -= factor_.col(count) * factor_.col(count).transpose();
+    accepted_at_[static_cast<std::size_t>(v)] = static_cast<int>(count);
+    accepted_.push_back(v);
+  }
+
+  Eigen::VectorXd own_;
+  Eigen::MatrixXd rest_;    // Schur complement of what is accepted
+  Eigen::MatrixXd factor_;  // row: column of the information; column: step
+  std::vector<Eigen::Index> accepted_;
+  std::vector<int> accepted_at_;
+};
+
+}  // namespace
+
+std::string describe(const Parameter& p) { return find_effect(p.effect).describe(p); }
+
+Identifiability identify(Design& design) {
+  const Model& model = design.model();
+  const NormalEquations equations = accumulate(design);
+  Eigen::MatrixXd information = equations.information.selfadjointView<Eigen::Lower>();
+  // Gauges and smoothness of tables are part of what is known; priors are not, they are what is
+  // judged against.
+  for (const PenaltyRow& row : penalty_rows(design, 1e-4)) {
+    if (row.entries.size() < 2) continue;
+    for (const auto& [ua, fa] : row.entries) {
+      for (const auto& [ub, fb] : row.entries) information(ua, ub) += fa * fb;
+    }
+  }
+
+  std::vector<int> order;   // unknowns that may be held
+  std::vector<int> always;  // tables and nonlinear parameters
+  for (int u = 0; u < design.unknowns(); ++u) {
+    const bool linear = u < static_cast<int>(design.free_parameters().size());
+    (linear && !design.is_table_unknown(u) ? order : always).push_back(u);
+  }
+  const auto parameter_of = [&](int u) -> const Parameter& {
+    return model.parameters[static_cast<std::size_t>(
+        design.free_parameters()[static_cast<std::size_t>(u)])];
+  };
+  std::stable_sort(order.begin(), order.end(), [&](int a, int b) {
+    return preference(parameter_of(a)) < preference(parameter_of(b));
+  });
+
+  Identifiability result;
+  RankRevealing factor(information, order);
+  const auto gain = [&](Eigen::Index v) {
+    const double sigma = worthwhile_sigma(parameter_of(order[static_cast<std::size_t>(v)]));
+    return factor.share(v) > kRounding ? factor.share(v) * factor.own(v) * sigma * sigma : 0.0;
+  };
+  const auto geometry_end = std::find_if(order.begin(), order.end(), [&](int u) {
+    return preference(parameter_of(u)) >= kFirstEffect;
+  });
+  const auto effects = static_cast<Eigen::Index>(geometry_end - order.begin());
+  factor.accept_between(0, effects, kFaintShare, gain);
+  factor.accept_between(effects, static_cast<Eigen::Index>(order.size()), 0.0, gain);
+  factor.accept_between(0, effects, 0.0, gain);
+
+  for (Eigen::Index v = 0; v < static_cast<Eigen::Index>(order.size()); ++v) {
+    const int parameter =
+        design.free_parameters()[static_cast<std::size_t>(order[static_cast<std::size_t>(v)])];
+    if (factor.is_accepted(v)) {
+      result.kept.push_back(parameter);
+      continue;
+    }
+    const Parameter& p = model.parameters[static_cast<std::size_t>(parameter)];
+    const double sigma = worthwhile_sigma(p);
+    Unidentifiable held;
+    held.parameter = parameter;
+    held.exact = factor.share(v) < 1e-9;
+    const Eigen::Index stand_in = factor.largest_stand_in(v);
+    if (factor.own(v) * sigma * sigma <= 1e-6 || stand_in < 0) {
+      held.sentence = describe(p) + " does not move the tool in these poses: held at nominal";
+    } else {
+      const int kept = order[static_cast<std::size_t>(stand_in)];
+      held.explained_by = design.free_parameters()[static_cast<std::size_t>(kept)];
+      const std::string pair = describe(p) + " and " + describe(parameter_of(kept));
+      held.sentence =
+          held.exact
+              ? pair + " are one number: the first is held at nominal"
+              : pair + " can hardly be told apart by these poses: the first is held at nominal";
+    }
+    result.held.push_back(held);
+  }
+  for (const int u : always) {
+    if (u < static_cast<int>(design.free_parameters().size())) {
+      result.kept.push_back(design.free_parameters()[static_cast<std::size_t>(u)]);
+    }
+  }
+  std::sort(result.kept.begin(), result.kept.end());
+  return result;
+}
+
+}  // namespace armtrue

@@ -1,0 +1,34 @@
+// How well the data speak for tables, whose nodes are held by smoothness and not counted one by
+// one.
+#pragma once
+
+#include "fitter/design/normal_equations.h"
+
+namespace armtrue {
+
+/// −2 log of the marginal likelihood of a linearised model whose tables have their penalties as a
+/// Gaussian prior (MacKay 1992, Neural Computation 4, 415; Wood 2011, J. R. Statist. Soc. B 73, 3).
+/// Parameters outside tables are not integrated over: information criteria count those.
+struct TableEvidence {
+  double penalty = 0.0;  ///< Σ (penalty rows of table nodes)², in units of the noise's variance
+  double occam = 0.0;  ///< log |A + P| − log |P| over the nodes, the other unknowns projected out
+};
+
+/// The two parts at the design's present values. `information` is JᵀJ in units of the noise's
+/// variance, penalties not yet added. Zeros without tables.
+TableEvidence table_evidence(const Design& design, const Eigen::MatrixXd& information,
+                             double smoothness_sigma);
+
+/// Standard deviations of second differences that are tried for tables [rad or m].
+const std::vector<double>& smoothnesses();
+
+/// Of `candidates` [rad or m] the smoothness under which the measurements are likeliest, each with
+/// its own best solution, one linearised step from the design's present values.
+struct LikeliestSmoothness {
+  double sigma;     ///< [rad or m]
+  double evidence;  ///< −2 log of the marginal likelihood, up to a constant of the data
+};
+LikeliestSmoothness likeliest_smoothness(const Design& design, const NormalEquations& data,
+                                         const std::vector<double>& candidates);
+
+}  // namespace armtrue

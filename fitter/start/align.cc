@@ -1,0 +1,272 @@
+#include "fitter/start/align.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "fitter/model/kinematics.h"
+#include "fitter/common/statistics.h"
+
+namespace armtrue {
+namespace {
+
+constexpr std::size_t kMultiStartRows = 200;
+
+// Flange poses in the base and measured points: all that alignment needs of the arm.
+struct Pairs {
+  std::vector<Pose> base_from_flange;
+  Eigen::Matrix3Xd point;
+  std::vector<int> target;
+  int targets = 1;
+
+  Eigen::Index size() const { return point.cols(); }
+};
+
+struct Guess {
+  Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();  // measuring from base
+  Eigen::Vector3d translation = Eigen::Vector3d::Zero();
+  Eigen::Matrix3Xd tool;  // 3 × targets
+};
+
+Eigen::Vector3d predict(const Pairs& pairs, const Guess& guess, Eigen::Index i) {
+  const auto row = static_cast<std::size_t>(i);
+  return guess.rotation *
+             (pairs.base_from_flange[row] * Eigen::Vector3d(guess.tool.col(pairs.target[row]))) +
+         guess.translation;
+}
+
+Eigen::VectorXd distances(const Pairs& pairs, const Guess& guess) {
+  Eigen::VectorXd result(pairs.size());
+  for (Eigen::Index i = 0; i < pairs.size(); ++i)
+    result[i] = (pairs.point.col(i) - predict(pairs, guess, i)).norm();
+  return result;
+}
+
+// Cauchy weights on a robust scale: a bumped reflector loses its say, honest errors keep theirs.
+Eigen::VectorXd robust_weights(const Eigen::VectorXd& distance) {
+  const double scale = std::max(
+      1e-9, 2.0 * median(std::vector<double>(distance.data(), distance.data() + distance.size())));
+  return (1.0 + (distance.array() / scale).square()).inverse();
+}
+
+Eigen::Matrix3d nearest_rotation(const Eigen::Matrix3d& m) {
+  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(m, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  Eigen::Vector3d signs(1.0, 1.0, (svd.matrixU() * svd.matrixV().transpose()).determinant());
+  return svd.matrixU() * signs.asDiagonal() * svd.matrixV().transpose();
+}
+
+// The relaxation: rows [x ⊗ I, −R_i, −I] · [vec(A); t; b'] = p_i, with A standing for Rᵀ / scale.
+Eigen::Matrix3d relaxed_inverse_rotation(const Pairs& pairs) {
+  const Eigen::Index unknowns = 12 + 3 * pairs.targets;
+  const Eigen::Vector3d centre = pairs.point.rowwise().mean();
+  const double spread = std::max(1e-12, (pairs.point.colwise() - centre).norm() /
+                                            std::sqrt(static_cast<double>(pairs.size())));
+  Eigen::MatrixXd rows = Eigen::MatrixXd::Zero(3 * pairs.size(), unknowns);
+  Eigen::VectorXd right(3 * pairs.size());
+  for (Eigen::Index i = 0; i < pairs.size(); ++i) {
+    const auto row = static_cast<std::size_t>(i);
+    const Eigen::Vector3d x = (pairs.point.col(i) - centre) / spread;
+    for (int c = 0; c < 3; ++c) rows.block<3, 3>(3 * i, 3 * c) = x[c] * Eigen::Matrix3d::Identity();
+    rows.block<3, 3>(3 * i, 9) = -Eigen::Matrix3d::Identity();
+    rows.block<3, 3>(3 * i, 12 + 3 * pairs.target[row]) = -pairs.base_from_flange[row].linear();
+    right.segment<3>(3 * i) = pairs.base_from_flange[row].translation();
+  }
+  Eigen::VectorXd solution;
+  Eigen::VectorXd weight = Eigen::VectorXd::Ones(pairs.size());
+  for (int pass = 0; pass < 6; ++pass) {
+    Eigen::VectorXd expanded(3 * pairs.size());
+    for (Eigen::Index i = 0; i < pairs.size(); ++i)
+      expanded.segment<3>(3 * i).setConstant(std::sqrt(weight[i]));
+    const Eigen::MatrixXd weighted = expanded.asDiagonal() * rows;
+    const Eigen::MatrixXd normal = weighted.transpose() * weighted;
+    const Eigen::VectorXd gradient = weighted.transpose() * expanded.cwiseProduct(right);
+    solution = normal.completeOrthogonalDecomposition().solve(gradient);
+    const Eigen::VectorXd left_over = right - rows * solution;
+    Eigen::VectorXd distance(pairs.size());
+    for (Eigen::Index i = 0; i < pairs.size(); ++i)
+      distance[i] = left_over.segment<3>(3 * i).norm();
+    weight = robust_weights(distance);
+  }
+  return Eigen::Map<const Eigen::Matrix3d>(solution.data()) / spread;
+}
+
+// For a given rotation, translation and tools are linear.
+void solve_translation_and_tools(const Pairs& pairs, const Eigen::VectorXd& weight, Guess& guess) {
+  const Eigen::Index unknowns = 3 + 3 * pairs.targets;
+  Eigen::MatrixXd normal = Eigen::MatrixXd::Zero(unknowns, unknowns);
+  Eigen::VectorXd right = Eigen::VectorXd::Zero(unknowns);
+  Eigen::MatrixXd row = Eigen::MatrixXd::Zero(3, unknowns);
+  for (Eigen::Index i = 0; i < pairs.size(); ++i) {
+    const auto k = static_cast<std::size_t>(i);
+    row.setZero();
+    row.leftCols<3>().setIdentity();
+    row.middleCols<3>(3 + 3 * pairs.target[k]) =
+        guess.rotation * pairs.base_from_flange[k].linear();
+    const Eigen::Vector3d y =
+        pairs.point.col(i) - guess.rotation * pairs.base_from_flange[k].translation();
+    normal.noalias() += weight[i] * row.transpose() * row;
+    right.noalias() += weight[i] * row.transpose() * y;
+  }
+  const Eigen::VectorXd solution = normal.completeOrthogonalDecomposition().solve(right);
+  guess.translation = solution.head<3>();
+  guess.tool = Eigen::Map<const Eigen::Matrix3Xd>(solution.data() + 3, 3, pairs.targets);
+}
+
+double refine(const Pairs& pairs, int iterations, Guess& guess) {
+  const Eigen::Index unknowns = 6 + 3 * pairs.targets;
+  Eigen::VectorXd weight = Eigen::VectorXd::Ones(pairs.size());
+  solve_translation_and_tools(pairs, weight, guess);
+  for (int iteration = 0; iteration < iterations; ++iteration) {
+    weight = robust_weights(distances(pairs, guess));
+    Eigen::MatrixXd normal = Eigen::MatrixXd::Zero(unknowns, unknowns);
+    Eigen::VectorXd right = Eigen::VectorXd::Zero(unknowns);
+    Eigen::MatrixXd row = Eigen::MatrixXd::Zero(3, unknowns);
+    for (Eigen::Index i = 0; i < pairs.size(); ++i) {
+      const auto k = static_cast<std::size_t>(i);
+      const Eigen::Vector3d turned =
+          guess.rotation *
+          (pairs.base_from_flange[k] * Eigen::Vector3d(guess.tool.col(pairs.target[k])));
+      row.setZero();
+      row.leftCols<3>().setIdentity();
+      for (int c = 0; c < 3; ++c) row.col(3 + c) = Eigen::Vector3d::Unit(c).cross(turned);
+      row.middleCols<3>(6 + 3 * pairs.target[k]) =
+          guess.rotation * pairs.base_from_flange[k].linear();
+      const Eigen::Vector3d left_over = pairs.point.col(i) - turned - guess.translation;
+      normal.noalias() += weight[i] * row.transpose() * row;
+      right.noalias() += weight[i] * row.transpose() * left_over;
+    }
+    const Eigen::VectorXd step = normal.completeOrthogonalDecomposition().solve(right);
+    const double turn = step.segment<3>(3).norm();
+    guess.rotation =
+        rotation_exp(step.segment<3>(3) * std::min(1.0, 0.5 / std::max(turn, 1e-300))) *
+        guess.rotation;
+    solve_translation_and_tools(pairs, weight, guess);
+    if (turn < 1e-10) break;
+  }
+  const Eigen::VectorXd distance = distances(pairs, guess);
+  weight = robust_weights(distance);
+  return std::sqrt(weight.dot(distance.cwiseAbs2()) / weight.sum());
+}
+
+std::vector<Eigen::Matrix3d> cube_rotations() {
+  std::vector<Eigen::Matrix3d> rotations;
+  for (int x = 0; x < 3; ++x) {
+    for (int y = 0; y < 3; ++y) {
+      if (x == y) continue;
+      for (const double sx : {1.0, -1.0}) {
+        for (const double sy : {1.0, -1.0}) {
+          Eigen::Matrix3d r;
+          r.col(0) = sx * Eigen::Vector3d::Unit(x);
+          r.col(1) = sy * Eigen::Vector3d::Unit(y);
+          r.col(2) = r.col(0).cross(r.col(1));
+          rotations.push_back(r);
+        }
+      }
+    }
+  }
+  return rotations;
+}
+
+Pairs thin_out(const Pairs& pairs) {
+  const auto count = static_cast<std::size_t>(pairs.size());
+  if (count <= kMultiStartRows) return pairs;
+  Pairs some;
+  some.targets = pairs.targets;
+  some.point.resize(3, static_cast<Eigen::Index>(kMultiStartRows));
+  for (std::size_t i = 0; i < kMultiStartRows; ++i) {
+    const std::size_t from = i * count / kMultiStartRows;
+    some.base_from_flange.push_back(pairs.base_from_flange[from]);
+    some.target.push_back(pairs.target[from]);
+    some.point.col(static_cast<Eigen::Index>(i)) = pairs.point.col(static_cast<Eigen::Index>(from));
+  }
+  return some;
+}
+
+// Umeyama's scale: how much larger the measured cloud is than the predicted one.
+double similarity_scale(const Pairs& pairs, const Guess& guess) {
+  Eigen::Matrix3Xd predicted(3, pairs.size());
+  for (Eigen::Index i = 0; i < pairs.size(); ++i) predicted.col(i) = predict(pairs, guess, i);
+  const Eigen::Matrix3Xd a = pairs.point.colwise() - Eigen::Vector3d(pairs.point.rowwise().mean());
+  const Eigen::Matrix3Xd b = predicted.colwise() - Eigen::Vector3d(predicted.rowwise().mean());
+  const double power = b.squaredNorm();
+  return power > 0.0 ? a.cwiseProduct(b).sum() / power : 1.0;
+}
+
+Eigen::Matrix3d mean_rotation(const std::vector<Eigen::Matrix3d>& rotations) {
+  Eigen::Matrix3d sum = Eigen::Matrix3d::Zero();
+  for (const Eigen::Matrix3d& r : rotations) sum += r;
+  return nearest_rotation(sum);
+}
+
+}  // namespace
+
+Alignment align(const State& state, const Measurements& measurements) {
+  if (measurements.rows < 4) {
+    throw ModelError("measurements: found " + std::to_string(measurements.rows) +
+                     " usable rows, expected at least 4 to find base and tool");
+  }
+  const Robot& robot = state.robot();
+  Kinematics kinematics(robot, 1);
+  const Eigen::VectorXd zero = Eigen::VectorXd::Zero(kinematics.layout().size());
+  const auto n = static_cast<std::size_t>(robot.joint_count());
+  Pairs pairs;
+  pairs.point = measurements.position;
+  pairs.target = measurements.target;
+  pairs.targets = measurements.targets;
+  for (std::size_t i = 0; i < measurements.rows; ++i) {
+    pairs.base_from_flange.push_back(kinematics.forward(&state.joints()[i * n], zero.data(), 0));
+  }
+
+  // Millimetres given as metres are brought to size first, so that the tool comes out in metres
+  // whatever the units are.
+  const Eigen::Matrix3d relaxed = relaxed_inverse_rotation(pairs);
+  const double determinant = std::abs(relaxed.determinant());
+  double unit = determinant > 0.0 ? 1.0 / std::cbrt(determinant) : 1.0;
+  if (!std::isfinite(unit) || (unit > 0.8 && unit < 1.25) || unit > 1e5 || unit < 1e-5) unit = 1.0;
+  pairs.point /= unit;
+
+  const Pairs some = thin_out(pairs);
+  Guess best;
+  double best_error = std::numeric_limits<double>::infinity();
+  const auto offer = [&](const Eigen::Matrix3d& rotation, int iterations) {
+    Guess guess;
+    guess.rotation = rotation;
+    const double error = refine(some, iterations, guess);
+    if (error < best_error) {
+      best_error = error;
+      best = guess;
+    }
+  };
+  offer(nearest_rotation(relaxed.transpose()), 30);
+  if (robot.measuring_from_base) offer(robot.measuring_from_base->linear(), 30);
+  if (best_error > 0.005 * robot.reach()) {
+    for (const Eigen::Matrix3d& rotation : cube_rotations()) offer(rotation, 40);
+  }
+  const double error = refine(pairs, 30, best);
+
+  Alignment result;
+  result.scale = unit * similarity_scale(pairs, best);
+  result.rms_m = error;
+  result.measuring_from_base.linear() = best.rotation;
+  result.measuring_from_base.translation() = best.translation * unit;
+  const Eigen::VectorXd distance = distances(pairs, best);
+  result.residual_m.assign(distance.data(), distance.data() + distance.size());
+  for (int t = 0; t < measurements.targets; ++t) {
+    Pose tool = Pose::Identity();
+    tool.translation() = best.tool.col(t);
+    if (measurements.has_rotation()) {
+      std::vector<Eigen::Matrix3d> seen;
+      for (std::size_t i = 0; i < measurements.rows; ++i) {
+        if (measurements.target[i] != t) continue;
+        seen.push_back((best.rotation * pairs.base_from_flange[i].linear()).transpose() *
+                       measurements.rotation[i]);
+      }
+      if (!seen.empty()) tool.linear() = mean_rotation(seen);
+    }
+    result.flange_from_tool.push_back(tool);
+  }
+  return result;
+}
+
+}  // namespace armtrue

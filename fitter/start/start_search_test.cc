@@ -1,0 +1,76 @@
+#include "fitter/start/start_search.h"
+
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+#include <numbers>
+
+#include "fitter/solve/fit.h"
+#include "fitter/testing/problem.h"
+
+namespace armtrue {
+namespace {
+
+using nlohmann::json;
+using testing::Problem;
+using testing::Random;
+
+json with_effect(const json& effect) {
+  json model = testing::geometry_model();
+  model["effects"].push_back(effect);
+  return model;
+}
+
+double rms_of(const Problem& p, const json& model) {
+  FitOptions options;
+  options.cross_validate = false;
+  return Fit::run(p.robot, p.columns, ModelSpecification::from_json(model), options)
+      ->train_error()
+      .rms;
+}
+
+// Whoever is told the geometry of a balancer fits no better than who has to search for it.
+TEST(StartSearch, FindsABalancerWhereverItsPivotsAre) {
+  Random random(301);
+  for (int trial = 0; trial < 12; ++trial) {
+    const json told{{"effect", "gravity_balancer"},
+                    {"ratio", testing::uniform(random, 0.15, 0.9)},
+                    {"phase", testing::uniform(random, -std::numbers::pi, std::numbers::pi)}};
+    const Problem p(testing::industrial_arm(), with_effect(told), {150, false, 1, 1e-5, 2e-5, {}},
+                    random, [&](const Parameter& q) {
+                      if (q.effect == "base_frame" || q.effect == "tool_offset") return 0.0;
+                      if (q.effect == "gravity_balancer")
+                        return testing::uniform(random, 1e-3, 3e-3);
+                      return testing::normal(random, q.unit == "m" ? 2e-4 : 5e-4);
+                    });
+    EXPECT_LT(rms_of(p, with_effect({{"effect", "gravity_balancer"}})),
+              1.001 * rms_of(p, with_effect(told)))
+        << told.dump();
+  }
+}
+
+// What is linear is solved on the way: the unknowns that come back are where the descent ends, but
+// for the chain's curvature.
+TEST(StartSearch, LeavesLittleToTheDescent) {
+  Random random(302);
+  const json told{{"effect", "gravity_balancer"}, {"ratio", 0.4}, {"phase", 0.7}};
+  const Problem p(testing::industrial_arm(), with_effect(told), {150, false, 1, 1e-5, 2e-5, {}},
+                  random,
+                  [&](const Parameter& q) { return q.effect == "gravity_balancer" ? 2e-3 : 0.0; });
+  const auto fit =
+      Fit::run(p.robot, p.columns,
+               ModelSpecification::from_json(with_effect({{"effect", "gravity_balancer"}})), {});
+  Design& design = fit->design();
+  const std::vector<double> end = design.unknown_values();
+  std::vector<double> away = end;
+  away[away.size() - 1] += 0.4;
+  away[away.size() - 2] *= 0.8;
+  design.set_unknowns(away.data());
+  const std::vector<double> found = search_starts(design, fit->smoothness_sigma());
+  EXPECT_EQ(design.unknown_values(), away) << "the design stays as it was";
+  EXPECT_NEAR(found[found.size() - 2], end[end.size() - 2], 2e-3);
+  EXPECT_NEAR(found[found.size() - 1], end[end.size() - 1], 2e-3);
+}
+
+}  // namespace
+}  // namespace armtrue
