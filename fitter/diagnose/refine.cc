@@ -7,9 +7,9 @@
 #include <set>
 #include <thread>
 
+#include "fitter/common/parallel.h"
+#include "fitter/inference/cross_validation.h"
 #include "fitter/model/variable.h"
-#include "fitter/solve/cross_validation.h"
-#include "fitter/solve/parallel.h"
 
 namespace armtrue {
 namespace {
@@ -18,8 +18,8 @@ using nlohmann::json;
 
 // What one search was this sure of comes in without another search in between.
 constexpr double kSurely = 0.9;
-// Below this share of the squares that the greatest of a search explains, an effect may be what
-// linearising before that one came in has left: it waits for the next search.
+// Below this share of the squares that the greatest effect of a search explains, tables aside, an
+// effect may be what linearising before that one came in has left: it waits for the next search.
 constexpr double kBeyondSecondOrder = 0.02;
 // What is superfluous can go without poses that were not fitted being predicted worse than by this
 // share.
@@ -35,6 +35,7 @@ constexpr double kSameError = 1e-3;
 struct Move {
   std::optional<Candidate> added;
   std::vector<EffectRequest> removed;
+  bool beside_others = false;  // comes in beside what the same search has brought
 };
 
 bool is_table(const Candidate& c) { return find_effect(c.request.effect).generic(); }
@@ -68,14 +69,14 @@ std::vector<Move> moves_of(const Diagnosis& d) {
   for (const Candidate& c : d.candidates) {
     if (!best || c.probability < kSurely || !c.likeliest) continue;
     sure.push_back(&c);
-    most = std::max(most, c.gain_beside);
+    if (!is_table(c)) most = std::max(most, c.gain_beside);
   }
   std::erase_if(sure,
                 [&](const Candidate* c) { return c->gain_beside < kBeyondSecondOrder * most; });
   std::stable_sort(sure.begin(), sure.end(), [](const Candidate* a, const Candidate* b) {
     return std::pair{is_table(*a), -a->gain_beside} < std::pair{is_table(*b), -b->gain_beside};
   });
-  for (const Candidate* c : sure) moves.push_back({with_its_like(d, *c), {}});
+  for (const Candidate* c : sure) moves.push_back({with_its_like(d, *c), {}, true});
   if (best) moves.push_back({with_its_like(d, *best), {}});
   for (const Candidate& c : d.candidates) {
     if (best && c.probability > 0.5) moves.push_back({c, {}});
@@ -89,10 +90,6 @@ ModelSpecification apply(ModelSpecification specification, const Move& move,
   for (const EffectRequest& r : move.removed)
     specification = without_effect(specification, r, context);
   return move.added ? with_effect(specification, move.added->request) : specification;
-}
-
-bool is_sure(const Move& move) {
-  return move.added && move.added->likeliest && move.added->probability >= kSurely;
 }
 
 // Whether an effect is a function of time.
@@ -122,28 +119,36 @@ std::vector<double> unseen_distances(const Fit& fit, std::size_t folding) {
 }
 
 // Logarithm of the factor by which held-out errors grow from one model to another: at random, in
-// time and by region, on average; endless where nothing can be predicted. Rows count that either
-// model was fitted to: one may explain what the other takes for a gross error. What runs with time
-// is not judged by predicting times unlike those that it was seen at.
-double held_out_growth(const Fit& before, const Fit& after, bool in_time) {
-  double sum = 0.0, count = 0.0;
+// time and by region, on average; endless where nothing can be predicted. `sigma`: what rows that
+// differ by chance alone make of it.
+struct Growth {
+  double mean = std::numeric_limits<double>::infinity();
+  double sigma = 0.0;
+};
+
+// Rows count that either model was fitted to: one may explain what the other takes for a gross
+// error. What runs with time is not judged by predicting times unlike those that it was seen at.
+Growth held_out_growth(const Fit& before, const Fit& after, bool in_time) {
+  double sum = 0.0, sigmas = 0.0, count = 0.0;
   for (const Folding folding : {Folding::kRandom, Folding::kTime, Folding::kRegion}) {
     if (!in_time && folding == Folding::kTime) continue;
     const auto f = static_cast<std::size_t>(folding);
     const std::vector<double> was = unseen_distances(before, f), is = unseen_distances(after, f);
-    double sum_was = 0.0, sum_is = 0.0;
+    double sum_was = 0.0, sum_is = 0.0, squares = 0.0;
     for (std::size_t i = 0; i < was.size(); ++i) {
       const bool fitted = std::isfinite(before.held_out_distances_by_row()[f][i]) ||
                           std::isfinite(after.held_out_distances_by_row()[f][i]);
       if (!fitted || !std::isfinite(was[i]) || !std::isfinite(is[i])) continue;
       sum_was += was[i];
       sum_is += is[i];
+      squares += (is[i] - was[i]) * (is[i] - was[i]);
     }
-    if (!(sum_was > 0.0) || !(sum_is > 0.0)) return std::numeric_limits<double>::infinity();
+    if (!(sum_was > 0.0) || !(sum_is > 0.0)) return {};
     sum += std::log(sum_is / sum_was);
+    sigmas += std::sqrt(squares) / sum_was;
     count += 1.0;
   }
-  return sum / count;
+  return {sum / count, sigmas / count};
 }
 
 // What the search said, of a model in which one of its sure effects has come in: its probabilities
@@ -171,12 +176,13 @@ class Refinement {
   Refinement(std::shared_ptr<Fit> fit, const RefineOptions& options, Observer& observer)
       : options_(options), observer_(observer), initial_(removable_effects(*fit)) {
     steps_.push_back({std::nullopt, {}, diagnose_now(*fit), fit});
-    tried_.insert(fit->specification().to_json().dump());
+    taken_.insert(fit->specification().to_json().dump());
   }
 
   std::vector<RefineStep> run() {
     while (one_round()) {
       fit_in_full();
+      refused_.clear();
       steps_.back().diagnosis = diagnose_now(*steps_.back().fit);
     }
     refine_tables();
@@ -207,7 +213,8 @@ class Refinement {
   Observer& observer_;
   std::vector<EffectRequest> initial_;
   std::vector<RefineStep> steps_;
-  std::set<std::string> tried_;  // models: none is fitted twice, so the search ends
+  std::set<std::string> taken_;    // models of the steps: none comes twice, so the search ends
+  std::set<std::string> refused_;  // models that the present search has led to in vain
 };
 
 Diagnosis Refinement::diagnose_now(Fit& fit) const {
@@ -239,14 +246,18 @@ void Refinement::fit_in_full() {
 }
 
 // Whether a trial becomes the next step: not where it cannot be, or unseen poses are predicted
-// worse.
+// worse; of an effect that the search is sure of, worse than chance would make them.
 bool Refinement::accept(const Move& move, const Trial& trial) {
-  tried_.insert(trial.specification.to_json().dump());
-  const double worse = move.added ? kSameError : kSameWithout;
+  const std::string model = trial.specification.to_json().dump();
+  refused_.insert(model);
   const Fit& fit = *steps_.back().fit;
-  const bool in_time = !runs_with_time(fit.context(), move);
-  if (!trial.fit || held_out_growth(fit, *trial.fit, in_time) > worse) return false;
+  if (!trial.fit) return false;
+  const Growth growth = held_out_growth(fit, *trial.fit, !runs_with_time(fit.context(), move));
+  const bool sure = move.added && move.added->probability >= kSurely;
+  const double worse = move.added ? kSameError : kSameWithout;
+  if (growth.mean > worse + (sure ? growth.sigma : 0.0)) return false;
   show();
+  taken_.insert(model);
   const Diagnosis& before = steps_.back().diagnosis;
   Diagnosis now = move.added ? with_added(before, *move.added) : before;
   steps_.push_back({move.added, move.removed, std::move(now), trial.fit});
@@ -262,11 +273,12 @@ std::vector<Refinement::Trial> Refinement::next_trials(const std::vector<Move>& 
   std::vector<Trial> trials;
   for (; next < moves.size() && trials.size() < most; ++next) {
     const Move& move = moves[next];
-    if (!trials.empty() && !is_sure(move)) break;
+    if (!trials.empty() && !move.beside_others) break;
     Trial trial = trials.empty() ? Trial{0, fit.specification(), {}, nullptr} : trials.back();
     trial.move = next;
     trial.specification = apply(trial.specification, move, fit.context());
-    if (tried_.contains(trial.specification.to_json().dump())) continue;
+    const std::string model = trial.specification.to_json().dump();
+    if (taken_.contains(model) || refused_.contains(model)) continue;
     if (move.added) trial.starts.insert(move.added->starts.begin(), move.added->starts.end());
     trials.push_back(std::move(trial));
   }
@@ -279,7 +291,7 @@ bool Refinement::one_round() {
   const auto full = [&] { return static_cast<int>(steps_.size()) > options_.most_steps; };
   bool moved = false;
   for (std::size_t next = 0; next < moves.size() && !full();) {
-    if (moved && !is_sure(moves[next])) return true;
+    if (moved && !moves[next].beside_others) return true;
     std::vector<Trial> trials = next_trials(moves, next);
     fit_trials(trials, true);
     for (const Trial& trial : trials) {
@@ -308,7 +320,7 @@ void Refinement::refine_tables() {
     trial.front().specification.effects[e] = *finer;
     fit_trials(trial);
     const std::shared_ptr<Fit>& changed = trial.front().fit;
-    if (!changed || held_out_growth(fit, *changed, true) > -kWorthNodes) continue;
+    if (!changed || held_out_growth(fit, *changed, true).mean > -kWorthNodes) continue;
     show();
     Candidate added;
     added.request = *finer;

@@ -66,6 +66,11 @@ def _wrist(context: EffectContext) -> list[list[int]]:
 # A closed session shows no cause that is slower than it: sensors that swing, pauses, several set-ups.
 LATER: dict[str, Later] = {
     "mass_parameters": Later(_whole),
+    # A gear with a soft zone alone: 0.2 mrad about zero load, as lost motion of half a minute of arc.
+    "stiffness_nonlinear": Later(
+        lambda context: [[k] for k in context.preset.compliant[:2]],
+        sizes={"square": 0.0, "cube": 0.0, "soft": 2e-4},
+    ),
     # As a mobile platform stands; 3 mrad on springs 2 and 3 alone are within the noise.
     "gravity_direction": Later(_whole, arms=("kr30", "cobot", "lbr"), sizes={"tilt": 0.01}),
     "axis_wobble": Later(_early),
