@@ -177,6 +177,10 @@ Candidate make_candidate(const Fit& fit, const EvidenceSummary& evidence, std::s
   return c;
 }
 
+// Difference in BIC by which an effect shows without a structure beside it: very strong evidence
+// (Kass and Raftery 1995, JASA 90, 773).
+constexpr double kShowsAlone = -10.0;
+
 // What a block depends on beside the arm's posture: "session" for time and temperatures, which go
 // along with one another, else a variable's name ("dir2", "payload", a user's column).
 std::set<std::string> beside_posture(const Block& block, int joints) {
@@ -196,7 +200,8 @@ std::set<std::string> beside_posture(const Block& block, int joints) {
 // What is left where a structure that no effect names explains more than a candidate does: the
 // candidate may stand for what the structure's smooth function does not follow, and is as much less
 // sure. Not so where it depends on something, time or a direction, that the structure does not: no
-// error of that function runs with it.
+// error of that function runs with it; but what shows only once the structure has been taken out
+// may be what a structure of too few variables leaves.
 void doubt_beside_structure(const Fit& fit, const EvidenceSummary& evidence,
                             std::vector<Candidate>& candidates, double& nothing) {
   const int joints = fit.robot().joint_count();
@@ -212,6 +217,7 @@ void doubt_beside_structure(const Fit& fit, const EvidenceSummary& evidence,
   for (Candidate& c : candidates) {
     const std::set<std::string> own = beside_posture(c.block, joints);
     const bool apart =
+        c.delta_bic < kShowsAlone &&
         std::ranges::any_of(own, [&](const std::string& name) { return !known.contains(name); });
     if (!apart && c.gain_beside < structure)
       c.probability *= c.gain_beside / (c.gain_beside + structure);

@@ -16,7 +16,7 @@ PRODUCT = {
 
 @pytest.mark.parametrize("seed", [3, 4])
 def test_drift_is_named_beside_a_function_of_two_angles(tmp_path: Path, seed: int) -> None:
-    hidden = [PRODUCT, {"effect": "time_drift", "scale": 4.0}]
+    hidden = [PRODUCT, {"effect": "time_drift", "scale": 20.0}]
     simulate({"arm": "kr30", "seed": seed, "poses": 240, "test_poses": 0, "hidden": hidden}, tmp_path)
     robot = load_robot(tmp_path / "robot.yaml")
     fitted = fit(load_data(tmp_path / "data.csv", robot), robot, load_model(tmp_path / "model.yaml", robot))
