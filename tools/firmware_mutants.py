@@ -140,7 +140,7 @@ def mutants_of(name: str) -> list[Mutant]:
     for number, line in enumerate((ROOT / name).read_text().splitlines(), 1):
         code = _COMMENT_OR_TEXT.sub("", line).strip()
         skipped = code.startswith(
-            ("#", "static_assert", "template", "using", "case ", "enum", "static constexpr")
+            ("#", "static_assert", "template", "using", "case ", "enum", "static constexpr", "virtual")
         )
         is_table = re.search(r"constexpr|std::array<|= default|asm\(|\[\]|^k\w+ = ", code) is not None
         is_row = re.fullmatch(r"(?:(?:0x[0-9A-Fa-f]+|\d+)U?,?\s*)+", code) is not None
@@ -193,8 +193,9 @@ def copy_tree() -> None:
 
 def build(mutants: list[Mutant], programs: dict[str, list[str]]) -> list[Mutant]:
     """Compile all of them behind their switches; returns those that compile, in the order of their numbers."""
+    files = {mutant.file for mutant in mutants}  # a file whose mutants all leave is written once more
     while True:
-        for name in {mutant.file for mutant in mutants}:
+        for name in files:
             lines = (ROOT / name).read_text().splitlines()
             for number, mutant in enumerate(mutants):
                 if mutant.file == name:
