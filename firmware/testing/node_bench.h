@@ -4,6 +4,7 @@
 
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <span>
@@ -29,6 +30,7 @@ class MemoryParameters final : public ParameterStore {
   void spoil(std::size_t at) { block_.at(at) ^= 1; }
   bool save(std::span<const std::uint8_t> block) override {
     if (broken) return false;
+    if (meanwhile) meanwhile();
     block_.assign(block.begin(), block.end());
     return true;
   }
@@ -37,6 +39,7 @@ class MemoryParameters final : public ParameterStore {
     return !broken;
   }
   bool broken = false;
+  std::function<void()> meanwhile;  // what happens during a save
 
  private:
   std::vector<std::uint8_t> block_;

@@ -123,6 +123,7 @@ class Node final : private ObjectHooks {
   Abort before_write(const od::Entry& entry, std::span<const std::uint8_t> value) override;
   void after_write(const od::Entry& entry) override;
   Abort before_read(std::uint16_t index, std::uint8_t sub) override;
+  Abort check_write(const od::Entry& entry, std::span<const std::uint8_t> value);
   Abort check_communication_write(const od::Entry& entry, std::span<const std::uint8_t> value);
 
   NodeConfig config_;

@@ -132,6 +132,14 @@ bool Node::may_change_resolution() const {
 }
 
 Abort Node::before_write(const od::Entry& entry, std::span<const std::uint8_t> value) {
+  const std::uint64_t begin_us = config_.clock_us();
+  const Abort abort = check_write(entry, value);
+  // Frames that come while an erase stalls the core are lost: their senders were not silent.
+  heartbeats_.excuse(config_.clock_us() - begin_us);
+  return abort;
+}
+
+Abort Node::check_write(const od::Entry& entry, std::span<const std::uint8_t> value) {
   if (entry.index < 0x2000) return check_communication_write(entry, value);
   if (is(entry, od::kTableCommand)) {
     const bool erases = number(value) == static_cast<std::uint32_t>(TableCommand::kCommit);

@@ -88,6 +88,9 @@ class HeartbeatConsumer {
   // come back after a loss, else 0.
   std::uint8_t handle(const CanFrame& frame, std::uint64_t now_us);
 
+  // Nothing could be heard for so long: nobody's time ran meanwhile.
+  void excuse(std::uint64_t deaf_us);
+
   // Returns the node-ID of a heartbeat that has just been missed, else 0. Call until it returns 0.
   std::uint8_t process(std::uint64_t now_us);
 
