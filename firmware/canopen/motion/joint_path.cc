@@ -3,14 +3,11 @@
 #include <algorithm>
 #include <span>
 
+#include "firmware/canopen/protocol/counter.h"
 #include "firmware/core/fixed/fixed.h"
 
 namespace armtrue::canopen {
 namespace {
-
-void count(std::uint32_t& counter) {
-  if (counter != UINT32_MAX) ++counter;
-}
 
 // Information of EMCY 0xFF15.
 enum WhyWithheld : std::uint32_t {

@@ -3,6 +3,9 @@
 #include <algorithm>
 #include <optional>
 
+#include "firmware/canopen/protocol/cob_id.h"
+#include "firmware/canopen/protocol/counter.h"
+
 namespace armtrue::canopen {
 namespace {
 
@@ -10,11 +13,6 @@ constexpr std::uint32_t kNoSet = 5;  // information of EMCY 0xFF15, beside those
 constexpr std::uint32_t kSdoRequestBase = 0x600;
 constexpr std::uint32_t kSdoResponseBase = 0x580;
 constexpr std::uint32_t kMaxNodeId = 127;
-constexpr std::uint32_t kIdMask = 0x7FF;
-
-void count(std::uint32_t& counter) {
-  if (counter != UINT32_MAX) ++counter;
-}
 
 // Parameters that are not what was saved leave the device in forward mode: targets pass
 // uncorrected, which nobody may learn from the arm alone. 0x5530 with 0x101 damaged, 0x102 of
@@ -336,10 +334,7 @@ bool Node::is_within_bounds(const Pdo& pdo, const CanFrame& frame) {
         mapped.is_dummy() ? std::nullopt : dictionary_.find(mapped.index, mapped.sub);
     const od::Limit* limit = entry ? dictionary_.limit(*entry) : nullptr;
     if (limit == nullptr) continue;
-    std::uint32_t value = 0;
-    for (std::size_t k = 0; k < mapped.size; ++k) {
-      value |= std::uint32_t{frame.data[mapped.at + k]} << (8 * k);
-    }
+    const std::uint32_t value = load_le({&frame.data[mapped.at], mapped.size});
     if (value >= limit->low && value <= limit->high) continue;
     emcy_.raise(Condition::kInputRange, mapped.index);
     return false;

@@ -94,9 +94,6 @@ class HeartbeatConsumer {
   // Returns the node-ID of a heartbeat that has just been missed, else 0. Call until it returns 0.
   std::uint8_t process(std::uint64_t now_us);
 
-  // Whether the heartbeat that a slot watches is missing.
-  bool is_lost(std::size_t slot) const { return watches_[slot].lost; }
-
   // The slot that watches a node, kNodes if none does.
   std::size_t slot_of(std::uint8_t node_id) const;
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "firmware/canopen/protocol/counter.h"
 #include "firmware/core/crypto/crc32.h"
 #include "firmware/core/fixed/bytes.h"
 #include "firmware/core/fixed/ratio.h"
@@ -19,10 +20,6 @@ enum UploadRefusal : std::uint16_t {
   kLimitsTooWide = 0x101,    // asks for larger corrections than this firmware ever makes
 };
 constexpr std::uint8_t kNoSlot = 0xFF;
-
-void count(std::uint32_t& counter) {
-  if (counter != UINT32_MAX) ++counter;
-}
 
 // How many bytes of `length` the checksum of an image is over: not those that hold it.
 std::uint32_t checked(std::uint32_t length) {
