@@ -24,7 +24,7 @@ constexpr std::uint8_t kNoSlot = 0xFF;
 // How many bytes of `length` the checksum of an image is over: not those that hold it.
 std::uint32_t checked(std::uint32_t length) {
   constexpr std::uint32_t kOwn = format::kChecksumLength;
-  return length < kOwn ? 0 : length - kOwn;
+  return std::max(length, kOwn) - kOwn;
 }
 
 // The compensator caps such limits anyway; whoever wrote them expects something else to happen.
@@ -265,9 +265,8 @@ Abort TableTransfer::activate() {
   if (abort == Abort::kNone) {
     trial_ = true;
     use(image);
-  } else if (state_ != StagingState::kReceiving) {
-    // The store may have used the buffer.
-    discard();
+  } else {
+    discard();  // the store may have used the buffer
   }
   return abort;
 }
