@@ -340,7 +340,7 @@ TEST_F(TableTransferTest, ATrialIsOver_EvenWhereItsMarkCannotBeWritten) {
        {TableCommand::kVerify, TableCommand::kCommit, TableCommand::kActivate}) {
     ASSERT_EQ(bench.command(word), 0U);
   }
-  bench.flash.fail_at(0);
+  bench.flash.protect(true);
   EXPECT_EQ(bench.command(TableCommand::kRevert), static_cast<std::uint32_t>(Abort::kHardware));
   EXPECT_EQ(status(kSequence), 5U);
   EXPECT_EQ(status(kTrial), 0U);
