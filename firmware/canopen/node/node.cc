@@ -45,9 +45,7 @@ Node::Node(const NodeConfig& config, const NodeParts& parts)
 void Node::start(std::uint64_t now_us) {
   now_us_ = now_us;
   dictionary_.restore_defaults(config_.node_id);
-  const Loaded loaded = load_parameters(dictionary_, parts_.parameters);
-  emcy_.reset();
-  report(loaded, emcy_);
+  report(load_parameters(dictionary_, parts_.parameters), emcy_);
   std::array<char, kSerialLength + 1> serial = {};
   std::copy(parts_.device.robot_serial.begin(), parts_.device.robot_serial.end(), serial.begin());
   dictionary_.set_string(od::kRobotSerial, serial.data());
@@ -135,9 +133,9 @@ void Node::watch_buses() {
 
 void Node::note_nmt_state() {
   if (nmt_.state() == known_state_) return;
-  // Leaving operational ends the output; entering it begins the timers of the TPDOs.
-  if (known_state_ == NmtState::kOperational) joints_.stop();
-  if (nmt_.state() == NmtState::kOperational) tpdos_.restart(now_us_);
+  // Only operational has output and TPDOs: with every change both begin anew.
+  joints_.stop();
+  tpdos_.restart(now_us_);
   if (nmt_.state() == NmtState::kStopped) {
     sdo_.reset(kSdoRequestBase + config_.node_id, kSdoResponseBase + config_.node_id);
   }

@@ -36,10 +36,10 @@
 namespace armtrue::canopen {
 
 struct NodeConfig {
-  std::uint8_t node_id = 0x20;      // 1..127
-  std::uint32_t serial_number = 0;  // 0x1018 sub 4
-  std::uint8_t joint_count = 6;
-  std::uint64_t (*clock_us)() = nullptr;  // for measuring cycles
+  std::uint8_t node_id;         // 1..127
+  std::uint32_t serial_number;  // 0x1018 sub 4
+  std::uint8_t joint_count;
+  std::uint64_t (*clock_us)();  // for measuring cycles
 };
 
 // What the node is made of; none is owned, all outlive the node.

@@ -88,7 +88,7 @@ Abort Node::check_communication_write(const od::Entry& entry, std::span<const st
     return parts_.parameters.erase() ? Abort::kNone : Abort::kHardware;
   }
   // A mapping that changes under way would let targets pass uncorrected: a step in the output.
-  const bool is_pdo_parameter = entry.index >= 0x1400 && entry.index < 0x1C00;
+  const bool is_pdo_parameter = entry.index >= 0x1400;
   if (is_pdo_parameter && mode() != Mode::kForward && !is_quiet()) return Abort::kDeviceState;
   return check_pdo_write(dictionary_, entry, value, pdos_.payload_max());
 }
