@@ -147,8 +147,13 @@ def _closing(code: str, opening: int) -> int:
 def mutants_of(name: str) -> list[Mutant]:
     """Every mutant of a file; what stands outside of functions, and what must be constant, is left alone."""
     result = []
+    in_constant = False  # of several lines: evaluated by the compiler, where no switch works
     for number, line in enumerate((ROOT / name).read_text().splitlines(), 1):
         code = _COMMENT_OR_TEXT.sub("", line).strip()
+        in_constant = in_constant or re.search(r"\bconstexpr\b[^(]* =", code) is not None
+        if in_constant:
+            in_constant = not code.endswith(";")
+            continue
         skipped = code.startswith(
             ("#", "static_assert", "template", "using", "case ", "enum", "static constexpr", "virtual")
         )

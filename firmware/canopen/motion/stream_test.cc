@@ -166,6 +166,32 @@ TEST_P(OffsetStreamTest, OffsetsThatTheDrivesReadBack_MayBeAFewCyclesOld) {
   EXPECT_EQ(newest_error(), 0x0001FF17U);
 }
 
+// Where offsets go is the mode's to say, not the number of buses.
+TEST(OffsetModeOnTwoBuses, Targets_PassUnchangedAndOffsetsLeaveToTheController) {
+  NodeBench bench;
+  bench.install(TestTable{}.image());
+  for (std::uint32_t k = 0; k < 3; ++k) {
+    ASSERT_EQ(bench.write(static_cast<std::uint16_t>(0x1800 + k), 1, 0x400001A0U + 0x100U * k, 4),
+              0U);
+  }
+  bench.configure(Mode::kOffset);
+  for (int k = 0; k < 50; ++k) {
+    bench.now_us += 1000;
+    bench.upstream.take_sent();
+    bench.downstream.take_sent();
+    bench.command_joints(kStand);
+  }
+  const std::vector<CanFrame> passed = bench.downstream.take_sent();
+  ASSERT_EQ(passed.size(), 3U);
+  for (std::size_t k = 0; k < 3; ++k) {
+    EXPECT_TRUE(std::equal(passed[k].data, passed[k].data + 8, NodeBench::targets(kStand)[k].data));
+  }
+  const std::vector<CanFrame> offsets = bench.upstream.take_sent();
+  ASSERT_EQ(offsets.size(), 3U);
+  EXPECT_EQ(offsets[0].id, 0x1A0U);
+  EXPECT_NE(load_le<std::int32_t>(offsets[0].data), 0);
+}
+
 const auto kName = [](const auto& mode) {
   return mode.param == Mode::kInline ? "Inline" : "Offset";
 };
