@@ -25,6 +25,7 @@ TEST(LatencyTest, OneValue_IsEveryQuantile) {
   EXPECT_EQ(one.quantile(1), 9U);
   EXPECT_EQ(one.quantile(500), 9U);
   EXPECT_EQ(one.most(), 9U);
+  EXPECT_EQ(of({0}).most(), 0U);
 }
 
 TEST(LatencyTest, Quantile_IsTheSmallestThatCoversSoMany) {

@@ -104,6 +104,14 @@ TEST_F(SetAssemblerTest, AWholeSet_WaitsForItsSyncForTwoIntervals) {
   EXPECT_FALSE(sets.is_on_time(kWindowUs, 4'101));
 }
 
+TEST_F(SetAssemblerTest, BeforeTheSecondSync_AWholeSetWaitsForTheSetWindow) {
+  configure(1);
+  take(1, 5, 2'100);
+  take(2, 5, 2'200);
+  EXPECT_TRUE(sets.is_on_time(kWindowUs, 2'600));
+  EXPECT_FALSE(sets.is_on_time(kWindowUs, 2'601));
+}
+
 TEST_F(SetAssemblerTest, APartOfASet_WaitsForThreeQuartersOfAnInterval) {
   configure(1);
   sets.note_sync(1'000);

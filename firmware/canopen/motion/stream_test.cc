@@ -125,6 +125,18 @@ TEST_P(InlineStreamTest, ShortActualPositions_AreCounted) {
   EXPECT_EQ(bench.read(0x2001, 10), 1U);
 }
 
+TEST_P(InlineStreamTest, ASeventhAxisOfTheDrives_IsNobodysJoint) {
+  ASSERT_EQ(bench.write(0x160C, 0, 0, 1), 0U);
+  ASSERT_EQ(bench.write(0x160C, 1, 0x90640020, 4), 0U);
+  ASSERT_EQ(bench.write(0x160C, 0, 1, 1), 0U);
+  ASSERT_EQ(bench.write(0x140C, 1, 0x1F0, 4), 0U);
+  for (int k = 0; k < 20; ++k) {
+    bench.from_drives(make_frame(0x1F0, {1, 2, 3, 4}));
+    cycle(kStand);
+  }
+  EXPECT_EQ(status() & kUnknownBit, 0U) << "the six joints were heard";
+}
+
 TEST_P(InlineStreamTest, AJointThatWasNotHeard_LeavesItUnknownWhatTheDrivesHold) {
   ASSERT_EQ(bench.write(0x1408, 1, 0x800001C0, 4), 0U);
   ASSERT_EQ(bench.write(0x1608, 0, 0, 1), 0U);

@@ -68,6 +68,16 @@ TEST_F(SurroundingsTest, ATemperatureThatIsSilentTooLong_IsNotKnownAnyMore) {
   EXPECT_NEAR(correction(1), 0.0, 1e-3);
 }
 
+TEST_F(SurroundingsTest, ASilentSensor_TakesNoOtherWithIt) {
+  ASSERT_EQ(bench.write(0x2000, 6, 2000, 4), 0U);
+  ASSERT_EQ(bench.write(0x2020, 1, 5000, 2), 0U);
+  for (int k = 0; k < 1000; ++k) cycle();
+  ASSERT_EQ(bench.write(0x2020, 2, 5000, 2), 0U);
+  for (int k = 0; k < 1100; ++k) cycle();
+  EXPECT_GT(std::abs(correction(2)), 2.0) << "it was heard 1.4 s ago";
+  EXPECT_NEAR(correction(1), 0.0, 1e-3);
+}
+
 TEST_F(SurroundingsTest, Payload_IsInGrams) {
   const double empty = correction(4);
   ASSERT_EQ(bench.write(0x2021, 0, 3000, 4), 0U);

@@ -1,6 +1,9 @@
 // A node's life: starts, NMT states and resets, and what each keeps, ends and begins.
 #include <gtest/gtest.h>
 
+#include <cstdlib>
+#include <vector>
+
 #include "firmware/testing/node_bench.h"
 #include "firmware/testing/test_table.h"
 
@@ -143,28 +146,81 @@ TEST_F(LifeTest, HeartbeatsFromTheDrivesSide_AreHeard) {
   EXPECT_NE(error_register(), 0U);
 }
 
-// Offset mode: an NMT command waits while the offsets fade. What the node did in between is over.
-TEST(OffsetLife, AComputedSetThatWaitsForSync_IsTakenBackWhenOffsetsFade) {
-  NodeBench bench(false);
+TEST_F(LifeTest, TheHeartbeatOfNodeOne_MayComeBackToo) {
+  ASSERT_EQ(bench.write(0x1016, 1, 0x00010064, 4), 0U);
+  bench.from_controller(make_frame(0x701, {5}));
+  bench.run_for(150'000);
+  EXPECT_NE(error_register(), 0U);
+  bench.from_controller(make_frame(0x701, {5}));
+  EXPECT_EQ(error_register(), 0U);
+}
+
+TEST_F(LifeTest, AResolutionThatWasNotSaved_IsThatOfTheTableAgain) {
+  ASSERT_EQ(bench.write(0x1010, 1, kSave, 4), 0U);
   bench.install(TestTable{}.image());
-  for (std::uint16_t k = 0; k < 3; ++k) {
-    ASSERT_EQ(bench.write(static_cast<std::uint16_t>(0x1400 + k), 2, 1, 1), 0U);
-    ASSERT_EQ(bench.write(static_cast<std::uint16_t>(0x1800 + k), 1, 0x400001A0U + 0x100U * k, 4),
-              0U);
+  ASSERT_EQ(bench.read(0x608F, 1), 1U << 20);
+  nmt(130);
+  bench.run_for(1000);
+  EXPECT_EQ(bench.read(0x608F, 1), 1U << 20);
+}
+
+// Offset mode: an NMT command waits while the offsets fade.
+class OffsetLifeTest : public testing::Test {
+ protected:
+  void start(std::uint32_t transmission) {
+    bench.install(TestTable{}.image());
+    for (std::uint32_t k = 0; k < 3; ++k) {
+      ASSERT_EQ(bench.write(static_cast<std::uint16_t>(0x1400 + k), 2, transmission, 1), 0U);
+      ASSERT_EQ(bench.write(static_cast<std::uint16_t>(0x1800 + k), 1, 0x400001A0U + 0x100U * k, 4),
+                0U);
+    }
+    bench.configure(Mode::kOffset);
+    for (int k = 0; k < 50; ++k) {
+      bench.now_us += 1000;
+      bench.from_controller(make_frame(0x80, {}));
+      command();
+    }
   }
-  bench.configure(Mode::kOffset);
-  for (int k = 0; k < 50; ++k) {
-    bench.now_us += 1000;
-    bench.from_controller(make_frame(0x80, {}));
-    bench.command_joints({100'000, 0, 0, 0, 0, 0});
+  void command() { bench.command_joints({250'000, 300'000, 150'000, -250'000, 270'000, -200'000}); }
+  // Offsets of joint 1 that have left since the last call.
+  std::vector<std::int32_t> offsets() {
+    std::vector<std::int32_t> found;
+    for (const CanFrame& frame : bench.upstream.take_sent()) {
+      if (frame.id == 0x1A0) found.push_back(load_le<std::int32_t>(frame.data));
+    }
+    return found;
   }
-  const auto evaluated = [&bench] { return bench.compensator().counters().cycles; };
-  const auto put_out = [&bench] { return bench.node().joint_counters().steps; };
+  NodeBench bench{false};
+};
+
+TEST_F(OffsetLifeTest, AComputedSetThatWaitsForSync_IsTakenBackWhenOffsetsFade) {
+  start(1);
+  std::int32_t last = offsets().back();
+  ASSERT_GT(std::abs(last), 150);
+  const auto evaluated = [this] { return bench.compensator().counters().cycles; };
+  const auto put_out = [this] { return bench.node().joint_counters().steps; };
   EXPECT_EQ(evaluated(), put_out() + 1U) << "one waits for its SYNC";
   bench.from_controller(make_frame(0, {2, kId}));
   bench.run_for(500'000);
   EXPECT_EQ(bench.node().nmt_state(), NmtState::kStopped);
   EXPECT_EQ(evaluated(), put_out()) << "nobody got it";
+  for (const std::int32_t offset : offsets()) {
+    EXPECT_LE(std::abs(offset - last), 106) << "0.1 turn a second";
+    last = offset;
+  }
+  EXPECT_EQ(last, 0);
+}
+
+TEST_F(OffsetLifeTest, SetsThatCameBackToBack_DoNotSlowTheFadeDown) {
+  start(255);
+  bench.run_for(30'000);  // SYNC is not in use any more
+  for (int k = 0; k < 20; ++k) {
+    bench.now_us += 70;
+    command();
+  }
+  bench.from_controller(make_frame(0, {2, kId}));
+  bench.run_for(40'000);
+  EXPECT_EQ(bench.node().nmt_state(), NmtState::kStopped) << "the table blends in 20 ms";
 }
 
 }  // namespace

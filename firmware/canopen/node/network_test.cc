@@ -133,6 +133,9 @@ TEST_F(NetworkTest, OneNodeIsWatchedInOneSlotOnly) {
   EXPECT_EQ(bench.write(0x1016, 2, 0x000500C8, 4), 0x06040043U);
   EXPECT_EQ(bench.write(0x1016, 2, 0x00800064, 4), 0x06040043U);
   EXPECT_EQ(bench.write(0x1016, 1, 0x000500C8, 4), 0U);
+  ASSERT_EQ(bench.write(0x1016, 3, 0x00010064, 4), 0U);
+  EXPECT_EQ(bench.write(0x1016, 4, 0x00010064, 4), 0x06040043U) << "node 1 as any other";
+  EXPECT_EQ(bench.write(0x1016, 5, 0x007F0064, 4), 0U) << "the last node";
 }
 
 TEST_F(NetworkTest, EmcyKeepsItsInhibitTimeAndItsHistory) {
@@ -191,6 +194,34 @@ TEST_F(NetworkTest, SyncWithAnUnexpectedLengthIsReportedAndIgnored) {
   bench.from_controller(make_frame(0x80, {1}));
   bench.run_for(1000);
   EXPECT_EQ(load_le<std::uint16_t>(sent(0x80U + kId).at(0).data), 0x8240);
+}
+
+TEST_F(NetworkTest, EmergenciesMayMoveToAnotherIdentifier) {
+  EXPECT_EQ(bench.read(0x1014, 0), 0x80U + kId);
+  EXPECT_EQ(bench.write(0x1014, 0, 0x90, 4), 0x06090030U) << "valid: only its validity changes";
+  ASSERT_EQ(bench.write(0x1014, 0, 0x80000000U | (0x80U + kId), 4), 0U);
+  EXPECT_EQ(bench.write(0x1014, 0, 0xA0000090, 4), 0x06090030U) << "29 bit";
+  EXPECT_EQ(bench.write(0x1014, 0, 0x80000601, 4), 0x06090030U) << "SDO's";
+  ASSERT_EQ(bench.write(0x1014, 0, 0x80000090, 4), 0U);
+  EXPECT_EQ(bench.write(0x1014, 0, 0x601, 4), 0x06090030U) << "SDO's";
+  ASSERT_EQ(bench.write(0x1014, 0, 0x90, 4), 0U);
+  bench.upstream.lose_frames(1);
+  bench.run_for(1000);
+  EXPECT_EQ(sent(0x90).size(), 1U);
+}
+
+TEST_F(NetworkTest, SyncCounter_OverflowsAtTwoOrMore) {
+  EXPECT_EQ(bench.write(0x1019, 0, 1, 1), 0x06090030U) << "reserved";
+  EXPECT_EQ(bench.write(0x1019, 0, 2, 1), 0U);
+  EXPECT_EQ(bench.write(0x1019, 0, 0, 1), 0U);
+}
+
+TEST_F(NetworkTest, WhatMayNotBeMapped_IsNotMapped) {
+  EXPECT_EQ(bench.write(0x1612, 0, 0, 1), 0U);
+  EXPECT_EQ(bench.write(0x1612, 1, 0x10170010, 4), 0x06040041U) << "writable";
+  EXPECT_EQ(bench.write(0x1A08, 0, 0, 1), 0U);
+  EXPECT_EQ(bench.write(0x1A08, 1, 0x10000020, 4), 0x06040041U) << "readable";
+  EXPECT_EQ(bench.write(0x1612, 1, 0, 4), 0U) << "nothing may be";
 }
 
 TEST_F(NetworkTest, SyncMayMoveToAnotherIdentifier) {

@@ -66,7 +66,6 @@ void Node::reset_communication(std::uint64_t now_us) {
   report(loaded, emcy_);
   restart_alarms();
   tables_.agree_on_resolution();
-  nmt_.begin_initialising();
   apply_configuration();
 }
 
@@ -189,7 +188,7 @@ void Node::handle_upstream(const CanFrame& frame) {
   if (is_sync(frame)) return handle_sync(frame);
   if (!frame.is(kFrameExtended) && serve(frame)) return;
   const std::size_t number = pdos_.match(frame);
-  const bool is_target = number < kRpdos && joints_.carries_target(number);
+  const bool is_target = joints_.carries_target(number);
   if (number < kRpdos) handle_rpdo(number, frame);
   // In inline mode the joint path itself decides whether and when a target goes on.
   if (is_target && mode() == Mode::kInline) return;

@@ -95,6 +95,17 @@ TEST_F(InputTest, EachSensor_FallsSilentByItself) {
   EXPECT_EQ(bench.read(0x1003, 0), 1U);
 }
 
+TEST_F(InputTest, ATpdoForEveryThirdSync_LeavesWithTheThird) {
+  ASSERT_EQ(bench.write(0x1808, 2, 3, 1), 0U);
+  ASSERT_EQ(bench.write(0x1808, 1, 0x400001A8, 4), 0U);
+  bench.start_nodes();
+  bench.upstream.take_sent();
+  for (int number = 1; number <= 9; ++number) {
+    sync();
+    EXPECT_EQ(bench.upstream.take_sent().size(), number % 3 == 0 ? 1U : 0U) << number;
+  }
+}
+
 // Bytes of a frame beyond its length mean nothing: a SYNC without a counter has none.
 TEST_F(InputTest, ASyncWithoutACounter_StartsWhatWaitsForOne) {
   ASSERT_EQ(bench.write(0x1808, 6, 4, 1), 0U);

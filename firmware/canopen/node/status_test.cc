@@ -50,6 +50,15 @@ class StatusTest : public testing::Test {
   std::optional<std::array<std::int32_t, 6>> commanded;
 };
 
+TEST_F(StatusTest, ADeviceThatHasJustStarted_HasCountedNothing) {
+  EXPECT_EQ(bench.read(0x2002, 2), 1U) << "received: this request";
+  for (const int sub : {1, 3, 4, 5, 6, 7, 8, 9, 10, 11, 14, 15, 16}) {
+    EXPECT_EQ(status(static_cast<std::uint8_t>(sub)), 0U) << sub;
+  }
+  for (std::uint8_t sub = 1; sub <= 4; ++sub) EXPECT_EQ(bench.read(0x2013, sub), 0U) << int{sub};
+  for (std::uint8_t sub = 13; sub <= 17; ++sub) EXPECT_EQ(bench.read(0x2013, sub), 0U) << int{sub};
+}
+
 TEST_F(StatusTest, Bits_SayEachFactAlone) {
   EXPECT_EQ(bits(), kQuiet | kDrivesUnknown) << "as delivered";
   ASSERT_EQ(bench.stage(TestTable{}.image()), 0U);
@@ -202,6 +211,10 @@ TEST_F(StatusTest, StartAndSupply_IsWhatThePortSays) {
                              .option_bytes = 7,
                              .protection = 8,
                              .supply_dips = 9};
+  const PortHealth nothing;
+  bench.health = &nothing;
+  bench.power_on();
+  for (std::uint8_t sub = 1; sub <= 9; ++sub) EXPECT_EQ(bench.read(0x2040, sub), 0U);
   bench.health = &health;
   bench.power_on();
   for (std::uint8_t sub = 1; sub <= 9; ++sub) EXPECT_EQ(bench.read(0x2040, sub), sub);

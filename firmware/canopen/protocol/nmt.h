@@ -36,9 +36,6 @@ class Nmt {
 
   NmtState state() const { return state_; }
 
-  // Initialising: nothing is sent or taken until boot().
-  void begin_initialising() { state_ = NmtState::kInitialising; }
-
   // Ends initialising: the boot-up message leaves and the node is pre-operational. False if the
   // port did not take the message; call again.
   bool boot(CanPort& port, std::uint64_t now_us);

@@ -63,6 +63,15 @@ TEST_F(SdoTest, ExpeditedUploadSaysHowManyBytesCount) {
   EXPECT_EQ(bench.ask({0x40, 0x01, 0x10, 0, 0, 0, 0, 0})[0], 0x4F);
 }
 
+TEST_F(SdoTest, AnAnswer_NamesTheObjectAndItsSubIndex) {
+  EXPECT_EQ(bench.ask({0x00, 1, 2, 3, 4, 5, 6, 7}), (Answer{0x80, 0, 0, 0, 1, 0, 4, 5}))
+      << "no object has been named yet";
+  EXPECT_EQ(bench.ask({0x40, 0x18, 0x10, 4, 0, 0, 0, 0}),
+            (Answer{0x43, 0x18, 0x10, 4, 7, 0, 0, 0}));
+  EXPECT_EQ(bench.ask({0x40, 0x18, 0x10, 9, 0, 0, 0, 0}),
+            (Answer{0x80, 0x18, 0x10, 9, 0x11, 0x00, 0x09, 0x06}));
+}
+
 TEST_F(SdoTest, ExpeditedDownloadWithoutSizeTakesTheObjectsOwn) {
   EXPECT_EQ(bench.ask({0x22, 0x17, 0x10, 0, 0xE8, 0x03, 0xAA, 0xBB})[0], 0x60);
   EXPECT_EQ(bench.read(0x1017, 0), 1000U);

@@ -358,6 +358,15 @@ TEST_F(TableTransferTest, DrivesWhoseResolutionIsNoWholeNumber_AreGivenAsARatio)
   EXPECT_EQ(bench.read(0x608F, 2), 1U);
 }
 
+TEST_F(TableTransferTest, DrivesOfAnyFineness_AreGivenInIncrements) {
+  for (const int finer : {0, 4, 9, 10}) {
+    NodeBench other(true, false, bound_to("R-7"));
+    other.install(TestTable{.serial = "R-7", .finer = finer}.image());
+    EXPECT_EQ(other.read(0x608F, 1), 1U << (20 + finer)) << finer;
+    EXPECT_EQ(other.read(0x608F, 2), 1U);
+  }
+}
+
 TEST_F(TableTransferTest, ATableThatTheDrivesDoNotFitAnyMore_LeavesRoomForAnother) {
   const auto image = TestTable{.serial = "R-7"}.image();
   ASSERT_EQ(bench.stage(image), 0U);
