@@ -3,7 +3,8 @@
 All faults of a sample are compiled at once into a copy of the tracked files (build/firmware_mutants), each behind a
 switch: one build serves them all. `a < b` becomes `(mutant(7) ? (a <= b) : (a < b))`; the test programs then run once
 for each, with ARMTRUE_MUTANT set to its number. A mutant that no test fails is printed and listed in survivors.txt
-there: judge it, and add the test that it asks for.
+there: judge it, and add the test that it asks for. Those that change nothing anybody could notice are listed with
+their reason in firmware/equivalent-mutants.txt; they are not run.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 TREE = ROOT / "build" / "firmware_mutants" / "tree"
 SURVIVORS = ROOT / "build" / "firmware_mutants" / "survivors.txt"
+EQUIVALENT = ROOT / "firmware" / "equivalent-mutants.txt"
 # Part of the firmware: its test programs, in the order of how soon they answer.
 PROGRAMS = {
     "firmware/core": ["core/firmware_core_test", "canopen/canopen_test"],
@@ -89,12 +91,20 @@ class Mutant:
     begin: int
     end: int
     after: str  # instead of the text from begin to end
+    whole: str  # the line
+
+    def change(self) -> str:
+        """What stands there and what the mutant makes of it, a line each."""
+        after = self.whole[: self.begin] + self.after + self.whole[self.end :]
+        return f"  - {self.whole.strip()}\n  + {after.strip()}\n"
 
     def text(self) -> str:
         """For people."""
-        before = (ROOT / self.file).read_text().splitlines()[self.line - 1]
-        after = before[: self.begin] + self.after + before[self.end :]
-        return f"{self.file}:{self.line}: {self.kind}\n  - {before.strip()}\n  + {after.strip()}\n"
+        return f"{self.file}:{self.line}: {self.kind}\n{self.change()}"
+
+    def is_listed(self, listed: set[tuple[str, str]]) -> bool:
+        """Whether a list (`changes_in`) has it, wherever in its file the line stands now."""
+        return (self.file, self.change()) in listed
 
     def switched(self, line: str, number: int) -> str:
         """The line with both in it."""
@@ -137,40 +147,65 @@ def _closing(code: str, opening: int) -> int:
 def mutants_of(name: str) -> list[Mutant]:
     """Every mutant of a file; what stands outside of functions, and what must be constant, is left alone."""
     result = []
+    in_constant = False  # of several lines: evaluated by the compiler, where no switch works
     for number, line in enumerate((ROOT / name).read_text().splitlines(), 1):
         code = _COMMENT_OR_TEXT.sub("", line).strip()
+        in_constant = in_constant or re.search(r"\bconstexpr\b[^(]* =", code) is not None
+        if in_constant:
+            in_constant = not code.endswith(";")
+            continue
         skipped = code.startswith(
-            ("#", "static_assert", "template", "using", "case ", "enum", "static constexpr")
+            ("#", "static_assert", "template", "using", "case ", "enum", "static constexpr", "virtual")
         )
         is_table = re.search(r"constexpr|std::array<|= default|asm\(|\[\]|^k\w+ = ", code) is not None
         is_row = re.fullmatch(r"(?:(?:0x[0-9A-Fa-f]+|\d+)U?,?\s*)+", code) is not None
         if line.startswith(" ") and code and not skipped and not is_table and not is_row:
-            result += [Mutant(name, number, *place) for place in _places_of(line)]
+            result += [Mutant(name, number, *place, line) for place in _places_of(line)]
     return result
+
+
+def changes_in(path: Path) -> set[tuple[str, str]]:
+    """File and change of each mutant in a list as survivors.txt is one; `#` begins a remark."""
+    found: set[tuple[str, str]] = set()
+    lines = [line for line in path.read_text().splitlines() if line and not line.startswith("#")]
+    for head, before, after in zip(lines[::3], lines[1::3], lines[2::3], strict=True):
+        found.add((head.split(":")[0], f"{before}\n{after}\n"))
+    return found
+
+
+def files_of(folders: list[str]) -> list[str]:
+    """Source files that have mutants."""
+    listed = subprocess.run(
+        ["git", "ls-files", *folders], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    return [
+        name for name in listed.stdout.split() if name.endswith((".cc", ".h")) and not _LEFT_OUT.search(name)
+    ]
 
 
 def sample(count: int, seed: int, base: str, folders: list[str]) -> list[Mutant]:
     """`count` mutants: files changed since `base` first, then all others; no two of one line."""
-    listed = subprocess.run(
-        ["git", "ls-files", *folders], cwd=ROOT, capture_output=True, text=True, check=True
-    )
-    files = [
-        name for name in listed.stdout.split() if name.endswith((".cc", ".h")) and not _LEFT_OUT.search(name)
-    ]
+    equivalent = changes_in(EQUIVALENT)
     changed = subprocess.run(
         ["git", "diff", "--name-only", base, "HEAD"], cwd=ROOT, capture_output=True, text=True, check=True
     ).stdout.split()
     chosen = random.Random(seed)
     groups: dict[bool, list[Mutant]] = {True: [], False: []}
-    for name in files:
+    for name in files_of(folders):
         by_line: dict[int, list[Mutant]] = {}
         for mutant in mutants_of(name):
-            by_line.setdefault(mutant.line, []).append(mutant)
+            if not mutant.is_listed(equivalent):
+                by_line.setdefault(mutant.line, []).append(mutant)
         groups[name in changed] += [chosen.choice(mutants) for mutants in by_line.values()]
     for group in groups.values():
         chosen.shuffle(group)
     first = groups[True][: round(SHARE_OF_CHANGED * count)]
     return (first + groups[False] + groups[True][len(first) :])[:count]
+
+
+def one_of_each_line(mutants: list[Mutant]) -> list[Mutant]:
+    """The first of each line: a line has one switch."""
+    return list({(mutant.file, mutant.line): mutant for mutant in reversed(mutants)}.values())[::-1]
 
 
 def copy_tree() -> None:
@@ -193,8 +228,9 @@ def copy_tree() -> None:
 
 def build(mutants: list[Mutant], programs: dict[str, list[str]]) -> list[Mutant]:
     """Compile all of them behind their switches; returns those that compile, in the order of their numbers."""
+    files = {mutant.file for mutant in mutants}  # a file whose mutants all leave is written once more
     while True:
-        for name in {mutant.file for mutant in mutants}:
+        for name in files:
             lines = (ROOT / name).read_text().splitlines()
             for number, mutant in enumerate(mutants):
                 if mutant.file == name:
@@ -268,12 +304,19 @@ def main() -> int:
     parser.add_argument(
         "--own", action="store_true", help="run a folder's own tests alone, not those above it"
     )
+    parser.add_argument("--again", type=Path, metavar="LIST", help="those of an earlier survivors.txt alone")
     parser.add_argument("--minutes", type=float, default=600.0, help="no mutant is run after so long")
     given = parser.parse_args()
     end = time.monotonic() + 60.0 * given.minutes
     folders = [given.folder] if given.folder else list(PROGRAMS)
     programs_of = {folder: PROGRAMS[folder][:1] if given.own else PROGRAMS[folder] for folder in folders}
-    chosen = sample(given.count, given.seed, given.base, folders)
+    if given.again:
+        listed = changes_in(given.again)
+        every = [mutant for name in files_of(folders) for mutant in mutants_of(name)]
+        # Of a line that stands there several times, each.
+        chosen = one_of_each_line([mutant for mutant in every if mutant.is_listed(listed)])
+    else:
+        chosen = sample(given.count, given.seed, given.base, folders)
     copy_tree()
     mutants = build(chosen, programs_of)
     limits = measured_limits({program for programs in programs_of.values() for program in programs})

@@ -61,6 +61,7 @@ class SimulatedFlash : public Flash {
   bool program(std::size_t slot, std::size_t offset, std::uint32_t word) override {
     if (offset % 4 != 0 || offset + 4 > slot_size())
       throw std::out_of_range("program beyond the slot");
+    if (is_protected_) return false;
     std::uint32_t& cell = slots_[slot].word[offset / 4];
     std::uint32_t& unstable = slots_[slot].unstable[offset / 4];
     const std::uint32_t target = cell & word;
@@ -105,6 +106,9 @@ class SimulatedFlash : public Flash {
     operation_ = 0;
     fail_at_ = operation;
   }
+
+  // Whether nothing can be programmed: every word is refused and stays as it is.
+  void protect(bool is_protected) { is_protected_ = is_protected; }
 
   void run_undisturbed() {
     cut_at(kNever, CutKind::kBefore);
@@ -170,6 +174,7 @@ class SimulatedFlash : public Flash {
   std::size_t reprogrammed_ = 0;
   std::size_t cut_at_ = kNever;
   std::size_t fail_at_ = kNever;
+  bool is_protected_ = false;
   CutKind cut_kind_ = CutKind::kBefore;
 };
 

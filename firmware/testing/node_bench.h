@@ -4,6 +4,7 @@
 
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <span>
@@ -29,6 +30,7 @@ class MemoryParameters final : public ParameterStore {
   void spoil(std::size_t at) { block_.at(at) ^= 1; }
   bool save(std::span<const std::uint8_t> block) override {
     if (broken) return false;
+    if (meanwhile) meanwhile();
     block_.assign(block.begin(), block.end());
     return true;
   }
@@ -37,6 +39,7 @@ class MemoryParameters final : public ParameterStore {
     return !broken;
   }
   bool broken = false;
+  std::function<void()> meanwhile;  // what happens during a save
 
  private:
   std::vector<std::uint8_t> block_;
@@ -201,9 +204,11 @@ class NodeBench {
     for (const CanFrame& frame : targets(joint)) from_controller(frame);
   }
 
-  // The clock that the node measures cycles with; runs with the bench's, seen from one thread.
+  // The clock that the node measures cycles with; every reading takes `clock_step_us`. All benches
+  // have this one, and all are of one thread.
   static inline std::uint64_t clock_now_us = 0;
-  static std::uint64_t clock() { return clock_now_us; }
+  static inline std::uint64_t clock_step_us = 0;
+  static std::uint64_t clock() { return clock_now_us += clock_step_us; }
 
   // A bit flips in RAM, in both table buffers.
   void spoil_tables(std::size_t at) {
@@ -220,6 +225,7 @@ class NodeBench {
   SimulatedPort downstream;
   storage::SimulatedFlash flash;
   MemoryParameters parameters;
+  const PortHealth* health = nullptr;  // from the next power_on() on
   std::uint64_t now_us = 1'000'000;
   std::vector<CanFrame> aside;
   std::uint64_t lives = 0;  // power-ons and NMT node resets
@@ -237,7 +243,8 @@ class NodeBench {
                 store,
                 bench.parameters,
                 bench.device,
-                {first, second}}) {}
+                {first, second},
+                bench.health}) {}
     std::array<std::uint8_t, kMaxImageLength> first = {};
     std::array<std::uint8_t, kMaxImageLength> second = {};
     Compensator compensator;

@@ -166,7 +166,9 @@ INDIRECT_CALLS: dict[str, str] = {
     r"canopen::SdoServer::send_block_segment\(": r"(BxCan<.*>|CanPort)::has_backlog\(",
     r"canopen::SdoServer::initiate_block_download\(": r"(ZynqMpCan<.*>|CanPort)::longest_burst\(",
     r"canopen::Node::Node\(": _PORT + r"supports_fd\(",
-    r"canopen::Node::check_communication_write\(": r"SlotParameters::erase\(",
+    r"canopen::Node::(before_write|check_write|check_communication_write)\(": (
+        r"SlotParameters::erase\(|(stm32f405|r5f)::clock_us\("
+    ),
     r"canopen::save_parameters\(": r"SlotParameters::save\(",
     r"canopen::load_parameters\(": r"SlotParameters::(load|holds_something)\(",
     r"canopen::DictionaryAccess::append\(": r"TableTransfer::append\(",

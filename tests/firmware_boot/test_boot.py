@@ -27,6 +27,14 @@ def test_instruction_count_is_exact_and_repeats(boot_check: pathlib.Path) -> Non
     assert counts == {2001}
 
 
+def test_clock_goes_on_while_no_interrupt_is_served() -> None:
+    """As while a flash sector is erased, which takes up to two seconds: the core fetches nothing then."""
+    elf = qemu.build_images("stm32f405", "clock_check") / "clock_check.elf"
+    without_interrupts, with_interrupts = map(int, qemu.run_image(elf).printed.split())
+    assert without_interrupts == pytest.approx(40_000, abs=50)
+    assert with_interrupts == pytest.approx(40_000, abs=50)
+
+
 def test_profile_names_the_function_that_costs(boot_check: pathlib.Path) -> None:
     profile = qemu.instructions_by_function(boot_check)
     assert next(iter(profile)) == "main"

@@ -76,7 +76,7 @@ def test_watchdog_is_the_first_that_the_image_touches() -> None:
         emulator = subprocess.Popen(command)
         try:
             give_up = time.monotonic() + 60.0
-            while not touched:
+            while len(touched) < 2:
                 assert time.monotonic() < give_up, "the emulator logs what it does not model"
                 assert emulator.poll() is None, "the image runs for ever"
                 time.sleep(0.05)
@@ -86,6 +86,7 @@ def test_watchdog_is_the_first_that_the_image_touches() -> None:
         finally:
             emulator.kill()
             emulator.wait()
-    device, access, offset, value = touched[0]
-    assert device.upper() in ("IWDG", "I2S2EXT")  # QEMU 7.2 has both at 0x40003000
-    assert (access, int(offset, 16), int(value, 16)) == ("write", 0, 0xCCCC)
+    # Started by the reset handler, and once more where main() sets its time.
+    for device, access, offset, value in touched[:2]:
+        assert device.upper() in ("IWDG", "I2S2EXT")  # QEMU 7.2 has both at 0x40003000
+        assert (access, int(offset, 16), int(value, 16)) == ("write", 0, 0xCCCC)

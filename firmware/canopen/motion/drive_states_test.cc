@@ -6,6 +6,62 @@
 namespace armtrue::canopen {
 namespace {
 
+// A turn has a million increments: at rest an actual position may move by 2000, a 500th of a turn.
+class JumpTest : public testing::Test {
+ protected:
+  static constexpr std::uint32_t kPerTurn = 1'000'000;
+  bool hear(std::int32_t actual, std::uint64_t now_us, bool at_rest = true,
+            std::uint32_t per_turn = kPerTurn) {
+    return states.hear_position(0, actual, at_rest, per_turn, PositionBounds{}, now_us);
+  }
+  DriveStates states;
+};
+
+TEST_F(JumpTest, MoreThanAPartOfATurnAtRest_IsAnotherZero) {
+  EXPECT_FALSE(hear(500'000, 0)) << "the first";
+  EXPECT_FALSE(hear(502'000, 1'000));
+  EXPECT_TRUE(hear(504'001, 2'000));
+  EXPECT_FALSE(hear(504'001, 3'000));
+  EXPECT_TRUE(hear(502'000, 4'000)) << "back";
+}
+
+TEST_F(JumpTest, FasterThanTwoTurnsASecond_IsAnotherZero) {
+  EXPECT_FALSE(hear(0, 0));
+  EXPECT_FALSE(hear(100'000, 50'000));
+  EXPECT_TRUE(hear(200'001, 100'000));
+}
+
+TEST_F(JumpTest, PositionsThatLieFarApartInTime_SayNothing) {
+  EXPECT_FALSE(hear(0, 0));
+  EXPECT_FALSE(hear(500'000, 100'001));
+  EXPECT_TRUE(hear(0, 200'001));
+}
+
+TEST_F(JumpTest, InMotionOrWithoutAScale_NothingIsSaid) {
+  EXPECT_FALSE(hear(0, 0));
+  EXPECT_FALSE(hear(500'000, 1'000, false));
+  EXPECT_FALSE(hear(0, 2'000, true, 0));
+}
+
+TEST(DriveStates, AnAxisBeyondTheLast_IsIgnored) {
+  DriveStates states;
+  states.hear_state(kMaxJoints, 0x0250);
+  states.hear_mode(kMaxJoints, 6);
+  EXPECT_FALSE(states.hear_position(kMaxJoints, 1, true, 1'000'000, PositionBounds{}, 0));
+  EXPECT_EQ(states.state(kMaxJoints), AxisState::kUnknown);
+  EXPECT_EQ(states.known(), 0);
+}
+
+TEST(DriveStates, EachAxis_HasItsOwnBit) {
+  DriveStates states;
+  states.hear_state(0, 0x0237);
+  states.hear_state(7, 0x0250);
+  states.hear_mode(3, 6);
+  EXPECT_EQ(states.known(), 0x89);
+  EXPECT_EQ(states.away(), 0x88);
+  EXPECT_EQ(states.disabled(), 0x80);
+}
+
 constexpr std::int32_t kRate = 106;
 constexpr int kEnabled = 0x0237;
 constexpr int kDisabled = 0x0250;
@@ -176,25 +232,6 @@ TEST_P(OffsetReadBackTest, AnOffsetThatIsNotTheOneSentIsReported) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Offset, OffsetReadBackTest, ::testing::Values(Mode::kOffset));
-
-TEST(LatencyTest, Quantiles_OfMoreThanAClassCounts_KeepTheirShares) {
-  Latency latency;
-  for (int k = 0; k < 1'000'000; ++k) latency.note(k % 100 == 0 ? 900U : 5U);
-  EXPECT_EQ(latency.count(), 1'000'000U);
-  EXPECT_EQ(latency.quantile(980), 5U);
-  EXPECT_NEAR(latency.quantile(995), 900, 900 / 8);
-  latency.note(5'000'000);
-  EXPECT_EQ(latency.quantile(1000), 5'000'000U);
-}
-
-TEST(LatencyTest, QuantilesAreWithinAnEighth) {
-  Latency latency;
-  for (std::uint32_t value = 1; value <= 10000; ++value) latency.note(value);
-  EXPECT_EQ(latency.least(), 1U);
-  EXPECT_EQ(latency.most(), 10000U);
-  EXPECT_NEAR(latency.quantile(500), 5000, 5000 / 8);
-  EXPECT_NEAR(latency.quantile(999), 9990, 9990 / 8);
-}
 
 }  // namespace
 }  // namespace armtrue::canopen

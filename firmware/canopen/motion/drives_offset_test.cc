@@ -124,9 +124,10 @@ TEST_P(OffsetDrivesTest, CommandsForOthersAndUnknownOnesTakeNothingBack) {
   settle();
   const Joints before = held;
   bench.from_controller(make_frame(0, {2, NodeBench::kNodeId + 1}));
-  nmt(77);
+  for (const int unknown : {0x4D, 0x90, 0xFF}) nmt(unknown);
   wait(50);
   EXPECT_EQ(held, before);
+  EXPECT_EQ(state(), NmtState::kOperational);
 }
 
 TEST_P(OffsetDrivesTest, ResetsTakeTheOffsetsBackFirst) {

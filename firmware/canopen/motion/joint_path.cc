@@ -3,14 +3,11 @@
 #include <algorithm>
 #include <span>
 
+#include "firmware/canopen/protocol/counter.h"
 #include "firmware/core/fixed/fixed.h"
 
 namespace armtrue::canopen {
 namespace {
-
-void count(std::uint32_t& counter) {
-  if (counter != UINT32_MAX) ++counter;
-}
 
 // Information of EMCY 0xFF15.
 enum WhyWithheld : std::uint32_t {
@@ -77,8 +74,8 @@ void JointPath::end_interval() {
   }
 }
 
+// What is spoilt stays in the interval, and goes out no more: its end takes it back.
 void JointPath::spoil(Condition condition, std::uint32_t information, std::uint32_t& counter) {
-  take_back();
   count(counter);
   clean_sets_ = 0;
   emcy_.raise(condition, information);
@@ -174,7 +171,7 @@ bool JointPath::begin(std::uint64_t now_us) {
 }
 
 // Corrections are for drives that follow their targets: the way to zero begins when one leaves, the
-// way back when all have returned.
+// way back when all have returned. Once a turn: a set of the same turn does not know yet.
 void JointPath::follow_drives() {
   const bool suspends = suspension() != kSuspendedNot;
   if (phase_ == Phase::kCorrecting && suspends) {
@@ -195,7 +192,6 @@ bool JointPath::compute(std::uint64_t now_us) {
   read_surroundings(now_us);
   // A first set that does not go out is not the first.
   if (phase_ == Phase::kUnknown && !begin(now_us)) return false;
-  follow_drives();
   output_ = compensator_.cycle(input_);
   computed_us_ = now_us;
   sets_.set_progress(SetProgress::kComputed);
@@ -267,13 +263,12 @@ void JointPath::hear(const Pdo& pdo, const CanFrame& frame) {
     if (object == kStatusword) drives_.hear_state(axis, load_le<std::uint16_t>(place));
     if (object == kModeDisplay) drives_.hear_mode(axis, static_cast<std::int8_t>(*place));
   }
-  follow_drives();
 }
 
 // A drive says which offset it has. It may be a few cycles behind.
 void JointPath::check_offset(std::size_t axis, std::int32_t offset) {
   if (axis >= joint_count_ || mode_ != Mode::kOffset || phase_ == Phase::kUnknown) return;
-  bool is_ours = offset == dictionary_.get(od::axis::kPositionOffset[axis]);
+  bool is_ours = false;
   for (std::uint32_t age = 0; age < kFeedbackHistory && !is_ours; ++age) {
     is_ours = offset == compensator_.correction_of(last_cycle_ - age, axis);
   }
@@ -303,7 +298,6 @@ void JointPath::take_feedback(const Pdo& pdo, CanFrame& frame, std::uint64_t now
       reference_changed_ = true;
       count(counters_.reference_changes);
       emcy_.raise(Condition::kReferenceChanged, static_cast<std::uint32_t>(axis + 1));
-      follow_drives();
     }
     if (phase_ == Phase::kUnknown) {
       heard_ |= 1U << axis;
@@ -327,7 +321,6 @@ std::uint8_t JointPath::suspension() const {
 void JointPath::accept_reference() {
   reference_changed_ = false;
   emcy_.clear(Condition::kReferenceChanged);
-  follow_drives();
 }
 
 void JointPath::interrupted() {

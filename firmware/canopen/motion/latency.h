@@ -12,7 +12,6 @@ namespace armtrue::canopen {
 class Latency {
  public:
   void note(std::uint32_t microseconds);
-  void restart() { *this = {}; }
 
   std::uint32_t count() const { return count_; }
   std::uint32_t least() const { return count_ == 0 ? 0 : least_; }

@@ -61,7 +61,6 @@ class SetAssembler {
   SetProgress progress() const { return progress_; }
   void set_progress(SetProgress progress);
   std::span<const Held> frames() const { return std::span(held_).first(held_count_); }
-  std::uint64_t begin_us() const { return begin_us_; }
 
   // Whether an interval without SYNC has taken longer than a set may.
   bool is_over(std::uint32_t configured_us, std::uint64_t now_us) const;

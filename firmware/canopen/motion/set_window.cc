@@ -27,12 +27,8 @@ void SetWindow::note(std::size_t rpdo, std::uint64_t now_us) {
       static_cast<std::uint32_t>(std::min<std::uint64_t>(now_us - last_us_, 1'000'000));
   last_us_ = now_us;
   total_us_ += gap_us;
-  if (gap_us > longest_us_) {
-    second_us_ = longest_us_;
-    longest_us_ = gap_us;
-  } else {
-    second_us_ = std::max(second_us_, gap_us);
-  }
+  second_us_ = std::max(second_us_, std::min(longest_us_, gap_us));
+  longest_us_ = std::max(longest_us_, gap_us);
   if (rpdo == anchor_) {
     end_round();
     return begin_round(now_us);

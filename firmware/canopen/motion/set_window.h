@@ -7,6 +7,7 @@
 #ifndef ARMTRUE_FIRMWARE_CANOPEN_MOTION_SET_WINDOW_H_
 #define ARMTRUE_FIRMWARE_CANOPEN_MOTION_SET_WINDOW_H_
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 
@@ -22,7 +23,7 @@ class SetWindow {
 
   // The longest time from a set's first frame to its last. `configured` is 0x2000 sub 4.
   std::uint32_t in_force(std::uint32_t configured_us) const {
-    return learnt_us_ > configured_us ? learnt_us_ : configured_us;
+    return std::max(learnt_us_, configured_us);
   }
 
   // Rounds in a row that must agree before a window counts as learnt.

@@ -89,6 +89,24 @@ TEST_F(EraseTest, DriveThatTalksAndDoesNotSayItsState_IsRefused) {
   expect_allowed();
 }
 
+// Frames that come while the core stalls are lost: who sent them was not silent.
+TEST_F(EraseTest, EraseThatTakesSeconds_IsNotTheSilenceOfAWatchedNode) {
+  constexpr std::uint32_t kHeartbeatTimeMs = 1000;
+  constexpr std::uint64_t kStallUs = 2'000'000;
+  expect_done(0x1016, 1, 5U << 16 | kHeartbeatTimeMs, 4);
+  bench.from_controller(make_frame(0x705, {5}));
+  bench.run_for(900'000);
+  bench.parameters.meanwhile = [this] {
+    bench.now_us += kStallUs;
+    NodeBench::clock_now_us += kStallUs;
+  };
+  expect_done(0x1010, 1, kSave, 4);
+  bench.run_for(99'000);
+  EXPECT_EQ(bench.read(0x1001, 0), 0U);
+  bench.run_for(1'000);
+  EXPECT_NE(bench.read(0x1001, 0), 0U) << "what was left of its time was not forgotten";
+}
+
 TEST(EraseAtStart, SpareSlotTorn_IsNotErased) {
   NodeBench bench;
   bench.install(TestTable{}.image());

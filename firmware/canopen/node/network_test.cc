@@ -115,20 +115,6 @@ TEST_F(NetworkTest, LostHeartbeat_ThatIsUnwatched_LeavesTheErrorRegister) {
   EXPECT_EQ(bench.read(0x1001, 0), 0U);
 }
 
-TEST(TwoBuses, PassiveOnBoth_StaysRaisedUntilBothAreActive) {
-  NodeBench bench;
-  bench.upstream.set_state(BusState::kPassive);
-  bench.downstream.set_state(BusState::kPassive);
-  bench.run_for(1000);
-  EXPECT_EQ(bench.read(0x1001, 0), 0x11U);
-  bench.upstream.set_state(BusState::kActive);
-  bench.run_for(1000);
-  EXPECT_EQ(bench.read(0x1001, 0), 0x11U) << "the drives' bus is still passive";
-  bench.downstream.set_state(BusState::kActive);
-  bench.run_for(1000);
-  EXPECT_EQ(bench.read(0x1001, 0), 0U);
-}
-
 TEST_F(NetworkTest, ErrorBehaviourDecidesWhatALostHeartbeatDoes) {
   ASSERT_EQ(bench.write(0x1016, 1, 0x00050064, 4), 0U);
   for (const auto& [behaviour, expected] :
@@ -147,6 +133,9 @@ TEST_F(NetworkTest, OneNodeIsWatchedInOneSlotOnly) {
   EXPECT_EQ(bench.write(0x1016, 2, 0x000500C8, 4), 0x06040043U);
   EXPECT_EQ(bench.write(0x1016, 2, 0x00800064, 4), 0x06040043U);
   EXPECT_EQ(bench.write(0x1016, 1, 0x000500C8, 4), 0U);
+  ASSERT_EQ(bench.write(0x1016, 3, 0x00010064, 4), 0U);
+  EXPECT_EQ(bench.write(0x1016, 4, 0x00010064, 4), 0x06040043U) << "node 1 as any other";
+  EXPECT_EQ(bench.write(0x1016, 5, 0x007F0064, 4), 0U) << "the last node";
 }
 
 TEST_F(NetworkTest, EmcyKeepsItsInhibitTimeAndItsHistory) {
@@ -205,6 +194,34 @@ TEST_F(NetworkTest, SyncWithAnUnexpectedLengthIsReportedAndIgnored) {
   bench.from_controller(make_frame(0x80, {1}));
   bench.run_for(1000);
   EXPECT_EQ(load_le<std::uint16_t>(sent(0x80U + kId).at(0).data), 0x8240);
+}
+
+TEST_F(NetworkTest, EmergenciesMayMoveToAnotherIdentifier) {
+  EXPECT_EQ(bench.read(0x1014, 0), 0x80U + kId);
+  EXPECT_EQ(bench.write(0x1014, 0, 0x90, 4), 0x06090030U) << "valid: only its validity changes";
+  ASSERT_EQ(bench.write(0x1014, 0, 0x80000000U | (0x80U + kId), 4), 0U);
+  EXPECT_EQ(bench.write(0x1014, 0, 0xA0000090, 4), 0x06090030U) << "29 bit";
+  EXPECT_EQ(bench.write(0x1014, 0, 0x80000601, 4), 0x06090030U) << "SDO's";
+  ASSERT_EQ(bench.write(0x1014, 0, 0x80000090, 4), 0U);
+  EXPECT_EQ(bench.write(0x1014, 0, 0x601, 4), 0x06090030U) << "SDO's";
+  ASSERT_EQ(bench.write(0x1014, 0, 0x90, 4), 0U);
+  bench.upstream.lose_frames(1);
+  bench.run_for(1000);
+  EXPECT_EQ(sent(0x90).size(), 1U);
+}
+
+TEST_F(NetworkTest, SyncCounter_OverflowsAtTwoOrMore) {
+  EXPECT_EQ(bench.write(0x1019, 0, 1, 1), 0x06090030U) << "reserved";
+  EXPECT_EQ(bench.write(0x1019, 0, 2, 1), 0U);
+  EXPECT_EQ(bench.write(0x1019, 0, 0, 1), 0U);
+}
+
+TEST_F(NetworkTest, WhatMayNotBeMapped_IsNotMapped) {
+  EXPECT_EQ(bench.write(0x1612, 0, 0, 1), 0U);
+  EXPECT_EQ(bench.write(0x1612, 1, 0x10170010, 4), 0x06040041U) << "writable";
+  EXPECT_EQ(bench.write(0x1A08, 0, 0, 1), 0U);
+  EXPECT_EQ(bench.write(0x1A08, 1, 0x10000020, 4), 0x06040041U) << "readable";
+  EXPECT_EQ(bench.write(0x1612, 1, 0, 4), 0U) << "nothing may be";
 }
 
 TEST_F(NetworkTest, SyncMayMoveToAnotherIdentifier) {
@@ -364,44 +381,6 @@ TEST_F(NetworkTest, TimeSinceStart_IsInMilliseconds) {
   EXPECT_EQ(bench.read(0x2001, 13), bench.now_us / 1000);
 }
 
-TEST_F(NetworkTest, EachSelfTest_MayBeAskedForAlone) {
-  for (std::uint32_t test = 1; test <= 0x10; test <<= 1U) {
-    EXPECT_EQ(bench.write(0x2030, 1, test, 1), 0U) << test;
-  }
-  EXPECT_EQ(bench.write(0x2030, 1, 0, 1), 0x06090030U);
-  EXPECT_EQ(bench.write(0x2030, 1, 0x20, 1), 0x06090030U);
-}
-
-TEST(BusStatus, Counters_AreThoseOfTheirOwnBus) {
-  NodeBench bench;
-  const std::uint32_t taken = bench.read(0x2002, 2);  // this request and all before
-  const std::uint32_t back = bench.read(0x2003, 2);
-  for (int k = 0; k < 3; ++k) bench.from_controller(make_frame(0x123, {k}));
-  for (int k = 0; k < 2; ++k) bench.from_drives(make_frame(0x124, {k}));
-  bench.upstream.lose_frames(7);
-  bench.downstream.lose_frames(8);
-  EXPECT_EQ(bench.read(0x2002, 2), taken + 3 + 2) << "and the two requests";
-  EXPECT_EQ(bench.read(0x2003, 2), back + 2);
-  EXPECT_EQ(bench.read(0x2002, 7), 3U) << "forwarded from here";
-  EXPECT_EQ(bench.read(0x2003, 7), 2U);
-  EXPECT_EQ(bench.read(0x2003, 3), 3U) << "sent";
-  EXPECT_EQ(bench.read(0x2002, 4), 7U) << "overruns";
-  EXPECT_EQ(bench.read(0x2003, 4), 8U);
-  bench.downstream.set_room(0);
-  bench.downstream.take_sent();
-  bench.from_controller(make_frame(0x123, {9}));
-  EXPECT_EQ(bench.read(0x2003, 5), 1U) << "refused";
-  EXPECT_EQ(bench.read(0x2002, 8), 1U) << "dropped in forwarding";
-  EXPECT_EQ(bench.read(0x2003, 8), 0U);
-  bench.downstream.set_state(BusState::kPassive);
-  EXPECT_EQ(bench.read(0x2003, 1), 2U);
-  EXPECT_EQ(bench.read(0x2002, 1), 0U);
-  bench.downstream.set_state(BusState::kBusOff);
-  EXPECT_EQ(bench.read(0x2003, 1), 3U);
-  EXPECT_EQ(bench.read(0x2003, 6), 1U) << "entries";
-  EXPECT_EQ(bench.read(0x2002, 6), 0U);
-}
-
 TEST_F(NetworkTest, SyncStartValueAlignsToTheCounter) {
   ASSERT_EQ(bench.write(0x1019, 0, 10, 1), 0U);
   ASSERT_EQ(bench.write(0x1808, 6, 4, 1), 0U);
@@ -454,109 +433,6 @@ TEST_F(NetworkTest, ParametersThatANewStartWouldNotHaveAreSaidToBeUnsaved) {
   EXPECT_FALSE(unsaved());
   ASSERT_EQ(bench.write(0x1011, 1, 0x64616F6C, 4), 0U);
   EXPECT_TRUE(unsaved()) << "the next start is one as delivered";
-}
-
-TEST_F(NetworkTest, BusOffIsRecoveredAfterAPauseAndReported) {
-  bench.run_for(1000);
-  sent();
-  bench.upstream.set_state(BusState::kBusOff);
-  bench.run_for(BusWatch::kRecoveryPauseUs - 5000);
-  EXPECT_EQ(bench.upstream.recoveries(), 0U);
-  bench.run_for(10'000);
-  EXPECT_EQ(bench.upstream.recoveries(), 1U);
-  const std::vector<CanFrame> emcy = sent(0x80U + kId);
-  ASSERT_EQ(emcy.size(), 2U);
-  EXPECT_EQ(load_le<std::uint16_t>(emcy[0].data), 0x8140);
-  EXPECT_EQ(load_le<std::uint16_t>(emcy[1].data), 0x0000);
-}
-
-TEST_F(NetworkTest, ABusOffThatEndsBetweenTwoTurnsIsReported) {
-  bench.run_for(1000);
-  sent();
-  bench.upstream.set_state(BusState::kBusOff);
-  bench.upstream.set_state(BusState::kActive);
-  bench.run_for(10'000);
-  const std::vector<CanFrame> emcy = sent(0x80U + kId);
-  ASSERT_EQ(emcy.size(), 2U);
-  EXPECT_EQ(load_le<std::uint16_t>(emcy[0].data), 0x8140);
-  EXPECT_EQ(load_le<std::uint16_t>(emcy[1].data), 0x0000);
-}
-
-TEST_F(NetworkTest, WhatAPortCountedInAnEarlierLifeIsNoNews) {
-  bench.upstream.lose_frames(3);
-  bench.upstream.set_state(BusState::kBusOff);
-  bench.upstream.set_state(BusState::kActive);
-  bench.power_on();
-  sent();
-  bench.run_for(10'000);
-  EXPECT_TRUE(sent(0x80U + kId).empty());
-}
-
-TEST_F(NetworkTest, WhatIsReadInTheTurnInWhichABusChangesAgrees) {
-  bench.run_for(1000);
-  bench.upstream.set_state(BusState::kPassive);
-  EXPECT_EQ(bench.read(0x1001, 0), 0x11U);
-  EXPECT_EQ(bench.read(0x1003, 1) & 0xFFFF, 0x8120U);
-  bench.upstream.set_state(BusState::kActive);
-  EXPECT_EQ(bench.read(0x1001, 0), 0U);
-}
-
-TEST_F(NetworkTest, SelfTestRunsWhatItIsAskedTo) {
-  EXPECT_EQ(bench.write(0x2030, 1, 0x80, 1), 0x06090030U);
-  ASSERT_EQ(bench.write(0x2030, 1, 0x1F, 1), 0U);
-  EXPECT_EQ(bench.read(0x2030, 2), 0x1FU);
-  EXPECT_EQ(bench.read(0x2030, 3), 0U);
-}
-
-// Each part of the self-test that can be made to fail from outside, alone.
-class SelfTestTest : public testing::Test {
- protected:
-  static constexpr std::uint32_t kTable = 1U << 2;
-  static constexpr std::uint32_t kBuses = 1U << 3;
-  static constexpr std::uint32_t kPassThrough = 1U << 4;
-
-  std::uint32_t failed(std::uint32_t tests = 0x1F) {
-    EXPECT_EQ(bench.write(0x2030, 1, tests, 1), 0U);
-    EXPECT_EQ(bench.read(0x2030, 2), tests);
-    return bench.read(0x2030, 3);
-  }
-  NodeBench bench;
-};
-
-TEST_F(SelfTestTest, ATableThatChangedInMemoryFails) {
-  const std::vector<std::uint8_t> image = TestTable{}.image();
-  bench.install(image);
-  EXPECT_EQ(failed(), 0U);
-  bench.spoil_tables(image.size() - 1);
-  EXPECT_EQ(failed(), kTable);
-  EXPECT_EQ(failed(0x1F & ~kTable), 0U) << "not asked for";
-  bench.power_on();
-  EXPECT_EQ(failed(), 0U) << "the one in flash is whole";
-}
-
-TEST_F(SelfTestTest, ABusThatIsOffFails) {
-  bench.downstream.set_state(BusState::kBusOff);
-  EXPECT_EQ(failed(), kBuses);
-  EXPECT_EQ(failed(0x1F & ~kBuses), 0U);
-  bench.run_for(200'000);
-  EXPECT_EQ(failed(), 0U);
-  bench.upstream.set_state(BusState::kBusOff);
-  bench.from_controller(make_frame(0x620, {0x2F, 0x30, 0x20, 1, 0x1F, 0, 0, 0}));
-  bench.run_for(200'000);
-  bench.upstream.take_sent();
-  EXPECT_EQ(bench.read(0x2030, 3), kBuses) << "of the run while it was off";
-}
-
-TEST_F(SelfTestTest, ACorrectionWithoutATableFails) {
-  for (std::size_t axis = 0; axis < 6; ++axis) {
-    const od::Ref<std::int32_t> offset = od::axis::kPositionOffset[axis];
-    auto& dictionary = const_cast<ObjectDictionary&>(bench.node().dictionary());
-    dictionary.set(offset, -1);
-    EXPECT_EQ(failed(), kPassThrough) << axis;
-    EXPECT_EQ(failed(0x1F & ~kPassThrough), 0U);
-    dictionary.set(offset, 0);
-    EXPECT_EQ(failed(), 0U);
-  }
 }
 
 TEST_F(NetworkTest, InlineNeedsASecondBus) { EXPECT_EQ(bench.write(0x2000, 1, 1, 1), 0x06040043U); }

@@ -3,6 +3,9 @@
 #include <algorithm>
 #include <optional>
 
+#include "firmware/canopen/protocol/cob_id.h"
+#include "firmware/canopen/protocol/counter.h"
+
 namespace armtrue::canopen {
 namespace {
 
@@ -10,11 +13,6 @@ constexpr std::uint32_t kNoSet = 5;  // information of EMCY 0xFF15, beside those
 constexpr std::uint32_t kSdoRequestBase = 0x600;
 constexpr std::uint32_t kSdoResponseBase = 0x580;
 constexpr std::uint32_t kMaxNodeId = 127;
-constexpr std::uint32_t kIdMask = 0x7FF;
-
-void count(std::uint32_t& counter) {
-  if (counter != UINT32_MAX) ++counter;
-}
 
 // Parameters that are not what was saved leave the device in forward mode: targets pass
 // uncorrected, which nobody may learn from the arm alone. 0x5530 with 0x101 damaged, 0x102 of
@@ -47,9 +45,7 @@ Node::Node(const NodeConfig& config, const NodeParts& parts)
 void Node::start(std::uint64_t now_us) {
   now_us_ = now_us;
   dictionary_.restore_defaults(config_.node_id);
-  const Loaded loaded = load_parameters(dictionary_, parts_.parameters);
-  emcy_.reset();
-  report(loaded, emcy_);
+  report(load_parameters(dictionary_, parts_.parameters), emcy_);
   std::array<char, kSerialLength + 1> serial = {};
   std::copy(parts_.device.robot_serial.begin(), parts_.device.robot_serial.end(), serial.begin());
   dictionary_.set_string(od::kRobotSerial, serial.data());
@@ -70,7 +66,6 @@ void Node::reset_communication(std::uint64_t now_us) {
   report(loaded, emcy_);
   restart_alarms();
   tables_.agree_on_resolution();
-  nmt_.begin_initialising();
   apply_configuration();
 }
 
@@ -137,9 +132,9 @@ void Node::watch_buses() {
 
 void Node::note_nmt_state() {
   if (nmt_.state() == known_state_) return;
-  // Leaving operational ends the output; entering it begins the timers of the TPDOs.
-  if (known_state_ == NmtState::kOperational) joints_.stop();
-  if (nmt_.state() == NmtState::kOperational) tpdos_.restart(now_us_);
+  // Only operational has output and TPDOs: with every change both begin anew.
+  joints_.stop();
+  tpdos_.restart(now_us_);
   if (nmt_.state() == NmtState::kStopped) {
     sdo_.reset(kSdoRequestBase + config_.node_id, kSdoResponseBase + config_.node_id);
   }
@@ -193,7 +188,7 @@ void Node::handle_upstream(const CanFrame& frame) {
   if (is_sync(frame)) return handle_sync(frame);
   if (!frame.is(kFrameExtended) && serve(frame)) return;
   const std::size_t number = pdos_.match(frame);
-  const bool is_target = number < kRpdos && joints_.carries_target(number);
+  const bool is_target = joints_.carries_target(number);
   if (number < kRpdos) handle_rpdo(number, frame);
   // In inline mode the joint path itself decides whether and when a target goes on.
   if (is_target && mode() == Mode::kInline) return;
@@ -336,10 +331,7 @@ bool Node::is_within_bounds(const Pdo& pdo, const CanFrame& frame) {
         mapped.is_dummy() ? std::nullopt : dictionary_.find(mapped.index, mapped.sub);
     const od::Limit* limit = entry ? dictionary_.limit(*entry) : nullptr;
     if (limit == nullptr) continue;
-    std::uint32_t value = 0;
-    for (std::size_t k = 0; k < mapped.size; ++k) {
-      value |= std::uint32_t{frame.data[mapped.at + k]} << (8 * k);
-    }
+    const std::uint32_t value = load_le({&frame.data[mapped.at], mapped.size});
     if (value >= limit->low && value <= limit->high) continue;
     emcy_.raise(Condition::kInputRange, mapped.index);
     return false;

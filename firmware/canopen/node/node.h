@@ -36,10 +36,10 @@
 namespace armtrue::canopen {
 
 struct NodeConfig {
-  std::uint8_t node_id = 0x20;      // 1..127
-  std::uint32_t serial_number = 0;  // 0x1018 sub 4
-  std::uint8_t joint_count = 6;
-  std::uint64_t (*clock_us)() = nullptr;  // for measuring cycles
+  std::uint8_t node_id;         // 1..127
+  std::uint32_t serial_number;  // 0x1018 sub 4
+  std::uint8_t joint_count;
+  std::uint64_t (*clock_us)();  // for measuring cycles
 };
 
 // What the node is made of; none is owned, all outlive the node.
@@ -123,6 +123,7 @@ class Node final : private ObjectHooks {
   Abort before_write(const od::Entry& entry, std::span<const std::uint8_t> value) override;
   void after_write(const od::Entry& entry) override;
   Abort before_read(std::uint16_t index, std::uint8_t sub) override;
+  Abort check_write(const od::Entry& entry, std::span<const std::uint8_t> value);
   Abort check_communication_write(const od::Entry& entry, std::span<const std::uint8_t> value);
 
   NodeConfig config_;

@@ -3,6 +3,7 @@
 #include <utility>
 
 #include "firmware/canopen/node/node.h"
+#include "firmware/canopen/protocol/cob_id.h"
 #include "firmware/canopen/protocol/crc16.h"
 #include "firmware/core/crypto/crc32.h"
 
@@ -12,28 +13,10 @@ namespace {
 constexpr std::uint32_t kSave = 0x65766173;  // "save"
 constexpr std::uint32_t kLoad = 0x64616F6C;  // "load"
 constexpr std::uint32_t kSyncProducer = 0x40000000;
-constexpr std::uint32_t kExtendedId = 0x20000000;
-constexpr std::uint32_t kInvalid = 0x80000000;
-constexpr std::uint32_t kIdMask = 0x7FF;
-constexpr std::uint32_t kReservedIdBits = 0x1FFFF800;
 
 template <typename T>
 bool is(const od::Entry& entry, const od::Ref<T>& ref) {
   return entry.index == ref.index && entry.sub == ref.sub;
-}
-
-std::uint32_t number(std::span<const std::uint8_t> value) {
-  std::uint32_t result = 0;
-  for (std::size_t k = 0; k < value.size() && k < 4; ++k) {
-    result |= static_cast<std::uint32_t>(value[k]) << (8 * k);
-  }
-  return result;
-}
-
-// Identifiers that a service may be moved to: 11 bits, none of NMT's or SDO's.
-bool is_free_id(std::uint32_t id) {
-  return id >= 0x080 && !(id >= 0x101 && id <= 0x180) && !(id >= 0x581 && id <= 0x5FF) &&
-         !(id >= 0x601 && id <= 0x67F) && id < 0x6E0;
 }
 
 constexpr std::uint16_t kPositionRangeLimit = 0x607B;
@@ -64,11 +47,11 @@ bool dictionary_is_ordered() {
 }  // namespace
 
 Abort Node::check_communication_write(const od::Entry& entry, std::span<const std::uint8_t> value) {
-  const std::uint32_t wanted = number(value);
+  const std::uint32_t wanted = load_le(value);
   if (is(entry, od::kCOBIDSYNCMessage)) {
     // This node consumes SYNC; it does not produce it.
-    const bool possible = (wanted & (kSyncProducer | kExtendedId | kReservedIdBits)) == 0 &&
-                          is_free_id(wanted & kIdMask);
+    const bool possible = (wanted & (kSyncProducer | kExtended | kReservedIdBits)) == 0 &&
+                          !is_restricted_id(wanted & kIdMask);
     return possible ? Abort::kNone : Abort::kValueRange;
   }
   if (is(entry, od::kSynchronousCounterOverflowValue)) {
@@ -76,7 +59,7 @@ Abort Node::check_communication_write(const od::Entry& entry, std::span<const st
   }
   if (is(entry, od::kCOBIDEMCY)) {
     const std::uint32_t present = dictionary_.get(od::kCOBIDEMCY);
-    if ((wanted & (kExtendedId | kReservedIdBits)) != 0 || !is_free_id(wanted & kIdMask)) {
+    if ((wanted & (kExtended | kReservedIdBits)) != 0 || is_restricted_id(wanted & kIdMask)) {
       return Abort::kValueRange;
     }
     // While valid, only validity changes (CiA 301, 7.5.2.17).
@@ -105,7 +88,7 @@ Abort Node::check_communication_write(const od::Entry& entry, std::span<const st
     return parts_.parameters.erase() ? Abort::kNone : Abort::kHardware;
   }
   // A mapping that changes under way would let targets pass uncorrected: a step in the output.
-  const bool is_pdo_parameter = entry.index >= 0x1400 && entry.index < 0x1C00;
+  const bool is_pdo_parameter = entry.index >= 0x1400;
   if (is_pdo_parameter && mode() != Mode::kForward && !is_quiet()) return Abort::kDeviceState;
   return check_pdo_write(dictionary_, entry, value, pdos_.payload_max());
 }
@@ -132,10 +115,18 @@ bool Node::may_change_resolution() const {
 }
 
 Abort Node::before_write(const od::Entry& entry, std::span<const std::uint8_t> value) {
+  const std::uint64_t begin_us = config_.clock_us();
+  const Abort abort = check_write(entry, value);
+  // Frames that come while an erase stalls the core are lost: their senders were not silent.
+  heartbeats_.excuse(config_.clock_us() - begin_us);
+  return abort;
+}
+
+Abort Node::check_write(const od::Entry& entry, std::span<const std::uint8_t> value) {
   if (entry.index < 0x2000) return check_communication_write(entry, value);
   if (is(entry, od::kTableCommand)) {
-    const bool erases = number(value) == static_cast<std::uint32_t>(TableCommand::kCommit);
-    return tables_.command(number(value), is_quiet() && (!erases || may_erase()));
+    const bool erases = load_le(value) == static_cast<std::uint32_t>(TableCommand::kCommit);
+    return tables_.command(load_le(value), is_quiet() && (!erases || may_erase()));
   }
   namespace control = od::compensator_control;
   if (is(entry, control::kMode)) {

@@ -54,7 +54,7 @@ void Node::refresh_status() {
       std::uint64_t{cycles.magnitude_clamped} + cycles.rate_clamped + cycles.output_saturated;
   dictionary_.set(status::kState, static_cast<std::uint8_t>(parts_.compensator.state()));
   std::uint32_t bits = 0;
-  bits |= joints_.is_configured() ? 1U << 0 : 0U;
+  bits |= joints_.is_configured() ? 1U : 0U;
   bits |= joints_.is_streaming() ? 1U << 1 : 0U;
   bits |= tables_.on_trial() ? 1U << 2 : 0U;
   bits |= is_quiet() ? 1U << 3 : 0U;
@@ -134,24 +134,35 @@ Abort Node::before_read(std::uint16_t index, std::uint8_t sub) {
     const bool is_held = sub <= dictionary_.get(od::kPreDefinedErrorFieldCount);
     return is_held ? Abort::kNone : Abort::kNoData;
   }
-  if (index == od::start_and_supply::kOptionBytes.index) {
-    refresh_health();
-  } else if (index == od::drive_states::kPhase.index) {
-    refresh_drive_states();
-  } else if (index == od::timing::kSetWindowInForce.index) {
-    refresh_timing();
-  } else if (index == od::compensator_status::kState.index ||
-             index == od::kClampedCyclesByAxis[0].index ||
-             index == od::kManufacturerStatusRegister.index) {
-    refresh_status();
-  } else if (index == kUpstreamRefs.state.index) {
-    refresh_bus(dictionary_, kUpstreamRefs, parts_.upstream, from_upstream_.forwarded,
-                from_upstream_.dropped);
-  } else if (index == kDownstreamRefs.state.index && parts_.downstream != nullptr) {
-    refresh_bus(dictionary_, kDownstreamRefs, *parts_.downstream, from_downstream_.forwarded,
-                from_downstream_.dropped);
-  } else if (index == od::table_status::kStagingState.index) {
-    tables_.refresh_status();
+  switch (index) {
+    case od::start_and_supply::kOptionBytes.index:
+      refresh_health();
+      break;
+    case od::drive_states::kPhase.index:
+      refresh_drive_states();
+      break;
+    case od::timing::kSetWindowInForce.index:
+      refresh_timing();
+      break;
+    case od::compensator_status::kState.index:
+    case od::kClampedCyclesByAxis[0].index:
+    case od::kManufacturerStatusRegister.index:
+      refresh_status();
+      break;
+    case kUpstreamRefs.state.index:
+      refresh_bus(dictionary_, kUpstreamRefs, parts_.upstream, from_upstream_.forwarded,
+                  from_upstream_.dropped);
+      break;
+    case kDownstreamRefs.state.index:
+      if (parts_.downstream == nullptr) break;
+      refresh_bus(dictionary_, kDownstreamRefs, *parts_.downstream, from_downstream_.forwarded,
+                  from_downstream_.dropped);
+      break;
+    case od::table_status::kStagingState.index:
+      tables_.refresh_status();
+      break;
+    default:
+      break;
   }
   return Abort::kNone;
 }

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cstring>
 
+#include "firmware/canopen/protocol/counter.h"
+
 namespace armtrue::canopen {
 namespace {
 
@@ -25,7 +27,7 @@ Abort DictionaryAccess::begin_write(std::uint16_t index, std::uint8_t sub, std::
                                     std::uint32_t& expected) {
   if (const Abort abort = locate(index, sub); abort != Abort::kNone) return abort;
   if (!has(*entry_, od::kWritable)) {
-    if (refused_writes_ != UINT32_MAX) ++refused_writes_;
+    count(refused_writes_);
     return Abort::kReadOnly;
   }
   expected = is_variable(*entry_) ? 0 : entry_->size;
@@ -56,10 +58,7 @@ Abort DictionaryAccess::append(std::span<const std::uint8_t> piece) {
 Abort DictionaryAccess::check_limits(std::span<const std::uint8_t> value) const {
   const od::Limit* limit = dictionary_.limit(*entry_);
   if (limit == nullptr) return Abort::kNone;
-  std::uint32_t number = 0;
-  for (std::size_t k = 0; k < value.size(); ++k) {
-    number |= static_cast<std::uint32_t>(value[k]) << (8 * k);
-  }
+  const std::uint32_t number = load_le(value);
   if (number > limit->high) return Abort::kValueTooHigh;
   return number < limit->low ? Abort::kValueTooLow : Abort::kNone;
 }

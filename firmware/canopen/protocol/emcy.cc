@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "firmware/canopen/protocol/cob_id.h"
+
 namespace armtrue::canopen {
 namespace {
 
@@ -36,7 +38,6 @@ constexpr ConditionCode kCodes[] = {
 static_assert(std::size(kCodes) == static_cast<std::size_t>(Condition::kCount));
 
 constexpr std::uint16_t kErrorReset = 0x0000;
-constexpr std::uint32_t kNotValid = 0x80000000U;
 
 }  // namespace
 
@@ -106,14 +107,14 @@ void Emcy::queue(const Message& message) {
 
 void Emcy::process(CanPort& port, std::uint64_t now_us) {
   const std::uint32_t cob_id = dictionary_.get(od::kCOBIDEMCY);
-  if ((cob_id & kNotValid) != 0) {
+  if ((cob_id & kInvalid) != 0) {
     queue_size_ = 0;
     return;
   }
   while (queue_size_ > 0 && now_us >= next_allowed_us_) {
     const Message& message = queue_[queue_begin_];
     CanFrame frame;
-    frame.id = cob_id & 0x7FFU;
+    frame.id = cob_id & kIdMask;
     frame.len = 8;
     store_le(&frame.data[0], message.code);
     frame.data[2] = message.error_register;

@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
+#include <utility>
 #include <vector>
 
 #include "firmware/testing/simulated_port.h"
@@ -65,6 +67,55 @@ TEST_F(EmcyTest, Register_IsWhatAllConditionsTogetherSay) {
   EXPECT_EQ(error_register(), 0x11);
   emcy.clear(Condition::kBusPassive);
   EXPECT_EQ(error_register(), 0);
+}
+
+TEST_F(EmcyTest, EachCondition_HasItsCodeAndItsBits) {
+  // docs/protocol.md; the order is that of Condition.
+  constexpr std::array<std::pair<int, int>, static_cast<std::size_t>(Condition::kCount)> kExpected =
+      {{{0xFF10, 0x11}, {0xFF11, 0x21}, {0xFF12, 0x21}, {0xFF13, 0x21}, {0xFF14, 0x11},
+        {0x5530, 0x21}, {0x8130, 0x11}, {0x8110, 0x11}, {0x8120, 0x11}, {0x8140, 0x11},
+        {0x8140, 0x11}, {0x8210, 0x11}, {0x8240, 0x11}, {0xFF15, 0x11}, {0xFF16, 0x21},
+        {0xFF17, 0x21}, {0xFF18, 0x21}}};
+  for (std::size_t k = 0; k < kExpected.size(); ++k) {
+    emcy.raise(static_cast<Condition>(k), 0x01020304);
+    emcy.process(port, 0);
+    const std::vector<CanFrame> sent = port.take_sent();
+    ASSERT_EQ(sent.size(), 1U) << k;
+    EXPECT_EQ(load_le<std::uint16_t>(sent[0].data), kExpected[k].first) << k;
+    EXPECT_EQ(sent[0].data[2], kExpected[k].second) << k;
+    EXPECT_EQ(load_le<std::uint32_t>(&sent[0].data[3]), 0x01020304U);
+    EXPECT_EQ(sent[0].data[7], 0);
+    emcy.clear(static_cast<Condition>(k));
+    emcy.process(port, 0);
+    EXPECT_EQ(load_le<std::uint16_t>(&port.take_sent().at(0).data[3]), kExpected[k].first)
+        << "the end of which";
+  }
+}
+
+TEST_F(EmcyTest, History_KeepsTheNewestOfMoreThanItHolds) {
+  constexpr std::size_t kFields = std::size(od::kPreDefinedErrorField);
+  for (std::uint32_t k = 1; k <= kFields + 2; ++k) {
+    emcy.raise(Condition::kTableRefused, k);
+    emcy.clear(Condition::kTableRefused);
+  }
+  EXPECT_EQ(dictionary.get(od::kPreDefinedErrorFieldCount), kFields);
+  for (std::size_t k = 0; k < kFields; ++k) {
+    EXPECT_EQ(dictionary.get(od::kPreDefinedErrorField[k]) >> 16, kFields + 2 - k) << k;
+  }
+}
+
+TEST_F(EmcyTest, Reset_ForgetsWhatWasRaisedAndWhatWaits) {
+  dictionary.set(od::kInhibitTimeEMCY, std::uint16_t{1000});
+  emcy.raise(Condition::kTableRefused, 1);
+  ASSERT_EQ(codes(0).size(), 1U);
+  emcy.raise(Condition::kStorage, 1);
+  emcy.reset();
+  EXPECT_EQ(error_register(), 0);
+  EXPECT_EQ(dictionary.get(od::kPreDefinedErrorFieldCount), 0);
+  EXPECT_EQ(dictionary.get(od::kPreDefinedErrorField[0]), 0U);
+  EXPECT_TRUE(codes(1'000'000).empty());
+  emcy.raise(Condition::kStorage, 1);
+  EXPECT_EQ(codes(0), std::vector{0x5530}) << "the inhibit time begins anew as well";
 }
 
 TEST_F(EmcyTest, InhibitTime_KeepsMessagesApart) {

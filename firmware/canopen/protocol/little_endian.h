@@ -2,9 +2,11 @@
 #ifndef ARMTRUE_FIRMWARE_CANOPEN_PROTOCOL_LITTLE_ENDIAN_H_
 #define ARMTRUE_FIRMWARE_CANOPEN_PROTOCOL_LITTLE_ENDIAN_H_
 
+#include <algorithm>
 #include <concepts>
 #include <cstddef>
 #include <cstdint>
+#include <span>
 #include <type_traits>
 
 namespace armtrue::canopen {
@@ -18,6 +20,15 @@ constexpr T load_le(const std::uint8_t* bytes) {
     value |= static_cast<std::uint32_t>(bytes[k]) << (8 * k);
   }
   return static_cast<T>(value);
+}
+
+// Reads up to four bytes; what is behind them does not count.
+constexpr std::uint32_t load_le(std::span<const std::uint8_t> bytes) {
+  std::uint32_t value = 0;
+  for (std::size_t k = std::min<std::size_t>(bytes.size(), 4); k > 0; --k) {
+    value = value << 8 | bytes[k - 1];
+  }
+  return value;
 }
 
 // Writes sizeof(T) bytes.

@@ -81,6 +81,10 @@ std::uint8_t HeartbeatConsumer::handle(const CanFrame& frame, std::uint64_t now_
   return 0;
 }
 
+void HeartbeatConsumer::excuse(std::uint64_t deaf_us) {
+  for (Watch& watch : watches_) watch.deadline_us += deaf_us;
+}
+
 std::uint8_t HeartbeatConsumer::process(std::uint64_t now_us) {
   for (Watch& watch : watches_) {
     if (watch.time_us == 0 || !watch.seen || watch.lost || now_us < watch.deadline_us) continue;

@@ -36,9 +36,6 @@ class Nmt {
 
   NmtState state() const { return state_; }
 
-  // Initialising: nothing is sent or taken until boot().
-  void begin_initialising() { state_ = NmtState::kInitialising; }
-
   // Ends initialising: the boot-up message leaves and the node is pre-operational. False if the
   // port did not take the message; call again.
   bool boot(CanPort& port, std::uint64_t now_us);
@@ -88,11 +85,11 @@ class HeartbeatConsumer {
   // come back after a loss, else 0.
   std::uint8_t handle(const CanFrame& frame, std::uint64_t now_us);
 
+  // Nothing could be heard for so long: nobody's time ran meanwhile.
+  void excuse(std::uint64_t deaf_us);
+
   // Returns the node-ID of a heartbeat that has just been missed, else 0. Call until it returns 0.
   std::uint8_t process(std::uint64_t now_us);
-
-  // Whether the heartbeat that a slot watches is missing.
-  bool is_lost(std::size_t slot) const { return watches_[slot].lost; }
 
   // The slot that watches a node, kNodes if none does.
   std::size_t slot_of(std::uint8_t node_id) const;

@@ -8,8 +8,9 @@
 namespace armtrue::canopen {
 namespace {
 
-constexpr std::uint16_t kFirstCommunication = 0x1000;
-constexpr std::uint16_t kLastCommunication = 0x1FFF;
+constexpr std::uint32_t kCommunicationBegin = 0x1000;
+constexpr std::uint32_t kCommunicationEnd = 0x2000;
+constexpr std::uint32_t kIndexEnd = 0x10000;
 
 // Strings in RAM are what the device says of itself: set once at start, not a parameter.
 bool has_default(const od::Entry& entry) {
@@ -28,11 +29,11 @@ bool is_in_rom(const od::Entry& entry) { return (entry.flags & od::kInRom) != 0;
 
 }  // namespace
 
-void ObjectDictionary::restore(std::uint8_t node_id, std::uint16_t first_index,
-                               std::uint16_t last_index) {
+void ObjectDictionary::restore(std::uint8_t node_id, std::uint32_t begin_index,
+                               std::uint32_t end_index) {
   for (const od::Entry& entry : od::kEntries) {
     const bool wanted =
-        entry.index >= first_index && entry.index <= last_index && has_default(entry);
+        entry.index >= begin_index && entry.index < end_index && has_default(entry);
     if (!wanted || is_in_rom(entry)) continue;
     std::copy_n(od::kDefaults + entry.offset, entry.size, image_.begin() + entry.offset);
     const auto* end = std::end(od::kNodeRelative);
@@ -43,10 +44,10 @@ void ObjectDictionary::restore(std::uint8_t node_id, std::uint16_t first_index,
   }
 }
 
-void ObjectDictionary::restore_defaults(std::uint8_t node_id) { restore(node_id, 0, 0xFFFF); }
+void ObjectDictionary::restore_defaults(std::uint8_t node_id) { restore(node_id, 0, kIndexEnd); }
 
 void ObjectDictionary::restore_communication_defaults(std::uint8_t node_id) {
-  restore(node_id, kFirstCommunication, kLastCommunication);
+  restore(node_id, kCommunicationBegin, kCommunicationEnd);
 }
 
 std::optional<od::Entry> ObjectDictionary::find(std::uint16_t index, std::uint8_t sub) const {

@@ -20,8 +20,6 @@ namespace armtrue::canopen {
 
 class ObjectDictionary {
  public:
-  ObjectDictionary() { restore_defaults(0); }
-
   // Sets every value to the EDS default, those relative to the node-ID included. Strings that the
   // device filled in at start are kept.
   void restore_defaults(std::uint8_t node_id);
@@ -69,7 +67,8 @@ class ObjectDictionary {
   void unpack_stored(std::span<const std::uint8_t> in);
 
  private:
-  void restore(std::uint8_t node_id, std::uint16_t first_index, std::uint16_t last_index);
+  // The defaults of begin_index ≤ index < end_index.
+  void restore(std::uint8_t node_id, std::uint32_t begin_index, std::uint32_t end_index);
 
   std::array<std::uint8_t, od::kImageSize> image_ = {};
 };

@@ -3,14 +3,10 @@
 #include <algorithm>
 #include <cstring>
 
+#include "firmware/canopen/protocol/cob_id.h"
+
 namespace armtrue::canopen {
 namespace {
-
-constexpr std::uint32_t kInvalid = 0x80000000U;
-constexpr std::uint32_t kExtended = 0x20000000U;
-constexpr std::uint32_t kIdMask = 0x7FFU;
-constexpr std::uint32_t kReservedIdBits =
-    0x1FFFF800U;  // an extended identifier's (CiA 301, 7.5.2.35)
 
 constexpr std::uint16_t kRpdoCommunication = 0x1400;
 constexpr std::uint16_t kRpdoMapping = 0x1600;
@@ -59,12 +55,6 @@ Abort check_map_word(const ObjectDictionary& dictionary, std::uint32_t word, boo
   return mappable && allowed ? Abort::kNone : Abort::kNotMappable;
 }
 
-// CiA 301, table 41: identifiers that no PDO may use.
-bool is_restricted(std::uint32_t id) {
-  return id <= 0x07F || (id >= 0x101 && id <= 0x180) || (id >= 0x581 && id <= 0x5FF) ||
-         (id >= 0x601 && id <= 0x67F) || (id >= 0x6E0 && id <= 0x6FF) || id >= 0x701;
-}
-
 Abort check_cob_id(std::uint32_t present, std::uint32_t wanted) {
   if ((wanted & (kExtended | kReservedIdBits)) != 0) return Abort::kValueRange;
   if ((wanted & kInvalid) != 0) return Abort::kNone;
@@ -72,7 +62,7 @@ Abort check_cob_id(std::uint32_t present, std::uint32_t wanted) {
   if ((present & kInvalid) == 0 && (present & kIdMask) != (wanted & kIdMask)) {
     return Abort::kValueRange;
   }
-  return is_restricted(wanted & kIdMask) ? Abort::kValueRange : Abort::kNone;
+  return is_restricted_id(wanted & kIdMask) ? Abort::kValueRange : Abort::kNone;
 }
 
 // Of records in force: saved parameters could hold anything.

@@ -3,6 +3,14 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <array>
+#include <set>
+#include <utility>
+#include <vector>
+
+#include "firmware/canopen/protocol/cob_id.h"
+
 namespace armtrue::canopen {
 namespace {
 
@@ -85,6 +93,66 @@ TEST_F(PdoRecordTest, SavedMapping_OfWhatMayNotBeMapped_EndsThere) {
   PdoTable pdos(dictionary, kClassicPayload);
   pdos.refresh();
   EXPECT_EQ(pdos.rpdo(kRpdo - 0x1400).mapping.count, 1);
+}
+
+TEST(CobId, Restricted_AreThoseOfTheStandard) {
+  // CiA 301, table 41.
+  const std::vector<std::pair<std::uint32_t, std::uint32_t>> kRanges = {
+      {0x000, 0x07F}, {0x101, 0x180}, {0x581, 0x5FF},
+      {0x601, 0x67F}, {0x6E0, 0x6FF}, {0x701, 0x7FF}};
+  for (std::uint32_t id = 0; id <= 0x7FF; ++id) {
+    const bool listed = std::ranges::any_of(
+        kRanges, [id](const auto& range) { return id >= range.first && id <= range.second; });
+    EXPECT_EQ(is_restricted_id(id), listed) << std::hex << id;
+  }
+}
+
+TEST(FdLength, ValidOnes_AreThoseOfTheStandard) {
+  const std::set<std::size_t> kValid = {0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64};
+  for (std::size_t length = 0; length <= 100; ++length) {
+    EXPECT_EQ(is_valid_fd_length(length), kValid.contains(length)) << length;
+  }
+}
+
+TEST_F(PdoRecordTest, TransmissionTypes_UpTo240AreSynchronous) {
+  PdoTable pdos(dictionary, kClassicPayload);
+  for (const auto& [type, synchronous] :
+       {std::pair{0, true}, {1, true}, {240, true}, {254, false}, {255, false}}) {
+    EXPECT_EQ(write(kRpdo, 2, static_cast<std::uint32_t>(type)), Abort::kNone) << type;
+    pdos.refresh();
+    EXPECT_EQ(pdos.rpdo(kRpdo - 0x1400).is_synchronous(), synchronous) << type;
+  }
+  for (const std::uint32_t type : {241U, 253U}) {
+    EXPECT_EQ(write(kRpdo, 2, type), Abort::kValueRange) << type;
+  }
+}
+
+TEST_F(PdoRecordTest, Dummies_WriteNothingAnywhere) {
+  const std::uint16_t mapping = kRpdo + 0x200;
+  save(mapping, 1, 0x00070020);
+  save(mapping, 2, 0x20210020);
+  save(mapping, 0, 2);
+  save(kRpdo, 1, 0x191);
+  PdoTable pdos(dictionary, kClassicPayload);
+  pdos.refresh();
+  std::array<std::uint8_t, od::kImageSize> before = {};
+  dictionary.copy_out(0, before);
+  CanFrame frame;
+  frame.len = 8;
+  std::ranges::fill(frame.data, std::uint8_t{0xAB});
+  apply_rpdo(dictionary, pdos.rpdo(kRpdo - 0x1400), frame);
+  EXPECT_EQ(dictionary.get(od::kPayloadMass), 0xABABABABU);
+  dictionary.set(od::kPayloadMass, 0);
+  std::array<std::uint8_t, od::kImageSize> after = {};
+  dictionary.copy_out(0, after);
+  EXPECT_EQ(after, before);
+}
+
+TEST_F(PdoRecordTest, CobIdInUse_KeepsItsIdentifier) {
+  ASSERT_EQ(write(kRpdo, 1, 0x191), Abort::kNone);
+  EXPECT_EQ(write(kRpdo, 1, 0x192), Abort::kValueRange);
+  EXPECT_EQ(write(kRpdo, 1, 0x191), Abort::kNone) << "the same again";
+  EXPECT_EQ(write(kRpdo, 1, 0x80000192), Abort::kNone) << "switched off, it may move";
 }
 
 TEST_F(PdoRecordTest, SavedCount_BeyondTheRecord_IsCut) {

@@ -86,8 +86,7 @@ void SdoServer::initiate_download(const std::uint8_t* request) {
   }
   if (expedited) {
     // Without an indicated size the object's own decides how many of the four bytes count.
-    const bool fits = expected >= 1 && expected <= 4;
-    const std::size_t length = sized ? size : (fits ? expected : 4);
+    const std::size_t length = sized ? size : (expected == 0 ? 4U : std::min<std::uint32_t>(expected, 4));
     if (const Abort code = access_.append({request + 4, length}); code != Abort::kNone) {
       return abort(code);
     }
@@ -130,7 +129,6 @@ void SdoServer::respond_upload_initiated() {
   if (size_ >= 1 && size_ <= 4) {
     Payload answer = response(static_cast<std::uint8_t>(0x43U | (4U - size_) << 2));
     access_.read(0, std::span(answer).subspan(4, size_));
-    finish();
     return respond(answer);
   }
   Payload answer = response(0x41);

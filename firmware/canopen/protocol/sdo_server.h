@@ -35,7 +35,6 @@ class SdoServer {
   void process(std::uint64_t now_us, bool at_rest);
 
   std::uint32_t request_id() const { return request_id_; }
-  bool is_idle() const { return state_ == State::kIdle; }
 
   // Silence after which a transfer is aborted.
   static constexpr std::uint64_t kTimeOutUs = 2'000'000;

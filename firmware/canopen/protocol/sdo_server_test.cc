@@ -63,6 +63,15 @@ TEST_F(SdoTest, ExpeditedUploadSaysHowManyBytesCount) {
   EXPECT_EQ(bench.ask({0x40, 0x01, 0x10, 0, 0, 0, 0, 0})[0], 0x4F);
 }
 
+TEST_F(SdoTest, AnAnswer_NamesTheObjectAndItsSubIndex) {
+  EXPECT_EQ(bench.ask({0x00, 1, 2, 3, 4, 5, 6, 7}), (Answer{0x80, 0, 0, 0, 1, 0, 4, 5}))
+      << "no object has been named yet";
+  EXPECT_EQ(bench.ask({0x40, 0x18, 0x10, 4, 0, 0, 0, 0}),
+            (Answer{0x43, 0x18, 0x10, 4, 7, 0, 0, 0}));
+  EXPECT_EQ(bench.ask({0x40, 0x18, 0x10, 9, 0, 0, 0, 0}),
+            (Answer{0x80, 0x18, 0x10, 9, 0x11, 0x00, 0x09, 0x06}));
+}
+
 TEST_F(SdoTest, ExpeditedDownloadWithoutSizeTakesTheObjectsOwn) {
   EXPECT_EQ(bench.ask({0x22, 0x17, 0x10, 0, 0xE8, 0x03, 0xAA, 0xBB})[0], 0x60);
   EXPECT_EQ(bench.read(0x1017, 0), 1000U);
@@ -430,6 +439,49 @@ TEST_F(DumpInMotion, WhereThePortDoesNotKnowItsBacklogASegmentLeavesInAMilliseco
   }
   EXPECT_EQ(data_back, data);
   EXPECT_LT(cycles, 2000 / 7 + 20);
+}
+
+// A transfer that has ended is over: silence behind it is nobody's fault.
+TEST_F(SdoTest, TransfersThatAreDone_DoNotTimeOut) {
+  const auto expect_quiet = [this] {
+    answers();
+    bench.run_for(SdoServer::kTimeOutUs + 10'000);
+    EXPECT_TRUE(answers().empty());
+  };
+  bench.ask({0x21, 0x10, 0x20, 0, 9, 0, 0, 0});
+  bench.ask({0x00, 1, 2, 3, 4, 5, 6, 7});
+  bench.ask({0x10 | 5 << 1 | 1, 8, 9, 0, 0, 0, 0, 0});
+  expect_quiet();
+  const std::vector<std::uint8_t> data = pattern(20);
+  send({0xC6, 0x10, 0x20, 0, 20, 0, 0, 0});
+  send_segments(data, 0, 3, true);
+  end_block(data, crc16(data));
+  EXPECT_EQ(answers().back().data[0], 0xA1);
+  expect_quiet();
+  send({0xA4, 0x08, 0x10, 0, 127, 0, 0, 0});
+  send({0xA3, 0, 0, 0, 0, 0, 0, 0});
+  bench.run_for(1'000);
+  send({0xA2, 3, 127, 0, 0, 0, 0, 0});
+  EXPECT_EQ(answers().back().data[0] & 0xE3, 0xC1);
+  send({0xA1, 0, 0, 0, 0, 0, 0, 0});
+  expect_quiet();
+}
+
+TEST_F(SdoTest, BlockUploadWithoutCrc_EndsWithZero) {
+  for (const int with_crc : {0, 4}) {
+    send({0xA0 | with_crc, 0x08, 0x10, 0, 127, 0, 0, 0});
+    send({0xA3, 0, 0, 0, 0, 0, 0, 0});
+    bench.run_for(1'000);
+    answers();
+    send({0xA2, 3, 127, 0, 0, 0, 0, 0});
+    EXPECT_EQ(load_le<std::uint16_t>(&answers().at(0).data[1]) != 0, with_crc != 0);
+    send({0xA1, 0, 0, 0, 0, 0, 0, 0});
+  }
+}
+
+TEST_F(SdoTest, ExpeditedDownloadWithoutSize_ToAnObjectOfAnySizeIsFourBytes) {
+  EXPECT_EQ(bench.ask({0x22, 0x10, 0x20, 0, 1, 2, 3, 4})[0], 0x60);
+  EXPECT_EQ(bench.read(0x2013, 3), 4U);
 }
 
 TEST(Crc16Test, MatchesTheStandardsCheckValue) {

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "firmware/canopen/protocol/counter.h"
 #include "firmware/core/crypto/crc32.h"
 #include "firmware/core/fixed/bytes.h"
 #include "firmware/core/fixed/ratio.h"
@@ -20,14 +21,10 @@ enum UploadRefusal : std::uint16_t {
 };
 constexpr std::uint8_t kNoSlot = 0xFF;
 
-void count(std::uint32_t& counter) {
-  if (counter != UINT32_MAX) ++counter;
-}
-
 // How many bytes of `length` the checksum of an image is over: not those that hold it.
 std::uint32_t checked(std::uint32_t length) {
   constexpr std::uint32_t kOwn = format::kChecksumLength;
-  return length < kOwn ? 0 : length - kOwn;
+  return std::max(length, kOwn) - kOwn;
 }
 
 // The compensator caps such limits anyway; whoever wrote them expects something else to happen.
@@ -268,9 +265,8 @@ Abort TableTransfer::activate() {
   if (abort == Abort::kNone) {
     trial_ = true;
     use(image);
-  } else if (state_ != StagingState::kReceiving) {
-    // The store may have used the buffer.
-    discard();
+  } else {
+    discard();  // the store may have used the buffer
   }
   return abort;
 }

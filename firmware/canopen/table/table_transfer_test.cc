@@ -22,12 +22,32 @@ DeviceIdentity bound_to(const std::string& serial) {
 enum Sub : std::uint8_t {
   kStaging = 1,
   kReason = 2,
+  kBytesStaged = 3,
   kStagedChecksum = 4,
-  kActiveChecksum = 13,
+  kCapacity = 5,
+  kFormat = 6,
+  kSignature = 7,
+  kSlotA = 8,
+  kSequenceA = 9,
+  kSlotB = 10,
+  kSequenceB = 11,
   kActiveSlot = 12,
+  kActiveChecksum = 13,
   kTrial = 14,
-  kSequence = 16
+  kRefusedByte = 15,
+  kSequence = 16,
+  kStoreResult = 17
 };
+
+// `image` with another value in one joint's record.
+template <typename T>
+std::vector<std::uint8_t> with_joint(std::vector<std::uint8_t> image, std::size_t joint,
+                                     std::size_t field, T value) {
+  const std::size_t at = static_cast<std::size_t>(TableView(image).joint(joint) - image.data());
+  store_le(&image[at + field], value);
+  store_le(&image[image.size() - 4], crc32(std::span(image).first(image.size() - 4)));
+  return image;
+}
 
 class TableTransferTest : public testing::Test {
  protected:
@@ -213,6 +233,150 @@ TEST_F(TableTransferTest, AFailingFlashIsReportedAndTheOldTableStays) {
   EXPECT_EQ(status(kSequence), 1U);
   EXPECT_EQ(bench.read(0x1003, 1) & 0xFFFFU, 0x5530U);
   EXPECT_EQ(bench.command(TableCommand::kCommit), 0U) << "and may be tried again";
+}
+
+TEST_F(TableTransferTest, Status_FollowsATableThroughItsLife) {
+  const auto state = [](storage::SlotState slot) { return static_cast<std::uint32_t>(slot); };
+  const auto image = [](std::uint32_t sequence) {
+    return TestTable{.sequence = sequence, .serial = "R-7"}.image();
+  };
+  EXPECT_EQ(status(kCapacity), kMaxImageLength);
+  EXPECT_EQ(status(kFormat), format::kVersion);
+  EXPECT_EQ(status(kSignature), 0U);
+  EXPECT_EQ(status(kSlotA), state(storage::SlotState::kBlank));
+  EXPECT_EQ(status(kSlotB), state(storage::SlotState::kBlank));
+  ASSERT_EQ(bench.stage(image(5)), 0U);
+  EXPECT_EQ(status(kBytesStaged), image(5).size());
+  ASSERT_EQ(bench.command(TableCommand::kVerify), 0U);
+  EXPECT_EQ(status(kStaging), 3U);
+  ASSERT_EQ(bench.command(TableCommand::kCommit), 0U);
+  EXPECT_EQ(status(kStaging), 5U);
+  EXPECT_EQ(status(kSlotA), state(storage::SlotState::kPending));
+  ASSERT_EQ(bench.command(TableCommand::kActivate), 0U);
+  EXPECT_EQ(status(kSlotA), state(storage::SlotState::kTrial));
+  EXPECT_EQ(status(kTrial), 1U);
+  ASSERT_EQ(bench.command(TableCommand::kConfirm), 0U);
+  EXPECT_EQ(status(kSlotA), state(storage::SlotState::kConfirmed));
+  EXPECT_EQ(status(kTrial), 0U);
+  EXPECT_EQ(status(kStoreResult), 0U);
+  bench.install(image(6));
+  EXPECT_EQ(status(kSlotB), state(storage::SlotState::kConfirmed));
+  EXPECT_EQ(status(kActiveSlot), 1U);
+  // The store numbers its commits by itself.
+  EXPECT_EQ(status(kSequenceA), 1U);
+  EXPECT_EQ(status(kSequenceB), 2U);
+  EXPECT_EQ(bench.command(TableCommand::kConfirm), kDeviceState) << "no trial";
+  EXPECT_EQ(status(kStoreResult), static_cast<std::uint32_t>(storage::StoreResult::kNoTrial));
+}
+
+TEST_F(TableTransferTest, CommandsThatTheStoreRefuses_AreCounted) {
+  const std::uint32_t refused = bench.read(0x2001, 6);
+  for (const TableCommand word :
+       {TableCommand::kActivate, TableCommand::kConfirm, TableCommand::kRevert}) {
+    EXPECT_EQ(bench.command(word), kDeviceState);
+  }
+  EXPECT_EQ(bench.read(0x2001, 6), refused + 3);
+}
+
+TEST_F(TableTransferTest, WhatIsStaged_IsGoneAfterAnActivationThatFails) {
+  ASSERT_EQ(bench.stage(TestTable{.serial = "R-7"}.image()), 0U);
+  EXPECT_EQ(bench.command(TableCommand::kActivate), kDeviceState) << "nothing is committed";
+  EXPECT_EQ(status(kStaging), 0U) << "the store may have used the buffer";
+}
+
+TEST_F(TableTransferTest, ATableThatPasses_EndsTheAlarmOfOneThatDidNot) {
+  const auto wrong = TestTable{.serial = "R-8"}.image();
+  expect_refused(wrong, static_cast<std::uint32_t>(Refusal::kRobotSerial));
+  expect_refused(wrong, static_cast<std::uint32_t>(Refusal::kRobotSerial));
+  EXPECT_EQ(bench.read(0x1003, 0), 2U) << "each refused image is its own event";
+  EXPECT_NE(bench.read(0x1001, 0), 0U);
+  ASSERT_EQ(bench.stage(TestTable{.serial = "R-7"}.image()), 0U);
+  EXPECT_EQ(status(kReason), 0U);
+  ASSERT_EQ(bench.command(TableCommand::kVerify), 0U);
+  EXPECT_EQ(bench.read(0x1001, 0), 0U);
+}
+
+TEST_F(TableTransferTest, TheByteThatARefusalIsAbout_IsSaidUntilTheNextTable) {
+  const auto image = TestTable{.serial = "R-7"}.image();
+  const std::size_t field = format::joint::kMagnitudeAt;
+  const auto at = static_cast<std::uint32_t>(TableView(image).joint(2) - image.data() + field);
+  expect_refused(
+      with_joint(image, 2, field, std::int32_t{-1}),
+      static_cast<std::uint32_t>(
+          validate(with_joint(image, 2, field, std::int32_t{-1}), bound_to("R-7")).refusal));
+  EXPECT_EQ(status(kRefusedByte), at);
+  ASSERT_EQ(bench.command(TableCommand::kDiscard), 0U);
+  EXPECT_EQ(status(kRefusedByte), 0U);
+  EXPECT_EQ(status(kReason), 0U);
+}
+
+TEST_F(TableTransferTest, LimitsOfOneJointThatAreTooWide_AreEnoughForARefusal) {
+  const auto image = TestTable{.serial = "R-7"}.image();
+  for (std::size_t joint = 0; joint < 6; ++joint) {
+    SCOPED_TRACE(joint);
+    expect_refused(
+        with_joint(image, joint, format::joint::kMagnitudeAt, std::int32_t{kMaxDeltaRevolute + 1}),
+        0x101);
+    EXPECT_EQ(status(kRefusedByte), 0U) << "more than one field may be meant";
+    expect_refused(with_joint(image, joint, format::joint::kRateAt, kMaxRateRevolute + 1), 0x101);
+  }
+}
+
+TEST_F(TableTransferTest, AFlashThatWorksAgain_EndsItsAlarm) {
+  ASSERT_EQ(bench.stage(TestTable{.serial = "R-7"}.image()), 0U);
+  ASSERT_EQ(bench.command(TableCommand::kVerify), 0U);
+  bench.flash.fail_at(3);
+  EXPECT_EQ(bench.command(TableCommand::kCommit), static_cast<std::uint32_t>(Abort::kHardware));
+  EXPECT_EQ(status(kStaging), 3U) << "verified, not committed";
+  EXPECT_NE(bench.read(0x1001, 0), 0U);
+  EXPECT_EQ(bench.command(TableCommand::kCommit), 0U);
+  EXPECT_EQ(bench.read(0x1001, 0), 0U);
+}
+
+TEST_F(TableTransferTest, ATrialIsOver_EvenWhereItsMarkCannotBeWritten) {
+  bench.install(TestTable{.sequence = 5, .serial = "R-7"}.image());
+  ASSERT_EQ(bench.stage(TestTable{.sequence = 6, .serial = "R-7"}.image()), 0U);
+  for (const TableCommand word :
+       {TableCommand::kVerify, TableCommand::kCommit, TableCommand::kActivate}) {
+    ASSERT_EQ(bench.command(word), 0U);
+  }
+  bench.flash.protect(true);
+  EXPECT_EQ(bench.command(TableCommand::kRevert), static_cast<std::uint32_t>(Abort::kHardware));
+  EXPECT_EQ(status(kSequence), 5U);
+  EXPECT_EQ(status(kTrial), 0U);
+}
+
+TEST_F(TableTransferTest, DrivesWhoseResolutionIsNoWholeNumber_AreGivenAsARatio) {
+  // 2^20 and 2^-10 increments a turn.
+  auto image = with_joint(TestTable{.serial = "R-7"}.image(), 4, format::joint::kIncrementPerUnitAt,
+                          std::int32_t{(1 << 30) + 1});
+  image = with_joint(image, 4, format::joint::kUnitPerIncrementAt, std::int32_t{(1 << 30) - 1});
+  bench.install(image);
+  EXPECT_EQ(bench.read(0x608F + 4 * 0x800, 1), 1'048'576'001U);
+  EXPECT_EQ(bench.read(0x608F + 4 * 0x800, 2), 1000U);
+  EXPECT_EQ(bench.read(0x608F, 1), 1'048'576U);
+  EXPECT_EQ(bench.read(0x608F, 2), 1U);
+}
+
+TEST_F(TableTransferTest, DrivesOfAnyFineness_AreGivenInIncrements) {
+  for (const int finer : {0, 4, 9, 10}) {
+    NodeBench other(true, false, bound_to("R-7"));
+    other.install(TestTable{.serial = "R-7", .finer = finer}.image());
+    EXPECT_EQ(other.read(0x608F, 1), 1U << (20 + finer)) << finer;
+    EXPECT_EQ(other.read(0x608F, 2), 1U);
+  }
+}
+
+TEST_F(TableTransferTest, ATableThatTheDrivesDoNotFitAnyMore_LeavesRoomForAnother) {
+  const auto image = TestTable{.serial = "R-7"}.image();
+  ASSERT_EQ(bench.stage(image), 0U);
+  ASSERT_EQ(bench.command(TableCommand::kVerify), 0U);
+  ASSERT_EQ(bench.command(TableCommand::kCommit), 0U);
+  ASSERT_EQ(bench.write(0x608F, 1, 1U << 24, 4), 0U) << "other drives";
+  ASSERT_EQ(bench.command(TableCommand::kActivate), 0U);
+  EXPECT_EQ(status(kReason), static_cast<std::uint32_t>(Refusal::kResolution));
+  ASSERT_EQ(bench.command(TableCommand::kRevert), 0U);
+  EXPECT_EQ(bench.stage(image), 0U);
 }
 
 TEST_F(TableTransferTest, UnknownCommandWordsAreRefused) {

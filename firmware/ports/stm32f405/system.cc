@@ -3,28 +3,28 @@
 #include <initializer_list>
 
 #include "firmware/ports/common/interrupt_lock.h"
+#include "firmware/ports/common/register_block.h"
+#include "firmware/ports/stm32f405/free_running_clock.h"
 #include "firmware/ports/stm32f405/registers.h"
 
 namespace {
 
-volatile std::uint32_t milliseconds = 0;
-volatile std::uint32_t milliseconds_carry = 0;
 volatile bool is_awake = false;
-std::uint64_t last_us = 0;
+
+armtrue::ports::MappedRegisters tim2_registers(0x40000000);
+armtrue::stm32f405::FreeRunningClock device_clock(tim2_registers);
 
 }  // namespace
 
-extern "C" void systick_handler() {
-  const std::uint32_t next = milliseconds + 1;
-  if (next == 0) milliseconds_carry = milliseconds_carry + 1;
-  milliseconds = next;
-  is_awake = true;
-}
+extern "C" void systick_handler() { is_awake = true; }
 
 namespace armtrue::stm32f405 {
 namespace {
 
 constexpr std::uint32_t kTicksPerMs = kCoreHz / 1000;
+// Timers of a divided bus run at twice its clock (7.2). QEMU's run at 1 GHz.
+constexpr std::uint32_t kTim2Hz = 2 * kApb1Hz;
+constexpr std::uint32_t kEmulatedTim2Hz = 1'000'000'000;
 constexpr std::uint32_t kPolls = 100'000;  // some ten milliseconds at 16 MHz; a crystal needs two
 
 // RCC (RM0090, 7.3).
@@ -69,8 +69,8 @@ void set_alternate(GpioRegisters& gpio, std::uint32_t pin, std::uint32_t functio
 }  // namespace
 
 ClockSource start_clocks() {
-  rcc().apb1enr = rcc().apb1enr | (1U << 28);  // power controller
-  pwr().cr = pwr().cr | (1U << 14);            // full voltage for 168 MHz
+  rcc().apb1enr = rcc().apb1enr | (1U << 0) | (1U << 28);  // TIM2, power controller
+  pwr().cr = pwr().cr | (1U << 14);                        // full voltage for 168 MHz
   // Five wait states at 168 MHz and 3.3 V (table 10), prefetch and both caches.
   flash_interface().acr = 5U | (1U << 8) | (1U << 9) | (1U << 10);
 
@@ -82,6 +82,7 @@ ClockSource start_clocks() {
     wait(rcc().cfgr, 3U << 2, kCfgrPll << 2);
   }
 
+  device_clock.start(locked ? kTim2Hz : kEmulatedTim2Hz);
   systick().load = kTicksPerMs - 1;
   systick().val = 0;
   systick().ctrl = 7;  // core clock, interrupt, on
@@ -89,21 +90,7 @@ ClockSource start_clocks() {
   return crystal ? ClockSource::kCrystal : ClockSource::kInternal;
 }
 
-std::uint64_t clock_us() {
-  std::uint64_t now_us = 0;
-  for (;;) {
-    const std::uint32_t carry = milliseconds_carry;
-    const std::uint32_t before = milliseconds;
-    const std::uint32_t ticks = kTicksPerMs - 1 - systick().val;
-    if (before != milliseconds || carry != milliseconds_carry) continue;
-    now_us =
-        (static_cast<std::uint64_t>(carry) << 32 | before) * 1000U + ticks / (kCoreHz / 1'000'000);
-    break;
-  }
-  // The counter may be round already and its interrupt still to come: never let time run backwards.
-  last_us = now_us > last_us ? now_us : last_us;
-  return last_us;
-}
+std::uint64_t clock_us() { return device_clock.now_us(); }
 
 void start_pins() {
   rcc().ahb1enr = rcc().ahb1enr | (1U << 0) | (1U << 1);                 // GPIO A, B

@@ -17,10 +17,11 @@ enum class ClockSource : std::uint8_t {
 };
 
 // Brings the core to 168 MHz from the crystal (ARMTRUE_HSE_HZ), else from the internal oscillator,
-// and starts the millisecond tick.
+// and starts the clock and the tick that wakes the core every millisecond.
 ClockSource start_clocks();
 
-// Microseconds since start_clocks(), never less than before. Not for interrupts.
+// Microseconds since start_clocks(), never less than before, also over the erase of a flash sector.
+// Not for interrupts.
 std::uint64_t clock_us();
 
 // Routes CAN1 to PB8/PB9, CAN2 to PB12/PB13, USART1 to PA9/PA10, USART2 to PA2/PA3, and powers

@@ -1,0 +1,133 @@
+// Which frames together are a set, asked of the assembler itself.
+#include "firmware/canopen/motion/set_assembler.h"
+
+#include <gtest/gtest.h>
+
+#include "firmware/testing/simulated_port.h"
+
+namespace armtrue::canopen {
+namespace {
+
+constexpr std::uint32_t kWindowUs = 500;
+
+// RPDO k + 1 carries the target of axis k + 1, the first RPDO a temperature.
+class SetAssemblerTest : public testing::Test {
+ protected:
+  SetAssemblerTest() {
+    dictionary.restore_defaults(0x20);
+    map(0, 0x20200110);
+    map(1, 0x607A0020);
+    map(2, 0x687A0020);
+  }
+  void map(std::size_t rpdo, std::uint32_t word) {
+    dictionary.set(od::rpdo::kCOBID[rpdo], 0x300U + static_cast<std::uint32_t>(rpdo));
+    dictionary.set(od::rpdo::kMappingCount[rpdo], 1);
+    dictionary.set(od::rpdo::kMapping[rpdo], word);
+  }
+  void configure(std::uint8_t transmission, std::uint8_t joints = 2) {
+    for (const std::size_t rpdo : {1U, 2U}) {
+      dictionary.set(od::rpdo::kTransmissionType[rpdo], transmission);
+    }
+    pdos.refresh();
+    sets.configure(pdos, joints);
+  }
+  SetEvent take(std::size_t rpdo, int value, std::uint64_t now_us = 0) {
+    return sets.take(pdos.rpdo(rpdo), rpdo, make_frame(0x300, {value, value, 0, 0}), now_us);
+  }
+  // A whole set goes out, and its interval ends.
+  void send_set(int value) {
+    take(1, value);
+    take(2, value);
+    sets.set_progress(SetProgress::kOut);
+    ASSERT_EQ(sets.end_interval(), SetAssembler::Ended::kEmptyOrOut);
+  }
+
+  ObjectDictionary dictionary;
+  PdoTable pdos{dictionary, kClassicPayload};
+  SetAssembler sets;
+};
+
+TEST_F(SetAssemblerTest, OnlyRpdosWithTargets_AreOfTheSet) {
+  configure(255);
+  EXPECT_TRUE(sets.is_configured());
+  EXPECT_FALSE(sets.carries_target(0));
+  EXPECT_TRUE(sets.carries_target(1));
+  EXPECT_TRUE(sets.carries_target(2));
+}
+
+TEST_F(SetAssemblerTest, AJointWithoutATarget_MeansNoSet) {
+  map(1, 0x20200110);
+  configure(255);
+  EXPECT_FALSE(sets.is_configured()) << "joint 1 is missing";
+  map(1, 0x607A0020);
+  configure(255, 3);
+  EXPECT_FALSE(sets.is_configured()) << "joint 3 is missing";
+}
+
+TEST_F(SetAssemblerTest, Configure_DropsTheSetInTheMaking) {
+  configure(1);
+  EXPECT_EQ(take(1, 5), SetEvent::kHeld);
+  configure(1);
+  EXPECT_TRUE(sets.frames().empty());
+  EXPECT_EQ(take(2, 5), SetEvent::kHeld) << "the first frame is gone";
+}
+
+TEST_F(SetAssemblerTest, Drop_TrustsNothingThatFollows) {
+  configure(255);
+  send_set(5);
+  EXPECT_EQ(take(1, 6), SetEvent::kHeld);
+  sets.drop();
+  EXPECT_TRUE(sets.frames().empty());
+  take(1, 7);
+  EXPECT_EQ(take(2, 7), SetEvent::kHeld) << "not the first set behind it";
+}
+
+TEST_F(SetAssemblerTest, RepeatsOfTheSetThatWentOut_AreNoLoss) {
+  configure(1);
+  send_set(5);
+  for (const std::size_t rpdo : {1U, 2U}) {
+    take(rpdo, 5);
+    EXPECT_EQ(sets.end_interval(), SetAssembler::Ended::kOnlyRepeats) << rpdo;
+    take(rpdo, 6);
+    EXPECT_EQ(sets.end_interval(), SetAssembler::Ended::kWithheld) << rpdo;
+  }
+}
+
+TEST_F(SetAssemblerTest, AWholeSet_WaitsForItsSyncForTwoIntervals) {
+  configure(1);
+  sets.note_sync(1'000);
+  sets.note_sync(2'000);
+  take(1, 5, 2'100);
+  take(2, 5, 2'200);
+  EXPECT_FALSE(sets.is_over(kWindowUs, 10'000)) << "it is whole";
+  EXPECT_TRUE(sets.is_on_time(kWindowUs, 4'100));
+  EXPECT_FALSE(sets.is_on_time(kWindowUs, 4'101));
+}
+
+TEST_F(SetAssemblerTest, BeforeTheSecondSync_AWholeSetWaitsForTheSetWindow) {
+  configure(1);
+  take(1, 5, 2'100);
+  take(2, 5, 2'200);
+  EXPECT_TRUE(sets.is_on_time(kWindowUs, 2'600));
+  EXPECT_FALSE(sets.is_on_time(kWindowUs, 2'601));
+}
+
+TEST_F(SetAssemblerTest, APartOfASet_WaitsForThreeQuartersOfAnInterval) {
+  configure(1);
+  sets.note_sync(1'000);
+  sets.note_sync(2'000);
+  take(1, 5, 2'100);
+  EXPECT_FALSE(sets.is_over(kWindowUs, 2'850));
+  EXPECT_TRUE(sets.is_over(kWindowUs, 2'851));
+  EXPECT_FALSE(sets.is_over(900, 3'000)) << "or for the set window, if that is longer";
+}
+
+TEST_F(SetAssemblerTest, WithoutSync_APartOfASetWaitsForTheSetWindow) {
+  configure(255);
+  take(1, 5, 2'000);
+  EXPECT_FALSE(sets.is_over(kWindowUs, 2'500));
+  EXPECT_TRUE(sets.is_over(kWindowUs, 2'501));
+}
+
+}  // namespace
+}  // namespace armtrue::canopen

@@ -1,0 +1,215 @@
+// Streams of targets that fail, end or wait: what is said, and what is taken back.
+#include <gtest/gtest.h>
+
+#include "firmware/testing/drives_bench.h"
+
+namespace armtrue::canopen {
+namespace {
+
+constexpr std::uint32_t kSetsWithheld = 0xFF15;
+// Why sets do not come out: information of that emergency (docs/protocol.md).
+constexpr std::uint32_t kFramesMissing = 1;
+constexpr std::uint32_t kContradictions = 2;
+constexpr std::uint32_t kPositionUnknown = 3;
+constexpr std::uint32_t kSyncMissing = 4;
+
+class StreamTest : public DrivesTest {
+ protected:
+  void make_synchronous() {
+    bench.run_for(600'000);
+    for (std::uint16_t k = 0; k < 3; ++k) {
+      ASSERT_EQ(bench.write(static_cast<std::uint16_t>(0x1400 + k), 2, 1, 1), 0U);
+    }
+  }
+  // The newest emergency in the history: code, and two bytes of information above it.
+  std::uint32_t newest_error() { return bench.read(0x1003, 1); }
+  void expect_withheld(std::uint32_t why) { EXPECT_EQ(newest_error(), why << 16 | kSetsWithheld); }
+  // Sets that were evaluated and have neither gone out nor been taken back.
+  std::uint32_t waiting() {
+    return bench.compensator().counters().cycles - bench.node().joint_counters().steps;
+  }
+  const JointCounters& counters() { return bench.node().joint_counters(); }
+};
+
+class InlineStreamTest : public StreamTest {};
+class OffsetStreamTest : public StreamTest {};
+
+TEST_P(InlineStreamTest, SetsThatLackAFrame_SaySo) {
+  // The alarm does not depend on how many sets went out before.
+  for (int before = 10; before < 12; ++before) {
+    rest(kStand, before);
+    for (int k = 0; k < 110; ++k) {
+      bench.now_us += 1000;
+      bench.from_controller(NodeBench::targets(kStand)[0]);
+    }
+    expect_withheld(kFramesMissing);
+    rest(kStand, 10);
+    EXPECT_EQ(bench.read(0x1001, 0), 0U);
+    ASSERT_EQ(bench.write(0x1003, 0, 0, 1), 0U);
+  }
+}
+
+TEST_P(InlineStreamTest, SetsThatAreContradicted_SaySo) {
+  for (const bool is_synchronous : {false, true}) {
+    if (is_synchronous) make_synchronous();
+    rest(kStand, 10);
+    ASSERT_EQ(bench.write(0x1003, 0, 0, 1), 0U);
+    const std::uint32_t before = counters().conflicts;
+    for (int k = 0; k < 110; ++k) {
+      bench.now_us += 1000;
+      bench.from_controller(make_frame(0x80, {}));
+      bench.command_joints(kStand);
+      bench.from_controller(NodeBench::targets(moved(kStand, 5))[0]);
+    }
+    EXPECT_EQ(counters().conflicts, before + 110);
+    expect_withheld(kContradictions);
+    bench.from_controller(make_frame(0x80, {}));
+    EXPECT_EQ(waiting(), 0U) << "what was evaluated is taken back";
+  }
+}
+
+TEST_P(InlineStreamTest, SynchronousTargetsWithoutSync_SaySo) {
+  make_synchronous();
+  ASSERT_EQ(bench.write(0x1003, 0, 0, 1), 0U);
+  for (int k = 0; k < 110; ++k) {
+    bench.now_us += 1000;
+    bench.command_joints(kStand);
+  }
+  expect_withheld(kSyncMissing);
+}
+
+TEST_P(OffsetStreamTest, AnArmThatNeverStands_SaysThatItsOffsetIsUnknown) {
+  for (int k = 0; k < 130; ++k) cycle(moved(kStand, 100 * k));
+  expect_withheld(kPositionUnknown);
+}
+
+TEST_P(InlineStreamTest, WhereSyncStops_TheSetWindowTakesOver) {
+  settle();
+  const std::uint32_t sets = counters().sets;
+  for (int k = 0; k < 100; ++k) {
+    bench.now_us += 1000;
+    bench.command_joints(moved(kStand, k));
+  }
+  EXPECT_GT(counters().sets, sets + 70) << "20 ms of it: SYNC could still be late";
+}
+
+TEST_P(InlineStreamTest, ASetThatWaitsForSync_IsTakenBackByAnotherMapping) {
+  make_synchronous();
+  ASSERT_EQ(bench.write(0x2000, 3, 1'000'000, 4), 0U);
+  ASSERT_EQ(bench.write(0x2000, 5, 100, 4), 0U);
+  for (int k = 0; k < 20; ++k) cycle(kStand);
+  EXPECT_EQ(waiting(), 1U);
+  bench.run_for(150'000);
+  EXPECT_EQ(waiting(), 1U) << "SYNC may still come";
+  ASSERT_EQ(bench.write(0x1412, 1, 0x191, 4), 0U);
+  EXPECT_EQ(waiting(), 0U);
+}
+
+TEST_P(StreamTest, NothingIsEvaluatedThatNeitherWentOutNorWasTakenBack) {
+  settle();
+  EXPECT_EQ(waiting(), 0U);
+  make_synchronous();
+  for (int k = 0; k < 20; ++k) cycle(kStand);
+  bench.from_controller(make_frame(0x80, {}));
+  EXPECT_EQ(waiting(), 0U);
+  cycle(kStand);
+  bench.from_controller(make_frame(0, {128, NodeBench::kNodeId}));
+  bench.run_for(1'000'000);
+  EXPECT_EQ(waiting(), 0U);
+}
+
+TEST_P(InlineStreamTest, ShortActualPositions_AreCounted) {
+  settle();
+  bench.from_drives(make_frame(0x1C0, {1, 2, 3}));
+  EXPECT_EQ(counters().malformed, 1U);
+  EXPECT_EQ(bench.read(0x2001, 10), 1U);
+}
+
+TEST_P(InlineStreamTest, ASeventhAxisOfTheDrives_IsNobodysJoint) {
+  ASSERT_EQ(bench.write(0x160C, 0, 0, 1), 0U);
+  ASSERT_EQ(bench.write(0x160C, 1, 0x90640020, 4), 0U);
+  ASSERT_EQ(bench.write(0x160C, 0, 1, 1), 0U);
+  ASSERT_EQ(bench.write(0x140C, 1, 0x1F0, 4), 0U);
+  for (int k = 0; k < 20; ++k) {
+    bench.from_drives(make_frame(0x1F0, {1, 2, 3, 4}));
+    cycle(kStand);
+  }
+  EXPECT_EQ(status() & kUnknownBit, 0U) << "the six joints were heard";
+}
+
+TEST_P(InlineStreamTest, AJointThatWasNotHeard_LeavesItUnknownWhatTheDrivesHold) {
+  ASSERT_EQ(bench.write(0x1408, 1, 0x800001C0, 4), 0U);
+  ASSERT_EQ(bench.write(0x1608, 0, 0, 1), 0U);
+  ASSERT_EQ(bench.write(0x1608, 1, 0x68640020, 4), 0U);  // joint 2 alone
+  ASSERT_EQ(bench.write(0x1608, 0, 1, 1), 0U);
+  ASSERT_EQ(bench.write(0x1408, 1, 0x1C0, 4), 0U);
+  rest(kStand, 20);
+  EXPECT_EQ(status() & kUnknownBit, kUnknownBit) << "joint 1";
+}
+
+TEST_P(OffsetStreamTest, OffsetsThatTheDrivesReadBack_MayBeAFewCyclesOld) {
+  ASSERT_EQ(bench.write(0x160E, 0, 0, 1), 0U);
+  ASSERT_EQ(bench.write(0x160E, 1, 0x20070120, 4), 0U);
+  ASSERT_EQ(bench.write(0x160E, 0, 1, 1), 0U);
+  ASSERT_EQ(bench.write(0x140E, 1, 0x1E0, 4), 0U);
+  settle();
+  const auto drive_has = [this](std::int32_t offset) {
+    CanFrame frame = make_frame(0x1E0, {0, 0, 0, 0});
+    store_le(&frame.data[0], offset);
+    bench.from_controller(frame);
+  };
+  // Moving joints: the offset is another one in every cycle.
+  std::vector<std::int32_t> had(1, held[0]);
+  for (int k = 1; k < 60; ++k) {
+    cycle(moved(kStand, 2000 * k));
+    had.push_back(held[0]);
+    const std::size_t age = static_cast<std::size_t>(k < 30 ? 0 : 3);
+    drive_has(had[had.size() - 1 - age]);
+  }
+  EXPECT_NE(had[20], had[50]);
+  EXPECT_EQ(bench.read(0x1001, 0), 0U);
+  // Twenty in a row that are none of those: the alarm, and not before.
+  for (int k = 0; k < 19; ++k) drive_has(1'000'000);
+  EXPECT_EQ(bench.read(0x1001, 0), 0U);
+  drive_has(held[0]);
+  for (int k = 0; k < 19; ++k) drive_has(1'000'000);
+  EXPECT_EQ(bench.read(0x1001, 0), 0U);
+  drive_has(1'000'000);
+  EXPECT_EQ(newest_error(), 0x0001FF17U);
+}
+
+// Where offsets go is the mode's to say, not the number of buses.
+TEST(OffsetModeOnTwoBuses, Targets_PassUnchangedAndOffsetsLeaveToTheController) {
+  NodeBench bench;
+  bench.install(TestTable{}.image());
+  for (std::uint32_t k = 0; k < 3; ++k) {
+    ASSERT_EQ(bench.write(static_cast<std::uint16_t>(0x1800 + k), 1, 0x400001A0U + 0x100U * k, 4),
+              0U);
+  }
+  bench.configure(Mode::kOffset);
+  for (int k = 0; k < 50; ++k) {
+    bench.now_us += 1000;
+    bench.upstream.take_sent();
+    bench.downstream.take_sent();
+    bench.command_joints(kStand);
+  }
+  const std::vector<CanFrame> passed = bench.downstream.take_sent();
+  ASSERT_EQ(passed.size(), 3U);
+  for (std::size_t k = 0; k < 3; ++k) {
+    EXPECT_TRUE(std::equal(passed[k].data, passed[k].data + 8, NodeBench::targets(kStand)[k].data));
+  }
+  const std::vector<CanFrame> offsets = bench.upstream.take_sent();
+  ASSERT_EQ(offsets.size(), 3U);
+  EXPECT_EQ(offsets[0].id, 0x1A0U);
+  EXPECT_NE(load_le<std::int32_t>(offsets[0].data), 0);
+}
+
+const auto kName = [](const auto& mode) {
+  return mode.param == Mode::kInline ? "Inline" : "Offset";
+};
+INSTANTIATE_TEST_SUITE_P(Modes, StreamTest, ::testing::Values(Mode::kInline, Mode::kOffset), kName);
+INSTANTIATE_TEST_SUITE_P(Modes, InlineStreamTest, ::testing::Values(Mode::kInline), kName);
+INSTANTIATE_TEST_SUITE_P(Modes, OffsetStreamTest, ::testing::Values(Mode::kOffset), kName);
+
+}  // namespace
+}  // namespace armtrue::canopen

@@ -1,0 +1,97 @@
+// Temperature, payload and time on their way from objects and clocks into the correction.
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "firmware/core/table/test_image.h"
+#include "firmware/testing/drives_bench.h"
+
+namespace armtrue::canopen {
+namespace {
+
+constexpr std::int32_t kTurn = 1 << 24;  // increments of the drives of TestImage
+
+// Each joint is corrected by a quantity of its own: joints 1 to 3 by 0.1 mrad a degree of sensors 1
+// to 3, joint 4 by 0.1 mrad a kilogram of payload, joint 5 by 0.4 µrad a second.
+class SurroundingsTest : public ::testing::Test {
+ protected:
+  SurroundingsTest() {
+    armtrue::testing::TestImage made(6);
+    made.header()[format::header::kSensorCountAt] = 3;
+    for (std::uint8_t sensor = 0; sensor < 3; ++sensor) {
+      made.add(format::Section::kSensors, armtrue::testing::Bytes(format::sensor::kLength));
+      made.add_state(format::State::kTemperature, sensor, 20);
+      made.add_term(sensor, static_cast<std::uint16_t>(sensor + 1), 1e-4, 20);
+    }
+    made.add_state(format::State::kPayload, 0, 20);
+    made.add_term(3, 4, 1e-4, 20);
+    made.add_state(format::State::kTime, 0, 10);
+    made.add_term(4, 5, 4e-7, 10);
+    bench.install(made.image());
+    bench.configure(Mode::kInline);
+    for (int k = 0; k < 200; ++k) cycle();
+  }
+  void cycle() {
+    bench.now_us += 1000;
+    bench.from_controller(make_frame(0x80, {}));
+    bench.command_joints({});
+  }
+  // The correction of a joint in thousandths of a radian.
+  double correction(std::uint16_t joint) {
+    for (int k = 0; k < 300; ++k) cycle();
+    const auto offset = static_cast<std::int32_t>(
+        bench.read(static_cast<std::uint16_t>(0x60B0 + 0x800 * (joint - 1)), 0));
+    return -1000.0 * 2.0 * M_PI * offset / kTurn;
+  }
+
+  NodeBench bench;
+};
+
+TEST_F(SurroundingsTest, ATemperature_IsThatOfItsOwnSensor) {
+  for (std::uint8_t sensor = 1; sensor <= 3; ++sensor) {
+    SCOPED_TRACE(int{sensor});
+    EXPECT_NEAR(correction(sensor), 0.0, 1e-3) << "not known: that of the reference";
+    ASSERT_EQ(bench.write(0x2020, sensor, 1000, 2), 0U);  // 10 °C
+    const double warm = correction(sensor);
+    ASSERT_EQ(bench.write(0x2020, sensor, 3000, 2), 0U);  // 30 °C
+    EXPECT_NEAR(std::abs(correction(sensor) - warm), 2.0, 1e-3);
+  }
+}
+
+TEST_F(SurroundingsTest, ATemperatureThatIsSilentTooLong_IsNotKnownAnyMore) {
+  ASSERT_EQ(bench.write(0x2000, 6, 2000, 4), 0U);
+  ASSERT_EQ(bench.write(0x2020, 1, 5000, 2), 0U);
+  EXPECT_GT(std::abs(correction(1)), 2.0);
+  for (int k = 0; k < 1300; ++k) cycle();
+  EXPECT_GT(std::abs(correction(1)), 2.0) << "two seconds are not over before that";
+  for (int k = 0; k < 300; ++k) cycle();
+  EXPECT_NEAR(correction(1), 0.0, 1e-3);
+}
+
+TEST_F(SurroundingsTest, ASilentSensor_TakesNoOtherWithIt) {
+  ASSERT_EQ(bench.write(0x2000, 6, 2000, 4), 0U);
+  ASSERT_EQ(bench.write(0x2020, 1, 5000, 2), 0U);
+  for (int k = 0; k < 1000; ++k) cycle();
+  ASSERT_EQ(bench.write(0x2020, 2, 5000, 2), 0U);
+  for (int k = 0; k < 1100; ++k) cycle();
+  EXPECT_GT(std::abs(correction(2)), 2.0) << "it was heard 1.4 s ago";
+  EXPECT_NEAR(correction(1), 0.0, 1e-3);
+}
+
+TEST_F(SurroundingsTest, Payload_IsInGrams) {
+  const double empty = correction(4);
+  ASSERT_EQ(bench.write(0x2021, 0, 3000, 4), 0U);
+  EXPECT_NEAR(std::abs(correction(4) - empty), 0.3, 1e-3);
+}
+
+TEST_F(SurroundingsTest, Time_IsInMilliseconds) {
+  const double before = correction(5);
+  const std::uint64_t began_us = bench.now_us;
+  bench.run_for(6'000'000'000, 1'000'000);
+  const double after = correction(5);
+  const double seconds = static_cast<double>(bench.now_us - began_us) * 1e-6;
+  EXPECT_NEAR(std::abs(after - before), 4e-4 * seconds, 1e-3);
+}
+
+}  // namespace
+}  // namespace armtrue::canopen

@@ -1,0 +1,133 @@
+// What becomes of PDOs that carry no targets: inputs, from either bus, at once or with SYNC.
+#include <gtest/gtest.h>
+
+#include "firmware/testing/node_bench.h"
+
+namespace armtrue::canopen {
+namespace {
+
+constexpr std::uint32_t kPayload = 0x20210020;
+
+class InputTest : public testing::Test {
+ protected:
+  // RPDO 16 and the next ones, at 0x190 and the next ones.
+  void map(std::uint16_t number, std::uint32_t word, std::uint32_t transmission) {
+    const auto communication = static_cast<std::uint16_t>(0x140F + number);
+    const auto mapping = static_cast<std::uint16_t>(0x160F + number);
+    ASSERT_EQ(bench.write(communication, 1, 0x80000190U + number, 4), 0U);
+    ASSERT_EQ(bench.write(communication, 2, transmission, 1), 0U);
+    ASSERT_EQ(bench.write(mapping, 0, 0, 1), 0U);
+    ASSERT_EQ(bench.write(mapping, 1, word, 4), 0U);
+    ASSERT_EQ(bench.write(mapping, 0, 1, 1), 0U);
+    ASSERT_EQ(bench.write(communication, 1, 0x190U + number, 4), 0U);
+  }
+  void sync() { bench.from_controller(make_frame(0x80, {})); }
+  std::int16_t temperature(std::uint8_t sensor) {
+    return static_cast<std::int16_t>(bench.read(0x2020, sensor));
+  }
+  std::uint32_t newest_error() { return bench.read(0x1003, 1); }
+
+  NodeBench bench;
+};
+
+TEST_F(InputTest, AnInputFromTheDrivesSide_IsTakenAndPassedOn) {
+  map(0, 0x20200210, 255);
+  bench.start_nodes();
+  bench.upstream.take_sent();
+  bench.from_drives(make_frame(0x190, {0x34, 0x12}));
+  ASSERT_EQ(bench.upstream.take_sent().size(), 1U);
+  EXPECT_EQ(temperature(2), 0x1234);
+}
+
+TEST_F(InputTest, AnInputThatWaitsForSync_IsTakenOnce) {
+  map(0, kPayload, 1);
+  bench.start_nodes();
+  bench.from_controller(make_frame(0x190, {1, 0, 0, 0}));
+  sync();
+  EXPECT_EQ(bench.read(0x2021, 0), 1U);
+  ASSERT_EQ(bench.write(0x2021, 0, 2, 4), 0U);
+  sync();
+  EXPECT_EQ(bench.read(0x2021, 0), 2U) << "the frame before has had its SYNC";
+}
+
+TEST_F(InputTest, TheNewestOfAnInput_WaitsForSync) {
+  map(0, kPayload, 240);
+  bench.start_nodes();
+  bench.from_controller(make_frame(0x190, {1, 0, 0, 0}));
+  bench.from_controller(make_frame(0x190, {3, 0, 0, 0}));
+  EXPECT_EQ(bench.read(0x2021, 0), 0U);
+  sync();
+  EXPECT_EQ(bench.read(0x2021, 0), 3U);
+}
+
+TEST_F(InputTest, FourInputs_WaitForTheirSync) {
+  for (std::uint16_t k = 0; k < 4; ++k) map(k, 0x20200010U + 0x100U * (k + 1U), 1);
+  bench.start_nodes();
+  for (int k = 0; k < 4; ++k) {
+    bench.from_controller(make_frame(0x190U + static_cast<std::uint32_t>(k), {10 + k, 0}));
+  }
+  for (std::uint8_t sensor = 1; sensor <= 4; ++sensor) EXPECT_EQ(temperature(sensor), 0);
+  sync();
+  for (std::uint8_t sensor = 1; sensor <= 4; ++sensor) EXPECT_EQ(temperature(sensor), 9 + sensor);
+}
+
+TEST_F(InputTest, BoundsOfAnInput_MayBeReached) {
+  map(0, kPayload, 255);
+  bench.start_nodes();
+  bench.from_controller(make_frame(0x190, {0x80, 0x84, 0x1E, 0}));
+  EXPECT_EQ(bench.read(0x2021, 0), 2'000'000U);
+  bench.from_controller(make_frame(0x190, {0x81, 0x84, 0x1E, 0}));
+  EXPECT_EQ(bench.read(0x2021, 0), 2'000'000U);
+  EXPECT_EQ(newest_error(), 0x2021FF18U) << "which object";
+  EXPECT_NE(bench.read(0x1001, 0), 0U);
+  bench.from_controller(make_frame(0x190, {0, 0, 0, 0}));
+  EXPECT_EQ(bench.read(0x2021, 0), 0U);
+  EXPECT_EQ(bench.read(0x1001, 0), 0U) << "over with one that is within them";
+}
+
+TEST_F(InputTest, EachSensor_FallsSilentByItself) {
+  map(0, 0x20200310, 255);
+  ASSERT_EQ(bench.write(0x2000, 6, 1000, 4), 0U);
+  bench.start_nodes();
+  bench.from_controller(make_frame(0x190, {1, 0}));
+  bench.run_for(1'100'000);
+  EXPECT_EQ(newest_error(), 0x0003FF12U);
+  EXPECT_EQ(bench.read(0x1003, 0), 1U);
+}
+
+TEST_F(InputTest, ATpdoForEveryThirdSync_LeavesWithTheThird) {
+  ASSERT_EQ(bench.write(0x1808, 2, 3, 1), 0U);
+  ASSERT_EQ(bench.write(0x1808, 1, 0x400001A8, 4), 0U);
+  bench.start_nodes();
+  bench.upstream.take_sent();
+  for (int number = 1; number <= 9; ++number) {
+    sync();
+    EXPECT_EQ(bench.upstream.take_sent().size(), number % 3 == 0 ? 1U : 0U) << number;
+  }
+}
+
+// Bytes of a frame beyond its length mean nothing: a SYNC without a counter has none.
+TEST_F(InputTest, ASyncWithoutACounter_StartsWhatWaitsForOne) {
+  ASSERT_EQ(bench.write(0x1808, 6, 4, 1), 0U);
+  ASSERT_EQ(bench.write(0x1808, 2, 1, 1), 0U);
+  ASSERT_EQ(bench.write(0x1808, 1, 0x400001A8, 4), 0U);
+  bench.start_nodes();
+  bench.upstream.take_sent();
+  CanFrame frame = make_frame(0x80, {});
+  frame.data[0] = 7;
+  bench.from_controller(frame);
+  const std::vector<CanFrame> sent = bench.upstream.take_sent();
+  ASSERT_EQ(sent.size(), 1U);
+  EXPECT_EQ(sent[0].id, 0x1A8U);
+}
+
+TEST_F(InputTest, SyncOfTheRightLength_EndsTheAlarmOfOneThatWasNot) {
+  bench.start_nodes();
+  bench.from_controller(make_frame(0x80, {1}));
+  EXPECT_NE(bench.read(0x1001, 0), 0U);
+  sync();
+  EXPECT_EQ(bench.read(0x1001, 0), 0U);
+}
+
+}  // namespace
+}  // namespace armtrue::canopen
