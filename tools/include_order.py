@@ -23,7 +23,7 @@ ORDER = [
     ["fitter/solve"],
     ["fitter/evidence/search"],
     ["fitter/evidence"],
-    ["firmware/canopen/motion", "firmware/canopen/table", "fitter/diagnose"],
+    ["firmware/canopen/motion", "firmware/canopen/sdo", "firmware/canopen/table", "fitter/diagnose"],
     ["firmware/canopen/node", "fitter/plan"],
     ["firmware/ports/common", "fitter/python"],
     ["firmware/ports/arm"],

@@ -7,6 +7,9 @@
 namespace armtrue {
 namespace {
 
+// Two positions may lie further apart than 32 bits hold.
+constexpr std::int64_t difference(std::int32_t a, std::int32_t b) { return std::int64_t{a} - b; }
+
 constexpr std::uint32_t kMicrosecondsPerMillisecond = 1000;
 constexpr std::int64_t kMillion = 1'000'000;
 constexpr int kBlendFraction = 30;
@@ -212,7 +215,7 @@ std::int64_t PositionBounds::within_limits(std::int64_t corrected, std::int32_t 
 void Compensator::update_direction(const CycleInput& input) {
   for (std::size_t k = 0; k < config_.joint_count; ++k) {
     const std::int64_t moved =
-        bounds_[k].way(std::int64_t{input.target[k]} - motion_.direction_anchor[k]);
+        bounds_[k].way(difference(input.target[k], motion_.direction_anchor[k]));
     const std::int32_t band = has_active_ ? scale_[k].dead_band : 0;
     if (!motion_.has_previous_target) {
       motion_.direction_anchor[k] = input.target[k];
@@ -237,7 +240,7 @@ Correction Compensator::evaluate(const CycleInput& input, std::uint16_t& flags) 
   JointPositions target;
   for (std::size_t k = 0; k < config_.joint_count; ++k) {
     const JointScale& scale = scale_[k];
-    target[k] = {scale.units_of(saturate(std::int64_t{input.target[k]} - scale.zero))};
+    target[k] = {scale.units_of(saturate(difference(input.target[k], scale.zero)))};
   }
   const Correction wanted =
       solve(table, target, surroundings_of(table, input, motion_.direction), workspace_);
@@ -335,7 +338,7 @@ void Compensator::put_out(const CycleInput& input, std::uint32_t share, std::uin
     output.flags |= allowed != in_range ? kAtPositionLimit : kCycleClean;
     if (allowed != sum) clamped |= 1U << k;
     output.delta[k] =
-        static_cast<std::int32_t>(bounds.way(std::int64_t{output.corrected[k]} - input.target[k]));
+        static_cast<std::int32_t>(bounds.way(difference(output.corrected[k], input.target[k])));
     if ((clamped >> k & 1U) != 0U) count_one(counters_.clamped[k]);
   }
 }
@@ -388,7 +391,7 @@ std::int32_t Compensator::correction_of(std::uint32_t cycle, std::size_t joint) 
 bool Compensator::uncorrect_feedback(std::uint32_t cycle, std::span<const std::int32_t> actual,
                                      std::span<std::int32_t> plain) const {
   for (std::size_t k = 0; k < config_.joint_count; ++k) {
-    plain[k] = bounds_[k].wrapped(std::int64_t{actual[k]} - correction_of(cycle, k));
+    plain[k] = bounds_[k].wrapped(difference(actual[k], correction_of(cycle, k)));
   }
   return remembers(cycle);
 }

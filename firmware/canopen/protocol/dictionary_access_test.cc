@@ -5,7 +5,7 @@
 
 #include <vector>
 
-#include "firmware/canopen/protocol/sdo_server.h"
+#include "firmware/canopen/sdo/sdo_server.h"
 #include "firmware/testing/simulated_port.h"
 
 namespace armtrue::canopen {

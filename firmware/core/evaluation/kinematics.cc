@@ -3,13 +3,13 @@
 namespace armtrue {
 namespace {
 
-struct Motion {
+struct Displacement {
   Vector shift;  // Q27 m
   Vector turn;   // Q30 rad
 };
 
 // The virtual joint of a frame.
-Motion motion_of(const Coordinates& coordinates, std::size_t frame) {
+Displacement motion_of(const Coordinates& coordinates, std::size_t frame) {
   const Coordinate* at = &coordinates[format::kMotorCoordinates + 6 * frame];
   return {{length_of(at[0]).raw, length_of(at[1]).raw, length_of(at[2]).raw},
           {at[3].raw, at[4].raw, at[5].raw}};
@@ -20,7 +20,7 @@ void apply_virtual_joint(const TableView& table, const Coordinates& coordinates,
   if (!table.has_motion(frame)) {
     return;
   }
-  Motion motion = motion_of(coordinates, frame);
+  Displacement motion = motion_of(coordinates, frame);
   if (table.has_large_turn(frame)) {
     motion.turn = shortened(motion.turn);
   }

@@ -107,26 +107,27 @@ bool Checker::is_revolute(std::size_t k) const {
 }
 
 bool Checker::check_coupling() {
-  std::uint64_t taken = 0;  // bit 8 · row + column
+  std::uint64_t taken = 0;  // a bit for each place
   std::array<std::int64_t, kMaxJoints> driven = {};
   for (std::size_t i = 0; i < section(Section::kCoupling).count; ++i) {
     const std::uint8_t* at = record(Section::kCoupling, i);
     const std::uint8_t row = at[format::coupling::kRowAt];
     const std::uint8_t column = at[format::coupling::kColumnAt];
+    const std::uint32_t place = 8U * row + column;
     const std::int64_t ratio = absolute(load_i32(at + format::coupling::kRatioAt));
     const bool passed =
         require_at(row < joints_ && column < joints_ && row != column, Refusal::kBadReference,
                    at) &&
         require_at(is_revolute(row) && is_revolute(column), Refusal::kBadReference, at) &&
         require_zero(at + format::coupling::kReservedAt, 2) &&
-        require_at((taken >> (8U * row + column) & 1U) == 0U, Refusal::kBadReference, at) &&
+        require_at(((taken >> place) & 1U) == 0U, Refusal::kBadReference, at) &&
         require_at(driven[column] + ratio <= kMaxDriven, Refusal::kValueRange,
                    at + format::coupling::kRatioAt);
     if (!passed) {
       return false;
     }
     driven[column] += ratio;
-    taken |= std::uint64_t{1} << (8U * row + column);
+    taken |= std::uint64_t{1} << place;
   }
   return true;
 }

@@ -1,4 +1,4 @@
-#include "firmware/canopen/protocol/sdo_server.h"
+#include "firmware/canopen/sdo/sdo_server.h"
 
 #include <algorithm>
 #include <cstring>

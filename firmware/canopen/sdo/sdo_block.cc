@@ -4,7 +4,7 @@
 
 #include "firmware/canopen/protocol/crc16.h"
 #include "firmware/canopen/protocol/little_endian.h"
-#include "firmware/canopen/protocol/sdo_server.h"
+#include "firmware/canopen/sdo/sdo_server.h"
 
 namespace armtrue::canopen {
 namespace {

@@ -1,5 +1,5 @@
 // Byte by byte: what the SDO server answers, in every state, to what a client may send.
-#include "firmware/canopen/protocol/sdo_server.h"
+#include "firmware/canopen/sdo/sdo_server.h"
 
 #include <gtest/gtest.h>
 
