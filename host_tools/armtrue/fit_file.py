@@ -59,6 +59,18 @@ def check_document(document: dict[str, Any], path: Path) -> None:
     for key, kind in _ALSO.items():
         if not isinstance(document.get(key), kind):
             raise top.fail(key, "what armtrue fit writes there" if key in document else "a complete fit.json")
+    _check_error(top.section("error"))
+
+
+def _check_error(error: Section) -> None:
+    """Every figure that is drawn or printed is there: a number of micrometres, null where it is not known."""
+    by = error.section("held_out_by")
+    for figures in (*map(error.section, ("nominal", "train", "held_out")), *map(by.section, by)):
+        for key in ("mean_um", "rms_um", "p95_um", "max_um"):
+            expected = "a number of micrometres, or null"
+            if key not in list(figures):
+                raise figures.fail(key, expected)
+            figures.number(key, None, minimum=0.0, expected=expected)
 
 
 def _check_model(top: Section, robot: Robot) -> None:

@@ -277,8 +277,10 @@ def written_in_place(words: list[str], folder: Path) -> set[str]:
     beside = {f"{word}{suffix}" for word in allowed for suffix in (".fit.json", ".pub")}
     inside = [path for word in allowed for path in (folder / word).glob("*") if path.is_relative_to(folder)]
     under = {str(path.relative_to(folder)) for path in inside if path.resolve() not in read}
-    resolved = {(folder / word).resolve().name for word in allowed}
-    return allowed | beside | resolved | (under if words[0] in ("init", "simulate") else set())
+    # Another name of a file that is written changes with it.
+    targets = {(folder / word).resolve() for word in allowed}
+    aliases = {path.name for path in folder.iterdir() if path.resolve() in targets}
+    return allowed | beside | aliases | (under if words[0] in ("init", "simulate") else set())
 
 
 def become(words: list[str], folder: Path, said: Path) -> None:

@@ -126,10 +126,11 @@ def test_dropped_files_are_gone_on_with_when_they_are_dropped_again(start, brows
         browser.driver.get(workbench.address)
         page = Page.__new__(Page)
         page.browser, page.address = browser, workbench.address
-        files = "\n".join(str(campaign / name) for name in ("data.csv", "robot.yaml", "model.yaml"))
+        names = ("data.csv", "robot.yaml", "model.yaml")
+        files = "\n".join(str(campaign / name) for name in names)
         browser.driver.find_element(By.ID, "files").send_keys(files)
         page.until(lambda: page.by_role("#opening button", "button", "Open"), "button Open")
-        page.until(lambda: "data.csv" in page.text("opening"), "files")
+        page.until(lambda: all(name in page.text("opening") for name in names), "files")
         page.one("#opening button", "button", "Open").click()
         page.until(page.candidates, "candidates")
         return page
