@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "fitter/evidence/block.h"
 #include "fitter/design/normal_equations.h"
+#include "fitter/evidence/block.h"
 #include "fitter/inference/replicates.h"
 
 namespace armtrue {

@@ -5,10 +5,10 @@
 #include <map>
 #include <set>
 
-#include "fitter/evidence/prior_shapes.h"
-#include "fitter/evidence/refit.h"
 #include "fitter/common/dense.h"
 #include "fitter/common/parallel.h"
+#include "fitter/evidence/prior_shapes.h"
+#include "fitter/evidence/refit.h"
 
 namespace armtrue {
 namespace {

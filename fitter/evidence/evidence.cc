@@ -2,8 +2,8 @@
 
 #include <cmath>
 
-#include "fitter/evidence/contrasts.h"
 #include "fitter/common/dense.h"
+#include "fitter/evidence/contrasts.h"
 
 namespace armtrue {
 namespace {

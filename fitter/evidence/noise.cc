@@ -6,8 +6,8 @@
 #include <map>
 
 #include "fitter/common/dense.h"
-#include "fitter/design/normal_equations.h"
 #include "fitter/common/parallel.h"
+#include "fitter/design/normal_equations.h"
 
 namespace armtrue {
 namespace {

@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "fitter/design/normal_equations.h"
 #include "fitter/common/statistics.h"
+#include "fitter/design/normal_equations.h"
 
 namespace armtrue {
 

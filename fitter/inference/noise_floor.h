@@ -3,8 +3,8 @@
 
 #include <string>
 
-#include "fitter/design/design.h"
 #include "fitter/common/statistics.h"
+#include "fitter/design/design.h"
 
 namespace armtrue {
 

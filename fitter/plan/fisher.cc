@@ -5,8 +5,8 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
-#include "fitter/inference/identifiability.h"
 #include "fitter/design/normal_equations.h"
+#include "fitter/inference/identifiability.h"
 
 namespace armtrue {
 namespace {

@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "fitter/plan/exchange.h"
 #include "fitter/design/design.h"
+#include "fitter/plan/exchange.h"
 
 namespace armtrue {
 

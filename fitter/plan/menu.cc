@@ -2,8 +2,8 @@
 
 #include <algorithm>
 
-#include "fitter/plan/exchange.h"
 #include "fitter/common/statistics.h"
+#include "fitter/plan/exchange.h"
 
 namespace armtrue {
 namespace {

@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "fitter/plan/cell.h"
 #include "fitter/design/model.h"
+#include "fitter/plan/cell.h"
 
 namespace armtrue {
 

@@ -6,11 +6,11 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 
+#include "fitter/common/statistics.h"
 #include "fitter/diagnose/diagnose.h"
 #include "fitter/diagnose/information.h"
 #include "fitter/plan/rivals.h"
 #include "fitter/plan/session.h"
-#include "fitter/common/statistics.h"
 
 namespace armtrue {
 namespace {

@@ -7,9 +7,9 @@
 #include <numeric>
 #include <utility>
 
-#include "fitter/solve/choose_options.h"
-#include "fitter/inference/orientation_worth.h"
 #include "fitter/design/placement.h"
+#include "fitter/inference/orientation_worth.h"
+#include "fitter/solve/choose_options.h"
 #include "fitter/start/start_search.h"
 
 namespace armtrue {

@@ -11,14 +11,14 @@
 #include <vector>
 
 #include "fitter/common/observer.h"
+#include "fitter/design/normal_equations.h"
 #include "fitter/inference/cross_validation.h"
 #include "fitter/inference/identifiability.h"
-#include "fitter/solve/least_squares.h"
 #include "fitter/inference/noise_floor.h"
-#include "fitter/design/normal_equations.h"
-#include "fitter/start/prepared.h"
 #include "fitter/inference/smoothness.h"
 #include "fitter/inference/uncertainty.h"
+#include "fitter/solve/least_squares.h"
+#include "fitter/start/prepared.h"
 
 namespace armtrue {
 

@@ -5,8 +5,8 @@
 #include <cmath>
 #include <limits>
 
-#include "fitter/model/kinematics.h"
 #include "fitter/common/statistics.h"
+#include "fitter/model/kinematics.h"
 
 namespace armtrue {
 namespace {

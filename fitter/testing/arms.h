@@ -8,10 +8,10 @@
 #include <string>
 #include <vector>
 
+#include "fitter/design/model.h"
 #include "fitter/model/kinematics.h"
 #include "fitter/model/robot.h"
 #include "fitter/model/state.h"
-#include "fitter/design/model.h"
 
 namespace armtrue::testing {
 

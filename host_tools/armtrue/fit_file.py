@@ -64,8 +64,11 @@ def check_document(document: dict[str, Any], path: Path) -> None:
 
 def _check_error(error: Section) -> None:
     """Every figure that is drawn or printed is there: a number of micrometres, null where it is not known."""
-    by = error.section("held_out_by")
-    for figures in (*map(error.section, ("nominal", "train", "held_out")), *map(by.section, by)):
+    by = error.section("held_out_by") if error.has("held_out_by") else None
+    for figures in (
+        *map(error.section, ("nominal", "train", "held_out")),
+        *(map(by.section, by) if by else ()),
+    ):
         for key in ("mean_um", "rms_um", "p95_um", "max_um"):
             expected = "a number of micrometres, or null"
             if key not in list(figures):

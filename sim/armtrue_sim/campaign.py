@@ -204,6 +204,8 @@ def _model_entry(entry: Any) -> Any:
     if isinstance(entry, str):
         return entry
     kept = {key: entry[key] for key in ("effect", "joints", *_SHAPE_KEYS) if key in entry}
+    if entry.get("soft"):
+        kept["soft"] = True
     return entry["effect"] if set(kept) == {"effect"} else kept
 
 
@@ -216,6 +218,8 @@ def _hidden_entries(scenario: Scenario) -> list[dict[str, Any]]:
             continue
         chosen = joints if joints is not None else default_joints(name, context)
         shape = {key: sizes[key] for key in _SHAPE_KEYS if key in sizes}
+        if sizes.get("soft"):
+            shape["soft"] = True
         if name == "gear_mesh":
             shape.setdefault("orders", mesh_orders(context))
         step = 2 if name in BETWEEN_TWO else max(len(chosen), 1)

@@ -100,7 +100,7 @@ def test_every_test_that_the_security_page_names_is_there() -> None:
         assert f'"{case}"' in tests, case
     for function in re.findall(r"`(test_\w+)`", SECURITY):
         assert any(
-            f"def {function}(" in file.read_text("utf-8") for file in Path(__file__).parent.rglob("*.py")
+            f"def {function}(" in file.read_text("utf-8") for file in Path(__file__).parents[1].rglob("*.py")
         )
 
 

@@ -362,10 +362,9 @@ def joints_of(case: HiddenCase) -> set[int]:
 
 def known_to_the_model(model: dict[str, Any]) -> dict[str, Any]:
     """A true model without the keys that say how large an effect is: those are for the simulator."""
-    sizes = ("scale", "shape", "tilt", "square", "cube")
+    sizes = ("scale", "shape", "tilt")
     effects = [
-        e if isinstance(e, str) else {k: True if k == "soft" else v for k, v in e.items() if k not in sizes}
-        for e in model["effects"]
+        e if isinstance(e, str) else {k: v for k, v in e.items() if k not in sizes} for e in model["effects"]
     ]
     return {"effects": effects}
 

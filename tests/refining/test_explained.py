@@ -34,7 +34,11 @@ def test_a_refit_bears_out_what_candidates_explain(tmp_path: Path) -> None:
     for c in paying[:5]:
         entry = {"effect": c["effect"], "joints": c["joints"], **c["options"]}
         fuller = fit(data, robot, Model([*GEOMETRY, entry]))
-        assert c["explained"] == pytest.approx(1.0 - squares(fuller) / squares(plain), abs=0.02), entry
+        explained = 1.0 - squares(fuller) / squares(plain)
+        if fuller.document["nonlinear"]:  # a shape that the fit finds: the candidate has the nearest of a few
+            assert c["explained"] < explained + 0.02, entry
+        else:
+            assert c["explained"] == pytest.approx(explained, abs=0.02), entry
 
 
 def test_the_reason_says_what_the_table_says(tmp_path: Path) -> None:

@@ -26,9 +26,7 @@ class SetWindowTest : public testing::Test {
     for (int k = 0; k < count; ++k) set(gaps_us, pause_us);
   }
   // Of which a set consists: the RPDOs that set() uses.
-  void expect_frames(std::size_t count) {
-    window.restart(((1U << count) - 1U) << 2);
-  }
+  void expect_frames(std::size_t count) { window.restart(((1U << count) - 1U) << 2); }
   std::uint32_t in_force() const { return window.in_force(kConfigured); }
 
   SetWindow window;

@@ -29,8 +29,8 @@
 #include "firmware/canopen/protocol/nmt.h"
 #include "firmware/canopen/protocol/object_dictionary.h"
 #include "firmware/canopen/protocol/pdo.h"
-#include "firmware/canopen/sdo/sdo_server.h"
 #include "firmware/canopen/protocol/tpdo_producer.h"
+#include "firmware/canopen/sdo/sdo_server.h"
 #include "firmware/canopen/table/table_transfer.h"
 
 namespace armtrue::canopen {

@@ -32,8 +32,7 @@ bool is_in_rom(const od::Entry& entry) { return (entry.flags & od::kInRom) != 0;
 void ObjectDictionary::restore(std::uint8_t node_id, std::uint32_t begin_index,
                                std::uint32_t end_index) {
   for (const od::Entry& entry : od::kEntries) {
-    const bool wanted =
-        entry.index >= begin_index && entry.index < end_index && has_default(entry);
+    const bool wanted = entry.index >= begin_index && entry.index < end_index && has_default(entry);
     if (!wanted || is_in_rom(entry)) continue;
     std::copy_n(od::kDefaults + entry.offset, entry.size, image_.begin() + entry.offset);
     const auto* end = std::end(od::kNodeRelative);

@@ -86,7 +86,8 @@ void SdoServer::initiate_download(const std::uint8_t* request) {
   }
   if (expedited) {
     // Without an indicated size the object's own decides how many of the four bytes count.
-    const std::size_t length = sized ? size : (expected == 0 ? 4U : std::min<std::uint32_t>(expected, 4));
+    const std::size_t length =
+        sized ? size : (expected == 0 ? 4U : std::min<std::uint32_t>(expected, 4));
     if (const Abort code = access_.append({request + 4, length}); code != Abort::kNone) {
       return abort(code);
     }

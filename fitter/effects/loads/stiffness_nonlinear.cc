@@ -94,7 +94,7 @@ class StiffnessNonlinear final : public Effect {
   }
 
   // A softer zone reaches over this much of the largest load.
-  static constexpr std::array<double, 3> kSoftShares = {0.05, 0.12, 0.3};
+  static constexpr std::array<double, 4> kSoftShares = {0.03, 0.06, 0.12, 0.25};
   static constexpr double kSoftest = 2e-3, kSoftestSlide = 4e-4;  // [rad], [m]
   static constexpr double kLargest = 5e-3, kFurthest = 1e-3;      // [rad], [m]
   static constexpr double kLeastLoad = 1.0;                       // [Nm or N]

@@ -7,9 +7,9 @@
 #include <random>
 #include <utility>
 
-#include "fitter/evidence/search/sampler.h"
 #include "fitter/common/observer.h"
 #include "fitter/common/parallel.h"
+#include "fitter/evidence/search/sampler.h"
 
 namespace armtrue {
 namespace {
