@@ -330,6 +330,8 @@ def fitted(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "moved" / "fit.json").write_text(json.dumps(moved))
     del document["error"]["train"]["max_um"]
     (folder / "figure.json").write_text(json.dumps(document))
+    del document["error"]["train"]
+    (folder / "figures.json").write_text(json.dumps(document))
     (folder / "text.json").write_text("no JSON")
     (folder / "cut.json").write_text((folder / "fit.json").read_text()[:1000])
     (folder / "degrees.csv").write_text("q1,q2,q3,q4,q5,q6\n0,-70,90,0,45,0\n")
@@ -365,6 +367,7 @@ def fitted(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ("refine none.json --out kept", ["none.json", "no such file"]),
         ("report moved/fit.json --out kept", ["/nowhere/data.csv"]),
         ("report figure.json --out kept", ["figure.json", "error.train.max_um", "micrometres"]),
+        ("compare figures.json data.csv", ["figures.json", "error.train"]),
     ],
 )
 def test_other_commands_refuse(fitted: Path, arguments: str, names: list[str]) -> None:

@@ -84,6 +84,19 @@ class DrivesTest : public ::testing::TestWithParam<Mode> {
     outputs += before;
   }
 
+  // RPDO 15 hears the offset that the drive of joint 1 says it has.
+  void map_offset_of_joint_1() {
+    ASSERT_EQ(bench.write(0x160E, 0, 0, 1), 0U);
+    ASSERT_EQ(bench.write(0x160E, 1, 0x20070120, 4), 0U);
+    ASSERT_EQ(bench.write(0x160E, 0, 1, 1), 0U);
+    ASSERT_EQ(bench.write(0x140E, 1, 0x1E0, 4), 0U);
+  }
+  void drive_has(std::int32_t offset) {
+    CanFrame frame = make_frame(0x1E0, {0, 0, 0, 0});
+    store_le(&frame.data[0], offset);
+    bench.from_controller(frame);
+  }
+
   void feed_back() {
     for (std::uint32_t pair = 0; pair < 3; ++pair) {
       Joints actual = {};

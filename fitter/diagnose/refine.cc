@@ -35,7 +35,7 @@ constexpr double kSameError = 1e-3;
 struct Move {
   std::optional<Candidate> added;
   std::vector<EffectRequest> removed;
-  bool beside_others = false;  // comes in beside what the same search has brought
+  bool beside_others = false;  // can follow another move of its search without a new search
 };
 
 bool is_table(const Candidate& c) { return find_effect(c.request.effect).generic(); }
@@ -118,9 +118,9 @@ std::vector<double> unseen_distances(const Fit& fit, std::size_t folding) {
   return distance;
 }
 
-// Logarithm of the factor by which held-out errors grow from one model to another: at random, in
-// time and by region, on average; endless where nothing can be predicted. `sigma`: what rows that
-// differ by chance alone make of it.
+// By how much held-out errors grow from one model to another: logarithm of the factor, `mean` over
+// the foldings (at random, in time, by region), infinite where nothing can be predicted; `sigma`:
+// its standard error, if rows grow and shrink by chance alone.
 struct Growth {
   double mean = std::numeric_limits<double>::infinity();
   double sigma = 0.0;
@@ -214,7 +214,7 @@ class Refinement {
   std::vector<EffectRequest> initial_;
   std::vector<RefineStep> steps_;
   std::set<std::string> taken_;    // models of the steps: none comes twice, so the search ends
-  std::set<std::string> refused_;  // models that the present search has led to in vain
+  std::set<std::string> refused_;  // models tried since the last search and not taken
 };
 
 Diagnosis Refinement::diagnose_now(Fit& fit) const {
@@ -245,8 +245,9 @@ void Refinement::fit_in_full() {
   if (last.fit->kept_weights()) last.fit = refit(*last.fit, last.fit->specification());
 }
 
-// Whether a trial becomes the next step: not where it cannot be, or unseen poses are predicted
-// worse; of an effect that the search is sure of, worse than chance would make them.
+// Whether a trial becomes the next step: not where it cannot be fitted, nor where it predicts
+// unseen poses worse. Where the search is sure of an effect, they may be worse by as much as chance
+// explains.
 bool Refinement::accept(const Move& move, const Trial& trial) {
   const std::string model = trial.specification.to_json().dump();
   refused_.insert(model);

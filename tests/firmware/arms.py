@@ -75,6 +75,10 @@ def normalised_robot(content: dict[str, Any]) -> dict[str, Any]:
         return load_robot(path).spec
 
 
+# Of an error that nobody measured.
+NO_FIGURES = dict.fromkeys(("mean_um", "rms_um", "p95_um", "max_um"))
+
+
 def document_of(arm: Arm, robot: dict[str, Any]) -> dict[str, Any]:
     """The fit.json that an estimator without any error would write for `arm`."""
     tools = {name: pose.xyz_rpy() for name, pose in arm.flange_from_tool.items()}
@@ -85,7 +89,11 @@ def document_of(arm: Arm, robot: dict[str, Any]) -> dict[str, Any]:
         "model": {"effects": []},
         "data": {"path": "nowhere.csv", "relative": "nowhere.csv", "sha256": "0" * 64},
         "options": {"folds": 5, "seed": 0},
-        **{key: {} for key in ("error", "noise", "noise_floor", "solver")},
+        "error": {
+            **dict.fromkeys(("nominal", "train", "held_out"), NO_FIGURES),
+            "held_out_by": dict.fromkeys(("random", "time", "region"), NO_FIGURES),
+        },
+        **{key: {} for key in ("noise", "noise_floor", "solver")},
         **{key: [] for key in ("rejected", "nonlinear", "unobservable", "warnings")},
         "measuring_from_base": arm.measuring_from_base.xyz_rpy(),
         "flange_from_tool": tools,

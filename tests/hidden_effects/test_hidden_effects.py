@@ -74,8 +74,8 @@ def test_what_three_others_stood_for_is_tried_in_the_form_that_fits_it() -> None
 
 @pytest.mark.parametrize(("arm", "seed"), [("irb2400", 20704), ("kr30", 20702)])
 def test_a_small_effect_waits_until_the_large_ones_are_in(arm: str, seed: int) -> None:
-    # The search was as sure of waves of joint 3, a thousandth of what was hidden, as of what was hidden: with that in
-    # the model the same search names the masses instead.
+    # The first search was sure of waves of joint 3 too, a thousandth of what was hidden. A search beside the hidden
+    # effects names the masses instead of these waves.
     outcome = run_case("real_three", arm, seed)
     assert verdict_of(outcome) == "right", outcome
 

@@ -36,7 +36,7 @@ def test_a_refit_bears_out_what_candidates_explain(tmp_path: Path) -> None:
         fuller = fit(data, robot, Model([*GEOMETRY, entry]))
         explained = 1.0 - squares(fuller) / squares(plain)
         if fuller.document["nonlinear"]:  # a shape that the fit finds: the candidate has the nearest of a few
-            assert c["explained"] < explained + 0.02, entry
+            assert explained - 0.06 < c["explained"] < explained + 0.02, entry
         else:
             assert c["explained"] == pytest.approx(explained, abs=0.02), entry
 

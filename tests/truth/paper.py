@@ -42,7 +42,7 @@ def figures(refined: bool) -> list[dict[str, Any]]:
             {
                 "model": name,
                 "train": document["error"]["train"]["mean_um"],
-                "held_out_in_time": document["error"]["cross_validation"]["time"]["mean_um"],
+                "held_out_in_time": document["error"]["held_out_by"]["time"]["mean_um"],
                 "fresh": 1e6 * float(np.mean(np.linalg.norm(predicted - exact, axis=1))),
                 "noise_floor": document["noise_floor"]["um"],
                 "paper": PAPER.get(name),

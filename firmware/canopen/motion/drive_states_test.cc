@@ -213,16 +213,8 @@ INSTANTIATE_TEST_SUITE_P(Modes, DriveStatesTest, ::testing::Values(Mode::kInline
 class OffsetReadBackTest : public DriveStatesTest {};
 
 TEST_P(OffsetReadBackTest, AnOffsetThatIsNotTheOneSentIsReported) {
-  ASSERT_EQ(bench.write(0x160E, 0, 0, 1), 0U);
-  ASSERT_EQ(bench.write(0x160E, 1, 0x20070120, 4), 0U);
-  ASSERT_EQ(bench.write(0x160E, 0, 1, 1), 0U);
-  ASSERT_EQ(bench.write(0x140E, 1, 0x1E0, 4), 0U);
+  map_offset_of_joint_1();
   settle();
-  const auto drive_has = [this](std::int32_t offset) {
-    CanFrame frame = make_frame(0x1E0, {0, 0, 0, 0});
-    store_le(&frame.data[0], offset);
-    bench.from_controller(frame);
-  };
   for (int k = 0; k < 50; ++k) drive_has(held[0]);
   EXPECT_EQ(bench.read(0x1001, 0), 0U);
   for (int k = 0; k < 50; ++k) drive_has(-held[0]);

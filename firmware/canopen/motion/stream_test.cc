@@ -148,16 +148,8 @@ TEST_P(InlineStreamTest, AJointThatWasNotHeard_LeavesItUnknownWhatTheDrivesHold)
 }
 
 TEST_P(OffsetStreamTest, OffsetsThatTheDrivesReadBack_MayBeAFewCyclesOld) {
-  ASSERT_EQ(bench.write(0x160E, 0, 0, 1), 0U);
-  ASSERT_EQ(bench.write(0x160E, 1, 0x20070120, 4), 0U);
-  ASSERT_EQ(bench.write(0x160E, 0, 1, 1), 0U);
-  ASSERT_EQ(bench.write(0x140E, 1, 0x1E0, 4), 0U);
+  map_offset_of_joint_1();
   settle();
-  const auto drive_has = [this](std::int32_t offset) {
-    CanFrame frame = make_frame(0x1E0, {0, 0, 0, 0});
-    store_le(&frame.data[0], offset);
-    bench.from_controller(frame);
-  };
   // Moving joints: the offset is another one in every cycle.
   std::vector<std::int32_t> had(1, held[0]);
   for (int k = 1; k < 60; ++k) {

@@ -26,7 +26,8 @@ class StatusTest : public testing::Test {
     bench.install(table.image());
     bench.configure(Mode::kInline);
   }
-  // SYNC, actual positions where the arm was told to be, targets of joint k at `joint` times k + 1.
+  // One control cycle: SYNC, actual positions equal to the last targets, then new targets, of which
+  // joint k has k times `joint`.
   void cycle(std::int32_t joint) {
     std::array<std::int32_t, 6> targets = {};
     for (std::size_t k = 0; k < 6; ++k) targets[k] = joint * static_cast<std::int32_t>(k + 1);

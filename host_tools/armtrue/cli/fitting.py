@@ -249,7 +249,7 @@ def _error_table(document: dict[str, Any]) -> Any:
     for part, name in _PARTS.items():
         if error.get(part):
             table.add_row(name, *_error_cells(error[part]), str(error[part].get("n", "")))
-    for split, figures in error.get("cross_validation", {}).items():
+    for split, figures in error["held_out_by"].items():
         if figures:
             table.add_row(f"  held out by {split}", *_error_cells(figures), str(figures.get("n", "")))
     return table

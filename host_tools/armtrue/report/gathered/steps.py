@@ -51,8 +51,8 @@ class Step:
     def error(self) -> dict[str, Any]:
         """`nominal`, `train` and `held_out` with mean_um, rms_um, p95_um, max_um; None where no pose was scored."""
         error = self.fit.document["error"]
-        ways = {way: scored(figures) for way, figures in error["cross_validation"].items() if figures}
-        return {**error, "held_out": scored(error["held_out"]), "cross_validation": ways}
+        ways = {way: scored(figures) for way, figures in error["held_out_by"].items() if figures}
+        return {**error, "held_out": scored(error["held_out"]), "held_out_by": ways}
 
     @property
     def turn_error_rad(self) -> dict[str, float] | None:

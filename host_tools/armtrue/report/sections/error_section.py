@@ -184,7 +184,7 @@ def _turns(report: Report) -> Markup | None:
 def _cross_validation(report: Report) -> Markup:
     rows = []
     for key, words in _WAYS.items():
-        entry = report.last.error["cross_validation"][key]
+        entry = report.last.error["held_out_by"][key]
         rows.append([words, *(micrometres(entry[measure]) for measure, _, _ in _MEASURES)])
     folds = report.last.error["folds"]
     caption = f"Last step, cross-validated in {folds} folds, three ways of holding out [µm]"
