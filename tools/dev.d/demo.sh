@@ -1,10 +1,10 @@
-#: demo      an arm with hidden errors found out, compensated, measured again over CAN (3 minutes from a bare machine)
-# The loop of sim/armtrue_loop as a newcomer's story; `./dev sil` is the same for other scenarios and modes.
+#: demo      an arm with hidden errors found out, compensated, measured again over CAN (5 minutes from a bare machine)
+# The loop of sim/armtrue_loop as a newcomer's story; `./dev sil` is the same for other scenarios and modes, with longer moves.
 cmd_demo() {
-  say "the demo: install what it needs (1 minute, once), compile (2 minutes, once), run (under 1 minute)"
+  say "the demo: install what it needs (1 minute, once), compile (3 minutes, once), run (1 to 2 minutes)"
   install_packages run $(bus_packages)
   cmd_build
   say "an arm with errors that its owner does not know, on a CAN bus: controller, compensator, six drives, tracker"
-  on_a_bus 1800 "$PY" -m armtrue_loop --out out/demo
+  on_a_bus 1800 "$PY" -m armtrue_loop --out out/demo --move-cycles 6
   say "done: open out/demo/report.html (where it failed, what was missing) and out/demo/tool-error.svg (how the error fell)"
 }
