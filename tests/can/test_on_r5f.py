@@ -21,7 +21,7 @@ RECORD_VARIABLE = "ARMTRUE_R5F_INTERRUPTS"
 
 
 def test_every_frame_comes_in_by_the_way_that_the_image_says(target: Target) -> None:
-    """By interrupt and nothing else where an interrupt controller was found, else by polling (decision 0063)."""
+    """By interrupt and nothing else where an interrupt controller was found, else by polling."""
     assert target.board is not None
     record = os.environ.get(RECORD_VARIABLE)
     frames = 100

@@ -9,7 +9,7 @@ def test_image_starts_and_says_how_it_is_served() -> None:
     elf = qemu.build_images("r5f", "armtrue_r5f") / "armtrue_r5f.elf"
     with qemu.real_time_board(elf) as board:
         printed = board.wait_for_text("\n")
-    # QEMU before 10.2 has no interrupt controller for this core (docs/decisions/0063).
+    # QEMU before 10.2 has no interrupt controller for this core (firmware/ports/r5f/README.md).
     assert printed in ("armtrue: ready, polling\r\n", "armtrue: ready, by interrupt\r\n")
 
 

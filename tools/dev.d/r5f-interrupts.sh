@@ -1,5 +1,5 @@
 #: r5f-interrupts  the Cortex-R5F image's CAN suites by real interrupts, on a later QEMU than Debian 12's (fetched, not installed)
-# docs/decisions/0063. ARMTRUE_DEBIAN_MIRROR names another archive, such as a dated one of snapshot.debian.org.
+# firmware/ports/r5f/README.md. ARMTRUE_DEBIAN_MIRROR names another archive, such as a dated one of snapshot.debian.org.
 R5F_QEMU=build/qemu-with-interrupts
 R5F_QEMU_SUITE=trixie-backports
 R5F_QEMU_LEAST=10.2  # the first that connects an interrupt controller to the core

@@ -49,8 +49,7 @@ const FifoLayout fifo_layout = is_emulated() ? FifoLayout::kEmulated : FifoLayou
 ZynqMpCan<MappedRegisters> can0(can0_registers, fifo_layout);
 ZynqMpCan<MappedRegisters> can1(can1_registers, fifo_layout);
 
-// Survives a restart of the image, not the loss of power: the unit has no flash of its own
-// (docs/decisions/0063).
+// Survives a restart of the image, not the loss of power: the unit has no flash of its own.
 constexpr std::size_t kTableSlots = 2 * (kMaxImageLength + storage::kHeaderBytes);
 constexpr std::size_t kParameterSlots = 8 * 1024;
 [[gnu::section(".noinit")]] std::array<std::uint8_t, kTableSlots> table_memory;

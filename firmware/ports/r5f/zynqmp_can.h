@@ -60,7 +60,7 @@ inline constexpr std::uint32_t kDlcShift = 28;
 // How identifier and data stand in the FIFO registers.
 enum class FifoLayout : std::uint8_t {
   kHardware,  // identifier left-aligned in two fields, first data byte on top (UG1087)
-  kEmulated,  // QEMU's model (docs/decisions/0063): identifier as in SocketCAN, first data byte at
+  kEmulated,  // QEMU's model (Xilinx/qemu issue 74): identifier as in SocketCAN, first data byte at
               // the bottom
 };
 
@@ -80,7 +80,7 @@ class ZynqMpCan final : public canopen::CanPort {
  public:
   static constexpr std::size_t kQueue = 64;
   // QEMU 7.2 aborts where a frame comes while its FIFO of 64 is all but full and a frame is half
-  // read (docs/decisions/0063): a burst stays well below that.
+  // read: a burst stays well below that.
   static constexpr std::uint8_t kEmulatedBurst = 32;
 
   ZynqMpCan(Registers& registers, FifoLayout layout) : registers_(registers), layout_(layout) {}
