@@ -1,6 +1,6 @@
 // Dense linear algebra by the machine's BLAS and LAPACK. Eigen is compiled for every x86-64, and a
 // BLAS that knows the processor (Debian: OpenBLAS) is several times faster from a hundred unknowns
-// on.
+// on. -march would not mix with Ceres' copies of Eigen's templates.
 #pragma once
 
 #include <Eigen/Core>
