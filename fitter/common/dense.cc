@@ -22,6 +22,13 @@ void dsyrk_(const char* part, const char* turn, const int* size, const int* dept
 void dtrsm_(const char* side, const char* part, const char* turn, const char* unit, const int* rows,
             const int* columns, const double* alpha, const double* a, const int* stride_a,
             double* b, const int* stride_b);
+void dtpqrt_(const int* rows, const int* size, const int* trapezoid, const int* block, double* a,
+             const int* stride_a, double* b, const int* stride_b, double* t, const int* stride_t,
+             double* work, int* info);
+void dtpmqrt_(const char* side, const char* turn, const int* rows, const int* columns,
+              const int* size, const int* trapezoid, const int* block, const double* v,
+              const int* stride_v, const double* t, const int* stride_t, double* a,
+              const int* stride_a, double* b, const int* stride_b, double* work, int* info);
 // Only where the BLAS is OpenBLAS.
 __attribute__((weak)) void openblas_set_num_threads(int threads);
 }
@@ -43,6 +50,7 @@ constexpr double kWorthThreads = 2e7;
 constexpr Eigen::Index kNarrowestPanel = 64, kPanels = 8;
 // Smaller matrices are factorised in one piece, others in blocks of columns.
 constexpr Eigen::Index kSmallFactor = 600, kFactorBlock = 192;
+constexpr Eigen::Index kReflectorsTogether = 32;
 
 // Calls job(first, count) for panels of `columns` columns, side by side where that pays.
 template <typename Job>
@@ -212,6 +220,42 @@ Eigen::MatrixXd transpose_times(const Eigen::Ref<const Eigen::MatrixXd>& a,
              b.outerStride(), a.rows(), result.middleCols(first, count));
   });
   return result;
+}
+
+GrownFactor::GrownFactor(const Eigen::Ref<const Eigen::MatrixXd>& root,
+                         const Eigen::Ref<const Eigen::MatrixXd>& part)
+    : block_(std::min(kReflectorsTogether, root.rows())),
+      factor_(root.triangularView<Eigen::Lower>().transpose()),
+      reflectors_(part.transpose()),
+      triangles_(block_, root.rows()) {
+  be_single_threaded();
+  const int rows = static_cast<int>(part.cols()), size = static_cast<int>(root.rows()), none = 0;
+  const int block = static_cast<int>(block_);
+  std::vector<double> work(static_cast<std::size_t>(block_ * root.rows()));
+  int info = 0;
+  if (rows > 0 && size > 0)
+    dtpqrt_(&rows, &size, &none, &block, factor_.data(), &size, reflectors_.data(), &rows,
+            triangles_.data(), &block, work.data(), &info);
+  // Of a triangle's two signs a row, the one that a Cholesky factor has.
+  sign_ = factor_.diagonal().unaryExpr([](double d) { return d < 0.0 ? -1.0 : 1.0; });
+  const Eigen::MatrixXd upper = sign_.asDiagonal() * factor_;
+  factor_ = upper.triangularView<Eigen::Upper>().transpose();
+}
+
+Eigen::MatrixXd GrownFactor::turned(Eigen::MatrixXd a, Eigen::MatrixXd b) const {
+  const int rows = static_cast<int>(reflectors_.rows()), size = static_cast<int>(factor_.rows());
+  const int none = 0, block = static_cast<int>(block_);
+  if (rows == 0 || size == 0) return a;
+  const double work = 2.0 * static_cast<double>(a.size()) * static_cast<double>(rows);
+  in_panels(a.cols(), work, [&](Eigen::Index first, Eigen::Index count) {
+    const int columns = static_cast<int>(count);
+    std::vector<double> space(static_cast<std::size_t>(block_ * count));
+    int info = 0;
+    dtpmqrt_("L", "T", &rows, &columns, &size, &none, &block, reflectors_.data(), &rows,
+             triangles_.data(), &block, a.col(first).data(), &size, b.col(first).data(), &rows,
+             space.data(), &info);
+  });
+  return sign_.asDiagonal() * a;
 }
 
 }  // namespace armtrue

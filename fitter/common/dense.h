@@ -39,4 +39,21 @@ void solve_lower_transposed(const Eigen::MatrixXd& factor, Eigen::Ref<Eigen::Mat
 Eigen::MatrixXd transpose_times(const Eigen::Ref<const Eigen::MatrixXd>& a,
                                 const Eigen::Ref<const Eigen::MatrixXd>& b);
 
+/// The factor L′ of L Lᵀ + S Sᵀ (LAPACK dtpqrt), and what leads from one to the other.
+class GrownFactor {
+ public:
+  /// `root`: L, lower triangle read; `part`: S.
+  GrownFactor(const Eigen::Ref<const Eigen::MatrixXd>& root,
+              const Eigen::Ref<const Eigen::MatrixXd>& part);
+  /// Lower triangle, zeros above.
+  const Eigen::MatrixXd& factor() const { return factor_; }
+  /// L′⁻¹ (L a + S b).
+  Eigen::MatrixXd turned(Eigen::MatrixXd a, Eigen::MatrixXd b) const;
+
+ private:
+  Eigen::Index block_;
+  Eigen::MatrixXd factor_, reflectors_, triangles_;
+  Eigen::VectorXd sign_;
+};
+
 }  // namespace armtrue

@@ -56,6 +56,26 @@ TEST_P(Size, ScaledCholeskySolvesInvertsAndMeasures) {
   EXPECT_NEAR(factor.log_determinant(), expected, 1e-8 * std::max(1.0, std::abs(expected)));
 }
 
+TEST_P(Size, GrownFactorIsThatOfTheSum) {
+  const Eigen::Index n = GetParam(), more = 40;
+  const Eigen::MatrixXd half = some_matrix(n + 5, n), part = some_matrix(n, more);
+  Eigen::MatrixXd root = half.transpose() * half + Eigen::MatrixXd::Identity(n, n);
+  ASSERT_TRUE(factorise_cholesky(root));
+  const Eigen::MatrixXd lower = root.triangularView<Eigen::Lower>();
+  root.triangularView<Eigen::StrictlyUpper>().setConstant(1e30);  // is not to be read
+
+  const GrownFactor grown(root, part);
+  const Eigen::MatrixXd expected = lower * lower.transpose() + part * part.transpose();
+  if (n == 0) return;
+  EXPECT_GT(grown.factor().diagonal().minCoeff(), 0.0);
+  EXPECT_EQ(Eigen::MatrixXd(grown.factor().triangularView<Eigen::StrictlyUpper>()).norm(), 0.0);
+  EXPECT_LT((grown.factor() * grown.factor().transpose() - expected).norm(),
+            1e-12 * expected.norm());
+  const Eigen::MatrixXd a = some_matrix(n, 300), b = some_matrix(more, 300);
+  EXPECT_LT((grown.factor() * grown.turned(a, b) - (lower * a + part * b)).norm(),
+            1e-11 * expected.norm());
+}
+
 TEST_P(Size, EigenvaluesOfAKnownSpectrum) {
   const Eigen::Index n = GetParam();
   // Reflected by a Householder matrix, diag(1 … n) keeps its eigenvalues.

@@ -25,32 +25,6 @@ void factorise(Eigen::MatrixXd& matrix) {
   factorise_cholesky(matrix);
 }
 
-// The factor of L Lᵀ + S Sᵀ: the members after one that goes no longer have its part taken out.
-Eigen::MatrixXd put_back(const Eigen::Ref<const Eigen::MatrixXd>& root,
-                         const Eigen::Ref<const Eigen::MatrixXd>& part) {
-  Eigen::MatrixXd both(root.rows(), root.cols() + part.cols());
-  both.leftCols(root.cols()) = root.triangularView<Eigen::Lower>();
-  both.rightCols(part.cols()) = part;
-  Eigen::MatrixXd result = square_across(both);
-  factorise(result);
-  return result;
-}
-
-// L′⁻¹ (L half + S half_of_gone).
-Eigen::MatrixXd turned(const Eigen::MatrixXd& now, const Eigen::Ref<const Eigen::MatrixXd>& root,
-                       const Eigen::Ref<const Eigen::MatrixXd>& part,
-                       const Eigen::Ref<const Eigen::MatrixXd>& half,
-                       const Eigen::Ref<const Eigen::MatrixXd>& half_of_gone) {
-  Eigen::MatrixXd both(root.rows() + part.cols(), root.rows());
-  both.topRows(root.rows()) = root.triangularView<Eigen::Lower>().transpose();
-  both.bottomRows(part.cols()) = part.transpose();
-  Eigen::MatrixXd halves(both.rows(), half.cols());
-  halves << half, half_of_gone;
-  Eigen::MatrixXd result = transpose_times(both, halves);
-  solve_lower(now, result);
-  return result;
-}
-
 }  // namespace
 
 Elimination::Elimination(const Eigen::MatrixXd& gram, const Eigen::VectorXd& gradient,
@@ -109,14 +83,15 @@ void Elimination::remove(std::size_t key) {
   if (rest > 0) {
     const auto root = root_.block(after, after, rest, rest);
     const auto part = root_.block(after, gone.first, rest, gone.size);
-    const Eigen::MatrixXd now = put_back(root, part);
-    const Eigen::MatrixXd half = turned(now, root, part, half_.middleRows(after, rest),
-                                        half_.middleRows(gone.first, gone.size));
+    // The members after it no longer have its part taken out.
+    const GrownFactor now(root, part);
+    const Eigen::MatrixXd half =
+        now.turned(half_.middleRows(after, rest), half_.middleRows(gone.first, gone.size));
     const Eigen::VectorXd along =
-        turned(now, root, part, along_.segment(after, rest), along_.segment(gone.first, gone.size));
+        now.turned(along_.segment(after, rest), along_.segment(gone.first, gone.size));
     const Eigen::MatrixXd before = root_.block(after, 0, rest, gone.first);
     root_.block(gone.first, 0, rest, gone.first) = before;
-    root_.block(gone.first, gone.first, rest, rest) = now.triangularView<Eigen::Lower>();
+    root_.block(gone.first, gone.first, rest, rest) = now.factor();
     half_.middleRows(gone.first, rest) = half;
     along_.segment(gone.first, rest) = along;
   }
@@ -167,11 +142,11 @@ Elimination::Local Elimination::without_exactly(const Member& member) const {
   if (rest == 0) return local;
   const auto root = root_.block(after, after, rest, rest);
   const auto part = root_.block(after, before, rest, member.size);
-  const Eigen::MatrixXd now = put_back(root, part);
+  const GrownFactor now(root, part);
   const Eigen::VectorXd along =
-      turned(now, root, part, along_.segment(after, rest), along_.segment(before, member.size));
-  take(turned(now, root, part, half_.block(after, first, rest, width),
-              half_.block(before, first, member.size, width)),
+      now.turned(along_.segment(after, rest), along_.segment(before, member.size));
+  take(now.turned(half_.block(after, first, rest, width),
+                  half_.block(before, first, member.size, width)),
        along);
   local.squares -= along.squaredNorm();
   return local;
