@@ -88,7 +88,7 @@ def test_abort_codes_on_the_protocol_page_are_those_of_the_code() -> None:
 def test_the_protocol_page_has_every_reason_and_command() -> None:
     for reason, words in REFUSALS.items():
         number = f"0x{reason:X}" if reason >= 0x100 else str(reason)
-        assert reason == 0 or f"| {number} | {words} |" in PROTOCOL, words
+        assert reason == 0 or f"  - {number}: {words}\n" in PROTOCOL, words
     header = (EDS.parents[1] / "table/table_transfer.h").read_text(encoding="utf-8")
     commands = re.findall(r'= 0x([0-9A-Fa-f]{8}), +// "(\w{4})"', header)
     assert len(commands) == 6
