@@ -87,12 +87,11 @@ def measure(elf: Path, case: Case, motion: recording.Recording, clocks_per_instr
 
 
 def spread(values: np.ndarray) -> str:
-    """Minimum, median, 99.9 %, maximum; or that (in how many cycles) nothing came."""
+    """Median (minimum–maximum); or that (in how many cycles) nothing came."""
     if np.isnan(values).all():
         return "never"
     missing = f", {np.isnan(values).sum()} missing" if np.isnan(values).any() else ""
-    low, middle, high, top = np.nanpercentile(values, [0.0, 50.0, 99.9, 100.0])
-    return f"{low:.0f} / {middle:.0f} / {high:.0f} / {top:.0f}{missing}"
+    return f"{np.nanmedian(values):.0f} ({np.nanmin(values):.0f}–{np.nanmax(values):.0f}){missing}"
 
 
 def model(elf: Path) -> float:
