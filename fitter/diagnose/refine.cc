@@ -215,6 +215,8 @@ class Refinement {
   std::vector<RefineStep> steps_;
   std::set<std::string> taken_;    // models of the steps: none comes twice, so the search ends
   std::set<std::string> refused_;  // models tried since the last search and not taken
+  std::set<std::string> gone_;     // effects that were taken out: one that pays about as much as it
+                                   // costs would come and go beside every other change
 };
 
 Diagnosis Refinement::diagnose_now(Fit& fit) const {
@@ -259,6 +261,7 @@ bool Refinement::accept(const Move& move, const Trial& trial) {
   if (growth.mean > worse + (sure ? growth.sigma : 0.0)) return false;
   show();
   taken_.insert(model);
+  for (const EffectRequest& r : move.removed) gone_.insert(label(r));
   const Diagnosis& before = steps_.back().diagnosis;
   Diagnosis now = move.added ? with_added(before, *move.added) : before;
   steps_.push_back({move.added, move.removed, std::move(now), trial.fit});
@@ -275,6 +278,7 @@ std::vector<Refinement::Trial> Refinement::next_trials(const std::vector<Move>& 
   for (; next < moves.size() && trials.size() < most; ++next) {
     const Move& move = moves[next];
     if (!trials.empty() && !move.beside_others) break;
+    if (move.added && gone_.contains(label(move.added->request))) continue;
     Trial trial = trials.empty() ? Trial{0, fit.specification(), {}, nullptr} : trials.back();
     trial.move = next;
     trial.specification = apply(trial.specification, move, fit.context());

@@ -164,7 +164,7 @@ Eigen::MatrixXd Scorer::columns(std::span<const Block> blocks, BasisCache& cache
   return result;
 }
 
-std::vector<BlockScore> Scorer::score(const std::vector<Block>& blocks) const {
+std::vector<BlockScore> Scorer::score(const std::vector<Block>& blocks, bool robust) const {
   // Blocks go through in batches, so that one matrix product serves many and memory stays small.
   constexpr Eigen::Index kBatchColumns = 256;
   const auto width_of = [&](std::size_t b) {
@@ -189,8 +189,8 @@ std::vector<BlockScore> Scorer::score(const std::vector<Block>& blocks) const {
     const Eigen::MatrixXd cross = transpose_times(jacobian_, own);
     Eigen::Index at = 0;
     for (std::size_t b = first; b < last; ++b) {
-      scores[b] =
-          judge(blocks[b], own.middleCols(at, width_of(b)), cross.middleCols(at, width_of(b)));
+      scores[b] = judge(blocks[b], own.middleCols(at, width_of(b)),
+                        cross.middleCols(at, width_of(b)), robust);
       at += width_of(b);
     }
   });
@@ -198,7 +198,7 @@ std::vector<BlockScore> Scorer::score(const std::vector<Block>& blocks) const {
 }
 
 BlockScore Scorer::judge(const Block& block, const Eigen::MatrixXd& columns,
-                         const Eigen::MatrixXd& cross) const {
+                         const Eigen::MatrixXd& cross, bool robust) const {
   BlockScore score;
   const Eigen::Index width = columns.cols();
   const Eigen::VectorXd norm = columns.colwise().norm();
@@ -261,7 +261,7 @@ BlockScore Scorer::judge(const Block& block, const Eigen::MatrixXd& columns,
   score.explained = gain / rss;
   score.log10_p =
       log10_f_survival((gain / score.degrees) / (after / freedom), score.degrees, freedom);
-  if (score.log10_p < kWorthRobust) {
+  if (robust && score.log10_p < kWorthRobust) {
     score.log10_p = std::max(
         score.log10_p, robust_log10_p(columns, cross, scale, eigen, used, solution, score.degrees));
   }

@@ -33,7 +33,8 @@ class Scorer {
  public:
   explicit Scorer(Fit& fit);
 
-  std::vector<BlockScore> score(const std::vector<Block>& blocks) const;
+  /// `robust`: log10_p from the poses' own scatter too, which costs more than all else.
+  std::vector<BlockScore> score(const std::vector<Block>& blocks, bool robust = true) const;
 
   /// Columns of all parameters of some blocks, one after the other: whitened by the instrument as
   /// residual() is, not yet by repeats.
@@ -60,7 +61,7 @@ class Scorer {
                         const std::vector<Eigen::Index>& used, const Eigen::VectorXd& solution,
                         int degrees) const;
   BlockScore judge(const Block& block, const Eigen::MatrixXd& columns,
-                   const Eigen::MatrixXd& cross) const;
+                   const Eigen::MatrixXd& cross, bool robust) const;
 
   using BasisCache = std::map<std::string, std::vector<double>>;
   Eigen::MatrixXd columns(std::span<const Block> blocks, BasisCache& cache) const;

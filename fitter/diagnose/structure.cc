@@ -156,7 +156,7 @@ StructureFinding make_finding(const std::vector<const StructureVariable*>& varia
 void score_all(const Scorer& scorer, std::vector<StructureFinding>& findings) {
   std::vector<Block> blocks;
   for (const StructureFinding& f : findings) blocks.push_back(f.block);
-  const std::vector<BlockScore> scores = scorer.score(blocks);
+  const std::vector<BlockScore> scores = scorer.score(blocks, false);
   for (std::size_t i = 0; i < findings.size(); ++i) findings[i].score = scores[i];
 }
 
@@ -202,7 +202,7 @@ Step best_step(const Scorer& scorer, const StructureFinding& finding, const std:
     block.searched = 1;
     steps.push_back(std::move(block));
   }
-  const std::vector<BlockScore> scores = scorer.score(steps);
+  const std::vector<BlockScore> scores = scorer.score(steps, false);
   const auto best =
       std::max_element(scores.begin(), scores.end(),
                        [](const BlockScore& a, const BlockScore& b) { return a.gain < b.gain; });
@@ -293,6 +293,11 @@ void describe_shape(const Scorer& scorer, StructureFinding& finding,
   finding.shape = text;
 }
 
+// Of the best of so many.
+double log10_p_among(const BlockScore& score, std::size_t tried) {
+  return std::min(0.0, score.log10_p + std::log10(static_cast<double>(tried)));
+}
+
 }  // namespace
 
 Structure find_structure(const Scorer& scorer, const Fit& fit, double threshold) {
@@ -368,12 +373,15 @@ Structure find_structure(const Scorer& scorer, const Fit& fit, double threshold)
       }
       if (alone > kAlone) continue;
     }
-    finding.log10_p =
-        std::min(0.0, finding.score.log10_p + std::log10(static_cast<double>(structure.tried)));
-    if (finding.log10_p > threshold || finding.score.delta_bic > -10.0) continue;
+    if (finding.score.delta_bic > -10.0) continue;
     if (!structure.findings.empty() &&
         finding.score.gain < kNearlyAsMuch * structure.findings.front().score.gain)
       continue;
+    finding.log10_p = log10_p_among(finding.score, structure.tried);
+    if (finding.log10_p > threshold) continue;
+    finding.score = scorer.score({finding.block}).front();
+    finding.log10_p = log10_p_among(finding.score, structure.tried);
+    if (finding.log10_p > threshold) continue;
     finding.cost = cost(i);
     describe_shape(scorer, finding, used[i], alone,
                    finding.coordinate.starts_with("motor") ||

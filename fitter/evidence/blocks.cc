@@ -22,7 +22,7 @@ constexpr double kBelievedOdds = 3.0;
 constexpr double kRangeIsSigmas = 20.0;
 // A table finer than the poses lie is what each pose scatters by.
 constexpr double kPosesPerNode = 3.0;
-constexpr double kFewestNodes = 12.0, kMostNodes = 150.0, kFinestSpacing = 0.035;
+constexpr double kFewestNodes = 12.0, kMostNodes = 100.0, kFinestSpacing = 0.035;
 constexpr Eigen::Index kCostlyDirections = 12;
 
 bool is_geometry(const std::string& effect) {

@@ -326,8 +326,8 @@ void Fit::choose_free() {
 }
 
 bool Fit::keeps_weights() const {
-  return options_.keeps_weights && options_.start && options_.start->smoothness.sigma > 0.0 &&
-         !is_searched(model_) && has_the_nodes_of_the_start();
+  return options_.keeps_weights && options_.start && !is_searched(model_) &&
+         has_the_nodes_of_the_start();
 }
 
 // Between two full fits: coefficients anew, and the scale of the noise.

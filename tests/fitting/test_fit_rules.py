@@ -129,3 +129,18 @@ def test_time_on_any_clock_gives_the_same_fit_and_predictions(campaign):
     )
     tail = later.rows(slice(60, 120))
     assert again.predict(tail) == pytest.approx(fit.predict(given.rows(slice(60, 120))), abs=1e-7)
+
+
+def test_a_finer_table_bridges_the_same_gap(campaign):
+    # A real arm came, later in time, to angles between those measured: its finer tables had gone back to zero there.
+    slow = {"effect": "gear_harmonics", "joints": [2], "scale": 4.0}
+    given = campaign(arm="cobot", poses=900, hidden=[slow], test_poses=0)
+    q2 = given.data.columns["q2"]
+    gap = np.abs(q2 - np.median(q2)) < 0.09
+    errors = []
+    for spacing in (0.026, 0.0116):
+        table = {"effect": "transmission_pwl", "joints": [2], "spacing": spacing}
+        seen, unseen = given.data.take(~gap), given.data.take(gap)
+        fit = armtrue.fit(seen, given.robot, given.model([*GEOMETRY, "joint_compliance", table]))
+        errors.append(np.linalg.norm(fit.predict(unseen) - unseen.positions_m, axis=1).mean())
+    assert errors[1] < 1.1 * errors[0]

@@ -70,8 +70,8 @@ class TransmissionPwl final : public Effect {
 
  private:
   static constexpr double kLargest = 1e-2;  // [rad]
-  // In units of smoothness; wide, so that a large smooth shape is nothing improbable
-  // (docs/decisions/0014).
+  // Of the value of a node, in units of smoothness; wide, so that a large smooth shape is nothing
+  // improbable (docs/decisions/0014).
   static constexpr double kValue = 16.0;
   // 1.5 deg: a search takes the time that some thousand nodes need, and real arms gain some percent
   // below.
@@ -82,6 +82,13 @@ class TransmissionPwl final : public Effect {
   static constexpr double kRowsPerCandidateNode = 3.0;
   static constexpr double kRowsPerFineNode = 1.5;
   static constexpr double kWorthwhile = 0.8;  // of the present spacing
+
+  // Value and second difference together say over which angle a table goes back to zero where no
+  // pose lies: √kValue cells. Cells below kFinest leave that angle as it is, so that a finer table
+  // bridges the same gaps.
+  static double value_sigma(double spacing) {
+    return kValue * std::pow(std::max(1.0, kFinest / spacing), 2);
+  }
 
   static double default_spacing(const std::vector<double>& q) {
     const auto [low, high] = std::minmax_element(q.begin(), q.end());
@@ -124,7 +131,7 @@ class TransmissionPwl final : public Effect {
       p.terms.front().table->index = {static_cast<int>(i)};
       mean.row.emplace_back(p.name, hits[i]);
       slope.row.emplace_back(p.name, hits[i] * (nodes[i] - mean_q));
-      terms.penalties.push_back(value_penalty(p.name, kValue));
+      terms.penalties.push_back(value_penalty(p.name, value_sigma(spacing)));
       terms.parameters.push_back(std::move(p));
     }
     terms.penalties.push_back(mean);
