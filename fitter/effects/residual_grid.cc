@@ -20,7 +20,8 @@ class ResidualGrid final : public Effect {
   Role role() const override { return Role::kTable; }
   JointRule joint_rule() const override { return JointRule::kNone; }
   std::string bound_text() const override {
-    return "2 mm: more than that is geometry that was not fitted (docs/effects.md)";
+    return "2 mm: the multilevel paper (ABB IRB2400); more than that is geometry that was not "
+           "fitted";
   }
   std::vector<EffectOption> options() const override {
     return {{"nodes", "[int]", "nodes over joints 1, 2, 3; default chosen by cross-validation"}};

@@ -1,7 +1,7 @@
 """What the CAN side costs: `./dev bench can` prints the tables and writes them into docs/results.md.
 
-python tests/can/bench.py transfer|latency RESULT.json  inside the rig
-python tests/can/bench.py report FOLDER outside; counts instructions too
+python tests/can/bench.py transfer RESULT.json  inside the rig
+python tests/can/bench.py report RESULT.json    outside; counts instructions too
 """
 
 from __future__ import annotations
@@ -9,8 +9,6 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import json
-import os
-import struct
 import sys
 import tempfile
 from pathlib import Path
@@ -31,7 +29,6 @@ from armtrue.device import Compensator, SdoClient, upload_image  # noqa: E402
 from armtrue.device.bus_load import classic_frame_bits  # noqa: E402
 from armtrue.device.image import read_image  # noqa: E402
 from node_process import NODE_ID, NodeProcess  # noqa: E402
-from put_to_work import INLINE, OFFSET, OFFSET_IDS, TARGET_IDS, put_to_work  # noqa: E402
 from small_table import small_table  # noqa: E402
 
 BITRATE = 1_000_000
@@ -39,8 +36,6 @@ SEGMENT = 7
 BLOCK_SEGMENTS = 127
 _NODE_RESULT = np.dtype([("instructions", "<u4"), ("read", "<u4"), ("corrected", "<i4", 6)])
 PADDING = {"small": 0, "16 KiB": 15_500}
-MODES = {"inline": INLINE, "offset": OFFSET}
-CYCLES = 2000
 
 
 class Counted:
@@ -120,56 +115,6 @@ def transfers() -> list[dict[str, Any]]:
     return rows
 
 
-def latency() -> dict[str, dict[str, Any]]:
-    """From the last target frame to the last frame that comes of it, kernel time, by mode.
-
-    Inline: the corrected target on the drives' bus. Offset: the position offset, on the controller's bus.
-    """
-    return {mode: _latency_in(mode) for mode in MODES}
-
-
-def _latency_in(mode: str) -> dict[str, Any]:
-    with tempfile.TemporaryDirectory() as folder:
-        drives = "vcan1" if mode == "inline" else None
-        node = NodeProcess(Path(folder) / "state", upstream="vcan0", downstream=drives)
-        with (
-            node,
-            can.Bus(interface="socketcan", channel="vcan0", receive_own_messages=True) as upstream,
-            can.Bus(interface="socketcan", channel="vcan1") as downstream,
-        ):
-            return _latency(mode, upstream, downstream)
-
-
-def _latency(mode: str, upstream: can.BusABC, downstream: can.BusABC) -> dict[str, Any]:
-    device = put_to_work(upstream, MODES[mode], 10.0)
-    output, identifier = (downstream, TARGET_IDS[-1]) if mode == "inline" else (upstream, OFFSET_IDS[-1])
-    taken = []
-    for number in range(CYCLES):
-        targets = [120_000 + 30 * number * (joint + 1) for joint in range(6)]
-        upstream.send(can.Message(arbitration_id=0x080, is_extended_id=False))
-        for pair, target in enumerate(TARGET_IDS):
-            data = struct.pack("<2i", *targets[2 * pair : 2 * pair + 2])
-            upstream.send(can.Message(arbitration_id=target, data=data, is_extended_id=False))
-        sent = _stamp(upstream, TARGET_IDS[-1])
-        if number > 0:  # a stream begins with its second set
-            taken.append(1e6 * (_stamp(output, identifier) - sent))
-    worst_us = device.read_number("Compensator status.Worst cycle (us)")
-    return {
-        "cycles": len(taken), "median_us": float(np.median(taken)), "p99_us": float(np.percentile(taken, 99)),
-        "max_us": float(np.max(taken)), "evaluation_max_us": worst_us, "where": os.environ.get("ARMTRUE_RIG", "native"),
-    }  # fmt: skip
-
-
-def _stamp(bus: can.BusABC, identifier: int) -> float:
-    """The kernel's time of the next frame with an identifier."""
-    while True:
-        frame = bus.recv(10.0)
-        if frame is None:
-            raise RuntimeError(f"no frame 0x{identifier:X} within 10 s")
-        if frame.arbitration_id == identifier:
-            return float(frame.timestamp)
-
-
 @dataclasses.dataclass(frozen=True)
 class Budget:
     """Instructions of one control cycle on the M4."""
@@ -219,21 +164,22 @@ def budgets() -> dict[str, Budget]:
     return found
 
 
-def report(folder: Path) -> str:
+def report(transferred: Path) -> str:
     """The section of docs/results.md."""
-    rows = json.loads((folder / "transfer.json").read_text(encoding="utf-8"))
-    seen = json.loads((folder / "latency.json").read_text(encoding="utf-8"))
+    rows = json.loads(transferred.read_text(encoding="utf-8"))
+    if any(row["frames"] != row["least"] for row in rows):
+        raise RuntimeError(f"more frames than CiA 301 needs: {rows}")
     lines = [
-        "Upload of a table over SDO, frames counted on the bus; bus time at 1 Mbit/s with counted stuff bits, frame "
-        "behind frame. *Least*: the fewest frames that CiA 301 does it with. The whole command also asks, verifies, "
-        "commits, activates and confirms:",
+        "Upload of a table over SDO, frames counted on the bus, the fewest that CiA 301 does it with; bus time at 1 "
+        "Mbit/s with counted stuff bits, frame behind frame. The whole command also asks, verifies, commits, activates "
+        "and confirms:",
         "",
-        "| bytes | transfer | frames | least | bus time [s] | kB/s | whole command: frames | bus time [s] |",
-        "|---|---|---|---|---|---|---|---|",
+        "| bytes | transfer | frames | bus time [s] | kB/s | whole command: frames | bus time [s] |",
+        "|---|---|---|---|---|---|---|",
     ]
     for row in rows:
         lines.append(
-            f"| {row['bytes']} | {row['transfer']} | {row['frames']} | {row['least']} | {row['seconds']:.3f} | "
+            f"| {row['bytes']} | {row['transfer']} | {row['frames']} | {row['seconds']:.3f} | "
             f"{row['bytes'] / row['seconds'] / 1000:.1f} | {row['all_frames']} | {row['all_seconds']:.3f} |"
         )
     lines += [
@@ -247,38 +193,19 @@ def report(folder: Path) -> str:
         "|---|---|---|",
     ]
     lines += [f"| {name} | {budget.mean:.0f} | {budget.worst} |" for name, budget in budgets().items()]
-    lines += [
-        "",
-        "Latency through the POSIX node, kernel time stamps, from the last target frame on the controller's bus: "
-        "*inline* to the last corrected target on the drives' bus, *offset* to the last 0x60B0 beside it:",
-        "",
-        "| mode | cycles | median [µs] | 99 % | max |",
-        "|---|---|---|---|---|",
-    ]
-    lines += [
-        f"| {mode} | {row['cycles']} | {row['median_us']:.0f} | {row['p99_us']:.0f} | {row['max_us']:.0f} |"
-        for mode, row in seen.items()
-    ]
-    if any(row["where"] == "uml" for row in seen.values()):
-        lines += [
-            "",
-            "Inside User-Mode Linux, on one emulated processor that ticks at 100 Hz: the median is the node's work, "
-            "the rest is waiting for a turn.",
-        ]
     return "\n".join(lines)
 
 
 def main() -> None:
-    """One part, or all of them as a report."""
+    """Measure, or report."""
     parser = argparse.ArgumentParser()
-    parser.add_argument("part", choices=("transfer", "latency", "report"))
+    parser.add_argument("part", choices=("transfer", "report"))
     parser.add_argument("place", type=Path)
     arguments = parser.parse_args()
     if arguments.part == "report":
         print(report(arguments.place))
         return
-    result = transfers() if arguments.part == "transfer" else latency()
-    arguments.place.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
+    arguments.place.write_text(json.dumps(transfers(), indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -168,7 +168,8 @@ def test_the_whole_sweep_says_what_it_found(
     assert every_size.main() == (0 if sound else 1)
     said = capfd.readouterr()
     if sound:
-        assert "| every one from 1 to 40: 40 | 44 | 44 | 830 |" in said.out
+        assert "every size from 1 to 40 written" in said.out
+        assert ": 44 downloads and 44 uploads, 830 bytes each way" in said.out
     else:
         assert "came back otherwise" in said.err
         assert said.out == ""

@@ -24,9 +24,8 @@ from armtrue.tables import fixed as engine_flags  # noqa: E402
 
 CHUNK = 10_000
 HEAD = """\
-| arm | held | before: mean [µm] | poses away from singularities \
-| mean [µm] | max [µm] | nearer: mean [µm] | max [µm] | largest correction of all [mrad, mm] |
-|---|---|---|---|---|---|---|---|---|
+| arm | held | poses away from singularities | mean [µm] | max [µm] | nearer: mean [µm] | max [µm] |
+|---|---|---|---|---|---|---|
 """
 
 
@@ -48,9 +47,8 @@ def row(case: tuple[str, bool, int]) -> tuple[str, bool]:
         and np.isfinite(um).all()
     )
     text = (
-        f"| {name} | {'pose' if full_pose else 'position'} | {all_['uncorrected_um'].mean():.0f} "
-        f"| {regular.sum()} of {regular.size} | {um[regular].mean():.3f} | {um[regular].max():.2f} "
-        f"| {um[near].mean():.3f} | {um[near].max():.2f} | {1e3 * all_['correction'].max():.0f} |"
+        f"| {name} | {'pose' if full_pose else 'position'} | {regular.sum()} "
+        f"| {um[regular].mean():.3f} | {um[regular].max():.2f} | {um[near].mean():.3f} | {um[near].max():.2f} |"
     )
     return text, bool(good)
 

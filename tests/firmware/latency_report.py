@@ -1,6 +1,6 @@
 """How late SYNC and targets leave the STM32F405's node, and by how much that varies, per mode and frame layout.
 
-python tests/firmware/latency_report.py [--before ELF] [--cycles N]
+python tests/firmware/latency_report.py [--cycles N]
 """
 
 from __future__ import annotations
@@ -87,12 +87,11 @@ def measure(elf: Path, case: Case, motion: recording.Recording, clocks_per_instr
 
 
 def spread(values: np.ndarray) -> str:
-    """Minimum, median, 99.9 %, maximum; or that (in how many cycles) nothing came."""
+    """Median (minimum–maximum); or that (in how many cycles) nothing came."""
     if np.isnan(values).all():
         return "never"
     missing = f", {np.isnan(values).sum()} missing" if np.isnan(values).any() else ""
-    low, middle, high, top = np.nanpercentile(values, [0.0, 50.0, 99.9, 100.0])
-    return f"{low:.0f} / {middle:.0f} / {high:.0f} / {top:.0f}{missing}"
+    return f"{np.nanmedian(values):.0f} ({np.nanmin(values):.0f}–{np.nanmax(values):.0f}){missing}"
 
 
 def model(elf: Path) -> float:
@@ -102,33 +101,24 @@ def model(elf: Path) -> float:
     )
 
 
-def table(images: dict[str, Path], cycles: int) -> list[str]:
-    """One row a case; in it each image's SYNC and outputs."""
+def table(elf: Path, cycles: int) -> list[str]:
+    """One row a case: SYNC and the outputs."""
     recorded = motion(cycles)
-    factors = {name: model(elf) for name, elf in images.items()}
-    lines = [f"{name}: {factor:.2f} clocks an instruction" for name, factor in factors.items()]
-    heads = [
-        f"{what}, {name}"
-        for what in ("SYNC given", "SYNC on the wire", "last output given")
-        for name in images
-    ]
-    lines += ["", "| case | " + " | ".join(heads) + " |", "|---" * (len(heads) + 1) + "|"]
+    factor = model(elf)
+    lines = [f"{factor:.2f} clocks an instruction", ""]
+    lines += ["| case | SYNC given | SYNC on the wire | last output given |", "|---|---|---|---|"]
     for case in cases():
-        found = [measure(elf, case, recorded, factors[name]) for name, elf in images.items()]
-        cells = [spread(one[:, column]) for column in range(3) for one in found]
-        lines.append(f"| {case} | " + " | ".join(cells) + " |")
+        found = measure(elf, case, recorded, factor)
+        lines.append(f"| {case} | " + " | ".join(spread(found[:, column]) for column in range(3)) + " |")
     return lines
 
 
 def main() -> None:
-    """The table, of before and now."""
+    """Print the table."""
     parser = argparse.ArgumentParser()
-    parser.add_argument("--before", type=Path, help="latency_check.elf of another commit")
     parser.add_argument("--cycles", type=int, default=1000)
-    arguments = parser.parse_args()
-    images = {} if arguments.before is None else {"before": arguments.before}
-    images["now"] = qemu.build_images("stm32f405", "latency_check") / "latency_check.elf"
-    print("\n".join(table(images, arguments.cycles)))
+    elf = qemu.build_images("stm32f405", "latency_check") / "latency_check.elf"
+    print("\n".join(table(elf, parser.parse_args().cycles)))
 
 
 if __name__ == "__main__":

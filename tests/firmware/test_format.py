@@ -12,6 +12,7 @@ from armtrue.tables.layout import Node, Section, State
 ROOT = Path(__file__).resolve().parents[2]
 HEADER = (ROOT / "firmware/core/table/format.h").read_text()
 LIMITS = (ROOT / "firmware/core/table/limits.h").read_text()
+TABLE = (ROOT / "firmware/core/table/table.h").read_text()
 PAGE = (ROOT / "docs/table-format.md").read_text()
 
 RECORDS = {
@@ -28,13 +29,17 @@ def namespace(name: str) -> dict[str, int]:
     return {key: int(value, 0) for key, value in re.findall(r" k(\w+) = (0x[0-9A-F]+|\d+);", body[1])}
 
 
+def enum_body(header: str, name: str) -> dict[str, int]:
+    """Members of an enumeration."""
+    body = re.search(rf"enum class {name} : std::uint\d+_t \{{(.*?)\}};", header, re.S)
+    assert body, name
+    return {key: int(value) for key, value in re.findall(r" k(\w+) = (\d+),", body[1])}
+
+
 def enumeration(name: str) -> dict[str, int]:
     """Members of an enumeration of format.h, in the writer's spelling."""
-    body = re.search(rf"enum class {name} : std::uint\d+_t \{{(.*?)\}};", HEADER, re.S)
-    assert body, name
     return {
-        re.sub(r"(?<!^)([A-Z])", r"_\1", key).upper(): int(value)
-        for key, value in re.findall(r" k(\w+) = (\d+),", body[1])
+        re.sub(r"(?<!^)([A-Z])", r"_\1", key).upper(): value for key, value in enum_body(HEADER, name).items()
     }
 
 
@@ -187,13 +192,13 @@ def test_every_state_variable_is_on_the_page_with_its_fraction() -> None:
         assert fractions[kind.value] == (str(known) if known is not None else "as its set"), kind
 
 
-def test_every_reason_is_on_the_page() -> None:
-    """In the order of their codes; "activation pending" is no fault of an image."""
-    source = (ROOT / "firmware/core/table/table.cc").read_text().split("name_of(Refusal refusal)")[1]
-    named = re.findall(r'return "([^"]+)";', source)[1:-1]
-    reasons = [reason for reason in named if reason != "activation pending"]
-    listed = PAGE.split("## What a reader refuses")[1].split("field: ")[1].split(". An accepted")[0]
-    assert [reason.strip() for reason in listed.replace("\n", " ").split("·")] == reasons
+def test_every_reason_is_on_the_protocols_page() -> None:
+    """Their words are those that the client prints (tests/can/test_object_dictionary.py)."""
+    codes = enum_body(TABLE, "Refusal")
+    rows = (ROOT / "docs/protocol.md").read_text().split("why a table was refused")[1].split("## Status")[0]
+    listed = {int(code) for code in re.findall(r"^  - (\d+): ", rows, re.M)}
+    assert len(codes) > 20
+    assert listed == set(codes.values()) - {0}
 
 
 def test_a_changed_field_would_be_noticed() -> None:

@@ -55,7 +55,7 @@ def row(kind: str, outcomes: list[Outcome]) -> str:
         f"{sum(bool(o.extras - o.causes) for o in outcomes)}, {sum(bool(o.surely_false) for o in outcomes)}"
     )
     cells = [
-        *(kind.replace("_", " "), len(outcomes), f"{len(right)} ({100 * len(right) / len(outcomes):.1f} %)"),
+        *(kind.replace("_", " "), len(outcomes), len(right)),
         *(f"{found} of {wanted}", false, wanted - found, hangs, failed, *named[:2]),
         *(f"{statistics.mean(sizes):.1f}" if sizes else "–", named[2]),
         f"{statistics.median(ratios):.3f}, {max(ratios):.3f}" if ratios else "–",

@@ -24,21 +24,21 @@ def held_out_rms_mm(split: Split, effects: list) -> float:
 
 
 def test_series_c_geometry(cut):
-    assert held_out_rms_mm(cut["C, random 30 %"], GEOMETRY) <= 0.51
+    assert held_out_rms_mm(cut["C"], GEOMETRY) <= 0.51
 
 
 def test_series_c_tables(cut):
-    assert held_out_rms_mm(cut["C, random 30 %"], TABLES) <= 0.10
+    assert held_out_rms_mm(cut["C"], TABLES) <= 0.10
 
 
 def test_series_a_later_than_what_was_fitted(cut):
-    assert held_out_rms_mm(cut["A, last 30 % of the time"], SPRINGS) <= 0.105
+    assert held_out_rms_mm(cut["A"], SPRINGS) <= 0.105
 
 
 @pytest.mark.full
 def test_diagnosis_of_geometry_alone_names_the_mid_frequency_joint_error(cut):
     arm = robot()
-    result = armtrue.diagnose(armtrue.fit(cut["C, random 30 %"].train, arm, model_of(GEOMETRY, arm)))
+    result = armtrue.diagnose(armtrue.fit(cut["C"].train, arm, model_of(GEOMETRY, arm)))
     best = result["candidates"][0]
     assert result["verdict"] == "missing_effect"
     assert best["effect"] == "transmission_pwl"
@@ -50,7 +50,7 @@ def test_diagnosis_of_geometry_alone_names_the_mid_frequency_joint_error(cut):
 def test_orientations_beside_positions_do_not_make_positions_worse(cut):
     # What the model lacks of the wrist shows in orientations: weighed by how they scatter, they made the error on
     # unseen poses a quarter larger.
-    arm, data = robot(), cut["A, last 30 % of the time"].train
+    arm, data = robot(), cut["A"].train
     columns = {name: values for name, values in data.columns.items() if name not in ("qw", "qx", "qy", "qz")}
     springs = [*TABLES, {"effect": "joint_compliance", "joints": [3]}, {"effect": "backlash", "joints": [5]}]
 

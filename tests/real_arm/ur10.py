@@ -123,7 +123,7 @@ def splits() -> dict[str, Split]:
     arm = robot()
     c = armtrue.load_data(EXAMPLE / "series_c.yaml", arm)
     a = armtrue.load_data(EXAMPLE / "series_a.yaml", arm)
-    return {"C, random 30 %": random_split(c), "A, last 30 % of the time": time_split(a)}
+    return {"C": random_split(c), "A": time_split(a)}
 
 
 def main() -> None:
@@ -134,7 +134,7 @@ def main() -> None:
     arguments = parser.parse_args()
     if not MEASUREMENTS.is_dir():
         raise SystemExit(f"ur10: no measurements at {MEASUREMENTS}")
-    print("| held out | model | parameters | train RMS [mm] | held-out RMS [mm] | mean | 95 % | max | s |")
+    print("| series | model | parameters | train RMS [mm] | held-out RMS [mm] | mean | 95 % | max | s |")
     print("|---|---|---|---|---|---|---|---|---|", flush=True)
     for name, split in splits().items():
         if arguments.only in name:

@@ -1,6 +1,7 @@
 """A fit's time beside scipy and PyPI pybotics on the same problem, its growth, and what it could not do without.
 
-`./dev bench fit` runs it; --rivals PYTHON is the interpreter that has scipy and pybotics. Everything in one run.
+`./dev bench fit` runs it; --rivals PYTHON is the interpreter that has scipy and pybotics. Everything in one run. The
+last of the three goes to standard error: who works on the fitter wants it, docs/results.md need not keep it.
 """
 
 from __future__ import annotations
@@ -135,26 +136,24 @@ def account(seconds: float, parameters: int, rows: int = 300, joints: int = 6) -
     for _ in range(10):
         a @ a
     peak = 10 * 2 * 400**3 / (time.perf_counter() - begin)
-    print("\nWhat the least number of floating-point operations comes to\n")
-    print("| part | Mflop a pass |\n|---|---|")
     parts = {
         "chain": forward,
         "Jacobian": jacobian,
         "normal equations": normal,
         "factorisation": factor,
     }
-    for name, count in parts.items():
-        print(f"| {name} | {count / 1e6:.2f} |")
+    each = ", ".join(f"{name} {count / 1e6:.2f}" for name, count in parts.items())
     print(
-        f"\n{passes} passes: {needed / 1e6:.1f} Mflop, {1e3 * needed / peak:.2f} ms at the {peak / 1e9:.1f} Gflop/s "
-        f"of this machine's dgemm; the fit takes {1e3 * seconds:.1f} ms, {100 * needed / peak / seconds:.0f} % of "
-        "that rate.\n"
+        f"least operations [Mflop a pass]: {each}; {passes} passes: {needed / 1e6:.1f} Mflop, "
+        f"{1e3 * needed / peak:.2f} ms at the {peak / 1e9:.1f} Gflop/s of this machine's dgemm; the fit takes "
+        f"{1e3 * seconds:.1f} ms, {100 * needed / peak / seconds:.0f} % of that rate",
+        file=sys.stderr,
     )
 
 
 def growth() -> None:
     """Print time and memory over the number of poses."""
-    print("Growth\n")
+    print("\nGrowth\n")
     print("| poses | fit [s] | us a pose | peak memory [MB] |\n|---|---|---|---|")
     for poses in (1000, 10000, 100000):
         # A process of its own: the peak is the process's.

@@ -1,7 +1,4 @@
-"""Memory that the workbench's server holds over 500 actions. A table for docs/results.md.
-
-`./dev bench workbench` runs it.
-"""
+"""Memory that the workbench's server holds over 500 actions: a table. test_memory.py holds it."""
 
 from __future__ import annotations
 

@@ -9,9 +9,7 @@ class AxisWobble final : public Effect {
   std::string summary() const override { return "bearing runs out: the axis tilts as it turns"; }
   JointRule joint_rule() const override { return JointRule::kEach; }
   std::string bound_text() const override {
-    return "3e-4 rad and 1e-4 m: ours, ten times what new bearings of robots "
-           "run out "
-           "(docs/effects.md)";
+    return "3e-4 rad and 1e-4 m: ours, ten times what new bearings of robots run out";
   }
 
   std::vector<int> default_joints(const EffectContext& context) const override {

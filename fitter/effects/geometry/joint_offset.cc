@@ -10,7 +10,7 @@ class JointOffset final : public Effect {
   Role role() const override { return Role::kGeometry; }
   JointRule joint_rule() const override { return JointRule::kEach; }
   std::string bound_text() const override {
-    return "2 deg or 10 mm: zeros found in the field are 0.01 to 0.15 deg (docs/effects.md)";
+    return "2 deg or 10 mm: zeros found in the field are 0.01 to 0.15 deg";
   }
 
   EffectTerms build(const EffectContext& context, const EffectRequest& request) const override {

@@ -9,8 +9,7 @@ class JointScale final : public Effect {
   std::string summary() const override { return "gear ratio or encoder scale error"; }
   JointRule joint_rule() const override { return JointRule::kEach; }
   std::string bound_text() const override {
-    return "2e-3: a wrong tooth or pulse count shows as more and is a units mistake "
-           "(docs/effects.md)";
+    return "2e-3: ours, a wrong tooth or pulse count shows as more and is a units mistake";
   }
   std::string describe(const Parameter& p) const override {
     return "axis " + std::to_string(p.joints.front()) + "'s scale";

@@ -10,7 +10,7 @@ class LinkGeometry final : public Effect {
   Role role() const override { return Role::kGeometry; }
   JointRule joint_rule() const override { return JointRule::kEach; }
   std::string bound_text() const override {
-    return "10 mm, 2 deg: axis offsets found in the field are 0.1 to 2 mm (docs/effects.md)";
+    return "10 mm, 2 deg: axis offsets found in the field are 0.1 to 2 mm";
   }
 
   EffectTerms build(const EffectContext& context, const EffectRequest& request) const override {

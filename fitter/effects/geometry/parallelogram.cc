@@ -9,7 +9,7 @@ class ParallelogramErrors final : public Effect {
   std::string summary() const override { return "four-bar bar-length and pivot errors"; }
   JointRule joint_rule() const override { return JointRule::kFixed; }
   std::string bound_text() const override {
-    return "3 mm on a bar: 1e-2 rad at a crank of 0.3 m (docs/effects.md)";
+    return "1e-2 rad, 3 mm on a bar at a crank of 0.3 m: the multilevel paper (ABB IRB2400)";
   }
 
   std::vector<int> default_joints(const EffectContext& context) const override {
@@ -25,9 +25,8 @@ class ParallelogramErrors final : public Effect {
   }
 
   // First order in the bar errors: d(theta3) = [(dl_d - dl_b) + (dl_c - dl_a) cos(beta) - (e_x
-  // cos(theta2) + e_y sin(theta2))] / (a sin(beta)); four basis functions (derived
-  // from the closure of the four bars, docs/effects.md; the IRB2400 paper's level 1 fits the same
-  // kind of functions).
+  // cos(theta2) + e_y sin(theta2))] / (a sin(beta)); four basis functions (derived from the closure
+  // of the four bars; the IRB2400 paper's level 1 fits the same kind of functions).
   EffectTerms build(const EffectContext& context, const EffectRequest& request) const override {
     EffectTerms terms;
     const auto& linkage = *context.robot().parallelogram;

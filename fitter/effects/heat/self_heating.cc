@@ -15,7 +15,7 @@ class SelfHeating final : public Effect {
   JointRule joint_rule() const override { return JointRule::kEach; }
   std::string bound_text() const override {
     return "1e-3 rad and 1e-3 of the link's length at the largest warmth in the data: ours, five "
-           "times what gears show; time constant 5 min to 2 h (docs/effects.md)";
+           "times what gears show; time constant 5 min to 2 h";
   }
 
   std::vector<EffectOption> options() const override {

@@ -8,7 +8,7 @@ class ThermalBase final : public Effect {
   std::string id() const override { return "thermal_base"; }
   std::string summary() const override { return "stand or pedestal warps with temperature"; }
   JointRule joint_rule() const override { return JointRule::kNone; }
-  std::string bound_text() const override { return "1e-4 m/K, 1e-4 rad/K (docs/effects.md)"; }
+  std::string bound_text() const override { return "1e-4 m/K, 1e-4 rad/K: ours"; }
 
   std::vector<EffectOption> options() const override {
     return {{"sensor", "string", "temperature sensor, default the first"}};

@@ -12,7 +12,7 @@ class ThermalExpansion final : public Effect {
   std::string summary() const override { return "links grow: dL = alpha L dT"; }
   JointRule joint_rule() const override { return JointRule::kAll; }
   std::string bound_text() const override {
-    return "-5e-6 to 5e-5 per K: steel 11.7e-6, aluminium 23.6e-6 (docs/effects.md)";
+    return "-5e-6 to 5e-5 per K: steel 11.7e-6, aluminium 23.6e-6";
   }
 
   std::vector<EffectOption> options() const override {

@@ -11,9 +11,8 @@ class ThermalGradient final : public Effect {
   }
   JointRule joint_rule() const override { return JointRule::kEach; }
   std::string bound_text() const override {
-    return "3e-4 rad/K: ours, an aluminium link twelve times as long as it is "
-           "thick bends by "
-           "alpha L / h (docs/effects.md)";
+    return "3e-4 rad/K: ours, an aluminium link twelve times as long as it is thick bends by "
+           "alpha L / h";
   }
 
   std::vector<EffectOption> options() const override {

@@ -8,9 +8,7 @@ class ThermalJointDrift final : public Effect {
   std::string id() const override { return "thermal_joint_drift"; }
   std::string summary() const override { return "joint zero moves with temperature"; }
   JointRule joint_rule() const override { return JointRule::kEach; }
-  std::string bound_text() const override {
-    return "2e-4 rad/K, 5e-5 m/K where it slides (docs/effects.md)";
-  }
+  std::string bound_text() const override { return "2e-4 rad/K, 5e-5 m/K where it slides: ours"; }
 
   std::vector<EffectOption> options() const override {
     return {{"sensor", "string", "temperature sensor, default the first"}};

@@ -12,7 +12,7 @@ class TimeDrift final : public Effect {
   Role role() const override { return Role::kMeasurement; }
   JointRule joint_rule() const override { return JointRule::kNone; }
   std::string bound_text() const override {
-    return "1 mm/h, 1 mrad/h: trackers drift 30 to 130 um a day (docs/effects.md)";
+    return "1 mm/h, 1 mrad/h: trackers drift 30 to 130 um a day";
   }
 
   std::vector<std::string> missing(const EffectContext& context,

@@ -12,7 +12,7 @@ class Nest final : public Effect {
   Role role() const override { return Role::kMeasurement; }
   JointRule joint_rule() const override { return JointRule::kNone; }
   std::string bound_text() const override {
-    return "2e-4 m: ours, nests repeat to 5 to 40 um, more is a grain of dirt (docs/effects.md)";
+    return "2e-4 m: ours, nests repeat to 5 to 40 um, more is a grain of dirt";
   }
 
   std::vector<std::string> missing(const EffectContext& context,

@@ -12,8 +12,7 @@ class Station final : public Effect {
   Role role() const override { return Role::kMeasurement; }
   JointRule joint_rule() const override { return JointRule::kNone; }
   std::string bound_text() const override {
-    return "1 mm and 1 mrad: ours, set-ups are tied to each other by nests to tenths of that "
-           "(docs/effects.md)";
+    return "1 mm and 1 mrad: ours, set-ups are tied to each other by nests to tenths of that";
   }
 
   std::vector<std::string> missing(const EffectContext& context,

@@ -12,7 +12,7 @@ class TrackerAngles final : public Effect {
   Role role() const override { return Role::kMeasurement; }
   JointRule joint_rule() const override { return JointRule::kNone; }
   std::string bound_text() const override {
-    return "1e-4 rad: ours, twice what a tracker out of calibration shows (docs/effects.md)";
+    return "1e-4 rad: ours, twice what a tracker out of calibration shows";
   }
 
   // An azimuth error turns the point about the instrument's upright axis, one of elevation about

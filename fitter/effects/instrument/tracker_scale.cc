@@ -12,8 +12,7 @@ class TrackerScale final : public Effect {
   Role role() const override { return Role::kMeasurement; }
   JointRule joint_rule() const override { return JointRule::kNone; }
   std::string bound_text() const override {
-    return "2e-4: ours, air 30 K or 80 hPa other than the weather station's makes a quarter of it "
-           "(docs/effects.md)";
+    return "2e-4: ours, air 30 K or 80 hPa other than the weather station's makes a quarter of it";
   }
 
   EffectTerms build(const EffectContext& context, const EffectRequest&) const override {

@@ -12,7 +12,7 @@ class BalancerState final : public Effect {
   JointRule joint_rule() const override { return JointRule::kFixed; }
   std::string bound_text() const override {
     return "0 to 7e-3 of its torque a kelvin, twice a gas's 1/293; friction up to 0.2 of it, "
-           "against the motion: ours (docs/effects.md)";
+           "against the motion: ours";
   }
 
   bool reads_springs() const override { return true; }

@@ -10,8 +10,8 @@ class BaseCompliance final : public Effect {
   std::string summary() const override { return "foundation tilts under the arm"; }
   JointRule joint_rule() const override { return JointRule::kNone; }
   std::string bound_text() const override {
-    return "0 to 2e-3 rad under the largest moment in the data, at most 1e-4 rad/Nm: ours, a stand "
-           "that tilts more is loose (docs/effects.md)";
+    return "0 to 2e-3 rad under the largest moment in the data, at most 1e-4 rad/Nm (1e-5 where "
+           "nobody knows the moments): ours, a stand that tilts more is loose";
   }
 
   EffectTerms build(const EffectContext& context, const EffectRequest&) const override {

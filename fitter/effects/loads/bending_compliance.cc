@@ -14,8 +14,9 @@ class BendingCompliance final : public Effect {
   std::string summary() const override { return "link or bearing bends off its axis"; }
   JointRule joint_rule() const override { return JointRule::kEach; }
   std::string bound_text() const override {
-    return "0 to 5e-3 rad under the largest moment in the data, at most 1e-3 rad/Nm: ours, half of "
-           "what a gear may yield, for a bearing is stiffer (docs/effects.md)";
+    return "0 to 5e-3 rad under the largest moment in the data, at most 1e-3 rad/Nm (2e-4 where "
+           "nobody knows the moments): ours, half of what a gear may yield, for a bearing is "
+           "stiffer";
   }
 
   std::vector<EffectOption> options() const override {

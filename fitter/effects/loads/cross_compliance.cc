@@ -16,8 +16,8 @@ class CrossCompliance final : public Effect {
   JointRule joint_rule() const override { return JointRule::kPair; }
   std::string bound_text() const override {
     return "0 to 1e-2 rad under the larger of the two torques in the data, at most 1e-3 rad/Nm: "
-           "ours, a joint's own torsion at most, for what bends between two axes is no softer than "
-           "their gears (docs/effects.md)";
+           "ours, a joint's own torsion at most, for what bends between two axes is no softer "
+           "than their gears";
   }
 
   std::vector<int> default_joints(const EffectContext& context) const override {

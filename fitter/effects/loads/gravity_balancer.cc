@@ -11,8 +11,8 @@ class GravityBalancer final : public Effect {
   std::string summary() const override { return "spring or gas cylinder that carries axis 2"; }
   JointRule joint_rule() const override { return JointRule::kFixed; }
   std::string bound_text() const override {
-    return "1e-2 rad in all, against gravity; pivots closer to the axis than each other "
-           "(docs/effects.md)";
+    return "1e-2 rad in all (3e-2 each of rate and preload), against gravity; pivots closer to "
+           "the axis than each other: ours";
   }
 
   std::vector<EffectOption> options() const override {

@@ -8,8 +8,7 @@ class GravityDirection final : public LoadEffect {
   std::string id() const override { return "gravity_direction"; }
   std::string summary() const override { return "robot base is not level"; }
   std::string bound_text() const override {
-    return "5e-2 rad: ours, a floor that slopes by 3 degrees is seen by eye "
-           "(docs/effects.md)";
+    return "5e-2 rad: ours, a floor that slopes by 3 degrees is seen by eye";
   }
 
   EffectTerms build(const EffectContext& context, const EffectRequest&) const override {

@@ -11,7 +11,8 @@ class JointCompliance final : public Effect {
   JointRule joint_rule() const override { return JointRule::kEach; }
   std::string bound_text() const override {
     return "0 to 1e-2 rad (3 mm where it slides) under the largest load in the data, at most 1e-3 "
-           "rad/Nm: a spring yields; light arms sag by 3 mrad, heavy ones by 1 (docs/effects.md)";
+           "rad/Nm (1e-5 m/N; 2e-4 rad/Nm where nobody knows the loads): ours, a spring yields; "
+           "light arms sag by 3 mrad, heavy ones by 1";
   }
 
   std::vector<int> default_joints(const EffectContext& context) const override {

@@ -19,9 +19,7 @@ class MassParameters final : public LoadEffect {
     return "masses, centres of mass or the payload's centre are not as stated";
   }
   std::string bound_text() const override {
-    return "each mass by itself, each centre by 0.1 m: ours, data sheets are "
-           "20 % and 15 mm off "
-           "(docs/effects.md)";
+    return "each mass by itself, each centre by 0.1 m: ours, data sheets are 20 % and 15 mm off";
   }
 
   EffectTerms build(const EffectContext& context, const EffectRequest&) const override {

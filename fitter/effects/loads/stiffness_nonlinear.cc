@@ -13,9 +13,9 @@ class StiffnessNonlinear final : public Effect {
   std::string summary() const override { return "hardening spring (strain-wave gear)"; }
   JointRule joint_rule() const override { return JointRule::kEach; }
   std::string bound_text() const override {
-    return "5e-3 rad (1 mm where it slides) at the largest load in the data, each; the square only "
-           "hardens: ours, half of what a spring may yield; a soft zone gives way by 0 to 2e-3 rad "
-           "(0.4 mm): ours, twice the lost motion that gears are sold with (docs/effects.md)";
+    return "5e-3 rad (1 mm where it slides) at the largest load in the data, each; the square "
+           "only hardens: ours, half of what a spring may yield; a soft zone gives way by 0 to "
+           "2e-3 rad (0.4 mm): ours, twice the lost motion that gears are sold with";
   }
 
   std::vector<EffectOption> options() const override {

@@ -15,7 +15,7 @@ class Backlash final : public Effect {
   JointRule joint_rule() const override { return JointRule::kEach; }
   std::string bound_text() const override {
     return "3e-3 rad (5e-4 m where it slides), the link lags behind its drive and falls with its "
-           "load: 3 to 60 arcsec are usual (docs/effects.md)";
+           "load: 3 to 60 arcsec are usual";
   }
 
   std::vector<std::string> missing(const EffectContext& context,

@@ -10,7 +10,7 @@ class CommandReadback final : public Effect {
   Role role() const override { return Role::kMeasurement; }
   JointRule joint_rule() const override { return JointRule::kEach; }
   std::string bound_text() const override {
-    return "-2 to 2 rad/rad: a full exchange of command and read-back is -1 (docs/effects.md)";
+    return "-2 to 2 rad/rad: a full exchange of command and read-back is -1";
   }
 
   std::vector<std::string> missing(const EffectContext& context,

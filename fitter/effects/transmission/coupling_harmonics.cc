@@ -11,9 +11,7 @@ class CouplingHarmonics final : public Effect {
   }
   JointRule joint_rule() const override { return JointRule::kPair; }
   std::string bound_text() const override {
-    return "2.5e-3 rad: ours, that of gear_harmonics, for the same gears make "
-           "them "
-           "(docs/effects.md)";
+    return "2.5e-3 rad: ours, that of gear_harmonics, for the same gears make them";
   }
 
   std::vector<EffectOption> options() const override {

@@ -11,7 +11,7 @@ class GearMesh final : public Effect {
   }
   JointRule joint_rule() const override { return JointRule::kEach; }
   std::string bound_text() const override {
-    return "2.5e-3 rad: 5 to 40 arcsec usual, strain-wave gears up to 1 arcmin (docs/effects.md)";
+    return "2.5e-3 rad: 5 to 40 arcsec usual, strain-wave gears up to 1 arcmin";
   }
 
   std::vector<EffectOption> options() const override {

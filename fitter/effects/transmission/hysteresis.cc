@@ -17,7 +17,7 @@ class Hysteresis final : public Effect {
   JointRule joint_rule() const override { return JointRule::kEach; }
   std::string bound_text() const override {
     return "1e-3 rad, at the largest load too, against the motion: ours, five times what robots' "
-           "gears wind up (docs/effects.md)";
+           "gears wind up";
   }
 
   std::vector<EffectOption> options() const override {

@@ -9,7 +9,7 @@ class JointCoupling final : public Effect {
   std::string summary() const override { return "wrist gears that turn each other"; }
   JointRule joint_rule() const override { return JointRule::kPair; }
   std::string bound_text() const override {
-    return "2e-2 rad/rad: residual coupling is tens of arcseconds (docs/effects.md)";
+    return "2e-2 rad/rad: residual coupling is tens of arcseconds";
   }
 
   std::vector<int> default_joints(const EffectContext& context) const override {

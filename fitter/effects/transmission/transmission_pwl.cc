@@ -15,8 +15,8 @@ class TransmissionPwl final : public Effect {
   Role role() const override { return Role::kTable; }
   JointRule joint_rule() const override { return JointRule::kEach; }
   std::string bound_text() const override {
-    return "1e-2 rad: what repeats with the joint angle and is larger is an offset or a scale "
-           "(docs/effects.md)";
+    return "1e-2 rad: the unified-calibration paper (KUKA KR30-3); what repeats with the joint "
+           "angle and is larger is an offset or a scale";
   }
   std::vector<EffectOption> options() const override {
     return {{"spacing", "rad",

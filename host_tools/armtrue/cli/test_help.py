@@ -85,6 +85,9 @@ def test_every_effect_is_shown_with_formula_bound_and_source(tmp_path):
         assert "+=" in lines[0], info.id
         # Neither what rounding leaves of a zero nor signs one after another.
         assert not re.search(r"\de-1[2-9]|\+ -", " ".join(lines)), (info.id, lines)
+        # The source itself, for docs/effects.md does not repeat it.
+        assert info.bound_and_source[1], info.id
+        assert "docs/" not in info.bound, info.id
     run = armtrue("effects", "gear_harmonics", cwd=tmp_path)
     said = " ".join(run.stdout.split())
     assert "motor2 += cos1·cos(q2) + sin1·sin(q2)" in said or "sin(q2)" in said

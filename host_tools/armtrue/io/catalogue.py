@@ -29,8 +29,8 @@ class EffectInfo:
     @property
     def bound_and_source(self) -> tuple[str, str]:
         """The physical bound, and where it comes from."""
-        bound, _, source = self.bound.removesuffix(" (docs/effects.md)").partition(": ")
-        return bound, source or "docs/effects.md"
+        bound, _, source = self.bound.partition(": ")
+        return bound, source
 
     def document(self) -> dict[str, Any]:
         """JSON-able form."""
