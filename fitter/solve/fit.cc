@@ -227,15 +227,6 @@ void Fit::weigh_orientations() {
   rescale_noise();
 }
 
-// True where every table stood in the fit that this one begins at, perhaps with other nodes.
-bool Fit::has_the_tables_of_the_start() const {
-  return std::ranges::all_of(model_.parameters, [&](const Parameter& p) {
-    return p.terms.empty() || !p.terms.front().table ||
-           options_.start->tables.contains(p.terms.front().table->id) ||
-           options_.start->values.contains(p.name);
-  });
-}
-
 bool Fit::has_the_nodes_of_the_start() const {
   return std::ranges::all_of(model_.parameters, [&](const Parameter& p) {
     return p.terms.empty() || !p.terms.front().table || options_.start->values.contains(p.name);
@@ -376,12 +367,11 @@ void Fit::solve_robustly() {
   rescale_noise();
   choose_free();
   solve_from_here();
-  const bool orientations_stand = begun && has_the_tables_of_the_start();
   if (change_smoothness()) {
     solve_from_here();
     rescale_noise();
   }
-  if (measurements_.has_rotation() && !orientations_stand) weigh_orientations();
+  if (measurements_.has_rotation()) weigh_orientations();
   solve_from_here(Accuracy::kFull);
   if (options_.reject_gross_errors && find_gross_errors()) solve_from_here(Accuracy::kFull);
   if (!summary_.converged) warnings_.push_back("the solver did not converge: " + summary_.message);

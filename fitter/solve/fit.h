@@ -133,7 +133,6 @@ class Fit {
   void scale_noise(double factor);
   void rescale_noise();
   void weigh_orientations();
-  bool has_the_tables_of_the_start() const;
   bool has_the_nodes_of_the_start() const;
   bool smoothness_stands() const;
   bool change_smoothness();
