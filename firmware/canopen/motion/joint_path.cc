@@ -51,7 +51,6 @@ void JointPath::set_mode(Mode mode) {
 
 void JointPath::forget() {
   phase_ = Phase::kUnknown;
-  known_ = false;
   heard_ = 0;
 }
 
@@ -215,7 +214,6 @@ bool JointPath::release(std::uint64_t now_us) {
   publish();
   if (phase_ == Phase::kUnknown) {
     first_cycle_ = last_cycle_;
-    known_ = began_with_heard_;
     phase_ = Phase::kCorrecting;
   }
   if (mode_ == Mode::kInline) send_set();
