@@ -273,6 +273,21 @@ TEST(CompensatorTest, ParkedAndResumedItBlendsWithoutAStep) {
   EXPECT_EQ(last.delta[0], whole);
 }
 
+TEST(CompensatorTest, ResumedWithoutATable_ItStaysInPassThrough) {
+  Compensator compensator(config());
+  compensator.park();
+  compensator.resume();
+  EXPECT_EQ(compensator.cycle(at(0.2)).state, CompensatorState::kPassThrough);
+}
+
+TEST(CompensatorTest, IncrementsOfATurn_FollowFromTheTable) {
+  Compensator compensator(config());
+  EXPECT_EQ(compensator.scale(0).per_turn, 0) << "not known without a table";
+  const Bytes image = offset_table(1e-3);
+  activate(compensator, image);
+  EXPECT_EQ(compensator.scale(0).per_turn, 1 << 24);
+}
+
 TEST(CompensatorTest, ACorrectedTargetPassesNoLimitThatThePlainOneRespects) {
   Compensator compensator(config());
   const Bytes image = offset_table(-5e-3);

@@ -86,6 +86,13 @@ TEST(TableScaleTest, Scale_CoarserThan16OrFinerThan2To31_IsRefused) {
   EXPECT_EQ(refusal_of(with_scale(1 << 30, 30, 1 << 30, 30).image()), Refusal::kScale);
 }
 
+TEST(TableScaleTest, SmallestShifts_AreTaken_NoneIsRefused) {
+  EXPECT_EQ(refusal_of(with_scale(2048, 1, 1 << 20, 30).image()), Refusal::kNone);
+  EXPECT_EQ(refusal_of(with_scale(1024, 0, 1 << 20, 30).image()), Refusal::kValueRange);
+  EXPECT_EQ(refusal_of(with_scale(1 << 20, 19, 1, 1).image()), Refusal::kNone);
+  EXPECT_EQ(refusal_of(with_scale(1 << 20, 20, 1, 0).image()), Refusal::kValueRange);
+}
+
 TEST(TableScaleTest, Resolution_OfAnotherDrive_IsRefused) {
   const Bytes image = TestImage(3).image();  // 2^24 increments a turn
   EXPECT_EQ(refusal_of(image, with_resolution(1 << 24, 1)), Refusal::kNone);
@@ -171,6 +178,44 @@ TEST(TableCouplingTest, EntryTwice_IsRefused) {
             Refusal::kBadReference);
   EXPECT_EQ(refusal_of(with_coupling({{2, 1, kOne}, {1, 2, kOne}}).image()), Refusal::kNone);
   EXPECT_EQ(refusal_of(with_coupling({{2, 1, kOne}, {2, 0, kOne}}).image()), Refusal::kNone);
+}
+
+TEST(TableCouplingTest, JointThatSlides_IsRefusedOnEitherSide) {
+  for (const std::size_t slides : {1, 2}) {
+    TestImage made = with_coupling({{2, 1, kOne}});
+    made.section(
+        format::Section::kJoints)[slides * format::joint::kLength + format::joint::kTypeAt] = 1;
+    EXPECT_EQ(refusal_of(made.image()), Refusal::kBadReference) << slides;
+  }
+}
+
+TEST(TableSensorTest, Reference_LiesBetweenMinus300And1000Degrees) {
+  const auto with_reference = [](std::int32_t milli_degc) {
+    TestImage made(3);
+    made.header()[format::header::kSensorCountAt] = 1;
+    Bytes sensor(format::sensor::kLength);
+    put(sensor, format::sensor::kReferenceAt, milli_degc);
+    made.add(format::Section::kSensors, sensor);
+    return refusal_of(made.image());
+  };
+  EXPECT_EQ(with_reference(-300'000), Refusal::kValueRange);
+  EXPECT_EQ(with_reference(-299'999), Refusal::kNone);
+  EXPECT_EQ(with_reference(999'999), Refusal::kNone);
+  EXPECT_EQ(with_reference(1'000'000), Refusal::kValueRange);
+}
+
+TEST(TableGridTest, StepOfNothing_IsRefused_AndPointedAt) {
+  TestImage made(3);
+  made.add_table(0, -1.0, 0.5, {1e-4, 2e-4, 3e-4}, 24);
+  constexpr std::size_t kInverseStepAt =
+      16;  // behind the grid's head, one axis's and its first node
+  put(made.section(format::Section::kData), kInverseStepAt, std::uint32_t{0});
+  const Bytes image = made.image();
+  const Validation validation = validate(image, {});
+  EXPECT_EQ(validation.refusal, Refusal::kValueRange);
+  // The data section is the last one; its checksum of four bytes follows.
+  const std::size_t data = made.section(format::Section::kData).size();
+  EXPECT_EQ(validation.field, image.size() - 4 - data + kInverseStepAt);
 }
 
 TEST(TableCouplingTest, PositionsAtTheEndsOfTheirRange_DoNotOverflow) {

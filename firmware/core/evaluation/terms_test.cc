@@ -1,0 +1,37 @@
+// Values of single slots, of which a correction shows only sums.
+#include "firmware/core/evaluation/terms.h"
+
+#include <gtest/gtest.h>
+
+#include <memory>
+
+#include "firmware/core/table/table.h"
+#include "firmware/core/table/test_image.h"
+
+namespace armtrue {
+namespace {
+
+TEST(TermsTest, TheConstantOne_IsInSlotZero_AndSignsAreWhole) {
+  testing::TestImage made(3);
+  made.add_state(format::State::kDirection, 0, 30);
+  testing::Bytes sign = {static_cast<std::uint8_t>(format::Node::kSign), 0, 0, 0, 1};
+  sign.resize(format::node::kLength);
+  made.add(format::Section::kNodes, sign);
+  testing::put(made.header(), format::header::kConstantNodesAt, std::uint16_t{1});
+  testing::put(made.header(), format::header::kSteepNodesAt, std::uint16_t{1});
+  made.add_term(0, 2, 1e-3, 30);
+  const testing::Bytes image = made.image();
+  ASSERT_TRUE(validate(image, {}).accepted());
+  const TableView table(image);
+  const auto work = std::make_unique<TermWorkspace>();
+  for (int direction = -1; direction <= 1; ++direction) {
+    Surroundings around;
+    around.direction[0] = static_cast<std::int8_t>(direction);
+    begin_terms(table, around, *work);
+    EXPECT_EQ(work->slots[0], kRatioOne.raw);
+    EXPECT_EQ(work->slots[2], direction * kRatioOne.raw);
+  }
+}
+
+}  // namespace
+}  // namespace armtrue
