@@ -216,7 +216,7 @@ class JointPath {
   std::uint64_t last_set_us_ = 0;
   std::uint64_t last_process_us_ = 0;
   std::array<std::uint64_t, kMaxSensors> temperature_us_ = {};
-  std::uint32_t temperature_given_ = 0;  // bit s: sensor s has been given since start
+  std::uint32_t temperature_given_ = 0;  // bit s: sensor s has been given within the time-out
   JointCounters counters_;
   Latency target_latency_;
 };

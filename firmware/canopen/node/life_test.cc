@@ -86,6 +86,30 @@ TEST_F(LifeTest, LeavingOperational_EndsTheSetInTheMaking) {
   EXPECT_EQ(targets_sent(), 0U);
 }
 
+TEST_F(LifeTest, LeavingOperational_EndsASetThatWaitsForSync) {
+  for (std::uint16_t k = 0; k < 3; ++k) {
+    ASSERT_EQ(bench.write(static_cast<std::uint16_t>(0x1400 + k), 2, 1, 1), 0U);
+  }
+  bench.configure(Mode::kInline);
+  const auto sync = [this] { bench.upstream.deliver(make_frame(0x80, {})); };
+  for (int k = 0; k < 3; ++k) {
+    sync();
+    cycle();
+  }
+  const auto frames = NodeBench::targets({1, 2, 3, 4, 5, 6});
+  sync();
+  bench.upstream.deliver(frames[0]);
+  bench.upstream.deliver(frames[1]);
+  bench.turn();
+  targets_sent();
+  bench.upstream.deliver(make_frame(0, {128, kId}));
+  bench.upstream.deliver(make_frame(0, {1, kId}));
+  bench.upstream.deliver(frames[2]);
+  sync();
+  bench.turn();
+  EXPECT_EQ(targets_sent(), 0U);
+}
+
 TEST_F(LifeTest, LeavingOperational_IsNoInterruptionOfTheStream) {
   bench.configure(Mode::kInline);
   for (int k = 0; k < 3; ++k) cycle();
@@ -219,8 +243,8 @@ TEST_F(OffsetLifeTest, SetsThatCameBackToBack_DoNotSlowTheFadeDown) {
     command();
   }
   bench.from_controller(make_frame(0, {2, kId}));
-  bench.run_for(40'000);
-  EXPECT_EQ(bench.node().nmt_state(), NmtState::kStopped) << "the table blends in 20 ms";
+  bench.run_for(5000);
+  EXPECT_EQ(bench.node().nmt_state(), NmtState::kStopped) << "170 increments by 105 a millisecond";
 }
 
 }  // namespace

@@ -78,7 +78,6 @@ void Node::apply_configuration() {
   joints_.configure(pdos_);
   joints_.configure_bounds();
   sdo_.reset(kSdoRequestBase + config_.node_id, kSdoResponseBase + config_.node_id);
-  tpdos_.restart(now_us_);
   waiting_count_ = 0;
 }
 

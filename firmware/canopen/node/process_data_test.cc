@@ -1,6 +1,8 @@
 // What becomes of PDOs that carry no targets: inputs, from either bus, at once or with SYNC.
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 #include "firmware/testing/node_bench.h"
 
 namespace armtrue::canopen {
@@ -90,7 +92,9 @@ TEST_F(InputTest, EachSensor_FallsSilentByItself) {
   ASSERT_EQ(bench.write(0x2000, 6, 1000, 4), 0U);
   bench.start_nodes();
   bench.from_controller(make_frame(0x190, {1, 0}));
-  bench.run_for(1'100'000);
+  bench.run_for(1'000'000);
+  EXPECT_EQ(bench.read(0x1003, 0), 0U) << "a second is not over before that";
+  bench.run_for(1);
   EXPECT_EQ(newest_error(), 0x0003FF12U);
   EXPECT_EQ(bench.read(0x1003, 0), 1U);
 }
@@ -103,6 +107,26 @@ TEST_F(InputTest, ATpdoForEveryThirdSync_LeavesWithTheThird) {
   for (int number = 1; number <= 9; ++number) {
     sync();
     EXPECT_EQ(bench.upstream.take_sent().size(), number % 3 == 0 ? 1U : 0U) << number;
+  }
+}
+
+TEST_F(InputTest, ATpdoThatHasNotChanged_LeavesOnceWithEveryStart) {
+  ASSERT_EQ(bench.write(0x1800, 1, 0xC00001A0, 4), 0U);
+  ASSERT_EQ(bench.write(0x1A00, 0, 0, 1), 0U);
+  ASSERT_EQ(bench.write(0x1A00, 1, 0x20010108, 4), 0U);
+  ASSERT_EQ(bench.write(0x1A00, 0, 1, 1), 0U);
+  ASSERT_EQ(bench.write(0x1800, 1, 0x400001A0, 4), 0U);
+  const auto sent = [this] {
+    bench.run_for(10'000);
+    const auto frames = bench.upstream.take_sent();
+    return std::ranges::count(frames, 0x1A0U, &CanFrame::id);
+  };
+  EXPECT_EQ(sent(), 0) << "not operational yet";
+  for (const int command : {128, 2, 130}) {
+    bench.start_nodes();
+    EXPECT_EQ(sent(), 1) << command;
+    EXPECT_EQ(sent(), 0) << command;
+    if (command != 130) bench.from_controller(make_frame(0, {command, NodeBench::kNodeId}));
   }
 }
 
