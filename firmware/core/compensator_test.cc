@@ -275,6 +275,10 @@ TEST(CompensatorTest, ParkedAndResumedItBlendsWithoutAStep) {
 
 TEST(CompensatorTest, ResumedWithoutATable_ItStaysInPassThrough) {
   Compensator compensator(config());
+  const Bytes image = offset_table(1e-3);
+  activate(compensator, image);
+  compensator.disable();
+  settle(compensator, at(0.2));
   compensator.park();
   compensator.resume();
   EXPECT_EQ(compensator.cycle(at(0.2)).state, CompensatorState::kPassThrough);

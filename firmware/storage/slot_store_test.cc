@@ -364,12 +364,16 @@ TEST_F(SlotStoreTest, AWordThatDoesNotProgramIsReportedAndHarmless) {
 }
 
 TEST_F(SlotStoreTest, AFirstCommitThatFails_LeavesNothingThatWasLost) {
-  restart();
-  flash_.fail_at(8);
-  ASSERT_EQ(store_->commit(make_image(1, 80)), StoreResult::kProgramFailed);
-  EXPECT_EQ(state(0), SlotState::kTorn);
-  EXPECT_EQ(store_->status().slot[0].sequence, 0u);
-  EXPECT_FALSE(store_->has_lost_newest());
+  for (const auto& [step, result] :
+       {std::pair{0, StoreResult::kEraseFailed}, std::pair{8, StoreResult::kProgramFailed}}) {
+    flash_ = SimulatedFlash(kSlotSize, 1);
+    restart();
+    flash_.fail_at(step);
+    ASSERT_EQ(store_->commit(make_image(1, 80)), result);
+    EXPECT_EQ(state(0), SlotState::kTorn);
+    EXPECT_EQ(store_->status().slot[0].sequence, 0u);
+    EXPECT_FALSE(store_->has_lost_newest());
+  }
 }
 
 TEST_F(SlotStoreTest, SequenceNumbersDoNotWrap) {

@@ -34,14 +34,14 @@ _UNIT = 2.0**32
 
 
 def skewed(document: dict[str, Any]) -> dict[str, Any]:
-    """The same joints with frames turned about all three axes, and three motors that drive another joint too."""
+    """The same arm with every second frame turned about all three axes; two motors drive other joints, too."""
     kinematics = document["robot"]["kinematics"]
     rows = []
     for k, row in enumerate(kinematics["joints"]):
         a, d, alpha = (row.get(name) or 0.0 for name in ("a", "d", "alpha"))
         xyz = [a, -d * np.sin(alpha), d * np.cos(alpha)]
         kept = {name: row[name] for name in ("name", "type", "offset", "gear_ratio", "limits")}
-        rows.append({**kept, "xyz": xyz, "rpy": [alpha, 0.2 - 0.1 * k, 0.15]})
+        rows.append({**kept, "xyz": xyz, "rpy": [alpha, 0.2 - 0.1 * k, 0.15] if k % 2 else [alpha, 0.0, 0.0]})
     coupling = [
         {"joint": joint, "driving": driving, "ratio": ratio}
         for joint, driving, ratio in ((3, 2, -1.0), (5, 4, 0.25), (6, 4, -0.125))
