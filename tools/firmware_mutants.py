@@ -76,7 +76,7 @@ _AFTER = r"(?=[),;]| &&| \|\|| \?| :)"
 _BINARY = re.compile(
     rf"(?:{_BEFORE})({_OPERAND}) (<=|>=|==|!=|<<|>>|&&|\|\||[<>+\-*/%&|]) ({_OPERAND}){_AFTER}"
 )
-_NUMBER = re.compile(r"(?<![\w.'])(0x[0-9A-Fa-f]+|\d+)(U?)(?![\w.'])")
+_NUMBER = re.compile(r"(?<![\w.'<])(0x[0-9A-Fa-f]+|\d+)(U?)(?![\w.'])")
 _CALL = re.compile(r"^(\s+)((?!return\b|throw\b|else\b|using\b)[A-Za-z_][\w.:>-]*\(.*\);)$")
 _CONDITION = re.compile(r"\b(if|while) \(")
 _COMMENT_OR_TEXT = re.compile(r'//.*|"(?:[^"\\]|\\.)*"|\'(?:[^\'\\]|\\.)\'')
