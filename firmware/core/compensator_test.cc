@@ -49,6 +49,8 @@ Bytes offset_table(double radian) {
 
 TEST(CompensatorTest, WithoutATableTheOutputIsTheInput) {
   Compensator compensator(config());
+  const CycleCounters& counted = compensator.counters();
+  EXPECT_EQ(counted.cycles, 0U);
   std::mt19937 random(1);
   for (int i = 0; i < 10000; ++i) {
     CycleInput input;
@@ -62,6 +64,13 @@ TEST(CompensatorTest, WithoutATableTheOutputIsTheInput) {
     }
     ASSERT_EQ(output.state, CompensatorState::kPassThrough);
     ASSERT_EQ(output.flags, kCycleClean);
+  }
+  EXPECT_EQ(counted.cycles, 10000U);
+  for (const std::uint32_t other :
+       {counted.magnitude_clamped, counted.rate_clamped, counted.near_singular,
+        counted.outside_coverage, counted.state_saturated, counted.output_saturated,
+        counted.tables_switched}) {
+    EXPECT_EQ(other, 0U);
   }
 }
 

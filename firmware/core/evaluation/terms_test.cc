@@ -33,5 +33,15 @@ TEST(TermsTest, TheConstantOne_IsInSlotZero_AndSignsAreWhole) {
   }
 }
 
+TEST(TermsTest, ASlowWave_MovesItsFrameAlone) {
+  testing::TestImage made(3);
+  testing::Bytes wave = {format::kMotorCoordinates + 6 * 2};
+  wave.resize(format::slow_wave::kLength);
+  made.add(format::Section::kSlowWaves, wave);
+  const testing::Bytes image = made.image();
+  const TableView table(image);
+  for (std::size_t frame = 0; frame < 4; ++frame) EXPECT_EQ(table.has_motion(frame), frame == 2);
+}
+
 }  // namespace
 }  // namespace armtrue

@@ -106,12 +106,14 @@ TEST(TableScaleTest, Resolution_OfAnotherDrive_IsRefused) {
 
 TEST(TableScaleTest, Resolution_OfOneJointAlone_IsCompared) {
   const Bytes image = TestImage(3).image();
+  for (std::size_t joint = 0; joint < 3; ++joint) {
+    DeviceIdentity device;
+    device.resolution[joint] = {1 << 23, 1};
+    EXPECT_EQ(refusal_of(image, device), Refusal::kResolution) << joint;
+    device.resolution[joint] = {1 << 23, 0};
+    EXPECT_EQ(refusal_of(image, device), Refusal::kResolution) << joint;
+  }
   DeviceIdentity device;
-  device.resolution[2] = {1 << 23, 1};
-  EXPECT_EQ(refusal_of(image, device), Refusal::kResolution);
-  device.resolution[2] = {1 << 23, 0};
-  EXPECT_EQ(refusal_of(image, device), Refusal::kResolution);
-  device.resolution[2] = {};
   device.resolution[3] = {1 << 23, 1};  // of a joint that this table has not
   EXPECT_EQ(refusal_of(image, device), Refusal::kNone);
 }
@@ -204,6 +206,34 @@ TEST(TableSensorTest, Reference_LiesBetweenMinus300And1000Degrees) {
   EXPECT_EQ(with_reference(1'000'000), Refusal::kValueRange);
 }
 
+TEST(TableMassTest, Fraction_LiesWithin30OfAPayload_And60OfOthers) {
+  const auto with_fraction = [](std::uint8_t fraction, std::uint8_t flags) {
+    TestImage made(3);
+    Bytes set(record_length(format::Section::kMassSets, 3));
+    set[format::mass_set::kFractionAt] = fraction;
+    set[format::mass_set::kFlagsAt] = flags;
+    made.add(format::Section::kMassSets, set);
+    made.add(format::Section::kGravity, Bytes(format::gravity::kLength));
+    return refusal_of(made.image());
+  };
+  EXPECT_EQ(with_fraction(60, 0), Refusal::kNone);
+  EXPECT_EQ(with_fraction(61, 0), Refusal::kValueRange);
+  EXPECT_EQ(with_fraction(30, format::mass_set::kCarriesPayload), Refusal::kNone);
+  EXPECT_EQ(with_fraction(31, format::mass_set::kCarriesPayload), Refusal::kValueRange);
+}
+
+TEST(TableWaveTest, JointThatIsNotThere_IsRefused) {
+  const auto with_wave = [](std::uint8_t joint) {
+    TestImage made(3);
+    Bytes wave = {0, joint};
+    wave.resize(format::slow_wave::kLength);
+    made.add(format::Section::kSlowWaves, wave);
+    return refusal_of(made.image());
+  };
+  EXPECT_EQ(with_wave(2), Refusal::kNone);
+  EXPECT_EQ(with_wave(3), Refusal::kBadReference);
+}
+
 TEST(TableGridTest, StepOfNothing_IsRefused_AndPointedAt) {
   TestImage made(3);
   made.add_table(0, -1.0, 0.5, {1e-4, 2e-4, 3e-4}, 24);
@@ -290,6 +320,19 @@ TEST(TableCostTest, Line_CountsItsVariableNodeAndTerm) {
 
 TEST(TableCostTest, Coupling_CountsOnceACycle) {
   EXPECT_EQ(cost_with(with_coupling({{2, 1, kOne}, {0, 1, kOne}})), cost_with(TestImage(3)) + 400U);
+}
+
+TEST(TableCostTest, Torque_CountsItself_OnceItsMassSet_AndItsCouplings) {
+  constexpr std::uint32_t kFirst = 60U + 3 * 50U + 90U + 3 * 80U;  // gravity's vectors, the masses
+  TestImage made(3);
+  made.add_state(format::State::kTorque, 0, 27);
+  EXPECT_EQ(cost_with(made), cost_with(TestImage(3)) + kFirst + 46U);
+  made.add_state(format::State::kTorque, 2, 27);
+  EXPECT_EQ(cost_with(made), cost_with(TestImage(3)) + kFirst + 2 * 46U);
+  TestImage coupled = with_coupling({{2, 1, kOne}, {0, 1, kOne}});
+  const std::uint32_t before = cost_with(coupled);
+  coupled.add_state(format::State::kTorque, 1, 27);
+  EXPECT_EQ(cost_with(coupled), before + kFirst + 46U + 2 * 44U + 2 * 9U);
 }
 
 TEST(TableCostTest, Table_AboveTheBudget_IsRefusedByItsOwnReason) {
