@@ -142,9 +142,12 @@ TEST_F(LifeTest, LeavingOperational_EndsTheAlarmOfSetsThatDoNotComeOut) {
   bench.upstream.take_sent();
   nmt(128);
   bench.run_for(10'000);
+  int ended = 0;
   for (const CanFrame& frame : bench.upstream.take_sent()) {
     EXPECT_NE(load_le<std::uint16_t>(frame.data), 0xFF15) << "raised anew";
+    ended += frame.id == 0x80U + kId && load_le<std::uint16_t>(&frame.data[3]) == 0xFF15;
   }
+  EXPECT_EQ(ended, 1);
 }
 
 TEST_F(LifeTest, AnExtendedFrame_IsNobodysHeartbeat) {

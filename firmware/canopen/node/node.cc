@@ -52,7 +52,6 @@ void Node::start(std::uint64_t now_us) {
   tables_.start();
   tables_.set_enabled(dictionary_.get(od::compensator_control::kCorrectionEnable) != 0);
   apply_configuration();
-  carry_out();
 }
 
 void Node::reset_communication(std::uint64_t now_us) {
@@ -113,7 +112,6 @@ NodeAction Node::process(std::uint64_t now_us) {
     emcy_.raise(Condition::kHeartbeatLost, lost, heartbeats_.slot_of(lost));
     communication_error();
   }
-  note_nmt_state();
   const NmtState state = nmt_.state();
   if (state == NmtState::kPreOperational || state == NmtState::kOperational) {
     sdo_.process(now_us, is_quiet());

@@ -52,6 +52,18 @@ TEST_F(InputTest, AnInputThatWaitsForSync_IsTakenOnce) {
   EXPECT_EQ(bench.read(0x2021, 0), 2U) << "the frame before has had its SYNC";
 }
 
+TEST_F(InputTest, AnInputThatWaitsForSync_IsDroppedByAReset) {
+  map(0, kPayload, 1);
+  ASSERT_EQ(bench.write(0x1010, 1, 0x65766173, 4), 0U);
+  bench.start_nodes();
+  bench.from_controller(make_frame(0x190, {1, 0, 0, 0}));
+  bench.from_controller(make_frame(0, {130, NodeBench::kNodeId}));
+  bench.run_for(1000);
+  bench.start_nodes();
+  sync();
+  EXPECT_EQ(bench.read(0x2021, 0), 0U);
+}
+
 TEST_F(InputTest, TheNewestOfAnInput_WaitsForSync) {
   map(0, kPayload, 240);
   bench.start_nodes();

@@ -56,6 +56,10 @@ class SdoTest : public testing::Test {
   NodeBench bench;
 };
 
+TEST_F(SdoTest, EachTextOfTheDictionary_IsItsOwn) {
+  EXPECT_EQ(bench.read(0x1009, 0), '1') << "hardware version, behind the device's name in memory";
+}
+
 TEST_F(SdoTest, ExpeditedDownload_EndsTheUploadBeforeIt) {
   EXPECT_EQ(bench.ask({0x40, 0x08, 0x10, 0, 0, 0, 0, 0})[0], 0x41) << "in segments";
   EXPECT_EQ(bench.write(0x2000, 5, 500, 4), 0U);
