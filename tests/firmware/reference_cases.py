@@ -41,7 +41,9 @@ def skewed(document: dict[str, Any]) -> dict[str, Any]:
         a, d, alpha = (row.get(name) or 0.0 for name in ("a", "d", "alpha"))
         xyz = [a, -d * np.sin(alpha), d * np.cos(alpha)]
         kept = {name: row[name] for name in ("name", "type", "offset", "gear_ratio", "limits")}
-        rows.append({**kept, "xyz": xyz, "rpy": [alpha, 0.2 - 0.1 * k, 0.15] if k % 2 else [alpha, 0.0, 0.0]})
+        rows.append(
+            {**kept, "xyz": xyz, "rpy": [alpha, 0.2 - 0.1 * k, 0.15] if k % 2 == 0 else [alpha, 0.0, 0.0]}
+        )
     coupling = [
         {"joint": joint, "driving": driving, "ratio": ratio}
         for joint, driving, ratio in ((3, 2, -1.0), (5, 4, 0.25), (6, 4, -0.125))

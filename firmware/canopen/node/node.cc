@@ -178,7 +178,6 @@ void Node::communication_error() {
   } else if (behaviour == 2) {
     note_nmt_command(kNmtStop);
   }
-  carry_out();
 }
 
 void Node::handle_upstream(const CanFrame& frame) {
