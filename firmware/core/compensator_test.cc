@@ -282,6 +282,42 @@ TEST(CompensatorTest, ParkedAndResumedItBlendsWithoutAStep) {
   EXPECT_EQ(last.delta[0], whole);
 }
 
+TEST(CompensatorTest, ATableOfFinerDrives_IsApproachedNoFaster_AndCountedForItsJoint) {
+  const auto with_offset_of_joint_2 = [](std::uint8_t finer) {
+    TestImage made(kJoints);
+    made.add_constant(1, 5e-3);
+    for (std::size_t k = 0; k < kJoints; ++k) {
+      Bytes& joints = made.section(format::Section::kJoints);
+      const std::size_t at = k * format::joint::kLength;
+      joints[at + format::joint::kUnitShiftAt] = static_cast<std::uint8_t>(22 + finer);
+      joints[at + format::joint::kIncrementShiftAt] = static_cast<std::uint8_t>(38 - finer);
+    }
+    return made.image();
+  };
+  const Bytes coarse = with_offset_of_joint_2(0);
+  const Bytes fine = with_offset_of_joint_2(4);
+  Compensator compensator(config());
+  activate(compensator, coarse);
+  std::int32_t last = settle(compensator, at(0.0, 0.0, 0.0)).delta[1];
+  ASSERT_EQ(compensator.counters().clamped[1], 0U);
+  activate(compensator, fine);
+  for (int cycle = 0; cycle < 100; ++cycle) {
+    const std::int32_t next = compensator.cycle(at(0.0, 0.0, 0.0)).delta[1];
+    ASSERT_LE(std::abs(next - last), 16 * 16777216.0 * 0.1 / 1000.0 + 2);
+    last = next;
+  }
+  EXPECT_GT(compensator.counters().clamped[1], 0U);
+  EXPECT_EQ(compensator.counters().clamped[0], 0U);
+}
+
+TEST(CompensatorTest, WaysOfAnAxisThatTurnsOn_AreTheShortOnes) {
+  const PositionBounds bounds = {.range_low = -100, .range_high = 99};
+  EXPECT_EQ(bounds.way(100), 100);
+  EXPECT_EQ(bounds.way(101), -99);
+  EXPECT_EQ(bounds.way(-100), -100);
+  EXPECT_EQ(bounds.way(-101), 99);
+}
+
 TEST(CompensatorTest, ResumedWithoutATable_ItStaysInPassThrough) {
   Compensator compensator(config());
   const Bytes image = offset_table(1e-3);

@@ -55,6 +55,14 @@ TEST_F(LifeTest, SavedPositionLimits_HoldFromTheStartOn) {
   EXPECT_EQ(bench.compensator().bounds(5).limit_high, 6000);
 }
 
+TEST_F(LifeTest, DamagedParameters_AreReportedAfterAResetOfCommunication) {
+  ASSERT_EQ(bench.write(0x1010, 1, kSave, 4), 0U);
+  bench.parameters.spoil(20);
+  nmt(130);
+  bench.run_for(1000);
+  EXPECT_NE(error_register(), 0U);
+}
+
 TEST_F(LifeTest, ATransferGoesOn_WhenTheNodeIsStarted) {
   bench.ask({0x21, 0x10, 0x20, 0, 9, 0, 0, 0});
   nmt(1);

@@ -182,6 +182,16 @@ TEST(TableCouplingTest, EntryTwice_IsRefused) {
   EXPECT_EQ(refusal_of(with_coupling({{2, 1, kOne}, {2, 0, kOne}}).image()), Refusal::kNone);
 }
 
+TEST(TableCouplingTest, PlacesOfEightJoints_AreTheirOwn) {
+  TestImage made(8);
+  for (const std::array<std::uint8_t, 2> place : {std::array<std::uint8_t, 2>{0, 5}, {7, 6}}) {
+    Bytes record = {place[0], place[1], 0, 0};
+    append(record, kOne);
+    made.add(format::Section::kCoupling, record);
+  }
+  EXPECT_EQ(refusal_of(made.image()), Refusal::kNone);
+}
+
 TEST(TableCouplingTest, JointThatSlides_IsRefusedOnEitherSide) {
   for (const std::size_t slides : {1, 2}) {
     TestImage made = with_coupling({{2, 1, kOne}});
