@@ -47,10 +47,22 @@ def test_program_that_fails_without_a_fault_is_refused(program: Path) -> None:
         firmware_mutants.measured_limits({"some_test"})
 
 
-def test_rows_of_numbers_are_left_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The compiler folds a constant table before any switch is asked: its mutants could not be noticed."""
+def test_constants_of_the_compiler_are_left_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The compiler folds a constant before any switch is asked: its mutants could not be noticed."""
     monkeypatch.setattr(firmware_mutants, "ROOT", tmp_path)
     (tmp_path / "a.cc").write_text(
-        "const int kA[] = {\n    0x4cc5, 2U,\n};\nint f(int a) {\n  return a + 2;\n}\n"
+        "const int kA[] = {\n    0x4cc5, 2U,\n};\nint f(int a) {\n  a = multiply<30>(a);\n  return a + 2;\n}\n"
     )
-    assert {mutant.line for mutant in firmware_mutants.mutants_of("a.cc")} == {5}
+    assert {mutant.line for mutant in firmware_mutants.mutants_of("a.cc")} == {6}
+
+
+def test_brackets_of_a_mutant_do_not_regroup_the_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """`a == (0 && b)` is a fault of its own, also with the switch off."""
+    monkeypatch.setattr(firmware_mutants, "ROOT", tmp_path)
+    (tmp_path / "a.cc").write_text("bool f(int a, bool b) {\n  return a == 0 && b;\n}\n")
+    assert {mutant.whole[mutant.begin : mutant.end] for mutant in firmware_mutants.mutants_of("a.cc")} == {
+        "a == 0",
+        "0",
+    }

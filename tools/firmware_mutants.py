@@ -70,7 +70,8 @@ _SWAPS = {
     "%": "/", "<<": ">>", ">>": "<<", "&": "|", "|": "&", "&&": "||", "||": "&&",
 }  # fmt: skip
 _OPERAND = r"[A-Za-z0-9_](?:[\w.:]|->|\[[\w.]*\]|\([\w., :]*\))*"
-_BEFORE = r"(?<=[(,])|(?<== )|(?<=return )|(?<=&& )|(?<=\|\| )|(?<=\? )|(?<=: )|(?<=, )"
+# Nothing that begins behind `==`, `<=` and the like: brackets would make `a == (0 && b)` of `a == 0 && b`.
+_BEFORE = r"(?<=[(,])|(?<=[^=!<>]= )|(?<=return )|(?<=&& )|(?<=\|\| )|(?<=\? )|(?<=: )|(?<=, )"
 _AFTER = r"(?=[),;]| &&| \|\|| \?| :)"
 _BINARY = re.compile(
     rf"(?:{_BEFORE})({_OPERAND}) (<=|>=|==|!=|<<|>>|&&|\|\||[<>+\-*/%&|]) ({_OPERAND}){_AFTER}"
@@ -78,6 +79,8 @@ _BINARY = re.compile(
 _NUMBER = re.compile(r"(?<![\w.'])(0x[0-9A-Fa-f]+|\d+)(U?)(?![\w.'])")
 _CALL = re.compile(r"^(\s+)((?!return\b|throw\b|else\b|using\b)[A-Za-z_][\w.:>-]*\(.*\);)$")
 _CONDITION = re.compile(r"\b(if|while) \(")
+_TEMPLATE_ARGUMENTS = re.compile(r"(?<=\w)<[^<>;()]*>")
+_NOT_A_NUMBER = str.maketrans("0123456789+-*/", "N" * 14)
 _COMMENT_OR_TEXT = re.compile(r'//.*|"(?:[^"\\]|\\.)*"|\'(?:[^\'\\]|\\.)\'')
 
 
@@ -115,8 +118,9 @@ class Mutant:
 
 
 def _places_of(line: str) -> Iterator[tuple[str, int, int, str]]:
-    # Comments and text keep their length and hold nothing that could be changed.
+    # Comments, text and template arguments keep their length and hold nothing that could be changed.
     code = _COMMENT_OR_TEXT.sub(lambda m: "\0" * len(m[0]), line)
+    code = _TEMPLATE_ARGUMENTS.sub(lambda m: m[0].translate(_NOT_A_NUMBER), code)
     for match in _BINARY.finditer(code):
         kind = (
             "logic" if match[2] in ("&&", "||") else "comparison" if match[2][0] in "<>=!" else "arithmetic"

@@ -49,6 +49,8 @@ Bytes offset_table(double radian) {
 
 TEST(CompensatorTest, WithoutATableTheOutputIsTheInput) {
   Compensator compensator(config());
+  const CycleCounters& counted = compensator.counters();
+  EXPECT_EQ(counted.cycles, 0U);
   std::mt19937 random(1);
   for (int i = 0; i < 10000; ++i) {
     CycleInput input;
@@ -62,6 +64,13 @@ TEST(CompensatorTest, WithoutATableTheOutputIsTheInput) {
     }
     ASSERT_EQ(output.state, CompensatorState::kPassThrough);
     ASSERT_EQ(output.flags, kCycleClean);
+  }
+  EXPECT_EQ(counted.cycles, 10000U);
+  for (const std::uint32_t other :
+       {counted.magnitude_clamped, counted.rate_clamped, counted.near_singular,
+        counted.outside_coverage, counted.state_saturated, counted.output_saturated,
+        counted.tables_switched}) {
+    EXPECT_EQ(other, 0U);
   }
 }
 
@@ -271,6 +280,61 @@ TEST(CompensatorTest, ParkedAndResumedItBlendsWithoutAStep) {
   compensator.resume();
   run(300);
   EXPECT_EQ(last.delta[0], whole);
+}
+
+TEST(CompensatorTest, ATableOfFinerDrives_IsApproachedNoFaster_AndCountedForItsJoint) {
+  const auto with_offset_of_joint_2 = [](std::uint8_t finer) {
+    TestImage made(kJoints);
+    made.add_constant(1, 5e-3);
+    for (std::size_t k = 0; k < kJoints; ++k) {
+      Bytes& joints = made.section(format::Section::kJoints);
+      const std::size_t at = k * format::joint::kLength;
+      joints[at + format::joint::kUnitShiftAt] = static_cast<std::uint8_t>(22 + finer);
+      joints[at + format::joint::kIncrementShiftAt] = static_cast<std::uint8_t>(38 - finer);
+    }
+    return made.image();
+  };
+  const Bytes coarse = with_offset_of_joint_2(0);
+  const Bytes fine = with_offset_of_joint_2(4);
+  Compensator compensator(config());
+  activate(compensator, coarse);
+  std::int32_t last = settle(compensator, at(0.0, 0.0, 0.0)).delta[1];
+  ASSERT_EQ(compensator.counters().clamped[1], 0U);
+  activate(compensator, fine);
+  for (int cycle = 0; cycle < 100; ++cycle) {
+    const std::int32_t next = compensator.cycle(at(0.0, 0.0, 0.0)).delta[1];
+    ASSERT_LE(std::abs(next - last), 16 * 16777216.0 * 0.1 / 1000.0 + 2);
+    last = next;
+  }
+  EXPECT_GT(compensator.counters().clamped[1], 0U);
+  EXPECT_EQ(compensator.counters().clamped[0], 0U);
+}
+
+TEST(CompensatorTest, WaysOfAnAxisThatTurnsOn_AreTheShortOnes) {
+  const PositionBounds bounds = {.range_low = -100, .range_high = 99};
+  EXPECT_EQ(bounds.way(100), 100);
+  EXPECT_EQ(bounds.way(101), -99);
+  EXPECT_EQ(bounds.way(-100), -100);
+  EXPECT_EQ(bounds.way(-101), 99);
+}
+
+TEST(CompensatorTest, ResumedWithoutATable_ItStaysInPassThrough) {
+  Compensator compensator(config());
+  const Bytes image = offset_table(1e-3);
+  activate(compensator, image);
+  compensator.disable();
+  settle(compensator, at(0.2));
+  compensator.park();
+  compensator.resume();
+  EXPECT_EQ(compensator.cycle(at(0.2)).state, CompensatorState::kPassThrough);
+}
+
+TEST(CompensatorTest, IncrementsOfATurn_FollowFromTheTable) {
+  Compensator compensator(config());
+  EXPECT_EQ(compensator.scale(0).per_turn, 0) << "not known without a table";
+  const Bytes image = offset_table(1e-3);
+  activate(compensator, image);
+  EXPECT_EQ(compensator.scale(0).per_turn, 1 << 24);
 }
 
 TEST(CompensatorTest, ACorrectedTargetPassesNoLimitThatThePlainOneRespects) {

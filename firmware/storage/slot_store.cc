@@ -22,10 +22,6 @@ std::uint32_t word_at(std::span<const std::uint8_t> bytes, std::size_t offset) {
 // has every bit that `mark` has.
 bool could_be_partial(std::uint32_t word, std::uint32_t mark) { return (word & mark) == mark; }
 
-void increment(std::uint32_t& counter) {
-  if (counter != UINT32_MAX) ++counter;
-}
-
 }  // namespace
 
 HeaderWords SlotStore::read_header(std::size_t slot) const {
@@ -53,9 +49,7 @@ bool SlotStore::program(std::size_t slot, std::size_t word_index, std::uint32_t 
   const bool accepted = flash_.program(slot, 4 * word_index, word);
   std::array<std::uint8_t, 4> bytes;
   flash_.read(slot, 4 * word_index, bytes);
-  if (accepted && word_at(bytes, 0) == word) return true;
-  increment(status_.counters.program_failures);
-  return false;
+  return accepted && word_at(bytes, 0) == word;
 }
 
 // Entries that do not read back are left behind: the mark holds when two in a row do.
@@ -71,10 +65,8 @@ bool SlotStore::append(std::size_t slot, Mark mark) {
 }
 
 bool SlotStore::erase(std::size_t slot) {
-  increment(status_.counters.erases);
   status_.slot[slot] = {SlotState::kTorn, 0, 0};
   if (!flash_.erase(slot) || !is_blank(slot, 0) || !program(slot, kErasedAt, kErasedMark)) {
-    increment(status_.counters.erase_failures);
     return false;
   }
   status_.slot[slot] = {SlotState::kBlank, 0, 0};
@@ -131,7 +123,6 @@ SlotState SlotStore::classify_unsealed(std::size_t slot, const HeaderWords& word
 
 SlotState SlotStore::settle(std::size_t slot, const JournalReading& journal) {
   if (*journal.last == Mark::kTrial) {
-    increment(status_.counters.rejected_at_start);
     append(slot, Mark::kRejected);
     return SlotState::kRejected;
   }
@@ -224,11 +215,6 @@ std::size_t SlotStore::spare() const {
   return worth(1) < worth(0) ? 1 : 0;
 }
 
-StoreResult SlotStore::count(StoreResult result) {
-  if (result != StoreResult::kDone) increment(status_.counters.refused);
-  return result;
-}
-
 std::span<const std::uint8_t> SlotStore::start(std::span<std::uint8_t> buffer) {
   for (std::size_t slot = 0; slot < kSlots; ++slot) status_.slot[slot] = classify(slot, buffer);
   status_.active = newest_confirmed();
@@ -259,52 +245,49 @@ StoreResult SlotStore::prepare_spare() {
   if (state != SlotState::kBlank && state != SlotState::kTorn && state != SlotState::kRejected) {
     return StoreResult::kDone;
   }
-  return count(make_erased(slot) ? StoreResult::kDone : StoreResult::kEraseFailed);
+  return make_erased(slot) ? StoreResult::kDone : StoreResult::kEraseFailed;
 }
 
 StoreResult SlotStore::commit(std::span<const std::uint8_t> image) {
-  if (slot_in(SlotState::kTrial)) return count(StoreResult::kTrialRunning);
-  if (image.empty() || image.size() > capacity()) return count(StoreResult::kTooLarge);
-  if (verifier_.verify(image) != TableVerdict::kAccepted) return count(StoreResult::kTableRefused);
+  if (slot_in(SlotState::kTrial)) return StoreResult::kTrialRunning;
+  if (image.empty() || image.size() > capacity()) return StoreResult::kTooLarge;
+  if (verifier_.verify(image) != TableVerdict::kAccepted) return StoreResult::kTableRefused;
   std::uint32_t newest = 0;
   for (const SlotStatus& status : status_.slot) newest = std::max(newest, status.sequence);
-  if (newest == UINT32_MAX) return count(StoreResult::kSequenceExhausted);
+  if (newest == UINT32_MAX) return StoreResult::kSequenceExhausted;
 
   const std::size_t slot = spare();
-  if (!make_erased(slot)) return count(StoreResult::kEraseFailed);
+  if (!make_erased(slot)) return StoreResult::kEraseFailed;
   status_.slot[slot] = {SlotState::kTorn, 0, 0};
   const std::uint32_t sequence = newest + 1;
   if (!program_image(slot, image) || !program_header(slot, image, sequence)) {
-    return count(StoreResult::kProgramFailed);
+    return StoreResult::kProgramFailed;
   }
   image_crc_[slot] = crc32(image);
   status_.slot[slot] = {SlotState::kPending, sequence, static_cast<std::uint32_t>(image.size())};
-  increment(status_.counters.commits);
   return StoreResult::kDone;
 }
 
 StoreResult SlotStore::activate(std::span<std::uint8_t> buffer,
                                 std::span<const std::uint8_t>& image) {
   const std::optional<std::size_t> slot = slot_in(SlotState::kPending);
-  if (!slot) return count(StoreResult::kNothingPending);
-  if (status_.slot[*slot].length > buffer.size()) return count(StoreResult::kTooLarge);
+  if (!slot) return StoreResult::kNothingPending;
+  if (status_.slot[*slot].length > buffer.size()) return StoreResult::kTooLarge;
   const std::span<const std::uint8_t> loaded = load(*slot, buffer);
-  if (loaded.empty()) return count(StoreResult::kImageChanged);
-  if (verifier_.verify(loaded) != TableVerdict::kAccepted) return count(StoreResult::kTableRefused);
-  if (!append(*slot, Mark::kTrial)) return count(StoreResult::kProgramFailed);
+  if (loaded.empty()) return StoreResult::kImageChanged;
+  if (verifier_.verify(loaded) != TableVerdict::kAccepted) return StoreResult::kTableRefused;
+  if (!append(*slot, Mark::kTrial)) return StoreResult::kProgramFailed;
   status_.slot[*slot].state = SlotState::kTrial;
   status_.active = slot;
   image = loaded;
-  increment(status_.counters.activations);
   return StoreResult::kDone;
 }
 
 StoreResult SlotStore::confirm() {
   const std::optional<std::size_t> slot = slot_in(SlotState::kTrial);
-  if (!slot) return count(StoreResult::kNoTrial);
-  if (!append(*slot, Mark::kConfirmed)) return count(StoreResult::kProgramFailed);
+  if (!slot) return StoreResult::kNoTrial;
+  if (!append(*slot, Mark::kConfirmed)) return StoreResult::kProgramFailed;
   status_.slot[*slot].state = SlotState::kConfirmed;
-  increment(status_.counters.confirms);
   return StoreResult::kDone;
 }
 
@@ -313,12 +296,11 @@ StoreResult SlotStore::confirm() {
 StoreResult SlotStore::revert() {
   std::optional<std::size_t> slot = slot_in(SlotState::kTrial);
   if (!slot) slot = slot_in(SlotState::kPending);
-  if (!slot) return count(StoreResult::kNoTrial);
+  if (!slot) return StoreResult::kNoTrial;
   const bool marked = append(*slot, Mark::kRejected);
   status_.slot[*slot].state = SlotState::kRejected;
   status_.active = newest_confirmed();
-  increment(status_.counters.reverts);
-  return marked ? StoreResult::kDone : count(StoreResult::kProgramFailed);
+  return marked ? StoreResult::kDone : StoreResult::kProgramFailed;
 }
 
 }  // namespace armtrue::storage

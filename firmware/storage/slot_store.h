@@ -68,23 +68,9 @@ struct SlotStatus {
   std::uint32_t length = 0;    // bytes of the image, likewise
 };
 
-// Since this start; they saturate.
-struct StoreCounters {
-  std::uint32_t commits = 0;
-  std::uint32_t activations = 0;
-  std::uint32_t confirms = 0;
-  std::uint32_t reverts = 0;
-  std::uint32_t refused = 0;  // operations that returned anything but kDone
-  std::uint32_t erases = 0;
-  std::uint32_t erase_failures = 0;
-  std::uint32_t program_failures = 0;   // words that do not read back as programmed
-  std::uint32_t rejected_at_start = 0;  // trials that this start ended
-};
-
 struct StoreStatus {
   std::array<SlotStatus, kSlots> slot;
   std::optional<std::size_t> active;  // none: pass-through
-  StoreCounters counters;
 };
 
 class SlotStore {
@@ -147,7 +133,6 @@ class SlotStore {
   std::optional<std::size_t> slot_in(SlotState state) const;
   std::optional<std::size_t> newest_confirmed() const;
   std::size_t spare() const;
-  StoreResult count(StoreResult result);
 
   Flash& flash_;
   const TableVerifier& verifier_;

@@ -178,6 +178,31 @@ TEST(Fit, OneThatKeepsTheWeightsOfItsStartEndsWhereAFullOneDoes) {
   EXPECT_FALSE(fit_of(p, whole, options)->kept_weights());
 }
 
+// While something turned the tool that the model lacked, orientations were worth less to positions.
+TEST(Fit, OrientationsRegainTheirWeightOnceTheirCauseIsInTheModel) {
+  json lacking = testing::geometry_model();
+  lacking["effects"].push_back("transmission_pwl");
+  json whole = lacking;
+  whole["effects"].push_back({{"effect", "custom"},
+                              {"name", "wrist"},
+                              {"coordinate", "tool.rz"},
+                              {"expression", "sin(2*q6)"}});
+  Random random(59);
+  const Problem p(testing::industrial_arm(), whole, {240, true, 1, 1e-5, 2e-5, {}}, random,
+                  [&](const Parameter& q) {
+                    if (q.effect == "transmission_pwl") return testing::normal(random, 2e-5);
+                    return q.effect == "custom" ? 2e-3 : field_error(q, random);
+                  });
+  const auto fresh = fit_of(p, whole), start = fit_of(p, lacking);
+  EXPECT_GT(start->measurements().sigma_rotation, 10 * fresh->measurements().sigma_rotation);
+  EXPECT_GT(start->start_point().orientation_inflation, 4.0);
+  FitOptions options = start->options();
+  options.start = std::make_shared<StartPoint>(start->start_point());
+  const auto after = fit_of(p, whole, options);
+  EXPECT_NEAR(after->measurements().sigma_rotation, fresh->measurements().sigma_rotation,
+              0.3 * fresh->measurements().sigma_rotation);
+}
+
 // What an effect that the model lacks does to many rows is not a gross error.
 TEST(Fit, AMissingEffectIsNotRejectedAway) {
   Random random(54);

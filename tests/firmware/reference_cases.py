@@ -13,6 +13,7 @@ import json
 import struct
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -32,6 +33,25 @@ PAYLOAD_KG = 3.0
 _UNIT = 2.0**32
 
 
+def skewed(document: dict[str, Any]) -> dict[str, Any]:
+    """The same arm with every second frame turned about all three axes; two motors drive other joints, too."""
+    kinematics = document["robot"]["kinematics"]
+    rows = []
+    for k, row in enumerate(kinematics["joints"]):
+        a, d, alpha = (row.get(name) or 0.0 for name in ("a", "d", "alpha"))
+        xyz = [a, -d * np.sin(alpha), d * np.cos(alpha)]
+        kept = {name: row[name] for name in ("name", "type", "offset", "gear_ratio", "limits")}
+        rows.append(
+            {**kept, "xyz": xyz, "rpy": [alpha, 0.2 - 0.1 * k, 0.15] if k % 2 == 0 else [alpha, 0.0, 0.0]}
+        )
+    coupling = [
+        {"joint": joint, "driving": driving, "ratio": ratio}
+        for joint, driving, ratio in ((3, 2, -1.0), (5, 4, 0.25), (6, 4, -0.125))
+    ]
+    frames = {**kinematics, "convention": "chain", "joints": rows}
+    return {**document, "robot": {**document["robot"], "kinematics": frames, "coupling": coupling}}
+
+
 def documents() -> dict[str, tuple[FittedArm, bool]]:
     """Arms with every effect that a small table has room for, and whether the attitude is held."""
     result = {}
@@ -41,6 +61,8 @@ def documents() -> dict[str, tuple[FittedArm, bool]]:
         result[name] = fitted_arm(document, name), False
         if name != "scara":  # four joints hold no attitude
             result[f"{name}_pose"] = fitted_arm(document, name), True
+        if name == "kr30":
+            result["skewed_pose"] = fitted_arm(skewed(document), "skewed"), True
     document = json.loads(arms.full_document("kr30"))
     document["parameters"] = []
     tables = arms.with_tables(document, spacing_rad=0.8, grid_nodes=2)

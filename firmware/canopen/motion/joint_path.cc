@@ -51,7 +51,6 @@ void JointPath::set_mode(Mode mode) {
 
 void JointPath::forget() {
   phase_ = Phase::kUnknown;
-  known_ = false;
   heard_ = 0;
 }
 
@@ -140,16 +139,11 @@ void JointPath::read_targets(std::uint64_t now_us) {
 }
 
 void JointPath::read_surroundings(std::uint64_t now_us) {
-  const std::uint64_t limit_us =
-      dictionary_.get(od::compensator_control::kTemperatureTimeOut) * std::uint64_t{1000};
-  input_.temperature_valid = 0;
   for (std::size_t sensor = 0; sensor < kMaxSensors; ++sensor) {
     // 0x2020 counts in 0.01 °C.
     input_.temperature_mdegc[sensor] = dictionary_.get(od::kTemperatureInputs[sensor]) * 10;
-    if ((temperature_given_ >> sensor & 1U) != 0 && now_us - temperature_us_[sensor] <= limit_us) {
-      input_.temperature_valid |= 1U << sensor;
-    }
   }
+  input_.temperature_valid = temperature_given_;  // watch_temperatures() takes out what is stale
   input_.payload_g = saturate(std::int64_t{dictionary_.get(od::kPayloadMass)});
   input_.time_ms = now_us / 1000;
   input_.elapsed_us =
@@ -215,7 +209,6 @@ bool JointPath::release(std::uint64_t now_us) {
   publish();
   if (phase_ == Phase::kUnknown) {
     first_cycle_ = last_cycle_;
-    known_ = began_with_heard_;
     phase_ = Phase::kCorrecting;
   }
   if (mode_ == Mode::kInline) send_set();
@@ -256,7 +249,6 @@ void JointPath::hear(const Pdo& pdo, const CanFrame& frame) {
     if (mapped.index == od::kOffsetReadBack[0].index && mapped.sub > 0) {
       check_offset(mapped.sub - 1U, load_le<std::int32_t>(place));
     }
-    if (mapped.is_dummy() || mapped.index < 0x6000) continue;
     const std::size_t axis = axis_of(mapped.index);
     if (axis >= joint_count_) continue;
     const std::uint16_t object = axis_object(mapped.index);

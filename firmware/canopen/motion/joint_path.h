@@ -126,7 +126,7 @@ class JointPath {
   void accept_reference();
 
   // Whether the correction began with what the drives were heard to hold.
-  bool knows_drives() const { return known_; }
+  bool knows_drives() const { return phase_ != Phase::kUnknown && began_with_heard_; }
   Phase phase() const { return phase_; }
   const DriveStates& drives() const { return drives_; }
   std::uint8_t suspension() const;
@@ -191,8 +191,8 @@ class JointPath {
   DriveStates drives_;
   Mode mode_ = Mode::kForward;
   Phase phase_ = Phase::kUnknown;
-  bool known_ = false;             // the first set began with what the drives were heard to hold
-  bool began_with_heard_ = false;  // so does the set that was computed as the first
+  // The first set begins with what the drives were heard to hold, not at zero; begin() decides.
+  bool began_with_heard_ = false;
   bool reference_changed_ = false;
   std::uint32_t heard_ = 0;  // bit k: the actual position of axis k came in phase kUnknown
   std::uint32_t clean_sets_ = 0;
@@ -216,7 +216,7 @@ class JointPath {
   std::uint64_t last_set_us_ = 0;
   std::uint64_t last_process_us_ = 0;
   std::array<std::uint64_t, kMaxSensors> temperature_us_ = {};
-  std::uint32_t temperature_given_ = 0;  // bit s: sensor s has been given since start
+  std::uint32_t temperature_given_ = 0;  // bit s: sensor s has been given within the time-out
   JointCounters counters_;
   Latency target_latency_;
 };

@@ -36,7 +36,7 @@ void SetAssembler::configure(const PdoTable& pdos, std::uint8_t joint_count) {
 void SetAssembler::clear() {
   present_ = 0;
   held_count_ = 0;
-  spoilt_ = false;
+  content_ = SetContent::kPartial;
   progress_ = SetProgress::kWaiting;
 }
 
@@ -57,22 +57,18 @@ bool SetAssembler::repeats_previous(const Held& held) const {
   return found != previous.end() && has_payload(held.frame, found->len, found->data.data());
 }
 
-SetContent SetAssembler::content() const {
-  if (spoilt_) return SetContent::kSpoilt;
-  return present_ == expected_ ? SetContent::kWhole : SetContent::kPartial;
-}
-
 SetEvent SetAssembler::take(const Pdo& pdo, std::size_t rpdo, const CanFrame& frame,
                             std::uint64_t now_us) {
   if (frame.len < pdo.mapping.length) {
-    spoilt_ = true;
+    content_ = SetContent::kSpoilt;
     return SetEvent::kShort;
   }
   if (const Held* same = find(rpdo)) {
     if (has_payload(frame, same->frame.len, same->frame.data)) return SetEvent::kRepeated;
     if (!sync_in_use_) return SetEvent::kNextCycle;
-    // Two different targets for the same joints in one interval: whose are the others?
-    spoilt_ = true;
+    // Two different targets for one joint within one SYNC interval: the set is ambiguous and is
+    // dropped.
+    content_ = SetContent::kSpoilt;
     return SetEvent::kContradicted;
   }
   window_.note(rpdo, now_us);
@@ -82,10 +78,11 @@ SetEvent SetAssembler::take(const Pdo& pdo, std::size_t rpdo, const CanFrame& fr
   held_[held_count_] = {frame, &pdo, static_cast<std::uint8_t>(rpdo)};
   ++held_count_;
   present_ |= 1U << rpdo;
+  if (content_ == SetContent::kPartial && present_ == expected_) content_ = SetContent::kWhole;
   // A frame that was late instead of lost would complete this set with an old target: without SYNC
   // to take them both, only what follows a whole set is one.
   const bool may_be_mixed = !synchronous_ && !trusted_ && !std::has_single_bit(expected_);
-  const bool ready = content() == SetContent::kWhole && !may_be_mixed;
+  const bool ready = content_ == SetContent::kWhole && !may_be_mixed;
   return ready ? SetEvent::kReady : SetEvent::kHeld;
 }
 
@@ -107,7 +104,7 @@ bool SetAssembler::is_over(std::uint32_t configured_us, std::uint64_t now_us) co
   if (sync_in_use_) {
     // A whole set waits for SYNC. What is missing from another may come as long as it can only be
     // of this interval: SYNC itself may be late, and the next cycle's frame ahead of it.
-    if (content() == SetContent::kWhole) return false;
+    if (content_ == SetContent::kWhole) return false;
     limit_us = std::max(limit_us, sync_period_us_ * 3 / 4);
   }
   return now_us - begin_us_ > limit_us;
@@ -115,9 +112,9 @@ bool SetAssembler::is_over(std::uint32_t configured_us, std::uint64_t now_us) co
 
 SetAssembler::Ended SetAssembler::end_interval() {
   // If all of it were repeats of the set before, nothing was lost.
-  const bool only_repeats = !spoilt_ && std::ranges::all_of(frames(), [this](const Held& one) {
-    return repeats_previous(one);
-  });
+  const bool only_repeats =
+      content_ != SetContent::kSpoilt &&
+      std::ranges::all_of(frames(), [this](const Held& one) { return repeats_previous(one); });
   Ended ended = Ended::kEmptyOrOut;
   if (present_ != 0 && progress_ != SetProgress::kOut) {
     ended = only_repeats ? Ended::kOnlyRepeats : Ended::kWithheld;
@@ -125,7 +122,7 @@ SetAssembler::Ended SetAssembler::end_interval() {
   // A frame that is missing here may come late, ahead of its successor: the next set could be
   // complete with it and would be a mixture. So what follows an interval that was not whole waits.
   // An arm that stands still repeats whole sets: those are whole, too, or it could never go on.
-  const bool is_whole = content() == SetContent::kWhole;
+  const bool is_whole = content_ == SetContent::kWhole;
   if (present_ == 0 || is_whole || !only_repeats) trusted_ = is_whole;
   clear();
   return ended;

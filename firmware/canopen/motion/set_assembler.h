@@ -57,7 +57,7 @@ class SetAssembler {
 
   SetEvent take(const Pdo& pdo, std::size_t rpdo, const CanFrame& frame, std::uint64_t now_us);
 
-  SetContent content() const;
+  SetContent content() const { return content_; }
   SetProgress progress() const { return progress_; }
   void set_progress(SetProgress progress);
   std::span<const Held> frames() const { return std::span(held_).first(held_count_); }
@@ -102,9 +102,9 @@ class SetAssembler {
   std::uint32_t expected_ = 0;  // bit r: RPDO r belongs to the set
   std::uint32_t present_ = 0;
   bool synchronous_ = false;
-  bool spoilt_ = false;
   bool trusted_ = false;      // the interval before was whole
   bool sync_in_use_ = false;  // SYNC has come within the stale time-out
+  SetContent content_ = SetContent::kPartial;
   SetProgress progress_ = SetProgress::kWaiting;
   std::uint64_t begin_us_ = 0;
   std::uint64_t last_sync_us_ = 0;

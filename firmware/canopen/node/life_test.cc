@@ -55,6 +55,14 @@ TEST_F(LifeTest, SavedPositionLimits_HoldFromTheStartOn) {
   EXPECT_EQ(bench.compensator().bounds(5).limit_high, 6000);
 }
 
+TEST_F(LifeTest, DamagedParameters_AreReportedAfterAResetOfCommunication) {
+  ASSERT_EQ(bench.write(0x1010, 1, kSave, 4), 0U);
+  bench.parameters.spoil(20);
+  nmt(130);
+  bench.run_for(1000);
+  EXPECT_NE(error_register(), 0U);
+}
+
 TEST_F(LifeTest, ATransferGoesOn_WhenTheNodeIsStarted) {
   bench.ask({0x21, 0x10, 0x20, 0, 9, 0, 0, 0});
   nmt(1);
@@ -82,6 +90,30 @@ TEST_F(LifeTest, LeavingOperational_EndsTheSetInTheMaking) {
   bench.upstream.deliver(make_frame(0, {128, kId}));
   bench.upstream.deliver(make_frame(0, {1, kId}));
   bench.upstream.deliver(frames[2]);
+  bench.turn();
+  EXPECT_EQ(targets_sent(), 0U);
+}
+
+TEST_F(LifeTest, LeavingOperational_EndsASetThatWaitsForSync) {
+  for (std::uint16_t k = 0; k < 3; ++k) {
+    ASSERT_EQ(bench.write(static_cast<std::uint16_t>(0x1400 + k), 2, 1, 1), 0U);
+  }
+  bench.configure(Mode::kInline);
+  const auto sync = [this] { bench.upstream.deliver(make_frame(0x80, {})); };
+  for (int k = 0; k < 3; ++k) {
+    sync();
+    cycle();
+  }
+  const auto frames = NodeBench::targets({1, 2, 3, 4, 5, 6});
+  sync();
+  bench.upstream.deliver(frames[0]);
+  bench.upstream.deliver(frames[1]);
+  bench.turn();
+  targets_sent();
+  bench.upstream.deliver(make_frame(0, {128, kId}));
+  bench.upstream.deliver(make_frame(0, {1, kId}));
+  bench.upstream.deliver(frames[2]);
+  sync();
   bench.turn();
   EXPECT_EQ(targets_sent(), 0U);
 }
@@ -118,9 +150,12 @@ TEST_F(LifeTest, LeavingOperational_EndsTheAlarmOfSetsThatDoNotComeOut) {
   bench.upstream.take_sent();
   nmt(128);
   bench.run_for(10'000);
+  int ended = 0;
   for (const CanFrame& frame : bench.upstream.take_sent()) {
     EXPECT_NE(load_le<std::uint16_t>(frame.data), 0xFF15) << "raised anew";
+    ended += frame.id == 0x80U + kId && load_le<std::uint16_t>(&frame.data[3]) == 0xFF15;
   }
+  EXPECT_EQ(ended, 1);
 }
 
 TEST_F(LifeTest, AnExtendedFrame_IsNobodysHeartbeat) {
@@ -219,8 +254,8 @@ TEST_F(OffsetLifeTest, SetsThatCameBackToBack_DoNotSlowTheFadeDown) {
     command();
   }
   bench.from_controller(make_frame(0, {2, kId}));
-  bench.run_for(40'000);
-  EXPECT_EQ(bench.node().nmt_state(), NmtState::kStopped) << "the table blends in 20 ms";
+  bench.run_for(5000);
+  EXPECT_EQ(bench.node().nmt_state(), NmtState::kStopped) << "170 increments by 105 a millisecond";
 }
 
 }  // namespace

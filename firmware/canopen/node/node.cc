@@ -52,7 +52,6 @@ void Node::start(std::uint64_t now_us) {
   tables_.start();
   tables_.set_enabled(dictionary_.get(od::compensator_control::kCorrectionEnable) != 0);
   apply_configuration();
-  carry_out();
 }
 
 void Node::reset_communication(std::uint64_t now_us) {
@@ -78,7 +77,6 @@ void Node::apply_configuration() {
   joints_.configure(pdos_);
   joints_.configure_bounds();
   sdo_.reset(kSdoRequestBase + config_.node_id, kSdoResponseBase + config_.node_id);
-  tpdos_.restart(now_us_);
   waiting_count_ = 0;
 }
 
@@ -114,7 +112,6 @@ NodeAction Node::process(std::uint64_t now_us) {
     emcy_.raise(Condition::kHeartbeatLost, lost, heartbeats_.slot_of(lost));
     communication_error();
   }
-  note_nmt_state();
   const NmtState state = nmt_.state();
   if (state == NmtState::kPreOperational || state == NmtState::kOperational) {
     sdo_.process(now_us, is_quiet());
@@ -181,7 +178,6 @@ void Node::communication_error() {
   } else if (behaviour == 2) {
     note_nmt_command(kNmtStop);
   }
-  carry_out();
 }
 
 void Node::handle_upstream(const CanFrame& frame) {

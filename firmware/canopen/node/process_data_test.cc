@@ -1,6 +1,8 @@
 // What becomes of PDOs that carry no targets: inputs, from either bus, at once or with SYNC.
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 #include "firmware/testing/node_bench.h"
 
 namespace armtrue::canopen {
@@ -50,6 +52,18 @@ TEST_F(InputTest, AnInputThatWaitsForSync_IsTakenOnce) {
   EXPECT_EQ(bench.read(0x2021, 0), 2U) << "the frame before has had its SYNC";
 }
 
+TEST_F(InputTest, AnInputThatWaitsForSync_IsDroppedByAReset) {
+  map(0, kPayload, 1);
+  ASSERT_EQ(bench.write(0x1010, 1, 0x65766173, 4), 0U);
+  bench.start_nodes();
+  bench.from_controller(make_frame(0x190, {1, 0, 0, 0}));
+  bench.from_controller(make_frame(0, {130, NodeBench::kNodeId}));
+  bench.run_for(1000);
+  bench.start_nodes();
+  sync();
+  EXPECT_EQ(bench.read(0x2021, 0), 0U);
+}
+
 TEST_F(InputTest, TheNewestOfAnInput_WaitsForSync) {
   map(0, kPayload, 240);
   bench.start_nodes();
@@ -90,7 +104,9 @@ TEST_F(InputTest, EachSensor_FallsSilentByItself) {
   ASSERT_EQ(bench.write(0x2000, 6, 1000, 4), 0U);
   bench.start_nodes();
   bench.from_controller(make_frame(0x190, {1, 0}));
-  bench.run_for(1'100'000);
+  bench.run_for(1'000'000);
+  EXPECT_EQ(bench.read(0x1003, 0), 0U) << "a second is not over before that";
+  bench.run_for(1);
   EXPECT_EQ(newest_error(), 0x0003FF12U);
   EXPECT_EQ(bench.read(0x1003, 0), 1U);
 }
@@ -103,6 +119,26 @@ TEST_F(InputTest, ATpdoForEveryThirdSync_LeavesWithTheThird) {
   for (int number = 1; number <= 9; ++number) {
     sync();
     EXPECT_EQ(bench.upstream.take_sent().size(), number % 3 == 0 ? 1U : 0U) << number;
+  }
+}
+
+TEST_F(InputTest, ATpdoThatHasNotChanged_LeavesOnceWithEveryStart) {
+  ASSERT_EQ(bench.write(0x1800, 1, 0xC00001A0, 4), 0U);
+  ASSERT_EQ(bench.write(0x1A00, 0, 0, 1), 0U);
+  ASSERT_EQ(bench.write(0x1A00, 1, 0x20010108, 4), 0U);
+  ASSERT_EQ(bench.write(0x1A00, 0, 1, 1), 0U);
+  ASSERT_EQ(bench.write(0x1800, 1, 0x400001A0, 4), 0U);
+  const auto sent = [this] {
+    bench.run_for(10'000);
+    const auto frames = bench.upstream.take_sent();
+    return std::ranges::count(frames, 0x1A0U, &CanFrame::id);
+  };
+  EXPECT_EQ(sent(), 0) << "not operational yet";
+  for (const int command : {128, 2, 130}) {
+    bench.start_nodes();
+    EXPECT_EQ(sent(), 1) << command;
+    EXPECT_EQ(sent(), 0) << command;
+    if (command != 130) bench.from_controller(make_frame(0, {command, NodeBench::kNodeId}));
   }
 }
 

@@ -135,6 +135,14 @@ TEST_F(StatusTest, Counters_AreThoseOfTheJointPath) {
   EXPECT_EQ(status(16), counters.conflicts);
 }
 
+TEST_F(StatusTest, RefusedWritesAndTables_AreAddedUp) {
+  EXPECT_NE(bench.write(0x2001, 1, 0, 1), 0U) << "read-only";
+  EXPECT_EQ(status(6), 1U);
+  ASSERT_EQ(bench.stage(std::vector<std::uint8_t>(300)), 0U);
+  EXPECT_NE(bench.command(TableCommand::kVerify), 0U);
+  EXPECT_EQ(status(6), 2U);
+}
+
 TEST_F(StatusTest, ClampedCycles_AreCountedForEachAxis) {
   start(TestTable{.rate = kMaxRateRevolute / 40});
   for (int k = 0; k < 100; ++k) cycle(20'000 * k);

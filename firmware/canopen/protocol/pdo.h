@@ -34,6 +34,7 @@ constexpr std::uint16_t axis_object(std::uint16_t index) {
              ? index
              : static_cast<std::uint16_t>(0x6000 + (index - 0x6000) % kAxisStride);
 }
+// Of indices outside 0x6000 to 0x9FFF a number beyond every axis.
 constexpr std::size_t axis_of(std::uint16_t index) { return (index - 0x6000U) / kAxisStride; }
 
 struct MappedEntry {

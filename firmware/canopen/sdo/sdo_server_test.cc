@@ -56,6 +56,16 @@ class SdoTest : public testing::Test {
   NodeBench bench;
 };
 
+TEST_F(SdoTest, EachTextOfTheDictionary_IsItsOwn) {
+  EXPECT_EQ(bench.read(0x1009, 0), '1') << "hardware version, behind the device's name in memory";
+}
+
+TEST_F(SdoTest, ExpeditedDownload_EndsTheUploadBeforeIt) {
+  EXPECT_EQ(bench.ask({0x40, 0x08, 0x10, 0, 0, 0, 0, 0})[0], 0x41) << "in segments";
+  EXPECT_EQ(bench.write(0x2000, 5, 500, 4), 0U);
+  EXPECT_EQ(abort_of(bench.ask({0x60, 0, 0, 0, 0, 0, 0, 0})), 0x05040001U);
+}
+
 TEST_F(SdoTest, ExpeditedUploadSaysHowManyBytesCount) {
   EXPECT_EQ(bench.ask({0x40, 0x00, 0x10, 0, 0, 0, 0, 0}),
             (Answer{0x43, 0x00, 0x10, 0, 0x92, 0x01, 0xFF, 0xFF}));

@@ -36,10 +36,10 @@ constexpr std::int64_t kRounding = 200;
 // joints, so their joint values may differ by some thousandths of the correction.
 constexpr std::int64_t kRedundant = 50'000;
 
-constexpr Arm kArms[] = {{"kr30", kRedundant},         {"kr30_pose", kRounding},
-                         {"scara", kRedundant},        {"stanford", kRedundant},
-                         {"stanford_pose", kRounding}, {"tables", kRounding},
-                         {"nodes", kRounding}};
+constexpr Arm kArms[] = {{"kr30", kRedundant},       {"kr30_pose", kRounding},
+                         {"skewed_pose", kRounding}, {"scara", kRedundant},
+                         {"stanford", kRedundant},   {"stanford_pose", kRounding},
+                         {"tables", kRounding},      {"nodes", kRounding}};
 
 class Reader {
  public:

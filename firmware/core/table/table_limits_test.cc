@@ -86,6 +86,13 @@ TEST(TableScaleTest, Scale_CoarserThan16OrFinerThan2To31_IsRefused) {
   EXPECT_EQ(refusal_of(with_scale(1 << 30, 30, 1 << 30, 30).image()), Refusal::kScale);
 }
 
+TEST(TableScaleTest, SmallestShifts_AreTaken_NoneIsRefused) {
+  EXPECT_EQ(refusal_of(with_scale(2048, 1, 1 << 20, 30).image()), Refusal::kNone);
+  EXPECT_EQ(refusal_of(with_scale(1024, 0, 1 << 20, 30).image()), Refusal::kValueRange);
+  EXPECT_EQ(refusal_of(with_scale(1 << 20, 19, 1, 1).image()), Refusal::kNone);
+  EXPECT_EQ(refusal_of(with_scale(1 << 20, 20, 1, 0).image()), Refusal::kValueRange);
+}
+
 TEST(TableScaleTest, Resolution_OfAnotherDrive_IsRefused) {
   const Bytes image = TestImage(3).image();  // 2^24 increments a turn
   EXPECT_EQ(refusal_of(image, with_resolution(1 << 24, 1)), Refusal::kNone);
@@ -99,12 +106,14 @@ TEST(TableScaleTest, Resolution_OfAnotherDrive_IsRefused) {
 
 TEST(TableScaleTest, Resolution_OfOneJointAlone_IsCompared) {
   const Bytes image = TestImage(3).image();
+  for (std::size_t joint = 0; joint < 3; ++joint) {
+    DeviceIdentity device;
+    device.resolution[joint] = {1 << 23, 1};
+    EXPECT_EQ(refusal_of(image, device), Refusal::kResolution) << joint;
+    device.resolution[joint] = {1 << 23, 0};
+    EXPECT_EQ(refusal_of(image, device), Refusal::kResolution) << joint;
+  }
   DeviceIdentity device;
-  device.resolution[2] = {1 << 23, 1};
-  EXPECT_EQ(refusal_of(image, device), Refusal::kResolution);
-  device.resolution[2] = {1 << 23, 0};
-  EXPECT_EQ(refusal_of(image, device), Refusal::kResolution);
-  device.resolution[2] = {};
   device.resolution[3] = {1 << 23, 1};  // of a joint that this table has not
   EXPECT_EQ(refusal_of(image, device), Refusal::kNone);
 }
@@ -171,6 +180,82 @@ TEST(TableCouplingTest, EntryTwice_IsRefused) {
             Refusal::kBadReference);
   EXPECT_EQ(refusal_of(with_coupling({{2, 1, kOne}, {1, 2, kOne}}).image()), Refusal::kNone);
   EXPECT_EQ(refusal_of(with_coupling({{2, 1, kOne}, {2, 0, kOne}}).image()), Refusal::kNone);
+}
+
+TEST(TableCouplingTest, PlacesOfEightJoints_AreTheirOwn) {
+  TestImage made(8);
+  for (const std::array<std::uint8_t, 2> place : {std::array<std::uint8_t, 2>{0, 5}, {7, 6}}) {
+    Bytes record = {place[0], place[1], 0, 0};
+    append(record, kOne);
+    made.add(format::Section::kCoupling, record);
+  }
+  EXPECT_EQ(refusal_of(made.image()), Refusal::kNone);
+}
+
+TEST(TableCouplingTest, JointThatSlides_IsRefusedOnEitherSide) {
+  for (const std::size_t slides : {1, 2}) {
+    TestImage made = with_coupling({{2, 1, kOne}});
+    made.section(
+        format::Section::kJoints)[slides * format::joint::kLength + format::joint::kTypeAt] = 1;
+    EXPECT_EQ(refusal_of(made.image()), Refusal::kBadReference) << slides;
+  }
+}
+
+TEST(TableSensorTest, Reference_LiesBetweenMinus300And1000Degrees) {
+  const auto with_reference = [](std::int32_t milli_degc) {
+    TestImage made(3);
+    made.header()[format::header::kSensorCountAt] = 1;
+    Bytes sensor(format::sensor::kLength);
+    put(sensor, format::sensor::kReferenceAt, milli_degc);
+    made.add(format::Section::kSensors, sensor);
+    return refusal_of(made.image());
+  };
+  EXPECT_EQ(with_reference(-300'000), Refusal::kValueRange);
+  EXPECT_EQ(with_reference(-299'999), Refusal::kNone);
+  EXPECT_EQ(with_reference(999'999), Refusal::kNone);
+  EXPECT_EQ(with_reference(1'000'000), Refusal::kValueRange);
+}
+
+TEST(TableMassTest, Fraction_LiesWithin30OfAPayload_And60OfOthers) {
+  const auto with_fraction = [](std::uint8_t fraction, std::uint8_t flags) {
+    TestImage made(3);
+    Bytes set(record_length(format::Section::kMassSets, 3));
+    set[format::mass_set::kFractionAt] = fraction;
+    set[format::mass_set::kFlagsAt] = flags;
+    made.add(format::Section::kMassSets, set);
+    made.add(format::Section::kGravity, Bytes(format::gravity::kLength));
+    return refusal_of(made.image());
+  };
+  EXPECT_EQ(with_fraction(60, 0), Refusal::kNone);
+  EXPECT_EQ(with_fraction(61, 0), Refusal::kValueRange);
+  EXPECT_EQ(with_fraction(30, format::mass_set::kCarriesPayload), Refusal::kNone);
+  EXPECT_EQ(with_fraction(31, format::mass_set::kCarriesPayload), Refusal::kValueRange);
+}
+
+TEST(TableWaveTest, JointThatIsNotThere_IsRefused) {
+  const auto with_wave = [](std::uint8_t joint) {
+    TestImage made(3);
+    Bytes wave = {0, joint};
+    wave.resize(format::slow_wave::kLength);
+    made.add(format::Section::kSlowWaves, wave);
+    return refusal_of(made.image());
+  };
+  EXPECT_EQ(with_wave(2), Refusal::kNone);
+  EXPECT_EQ(with_wave(3), Refusal::kBadReference);
+}
+
+TEST(TableGridTest, StepOfNothing_IsRefused_AndPointedAt) {
+  TestImage made(3);
+  made.add_table(0, -1.0, 0.5, {1e-4, 2e-4, 3e-4}, 24);
+  constexpr std::size_t kInverseStepAt =
+      16;  // behind the grid's head, one axis's and its first node
+  put(made.section(format::Section::kData), kInverseStepAt, std::uint32_t{0});
+  const Bytes image = made.image();
+  const Validation validation = validate(image, {});
+  EXPECT_EQ(validation.refusal, Refusal::kValueRange);
+  // The data section is the last one; its checksum of four bytes follows.
+  const std::size_t data = made.section(format::Section::kData).size();
+  EXPECT_EQ(validation.field, image.size() - 4 - data + kInverseStepAt);
 }
 
 TEST(TableCouplingTest, PositionsAtTheEndsOfTheirRange_DoNotOverflow) {
@@ -245,6 +330,19 @@ TEST(TableCostTest, Line_CountsItsVariableNodeAndTerm) {
 
 TEST(TableCostTest, Coupling_CountsOnceACycle) {
   EXPECT_EQ(cost_with(with_coupling({{2, 1, kOne}, {0, 1, kOne}})), cost_with(TestImage(3)) + 400U);
+}
+
+TEST(TableCostTest, Torque_CountsItself_OnceItsMassSet_AndItsCouplings) {
+  constexpr std::uint32_t kFirst = 60U + 3 * 50U + 90U + 3 * 80U;  // gravity's vectors, the masses
+  TestImage made(3);
+  made.add_state(format::State::kTorque, 0, 27);
+  EXPECT_EQ(cost_with(made), cost_with(TestImage(3)) + kFirst + 46U);
+  made.add_state(format::State::kTorque, 2, 27);
+  EXPECT_EQ(cost_with(made), cost_with(TestImage(3)) + kFirst + 2 * 46U);
+  TestImage coupled = with_coupling({{2, 1, kOne}, {0, 1, kOne}});
+  const std::uint32_t before = cost_with(coupled);
+  coupled.add_state(format::State::kTorque, 1, 27);
+  EXPECT_EQ(cost_with(coupled), before + kFirst + 46U + 2 * 44U + 2 * 9U);
 }
 
 TEST(TableCostTest, Table_AboveTheBudget_IsRefusedByItsOwnReason) {

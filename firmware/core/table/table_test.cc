@@ -77,6 +77,29 @@ TEST(TableTest, BaseRecord_Once_IsTaken_Twice_IsRefused) {
   EXPECT_EQ(validate(made.image(), any_device()).refusal, Refusal::kTooManyRecords);
 }
 
+TEST(TableTest, SteepHarmonics_AreOfMotors_OthersOfAnyCoordinate) {
+  TestImage made(3);
+  made.add_harmonic(0, 1, 1.0, 0.25, 1e-4);
+  made.add_harmonic(format::kMotorCoordinates + 6, 1, 1.0, 0.25, 1e-4);
+  put(made.header(), format::header::kSteepHarmonicsAt, std::uint16_t{1});
+  EXPECT_EQ(validate(made.image(), any_device()).refusal, Refusal::kNone);
+  put(made.header(), format::header::kSteepHarmonicsAt, std::uint16_t{2});
+  EXPECT_EQ(validate(made.image(), any_device()).refusal, Refusal::kValueRange);
+}
+
+TEST(TableTest, ASectionThatComesTwice_IsRefusedAtItsSecondEntry) {
+  TestImage made(3);
+  made.add(format::Section::kNodes, Bytes(format::node::kLength));
+  made.add_harmonic(1, 1, 1.0, 0.25, 1e-4);
+  Bytes image = made.image();
+  const std::size_t entry = format::header::kLength + 4 * format::kDirectoryEntryLength;
+  put(image, entry, static_cast<std::uint16_t>(format::Section::kNodes));  // instead of harmonics
+  mend_checksum(image);
+  const Validation validation = validate(image, any_device());
+  EXPECT_EQ(validation.refusal, Refusal::kSectionBounds);
+  EXPECT_EQ(validation.field, entry);
+}
+
 TEST(TableTest, RefusesANewerFormatByItsOwnReason) {
   Bytes image = full_image().image();
   put(image, format::header::kVersionAt, std::uint16_t{2});
