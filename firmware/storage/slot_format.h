@@ -1,5 +1,5 @@
-// What stands in a slot: thirty-two words, then the table image. A journal and not flags: with pairs
-// of flags two power cuts left slots on which later starts disagree (power_cut_test.cc).
+// What stands in a slot: thirty-two words, then the table image. A journal and not flags: with
+// pairs of flags two power cuts left slots on which later starts disagree (power_cut_test.cc).
 //
 //   word    meaning                written
 //   0       erased mark            after an erase that completed

@@ -60,8 +60,8 @@ class Scorer {
                         const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>& eigen,
                         const std::vector<Eigen::Index>& used, const Eigen::VectorXd& solution,
                         int degrees) const;
-  BlockScore judge(const Block& block, const Eigen::MatrixXd& columns,
-                   const Eigen::MatrixXd& cross, bool robust) const;
+  BlockScore judge(const Block& block, const Eigen::MatrixXd& columns, const Eigen::MatrixXd& cross,
+                   bool robust) const;
 
   using BasisCache = std::map<std::string, std::vector<double>>;
   Eigen::MatrixXd columns(std::span<const Block> blocks, BasisCache& cache) const;
