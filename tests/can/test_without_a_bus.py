@@ -12,9 +12,14 @@ from command_line import armtrue
 
 pytestmark = pytest.mark.without_bus
 PROGRAM = Path(sys.executable).parent / "armtrue"
+# One of each kind: the kernel's, a serial line, a maker's library, a network.
+EVERY_TIME = ("socketcan", "slcan", "pcan", "udp_multicast")
 
 
-@pytest.mark.parametrize("interface", sorted(VALID_INTERFACES))
+@pytest.mark.parametrize(
+    "interface",
+    [pytest.param(i, marks=() if i in EVERY_TIME else pytest.mark.full) for i in sorted(VALID_INTERFACES)],
+)
 def test_a_bus_that_is_not_there_is_one_sentence(interface: str) -> None:
     # A number is a channel to all of them; no device and no multicast group has this one.
     words = ["--interface", interface, "--channel", "0", "--timeout", "0.05"]
