@@ -29,6 +29,8 @@ constexpr double kPromising = -4.0;
 // Another reading of the data counts down to this log odds against the likeliest set.
 constexpr double kWorthReading = -6.0;
 constexpr double kLeastRise = 1e-6;
+// A table of no more directions than this is so smooth that a formula may stand for it.
+constexpr Eigen::Index kSmoothTable = 40;
 
 }  // namespace
 
@@ -235,7 +237,8 @@ void Sampler::find_readings() {
   std::vector<Choice> better = home;
   double gain = 0.0;
   for (std::size_t gone = 0; gone < home.size(); ++gone) {
-    if (!home[gone].is_present() || block(gone).costly || !block(gone).counts) continue;
+    if (!home[gone].is_present() || !block(gone).counts) continue;
+    if (block(gone).costly && factor(gone, home[gone]).cols() > kSmoothTable) continue;
     std::vector<Choice> without_it = home;
     without_it[gone] = {};
     go_to(without_it);
