@@ -50,6 +50,7 @@ constexpr double kWorthThreads = 2e7;
 constexpr Eigen::Index kNarrowestPanel = 64, kPanels = 8;
 // Smaller matrices are factorised in one piece, others in blocks of columns.
 constexpr Eigen::Index kSmallFactor = 600, kFactorBlock = 192;
+// Householder reflectors that LAPACK applies as one product.
 constexpr Eigen::Index kReflectorsTogether = 32;
 
 // Calls job(first, count) for panels of `columns` columns, side by side where that pays.
@@ -224,14 +225,13 @@ Eigen::MatrixXd transpose_times(const Eigen::Ref<const Eigen::MatrixXd>& a,
 
 GrownFactor::GrownFactor(const Eigen::Ref<const Eigen::MatrixXd>& root,
                          const Eigen::Ref<const Eigen::MatrixXd>& part)
-    : block_(std::min(kReflectorsTogether, root.rows())),
-      factor_(root.triangularView<Eigen::Lower>().transpose()),
+    : factor_(root.triangularView<Eigen::Lower>().transpose()),
       reflectors_(part.transpose()),
-      triangles_(block_, root.rows()) {
+      triangles_(std::min(kReflectorsTogether, root.rows()), root.rows()) {
   be_single_threaded();
   const int rows = static_cast<int>(part.cols()), size = static_cast<int>(root.rows()), none = 0;
-  const int block = static_cast<int>(block_);
-  std::vector<double> work(static_cast<std::size_t>(block_ * root.rows()));
+  const int block = static_cast<int>(triangles_.rows());
+  std::vector<double> work(static_cast<std::size_t>(triangles_.size()));
   int info = 0;
   if (rows > 0 && size > 0)
     dtpqrt_(&rows, &size, &none, &block, factor_.data(), &size, reflectors_.data(), &rows,
@@ -244,12 +244,12 @@ GrownFactor::GrownFactor(const Eigen::Ref<const Eigen::MatrixXd>& root,
 
 Eigen::MatrixXd GrownFactor::turned(Eigen::MatrixXd a, Eigen::MatrixXd b) const {
   const int rows = static_cast<int>(reflectors_.rows()), size = static_cast<int>(factor_.rows());
-  const int none = 0, block = static_cast<int>(block_);
+  const int none = 0, block = static_cast<int>(triangles_.rows());
   if (rows == 0 || size == 0) return a;
   const double work = 2.0 * static_cast<double>(a.size()) * static_cast<double>(rows);
   in_panels(a.cols(), work, [&](Eigen::Index first, Eigen::Index count) {
     const int columns = static_cast<int>(count);
-    std::vector<double> space(static_cast<std::size_t>(block_ * count));
+    std::vector<double> space(static_cast<std::size_t>(triangles_.rows() * count));
     int info = 0;
     dtpmqrt_("L", "T", &rows, &columns, &size, &none, &block, reflectors_.data(), &rows,
              triangles_.data(), &block, a.col(first).data(), &size, b.col(first).data(), &rows,

@@ -51,7 +51,6 @@ class GrownFactor {
   Eigen::MatrixXd turned(Eigen::MatrixXd a, Eigen::MatrixXd b) const;
 
  private:
-  Eigen::Index block_;
   Eigen::MatrixXd factor_, reflectors_, triangles_;
   Eigen::VectorXd sign_;
 };

@@ -118,9 +118,9 @@ std::vector<double> unseen_distances(const Fit& fit, std::size_t folding) {
   return distance;
 }
 
-// By how much held-out errors grow from one model to another: logarithm of the factor, `mean` over
-// the foldings (at random, in time, by region), infinite where nothing can be predicted; `sigma`:
-// its standard error, if rows grow and shrink by chance alone.
+// By how much held-out errors grow from one model to another. `mean`: logarithm of the factor, over
+// the foldings (at random, in time, by region), infinite where nothing can be predicted. `sigma`:
+// standard error of `mean`, estimated from the changes of the single rows.
 struct Growth {
   double mean = std::numeric_limits<double>::infinity();
   double sigma = 0.0;

@@ -20,7 +20,8 @@ constexpr double kBelievedOdds = 3.0;
 // A nonlinear parameter of the fit stands where it was found: its range is so many standard
 // deviations.
 constexpr double kRangeIsSigmas = 20.0;
-// A table finer than the poses lie is what each pose scatters by.
+// A table finer than the poses lie is what each pose scatters by; the time of a search grows with
+// the third power of the nodes.
 constexpr double kPosesPerNode = 3.0;
 constexpr double kFewestNodes = 12.0, kMostNodes = 100.0, kFinestSpacing = 0.035;
 constexpr Eigen::Index kCostlyDirections = 12;

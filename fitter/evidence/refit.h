@@ -21,8 +21,8 @@ ModelSpecification without_effect(const ModelSpecification& specification,
                                   const EffectRequest& request, const EffectContext& context);
 
 /// Fits again with another specification, same measurements and options, beginning where `fit`
-/// ended. Nonlinear parameters begin where `fit` has them; `guesses` are tried beside those of new
-/// ones. `keeps_weights`: FitOptions::keeps_weights.
+/// ended. Nonlinear parameters begin where `fit` has them. `guesses`, of new ones: tried beside
+/// their own starts, and in place of these with `keeps_weights` (FitOptions::keeps_weights).
 std::unique_ptr<Fit> refit(const Fit& fit, const ModelSpecification& specification,
                            const std::map<std::string, double>& guesses = {},
                            bool keeps_weights = false);

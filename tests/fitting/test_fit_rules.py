@@ -132,7 +132,7 @@ def test_time_on_any_clock_gives_the_same_fit_and_predictions(campaign):
 
 
 def test_a_finer_table_bridges_the_same_gap(campaign):
-    # A real arm came, later in time, to angles between those measured: its finer tables had gone back to zero there.
+    # Later poses of a real arm lay between the angles of the fit, where its finer tables had fallen back to zero.
     slow = {"effect": "gear_harmonics", "joints": [2], "scale": 4.0}
     given = campaign(arm="cobot", poses=900, hidden=[slow], test_poses=0)
     q2 = given.data.columns["q2"]

@@ -1,4 +1,4 @@
-#: demo      an arm with hidden errors found out, compensated, measured again over CAN (5 minutes from a bare machine)
+#: demo      find the hidden errors of a simulated arm, compensate them over CAN, measure it again (5 minutes from a bare machine)
 # The loop of sim/armtrue_loop as a newcomer's story; `./dev sil` is the same for other scenarios and modes, with longer moves.
 cmd_demo() {
   say "the demo: install what it needs (1 minute, once), compile (3 minutes, once), run (1 to 2 minutes)"

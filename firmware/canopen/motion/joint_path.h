@@ -191,7 +191,8 @@ class JointPath {
   DriveStates drives_;
   Mode mode_ = Mode::kForward;
   Phase phase_ = Phase::kUnknown;
-  // The first set begins with what the drives were heard to hold, not at zero; begin() decides.
+  // Whether the first correction starts from what the drives reported (else from zero); set by
+  // begin().
   bool began_with_heard_ = false;
   bool reference_changed_ = false;
   std::uint32_t heard_ = 0;  // bit k: the actual position of axis k came in phase kUnknown

@@ -93,7 +93,8 @@ TEST(TableTest, ASectionThatComesTwice_IsRefusedAtItsSecondEntry) {
   made.add_harmonic(1, 1, 1.0, 0.25, 1e-4);
   Bytes image = made.image();
   const std::size_t entry = format::header::kLength + 4 * format::kDirectoryEntryLength;
-  put(image, entry, static_cast<std::uint16_t>(format::Section::kNodes));  // instead of harmonics
+  // Where kHarmonics belongs.
+  put(image, entry, static_cast<std::uint16_t>(format::Section::kNodes));
   mend_checksum(image);
   const Validation validation = validate(image, any_device());
   EXPECT_EQ(validation.refusal, Refusal::kSectionBounds);

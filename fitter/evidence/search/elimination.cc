@@ -83,7 +83,7 @@ void Elimination::remove(std::size_t key) {
   if (rest > 0) {
     const auto root = root_.block(after, after, rest, rest);
     const auto part = root_.block(after, gone.first, rest, gone.size);
-    // The members after it no longer have its part taken out.
+    // Members that were eliminated after it keep from now on what they had in common with it.
     const GrownFactor now(root, part);
     const Eigen::MatrixXd half =
         now.turned(half_.middleRows(after, rest), half_.middleRows(gone.first, gone.size));

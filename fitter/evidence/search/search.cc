@@ -29,7 +29,8 @@ constexpr double kPromising = -4.0;
 // Another reading of the data counts down to this log odds against the likeliest set.
 constexpr double kWorthReading = -6.0;
 constexpr double kLeastRise = 1e-6;
-// A table of no more directions than this is so smooth that a formula may stand for it.
+// A table whose prior has no more directions than this is smooth enough to be weighed against
+// formulas.
 constexpr Eigen::Index kSmoothTable = 40;
 
 }  // namespace
