@@ -17,6 +17,7 @@ sys.path[:0] = [str(ROOT), str(Path(__file__).parent)]
 
 import armtrue_sim  # noqa: E402
 from bench_page import Page  # noqa: E402
+from memory import resident_mb  # noqa: E402
 from opened import TWO_HIDDEN, Workbench  # noqa: E402
 
 from tests.report.browser import Browser  # noqa: E402
@@ -71,12 +72,6 @@ def diagnosed_s(page: Page, workbench: Workbench) -> float:
     return time.monotonic() - begun
 
 
-def memory_mb(workbench: Workbench) -> float:
-    """Memory that the server holds."""
-    lines = Path(f"/proc/{workbench.process.pid}/status").read_text().splitlines()
-    return next(int(line.split()[1]) / 1024.0 for line in lines if line.startswith("VmRSS"))
-
-
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -101,7 +96,7 @@ def main() -> None:
                     whole = diagnosed_s(page, workbench)
                     figures = [f"{statistics.median(s):.2f} | {max(s):.2f}" for s in timed]
                     print(
-                        f"| {poses} | {' | '.join(figures)} | {whole:.1f} | {memory_mb(workbench):.0f} |",
+                        f"| {poses} | {' | '.join(figures)} | {whole:.1f} | {resident_mb(workbench):.0f} |",
                         flush=True,
                     )
                 finally:

@@ -1,19 +1,12 @@
-"""Memory that the workbench's server holds over 500 actions: a table. test_memory.py holds it."""
+"""Memory that the workbench's server holds, now and over many actions."""
 
 from __future__ import annotations
 
-import argparse
-import sys
-import tempfile
 import time
 from pathlib import Path
 from typing import Any
 
-ROOT = Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(ROOT), str(Path(__file__).parent)]
-
-import armtrue_sim  # noqa: E402
-from opened import TWO_HIDDEN, Workbench  # noqa: E402
+from opened import Workbench
 
 POSES, ACTIONS, EVERY = 300, 500, 100
 _PATIENCE_S = 120.0
@@ -55,30 +48,3 @@ def _wait(workbench: Workbench, key: str) -> None:
     while not workbench.state()[key]:
         assert time.monotonic() < end, f"no {key} within {_PATIENCE_S} s"
         time.sleep(0.1)
-
-
-def main() -> None:
-    """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--poses", type=int, nargs="*", default=[POSES])
-    parser.add_argument("--actions", type=int, default=ACTIONS)
-    given = parser.parse_args()
-    every = given.actions // 5
-    heads = [str(count) for count in range(every, given.actions + 1, every)]
-    print(f"| memory [MB] after so many actions | {' | '.join(heads)} | models at the end |")
-    print(f"|---|{'---|' * len(heads)}---|")
-    for poses in given.poses:
-        with tempfile.TemporaryDirectory() as name:
-            folder = Path(name)
-            armtrue_sim.simulate({**TWO_HIDDEN, "poses": poses}).write(folder)
-            workbench = Workbench([folder / "data.csv"], folder / "state")
-            try:
-                held = held_over(workbench, given.actions, every)
-                models = len(workbench.state()["models"])
-            finally:
-                workbench.kill()
-        print(f"| {poses} poses | {' | '.join(f'{each:.0f}' for each in held)} | {models} |", flush=True)
-
-
-if __name__ == "__main__":
-    main()
