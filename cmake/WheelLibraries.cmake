@@ -39,7 +39,7 @@ execute_process(COMMAND ${Python_EXECUTABLE} -c "import scipy_openblas32 as b; p
 string(REPLACE " " "/" openblas "${openblas}")
 add_library(armtrue_openblas INTERFACE)
 target_link_libraries(armtrue_openblas INTERFACE ${openblas})
-foreach(name dgemm_ dgemv_ dsyrk_ dtrsm_ dpotrf_ dpotrs_ dpotri_ dsyevd_ dtpqrt_ dtpmqrt_
+foreach(name dgemm_ dgemv_ dsyrk_ dtrsm_ dpotrf_ dpotrs_ dpotri_ dsyevd_ dgelsy_ dtpqrt_ dtpmqrt_
         openblas_set_num_threads)
   target_compile_definitions(armtrue_openblas INTERFACE ${name}=scipy_${name})
 endforeach()

@@ -12,6 +12,9 @@ void dpotri_(const char* part, const int* size, double* matrix, const int* strid
 void dsyevd_(const char* vectors, const char* part, const int* size, double* matrix,
              const int* stride, double* values, double* work, const int* work_size,
              int* integer_work, const int* integer_work_size, int* info);
+void dgelsy_(const int* rows, const int* columns, const int* right_sides, double* a,
+             const int* stride_a, double* b, const int* stride_b, int* order,
+             const double* least_share, int* rank, double* work, const int* work_size, int* info);
 void dgemm_(const char* turn_a, const char* turn_b, const int* rows, const int* columns,
             const int* depth, const double* alpha, const double* a, const int* stride_a,
             const double* b, const int* stride_b, const double* beta, double* c,
@@ -78,6 +81,19 @@ void multiply(const char* turn_a, const char* turn_b, const double* a, Eigen::In
   const double one = 1.0, zero = 0.0;
   if (rows > 0 && columns > 0)
     dgemm_(turn_a, turn_b, &rows, &columns, &k, &one, a, &sa, b, &sb, &zero, c.data(), &sc);
+}
+
+// op(a) b, with `rows` rows.
+Eigen::MatrixXd product(const char* turn, const Eigen::Ref<const Eigen::MatrixXd>& a,
+                        const Eigen::Ref<const Eigen::MatrixXd>& b, Eigen::Index rows) {
+  Eigen::MatrixXd result = Eigen::MatrixXd::Zero(rows, b.cols());
+  if (result.size() == 0 || b.rows() == 0) return result;
+  const double work = static_cast<double>(result.size()) * static_cast<double>(b.rows());
+  in_panels(b.cols(), work, [&](Eigen::Index first, Eigen::Index count) {
+    multiply(turn, "N", a.data(), a.outerStride(), b.data() + first * b.outerStride(),
+             b.outerStride(), b.rows(), result.middleCols(first, count));
+  });
+  return result;
 }
 
 // aᵀa where `turn` is "T", aaᵀ where it is "N".
@@ -169,6 +185,19 @@ bool factorise_cholesky(Eigen::MatrixXd& lower) {
   return true;
 }
 
+Eigen::VectorXd Cholesky::solve(const Eigen::VectorXd& right) const { return solve_matrix(right); }
+
+Eigen::MatrixXd Cholesky::solve_matrix(Eigen::MatrixXd right) const {
+  solve_lower(factor_, right);
+  solve_lower_transposed(factor_, right);
+  return right;
+}
+
+Eigen::MatrixXd Cholesky::half_solve(Eigen::MatrixXd right) const {
+  solve_lower(factor_, right);
+  return right;
+}
+
 void invert_cholesky(Eigen::MatrixXd& lower) {
   be_single_threaded();
   const int size = static_cast<int>(lower.rows());
@@ -211,16 +240,37 @@ SymmetricEigen symmetric_eigen(Eigen::MatrixXd lower) {
   return result;
 }
 
+Eigen::MatrixXd least_squares(Eigen::MatrixXd columns, const Eigen::MatrixXd& values,
+                              double least_share) {
+  be_single_threaded();
+  const int rows = static_cast<int>(columns.rows()), size = static_cast<int>(columns.cols());
+  const int sides = static_cast<int>(values.cols()), stride = std::max(rows, size);
+  Eigen::MatrixXd x = Eigen::MatrixXd::Zero(stride, sides);
+  if (columns.size() == 0 || sides == 0) return x.topRows(size);
+  x.topRows(rows) = values;
+  std::vector<int> order(static_cast<std::size_t>(size), 0);
+  int rank = 0, info = 0, work_size = -1;
+  double wanted = 0.0;
+  std::vector<double> work;
+  const auto call = [&](double* space) {
+    dgelsy_(&rows, &size, &sides, columns.data(), &rows, x.data(), &stride, order.data(),
+            &least_share, &rank, space, &work_size, &info);
+  };
+  call(&wanted);
+  work_size = static_cast<int>(wanted);
+  work.resize(static_cast<std::size_t>(work_size));
+  call(work.data());
+  return x.topRows(size);
+}
+
+Eigen::MatrixXd times(const Eigen::Ref<const Eigen::MatrixXd>& a,
+                      const Eigen::Ref<const Eigen::MatrixXd>& b) {
+  return product("N", a, b, a.rows());
+}
+
 Eigen::MatrixXd transpose_times(const Eigen::Ref<const Eigen::MatrixXd>& a,
                                 const Eigen::Ref<const Eigen::MatrixXd>& b) {
-  Eigen::MatrixXd result = Eigen::MatrixXd::Zero(a.cols(), b.cols());
-  if (result.size() == 0 || a.rows() == 0) return result;
-  const double work = static_cast<double>(result.size()) * static_cast<double>(a.rows());
-  in_panels(b.cols(), work, [&](Eigen::Index first, Eigen::Index count) {
-    multiply("T", "N", a.data(), a.outerStride(), b.data() + first * b.outerStride(),
-             b.outerStride(), a.rows(), result.middleCols(first, count));
-  });
-  return result;
+  return product("T", a, b, a.cols());
 }
 
 GrownFactor::GrownFactor(const Eigen::Ref<const Eigen::MatrixXd>& root,

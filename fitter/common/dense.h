@@ -4,6 +4,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <utility>
 
 namespace armtrue {
 
@@ -15,6 +16,26 @@ bool factorise_cholesky(Eigen::MatrixXd& lower);
 /// From the factor to the inverse, lower triangle (LAPACK dpotri).
 void invert_cholesky(Eigen::MatrixXd& lower);
 
+/// The factor of a symmetric positive matrix, and what it solves.
+class Cholesky {
+ public:
+  /// Reads the lower triangle.
+  explicit Cholesky(Eigen::MatrixXd lower)
+      : factor_(std::move(lower)), ok_(factorise_cholesky(factor_)) {}
+  /// False where the matrix is not positive definite; nothing else has a meaning then.
+  bool ok() const { return ok_; }
+  /// L; what stands above its diagonal has no meaning.
+  const Eigen::MatrixXd& lower() const { return factor_; }
+  Eigen::VectorXd solve(const Eigen::VectorXd& right) const;
+  Eigen::MatrixXd solve_matrix(Eigen::MatrixXd right) const;
+  /// L⁻¹ right.
+  Eigen::MatrixXd half_solve(Eigen::MatrixXd right) const;
+
+ private:
+  Eigen::MatrixXd factor_;
+  bool ok_;
+};
+
 /// Eigenvalues of a symmetric matrix of which the lower triangle is read, rising (LAPACK dsyevd).
 Eigen::VectorXd symmetric_eigenvalues(Eigen::MatrixXd lower);
 
@@ -24,6 +45,11 @@ struct SymmetricEigen {
   Eigen::MatrixXd vectors;
 };
 SymmetricEigen symmetric_eigen(Eigen::MatrixXd lower);
+
+/// x of least Σ (columns · x − values)², of these the shortest; directions in which the columns
+/// move less than `least_share` of the most are left out (LAPACK dgelsy).
+Eigen::MatrixXd least_squares(Eigen::MatrixXd columns, const Eigen::MatrixXd& values,
+                              double least_share = 1e-14);
 
 /// aᵀ a, both triangles (BLAS dsyrk).
 Eigen::MatrixXd square(const Eigen::Ref<const Eigen::MatrixXd>& a);
@@ -35,7 +61,9 @@ Eigen::MatrixXd square_across(const Eigen::Ref<const Eigen::MatrixXd>& a);
 void solve_lower(const Eigen::MatrixXd& factor, Eigen::Ref<Eigen::MatrixXd> right);
 void solve_lower_transposed(const Eigen::MatrixXd& factor, Eigen::Ref<Eigen::MatrixXd> right);
 
-/// aᵀ b (BLAS dgemm).
+/// a b, and aᵀ b (BLAS dgemm).
+Eigen::MatrixXd times(const Eigen::Ref<const Eigen::MatrixXd>& a,
+                      const Eigen::Ref<const Eigen::MatrixXd>& b);
 Eigen::MatrixXd transpose_times(const Eigen::Ref<const Eigen::MatrixXd>& a,
                                 const Eigen::Ref<const Eigen::MatrixXd>& b);
 

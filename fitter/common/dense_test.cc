@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/LU>
+#include <random>
 
 #include "fitter/design/normal_equations.h"
 
@@ -16,6 +17,13 @@ Eigen::MatrixXd some_matrix(Eigen::Index rows, Eigen::Index columns) {
       m(r, c) = std::sin(1.0 + 7.0 * static_cast<double>(r) + 0.37 * static_cast<double>(c * c));
     }
   }
+  return m;
+}
+
+Eigen::MatrixXd random_matrix(Eigen::Index rows, Eigen::Index columns, unsigned seed) {
+  std::mt19937 generator(seed);
+  Eigen::MatrixXd m(rows, columns);
+  for (double& value : m.reshaped()) value = static_cast<double>(generator()) * 0x1.0p-32 - 0.5;
   return m;
 }
 
@@ -54,6 +62,43 @@ TEST_P(Size, ScaledCholeskySolvesInvertsAndMeasures) {
   const Eigen::MatrixXd even = half.transpose() * half + identity;
   expected += even.partialPivLu().matrixLU().diagonal().array().abs().log().sum();
   EXPECT_NEAR(factor.log_determinant(), expected, 1e-8 * std::max(1.0, std::abs(expected)));
+}
+
+TEST_P(Size, CholeskySolves) {
+  const Eigen::Index n = GetParam();
+  const Eigen::MatrixXd identity = Eigen::MatrixXd::Identity(n, n);
+  const Eigen::MatrixXd half = random_matrix(n + 3, n, 7);
+  Eigen::MatrixXd lower = half.transpose() * half + identity;
+  const Eigen::MatrixXd full = lower;
+  lower.triangularView<Eigen::StrictlyUpper>().setConstant(1e30);  // is not to be read
+  const Cholesky factor(lower);
+  ASSERT_TRUE(factor.ok());
+  const Eigen::VectorXd wanted = Eigen::VectorXd::LinSpaced(n, 1.0, 2.0);
+  EXPECT_TRUE((factor.solve(full * wanted) - wanted).isZero(1e-9));
+  EXPECT_TRUE((factor.solve_matrix(full) - identity).isZero(1e-9));
+  const Eigen::MatrixXd whitened = factor.half_solve(full);
+  EXPECT_TRUE((whitened.transpose() * whitened - full).isZero(1e-8 * (1.0 + full.norm())));
+  EXPECT_EQ(Cholesky(-full).ok(), n == 0);
+}
+
+TEST_P(Size, LeastSquaresIsTheShortestOfTheBest) {
+  const Eigen::Index n = GetParam();
+  const Eigen::MatrixXd columns = random_matrix(2 * n, n, 8);
+  Eigen::MatrixXd twice(2 * n, 2 * n);
+  twice << columns, columns;
+  const Eigen::MatrixXd values = random_matrix(2 * n, 2, 9);
+  const Eigen::MatrixXd x = least_squares(columns, values);
+  EXPECT_TRUE((columns.transpose() * (columns * x - values)).isZero(1e-8));
+  const Eigen::MatrixXd shared = least_squares(twice, values);
+  ASSERT_EQ(shared.rows(), 2 * n);
+  EXPECT_TRUE((shared.topRows(n) - 0.5 * x).isZero(1e-8 * (1.0 + x.norm())));
+  EXPECT_TRUE((shared.bottomRows(n) - 0.5 * x).isZero(1e-8 * (1.0 + x.norm())));
+}
+
+TEST(Dense, LeastSquaresLeavesOutWhatHardlyMoves) {
+  const Eigen::Matrix2d columns{{1.0, 0.0}, {0.0, 1e-6}};
+  EXPECT_EQ(least_squares(columns, Eigen::Vector2d(1.0, 1e-6), 1e-5),
+            Eigen::MatrixXd(Eigen::Vector2d(1.0, 0.0)));
 }
 
 TEST_P(Size, GrownFactorIsThatOfTheSum) {

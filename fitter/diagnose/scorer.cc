@@ -1,6 +1,5 @@
 #include "fitter/diagnose/scorer.h"
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -84,7 +83,7 @@ Linearised linearise(Fit& fit) {
 
 Eigen::MatrixXd information_of(const Linearised& l, const Fit& fit, const Design& design) {
   NormalEquations equations(l.jacobian.cols());
-  equations.information.selfadjointView<Eigen::Lower>().rankUpdate(l.jacobian.transpose());
+  equations.information = square(l.jacobian);
   std::vector<double> values(static_cast<std::size_t>(l.jacobian.cols()));
   const std::vector<double> all = design.unknown_values();
   for (std::size_t u = 0; u < all.size(); ++u) {
@@ -206,23 +205,22 @@ BlockScore Scorer::judge(const Block& block, const Eigen::MatrixXd& columns,
   for (Eigen::Index c = 0; c < width; ++c)
     scale[c] = norm[c] > kMovesNothing * norm.maxCoeff() ? 1.0 / norm[c] : 0.0;
   const Eigen::MatrixXd half = factor_.half_solve(cross) * scale.asDiagonal();
-  Eigen::MatrixXd information =
-      scale.asDiagonal() * (columns.transpose() * columns) * scale.asDiagonal();
-  information -= half.transpose() * half;
+  Eigen::MatrixXd information = scale.asDiagonal() * square(columns) * scale.asDiagonal();
+  information -= square(half);
   const Eigen::VectorXd gradient =
       scale.asDiagonal() * (columns.transpose() * white_ - cross.transpose() * correction_);
 
   const double n = static_cast<double>(white_.size());
   const double variance = white_.squaredNorm() / freedom_;
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(information);
+  const SymmetricEigen eigen = symmetric_eigen(information);
   Eigen::VectorXd solution = Eigen::VectorXd::Zero(width);
   Eigen::MatrixXd inverse = Eigen::MatrixXd::Zero(width, width);
   std::vector<Eigen::Index> used;
   double gain = 0.0;
   for (Eigen::Index k = 0; k < width; ++k) {
-    const double share = eigen.eigenvalues()[k];
+    const double share = eigen.values[k];
     if (share < kSmallestShare) continue;
-    const Eigen::VectorXd direction = eigen.eigenvectors().col(k);
+    const Eigen::VectorXd direction = eigen.vectors.col(k);
     // A direction whose coefficient the weak prior knows better than the data do is not the data's
     // to give.
     double prior = 0.0;
@@ -281,43 +279,40 @@ BlockScore Scorer::judge(const Block& block, const Eigen::MatrixXd& columns,
 }
 
 double Scorer::robust_log10_p(const Eigen::MatrixXd& columns, const Eigen::MatrixXd& cross,
-                              const Eigen::VectorXd& scale,
-                              const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>& eigen,
+                              const Eigen::VectorXd& scale, const SymmetricEigen& eigen,
                               const std::vector<Eigen::Index>& used,
                               const Eigen::VectorXd& solution, int degrees) const {
   const auto rank = static_cast<Eigen::Index>(used.size());
   Eigen::MatrixXd directions(columns.cols(), rank);
   for (Eigen::Index k = 0; k < rank; ++k)
-    directions.col(k) = eigen.eigenvectors().col(used[static_cast<std::size_t>(k)]);
+    directions.col(k) = eigen.vectors.col(used[static_cast<std::size_t>(k)]);
   const Eigen::MatrixXd turned = scale.asDiagonal() * directions;
-  const Eigen::MatrixXd along = columns * turned - jacobian_ * factor_.solve_matrix(cross * turned);
+  const Eigen::MatrixXd along =
+      times(columns, turned) - times(jacobian_, factor_.solve_matrix(times(cross, turned)));
   const Eigen::VectorXd coefficient = directions.transpose() * solution;
   const Eigen::VectorXd left = white_ + along * coefficient;
-  Eigen::MatrixXd scatter = Eigen::MatrixXd::Zero(rank, rank);
-  Eigen::VectorXd pose(rank);
-  double poses = 0.0;
-  std::map<int, Eigen::VectorXd> repeated;
+  Eigen::MatrixXd sums(rank, static_cast<Eigen::Index>(rows_.size()));  // a column a pose
+  Eigen::Index poses = 0;
+  std::map<int, Eigen::Index> place;
   for (std::size_t r = 0; r < rows_.size(); ++r) {
     const Eigen::Index at = static_cast<Eigen::Index>(r) * height_;
-    pose.noalias() = along.middleRows(at, height_).transpose() * left.segment(at, height_);
-    if (const int group = replicates_.group_of()[r]; group >= 0) {
-      const auto [sum, first] = repeated.try_emplace(group, pose);
-      if (!first) sum->second += pose;
+    const Eigen::VectorXd pose =
+        along.middleRows(at, height_).transpose() * left.segment(at, height_);
+    const int group = replicates_.group_of()[r];
+    if (const auto known = place.find(group); group >= 0 && known != place.end()) {
+      sums.col(known->second) += pose;
       continue;
     }
-    scatter.selfadjointView<Eigen::Lower>().rankUpdate(pose);
-    poses += 1.0;
+    if (group >= 0) place.emplace(group, poses);
+    sums.col(poses++) = pose;
   }
-  for (const auto& [group, sum] : repeated) {
-    scatter.selfadjointView<Eigen::Lower>().rankUpdate(sum);
-    poses += 1.0;
-  }
+  const auto count = static_cast<double>(poses);
   const double freedom =
-      std::max(1.0, poses - static_cast<double>(jacobian_.cols() + degrees) / height_);
-  scatter *= poses / freedom;
+      std::max(1.0, count - static_cast<double>(jacobian_.cols() + degrees) / height_);
+  const Eigen::MatrixXd scatter = count / freedom * square_across(sums.leftCols(poses));
   Eigen::VectorXd share(rank);
   for (Eigen::Index k = 0; k < rank; ++k)
-    share[k] = eigen.eigenvalues()[used[static_cast<std::size_t>(k)]];
+    share[k] = eigen.values[used[static_cast<std::size_t>(k)]];
   const Eigen::VectorXd gradient = share.cwiseProduct(coefficient);
   const double wald = gradient.dot(ScaledCholesky(scatter).solve(gradient));
   return log10_f_survival(wald / degrees, degrees, freedom);

@@ -2,12 +2,13 @@
 // parameter's column projected out.
 #pragma once
 
-#include <Eigen/Eigenvalues>
+#include <Eigen/Core>
 #include <map>
 #include <span>
 #include <string>
 #include <vector>
 
+#include "fitter/common/dense.h"
 #include "fitter/design/normal_equations.h"
 #include "fitter/evidence/block.h"
 #include "fitter/inference/replicates.h"
@@ -56,8 +57,7 @@ class Scorer {
   // repeats): what is left over after the block need not be white, and acts along few directions
   // when something else is missing too. `used`: the directions that the plain test used.
   double robust_log10_p(const Eigen::MatrixXd& columns, const Eigen::MatrixXd& cross,
-                        const Eigen::VectorXd& scale,
-                        const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>& eigen,
+                        const Eigen::VectorXd& scale, const SymmetricEigen& eigen,
                         const std::vector<Eigen::Index>& used, const Eigen::VectorXd& solution,
                         int degrees) const;
   BlockScore judge(const Block& block, const Eigen::MatrixXd& columns, const Eigen::MatrixXd& cross,

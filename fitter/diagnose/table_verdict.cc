@@ -1,12 +1,12 @@
 #include "fitter/diagnose/table_verdict.h"
 
-#include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <numbers>
 
+#include "fitter/common/dense.h"
 #include "fitter/evidence/words.h"
 
 namespace armtrue {
@@ -29,8 +29,7 @@ double left_by(const Eigen::VectorXd& at, const Eigen::VectorXd& values,
     columns.col(c) = (cycles[i] * at.array()).sin();
     columns.col(c + 1) = (cycles[i] * at.array()).cos();
   }
-  const Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr(columns);
-  return (values - columns * qr.solve(values)).squaredNorm();
+  return (values - columns * least_squares(columns, values)).squaredNorm();
 }
 
 void find_waves(const std::map<double, double>& nodes, TableVerdict& verdict) {

@@ -1,6 +1,5 @@
 #include "fitter/evidence/contrasts.h"
 
-#include <Eigen/QR>
 #include <map>
 #include <utility>
 #include <vector>
@@ -39,9 +38,8 @@ std::vector<Shared> repeated_poses(const Linearization& l, const std::vector<int
       shared(i, place.at(target[static_cast<std::size_t>(row)]) * l.height + e % l.height) = weight;
     }
     shared = block.inverse_root.triangularView<Eigen::Lower>() * shared;
-    const Eigen::HouseholderQR<Eigen::MatrixXd> qr(shared);
-    result.push_back(
-        {block.equations, qr.householderQ() * Eigen::MatrixXd::Identity(size, common)});
+    const Cholesky root(square(shared));
+    result.push_back({block.equations, root.half_solve(shared.transpose()).transpose()});
   }
   return result;
 }

@@ -1,6 +1,5 @@
 #include "fitter/evidence/noise.h"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -74,8 +73,8 @@ Eigen::MatrixXd covariance_of(const PoseParts& pose, const NoiseParts& parts) {
 
 // L⁻¹ of the covariance LLᵀ.
 Eigen::MatrixXd inverse_root_of(const PoseParts& pose, const NoiseParts& parts) {
-  const Eigen::LLT<Eigen::MatrixXd> root(covariance_of(pose, parts));
-  return root.matrixL().solve(Eigen::MatrixXd::Identity(pose.shared.rows(), pose.shared.rows()));
+  const Eigen::Index size = pose.shared.rows();
+  return Cholesky(covariance_of(pose, parts)).half_solve(Eigen::MatrixXd::Identity(size, size));
 }
 
 }  // namespace
@@ -167,7 +166,7 @@ Eigen::VectorXd next_variances(const Eigen::VectorXd& variance, const Score& sco
         unit.asDiagonal() * score.information(free, free) * unit.asDiagonal();
     const Eigen::VectorXd slope =
         unit.cwiseProduct((score.slope - score.information * change)(free));
-    const Eigen::VectorXd share = information.ldlt().solve(slope);
+    const Eigen::VectorXd share = least_squares(information, slope);
     std::vector<Eigen::Index> kept;
     for (std::size_t i = 0; i < free.size(); ++i) {
       const double own = share[static_cast<Eigen::Index>(i)];
@@ -308,7 +307,7 @@ Eigen::Index unsure_part(const Eigen::VectorXd& variance, const Score& score, do
   const Eigen::MatrixXd information =
       unit.asDiagonal() * score.information(there, there) * unit.asDiagonal();
   const Eigen::MatrixXd covariance =
-      information.ldlt().solve(Eigen::MatrixXd::Identity(unit.size(), unit.size()));
+      least_squares(information, Eigen::MatrixXd::Identity(unit.size(), unit.size()));
   double least = std::log(poses);
   Eigen::Index unsure = 0;
   for (std::size_t i = 1; i < there.size(); ++i) {

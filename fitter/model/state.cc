@@ -6,6 +6,8 @@
 #include <optional>
 #include <utility>
 
+#include "fitter/common/dense.h"
+
 namespace armtrue {
 namespace {
 
@@ -359,10 +361,7 @@ std::vector<double> State::smooth_torque(int joint, const std::vector<double>& m
     a.col(c) /= a.col(c).cwiseAbs().maxCoeff();
   }
   const Eigen::Map<const Eigen::VectorXd> b(measured.data(), rows);
-  Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr;
-  qr.setThreshold(1e-8);
-  qr.compute(a);
-  const Eigen::VectorXd smooth = a * qr.solve(b);
+  const Eigen::VectorXd smooth = a * least_squares(a, b, 1e-8);
   const double spread = (b.array() - b.mean()).square().sum();
   if ((b - smooth).squaredNorm() > kLargestUnexplainedTorque * spread) return measured;
   return {smooth.data(), smooth.data() + rows};

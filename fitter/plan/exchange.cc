@@ -1,13 +1,11 @@
 #include "fitter/plan/exchange.h"
 
-#include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
-#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <numeric>
 
+#include "fitter/common/dense.h"
 #include "fitter/common/observer.h"
 #include "fitter/design/normal_equations.h"
 
@@ -80,10 +78,10 @@ void MeasurementChoice::solve_anew() {
   const ScaledCholesky factor(information_);
   covariance_ = factor.inverse();
   log_determinant_ = factor.log_determinant() - start_log_determinant_;
-  const Eigen::MatrixXd spread = *jacobian_ * covariance_;
+  const Eigen::MatrixXd spread = times(*jacobian_, covariance_);
   for (std::size_t i = 0; i < leverage_.size(); ++i) {
     const Eigen::Index at = static_cast<Eigen::Index>(i) * height_;
-    leverage_[i] = spread.middleRows(at, height_) * rows_of(i).transpose();
+    leverage_[i].noalias() = spread.middleRows(at, height_).lazyProduct(rows_of(i).transpose());
   }
   if (error_.empty()) return;
   const Eigen::VectorXd step = factor.solve(gradient_);
@@ -94,48 +92,53 @@ void MeasurementChoice::solve_anew() {
   }
 }
 
+Eigen::LLT<MeasurementChoice::Block> MeasurementChoice::grown(std::size_t i) const {
+  return Eigen::LLT<Block>(Block::Identity(height_, height_) + leverage_[i]);
+}
+
 double MeasurementChoice::log_determinant_gain(std::size_t i) const {
-  const Block inner = Block::Identity(height_, height_) + leverage_[i];
-  return std::log(inner.determinant());
+  return 2.0 * grown(i).matrixLLT().diagonal().array().log().sum();
 }
 
 double MeasurementChoice::left_gain(std::size_t i) const {
-  const Block inner = Block::Identity(height_, height_) + leverage_[i];
-  return error_[i].dot(inner.llt().solve(error_[i]));
+  Part half = error_[i];
+  grown(i).matrixL().solveInPlace(half);
+  return half.squaredNorm();
 }
 
 void MeasurementChoice::change(std::size_t i, double sign) {
   throw_if_cancelled();
   const auto rows = rows_of(i);
-  information_ += sign * (rows.transpose() * rows);
+  information_ += sign * square(rows);
   if (!error_.empty()) {
     const auto d = difference_.segment(static_cast<Eigen::Index>(i) * height_, height_);
     gradient_ += sign * (rows.transpose() * d);
     squares_ += sign * d.squaredNorm();
   }
-  const Block inner = Block::Identity(height_, height_) + sign * leverage_[i];
-  const Eigen::SelfAdjointEigenSolver<Block> eigen(inner);
+  const SymmetricEigen eigen = symmetric_eigen(Eigen::MatrixXd::Identity(height_, height_) +
+                                               sign * Eigen::MatrixXd(leverage_[i]));
   // Taking out what alone tells something divides by nearly nothing, and rounding adds up in the
   // long run.
-  if (eigen.eigenvalues()[0] < kWellKnown || ++changes_ % kRefresh == 0) {
+  if (eigen.values[0] < kWellKnown || ++changes_ % kRefresh == 0) {
     solve_anew();
     return;
   }
-  const Eigen::MatrixXd response = covariance_ * rows.transpose();
-  const Block inverse = inner.inverse();
-  log_determinant_ += eigen.eigenvalues().array().log().sum();
-  const Eigen::MatrixXd cross = *jacobian_ * response;
+  log_determinant_ += eigen.values.array().log().sum();
+  // Columns whose square is what the inverse loses.
+  const Eigen::MatrixXd root = eigen.vectors * eigen.values.cwiseSqrt().cwiseInverse().asDiagonal();
+  const Eigen::MatrixXd response = times(covariance_, rows.transpose() * root);
+  const Eigen::MatrixXd cross = times(*jacobian_, response);
   Part step;
   if (!error_.empty()) {
-    step = inverse * error_[i];
-    left_ += sign * error_[i].dot(step);
+    step = root.transpose() * error_[i];
+    left_ += sign * step.squaredNorm();
   }
   for (std::size_t k = 0; k < leverage_.size(); ++k) {
     const Block part = cross.middleRows(static_cast<Eigen::Index>(k) * height_, height_);
-    leverage_[k].noalias() -= sign * (part * inverse * part.transpose());
-    if (!error_.empty()) error_[k].noalias() -= sign * (part * step);
+    leverage_[k].noalias() -= sign * part.lazyProduct(part.transpose());
+    if (!error_.empty()) error_[k].noalias() -= sign * part.lazyProduct(step);
   }
-  covariance_.noalias() -= sign * (response * inverse * response.transpose());
+  covariance_ -= sign * square_across(response);
 }
 
 double TOptimality::value() const {

@@ -2,6 +2,7 @@
 // and the exchange algorithm that makes one as large as it gets.
 #pragma once
 
+#include <Eigen/Cholesky>
 #include <Eigen/Core>
 #include <cstdint>
 #include <functional>
@@ -47,6 +48,8 @@ class MeasurementChoice {
   using Block = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kHeight, kHeight>;
   using Part = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kHeight, 1>;
   void change(std::size_t i, double sign);
+  // The factor of I + Jᵢ M⁻¹ Jᵢᵀ.
+  Eigen::LLT<Block> grown(std::size_t i) const;
   void solve_anew();
   auto rows_of(std::size_t i) const {
     return jacobian_->middleRows(static_cast<Eigen::Index>(i) * height_, height_);

@@ -1,10 +1,10 @@
 #include "fitter/plan/fisher.h"
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "fitter/common/dense.h"
 #include "fitter/design/normal_equations.h"
 #include "fitter/inference/identifiability.h"
 
@@ -97,38 +97,40 @@ Eigen::MatrixXd Linearised::jacobian_of(Design& taken) const {
 }
 
 Eigen::MatrixXd Linearised::information_of(const std::vector<std::size_t>& chosen) const {
-  Eigen::MatrixXd information = Eigen::MatrixXd::Zero(unknowns(), unknowns());
+  Eigen::MatrixXd rows(static_cast<Eigen::Index>(chosen.size()) * height_, unknowns());
+  Eigen::Index at = 0;
   for (const std::size_t i : chosen) {
-    information.selfadjointView<Eigen::Lower>().rankUpdate(
-        jacobian_.middleRows(static_cast<Eigen::Index>(i) * height_, height_).transpose());
+    rows.middleRows(at, height_) =
+        jacobian_.middleRows(static_cast<Eigen::Index>(i) * height_, height_);
+    at += height_;
   }
-  return information.selfadjointView<Eigen::Lower>();
+  return square(rows);
 }
 
 FisherSpectrum fisher_spectrum(const Linearised& linearised, const Eigen::MatrixXd& information,
                                double sigma, std::size_t reachable) {
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(information);
+  const SymmetricEigen eigen = symmetric_eigen(information);
   FisherSpectrum spectrum;
   const double unit = 1.0 / (sigma * sigma);
-  for (const double value : eigen.eigenvalues()) {
+  for (const double value : eigen.values) {
     spectrum.eigenvalues.push_back(value * unit);
     spectrum.log_determinant += std::log(std::max(value, 1e-300));
   }
   const std::size_t weakest = std::min(kWeakest, spectrum.eigenvalues.size());
   for (std::size_t k = 0; k < weakest; ++k) {
     spectrum.weakest.push_back(
-        weakness_of(linearised, eigen.eigenvectors().col(static_cast<Eigen::Index>(k)),
+        weakness_of(linearised, eigen.vectors.col(static_cast<Eigen::Index>(k)),
                     1.0 / std::sqrt(std::max(spectrum.eigenvalues[k], 1e-300))));
   }
   // Positions alone: where orientations are measured too, their rows are in units of their own
   // sigma.
   const Eigen::MatrixXd covariance = ScaledCholesky(information).inverse();
+  const Eigen::MatrixXd& jacobian = linearised.jacobian();
+  const Eigen::VectorXd variance =
+      times(jacobian, covariance).cwiseProduct(jacobian).rowwise().sum();
   double sum = 0.0;
-  for (std::size_t i = 0; i < reachable; ++i) {
-    const auto rows =
-        linearised.jacobian().middleRows(static_cast<Eigen::Index>(i) * linearised.height(), 3);
-    sum += (rows * covariance).cwiseProduct(rows).sum();
-  }
+  for (std::size_t i = 0; i < reachable; ++i)
+    sum += variance.segment(static_cast<Eigen::Index>(i) * linearised.height(), 3).sum();
   spectrum.prediction_rms =
       sigma * std::sqrt(sum / static_cast<double>(std::max<std::size_t>(reachable, 1)));
   return spectrum;

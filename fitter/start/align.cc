@@ -1,10 +1,12 @@
 #include "fitter/start/align.h"
 
-#include <Eigen/Dense>
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
+#include "fitter/common/dense.h"
 #include "fitter/common/statistics.h"
 #include "fitter/model/kinematics.h"
 
@@ -50,10 +52,16 @@ Eigen::VectorXd robust_weights(const Eigen::VectorXd& distance) {
   return (1.0 + (distance.array() / scale).square()).inverse();
 }
 
+// The rotation R of largest trace RᵀM: its quaternion is the eigenvector of a symmetric matrix
+// (Horn 1987, J. Opt. Soc. Am. A 4, 629).
 Eigen::Matrix3d nearest_rotation(const Eigen::Matrix3d& m) {
-  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(m, Eigen::ComputeFullU | Eigen::ComputeFullV);
-  Eigen::Vector3d signs(1.0, 1.0, (svd.matrixU() * svd.matrixV().transpose()).determinant());
-  return svd.matrixU() * signs.asDiagonal() * svd.matrixV().transpose();
+  const Eigen::Vector3d turn(m(2, 1) - m(1, 2), m(0, 2) - m(2, 0), m(1, 0) - m(0, 1));
+  Eigen::MatrixXd known(4, 4);
+  known(0, 0) = m.trace();
+  known.block<3, 1>(1, 0) = turn;
+  known.block<3, 3>(1, 1) = m + m.transpose() - m.trace() * Eigen::Matrix3d::Identity();
+  const Eigen::VectorXd q = symmetric_eigen(std::move(known)).vectors.col(3);
+  return Eigen::Quaterniond(q[0], q[1], q[2], q[3]).normalized().toRotationMatrix();
 }
 
 // The relaxation: rows [x ⊗ I, −R_i, −I] · [vec(A); t; b'] = p_i, with A standing for Rᵀ / scale.
@@ -79,9 +87,9 @@ Eigen::Matrix3d relaxed_inverse_rotation(const Pairs& pairs) {
     for (Eigen::Index i = 0; i < pairs.size(); ++i)
       expanded.segment<3>(3 * i).setConstant(std::sqrt(weight[i]));
     const Eigen::MatrixXd weighted = expanded.asDiagonal() * rows;
-    const Eigen::MatrixXd normal = weighted.transpose() * weighted;
+    const Eigen::MatrixXd normal = square(weighted);
     const Eigen::VectorXd gradient = weighted.transpose() * expanded.cwiseProduct(right);
-    solution = normal.completeOrthogonalDecomposition().solve(gradient);
+    solution = least_squares(normal, gradient);
     const Eigen::VectorXd left_over = right - rows * solution;
     Eigen::VectorXd distance(pairs.size());
     for (Eigen::Index i = 0; i < pairs.size(); ++i)
@@ -105,10 +113,10 @@ void solve_translation_and_tools(const Pairs& pairs, const Eigen::VectorXd& weig
         guess.rotation * pairs.base_from_flange[k].linear();
     const Eigen::Vector3d y =
         pairs.point.col(i) - guess.rotation * pairs.base_from_flange[k].translation();
-    normal.noalias() += weight[i] * row.transpose() * row;
+    normal += weight[i] * square(row);
     right.noalias() += weight[i] * row.transpose() * y;
   }
-  const Eigen::VectorXd solution = normal.completeOrthogonalDecomposition().solve(right);
+  const Eigen::VectorXd solution = least_squares(normal, right);
   guess.translation = solution.head<3>();
   guess.tool = Eigen::Map<const Eigen::Matrix3Xd>(solution.data() + 3, 3, pairs.targets);
 }
@@ -133,10 +141,10 @@ double refine(const Pairs& pairs, int iterations, Guess& guess) {
       row.middleCols<3>(6 + 3 * pairs.target[k]) =
           guess.rotation * pairs.base_from_flange[k].linear();
       const Eigen::Vector3d left_over = pairs.point.col(i) - turned - guess.translation;
-      normal.noalias() += weight[i] * row.transpose() * row;
+      normal += weight[i] * square(row);
       right.noalias() += weight[i] * row.transpose() * left_over;
     }
-    const Eigen::VectorXd step = normal.completeOrthogonalDecomposition().solve(right);
+    const Eigen::VectorXd step = least_squares(normal, right);
     const double turn = step.segment<3>(3).norm();
     guess.rotation =
         rotation_exp(step.segment<3>(3) * std::min(1.0, 0.5 / std::max(turn, 1e-300))) *

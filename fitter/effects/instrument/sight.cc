@@ -1,6 +1,8 @@
 #include "fitter/effects/instrument/sight.h"
 
-#include <Eigen/QR>
+#include <utility>
+
+#include "fitter/common/dense.h"
 
 namespace armtrue {
 namespace {
@@ -38,7 +40,7 @@ std::array<std::string, 3> without_rigid_motion(const EffectContext& context,
   rigid.col(4).segment(2 * rows, rows) = -x;
   rigid.col(5).segment(0, rows) = -y;
   rigid.col(5).segment(rows, rows) = x;
-  const Eigen::VectorXd motion = rigid.completeOrthogonalDecomposition().solve(-moved);
+  const Eigen::VectorXd motion = least_squares(std::move(rigid), -moved);
   const std::array<std::string, 3> point{s.x, s.y, s.z};
   std::array<std::string, 3> result;
   for (std::size_t a = 0; a < 3; ++a) {

@@ -2,6 +2,7 @@
 #include <utility>
 #include <vector>
 
+#include "fitter/common/dense.h"
 #include "fitter/effects/effect.h"
 #include "fitter/effects/loads/gravity_regressors.h"
 
@@ -92,12 +93,17 @@ class BendingCompliance final : public Effect {
     return context.robot().joints[static_cast<std::size_t>(k)].fixed.translation();
   }
 
+  static Eigen::MatrixXd drives_from_joints(const EffectContext& context) {
+    const Eigen::MatrixXd of_joints = context.robot().coupling.transpose();
+    return least_squares(of_joints, Eigen::MatrixXd::Identity(of_joints.rows(), of_joints.rows()));
+  }
+
   // Moment of gravity at joint k in link k's axes. About the joint's own axis, drives see it
   // through what couples them: tau = couplingᵀ · moment.
   static Moment moment_at(const EffectContext& context, int k) {
     const std::string joint = std::to_string(k);
     Moment m{Sum{{1.0, "gmx" + joint}}, Sum{{1.0, "gmy" + joint}}, Sum{}};
-    const Eigen::MatrixXd of_drives = context.robot().coupling.transpose().inverse();
+    const Eigen::MatrixXd of_drives = drives_from_joints(context);
     for (int j = 0; j < context.joint_count(); ++j) {
       const double share = of_drives(k - 1, j);
       if (std::abs(share) > 1e-9) m[2].emplace_back(share, "tau" + std::to_string(j + 1));
@@ -134,7 +140,7 @@ class BendingCompliance final : public Effect {
                                  const Eigen::Vector3d& centre) {
     const double mass = context.robot().links[static_cast<std::size_t>(k - 1)].mass;
     const std::string joint = std::to_string(k);
-    const Eigen::MatrixXd of_drives = context.robot().coupling.transpose().inverse();
+    const Eigen::MatrixXd of_drives = drives_from_joints(context);
     Moment m;
     for (int i = 0; i < 3; ++i) {
       const std::string by = "_" + joint + "_" + "xyz"[i];

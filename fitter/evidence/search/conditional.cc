@@ -1,6 +1,5 @@
 #include "fitter/evidence/search/conditional.h"
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -83,10 +82,10 @@ void weigh_shape(const SearchProblem& problem, const SearchBlock& own,
     weigh_scales(problem, own, local, index, inner, result);
     return;
   }
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(inner);
-  const Eigen::VectorXd value = eigen.eigenvalues().cwiseMax(0.0);
+  const SymmetricEigen eigen = symmetric_eigen(inner);
+  const Eigen::VectorXd value = eigen.values.cwiseMax(0.0);
   const Eigen::VectorXd along =
-      eigen.eigenvectors().transpose() * (shape.spread.transpose() * local.gradient);
+      eigen.vectors.transpose() * (shape.spread.transpose() * local.gradient);
   for (std::size_t s = 0; s < shape.scale.size(); ++s) {
     const double square = shape.scale[s] * shape.scale[s];
     const Eigen::VectorXd shrunk = (1.0 + square * value.array()).matrix();
@@ -95,14 +94,12 @@ void weigh_shape(const SearchProblem& problem, const SearchBlock& own,
     double weight = own.log_odds + shape.log_prior[s] - 0.5 * shrunk.array().log().sum() +
                     fit_term(problem, left);
     if (!shape.carries.empty()) {
-      const Eigen::VectorXd mean =
-          shape.units * (eigen.eigenvectors() * variance.cwiseProduct(along));
+      const Eigen::VectorXd mean = shape.units * (eigen.vectors * variance.cwiseProduct(along));
       weight += kCarrySeldom + carrying_term(shape.carries.front(), mean);
     }
     if (!shape.signs.empty()) {
       const double noise = std::max(left, 1e-9) / std::max(1.0, problem.freedom);
-      weight +=
-          sign_term(shape, eigen.eigenvectors(), variance.cwiseProduct(along), variance, noise);
+      weight += sign_term(shape, eigen.vectors, variance.cwiseProduct(along), variance, noise);
     }
     result.choices.push_back({index, static_cast<int>(s)});
     result.log_weight.push_back(weight);

@@ -1,7 +1,7 @@
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 
+#include "fitter/common/dense.h"
 #include "fitter/evidence/search/sampler.h"
 
 namespace armtrue {
@@ -29,7 +29,7 @@ void Sampler::describe_alone(SearchResult& result) const {
     const Eigen::MatrixXd inner =
         Eigen::MatrixXd::Identity(w.cols(), w.cols()) + w.transpose() * local.gram * w;
     const Eigen::VectorXd along = w.transpose() * local.gradient;
-    result.alone_gain.push_back(along.dot(inner.llt().solve(along)));
+    result.alone_gain.push_back(along.dot(Cholesky(inner).solve(along)));
     alone.push_back(w);
     double least = 1.0;
     const double nothing =
@@ -53,15 +53,15 @@ Eigen::MatrixXd Sampler::beyond_each_other(const std::vector<Eigen::MatrixXd>& a
     const SearchBlock& first = block(a);
     const Elimination::Local left = without(a);
     const Eigen::MatrixXd own = alone[a].transpose() * left.gram * alone[a];
-    const Eigen::LLT<Eigen::MatrixXd> root(Eigen::MatrixXd::Identity(own.rows(), own.cols()) + own);
-    const Eigen::VectorXd along_own = root.matrixL().solve(alone[a].transpose() * left.gradient);
+    const Cholesky root(Eigen::MatrixXd::Identity(own.rows(), own.cols()) + own);
+    const Eigen::VectorXd along_own = root.half_solve(alone[a].transpose() * left.gradient);
     for (std::size_t b = 0; b < alone.size(); ++b) {
       if (a == b || state_[b].is_present() || result.alone_log_bayes[b] <= 0.0 ||
           result.alone_gain[b] < kComparable * result.alone_gain[a])
         continue;
       const SearchBlock& other = block(b);
       const Elimination::Local right = without(b);
-      const Eigen::MatrixXd cross = root.matrixL().solve(
+      const Eigen::MatrixXd cross = root.half_solve(
           alone[a].transpose() *
           eliminated_.across(first.first, first.width, other.first, other.width) * alone[b]);
       Eigen::MatrixXd inner = alone[b].transpose() * right.gram * alone[b];
@@ -70,7 +70,7 @@ Eigen::MatrixXd Sampler::beyond_each_other(const std::vector<Eigen::MatrixXd>& a
       const Eigen::VectorXd along =
           alone[b].transpose() * right.gradient - cross.transpose() * along_own;
       beyond(static_cast<Eigen::Index>(a), static_cast<Eigen::Index>(b)) =
-          along.dot(inner.llt().solve(along)) / result.alone_gain[b];
+          along.dot(Cholesky(inner).solve(along)) / result.alone_gain[b];
     }
   }
   return beyond;
@@ -103,8 +103,8 @@ void Sampler::describe(SearchResult& result) {
     }
     const Elimination::Local local = without(b);
     const Eigen::MatrixXd w = factor(b, use);
-    const Eigen::LLT<Eigen::MatrixXd> inner(Eigen::MatrixXd::Identity(w.cols(), w.cols()) +
-                                            w.transpose() * local.gram * w);
+    const Cholesky inner(Eigen::MatrixXd::Identity(w.cols(), w.cols()) +
+                         w.transpose() * local.gram * w);
     const Eigen::VectorXd along = w.transpose() * local.gradient;
     const Eigen::VectorXd mean = inner.solve(along);
     result.gain[b] = along.dot(mean);
@@ -112,7 +112,7 @@ void Sampler::describe(SearchResult& result) {
     const Eigen::MatrixXd units = shape.scale[static_cast<std::size_t>(use.scale)] * shape.units;
     result.shape[b] = use.shape;
     result.coefficient[b] = units * mean;
-    const Eigen::MatrixXd spread = inner.matrixL().solve(units.transpose());
+    const Eigen::MatrixXd spread = inner.half_solve(units.transpose());
     result.sigma[b] = (noise * spread.colwise().squaredNorm()).cwiseSqrt().transpose();
   }
 }

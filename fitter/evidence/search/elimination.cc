@@ -1,6 +1,5 @@
 #include "fitter/evidence/search/elimination.h"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <limits>
 
@@ -115,16 +114,15 @@ Elimination::Local Elimination::without(std::size_t key) const {
   const Member& member = *find(key);
   Local local = beside(member.column, member.factor.rows());
   const Eigen::MatrixXd columns = local.gram * member.factor;
-  const Eigen::LLT<Eigen::MatrixXd> kernel(Eigen::MatrixXd::Identity(member.size, member.size) -
-                                           member.factor.transpose() * columns);
-  if (kernel.info() != Eigen::Success ||
-      kernel.matrixLLT().diagonal().cwiseAbs2().minCoeff() < kLeastPivot)
+  const Cholesky kernel(Eigen::MatrixXd::Identity(member.size, member.size) -
+                        member.factor.transpose() * columns);
+  if (!kernel.ok() || kernel.lower().diagonal().cwiseAbs2().minCoeff() < kLeastPivot)
     return without_exactly(member);
   const Eigen::VectorXd along = member.factor.transpose() * local.gradient;
   const Eigen::VectorXd back = kernel.solve(along);
   local.squares += along.dot(back);
   local.gradient += columns * back;
-  local.gram += columns * kernel.solve(columns.transpose());
+  local.gram += columns * kernel.solve_matrix(columns.transpose());
   return local;
 }
 
