@@ -1,4 +1,4 @@
-"""Everything that a report shows, gathered once: the page and the figures for notebooks draw the same."""
+"""Everything that a report shows, gathered once: the page, the workbench and notebooks draw the same."""
 
 from __future__ import annotations
 
