@@ -218,4 +218,4 @@ def test_the_example_notebook_runs_and_every_result_has_a_form_of_its_own(
     assert "held-out poses" in repr(first)
     assert "µm" in repr(first)
     assert error_um < 0.5 * first.document["error"]["held_out"]["mean_um"]
-    assert len(picture.axes) == 1
+    assert "How the error fell" in picture._repr_html_()

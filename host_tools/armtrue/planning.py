@@ -82,7 +82,15 @@ class Plan:
         for entries in pairs.values():
             worst = max(float(entry["delta_bic_expected"]) for entry in entries)
             random = max(float(entry["delta_bic_expected_random"]) for entry in entries)
-            settles = "decide" if worst <= -SETTLED else "help to decide"
+            known = min(entries, key=lambda entry: float(entry["delta_bic_now"]))
+            if known["delta_bic_now"] <= -SETTLED < worst:
+                sentences.append(
+                    f"The measurements decide already between {known['truth']} and {known['rival']}: "
+                    f"{known['truth']} has a probability of {_percent(known['delta_bic_now'])}, which these "
+                    f"{self.count} poses would hardly change."
+                )
+                continue
+            settles = "decide" if worst <= -SETTLED else "help to decide" if worst < 0.0 else "do not decide"
             sentences.append(
                 f"These {self.count} poses {settles} between {entries[0]['truth']} and {entries[0]['rival']}: "
                 f"whichever is the cause is expected to reach a probability of {_percent(worst)}, with as many random "

@@ -109,6 +109,23 @@ def test_words_in_charts_are_large_enough_to_read(browser, page, size):
     assert min(heights) >= 12.0
 
 
+@pytest.mark.parametrize(
+    ("size", "media"), [(LAPTOP, ""), (PHONE, ""), (A4, "print")], ids=["laptop", "phone", "paper"]
+)
+def test_ticks_of_charts_keep_clear_of_the_axis_names(browser, page, size, media):
+    browser.open(page, size, media=media)
+    struck = browser.run("""
+        const charts = [...document.querySelectorAll('.panel:has(.axis-name)')];
+        return charts.filter((chart) => chart.checkVisibility()).flatMap((chart) => {
+            const name = [...chart.querySelectorAll('.axis-name')].at(-1).getBoundingClientRect();
+            return [...chart.querySelectorAll('.ticks')].filter((tick) => {
+                const words = tick.getBoundingClientRect();
+                return words.left < name.right && words.top < name.bottom && words.bottom > name.top;
+            }).map((tick) => `${chart.ariaLabel}: ${tick.textContent}`);
+        })""")
+    assert struck == []
+
+
 @pytest.mark.parametrize("size", [LAPTOP, PHONE], ids=["laptop", "phone"])
 def test_words_of_charts_end_within_them(browser, page, size):
     browser.open(page, size)
@@ -396,6 +413,17 @@ def test_tables_end_within_their_column_on_paper(browser, page):
             .filter((t) => t.getBoundingClientRect().width > t.parentElement.getBoundingClientRect().width + 1)
             .map((t) => t.caption.textContent)""")
     assert wide == []
+
+
+def test_no_figure_or_card_of_an_effect_breaks_across_sheets(browser, page):
+    browser.open(page, A4, media="print")
+    broken = browser.run(
+        "return [...document.querySelectorAll('figure')].filter((figure) => figure.checkVisibility())"
+        ".filter((f) => getComputedStyle(f).breakInside !== 'avoid' || f.offsetHeight > arguments[0])"
+        ".map((figure) => figure.textContent.slice(0, 60))",
+        A4[1],
+    )
+    assert broken == []
 
 
 def test_paper_is_white_even_at_night_and_shows_three_views(browser, page):

@@ -17,7 +17,6 @@ sys.path[:0] = [str(ROOT), str(Path(__file__).parent)]
 
 import armtrue_sim  # noqa: E402
 from bench_page import Page  # noqa: E402
-from memory import resident_mb  # noqa: E402
 from opened import TWO_HIDDEN, Workbench  # noqa: E402
 
 from tests.report.browser import Browser  # noqa: E402
@@ -80,9 +79,9 @@ def main() -> None:
     given = parser.parse_args()
     print(
         "| poses | Add, first figures: median [s] | worst [s] | of all measurements: median [s] | worst [s] "
-        "| Undo: median [s] | worst [s] | with its diagnosis [s] | server's memory [MB] |"
+        "| Undo: median [s] | worst [s] | with its diagnosis [s] |"
     )
-    print("|---|---|---|---|---|---|---|---|---|")
+    print("|---|---|---|---|---|---|---|---|")
     browser = Browser(this_machine=True)
     try:
         for poses in given.poses:
@@ -95,10 +94,7 @@ def main() -> None:
                     timed = measured(page, given.actions)
                     whole = diagnosed_s(page, workbench)
                     figures = [f"{statistics.median(s):.2f} | {max(s):.2f}" for s in timed]
-                    print(
-                        f"| {poses} | {' | '.join(figures)} | {whole:.1f} | {resident_mb(workbench):.0f} |",
-                        flush=True,
-                    )
+                    print(f"| {poses} | {' | '.join(figures)} | {whole:.1f} |", flush=True)
                 finally:
                     workbench.kill()
     finally:

@@ -1,15 +1,22 @@
-"""Memory that the workbench's server holds, now and over many actions."""
+"""Memory that the workbench's server holds, now and over many actions.
+
+As a program it prints a table for docs/results.md (an hour); `./dev bench workbench` runs it.
+"""
 
 from __future__ import annotations
 
+import argparse
+import tempfile
 import time
 from pathlib import Path
 from typing import Any
 
-from opened import Workbench
+import armtrue_sim
+from armtrue.workbench.showing.names import model_entry
+from opened import TWO_HIDDEN, Workbench
 
 POSES, ACTIONS, EVERY = 300, 500, 100
-_PATIENCE_S = 120.0
+_PATIENCE_S = 600.0
 _CANDIDATES = 8
 
 
@@ -19,16 +26,22 @@ def resident_mb(workbench: Workbench) -> float:
     return next(int(line.split()[1]) / 1024.0 for line in lines if line.startswith("VmRSS"))
 
 
-def held_over(workbench: Workbench, actions: int, every: int) -> list[float]:
-    """Memory [MB] after each `every` of so many actions: Add, Undo, Redo and Remove in turn, each waited for."""
+def held_over(workbench: Workbench, actions: int, every: int, diagnosed_every: int = 4) -> list[float]:
+    """Memory [MB] after each `every` of so many actions: Add, Undo, Redo and Remove in turn, each waited for.
+
+    `diagnosed_every`: after so many actions a diagnosis is waited for; the next action stops the others.
+    """
+    _wait(workbench, "candidates")
+    entries = [model_entry(candidate) for candidate in workbench.state()["candidates"][:_CANDIDATES]]
     held = []
     for done in range(0, actions, 4):
-        _wait(workbench, "candidates")  # of many measurements they come a while after the figures
-        _do(workbench, do="add", candidate=(done // 4) % _CANDIDATES)
+        _do(workbench, do="add", entry=entries[(done // 4) % len(entries)])
         _do(workbench, do="undo")
         _do(workbench, do="redo")
         state = _do(workbench, do="remove", effect=len(workbench.state()["effects"]) - 1)
         assert state["failure"] == "", state["failure"]
+        if (done + 4) % diagnosed_every == 0:
+            _wait(workbench, "candidates")
         if (done + 4) % every == 0:
             held.append(resident_mb(workbench))
     return held
@@ -48,3 +61,29 @@ def _wait(workbench: Workbench, key: str) -> None:
     while not workbench.state()[key]:
         assert time.monotonic() < end, f"no {key} within {_PATIENCE_S} s"
         time.sleep(0.1)
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--poses", type=int, nargs="*", default=[POSES, 2000, 12000])
+    parser.add_argument("--actions", type=int, default=ACTIONS)
+    given = parser.parse_args()
+    marks = range(EVERY, given.actions + 1, EVERY)
+    print(f"| poses | {' | '.join(map(str, marks))} |")
+    print("|---" * (1 + len(marks)) + "|")
+    for poses in given.poses:
+        with tempfile.TemporaryDirectory() as name:
+            folder = Path(name)
+            armtrue_sim.simulate({**TWO_HIDDEN, "poses": poses}).write(folder)
+            workbench = Workbench([folder / "data.csv"], folder / "state")
+            try:
+                # A diagnosis of many measurements takes ten seconds: one in twenty actions waits for it.
+                held = held_over(workbench, given.actions, EVERY, 20 if poses > POSES else 4)
+                print(f"| {poses} | {' | '.join(f'{mb:.0f}' for mb in held)} |", flush=True)
+            finally:
+                workbench.kill()
+
+
+if __name__ == "__main__":
+    main()

@@ -14,7 +14,7 @@ import yaml
 
 from armtrue.cli.conftest import FIT, SCENARIO, armtrue
 from armtrue.cli.planning import outlook, preference
-from armtrue.planning import Ambiguity, Rival, argument_of, entry_of
+from armtrue.planning import Ambiguity, Plan, Rival, argument_of, entry_of
 
 
 def rows_of(path: Path) -> list[dict[str, float]]:
@@ -221,6 +221,31 @@ def test_what_poses_are_expected_to_tell_is_said_by_the_number():
     assert "preferred all the same (ΔBIC +211)" in against
     assert "as good" not in against
     assert "prefers B already (ΔBIC +196)" in against
+
+
+def decision(now: float, expected: tuple[float, float]) -> str:
+    pairs = (("A", "B", now, expected[0]), ("B", "A", -now, expected[1]))
+    entries = [
+        {
+            "truth": truth,
+            "rival": rival,
+            "delta_bic_now": n,
+            "delta_bic_expected": e,
+            "delta_bic_expected_random": e,
+        }
+        for truth, rival, n, e in pairs
+    ]
+    (sentence,) = Plan({"q1": np.zeros(8)}, {"separations": entries}).decisions()
+    return sentence
+
+
+def test_a_plan_says_whether_its_poses_decide_or_the_measurements_did_already():
+    assert decision(-2.0, (-30.0, -25.0)).startswith("These 8 poses decide between A and B: whichever")
+    assert decision(-2.0, (-8.0, -4.0)).startswith("These 8 poses help to decide between A and B: whichever")
+    assert decision(-2.0, (-8.0, 4.0)).startswith("These 8 poses do not decide between A and B")
+    assert decision(-300.0, (-30.0, -25.0)).startswith("These 8 poses decide")
+    already = "The measurements decide already between A and B: A has a probability of more than 99.9 %, "
+    assert decision(-300.0, (-320.0, 280.0)) == already + "which these 8 poses would hardly change."
 
 
 def test_candidates_are_read_as_the_diagnosis_names_them_and_as_a_shell_takes_them():

@@ -1,4 +1,4 @@
-"""The report of a calibration as one HTML page; `armtrue.report.figures` draws the same for notebooks."""
+"""The report of a calibration as one HTML page; `armtrue.report.figures` has its sections for notebooks."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Everything that a report shows, gathered once: the page and the figures for notebooks draw the same."""
+"""Everything that a report shows, gathered once: the page, the workbench and notebooks draw the same."""
 
 from __future__ import annotations
 
@@ -33,6 +33,7 @@ from armtrue.report.names import called
 Array = NDArray[np.float64]
 
 _LEADING = 3
+_NOTHING = 1e-9  # of the largest reading: what rounding leaves
 _AXES = 3
 # A joint's variable is read as that joint's error unless another direction shows this much more.
 _OWN_JOINT = 0.75
@@ -75,6 +76,11 @@ class AddedVariable:
         total = float(self.left @ self.left)
         after = self.left - self.added
         return 1.0 - float(after @ after) / total if total > 0.0 else 0.0
+
+    @property
+    def adds_nothing(self) -> bool:
+        """True where the model can take over all that the candidate does, so that its fit leaves it at nominal."""
+        return bool(np.max(np.abs(self.added)) <= _NOTHING * np.max(np.abs(self.left)))
 
 
 @dataclass(frozen=True)

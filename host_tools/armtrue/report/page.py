@@ -50,16 +50,8 @@ def page(report: Report) -> str:
     shown.append(("glossary", "Glossary", glossary_section(join(*(content for _, _, content in shown)))))
     links = [tag("li", tag("a", short, href=f"#{key}")) for key, short, _ in shown]
     robot = str(report.last.fit.robot.spec.get("name", "robot"))
-    head = tag(
-        "head",
-        tag("meta", charset="utf-8"),
-        tag("meta", name="viewport", content="width=device-width, initial-scale=1"),
-        tag("meta", name="color-scheme", content="light dark"),
-        tag("title", f"Calibration of {robot}"),
-        tag("style", _file("style.css")),
-    )
-    body = tag(
-        "body",
+    return document(
+        f"Calibration of {robot}",
         tag("a", "Skip to the report", href="#error", class_="skip"),
         tag("header", _summary(report, robot)),
         tag("nav", tag("ul", links), aria_label="sections"),
@@ -73,8 +65,20 @@ def page(report: Report) -> str:
                 ".",
             ),
         ),
-        tag("script", _file("geometry.js"), _file("viewer.js")),
     )
+
+
+def document(title: str, *content: Content) -> str:
+    """An HTML document of parts of the report, with their style and script inside it."""
+    head = tag(
+        "head",
+        tag("meta", charset="utf-8"),
+        tag("meta", name="viewport", content="width=device-width, initial-scale=1"),
+        tag("meta", name="color-scheme", content="light dark"),
+        tag("title", title),
+        tag("style", _file("style.css")),
+    )
+    body = tag("body", *content, tag("script", _file("geometry.js"), _file("viewer.js")))
     return join(Markup("<!doctype html>\n"), tag("html", head, body, lang="en")) + "\n"
 
 

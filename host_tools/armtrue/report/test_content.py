@@ -14,6 +14,7 @@ from armtrue.report import gather
 from armtrue.report.conftest import fitted
 from armtrue.report.gathered.state import independent, turned_by
 from armtrue.report.page import page
+from armtrue.report.sections.diagnosis_sections import added_variable_section
 
 # Orientations as well as positions, and an eccentric gear on the wrist that hardly moves the reflector.
 ORIENTED = {
@@ -99,6 +100,16 @@ def test_added_variables_lie_on_their_line(report):
     assert best.explained == pytest.approx(best.candidate["explained"], abs=0.2)
     assert best.unit == "µm"
     assert not best.turned.any()
+
+
+def test_a_candidate_that_the_model_takes_over_is_said_and_not_drawn(report):
+    plot = next(plot for plot in report.diagnoses[0].added_variables if plot.name == "tracker_scale")
+    assert plot.adds_nothing
+    drawn = added_variable_section(report)
+    figure = re.search(r"<figure><h3>tracker_scale, after step 1</h3>(.*?)</figure>", drawn, re.DOTALL)[1]
+    assert "it adds nothing: the model can take over all that it does" in figure
+    assert "<svg" not in figure
+    assert drawn.count("<svg") > 1
 
 
 def test_orientations_count_in_added_variables_as_they_do_in_the_table(tmp_path):

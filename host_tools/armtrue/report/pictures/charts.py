@@ -101,8 +101,13 @@ def spectrum_panel(spectrum: Spectrum, first: Spectrum | None) -> Markup:
     return panel.render()
 
 
-def added_variable_panel(plot: AddedVariable) -> Markup:
-    """What is left over against what the candidate would add; a line of slope 1 is a candidate that is right."""
+def added_variable_panel(plot: AddedVariable) -> Markup | None:
+    """What is left over against what the candidate would add; a line of slope 1 is a candidate that is right.
+
+    None where it would add nothing.
+    """
+    if plot.adds_nothing:
+        return None
     size_x, size_y = (float(np.percentile(np.abs(v), _SHOWN_PERCENT)) for v in (plot.added, plot.left))
     panel = Panel(
         symmetric(1.1 * size_x),
@@ -124,6 +129,8 @@ def added_variable_panel(plot: AddedVariable) -> Markup:
 
 def added_words(plot: AddedVariable) -> str:
     """What the plot's share is, beside that of the candidates table where the two differ."""
+    if plot.adds_nothing:
+        return "fitted, it adds nothing: the model can take over all that it does"
     scored = float(plot.candidate["explained"])
     words = f"fitted, it takes away {100 * plot.explained:.1f} % of the squared residual"
     return (

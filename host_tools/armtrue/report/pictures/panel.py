@@ -15,12 +15,12 @@ Array = NDArray[np.float64]
 WIDTH = (
     310  # [px] the narrowest chart on a laptop: charts are never shrunk there, so letters keep their set size
 )
-_LEFT, _RIGHT, _TOP, _BOTTOM = 49, 8, 10, 38
+_LEFT, _RIGHT, _TOP, _BOTTOM = 53, 8, 10, 38
 _BESIDE_TICKS = 26.0  # what the axis name and the gaps beside tick labels take of the left margin
 _POINTER = (3.5, 9.0)  # half width and height of a note's pointer
 _LINE = 13.0
 _LABEL_CHARACTER = 6.3  # width of a character of a label, in user units
-_TICK_CHARACTER = 6.9
+_TICK_CHARACTER = 9.0  # as wide as on paper, where letters of charts are larger
 
 
 class Panel:

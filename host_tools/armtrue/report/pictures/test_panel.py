@@ -92,7 +92,7 @@ def test_long_ticks_push_the_plot_aside_and_leave_the_name_free():
     wide = plot_of(Panel(Scale(0.0, 1.0), symmetric(600_000.0), "x", "y", "large"))
     usual = plot_of(Panel(Scale(0.0, 1.0), symmetric(90.0), "x", "y", "small"))
     assert float(wide.get("x")) >= 22 + 6 * len("−500000")
-    assert float(usual.get("x")) == 49
+    assert float(usual.get("x")) == 53
     assert float(wide.get("x")) + float(wide.get("width")) == WIDTH - 8
 
 
