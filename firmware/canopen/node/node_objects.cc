@@ -87,30 +87,41 @@ Abort Node::check_communication_write(const od::Entry& entry, std::span<const st
     if (!is_quiet() || !may_erase()) return Abort::kDeviceState;
     return parts_.parameters.erase() ? Abort::kNone : Abort::kHardware;
   }
-  // A mapping that changes under way would let targets pass uncorrected: a step in the output.
-  const bool is_pdo_parameter = entry.index >= 0x1400;
-  if (is_pdo_parameter && mode() != Mode::kForward && !is_quiet()) return Abort::kDeviceState;
+  if (entry.index >= 0x1400 && mode() != Mode::kForward) {
+    const bool is_mapping = (entry.index & 0x0200U) != 0;  // 0x16xx and 0x1Axx
+    const bool moves_frames = is_mapping || entry.sub == 1;
+    if (!is_quiet() || (moves_frames && holds_correction())) return Abort::kDeviceState;
+  }
   return check_pdo_write(dictionary_, entry, value, pdos_.payload_max());
+}
+
+// Whether an enabled drive holds one of ours: it would make a step of it where the next target
+// passed without, and keep its offset where none was sent any more.
+bool Node::holds_correction() const {
+  return joints_.phase() != Phase::kUnknown &&
+         parts_.compensator.state() != CompensatorState::kPassThrough && !all_say_disabled();
+}
+
+bool Node::all_say_disabled() const {
+  const auto all = static_cast<std::uint8_t>((1U << config_.joint_count) - 1U);
+  return (joints_.drives().disabled() & all) == all;
 }
 
 // An erase stalls the core for seconds on some ports, and nothing is forwarded meanwhile. A drive
 // that has not said that it is disabled counts as enabled while anything is heard from the drives'
 // bus; where nothing is, there is nothing to forward.
 bool Node::may_erase() const {
-  constexpr std::uint64_t kSilentUs = 1'000'000;
   const DriveStates& drives = joints_.drives();
   if ((drives.known() & ~drives.disabled()) != 0) return false;
-  if (!has_heard_drives_ || now_us_ - drives_heard_us_ > kSilentUs) return true;
-  const auto all = static_cast<std::uint8_t>((1U << config_.joint_count) - 1U);
-  return (drives.disabled() & all) == all;
+  const bool is_silent = !has_heard_drives_ || now_us_ - drives_heard_us_ > DriveStates::kSilentUs;
+  return is_silent || all_say_disabled();
 }
 
-// A change of scale under a correction would be a step: only without one, at rest, and with no
-// drive that has said that it is in operation.
+// A change of scale under a correction would be a step, and the limits hold in the drives' own
+// scale alone: only without a correction, at rest, and with the drives disabled or silent.
 bool Node::may_change_resolution() const {
-  const std::uint8_t in_operation =
-      static_cast<std::uint8_t>(joints_.drives().known() & ~joints_.drives().disabled());
-  return is_quiet() && in_operation == 0 &&
+  return is_quiet() && may_erase() &&
+         (all_say_disabled() || !joints_.drives().is_speaking(now_us_)) &&
          parts_.compensator.state() == CompensatorState::kPassThrough;
 }
 
@@ -133,7 +144,9 @@ Abort Node::check_write(const od::Entry& entry, std::span<const std::uint8_t> va
     if (static_cast<Mode>(value[0]) == Mode::kInline && parts_.downstream == nullptr) {
       return Abort::kIncompatibleParameter;
     }
-    return is_quiet() ? Abort::kNone : Abort::kDeviceState;
+    // Offsets become zero before that mode ends.
+    const bool may_leave = mode() != Mode::kInline || !holds_correction();
+    return is_quiet() && may_leave ? Abort::kNone : Abort::kDeviceState;
   }
   const std::uint16_t object = axis_object(entry.index);
   const bool is_bound = object == kPositionRangeLimit || object == kSoftwarePositionLimit;
