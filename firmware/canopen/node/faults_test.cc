@@ -287,6 +287,7 @@ TEST_P(FaultTest, FramesMovedUnderACorrection_AreRefused) {
   EXPECT_EQ(bench.write(0x1400, 1, 0x80000220, 4), refused);
   EXPECT_EQ(bench.write(0x1401, 1, 0x220, 4), refused) << "ahead of the one that has it";
   EXPECT_EQ(bench.write(0x1800, 1, 0xC00001A0, 4), refused);
+  EXPECT_EQ(bench.write(0x1005, 0, 0x220, 4), refused) << "SYNC passes as it is";
   EXPECT_EQ(bench.write(0x2000, 1, 0, 1), offset_ ? 0U : refused);
   if (offset_) return;
   EXPECT_LE(rest(kStand, 200), kRate);
@@ -295,6 +296,12 @@ TEST_P(FaultTest, FramesMovedUnderACorrection_AreRefused) {
   bench.run_for(600'000);
   EXPECT_EQ(bench.write(0x1400, 1, 0x80000220, 4), 0U) << "nothing is held any more";
   EXPECT_EQ(bench.write(0x2000, 1, 0, 1), 0U);
+}
+
+TEST_P(FaultTest, FeedbackDelayWrittenInMotion_IsRefused) {
+  settle();
+  EXPECT_EQ(bench.write(0x2000, 7, 8, 1), static_cast<std::uint32_t>(Abort::kDeviceState))
+      << "actual positions would make a step";
 }
 
 TEST_P(FaultTest, ResetCommunication_LeavesWhatIsEnabled) {

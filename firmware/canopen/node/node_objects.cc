@@ -33,6 +33,13 @@ enum SelfTest : std::uint8_t {
 };
 constexpr std::uint8_t kAllTests = 0x1F;
 
+// What decides which frames are targets, actual positions and offsets, and which pass as they are.
+bool moves_frames(const od::Entry& entry) {
+  if (entry.index < 0x1400) return is(entry, od::kCOBIDSYNCMessage);
+  const bool is_mapping = (entry.index & 0x0200U) != 0;  // 0x16xx and 0x1Axx
+  return is_mapping || entry.sub == 1;
+}
+
 bool checksums_are_right() {
   // The check values that both CRC catalogues give for this text.
   constexpr std::uint8_t kText[] = {'1', '2', '3', '4', '5', '6', '7', '8', '9'};
@@ -48,6 +55,9 @@ bool dictionary_is_ordered() {
 
 Abort Node::check_communication_write(const od::Entry& entry, std::span<const std::uint8_t> value) {
   const std::uint32_t wanted = load_le(value);
+  if (moves_frames(entry) && mode() != Mode::kForward && (!is_quiet() || holds_correction())) {
+    return Abort::kDeviceState;
+  }
   if (is(entry, od::kCOBIDSYNCMessage)) {
     // This node consumes SYNC; it does not produce it.
     const bool possible = (wanted & (kSyncProducer | kExtended | kReservedIdBits)) == 0 &&
@@ -87,11 +97,8 @@ Abort Node::check_communication_write(const od::Entry& entry, std::span<const st
     if (!is_quiet() || !may_erase()) return Abort::kDeviceState;
     return parts_.parameters.erase() ? Abort::kNone : Abort::kHardware;
   }
-  if (entry.index >= 0x1400 && mode() != Mode::kForward) {
-    const bool is_mapping = (entry.index & 0x0200U) != 0;  // 0x16xx and 0x1Axx
-    const bool moves_frames = is_mapping || entry.sub == 1;
-    if (!is_quiet() || (moves_frames && holds_correction())) return Abort::kDeviceState;
-  }
+  const bool is_pdo_parameter = entry.index >= 0x1400;
+  if (is_pdo_parameter && mode() != Mode::kForward && !is_quiet()) return Abort::kDeviceState;
   return check_pdo_write(dictionary_, entry, value, pdos_.payload_max());
 }
 
@@ -148,6 +155,7 @@ Abort Node::check_write(const od::Entry& entry, std::span<const std::uint8_t> va
     const bool may_leave = mode() != Mode::kInline || !holds_correction();
     return is_quiet() && may_leave ? Abort::kNone : Abort::kDeviceState;
   }
+  if (is(entry, control::kFeedbackDelay)) return is_quiet() ? Abort::kNone : Abort::kDeviceState;
   const std::uint16_t object = axis_object(entry.index);
   const bool is_bound = object == kPositionRangeLimit || object == kSoftwarePositionLimit;
   if (object == kEncoderResolution || is_bound) {
