@@ -290,12 +290,23 @@ TEST_P(FaultTest, FramesMovedUnderACorrection_AreRefused) {
   EXPECT_EQ(bench.write(0x1005, 0, 0x220, 4), refused) << "SYNC passes as it is";
   EXPECT_EQ(bench.write(0x2000, 1, 0, 1), offset_ ? 0U : refused);
   if (offset_) return;
+  EXPECT_EQ(bench.write(0x2000, 1, 1, 1), 0U) << "that is the mode";
   EXPECT_LE(rest(kStand, 200), kRate);
   ASSERT_EQ(bench.write(0x2000, 2, 0, 1), 0U);
   rest(kStand, 200);
   bench.run_for(600'000);
   EXPECT_EQ(bench.write(0x1400, 1, 0x80000220, 4), 0U) << "nothing is held any more";
   EXPECT_EQ(bench.write(0x2000, 1, 0, 1), 0U);
+}
+
+TEST_P(InlineFaultTest, PdosWrittenAnewPreOperational_AreTakenAndMakeNoStep) {
+  settle();
+  bench.run_for(600'000);
+  nmt(128);
+  EXPECT_EQ(bench.write(0x1400, 1, 0x80000220, 4), 0U);
+  EXPECT_EQ(bench.write(0x1400, 1, 0x220, 4), 0U);
+  nmt(1);
+  EXPECT_LE(rest(kStand, 50), kRate);
 }
 
 TEST_P(FaultTest, FeedbackDelayWrittenInMotion_IsRefused) {

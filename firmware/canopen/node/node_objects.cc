@@ -55,7 +55,9 @@ bool dictionary_is_ordered() {
 
 Abort Node::check_communication_write(const od::Entry& entry, std::span<const std::uint8_t> value) {
   const std::uint32_t wanted = load_le(value);
-  if (moves_frames(entry) && mode() != Mode::kForward && (!is_quiet() || holds_correction())) {
+  // A controller that starts may configure anew: pre-operational, where no set goes out.
+  const bool is_held = nmt_.state() == NmtState::kOperational && holds_correction();
+  if (moves_frames(entry) && mode() != Mode::kForward && (is_held || !is_quiet())) {
     return Abort::kDeviceState;
   }
   if (is(entry, od::kCOBIDSYNCMessage)) {
@@ -152,7 +154,8 @@ Abort Node::check_write(const od::Entry& entry, std::span<const std::uint8_t> va
       return Abort::kIncompatibleParameter;
     }
     // Offsets become zero before that mode ends.
-    const bool may_leave = mode() != Mode::kInline || !holds_correction();
+    const bool leaves_inline = mode() == Mode::kInline && static_cast<Mode>(value[0]) != mode();
+    const bool may_leave = !leaves_inline || !holds_correction();
     return is_quiet() && may_leave ? Abort::kNone : Abort::kDeviceState;
   }
   if (is(entry, control::kFeedbackDelay)) return is_quiet() ? Abort::kNone : Abort::kDeviceState;
