@@ -157,6 +157,7 @@ std::int64_t PositionBounds::within_limits(std::int64_t corrected, std::int32_t 
 
 [[gnu::cold]] void Compensator::disable() {
   has_active_ = false;
+  pending_ = {};
   // Without a correction there is nothing to blend out, and perhaps no limit that could hold it.
   const auto is_zero = [](std::int32_t value) { return value == 0; };
   if (std::ranges::all_of(motion_.delta, is_zero) &&
@@ -276,7 +277,7 @@ std::int32_t Compensator::limited(std::size_t joint, std::int32_t wanted, std::u
 
 // Moves every correction towards what is wanted. Returns a bit for each joint that was held back.
 std::uint32_t Compensator::move_corrections(const Correction& wanted, std::uint32_t share,
-                                            std::uint16_t& flags) {
+                                            std::uint8_t held, std::uint16_t& flags) {
   if (motion_.state == CompensatorState::kPassThrough) return 0;
   const bool blending = motion_.state == CompensatorState::kBlending;
   const auto step =
@@ -287,6 +288,10 @@ std::uint32_t Compensator::move_corrections(const Correction& wanted, std::uint3
   std::uint32_t clamped = 0;
   for (std::size_t k = 0; k < config_.joint_count; ++k) {
     std::int32_t delta = wanted.delta[k];
+    if ((held >> k & 1U) != 0) {
+      settled = settled && motion_.delta[k] == delta;
+      continue;
+    }
     if (on_the_way) {
       // Between what was held and what is wanted: no more than either.
       const std::int32_t way = saturate(std::int64_t{delta} - motion_.delta_held[k]);
@@ -350,7 +355,7 @@ CycleOutput Compensator::cycle(const CycleInput& input) {
   CycleOutput output;
   Correction wanted;
   if (corrects()) wanted = evaluate(input, output.flags);
-  const std::uint32_t clamped = move_corrections(wanted, share, output.flags);
+  const std::uint32_t clamped = move_corrections(wanted, share, input.held, output.flags);
   put_out(input, share, clamped, output);
   overwritten_ = history_[cycle_ % kFeedbackHistory];
   history_[cycle_ % kFeedbackHistory] = output.delta;

@@ -39,6 +39,8 @@ struct CycleInput {
   // Since the cycle before. More than the control period counts as the period: a pause earns no
   // step.
   std::uint32_t elapsed_us = UINT32_MAX;
+  // Bit k: joint k gets no output in this cycle; its correction stays where it is.
+  std::uint8_t held = 0;
 };
 
 // Where a joint's positions lie, in increments. A range narrower than all of 32 bits is one that
@@ -228,7 +230,7 @@ class Compensator {
   std::uint32_t share_of(std::uint32_t elapsed_us) const;
   Correction evaluate(const CycleInput& input, std::uint16_t& flags);
   void update_direction(const CycleInput& input);
-  std::uint32_t move_corrections(const Correction& wanted, std::uint32_t share,
+  std::uint32_t move_corrections(const Correction& wanted, std::uint32_t share, std::uint8_t held,
                                  std::uint16_t& flags);
   void put_out(const CycleInput& input, std::uint32_t share, std::uint32_t clamped,
                CycleOutput& output);

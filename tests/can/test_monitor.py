@@ -29,7 +29,7 @@ AMPLITUDE = -TURN / 1024 / math.tau  # small_table's
 
 @contextmanager
 def commanded(offsets_on_the_bus: bool) -> Iterator[None]:
-    """A running node that corrects six joints in offset mode, and a controller that moves all of them alike."""
+    """A running node that corrects six joints, and a controller that moves all of them alike."""
     node = connect()
     for pair in range(3):
         node.sdo[0x1400 + pair][1].raw = TARGETS[pair]
@@ -37,7 +37,7 @@ def commanded(offsets_on_the_bus: bool) -> Iterator[None]:
             node.sdo[0x1800 + pair][1].raw = 0x40000000 | OFFSETS[pair]
     node.sdo[0x2000][3].raw = 1_000_000
     node.sdo[0x2000][4].raw = 500_000  # nothing is lost here, only late
-    node.sdo[0x2000][1].raw = 2
+    node.sdo[0x2000][1].raw = 2 if offsets_on_the_bus else 1
     node.nmt.state = "OPERATIONAL"
     leaving = threading.Event()
 

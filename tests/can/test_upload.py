@@ -22,6 +22,7 @@ from node_process import NODE_ID, NodeProcess, connect, disconnect
 from small_table import small_table
 
 SO_RCVBUFFORCE = 33  # asm-generic/socket.h; Python has no name for it
+OFFSET_COB_ID = 0x400001A0  # of joints 1 and 2; the next pairs 0x100 further
 
 
 @pytest.fixture
@@ -250,6 +251,7 @@ def test_upload_while_joints_are_commanded_is_refused(tmp_path: Path, tables: Pa
         node = connect()
         for number in range(3):
             node.sdo[0x1400 + number][1].raw = 0x200 + 0x100 * number + 0x20
+            node.sdo[0x1800 + number][1].raw = OFFSET_COB_ID + 0x100 * number
         node.sdo[0x2000][1].raw = 2
         # The longest quiet time: no pause of this machine is taken for a stop.
         node.sdo[0x2000][5].raw = 60_000
@@ -305,6 +307,9 @@ def test_a_device_that_corrects_nothing_or_will_forget_is_told_of(tmp_path: Path
         assert "parameters were written and not saved" in unsaved
         for number in range(3):
             write(0x1400 + number, 1, 0x220 + 0x100 * number)
+        assert unmapped in warnings_of("info"), "and the offsets?"
+        for number in range(3):
+            write(0x1800 + number, 1, OFFSET_COB_ID + 0x100 * number)
         assert warnings_of("info") == [unsaved]
         assert warnings_of("save") == warnings_of("info") == []
         write(0x2000, 2, 0)
@@ -358,6 +363,7 @@ def test_monitor_shows_what_the_joint_path_does(tmp_path: Path) -> None:
         node = connect()
         for pair in range(3):
             node.sdo[0x1400 + pair][1].raw = 0x220 + 0x100 * pair
+            node.sdo[0x1800 + pair][1].raw = OFFSET_COB_ID + 0x100 * pair
         node.sdo[0x2000][3].raw = 1_000_000
         node.sdo[0x2000][4].raw = 500_000
         node.sdo[0x2000][1].raw = 2

@@ -21,6 +21,13 @@ bool is_cyclic(std::int8_t mode) {
 
 }  // namespace
 
+void DriveStates::keep(std::uint32_t states, std::uint32_t modes) {
+  for (std::size_t k = 0; k < axes_.size(); ++k) {
+    axes_[k].has_state = axes_[k].has_state && (states >> k & 1U) != 0;
+    axes_[k].has_mode = axes_[k].has_mode && (modes >> k & 1U) != 0;
+  }
+}
+
 void DriveStates::hear_state(std::size_t axis, std::uint16_t statusword) {
   if (axis >= axes_.size()) return;
   axes_[axis].has_state = true;
@@ -53,6 +60,12 @@ std::uint8_t DriveStates::away() const {
 std::uint8_t DriveStates::disabled() const {
   return bits(
       [this](std::size_t k) { return axes_[k].has_state && !is_enabled(axes_[k].statusword); });
+}
+
+bool DriveStates::is_speaking(std::uint64_t now_us) const {
+  return std::ranges::any_of(axes_, [now_us](const Axis& axis) {
+    return axis.has_position && now_us - axis.heard_us <= kSilentUs;
+  });
 }
 
 bool DriveStates::hear_position(std::size_t axis, std::int32_t actual, bool at_rest,

@@ -26,7 +26,8 @@ enum class AxisState : std::uint8_t {
 
 class DriveStates {
  public:
-  void forget() { axes_ = {}; }
+  // What is mapped no more is not known any more: it would never change. Bit k: of axis k.
+  void keep(std::uint32_t states, std::uint32_t modes);
 
   void hear_state(std::size_t axis, std::uint16_t statusword);
   void hear_mode(std::size_t axis, std::int8_t mode);
@@ -48,6 +49,10 @@ class DriveStates {
   // actual position to the next, nor faster than kFastestTurns a second.
   static constexpr std::uint32_t kJumpPart = 500;
   static constexpr std::uint32_t kFastestTurns = 2;
+  // Whether any actual position has been heard within kSilentUs.
+  bool is_speaking(std::uint64_t now_us) const;
+  static constexpr std::uint64_t kSilentUs = 1'000'000;
+
   // Positions that lie further apart in time say nothing.
   static constexpr std::uint64_t kNeighboursUs = 100'000;
 

@@ -144,7 +144,7 @@ TEST_P(DriveStatesTest, ACorrectionIsSuspendedUntilAllFollowAgain) {
   EXPECT_EQ(bench.read(0x2005, 6), 4U);
 }
 
-TEST_P(DriveStatesTest, WithoutTargetsACorrectionIsSuspendedAllTheSame) {
+TEST_P(DriveStatesTest, SuspensionWithoutTargets_MakesNoStepNowOrWithTheNextTarget) {
   settle();
   all_follow();
   bench.run_for(100'000);
@@ -160,7 +160,16 @@ TEST_P(DriveStatesTest, WithoutTargetsACorrectionIsSuspendedAllTheSame) {
     saw = seen;
   }
   expect_suspended(1);
-  EXPECT_EQ(seen, stand) << "nothing is taken off a position that nothing was put on";
+  EXPECT_EQ(seen[0], stand[0]) << "nothing is taken off a position that nothing was put on";
+  if (offset_) return;
+  EXPECT_EQ(seen[1], kStand[1]) << "a drive that follows holds what it was given";
+  target = stand = Joints{seen[0], stand[1], stand[2], stand[3], stand[4], stand[5]};
+  for (int k = 0; k < 100; ++k) {
+    const Joints before = stand;
+    cycle({seen[0], kStand[1], kStand[2], kStand[3], kStand[4], kStand[5]});
+    ASSERT_LE(farthest(before, stand), kRate);
+  }
+  EXPECT_EQ(correction(), Joints{});
 }
 
 TEST_P(DriveStatesTest, DrivesThatSayNothingAreTakenToFollow) {

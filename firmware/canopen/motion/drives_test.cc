@@ -95,8 +95,11 @@ TEST_P(DrivesTest, WithoutFeedbackItBeginsAtZeroAndSaysSo) {
 
 TEST_P(DrivesTest, AnotherModeForgetsWhatTheDrivesHold) {
   settle();
+  ASSERT_EQ(bench.write(0x2000, 2, 0, 1), 0U);
+  rest(kStand, 200);
   bench.run_for(600'000);
   ASSERT_EQ(bench.write(0x2000, 1, 0, 1), 0U);
+  ASSERT_EQ(bench.write(0x2000, 2, 1, 1), 0U);
   bench.run_for(600'000);
   EXPECT_EQ(status() & kUnknownBit, kUnknownBit) << "forward mode knows nothing";
   take_output();

@@ -14,7 +14,9 @@ enum WhyWithheld : std::uint32_t {
   kFramesMissing = 1,    // no set is whole within the set window
   kContradictions = 2,   // contradicted or short frames
   kPositionUnknown = 3,  // offset mode: the arm has not stood yet where its offset is known
-  kSyncMissing = 4,      // targets that wait for SYNC, which does not come
+  kSyncMissing = 4,      // targets or offsets that wait for SYNC, which does not come
+  kNotOperational = 6,
+  kOutputRefused = 7,  // the drives' bus does not take the set
 };
 
 }  // namespace
@@ -31,6 +33,15 @@ JointPath::JointPath(ObjectDictionary& dictionary, Compensator& compensator, Emc
 void JointPath::configure(const PdoTable& pdos) {
   take_back();
   sets_.configure(pdos, joint_count_);
+  drives_.keep(mapped_axes(pdos.rpdos(), kStatusword), mapped_axes(pdos.rpdos(), kModeDisplay));
+  const std::uint32_t joints = (1U << joint_count_) - 1U;
+  const bool waits = std::ranges::any_of(pdos.tpdos(), [](const Pdo& pdo) {
+    return pdo.valid && pdo.is_synchronous() && pdo.mapping.has_axis_object(kPositionOffset);
+  });
+  offset_output_ = waits ? OffsetOutput::kWithSync : OffsetOutput::kAtOnce;
+  if ((mapped_axes(pdos.tpdos(), kPositionOffset) & joints) != joints) {
+    offset_output_ = OffsetOutput::kIncomplete;
+  }
 }
 
 void JointPath::configure_bounds() {
@@ -82,11 +93,6 @@ void JointPath::spoil(Condition condition, std::uint32_t information, std::uint3
 
 bool JointPath::take_target(const Pdo& pdo, std::size_t rpdo, const CanFrame& frame,
                             std::uint64_t now_us) {
-  // From the first target, or the last set, on somebody waits for one to go out.
-  const std::uint32_t stale_us = dictionary_.get(od::compensator_control::kStaleTimeOut);
-  if (waiting_since_us_ <= last_set_us_ || now_us - last_taken_us_ > stale_us) {
-    waiting_since_us_ = now_us;
-  }
   last_taken_us_ = now_us;
   if (sets_.is_over(configured_window_us(), now_us)) end_interval();
   SetEvent event = sets_.take(pdo, rpdo, frame, now_us);
@@ -179,13 +185,20 @@ void JointPath::follow_drives() {
   }
 }
 
+// Offsets that leave with SYNC, and there is none: no correction may run ahead of them.
+bool JointPath::is_kept_from_sync() const {
+  return mode_ == Mode::kOffset && offset_output_ == OffsetOutput::kWithSync &&
+         !sets_.sync_in_use();
+}
+
 bool JointPath::compute(std::uint64_t now_us) {
-  if (phase_ == Phase::kLeaving) return false;  // fade() has it
+  if (phase_ == Phase::kLeaving || is_kept_from_sync()) return false;  // fade() has it when leaving
   const std::uint64_t begin_us = clock_us_();
   read_targets(now_us);
   read_surroundings(now_us);
   // A first set that does not go out is not the first.
   if (phase_ == Phase::kUnknown && !begin(now_us)) return false;
+  input_.held = 0;
   output_ = compensator_.cycle(input_);
   computed_us_ = now_us;
   sets_.set_progress(SetProgress::kComputed);
@@ -206,13 +219,20 @@ void JointPath::publish() {
 }
 
 bool JointPath::release(std::uint64_t now_us) {
+  const std::size_t frames = sets_.frames().size();
+  const std::size_t sent = mode_ == Mode::kInline ? send_set() : frames;
+  is_refused_ = sent < frames;
+  if (sent == 0) {
+    take_back();
+    return false;
+  }
   publish();
   if (phase_ == Phase::kUnknown) {
     first_cycle_ = last_cycle_;
     phase_ = Phase::kCorrecting;
   }
-  if (mode_ == Mode::kInline) send_set();
   sets_.set_progress(SetProgress::kOut);
+  if (is_refused_) return true;
   count(counters_.sets);
   if (++clean_sets_ >= kCleanSets) {
     emcy_.clear(Condition::kTargetConflict);
@@ -225,8 +245,10 @@ bool JointPath::release(std::uint64_t now_us) {
   return true;
 }
 
-void JointPath::send_set() {
-  if (downstream_ == nullptr) return;
+// How many frames of the set left.
+std::size_t JointPath::send_set() {
+  if (downstream_ == nullptr) return 0;
+  std::size_t sent = 0;
   bool refused = false;
   for (const SetAssembler::Held& held : sets_.frames()) {
     CanFrame frame = held.frame;
@@ -239,7 +261,9 @@ void JointPath::send_set() {
     // differ.
     refused = refused || !downstream_->send(frame);
     if (refused) count(counters_.output_refused);
+    sent += refused ? 0U : 1U;
   }
+  return sent;
 }
 
 void JointPath::hear(const Pdo& pdo, const CanFrame& frame) {
@@ -322,7 +346,9 @@ void JointPath::interrupted() {
 }
 
 std::uint32_t JointPath::why_withheld() const {
-  if (sets_.is_synchronous() && !sets_.sync_in_use()) return kSyncMissing;
+  if (last_taken_us_ != last_target_us_) return kNotOperational;
+  if (is_kept_from_sync() || (sets_.is_synchronous() && !sets_.sync_in_use())) return kSyncMissing;
+  if (is_refused_) return kOutputRefused;
   if (clean_sets_ == 0 && (counters_.conflicts != 0 || counters_.malformed != 0)) {
     return kContradictions;
   }
@@ -343,9 +369,11 @@ void JointPath::watch_stream(std::uint64_t now_us) {
     interrupted();
     emcy_.raise(Condition::kJointInputStale, counters_.stale);
   }
-  // Targets come, and nothing goes out.
-  const bool waits = waiting_since_us_ > last_set_us_ && phase_ != Phase::kLeaving;
-  if (waits && last_taken_us_ - waiting_since_us_ > kWithheldUs) {
+  // Targets come, and nothing goes out. Inline that stops the arm in every NMT state.
+  const bool is_ours = mode_ == Mode::kInline || last_taken_us_ == last_target_us_;
+  const bool waits = waiting_since_us_ > last_set_us_ && phase_ != Phase::kLeaving &&
+                     mode_ != Mode::kForward && is_configured() && is_ours;
+  if (waits && last_target_us_ - waiting_since_us_ > kWithheldUs) {
     emcy_.raise(Condition::kSetsWithheld, why_withheld());
   }
 }
@@ -402,6 +430,9 @@ bool JointPath::fade(std::uint64_t now_us) {
                       now_us - last_step_us_ >= compensator_.cycle_us();
   if (!is_due) return false;
   read_surroundings(now_us);
+  // Inline nothing is sent: a drive that follows holds what it was given, and its actual position
+  // is un-corrected by that.
+  input_.held = mode_ == Mode::kInline ? static_cast<std::uint8_t>(~drives_.away()) : 0;
   output_ = compensator_.cycle(input_);
   computed_us_ = now_us;
   publish();
@@ -409,6 +440,13 @@ bool JointPath::fade(std::uint64_t now_us) {
 }
 
 void JointPath::note_command(std::uint64_t now_us) {
+  // From the first target, or the last set, on somebody waits for one to go out. A controller that
+  // is slower than kWithheldUs is none of cyclic positions.
+  const std::uint64_t pause_us =
+      std::max<std::uint64_t>(dictionary_.get(od::compensator_control::kStaleTimeOut), kWithheldUs);
+  if (waiting_since_us_ <= last_set_us_ || now_us - last_target_us_ > pause_us) {
+    waiting_since_us_ = now_us;
+  }
   seen_target_ = true;
   last_target_us_ = now_us;
 }

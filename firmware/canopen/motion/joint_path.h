@@ -54,6 +54,13 @@ enum Suspension : std::uint8_t {
   kSuspendedReference = 1U << 1,  // an encoder's zero was changed; until the correction is disabled
 };
 
+// How the drives' offsets leave, from the mappings of TPDOs.
+enum class OffsetOutput : std::uint8_t {
+  kIncomplete,  // not of every joint
+  kAtOnce,
+  kWithSync,
+};
+
 // What the joint path counts; the compensator counts the rest.
 struct JointCounters {
   std::uint32_t sets = 0;       // complete sets that went out
@@ -84,10 +91,16 @@ class JointPath {
   // Another mode: what the drives hold is not known any more.
   void set_mode(Mode mode);
 
-  // Whether every joint is mapped in the target RPDOs. Without that nothing is ever evaluated.
-  bool is_configured() const { return sets_.is_configured(); }
+  // Whether every joint is mapped in the target RPDOs, and its offset in the TPDOs in offset mode.
+  // Without that nothing is ever evaluated.
+  bool is_configured() const {
+    return sets_.is_configured() &&
+           (mode_ != Mode::kOffset || offset_output_ != OffsetOutput::kIncomplete);
+  }
   // Whether this RPDO is one of the set.
-  bool carries_target(std::size_t rpdo) const { return sets_.carries_target(rpdo); }
+  bool carries_target(std::size_t rpdo) const {
+    return is_configured() && sets_.carries_target(rpdo);
+  }
 
   // Takes a target frame. Returns true if outputs are fresh.
   bool take_target(const Pdo& pdo, std::size_t rpdo, const CanFrame& frame, std::uint64_t now_us);
@@ -131,7 +144,8 @@ class JointPath {
   const DriveStates& drives() const { return drives_; }
   std::uint8_t suspension() const;
 
-  // A target frame is on the bus, whatever becomes of it: tables are not changed now.
+  // A target frame is on the bus, whatever becomes of it: tables are not changed now, and in
+  // inline mode somebody waits for its set.
   void note_command(std::uint64_t now_us);
   // Microseconds since the last target frame; a large number before the first.
   std::uint64_t quiet_us(std::uint64_t now_us) const;
@@ -159,7 +173,8 @@ class JointPath {
   bool compute(std::uint64_t now_us);
   bool begin(std::uint64_t now_us);
   bool release(std::uint64_t now_us);
-  void send_set();
+  std::size_t send_set();
+  bool is_kept_from_sync() const;
   void publish();
   void follow_drives();
   void read_targets(std::uint64_t now_us);
@@ -189,6 +204,7 @@ class JointPath {
 
   SetAssembler sets_;
   DriveStates drives_;
+  OffsetOutput offset_output_ = OffsetOutput::kIncomplete;
   Mode mode_ = Mode::kForward;
   Phase phase_ = Phase::kUnknown;
   // Whether the first correction starts from what the drives reported (else from zero); set by
@@ -211,9 +227,10 @@ class JointPath {
   std::uint16_t last_flags_ = 0;
   bool streaming_ = false;
   bool seen_target_ = false;
+  bool is_refused_ = false;  // the last set, or some of it, by the downstream port
   std::uint64_t last_target_us_ = 0;
-  std::uint64_t last_taken_us_ = 0;     // the last target that was to be corrected
-  std::uint64_t waiting_since_us_ = 0;  // since when none of them has gone out
+  std::uint64_t last_taken_us_ = 0;     // the last that was to be corrected
+  std::uint64_t waiting_since_us_ = 0;  // since when targets come and no set has gone out
   std::uint64_t last_set_us_ = 0;
   std::uint64_t last_process_us_ = 0;
   std::array<std::uint64_t, kMaxSensors> temperature_us_ = {};

@@ -420,6 +420,9 @@ TEST(OffsetTest, SendsOffsetsOnceForEachSetAndNeverOtherwise) {
 TEST(OffsetTest, ActualPositionsAreReadWithoutTheCorrection) {
   NodeBench bench(false);
   bench.install(TestTable{}.image());
+  for (std::uint16_t k = 0; k < 3; ++k) {
+    ASSERT_EQ(bench.write(static_cast<std::uint16_t>(0x1800 + k), 1, 0x400001A0U + k, 4), 0U);
+  }
   bench.configure(Mode::kOffset);
   for (int k = 0; k < 50; ++k) {
     bench.now_us += 1000;

@@ -17,19 +17,16 @@ void SetAssembler::configure(const PdoTable& pdos, std::uint8_t joint_count) {
   drop();
   expected_ = 0;
   synchronous_ = false;
-  std::uint32_t joints = 0;
   for (std::size_t k = 0; k < kRpdos; ++k) {
     const Pdo& pdo = pdos.rpdo(k);
     if (!pdo.valid || !pdo.mapping.has_axis_object(kTargetPosition)) continue;
     expected_ |= 1U << k;
     synchronous_ = synchronous_ || pdo.is_synchronous();
-    for (const MappedEntry& mapped : pdo.mapping.used()) {
-      if (axis_object(mapped.index) == kTargetPosition) joints |= 1U << axis_of(mapped.index);
-    }
   }
   const std::uint32_t needed = (1U << joint_count) - 1U;
   const bool fits = static_cast<std::size_t>(std::popcount(expected_)) <= held_.size();
-  if ((joints & needed) != needed || !fits) expected_ = 0;
+  const bool is_whole = (mapped_axes(pdos.rpdos(), kTargetPosition) & needed) == needed;
+  if (!is_whole || !fits) expected_ = 0;
   window_.restart(expected_);
 }
 

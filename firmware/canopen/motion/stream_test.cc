@@ -101,7 +101,7 @@ TEST_P(InlineStreamTest, ASetThatWaitsForSync_IsTakenBackByAnotherMapping) {
   EXPECT_EQ(waiting(), 1U);
   bench.run_for(150'000);
   EXPECT_EQ(waiting(), 1U) << "SYNC may still come";
-  ASSERT_EQ(bench.write(0x1412, 1, 0x191, 4), 0U);
+  ASSERT_EQ(bench.write(0x1412, 2, 1, 1), 0U);
   EXPECT_EQ(waiting(), 0U);
 }
 

@@ -222,6 +222,7 @@ TEST_P(FaultTest, AnotherResolutionNeedsDrivesThatAreNotInOperation) {
   drive_says(0x0237);
   EXPECT_EQ(bench.write(0x608F, 1, 1U << 24, 4), static_cast<std::uint32_t>(Abort::kDeviceState));
   drive_says(0x0250);
+  bench.run_for(1'100'000);  // the other five say nothing
   EXPECT_EQ(bench.write(0x608F, 1, 1U << 24, 4), 0U);
   EXPECT_EQ(bench.write(0x2000, 2, 1, 1), 0U);
   EXPECT_EQ(refusal(), 22U) << "the table in force is one of the drives that were";
@@ -264,6 +265,164 @@ TEST_P(InlineFaultTest, PayloadByPdoKeepsToItsBounds) {
   bench.from_controller(make_frame(0x1F0, {0xFF, 0xFF, 0xFF, 0xFF}));
   EXPECT_TRUE(reported(0xFF18));
   EXPECT_EQ(bench.read(0x2021, 0), 5000U);
+}
+
+TEST_P(FaultTest, ScaleWrite_WhileDrivesSpeakAndHaveNotSaidDisabled_IsRefused) {
+  settle();
+  ASSERT_EQ(bench.write(0x2000, 2, 0, 1), 0U);
+  rest(kStand, 200);
+  for (int k = 0; k < 600; ++k) {
+    wait(1);
+    feed_back();
+  }
+  ASSERT_EQ(bench.read(0x2001, 1), 0U);
+  EXPECT_EQ(bench.write(0x608F, 1, 1U << 24, 4), static_cast<std::uint32_t>(Abort::kDeviceState));
+}
+
+// A correction that drives hold is not cut off by a write: that would be a step.
+TEST_P(FaultTest, FramesMovedUnderACorrection_AreRefused) {
+  settle();
+  bench.run_for(600'000);
+  const auto refused = static_cast<std::uint32_t>(Abort::kDeviceState);
+  EXPECT_EQ(bench.write(0x1400, 1, 0x80000220, 4), refused);
+  EXPECT_EQ(bench.write(0x1401, 1, 0x220, 4), refused) << "ahead of the one that has it";
+  EXPECT_EQ(bench.write(0x1800, 1, 0xC00001A0, 4), refused);
+  EXPECT_EQ(bench.write(0x1005, 0, 0x220, 4), refused) << "SYNC passes as it is";
+  EXPECT_EQ(bench.write(0x2000, 1, 0, 1), offset_ ? 0U : refused);
+  if (offset_) return;
+  EXPECT_EQ(bench.write(0x2000, 1, 1, 1), 0U) << "that is the mode";
+  EXPECT_LE(rest(kStand, 200), kRate);
+  ASSERT_EQ(bench.write(0x2000, 2, 0, 1), 0U);
+  rest(kStand, 200);
+  bench.run_for(600'000);
+  EXPECT_EQ(bench.write(0x1400, 1, 0x80000220, 4), 0U) << "nothing is held any more";
+  EXPECT_EQ(bench.write(0x2000, 1, 0, 1), 0U);
+}
+
+TEST_P(InlineFaultTest, PdosWrittenAnewPreOperational_AreTakenAndMakeNoStep) {
+  settle();
+  bench.run_for(600'000);
+  nmt(128);
+  EXPECT_EQ(bench.write(0x1400, 1, 0x80000220, 4), 0U);
+  EXPECT_EQ(bench.write(0x1400, 1, 0x220, 4), 0U);
+  nmt(1);
+  EXPECT_LE(rest(kStand, 50), kRate);
+}
+
+TEST_P(FaultTest, FeedbackDelayWrittenInMotion_IsRefused) {
+  settle();
+  EXPECT_EQ(bench.write(0x2000, 7, 8, 1), static_cast<std::uint32_t>(Abort::kDeviceState))
+      << "actual positions would make a step";
+}
+
+TEST_P(FaultTest, ResetCommunication_LeavesWhatIsEnabled) {
+  settle();
+  ASSERT_EQ(bench.write(0x2000, 2, 0, 1), 0U);
+  rest(kStand, 100);
+  nmt(130);
+  bench.run_for(10'000);
+  EXPECT_EQ(bench.read(0x2001, 1), 0U);
+  EXPECT_EQ(bench.read(0x2000, 2), 0U);
+}
+
+TEST_P(FaultTest, TableRefusedWhenEnabled_KeepsNoBuffer) {
+  ASSERT_EQ(bench.write(0x2000, 2, 0, 1), 0U);
+  for (std::uint16_t k = 0; k < 6; ++k) {
+    const auto resolution = static_cast<std::uint16_t>(0x608F + 0x800 * k);
+    ASSERT_EQ(bench.write(resolution, 1, 1U << 24, 4), 0U);
+  }
+  ASSERT_EQ(bench.write(0x2000, 2, 1, 1), 0U);
+  ASSERT_EQ(refusal(), 22U);
+  ASSERT_EQ(bench.write(0x2000, 2, 0, 1), 0U);
+  bench.install(TestTable{.sequence = 2, .magnitude = kPermitted << 12, .finer = 4}.image());
+  EXPECT_EQ(bench.stage(TestTable{.sequence = 3, .finer = 4}.image()), 0U);
+}
+
+TEST_P(FaultTest, StateThatIsNotMappedAnyMore_IsNotBelieved) {
+  ASSERT_EQ(bench.write(0x2000, 1, 0, 1), 0U);
+  ASSERT_EQ(bench.write(0x160C, 0, 0, 1), 0U);
+  ASSERT_EQ(bench.write(0x160C, 1, 0x60410010, 4), 0U);
+  ASSERT_EQ(bench.write(0x160C, 2, 0x68610008, 4), 0U);
+  ASSERT_EQ(bench.write(0x160C, 0, 2, 1), 0U);
+  ASSERT_EQ(bench.write(0x140C, 1, 0x1D0, 4), 0U);
+  bench.from_controller(make_frame(0x1D0, {0x50, 0x02, 6}));
+  EXPECT_EQ(bench.read(0x2005, 1), 3U);
+  EXPECT_EQ(bench.read(0x2005, 2), 3U);
+  ASSERT_EQ(bench.write(0x140C, 1, 0x800001D0, 4), 0U);
+  EXPECT_EQ(bench.read(0x2005, 1), 0U);
+  EXPECT_EQ(bench.read(0x2005, 2), 0U);
+}
+
+// 0xFF15 whenever targets come and no set goes out.
+class WithheldTest : public FaultTest {
+ protected:
+  // Why sets were withheld, by 0xFF15; 0 where it was not said.
+  int why(int milliseconds, int period_ms = 1, std::size_t frames = 3) {
+    bench.upstream.take_sent();
+    bench.aside.clear();
+    for (int k = 0; k < milliseconds; k += period_ms) {
+      bench.run_for(static_cast<std::uint64_t>(period_ms) * 1000);
+      const auto targets = NodeBench::targets(moved(kStand, k));
+      for (std::size_t f = 0; f < frames; ++f) bench.from_controller(targets[f]);
+    }
+    int reason = 0;
+    for (const CanFrame& frame : bench.upstream.take_sent()) {
+      const bool is_ours = frame.id == 0x80U + NodeBench::kNodeId;
+      if (is_ours && load_le<std::uint16_t>(frame.data) == 0xFF15) reason = frame.data[3];
+    }
+    return reason;
+  }
+};
+class InlineWithheldTest : public WithheldTest {};
+class OffsetWithheldTest : public WithheldTest {};
+
+TEST_P(WithheldTest, ControllerSlowerThanTheStaleTimeOut_IsReported) {
+  settle();
+  EXPECT_EQ(why(500, 25, 2), 1);
+}
+
+TEST_P(InlineWithheldTest, NodeNotOperational_IsReported) {
+  settle();
+  nmt(128);
+  EXPECT_EQ(why(200), 6);
+  nmt(1);
+  rest(kStand, 10);
+  emergencies();
+  EXPECT_EQ(bench.read(0x1001, 0), 0U);
+}
+
+TEST_P(InlineWithheldTest, SetsThatTheDrivesBusRefuses_AreReportedAndTakenBack) {
+  settle();
+  const Joints before = stand;
+  ASSERT_EQ(bench.write(0x2000, 2, 0, 1), 0U);
+  bench.downstream.set_room(0);
+  EXPECT_EQ(why(300), 7);
+  bench.downstream.set_room(SIZE_MAX);
+  bench.command_joints(kStand);
+  take_output();
+  EXPECT_LE(farthest(before, stand), kBlendStep) << "it goes on from what the drives hold";
+}
+
+TEST_P(OffsetWithheldTest, OffsetOfAJointInNoTpdo_IsReported) {
+  ASSERT_EQ(bench.write(0x1801, 1, 0xC00002A0, 4), 0U);
+  EXPECT_EQ(why(10), 5);
+  EXPECT_EQ(status() & 1U, 0U) << "not configured";
+}
+
+TEST_P(OffsetWithheldTest, OffsetsThatWaitForSyncThatDoesNotCome_AreReportedAndDoNotRunAhead) {
+  for (std::uint16_t k = 0; k < 3; ++k) {
+    ASSERT_EQ(bench.write(static_cast<std::uint16_t>(0x1800 + k), 2, 1, 1), 0U);
+  }
+  EXPECT_EQ(why(500), 4);
+  target = stand = kStand;
+  EXPECT_LE(rest(kStand, 200), kBlendStep);
+  EXPECT_GT(farthest(stand, kStand), 150);
+}
+
+TEST_P(InlineFaultTest, BlockDownloadOfATargetToADrive_IsReported) {
+  emergencies();
+  bench.from_controller(make_frame(0x601, {0xC6, 0x7A, 0x60, 0, 4, 0, 0, 0}));
+  EXPECT_TRUE(reported(0xFF13));
 }
 
 TEST(TimeTest, AnArmThatHasBeenOnForMonthsIsNotCold) {
@@ -318,6 +477,9 @@ TEST_P(InlineFaultTest, DamagedParametersAreReported) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Modes, FaultTest, ::testing::Values(Mode::kInline, Mode::kOffset));
+INSTANTIATE_TEST_SUITE_P(Modes, WithheldTest, ::testing::Values(Mode::kInline, Mode::kOffset));
+INSTANTIATE_TEST_SUITE_P(Inline, InlineWithheldTest, ::testing::Values(Mode::kInline));
+INSTANTIATE_TEST_SUITE_P(Offset, OffsetWithheldTest, ::testing::Values(Mode::kOffset));
 INSTANTIATE_TEST_SUITE_P(Inline, InlineFaultTest, ::testing::Values(Mode::kInline));
 INSTANTIATE_TEST_SUITE_P(Inline, SlowFramesTest, ::testing::Values(Mode::kInline));
 INSTANTIATE_TEST_SUITE_P(Offset, OffsetFaultTest, ::testing::Values(Mode::kOffset));

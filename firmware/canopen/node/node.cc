@@ -58,13 +58,12 @@ void Node::reset_communication(std::uint64_t now_us) {
   now_us_ = now_us;
   joints_.stop();
   dictionary_.restore_communication_defaults(config_.node_id);
-  // Saved values are the power-on values (CiA 301, 7.3.2.2.1); those outside the area are live
-  // already.
-  const Loaded loaded = load_parameters(dictionary_, parts_.parameters);
+  // Saved values are the power-on values of this area (CiA 301, 7.3.2.2.1); the others stay: what
+  // is enabled, and of which scale, is not changed behind the compensator's back.
+  const Loaded loaded = load_parameters(dictionary_, parts_.parameters, kCommunicationEnd);
   emcy_.reset();
   report(loaded, emcy_);
   restart_alarms();
-  tables_.agree_on_resolution();
   apply_configuration();
 }
 
@@ -278,8 +277,9 @@ void Node::handle_heartbeat(const CanFrame& frame) {
 }
 
 void Node::handle_rpdo(std::size_t number, const CanFrame& frame) {
-  if (joints_.carries_target(number)) joints_.note_command(now_us_);
   const Pdo& pdo = pdos_.rpdo(number);
+  const bool is_target = pdo.mapping.has_axis_object(kTargetPosition);
+  if (is_target) joints_.note_command(now_us_);
   joints_.hear(pdo, frame);
   const bool is_feedback = pdo.mapping.has_axis_object(kActualPosition);
   // Actual positions are heard in every state: the first set has to know what the drives hold.
@@ -289,7 +289,7 @@ void Node::handle_rpdo(std::size_t number, const CanFrame& frame) {
     if (joints_.take_target(pdo, number, frame, now_us_)) outputs_are_fresh();
     return;
   }
-  if (mode() != Mode::kForward && pdo.mapping.has_axis_object(kTargetPosition)) {
+  if (mode() != Mode::kForward && is_target) {
     // Targets that are no part of a set are never corrected: too few joints, or too many frames.
     emcy_.raise(Condition::kSetsWithheld, kNoSet);
   }
@@ -355,7 +355,9 @@ void Node::outputs_are_fresh() {
 void Node::watch_sdo_targets(const CanFrame& frame) {
   const bool to_a_node = frame.id > kSdoRequestBase && frame.id <= kSdoRequestBase + kMaxNodeId;
   if (frame.is(kFrameExtended) || !to_a_node || frame.len != 8) return;
-  if (mode() != Mode::kInline || (frame.data[0] & 0xE0U) != 0x20U) return;
+  const bool begins_download = (frame.data[0] & 0xE0U) == 0x20U;
+  const bool begins_block_download = (frame.data[0] & 0xE1U) == 0xC0U;
+  if (mode() != Mode::kInline || !(begins_download || begins_block_download)) return;
   if (axis_object(load_le<std::uint16_t>(&frame.data[1])) != kTargetPosition) return;
   count(sdo_targets_);
   emcy_.raise(Condition::kTargetBySdo, frame.id - kSdoRequestBase);

@@ -101,7 +101,9 @@ class Node final : private ObjectHooks {
   // The newest frame of each synchronous input; false where there is no room.
   bool keep_for_sync(std::size_t number, const CanFrame& frame);
   bool is_within_bounds(const Pdo& pdo, const CanFrame& frame);
+  bool holds_correction() const;
   bool may_change_resolution() const;
+  bool all_say_disabled() const;
   bool may_erase() const;
   void outputs_are_fresh();
   // What ends the output waits until the drives' offsets are zero.

@@ -33,6 +33,13 @@ enum SelfTest : std::uint8_t {
 };
 constexpr std::uint8_t kAllTests = 0x1F;
 
+// What decides which frames are targets, actual positions and offsets, and which pass as they are.
+bool moves_frames(const od::Entry& entry) {
+  if (entry.index < 0x1400) return is(entry, od::kCOBIDSYNCMessage);
+  const bool is_mapping = (entry.index & 0x0200U) != 0;  // 0x16xx and 0x1Axx
+  return is_mapping || entry.sub == 1;
+}
+
 bool checksums_are_right() {
   // The check values that both CRC catalogues give for this text.
   constexpr std::uint8_t kText[] = {'1', '2', '3', '4', '5', '6', '7', '8', '9'};
@@ -48,6 +55,11 @@ bool dictionary_is_ordered() {
 
 Abort Node::check_communication_write(const od::Entry& entry, std::span<const std::uint8_t> value) {
   const std::uint32_t wanted = load_le(value);
+  // A controller that starts may configure anew: pre-operational, where no set goes out.
+  const bool is_held = nmt_.state() == NmtState::kOperational && holds_correction();
+  if (moves_frames(entry) && mode() != Mode::kForward && (is_held || !is_quiet())) {
+    return Abort::kDeviceState;
+  }
   if (is(entry, od::kCOBIDSYNCMessage)) {
     // This node consumes SYNC; it does not produce it.
     const bool possible = (wanted & (kSyncProducer | kExtended | kReservedIdBits)) == 0 &&
@@ -87,30 +99,38 @@ Abort Node::check_communication_write(const od::Entry& entry, std::span<const st
     if (!is_quiet() || !may_erase()) return Abort::kDeviceState;
     return parts_.parameters.erase() ? Abort::kNone : Abort::kHardware;
   }
-  // A mapping that changes under way would let targets pass uncorrected: a step in the output.
   const bool is_pdo_parameter = entry.index >= 0x1400;
   if (is_pdo_parameter && mode() != Mode::kForward && !is_quiet()) return Abort::kDeviceState;
   return check_pdo_write(dictionary_, entry, value, pdos_.payload_max());
+}
+
+// Whether an enabled drive holds one of ours: it would make a step of it where the next target
+// passed without, and keep its offset where none was sent any more.
+bool Node::holds_correction() const {
+  return joints_.phase() != Phase::kUnknown &&
+         parts_.compensator.state() != CompensatorState::kPassThrough && !all_say_disabled();
+}
+
+bool Node::all_say_disabled() const {
+  const auto all = static_cast<std::uint8_t>((1U << config_.joint_count) - 1U);
+  return (joints_.drives().disabled() & all) == all;
 }
 
 // An erase stalls the core for seconds on some ports, and nothing is forwarded meanwhile. A drive
 // that has not said that it is disabled counts as enabled while anything is heard from the drives'
 // bus; where nothing is, there is nothing to forward.
 bool Node::may_erase() const {
-  constexpr std::uint64_t kSilentUs = 1'000'000;
   const DriveStates& drives = joints_.drives();
   if ((drives.known() & ~drives.disabled()) != 0) return false;
-  if (!has_heard_drives_ || now_us_ - drives_heard_us_ > kSilentUs) return true;
-  const auto all = static_cast<std::uint8_t>((1U << config_.joint_count) - 1U);
-  return (drives.disabled() & all) == all;
+  const bool is_silent = !has_heard_drives_ || now_us_ - drives_heard_us_ > DriveStates::kSilentUs;
+  return is_silent || all_say_disabled();
 }
 
-// A change of scale under a correction would be a step: only without one, at rest, and with no
-// drive that has said that it is in operation.
+// A change of scale under a correction would be a step, and the limits hold in the drives' own
+// scale alone: only without a correction, at rest, and with the drives disabled or silent.
 bool Node::may_change_resolution() const {
-  const std::uint8_t in_operation =
-      static_cast<std::uint8_t>(joints_.drives().known() & ~joints_.drives().disabled());
-  return is_quiet() && in_operation == 0 &&
+  return is_quiet() && may_erase() &&
+         (all_say_disabled() || !joints_.drives().is_speaking(now_us_)) &&
          parts_.compensator.state() == CompensatorState::kPassThrough;
 }
 
@@ -133,8 +153,12 @@ Abort Node::check_write(const od::Entry& entry, std::span<const std::uint8_t> va
     if (static_cast<Mode>(value[0]) == Mode::kInline && parts_.downstream == nullptr) {
       return Abort::kIncompatibleParameter;
     }
-    return is_quiet() ? Abort::kNone : Abort::kDeviceState;
+    // Offsets become zero before that mode ends.
+    const bool leaves_inline = mode() == Mode::kInline && static_cast<Mode>(value[0]) != mode();
+    const bool may_leave = !leaves_inline || !holds_correction();
+    return is_quiet() && may_leave ? Abort::kNone : Abort::kDeviceState;
   }
+  if (is(entry, control::kFeedbackDelay)) return is_quiet() ? Abort::kNone : Abort::kDeviceState;
   const std::uint16_t object = axis_object(entry.index);
   const bool is_bound = object == kPositionRangeLimit || object == kSoftwarePositionLimit;
   if (object == kEncoderResolution || is_bound) {

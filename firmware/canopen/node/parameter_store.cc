@@ -18,14 +18,15 @@ bool save_parameters(const ObjectDictionary& dictionary, ParameterStore& store) 
   return store.save(block);
 }
 
-Loaded load_parameters(ObjectDictionary& dictionary, ParameterStore& store) {
+Loaded load_parameters(ObjectDictionary& dictionary, ParameterStore& store,
+                       std::uint32_t end_index) {
   Block block = {};
   if (!store.load(block)) return store.holds_something() ? Loaded::kDamaged : Loaded::kNone;
   if (load_le<std::uint32_t>(&block[kCrcAt]) != crc32(std::span(block).first(kCrcAt))) {
     return Loaded::kDamaged;
   }
   if (load_le<std::uint32_t>(block.data()) != od::kLayoutFingerprint) return Loaded::kOther;
-  dictionary.unpack_stored(std::span(block).subspan(4, od::kStoredSize));
+  dictionary.unpack_stored(std::span(block).subspan(4, od::kStoredSize), end_index);
   return Loaded::kParameters;
 }
 

@@ -40,8 +40,10 @@ enum class Loaded : std::uint8_t {
   kDamaged,  // what was saved cannot be had
 };
 
-// Restores saved parameters over the defaults. Anything but kParameters has changed nothing.
-Loaded load_parameters(ObjectDictionary& dictionary, ParameterStore& store);
+// Restores saved parameters below `end_index` over the defaults. Anything but kParameters has
+// changed nothing.
+Loaded load_parameters(ObjectDictionary& dictionary, ParameterStore& store,
+                       std::uint32_t end_index = kIndexEnd);
 
 }  // namespace armtrue::canopen
 

@@ -62,6 +62,7 @@ void Nmt::process(CanPort& port, std::uint16_t producer_ms, std::uint64_t now_us
 }
 
 void HeartbeatConsumer::configure(std::size_t slot, std::uint32_t value) {
+  if (slot >= watches_.size()) return;
   Watch watch;
   watch.node_id = static_cast<std::uint8_t>((value >> 16) & 0xFFU);
   watch.time_us = (value & 0xFFFFU) * 1000U;

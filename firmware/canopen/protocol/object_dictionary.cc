@@ -8,10 +8,6 @@
 namespace armtrue::canopen {
 namespace {
 
-constexpr std::uint32_t kCommunicationBegin = 0x1000;
-constexpr std::uint32_t kCommunicationEnd = 0x2000;
-constexpr std::uint32_t kIndexEnd = 0x10000;
-
 // Strings in RAM are what the device says of itself: set once at start, not a parameter.
 bool has_default(const od::Entry& entry) {
   return entry.type != od::Type::kDomain && entry.type != od::Type::kVisibleString;
@@ -100,10 +96,10 @@ void ObjectDictionary::pack_stored(std::span<std::uint8_t> out) const {
   }
 }
 
-void ObjectDictionary::unpack_stored(std::span<const std::uint8_t> in) {
+void ObjectDictionary::unpack_stored(std::span<const std::uint8_t> in, std::uint32_t end_index) {
   std::size_t at = 0;
   for (const od::Entry& entry : od::kEntries) {
-    if ((entry.flags & od::kStored) == 0) continue;
+    if ((entry.flags & od::kStored) == 0 || entry.index >= end_index) continue;
     std::copy_n(&in[at], entry.size, image_.begin() + entry.offset);
     at += entry.size;
   }

@@ -18,6 +18,11 @@
 
 namespace armtrue::canopen {
 
+// The communication profile area (CiA 301, 7.4.3), and all there is.
+inline constexpr std::uint32_t kCommunicationBegin = 0x1000;
+inline constexpr std::uint32_t kCommunicationEnd = 0x2000;
+inline constexpr std::uint32_t kIndexEnd = 0x10000;
+
 class ObjectDictionary {
  public:
   // Sets every value to the EDS default, those relative to the node-ID included. Strings that the
@@ -64,7 +69,8 @@ class ObjectDictionary {
 
   // Packs the values that 0x1010 saves, in entry order; `out` holds od::kStoredSize bytes.
   void pack_stored(std::span<std::uint8_t> out) const;
-  void unpack_stored(std::span<const std::uint8_t> in);
+  // Only those below `end_index` are taken.
+  void unpack_stored(std::span<const std::uint8_t> in, std::uint32_t end_index);
 
  private:
   // The defaults of begin_index ≤ index < end_index.

@@ -107,6 +107,16 @@ bool Mapping::has_axis_object(std::uint16_t object) const {
       used(), [object](const MappedEntry& mapped) { return axis_object(mapped.index) == object; });
 }
 
+std::uint32_t mapped_axes(std::span<const Pdo> pdos, std::uint16_t object) {
+  std::uint32_t axes = 0;
+  for (const Pdo& pdo : pdos) {
+    for (const MappedEntry& mapped : pdo.mapping.used()) {
+      if (pdo.valid && axis_object(mapped.index) == object) axes |= 1U << axis_of(mapped.index);
+    }
+  }
+  return axes;
+}
+
 Mapping PdoTable::decode(od::Ref<std::uint8_t> count, od::Ref<std::uint32_t> first,
                          bool receive) const {
   Mapping mapping;

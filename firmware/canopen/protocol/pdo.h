@@ -67,6 +67,9 @@ struct Pdo {
   bool is_synchronous() const { return transmission <= 240; }
 };
 
+// Bit k: one of these that is valid maps this object of axis k.
+std::uint32_t mapped_axes(std::span<const Pdo> pdos, std::uint16_t object);
+
 class PdoTable {
  public:
   // `payload_max`: bytes that a frame of the bus can carry.
@@ -78,6 +81,8 @@ class PdoTable {
   // Decodes all records anew.
   void refresh();
 
+  std::span<const Pdo> rpdos() const { return rpdos_; }
+  std::span<const Pdo> tpdos() const { return tpdos_; }
   const Pdo& rpdo(std::size_t number) const { return rpdos_[number]; }
   const Pdo& tpdo(std::size_t number) const { return tpdos_[number]; }
 

@@ -84,10 +84,6 @@ class TableTransfer final : public DomainHandler {
     return buffers_.active().empty() || validate(buffers_.active(), device_).accepted();
   }
 
-  // 0x608F was written, or restored: tables must have these scales from now on. Where it says
-  // nothing it takes those of the table in force.
-  void agree_on_resolution();
-
   std::uint32_t refused() const { return refused_; }
   bool on_trial() const { return trial_; }
 
@@ -110,6 +106,8 @@ class TableTransfer final : public DomainHandler {
   Validation check_resolution(std::span<const std::uint8_t> image) const;
   Validation check(std::span<const std::uint8_t> image) const;
   void put_in_force();
+  // Where 0x608F says nothing it takes the scales of the table in force: those of all that follow.
+  void agree_on_resolution();
   std::size_t capacity() const;
 
   ObjectDictionary& dictionary_;

@@ -58,6 +58,8 @@ enum class Step : std::uint8_t {
   kManyTargetPdos,
   kSynchronous,
   kRevert,
+  kPdo,
+  kMode,
   kPowerCycle,
   kCount,
 };
@@ -158,6 +160,19 @@ class Life {
         quiet(600);
         bench_.command(TableCommand::kRevert);
         sequence_ += 2;
+        return noted();
+      case Step::kPdo: {
+        quiet(600);
+        // One of those that carry targets or offsets goes off, or comes back.
+        const std::uint32_t pair = which % 3U;
+        const auto record = static_cast<std::uint16_t>((offset_ ? 0x1800U : 0x1400U) + pair);
+        bench_.write(record, 1, bench_.read(record, 1) ^ 0x80000000U, 4);
+        return noted();
+      }
+      case Step::kMode:
+        quiet(600);
+        bench_.write(0x2000, 1, bench_.read(0x2000, 1) != 0 ? 0 : (offset_ ? 2 : 1), 1);
+        quiet(fades_within_ > kFadesWithin ? 6000 : 600);
         return noted();
       default:
         bench_.power_on();

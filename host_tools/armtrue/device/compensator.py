@@ -162,7 +162,8 @@ class Compensator:
         else:
             if not bits & 1 << 0:
                 found.append(
-                    "nothing is corrected: valid RPDOs do not map the targets of all joints (0x1400, 0x1600)"
+                    "nothing is corrected: valid RPDOs do not map the targets of all joints (0x1400, 0x1600), "
+                    "or in offset mode valid TPDOs their offsets (0x1800, 0x1A00)"
                 )
             if bits & 1 << 5:
                 found.append(
