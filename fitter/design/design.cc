@@ -104,7 +104,8 @@ void BasisTable::update_loads() {
   slopes_stale_ = true;
 }
 
-void BasisTable::update_slopes() const {
+void BasisTable::make_slopes() const {
+  if (!slopes_stale_) return;
   for (SlopeColumn& slope : slopes_) {
     slope.values = slope.basis.slopes(rows_, std::bind_front(&BasisTable::column, this),
                                       nonlinear_names_[slope.nonlinear]);
@@ -134,7 +135,6 @@ void BasisTable::searched_row(std::size_t i, std::vector<Entry>& entries) const 
 
 void BasisTable::nonlinear_row(std::size_t i, std::size_t j, std::vector<Entry>& entries) const {
   entries.clear();
-  if (slopes_stale_) update_slopes();
   for (const SlopeColumn& slope : slopes_) {
     if (slope.nonlinear == j)
       entries.push_back({slope.parameter, slope.coordinate, slope.values[i]});
@@ -143,6 +143,11 @@ void BasisTable::nonlinear_row(std::size_t i, std::size_t j, std::vector<Entry>&
 
 // --- Design
 // ----------------------------------------------------------------------------------------------------------
+
+Design::Workspace::Workspace(const Design& design)
+    : kinematics(design.kinematics_),
+      coordinates(Eigen::VectorXd::Zero(design.kinematics_.layout().size())),
+      arm_coordinates(coordinates) {}
 
 Design::Design(const State& state, const Measurements& measurements, const Model& model,
                const Kinematics& kinematics)
@@ -154,8 +159,7 @@ Design::Design(const State& state, const Measurements& measurements, const Model
       feedback_(model, kinematics.layout(), state),
       residuals_per_row_(measurements.residuals_per_row()),
       weights_(measurements.rows, 1.0),
-      coordinates_(Eigen::VectorXd::Zero(kinematics.layout().size())),
-      arm_coordinates_(coordinates_) {
+      own_(*this) {
   for (const Parameter& p : model.parameters) is_arms_.push_back(p.exported);
   std::vector<int> all;
   for (std::size_t i = 0; i < model.parameters.size(); ++i) {
@@ -173,7 +177,6 @@ void Design::set_free(const std::vector<int>& parameters) {
     unknown_of_[static_cast<std::size_t>(p)] = static_cast<int>(free_.size());
     free_.push_back(p);
   }
-  slot_of_unknown_.assign(static_cast<std::size_t>(unknowns()), -1);
 }
 
 bool Design::is_table_unknown(int unknown) const {
@@ -197,17 +200,17 @@ std::vector<double> Design::unknown_values() const {
   return result;
 }
 
-void Design::coordinates_of(std::size_t i) {
-  basis_.row(i, entries_);
-  coordinates_.setZero();
+void Design::coordinates_of(std::size_t i, Workspace& w) const {
+  basis_.row(i, w.entries);
+  w.coordinates.setZero();
   const bool follows = feedback_.stands();
-  if (follows) arm_coordinates_.setZero();
-  for (const BasisTable::Entry& e : entries_) {
+  if (follows) w.arm_coordinates.setZero();
+  for (const BasisTable::Entry& e : w.entries) {
     const auto p = static_cast<std::size_t>(e.parameter);
-    coordinates_[e.coordinate] += values_[p] * e.value;
-    if (follows && is_arms_[p]) arm_coordinates_[e.coordinate] += values_[p] * e.value;
+    w.coordinates[e.coordinate] += values_[p] * e.value;
+    if (follows && is_arms_[p]) w.arm_coordinates[e.coordinate] += values_[p] * e.value;
   }
-  if (follows) feedback_.correct(i, values_, arm_coordinates_, coordinates_);
+  if (follows) feedback_.correct(i, values_, w.arm_coordinates, w.coordinates);
 }
 
 double Design::stand(State& state) {
@@ -215,10 +218,10 @@ double Design::stand(State& state) {
 }
 
 Pose Design::predict(std::size_t i) {
-  coordinates_of(i);
+  coordinates_of(i, own_);
   const auto n = static_cast<std::size_t>(kinematics_.layout().joints);
-  return kinematics_.forward(&state_->joints()[i * n], coordinates_.data(),
-                             measurements_->target[i]);
+  return own_.kinematics.forward(&state_->joints()[i * n], own_.coordinates.data(),
+                                 measurements_->target[i]);
 }
 
 Eigen::Matrix<double, 6, 1> Design::whiten(std::size_t i,
@@ -232,17 +235,22 @@ Eigen::Matrix<double, 6, 1> Design::whiten(std::size_t i,
 }
 
 void Design::evaluate(std::size_t i, bool with_jacobian, Row& row) {
+  if (with_jacobian) basis_.make_slopes();
+  evaluate(i, with_jacobian, row, own_);
+}
+
+void Design::evaluate(std::size_t i, bool with_jacobian, Row& row, Workspace& w) const {
   throw_if_cancelled();
-  coordinates_of(i);
+  coordinates_of(i, w);
   const auto n = static_cast<std::size_t>(kinematics_.layout().joints);
   const double* q = &state_->joints()[i * n];
   const int target = measurements_->target[i];
-  row.predicted = with_jacobian ? kinematics_.forward(q, coordinates_.data(), target, geometric_)
-                                : kinematics_.forward(q, coordinates_.data(), target);
+  row.predicted = with_jacobian ? w.kinematics.forward(q, w.coordinates.data(), target, w.geometric)
+                                : w.kinematics.forward(q, w.coordinates.data(), target);
   const bool follows = with_jacobian && feedback_.stands();
   if (follows) {
-    direct_ = geometric_;
-    feedback_.follow(i, values_, geometric_);
+    w.direct = w.geometric;
+    feedback_.follow(i, values_, w.geometric);
   }
 
   Eigen::Matrix<double, 6, 1> error = Eigen::Matrix<double, 6, 1>::Zero();
@@ -266,40 +274,40 @@ void Design::evaluate(std::size_t i, bool with_jacobian, Row& row) {
   const Eigen::Matrix3d whiten_rotation =
       residuals_per_row_ == 6 ? Eigen::Matrix3d(root / measurements_->sigma_rotation * turn)
                               : Eigen::Matrix3d::Zero();
-  const auto most = static_cast<Eigen::Index>(entries_.size() + model_->nonlinear.size());
-  if (raw_jacobian_.cols() < most) raw_jacobian_.resize(6, most);
+  const auto most = static_cast<Eigen::Index>(w.entries.size() + model_->nonlinear.size());
+  if (w.raw.cols() < most) w.raw.resize(6, most);
+  w.slot_of_unknown.resize(static_cast<std::size_t>(unknowns()), -1);
   const auto slot = [&](int unknown) {
-    int& s = slot_of_unknown_[static_cast<std::size_t>(unknown)];
+    int& s = w.slot_of_unknown[static_cast<std::size_t>(unknown)];
     if (s < 0) {
       s = static_cast<int>(row.unknowns.size());
       row.unknowns.push_back(unknown);
-      raw_jacobian_.col(s).setZero();
+      w.raw.col(s).setZero();
     }
     return s;
   };
-  for (const BasisTable::Entry& e : entries_) {
+  for (const BasisTable::Entry& e : w.entries) {
     const int unknown = unknown_of_[static_cast<std::size_t>(e.parameter)];
     if (unknown < 0) continue;
     const bool is_direct = follows && !is_arms_[static_cast<std::size_t>(e.parameter)];
-    raw_jacobian_.col(slot(unknown)) +=
-        e.value * (is_direct ? direct_ : geometric_).col(e.coordinate);
+    w.raw.col(slot(unknown)) += e.value * (is_direct ? w.direct : w.geometric).col(e.coordinate);
   }
   for (int j = 0; j < nonlinear_count(); ++j) {
-    basis_.nonlinear_row(i, static_cast<std::size_t>(j), slope_entries_);
+    basis_.nonlinear_row(i, static_cast<std::size_t>(j), w.slopes);
     const int s = slot(static_cast<int>(free_.size()) + j);
-    for (const BasisTable::Entry& e : slope_entries_) {
-      raw_jacobian_.col(s) +=
-          values_[static_cast<std::size_t>(e.parameter)] * e.value * geometric_.col(e.coordinate);
+    for (const BasisTable::Entry& e : w.slopes) {
+      w.raw.col(s) +=
+          values_[static_cast<std::size_t>(e.parameter)] * e.value * w.geometric.col(e.coordinate);
     }
   }
   const auto touched = static_cast<Eigen::Index>(row.unknowns.size());
   row.jacobian.resize(6, touched);
   for (Eigen::Index s = 0; s < touched; ++s) {
-    row.jacobian.col(s).head<3>().noalias() = whiten_position * raw_jacobian_.col(s).head<3>();
+    row.jacobian.col(s).head<3>().noalias() = whiten_position * w.raw.col(s).head<3>();
     if (residuals_per_row_ == 6)
-      row.jacobian.col(s).tail<3>().noalias() = whiten_rotation * raw_jacobian_.col(s).tail<3>();
+      row.jacobian.col(s).tail<3>().noalias() = whiten_rotation * w.raw.col(s).tail<3>();
   }
-  for (const int unknown : row.unknowns) slot_of_unknown_[static_cast<std::size_t>(unknown)] = -1;
+  for (const int unknown : row.unknowns) w.slot_of_unknown[static_cast<std::size_t>(unknown)] = -1;
 }
 
 std::vector<Pose> predict_poses(const State& state, const std::vector<int>& target,

@@ -3,8 +3,10 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <vector>
 
+#include "fitter/common/parallel.h"
 #include "fitter/design/load_feedback.h"
 #include "fitter/design/model.h"
 #include "fitter/model/kinematics.h"
@@ -43,9 +45,11 @@ class BasisTable {
   bool is_searched(int parameter) const {
     return searched_parameter_[static_cast<std::size_t>(parameter)];
   }
-  /// d(weight × basis)/d(nonlinear[j]) of one row; `parameter` is the coefficient that multiplies
-  /// it.
+  /// d(weight × basis)/d(nonlinear[j]) of one row, once slopes are there; `parameter` is the
+  /// coefficient that multiplies it.
   void nonlinear_row(std::size_t i, std::size_t j, std::vector<Entry>& entries) const;
+  /// Works out what nonlinear_row reads, where it is not there yet: not thread-safe.
+  void make_slopes() const;
   bool is_table(int parameter) const {
     return table_parameter_[static_cast<std::size_t>(parameter)];
   }
@@ -72,7 +76,6 @@ class BasisTable {
   std::vector<double> evaluate(const Expression& expression) const;
   void fill_dense(std::size_t c);
   void fill_sparse();
-  void update_slopes() const;
 
   const State* state_;
   std::size_t rows_;
@@ -105,7 +108,6 @@ class Design {
   const Model& model() const { return *model_; }
   const State& state() const { return *state_; }
   const Measurements& measurements() const { return *measurements_; }
-  Kinematics& kinematics() { return kinematics_; }
   const BasisTable& basis() const { return basis_; }
   /// Parameters (indices into Model::parameters) that are unknowns, in order.
   const std::vector<int>& free_parameters() const { return free_; }
@@ -136,21 +138,39 @@ class Design {
     Eigen::Matrix<double, 6, 1> residual;
     Pose predicted = Pose::Identity();
   };
-  /// Whitened, weighted residual (predicted − measured) and, where asked for, its Jacobian. Uses
-  /// scratch: not thread-safe.
+  /// What evaluating a row writes into; each thread has its own.
+  struct Workspace {
+    explicit Workspace(const Design& design);
+    Kinematics kinematics;
+    std::vector<BasisTable::Entry> entries, slopes;
+    std::vector<int> slot_of_unknown;
+    Eigen::VectorXd coordinates, arm_coordinates;
+    // By the coordinates: with the loads that follow them (the last evaluated row's, for
+    // candidates), and as if loads stayed.
+    Eigen::Matrix<double, 6, Eigen::Dynamic> geometric, direct, raw;
+  };
+  /// Whitened, weighted residual (predicted − measured) and, where asked for, its Jacobian: then
+  /// basis().make_slopes() comes first.
+  void evaluate(std::size_t i, bool with_jacobian, Row& row, Workspace& workspace) const;
+  /// The same by the design's own workspace: not thread-safe.
   void evaluate(std::size_t i, bool with_jacobian, Row& row);
+  /// Calls job(i, row, workspace) for every row, evaluated, on all processors: jobs share nothing
+  /// that they change.
+  template <typename Job>
+  void each_row(bool with_jacobian, const Job& job) const;
   /// Predicted pose of a row.
   Pose predict(std::size_t i);
-  /// The geometric Jacobian (6 × coordinates) of the last evaluated row, with the loads that follow
-  /// the arm: for candidates.
-  const Eigen::Matrix<double, 6, Eigen::Dynamic>& geometric_jacobian() const { return geometric_; }
+  /// The geometric Jacobian (6 × coordinates) of the last row evaluated by the own workspace.
+  const Eigen::Matrix<double, 6, Eigen::Dynamic>& geometric_jacobian() const {
+    return own_.geometric;
+  }
   /// Whitens a 6-vector change of row i's tool pose (position, rotation) the way the residual is
   /// whitened.
   Eigen::Matrix<double, 6, 1> whiten(std::size_t i,
                                      const Eigen::Matrix<double, 6, 1>& change) const;
 
  private:
-  void coordinates_of(std::size_t i);
+  void coordinates_of(std::size_t i, Workspace& workspace) const;
 
   const State* state_;
   const Measurements* measurements_;
@@ -164,12 +184,24 @@ class Design {
   std::vector<int> unknown_of_;
   std::vector<double> values_;
   std::vector<double> weights_;
-  std::vector<BasisTable::Entry> entries_, slope_entries_;
-  std::vector<int> slot_of_unknown_;
-  Eigen::VectorXd coordinates_, arm_coordinates_;
-  // By the coordinates: with the loads that follow them, and as if loads stayed.
-  Eigen::Matrix<double, 6, Eigen::Dynamic> geometric_, direct_, raw_jacobian_;
+  Workspace own_;
 };
+
+template <typename Job>
+void Design::each_row(bool with_jacobian, const Job& job) const {
+  // Fewer rows are evaluated before a thread has begun.
+  constexpr std::size_t kTogether = 512;
+  if (with_jacobian) basis_.make_slopes();
+  in_parallel((rows() + kTogether - 1) / kTogether, [&](std::size_t piece) {
+    Workspace workspace(*this);
+    Row row;
+    const std::size_t end = std::min(rows(), (piece + 1) * kTogether);
+    for (std::size_t i = piece * kTogether; i < end; ++i) {
+      evaluate(i, with_jacobian, row, workspace);
+      job(i, row, workspace);
+    }
+  });
+}
 
 /// Predicted poses of a state with a fitted model: what `predict` does.
 std::vector<Pose> predict_poses(const State& state, const std::vector<int>& target,

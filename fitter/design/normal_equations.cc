@@ -86,14 +86,15 @@ void NormalEquations::add(const PenaltyRow& row, const std::vector<double>& valu
   }
 }
 
-EvaluatedRows evaluate_rows(Design& design) {
+EvaluatedRows evaluate_rows(const Design& design) {
   EvaluatedRows result;
   for (std::size_t i = 0; i < design.rows(); ++i) {
     if (design.weights()[i] > 0.0) result.index.push_back(i);
   }
-  result.rows.resize(result.index.size());
-  for (std::size_t r = 0; r < result.rows.size(); ++r)
-    design.evaluate(result.index[r], true, result.rows[r]);
+  std::vector<Design::Row> all(design.rows());
+  design.each_row(true,
+                  [&](std::size_t i, Design::Row& row, const auto&) { std::swap(all[i], row); });
+  for (const std::size_t i : result.index) result.rows.push_back(std::move(all[i]));
   return result;
 }
 

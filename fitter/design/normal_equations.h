@@ -46,7 +46,7 @@ struct EvaluatedRows {
   std::vector<std::size_t> index;  ///< row of the design
   std::vector<Design::Row> rows;
 };
-EvaluatedRows evaluate_rows(Design& design);
+EvaluatedRows evaluate_rows(const Design& design);
 
 /// Accumulates over all rows of a design.
 NormalEquations accumulate(Design& design);

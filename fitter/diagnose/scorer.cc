@@ -60,11 +60,8 @@ Linearised linearise(Fit& fit) {
   result.jacobian = Eigen::MatrixXd::Zero(equations, width);
   result.geometry.resize(equations, fit.kinematics().layout().size());
   result.residual.resize(equations);
-  Design::Row row;
-  for (std::size_t r = 0; r < result.rows.size(); ++r) {
-    const std::size_t i = result.rows[r];
-    const Eigen::Index at = static_cast<Eigen::Index>(r) * height;
-    design.evaluate(i, true, row);
+  design.each_row(true, [&](std::size_t i, const Design::Row& row, const auto& workspace) {
+    const Eigen::Index at = static_cast<Eigen::Index>(i) * height;
     result.residual.segment(at, height) = row.residual.head(height);
     for (std::size_t u = 0; u < row.unknowns.size(); ++u) {
       const int column = result.column_of[static_cast<std::size_t>(row.unknowns[u])];
@@ -72,11 +69,11 @@ Linearised linearise(Fit& fit) {
         result.jacobian.col(column).segment(at, height) =
             row.jacobian.col(static_cast<Eigen::Index>(u)).head(height);
     }
-    const auto& geometric = design.geometric_jacobian();
+    const auto& geometric = workspace.geometric;
     for (Eigen::Index c = 0; c < geometric.cols(); ++c) {
       result.geometry.col(c).segment(at, height) = design.whiten(i, geometric.col(c)).head(height);
     }
-  }
+  });
   design.weights() = weights;
   return result;
 }

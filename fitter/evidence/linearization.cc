@@ -58,10 +58,8 @@ Linearization linearize(Fit& fit) {
   l.residual.resize(equations);
   l.from_tables = Eigen::VectorXd::Zero(equations);
   const std::vector<double> values = design.unknown_values();
-  Design::Row row;
-  for (std::size_t i = 0; i < design.rows(); ++i) {
+  design.each_row(true, [&](std::size_t i, const Design::Row& row, const auto& workspace) {
     const Eigen::Index at = static_cast<Eigen::Index>(i) * l.height;
-    design.evaluate(i, true, row);
     l.residual.segment(at, l.height) = row.residual.head(l.height);
     for (std::size_t u = 0; u < row.unknowns.size(); ++u) {
       const auto unknown = static_cast<std::size_t>(row.unknowns[u]);
@@ -72,14 +70,14 @@ Linearization linearize(Fit& fit) {
         l.from_tables.segment(at, l.height) += column * values[unknown];
       }
     }
-    const auto& geometric = design.geometric_jacobian();
+    const auto& geometric = workspace.geometric;
     for (Eigen::Index c = 0; c < geometric.cols(); ++c)
       l.geometry.col(c).segment(at, l.height) = design.whiten(i, geometric.col(c)).head(l.height);
     for (int c = 0; c < 3; ++c) {
       l.translation.col(c).segment(at, l.height) =
           design.whiten(i, Eigen::Matrix<double, 6, 1>::Unit(c)).head(l.height);
     }
-  }
+  });
   design.weights() = weights;
   return l;
 }

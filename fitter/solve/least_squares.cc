@@ -29,18 +29,17 @@ class WholeDesign final : public ceres::CostFunction {
     double* jacobian = jacobians ? jacobians[0] : nullptr;
     if (jacobian)
       std::fill(jacobian, jacobian + static_cast<std::ptrdiff_t>(num_residuals()) * width, 0.0);
-    for (std::size_t i = 0; i < design_.rows(); ++i) {
-      design_.evaluate(i, jacobian != nullptr, row_);
+    design_.each_row(jacobian != nullptr, [&](std::size_t i, const Design::Row& row, const auto&) {
       double* rows =
           jacobian ? jacobian + static_cast<std::ptrdiff_t>(i) * height * width : nullptr;
       for (int r = 0; r < height; ++r) {
-        residuals[static_cast<int>(i) * height + r] = row_.residual[r];
+        residuals[static_cast<int>(i) * height + r] = row.residual[r];
         if (!rows) continue;
-        for (std::size_t u = 0; u < row_.unknowns.size(); ++u) {
-          rows[r * width + row_.unknowns[u]] = row_.jacobian(r, static_cast<Eigen::Index>(u));
+        for (std::size_t u = 0; u < row.unknowns.size(); ++u) {
+          rows[r * width + row.unknowns[u]] = row.jacobian(r, static_cast<Eigen::Index>(u));
         }
       }
-    }
+    });
     const int first = static_cast<int>(design_.rows()) * height;
     for (std::size_t p = 0; p < penalties_.size(); ++p) {
       const int at = first + static_cast<int>(p);
@@ -57,7 +56,6 @@ class WholeDesign final : public ceres::CostFunction {
  private:
   Design& design_;
   const std::vector<PenaltyRow>& penalties_;
-  mutable Design::Row row_;
 };
 
 // Unknowns laid out for the block problem: all that are not table nodes in one block, every node a
@@ -88,31 +86,38 @@ struct BlockLayout {
   double* block(int unknown) { return &node_values[static_cast<std::size_t>(unknown)]; }
 };
 
-class UpdateDesign final : public ceres::EvaluationCallback {
+// All rows of the design, evaluated at Ceres' point before it asks for them one by one.
+class RowsAtPoint final : public ceres::EvaluationCallback {
  public:
-  UpdateDesign(Design& design, const BlockLayout& layout) : design_(design), layout_(layout) {}
-  void PrepareForEvaluation(bool, bool new_point) override {
+  RowsAtPoint(Design& design, const BlockLayout& layout)
+      : design_(design), layout_(layout), rows_(design.rows()) {}
+  void PrepareForEvaluation(bool with_jacobian, bool new_point) override {
     if (new_point) design_.set_unknowns(layout_.gather().data());
+    design_.each_row(with_jacobian, [&](std::size_t i, Design::Row& row, const auto&) {
+      std::swap(rows_[i], row);
+    });
   }
+  const Design::Row& row(std::size_t i) const { return rows_[i]; }
 
  private:
   Design& design_;
   const BlockLayout& layout_;
+  std::vector<Design::Row> rows_;
 };
 
 // One measurement; its blocks are the dense block and the nodes that its joints lie between.
 class OneMeasurement final : public ceres::CostFunction {
  public:
-  OneMeasurement(Design& design, const BlockLayout& layout, std::size_t row, std::vector<int> nodes)
-      : design_(design), layout_(layout), index_(row), nodes_(std::move(nodes)) {
+  OneMeasurement(const RowsAtPoint& rows, const BlockLayout& layout, std::size_t row, int height,
+                 std::vector<int> nodes)
+      : rows_(rows), layout_(layout), index_(row), nodes_(std::move(nodes)) {
     mutable_parameter_block_sizes()->push_back(static_cast<int>(layout.dense.size()));
     for (std::size_t i = 0; i < nodes_.size(); ++i) mutable_parameter_block_sizes()->push_back(1);
-    set_num_residuals(design.residuals_per_row());
+    set_num_residuals(height);
   }
 
   bool Evaluate(double const* const*, double* residuals, double** jacobians) const override {
-    static thread_local Design::Row row;
-    design_.evaluate(index_, jacobians != nullptr, row);
+    const Design::Row& row = rows_.row(index_);
     const int height = num_residuals();
     for (int r = 0; r < height; ++r) residuals[r] = row.residual[r];
     if (!jacobians) return true;
@@ -139,7 +144,7 @@ class OneMeasurement final : public ceres::CostFunction {
   }
 
  private:
-  Design& design_;
+  const RowsAtPoint& rows_;
   const BlockLayout& layout_;
   std::size_t index_;
   std::vector<int> nodes_;
@@ -227,9 +232,9 @@ SolveSummary solve_whole(Design& design, const std::vector<PenaltyRow>& penaltie
 SolveSummary solve_blocks(Design& design, const std::vector<PenaltyRow>& penalties,
                           Accuracy accuracy) {
   BlockLayout layout(design);
-  UpdateDesign update(design, layout);
+  RowsAtPoint rows(design, layout);
   ceres::Problem::Options problem_options;
-  problem_options.evaluation_callback = &update;
+  problem_options.evaluation_callback = &rows;
   ceres::Problem problem(problem_options);
   Design::Row row;
   const auto blocks_of = [&](const std::vector<int>& nodes) {
@@ -245,8 +250,9 @@ SolveSummary solve_blocks(Design& design, const std::vector<PenaltyRow>& penalti
       if (layout.position_in_dense[static_cast<std::size_t>(unknown)] < 0) nodes.push_back(unknown);
     }
     const std::vector<double*> blocks = blocks_of(nodes);
-    problem.AddResidualBlock(new OneMeasurement(design, layout, i, std::move(nodes)), nullptr,
-                             blocks);
+    problem.AddResidualBlock(
+        new OneMeasurement(rows, layout, i, design.residuals_per_row(), std::move(nodes)), nullptr,
+        blocks);
   }
   for (const PenaltyRow& penalty : penalties) {
     std::vector<LinearRow::Group> groups;

@@ -54,6 +54,7 @@ class ReducedProblem {
 
   // The derivative of A(theta) c in theta at the last theta that was asked for, b eliminated.
   MatrixXd slopes(const double* c) {
+    design_.basis().make_slopes();
     MatrixXd a = MatrixXd::Zero(equations(), design_.nonlinear_count());
     for (Index j = 0; j < a.cols(); ++j) {
       for (std::size_t k = 0; k < rows_.size(); ++k) {
