@@ -208,6 +208,11 @@ CASES = [
         robot=lambda _: "kinematics: {urdf: arm.urdf, base: b, tip: t}\n",
     ),
     Case(
+        "urdf of nobody's home",
+        ["~arm.urdf", "no such file"],
+        robot=lambda _: "kinematics: {urdf: ~arm.urdf, base: b, tip: t}\n",
+    ),
+    Case(
         "unknown key",
         ["robot.yaml", "kinematics.joints[2].ofset", "did you mean 'offset'"],
         robot=replaced("offset", "ofset"),

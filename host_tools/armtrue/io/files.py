@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import tempfile
@@ -37,6 +38,15 @@ def read_bytes(path: Path, largest_bytes: int = LARGEST_TEXT_BYTES) -> bytes:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from None
     except ValueError:
         raise InputError(f"{str(path)!r}: found a name that no file can have") from None
+
+
+def named_in(path: Path, name: str) -> Path:
+    """The file that the one at `path` names: beside it; ~ and $NAME as a shell reads them."""
+    named = Path(os.path.expandvars(name))
+    # Of a user whom this machine does not know it is a name as any other.
+    with contextlib.suppress(RuntimeError):
+        named = named.expanduser()
+    return path.parent / named
 
 
 def read_text(path: Path, encoding: str = "utf-8-sig", largest_bytes: int = LARGEST_TEXT_BYTES) -> str:

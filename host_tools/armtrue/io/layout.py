@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import shlex
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import Any
 from armtrue.errors import InputError, did_you_mean
 from armtrue.io.columns import POSITION, QUATERNION, UNITS, ColumnNames
 from armtrue.io.delimited import Dialect, read_header
+from armtrue.io.files import named_in
 from armtrue.io.robot import Robot
 from armtrue.io.sensor_names import contract_name
 from armtrue.io.yamlfile import Section, load_yaml
@@ -160,10 +160,10 @@ def yaml_layout(path: Path, robot: Robot) -> Layout:
     """
     top = load_yaml(path)
     names = ColumnNames(robot)
-    named = Path(os.path.expandvars(top.text("file", expected="the name of a CSV file"))).expanduser()
+    file = named_in(path, top.text("file", expected="the name of a CSV file"))
     columns = _Columns(top.section("columns"), names)
     layout = Layout(
-        file=path.parent / named,
+        file=file,
         dialect=_dialect(top),
         numbers=columns.numbers,
         texts=columns.texts,

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armtrue.errors import InputError
+from armtrue.io.files import named_in
 from armtrue.io.sensor_names import contract_name, is_sensor
 from armtrue.io.urdf import read_urdf_chain
 from armtrue.io.yamlfile import Section, load_yaml
@@ -235,7 +236,7 @@ def _limits(row: Section, revolute: bool) -> list[float]:
 
 
 def _urdf_kinematics(section: Section, path: Path) -> tuple[dict[str, Any], list[dict[str, Any]]]:
-    urdf_path = path.parent / Path(section.text("urdf", expected="the name of a URDF file")).expanduser()
+    urdf_path = named_in(path, section.text("urdf", expected="the name of a URDF file"))
     base = section.text("base", expected="the name of the link at the base")
     tip = section.text("tip", expected="the name of the link at the tip")
     kinematics, links = read_urdf_chain(urdf_path, base, tip)

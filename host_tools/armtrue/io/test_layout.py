@@ -178,3 +178,8 @@ def test_a_point_in_a_file_with_decimal_commas_is_refused(tmp_path, two_joints):
         InputError, match=r"row 2 column PX: found '1\.000,5', expected a number with a decimal comma"
     ):
         load(tmp_path, two_joints, foreign=FOREIGN.replace("1000,5", "1.000,5"))
+
+
+def test_a_name_that_begins_like_a_home_is_a_name(tmp_path, two_joints):
+    (tmp_path / "~nobody.csv").write_text(FOREIGN)
+    assert load(tmp_path, two_joints, DATASET.replace("foreign.csv", "~nobody.csv")).count == 3
