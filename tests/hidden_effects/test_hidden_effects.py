@@ -86,7 +86,9 @@ def test_what_is_sure_comes_in_though_chance_moves_unseen_poses_by_a_per_mille()
     assert verdict_of(outcome) == "right", outcome
 
 
-@pytest.mark.parametrize(("arm", "seed"), [("cobot", 20402), ("irb2400", 20406)])
+@pytest.mark.parametrize(
+    ("arm", "seed"), [("cobot", 20402), ("irb2400", 20406), ("irb2400", 21000), ("irb2400", 21001)]
+)
 def test_a_step_is_named_by_the_variable_in_which_it_is_sharp(arm: str, seed: int) -> None:
     # A load that goes along with the joint's angle explained the smoothed step as well, and was named first.
     outcome = run_case("outside_catalogue", arm, seed)
