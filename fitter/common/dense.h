@@ -16,16 +16,17 @@ bool factorise_cholesky(Eigen::MatrixXd& lower);
 /// From the factor to the inverse, lower triangle (LAPACK dpotri).
 void invert_cholesky(Eigen::MatrixXd& lower);
 
-/// The factor of a symmetric positive matrix, and what it solves.
+/// A symmetric positive definite matrix A = L Lᵀ, to solve A x = b (LAPACK dpotrf).
 class Cholesky {
  public:
-  /// Reads the lower triangle.
+  /// `lower`: A, of which the lower triangle is read.
   explicit Cholesky(Eigen::MatrixXd lower)
       : factor_(std::move(lower)), ok_(factorise_cholesky(factor_)) {}
   /// False where the matrix is not positive definite; nothing else has a meaning then.
   bool ok() const { return ok_; }
   /// L; what stands above its diagonal has no meaning.
   const Eigen::MatrixXd& lower() const { return factor_; }
+  /// A⁻¹ right.
   Eigen::VectorXd solve(const Eigen::VectorXd& right) const;
   Eigen::MatrixXd solve_matrix(Eigen::MatrixXd right) const;
   /// L⁻¹ right.
@@ -46,8 +47,9 @@ struct SymmetricEigen {
 };
 SymmetricEigen symmetric_eigen(Eigen::MatrixXd lower);
 
-/// x of least Σ (columns · x − values)², of these the shortest; directions in which the columns
-/// move less than `least_share` of the most are left out (LAPACK dgelsy).
+/// Least-squares solution x of columns · x = values, for each column of `values`. Where columns
+/// depend on one another, the solution of least norm; `least_share` is the reciprocal condition
+/// number from which they count as dependent (LAPACK dgelsy).
 Eigen::MatrixXd least_squares(Eigen::MatrixXd columns, const Eigen::MatrixXd& values,
                               double least_share = 1e-14);
 

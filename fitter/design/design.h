@@ -145,8 +145,8 @@ class Design {
     std::vector<BasisTable::Entry> entries, slopes;
     std::vector<int> slot_of_unknown;
     Eigen::VectorXd coordinates, arm_coordinates;
-    // By the coordinates: with the loads that follow them (the last evaluated row's, for
-    // candidates), and as if loads stayed.
+    // Derivatives of the last evaluated row's pose by the coordinates. `geometric`: the loads
+    // follow the arm as it moves; `direct`: they stay; `raw`: by the unknowns, not yet whitened.
     Eigen::Matrix<double, 6, Eigen::Dynamic> geometric, direct, raw;
   };
   /// Whitened, weighted residual (predicted − measured) and, where asked for, its Jacobian: then
@@ -160,7 +160,8 @@ class Design {
   void each_row(bool with_jacobian, const Job& job) const;
   /// Predicted pose of a row.
   Pose predict(std::size_t i);
-  /// The geometric Jacobian (6 × coordinates) of the last row evaluated by the own workspace.
+  /// The geometric Jacobian (6 × coordinates) of the last row that was evaluated without a
+  /// workspace of the caller's.
   const Eigen::Matrix<double, 6, Eigen::Dynamic>& geometric_jacobian() const {
     return own_.geometric;
   }

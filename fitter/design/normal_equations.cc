@@ -2,8 +2,6 @@
 
 #include <cmath>
 
-#include "fitter/common/dense.h"
-
 namespace armtrue {
 
 std::vector<PenaltyRow> penalty_rows(const Design& design, double smoothness_sigma) {
@@ -115,46 +113,45 @@ NormalEquations accumulate(Design& design) {
   return equations;
 }
 
-ScaledCholesky::ScaledCholesky(const Eigen::MatrixXd& lower) : scale_(lower.rows()) {
-  for (Eigen::Index i = 0; i < lower.rows(); ++i) {
-    scale_[i] = lower(i, i) > 0.0 ? 1.0 / std::sqrt(lower(i, i)) : 1.0;
-  }
-  factor_ = scale_.asDiagonal() * lower * scale_.asDiagonal();
-  // A rounding error's worth of ridge: exact dependencies are decided before, by rank, and not
-  // here.
-  factor_.diagonal().array() += 1e-14;
-  ok_ = factorise_cholesky(factor_);
+namespace {
+
+Eigen::VectorXd scale_of(const Eigen::MatrixXd& lower) {
+  return lower.diagonal().unaryExpr([](double d) { return d > 0.0 ? 1.0 / std::sqrt(d) : 1.0; });
 }
 
+// A rounding error's worth of ridge: exact dependencies are decided before, by rank, and not here.
+Eigen::MatrixXd scaled_with_ridge(const Eigen::MatrixXd& lower, const Eigen::VectorXd& scale) {
+  Eigen::MatrixXd scaled = scale.asDiagonal() * lower * scale.asDiagonal();
+  scaled.diagonal().array() += 1e-14;
+  return scaled;
+}
+
+}  // namespace
+
+ScaledCholesky::ScaledCholesky(const Eigen::MatrixXd& lower)
+    : scale_(scale_of(lower)), factor_(scaled_with_ridge(lower, scale_)) {}
+
 Eigen::VectorXd ScaledCholesky::solve(const Eigen::VectorXd& right) const {
-  Eigen::VectorXd result = scale_.cwiseProduct(right);
-  factor_.triangularView<Eigen::Lower>().solveInPlace(result);
-  factor_.triangularView<Eigen::Lower>().transpose().solveInPlace(result);
-  return scale_.cwiseProduct(result);
+  return scale_.cwiseProduct(factor_.solve(scale_.cwiseProduct(right)));
 }
 
 Eigen::MatrixXd ScaledCholesky::solve_matrix(const Eigen::MatrixXd& right) const {
-  Eigen::MatrixXd result = scale_.asDiagonal() * right;
-  solve_lower(factor_, result);
-  solve_lower_transposed(factor_, result);
-  return scale_.asDiagonal() * result;
+  return scale_.asDiagonal() * factor_.solve_matrix(scale_.asDiagonal() * right);
 }
 
 Eigen::MatrixXd ScaledCholesky::inverse() const {
-  Eigen::MatrixXd lower = factor_;
+  Eigen::MatrixXd lower = factor_.lower();
   invert_cholesky(lower);
   const Eigen::MatrixXd whole = lower.selfadjointView<Eigen::Lower>();
   return scale_.asDiagonal() * whole * scale_.asDiagonal();
 }
 
 Eigen::MatrixXd ScaledCholesky::half_solve(const Eigen::MatrixXd& right) const {
-  Eigen::MatrixXd result = scale_.asDiagonal() * right;
-  solve_lower(factor_, result);
-  return result;
+  return factor_.half_solve(scale_.asDiagonal() * right);
 }
 
 double ScaledCholesky::log_determinant() const {
-  return 2.0 * factor_.diagonal().array().log().sum() - 2.0 * scale_.array().log().sum();
+  return 2.0 * factor_.lower().diagonal().array().log().sum() - 2.0 * scale_.array().log().sum();
 }
 
 }  // namespace armtrue

@@ -5,6 +5,7 @@
 #include <Eigen/Core>
 #include <vector>
 
+#include "fitter/common/dense.h"
 #include "fitter/design/design.h"
 
 namespace armtrue {
@@ -57,7 +58,7 @@ NormalEquations accumulate(const Design& design, const EvaluatedRows& evaluated)
 class ScaledCholesky {
  public:
   explicit ScaledCholesky(const Eigen::MatrixXd& lower);
-  bool ok() const { return ok_; }
+  bool ok() const { return factor_.ok(); }
   Eigen::VectorXd solve(const Eigen::VectorXd& right) const;
   Eigen::MatrixXd solve_matrix(const Eigen::MatrixXd& right) const;
   Eigen::MatrixXd inverse() const;
@@ -68,8 +69,7 @@ class ScaledCholesky {
 
  private:
   Eigen::VectorXd scale_;
-  Eigen::MatrixXd factor_;  // lower triangle
-  bool ok_;
+  Cholesky factor_;
 };
 
 }  // namespace armtrue

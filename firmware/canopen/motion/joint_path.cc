@@ -16,7 +16,7 @@ enum WhyWithheld : std::uint32_t {
   kPositionUnknown = 3,  // offset mode: the arm has not stood yet where its offset is known
   kSyncMissing = 4,      // targets or offsets that wait for SYNC, which does not come
   kNotOperational = 6,
-  kOutputRefused = 7,  // the drives' bus does not take the set
+  kOutputRefused = 7,  // the set could not be sent on the drives' bus
 };
 
 }  // namespace

@@ -43,6 +43,16 @@ class FaultTest : public DrivesTest {
     return std::find(codes.begin(), codes.end(), code) != codes.end();
   }
   std::uint32_t refusal() { return bench.read(0x2013, 2); }
+  // RPDO 13 hears these objects of the drives, as 0x1D0.
+  void hear_of_drives(std::initializer_list<std::uint32_t> objects) {
+    ASSERT_EQ(bench.write(0x140C, 1, 0x800001D0, 4), 0U);
+    ASSERT_EQ(bench.write(0x160C, 0, 0, 1), 0U);
+    std::uint8_t count = 0;
+    for (const std::uint32_t object : objects)
+      ASSERT_EQ(bench.write(0x160C, ++count, object, 4), 0U);
+    ASSERT_EQ(bench.write(0x160C, 0, count, 1), 0U);
+    ASSERT_EQ(bench.write(0x140C, 1, 0x1D0, 4), 0U);
+  }
 };
 class InlineFaultTest : public FaultTest {};
 class OffsetFaultTest : public FaultTest {};
@@ -210,11 +220,7 @@ TEST_P(FaultTest, ATableForOtherEncodersIsRefused) {
 
 TEST_P(FaultTest, AnotherResolutionNeedsDrivesThatAreNotInOperation) {
   ASSERT_EQ(bench.write(0x2000, 2, 0, 1), 0U);
-  ASSERT_EQ(bench.write(0x140C, 1, 0x800001D0, 4), 0U);
-  ASSERT_EQ(bench.write(0x160C, 0, 0, 1), 0U);
-  ASSERT_EQ(bench.write(0x160C, 1, 0x60410010, 4), 0U);
-  ASSERT_EQ(bench.write(0x160C, 0, 1, 1), 0U);
-  ASSERT_EQ(bench.write(0x140C, 1, 0x1D0, 4), 0U);
+  hear_of_drives({0x60410010});
   const auto drive_says = [this](int statusword) {
     const CanFrame frame = make_frame(0x1D0, {statusword & 0xFF, statusword >> 8});
     offset_ ? bench.from_controller(frame) : bench.from_drives(frame);
@@ -340,11 +346,7 @@ TEST_P(FaultTest, TableRefusedWhenEnabled_KeepsNoBuffer) {
 
 TEST_P(FaultTest, StateThatIsNotMappedAnyMore_IsNotBelieved) {
   ASSERT_EQ(bench.write(0x2000, 1, 0, 1), 0U);
-  ASSERT_EQ(bench.write(0x160C, 0, 0, 1), 0U);
-  ASSERT_EQ(bench.write(0x160C, 1, 0x60410010, 4), 0U);
-  ASSERT_EQ(bench.write(0x160C, 2, 0x68610008, 4), 0U);
-  ASSERT_EQ(bench.write(0x160C, 0, 2, 1), 0U);
-  ASSERT_EQ(bench.write(0x140C, 1, 0x1D0, 4), 0U);
+  hear_of_drives({0x60410010, 0x68610008});
   bench.from_controller(make_frame(0x1D0, {0x50, 0x02, 6}));
   EXPECT_EQ(bench.read(0x2005, 1), 3U);
   EXPECT_EQ(bench.read(0x2005, 2), 3U);

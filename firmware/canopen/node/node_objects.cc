@@ -33,7 +33,8 @@ enum SelfTest : std::uint8_t {
 };
 constexpr std::uint8_t kAllTests = 0x1F;
 
-// What decides which frames are targets, actual positions and offsets, and which pass as they are.
+// SYNC's identifier, and of a PDO its identifier and its mapping: they decide which frames are
+// targets, actual positions and offsets, and which pass as they are.
 bool moves_frames(const od::Entry& entry) {
   if (entry.index < 0x1400) return is(entry, od::kCOBIDSYNCMessage);
   const bool is_mapping = (entry.index & 0x0200U) != 0;  // 0x16xx and 0x1Axx
@@ -55,12 +56,15 @@ bool dictionary_is_ordered() {
 
 Abort Node::check_communication_write(const od::Entry& entry, std::span<const std::uint8_t> value) {
   const std::uint32_t wanted = load_le(value);
-  // A controller that starts may configure anew: pre-operational, where no set goes out.
-  const bool is_held = nmt_.state() == NmtState::kOperational && holds_correction();
-  if (moves_frames(entry) && mode() != Mode::kForward && (is_held || !is_quiet())) {
-    return Abort::kDeviceState;
+  const bool is_sync = is(entry, od::kCOBIDSYNCMessage);
+  const bool is_pdo_parameter = entry.index >= 0x1400;
+  if ((is_sync || is_pdo_parameter) && mode() != Mode::kForward) {
+    // A controller that starts may configure anew: pre-operational, where no set goes out.
+    const bool is_held =
+        moves_frames(entry) && nmt_.state() == NmtState::kOperational && holds_correction();
+    if (is_held || !is_quiet()) return Abort::kDeviceState;
   }
-  if (is(entry, od::kCOBIDSYNCMessage)) {
+  if (is_sync) {
     // This node consumes SYNC; it does not produce it.
     const bool possible = (wanted & (kSyncProducer | kExtended | kReservedIdBits)) == 0 &&
                           !is_restricted_id(wanted & kIdMask);
@@ -99,13 +103,11 @@ Abort Node::check_communication_write(const od::Entry& entry, std::span<const st
     if (!is_quiet() || !may_erase()) return Abort::kDeviceState;
     return parts_.parameters.erase() ? Abort::kNone : Abort::kHardware;
   }
-  const bool is_pdo_parameter = entry.index >= 0x1400;
-  if (is_pdo_parameter && mode() != Mode::kForward && !is_quiet()) return Abort::kDeviceState;
   return check_pdo_write(dictionary_, entry, value, pdos_.payload_max());
 }
 
-// Whether an enabled drive holds one of ours: it would make a step of it where the next target
-// passed without, and keep its offset where none was sent any more.
+// Whether an enabled drive holds a correction. Its next target would be a step if it passed
+// uncorrected, and an offset that is sent no more would stay.
 bool Node::holds_correction() const {
   return joints_.phase() != Phase::kUnknown &&
          parts_.compensator.state() != CompensatorState::kPassThrough && !all_say_disabled();

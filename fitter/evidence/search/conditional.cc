@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "fitter/common/dense.h"
 
@@ -62,15 +63,15 @@ void weigh_scales(const SearchProblem& problem, const SearchBlock& own,
     root.diagonal().array() += 1.0;
     result.choices.push_back({index, static_cast<int>(s)});
     // Rounding alone can take definiteness from what another block explains already.
-    if (!factorise_cholesky(root)) {
+    const Cholesky factor(std::move(root));
+    if (!factor.ok()) {
       result.log_weight.push_back(-std::numeric_limits<double>::infinity());
       continue;
     }
-    Eigen::MatrixXd half = along;
-    solve_lower(root, half);
-    const double left = local.squares - square * half.squaredNorm();
+    const double left = local.squares - square * factor.half_solve(along).squaredNorm();
     result.log_weight.push_back(own.log_odds + shape.log_prior[s] -
-                                root.diagonal().array().log().sum() + fit_term(problem, left));
+                                factor.lower().diagonal().array().log().sum() +
+                                fit_term(problem, left));
   }
 }
 

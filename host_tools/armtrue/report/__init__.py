@@ -1,4 +1,4 @@
-"""The report of a calibration as one HTML page; `armtrue.report.figures` has its sections for notebooks."""
+"""The report of a calibration as one HTML page. `armtrue.report.figures` shows its sections in a notebook."""
 
 from __future__ import annotations
 

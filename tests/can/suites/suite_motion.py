@@ -328,7 +328,7 @@ class OffsetDrives:
 def offset(target: Target) -> Iterator[OffsetDrives]:
     """Offset mode with a table in force, the correction settled at one place."""
     install_table(target)
-    target.reset()  # inline is not left while drives may hold a correction
+    target.reset()  # the table was tried inline, and that mode cannot be left while drives may hold a correction
     for pair, identifier in enumerate(OFFSET_IDS):
         assert target.write(0x1800 + pair, 1, identifier | NO_RTR, 4) == 0
     target.configure(2)

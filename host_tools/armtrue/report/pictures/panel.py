@@ -20,7 +20,7 @@ _BESIDE_TICKS = 26.0  # what the axis name and the gaps beside tick labels take 
 _POINTER = (3.5, 9.0)  # half width and height of a note's pointer
 _LINE = 13.0
 _LABEL_CHARACTER = 6.3  # width of a character of a label, in user units
-_TICK_CHARACTER = 9.0  # as wide as on paper, where letters of charts are larger
+_TICK_CHARACTER = 9.0  # of a tick, on paper: letters are largest there
 
 
 class Panel:
