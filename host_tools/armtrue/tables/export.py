@@ -37,6 +37,7 @@ _INCREMENTS_PER_MOTOR_TURN = 2**20
 _INCREMENTS_PER_UNIT = 2**24
 # Largest correction that an export allows on its own [rad, m]; --max-correction may say more.
 _LARGEST_CORRECTION = 0.15
+_CORRECTION_STEP = 1e-3
 
 
 @dataclass(frozen=True)
@@ -51,7 +52,7 @@ class ExportOptions:
     blend_ms: int = 500
     damping_m: float | None = None  # 0.4 % of the reach
     rotation_length_m: float | None = None  # a quarter of the reach
-    max_correction: float | None = None  # rad or m; twice what 99.9 % of sampled poses need
+    max_correction: float | None = None  # rad or m; else twice what 99.9 % of sampled poses need, in whole mrad or mm
     max_rate: float = 0.1  # rad/s or m/s
     dead_band: float = 2e-5  # rad or m
     payload_max_kg: float | None = None  # half the arm's mass, or 50
@@ -591,9 +592,11 @@ class _Exporter:
             (self.options.rotation_length_m or 0.25 * self.chain.reach_m) if self.options.full_pose else None
         )
         correction = np.abs(reference.inverse(poses, around, rotation) - poses)
-        # Close to singularities corrections grow without bound: all but one in a thousand are covered.
+        # Close to singularities corrections grow without bound: all but one in a thousand are covered. Rounding
+        # decides the last digits there: whole steps give the same image on another processor.
+        covered = 2.0 * np.quantile(correction, 0.999, axis=0) + 2e-3
         return np.asarray(
-            np.minimum(2.0 * np.quantile(correction, 0.999, axis=0) + 2e-3, _LARGEST_CORRECTION)
+            np.minimum(np.ceil(covered / _CORRECTION_STEP) * _CORRECTION_STEP, _LARGEST_CORRECTION)
         )
 
     def _tools(self) -> list[bytes]:
