@@ -1,6 +1,10 @@
 #include "fitter/design/normal_equations.h"
 
 #include <cmath>
+#include <numeric>
+#include <utility>
+
+#include "fitter/common/parallel.h"
 
 namespace armtrue {
 
@@ -35,47 +39,62 @@ std::vector<PenaltyRow> penalty_rows(const Design& design, double smoothness_sig
   return rows;
 }
 
-void NormalEquations::set_zero() {
-  information.setZero();
-  gradient.setZero();
-  cost = 0.0;
-  equations = 0;
+double PenaltyRow::residual(const std::vector<double>& values) const {
+  double left = -target;
+  for (const auto& [unknown, factor] : entries)
+    left += factor * values[static_cast<std::size_t>(unknown)];
+  return left;
+}
+
+void NormalEquations::add_gradient(const Design::Row& row, int residuals) {
+  cost += row.residual.head(residuals).squaredNorm();
+  equations += static_cast<std::size_t>(residuals);
+  for (std::size_t b = 0; b < row.unknowns.size(); ++b) {
+    gradient[row.unknowns[b]] += row.jacobian.col(static_cast<Eigen::Index>(b))
+                                     .head(residuals)
+                                     .dot(row.residual.head(residuals));
+  }
 }
 
 void NormalEquations::add(const Design::Row& row, int residuals) {
-  cost += row.residual.head(residuals).squaredNorm();
-  equations += static_cast<std::size_t>(residuals);
+  add_gradient(row, residuals);
   if (row.unknowns.empty()) return;
   const auto touched = static_cast<Eigen::Index>(row.unknowns.size());
   auto across = across_.topRows(touched);
   across = row.jacobian.leftCols(touched).transpose();
-  const int first = row.unknowns.front();
-  bool contiguous = true;
-  for (Eigen::Index a = 0; a < touched && contiguous; ++a)
-    contiguous = row.unknowns[static_cast<std::size_t>(a)] == first + a;
-  for (Eigen::Index b = 0; b < touched; ++b) {
-    const int ub = row.unknowns[static_cast<std::size_t>(b)];
-    gradient[ub] += row.jacobian.col(b).head(residuals).dot(row.residual.head(residuals));
-    const Eigen::Index left = touched - b;
-    auto products = products_.head(left);
-    products = across(b, 0) * across.col(0).tail(left) + across(b, 1) * across.col(1).tail(left) +
-               across(b, 2) * across.col(2).tail(left);
-    for (int r = 3; r < residuals; ++r) products += across(b, r) * across.col(r).tail(left);
-    if (contiguous) {
-      information.col(ub).segment(ub, left) += products;
-      continue;
-    }
-    for (Eigen::Index a = b; a < touched; ++a) {
-      const int ua = row.unknowns[static_cast<std::size_t>(a)];
-      information(std::max(ua, ub), std::min(ua, ub)) += products[a - b];
+  // Runs of slots with consecutive unknowns: most of a row is one, the nodes of tables are pairs.
+  runs_.clear();
+  for (Eigen::Index a = 0; a < touched; ++a) {
+    const int unknown = row.unknowns[static_cast<std::size_t>(a)];
+    if (runs_.empty() || unknown != runs_.back().unknown + static_cast<int>(runs_.back().count))
+      runs_.push_back({a, 0, unknown});
+    ++runs_.back().count;
+  }
+  for (std::size_t first = 0; first < runs_.size(); ++first) {
+    for (Eigen::Index k = 0; k < runs_[first].count; ++k) {
+      const Eigen::Index b = runs_[first].slot + k, left = touched - b;
+      const Eigen::Index ub = runs_[first].unknown + k;
+      auto products = products_.head(left);
+      products = across(b, 0) * across.col(0).tail(left) + across(b, 1) * across.col(1).tail(left) +
+                 across(b, 2) * across.col(2).tail(left);
+      for (int r = 3; r < residuals; ++r) products += across(b, r) * across.col(r).tail(left);
+      information.col(ub).segment(ub, runs_[first].count - k) +=
+          products.head(runs_[first].count - k);
+      for (std::size_t other = first + 1; other < runs_.size(); ++other) {
+        const Run& run = runs_[other];
+        const auto part = products.segment(run.slot - b, run.count);
+        if (run.unknown > ub) {
+          information.col(ub).segment(run.unknown, run.count) += part;
+        } else {
+          information.row(ub).segment(run.unknown, run.count) += part.transpose();
+        }
+      }
     }
   }
 }
 
 void NormalEquations::add(const PenaltyRow& row, const std::vector<double>& values) {
-  double left = -row.target;
-  for (const auto& [unknown, factor] : row.entries)
-    left += factor * values[static_cast<std::size_t>(unknown)];
+  const double left = row.residual(values);
   for (const auto& [ua, fa] : row.entries) {
     gradient[ua] += fa * left;
     for (const auto& [ub, fb] : row.entries) {
@@ -102,15 +121,55 @@ NormalEquations accumulate(const Design& design, const EvaluatedRows& evaluated)
   return equations;
 }
 
-NormalEquations accumulate(Design& design) {
-  NormalEquations equations(design.unknowns());
-  Design::Row row;
-  for (std::size_t i = 0; i < design.rows(); ++i) {
-    if (design.weights()[i] == 0.0) continue;
-    design.evaluate(i, true, row);
-    equations.add(row, design.residuals_per_row());
+namespace {
+
+// Parts of the rows that are summed beside each other.
+constexpr std::size_t kParts = 4;
+
+template <typename Add>
+NormalEquations accumulate_by(const Design& design, const Add& add) {
+  design.basis().make_slopes();
+  std::vector<NormalEquations> parts(kParts, NormalEquations(design.unknowns()));
+  in_parallel(kParts, [&](std::size_t part) {
+    Design::Workspace workspace(design);
+    Design::Row row;
+    const std::size_t end = (part + 1) * design.rows() / kParts;
+    for (std::size_t i = part * design.rows() / kParts; i < end; ++i) {
+      if (design.weights()[i] == 0.0) continue;
+      design.evaluate(i, true, row, workspace);
+      add(parts[part], row);
+    }
+  });
+  NormalEquations& sum = parts.front();
+  for (std::size_t part = 1; part < kParts; ++part) {
+    sum.information += parts[part].information;
+    sum.gradient += parts[part].gradient;
+    sum.cost += parts[part].cost;
+    sum.equations += parts[part].equations;
   }
-  return equations;
+  return std::move(sum);
+}
+
+}  // namespace
+
+NormalEquations accumulate(const Design& design) {
+  return accumulate_by(design, [&](NormalEquations& equations, const Design::Row& row) {
+    equations.add(row, design.residuals_per_row());
+  });
+}
+
+double squared_residuals(const Design& design) {
+  std::vector<double> squares(design.rows());
+  design.each_row(false, [&](std::size_t i, const Design::Row& row, const auto&) {
+    squares[i] = row.residual.squaredNorm();
+  });
+  return std::accumulate(squares.begin(), squares.end(), 0.0);
+}
+
+NormalEquations accumulate_gradient(const Design& design) {
+  return accumulate_by(design, [&](NormalEquations& equations, const Design::Row& row) {
+    equations.add_gradient(row, design.residuals_per_row());
+  });
 }
 
 namespace {

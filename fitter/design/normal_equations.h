@@ -14,6 +14,9 @@ namespace armtrue {
 struct PenaltyRow {
   std::vector<std::pair<int, double>> entries;  ///< unknown, factor / sigma
   double target = 0.0;                          ///< / sigma
+
+  /// What `values` of the unknowns leave of it.
+  double residual(const std::vector<double>& values) const;
 };
 
 /// Priors of the free parameters and penalties of the model, in unknowns. `smoothness_sigma` scales
@@ -32,12 +35,18 @@ struct NormalEquations {
         gradient(Eigen::VectorXd::Zero(unknowns)),
         across_(unknowns, 6),
         products_(unknowns) {}
-  void set_zero();
   void add(const Design::Row& row, int residuals);
+  /// As `add`, all but the information.
+  void add_gradient(const Design::Row& row, int residuals);
   void add(const PenaltyRow& row, const std::vector<double>& values);
 
  private:
+  struct Run {
+    Eigen::Index slot, count;  // in the row
+    int unknown;               // the first one
+  };
   // Scratch: a row's Jacobian with unknowns along memory, and one column of its square.
+  std::vector<Run> runs_;
   Eigen::Matrix<double, Eigen::Dynamic, 6> across_;
   Eigen::VectorXd products_;
 };
@@ -49,8 +58,12 @@ struct EvaluatedRows {
 };
 EvaluatedRows evaluate_rows(const Design& design);
 
-/// Accumulates over all rows of a design.
-NormalEquations accumulate(Design& design);
+/// Accumulates over all rows of a design, on all processors: the same sums however many there are.
+NormalEquations accumulate(const Design& design);
+/// The same without the information, which stays zero.
+NormalEquations accumulate_gradient(const Design& design);
+/// Σ r² of the measurements with weight.
+double squared_residuals(const Design& design);
 /// The same over rows that are evaluated already.
 NormalEquations accumulate(const Design& design, const EvaluatedRows& evaluated);
 

@@ -37,9 +37,7 @@ struct Prior {
     for (const PenaltyRow& row : rows) {
       if (!stands_on_tables(design, row)) continue;
       equations.add(row, values);
-      double left = -row.target;
-      for (const auto& [unknown, factor] : row.entries)
-        left += factor * values[static_cast<std::size_t>(unknown)];
+      const double left = row.residual(values);
       penalty += left * left;
     }
   }

@@ -1,4 +1,4 @@
-// Nonlinear least squares over a design, by Ceres with the design's analytic Jacobian.
+// Nonlinear least squares over a design, with its analytic Jacobian.
 #pragma once
 
 #include <string>
@@ -19,8 +19,8 @@ struct SolveSummary {
 };
 
 /// Minimises Σ r² with priors and penalties, starting from the design's present values, and leaves
-/// the solution there. Models without tables are one dense problem; with tables every measurement
-/// is a block that touches only its own nodes.
+/// the solution there: Gauss–Newton steps on the normal equations, damped where they do not descend;
+/// nonlinear parameters stay within their bounds.
 SolveSummary solve(Design& design, double smoothness_sigma, Accuracy accuracy = Accuracy::kFull);
 
 }  // namespace armtrue
