@@ -19,14 +19,18 @@ inline bool& is_one_of_many() {
   return value;
 }
 
+/// Threads that in_parallel would use: on one of its own, only that.
+inline std::size_t processors() {
+  return is_one_of_many() ? 1U : std::max(1U, std::thread::hardware_concurrency());
+}
+
 /// Calls `job(index)` once for each index below `count`, on as many threads as there are
 /// processors, the caller's among them; from within another's job, on the caller's alone. Jobs must
 /// share nothing that they change. The first exception is thrown on when all threads have ended;
 /// jobs that had not begun by then stay undone. The caller's CancelScope holds on all of them.
 template <typename Job>
 void in_parallel(std::size_t count, const Job& job) {
-  const std::size_t workers = std::min<std::size_t>(
-      count, is_one_of_many() ? 1U : std::max(1U, std::thread::hardware_concurrency()));
+  const std::size_t workers = std::min(count, processors());
   if (workers <= 1) {
     for (std::size_t index = 0; index < count; ++index) {
       throw_if_cancelled();

@@ -184,6 +184,12 @@ bool Design::is_table_unknown(int unknown) const {
          basis_.is_table(free_[static_cast<std::size_t>(unknown)]);
 }
 
+int Design::unknowns_beside_tables() const {
+  int count = 0;
+  for (int u = 0; u < unknowns(); ++u) count += is_table_unknown(u) ? 0 : 1;
+  return count;
+}
+
 void Design::set_unknowns(const double* unknowns) {
   for (std::size_t k = 0; k < free_.size(); ++k)
     values_[static_cast<std::size_t>(free_[k])] = unknowns[k];

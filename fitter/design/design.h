@@ -116,6 +116,7 @@ class Design {
   /// Unknown number of a parameter; −1 where it is held.
   int unknown_of(int parameter) const { return unknown_of_[static_cast<std::size_t>(parameter)]; }
   bool is_table_unknown(int unknown) const;
+  int unknowns_beside_tables() const;
 
   /// Values of all linear parameters (held ones included); set_unknowns writes the free ones and
   /// the nonlinear ones.

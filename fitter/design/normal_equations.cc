@@ -2,7 +2,6 @@
 
 #include <cmath>
 #include <numeric>
-#include <utility>
 
 #include "fitter/common/parallel.h"
 
@@ -46,51 +45,102 @@ double PenaltyRow::residual(const std::vector<double>& values) const {
   return left;
 }
 
-void NormalEquations::add_gradient(const Design::Row& row, int residuals) {
-  cost += row.residual.head(residuals).squaredNorm();
-  equations += static_cast<std::size_t>(residuals);
-  for (std::size_t b = 0; b < row.unknowns.size(); ++b) {
-    gradient[row.unknowns[b]] += row.jacobian.col(static_cast<Eigen::Index>(b))
+namespace {
+
+// Columns of the information are dealt out to the jobs so many at a time. Each job adds all rows to
+// its own columns: nothing is summed twice, and no order depends on the number of jobs.
+constexpr int kColumnsTogether = 16;
+
+// Consecutive unknowns in consecutive places of a row: most of a row is one run, the nodes of
+// tables are pairs.
+struct Run {
+  Eigen::Index place, count;
+  int unknown;  // the first one
+};
+
+// Adds the squares of rows to one job's columns of the lower triangle.
+class SquareAdder {
+ public:
+  SquareAdder(Eigen::MatrixXd& information, int residuals, int job, int jobs)
+      : information_(information),
+        residuals_(residuals),
+        job_(job),
+        jobs_(jobs),
+        across_(information.cols(), 6),
+        products_(information.cols()) {}
+
+  void add(const Design::Row& row) {
+    touched_ = static_cast<Eigen::Index>(row.unknowns.size());
+    across_.topRows(touched_) = row.jacobian.leftCols(touched_).transpose();
+    runs_.clear();
+    for (Eigen::Index place = 0; place < touched_; ++place) {
+      const int unknown = row.unknowns[static_cast<std::size_t>(place)];
+      if (runs_.empty() || unknown != runs_.back().unknown + static_cast<int>(runs_.back().count))
+        runs_.push_back({place, 0, unknown});
+      ++runs_.back().count;
+    }
+    for (std::size_t r = 0; r < runs_.size(); ++r) {
+      for (Eigen::Index k = 0; k < runs_[r].count; ++k) {
+        if ((runs_[r].unknown + static_cast<int>(k)) / kColumnsTogether % jobs_ == job_)
+          add_products(r, k);
+      }
+    }
+  }
+
+ private:
+  // Of the k-th unknown of a run with itself and all that follow it in the row.
+  void add_products(std::size_t first, Eigen::Index k) {
+    const Eigen::Index own = runs_[first].place + k, left = touched_ - own;
+    const Eigen::Index unknown = runs_[first].unknown + k;
+    auto products = products_.head(left);
+    products = across_(own, 0) * across_.col(0).segment(own, left);
+    for (int r = 1; r < residuals_; ++r)
+      products += across_(own, r) * across_.col(r).segment(own, left);
+    information_.col(unknown).segment(unknown, runs_[first].count - k) +=
+        products.head(runs_[first].count - k);
+    for (std::size_t r = first + 1; r < runs_.size(); ++r) {
+      const auto part = products.segment(runs_[r].place - own, runs_[r].count);
+      if (runs_[r].unknown > unknown) {
+        information_.col(unknown).segment(runs_[r].unknown, runs_[r].count) += part;
+      } else {
+        information_.row(unknown).segment(runs_[r].unknown, runs_[r].count) += part.transpose();
+      }
+    }
+  }
+
+  Eigen::MatrixXd& information_;
+  int residuals_, job_, jobs_;
+  // Of the present row; its Jacobian with unknowns along memory.
+  std::vector<Run> runs_;
+  Eigen::Index touched_ = 0;
+  Eigen::Matrix<double, Eigen::Dynamic, 6> across_;
+  Eigen::VectorXd products_;
+};
+
+void add_gradient(const Design::Row& row, int residuals, Eigen::VectorXd& gradient) {
+  for (std::size_t u = 0; u < row.unknowns.size(); ++u) {
+    gradient[row.unknowns[u]] += row.jacobian.col(static_cast<Eigen::Index>(u))
                                      .head(residuals)
                                      .dot(row.residual.head(residuals));
   }
 }
 
-void NormalEquations::add(const Design::Row& row, int residuals) {
-  add_gradient(row, residuals);
-  if (row.unknowns.empty()) return;
-  const auto touched = static_cast<Eigen::Index>(row.unknowns.size());
-  auto across = across_.topRows(touched);
-  across = row.jacobian.leftCols(touched).transpose();
-  // Runs of slots with consecutive unknowns: most of a row is one, the nodes of tables are pairs.
-  runs_.clear();
-  for (Eigen::Index a = 0; a < touched; ++a) {
-    const int unknown = row.unknowns[static_cast<std::size_t>(a)];
-    if (runs_.empty() || unknown != runs_.back().unknown + static_cast<int>(runs_.back().count))
-      runs_.push_back({a, 0, unknown});
-    ++runs_.back().count;
+}  // namespace
+
+void NormalEquations::add(const std::vector<const Design::Row*>& rows, int residuals) {
+  for (const Design::Row* row : rows) {
+    cost += row->residual.head(residuals).squaredNorm();
+    equations += static_cast<std::size_t>(residuals);
+    add_gradient(*row, residuals, gradient);
   }
-  for (std::size_t first = 0; first < runs_.size(); ++first) {
-    for (Eigen::Index k = 0; k < runs_[first].count; ++k) {
-      const Eigen::Index b = runs_[first].slot + k, left = touched - b;
-      const Eigen::Index ub = runs_[first].unknown + k;
-      auto products = products_.head(left);
-      products = across(b, 0) * across.col(0).tail(left) + across(b, 1) * across.col(1).tail(left) +
-                 across(b, 2) * across.col(2).tail(left);
-      for (int r = 3; r < residuals; ++r) products += across(b, r) * across.col(r).tail(left);
-      information.col(ub).segment(ub, runs_[first].count - k) +=
-          products.head(runs_[first].count - k);
-      for (std::size_t other = first + 1; other < runs_.size(); ++other) {
-        const Run& run = runs_[other];
-        const auto part = products.segment(run.slot - b, run.count);
-        if (run.unknown > ub) {
-          information.col(ub).segment(run.unknown, run.count) += part;
-        } else {
-          information.row(ub).segment(run.unknown, run.count) += part.transpose();
-        }
-      }
+  const std::size_t jobs = processors();
+  in_parallel(jobs, [&](std::size_t job) {
+    SquareAdder adder(information, residuals, static_cast<int>(job), static_cast<int>(jobs));
+    for (const Design::Row* row : rows) {
+      throw_if_cancelled();
+      adder.add(*row);
     }
-  }
+  });
 }
 
 void NormalEquations::add(const PenaltyRow& row, const std::vector<double>& values) {
@@ -117,45 +167,21 @@ EvaluatedRows evaluate_rows(const Design& design) {
 
 NormalEquations accumulate(const Design& design, const EvaluatedRows& evaluated) {
   NormalEquations equations(design.unknowns());
-  for (const Design::Row& row : evaluated.rows) equations.add(row, design.residuals_per_row());
+  std::vector<const Design::Row*> rows;
+  for (const Design::Row& row : evaluated.rows) rows.push_back(&row);
+  equations.add(rows, design.residuals_per_row());
   return equations;
 }
 
-namespace {
-
-// Parts of the rows that are summed beside each other.
-constexpr std::size_t kParts = 4;
-
-template <typename Add>
-NormalEquations accumulate_by(const Design& design, const Add& add) {
-  design.basis().make_slopes();
-  std::vector<NormalEquations> parts(kParts, NormalEquations(design.unknowns()));
-  in_parallel(kParts, [&](std::size_t part) {
-    Design::Workspace workspace(design);
-    Design::Row row;
-    const std::size_t end = (part + 1) * design.rows() / kParts;
-    for (std::size_t i = part * design.rows() / kParts; i < end; ++i) {
-      if (design.weights()[i] == 0.0) continue;
-      design.evaluate(i, true, row, workspace);
-      add(parts[part], row);
-    }
-  });
-  NormalEquations& sum = parts.front();
-  for (std::size_t part = 1; part < kParts; ++part) {
-    sum.information += parts[part].information;
-    sum.gradient += parts[part].gradient;
-    sum.cost += parts[part].cost;
-    sum.equations += parts[part].equations;
-  }
-  return std::move(sum);
+NormalEquations accumulate(const Design& design) {
+  return accumulate(design, evaluate_rows(design));
 }
 
-}  // namespace
-
-NormalEquations accumulate(const Design& design) {
-  return accumulate_by(design, [&](NormalEquations& equations, const Design::Row& row) {
-    equations.add(row, design.residuals_per_row());
-  });
+Eigen::VectorXd gradient_of(const Design& design) {
+  Eigen::VectorXd gradient = Eigen::VectorXd::Zero(design.unknowns());
+  for (const Design::Row& row : evaluate_rows(design).rows)
+    add_gradient(row, design.residuals_per_row(), gradient);
+  return gradient;
 }
 
 double squared_residuals(const Design& design) {
@@ -164,12 +190,6 @@ double squared_residuals(const Design& design) {
     squares[i] = row.residual.squaredNorm();
   });
   return std::accumulate(squares.begin(), squares.end(), 0.0);
-}
-
-NormalEquations accumulate_gradient(const Design& design) {
-  return accumulate_by(design, [&](NormalEquations& equations, const Design::Row& row) {
-    equations.add_gradient(row, design.residuals_per_row());
-  });
 }
 
 namespace {

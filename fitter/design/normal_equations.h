@@ -32,23 +32,10 @@ struct NormalEquations {
 
   explicit NormalEquations(Eigen::Index unknowns)
       : information(Eigen::MatrixXd::Zero(unknowns, unknowns)),
-        gradient(Eigen::VectorXd::Zero(unknowns)),
-        across_(unknowns, 6),
-        products_(unknowns) {}
-  void add(const Design::Row& row, int residuals);
-  /// As `add`, all but the information.
-  void add_gradient(const Design::Row& row, int residuals);
+        gradient(Eigen::VectorXd::Zero(unknowns)) {}
+  /// On all processors; the same sums however many there are.
+  void add(const std::vector<const Design::Row*>& rows, int residuals);
   void add(const PenaltyRow& row, const std::vector<double>& values);
-
- private:
-  struct Run {
-    Eigen::Index slot, count;  // in the row
-    int unknown;               // the first one
-  };
-  // Scratch: a row's Jacobian with unknowns along memory, and one column of its square.
-  std::vector<Run> runs_;
-  Eigen::Matrix<double, Eigen::Dynamic, 6> across_;
-  Eigen::VectorXd products_;
 };
 
 /// The rows with weight of a design, evaluated with their Jacobian at its present values.
@@ -58,14 +45,13 @@ struct EvaluatedRows {
 };
 EvaluatedRows evaluate_rows(const Design& design);
 
-/// Accumulates over all rows of a design, on all processors: the same sums however many there are.
-NormalEquations accumulate(const Design& design);
-/// The same without the information, which stays zero.
-NormalEquations accumulate_gradient(const Design& design);
-/// Σ r² of the measurements with weight.
-double squared_residuals(const Design& design);
-/// The same over rows that are evaluated already.
 NormalEquations accumulate(const Design& design, const EvaluatedRows& evaluated);
+/// Over all rows of a design at its present values.
+NormalEquations accumulate(const Design& design);
+/// NormalEquations::gradient alone.
+Eigen::VectorXd gradient_of(const Design& design);
+/// NormalEquations::cost alone.
+double squared_residuals(const Design& design);
 
 /// Scaled Cholesky factor of a symmetric positive matrix, given its lower triangle.
 class ScaledCholesky {

@@ -120,7 +120,9 @@ std::vector<std::vector<double>> held_out_distances(const Design& design,
       if (fold_of_row[evaluated.index[r]] == static_cast<int>(job % each)) rows.push_back(r);
     }
     NormalEquations own(design.unknowns());
-    for (const std::size_t r : rows) own.add(evaluated.rows[r], design.residuals_per_row());
+    std::vector<const Design::Row*> left_out;
+    for (const std::size_t r : rows) left_out.push_back(&evaluated.rows[r]);
+    own.add(left_out, design.residuals_per_row());
     const std::vector<bool> unseen = unseen_unknowns(design, data, own);
     const ScaledCholesky factor(total.information - own.information);
     const Eigen::VectorXd step = -factor.solve(total.gradient - own.gradient);

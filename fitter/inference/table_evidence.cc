@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <map>
+#include <string>
 
 #include "fitter/common/dense.h"
 #include "fitter/common/parallel.h"
@@ -26,20 +28,43 @@ bool stands_on_tables(const Design& design, const PenaltyRow& row) {
                      [&](const auto& entry) { return design.is_table_unknown(entry.first); });
 }
 
-// Penalty rows of table nodes: their information, and their sum of squares at `values`.
+// Penalty rows of table nodes: their sum of squares at `values`, and log |P|, the sum over tables,
+// of which no row holds two.
 struct Prior {
-  NormalEquations equations;
-  double penalty = 0.0;
+  double penalty = 0.0, log_determinant = 0.0;
 
   Prior(const Design& design, const std::vector<PenaltyRow>& rows,
-        const std::vector<double>& values)
-      : equations(design.unknowns()) {
+        const std::vector<double>& values) {
+    std::map<std::string, std::vector<const PenaltyRow*>> by_table;
     for (const PenaltyRow& row : rows) {
       if (!stands_on_tables(design, row)) continue;
-      equations.add(row, values);
-      const double left = row.residual(values);
-      penalty += left * left;
+      by_table[table_of(design, row.entries.front().first)].push_back(&row);
+      penalty += std::pow(row.residual(values), 2);
     }
+    for (const auto& [table, own] : by_table) log_determinant += log_determinant_of(own);
+  }
+
+ private:
+  static std::string table_of(const Design& design, int unknown) {
+    const int p = design.free_parameters()[static_cast<std::size_t>(unknown)];
+    const Term& term = design.model().parameters[static_cast<std::size_t>(p)].terms.front();
+    return term.table->id;
+  }
+
+  static double log_determinant_of(const std::vector<const PenaltyRow*>& rows) {
+    std::map<int, Eigen::Index> place;  // of an unknown
+    for (const PenaltyRow* row : rows) {
+      for (const auto& [unknown, factor] : row->entries)
+        place.try_emplace(unknown, static_cast<Eigen::Index>(place.size()));
+    }
+    const auto size = static_cast<Eigen::Index>(place.size());
+    Eigen::MatrixXd information = Eigen::MatrixXd::Zero(size, size);
+    for (const PenaltyRow* row : rows) {
+      for (const auto& [ua, fa] : row->entries) {
+        for (const auto& [ub, fb] : row->entries) information(place[ua], place[ub]) += fa * fb;
+      }
+    }
+    return ScaledCholesky(information).log_determinant();
   }
 };
 
@@ -48,9 +73,8 @@ double log_determinant(const Eigen::MatrixXd& lower, const std::vector<int>& unk
 }
 
 double occam_factor(const Split& split, const Eigen::MatrixXd& posterior,
-                    const ScaledCholesky& factor, const Eigen::MatrixXd& prior) {
-  return factor.log_determinant() - log_determinant(posterior, split.other) -
-         log_determinant(prior, split.table);
+                    const ScaledCholesky& factor, const Prior& prior) {
+  return factor.log_determinant() - log_determinant(posterior, split.other) - prior.log_determinant;
 }
 
 // −2 log of the marginal likelihood of a linearised model at one smoothness of its tables.
@@ -70,7 +94,7 @@ double evidence_at(const Design& design, const NormalEquations& data, const Spli
   const Prior prior(design, rows, solution);
   const double squares = std::max(misfit + prior.penalty, std::numeric_limits<double>::min());
   return static_cast<double>(data.equations) * std::log(squares) +
-         occam_factor(split, posterior.information, factor, prior.equations.information);
+         occam_factor(split, posterior.information, factor, prior);
 }
 
 }  // namespace
@@ -86,8 +110,7 @@ TableEvidence table_evidence(const Design& design, const Eigen::MatrixXd& inform
   posterior.information = information.triangularView<Eigen::Lower>();
   for (const PenaltyRow& row : rows) posterior.add(row, values);
   return {prior.penalty,
-          occam_factor(split, posterior.information, ScaledCholesky(posterior.information),
-                       prior.equations.information)};
+          occam_factor(split, posterior.information, ScaledCholesky(posterior.information), prior)};
 }
 
 const std::vector<double>& smoothnesses() {

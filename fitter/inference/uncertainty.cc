@@ -67,14 +67,13 @@ void count_repeats(const Design& design, const EvaluatedRows& evaluated, double 
   const double correlation = replicates.correlation(residual, height);
   if (correlation <= 0.0) return;
   const std::vector<double> worth = replicates.worth(correlation);
-  NormalEquations equations(design.unknowns());
+  EvaluatedRows weighed = evaluated;
   double design_effect = 0.0;
   for (std::size_t r = 0; r < rows; ++r) {
-    Design::Row row = evaluated.rows[r];
-    row.jacobian *= std::sqrt(worth[r]);
-    equations.add(row, height);
+    weighed.rows[r].jacobian *= std::sqrt(worth[r]);
     design_effect += 1.0 / worth[r] / static_cast<double>(rows);
   }
+  NormalEquations equations = accumulate(design, weighed);
   const double freedom = std::max(
       1.0, static_cast<double>(residual.size()) - spread.effective_unknowns * design_effect);
   equations.information /= std::max(residual.squaredNorm() / freedom, 1e-12);

@@ -198,9 +198,10 @@ void Fit::rescale_noise() {
   const double equations = static_cast<double>(size.size()) * design_->residuals_per_row();
   double unknowns = design_->unknowns();
   if (has_tables(model_)) {
-    if (!kept_weights_) {
+    if (!knows_effective_unknowns_) {
       effective_guess_ = count_effective_unknowns(*design_, accumulate(*design_), smoothness_.sigma,
                                                   effective_guess_);
+      knows_effective_unknowns_ = true;
     }
     unknowns = effective_guess_;
   }
@@ -249,7 +250,9 @@ bool Fit::change_smoothness() {
   }
   const Smoothness before =
       std::exchange(smoothness_, choose_smoothness(*design_, model_, smoothness_));
-  return smoothness_.sigma != before.sigma || smoothness_.scale != before.scale;
+  if (smoothness_.sigma == before.sigma && smoothness_.scale == before.scale) return false;
+  knows_effective_unknowns_ = false;
+  return true;
 }
 
 bool Fit::find_gross_errors() {
@@ -321,6 +324,13 @@ bool Fit::keeps_weights() const {
          has_the_nodes_of_the_start();
 }
 
+// What stands beside the start's tables is counted one by one.
+void Fit::count_from(const StartPoint& start) {
+  effective_guess_ =
+      start.effective_unknowns + design_->unknowns_beside_tables() - start.unknowns_beside_tables;
+  knows_effective_unknowns_ = true;
+}
+
 // Between two full fits: coefficients anew, and the scale of the noise.
 void Fit::solve_as_weighed() {
   const StartPoint& start = *options_.start;
@@ -329,7 +339,7 @@ void Fit::solve_as_weighed() {
   scale_noise(start.noise_scale);
   measurements_.sigma_rotation = start.sigma_rotation;
   choose_free();
-  effective_guess_ = start.effective_unknowns + design_->unknowns() - start.unknowns;
+  count_from(start);
   begin_at(start);
   solve_from_here();
   rescale_noise();
@@ -340,7 +350,6 @@ void Fit::solve_as_weighed() {
 
 void Fit::solve_robustly() {
   const bool begun = options_.start && options_.start->smoothness.sigma > 0.0;
-  if (begun) effective_guess_ = options_.start->effective_unknowns;
   smoothness_.sigma = options_.smoothness_sigma.value_or(begun ? options_.start->smoothness.sigma
                                                                : kSmoothnessStart);
   // Bumps are kept out of the very first step already, where alignment shows them.
@@ -352,6 +361,7 @@ void Fit::solve_robustly() {
     weights[i] = options_.reject_gross_errors && aligned[i] > limit ? 0.0 : 1.0;
   }
   choose_free();
+  if (begun) count_from(*options_.start);
   if (is_searched(model_)) {
     design_->set_unknowns(search_starts(*design_, smoothness_.sigma).data());
   } else if (options_.start) {

@@ -36,8 +36,8 @@ struct StartPoint {
   double noise_scale = 1.0;              ///< of the stated standard deviation of a reading
   double sigma_rotation = 0.0;           ///< [rad] standard deviation of a measured orientation
   std::vector<double> weights{};         ///< of rows: 0 for gross errors
-  int unknowns = 0;                      ///< solved for
   double effective_unknowns = 0.0;       ///< less what priors and smoothness hold
+  int unknowns_beside_tables = 0;
   std::map<std::string, std::map<double, double>>
       tables{};  ///< of one variable: value by node, by id
 };
@@ -143,6 +143,7 @@ class Fit {
   void choose_free();
   void solve_robustly();
   bool keeps_weights() const;
+  void count_from(const StartPoint& start);
   void solve_as_weighed();
   bool find_gross_errors();
   void fold_base_and_tool();
@@ -165,7 +166,8 @@ class Fit {
   int solver_iterations_ = 0;
   Smoothness smoothness_;
   bool kept_weights_ = false;
-  double effective_guess_ = 0.0;  // last known number of effective unknowns; saves iterations
+  double effective_guess_ = 0.0;           // last known number of effective unknowns
+  bool knows_effective_unknowns_ = false;  // it was counted for this smoothness
   double noise_scale_ = 1.0;
   double orientation_inflation_ = 1.0;
   NoiseFloor noise_floor_;

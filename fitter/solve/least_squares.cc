@@ -93,7 +93,7 @@ class Descent {
 
   // False where other unknowns are held than in the factor.
   bool renew_gradient() {
-    gradient_ = accumulate_gradient(design_).gradient;
+    gradient_ = gradient_of(design_);
     for (const PenaltyRow& row : penalties_) {
       const double left = row.residual(values_);
       for (const auto& [unknown, factor] : row.entries) gradient_[unknown] += factor * left;

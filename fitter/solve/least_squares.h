@@ -19,8 +19,8 @@ struct SolveSummary {
 };
 
 /// Minimises Σ r² with priors and penalties, starting from the design's present values, and leaves
-/// the solution there: Gauss–Newton steps on the normal equations, damped where they do not descend;
-/// nonlinear parameters stay within their bounds.
+/// the solution there: Gauss–Newton steps on the normal equations, damped where they do not
+/// descend; nonlinear parameters stay within their bounds.
 SolveSummary solve(Design& design, double smoothness_sigma, Accuracy accuracy = Accuracy::kFull);
 
 }  // namespace armtrue

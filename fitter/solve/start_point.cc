@@ -37,8 +37,8 @@ StartPoint Fit::start_point() const {
   start.noise_scale = noise_scale_;
   start.sigma_rotation = measurements_.sigma_rotation;
   start.weights = design_->weights();
-  start.unknowns = design_->unknowns();
   start.effective_unknowns = effective_unknowns();
+  start.unknowns_beside_tables = design_->unknowns_beside_tables();
   for (const Parameter& p : model_.parameters) {
     start.values[p.name] = p.value;
     const TableReference* table = table_of(p);
