@@ -140,6 +140,27 @@ TEST_P(Size, EigenvaluesOfAKnownSpectrum) {
   EXPECT_LT((again - turn * known.asDiagonal() * turn).lpNorm<Eigen::Infinity>(), 1e-9);
 }
 
+TEST(SymmetricEigenOfTwo, IsRightForEveryKindOfMatrix) {
+  for (const double first : {0.0, 1.0, -2.0, 1e-9, 3e7}) {
+    for (const double second : {0.0, 1.0, -3.0, 2e7}) {
+      for (const double beside : {0.0, 1e-12, 0.5, -4.0, 1e7}) {
+        Eigen::Matrix2d m;
+        m << first, beside, beside, second;
+        const SymmetricEigen found = symmetric_eigen(m);
+        const double size = m.cwiseAbs().maxCoeff();
+        EXPECT_LE(found.values[0], found.values[1]);
+        EXPECT_LE((m * found.vectors - found.vectors * found.values.asDiagonal())
+                      .lpNorm<Eigen::Infinity>(),
+                  1e-15 * size)
+            << m;
+        EXPECT_LT((found.vectors.transpose() * found.vectors - Eigen::Matrix2d::Identity())
+                      .lpNorm<Eigen::Infinity>(),
+                  1e-15);
+      }
+    }
+  }
+}
+
 TEST_P(Size, SquaresAndTriangularSolutionsAlsoOfPartsOfMatrices) {
   const Eigen::Index n = GetParam();
   const Eigen::MatrixXd whole = some_matrix(n + 3, n + 2);

@@ -336,8 +336,10 @@ SearchResult Sampler::run() {
     climb(all);
     go_to(best_);
   }
-  line_up();
-  find_readings();
+  if (options_.sweeps > 0) {
+    line_up();
+    find_readings();
+  }
   for (int i = 0; i < options_.burn_in + options_.sweeps; ++i) {
     throw_if_cancelled();
     sweep(i, i >= options_.burn_in);
