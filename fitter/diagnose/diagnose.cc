@@ -52,7 +52,8 @@ std::vector<EvidenceBlock> spectral_blocks(const Fit& fit, const Scorer& scorer,
     const double ratio =
         fit.robot().joints[static_cast<std::size_t>(spectrum.joint - 1)].gear_ratio;
     for (const SpectralPeak& peak : highest_peaks(spectrum, scorer, fit.state(), kSpectralPeaks)) {
-      if (peak.cycles < kLowestLine) continue;
+      // What makes less than one wave over the joint's range is a bend that harmonics have, too.
+      if (peak.cycles < std::max(kLowestLine, spectrum.resolution)) continue;
       const double width = 0.5 * spectrum.resolution;
       const auto known = [&](double order) {
         return ratio > 0.0 && std::abs(peak.cycles - order * ratio) < width;

@@ -15,6 +15,9 @@ namespace {
 
 // Prior odds of a kind of effect, shared by its joints, pairs and periods (docs/decisions/0006).
 constexpr double kKindOdds = 0.03;
+// A joint's table can follow whatever its joint does: what has a cause is as much likelier at
+// first.
+constexpr double kCauseBeforeTable = 10.0;
 // Prior odds of what the owner of the arm put into the model.
 constexpr double kBelievedOdds = 3.0;
 // A nonlinear parameter of the fit stands where it was found: its range is so many standard
@@ -269,8 +272,10 @@ bool Builder::work_out(EvidenceBlock& block) const {
   if (shapes.empty()) return false;
   // Forms of one effect span nearly the same, nodes of a table do not.
   if (!table) block.columns = compress(block.columns, shapes);
-  for (const PriorShape& shape : shapes)
-    block.search.costly = block.search.costly || shape.spread.cols() > kCostlyDirections;
+  // Masses of all links are as many directions, but one cause: they compete with what has few.
+  block.search.costly = table && std::ranges::any_of(shapes, [](const PriorShape& shape) {
+                          return shape.spread.cols() > kCostlyDirections;
+                        });
   return true;
 }
 
@@ -304,9 +309,9 @@ void Builder::set_odds() {
     if (block.tried == 0.0) of_kind[block.kind] += 1.0;
   }
   for (EvidenceBlock& block : model_.blocks) {
-    block.search.log_odds = std::log(
-        block.believed ? kBelievedOdds
-                       : kKindOdds / (block.tried > 0.0 ? block.tried : of_kind[block.kind]));
+    double odds = kKindOdds / (block.tried > 0.0 ? block.tried : of_kind[block.kind]);
+    if (is_joint_table(block.request)) odds /= kCauseBeforeTable;
+    block.search.log_odds = std::log(block.believed ? kBelievedOdds : odds);
   }
 }
 

@@ -60,6 +60,18 @@ def test_an_arm_unlike_its_file_hides_nothing_and_alarms_nobody(kind: str, arm: 
     assert verdict_of(outcome) == "right", outcome
 
 
+def test_one_cause_with_many_coefficients_competes_with_two_that_have_few() -> None:
+    # Masses came last, as tables do for their many nodes; by then a wave of axis 3 and a balancer stood in their place.
+    outcome = run_case("real_nothing", "irb2400", 22000)
+    assert verdict_of(outcome) == "right", outcome
+
+
+def test_less_than_a_wave_over_the_range_of_a_joint_is_no_line_and_no_table() -> None:
+    # A wave of three a turn, over the third of a turn that the joint moves, had two coefficients less than harmonics.
+    outcome = run_case("one_hidden", "kr30", 21001)
+    assert verdict_of(outcome) == "right", outcome
+
+
 def test_links_heavier_than_stated_bend_a_hardening_spring_by_its_slope_where_it_is() -> None:
     # Weighed as if the spring were linear, they left a wave on axis 2 that stood for nothing in the arm.
     outcome = run_case("real_three", "kr30", 20014)

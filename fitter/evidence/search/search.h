@@ -47,7 +47,7 @@ struct SearchBlock {
   double log_odds = 0.0;  ///< prior odds of presence
   bool present = false;   ///< stands in the model that the search begins at
   bool counts = true;     ///< something is missing where this is present beyond the start
-  bool costly = false;    ///< many directions: visited once in several sweeps
+  bool costly = false;    ///< a table of many directions: visited once in several sweeps
 };
 
 /// Normal equations with the columns of what is always in the model projected out, in units in

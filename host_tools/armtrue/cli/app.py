@@ -70,21 +70,18 @@ app = typer.Typer(
     name="armtrue",
     cls=_Commands,
     no_args_is_help=True,
-    rich_markup_mode="rich",
+    rich_markup_mode=None,
     pretty_exceptions_enable=False,
     help="""Calibrate a robot arm: fit it, see where the model fails, add what is missing, compensate.
 
 The way through it, from measurements to tables:
 
-    [bold]armtrue check[/] data.csv --robot robot.yaml
-
-    [bold]armtrue fit[/] data.csv --robot robot.yaml --model model.yaml --out fit.json
-
-    [bold]armtrue refine[/] fit.json --out best.json
-
-    [bold]armtrue report[/] fit.json best.json --out report.html
-
-    [bold]armtrue export[/] best.json --out tables.bin
+    \b
+    armtrue check data.csv --robot robot.yaml
+    armtrue fit data.csv --robot robot.yaml --model model.yaml --out fit.json
+    armtrue refine fit.json --out best.json
+    armtrue report fit.json best.json --out report.html
+    armtrue export best.json --out tables.bin
 
 All files are in metres, radians, kilograms, seconds and °C; joints count from 1.
 Measurements in any other form are read through a dataset.yaml.

@@ -32,7 +32,7 @@ def simulate(
 
     Plan with it what a campaign will tell before anybody stands in the cell; the same scenario gives the same files.
 
-    Example: [bold]armtrue simulate kr30-eccentric-gear --out kr30[/]
+    Example: armtrue simulate kr30-eccentric-gear --out kr30
     """
     import armtrue_sim
 

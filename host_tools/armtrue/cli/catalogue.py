@@ -34,7 +34,7 @@ def effects(
 ) -> None:
     """List the effects that a model.yaml may name; of one, its formula, course, physical bound and options.
 
-    Example: [bold]armtrue effects gear_mesh[/]
+    Example: armtrue effects gear_mesh
     """
     known = known_effects()
     if effect is not None and effect not in known:

@@ -34,7 +34,7 @@ def check(
 
     Says what the data can and cannot tell apart. Exit status 1 where an error was found.
 
-    Example: [bold]armtrue check data.csv --robot robot.yaml[/]
+    Example: armtrue check data.csv --robot robot.yaml
     """
     from armtrue.checking import check as run_check
 

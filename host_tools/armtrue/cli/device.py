@@ -105,7 +105,7 @@ def upload(
     device takes tables only while no joint commands arrive. A table on trial is in force until the next
     reset; 'armtrue device confirm' makes it stay.
 
-    Example: [bold]armtrue upload tables.bin --interface socketcan --channel can0[/]
+    Example: armtrue upload tables.bin --interface socketcan --channel can0
 
     Exit status: 0 done, 1 the device refused, 2 bad input or not for this device (nothing was sent),
     3 the bus or the device did not answer, 130 interrupted.
@@ -149,7 +149,7 @@ def _upload_document(result: UploadResult, sequence: int, checksum: int) -> dict
 def info(connection: Connection, json_to: JsonOption = None) -> None:
     """Print who the device is, what table it has, and its counters.
 
-    Example: [bold]armtrue device info --interface socketcan --channel can0[/]
+    Example: armtrue device info --interface socketcan --channel can0
     """
     output = Output(json_to)
     with connection.compensator() as device:
@@ -202,7 +202,7 @@ def dump(
 ) -> None:
     """Read the table in force back into a file.
 
-    Example: [bold]armtrue device dump active.bin --interface socketcan --channel can0[/]
+    Example: armtrue device dump active.bin --interface socketcan --channel can0
     """
     output = Output(json_to)
     check_writable(out)
@@ -228,7 +228,7 @@ def _read_back(device: Compensator, quiet: bool) -> bytes:
 def verify(tables: TablesArgument, connection: Connection, json_to: JsonOption = None) -> None:
     """Read the table in force back and compare it with a file, byte by byte; exit status 1 if they differ.
 
-    Example: [bold]armtrue device verify tables.bin --interface socketcan --channel can0[/]
+    Example: armtrue device verify tables.bin --interface socketcan --channel can0
     """
     output = Output(json_to)
     image = read_image(tables)
@@ -252,7 +252,7 @@ def verify(tables: TablesArgument, connection: Connection, json_to: JsonOption =
 def activate(connection: Connection, json_to: JsonOption = None) -> None:
     """Put the table that waits in the spare slot on trial.
 
-    Example: [bold]armtrue device activate --interface socketcan --channel can0[/]
+    Example: armtrue device activate --interface socketcan --channel can0
     """
     _order(connection, "actv", "on trial: a reset returns to the table before, unless confirmed", json_to)
 
@@ -262,7 +262,7 @@ def activate(connection: Connection, json_to: JsonOption = None) -> None:
 def confirm(connection: Connection, json_to: JsonOption = None) -> None:
     """End the trial: the table is that of every later start.
 
-    Example: [bold]armtrue device confirm --interface socketcan --channel can0[/]
+    Example: armtrue device confirm --interface socketcan --channel can0
     """
     _order(connection, "cfrm", "confirmed: the table of every later start", json_to)
 
@@ -272,7 +272,7 @@ def confirm(connection: Connection, json_to: JsonOption = None) -> None:
 def revert(connection: Connection, json_to: JsonOption = None) -> None:
     """End the trial and return to the table before; or drop the one that waits in the spare slot.
 
-    Example: [bold]armtrue device revert --interface socketcan --channel can0[/]
+    Example: armtrue device revert --interface socketcan --channel can0
     """
     _order(connection, "rvrt", "reverted", json_to)
 
@@ -292,7 +292,7 @@ def _order(connection: Connection, word: str, done: str, json_to: str | None) ->
 def save(connection: Connection, json_to: JsonOption = None) -> None:
     """Save the device's parameters as they are: mode, PDOs, times. Without that a restart forgets them.
 
-    Example: [bold]armtrue device save --interface socketcan --channel can0[/]
+    Example: armtrue device save --interface socketcan --channel can0
     """
     output = Output(json_to)
     with connection.compensator() as device:
@@ -308,7 +308,7 @@ def save(connection: Connection, json_to: JsonOption = None) -> None:
 def selftest(connection: Connection, json_to: JsonOption = None) -> None:
     """Let the device test itself; exit status 1 if a test failed.
 
-    Example: [bold]armtrue device selftest --interface socketcan --channel can0[/]
+    Example: armtrue device selftest --interface socketcan --channel can0
     """
     output = Output(json_to)
     with connection.compensator() as device:
@@ -338,7 +338,7 @@ def commission(
 
     Exit status 1 where something is wrong or the motion could not tell.
 
-    Example: [bold]armtrue device commission --interface socketcan --channel can0[/]
+    Example: armtrue device commission --interface socketcan --channel can0
     """
     output = Output(json_to)
     if not duration >= SHORTEST_PERIOD_S:
@@ -406,7 +406,7 @@ def monitor(
 ) -> None:
     """Show targets, corrections, limits, state and bus load, live; Ctrl-C ends it.
 
-    Example: [bold]armtrue device monitor --interface socketcan --channel can0 --record run.blf[/]
+    Example: armtrue device monitor --interface socketcan --channel can0 --record run.blf
     """
     output = Output(json_to)
     for name, value in (("--period", period), ("--duration", duration)):

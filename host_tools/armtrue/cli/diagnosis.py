@@ -26,7 +26,7 @@ def add_to(app: typer.Typer) -> None:
 def diagnose(fit_file: FitArgument, data: MovedDataOption = None, json_to: JsonOption = None) -> None:
     """Say which physical effect a fit lacks, on which joint, how sure that is, and what else it could be.
 
-    Example: [bold]armtrue diagnose fit.json[/]
+    Example: armtrue diagnose fit.json
     """
     from armtrue import diagnosis
 
@@ -46,7 +46,7 @@ def refine(
 
     Interrupted (Ctrl-C), the last finished step is kept in FILE, and --json holds those finished, "interrupted": true.
 
-    Example: [bold]armtrue refine fit.json --out best.json[/]
+    Example: armtrue refine fit.json --out best.json
     """
     from armtrue import diagnosis, fitting
 
@@ -91,7 +91,7 @@ def report(
 ) -> None:
     """Write one self-contained HTML page: where it fails, what is missing, how the error fell.
 
-    Example: [bold]armtrue report fit.json best.json --out report.html[/]
+    Example: armtrue report fit.json best.json --out report.html
     """
     from armtrue import report as report_writer
 

@@ -24,7 +24,7 @@ def explain(
 ) -> None:
     """Say what a word of reports and messages means; without TERM, list the words.
 
-    Example: [bold]armtrue explain held out[/]
+    Example: armtrue explain held out
     """
     output = Output(None)
     words = " ".join(term or [])

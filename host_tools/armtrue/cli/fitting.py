@@ -69,7 +69,7 @@ def fit(
     Base and tool are found from the data where robot.yaml does not give them. Gross errors are found and kept out.
     Refuses measurements that do not follow the arm, such as those of a joint that turns the other way; see --force.
 
-    Example: [bold]armtrue fit data.csv --robot robot.yaml --model model.yaml --out fit.json[/]
+    Example: armtrue fit data.csv --robot robot.yaml --model model.yaml --out fit.json
     """
     from armtrue import fitting
     from armtrue.checking import refuse_what_cannot_be_an_arm
@@ -112,7 +112,7 @@ def add(
 ) -> None:
     """Add an effect to a fit, fit again, and print how the error fell.
 
-    Example: [bold]armtrue add fit.json gear_harmonics --joints 3 --out fit2.json[/]
+    Example: armtrue add fit.json gear_harmonics --joints 3 --out fit2.json
     """
     from armtrue import fitting
 
@@ -151,7 +151,7 @@ def remove(
 ) -> None:
     """Remove an effect from a fit, fit again, and print what that does to the error: the opposite of 'add'.
 
-    Example: [bold]armtrue remove fit2.json gear_harmonics --joints 3 --out fit3.json[/]
+    Example: armtrue remove fit2.json gear_harmonics --joints 3 --out fit3.json
     """
     from armtrue import fitting
 

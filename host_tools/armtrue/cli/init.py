@@ -44,7 +44,7 @@ def init(
     Separator, decimal mark, units, columns, angles, time and repeats are guessed, and it is said from what. Several
     files are joined: joints in one, each reflector in its own.
 
-    Example: [bold]armtrue init joints.csv smr1.csv smr2.csv --urdf arm.urdf --out arm[/]
+    Example: armtrue init joints.csv smr1.csv smr2.csv --urdf arm.urdf --out arm
     """
     from armtrue.foreign import init as run
 

@@ -82,7 +82,7 @@ def plan(
         typer.Option(
             "--tool",
             metavar="X Y Z",
-            help="Reflector in the flange \\[m], where robot.yaml has no tool.",
+            help="Reflector in the flange [m], where robot.yaml has no tool.",
             show_default=False,
         ),
     ] = None,
@@ -91,7 +91,7 @@ def plan(
         typer.Option(
             "--box",
             metavar="X X Y Y Z Z",
-            help="Keep the tool point inside \\[m, robot base].",
+            help="Keep the tool point inside [m, robot base].",
             show_default=False,
         ),
     ] = None,
@@ -100,7 +100,7 @@ def plan(
         typer.Option(
             "--floor",
             metavar="Z",
-            help="Keep joints and tool point above \\[m, robot base].",
+            help="Keep joints and tool point above [m, robot base].",
             show_default=False,
         ),
     ] = None,
@@ -109,14 +109,14 @@ def plan(
         typer.Option(
             "--tracker",
             metavar="X Y Z",
-            help="Keep the line of sight from here free \\[m, robot base].",
+            help="Keep the line of sight from here free [m, robot base].",
             show_default=False,
         ),
     ] = None,
     clearance: Annotated[
         float | None,
         typer.Option(
-            "--clearance", metavar="M", help="Of the line of sight from the arm \\[m].", show_default=False
+            "--clearance", metavar="M", help="Of the line of sight from the arm [m].", show_default=False
         ),
     ] = None,
     acceptance: Annotated[
@@ -150,9 +150,9 @@ def plan(
 
     Rows are in the order to run them: temperature outermost, time forward, few changes of payload, short ways.
 
-    Example: [bold]armtrue plan --robot robot.yaml --model model.yaml --poses 50 --out poses.csv[/]
+    Example: armtrue plan --robot robot.yaml --model model.yaml --poses 50 --out poses.csv
 
-    Example: [bold]armtrue plan fit.json --poses 12 --out poses.csv[/]
+    Example: armtrue plan fit.json --poses 12 --out poses.csv
     """
     from armtrue import diagnosis, planning
 

@@ -50,7 +50,7 @@ def predict(
 
     POSES needs the columns that the fitted effects read; where it has x, y, z too, the error is said.
 
-    Example: [bold]armtrue predict fit.json poses.csv --out predicted.csv[/]
+    Example: armtrue predict fit.json poses.csv --out predicted.csv
     """
     import numpy as np
 
@@ -93,7 +93,7 @@ def compare(
 
     Exit status 1 where the error is worse than the fit's held-out error lets expect.
 
-    Example: [bold]armtrue compare fit.json new.csv[/]
+    Example: armtrue compare fit.json new.csv
     """
     from armtrue import comparing, fitting
 

@@ -67,23 +67,23 @@ def export(
     max_correction: Annotated[
         float | None,
         typer.Option(
-            "--max-correction", help="Largest correction of a joint \\[rad, m]; default: from the model."
+            "--max-correction", help="Largest correction of a joint [rad, m]; default: from the model."
         ),
     ] = None,
     max_rate: Annotated[
-        float, typer.Option("--max-rate", help="Fastest change of a correction \\[rad/s, m/s].")
+        float, typer.Option("--max-rate", help="Fastest change of a correction [rad/s, m/s].")
     ] = 0.1,
     dead_band: Annotated[
         float,
-        typer.Option("--dead-band", help="Motion that does not count as a change of direction \\[rad, m]."),
+        typer.Option("--dead-band", help="Motion that does not count as a change of direction [rad, m]."),
     ] = 2e-5,
     damping: Annotated[
         float | None,
-        typer.Option("--damping", help="Damping near singularities \\[m/rad]; default: 0.4 % of the reach."),
+        typer.Option("--damping", help="Damping near singularities [m/rad]; default: 0.4 % of the reach."),
     ] = None,
     payload_max: Annotated[
         float | None,
-        typer.Option("--payload-max", help="Largest payload \\[kg]; default: half the arm's mass, or 50."),
+        typer.Option("--payload-max", help="Largest payload [kg]; default: half the arm's mass, or 50."),
     ] = None,
     sign: Annotated[
         Path | None, typer.Option("--sign", metavar="KEY", help="Sign with this key of 'armtrue keygen'.")
@@ -94,7 +94,7 @@ def export(
 
     Beside TABLES the fit is kept as TABLES.fit.json, so that 'compensate --engine double' can be exact.
 
-    Example: [bold]armtrue export fit.json --out tables.bin[/]
+    Example: armtrue export fit.json --out tables.bin
     """
     from armtrue import fitting
     from armtrue.tables import signing
@@ -162,7 +162,7 @@ def compensate(
     The result also has tx, ty, tz: the point that each command was meant for, in the measuring frame. Corrected joints
     that leave the limits are written all the same, with a warning.
 
-    Example: [bold]armtrue compensate tables.bin poses.csv --engine fixed --out corrected.csv[/]
+    Example: armtrue compensate tables.bin poses.csv --engine fixed --out corrected.csv
     """
     import numpy as np
 
@@ -199,7 +199,7 @@ def keygen(
 ) -> None:
     """Make an Ed25519 key pair: sign tables with KEY, build KEY.pub into the devices that shall trust it.
 
-    Example: [bold]armtrue keygen --out armtrue.key[/]
+    Example: armtrue keygen --out armtrue.key
     """
     from armtrue.tables import signing
 
@@ -223,7 +223,7 @@ def info(
 ) -> None:
     """Print what a table image holds, and what rounding its tables costs at the tool.
 
-    Example: [bold]armtrue tables info tables.bin[/]
+    Example: armtrue tables info tables.bin
     """
     from armtrue.cli.shared.table_info import present
     from armtrue.tables import signing

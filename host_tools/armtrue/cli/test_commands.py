@@ -363,4 +363,4 @@ def test_the_help_of_every_command_shows_an_example_of_it():
     known = commands(root)
     assert len(known) > 10
     for path, text in known:
-        assert f"armtrue {' '.join(path)} " in text or f"armtrue {' '.join(path)}[/]" in text, path
+        assert f"armtrue {' '.join(path)} " in text, path

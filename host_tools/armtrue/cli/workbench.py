@@ -79,7 +79,7 @@ def open_workbench(
 
     Serves this machine alone until Ctrl-C, and goes on where it was when it is started on the same files again.
 
-    Example: [bold]armtrue open data.csv --robot robot.yaml --model model.yaml[/]
+    Example: armtrue open data.csv --robot robot.yaml --model model.yaml
     """
     from armtrue.workbench.opening.opened import open_files
     from armtrue.workbench.start import guessed, start

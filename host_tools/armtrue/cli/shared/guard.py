@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import importlib
+import re
+from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -63,6 +65,10 @@ def _beside(path: Path, suffix: str) -> Path:
     return Path(f"{path}{suffix}")  # of '.' too, which has no name
 
 
+# Help in plain text: Rich takes a fifth of a second to read in, and what stands in brackets, a unit, for markup.
+typer.core.HAS_RICH = False
+
+
 class GuardedGroup(typer.core.TyperGroup):
     """The group of all commands: what they write is compared with what they read before any of them begins.
 
@@ -81,6 +87,10 @@ class GuardedGroup(typer.core.TyperGroup):
             return self.commands.get(cmd_name)
         return typer.core.TyperCommand(cmd_name, help=self.homes[cmd_name][1])
 
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Every command with its whole line of the help."""
+        _list_commands(self, ctx, formatter)
+
     def whole(self) -> GuardedGroup:
         """The group with every command loaded, as documentation needs it."""
         for name in self.homes:
@@ -90,7 +100,7 @@ class GuardedGroup(typer.core.TyperGroup):
     def load(self, name: str) -> click.Command:
         """The command `name`, whole and guarded."""
         if name not in self.commands:
-            part = typer.Typer(rich_markup_mode="rich", pretty_exceptions_enable=False)
+            part = typer.Typer(rich_markup_mode=None, pretty_exceptions_enable=False)
             part.callback()(lambda: None)
             importlib.import_module(f"armtrue.{self.homes[name][0]}").add_to(part)
             self.commands.update(typer.main.get_group(part).commands)
@@ -110,14 +120,31 @@ class GuardedGroup(typer.core.TyperGroup):
         return super().resolve_command(ctx, args)
 
 
+def _list_commands(group: click.Group, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+    """Write every command with its first sentence: Click itself cuts what is too long for one line."""
+    commands = [(name, group.get_command(ctx, name)) for name in group.list_commands(ctx)]
+    with formatter.section("Commands"):
+        formatter.write_dl([(name, own.get_short_help_str(limit=1000)) for name, own in commands if own])
+
+
+_EXAMPLE = re.compile(r"Example: .*?(?=\n\s*\n|\Z)", re.DOTALL)
+
+
+def _on_one_line(example: re.Match[str]) -> str:
+    """The same, marked so that Click does not break a line that people paste."""
+    return "\b\n" + " ".join(example[0].split())
+
+
 def _guard(name: str, command: click.Command) -> None:
     """Let `command`, or the commands under it, begin only where `refuse_clashes` allows."""
     if isinstance(command, click.Group):
+        command.format_commands = partial(_list_commands, command)  # type: ignore[method-assign]
         for under, own in command.commands.items():
             _guard(under, own)
         return
     if getattr(command, "is_guarded", False):
         return
+    command.help = re.sub(_EXAMPLE, _on_one_line, command.help or "")
     for parameter in command.params:
         if parameter.default is None:
             parameter.show_default = False  # type: ignore[attr-defined]
