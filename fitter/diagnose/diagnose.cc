@@ -5,6 +5,7 @@
 #include <map>
 #include <nlohmann/json.hpp>
 #include <set>
+#include <tuple>
 
 #include "fitter/diagnose/advice.h"
 #include "fitter/effects/tables.h"
@@ -14,8 +15,6 @@
 namespace armtrue {
 namespace {
 
-// Where several candidates stand for one another, the first of them is at least this probable.
-constexpr double kLeastShare = 0.45;
 // Below this a candidate is listed as what it is: improbable.
 constexpr double kWorthNaming = 0.02;
 // What is left is structured where noise would show as much once in a hundred thousand campaigns.
@@ -236,14 +235,21 @@ std::vector<Candidate> make_candidates(const Fit& fit, const EvidenceSummary& ev
   return result;
 }
 
-// Probabilities in steps of a thousandth; what explains more comes first among equals and among the
-// improbable.
+// Forms of one effect (a spring that hardens, one that is soft around zero) share its probability.
+void add_forms(std::vector<Candidate>& candidates) {
+  std::map<std::string, double> of_effect;
+  for (const Candidate& c : candidates) of_effect[label(c.request)] += c.probability;
+  for (Candidate& c : candidates) c.in_any_form = std::min(1.0, of_effect[label(c.request)]);
+}
+
+// The most probable effect first, of its forms the most probable one. Probabilities in steps of a
+// thousandth; what explains more comes first among equals and among the improbable.
 void rank(std::vector<Candidate>& candidates) {
   const auto step = [](double p) { return p < kWorthNaming ? 0.0 : std::round(1e3 * p); };
   std::stable_sort(candidates.begin(), candidates.end(),
                    [&](const Candidate& a, const Candidate& b) {
-                     return std::pair{-step(a.probability), a.delta_bic} <
-                            std::pair{-step(b.probability), b.delta_bic};
+                     return std::tuple{-step(a.in_any_form), -step(a.probability), a.delta_bic} <
+                            std::tuple{-step(b.in_any_form), -step(b.probability), b.delta_bic};
                    });
 }
 
@@ -283,10 +289,12 @@ std::string evidence_words(const Candidate& c, const Fit& fit) {
   return text;
 }
 
+// What is missing, or what surely stands in the place of something that a search put in: where two
+// may stand for one another, the one that came first stays.
 void recommend(Diagnosis& d) {
-  if (d.probability_nothing < kMoreLikelyThanNot && !d.candidates.empty() &&
-      d.candidates.front().probability > kLeastShare)
-    d.candidates.front().recommend = true;
+  if (d.candidates.empty()) return;
+  Candidate& first = d.candidates.front();
+  first.recommend = d.probability_nothing < kMoreLikelyThanNot || first.in_any_form >= kSurely;
 }
 
 void explain(Diagnosis& d, const Fit& fit) {
@@ -324,6 +332,7 @@ void weigh(Fit& fit, const Linearization& linearization, std::vector<EvidenceBlo
   d.probability_nothing = evidence.search.nothing_missing;
   d.candidates = make_candidates(fit, evidence);
   doubt_beside_structure(fit, evidence, d.candidates, d.probability_nothing);
+  add_forms(d.candidates);
   rank(d.candidates);
   describe_present(evidence, d);
   recommend(d);

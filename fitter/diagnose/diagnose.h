@@ -19,6 +19,8 @@ namespace armtrue {
 /// Something is said to be missing, and something to be superfluous, where that is more probable
 /// than this.
 inline constexpr double kMoreLikelyThanNot = 0.5;
+/// What a search is this sure of needs no other search: it comes in, and takes another's place.
+inline constexpr double kSurely = 0.9;
 
 enum class Verdict { kNothingMissing, kMissingEffect, kUnexplainedStructure };
 
@@ -29,6 +31,7 @@ struct Candidate {
   std::map<std::string, double> starts;  ///< where its nonlinear parameters do best
   std::size_t evidence_block = 0;        ///< which of the evidence's
   double probability = 0.0;  ///< that it is present in the arm beside what the model has
+  double in_any_form = 0.0;  ///< that its effect is, in this form or with other options
   double gain_beside = 0.0;  ///< fall of Σ r² beside the likeliest set
   bool likeliest = false;    ///< stands in that set
   BlockScore score;          ///< of it alone beside the fit

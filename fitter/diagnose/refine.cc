@@ -16,8 +16,6 @@ namespace {
 
 using nlohmann::json;
 
-// What one search was this sure of comes in without another search in between.
-constexpr double kSurely = 0.9;
 // Below this share of the squares that the greatest effect of a search explains, tables aside, an
 // effect may be what linearising before that one came in has left: it waits for the next search.
 constexpr double kBeyondSecondOrder = 0.02;
@@ -35,8 +33,10 @@ constexpr double kSameError = 1e-3;
 struct Move {
   std::optional<Candidate> added;
   std::vector<EffectRequest> removed;
-  bool beside_others = false;  // can follow another move of its search without a new search
+  bool sure = false;  // can follow another move of its search without a new search
 };
+
+bool is_sure(const Candidate& c) { return c.likeliest && c.in_any_form >= kSurely; }
 
 bool is_table(const Candidate& c) { return find_effect(c.request.effect).generic(); }
 
@@ -67,7 +67,7 @@ std::vector<Move> moves_of(const Diagnosis& d) {
   std::vector<const Candidate*> sure;
   double most = 0.0;
   for (const Candidate& c : d.candidates) {
-    if (!best || c.probability < kSurely || !c.likeliest) continue;
+    if (!best || !is_sure(c)) continue;
     sure.push_back(&c);
     if (!is_table(c)) most = std::max(most, c.gain_beside);
   }
@@ -158,15 +158,16 @@ Diagnosis with_added(const Diagnosis& searched, const Candidate& added) {
   const std::vector<int>& joints = added.request.joints;
   std::erase_if(d.candidates, [&](const Candidate& c) {
     const bool of_a_joint = find_effect(c.request.effect).joint_rule() == JointRule::kEach;
-    return c.request.effect == added.request.effect && c.request.options == added.request.options &&
-           (c.request.joints == joints ||
-            (of_a_joint && std::ranges::all_of(c.request.joints, [&](int k) {
-               return std::ranges::find(joints, k) != joints.end();
-             })));
+    // Another form of it waits for the next search; of a table of several joints all are in.
+    return label(c.request) == label(added.request) ||
+           (of_a_joint && c.request.effect == added.request.effect &&
+            c.request.options == added.request.options &&
+            std::ranges::all_of(c.request.joints, [&](int k) {
+              return std::ranges::find(joints, k) != joints.end();
+            }));
   });
   for (Candidate& c : d.candidates) c.recommend = false;
-  const auto next = std::ranges::find_if(
-      d.candidates, [](const Candidate& c) { return c.likeliest && c.probability >= kSurely; });
+  const auto next = std::ranges::find_if(d.candidates, is_sure);
   if (next != d.candidates.end()) next->recommend = true;
   return d;
 }
@@ -256,9 +257,8 @@ bool Refinement::accept(const Move& move, const Trial& trial) {
   const Fit& fit = *steps_.back().fit;
   if (!trial.fit) return false;
   const Growth growth = held_out_growth(fit, *trial.fit, !runs_with_time(fit.context(), move));
-  const bool sure = move.added && move.added->probability >= kSurely;
   const double worse = move.added ? kSameError : kSameWithout;
-  if (growth.mean > worse + (sure ? growth.sigma : 0.0)) return false;
+  if (growth.mean > worse + (move.sure ? growth.sigma : 0.0)) return false;
   show();
   taken_.insert(model);
   for (const EffectRequest& r : move.removed) gone_.insert(label(r));
@@ -277,7 +277,7 @@ std::vector<Refinement::Trial> Refinement::next_trials(const std::vector<Move>& 
   std::vector<Trial> trials;
   for (; next < moves.size() && trials.size() < most; ++next) {
     const Move& move = moves[next];
-    if (!trials.empty() && !move.beside_others) break;
+    if (!trials.empty() && !move.sure) break;
     if (move.added && gone_.contains(label(move.added->request))) continue;
     Trial trial = trials.empty() ? Trial{0, fit.specification(), {}, nullptr} : trials.back();
     trial.move = next;
@@ -296,7 +296,7 @@ bool Refinement::one_round() {
   const auto full = [&] { return static_cast<int>(steps_.size()) > options_.most_steps; };
   bool moved = false;
   for (std::size_t next = 0; next < moves.size() && !full();) {
-    if (moved && !moves[next].beside_others) return true;
+    if (moved && !moves[next].sure) return true;
     std::vector<Trial> trials = next_trials(moves, next);
     fit_trials(trials, true);
     for (const Trial& trial : trials) {

@@ -291,6 +291,7 @@ void Builder::make_columns() {
     EvidenceBlock& block = model_.blocks[b];
     if (stands[b] == 0) continue;
     block.search.present = block.present;
+    block.search.replaceable = block.present && !block.believed;
     block.search.counts = !block.structure;
     block.search.first = width;
     block.search.width = block.columns.cols();

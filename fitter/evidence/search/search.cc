@@ -173,10 +173,12 @@ void Sampler::sweep(int number, bool count) {
   remember();
   if (!count) return;
   counted_ += 1.0;
-  bool nothing = true;
-  for (std::size_t b = 0; b < state_.size(); ++b)
-    nothing = nothing && (block(b).present || !block(b).counts || !state_[b].is_present());
-  nothing_ += nothing ? 1.0 : 0.0;
+  int more = 0;
+  for (std::size_t b = 0; b < state_.size(); ++b) {
+    if (!block(b).present && block(b).counts && state_[b].is_present()) ++more;
+    if (block(b).replaceable && !state_[b].is_present()) --more;
+  }
+  nothing_ += more <= 0 ? 1.0 : 0.0;
 }
 
 // One present block is taken out; whoever could stand in its place is drawn anew, itself and nobody

@@ -46,6 +46,7 @@ struct SearchBlock {
   std::vector<PriorShape> shapes;
   double log_odds = 0.0;  ///< prior odds of presence
   bool present = false;   ///< stands in the model that the search begins at
+  bool replaceable = false;  ///< it does, and what stands in its place is not missing beside it
   bool counts = true;     ///< something is missing where this is present beyond the start
   bool costly = false;    ///< a table of many directions: visited once in several sweeps
 };
@@ -70,7 +71,8 @@ struct SearchOptions {
 
 struct SearchResult {
   std::vector<double> inclusion;  ///< by block: probability of being present
-  double nothing_missing = 1.0;   ///< probability that no block is present beyond those that were
+  double nothing_missing = 1.0;  ///< probability that no more blocks are present than were: one may
+                                 ///< stand in a replaceable one's place
   std::vector<bool> likeliest;    ///< by block: present in the likeliest set seen
   double log_evidence = 0.0;      ///< of that set, up to a constant of the data
   std::vector<int> shape;         ///< by block: the prior shape that it has or would have

@@ -155,6 +155,21 @@ TEST(SearchBlocks, TwoBlocksThatAreOne_ShareTheirProbability) {
   EXPECT_LT(result.nothing_missing, 0.01);
 }
 
+TEST(SearchBlocks, WhatStandsInAReplaceableBlocksPlace_IsNotMissingBesideIt) {
+  Example e = example(2, {0.6, 0.0, 0.7});
+  e.columns.middleCols(2, 2) = e.columns.middleCols(0, 2);
+  set_products(e);
+  e.problem.blocks[0].present = e.problem.blocks[2].present = true;
+  SearchOptions options;
+  options.sweeps = 1000;
+  EXPECT_NEAR(search_blocks(e.problem, options).nothing_missing, 0.5, 0.1);
+  e.problem.blocks[0].replaceable = true;
+  EXPECT_GT(search_blocks(e.problem, options).nothing_missing, 0.95);
+  // One more than stood there is missing all the same.
+  e.problem.blocks[2].present = false;
+  EXPECT_LT(search_blocks(e.problem, options).nothing_missing, 0.01);
+}
+
 TEST(SearchBlocks, TwoBlocksThatAreOneAmongOthers_ShareItWithinTheSweepsOfADiagnosis) {
   for (std::uint64_t seed = 1; seed <= 10; ++seed) {
     Example e = example(seed, {0.6, 0.0, 0.7, 0.8, 0.6, 0.9, 0.0, 0.0});
