@@ -74,8 +74,8 @@ def test_less_than_a_wave_over_the_range_of_a_joint_is_no_line_and_no_table() ->
 
 @pytest.mark.parametrize(("kind", "arm"), [("noise_x4", "kr30"), ("real_three", "irb2400")])
 def test_an_effect_is_as_sure_as_all_its_forms_together(kind: str, arm: str) -> None:
-    # Two shapes of one bent link shared its probability with a third candidate: nothing was said to be missing. A spring
-    # that hardens or is soft waited behind what it was mistaken for.
+    # Two shapes of one bent link and a third candidate had a third each: nothing was said to be missing. A spring that
+    # hardens or is soft waited behind what it was mistaken for.
     outcome = run_case(kind, arm, 22002 if kind == "noise_x4" else 22000)
     assert verdict_of(outcome) == "right", outcome
 
