@@ -331,9 +331,7 @@ SearchResult Sampler::run() {
   climb(few);
   climb(effects);
   if (effects.size() < all.size()) climb(all);
-  const bool table = std::ranges::any_of(
-      effects, [&](std::size_t b) { return block(b).costly && best_[b].is_present(); });
-  if (table || effects.size() < all.size()) {
+  if (few.size() < all.size()) {
     go_to(start);
     climb(all);
     go_to(best_);
