@@ -22,8 +22,9 @@ constexpr double kBeyondSecondOrder = 0.02;
 // What is superfluous can go without poses that were not fitted being predicted worse than by this
 // share.
 constexpr double kSameWithout = 1e-2;
-// Finer tables must predict unseen poses better by this share: they take room in the compensator.
-constexpr double kWorthNodes = 5e-3;
+// Finer tables must predict poses held out at random better by this share, for they take room in the
+// compensator, and those of other times and regions no worse on the whole.
+constexpr double kWorthNodes = 1e-2;
 // Candidates of one search from which moves are taken.
 constexpr std::size_t kLookedThrough = 60;
 // Held-out errors of two models that agree by this share are equal.
@@ -325,7 +326,9 @@ void Refinement::refine_tables() {
     trial.front().specification.effects[e] = *finer;
     fit_trials(trial);
     const std::shared_ptr<Fit>& changed = trial.front().fit;
-    if (!changed || held_out_growth(fit, *changed, true).mean > -kWorthNodes) continue;
+    if (!changed || held_out_growth(fit, *changed, true).mean > 0.0 ||
+        changed->held_out_error().mean > (1.0 - kWorthNodes) * fit.held_out_error().mean)
+      continue;
     show();
     Candidate added;
     added.request = *finer;
