@@ -38,21 +38,28 @@ def wheel() -> Path:
     return built[0]
 
 
-@pytest.fixture(scope="session")
-def environment(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """An environment with the wheel and what it declares, at the versions of tools/requirements."""
-    folder = tmp_path_factory.mktemp("environment")
+def environment_with(wheel: Path, folder: Path, *words: str | Path) -> Path:
+    """An environment with the wheel and what it declares; `words` go to pip."""
     venv.create(folder, with_pip=True)
-    limits = ROOT / "tools/requirements/run.txt"
     command = [folder / "bin/python", "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
-    subprocess.run([*command, "--use-pep517", "--constraint", limits, str(wheel)], check=True)
+    subprocess.run([*command, "--use-pep517", *words, str(wheel)], check=True)
     return folder
 
 
 @pytest.fixture(scope="session")
+def environment(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """With the versions of tools/requirements."""
+    limits = ROOT / "tools/requirements/run.txt"
+    return environment_with(wheel, tmp_path_factory.mktemp("environment"), "--constraint", limits)
+
+
+@pytest.fixture(scope="session")
 def armtrue(environment: Path, tmp_path_factory: pytest.TempPathFactory) -> Armtrue:
+    return command_in(environment, tmp_path_factory.mktemp("work"))
+
+
+def command_in(environment: Path, work: Path) -> Armtrue:
     """Runs the command with nothing else on the path, in a folder of its own."""
-    work = tmp_path_factory.mktemp("work")
 
     def run(*words: str, status: int = 0) -> str:
         done = subprocess.run(
@@ -77,6 +84,18 @@ def contents(wheel: Path) -> dict[str, bytes]:
 def test_wheel_fits_any_linux_and_says_the_version(wheel: Path, armtrue: Armtrue) -> None:
     assert re.fullmatch(r"armtrue-[\d.]+-cp311-cp311-manylinux[\w.]+\.whl", wheel.name)
     assert armtrue("--version") == f"armtrue {(ROOT / 'VERSION').read_text()}"
+
+
+def test_newest_versions_that_the_wheel_allows_serve_as_well(wheel: Path, tmp_path: Path) -> None:
+    # A stranger's pip took a Typer without Click, and no command began.
+    armtrue = command_in(environment_with(wheel, tmp_path / "environment"), tmp_path)
+    assert "[rad, m]" in armtrue("export", "--help")
+    armtrue("simulate", "kr30-eccentric-gear", "--out", "kr30")
+    files = ["kr30/data.csv", "--robot", "kr30/robot.yaml", "--model", "kr30/model.yaml"]
+    armtrue("fit", *files, "--out", "fit.json")
+    armtrue("report", "fit.json", "--out", "report.html")
+    armtrue("export", "fit.json", "--out", "tables.bin")
+    assert "table format 1" in armtrue("tables", "info", "tables.bin")
 
 
 def test_libraries_need_nothing_but_the_system_and_the_wheel(environment: Path) -> None:
