@@ -353,5 +353,18 @@ TEST(BasisTable, RefusesWhatIsNotFinite) {
                ModelError);
 }
 
+TEST(Specification, AJointThatNoIntHoldsIsRefusedAndNotConverted) {
+  for (const nlohmann::json& joint :
+       {nlohmann::json(1e38), nlohmann::json(-1e38), nlohmann::json(2.5), nlohmann::json(0)}) {
+    EXPECT_THROW(ModelSpecification::from_json(
+                     {{"effects", {{{"effect", "joint_scale"}, {"joints", {joint}}}}}}),
+                 ModelError)
+        << joint;
+    nlohmann::json robot = testing::industrial_arm();
+    robot["coupling"] = {{{"joint", joint}, {"driving", 1}, {"ratio", -1.0}}};
+    EXPECT_THROW(Robot::from_json(robot), ModelError) << joint;
+  }
+}
+
 }  // namespace
 }  // namespace armtrue

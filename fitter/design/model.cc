@@ -1,6 +1,7 @@
 #include "fitter/design/model.h"
 
 #include <algorithm>
+#include <cmath>
 #include <numbers>
 #include <optional>
 #include <set>
@@ -10,6 +11,9 @@ namespace armtrue {
 using nlohmann::json;
 
 namespace {
+
+constexpr double kMostJoints =
+    1000.0;  // no arm has as many; the robot's own number is judged later
 
 EffectRequest request_from_json(const json& entry) {
   EffectRequest request;
@@ -21,7 +25,17 @@ EffectRequest request_from_json(const json& entry) {
   for (const auto& [key, value] : entry.items()) {
     if (key == "effect") continue;
     if (key == "joints") {
-      if (!value.is_null()) request.joints = value.get<std::vector<int>>();
+      if (!value.is_array() && !value.is_null())
+        throw ModelError("effect " + request.effect + ": found joints " + value.dump() +
+                         ", expected a list");
+      for (const json& joint : value) {
+        // Read as it stands: what is beyond an int's range has no int.
+        const double number = joint.get<double>();
+        if (!(number >= 1.0 && number <= kMostJoints) || number != std::floor(number))
+          throw ModelError("effect " + request.effect + ": found joint " + joint.dump() +
+                           ", expected a number from 1 on");
+        request.joints.push_back(static_cast<int>(number));
+      }
     } else {
       request.options[key] = value;
     }

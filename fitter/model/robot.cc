@@ -76,12 +76,13 @@ void build_chain(const json& kinematics, Robot& robot, std::vector<Pose>& frame_
 }
 
 int joint_index(const json& value, int count, const std::string& where) {
-  const int number = value.get<int>();
-  if (number < 1 || number > count) {
-    throw ModelError("robot: " + where + " names joint " + std::to_string(number) +
-                     ", expected 1 to " + std::to_string(count));
+  // Compared as it stands: what is beyond an int's range has no int.
+  const double number = value.get<double>();
+  if (!(number >= 1.0 && number <= count) || number != std::floor(number)) {
+    throw ModelError("robot: " + where + " names joint " + value.dump() + ", expected 1 to " +
+                     std::to_string(count));
   }
-  return number;
+  return static_cast<int>(number);
 }
 
 }  // namespace

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <optional>
+#include <utility>
 
 #include "fitter/design/normal_equations.h"
 
@@ -18,8 +19,9 @@ constexpr double kShortestStep = 1e-9;
 // A factor serves for further steps while each promises less than this share of what the step
 // before did: a millimetre turns the Jacobian of a metre's arm by a thousandth.
 constexpr double kKeepsConverging = 0.1;
-// Damping in units of the information's diagonal: none while the cost falls.
-constexpr double kFirstDamping = 1e-4, kDampingStep = 10.0, kMostDamping = 1e12;
+// Damping in units of the information's diagonal: none while the cost falls. It begins below what
+// rounding leaves of a direction that data hardly know, for such a one is what overshoots.
+constexpr double kLeastDamping = 1e-12, kMostDamping = 1e12;
 
 // Gauss–Newton steps on the normal equations, damped by the information's diagonal where they do
 // not descend (Levenberg and Marquardt; Nocedal and Wright, Numerical Optimization, 10.3).
@@ -49,38 +51,52 @@ class Descent {
   bool step(double settled) {
     design_.set_unknowns(values_.data());
     const bool is_stale = factor_ && renew_gradient();
-    if (!is_stale) linearise();
+    if (!is_stale) factorise();
     if (!factor_->ok()) return damp();
     const Eigen::VectorXd change = -factor_->solve(gradient_);
     const double promise = -gradient_.dot(change);
     if (is_stale && !(promise < kKeepsConverging * promised_)) {
-      factor_.reset();
+      forget();
       return false;
     }
     promised_ = promise;
     const std::vector<double> moved = within_bounds(change);
     const double cost = cost_at(moved);
-    if (cost <= cost_) {
-      const bool is_last = cost_ - cost <= settled * cost || is_short(change);
-      values_ = moved;
-      cost_ = cost;
-      if (damping_ > 0.0) factor_.reset();
-      damping_ = damping_ > kFirstDamping ? damping_ / kDampingStep : 0.0;
-      return is_last;
+    if (cost > cost_) {
+      if (is_stale) {
+        forget();
+        return false;
+      }
+      // Where rounding is all that is left to gain, no step descends.
+      return damp() || promise <= settled * cost_ || is_short(change);
     }
-    if (is_stale) {
-      factor_.reset();
-      return false;
-    }
-    // Where rounding is all that is left to gain, no step descends.
-    return damp() || promise <= settled * cost_ || is_short(change);
+    const double gain = cost_ - cost;
+    values_ = moved;
+    cost_ = cost;
+    is_linearised_ = false;
+    if (damping_ > 0.0) relax(gain / promise);
+    return gain <= settled * cost || is_short(change);
+  }
+
+  void forget() {
+    factor_.reset();
+    is_linearised_ = false;
   }
 
   // True where no damping helps.
   bool damp() {
     factor_.reset();
-    damping_ = std::max(kFirstDamping, kDampingStep * damping_);
+    damping_ = damping_ > 0.0 ? growth_ * damping_ : kLeastDamping;
+    growth_ *= 2.0;
     return damping_ > kMostDamping;
+  }
+
+  // Less damping the better a step kept its promise (Nielsen 1999, IMM-REP-1999-05, 2.2).
+  void relax(double kept) {
+    factor_.reset();
+    growth_ = 2.0;
+    damping_ *= std::max(1.0 / 3.0, 1.0 - std::pow(2.0 * kept - 1.0, 3));
+    if (damping_ < kLeastDamping) damping_ = 0.0;
   }
 
   // Of measurements and penalties; infinite where it is no number.
@@ -103,20 +119,27 @@ class Descent {
     return held == held_;
   }
 
+  // Where the unknowns are, with the present damping.
+  void factorise() {
+    if (!is_linearised_) linearise();
+    Eigen::MatrixXd damped = information_;
+    damped.diagonal() *= 1.0 + damping_;
+    factor_.emplace(damped);
+  }
+
   void linearise() {
     NormalEquations equations = accumulate(design_);
     for (const PenaltyRow& row : penalties_) equations.add(row, values_);
     gradient_ = equations.gradient;
     held_ = held_by_bounds();
-    Eigen::MatrixXd& information = equations.information;
+    information_ = std::move(equations.information);
     for (const int unknown : held_) {
       gradient_[unknown] = 0.0;
-      information.row(unknown).setZero();
-      information.col(unknown).setZero();
-      information(unknown, unknown) = 1.0;
+      information_.row(unknown).setZero();
+      information_.col(unknown).setZero();
+      information_(unknown, unknown) = 1.0;
     }
-    information.diagonal() *= 1.0 + damping_;
-    factor_.emplace(information);
+    is_linearised_ = true;
   }
 
   // Nonlinear parameters that stand at a bound and would leave it.
@@ -156,10 +179,12 @@ class Descent {
   std::vector<double> values_;
   double cost_;
   Eigen::VectorXd gradient_;
+  Eigen::MatrixXd information_;
+  bool is_linearised_ = false;            // the information is that of where the unknowns are
+  std::vector<int> held_;                 // by bounds, in the information
   std::optional<ScaledCholesky> factor_;  // none: the next step needs a new one
-  std::vector<int> held_;                 // by bounds, in the factor
   double promised_ = 0.0;                 // by the step before
-  double damping_ = 0.0;
+  double damping_ = 0.0, growth_ = 2.0;   // growth_: of the damping, where the next step fails
 };
 
 }  // namespace
