@@ -318,6 +318,14 @@ TEST(CompensatorTest, WaysOfAnAxisThatTurnsOn_AreTheShortOnes) {
   EXPECT_EQ(bounds.way(-101), 99);
 }
 
+TEST(CompensatorTest, RangeOfOnePosition_IsNoneToWrapIn) {
+  // 0x607B with both ends zero: a drive that was never told.
+  const PositionBounds bounds = {.range_low = 0, .range_high = 0};
+  EXPECT_FALSE(bounds.wraps());
+  EXPECT_EQ(bounds.way(5), 5);
+  EXPECT_EQ(bounds.wrapped(1), 1);
+}
+
 TEST(CompensatorTest, ResumedWithoutATable_ItStaysInPassThrough) {
   Compensator compensator(config());
   const Bytes image = offset_table(1e-3);
@@ -454,7 +462,8 @@ TEST(CompensatorTest, DirectionNeedsMoreThanTheDeadBand) {
   };
   EXPECT_EQ(settle(compensator, input).delta[0], 0);  // never moved: no direction
   EXPECT_EQ(move(60), 0);                             // within the dead band of 100
-  EXPECT_NEAR(move(60), -backlash, 1);                // 120: moved up
+  EXPECT_EQ(move(40), 0);                             // all of it, and no more
+  EXPECT_NEAR(move(20), -backlash, 1);                // 120: moved up
   EXPECT_NEAR(move(-90), -backlash, 1);               // noise
   EXPECT_NEAR(move(80), -backlash, 1);
   EXPECT_NEAR(move(-90), -backlash, 1);  // does not add up: the anchor is the furthest point

@@ -261,6 +261,17 @@ TEST_F(SdoTest, TheLastBlockSegmentLostIsFoundOutBySilence) {
   EXPECT_EQ(sent[0].data[1], 9);
 }
 
+TEST_F(SdoTest, TheSecondOfTwoBlockSegmentsLost_IsFoundOutBySilenceAsWell) {
+  const std::vector<std::uint8_t> data = pattern(14);
+  bench.ask({0xC6, 0x10, 0x20, 0, 14, 0, 0, 0});
+  send_segments(data, 0, 2, true, 2);
+  bench.run_for(SdoServer::kTimeOutUs / 2 + 1000);
+  const std::vector<CanFrame> sent = answers();
+  ASSERT_EQ(sent.size(), 1U);
+  EXPECT_EQ(sent[0].data[0], 0xA2);
+  EXPECT_EQ(sent[0].data[1], 1);
+}
+
 TEST_F(SdoTest, AWrongBlockCrcLeavesNothing) {
   const std::vector<std::uint8_t> data = pattern(21);
   bench.ask({0xC6, 0x10, 0x20, 0, 21, 0, 0, 0});

@@ -122,6 +122,22 @@ TEST(GridTest, UnevenNodesInterpolateLikeEvenOnes) {
   EXPECT_NEAR(value_at(data, {0.325}), -250.0, 0.1);
 }
 
+TEST(GridTest, ValuesBehindMoreThan32Nodes_AreFound) {
+  AxisSpec axis = {{}, 0};
+  std::vector<std::int16_t> values;
+  for (int i = 0; i < 33; ++i) {
+    axis.nodes.push_back(-2.0 + 0.125 * i);
+    values.push_back(static_cast<std::int16_t>(100 * i));
+    values.push_back(static_cast<std::int16_t>(-300 * i));
+  }
+  const Bytes data = data_of({axis}, 2, values, std::vector<bool>(33, true));
+  for (int i = 0; i < 33; ++i) {
+    const std::vector<double> at = {axis.nodes[static_cast<std::size_t>(i)]};
+    EXPECT_NEAR(value_at(data, at), 100.0 * i, 0.01);
+    EXPECT_NEAR(value_at(data, at, nullptr, 1), -300.0 * i, 0.01);
+  }
+}
+
 class ManyAxes : public ::testing::TestWithParam<std::size_t> {};
 
 TEST_P(ManyAxes, AgreesWithDoublePrecisionEverywhereAndIsContinuous) {

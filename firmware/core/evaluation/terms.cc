@@ -100,12 +100,12 @@ std::int32_t power_of_two(std::int32_t x, int shift, int fraction, TermFlags& fl
     sum = multiply<30>(sum, within) + kPowerPolynomial[i];
   }
   const std::int64_t up = static_cast<std::int64_t>(whole) + fraction - 30;
-  if (up > 31) {
+  if (up > 0) {  // the sum is at least 2^30
     flags.is_saturated = true;
     return std::numeric_limits<std::int32_t>::max();
   }
-  if (up >= 0) {
-    return saturate(static_cast<std::int64_t>(sum) << up);
+  if (up == 0) {
+    return sum;
   }
   return up < -40 ? 0 : static_cast<std::int32_t>(round_shift(sum, static_cast<int>(-up)));
 }

@@ -3,7 +3,9 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <memory>
+#include <utility>
 
 #include "firmware/core/table/table.h"
 #include "firmware/core/table/test_image.h"
@@ -48,6 +50,63 @@ TEST(TermsTest, ASum_ShiftsUpAndDown) {
   around.payload = 100;
   begin_terms(TableView(image), around, *work);
   EXPECT_EQ(work->slots[2], 2 * 100 + 100 / 4);
+}
+
+TEST(TermsTest, APowerOfTwo_ThatNoSlotHolds_IsMarked) {
+  testing::TestImage made(3);
+  made.add_state(format::State::kPayload, 0, 20);
+  testing::Bytes power = {
+      static_cast<std::uint8_t>(format::Node::kPowerOfTwo), 20, 0, 0, 1, 0, 0, 0};
+  testing::append(power, std::int32_t{20});
+  power.resize(format::node::kLength);
+  made.add(format::Section::kNodes, power);
+  testing::put(made.header(), format::header::kConstantNodesAt, std::uint16_t{1});
+  testing::put(made.header(), format::header::kSteepNodesAt, std::uint16_t{1});
+  const testing::Bytes image = made.image();
+  ASSERT_TRUE(validate(image, {}).accepted());
+  for (const auto& [kilograms, is_held] :
+       {std::pair{-45.0, true}, std::pair{0.0, true}, std::pair{10.5, true}, std::pair{11.0, false},
+        std::pair{40.0, false}, std::pair{42.0, false}}) {
+    const auto work = std::make_unique<TermWorkspace>();
+    Surroundings around;
+    around.payload = testing::fixed(kilograms, 20);
+    begin_terms(TableView(image), around, *work);
+    EXPECT_EQ(work->flags.is_saturated, !is_held) << kilograms;
+    const double right = std::ldexp(std::exp2(kilograms), 20);
+    EXPECT_NEAR(work->slots[2], is_held ? right : 2147483647.0, 1.0 + 1e-8 * right) << kilograms;
+  }
+}
+
+TEST(TermsTest, Payload_IsInKilogramsOf20Bits) {
+  EXPECT_EQ(payload_of_grams(0), 0);
+  EXPECT_EQ(payload_of_grams(1000), 1 << 20);
+  EXPECT_EQ(payload_of_grams(-1000), -(1 << 20));
+}
+
+TEST(TermsTest, SteepSums_BeginAtZero) {
+  const testing::Bytes image = testing::TestImage(3).image();
+  const auto work = std::make_unique<TermWorkspace>();
+  MotorCoordinates steep;
+  steep.fill({7});
+  evaluate_steep_terms(TableView(image), {}, {}, *work, steep);
+  for (const Coordinate& sum : steep) EXPECT_EQ(sum.raw, 0);
+}
+
+TEST(TermsTest, ConstantOfTheTool_StandsInItsCoordinates) {
+  testing::TestImage made(3);
+  made.add_constant(static_cast<std::uint8_t>(format::kToolCoordinates + 1), 1e-3);
+  const testing::Bytes image = made.image();
+  ASSERT_TRUE(validate(image, {}).accepted());
+  const TableView table(image);
+  const auto work = std::make_unique<TermWorkspace>();
+  begin_terms(table, {}, *work);
+  Coordinates coordinates;
+  coordinates.fill({7});  // of a cycle before
+  evaluate_smooth_terms(table, {}, {}, {}, *work, coordinates);
+  for (std::size_t c = format::kToolCoordinates; c < format::kCoordinates; ++c) {
+    const bool is_it = c == format::kToolCoordinates + 1;
+    EXPECT_EQ(coordinates[c].raw, is_it ? testing::fixed(1e-3, Coordinate::fraction) : 0) << c;
+  }
 }
 
 TEST(TermsTest, WavesAndHarmonics_MoveTheirFramesAlone) {

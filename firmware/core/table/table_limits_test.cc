@@ -244,6 +244,39 @@ TEST(TableWaveTest, JointThatIsNotThere_IsRefused) {
   EXPECT_EQ(with_wave(3), Refusal::kBadReference);
 }
 
+TEST(TableWaveTest, SixtyFour_AreTaken_OneMoreIsRefused) {
+  TestImage made(3);
+  for (std::size_t i = 0; i < kMaxSlowWaves; ++i) {
+    made.add(format::Section::kSlowWaves, Bytes(format::slow_wave::kLength));
+  }
+  EXPECT_EQ(refusal_of(made.image()), Refusal::kNone);
+  made.add(format::Section::kSlowWaves, Bytes(format::slow_wave::kLength));
+  EXPECT_EQ(refusal_of(made.image()), Refusal::kTooManyRecords);
+}
+
+TEST(TableGridTest, NodesOfAllAxes_AreCountedBeforeTheirValuesAreLookedFor) {
+  const auto with_nodes = [](std::uint16_t first, std::uint16_t second) {
+    TestImage made(3);
+    made.add_state(format::State::kMotor, 0, format::kPositionFraction);
+    Bytes data = {2, 1, 0, 0};
+    for (const std::uint16_t nodes : {first, second}) {
+      append(data, std::uint16_t{1});  // the motor's position
+      append(data, nodes);
+      append(data, std::uint32_t{0});  // uniform
+      append(data, std::int32_t{0});
+      append(data, std::uint32_t{1} << 24);
+    }
+    made.add(format::Section::kData, data);
+    Bytes node = {static_cast<std::uint8_t>(format::Node::kGrid), 0, 0, 1};
+    node.resize(format::node::kLength);
+    made.add(format::Section::kNodes, node);
+    return refusal_of(made.image());
+  };
+  // 8192 nodes may be; the values that they need are not there.
+  EXPECT_EQ(with_nodes(2, 4096), Refusal::kBadReference);
+  EXPECT_EQ(with_nodes(2, 4097), Refusal::kTooManyRecords);
+}
+
 TEST(TableGridTest, StepOfNothing_IsRefused_AndPointedAt) {
   TestImage made(3);
   made.add_table(0, -1.0, 0.5, {1e-4, 2e-4, 3e-4}, 24);

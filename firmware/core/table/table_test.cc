@@ -101,6 +101,16 @@ TEST(TableTest, ASectionThatComesTwice_IsRefusedAtItsSecondEntry) {
   EXPECT_EQ(validation.field, entry);
 }
 
+TEST(TableTest, WithoutJointsToolsOrStateVariables_IsRefusedAsIncomplete) {
+  for (const format::Section kind :
+       {format::Section::kJoints, format::Section::kTools, format::Section::kState}) {
+    TestImage made(3);
+    made.remove(kind);
+    EXPECT_EQ(validate(made.image(), any_device()).refusal, Refusal::kMissingSection)
+        << static_cast<int>(kind);
+  }
+}
+
 TEST(TableTest, RefusesANewerFormatByItsOwnReason) {
   Bytes image = full_image().image();
   put(image, format::header::kVersionAt, std::uint16_t{2});
@@ -185,6 +195,8 @@ INSTANTIATE_TEST_SUITE_P(
         BadField{"too many joints", header::kJointCountAt, 9, Refusal::kValueRange},
         BadField{"tool that is not there", header::kActiveToolAt, 1, Refusal::kBadReference},
         BadField{"reserved byte", header::kReservedAt, 1, Refusal::kReserved},
+        BadField{"serial that begins with a control character", header::kSerialAt, 7,
+                 Refusal::kValueRange},
         BadField{"serial with a control character", header::kSerialAt + 2, 7, Refusal::kValueRange},
         BadField{"serial that goes on after its end", header::kSerialAt + 12, 'x',
                  Refusal::kValueRange},

@@ -139,10 +139,12 @@ class TestImage {
   // Content of a section; only valid until image() is called for the terms of tables.
   Bytes& section(format::Section kind) { return sections_[static_cast<std::uint16_t>(kind)]; }
 
+  void remove(format::Section kind) { sections_.erase(static_cast<std::uint16_t>(kind)); }
+
   // The image; with a seed it is signed.
   Bytes image(const std::array<std::uint8_t, 32>* seed = nullptr) {
-    const std::size_t states = section(format::Section::kState).size() / format::state::kLength;
     for (std::size_t i = 0; i < grid_terms_.size(); ++i) {
+      const std::size_t states = section(format::Section::kState).size() / format::state::kLength;
       add_term(grid_terms_[i].joint, static_cast<std::uint16_t>(states + i), 1.0,
                grid_terms_[i].exponent + format::grid::kValueFraction);
     }
