@@ -22,8 +22,8 @@ constexpr double kBeyondSecondOrder = 0.02;
 // What is superfluous can go without poses that were not fitted being predicted worse than by this
 // share.
 constexpr double kSameWithout = 1e-2;
-// Finer tables must predict poses held out at random better by this share, for they take room in the
-// compensator, and those of other times and regions no worse on the whole.
+// Finer tables must predict poses held out at random better by this share, for they take room in
+// the compensator, and those of other times and regions no worse on the whole.
 constexpr double kWorthNodes = 1e-2;
 // Candidates of one search from which moves are taken.
 constexpr std::size_t kLookedThrough = 60;

@@ -44,11 +44,11 @@ struct PriorShape {
 struct SearchBlock {
   Eigen::Index first = 0, width = 0;  ///< columns in the Gram matrix
   std::vector<PriorShape> shapes;
-  double log_odds = 0.0;  ///< prior odds of presence
-  bool present = false;   ///< stands in the model that the search begins at
+  double log_odds = 0.0;     ///< prior odds of presence
+  bool present = false;      ///< stands in the model that the search begins at
   bool replaceable = false;  ///< it does, and what stands in its place is not missing beside it
-  bool counts = true;     ///< something is missing where this is present beyond the start
-  bool costly = false;    ///< a table of many directions: visited once in several sweeps
+  bool counts = true;        ///< something is missing where this is present beyond the start
+  bool costly = false;       ///< a table of many directions: visited once in several sweeps
 };
 
 /// Normal equations with the columns of what is always in the model projected out, in units in
@@ -73,9 +73,9 @@ struct SearchResult {
   std::vector<double> inclusion;  ///< by block: probability of being present
   double nothing_missing = 1.0;  ///< probability that no more blocks are present than were: one may
                                  ///< stand in a replaceable one's place
-  std::vector<bool> likeliest;    ///< by block: present in the likeliest set seen
-  double log_evidence = 0.0;      ///< of that set, up to a constant of the data
-  std::vector<int> shape;         ///< by block: the prior shape that it has or would have
+  std::vector<bool> likeliest;   ///< by block: present in the likeliest set seen
+  double log_evidence = 0.0;     ///< of that set, up to a constant of the data
+  std::vector<int> shape;        ///< by block: the prior shape that it has or would have
   std::vector<Eigen::VectorXd> coefficient,
       sigma;  ///< by block, present in `likeliest` or added to it alone
   std::vector<double>
