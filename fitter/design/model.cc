@@ -1,7 +1,6 @@
 #include "fitter/design/model.h"
 
 #include <algorithm>
-#include <cmath>
 #include <numbers>
 #include <optional>
 #include <set>
@@ -12,8 +11,8 @@ using nlohmann::json;
 
 namespace {
 
-constexpr double kMostJoints =
-    1000.0;  // no arm has as many; the robot's own number is judged later
+// More than any arm has. How many this one has, each effect's joint rule knows.
+constexpr int kMostJoints = 1000;
 
 EffectRequest request_from_json(const json& entry) {
   EffectRequest request;
@@ -28,14 +27,8 @@ EffectRequest request_from_json(const json& entry) {
       if (!value.is_array() && !value.is_null())
         throw ModelError("effect " + request.effect + ": found joints " + value.dump() +
                          ", expected a list");
-      for (const json& joint : value) {
-        // Read as it stands: what is beyond an int's range has no int.
-        const double number = joint.get<double>();
-        if (!(number >= 1.0 && number <= kMostJoints) || number != std::floor(number))
-          throw ModelError("effect " + request.effect + ": found joint " + joint.dump() +
-                           ", expected a number from 1 on");
-        request.joints.push_back(static_cast<int>(number));
-      }
+      for (const json& joint : value)
+        request.joints.push_back(joint_number(joint, kMostJoints, "effect " + request.effect));
     } else {
       request.options[key] = value;
     }

@@ -58,7 +58,8 @@ struct Run {
   int unknown;  // the first one
 };
 
-// Adds the squares of rows to one job's columns of the lower triangle.
+// Adds the products of a row's own columns, its share of JᵀJ, to the columns that are one job's.
+// Only the lower triangle is filled.
 class SquareAdder {
  public:
   SquareAdder(Eigen::MatrixXd& information, int residuals, int job, int jobs)

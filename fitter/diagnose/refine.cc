@@ -5,7 +5,6 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <set>
-#include <thread>
 
 #include "fitter/common/parallel.h"
 #include "fitter/inference/cross_validation.h"
@@ -159,7 +158,8 @@ Diagnosis with_added(const Diagnosis& searched, const Candidate& added) {
   const std::vector<int>& joints = added.request.joints;
   std::erase_if(d.candidates, [&](const Candidate& c) {
     const bool of_a_joint = find_effect(c.request.effect).joint_rule() == JointRule::kEach;
-    // Another form of it waits for the next search; of a table of several joints all are in.
+    // Another form of it waits for the next search. A table of several joints brings all of them
+    // in.
     return label(c.request) == label(added.request) ||
            (of_a_joint && c.request.effect == added.request.effect &&
             c.request.options == added.request.options &&
@@ -273,7 +273,7 @@ bool Refinement::accept(const Move& move, const Trial& trial) {
 // and cores stand by, the one after it on top of that. Leaves `next` behind what was looked at.
 std::vector<Refinement::Trial> Refinement::next_trials(const std::vector<Move>& moves,
                                                        std::size_t& next) const {
-  const std::size_t most = std::thread::hardware_concurrency() > 1 ? 2 : 1;
+  const std::size_t most = processors() > 1 ? 2 : 1;
   const Fit& fit = *steps_.back().fit;
   std::vector<Trial> trials;
   for (; next < moves.size() && trials.size() < most; ++next) {

@@ -224,9 +224,7 @@ void Builder::make_base() {
     if (!std::all_of(row.entries.begin(), row.entries.end(),
                      [&](const auto& entry) { return place.contains(entry.first); }))
       continue;
-    double left = -row.target;
-    for (const auto& [unknown, factor] : row.entries)
-      left += factor * values[static_cast<std::size_t>(unknown)];
+    const double left = row.residual(values);
     model_.base_pull_squares += left * left;
     for (const auto& [ua, fa] : row.entries) {
       model_.base_pull[place[ua]] += fa * left;

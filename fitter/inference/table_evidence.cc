@@ -5,6 +5,7 @@
 #include <limits>
 #include <map>
 #include <string>
+#include <utility>
 
 #include "fitter/common/dense.h"
 #include "fitter/common/parallel.h"
@@ -35,13 +36,13 @@ struct Prior {
 
   Prior(const Design& design, const std::vector<PenaltyRow>& rows,
         const std::vector<double>& values) {
-    std::map<std::string, std::vector<const PenaltyRow*>> by_table;
+    std::map<std::string, std::vector<PenaltyRow>> by_table;
     for (const PenaltyRow& row : rows) {
       if (!stands_on_tables(design, row)) continue;
-      by_table[table_of(design, row.entries.front().first)].push_back(&row);
+      by_table[table_of(design, row.entries.front().first)].push_back(row);
       penalty += std::pow(row.residual(values), 2);
     }
-    for (const auto& [table, own] : by_table) log_determinant += log_determinant_of(own);
+    for (auto& [table, own] : by_table) log_determinant += log_determinant_of(std::move(own));
   }
 
  private:
@@ -51,20 +52,16 @@ struct Prior {
     return term.table->id;
   }
 
-  static double log_determinant_of(const std::vector<const PenaltyRow*>& rows) {
-    std::map<int, Eigen::Index> place;  // of an unknown
-    for (const PenaltyRow* row : rows) {
-      for (const auto& [unknown, factor] : row->entries)
-        place.try_emplace(unknown, static_cast<Eigen::Index>(place.size()));
+  static double log_determinant_of(std::vector<PenaltyRow> rows) {
+    std::map<int, int> place;  // of an unknown among the table's own
+    for (PenaltyRow& row : rows) {
+      for (auto& [unknown, factor] : row.entries)
+        unknown = place.try_emplace(unknown, static_cast<int>(place.size())).first->second;
     }
-    const auto size = static_cast<Eigen::Index>(place.size());
-    Eigen::MatrixXd information = Eigen::MatrixXd::Zero(size, size);
-    for (const PenaltyRow* row : rows) {
-      for (const auto& [ua, fa] : row->entries) {
-        for (const auto& [ub, fb] : row->entries) information(place[ua], place[ub]) += fa * fb;
-      }
-    }
-    return ScaledCholesky(information).log_determinant();
+    NormalEquations equations(static_cast<Eigen::Index>(place.size()));
+    const std::vector<double> anywhere(place.size(), 0.0);  // the information is the same
+    for (const PenaltyRow& row : rows) equations.add(row, anywhere);
+    return ScaledCholesky(equations.information).log_determinant();
   }
 };
 

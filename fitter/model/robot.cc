@@ -75,17 +75,17 @@ void build_chain(const json& kinematics, Robot& robot, std::vector<Pose>& frame_
   if (kinematics.contains("end")) robot.end = pose_from_json(kinematics["end"]);
 }
 
-int joint_index(const json& value, int count, const std::string& where) {
-  // Compared as it stands: what is beyond an int's range has no int.
+}  // namespace
+
+int joint_number(const json& value, int most, const std::string& where) {
+  // Compared before it becomes an int: what no int holds has an undefined one.
   const double number = value.get<double>();
-  if (!(number >= 1.0 && number <= count) || number != std::floor(number)) {
-    throw ModelError("robot: " + where + " names joint " + value.dump() + ", expected 1 to " +
-                     std::to_string(count));
+  if (!(number >= 1.0 && number <= most) || number != std::floor(number)) {
+    throw ModelError(where + " names joint " + value.dump() + ", expected 1 to " +
+                     std::to_string(most));
   }
   return static_cast<int>(number);
 }
-
-}  // namespace
 
 Pose pose_from_xyz_rpy(const Eigen::Vector3d& xyz, const Eigen::Vector3d& rpy) {
   Pose pose = Pose::Identity();
@@ -128,8 +128,8 @@ Robot Robot::from_json(const json& content) {
     for (const json& row : content["coupling"]) {
       // A matter of what is reported: columns hold the drives' angles.
       if (row.value("kind", "mechanical") == "controller") continue;
-      const int driven = joint_index(row.at("joint"), n, "coupling");
-      const int driving = joint_index(row.at("driving"), n, "coupling");
+      const int driven = joint_number(row.at("joint"), n, "robot: coupling");
+      const int driving = joint_number(row.at("driving"), n, "robot: coupling");
       robot.coupling(driven - 1, driving - 1) += row.at("ratio").get<double>();
     }
   }
@@ -167,8 +167,8 @@ Robot Robot::from_json(const json& content) {
   if (content.contains("linkage") && !content["linkage"].is_null()) {
     const json& linkage = content["linkage"];
     Parallelogram four_bar;
-    four_bar.crank_joint = joint_index(linkage.at("joints").at(0), n, "linkage.joints");
-    four_bar.arm_joint = joint_index(linkage.at("joints").at(1), n, "linkage.joints");
+    four_bar.crank_joint = joint_number(linkage.at("joints").at(0), n, "robot: linkage.joints");
+    four_bar.arm_joint = joint_number(linkage.at("joints").at(1), n, "robot: linkage.joints");
     four_bar.crank = optional_number(linkage, "crank", 0.0);
     four_bar.rod = optional_number(linkage, "rod", 0.0);
     four_bar.angle = linkage.at("angle");

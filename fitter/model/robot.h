@@ -75,4 +75,7 @@ struct Robot {
   static Robot from_json(const nlohmann::json& content);
 };
 
+/// A joint by its number, 1 to `most`. Throws ModelError that begins with `where`.
+int joint_number(const nlohmann::json& value, int most, const std::string& where);
+
 }  // namespace armtrue

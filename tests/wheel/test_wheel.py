@@ -39,7 +39,7 @@ def wheel() -> Path:
 
 
 def environment_with(wheel: Path, folder: Path, *words: str | Path) -> Path:
-    """An environment with the wheel and what it declares; `words` go to pip."""
+    """Install the wheel and what it declares into a new environment; `words` are further arguments of pip."""
     venv.create(folder, with_pip=True)
     command = [folder / "bin/python", "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
     subprocess.run([*command, "--use-pep517", *words, str(wheel)], check=True)

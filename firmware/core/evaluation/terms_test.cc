@@ -35,15 +35,20 @@ TEST(TermsTest, TheConstantOne_IsInSlotZero_AndSignsAreWhole) {
   }
 }
 
-TEST(TermsTest, ASum_ShiftsUpAndDown) {
+// One node, in slot 2, over the payload in slot 1.
+testing::Bytes with_payload_node(testing::Bytes node) {
   testing::TestImage made(3);
   made.add_state(format::State::kPayload, 0, 20);
-  testing::Bytes sum = {static_cast<std::uint8_t>(format::Node::kSum), 0xFF, 2, 0, 1, 0, 1, 0};
-  sum.resize(format::node::kLength);
-  made.add(format::Section::kNodes, sum);
+  node.resize(format::node::kLength);
+  made.add(format::Section::kNodes, node);
   testing::put(made.header(), format::header::kConstantNodesAt, std::uint16_t{1});
   testing::put(made.header(), format::header::kSteepNodesAt, std::uint16_t{1});
-  const testing::Bytes image = made.image();
+  return made.image();
+}
+
+TEST(TermsTest, ASum_ShiftsUpAndDown) {
+  const testing::Bytes image =
+      with_payload_node({static_cast<std::uint8_t>(format::Node::kSum), 0xFF, 2, 0, 1, 0, 1, 0});
   ASSERT_TRUE(validate(image, {}).accepted());
   const auto work = std::make_unique<TermWorkspace>();
   Surroundings around;
@@ -53,16 +58,10 @@ TEST(TermsTest, ASum_ShiftsUpAndDown) {
 }
 
 TEST(TermsTest, APowerOfTwo_ThatNoSlotHolds_IsMarked) {
-  testing::TestImage made(3);
-  made.add_state(format::State::kPayload, 0, 20);
   testing::Bytes power = {
       static_cast<std::uint8_t>(format::Node::kPowerOfTwo), 20, 0, 0, 1, 0, 0, 0};
   testing::append(power, std::int32_t{20});
-  power.resize(format::node::kLength);
-  made.add(format::Section::kNodes, power);
-  testing::put(made.header(), format::header::kConstantNodesAt, std::uint16_t{1});
-  testing::put(made.header(), format::header::kSteepNodesAt, std::uint16_t{1});
-  const testing::Bytes image = made.image();
+  const testing::Bytes image = with_payload_node(std::move(power));
   ASSERT_TRUE(validate(image, {}).accepted());
   for (const auto& [kilograms, is_held] :
        {std::pair{-45.0, true}, std::pair{0.0, true}, std::pair{10.5, true}, std::pair{11.0, false},

@@ -272,7 +272,7 @@ TEST(TableGridTest, NodesOfAllAxes_AreCountedBeforeTheirValuesAreLookedFor) {
     made.add(format::Section::kNodes, node);
     return refusal_of(made.image());
   };
-  // 8192 nodes may be; the values that they need are not there.
+  // 8192 nodes are allowed: what is missed is their values, which this image has none of.
   EXPECT_EQ(with_nodes(2, 4096), Refusal::kBadReference);
   EXPECT_EQ(with_nodes(2, 4097), Refusal::kTooManyRecords);
 }

@@ -44,11 +44,12 @@ struct PriorShape {
 struct SearchBlock {
   Eigen::Index first = 0, width = 0;  ///< columns in the Gram matrix
   std::vector<PriorShape> shapes;
-  double log_odds = 0.0;     ///< prior odds of presence
-  bool present = false;      ///< stands in the model that the search begins at
-  bool replaceable = false;  ///< it does, and what stands in its place is not missing beside it
-  bool counts = true;        ///< something is missing where this is present beyond the start
-  bool costly = false;       ///< a table of many directions: visited once in several sweeps
+  double log_odds = 0.0;  ///< prior odds of presence
+  bool present = false;   ///< stands in the model that the search begins at
+  bool replaceable =
+      false;            ///< so does one that a search put in: what takes its place is not missing
+  bool counts = true;   ///< something is missing where this is present beyond the start
+  bool costly = false;  ///< a table of many directions: visited once in several sweeps
 };
 
 /// Normal equations with the columns of what is always in the model projected out, in units in

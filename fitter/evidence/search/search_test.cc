@@ -165,7 +165,7 @@ TEST(SearchBlocks, WhatStandsInAReplaceableBlocksPlace_IsNotMissingBesideIt) {
   EXPECT_NEAR(search_blocks(e.problem, options).nothing_missing, 0.5, 0.1);
   e.problem.blocks[0].replaceable = true;
   EXPECT_GT(search_blocks(e.problem, options).nothing_missing, 0.95);
-  // One more than stood there is missing all the same.
+  // Two blocks explain more than the single one that the model has now: one of them is missing.
   e.problem.blocks[2].present = false;
   EXPECT_LT(search_blocks(e.problem, options).nothing_missing, 0.01);
 }

@@ -70,7 +70,6 @@ app = typer.Typer(
     name="armtrue",
     cls=_Commands,
     no_args_is_help=True,
-    rich_markup_mode=None,
     pretty_exceptions_enable=False,
     help="""Calibrate a robot arm: fit it, see where the model fails, add what is missing, compensate.
 

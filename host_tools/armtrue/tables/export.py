@@ -52,9 +52,7 @@ class ExportOptions:
     blend_ms: int = 500
     damping_m: float | None = None  # 0.4 % of the reach
     rotation_length_m: float | None = None  # a quarter of the reach
-    max_correction: float | None = (
-        None  # rad or m; else twice what 99.9 % of sampled poses need, in whole mrad or mm
-    )
+    max_correction: float | None = None  # rad or m; twice what 99.9 % of sampled poses need, rounded up
     max_rate: float = 0.1  # rad/s or m/s
     dead_band: float = 2e-5  # rad or m
     payload_max_kg: float | None = None  # half the arm's mass, or 50

@@ -100,7 +100,7 @@ class GuardedGroup(typer.core.TyperGroup):
     def load(self, name: str) -> click.Command:
         """The command `name`, whole and guarded."""
         if name not in self.commands:
-            part = typer.Typer(rich_markup_mode=None, pretty_exceptions_enable=False)
+            part = typer.Typer(pretty_exceptions_enable=False)
             part.callback()(lambda: None)
             importlib.import_module(f"armtrue.{self.homes[name][0]}").add_to(part)
             self.commands.update(typer.main.get_group(part).commands)
