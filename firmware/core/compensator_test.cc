@@ -64,6 +64,7 @@ TEST(CompensatorTest, WithoutATableTheOutputIsTheInput) {
     }
     ASSERT_EQ(output.state, CompensatorState::kPassThrough);
     ASSERT_EQ(output.flags, kCycleClean);
+    ASSERT_EQ(output.cycle, static_cast<std::uint32_t>(i));
   }
   EXPECT_EQ(counted.cycles, 10000U);
   for (const std::uint32_t other :
@@ -282,10 +283,12 @@ TEST(CompensatorTest, ParkedAndResumedItBlendsWithoutAStep) {
   EXPECT_EQ(last.delta[0], whole);
 }
 
-TEST(CompensatorTest, ATableOfFinerDrives_IsApproachedNoFaster_AndCountedForItsJoint) {
+class FinerDrivesTest : public ::testing::TestWithParam<double> {};
+
+TEST_P(FinerDrivesTest, AreApproachedNoFaster_AndCountedForTheirJoint) {
   const auto with_offset_of_joint_2 = [](std::uint8_t finer) {
     TestImage made(kJoints);
-    made.add_constant(1, 5e-3);
+    made.add_constant(1, GetParam());
     for (std::size_t k = 0; k < kJoints; ++k) {
       Bytes& joints = made.section(format::Section::kJoints);
       const std::size_t at = k * format::joint::kLength;
@@ -308,6 +311,37 @@ TEST(CompensatorTest, ATableOfFinerDrives_IsApproachedNoFaster_AndCountedForItsJ
   }
   EXPECT_GT(compensator.counters().clamped[1], 0U);
   EXPECT_EQ(compensator.counters().clamped[0], 0U);
+}
+
+INSTANTIATE_TEST_SUITE_P(BothWays, FinerDrivesTest, ::testing::Values(5e-3, -5e-3));
+
+TEST(CompensatorTest, AChangeOfJustTheRate_IsNotClamped) {
+  constexpr std::int64_t kUnitsPerIncrement = 256;
+  TestImage made(kJoints);
+  made.add_state(format::State::kDirection, 0, 30);
+  made.add_term(0, 1, 1e-5, 30);
+  const auto correction = [image = made.image()](const CycleInput& input, std::int8_t direction) {
+    JointPositions target = {};
+    for (std::size_t k = 0; k < kJoints; ++k) {
+      target[k] = {input.target[k] * kUnitsPerIncrement};
+    }
+    Surroundings around;
+    around.direction[0] = direction;
+    return solve(TableView(image), target, around, *std::make_unique<Workspace>()).delta[0];
+  };
+  const std::int32_t change = correction(at(0.0), -1) - correction(at(0.1), 1);
+  for (const std::int32_t less : {0, 1}) {
+    testing::put(made.section(format::Section::kJoints), format::joint::kRateAt,
+                 (change - less) * 1000);
+    Compensator compensator(config());
+    const Bytes image = made.image();
+    activate(compensator, image);
+    settle(compensator, at(0.0));
+    settle(compensator, at(0.1));
+    const std::uint32_t before = compensator.counters().rate_clamped;
+    settle(compensator, at(0.0));
+    EXPECT_EQ(compensator.counters().rate_clamped - before, static_cast<std::uint32_t>(less));
+  }
 }
 
 TEST(CompensatorTest, WaysOfAnAxisThatTurnsOn_AreTheShortOnes) {
@@ -470,6 +504,20 @@ TEST(CompensatorTest, DirectionNeedsMoreThanTheDeadBand) {
   EXPECT_NEAR(move(-20), backlash, 1);   // 110 below it: moved down
   compensator.restart_stream();
   EXPECT_EQ(settle(compensator, input).delta[0], 0);
+}
+
+TEST(CompensatorTest, DirectionIsFollowedBeforeThereIsATable) {
+  TestImage made(kJoints);
+  made.add_state(format::State::kDirection, 0, 30);
+  made.add_term(0, 1, 1e-3, 30);
+  Compensator compensator(config());
+  CycleInput input = at(0.0);
+  compensator.cycle(input);
+  input.target[0] += 1;  // without a table there is no dead band
+  compensator.cycle(input);
+  const Bytes image = made.image();
+  activate(compensator, image);
+  EXPECT_NEAR(settle(compensator, input).delta[0], -increments(1e-3), 1);
 }
 
 TEST(CompensatorTest, FeedbackIsUncorrectedByTheDeltaOfItsOwnCycle) {

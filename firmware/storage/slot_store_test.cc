@@ -42,6 +42,7 @@ TEST_F(SlotStoreTest, BlankFlashIsPassThrough) {
   EXPECT_EQ(store_->status().active, std::nullopt);
   EXPECT_EQ(state(0), SlotState::kBlank);
   EXPECT_EQ(state(1), SlotState::kBlank);
+  for (const SlotStatus& slot : store_->status().slot) EXPECT_EQ(slot.length, 0U);
 }
 
 TEST_F(SlotStoreTest, ConfirmedTableSurvivesRestart) {
@@ -361,6 +362,16 @@ TEST_F(SlotStoreTest, AWordThatDoesNotProgramIsReportedAndHarmless) {
   EXPECT_EQ(store_->commit(make_image(2, 80)), StoreResult::kProgramFailed);
   flash_.run_undisturbed();
   EXPECT_EQ(restart(), old_table);
+}
+
+TEST_F(SlotStoreTest, EveryMarkIsWrittenTwice) {
+  restart();
+  ASSERT_EQ(store_->commit(make_image(1, 80)), StoreResult::kDone);
+  std::span<const std::uint8_t> active;
+  ASSERT_EQ(store_->activate(buffer_, active), StoreResult::kDone);
+  const std::size_t before = flash_.operations();
+  ASSERT_EQ(store_->confirm(), StoreResult::kDone);
+  EXPECT_EQ(flash_.operations() - before, 2U);
 }
 
 TEST_F(SlotStoreTest, AFirstCommitThatFails_LeavesNothingThatWasLost) {

@@ -119,6 +119,29 @@ INSTANTIATE_TEST_SUITE_P(Modes, DrivesTest, ::testing::Values(Mode::kInline, Mod
 // Inline: the drives stand while the compensator is away.
 class InlineDrivesTest : public DrivesTest {};
 
+TEST_P(InlineDrivesTest, LateFeedbackOfANewStream_IsNotUncorrectedByTheOneBefore) {
+  ASSERT_EQ(bench.write(0x2000, 7, 3, 1), 0U);
+  settle();
+  ASSERT_EQ(bench.write(0x2000, 2, 0, 1), 0U);
+  rest(kStand, 200);
+  bench.run_for(600'000);
+  ASSERT_EQ(bench.write(0x2000, 1, 0, 1), 0U);
+  ASSERT_EQ(bench.write(0x2000, 2, 1, 1), 0U);
+  bench.run_for(600'000);
+  take_output();
+  stand = moved(kStand, kPermitted - 10);
+  ASSERT_EQ(bench.write(0x2000, 1, static_cast<std::uint32_t>(Mode::kInline), 1), 0U);
+  bool begun = false;
+  for (int k = 0; k < 30; ++k) {
+    cycle(kStand);
+    if (begun) {
+      EXPECT_LE(farthest(seen, kStand), 3 * kBlendStep) << k;
+    }
+    begun = begun || outputs > 0;
+  }
+  EXPECT_TRUE(begun);
+}
+
 TEST_P(InlineDrivesTest, FarFromTheFirstTargetTheNearestPermittedOutputIsTaken) {
   settle();
   restart();

@@ -52,6 +52,23 @@ TEST_F(PdoRecordTest, CobId_WithBitsOfAnExtendedIdentifier_IsRefused) {
   EXPECT_EQ(write(kRpdo, 1, 0x191), Abort::kNone);
 }
 
+TEST_F(PdoRecordTest, FirstAndLastRecord_AreCheckedLikeTheOthers) {
+  for (const std::uint16_t record : {std::uint16_t{0x1400}, std::uint16_t{0x1400 + kRpdos - 1},
+                                     std::uint16_t{0x1800}, std::uint16_t{0x1800 + kTpdos - 1}}) {
+    EXPECT_EQ(write(record, 1, 0xC0000191U | 1U << 11), Abort::kValueRange) << std::hex << record;
+  }
+}
+
+TEST_F(PdoRecordTest, Mapping_OfMoreBytesThanAFrame_IsRefused) {
+  const std::uint16_t mapping = kRpdo + 0x200;
+  ASSERT_EQ(write(mapping, 0, 0), Abort::kNone);
+  ASSERT_EQ(write(mapping, 1, 0x20210020), Abort::kNone);
+  ASSERT_EQ(write(mapping, 2, 0x20210020), Abort::kNone);
+  ASSERT_EQ(write(mapping, 3, 0x00050008), Abort::kNone);
+  EXPECT_EQ(write(mapping, 0, 3), Abort::kPdoLength) << "nine bytes";
+  EXPECT_EQ(write(mapping, 0, 2), Abort::kNone) << "eight";
+}
+
 TEST_F(PdoRecordTest, CobId_SavedWithSuchBits_MakesNoPdo) {
   PdoTable pdos(dictionary, kClassicPayload);
   save(kRpdo, 1, 0x191);

@@ -138,6 +138,14 @@ TEST(GridTest, ValuesBehindMoreThan32Nodes_AreFound) {
   }
 }
 
+TEST(GridTest, SumOfItsCorners_RoundsToNearest) {
+  // The far corner's weight is 32767 or 32768 of 2^16 steps of the result.
+  const AxisSpec line = {{0.0, 1.0}, 0};
+  const Bytes data = data_of({line, line}, 1, {0, 0, 0, 1}, std::vector<bool>(4, true));
+  EXPECT_EQ(value_at(data, {std::ldexp(1.0, -8), std::ldexp(32767.0, -20)}), 0.0);
+  EXPECT_EQ(value_at(data, {std::ldexp(1.0, -8), std::ldexp(32768.0, -20)}), std::ldexp(1.0, -12));
+}
+
 class ManyAxes : public ::testing::TestWithParam<std::size_t> {};
 
 TEST_P(ManyAxes, AgreesWithDoublePrecisionEverywhereAndIsContinuous) {

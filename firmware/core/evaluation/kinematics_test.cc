@@ -3,12 +3,67 @@
 #include <gtest/gtest.h>
 
 #include <array>
+#include <cmath>
+#include <utility>
 
 #include "firmware/core/table/table.h"
 #include "firmware/core/table/test_image.h"
 
 namespace armtrue {
 namespace {
+
+bool operator==(const Vector& a, const Vector& b) { return a.x == b.x && a.y == b.y && a.z == b.z; }
+
+// A constant turn of the first link about z.
+testing::Bytes with_turn(double radian) {
+  testing::TestImage made(3);
+  made.add_constant(format::kMotorCoordinates + 6 + 5, radian);
+  return made.image();
+}
+
+TEST(KinematicsTest, JointsThatTurn_DoNotSlide) {
+  const testing::Bytes image = testing::TestImage(3).image();
+  const TableView table(image);
+  JointMotions motions;
+  joint_motions(table, {}, motions);
+  for (std::size_t k = 0; k < 3; ++k) {
+    EXPECT_EQ(motions[k].slide, 0);
+    EXPECT_EQ(motions[k].cosine, kRatioOne.raw);
+  }
+}
+
+TEST(KinematicsTest, LargeTurns_AreThoseOfTheirOwnFrame_FromTwoMilliradians) {
+  for (const auto& [radian, is_large] : {std::pair{1.9e-3, false}, std::pair{2.0e-3, true},
+                                         std::pair{-1.9e-3, false}, std::pair{-2.0e-3, true}}) {
+    const testing::Bytes image = with_turn(radian);
+    const TableView table(image);
+    for (std::size_t frame = 0; frame <= 4; ++frame) {
+      EXPECT_EQ(table.has_large_turn(frame), is_large && frame == 1) << radian << ' ' << frame;
+    }
+  }
+}
+
+TEST(KinematicsTest, TurnOfTenMilliradians_IsExactToItsFourthOrder) {
+  constexpr double kTurn = 1e-2;
+  const testing::Bytes image = with_turn(kTurn);
+  const TableView table(image);
+  JointMotions motions;
+  joint_motions(table, {}, motions);
+  Coordinates coordinates = {};
+  coordinates[format::kMotorCoordinates + 6 + 5] = {testing::fixed(kTurn, Coordinate::fraction)};
+  const Vector point = real_tool(table, motions, coordinates).point;
+  // Three links of 0.5 m, turned about the first joint; to second order it would be 0.25 µm short.
+  EXPECT_NEAR(std::ldexp(point.x, -Length::fraction), 1.5 * std::cos(kTurn), 1.5e-8);
+  EXPECT_NEAR(std::ldexp(point.y, -Length::fraction), 1.5 * std::sin(kTurn), 1.5e-8);
+}
+
+TEST(KinematicsTest, SmallTurns_RoundEveryComponentToNearest) {
+  // r × v is 3; half of it rounds to 2, of which r × takes 0.6, rounded to 1.
+  const std::int32_t r = testing::fixed(0.3, 30);
+  EXPECT_TRUE(rotate_small({r, 0, 0}, {0, 10, 0}) == (Vector{0, 9, 3}));
+  EXPECT_TRUE(rotate_small({0, r, 0}, {0, 0, 10}) == (Vector{3, 0, 9}));
+  EXPECT_TRUE(rotate_small({0, 0, r}, {10, 0, 0}) == (Vector{9, 3, 0}));
+}
 
 TEST(KinematicsTest, CoupledPositions_AreRounded) {
   constexpr std::int32_t kOne = std::int32_t{1} << format::coupling::kRatioFraction;

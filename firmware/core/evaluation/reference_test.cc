@@ -15,6 +15,7 @@
 
 #include "firmware/core/evaluation/inverse.h"
 #include "firmware/core/table/table.h"
+#include "firmware/core/table/test_image.h"
 
 namespace armtrue {
 namespace {
@@ -24,6 +25,7 @@ namespace {
 struct Arm {
   const char* file;
   std::int64_t permitted;
+  std::uint32_t checksum;  // CRC-32 of all corrections, to the last bit
 };
 
 void PrintTo(const Arm& arm, std::ostream* out) { *out << arm.file; }
@@ -36,10 +38,13 @@ constexpr std::int64_t kRounding = 200;
 // joints, so their joint values may differ by some thousandths of the correction.
 constexpr std::int64_t kRedundant = 50'000;
 
-constexpr Arm kArms[] = {{"kr30", kRedundant},       {"kr30_pose", kRounding},
-                         {"skewed_pose", kRounding}, {"scara", kRedundant},
-                         {"stanford", kRedundant},   {"stanford_pose", kRounding},
-                         {"tables", kRounding},      {"nodes", kRounding}};
+// The checksums change only with a decision: a robot that was verified with one build of the
+// firmware moves the same, bit for bit, with the next.
+constexpr Arm kArms[] = {
+    {"kr30", kRedundant, 0x3F6E62D4},       {"kr30_pose", kRounding, 0x7E629808},
+    {"skewed_pose", kRounding, 0x9EE3C643}, {"scara", kRedundant, 0x5AF0843A},
+    {"stanford", kRedundant, 0x00F5CFAD},   {"stanford_pose", kRounding, 0x18CD30DB},
+    {"tables", kRounding, 0x719D01A9},      {"nodes", kRounding, 0xCC498632}};
 
 class Reader {
  public:
@@ -84,6 +89,7 @@ TEST_P(ReferenceTest, Correction_OfAnyPose_IsTheExactInverse) {
   const TableView table(image);
   const auto workspace = std::make_unique<Workspace>();
   std::int64_t largest = 0;
+  testing::Bytes corrections;
   for (std::int32_t number = 0; number < cases; ++number) {
     JointPositions target;
     for (std::size_t k = 0; k < joints; ++k) target[k] = {reader.next<std::int64_t>()};
@@ -103,12 +109,14 @@ TEST_P(ReferenceTest, Correction_OfAnyPose_IsTheExactInverse) {
     for (std::size_t k = 0; k < joints; ++k) {
       const auto right = reader.next<std::int32_t>();
       largest = std::max<std::int64_t>(largest, std::abs(right));
+      testing::append(corrections, correction.delta[k]);
       EXPECT_NEAR(correction.delta[k], right, static_cast<double>(GetParam().permitted))
           << "case " << number << ", joint " << k + 1;
     }
   }
   EXPECT_TRUE(reader.at_end());
   EXPECT_GT(largest, 50 * kRounding) << "there is something to correct";
+  EXPECT_EQ(crc32(corrections), GetParam().checksum) << std::hex << crc32(corrections);
 }
 
 INSTANTIATE_TEST_SUITE_P(Arms, ReferenceTest, ::testing::ValuesIn(kArms),

@@ -57,6 +57,19 @@ TEST(TermsTest, ASum_ShiftsUpAndDown) {
   EXPECT_EQ(work->slots[2], 2 * 100 + 100 / 4);
 }
 
+TEST(TermsTest, ASum_ShiftsEachPartBy31AtMost) {
+  for (const int shift : {-31, 31, -32, 32}) {
+    const Refusal refusal = shift % 31 == 0 ? Refusal::kNone : Refusal::kValueRange;
+    const auto bits = static_cast<std::uint8_t>(shift);
+    for (const auto& [first, second] :
+         {std::pair{bits, std::uint8_t{0}}, std::pair{std::uint8_t{0}, bits}}) {
+      const testing::Bytes image = with_payload_node(
+          {static_cast<std::uint8_t>(format::Node::kSum), first, second, 0, 1, 0, 1, 0});
+      EXPECT_EQ(validate(image, {}).refusal, refusal) << shift;
+    }
+  }
+}
+
 TEST(TermsTest, APowerOfTwo_ThatNoSlotHolds_IsMarked) {
   testing::Bytes power = {
       static_cast<std::uint8_t>(format::Node::kPowerOfTwo), 20, 0, 0, 1, 0, 0, 0};

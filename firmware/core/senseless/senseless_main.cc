@@ -66,14 +66,14 @@ int main(int argc, char** argv) {
   }
   std::uint64_t taken = 0;
   for (std::uint64_t seed = first; seed < first + count; ++seed) {
-    bool accepted = false;
-    const std::string wrong = testing::run_senseless(seed, accepted);
-    if (!wrong.empty()) {
-      std::fprintf(stderr, "seed %llu: %s\n", static_cast<unsigned long long>(seed), wrong.c_str());
+    const testing::SenselessRun run = testing::run_senseless(seed);
+    if (!run.wrong.empty()) {
+      std::fprintf(stderr, "seed %llu: %s\n", static_cast<unsigned long long>(seed),
+                   run.wrong.c_str());
       return 1;
     }
-    taken += accepted ? 1U : 0U;
-    if (file != nullptr && !record(file, seed, accepted)) {
+    taken += run.accepted ? 1U : 0U;
+    if (file != nullptr && !record(file, seed, run.accepted)) {
       std::fprintf(stderr, "senseless_tables: %s cannot be written\n", argv[3]);
       return 2;
     }

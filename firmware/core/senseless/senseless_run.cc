@@ -68,7 +68,8 @@ std::vector<CycleInput> senseless_inputs(SenselessImage& made) {
   return inputs;
 }
 
-std::string run_senseless(std::uint64_t seed, bool& accepted) {
+SenselessRun run_senseless(std::uint64_t seed) {
+  SenselessRun run;
   SenselessImage made(seed);
   const std::vector<CycleInput> inputs = senseless_inputs(made);
   DeviceIdentity device;
@@ -83,24 +84,32 @@ std::string run_senseless(std::uint64_t seed, bool& accepted) {
   config.carry_remainder = seed % 2 == 1;
   const auto compensator = std::make_unique<Compensator>(config);
   const Validation validation = compensator->load(image, device);
-  accepted = validation.accepted();
-  if (!accepted) {
-    const bool is_inside = validation.field <= image.size();
-    return is_inside ? std::string() : "a refusal that points outside the image";
+  run.accepted = validation.accepted();
+  if (!run.accepted) {
+    if (validation.field > image.size()) run.wrong = "a refusal that points outside the image";
+    return run;
   }
-  if (cycle_cost(image) > kCycleBudget) return "above the budget";
-  if (!compensator->activate()) return "accepted and not activated";
+  if (cycle_cost(image) > kCycleBudget) {
+    run.wrong = "above the budget";
+    return run;
+  }
+  if (!compensator->activate()) {
+    run.wrong = "accepted and not activated";
+    return run;
+  }
   const TableView table(image);
   CycleOutput before;
-  for (const CycleInput& input : inputs) {
+  const auto cycle = [&](const CycleInput& input) {
     const CycleOutput output = compensator->cycle(input);
-    const std::string wrong = check_cycle(input, output, before, table);
-    if (!wrong.empty()) return wrong;
+    if (run.wrong.empty()) run.wrong = check_cycle(input, output, before, table);
+    for (const std::int32_t delta : output.delta) append(run.outputs, delta);
+    append(run.outputs, output.flags);
     before = output;
-  }
+  };
+  for (const CycleInput& input : inputs) cycle(input);
   compensator->disable();
-  const CycleOutput output = compensator->cycle(inputs.front());
-  return check_cycle(inputs.front(), output, before, table);
+  cycle(inputs.front());
+  return run;
 }
 
 }  // namespace armtrue::testing

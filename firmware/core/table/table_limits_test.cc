@@ -378,6 +378,16 @@ TEST(TableCostTest, Torque_CountsItself_OnceItsMassSet_AndItsCouplings) {
   EXPECT_EQ(cost_with(coupled), before + kFirst + 46U + 2 * 44U + 2 * 9U);
 }
 
+TEST(TableCostTest, Table_OfJustTheBudget_IsTaken) {
+  TestImage made(3);
+  made.add_state(format::State::kPayload, 0, 20);
+  made.add_constant(1, 1e-3);
+  for (int i = 0; i < 191; ++i) made.add_harmonic(1, 1, 2.0, 0.0, 1e-4);
+  for (int i = 0; i < 396; ++i) made.add_term(1, 0, 1e-3, 30);
+  EXPECT_EQ(cost_with(made), kCycleBudget);
+  EXPECT_EQ(refusal_of(made.image()), Refusal::kNone);
+}
+
 TEST(TableCostTest, Table_AboveTheBudget_IsRefusedByItsOwnReason) {
   TestImage made(3);
   for (int i = 0; i < 192; ++i) made.add_harmonic(1, 1, 2.0, 0.0, 1e-4);

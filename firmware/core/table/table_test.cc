@@ -62,6 +62,7 @@ TEST(TableTest, RefusesAnotherRobotAndAnotherJointCount) {
   const Bytes image = full_image().image();
   EXPECT_EQ(validate(image, bound_to("ROBOT-8")).refusal, Refusal::kRobotSerial);
   EXPECT_EQ(validate(image, bound_to("ROBOT-70")).refusal, Refusal::kRobotSerial);
+  EXPECT_EQ(validate(image, bound_to("R")).refusal, Refusal::kRobotSerial);
   DeviceIdentity six;
   six.joint_count = 6;
   const Validation validation = validate(image, six);
