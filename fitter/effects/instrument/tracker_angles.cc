@@ -7,32 +7,57 @@ class TrackerAngles final : public Effect {
  public:
   std::string id() const override { return "tracker_angles"; }
   std::string summary() const override {
-    return "the instrument's circles sit off their axes: errors once a turn";
+    return "the instrument's circles sit off their axes, or are oval: errors once or twice a turn";
   }
   Role role() const override { return Role::kMeasurement; }
   JointRule joint_rule() const override { return JointRule::kNone; }
   std::string bound_text() const override {
-    return "1e-4 rad: ours, twice what a tracker out of calibration shows";
+    return "1e-4 rad once a turn, half of it twice: ours, twice what a tracker out of calibration "
+           "shows";
+  }
+  std::vector<EffectOption> options() const override {
+    return {{"orders", "[int]", "1, once a turn, and 2, twice; default [1]"}};
   }
 
   // An azimuth error turns the point about the instrument's upright axis, one of elevation about
-  // the level axis across the line of sight.
-  EffectTerms build(const EffectContext& context, const EffectRequest&) const override {
+  // the level axis across the line of sight. Twice a turn: the second-order errors of a tracker's
+  // encoders (Muralikrishnan et al., Measuring scale errors in a laser tracker's horizontal angle
+  // encoder through simple length measurement and two-face system tests, J. Res. NIST 115, 2010).
+  EffectTerms build(const EffectContext& context, const EffectRequest& request) const override {
     const Sight s = line_of_sight(context);
     EffectTerms terms;
-    const auto add = [&](const std::string& suffix, const std::string& wave, bool is_azimuth) {
+    const auto add = [&](const std::string& suffix, int order, const std::string& wave,
+                         bool is_azimuth) {
       const std::string along = wave + "*";
       const std::array<std::string, 3> azimuth{"(-1)*" + along + s.y, along + s.x, ""};
       const std::string down = "(-1)*" + along + s.z + "/" + s.across + "*";
       const std::array<std::string, 3> elevation{down + s.x, down + s.y, along + s.across};
       terms.parameters.push_back(
-          shift_of_point(context, id(), suffix, "rad", kLargest, is_azimuth ? azimuth : elevation));
+          shift_of_point(context, id(), suffix + (order == 1 ? "" : std::to_string(order)), "rad",
+                         kLargest / order, is_azimuth ? azimuth : elevation));
     };
-    add("azimuth_sin", "(" + s.y + "/" + s.across + ")", true);
-    add("azimuth_cos", "(" + s.x + "/" + s.across + ")", true);
-    add("elevation_sin", "(" + s.z + "/" + s.distance + ")", false);
-    add("elevation_cos", "(" + s.across + "/" + s.distance + ")", false);
+    for (const int order : request.options.value("orders", std::vector<int>{1})) {
+      if (order != 1 && order != 2) {
+        throw ModelError("effect tracker_angles: found order " + std::to_string(order) +
+                         ", expected 1 or 2");
+      }
+      const auto add_circle = [&](const std::string& circle, const std::string& sine,
+                                  const std::string& cosine, bool is_azimuth) {
+        add(circle + "_sin", order, order == 1 ? sine : "(2*" + sine + "*" + cosine + ")",
+            is_azimuth);
+        add(circle + "_cos", order, order == 1 ? cosine : "(" + cosine + "^2 - " + sine + "^2)",
+            is_azimuth);
+      };
+      add_circle("azimuth", "(" + s.y + "/" + s.across + ")", "(" + s.x + "/" + s.across + ")",
+                 true);
+      add_circle("elevation", "(" + s.z + "/" + s.distance + ")",
+                 "(" + s.across + "/" + s.distance + ")", false);
+    }
     return terms;
+  }
+
+  std::vector<EffectRequest> candidates(const EffectContext&) const override {
+    return {{id(), {}}, {id(), {}, {{"orders", {2}}}}};
   }
 
  private:
