@@ -140,7 +140,8 @@ def test_every_command_has_its_help(armtrue: Armtrue) -> None:
     seen = 0
     while groups:
         group = groups.pop()
-        for name in re.findall(r"^│ ([a-z]+) ", armtrue(*group, "--help"), flags=re.MULTILINE):
+        listed = armtrue(*group, "--help").split("\nCommands:\n")[1]
+        for name in re.findall(r"^  ([a-z]+)(?:  |$)", listed, flags=re.MULTILINE):
             text = armtrue(*group, name, "--help")
             seen += 1
             if "COMMAND [ARGS]" in text:

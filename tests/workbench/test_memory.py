@@ -17,5 +17,5 @@ def test_memory_is_flat_over_500_actions(start, tmp_path):
     held = held_over(workbench, ACTIONS, EVERY)
     assert len(held) == 5
     assert len(workbench.state()["models"]) > 200
-    # What is freed comes back in pieces: one figure may stand above the others.
-    assert min(held[-2:]) < 1.05 * held[0], held
+    # What is freed comes back in pieces: a figure may stand 10 % above or below the others.
+    assert min(held[-2:]) < 1.05 * max(held[:2]), held
