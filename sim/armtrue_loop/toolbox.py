@@ -6,13 +6,19 @@ any threads, forks for each call; arguments, output and exit status are those of
 
 from __future__ import annotations
 
+import importlib
 import json
 import os
+import pkgutil
+import re
 import socket
 import sys
 import tempfile
 from pathlib import Path
 from typing import Any
+
+# Tests, the compensator (a library, no module), and what needs packages that a demo has not.
+_LEFT_OUT = re.compile(r"\.(test_\w+|conftest|workbench|_fixed|__main__)(\.|$)")
 
 
 class Toolbox:
@@ -62,6 +68,7 @@ def _serve(connection: socket.socket) -> None:
     """Answer calls until the other side hangs up; never returns."""
     from armtrue.cli.app import main
 
+    _import_what_commands_need()
     with connection, connection.makefile("rw", encoding="utf-8") as stream:
         for line in stream:
             request = json.loads(line)
@@ -74,6 +81,15 @@ def _serve(connection: socket.socket) -> None:
                 stream.write(json.dumps({"status": status, "said": said.read()}) + "\n")
                 stream.flush()
     os._exit(0)
+
+
+def _import_what_commands_need() -> None:
+    """Commands import late, so that help is quick; here they would do it anew in every call."""
+    import armtrue
+
+    for module in pkgutil.walk_packages(armtrue.__path__, "armtrue."):
+        if not _LEFT_OUT.search(module.name):
+            importlib.import_module(module.name)
 
 
 def _become(main: Any, arguments: list[str], output: int | None) -> None:
