@@ -54,11 +54,14 @@ double worthwhile_sigma(const Parameter& p) {
 
 // Cholesky factorisation of the information on some unknowns, scaled to a unit diagonal, that takes
 // columns one by one and keeps the Schur complement of the others (Golub and Van Loan, Matrix
-// Computations, 4.2.9).
+// Computations, 4.2.9). What is accepted stands in for others only as far as its prior lets it
+// move: a mass that would have to be ten times as large explains no moment.
 class RankRevealing {
  public:
-  RankRevealing(const Eigen::MatrixXd& information, const std::vector<int>& unknowns)
-      : accepted_at_(unknowns.size(), -1) {
+  // `priors`: their information on each of the unknowns; 0: none.
+  RankRevealing(const Eigen::MatrixXd& information, const std::vector<int>& unknowns,
+                Eigen::VectorXd priors)
+      : priors_(std::move(priors)), accepted_at_(unknowns.size(), -1) {
     const auto size = static_cast<Eigen::Index>(unknowns.size());
     own_.resize(size);
     for (Eigen::Index v = 0; v < size; ++v) {
@@ -67,6 +70,7 @@ class RankRevealing {
     }
     const Eigen::VectorXd scale = (own_.array() > 0.0).select(own_.array().rsqrt(), 0.0);
     rest_ = scale.asDiagonal() * information(unknowns, unknowns) * scale.asDiagonal();
+    priors_.array() *= scale.array().square();
     factor_.setZero(size, size);
   }
 
@@ -111,14 +115,16 @@ class RankRevealing {
  private:
   void accept(Eigen::Index v) {
     const auto count = static_cast<Eigen::Index>(accepted_.size());
-    factor_.col(count) = rest_.col(v) / std::sqrt(rest_(v, v));
-    for (const Eigen::Index before : accepted_) factor_(before, count) = 0.0;
+    const double pivot = std::sqrt(rest_(v, v) + priors_[v]);
+    factor_.col(count) = rest_.col(v) / pivot;
     rest_.noalias() -= factor_.col(count) * factor_.col(count).transpose();
+    for (const Eigen::Index before : accepted_) factor_(before, count) = 0.0;
+    factor_(v, count) = pivot;
     accepted_at_[static_cast<std::size_t>(v)] = static_cast<int>(count);
     accepted_.push_back(v);
   }
 
-  Eigen::VectorXd own_;
+  Eigen::VectorXd own_, priors_;
   Eigen::MatrixXd rest_;    // Schur complement of what is accepted
   Eigen::MatrixXd factor_;  // row: column of the information; column: step
   std::vector<Eigen::Index> accepted_;
@@ -156,8 +162,13 @@ Identifiability identify(Design& design) {
     return preference(parameter_of(a)) < preference(parameter_of(b));
   });
 
+  Eigen::VectorXd priors(static_cast<Eigen::Index>(order.size()));
+  std::ranges::transform(order, priors.begin(), [&](int u) {
+    const Parameter& p = parameter_of(u);
+    return preference(p) < kFirstEffect || p.prior_sigma <= 0.0 ? 0.0 : std::pow(p.prior_sigma, -2);
+  });
   Identifiability result;
-  RankRevealing factor(information, order);
+  RankRevealing factor(information, order, std::move(priors));
   const auto gain = [&](Eigen::Index v) {
     const double sigma = worthwhile_sigma(parameter_of(order[static_cast<std::size_t>(v)]));
     return factor.share(v) > kRounding ? factor.share(v) * factor.own(v) * sigma * sigma : 0.0;

@@ -147,3 +147,24 @@ def test_coefficient_comes_back(given, effect, name, value):
     found = next(p for p in fit.document["parameters"] if p["name"] == name)
     assert abs(found["value"] - value) < 4.0 * found["sigma"]
     assert found["sigma"] < 0.3 * value
+
+
+def test_a_moment_is_not_left_to_masses_that_would_have_to_be_far_larger(campaign):
+    """Such a mass stood in for a link's moment, and its prior forbade it: 30 µm were left for 18."""
+    hidden = ["base_compliance", "thermal_expansion", {"effect": "stiffness_nonlinear", "joints": [2]}]
+    springs = {"effect": "joint_compliance", "joints": [2, 4, 6]}
+    given = campaign(
+        arm="lbr",
+        seed=177446398,
+        poses=240,
+        hidden=[{"effect": e, "scale": 1.0} if isinstance(e, str) else {**e, "scale": 1.0} for e in hidden],
+        believed=[*GEOMETRY, springs],
+        instrument={"sigma": 8e-6},
+        repeatability={"drive": 2.5e-6, "joints": {3: 2.5e-5}},
+        unlike=["mass_parameters", "gravity_direction"],
+    )
+    thermal = {"effect": "thermal_expansion", "sensor": "arm"}
+    fit = given.fit(
+        [*GEOMETRY, springs, hidden[0], thermal, hidden[2], "mass_parameters", "gravity_direction"]
+    )
+    assert fit.document["error"]["train"]["rms_um"] < 20.0
