@@ -43,6 +43,22 @@ TEST_F(JumpTest, InMotionOrWithoutAScale_NothingIsSaid) {
   EXPECT_FALSE(hear(0, 2'000, true, 0));
 }
 
+TEST(DriveStates, WhatIsMappedOfOtherAxes_IsForgottenAlone) {
+  for (std::size_t mapped = 0; mapped < kMaxJoints; ++mapped) {
+    DriveStates states;
+    for (std::size_t axis = 0; axis < kMaxJoints; ++axis) {
+      states.hear_state(axis, 0x0237);
+      states.hear_mode(axis, 8);
+    }
+    states.keep(1U << mapped, 0);
+    EXPECT_EQ(states.known(), 1U << mapped);
+    states.hear_state(mapped, 0x0237);
+    states.hear_mode(mapped, 8);
+    states.keep(0, 1U << mapped);
+    EXPECT_EQ(states.known(), 1U << mapped);
+  }
+}
+
 TEST(DriveStates, AnAxisBeyondTheLast_IsIgnored) {
   DriveStates states;
   states.hear_state(kMaxJoints, 0x0250);

@@ -148,6 +148,25 @@ TEST(DampedSolverTest, AxesThroughTheTool_WithTheLeastDamping_GiveNoStep) {
   for (std::size_t k = 0; k < 6; ++k) EXPECT_EQ(step[k].raw, 0);
 }
 
+TEST(DampedSolverTest, ArmsOfAFewMillimetres_AgreeWithDoublePrecision) {
+  // Squares of 2^31 to 2^32 in the solver's format: they are brought to 30 bits like larger ones.
+  for (const double arm : {0.0112, 0.0125, 0.0145, 0.0155, 0.0165}) {
+    Jacobian jacobian = {};
+    for (std::size_t k = 0; k < 3; ++k) {
+      jacobian[k][k] = static_cast<std::int32_t>(std::lround(std::ldexp(arm, kJacobianFraction)));
+    }
+    const double damping = std::ldexp(1.0, -8);
+    DampedSolver solver;
+    solver.factor(jacobian, 3, 3, {std::int32_t{1} << (Length::fraction - 8)});
+    const double error = 1e-4;
+    const JointStep step = solver.step(error_of(Eigen::VectorXd::Constant(3, error)));
+    const double wanted = arm * error / (arm * arm + damping * damping);
+    for (std::size_t k = 0; k < 3; ++k) {
+      EXPECT_NEAR(std::ldexp(step[k].raw, -Coordinate::fraction), wanted, 1e-3 * wanted) << arm;
+    }
+  }
+}
+
 TEST(DampedSolverTest, ElementsAtTheEndOfTheirRange_StillFactor) {
   // As far as couplings may take them (checks_arm.cc): λ² vanishes beside them.
   Jacobian jacobian = {};

@@ -70,6 +70,18 @@ TEST(TermsTest, ASum_ShiftsEachPartBy31AtMost) {
   }
 }
 
+TEST(TermsTest, TheFirstSteepTerm_IsOfAMotorToo) {
+  for (const std::uint8_t coordinate :
+       {std::uint8_t{1}, std::uint8_t{format::kMotorCoordinates + 6}}) {
+    testing::TestImage made(3);
+    made.add_term(coordinate, 0, 1e-3, 30);
+    testing::Bytes image = made.image();
+    testing::put(image, format::header::kSteepTermsAt, std::uint16_t{1});
+    testing::mend_checksum(image);
+    EXPECT_EQ(validate(image, {}).refusal, coordinate == 1 ? Refusal::kNone : Refusal::kValueRange);
+  }
+}
+
 TEST(TermsTest, APowerOfTwo_ThatNoSlotHolds_IsMarked) {
   testing::Bytes power = {
       static_cast<std::uint8_t>(format::Node::kPowerOfTwo), 20, 0, 0, 1, 0, 0, 0};

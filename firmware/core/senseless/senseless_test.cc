@@ -3,6 +3,7 @@
 
 #include "firmware/core/senseless/senseless_run.h"
 #include "firmware/core/table/table.h"
+#include "firmware/core/table/table_cost.h"
 
 namespace armtrue {
 namespace {
@@ -25,10 +26,17 @@ TEST(SenselessTableTest, AnyTable_StaysWithinTheMaxima) {
 
 TEST(SenselessTableTest, RefusedTables_AreRefusedForManyReasons) {
   std::array<int, 32> seen = {};
+  testing::Bytes verdicts;
   for (std::uint64_t seed = 0; seed < 2000; ++seed) {
-    const Validation validation = validate(testing::SenselessImage(seed).image(), {});
+    const testing::Bytes image = testing::SenselessImage(seed).image();
+    const Validation validation = validate(image, {});
     ++seen[static_cast<std::size_t>(validation.refusal)];
+    verdicts.push_back(static_cast<std::uint8_t>(validation.refusal));
+    testing::append(verdicts, static_cast<std::uint32_t>(validation.field));
+    if (validation.accepted()) testing::append(verdicts, cycle_cost(image));
   }
+  // Reasons, places and costs, which people and tools are told: they change only with a decision.
+  EXPECT_EQ(crc32(verdicts), 0x804ECC39U) << std::hex << crc32(verdicts);
   for (const Refusal refusal :
        {Refusal::kNone, Refusal::kBadReference, Refusal::kValueRange, Refusal::kTooCostly}) {
     EXPECT_GT(seen[static_cast<std::size_t>(refusal)], 10) << name_of(refusal);
