@@ -381,7 +381,7 @@ Diagnosis diagnose(Fit& fit, const DiagnoseOptions& options, Observer& observer)
   for (EvidenceBlock& block : structure_blocks(fit, structure)) extra.push_back(std::move(block));
   report(0.4, "weighing the catalogue");
   weigh(fit, linearization, std::move(extra), options, d);
-  d.lack_of_fit = lack_of_fit(scorer, fit);
+  d.lack_of_fit = lack_of_fit(scorer, fit, linearization, d.noise);
   if (!d.recommended() && d.lack_of_fit.testable && d.lack_of_fit.log10_p < kStructureSignificant) {
     // More is left than noise and nothing known explains it: a gear ratio may not be what it is
     // said to be.

@@ -179,6 +179,7 @@ class Refinement {
       : options_(options), observer_(observer), initial_(removable_effects(*fit)) {
     steps_.push_back({std::nullopt, {}, diagnose_now(*fit), fit});
     taken_.insert(fit->specification().to_json().dump());
+    settle();
   }
 
   std::vector<RefineStep> run() {
@@ -206,6 +207,7 @@ class Refinement {
   void refine_tables();
   void fit_trials(std::vector<Trial>& trials, bool keeps_weights = false) const;
   void fit_in_full();
+  void settle();
   bool accept(const Move& move, const Trial& trial);
   void show() {
     if (options_.on_step) options_.on_step(steps_.back());
@@ -215,6 +217,7 @@ class Refinement {
   Observer& observer_;
   std::vector<EffectRequest> initial_;
   std::vector<RefineStep> steps_;
+  std::set<std::string> settled_;  // nonlinear parameters of the last full fit
   std::set<std::string> taken_;    // models of the steps: none comes twice, so the search ends
   std::set<std::string> refused_;  // models tried since the last search and not taken
   std::set<std::string> gone_;     // effects that were taken out: one that pays about as much as it
@@ -243,10 +246,21 @@ void Refinement::fit_trials(std::vector<Trial>& trials, bool keeps_weights) cons
 }
 
 // The effects of one search are added with the gross errors and smoothness of the last full fit;
-// these are determined anew before the next search.
+// these are determined anew before the next search. So are numbers inside expressions that came in
+// since: descending from what the search linearised may have led to a valley of their own.
 void Refinement::fit_in_full() {
   RefineStep& last = steps_.back();
-  if (last.fit->kept_weights()) last.fit = refit(*last.fit, last.fit->specification());
+  std::map<std::string, double> guesses;
+  for (const NonlinearParameter& p : last.fit->model().nonlinear) {
+    if (!settled_.contains(p.name)) guesses.emplace(p.name, p.value);
+  }
+  if (last.fit->kept_weights()) last.fit = refit(*last.fit, last.fit->specification(), guesses);
+  settle();
+}
+
+void Refinement::settle() {
+  settled_.clear();
+  for (const NonlinearParameter& p : steps_.back().fit->model().nonlinear) settled_.insert(p.name);
 }
 
 // Whether a trial becomes the next step: not where it cannot be fitted, nor where it predicts

@@ -44,9 +44,18 @@ JointScatter along_joints(const Scorer& scorer, const Fit& fit,
 
 }  // namespace
 
-LackOfFit lack_of_fit(const Scorer& scorer, const Fit& fit) {
+LackOfFit lack_of_fit(const Scorer& scorer, const Fit& fit, const Linearization& linearization,
+                      NoiseParts noise) {
   LackOfFit result;
   const int h = scorer.height();
+  // The repeats are of a few poses. A joint that repeats badly moves the tool far at some and
+  // little at others: squares compare where each counts in standard deviations of its own pose.
+  noise.pose.reset();  // what readings of a pose share is what is looked for
+  Eigen::MatrixXd whitened = linearization.residual;
+  PoseWhitening(linearization, noise).apply(whitened);
+  const auto residual = [&](std::size_t r) {
+    return whitened.col(0).segment(static_cast<Eigen::Index>(scorer.rows()[r]) * h, h);
+  };
   const Poses& poses = fit.measurements().poses;
   std::map<std::pair<int, int>, std::vector<std::size_t>> groups;
   std::set<std::pair<int, int>> seen;  // visit, reflector
@@ -60,15 +69,14 @@ LackOfFit lack_of_fit(const Scorer& scorer, const Fit& fit) {
   for (const auto& [id, rows] : groups) {
     if (rows.size() < 2) continue;
     Eigen::VectorXd mean = Eigen::VectorXd::Zero(h);
-    for (const std::size_t r : rows)
-      mean += scorer.residual().segment(static_cast<Eigen::Index>(r) * h, h) /
-              static_cast<double>(rows.size());
-    for (const std::size_t r : rows)
-      pure += (scorer.residual().segment(static_cast<Eigen::Index>(r) * h, h) - mean).squaredNorm();
+    for (const std::size_t r : rows) mean += residual(r) / static_cast<double>(rows.size());
+    for (const std::size_t r : rows) pure += (residual(r) - mean).squaredNorm();
     freedom += h * (static_cast<double>(rows.size()) - 1.0);
   }
   if (freedom >= 9.0 && scorer.degrees_of_freedom() > freedom + 10.0) {
-    const double left = std::max(0.0, scorer.residual_sum() - pure);
+    double all = 0.0;
+    for (std::size_t r = 0; r < scorer.rows().size(); ++r) all += residual(r).squaredNorm();
+    const double left = std::max(0.0, all - pure);
     const double left_freedom = scorer.degrees_of_freedom() - freedom;
     result.testable = true;
     result.against = "repeats";

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "fitter/diagnose/scorer.h"
+#include "fitter/evidence/noise.h"
 
 namespace armtrue {
 
@@ -32,13 +33,14 @@ struct Structure {
 Structure find_structure(const Scorer& scorer, const Fit& fit, double threshold);
 
 /// Whether the residual is more than measurement and repeatability make: lack of fit against
-/// repeats, or against a stated sigma.
+/// repeats, each pose by what its joints and a reading scatter there, or against a stated sigma.
 struct LackOfFit {
   bool testable = false;
   double log10_p = 0.0;
   std::string against;  ///< repeats, sigma
 };
-LackOfFit lack_of_fit(const Scorer& scorer, const Fit& fit);
+LackOfFit lack_of_fit(const Scorer& scorer, const Fit& fit, const Linearization& linearization,
+                      NoiseParts noise);
 
 /// Along which joint's motion errors lie that no recorded variable explains: of three equal
 /// directions one would hold a third of them.

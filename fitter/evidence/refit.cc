@@ -64,8 +64,9 @@ std::unique_ptr<Fit> refit(const Fit& fit, const ModelSpecification& specificati
   options.keeps_weights = keeps_weights;
   options.nonlinear_guesses = guesses;
   options.nonlinear_starts.clear();
-  for (const NonlinearParameter& p : fit.model().nonlinear)
-    options.nonlinear_starts.try_emplace(p.name, p.value);
+  for (const NonlinearParameter& p : fit.model().nonlinear) {
+    if (!guesses.contains(p.name)) options.nonlinear_starts.try_emplace(p.name, p.value);
+  }
   // Between two full fits, what the search found is near enough.
   if (keeps_weights) options.nonlinear_starts.insert(guesses.begin(), guesses.end());
   options.start = std::make_shared<StartPoint>(fit.start_point());
