@@ -51,6 +51,7 @@ class Sampler {
   };
   void read_otherwise(const Reading& reading);
   bool has_stranger() const;
+  void walk(std::uint64_t seed);
   void sweep(int number, bool count);
   void exchange();
   Choice draw(const Conditional& conditional);

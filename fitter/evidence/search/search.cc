@@ -32,6 +32,8 @@ constexpr double kLeastRise = 1e-6;
 // A table whose prior has no more directions than this is smooth enough to be weighed against
 // formulas.
 constexpr Eigen::Index kSmoothTable = 40;
+// Walks from one start.
+constexpr std::size_t kWalks = 4;
 
 }  // namespace
 
@@ -340,18 +342,34 @@ SearchResult Sampler::run() {
     line_up();
     find_readings();
   }
+  // A walk may not find out of a valley that another avoids: what each has seen counts by the best
+  // that it came to.
+  std::vector<Sampler> walks(options_.sweeps > 0 ? kWalks : 1, *this);
+  in_parallel(walks.size(), [&](std::size_t i) { walks[i].walk(options_.seed + i); });
+  const auto best = std::ranges::max_element(walks, {}, &Sampler::best_posterior_);
+  best->describe(result);
+  result.inclusion.assign(count, 0.0);
+  result.nothing_missing = 0.0;
+  double weights = 0.0;
+  for (const Sampler& walk : walks)
+    weights += std::exp(walk.best_posterior_ - best->best_posterior_);
+  for (const Sampler& walk : walks) {
+    const double weight = std::exp(walk.best_posterior_ - best->best_posterior_) / weights;
+    for (std::size_t b = 0; b < count; ++b) {
+      result.inclusion[b] += weight * (walk.visits_[b] > 0.0 ? walk.inclusion_[b] / walk.visits_[b]
+                                                             : (result.likeliest[b] ? 1.0 : 0.0));
+    }
+    result.nothing_missing += weight * (walk.counted_ > 0.0 ? walk.nothing_ / walk.counted_ : 1.0);
+  }
+  return result;
+}
+
+void Sampler::walk(std::uint64_t seed) {
+  generator_.seed(seed);
   for (int i = 0; i < options_.burn_in + options_.sweeps; ++i) {
     throw_if_cancelled();
     sweep(i, i >= options_.burn_in);
   }
-  describe(result);
-  result.inclusion.resize(count);
-  for (std::size_t b = 0; b < count; ++b) {
-    result.inclusion[b] =
-        visits_[b] > 0.0 ? inclusion_[b] / visits_[b] : (result.likeliest[b] ? 1.0 : 0.0);
-  }
-  result.nothing_missing = counted_ > 0.0 ? nothing_ / counted_ : 1.0;
-  return result;
 }
 
 SearchResult search_blocks(const SearchProblem& problem, const SearchOptions& options) {
