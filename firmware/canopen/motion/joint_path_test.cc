@@ -250,6 +250,11 @@ TEST_F(InlineTest, AShortTargetIsNoTarget) {
   for (const CanFrame& frame : frames) bench.from_controller(frame);
   EXPECT_EQ(count_targets(bench.downstream.take_sent()), 0U);
   EXPECT_EQ(bench.node().joint_counters().malformed, 1U);
+  EXPECT_EQ(bench.read(0x1003, 1) & 0xFFFFU, 0x8210U);
+  run(11, 110);
+  EXPECT_NE(bench.read(0x1001, 0), 0U);
+  run(110, 113);
+  EXPECT_EQ(bench.read(0x1001, 0), 0U) << "a hundred came out whole";
 }
 
 TEST_F(InlineTest, ALongerTargetKeepsItsOwnBytes) {
@@ -334,6 +339,10 @@ TEST_F(InlineTest, TargetsBySdoAreSeenAndReported) {
   EXPECT_EQ(bench.downstream.take_sent().size(), 1U) << "passed on all the same";
   EXPECT_EQ(bench.read(0x2001, 11), 1U);
   EXPECT_EQ(bench.read(0x1003, 1) & 0xFFFFU, 0xFF13U);
+  for (const std::uint32_t id : {0x600U, 0x680U}) {
+    bench.from_controller(make_frame(id, {0x23, 0x7A, 0x60, 0, 1, 2, 3, 4}));
+    EXPECT_EQ(bench.read(0x2001, 11), 1U) << "nobody's request";
+  }
 }
 
 TEST_F(InlineTest, DisablingBlendsOutWithoutAStep) {

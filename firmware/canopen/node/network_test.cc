@@ -382,18 +382,23 @@ TEST_F(NetworkTest, TimeSinceStart_IsInMilliseconds) {
 }
 
 TEST_F(NetworkTest, SyncStartValueAlignsToTheCounter) {
-  ASSERT_EQ(bench.write(0x1019, 0, 10, 1), 0U);
-  ASSERT_EQ(bench.write(0x1808, 6, 4, 1), 0U);
-  ASSERT_EQ(bench.write(0x1808, 2, 2, 1), 0U);
-  ASSERT_EQ(bench.write(0x1808, 1, 0x400001A8, 4), 0U);
-  nmt(1);
-  sent();
-  std::vector<int> with_pdo;
-  for (int counter = 1; counter <= 10; ++counter) {
-    bench.from_controller(make_frame(0x80, {counter}));
-    if (!sent(0x1A8).empty()) with_pdo.push_back(counter);
+  const std::pair<std::uint32_t, std::vector<int>> kExpected[] = {
+      {0, {2, 4, 6, 8, 10}}, {1, {1, 3, 5, 7, 9}}, {4, {4, 6, 8, 10}}};
+  for (const auto& [start, expected] : kExpected) {
+    bench.power_on();
+    ASSERT_EQ(bench.write(0x1019, 0, 10, 1), 0U);
+    ASSERT_EQ(bench.write(0x1808, 6, start, 1), 0U);
+    ASSERT_EQ(bench.write(0x1808, 2, 2, 1), 0U);
+    ASSERT_EQ(bench.write(0x1808, 1, 0x400001A8, 4), 0U);
+    nmt(1);
+    sent();
+    std::vector<int> with_pdo;
+    for (int counter = 1; counter <= 10; ++counter) {
+      bench.from_controller(make_frame(0x80, {counter}));
+      if (!sent(0x1A8).empty()) with_pdo.push_back(counter);
+    }
+    EXPECT_EQ(with_pdo, expected) << start;
   }
-  EXPECT_EQ(with_pdo, (std::vector<int>{4, 6, 8, 10}));
 }
 
 TEST_F(NetworkTest, SavedParametersOutliveARestartAndDefaultsComeBack) {

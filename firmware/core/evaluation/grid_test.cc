@@ -146,6 +146,18 @@ TEST(GridTest, SumOfItsCorners_RoundsToNearest) {
   EXPECT_EQ(value_at(data, {std::ldexp(1.0, -8), std::ldexp(32768.0, -20)}), std::ldexp(1.0, -12));
 }
 
+TEST(GridTest, EveryCornerOfItsCellMustBeCovered) {
+  const AxisSpec line = {{0.0, 1.0}, 0};
+  for (std::size_t gap = 0; gap <= 4; ++gap) {
+    std::vector<bool> covered(4, true);
+    if (gap < 4) covered[gap] = false;
+    const Bytes data = data_of({line, line}, 1, {0, 0, 0, 0}, covered);
+    bool inside = gap != 4;
+    value_at(data, {0.3, 0.6}, &inside);
+    EXPECT_EQ(inside, gap == 4) << gap;
+  }
+}
+
 class ManyAxes : public ::testing::TestWithParam<std::size_t> {};
 
 TEST_P(ManyAxes, AgreesWithDoublePrecisionEverywhereAndIsContinuous) {

@@ -165,6 +165,7 @@ struct BadField {
   std::size_t at;
   std::uint8_t value;
   Refusal refusal;
+  int begin = 0;  // where the field begins that it points at, from `at`
 };
 
 class BadFieldTest : public ::testing::TestWithParam<BadField> {};
@@ -177,6 +178,7 @@ TEST_P(BadFieldTest, IsRefusedByName) {
   mend_checksum(image);
   const Validation validation = validate(image, any_device());
   EXPECT_EQ(validation.refusal, GetParam().refusal) << name_of(validation.refusal);
+  EXPECT_EQ(static_cast<int>(validation.field) - static_cast<int>(GetParam().at), GetParam().begin);
 }
 
 namespace header = format::header;
@@ -201,9 +203,9 @@ INSTANTIATE_TEST_SUITE_P(
         BadField{"serial with a control character", header::kSerialAt + 2, 7, Refusal::kValueRange},
         BadField{"serial that goes on after its end", header::kSerialAt + 12, 'x',
                  Refusal::kValueRange},
-        BadField{"no damping", header::kDampingAt + 2, 0, Refusal::kValueRange},
+        BadField{"no damping", header::kDampingAt + 2, 0, Refusal::kValueRange, -2},
         BadField{"rotation length without full pose", header::kRotationLengthAt + 3, 1,
-                 Refusal::kValueRange},
+                 Refusal::kValueRange, -3},
         BadField{"more constant terms than terms", header::kConstantTermsAt, 200,
                  Refusal::kValueRange},
         BadField{"more steep nodes than nodes", header::kSteepNodesAt, 9, Refusal::kValueRange},
@@ -215,9 +217,9 @@ INSTANTIATE_TEST_SUITE_P(
         BadField{"joint shift", kFirstJoint + format::joint::kUnitShiftAt, 63,
                  Refusal::kValueRange},
         BadField{"negative limit", kFirstJoint + format::joint::kMagnitudeAt + 3, 0x80,
-                 Refusal::kValueRange},
-        BadField{"rotation that stretches", kFirstJoint + 3, 0x20, Refusal::kValueRange},
-        BadField{"arm beyond the range", kFirstJoint + 36 + 3, 0x70, Refusal::kValueRange},
+                 Refusal::kValueRange, -3},
+        BadField{"rotation that stretches", kFirstJoint + 3, 0x20, Refusal::kValueRange, -3},
+        BadField{"arm beyond the range", kFirstJoint + 36 + 3, 0x70, Refusal::kValueRange, -3},
         BadField{"unknown state variable", kStates + 4, 12, Refusal::kUnknownKind},
         BadField{"state variable of a joint that is not there", kStates + 5, 3,
                  Refusal::kBadReference},
@@ -235,7 +237,7 @@ INSTANTIATE_TEST_SUITE_P(
         BadField{"axis of one node", kData + 6, 1, Refusal::kValueRange},
         BadField{"unknown axis flag", kData + 8, 8, Refusal::kUnknownFlag},
         BadField{"axis that reads itself", kData + 4, 2, Refusal::kBadReference},
-        BadField{"uncovered node that is not zero", kData + 20, 0xFE, Refusal::kValueRange}),
+        BadField{"uncovered node that is not zero", kData + 20, 0xFE, Refusal::kValueRange, 4}),
     [](const ::testing::TestParamInfo<BadField>& field) {
       std::string name = field.param.name;
       std::replace(name.begin(), name.end(), ' ', '_');
