@@ -241,6 +241,22 @@ TEST_F(InlineTest, AStreamBeginsAgainWhereTheArmStands) {
   EXPECT_EQ(count_targets(cycle(39)), 3U);
 }
 
+TEST_F(InlineTest, SyncWithItsCounter_ReleasesTargets) {
+  for (std::uint16_t k = 0; k < 3; ++k) {
+    ASSERT_EQ(bench.write(static_cast<std::uint16_t>(0x1400 + k), 2, 1, 1), 0U);
+  }
+  ASSERT_EQ(bench.write(0x1019, 0, 10, 1), 0U);
+  for (int number = 1; number <= 10; ++number) {
+    bench.now_us += 1000;
+    bench.downstream.take_sent();
+    bench.from_controller(make_frame(0x80, {number}));
+    EXPECT_EQ(count_targets(bench.downstream.take_sent()), number < 3 ? 0U : 3U) << number;
+    bench.command_joints(at_cycle(number));
+  }
+  bench.from_controller(make_frame(0x80, {}));
+  EXPECT_EQ(count_targets(bench.downstream.take_sent()), 0U) << "none that is of this bus";
+}
+
 TEST_F(InlineTest, AShortTargetIsNoTarget) {
   run(0, 10);
   auto frames = NodeBench::targets(at_cycle(10));

@@ -136,6 +136,8 @@ TEST_F(NetworkTest, OneNodeIsWatchedInOneSlotOnly) {
   ASSERT_EQ(bench.write(0x1016, 3, 0x00010064, 4), 0U);
   EXPECT_EQ(bench.write(0x1016, 4, 0x00010064, 4), 0x06040043U) << "node 1 as any other";
   EXPECT_EQ(bench.write(0x1016, 5, 0x007F0064, 4), 0U) << "the last node";
+  ASSERT_EQ(bench.write(0x1016, 6, 0x00060000, 4), 0U);
+  EXPECT_EQ(bench.write(0x1016, 7, 0x00060064, 4), 0U) << "without a time nobody watches it";
 }
 
 TEST_F(NetworkTest, EmcyKeepsItsInhibitTimeAndItsHistory) {
@@ -406,11 +408,13 @@ TEST_F(NetworkTest, SavedParametersOutliveARestartAndDefaultsComeBack) {
   ASSERT_EQ(bench.write(0x1017, 0, 250, 2), 0U);
   EXPECT_EQ(bench.write(0x1010, 1, 0x12345678, 4), 0x08000020U);
   ASSERT_EQ(bench.write(0x1010, 1, 0x65766173, 4), 0U);
+  EXPECT_EQ(bench.read(0x1010, 1), 1U) << "it saves on command";
   bench.power_on();
   EXPECT_EQ(bench.read(0x1017, 0), 250U);
   EXPECT_EQ(bench.read(0x1412, 1), 0x191U);
   EXPECT_EQ(bench.read(0x1010, 1), 1U);
   ASSERT_EQ(bench.write(0x1011, 1, 0x64616F6C, 4), 0U);
+  EXPECT_EQ(bench.read(0x1011, 1), 1U);
   EXPECT_EQ(bench.read(0x1017, 0), 250U) << "until the next reset";
   bench.power_on();
   EXPECT_EQ(bench.read(0x1017, 0), 0U);

@@ -11,6 +11,21 @@
 namespace armtrue::canopen {
 namespace {
 
+TEST(ObjectDictionaryTest, AnObjectOfOneValue_IsThere) {
+  const ObjectDictionary dictionary;
+  EXPECT_TRUE(dictionary.has_index(0x1001));
+  EXPECT_FALSE(dictionary.has_index(0x1004));
+}
+
+TEST(ObjectDictionaryTest, AShorterString_LeavesNothingOfTheOneBefore) {
+  ObjectDictionary dictionary;
+  dictionary.set_string(od::kRobotSerial, "ROBOT-LONG");
+  dictionary.set_string(od::kRobotSerial, "R2");
+  const auto bytes = dictionary.bytes(*dictionary.find(od::kRobotSerial.index, 0));
+  EXPECT_EQ(std::string(bytes.begin(), bytes.end()),
+            std::string("R2").append(bytes.size() - 2, '\0'));
+}
+
 struct NoHooks final : ObjectHooks {
   Abort before_write(const od::Entry&, std::span<const std::uint8_t>) override {
     return Abort::kNone;

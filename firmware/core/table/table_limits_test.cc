@@ -216,6 +216,16 @@ TEST(TableSensorTest, Reference_LiesBetweenMinus300And1000Degrees) {
   EXPECT_EQ(with_reference(1'000'000), Refusal::kValueRange);
 }
 
+TEST(TableMassTest, TorqueOfMassesThatAreNotThere_IsPointedAt) {
+  TestImage made(3);
+  made.add_state(format::State::kTorque, 1, 27);
+  const Bytes image = made.image();
+  const Validation validation = validate(image, {});
+  EXPECT_EQ(validation.refusal, Refusal::kBadReference);
+  EXPECT_EQ(image[validation.field - format::state::kSetAt],
+            static_cast<std::uint8_t>(format::State::kTorque));
+}
+
 TEST(TableMassTest, Fraction_LiesWithin30OfAPayload_And60OfOthers) {
   const auto with_fraction = [](std::uint8_t fraction, std::uint8_t flags) {
     TestImage made(3);
