@@ -311,6 +311,8 @@ TEST_P(FinerDrivesTest, AreApproachedNoFaster_AndCountedForTheirJoint) {
   }
   EXPECT_GT(compensator.counters().clamped[1], 0U);
   EXPECT_EQ(compensator.counters().clamped[0], 0U);
+  EXPECT_NEAR(settle(compensator, at(0.0, 0.0, 0.0), 1000).delta[1], -16 * increments(GetParam()),
+              16);
 }
 
 INSTANTIATE_TEST_SUITE_P(BothWays, FinerDrivesTest, ::testing::Values(5e-3, -5e-3));

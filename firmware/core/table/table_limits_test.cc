@@ -226,6 +226,18 @@ TEST(TableMassTest, TorqueOfMassesThatAreNotThere_IsPointedAt) {
             static_cast<std::uint8_t>(format::State::kTorque));
 }
 
+TEST(TableMassTest, UnknownFlag_IsPointedAt) {
+  TestImage made(3);
+  Bytes set(record_length(format::Section::kMassSets, 3));
+  set[format::mass_set::kFlagsAt] = 0x80;
+  made.add(format::Section::kMassSets, set);
+  made.add(format::Section::kGravity, Bytes(format::gravity::kLength));
+  const Bytes image = made.image();
+  const Validation validation = validate(image, {});
+  EXPECT_EQ(validation.refusal, Refusal::kUnknownFlag);
+  EXPECT_EQ(image[validation.field], 0x80);
+}
+
 TEST(TableMassTest, Fraction_LiesWithin30OfAPayload_And60OfOthers) {
   const auto with_fraction = [](std::uint8_t fraction, std::uint8_t flags) {
     TestImage made(3);
