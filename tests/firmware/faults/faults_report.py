@@ -1,4 +1,4 @@
-"""Runs the fault campaigns of tools/test.d/15-faults.full.sh and prints as two tables what they counted.
+"""Runs the fault campaigns of tools/test.d/15-faults.full.sh and prints as three tables what they counted.
 
 python tests/firmware/faults/faults_report.py BUILD: the tables on standard output, what the campaigns say on
 standard error. Exit status 1 where one of them failed.
@@ -18,6 +18,7 @@ SOAK_HOURS = {
     "offset, asynchronous": ["3600", "3", "1", "async", "offset"],
     "offset, synchronous": ["3600", "4", "1", "sync", "offset"],
 }
+DRIVE_HOURS = {"inline mode": ["3600", "1", "inline"], "offset mode": ["3600", "1", "offset"]}
 TRANSFERS_OF_A_SIZE = 4  # there and back, segmented and in blocks
 
 # What a campaign prints, and how the table says it.
@@ -45,6 +46,16 @@ SOAKED = (
     (r"(\d+) actual positions came back", "actual positions that came back exactly as commanded"),
     (r"(\d+) other frames bit-identical", "other frames, bit-identical (offset mode passes none on)"),
 )  # fmt: skip
+# The largest steps are shares of what the rate limit permits, rounded to whole increments.
+OF_DRIVES = (
+    (r"events: (.+)", "events"),
+    (r"(\d+) sets judged", "sets judged"),
+    (r"(\d+) corrections suspended", "corrections suspended"),
+    (r"suspended, (\d+) came back", "of them came back"),
+    (r"; (\d+) turns of the axis", "wraps of the axis that turns without end"),
+    (r"largest step .*: output ([\d.]+)", "largest step of an output, permitted step 1 (0.01 is an increment)"),
+    (r"actual position ([\d.]+)", "the same of an un-corrected actual position"),
+)  # fmt: skip
 
 
 def commands(build: Path) -> dict[str, list[str]]:
@@ -56,7 +67,9 @@ def commands(build: Path) -> dict[str, list[str]]:
         "node": [str(firmware / "ports/common/ports_common_test"), "--gtest_filter=NodePowerCut.*", brief],
         "disturbed": [str(firmware / "canopen/canopen_test"), "--gtest_filter=TroubledTransfer.*", brief],
         "sizes": [str(firmware / "testing/canopen_sizes")],
-    } | {name: [str(firmware / "testing/canopen_soak"), *args] for name, args in SOAK_HOURS.items()}
+        **{name: [str(firmware / "testing/canopen_soak"), *args] for name, args in SOAK_HOURS.items()},
+        **{name: [str(firmware / "testing/canopen_drive_soak"), *args] for name, args in DRIVE_HOURS.items()},
+    }
 
 
 def grouped(number: int) -> str:
@@ -72,10 +85,21 @@ def find(pattern: str, said: str) -> int:
     return int(found[0])
 
 
+def of_drives(pattern: str, said: str) -> str:
+    """What a campaign with drives printed: a number, or its events added up."""
+    found = re.findall(pattern, said)
+    if len(found) != 1:
+        raise ValueError(f"no campaign printed '{pattern}', or several did")
+    if pattern.startswith("events"):
+        return grouped(sum(map(int, re.findall(r"\d+", found[0]))))
+    return found[0] if "." in found[0] else grouped(int(found[0]))
+
+
 def tables(said: dict[str, str]) -> str:
-    """Both tables, from what each campaign printed."""
+    """The tables, from what each campaign printed."""
     lines = ["| | cases |", "|---|---|"]
-    everything = "\n".join(text for name, text in said.items() if name not in SOAK_HOURS)
+    hours = {**SOAK_HOURS, **DRIVE_HOURS}
+    everything = "\n".join(text for name, text in said.items() if name not in hours)
     for pattern, what in COUNTED:
         count = find(pattern, everything) * (TRANSFERS_OF_A_SIZE if "sizes" in pattern else 1)
         lines.append(f"| {what} | {grouped(count)} |")
@@ -93,6 +117,21 @@ def tables(said: dict[str, str]) -> str:
         )
     wrong = [0 if said[name].rstrip().endswith("nothing wrong") else 1 for name in SOAK_HOURS]
     lines.append("| wrong outputs, stuck states | " + " | ".join(map(str, wrong)) + " |")
+    lines += [
+        "",
+        "An hour with drives that do not always follow: an axis disabled, in fault, homing, guided by hand or in "
+        "another mode, another table, correction disabled and enabled, power lost, pauses, lost targets, the node "
+        "stopped (`canopen_drive_soak 3600 1`):",
+        "",
+        "| | " + " | ".join(DRIVE_HOURS) + " |",
+        "|---" * (1 + len(DRIVE_HOURS)) + "|",
+    ]
+    for pattern, what in OF_DRIVES:
+        lines.append(
+            f"| {what} | " + " | ".join(of_drives(pattern, said[name]) for name in DRIVE_HOURS) + " |"
+        )
+    wrong = [0 if said[name].rstrip().endswith("nothing wrong") else 1 for name in DRIVE_HOURS]
+    lines.append("| wrong outputs, steps above the limit | " + " | ".join(map(str, wrong)) + " |")
     return "\n".join(lines)
 
 

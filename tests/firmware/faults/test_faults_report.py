@@ -19,6 +19,13 @@ _HOUR = (
     "8 emergency messages; 9 faults: lost target 9\nnothing wrong\n"
 )
 SAID |= dict.fromkeys(faults_report.SOAK_HOURS, _HOUR)
+_OF_DRIVES = (
+    "7 cycles of 1 ms, inline mode, seed 1\n11 sets judged, 4 with the whole correction; 3 turns of the axis without "
+    "end\n12 corrections suspended, 12 came back\nlargest step in shares of the permitted one: output 1.001, actual "
+    "position 0.99\nevents: fault 1200, pause 34\nnothing wrong\n"
+)
+SAID |= dict.fromkeys(faults_report.DRIVE_HOURS, _OF_DRIVES)
+SAID["offset mode"] = _OF_DRIVES.replace("nothing wrong", "cycle 5: a step")
 SAID["inline, synchronous"] = _HOUR.replace("9 faults", "1234 faults")
 
 
@@ -28,7 +35,11 @@ def test_every_campaign_has_its_row() -> None:
         "70 812", "4 110", "69 227", "5 730", "3 948", "658", "65 536", "110",
     ]  # fmt: skip
     assert rows[10][1:] == ["9", "1 234", "9", "9 |"]
-    assert [row[1] for row in rows[11:]] == ["5", "60", "7", "0"]
+    assert [row[1] for row in rows[11:15]] == ["5", "60", "7", "0"]
+    assert [row[1:] for row in rows[16:]] == [
+        ["1 234", "1 234 |"], ["11", "11 |"], ["12", "12 |"], ["12", "12 |"], ["3", "3 |"], ["1.001", "1.001 |"],
+        ["0.99", "0.99 |"], ["0", "1 |"],
+    ]  # fmt: skip
 
 
 @pytest.mark.parametrize("name", list(SAID))
