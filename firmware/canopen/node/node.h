@@ -45,7 +45,7 @@ struct NodeConfig {
 // What the node is made of; none is owned, all outlive the node.
 struct NodeParts {
   CanPort& upstream;
-  CanPort* downstream;  // nullptr: offset mode on one bus
+  CanPort* downstream;  // nullptr: there is one bus, and inline mode is refused
   Compensator& compensator;
   storage::SlotStore& store;
   ParameterStore& parameters;
