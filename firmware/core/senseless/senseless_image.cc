@@ -161,7 +161,8 @@ void SenselessImage::make_states() {
   }
   still_states_ = states_;
   for (std::size_t i = amount(60); i > 0; --i) {
-    add_state(once_in(2) ? State::kMotor : State::kLink, joint(), 0, format::kPositionFraction);
+    const State kind = once_in(2) ? State::kMotor : State::kLink;  // arguments have no order
+    add_state(kind, joint(), 0, format::kPositionFraction);
   }
   constexpr State kKinds[] = {State::kTorque, State::kMomentX, State::kMomentY, State::kBaseMomentX,
                               State::kBaseMomentY};

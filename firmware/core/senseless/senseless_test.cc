@@ -18,7 +18,7 @@ TEST(SenselessTableTest, AnyTable_StaysWithinTheMaxima) {
     outputs.insert(outputs.end(), run.outputs.begin(), run.outputs.end());
   }
   // Changes only with a decision, as the checksums of reference_test.cc.
-  EXPECT_EQ(crc32(outputs), 0xBC01259CU) << std::hex << crc32(outputs);
+  EXPECT_EQ(crc32(outputs), 0x543B1781U) << std::hex << crc32(outputs);
   // A generator whose tables are refused tests nothing, one whose tables all pass meets no limit.
   EXPECT_GT(taken, 200);
   EXPECT_LT(taken, 380);
@@ -36,7 +36,7 @@ TEST(SenselessTableTest, RefusedTables_AreRefusedForManyReasons) {
     if (validation.accepted()) testing::append(verdicts, cycle_cost(image));
   }
   // Reasons, places and costs, which people and tools are told: they change only with a decision.
-  EXPECT_EQ(crc32(verdicts), 0x804ECC39U) << std::hex << crc32(verdicts);
+  EXPECT_EQ(crc32(verdicts), 0x54FCFE39U) << std::hex << crc32(verdicts);
   for (const Refusal refusal :
        {Refusal::kNone, Refusal::kBadReference, Refusal::kValueRange, Refusal::kTooCostly}) {
     EXPECT_GT(seen[static_cast<std::size_t>(refusal)], 10) << name_of(refusal);
