@@ -40,6 +40,7 @@ class Device:
         self._snapshot: Snapshot | None = None
         self._failure = ""
         self._wanted_elsewhere = threading.Event()
+        self._is_closed = False
 
     def upload(self, image: bytes, progress: Progress) -> str:
         """Bring a table image into force on trial, and say what became of it. Errors: InputError in one sentence."""
@@ -66,13 +67,16 @@ class Device:
         """What the device did last, and what is wrong if anything; begins to watch where nothing does."""
         with self._state:
             self._asked = time.monotonic()
-            if self._watcher is None or not self._watcher.is_alive():
+            is_watched = self._watcher is not None and self._watcher.is_alive()
+            if not is_watched and not self._is_closed:
                 self._watcher = threading.Thread(target=self._watch, name="workbench device", daemon=True)
                 self._watcher.start()
             return self._snapshot, self._failure
 
     def close(self) -> None:
-        """End the live view."""
+        """End the live view: a page that still asks begins none."""
+        with self._state:
+            self._is_closed = True
         self._wanted_elsewhere.set()
         if self._watcher is not None:
             self._watcher.join()
