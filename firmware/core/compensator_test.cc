@@ -355,7 +355,7 @@ TEST(CompensatorTest, WaysOfAnAxisThatTurnsOn_AreTheShortOnes) {
 }
 
 TEST(CompensatorTest, RangeOfOnePosition_IsNoneToWrapIn) {
-  // 0x607B with both ends zero: a drive that was never told.
+  // 0x607B (position range limit): both ends are zero until somebody writes them.
   const PositionBounds bounds = {.range_low = 0, .range_high = 0};
   EXPECT_FALSE(bounds.wraps());
   EXPECT_EQ(bounds.way(5), 5);

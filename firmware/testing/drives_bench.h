@@ -132,6 +132,20 @@ class DrivesTest : public ::testing::TestWithParam<Mode> {
     return most;
   }
 
+  // Cycles at kStand. Once a set has gone out, the controller sees its own command, but for what
+  // the correction changes while feedback is `late` cycles on its way.
+  void expect_uncorrected_from_the_first_set(int cycles, int late) {
+    bool begun = false;
+    for (int k = 0; k < cycles; ++k) {
+      cycle(kStand);
+      if (begun) {
+        EXPECT_LE(farthest(seen, kStand), late * kBlendStep) << k;
+      }
+      begun = begun || outputs > 0;
+    }
+    EXPECT_TRUE(begun);
+  }
+
   // Arm at kStand, correction settled.
   void settle() {
     target = stand = kStand;

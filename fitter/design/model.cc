@@ -11,7 +11,8 @@ using nlohmann::json;
 
 namespace {
 
-// More than any arm has. How many this one has, each effect's joint rule knows.
+// Only keeps the number within an int. Whether the arm has the joint is checked when the terms of
+// the effect are built.
 constexpr int kMostJoints = 1000;
 
 EffectRequest request_from_json(const json& entry) {

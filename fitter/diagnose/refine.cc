@@ -21,8 +21,9 @@ constexpr double kBeyondSecondOrder = 0.02;
 // What is superfluous can go without poses that were not fitted being predicted worse than by this
 // share.
 constexpr double kSameWithout = 1e-2;
-// Finer tables must predict poses held out at random better by this share, for they take room in
-// the compensator, and those of other times and regions no worse on the whole.
+// Finer tables take room in the compensator. They are kept only where the error on poses held out
+// at random falls by this share, and the mean over poses held out at random, in time and by region
+// does not grow.
 constexpr double kWorthNodes = 1e-2;
 // Candidates of one search from which moves are taken.
 constexpr std::size_t kLookedThrough = 60;
@@ -179,12 +180,11 @@ class Refinement {
       : options_(options), observer_(observer), initial_(removable_effects(*fit)) {
     steps_.push_back({std::nullopt, {}, diagnose_now(*fit), fit});
     taken_.insert(fit->specification().to_json().dump());
-    settle();
   }
 
   std::vector<RefineStep> run() {
-    while (one_round()) {
-      fit_in_full();
+    for (auto full = steps_.back().fit; one_round(); full = steps_.back().fit) {
+      fit_in_full(*full);
       refused_.clear();
       steps_.back().diagnosis = diagnose_now(*steps_.back().fit);
     }
@@ -206,8 +206,7 @@ class Refinement {
   std::vector<Trial> next_trials(const std::vector<Move>& moves, std::size_t& next) const;
   void refine_tables();
   void fit_trials(std::vector<Trial>& trials, bool keeps_weights = false) const;
-  void fit_in_full();
-  void settle();
+  void fit_in_full(const Fit& full);
   bool accept(const Move& move, const Trial& trial);
   void show() {
     if (options_.on_step) options_.on_step(steps_.back());
@@ -217,7 +216,6 @@ class Refinement {
   Observer& observer_;
   std::vector<EffectRequest> initial_;
   std::vector<RefineStep> steps_;
-  std::set<std::string> settled_;  // nonlinear parameters of the last full fit
   std::set<std::string> taken_;    // models of the steps: none comes twice, so the search ends
   std::set<std::string> refused_;  // models tried since the last search and not taken
   std::set<std::string> gone_;     // effects that were taken out: one that pays about as much as it
@@ -246,21 +244,16 @@ void Refinement::fit_trials(std::vector<Trial>& trials, bool keeps_weights) cons
 }
 
 // The effects of one search are added with the gross errors and smoothness of the last full fit;
-// these are determined anew before the next search. So are numbers inside expressions that came in
-// since: descending from what the search linearised may have led to a valley of their own.
-void Refinement::fit_in_full() {
+// these are determined anew before the next search. Nonlinear parameters that `full`, the last full
+// fit, did not have are searched for from all their starts: until now they have only descended from
+// the values of a candidate, and may have ended in a local minimum.
+void Refinement::fit_in_full(const Fit& full) {
   RefineStep& last = steps_.back();
+  if (!last.fit->kept_weights()) return;
   std::map<std::string, double> guesses;
-  for (const NonlinearParameter& p : last.fit->model().nonlinear) {
-    if (!settled_.contains(p.name)) guesses.emplace(p.name, p.value);
-  }
-  if (last.fit->kept_weights()) last.fit = refit(*last.fit, last.fit->specification(), guesses);
-  settle();
-}
-
-void Refinement::settle() {
-  settled_.clear();
-  for (const NonlinearParameter& p : steps_.back().fit->model().nonlinear) settled_.insert(p.name);
+  for (const NonlinearParameter& p : last.fit->model().nonlinear) guesses.emplace(p.name, p.value);
+  for (const NonlinearParameter& p : full.model().nonlinear) guesses.erase(p.name);
+  last.fit = refit(*last.fit, last.fit->specification(), guesses);
 }
 
 // Whether a trial becomes the next step: not where it cannot be fitted, nor where it predicts

@@ -48,9 +48,10 @@ LackOfFit lack_of_fit(const Scorer& scorer, const Fit& fit, const Linearization&
                       NoiseParts noise) {
   LackOfFit result;
   const int h = scorer.height();
-  // The repeats are of a few poses. A joint that repeats badly moves the tool far at some and
-  // little at others: squares compare where each counts in standard deviations of its own pose.
-  noise.pose.reset();  // what readings of a pose share is what is looked for
+  // Only a few poses were repeated, and a joint that repeats badly moves the tool further at some
+  // poses than at others. So every residual is divided by the standard deviation that joints and
+  // reading give at its own pose; then repeats and other poses can be compared.
+  noise.pose.reset();  // an error shared by all readings of a pose is the lack of fit tested for
   Eigen::MatrixXd whitened = linearization.residual;
   PoseWhitening(linearization, noise).apply(whitened);
   const auto residual = [&](std::size_t r) {

@@ -54,8 +54,9 @@ double worthwhile_sigma(const Parameter& p) {
 
 // Cholesky factorisation of the information on some unknowns, scaled to a unit diagonal, that takes
 // columns one by one and keeps the Schur complement of the others (Golub and Van Loan, Matrix
-// Computations, 4.2.9). What is accepted stands in for others only as far as its prior lets it
-// move: a mass that would have to be ten times as large explains no moment.
+// Computations, 4.2.9). An accepted parameter can explain what another does only as far as its
+// prior allows: the moment of a link is not explained by a mass that would have to be ten times as
+// large.
 class RankRevealing {
  public:
   // `priors`: their information on each of the unknowns; 0: none.

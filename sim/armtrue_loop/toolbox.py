@@ -84,7 +84,10 @@ def _serve(connection: socket.socket) -> None:
 
 
 def _import_what_commands_need() -> None:
-    """Commands import late, so that help is quick; here they would do it anew in every call."""
+    """Import, once and before any fork, the modules that commands import only when they run.
+
+    Commands do so to keep `--help` quick; without this every forked call would import them again.
+    """
     import armtrue
 
     for module in pkgutil.walk_packages(armtrue.__path__, "armtrue."):

@@ -80,22 +80,19 @@ def test_an_effect_is_as_sure_as_all_its_forms_together(kind: str, arm: str) -> 
     assert verdict_of(outcome) == "right", outcome
 
 
-def test_numbers_inside_expressions_are_searched_for_anew_before_the_next_search() -> None:
-    # A balancer's period and phase descended from another valley than the search's, and stayed there: a table of axis 2
-    # was missed, which a fit of the same model from its file did not.
-    outcome = run_case("real_three", "irb2400", 24002)
-    assert verdict_of(outcome) == "right", outcome
-
-
-def test_repeats_at_poses_where_a_bad_joint_hardly_shows_are_no_lack_of_fit() -> None:
-    # Axis 2 repeats to 25 µrad, and the poses that were repeated stand close to it: the rest was "unexplained".
-    outcome = run_case("real_nothing", "kr30", 24000)
-    assert verdict_of(outcome) == "right", outcome
-
-
-def test_a_moment_is_not_left_to_masses_that_cannot_be() -> None:
-    # Springs that are not there were named for it (tests/fitting/test_load_effects.py has the fit alone).
-    outcome = run_case("real_three", "lbr", 22002)
+@pytest.mark.parametrize(
+    ("kind", "arm", "seed"),
+    [
+        # The balancer's ratio and phase ended in a local minimum, and a table of axis 2 was recommended for that.
+        pytest.param("real_three", "irb2400", 24002, id="nonlinear parameters are searched for again"),
+        # Axis 2 repeats to 25 µrad: repeats seemed better than all other poses, and these "unexplained".
+        pytest.param("real_nothing", "kr30", 24000, id="repeats count by what scatters at their pose"),
+        # Springs that are not there were named for it; tests/fitting/test_load_effects.py has the fit alone.
+        pytest.param("real_three", "lbr", 22002, id="no mass stands for a moment beyond its prior"),
+    ],
+)
+def test_arms_unlike_their_files_are_diagnosed(kind: str, arm: str, seed: int) -> None:
+    outcome = run_case(kind, arm, seed)
     assert verdict_of(outcome) == "right", outcome
 
 

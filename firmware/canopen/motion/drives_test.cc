@@ -49,15 +49,7 @@ TEST_P(DrivesTest, FeedbackThatIsLateIsUncorrectedFromTheFirstSetOn) {
   ASSERT_EQ(bench.write(0x1010, 1, 0x65766173, 4), 0U);
   settle();
   restart();
-  bool begun = false;
-  for (int k = 0; k < 200; ++k) {
-    cycle(kStand);
-    if (begun) {
-      EXPECT_LE(farthest(seen, kStand), 3 * kBlendStep) << k;
-    }
-    begun = begun || outputs > 0;
-  }
-  EXPECT_TRUE(begun);
+  expect_uncorrected_from_the_first_set(200, 3);
 }
 
 TEST_P(DrivesTest, FeedbackIsUncorrectedByTheDeltaOfItsOwnCycle) {
@@ -131,15 +123,7 @@ TEST_P(InlineDrivesTest, LateFeedbackOfANewStream_IsNotUncorrectedByTheOneBefore
   take_output();
   stand = moved(kStand, kPermitted - 10);
   ASSERT_EQ(bench.write(0x2000, 1, static_cast<std::uint32_t>(Mode::kInline), 1), 0U);
-  bool begun = false;
-  for (int k = 0; k < 30; ++k) {
-    cycle(kStand);
-    if (begun) {
-      EXPECT_LE(farthest(seen, kStand), 3 * kBlendStep) << k;
-    }
-    begun = begun || outputs > 0;
-  }
-  EXPECT_TRUE(begun);
+  expect_uncorrected_from_the_first_set(30, 3);
 }
 
 TEST_P(InlineDrivesTest, FarFromTheFirstTargetTheNearestPermittedOutputIsTaken) {

@@ -15,7 +15,7 @@ namespace {
 // must see the link where the ones before it have moved it.
 TEST(InverseTest, TermsOfALink_AreThoseOfWhereItStands) {
   constexpr double kOffset = 5e-3;
-  constexpr double kSteep = 1e-2;   // times sin 15 x: 0.75 mrad within the offset
+  constexpr double kSteep = 1e-2;   // amplitude of sin 15 x; 0.75 mrad of it over the offset
   constexpr double kSmooth = 1e-3;  // times sin 2 x
   testing::TestImage made(1);
   made.add_constant(0, kOffset);

@@ -32,7 +32,7 @@ constexpr double kLeastRise = 1e-6;
 // A table whose prior has no more directions than this is smooth enough to be weighed against
 // formulas.
 constexpr Eigen::Index kSmoothTable = 40;
-// Walks from one start.
+// Independent walks of the sampler from the set that was climbed to.
 constexpr std::size_t kWalks = 4;
 
 }  // namespace
@@ -342,8 +342,8 @@ SearchResult Sampler::run() {
     line_up();
     find_readings();
   }
-  // A walk may not find out of a valley that another avoids: what each has seen counts by the best
-  // that it came to.
+  // One walk may stay near a local maximum of the posterior that another avoids. The averages of a
+  // walk are weighted by the posterior of the best set that it found.
   std::vector<Sampler> walks(options_.sweeps > 0 ? kWalks : 1, *this);
   in_parallel(walks.size(), [&](std::size_t i) { walks[i].walk(options_.seed + i); });
   const auto best = std::ranges::max_element(walks, {}, &Sampler::best_posterior_);

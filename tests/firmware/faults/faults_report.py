@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
+from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -77,61 +78,51 @@ def grouped(number: int) -> str:
     return f"{number:,}".replace(",", " ")
 
 
-def find(pattern: str, said: str) -> int:
-    """The one number that a campaign printed. Raises ValueError where it did not."""
-    found = re.findall(pattern, said)
+def find(pattern: str, said: str) -> str:
+    """The one thing that a campaign printed. Raises ValueError where it did not."""
+    found: list[str] = re.findall(pattern, said)
     if len(found) != 1:
         raise ValueError(f"no campaign printed '{pattern}', or several did")
-    return int(found[0])
+    return found[0]
 
 
-def of_drives(pattern: str, said: str) -> str:
-    """What a campaign with drives printed: a number, or its events added up."""
-    found = re.findall(pattern, said)
-    if len(found) != 1:
-        raise ValueError(f"no campaign printed '{pattern}', or several did")
-    if pattern.startswith("events"):
-        return grouped(sum(map(int, re.findall(r"\d+", found[0]))))
-    return found[0] if "." in found[0] else grouped(int(found[0]))
+def as_shown(text: str) -> str:
+    """A share as it was printed, a count with its thousands apart, a list of counts as their sum."""
+    return text if "." in text else grouped(sum(map(int, re.findall(r"\d+", text))))
+
+
+def hours(
+    of: dict[str, list[str]], rows: Iterable[tuple[str, str]], wrong: str, said: dict[str, str]
+) -> list[str]:
+    """The table of campaigns that simulate an hour each; `wrong` names its last row."""
+    lines = ["| | " + " | ".join(of) + " |", "|---" * (1 + len(of)) + "|"]
+    for pattern, what in rows:
+        lines.append(f"| {what} | " + " | ".join(as_shown(find(pattern, said[name])) for name in of) + " |")
+    clean = (said[name].rstrip().endswith("nothing wrong") for name in of)
+    return [*lines, f"| {wrong} | " + " | ".join("0" if each else "1" for each in clean) + " |"]
 
 
 def tables(said: dict[str, str]) -> str:
     """The tables, from what each campaign printed."""
     lines = ["| | cases |", "|---|---|"]
-    hours = {**SOAK_HOURS, **DRIVE_HOURS}
-    everything = "\n".join(text for name, text in said.items() if name not in hours)
+    simulated = {**SOAK_HOURS, **DRIVE_HOURS}
+    everything = "\n".join(text for name, text in said.items() if name not in simulated)
     for pattern, what in COUNTED:
-        count = find(pattern, everything) * (TRANSFERS_OF_A_SIZE if "sizes" in pattern else 1)
+        count = int(find(pattern, everything)) * (TRANSFERS_OF_A_SIZE if "sizes" in pattern else 1)
         lines.append(f"| {what} | {grouped(count)} |")
     lines += [
         "",
         "An hour of simulated 1 kHz motion with nineteen kinds of fault, each in one of a thousand cycles "
         f"(`canopen_soak 3600`, seeds 1 to {len(SOAK_HOURS)}):",
         "",
-        "| | " + " | ".join(SOAK_HOURS) + " |",
-        "|---" * (1 + len(SOAK_HOURS)) + "|",
-    ]
-    for pattern, what in SOAKED:
-        lines.append(
-            f"| {what} | " + " | ".join(grouped(find(pattern, said[name])) for name in SOAK_HOURS) + " |"
-        )
-    wrong = [0 if said[name].rstrip().endswith("nothing wrong") else 1 for name in SOAK_HOURS]
-    lines.append("| wrong outputs, stuck states | " + " | ".join(map(str, wrong)) + " |")
-    lines += [
+        *hours(SOAK_HOURS, SOAKED, "wrong outputs, stuck states", said),
         "",
         "An hour with drives that do not always follow: an axis disabled, in fault, homing, guided by hand or in "
         "another mode, another table, correction disabled and enabled, power lost, pauses, lost targets, the node "
         "stopped (`canopen_drive_soak 3600 1`):",
         "",
-        "| | " + " | ".join(DRIVE_HOURS) + " |",
-        "|---" * (1 + len(DRIVE_HOURS)) + "|",
+        *hours(DRIVE_HOURS, OF_DRIVES, "wrong outputs, steps above the limit", said),
     ]
-    for pattern, what in OF_DRIVES:
-        lines.append(
-            f"| {what} | " + " | ".join(of_drives(pattern, said[name]) for name in DRIVE_HOURS) + " |"
-        )
-    wrong = [0 if said[name].rstrip().endswith("nothing wrong") else 1 for name in DRIVE_HOURS]
-    lines.append("| wrong outputs, steps above the limit | " + " | ".join(map(str, wrong)) + " |")
     return "\n".join(lines)
 
 
