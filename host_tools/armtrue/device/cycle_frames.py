@@ -17,6 +17,8 @@ VALUE_BYTES = 4
 _LEAST_WINDOW_S = 5e-3
 # Where sets begin is known from so many pauses before each frame, one of which is this much longer than the others.
 _PAUSES_KNOWN, _STANDS_OUT = 2, 3.0
+# A device that answered so many cycles one by one is taken as keeping up.
+_CYCLES_KEPT_UP = 5
 
 # Identifier and whether it is extended -> (first byte, axis from 0) of each value.
 Mapping = dict[tuple[int, bool], list[tuple[int, int]]]
@@ -107,7 +109,12 @@ class FrameSets:
 
 
 class CycleFrames:
-    """Follows the frames of a device's joint path. Forgets with `forget` what it saw."""
+    """Follows the frames of a device's joint path. Forgets with `forget` what it saw.
+
+    Offsets do not say which targets they answer. They are taken as the answer to the targets before them where each
+    set of targets was followed by one set of offsets, as long as the device keeps up: a device that comes late answers
+    two sets at once, and the first of those answers would be paired with a cycle that is not its own.
+    """
 
     def __init__(self, client: SdoClient, joints: int) -> None:
         """Ask the device which frames those are."""
@@ -115,7 +122,9 @@ class CycleFrames:
         self._sync = number_of(client, 0x1005, 0) & 0x7FF
         self._targets = FrameSets(mapping_of(client, *RECEIVE, TARGET_POSITION), joints, window_s)
         self._offsets = FrameSets(mapping_of(client, *TRANSMIT, POSITION_OFFSET), joints, window_s)
-        self._before_offsets: list[int] | None = None
+        self._asked: list[int] | None = None
+        self._answers: list[list[int]] = []  # since those targets
+        self._kept_up = 0
         self.forget()
 
     def forget(self) -> None:
@@ -132,15 +141,27 @@ class CycleFrames:
             self._targets.divide()
             self._offsets.divide()
         elif self._targets.belongs(message):
-            self.targets = self._targets.take(message) or self.targets
+            if not self._targets.has_begun:
+                self._conclude()
+            whole = self._targets.take(message)
+            if whole is not None:
+                self.targets = self._asked = whole
         elif self._offsets.belongs(message):
-            if not self._offsets.has_begun:
-                self._before_offsets = self.targets
             corrections = self._offsets.take(message)
             if corrections is not None:
                 self.corrections = corrections
-                if self._before_offsets is not None:
-                    self.pair = (self._before_offsets, corrections)
+                self._answers.append(corrections)
+
+    def _conclude(self) -> None:
+        """The next targets come: nothing more answers those before them."""
+        if self._asked is not None and len(self._answers) == 1:
+            if self._kept_up >= _CYCLES_KEPT_UP:
+                self.pair = (self._asked, self._answers[0])
+            self._kept_up += 1
+        else:
+            # Two answers at once: it was behind and no longer is.
+            self._kept_up = _CYCLES_KEPT_UP if len(self._answers) > 1 else 0
+        self._asked, self._answers = None, []
 
 
 def number_of(client: SdoClient, index: int, sub: int) -> int:

@@ -55,14 +55,46 @@ def wanted(cycle: int) -> list[int]:
 
 def test_a_cycle_is_paired_with_its_own_corrections() -> None:
     seen = following(Device())
-    for cycle in (1, 2, 3):
+    for cycle in range(1, 7):
         for pair in (1, 0, 2):
             seen.take(targets(cycle, pair, 0.1 * cycle))
         seen.take(offsets(cycle, 0.1 * cycle))
-    seen.take(targets(4, 0, 0.4))
-    assert seen.pair == (wanted(3), [-value for value in wanted(3)])
+    seen.take(targets(7, 0, 0.7))
+    assert seen.pair == (wanted(6), [-value for value in wanted(6)])
     seen.forget()
     assert (seen.pair, seen.targets, seen.corrections) == (None, None, None)
+
+
+def take_cycle(seen: CycleFrames, cycle: int, answers: tuple[int, ...]) -> None:
+    for pair in range(3):
+        seen.take(targets(cycle, pair, 0.1 * cycle))
+    for answer in answers:
+        seen.take(offsets(answer, 0.1 * cycle))
+
+
+@pytest.mark.parametrize(
+    "late", [{8: (), 9: (8, 9)}, {8: (), 9: (8,), 10: (9,), 11: (10, 11)}, {8: (), 9: (), 10: (8, 9, 10)}]
+)
+def test_a_device_that_answers_late_is_never_paired_with_another_cycle(
+    late: dict[int, tuple[int, ...]],
+) -> None:
+    seen = following(Device())
+    pairs = []
+    for cycle in range(1, 20):
+        seen.forget()
+        take_cycle(seen, cycle, late.get(cycle, (cycle,)))
+        if seen.pair is not None:
+            pairs.append(seen.pair)
+    assert pairs
+    assert all([-value for value in asked] == answered for asked, answered in pairs)
+    assert pairs[-1][0] == wanted(18), "the last cycle's offsets may still come"
+
+
+def test_offsets_that_go_on_without_targets_answer_none() -> None:
+    seen = following(Device())
+    for cycle in range(1, 9):
+        take_cycle(seen, cycle, (cycle, cycle))
+    assert seen.pair is None
 
 
 def test_who_listens_from_the_middle_of_a_set_sees_whole_ones() -> None:
