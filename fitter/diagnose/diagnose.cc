@@ -42,7 +42,7 @@ std::optional<EffectRequest> cause_of_line(int joint, double cycles) {
 }
 
 // Lines of the spectra as candidates, where the catalogue's own orders do not cover them already.
-std::vector<EvidenceBlock> spectral_blocks(const Fit& fit, const Scorer& scorer,
+std::vector<EvidenceBlock> spectral_blocks(const Fit& fit, const Linearization& linearization,
                                            const std::vector<JointSpectrum>& spectra) {
   std::vector<EvidenceBlock> result;
   double lines = 0.0;
@@ -50,7 +50,8 @@ std::vector<EvidenceBlock> spectral_blocks(const Fit& fit, const Scorer& scorer,
     lines += static_cast<double>(spectrum.cycles.size()) / 4.0;
     const double ratio =
         fit.robot().joints[static_cast<std::size_t>(spectrum.joint - 1)].gear_ratio;
-    for (const SpectralPeak& peak : highest_peaks(spectrum, scorer, fit.state(), kSpectralPeaks)) {
+    for (const SpectralPeak& peak :
+         highest_peaks(spectrum, linearization, fit.state(), kSpectralPeaks)) {
       // What makes less than one wave over the joint's range is a bend that harmonics have, too.
       if (peak.cycles < std::max(kLowestLine, spectrum.resolution)) continue;
       const double width = 0.5 * spectrum.resolution;
@@ -372,22 +373,22 @@ Diagnosis diagnose(Fit& fit, const DiagnoseOptions& options, Observer& observer)
   const auto report = [&](double share, const char* what) { observer.report(share, what); };
   Diagnosis d;
   report(0.0, "linearising");
-  const Scorer scorer(fit);
   const Linearization linearization = linearize(fit);
+  const Scorer scorer(fit, linearization);
   report(0.1, "looking for periods and structure");
-  d.spectra = joint_spectra(scorer, fit.state());
+  d.spectra = joint_spectra(linearization, fit.state());
   Structure structure = find_structure(scorer, fit, kStructureSignificant);
-  std::vector<EvidenceBlock> extra = spectral_blocks(fit, scorer, d.spectra);
+  std::vector<EvidenceBlock> extra = spectral_blocks(fit, linearization, d.spectra);
   for (EvidenceBlock& block : structure_blocks(fit, structure)) extra.push_back(std::move(block));
   report(0.4, "weighing the catalogue");
   weigh(fit, linearization, std::move(extra), options, d);
-  d.lack_of_fit = lack_of_fit(scorer, fit, linearization, d.noise);
+  d.lack_of_fit = lack_of_fit(linearization, fit, d.noise);
   if (!d.recommended() && d.lack_of_fit.testable && d.lack_of_fit.log10_p < kStructureSignificant) {
     // More is left than noise and nothing known explains it: a gear ratio may not be what it is
     // said to be.
-    std::vector<JointSpectrum> wide = wide_joint_spectra(scorer, fit.state());
+    std::vector<JointSpectrum> wide = wide_joint_spectra(linearization, fit.state());
     Diagnosis other;
-    std::vector<EvidenceBlock> lines = spectral_blocks(fit, scorer, wide);
+    std::vector<EvidenceBlock> lines = spectral_blocks(fit, linearization, wide);
     for (EvidenceBlock& block : structure_blocks(fit, structure)) lines.push_back(std::move(block));
     weigh(fit, linearization, std::move(lines), options, other);
     if (other.recommended()) {
@@ -399,14 +400,14 @@ Diagnosis diagnose(Fit& fit, const DiagnoseOptions& options, Observer& observer)
   if (d.candidates.size() > options.listed) d.candidates.resize(options.listed);
   score_alone(scorer, fit, d.candidates);
   explain(d, fit);
-  d.scatter = scatter_along_joints(scorer, fit);
+  d.scatter = scatter_along_joints(linearization, fit);
   const bool unlike_noise = d.lack_of_fit.testable && d.lack_of_fit.log10_p < kStructureSignificant;
   if (d.recommended()) {
     d.verdict = Verdict::kMissingEffect;
   } else if (!structure.findings.empty() || unlike_noise) {
     d.verdict = Verdict::kUnexplainedStructure;
     d.unexplained = structure.findings;
-    d.neighbour_ratio = neighbour_ratio(scorer, fit);
+    d.neighbour_ratio = neighbour_ratio(linearization, fit.state());
     d.probability_nothing = std::min(d.probability_nothing, std::pow(10.0, kStructureSignificant));
   }
   d.tables = tables_of(fit);

@@ -47,10 +47,20 @@ double squares(Fit& fit) {
   return sum;
 }
 
+BlockScore score_of(Fit& fit, const EffectRequest& request) {
+  const Linearization linearization = linearize(fit);
+  return Scorer(fit, linearization).score({make_block(fit.context(), request)}).front();
+}
+
+std::vector<StructureFinding> findings_in(Fit& fit) {
+  const Linearization linearization = linearize(fit);
+  return find_structure(Scorer(fit, linearization), fit, -4.0).findings;
+}
+
 TEST(Scorer, FallOfTheErrorIsThatOfARefit) {
   const EffectRequest request{"gear_harmonics", {3}, json::object()};
   const auto fit = believed(1, {{"effect", "gear_harmonics"}, {"joints", {3}}}, 6e-5);
-  const BlockScore score = Scorer(*fit).score({make_block(fit->context(), request)}).front();
+  const BlockScore score = score_of(*fit, request);
   const auto refitted = refit(*fit, with_effect(fit->specification(), request));
   EXPECT_NEAR(score.explained, 1.0 - squares(*refitted) / squares(*fit), 0.01);
   EXPECT_GT(score.explained, 0.5);
@@ -65,8 +75,7 @@ TEST(Scorer, ProbabilitiesAreThoseOfChanceWhereNothingIsHidden) {
   constexpr int kArms = 120;
   for (int seed = 0; seed < kArms; ++seed) {
     const auto fit = believed(100 + static_cast<std::uint64_t>(seed), nullptr, 0.0, 80);
-    const Block block = make_block(fit->context(), {"gear_harmonics", {4}, json::object()});
-    below += Scorer(*fit).score({block}).front().log10_p < std::log10(0.1);
+    below += score_of(*fit, {"gear_harmonics", {4}, json::object()}).log10_p < std::log10(0.1);
   }
   // Binomial(120, 0.1): 12 +- 3.3.
   EXPECT_LE(below, 24);
@@ -75,14 +84,10 @@ TEST(Scorer, ProbabilitiesAreThoseOfChanceWhereNothingIsHidden) {
 TEST(Scorer, WhatGeometryCarriesAlreadyHasNothingLeft) {
   const auto fit = believed(2);
   // A constant on the motor side of joint 3 is its zero.
-  const BlockScore score = Scorer(*fit)
-                               .score({make_block(fit->context(), {"custom",
-                                                                   {},
-                                                                   {{"name", "again"},
-                                                                    {"coordinate", "motor3"},
-                                                                    {"expression", "1"},
-                                                                    {"bound", 1.0}}})})
-                               .front();
+  const BlockScore score = score_of(
+      *fit, {"custom",
+             {},
+             {{"name", "again"}, {"coordinate", "motor3"}, {"expression", "1"}, {"bound", 1.0}}});
   EXPECT_TRUE(score.degrees == 0 || score.separability < 1e-6) << score.separability;
   EXPECT_GT(score.delta_bic, -10.0);
 }
@@ -95,11 +100,11 @@ TEST(Spectrum, FindsAPeriodThatNobodyKnewAmongRandomPoses) {
                              {"expression", "sin(13*q5)"},
                              {"bound", 1.0}},
                             2e-4);
-  const Scorer scorer(*fit);
+  const Linearization linearization = linearize(*fit);
   double strongest = 0.0, cycles = 0.0;
   int joint = 0;
-  for (const JointSpectrum& spectrum : joint_spectra(scorer, fit->state())) {
-    for (const SpectralPeak& peak : highest_peaks(spectrum, scorer, fit->state(), 1)) {
+  for (const JointSpectrum& spectrum : joint_spectra(linearization, fit->state())) {
+    for (const SpectralPeak& peak : highest_peaks(spectrum, linearization, fit->state(), 1)) {
       if (peak.power <= strongest) continue;
       strongest = peak.power;
       cycles = peak.cycles;
@@ -119,9 +124,9 @@ TEST(Structure, NamesTheVariablesOfWhatNoEffectIs) {
                              {"expression", "q1*q4"},
                              {"bound", 1.0}},
                             1e-4);
-  const Structure structure = find_structure(Scorer(*fit), *fit, -4.0);
-  ASSERT_FALSE(structure.findings.empty());
-  const StructureFinding& best = structure.findings.front();
+  const std::vector<StructureFinding> findings = findings_in(*fit);
+  ASSERT_FALSE(findings.empty());
+  const StructureFinding& best = findings.front();
   EXPECT_EQ(best.variables, (std::vector<std::string>{"q1", "q4"}));
   EXPECT_EQ(best.coordinate, "motor2");
   EXPECT_NE(best.shape.find("joint function"), std::string::npos) << best.shape;
@@ -130,7 +135,7 @@ TEST(Structure, NamesTheVariablesOfWhatNoEffectIs) {
 TEST(Structure, OfNoiseIsNone) {
   for (std::uint64_t seed = 5; seed < 15; ++seed) {
     const auto fit = believed(seed);
-    EXPECT_TRUE(find_structure(Scorer(*fit), *fit, -4.0).findings.empty()) << seed;
+    EXPECT_TRUE(findings_in(*fit).empty()) << seed;
   }
 }
 

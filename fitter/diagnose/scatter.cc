@@ -15,19 +15,17 @@ constexpr double kScatterSurely = -6.0;
 
 using PlacedVector = std::pair<std::size_t, Eigen::Vector3d>;
 
-JointScatter along_joints(const Scorer& scorer, const Fit& fit,
+JointScatter along_joints(const Linearization& l, int joints,
                           const std::vector<PlacedVector>& vectors, double freedom,
                           bool between_repeats) {
   JointScatter result;
   result.between_repeats = between_repeats;
   if (freedom < kLeastScatterFreedom) return result;
-  const int n = fit.robot().joint_count();
-  for (int joint = 1; joint <= n; ++joint) {
-    const Eigen::VectorXd column = scorer.coordinate_column(scorer.layout().motor(joint - 1));
+  for (int joint = 1; joint <= joints; ++joint) {
+    const auto column = l.geometry.col(l.layout.motor(joint - 1));
     double along = 0.0, all = 0.0;
     for (const auto& [r, vector] : vectors) {
-      const Eigen::Vector3d direction =
-          column.segment<3>(static_cast<Eigen::Index>(r) * scorer.height());
+      const Eigen::Vector3d direction = column.segment<3>(static_cast<Eigen::Index>(r) * l.height);
       if (direction.squaredNorm() == 0.0) continue;
       along += std::pow(vector.dot(direction.normalized()), 2);
       all += vector.squaredNorm();
@@ -37,34 +35,32 @@ JointScatter along_joints(const Scorer& scorer, const Fit& fit,
     result.share = along / all;
     const double across = std::max(all - along, 1e-12 * all);
     result.log10_p = std::min(0.0, log10_f_survival(2.0 * along / across, freedom, 2.0 * freedom) +
-                                       std::log10(static_cast<double>(n)));
+                                       std::log10(static_cast<double>(joints)));
   }
   return result;
 }
 
 }  // namespace
 
-LackOfFit lack_of_fit(const Scorer& scorer, const Fit& fit, const Linearization& linearization,
-                      NoiseParts noise) {
+LackOfFit lack_of_fit(const Linearization& l, const Fit& fit, NoiseParts noise) {
   LackOfFit result;
-  const int h = scorer.height();
+  const int h = l.height;
   // Only a few poses were repeated, and a joint that repeats badly moves the tool further at some
   // poses than at others. So every residual is divided by the standard deviation that joints and
   // reading give at its own pose; then repeats and other poses can be compared.
   noise.pose.reset();  // an error shared by all readings of a pose is the lack of fit tested for
-  Eigen::MatrixXd whitened = linearization.residual;
-  PoseWhitening(linearization, noise).apply(whitened);
+  Eigen::MatrixXd whitened = l.residual;
+  PoseWhitening(l, noise).apply(whitened);
   const auto residual = [&](std::size_t r) {
-    return whitened.col(0).segment(static_cast<Eigen::Index>(scorer.rows()[r]) * h, h);
+    return whitened.col(0).segment(static_cast<Eigen::Index>(r) * h, h);
   };
   const Poses& poses = fit.measurements().poses;
   std::map<std::pair<int, int>, std::vector<std::size_t>> groups;
   std::set<std::pair<int, int>> seen;  // visit, reflector
-  for (std::size_t r = 0; r < scorer.rows().size(); ++r) {
-    const std::size_t row = scorer.rows()[r];
+  for (std::size_t row = 0; row < l.rows(); ++row) {
     // Readings of one visit do not show how the arm scatters from one visit to the next.
     if (!seen.insert({poses.visit_of_row[row], fit.measurements().target[row]}).second) continue;
-    groups[{poses.pose_of_row[row], fit.measurements().target[row]}].push_back(r);
+    groups[{poses.pose_of_row[row], fit.measurements().target[row]}].push_back(row);
   }
   double pure = 0.0, freedom = 0.0;
   for (const auto& [id, rows] : groups) {
@@ -74,11 +70,11 @@ LackOfFit lack_of_fit(const Scorer& scorer, const Fit& fit, const Linearization&
     for (const std::size_t r : rows) pure += (residual(r) - mean).squaredNorm();
     freedom += h * (static_cast<double>(rows.size()) - 1.0);
   }
-  if (freedom >= 9.0 && scorer.degrees_of_freedom() > freedom + 10.0) {
+  if (freedom >= 9.0 && l.freedom > freedom + 10.0) {
     double all = 0.0;
-    for (std::size_t r = 0; r < scorer.rows().size(); ++r) all += residual(r).squaredNorm();
+    for (std::size_t r = 0; r < l.rows(); ++r) all += residual(r).squaredNorm();
     const double left = std::max(0.0, all - pure);
-    const double left_freedom = scorer.degrees_of_freedom() - freedom;
+    const double left_freedom = l.freedom - freedom;
     result.testable = true;
     result.against = "repeats";
     result.log10_p =
@@ -89,44 +85,43 @@ LackOfFit lack_of_fit(const Scorer& scorer, const Fit& fit, const Linearization&
     const double scale2 = fit.noise_scale() * fit.noise_scale();
     result.testable = true;
     result.against = "sigma";
-    result.log10_p = log10_chi2_survival(scorer.residual_sum() * scale2 / (1.5 * 1.5),
-                                         scorer.degrees_of_freedom());
+    result.log10_p =
+        log10_chi2_survival(l.residual.squaredNorm() * scale2 / (1.5 * 1.5), l.freedom);
   }
   return result;
 }
 
-JointScatter scatter_along_joints(const Scorer& scorer, const Fit& fit) {
-  const int h = scorer.height();
+JointScatter scatter_along_joints(const Linearization& l, const Fit& fit) {
+  const int h = l.height;
   const auto residual = [&](std::size_t r) -> Eigen::Vector3d {
-    return scorer.residual().segment<3>(static_cast<Eigen::Index>(r) * h);
+    return l.residual.segment<3>(static_cast<Eigen::Index>(r) * h);
   };
   std::vector<PlacedVector> left, between;
-  for (std::size_t r = 0; r < scorer.rows().size(); ++r) left.emplace_back(r, residual(r));
-  const Replicates replicates(fit.measurements(), scorer.rows());
-  std::map<int, std::vector<std::size_t>> groups;
-  for (std::size_t r = 0; r < scorer.rows().size(); ++r) {
-    if (replicates.group_of()[r] >= 0) groups[replicates.group_of()[r]].push_back(r);
-  }
+  for (std::size_t r = 0; r < l.rows(); ++r) left.emplace_back(r, residual(r));
+  std::map<std::pair<int, int>, std::vector<std::size_t>> groups;
+  for (std::size_t r = 0; r < l.rows(); ++r)
+    groups[{l.poses.pose_of_row[r], fit.measurements().target[r]}].push_back(r);
   double freedom = 0.0;
   for (const auto& [group, rows] : groups) {
+    if (rows.size() < 2) continue;
     Eigen::Vector3d mean = Eigen::Vector3d::Zero();
     for (const std::size_t r : rows) mean += residual(r) / static_cast<double>(rows.size());
     for (const std::size_t r : rows) between.emplace_back(r, residual(r) - mean);
     freedom += static_cast<double>(rows.size()) - 1.0;
   }
-  const JointScatter of_repeats = along_joints(scorer, fit, between, freedom, true);
-  const JointScatter of_residual =
-      along_joints(scorer, fit, left, scorer.degrees_of_freedom() / h, false);
+  const int joints = fit.robot().joint_count();
+  const JointScatter of_repeats = along_joints(l, joints, between, freedom, true);
+  const JointScatter of_residual = along_joints(l, joints, left, l.freedom / h, false);
   return of_repeats.log10_p <= kScatterSurely ? of_repeats : of_residual;
 }
 
-double neighbour_ratio(const Scorer& scorer, const Fit& fit) {
-  const std::size_t rows = std::min(scorer.rows().size(), kNeighbourRows);
-  const auto n = static_cast<std::size_t>(fit.robot().joint_count());
-  const int h = scorer.height();
+double neighbour_ratio(const Linearization& l, const State& state) {
+  const std::size_t rows = std::min(l.rows(), kNeighbourRows);
+  const auto n = static_cast<std::size_t>(state.robot().joint_count());
+  const int h = l.height;
   if (rows < 10) return 1.0;
   double differences = 0.0, squares = 0.0;
-  const auto joints = [&](std::size_t r) { return &fit.state().joints()[scorer.rows()[r] * n]; };
+  const auto joints = [&](std::size_t r) { return &state.joints()[r * n]; };
   for (std::size_t a = 0; a < rows; ++a) {
     double nearest = 1e300;
     std::size_t neighbour = a;
@@ -139,9 +134,9 @@ double neighbour_ratio(const Scorer& scorer, const Fit& fit) {
         neighbour = b;
       }
     }
-    const Eigen::VectorXd ra = scorer.residual().segment(static_cast<Eigen::Index>(a) * h, h);
+    const Eigen::VectorXd ra = l.residual.segment(static_cast<Eigen::Index>(a) * h, h);
     differences +=
-        (ra - scorer.residual().segment(static_cast<Eigen::Index>(neighbour) * h, h)).squaredNorm();
+        (ra - l.residual.segment(static_cast<Eigen::Index>(neighbour) * h, h)).squaredNorm();
     squares += ra.squaredNorm();
   }
   return squares > 0.0 ? differences / (2.0 * squares) : 1.0;

@@ -3,9 +3,12 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <numeric>
+#include <span>
 
 #include "fitter/common/dense.h"
 #include "fitter/common/parallel.h"
+#include "fitter/evidence/blocks.h"
 
 namespace armtrue {
 namespace {
@@ -19,76 +22,35 @@ constexpr double kMovesNothing = 1e-9;
 // Coefficients outside their physical bound, or of the wrong sign by this many standard deviations,
 // are refused.
 constexpr double kWrongSign = 3.0;
-// A rejected row counts as a residual of this many standard deviations.
-constexpr double kBoundedResidual = 6.0;
 // Blocks whose plain F test does not reach this are not worth the robust one.
 constexpr double kWorthRobust = -3.0;
-constexpr int kMostProjected = 400;
 
-struct Linearised {
-  Eigen::MatrixXd jacobian, geometry;
-  Eigen::VectorXd residual;
-  std::vector<std::size_t> rows;
-  std::vector<int> column_of;  // of every unknown; −1 where it is not projected out
-};
-
-Linearised linearise(Fit& fit) {
-  Design& design = fit.design();
-  Linearised result;
-  // Rows kept out of the fit take part with a bounded say: what looks like a bump may be a local
-  // effect that no term names yet.
-  const std::vector<double> weights = design.weights();
-  Design::Row probe;
-  for (std::size_t i = 0; i < design.rows(); ++i) {
-    result.rows.push_back(i);
-    if (weights[i] > 0.0) continue;
-    design.weights()[i] = 1.0;
-    design.evaluate(i, false, probe);
-    const double size = probe.residual.head(design.residuals_per_row()).norm();
-    design.weights()[i] = std::pow(kBoundedResidual / std::max(size, kBoundedResidual), 2);
-  }
-  const int height = design.residuals_per_row();
-  const auto equations = static_cast<Eigen::Index>(result.rows.size()) * height;
-  // The nodes of large tables are not projected out: the residual is orthogonal to them already,
-  // and leaving them out only makes a candidate look weaker than it is, never stronger.
-  const bool all = design.unknowns() <= kMostProjected;
-  result.column_of.assign(static_cast<std::size_t>(design.unknowns()), -1);
-  int width = 0;
-  for (int u = 0; u < design.unknowns(); ++u) {
-    if (all || !design.is_table_unknown(u)) result.column_of[static_cast<std::size_t>(u)] = width++;
-  }
-  result.jacobian = Eigen::MatrixXd::Zero(equations, width);
-  result.geometry.resize(equations, fit.kinematics().layout().size());
-  result.residual.resize(equations);
-  design.each_row(true, [&](std::size_t i, const Design::Row& row, const auto& workspace) {
-    const Eigen::Index at = static_cast<Eigen::Index>(i) * height;
-    result.residual.segment(at, height) = row.residual.head(height);
-    for (std::size_t u = 0; u < row.unknowns.size(); ++u) {
-      const int column = result.column_of[static_cast<std::size_t>(row.unknowns[u])];
-      if (column >= 0)
-        result.jacobian.col(column).segment(at, height) =
-            row.jacobian.col(static_cast<Eigen::Index>(u)).head(height);
-    }
-    const auto& geometric = workspace.geometric;
-    for (Eigen::Index c = 0; c < geometric.cols(); ++c) {
-      result.geometry.col(c).segment(at, height) = design.whiten(i, geometric.col(c)).head(height);
-    }
-  });
-  design.weights() = weights;
-  return result;
+// The nodes of large tables are not projected out: the residual is orthogonal to them already, and
+// leaving them out only makes a candidate look weaker than it is, never stronger.
+Eigen::MatrixXd projected_columns(const Linearization& l) {
+  Eigen::MatrixXd columns(l.equations(), l.jacobian.cols() + l.nodes.cols());
+  columns << l.jacobian, l.nodes;
+  return columns;
 }
 
-Eigen::MatrixXd information_of(const Linearised& l, const Fit& fit, const Design& design) {
-  NormalEquations equations(l.jacobian.cols());
-  equations.information = square(l.jacobian);
-  std::vector<double> values(static_cast<std::size_t>(l.jacobian.cols()));
+// Of those columns, with the penalties of their unknowns.
+Eigen::MatrixXd information_of(const Eigen::MatrixXd& columns, const Linearization& l,
+                               const Fit& fit) {
+  const Design& design = fit.design();
   const std::vector<double> all = design.unknown_values();
-  for (std::size_t u = 0; u < all.size(); ++u) {
-    if (l.column_of[u] >= 0) values[static_cast<std::size_t>(l.column_of[u])] = all[u];
+  std::vector<int> column_of(all.size(), -1);
+  std::vector<double> values;
+  for (const std::vector<int>* unknowns : {&l.unknown, &l.node}) {
+    for (const int u : *unknowns) {
+      column_of[static_cast<std::size_t>(u)] = static_cast<int>(values.size());
+      values.push_back(all[static_cast<std::size_t>(u)]);
+    }
   }
+  NormalEquations equations(columns.cols());
+  equations.information = square(columns);
   for (PenaltyRow row : penalty_rows(design, fit.smoothness_sigma())) {
     for (auto& [unknown, factor] : row.entries)
-      unknown = l.column_of[static_cast<std::size_t>(unknown)];
+      unknown = column_of[static_cast<std::size_t>(unknown)];
     const bool projected = std::all_of(row.entries.begin(), row.entries.end(),
                                        [](const auto& entry) { return entry.first >= 0; });
     if (projected) equations.add(row, values);
@@ -96,68 +58,26 @@ Eigen::MatrixXd information_of(const Linearised& l, const Fit& fit, const Design
   return equations.information;
 }
 
-const std::vector<double>& basis_values(const Term& term, const State& state,
-                                        std::map<std::string, std::vector<double>>& cache) {
-  const std::string key = term.basis.to_string();
-  auto found = cache.find(key);
-  if (found == cache.end()) {
-    auto values = term.basis.evaluate(
-        state.rows(),
-        [&](const std::string& name) -> const std::vector<double>& { return state.column(name); });
-    found = cache.emplace(key, std::move(values)).first;
-  }
-  return found->second;
+std::vector<std::size_t> all_rows(const Fit& fit) {
+  std::vector<std::size_t> rows(fit.measurements().rows);
+  std::iota(rows.begin(), rows.end(), std::size_t{0});
+  return rows;
 }
 
 }  // namespace
 
-Scorer::Scorer(Fit& fit)
+Scorer::Scorer(const Fit& fit, const Linearization& linearization)
     : fit_(fit),
-      layout_(fit.kinematics().layout()),
-      height_(fit.design().residuals_per_row()),
-      replicates_(fit.measurements(), {}),
+      l_(linearization),
+      replicates_(fit.measurements(), all_rows(fit)),
+      correlation_(replicates_.correlation(l_.residual, l_.height)),
+      white_(l_.residual),
+      jacobian_(projected_columns(l_)),
       factor_(Eigen::MatrixXd::Identity(1, 1)) {
-  Linearised l = linearise(fit);
-  replicates_ = Replicates(fit.measurements(), l.rows);
-  correlation_ = replicates_.correlation(l.residual, height_);
-  white_ = l.residual;
-  replicates_.whiten(white_, height_, correlation_);
-  replicates_.whiten(l.jacobian, height_, correlation_);
-  factor_ = ScaledCholesky(information_of(l, fit, fit.design()));
-  rows_ = std::move(l.rows);
-  residual_ = std::move(l.residual);
-  jacobian_ = std::move(l.jacobian);
-  geometry_ = std::move(l.geometry);
+  replicates_.whiten(white_, l_.height, correlation_);
+  replicates_.whiten(jacobian_, l_.height, correlation_);
+  factor_ = ScaledCholesky(information_of(jacobian_, l_, fit));
   correction_ = factor_.solve(jacobian_.transpose() * white_);
-  freedom_ = std::max(1.0, static_cast<double>(residual_.size()) - fit.effective_unknowns());
-}
-
-Eigen::MatrixXd Scorer::columns(std::span<const Block> blocks) const {
-  BasisCache cache;
-  return columns(blocks, cache);
-}
-
-Eigen::MatrixXd Scorer::columns(std::span<const Block> blocks, BasisCache& cache) const {
-  Eigen::Index width = 0;
-  for (const Block& block : blocks)
-    width += static_cast<Eigen::Index>(block.terms.parameters.size());
-  Eigen::MatrixXd result = Eigen::MatrixXd::Zero(residual_.size(), width);
-  Eigen::Index at = 0;
-  for (const Block& block : blocks) {
-    for (const Parameter& p : block.terms.parameters) {
-      for (const Term& term : p.terms) {
-        const std::vector<double>& basis = basis_values(term, fit_.state(), cache);
-        const double* coordinate = geometry_.col(layout_.index(term.coordinate)).data();
-        double* column = result.col(at).data();
-        for (const std::size_t row : rows_) {
-          const double value = term.weight * basis[row];
-          for (int h = 0; h < height_; ++h) *column++ += value * *coordinate++;
-        }
-      }
-      ++at;
-    }
-  }
-  return result;
 }
 
 std::vector<BlockScore> Scorer::score(const std::vector<Block>& blocks, bool robust) const {
@@ -179,9 +99,9 @@ std::vector<BlockScore> Scorer::score(const std::vector<Block>& blocks, bool rob
   std::vector<BlockScore> scores(blocks.size());
   in_parallel(batches.size() - 1, [&](std::size_t batch) {
     const std::size_t first = batches[batch], last = batches[batch + 1];
-    BasisCache cache;
-    Eigen::MatrixXd own = this->columns(std::span(blocks).subspan(first, last - first), cache);
-    replicates_.whiten(own, height_, correlation_);
+    Eigen::MatrixXd own =
+        block_columns(l_, fit_.state(), std::span(blocks).subspan(first, last - first));
+    replicates_.whiten(own, l_.height, correlation_);
     const Eigen::MatrixXd cross = transpose_times(jacobian_, own);
     Eigen::Index at = 0;
     for (std::size_t b = first; b < last; ++b) {
@@ -208,7 +128,7 @@ BlockScore Scorer::judge(const Block& block, const Eigen::MatrixXd& columns,
       scale.asDiagonal() * (columns.transpose() * white_ - cross.transpose() * correction_);
 
   const double n = static_cast<double>(white_.size());
-  const double variance = white_.squaredNorm() / freedom_;
+  const double variance = white_.squaredNorm() / l_.freedom;
   const SymmetricEigen eigen = symmetric_eigen(information);
   Eigen::VectorXd solution = Eigen::VectorXd::Zero(width);
   Eigen::MatrixXd inverse = Eigen::MatrixXd::Zero(width, width);
@@ -249,7 +169,7 @@ BlockScore Scorer::judge(const Block& block, const Eigen::MatrixXd& columns,
   }
   const double rss = white_.squaredNorm();
   gain = std::min(gain, rss * (1.0 - 1e-12));
-  const double freedom = std::max(1.0, freedom_ - score.degrees);
+  const double freedom = std::max(1.0, l_.freedom - score.degrees);
   const double after = rss - gain;
   for (double& s : score.sigma) s *= std::sqrt(after / freedom);
   score.gain = gain / variance;
@@ -288,13 +208,13 @@ double Scorer::robust_log10_p(const Eigen::MatrixXd& columns, const Eigen::Matri
       times(columns, turned) - times(jacobian_, factor_.solve_matrix(times(cross, turned)));
   const Eigen::VectorXd coefficient = directions.transpose() * solution;
   const Eigen::VectorXd left = white_ + along * coefficient;
-  Eigen::MatrixXd sums(rank, static_cast<Eigen::Index>(rows_.size()));  // a column a pose
+  Eigen::MatrixXd sums(rank, static_cast<Eigen::Index>(l_.rows()));  // a column a pose
   Eigen::Index poses = 0;
   std::map<int, Eigen::Index> place;
-  for (std::size_t r = 0; r < rows_.size(); ++r) {
-    const Eigen::Index at = static_cast<Eigen::Index>(r) * height_;
+  for (std::size_t r = 0; r < l_.rows(); ++r) {
+    const Eigen::Index at = static_cast<Eigen::Index>(r) * l_.height;
     const Eigen::VectorXd pose =
-        along.middleRows(at, height_).transpose() * left.segment(at, height_);
+        along.middleRows(at, l_.height).transpose() * left.segment(at, l_.height);
     const int group = replicates_.group_of()[r];
     if (const auto known = place.find(group); group >= 0 && known != place.end()) {
       sums.col(known->second) += pose;
@@ -305,7 +225,7 @@ double Scorer::robust_log10_p(const Eigen::MatrixXd& columns, const Eigen::Matri
   }
   const auto count = static_cast<double>(poses);
   const double freedom =
-      std::max(1.0, count - static_cast<double>(jacobian_.cols() + degrees) / height_);
+      std::max(1.0, count - static_cast<double>(jacobian_.cols() + degrees) / l_.height);
   const Eigen::MatrixXd scatter = count / freedom * square_across(sums.leftCols(poses));
   Eigen::VectorXd share(rank);
   for (Eigen::Index k = 0; k < rank; ++k)

@@ -19,21 +19,20 @@ struct JointSeries {
   double range = 0.0, total = 0.0;
 };
 
-JointSeries joint_series(const Scorer& scorer, const State& state, int joint) {
+JointSeries joint_series(const Linearization& l, const State& state, int joint) {
   JointSeries series;
-  const Eigen::VectorXd column = scorer.coordinate_column(scorer.layout().motor(joint - 1));
+  const auto column = l.geometry.col(l.layout.motor(joint - 1));
   const auto n = static_cast<std::size_t>(state.robot().joint_count());
-  const int h = scorer.height();
-  for (std::size_t r = 0; r < scorer.rows().size(); ++r) {
+  const int h = l.height;
+  for (std::size_t r = 0; r < l.rows(); ++r) {
     const Eigen::Index at = static_cast<Eigen::Index>(r) * h;
-    series.angle.push_back(
-        state.joints()[scorer.rows()[r] * n + static_cast<std::size_t>(joint - 1)]);
-    series.product.push_back(column.segment(at, h).dot(scorer.residual().segment(at, h)));
+    series.angle.push_back(state.joints()[r * n + static_cast<std::size_t>(joint - 1)]);
+    series.product.push_back(column.segment(at, h).dot(l.residual.segment(at, h)));
     series.weight.push_back(column.segment(at, h).squaredNorm());
   }
   const auto [low, high] = std::minmax_element(series.angle.begin(), series.angle.end());
   series.range = *high - *low;
-  series.total = scorer.residual_sum();
+  series.total = l.residual.squaredNorm();
   return series;
 }
 
@@ -69,13 +68,13 @@ double cycles_by_ratio(const Joint& nominal, double resolution) {
 }
 
 template <typename MostCycles>
-std::vector<JointSpectrum> spectra_up_to(const Scorer& scorer, const State& state,
+std::vector<JointSpectrum> spectra_up_to(const Linearization& linearization, const State& state,
                                          const MostCycles& most_cycles) {
   std::vector<JointSpectrum> spectra;
   for (int joint = 1; joint <= state.robot().joint_count(); ++joint) {
     const Joint& nominal = state.robot().joints[static_cast<std::size_t>(joint - 1)];
     if (nominal.prismatic) continue;
-    const JointSeries series = joint_series(scorer, state, joint);
+    const JointSeries series = joint_series(linearization, state, joint);
     if (series.range < 0.2) continue;
     JointSpectrum spectrum;
     spectrum.joint = joint;
@@ -117,16 +116,18 @@ std::vector<JointSpectrum> spectra_up_to(const Scorer& scorer, const State& stat
 
 }  // namespace
 
-std::vector<JointSpectrum> joint_spectra(const Scorer& scorer, const State& state) {
-  return spectra_up_to(scorer, state, cycles_by_ratio);
+std::vector<JointSpectrum> joint_spectra(const Linearization& linearization, const State& state) {
+  return spectra_up_to(linearization, state, cycles_by_ratio);
 }
 
-std::vector<JointSpectrum> wide_joint_spectra(const Scorer& scorer, const State& state) {
-  return spectra_up_to(scorer, state, [](const Joint&, double) { return kWideCycles; });
+std::vector<JointSpectrum> wide_joint_spectra(const Linearization& linearization,
+                                              const State& state) {
+  return spectra_up_to(linearization, state, [](const Joint&, double) { return kWideCycles; });
 }
 
-std::vector<SpectralPeak> highest_peaks(const JointSpectrum& spectrum, const Scorer& scorer,
-                                        const State& state, std::size_t count) {
+std::vector<SpectralPeak> highest_peaks(const JointSpectrum& spectrum,
+                                        const Linearization& linearization, const State& state,
+                                        std::size_t count) {
   std::vector<std::size_t> tops;
   for (std::size_t i = 1; i + 1 < spectrum.power.size(); ++i) {
     if (spectrum.power[i] >= spectrum.power[i - 1] && spectrum.power[i] > spectrum.power[i + 1])
@@ -135,7 +136,7 @@ std::vector<SpectralPeak> highest_peaks(const JointSpectrum& spectrum, const Sco
   std::sort(tops.begin(), tops.end(),
             [&](std::size_t a, std::size_t b) { return spectrum.power[a] > spectrum.power[b]; });
   if (tops.size() > count) tops.resize(count);
-  const JointSeries series = joint_series(scorer, state, spectrum.joint);
+  const JointSeries series = joint_series(linearization, state, spectrum.joint);
   std::vector<SpectralPeak> peaks;
   for (const std::size_t top : tops) {
     double low = spectrum.cycles[top - 1], high = spectrum.cycles[top + 1];

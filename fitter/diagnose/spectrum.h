@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "fitter/diagnose/scorer.h"
+#include "fitter/evidence/linearization.h"
 
 namespace armtrue {
 
@@ -24,13 +24,15 @@ struct SpectralPeak {
 /// Weighted least-squares periodogram (Lomb–Scargle generalised to vector residuals): random poses
 /// do no harm to it. From half a cycle a turn to twice the gear ratio, at most 600 cycles; 300
 /// where no ratio is given.
-std::vector<JointSpectrum> joint_spectra(const Scorer& scorer, const State& state);
+std::vector<JointSpectrum> joint_spectra(const Linearization& linearization, const State& state);
 /// The same up to 1200 cycles a turn, whatever the gear ratios are said to be.
-std::vector<JointSpectrum> wide_joint_spectra(const Scorer& scorer, const State& state);
+std::vector<JointSpectrum> wide_joint_spectra(const Linearization& linearization,
+                                              const State& state);
 
 /// The highest separate peaks of a spectrum, strongest first, each refined between the grid's
 /// lines.
-std::vector<SpectralPeak> highest_peaks(const JointSpectrum& spectrum, const Scorer& scorer,
-                                        const State& state, std::size_t count);
+std::vector<SpectralPeak> highest_peaks(const JointSpectrum& spectrum,
+                                        const Linearization& linearization, const State& state,
+                                        std::size_t count);
 
 }  // namespace armtrue

@@ -39,8 +39,7 @@ struct LackOfFit {
   double log10_p = 0.0;
   std::string against;  ///< repeats, sigma
 };
-LackOfFit lack_of_fit(const Scorer& scorer, const Fit& fit, const Linearization& linearization,
-                      NoiseParts noise);
+LackOfFit lack_of_fit(const Linearization& linearization, const Fit& fit, NoiseParts noise);
 
 /// Along which joint's motion errors lie that no recorded variable explains: of three equal
 /// directions one would hold a third of them.
@@ -52,11 +51,11 @@ struct JointScatter {
       false;  ///< of the differences between repeats of one pose; else of the residual
 };
 /// Of the repeats' differences where there are enough, else of the residual.
-JointScatter scatter_along_joints(const Scorer& scorer, const Fit& fit);
+JointScatter scatter_along_joints(const Linearization& linearization, const Fit& fit);
 
 /// Mean square difference between the residuals of nearest neighbours in joint space over twice the
 /// mean square residual: well below 1 where the residual is a smooth function of the joints, 1
 /// where it is noise.
-double neighbour_ratio(const Scorer& scorer, const Fit& fit);
+double neighbour_ratio(const Linearization& linearization, const State& state);
 
 }  // namespace armtrue

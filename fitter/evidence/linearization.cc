@@ -8,6 +8,8 @@ namespace {
 
 // A rejected row counts as a residual of this many standard deviations.
 constexpr double kBoundedResidual = 3.0;
+// More unknowns than this, and the nodes of joint tables are left out.
+constexpr int kMostUnknowns = 400;
 
 // Nodes of a table of one joint: their columns are many and sparse.
 bool is_joint_table(const Design& design, int unknown) {
@@ -46,13 +48,20 @@ Linearization linearize(Fit& fit) {
   const std::vector<double> weights = design.weights();
   bound_rejected_rows(design);
   const auto equations = static_cast<Eigen::Index>(design.rows()) * l.height;
-  std::vector<Eigen::Index> column_of(static_cast<std::size_t>(design.unknowns()), -1);
+  const auto unknowns = static_cast<std::size_t>(design.unknowns());
+  std::vector<bool> is_node(unknowns);
+  std::vector<Eigen::Index> column_of(unknowns);
   for (int u = 0; u < design.unknowns(); ++u) {
-    if (is_joint_table(design, u)) continue;
-    column_of[static_cast<std::size_t>(u)] = static_cast<Eigen::Index>(l.unknown.size());
-    l.unknown.push_back(u);
+    const auto i = static_cast<std::size_t>(u);
+    is_node[i] = is_joint_table(design, u);
+    std::vector<int>& columns = is_node[i] ? l.node : l.unknown;
+    column_of[i] = static_cast<Eigen::Index>(columns.size());
+    columns.push_back(u);
   }
+  if (design.unknowns() > kMostUnknowns) l.node.clear();
+  l.freedom = std::max(1.0, static_cast<double>(equations) - fit.effective_unknowns());
   l.jacobian = Eigen::MatrixXd::Zero(equations, static_cast<Eigen::Index>(l.unknown.size()));
+  l.nodes = Eigen::MatrixXd::Zero(equations, static_cast<Eigen::Index>(l.node.size()));
   l.geometry.resize(equations, l.layout.size());
   l.translation.resize(equations, 3);
   l.residual.resize(equations);
@@ -64,11 +73,12 @@ Linearization linearize(Fit& fit) {
     for (std::size_t u = 0; u < row.unknowns.size(); ++u) {
       const auto unknown = static_cast<std::size_t>(row.unknowns[u]);
       const auto column = row.jacobian.col(static_cast<Eigen::Index>(u)).head(l.height);
-      if (column_of[unknown] >= 0) {
+      if (!is_node[unknown]) {
         l.jacobian.col(column_of[unknown]).segment(at, l.height) = column;
-      } else {
-        l.from_tables.segment(at, l.height) += column * values[unknown];
+        continue;
       }
+      l.from_tables.segment(at, l.height) += column * values[unknown];
+      if (!l.node.empty()) l.nodes.col(column_of[unknown]).segment(at, l.height) = column;
     }
     const auto& geometric = workspace.geometric;
     for (Eigen::Index c = 0; c < geometric.cols(); ++c)

@@ -19,12 +19,16 @@ struct Linearization {
   Eigen::VectorXd residual;     ///< predicted − measured
   std::vector<int> unknown;     ///< unknown of the design that each column of `jacobian` is
   Eigen::MatrixXd jacobian;     ///< equations × unknowns that are no nodes of joint tables
+  std::vector<int> node;        ///< unknown of each column of `nodes`
+  Eigen::MatrixXd nodes;        ///< the same for nodes of joint tables; none where they are many
   Eigen::VectorXd from_tables;  ///< what joint tables of the fit add to the prediction
   Eigen::MatrixXd geometry;     ///< equations × coordinates
   Eigen::MatrixXd translation;  ///< equations × 3: a shift of the measured point
   double typical_sigma = 1.0;   ///< [m] of one whitened unit of position
+  double freedom = 1.0;         ///< equations less the fit's effective unknowns
 
   Eigen::Index equations() const { return residual.size(); }
+  std::size_t rows() const { return poses.pose_of_row.size(); }
   /// Root mean square over rows of the displacement of the tool by one unit of a whitened column
   /// [m].
   double displacement(const Eigen::Ref<const Eigen::VectorXd>& column) const;
