@@ -1,5 +1,6 @@
 #include "fitter/common/dense.h"
 
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <utility>
@@ -54,6 +55,8 @@ constexpr double kWorthThreads = 2e7;
 constexpr Eigen::Index kNarrowestPanel = 64, kPanels = 8;
 // Smaller matrices are factorised in one piece, others in blocks of columns.
 constexpr Eigen::Index kSmallFactor = 600, kFactorBlock = 192;
+// A call of the BLAS costs more than a matrix so small: a search asks for thousands of them.
+constexpr Eigen::Index kSmallest = 16;
 // Householder reflectors that LAPACK applies as one product.
 constexpr Eigen::Index kReflectorsTogether = 32;
 
@@ -87,8 +90,9 @@ void multiply(const char* turn_a, const char* turn_b, const double* a, Eigen::In
 // op(a) b, with `rows` rows.
 Eigen::MatrixXd product(const char* turn, const Eigen::Ref<const Eigen::MatrixXd>& a,
                         const Eigen::Ref<const Eigen::MatrixXd>& b, Eigen::Index rows) {
-  Eigen::MatrixXd result = Eigen::MatrixXd::Zero(rows, b.cols());
-  if (result.size() == 0 || b.rows() == 0) return result;
+  if (b.rows() == 0) return Eigen::MatrixXd::Zero(rows, b.cols());
+  Eigen::MatrixXd result(rows, b.cols());
+  if (result.size() == 0) return result;
   const double work = static_cast<double>(result.size()) * static_cast<double>(b.rows());
   in_panels(b.cols(), work, [&](Eigen::Index first, Eigen::Index count) {
     multiply(turn, "N", a.data(), a.outerStride(), b.data() + first * b.outerStride(),
@@ -100,8 +104,9 @@ Eigen::MatrixXd product(const char* turn, const Eigen::Ref<const Eigen::MatrixXd
 // aᵀa where `turn` is "T", aaᵀ where it is "N".
 Eigen::MatrixXd symmetric_product(const char* turn, const Eigen::Ref<const Eigen::MatrixXd>& a,
                                   Eigen::Index size, Eigen::Index depth) {
-  Eigen::MatrixXd result = Eigen::MatrixXd::Zero(size, size);
-  if (size == 0 || depth == 0) return result;
+  if (depth == 0) return Eigen::MatrixXd::Zero(size, size);
+  Eigen::MatrixXd result(size, size);
+  if (size == 0) return result;
   const Eigen::Index stride = a.outerStride();
   const bool across = *turn == 'N';
   const auto from = [&](Eigen::Index at) { return a.data() + at * (across ? 1 : stride); };
@@ -124,6 +129,15 @@ Eigen::MatrixXd symmetric_product(const char* turn, const Eigen::Ref<const Eigen
 void solve_triangle(const char* turn, const Eigen::MatrixXd& factor,
                     Eigen::Ref<Eigen::MatrixXd> right) {
   if (right.size() == 0) return;
+  if (right.rows() <= kSmallest) {
+    const auto lower = factor.triangularView<Eigen::Lower>();
+    if (*turn == 'N') {
+      lower.solveInPlace(right);
+    } else {
+      lower.transpose().solveInPlace(right);
+    }
+    return;
+  }
   const int rows = static_cast<int>(right.rows());
   const int stride = static_cast<int>(right.outerStride());
   const double one = 1.0;
@@ -154,6 +168,8 @@ void solve_lower_transposed(const Eigen::MatrixXd& factor, Eigen::Ref<Eigen::Mat
 }
 
 bool factorise_cholesky(Eigen::MatrixXd& lower) {
+  if (lower.rows() <= kSmallest)
+    return Eigen::LLT<Eigen::Ref<Eigen::MatrixXd>>(lower).info() == Eigen::Success;
   be_single_threaded();
   const Eigen::Index whole = lower.rows();
   const int stride = static_cast<int>(whole);
@@ -209,8 +225,8 @@ void invert_cholesky(Eigen::MatrixXd& lower) {
 namespace {
 
 // One turn in the plane makes a matrix of two by two diagonal (Golub and Van Loan, Matrix
-// Computations, 8.5.2). A search asks for these all the time, and LAPACK would need its workspaces
-// for each.
+// Computations, 8.5.2). A diagnosis asks for thousands of these, and LAPACK would need its
+// workspaces for each.
 SymmetricEigen smallest_eigen(const Eigen::MatrixXd& lower) {
   if (lower.rows() == 1) return {lower.diagonal(), Eigen::MatrixXd::Ones(1, 1)};
   const double first = lower(0, 0), beside = lower(1, 0), second = lower(1, 1);

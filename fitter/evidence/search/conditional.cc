@@ -10,8 +10,6 @@
 namespace armtrue {
 namespace {
 
-constexpr Eigen::Index kManyDirections = 16;
-
 double log_normal_cdf(double z) {
   if (z > -8.0) return std::log(0.5 * std::erfc(-z / std::sqrt(2.0)));
   return -0.5 * z * z - std::log(-z) - 0.9189385332046727;
@@ -35,14 +33,17 @@ double carrying_term(const Carrying& carrying, const Eigen::VectorXd& coefficien
                              std::clamp(1.0 - share / kLeastCarried, 0.0, 1.0));
 }
 
-double sign_term(const PriorShape& shape, const Eigen::MatrixXd& vectors,
-                 const Eigen::VectorXd& mean, const Eigen::VectorXd& variance, double noise) {
+// `half` and `own`: L⁻¹ of the gradient, and of what the coefficients that a rule weighs are made
+// of, L Lᵀ the information in units of the prior's variance `square`.
+double sign_term(const std::vector<SignRule>& rules, const Eigen::Ref<const Eigen::VectorXd>& half,
+                 const Eigen::Ref<const Eigen::MatrixXd>& own, double square, double noise) {
   double sum = 0.0;
-  for (const SignRule& rule : shape.signs) {
-    const Eigen::VectorXd along = vectors.transpose() * (shape.units.transpose() * rule.along);
-    const double spread = std::sqrt(noise * along.cwiseAbs2().dot(variance));
+  for (std::size_t i = 0; i < rules.size(); ++i) {
+    const auto along = own.col(static_cast<Eigen::Index>(i));
+    const double spread = std::sqrt(noise * square * along.squaredNorm());
     if (spread <= 0.0) continue;
-    const double z = along.dot(mean) / spread;
+    const double z = square * along.dot(half) / spread;
+    const SignRule& rule = rules[i];
     std::vector<double> ways{std::log1p(-rule.doubt) + log_normal_cdf(z)};
     if (rule.doubt > 0.0) ways.push_back(std::log(rule.doubt) + log_normal_cdf(-z));
     sum += std::log(2.0) + log_sum(ways);
@@ -50,13 +51,15 @@ double sign_term(const PriorShape& shape, const Eigen::MatrixXd& vectors,
   return sum;
 }
 
-// A Cholesky factor for each scale: from some directions on, several cost less than one
-// eigendecomposition.
-void weigh_scales(const SearchProblem& problem, const SearchBlock& own,
-                  const Elimination::Local& local, int index, const Eigen::MatrixXd& inner,
-                  Conditional& result) {
+void weigh_shape(const SearchProblem& problem, const SearchBlock& own,
+                 const Elimination::Local& local, int index, Conditional& result) {
   const PriorShape& shape = own.shapes[static_cast<std::size_t>(index)];
-  const Eigen::MatrixXd along = shape.spread.transpose() * local.gradient;
+  const Eigen::MatrixXd inner = shape.spread.transpose() * local.gram * shape.spread;
+  const auto rules = static_cast<Eigen::Index>(shape.signs.size());
+  Eigen::MatrixXd right(inner.rows(), 1 + rules);
+  right.col(0) = shape.spread.transpose() * local.gradient;
+  for (Eigen::Index i = 0; i < rules; ++i)
+    right.col(1 + i) = shape.units.transpose() * shape.signs[static_cast<std::size_t>(i)].along;
   for (std::size_t s = 0; s < shape.scale.size(); ++s) {
     const double square = shape.scale[s] * shape.scale[s];
     Eigen::MatrixXd root = square * inner;
@@ -68,41 +71,20 @@ void weigh_scales(const SearchProblem& problem, const SearchBlock& own,
       result.log_weight.push_back(-std::numeric_limits<double>::infinity());
       continue;
     }
-    const double left = local.squares - square * factor.half_solve(along).squaredNorm();
-    result.log_weight.push_back(own.log_odds + shape.log_prior[s] -
-                                factor.lower().diagonal().array().log().sum() +
-                                fit_term(problem, left));
-  }
-}
-
-void weigh_shape(const SearchProblem& problem, const SearchBlock& own,
-                 const Elimination::Local& local, int index, Conditional& result) {
-  const PriorShape& shape = own.shapes[static_cast<std::size_t>(index)];
-  const Eigen::MatrixXd inner = shape.spread.transpose() * local.gram * shape.spread;
-  if (inner.cols() > kManyDirections && shape.carries.empty() && shape.signs.empty()) {
-    weigh_scales(problem, own, local, index, inner, result);
-    return;
-  }
-  const SymmetricEigen eigen = symmetric_eigen(inner);
-  const Eigen::VectorXd value = eigen.values.cwiseMax(0.0);
-  const Eigen::VectorXd along =
-      eigen.vectors.transpose() * (shape.spread.transpose() * local.gradient);
-  for (std::size_t s = 0; s < shape.scale.size(); ++s) {
-    const double square = shape.scale[s] * shape.scale[s];
-    const Eigen::VectorXd shrunk = (1.0 + square * value.array()).matrix();
-    const Eigen::VectorXd variance = square * shrunk.cwiseInverse();
-    const double left = local.squares - variance.dot(along.cwiseAbs2());
-    double weight = own.log_odds + shape.log_prior[s] - 0.5 * shrunk.array().log().sum() +
-                    fit_term(problem, left);
+    const Eigen::MatrixXd half = factor.half_solve(right);
+    const double left = local.squares - square * half.col(0).squaredNorm();
+    double weight = own.log_odds + shape.log_prior[s] -
+                    factor.lower().diagonal().array().log().sum() + fit_term(problem, left);
     if (!shape.carries.empty()) {
-      const Eigen::VectorXd mean = shape.units * (eigen.vectors * variance.cwiseProduct(along));
-      weight += kCarrySeldom + carrying_term(shape.carries.front(), mean);
+      Eigen::MatrixXd solution = half.col(0);
+      solve_lower_transposed(factor.lower(), solution);
+      weight +=
+          kCarrySeldom + carrying_term(shape.carries.front(), square * (shape.units * solution));
     }
-    if (!shape.signs.empty()) {
+    if (rules > 0) {
       const double noise = std::max(left, 1e-9) / std::max(1.0, problem.freedom);
-      weight += sign_term(shape, eigen.vectors, variance.cwiseProduct(along), variance, noise);
+      weight += sign_term(shape.signs, half.col(0), half.rightCols(rules), square, noise);
     }
-    result.choices.push_back({index, static_cast<int>(s)});
     result.log_weight.push_back(weight);
   }
 }
