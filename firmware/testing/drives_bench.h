@@ -132,8 +132,9 @@ class DrivesTest : public ::testing::TestWithParam<Mode> {
     return most;
   }
 
-  // Cycles at kStand. Once a set has gone out, the controller sees its own command, but for what
-  // the correction changes while feedback is `late` cycles on its way.
+  // Runs cycles with all targets at kStand. From the first output on, the controller must read its
+  // own command as the actual position; it may differ by what the correction changes in the `late`
+  // cycles that feedback takes.
   void expect_uncorrected_from_the_first_set(int cycles, int late) {
     bool begun = false;
     for (int k = 0; k < cycles; ++k) {

@@ -55,7 +55,8 @@ constexpr double kWorthThreads = 2e7;
 constexpr Eigen::Index kNarrowestPanel = 64, kPanels = 8;
 // Smaller matrices are factorised in one piece, others in blocks of columns.
 constexpr Eigen::Index kSmallFactor = 600, kFactorBlock = 192;
-// A call of the BLAS costs more than a matrix so small: a search asks for thousands of them.
+// Up to this size Eigen solves and factorises: calling BLAS or LAPACK takes longer than the
+// arithmetic.
 constexpr Eigen::Index kSmallest = 16;
 // Householder reflectors that LAPACK applies as one product.
 constexpr Eigen::Index kReflectorsTogether = 32;
@@ -92,7 +93,6 @@ Eigen::MatrixXd product(const char* turn, const Eigen::Ref<const Eigen::MatrixXd
                         const Eigen::Ref<const Eigen::MatrixXd>& b, Eigen::Index rows) {
   if (b.rows() == 0) return Eigen::MatrixXd::Zero(rows, b.cols());
   Eigen::MatrixXd result(rows, b.cols());
-  if (result.size() == 0) return result;
   const double work = static_cast<double>(result.size()) * static_cast<double>(b.rows());
   in_panels(b.cols(), work, [&](Eigen::Index first, Eigen::Index count) {
     multiply(turn, "N", a.data(), a.outerStride(), b.data() + first * b.outerStride(),
@@ -106,7 +106,6 @@ Eigen::MatrixXd symmetric_product(const char* turn, const Eigen::Ref<const Eigen
                                   Eigen::Index size, Eigen::Index depth) {
   if (depth == 0) return Eigen::MatrixXd::Zero(size, size);
   Eigen::MatrixXd result(size, size);
-  if (size == 0) return result;
   const Eigen::Index stride = a.outerStride();
   const bool across = *turn == 'N';
   const auto from = [&](Eigen::Index at) { return a.data() + at * (across ? 1 : stride); };
@@ -225,8 +224,8 @@ void invert_cholesky(Eigen::MatrixXd& lower) {
 namespace {
 
 // One turn in the plane makes a matrix of two by two diagonal (Golub and Van Loan, Matrix
-// Computations, 8.5.2). A diagnosis asks for thousands of these, and LAPACK would need its
-// workspaces for each.
+// Computations, 8.5.2). A diagnosis needs thousands of these, and LAPACK
+// would allocate workspaces for each.
 SymmetricEigen smallest_eigen(const Eigen::MatrixXd& lower) {
   if (lower.rows() == 1) return {lower.diagonal(), Eigen::MatrixXd::Ones(1, 1)};
   const double first = lower(0, 0), beside = lower(1, 0), second = lower(1, 1);

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "fitter/diagnose/structure.h"
+#include "fitter/inference/replicates.h"
 
 namespace armtrue {
 namespace {
@@ -13,7 +14,7 @@ constexpr std::size_t kNeighbourRows = 3000;
 constexpr double kLeastScatterFreedom = 8.0;
 constexpr double kScatterSurely = -6.0;
 
-using PlacedVector = std::pair<std::size_t, Eigen::Vector3d>;
+using PlacedVector = std::pair<Eigen::Index, Eigen::Vector3d>;  // row, and its residual
 
 JointScatter along_joints(const Linearization& l, int joints,
                           const std::vector<PlacedVector>& vectors, double freedom,
@@ -25,7 +26,7 @@ JointScatter along_joints(const Linearization& l, int joints,
     const auto column = l.geometry.col(l.layout.motor(joint - 1));
     double along = 0.0, all = 0.0;
     for (const auto& [r, vector] : vectors) {
-      const Eigen::Vector3d direction = column.segment<3>(static_cast<Eigen::Index>(r) * l.height);
+      const Eigen::Vector3d direction = column.segment<3>(r * l.height);
       if (direction.squaredNorm() == 0.0) continue;
       along += std::pow(vector.dot(direction.normalized()), 2);
       all += vector.squaredNorm();
@@ -93,20 +94,18 @@ LackOfFit lack_of_fit(const Linearization& l, const Fit& fit, NoiseParts noise) 
 
 JointScatter scatter_along_joints(const Linearization& l, const Fit& fit) {
   const int h = l.height;
-  const auto residual = [&](std::size_t r) -> Eigen::Vector3d {
-    return l.residual.segment<3>(static_cast<Eigen::Index>(r) * h);
+  const auto residual = [&](Eigen::Index r) -> Eigen::Vector3d {
+    return l.residual.segment<3>(r * h);
   };
   std::vector<PlacedVector> left, between;
-  for (std::size_t r = 0; r < l.rows(); ++r) left.emplace_back(r, residual(r));
-  std::map<std::pair<int, int>, std::vector<std::size_t>> groups;
-  for (std::size_t r = 0; r < l.rows(); ++r)
-    groups[{l.poses.pose_of_row[r], fit.measurements().target[r]}].push_back(r);
+  for (Eigen::Index r = 0; r < static_cast<Eigen::Index>(l.rows()); ++r)
+    left.emplace_back(r, residual(r));
   double freedom = 0.0;
-  for (const auto& [group, rows] : groups) {
-    if (rows.size() < 2) continue;
+  const Replicates replicates(fit.measurements());
+  for (const std::vector<Eigen::Index>& rows : replicates.groups()) {
     Eigen::Vector3d mean = Eigen::Vector3d::Zero();
-    for (const std::size_t r : rows) mean += residual(r) / static_cast<double>(rows.size());
-    for (const std::size_t r : rows) between.emplace_back(r, residual(r) - mean);
+    for (const Eigen::Index r : rows) mean += residual(r) / static_cast<double>(rows.size());
+    for (const Eigen::Index r : rows) between.emplace_back(r, residual(r) - mean);
     freedom += static_cast<double>(rows.size()) - 1.0;
   }
   const int joints = fit.robot().joint_count();

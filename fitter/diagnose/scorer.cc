@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
-#include <numeric>
 #include <span>
 
 #include "fitter/common/dense.h"
@@ -33,7 +32,7 @@ Eigen::MatrixXd projected_columns(const Linearization& l) {
   return columns;
 }
 
-// Of those columns, with the penalties of their unknowns.
+// JᵀJ of those columns, with the penalties (priors, smoothness) of their unknowns added.
 Eigen::MatrixXd information_of(const Eigen::MatrixXd& columns, const Linearization& l,
                                const Fit& fit) {
   const Design& design = fit.design();
@@ -58,18 +57,12 @@ Eigen::MatrixXd information_of(const Eigen::MatrixXd& columns, const Linearizati
   return equations.information;
 }
 
-std::vector<std::size_t> all_rows(const Fit& fit) {
-  std::vector<std::size_t> rows(fit.measurements().rows);
-  std::iota(rows.begin(), rows.end(), std::size_t{0});
-  return rows;
-}
-
 }  // namespace
 
 Scorer::Scorer(const Fit& fit, const Linearization& linearization)
     : fit_(fit),
       l_(linearization),
-      replicates_(fit.measurements(), all_rows(fit)),
+      replicates_(fit.measurements()),
       correlation_(replicates_.correlation(l_.residual, l_.height)),
       white_(l_.residual),
       jacobian_(projected_columns(l_)),

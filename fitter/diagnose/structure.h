@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "fitter/diagnose/scorer.h"
+#include "fitter/evidence/linearization.h"
 #include "fitter/evidence/noise.h"
 
 namespace armtrue {

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <numeric>
 
 namespace armtrue {
 namespace {
@@ -12,7 +13,16 @@ namespace {
 constexpr int kSteps = 50;
 constexpr double kMostCorrelation = 0.98;
 
+std::vector<std::size_t> all_rows(const Measurements& measurements) {
+  std::vector<std::size_t> rows(measurements.rows);
+  std::iota(rows.begin(), rows.end(), std::size_t{0});
+  return rows;
+}
+
 }  // namespace
+
+Replicates::Replicates(const Measurements& measurements)
+    : Replicates(measurements, all_rows(measurements)) {}
 
 Replicates::Replicates(const Measurements& measurements, const std::vector<std::size_t>& rows)
     : group_of_(rows.size(), -1) {

@@ -14,10 +14,14 @@ namespace armtrue {
 /// often, and in between where a missing effect adds to both.
 class Replicates {
  public:
+  /// Of all rows.
+  explicit Replicates(const Measurements& measurements);
   /// `rows` are those in use, in order; places in them are what the other functions speak of.
   Replicates(const Measurements& measurements, const std::vector<std::size_t>& rows);
 
   bool any() const { return !groups_.empty(); }
+  /// Places of each group, two or more.
+  const std::vector<std::vector<Eigen::Index>>& groups() const { return groups_; }
   /// Group of every place; −1 where it stands alone.
   const std::vector<int>& group_of() const { return group_of_; }
 
@@ -33,7 +37,7 @@ class Replicates {
   void whiten(Eigen::Ref<Eigen::MatrixXd> columns, int height, double correlation) const;
 
  private:
-  std::vector<std::vector<Eigen::Index>> groups_;  // places, two or more each
+  std::vector<std::vector<Eigen::Index>> groups_;
   std::vector<int> group_of_;
 };
 

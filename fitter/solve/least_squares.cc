@@ -23,8 +23,8 @@ constexpr double kKeepsConverging = 0.1;
 // rounding leaves of a direction that data hardly know, for such a one is what overshoots.
 constexpr double kLeastDamping = 1e-12, kMostDamping = 1e12;
 
-// Gauss–Newton steps on the normal equations. A step that would raise the cost is computed again,
-// shorter, with a multiple of JᵀJ's diagonal added to JᵀJ: the method of Levenberg and Marquardt
+// Gauss–Newton steps on the normal equations. Where a step would raise the cost, a multiple of
+// JᵀJ's diagonal is added to JᵀJ, which makes the step shorter: Levenberg and Marquardt's method
 // (Nocedal and Wright, Numerical Optimization, 10.3).
 class Descent {
  public:

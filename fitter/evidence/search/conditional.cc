@@ -33,8 +33,8 @@ double carrying_term(const Carrying& carrying, const Eigen::VectorXd& coefficien
                              std::clamp(1.0 - share / kLeastCarried, 0.0, 1.0));
 }
 
-// `half` and `own`: L⁻¹ of the gradient, and of what the coefficients that a rule weighs are made
-// of, L Lᵀ the information in units of the prior's variance `square`.
+// L Lᵀ is the posterior precision in units of the prior's, whose variance is `square`. `half`: L⁻¹
+// times the gradient; `own`: L⁻¹ times the combination of coefficients that each rule weighs.
 double sign_term(const std::vector<SignRule>& rules, const Eigen::Ref<const Eigen::VectorXd>& half,
                  const Eigen::Ref<const Eigen::MatrixXd>& own, double square, double noise) {
   double sum = 0.0;

@@ -17,8 +17,8 @@ VALUE_BYTES = 4
 _LEAST_WINDOW_S = 5e-3
 # Where sets begin is known from so many pauses before each frame, one of which is this much longer than the others.
 _PAUSES_KNOWN, _STANDS_OUT = 2, 3.0
-# A device that answered so many cycles one by one is taken as keeping up.
-_CYCLES_KEPT_UP = 5
+# After so many cycles with one set of offsets each, earlier targets without offsets were dropped by the device.
+_STEADY_CYCLES = 5
 
 # Identifier and whether it is extended -> (first byte, axis from 0) of each value.
 Mapping = dict[tuple[int, bool], list[tuple[int, int]]]
@@ -109,11 +109,11 @@ class FrameSets:
 
 
 class CycleFrames:
-    """Follows the frames of a device's joint path. Forgets with `forget` what it saw.
+    """Follows the frames of a device's joint path.
 
-    Offsets do not say which targets they answer. They are taken as the answer to the targets before them where each
-    set of targets was followed by one set of offsets, as long as the device keeps up: a device that comes late answers
-    two sets at once, and the first of those answers would be paired with a cycle that is not its own.
+    Offsets do not say which targets they answer. They are paired with the targets just before them only while no
+    earlier targets wait for an answer: a device that is late sends the offsets of an earlier cycle after the targets
+    of the next one.
     """
 
     def __init__(self, client: SdoClient, joints: int) -> None:
@@ -124,11 +124,13 @@ class CycleFrames:
         self._offsets = FrameSets(mapping_of(client, *TRANSMIT, POSITION_OFFSET), joints, window_s)
         self._asked: list[int] | None = None
         self._answers: list[list[int]] = []  # since those targets
-        self._kept_up = 0
+        # Earlier sets of targets that offsets may still answer: at first nobody knows.
+        self._unanswered = 1
+        self._steady_cycles = 0
         self.forget()
 
     def forget(self) -> None:
-        """Begin anew: what is asked for from now on was seen from now on."""
+        """Drop the values seen so far: what the attributes then hold has come since."""
         self.targets: list[int] | None = None
         self.corrections: list[int] | None = None
         self.pair: tuple[list[int], list[int]] | None = None
@@ -153,15 +155,18 @@ class CycleFrames:
                 self._answers.append(corrections)
 
     def _conclude(self) -> None:
-        """The next targets come: nothing more answers those before them."""
-        if self._asked is not None and len(self._answers) == 1:
-            if self._kept_up >= _CYCLES_KEPT_UP:
-                self.pair = (self._asked, self._answers[0])
-            self._kept_up += 1
-        else:
-            # Two answers at once: it was behind and no longer is.
-            self._kept_up = _CYCLES_KEPT_UP if len(self._answers) > 1 else 0
+        """Judge the cycle that ends where the next targets begin."""
+        asked, answers = self._asked, self._answers
         self._asked, self._answers = None, []
+        if len(answers) != 1:
+            self._unanswered = max(0, self._unanswered + 1 - len(answers))
+            self._steady_cycles = 0
+        elif self._unanswered > 0:
+            self._steady_cycles += 1
+            if self._steady_cycles >= _STEADY_CYCLES:
+                self._unanswered = 0
+        elif asked is not None:
+            self.pair = (asked, answers[0])
 
 
 def number_of(client: SdoClient, index: int, sub: int) -> int:

@@ -73,7 +73,13 @@ def take_cycle(seen: CycleFrames, cycle: int, answers: tuple[int, ...]) -> None:
 
 
 @pytest.mark.parametrize(
-    "late", [{8: (), 9: (8, 9)}, {8: (), 9: (8,), 10: (9,), 11: (10, 11)}, {8: (), 9: (), 10: (8, 9, 10)}]
+    "late",
+    [
+        {8: (), 9: (8, 9)},
+        {8: (), 9: (8,), 10: (9,), 11: (10, 11)},
+        {8: (), 9: (), 10: (8, 9, 10)},
+        {8: (), 9: (), 10: (8, 9), 11: (10,), 12: (11, 12)},
+    ],
 )
 def test_a_device_that_answers_late_is_never_paired_with_another_cycle(
     late: dict[int, tuple[int, ...]],
