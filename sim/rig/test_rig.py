@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -31,6 +33,31 @@ def test_all_that_was_printed_and_written_arrives(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     assert done.stdout.split() == [*map(str, range(1, 20001)), "the", "end"]
     assert written.read_text().split() == [*map(str, range(1, 20001))]
+
+
+def test_processors_with_more_registers_than_uml_knows(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """On a processor with AMX the first process inside died. Elsewhere the way round it does no harm."""
+    monkeypatch.setattr(uml, "_has_wide_registers", lambda: True)
+    sums = tmp_path / "sums"
+    # Two processes of floating-point work whose registers are saved and restored against each other.
+    work = shlex.join(["awk", 'BEGIN { for (i = 1; i < 400000; ++i) s += 1 / i; printf "%.12f\\n", s }'])
+    script = f"({work} & {work}; wait) > {sums}"
+    assert uml.run_in_uml(["bash", "-c", script], 120.0) == 0
+    first, second = sums.read_text().split()
+    assert first == second
+    assert float(first) == pytest.approx(math.log(400000) + 0.5772156649, abs=1e-5)
+
+
+def test_processors_with_more_registers_need_a_compiler(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(uml, "_has_wide_registers", lambda: True)
+    monkeypatch.setattr(uml, "KERNEL", sys.executable)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    with pytest.raises(CanUnavailableError, match="install gcc"):
+        uml.run_in_uml(["true"], 10.0)
 
 
 def test_hanging_command_is_ended() -> None:

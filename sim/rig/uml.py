@@ -27,6 +27,9 @@ from rig.buses import BUSES, FD_MTU, CanUnavailableError
 KERNEL = "linux.uml"
 MODULE_ROOT = Path("/usr/lib/uml/modules")
 MODULES = ("can", "can-raw", "can-bcm", "can-gw", "vcan", "vxcan")
+# What UML 6.1 cannot save of a processor's registers, and what to preload where a processor has it.
+WIDE_REGISTERS = "amx_tile"
+WIDE_REGISTERS_SOURCE = Path(__file__).with_name("wide_registers.c")
 # Variables of the caller that mean something inside as well, beside ARMTRUE_*.
 PASSED_ON = ("PATH", "PYTHONPATH", "HOME", "LANG", "TERM", "COLUMNS", "LINES", "CI")
 
@@ -60,6 +63,29 @@ def _module_files() -> list[Path]:
             )
         add(by_name[name])
     return [listing.parent / file for file in ordered]
+
+
+def _has_wide_registers() -> bool:
+    """Whether this processor has registers that UML does not know."""
+    return WIDE_REGISTERS in Path("/proc/cpuinfo").read_text().split()
+
+
+def _host_environment(job: Path) -> dict[str, str] | None:
+    """The environment that UML itself runs in, where it needs one unlike ours."""
+    if not _has_wide_registers():
+        return None
+    library = job / "wide_registers.so"
+    build = ["cc", "-O1", "-shared", "-fPIC", "-o", str(library), str(WIDE_REGISTERS_SOURCE)]
+    try:
+        done = subprocess.run(build, capture_output=True, text=True, check=False)
+    except FileNotFoundError:
+        raise CanUnavailableError(
+            f"this processor has {WIDE_REGISTERS}, for which {KERNEL} needs {WIDE_REGISTERS_SOURCE.name} "
+            f"beside it, and there is no C compiler: install gcc"
+        ) from None
+    if done.returncode != 0:
+        raise CanUnavailableError(f"{WIDE_REGISTERS_SOURCE} does not compile: {done.stderr.strip()}")
+    return os.environ | {"LD_PRELOAD": str(library)}
 
 
 def _init_script(job: Path, command: Sequence[str], environment: Mapping[str, str], cwd: Path) -> str:
@@ -133,7 +159,9 @@ def run_in_uml(
             f"init={init}", "con=null", "con0=null,fd:1", "quiet", "loglevel=1", f"uml_dir={job}/",
             "random.trust_cpu=on",
         ]  # fmt: skip
-        machine = subprocess.Popen(arguments, stdin=subprocess.DEVNULL, start_new_session=True)
+        machine = subprocess.Popen(
+            arguments, stdin=subprocess.DEVNULL, start_new_session=True, env=_host_environment(job)
+        )
         status = job / "status"
         give_up = time.monotonic() + timeout_s
         try:
