@@ -210,6 +210,34 @@ TEST(Diagnose, ListsWhatCannotBeTestedWithTheColumnsToRecord) {
   EXPECT_EQ(needs["backlash"], std::vector<std::string>{"dir2"});
 }
 
+TEST(Diagnose, TwoEntriesOfOneEffectHaveEachItsOwnProbability) {
+  Random random(24);
+  json model = testing::geometry_model();
+  for (const json& joints : {json{5, 4}, json{6, 4}, json{6, 5}})
+    model["effects"].push_back({{"effect", "joint_coupling"}, {"joints", joints}});
+  for (const int order : {1, 3})
+    model["effects"].push_back(
+        {{"effect", "gear_mesh"}, {"joints", {3}}, {"orders", json::array({order})}});
+  // The last pair and the third order are in the model and not in the arm.
+  const Problem p(testing::industrial_arm(), model, {200, false, 1, kNoise, 2e-5, {}}, random,
+                  [&](const Parameter& q) {
+                    if (q.effect == "joint_coupling")
+                      return q.joints == std::vector<int>{6, 5} ? 0.0 : 4e-4;
+                    return q.name == "gear_mesh[3].sin1" ? 8e-5 : 0.0;
+                  });
+  const auto fit = Fit::run(p.robot, p.columns, ModelSpecification::from_json(model), {});
+  DiagnoseOptions options;
+  for (const EffectRequest& request : removable_effects(*fit))
+    options.searched.insert(label(request));
+  const Diagnosis d = diagnose(*fit, options);
+  EXPECT_GT(d.probability_present.at("joint_coupling 5,4"), 0.99);
+  EXPECT_GT(d.probability_present.at("joint_coupling 6,4"), 0.99);
+  EXPECT_LT(d.probability_present.at("joint_coupling 6,5"), 0.1);
+  EXPECT_GT(d.probability_present.at("gear_mesh 3 orders [1]"), 0.99);
+  EXPECT_LT(d.probability_present.at("gear_mesh 3 orders [3]"), 0.1);
+  EXPECT_EQ(d.superfluous.size(), 2U);
+}
+
 TEST(Refine, AddsWhatIsMissingAndStops) {
   const std::shared_ptr<Fit> fit =
       believed(22, {{"effect", "gear_harmonics"}, {"joints", {2}}}, 8e-5);

@@ -67,7 +67,6 @@ class Builder {
   void set_odds();
   Block present_form(const EffectRequest& request);
   Block table_form(const EffectRequest& request) const;
-  bool belongs(const Parameter& p, const EffectRequest& request) const;
   std::vector<Eigen::Index> columns_of(const EffectRequest& request) const;
 
   Fit& fit_;
@@ -75,27 +74,25 @@ class Builder {
   EvidenceModel model_;
 };
 
-bool Builder::belongs(const Parameter& p, const EffectRequest& request) const {
-  if (p.effect != request.effect) return false;
-  return find_effect(request.effect).joint_rule() != JointRule::kEach || p.joints == request.joints;
-}
-
-// Columns of Linearization::jacobian that are an effect's, nonlinear ones included.
+// Columns of Linearization::jacobian that are an effect's, nonlinear ones included. Entries of one
+// effect may share joints and differ in pairs or orders: names tell them apart.
 std::vector<Eigen::Index> Builder::columns_of(const EffectRequest& request) const {
+  const EffectTerms effect = build_effect(fit_.context(), request);
+  std::set<std::string> names;
+  for (const Parameter& p : effect.parameters) names.insert(p.name);
+  for (const NonlinearParameter& p : effect.nonlinear) names.insert(p.name);
   std::vector<Eigen::Index> result;
   const Design& design = fit_.design();
   const auto linear = design.free_parameters().size();
   for (std::size_t c = 0; c < l_.unknown.size(); ++c) {
     const auto unknown = static_cast<std::size_t>(l_.unknown[c]);
-    bool own = false;
-    if (unknown < linear) {
-      const auto index = static_cast<std::size_t>(design.free_parameters()[unknown]);
-      own = belongs(fit_.model().parameters[index], request);
-    } else {
-      const NonlinearParameter& p = fit_.model().nonlinear[unknown - linear];
-      own = p.effect == request.effect && (p.joints.empty() || p.joints == request.joints);
-    }
-    if (own) result.push_back(static_cast<Eigen::Index>(c));
+    const std::string& name =
+        unknown < linear
+            ? fit_.model()
+                  .parameters[static_cast<std::size_t>(design.free_parameters()[unknown])]
+                  .name
+            : fit_.model().nonlinear[unknown - linear].name;
+    if (names.contains(name)) result.push_back(static_cast<Eigen::Index>(c));
   }
   return result;
 }
