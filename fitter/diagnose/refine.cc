@@ -19,8 +19,9 @@ using nlohmann::json;
 // effect may be what linearising before that one came in has left: it waits for the next search.
 constexpr double kBeyondSecondOrder = 0.02;
 // What is superfluous can go without poses that were not fitted being predicted worse than by this
-// share.
+// share, nor by more than chance explains, in standard errors.
 constexpr double kSameWithout = 1e-2;
+constexpr double kByChance = 2.0;
 // Finer tables take room in the compensator. They are kept only where the error on poses held out
 // at random falls by this share, and the mean over poses held out at random, in time and by region
 // does not grow.
@@ -257,16 +258,17 @@ void Refinement::fit_in_full(const Fit& full) {
 }
 
 // Whether a trial becomes the next step: not where it cannot be fitted, nor where it predicts
-// unseen poses worse. Where the search is sure of an effect, they may be worse by as much as chance
-// explains.
+// unseen poses worse. Where the search is sure of an effect, or would be rid of one, they may be
+// worse by as much as chance explains.
 bool Refinement::accept(const Move& move, const Trial& trial) {
   const std::string model = trial.specification.to_json().dump();
   refused_.insert(model);
   const Fit& fit = *steps_.back().fit;
   if (!trial.fit) return false;
   const Growth growth = held_out_growth(fit, *trial.fit, !runs_with_time(fit.context(), move));
-  const double worse = move.added ? kSameError : kSameWithout;
-  if (growth.mean > worse + (move.sure ? growth.sigma : 0.0)) return false;
+  const double worse = move.added ? kSameError + (move.sure ? growth.sigma : 0.0)
+                                  : std::clamp(kByChance * growth.sigma, kSameError, kSameWithout);
+  if (growth.mean > worse) return false;
   show();
   taken_.insert(model);
   for (const EffectRequest& r : move.removed) gone_.insert(label(r));
