@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -35,6 +36,12 @@ if TYPE_CHECKING:
     from armtrue.fitting import Fit
 
 _ERROR_FIGURES = ("mean_um", "rms_um", "p95_um", "max_um")
+
+
+EffectOption = Annotated[
+    list[str] | None,
+    typer.Option("--option", metavar="NAME=VALUE", help="An option of the effect; may be repeated."),
+]
 
 
 def add_to(app: typer.Typer) -> None:
@@ -103,10 +110,7 @@ def add(
         str | None,
         typer.Option("--joints", metavar="K,K…", help="Joints, counted from 1; default: all it applies to."),
     ] = None,
-    option: Annotated[
-        list[str] | None,
-        typer.Option("--option", metavar="NAME=VALUE", help="An option of the effect; may be repeated."),
-    ] = None,
+    option: EffectOption = None,
     data: MovedDataOption = None,
     json_to: JsonOption = None,
 ) -> None:
@@ -120,7 +124,7 @@ def add(
     check_writable(out)
     before = load_with_data(fit_file, data)
     refuse_to_lose([before.data.path, before.data.file], [out, json_to])
-    wanted = {"effect": effect, **_options(option or [])}
+    wanted = {**_options(option or []), "effect": effect}
     if joints is not None:
         wanted["joints"] = _joint_list(joints)
     already = [*before.effects, *_effects_with_joints(before)]
@@ -146,10 +150,13 @@ def remove(
         str | None,
         typer.Option("--joints", metavar="K,K…", help="Joints, counted from 1; default: all it acts on."),
     ] = None,
+    option: EffectOption = None,
     data: MovedDataOption = None,
     json_to: JsonOption = None,
 ) -> None:
     """Remove an effect from a fit, fit again, and print what that does to the error: the opposite of 'add'.
+
+    Where a model has an effect more than once, --option says which: orders=[13].
 
     Example: armtrue remove fit2.json gear_harmonics --joints 3 --out fit3.json
     """
@@ -159,7 +166,8 @@ def remove(
     check_writable(out)
     before = load_with_data(fit_file, data)
     refuse_to_lose([before.data.path, before.data.file], [out, json_to])
-    kept = _without(before, effect, None if joints is None else _joint_list(joints), fit_file)
+    wanted = {**_options(option or []), "effect": effect}
+    kept = _without(before, wanted, None if joints is None else _joint_list(joints), fit_file)
     with waiting(output) as progress:
         after = fitting.with_effects(before, kept, progress=progress)
     after.save(out)
@@ -168,28 +176,40 @@ def remove(
     output.figures({"before": before.document["error"], **summary(after)})
 
 
-def _without(fit: Fit, effect: str, joints: list[int] | None, origin: Path) -> list[dict[str, Any]]:
-    """The effects of `fit` without `effect`, or without it on `joints`."""
+def _without(
+    fit: Fit, wanted: dict[str, Any], joints: list[int] | None, origin: Path
+) -> list[dict[str, Any]]:
+    """The effects of `fit` without those that have what `wanted` has, or without them on `joints`."""
+    effect = wanted["effect"]
     standing = _effects_with_joints(fit)
-    chosen = [entry for entry in standing if entry["effect"] == effect]
-    if not chosen:
+    alike = [entry for entry in standing if entry["effect"] == effect]
+    if not alike:
         names = sorted({entry["effect"] for entry in standing})
         hint = did_you_mean(effect, names) or f" (it has: {', '.join(names)})"
         raise InputError(f"{origin}: found no effect '{effect}' in the model, expected one of its own{hint}")
+
+    def is_chosen(entry: dict[str, Any]) -> bool:
+        return wanted.items() <= entry.items()
+
+    chosen = [entry for entry in alike if is_chosen(entry)]
+    if not chosen:
+        found = _option_words(wanted)
+        has = "; ".join(dict.fromkeys(_option_words(entry) or "none" for entry in alike))
+        raise InputError(
+            f"{origin}: --option: found {found}, expected options of {effect} in the model: {has}"
+        )
     is_pair = catalogue()[effect].joints == "pair"
     on = [tuple(entry.get("joints", [])) for entry in chosen]
-    wanted = {tuple(joints)} if joints is not None and is_pair else {(k,) for k in joints or []}
+    places = {tuple(joints)} if joints is not None and is_pair else {(k,) for k in joints or []}
     known = set(on) if is_pair else {(k,) for own in on for k in own}
-    if not wanted <= known:
+    if not places <= known:
         words = ", ".join(" ".join(map(str, place)) for place in sorted(known)) or "none"
         raise InputError(
             f"{origin}: --joints: found {joints}, expected joints of {effect} in the model: {words}"
         )
     kept: list[dict[str, Any]] = []
     for entry, model_entry in zip(standing, fit.effects, strict=True):
-        if entry["effect"] != effect or (
-            joints is not None and is_pair and tuple(entry["joints"]) not in wanted
-        ):
+        if not is_chosen(entry) or (joints is not None and is_pair and tuple(entry["joints"]) not in places):
             kept.append(model_entry)
         elif joints is not None and not is_pair:
             left = [k for k in entry["joints"] if k not in joints]
@@ -197,6 +217,11 @@ def _without(fit: Fit, effect: str, joints: list[int] | None, origin: Path) -> l
     if not kept:
         raise InputError(f"{origin}: {effect} is all that the model has, expected one effect to stay")
     return kept
+
+
+def _option_words(entry: dict[str, Any]) -> str:
+    own = {key: value for key, value in entry.items() if key not in ("effect", "joints")}
+    return ", ".join(f"{key}={json.dumps(value)}" for key, value in own.items())
 
 
 def summary(result: Fit) -> dict[str, Any]:

@@ -41,6 +41,25 @@ def test_remove_takes_back_what_add_added(folder):
     assert figures["before"]["held_out"]["mean_um"] < figures["error"]["held_out"]["mean_um"]
 
 
+def test_remove_takes_the_entry_with_the_options_named(folder):
+    source = "fit.json"
+    for order in (1, 2):
+        words = ["gear_mesh", "--joints", "4", "--option", f"orders=[{order}]", "--out", "waves.json"]
+        added = armtrue("add", source, *words, cwd=folder)
+        assert added.returncode == 0, added.stderr
+        source = "waves.json"
+    words = ["gear_mesh", "--joints", "4", "--option"]
+    run = armtrue("remove", source, *words, "orders=[1]", "--out", "second.json", cwd=folder)
+    assert run.returncode == 0, run.stderr
+    effects = json.loads((folder / "second.json").read_text())["model"]["effects"]
+    assert [entry["orders"] for entry in effects if entry["effect"] == "gear_mesh"] == [[2]]
+    run = armtrue("remove", source, *words, "orders=[9]", "--out", "none.json", cwd=folder)
+    assert run.returncode == 2
+    assert (
+        "found orders=[9], expected options of gear_mesh in the model: orders=[1.0]; orders=[2.0]" in run.stderr
+    )
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [

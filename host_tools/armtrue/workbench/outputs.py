@@ -147,10 +147,9 @@ def _step_commands(session: Session, node: Node, number: int) -> list[str]:
         words = ["armtrue", command, source, entry["effect"]]
         if entry.get("joints"):
             words += ["--joints", ",".join(map(str, entry["joints"]))]
-        if command == "add":
-            for key, value in entry.items():
-                if key not in ("effect", "joints"):
-                    words += ["--option", f"{key}={json.dumps(value)}"]
+        for key, value in entry.items():
+            if key not in ("effect", "joints"):
+                words += ["--option", f"{key}={json.dumps(value)}"]
         lines.append(shlex.join([*words, "--out", f"step-{number}.json"]))
     return lines
 
