@@ -181,6 +181,9 @@ Candidate make_candidate(const Fit& fit, const EvidenceSummary& evidence, std::s
 // Difference in BIC by which an effect shows without a structure beside it: very strong evidence
 // (Kass and Raftery 1995, JASA 90, 773).
 constexpr double kShowsAlone = -10.0;
+// What explains this share of its own beside a structure, and is to this share unlike anything in
+// the model, is no part of what the structure is.
+constexpr double kOfAnotherKind = 0.9, kUnlikeTheModel = 0.5;
 
 // What a block depends on beside the arm's posture: "session" for time and temperatures, which go
 // along with one another, else a variable's name ("dir2", "payload", a user's column).
@@ -200,26 +203,35 @@ std::set<std::string> beside_posture(const Block& block, int joints) {
 
 // What is left where a structure that no effect names explains more than a candidate does: the
 // candidate may stand for what the structure's smooth function does not follow, and is as much less
-// sure. Not so where it depends on something, time or a direction, that the structure does not: no
-// error of that function runs with it; but what shows only once the structure has been taken out
-// may be what a structure of too few variables leaves.
+// sure. Not so where it explains as much without the structure as beside it (a wave of many
+// cycles), or depends on something, time or a direction, that the structure does not: no error of
+// that function runs with it; but what shows only once the structure has been taken out may be what
+// a structure of too few variables leaves.
 void doubt_beside_structure(const Fit& fit, const EvidenceSummary& evidence,
                             std::vector<Candidate>& candidates, double& nothing) {
   const int joints = fit.robot().joint_count();
   double structure = 0.0;
   std::set<std::string> known;
+  std::vector<Eigen::Index> structures;
   for (std::size_t b = 0; b < evidence.blocks.size(); ++b) {
     if (!evidence.blocks[b].structure || !evidence.search.likeliest[b]) continue;
     structure = std::max(structure, evidence.search.gain[b]);
+    structures.push_back(static_cast<Eigen::Index>(b));
     known.merge(beside_posture(evidence.blocks[b].forms.front().block, joints));
   }
   if (structure == 0.0) return;
   double most = 0.0;
   for (Candidate& c : candidates) {
     const std::set<std::string> own = beside_posture(c.block, joints);
-    const bool apart =
-        c.delta_bic < kShowsAlone &&
+    const bool of_another_kind =
+        c.score.separability >= kUnlikeTheModel &&
+        std::ranges::all_of(structures, [&](Eigen::Index s) {
+          return evidence.search.beyond(s, static_cast<Eigen::Index>(c.evidence_block)) >=
+                 kOfAnotherKind;
+        });
+    const bool runs_with_more =
         std::ranges::any_of(own, [&](const std::string& name) { return !known.contains(name); });
+    const bool apart = c.delta_bic < kShowsAlone && (of_another_kind || runs_with_more);
     if (!apart && c.gain_beside < structure)
       c.probability *= c.gain_beside / (c.gain_beside + structure);
     most = std::max(most, c.probability);

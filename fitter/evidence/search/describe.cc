@@ -43,7 +43,7 @@ void Sampler::describe_alone(SearchResult& result) const {
   result.beyond = beyond_each_other(alone, result);
 }
 
-// Every two that pay and explain about as much: they may stand for one another.
+// Every two that pay and explain about as much: they may stand for one another. Of structures, all.
 Eigen::MatrixXd Sampler::beyond_each_other(const std::vector<Eigen::MatrixXd>& alone,
                                            const SearchResult& result) const {
   const auto count = static_cast<Eigen::Index>(alone.size());
@@ -56,9 +56,9 @@ Eigen::MatrixXd Sampler::beyond_each_other(const std::vector<Eigen::MatrixXd>& a
     const Cholesky root(Eigen::MatrixXd::Identity(own.rows(), own.cols()) + own);
     const Eigen::VectorXd along_own = root.half_solve(alone[a].transpose() * left.gradient);
     for (std::size_t b = 0; b < alone.size(); ++b) {
-      if (a == b || state_[b].is_present() || result.alone_log_bayes[b] <= 0.0 ||
-          result.alone_gain[b] < kComparable * result.alone_gain[a])
-        continue;
+      if (a == b || state_[b].is_present() || result.alone_log_bayes[b] <= 0.0) continue;
+      // Nothing takes the place of what names no effect.
+      if (first.counts && result.alone_gain[b] < kComparable * result.alone_gain[a]) continue;
       const SearchBlock& other = block(b);
       const Elimination::Local right = without(b);
       const Eigen::MatrixXd cross = root.half_solve(

@@ -88,7 +88,7 @@ struct SearchResult {
   std::vector<int> alone_shape;  ///< by block: the prior shape that does best beside that set alone
   std::vector<double> alone_gain, alone_log_bayes;  ///< by block: beside that set alone
   /// (a, b): share of what b explains alone beside that set that it still explains beside a; only
-  /// where both pay, else 1.
+  /// where both pay, and b explains about as much or a names no effect, else 1.
   Eigen::MatrixXd beyond;
   std::vector<double>
       separability;  ///< by block: least share of a column that survives the projection, beside it
