@@ -127,6 +127,8 @@ class Design {
   /// Puts the loads of `state`, which the design reads, to where the arm stands with the present
   /// values. Returns how far their change moves a frame at most [m, or rad].
   double stand(State& state);
+  /// Whether the prediction depends on where the arm's own loads act.
+  bool reads_loads() const { return basis_.reads_loads() && state_->computes_torque(); }
 
   /// Row weights (square roots multiply the residual): 0 keeps a gross error out.
   std::vector<double>& weights() { return weights_; }

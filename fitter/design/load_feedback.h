@@ -18,6 +18,8 @@ class LoadFeedback {
   /// what belongs to the arm.
   void update(const State& state, const Expression::Columns& columns,
               const std::vector<Pose>& frames, std::vector<double> coordinates);
+  /// Loads do not follow from now on.
+  void clear() { at_.clear(); }
   bool stands() const { return !at_.empty(); }
   /// Adds what loads change by since `update`, `arm` being the arm's own coordinates now.
   void correct(std::size_t row, const std::vector<double>& values, const Eigen::VectorXd& arm,

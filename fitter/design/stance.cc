@@ -80,6 +80,12 @@ double stand(State& state, BasisTable& basis, const Model& model, const std::vec
   // Unknown mass moments are known in sum only, at the angles that were measured: elsewhere they
   // are anybody's guess.
   if (!basis.reads_loads() || !state.computes_torque()) return 0.0;
+  if (!state.loads_follow()) {
+    state.stand_nominal();
+    basis.update_loads();
+    if (feedback) feedback->clear();
+    return 0.0;
+  }
   Stance stance(state, model, values, kinematics);
   const std::vector<Pose> first = stance.frames(basis);
   std::vector<Pose> here = first;

@@ -155,9 +155,12 @@ Growth held_out_growth(const Fit& before, const Fit& after, bool in_time) {
 
 // What the search said, of a model in which one of its sure effects has come in: its probabilities
 // are averages over models that nearly all have that effect.
-Diagnosis with_added(const Diagnosis& searched, const Candidate& added) {
+Diagnosis with_added(const Diagnosis& searched, const Candidate& added,
+                     const EffectContext& context) {
   Diagnosis d = searched;
   const std::vector<int>& joints = added.request.joints;
+  for (const EffectRequest& part : parts_of(context, as_added(added.request)))
+    d.probability_present[label(part)] = added.in_any_form;
   std::erase_if(d.candidates, [&](const Candidate& c) {
     const bool of_a_joint = find_effect(c.request.effect).joint_rule() == JointRule::kEach;
     // Another form of it waits for the next search. A table of several joints brings all of them
@@ -229,7 +232,11 @@ Diagnosis Refinement::diagnose_now(Fit& fit) const {
   for (const EffectRequest& request : removable_effects(fit))
     options.searched.insert(label(request));
   for (const EffectRequest& request : initial_) options.searched.erase(label(request));
-  return diagnose(fit, options, observer_);
+  Diagnosis d = diagnose(fit, options, observer_);
+  // What stood in the model from the start is its owner's word.
+  std::erase_if(d.probability_present,
+                [&](const auto& entry) { return !options.searched.contains(entry.first); });
+  return d;
 }
 
 // All from the last step's fit, side by side.
@@ -273,7 +280,7 @@ bool Refinement::accept(const Move& move, const Trial& trial) {
   taken_.insert(model);
   for (const EffectRequest& r : move.removed) gone_.insert(label(r));
   const Diagnosis& before = steps_.back().diagnosis;
-  Diagnosis now = move.added ? with_added(before, *move.added) : before;
+  Diagnosis now = move.added ? with_added(before, *move.added, fit.context()) : before;
   steps_.push_back({move.added, move.removed, std::move(now), trial.fit});
   return true;
 }
@@ -345,6 +352,22 @@ void Refinement::refine_tables() {
   }
 }
 
+// The effects of a step's model; those that came in with the least probability of their joints.
+json effects_of(const RefineStep& step) {
+  json result = step.fit->specification().to_json()["effects"];
+  const std::vector<EffectRequest>& entries = step.fit->specification().effects;
+  for (std::size_t e = 0; e < entries.size(); ++e) {
+    std::optional<double> least;
+    for (const EffectRequest& part : parts_of(step.fit->context(), entries[e])) {
+      const auto found = step.diagnosis.probability_present.find(label(part));
+      if (found != step.diagnosis.probability_present.end())
+        least = std::min(least.value_or(1.0), found->second);
+    }
+    if (least) result[e]["probability"] = *least;
+  }
+  return result;
+}
+
 }  // namespace
 
 json RefineStep::document() const {
@@ -364,7 +387,7 @@ json RefineStep::document() const {
                                  {"options", r.options},
                                  {"parameters", json::array()}});
   }
-  result["effects"] = fit->specification().to_json()["effects"];
+  result["effects"] = effects_of(*this);
   return result;
 }
 

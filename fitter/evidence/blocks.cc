@@ -358,21 +358,24 @@ EvidenceModel make_evidence_model(Fit& fit, const Linearization& linearization,
   return Builder(fit, linearization).build(std::move(blocks));
 }
 
+std::vector<EffectRequest> parts_of(const EffectContext& context, const EffectRequest& entry) {
+  const Effect& effect = find_effect(entry.effect);
+  EffectRequest whole = entry;
+  if (whole.joints.empty()) whole.joints = effect.default_joints(context);
+  if (effect.joint_rule() != JointRule::kEach) return {whole};
+  std::vector<EffectRequest> result;
+  for (const int joint : whole.joints) result.push_back({entry.effect, {joint}, entry.options});
+  return result;
+}
+
 std::vector<EffectRequest> removable_effects(const Fit& fit) {
   std::vector<EffectRequest> result;
   for (const EffectRequest& entry : fit.specification().effects) {
     if (is_geometry(entry.effect)) continue;
-    const Effect& effect = find_effect(entry.effect);
     // What is no candidate of the catalogue (a user's own terms, the grid) is not the search's to
     // take out.
-    EffectRequest whole = entry;
-    if (whole.joints.empty()) whole.joints = effect.default_joints(fit.context());
-    if (effect.candidates(fit.context()).empty()) continue;
-    if (effect.joint_rule() != JointRule::kEach) {
-      result.push_back(whole);
-      continue;
-    }
-    for (const int joint : whole.joints) result.push_back({entry.effect, {joint}, entry.options});
+    if (find_effect(entry.effect).candidates(fit.context()).empty()) continue;
+    for (EffectRequest& part : parts_of(fit.context(), entry)) result.push_back(std::move(part));
   }
   return result;
 }

@@ -72,7 +72,10 @@ void refine_forms(const Fit& fit, std::vector<EvidenceBlock>& blocks, const Sear
 /// where it does best.
 bool wants_finer_forms(const std::vector<EvidenceBlock>& blocks, const SearchResult& search);
 
-/// Effects of a fit that may leave it, joint by joint where they act joint by joint.
+/// An entry of a model as what may leave it: joint by joint where the effect acts joint by joint.
+std::vector<EffectRequest> parts_of(const EffectContext& context, const EffectRequest& entry);
+
+/// Effects of a fit that may leave it, as parts_of has them.
 std::vector<EffectRequest> removable_effects(const Fit& fit);
 
 }  // namespace armtrue

@@ -88,6 +88,7 @@ State State::select(const std::vector<std::size_t>& rows) const {
   }
   State selected(*robot_, std::move(chosen), payload_point_);
   selected.begin_time_at(time_origin_);
+  selected.let_loads_follow(loads_follow_);
   if (standing_) {
     const auto each = static_cast<std::ptrdiff_t>(robot_->joint_count()) + 1;
     Frames frames;
@@ -102,6 +103,15 @@ State State::select(const std::vector<std::size_t>& rows) const {
 
 void State::stand(std::vector<Pose> frames) {
   standing_ = std::make_shared<const Frames>(std::move(frames));
+  forget_loads();
+}
+
+void State::stand_nominal() {
+  standing_.reset();
+  forget_loads();
+}
+
+void State::forget_loads() {
   const int n = robot_->joint_count();
   std::erase_if(derived_, [&](const auto& column) {
     const std::optional<Variable> v = parse_variable(column.first, n);

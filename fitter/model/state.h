@@ -56,6 +56,10 @@ class State {
   /// Loads act where the arm stands: `frames` are 1…n in the robot base of each row, and after them
   /// the payload point's. Without this the loads are those of the nominal arm at commanded angles.
   void stand(std::vector<Pose> frames);
+  void stand_nominal();
+  /// False: loads stay those of the nominal arm at commanded angles, however far it gives way.
+  void let_loads_follow(bool follow) { loads_follow_ = follow; }
+  bool loads_follow() const { return loads_follow_; }
   /// True where the values depend on where the arm stands.
   bool is_load(const Expression& basis) const;
   /// Same robot, payload point, origin of time and stance, only the rows given.
@@ -64,6 +68,7 @@ class State {
  private:
   using Frames = std::vector<Pose>;  // frame k in the base, k = 1…n, then the payload point's frame
   bool is_load(const Variable& v) const;
+  void forget_loads();
   Frames frames_of_row(std::size_t row) const;
   const std::vector<double>& remember(const std::string& name, std::vector<double> values) const;
   // What gravity exerts: by joint or frame, then by row.
@@ -86,6 +91,7 @@ class State {
   std::vector<std::string> sensors_;
   Eigen::Vector3d payload_point_;
   double time_origin_ = 0.0;
+  bool loads_follow_ = true;
   // Fits that run side by side share one state: what is worked out on the way is locked. A copy
   // has a lock of its own.
   struct Lock {

@@ -33,6 +33,9 @@ constexpr double kSpringsStand = 1e-3;  // of the largest
 // by more than this: far less than any instrument sees.
 constexpr int kStancePasses = 4;
 constexpr double kStands = 1e-7;  // [m, or rad]
+// That loads act at the nominal arm is believed where the data say so with these log odds, twenty
+// to one: most arms give way.
+constexpr double kForNominalLoads = 3.0;
 
 // False where all that could be searched for has a start of its own already.
 bool is_searched(const Model& model) {
@@ -108,6 +111,7 @@ std::unique_ptr<Fit> Fit::run_once(const Robot& robot, const State::Columns& col
     fit->solve_as_weighed();
   } else {
     fit->solve_robustly();
+    fit->choose_where_loads_act();
   }
   observer.report(0.6, "covariance");
   fit->fold_base_and_tool();
@@ -385,6 +389,30 @@ void Fit::solve_robustly() {
   solve_from_here(Accuracy::kFull);
   if (options_.reject_gross_errors && find_gross_errors()) solve_from_here(Accuracy::kFull);
   if (!summary_.converged) warnings_.push_back("the solver did not converge: " + summary_.message);
+}
+
+// Loads bend an arm and act where it then stands; where its controller reckons with that, and in
+// many simulators, they act as at the commanded angles. The difference is of second order, a few
+// micrometres, which a spring's or a gear's neighbours would take for themselves.
+void Fit::choose_where_loads_act() {
+  if (!design_->reads_loads()) return;
+  const bool follow = state_->loads_follow();
+  const SolveSummary here = summary_;
+  const std::vector<double> present = design_->unknown_values();
+  state_->let_loads_follow(!follow);
+  stand_as_fitted();
+  solve_from_here(Accuracy::kFull);
+  const double following = follow ? here.cost : summary_.cost;
+  const double nominal = follow ? summary_.cost : here.cost;
+  if (follow == (following - nominal > kForNominalLoads)) {
+    rescale_noise();
+    solve_from_here(Accuracy::kFull);
+    return;
+  }
+  state_->let_loads_follow(follow);
+  design_->set_unknowns(present.data());
+  stand_as_fitted();
+  summary_ = here;
 }
 
 // Base and tool become what was found, and their virtual joints start from zero again.

@@ -78,7 +78,8 @@ class Fit {
                                   const FitOptions& options, Observer& observer = Observer::none());
 
   const Robot& robot() const { return prepared_->robot; }
-  /// Loads are those of the fitted arm where it stands.
+  /// Loads are those of the fitted arm where it stands, or of the nominal arm at commanded angles
+  /// where the data say so.
   const State& state() const { return *state_; }
   const Measurements& measurements() const { return measurements_; }
   const Model& model() const { return model_; }
@@ -142,6 +143,7 @@ class Fit {
   void solve_from_anywhere();
   void choose_free();
   void solve_robustly();
+  void choose_where_loads_act();
   bool keeps_weights() const;
   void count_from(const StartPoint& start);
   void solve_as_weighed();

@@ -149,6 +149,7 @@ json Fit::document() const {
   for (const auto& [effect, metres] : effect_sizes(*design_))
     document["effects_move_um"][effect] = metres * 1e6;
   if (state().recorded("time")) document["time_origin_s"] = state().time_origin();
+  document["statics"] = state().loads_follow() ? "deflected" : "nominal";
   document["payload_point"] = {state().payload_point().x(), state().payload_point().y(),
                                state().payload_point().z()};
   return document;

@@ -96,6 +96,7 @@ FittedModel FittedModel::from_json(const json& document) {
     fitted.robot.payload_point = Eigen::Vector3d(point.at(0), point.at(1), point.at(2));
   }
   fitted.time_origin = document.value("time_origin_s", 0.0);
+  fitted.loads_follow = document.value("statics", "deflected") != "nominal";
   return fitted;
 }
 
@@ -103,6 +104,7 @@ std::vector<Pose> FittedModel::predict(const State::Columns& columns,
                                        const std::vector<int>& target) const {
   State state(robot, columns, robot.payload_point.value_or(Eigen::Vector3d::Zero()));
   state.begin_time_at(time_origin);
+  state.let_loads_follow(loads_follow);
   Kinematics kinematics(robot, static_cast<int>(flange_from_tool.size()));
   kinematics.set_base(measuring_from_base);
   for (std::size_t t = 0; t < flange_from_tool.size(); ++t)
@@ -117,6 +119,7 @@ std::vector<Eigen::Matrix3d> predicted_position_covariance(const Fit& fit,
                                                            const std::vector<int>& target) {
   State state(fit.robot(), columns, fit.state().payload_point());
   state.begin_time_at(fit.state().time_origin());
+  state.let_loads_follow(fit.state().loads_follow());
   const Model part = predicted_part(fit.model(), state);
   const Measurements rows = unmeasured(state.rows(), target, fit.measurements().targets);
   Design design(state, rows, part, fit.kinematics());

@@ -18,6 +18,7 @@ struct FittedModel {
   std::vector<Pose> flange_from_tool;
   Pose measuring_from_base = Pose::Identity();
   double time_origin = 0.0;  ///< [s] on the clock of the fitted measurements
+  bool loads_follow = true;  ///< State::let_loads_follow
 
   /// From fit.json's content. Throws ModelError.
   static FittedModel from_json(const nlohmann::json& document);

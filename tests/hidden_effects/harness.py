@@ -305,13 +305,17 @@ def said_of(outcome: Outcome, document: dict[str, Any]) -> list[tuple[float, boo
     """(probability said, whether it is so) of what was added, of what is left a candidate, and of nothing missing."""
     there = outcome.hidden | outcome.accepted | outcome.causes
     last = document["steps"][-1]
-    said = []
-    for entry in [*document["effects"], *last["candidates"]]:
-        if isinstance(entry, dict) and entry.get("probability") is not None:
+    # A joint that was added may stand in one entry with joints that were believed.
+    said = [
+        (float(entry["probability"]), effects_named([entry]) & outcome.added <= there)
+        for entry in document["effects"]
+        if isinstance(entry, dict) and "probability" in entry
+    ]
+    for entry in last["candidates"]:
+        if entry.get("probability") is not None:
             words = set(named(entry["effect"], entry.get("joints") or []))
             # What is in the model already is not there a second time.
-            again = entry in last["candidates"] and words <= outcome.added
-            said.append((float(entry["probability"]), words <= there and not again))
+            said.append((float(entry["probability"]), words <= there and not words <= outcome.added))
     if last.get("probability_nothing") is not None:
         said.append((float(last["probability_nothing"]), outcome.hidden <= outcome.added))
     return said

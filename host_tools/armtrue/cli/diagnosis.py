@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from armtrue.candidates import name as name
-from armtrue.cli.shared.findings import present_diagnosis
+from armtrue.cli.shared.findings import present_added, present_diagnosis
 from armtrue.cli.shared.fits import load_with_data
 from armtrue.cli.shared.options import FitArgument, JsonOption, MovedDataOption, OutOption
 from armtrue.cli.shared.output import Output, waiting
@@ -77,6 +77,7 @@ def refine(
         raise
     refined.save(out)
     if result.get("steps"):
+        present_added(result["effects"], output)
         present_diagnosis(result["steps"][-1], output, out, data)
     output.say(f"\nwritten: {out}")
     output.figures(result)

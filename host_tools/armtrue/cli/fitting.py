@@ -240,6 +240,10 @@ def present_fit(result: Fit, output: Output, all_parameters: bool = False) -> No
     document = result.document
     output.table(_error_table(document))
     output.say(floor_sentence(document))
+    if document.get("statics") == "nominal":
+        output.say(
+            "loads act as at the commanded angles: with those of the arm as it gives way, the fit is worse"
+        )
     present_parameters(document, output, all_parameters)
     rejected = document.get("rejected", [])
     if rejected:

@@ -56,7 +56,8 @@ def test_remove_takes_the_entry_with_the_options_named(folder):
     run = armtrue("remove", source, *words, "orders=[9]", "--out", "none.json", cwd=folder)
     assert run.returncode == 2
     assert (
-        "found orders=[9], expected options of gear_mesh in the model: orders=[1.0]; orders=[2.0]" in run.stderr
+        "found orders=[9], expected options of gear_mesh in the model: orders=[1.0]; orders=[2.0]"
+        in run.stderr
     )
 
 

@@ -77,6 +77,18 @@ def present_diagnosis(
             output.line(f"  {command}")
 
 
+def present_added(effects: list[dict[str, Any]], output: Output) -> None:
+    """Print how probable each effect is that a refinement added."""
+    lines = []
+    for entry in effects:
+        if "probability" in entry:
+            options = {key: entry[key] for key in entry.keys() - {"effect", "joints", "probability"}}
+            lines.append(f"{called({**entry, 'options': options})}: {_chance(entry['probability'])}")
+    if lines:
+        output.title("Added, with the probability that the arm has it")
+        output.items(lines)
+
+
 def _next_commands(advice: list[str], fit_file: Path, data: Path | None) -> list[str]:
     """The commands that the advice means, with the user's own files in place of FIT and FIT2."""
     fit, moved = shlex.quote(str(fit_file)), f" --data {shlex.quote(str(data))}" if data else ""
