@@ -65,7 +65,7 @@ class Refinement(dict[str, Any]):
 
     @property
     def effects(self) -> list[dict[str, Any]]:
-        """The effects of the last step as a model has them; self["effects"] also says how probable the added ones are."""
+        """The effects of the last step as a model has them; self["effects"] says how probable the added ones are."""
         return [{key: entry[key] for key in entry if key != "probability"} for entry in self["effects"]]
 
     def _repr_html_(self) -> str:

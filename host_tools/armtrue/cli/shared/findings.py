@@ -22,6 +22,7 @@ from armtrue.verdicts import (
 )
 
 _CANDIDATES_SHOWN = 10
+_MORE_LIKELY_THAN_NOT = 0.5
 _COMMAND = "armtrue add FIT"
 _ERROR_FIGURES = {"mean_um": "mean", "rms_um": "RMS", "p95_um": "95 %", "max_um": "max"}
 _LEGEND = (
@@ -149,10 +150,18 @@ def _present_candidates(result: dict[str, Any], output: Output) -> None:
             others += [called(entry_of(label)) for label in candidate["confounded_with"]]
             if others:
                 output.items([f"nearly as much is explained by: {', '.join(others)}", *warmed])
+    likely: list[int] = []
     reasons: dict[str, list[int]] = {}
     for rank, candidate in enumerate(candidates, start=1):
-        if not candidate["recommend"]:
+        if candidate["recommend"]:
+            continue
+        if candidate["probability"] > _MORE_LIKELY_THAN_NOT:
+            likely.append(rank)
+        else:
             reasons.setdefault(_typeset(candidate["why"]), []).append(rank)
+    if likely:
+        output.title("Missing beside it")
+        output.items([f"{_runs(likely)}: more likely there than not; armtrue refine adds what holds"])
     if reasons:
         output.title("Not recommended")
         output.items([f"{_runs(ranks)}: {why}" for why, ranks in reasons.items()])

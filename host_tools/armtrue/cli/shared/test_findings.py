@@ -139,6 +139,17 @@ def test_a_diagnosis_shows_separability_reasons_and_what_is_only_predicted(capsy
     assert "error on held-out poses: mean 69.9 µm, RMS 78.7 µm, 95 % 131.3 µm, max 229.2 µm" in lines
 
 
+def test_what_is_likely_there_beside_the_recommended_one_is_not_called_not_recommended(capsys):
+    result = copy.deepcopy(RESULT)
+    result["candidates"][1]["probability"] = 0.93
+    result["candidates"][3]["probability"] = 0.51
+    lines = printed(result, capsys)
+    beside = lines[lines.index("Missing beside it") + 1]
+    assert beside == "  · 2, 4: more likely there than not; armtrue refine adds what holds"
+    reasons = lines[lines.index("Not recommended") + 1 :]
+    assert reasons[0] == "  · 3, 5: not significant among all that was tried"
+
+
 def test_where_nothing_is_missing_the_nearest_candidate_and_its_reason_stand_in_one_line(capsys):
     result = copy.deepcopy(RESULT)
     result.update(
