@@ -247,7 +247,8 @@ TEST(Refine, AddsWhatIsMissingAndStops) {
   EXPECT_EQ(label(steps.back().added->request), "gear_harmonics 2");
   EXPECT_EQ(steps.back().diagnosis.verdict, Verdict::kNothingMissing);
   // Of what was added, and of nothing else, the document says how probable it is.
-  for (const json& entry : steps.back().document()["effects"]) {
+  const json effects = steps.back().document()["effects"];
+  for (const json& entry : effects) {
     EXPECT_EQ(entry.contains("probability"), entry["effect"] == "gear_harmonics") << entry;
     if (entry.contains("probability")) EXPECT_GT(entry["probability"], 0.99);
   }
