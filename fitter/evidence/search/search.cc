@@ -24,8 +24,6 @@ constexpr double kImprobable = 1e-3;
 constexpr double kStrange = 0.02;
 // One exchange in so many sweeps: it looks at every block.
 constexpr int kExchangeEvery = 4;
-// Each reading is tried in one sweep of so many: its members come and go whole.
-constexpr std::size_t kReadingEvery = 4;
 // A climb looks again only at blocks that lacked less than this of being worth a change.
 constexpr double kPromising = -4.0;
 // Another reading of the data counts down to this log odds against the likeliest set.
@@ -173,9 +171,7 @@ void Sampler::sweep(int number, bool count) {
     set(b, drawn);
   }
   if (number % kExchangeEvery == 0) exchange();
-  for (std::size_t r = 0; r < readings_.size(); ++r) {
-    if ((static_cast<std::size_t>(number) + r) % kReadingEvery == 0) read_otherwise(readings_[r]);
-  }
+  for (const Reading& reading : readings_) read_otherwise(reading);
   remember();
   if (!count) return;
   counted_ += 1.0;
