@@ -224,8 +224,8 @@ void invert_cholesky(Eigen::MatrixXd& lower) {
 namespace {
 
 // One turn in the plane makes a matrix of two by two diagonal (Golub and Van Loan, Matrix
-// Computations, 8.5.2). A diagnosis needs thousands of these, and LAPACK
-// would allocate workspaces for each.
+// Computations, 8.5.2). A diagnosis needs thousands of these, and LAPACK would allocate workspaces
+// for each.
 SymmetricEigen smallest_eigen(const Eigen::MatrixXd& lower) {
   if (lower.rows() == 1) return {lower.diagonal(), Eigen::MatrixXd::Ones(1, 1)};
   const double first = lower(0, 0), beside = lower(1, 0), second = lower(1, 1);

@@ -81,7 +81,6 @@ double stand(State& state, BasisTable& basis, const Model& model, const std::vec
   // are anybody's guess.
   if (!basis.reads_loads() || !state.computes_torque()) return 0.0;
   if (!state.loads_follow()) {
-    state.stand_nominal();
     basis.update_loads();
     if (feedback) feedback->clear();
     return 0.0;

@@ -181,8 +181,8 @@ Candidate make_candidate(const Fit& fit, const EvidenceSummary& evidence, std::s
 // Difference in BIC by which an effect shows without a structure beside it: very strong evidence
 // (Kass and Raftery 1995, JASA 90, 773).
 constexpr double kShowsAlone = -10.0;
-// What explains this share of its own beside a structure, and is to this share unlike anything in
-// the model, is no part of what the structure is.
+// A candidate has another cause than a structure where it keeps this share of its gain beside the
+// structure, and where the fitted model cannot imitate this share of what the candidate does.
 constexpr double kOfAnotherKind = 0.9, kUnlikeTheModel = 0.5;
 
 // What a block depends on beside the arm's posture: "session" for time and temperatures, which go
@@ -201,12 +201,11 @@ std::set<std::string> beside_posture(const Block& block, int joints) {
   return result;
 }
 
-// What is left where a structure that no effect names explains more than a candidate does: the
-// candidate may stand for what the structure's smooth function does not follow, and is as much less
-// sure. Not so where it explains as much without the structure as beside it (a wave of many
-// cycles), or depends on something, time or a direction, that the structure does not: no error of
-// that function runs with it; but what shows only once the structure has been taken out may be what
-// a structure of too few variables leaves.
+// Lowers the probability of candidates that explain less than a structure (a smooth function that
+// no effect names): they may only make up for errors of that function. Two kinds are spared if they
+// show without the structure in the model too: those that explain as much beside it as without it,
+// such as a wave of many cycles, and those that depend on a variable that the structure does not
+// read, such as time or a direction.
 void doubt_beside_structure(const Fit& fit, const EvidenceSummary& evidence,
                             std::vector<Candidate>& candidates, double& nothing) {
   const int joints = fit.robot().joint_count();

@@ -265,8 +265,8 @@ void Refinement::fit_in_full(const Fit& full) {
 }
 
 // Whether a trial becomes the next step: not where it cannot be fitted, nor where it predicts
-// unseen poses worse. Where the search is sure of an effect, or would be rid of one, they may be
-// worse by as much as chance explains.
+// held-out poses worse. Where an effect is added of which the search is sure, or one is taken out,
+// their error may grow by as much as chance explains.
 bool Refinement::accept(const Move& move, const Trial& trial) {
   const std::string model = trial.specification.to_json().dump();
   refused_.insert(model);
@@ -352,7 +352,8 @@ void Refinement::refine_tables() {
   }
 }
 
-// The effects of a step's model; those that came in with the least probability of their joints.
+// The effects of a step's model. Those that the refinement added have their probability; where they
+// act on several joints, that of the least probable one.
 json effects_of(const RefineStep& step) {
   json result = step.fit->specification().to_json()["effects"];
   const std::vector<EffectRequest>& entries = step.fit->specification().effects;

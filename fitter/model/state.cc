@@ -106,7 +106,8 @@ void State::stand(std::vector<Pose> frames) {
   forget_loads();
 }
 
-void State::stand_nominal() {
+void State::let_loads_follow(bool follow) {
+  loads_follow_ = follow;
   standing_.reset();
   forget_loads();
 }

@@ -56,9 +56,9 @@ class State {
   /// Loads act where the arm stands: `frames` are 1…n in the robot base of each row, and after them
   /// the payload point's. Without this the loads are those of the nominal arm at commanded angles.
   void stand(std::vector<Pose> frames);
-  void stand_nominal();
-  /// False: loads stay those of the nominal arm at commanded angles, however far it gives way.
-  void let_loads_follow(bool follow) { loads_follow_ = follow; }
+  /// False: loads stay those of the nominal arm at commanded angles, however far it gives way. They
+  /// are nominal until `stand` is called again in either case.
+  void let_loads_follow(bool follow);
   bool loads_follow() const { return loads_follow_; }
   /// True where the values depend on where the arm stands.
   bool is_load(const Expression& basis) const;

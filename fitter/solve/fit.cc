@@ -391,9 +391,9 @@ void Fit::solve_robustly() {
   if (!summary_.converged) warnings_.push_back("the solver did not converge: " + summary_.message);
 }
 
-// Loads bend an arm and act where it then stands; where its controller reckons with that, and in
-// many simulators, they act as at the commanded angles. The difference is of second order, a few
-// micrometres, which a spring's or a gear's neighbours would take for themselves.
+// Solves with loads that act where the arm stands under them, and with loads of the nominal arm at
+// commanded angles, as simulators often have them; the likelier stays. The two differ by a few
+// micrometres, which would else be taken for effects that are not there.
 void Fit::choose_where_loads_act() {
   if (!design_->reads_loads()) return;
   const bool follow = state_->loads_follow();

@@ -23,9 +23,9 @@ constexpr double kKeepsConverging = 0.1;
 // rounding leaves of a direction that data hardly know, for such a one is what overshoots.
 constexpr double kLeastDamping = 1e-12, kMostDamping = 1e12;
 
-// Gauss–Newton steps on the normal equations. Where a step would raise the cost, a multiple of
-// JᵀJ's diagonal is added to JᵀJ, which makes the step shorter: Levenberg and Marquardt's method
-// (Nocedal and Wright, Numerical Optimization, 10.3).
+// Levenberg and Marquardt's method (Nocedal and Wright, Numerical Optimization, 10.3):
+// Gauss–Newton steps, shortened where they would raise the cost by adding a multiple of JᵀJ's
+// diagonal to JᵀJ.
 class Descent {
  public:
   Descent(Design& design, const std::vector<PenaltyRow>& penalties)

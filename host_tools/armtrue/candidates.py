@@ -10,10 +10,22 @@ from typing import Any
 from armtrue.units import value_and_sigma
 
 
+def options_of(entry: dict[str, Any]) -> dict[str, Any]:
+    """The options of a candidate, which has them apart, or of an effect as a model has it."""
+    if isinstance(options := entry.get("options"), dict):
+        return options
+    return {key: value for key, value in entry.items() if key not in ("effect", "joints", "probability")}
+
+
+def option_words(entry: dict[str, Any]) -> list[str]:
+    """The options as `--option` takes them, NAME=VALUE each."""
+    return [f"{key}={json.dumps(value)}" for key, value in options_of(entry).items()]
+
+
 def name(entry: dict[str, Any]) -> str:
     """`effect [joints]` of a candidate or an added effect."""
     joints = entry.get("joints") or []
-    options = entry.get("options") or {}
+    options = options_of(entry)
     cycles = ", ".join(f"{value:g}" for value in options.get("cycles") or [])
     return (
         str(entry["effect"])
@@ -24,7 +36,7 @@ def name(entry: dict[str, Any]) -> str:
 
 def called(entry: dict[str, Any]) -> str:
     """The `name` of a candidate or an effect, and orders or shape that tell it from others on the same joint."""
-    options = entry.get("options") or {}
+    options = options_of(entry)
     orders = ", ".join(f"{value:g}" for value in options.get("orders") or [])
     shape = options.get("shape")
     return name(entry) + (f", order {orders}" if orders else "") + (f", shape {shape}" if shape else "")

@@ -66,7 +66,7 @@ def _module_files() -> list[Path]:
 
 
 def _has_wide_registers() -> bool:
-    """Whether this processor has registers that UML does not know."""
+    """Whether this processor has AMX, whose registers UML 6.1 cannot restore."""
     return WIDE_REGISTERS in Path("/proc/cpuinfo").read_text().split()
 
 

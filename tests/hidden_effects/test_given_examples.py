@@ -17,7 +17,7 @@ EXAMPLES = Path(__file__).resolve().parents[3] / "shared" / "examples"
 ARMTRUE = str(Path(sys.executable).with_name("armtrue"))
 # What was found may predict fresh exact poses so much worse than a fit that was handed the hidden effects.
 AS_GOOD = 1.1
-# What their README has for a fit that was handed the truth is 2.4 to 3.2 µm.
+# The examples' README gives 2.4 to 3.2 µm for a fit that is told what is hidden.
 FRESH_POSES_M = 3.5e-6
 
 pytestmark = pytest.mark.skipif(not EXAMPLES.is_dir(), reason="../shared/examples is not here")

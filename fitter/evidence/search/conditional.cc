@@ -33,8 +33,9 @@ double carrying_term(const Carrying& carrying, const Eigen::VectorXd& coefficien
                              std::clamp(1.0 - share / kLeastCarried, 0.0, 1.0));
 }
 
-// L Lᵀ is the posterior precision in units of the prior's, whose variance is `square`. `half`: L⁻¹
-// times the gradient; `own`: L⁻¹ times the combination of coefficients that each rule weighs.
+// Log of how much more probable the signs that physics demands make the coefficients. With the
+// prior's variance `square` and the Cholesky factor L of (posterior precision × square), `half` is
+// L⁻¹ × gradient, and column i of `own` is L⁻¹ × the combination of coefficients in rule i.
 double sign_term(const std::vector<SignRule>& rules, const Eigen::Ref<const Eigen::VectorXd>& half,
                  const Eigen::Ref<const Eigen::MatrixXd>& own, double square, double noise) {
   double sum = 0.0;

@@ -43,7 +43,8 @@ void Sampler::describe_alone(SearchResult& result) const {
   result.beyond = beyond_each_other(alone, result);
 }
 
-// Every two that pay and explain about as much: they may stand for one another. Of structures, all.
+// Filled for every two blocks that are worth their prior odds and explain about as much, since they
+// may stand for one another, and for each structure with every such block.
 Eigen::MatrixXd Sampler::beyond_each_other(const std::vector<Eigen::MatrixXd>& alone,
                                            const SearchResult& result) const {
   const auto count = static_cast<Eigen::Index>(alone.size());
@@ -57,7 +58,6 @@ Eigen::MatrixXd Sampler::beyond_each_other(const std::vector<Eigen::MatrixXd>& a
     const Eigen::VectorXd along_own = root.half_solve(alone[a].transpose() * left.gradient);
     for (std::size_t b = 0; b < alone.size(); ++b) {
       if (a == b || state_[b].is_present() || result.alone_log_bayes[b] <= 0.0) continue;
-      // Nothing takes the place of what names no effect.
       if (first.counts && result.alone_gain[b] < kComparable * result.alone_gain[a]) continue;
       const SearchBlock& other = block(b);
       const Elimination::Local right = without(b);

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from armtrue.candidates import option_words
 from armtrue.cli.shared.fits import load_measurements, load_with_data
 from armtrue.cli.shared.options import (
     DataArgument,
@@ -193,10 +193,9 @@ def _without(
 
     chosen = [entry for entry in alike if is_chosen(entry)]
     if not chosen:
-        found = _option_words(wanted)
-        has = "; ".join(dict.fromkeys(_option_words(entry) or "none" for entry in alike))
+        found, *has = [", ".join(option_words(entry)) or "none" for entry in [wanted, *alike]]
         raise InputError(
-            f"{origin}: --option: found {found}, expected options of {effect} in the model: {has}"
+            f"{origin}: --option: found {found}, expected options of {effect} in the model: {'; '.join(has)}"
         )
     is_pair = catalogue()[effect].joints == "pair"
     on = [tuple(entry.get("joints", [])) for entry in chosen]
@@ -217,11 +216,6 @@ def _without(
     if not kept:
         raise InputError(f"{origin}: {effect} is all that the model has, expected one effect to stay")
     return kept
-
-
-def _option_words(entry: dict[str, Any]) -> str:
-    own = {key: value for key, value in entry.items() if key not in ("effect", "joints")}
-    return ", ".join(f"{key}={json.dumps(value)}" for key, value in own.items())
 
 
 def summary(result: Fit) -> dict[str, Any]:

@@ -14,6 +14,7 @@ from typing import Any
 
 import yaml
 
+from armtrue.candidates import option_words
 from armtrue.errors import InputError
 from armtrue.progress import Progress
 from armtrue.report import write
@@ -147,9 +148,8 @@ def _step_commands(session: Session, node: Node, number: int) -> list[str]:
         words = ["armtrue", command, source, entry["effect"]]
         if entry.get("joints"):
             words += ["--joints", ",".join(map(str, entry["joints"]))]
-        for key, value in entry.items():
-            if key not in ("effect", "joints"):
-                words += ["--option", f"{key}={json.dumps(value)}"]
+        for option in option_words(entry):
+            words += ["--option", option]
         lines.append(shlex.join([*words, "--out", f"step-{number}.json"]))
     return lines
 

@@ -80,11 +80,9 @@ def present_diagnosis(
 
 def present_added(effects: list[dict[str, Any]], output: Output) -> None:
     """Print how probable each effect is that a refinement added."""
-    lines = []
-    for entry in effects:
-        if "probability" in entry:
-            options = {key: entry[key] for key in entry.keys() - {"effect", "joints", "probability"}}
-            lines.append(f"{called({**entry, 'options': options})}: {_chance(entry['probability'])}")
+    lines = [
+        f"{called(entry)}: {_chance(entry['probability'])}" for entry in effects if "probability" in entry
+    ]
     if lines:
         output.title("Added, with the probability that the arm has it")
         output.items(lines)

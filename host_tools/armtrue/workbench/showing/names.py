@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from typing import Any
 
+from armtrue.candidates import options_of
 from armtrue.report.parts import rounded
 
 _TOLD = ("orders", "cycles")
@@ -16,7 +17,7 @@ def called(entry: dict[str, Any]) -> str:
     words = [str(entry["effect"])]
     if joints := entry.get("joints"):
         words.append(",".join(map(str, joints)))
-    options = _options(entry)
+    options = options_of(entry)
     words += [
         f"{key} {json.dumps([_short(value) for value in options[key]])}" for key in _TOLD if options.get(key)
     ]
@@ -25,14 +26,14 @@ def called(entry: dict[str, Any]) -> str:
 
 def named(entry: dict[str, Any]) -> str:
     """`called` with short figures, and what else is said of it in a word: `bending_compliance 1 shape beam`."""
-    options = _options(entry)
+    options = options_of(entry)
     return " ".join([rounded(called(entry)), *(f"{key} {options[key]}" for key in _SAID if options.get(key))])
 
 
 def called_among(entry: dict[str, Any], others: list[dict[str, Any]]) -> str:
     """`named`, with the thermometer where `others` read several."""
-    sensors = {_options(other).get("sensor") for other in others} - {None}
-    sensor = _options(entry).get("sensor")
+    sensors = {options_of(other).get("sensor") for other in others} - {None}
+    sensor = options_of(entry).get("sensor")
     return named(entry) + (f" sensor {sensor}" if sensor is not None and len(sensors) > 1 else "")
 
 
@@ -54,9 +55,3 @@ def change_words(added: list[dict[str, Any]], removed: list[dict[str, Any]]) -> 
 def _short(value: float) -> float:
     """Whole numbers without a point."""
     return int(value) if value == int(value) else value
-
-
-def _options(entry: dict[str, Any]) -> dict[str, Any]:
-    if isinstance(options := entry.get("options"), dict):
-        return options
-    return {key: value for key, value in entry.items() if key not in ("effect", "joints")}
