@@ -90,22 +90,24 @@ def plain(joints: int = 6, full_pose: bool = False, **options: int | bool) -> Ta
     return table
 
 
-def _mass_set(joints: int) -> bytes:
-    return layout.MASS_SET_HEAD.pack(20, layout.CARRIES_PAYLOAD, 0) + b"".join(
+def _mass_set(joints: int, flags: int) -> bytes:
+    return layout.MASS_SET_HEAD.pack(20, flags, 0) + b"".join(
         layout.MASS_SET_LINK.pack(1 << 20, 1 << 18, -(1 << 18), 1 << 18) for _ in range(joints)
     )
 
 
-def _with_gravity(table: Table, sets: int) -> None:
-    table.add(Section.MASS_SETS, *[_mass_set(table.joints)] * sets)
+def _with_gravity(table: Table, sets: int, flags: int = layout.CARRIES_PAYLOAD) -> None:
+    table.add(Section.MASS_SETS, *[_mass_set(table.joints, flags)] * sets)
     table.add(Section.GRAVITY, layout.GRAVITY.pack(0, 0, -1316660838, 1 << 24, 0, 0, 50 << 20))
 
 
-def gravity(kind: State, alternating: bool) -> Callable[[Table, int], None]:
+def gravity(
+    kind: State, alternating: bool, flags: int = layout.CARRIES_PAYLOAD
+) -> Callable[[Table, int], None]:
     """Gravity variables of one mass set, or of two sets in turn, so that each variable sums its masses again."""
 
     def add(table: Table, count: int) -> None:
-        _with_gravity(table, 2)
+        _with_gravity(table, 2, flags)
         for i in range(count):
             base = kind in (State.BASE_MOMENT_X, State.BASE_MOMENT_Y)
             table.add_state(kind, 0 if base else i % table.joints, i % 2 if alternating else 0)
@@ -281,6 +283,9 @@ def _kinds() -> dict[str, Callable[[Table, int], None]]:
         "moment": gravity(State.MOMENT_X, False),
         "base moment": gravity(State.BASE_MOMENT_Y, False),
         "torques of sets in turn": gravity(State.TORQUE, True),
+        "torques of sets in turn, at the command": gravity(
+            State.TORQUE, True, layout.CARRIES_PAYLOAD | layout.ACTS_AT_COMMAND
+        ),
         "torques of a motor that drives all": torque_with_coupling,
         "coupling": coupling,
         "sensor": sensors,

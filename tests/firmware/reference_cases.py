@@ -62,6 +62,7 @@ def documents() -> dict[str, tuple[FittedArm, bool]]:
         if name != "scara":  # four joints hold no attitude
             result[f"{name}_pose"] = fitted_arm(document, name), True
         if name == "kr30":
+            result["at_command"] = fitted_arm({**document, "statics": "nominal"}, name), False
             result["skewed_pose"] = fitted_arm(skewed(document), "skewed"), True
     document = json.loads(arms.full_document("kr30"))
     document["parameters"] = []

@@ -7,6 +7,7 @@ point by can be no less than what its fit is wrong by; it must not be more than 
 from __future__ import annotations
 
 import csv
+import json
 import subprocess
 from pathlib import Path
 from typing import Any
@@ -67,12 +68,18 @@ def smallest_singular_value(arm: Arm, joints: np.ndarray, columns: dict[str, np.
     return np.asarray(np.linalg.svd(jacobian, compute_uv=False)[:, -1])
 
 
-@pytest.mark.parametrize("arm", list(CASES))
-def test_the_tool_reaches_the_intended_point(arm: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("arm", "statics"), [*((arm, "deflected") for arm in CASES), ("kr30", "nominal"), ("cobot", "nominal")]
+)
+def test_the_tool_reaches_the_intended_point(arm: str, statics: str, tmp_path: Path) -> None:
     campaign = armtrue_sim.simulate(
         {
             "arm": arm,
             "seed": 11,
+            "statics": statics,
+            # Where loads act is told apart by a reading of 2 µm; by one of 8 the arm is taken to give way.
+            "instrument": {"sigma": 8e-6 if statics == "deflected" else 2e-6},
+            "repeatability": {"drive": 2.5e-6 if statics == "deflected" else 0.0},
             "believed": ["base_frame", "tool_offset", *CASES[arm]],
             "poses": 300,
             "test_poses": FRESH_POSES,
@@ -83,6 +90,7 @@ def test_the_tool_reaches_the_intended_point(arm: str, tmp_path: Path) -> None:
         "fit", tmp_path / "data.csv", "--robot", tmp_path / "robot.yaml", "--model", tmp_path / "model.yaml",
         "--out", tmp_path / "fit.json",
     )  # fmt: skip
+    assert json.loads((tmp_path / "fit.json").read_text())["statics"] == statics
     armtrue("export", tmp_path / "fit.json", "--out", tmp_path / "tables.bin")
     fresh = {name: values for name, values in campaign.test.items() if name not in ("x", "y", "z")}
     (tmp_path / "poses.csv").write_text(csv_text(fresh))
@@ -110,8 +118,9 @@ def test_the_tool_reaches_the_intended_point(arm: str, tmp_path: Path) -> None:
         campaign.arm.true_position(asked, fresh, measurement_effects=False) - intended, axis=1
     )[regular]
     print(
-        f"{arm}: uncorrected {1e6 * uncorrected.mean():.0f} µm, compensated {1e6 * missed.mean():.2f} µm, "
+        f"{arm}, {statics}: uncorrected {1e6 * uncorrected.mean():.0f} µm, compensated {1e6 * missed.mean():.2f} µm, "
         f"fit {1e6 * own.mean():.2f} µm"
     )
-    assert missed.mean() <= 1.02 * own.mean() + LOADS_OF_THE_NOMINAL_ARM_M
+    loads_m = LOADS_OF_THE_NOMINAL_ARM_M if statics == "deflected" else 0.0
+    assert missed.mean() <= 1.02 * own.mean() + loads_m
     assert missed.mean() < 0.05 * uncorrected.mean()

@@ -153,7 +153,11 @@ Correction solve(const TableView& table, const JointPositions& target,
   }
   link_positions(table, corrected, link);
   turn_motions(table, work.link, link, work.motions);
-  // Loads stay those of the target: there the corrected arm stands.
+  // An arm that gives way under its loads stands at the target once it is corrected, so that loads
+  // stay those of the target; where they act at what is commanded, they are those of q₁.
+  if (table.do_loads_act_at_command()) {
+    update_gravity(table, work.motions, work.terms);
+  }
   evaluate_smooth_terms(table, corrected, link, work.motions, work.terms, coordinates);
   JointPositions deflected;
   for (std::size_t k = 0; k < joints; ++k) {

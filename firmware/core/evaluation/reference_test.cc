@@ -44,7 +44,8 @@ constexpr Arm kArms[] = {
     {"kr30", kRedundant, 0x3F6E62D4},       {"kr30_pose", kRounding, 0x7E629808},
     {"skewed_pose", kRounding, 0x9EE3C643}, {"scara", kRedundant, 0x5AF0843A},
     {"stanford", kRedundant, 0x00F5CFAD},   {"stanford_pose", kRounding, 0x18CD30DB},
-    {"tables", kRounding, 0x719D01A9},      {"nodes", kRounding, 0xCC498632}};
+    {"tables", kRounding, 0x719D01A9},      {"nodes", kRounding, 0xCC498632},
+    {"at_command", kRedundant, 0xC9235C4F}};
 
 class Reader {
  public:

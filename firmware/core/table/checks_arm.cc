@@ -150,9 +150,13 @@ bool Checker::check_mass_sets() {
   for (std::size_t i = 0; i < count; ++i) {
     const std::uint8_t* at = record(Section::kMassSets, i);
     const std::uint8_t flags = at[format::mass_set::kFlagsAt];
-    const std::uint8_t most = flags == format::mass_set::kCarriesPayload ? 30U : 60U;
+    const std::uint8_t most = (flags & format::mass_set::kCarriesPayload) != 0U ? 30U : 60U;
+    const std::uint8_t unlike_first =
+        flags ^ record(Section::kMassSets, 0)[format::mass_set::kFlagsAt];
     if (!require_at(at[format::mass_set::kFractionAt] <= most, Refusal::kValueRange, at) ||
-        !require_at(flags <= format::mass_set::kCarriesPayload, Refusal::kUnknownFlag, at + 1) ||
+        !require_at(flags <= format::mass_set::kAllFlags, Refusal::kUnknownFlag, at + 1) ||
+        !require_at((unlike_first & format::mass_set::kActsAtCommand) == 0U, Refusal::kValueRange,
+                    at + 1) ||
         !require_zero(at + format::mass_set::kReservedAt, 2)) {
       return false;
     }

@@ -153,11 +153,14 @@ inline constexpr std::size_t kLength = 32;
 // Mass set: a head, then one record a joint.
 namespace mass_set {
 inline constexpr std::size_t kFractionAt = 0;  // u8, of kg m and Nm; masses in kg likewise
-inline constexpr std::size_t kFlagsAt = 1;     // u8, bit 0: carries the payload
+inline constexpr std::size_t kFlagsAt = 1;     // u8
 inline constexpr std::size_t kReservedAt = 2;  // u16
 inline constexpr std::size_t kHeadLength = 4;
 inline constexpr std::size_t kLinkLength = 16;  // i32 mass, i32[3] mass times centre of mass
 inline constexpr std::uint8_t kCarriesPayload = 1U << 0;
+// Loads act at the corrected command instead of at the target; all sets of a table alike.
+inline constexpr std::uint8_t kActsAtCommand = 1U << 1;
+inline constexpr std::uint8_t kAllFlags = kCarriesPayload | kActsAtCommand;
 }  // namespace mass_set
 
 namespace gravity {

@@ -17,7 +17,6 @@ using format::Section;
 constexpr std::uint32_t kConstantPasses = 1;
 constexpr std::uint32_t kSteepPasses = 3;
 constexpr std::uint32_t kSmoothPasses = 2;
-constexpr std::uint32_t kGravityPasses = 1;
 
 // The arm alone: solver, chain, limits, blending.
 constexpr std::uint32_t kPosition = 4400;
@@ -117,6 +116,7 @@ class Counter {
   std::uint32_t moving_frames() const;
   std::uint32_t states() const;
   std::uint32_t gravity() const;
+  std::uint32_t gravity_passes() const;
   std::uint32_t nodes() const;
   std::uint32_t grid(const std::uint8_t* node) const;
   std::uint32_t terms() const;
@@ -160,10 +160,19 @@ std::uint32_t Counter::states() const {
     } else if (kind_class == format::kPositionClass) {
       sum += kSteepPasses * kPositionState;
     } else {
-      sum += kGravityPasses * kGravityState;
+      sum += gravity_passes() * kGravityState;
     }
   }
   return sum;
+}
+
+// Loads at the target, and where they act at the command those at q₁ too.
+std::uint32_t Counter::gravity_passes() const {
+  const SectionView& sets = section(Section::kMassSets);
+  return sets.count != 0U &&
+                 (sets.begin[format::mass_set::kFlagsAt] & format::mass_set::kActsAtCommand) != 0U
+             ? 2U
+             : 1U;
 }
 
 // A change of the mass set from one variable to the next sums all masses anew; the torque of a
@@ -191,7 +200,7 @@ std::uint32_t Counter::gravity() const {
              coupling.count * kOtherCoupling;
     }
   }
-  return kGravityPasses * sum;
+  return gravity_passes() * sum;
 }
 
 std::uint32_t Counter::nodes() const {

@@ -238,6 +238,23 @@ TEST(TableMassTest, UnknownFlag_IsPointedAt) {
   EXPECT_EQ(image[validation.field], 0x80);
 }
 
+TEST(TableMassTest, LoadsOfAllSets_ActAtTheSamePlace) {
+  const auto with_flags = [](std::uint8_t first, std::uint8_t second) {
+    TestImage made(3);
+    Bytes sets(2 * record_length(format::Section::kMassSets, 3));
+    sets[format::mass_set::kFlagsAt] = first;
+    sets[sets.size() / 2 + format::mass_set::kFlagsAt] = second;
+    made.add(format::Section::kMassSets, sets);
+    made.add(format::Section::kGravity, Bytes(format::gravity::kLength));
+    return refusal_of(made.image());
+  };
+  constexpr std::uint8_t kAtCommand = format::mass_set::kActsAtCommand;
+  EXPECT_EQ(with_flags(kAtCommand, kAtCommand), Refusal::kNone);
+  EXPECT_EQ(with_flags(format::mass_set::kAllFlags, kAtCommand), Refusal::kNone);
+  EXPECT_EQ(with_flags(kAtCommand, 0), Refusal::kValueRange);
+  EXPECT_EQ(with_flags(0, kAtCommand), Refusal::kValueRange);
+}
+
 TEST(TableMassTest, Fraction_LiesWithin30OfAPayload_And60OfOthers) {
   const auto with_fraction = [](std::uint8_t fraction, std::uint8_t flags) {
     TestImage made(3);
@@ -398,6 +415,16 @@ TEST(TableCostTest, Torque_CountsItself_OnceItsMassSet_AndItsCouplings) {
   const std::uint32_t before = cost_with(coupled);
   coupled.add_state(format::State::kTorque, 1, 27);
   EXPECT_EQ(cost_with(coupled), before + kFirst + 46U + 2 * 44U + 2 * 9U);
+}
+
+TEST(TableCostTest, TorqueAtTheCommand_CountsTwice) {
+  constexpr std::uint32_t kPass = 60U + 3 * 50U + 90U + 3 * 80U + 46U;
+  TestImage made(3);
+  Bytes set(record_length(format::Section::kMassSets, 3));
+  set[format::mass_set::kFlagsAt] = format::mass_set::kActsAtCommand;
+  made.add(format::Section::kMassSets, set);
+  made.add_state(format::State::kTorque, 0, 27);
+  EXPECT_EQ(cost_with(made), cost_with(TestImage(3)) + 2 * kPass);
 }
 
 TEST(TableCostTest, Table_OfJustTheBudget_IsTaken) {

@@ -48,6 +48,8 @@ class TableView {
   // State variables of joint positions, and behind them those of gravity.
   std::uint16_t first_position_state() const { return first_position_state_; }
   std::uint16_t first_gravity_state() const { return first_gravity_state_; }
+  // True where loads act at the corrected command, false where they act at the target.
+  bool do_loads_act_at_command() const { return do_loads_act_at_command_; }
   std::span<const std::uint8_t> image() const { return image_; }
 
   const std::uint8_t* joint(std::size_t k) const {
@@ -104,6 +106,7 @@ class TableView {
   std::uint8_t joint_count_ = 0;
   std::uint8_t sensor_count_ = 0;
   bool is_full_pose_ = false;
+  bool do_loads_act_at_command_ = false;
 };
 
 // Bytes of one record of a section; mass sets depend on the number of joints, data is in words.

@@ -620,9 +620,10 @@ class _Exporter:
 
     def _mass_sets(self) -> list[bytes]:
         records = []
+        where = layout.ACTS_AT_COMMAND if self.arm.loads_act_at_command else 0
         for mass_set in self.gravity.sets:
             record = layout.MASS_SET_HEAD.pack(
-                mass_set.fraction, layout.CARRIES_PAYLOAD if mass_set.carries_payload else 0, 0
+                mass_set.fraction, where | (layout.CARRIES_PAYLOAD if mass_set.carries_payload else 0), 0
             )
             for mass, moment in zip(mass_set.masses, mass_set.moments, strict=True):
                 record += layout.MASS_SET_LINK.pack(

@@ -82,6 +82,8 @@ class FittedArm:
     measuring_from_base: Array
     flange_from_tool: dict[str, Array]
     payload_point: Array  # in the flange, m
+    # Loads are those of the nominal arm at what is commanded, not where the arm stands (fit.json `statics`).
+    loads_act_at_command: bool = False
     terms: dict[str, dict[str, float]] = field(default_factory=dict)
     grids: list[Grid] = field(default_factory=list)
     skipped: list[str] = field(default_factory=list)  # effects that belong to the measurement
@@ -105,6 +107,10 @@ def digest_of(document: dict[str, Any]) -> bytes:
         key: document.get(key)
         for key in ("robot", "parameters", "measuring_from_base", "flange_from_tool", "payload_point")
     }
+    if (
+        document.get("statics") == "nominal"
+    ):  # said only then, so that older tables are still known by their fit
+        parts["statics"] = "nominal"
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).digest()
 
 
@@ -134,6 +140,7 @@ def _head(document: dict[str, Any]) -> FittedArm:
         measuring_from_base=pose(document["measuring_from_base"]),
         flange_from_tool=tools,
         payload_point=nominal_tool[:3, 3] if point is None else np.array(point, dtype=np.float64),
+        loads_act_at_command=document.get("statics") == "nominal",
     )
 
 

@@ -211,7 +211,9 @@ class Image:
         """Columns that the table reads besides the joints: `temp_NAME`, `payload`, `time`, `dirK`."""
         names: set[str] = set()
         sensors = list(self.sensors())
-        carries = {number for number, flags in enumerate(self._mass_set_flags()) if flags}
+        carries = {
+            number for number, flags in enumerate(self._mass_set_flags()) if flags & layout.CARRIES_PAYLOAD
+        }
         for kind, index, mass_set, _ in self.states():
             if kind is State.TEMPERATURE:
                 names.add(f"temp_{sensors[index]}")

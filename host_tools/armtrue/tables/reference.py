@@ -134,7 +134,7 @@ class Reference:
         """Motor-side joints (N, n) at which the real tool is where nominal kinematics puts it for `target`.
 
         Motor-side deflections are taken off directly; the rest by least-norm steps, iterated to convergence. Loads are
-        those of the nominal arm at `target`, where the corrected arm stands.
+        those of the nominal arm at `target`, where the corrected arm stands, or at what is commanded if so fitted.
         `rotation_length_m`: metres that weigh as one radian where the full pose is to be met; None: position only.
         """
         wanted, standing = self.nominal(target), self.at_nominal(target)
@@ -143,7 +143,8 @@ class Reference:
         pose, jacobian = self._propagate(target - deflection, coordinates)
         corrected = target - deflection + self._step(wanted, pose, jacobian, rotation_length_m)
         for _ in range(_MOST_STEPS):
-            pose, jacobian = self.real(corrected, around, standing)
+            loads = self.at_nominal(corrected) if self.arm.loads_act_at_command else standing
+            pose, jacobian = self.real(corrected, around, loads)
             step = self._step(wanted, pose, jacobian, rotation_length_m)
             corrected = corrected + step
             if np.abs(step).max(initial=0.0) < _CONVERGED_M:

@@ -55,6 +55,15 @@ def test_standard_dh_is_the_fitters() -> None:
     assert np.abs(predicted - reached).max() < 1e-12
 
 
+def test_forward_model_with_loads_at_the_command_is_the_fitters() -> None:
+    fit = document(TERMS) | {"statics": "nominal"}
+    joints, around, columns = state(200)
+    predicted = np.asarray(_core.predict(json.dumps(fit), columns))
+    reference = Reference(fitted_arm(fit, "test"), "")
+    reached = reference.real(joints, around)[0][:, :3, 3]
+    assert np.abs(predicted - reached).max() < 1e-12
+
+
 def test_inverse_reaches_the_nominal_point() -> None:
     reference = Reference(fitted_arm(document(TERMS), "test"), "")
     joints, around, _ = state(500)
@@ -64,6 +73,20 @@ def test_inverse_reaches_the_nominal_point() -> None:
     regular = np.linalg.svd(jacobian[:, :3], compute_uv=False)[:, 2] > 0.05
     assert regular.mean() > 0.5
     assert np.linalg.norm(reached[regular, :3, 3] - nominal[regular], axis=1).max() < 1e-10
+
+
+def test_inverse_of_loads_at_the_command_is_the_fitters() -> None:
+    """A spring that gives way by milliradians: at the target the loads would be others by 1 %."""
+    fit = document([("motor2", "tau2", 1e-4), ("motor3", "tau3", 2e-4)]) | {"statics": "nominal"}
+    reference = Reference(fitted_arm(fit, "test"), "")
+    joints, around, columns = state(300)
+    nominal = reference.nominal(joints)[:, :3, 3]
+    corrected = reference.inverse(joints, around)
+    columns |= {f"q{k + 1}": np.ascontiguousarray(corrected[:, k]) for k in range(3)}
+    reached = np.asarray(_core.predict(json.dumps(fit), columns))
+    jacobian = reference.real(corrected, around)[1]
+    regular = np.linalg.svd(jacobian[:, :3], compute_uv=False)[:, 2] > 0.05
+    assert np.linalg.norm(reached[regular] - nominal[regular], axis=1).max() < 1e-10
 
 
 def test_corrected_arm_carries_nearly_what_the_nominal_one_does_at_the_target() -> None:
