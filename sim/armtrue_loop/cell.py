@@ -19,13 +19,13 @@ from pathlib import Path
 from typing import Any
 
 import can
-import canopen
 import numpy as np
 from armtrue_sim.build import build_arm
 from armtrue_sim.instrument import Instrument
 from armtrue_sim.scenario import Scenario
 
 from armtrue_loop.drive import Drive
+from armtrue_loop.network import open_network
 from armtrue_loop.wiring import DRIVE_IDS, INCREMENTS_PER_RADIAN, JOINTS, TEMPERATURE_ID
 
 # A change of direction smaller than this is the drives' own trembling.
@@ -41,9 +41,7 @@ class Cell:
         self.instrument = Instrument.from_dict(scenario.instrument, scenario.where)
         self._random = np.random.default_rng([scenario.seed, 77])
         self._drive_sigma = float(scenario.repeatability.get("drive", 0.0))
-        self.network = canopen.Network()
-        self.network.NOTIFIER_CYCLE = 0.05
-        self.network.connect(interface="socketcan", channel=channel)
+        self.network = open_network(channel)
         self.drives = [Drive(self.network, node_id) for node_id in DRIVE_IDS]
         self._direction = np.zeros(JOINTS, dtype=int)
         self._anchor = self._joints()

@@ -19,11 +19,11 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import canopen
 import numpy as np
 from canopen.profiles.p402 import BaseNode402
 
 from armtrue_loop.drive import EDS as DRIVE_EDS
+from armtrue_loop.network import open_network
 from armtrue_loop.wiring import (
     ACTUAL_AT,
     COMPENSATOR_ID,
@@ -81,9 +81,7 @@ class Controller:
     """One controller on the upstream bus."""
 
     def __init__(self, channel: str = CONTROLLER_BUS) -> None:
-        self.network = canopen.Network()
-        self.network.NOTIFIER_CYCLE = 0.05
-        self.network.connect(interface="socketcan", channel=channel)
+        self.network = open_network(channel)
         self.compensator = self.network.add_node(COMPENSATOR_ID, str(COMPENSATOR_EDS))
         self.compensator.sdo.RESPONSE_TIMEOUT = ANSWER_TIMEOUT_S
         self.drives = [_patient_drive(node_id) for node_id in DRIVE_IDS]
