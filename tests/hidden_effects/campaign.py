@@ -78,7 +78,7 @@ def seeds_of(kind: str, given: argparse.Namespace) -> range:
 
 def run_kinds(kinds: Iterable[str], given: argparse.Namespace, pool: ProcessPoolExecutor) -> list[Outcome]:
     """All cases; wrong ones go to stderr as they come."""
-    settings = Settings(limit=given.limit, reference=not given.no_reference)
+    settings = Settings(limit=given.limit, reference=not given.no_reference, statics=given.statics)
     print(HEAD, end="", flush=True)
     everything = []
     for kind in kinds:
@@ -121,6 +121,7 @@ def main() -> None:
     parser.add_argument(
         "--no-reference", action="store_true", help="without the fit that is handed the truth"
     )
+    parser.add_argument("--statics", choices=["deflected", "nominal"], default="deflected")
     parser.add_argument("--jobs", type=int, default=2)
     given = parser.parse_args()
     given.nothing_seeds = given.nothing_seeds or 2 * given.seeds
