@@ -55,7 +55,7 @@ def test_a_model_is_named_and_keeps_its_name(page, workbench, start):
     page.browser.driver.find_element(By.ID, "model-name").send_keys("with lost motion")
     page.after(page.one("main button", "button", "Name").click)
     assert [node["name"] for node in workbench.state()["models"]] == ["", "with lost motion"]
-    assert page.by_role(".tree button", "button", "with lost motion")
+    assert page.until(lambda: page.by_role(".tree button", "button", "with lost motion"), "name in the tree")
     workbench.kill()
     assert start().state()["models"][1]["name"] == "with lost motion"
 
