@@ -1,8 +1,10 @@
 #include "fitter/design/normal_equations.h"
 
+#include <algorithm>
 #include <cmath>
 #include <numeric>
 
+#include "fitter/common/dense.h"
 #include "fitter/common/parallel.h"
 
 namespace armtrue {
@@ -50,37 +52,85 @@ namespace {
 // Columns of the information are dealt out to the jobs so many at a time. Each job adds all rows to
 // its own columns: nothing is summed twice, and no order depends on the number of jobs.
 constexpr int kColumnsTogether = 16;
+// An unknown that more than this share of the rows read is multiplied by the BLAS with all others
+// that are, so many rows at a time; of the nodes of tables a row reads a few.
+constexpr double kDense = 0.5;
+constexpr std::size_t kRowsTogether = 1024;
 
-// Consecutive unknowns in consecutive places of a row: most of a row is one run, the nodes of
-// tables are pairs.
+// By unknown: whether most rows read it.
+std::vector<bool> dense_unknowns(const std::vector<const Design::Row*>& rows,
+                                 Eigen::Index unknowns) {
+  std::vector<std::size_t> readers(static_cast<std::size_t>(unknowns));
+  for (const Design::Row* row : rows) {
+    for (const int u : row->unknowns) ++readers[static_cast<std::size_t>(u)];
+  }
+  std::vector<bool> dense;
+  for (const std::size_t count : readers)
+    dense.push_back(static_cast<double>(count) > kDense * static_cast<double>(rows.size()));
+  return dense;
+}
+
+// Adds the products of dense unknowns with one another.
+void add_dense(const std::vector<const Design::Row*>& rows, int residuals,
+               const std::vector<bool>& dense, Eigen::MatrixXd& information) {
+  std::vector<Eigen::Index> place(dense.size(), -1), unknowns;
+  for (std::size_t u = 0; u < dense.size(); ++u) {
+    if (!dense[u]) continue;
+    place[u] = static_cast<Eigen::Index>(unknowns.size());
+    unknowns.push_back(static_cast<Eigen::Index>(u));
+  }
+  const auto width = static_cast<Eigen::Index>(unknowns.size());
+  for (std::size_t first = 0; first < rows.size(); first += kRowsTogether) {
+    throw_if_cancelled();
+    const std::size_t count = std::min(kRowsTogether, rows.size() - first);
+    Eigen::MatrixXd across =
+        Eigen::MatrixXd::Zero(width, static_cast<Eigen::Index>(count) * residuals);
+    for (std::size_t i = 0; i < count; ++i) {
+      const Design::Row& row = *rows[first + i];
+      for (std::size_t u = 0; u < row.unknowns.size(); ++u) {
+        const Eigen::Index at = place[static_cast<std::size_t>(row.unknowns[u])];
+        if (at < 0) continue;
+        across.row(at).segment(static_cast<Eigen::Index>(i) * residuals, residuals) =
+            row.jacobian.col(static_cast<Eigen::Index>(u)).head(residuals).transpose();
+      }
+    }
+    const Eigen::MatrixXd products = square_across(across);
+    for (Eigen::Index b = 0; b < width; ++b) {
+      for (Eigen::Index a = b; a < width; ++a)
+        information(unknowns[static_cast<std::size_t>(a)], unknowns[static_cast<std::size_t>(b)]) +=
+            products(a, b);
+    }
+  }
+}
+
+// Consecutive unknowns in consecutive places of a row: the nodes of tables are pairs.
 struct Run {
   Eigen::Index place, count;
   int unknown;  // the first one
 };
 
-// Adds the products of a row's own columns, its share of JᵀJ, to the columns that are one job's.
-// Only the lower triangle is filled.
+// Adds the products of a row's own columns, its share of JᵀJ, to the columns that are one job's,
+// but for those of dense unknowns with one another. Only the lower triangle is filled.
 class SquareAdder {
  public:
-  SquareAdder(Eigen::MatrixXd& information, int residuals, int job, int jobs)
+  SquareAdder(Eigen::MatrixXd& information, int residuals, const std::vector<bool>& dense, int job,
+              int jobs)
       : information_(information),
         residuals_(residuals),
+        dense_(dense),
         job_(job),
         jobs_(jobs),
         across_(information.cols(), 6),
         products_(information.cols()) {}
 
   void add(const Design::Row& row) {
-    touched_ = static_cast<Eigen::Index>(row.unknowns.size());
-    across_.topRows(touched_) = row.jacobian.leftCols(touched_).transpose();
+    touched_ = 0;
     runs_.clear();
-    for (Eigen::Index place = 0; place < touched_; ++place) {
-      const int unknown = row.unknowns[static_cast<std::size_t>(place)];
-      if (runs_.empty() || unknown != runs_.back().unknown + static_cast<int>(runs_.back().count))
-        runs_.push_back({place, 0, unknown});
-      ++runs_.back().count;
-    }
-    for (std::size_t r = 0; r < runs_.size(); ++r) {
+    take(row, false);
+    const std::size_t sparse = runs_.size();
+    if (sparse == 0) return;
+    take(row, true);
+    for (std::size_t r = 0; r < sparse; ++r) {
       for (Eigen::Index k = 0; k < runs_[r].count; ++k) {
         if ((runs_[r].unknown + static_cast<int>(k)) / kColumnsTogether % jobs_ == job_)
           add_products(r, k);
@@ -89,6 +139,21 @@ class SquareAdder {
   }
 
  private:
+  // Appends the row's columns of unknowns that are dense, or of those that are not.
+  void take(const Design::Row& row, bool dense) {
+    const std::size_t begun = runs_.size();
+    for (std::size_t u = 0; u < row.unknowns.size(); ++u) {
+      const int unknown = row.unknowns[u];
+      if (dense_[static_cast<std::size_t>(unknown)] != dense) continue;
+      across_.row(touched_) = row.jacobian.col(static_cast<Eigen::Index>(u)).transpose();
+      if (runs_.size() == begun ||
+          unknown != runs_.back().unknown + static_cast<int>(runs_.back().count))
+        runs_.push_back({touched_, 0, unknown});
+      ++runs_.back().count;
+      ++touched_;
+    }
+  }
+
   // Of the k-th unknown of a run with itself and all that follow it in the row.
   void add_products(std::size_t first, Eigen::Index k) {
     const Eigen::Index own = runs_[first].place + k, left = touched_ - own;
@@ -110,7 +175,9 @@ class SquareAdder {
   }
 
   Eigen::MatrixXd& information_;
-  int residuals_, job_, jobs_;
+  int residuals_;
+  const std::vector<bool>& dense_;
+  int job_, jobs_;
   // Of the present row; its Jacobian with unknowns along memory.
   std::vector<Run> runs_;
   Eigen::Index touched_ = 0;
@@ -134,9 +201,12 @@ void NormalEquations::add(const std::vector<const Design::Row*>& rows, int resid
     equations += static_cast<std::size_t>(residuals);
     add_gradient(*row, residuals, gradient);
   }
+  const std::vector<bool> dense = dense_unknowns(rows, information.cols());
+  add_dense(rows, residuals, dense, information);
+  if (std::ranges::find(dense, false) == dense.end()) return;
   const std::size_t jobs = processors();
   in_parallel(jobs, [&](std::size_t job) {
-    SquareAdder adder(information, residuals, static_cast<int>(job), static_cast<int>(jobs));
+    SquareAdder adder(information, residuals, dense, static_cast<int>(job), static_cast<int>(jobs));
     for (const Design::Row* row : rows) {
       throw_if_cancelled();
       adder.add(*row);
