@@ -312,6 +312,11 @@ Eigen::MatrixXd transpose_times(const Eigen::Ref<const Eigen::MatrixXd>& a,
   return product("T", a, b, a.cols());
 }
 
+Eigen::MatrixXd congruent(const Eigen::MatrixXd& a, const Eigen::MatrixXd& by) {
+  if (by.rows() <= kSmallest) return by.transpose() * a * by;
+  return times(transpose_times(by, a), by);
+}
+
 GrownFactor::GrownFactor(const Eigen::Ref<const Eigen::MatrixXd>& root,
                          const Eigen::Ref<const Eigen::MatrixXd>& part)
     : factor_(root.triangularView<Eigen::Lower>().transpose()),

@@ -69,6 +69,9 @@ Eigen::MatrixXd times(const Eigen::Ref<const Eigen::MatrixXd>& a,
 Eigen::MatrixXd transpose_times(const Eigen::Ref<const Eigen::MatrixXd>& a,
                                 const Eigen::Ref<const Eigen::MatrixXd>& b);
 
+/// byᵀ a by.
+Eigen::MatrixXd congruent(const Eigen::MatrixXd& a, const Eigen::MatrixXd& by);
+
 /// The factor L′ of L Lᵀ + S Sᵀ (LAPACK dtpqrt), and what leads from one to the other.
 class GrownFactor {
  public:

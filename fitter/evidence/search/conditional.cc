@@ -55,7 +55,7 @@ double sign_term(const std::vector<SignRule>& rules, const Eigen::Ref<const Eige
 void weigh_shape(const SearchProblem& problem, const SearchBlock& own,
                  const Elimination::Local& local, int index, Conditional& result) {
   const PriorShape& shape = own.shapes[static_cast<std::size_t>(index)];
-  const Eigen::MatrixXd inner = shape.spread.transpose() * local.gram * shape.spread;
+  const Eigen::MatrixXd inner = congruent(local.gram, shape.spread);
   const auto rules = static_cast<Eigen::Index>(shape.signs.size());
   Eigen::MatrixXd right(inner.rows(), 1 + rules);
   right.col(0) = shape.spread.transpose() * local.gradient;

@@ -27,7 +27,7 @@ void Sampler::describe_alone(SearchResult& result) const {
     const Elimination::Local local = without(b);
     const Eigen::MatrixXd w = factor(b, c.choices[best + 1]);
     const Eigen::MatrixXd inner =
-        Eigen::MatrixXd::Identity(w.cols(), w.cols()) + w.transpose() * local.gram * w;
+        Eigen::MatrixXd::Identity(w.cols(), w.cols()) + congruent(local.gram, w);
     const Eigen::VectorXd along = w.transpose() * local.gradient;
     result.alone_gain.push_back(along.dot(Cholesky(inner).solve(along)));
     alone.push_back(w);
@@ -53,7 +53,7 @@ Eigen::MatrixXd Sampler::beyond_each_other(const std::vector<Eigen::MatrixXd>& a
     if (state_[a].is_present() || result.alone_log_bayes[a] <= 0.0) continue;
     const SearchBlock& first = block(a);
     const Elimination::Local left = without(a);
-    const Eigen::MatrixXd own = alone[a].transpose() * left.gram * alone[a];
+    const Eigen::MatrixXd own = congruent(left.gram, alone[a]);
     const Cholesky root(Eigen::MatrixXd::Identity(own.rows(), own.cols()) + own);
     const Eigen::VectorXd along_own = root.half_solve(alone[a].transpose() * left.gradient);
     for (std::size_t b = 0; b < alone.size(); ++b) {
@@ -61,12 +61,13 @@ Eigen::MatrixXd Sampler::beyond_each_other(const std::vector<Eigen::MatrixXd>& a
       if (first.counts && result.alone_gain[b] < kComparable * result.alone_gain[a]) continue;
       const SearchBlock& other = block(b);
       const Elimination::Local right = without(b);
-      const Eigen::MatrixXd cross = root.half_solve(
-          alone[a].transpose() *
-          eliminated_.across(first.first, first.width, other.first, other.width) * alone[b]);
-      Eigen::MatrixXd inner = alone[b].transpose() * right.gram * alone[b];
+      const Eigen::MatrixXd across =
+          eliminated_.across(first.first, first.width, other.first, other.width);
+      const Eigen::MatrixXd cross =
+          root.half_solve(times(transpose_times(alone[a], across), alone[b]));
+      Eigen::MatrixXd inner = congruent(right.gram, alone[b]);
       inner.diagonal().array() += 1.0;
-      inner -= cross.transpose() * cross;
+      inner -= square(cross);
       const Eigen::VectorXd along =
           alone[b].transpose() * right.gradient - cross.transpose() * along_own;
       beyond(static_cast<Eigen::Index>(a), static_cast<Eigen::Index>(b)) =
