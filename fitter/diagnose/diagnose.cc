@@ -128,12 +128,14 @@ Block smooth_block(const Fit& fit, const StructureFinding& finding) {
 // them goes.
 std::vector<EvidenceBlock> structure_blocks(const Fit& fit, const Structure& structure) {
   std::vector<EvidenceBlock> result;
-  for (const StructureFinding& finding : structure.findings) {
+  for (std::size_t f = 0; f < structure.findings.size(); ++f) {
+    const StructureFinding& finding = structure.findings[f];
     EvidenceBlock block;
     block.request = finding.block.request;
     block.label = "structure";
     block.kind = "structure";
     block.structure = true;
+    block.finding = f;
     // A joint function of two variables holds two causes, one of each, where they are there: it has
     // the odds of two.
     block.tried = std::pow(static_cast<double>(structure.tried),
@@ -340,8 +342,21 @@ void describe_present(const EvidenceSummary& evidence, Diagnosis& d) {
       [](const Superfluous& a, const Superfluous& b) { return a.probability < b.probability; });
 }
 
-void weigh(Fit& fit, const Linearization& linearization, std::vector<EvidenceBlock> extra,
-           const DiagnoseOptions& options, Diagnosis& d) {
+// Structures that the evidence speaks against: it knows joints that repeat worse than others, and
+// the test that found them does not.
+std::set<std::size_t> improbable_findings(const EvidenceSummary& evidence) {
+  std::set<std::size_t> result;
+  for (std::size_t b = 0; b < evidence.blocks.size(); ++b) {
+    if (evidence.blocks[b].structure && evidence.search.alone_log_bayes[b] < 0.0)
+      result.insert(evidence.blocks[b].finding);
+  }
+  return result;
+}
+
+// Returns the improbable ones of the structures that stand in `extra`.
+std::set<std::size_t> weigh(Fit& fit, const Linearization& linearization,
+                            std::vector<EvidenceBlock> extra, const DiagnoseOptions& options,
+                            Diagnosis& d) {
   EvidenceOptions weighing;
   weighing.searched = options.searched;
   CandidateBlocks catalogue = catalogue_blocks(fit);
@@ -358,6 +373,7 @@ void weigh(Fit& fit, const Linearization& linearization, std::vector<EvidenceBlo
   describe_present(evidence, d);
   recommend(d);
   name_confounded(evidence.search, d.candidates);
+  return improbable_findings(evidence);
 }
 
 // Shares of the squared residual as the charts draw them: of each candidate alone, all rows weighed
@@ -401,7 +417,7 @@ Diagnosis diagnose(Fit& fit, const DiagnoseOptions& options, Observer& observer)
   std::vector<EvidenceBlock> extra = spectral_blocks(fit, linearization, d.spectra);
   for (EvidenceBlock& block : structure_blocks(fit, structure)) extra.push_back(std::move(block));
   report(0.4, "weighing the catalogue");
-  weigh(fit, linearization, std::move(extra), options, d);
+  const std::set<std::size_t> improbable = weigh(fit, linearization, std::move(extra), options, d);
   d.lack_of_fit = lack_of_fit(linearization, fit, d.noise);
   if (!d.recommended() && d.lack_of_fit.testable && d.lack_of_fit.log10_p < kStructureSignificant) {
     // More is left than noise and nothing known explains it: a gear ratio may not be what it is
@@ -424,9 +440,11 @@ Diagnosis diagnose(Fit& fit, const DiagnoseOptions& options, Observer& observer)
   const bool unlike_noise = d.lack_of_fit.testable && d.lack_of_fit.log10_p < kStructureSignificant;
   if (d.recommended()) {
     d.verdict = Verdict::kMissingEffect;
-  } else if (!structure.findings.empty() || unlike_noise) {
+  } else if (improbable.size() < structure.findings.size() || unlike_noise) {
     d.verdict = Verdict::kUnexplainedStructure;
-    d.unexplained = structure.findings;
+    for (std::size_t f = 0; f < structure.findings.size(); ++f) {
+      if (!improbable.contains(f)) d.unexplained.push_back(structure.findings[f]);
+    }
     d.neighbour_ratio = neighbour_ratio(linearization, fit.state());
     d.probability_nothing = std::min(d.probability_nothing, std::pow(10.0, kStructureSignificant));
   }
