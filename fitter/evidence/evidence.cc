@@ -17,8 +17,8 @@ constexpr int kFewNoiseSteps = 4, kLastNoiseSteps = 2;  // of wide sets
 constexpr Eigen::Index kWideSet = 200;                  // columns: steps take long
 constexpr Eigen::Index kWideProblem = 800;              // columns
 // Beside an effect of its own form, a smooth function explains less than this share of what it
-// explains alone.
-constexpr double kSameForm = 1e-2;
+// explains alone; beside a table, whose own smoothness leaves something of it, less than that.
+constexpr double kSameForm = 1e-2, kSameFormAsTable = 5e-2;
 
 struct Projected {
   SearchProblem problem;
@@ -83,9 +83,9 @@ void drop_named_structure(std::vector<EvidenceBlock>& blocks, const SearchResult
   for (std::size_t b = 0; b < blocks.size(); ++b) {
     bool named = false;
     for (std::size_t a = 0; blocks[b].structure && a < blocks.size(); ++a) {
-      named = named || (!blocks[a].structure && !blocks[a].search.costly &&
-                        search.beyond(static_cast<Eigen::Index>(a), static_cast<Eigen::Index>(b)) <
-                            kSameForm);
+      const double same = blocks[a].search.costly ? kSameFormAsTable : kSameForm;
+      named = named || (!blocks[a].structure && search.beyond(static_cast<Eigen::Index>(a),
+                                                              static_cast<Eigen::Index>(b)) < same);
     }
     if (!named) kept.push_back(std::move(blocks[b]));
   }

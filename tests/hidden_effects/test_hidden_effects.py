@@ -104,6 +104,12 @@ def test_links_heavier_than_stated_bend_a_hardening_spring_by_its_slope_where_it
     assert verdict_of(outcome) == "right", outcome
 
 
+def test_a_function_of_one_joint_that_its_table_can_have_is_no_structure_without_a_name() -> None:
+    # Table and nameless function were about as likely, and nothing of three effects was added.
+    outcome = run_case("three_hidden", "irb2400", 0)
+    assert verdict_of(outcome) == "right", outcome
+
+
 def test_what_three_others_stood_for_is_tried_in_the_form_that_fits_it() -> None:
     # With noise not known yet another period of the balancer did best, and only that one was looked at closely.
     outcome = run_case("one_hidden", "kr30", 20801)
