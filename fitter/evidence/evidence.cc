@@ -76,20 +76,38 @@ Found found_columns(const EvidenceModel& model, const SearchResult& search) {
   return found;
 }
 
-// Smooth functions that explain nothing beside some effect have its form: only what no effect names
-// competes with the catalogue.
+// Whether block `b` is a smooth function that explains nothing beside some effect, and so has its
+// form: only what no effect names competes with the catalogue. A table that stands in the likeliest
+// set beside the function is no name for it.
+bool is_named_structure(const std::vector<EvidenceBlock>& blocks, const SearchResult& search,
+                        std::size_t b) {
+  for (std::size_t a = 0; blocks[b].structure && a < blocks.size(); ++a) {
+    const bool table = blocks[a].search.costly;
+    if (blocks[a].structure || (table && search.likeliest[a])) continue;
+    if (search.beyond(static_cast<Eigen::Index>(a), static_cast<Eigen::Index>(b)) <
+        (table ? kSameFormAsTable : kSameForm))
+      return true;
+  }
+  return false;
+}
+
 void drop_named_structure(std::vector<EvidenceBlock>& blocks, const SearchResult& search) {
+  std::vector<bool> named;
+  for (std::size_t b = 0; b < blocks.size(); ++b)
+    named.push_back(is_named_structure(blocks, search, b));
   std::vector<EvidenceBlock> kept;
   for (std::size_t b = 0; b < blocks.size(); ++b) {
-    bool named = false;
-    for (std::size_t a = 0; blocks[b].structure && a < blocks.size(); ++a) {
-      const double same = blocks[a].search.costly ? kSameFormAsTable : kSameForm;
-      named = named || (!blocks[a].structure && search.beyond(static_cast<Eigen::Index>(a),
-                                                              static_cast<Eigen::Index>(b)) < same);
-    }
-    if (!named) kept.push_back(std::move(blocks[b]));
+    if (!named[b]) kept.push_back(std::move(blocks[b]));
   }
   blocks = std::move(kept);
+}
+
+// Whether a smooth function stands in the likeliest set in the place of what has its form.
+bool holds_named_structure(const std::vector<EvidenceBlock>& blocks, const SearchResult& search) {
+  for (std::size_t b = 0; b < blocks.size(); ++b) {
+    if (search.likeliest[b] && is_named_structure(blocks, search, b)) return true;
+  }
+  return false;
 }
 
 }  // namespace
@@ -115,8 +133,11 @@ EvidenceSummary weigh_evidence(Fit& fit, const Linearization& l, std::vector<Blo
         last ? (model.columns.cols() > kWideProblem ? options.sweeps / 3 : options.sweeps) : 0;
     if (!last) search.burn_in = 0;
     evidence.search = search_blocks(projected.problem, search);
-    // With the noise that is known by now, another form may do best than with the broad one.
-    if (last && !repeated && wants_finer_forms(model.blocks, evidence.search)) {
+    // With the noise that is known by now, another form may do best than with the broad one, or a
+    // smooth function push out the table that names it.
+    if (last && !repeated &&
+        (wants_finer_forms(model.blocks, evidence.search) ||
+         holds_named_structure(model.blocks, evidence.search))) {
       repeated = true;
       last = false;
       ++rounds;
