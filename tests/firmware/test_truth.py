@@ -16,6 +16,7 @@ import arms
 import armtrue_sim
 import numpy as np
 import pytest
+from armtrue.tables.image import Image
 from armtrue_sim.arm import Arm
 from armtrue_sim.campaign import csv_text
 
@@ -92,6 +93,10 @@ def test_the_tool_reaches_the_intended_point(arm: str, statics: str, tmp_path: P
     )  # fmt: skip
     assert json.loads((tmp_path / "fit.json").read_text())["statics"] == statics
     armtrue("export", tmp_path / "fit.json", "--out", tmp_path / "tables.bin")
+    assert Image.load(tmp_path / "tables.bin").loads_act_at() in (
+        None,
+        "command" if statics == "nominal" else "target",
+    )
     fresh = {name: values for name, values in campaign.test.items() if name not in ("x", "y", "z")}
     (tmp_path / "poses.csv").write_text(csv_text(fresh))
     armtrue("compensate", tmp_path / "tables.bin", tmp_path / "poses.csv", "--out", tmp_path / "c.csv")

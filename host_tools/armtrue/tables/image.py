@@ -230,6 +230,13 @@ class Image:
         size = layout.MASS_SET_HEAD.size + self.joint_count * layout.MASS_SET_LINK.size
         return [layout.MASS_SET_HEAD.unpack_from(self.bytes, offset + i * size)[1] for i in range(count)]
 
+    def loads_act_at(self) -> str | None:
+        """Where the device takes gravity's loads: at the "target" of a command, or at the "command" as corrected."""
+        flags = self._mass_set_flags()
+        if not flags:
+            return None
+        return "command" if flags[0] & layout.ACTS_AT_COMMAND else "target"
+
     def measuring_from_base(self) -> Array:
         """The fitted base; the identity where the image does not carry it."""
         for record in self.records(Section.BASE, layout.BASE):

@@ -47,6 +47,7 @@ def describe(image: Image) -> dict[str, Any]:
         "active_tool": list(image.tools())[header["active_tool"]],
         "sensors_reference_degc": image.sensors(),
         "needs": sorted(image.needs()),
+        "loads_act_at": image.loads_act_at(),
         "joints": [
             {
                 "type": "prismatic" if joint.prismatic else "revolute",
