@@ -33,7 +33,9 @@ def present(document: dict[str, Any], image: Image, output: Output, terms: bool)
         f"blend {document['blend_ms']} ms, damping {document['damping_m_per_rad']:.4f} m/rad, "
         f"tools {', '.join(_quoted(name) for name in document['tools'])} ({_quoted(document['active_tool'])} active)"
     )
-    output.say(f"reads besides the joints: {', '.join(document['needs']) or 'nothing'}")
+    loads = document["loads_act_at"]
+    place = f"; loads act at the {'corrected ' if loads == 'command' else ''}{loads}" if loads else ""
+    output.say(f"reads besides the joints: {', '.join(document['needs']) or 'nothing'}{place}")
     table = plain_table(
         "joint", "increments per turn (m)", "one is [µm at tool]", "max [mrad, mm]", "max rate [mrad/s]"
     )
