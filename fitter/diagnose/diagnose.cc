@@ -23,10 +23,8 @@ constexpr double kStructureSignificant = -5.0;
 constexpr double kSameExplanation = 0.9;
 // A rival that explains this much of its own beside a candidate is another effect, no alternative.
 constexpr double kIndependentShare = 0.5;
-constexpr std::size_t kSpectralPeaks = 3, kMostSpectralPeaks = 8;
-// More than a few peaks of a joint are weighed where noise would make one so high once in a
-// thousand joints.
-constexpr double kClearPeak = 1e-3;
+// More lines of a joint than these together imitate a table.
+constexpr std::size_t kSpectralPeaks = 3;
 constexpr std::size_t kFineNodes = 30, kPairNodes = 7;
 constexpr double kLowestLine = 2.5;  // below this, harmonics and geometry tell the tale
 
@@ -53,14 +51,8 @@ std::vector<EvidenceBlock> spectral_blocks(const Fit& fit, const Linearization& 
     lines += static_cast<double>(spectrum.cycles.size()) / 4.0;
     const double ratio =
         fit.robot().joints[static_cast<std::size_t>(spectrum.joint - 1)].gear_ratio;
-    const std::vector<SpectralPeak> peaks =
-        highest_peaks(spectrum, linearization, fit.state(), kMostSpectralPeaks);
-    // A line explains a share of pure noise that is exponentially distributed.
-    const double by_chance = 2.0 / linearization.freedom *
-                             std::log(static_cast<double>(spectrum.cycles.size()) / kClearPeak);
-    for (std::size_t i = 0; i < peaks.size(); ++i) {
-      const SpectralPeak& peak = peaks[i];
-      if (i >= kSpectralPeaks && peak.power < by_chance) break;
+    for (const SpectralPeak& peak :
+         highest_peaks(spectrum, linearization, fit.state(), kSpectralPeaks)) {
       // What makes less than one wave over the joint's range is a bend that harmonics have, too.
       if (peak.cycles < std::max(kLowestLine, spectrum.resolution)) continue;
       const double width = 0.5 * spectrum.resolution;
