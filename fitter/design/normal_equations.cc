@@ -52,8 +52,8 @@ namespace {
 // Columns of the information are dealt out to the jobs so many at a time. Each job adds all rows to
 // its own columns: nothing is summed twice, and no order depends on the number of jobs.
 constexpr int kColumnsTogether = 16;
-// An unknown that more than this share of the rows read is multiplied by the BLAS with all others
-// that are, so many rows at a time; of the nodes of tables a row reads a few.
+// Unknowns that more than this share of the rows read are multiplied with one another by the BLAS,
+// so many rows at a time. Of the nodes of tables a row reads only a few.
 constexpr double kDense = 0.5;
 constexpr std::size_t kRowsTogether = 1024;
 

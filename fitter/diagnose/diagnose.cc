@@ -184,8 +184,8 @@ Candidate make_candidate(const Fit& fit, const EvidenceSummary& evidence, std::s
 // Difference in BIC by which an effect shows without a structure beside it: very strong evidence
 // (Kass and Raftery 1995, JASA 90, 773).
 constexpr double kShowsAlone = -10.0;
-// A candidate has another cause than a structure where it keeps this share of its gain beside the
-// structure, and where the fitted model cannot imitate this share of what the candidate does.
+// A candidate is taken for another cause than a structure if it keeps the first share of its gain
+// beside the structure, and the fitted model cannot imitate the second share of its effect.
 constexpr double kOfAnotherKind = 0.9, kUnlikeTheModel = 0.5;
 
 // What a block depends on beside the arm's posture: "session" for time and temperatures, which go
@@ -205,10 +205,9 @@ std::set<std::string> beside_posture(const Block& block, int joints) {
 }
 
 // Lowers the probability of candidates that explain less than a structure (a smooth function that
-// no effect names): they may only make up for errors of that function. Two kinds are spared if they
-// show without the structure in the model too: those that explain as much beside it as without it,
-// such as a wave of many cycles, and those that depend on a variable that the structure does not
-// read, such as time or a direction.
+// no effect names): they may only make up for errors of that function. Spared is what the data show
+// without the structure too, if it explains as much beside the structure as without it (a wave of
+// many cycles), or depends on a variable that the structure does not read (time, a direction).
 void doubt_beside_structure(const Fit& fit, const EvidenceSummary& evidence,
                             std::vector<Candidate>& candidates, double& nothing) {
   const int joints = fit.robot().joint_count();

@@ -76,9 +76,10 @@ Found found_columns(const EvidenceModel& model, const SearchResult& search) {
   return found;
 }
 
-// Whether block `b` is a smooth function that explains nothing beside some effect, and so has its
-// form: only what no effect names competes with the catalogue. A table that stands in the likeliest
-// set beside the function is no name for it.
+// True if block `b` is a structure (a smooth function that no effect names) of the same form as
+// some effect: beside that effect it explains next to nothing, and must not compete with it. A
+// table counts only while it is not in the likeliest set itself: if it is, a structure there
+// explains something else.
 bool is_named_structure(const std::vector<EvidenceBlock>& blocks, const SearchResult& search,
                         std::size_t b) {
   for (std::size_t a = 0; blocks[b].structure && a < blocks.size(); ++a) {
@@ -102,7 +103,7 @@ void drop_named_structure(std::vector<EvidenceBlock>& blocks, const SearchResult
   blocks = std::move(kept);
 }
 
-// Whether a smooth function stands in the likeliest set in the place of what has its form.
+// True if a structure stands in the likeliest set in place of the effect whose form it has.
 bool holds_named_structure(const std::vector<EvidenceBlock>& blocks, const SearchResult& search) {
   for (std::size_t b = 0; b < blocks.size(); ++b) {
     if (search.likeliest[b] && is_named_structure(blocks, search, b)) return true;

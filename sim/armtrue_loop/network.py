@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import socket
 
+import can
 import canopen
 
 _SO_RCVBUFFORCE = 33  # asm-generic/socket.h; Python has no name for it
@@ -12,10 +13,15 @@ _SO_RCVBUFFORCE = 33  # asm-generic/socket.h; Python has no name for it
 _RECEIVE_BUFFER_BYTES = 16 << 20
 
 
+def keep_all_frames(bus: can.BusABC) -> None:
+    """Let a SocketCAN bus hold 16 MB of frames that nobody has read yet. Needs CAP_NET_ADMIN."""
+    bus.socket.setsockopt(socket.SOL_SOCKET, _SO_RCVBUFFORCE, _RECEIVE_BUFFER_BYTES)
+
+
 def open_network(channel: str) -> canopen.Network:
-    """A network on SocketCAN interface `channel`; close it with `disconnect`. Needs the right to force buffers."""
+    """A CANopen network on SocketCAN interface `channel` with such a buffer; close it with `disconnect`."""
     network = canopen.Network()
     network.NOTIFIER_CYCLE = 0.05  # how long disconnect() waits for its thread
     network.connect(interface="socketcan", channel=channel)
-    network.bus.socket.setsockopt(socket.SOL_SOCKET, _SO_RCVBUFFORCE, _RECEIVE_BUFFER_BYTES)
+    keep_all_frames(network.bus)
     return network

@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 import json
 import signal
-import socket
 import struct
 import threading
 import time
@@ -17,11 +16,11 @@ import can
 import canopen
 import link
 import pytest
+from armtrue_loop.network import keep_all_frames
 from command_line import Moment, Running, armtrue
 from node_process import NODE_ID, NodeProcess, connect, disconnect
 from small_table import small_table
 
-SO_RCVBUFFORCE = 33  # asm-generic/socket.h; Python has no name for it
 OFFSET_COB_ID = 0x400001A0  # of joints 1 and 2; the next pairs 0x100 further
 
 
@@ -202,7 +201,7 @@ def requests_seen() -> Iterator[Iterator[can.Message]]:
     """What is sent to the device's SDO server within the block, as it is taken: a socket keeps 277 frames, ours all."""
     only = [{"can_id": 0x600 + NODE_ID, "can_mask": 0x7FF, "extended": False}]
     with can.Bus(interface="socketcan", channel="vcan0", can_filters=only) as bus:
-        bus.socket.setsockopt(socket.SOL_SOCKET, SO_RCVBUFFORCE, 16 << 20)  # type: ignore[attr-defined]
+        keep_all_frames(bus)
         yield iter(lambda: bus.recv(0.0), None)
 
 

@@ -78,7 +78,7 @@ def test_the_tool_reaches_the_intended_point(arm: str, statics: str, tmp_path: P
             "arm": arm,
             "seed": 11,
             "statics": statics,
-            # Where loads act is told apart by a reading of 2 µm; by one of 8 the arm is taken to give way.
+            # With readings to 2 µm a fit can tell where loads act; with 8 µm it cannot, and takes the arm to give way.
             "instrument": {"sigma": 8e-6 if statics == "deflected" else 2e-6},
             "repeatability": {"drive": 2.5e-6 if statics == "deflected" else 0.0},
             "believed": ["base_frame", "tool_offset", *CASES[arm]],

@@ -153,8 +153,8 @@ Correction solve(const TableView& table, const JointPositions& target,
   }
   link_positions(table, corrected, link);
   turn_motions(table, work.link, link, work.motions);
-  // An arm that gives way under its loads stands at the target once it is corrected, so that loads
-  // stay those of the target; where they act at what is commanded, they are those of q₁.
+  // A corrected arm that bends under its loads stands at the target, so its loads stay those of the
+  // target. Where the fit found loads to act at the commanded angles, they are those of q₁.
   if (table.do_loads_act_at_command()) {
     update_gravity(table, work.motions, work.terms);
   }

@@ -168,11 +168,7 @@ std::uint32_t Counter::states() const {
 
 // Loads at the target, and where they act at the command those at q₁ too.
 std::uint32_t Counter::gravity_passes() const {
-  const SectionView& sets = section(Section::kMassSets);
-  return sets.count != 0U &&
-                 (sets.begin[format::mass_set::kFlagsAt] & format::mass_set::kActsAtCommand) != 0U
-             ? 2U
-             : 1U;
+  return do_loads_act_at_command(section(Section::kMassSets)) ? 2U : 1U;
 }
 
 // A change of the mass set from one variable to the next sums all masses anew; the torque of a

@@ -35,9 +35,7 @@ TableView::TableView(std::span<const std::uint8_t> image) : image_(image) {
   read_motions();
   read_constants();
 
-  do_loads_act_at_command_ =
-      section(format::Section::kMassSets).count != 0U &&
-      (mass_set(0)[format::mass_set::kFlagsAt] & format::mass_set::kActsAtCommand) != 0U;
+  do_loads_act_at_command_ = armtrue::do_loads_act_at_command(section(format::Section::kMassSets));
 
   const SectionView& state = section(format::Section::kState);
   for (std::size_t i = 0; i < state.count; ++i) {

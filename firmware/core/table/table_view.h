@@ -28,6 +28,12 @@ struct TermCounts {
   std::uint16_t harmonics = 0;
 };
 
+// Where loads act, as the flags of the mass sets have it: they are alike in all.
+inline bool do_loads_act_at_command(const SectionView& mass_sets) {
+  return mass_sets.count != 0U &&
+         (mass_sets.begin[format::mass_set::kFlagsAt] & format::mass_set::kActsAtCommand) != 0U;
+}
+
 // Pointers into a validated image, and the few header fields that the joint path needs. Reading
 // through it needs no further check; making one from an image that validate() did not accept is an
 // error of the caller.

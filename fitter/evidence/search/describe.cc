@@ -43,8 +43,9 @@ void Sampler::describe_alone(SearchResult& result) const {
   result.beyond = beyond_each_other(alone, result);
 }
 
-// Filled for every two blocks that are worth their prior odds and explain about as much, since they
-// may stand for one another, and for each structure with every such block.
+// Element (a, b): the share of b's gain that is left beside a. It is worked out for pairs that may
+// stand for one another, and is 1 elsewhere: both have a Bayes factor above 1 and explain about as
+// much; a structure a is compared with every b of such a factor.
 Eigen::MatrixXd Sampler::beyond_each_other(const std::vector<Eigen::MatrixXd>& alone,
                                            const SearchResult& result) const {
   const auto count = static_cast<Eigen::Index>(alone.size());
