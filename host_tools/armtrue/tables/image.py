@@ -231,7 +231,7 @@ class Image:
         return [layout.MASS_SET_HEAD.unpack_from(self.bytes, offset + i * size)[1] for i in range(count)]
 
     def loads_act_at(self) -> str | None:
-        """Where the device evaluates gravity loads: at the "target", or at the corrected "command"; None without masses."""
+        """Where the device evaluates gravity loads: "target", or the corrected "command"; None without masses."""
         flags = self._mass_set_flags()
         if not flags:
             return None
