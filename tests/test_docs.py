@@ -101,6 +101,7 @@ def notebook(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     return names
 
 
+@pytest.mark.full  # the example notebook runs the same functions
 def test_the_notebook_of_the_page_runs(notebook: dict[str, Any]) -> None:
     assert (notebook["folder"] / "fit.json").exists()
     assert (notebook["folder"] / "report.html").exists()

@@ -34,6 +34,27 @@ __all__ = [
 
 needs_can(__file__)
 
+# What of the suites every change tries on an emulated chip: that it answers, corrects, keeps a table and speaks with
+# a client that is not ours. The rest is the portable node's, which the POSIX node runs; on chips it is left to `full`.
+ON_EVERY_CHIP = {
+    "test_sdo_01_expedited_read_of_1000h",
+    "test_heartbeat_01_02_03_producer",
+    "test_targets_are_corrected_by_the_table",
+    "test_offsets_follow_the_table_once_for_each_set",
+    "test_a_table_reads_back_as_it_was_sent",
+    "test_reset_ends_an_unconfirmed_trial",
+    "test_the_device_finds_itself_in_order",
+    "test_foreign_table_upload_is_confirmed_and_a_worse_one_refused",
+}
+
+
+def pytest_itemcollected(item: pytest.Item) -> None:
+    if not isinstance(item, pytest.Function) or getattr(item.module, "TARGET", "posix.toml") == "posix.toml":
+        return
+    from_a_suite = item.function.__module__ != item.module.__name__
+    if from_a_suite and item.originalname not in ON_EVERY_CHIP:
+        item.add_marker("full")
+
 
 @pytest.fixture
 def running_node(tmp_path: Path) -> Iterator[NodeProcess]:

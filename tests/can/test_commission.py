@@ -7,6 +7,7 @@ import threading
 from pathlib import Path
 
 import can
+import pytest
 from armtrue.device import SdoClient
 from command_line import armtrue
 from node_process import NODE_ID, NodeProcess
@@ -47,6 +48,7 @@ def commission_over_vcan(tmp_path: Path, drives: Drives) -> tuple[int, dict[str,
     return done.returncode, json.loads((tmp_path / "found.json").read_text()), done.stdout
 
 
+@pytest.mark.full  # half a minute of cycles, which test_commission_in_process.py passes at once
 def test_command_finds_exchanged_drives_behind_a_node_on_socketcan(tmp_path: Path) -> None:
     status, figures, text = commission_over_vcan(tmp_path, Drives(axis=(0, 2, 1, 3, 4, 5)))
     assert status == 1

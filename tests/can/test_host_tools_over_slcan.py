@@ -62,6 +62,7 @@ def test_every_command_over_a_serial_line(line: tuple[str, ...], tmp_path: Path)
     assert recorded == [(0x620, False), (0x5A0, True)] * (len(recorded) // 2)
 
 
+@pytest.mark.full
 def test_an_upload_killed_on_a_serial_line_is_repeated_at_once(line: tuple[str, ...], tmp_path: Path) -> None:
     tables = tmp_path / "tables.bin"
     tables.write_bytes(small_table(sequence=9, padding=12000))

@@ -166,7 +166,11 @@ INTERRUPTIONS: dict[str, tuple[int, Callable[[bytes], bool]]] = {
 
 @pytest.mark.parametrize(
     ("transfer", "moments"),
-    [("block", list(INTERRUPTIONS)), ("segmented", ["first segments", "middle segments"])],
+    [
+        ("block", ["middle segments", "committing"]),
+        pytest.param("block", list(INTERRUPTIONS), marks=pytest.mark.full),
+        pytest.param("segmented", ["first segments", "middle segments"], marks=pytest.mark.full),
+    ],
 )
 def test_an_upload_killed_anywhere_is_repeated_at_once(
     tmp_path: Path, transfer: str, moments: list[str]
@@ -223,7 +227,11 @@ def test_a_bus_that_goes_away_is_no_answer_and_the_upload_can_be_repeated(tmp_pa
 
 
 @pytest.mark.parametrize(
-    "silent", [False, True], ids=["back at once", "away for longer than an answer may take"]
+    "silent",
+    [
+        pytest.param(False, id="back at once"),
+        pytest.param(True, id="away for longer than an answer may take", marks=pytest.mark.full),
+    ],
 )
 def test_a_node_that_restarts_in_the_middle_does_not_matter(tmp_path: Path, silent: bool) -> None:
     file = tmp_path / "tables.bin"
@@ -291,6 +299,7 @@ def write(index: int, sub: int, value: int) -> None:
     disconnect(node)
 
 
+@pytest.mark.full  # a dozen commands, half a minute in User-Mode Linux
 def test_a_device_that_corrects_nothing_or_will_forget_is_told_of(tmp_path: Path, tables: Path) -> None:
     with NodeProcess(tmp_path / "state") as process:
         uploaded = armtrue("upload", tables, "--confirm", "--json", tmp_path / "out.json")

@@ -48,6 +48,7 @@ def restart(url: str) -> None:
     pytest.fail("no boot-up message")
 
 
+@pytest.mark.full  # with a foreign client, tests/can/test_on_stm32f405.py does the same in a tenth of the time
 def test_a_table_lasts_only_when_confirmed(url: str, tables: pathlib.Path, tmp_path: pathlib.Path) -> None:
     on_trial = armtrue(url, "upload", tables)
     assert on_trial.returncode == 0, on_trial.stderr

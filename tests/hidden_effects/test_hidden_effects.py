@@ -10,7 +10,20 @@ from armtrue_sim.kinds import ARMS
 from harness import Outcome, Settings, accounted_for, verdict_of
 from harness import run_case as run_settings
 
-SEEDS = (1, 2)
+
+def and_in_full(first: Any, *more: Any) -> list[Any]:
+    """One case for every change; `./dev test full` has the others too."""
+    return [
+        first,
+        *(
+            pytest.param(*(case if isinstance(case, tuple) else (case,)), marks=pytest.mark.full)
+            for case in more
+        ),
+    ]
+
+
+SEEDS = and_in_full(1, 2)
+HARD = ["gross_errors", "sixty_poses", "noise_x4", "missing_columns"]
 
 
 def run_case(kind: str, arm: str, seed: int, reference: bool = False) -> Outcome:
@@ -45,15 +58,26 @@ def test_what_no_effect_names_is_not_explained_away(arm: str, seed: int) -> None
     assert verdict_of(outcome) == "right", outcome
 
 
-@pytest.mark.parametrize("arm", ARMS)
-@pytest.mark.parametrize("kind", ["gross_errors", "sixty_poses", "noise_x4", "missing_columns"])
+@pytest.mark.parametrize(
+    ("kind", "arm"),
+    [
+        case
+        for kind, first in zip(HARD, ARMS, strict=True)
+        for case in and_in_full((kind, first), *((kind, arm) for arm in ARMS if arm != first))
+    ],
+)
 def test_hard_circumstances(kind: str, arm: str) -> None:
     outcome = run_case(kind, arm, 2)
     assert verdict_of(outcome) == "right", outcome
 
 
-@pytest.mark.parametrize("arm", ["kr30", "cobot"])
-@pytest.mark.parametrize("kind", ["real_nothing", "real_one"])
+@pytest.mark.parametrize(
+    ("kind", "arm"),
+    [
+        ("real_nothing", "cobot"),
+        *and_in_full(("real_one", "kr30"), ("real_nothing", "kr30"), ("real_one", "cobot")),
+    ],
+)
 def test_an_arm_unlike_its_file_hides_nothing_and_alarms_nobody(kind: str, arm: str) -> None:
     # Masses 20 % off, the base not level, loads where the arm stands: the search weighs the links, or it is led astray.
     outcome = run_case(kind, arm, 20000)
@@ -72,7 +96,7 @@ def test_less_than_a_wave_over_the_range_of_a_joint_is_no_line_and_no_table() ->
     assert verdict_of(outcome) == "right", outcome
 
 
-@pytest.mark.parametrize(("kind", "arm"), [("noise_x4", "kr30"), ("real_three", "irb2400")])
+@pytest.mark.parametrize(("kind", "arm"), and_in_full(("noise_x4", "kr30"), ("real_three", "irb2400")))
 def test_an_effect_is_as_sure_as_all_its_forms_together(kind: str, arm: str) -> None:
     # Two shapes of one bent link and a third candidate had a third each: nothing was said to be missing. A spring that
     # hardens or is soft waited behind what it was mistaken for.
@@ -116,7 +140,7 @@ def test_what_three_others_stood_for_is_tried_in_the_form_that_fits_it() -> None
     assert verdict_of(outcome) == "right", outcome
 
 
-@pytest.mark.parametrize(("arm", "seed"), [("irb2400", 20704), ("kr30", 20702)])
+@pytest.mark.parametrize(("arm", "seed"), and_in_full(("kr30", 20702), ("irb2400", 20704)))
 def test_a_small_effect_waits_until_the_large_ones_are_in(arm: str, seed: int) -> None:
     # The first search was sure of waves of joint 3 too, a thousandth of what was hidden. A search beside the hidden
     # effects names the masses instead of these waves.
@@ -131,7 +155,7 @@ def test_what_is_sure_comes_in_though_chance_moves_unseen_poses_by_a_per_mille()
 
 
 @pytest.mark.parametrize(
-    ("arm", "seed"), [("cobot", 20402), ("irb2400", 20406), ("irb2400", 21000), ("irb2400", 21001)]
+    ("arm", "seed"), and_in_full(("cobot", 20402), ("irb2400", 20406), ("irb2400", 21000), ("irb2400", 21001))
 )
 def test_a_step_is_named_by_the_variable_in_which_it_is_sharp(arm: str, seed: int) -> None:
     # A load that goes along with the joint's angle explained the smoothed step as well, and was named first.
@@ -139,7 +163,7 @@ def test_a_step_is_named_by_the_variable_in_which_it_is_sharp(arm: str, seed: in
     assert verdict_of(outcome) == "right", outcome
 
 
-@pytest.mark.parametrize(("arm", "seed"), [("cobot", 20202), ("lbr", 20203)])
+@pytest.mark.parametrize(("arm", "seed"), and_in_full(("lbr", 20203), ("cobot", 20202)))
 def test_what_runs_with_time_is_not_refused_for_the_times_it_has_not_seen(arm: str, seed: int) -> None:
     # Gears warm by their duty: diagnose was sure of warm_up, and refine kept it out, since the session's first
     # minutes cannot be told from the others.
@@ -147,7 +171,7 @@ def test_what_runs_with_time_is_not_refused_for_the_times_it_has_not_seen(arm: s
     assert verdict_of(outcome) == "right", outcome
 
 
-@pytest.mark.parametrize(("arm", "seed"), [("kr30", 20201), ("irb2400", 20200)])
+@pytest.mark.parametrize(("arm", "seed"), and_in_full(("kr30", 20201), ("irb2400", 20200)))
 def test_a_link_that_bends_along_its_length_is_one_cause(arm: str, seed: int) -> None:
     # As a hinge at its joint, up to four other effects were named for what the shape of a beam adds.
     outcome = run_case("foreign_truth", arm, seed)
@@ -160,7 +184,7 @@ def test_an_effect_is_not_put_aside_for_a_smooth_function_of_its_own_form() -> N
     assert verdict_of(outcome) == "right", outcome
 
 
-@pytest.mark.parametrize(("arm", "seed"), [("kr30", 20600), ("lbr", 20501)])
+@pytest.mark.parametrize(("arm", "seed"), and_in_full(("kr30", 20600), ("lbr", 20501)))
 def test_a_table_does_not_stand_for_what_physics_explains_together(arm: str, seed: int) -> None:
     # Beside effects that were still missing, a joint's table explained more than the one effect it hid.
     outcome = run_case("three_hidden", arm, seed)
@@ -179,7 +203,7 @@ def test_a_bump_comes_in_though_its_poses_were_taken_for_gross_errors() -> None:
     assert verdict_of(outcome) == "right", outcome
 
 
-@pytest.mark.parametrize("arm", ["cobot", "lbr"])
+@pytest.mark.parametrize("arm", and_in_full("cobot", "lbr"))
 def test_two_heats_under_noise_or_warm_up_are_both_readings(arm: str) -> None:
     outcome = run_case("thermal_pair_noise_x4", arm, 20000)
     assert verdict_of(outcome) == "right", outcome

@@ -24,7 +24,13 @@ ALL = [
 ]
 
 
-@pytest.mark.parametrize("draw", ALL, ids=lambda draw: draw.__name__)
+@pytest.mark.parametrize(
+    "draw",
+    [
+        pytest.param(draw, marks=[pytest.mark.full] if at else [], id=draw.__name__)
+        for at, draw in enumerate(ALL)
+    ],
+)
 def test_a_picture_is_the_section_of_the_page(report, draw):
     shown = draw(report).html
     section = re.search(r"<section.*</section>", shown, re.DOTALL)[0]
