@@ -209,8 +209,8 @@ TEST(Identifiability, ScaleOfAStandingJointIsItsZero) {
   EXPECT_EQ(r.held("joint_scale[2]"), nullptr) << r.sentences();
 }
 
-// Neighbours of one regressor family: an arm without masses must keep base parameters only, and
-// still fit.
+// Without masses in the robot file, moments of neighbouring links act on an axis as one number: of
+// these regressors only a minimal set, the base parameters, can be kept.
 TEST(Identifiability, GravityRegressorsKeepBaseParametersOnly) {
   Random random(40);
   json model = testing::geometry_model();

@@ -7,10 +7,11 @@
 
 namespace armtrue {
 
-/// A Gram matrix G = ZᵀZ with gradient Zᵀy, and members: columns Z_b W_b whose coefficients are
-/// standard normal. What all other columns have left beside the members follows from one
-/// triangular factor, of I + WᵀGW, that grows and shrinks with them; G itself is never touched, so
-/// no rounding adds up.
+/// Least squares in which sets of columns, the members, come and go. Given are the Gram matrix
+/// G = ZᵀZ and the gradient Zᵀy; a member is Z_b W_b, with coefficients that are standard normal by
+/// their prior. What the members leave of all other columns follows from one triangular factor, of
+/// I + WᵀGW, that grows and shrinks with them. G itself is never changed, so rounding does not add
+/// up.
 class Elimination {
  public:
   /// What some columns have left beside the members.
