@@ -1,6 +1,7 @@
 #include "fitter/design/model.h"
 
 #include <algorithm>
+#include <functional>
 #include <numbers>
 #include <optional>
 #include <set>
@@ -143,15 +144,26 @@ std::map<std::string, Expression> carried_of(const Model& model) {
   return result;
 }
 
+namespace {
+
+bool reads_any(const Parameter& parameter, const std::function<bool(const std::string&)>& wanted) {
+  return std::ranges::any_of(parameter.terms, [&](const Term& term) {
+    return std::ranges::any_of(term.basis.variables(), wanted);
+  });
+}
+
+}  // namespace
+
 bool is_foreseeable(const Parameter& parameter, int joints) {
-  for (const Term& term : parameter.terms) {
-    for (const std::string& name : term.basis.variables()) {
-      if (name == "x" || name == "y" || name == "z") return false;
-      const auto variable = parse_variable(name, joints);
-      if (variable && variable->kind == VariableKind::kWarmth) return false;
-    }
-  }
-  return true;
+  return !reads_any(parameter, [&](const std::string& name) {
+    const auto variable = parse_variable(name, joints);
+    return variable && variable->kind == VariableKind::kWarmth;
+  });
+}
+
+bool reads_point(const Parameter& parameter) {
+  return reads_any(
+      parameter, [](const std::string& name) { return name == "x" || name == "y" || name == "z"; });
 }
 
 std::map<std::string, std::string> columns_needed(const Model& model, const State& state) {
@@ -159,7 +171,7 @@ std::map<std::string, std::string> columns_needed(const Model& model, const Stat
   std::set<std::string> found;  // numbers that the fit finds stand in expressions too
   for (const NonlinearParameter& p : model.nonlinear) found.insert(p.name);
   for (const Parameter& p : model.parameters) {
-    if (!is_foreseeable(p, state.robot().joint_count())) continue;
+    if (!is_foreseeable(p, state.robot().joint_count()) || reads_point(p)) continue;
     for (const Term& term : p.terms) {
       for (const std::string& name : term.basis.variables()) {
         const auto variable = parse_variable(name, state.robot().joint_count());

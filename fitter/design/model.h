@@ -44,8 +44,10 @@ std::vector<Spring> springs_of(const Model& model, int joints);
 /// What a fitted model has of effects that carry a load (Effect::carries), by that load.
 std::map<std::string, Expression> carried_of(const Model& model);
 
-/// False where it takes what the instrument saw, or the way to a pose: no prediction has that.
+/// False where it takes the way to a pose: no prediction has that.
 bool is_foreseeable(const Parameter& parameter, int joints);
+/// Whether it depends on where the instrument saw the point, as its own errors do.
+bool reads_point(const Parameter& parameter);
 
 /// Columns that a file must hold for the model's predictions, and for each what stands in for it
 /// where poses have not been driven to yet; empty: nothing does.

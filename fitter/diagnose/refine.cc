@@ -26,6 +26,10 @@ constexpr double kByChance = 2.0;
 // at random falls by this share, and the mean over poses held out at random, in time and by region
 // does not grow.
 constexpr double kWorthNodes = 1e-2;
+// Candidates that are fitted where a structure has no name, and by how much each must show alone:
+// very strong evidence, as a difference in BIC (Kass and Raftery 1995, JASA 90, 773).
+constexpr std::size_t kTriedForStructure = 3;
+constexpr double kStronglyAlone = -10.0;
 // Candidates of one search from which moves are taken.
 constexpr std::size_t kLookedThrough = 60;
 // Held-out errors of two models that agree by this share are equal.
@@ -84,6 +88,12 @@ std::vector<Move> moves_of(const Diagnosis& d) {
     if (best && c.probability > 0.5) moves.push_back({c, {}});
   }
   for (const Superfluous& s : d.superfluous) moves.push_back({std::nullopt, {s.request}});
+  // What is more likely absent, for what is more likely there.
+  for (const Superfluous& s : d.superfluous) {
+    for (const Candidate& c : d.candidates) {
+      if (!best && c.probability > kMoreLikelyThanNot) moves.push_back({c, {s.request}});
+    }
+  }
   return moves;
 }
 
@@ -187,7 +197,8 @@ class Refinement {
   }
 
   std::vector<RefineStep> run() {
-    for (auto full = steps_.back().fit; one_round(); full = steps_.back().fit) {
+    for (auto full = steps_.back().fit; one_round() || explain_structure();
+         full = steps_.back().fit) {
       fit_in_full(*full);
       refused_.clear();
       steps_.back().diagnosis = diagnose_now(*steps_.back().fit);
@@ -203,10 +214,12 @@ class Refinement {
   struct Trial {
     std::size_t move = 0;  // of the search's
     ModelSpecification specification;
-    std::map<std::string, double> starts;
+    std::map<std::string, double> starts, values;  // of nonlinear and of linear parameters
     std::shared_ptr<Fit> fit;
   };
+  Trial trial_of(const Move& move, std::size_t number, const Trial* on_top_of) const;
   bool one_round();
+  bool explain_structure();
   std::vector<Trial> next_trials(const std::vector<Move>& moves, std::size_t& next) const;
   void refine_tables();
   void fit_trials(std::vector<Trial>& trials, bool keeps_weights = false) const;
@@ -244,7 +257,8 @@ void Refinement::fit_trials(std::vector<Trial>& trials, bool keeps_weights) cons
   const Fit& fit = *steps_.back().fit;
   in_parallel(trials.size(), [&](std::size_t i) {
     try {
-      trials[i].fit = refit(fit, trials[i].specification, trials[i].starts, keeps_weights);
+      trials[i].fit =
+          refit(fit, trials[i].specification, trials[i].starts, keeps_weights, trials[i].values);
     } catch (const ModelError&) {
       trials[i].fit = nullptr;
     }
@@ -265,16 +279,17 @@ void Refinement::fit_in_full(const Fit& full) {
 }
 
 // Whether a trial becomes the next step: not where it cannot be fitted, nor where it predicts
-// held-out poses worse. Where an effect is added of which the search is sure, or one is taken out,
-// their error may grow by as much as chance explains.
+// held-out poses worse. Where an effect is added of which the search is sure, or one is taken out
+// or exchanged, their error may grow by as much as chance explains.
 bool Refinement::accept(const Move& move, const Trial& trial) {
   const std::string model = trial.specification.to_json().dump();
   refused_.insert(model);
   const Fit& fit = *steps_.back().fit;
   if (!trial.fit) return false;
   const Growth growth = held_out_growth(fit, *trial.fit, !runs_with_time(fit.context(), move));
-  const double worse = move.added ? kSameError + (move.sure ? growth.sigma : 0.0)
-                                  : std::clamp(kByChance * growth.sigma, kSameError, kSameWithout);
+  const double worse = move.removed.empty()
+                           ? kSameError + (move.sure ? growth.sigma : 0.0)
+                           : std::clamp(kByChance * growth.sigma, kSameError, kSameWithout);
   if (growth.mean > worse) return false;
   show();
   taken_.insert(model);
@@ -285,23 +300,32 @@ bool Refinement::accept(const Move& move, const Trial& trial) {
   return true;
 }
 
+Refinement::Trial Refinement::trial_of(const Move& move, std::size_t number,
+                                       const Trial* on_top_of) const {
+  const Fit& fit = *steps_.back().fit;
+  Trial trial = on_top_of ? *on_top_of : Trial{0, fit.specification(), {}, {}, nullptr};
+  trial.move = number;
+  trial.specification = apply(trial.specification, move, fit.context());
+  if (!move.added) return trial;
+  trial.starts.insert(move.added->starts.begin(), move.added->starts.end());
+  if (is_table(*move.added)) return trial;
+  for (const Parameter& p : move.added->parameters) trial.values.emplace(p.name, p.value);
+  return trial;
+}
+
 // The first of the search's moves from `next` on whose model is new and, since most moves are taken
 // and cores stand by, the one after it on top of that. Leaves `next` behind what was looked at.
 std::vector<Refinement::Trial> Refinement::next_trials(const std::vector<Move>& moves,
                                                        std::size_t& next) const {
   const std::size_t most = processors() > 1 ? 2 : 1;
-  const Fit& fit = *steps_.back().fit;
   std::vector<Trial> trials;
   for (; next < moves.size() && trials.size() < most; ++next) {
     const Move& move = moves[next];
     if (!trials.empty() && !move.sure) break;
     if (move.added && gone_.contains(label(move.added->request))) continue;
-    Trial trial = trials.empty() ? Trial{0, fit.specification(), {}, nullptr} : trials.back();
-    trial.move = next;
-    trial.specification = apply(trial.specification, move, fit.context());
+    Trial trial = trial_of(move, next, trials.empty() ? nullptr : &trials.back());
     const std::string model = trial.specification.to_json().dump();
-    if (taken_.contains(model) || refused_.contains(model)) continue;
-    if (move.added) trial.starts.insert(move.added->starts.begin(), move.added->starts.end());
+    if ((move.added && taken_.contains(model)) || refused_.contains(model)) continue;
     trials.push_back(std::move(trial));
   }
   return trials;
@@ -328,6 +352,37 @@ bool Refinement::one_round() {
   return moved;
 }
 
+// Where something is left that no effect names by the columns it has at the present fit: the
+// candidates that come nearest are fitted. The columns of some depend on what cannot be told
+// without them: of a base that tilts under load, on its height where all axes are vertical. True
+// where the search is sure of one then, and nothing is left without a name.
+bool Refinement::explain_structure() {
+  const Diagnosis& left = steps_.back().diagnosis;
+  if (left.verdict != Verdict::kUnexplainedStructure ||
+      static_cast<int>(steps_.size()) > options_.most_steps)
+    return false;
+  std::vector<const Candidate*> nearest;
+  for (const Candidate& c : left.candidates) {
+    if (!is_table(c) && c.delta_bic < kStronglyAlone) nearest.push_back(&c);
+  }
+  std::ranges::stable_sort(nearest, {}, &Candidate::delta_bic);
+  if (nearest.size() > kTriedForStructure) nearest.resize(kTriedForStructure);
+  for (const Candidate* c : nearest) {
+    const Move move{*c, {}};
+    std::vector<Trial> trial{trial_of(move, 0, nullptr)};
+    if (taken_.contains(trial.front().specification.to_json().dump())) continue;
+    fit_trials(trial);
+    if (!trial.front().fit) continue;
+    const Diagnosis after = diagnose_now(*trial.front().fit);
+    const auto sure = after.probability_present.find(label(c->request));
+    if (after.verdict == Verdict::kUnexplainedStructure ||
+        sure == after.probability_present.end() || sure->second < kSurely)
+      continue;
+    if (accept(move, trial.front())) return true;
+  }
+  return false;
+}
+
 // Tables with more nodes, where unseen poses are predicted better by them.
 void Refinement::refine_tables() {
   const std::size_t effects = steps_.back().fit->specification().effects.size();
@@ -338,7 +393,7 @@ void Refinement::refine_tables() {
     const auto finer = find_effect(present.effect).finer(fit.context(), present);
     if (!finer) continue;
     observer_.report(1.0, "trying finer tables");
-    std::vector<Trial> trial{{0, fit.specification(), {}, nullptr}};
+    std::vector<Trial> trial{{0, fit.specification(), {}, {}, nullptr}};
     trial.front().specification.effects[e] = *finer;
     fit_trials(trial);
     const std::shared_ptr<Fit>& changed = trial.front().fit;

@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <optional>
 #include <set>
 #include <utility>
 
@@ -43,43 +44,80 @@ JointScatter along_joints(const Linearization& l, int joints,
 
 }  // namespace
 
+namespace {
+
+// Rows of one pose and reflector, the first of each visit: readings of one visit do not show how
+// the arm scatters from one visit to the next.
+std::vector<std::vector<std::size_t>> repeats_of(const Fit& fit, std::size_t rows) {
+  const Poses& poses = fit.measurements().poses;
+  std::map<std::pair<int, int>, std::vector<std::size_t>> groups;
+  std::set<std::pair<int, int>> seen;  // visit, reflector
+  for (std::size_t row = 0; row < rows; ++row) {
+    const int target = fit.measurements().target[row];
+    if (seen.insert({poses.visit_of_row[row], target}).second)
+      groups[{poses.pose_of_row[row], target}].push_back(row);
+  }
+  std::vector<std::vector<std::size_t>> result;
+  for (auto& [id, group] : groups) {
+    if (group.size() > 1) result.push_back(std::move(group));
+  }
+  return result;
+}
+
+// F test of what all rows scatter by against what repeats of one pose do. `left`: a row's residual
+// or one component of it; `freedom` of all rows. None where too little was repeated.
+std::optional<double> log10_p_against(const std::vector<std::vector<std::size_t>>& repeats,
+                                      const Eigen::MatrixXd& left, double freedom) {
+  double pure = 0.0, pure_freedom = 0.0;
+  for (const std::vector<std::size_t>& rows : repeats) {
+    Eigen::VectorXd mean = Eigen::VectorXd::Zero(left.rows());
+    for (const std::size_t r : rows) mean += left.col(static_cast<Eigen::Index>(r));
+    mean /= static_cast<double>(rows.size());
+    for (const std::size_t r : rows)
+      pure += (left.col(static_cast<Eigen::Index>(r)) - mean).squaredNorm();
+    pure_freedom += static_cast<double>(left.rows()) * (static_cast<double>(rows.size()) - 1.0);
+  }
+  if (pure_freedom < kLeastScatterFreedom || freedom < pure_freedom + 10.0) return std::nullopt;
+  const double between = std::max(0.0, left.squaredNorm() - pure), rest = freedom - pure_freedom;
+  return log10_f_survival((between / rest) / (pure / pure_freedom), rest, pure_freedom);
+}
+
+}  // namespace
+
 LackOfFit lack_of_fit(const Linearization& l, const Fit& fit, NoiseParts noise) {
   LackOfFit result;
-  const int h = l.height;
+  const Eigen::Index h = l.height, rows = static_cast<Eigen::Index>(l.rows());
   // Only a few poses were repeated, and a joint that repeats badly moves the tool further at some
   // poses than at others. So every residual is divided by the standard deviation that joints and
   // reading give at its own pose; then repeats and other poses can be compared.
   noise.pose.reset();  // an error shared by all readings of a pose is the lack of fit tested for
-  Eigen::MatrixXd whitened = l.residual;
+  std::vector<int> scattering;
+  for (std::size_t k = 0; k < noise.joint.size(); ++k) {
+    if (noise.joint[k] > 0.0) scattering.push_back(static_cast<int>(k));
+  }
+  Eigen::MatrixXd whitened(l.residual.size(), static_cast<Eigen::Index>(scattering.size()) + 1);
+  whitened.col(0) = l.residual;
+  for (std::size_t i = 0; i < scattering.size(); ++i)
+    whitened.col(static_cast<Eigen::Index>(i) + 1) = l.geometry.col(l.layout.motor(scattering[i]));
   PoseWhitening(l, noise).apply(whitened);
-  const auto residual = [&](std::size_t r) {
-    return whitened.col(0).segment(static_cast<Eigen::Index>(r) * h, h);
-  };
-  const Poses& poses = fit.measurements().poses;
-  std::map<std::pair<int, int>, std::vector<std::size_t>> groups;
-  std::set<std::pair<int, int>> seen;  // visit, reflector
-  for (std::size_t row = 0; row < l.rows(); ++row) {
-    // Readings of one visit do not show how the arm scatters from one visit to the next.
-    if (!seen.insert({poses.visit_of_row[row], fit.measurements().target[row]}).second) continue;
-    groups[{poses.pose_of_row[row], fit.measurements().target[row]}].push_back(row);
-  }
-  double pure = 0.0, freedom = 0.0;
-  for (const auto& [id, rows] : groups) {
-    if (rows.size() < 2) continue;
-    Eigen::VectorXd mean = Eigen::VectorXd::Zero(h);
-    for (const std::size_t r : rows) mean += residual(r) / static_cast<double>(rows.size());
-    for (const std::size_t r : rows) pure += (residual(r) - mean).squaredNorm();
-    freedom += h * (static_cast<double>(rows.size()) - 1.0);
-  }
-  if (freedom >= 9.0 && l.freedom > freedom + 10.0) {
-    double all = 0.0;
-    for (std::size_t r = 0; r < l.rows(); ++r) all += residual(r).squaredNorm();
-    const double left = std::max(0.0, all - pure);
-    const double left_freedom = l.freedom - freedom;
+  const Eigen::Map<const Eigen::MatrixXd> left(whitened.data(), h, rows);
+  const std::vector<std::vector<std::size_t>> repeats = repeats_of(fit, l.rows());
+  if (const std::optional<double> of_all = log10_p_against(repeats, left, l.freedom)) {
     result.testable = true;
     result.against = "repeats";
-    result.log10_p =
-        log10_f_survival((left / left_freedom) / (pure / freedom), left_freedom, freedom);
+    result.log10_p = *of_all;
+    // What poses differ by along one joint's motion has been taken for that joint's repeatability:
+    // its repeats must differ as much, in this one direction.
+    for (Eigen::Index i = 1; i < whitened.cols(); ++i) {
+      const Eigen::Map<const Eigen::MatrixXd> motion(whitened.col(i).data(), h, rows);
+      const Eigen::RowVectorXd along = left.cwiseProduct(motion).colwise().sum().cwiseQuotient(
+          motion.colwise().norm().cwiseMax(1e-300));
+      const std::optional<double> of_joint =
+          log10_p_against(repeats, along, l.freedom / static_cast<double>(h));
+      if (!of_joint) continue;
+      result.log10_p =
+          std::min(result.log10_p, std::min(0.0, *of_joint + std::log10(whitened.cols() - 1.0)));
+    }
   } else if (fit.measurements().sigma_source != SigmaSource::kAssumed) {
     // The stated sigma is the instrument's: repeatability comes on top, so half as much again is
     // allowed for.

@@ -227,6 +227,14 @@ Eigen::Vector3d nominal_lengths(const Robot& robot, int link) {
   return robot.joints[static_cast<std::size_t>(link)].fixed.translation();
 }
 
+double mean_of(const EffectContext& context, const std::string& variable) {
+  if (!context.state.has(variable)) return 0.0;
+  const std::vector<double>& values = context.state.column(variable);
+  return values.empty() ? 0.0
+                        : std::accumulate(values.begin(), values.end(), 0.0) /
+                              static_cast<double>(values.size());
+}
+
 double largest_of(const EffectContext& context, const std::string& variable) {
   double largest = 0.0;
   for (const double v : context.state.column(variable)) largest = std::max(largest, std::abs(v));

@@ -190,6 +190,8 @@ bool carries_gravity(const EffectContext& context, int joint);
 
 /// Largest magnitude of a state variable over the rows.
 double largest_of(const EffectContext& context, const std::string& variable);
+/// Mean of a variable over the data; 0 where it is not recorded.
+double mean_of(const EffectContext& context, const std::string& variable);
 /// Compliance that gives `deflection` under the largest load in the data, `most` where that load is
 /// small.
 double softest(const EffectContext& context, const std::string& load, double deflection,

@@ -23,8 +23,10 @@ ModelSpecification without_effect(const ModelSpecification& specification,
 /// Fits again with another specification, same measurements and options, beginning where `fit`
 /// ended. Nonlinear parameters begin where `fit` has them. `guesses`, of new ones: tried beside
 /// their own starts, and in place of these with `keeps_weights` (FitOptions::keeps_weights).
+/// `values`: where new linear parameters begin; nodes of tables begin at nothing.
 std::unique_ptr<Fit> refit(const Fit& fit, const ModelSpecification& specification,
                            const std::map<std::string, double>& guesses = {},
-                           bool keeps_weights = false);
+                           bool keeps_weights = false,
+                           const std::map<std::string, double>& values = {});
 
 }  // namespace armtrue

@@ -59,9 +59,14 @@ Levels levels_for(const std::vector<const Fit*>& fits, const Levels& given) {
 }
 
 Menu menu_for(const Fit& fit, const Levels& levels, const PlanOptions& options) {
-  return make_menu(fit.robot(), fit.kinematics().tool(0), options.cell,
-                   joint_ranges(fit.robot(), fit.state().joints()), levels, options.candidates,
-                   options.seed);
+  Menu menu = make_menu(fit.robot(), fit.kinematics().tool(0), options.cell,
+                        joint_ranges(fit.robot(), fit.state().joints()), levels, options.candidates,
+                        options.seed);
+  // The instrument's own errors depend on where it sees the point: to a millimetre is enough.
+  const State state(fit.robot(), menu.columns, fit.state().payload_point());
+  const std::vector<int> target(state.rows(), 0);
+  put_poses(predict_poses(state, target, Model{}, fit.kinematics()), false, menu.columns);
+  return menu;
 }
 
 // The session in which so many measurements, chosen greedily, are worth most.

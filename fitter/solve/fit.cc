@@ -342,9 +342,10 @@ void Fit::solve_as_weighed() {
   design_->weights() = start.weights;
   scale_noise(start.noise_scale);
   measurements_.sigma_rotation = start.sigma_rotation;
+  // What can be told may depend on the values: a base that tilts under load shows how high it is.
+  begin_at(start);
   choose_free();
   count_from(start);
-  begin_at(start);
   solve_from_here();
   rescale_noise();
   solve_from_here(Accuracy::kFull);

@@ -37,6 +37,26 @@ Model predicted_part(const Model& model, const State& state) {
   return part;
 }
 
+bool any_reads_point(const Model& model) {
+  return std::ranges::any_of(model.parameters, &reads_point);
+}
+
+Model without_reading_point(Model model) {
+  std::erase_if(model.parameters, &reads_point);
+  return model;
+}
+
+// The instrument's own errors depend on where it sees the point: where the arm is predicted to be,
+// not what the file may say.
+State::Columns with_points(State::Columns columns, const std::vector<Pose>& poses) {
+  for (int axis = 0; axis < 3; ++axis) {
+    std::vector<double>& values = columns[std::string(1, static_cast<char>('x' + axis))];
+    values.clear();
+    for (const Pose& pose : poses) values.push_back(pose.translation()[axis]);
+  }
+  return columns;
+}
+
 // Rows to be predicted, as a design wants them: seen in metres, from nowhere.
 Measurements unmeasured(std::size_t rows, const std::vector<int>& target, int targets) {
   Measurements measurements;
@@ -102,26 +122,42 @@ FittedModel FittedModel::from_json(const json& document) {
 
 std::vector<Pose> FittedModel::predict(const State::Columns& columns,
                                        const std::vector<int>& target) const {
-  State state(robot, columns, robot.payload_point.value_or(Eigen::Vector3d::Zero()));
-  state.begin_time_at(time_origin);
-  state.let_loads_follow(loads_follow);
   Kinematics kinematics(robot, static_cast<int>(flange_from_tool.size()));
   kinematics.set_base(measuring_from_base);
   for (std::size_t t = 0; t < flange_from_tool.size(); ++t)
     kinematics.set_tool(static_cast<int>(t), flange_from_tool[t]);
-  const Model told = without_unsaid_setups(model, state);
-  stand(state, told, kinematics);
-  return predict_poses(state, target, told, kinematics);
+  const auto poses_of = [&](const Model& part, const State::Columns& given) {
+    State state(robot, given, robot.payload_point.value_or(Eigen::Vector3d::Zero()));
+    state.begin_time_at(time_origin);
+    state.let_loads_follow(loads_follow);
+    const Model told = without_unsaid_setups(part, state);
+    stand(state, told, kinematics);
+    return predict_poses(state, target, told, kinematics);
+  };
+  std::vector<Pose> poses = poses_of(without_reading_point(model), columns);
+  return any_reads_point(model) ? poses_of(model, with_points(columns, poses)) : poses;
 }
 
 std::vector<Eigen::Matrix3d> predicted_position_covariance(const Fit& fit,
                                                            const State::Columns& columns,
                                                            const std::vector<int>& target) {
-  State state(fit.robot(), columns, fit.state().payload_point());
-  state.begin_time_at(fit.state().time_origin());
-  state.let_loads_follow(fit.state().loads_follow());
+  const auto state_of = [&](const State::Columns& given) {
+    State state(fit.robot(), given, fit.state().payload_point());
+    state.begin_time_at(fit.state().time_origin());
+    state.let_loads_follow(fit.state().loads_follow());
+    return state;
+  };
+  State state = state_of(columns);
   const Model part = predicted_part(fit.model(), state);
   const Measurements rows = unmeasured(state.rows(), target, fit.measurements().targets);
+  if (any_reads_point(part)) {
+    const Model arm = without_reading_point(part);
+    Design of_arm(state, rows, arm, fit.kinematics());
+    of_arm.stand(state);
+    std::vector<Pose> poses;
+    for (std::size_t i = 0; i < state.rows(); ++i) poses.push_back(of_arm.predict(i));
+    state = state_of(with_points(columns, poses));
+  }
   Design design(state, rows, part, fit.kinematics());
   const std::vector<Eigen::Index> places = places_in_fit(fit, design);
   design.stand(state);

@@ -14,6 +14,10 @@ namespace armtrue {
 namespace {
 
 constexpr std::size_t kMultiStartRows = 200;
+// What the points cannot share out between base and tool (a height, where all axes of rotation are
+// vertical) is the base's: how far the tool stands from where it is believed to counts so much, as
+// a part of what the points say.
+constexpr double kToolIsWhereBelieved = 1e-9;
 
 // Flange poses in the base and measured points: all that alignment needs of the arm.
 struct Pairs {
@@ -21,6 +25,7 @@ struct Pairs {
   Eigen::Matrix3Xd point;
   std::vector<int> target;
   int targets = 1;
+  Eigen::Matrix3Xd believed_tool;  // 3 × targets
 
   Eigen::Index size() const { return point.cols(); }
 };
@@ -116,6 +121,9 @@ void solve_translation_and_tools(const Pairs& pairs, const Eigen::VectorXd& weig
     normal += weight[i] * square(row);
     right.noalias() += weight[i] * row.transpose() * y;
   }
+  const double believed = kToolIsWhereBelieved * weight.sum();
+  normal.diagonal().tail(3 * pairs.targets).array() += believed;
+  right.tail(3 * pairs.targets) += believed * pairs.believed_tool.reshaped();
   const Eigen::VectorXd solution = least_squares(normal, right);
   guess.translation = solution.head<3>();
   guess.tool = Eigen::Map<const Eigen::Matrix3Xd>(solution.data() + 3, 3, pairs.targets);
@@ -181,6 +189,7 @@ Pairs thin_out(const Pairs& pairs) {
   if (count <= kMultiStartRows) return pairs;
   Pairs some;
   some.targets = pairs.targets;
+  some.believed_tool = pairs.believed_tool;
   some.point.resize(3, static_cast<Eigen::Index>(kMultiStartRows));
   for (std::size_t i = 0; i < kMultiStartRows; ++i) {
     const std::size_t from = i * count / kMultiStartRows;
@@ -222,6 +231,10 @@ Alignment align(const State& state, const Measurements& measurements) {
   pairs.point = measurements.position;
   pairs.target = measurements.target;
   pairs.targets = measurements.targets;
+  pairs.believed_tool = Eigen::Matrix3Xd::Zero(3, measurements.targets);
+  for (int t = 0; t < measurements.targets; ++t) {
+    if (const auto tool = robot.nominal_tool(t)) pairs.believed_tool.col(t) = tool->translation();
+  }
   for (std::size_t i = 0; i < measurements.rows; ++i) {
     pairs.base_from_flange.push_back(kinematics.forward(&state.joints()[i * n], zero.data(), 0));
   }

@@ -1,36 +1,36 @@
-"""The instrument's own errors: fitted, so that they spoil nothing, and left out of what is predicted of the arm."""
+"""The instrument's own errors: fitted, so that they spoil nothing, and part of what it is predicted to read."""
 
 from __future__ import annotations
+
+import dataclasses
 
 import numpy as np
 import pytest
 from armtrue.errors import InputError
+from armtrue.uncertainty import position_covariance
 from fitting_given import GEOMETRY
 
 
-def test_prediction_beside_errors_of_the_instrument_is_where_the_arm_is(campaign) -> None:
+@pytest.mark.parametrize("effect", ["tracker_angles", "tracker_scale"])
+def test_a_prediction_is_what_the_instrument_will_read(campaign, effect: str) -> None:
     given = campaign(poses=240)
-    points = given.data.positions_m
-    x, y, z = points.T
-    across, distance = np.hypot(x, y), np.linalg.norm(points, axis=1)
-    turn = 6e-5 * across / distance  # the circle of elevation sits off its axis
-    wrong = turn[:, None] * np.stack([-z * x / across, -z * y / across, across], axis=1)
-    moved = dict(zip("xyz", np.ascontiguousarray((points + wrong).T), strict=True))
-    exact = given.fit(GEOMETRY).predict(given.data)
-    fit = given.with_columns(**moved).fit([*GEOMETRY, "tracker_angles"])
-    off = fit.predict(given.data) - exact
-    # A motion of all points as one body is the base frame's, which no campaign tells from the instrument's.
-    bodily = np.concatenate(
-        [
-            np.stack([np.cross(axis, points).ravel() for axis in np.eye(3)], axis=1),
-            np.tile(np.eye(3), (len(points), 1)),
-        ],
-        axis=1,
+    # A scale of distance shows only where the arm's own lengths are known.
+    known = GEOMETRY if effect == "tracker_angles" else ["base_frame", "tool_offset", "joint_offset"]
+    given = given.with_columns(**dict(zip("xyz", given.fit(known).predict(given.data).T, strict=True)))
+    exact = given.data.positions_m
+    x, y, z = exact.T
+    wrong = 6e-5 * exact
+    if effect == "tracker_angles":  # the circle of elevation sits off its axis
+        across, distance = np.hypot(x, y), np.linalg.norm(exact, axis=1)
+        turn = 6e-5 * across / distance
+        wrong = turn[:, None] * np.stack([-z * x / across, -z * y / across, across], axis=1)
+    fit = given.with_columns(**dict(zip("xyz", (exact + wrong).T, strict=True))).fit([*known, effect])
+    unseen = dataclasses.replace(
+        given.data, columns={name: v for name, v in given.data.columns.items() if name not in ("x", "y", "z")}
     )
-    motion = np.linalg.lstsq(bodily, off.ravel(), rcond=None)[0]
-    assert np.linalg.norm(off.ravel() - bodily @ motion) / np.sqrt(len(points)) < 2e-6
-    # Prediction, which has the base frame alone, follows what was measured but for the rest that is no such motion.
-    assert np.linalg.norm(off - wrong, axis=1).mean() < 0.2 * np.linalg.norm(wrong, axis=1).mean()
+    assert np.linalg.norm(fit.predict(unseen) - exact - wrong, axis=1).max() < 1e-6
+    assert np.array_equal(fit.predict(unseen), fit.predict(given.data)), "what was measured plays no part"
+    assert position_covariance(fit, unseen).shape == (len(exact), 3, 3)
 
 
 def test_oval_circle_of_azimuth_is_found_by_its_second_order(campaign) -> None:

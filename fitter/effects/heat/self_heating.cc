@@ -39,8 +39,11 @@ class SelfHeating final : public Effect {
     EffectTerms terms;
     const std::string tau = std::to_string(std::lround(request.options.value("tau", kTypical)));
     for (const int k : request.joints) {
-      const std::string warmth = "warm" + std::to_string(k) + "_" + tau;
-      const double largest = largest_of(context, warmth);
+      const std::string variable = "warm" + std::to_string(k) + "_" + tau;
+      const double largest = largest_of(context, variable);
+      // Less its mean: predictions and tables are then of the arm as warm as it was on average.
+      const std::string warmth =
+          "(" + variable + " - " + Expression::number(mean_of(context, variable)).to_string() + ")";
       const double bound = largest > 0.0 ? kLargest / largest : kLargest;
       const bool slides = context.prismatic(k);
       Parameter zero = single_term(id(), {k}, "zero", slides ? "m/(m/s)" : "rad/(rad/s)", bound,

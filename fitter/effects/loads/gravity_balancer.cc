@@ -45,7 +45,8 @@ class GravityBalancer final : public Effect {
     };
     const double pi = std::numbers::pi;
     std::vector<double> phases;
-    for (int step = 0; step < kPhases; ++step) phases.push_back((2.0 * step / kPhases - 1.0) * pi);
+    for (int step = 0; step < kStartPhases; ++step)
+      phases.push_back((2.0 * step / kStartPhases - 1.0) * pi);
     const std::string ratio = value_or_name(
         "ratio",
         {"gravity_balancer_ratio", id(), {2}, "1", 0.4, 0.05, 0.98, {0.1, 0.25, 0.4, 0.6, 0.85}});
@@ -80,6 +81,9 @@ class GravityBalancer final : public Effect {
   static constexpr double kLargestPart =
       3e-2;  // of rate and preload, which work against each other
   static constexpr int kPhases = 12;
+  // A fit has no other forms beside this one to lead it into a valley, and some are only a quarter
+  // of a radian wide.
+  static constexpr int kStartPhases = 24;
 };
 
 const RegisterEffect<GravityBalancer> registered_gravity_balancer;

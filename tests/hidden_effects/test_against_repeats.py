@@ -1,0 +1,36 @@
+"""What poses differ by and repeats of one pose do not is no joint's repeatability."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from armtrue import diagnose, fit, load_data, load_model, load_robot
+from armtrue_sim import simulate
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_pattern_too_fine_to_be_named_is_not_called_noise(seed: int, tmp_path: Path) -> None:
+    # Along one joint's motion it was taken for that joint's repeatability, by which repeats were then judged.
+    fine = {
+        "effect": "custom", "name": "fine", "coordinate": "motor2", "expression": "sin(37*q1)*cos(41*q3)",
+        "joints": [1, 3], "value": 6e-5,
+    }  # fmt: skip
+    simulate(
+        {
+            "arm": "kr30",
+            "seed": seed,
+            "poses": 200,
+            "test_poses": 0,
+            "repeats": {"poses": 8, "times": 3},
+            "hidden": [fine],
+        },
+        tmp_path,
+    )
+    robot = load_robot(tmp_path / "robot.yaml")
+    found = diagnose(
+        fit(load_data(tmp_path / "data.csv", robot), robot, load_model(tmp_path / "model.yaml", robot))
+    )
+    assert found["verdict"] == "unexplained_structure"
+    assert found["lack_of_fit"]["against"] == "repeats"
+    assert found["lack_of_fit"]["log10_p"] < -5.0

@@ -1,0 +1,56 @@
+"""An arm whose axes are all vertical: how high base and tool stand is one number, and a base that tilts reads it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from armtrue import Fit, fit, load_data, load_model, load_robot, refine
+from armtrue_sim import simulate
+
+
+def scara(folder: Path, seed: int, stated: bool = False) -> Fit:
+    """Geometry fitted to a scara whose first link bends; `stated`: robot.yaml says where tool and base are."""
+    simulate(
+        {
+            "arm": "scara",
+            "seed": seed,
+            "poses": 120,
+            "test_poses": 0,
+            "payloads": [0.0, 2.0, 5.0],
+            "believed": ["base_frame", "tool_offset", "joint_offset", "link_geometry"],
+            "hidden": [{"effect": "bending_compliance", "joints": [1]}],
+            "robot_file": {"omit": [] if stated else ["tool", "base"]},
+        },
+        folder,
+    )
+    robot = load_robot(folder / "robot.yaml")
+    return fit(load_data(folder / "data.csv", robot), robot, load_model(folder / "model.yaml", robot))
+
+
+def tool_height(fitted: Fit) -> float:
+    (tool,) = fitted.document["flange_from_tool"].values()
+    return float(tool["xyz"][2])
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_bending_is_named_and_nothing_that_the_evidence_speaks_against_stays(
+    seed: int, tmp_path: Path
+) -> None:
+    # With half of the height given to the tool, base and bending moved the tool by the wrong lever.
+    fitted = scara(tmp_path, seed)
+    assert abs(tool_height(fitted)) < 1e-5
+    best, story = refine(fitted)
+    found = [
+        (e["effect"], e.get("joints"))
+        for e in story["steps"][-1]["effects"]
+        if e.get("probability") is not None
+    ]
+    assert found == [("bending_compliance", [1])], story["steps"][-1]["effects"]
+    assert story["steps"][-1]["verdict"] == "nothing_missing"
+
+
+def test_a_height_that_is_stated_is_the_tools(tmp_path: Path) -> None:
+    fitted = scara(tmp_path, 1, stated=True)
+    stated = load_robot(tmp_path / "robot.yaml").spec["tool"]["xyz"][2]
+    assert tool_height(fitted) == pytest.approx(stated, abs=1e-5)
