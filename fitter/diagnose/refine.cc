@@ -225,6 +225,7 @@ class Refinement {
   void fit_trials(std::vector<Trial>& trials, bool keeps_weights = false) const;
   void fit_in_full(const Fit& full);
   bool accept(const Move& move, const Trial& trial);
+  bool stands(const Trial& trial) const;
   void show() {
     if (options_.on_step) options_.on_step(steps_.back());
   }
@@ -278,6 +279,14 @@ void Refinement::fit_in_full(const Fit& full) {
   last.fit = refit(*last.fit, last.fit->specification(), guesses);
 }
 
+// Whether a search beside a trial's model asks for nothing. Where an earlier search of that model
+// did (of an earlier linearisation, or with other effects to choose from), the two would go in
+// circles.
+bool Refinement::stands(const Trial& trial) const {
+  const std::unique_ptr<Fit> full = refit(*trial.fit, trial.specification);
+  return !diagnose_now(*full).recommended();
+}
+
 // Whether a trial becomes the next step: not where it cannot be fitted, nor where it predicts
 // held-out poses worse. Where an effect is added of which the search is sure, or one is taken out
 // or exchanged, their error may grow by as much as chance explains.
@@ -290,7 +299,7 @@ bool Refinement::accept(const Move& move, const Trial& trial) {
   const double worse = move.removed.empty()
                            ? kSameError + (move.sure ? growth.sigma : 0.0)
                            : std::clamp(kByChance * growth.sigma, kSameError, kSameWithout);
-  if (growth.mean > worse) return false;
+  if (growth.mean > worse || (taken_.contains(model) && !stands(trial))) return false;
   show();
   taken_.insert(model);
   for (const EffectRequest& r : move.removed) gone_.insert(label(r));
