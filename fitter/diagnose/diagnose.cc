@@ -428,10 +428,12 @@ Diagnosis diagnose(Fit& fit, const DiagnoseOptions& options, Observer& observer)
   score_alone(scorer, fit, d.candidates);
   explain(d, fit);
   d.scatter = scatter_along_joints(linearization, fit);
+  d.gross = gross_errors_together(fit);
   const bool unlike_noise = d.lack_of_fit.testable && d.lack_of_fit.log10_p < kStructureSignificant;
   if (d.recommended()) {
     d.verdict = Verdict::kMissingEffect;
-  } else if (improbable.size() < structure.findings.size() || unlike_noise) {
+  } else if (improbable.size() < structure.findings.size() || unlike_noise ||
+             d.gross.log10_p < kStructureSignificant) {
     d.verdict = Verdict::kUnexplainedStructure;
     for (std::size_t f = 0; f < structure.findings.size(); ++f) {
       if (!improbable.contains(f)) d.unexplained.push_back(structure.findings[f]);

@@ -68,6 +68,7 @@ struct Diagnosis {
   std::vector<JointSpectrum> spectra;
   LackOfFit lack_of_fit;
   JointScatter scatter;
+  GrossCluster gross;
   std::vector<TableVerdict> tables;  ///< of the fit: no physics
   double neighbour_ratio = 1.0;
 

@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <map>
 #include <optional>
 #include <set>
@@ -150,6 +151,45 @@ JointScatter scatter_along_joints(const Linearization& l, const Fit& fit) {
   const JointScatter of_repeats = along_joints(l, joints, between, freedom, true);
   const JointScatter of_residual = along_joints(l, joints, left, l.freedom / h, false);
   return of_repeats.log10_p <= kScatterSurely ? of_repeats : of_residual;
+}
+
+GrossCluster gross_errors_together(const Fit& fit) {
+  constexpr std::size_t kFewest = 4;
+  GrossCluster result;
+  std::set<int> seen;
+  std::vector<std::size_t> rows;  // one of each pose
+  for (const RejectedRow& r : fit.rejected()) {
+    if (seen.insert(fit.measurements().poses.pose_of_row[r.row]).second) rows.push_back(r.row);
+  }
+  if (rows.size() < kFewest) return result;
+  const auto count = static_cast<double>(rows.size());
+  const int joints = fit.robot().joint_count();
+  for (int joint = 1; joint <= joints; ++joint) {
+    const std::vector<double>& q = fit.state().column("q" + std::to_string(joint));
+    double low = q[rows.front()], high = low;
+    for (const std::size_t row : rows) {
+      low = std::min(low, q[row]);
+      high = std::max(high, q[row]);
+    }
+    const auto between =
+        std::ranges::count_if(q, [&](double value) { return value >= low && value <= high; });
+    const double width = static_cast<double>(between) / static_cast<double>(q.size());
+    // That so many uniform values span no more than `width`: n w^(n-1) - (n-1) w^n.
+    const double log10_p = std::log10(count - (count - 1.0) * width) +
+                           (count - 1.0) * std::log10(width) +
+                           std::log10(static_cast<double>(joints));
+    if (log10_p < result.log10_p)
+      result = {joint, static_cast<int>(rows.size()), low, high, log10_p};
+  }
+  return result;
+}
+
+std::string gross_words(const GrossCluster& cluster) {
+  char text[160];
+  std::snprintf(text, sizeof text,
+                "%d poses kept out as gross errors all have q%d between %.3g and %.3g",
+                cluster.poses, cluster.joint, cluster.low, cluster.high);
+  return text;
 }
 
 double neighbour_ratio(const Linearization& l, const State& state) {

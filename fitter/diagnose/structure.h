@@ -54,6 +54,18 @@ struct JointScatter {
 /// Of the repeats' differences where there are enough, else of the residual.
 JointScatter scatter_along_joints(const Linearization& linearization, const Fit& fit);
 
+/// Poses kept out as gross errors that lie close together in one joint's angle, where reflectors
+/// are bumped anywhere: an error of the arm that stands out there.
+struct GrossCluster {
+  int joint = 0;  ///< 1-based; 0: none
+  int poses = 0;
+  double low = 0.0, high = 0.0;  ///< [rad or m]
+  double log10_p = 0.0;  ///< of lying so close by chance, corrected for the number of joints
+};
+GrossCluster gross_errors_together(const Fit& fit);
+/// "22 poses kept out as gross errors all have q2 between 0.04 and 0.32".
+std::string gross_words(const GrossCluster& cluster);
+
 /// Mean square difference between the residuals of nearest neighbours in joint space over twice the
 /// mean square residual: well below 1 where the residual is a smooth function of the joints, 1
 /// where it is noise.

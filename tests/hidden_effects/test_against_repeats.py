@@ -34,3 +34,19 @@ def test_a_pattern_too_fine_to_be_named_is_not_called_noise(seed: int, tmp_path:
     assert found["verdict"] == "unexplained_structure"
     assert found["lack_of_fit"]["against"] == "repeats"
     assert found["lack_of_fit"]["log10_p"] < -5.0
+
+
+def test_gross_errors_that_lie_together_are_an_error_of_the_arm(tmp_path: Path) -> None:
+    # All poses near one angle of axis 2 were kept out as bumped reflectors, and the rest was called noise.
+    bump = {
+        "effect": "custom", "name": "bump", "coordinate": "motor2", "expression": "exp(-((q2 + 0.8)*30)^2)",
+        "joints": [2], "value": 1e-3,
+    }  # fmt: skip
+    simulate({"arm": "kr30", "seed": 1, "poses": 260, "test_poses": 0, "hidden": [bump]}, tmp_path)
+    robot = load_robot(tmp_path / "robot.yaml")
+    fitted = fit(load_data(tmp_path / "data.csv", robot), robot, load_model(tmp_path / "model.yaml", robot))
+    assert len(fitted.document["rejected"]) > 4
+    found = diagnose(fitted)
+    assert found["verdict"] == "unexplained_structure"
+    assert [entry["variable"] for entry in found["unexplained"]] == ["q2"]
+    assert "kept out as gross errors" in found["unexplained"][0]["shape"]
