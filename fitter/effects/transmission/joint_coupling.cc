@@ -26,8 +26,10 @@ class JointCoupling final : public Effect {
       if (driven == driving)
         throw ModelError("effect joint_coupling: joint " + std::to_string(driven) +
                          " cannot drive itself");
-      terms.parameters.push_back(single_term(id(), {driven, driving}, "", "rad/rad", 2e-2,
-                                             motor(driven), "q" + std::to_string(driving)));
+      const std::string unit = std::string(context.prismatic(driven) ? "m" : "rad") +
+                               (context.prismatic(driving) ? "/m" : "/rad");
+      terms.parameters.push_back(single_term(id(), {driven, driving}, "", unit, 2e-2, motor(driven),
+                                             "q" + std::to_string(driving)));
     }
     return terms;
   }
