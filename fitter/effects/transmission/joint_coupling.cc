@@ -18,7 +18,7 @@ class JointCoupling final : public Effect {
     return {n - 1, n - 2, n, n - 2, n, n - 1};
   }
 
-  EffectTerms build(const EffectContext&, const EffectRequest& request) const override {
+  EffectTerms build(const EffectContext& context, const EffectRequest& request) const override {
     EffectTerms terms;
     for (std::size_t i = 0; i + 1 < request.joints.size(); i += 2) {
       const int driven = request.joints[i];
