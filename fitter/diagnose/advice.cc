@@ -194,11 +194,11 @@ void advise_structure(const Diagnosis& d, const Fit& fit, std::vector<std::strin
     advise_direction(d, fit, advice);
     return;
   }
-  if (d.gross.log10_p < -5.0) {
-    advice.push_back(gross_words(d.gross) +
+  if (d.gross) {
+    advice.push_back(gross_words(*d.gross) +
                      ": an error of the arm that stands out there, not bumped "
                      "reflectors; measure more poses there, and give joint " +
-                     number_words(d.gross.joint) +
+                     number_words(d.gross->joint) +
                      " a table (transmission_pwl) fine enough for it");
     return;
   }

@@ -181,9 +181,6 @@ Candidate make_candidate(const Fit& fit, const EvidenceSummary& evidence, std::s
   return c;
 }
 
-// Difference in BIC by which an effect shows without a structure beside it: very strong evidence
-// (Kass and Raftery 1995, JASA 90, 773).
-constexpr double kShowsAlone = -10.0;
 // A candidate is taken for another cause than a structure if it keeps the first share of its gain
 // beside the structure, and the fitted model cannot imitate the second share of its effect.
 constexpr double kOfAnotherKind = 0.9, kUnlikeTheModel = 0.5;
@@ -428,12 +425,12 @@ Diagnosis diagnose(Fit& fit, const DiagnoseOptions& options, Observer& observer)
   score_alone(scorer, fit, d.candidates);
   explain(d, fit);
   d.scatter = scatter_along_joints(linearization, fit);
-  d.gross = gross_errors_together(fit);
+  const GrossCluster gross = gross_errors_together(fit);
+  if (gross.log10_p < kStructureSignificant) d.gross = gross;
   const bool unlike_noise = d.lack_of_fit.testable && d.lack_of_fit.log10_p < kStructureSignificant;
   if (d.recommended()) {
     d.verdict = Verdict::kMissingEffect;
-  } else if (improbable.size() < structure.findings.size() || unlike_noise ||
-             d.gross.log10_p < kStructureSignificant) {
+  } else if (improbable.size() < structure.findings.size() || unlike_noise || d.gross) {
     d.verdict = Verdict::kUnexplainedStructure;
     for (std::size_t f = 0; f < structure.findings.size(); ++f) {
       if (!improbable.contains(f)) d.unexplained.push_back(structure.findings[f]);

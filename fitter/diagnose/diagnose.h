@@ -21,6 +21,9 @@ namespace armtrue {
 inline constexpr double kMoreLikelyThanNot = 0.5;
 /// What a search is this sure of needs no other search: it comes in, and takes another's place.
 inline constexpr double kSurely = 0.9;
+/// Difference in BIC by which an effect shows alone: very strong evidence (Kass and Raftery 1995,
+/// JASA 90, 773).
+inline constexpr double kShowsAlone = -10.0;
 
 enum class Verdict { kNothingMissing, kMissingEffect, kUnexplainedStructure };
 
@@ -68,8 +71,8 @@ struct Diagnosis {
   std::vector<JointSpectrum> spectra;
   LackOfFit lack_of_fit;
   JointScatter scatter;
-  GrossCluster gross;
-  std::vector<TableVerdict> tables;  ///< of the fit: no physics
+  std::optional<GrossCluster> gross;  ///< where it is no chance
+  std::vector<TableVerdict> tables;   ///< of the fit: no physics
   double neighbour_ratio = 1.0;
 
   const Candidate* recommended() const;

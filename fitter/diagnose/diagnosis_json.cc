@@ -79,16 +79,15 @@ json Diagnosis::to_json(const Fit& fit) const {
                                      {"shape", f.shape},
                                      {"curve", {{"x", f.x}, {"y", f.y}}}});
   }
-  const bool clustered =
-      verdict == Verdict::kUnexplainedStructure && unexplained.empty() && gross.log10_p < -5.0;
-  if (clustered) {
-    const std::string variable = "q" + std::to_string(gross.joint);
+  const bool unnamed = verdict == Verdict::kUnexplainedStructure && unexplained.empty();
+  if (unnamed && gross) {
+    const std::string variable = "q" + std::to_string(gross->joint);
     result["unexplained"].push_back({{"variable", variable},
                                      {"variables", {variable}},
-                                     {"joints", {gross.joint}},
-                                     {"log10_p", gross.log10_p},
-                                     {"shape", gross_words(gross)}});
-  } else if (verdict == Verdict::kUnexplainedStructure && unexplained.empty()) {
+                                     {"joints", {gross->joint}},
+                                     {"log10_p", gross->log10_p},
+                                     {"shape", gross_words(*gross)}});
+  } else if (unnamed) {
     result["unexplained"].push_back(
         {{"variable", "none recorded"},
          {"variables", json::array()},

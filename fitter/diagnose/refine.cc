@@ -26,10 +26,8 @@ constexpr double kByChance = 2.0;
 // at random falls by this share, and the mean over poses held out at random, in time and by region
 // does not grow.
 constexpr double kWorthNodes = 1e-2;
-// Candidates that are fitted where a structure has no name, and by how much each must show alone:
-// very strong evidence, as a difference in BIC (Kass and Raftery 1995, JASA 90, 773).
+// So many candidates are fitted where a structure has no name.
 constexpr std::size_t kTriedForStructure = 3;
-constexpr double kStronglyAlone = -10.0;
 // Candidates of one search from which moves are taken.
 constexpr std::size_t kLookedThrough = 60;
 // Held-out errors of two models that agree by this share are equal.
@@ -85,13 +83,14 @@ std::vector<Move> moves_of(const Diagnosis& d) {
   for (const Candidate* c : sure) moves.push_back({with_its_like(d, *c), {}, true});
   if (best) moves.push_back({with_its_like(d, *best), {}});
   for (const Candidate& c : d.candidates) {
-    if (best && c.probability > 0.5) moves.push_back({c, {}});
+    if (best && c.probability > kMoreLikelyThanNot) moves.push_back({c, {}});
   }
   for (const Superfluous& s : d.superfluous) moves.push_back({std::nullopt, {s.request}});
+  if (best) return moves;
   // What is more likely absent, for what is more likely there.
   for (const Superfluous& s : d.superfluous) {
     for (const Candidate& c : d.candidates) {
-      if (!best && c.probability > kMoreLikelyThanNot) moves.push_back({c, {s.request}});
+      if (c.probability > kMoreLikelyThanNot) moves.push_back({c, {s.request}});
     }
   }
   return moves;
@@ -214,7 +213,7 @@ class Refinement {
   struct Trial {
     std::size_t move = 0;  // of the search's
     ModelSpecification specification;
-    std::map<std::string, double> starts, values;  // of nonlinear and of linear parameters
+    std::map<std::string, double> starts;  // of new parameters
     std::shared_ptr<Fit> fit;
   };
   Trial trial_of(const Move& move, std::size_t number, const Trial* on_top_of) const;
@@ -258,8 +257,7 @@ void Refinement::fit_trials(std::vector<Trial>& trials, bool keeps_weights) cons
   const Fit& fit = *steps_.back().fit;
   in_parallel(trials.size(), [&](std::size_t i) {
     try {
-      trials[i].fit =
-          refit(fit, trials[i].specification, trials[i].starts, keeps_weights, trials[i].values);
+      trials[i].fit = refit(fit, trials[i].specification, trials[i].starts, keeps_weights);
     } catch (const ModelError&) {
       trials[i].fit = nullptr;
     }
@@ -312,13 +310,13 @@ bool Refinement::accept(const Move& move, const Trial& trial) {
 Refinement::Trial Refinement::trial_of(const Move& move, std::size_t number,
                                        const Trial* on_top_of) const {
   const Fit& fit = *steps_.back().fit;
-  Trial trial = on_top_of ? *on_top_of : Trial{0, fit.specification(), {}, {}, nullptr};
+  Trial trial = on_top_of ? *on_top_of : Trial{0, fit.specification(), {}, nullptr};
   trial.move = number;
   trial.specification = apply(trial.specification, move, fit.context());
   if (!move.added) return trial;
   trial.starts.insert(move.added->starts.begin(), move.added->starts.end());
   if (is_table(*move.added)) return trial;
-  for (const Parameter& p : move.added->parameters) trial.values.emplace(p.name, p.value);
+  for (const Parameter& p : move.added->parameters) trial.starts.emplace(p.name, p.value);
   return trial;
 }
 
@@ -361,10 +359,11 @@ bool Refinement::one_round() {
   return moved;
 }
 
-// Where something is left that no effect names by the columns it has at the present fit: the
-// candidates that come nearest are fitted. The columns of some depend on what cannot be told
-// without them: of a base that tilts under load, on its height where all axes are vertical. True
-// where the search is sure of one then, and nothing is left without a name.
+// A search takes what an effect does as linear about the present fit. That can be wrong: how far a
+// base that tilts under load moves the tool depends on the base's height, which an arm with
+// vertical axes does not show without the tilt. So where a search leaves a structure without a
+// name, the candidates that explain most alone are fitted. The first one stays of which a search
+// beside it is sure, if that search leaves nothing without a name. True if one stayed.
 bool Refinement::explain_structure() {
   const Diagnosis& left = steps_.back().diagnosis;
   if (left.verdict != Verdict::kUnexplainedStructure ||
@@ -372,7 +371,7 @@ bool Refinement::explain_structure() {
     return false;
   std::vector<const Candidate*> nearest;
   for (const Candidate& c : left.candidates) {
-    if (!is_table(c) && c.delta_bic < kStronglyAlone) nearest.push_back(&c);
+    if (!is_table(c) && c.delta_bic < kShowsAlone) nearest.push_back(&c);
   }
   std::ranges::stable_sort(nearest, {}, &Candidate::delta_bic);
   if (nearest.size() > kTriedForStructure) nearest.resize(kTriedForStructure);
@@ -402,7 +401,7 @@ void Refinement::refine_tables() {
     const auto finer = find_effect(present.effect).finer(fit.context(), present);
     if (!finer) continue;
     observer_.report(1.0, "trying finer tables");
-    std::vector<Trial> trial{{0, fit.specification(), {}, {}, nullptr}};
+    std::vector<Trial> trial{{0, fit.specification(), {}, nullptr}};
     trial.front().specification.effects[e] = *finer;
     fit_trials(trial);
     const std::shared_ptr<Fit>& changed = trial.front().fit;

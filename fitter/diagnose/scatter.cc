@@ -65,8 +65,9 @@ std::vector<std::vector<std::size_t>> repeats_of(const Fit& fit, std::size_t row
   return result;
 }
 
-// F test of what all rows scatter by against what repeats of one pose do. `left`: a row's residual
-// or one component of it; `freedom` of all rows. None where too little was repeated.
+// log10 of the p value of an F test: the variance between poses against that between repeats of one
+// pose. Each column of `left` is a row's residual, or one component of it; `freedom`: degrees of
+// freedom that all rows have. No value where too little was repeated.
 std::optional<double> log10_p_against(const std::vector<std::vector<std::size_t>>& repeats,
                                       const Eigen::MatrixXd& left, double freedom) {
   double pure = 0.0, pure_freedom = 0.0;
@@ -117,7 +118,8 @@ LackOfFit lack_of_fit(const Linearization& l, const Fit& fit, NoiseParts noise) 
           log10_p_against(repeats, along, l.freedom / static_cast<double>(h));
       if (!of_joint) continue;
       result.log10_p =
-          std::min(result.log10_p, std::min(0.0, *of_joint + std::log10(whitened.cols() - 1.0)));
+          std::min(result.log10_p,
+                   std::min(0.0, *of_joint + std::log10(static_cast<double>(scattering.size()))));
     }
   } else if (fit.measurements().sigma_source != SigmaSource::kAssumed) {
     // The stated sigma is the instrument's: repeatability comes on top, so half as much again is
@@ -174,7 +176,8 @@ GrossCluster gross_errors_together(const Fit& fit) {
     const auto between =
         std::ranges::count_if(q, [&](double value) { return value >= low && value <= high; });
     const double width = static_cast<double>(between) / static_cast<double>(q.size());
-    // That so many uniform values span no more than `width`: n w^(n-1) - (n-1) w^n.
+    // The probability that n values, uniform between 0 and 1, span no more than w is
+    // n w^(n-1) - (n-1) w^n.
     const double log10_p = std::log10(count - (count - 1.0) * width) +
                            (count - 1.0) * std::log10(width) +
                            std::log10(static_cast<double>(joints));

@@ -59,8 +59,7 @@ ModelSpecification without_effect(const ModelSpecification& specification,
 }
 
 std::unique_ptr<Fit> refit(const Fit& fit, const ModelSpecification& specification,
-                           const std::map<std::string, double>& guesses, bool keeps_weights,
-                           const std::map<std::string, double>& values) {
+                           const std::map<std::string, double>& guesses, bool keeps_weights) {
   FitOptions options = fit.options();
   options.keeps_weights = keeps_weights;
   options.nonlinear_guesses = guesses;
@@ -71,7 +70,7 @@ std::unique_ptr<Fit> refit(const Fit& fit, const ModelSpecification& specificati
   // Between two full fits, what the search found is near enough.
   if (keeps_weights) options.nonlinear_starts.insert(guesses.begin(), guesses.end());
   auto start = std::make_shared<StartPoint>(fit.start_point());
-  start->values.insert(values.begin(), values.end());
+  start->values.insert(guesses.begin(), guesses.end());
   options.start = std::move(start);
   return Fit::run(fit.robot(), fit.state().columns(), specification, options);
 }

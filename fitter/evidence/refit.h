@@ -21,12 +21,11 @@ ModelSpecification without_effect(const ModelSpecification& specification,
                                   const EffectRequest& request, const EffectContext& context);
 
 /// Fits again with another specification, same measurements and options, beginning where `fit`
-/// ended. Nonlinear parameters begin where `fit` has them. `guesses`, of new ones: tried beside
-/// their own starts, and in place of these with `keeps_weights` (FitOptions::keeps_weights).
-/// `values`: where new linear parameters begin; nodes of tables begin at nothing.
+/// ended. `guesses`: where parameters begin that `fit` does not have. Those of nonlinear ones are
+/// tried beside their own starts, and in place of these with `keeps_weights`
+/// (FitOptions::keeps_weights).
 std::unique_ptr<Fit> refit(const Fit& fit, const ModelSpecification& specification,
                            const std::map<std::string, double>& guesses = {},
-                           bool keeps_weights = false,
-                           const std::map<std::string, double>& values = {});
+                           bool keeps_weights = false);
 
 }  // namespace armtrue

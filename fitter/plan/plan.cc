@@ -11,6 +11,7 @@
 #include "fitter/diagnose/information.h"
 #include "fitter/plan/rivals.h"
 #include "fitter/plan/session.h"
+#include "fitter/solve/prediction.h"
 
 namespace armtrue {
 namespace {
@@ -62,7 +63,8 @@ Menu menu_for(const Fit& fit, const Levels& levels, const PlanOptions& options) 
   Menu menu = make_menu(fit.robot(), fit.kinematics().tool(0), options.cell,
                         joint_ranges(fit.robot(), fit.state().joints()), levels, options.candidates,
                         options.seed);
-  // The instrument's own errors depend on where it sees the point: to a millimetre is enough.
+  // Errors of the instrument depend on where it sees the reflector. The nominal arm, right to a
+  // millimetre, says that well enough.
   const State state(fit.robot(), menu.columns, fit.state().payload_point());
   const std::vector<int> target(state.rows(), 0);
   put_poses(predict_poses(state, target, Model{}, fit.kinematics()), false, menu.columns);

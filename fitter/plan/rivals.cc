@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "fitter/solve/prediction.h"
+
 namespace armtrue {
 namespace {
 
@@ -40,21 +42,6 @@ Measurements expected_measurements(const Fit& fit, const std::vector<Pose>& pose
   m.sigma_rotation = taken.sigma_rotation;
   m.typical_sigma = taken.typical_sigma;
   return m;
-}
-
-void put_poses(const std::vector<Pose>& poses, bool orientation, State::Columns& columns) {
-  for (const char* name : {"x", "y", "z", "qw", "qx", "qy", "qz"}) columns.erase(name);
-  for (const Pose& pose : poses) {
-    columns["x"].push_back(pose.translation().x());
-    columns["y"].push_back(pose.translation().y());
-    columns["z"].push_back(pose.translation().z());
-    if (!orientation) continue;
-    const Eigen::Quaterniond q(pose.linear());
-    columns["qw"].push_back(q.w());
-    columns["qx"].push_back(q.x());
-    columns["qy"].push_back(q.y());
-    columns["qz"].push_back(q.z());
-  }
 }
 
 Rivals::Rivals(std::vector<std::unique_ptr<Fit>> fits, const Menu& menu)

@@ -71,7 +71,4 @@ class Rivals {
 /// as the measurements of `fit` have it.
 Measurements expected_measurements(const Fit& fit, const std::vector<Pose>& poses);
 
-/// Writes poses as the measured columns x, y, z and, where asked for, qw to qz.
-void put_poses(const std::vector<Pose>& poses, bool orientation, State::Columns& columns);
-
 }  // namespace armtrue

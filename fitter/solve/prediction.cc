@@ -46,14 +46,10 @@ Model without_reading_point(Model model) {
   return model;
 }
 
-// The instrument's own errors depend on where it sees the point: where the arm is predicted to be,
-// not what the file may say.
+// Errors of the instrument depend on where it sees the reflector. A prediction takes that from the
+// arm's own, so that it does not depend on what the file may say was measured.
 State::Columns with_points(State::Columns columns, const std::vector<Pose>& poses) {
-  for (int axis = 0; axis < 3; ++axis) {
-    std::vector<double>& values = columns[std::string(1, static_cast<char>('x' + axis))];
-    values.clear();
-    for (const Pose& pose : poses) values.push_back(pose.translation()[axis]);
-  }
+  put_poses(poses, false, columns);
   return columns;
 }
 
@@ -87,6 +83,21 @@ std::vector<Eigen::Index> places_in_fit(const Fit& fit, Design& part) {
 }
 
 }  // namespace
+
+void put_poses(const std::vector<Pose>& poses, bool orientation, State::Columns& columns) {
+  for (const char* name : {"x", "y", "z", "qw", "qx", "qy", "qz"}) columns.erase(name);
+  for (const Pose& pose : poses) {
+    columns["x"].push_back(pose.translation().x());
+    columns["y"].push_back(pose.translation().y());
+    columns["z"].push_back(pose.translation().z());
+    if (!orientation) continue;
+    const Eigen::Quaterniond q(pose.linear());
+    columns["qw"].push_back(q.w());
+    columns["qx"].push_back(q.x());
+    columns["qy"].push_back(q.y());
+    columns["qz"].push_back(q.z());
+  }
+}
 
 FittedModel FittedModel::from_json(const json& document) {
   FittedModel fitted;

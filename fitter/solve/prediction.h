@@ -26,10 +26,13 @@ struct FittedModel {
   std::vector<Pose> predict(const State::Columns& columns, const std::vector<int>& target) const;
 };
 
+/// Writes poses as the measured columns x, y, z and, where asked for, qw to qz.
+void put_poses(const std::vector<Pose>& poses, bool orientation, State::Columns& columns);
+
 /// Covariance of each predicted position [m²], without the instrument's noise: the covariance of
 /// all unknowns of the fit (priors, smoothness and robust weights in it), carried over by the
-/// derivatives of what a prediction contains. An unknown that no prediction contains (an error of
-/// the instrument) so makes base and tool less sure, and nothing else. Throws ModelError.
+/// derivatives of what a prediction contains. An unknown that no prediction contains (of a gear's
+/// own warmth) so makes base and tool less sure, and nothing else. Throws ModelError.
 std::vector<Eigen::Matrix3d> predicted_position_covariance(const Fit& fit,
                                                            const State::Columns& columns,
                                                            const std::vector<int>& target);

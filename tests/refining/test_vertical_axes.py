@@ -1,4 +1,8 @@
-"""An arm whose axes are all vertical: how high base and tool stand is one number, and a base that tilts reads it."""
+"""Arms with vertical axes only show the sum of two heights, the base's and the tool's, and not each of them.
+
+Where a link bends, the tool moves in proportion to its height above the bend: with a wrong split of that sum bending
+does not look like itself.
+"""
 
 from __future__ import annotations
 
@@ -37,7 +41,7 @@ def tool_height(fitted: Fit) -> float:
 def test_bending_is_named_and_nothing_that_the_evidence_speaks_against_stays(
     seed: int, tmp_path: Path
 ) -> None:
-    # With half of the height given to the tool, base and bending moved the tool by the wrong lever.
+    # Half of the sum had been given to the tool: bending was called unexplained, or base_compliance stayed in the model.
     fitted = scara(tmp_path, seed)
     assert abs(tool_height(fitted)) < 1e-5
     best, story = refine(fitted)

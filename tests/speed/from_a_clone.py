@@ -1,4 +1,4 @@
-"""Wall time from a fresh clone of HEAD to the demo's figures and to the verdict of the tests."""
+"""Clones HEAD into an empty folder, times `./dev demo` and `./dev test` there, and prints a table of each."""
 
 from __future__ import annotations
 

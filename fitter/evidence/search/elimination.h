@@ -7,9 +7,9 @@
 
 namespace armtrue {
 
-/// Least squares in which sets of columns, the members, come and go. Given are the Gram matrix
-/// G = ZᵀZ and the gradient Zᵀy; a member is Z_b W_b, with coefficients that are standard normal by
-/// their prior. What the members leave of all other columns follows from one triangular factor, of
+/// Least squares in which sets of columns, the members, come and go. Given are G = ZᵀZ and Zᵀy of
+/// all columns Z. A member is some of these columns times a factor W of its own; the prior of its
+/// coefficients is standard normal. What the members leave of all other columns follows from one triangular factor, of
 /// I + WᵀGW, that grows and shrinks with them. G itself is never changed, so rounding does not add
 /// up.
 class Elimination {
