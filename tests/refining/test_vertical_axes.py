@@ -41,7 +41,7 @@ def tool_height(fitted: Fit) -> float:
 def test_bending_is_named_and_nothing_that_the_evidence_speaks_against_stays(
     seed: int, tmp_path: Path
 ) -> None:
-    # Half of the sum had been given to the tool: bending was called unexplained, or base_compliance stayed in the model.
+    # Half of the sum was given to the tool: bending was called unexplained, or base_compliance stayed in the model.
     fitted = scara(tmp_path, seed)
     assert abs(tool_height(fitted)) < 1e-5
     best, story = refine(fitted)

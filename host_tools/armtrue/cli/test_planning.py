@@ -94,6 +94,28 @@ def test_candidates_named_are_told_apart_with_the_evidence_expected(folder):
     assert len(rows_of(folder / "apart.csv")) == 8
 
 
+@pytest.mark.parametrize("instrument", ["tracker_scale", "tracker_angles"])
+def test_a_rival_that_is_the_instruments_needs_no_column(folder, instrument):
+    # It reads where the reflector is seen: "column x is missing" was said of poses that nobody has measured.
+    run = armtrue(
+        *(
+            "plan",
+            "fit.json",
+            "--candidates",
+            instrument,
+            "joint_scale:2",
+            "--poses",
+            "6",
+            "--out",
+            "instrument.csv",
+        ),
+        *("--choose-from", "500"),
+        cwd=folder,
+    )
+    assert run.returncode == 0, run.stderr
+    assert len(rows_of(folder / "instrument.csv")) == 6
+
+
 def test_the_ambiguity_set_is_the_diagnosis_own_and_said_with_its_figures(folder):
     diagnosed = armtrue("diagnose", "fit.json", "--json", "diagnosis.json", cwd=folder)
     assert diagnosed.returncode == 0, diagnosed.stderr
