@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 import yaml
-from armtrue import diagnose, fit, load_data, load_model, load_robot
+from armtrue import diagnose, fit, load_data, load_model, load_robot, refine
 from armtrue_sim import simulate
 
 PRODUCT = {
@@ -47,3 +47,30 @@ def test_a_small_drift_is_named_once_the_function_is_described(tmp_path: Path, s
     assert found["verdict"] == "unexplained_structure"
     described = {key: value for key, value in PRODUCT.items() if key not in ("value", "joints")}
     assert named(found_of(tmp_path / "after", seed, 4.0, [described])) == {"time_drift"}
+
+
+@pytest.mark.parametrize("seed", [1, 3])
+def test_refine_fits_what_comes_nearest_where_a_structure_has_no_name(tmp_path: Path, seed: int) -> None:
+    # A smooth function of q1 was likelier than the wobble of axis 1 beside the first fit, and nothing was added.
+    hidden = [{"effect": "axis_wobble", "joints": [1], "scale": 0.3}]
+    simulate(
+        {
+            "arm": "cobot",
+            "seed": seed,
+            "poses": 100,
+            "test_poses": 0,
+            "payloads": [0.0, 2.0, 5.0],
+            "believed": ["base_frame", "tool_offset", "joint_offset", "link_geometry"],
+            "hidden": hidden,
+            "robot_file": {"omit": ["tool", "base"]},
+        },
+        tmp_path,
+    )
+    robot = load_robot(tmp_path / "robot.yaml")
+    first = fit(load_data(tmp_path / "data.csv", robot), robot, load_model(tmp_path / "model.yaml", robot))
+    _best, story = refine(first)
+    assert story["steps"][0]["verdict"] == "unexplained_structure"
+    last = story["steps"][-1]
+    assert last["verdict"] == "nothing_missing"
+    found = [entry for entry in last["effects"] if entry.get("probability") is not None]
+    assert [(entry["effect"], entry["joints"]) for entry in found] == [("axis_wobble", [1])]
