@@ -9,9 +9,9 @@ namespace armtrue {
 
 /// Least squares in which sets of columns, the members, come and go. Given are G = ZᵀZ and Zᵀy of
 /// all columns Z. A member is some of these columns times a factor W of its own; the prior of its
-/// coefficients is standard normal. What the members leave of all other columns follows from one triangular factor, of
-/// I + WᵀGW, that grows and shrinks with them. G itself is never changed, so rounding does not add
-/// up.
+/// coefficients is standard normal. What the members leave of all other columns follows from one
+/// triangular factor, of I + WᵀGW, that grows and shrinks with them. G itself is never changed, so
+/// rounding does not add up.
 class Elimination {
  public:
   /// What some columns have left beside the members.
