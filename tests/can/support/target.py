@@ -157,8 +157,12 @@ class Target:
         self.send(0, [command, self.node_id])
 
     def reset(self, command: int = NMT_RESET_NODE) -> None:
-        """Reset and wait for the boot-up message."""
+        """Reset and wait for the boot-up message.
+
+        What nobody has read of both lines goes: a socket that holds 277 frames drops all that come after them.
+        """
         self.quiet(timeout_s=0.0)
+        self.quiet(self.downstream, timeout_s=0.0)
         self.nmt(command)
         while self.expect(0x700 + self.node_id) != b"\0":
             pass  # a heartbeat that was under way
