@@ -110,6 +110,7 @@ def test_the_notebook_of_the_page_runs(notebook: dict[str, Any]) -> None:
     assert notebook["report"].last.title == "best"
 
 
+@pytest.mark.full
 def test_every_key_of_a_diagnosis_is_in_the_pages_table(notebook: dict[str, Any]) -> None:
     table = FILES[FILES.index("Keys of a diagnosis:") : FILES.index("The steps of a `Refinement`")]
     named = set(re.findall(r"`(\w+)`", table))

@@ -40,9 +40,6 @@ ON_EVERY_CHIP = {
     "test_sdo_01_expedited_read_of_1000h",
     "test_heartbeat_01_02_03_producer",
     "test_targets_are_corrected_by_the_table",
-    "test_offsets_follow_the_table_once_for_each_set",
-    "test_a_table_reads_back_as_it_was_sent",
-    "test_reset_ends_an_unconfirmed_trial",
     "test_the_device_finds_itself_in_order",
     "test_foreign_table_upload_is_confirmed_and_a_worse_one_refused",
 }

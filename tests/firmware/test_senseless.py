@@ -11,6 +11,7 @@ import subprocess
 from pathlib import Path
 
 import numpy as np
+import pytest
 import recording
 from armtrue.tables.fixed import cycle_budget
 
@@ -22,6 +23,7 @@ COUNT = 10_000
 BATCH = 2_500
 
 
+@pytest.mark.full  # senseless_test.cc tries some of them on the host for every change
 def test_random_tables_stay_within_the_cycle_budget_and_agree_on_host_and_chip(tmp_path: Path) -> None:
     subprocess.run(
         ["cmake", "--build", "--preset", "release", "--target", "senseless_tables", "cycle_replay"],
