@@ -256,6 +256,7 @@ std::vector<std::string> advise(const Diagnosis& d, const Fit& fit) {
   if (d.verdict == Verdict::kMissingEffect) advise_missing(d, fit.robot().joint_count(), advice);
   if (d.verdict == Verdict::kUnexplainedStructure) advise_structure(d, fit, advice);
   if (d.verdict == Verdict::kNothingMissing) advise_nothing(d, fit, advice);
+  if (!d.noise_words.empty()) advice.push_back(d.noise_words);
   const std::string tables = sentence_of(d.tables);
   if (!tables.empty()) advice.push_back(tables);
   std::string untestable;

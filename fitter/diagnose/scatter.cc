@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "fitter/diagnose/structure.h"
+#include "fitter/evidence/words.h"
 #include "fitter/inference/replicates.h"
 
 namespace armtrue {
@@ -15,6 +16,9 @@ namespace {
 constexpr std::size_t kNeighbourRows = 3000;
 constexpr double kLeastScatterFreedom = 8.0;
 constexpr double kScatterSurely = -6.0;
+// A joint's scatter is worth telling where it moves the tool by this share of what readings scatter
+// by: half of it makes the whole larger by a ninth.
+constexpr double kToldFromReading = 0.5;
 
 using PlacedVector = std::pair<Eigen::Index, Eigen::Vector3d>;  // row, and its residual
 
@@ -131,6 +135,31 @@ LackOfFit lack_of_fit(const Linearization& l, const Fit& fit, NoiseParts noise) 
         log10_chi2_survival(l.residual.squaredNorm() * scale2 / (1.5 * 1.5), l.freedom);
   }
   return result;
+}
+
+std::string words_of(const NoiseParts& noise, const Linearization& l, const Robot& robot) {
+  const double reading = noise.reading * l.typical_sigma;
+  std::vector<std::pair<double, std::size_t>> joints;  // scatter of a coordinate at the tool [m]
+  for (std::size_t k = 0; k < noise.joint.size(); ++k) {
+    const double moved =
+        noise.joint[k] * l.displacement(l.geometry.col(l.layout.motor(static_cast<int>(k)))) /
+        std::sqrt(3.0);
+    if (moved >= kToldFromReading * reading) joints.emplace_back(-moved, k);
+  }
+  std::ranges::sort(joints);
+  std::string words;
+  for (const auto& [moved, k] : joints) {
+    char text[80];
+    std::snprintf(text, sizeof text, "%s %zu %sto %.3g %s", words.empty() ? "joint" : ", joint",
+                  k + 1, words.empty() ? "repeats " : "", noise.joint[k] * 1e6,
+                  robot.joints[k].prismatic ? "um" : "urad");
+    words += text;
+  }
+  if (!words.empty()) words += "; ";
+  words += "readings scatter by " + micrometre_words(reading) + " a coordinate";
+  if (noise.pose && *noise.pose >= kToldFromReading * reading)
+    words += ", and those of one pose together by " + micrometre_words(*noise.pose);
+  return words;
 }
 
 JointScatter scatter_along_joints(const Linearization& l, const Fit& fit) {

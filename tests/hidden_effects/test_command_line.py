@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -183,3 +185,20 @@ def test_the_reference_of_an_arm_unlike_its_file_knows_its_masses() -> None:
     assert np.linalg.norm(off) == pytest.approx(0.015)
     assert weighed["gravity"] != real.campaign.robot["gravity"]
     assert weighed_robot(plain) == plain.campaign.robot
+
+
+def test_people_are_told_which_joint_repeats_badly_and_what_readings_scatter_by(tmp_path: Path) -> None:
+    given, bad = scenario("kr30", 4)
+    simulate(given, tmp_path)
+    fitted = str(tmp_path / "fit.json")
+    files = [str(tmp_path / name) for name in ("data.csv", "robot.yaml", "model.yaml")]
+    command = ["fit", files[0], "--robot", files[1], "--model", files[2], "--out", fitted]
+    assert run(command, 60.0).status == 0
+    said = run(["diagnose", fitted], 60.0).said
+    told = re.search(
+        r"joint (\d) repeats to ([\d.]+) µrad; readings scatter by ([\d.]+) µm", " ".join(said.split())
+    )
+    assert told, said
+    assert int(told[1]) == bad
+    assert float(told[2]) == pytest.approx(1e6 * BAD, abs=8.0)
+    assert float(told[3]) == pytest.approx(8.0, abs=1.0)

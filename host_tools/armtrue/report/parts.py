@@ -106,7 +106,9 @@ def plural(count: int, word: str) -> str:
 
 def typeset(sentence: str) -> str:
     """A sentence of the diagnosis, which is plain ASCII, with its signs, units and figures as they are printed."""
-    plain = sentence.replace(" um", " µm").replace(" arcsec", "″").replace("->", "→")
+    plain = (
+        sentence.replace(" um", " µm").replace(" urad", " µrad").replace(" arcsec", "″").replace("->", "→")
+    )
     return rounded(re.sub(r"(?<=[\s(])-(?=\d)", "−", plain))
 
 

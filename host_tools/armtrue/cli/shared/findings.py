@@ -71,7 +71,7 @@ def present_diagnosis(
     # What is not testable stands above, effect by effect.
     if sentences := [line for line in advice if _COMMAND not in line and not line.startswith("not testable")]:
         output.title("Advice")
-        output.items(sentences)
+        output.items([_typeset(sentence) for sentence in sentences])
     if commands := _next_commands(advice, fit_file, data):
         output.title("Next")
         for command in commands:
@@ -210,7 +210,7 @@ def _present_structure(findings: list[dict[str, Any]], output: Output) -> None:
 
 def _typeset(sentence: str) -> str:
     """A sentence of the diagnosis, which is plain ASCII, with its units and arrows as they are printed."""
-    return sentence.replace(" um", " µm").replace("->", "→")
+    return sentence.replace(" um", " µm").replace(" urad", " µrad").replace("->", "→")
 
 
 def _words(value: Any) -> str:
