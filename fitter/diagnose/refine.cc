@@ -190,24 +190,33 @@ Diagnosis with_added(const Diagnosis& searched, const Candidate& added,
 class Refinement {
  public:
   Refinement(std::shared_ptr<Fit> fit, const RefineOptions& options, Observer& observer)
-      : options_(options), observer_(observer), initial_(removable_effects(*fit)) {
-    steps_.push_back({std::nullopt, {}, diagnose_now(*fit), fit});
-    taken_.insert(fit->specification().to_json().dump());
-  }
+      : Refinement(fit, options, observer, removable_effects(*fit)) {}
 
   std::vector<RefineStep> run() {
-    for (auto full = steps_.back().fit; one_round() || explain_structure();
-         full = steps_.back().fit) {
-      fit_in_full(*full);
-      refused_.clear();
-      steps_.back().diagnosis = diagnose_now(*steps_.back().fit);
-    }
-    refine_tables();
+    search();
+    if (!explain_structure()) refine_tables();
     show();
     return std::move(steps_);
   }
 
  private:
+  // `believed`: effects of the fit that no search put in.
+  Refinement(std::shared_ptr<Fit> fit, const RefineOptions& options, Observer& observer,
+             std::vector<EffectRequest> believed)
+      : options_(options), observer_(observer), initial_(std::move(believed)) {
+    steps_.push_back({std::nullopt, {}, diagnose_now(*fit), fit});
+    taken_.insert(fit->specification().to_json().dump());
+  }
+
+  // Rounds until one changes nothing.
+  void search() {
+    for (auto full = steps_.back().fit; one_round(); full = steps_.back().fit) {
+      fit_in_full(*full);
+      refused_.clear();
+      steps_.back().diagnosis = diagnose_now(*steps_.back().fit);
+    }
+  }
+
   Diagnosis diagnose_now(Fit& fit) const;
   // The model that a move leads to, and its fit; none where it cannot be had.
   struct Trial {
@@ -362,31 +371,41 @@ bool Refinement::one_round() {
 // A search takes what an effect does as linear about the present fit. That can be wrong: how far a
 // base that tilts under load moves the tool depends on the base's height, which an arm with
 // vertical axes does not show without the tilt. So where a search leaves a structure without a
-// name, the candidates that explain most alone are fitted. The first one stays of which a search
-// beside it is sure, if that search leaves nothing without a name. True if one stayed.
+// name, the candidates that explain most alone are fitted, and the search goes on from there. The
+// first one stays that is sure in the end, if nothing is without a name then. True if one stayed.
 bool Refinement::explain_structure() {
   const Diagnosis& left = steps_.back().diagnosis;
-  if (left.verdict != Verdict::kUnexplainedStructure ||
-      static_cast<int>(steps_.size()) > options_.most_steps)
-    return false;
+  const int steps_left = options_.most_steps - static_cast<int>(steps_.size());
+  if (left.verdict != Verdict::kUnexplainedStructure || steps_left < 0) return false;
   std::vector<const Candidate*> nearest;
   for (const Candidate& c : left.candidates) {
     if (!is_table(c) && c.delta_bic < kShowsAlone) nearest.push_back(&c);
   }
   std::ranges::stable_sort(nearest, {}, &Candidate::delta_bic);
   if (nearest.size() > kTriedForStructure) nearest.resize(kTriedForStructure);
+  const RefineOptions unseen{steps_left, {}};
   for (const Candidate* c : nearest) {
     const Move move{*c, {}};
     std::vector<Trial> trial{trial_of(move, 0, nullptr)};
     if (taken_.contains(trial.front().specification.to_json().dump())) continue;
     fit_trials(trial);
     if (!trial.front().fit) continue;
-    const Diagnosis after = diagnose_now(*trial.front().fit);
-    const auto sure = after.probability_present.find(label(c->request));
-    if (after.verdict == Verdict::kUnexplainedStructure ||
-        sure == after.probability_present.end() || sure->second < kSurely)
-      continue;
-    if (accept(move, trial.front())) return true;
+    const auto explains = [&](const Diagnosis& d) {
+      const auto sure = d.probability_present.find(label(c->request));
+      return d.verdict != Verdict::kUnexplainedStructure && sure != d.probability_present.end() &&
+             sure->second >= kSurely;
+    };
+    Refinement beside(trial.front().fit, unseen, observer_, initial_);
+    if (!explains(beside.steps_.front().diagnosis)) continue;
+    beside.search();
+    if (!explains(beside.steps_.back().diagnosis) || !accept(move, trial.front())) continue;
+    beside.refine_tables();
+    steps_.back().diagnosis = std::move(beside.steps_.front().diagnosis);
+    for (std::size_t i = 1; i < beside.steps_.size(); ++i) {
+      show();
+      steps_.push_back(std::move(beside.steps_[i]));
+    }
+    return true;
   }
   return false;
 }
