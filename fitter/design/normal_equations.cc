@@ -195,23 +195,29 @@ void add_gradient(const Design::Row& row, int residuals, Eigen::VectorXd& gradie
 
 }  // namespace
 
-void NormalEquations::add(const std::vector<const Design::Row*>& rows, int residuals) {
-  for (const Design::Row* row : rows) {
+void NormalEquations::add(const std::vector<const Design::Row*>& added, int residuals) {
+  for (const Design::Row* row : added) {
     cost += row->residual.head(residuals).squaredNorm();
-    equations += static_cast<std::size_t>(residuals);
+    position_cost += row->residual.head<3>().squaredNorm();
     add_gradient(*row, residuals, gradient);
   }
-  const std::vector<bool> dense = dense_unknowns(rows, information.cols());
-  add_dense(rows, residuals, dense, information);
+  rows += added.size();
+  const std::vector<bool> dense = dense_unknowns(added, information.cols());
+  add_dense(added, residuals, dense, information);
   if (std::ranges::find(dense, false) == dense.end()) return;
   const std::size_t jobs = processors();
   in_parallel(jobs, [&](std::size_t job) {
     SquareAdder adder(information, residuals, dense, static_cast<int>(job), static_cast<int>(jobs));
-    for (const Design::Row* row : rows) {
+    for (const Design::Row* row : added) {
       throw_if_cancelled();
       adder.add(*row);
     }
   });
+}
+
+double NormalEquations::equations() const {
+  const double of_positions = 3.0 * static_cast<double>(rows);
+  return position_cost > 0.0 ? of_positions * std::min(2.0, cost / position_cost) : of_positions;
 }
 
 void NormalEquations::add(const PenaltyRow& row, const std::vector<double>& values) {

@@ -28,13 +28,18 @@ struct NormalEquations {
   Eigen::MatrixXd information;  ///< JᵀJ, lower triangle filled
   Eigen::VectorXd gradient;     ///< Jᵀr
   double cost = 0.0;            ///< Σ r²
-  std::size_t equations = 0;    ///< residual rows with weight
+  double position_cost = 0.0;   ///< of it, positions'
+  std::size_t rows = 0;         ///< with weight
 
   explicit NormalEquations(Eigen::Index unknowns)
       : information(Eigen::MatrixXd::Zero(unknowns, unknowns)),
         gradient(Eigen::VectorXd::Zero(unknowns)) {}
+  /// Residuals of positions, and those of orientations as far as they scatter as much. Orientations
+  /// that are given less weight than their scatter allows (inference/orientation_worth.h) would
+  /// else make the variance of all residuals too small.
+  double equations() const;
   /// On all processors; the same sums however many there are.
-  void add(const std::vector<const Design::Row*>& rows, int residuals);
+  void add(const std::vector<const Design::Row*>& added, int residuals);
   void add(const PenaltyRow& row, const std::vector<double>& values);
 };
 

@@ -90,7 +90,7 @@ double evidence_at(const Design& design, const NormalEquations& data, const Spli
     solution[u] += step[static_cast<Eigen::Index>(u)];
   const Prior prior(design, rows, solution);
   const double squares = std::max(misfit + prior.penalty, std::numeric_limits<double>::min());
-  return static_cast<double>(data.equations) * std::log(squares) +
+  return data.equations() * std::log(squares) +
          occam_factor(split, posterior.information, factor, prior);
 }
 

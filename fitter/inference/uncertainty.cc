@@ -34,7 +34,7 @@ struct Spread {
 Spread spread_of(const Design& design, const NormalEquations& equations, double smoothness_sigma,
                  double guess) {
   const Eigen::MatrixXd whole = equations.information.selfadjointView<Eigen::Lower>();
-  const double count = static_cast<double>(equations.equations);
+  const double count = equations.equations();
   Spread spread;
   spread.effective_unknowns =
       std::min(guess > 0.0 ? guess : static_cast<double>(design.unknowns()), 0.5 * count);
@@ -74,8 +74,8 @@ void count_repeats(const Design& design, const EvaluatedRows& evaluated, double 
     design_effect += 1.0 / worth[r] / static_cast<double>(rows);
   }
   NormalEquations equations = accumulate(design, weighed);
-  const double freedom = std::max(
-      1.0, static_cast<double>(residual.size()) - spread.effective_unknowns * design_effect);
+  const double freedom =
+      std::max(1.0, equations.equations() - spread.effective_unknowns * design_effect);
   equations.information /= std::max(residual.squaredNorm() / freedom, 1e-12);
   spread.covariance = inverse_with_penalties(design, smoothness_sigma, equations);
 }

@@ -143,6 +143,15 @@ CampaignPlan choose(const Linearised& linearised, const Menu& menu, const Robot&
   return plan;
 }
 
+// What is not one number with another parameter at all poses of the menu.
+std::vector<int> told_by_any_pose(Design& menu) {
+  std::vector<int> told = menu.free_parameters();
+  for (const Unidentifiable& held : identify(menu).held) {
+    if (held.exact) std::erase(told, held.parameter);
+  }
+  return told;
+}
+
 // Pairs that so many poses on the menu can tell apart at all; all of them where none is.
 std::vector<RivalPair> separable_pairs(const Rivals& rivals, const Menu& menu,
                                        const PlanOptions& options, Observer& observer) {
@@ -246,10 +255,13 @@ CampaignPlan plan_sharpening(Fit& fit, const PlanOptions& options, Observer& obs
   const State state(fit.robot(), menu.columns, fit.state().payload_point());
   const Measurements measurements = expected_measurements(
       fit, predict_poses(state, std::vector<int>(state.rows(), 0), fit.model(), fit.kinematics()));
-  Design design(state, measurements, fit.model(), fit.kinematics());
-  design.set_free(fit.design().free_parameters());
+  FreedFit whole(fit);
+  Design design(state, measurements, whole.model, fit.kinematics());
+  const std::vector<int> told = told_by_any_pose(design);
+  design.set_free(told);
+  whole.design.set_free(told);
   const Linearised linearised(design, fit.smoothness_sigma());
-  const Eigen::MatrixXd taken = linearised.jacobian_of(fit.design());
+  const Eigen::MatrixXd taken = linearised.jacobian_of(whole.design);
   const Eigen::MatrixXd start = linearised.known() + taken.transpose() * taken;
   CampaignPlan plan =
       choose(linearised, menu, fit.robot(), start, measurements.typical_sigma, options, observer);

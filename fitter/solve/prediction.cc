@@ -64,22 +64,25 @@ Measurements unmeasured(std::size_t rows, const std::vector<int>& target, int ta
   return measurements;
 }
 
-// For each unknown of `part`, its place among the fit's; parameters that the fit held are held.
-std::vector<Eigen::Index> places_in_fit(const Fit& fit, Design& part) {
-  const Design& whole = fit.design();
-  std::vector<int> free;
+// For each unknown of `part`, its place among those of `whole`.
+std::vector<Eigen::Index> places_in(const Design& whole, const Design& part) {
   std::vector<Eigen::Index> places;
-  const std::vector<Parameter>& parameters = part.model().parameters;
-  for (std::size_t i = 0; i < parameters.size(); ++i) {
-    const int unknown = whole.unknown_of(fit.model().index(parameters[i].name));
-    if (unknown < 0) continue;
-    free.push_back(static_cast<int>(i));
-    places.push_back(unknown);
-  }
-  part.set_free(free);
+  for (const Parameter& p : part.model().parameters)
+    places.push_back(whole.unknown_of(whole.model().index(p.name)));
   const auto linear = static_cast<Eigen::Index>(whole.free_parameters().size());
   for (int j = 0; j < part.nonlinear_count(); ++j) places.push_back(linear + j);
   return places;
+}
+
+// What is known of a parameter that has no prior: a metre, a radian.
+constexpr double kNoPriorSigma = 1.0;
+
+Model with_priors(Model model, const std::vector<Unidentifiable>& held) {
+  for (const Unidentifiable& h : held) {
+    double& sigma = model.parameters[static_cast<std::size_t>(h.parameter)].prior_sigma;
+    if (sigma <= 0.0) sigma = kNoPriorSigma;
+  }
+  return model;
 }
 
 }  // namespace
@@ -149,6 +152,14 @@ std::vector<Pose> FittedModel::predict(const State::Columns& columns,
   return any_reads_point(model) ? poses_of(model, with_points(columns, poses)) : poses;
 }
 
+FreedFit::FreedFit(const Fit& fit)
+    : state(fit.state()),
+      model(with_priors(fit.model(), fit.identifiability().held)),
+      design(state, fit.measurements(), model, fit.kinematics()) {
+  design.weights() = fit.design().weights();
+  design.stand(state);
+}
+
 std::vector<Eigen::Matrix3d> predicted_position_covariance(const Fit& fit,
                                                            const State::Columns& columns,
                                                            const std::vector<int>& target) {
@@ -170,8 +181,13 @@ std::vector<Eigen::Matrix3d> predicted_position_covariance(const Fit& fit,
     state = state_of(with_points(columns, poses));
   }
   Design design(state, rows, part, fit.kinematics());
-  const std::vector<Eigen::Index> places = places_in_fit(fit, design);
   design.stand(state);
+  FreedFit whole(fit);
+  const std::vector<Eigen::Index> places = places_in(whole.design, design);
+  const Eigen::MatrixXd covariance =
+      measure_uncertainty(whole.design, evaluate_rows(whole.design), fit.smoothness_sigma(),
+                          fit.effective_unknowns())
+          .covariance;
   std::vector<Eigen::Matrix3d> covariances;
   covariances.reserve(state.rows());
   Design::Row row;
@@ -182,7 +198,7 @@ std::vector<Eigen::Matrix3d> predicted_position_covariance(const Fit& fit,
     for (const int unknown : row.unknowns)
       touched.push_back(places[static_cast<std::size_t>(unknown)]);
     const Eigen::Matrix3Xd jacobian = row.jacobian.topRows<3>();
-    covariances.emplace_back(jacobian * fit.covariance()(touched, touched) * jacobian.transpose());
+    covariances.emplace_back(jacobian * covariance(touched, touched) * jacobian.transpose());
   }
   return covariances;
 }

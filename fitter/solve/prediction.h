@@ -29,10 +29,23 @@ struct FittedModel {
 /// Writes poses as the measured columns x, y, z and, where asked for, qw to qz.
 void put_poses(const std::vector<Pose>& poses, bool orientation, State::Columns& columns);
 
+/// A fit at its solution with every parameter free, those too that its poses could not tell and
+/// that were held at nominal. At other poses they matter, and priors say how large they may be: one
+/// without a prior has a metre, or a radian.
+struct FreedFit {
+  explicit FreedFit(const Fit& fit);
+  FreedFit(const FreedFit&) = delete;
+  FreedFit& operator=(const FreedFit&) = delete;
+
+  State state;
+  Model model;
+  Design design;  ///< of the fit's rows and weights
+};
+
 /// Covariance of each predicted position [m²], without the instrument's noise: the covariance of
-/// all unknowns of the fit (priors, smoothness and robust weights in it), carried over by the
-/// derivatives of what a prediction contains. An unknown that no prediction contains (of a gear's
-/// own warmth) so makes base and tool less sure, and nothing else. Throws ModelError.
+/// all parameters, those held at nominal too (priors, smoothness and robust weights in it), carried
+/// over by the derivatives of what a prediction contains. An unknown that no prediction contains
+/// (of a gear's own warmth) so makes base and tool less sure, and nothing else. Throws ModelError.
 std::vector<Eigen::Matrix3d> predicted_position_covariance(const Fit& fit,
                                                            const State::Columns& columns,
                                                            const std::vector<int>& target);

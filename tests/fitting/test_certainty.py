@@ -1,0 +1,63 @@
+"""What a prediction is said to be sure of, against exact poses of the same simulated arm."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import armtrue
+import numpy as np
+import pytest
+from armtrue.io import Dataset
+from armtrue.uncertainty import position_covariance
+from armtrue_sim import simulate
+from numpy.typing import NDArray
+
+CHI2_3_95 = 7.815
+
+
+def squares(fit: armtrue.Fit, exact: Dataset) -> NDArray[np.float64]:
+    """Squared distance of each prediction from the exact pose, in its stated covariance."""
+    off = fit.predict(exact) - exact.positions_m
+    return np.einsum(
+        "ni,ni->n", off, np.linalg.solve(position_covariance(fit, exact), off[:, :, None])[:, :, 0]
+    )
+
+
+@pytest.mark.parametrize("joint", [1, 4])
+def test_a_joint_that_never_moved_makes_poses_that_move_it_unsure(joint: int, tmp_path: Path) -> None:
+    # What such poses cannot tell is held at nominal; it had no part in the covariance, and 3 mm were called 16 µm.
+    scenario = {"arm": "kr30", "seed": 5, "poses": 100, "columns": {"add": []}}
+    simulate(scenario, tmp_path / "free")
+    robot = armtrue.load_robot(tmp_path / "free" / "robot.yaml")
+    whole = armtrue.load_data(tmp_path / "free" / "test.csv", robot)
+    everywhere = [[float(q.min()), float(q.max())] for q in whole.joints.T]
+    everywhere[joint - 1] = [0.3, 0.3 + 1e-6]
+    simulate({**scenario, "joint_range": everywhere}, tmp_path / "still")
+    fit = armtrue.fit(
+        armtrue.load_data(tmp_path / "still" / "data.csv", robot),
+        robot,
+        armtrue.load_model(tmp_path / "still" / "model.yaml", robot),
+    )
+    assert np.mean(squares(fit, whole) < CHI2_3_95) > 0.9
+    seen = armtrue.load_data(tmp_path / "still" / "test.csv", robot)
+    assert np.mean(squares(fit, seen) < CHI2_3_95) > 0.8, "as sure as before where it stood"
+
+
+def test_orientations_that_scatter_widely_make_positions_no_surer(tmp_path: Path) -> None:
+    # They were given a small weight, and then counted in full among the residuals that tell the noise.
+    found = []
+    for seed in range(1, 5):
+        folder = tmp_path / str(seed)
+        simulate({"arm": "kr30", "seed": seed, "poses": 60, "columns": {"add": ["orientation"]}}, folder)
+        robot = armtrue.load_robot(folder / "robot.yaml")
+        data = armtrue.load_data(folder / "data.csv", robot)
+        half = np.random.default_rng(seed).normal(0.0, 1e-3, (data.count, 3))
+        names = ("qw", "qx", "qy", "qz")
+        w, v = data.columns["qw"], np.stack([data.columns[name] for name in names[1:]], axis=1)
+        read = [w - np.sum(half * v, axis=1), *(v + w[:, None] * half + np.cross(half, v)).T]
+        read = read / np.linalg.norm(read, axis=0)
+        data = dataclasses.replace(data, columns={**data.columns, **dict(zip(names, read, strict=True))})
+        fit = armtrue.fit(data, robot, armtrue.load_model(folder / "model.yaml", robot))
+        found.append(squares(fit, armtrue.load_data(folder / "test.csv", robot)).mean() / 3.0)
+    assert np.mean(found) < 1.5
