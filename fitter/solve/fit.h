@@ -78,6 +78,10 @@ class Fit {
                                   const FitOptions& options, Observer& observer = Observer::none());
 
   const Robot& robot() const { return prepared_->robot; }
+  /// Alignment::first_from_set_up; measurements are in the first set-up's frame.
+  const std::map<int, Pose>& first_from_set_up() const {
+    return prepared_->alignment.first_from_set_up;
+  }
   /// Loads are those of the fitted arm where it stands, or of the nominal arm at commanded angles
   /// where the data say so.
   const State& state() const { return *state_; }

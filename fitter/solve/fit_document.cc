@@ -121,6 +121,8 @@ json noise_json(const Fit& fit) {
 json Fit::document() const {
   const int targets = measurements_.targets;
   json document;
+  for (const auto& [number, pose] : prepared_->alignment.first_from_set_up)
+    document["first_from_set_up"][std::to_string(number)] = to_json(pose);
   document["measuring_from_base"] = to_json(kinematics_->base());
   json tools = json::object();
   for (int t = 0; t < targets; ++t)

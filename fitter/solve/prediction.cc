@@ -16,6 +16,16 @@ Pose pose_from(const json& value) {
   return pose_from_xyz_rpy({p.at(0), p.at(1), p.at(2)}, {a.at(0), a.at(1), a.at(2)});
 }
 
+// The frame of a row's set-up, where that stands apart from the first one's; none where it does
+// not.
+const Pose* set_up_of(const std::map<int, Pose>& set_ups, const State::Columns& columns,
+                      std::size_t row) {
+  const auto column = columns.find("station");
+  if (column == columns.end()) return nullptr;
+  const auto at = set_ups.find(static_cast<int>(column->second[row]));
+  return at == set_ups.end() ? nullptr : &at->second;
+}
+
 // Of a set-up that nobody says, a prediction is in the first one's frame.
 Model without_unsaid_setups(Model model, const State& state) {
   const int joints = state.robot().joint_count();
@@ -125,6 +135,10 @@ FittedModel FittedModel::from_json(const json& document) {
     if (p.value != 0.0 && is_foreseeable(p, fitted.robot.joint_count()))
       fitted.model.parameters.push_back(std::move(p));
   }
+  if (document.contains("first_from_set_up")) {
+    for (const auto& [number, pose] : document["first_from_set_up"].items())
+      fitted.first_from_set_up.emplace(std::stoi(number), pose_from(pose));
+  }
   if (document.contains("payload_point")) {
     const std::vector<double> point = document["payload_point"];
     fitted.robot.payload_point = Eigen::Vector3d(point.at(0), point.at(1), point.at(2));
@@ -149,7 +163,12 @@ std::vector<Pose> FittedModel::predict(const State::Columns& columns,
     return predict_poses(state, target, told, kinematics);
   };
   std::vector<Pose> poses = poses_of(without_reading_point(model), columns);
-  return any_reads_point(model) ? poses_of(model, with_points(columns, poses)) : poses;
+  if (any_reads_point(model)) poses = poses_of(model, with_points(columns, poses));
+  for (std::size_t i = 0; i < poses.size(); ++i) {
+    if (const Pose* first_from_own = set_up_of(first_from_set_up, columns, i))
+      poses[i] = first_from_own->inverse() * poses[i];
+  }
+  return poses;
 }
 
 FreedFit::FreedFit(const Fit& fit)
@@ -197,7 +216,9 @@ std::vector<Eigen::Matrix3d> predicted_position_covariance(const Fit& fit,
     touched.clear();
     for (const int unknown : row.unknowns)
       touched.push_back(places[static_cast<std::size_t>(unknown)]);
-    const Eigen::Matrix3Xd jacobian = row.jacobian.topRows<3>();
+    Eigen::Matrix3Xd jacobian = row.jacobian.topRows<3>();
+    if (const Pose* first_from_own = set_up_of(fit.first_from_set_up(), columns, i))
+      jacobian = first_from_own->linear().transpose() * jacobian;
     covariances.emplace_back(jacobian * covariance(touched, touched) * jacobian.transpose());
   }
   return covariances;

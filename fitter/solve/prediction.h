@@ -17,12 +17,14 @@ struct FittedModel {
   std::vector<std::string> targets;
   std::vector<Pose> flange_from_tool;
   Pose measuring_from_base = Pose::Identity();
-  double time_origin = 0.0;  ///< [s] on the clock of the fitted measurements
-  bool loads_follow = true;  ///< State::let_loads_follow
+  std::map<int, Pose> first_from_set_up;  ///< Alignment's
+  double time_origin = 0.0;               ///< [s] on the clock of the fitted measurements
+  bool loads_follow = true;               ///< State::let_loads_follow
 
   /// From fit.json's content. Throws ModelError.
   static FittedModel from_json(const nlohmann::json& document);
-  /// Predicted poses in the measuring frame. `target` numbers index `targets`.
+  /// Predicted poses in the measuring frame, which is that of the row's set-up. `target` numbers
+  /// index `targets`.
   std::vector<Pose> predict(const State::Columns& columns, const std::vector<int>& target) const;
 };
 

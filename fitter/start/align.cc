@@ -14,6 +14,10 @@ namespace armtrue {
 namespace {
 
 constexpr std::size_t kMultiStartRows = 200;
+constexpr std::size_t kFewestRows = 4;
+// Set-ups stand apart from here on: what the nominal arm is wrong by is less.
+constexpr double kSetUpsApart = 0.01;  // [m, or rad]
+constexpr int kWeightPasses = 6;
 // What the points cannot share out between base and tool (a height, where all axes of rotation are
 // vertical) is the base's: how far the tool stands from where it is believed to counts so much, as
 // a part of what the points say.
@@ -87,7 +91,7 @@ Eigen::Matrix3d relaxed_inverse_rotation(const Pairs& pairs) {
   }
   Eigen::VectorXd solution;
   Eigen::VectorXd weight = Eigen::VectorXd::Ones(pairs.size());
-  for (int pass = 0; pass < 6; ++pass) {
+  for (int pass = 0; pass < kWeightPasses; ++pass) {
     Eigen::VectorXd expanded(3 * pairs.size());
     for (Eigen::Index i = 0; i < pairs.size(); ++i)
       expanded.segment<3>(3 * i).setConstant(std::sqrt(weight[i]));
@@ -184,20 +188,107 @@ std::vector<Eigen::Matrix3d> cube_rotations() {
   return rotations;
 }
 
-Pairs thin_out(const Pairs& pairs) {
-  const auto count = static_cast<std::size_t>(pairs.size());
-  if (count <= kMultiStartRows) return pairs;
+Pairs chosen(const Pairs& pairs, const std::vector<std::size_t>& rows) {
   Pairs some;
   some.targets = pairs.targets;
   some.believed_tool = pairs.believed_tool;
-  some.point.resize(3, static_cast<Eigen::Index>(kMultiStartRows));
-  for (std::size_t i = 0; i < kMultiStartRows; ++i) {
-    const std::size_t from = i * count / kMultiStartRows;
-    some.base_from_flange.push_back(pairs.base_from_flange[from]);
-    some.target.push_back(pairs.target[from]);
-    some.point.col(static_cast<Eigen::Index>(i)) = pairs.point.col(static_cast<Eigen::Index>(from));
+  some.point = pairs.point(Eigen::all, rows);
+  for (const std::size_t row : rows) {
+    some.base_from_flange.push_back(pairs.base_from_flange[row]);
+    some.target.push_back(pairs.target[row]);
   }
   return some;
+}
+
+Pairs thin_out(const Pairs& pairs) {
+  const auto count = static_cast<std::size_t>(pairs.size());
+  if (count <= kMultiStartRows) return pairs;
+  std::vector<std::size_t> rows;
+  for (std::size_t i = 0; i < kMultiStartRows; ++i) rows.push_back(i * count / kMultiStartRows);
+  return chosen(pairs, rows);
+}
+
+// What the points are larger by than metres; 1 where they are in metres. Points in a plane leave
+// the third direction open, so that the middle one of the relaxed rotation's sizes tells it.
+double unit_of(const Pairs& pairs) {
+  const Eigen::Matrix3d relaxed = relaxed_inverse_rotation(pairs);
+  const double square_size = symmetric_eigen(relaxed * relaxed.transpose()).values[1];
+  const double unit = 1.0 / std::sqrt(std::max(square_size, 1e-300));
+  return (unit > 0.8 && unit < 1.25) || unit > 1e5 || unit < 1e-5 ? 1.0 : unit;
+}
+
+// The best of several starts, from some of the rows.
+Guess find_base_and_tools(const Pairs& pairs, const Robot& robot) {
+  const Pairs some = thin_out(pairs);
+  Guess best;
+  double best_error = std::numeric_limits<double>::infinity();
+  const auto offer = [&](const Eigen::Matrix3d& rotation, int iterations) {
+    Guess guess;
+    guess.rotation = rotation;
+    const double error = refine(some, iterations, guess);
+    if (error < best_error) {
+      best_error = error;
+      best = guess;
+    }
+  };
+  offer(nearest_rotation(relaxed_inverse_rotation(pairs).transpose()), 30);
+  if (robot.measuring_from_base) offer(robot.measuring_from_base->linear(), 30);
+  if (best_error > 0.005 * robot.reach()) {
+    for (const Eigen::Matrix3d& rotation : cube_rotations()) offer(rotation, 40);
+  }
+  return best;
+}
+
+using SetUps = std::map<int, std::vector<std::size_t>>;  // rows by number
+
+// None where the column has no whole numbers.
+SetUps set_ups_of(const State& state) {
+  SetUps result;
+  if (!state.recorded("station")) return result;
+  const std::vector<double>& column = state.column("station");
+  for (std::size_t i = 0; i < column.size(); ++i) {
+    if (column[i] != std::round(column[i])) return {};
+    result[static_cast<int>(column[i])].push_back(i);
+  }
+  return result;
+}
+
+// The rotation and shift that take measured points to where `guess` expects them (Horn 1987).
+Pose expected_from_measured(const Pairs& pairs, const Guess& guess) {
+  Pose pose = Pose::Identity();
+  Eigen::VectorXd weight = Eigen::VectorXd::Ones(pairs.size());
+  Eigen::Matrix3Xd expected(3, pairs.size());
+  for (Eigen::Index i = 0; i < pairs.size(); ++i) expected.col(i) = predict(pairs, guess, i);
+  for (int pass = 0; pass < kWeightPasses; ++pass) {
+    const Eigen::Vector3d to = expected * weight / weight.sum();
+    const Eigen::Vector3d from = pairs.point * weight / weight.sum();
+    pose.linear() = nearest_rotation((expected.colwise() - to) * weight.asDiagonal() *
+                                     (pairs.point.colwise() - from).transpose());
+    pose.translation() = to - pose.linear() * from;
+    weight = robust_weights((expected - pose * pairs.point).colwise().norm().transpose());
+  }
+  return pose;
+}
+
+// Moves the points of set-ups that stand apart into the first one's frame.
+std::map<int, Pose> bring_together(Pairs& pairs, const Robot& robot, const SetUps& set_ups) {
+  std::map<int, Pose> result;
+  if (set_ups.size() < 2 || set_ups.begin()->second.size() < kFewestRows) return result;
+  const Pairs first = chosen(pairs, set_ups.begin()->second);
+  Guess guess = find_base_and_tools(first, robot);
+  refine(first, 30, guess);
+  for (const auto& [number, rows] : set_ups) {
+    if (number == set_ups.begin()->first || rows.size() < kFewestRows) continue;
+    const Pose pose = expected_from_measured(chosen(pairs, rows), guess);
+    if (pose.translation().norm() < kSetUpsApart &&
+        rotation_log(pose.linear()).norm() < kSetUpsApart)
+      continue;
+    result.emplace(number, pose);
+    for (const std::size_t row : rows)
+      pairs.point.col(static_cast<Eigen::Index>(row)) =
+          pose * Eigen::Vector3d(pairs.point.col(static_cast<Eigen::Index>(row)));
+  }
+  return result;
 }
 
 // Umeyama's scale: how much larger the measured cloud is than the predicted one.
@@ -218,8 +309,12 @@ Eigen::Matrix3d mean_rotation(const std::vector<Eigen::Matrix3d>& rotations) {
 
 }  // namespace
 
+int station_of(const State& state, std::size_t row) {
+  return state.recorded("station") ? static_cast<int>(state.column("station")[row]) : 0;
+}
+
 Alignment align(const State& state, const Measurements& measurements) {
-  if (measurements.rows < 4) {
+  if (measurements.rows < kFewestRows) {
     throw ModelError("measurements: found " + std::to_string(measurements.rows) +
                      " usable rows, expected at least 4 to find base and tool");
   }
@@ -241,32 +336,16 @@ Alignment align(const State& state, const Measurements& measurements) {
 
   // Millimetres given as metres are brought to size first, so that the tool comes out in metres
   // whatever the units are.
-  const Eigen::Matrix3d relaxed = relaxed_inverse_rotation(pairs);
-  const double determinant = std::abs(relaxed.determinant());
-  double unit = determinant > 0.0 ? 1.0 / std::cbrt(determinant) : 1.0;
-  if (!std::isfinite(unit) || (unit > 0.8 && unit < 1.25) || unit > 1e5 || unit < 1e-5) unit = 1.0;
+  const SetUps set_ups = set_ups_of(state);
+  const double unit =
+      unit_of(thin_out(set_ups.empty() ? pairs : chosen(pairs, set_ups.begin()->second)));
   pairs.point /= unit;
-
-  const Pairs some = thin_out(pairs);
-  Guess best;
-  double best_error = std::numeric_limits<double>::infinity();
-  const auto offer = [&](const Eigen::Matrix3d& rotation, int iterations) {
-    Guess guess;
-    guess.rotation = rotation;
-    const double error = refine(some, iterations, guess);
-    if (error < best_error) {
-      best_error = error;
-      best = guess;
-    }
-  };
-  offer(nearest_rotation(relaxed.transpose()), 30);
-  if (robot.measuring_from_base) offer(robot.measuring_from_base->linear(), 30);
-  if (best_error > 0.005 * robot.reach()) {
-    for (const Eigen::Matrix3d& rotation : cube_rotations()) offer(rotation, 40);
-  }
-  const double error = refine(pairs, 30, best);
-
   Alignment result;
+  result.first_from_set_up = bring_together(pairs, robot, set_ups);
+  Guess best = find_base_and_tools(pairs, robot);
+  const double error = refine(pairs, 30, best);
+  for (auto& [number, pose] : result.first_from_set_up) pose.translation() *= unit;
+
   result.scale = unit * similarity_scale(pairs, best);
   result.rms_m = error;
   result.measuring_from_base.linear() = best.rotation;
@@ -280,8 +359,11 @@ Alignment align(const State& state, const Measurements& measurements) {
       std::vector<Eigen::Matrix3d> seen;
       for (std::size_t i = 0; i < measurements.rows; ++i) {
         if (measurements.target[i] != t) continue;
-        seen.push_back((best.rotation * pairs.base_from_flange[i].linear()).transpose() *
-                       measurements.rotation[i]);
+        Eigen::Matrix3d measured = measurements.rotation[i];
+        if (const auto at = result.first_from_set_up.find(station_of(state, i));
+            at != result.first_from_set_up.end())
+          measured = at->second.linear() * measured;
+        seen.push_back((best.rotation * pairs.base_from_flange[i].linear()).transpose() * measured);
       }
       if (!seen.empty()) tool.linear() = mean_rotation(seen);
     }

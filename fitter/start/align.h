@@ -2,6 +2,7 @@
 // sits on the flange.
 #pragma once
 
+#include <map>
 #include <vector>
 
 #include "fitter/model/measurements.h"
@@ -18,6 +19,9 @@ struct Alignment {
   double rms_m =
       0.0;  ///< root mean square distance left after alignment, gross errors down-weighted
   std::vector<double> residual_m;  ///< distance left, row by row
+  /// By its number in column `station`, the frame of a further set-up in the first one's, where the
+  /// two stand further apart than the nominal arm is wrong by. All else is of points in the first.
+  std::map<int, Pose> first_from_set_up;
 };
 
 /// Solves x_i = base · (p_i + R_i t) for the base pose and the reflectors' t, with nominal
@@ -29,5 +33,8 @@ struct Alignment {
 /// the poses leave the relaxation degenerate, a multi-start over the 24 rotations of the cube takes
 /// part and the best is kept. Throws ModelError where there are fewer than 4 rows.
 Alignment align(const State& state, const Measurements& measurements);
+
+/// Number of a row's set-up; 0 where none is recorded.
+int station_of(const State& state, std::size_t row);
 
 }  // namespace armtrue

@@ -50,8 +50,8 @@ def align(columns: Columns, robot: Robot) -> Alignment:
 
 def alignment_columns(data: Dataset) -> Columns:
     """The columns of `data` that an alignment reads; orientations stay out, as their conventions are unchecked."""
-    target = ["target"] if "target" in data.columns else []
-    wanted = [*commanded_joints(data.columns), *POSITION, *target]
+    kept = [name for name in ("target", "station") if name in data.columns]
+    wanted = [*commanded_joints(data.columns), *POSITION, *kept]
     return {name: data.columns[name] for name in wanted}
 
 
