@@ -17,6 +17,8 @@ const std::vector<double> kSizes{25e-6, 80e-6, 250e-6, 800e-6, 2500e-6};
 constexpr double kBoundIsSigmas = 2.0;
 // What real arms have of an effect (Parameter::usual) is one standard deviation.
 constexpr double kUsualIsSigmas = 1.0;
+// Of so many arms the masses are those of another version, or lack gears and motors.
+constexpr double kUnusual = 0.1;
 // Correlation lengths of tables [rad or m].
 const std::vector<double> kLengths{1.0, 0.3, 0.1, 0.04};
 // Directions of a prior below this share of its largest variance are left out.
@@ -25,23 +27,26 @@ constexpr double kSmallestDirection = 1e-4;
 constexpr Eigen::Index kWide = 16;
 constexpr double kSpanned = 1e-11;
 
-double largest_size(const Parameter& p) {
+enum class Largest { kUsual, kPossible };
+
+double largest_size(const Parameter& p, Largest largest) {
   double most = std::numeric_limits<double>::infinity();
   if (p.bound > 0.0) most = p.bound / kBoundIsSigmas;
+  if (largest == Largest::kPossible) return most;
   if (p.usual > 0.0) most = std::min(most, p.usual * kUsualIsSigmas);
   if (p.prior_sigma > 0.0) most = std::min(most, p.prior_sigma);
   return most;
 }
 
 // Standard deviations of coefficients at one size, from what each moves and its physical bound.
-Eigen::VectorXd sizes_of(const EvidenceForm& form, const Eigen::VectorXd& displacement,
-                         double size) {
+Eigen::VectorXd sizes_of(const EvidenceForm& form, const Eigen::VectorXd& displacement, double size,
+                         Largest largest = Largest::kUsual) {
   Eigen::VectorXd sigma(displacement.size());
   for (std::size_t c = 0; c < form.like.size(); ++c) {
     const double moves = displacement[static_cast<Eigen::Index>(form.like[c])];
     const Parameter& p = form.block.terms.parameters[form.like[c]];
     sigma[static_cast<Eigen::Index>(c)] =
-        moves > 0.0 ? std::min(size / moves, largest_size(p)) : 0.0;
+        moves > 0.0 ? std::min(size / moves, largest_size(p, largest)) : 0.0;
   }
   return sigma;
 }
@@ -87,6 +92,13 @@ void add_shapes(const EvidenceForm& form, const Eigen::VectorXd& displacement, E
     shapes.back().scale = {1.0};
     shapes.back().log_prior = {each};
   }
+  const bool may_be_unusual = std::ranges::any_of(
+      form.block.terms.parameters, [](const Parameter& p) { return p.may_be_unusual(); });
+  if (!may_be_unusual) return;
+  // Else something that makes up for the rest would seem to be there as well.
+  shapes.push_back(shape_of(sizes_of(form, displacement, kSizes.back(), Largest::kPossible)));
+  shapes.back().scale = {1.0};
+  shapes.back().log_prior = {each + std::log(kUnusual)};
 }
 
 namespace {

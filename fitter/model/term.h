@@ -47,6 +47,9 @@ struct Parameter {
   bool fixed = false;        ///< held at prior_mean by the user
   std::vector<Term> terms;
   double value = 0.0;
+
+  /// Whether more than the prior expects is possible: masses of another version of the arm.
+  bool may_be_unusual() const { return usual > 0.0 && prior_sigma < bound; }
 };
 
 /// A parameter inside expressions: a time constant, an order, a phase.

@@ -28,6 +28,8 @@ constexpr double kSmoothnessStart = 1e-4;  // [rad]
 constexpr double kSameNoise = 0.05;
 // Springs that a fit's own terms are weighed by are found in one or two repetitions.
 constexpr int kSpringPasses = 6;
+constexpr int kPriorPasses = 6;
+constexpr double kClearlyWider = 1.1;
 constexpr double kSpringsStand = 1e-3;  // of the largest
 // Loads are worked out where the fitted arm stands, and the fit repeated while that moves a frame
 // by more than this: far less than any instrument sees.
@@ -144,6 +146,14 @@ void Fit::begin() {
       options_.instrument ? options_.instrument->position : Eigen::Vector3d::Zero(),
       alignment.measuring_from_base.linear()});
   model_ = build_model(specification_, *context_);
+  if (options_.start) {
+    std::vector<double> known;
+    for (const Parameter& p : model_.parameters) {
+      const auto at = options_.start->values.find(p.name);
+      known.push_back(at == options_.start->values.end() ? p.prior_mean : at->second);
+    }
+    widen_priors(known);
+  }
   const auto places = [&](Place place) {
     return std::ranges::any_of(model_.parameters, [&](const Parameter& p) {
       return find_effect(p.effect).role() == Role::kPlacement &&
@@ -221,6 +231,21 @@ void Fit::rescale_noise() {
   }
   measurements_.sigma_rotation *=
       orientation_inflation_ * std::max(1e-3, median(turn) / kMedianChi3 / std::sqrt(freedom));
+}
+
+// What is usual limits nothing: where data show more of it (masses of another version of the arm,
+// without gears and motors), its prior becomes as wide, up to what is possible. Else an effect that
+// lets it return to what is usual would seem to be there. True where one became wider.
+bool Fit::widen_priors(const std::vector<double>& values) {
+  bool wider = false;
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    Parameter& p = model_.parameters[i];
+    if (!p.may_be_unusual() || specification_.overrides.contains(p.name)) continue;
+    const double size = std::min(std::abs(values[i] - p.prior_mean), p.bound);
+    wider = wider || size > kClearlyWider * p.prior_sigma;
+    p.prior_sigma = std::max(p.prior_sigma, size);
+  }
+  return wider;
 }
 
 void Fit::weigh_orientations() {
@@ -382,6 +407,8 @@ void Fit::solve_robustly() {
   rescale_noise();
   choose_free();
   solve_from_here();
+  for (int pass = 0; pass < kPriorPasses && widen_priors(design_->values()); ++pass)
+    solve_from_here();
   if (change_smoothness()) {
     solve_from_here();
     rescale_noise();

@@ -1,3 +1,5 @@
+#include <cmath>
+
 #include "fitter/effects/loads/spring_loads.h"
 
 namespace armtrue {
@@ -29,14 +31,19 @@ class MassParameters final : public LoadEffect {
     };
     const int n = context.joint_count();
     for (int link = 1; link <= n; ++link) {
-      const double mass = context.robot().links[static_cast<std::size_t>(link - 1)].mass;
-      if (!(mass > 0.0)) continue;
-      for (const std::string component : {"m", "x", "y", "z"}) {
-        const bool is_mass = component == "m";
-        add(load_change(context, id(), "link" + std::to_string(link) + "_" + component,
-                        is_mass ? "kg" : "kg m", mass * (is_mass ? 1.0 : kFurthest),
-                        mass * (is_mass ? kUsualShare : kUsualShift),
+      const Link& stated = context.robot().links[static_cast<std::size_t>(link - 1)];
+      if (!(stated.mass > 0.0)) continue;
+      const auto add_one = [&](const std::string& component, const char* unit, double furthest,
+                               double usual) {
+        add(load_change(context, id(), "link" + std::to_string(link) + "_" + component, unit,
+                        stated.mass * furthest, stated.mass * usual,
                         [&](const Variable& load) { return regressor(load, link, component); }));
+      };
+      add_one("m", "kg", 1.0, kUsualShare);
+      // A first moment is off by its centre, and by its mass.
+      for (int axis = 0; axis < 3; ++axis) {
+        const double arm = std::abs(stated.com_in_frame[axis]);
+        add_one({"xyz"[axis]}, "kg m", kFurthest + arm, std::hypot(kUsualShift, kUsualShare * arm));
       }
     }
     if (context.state.recorded("payload")) {
