@@ -121,10 +121,20 @@ std::int64_t PositionBounds::way(std::int64_t way) const {
 }
 
 std::int64_t PositionBounds::within_limits(std::int64_t corrected, std::int32_t plain) const {
-  if (wraps() || limit_low >= limit_high) return corrected;
+  if (limit_low >= limit_high) return corrected;
   const std::int64_t low = std::min<std::int64_t>(limit_low, plain);
   const std::int64_t high = std::max<std::int64_t>(limit_high, plain);
   return std::clamp(corrected, low, high);
+}
+
+[[gnu::cold]] PositionBounds PositionBounds::in_force() const {
+  PositionBounds result = *this;
+  if (!wraps()) return result;
+  result.limit_low = std::max(limit_low, range_low);
+  result.limit_high = std::min(limit_high, range_high);
+  const bool is_all = result.limit_low == range_low && result.limit_high == range_high;
+  if (is_all || result.limit_low >= result.limit_high) result.limit_low = result.limit_high;
+  return result;
 }
 
 [[gnu::cold]] Compensator::Compensator(const CompensatorConfig& config) : config_(config) {}

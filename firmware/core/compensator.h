@@ -59,8 +59,11 @@ struct PositionBounds {
   // A way from one position to another: the short one where positions wrap.
   std::int64_t way(std::int64_t way) const;
   // `corrected` no further than a limit that `plain` respects. Continuous in both, so that no step
-  // is made where the plain target itself passes the limit.
+  // is made where the plain target itself passes the limit. Of bounds in force.
   std::int64_t within_limits(std::int64_t corrected, std::int32_t plain) const;
+  // What a range that positions wrap in means for limits: its ends are limits as well, unless all
+  // of it is permitted. Limits that permit none of it are none.
+  PositionBounds in_force() const;
 };
 
 // What the compensator is doing.
@@ -202,7 +205,9 @@ class Compensator {
     return motion_.state == CompensatorState::kBlending && (parked_ || !has_active_);
   }
 
-  void set_bounds(std::size_t joint, const PositionBounds& bounds) { bounds_[joint] = bounds; }
+  void set_bounds(std::size_t joint, const PositionBounds& bounds) {
+    bounds_[joint] = bounds.in_force();
+  }
   const PositionBounds& bounds(std::size_t joint) const { return bounds_[joint]; }
   // Of the table in force, or of the last that was.
   const JointScale& scale(std::size_t joint) const { return scale_[joint]; }

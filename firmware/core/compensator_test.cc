@@ -397,6 +397,36 @@ TEST(CompensatorTest, ACorrectedTargetPassesNoLimitThatThePlainOneRespects) {
   }
 }
 
+TEST(CompensatorTest, LimitsWithinARangeThatWraps_HoldToo) {
+  Compensator compensator(config());
+  const auto within = [&compensator](const PositionBounds& bounds, std::int64_t corrected,
+                                     std::int32_t plain) {
+    compensator.set_bounds(0, bounds);
+    return compensator.bounds(0).within_limits(corrected, plain);
+  };
+  const PositionBounds both{
+      .range_low = -1000, .range_high = 999, .limit_low = -500, .limit_high = 500};
+  EXPECT_EQ(within(both, 510, 495), 500);
+  EXPECT_EQ(within(both, -510, -495), -500);
+  EXPECT_EQ(within(both, 310, 300), 310);
+  EXPECT_EQ(within(both, 530, 520), 520) << "the plain target itself is beyond";
+  // One limit alone: the other end of the range leads past it.
+  const PositionBounds upper{.range_low = -1000, .range_high = 999, .limit_high = 500};
+  EXPECT_EQ(within(upper, -1010, -995), -1000);
+  EXPECT_EQ(within(upper, 510, 495), 500);
+  const PositionBounds lower{.range_low = -1000, .range_high = 999, .limit_low = -500};
+  EXPECT_EQ(within(lower, 1010, 995), 999);
+  // All of the range is permitted: it turns on.
+  const PositionBounds whole{
+      .range_low = -1000, .range_high = 999, .limit_low = -1000, .limit_high = 999};
+  EXPECT_EQ(within(whole, 1010, 995), 1010);
+  EXPECT_EQ(within(whole, -1010, -995), -1010);
+  // None of it is: no limit that means anything.
+  const PositionBounds none{
+      .range_low = -1000, .range_high = 999, .limit_low = 2000, .limit_high = 3000};
+  EXPECT_EQ(within(none, 510, 495), 510);
+}
+
 TEST(CompensatorTest, PositionsThatWrapAreCorrectedAroundTheEnd) {
   Compensator compensator(config());
   const Bytes image = offset_table(-5e-3);
