@@ -193,8 +193,9 @@ std::int64_t PositionBounds::within_limits(std::int64_t corrected, std::int32_t 
 
 [[gnu::cold]] bool Compensator::begin(std::span<const std::int32_t> held) {
   parked_ = false;
-  if (!has_active_ && motion_.state == CompensatorState::kPassThrough) return true;
+  if (blend_ms_ == 0) return true;  // no table yet, and no scale
   bool fits = true;
+  bool is_zero = true;
   for (std::size_t k = 0; k < config_.joint_count; ++k) {
     const JointScale& scale = scale_[k];
     const std::int64_t exact = scale.units_of(held[k]);
@@ -202,9 +203,13 @@ std::int64_t PositionBounds::within_limits(std::int64_t corrected, std::int32_t 
         std::clamp<std::int64_t>(exact, -scale.magnitude, scale.magnitude));
     motion_.carried[k] = 0;
     motion_.increments[k] = increments_of(k);
+    // What went before the first cycle, for take_back_of().
+    history_[(cycle_ - 1) % kFeedbackHistory][k] = motion_.increments[k];
     fits = fits && motion_.delta[k] == exact;
+    is_zero = is_zero && motion_.delta[k] == 0;
   }
   hold();
+  if (!has_active_ && is_zero) motion_.state = CompensatorState::kPassThrough;
   return fits;
 }
 

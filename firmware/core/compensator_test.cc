@@ -262,6 +262,33 @@ TEST(CompensatorTest, AnOutputThatIsTakenBackNeverWas) {
   }
 }
 
+TEST(CompensatorTest, DisabledBeforeTheFirstCycle_BlendsOutWhatTheDrivesHold) {
+  Compensator compensator(config());
+  const Bytes image = offset_table(5e-3);
+  activate(compensator, image);
+  compensator.disable();
+  std::array<std::int32_t, kJoints> held = {};
+  held[0] = -increments(4e-3);
+  EXPECT_TRUE(compensator.begin(held));
+  std::int32_t last = held[0];
+  for (int k = 0; k < 200; ++k) {
+    const CycleOutput output = compensator.cycle(at(0.2));
+    ASSERT_LE(std::abs(output.delta[0] - last), increments(4e-3) / 20) << k;
+    last = output.delta[0];
+  }
+  EXPECT_EQ(last, 0);
+  EXPECT_EQ(compensator.state(), CompensatorState::kPassThrough);
+}
+
+TEST(CompensatorTest, DisabledAndNothingHeld_ItIsPassThroughAtOnce) {
+  Compensator compensator(config());
+  const Bytes image = offset_table(5e-3);
+  activate(compensator, image);
+  compensator.disable();
+  EXPECT_TRUE(compensator.begin(std::array<std::int32_t, kJoints>{}));
+  EXPECT_EQ(compensator.state(), CompensatorState::kPassThrough);
+}
+
 TEST(CompensatorTest, ParkedAndResumedItBlendsWithoutAStep) {
   Compensator compensator(config());
   const Bytes image = offset_table(5e-3);
