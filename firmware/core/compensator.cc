@@ -388,6 +388,21 @@ void Compensator::take_back() {
   if (counters_.cycles != UINT32_MAX) --counters_.cycles;
 }
 
+void Compensator::take_back_of(std::uint8_t joints) {
+  auto& newest = history_[(cycle_ - 1) % kFeedbackHistory];
+  const auto& before = history_[(cycle_ - 2) % kFeedbackHistory];
+  for (std::size_t k = 0; k < config_.joint_count; ++k) {
+    if ((joints >> k & 1U) == 0) continue;
+    motion_.delta[k] = before_.delta[k];
+    motion_.increments[k] = before_.increments[k];
+    motion_.carried[k] = before_.carried[k];
+    newest[k] = before[k];
+    // Zero is not reached before every joint has it.
+    const bool passes = motion_.state == CompensatorState::kPassThrough;
+    if (passes && motion_.increments[k] != 0) motion_.state = CompensatorState::kBlending;
+  }
+}
+
 std::int32_t Compensator::increments_of(std::size_t joint) {
   const JointScale& scale = scale_[joint];
   const std::int64_t exact = product(motion_.delta[joint], scale.increment_per_unit);

@@ -183,6 +183,10 @@ class Compensator {
   // what happened in it. Once for a cycle.
   void take_back();
 
+  // The last cycle's output did not reach these joints (bit k: joint k): each holds what it held
+  // before, and the next cycle goes on from there at the permitted rate. The others go on.
+  void take_back_of(std::uint8_t joints);
+
   // Forgets the direction of approach and the carried remainder, after the stream of commands was
   // interrupted.
   void restart_stream();

@@ -262,6 +262,60 @@ TEST(CompensatorTest, AnOutputThatIsTakenBackNeverWas) {
   }
 }
 
+TEST(CompensatorTest, OutputThatDidNotReachAJoint_LeavesItWhereItWas) {
+  Compensator compensator(config());
+  TestImage made(kJoints);
+  made.add_constant(0, 5e-3);
+  made.add_constant(1, 5e-3);
+  const Bytes image = made.image();
+  activate(compensator, image);
+  CycleOutput output;
+  for (int k = 0; k < 20; ++k) output = compensator.cycle(at(0.2));
+  const std::int32_t held = output.delta[0];
+  ASSERT_NE(held, 0);
+  std::int32_t last = output.delta[1];
+  for (int k = 0; k < 300; ++k) {
+    output = compensator.cycle(at(0.2));
+    EXPECT_LE(std::abs(output.delta[1] - last), increments(5e-3) / 50);
+    last = output.delta[1];
+    compensator.take_back_of(1);
+    ASSERT_EQ(compensator.correction_of(output.cycle, 0), held) << "what is taken off again";
+    ASSERT_EQ(compensator.correction_of(output.cycle, 1), last);
+  }
+  EXPECT_NEAR(last, -increments(5e-3), 1) << "the others go on";
+  EXPECT_EQ(settle(compensator, at(0.2)).delta[0], last);
+}
+
+TEST(CompensatorTest, FirstOutputThatDidNotReachAJoint_LeavesWhatItBeganWith) {
+  Compensator compensator(config());
+  const Bytes image = offset_table(5e-3);
+  activate(compensator, image);
+  std::array<std::int32_t, kJoints> held = {};
+  held[0] = 1000;
+  EXPECT_TRUE(compensator.begin(held));
+  const CycleOutput output = compensator.cycle(at(0.2));
+  ASSERT_NE(output.delta[0], 1000);
+  compensator.take_back_of(1);
+  EXPECT_EQ(compensator.correction_of(output.cycle, 0), 1000);
+}
+
+TEST(CompensatorTest, ZeroThatDidNotReachAJoint_IsNotTheEnd) {
+  Compensator compensator(config());
+  TestImage made(kJoints);
+  made.add_constant(0, 5e-3);
+  const Bytes image = made.image();
+  activate(compensator, image);
+  settle(compensator, at(0.2));
+  compensator.park();
+  while (compensator.is_fading()) compensator.cycle(at(0.2));
+  compensator.take_back_of(2);
+  EXPECT_FALSE(compensator.is_fading()) << "a joint that held nothing";
+  compensator.take_back_of(1);
+  EXPECT_TRUE(compensator.is_fading());
+  EXPECT_EQ(compensator.cycle(at(0.2)).delta[0], 0);
+  EXPECT_EQ(compensator.state(), CompensatorState::kPassThrough);
+}
+
 TEST(CompensatorTest, DisabledBeforeTheFirstCycle_BlendsOutWhatTheDrivesHold) {
   Compensator compensator(config());
   const Bytes image = offset_table(5e-3);

@@ -7,6 +7,9 @@
 // and EMCY 0xFF10 is raised; targets that come without a set that goes out for kWithheldUs are EMCY
 // 0xFF15.
 //
+// A correction moves by what has reached its drive: what a bus refused, or what still waits for
+// SYNC when the next is computed, is taken back for its joints, and they go on from what they hold.
+//
 //   inline   the frames of the set are held, their target bytes rewritten, and released
 //            downstream in the order in which they came; all other bytes are untouched
 //   offset   0x60B0 of every axis is set and the TPDOs that carry it are sent; the frames
@@ -150,8 +153,9 @@ class JointPath {
   // Microseconds since the last target frame; a large number before the first.
   std::uint64_t quiet_us(std::uint64_t now_us) const;
 
-  // The bus refused so many frames with offsets.
-  void note_refused(std::uint32_t frames);
+  // What became of the offsets since outputs were fresh, or with SYNC: how many frames the bus
+  // refused, and whose newest offset has not left (bit k: axis k).
+  void note_offsets(std::uint32_t refused, std::uint32_t unsent, std::uint64_t now_us);
 
   // A temperature or the payload has been given by SDO or PDO.
   void note_temperature(std::size_t sensor, std::uint64_t now_us);
@@ -178,10 +182,12 @@ class JointPath {
   void publish();
   void follow_drives();
   void read_targets(std::uint64_t now_us);
+  void take_back_unsent();
   void read_surroundings(std::uint64_t now_us);
   void check_offset(std::size_t axis, std::int32_t offset);
   void interrupted();
   void forget();
+  void note_set_out(std::uint64_t now_us);
   void watch_stream(std::uint64_t now_us);
   void watch_temperatures(std::uint64_t now_us);
   std::uint32_t why_withheld() const;
@@ -227,7 +233,9 @@ class JointPath {
   std::uint16_t last_flags_ = 0;
   bool streaming_ = false;
   bool seen_target_ = false;
-  bool is_refused_ = false;  // the last set, or some of it, by the downstream port
+  bool is_refused_ = false;     // the last set, or some of it, by the bus of the drives
+  bool is_offset_set_ = false;  // the last set went into offsets, of which nothing is noted yet
+  std::uint8_t unsent_ = 0;     // bit k: what was put out last has not reached the drive of joint k
   std::uint64_t last_target_us_ = 0;
   std::uint64_t last_taken_us_ = 0;     // the last that was to be corrected
   std::uint64_t waiting_since_us_ = 0;  // since when targets come and no set has gone out
