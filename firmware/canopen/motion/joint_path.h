@@ -94,11 +94,12 @@ class JointPath {
   // Another mode: what the drives hold is not known any more.
   void set_mode(Mode mode);
 
-  // Whether every joint is mapped in the target RPDOs, and its offset in the TPDOs in offset mode.
-  // Without that nothing is ever evaluated.
+  // Whether every joint is mapped in the target RPDOs, and in offset mode its offset in the TPDOs
+  // and the drives where those go. Without that nothing is ever evaluated.
   bool is_configured() const {
     return sets_.is_configured() &&
-           (mode_ != Mode::kOffset || offset_output_ != OffsetOutput::kIncomplete);
+           (mode_ != Mode::kOffset ||
+            (offset_output_ != OffsetOutput::kIncomplete && !drives_are_downstream_));
   }
   // Whether this RPDO is one of the set.
   bool carries_target(std::size_t rpdo) const {
@@ -117,6 +118,14 @@ class JointPath {
   // Rewrites the actual positions in a frame from the drives, by the correction that was in force;
   // before the first set there is none.
   void take_feedback(const Pdo& pdo, CanFrame& frame, std::uint64_t now_us);
+
+  // An actual position came from downstream: that is where the drives are, unless offset mode knows
+  // them upstream already. Until the restart.
+  void note_drives_downstream() {
+    if (mode_ != Mode::kOffset || !knows_drives()) drives_are_downstream_ = true;
+  }
+  // Offsets leave upstream: such drives would never hear them.
+  bool drives_are_downstream() const { return drives_are_downstream_; }
 
   // Windows and time-outs. Returns whether the supervision is sound, which is what feeds the
   // watchdog: the last call was at most kSupervisionUs ago, and no stream went on without a set for
@@ -173,21 +182,21 @@ class JointPath {
   }
   void end_interval();
   void take_back();
+  void take_back_unsent();
   void spoil(Condition condition, std::uint32_t information, std::uint32_t& counter);
   bool compute(std::uint64_t now_us);
   bool begin(std::uint64_t now_us);
   bool release(std::uint64_t now_us);
+  void note_set_out(std::uint64_t now_us);
   std::size_t send_set();
   bool is_kept_from_sync() const;
   void publish();
   void follow_drives();
   void read_targets(std::uint64_t now_us);
-  void take_back_unsent();
   void read_surroundings(std::uint64_t now_us);
   void check_offset(std::size_t axis, std::int32_t offset);
   void interrupted();
   void forget();
-  void note_set_out(std::uint64_t now_us);
   void watch_stream(std::uint64_t now_us);
   void watch_temperatures(std::uint64_t now_us);
   std::uint32_t why_withheld() const;
@@ -217,6 +226,7 @@ class JointPath {
   // begin().
   bool began_with_heard_ = false;
   bool reference_changed_ = false;
+  bool drives_are_downstream_ = false;
   std::uint32_t heard_ = 0;  // bit k: the actual position of axis k came in phase kUnknown
   std::uint32_t clean_sets_ = 0;
 

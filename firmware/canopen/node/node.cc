@@ -199,6 +199,7 @@ void Node::handle_downstream(CanFrame& frame) {
   const std::size_t number = pdos_.match(frame);
   if (number < kRpdos) joints_.hear(pdos_.rpdo(number), frame);
   if (number < kRpdos && pdos_.rpdo(number).mapping.has_axis_object(kActualPosition)) {
+    joints_.note_drives_downstream();
     if (mode() == Mode::kInline) joints_.take_feedback(pdos_.rpdo(number), frame, now_us_);
   } else if (number < kRpdos && !joints_.carries_target(number)) {
     handle_rpdo(number, frame);
