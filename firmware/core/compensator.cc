@@ -121,10 +121,20 @@ std::int64_t PositionBounds::way(std::int64_t way) const {
 }
 
 std::int64_t PositionBounds::within_limits(std::int64_t corrected, std::int32_t plain) const {
-  if (wraps() || limit_low >= limit_high) return corrected;
+  if (limit_low >= limit_high) return corrected;
   const std::int64_t low = std::min<std::int64_t>(limit_low, plain);
   const std::int64_t high = std::max<std::int64_t>(limit_high, plain);
   return std::clamp(corrected, low, high);
+}
+
+[[gnu::cold]] PositionBounds PositionBounds::in_force() const {
+  PositionBounds result = *this;
+  if (!wraps()) return result;
+  result.limit_low = std::max(limit_low, range_low);
+  result.limit_high = std::min(limit_high, range_high);
+  const bool is_all = result.limit_low == range_low && result.limit_high == range_high;
+  if (is_all || result.limit_low >= result.limit_high) result.limit_low = result.limit_high;
+  return result;
 }
 
 [[gnu::cold]] Compensator::Compensator(const CompensatorConfig& config) : config_(config) {}
@@ -183,8 +193,9 @@ std::int64_t PositionBounds::within_limits(std::int64_t corrected, std::int32_t 
 
 [[gnu::cold]] bool Compensator::begin(std::span<const std::int32_t> held) {
   parked_ = false;
-  if (!has_active_ && motion_.state == CompensatorState::kPassThrough) return true;
+  if (blend_ms_ == 0) return true;  // no table yet, and no scale
   bool fits = true;
+  bool is_zero = true;
   for (std::size_t k = 0; k < config_.joint_count; ++k) {
     const JointScale& scale = scale_[k];
     const std::int64_t exact = scale.units_of(held[k]);
@@ -192,9 +203,13 @@ std::int64_t PositionBounds::within_limits(std::int64_t corrected, std::int32_t 
         std::clamp<std::int64_t>(exact, -scale.magnitude, scale.magnitude));
     motion_.carried[k] = 0;
     motion_.increments[k] = increments_of(k);
+    // What went before the first cycle, for take_back_of().
+    history_[(cycle_ - 1) % kFeedbackHistory][k] = motion_.increments[k];
     fits = fits && motion_.delta[k] == exact;
+    is_zero = is_zero && motion_.delta[k] == 0;
   }
   hold();
+  if (!has_active_ && is_zero) motion_.state = CompensatorState::kPassThrough;
   return fits;
 }
 
@@ -371,6 +386,21 @@ void Compensator::take_back() {
   --cycle_;
   history_[cycle_ % kFeedbackHistory] = overwritten_;
   if (counters_.cycles != UINT32_MAX) --counters_.cycles;
+}
+
+void Compensator::take_back_of(std::uint8_t joints) {
+  auto& newest = history_[(cycle_ - 1) % kFeedbackHistory];
+  const auto& before = history_[(cycle_ - 2) % kFeedbackHistory];
+  for (std::size_t k = 0; k < config_.joint_count; ++k) {
+    if ((joints >> k & 1U) == 0) continue;
+    motion_.delta[k] = before_.delta[k];
+    motion_.increments[k] = before_.increments[k];
+    motion_.carried[k] = before_.carried[k];
+    newest[k] = before[k];
+    // Zero is not reached before every joint has it.
+    const bool passes = motion_.state == CompensatorState::kPassThrough;
+    if (passes && motion_.increments[k] != 0) motion_.state = CompensatorState::kBlending;
+  }
 }
 
 std::int32_t Compensator::increments_of(std::size_t joint) {

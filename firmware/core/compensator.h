@@ -59,8 +59,11 @@ struct PositionBounds {
   // A way from one position to another: the short one where positions wrap.
   std::int64_t way(std::int64_t way) const;
   // `corrected` no further than a limit that `plain` respects. Continuous in both, so that no step
-  // is made where the plain target itself passes the limit.
+  // is made where the plain target itself passes the limit. Of bounds in force.
   std::int64_t within_limits(std::int64_t corrected, std::int32_t plain) const;
+  // What a range that positions wrap in means for limits: its ends are limits as well, unless all
+  // of it is permitted. Limits that permit none of it are none.
+  PositionBounds in_force() const;
 };
 
 // What the compensator is doing.
@@ -180,14 +183,19 @@ class Compensator {
   // what happened in it. Once for a cycle.
   void take_back();
 
+  // The last cycle's output did not reach these joints (bit k: joint k): each holds what it held
+  // before, and the next cycle goes on from there at the permitted rate. The others go on.
+  void take_back_of(std::uint8_t joints);
+
   // Forgets the direction of approach and the carried remainder, after the stream of commands was
   // interrupted.
   void restart_stream();
 
   // The drives stand `held` increments beyond their targets: the correction begins there, within
-  // the table's limits, and blends from there to the right one. False if some of it was beyond a
-  // limit. Ends park(). Without a table there is no correction and nothing changes. Before the
-  // first cycle, and where the drives may hold something else than the last cycle's output.
+  // the table's limits, and blends from there to the right one, to zero while it is disabled. False
+  // if some of it was beyond a limit. Ends park(). Before the first table nothing is known of the
+  // drives' scale: the correction begins at zero. Before the first cycle, and where the drives may
+  // hold something else than the last cycle's output.
   bool begin(std::span<const std::int32_t> held);
 
   // From the next cycle on the correction goes to zero at the permitted rate, until begin() or
@@ -202,7 +210,9 @@ class Compensator {
     return motion_.state == CompensatorState::kBlending && (parked_ || !has_active_);
   }
 
-  void set_bounds(std::size_t joint, const PositionBounds& bounds) { bounds_[joint] = bounds; }
+  void set_bounds(std::size_t joint, const PositionBounds& bounds) {
+    bounds_[joint] = bounds.in_force();
+  }
   const PositionBounds& bounds(std::size_t joint) const { return bounds_[joint]; }
   // Of the table in force, or of the last that was.
   const JointScale& scale(std::size_t joint) const { return scale_[joint]; }

@@ -262,6 +262,87 @@ TEST(CompensatorTest, AnOutputThatIsTakenBackNeverWas) {
   }
 }
 
+TEST(CompensatorTest, OutputThatDidNotReachAJoint_LeavesItWhereItWas) {
+  Compensator compensator(config());
+  TestImage made(kJoints);
+  made.add_constant(0, 5e-3);
+  made.add_constant(1, 5e-3);
+  const Bytes image = made.image();
+  activate(compensator, image);
+  CycleOutput output;
+  for (int k = 0; k < 20; ++k) output = compensator.cycle(at(0.2));
+  const std::int32_t held = output.delta[0];
+  ASSERT_NE(held, 0);
+  std::int32_t last = output.delta[1];
+  for (int k = 0; k < 300; ++k) {
+    output = compensator.cycle(at(0.2));
+    EXPECT_LE(std::abs(output.delta[1] - last), increments(5e-3) / 50);
+    last = output.delta[1];
+    compensator.take_back_of(1);
+    ASSERT_EQ(compensator.correction_of(output.cycle, 0), held) << "what is taken off again";
+    ASSERT_EQ(compensator.correction_of(output.cycle, 1), last);
+  }
+  EXPECT_NEAR(last, -increments(5e-3), 1) << "the others go on";
+  EXPECT_EQ(settle(compensator, at(0.2)).delta[0], last);
+}
+
+TEST(CompensatorTest, FirstOutputThatDidNotReachAJoint_LeavesWhatItBeganWith) {
+  Compensator compensator(config());
+  const Bytes image = offset_table(5e-3);
+  activate(compensator, image);
+  std::array<std::int32_t, kJoints> held = {};
+  held[0] = 1000;
+  EXPECT_TRUE(compensator.begin(held));
+  const CycleOutput output = compensator.cycle(at(0.2));
+  ASSERT_NE(output.delta[0], 1000);
+  compensator.take_back_of(1);
+  EXPECT_EQ(compensator.correction_of(output.cycle, 0), 1000);
+}
+
+TEST(CompensatorTest, ZeroThatDidNotReachAJoint_IsNotTheEnd) {
+  Compensator compensator(config());
+  TestImage made(kJoints);
+  made.add_constant(0, 5e-3);
+  const Bytes image = made.image();
+  activate(compensator, image);
+  settle(compensator, at(0.2));
+  compensator.park();
+  while (compensator.is_fading()) compensator.cycle(at(0.2));
+  compensator.take_back_of(2);
+  EXPECT_FALSE(compensator.is_fading()) << "a joint that held nothing";
+  compensator.take_back_of(1);
+  EXPECT_TRUE(compensator.is_fading());
+  EXPECT_EQ(compensator.cycle(at(0.2)).delta[0], 0);
+  EXPECT_EQ(compensator.state(), CompensatorState::kPassThrough);
+}
+
+TEST(CompensatorTest, DisabledBeforeTheFirstCycle_BlendsOutWhatTheDrivesHold) {
+  Compensator compensator(config());
+  const Bytes image = offset_table(5e-3);
+  activate(compensator, image);
+  compensator.disable();
+  std::array<std::int32_t, kJoints> held = {};
+  held[0] = -increments(4e-3);
+  EXPECT_TRUE(compensator.begin(held));
+  std::int32_t last = held[0];
+  for (int k = 0; k < 200; ++k) {
+    const CycleOutput output = compensator.cycle(at(0.2));
+    ASSERT_LE(std::abs(output.delta[0] - last), increments(4e-3) / 20) << k;
+    last = output.delta[0];
+  }
+  EXPECT_EQ(last, 0);
+  EXPECT_EQ(compensator.state(), CompensatorState::kPassThrough);
+}
+
+TEST(CompensatorTest, DisabledAndNothingHeld_ItIsPassThroughAtOnce) {
+  Compensator compensator(config());
+  const Bytes image = offset_table(5e-3);
+  activate(compensator, image);
+  compensator.disable();
+  EXPECT_TRUE(compensator.begin(std::array<std::int32_t, kJoints>{}));
+  EXPECT_EQ(compensator.state(), CompensatorState::kPassThrough);
+}
+
 TEST(CompensatorTest, ParkedAndResumedItBlendsWithoutAStep) {
   Compensator compensator(config());
   const Bytes image = offset_table(5e-3);
@@ -395,6 +476,36 @@ TEST(CompensatorTest, ACorrectedTargetPassesNoLimitThatThePlainOneRespects) {
     EXPECT_LE(std::abs(output.corrected[0] - last), increments(1e-4) + 2) << "no step at the limit";
     last = output.corrected[0];
   }
+}
+
+TEST(CompensatorTest, LimitsWithinARangeThatWraps_HoldToo) {
+  Compensator compensator(config());
+  const auto within = [&compensator](const PositionBounds& bounds, std::int64_t corrected,
+                                     std::int32_t plain) {
+    compensator.set_bounds(0, bounds);
+    return compensator.bounds(0).within_limits(corrected, plain);
+  };
+  const PositionBounds both{
+      .range_low = -1000, .range_high = 999, .limit_low = -500, .limit_high = 500};
+  EXPECT_EQ(within(both, 510, 495), 500);
+  EXPECT_EQ(within(both, -510, -495), -500);
+  EXPECT_EQ(within(both, 310, 300), 310);
+  EXPECT_EQ(within(both, 530, 520), 520) << "the plain target itself is beyond";
+  // One limit alone: the other end of the range leads past it.
+  const PositionBounds upper{.range_low = -1000, .range_high = 999, .limit_high = 500};
+  EXPECT_EQ(within(upper, -1010, -995), -1000);
+  EXPECT_EQ(within(upper, 510, 495), 500);
+  const PositionBounds lower{.range_low = -1000, .range_high = 999, .limit_low = -500};
+  EXPECT_EQ(within(lower, 1010, 995), 999);
+  // All of the range is permitted: it turns on.
+  const PositionBounds whole{
+      .range_low = -1000, .range_high = 999, .limit_low = -1000, .limit_high = 999};
+  EXPECT_EQ(within(whole, 1010, 995), 1010);
+  EXPECT_EQ(within(whole, -1010, -995), -1010);
+  // None of it is: no limit that means anything.
+  const PositionBounds none{
+      .range_low = -1000, .range_high = 999, .limit_low = 2000, .limit_high = 3000};
+  EXPECT_EQ(within(none, 510, 495), 510);
 }
 
 TEST(CompensatorTest, PositionsThatWrapAreCorrectedAroundTheEnd) {

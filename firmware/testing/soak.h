@@ -132,6 +132,8 @@ class Soak {
   bool was_at_rate_limit_ = false;
   bool whole_ = false;  // the last set came out whole
   std::uint32_t refused_ = 0;
+  std::uint32_t refused_by_any_ = 0;  // frames, by either bus
+  std::uint64_t caught_up_at_ = 0;    // cycle
   std::uint32_t evaluated_ = 0;
   Joints last_delta_ = {};  // what the drives hold, since these cycles
   std::array<std::uint64_t, 6> held_since_ = {};

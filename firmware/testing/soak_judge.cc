@@ -82,14 +82,21 @@ void Soak::judge_joint(std::size_t joint, std::int32_t delta, std::int32_t comma
                 std::to_string(expected));
   }
   const double step = kBlendStep * evaluations + std::abs(expected - last_expected_[joint]);
-  if (blending && !leaving && !at_rate_limit && !was_at_rate_limit_ && change > step + kSlack) {
+  // A joint whose frames a full bus refused comes after the others at the rate limit.
+  const std::uint32_t refused =
+      bench_.downstream.counters().send_refused + bench_.upstream.counters().send_refused;
+  if (refused != refused_by_any_) caught_up_at_ = cycle_ + kBlendCycles;
+  refused_by_any_ = refused;
+  const bool follows = cycle_ > caught_up_at_ && !leaving;
+  if (blending && follows && !at_rate_limit && !was_at_rate_limit_ && change > step + kSlack) {
     return fail(who + "a step while blending in, " + std::to_string(last_delta_[joint]) + " to " +
                 std::to_string(delta) + " in " + std::to_string(evaluations) +
                 " evaluations, expected " + std::to_string(last_expected_[joint]) + " to " +
                 std::to_string(expected));
   }
   if (std::abs(delta) > kPermitted) return fail(who + "more than the table permits");
-  if (change > kRateLimit * evaluations + kSlack) {
+  // However many evaluations a full bus refused: what a drive never got earned it nothing.
+  if (change > kRateLimit + kSlack) {
     return fail(who + "faster than the rate limit: " + std::to_string(last_delta_[joint]) + " to " +
                 std::to_string(delta) + " in " + std::to_string(evaluations) + " evaluations");
   }

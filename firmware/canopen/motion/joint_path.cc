@@ -16,7 +16,7 @@ enum WhyWithheld : std::uint32_t {
   kPositionUnknown = 3,  // offset mode: the arm has not stood yet where its offset is known
   kSyncMissing = 4,      // targets or offsets that wait for SYNC, which does not come
   kNotOperational = 6,
-  kOutputRefused = 7,  // the set could not be sent on the drives' bus
+  kOutputRefused = 7,  // the bus did not take the set, or its offsets
 };
 
 }  // namespace
@@ -32,6 +32,7 @@ JointPath::JointPath(ObjectDictionary& dictionary, Compensator& compensator, Emc
 
 void JointPath::configure(const PdoTable& pdos) {
   take_back();
+  take_back_unsent();
   sets_.configure(pdos, joint_count_);
   drives_.keep(mapped_axes(pdos.rpdos(), kStatusword), mapped_axes(pdos.rpdos(), kModeDisplay));
   const std::uint32_t joints = (1U << joint_count_) - 1U;
@@ -61,6 +62,7 @@ void JointPath::set_mode(Mode mode) {
 }
 
 void JointPath::forget() {
+  unsent_ = 0;
   phase_ = Phase::kUnknown;
   heard_ = 0;
 }
@@ -70,6 +72,18 @@ void JointPath::take_back() {
   if (sets_.progress() != SetProgress::kComputed) return;
   compensator_.take_back();
   sets_.set_progress(SetProgress::kWaiting);
+}
+
+// What was put out and has not reached its drive is not what that drive holds. An offset that waits
+// for SYNC may still leave: as the one that its drive has already.
+void JointPath::take_back_unsent() {
+  if (unsent_ == 0) return;
+  compensator_.take_back_of(unsent_);
+  for (std::size_t axis = 0; axis < joint_count_; ++axis) {
+    if ((unsent_ >> axis & 1U) == 0) continue;
+    dictionary_.set(od::axis::kPositionOffset[axis], compensator_.correction_of(last_cycle_, axis));
+  }
+  unsent_ = 0;
 }
 
 void JointPath::end_interval() {
@@ -194,6 +208,7 @@ bool JointPath::is_kept_from_sync() const {
 bool JointPath::compute(std::uint64_t now_us) {
   if (phase_ == Phase::kLeaving || is_kept_from_sync()) return false;  // fade() has it when leaving
   const std::uint64_t begin_us = clock_us_();
+  take_back_unsent();
   read_targets(now_us);
   read_surroundings(now_us);
   // A first set that does not go out is not the first.
@@ -213,26 +228,36 @@ void JointPath::publish() {
   count(counters_.steps);
   last_flags_ = output_.flags;
   for (std::size_t axis = 0; axis < joint_count_; ++axis) {
+    if ((unsent_ >> axis & 1U) != 0) continue;
     dictionary_.set(od::axis::kPositionOffset[axis], output_.delta[axis]);
     dictionary_.set(od::axis::kPositionDemandValue[axis], output_.corrected[axis]);
   }
 }
 
 bool JointPath::release(std::uint64_t now_us) {
-  const std::size_t frames = sets_.frames().size();
-  const std::size_t sent = mode_ == Mode::kInline ? send_set() : frames;
-  is_refused_ = sent < frames;
-  if (sent == 0) {
-    take_back();
-    return false;
+  if (mode_ == Mode::kInline) {
+    const std::size_t sent = send_set();
+    is_refused_ = sent < sets_.frames().size();
+    if (sent == 0) {
+      unsent_ = 0;
+      take_back();
+      return false;
+    }
   }
   publish();
+  if (mode_ == Mode::kInline) take_back_unsent();
   if (phase_ == Phase::kUnknown) {
     first_cycle_ = last_cycle_;
     phase_ = Phase::kCorrecting;
   }
   sets_.set_progress(SetProgress::kOut);
-  if (is_refused_) return true;
+  is_offset_set_ = mode_ == Mode::kOffset;
+  if (!is_offset_set_ && !is_refused_) note_set_out(now_us);
+  return true;
+}
+
+// All of a set has left, or waits for its SYNC.
+void JointPath::note_set_out(std::uint64_t now_us) {
   count(counters_.sets);
   if (++clean_sets_ >= kCleanSets) {
     emcy_.clear(Condition::kTargetConflict);
@@ -242,26 +267,30 @@ bool JointPath::release(std::uint64_t now_us) {
   last_set_us_ = now_us;
   emcy_.clear(Condition::kJointInputStale);
   emcy_.clear(Condition::kSetsWithheld);
-  return true;
 }
 
-// How many frames of the set left.
+// How many frames of the set left; the joints of the others are unsent_.
 std::size_t JointPath::send_set() {
   if (downstream_ == nullptr) return 0;
   std::size_t sent = 0;
   bool refused = false;
   for (const SetAssembler::Held& held : sets_.frames()) {
     CanFrame frame = held.frame;
+    std::uint32_t joints = 0;
     for (const MappedEntry& mapped : held.pdo->mapping.used()) {
       if (axis_object(mapped.index) != kTargetPosition) continue;
       const std::size_t axis = axis_of(mapped.index);
-      if (axis < joint_count_) store_le(&frame.data[mapped.at], output_.corrected[axis]);
+      if (axis >= joint_count_) continue;
+      store_le(&frame.data[mapped.at], output_.corrected[axis]);
+      joints |= 1U << axis;
     }
     // Once a frame was refused the rest of the set stays back too: as few joints as possible
     // differ.
     refused = refused || !downstream_->send(frame);
-    if (refused) count(counters_.output_refused);
     sent += refused ? 0U : 1U;
+    if (!refused) continue;
+    count(counters_.output_refused);
+    unsent_ = static_cast<std::uint8_t>(unsent_ | joints);
   }
   return sent;
 }
@@ -319,8 +348,10 @@ void JointPath::take_feedback(const Pdo& pdo, CanFrame& frame, std::uint64_t now
       heard_ |= 1U << axis;
       continue;
     }
-    const std::uint32_t delay = std::min<std::uint32_t>(
-        dictionary_.get(od::compensator_control::kFeedbackDelay), last_cycle_ - first_cycle_);
+    // A drive whose newest offset has not left is where the one before put it.
+    const std::uint32_t late = std::max<std::uint32_t>(
+        dictionary_.get(od::compensator_control::kFeedbackDelay), unsent_ >> axis & 1U);
+    const std::uint32_t delay = std::min(late, last_cycle_ - first_cycle_);
     const std::int32_t correction = compensator_.correction_of(last_cycle_ - delay, axis);
     store_le(place, correction == 0 ? actual : bounds.wrapped(std::int64_t{actual} - correction));
   }
@@ -402,6 +433,7 @@ bool JointPath::process(std::uint64_t now_us) {
 
 void JointPath::stop() {
   take_back();
+  take_back_unsent();
   sets_.drop();
   waiting_since_us_ = last_set_us_;
   emcy_.clear(Condition::kSetsWithheld);
@@ -412,6 +444,7 @@ bool JointPath::leave(std::uint64_t now_us) {
   if (phase_ == Phase::kUnknown) return false;
   if (phase_ != Phase::kLeaving) {
     take_back();
+    take_back_unsent();
     compensator_.park();
     phase_ = Phase::kLeaving;
     leaving_since_us_ = now_us;
@@ -429,6 +462,7 @@ bool JointPath::fade(std::uint64_t now_us) {
                       sets_.progress() != SetProgress::kComputed && compensator_.is_fading() &&
                       now_us - last_step_us_ >= compensator_.cycle_us();
   if (!is_due) return false;
+  take_back_unsent();
   read_surroundings(now_us);
   // Inline nothing is sent: a drive that follows holds what it was given, and its actual position
   // is un-corrected by that.
@@ -451,8 +485,15 @@ void JointPath::note_command(std::uint64_t now_us) {
   last_target_us_ = now_us;
 }
 
-void JointPath::note_refused(std::uint32_t frames) {
-  for (; frames != 0; --frames) count(counters_.output_refused);
+void JointPath::note_offsets(std::uint32_t refused, std::uint32_t unsent, std::uint64_t now_us) {
+  if (mode_ != Mode::kOffset || phase_ == Phase::kUnknown) return;
+  unsent_ = static_cast<std::uint8_t>(unsent);
+  // What waits for a SYNC that is yet to come is not refused; it is not known to be taken either.
+  is_refused_ = refused != 0 || (is_refused_ && unsent != 0);
+  for (std::uint32_t k = 0; k < refused; ++k) count(counters_.output_refused);
+  if (refused != 0) take_back_unsent();
+  if (is_offset_set_ && !is_refused_) note_set_out(now_us);
+  is_offset_set_ = false;
 }
 
 std::uint64_t JointPath::quiet_us(std::uint64_t now_us) const {

@@ -7,6 +7,9 @@
 // and EMCY 0xFF10 is raised; targets that come without a set that goes out for kWithheldUs are EMCY
 // 0xFF15.
 //
+// A correction moves by what has reached its drive: what a bus refused, or what still waits for
+// SYNC when the next is computed, is taken back for its joints, and they go on from what they hold.
+//
 //   inline   the frames of the set are held, their target bytes rewritten, and released
 //            downstream in the order in which they came; all other bytes are untouched
 //   offset   0x60B0 of every axis is set and the TPDOs that carry it are sent; the frames
@@ -91,11 +94,12 @@ class JointPath {
   // Another mode: what the drives hold is not known any more.
   void set_mode(Mode mode);
 
-  // Whether every joint is mapped in the target RPDOs, and its offset in the TPDOs in offset mode.
-  // Without that nothing is ever evaluated.
+  // Whether every joint is mapped in the target RPDOs, and in offset mode its offset in the TPDOs
+  // and the drives where those go. Without that nothing is ever evaluated.
   bool is_configured() const {
     return sets_.is_configured() &&
-           (mode_ != Mode::kOffset || offset_output_ != OffsetOutput::kIncomplete);
+           (mode_ != Mode::kOffset ||
+            (offset_output_ != OffsetOutput::kIncomplete && !drives_are_downstream_));
   }
   // Whether this RPDO is one of the set.
   bool carries_target(std::size_t rpdo) const {
@@ -114,6 +118,14 @@ class JointPath {
   // Rewrites the actual positions in a frame from the drives, by the correction that was in force;
   // before the first set there is none.
   void take_feedback(const Pdo& pdo, CanFrame& frame, std::uint64_t now_us);
+
+  // An actual position came from downstream: that is where the drives are, unless offset mode knows
+  // them upstream already. Until the restart.
+  void note_drives_downstream() {
+    if (mode_ != Mode::kOffset || !knows_drives()) drives_are_downstream_ = true;
+  }
+  // Offsets leave upstream: such drives would never hear them.
+  bool drives_are_downstream() const { return drives_are_downstream_; }
 
   // Windows and time-outs. Returns whether the supervision is sound, which is what feeds the
   // watchdog: the last call was at most kSupervisionUs ago, and no stream went on without a set for
@@ -150,8 +162,9 @@ class JointPath {
   // Microseconds since the last target frame; a large number before the first.
   std::uint64_t quiet_us(std::uint64_t now_us) const;
 
-  // The bus refused so many frames with offsets.
-  void note_refused(std::uint32_t frames);
+  // What became of the offsets since outputs were fresh, or with SYNC: how many frames the bus
+  // refused, and whose newest offset has not left (bit k: axis k).
+  void note_offsets(std::uint32_t refused, std::uint32_t unsent, std::uint64_t now_us);
 
   // A temperature or the payload has been given by SDO or PDO.
   void note_temperature(std::size_t sensor, std::uint64_t now_us);
@@ -169,10 +182,12 @@ class JointPath {
   }
   void end_interval();
   void take_back();
+  void take_back_unsent();
   void spoil(Condition condition, std::uint32_t information, std::uint32_t& counter);
   bool compute(std::uint64_t now_us);
   bool begin(std::uint64_t now_us);
   bool release(std::uint64_t now_us);
+  void note_set_out(std::uint64_t now_us);
   std::size_t send_set();
   bool is_kept_from_sync() const;
   void publish();
@@ -211,6 +226,7 @@ class JointPath {
   // begin().
   bool began_with_heard_ = false;
   bool reference_changed_ = false;
+  bool drives_are_downstream_ = false;
   std::uint32_t heard_ = 0;  // bit k: the actual position of axis k came in phase kUnknown
   std::uint32_t clean_sets_ = 0;
 
@@ -227,7 +243,9 @@ class JointPath {
   std::uint16_t last_flags_ = 0;
   bool streaming_ = false;
   bool seen_target_ = false;
-  bool is_refused_ = false;  // the last set, or some of it, by the downstream port
+  bool is_refused_ = false;     // the last set, or some of it, by the bus of the drives
+  bool is_offset_set_ = false;  // the last set went into offsets, of which nothing is noted yet
+  std::uint8_t unsent_ = 0;     // bit k: what was put out last has not reached the drive of joint k
   std::uint64_t last_target_us_ = 0;
   std::uint64_t last_taken_us_ = 0;     // the last that was to be corrected
   std::uint64_t waiting_since_us_ = 0;  // since when targets come and no set has gone out

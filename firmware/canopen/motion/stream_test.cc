@@ -196,6 +196,54 @@ TEST(OffsetModeOnTwoBuses, Targets_PassUnchangedAndOffsetsLeaveToTheController) 
   EXPECT_NE(load_le<std::int32_t>(offsets[0].data), 0);
 }
 
+class OffsetOnTwoBusesTest : public testing::Test {
+ protected:
+  OffsetOnTwoBusesTest() {
+    bench.install(TestTable{}.image());
+    for (std::uint32_t k = 0; k < 3; ++k) {
+      EXPECT_EQ(bench.write(static_cast<std::uint16_t>(0x1800 + k), 1, 0x400001A0U + 0x100U * k, 4),
+                0U);
+    }
+  }
+  // A cycle of an arm that stands at kStand; how many frames with offsets left.
+  std::ptrdiff_t cycle(bool drives_are_downstream) {
+    bench.now_us += 1000;
+    for (std::uint32_t pair = 0; pair < 3; ++pair) {
+      const CanFrame actual =
+          NodeBench::pair_frame(0x1C0 + pair, kStand[2 * pair], kStand[2 * pair + 1]);
+      drives_are_downstream ? bench.from_drives(actual) : bench.from_controller(actual);
+    }
+    bench.upstream.take_sent();
+    bench.command_joints(kStand);
+    const std::vector<CanFrame> sent = bench.upstream.take_sent();
+    return std::count_if(sent.begin(), sent.end(), [](const CanFrame& frame) {
+      return (frame.id & 0xFFU) == 0xA0U && frame.id > 0xA0U;
+    });
+  }
+  NodeBench bench;
+};
+
+TEST_F(OffsetOnTwoBusesTest, DrivesHeardDownstream_TheModeIsRefused) {
+  bench.configure(Mode::kInline);
+  cycle(true);
+  bench.run_for(600'000);
+  EXPECT_EQ(bench.write(0x2000, 1, 2, 1), 0x06040043U);
+}
+
+TEST_F(OffsetOnTwoBusesTest, DrivesHeardDownstreamInTheMode_SaysThatNothingIsCorrected) {
+  bench.configure(Mode::kOffset);
+  for (int k = 0; k < 150; ++k) ASSERT_EQ(cycle(true), 0) << k;
+  EXPECT_EQ(bench.read(0x1003, 1), 5U << 16 | kSetsWithheld);
+  EXPECT_EQ(bench.read(0x2001, 2) & 1U, 0U) << "not configured";
+}
+
+TEST_F(OffsetOnTwoBusesTest, DrivesKnownUpstream_AStrayFrameDownstreamChangesNothing) {
+  bench.configure(Mode::kOffset);
+  for (int k = 0; k < 150; ++k) cycle(false);
+  bench.from_drives(NodeBench::pair_frame(0x1C0, 1, 2));
+  EXPECT_EQ(cycle(false), 3);
+}
+
 const auto kName = [](const auto& mode) {
   return mode.param == Mode::kInline ? "Inline" : "Offset";
 };

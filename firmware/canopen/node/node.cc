@@ -199,6 +199,7 @@ void Node::handle_downstream(CanFrame& frame) {
   const std::size_t number = pdos_.match(frame);
   if (number < kRpdos) joints_.hear(pdos_.rpdo(number), frame);
   if (number < kRpdos && pdos_.rpdo(number).mapping.has_axis_object(kActualPosition)) {
+    joints_.note_drives_downstream();
     if (mode() == Mode::kInline) joints_.take_feedback(pdos_.rpdo(number), frame, now_us_);
   } else if (number < kRpdos && !joints_.carries_target(number)) {
     handle_rpdo(number, frame);
@@ -265,8 +266,9 @@ void Node::obey_sync(const CanFrame& frame) {
     take_input(input.rpdo, input.frame);
   }
   waiting_count_ = 0;
-  joints_.note_refused(
-      tpdos_.on_sync(parts_.upstream, overflow != 0 ? frame.data[0] : std::uint8_t{0}, now_us_));
+  const std::uint8_t counter = overflow != 0 ? frame.data[0] : std::uint8_t{0};
+  const std::uint32_t refused = tpdos_.on_sync(parts_.upstream, counter, now_us_);
+  joints_.note_offsets(refused, tpdos_.unsent(), now_us_);
 }
 
 void Node::handle_heartbeat(const CanFrame& frame) {
@@ -349,7 +351,9 @@ void Node::take_input(std::size_t number, const CanFrame& frame) {
 
 void Node::outputs_are_fresh() {
   if (mode() != Mode::kOffset) return;
-  joints_.note_refused(tpdos_.on_fresh_outputs(parts_.upstream, now_us_, joints_.is_leaving()));
+  const std::uint32_t refused =
+      tpdos_.on_fresh_outputs(parts_.upstream, now_us_, joints_.is_leaving());
+  joints_.note_offsets(refused, tpdos_.unsent(), now_us_);
 }
 
 void Node::watch_sdo_targets(const CanFrame& frame) {

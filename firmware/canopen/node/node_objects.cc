@@ -152,11 +152,14 @@ Abort Node::check_write(const od::Entry& entry, std::span<const std::uint8_t> va
   }
   namespace control = od::compensator_control;
   if (is(entry, control::kMode)) {
-    if (static_cast<Mode>(value[0]) == Mode::kInline && parts_.downstream == nullptr) {
+    const auto wanted = static_cast<Mode>(value[0]);
+    // Inline needs drives downstream, offset has them upstream.
+    if ((wanted == Mode::kInline && parts_.downstream == nullptr) ||
+        (wanted == Mode::kOffset && joints_.drives_are_downstream())) {
       return Abort::kIncompatibleParameter;
     }
     // Offsets become zero before that mode ends.
-    const bool leaves_inline = mode() == Mode::kInline && static_cast<Mode>(value[0]) != mode();
+    const bool leaves_inline = mode() == Mode::kInline && wanted != mode();
     const bool may_leave = !leaves_inline || !holds_correction();
     return is_quiet() && may_leave ? Abort::kNone : Abort::kDeviceState;
   }

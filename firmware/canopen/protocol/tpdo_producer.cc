@@ -91,6 +91,15 @@ std::uint32_t TpdoProducer::on_sync(CanPort& port, std::uint8_t counter, std::ui
   return refused;
 }
 
+std::uint32_t TpdoProducer::unsent() const {
+  std::uint32_t axes = 0;
+  for (std::size_t k = 0; k < kTpdos; ++k) {
+    const std::span<const Pdo> one = pdos_.tpdos().subspan(k, 1);
+    if (schedules_[k].fresh) axes |= mapped_axes(one, kPositionOffset);
+  }
+  return axes;
+}
+
 void TpdoProducer::process(CanPort& port, std::uint64_t now_us) {
   for (std::size_t k = 0; k < kTpdos; ++k) {
     const Pdo& pdo = pdos_.tpdo(k);

@@ -28,8 +28,11 @@ class TpdoProducer {
   // the port refused.
   std::uint32_t on_fresh_outputs(CanPort& port, std::uint64_t now_us, bool at_once);
 
-  // SYNC with its counter, 0 if it carries none.
+  // SYNC with its counter, 0 if it carries none. Returns how many joint outputs the port refused.
   std::uint32_t on_sync(CanPort& port, std::uint8_t counter, std::uint64_t now_us);
+
+  // Bit k: the newest offset of axis k has not left, because it waits for SYNC or was refused.
+  std::uint32_t unsent() const;
 
   // Change and event timers.
   void process(CanPort& port, std::uint64_t now_us);

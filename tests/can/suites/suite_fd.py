@@ -287,18 +287,15 @@ def offset_cycle(line: Line, joints: list[int], held: list[int], kind: tuple[boo
     """
     target = line.target
     stand = [joint + offset for joint, offset in zip(joints, held, strict=True)]
+    # The drives are upstream, beside the controller: what they say reaches the other side as it is.
     feedback = [part.frame(stand, kind, line.noise) for part in FEEDBACK]
     for frame in feedback:
-        target.downstream.send(frame)
+        target.upstream.send(frame)
     for frame in feedback:
-        while (got := target.upstream.recv(ARRIVES_WITHIN_S)) is not None:
-            if got.arbitration_id == frame.arbitration_id:
+        while (passed := target.downstream.recv(ARRIVES_WITHIN_S)) is not None:
+            if passed.arbitration_id == frame.arbitration_id:
                 break
-        # Before the first set as they are, then with the same correction taken off.
-        assert got is not None
-        assert (got.is_fd, got.bitrate_switch, len(got.data)) == (
-            frame.is_fd, frame.bitrate_switch, len(frame.data),
-        )  # fmt: skip
+        assert_same(passed, frame)
     sent = [part.frame(joints, kind, line.noise) for part in line.targets]
     for got, frame in zip(line.through(sent), sent, strict=True):
         assert_same(got, frame)
