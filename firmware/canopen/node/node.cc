@@ -221,8 +221,13 @@ bool Node::serve(const CanFrame& frame) {
   if (frame.id != sdo_.request_id()) return false;
   const NmtState state = nmt_.state();
   if (state == NmtState::kPreOperational || state == NmtState::kOperational) {
-    tables_.set_quiet(is_quiet());
+    // Only where no joint is commanded; what takes long is refused otherwise.
+    const bool may_take_long = is_quiet();
+    const bool is_watched = may_take_long && parts_.note_long_request != nullptr;
+    tables_.set_quiet(may_take_long);
+    if (is_watched) parts_.note_long_request(true);
     sdo_.handle(frame, now_us_);
+    if (is_watched) parts_.note_long_request(false);
   }
   return true;
 }

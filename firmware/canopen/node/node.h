@@ -52,6 +52,10 @@ struct NodeParts {
   const DeviceIdentity& device;
   TableMemory buffers;
   const PortHealth* health = nullptr;  // nullptr: the port knows nothing
+  // Told that a request begins, or is over, which may keep the loop longer than any turn of a
+  // moving arm: a signature is checked, flash is written. nullptr: nobody watches over the loop's
+  // time.
+  void (*note_long_request)(bool begins) = nullptr;
 };
 
 // What the port has to do after process().
