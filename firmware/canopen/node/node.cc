@@ -267,7 +267,7 @@ void Node::obey_sync(const CanFrame& frame) {
   emcy_.clear(Condition::kSyncLength);
   if (nmt_.state() != NmtState::kOperational) return;
   for (const Waiting& input : std::span(waiting_).first(waiting_count_)) {
-    take_input(input.rpdo, input.frame);
+    joints_.take_input(pdos_.rpdo(input.rpdo), input.frame, now_us_);
   }
   waiting_count_ = 0;
   joints_.note_refused(
@@ -313,7 +313,9 @@ void Node::handle_rpdo(std::size_t number, const CanFrame& frame) {
     CanFrame copy = frame;
     return joints_.take_feedback(pdo, copy, now_us_);
   }
-  if (!pdo.is_synchronous() || !keep_for_sync(number, frame)) take_input(number, frame);
+  if (!pdo.is_synchronous() || !keep_for_sync(number, frame)) {
+    joints_.take_input(pdo, frame, now_us_);
+  }
 }
 
 bool Node::keep_for_sync(std::size_t number, const CanFrame& frame) {
@@ -323,33 +325,6 @@ bool Node::keep_for_sync(std::size_t number, const CanFrame& frame) {
   waiting_[place] = {frame, static_cast<std::uint8_t>(number)};
   waiting_count_ = std::max(waiting_count_, place + 1);
   return true;
-}
-
-// The bounds that SDO would have kept to.
-bool Node::is_within_bounds(const Pdo& pdo, const CanFrame& frame) {
-  for (const MappedEntry& mapped : pdo.mapping.used()) {
-    const auto entry =
-        mapped.is_dummy() ? std::nullopt : dictionary_.find(mapped.index, mapped.sub);
-    const od::Limit* limit = entry ? dictionary_.limit(*entry) : nullptr;
-    if (limit == nullptr) continue;
-    const std::uint32_t value = load_le({&frame.data[mapped.at], mapped.size});
-    if (value >= limit->low && value <= limit->high) continue;
-    emcy_.raise(Condition::kInputRange, mapped.index);
-    return false;
-  }
-  emcy_.clear(Condition::kInputRange);
-  return true;
-}
-
-void Node::take_input(std::size_t number, const CanFrame& frame) {
-  const Pdo& pdo = pdos_.rpdo(number);
-  if (frame.len < pdo.mapping.length || !is_within_bounds(pdo, frame)) return;
-  apply_rpdo(dictionary_, pdo, frame);
-  for (const MappedEntry& mapped : pdo.mapping.used()) {
-    if (mapped.index == od::kTemperatureInputs[0].index) {
-      joints_.note_temperature(mapped.sub - 1U, now_us_);
-    }
-  }
 }
 
 void Node::outputs_are_fresh() {

@@ -101,10 +101,8 @@ class Node final : private ObjectHooks {
   void restart_alarms();
   void handle_heartbeat(const CanFrame& frame);
   void handle_rpdo(std::size_t number, const CanFrame& frame);
-  void take_input(std::size_t number, const CanFrame& frame);
   // The newest frame of each synchronous input; false where there is no room.
   bool keep_for_sync(std::size_t number, const CanFrame& frame);
-  bool is_within_bounds(const Pdo& pdo, const CanFrame& frame);
   bool holds_correction() const;
   bool may_change_resolution() const;
   bool all_say_disabled() const;
