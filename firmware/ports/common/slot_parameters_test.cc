@@ -119,12 +119,16 @@ TEST_F(SlotParametersTest, ASaveThatFails_LeavesTheOldBlockAndTheNextOneSucceeds
       DippingFlash flash(16 * 1024, 1);
       SlotParameters parameters(flash);
       parameters.start();
-      if (has_old) ASSERT_TRUE(parameters.save(block_of(1)));
+      if (has_old) {
+        ASSERT_TRUE(parameters.save(block_of(1)));
+      }
       flash.words_until_low = words;
       if (parameters.save(block_of(2))) break;
       flash.words_until_low = storage::SimulatedFlash::kNever;
       ASSERT_EQ(parameters.load(loaded_), has_old);
-      if (has_old) EXPECT_EQ(loaded_, block_of(1));
+      if (has_old) {
+        EXPECT_EQ(loaded_, block_of(1));
+      }
       EXPECT_EQ(parameters.holds_something(), has_old);
       ASSERT_TRUE(parameters.save(block_of(3)));
       SlotParameters after_a_restart(flash);
