@@ -34,10 +34,12 @@ bool replace_file(const std::string& path, std::span<const std::uint8_t> content
   const std::string part = path + ".part";
   const int file = open(part.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
   if (file < 0) return false;
-  errno = ENOSPC;  // what a write that stops short means
-  const bool is_whole =
-      write(file, content.data(), content.size()) == static_cast<ssize_t>(content.size()) &&
-      fsync(file) == 0;
+  std::span<const std::uint8_t> left = content;
+  for (ssize_t written = 1; written > 0 && !left.empty();) {
+    written = write(file, left.data(), left.size());
+    if (written > 0) left = left.subspan(static_cast<std::size_t>(written));
+  }
+  const bool is_whole = left.empty() && fsync(file) == 0;
   const int why = errno;
   close(file);
   errno = why;
