@@ -169,6 +169,7 @@ INDIRECT_CALLS: dict[str, str] = {
     r"canopen::Node::(before_write|check_write|check_communication_write)\(": (
         r"SlotParameters::erase\(|(stm32f405|r5f)::clock_us\("
     ),
+    r"canopen::Node::(serve|handle_upstream|process)\(": r"note_long_request\(|(stm32f405|r5f)::clock_us\(",
     r"canopen::save_parameters\(": r"SlotParameters::save\(",
     r"canopen::load_parameters\(": r"SlotParameters::(load|holds_something)\(",
     r"canopen::DictionaryAccess::append\(": r"TableTransfer::append\(",

@@ -146,9 +146,21 @@ bool JointPath::on_sync(std::uint64_t now_us) {
   return goes_out;
 }
 
+void JointPath::take_input(const Pdo& pdo, const CanFrame& frame, std::uint64_t now_us) {
+  const Applied applied = apply_rpdo(dictionary_, pdo, frame);
+  if (applied.beyond != 0) {
+    emcy_.raise(Condition::kInputRange, applied.beyond);
+  } else if (applied.has_bounds) {
+    emcy_.clear(Condition::kInputRange);
+  }
+  for (const MappedEntry& mapped : pdo.mapping.used()) {
+    if (mapped.index == od::kTemperatureInputs[0].index) note_temperature(mapped.sub - 1U, now_us);
+  }
+}
+
 void JointPath::read_targets(std::uint64_t now_us) {
   for (const SetAssembler::Held& held : sets_.frames()) {
-    apply_rpdo(dictionary_, *held.pdo, held.frame);
+    take_input(*held.pdo, held.frame, now_us);
   }
   for (std::size_t axis = 0; axis < joint_count_; ++axis) {
     const std::int32_t target = dictionary_.get(od::axis::kTargetPosition[axis]);
@@ -355,7 +367,7 @@ void JointPath::take_feedback(const Pdo& pdo, CanFrame& frame, std::uint64_t now
     const std::int32_t correction = compensator_.correction_of(last_cycle_ - delay, axis);
     store_le(place, correction == 0 ? actual : bounds.wrapped(std::int64_t{actual} - correction));
   }
-  apply_rpdo(dictionary_, pdo, frame);
+  take_input(pdo, frame, now_us);
 }
 
 std::uint8_t JointPath::suspension() const {

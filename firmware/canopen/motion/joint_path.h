@@ -166,7 +166,11 @@ class JointPath {
   // refused, and whose newest offset has not left (bit k: axis k).
   void note_offsets(std::uint32_t refused, std::uint32_t unsent, std::uint64_t now_us);
 
-  // A temperature or the payload has been given by SDO or PDO.
+  // Takes every value of a PDO into the dictionary, whatever it is mapped beside. Precondition:
+  // frame.len >= pdo.mapping.length.
+  void take_input(const Pdo& pdo, const CanFrame& frame, std::uint64_t now_us);
+
+  // A temperature has been given by SDO or PDO.
   void note_temperature(std::size_t sensor, std::uint64_t now_us);
 
   bool is_streaming() const { return streaming_; }

@@ -222,8 +222,13 @@ bool Node::serve(const CanFrame& frame) {
   if (frame.id != sdo_.request_id()) return false;
   const NmtState state = nmt_.state();
   if (state == NmtState::kPreOperational || state == NmtState::kOperational) {
-    tables_.set_quiet(is_quiet());
+    // Only where no joint is commanded; what takes long is refused otherwise.
+    const bool may_take_long = is_quiet();
+    const bool is_watched = may_take_long && parts_.note_long_request != nullptr;
+    tables_.set_quiet(may_take_long);
+    if (is_watched) parts_.note_long_request(true);
     sdo_.handle(frame, now_us_);
+    if (is_watched) parts_.note_long_request(false);
   }
   return true;
 }
@@ -263,7 +268,7 @@ void Node::obey_sync(const CanFrame& frame) {
   emcy_.clear(Condition::kSyncLength);
   if (nmt_.state() != NmtState::kOperational) return;
   for (const Waiting& input : std::span(waiting_).first(waiting_count_)) {
-    take_input(input.rpdo, input.frame);
+    joints_.take_input(pdos_.rpdo(input.rpdo), input.frame, now_us_);
   }
   waiting_count_ = 0;
   const std::uint8_t counter = overflow != 0 ? frame.data[0] : std::uint8_t{0};
@@ -310,7 +315,9 @@ void Node::handle_rpdo(std::size_t number, const CanFrame& frame) {
     CanFrame copy = frame;
     return joints_.take_feedback(pdo, copy, now_us_);
   }
-  if (!pdo.is_synchronous() || !keep_for_sync(number, frame)) take_input(number, frame);
+  if (!pdo.is_synchronous() || !keep_for_sync(number, frame)) {
+    joints_.take_input(pdo, frame, now_us_);
+  }
 }
 
 bool Node::keep_for_sync(std::size_t number, const CanFrame& frame) {
@@ -320,33 +327,6 @@ bool Node::keep_for_sync(std::size_t number, const CanFrame& frame) {
   waiting_[place] = {frame, static_cast<std::uint8_t>(number)};
   waiting_count_ = std::max(waiting_count_, place + 1);
   return true;
-}
-
-// The bounds that SDO would have kept to.
-bool Node::is_within_bounds(const Pdo& pdo, const CanFrame& frame) {
-  for (const MappedEntry& mapped : pdo.mapping.used()) {
-    const auto entry =
-        mapped.is_dummy() ? std::nullopt : dictionary_.find(mapped.index, mapped.sub);
-    const od::Limit* limit = entry ? dictionary_.limit(*entry) : nullptr;
-    if (limit == nullptr) continue;
-    const std::uint32_t value = load_le({&frame.data[mapped.at], mapped.size});
-    if (value >= limit->low && value <= limit->high) continue;
-    emcy_.raise(Condition::kInputRange, mapped.index);
-    return false;
-  }
-  emcy_.clear(Condition::kInputRange);
-  return true;
-}
-
-void Node::take_input(std::size_t number, const CanFrame& frame) {
-  const Pdo& pdo = pdos_.rpdo(number);
-  if (frame.len < pdo.mapping.length || !is_within_bounds(pdo, frame)) return;
-  apply_rpdo(dictionary_, pdo, frame);
-  for (const MappedEntry& mapped : pdo.mapping.used()) {
-    if (mapped.index == od::kTemperatureInputs[0].index) {
-      joints_.note_temperature(mapped.sub - 1U, now_us_);
-    }
-  }
 }
 
 void Node::outputs_are_fresh() {

@@ -52,6 +52,10 @@ struct NodeParts {
   const DeviceIdentity& device;
   TableMemory buffers;
   const PortHealth* health = nullptr;  // nullptr: the port knows nothing
+  // Told that a request begins, or is over, which may keep the loop longer than any turn of a
+  // moving arm: a signature is checked, flash is written. nullptr: nobody watches over the loop's
+  // time.
+  void (*note_long_request)(bool begins) = nullptr;
 };
 
 // What the port has to do after process().
@@ -97,10 +101,8 @@ class Node final : private ObjectHooks {
   void restart_alarms();
   void handle_heartbeat(const CanFrame& frame);
   void handle_rpdo(std::size_t number, const CanFrame& frame);
-  void take_input(std::size_t number, const CanFrame& frame);
   // The newest frame of each synchronous input; false where there is no room.
   bool keep_for_sync(std::size_t number, const CanFrame& frame);
-  bool is_within_bounds(const Pdo& pdo, const CanFrame& frame);
   bool holds_correction() const;
   bool may_change_resolution() const;
   bool all_say_disabled() const;

@@ -2,6 +2,8 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
+#include <tuple>
 
 #include "firmware/testing/node_bench.h"
 
@@ -12,6 +14,7 @@ constexpr std::uint32_t kPayload = 0x20210020;
 
 class InputTest : public testing::Test {
  protected:
+  explicit InputTest(bool fd = false) : bench(true, fd) {}
   // RPDO 16 and the next ones, at 0x190 and the next ones.
   void map(std::uint16_t number, std::uint32_t word, std::uint32_t transmission) {
     const auto communication = static_cast<std::uint16_t>(0x140F + number);
@@ -97,6 +100,92 @@ TEST_F(InputTest, BoundsOfAnInput_MayBeReached) {
   bench.from_controller(make_frame(0x190, {0, 0, 0, 0}));
   EXPECT_EQ(bench.read(0x2021, 0), 0U);
   EXPECT_EQ(bench.read(0x1001, 0), 0U) << "over with one that is within them";
+}
+
+// Temperature of sensor 1 and the payload, in the frame of joints 1 and 2's targets.
+class InputBesideTargetsTest : public InputTest {
+ protected:
+  InputBesideTargetsTest() : InputTest(true) {
+    bench.configure(Mode::kInline);
+    EXPECT_EQ(bench.write(0x2000, 1, 0, 1), 0U);
+    EXPECT_EQ(bench.write(0x1400, 1, 0x80000220, 4), 0U);
+    EXPECT_EQ(bench.write(0x1600, 0, 0, 1), 0U);
+    const std::uint32_t mapped[] = {0x607A0020, 0x687A0020, 0x20200110, kPayload};
+    for (std::uint8_t k = 0; k < 4; ++k) {
+      EXPECT_EQ(bench.write(0x1600, static_cast<std::uint8_t>(k + 1), mapped[k], 4), 0U);
+    }
+    EXPECT_EQ(bench.write(0x1600, 0, 4, 1), 0U);
+    EXPECT_EQ(bench.write(0x1400, 1, 0x220, 4), 0U);
+    EXPECT_EQ(bench.write(0x2000, 6, 200, 4), 0U);
+    EXPECT_EQ(bench.write(0x2000, 1, 1, 1), 0U);
+  }
+  void cycles(int count, std::int16_t centidegrees, std::uint32_t payload_g) {
+    for (int k = 0; k < count; ++k) {
+      bench.now_us += 1000;
+      sync();
+      std::array<CanFrame, 3> frames = NodeBench::targets({});
+      frames[0].flags |= kFrameFd;
+      frames[0].len = 16;
+      store_le(&frames[0].data[8], centidegrees);
+      store_le(&frames[0].data[10], payload_g);
+      for (const CanFrame& frame : frames) bench.from_controller(frame);
+    }
+  }
+};
+
+TEST_F(InputBesideTargetsTest, ATemperature_IsGivenByEverySet) {
+  cycles(600, 2500, 3000);
+  EXPECT_EQ(temperature(1), 2500);
+  EXPECT_EQ(bench.read(0x2021, 0), 3000U);
+  EXPECT_EQ(bench.read(0x1003, 0), 0U) << "never silent";
+  bench.run_for(300'000);
+  EXPECT_EQ(newest_error(), 0x0001FF12U) << "then it is";
+}
+
+TEST_F(InputBesideTargetsTest, APayloadBeyondItsBound_IsNotTakenAndTheTargetsAre) {
+  cycles(10, 2500, 3000);
+  bench.downstream.take_sent();
+  cycles(10, 2600, 0xFFFFFFFF);
+  EXPECT_EQ(bench.read(0x2021, 0), 3000U);
+  EXPECT_EQ(temperature(1), 2600);
+  EXPECT_EQ(newest_error(), 0x2021FF18U);
+  EXPECT_EQ(bench.downstream.take_sent().size(), 40U) << "SYNC and three frames a cycle";
+  cycles(1, 2600, 4000);
+  EXPECT_EQ(bench.read(0x2021, 0), 4000U);
+  EXPECT_EQ(bench.read(0x1001, 0), 0U);
+}
+
+TEST_F(InputTest, AnInputBesideAnActualPosition_IsTakenWithItsBoundsAndItsTime) {
+  bench.configure(Mode::kInline);
+  ASSERT_EQ(bench.write(0x2000, 1, 0, 1), 0U);
+  for (const auto& [rpdo, word, size] :
+       {std::tuple{0, 0x20200110U, 6}, std::tuple{1, kPayload, 8}}) {
+    const auto communication = static_cast<std::uint16_t>(0x1408 + rpdo);
+    const auto mapping = static_cast<std::uint16_t>(0x1608 + rpdo);
+    const std::uint32_t id = 0x1C0U + static_cast<std::uint32_t>(rpdo);
+    ASSERT_EQ(bench.write(communication, 1, 0x80000000U + id, 4), 0U);
+    ASSERT_EQ(bench.write(mapping, 0, 0, 1), 0U);
+    ASSERT_EQ(bench.write(mapping, 1, 0x60640020U + 0x08000000U * static_cast<unsigned>(rpdo), 4),
+              0U);
+    ASSERT_EQ(bench.write(mapping, 2, word, 4), 0U);
+    ASSERT_EQ(bench.write(mapping, 0, 2, 1), 0U);
+    ASSERT_EQ(bench.write(communication, 1, id, 4), 0U);
+  }
+  ASSERT_EQ(bench.write(0x2000, 6, 200, 4), 0U);
+  ASSERT_EQ(bench.write(0x2000, 1, 1, 1), 0U);
+  for (int k = 0; k < 600; ++k) {
+    bench.now_us += 1000;
+    bench.from_drives(make_frame(0x1C0, {0, 0, 0, 0, 0x10, 0x0E}));
+  }
+  EXPECT_EQ(temperature(1), 3600);
+  EXPECT_EQ(bench.read(0x1003, 0), 0U);
+  bench.from_drives(make_frame(0x1C1, {0, 0, 0, 0, 0x81, 0x84, 0x1E, 0}));
+  EXPECT_EQ(bench.read(0x2021, 0), 0U);
+  EXPECT_EQ(newest_error(), 0x2021FF18U);
+  bench.from_drives(make_frame(0x1C0, {0, 0, 0, 0, 0x10, 0x0E}));
+  EXPECT_NE(bench.read(0x1001, 0), 0U) << "a value without bounds says nothing of one with";
+  bench.run_for(300'000);
+  EXPECT_EQ(newest_error(), 0x0001FF12U);
 }
 
 TEST_F(InputTest, EachSensor_FallsSilentByItself) {

@@ -137,7 +137,11 @@ Mapping PdoTable::decode(od::Ref<std::uint8_t> count, od::Ref<std::uint32_t> fir
     if (!is_dummy(map.index)) {
       mapped.index = map.index;
       mapped.sub = map.sub;
-      mapped.offset = dictionary_.find(map.index, map.sub)->offset;
+      const od::Entry entry = *dictionary_.find(map.index, map.sub);
+      mapped.offset = entry.offset;
+      if (const od::Limit* limit = dictionary_.limit(entry); limit != nullptr) {
+        mapped.limit = static_cast<std::uint8_t>(limit - od::kLimits);
+      }
     }
     mapping.length = static_cast<std::uint8_t>(mapping.length + size);
   }
@@ -212,12 +216,24 @@ void sample_tpdo(const ObjectDictionary& dictionary, const Pdo& pdo, CanFrame& f
   }
 }
 
-void apply_rpdo(ObjectDictionary& dictionary, const Pdo& pdo, const CanFrame& frame) {
+Applied apply_rpdo(ObjectDictionary& dictionary, const Pdo& pdo, const CanFrame& frame) {
+  Applied applied;
   for (const MappedEntry& mapped : pdo.mapping.used()) {
-    if (!mapped.is_dummy()) {
-      dictionary.copy_in(mapped.offset, std::span(frame.data).subspan(mapped.at, mapped.size));
+    if (mapped.is_dummy()) continue;
+    const std::span<const std::uint8_t> bytes =
+        std::span(frame.data).subspan(mapped.at, mapped.size);
+    if (mapped.limit != kUnlimited) {
+      const od::Limit& limit = od::kLimits[mapped.limit];
+      const std::uint32_t value = load_le(bytes);
+      applied.has_bounds = true;
+      if (value < limit.low || value > limit.high) {
+        applied.beyond = mapped.index;
+        continue;
+      }
     }
+    dictionary.copy_in(mapped.offset, bytes);
   }
+  return applied;
 }
 
 }  // namespace armtrue::canopen

@@ -37,12 +37,17 @@ constexpr std::uint16_t axis_object(std::uint16_t index) {
 // Of indices outside 0x6000 to 0x9FFF a number beyond every axis.
 constexpr std::size_t axis_of(std::uint16_t index) { return (index - 0x6000U) / kAxisStride; }
 
+// No bounds: a number beyond od::kLimits.
+inline constexpr std::uint8_t kUnlimited = 0xFF;
+static_assert(od::kLimitCount < kUnlimited);
+
 struct MappedEntry {
   std::uint16_t index = 0;   // 0: dummy, the bytes belong to somebody else
   std::uint16_t offset = 0;  // od::Entry::offset
   std::uint8_t sub = 0;
   std::uint8_t at = 0;  // first byte in the payload
   std::uint8_t size = 0;
+  std::uint8_t limit = kUnlimited;  // whose number in od::kLimits, looked up once
 
   bool is_dummy() const { return index == 0; }
 };
@@ -108,8 +113,15 @@ Abort check_pdo_write(const ObjectDictionary& dictionary, const od::Entry& entry
 // frame.
 void sample_tpdo(const ObjectDictionary& dictionary, const Pdo& pdo, CanFrame& frame);
 
-// Writes a received payload into the dictionary. Precondition: frame.len >= pdo.mapping.length.
-void apply_rpdo(ObjectDictionary& dictionary, const Pdo& pdo, const CanFrame& frame);
+// What became of a received payload.
+struct Applied {
+  bool has_bounds = false;   // whether any of its values has
+  std::uint16_t beyond = 0;  // the last object whose value was beyond its bounds; 0: none
+};
+
+// Writes a received payload into the dictionary, but for values beyond the bounds that SDO would
+// have kept to. Precondition: frame.len >= pdo.mapping.length.
+Applied apply_rpdo(ObjectDictionary& dictionary, const Pdo& pdo, const CanFrame& frame);
 
 }  // namespace armtrue::canopen
 

@@ -157,8 +157,12 @@ TEST_F(PdoRecordTest, Dummies_WriteNothingAnywhere) {
   CanFrame frame;
   frame.len = 8;
   std::ranges::fill(frame.data, std::uint8_t{0xAB});
-  apply_rpdo(dictionary, pdos.rpdo(kRpdo - 0x1400), frame);
-  EXPECT_EQ(dictionary.get(od::kPayloadMass), 0xABABABABU);
+  EXPECT_EQ(apply_rpdo(dictionary, pdos.rpdo(kRpdo - 0x1400), frame).beyond, 0x2021)
+      << "more than a payload can be";
+  EXPECT_EQ(dictionary.get(od::kPayloadMass), 0U);
+  store_le(&frame.data[4], 1'234'567U);
+  EXPECT_EQ(apply_rpdo(dictionary, pdos.rpdo(kRpdo - 0x1400), frame).beyond, 0);
+  EXPECT_EQ(dictionary.get(od::kPayloadMass), 1'234'567U);
   dictionary.set(od::kPayloadMass, 0);
   std::array<std::uint8_t, od::kImageSize> after = {};
   dictionary.copy_out(0, after);

@@ -69,13 +69,23 @@ void SdoServer::block_download_segment(const std::uint8_t* segment) {
   if (last || number == block_size_) acknowledge_sub_block();
 }
 
+// A repeated last segment: its first byte would be read as a command, and be an abort's for short
+// blocks.
+bool SdoServer::is_last_segment_again(const std::uint8_t* request) const {
+  return state_ == State::kBlockDownloadEnd && request[0] == (kLastSegment | sequence_) &&
+         std::equal(held_.begin(), held_.end(), request + 1);
+}
+
 void SdoServer::acknowledge_sub_block() {
   Payload answer = {};
   answer[0] = 0xA2;
   answer[1] = sequence_;
   answer[2] = block_size_;
-  if (last_segment_seen_) state_ = State::kBlockDownloadEnd;
-  sequence_ = 0;
+  if (last_segment_seen_) {
+    state_ = State::kBlockDownloadEnd;
+  } else {
+    sequence_ = 0;
+  }
   respond(answer);
 }
 

@@ -43,7 +43,7 @@ void SdoServer::handle(const CanFrame& frame, std::uint64_t now_us) {
   // During a sub-block every first byte is a sequence number, except the one that is an abort.
   if (state_ == State::kBlockDownload && frame.data[0] != kAbortCommand) {
     block_download_segment(frame.data);
-  } else {
+  } else if (!is_last_segment_again(frame.data)) {
     handle_command(frame.data);
   }
 }

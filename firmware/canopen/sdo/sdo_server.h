@@ -66,6 +66,7 @@ class SdoServer {
   void initiate_block_download(const std::uint8_t* request);
   void block_download_segment(const std::uint8_t* segment);
   void acknowledge_sub_block();
+  bool is_last_segment_again(const std::uint8_t* request) const;
   void end_block_download(const std::uint8_t* request);
   void handle_block_upload(const std::uint8_t* request);
   void initiate_block_upload(const std::uint8_t* request);

@@ -19,6 +19,27 @@ TEST(SdoTransfers, SizesComeBackAsTheyWereSent) {
   EXPECT_THROW(peer.transfer_every_way(kMaxImageLength + 1), std::runtime_error);
 }
 
+// A bridge between buses may repeat a frame. The last segment's first byte can be that of an abort
+// (1 to 31), of an end (65, 69 …) or of nothing (96 to 127).
+TEST(SdoTransfers, ABlocksSegmentThatComesTwice_IsTakenOnce) {
+  NodeBench bench(false);
+  for (std::size_t segments = 1; segments <= 127; ++segments) {
+    const std::vector<std::uint8_t> data = sdo_pattern(7 * segments - 2);
+    const std::vector<CanFrame> requests = SdoPeer::requests(Transfer::kBlockDownload, data);
+    std::vector<std::uint8_t> answers;
+    for (std::size_t k = 0; k < requests.size(); ++k) {
+      bench.from_controller(requests[k]);
+      const bool is_segment = k > 0 && k + 1 < requests.size();
+      if (is_segment) bench.from_controller(requests[k]);
+      for (const CanFrame& frame : bench.upstream.take_sent()) {
+        if (frame.id == 0x580 + NodeBench::kNodeId) answers.push_back(frame.data[0]);
+      }
+    }
+    EXPECT_EQ(answers, (std::vector<std::uint8_t>{0xA4, 0xA2, 0xA1})) << segments;
+    EXPECT_EQ(bench.read(0x2013, 3), data.size());
+  }
+}
+
 enum class Trouble : std::uint8_t { kAbort, kSilence, kOtherRequest, kReset, kWrongFrame };
 constexpr Trouble kTroubles[] = {Trouble::kAbort, Trouble::kSilence, Trouble::kOtherRequest,
                                  Trouble::kReset, Trouble::kWrongFrame};

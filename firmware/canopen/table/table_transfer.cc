@@ -282,9 +282,12 @@ Abort TableTransfer::revert() {
   if (was_trial && buffers_.writable().empty()) return Abort::kDeviceState;
   const Abort abort = result(store_.revert());
   // A trial is over even if its mark could not be written: the next start rejects it all the same.
-  if (was_trial && (abort == Abort::kNone || abort == Abort::kHardware)) {
+  if (abort != Abort::kNone && abort != Abort::kHardware) return abort;
+  if (was_trial) {
     trial_ = false;
     use(store_.load_active(buffers_.writable()));
+  } else if (state_ == StagingState::kCommitted) {
+    state_ = StagingState::kVerified;  // the buffer still has what no slot has any more
   }
   return abort;
 }

@@ -149,6 +149,32 @@ TEST_F(TableTransferTest, RevertReturnsToTheTableBeforeAtOnce) {
   EXPECT_EQ(status(kSequence), 5U);
 }
 
+TEST_F(TableTransferTest, WhatWasCommittedAndDropped_IsCommittedAgainOutOfTheBuffer) {
+  for (const bool mark_fails : {false, true}) {
+    ASSERT_EQ(bench.stage(TestTable{.serial = "R-7"}.image()), 0U);
+    ASSERT_EQ(bench.command(TableCommand::kVerify), 0U);
+    ASSERT_EQ(bench.command(TableCommand::kCommit), 0U);
+    bench.flash.protect(mark_fails);
+    EXPECT_EQ(bench.command(TableCommand::kRevert) != 0, mark_fails);
+    bench.flash.protect(false);
+    EXPECT_EQ(status(kStaging), 3U) << "verified: no slot has it any more";
+    ASSERT_EQ(bench.command(TableCommand::kVerify), 0U);
+    ASSERT_EQ(bench.command(TableCommand::kCommit), 0U);
+    ASSERT_EQ(bench.command(TableCommand::kActivate), 0U);
+    EXPECT_EQ(status(kSequence), 1U);
+    ASSERT_EQ(bench.command(TableCommand::kRevert), 0U);
+  }
+}
+
+TEST_F(TableTransferTest, ATableThatIsStagedWhileAnotherWaits_IsNotVerifiedByDroppingThat) {
+  ASSERT_EQ(bench.stage(TestTable{.serial = "R-7"}.image()), 0U);
+  ASSERT_EQ(bench.command(TableCommand::kVerify), 0U);
+  ASSERT_EQ(bench.command(TableCommand::kCommit), 0U);
+  ASSERT_EQ(bench.stage(TestTable{.sequence = 2, .serial = "R-7"}.image()), 0U);
+  ASSERT_EQ(bench.command(TableCommand::kRevert), 0U);
+  EXPECT_EQ(status(kStaging), 2U);
+}
+
 TEST_F(TableTransferTest, TheFirstTableRevertsToPassThrough) {
   ASSERT_EQ(bench.stage(TestTable{.serial = "R-7"}.image()), 0U);
   ASSERT_EQ(bench.command(TableCommand::kVerify), 0U);

@@ -23,6 +23,7 @@ struct DeviceParts {
   canopen::ParameterStore& parameters;
   std::uint64_t (*clock_us)();
   const canopen::PortHealth* health = nullptr;
+  void (*note_long_request)(bool begins) = nullptr;  // canopen::NodeParts
 };
 
 // What is fixed when the image is built (firmware/ports/identity.cmake).
@@ -52,7 +53,8 @@ class Device {
                parts.parameters,
                settings.identity,
                {first_, second_},
-               parts.health}) {}
+               parts.health,
+               parts.note_long_request}) {}
 
   // Puts the stored table in force. Erases nothing: a device that was reset while its drives run is
   // to pass frames on again at once.

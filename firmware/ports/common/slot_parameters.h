@@ -26,6 +26,7 @@ class SlotParameters final : public canopen::ParameterStore {
 
   bool load(std::span<std::uint8_t> block) override;
   bool holds_something() const override;
+  // One that fails leaves what was saved before.
   bool save(std::span<const std::uint8_t> block) override;
   // Saves an empty note: what is not of the asked length counts as nothing saved.
   bool erase() override;

@@ -100,5 +100,44 @@ TEST_F(SlotParametersTest, APowerCutLeavesTheOldOrTheNewBlock) {
   }
 }
 
+// Flash of a supply that is low after so many words, until it is good again.
+class DippingFlash final : public storage::SimulatedFlash {
+ public:
+  using SimulatedFlash::SimulatedFlash;
+  bool program(std::size_t slot, std::size_t offset, std::uint32_t word) override {
+    if (words_until_low == 0) return false;
+    --words_until_low;
+    return SimulatedFlash::program(slot, offset, word);
+  }
+  std::size_t words_until_low = kNever;
+};
+
+TEST_F(SlotParametersTest, ASaveThatFails_LeavesTheOldBlockAndTheNextOneSucceeds) {
+  for (const bool has_old : {true, false}) {
+    for (std::size_t words = 0;; ++words) {
+      SCOPED_TRACE(words);
+      DippingFlash flash(16 * 1024, 1);
+      SlotParameters parameters(flash);
+      parameters.start();
+      if (has_old) {
+        ASSERT_TRUE(parameters.save(block_of(1)));
+      }
+      flash.words_until_low = words;
+      if (parameters.save(block_of(2))) break;
+      flash.words_until_low = storage::SimulatedFlash::kNever;
+      ASSERT_EQ(parameters.load(loaded_), has_old);
+      if (has_old) {
+        EXPECT_EQ(loaded_, block_of(1));
+      }
+      EXPECT_EQ(parameters.holds_something(), has_old);
+      ASSERT_TRUE(parameters.save(block_of(3)));
+      SlotParameters after_a_restart(flash);
+      after_a_restart.start();
+      ASSERT_TRUE(after_a_restart.load(loaded_));
+      EXPECT_EQ(loaded_, block_of(3));
+    }
+  }
+}
+
 }  // namespace
 }  // namespace armtrue::ports

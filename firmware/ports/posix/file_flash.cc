@@ -9,27 +9,59 @@
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
+#include <filesystem>
 #include <fstream>
+#include <vector>
 
 #include "firmware/storage/slot_format.h"
 
 namespace armtrue::posix {
+namespace {
+
+// A name that was given or taken away is on the disk only when the directory is.
+bool sync_directory_of(const std::string& path) {
+  const std::string directory = std::filesystem::path(path).parent_path().string();
+  const int file =
+      open(directory.empty() ? "." : directory.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  if (file < 0) return false;
+  const bool is_synced = fsync(file) == 0;
+  close(file);
+  return is_synced;
+}
+
+// Made beside and renamed: whatever happens, a file of this name is whole. False with errno.
+bool replace_file(const std::string& path, std::span<const std::uint8_t> content) {
+  const std::string part = path + ".part";
+  const int file = open(part.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
+  if (file < 0) return false;
+  std::span<const std::uint8_t> left = content;
+  for (ssize_t written = 1; written > 0 && !left.empty();) {
+    written = write(file, left.data(), left.size());
+    if (written > 0) left = left.subspan(static_cast<std::size_t>(written));
+  }
+  const bool is_whole = left.empty() && fsync(file) == 0;
+  const int why = errno;
+  close(file);
+  errno = why;
+  return is_whole && std::rename(part.c_str(), path.c_str()) == 0 && sync_directory_of(path);
+}
+
+}  // namespace
 
 FileFlash::~FileFlash() {
   if (file_ >= 0) close(file_);
 }
 
 std::string FileFlash::open(const std::string& path) {
-  file_ = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644);
-  if (file_ < 0) return path + ": " + std::strerror(errno);
-  struct stat status = {};
-  fstat(file_, &status);
   const std::size_t whole = storage::kSlots * slot_size_;
-  if (status.st_size == 0) {
-    for (std::size_t slot = 0; slot < storage::kSlots; ++slot) {
-      if (!erase(slot)) return path + ": " + std::strerror(errno);
-    }
-  } else if (static_cast<std::size_t>(status.st_size) != whole) {
+  struct stat status = {};
+  const bool is_there = stat(path.c_str(), &status) == 0 && status.st_size != 0;
+  const std::vector<std::uint8_t> erased(is_there ? 0 : whole, 0xFF);
+  if (!is_there && !replace_file(path, erased)) return path + ": " + std::strerror(errno);
+  file_ = ::open(path.c_str(), O_RDWR | O_CLOEXEC);
+  if (file_ < 0) return path + ": " + std::strerror(errno);
+  fstat(file_, &status);
+  if (static_cast<std::size_t>(status.st_size) != whole) {
     return path + ": is " + std::to_string(status.st_size) + " bytes, expected " +
            std::to_string(whole) + " (two slots)";
   }
@@ -79,16 +111,11 @@ bool FileParameters::load(std::span<std::uint8_t> block) {
 bool FileParameters::holds_something() const { return access(path_.c_str(), F_OK) == 0; }
 
 bool FileParameters::save(std::span<const std::uint8_t> block) {
-  const std::string part = path_ + ".part";
-  {
-    std::ofstream file(part, std::ios::binary | std::ios::trunc);
-    file.write(reinterpret_cast<const char*>(block.data()),
-               static_cast<std::streamsize>(block.size()));
-    if (!file.flush()) return false;
-  }
-  return std::rename(part.c_str(), path_.c_str()) == 0;
+  return replace_file(path_, block);
 }
 
-bool FileParameters::erase() { return unlink(path_.c_str()) == 0 || errno == ENOENT; }
+bool FileParameters::erase() {
+  return (unlink(path_.c_str()) == 0 || errno == ENOENT) && sync_directory_of(path_);
+}
 
 }  // namespace armtrue::posix

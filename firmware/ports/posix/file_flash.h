@@ -18,7 +18,7 @@ class FileFlash final : public storage::Flash {
   FileFlash(const FileFlash&) = delete;
   FileFlash& operator=(const FileFlash&) = delete;
 
-  // Opens or makes the file. Empty if it worked, else one sentence that names it.
+  // Opens the file, or makes it whole. Empty if it worked, else one sentence that names it.
   std::string open(const std::string& path);
 
   std::size_t slot_size() const override { return slot_size_; }
@@ -34,7 +34,8 @@ class FileFlash final : public storage::Flash {
   bool has_unsynced_ = false;  // words of an image
 };
 
-// Saved parameters in a file, replaced whole by renaming.
+// Saved parameters in a file, replaced whole by renaming; what a call did is on the disk when it
+// returns.
 class FileParameters final : public canopen::ParameterStore {
  public:
   explicit FileParameters(std::string path) : path_(std::move(path)) {}

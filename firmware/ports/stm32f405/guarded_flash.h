@@ -1,4 +1,5 @@
-// Flash slots whose erase the watchdogs allow for and which nobody writes at a low supply.
+// Flash slots whose erase the independent watchdog allows for and which nobody writes at a low
+// supply.
 #ifndef ARMTRUE_FIRMWARE_PORTS_STM32F405_GUARDED_FLASH_H_
 #define ARMTRUE_FIRMWARE_PORTS_STM32F405_GUARDED_FLASH_H_
 
@@ -11,14 +12,14 @@
 namespace armtrue::stm32f405 {
 
 // An erase stalls the core: it happens only while the drives are disabled (the node refuses it
-// otherwise), the independent watchdog allows for it, and the window watchdog stands meanwhile.
-template <typename Slots, typename Independent, typename Window, typename Detector,
-          std::uint64_t (*clock_us)()>
+// otherwise), and the independent watchdog allows for it. The window watchdog stands for the whole
+// of the request that erases (main.cc).
+template <typename Slots, typename Independent, typename Detector>
 class GuardedFlash final : public storage::Flash {
  public:
   // None is owned.
-  GuardedFlash(Slots& flash, Independent& independent, Window& window, const Detector& detector)
-      : flash_(flash), independent_(independent), window_(window), detector_(detector) {}
+  GuardedFlash(Slots& flash, Independent& independent, const Detector& detector)
+      : flash_(flash), independent_(independent), detector_(detector) {}
 
   std::size_t slot_size() const override { return flash_.slot_size(); }
   void read(std::size_t slot, std::size_t offset, std::span<std::uint8_t> data) const override {
@@ -30,9 +31,7 @@ class GuardedFlash final : public storage::Flash {
   bool erase(std::size_t slot) override {
     if (detector_.is_low()) return false;
     independent_.set_timeout(Independent::kEraseMs);
-    window_.pause(clock_us());
     const bool erased = flash_.erase(slot);
-    window_.resume(clock_us());
     independent_.set_timeout(Independent::kUsualMs);
     return erased;
   }
@@ -40,7 +39,6 @@ class GuardedFlash final : public storage::Flash {
  private:
   Slots& flash_;
   Independent& independent_;
-  Window& window_;
   const Detector& detector_;
 };
 

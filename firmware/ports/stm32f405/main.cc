@@ -72,11 +72,11 @@ CanLines* can = nullptr;        // set before the interrupts that use it are ena
 SerialLines* serial = nullptr;  // likewise
 
 using SectorFlash = FlashDriver<MappedRegisters, MappedFlashArray>;
-using SlotFlash = GuardedFlash<SectorFlash, Independent, Window, Detector, &clock_us>;
+using SlotFlash = GuardedFlash<SectorFlash, Independent, Detector>;
 SectorFlash table_sectors(flash_registers, flash_array, kTableSector);
 SectorFlash parameter_sectors(flash_registers, flash_array, kParameterSector);
-SlotFlash table_flash(table_sectors, watchdog, window_watchdog, voltage);
-SlotFlash parameter_flash(parameter_sectors, watchdog, window_watchdog, voltage);
+SlotFlash table_flash(table_sectors, watchdog, voltage);
+SlotFlash parameter_flash(parameter_sectors, watchdog, voltage);
 
 // Beyond the SRAM of the chip; the emulated board has memory there, and keeps it over a restart.
 constexpr std::uintptr_t kEmulatedMemory = 0x20020000;
@@ -86,6 +86,11 @@ storage::RamFlash emulated_tables(std::span(reinterpret_cast<std::uint8_t*>(kEmu
                                             kEmulatedTables));
 storage::RamFlash emulated_parameters(std::span(
     reinterpret_cast<std::uint8_t*>(kEmulatedMemory + kEmulatedTables), kEmulatedParameters));
+
+// A signature takes longer than the window, and so does programming a table.
+void note_long_request(bool begins) {
+  begins ? window_watchdog.pause(clock_us()) : window_watchdog.resume(clock_us());
+}
 
 bool start_can() {
   constexpr ports::BitTiming kTiming = ports::bit_timing(kApb1Hz, ports::kBitRate);
@@ -175,8 +180,8 @@ namespace {
       has_can ? static_cast<canopen::CanPort&>(can->first) : serial->first_port;
   canopen::CanPort& downstream =
       has_can ? static_cast<canopen::CanPort&>(can->second) : serial->second_port;
-  static ports::Device device(ports::kSettings,
-                              {upstream, &downstream, tables, parameters, &clock_us, &health});
+  static ports::Device device(ports::kSettings, {upstream, &downstream, tables, parameters,
+                                                 &clock_us, &health, &note_long_request});
   return device;
 }
 

@@ -5,7 +5,8 @@
 //
 // The window watchdog (section 22) watches the joint path: it is fed every 25 ms of the program's
 // clock, and resets where the next feeding comes within 12.5 ms or not within 49.9 ms of its own.
-// So a loop that runs wild, a clock that stands or runs too fast, and a path that hangs all end.
+// So a loop that runs wild, a clock that stands or runs too fast, and a path that hangs all end. It
+// stands while a request of a resting arm may take long.
 #ifndef ARMTRUE_FIRMWARE_PORTS_STM32F405_WATCHDOGS_H_
 #define ARMTRUE_FIRMWARE_PORTS_STM32F405_WATCHDOGS_H_
 
@@ -87,7 +88,8 @@ class WindowWatchdog {
     registers_.write(wwdg_bits::kCr, wwdg_bits::kActive | wwdg_bits::kFull);
   }
 
-  // Its clock stands while an erase stalls the core; the independent watchdog guards that.
+  // Its clock stands while a request may take long (a signature, programming and erasing flash) and
+  // no joint is commanded; the independent watchdog guards that.
   void pause(std::uint64_t now_us) {
     paused_us_ = now_us;
     ports::clear_bits(rcc_, wwdg_bits::kRccApb1Enr, wwdg_bits::kRccApb1Watchdog);

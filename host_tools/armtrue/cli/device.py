@@ -52,7 +52,7 @@ app = typer.Typer(
     help="""Ask and manage a compensator on a bus.
 
 Exit status: 0 done, 1 the device refused or a test failed, 2 bad input (nothing was sent),
-3 the bus or the device did not answer, 130 interrupted.""",
+3 the bus or the device did not answer, or wrongly, 130 interrupted.""",
 )
 
 NOMINAL_BITRATE = 1_000_000
@@ -108,7 +108,7 @@ def upload(
     Example: armtrue upload tables.bin --interface socketcan --channel can0
 
     Exit status: 0 done, 1 the device refused, 2 bad input or not for this device (nothing was sent),
-    3 the bus or the device did not answer, 130 interrupted.
+    3 the bus or the device did not answer, or wrongly, 130 interrupted.
     """
     output = Output(json_to)
     image = read_image(tables)

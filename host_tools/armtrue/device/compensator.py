@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from armtrue.device.eds import Entry, dictionary
+from armtrue.device.image import checksum_of, own_checksum
 from armtrue.device.sdo import ByteProgress, CommunicationError, SdoAbortError, SdoClient
 
 STAGING_STATES = ("empty", "receiving", "received", "verified", "refused", "committed")
@@ -56,6 +57,12 @@ REFUSALS = {
 }
 SELF_TESTS = ("checksums", "object dictionary", "table in force", "buses", "pass-through")
 
+# What is counted with here, and an answer beyond it is none: the numbers that are possible, and how they are said.
+_POSSIBLE = {
+    "Compensator status.Joint count": (range(1, 9), "1 to 8"),
+    "Table status.Active slot": ((0, 1, NO_SLOT), f"0, 1 or {NO_SLOT}"),
+}
+
 _PRODUCT_CODE = int.from_bytes(b"ARMT", "big")
 _DEVICE_STATE = 0x08000022
 _INCOMPATIBLE = 0x06040043
@@ -94,9 +101,15 @@ class Compensator:
         """The value of an object by its EDS name."""
         entry = self._entry(name)
         data = self.client.upload(entry.index, entry.sub)
-        if entry.is_number:
-            return int.from_bytes(data, "little", signed=entry.signed)
-        return data.decode("ascii", "replace")
+        if not entry.is_number:
+            return data.decode("ascii", "replace")
+        number = int.from_bytes(data, "little", signed=entry.signed)
+        possible, words = _POSSIBLE.get(name, ((number,), ""))
+        if number not in possible:
+            raise CommunicationError(
+                f"node {self.client.node_id} says {number} of '{name}', expected {words}"
+            )
+        return number
 
     def read_number(self, name: str) -> int:
         """The value of an integer object."""
@@ -204,14 +217,23 @@ class Compensator:
             raise
 
     def dump(self, progress: ByteProgress) -> bytes:
-        """The image in force. Empty if there is none."""
+        """The image in force. Empty if there is none. Raises CommunicationError if it came damaged."""
         entry = self._entry("Table active image")
         try:
-            return self.client.upload(entry.index, entry.sub, progress)
+            image = self.client.upload(entry.index, entry.sub, progress)
         except SdoAbortError as refusal:
             if refusal.code == 0x08000024:
                 return b""
             raise
+        # Segments carry no checksum; the image does, and the device tells the one of what it holds.
+        found, own = checksum_of(image), own_checksum(image)
+        active = self.read_number("Table status.Checksum of active image")
+        if not found == own == active:
+            raise CommunicationError(
+                f"the table was damaged on its way: checksum 0x{found:08X}, its own is 0x{own:08X}, the device's "
+                f"0x{active:08X}"
+            )
+        return image
 
     def self_test(self) -> dict[str, bool]:
         """Run the device's tests; which passed, by name."""

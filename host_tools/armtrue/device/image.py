@@ -31,6 +31,11 @@ def checksum_of(image: bytes) -> int:
     return zlib.crc32(image[: -layout.CHECKSUM.size])
 
 
+def own_checksum(image: bytes) -> int:
+    """The checksum that an image carries."""
+    return int.from_bytes(image[-layout.CHECKSUM.size :], "little")
+
+
 def read_image(path: Path) -> ImageInfo:
     """Read and check the envelope of an image. Raises InputError naming file and field."""
     data = read_bytes(path, LARGEST_IMAGE_BYTES)
@@ -46,8 +51,7 @@ def read_image(path: Path) -> ImageInfo:
         raise InputError(f"{path}: table format {version}, expected {layout.VERSION}")
     if image_length != len(data):
         raise InputError(f"{path}: {len(data)} bytes, the header says {image_length}")
-    stored = layout.CHECKSUM.unpack_from(data, len(data) - layout.CHECKSUM.size)[0]
-    computed = checksum_of(data)
+    stored, computed = own_checksum(data), checksum_of(data)
     if stored != computed:
         raise InputError(f"{path}: checksum 0x{stored:08X}, expected 0x{computed:08X}: the file is damaged")
     return ImageInfo(

@@ -20,6 +20,9 @@ DEFAULT_TIMEOUT_S = 3.0
 # More than any object of a compensator holds: an upload that goes on is given up.
 _LARGEST_UPLOAD_BYTES = 64 * 1024
 _SWEEP_S = 0.5
+# A lost segment is sent again with the next block, and so is a lost block's beginning; a device that takes nothing
+# of so many never will.
+_BARREN_BLOCKS = 4
 _ABORT_TEXT = {
     0x05030000: "toggle bit not alternated",
     0x05040000: "SDO protocol timed out",
@@ -101,7 +104,7 @@ class SdoClient:
         self._bus = bus
         self._request_id = 0x600 + node_id
         self._response_id = 0x580 + node_id
-        self._node_id = node_id
+        self.node_id = node_id
         self.timeout_s = timeout_s
         self.frames = 0  # sent and received, for judging a transfer against the protocol's limit
 
@@ -120,14 +123,14 @@ class SdoClient:
             answer = self._ask(index, sub, bytes([0x60 | toggle]).ljust(8, b"\0"))
             if answer[0] >> 5 != 0 or answer[0] & 0x10 != toggle:
                 raise self._confused(answer, "an upload segment")
-            data += answer[1 : 8 - (answer[0] >> 1 & 7)]
+            piece, is_last = answer[1 : 8 - (answer[0] >> 1 & 7)], answer[0] & 0x01
+            data += piece
             if len(data) > (most := total or _LARGEST_UPLOAD_BYTES):
-                self.abort(index, sub)
-                raise CommunicationError(
-                    f"node {self._node_id} sent more than {most} bytes (object 0x{index:04X} sub {sub}): given up"
-                )
+                raise self._given_up(index, sub, f"sent more than {most} bytes")
+            if not piece and not is_last:
+                raise self._given_up(index, sub, "sent a segment without data that was not the last")
             progress(len(data), total)
-            if answer[0] & 0x01:
+            if is_last:
                 break
             toggle ^= 0x10
         if command & 0x01 and len(data) != total:
@@ -174,7 +177,7 @@ class SdoClient:
             raise self._confused(answer, "a block download response")
         block_size = answer[4]
         segments = [data[start : start + SEGMENT] for start in range(0, len(data), SEGMENT)]
-        sent = 0
+        sent = barren = 0
         while sent < len(segments):
             block = segments[sent : sent + block_size]
             for number, piece in enumerate(block, 1):
@@ -183,6 +186,9 @@ class SdoClient:
             answer = self._receive(index, sub, self.timeout_s)
             if answer[0] != 0xA2 or answer[1] > len(block):
                 raise self._confused(answer, "a block's confirmation")
+            barren = 0 if answer[1] else barren + 1
+            if barren == _BARREN_BLOCKS:
+                raise self._given_up(index, sub, f"took nothing of {barren} blocks in a row")
             sent += answer[1]
             block_size = answer[2]
             progress(min(sent * SEGMENT, len(data)), len(data))
@@ -251,8 +257,13 @@ class SdoClient:
                 raise SdoAbortError(*about, int.from_bytes(answer[4:8], "little"))
             return answer
         raise CommunicationError(
-            f"node {self._node_id} did not answer within {timeout_s:g} s (object 0x{index:04X} sub {sub})"
+            f"node {self.node_id} did not answer within {timeout_s:g} s (object 0x{index:04X} sub {sub})"
         )
 
+    def _given_up(self, index: int, sub: int, why: str) -> CommunicationError:
+        """Tell the server that a transfer which leads nowhere is over."""
+        self.abort(index, sub)
+        return CommunicationError(f"node {self.node_id} {why} (object 0x{index:04X} sub {sub}): given up")
+
     def _confused(self, answer: bytes, expected: str) -> CommunicationError:
-        return CommunicationError(f"node {self._node_id} sent {answer.hex(' ')}, expected {expected}")
+        return CommunicationError(f"node {self.node_id} sent {answer.hex(' ')}, expected {expected}")
