@@ -6,6 +6,7 @@ from armtrue.checking import (
     columns,
     conventions,
     drift,
+    gravity,
     masses,
     motion,
     orientations,
@@ -48,6 +49,7 @@ def check(data: Dataset, robot: Robot) -> CheckReport:
         alignment = align(units.in_si_units(alignment_columns(riding), robot), robot)
         findings += residuals.find_gross(riding, alignment)
         findings += residuals.find_stated_poses(riding, alignment, robot)
+        findings += gravity.find(alignment, robot)
         findings += tell.find(riding, robot)
     return CheckReport.of(findings)
 

@@ -14,6 +14,7 @@ import pytest
 
 from armtrue.checking import CheckReport, check
 from armtrue.io import Dataset, Robot, load_data, load_robot
+from armtrue.io.rotation import matrix_from_rpy
 
 SCENARIOS = Path(__file__).resolve().parents[3] / "sim" / "scenarios"
 
@@ -155,6 +156,26 @@ def test_notes_a_base_that_is_not_where_the_robot_file_says(campaign):
     data, robot = campaign("kr30")
     elsewhere = Robot({**robot.spec, "base": {"xyz": [0.0, 0.0, 3.0], "rpy": [0.0, 0.0, 0.0]}})
     assert finding(check(data, elsewhere), "base_or_tool_elsewhere").severity == "note"
+
+
+@pytest.mark.parametrize(
+    ("rpy", "expected"),
+    [((math.pi, 0.0, 0.7), [0.0, 0.0, 9.81]), ((0.0, math.pi / 2, 0.4), [9.81, 0.0, 0.0])],
+)
+def test_asks_for_gravity_of_an_arm_on_ceiling_or_wall(campaign, rpy, expected):
+    data, robot = campaign("kr30")
+    upright = matrix_from_rpy(robot.spec["base"]["rpy"])
+    turned = data.positions_m @ (matrix_from_rpy(rpy) @ upright.T).T
+    hanging = changed(data, **{name: np.ascontiguousarray(turned[:, at]) for at, name in enumerate("xyz")})
+    silent = replace(robot, gravity_stated=False)
+    found = finding(check(hanging, silent), "gravity_not_given")
+    assert found.severity == "warning"
+    np.testing.assert_allclose(found.evidence["gravity"], expected, atol=0.2)
+    assert f"gravity: {found.evidence['gravity']}" in found.remedy
+    assert "gravity_not_given" not in codes(check(data, silent))
+    assert "gravity_not_given" not in codes(check(hanging, robot))
+    massless = {key: value for key, value in silent.spec.items() if key != "links"}
+    assert "gravity_not_given" not in codes(check(hanging, replace(silent, spec=massless)))
 
 
 def test_names_the_rows_of_gross_errors(campaign):
