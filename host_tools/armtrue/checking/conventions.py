@@ -60,7 +60,7 @@ class _Judged:
 
 def find(columns: Columns, robot: Robot) -> list[Finding]:
     """One error for each convention that is wrong, or one where positions follow the joints under none tried."""
-    search = _Search(Reading(columns, robot.spec))
+    search = _Search(Reading(columns, robot.spec), robot)
     start = search.unchanged()[0]
     if start.rms_m <= start.floor_m / _CONVINCING:
         return []
@@ -73,9 +73,9 @@ def find(columns: Columns, robot: Robot) -> list[Finding]:
 class _Search:
     """The competition between all hypotheses about one reading."""
 
-    def __init__(self, reading: Reading) -> None:
+    def __init__(self, reading: Reading, robot: Robot) -> None:
         self._reading = reading
-        self._robot = reading.robot
+        self._robot = robot
         self._floor_m = _AS_GOOD_AS_NOMINAL * self._robot.reach_m
         self._spread_m = lengths.spread(reading.columns)
 
@@ -174,7 +174,7 @@ class _Search:
             if not (math.isfinite(scale) and scale > 0.0):
                 return judged
             latest = align(lengths.scaled(sample.columns, scale), sample.robot)
-        scaled = hypotheses.scale(scale)
+        scaled = hypotheses.scale(scale, self._robot)
         both = scaled if hypothesis is None else hypotheses.pair(hypothesis, scaled)
         # Under wrong conventions any scale comes out: it counts only where it explains all there is.
         if both is None or latest.rms_m > NOMINAL_ERROR_PER_REACH * self._robot.reach_m:

@@ -63,12 +63,12 @@ def pair(one: Hypothesis, other: Hypothesis) -> Hypothesis | None:
     )
 
 
-def scale(factor: float) -> Hypothesis:
-    """Positions `factor` times as large as the arm."""
+def scale(factor: float, robot: Robot) -> Hypothesis:
+    """Positions `factor` times as large as the arm `robot`."""
     return Hypothesis(
         "scale",
-        lengths.sentence(factor),
-        lengths.remedy(factor),
+        lengths.sentence(factor, robot),
+        lengths.remedy(factor, robot),
         lambda reading: Reading(lengths.scaled(reading.columns, factor), reading.spec),
         frozenset({"scale"}),
         figures={"scale": factor},

@@ -10,7 +10,7 @@ from typing import Any
 
 from armtrue.errors import InputError
 from armtrue.foreign.sheets import Sheet, is_number, read_sheet, split_unit, to_float
-from armtrue.io.files import read_text
+from armtrue.io.urdf import parse_urdf
 
 WHERE_ARMS_ARE = (
     "robot descriptions stand in ur_description (UR), kuka_experimental and kuka_robot_descriptions (KUKA), abb_robot "
@@ -31,16 +31,9 @@ _LONGEST_M = 10.0
 
 def urdf_kinematics(urdf: Path, out: Path, joint_count: int | None) -> tuple[dict[str, Any], list[str], str]:
     """`kinematics` of robot.yaml for `urdf`, the names of its joints, and from what base and tip were guessed."""
-    from urdf_parser_py import urdf as parser
-
-    try:
-        robot = parser.URDF.from_xml_string(read_text(urdf).encode())
-        parents = {joint.child: joint for joint in robot.joints}
-        links = [link.name for link in robot.links]
-    except InputError:
-        raise
-    except Exception as error:
-        raise InputError(f"{urdf}: found no URDF ({' '.join(str(error).split())})") from None
+    robot = parse_urdf(urdf)
+    parents = {joint.child: joint for joint in robot.joints}
+    links = [link.name for link in robot.links]
     chains: dict[str, list[Any]] = {}
     for link in links:
         chain: list[Any] = []

@@ -43,6 +43,11 @@ class Robot:
         return len(self.joints)
 
     @property
+    def kinematics_file(self) -> str:
+        """The name of the file that the kinematics stand in: robot.yaml, or a URDF that it names."""
+        return "robot.yaml" if self.urdf is None else self.urdf.name
+
+    @property
     def sensors(self) -> list[str]:
         """Names of the temperature sensors."""
         return list(self.spec.get("temperature", {}).get("sensors", []))
