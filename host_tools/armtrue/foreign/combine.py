@@ -80,21 +80,34 @@ def find_units(part: Part, prismatic: set[str]) -> None:
 
 
 def _joint_units(part: Part, prismatic: set[str]) -> None:
-    joints = part.meaning.joints
-    revolute = {name: header for name, header in joints.items() if name.lstrip("qr") not in prismatic}
-    if revolute:
-        largest = max(float(np.abs(part.numbers(header)).max()) for header in revolute.values())
-        stated = next(
-            (part.sheet.units[header] for header in revolute.values() if header in part.sheet.units), None
+    """Each joint's unit: as its own header says, else as its kind's others say, else by the largest figure."""
+    for kind, default, foreign, largest_default in (
+        ("angle", "rad", "deg", 2.2 * math.pi),
+        ("length", "m", "mm", _FARTHEST_M),
+    ):
+        joints = {
+            name: header
+            for name, header in part.meaning.joints.items()
+            if (name.lstrip("qr") in prismatic) == (kind == "length")
+        }
+        if not joints:
+            continue
+        largest = max(float(np.abs(part.numbers(header)).max()) for header in joints.values())
+        stated = {name: part.sheet.units[h] for name, h in joints.items() if h in part.sheet.units}
+        for name, unit in stated.items():
+            if UNITS[unit][0] != kind:
+                moves = "turns" if kind == "angle" else "slides"
+                raise InputError(
+                    f"{part.sheet.path} header: found column '{joints[name]}' in {unit}, expected a unit of {kind}, as "
+                    f"joint {name.lstrip('qr')} of the arm {moves} (columns in the order of the arm's joints)"
+                )
+        unit = next(iter(stated.values()), foreign if largest > largest_default else default)
+        part.units |= dict.fromkeys(joints, unit) | stated
+        units = ", ".join(dict.fromkeys(part.units[name] for name in joints))
+        words = ", ".join(joints.values())
+        part.notes.append(
+            f"{words}: joints in {units}, {_source(next(iter(stated), None), f'the largest is {largest:.4g}')}"
         )
-        unit = stated or ("deg" if largest > 2.2 * math.pi else "rad")
-        part.units |= dict.fromkeys(revolute, unit)
-        words = ", ".join(revolute.values())
-        part.notes.append(f"{words}: joints in {unit}, {_source(stated, f'the largest is {largest:.4g}')}")
-    for name in set(part.meaning.joints) - set(revolute):
-        header = part.meaning.joints[name]
-        far = float(np.abs(part.numbers(header)).max()) > _FARTHEST_M
-        part.units[name] = part.sheet.units.get(header) or ("mm" if far else "m")
 
 
 def _source(stated: str | None, otherwise: str) -> str:

@@ -16,6 +16,12 @@ _JOINT = re.compile(
     r"(?:[_ .\-](?:act\w*|cmd|command\w*|meas\w*|fb|target|pos\w*|deg|rad))?$",
     re.IGNORECASE,
 )
+# Axes that carry the arm: E1 (KUKA), eax_a (ABB), rail, track …
+_EXTERNAL = re.compile(
+    r"^(?:(?:e|eax|ext|ext_?ax(?:is)?|external_?axis)[_ .\-]*[1-6a-f]|"
+    r"(?:rail|track|slide|linear_?axis)(?:[_ .\-]?pos\w*)?)$",
+    re.IGNORECASE,
+)
 _UR = ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")
 _AXIS = re.compile(r"^(.*?)(?<![a-z])(r?)([xyz])(?![a-z])(.*)$", re.IGNORECASE)
 _ANGLES = (("roll", "pitch", "yaw"), ("a", "b", "c"), ("w", "p", "r"), ("rx", "ry", "rz"))
@@ -38,7 +44,8 @@ _KEYS = re.compile(
 class Meaning:
     """What a sheet holds: contract name → header, for the columns that were recognised.
 
-    `points`: reflector name → headers of x, y, z. `rotation`: headers of three angles or a quaternion.
+    `points`: reflector name → headers of x, y, z. `rotation`: headers of three angles or a quaternion. `externals`:
+    headers of axes that may carry the arm and that move; `carry` makes joints of them.
     """
 
     joints: dict[str, str] = field(default_factory=dict)
@@ -46,6 +53,20 @@ class Meaning:
     rotation: list[str] = field(default_factory=list)
     others: dict[str, str] = field(default_factory=dict)
     key: str | None = None
+    externals: list[str] = field(default_factory=list)
+
+    def carry(self, joint_count: int) -> None:
+        """Put the axes that carry the arm before its own joints where both together are `joint_count`."""
+        own = sum(not name.startswith("qr") for name in self.joints)
+        first = len(self.externals)
+        if first == 0 or own == 0 or own + first != joint_count:
+            return
+        moved = {}
+        for name, header in self.joints.items():
+            stem = name.rstrip("0123456789")
+            moved[f"{stem}{int(name[len(stem) :]) + first}"] = header
+        self.joints = {f"q{k}": header for k, header in enumerate(self.externals, start=1)} | moved
+        self.externals = []
 
 
 def meaning(sheet: Sheet, joint_names: list[str]) -> Meaning:
@@ -54,6 +75,12 @@ def meaning(sheet: Sheet, joint_names: list[str]) -> Meaning:
     plain = {name: split_unit(name)[0] for name in sheet.header}
     found.joints = _joints(plain, joint_names)
     taken = set(found.joints.values())
+    found.externals = [
+        name
+        for name, word in plain.items()
+        if name not in taken and _EXTERNAL.match(word) and len(set(sheet.cells(name))) > 1
+    ]
+    taken |= set(found.externals)
     found.rotation = _rotation({name: word for name, word in plain.items() if name not in taken})
     taken |= set(found.rotation)
     found.points = _points({name: word for name, word in plain.items() if name not in taken})

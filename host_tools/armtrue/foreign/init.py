@@ -79,6 +79,7 @@ class _Init:
         robot_texts, names, prismatic = self._arm(urdf, dh, robot)
         parts = [Part(sheet, meaning(sheet, names)) for sheet in self._sheets]
         for part in parts:
+            part.meaning.carry(len(names))
             find_units(part, prismatic)
             self._guessed.notes += [f"{part.sheet.path.name}: {note}" for note in part.notes]
         dataset, data_text = self._dataset(parts)
@@ -98,12 +99,11 @@ class _Init:
         self, urdf: Path | None, dh: Path | None, robot: Path | None
     ) -> tuple[list[tuple[str, str]], list[str], set[str]]:
         """Texts of robot.yaml to choose from, each with its words; joint names; prismatic joints."""
-        first = next((m for sheet in self._sheets if (m := meaning(sheet, [])).joints), None)
-        count = len([name for name in first.joints if not name.startswith("qr")]) if first else None
         if urdf is not None:
-            kinematics, names, words = robots.urdf_kinematics(urdf, self._out, count)
-            self._guessed.notes.append(words)
-            return [(_yaml({"name": urdf.stem, "kinematics": kinematics}), "")], names, set()
+            arm_of_urdf = robots.urdf_arm(urdf, self._out, self._joint_counts())
+            self._guessed.notes.append(arm_of_urdf.words)
+            text = _yaml({"name": urdf.stem, "kinematics": arm_of_urdf.kinematics})
+            return [(text, "")], arm_of_urdf.names, arm_of_urdf.prismatic
         if dh is not None:
             rows, notes = robots.dh_rows(dh)
             self._guessed.notes += notes
@@ -130,6 +130,14 @@ class _Init:
         arm = load_robot(robot)
         prismatic = {str(k) for k, joint in enumerate(arm.joints, start=1) if joint["type"] == "prismatic"}
         return [], [joint["name"] for joint in arm.joints], prismatic
+
+    def _joint_counts(self) -> list[int]:
+        """How many joints the files may hold, the likelier first: with the axes that carry the arm, and without."""
+        first = next((m for sheet in self._sheets if (m := meaning(sheet, [])).joints), None)
+        if first is None:
+            return []
+        own = sum(not name.startswith("qr") for name in first.joints)
+        return [own + len(first.externals), own] if first.externals else [own]
 
     def _dataset(self, parts: list[Part]) -> tuple[dict[str, Any], str | None]:
         """dataset.yaml as a mapping without a rotation, and the text of data.csv where the files must be joined."""
