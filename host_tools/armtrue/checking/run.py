@@ -56,7 +56,12 @@ def check(data: Dataset, robot: Robot) -> CheckReport:
 
 def cheap_findings(data: Dataset, robot: Robot) -> list[Finding]:
     """What is found without a fit, in milliseconds where nothing is wrong: what `fit` asks before it begins."""
-    findings = [*units.find(data, robot), *masses.find(robot), *motion.find(data, robot), *columns.find(data)]
+    findings = [
+        *units.find(data, robot),
+        *masses.find(data, robot),
+        *motion.find(data, robot),
+        *columns.find(data),
+    ]
     return [*findings, *_against_kinematics(data, robot)] if _can_be_placed(data) else findings
 
 

@@ -178,6 +178,26 @@ def test_asks_for_gravity_of_an_arm_on_ceiling_or_wall(campaign, rpy, expected):
     assert "gravity_not_given" not in codes(check(hanging, replace(silent, spec=massless)))
 
 
+@pytest.mark.parametrize(("factor", "warned"), [(1.0, False), (1000.0, True)])
+def test_warns_of_payloads_heavier_than_the_arm(campaign, factor, warned):
+    data, robot = campaign("kr30")
+    payload = np.full(data.count, 8.0 * factor)
+    report = check(changed(data, payload=payload), robot)
+    assert ("payload" in codes(report, "warning")) == warned
+    if warned:
+        assert "found 8000 kg" in finding(report, "payload").message
+        assert "grams" in finding(report, "payload").message
+
+
+@pytest.mark.parametrize(("sigma", "warned"), [(15e-6, False), (60e-6, False), (0.015, True)])
+def test_warns_of_a_sigma_that_the_measurements_contradict(campaign, sigma, warned):
+    data, robot = campaign("kr30")
+    report = check(changed(data, sigma=np.full(data.count, sigma)), robot)
+    assert ("sigma_too_large" in codes(report, "warning")) == warned
+    if warned:
+        assert "found 15000.0 µm" in finding(report, "sigma_too_large").message
+
+
 def test_names_the_rows_of_gross_errors(campaign):
     data, robot = campaign("kr30")
     x = data.columns["x"].copy()
