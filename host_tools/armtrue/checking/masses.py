@@ -42,8 +42,9 @@ def _of_payload(data: Dataset, robot: Robot) -> Iterator[Finding]:
 
 def _of_links(robot: Robot) -> Iterator[Finding]:
     furthest = robot.reach_m + _BEYOND_REACH_M
+    links = "links" if robot.urdf is None else f"{robot.urdf.name}: links on joint"
     centres = [
-        (f"links[{k}].com", link["com"]) for k, link in enumerate(robot.spec.get("links", []), start=1)
+        (f"{links}[{k}].com", link["com"]) for k, link in enumerate(robot.spec.get("links", []), start=1)
     ]
     if "payload" in robot.spec:
         centres.append(("payload.com", robot.spec["payload"]["com"]))
@@ -61,7 +62,7 @@ def _of_links(robot: Robot) -> Iterator[Finding]:
         if link["mass"] > _HEAVIEST_LINK_KG:
             found = f"a mass of {link['mass']:.5g} kg"
             yield _finding(
-                f"links[{k}].mass", link["mass"], found, f"{_HEAVIEST_LINK_KG:.0f} kg at most", "grams"
+                f"{links}[{k}].mass", link["mass"], found, f"{_HEAVIEST_LINK_KG:.0f} kg at most", "grams"
             )
 
 

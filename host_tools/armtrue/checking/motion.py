@@ -63,7 +63,8 @@ def _out_of_limits(data: Dataset, robot: Robot) -> list[Finding]:
                     f"joint {k} is commanded beyond its limits by up to {_amount(furthest, joint)}: "
                     f"{name_rows(data, outside)}",
                     {"joint": k, "rows": data.rows[outside].tolist(), "limits": [lo, hi], "beyond": furthest},
-                    f"Correct the limits of joint {k} in robot.yaml, or look for a wrong sign, offset or unit.",
+                    f"Correct the limits of joint {k} in {robot.kinematics_file}, or look for a wrong sign, offset "
+                    "or unit.",
                 )
             )
     return findings

@@ -76,6 +76,24 @@ def test_finds_a_zero_a_quarter_or_half_turn_off(campaign, joint, degrees):
     assert f"joint {joint} has its zero {degrees:+d}°" in error.message
 
 
+def test_remedies_for_a_urdf_name_keys_that_there_are(campaign):
+    """A robot.yaml of a URDF has no offsets, limits or axes."""
+    data, robot = campaign("kr30")
+    robot = replace(robot, urdf=Path("arm.urdf"))
+    quarter = check(changed(data, q3=data.columns["q3"] - math.pi / 2), robot)
+    zero = finding(quarter, "joint_zero")
+    assert "'q3: {column: q3, offset: 1.570796}'" in zero.remedy
+    limits = [f for f in quarter.findings if f.code == "out_of_limits"]
+    turned = finding(check(changed(data, q2=-data.columns["q2"]), robot), "joint_sign")
+    shuffled = np.random.default_rng(5).permutation(data.count)
+    lost = check(changed(data, **{name: data.columns[name][shuffled] for name in "xyz"}), robot)
+    nothing = finding(lost, "positions_do_not_follow")
+    for found in (zero, turned, nothing, *limits):
+        assert "robot.yaml" not in found.message + found.remedy
+    assert limits
+    assert all("arm.urdf" in found.remedy for found in (turned, nothing, *limits))
+
+
 def test_finds_a_coupling_that_the_robot_file_lacks(campaign):
     data, robot = campaign("irb2400-parallelogram")
     bare = Robot({key: value for key, value in robot.spec.items() if key not in ("coupling", "linkage")})

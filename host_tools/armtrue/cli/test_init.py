@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 import yaml
 
-from armtrue.cli.conftest import armtrue
+from armtrue.cli.conftest import armtrue, urdf_of
 from armtrue.cli.test_check import angles_of
 from armtrue.io import load_robot
 from armtrue.tables.chain import chain_from_robot, pose
@@ -252,29 +252,6 @@ def test_init_a_urdf_in_millimetres_is_said_to_be_so(tmp_path, campaign, rows):
     assert "the lengths in mm.urdf look like millimetres" in words
     assert "Write the lengths in mm.urdf in metres" in words
     assert "kilometres" not in words
-
-
-def urdf_of(robot: Path, length: float = 1.0) -> str:
-    """The arm in `robot`, a table in modified DH, as a URDF; lengths times `length`."""
-    joints = yaml.safe_load(robot.read_text())["kinematics"]["joints"]
-    parts = ['<robot name="arm"><link name="base"/>']
-    parent, turned = "base", 0.0
-    for k, row in enumerate(joints, start=1):
-        # The offset of the joint before turns all that follows it about its z.
-        c, s = math.cos(turned), math.sin(turned)
-        ca, sa = math.cos(row["alpha"]), math.sin(row["alpha"])
-        x, y, z = row["a"], -sa * row["d"], ca * row["d"]
-        place = " ".join(f"{length * value}" for value in (c * x - s * y, s * x + c * y, z))
-        parts.append(
-            f'<link name="l{k}"/><joint name="j{k}" type="continuous"><parent link="{parent}"/><child link="l{k}"/>'
-            f'<origin xyz="{place}" rpy="{row["alpha"]} 0 {turned}"/><axis xyz="0 0 1"/></joint>'
-        )
-        parent, turned = f"l{k}", row.get("offset", 0.0)
-    parts.append(
-        '<link name="tool0"/><joint name="end" type="fixed"><parent link="l6"/><child link="tool0"/>'
-        f'<origin xyz="0 0 0" rpy="0 0 {turned}"/></joint></robot>'
-    )
-    return "".join(parts)
 
 
 RAIL = (
