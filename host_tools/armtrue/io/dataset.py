@@ -281,10 +281,9 @@ def _assemble(path: Path, layout: Layout, names: ColumnNames, skipped: dict[int,
     columns |= variables
     taken = {others[name] for name in variables}
     notes = [
-        f"{layout.file.name}: column '{header}' is not one of the contract's and is "
-        + ("a variable for custom effects and the search" if header in taken else "not used")
-        + did_you_mean(header, set(names.all()) - layout.names())
+        f"{layout.file.name}: column '{header}' {_why_apart(header, header in taken, names, layout)}"
         for header in layout.unused
+        if not (names.of_one_effect(header) and header in taken)
     ]
     notes += [f"left out: {why}" for why in skipped.values()]
     if layout.time:
@@ -310,6 +309,15 @@ def _assemble(path: Path, layout: Layout, names: ColumnNames, skipped: dict[int,
     if layout.direction_from_order:
         columns |= _directions(columns)
     return Dataset(path, layout.file, columns, rows, labels, notes, layout.rotation, turns, dict(skipped))
+
+
+def _why_apart(header: str, taken: bool, names: ColumnNames, layout: Layout) -> str:
+    """What is said of a column that is not among the measurements."""
+    if names.of_one_effect(header):
+        return "holds more than numbers, expected them in all rows, and is not used"
+    use = "a variable for custom effects and the search" if taken else "not used"
+    near = did_you_mean(header, set(names.all()) - layout.names())
+    return f"is not one of the contract's and is {use}{near}"
 
 
 def _filtered(raw: RawColumns, layout: Layout) -> RawColumns:

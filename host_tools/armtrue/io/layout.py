@@ -144,7 +144,7 @@ def contract_layout(path: Path, robot: Robot) -> Layout:
             raise InputError(
                 f"{path} header: found column '{name}', expected joints 1 to {robot.joint_count}"
             )
-        if kind is None:
+        if kind is None or names.of_one_effect(name):
             unused.append(own)
         elif kind == "text":
             texts[name] = own
