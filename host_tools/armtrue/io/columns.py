@@ -85,7 +85,9 @@ class ColumnNames:
     def of_one_effect(self, name: str) -> bool:
         """True for `station`, `nest`, `travel1…traveln` and `duty1…dutyn`."""
         match = _OF_ONE_EFFECT.match(name)
-        return bool(match) and (match[3] is None or 1 <= int(match[3]) <= self.robot.joint_count)
+        if match is None:
+            return False
+        return match[3] is None or 1 <= int(match[3]) <= self.robot.joint_count
 
     def joint_beyond_arm(self, name: str) -> bool:
         """True for `q7` and its like on a six-axis arm."""
