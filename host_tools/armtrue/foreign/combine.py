@@ -281,12 +281,14 @@ def long_table(parts: list[Part]) -> tuple[dict[str, Array], list[str] | None, l
         ]
         for axis, header in zip("xyz", headers, strict=True):
             columns.setdefault(axis, []).append(part.numbers(header)[other] * unit)
-        for source, rows in {id(base): (base, own), id(part): (part, other)}.values():
-            for name, header in source.meaning.others.items():
+        # What both files have is taken from that with the joints.
+        further: dict[str, Array] = {}
+        for source, rows in ((part, other), (base, own)):
+            for name, header in (source.meaning.others | source.meaning.variables).items():
                 if name not in ("time", "target", "repeat"):
-                    columns.setdefault(name, []).append(source.in_si(name, header)[rows])
-            for name, header in source.meaning.variables.items():
-                columns.setdefault(name, []).append(source.numbers(header)[rows])
+                    further[name] = source.in_si(name, header)[rows]
+        for name, values in further.items():
+            columns.setdefault(name, []).append(values)
         if "repeat" in base.meaning.others:
             repeats = np.unique(base.sheet.cells(base.meaning.others["repeat"]), return_inverse=True)[1]
             columns.setdefault("repeat", []).append(repeats.astype(np.float64)[own])
@@ -295,7 +297,9 @@ def long_table(parts: list[Part]) -> tuple[dict[str, Array], list[str] | None, l
             columns.setdefault("time", []).append(clock[own])
         labels += [label] * len(own)
     table = {name: np.concatenate(values) for name, values in columns.items()}
-    table = {name: values for name, values in table.items() if len(values) == len(labels)}
+    of_some = [name for name, values in table.items() if len(values) != len(labels)]
+    notes += [f"{name}: not taken, as not every reflector has it" for name in of_some]
+    table = {name: values for name, values in table.items() if name not in of_some}
     if len(blocks) > 1:
         return table, labels, notes
     named = base.meaning.others.get("target")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -29,6 +30,7 @@ from armtrue.io.model import EXPRESSION_WORDS
 
 _SAME_POSE = 1e-6
 _ROWS = 200
+_NUMBER_OF_JOINT = re.compile(r"(?:q|qr|dir|tau|travel|duty)(\d+)")
 _NAMES = ("robot.yaml", "dataset.yaml", "model.yaml", "data.csv")
 
 
@@ -90,6 +92,7 @@ class _Init:
         parts = [Part(sheet, meaning(sheet, names)) for sheet in self._sheets]
         for part in parts:
             part.meaning.carry(len(names))
+            _fit_to_arm(part, len(names))
             if part.sheet.thousands:
                 part.notes.append("marks between thousands are taken out")
             if skip_bad:
@@ -258,6 +261,25 @@ class _Init:
         words = " ".join(str(value) for key, value in keys.items() if key not in ("columns",))
         self._guessed.notes.append(f"{names}: {words}, as they then follow the arm within {degrees:.2g}°")
         return keys
+
+
+def _fit_to_arm(part: Part, joint_count: int) -> None:
+    """Leave out joints beyond the arm's `joint_count` (0: not known). Errors: InputError where there are too few."""
+    found = part.meaning
+    own = [header for name, header in found.joints.items() if not name.startswith("qr")]
+    if not own or not joint_count:
+        return
+    if len(own) < joint_count:
+        raise InputError(
+            f"{part.sheet.path} header: found {len(own)} joints ({', '.join(own)}), expected {joint_count}, as the arm "
+            "has (headers such as q1, J1, A1, joint_1, or the names of the arm's joints)"
+        )
+    for columns in (found.joints, found.others):
+        for name, header in list(columns.items()):
+            number = _NUMBER_OF_JOINT.fullmatch(name)
+            if number and int(number[1]) > joint_count:
+                del columns[name]
+                found.left[header] = f"the arm has {joint_count} joints"
 
 
 def _rename_taken(part: Part) -> None:

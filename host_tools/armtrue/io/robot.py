@@ -95,7 +95,9 @@ def load_robot(path: str | Path) -> Robot:
     path = Path(path)
     top = load_yaml(path)
     kinematics = top.section("kinematics")
-    urdf = named_in(path, kinematics.text("urdf")) if kinematics.has("urdf") else None
+    urdf = None
+    if kinematics.has("urdf"):
+        urdf = named_in(path, kinematics.text("urdf", expected="the name of a URDF file"))
     return Robot(_specification(top, path), path, urdf, top.has("gravity"))
 
 

@@ -5,15 +5,22 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import armtrue_sim
 import numpy as np
 import pytest
 import yaml
-
 from armtrue.cli.conftest import armtrue
 from armtrue.io import load_data, load_robot
 from armtrue.tables.chain import chain_from_robot, pose
 
 JOINTS = [f"q{k}" for k in range(1, 7)]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    made = tmp_path_factory.mktemp("campaign")
+    armtrue_sim.simulate({"arm": "kr30", "seed": 4, "poses": 60, "hidden": []}).write(made)
+    return made
 
 
 @pytest.fixture(scope="module")
@@ -144,3 +151,28 @@ def test_a_column_that_counts_repetitions_is_no_name_of_a_pose(folder, tmp_path,
     words, dataset = init(folder, tmp_path, table(rows, rep=[1 + at % 3 for at in range(len(rows))]))
     assert "rep: not taken, as rows with the same name in it have different joints" in words
     assert "repeat" not in dataset["columns"]
+
+
+def test_joints_that_the_arm_has_not_are_named_and_too_few_are_refused(folder, tmp_path, rows):
+    words, dataset = init(folder, tmp_path, table(rows, q7=range(len(rows)), dir8=[1] * len(rows)))
+    assert "q7: not taken, as the arm has 6 joints" in words
+    assert "dir8: not taken, as the arm has 6 joints" in words
+    assert "q7" not in dataset["columns"]
+    short = [[cell for at, cell in enumerate(line) if at != 5] for line in table(rows)]
+    (tmp_path / "short.csv").write_text("\n".join(",".join(line) for line in short) + "\n")
+    run = armtrue("init", "short.csv", "-r", str(folder / "robot.yaml"), "-o", "two", cwd=tmp_path)
+    assert run.returncode == 2
+    assert "short.csv header: found 5 joints (q1, q2, q3, q4, q5), expected 6, as the arm has" in run.stderr
+
+
+def test_a_column_that_both_files_have_is_taken_once(folder, tmp_path, rows):
+    lines = table(rows, pose=range(len(rows)), humidity=[40 + at for at in range(len(rows))])
+    joints = [[*line[:6], *line[9:]] for line in lines]
+    points = [line[6:] for line in lines]
+    for name, part in (("joints.csv", joints), ("points.csv", points)):
+        (tmp_path / name).write_text("\n".join(",".join(line) for line in part) + "\n")
+    robot = str(folder / "robot.yaml")
+    run = armtrue("init", "joints.csv", "points.csv", "-r", robot, "-o", "arm", cwd=tmp_path)
+    assert run.returncode == 0, run.stdout + run.stderr
+    data = load_data(tmp_path / "arm" / "dataset.yaml", load_robot(tmp_path / "arm" / "robot.yaml"))
+    np.testing.assert_array_equal(data.columns["humidity"], 40.0 + np.arange(len(rows)))
