@@ -211,7 +211,16 @@ def test_init_repeated_poses_are_found_and_named(tmp_path, campaign, rows):
         ({"a.csv": ""}, ["--robot", "ROBOT"], "a.csv: found no rows"),
         ({"a.csv": "hello\nworld\n"}, ["--robot", "ROBOT"], "a.csv: found no row of numbers"),
         ({"a.csv": "x,y,z\n1,2,3\n"}, ["--robot", "ROBOT"], "a.csv: found joints in 0 of the files"),
-        ({"a.csv": "q1,q2\n1,2\n"}, ["--robot", "ROBOT"], "a.csv: found no columns of points"),
+        (
+            {"a.csv": "q1,q2\n1,2\n"},
+            ["--robot", "ROBOT"],
+            "a.csv header: found 2 joints (q1, q2), expected 6",
+        ),
+        (
+            {"a.csv": "q1,q2,q3,q4,q5,q6\n1,2,1,1,1,1\n"},
+            ["--robot", "ROBOT"],
+            "a.csv: found no columns of points",
+        ),
         ({"a.xlsx": "no zip"}, ["--robot", "ROBOT"], "a.xlsx: cannot be read as an XLSX"),
         ({"a.csv": "a\0b,\0\n1,2\n"}, ["--robot", "ROBOT"], "a.csv: found bytes that are no text"),
     ],
