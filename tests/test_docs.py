@@ -75,15 +75,16 @@ def test_the_dataset_of_the_page_reads_a_file_of_its_form(tmp_path: Path, robot:
     mapped = block.replace("  x: {", "  q3: J3\n  y: PY\n  z: PZ\n  x: {")
     (tmp_path / "dataset.yaml").write_text(mapped)
     (tmp_path / "series_a_grid.csv").write_text(
-        "shoulder_pan_joint;J2;J3;PX;PY;PZ;RX;RY;RZ;Stamp;Status\n"
-        "0,1;90;0,2;1000;1,5;1;10;20;30;20200714160005;ok\n"
-        "0,2;80;0,1;1100;1,5;1;10;20;30;20200714160000;ok\n"
-        "0,2;80;0,1;1100;1,5;1;10;20;30;20200714160000;bad\n"
+        "shoulder_pan_joint;J2;J3;PX;PY;PZ;RX;RY;RZ;Stamp;Status;Override\n"
+        "0,1;90;0,2;1000;1,5;1;10;20;30;20200714160005;ok;80\n"
+        "0,2;80;0,1;1100;1,5;1;10;20;30;20200714160000;ok;100\n"
+        "0,2;80;0,1;1100;1,5;1;10;20;30;20200714160000;bad;100\n"
     )
     data = load_data(tmp_path / "dataset.yaml", robot)
     np.testing.assert_array_equal(data.rows, [3, 2])
     np.testing.assert_allclose(data.columns["q2"], np.radians([-80, -90]) + 0.5)
     np.testing.assert_array_equal(data.columns["payload"], [2.5, 2.5])
+    np.testing.assert_array_equal(data.columns["speed"], [100, 80])
 
 
 @pytest.fixture(scope="module")

@@ -152,8 +152,16 @@ class Fit:
                     f"{data.path}: column {name} is missing, expected it as {self.path or 'the fit'} reads it"
                 )
         missing = {name: data.columns[instead] for name, instead in lacking.items()}
-        note = f"{data.path.name} has no {', '.join(missing)}: joints that settled are taken"
-        return missing, [note] if missing else []
+        notes = []
+        if missing:
+            notes.append(f"{data.path.name} has no {', '.join(missing)}: joints that settled are taken")
+        reflectors = self.document["data"].get("targets", [])
+        if len(reflectors) > 1 and "target" not in data.columns:
+            notes.append(
+                f"{data.path.name} has no column target: all rows are taken as of '{reflectors[0]}', the first of the "
+                f"fit's reflectors {', '.join(reflectors)}; where they are of another, say so in a column target"
+            )
+        return missing, notes
 
     def residuals(self) -> NDArray[np.float64]:
         """Measured minus predicted positions (N, 3) [m] of the fitted measurements."""

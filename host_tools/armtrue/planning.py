@@ -5,9 +5,11 @@ from __future__ import annotations
 import json
 import math
 import re
+import shlex
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from itertools import permutations
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -47,9 +49,9 @@ class Cell:
 
 
 def _percent(delta_bic: float) -> str:
-    """The probability of one of two causes by its BIC less the other's."""
+    """The probability of one of two causes by its BIC less the other's, given that it is one of the two."""
     share = 1.0 / (1.0 + math.exp(max(-700.0, min(700.0, delta_bic / 2.0))))
-    return "more than 99.9 %" if share > 0.999 else f"{100.0 * share:.0f} %"
+    return "more than 99.9 %" if share > 0.999 else f"{100.0 * share:.{1 if share > 0.99 else 0}f} %"
 
 
 @dataclass
@@ -84,10 +86,11 @@ class Plan:
             random = max(float(entry["delta_bic_expected_random"]) for entry in entries)
             known = min(entries, key=lambda entry: float(entry["delta_bic_now"]))
             if known["delta_bic_now"] <= -SETTLED < worst:
+                likely, share = known["truth"], _percent(known["delta_bic_now"])
                 sentences.append(
-                    f"The measurements decide already between {known['truth']} and {known['rival']}: "
-                    f"{known['truth']} has a probability of {_percent(known['delta_bic_now'])}, which these "
-                    f"{self.count} poses would hardly change."
+                    f"Of {likely} and {known['rival']} the measurements are for {likely} already: should the arm have "
+                    f"one of the two, it is this one with {share}, which these {self.count} poses would hardly change; "
+                    "whether it has either, armtrue diagnose says."
                 )
                 continue
             settles = "decide" if worst <= -SETTLED else "help to decide" if worst < 0.0 else "do not decide"
@@ -186,6 +189,7 @@ def plan_separation(
         lambda: _core.plan_separation(fit.core, json.dumps(rivals), options, progress),
         _target(fit),
         fit.robot,
+        fit.path or "the fit",
     )
     # The library's names are without sensors.
     names = [
@@ -374,10 +378,14 @@ def _target(fit: Fit) -> str | None:
     return str(names[0]) if names else None
 
 
-def _plan(make: Callable[[], str], target: str | None, robot: Robot) -> Plan:
+def _plan(
+    make: Callable[[], str], target: str | None, robot: Robot, fit_file: str | Path = "the fit"
+) -> Plan:
     try:
         result = json.loads(make())
     except _core.ModelError as error:
+        if found := _IN_THE_FIT.match(str(error)):
+            raise InputError(_in_the_fit(found, fit_file)) from None
         if _MEASURED_TORQUE.match(str(error)):
             raise InputError(
                 f"plan: {error}; torques were measured, and of poses not measured yet only masses tell them"
@@ -394,4 +402,19 @@ def _plan(make: Callable[[], str], target: str | None, robot: Robot) -> Plan:
     return Plan(chosen, result, target)
 
 
+def _in_the_fit(found: re.Match[str], fit_file: str | Path) -> str:
+    """What to do where a candidate is an effect of the fit."""
+    effect, joints = found["effect"], found["joints"]
+    only = f" --joints {joints}" if joints else ""
+    remove = f"armtrue remove {shlex.quote(str(fit_file))} {effect}{only} --out without.json"
+    candidate = f"{effect} {joints}" if joints else effect
+    return (
+        f"plan: found the candidate {candidate} in {fit_file} already, expected effects that it lacks; to tell it from "
+        f"another, plan for the fit without it, as '{remove}' writes it"
+    )
+
+
+_IN_THE_FIT = re.compile(
+    r"(?:model: )?found parameter \w+(?:\[(?P<joints>[\d,]+)[^]]*\])?\S* of effect (?P<effect>\w+) twice"
+)
 _MEASURED_TORQUE = re.compile(r"column tau\d+ ")

@@ -60,22 +60,24 @@ class _Judged:
 
 def find(columns: Columns, robot: Robot) -> list[Finding]:
     """One error for each convention that is wrong, or one where positions follow the joints under none tried."""
-    search = _Search(Reading(columns, robot.spec))
+    search = _Search(Reading(columns, robot.spec), robot)
     start = search.unchanged()[0]
     if start.rms_m <= start.floor_m / _CONVINCING:
         return []
     best, as_well = search.best()
     if best.hypothesis is not None:
         return _findings(best, as_well, start.rms_m)
-    return [_no_convention(start.rms_m)] if start.rms_m > NOMINAL_ERROR_PER_REACH * robot.reach_m else []
+    return (
+        [_no_convention(start.rms_m, robot)] if start.rms_m > NOMINAL_ERROR_PER_REACH * robot.reach_m else []
+    )
 
 
 class _Search:
     """The competition between all hypotheses about one reading."""
 
-    def __init__(self, reading: Reading) -> None:
+    def __init__(self, reading: Reading, robot: Robot) -> None:
         self._reading = reading
-        self._robot = reading.robot
+        self._robot = robot
         self._floor_m = _AS_GOOD_AS_NOMINAL * self._robot.reach_m
         self._spread_m = lengths.spread(reading.columns)
 
@@ -113,7 +115,7 @@ class _Search:
     def _odd_zeros(self) -> list[Hypothesis]:
         """For each joint the zero, at any angle, under which points can follow best."""
         return [
-            hypotheses.zero(joint, degrees)
+            hypotheses.zero(joint, degrees, self._robot)
             for joint in hypotheses.joints_with_a_zero(self._robot)
             if abs(degrees := self._best_zero(joint)) >= _LEAST_ZERO_DEGREES
         ]
@@ -123,7 +125,9 @@ class _Search:
         around = np.arange(-12, 12)
         while step > _ZERO_STEP_DEGREES / 1000.0:
             tried = [degrees + step * int(count) for count in around]
-            bounds = lower_bounds([self._sample(hypotheses.zero(joint, angle)) for angle in tried])
+            bounds = lower_bounds(
+                [self._sample(hypotheses.zero(joint, angle, self._robot)) for angle in tried]
+            )
             degrees = tried[int(np.argmin(bounds))]
             step, around = step / 4.0, np.arange(-4, 5)
         return degrees
@@ -174,7 +178,7 @@ class _Search:
             if not (math.isfinite(scale) and scale > 0.0):
                 return judged
             latest = align(lengths.scaled(sample.columns, scale), sample.robot)
-        scaled = hypotheses.scale(scale)
+        scaled = hypotheses.scale(scale, self._robot)
         both = scaled if hypothesis is None else hypotheses.pair(hypothesis, scaled)
         # Under wrong conventions any scale comes out: it counts only where it explains all there is.
         if both is None or latest.rms_m > NOMINAL_ERROR_PER_REACH * self._robot.reach_m:
@@ -211,12 +215,13 @@ def _findings(best: _Judged, as_well: list[str], start_m: float) -> list[Finding
     ]
 
 
-def _no_convention(rms: float) -> Finding:
+def _no_convention(rms: float, robot: Robot) -> Finding:
     return Finding(
         "positions_do_not_follow",
         "error",
         f"the positions do not follow the joints: whatever base and tool, {rms * 1000:.0f} mm RMS stay, and no sign, "
         "zero, coupling, order of columns, scale or pair of these explains it",
         {"rms_m": rms if np.isfinite(rms) else None},
-        "Compare robot.yaml with the arm's data sheet, and the pairing of joints and positions with the log.",
+        f"Compare {robot.kinematics_file} with the arm's data sheet, and the pairing of joints and positions with the "
+        "log.",
     )

@@ -63,12 +63,12 @@ def pair(one: Hypothesis, other: Hypothesis) -> Hypothesis | None:
     )
 
 
-def scale(factor: float) -> Hypothesis:
-    """Positions `factor` times as large as the arm."""
+def scale(factor: float, robot: Robot) -> Hypothesis:
+    """Positions `factor` times as large as the arm `robot`."""
     return Hypothesis(
         "scale",
-        lengths.sentence(factor),
-        lengths.remedy(factor),
+        lengths.sentence(factor, robot),
+        lengths.remedy(factor, robot),
         lambda reading: Reading(lengths.scaled(reading.columns, factor), reading.spec),
         frozenset({"scale"}),
         figures={"scale": factor},
@@ -94,23 +94,23 @@ def sign_patterns(robot: Robot) -> Iterator[Hypothesis]:
         return
     for size in range(3, robot.joint_count):
         for pattern in itertools.combinations(joints, size):
-            yield _turned(pattern, changes=2)
+            yield _turned(pattern, changes=2, robot=robot)
 
 
 def _signs(robot: Robot) -> Iterator[Hypothesis]:
     for k in range(1, robot.joint_count + 1):
-        yield _turned((k,), changes=1)
+        yield _turned((k,), changes=1, robot=robot)
 
 
-def _turned(pattern: tuple[int, ...], changes: int) -> Hypothesis:
+def _turned(pattern: tuple[int, ...], changes: int, robot: Robot) -> Hypothesis:
     names = [f"q{k}" for k in pattern]
     several = len(pattern) > 1
     return Hypothesis(
         "joint_sign",
         f"joint{'s' if several else ''} {', '.join(map(str, pattern))} turn{'' if several else 's'} "
-        "the other way than in robot.yaml",
+        f"the other way than in {robot.kinematics_file}",
         f"Give {', '.join(names)} 'scale: -1' in a dataset.yaml, or turn "
-        f"{'these axes' if several else f'axis {pattern[0]}'} round in robot.yaml.",
+        f"{'these axes' if several else f'axis {pattern[0]}'} round in {robot.kinematics_file}.",
         lambda reading: reading.with_columns(**{name: -reading.columns[name] for name in names}),
         frozenset(f"sign of {name}" for name in names),
         changes,
@@ -125,17 +125,24 @@ def joints_with_a_zero(robot: Robot) -> list[int]:
 
 def _zeros(robot: Robot) -> Iterator[Hypothesis]:
     for k, degrees in itertools.product(joints_with_a_zero(robot), (90.0, -90.0, 180.0)):
-        yield zero(k, degrees)
+        yield zero(k, degrees, robot)
 
 
-def zero(joint: int, degrees: float) -> Hypothesis:
-    """Joint `joint` has its zero `degrees` from where robot.yaml has it."""
+def zero(joint: int, degrees: float, robot: Robot) -> Hypothesis:
+    """Joint `joint` has its zero `degrees` from where `robot` has it."""
     turn = math.radians(degrees)
     name = f"q{joint}"
+    remedy = f"Add {turn:+.6f} to the offset of joint {joint} in robot.yaml."
+    if robot.urdf is not None:
+        # A URDF has no offsets, and robot.yaml has none beside it.
+        remedy = (
+            f"Give {name} its offset in a dataset.yaml, '{name}: {{column: {name}, offset: {turn:.6f}}}', added to one "
+            "that stands there."
+        )
     return Hypothesis(
         "joint_zero",
-        f"joint {joint} has its zero {degrees:+.3g}° from that in robot.yaml",
-        f"Add {turn:+.6f} to the offset of joint {joint} in robot.yaml.",
+        f"joint {joint} has its zero {degrees:+.3g}° from that in {robot.kinematics_file}",
+        remedy,
         lambda reading: reading.with_columns(**{name: reading.columns[name] + turn}),
         frozenset({f"zero of {name}"}),
     )
@@ -219,7 +226,7 @@ def _conventions_of_the_table(robot: Robot) -> Iterator[Hypothesis]:
     elif any(np.count_nonzero(row.get("rpy", [0.0])) > 1 for row in kinematics["joints"]):
         yield Hypothesis(
             "fixed_or_intrinsic_angles",
-            "the rpy of the joints in robot.yaml turn about the axes as they turn (intrinsic x, y, z)",
+            f"the rpy of the joints in {robot.kinematics_file} turn about the axes as they turn (intrinsic x, y, z)",
             "Write the rpy of each joint as angles about fixed axes x, y, z.",
             lambda reading: reading.with_spec(kinematics=_read_as_intrinsic(reading.spec["kinematics"])),
             frozenset({"table"}),

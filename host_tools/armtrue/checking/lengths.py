@@ -20,6 +20,8 @@ _UNITS = {
     1e-3: "kilometres",
 }
 _ROWS = 200
+# No arm reaches further [m]: where one seems to, its own lengths are in another unit.
+_LONGEST_ARM_M = 30.0
 
 
 def scaled(columns: Columns, scale: float) -> Columns:
@@ -39,22 +41,33 @@ def nearest_unit(columns: Columns, robot: Robot) -> float:
     return _nearest(scale) if scale > 0.0 else 1000.0
 
 
-def sentence(scale: float) -> str:
+def sentence(scale: float, robot: Robot) -> str:
     """Say that measured positions are `scale` times as large as the arm, and what unit that looks like."""
+    if _arm_is_in_another(scale, robot):
+        return (
+            f"the arm's kinematics reach {robot.reach_m:.4g} m, and are {1.0 / scale:.5g} times as large as the "
+            f"measured positions: the lengths in {robot.kinematics_file} look like {_UNITS[_nearest(1.0 / scale)]}"
+        )
     words = f"they look like {_UNITS[_nearest(scale)]}"
     if not _is_known(scale):
-        words = "robot.yaml or the instrument's scale is wrong"
+        words = f"{robot.kinematics_file} or the instrument's scale is wrong"
     return f"the measured positions are {scale:.5g} times as large as the arm's kinematics: {words}"
 
 
-def remedy(scale: float) -> str:
+def remedy(scale: float, robot: Robot) -> str:
     """What to do about `scale`."""
+    if _arm_is_in_another(scale, robot):
+        return f"Write the lengths in {robot.kinematics_file} in metres."
     known = _is_known(scale)
     return (
         "Give the unit of x, y, z in a dataset.yaml."
         if known
-        else "Compare robot.yaml with the arm's data sheet."
+        else f"Compare {robot.kinematics_file} with the arm's data sheet."
     )
+
+
+def _arm_is_in_another(scale: float, robot: Robot) -> bool:
+    return scale < 1.0 and robot.reach_m > _LONGEST_ARM_M
 
 
 def _is_known(scale: float) -> bool:

@@ -6,22 +6,45 @@ import math
 from collections.abc import Iterator
 
 from armtrue.checking.report import Finding
+from armtrue.io.dataset import Dataset
 from armtrue.io.robot import Robot
 
 # A centre of mass lies in its link or what hangs on it; an arm's own reach leaves room for both [m].
 _BEYOND_REACH_M = 1.0
 _HEAVIEST_LINK_KG = 10_000.0
+# A payload beyond the arm's own weight is in grams from here on; below, a mass of a link may be wrong.
+_LEAST_GRAMS = 100.0
 
 
-def find(robot: Robot) -> list[Finding]:
-    """One error for each mass or centre of mass that cannot be."""
-    return list(_of_links(robot))
+def find(data: Dataset, robot: Robot) -> list[Finding]:
+    """One error for each mass or centre of mass that cannot be, and a warning for payloads no such arm carries."""
+    return [*_of_links(robot), *_of_payload(data, robot)]
+
+
+def _of_payload(data: Dataset, robot: Robot) -> Iterator[Finding]:
+    moving = sum(link["mass"] for link in robot.spec.get("links", []))
+    payload = data.columns.get("payload")
+    if payload is None or moving <= 0.0 or float(payload.max()) <= moving:
+        return
+    at = int(payload.argmax())
+    heaviest = float(payload[at])
+    grams = " (this looks like grams)" if heaviest > _LEAST_GRAMS else ""
+    yield Finding(
+        "payload",
+        "warning",
+        f"{data.file.name} row {data.rows[at]} column payload: found {heaviest:.5g} kg, expected less than the arm's "
+        f"own moving links, which weigh {moving:.4g} kg{grams}",
+        {"row": int(data.rows[at]), "payload": heaviest, "moving_mass": moving},
+        "Give payload its unit in dataset.yaml, as in 'payload: {column: payload, unit: g}', or correct the masses of "
+        f"the links in {robot.kinematics_file}.",
+    )
 
 
 def _of_links(robot: Robot) -> Iterator[Finding]:
     furthest = robot.reach_m + _BEYOND_REACH_M
+    links = "links" if robot.urdf is None else f"{robot.urdf.name}: links on joint"
     centres = [
-        (f"links[{k}].com", link["com"]) for k, link in enumerate(robot.spec.get("links", []), start=1)
+        (f"{links}[{k}].com", link["com"]) for k, link in enumerate(robot.spec.get("links", []), start=1)
     ]
     if "payload" in robot.spec:
         centres.append(("payload.com", robot.spec["payload"]["com"]))
@@ -39,7 +62,7 @@ def _of_links(robot: Robot) -> Iterator[Finding]:
         if link["mass"] > _HEAVIEST_LINK_KG:
             found = f"a mass of {link['mass']:.5g} kg"
             yield _finding(
-                f"links[{k}].mass", link["mass"], found, f"{_HEAVIEST_LINK_KG:.0f} kg at most", "grams"
+                f"{links}[{k}].mass", link["mass"], found, f"{_HEAVIEST_LINK_KG:.0f} kg at most", "grams"
             )
 
 

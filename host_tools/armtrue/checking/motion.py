@@ -63,7 +63,8 @@ def _out_of_limits(data: Dataset, robot: Robot) -> list[Finding]:
                     f"joint {k} is commanded beyond its limits by up to {_amount(furthest, joint)}: "
                     f"{name_rows(data, outside)}",
                     {"joint": k, "rows": data.rows[outside].tolist(), "limits": [lo, hi], "beyond": furthest},
-                    f"Correct the limits of joint {k} in robot.yaml, or look for a wrong sign, offset or unit.",
+                    f"Correct the limits of joint {k} in {robot.kinematics_file}, or look for a wrong sign, offset "
+                    "or unit.",
                 )
             )
     return findings
@@ -169,13 +170,17 @@ def _repeats(data: Dataset) -> list[Finding]:
 def _scatter(data: Dataset, pose_of_row: NDArray[np.intp], again: NDArray[np.bool_]) -> str:
     if not all(name in data.columns for name in POSITION):
         return ""
-    squares, freedom = 0.0, 0
-    positions = data.positions_m
-    for pose in np.unique(pose_of_row[again]):
-        cluster = positions[pose_of_row == pose]
-        squares += float(((cluster - cluster.mean(axis=0)) ** 2).sum())
-        freedom += len(cluster) - 1
-    return f" (they scatter by {math.sqrt(squares / freedom) * 1e6:.1f} µm)"
+    return f" (they scatter by {scatter_m(data.positions_m[again], pose_of_row[again]) * 1e6:.1f} µm)"
+
+
+def scatter_m(positions: Array, pose_of_row: NDArray[np.intp]) -> float:
+    """Standard deviation [m], all axes together, of `positions` (N, 3) about the mean of their pose; inf for none."""
+    _, pose, sizes = np.unique(pose_of_row, return_inverse=True, return_counts=True)
+    freedom = len(positions) - len(sizes)
+    if freedom == 0:
+        return math.inf
+    sums = np.column_stack([np.bincount(pose, weights=axis) for axis in positions.T])
+    return math.sqrt(float(((positions - (sums / sizes[:, None])[pose]) ** 2).sum()) / freedom)
 
 
 def _repeats_that_differ(data: Dataset) -> list[Finding]:

@@ -100,6 +100,8 @@ def rotation_that_follows(
     target = data.columns.get("target", np.zeros(data.count))
     if data.turns is None:
         quaternion = np.column_stack([data.columns[name] for name in QUATERNION])
+        if keys["form"] == "matrix":
+            return _matrix_that_follows(nominal, _matrices(quaternion), target, keys)
         orders = {"wxyz": (0, 1, 2, 3), "xyzw": (3, 0, 1, 2)}
         angles = {
             order: _typical_angle(nominal, _matrices(quaternion[:, places]), target)
@@ -115,6 +117,19 @@ def rotation_that_follows(
     assert data.rotation is not None
     left, named = _best_convention(nominal, data.turns, target, data.rotation)
     return (named, math.degrees(left)) if left <= _LARGEST_ANGLE else None
+
+
+def _matrix_that_follows(
+    nominal: Array, measured: Array, target: Array, keys: dict[str, Any]
+) -> tuple[dict[str, Any], float] | None:
+    """Matrices row by row as the file has them, or column by column: that of the tool, or its inverse."""
+    names = keys["columns"]
+    inverse = [names[3 * k + i] for i in range(3) for k in range(3)]
+    for columns, matrices in ((names, measured), (inverse, np.swapaxes(measured, 1, 2))):
+        angle = _typical_angle(nominal, matrices, target)
+        if angle <= _LARGEST_ANGLE:
+            return {**keys, "columns": columns}, math.degrees(angle)
+    return None
 
 
 def _nominal(measured: Columns, robot: Robot) -> Array:

@@ -6,6 +6,7 @@ from armtrue.checking import (
     columns,
     conventions,
     drift,
+    gravity,
     masses,
     motion,
     orientations,
@@ -48,13 +49,19 @@ def check(data: Dataset, robot: Robot) -> CheckReport:
         alignment = align(units.in_si_units(alignment_columns(riding), robot), robot)
         findings += residuals.find_gross(riding, alignment)
         findings += residuals.find_stated_poses(riding, alignment, robot)
+        findings += gravity.find(alignment, robot)
         findings += tell.find(riding, robot)
     return CheckReport.of(findings)
 
 
 def cheap_findings(data: Dataset, robot: Robot) -> list[Finding]:
     """What is found without a fit, in milliseconds where nothing is wrong: what `fit` asks before it begins."""
-    findings = [*units.find(data, robot), *masses.find(robot), *motion.find(data, robot), *columns.find(data)]
+    findings = [
+        *units.find(data, robot),
+        *masses.find(data, robot),
+        *motion.find(data, robot),
+        *columns.find(data),
+    ]
     return [*findings, *_against_kinematics(data, robot)] if _can_be_placed(data) else findings
 
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from armtrue.checking import sigma
 from armtrue.checking.report import Finding
 from armtrue.errors import InputError
 from armtrue.io.catalogue import with_role
@@ -47,6 +48,7 @@ def _of_a_fit(data: Dataset, robot: Robot) -> list[Finding]:
         for sentence in geometry.document["unobservable"]
         if _OF_THESE_POSES in sentence
     ]
+    findings += sigma.find(data, float(np.sqrt(np.mean(np.sum(geometry.residuals() ** 2, axis=1)))))
     return findings + [
         Finding(
             "untestable",

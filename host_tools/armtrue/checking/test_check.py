@@ -14,6 +14,7 @@ import pytest
 
 from armtrue.checking import CheckReport, check
 from armtrue.io import Dataset, Robot, load_data, load_robot
+from armtrue.io.rotation import matrix_from_rpy
 
 SCENARIOS = Path(__file__).resolve().parents[3] / "sim" / "scenarios"
 
@@ -73,6 +74,24 @@ def test_finds_a_zero_a_quarter_or_half_turn_off(campaign, joint, degrees):
     (error,) = [found for found in report.findings if found.severity == "error"]
     # Half a turn of the middle wrist axis may as well be the last one turning the other way: both are named.
     assert f"joint {joint} has its zero {degrees:+d}°" in error.message
+
+
+def test_remedies_for_a_urdf_name_keys_that_there_are(campaign):
+    """A robot.yaml of a URDF has no offsets, limits or axes."""
+    data, robot = campaign("kr30")
+    robot = replace(robot, urdf=Path("arm.urdf"))
+    quarter = check(changed(data, q3=data.columns["q3"] - math.pi / 2), robot)
+    zero = finding(quarter, "joint_zero")
+    assert "'q3: {column: q3, offset: 1.570796}'" in zero.remedy
+    limits = [f for f in quarter.findings if f.code == "out_of_limits"]
+    turned = finding(check(changed(data, q2=-data.columns["q2"]), robot), "joint_sign")
+    shuffled = np.random.default_rng(5).permutation(data.count)
+    lost = check(changed(data, **{name: data.columns[name][shuffled] for name in "xyz"}), robot)
+    nothing = finding(lost, "positions_do_not_follow")
+    for found in (zero, turned, nothing, *limits):
+        assert "robot.yaml" not in found.message + found.remedy
+    assert limits
+    assert all("arm.urdf" in found.remedy for found in (turned, nothing, *limits))
 
 
 def test_finds_a_coupling_that_the_robot_file_lacks(campaign):
@@ -155,6 +174,46 @@ def test_notes_a_base_that_is_not_where_the_robot_file_says(campaign):
     data, robot = campaign("kr30")
     elsewhere = Robot({**robot.spec, "base": {"xyz": [0.0, 0.0, 3.0], "rpy": [0.0, 0.0, 0.0]}})
     assert finding(check(data, elsewhere), "base_or_tool_elsewhere").severity == "note"
+
+
+@pytest.mark.parametrize(
+    ("rpy", "expected"),
+    [((math.pi, 0.0, 0.7), [0.0, 0.0, 9.81]), ((0.0, math.pi / 2, 0.4), [9.81, 0.0, 0.0])],
+)
+def test_asks_for_gravity_of_an_arm_on_ceiling_or_wall(campaign, rpy, expected):
+    data, robot = campaign("kr30")
+    upright = matrix_from_rpy(robot.spec["base"]["rpy"])
+    turned = data.positions_m @ (matrix_from_rpy(rpy) @ upright.T).T
+    hanging = changed(data, **{name: np.ascontiguousarray(turned[:, at]) for at, name in enumerate("xyz")})
+    silent = replace(robot, gravity_stated=False)
+    found = finding(check(hanging, silent), "gravity_not_given")
+    assert found.severity == "warning"
+    np.testing.assert_allclose(found.evidence["gravity"], expected, atol=0.2)
+    assert f"gravity: {found.evidence['gravity']}" in found.remedy
+    assert "gravity_not_given" not in codes(check(data, silent))
+    assert "gravity_not_given" not in codes(check(hanging, robot))
+    massless = {key: value for key, value in silent.spec.items() if key != "links"}
+    assert "gravity_not_given" not in codes(check(hanging, replace(silent, spec=massless)))
+
+
+@pytest.mark.parametrize(("factor", "warned"), [(1.0, False), (1000.0, True)])
+def test_warns_of_payloads_heavier_than_the_arm(campaign, factor, warned):
+    data, robot = campaign("kr30")
+    payload = np.full(data.count, 8.0 * factor)
+    report = check(changed(data, payload=payload), robot)
+    assert ("payload" in codes(report, "warning")) == warned
+    if warned:
+        assert "found 8000 kg" in finding(report, "payload").message
+        assert "grams" in finding(report, "payload").message
+
+
+@pytest.mark.parametrize(("sigma", "warned"), [(15e-6, False), (60e-6, False), (0.015, True)])
+def test_warns_of_a_sigma_that_the_measurements_contradict(campaign, sigma, warned):
+    data, robot = campaign("kr30")
+    report = check(changed(data, sigma=np.full(data.count, sigma)), robot)
+    assert ("sigma_too_large" in codes(report, "warning")) == warned
+    if warned:
+        assert "found 15000.0 µm" in finding(report, "sigma_too_large").message
 
 
 def test_names_the_rows_of_gross_errors(campaign):

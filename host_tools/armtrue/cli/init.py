@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from armtrue.cli.shared.options import SkipBadOption
 from armtrue.cli.shared.output import Output
 
 
@@ -38,6 +39,7 @@ def init(
         Path, typer.Option("--out", "-o", metavar="FOLDER", help="Folder to write into.", show_default=False)
     ] = Path(),
     force: Annotated[bool, typer.Option("--force", help="Replace files of an earlier run.")] = False,
+    skip_bad: SkipBadOption = False,
 ) -> None:
     """Read foreign measurement files and write robot.yaml, dataset.yaml and model.yaml that check and fit take.
 
@@ -49,7 +51,7 @@ def init(
     from armtrue.foreign import init as run
 
     output = Output(None)
-    guessed = run(files, out, urdf=urdf, dh=dh, robot=robot, force=force)
+    guessed = run(files, out, urdf=urdf, dh=dh, robot=robot, force=force, skip_bad=skip_bad)
     output.title("Guessed")
     output.items(guessed.notes)
     wrong = [finding for finding in guessed.findings if finding.severity == "error"]

@@ -9,11 +9,12 @@ from typing import Annotated, Any
 
 import typer
 
-from armtrue.cli.shared.fits import load_measurements
+from armtrue.cli.shared.fits import load_measurements, load_with_data
 from armtrue.cli.shared.options import (
     DataArgument,
     FitArgument,
     JsonOption,
+    MovedDataOption,
     OutOption,
     PosesArgument,
     SkipBadOption,
@@ -45,6 +46,7 @@ def predict(
             help="Add cxx, cxy, cxz, cyy, cyz, czz: the covariance in m² of the model's own uncertainty.",
         ),
     ] = False,
+    data: MovedDataOption = None,
 ) -> None:
     """Predict where the tool point will be, row by row, in the measuring frame.
 
@@ -59,15 +61,19 @@ def predict(
 
     output = Output(None)
     check_writable(out)
-    refuse_to_lose([fit_file, poses], [out])
-    result = fitting.Fit.load(fit_file)
-    data = load_data(poses, result.robot, need_position=False)
-    refuse_to_lose([data.file, *(_measurements(result) if uncertainty else [])], [out])
-    predicted = result.predict(data)
+    refuse_to_lose([fit_file, poses, data], [out])
+    if data is not None and not uncertainty:
+        raise InputError(
+            "--data: found it without --uncertainty, expected it beside it: nothing else reads it"
+        )
+    result = load_with_data(fit_file, data) if uncertainty else fitting.Fit.load(fit_file)
+    wanted = load_data(poses, result.robot, need_position=False)
+    refuse_to_lose([wanted.file, *(_measurements(result) if uncertainty else [])], [out])
+    predicted = result.predict(wanted)
     texts = [[f"{value:.10f}" for value in row] for row in predicted]
     names = ["x", "y", "z"]
     if uncertainty:
-        covariance = position_covariance(result, data)
+        covariance = position_covariance(result, wanted)
         names += _COVARIANCES
         for text, one in zip(texts, covariance, strict=True):
             text += [f"{one[place]:.6e}" for place in _COVARIANCES.values()]
@@ -76,11 +82,11 @@ def predict(
             f"uncertainty of the model at these poses: {1e6 * typical:.1f} µm (median, one standard deviation)"
         )
     write_rows(out, names, texts)
-    output.items(result.assumed(data)[1])
+    output.items(result.assumed(wanted)[1])
     measured = _with_positions(poses, result.robot)
     error = None if measured is None else comparing.prediction_error(predicted, measured)
     if error is not None:
-        output.say(f"error against the x, y, z of {data.file.name}: {_error_words(error)}")
+        output.say(f"error against the x, y, z of {wanted.file.name}: {_error_words(error)}")
 
 
 def compare(
@@ -103,7 +109,7 @@ def compare(
     measurements = load_measurements(data, result.robot, skip_bad=skip_bad)
     refuse_to_lose([measurements.file], [json_to])
     found = comparing.compare(result, measurements)
-    output.items(measurements.notes)
+    output.items([*measurements.notes, *result.assumed(measurements)[1]])
     _present(found, output)
     output.figures(found.figures)
     if found.figures["verdict"] == "worse":

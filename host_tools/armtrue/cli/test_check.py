@@ -13,7 +13,7 @@ import pytest
 import yaml
 
 from armtrue import _core
-from armtrue.cli.conftest import armtrue
+from armtrue.cli.conftest import armtrue, urdf_of
 from armtrue.io import load_robot
 from armtrue.io.rotation import matrix_from_euler, matrix_from_rpy
 from armtrue.tables.chain import chain_from_robot, pose
@@ -207,3 +207,25 @@ def angles_of(matrix: np.ndarray, sequence: str, intrinsic: bool) -> np.ndarray:
 
 def test_the_fixture_turns_as_robot_yaml_says():
     assert np.allclose(pose(TOOL)[:3, :3], matrix_from_rpy(TOOL["rpy"]))
+
+
+def test_the_offset_that_check_asks_for_beside_a_urdf_can_be_pasted(folder, tmp_path):
+    (tmp_path / "arm.urdf").write_text(urdf_of(folder / "robot.yaml"))
+    (tmp_path / "robot.yaml").write_text("kinematics: {urdf: arm.urdf, base: base, tip: tool0}\n")
+    names, *rows = [line.split(",") for line in (folder / "data.csv").read_text().splitlines()]
+    kept = [names.index(name) for name in ("q1", "q2", "q3", "q4", "q5", "q6", "x", "y", "z")]
+    lines = [",".join(names[at] for at in kept)]
+    for row in rows:
+        row[2] = str(float(row[2]) + 1.5707963)
+        lines.append(",".join(row[at] for at in kept))
+    (tmp_path / "data.csv").write_text("\n".join(lines))
+    run = armtrue("check", "data.csv", "--robot", "robot.yaml", "--json", "c.json", cwd=tmp_path)
+    assert run.returncode == 1
+    (found,) = [
+        f for f in json.loads((tmp_path / "c.json").read_text())["findings"] if f["code"] == "joint_zero"
+    ]
+    entry = found["remedy"].split("'")[1]
+    columns = ", ".join(entry if name == "q3" else f"{name}: {name}" for name in lines[0].split(","))
+    (tmp_path / "dataset.yaml").write_text(f"file: data.csv\ncolumns: {{{columns}}}\n")
+    mended = armtrue("check", "dataset.yaml", "--robot", "robot.yaml", cwd=tmp_path)
+    assert mended.returncode == 0, mended.stdout

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 import yaml
 
-from armtrue.cli.conftest import armtrue
+from armtrue.cli.conftest import armtrue, urdf_of
 from armtrue.cli.test_check import angles_of
 from armtrue.io import load_robot
 from armtrue.tables.chain import chain_from_robot, pose
@@ -211,7 +211,16 @@ def test_init_repeated_poses_are_found_and_named(tmp_path, campaign, rows):
         ({"a.csv": ""}, ["--robot", "ROBOT"], "a.csv: found no rows"),
         ({"a.csv": "hello\nworld\n"}, ["--robot", "ROBOT"], "a.csv: found no row of numbers"),
         ({"a.csv": "x,y,z\n1,2,3\n"}, ["--robot", "ROBOT"], "a.csv: found joints in 0 of the files"),
-        ({"a.csv": "q1,q2\n1,2\n"}, ["--robot", "ROBOT"], "a.csv: found no columns of points"),
+        (
+            {"a.csv": "q1,q2\n1,2\n"},
+            ["--robot", "ROBOT"],
+            "a.csv header: found 2 joints (q1, q2), expected 6",
+        ),
+        (
+            {"a.csv": "q1,q2,q3,q4,q5,q6\n1,2,1,1,1,1\n"},
+            ["--robot", "ROBOT"],
+            "a.csv: found no columns of points",
+        ),
         ({"a.xlsx": "no zip"}, ["--robot", "ROBOT"], "a.xlsx: cannot be read as an XLSX"),
         ({"a.csv": "a\0b,\0\n1,2\n"}, ["--robot", "ROBOT"], "a.csv: found bytes that are no text"),
     ],
@@ -236,3 +245,58 @@ def test_init_does_not_replace_what_stands_there(tmp_path, campaign):
     run = armtrue("init", "data.csv", "--robot", "robot.yaml", cwd=tmp_path)
     assert run.returncode == 2
     assert (tmp_path / "dataset.yaml").read_text() == "kept"
+
+
+def test_init_a_urdf_in_millimetres_is_said_to_be_so(tmp_path, campaign, rows):
+    """Its lengths are those at fault, and not the points, which are in metres."""
+    urdf = urdf_of(campaign / "robot.yaml", length=1000.0)
+    (tmp_path / "mm.urdf").write_text(urdf.replace("</robot>", "<odd/></robot>"))
+    lines = [[*(f"q{k}" for k in range(1, 7)), "x", "y", "z"]]
+    lines += [[row[name] for name in lines[0]] for row in rows]
+    write(tmp_path / "data.csv", lines)
+    run = armtrue("init", "data.csv", "--urdf", "mm.urdf", "--out", "arm", cwd=tmp_path)
+    words = " ".join(run.stdout.split())
+    assert run.returncode == 1
+    assert run.stderr == ""
+    assert "the lengths in mm.urdf look like millimetres" in words
+    assert "Write the lengths in mm.urdf in metres" in words
+    assert "kilometres" not in words
+
+
+RAIL = (
+    '<robot name="arm"><link name="floor"/><joint name="rail" type="prismatic"><parent link="floor"/>'
+    '<child link="base"/><origin xyz="0 0 0.2" rpy="0 0 0.3"/><axis xyz="1 0 0"/>'
+    '<limit lower="0" upper="4" effort="1" velocity="1"/></joint>'
+)
+
+
+@pytest.mark.parametrize("stated", [True, False])
+def test_init_reads_an_arm_on_a_rail_in_millimetres_and_degrees(tmp_path, campaign, stated):
+    (tmp_path / "rail.urdf").write_text(urdf_of(campaign / "robot.yaml").replace('<robot name="arm">', RAIL))
+    (tmp_path / "r.yaml").write_text("kinematics: {urdf: rail.urdf, base: floor, tip: tool0}\n")
+    chain = chain_from_robot(load_robot(tmp_path / "r.yaml").spec)
+    joints = np.random.default_rng(3).uniform(-1.0, 1.0, (60, 7))
+    joints[:, 0] = 2.0 + joints[:, 0]
+    turned = chain.tool_poses(joints, np.eye(4))
+    points = turned[:, :3, :3] @ [0.05, 0.02, 0.1] + turned[:, :3, 3]
+    units = ["mm", *6 * ["deg"], *3 * ["mm"]]
+    names = ["E1", *(f"A{k}" for k in range(1, 7)), "X", "Y", "Z"]
+    lines = [[f"{name} [{unit}]" if stated else name for name, unit in zip(names, units, strict=True)]]
+    table = np.hstack([1000.0 * joints[:, :1], np.degrees(joints[:, 1:]), 1000.0 * points])
+    lines += [[f"{value:.6f}" for value in row] for row in table]
+    write(tmp_path / "rail.csv", lines)
+    run = armtrue("init", "rail.csv", "--urdf", "rail.urdf", "--out", "arm", cwd=tmp_path)
+    assert run.returncode == 0, run.stdout + run.stderr
+    columns = yaml.safe_load((tmp_path / "arm" / "dataset.yaml").read_text())["columns"]
+    assert (columns["q1"]["unit"], columns["q2"]["unit"]) == ("mm", "deg")
+    check = armtrue("check", "arm/dataset.yaml", "--robot", "arm/robot.yaml", cwd=tmp_path)
+    assert check.returncode == 0, check.stdout
+
+
+def test_init_a_unit_that_a_joint_cannot_have_names_the_column_of_the_file(tmp_path, campaign, rows):
+    lines = [["A1 [mm]", *(f"A{k} [deg]" for k in range(2, 7)), "X", "Y", "Z"]]
+    lines += [[*joints_deg(row), *millimetres(row)] for row in rows]
+    write(tmp_path / "data.csv", lines)
+    run = armtrue("init", "data.csv", "--robot", str(campaign / "robot.yaml"), "--out", "arm", cwd=tmp_path)
+    assert run.returncode == 2
+    assert "data.csv header: found column 'A1 [mm]' in mm, expected a unit of angle" in run.stderr

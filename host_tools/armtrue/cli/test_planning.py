@@ -266,8 +266,11 @@ def test_a_plan_says_whether_its_poses_decide_or_the_measurements_did_already():
     assert decision(-2.0, (-8.0, -4.0)).startswith("These 8 poses help to decide between A and B: whichever")
     assert decision(-2.0, (-8.0, 4.0)).startswith("These 8 poses do not decide between A and B")
     assert decision(-300.0, (-30.0, -25.0)).startswith("These 8 poses decide")
-    already = "The measurements decide already between A and B: A has a probability of more than 99.9 %, "
-    assert decision(-300.0, (-320.0, 280.0)) == already + "which these 8 poses would hardly change."
+    assert decision(-300.0, (-320.0, 280.0)) == (
+        "Of A and B the measurements are for A already: should the arm have one of the two, it is this one with more "
+        "than 99.9 %, which these 8 poses would hardly change; whether it has either, armtrue diagnose says."
+    )
+    assert "with 99.3 %, which" in decision(-10.0, (-12.0, 8.0))
 
 
 def test_candidates_are_read_as_the_diagnosis_names_them_and_as_a_shell_takes_them():
@@ -348,7 +351,7 @@ REFUSED = {
     "more without two": (["fit.json", "--also", "joint_scale:2", "--poses", "5"], "--also"),
     "effect already in": (
         ["fit.json", "--candidates", "joint_offset:2", "joint_scale:2", "--poses", "5"],
-        "joint_offset",
+        "fit.json joint_offset --joints 2 --out without.json' writes it",
     ),
 }
 

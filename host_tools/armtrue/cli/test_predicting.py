@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 
 import numpy as np
 import pytest
@@ -129,3 +130,40 @@ def test_predict_uncertainty_covers_what_the_model_gets_wrong(folder):
     # One campaign's errors move together, so that its share within 95 % is far from exact; its scale is not.
     assert 0.5 < np.median(distance) < 8.0
     assert np.all(np.linalg.eigvalsh(covariance) > 0.0)
+
+
+def test_predict_uncertainty_takes_measurements_that_were_moved(folder, tmp_path):
+    for name in ("fit.json", "test.csv"):
+        shutil.copy(folder / name, tmp_path / name)
+    shutil.copy(folder / "data.csv", tmp_path / "moved.csv")
+    document = json.loads((tmp_path / "fit.json").read_text())
+    document["data"]["path"] = str(tmp_path / "data.csv")
+    (tmp_path / "fit.json").write_text(json.dumps(document))
+    arguments = ("predict", "fit.json", "test.csv", "--out", "p.csv")
+    gone = armtrue(*arguments, "--uncertainty", cwd=tmp_path)
+    assert gone.returncode == 2
+    assert "--data DATA" in gone.stderr
+    run = armtrue(*arguments, "--uncertainty", "--data", "moved.csv", cwd=tmp_path)
+    assert run.returncode == 0, run.stderr
+    assert "cxx" in (tmp_path / "p.csv").read_text()
+    alone = armtrue(*arguments, "--data", "moved.csv", cwd=tmp_path)
+    assert "--data: found it without --uncertainty" in alone.stderr
+
+
+def test_which_reflector_is_taken_for_poses_that_name_none_is_said(folder, tmp_path):
+    lines = (folder / "data.csv").read_text().splitlines()
+    named = [f"{line},{'BA'[at % 2]}" for at, line in enumerate(lines[1:], start=1)]
+    (tmp_path / "data.csv").write_text("\n".join([f"{lines[0]},target", *named]))
+    for name in ("robot.yaml", "model.yaml", "test.csv"):
+        shutil.copy(folder / name, tmp_path / name)
+    fit = armtrue("fit", "data.csv", "-r", "robot.yaml", "-m", "model.yaml", "-o", "fit.json", cwd=tmp_path)
+    assert fit.returncode == 0, fit.stderr
+    expected = (
+        "test.csv has no column target: all rows are taken as of 'A', the first of the fit's reflectors A, B"
+    )
+    for command in (
+        ("predict", "fit.json", "test.csv", "--out", "p.csv"),
+        ("compare", "fit.json", "test.csv"),
+    ):
+        run = armtrue(*command, cwd=tmp_path)
+        assert expected in " ".join(run.stdout.split()), run.stdout + run.stderr

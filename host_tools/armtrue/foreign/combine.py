@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import datetime
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from armtrue.errors import InputError
+from armtrue.errors import InputError, RowError
 from armtrue.foreign.headers import Meaning
 from armtrue.foreign.sheets import Sheet, is_number, to_float
 from armtrue.io.columns import UNITS
@@ -18,6 +18,10 @@ from armtrue.io.columns import UNITS
 Array = NDArray[np.float64]
 
 _FARTHEST_M = 20.0
+# Joints of one pose differ by less, rad or m.
+_SAME_POSE = 1e-3
+# Columns whose cells may be words.
+_TEXTS = ("time", "target", "repeat", "station", "nest")
 _TIME_FORMATS = (
     *("%Y-%m-%d %H:%M:%S.%f", "%Y-%m-%d %H:%M:%S", "%Y-%m-%dT%H:%M:%S.%f", "%Y-%m-%dT%H:%M:%S"),
     *("%d.%m.%Y %H:%M:%S", "%d/%m/%Y %H:%M:%S", "%m/%d/%Y %H:%M:%S", "%Y/%m/%d %H:%M:%S", "%Y%m%d%H%M%S"),
@@ -27,13 +31,38 @@ _TIME_FORMATS = (
 
 @dataclass
 class Part:
-    """One file with its meaning. `units`: contract name → unit as stated or guessed; `notes`: from what."""
+    """One file with its meaning. `units`: contract name → unit as stated or guessed; `notes`: from what.
+
+    `skipped`: the file's lines of rows left out.
+    """
 
     sheet: Sheet
     meaning: Meaning
     units: dict[str, str] = field(default_factory=dict)
     time_format: str | None = None
     notes: list[str] = field(default_factory=list)
+    skipped: list[int] = field(default_factory=list)
+
+    def leave_out_bad_rows(self) -> None:
+        """Leave out the rows that cannot be read, with a note on each; `skipped` has their lines of the file."""
+        numeric = [*self.meaning.joints.values(), *self.meaning.rotation]
+        numeric += [header for headers in self.meaning.points.values() for header in headers]
+        numeric += [header for name, header in self.meaning.others.items() if name not in _TEXTS]
+        while True:
+            try:
+                for header in numeric:
+                    self.numbers(header)
+                return
+            except RowError as error:
+                kept = [at for at, row in enumerate(self.sheet.numbers) if row != error.row]
+                if not kept:
+                    raise
+                self.skipped.append(error.row)
+                self.notes.append(f"left out: {str(error).removeprefix(f'{self.sheet.path} ')}")
+                rows, numbers = self.sheet.rows, self.sheet.numbers
+                self.sheet = replace(
+                    self.sheet, rows=[rows[at] for at in kept], numbers=[numbers[at] for at in kept]
+                )
 
     def numbers(self, header: str) -> Array:
         """One column as numbers. Errors: InputError naming the first cell that is none."""
@@ -41,7 +70,10 @@ class Part:
         cells = sheet.cells(header)
         for cell, row in zip(cells, sheet.numbers, strict=True):
             if not is_number(cell, sheet.decimal):
-                raise InputError(f"{sheet.path} row {row} column {header}: found '{cell}', expected a number")
+                found = f"'{cell}'" if cell else "nothing"
+                raise RowError(
+                    row, f"{sheet.path} row {row} column {header}: found {found}, expected a number"
+                )
         return np.array([to_float(cell, sheet.decimal) for cell in cells])
 
     def in_si(self, name: str, header: str) -> Array:
@@ -67,34 +99,80 @@ def find_units(part: Part, prismatic: set[str]) -> None:
         stated = next((sheet.units[header] for header in meaning.rotation if header in sheet.units), None)
         largest = max(float(np.abs(part.numbers(header)).max()) for header in meaning.rotation)
         part.units["rotation"] = stated or ("deg" if largest > 2.0 * math.pi else "rad")
+    _drop_numbers_of_repetitions(part)
     for name, header in list(meaning.others.items()):
-        if name.startswith("temp_"):
-            values = part.numbers(header)
-            part.units[name] = sheet.units.get(header) or (
-                "K" if float(np.median(values)) > 200.0 else "degC"
-            )
-        elif name == "payload" and header in sheet.units:
-            part.units[name] = sheet.units[header]
-        elif name == "time":
+        if name == "time":
             _find_time(part, header)
+            continue
+        own_unit = sheet.units.get(header)
+        if name.startswith("temp_"):
+            own_unit = own_unit or ("K" if float(np.median(part.numbers(header))) > 200.0 else "degC")
+        if own_unit is not None:
+            part.units[name] = own_unit
+        part.notes.append(f"{header}: {name}{f' in {own_unit}' if own_unit else ''}, by its header")
+    part.notes += [f"{header}: variable {name}, by its header" for name, header in meaning.variables.items()]
+    meaning.left |= dict.fromkeys(meaning.externals, "the arm has no joint for it")
+    part.notes += [f"{header}: not taken, as {why}" for header, why in meaning.left.items()]
+
+
+def _drop_numbers_of_repetitions(part: Part) -> None:
+    """Drop a `repeat` that counts the repetitions of a pose, where the contract's names the pose."""
+    header = part.meaning.others.get("repeat")
+    if header is None or not part.meaning.joints:
+        return
+    joints = np.column_stack([part.in_si(name, own) for name, own in part.meaning.joints.items()])
+    _, first, code = np.unique(part.sheet.cells(header), return_index=True, return_inverse=True)
+    if float(np.abs(joints - joints[first[code.reshape(-1)]]).max()) > _SAME_POSE:
+        del part.meaning.others["repeat"]
+        part.meaning.left[header] = "rows with the same name in it have different joints"
+
+
+def codes_of_words(part: Part) -> None:
+    """Make whole numbers from 1 of stations and nests that have names; the table must then be written anew."""
+    sheet = part.sheet
+    for name in ("station", "nest"):
+        header = part.meaning.others.get(name)
+        if header is None or all(is_number(cell, sheet.decimal) for cell in sheet.cells(header)):
+            continue
+        words = list(dict.fromkeys(sheet.cells(header)))
+        at = sheet.header.index(header)
+        rows = [[*row[:at], str(1 + words.index(row[at])), *row[at + 1 :]] for row in sheet.rows]
+        part.sheet = replace(sheet, rows=rows, direct=False)
+        sheet = part.sheet
+        part.notes.append(
+            f"{header}: {', '.join(f'{word} is {name} {k}' for k, word in enumerate(words, start=1))}"
+        )
 
 
 def _joint_units(part: Part, prismatic: set[str]) -> None:
-    joints = part.meaning.joints
-    revolute = {name: header for name, header in joints.items() if name.lstrip("qr") not in prismatic}
-    if revolute:
-        largest = max(float(np.abs(part.numbers(header)).max()) for header in revolute.values())
-        stated = next(
-            (part.sheet.units[header] for header in revolute.values() if header in part.sheet.units), None
+    """Each joint's unit: as its own header says, else as its kind's others say, else by the largest figure."""
+    for kind, default, foreign, largest_default in (
+        ("angle", "rad", "deg", 2.2 * math.pi),
+        ("length", "m", "mm", _FARTHEST_M),
+    ):
+        joints = {
+            name: header
+            for name, header in part.meaning.joints.items()
+            if (name.lstrip("qr") in prismatic) == (kind == "length")
+        }
+        if not joints:
+            continue
+        largest = max(float(np.abs(part.numbers(header)).max()) for header in joints.values())
+        stated = {name: part.sheet.units[h] for name, h in joints.items() if h in part.sheet.units}
+        for name, unit in stated.items():
+            if UNITS[unit][0] != kind:
+                moves = "turns" if kind == "angle" else "slides"
+                raise InputError(
+                    f"{part.sheet.path} header: found column '{joints[name]}' in {unit}, expected a unit of {kind}, as "
+                    f"joint {name.lstrip('qr')} of the arm {moves} (columns in the order of the arm's joints)"
+                )
+        unit = next(iter(stated.values()), foreign if largest > largest_default else default)
+        part.units |= dict.fromkeys(joints, unit) | stated
+        units = ", ".join(dict.fromkeys(part.units[name] for name in joints))
+        words = ", ".join(joints.values())
+        part.notes.append(
+            f"{words}: joints in {units}, {_source(next(iter(stated), None), f'the largest is {largest:.4g}')}"
         )
-        unit = stated or ("deg" if largest > 2.2 * math.pi else "rad")
-        part.units |= dict.fromkeys(revolute, unit)
-        words = ", ".join(revolute.values())
-        part.notes.append(f"{words}: joints in {unit}, {_source(stated, f'the largest is {largest:.4g}')}")
-    for name in set(part.meaning.joints) - set(revolute):
-        header = part.meaning.joints[name]
-        far = float(np.abs(part.numbers(header)).max()) > _FARTHEST_M
-        part.units[name] = part.sheet.units.get(header) or ("mm" if far else "m")
 
 
 def _source(stated: str | None, otherwise: str) -> str:
@@ -203,17 +281,32 @@ def long_table(parts: list[Part]) -> tuple[dict[str, Array], list[str] | None, l
         ]
         for axis, header in zip("xyz", headers, strict=True):
             columns.setdefault(axis, []).append(part.numbers(header)[other] * unit)
-        for source, rows in {id(base): (base, own), id(part): (part, other)}.values():
-            for name, header in source.meaning.others.items():
-                if name.startswith("temp_") or name == "payload":
-                    columns.setdefault(name, []).append(source.in_si(name, header)[rows])
+        # What both files have is taken from that with the joints.
+        further: dict[str, Array] = {}
+        for source, rows in ((part, other), (base, own)):
+            for name, header in (source.meaning.others | source.meaning.variables).items():
+                if name not in ("time", "target", "repeat"):
+                    further[name] = source.in_si(name, header)[rows]
+        for name, values in further.items():
+            columns.setdefault(name, []).append(values)
+        if "repeat" in base.meaning.others:
+            repeats = np.unique(base.sheet.cells(base.meaning.others["repeat"]), return_inverse=True)[1]
+            columns.setdefault("repeat", []).append(repeats.astype(np.float64)[own])
         clock = seconds(base)
         if clock is not None:
             columns.setdefault("time", []).append(clock[own])
         labels += [label] * len(own)
     table = {name: np.concatenate(values) for name, values in columns.items()}
-    table = {name: values for name, values in table.items() if len(values) == len(labels)}
-    return table, (labels if len(blocks) > 1 else None), notes
+    of_some = [name for name, values in table.items() if len(values) != len(labels)]
+    notes += [f"{name}: not taken, as not every reflector has it" for name in of_some]
+    table = {name: values for name, values in table.items() if name not in of_some}
+    if len(blocks) > 1:
+        return table, labels, notes
+    named = base.meaning.others.get("target")
+    cells = base.sheet.cells(named) if named else []
+    # One name a row is that of the pose, and no reflector's.
+    few = 1 < 2 * len(set(cells)) <= len(cells)
+    return table, ([cells[at] for at in blocks[0][3]] if few else None), notes
 
 
 def write_long(path: Path, table: dict[str, Array], labels: list[str] | None) -> str:

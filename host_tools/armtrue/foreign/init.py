@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import os
+import re
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -10,21 +12,25 @@ from typing import Any
 import numpy as np
 import yaml
 
+from armtrue import _core
 from armtrue.checking.alignment import align, alignment_columns, thinned
 from armtrue.checking.orientations import rotation_that_follows
 from armtrue.checking.report import Finding
 from armtrue.checking.run import cheap_findings
-from armtrue.errors import InputError
+from armtrue.errors import InputError, RowError
 from armtrue.foreign import robots
-from armtrue.foreign.combine import Part, find_units, long_table, write_long
+from armtrue.foreign.combine import Part, codes_of_words, find_units, long_table, write_long
 from armtrue.foreign.headers import meaning
 from armtrue.foreign.sheets import SEPARATORS, read_sheet
 from armtrue.io import Dataset, Robot, load_data, load_robot
 from armtrue.io.catalogue import with_role
+from armtrue.io.columns import POSITION, QUATERNION, TEXT_COLUMNS
 from armtrue.io.files import check_writable, refuse_to_lose, write_file
+from armtrue.io.model import EXPRESSION_WORDS
 
 _SAME_POSE = 1e-6
 _ROWS = 200
+_NUMBER_OF_JOINT = re.compile(r"(?:q|qr|dir|tau|travel|duty)(\d+)")
 _NAMES = ("robot.yaml", "dataset.yaml", "model.yaml", "data.csv")
 
 
@@ -45,11 +51,14 @@ def init(
     dh: Path | None = None,
     robot: Path | None = None,
     force: bool = False,
+    skip_bad: bool = False,
 ) -> Guessed:
     """Read foreign measurement `files` and write what `check` and `fit` take, into the folder `out`.
 
     `urdf`, `dh`, `robot`: the arm as a URDF, a table of DH rows, or a robot.yaml that is there already. `force`:
-    replace files of an earlier run. Errors: InputError where a file or the arm cannot be read; nothing is then written.
+    replace files of an earlier run. `skip_bad`: leave out rows that cannot be read.
+
+    Errors: InputError where a file or the arm cannot be read; nothing is then written.
     """
     targets = [out / name for name in _NAMES]
     refuse_to_lose([*files, urdf, dh, robot], targets)
@@ -61,7 +70,10 @@ def init(
             raise InputError(
                 f"{target}: found the file already, expected a new folder (or --force, which replaces it)"
             )
-    return _Init(files, out).run(urdf, dh, robot or _own_robot(out))
+    try:
+        return _Init(files, out).run(urdf, dh, robot or _own_robot(out), skip_bad)
+    except RowError as error:
+        raise InputError(f"{error}; --skip-bad reads the other rows") from None
 
 
 def _own_robot(out: Path) -> Path | None:
@@ -75,10 +87,18 @@ class _Init:
         self._guessed = Guessed()
         self._sheets = [read_sheet(file) for file in files]
 
-    def run(self, urdf: Path | None, dh: Path | None, robot: Path | None) -> Guessed:
+    def run(self, urdf: Path | None, dh: Path | None, robot: Path | None, skip_bad: bool) -> Guessed:
         robot_texts, names, prismatic = self._arm(urdf, dh, robot)
         parts = [Part(sheet, meaning(sheet, names)) for sheet in self._sheets]
         for part in parts:
+            part.meaning.carry(len(names))
+            _fit_to_arm(part, len(names))
+            if part.sheet.thousands:
+                part.notes.append("marks between thousands are taken out")
+            if skip_bad:
+                part.leave_out_bad_rows()
+            codes_of_words(part)
+            _rename_taken(part)
             find_units(part, prismatic)
             self._guessed.notes += [f"{part.sheet.path.name}: {note}" for note in part.notes]
         dataset, data_text = self._dataset(parts)
@@ -98,12 +118,11 @@ class _Init:
         self, urdf: Path | None, dh: Path | None, robot: Path | None
     ) -> tuple[list[tuple[str, str]], list[str], set[str]]:
         """Texts of robot.yaml to choose from, each with its words; joint names; prismatic joints."""
-        first = next((m for sheet in self._sheets if (m := meaning(sheet, [])).joints), None)
-        count = len([name for name in first.joints if not name.startswith("qr")]) if first else None
         if urdf is not None:
-            kinematics, names, words = robots.urdf_kinematics(urdf, self._out, count)
-            self._guessed.notes.append(words)
-            return [(_yaml({"name": urdf.stem, "kinematics": kinematics}), "")], names, set()
+            arm_of_urdf = robots.urdf_arm(urdf, self._out, self._joint_counts())
+            self._guessed.notes.append(arm_of_urdf.words)
+            text = _yaml({"name": urdf.stem, "kinematics": arm_of_urdf.kinematics})
+            return [(text, "")], arm_of_urdf.names, arm_of_urdf.prismatic
         if dh is not None:
             rows, notes = robots.dh_rows(dh)
             self._guessed.notes += notes
@@ -131,6 +150,14 @@ class _Init:
         prismatic = {str(k) for k, joint in enumerate(arm.joints, start=1) if joint["type"] == "prismatic"}
         return [], [joint["name"] for joint in arm.joints], prismatic
 
+    def _joint_counts(self) -> list[int]:
+        """How many joints the files may hold, the likelier first: with the axes that carry the arm, and without."""
+        first = next((m for sheet in self._sheets if (m := meaning(sheet, [])).joints), None)
+        if first is None:
+            return []
+        own = sum(not name.startswith("qr") for name in first.joints)
+        return [own + len(first.externals), own] if first.externals else [own]
+
     def _dataset(self, parts: list[Part]) -> tuple[dict[str, Any], str | None]:
         """dataset.yaml as a mapping without a rotation, and the text of data.csv where the files must be joined."""
         part = parts[0]
@@ -148,13 +175,16 @@ class _Init:
         poses, which, counts = np.unique(
             np.column_stack([rounded, codes]), axis=0, return_inverse=True, return_counts=True
         )
-        if counts.max() > 1:
+        if counts.max() > 1 and "repeat" not in table:
             table["repeat"] = which.reshape(-1).astype(np.float64)
             self._guessed.notes.append(f"{len(rounded) - len(poses)} rows repeat a pose: column repeat")
-        entries: dict[str, Any] = {name: name for name in table}
+        variables = {name: name for part in parts for name in part.meaning.variables if name in table}
+        entries: dict[str, Any] = {name: name for name in table if name not in variables}
         if labels:
             entries["target"] = "target"
         dataset: dict[str, Any] = {"file": "data.csv", "columns": entries}
+        if variables:
+            dataset["variables"] = variables
         turned = [part for part in parts if part.meaning.rotation]
         if not labels and len(turned) == 1 and len(turned[0].sheet.rows) == len(rounded):
             names = [f"rotation_{k}" for k in range(1, 1 + len(turned[0].meaning.rotation))]
@@ -163,6 +193,12 @@ class _Init:
                 for name, header in zip(names, turned[0].meaning.rotation, strict=True)
             }
             dataset["rotation"] = _rotation(names, turned[0])
+        else:
+            for part in turned:
+                self._guessed.notes.append(
+                    f"{part.sheet.path.name}: {', '.join(part.meaning.rotation)}: orientations are not taken, as they "
+                    "are read of one reflector in one file only"
+                )
         if "time" in table and bool(np.any(np.diff(table["time"]) < 0.0)):
             dataset["sort_by"] = "time"
         return dataset, write_long(self._out / "data.csv", table, labels)
@@ -227,6 +263,35 @@ class _Init:
         return keys
 
 
+def _fit_to_arm(part: Part, joint_count: int) -> None:
+    """Leave out joints beyond the arm's `joint_count` (0: not known). Errors: InputError where there are too few."""
+    found = part.meaning
+    own = [header for name, header in found.joints.items() if not name.startswith("qr")]
+    if not own or not joint_count:
+        return
+    if len(own) < joint_count:
+        raise InputError(
+            f"{part.sheet.path} header: found {len(own)} joints ({', '.join(own)}), expected {joint_count}, as the arm "
+            "has (headers such as q1, J1, A1, joint_1, or the names of the arm's joints)"
+        )
+    for columns in (found.joints, found.others):
+        for name, header in list(columns.items()):
+            number = _NUMBER_OF_JOINT.fullmatch(name)
+            if number and int(number[1]) > joint_count:
+                del columns[name]
+                found.left[header] = f"the arm has {joint_count} joints"
+
+
+def _rename_taken(part: Part) -> None:
+    """Give variables other names where theirs are functions, state variables or columns of the contract."""
+    sensors = [name.removeprefix("temp_") for name in part.meaning.others if name.startswith("temp_")]
+    state = json.loads(_core.state_variables(len(part.meaning.joints) or 6, sensors))
+    taken = {*EXPRESSION_WORDS, *POSITION, *QUATERNION, *part.meaning.others, *part.meaning.joints}
+    taken |= {*TEXT_COLUMNS, "payload", "time", *(variable["name"] for variable in state)}
+    variables = part.meaning.variables
+    part.meaning.variables = {f"own_{name}" if name in taken else name: variables[name] for name in variables}
+
+
 def _direct(part: Part, out: Path) -> dict[str, Any]:
     """dataset.yaml for one file as it is, the rotation in a first guess."""
     sheet, found = part.sheet, part.meaning
@@ -251,10 +316,16 @@ def _direct(part: Part, out: Path) -> dict[str, Any]:
         dataset["time"] = {"column": columns.pop("time"), "format": part.time_format}
     if found.rotation:
         dataset["rotation"] = _rotation(found.rotation, part)
+    if found.variables:
+        dataset["variables"] = dict(found.variables)
+    if part.skipped:
+        dataset["rows"] = {"skip": sorted(part.skipped)}
     return {**dataset, "columns": columns}
 
 
 def _rotation(headers: list[str], part: Part) -> dict[str, Any]:
+    if len(headers) == 9:
+        return {"form": "matrix", "columns": headers}
     if len(headers) == 4:
         return {"form": "quaternion", "columns": headers, "order": "wxyz"}
     unit = part.units.get("rotation", "rad")

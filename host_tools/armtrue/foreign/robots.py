@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 import os
 import re
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from armtrue.errors import InputError
 from armtrue.foreign.sheets import Sheet, is_number, read_sheet, split_unit, to_float
-from armtrue.io.files import read_text
+from armtrue.io.urdf import parse_urdf
 
 WHERE_ARMS_ARE = (
     "robot descriptions stand in ur_description (UR), kuka_experimental and kuka_robot_descriptions (KUKA), abb_robot "
@@ -29,18 +30,23 @@ _NEEDED = ("a", "alpha", "d")
 _LONGEST_M = 10.0
 
 
-def urdf_kinematics(urdf: Path, out: Path, joint_count: int | None) -> tuple[dict[str, Any], list[str], str]:
-    """`kinematics` of robot.yaml for `urdf`, the names of its joints, and from what base and tip were guessed."""
-    from urdf_parser_py import urdf as parser
+@dataclass(frozen=True)
+class UrdfArm:
+    """The chain chosen in a URDF: `kinematics` of robot.yaml, its joints' names, `prismatic` ones by number, and in
+    words from what base and tip were guessed.
+    """
 
-    try:
-        robot = parser.URDF.from_xml_string(read_text(urdf).encode())
-        parents = {joint.child: joint for joint in robot.joints}
-        links = [link.name for link in robot.links]
-    except InputError:
-        raise
-    except Exception as error:
-        raise InputError(f"{urdf}: found no URDF ({' '.join(str(error).split())})") from None
+    kinematics: dict[str, Any]
+    names: list[str]
+    prismatic: set[str]
+    words: str
+
+
+def urdf_arm(urdf: Path, out: Path, joint_counts: list[int]) -> UrdfArm:
+    """Return the chain of `urdf` with the first of `joint_counts` that there is; with none given, the longest."""
+    robot = parse_urdf(urdf)
+    parents = {joint.child: joint for joint in robot.joints}
+    links = [link.name for link in robot.links]
     chains: dict[str, list[Any]] = {}
     for link in links:
         chain: list[Any] = []
@@ -53,12 +59,15 @@ def urdf_kinematics(urdf: Path, out: Path, joint_count: int | None) -> tuple[dic
     def moving(link: str) -> int:
         return sum(joint.type != "fixed" and joint.mimic is None for joint in chains[link])
 
-    wanted = joint_count or max(map(moving, links), default=0)
-    fitting = [link for link in links if moving(link) == wanted and wanted]
-    if not fitting:
+    found = set(map(moving, links))
+    counts = joint_counts or [max(found, default=0)]
+    wanted = next((count for count in counts if count in found and count), 0)
+    if not wanted:
+        words = " or ".join(map(str, counts))
         raise InputError(
-            f"{urdf}: found no chain of {wanted} moving joints, expected one for each joint of the measurements"
+            f"{urdf}: found no chain of {words} moving joints, expected one for each joint of the measurements"
         )
+    fitting = [link for link in links if moving(link) == wanted]
 
     def rank(link: str) -> tuple[int, int]:
         known = next((k for k, name in enumerate(_TIPS) if name in link.lower()), len(_TIPS))
@@ -66,9 +75,11 @@ def urdf_kinematics(urdf: Path, out: Path, joint_count: int | None) -> tuple[dic
 
     tip = min(fitting, key=rank)
     base = chains[tip][0].parent
-    names = [joint.name for joint in chains[tip] if joint.type != "fixed"]
+    joints = [joint for joint in chains[tip] if joint.type != "fixed"]
+    prismatic = {str(k) for k, joint in enumerate(joints, start=1) if joint.type == "prismatic"}
     kinematics = {"urdf": os.path.relpath(urdf.resolve(), out.resolve()), "base": base, "tip": tip}
-    return kinematics, names, f"{urdf.name}: {wanted} joints from {base} to {tip}"
+    words = f"{urdf.name}: {wanted} joints from {base} to {tip}"
+    return UrdfArm(kinematics, [joint.name for joint in joints], prismatic, words)
 
 
 def is_dh_table(table: Path) -> bool:

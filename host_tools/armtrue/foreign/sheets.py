@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import re
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from armtrue.errors import InputError
@@ -17,10 +17,14 @@ _NUMBER = {
     ".": re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?$"),
     ",": re.compile(r"[-+]?(\d+,?\d*|,\d+)([eE][-+]?\d+)?$"),
 }
+_THOUSANDS = {
+    ",": re.compile(r"[-+]?\d{1,3}(,\d{3})+(\.\d*)?$"),
+    ".": re.compile(r"[-+]?\d{1,3}(\.\d{3})+(,\d*)?$"),
+}
 # Units in brackets, after a slash, or as a last word of their own.
 _UNIT = re.compile(
     r"[\[(<{]\s*([^\])>}]+?)\s*[\])>}]\s*$|/\s*([A-Za-z°µ]+)\s*$|"
-    r"[_ ](mm|cm|um|µm|in|inch|rad|deg|degC|ms|kg|Nm)$"
+    r"[_ ](mm|cm|um|µm|in|inch|rad|deg|degC|degF|K|ms|kg|lb|Nm)$"
 )
 _UNIT_WORDS = {
     **{
@@ -53,6 +57,7 @@ class Sheet:
     """One file's table: `header` names, `units` where the file states them, `rows` of cells, and how it is written.
 
     `numbers`: the file's line of each row. `direct`: True where a dataset.yaml can describe the file as it is.
+    `thousands`: True where marks between thousands were taken out of the cells.
     """
 
     path: Path
@@ -65,6 +70,7 @@ class Sheet:
     encoding: str
     header_row: int
     direct: bool
+    thousands: bool = False
 
     def cells(self, name: str) -> list[str]:
         """The cells of one column."""
@@ -92,9 +98,11 @@ def read_sheet(path: Path) -> Sheet:
         ]
     if len(cells) != len(kept):
         raise InputError(f"{path}: found a line break within quotes, expected one row a line")
-    decimal = _decimal(cells, separator)
-    direct = separator != " " and not commented
-    return _sheet(path, cells, [n for n, _ in kept], separator, decimal, encoding, direct)
+    plain = _without_thousands(cells, separator)
+    decimal = _decimal(plain, separator)
+    direct = separator != " " and not commented and plain == cells
+    sheet = _sheet(path, plain, [n for n, _ in kept], separator, decimal, encoding, direct)
+    return replace(sheet, thousands=plain != cells)
 
 
 def is_number(cell: str, decimal: str) -> bool:
@@ -140,16 +148,34 @@ def _separator(lines: list[str]) -> str:
     sample = lines[-200:]
 
     def score(mark: str) -> tuple[float, int]:
-        rows = [line.split() if mark == " " else line.split(mark) for line in sample]
+        rows = [line.split() for line in sample] if mark == " " else list(csv.reader(sample, delimiter=mark))
         width, count = Counter(len(row) for row in rows).most_common(1)[0]
         if width < 2 or count < 0.8 * len(rows):
             return (0.0, 0)
         cells = [cell.strip() for row in rows for cell in row if cell.strip()]
         numbers = sum(any(is_number(cell, decimal) for decimal in ".,") for cell in cells)
+        numbers += sum(any(pattern.match(cell) for pattern in _THOUSANDS.values()) for cell in cells)
         # Where commas are decimal marks too, a reading by commas cuts numbers in two: it is the last choice.
         return (numbers / max(1, len(cells)), -len(SEPARATORS) if mark == "," else 0)
 
     return max([*SEPARATORS, " "], key=score)
+
+
+def _without_thousands(cells: list[list[str]], separator: str) -> list[list[str]]:
+    """`cells` without marks between thousands, where it is sure that they are such: `1,234.5`, `1.234,5`.
+
+    Between commas a comma within a cell can be nothing else.
+    """
+    flat = [cell for row in cells for cell in row]
+    for mark, pattern in _THOUSANDS.items():
+        sure = any(
+            pattern.match(cell) and (separator == mark or ("." in cell and "," in cell)) for cell in flat
+        )
+        if sure:
+            return [
+                [cell.replace(mark, "") if pattern.match(cell) else cell for cell in row] for row in cells
+            ]
+    return cells
 
 
 def _decimal(cells: list[list[str]], separator: str) -> str:

@@ -40,6 +40,8 @@ UNITS: dict[str, tuple[str, float, float]] = {
 }
 
 _PER_JOINT = re.compile(r"^(qr|q|dir|tau)([0-9]+)$")
+# Columns of the contract that one effect reads; where they hold no numbers, the file is read without them.
+_OF_ONE_EFFECT = re.compile(r"^(station|nest)$|^(travel|duty)([0-9]+)$")
 _KIND_OF = {"x": "length", "y": "length", "z": "length", "sigma": "length", "payload": "mass", "time": "time"}
 
 
@@ -66,12 +68,26 @@ class ColumnNames:
             return _KIND_OF[name]
         if name.startswith("temp_"):
             return "temperature" if is_sensor(name.removeprefix("temp_")) else None
+        if self.of_one_effect(name):
+            return (
+                self._joint_kind(int(name.removeprefix("travel"))) if name.startswith("travel") else "number"
+            )
         match = _PER_JOINT.match(name)
         if not match or not 1 <= int(match[2]) <= self.robot.joint_count:
             return None
         if match[1] in ("dir", "tau"):
             return {"dir": "number", "tau": "torque"}[match[1]]
-        return "angle" if self.robot.joints[int(match[2]) - 1]["type"] == "revolute" else "length"
+        return self._joint_kind(int(match[2]))
+
+    def _joint_kind(self, joint: int) -> str:
+        return "angle" if self.robot.joints[joint - 1]["type"] == "revolute" else "length"
+
+    def of_one_effect(self, name: str) -> bool:
+        """True for `station`, `nest`, `travel1…traveln` and `duty1…dutyn`."""
+        match = _OF_ONE_EFFECT.match(name)
+        if match is None:
+            return False
+        return match[3] is None or 1 <= int(match[3]) <= self.robot.joint_count
 
     def joint_beyond_arm(self, name: str) -> bool:
         """True for `q7` and its like on a six-axis arm."""

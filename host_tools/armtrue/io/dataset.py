@@ -21,7 +21,7 @@ from armtrue.io.layout import (
     foreign_hint,
     yaml_layout,
 )
-from armtrue.io.model import state_names
+from armtrue.io.model import EXPRESSION_WORDS, state_names
 from armtrue.io.plausible import refuse_wrong_units
 from armtrue.io.robot import Robot
 from armtrue.io.sensor_names import contract_name
@@ -32,28 +32,6 @@ Array = NDArray[np.float64]
 _QUATERNION_LENGTH_TOLERANCE = 1e-3
 # A commanded joint that moves less than this [rad, m] has not moved.
 _STANDSTILL = 1e-6
-# Functions and constants of expressions (docs/model.md).
-EXPRESSION_WORDS = frozenset(
-    [
-        "pi",
-        "sin",
-        "cos",
-        "tan",
-        "asin",
-        "acos",
-        "atan",
-        "exp",
-        "log",
-        "sqrt",
-        "abs",
-        "sign",
-        "tanh",
-        "atan2",
-        "min",
-        "max",
-        "hat",
-    ]
-)
 # A reflector that moves less than this [m] in all while a joint moves more than that [rad, m] is fixed to the floor.
 _FIXED_SPAN_M = 5e-3
 _ARM_MOVED = 0.2
@@ -267,7 +245,7 @@ def _assemble(path: Path, layout: Layout, names: ColumnNames, skipped: dict[int,
         layout.dialect,
         sorted(number_headers),
         sorted(text_headers | set(others.values())),
-        skipped,
+        {*skipped, *layout.rows.skip},
     )
     raw = _filtered(raw, layout)
     columns = {
@@ -281,10 +259,9 @@ def _assemble(path: Path, layout: Layout, names: ColumnNames, skipped: dict[int,
     columns |= variables
     taken = {others[name] for name in variables}
     notes = [
-        f"{layout.file.name}: column '{header}' is not one of the contract's and is "
-        + ("a variable for custom effects and the search" if header in taken else "not used")
-        + did_you_mean(header, set(names.all()) - layout.names())
+        f"{layout.file.name}: column '{header}' {_why_apart(header, header in taken, names, layout)}"
         for header in layout.unused
+        if not (names.of_one_effect(header) and header in taken)
     ]
     notes += [f"left out: {why}" for why in skipped.values()]
     if layout.time:
@@ -310,6 +287,15 @@ def _assemble(path: Path, layout: Layout, names: ColumnNames, skipped: dict[int,
     if layout.direction_from_order:
         columns |= _directions(columns)
     return Dataset(path, layout.file, columns, rows, labels, notes, layout.rotation, turns, dict(skipped))
+
+
+def _why_apart(header: str, taken: bool, names: ColumnNames, layout: Layout) -> str:
+    """What is said of a column that is not among the measurements."""
+    if names.of_one_effect(header):
+        return "holds more than numbers, expected them in all rows, and is not used"
+    use = "a variable for custom effects and the search" if taken else "not used"
+    near = did_you_mean(header, set(names.all()) - layout.names())
+    return f"is not one of the contract's and is {use}{near}"
 
 
 def _filtered(raw: RawColumns, layout: Layout) -> RawColumns:

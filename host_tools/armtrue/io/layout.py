@@ -11,6 +11,7 @@ from armtrue.errors import InputError, did_you_mean
 from armtrue.io.columns import POSITION, QUATERNION, UNITS, ColumnNames
 from armtrue.io.delimited import Dialect, read_header
 from armtrue.io.files import named_in
+from armtrue.io.model import EXPRESSION_WORDS, state_names
 from armtrue.io.robot import Robot
 from armtrue.io.sensor_names import contract_name
 from armtrue.io.yamlfile import Section, load_yaml
@@ -144,7 +145,7 @@ def contract_layout(path: Path, robot: Robot) -> Layout:
             raise InputError(
                 f"{path} header: found column '{name}', expected joints 1 to {robot.joint_count}"
             )
-        if kind is None:
+        if kind is None or names.of_one_effect(name):
             unused.append(own)
         elif kind == "text":
             texts[name] = own
@@ -165,7 +166,7 @@ def yaml_layout(path: Path, robot: Robot) -> Layout:
     layout = Layout(
         file=file,
         dialect=_dialect(top),
-        numbers=columns.numbers,
+        numbers=columns.numbers | _variables(top, names),
         texts=columns.texts,
         constants=columns.constants,
         time=_time(top),
@@ -180,6 +181,21 @@ def yaml_layout(path: Path, robot: Robot) -> Layout:
     if layout.time and "time" in columns.numbers:
         raise InputError(f"{top.place('time')}: found beside columns.time, expected the time once")
     return layout
+
+
+def _variables(top: Section, names: ColumnNames) -> dict[str, NumberSource]:
+    """The key `variables`: names of one's own, for expressions, and the headers of their columns."""
+    if not top.has("variables"):
+        return {}
+    section = top.section("variables")
+    taken = {*EXPRESSION_WORDS, *state_names(names.robot), *names.all()}
+    for name in section:
+        if not (name.isidentifier() and name.isascii()) or names.kind(name) is not None or name in taken:
+            raise InputError(
+                f"{section.place(name)}: found '{name}', expected a name of letters, digits and underscores that is "
+                "not taken by a column, a state variable or a function"
+            )
+    return {name: NumberSource(section.text(name, expected="the header of a column")) for name in section}
 
 
 def _dialect(top: Section) -> Dialect:

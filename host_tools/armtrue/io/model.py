@@ -18,6 +18,29 @@ from armtrue.io.yamlfile import Section, load_yaml
 _HIGHEST_ORDER = 10_000.0
 DEFAULT_PRIORS = {"angle_deg": 0.3, "length_mm": 2.0}
 
+# Functions and constants of expressions (docs/model.md).
+EXPRESSION_WORDS = frozenset(
+    [
+        "pi",
+        "sin",
+        "cos",
+        "tan",
+        "asin",
+        "acos",
+        "atan",
+        "exp",
+        "log",
+        "sqrt",
+        "abs",
+        "sign",
+        "tanh",
+        "atan2",
+        "min",
+        "max",
+        "hat",
+    ]
+)
+
 
 @dataclass(frozen=True)
 class Model:

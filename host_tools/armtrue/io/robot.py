@@ -22,10 +22,15 @@ STANDARD_GRAVITY = [0.0, 0.0, -9.81]
 
 @dataclass(frozen=True)
 class Robot:
-    """The nominal arm. `spec` is JSON-able, in SI units, with defaults filled and a URDF resolved to a chain."""
+    """The nominal arm. `spec` is JSON-able, in SI units, with defaults filled and a URDF resolved to a chain.
+
+    `urdf`: the URDF that the kinematics come from. `gravity_stated`: False where robot.yaml leaves it at its default.
+    """
 
     spec: dict[str, Any]
     path: Path | None = field(default=None, compare=False)
+    urdf: Path | None = field(default=None, compare=False)
+    gravity_stated: bool = field(default=True, compare=False)
 
     @property
     def joints(self) -> list[dict[str, Any]]:
@@ -36,6 +41,11 @@ class Robot:
     def joint_count(self) -> int:
         """How many joints move."""
         return len(self.joints)
+
+    @property
+    def kinematics_file(self) -> str:
+        """The name of the file that the kinematics stand in: robot.yaml, or a URDF that it names."""
+        return "robot.yaml" if self.urdf is None else self.urdf.name
 
     @property
     def sensors(self) -> list[str]:
@@ -83,7 +93,12 @@ def load_robot(path: str | Path) -> Robot:
     Errors: InputError naming file and key path, what was found and what was expected.
     """
     path = Path(path)
-    return Robot(_specification(load_yaml(path), path), path)
+    top = load_yaml(path)
+    kinematics = top.section("kinematics")
+    urdf = None
+    if kinematics.has("urdf"):
+        urdf = named_in(path, kinematics.text("urdf", expected="the name of a URDF file"))
+    return Robot(_specification(top, path), path, urdf, top.has("gravity"))
 
 
 def check_robot(spec: dict[str, Any], path: Path, where: str) -> None:

@@ -254,3 +254,18 @@ def test_foreign_files_are_refused_with_the_command_that_reads_them(tmp_path, tw
         load_data(path, two_joints)
     command = f"armtrue init '{path}' --robot {two_joints.path} --out '{tmp_path / 'my data'}'"
     assert str(refusal.value).endswith(command)
+
+
+@pytest.mark.parametrize("name", ["station", "nest", "travel2", "duty1"])
+def test_columns_that_one_effect_reads_are_no_strangers(tmp_path, two_joints, name):
+    (tmp_path / "data.csv").write_text(f"q1,q2,x,y,z,{name}\n0.1,0.2,1,2,3,1\n0.3,0.1,1,2,4,2\n")
+    data = load_data(tmp_path / "data.csv", two_joints)
+    assert data.notes == []
+    np.testing.assert_array_equal(data.columns[name], [1.0, 2.0])
+    (tmp_path / "data.csv").write_text(f"q1,q2,x,y,z,{name}\n0.1,0.2,1,2,3,A\n0.3,0.1,1,2,4,2\n")
+    (note,) = load_data(tmp_path / "data.csv", two_joints).notes
+    assert f"column '{name}' holds more than numbers" in note
+    (tmp_path / "data.csv").write_text("q1,q2,x,y,z,Own\n0.1,0.2,1,2,3,1\n0.3,0.1,1,2,4,2\n")
+    columns = ", ".join(f"{own}: {own}" for own in ("q1", "q2", "x", "y", "z"))
+    (tmp_path / "d.yaml").write_text(f"file: data.csv\ncolumns: {{{columns}, {name}: Own}}\n")
+    np.testing.assert_array_equal(load_data(tmp_path / "d.yaml", two_joints).columns[name], [1.0, 2.0])

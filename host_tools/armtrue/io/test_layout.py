@@ -183,3 +183,22 @@ def test_a_point_in_a_file_with_decimal_commas_is_refused(tmp_path, two_joints):
 def test_a_name_that_begins_like_a_home_is_a_name(tmp_path, two_joints):
     (tmp_path / "~nobody.csv").write_text(FOREIGN)
     assert load(tmp_path, two_joints, DATASET.replace("foreign.csv", "~nobody.csv")).count == 3
+
+
+VARIABLES = "variables: {{{name}: J2}}\n"
+
+
+def test_variables_of_ones_own_are_read_under_their_names(tmp_path, two_joints):
+    data = load(tmp_path, two_joints, DATASET + VARIABLES.format(name="speed"))
+    np.testing.assert_allclose(data.columns["speed"], [10.5, -10.5, 20.5])
+
+
+@pytest.mark.parametrize("name", ["q1", "payload", "sin", "two words", "tau1", "station"])
+def test_variables_do_not_take_names_that_mean_something(tmp_path, two_joints, name):
+    with pytest.raises(InputError, match=f"variables.*found '{name}', expected a name of letters"):
+        load(tmp_path, two_joints, DATASET + VARIABLES.format(name=name))
+
+
+def test_rows_to_skip_may_hold_anything(tmp_path, two_joints):
+    data = load(tmp_path, two_joints, DATASET + "rows: {skip: [3]}\n", FOREIGN.replace("294,15", ""))
+    np.testing.assert_array_equal(data.rows, [2, 4])

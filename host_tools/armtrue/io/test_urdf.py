@@ -122,7 +122,35 @@ def test_gear_ratios_may_stand_beside_the_urdf(tmp_path):
         (URDF.replace('<axis xyz="0 1 0"/>', '<axis xyz="0 0 0"/>'), ROBOT, "joint 'j2' axis"),
         (URDF.replace('<axis xyz="0 1 0"/>', '<axis xyz="0 1 0"/><mimic joint="j1"/>'), ROBOT, "mimic"),
         (URDF.replace('mass value="4"', 'mass value="-4"'), ROBOT, "found mass -4"),
-        (URDF.replace('mass value="4"', 'mass value="four"'), ROBOT, "no URDF that can be read"),
+        (
+            URDF.replace('mass value="4"', 'mass value="four"'),
+            ROBOT,
+            "link 'l1' inertial mass value: found 'four'",
+        ),
+        (URDF.replace('value="4"', 'value="inf"'), ROBOT, "link 'l1' inertial mass value: found 'inf'"),
+        (
+            URDF.replace('xyz="0.1 0 0.3"', 'xyz="nan 0 0.3"'),
+            ROBOT,
+            "joint 'j2' origin xyz: found 'nan 0 0.3'",
+        ),
+        (
+            URDF.replace('rpy="0.2 0.1 0"', 'rpy="0.2 0.1"'),
+            ROBOT,
+            "joint 'j2' origin rpy: .*three finite numbers",
+        ),
+        (URDF.replace('rpy="0.2 0.1 0"', 'rpy="0 ${pi} 0"'), ROBOT, "become a URDF by 'xacro"),
+        (URDF.replace('xyz="0 1 0"', 'xyz="0 inf 0"'), ROBOT, "joint 'j2' axis xyz: found '0 inf 0'"),
+        (URDF.replace('upper="1.5"', 'upper="1.5 2"'), ROBOT, "joint 'j2' limit upper: .*one finite number"),
+        (URDF.replace('xyz="0.1 0.2 0.3"', 'xyz="0.1 0.2"'), ROBOT, "link 'l3' inertial origin xyz"),
+        (URDF.replace('<link name="l2"/>', '<link name="l1"/>'), ROBOT, "link 'l1': found a second time"),
+        (URDF.replace('<joint name="j2"', '<joint name="j1"'), ROBOT, "joint 'j1': found a second time"),
+        (URDF.replace('<link name="l2"/>', ""), ROBOT, "joint 'j2' child: found 'l2', expected a link"),
+        (URDF.replace('parent link="l1"', 'parent link="l9"'), ROBOT, "joint 'j2' parent: found 'l9'"),
+        (
+            URDF.replace('child link="l2_cover"', 'child link="l2"'),
+            ROBOT,
+            "is the child of joint 'j2' already",
+        ),
         (URDF.replace("</robot>", ""), ROBOT, "no URDF that can be read"),
         ("not xml", ROBOT, "no URDF that can be read"),
         (URDF, ROBOT + "links: [{mass: 1}, {mass: 1}, {mass: 1}]\n", "expected them in one place"),
@@ -132,3 +160,10 @@ def test_gear_ratios_may_stand_beside_the_urdf(tmp_path):
 def test_says_what_is_wrong_with_a_urdf(tmp_path, urdf, robot, names):
     with pytest.raises(InputError, match=names):
         load(tmp_path, urdf, robot)
+
+
+def test_tags_of_xacro_and_simulators_are_passed_over_in_silence(tmp_path, capfd):
+    tags = '<xacro:property name="x" value="1"/><gazebo reference="l1"/><odd/></robot>'
+    urdf = URDF.replace('name="odd"', 'name="odd" xmlns:xacro="http://www.ros.org/wiki/xacro"')
+    assert load(tmp_path, urdf.replace("</robot>", tags)).joint_count == 3
+    assert capfd.readouterr().err == ""

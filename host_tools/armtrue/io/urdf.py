@@ -6,8 +6,11 @@ Parsing is `urdf_parser_py`'s, the ROS project's own reader: small, and kept wit
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,20 +66,100 @@ def read_urdf_chain(path: Path, base: str, tip: str) -> tuple[dict[str, Any], li
     return kinematics, links
 
 
+def parse_urdf(path: Path) -> Any:
+    """Return the URDF at `path` as its parser's `Robot`, with finite figures, names of their own and links that exist.
+
+    What the parser does not know (tags of xacro, of simulators) is passed over, as nothing of it is read.
+
+    Errors: InputError naming the file and the joint or link.
+    """
+    text = read_text(path)
+    complaints: list[str] = []
+    xml_reflection.on_error = complaints.append
+    try:
+        root = ElementTree.fromstring(text)
+        for place, found, expected in _wrong_figures(root):
+            raise InputError(f"{path}: {place}: found '{found}', expected {expected}")
+        robot = urdf_parser.URDF.from_xml_string(text.encode())
+    except InputError:
+        raise
+    except Exception as error:  # the parser raises whatever its XML and number readers raise
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise InputError(f"{path}: found no URDF that can be read ({reason})") from None
+    _refuse_broken_names(path, robot)
+    return robot
+
+
+# Figures that are read, by the element that holds them: path within it, attribute, how many.
+_FIGURES = {
+    "joint": (
+        ("origin", "xyz", 3),
+        ("origin", "rpy", 3),
+        ("axis", "xyz", 3),
+        ("limit", "lower", 1),
+        ("limit", "upper", 1),
+    ),
+    "link": (("inertial/origin", "xyz", 3), ("inertial/origin", "rpy", 3), ("inertial/mass", "value", 1)),
+}
+
+
+def _wrong_figures(root: ElementTree.Element) -> Iterator[tuple[str, str, str]]:
+    """Place, text and what was expected of every attribute that is read and holds no finite numbers, or too few."""
+    for kind, figures in _FIGURES.items():
+        for element in root.findall(kind):
+            for inside, attribute, count in figures:
+                if inside == "limit" and element.get("type") == "continuous":
+                    continue
+                for holder in element.findall(inside):
+                    text = holder.get(attribute)
+                    if text is not None and not _are_numbers(text, count):
+                        number = "one finite number" if count == 1 else "three finite numbers"
+                        hint = " (xacro files become a URDF by 'xacro FILE')" if "${" in text else ""
+                        place = f"{kind} '{element.get('name')}' {inside.replace('/', ' ')} {attribute}"
+                        yield place, text, number + hint
+
+
+def _are_numbers(text: str, count: int) -> bool:
+    try:
+        values = [float(word) for word in text.split()]
+    except ValueError:
+        return False
+    return len(values) == count and all(map(math.isfinite, values))
+
+
+def _refuse_broken_names(path: Path, robot: Any) -> None:
+    """Raise InputError for a name that stands twice, a link that does not exist, and a link with two parents."""
+    for kind, elements in (("link", robot.links), ("joint", robot.joints)):
+        seen: set[str] = set()
+        for element in elements:
+            if element.name in seen:
+                raise InputError(
+                    f"{path}: {kind} '{element.name}': found a second time, expected a name of its own"
+                )
+            seen.add(element.name)
+    links = {link.name for link in robot.links}
+    parents: dict[str, str] = {}
+    for joint in robot.joints:
+        for role, link in (("parent", joint.parent), ("child", joint.child)):
+            if link not in links:
+                hint = did_you_mean(str(link), links)
+                raise InputError(
+                    f"{path}: joint '{joint.name}' {role}: found '{link}', expected a link of the file{hint}"
+                )
+        if joint.child in parents:
+            raise InputError(
+                f"{path}: joint '{joint.name}' child: found '{joint.child}', which is the child of joint "
+                f"'{parents[joint.child]}' already, expected one joint above each link"
+            )
+        parents[joint.child] = joint.name
+
+
 class _Tree:
     """The parsed URDF with look-ups by link; every complaint names the file."""
 
     def __init__(self, path: Path) -> None:
         self.path_of_file = path
-        complaints: list[str] = []
-        xml_reflection.on_error = complaints.append
-        try:
-            self.robot = urdf_parser.URDF.from_xml_string(read_text(path).encode())
-        except InputError:
-            raise
-        except Exception as error:  # the parser raises whatever its XML and number readers raise
-            reason = " ".join(str(error).split()) or type(error).__name__
-            raise InputError(f"{path}: found no URDF that can be read ({reason})") from None
+        self.robot = parse_urdf(path)
         self.links = {link.name: link for link in self.robot.links}
         self.joint_into = {joint.child: joint for joint in self.robot.joints}
         self.joints_from: dict[str, list[Any]] = {}
