@@ -12,6 +12,9 @@
 namespace armtrue {
 namespace {
 
+// Below this share of what two poses of any distance differ by, neighbours err alike.
+constexpr double kNeighboursAlike = 0.7;
+
 // What a candidate's terms read: the way to tell two apart is to change what only one of them
 // reads.
 struct Reads {
@@ -158,19 +161,30 @@ std::string remedy(const StructureFinding& f) {
 }
 
 // Names the column to record where errors lie along what one joint moves and its direction of
-// approach is not recorded; false where that is not so.
+// approach is not recorded; false where that is not so. Backlash differs between repeats of a pose,
+// or at least between neighbours.
 bool advise_direction(const Diagnosis& d, const Fit& fit, std::vector<std::string>& advice) {
   constexpr double kSurely = -6.0, kMostly = 0.5;
   const JointScatter& s = d.scatter;
   if (s.joint == 0 || s.log10_p > kSurely || s.share < kMostly) return false;
+  const bool may_be = s.between_repeats || (d.verdict == Verdict::kUnexplainedStructure &&
+                                            d.neighbour_ratio >= kNeighboursAlike);
+  if (!may_be) return false;
   const std::string column = "dir" + std::to_string(s.joint);
+  const std::string unrecorded_payload =
+      fit.state().recorded("payload") ? "" : "; where the payload changed, record that too";
   if (fit.state().recorded(column)) return false;
   advice.push_back((s.between_repeats ? "repeats of one pose differ" : "what is left lies") +
                    std::string(" mostly along the motion of joint ") + std::to_string(s.joint) +
                    " (" + number_words(std::round(100.0 * s.share)) +
                    " %): backlash looks so; record " + column +
-                   ", the direction of approach, and come from both sides");
+                   ", the direction of approach, and come from both sides" + unrecorded_payload);
   return true;
+}
+
+// A step at one time.
+bool is_knock(const StructureFinding& f) {
+  return f.variables == std::vector<std::string>{"time"} && f.shape.starts_with("a step");
 }
 
 void advise_structure(const Diagnosis& d, const Fit& fit, std::vector<std::string>& advice) {
@@ -180,9 +194,12 @@ void advise_structure(const Diagnosis& d, const Fit& fit, std::vector<std::strin
     for (const std::string& v : f.variables) what += (what.empty() ? "" : " and ") + v;
     advice.push_back("what is left depends on " + what + " and acts like " + f.coordinate + ": " +
                      f.shape);
-    advice.push_back("no effect of the catalogue has that form; the generic remedy is: " +
-                     remedy(f));
-    if (d.neighbour_ratio < 0.7) {
+    advice.push_back(
+        is_knock(f)
+            ? "a knocked tracker or nest looks so: number the poses before and after it 1 "
+              "and 2 in a column station (or nest), and add that effect"
+            : "no effect of the catalogue has that form; the generic remedy is: " + remedy(f));
+    if (d.neighbour_ratio < kNeighboursAlike) {
       advice.push_back("neighbouring poses err alike: it repeats and can be compensated");
     } else if (d.lack_of_fit.testable && d.lack_of_fit.against == "repeats") {
       advice.push_back(d.lack_of_fit.log10_p < -5.0

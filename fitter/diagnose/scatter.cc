@@ -141,9 +141,9 @@ std::string words_of(const NoiseParts& noise, const Linearization& l, const Robo
   const double reading = noise.reading * l.typical_sigma;
   std::vector<std::pair<double, std::size_t>> joints;  // scatter of a coordinate at the tool [m]
   for (std::size_t k = 0; k < noise.joint.size(); ++k) {
-    const double moved =
-        noise.joint[k] * l.displacement(l.geometry.col(l.layout.motor(static_cast<int>(k)))) /
-        std::sqrt(3.0);
+    const double moved = noise.joint[k] *
+                         l.displacement(l.geometry.col(l.layout.motor(static_cast<int>(k)))) /
+                         std::sqrt(3.0);
     if (moved >= kToldFromReading * reading) joints.emplace_back(-moved, k);
   }
   std::ranges::sort(joints);

@@ -53,7 +53,12 @@ def test_nothing_hidden_is_no_alarm(arm: str, seed: int) -> None:
 
 @pytest.mark.parametrize(
     ("arm", "seed"),
-    [("cobot", 1), *and_in_full(("lbr", 1), ("kr30", 1), ("irb2400", 1), *((arm, 2) for arm in ARMS))],
+    [
+        ("kr30", 7),
+        *and_in_full(
+            ("cobot", 1), ("cobot", 10), ("lbr", 1), ("kr30", 1), ("irb2400", 1), *((arm, 2) for arm in ARMS)
+        ),
+    ],
 )
 def test_what_no_effect_names_is_not_explained_away(arm: str, seed: int) -> None:
     outcome = run_case("outside_catalogue", arm, seed)

@@ -12,7 +12,8 @@ class Station final : public Effect {
   Role role() const override { return Role::kMeasurement; }
   JointRule joint_rule() const override { return JointRule::kNone; }
   std::string bound_text() const override {
-    return "3 mm and 2 mrad: ours, to which the nominal arm itself ties set-ups together; nests do better";
+    return "3 mm and 2 mrad: ours, to which the nominal arm itself ties set-ups together; nests do "
+           "better";
   }
 
   std::vector<std::string> missing(const EffectContext& context,

@@ -268,7 +268,7 @@ _PARTS = {"nominal": "nominal, base and tool fitted", "train": "training poses",
 
 def _error_table(document: dict[str, Any]) -> Any:
     error = document["error"]
-    table = plain_table("error [µm]", "mean", "RMS", "95 %", "max", "poses")
+    table = plain_table("error [µm]", "mean", "RMS", "95 %", "max", "rows")
     for part, name in _PARTS.items():
         if error.get(part):
             table.add_row(name, *_error_cells(error[part]), str(error[part].get("n", "")))

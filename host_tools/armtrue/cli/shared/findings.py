@@ -81,7 +81,9 @@ def present_diagnosis(
 def present_added(effects: list[dict[str, Any]], output: Output) -> None:
     """Print how probable each effect is that a refinement added."""
     lines = [
-        f"{called(entry)}: {_chance(entry['probability'])}" for entry in effects if "probability" in entry
+        f"{called(entry)}: {_chance(entry['probability'])}{_why_kept(entry['probability'])}"
+        for entry in effects
+        if "probability" in entry
     ]
     if lines:
         output.title("Added, with the probability that the arm has it")
@@ -110,6 +112,13 @@ def _following(fit_file: Path) -> Path:
     number = int(fit_file.stem[len(stem) :] or 1)
     names = (fit_file.with_name(f"{stem}{k}{fit_file.suffix}") for k in itertools.count(number + 1))
     return next(name for name in names if not name.exists())
+
+
+def _why_kept(probability: float) -> str:
+    """Why an effect is in the model that is more likely absent."""
+    if probability > _MORE_LIKELY_THAN_NOT:
+        return ""
+    return " (kept: without it unseen poses are predicted worse, or the search asks for it again)"
 
 
 def floor_words(result: dict[str, Any]) -> str:
