@@ -146,14 +146,6 @@ void Fit::begin() {
       options_.instrument ? options_.instrument->position : Eigen::Vector3d::Zero(),
       alignment.measuring_from_base.linear()});
   model_ = build_model(specification_, *context_);
-  if (options_.start) {
-    std::vector<double> known;
-    for (const Parameter& p : model_.parameters) {
-      const auto at = options_.start->values.find(p.name);
-      known.push_back(at == options_.start->values.end() ? p.prior_mean : at->second);
-    }
-    widen_priors(known);
-  }
   const auto places = [&](Place place) {
     return std::ranges::any_of(model_.parameters, [&](const Parameter& p) {
       return find_effect(p.effect).role() == Role::kPlacement &&
@@ -235,17 +227,20 @@ void Fit::rescale_noise() {
 
 // What is usual limits nothing: where data show more of it (masses of another version of the arm,
 // without gears and motors), its prior becomes as wide, up to what is possible. Else an effect that
-// lets it return to what is usual would seem to be there. True where one became wider.
-bool Fit::widen_priors(const std::vector<double>& values) {
-  bool wider = false;
-  for (std::size_t i = 0; i < values.size(); ++i) {
-    Parameter& p = model_.parameters[i];
-    if (!p.may_be_unusual() || specification_.overrides.contains(p.name)) continue;
-    const double size = std::min(std::abs(values[i] - p.prior_mean), p.bound);
-    wider = wider || size > kClearlyWider * p.prior_sigma;
-    p.prior_sigma = std::max(p.prior_sigma, size);
+// lets it return to what is usual would seem to be there.
+void Fit::solve_with_wider_priors() {
+  for (int pass = 0; pass < kPriorPasses; ++pass) {
+    bool wider = false;
+    for (std::size_t i = 0; i < model_.parameters.size(); ++i) {
+      Parameter& p = model_.parameters[i];
+      if (!p.may_be_unusual() || specification_.overrides.contains(p.name)) continue;
+      const double size = std::min(std::abs(design_->values()[i] - p.prior_mean), p.bound);
+      wider = wider || size > kClearlyWider * p.prior_sigma;
+      p.prior_sigma = std::max(p.prior_sigma, size);
+    }
+    if (!wider) return;
+    solve_from_here();
   }
-  return wider;
 }
 
 void Fit::weigh_orientations() {
@@ -372,6 +367,7 @@ void Fit::solve_as_weighed() {
   choose_free();
   count_from(start);
   solve_from_here();
+  solve_with_wider_priors();
   rescale_noise();
   solve_from_here(Accuracy::kFull);
   if (options_.reject_gross_errors && find_gross_errors()) solve_from_here(Accuracy::kFull);
@@ -407,8 +403,7 @@ void Fit::solve_robustly() {
   rescale_noise();
   choose_free();
   solve_from_here();
-  for (int pass = 0; pass < kPriorPasses && widen_priors(design_->values()); ++pass)
-    solve_from_here();
+  solve_with_wider_priors();
   if (change_smoothness()) {
     solve_from_here();
     rescale_noise();

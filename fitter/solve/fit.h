@@ -137,7 +137,7 @@ class Fit {
   void begin();
   void scale_noise(double factor);
   void rescale_noise();
-  bool widen_priors(const std::vector<double>& values);
+  void solve_with_wider_priors();
   void weigh_orientations();
   bool has_the_nodes_of_the_start() const;
   bool smoothness_stands() const;
