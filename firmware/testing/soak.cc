@@ -301,9 +301,11 @@ void Soak::disturb() {
   if (draw(Fault::kStrayNmt)) {
     constexpr int kCommands[] = {1, 2, 128, 129, 130, 77};
     const int node = random_() % 2 == 0 ? 0 : NodeBench::kNodeId;
-    const CanFrame frame = make_frame(0, {kCommands[random_() % std::size(kCommands)], node});
-    deliver(frame);
+    const int command = kCommands[random_() % std::size(kCommands)];
+    deliver(make_frame(0, {command, node}));
     bench_.turn();
+    const bool arrives = bench_.upstream.bus_state() != BusState::kBusOff;
+    awaits_boot_ = awaits_boot_ || (arrives && (command == 129 || command == 130));
     needs_healing_at_ = for_some(2, 100);
     disturbed_until_ = std::max(disturbed_until_, needs_healing_at_ + 3);
   }
@@ -316,6 +318,12 @@ void Soak::heal() {
     disturbed_until_ = std::max(disturbed_until_, cycle_ + 4);
     return;
   }
+  // A reset waits until the drives have their zeros; a controller starts the node that has booted.
+  if (awaits_boot_ && bench_.node().nmt_state() == NmtState::kOperational) {
+    disturbed_until_ = std::max(disturbed_until_, cycle_ + 4);
+    return;
+  }
+  awaits_boot_ = false;
   needs_healing_at_ = 0;
   bench_.start_nodes();
   if (mode_ == Mode::kOffset) blends_from_ = bench_.node().joint_counters().steps;

@@ -131,6 +131,7 @@ class Soak {
   std::uint32_t rate_clamped_ = 0;
   bool was_at_rate_limit_ = false;
   bool whole_ = false;  // the last set came out whole
+  bool awaits_boot_ = false;
   std::uint32_t refused_ = 0;
   std::uint32_t refused_by_any_ = 0;  // frames, by either bus
   std::uint64_t caught_up_at_ = 0;    // cycle

@@ -77,17 +77,18 @@ void Soak::judge_joint(std::size_t joint, std::int32_t delta, std::int32_t comma
   const double error = std::abs(static_cast<double>(delta) - expected);
   // After a long silence the correction follows at the table's rate limit.
   const bool at_rate_limit = bench_.compensator().counters().rate_clamped != rate_clamped_;
-  if (!blending && error > kSlack && !at_rate_limit) {
-    return fail(who + "correction " + std::to_string(delta) + ", expected " +
-                std::to_string(expected));
-  }
-  const double step = kBlendStep * evaluations + std::abs(expected - last_expected_[joint]);
   // A joint whose frames a full bus refused comes after the others at the rate limit.
   const std::uint32_t refused =
       bench_.downstream.counters().send_refused + bench_.upstream.counters().send_refused;
   if (refused != refused_by_any_) caught_up_at_ = cycle_ + kBlendCycles;
   refused_by_any_ = refused;
-  const bool follows = cycle_ > caught_up_at_ && !leaving;
+  const bool catches_up = cycle_ <= caught_up_at_;
+  if (!blending && error > kSlack && !at_rate_limit && !catches_up) {
+    return fail(who + "correction " + std::to_string(delta) + ", expected " +
+                std::to_string(expected));
+  }
+  const double step = kBlendStep * evaluations + std::abs(expected - last_expected_[joint]);
+  const bool follows = !catches_up && !leaving;
   if (blending && follows && !at_rate_limit && !was_at_rate_limit_ && change > step + kSlack) {
     return fail(who + "a step while blending in, " + std::to_string(last_delta_[joint]) + " to " +
                 std::to_string(delta) + " in " + std::to_string(evaluations) +
