@@ -127,7 +127,11 @@ _MOTION, _SDO = "canopen/motion/joint_path.h", "canopen/sdo/sdo_server.h"
         ("A silent client times out after 2 s", "kTimeOutUs = 2000000", _SDO),
         ("one a millisecond while joints are commanded", "kSegmentPauseUs = 1000", _SDO),
         ("up to four in a turn of the loop", "kSegmentsPerTurn = 4", "canopen/sdo/sdo_server.cc"),
-        ("STM32F405 after a second", "kUsualMs = 1000", "ports/stm32f405/watchdogs.h"),
+        (
+            "after a second while a request is carried out at rest",
+            "kUsualMs = 1000",
+            "ports/stm32f405/watchdogs.h",
+        ),
         ("(eight while a sector is erased)", "kEraseMs = 8000", "ports/stm32f405/watchdogs.h"),
     ],
 )
