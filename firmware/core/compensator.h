@@ -192,10 +192,10 @@ class Compensator {
   void restart_stream();
 
   // The drives stand `held` increments beyond their targets: the correction begins there, within
-  // the table's limits, and blends from there to the right one, to zero while it is disabled. False
-  // if some of it was beyond a limit. Ends park(). Before the first table nothing is known of the
-  // drives' scale: the correction begins at zero. Before the first cycle, and where the drives may
-  // hold something else than the last cycle's output.
+  // the table's limits. From there it blends to that of the table in force, or to zero while it is
+  // disabled. False if some of `held` was beyond a limit. Ends park(). Before the first table the
+  // drives' scale is not known, and the correction begins at zero. Before the first cycle, and
+  // where the drives may hold something else than the last cycle's output.
   bool begin(std::span<const std::int32_t> held);
 
   // From the next cycle on the correction goes to zero at the permitted rate, until begin() or

@@ -38,6 +38,9 @@ inline std::int32_t farthest(const Joints& one, const Joints& other) {
 
 class DrivesTest : public ::testing::TestWithParam<Mode> {
  protected:
+  // 0.1 turn per second: increments in a cycle, rounded up.
+  static constexpr std::int32_t kRate = 106;
+
   DrivesTest() : offset_(GetParam() == Mode::kOffset), bench(!offset_) {
     bench.install(TestTable{.magnitude = kPermitted << 12}.image());
     for (std::uint32_t k = 0; k < 3 && offset_; ++k) {
@@ -47,6 +50,23 @@ class DrivesTest : public ::testing::TestWithParam<Mode> {
     bench.configure(GetParam());
     EXPECT_EQ(bench.write(0x1010, 1, 0x65766173, 4), 0U);
     take_output();
+  }
+
+  void nmt(int command) { bench.from_controller(make_frame(0, {command, NodeBench::kNodeId})); }
+  NmtState state() { return bench.node().nmt_state(); }
+
+  // Time passes, nothing comes; the largest step that a drive made.
+  std::int32_t wait(int milliseconds) {
+    std::int32_t most = 0;
+    take_output();
+    for (int k = 0; k < milliseconds; ++k) {
+      const Joints before = stand;
+      bench.now_us += 1000;
+      bench.turn();
+      take_output();
+      most = std::max(most, farthest(before, stand));
+    }
+    return most;
   }
 
   // What came out: targets or offsets. The drives take it.

@@ -12,7 +12,8 @@
 namespace armtrue {
 namespace {
 
-// Below this share of what two poses of any distance differ by, neighbours err alike.
+// Neighbouring poses err alike where their errors differ by less than this share of what those of
+// any two poses differ by.
 constexpr double kNeighboursAlike = 0.7;
 
 // What a candidate's terms read: the way to tell two apart is to change what only one of them
@@ -171,9 +172,9 @@ bool advise_direction(const Diagnosis& d, const Fit& fit, std::vector<std::strin
                                             d.neighbour_ratio >= kNeighboursAlike);
   if (!may_be) return false;
   const std::string column = "dir" + std::to_string(s.joint);
+  if (fit.state().recorded(column)) return false;
   const std::string unrecorded_payload =
       fit.state().recorded("payload") ? "" : "; where the payload changed, record that too";
-  if (fit.state().recorded(column)) return false;
   advice.push_back((s.between_repeats ? "repeats of one pose differ" : "what is left lies") +
                    std::string(" mostly along the motion of joint ") + std::to_string(s.joint) +
                    " (" + number_words(std::round(100.0 * s.share)) +
@@ -268,12 +269,15 @@ void advise_nothing(const Diagnosis& d, const Fit& fit, std::vector<std::string>
 
 }  // namespace
 
-std::vector<std::string> advise(const Diagnosis& d, const Fit& fit) {
+std::vector<std::string> advise(const Diagnosis& d, const Fit& fit,
+                                const Linearization& linearization) {
   std::vector<std::string> advice;
   if (d.verdict == Verdict::kMissingEffect) advise_missing(d, fit.robot().joint_count(), advice);
   if (d.verdict == Verdict::kUnexplainedStructure) advise_structure(d, fit, advice);
   if (d.verdict == Verdict::kNothingMissing) advise_nothing(d, fit, advice);
-  if (!d.noise_words.empty()) advice.push_back(d.noise_words);
+  // Where structure is left, the figures are not of noise alone.
+  if (d.verdict != Verdict::kUnexplainedStructure)
+    advice.push_back(words_of(d.noise, linearization, fit.robot()));
   const std::string tables = sentence_of(d.tables);
   if (!tables.empty()) advice.push_back(tables);
   std::string untestable;

@@ -8,9 +8,11 @@ namespace armtrue {
 
 struct Diagnosis;
 class Fit;
+struct Linearization;
 
-/// Advice that follows from a diagnosis: what to add, what to measure to split an ambiguity, what
-/// to record.
-std::vector<std::string> advise(const Diagnosis& diagnosis, const Fit& fit);
+/// Advice that follows from a diagnosis of `fit`, linearised as the diagnosis had it: what to add,
+/// what to measure to split an ambiguity, what to record; and what repeats badly.
+std::vector<std::string> advise(const Diagnosis& diagnosis, const Fit& fit,
+                                const Linearization& linearization);
 
 }  // namespace armtrue

@@ -438,10 +438,8 @@ Diagnosis diagnose(Fit& fit, const DiagnoseOptions& options, Observer& observer)
     d.neighbour_ratio = neighbour_ratio(linearization, fit.state());
     d.probability_nothing = std::min(d.probability_nothing, std::pow(10.0, kStructureSignificant));
   }
-  if (d.verdict != Verdict::kUnexplainedStructure)
-    d.noise_words = words_of(d.noise, linearization, fit.robot());
   d.tables = tables_of(fit);
-  d.advice = advise(d, fit);
+  d.advice = advise(d, fit, linearization);
   report(1.0, "done");
   return d;
 }

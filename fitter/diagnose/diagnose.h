@@ -65,7 +65,6 @@ struct Diagnosis {
   std::map<std::string, double> probability_present;  ///< of the fit's own effects, by label
   NoiseParts noise;
   double reading_sigma = 0.0;  ///< [m] a coordinate
-  std::string noise_words;     ///< the same for people; empty where what is left has structure
   std::vector<Untestable> untestable;
   std::vector<StructureFinding> unexplained;
   std::vector<std::string> advice;

@@ -28,9 +28,11 @@ constexpr double kSmoothnessStart = 1e-4;  // [rad]
 constexpr double kSameNoise = 0.05;
 // Springs that a fit's own terms are weighed by are found in one or two repetitions.
 constexpr int kSpringPasses = 6;
+constexpr double kSpringsStand = 1e-3;  // of the largest
+// A prior that holds a value back is widened to that value and the fit repeated, until no value
+// grows by more than this share any more.
 constexpr int kPriorPasses = 6;
 constexpr double kClearlyWider = 1.1;
-constexpr double kSpringsStand = 1e-3;  // of the largest
 // Loads are worked out where the fitted arm stands, and the fit repeated while that moves a frame
 // by more than this: far less than any instrument sees.
 constexpr int kStancePasses = 4;

@@ -16,16 +16,6 @@ Pose pose_from(const json& value) {
   return pose_from_xyz_rpy({p.at(0), p.at(1), p.at(2)}, {a.at(0), a.at(1), a.at(2)});
 }
 
-// The frame of a row's set-up, where that stands apart from the first one's; none where it does
-// not.
-const Pose* set_up_of(const std::map<int, Pose>& set_ups, const State::Columns& columns,
-                      std::size_t row) {
-  const auto column = columns.find("station");
-  if (column == columns.end()) return nullptr;
-  const auto at = set_ups.find(static_cast<int>(column->second[row]));
-  return at == set_ups.end() ? nullptr : &at->second;
-}
-
 // Of a set-up that nobody says, a prediction is in the first one's frame.
 Model without_unsaid_setups(Model model, const State& state) {
   const int joints = state.robot().joint_count();

@@ -31,9 +31,9 @@ struct FittedModel {
 /// Writes poses as the measured columns x, y, z and, where asked for, qw to qz.
 void put_poses(const std::vector<Pose>& poses, bool orientation, State::Columns& columns);
 
-/// A fit at its solution with every parameter free, those too that its poses could not tell and
-/// that were held at nominal. At other poses they matter, and priors say how large they may be: one
-/// without a prior has a metre, or a radian.
+/// A fit at its solution, with all parameters free. The fit itself holds at nominal what its poses
+/// could not tell; other poses may show it. How large it may be, its prior says, and where it has
+/// none, a metre or a radian.
 struct FreedFit {
   explicit FreedFit(const Fit& fit);
   FreedFit(const FreedFit&) = delete;

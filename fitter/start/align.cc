@@ -309,8 +309,12 @@ Eigen::Matrix3d mean_rotation(const std::vector<Eigen::Matrix3d>& rotations) {
 
 }  // namespace
 
-int station_of(const State& state, std::size_t row) {
-  return state.recorded("station") ? static_cast<int>(state.column("station")[row]) : 0;
+const Pose* set_up_of(const std::map<int, Pose>& first_from_set_up, const State::Columns& columns,
+                      std::size_t row) {
+  const auto station = columns.find("station");
+  if (station == columns.end()) return nullptr;
+  const auto at = first_from_set_up.find(static_cast<int>(station->second[row]));
+  return at == first_from_set_up.end() ? nullptr : &at->second;
 }
 
 Alignment align(const State& state, const Measurements& measurements) {
@@ -360,9 +364,8 @@ Alignment align(const State& state, const Measurements& measurements) {
       for (std::size_t i = 0; i < measurements.rows; ++i) {
         if (measurements.target[i] != t) continue;
         Eigen::Matrix3d measured = measurements.rotation[i];
-        if (const auto at = result.first_from_set_up.find(station_of(state, i));
-            at != result.first_from_set_up.end())
-          measured = at->second.linear() * measured;
+        if (const Pose* pose = set_up_of(result.first_from_set_up, state.columns(), i))
+          measured = pose->linear() * measured;
         seen.push_back((best.rotation * pairs.base_from_flange[i].linear()).transpose() * measured);
       }
       if (!seen.empty()) tool.linear() = mean_rotation(seen);

@@ -19,8 +19,9 @@ struct Alignment {
   double rms_m =
       0.0;  ///< root mean square distance left after alignment, gross errors down-weighted
   std::vector<double> residual_m;  ///< distance left, row by row
-  /// By its number in column `station`, the frame of a further set-up in the first one's, where the
-  /// two stand further apart than the nominal arm is wrong by. All else is of points in the first.
+  /// Frames of further set-ups of the tracker, by their number in column `station`, seen from the
+  /// first set-up: of those that stand further from it than the nominal arm is wrong by. All other
+  /// fields are of points that were moved into the first one's frame.
   std::map<int, Pose> first_from_set_up;
 };
 
@@ -34,7 +35,9 @@ struct Alignment {
 /// part and the best is kept. Throws ModelError where there are fewer than 4 rows.
 Alignment align(const State& state, const Measurements& measurements);
 
-/// Number of a row's set-up; 0 where none is recorded.
-int station_of(const State& state, std::size_t row);
+/// The frame of a row's set-up among `first_from_set_up`; none where it is the first one's, or
+/// column `station` is not there.
+const Pose* set_up_of(const std::map<int, Pose>& first_from_set_up, const State::Columns& columns,
+                      std::size_t row);
 
 }  // namespace armtrue

@@ -11,14 +11,14 @@ namespace {
 // Measurements of set-ups that stand apart, in the first one's frame.
 void move_rows(const State& state, const std::map<int, Pose>& set_ups, Measurements& measurements) {
   for (std::size_t i = 0; i < measurements.rows; ++i) {
-    const auto at = set_ups.find(station_of(state, i));
-    if (at == set_ups.end()) continue;
+    const Pose* pose = set_up_of(set_ups, state.columns(), i);
+    if (!pose) continue;
     auto position = measurements.position.col(static_cast<Eigen::Index>(i));
-    position = at->second * Eigen::Vector3d(position);
+    position = *pose * Eigen::Vector3d(position);
     Eigen::Matrix3d& whiten = measurements.whiten_position[i];
-    whiten = whiten * at->second.linear().transpose();
+    whiten = whiten * pose->linear().transpose();
     if (!measurements.rotation.empty())
-      measurements.rotation[i] = at->second.linear() * measurements.rotation[i];
+      measurements.rotation[i] = pose->linear() * measurements.rotation[i];
   }
 }
 

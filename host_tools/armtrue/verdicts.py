@@ -31,6 +31,11 @@ OTHER_SENSOR_ADVICE = (
 NOT_SCORED = "not scored"
 
 
+def with_signs(sentence: str) -> str:
+    """A sentence of the diagnosis, which is plain ASCII, with units and arrows as they are printed."""
+    return sentence.replace(" um", " µm").replace(" urad", " µrad").replace("->", "→")
+
+
 def scored(figures: Mapping[str, Any]) -> dict[str, Any]:
     """Error figures as they are; all None where no pose could be scored, for then they say nothing."""
     if figures.get("n") != 0:

@@ -124,7 +124,8 @@ class JointPath {
   void note_drives_downstream() {
     if (mode_ != Mode::kOffset || !knows_drives()) drives_are_downstream_ = true;
   }
-  // Offsets leave upstream: such drives would never hear them.
+  // Whether the drives are on the downstream port. Offsets are sent on the upstream one, where they
+  // would not receive them.
   bool drives_are_downstream() const { return drives_are_downstream_; }
 
   // Windows and time-outs. Returns whether the supervision is sound, which is what feeds the

@@ -5,7 +5,6 @@
 namespace armtrue::canopen {
 namespace {
 
-constexpr std::int32_t kRate = 106;  // 0.1 turn per second: increments in a cycle, rounded up
 constexpr std::uint32_t kSetsWithheld = 0xFF15;
 constexpr std::uint32_t kOutputRefused = 7;
 
@@ -27,21 +26,6 @@ class OutputsTest : public DrivesTest {
     for (std::uint16_t k = 0; k < 3; ++k) {
       ASSERT_EQ(bench.write(static_cast<std::uint16_t>(0x1800 + k), 2, type, 1), 0U);
     }
-  }
-  void nmt(int command) { bench.from_controller(make_frame(0, {command, NodeBench::kNodeId})); }
-  NmtState state() { return bench.node().nmt_state(); }
-  // Time passes, nothing comes; the largest step that a drive made.
-  std::int32_t wait(int milliseconds) {
-    std::int32_t most = 0;
-    take_output();
-    for (int k = 0; k < milliseconds; ++k) {
-      const Joints before = stand;
-      bench.now_us += 1000;
-      bench.turn();
-      take_output();
-      most = std::max(most, farthest(before, stand));
-    }
-    return most;
   }
   std::int32_t sync() {
     const Joints before = stand;

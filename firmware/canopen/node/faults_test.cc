@@ -9,24 +9,8 @@
 namespace armtrue::canopen {
 namespace {
 
-constexpr std::int32_t kRate = 106;  // 0.1 turn per second: increments in a cycle, rounded up
-
 class FaultTest : public DrivesTest {
  protected:
-  void nmt(int command) { bench.from_controller(make_frame(0, {command, NodeBench::kNodeId})); }
-  NmtState state() { return bench.node().nmt_state(); }
-  std::int32_t wait(int milliseconds) {
-    std::int32_t most = 0;
-    take_output();
-    for (int k = 0; k < milliseconds; ++k) {
-      const Joints before = stand;
-      bench.now_us += 1000;
-      bench.turn();
-      take_output();
-      most = std::max(most, farthest(before, stand));
-    }
-    return most;
-  }
   // Codes of the emergencies that have been sent.
   std::vector<int> emergencies() {
     std::vector<CanFrame> frames = std::exchange(bench.aside, {});

@@ -119,8 +119,8 @@ struct Applied {
   std::uint16_t beyond = 0;  // the last object whose value was beyond its bounds; 0: none
 };
 
-// Writes a received payload into the dictionary, but for values beyond the bounds that SDO would
-// have kept to. Precondition: frame.len >= pdo.mapping.length.
+// Writes a received payload into the dictionary, except values beyond the bounds of their object,
+// which a write by SDO is refused for. Precondition: frame.len >= pdo.mapping.length.
 Applied apply_rpdo(ObjectDictionary& dictionary, const Pdo& pdo, const CanFrame& frame);
 
 }  // namespace armtrue::canopen

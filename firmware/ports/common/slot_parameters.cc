@@ -15,15 +15,14 @@ bool SlotParameters::holds_something() const {
 }
 
 bool SlotParameters::save(std::span<const std::uint8_t> block) {
-  const bool is_saved = store_.commit(block) == storage::StoreResult::kDone &&
-                        store_.activate(block_, saved_) == storage::StoreResult::kDone &&
-                        store_.confirm() == storage::StoreResult::kDone;
-  if (!is_saved) {
-    // Nobody would confirm it later, and a slot on trial would refuse every save to come.
-    store_.revert();
-    saved_ = store_.load_active(block_);
-  }
-  return is_saved;
+  if (store_.commit(block) == storage::StoreResult::kDone &&
+      store_.activate(block_, saved_) == storage::StoreResult::kDone &&
+      store_.confirm() == storage::StoreResult::kDone)
+    return true;
+  // Nobody would confirm it later, and a slot on trial would refuse every save to come.
+  store_.revert();
+  saved_ = store_.load_active(block_);
+  return false;
 }
 
 bool SlotParameters::erase() {

@@ -127,14 +127,16 @@ def _read_back(data: Dataset, robot: Robot) -> list[Finding]:
     ]
 
 
+def pose_keys(data: Dataset) -> NDArray[np.int64]:
+    """Joints and reflector of each row as whole numbers (N, joints + 1): equal where rows are of one pose."""
+    poses = np.round(data.joints / _SAME_POSE_RAD).astype(np.int64)
+    return np.column_stack([poses, data.columns.get("target", np.zeros(data.count)).astype(np.int64)])
+
+
 def _repeats(data: Dataset) -> list[Finding]:
     findings: list[Finding] = []
-    joints = data.joints
-    poses = np.round(joints / _SAME_POSE_RAD).astype(np.int64)
-    targets = data.columns.get("target", np.zeros(data.count)).astype(np.int64)
-    _, pose_of_row, sizes = np.unique(
-        np.column_stack([poses, targets]), axis=0, return_inverse=True, return_counts=True
-    )
+    keys = pose_keys(data)
+    _, pose_of_row, sizes = np.unique(keys, axis=0, return_inverse=True, return_counts=True)
     again = sizes[pose_of_row] > 1
     if "repeat" in data.columns:
         findings += _repeats_that_differ(data)
@@ -150,7 +152,7 @@ def _repeats(data: Dataset) -> list[Finding]:
             )
         )
     if all(name in data.columns for name in POSITION):
-        whole = np.column_stack([poses, targets, np.round(data.positions_m / 1e-9).astype(np.int64)])
+        whole = np.column_stack([keys, np.round(data.positions_m / 1e-9).astype(np.int64)])
         _, row_of, counts = np.unique(whole, axis=0, return_inverse=True, return_counts=True)
         copies = counts[row_of] > 1
         if copies.any():

@@ -6,13 +6,12 @@ import math
 
 import numpy as np
 
-from armtrue.checking.motion import scatter_m
+from armtrue.checking.motion import pose_keys, scatter_m
 from armtrue.checking.report import Finding
 from armtrue.io.dataset import Dataset
 
 # A sigma so many times what is seen is in another unit; a careful data sheet overstates by three or five.
 _TIMES = 10.0
-_SAME_POSE = 1e-6
 
 
 def find(data: Dataset, fit_rms_m: float) -> list[Finding]:
@@ -20,8 +19,7 @@ def find(data: Dataset, fit_rms_m: float) -> list[Finding]:
     if "sigma" not in data.columns:
         return []
     stated = float(np.median(data.columns["sigma"]))
-    codes = data.columns.get("target", np.zeros(data.count))
-    keys = np.column_stack([np.round(data.joints / _SAME_POSE), codes])
+    keys = pose_keys(data)
     poses = np.unique(keys, axis=0, return_inverse=True)[1].reshape(-1)
     # Rows that were copied are no measurements of their own.
     own = np.unique(np.column_stack([keys, data.positions_m]), axis=0, return_index=True)[1]

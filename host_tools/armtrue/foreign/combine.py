@@ -145,7 +145,10 @@ def codes_of_words(part: Part) -> None:
 
 
 def _joint_units(part: Part, prismatic: set[str]) -> None:
-    """Each joint's unit: as its own header says, else as its kind's others say, else by the largest figure."""
+    """Find the unit of each joint: from its own header, else from another joint's that turns or slides as it does.
+
+    Where no header states one, the size of the values tells it.
+    """
     for kind, default, foreign, largest_default in (
         ("angle", "rad", "deg", 2.2 * math.pi),
         ("length", "m", "mm", _FARTHEST_M),

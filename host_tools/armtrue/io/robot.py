@@ -22,9 +22,11 @@ STANDARD_GRAVITY = [0.0, 0.0, -9.81]
 
 @dataclass(frozen=True)
 class Robot:
-    """The nominal arm. `spec` is JSON-able, in SI units, with defaults filled and a URDF resolved to a chain.
+    """The nominal arm, as robot.yaml and the URDF that it may name describe it.
 
-    `urdf`: the URDF that the kinematics come from. `gravity_stated`: False where robot.yaml leaves it at its default.
+    `spec`: the content of robot.yaml with defaults filled in, in SI units, JSON-able; in place of a URDF stand the
+    joints of its chain. `urdf`: the file that they come from. `gravity_stated`: False where robot.yaml leaves gravity
+    at its default.
     """
 
     spec: dict[str, Any]

@@ -6,7 +6,7 @@ import re
 from collections.abc import Container, Sequence
 
 from armtrue.report.markup import Content, Markup, tag
-from armtrue.verdicts import NOT_SCORED
+from armtrue.verdicts import NOT_SCORED, with_signs
 
 _NUMBER = "num"
 
@@ -106,9 +106,7 @@ def plural(count: int, word: str) -> str:
 
 def typeset(sentence: str) -> str:
     """A sentence of the diagnosis, which is plain ASCII, with its signs, units and figures as they are printed."""
-    plain = (
-        sentence.replace(" um", " µm").replace(" urad", " µrad").replace(" arcsec", "″").replace("->", "→")
-    )
+    plain = with_signs(sentence).replace(" arcsec", "″")
     return rounded(re.sub(r"(?<=[\s(])-(?=\d)", "−", plain))
 
 

@@ -19,6 +19,7 @@ from armtrue.verdicts import (
     scored,
     sensor_of,
     verdict_words,
+    with_signs,
 )
 
 _CANDIDATES_SHOWN = 10
@@ -71,7 +72,7 @@ def present_diagnosis(
     # What is not testable stands above, effect by effect.
     if sentences := [line for line in advice if _COMMAND not in line and not line.startswith("not testable")]:
         output.title("Advice")
-        output.items([_typeset(sentence) for sentence in sentences])
+        output.items([with_signs(sentence) for sentence in sentences])
     if commands := _next_commands(advice, fit_file, data):
         output.title("Next")
         for command in commands:
@@ -140,7 +141,7 @@ def _present_candidates(result: dict[str, Any], output: Output) -> None:
         output.say(f"probability that nothing is missing: {_chance(result['probability_nothing'])}")
         output.say(
             f"nearest candidate: {_called_among(nearest, candidates)}, probability {_chance(nearest['probability'])}, "
-            f"explains {100 * nearest['explained']:.1f} % of the squared residual: {_typeset(nearest['why'])}"
+            f"explains {100 * nearest['explained']:.1f} % of the squared residual: {with_signs(nearest['why'])}"
         )
         return
     tried, candidates = candidates, candidates[:_CANDIDATES_SHOWN]
@@ -151,7 +152,7 @@ def _present_candidates(result: dict[str, Any], output: Output) -> None:
     for candidate in candidates:
         if candidate["recommend"]:
             output.title(f"Recommended: {_called_among(candidate, tried)}")
-            output.items([_typeset(candidate["why"]), *parameter_lines(candidate["parameters"])])
+            output.items([with_signs(candidate["why"]), *parameter_lines(candidate["parameters"])])
             others = [_called_among(other, tried) for other in of_other_sensors(candidate, tried)]
             warmed = [OTHER_SENSOR_ADVICE] if others else []
             others += [called(entry_of(label)) for label in candidate["confounded_with"]]
@@ -165,7 +166,7 @@ def _present_candidates(result: dict[str, Any], output: Output) -> None:
         if candidate["probability"] > _MORE_LIKELY_THAN_NOT:
             likely.append(rank)
         else:
-            reasons.setdefault(_typeset(candidate["why"]), []).append(rank)
+            reasons.setdefault(with_signs(candidate["why"]), []).append(rank)
     if likely:
         output.title("Missing beside it")
         output.items([f"{_runs(likely)}: more likely there than not; armtrue refine adds what holds"])
@@ -215,11 +216,6 @@ def _present_structure(findings: list[dict[str, Any]], output: Output) -> None:
     if lines:
         output.title("Left over")
         output.items(list(lines.values()))
-
-
-def _typeset(sentence: str) -> str:
-    """A sentence of the diagnosis, which is plain ASCII, with its units and arrows as they are printed."""
-    return sentence.replace(" um", " µm").replace(" urad", " µrad").replace("->", "→")
 
 
 def _words(value: Any) -> str:
