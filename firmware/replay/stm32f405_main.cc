@@ -2,14 +2,14 @@
 // Command line: RECORDING RESULT, two host files.
 #include <cstring>
 
+#include "firmware/ports/arm/instruction_counter.h"
 #include "firmware/ports/arm/semihosting.h"
-#include "firmware/ports/stm32f405/instruction_counter.h"
 #include "firmware/replay/replay.h"
 
 namespace {
 
 namespace semihosting = armtrue::semihosting;
-using armtrue::stm32f405::InstructionCounter;
+using armtrue::ports::InstructionCounter;
 
 bool read_file(void* handle, void* data, std::size_t size) {
   return semihosting::read(*static_cast<std::int32_t*>(handle), data, size) == size;

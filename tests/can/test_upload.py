@@ -277,10 +277,10 @@ def test_upload_while_joints_are_commanded_is_refused(tmp_path: Path, tables: Pa
         assert "stop the controller before parameters are saved" in unsaved.stderr
         for task in tasks:
             task.stop()
-        node.sdo[0x2000][5].raw = 100
+        disconnect(node)
+        write(0x2000, 5, 100)
         time.sleep(0.7)
         assert armtrue("upload", tables).returncode == 0
-        disconnect(node)
 
 
 def warnings_of(*words: str | Path) -> list[str]:

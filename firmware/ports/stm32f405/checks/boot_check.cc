@@ -6,8 +6,8 @@
 #include <cstdint>
 #include <cstring>
 
+#include "firmware/ports/arm/instruction_counter.h"
 #include "firmware/ports/arm/semihosting.h"
-#include "firmware/ports/stm32f405/instruction_counter.h"
 
 namespace {
 
@@ -47,7 +47,7 @@ bool shift_file(char* command_line) {
 }  // namespace
 
 int main() {
-  using armtrue::stm32f405::InstructionCounter;
+  using armtrue::ports::InstructionCounter;
   if (constructor_probe.value != 0x600DF00D) semihosting::exit(1);
 
   const InstructionCounter counter;

@@ -11,7 +11,6 @@ from pathlib import Path
 import can
 import pytest
 import typer
-
 from armtrue.cli.device import add_to
 from armtrue.device import connection
 from armtrue.device.bus import BusOptions
