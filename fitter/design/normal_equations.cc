@@ -215,9 +215,10 @@ void NormalEquations::add(const std::vector<const Design::Row*>& added, int resi
   });
 }
 
-double NormalEquations::equations() const {
-  const double of_positions = 3.0 * static_cast<double>(rows);
-  return position_cost > 0.0 ? of_positions * std::min(2.0, cost / position_cost) : of_positions;
+double equations_that_count(double rows, double squares, double position_squares) {
+  const double per_row =
+      position_squares > 0.0 ? 3.0 * std::min(2.0, squares / position_squares) : 3.0;
+  return rows * per_row;
 }
 
 void NormalEquations::add(const PenaltyRow& row, const std::vector<double>& values) {

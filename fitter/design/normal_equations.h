@@ -23,6 +23,12 @@ struct PenaltyRow {
 /// smoothness rows.
 std::vector<PenaltyRow> penalty_rows(const Design& design, double smoothness_sigma);
 
+/// Residuals of positions, and those of orientations as far as they scatter as much. Orientations
+/// that are given less weight than their scatter allows (inference/orientation_worth.h) would else
+/// make the variance of all residuals too small. `rows`: how many; the others: Σ r² of all
+/// residuals and of positions'.
+double equations_that_count(double rows, double squares, double position_squares);
+
 /// JᵀJ and Jᵀr of the measurements, in unknowns.
 struct NormalEquations {
   Eigen::MatrixXd information;  ///< JᵀJ, lower triangle filled
@@ -34,10 +40,9 @@ struct NormalEquations {
   explicit NormalEquations(Eigen::Index unknowns)
       : information(Eigen::MatrixXd::Zero(unknowns, unknowns)),
         gradient(Eigen::VectorXd::Zero(unknowns)) {}
-  /// Residuals of positions, and those of orientations as far as they scatter as much. Orientations
-  /// that are given less weight than their scatter allows (inference/orientation_worth.h) would
-  /// else make the variance of all residuals too small.
-  double equations() const;
+  double equations() const {
+    return equations_that_count(static_cast<double>(rows), cost, position_cost);
+  }
   /// On all processors; the same sums however many there are.
   void add(const std::vector<const Design::Row*>& added, int residuals);
   void add(const PenaltyRow& row, const std::vector<double>& values);

@@ -353,6 +353,7 @@ std::set<std::size_t> weigh(Fit& fit, const Linearization& linearization,
   d.untestable = std::move(catalogue.untestable);
   d.noise = evidence.noise;
   d.reading_sigma = evidence.noise.reading * linearization.typical_sigma;
+  d.orientation_sigma = evidence.noise.orientation * linearization.sigma_rotation;
   d.probability_nothing = evidence.search.nothing_missing;
   d.candidates = make_candidates(fit, evidence);
   doubt_beside_structure(fit, evidence, d.candidates, d.probability_nothing);

@@ -23,7 +23,9 @@ json Diagnosis::to_json(const Fit& fit) const {
   const json document = fit.document();
   json joints = json::array();
   for (const double sigma : noise.joint) joints.push_back(sigma * 1e6);
+  const bool turns = orientation_sigma > 0.0;
   const json noise_json{{"reading_um", reading_sigma * 1e6},
+                        {"orientation_urad", turns ? json(orientation_sigma * 1e6) : json(nullptr)},
                         {"joints_urad", joints},
                         {"pose_um", noise.pose ? json(*noise.pose * 1e6) : json(nullptr)}};
   json result{{"verdict", verdicts[static_cast<int>(verdict)]},

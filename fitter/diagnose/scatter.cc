@@ -70,10 +70,11 @@ std::vector<std::vector<std::size_t>> repeats_of(const Fit& fit, std::size_t row
 }
 
 // log10 of the p value of an F test: the variance between poses against that between repeats of one
-// pose. Each column of `left` is a row's residual, or one component of it; `freedom`: degrees of
-// freedom that all rows have. No value where too little was repeated.
+// pose. Each column of `left` is a row's residual, or one component of it, that counts as so many
+// equations; `freedom`: degrees of freedom that all rows have. No value where too little was
+// repeated.
 std::optional<double> log10_p_against(const std::vector<std::vector<std::size_t>>& repeats,
-                                      const Eigen::MatrixXd& left, double freedom) {
+                                      const Eigen::MatrixXd& left, double counted, double freedom) {
   double pure = 0.0, pure_freedom = 0.0;
   for (const std::vector<std::size_t>& rows : repeats) {
     Eigen::VectorXd mean = Eigen::VectorXd::Zero(left.rows());
@@ -81,7 +82,7 @@ std::optional<double> log10_p_against(const std::vector<std::vector<std::size_t>
     mean /= static_cast<double>(rows.size());
     for (const std::size_t r : rows)
       pure += (left.col(static_cast<Eigen::Index>(r)) - mean).squaredNorm();
-    pure_freedom += static_cast<double>(left.rows()) * (static_cast<double>(rows.size()) - 1.0);
+    pure_freedom += counted * (static_cast<double>(rows.size()) - 1.0);
   }
   if (pure_freedom < kLeastScatterFreedom || freedom < pure_freedom + 10.0) return std::nullopt;
   const double between = std::max(0.0, left.squaredNorm() - pure), rest = freedom - pure_freedom;
@@ -108,7 +109,8 @@ LackOfFit lack_of_fit(const Linearization& l, const Fit& fit, NoiseParts noise) 
   PoseWhitening(l, noise).apply(whitened);
   const Eigen::Map<const Eigen::MatrixXd> left(whitened.data(), h, rows);
   const std::vector<std::vector<std::size_t>> repeats = repeats_of(fit, l.rows());
-  if (const std::optional<double> of_all = log10_p_against(repeats, left, l.freedom)) {
+  const double per_row = l.counted / static_cast<double>(rows);
+  if (const std::optional<double> of_all = log10_p_against(repeats, left, per_row, l.freedom)) {
     result.testable = true;
     result.against = "repeats";
     result.log10_p = *of_all;
@@ -119,7 +121,7 @@ LackOfFit lack_of_fit(const Linearization& l, const Fit& fit, NoiseParts noise) 
       const Eigen::RowVectorXd along = left.cwiseProduct(motion).colwise().sum().cwiseQuotient(
           motion.colwise().norm().cwiseMax(1e-300));
       const std::optional<double> of_joint =
-          log10_p_against(repeats, along, l.freedom / static_cast<double>(h));
+          log10_p_against(repeats, along, 1.0, l.freedom / per_row);
       if (!of_joint) continue;
       result.log10_p =
           std::min(result.log10_p,
@@ -157,6 +159,12 @@ std::string words_of(const NoiseParts& noise, const Linearization& l, const Robo
   }
   if (!words.empty()) words += "; ";
   words += "readings scatter by " + micrometre_words(reading) + " a coordinate";
+  if (l.sigma_rotation > 0.0) {
+    char text[80];
+    std::snprintf(text, sizeof text, ", orientations by %.3g urad an axis",
+                  noise.orientation * l.sigma_rotation * 1e6);
+    words += text;
+  }
   if (noise.pose && *noise.pose >= kToldFromReading * reading)
     words += ", and those of one pose together by " + micrometre_words(*noise.pose);
   return words;

@@ -27,10 +27,11 @@ struct Projected {
 
 // Whitens, and projects base out with its prior.
 Projected project(const Fit& fit, const Linearization& l, const EvidenceModel& model,
-                  const PoseWhitening& whitening) {
+                  const NoiseParts& noise) {
   const Eigen::Index base = model.base.cols(), width = model.columns.cols();
   Eigen::MatrixXd all(model.y.size(), base + width + 1);
   all << model.base, model.columns, model.y;
+  const PoseWhitening whitening(l, noise);
   whitening.apply(all);
   const Eigen::MatrixXd products = square(all);
   Projected result;
@@ -48,8 +49,9 @@ Projected project(const Fit& fit, const Linearization& l, const EvidenceModel& m
   result.base_unknowns = factor.solve_matrix(information).trace();
   const IdleContrasts idle = idle_contrasts(l, fit.measurements().target, whitening, all);
   p.squares -= idle.squares;
-  p.freedom =
-      std::max(1.0, static_cast<double>(model.y.size()) - result.base_unknowns - idle.freedom);
+  const double counted = counted_equations(l, noise);
+  const double idle_freedom = idle.freedom * counted / static_cast<double>(l.equations());
+  p.freedom = std::max(1.0, counted - result.base_unknowns - idle_freedom);
   p.prior_freedom = 1.0;
   for (const EvidenceBlock& block : model.blocks) p.blocks.push_back(block.search);
   return result;
@@ -127,7 +129,7 @@ EvidenceSummary weigh_evidence(Fit& fit, const Linearization& l, std::vector<Blo
   bool repeated = false;
   for (int round = 0; round < rounds; ++round) {
     bool last = round + 1 == rounds;
-    const Projected projected = project(fit, l, model, PoseWhitening(l, evidence.noise));
+    const Projected projected = project(fit, l, model, evidence.noise);
     SearchOptions search;
     // Wide problems are sampled for a shorter time.
     search.sweeps =
@@ -159,8 +161,8 @@ EvidenceSummary weigh_evidence(Fit& fit, const Linearization& l, std::vector<Blo
     whitening.apply(white);
     const Eigen::MatrixXd information = square(white);
     const ScaledCholesky factor(information + found.precision);
-    evidence.freedom =
-        std::max(1.0, static_cast<double>(white.rows()) - factor.solve_matrix(information).trace());
+    evidence.freedom = std::max(
+        1.0, counted_equations(l, evidence.noise) - factor.solve_matrix(information).trace());
   }
   evidence.blocks = std::move(model.blocks);
   return evidence;

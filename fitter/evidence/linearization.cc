@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "fitter/design/normal_equations.h"
+
 namespace armtrue {
 namespace {
 
@@ -45,6 +47,7 @@ Linearization linearize(Fit& fit) {
   l.poses = fit.measurements().poses;
   l.layout = fit.kinematics().layout();
   l.typical_sigma = fit.measurements().typical_sigma;
+  if (fit.measurements().has_rotation()) l.sigma_rotation = fit.measurements().sigma_rotation;
   const std::vector<double> weights = design.weights();
   bound_rejected_rows(design);
   const auto equations = static_cast<Eigen::Index>(design.rows()) * l.height;
@@ -59,7 +62,6 @@ Linearization linearize(Fit& fit) {
     columns.push_back(u);
   }
   if (design.unknowns() > kMostUnknowns) l.node.clear();
-  l.freedom = std::max(1.0, static_cast<double>(equations) - fit.effective_unknowns());
   l.jacobian = Eigen::MatrixXd::Zero(equations, static_cast<Eigen::Index>(l.unknown.size()));
   l.nodes = Eigen::MatrixXd::Zero(equations, static_cast<Eigen::Index>(l.node.size()));
   l.geometry.resize(equations, l.layout.size());
@@ -89,6 +91,10 @@ Linearization linearize(Fit& fit) {
     }
   });
   design.weights() = weights;
+  const Eigen::Map<const Eigen::MatrixXd> by_row(l.residual.data(), l.height, equations / l.height);
+  l.counted = equations_that_count(static_cast<double>(by_row.cols()), by_row.squaredNorm(),
+                                   by_row.topRows<3>().squaredNorm());
+  l.freedom = std::max(1.0, l.counted - fit.effective_unknowns());
   return l;
 }
 

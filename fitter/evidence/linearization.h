@@ -25,7 +25,9 @@ struct Linearization {
   Eigen::MatrixXd geometry;     ///< equations × coordinates
   Eigen::MatrixXd translation;  ///< equations × 3: a shift of the measured point
   double typical_sigma = 1.0;   ///< [m] of one whitened unit of position
-  double freedom = 1.0;         ///< equations less the fit's effective unknowns
+  double sigma_rotation = 0.0;  ///< [rad] of one whitened unit of orientation; 0: none measured
+  double counted = 1.0;         ///< equations, as equations_that_count counts them
+  double freedom = 1.0;         ///< of these, less the fit's effective unknowns
 
   Eigen::Index equations() const { return residual.size(); }
   std::size_t rows() const { return poses.pose_of_row.size(); }

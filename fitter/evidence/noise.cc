@@ -22,9 +22,12 @@ constexpr double kLeastShare = 0.05, kMostShare = 4.0;
 // A climb has arrived where no part changes the variance of the readings by more than this share.
 constexpr double kArrived = 2e-3;
 
+constexpr int kPositions = 3;  // equations of a row; those behind them are its orientation's
+
 // Columns of every part within the equations of one pose.
 struct PoseParts {
   std::vector<Eigen::Index> equations;
+  std::vector<bool> turns;             // by equation: of an orientation
   std::vector<Eigen::MatrixXd> joint;  // by joint: equations × visits
   Eigen::MatrixXd shared;              // equations × 3
 };
@@ -39,8 +42,10 @@ std::vector<PoseParts> parts_of_poses(const Linearization& l, std::size_t stride
     std::map<int, Eigen::Index> visits;
     for (const std::size_t row : rows) {
       visits.try_emplace(l.poses.visit_of_row[row], static_cast<Eigen::Index>(visits.size()));
-      for (int h = 0; h < l.height; ++h)
+      for (int h = 0; h < l.height; ++h) {
         pose.equations.push_back(static_cast<Eigen::Index>(row) * l.height + h);
+        pose.turns.push_back(h >= kPositions);
+      }
     }
     const auto size = static_cast<Eigen::Index>(pose.equations.size());
     pose.shared = l.translation(pose.equations, Eigen::all);
@@ -61,7 +66,10 @@ std::vector<PoseParts> parts_of_poses(const Linearization& l, std::size_t stride
 
 Eigen::MatrixXd covariance_of(const PoseParts& pose, const NoiseParts& parts) {
   const Eigen::Index size = pose.shared.rows();
-  Eigen::MatrixXd v = parts.reading * parts.reading * Eigen::MatrixXd::Identity(size, size);
+  Eigen::MatrixXd v = Eigen::MatrixXd::Zero(size, size);
+  for (Eigen::Index e = 0; e < size; ++e)
+    v(e, e) =
+        std::pow(pose.turns[static_cast<std::size_t>(e)] ? parts.orientation : parts.reading, 2);
   for (std::size_t k = 0; k < pose.joint.size(); ++k) {
     const double variance = k < parts.joint.size() ? parts.joint[k] * parts.joint[k] : 0.0;
     if (variance > 0.0) v.noalias() += variance * (pose.joint[k] * pose.joint[k].transpose());
@@ -80,8 +88,11 @@ Eigen::MatrixXd inverse_root_of(const PoseParts& pose, const NoiseParts& parts) 
 }  // namespace
 
 PoseWhitening::PoseWhitening(const Linearization& linearization, const NoiseParts& parts) {
+  NoiseParts weights = parts;
+  weights.orientation = std::max(parts.orientation, parts.reading);
   for (PoseParts& pose : parts_of_poses(linearization)) {
-    blocks_.push_back({std::move(pose.equations), inverse_root_of(pose, parts)});
+    Eigen::MatrixXd inverse_root = inverse_root_of(pose, weights);
+    blocks_.push_back({std::move(pose.equations), std::move(inverse_root)});
   }
 }
 
@@ -111,7 +122,14 @@ NoiseParts broad_noise(const Linearization& l, const Eigen::VectorXd& residual) 
   NoiseParts parts;
   const double per_equation = residual.squaredNorm() / static_cast<double>(residual.size());
   const double n = l.layout.joints;
-  parts.reading = std::sqrt(0.5 * per_equation);
+  const Eigen::Map<const Eigen::MatrixXd> by_row(residual.data(), l.height,
+                                                 residual.size() / l.height);
+  const auto part_of = [&](const auto& rows) {
+    return std::sqrt(0.5 * rows.squaredNorm() / static_cast<double>(rows.size()));
+  };
+  parts.reading = part_of(by_row.topRows(kPositions));
+  parts.orientation =
+      l.height > kPositions ? part_of(by_row.bottomRows(l.height - kPositions)) : parts.reading;
   for (int k = 0; k < l.layout.joints; ++k) {
     const double reach =
         l.geometry.col(l.layout.motor(k)).squaredNorm() / static_cast<double>(residual.size());
@@ -121,10 +139,17 @@ NoiseParts broad_noise(const Linearization& l, const Eigen::VectorXd& residual) 
   return parts;
 }
 
+double counted_equations(const Linearization& l, const NoiseParts& parts) {
+  const double turns = l.height - kPositions;
+  const double worth =
+      std::min(1.0, std::pow(parts.orientation / std::max(parts.reading, 1e-300), 2));
+  return static_cast<double>(l.rows()) * (kPositions + turns * worth);
+}
+
 namespace {
 
-// Slope of the restricted likelihood by the variance of every part (reading, joints, pose), and the
-// information of these variances.
+// Slope of the restricted likelihood by the variance of every part (reading, joints, pose,
+// orientation), and the information of these variances.
 struct Score {
   Eigen::VectorXd slope;
   Eigen::MatrixXd information;
@@ -135,13 +160,20 @@ void add_pose(const PoseParts& pose, const NoiseParts& parts, const Eigen::Matri
   const auto root = inverse_root.triangularView<Eigen::Lower>();
   const auto size = static_cast<Eigen::Index>(pose.equations.size());
   std::vector<std::pair<Eigen::Index, Eigen::MatrixXd>> columns;  // of each part, whitened
-  columns.emplace_back(0, root * Eigen::MatrixXd::Identity(size, size));
+  for (const bool turns : {false, true}) {
+    std::vector<Eigen::Index> own;
+    for (Eigen::Index e = 0; e < size; ++e) {
+      if (pose.turns[static_cast<std::size_t>(e)] == turns) own.push_back(e);
+    }
+    if (!own.empty())
+      columns.emplace_back(turns ? score.slope.size() - 1 : 0, inverse_root(Eigen::all, own));
+  }
   for (std::size_t k = 0; k < pose.joint.size(); ++k) {
     if (parts.joint[k] > 0.0)
       columns.emplace_back(static_cast<Eigen::Index>(k) + 1, root * pose.joint[k]);
   }
   if (parts.pose && *parts.pose > 0.0)
-    columns.emplace_back(score.slope.size() - 1, root * pose.shared);
+    columns.emplace_back(score.slope.size() - 2, root * pose.shared);
   for (const auto& [part, own] : columns) {
     score.slope[part] += 0.5 * (own.transpose() * left).squaredNorm();
     const Eigen::MatrixXd freed = free * own;
@@ -242,7 +274,7 @@ Score RestrictedLikelihood::score(const NoiseParts& parts) const {
   }
   const Eigen::MatrixXd half = factor.half_solve(white(Eigen::all, looked_at));
   const Eigen::VectorXd seen = left(looked_at);
-  const auto count = static_cast<Eigen::Index>(parts.joint.size()) + 2;
+  const auto count = static_cast<Eigen::Index>(parts.joint.size()) + 3;
   Score score{Eigen::VectorXd::Zero(count), Eigen::MatrixXd::Zero(count, count)};
   at = 0;
   for (std::size_t g = 0; g < poses_.size(); g += stride) {
@@ -257,22 +289,24 @@ Score RestrictedLikelihood::score(const NoiseParts& parts) const {
 
 Eigen::VectorXd variances_of(const NoiseParts& parts) {
   const auto joints = static_cast<Eigen::Index>(parts.joint.size());
-  Eigen::VectorXd variance(joints + 2);
+  Eigen::VectorXd variance(joints + 3);
   variance[0] = parts.reading * parts.reading;
   for (Eigen::Index k = 0; k < joints; ++k)
     variance[k + 1] = std::pow(parts.joint[static_cast<std::size_t>(k)], 2);
   variance[joints + 1] = parts.pose ? *parts.pose * *parts.pose : 0.0;
+  variance[joints + 2] = parts.orientation * parts.orientation;
   return variance;
 }
 
 // Mean variance of a reading that one unit of each part's variance causes.
 Eigen::VectorXd reaches(const Linearization& l) {
-  Eigen::VectorXd reach(l.layout.joints + 2);
+  Eigen::VectorXd reach(l.layout.joints + 3);
   const auto rows = static_cast<double>(l.geometry.rows());
-  reach[0] = 1.0;
+  reach[0] = static_cast<double>(kPositions) / l.height;
   for (int k = 0; k < l.layout.joints; ++k)
     reach[k + 1] = l.geometry.col(l.layout.motor(k)).squaredNorm() / rows;
   reach[l.layout.joints + 1] = l.translation.squaredNorm() / rows;
+  reach[l.layout.joints + 2] = 1.0 - reach[0];
   return reach;
 }
 
@@ -289,6 +323,7 @@ NoiseParts climb(const RestrictedLikelihood& likelihood, const Linearization& l,
           variance[k + 1] * reach[k + 1] < kNone * variance[0] ? 0.0 : std::sqrt(variance[k + 1]);
     }
     if (parts.pose) parts.pose = std::sqrt(variance[joints + 1]);
+    parts.orientation = std::sqrt(variance[joints + 2]);
     if ((variance - before).cwiseAbs().cwiseProduct(reach).maxCoeff() <
         kArrived * variance.dot(reach))
       break;
@@ -298,10 +333,11 @@ NoiseParts climb(const RestrictedLikelihood& likelihood, const Linearization& l,
 
 // The part that the data know least to be there, if it does not pay for itself by the Bayesian
 // information criterion (Schwarz 1978, Ann. Stat. 6, 461); 0: all do.
+// Readings of positions and of orientations always scatter.
 Eigen::Index unsure_part(const Eigen::VectorXd& variance, const Score& score, double poses) {
   std::vector<Eigen::Index> there;
   for (Eigen::Index i = 0; i < variance.size(); ++i) {
-    if (variance[i] > 0.0) there.push_back(i);
+    if (variance[i] > 0.0 && score.information(i, i) > 0.0) there.push_back(i);
   }
   const Eigen::VectorXd unit = variance(there);
   const Eigen::MatrixXd information =
@@ -313,7 +349,7 @@ Eigen::Index unsure_part(const Eigen::VectorXd& variance, const Score& score, do
   for (std::size_t i = 1; i < there.size(); ++i) {
     const auto at = static_cast<Eigen::Index>(i);
     const double squares = 1.0 / std::max(covariance(at, at), 1e-300);
-    if (squares >= least) continue;
+    if (squares >= least || there[i] == variance.size() - 1) continue;
     least = squares;
     unsure = there[i];
   }

@@ -14,6 +14,8 @@ namespace armtrue {
 /// One standard deviation of each part.
 struct NoiseParts {
   double reading = 1.0;  ///< in units of the instrument's own sigma (Linearization::typical_sigma)
+  double orientation = 1.0;  ///< of measured orientations, in units of the sigma that the fit gives
+                             ///< them: below `reading` where it gives them less weight
   std::vector<double>
       joint;  ///< by joint, motor side [rad or m]: anew at each visit, shared by its readings
   std::optional<double>
@@ -21,7 +23,8 @@ struct NoiseParts {
 };
 
 /// Turns columns into such as ordinary least squares may take: unit variance, no correlation. The
-/// covariance σ² + Σ ρ_k² m_k m_kᵀ + κ² 1 1ᵀ has one block for each pose.
+/// covariance σ² + Σ ρ_k² m_k m_kᵀ + κ² 1 1ᵀ has one block for each pose. Orientations keep the
+/// small weight that the fit gives them: their σ is no smaller than positions'.
 class PoseWhitening {
  public:
   PoseWhitening(const Linearization& linearization, const NoiseParts& parts);
@@ -37,6 +40,10 @@ class PoseWhitening {
  private:
   std::vector<Block> blocks_;
 };
+
+/// Equations of a linearisation, those of orientations only as far as they scatter as much as
+/// positions: what has a small weight says little of the variance of all.
+double counted_equations(const Linearization& linearization, const NoiseParts& parts);
 
 struct NoiseEffort {
   int steps = 12;

@@ -62,3 +62,21 @@ def test_orientations_that_scatter_widely_make_positions_no_surer(tmp_path: Path
         fit = armtrue.fit(data, robot, armtrue.load_model(folder / "model.yaml", robot))
         found.append(squares(fit, armtrue.load_data(folder / "test.csv", robot)).mean() / 3.0)
     assert np.mean(found) < 1.5
+
+
+@pytest.mark.parametrize("orientation", [2e-5, 2e-3])
+def test_positions_and_orientations_scatter_each_as_it_was_read(orientation: float, tmp_path: Path) -> None:
+    # Positions seemed to be read to 4 um beside wide orientations: what has a small weight was counted in full.
+    read = []
+    for seed in range(1, 4):
+        folder = tmp_path / str(seed)
+        instrument = {"sigma": 1.5e-5, "orientation": orientation}
+        columns = {"add": ["orientation"]}
+        simulate({"arm": "kr30", "seed": seed, "poses": 80, "instrument": instrument, "columns": columns}, folder)
+        robot = armtrue.load_robot(folder / "robot.yaml")
+        data = armtrue.load_data(folder / "data.csv", robot)
+        noise = armtrue.diagnose(armtrue.fit(data, robot, armtrue.load_model(folder / "model.yaml", robot)))["noise"]
+        read.append((noise["reading_um"], noise["orientation_urad"]))
+    positions, orientations = np.mean(read, axis=0)
+    assert positions == pytest.approx(15.0, rel=0.15)
+    assert orientations == pytest.approx(orientation * 1e6, rel=0.1)
