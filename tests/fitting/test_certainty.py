@@ -72,10 +72,14 @@ def test_positions_and_orientations_scatter_each_as_it_was_read(orientation: flo
         folder = tmp_path / str(seed)
         instrument = {"sigma": 1.5e-5, "orientation": orientation}
         columns = {"add": ["orientation"]}
-        simulate({"arm": "kr30", "seed": seed, "poses": 80, "instrument": instrument, "columns": columns}, folder)
+        simulate(
+            {"arm": "kr30", "seed": seed, "poses": 80, "instrument": instrument, "columns": columns}, folder
+        )
         robot = armtrue.load_robot(folder / "robot.yaml")
         data = armtrue.load_data(folder / "data.csv", robot)
-        noise = armtrue.diagnose(armtrue.fit(data, robot, armtrue.load_model(folder / "model.yaml", robot)))["noise"]
+        noise = armtrue.diagnose(armtrue.fit(data, robot, armtrue.load_model(folder / "model.yaml", robot)))[
+            "noise"
+        ]
         read.append((noise["reading_um"], noise["orientation_urad"]))
     positions, orientations = np.mean(read, axis=0)
     assert positions == pytest.approx(15.0, rel=0.15)
