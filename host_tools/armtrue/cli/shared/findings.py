@@ -12,6 +12,7 @@ from rich.table import Table
 from armtrue.candidates import called, entry_of, parameter_lines
 from armtrue.cli.shared.output import Output, plain_table
 from armtrue.verdicts import (
+    ERROR_FIGURES,
     FLOOR_SOURCES,
     NOT_SCORED,
     OTHER_SENSOR_ADVICE,
@@ -25,7 +26,6 @@ from armtrue.verdicts import (
 _CANDIDATES_SHOWN = 10
 _MORE_LIKELY_THAN_NOT = 0.5
 _COMMAND = "armtrue add FIT"
-_ERROR_FIGURES = {"mean_um": "mean", "rms_um": "RMS", "p95_um": "95 %", "max_um": "max"}
 _LEGEND = (
     "probability: that the arm has it beside what is fitted; explains: share of the squared residual;",
     "separable: share of its effect that what is fitted cannot imitate; ≈: predicted, not refitted",
@@ -59,7 +59,7 @@ def present_diagnosis(
     output.title(verdict_words(result))
     held_out = scored(result["error"]["held_out"])
     figures = [
-        f"{word} {held_out[key]:.1f} µm" for key, word in _ERROR_FIGURES.items() if held_out[key] is not None
+        f"{word} {held_out[key]:.1f} µm" for key, word in ERROR_FIGURES.items() if held_out[key] is not None
     ]
     output.say(f"error on held-out poses: {', '.join(figures) or NOT_SCORED}")
     output.say(floor_words(result))
