@@ -16,9 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armtrue import _core
+from armtrue.candidates import model_entry
 from armtrue.errors import InputError
 from armtrue.fitting import Fit
 from armtrue.io import Model, Robot
+from armtrue.io.files import csv_text
 from armtrue.progress import Progress
 from armtrue.verdicts import of_other_sensors
 
@@ -100,6 +102,13 @@ class Plan:
                 f"poses {_percent(random)}."
             )
         return sentences
+
+    def csv(self) -> str:
+        """The poses as a file to run, to a nanometre and below; with a column `target` where reflectors have names."""
+        own = [] if self.target is None else [self.target]
+        rows = zip(*self.columns.values(), strict=True)
+        cells = [[*(f"{value:.10f}" for value in row), *own] for row in rows]
+        return csv_text([*self.columns, *(["target"] if own else [])], cells)
 
     @property
     def separates(self) -> bool:
@@ -274,11 +283,11 @@ def ambiguity(fit: Fit, diagnosis: Mapping[str, Any]) -> Ambiguity | None:
     if diagnosis.get("verdict") != "missing_effect" or not candidates:
         return None
     lead = candidates[0]
-    first = _entry(lead)
+    first = model_entry(lead)
     # Of two that differ in what the name does not say (a sensor), the better one.
-    listed = {_name(entry): entry for entry in map(_entry, reversed(candidates))}
+    listed = {_name(entry): entry for entry in map(model_entry, reversed(candidates))}
     named = [entry_of(label) for label in lead.get("confounded_with", [])]
-    others = [_entry(other) for other in of_other_sensors(lead, candidates)]
+    others = [model_entry(other) for other in of_other_sensors(lead, candidates)]
     others += [listed.get(_name(entry), entry) for entry in named]
     evidence, *found = json.loads(_core.plan_evidence(fit.core, json.dumps([first, *others])))
     if evidence is None:
@@ -347,13 +356,6 @@ def _name(entry: Mapping[str, Any]) -> str:
         if key in entry:
             text += f" {key} [{','.join(f'{value:.6g}' for value in entry[key])}]"
     return text
-
-
-def _entry(candidate: Mapping[str, Any]) -> dict[str, Any]:
-    entry: dict[str, Any] = {"effect": candidate["effect"], **candidate.get("options", {})}
-    if candidate["joints"]:
-        entry["joints"] = list(candidate["joints"])
-    return entry
 
 
 def _options(

@@ -64,6 +64,13 @@ def error_words(figures: Mapping[str, Any]) -> list[str]:
     return [length_words(scored(figures)[key]) for key in ERROR_FIGURES]
 
 
+def chance(probability: float) -> str:
+    """A probability in percent; near 0 and 1 as the bound that sampling can support."""
+    if probability > 0.995:
+        return "> 99 %"
+    return "< 1 %" if probability < 0.005 else f"{100 * probability:.0f} %"
+
+
 def verdict_words(diagnosis: dict[str, Any]) -> str:
     """The verdict of a diagnosis as a sentence. Without a noise floor nobody can say that what is left is noise."""
     verdict = str(diagnosis["verdict"])

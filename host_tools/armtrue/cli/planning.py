@@ -9,12 +9,12 @@ from typing import Annotated, Any
 
 import typer
 
-from armtrue.cli.predicting import write_columns
 from armtrue.cli.shared.fits import load_with_data
 from armtrue.cli.shared.options import JsonOption, MovedDataOption, OutOption
 from armtrue.cli.shared.output import Output, plain_table, waiting
 from armtrue.errors import InputError
 from armtrue.io import Robot, load_model, load_robot
+from armtrue.io.files import write_file
 from armtrue.io.model import check_effect
 from armtrue.planning import SETTLED, Ambiguity, Cell, Plan, Rival, argument_of, entry_of
 
@@ -167,7 +167,7 @@ def plan(
             result = further_poses.plan(fit, poses, rivals=rivals, progress=progress, **settings)
         if not candidates and not sharpen:
             _present_ambiguity(ambiguity, result, f"armtrue plan {fit_file}", output)
-    write_columns(out, list(result.columns), list(zip(*result.columns.values(), strict=True)), result.target)
+    write_file(out, result.csv())
     present_plan(result, output)
     output.say(f"\nwritten: {out}")
     columns = {

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io as text_io
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -23,7 +21,7 @@ from armtrue.cli.shared.output import Output, plain_table
 from armtrue.errors import InputError
 from armtrue.io import Dataset, Robot, load_data
 from armtrue.io.dataset import in_file_order
-from armtrue.io.files import refuse_to_lose, write_file
+from armtrue.io.files import csv_text, refuse_to_lose, write_file
 from armtrue.verdicts import ERROR_FIGURES
 
 _COVARIANCES = {"cxx": (0, 0), "cxy": (0, 1), "cxz": (0, 2), "cyy": (1, 1), "cyz": (1, 2), "czz": (2, 2)}
@@ -79,7 +77,7 @@ def predict(
         output.say(
             f"uncertainty of the model at these poses: {1e6 * typical:.1f} µm (median, one standard deviation)"
         )
-    write_rows(out, names, texts)
+    write_file(out, csv_text(names, texts))
     output.items(result.assumed(wanted)[1])
     measured = _with_positions(poses, result.robot)
     error = None if measured is None else comparing.prediction_error(predicted, measured)
@@ -142,22 +140,3 @@ def _with_positions(poses: Path, robot: Robot) -> Dataset | None:
         return in_file_order(load_data(poses, robot, strict=False))
     except InputError:
         return None
-
-
-def write_columns(out: Path, names: list[str], rows: Any, target: str | None = None) -> None:
-    """Write a CSV of `names` and the (N, len(names)) array `rows`, to a nanometre and below.
-
-    `target`: the reflector of all rows, in a column of its own; None where there is no such column.
-    """
-    own = [] if target is None else [target]
-    cells = [[*(f"{value:.10f}" for value in row), *own] for row in rows]
-    write_rows(out, [*names, *(["target"] if own else [])], cells)
-
-
-def write_rows(out: Path, names: list[str], rows: list[list[str]]) -> None:
-    """Write a CSV of `names` and `rows`."""
-    text = text_io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(names)
-    writer.writerows(rows)
-    write_file(out, text.getvalue())

@@ -9,11 +9,10 @@ from typing import Annotated
 
 import typer
 
-from armtrue.cli.predicting import write_columns
 from armtrue.cli.shared.options import FitArgument, JsonOption, OutOption, PosesArgument, TablesArgument
 from armtrue.cli.shared.output import Output
 from armtrue.errors import InputError
-from armtrue.io.files import write_file
+from armtrue.io.files import csv_text, write_file
 from armtrue.tables.compensate import Engine
 
 tables_app = typer.Typer(no_args_is_help=True, help="Look into table images.")
@@ -161,7 +160,9 @@ def compensate(
     output = Output(json_to)
     result = run(tables, poses, engine, fit, increments)
     names = [f"q{k + 1}" for k in range(result.joints.shape[1])]
-    write_columns(out, [*names, "tx", "ty", "tz"], np.column_stack([result.joints, result.intended]))
+    rows = np.column_stack([result.joints, result.intended])
+    cells = [[f"{value:.10f}" for value in row] for row in rows]
+    write_file(out, csv_text([*names, "tx", "ty", "tz"], cells))
     output.items(result.notes)
     output.say(f"written: {out} ({len(result.joints)} poses)")
     if leaving := result.limits_words():

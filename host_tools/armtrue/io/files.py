@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import contextlib
+import csv
+import io
 import json
 import os
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -128,6 +130,15 @@ def _identity(path: Path) -> str:
         return f"{found.st_dev}:{found.st_ino}"
     except (OSError, ValueError):
         return os.path.realpath(os.fspath(path).replace("\0", ""))
+
+
+def csv_text(names: Iterable[str], rows: Iterable[Sequence[str]]) -> str:
+    """A CSV of columns `names` and `rows` of cells."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(names)
+    writer.writerows(rows)
+    return text.getvalue()
 
 
 def write_file(path: Path, content: str | bytes) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
+from armtrue.candidates import model_entry
 from armtrue.diagnosis import refine
 from armtrue.errors import InputError
 from armtrue.fitting import Fit, with_effects
@@ -19,7 +20,7 @@ from armtrue.workbench.session import Node, Session
 from armtrue.workbench.showing.beside import planned_between
 from armtrue.workbench.showing.further import Result, compared, joined, rows_between
 from armtrue.workbench.showing.left_out import error_there, said_there
-from armtrue.workbench.showing.names import change_words, model_entry
+from armtrue.workbench.showing.names import change_words
 from armtrue.workbench.showing.poses import planned
 from armtrue.workbench.showing.words import fall_words, first_words, length, rows_words
 
@@ -109,10 +110,8 @@ def _leave_out(engine: Engine, words: Entry) -> None:
     known = set(session.data.rows.tolist())
     if unknown := sorted(set(rows) - known):
         raise InputError(f"leave_out: found row {unknown[0]}, expected a row of {session.data.file.name}")
-    before = session.node
-    data = session.data_without(sorted(set(rows)))
-    bare = Fit(session.fit_of(session.at).document, None, data)
-    out = sorted(set(rows))
+    before, out = session.node, sorted(set(rows))
+    bare = Fit(session.fit_of(session.at).document, None, session.data.without(out))
     _put(engine, _fitted(engine, bare, before.effects, before, out), before, out)
 
 

@@ -17,6 +17,7 @@ from armtrue.io.columns import POSITION, QUATERNION, TEXT_COLUMNS, UNITS, Column
 from armtrue.io.files import read_text
 from armtrue.report.markup import Content, Markup, tag
 from armtrue.report.parts import listed, plural
+from armtrue.workbench.showing.elements import button
 
 Document = dict[str, Any]
 
@@ -224,11 +225,7 @@ def findings_list(findings: list[Finding]) -> Markup:
 
     def line(place: int, finding: Finding) -> list[Content]:
         words = " → ".join(part for part in (finding.message, finding.remedy) if part)
-        mend = (
-            tag("button", "Mend this", type="button", data_act="open", data_mend=place)
-            if can_be_mended(finding)
-            else None
-        )
+        mend = button("Mend this", "open", mend=place) if can_be_mended(finding) else None
         return [f"{finding.severity}: {words} ", mend]
 
     wrong = [line(k, finding) for k, finding in enumerate(findings) if finding.severity != "note"]

@@ -13,7 +13,7 @@ from armtrue.io import Dataset
 from armtrue.report.gathered.steps import Step
 from armtrue.report.gathered.thinning import spread_rows
 from armtrue.report.markup import Content, Markup, tag
-from armtrue.report.parts import figure, grid, micrometres, section, table
+from armtrue.report.parts import figure, grid, micrometres, minus, section, table
 from armtrue.report.pictures.arm import scene
 from armtrue.report.pictures.panel import Panel
 from armtrue.report.scales import Scale, around
@@ -93,4 +93,4 @@ def _panel(place: Array, sigma: Array, label: str) -> Markup:
 
 
 def _place(position: Array) -> str:
-    return ", ".join(f"{value:.3f}".replace("-", "−") for value in position)
+    return minus(", ".join(f"{value:.3f}" for value in position))

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from typing import Any
 
 import numpy as np
@@ -51,18 +49,9 @@ def planned(
         tag("figure", picture, tag("figcaption", said)),
         tag("div", table, class_="scroll", tabindex="0", role="region", aria_label="Planned poses"),
     )
-    made = Made("poses.csv", _csv(chosen, rows).encode(), "text/csv; charset=utf-8")
+    made = Made("poses.csv", chosen.csv().encode(), "text/csv; charset=utf-8")
     said = f"{plural(count, 'pose')} planned: run poses.csv, then drop what was measured. {' '.join(sentences[:1])}"
     return Result(shown, said.strip(), made)
-
-
-def _csv(chosen: Plan, rows: Any) -> str:
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    own = [] if chosen.target is None else [chosen.target]
-    writer.writerow([*chosen.columns, *(["target"] if own else [])])
-    writer.writerows([[*(f"{value:.10f}" for value in row), *own] for row in rows])
-    return text.getvalue()
 
 
 def _precision(chosen: Plan) -> list[str]:
