@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from armtrue.errors import InputError
 from armtrue.fitting import Fit
 from armtrue.io import Dataset
-from armtrue.io.columns import POSITION
 from armtrue.verdicts import scored_mean_um
 
 Array = NDArray[np.float64]
@@ -101,7 +100,7 @@ def probability_of_first(first: float, second: float) -> float:
 
 def prediction_error(predicted: Array, data: Dataset) -> dict[str, float] | None:
     """The error of `predicted` (N, 3) [m] where `data` has positions; None where it has not."""
-    if any(name not in data.columns for name in POSITION):
+    if not data.has_positions:
         return None
     return error_figures(1e6 * np.linalg.norm(data.positions_m - predicted, axis=1))
 

@@ -126,14 +126,7 @@ class Fit:
         if "target" not in columns or not names:
             columns.pop("target", None)
             return columns
-        labels = data.labels.get("target", [])
-        unknown = [label for label in labels if label not in names]
-        if unknown:
-            raise InputError(
-                f"{data.path} column target: found '{unknown[0]}', expected one of the fit's {', '.join(names)}"
-            )
-        code = np.array([names.index(label) for label in labels], dtype=np.float64)
-        columns["target"] = code[columns["target"].astype(int)]
+        columns["target"] = data.reflectors_among(names, "the fit's").astype(np.float64)
         return columns
 
     def assumed(self, data: Dataset) -> tuple[dict[str, NDArray[np.float64]], list[str]]:

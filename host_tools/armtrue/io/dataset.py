@@ -77,6 +77,21 @@ class Dataset:
         """Measured positions (N, 3) in the measuring frame."""
         return np.column_stack([self.columns[name] for name in POSITION])
 
+    @property
+    def has_positions(self) -> bool:
+        """True where x, y and z were measured."""
+        return all(name in self.columns for name in POSITION)
+
+    def reflectors_among(self, names: list[str], whose: str) -> NDArray[np.intp]:
+        """The place of each entry's reflector among `names`, (N,). Errors: InputError for one that is not there."""
+        labels = self.labels.get("target", [])
+        if unknown := [label for label in labels if label not in names]:
+            raise InputError(
+                f"{self.path} column target: found '{unknown[0]}', expected one of {whose} {', '.join(names)}"
+            )
+        places = np.array([names.index(label) for label in labels], dtype=np.intp)
+        return places[self.columns["target"].astype(np.intp)]
+
     def take(self, which: NDArray[np.bool_] | NDArray[np.int64]) -> Dataset:
         """Return the entries that a mask (N,) or indices choose, in that order: to hold some out, say."""
         columns = {name: values[which] for name, values in self.columns.items()}
@@ -163,7 +178,7 @@ def in_file_order(data: Dataset) -> Dataset:
 
 def fixed_targets(data: Dataset) -> list[int]:
     """Codes of the reflectors that stay where they are while the arm moves: those fixed to base or floor."""
-    if "target" not in data.columns or any(name not in data.columns for name in POSITION):
+    if "target" not in data.columns or not data.has_positions:
         return []
     codes = data.columns["target"].astype(np.int64)
     fixed = []

@@ -252,11 +252,4 @@ def _tool_numbers(image: Image, data: Dataset) -> NDArray[np.uint8]:
     default = np.full(data.count, image.header["active_tool"], dtype=np.uint8)
     if "target" not in data.columns or len(names) == 1:
         return default
-    labels = data.labels.get("target", [])
-    unknown = [label for label in labels if label not in names]
-    if unknown:
-        raise InputError(
-            f"{data.path} column target: found '{unknown[0]}', expected one of the table's {', '.join(names)}"
-        )
-    numbers = np.array([names.index(label) for label in labels], dtype=np.uint8)
-    return numbers[data.columns["target"].astype(np.intp)]
+    return data.reflectors_among(names, "the table's").astype(np.uint8)

@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 
 from armtrue import _core
 from armtrue.fitting import Fit, effect_terms
+from armtrue.io.rotation import matrix_about
 from armtrue.report.gathered.state import Variable, variables
 from armtrue.report.markup import Markup, tag
 from armtrue.report.parts import fixed, plural
 from armtrue.report.pictures.arm import typical_pose
-from armtrue.tables.chain import Chain, chain_from_robot, rotation_about
+from armtrue.tables.chain import Chain, chain_from_robot
 
 Array = NDArray[np.float64]
 
@@ -32,7 +33,6 @@ _SHOWN_WAVES = 2.0
 # Terms that are weighed by springs still to be found have no size of their own.
 _LARGEST_REAL_M = 0.05
 _AZIMUTH, _ELEVATION = np.radians(-62.0), np.radians(22.0)
-_AXES = {"x": 0, "y": 1, "z": 2}
 
 
 @dataclass(frozen=True)
@@ -192,12 +192,12 @@ def corners(chain: Chain, joints: Array, moves: dict[str, float]) -> Array:
         steps.append((number, frame, component, move))
     # From the flange to the base: an axis that is moved itself moves with all that it carries.
     for number, frame, component, move in sorted(steps, key=lambda step: -step[0]):
-        axis = _AXES[component[1]]
+        axis = "xyz".index(component[1])
         beyond = np.arange(len(places)) > number if number else np.ones(len(places), dtype=np.bool_)
         if component[0] == "t":
             places[beyond] += move * frame[:3, axis]
         else:
-            turn = frame[:3, :3] @ rotation_about(axis, move) @ frame[:3, :3].T
+            turn = frame[:3, :3] @ matrix_about(component[1], move) @ frame[:3, :3].T
             places[beyond] = (places[beyond] - frame[:3, 3]) @ turn.T + frame[:3, 3]
     return places
 
