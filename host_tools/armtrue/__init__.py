@@ -27,29 +27,16 @@ if TYPE_CHECKING:
     from armtrue.planning import Cell, Plan, plan_campaign
 
 # Imported at first use: `armtrue --help` should not wait for the numerical library.
-_HOME = {
-    "Cell": "armtrue.planning",
-    "CheckReport": "armtrue.checking",
-    "Dataset": "armtrue.io",
-    "Diagnosis": "armtrue.diagnosis",
-    "Finding": "armtrue.checking",
-    "Fit": "armtrue.fitting",
-    "InputError": "armtrue.errors",
-    "Model": "armtrue.io",
-    "Plan": "armtrue.planning",
-    "Refinement": "armtrue.diagnosis",
-    "Robot": "armtrue.io",
-    "add": "armtrue.fitting",
-    "check": "armtrue.checking",
-    "diagnose": "armtrue.diagnosis",
-    "fit": "armtrue.fitting",
-    "load_data": "armtrue.io",
-    "load_model": "armtrue.io",
-    "load_robot": "armtrue.io",
-    "plan": "armtrue.further_poses",
-    "plan_campaign": "armtrue.planning",
-    "refine": "armtrue.diagnosis",
+_NAMES = {
+    "checking": ("CheckReport", "Finding", "check"),
+    "diagnosis": ("Diagnosis", "Refinement", "diagnose", "refine"),
+    "errors": ("InputError",),
+    "fitting": ("Fit", "add", "fit"),
+    "further_poses": ("plan",),
+    "io": ("Dataset", "Model", "Robot", "load_data", "load_model", "load_robot"),
+    "planning": ("Cell", "Plan", "plan_campaign"),
 }
+_HOME = {name: f"armtrue.{module}" for module, names in _NAMES.items() for name in names}
 
 __version__: str  # of the release, from the file VERSION; firmware and tables carry the same
 

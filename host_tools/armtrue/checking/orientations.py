@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from armtrue.checking.alignment import Columns, align, alignment_columns, thinned
+from armtrue.checking.alignment import Columns, align, alignment_columns, evenly, thinned
 from armtrue.checking.report import Finding
 from armtrue.io.columns import QUATERNION, commanded_joints
 from armtrue.io.dataset import Dataset
@@ -148,7 +148,7 @@ def _best_convention(
 
     `turns`: the file's angles (N, 3) [rad] as read by `source`. The fewest changes come first among equals.
     """
-    chosen = np.unique(np.linspace(0, len(turns) - 1, _ROWS).astype(np.int64))
+    chosen = evenly(len(turns), _ROWS)
     # Degrees read as radians or the other way round change what every sequence makes of them.
     units = {"deg": math.pi / 180.0, "rad": 1.0}
     own_unit = next((unit for unit, factor in units.items() if factor == source.factor), "mrad")

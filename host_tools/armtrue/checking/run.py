@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from armtrue.checking import (
-    columns,
     conventions,
     drift,
     gravity,
@@ -23,18 +22,10 @@ from armtrue.io.robot import Robot
 
 # Errors under which neither residuals nor a fit mean anything.
 _NO_ARM = {
-    *(
-        "too_few_poses",
-        "scale",
-        "joint_sign",
-        "joint_zero",
-        "coupling",
-        "joints_in_degrees",
-        "joints_in_radians",
-    ),
-    *("dh_convention", "fixed_or_intrinsic_angles", "joints_swapped", "rows_shifted", "left_handed_frame"),
-    *("positions_do_not_follow", "orientations_do_not_follow"),
-}
+    "too_few_poses", "scale", "joint_sign", "joint_zero", "coupling", "joints_in_degrees", "joints_in_radians",
+    "dh_convention", "fixed_or_intrinsic_angles", "joints_swapped", "rows_shifted", "left_handed_frame",
+    "positions_do_not_follow", "orientations_do_not_follow",
+}  # fmt: skip
 
 
 def check(data: Dataset, robot: Robot) -> CheckReport:
@@ -59,7 +50,7 @@ def cheap_findings(data: Dataset, robot: Robot) -> list[Finding]:
         *units.find(data, robot),
         *masses.find(data, robot),
         *motion.find(data, robot),
-        *columns.find(data),
+        *(Finding("reader", "note", note) for note in data.notes),
     ]
     return [*findings, *_against_kinematics(data, robot)] if data.has_positions else findings
 

@@ -8,7 +8,7 @@ import io
 import json
 import os
 import tempfile
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +22,7 @@ def read_bytes(path: Path, largest_bytes: int = LARGEST_TEXT_BYTES) -> bytes:
 
     Errors: InputError when it is missing, a folder, larger or unreadable.
     """
-    try:
+    with reading(path):
         if path.is_dir():
             raise InputError(f"{path}: found a folder, expected a file")
         size = path.stat().st_size
@@ -33,7 +33,14 @@ def read_bytes(path: Path, largest_bytes: int = LARGEST_TEXT_BYTES) -> bytes:
             content = stream.read(largest_bytes + 1)
         if len(content) > largest_bytes:
             raise InputError(f"{path}: found no end, expected at most {largest_bytes} bytes")
-        return content
+    return content
+
+
+@contextlib.contextmanager
+def reading(path: Path) -> Iterator[None]:
+    """Raise InputError in place of what keeps `path` from being opened and read."""
+    try:
+        yield
     except FileNotFoundError:
         raise InputError(f"{path}: found no such file") from None
     except OSError as error:

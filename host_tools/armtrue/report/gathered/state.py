@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
 from dataclasses import dataclass
 from typing import Any
@@ -126,32 +127,26 @@ def variables(fit: Fit) -> list[Variable]:
         if np.ptp(values) > _STANDSTILL * max(1.0, float(np.max(np.abs(values)))):
             found.append(Variable(name, what, unit, values, joint))
 
-    def derive(name: str, what: str, unit: str, factor: float = 1.0, joint: int = 0) -> None:
-        try:
-            values = fit.state_column(name)
-        except _core.ModelError:  # it needs masses or a column that is not there
-            return
-        add(name, what, unit, values / factor, joint)
+    def derive(name: str, joint: int = 0) -> None:
+        with contextlib.suppress(_core.ModelError):  # it needs masses or a column that is not there
+            derived = state_variable(fit, name)
+            add(name, derived.what, derived.unit, derived.values, joint)
 
     for k in numbers:
         unit, factor = joint_unit(joints[k - 1])
         add(f"q{k}", f"joint {k}", unit, columns[f"q{k}"] / factor, k)
         if f"qr{k}" in columns:
-            add(
-                f"q{k}−qr{k}",
-                f"joint {k}, commanded less read back",
-                unit,
-                (columns[f"q{k}"] - columns[f"qr{k}"]) / factor,
-            )
+            apart = (columns[f"q{k}"] - columns[f"qr{k}"]) / factor
+            add(f"q{k}−qr{k}", f"joint {k}, commanded less read back", unit, apart)
     for entry in fit.robot.spec.get("coupling", []):
-        derive(f"th{entry['joint']}", f"link angle {entry['joint']}", "°", _DEGREE)
+        derive(f"th{entry['joint']}")
     for k in numbers:
-        derive(f"tau{k}", f"gravity torque on joint {k}", "Nm", joint=k)
+        derive(f"tau{k}", k)
     for k in numbers:
-        derive(f"gmx{k}", f"gravity moment about x of link {k}", "Nm")
-        derive(f"gmy{k}", f"gravity moment about y of link {k}", "Nm")
-    derive("bmx", "gravity moment about x of the base", "Nm")
-    derive("bmy", "gravity moment about y of the base", "Nm")
+        derive(f"gmx{k}")
+        derive(f"gmy{k}")
+    derive("bmx")
+    derive("bmy")
     for sensor in fit.robot.sensors:
         if f"temp_{sensor}" in columns:
             add(f"temp_{sensor}", f"temperature {sensor}", "°C", columns[f"temp_{sensor}"])
@@ -179,11 +174,11 @@ def directions(fit: Fit) -> list[Direction]:
             axis,
             f"error along {axis}",
             "µm",
-            np.tile(np.eye(3)[k] / _MICROMETRE, (count, 1)),
+            np.tile(along / _MICROMETRE, (count, 1)),
             np.ones(count),
             everywhere,
         )
-        for k, axis in enumerate("xyz")
+        for axis, along in zip("xyz", np.eye(3), strict=True)
     ]
     tiny = tiny_levers(fit)
     for number, joint in enumerate(fit.robot.joints, start=1):

@@ -13,7 +13,7 @@ from armtrue import _core
 from armtrue.fitting import Fit, effect_terms
 from armtrue.io.rotation import matrix_about
 from armtrue.report.gathered.state import Variable, variables
-from armtrue.report.markup import Markup, tag
+from armtrue.report.markup import Content, Markup, tag
 from armtrue.report.parts import fixed, plural
 from armtrue.report.pictures.arm import typical_pose
 from armtrue.tables.chain import Chain, chain_from_robot
@@ -133,11 +133,15 @@ def arms_picture(fit: Fit, joints: Array) -> tuple[Markup, str]:
     ends = [
         tag("circle", cx=f"{x:.1f}", cy=f"{y:.1f}", r="4") for x, y in (place[-1] for place in places[1:])
     ]
-    picture = tag(
-        "svg", tag("title", words), tag("path", class_="arm", d=path(places[0])), arms, ends,
-        class_="panel effect-picture", role="img", viewBox=f"0 0 {WIDTH} {HEIGHT}", aria_label=words,
+    return framed(words, tag("path", class_="arm", d=path(places[0])), arms, ends), words
+
+
+def framed(words: str, *drawn: Content, **attributes: object) -> Markup:
+    """A picture of an arm as an SVG element; `words` is what a screen reader says of it."""
+    return tag(
+        "svg", tag("title", words), *drawn, class_="panel effect-picture", role="img",
+        viewBox=f"0 0 {WIDTH} {HEIGHT}", aria_label=words, **attributes,
     )  # fmt: skip
-    return picture, words
 
 
 def _drivers(fit: Fit, joints: list[int]) -> list[tuple[Variable, list[str]]]:
@@ -251,24 +255,19 @@ def _svg(nominal: Array, moved: list[Array], marked: list[int], sweep: Sweep, wo
             tag("text", sweep.variable.what, class_="ticks", x=WIDTH / 2, y=y - 9, text_anchor="middle"),
         ]  # fmt: skip
     swing = _animated("d", [paths[k] for k in there_and_back])
-    return tag(
-        "svg",
-        tag("title", words),
+    return framed(
+        words,
         tag("path", class_="arm", d=path(nominal)),
         tag("path", swing, class_="moved-arm", d=paths[farthest]),
         joints, names, track,
-        class_="panel effect-picture", role="img", viewBox=f"0 0 {WIDTH} {HEIGHT}", aria_label=words,
         data_still=f"{_SECONDS * farthest / (len(there_and_back) - 1):.2f}",
     )  # fmt: skip
 
 
 def _animated(attribute: str, values: list[str]) -> Markup:
+    frames = ";".join(values)
     return tag(
-        "animate",
-        attributeName=attribute,
-        values=";".join(values),
-        dur=f"{_SECONDS}s",
-        repeatCount="indefinite",
+        "animate", attributeName=attribute, values=frames, dur=f"{_SECONDS}s", repeatCount="indefinite"
     )
 
 
