@@ -22,9 +22,8 @@ if TYPE_CHECKING:
     from armtrue.diagnosis import Diagnosis, Refinement, diagnose, refine
     from armtrue.errors import InputError
     from armtrue.fitting import Fit, add, fit
-    from armtrue.further_poses import plan
     from armtrue.io import Dataset, Model, Robot, load_data, load_model, load_robot
-    from armtrue.planning import Cell, Plan, plan_campaign
+    from armtrue.planning import Cell, Plan, plan, plan_campaign
 
 # Imported at first use: `armtrue --help` should not wait for the numerical library.
 _NAMES = {
@@ -32,9 +31,8 @@ _NAMES = {
     "diagnosis": ("Diagnosis", "Refinement", "diagnose", "refine"),
     "errors": ("InputError",),
     "fitting": ("Fit", "add", "fit"),
-    "further_poses": ("plan",),
     "io": ("Dataset", "Model", "Robot", "load_data", "load_model", "load_robot"),
-    "planning": ("Cell", "Plan", "plan_campaign"),
+    "planning": ("Cell", "Plan", "plan", "plan_campaign"),
 }
 _HOME = {name: f"armtrue.{module}" for module, names in _NAMES.items() for name in names}
 

@@ -9,12 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from armtrue.arrays import Array
 from armtrue.errors import InputError
 from armtrue.fitting import Fit
 from armtrue.io import Dataset
 from armtrue.verdicts import scored_mean_um
-
-Array = NDArray[np.float64]
 
 _WORST_ROWS = 10
 # The mean of so many standard errors above what was expected is no chance.

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from armtrue import _core
 from armtrue.candidates import model_entry
+from armtrue.diagnosis import diagnose
 from armtrue.errors import InputError
 from armtrue.fitting import Fit
 from armtrue.io import Model, Robot
@@ -160,6 +161,32 @@ def plan_campaign(
         ) from None
 
 
+def plan(
+    fit: Fit,
+    poses: int,
+    *,
+    rivals: list[dict[str, Any]] | None = None,
+    cell: Cell | None = None,
+    levels: Mapping[str, list[float]] | None = None,
+    candidates: int = 4000,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> Plan:
+    """Choose the next `poses` poses for `fit`, as `armtrue plan FIT` does.
+
+    `rivals`: entries of model.yaml to tell apart; None takes what the fit's data leave open of its diagnosis, an empty
+    list nothing. With nothing to tell apart the poses are for the fit's own parameters. `plan.separates` says which it
+    was. Other arguments and errors as of `plan_campaign`, which is for an arm that was not measured yet.
+    """
+    settings: dict[str, Any] = {"cell": cell, "levels": levels, "candidates": candidates, "seed": seed}
+    if rivals is None:
+        left_open = ambiguity(fit, diagnose(fit, progress))
+        rivals = left_open.open if left_open else []
+    if rivals:
+        return plan_separation(fit, rivals, poses, progress=progress, **settings)
+    return plan_sharpening(fit, poses, progress=progress, **settings)
+
+
 def plan_sharpening(
     fit: Fit,
     poses: int,
@@ -194,7 +221,7 @@ def plan_separation(
     Arguments as of `plan_sharpening`. Errors: InputError for fewer than two rivals, or where one cannot be fitted.
     """
     options = json.dumps(_options(poses, cell, levels, candidates, seed))
-    plan = _plan(
+    chosen = _plan(
         lambda: _core.plan_separation(fit.core, json.dumps(rivals), options, progress),
         _target(fit),
         fit.robot,
@@ -203,12 +230,12 @@ def plan_separation(
     # The library's names are without sensors.
     names = [
         name + _sensor_words(fit, rival)
-        for name, rival in zip(plan.figures["candidates"], rivals, strict=True)
+        for name, rival in zip(chosen.figures["candidates"], rivals, strict=True)
     ]
-    plan.figures["candidates"] = names
-    for (truth, rival), entry in zip(permutations(names, 2), plan.figures["separations"], strict=True):
+    chosen.figures["candidates"] = names
+    for (truth, rival), entry in zip(permutations(names, 2), chosen.figures["separations"], strict=True):
         entry["truth"], entry["rival"] = truth, rival
-    return plan
+    return chosen
 
 
 @dataclass(frozen=True)

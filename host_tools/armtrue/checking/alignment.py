@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from armtrue.arrays import Array
 from armtrue.io.columns import POSITION, commanded_joints
 from armtrue.io.dataset import Dataset
 from armtrue.io.robot import Robot
 
-Array = NDArray[np.float64]
 Columns = dict[str, Array]
 
 # The largest distance per metre of reach that nominal geometry leaves under the right conventions.

@@ -5,12 +5,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armtrue.arrays import Array
 from armtrue.checking.report import Finding
 from armtrue.io.dataset import Dataset, fixed_targets
-
-Array = NDArray[np.float64]
 
 # A drift is believed beyond so many standard deviations of its slope.
 _DEVIATIONS = 5.0

@@ -7,11 +7,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from armtrue.arrays import Array
 from armtrue.checking.report import Finding
 from armtrue.io.dataset import Dataset
 from armtrue.io.robot import Robot
-
-Array = NDArray[np.float64]
 
 _STILL_RAD = 1e-4
 _NARROW_RAD = math.radians(20.0)

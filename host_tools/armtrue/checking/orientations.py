@@ -7,8 +7,8 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armtrue.arrays import Array
 from armtrue.checking.alignment import Columns, align, alignment_columns, evenly, thinned
 from armtrue.checking.report import Finding
 from armtrue.io.columns import QUATERNION, commanded_joints
@@ -17,8 +17,6 @@ from armtrue.io.layout import TURNS, RotationSource
 from armtrue.io.robot import Robot
 from armtrue.io.rotation import matrix_from_euler, matrix_from_rotation_vector
 from armtrue.tables.chain import chain_from_robot, pose
-
-Array = NDArray[np.float64]
 
 # Nominal arms turn their tool within a degree or two of the truth; a wrong convention misses by tens.
 _LARGEST_ANGLE = math.radians(5.0)

@@ -7,14 +7,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armtrue.arrays import Array
 from armtrue.checking.alignment import Columns
 from armtrue.io.columns import POSITION, commanded_joints
 from armtrue.io.robot import Robot
 from armtrue.tables.chain import chain_from_robot
-
-Array = NDArray[np.float64]
 
 _AT_A_TIME = 128
 _ROBUST_PASSES = 4

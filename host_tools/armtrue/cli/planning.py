@@ -116,7 +116,7 @@ def plan(
 
     Example: armtrue plan fit.json --poses 12 --out poses.csv
     """
-    from armtrue import diagnosis, further_poses, planning
+    from armtrue import diagnosis, planning
 
     output = Output(json_to)
     if also and not candidates:
@@ -164,7 +164,7 @@ def plan(
             else:
                 ambiguity = planning.ambiguity(fit, diagnosis.diagnose(fit, progress=progress))
                 rivals = ambiguity.open if ambiguity else []
-            result = further_poses.plan(fit, poses, rivals=rivals, progress=progress, **settings)
+            result = planning.plan(fit, poses, rivals=rivals, progress=progress, **settings)
         if not candidates and not sharpen:
             _present_ambiguity(ambiguity, result, f"armtrue plan {fit_file}", output)
     write_file(out, result.csv())

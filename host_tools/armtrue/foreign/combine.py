@@ -10,12 +10,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from armtrue.arrays import Array
 from armtrue.errors import InputError, RowError
 from armtrue.foreign.headers import Meaning
 from armtrue.foreign.sheets import Sheet, is_number, to_float
 from armtrue.io.columns import UNITS
-
-Array = NDArray[np.float64]
 
 _FARTHEST_M = 20.0
 # Joints of one pose differ by less, rad or m.

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from armtrue.arrays import Array
 from armtrue.errors import InputError, RowError, did_you_mean, shorten
 from armtrue.io import rotation
 from armtrue.io.columns import POSITION, QUATERNION, TEXT_COLUMNS, ColumnNames, commanded_joints
@@ -25,8 +26,6 @@ from armtrue.io.model import EXPRESSION_WORDS, state_names
 from armtrue.io.plausible import refuse_wrong_units
 from armtrue.io.robot import Robot
 from armtrue.io.sensor_names import contract_name
-
-Array = NDArray[np.float64]
 
 # A written quaternion is rounded; one further from unit length than this is something else.
 _QUATERNION_LENGTH_TOLERANCE = 1e-3

@@ -11,10 +11,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from armtrue.arrays import Array
 from armtrue.errors import InputError, RowError, did_you_mean, shorten
 from armtrue.io.files import reading
-
-Array = NDArray[np.float64]
 
 # Rows held as text at a time: bounds the memory, as text takes some ten times the room of its numbers.
 _ROWS_AT_A_TIME = 4096

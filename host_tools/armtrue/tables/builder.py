@@ -14,11 +14,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from armtrue.arrays import Array
 from armtrue.tables import layout
 from armtrue.tables.fixedpoint import fraction_for, mantissa_and_shift, to_fixed, wrapped_angle
 from armtrue.tables.layout import Node, Section, State
-
-Array = NDArray[np.float64]
 
 # Beyond this a reciprocal saturates: its argument came within 1/64 of zero.
 LARGEST_RECIPROCAL = 64.0

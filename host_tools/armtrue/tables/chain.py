@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from armtrue.arrays import Array
 from armtrue.io.robot import STANDARD_GRAVITY
 from armtrue.io.rotation import matrix_about, matrix_from_rpy
-
-Array = NDArray[np.float64]
 
 # The bars of a parallelogram meet before its angle comes this close to 0 or 180 degrees.
 _LEAST_SINE_OF_LINKAGE = 0.4

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from armtrue.arrays import Array
 from armtrue.errors import InputError
 from armtrue.io import Dataset, Robot, load_data
 from armtrue.io.files import read_json
@@ -17,8 +18,6 @@ from armtrue.tables import fixed
 from armtrue.tables.fitted import FittedArm, digest_of, fitted_arm
 from armtrue.tables.image import Image
 from armtrue.tables.reference import Reference, Surroundings
-
-Array = NDArray[np.float64]
 
 _LARGEST_FIT_BYTES = 512 * 1024 * 1024
 

@@ -7,14 +7,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armtrue.arrays import Array
 from armtrue.tables import expression, layout
 from armtrue.tables.builder import Builder, CannotCompileError, Value
 from armtrue.tables.expression import Tree
 from armtrue.tables.layout import Node
-
-Array = NDArray[np.float64]
 
 # Error that a table in place of an expression may make on its coordinate [rad or m]: what is aimed at, and what is
 # still accepted and stated. 2e-7 rad is 0.6 µm at 3 m.

@@ -10,8 +10,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armtrue.arrays import Array
 from armtrue.errors import InputError
 from armtrue.tables import expression, fixed, layout
 from armtrue.tables.builder import Builder, CannotCompileError, Value
@@ -21,8 +21,6 @@ from armtrue.tables.fixedpoint import mantissa_and_shift, to_fixed
 from armtrue.tables.gravity_sets import GravitySets
 from armtrue.tables.layout import Section, State
 from armtrue.tables.reference import Reference, Surroundings
-
-Array = NDArray[np.float64]
 
 _JOINT_VARIABLE = re.compile(r"^(q|th|dir)(\d+)$")
 

@@ -11,11 +11,10 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from armtrue.arrays import Array
 from armtrue.errors import InputError
 from armtrue.tables import layout
 from armtrue.tables.reference import Surroundings
-
-Array = NDArray[np.float64]
 
 TOO_COSTLY = 20  # Refusal::kTooCostly
 _LIBRARY = Path(__file__).with_name("_fixed.so")

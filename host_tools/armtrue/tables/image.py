@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from armtrue.arrays import Array
 from armtrue.errors import InputError
 from armtrue.io.files import read_bytes
 from armtrue.tables import layout
@@ -19,8 +20,6 @@ from armtrue.tables.layout import Node, Section, State
 
 # No device holds more.
 LARGEST_IMAGE_BYTES = 16 * 1024 * 1024
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

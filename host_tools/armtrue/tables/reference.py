@@ -10,14 +10,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armtrue.arrays import Array
 from armtrue.io.rotation import matrix_from_rotation_vector
 from armtrue.tables import expression
 from armtrue.tables.fitted import FittedArm
 from armtrue.tables.layout import COMPONENTS
-
-Array = NDArray[np.float64]
 
 _REGRESSOR = re.compile(r"^u(x|y)?_(\d+)_(\d+)_([mxyz])$|^up(x|y)?_(\d+)$")
 

@@ -6,9 +6,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from armtrue.arrays import Array
 
 _ARCSECOND = np.pi / 648000.0
 _LOG10_SIGNIFICANT = -4.0

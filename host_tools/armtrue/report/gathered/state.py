@@ -11,10 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armtrue import _core
+from armtrue.arrays import Array
 from armtrue.fitting import Fit
 from armtrue.tables.chain import chain_from_robot, pose
-
-Array = NDArray[np.float64]
 
 _DEGREE = np.pi / 180.0
 _ARCSECOND = np.pi / 648000.0

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armtrue.arrays import Array
 from armtrue.report.content import AddedVariable, Report, View
 from armtrue.report.gathered.binned import DISCRETE, Binned
 from armtrue.report.gathered.spectrum import Peak, Spectrum
@@ -13,8 +13,6 @@ from armtrue.report.gathered.thinning import loudest, spread_rows
 from armtrue.report.markup import Markup, tag
 from armtrue.report.pictures.panel import Panel
 from armtrue.report.scales import Scale, around, symmetric, tick_text
-
-Array = NDArray[np.float64]
 
 DOTS = 500
 _SPECTRUM_LINES = 700

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armtrue import _core
+from armtrue.arrays import Array
 from armtrue.fitting import Fit, effect_terms
 from armtrue.io.rotation import matrix_about
 from armtrue.report.gathered.state import Variable, variables
@@ -17,8 +17,6 @@ from armtrue.report.markup import Content, Markup, tag
 from armtrue.report.parts import fixed, plural
 from armtrue.report.pictures.arm import typical_pose
 from armtrue.tables.chain import Chain, chain_from_robot
-
-Array = NDArray[np.float64]
 
 WIDTH, HEIGHT = 310, 240
 _TRACK = 40  # below the picture: where the variable is that drives the effect

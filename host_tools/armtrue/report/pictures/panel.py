@@ -7,10 +7,9 @@ import json
 import numpy as np
 from numpy.typing import NDArray
 
+from armtrue.arrays import Array
 from armtrue.report.markup import Markup, join, tag
 from armtrue.report.scales import Scale, tick_text
-
-Array = NDArray[np.float64]
 
 # [px] The narrowest chart on a laptop: charts are never shrunk there, so letters keep their set size.
 WIDTH = 310

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armtrue.arrays import Array
 from armtrue.checking.alignment import NOMINAL_ERROR_PER_REACH, align, alignment_columns, thinned
 from armtrue.errors import InputError
 from armtrue.io import Robot, load_data
@@ -14,7 +14,6 @@ from armtrue.report.markup import Markup, tag
 from armtrue.report.pictures.effect_picture import corners, framed, path, projected
 from armtrue.tables.chain import chain_from_robot, pose
 
-Array = NDArray[np.float64]
 _MOST = 120
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armtrue.arrays import Array
 from armtrue.errors import InputError
 from armtrue.fitting import Fit
 from armtrue.io import Dataset
@@ -19,8 +19,6 @@ from armtrue.report.pictures.panel import Panel
 from armtrue.report.scales import Scale, around
 from armtrue.report.sections.residual_sections import viewer
 from armtrue.uncertainty import least_known_m, position_covariance, standard_deviation_m
-
-Array = NDArray[np.float64]
 
 _MOST_POSES = 300
 _WORST = 5

@@ -8,8 +8,7 @@ import numpy as np
 
 from armtrue.errors import InputError
 from armtrue.fitting import Fit
-from armtrue.further_poses import plan
-from armtrue.planning import Plan
+from armtrue.planning import Plan, plan
 from armtrue.progress import Progress
 from armtrue.report.markup import tag
 from armtrue.report.parts import plural
