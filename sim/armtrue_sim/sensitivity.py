@@ -76,6 +76,11 @@ def orthonormal_range(columns: Array, relative: float = 1e-7) -> Array:
     return u[:, s > relative * s[0]] if len(s) else np.empty((len(columns), 0))
 
 
+def rms(displacement: Array) -> float:
+    """Root of the mean squared length of displacements (N, 3)."""
+    return float(np.sqrt(np.mean(np.sum(displacement**2, axis=1))))
+
+
 def unexplained(displacement: Array, basis: Array) -> Array:
     """What is left of displacements (N, 3) after the best fit in an orthonormal `basis` (3N, r)."""
     flat = displacement.ravel()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
+from dataclasses import asdict
 from enum import Enum
 from pathlib import Path
 from typing import Annotated
@@ -43,7 +44,7 @@ from armtrue.device.image import checksum_of, read_image
 from armtrue.device.monitor import Monitor, Snapshot, draw
 from armtrue.device.recording import Recording, channel_label
 from armtrue.device.sdo import SdoClient
-from armtrue.device.upload import Step, UploadResult, upload_image
+from armtrue.device.upload import Step, upload_image
 from armtrue.errors import InputError
 from armtrue.io.files import write_file
 
@@ -120,24 +121,13 @@ def upload(
         warnings = device.warnings()
         result = upload_image(device, image, show, advance, transfer is Transfer.BLOCK, confirm)
     _say_warnings(output, warnings)
-    output.figures(_upload_document(result, image.sequence, image.checksum) | {"warnings": warnings})
+    told = {"sequence": image.sequence, "checksum": image.checksum, "warnings": warnings}
+    output.figures(asdict(result) | told)
 
 
 def _say_warnings(output: Output, warnings: list[str]) -> None:
     for warning in warnings:
         output.say(f"! warning   {warning}")
-
-
-def _upload_document(result: UploadResult, sequence: int, checksum: int) -> dict[str, object]:
-    return {
-        "steps": [{"name": step.name, "note": step.note} for step in result.steps],
-        "bytes_sent": result.bytes_sent,
-        "seconds": result.seconds,
-        "frames": result.frames,
-        "on_trial": result.on_trial,
-        "sequence": sequence,
-        "checksum": checksum,
-    }
 
 
 @app.command()
