@@ -21,6 +21,7 @@ from armtrue.diagnosis import diagnose
 from armtrue.errors import InputError
 from armtrue.fitting import Fit
 from armtrue.io import Model, Robot
+from armtrue.io.dataset import with_joints_mapped
 from armtrue.io.files import csv_text
 from armtrue.progress import Progress
 from armtrue.verdicts import of_other_sensors
@@ -422,13 +423,9 @@ def _plan(
         raise InputError(str(error)) from None
     columns = result.pop("columns")
     chosen = {name: np.array(columns[name]) for name in result.pop("written")}
-    for stem in ("q", "qr"):  # as a controller that couples what it reports wants to be told
-        names = [f"{stem}{k}" for k in range(1, robot.joint_count + 1)]
-        if all(name in chosen for name in names):
-            drives = np.column_stack([chosen[name] for name in names])
-            reported = drives @ np.linalg.inv(robot.drives_from_reported).T
-            chosen |= {name: reported[:, k] for k, name in enumerate(names)}
-    return Plan(chosen, result, target)
+    # As a controller that couples what it reports wants to be told.
+    reported_from_drives = np.asarray(np.linalg.inv(robot.drives_from_reported), float)
+    return Plan(with_joints_mapped(chosen, reported_from_drives), result, target)
 
 
 def _in_the_fit(found: re.Match[str], fit_file: str | Path) -> str:

@@ -11,12 +11,12 @@ import numpy as np
 from armtrue.arrays import Array
 from armtrue.checking.alignment import Columns, align, alignment_columns, evenly, thinned
 from armtrue.checking.report import Finding
-from armtrue.io.columns import QUATERNION, commanded_joints
+from armtrue.io.columns import QUATERNION
 from armtrue.io.dataset import Dataset
 from armtrue.io.layout import TURNS, RotationSource
 from armtrue.io.robot import Robot
 from armtrue.io.rotation import matrix_from_euler, matrix_from_rotation_vector
-from armtrue.tables.chain import chain_from_robot, pose
+from armtrue.tables.chain import flanges, pose
 
 # Nominal arms turn their tool within a degree or two of the truth; a wrong convention misses by tens.
 _LARGEST_ANGLE = math.radians(5.0)
@@ -133,9 +133,7 @@ def _matrix_that_follows(
 def _nominal(measured: Columns, robot: Robot) -> Array:
     """Rotations (N, 3, 3) measuring frame from flange, with nominal kinematics and the base that is found."""
     alignment = align(thinned(measured, _ROWS), robot)
-    chain = chain_from_robot(robot.spec)
-    joints = np.column_stack([measured[name] for name in commanded_joints(measured)])
-    flange = chain.frames(joints)[-1] @ chain.end
+    flange = flanges(measured, robot.spec)
     return np.asarray(pose(dict(alignment.measuring_from_base))[:3, :3] @ flange[:, :3, :3])
 
 

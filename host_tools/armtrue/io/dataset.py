@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -157,16 +158,22 @@ def _at_the_drives(data: Dataset, robot: Robot) -> Dataset:
     matrix = robot.drives_from_reported
     if np.array_equal(matrix, np.eye(robot.joint_count)):
         return data
-    columns = dict(data.columns)
-    for stem in ("q", "qr"):
-        names = [f"{stem}{k}" for k in range(1, robot.joint_count + 1)]
-        if all(name in columns for name in names):
-            drives = np.column_stack([columns[name] for name in names]) @ matrix.T
-            columns |= {name: drives[:, k] for k, name in enumerate(names)}
+    columns = with_joints_mapped(data.columns, matrix)
     note = (
         "joints are taken where the drives are: robot.yaml says that the controller couples what it reports"
     )
     return replace(data, columns=columns, notes=[*data.notes, note])
+
+
+def with_joints_mapped(columns: Mapping[str, Array], matrix: Array) -> dict[str, Array]:
+    """`columns` with `matrix` (n, n) times the angles of each row, of the commanded and of the read-back joints."""
+    mapped = dict(columns)
+    for stem in ("q", "qr"):
+        names = [f"{stem}{k + 1}" for k in range(len(matrix))]
+        if all(name in columns for name in names):
+            angles = np.column_stack([columns[name] for name in names]) @ matrix.T
+            mapped |= {name: angles[:, k] for k, name in enumerate(names)}
+    return mapped
 
 
 def in_file_order(data: Dataset) -> Dataset:

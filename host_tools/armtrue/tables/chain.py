@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armtrue.arrays import Array
+from armtrue.io.columns import commanded_joints
 from armtrue.io.robot import STANDARD_GRAVITY
 from armtrue.io.rotation import matrix_about, matrix_from_rpy
 
@@ -121,6 +123,13 @@ def _listed_frames(kinematics: dict[str, Any]) -> tuple[list[Array], Array, list
             listed.append(carried)
     end = pose(kinematics["end"]) if kinematics.get("end") else carried
     return fixed, end, listed
+
+
+def flanges(columns: Mapping[str, Array], spec: dict[str, Any]) -> Array:
+    """Nominal base_from_flange (N, 4, 4) at the commanded joints of `columns`; spec: a normalised robot.yaml."""
+    chain = chain_from_robot(spec)
+    joints = np.column_stack([columns[name] for name in commanded_joints(columns)])
+    return chain.frames(joints)[-1] @ chain.end
 
 
 def chain_from_robot(spec: dict[str, Any]) -> Chain:

@@ -6,7 +6,7 @@ import json
 from importlib.resources import files
 from typing import Any
 
-from armtrue.report.markup import Content, Markup, join, tag
+from armtrue.report.markup import Content, Markup, html_page, tag
 from armtrue.workbench.showing.elements import button
 
 _BUTTONS = (
@@ -32,14 +32,6 @@ _PANELS = (
 
 def page() -> str:
     """The whole page without its figures, which the script asks for."""
-    head = tag(
-        "head",
-        tag("meta", charset="utf-8"),
-        tag("meta", name="viewport", content="width=device-width, initial-scale=1"),
-        tag("meta", name="color-scheme", content="light dark"),
-        tag("title", "Armtrue workbench"),
-        Markup('<link rel="stylesheet" href="style.css"><link rel="icon" href="data:,">'),
-    )
     body = tag(
         "body",
         tag("a", "Skip to the candidates", href="#candidates-part", class_="skip"),
@@ -49,7 +41,8 @@ def page() -> str:
         Markup('<script src="script.js"></script>'),
         id="workbench",
     )
-    return join(Markup("<!doctype html>\n"), tag("html", head, body, lang="en")) + "\n"
+    style = Markup('<link rel="stylesheet" href="style.css"><link rel="icon" href="data:,">')
+    return html_page("Armtrue workbench", style, body)
 
 
 def script() -> str:
