@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Container, Sequence
 
 from armtrue.report.markup import Content, Markup, tag
 from armtrue.verdicts import NOT_SCORED, with_signs
 
+ARCSECOND = math.pi / 648000.0  # in radians
 _NUMBER = "num"
 
 

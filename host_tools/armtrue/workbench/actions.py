@@ -11,7 +11,6 @@ from armtrue.errors import InputError
 from armtrue.fitting import Fit, with_effects
 from armtrue.io.model import check_effect
 from armtrue.report.parts import plural
-from armtrue.workbench.compensator import Device
 from armtrue.workbench.first_figures import FirstFigures, fit_to_some
 from armtrue.workbench.opening.dropped import LOOK_AT_GUESSES
 from armtrue.workbench.opening.waiting import keep_waiting
@@ -252,25 +251,19 @@ def _make(engine: Engine, words: Entry) -> None:
     engine.said = f"{engine.made.name} is made ({size} kB). The held-out mean error is {mean}."
 
 
-def _device(engine: Engine) -> Device:
-    if engine.device is None:
-        raise InputError("device: found none, expected armtrue open with --interface and --channel")
-    return engine.device
-
-
 def _upload(engine: Engine, _words: Entry) -> None:
-    device = _device(engine)
+    device = engine.own_device
     image = make(engine.session, "tables", engine.tell).content
     engine.said = device.upload(image, engine.tell)
 
 
 def _confirm(engine: Engine, _words: Entry) -> None:
-    _device(engine).order("cfrm")
+    engine.own_device.order("cfrm")
     engine.said = "The table on the device is confirmed: every later start takes it."
 
 
 def _revert(engine: Engine, _words: Entry) -> None:
-    _device(engine).order("rvrt")
+    engine.own_device.order("rvrt")
     engine.said = "The device has gone back to the table before."
 
 

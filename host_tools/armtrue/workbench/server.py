@@ -154,10 +154,7 @@ class _Handler(BaseHTTPRequestHandler):
         self._html(make(self.server.engine.session, words))
 
     def _device(self, _words: dict[str, str]) -> None:
-        device = self.server.engine.device
-        if device is None:
-            raise InputError("device: found none, expected armtrue open with --interface and --channel")
-        self._html(device_view(device))
+        self._html(device_view(self.server.engine.own_device))
 
     def _file(self, words: dict[str, str]) -> None:
         engine = self.server.engine

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from armtrue import _core
 from armtrue.arrays import Array
 from armtrue.fitting import Fit
+from armtrue.report.parts import ARCSECOND
 from armtrue.tables.chain import chain_from_robot, pose
 
 _DEGREE = np.pi / 180.0
-_ARCSECOND = np.pi / 648000.0
 _MICROMETRE = 1e-6
 _HOUR = 3600.0
 # What variables of docs/model.md are called, with the unit people read and its size in SI.
@@ -97,7 +97,7 @@ class Direction:
     @property
     def size(self) -> float:
         """Its unit in SI."""
-        return _ARCSECOND if self.unit == "″" else _MICROMETRE
+        return ARCSECOND if self.unit == "″" else _MICROMETRE
 
     def read(self, residual_m: Array) -> Array:
         """The residuals (N, 3) [m] along this direction, in `unit`."""
@@ -191,7 +191,7 @@ def reading(fit: Fit, coordinate: str, what: str, turns: bool) -> Direction:
     """The residual as an error of one coordinate: by least squares at each pose, (g·e) / (g·g)."""
     lever = fit.coordinate_column(coordinate)
     square = np.einsum("ij,ij->i", lever, lever)
-    unit, factor = ("″", _ARCSECOND) if turns else ("µm", _MICROMETRE)
+    unit, factor = ("″", ARCSECOND) if turns else ("µm", _MICROMETRE)
     along = lever / np.maximum(square, 1e-12 * (float(square.max()) or 1.0))[:, None] / factor
     drawn = square > _SHORT_LEVER**2 * float(np.median(square))
     return Direction(coordinate, what, unit, along, square, drawn)

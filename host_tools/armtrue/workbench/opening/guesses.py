@@ -15,13 +15,13 @@ from armtrue.errors import InputError
 from armtrue.io import Robot
 from armtrue.io.columns import POSITION, QUATERNION, TEXT_COLUMNS, UNITS, ColumnNames
 from armtrue.io.files import read_text
+from armtrue.io.layout import SEPARATORS
 from armtrue.report.markup import Content, Markup, tag
 from armtrue.report.parts import listed, plural
 from armtrue.workbench.showing.elements import button
 
 Document = dict[str, Any]
 
-SEPARATORS = {"comma": ",", "semicolon": ";", "tab": "\t", "space": " ", "pipe": "|"}
 _UNUSED = "not used"
 _TURNS = ("rotation 1", "rotation 2", "rotation 3")
 _SEQUENCES = ("XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX", "ZYZ", "ZXZ", "XYX", "XZX", "YXY", "YZY")
