@@ -22,34 +22,19 @@ if TYPE_CHECKING:
     from armtrue.diagnosis import Diagnosis, Refinement, diagnose, refine
     from armtrue.errors import InputError
     from armtrue.fitting import Fit, add, fit
-    from armtrue.further_poses import plan
     from armtrue.io import Dataset, Model, Robot, load_data, load_model, load_robot
-    from armtrue.planning import Cell, Plan, plan_campaign
+    from armtrue.planning import Cell, Plan, plan, plan_campaign
 
 # Imported at first use: `armtrue --help` should not wait for the numerical library.
-_HOME = {
-    "Cell": "armtrue.planning",
-    "CheckReport": "armtrue.checking",
-    "Dataset": "armtrue.io",
-    "Diagnosis": "armtrue.diagnosis",
-    "Finding": "armtrue.checking",
-    "Fit": "armtrue.fitting",
-    "InputError": "armtrue.errors",
-    "Model": "armtrue.io",
-    "Plan": "armtrue.planning",
-    "Refinement": "armtrue.diagnosis",
-    "Robot": "armtrue.io",
-    "add": "armtrue.fitting",
-    "check": "armtrue.checking",
-    "diagnose": "armtrue.diagnosis",
-    "fit": "armtrue.fitting",
-    "load_data": "armtrue.io",
-    "load_model": "armtrue.io",
-    "load_robot": "armtrue.io",
-    "plan": "armtrue.further_poses",
-    "plan_campaign": "armtrue.planning",
-    "refine": "armtrue.diagnosis",
+_NAMES = {
+    "checking": ("CheckReport", "Finding", "check"),
+    "diagnosis": ("Diagnosis", "Refinement", "diagnose", "refine"),
+    "errors": ("InputError",),
+    "fitting": ("Fit", "add", "fit"),
+    "io": ("Dataset", "Model", "Robot", "load_data", "load_model", "load_robot"),
+    "planning": ("Cell", "Plan", "plan", "plan_campaign"),
 }
+_HOME = {name: f"armtrue.{module}" for module, names in _NAMES.items() for name in names}
 
 __version__: str  # of the release, from the file VERSION; firmware and tables carry the same
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import statistics
+from collections.abc import Mapping
 from typing import Any
 
 from armtrue.units import value_and_sigma
@@ -15,6 +16,14 @@ def options_of(entry: dict[str, Any]) -> dict[str, Any]:
     if isinstance(options := entry.get("options"), dict):
         return options
     return {key: value for key, value in entry.items() if key not in ("effect", "joints", "probability")}
+
+
+def model_entry(candidate: Mapping[str, Any]) -> dict[str, Any]:
+    """A candidate as an entry of model.yaml."""
+    entry = {"effect": candidate["effect"], **(candidate.get("options") or {})}
+    if candidate.get("joints"):
+        entry["joints"] = list(candidate["joints"])
+    return entry
 
 
 def option_words(entry: dict[str, Any]) -> list[str]:

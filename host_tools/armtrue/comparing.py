@@ -9,13 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from armtrue.arrays import Array
 from armtrue.errors import InputError
 from armtrue.fitting import Fit
 from armtrue.io import Dataset
-from armtrue.io.columns import POSITION
 from armtrue.verdicts import scored_mean_um
-
-Array = NDArray[np.float64]
 
 _WORST_ROWS = 10
 # The mean of so many standard errors above what was expected is no chance.
@@ -101,7 +99,7 @@ def probability_of_first(first: float, second: float) -> float:
 
 def prediction_error(predicted: Array, data: Dataset) -> dict[str, float] | None:
     """The error of `predicted` (N, 3) [m] where `data` has positions; None where it has not."""
-    if any(name not in data.columns for name in POSITION):
+    if not data.has_positions:
         return None
     return error_figures(1e6 * np.linalg.norm(data.positions_m - predicted, axis=1))
 

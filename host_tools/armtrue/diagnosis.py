@@ -7,8 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 from armtrue import _core, notebook
-from armtrue.errors import InputError
-from armtrue.fitting import Fit, from_core
+from armtrue.fitting import Fit, from_core, refusals_about
 from armtrue.progress import Progress
 from armtrue.verdicts import length_words, scored_mean_um, verdict_words
 
@@ -91,11 +90,8 @@ def diagnose(fit: Fit, progress: Progress | None = None) -> Diagnosis:
 
     Errors: InputError where the measurements are gone or changed.
     """
-    try:
-        with fit.lock:
-            return Diagnosis(json.loads(_core.diagnose(fit.core, progress)))
-    except _core.ModelError as error:
-        raise InputError(f"{fit.data.path}: {error}") from None
+    with fit.lock, refusals_about(fit.data):
+        return Diagnosis(json.loads(_core.diagnose(fit.core, progress)))
 
 
 def refine(fit: Fit, progress: Progress | None = None, on_step: Step | None = None) -> tuple[Fit, Refinement]:
@@ -109,11 +105,8 @@ def refine(fit: Fit, progress: Progress | None = None, on_step: Step | None = No
         if on_step is not None:
             on_step(from_core(fit, core), Diagnosis(json.loads(step)))
 
-    try:
-        with fit.lock:
-            core, result = _core.refine(fit.core, forward, progress)
-    except _core.ModelError as error:
-        raise InputError(f"{fit.data.path}: {error}") from None
+    with fit.lock, refusals_about(fit.data):
+        core, result = _core.refine(fit.core, forward, progress)
     return from_core(fit, core), Refinement(json.loads(result))
 
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import hashlib
 import json
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -111,10 +112,8 @@ class Fit:
     def predict(self, data: Dataset) -> NDArray[np.float64]:
         """Predicted positions (N, 3) [m] in the measuring frame. Errors: InputError where a column is missing."""
         columns = self.columns_for(data)
-        try:
+        with refusals_about(data):
             return np.asarray(_core.predict(self._for_the_library(), columns))
-        except _core.ModelError as error:
-            raise InputError(f"{data.path}: {error}") from None
 
     def columns_for(self, data: Dataset) -> dict[str, NDArray[np.float64]]:
         """Columns of `data` as the library predicts from them, reflectors as this fit counts them.
@@ -126,14 +125,7 @@ class Fit:
         if "target" not in columns or not names:
             columns.pop("target", None)
             return columns
-        labels = data.labels.get("target", [])
-        unknown = [label for label in labels if label not in names]
-        if unknown:
-            raise InputError(
-                f"{data.path} column target: found '{unknown[0]}', expected one of the fit's {', '.join(names)}"
-            )
-        code = np.array([names.index(label) for label in labels], dtype=np.float64)
-        columns["target"] = code[columns["target"].astype(int)]
+        columns["target"] = data.reflectors_among(names, "the fit's").astype(np.float64)
         return columns
 
     def assumed(self, data: Dataset) -> tuple[dict[str, NDArray[np.float64]], list[str]]:
@@ -283,13 +275,22 @@ def _run(
     options: dict[str, Any],
     progress: Progress | None,
 ) -> _core.Fit:
+    texts = json.dumps(specification), json.dumps(options)
+    with refusals_about(data):
+        try:
+            return _core.fit(_robot_json(robot, data), data.columns, *texts, progress)
+        except _core.ModelError as error:
+            if str(error).startswith("effect "):
+                raise EffectError(str(error)) from None
+            raise
+
+
+@contextmanager
+def refusals_about(data: Dataset) -> Iterator[None]:
+    """Raise what the numerical library refuses of `data` meanwhile as InputError that names its file."""
     try:
-        return _core.fit(
-            _robot_json(robot, data), data.columns, json.dumps(specification), json.dumps(options), progress
-        )
+        yield
     except _core.ModelError as error:
-        if str(error).startswith("effect "):
-            raise EffectError(str(error)) from None
         raise InputError(f"{data.path}: {error}") from None
 
 

@@ -8,10 +8,15 @@ from typing import Any
 
 from armtrue.candidates import name
 from armtrue.units import value_and_sigma
-from armtrue.verdicts import FLOOR_SOURCES, length_words, scored, verdict_words
+from armtrue.verdicts import (
+    ERROR_FIGURES,
+    FLOOR_SOURCES,
+    PARTS_OF_ERROR,
+    error_words,
+    length_words,
+    verdict_words,
+)
 
-_ERROR_FIGURES = {"mean_um": "mean", "rms_um": "RMS", "p95_um": "95 %", "max_um": "max"}
-_PARTS = {"nominal": "nominal, base and tool fitted", "train": "training poses", "held_out": "held-out poses"}
 _MOST_ROWS = 60
 
 
@@ -25,11 +30,7 @@ def html_table(headers: Sequence[str], rows: Iterable[Sequence[str]], caption: s
 def error_rows(document: Mapping[str, Any]) -> list[list[str]]:
     """Name and figures [µm] of each part of a fit's error."""
     error = document["error"]
-    return [
-        [words, *(length_words(scored(error[part])[key]) for key in _ERROR_FIGURES)]
-        for part, words in _PARTS.items()
-        if error.get(part)
-    ]
+    return [[words, *error_words(error[part])] for part, words in PARTS_OF_ERROR.items() if error.get(part)]
 
 
 def floor_sentence(document: Mapping[str, Any]) -> str:
@@ -43,8 +44,8 @@ def floor_sentence(document: Mapping[str, Any]) -> str:
 
 def fit_text(document: Mapping[str, Any]) -> str:
     """A fit as a table of text: errors, noise floor, effects."""
-    width = max(len(words) for words in _PARTS.values())
-    lines = [f"{'error [µm]':{width}}" + "".join(f"{word:>10}" for word in _ERROR_FIGURES.values())]
+    width = max(len(words) for words in PARTS_OF_ERROR.values())
+    lines = [f"{'error [µm]':{width}}" + "".join(f"{word:>10}" for word in ERROR_FIGURES.values())]
     lines += [
         f"{row[0]:{width}}" + "".join(f"{cell:>10}" for cell in row[1:]) for row in error_rows(document)
     ]
@@ -54,7 +55,7 @@ def fit_text(document: Mapping[str, Any]) -> str:
 
 def fit_html(document: Mapping[str, Any]) -> str:
     """A fit as a notebook shows it: errors, noise floor, effects, and parameters with their standard deviations."""
-    errors = html_table(["error [µm]", *_ERROR_FIGURES.values()], error_rows(document), "Error of the fit")
+    errors = html_table(["error [µm]", *ERROR_FIGURES.values()], error_rows(document), "Error of the fit")
     rows = []
     told = [entry for entry in document["parameters"] if not entry.get("held")]
     for entry in told[:_MOST_ROWS]:

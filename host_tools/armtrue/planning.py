@@ -16,9 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armtrue import _core
+from armtrue.candidates import model_entry
+from armtrue.diagnosis import diagnose
 from armtrue.errors import InputError
 from armtrue.fitting import Fit
 from armtrue.io import Model, Robot
+from armtrue.io.dataset import with_joints_mapped
+from armtrue.io.files import csv_text
 from armtrue.progress import Progress
 from armtrue.verdicts import of_other_sensors
 
@@ -101,6 +105,13 @@ class Plan:
             )
         return sentences
 
+    def csv(self) -> str:
+        """The poses as a file to run, to a nanometre and below; with a column `target` where reflectors have names."""
+        own = [] if self.target is None else [self.target]
+        rows = zip(*self.columns.values(), strict=True)
+        cells = [[*(f"{value:.10f}" for value in row), *own] for row in rows]
+        return csv_text([*self.columns, *(["target"] if own else [])], cells)
+
     @property
     def separates(self) -> bool:
         """True where the poses are for telling candidates apart, False where they are for the model's parameters."""
@@ -151,6 +162,32 @@ def plan_campaign(
         ) from None
 
 
+def plan(
+    fit: Fit,
+    poses: int,
+    *,
+    rivals: list[dict[str, Any]] | None = None,
+    cell: Cell | None = None,
+    levels: Mapping[str, list[float]] | None = None,
+    candidates: int = 4000,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> Plan:
+    """Choose the next `poses` poses for `fit`, as `armtrue plan FIT` does.
+
+    `rivals`: entries of model.yaml to tell apart; None takes what the fit's data leave open of its diagnosis, an empty
+    list nothing. With nothing to tell apart the poses are for the fit's own parameters. `plan.separates` says which it
+    was. Other arguments and errors as of `plan_campaign`, which is for an arm that was not measured yet.
+    """
+    settings: dict[str, Any] = {"cell": cell, "levels": levels, "candidates": candidates, "seed": seed}
+    if rivals is None:
+        left_open = ambiguity(fit, diagnose(fit, progress))
+        rivals = left_open.open if left_open else []
+    if rivals:
+        return plan_separation(fit, rivals, poses, progress=progress, **settings)
+    return plan_sharpening(fit, poses, progress=progress, **settings)
+
+
 def plan_sharpening(
     fit: Fit,
     poses: int,
@@ -185,7 +222,7 @@ def plan_separation(
     Arguments as of `plan_sharpening`. Errors: InputError for fewer than two rivals, or where one cannot be fitted.
     """
     options = json.dumps(_options(poses, cell, levels, candidates, seed))
-    plan = _plan(
+    chosen = _plan(
         lambda: _core.plan_separation(fit.core, json.dumps(rivals), options, progress),
         _target(fit),
         fit.robot,
@@ -194,12 +231,12 @@ def plan_separation(
     # The library's names are without sensors.
     names = [
         name + _sensor_words(fit, rival)
-        for name, rival in zip(plan.figures["candidates"], rivals, strict=True)
+        for name, rival in zip(chosen.figures["candidates"], rivals, strict=True)
     ]
-    plan.figures["candidates"] = names
-    for (truth, rival), entry in zip(permutations(names, 2), plan.figures["separations"], strict=True):
+    chosen.figures["candidates"] = names
+    for (truth, rival), entry in zip(permutations(names, 2), chosen.figures["separations"], strict=True):
         entry["truth"], entry["rival"] = truth, rival
-    return plan
+    return chosen
 
 
 @dataclass(frozen=True)
@@ -274,11 +311,11 @@ def ambiguity(fit: Fit, diagnosis: Mapping[str, Any]) -> Ambiguity | None:
     if diagnosis.get("verdict") != "missing_effect" or not candidates:
         return None
     lead = candidates[0]
-    first = _entry(lead)
+    first = model_entry(lead)
     # Of two that differ in what the name does not say (a sensor), the better one.
-    listed = {_name(entry): entry for entry in map(_entry, reversed(candidates))}
+    listed = {_name(entry): entry for entry in map(model_entry, reversed(candidates))}
     named = [entry_of(label) for label in lead.get("confounded_with", [])]
-    others = [_entry(other) for other in of_other_sensors(lead, candidates)]
+    others = [model_entry(other) for other in of_other_sensors(lead, candidates)]
     others += [listed.get(_name(entry), entry) for entry in named]
     evidence, *found = json.loads(_core.plan_evidence(fit.core, json.dumps([first, *others])))
     if evidence is None:
@@ -349,13 +386,6 @@ def _name(entry: Mapping[str, Any]) -> str:
     return text
 
 
-def _entry(candidate: Mapping[str, Any]) -> dict[str, Any]:
-    entry: dict[str, Any] = {"effect": candidate["effect"], **candidate.get("options", {})}
-    if candidate["joints"]:
-        entry["joints"] = list(candidate["joints"])
-    return entry
-
-
 def _options(
     poses: int, cell: Cell | None, levels: Mapping[str, list[float]] | None, candidates: int, seed: int
 ) -> dict[str, Any]:
@@ -393,13 +423,9 @@ def _plan(
         raise InputError(str(error)) from None
     columns = result.pop("columns")
     chosen = {name: np.array(columns[name]) for name in result.pop("written")}
-    for stem in ("q", "qr"):  # as a controller that couples what it reports wants to be told
-        names = [f"{stem}{k}" for k in range(1, robot.joint_count + 1)]
-        if all(name in chosen for name in names):
-            drives = np.column_stack([chosen[name] for name in names])
-            reported = drives @ np.linalg.inv(robot.drives_from_reported).T
-            chosen |= {name: reported[:, k] for k, name in enumerate(names)}
-    return Plan(chosen, result, target)
+    # As a controller that couples what it reports wants to be told.
+    reported_from_drives = np.asarray(np.linalg.inv(robot.drives_from_reported), float)
+    return Plan(with_joints_mapped(chosen, reported_from_drives), result, target)
 
 
 def _in_the_fit(found: re.Match[str], fit_file: str | Path) -> str:

@@ -9,12 +9,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armtrue.arrays import Array
 from armtrue.errors import InputError
 from armtrue.io.catalogue import EffectInfo
-
-Array = NDArray[np.float64]
 
 _POINTS = 33
 _BARS = "▁▂▃▄▅▆▇█"

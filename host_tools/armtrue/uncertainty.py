@@ -6,8 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armtrue import _core
-from armtrue.errors import InputError
-from armtrue.fitting import Fit
+from armtrue.fitting import Fit, refusals_about
 from armtrue.io import Dataset
 
 
@@ -17,11 +16,8 @@ def position_covariance(fit: Fit, poses: Dataset) -> NDArray[np.float64]:
     Errors: InputError where the fit's measurements are gone, or a column is missing.
     """
     columns = fit.columns_for(poses)
-    with fit.lock:
-        try:
-            covariance = _core.position_covariance(fit.core, columns)
-        except _core.ModelError as error:
-            raise InputError(f"{poses.path}: {error}") from None
+    with fit.lock, refusals_about(poses):
+        covariance = _core.position_covariance(fit.core, columns)
     return np.asarray(covariance).reshape(-1, 3, 3)
 
 

@@ -29,6 +29,11 @@ OTHER_SENSOR_ADVICE = (
 
 
 NOT_SCORED = "not scored"
+# What is said of an error: the figures by their keys, and what the parts of a fit's error are called.
+ERROR_FIGURES = {"mean_um": "mean", "rms_um": "RMS", "p95_um": "95 %", "max_um": "max"}
+PARTS_OF_ERROR = {
+    "nominal": "nominal, base and tool fitted", "train": "training poses", "held_out": "held-out poses",
+}  # fmt: skip
 
 
 def with_signs(sentence: str) -> str:
@@ -52,6 +57,18 @@ def scored_mean_um(figures: Mapping[str, Any]) -> float | None:
 def length_words(value_um: float | None) -> str:
     """A length of an error table in µm, or that no pose was scored."""
     return NOT_SCORED if value_um is None else f"{value_um:.1f}"
+
+
+def error_words(figures: Mapping[str, Any]) -> list[str]:
+    """The ERROR_FIGURES of an error table in µm, or that no pose was scored."""
+    return [length_words(scored(figures)[key]) for key in ERROR_FIGURES]
+
+
+def chance(probability: float) -> str:
+    """A probability in percent; near 0 and 1 as the bound that sampling can support."""
+    if probability > 0.995:
+        return "> 99 %"
+    return "< 1 %" if probability < 0.005 else f"{100 * probability:.0f} %"
 
 
 def verdict_words(diagnosis: dict[str, Any]) -> str:

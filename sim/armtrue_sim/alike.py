@@ -18,7 +18,7 @@ from .build import build_arm
 from .mechanics.transforms import Array
 from .poses import random_poses
 from .scenario import Scenario
-from .sensitivity import geometry_terms, orthonormal_range, sensitivity, unexplained, unit_term
+from .sensitivity import geometry_terms, orthonormal_range, rms, sensitivity, unexplained, unit_term
 
 POSES, SIGMA = 60, 8e-6
 Session = Callable[[Arm, np.random.Generator], tuple[Array, dict[str, Array]]]
@@ -151,7 +151,7 @@ def left(double: Double, session: Session, arm_name: str, seed: int) -> tuple[fl
     known = sensitivity(bare, q, columns, geometry_terms(bare) + _units(believed))
     both = np.hstack([known, sensitivity(bare, q, columns, _units(taken_for))])
     alone, beside = (unexplained(moved, orthonormal_range(basis)) for basis in (known, both))
-    return _rms(alone), _rms(beside)
+    return rms(alone), rms(beside)
 
 
 def _units(terms: list[Term]) -> list[Term]:
@@ -162,13 +162,9 @@ def _moved(arm: Arm, terms: list[Term], q: Array, columns: Columns) -> Array:
     return arm.with_terms(terms).true_position(q, columns)
 
 
-def _rms(displacement: Array) -> float:
-    return float(np.sqrt(np.mean(np.sum(displacement**2, axis=1))))
-
-
-def odds(rms: float) -> str:
+def odds(rest: float) -> str:
     """How much likelier POSES poses make the cause than its double, where so much (m) is left of it."""
-    power = POSES * rms**2 / (2.0 * SIGMA**2) / float(np.log(10.0))
+    power = POSES * rest**2 / (2.0 * SIGMA**2) / float(np.log(10.0))
     return "even" if power < 0.5 else f"10^{power:.0f}" if power < 99.5 else "beyond 10^99"
 
 

@@ -23,7 +23,7 @@ from .mechanics.statics import BodyError
 from .mechanics.transforms import Array
 from .presets import PRESETS, nominal_robot
 from .scenario import Scenario
-from .sensitivity import geometry_terms, orthonormal_range, sensitivity, unexplained, unit_term
+from .sensitivity import geometry_terms, orthonormal_range, rms, sensitivity, unexplained, unit_term
 
 TRACKER_SIGMA = 8e-6  # metres an axis
 DRIVE_SIGMA = 2.5e-6  # radians
@@ -291,7 +291,7 @@ def _sized(
     for i, (entry, moved) in enumerate(zip(entries, moves, strict=True)):
         others = [columns_of for j, columns_of in enumerate(own) if j != i]
         basis = orthonormal_range(np.hstack([known, *others]))
-        raw, visible = _rms(moved), _rms(unexplained(moved, basis))
+        raw, visible = rms(moved), rms(unexplained(moved, basis))
         needed = max(RAW_FACTOR * noise / raw, VISIBLE_FACTOR * noise / visible)
         if needed > LARGEST_SCALE:
             return None
@@ -349,7 +349,3 @@ def _own_terms(arm: Arm, bare: Arm) -> list[Term]:
         beta = f"({arm.linkage.angle!r} + q3 - q2)"
         terms += [unit_term("link3.rz", text.replace("beta", beta)) for text in arm.linkage.first_order()]
     return terms
-
-
-def _rms(displacement: Array) -> float:
-    return float(np.sqrt(np.mean(np.sum(displacement**2, axis=1))))

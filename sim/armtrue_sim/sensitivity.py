@@ -1,7 +1,6 @@
 """How coefficients move the tool, by differences of the exact truth, and what a campaign can know of them.
 
-Independent of the fitter's Jacobian on purpose: it decides which hidden effects can be seen at all, and gives the
-Cramer-Rao bound that a fit is held against.
+Independent of the fitter's Jacobian on purpose: it decides which hidden effects can be seen at all.
 """
 
 from __future__ import annotations
@@ -77,30 +76,13 @@ def orthonormal_range(columns: Array, relative: float = 1e-7) -> Array:
     return u[:, s > relative * s[0]] if len(s) else np.empty((len(columns), 0))
 
 
+def rms(displacement: Array) -> float:
+    """Root of the mean squared length of displacements (N, 3)."""
+    return float(np.sqrt(np.mean(np.sum(displacement**2, axis=1))))
+
+
 def unexplained(displacement: Array, basis: Array) -> Array:
     """What is left of displacements (N, 3) after the best fit in an orthonormal `basis` (3N, r)."""
     flat = displacement.ravel()
     result: Array = (flat - basis @ (basis.T @ flat)).reshape(displacement.shape)
-    return result
-
-
-def predicted_error(
-    arm: Arm,
-    measured: tuple[Array, Columns],
-    fresh: tuple[Array, Columns],
-    terms: Sequence[Term],
-    sigma: float,
-) -> Array:
-    """Cramer-Rao bound on the tool's prediction at fresh poses: RMS error (M,) in metres.
-
-    measured, fresh: (q, columns). terms: the model that is fitted; sigma: noise per axis in metres, the same for all.
-    Directions that the data cannot see are taken as fixed, as a rank-revealing fit takes them.
-    """
-    seen = sensitivity(arm, *measured, terms)
-    scale = np.linalg.norm(seen, axis=0)
-    scale[scale == 0.0] = 1.0
-    _, s, vt = np.linalg.svd(seen / scale, full_matrices=False)
-    rank = int(np.sum(s > 1e-7 * s[0]))
-    ahead = (sensitivity(arm, *fresh, terms) / scale) @ (vt[:rank].T / s[:rank])
-    result: Array = sigma * np.sqrt(np.sum(ahead.reshape(-1, 3, rank) ** 2, axis=(1, 2)))
     return result

@@ -2,15 +2,12 @@ import numpy as np
 import pytest
 
 from .arm import Arm, Term
-from .build import build_arm
 from .campaign import simulate
 from .mechanics.transforms import Pose
 from .presets import PRESETS, nominal_robot
-from .scenario import Scenario
 from .sensitivity import (
     geometry_terms,
     orthonormal_range,
-    predicted_error,
     sensitivity,
     unexplained,
     unit_term,
@@ -47,17 +44,3 @@ def test_unexplained_leaves_what_the_basis_cannot_make():
     assert np.abs(unexplained(inside, basis)).max() < 1e-12
     left = unexplained(rng.normal(size=(10, 3)), basis)
     assert np.abs(columns.T @ left.ravel()).max() < 1e-12
-
-
-def test_predicted_error_is_what_repeated_fits_show():
-    arm = build_arm(Scenario(arm="cobot", seed=6))
-    campaign = simulate({"arm": "cobot", "seed": 6, "poses": 80, "test_poses": 10})
-    fresh = np.stack([campaign.test[f"q{k}"] for k in range(1, 7)], axis=1)
-    terms = geometry_terms(arm)
-    sigma = 1e-5
-    bound = predicted_error(arm, (campaign.q, campaign.data), (fresh, campaign.test), terms, sigma)
-    seen = sensitivity(arm, campaign.q, campaign.data, terms)
-    ahead = sensitivity(arm, fresh, campaign.test, terms)
-    noise = sigma * np.random.default_rng(1).standard_normal((len(seen), 600))
-    error = (ahead @ (np.linalg.pinv(seen, rcond=1e-8) @ noise)).reshape(10, 3, -1)
-    assert np.sqrt(np.mean(np.sum(error**2, axis=1), axis=1)) == pytest.approx(bound, rel=0.1)

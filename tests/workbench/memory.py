@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import armtrue_sim
-from armtrue.workbench.showing.names import model_entry
+from armtrue.candidates import model_entry
 from opened import TWO_HIDDEN, Workbench
 
 POSES, ACTIONS, EVERY = 300, 500, 100

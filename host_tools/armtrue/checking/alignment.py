@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from armtrue.arrays import Array
 from armtrue.io.columns import POSITION, commanded_joints
 from armtrue.io.dataset import Dataset
 from armtrue.io.robot import Robot
 
-Array = NDArray[np.float64]
 Columns = dict[str, Array]
 
 # The largest distance per metre of reach that nominal geometry leaves under the right conventions.
@@ -57,8 +57,12 @@ def alignment_columns(data: Dataset) -> Columns:
 
 def thinned(columns: Columns, most_rows: int) -> Columns:
     """At most `most_rows` rows, spread evenly over the file."""
-    count = len(next(iter(columns.values())))
-    if count <= most_rows:
-        return columns
-    chosen = np.unique(np.linspace(0, count - 1, most_rows).astype(np.int64))
+    chosen = evenly(len(next(iter(columns.values()))), most_rows)
     return {name: values[chosen] for name, values in columns.items()}
+
+
+def evenly(count: int, most: int) -> NDArray[np.int64]:
+    """At most `most` of the places 0 to `count` - 1, spread evenly."""
+    if count <= most:
+        return np.arange(count)
+    return np.unique(np.linspace(0, count - 1, most).astype(np.int64))

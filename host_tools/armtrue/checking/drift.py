@@ -5,13 +5,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armtrue.arrays import Array
 from armtrue.checking.report import Finding
-from armtrue.io.columns import POSITION
 from armtrue.io.dataset import Dataset, fixed_targets
-
-Array = NDArray[np.float64]
 
 # A drift is believed beyond so many standard deviations of its slope.
 _DEVIATIONS = 5.0
@@ -19,7 +16,7 @@ _DEVIATIONS = 5.0
 
 def find(data: Dataset) -> list[Finding]:
     """Findings on reflectors that do not ride on the arm, and on repeated poses that wander."""
-    if any(name not in data.columns for name in POSITION):
+    if not data.has_positions:
         return []
     return [*_fixed_reflectors(data), *_wandering_repeats(data)]
 

@@ -7,12 +7,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from armtrue.arrays import Array
 from armtrue.checking.report import Finding
-from armtrue.io.columns import POSITION
 from armtrue.io.dataset import Dataset
 from armtrue.io.robot import Robot
-
-Array = NDArray[np.float64]
 
 _STILL_RAD = 1e-4
 _NARROW_RAD = math.radians(20.0)
@@ -151,7 +149,7 @@ def _repeats(data: Dataset) -> list[Finding]:
                 "Add a column 'repeat' with the same id for the same pose: repeats tell the noise floor.",
             )
         )
-    if all(name in data.columns for name in POSITION):
+    if data.has_positions:
         whole = np.column_stack([keys, np.round(data.positions_m / 1e-9).astype(np.int64)])
         _, row_of, counts = np.unique(whole, axis=0, return_inverse=True, return_counts=True)
         copies = counts[row_of] > 1
@@ -170,7 +168,7 @@ def _repeats(data: Dataset) -> list[Finding]:
 
 
 def _scatter(data: Dataset, pose_of_row: NDArray[np.intp], again: NDArray[np.bool_]) -> str:
-    if not all(name in data.columns for name in POSITION):
+    if not data.has_positions:
         return ""
     return f" (they scatter by {scatter_m(data.positions_m[again], pose_of_row[again]) * 1e6:.1f} µm)"
 
@@ -207,7 +205,7 @@ def _repeats_that_differ(data: Dataset) -> list[Finding]:
 
 
 def _stale_positions(data: Dataset) -> list[Finding]:
-    if not all(name in data.columns for name in POSITION) or data.count < 2:
+    if not data.has_positions or data.count < 2:
         return []
     same_place = np.abs(np.diff(data.positions_m, axis=0)).max(axis=1) < 1e-9
     moved = np.abs(np.diff(data.joints, axis=0)).max(axis=1) > 1e-3

@@ -7,18 +7,16 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from armtrue.checking.alignment import Columns, align, alignment_columns, thinned
+from armtrue.arrays import Array
+from armtrue.checking.alignment import Columns, align, alignment_columns, evenly, thinned
 from armtrue.checking.report import Finding
-from armtrue.io.columns import QUATERNION, commanded_joints
+from armtrue.io.columns import QUATERNION
 from armtrue.io.dataset import Dataset
 from armtrue.io.layout import TURNS, RotationSource
 from armtrue.io.robot import Robot
 from armtrue.io.rotation import matrix_from_euler, matrix_from_rotation_vector
-from armtrue.tables.chain import chain_from_robot, pose
-
-Array = NDArray[np.float64]
+from armtrue.tables.chain import flanges, pose
 
 # Nominal arms turn their tool within a degree or two of the truth; a wrong convention misses by tens.
 _LARGEST_ANGLE = math.radians(5.0)
@@ -135,9 +133,7 @@ def _matrix_that_follows(
 def _nominal(measured: Columns, robot: Robot) -> Array:
     """Rotations (N, 3, 3) measuring frame from flange, with nominal kinematics and the base that is found."""
     alignment = align(thinned(measured, _ROWS), robot)
-    chain = chain_from_robot(robot.spec)
-    joints = np.column_stack([measured[name] for name in commanded_joints(measured)])
-    flange = chain.frames(joints)[-1] @ chain.end
+    flange = flanges(measured, robot.spec)
     return np.asarray(pose(dict(alignment.measuring_from_base))[:3, :3] @ flange[:, :3, :3])
 
 
@@ -148,7 +144,7 @@ def _best_convention(
 
     `turns`: the file's angles (N, 3) [rad] as read by `source`. The fewest changes come first among equals.
     """
-    chosen = np.unique(np.linspace(0, len(turns) - 1, _ROWS).astype(np.int64))
+    chosen = evenly(len(turns), _ROWS)
     # Degrees read as radians or the other way round change what every sequence makes of them.
     units = {"deg": math.pi / 180.0, "rad": 1.0}
     own_unit = next((unit for unit, factor in units.items() if factor == source.factor), "mrad")

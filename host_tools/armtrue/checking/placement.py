@@ -7,14 +7,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armtrue.arrays import Array
 from armtrue.checking.alignment import Columns
-from armtrue.io.columns import POSITION, commanded_joints
+from armtrue.io.columns import POSITION
 from armtrue.io.robot import Robot
-from armtrue.tables.chain import chain_from_robot
-
-Array = NDArray[np.float64]
+from armtrue.tables.chain import flanges
 
 _AT_A_TIME = 128
 _ROBUST_PASSES = 4
@@ -79,9 +77,7 @@ def _relaxed(readings: Sequence[Reading]) -> Array:
 def _system(reading: Reading) -> tuple[Array, Array]:
     """The rows (N, 3, unknowns) and right sides (N, 3) of the relaxed problem."""
     columns = reading.columns
-    chain = chain_from_robot(reading.spec)
-    joints = np.column_stack([columns[name] for name in commanded_joints(columns)])
-    flange = chain.frames(joints)[-1] @ chain.end
+    flange = flanges(columns, reading.spec)
     point = np.column_stack([columns[name] for name in POSITION])
     point = point - point.mean(axis=0)
     point = point / max(1e-12, float(np.sqrt((point**2).sum(axis=1).mean())))

@@ -6,16 +6,14 @@ import json
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armtrue.arrays import Array
 from armtrue.checking.alignment import Alignment
 from armtrue.checking.motion import name_rows
 from armtrue.checking.report import Finding
 from armtrue.io.columns import commanded_joints
 from armtrue.io.dataset import Dataset
 from armtrue.io.robot import Robot
-
-Array = NDArray[np.float64]
 
 # A gross error stands so many robust standard deviations above the median, and at least so far [m].
 _GROSS_DEVIATIONS = 10.0

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from armtrue.checking import (
-    columns,
     conventions,
     drift,
     gravity,
@@ -17,25 +16,16 @@ from armtrue.checking import (
 from armtrue.checking.alignment import align, alignment_columns
 from armtrue.checking.report import CheckReport, Finding
 from armtrue.errors import InputError
-from armtrue.io.columns import POSITION
 from armtrue.io.dataset import Dataset, fixed_targets, without_fixed_targets
 from armtrue.io.plausible import too_few_poses
 from armtrue.io.robot import Robot
 
 # Errors under which neither residuals nor a fit mean anything.
 _NO_ARM = {
-    *(
-        "too_few_poses",
-        "scale",
-        "joint_sign",
-        "joint_zero",
-        "coupling",
-        "joints_in_degrees",
-        "joints_in_radians",
-    ),
-    *("dh_convention", "fixed_or_intrinsic_angles", "joints_swapped", "rows_shifted", "left_handed_frame"),
-    *("positions_do_not_follow", "orientations_do_not_follow"),
-}
+    "too_few_poses", "scale", "joint_sign", "joint_zero", "coupling", "joints_in_degrees", "joints_in_radians",
+    "dh_convention", "fixed_or_intrinsic_angles", "joints_swapped", "rows_shifted", "left_handed_frame",
+    "positions_do_not_follow", "orientations_do_not_follow",
+}  # fmt: skip
 
 
 def check(data: Dataset, robot: Robot) -> CheckReport:
@@ -44,7 +34,7 @@ def check(data: Dataset, robot: Robot) -> CheckReport:
     Errors: none of its own; what is wrong is a finding.
     """
     findings = [*cheap_findings(data, robot), *drift.find(data)]
-    if _can_be_placed(data) and not any(finding.code in _NO_ARM for finding in findings):
+    if data.has_positions and not any(finding.code in _NO_ARM for finding in findings):
         riding = _riding(data)
         alignment = align(units.in_si_units(alignment_columns(riding), robot), robot)
         findings += residuals.find_gross(riding, alignment)
@@ -60,9 +50,9 @@ def cheap_findings(data: Dataset, robot: Robot) -> list[Finding]:
         *units.find(data, robot),
         *masses.find(data, robot),
         *motion.find(data, robot),
-        *columns.find(data),
+        *(Finding("reader", "note", note) for note in data.notes),
     ]
-    return [*findings, *_against_kinematics(data, robot)] if _can_be_placed(data) else findings
+    return [*findings, *_against_kinematics(data, robot)] if data.has_positions else findings
 
 
 def refuse_what_cannot_be_an_arm(data: Dataset, robot: Robot) -> None:
@@ -73,10 +63,6 @@ def refuse_what_cannot_be_an_arm(data: Dataset, robot: Robot) -> None:
                 f"{data.path}: {finding.message}; to mend it: {finding.remedy.rstrip('.')} "
                 "('armtrue check' says more, --force fits all the same)"
             )
-
-
-def _can_be_placed(data: Dataset) -> bool:
-    return all(name in data.columns for name in POSITION)
 
 
 def _riding(data: Dataset) -> Dataset:

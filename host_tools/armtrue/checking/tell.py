@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from armtrue.checking import sigma
+from armtrue.checking.alignment import evenly
 from armtrue.checking.report import Finding
 from armtrue.errors import InputError
 from armtrue.io.catalogue import with_role
@@ -33,7 +32,7 @@ def _of_a_fit(data: Dataset, robot: Robot) -> list[Finding]:
 
     model = Model([{"effect": effect} for effect in with_role("placement", "geometry")])
     try:
-        geometry = fit(_thinned(data), robot, model, folds=2)
+        geometry = fit(data.take(evenly(data.count, _ROWS)), robot, model, folds=2)
         untestable = diagnose(geometry)["untestable"]
     except InputError as error:
         return [Finding("no_fit", "warning", f"the geometry cannot be fitted to these data: {error}")]
@@ -59,14 +58,6 @@ def _of_a_fit(data: Dataset, robot: Robot) -> list[Finding]:
         )
         for entry in untestable
     ]
-
-
-def _thinned(data: Dataset) -> Dataset:
-    if data.count <= _ROWS:
-        return data
-    chosen = np.unique(np.linspace(0, data.count - 1, _ROWS).astype(np.int64))
-    columns = {name: np.ascontiguousarray(values[chosen]) for name, values in data.columns.items()}
-    return replace(data, columns=columns, rows=data.rows[chosen])
 
 
 def _coverage(data: Dataset, robot: Robot) -> list[Finding]:

@@ -10,7 +10,8 @@ import pytest
 from armtrue.checking import check
 from armtrue.checking.alignment import align, alignment_columns
 from armtrue.io import Dataset, Robot
-from armtrue.tables.chain import chain_from_robot, pose, rotation_about
+from armtrue.io.rotation import matrix_about
+from armtrue.tables.chain import chain_from_robot, pose
 
 CODE = "orientations_do_not_follow"
 
@@ -47,8 +48,8 @@ def turned(tmp_path_factory) -> tuple[Dataset, Robot, np.ndarray]:
     base = pose(dict(align(alignment_columns(data), robot).measuring_from_base))
     flange = (base @ chain.frames(data.joints)[-1] @ chain.end)[:, :3, :3]
     wobble = np.radians(np.random.default_rng(1).normal(0.0, 0.5, data.count))
-    tool = rotation_about(0, 0.7) @ rotation_about(2, -1.9)
-    return data, robot, flange @ tool @ np.array([rotation_about(1, angle) for angle in wobble])
+    tool = matrix_about("x", 0.7) @ matrix_about("z", -1.9)
+    return data, robot, flange @ tool @ np.array([matrix_about("y", angle) for angle in wobble])
 
 
 def with_rotations(data: Dataset, columns: np.ndarray) -> Dataset:

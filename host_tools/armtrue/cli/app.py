@@ -21,48 +21,30 @@ class _Commands(GuardedGroup):
     """All commands: the module that adds each, and its line of the help; a module is imported when its command runs."""
 
     homes: ClassVar[dict[str, tuple[str, str]]] = {
-        "init": (
-            "cli.init",
-            "Read foreign measurement files and write robot.yaml, dataset.yaml and model.yaml.",
-        ),
-        "check": (
-            "cli.checking",
-            "Look for mistakes in measurements before any physics: units, signs, drift.",
-        ),
-        "fit": (
-            "cli.fitting",
-            "Fit the model's effects, and say how well it predicts poses it has not seen.",
-        ),
-        "add": ("cli.fitting", "Add an effect to a fit, fit again, and print how the error fell."),
-        "remove": ("cli.fitting", "Remove an effect from a fit, fit again: the opposite of 'add'."),
-        "predict": ("cli.predicting", "Predict where the tool point will be, row by row."),
-        "compare": ("cli.predicting", "Compare a fit with measurements it has not seen."),
-        "diagnose": (
-            "cli.diagnosis",
-            "Say which physical effect a fit lacks, on which joint, how sure that is.",
-        ),
-        "refine": ("cli.diagnosis", "Diagnose and add until nothing is missing."),
-        "report": (
-            "cli.diagnosis",
-            "Write one self-contained HTML page: what is missing, how the error fell.",
-        ),
-        "open": ("cli.workbench", "Open the workbench, a page in the browser that adds and removes effects."),
-        "plan": (
-            "cli.planning",
-            "Choose the poses to measure: for a first campaign, or to settle what is open.",
-        ),
-        "export": ("cli.tables", "Write the firmware's table image for a fit."),
+        "init": ("init", "Read foreign measurement files and write robot.yaml, dataset.yaml and model.yaml."),
+        "check": ("checking", "Look for mistakes in measurements before any physics: units, signs, drift."),
+        "fit": ("fitting", "Fit the model's effects, and say how well it predicts poses it has not seen."),
+        "add": ("fitting", "Add an effect to a fit, fit again, and print how the error fell."),
+        "remove": ("fitting", "Remove an effect from a fit, fit again: the opposite of 'add'."),
+        "predict": ("predicting", "Predict where the tool point will be, row by row."),
+        "compare": ("predicting", "Compare a fit with measurements it has not seen."),
+        "diagnose": ("diagnosis", "Say which physical effect a fit lacks, on which joint, how sure that is."),
+        "refine": ("diagnosis", "Diagnose and add until nothing is missing."),
+        "report": ("diagnosis", "Write one self-contained HTML page: what is missing, how the error fell."),
+        "open": ("workbench", "Open the workbench, a page in the browser that adds and removes effects."),
+        "plan": ("planning", "Choose the poses to measure: for a first campaign, or to settle what is open."),
+        "export": ("tables", "Write the firmware's table image for a fit."),
         "compensate": (
-            "cli.tables",
+            "tables",
             "Correct commands: q1…qn that bring the real tool where it was meant to be.",
         ),
-        "keygen": ("cli.tables", "Make an Ed25519 key pair to sign tables with."),
-        "upload": ("cli.device", "Bring a table into force on a compensator: transfer, verify, activate."),
-        "simulate": ("cli.campaign", "Simulate a campaign with known truth."),
-        "effects": ("cli.catalogue", "List the effects; of one, its formula, course, bound and options."),
-        "explain": ("cli.explain", "Say what a word of reports and messages means."),
-        "tables": ("cli.tables", "Look into table images."),
-        "device": ("cli.device", "Ask and manage a compensator on a bus."),
+        "keygen": ("tables", "Make an Ed25519 key pair to sign tables with."),
+        "upload": ("device", "Bring a table into force on a compensator: transfer, verify, activate."),
+        "simulate": ("campaign", "Simulate a campaign with known truth."),
+        "effects": ("catalogue", "List the effects; of one, its formula, course, bound and options."),
+        "explain": ("explain", "Say what a word of reports and messages means."),
+        "tables": ("tables", "Look into table images."),
+        "device": ("device", "Ask and manage a compensator on a bus."),
     }
 
 

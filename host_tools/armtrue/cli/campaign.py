@@ -24,9 +24,7 @@ def simulate(
             help="A scenario file, or the name of a shipped one, such as kr30-eccentric-gear.",
         ),
     ],
-    out: Annotated[
-        Path, typer.Option("--out", "-o", metavar="FOLDER", help="Folder to write.", show_default=False)
-    ],
+    out: Annotated[Path, typer.Option("--out", "-o", metavar="FOLDER", help="Folder to write.")],
 ) -> None:
     """Simulate a campaign with known truth: robot.yaml, model.yaml, data.csv, test.csv and hidden.json.
 

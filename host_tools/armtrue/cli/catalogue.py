@@ -28,7 +28,7 @@ def add_to(app: typer.Typer) -> None:
 
 def effects(
     effect: Annotated[
-        str | None, typer.Argument(metavar="EFFECT", help="One effect, with its options.", show_default=False)
+        str | None, typer.Argument(metavar="EFFECT", help="One effect, with its options.")
     ] = None,
     json_to: JsonOption = None,
 ) -> None:

@@ -11,7 +11,6 @@ from armtrue.cli.shared.fits import load_measurements
 from armtrue.cli.shared.options import DataArgument, JsonOption, RobotOption, SkipBadOption
 from armtrue.cli.shared.output import Output
 from armtrue.io import load_robot
-from armtrue.io.files import refuse_to_lose
 
 if TYPE_CHECKING:
     from armtrue.checking import Finding
@@ -39,10 +38,8 @@ def check(
     from armtrue.checking import check as run_check
 
     output = Output(json_to)
-    refuse_to_lose([data, robot], [json_to])
     arm = load_robot(robot)
-    measurements = load_measurements(data, arm, skip_bad=skip_bad, strict=False)
-    refuse_to_lose([measurements.file], [json_to])
+    measurements = load_measurements(data, arm, [json_to], skip_bad=skip_bad, strict=False)
     report = run_check(measurements, arm)
     output.table(_findings_table(report.findings))
     output.say(f"\n{report.summary()}")

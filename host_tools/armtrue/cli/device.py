@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
+from dataclasses import asdict
 from enum import Enum
 from pathlib import Path
 from typing import Annotated
@@ -22,7 +23,7 @@ from rich.progress import (
     TransferSpeedColumn,
 )
 
-from armtrue.cli.shared.options import JsonOption
+from armtrue.cli.shared.options import JsonOption, TablesArgument
 from armtrue.cli.shared.output import STANDARD_OUTPUT, Output, plain_table
 from armtrue.device.commission import Listener, Report, examine
 from armtrue.device.compensator import (
@@ -43,9 +44,9 @@ from armtrue.device.image import checksum_of, read_image
 from armtrue.device.monitor import Monitor, Snapshot, draw
 from armtrue.device.recording import Recording, channel_label
 from armtrue.device.sdo import SdoClient
-from armtrue.device.upload import Step, UploadResult, upload_image
+from armtrue.device.upload import Step, upload_image
 from armtrue.errors import InputError
-from armtrue.io.files import check_writable, write_file
+from armtrue.io.files import write_file
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -57,10 +58,6 @@ Exit status: 0 done, 1 the device refused or a test failed, 2 bad input (nothing
 
 NOMINAL_BITRATE = 1_000_000
 SHORTEST_PERIOD_S = 0.05
-TablesArgument = Annotated[
-    Path,
-    typer.Argument(metavar="TABLES", help="Table image, as 'armtrue export' writes it.", show_default=False),
-]
 
 
 class Transfer(str, Enum):
@@ -124,24 +121,13 @@ def upload(
         warnings = device.warnings()
         result = upload_image(device, image, show, advance, transfer is Transfer.BLOCK, confirm)
     _say_warnings(output, warnings)
-    output.figures(_upload_document(result, image.sequence, image.checksum) | {"warnings": warnings})
+    told = {"sequence": image.sequence, "checksum": image.checksum, "warnings": warnings}
+    output.figures(asdict(result) | told)
 
 
 def _say_warnings(output: Output, warnings: list[str]) -> None:
     for warning in warnings:
         output.say(f"! warning   {warning}")
-
-
-def _upload_document(result: UploadResult, sequence: int, checksum: int) -> dict[str, object]:
-    return {
-        "steps": [{"name": step.name, "note": step.note} for step in result.steps],
-        "bytes_sent": result.bytes_sent,
-        "seconds": result.seconds,
-        "frames": result.frames,
-        "on_trial": result.on_trial,
-        "sequence": sequence,
-        "checksum": checksum,
-    }
 
 
 @app.command()
@@ -196,7 +182,7 @@ def _missing_protection(in_force: int) -> str:
 @app.command()
 @on_a_bus
 def dump(
-    out: Annotated[Path, typer.Argument(metavar="FILE", help="File to write.", show_default=False)],
+    out: Annotated[Path, typer.Argument(metavar="FILE", help="File to write.")],
     connection: Connection,
     json_to: JsonOption = None,
 ) -> None:
@@ -205,7 +191,6 @@ def dump(
     Example: armtrue device dump active.bin --interface socketcan --channel can0
     """
     output = Output(json_to)
-    check_writable(out)
     with connection.compensator() as device:
         image = _read_back(device, json_to == STANDARD_OUTPUT)
     write_file(out, image)
@@ -390,8 +375,7 @@ def monitor(
     connection: Connection,
     period: Annotated[float, typer.Option("--period", metavar="S", help="Time between pictures.")] = 0.25,
     duration: Annotated[
-        float | None,
-        typer.Option("--duration", metavar="S", help="Stop after this time.", show_default=False),
+        float | None, typer.Option("--duration", metavar="S", help="Stop after this time.")
     ] = None,
     record: Annotated[
         Path | None,
@@ -399,7 +383,6 @@ def monitor(
             "--record",
             metavar="FILE",
             help="Record all frames, in python-can's .asc, .blf, .log, …; replaces FILE at the end.",
-            show_default=False,
         ),
     ] = None,
     json_to: JsonOption = None,

@@ -7,13 +7,11 @@ from typing import Annotated, Any
 
 import typer
 
-from armtrue.candidates import name as name
 from armtrue.cli.shared.findings import present_added, present_diagnosis
 from armtrue.cli.shared.fits import load_with_data
 from armtrue.cli.shared.options import FitArgument, JsonOption, MovedDataOption, OutOption
 from armtrue.cli.shared.output import Output, waiting
 from armtrue.cli.shared.waterfall import Waterfall
-from armtrue.io.files import check_writable, refuse_to_lose
 
 
 def add_to(app: typer.Typer) -> None:
@@ -31,8 +29,7 @@ def diagnose(fit_file: FitArgument, data: MovedDataOption = None, json_to: JsonO
     from armtrue import diagnosis
 
     output = Output(json_to)
-    fit = load_with_data(fit_file, data)
-    refuse_to_lose([fit_file, fit.data.path, fit.data.file], [json_to])
+    fit = load_with_data(fit_file, data, [json_to])
     with waiting(output) as progress:
         result = diagnosis.diagnose(fit, progress=progress)
     present_diagnosis(result, output, fit_file, data)
@@ -51,9 +48,7 @@ def refine(
     from armtrue import diagnosis, fitting
 
     output = Output(json_to)
-    check_writable(out)
-    fit = load_with_data(fit_file, data)
-    refuse_to_lose([fit.data.path, fit.data.file], [out, json_to])
+    fit = load_with_data(fit_file, data, [out, json_to])
     waterfall = Waterfall(output)
 
     def keep(fit_so_far: fitting.Fit, step: dict[str, Any]) -> None:
@@ -84,9 +79,7 @@ def refine(
 
 
 def report(
-    fit_files: Annotated[
-        list[Path], typer.Argument(metavar="FIT…", help="Fits, first to last step.", show_default=False)
-    ],
+    fit_files: Annotated[list[Path], typer.Argument(metavar="FIT…", help="Fits, first to last step.")],
     out: OutOption,
     data: MovedDataOption = None,
 ) -> None:
@@ -96,9 +89,7 @@ def report(
     """
     from armtrue import report as report_writer
 
-    check_writable(out)
-    fits = [load_with_data(path, data) for path in fit_files]
-    refuse_to_lose([*fit_files, *(path for fit in fits for path in (fit.data.path, fit.data.file))], [out])
+    fits = [load_with_data(path, data, [out]) for path in fit_files]
     output = Output(None)
     with waiting(output) as progress:
         report_writer.write(fits, out, progress)

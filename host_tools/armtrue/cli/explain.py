@@ -18,9 +18,7 @@ def add_to(app: typer.Typer) -> None:
 
 
 def explain(
-    term: Annotated[
-        list[str] | None, typer.Argument(metavar="TERM", help="A word of a report.", show_default=False)
-    ] = None,
+    term: Annotated[list[str] | None, typer.Argument(metavar="TERM", help="A word of a report.")] = None,
 ) -> None:
     """Say what a word of reports and messages means; without TERM, list the words.
 

@@ -26,18 +26,18 @@ from armtrue.cli.shared.parameters import present_parameters
 from armtrue.errors import InputError, did_you_mean
 from armtrue.io import load_model, load_robot
 from armtrue.io.catalogue import catalogue
-from armtrue.io.files import check_writable, refuse_to_lose
 from armtrue.io.model import check_effect
 from armtrue.io.plausible import refuse_too_few_poses
 from armtrue.notebook import floor_sentence
-from armtrue.verdicts import length_words, scored
+from armtrue.verdicts import ERROR_FIGURES, PARTS_OF_ERROR, error_words
 
 if TYPE_CHECKING:
     from armtrue.fitting import Fit
 
-_ERROR_FIGURES = ("mean_um", "rms_um", "p95_um", "max_um")
-
-
+JointsOption = Annotated[
+    str | None,
+    typer.Option("--joints", metavar="K,K…", help="Joints, counted from 1; default: all of the effect."),
+]
 EffectOption = Annotated[
     list[str] | None,
     typer.Option("--option", metavar="NAME=VALUE", help="An option of the effect; may be repeated."),
@@ -82,12 +82,12 @@ def fit(
     from armtrue.checking import refuse_what_cannot_be_an_arm
 
     output = Output(json_to)
-    check_writable(out)
-    refuse_to_lose([data, robot, model], [out, json_to])
     arm = load_robot(robot)
     effects = load_model(model, arm)
-    measurements = load_measurements(data, arm, skip_bad=skip_bad).without(_rows(leave_out))
-    refuse_to_lose([measurements.file], [out, json_to])
+    measurements = load_measurements(data, arm, [out, json_to], skip_bad=skip_bad)
+    if leave_out is not None:
+        rows = _whole_numbers(leave_out, "--leave-out", "row numbers such as 12,40")
+        measurements = measurements.without(rows)
     refuse_too_few_poses(measurements.file, measurements.joints)
     if not force:
         refuse_what_cannot_be_an_arm(measurements, arm)
@@ -106,10 +106,7 @@ def add(
         str, typer.Argument(metavar="EFFECT", help="Effect of the catalogue, such as gear_harmonics.")
     ],
     out: OutOption,
-    joints: Annotated[
-        str | None,
-        typer.Option("--joints", metavar="K,K…", help="Joints, counted from 1; default: all it applies to."),
-    ] = None,
+    joints: JointsOption = None,
     option: EffectOption = None,
     data: MovedDataOption = None,
     json_to: JsonOption = None,
@@ -121,12 +118,10 @@ def add(
     from armtrue import fitting
 
     output = Output(json_to)
-    check_writable(out)
-    before = load_with_data(fit_file, data)
-    refuse_to_lose([before.data.path, before.data.file], [out, json_to])
+    before = load_with_data(fit_file, data, [out, json_to])
     wanted = {**_options(option or []), "effect": effect}
     if joints is not None:
-        wanted["joints"] = _joint_list(joints)
+        wanted["joints"] = _whole_numbers(joints, "--joints", "joint numbers such as 2,3")
     already = [*before.effects, *_effects_with_joints(before)]
     entry = check_effect(wanted, before.robot, str(fit_file), already=already)
     try:
@@ -134,10 +129,7 @@ def add(
             after = fitting.with_effects(before, [*before.effects, entry], progress=progress)
     except InputError as error:
         raise InputError(f"{fit_file}: {effect} cannot be added: {error}") from None
-    after.save(out)
-    present_fall(before, after, output)
-    output.say(f"\nwritten: {out}")
-    output.figures({"before": before.document["error"], **summary(after)})
+    _keep_change(before, after, out, output)
 
 
 def remove(
@@ -146,10 +138,7 @@ def remove(
         str, typer.Argument(metavar="EFFECT", help="Effect of the model, such as joint_compliance.")
     ],
     out: OutOption,
-    joints: Annotated[
-        str | None,
-        typer.Option("--joints", metavar="K,K…", help="Joints, counted from 1; default: all it acts on."),
-    ] = None,
+    joints: JointsOption = None,
     option: EffectOption = None,
     data: MovedDataOption = None,
     json_to: JsonOption = None,
@@ -163,13 +152,16 @@ def remove(
     from armtrue import fitting
 
     output = Output(json_to)
-    check_writable(out)
-    before = load_with_data(fit_file, data)
-    refuse_to_lose([before.data.path, before.data.file], [out, json_to])
+    before = load_with_data(fit_file, data, [out, json_to])
     wanted = {**_options(option or []), "effect": effect}
-    kept = _without(before, wanted, None if joints is None else _joint_list(joints), fit_file)
+    on = None if joints is None else _whole_numbers(joints, "--joints", "joint numbers such as 2,3")
+    kept = _without(before, wanted, on, fit_file)
     with waiting(output) as progress:
         after = fitting.with_effects(before, kept, progress=progress)
+    _keep_change(before, after, out, output)
+
+
+def _keep_change(before: Fit, after: Fit, out: Path, output: Output) -> None:
     after.save(out)
     present_fall(before, after, output)
     output.say(f"\nwritten: {out}")
@@ -255,31 +247,23 @@ def present_fit(result: Fit, output: Output, all_parameters: bool = False) -> No
 
 def present_fall(before: Fit, after: Fit, output: Output) -> None:
     """Print the error before and after a change."""
-    table = plain_table("error [µm]", "mean", "RMS", "95 %", "max")
+    table = plain_table("error [µm]", *ERROR_FIGURES.values())
     for name, fitted in (("before", before), ("after", after)):
         for part in ("train", "held_out"):
-            table.add_row(f"{name}, {_PARTS[part]}", *_error_cells(fitted.document["error"][part]))
+            table.add_row(f"{name}, {PARTS_OF_ERROR[part]}", *error_words(fitted.document["error"][part]))
     output.table(table)
     output.say(floor_sentence(after.document))
 
 
-_PARTS = {"nominal": "nominal, base and tool fitted", "train": "training poses", "held_out": "held-out poses"}
-
-
 def _error_table(document: dict[str, Any]) -> Any:
     error = document["error"]
-    table = plain_table("error [µm]", "mean", "RMS", "95 %", "max", "rows")
-    for part, name in _PARTS.items():
-        if error.get(part):
-            table.add_row(name, *_error_cells(error[part]), str(error[part].get("n", "")))
-    for split, figures in error["held_out_by"].items():
+    table = plain_table("error [µm]", *ERROR_FIGURES.values(), "rows")
+    parts = {name: error.get(part) for part, name in PARTS_OF_ERROR.items()}
+    parts |= {f"  held out by {split}": figures for split, figures in error["held_out_by"].items()}
+    for name, figures in parts.items():
         if figures:
-            table.add_row(f"  held out by {split}", *_error_cells(figures), str(figures.get("n", "")))
+            table.add_row(name, *error_words(figures), str(figures.get("n", "")))
     return table
-
-
-def _error_cells(figures: dict[str, float]) -> list[str]:
-    return [length_words(scored(figures)[name]) for name in _ERROR_FIGURES]
 
 
 def _effects_with_joints(fit: Fit) -> list[dict[str, Any]]:
@@ -292,18 +276,11 @@ def _effects_with_joints(fit: Fit) -> list[dict[str, Any]]:
     return effects
 
 
-def _rows(text: str | None) -> list[int]:
-    try:
-        return [int(part) for part in (text or "").replace(",", " ").split()]
-    except ValueError:
-        raise InputError(f"--leave-out: found '{text}', expected row numbers such as 12,40") from None
-
-
-def _joint_list(text: str) -> list[int]:
+def _whole_numbers(text: str, option: str, expected: str) -> list[int]:
     try:
         return [int(part) for part in text.replace(",", " ").split()]
     except ValueError:
-        raise InputError(f"--joints: found '{text}', expected joint numbers such as 2,3") from None
+        raise InputError(f"{option}: found '{text}', expected {expected}") from None
 
 
 def _options(pairs: list[str]) -> dict[str, Any]:

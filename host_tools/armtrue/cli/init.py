@@ -19,21 +19,14 @@ def add_to(app: typer.Typer) -> None:
 
 def init(
     files: Annotated[
-        list[Path],
-        typer.Argument(metavar="FILE…", help="Measurements as exported: CSV, TXT, XLSX.", show_default=False),
+        list[Path], typer.Argument(metavar="FILE…", help="Measurements as exported: CSV, TXT, XLSX.")
     ],
-    urdf: Annotated[
-        Path | None, typer.Option("--urdf", metavar="URDF", help="The arm as a URDF.", show_default=False)
-    ] = None,
+    urdf: Annotated[Path | None, typer.Option("--urdf", metavar="URDF", help="The arm as a URDF.")] = None,
     dh: Annotated[
-        Path | None,
-        typer.Option(
-            "--dh", metavar="TABLE", help="The arm as a table: a, alpha, d, theta.", show_default=False
-        ),
+        Path | None, typer.Option("--dh", metavar="TABLE", help="The arm as a table: a, alpha, d, theta.")
     ] = None,
     robot: Annotated[
-        Path | None,
-        typer.Option("--robot", "-r", metavar="ROBOT", help="The arm as a robot.yaml.", show_default=False),
+        Path | None, typer.Option("--robot", "-r", metavar="ROBOT", help="The arm as a robot.yaml.")
     ] = None,
     out: Annotated[
         Path, typer.Option("--out", "-o", metavar="FOLDER", help="Folder to write into.", show_default=False)

@@ -9,13 +9,12 @@ from typing import Annotated, Any
 
 import typer
 
-from armtrue.cli.predicting import write_columns
 from armtrue.cli.shared.fits import load_with_data
 from armtrue.cli.shared.options import JsonOption, MovedDataOption, OutOption
 from armtrue.cli.shared.output import Output, plain_table, waiting
 from armtrue.errors import InputError
 from armtrue.io import Robot, load_model, load_robot
-from armtrue.io.files import check_writable, refuse_to_lose
+from armtrue.io.files import write_file
 from armtrue.io.model import check_effect
 from armtrue.planning import SETTLED, Ambiguity, Cell, Plan, Rival, argument_of, entry_of
 
@@ -32,20 +31,13 @@ def add_to(app: typer.Typer) -> None:
 
 def plan(
     fit_file: Annotated[
-        Path | None,
-        typer.Argument(metavar="[FIT]", help="A fit whose ambiguity to settle.", show_default=False),
+        Path | None, typer.Argument(metavar="[FIT]", help="A fit whose ambiguity to settle.")
     ] = None,
     robot: Annotated[
-        Path | None,
-        typer.Option(
-            "--robot", "-r", metavar="ROBOT", help="For a first campaign: robot.yaml.", show_default=False
-        ),
+        Path | None, typer.Option("--robot", "-r", metavar="ROBOT", help="For a first campaign: robot.yaml.")
     ] = None,
     model: Annotated[
-        Path | None,
-        typer.Option(
-            "--model", "-m", metavar="MODEL", help="For a first campaign: model.yaml.", show_default=False
-        ),
+        Path | None, typer.Option("--model", "-m", metavar="MODEL", help="For a first campaign: model.yaml.")
     ] = None,
     *,
     poses: Annotated[int, typer.Option("--poses", min=1, max=_MOST_POSES, help="How many poses.")],
@@ -57,12 +49,10 @@ def plan(
             metavar="A B",
             help="Effects to tell apart, whatever this data prefers, such as gear_harmonics:2 joint_compliance:2; "
             "otherwise what the data leave open of the diagnosis' ambiguity set.",
-            show_default=False,
         ),
     ] = None,
     also: Annotated[
-        list[str] | None,
-        typer.Option("--also", metavar="C", help="A further effect beside --candidates.", show_default=False),
+        list[str] | None, typer.Option("--also", metavar="C", help="A further effect beside --candidates.")
     ] = None,
     sharpen: Annotated[
         bool, typer.Option("--sharpen", help="Poses for the fit's own parameters, whatever is missing.")
@@ -74,67 +64,39 @@ def plan(
             metavar="COLUMN=V,V",
             help="Values to choose from: payload=0,8,16 or temp_arm=20,35; dir=-1,1 means every joint's; "
             "time=0,3600: not before these seconds of the session.",
-            show_default=False,
         ),
     ] = None,
     tool: Annotated[
         tuple[float, float, float] | None,
         typer.Option(
-            "--tool",
-            metavar="X Y Z",
-            help="Reflector in the flange [m], where robot.yaml has no tool.",
-            show_default=False,
+            "--tool", metavar="X Y Z", help="Reflector in the flange [m], where robot.yaml has no tool."
         ),
     ] = None,
     box: Annotated[
         tuple[float, float, float, float, float, float] | None,
-        typer.Option(
-            "--box",
-            metavar="X X Y Y Z Z",
-            help="Keep the tool point inside [m, robot base].",
-            show_default=False,
-        ),
+        typer.Option("--box", metavar="X X Y Y Z Z", help="Keep the tool point inside [m, robot base]."),
     ] = None,
     floor: Annotated[
         float | None,
-        typer.Option(
-            "--floor",
-            metavar="Z",
-            help="Keep joints and tool point above [m, robot base].",
-            show_default=False,
-        ),
+        typer.Option("--floor", metavar="Z", help="Keep joints and tool point above [m, robot base]."),
     ] = None,
     tracker: Annotated[
         tuple[float, float, float] | None,
         typer.Option(
-            "--tracker",
-            metavar="X Y Z",
-            help="Keep the line of sight from here free [m, robot base].",
-            show_default=False,
+            "--tracker", metavar="X Y Z", help="Keep the line of sight from here free [m, robot base]."
         ),
     ] = None,
     clearance: Annotated[
-        float | None,
-        typer.Option(
-            "--clearance", metavar="M", help="Of the line of sight from the arm [m].", show_default=False
-        ),
+        float | None, typer.Option("--clearance", metavar="M", help="Of the line of sight from the arm [m].")
     ] = None,
     acceptance: Annotated[
         float | None,
-        typer.Option(
-            "--acceptance",
-            metavar="DEG",
-            help="The reflector is seen within this of its opening.",
-            show_default=False,
-        ),
+        typer.Option("--acceptance", metavar="DEG", help="The reflector is seen within this of its opening."),
     ] = None,
     opening: Annotated[
         tuple[float, float, float] | None,
         typer.Option(
-            "--opening",
-            metavar="X Y Z",
-            help="Where the reflector looks, in the tool frame; z otherwise.",
-            show_default=False,
+            "--opening", metavar="X Y Z", help="Where the reflector looks, in the tool frame; z otherwise."
         ),
     ] = None,
     choose_from: Annotated[int, typer.Option("--choose-from", help="Possible poses to choose from.")] = 4000,
@@ -157,8 +119,6 @@ def plan(
     from armtrue import diagnosis, planning
 
     output = Output(json_to)
-    check_writable(out)
-    refuse_to_lose([fit_file, robot, model, data], [out, json_to])
     if also and not candidates:
         raise InputError(f"--also: found '{also[0]}' without --candidates, expected it beside two")
     if clearance is not None and not clearance > 0.0:
@@ -194,7 +154,7 @@ def plan(
         for name, given in (("--robot", robot), ("--model", model), ("--tool", tool)):
             if given is not None:
                 raise InputError(f"{name}: found it beside {fit_file}, expected one or the other")
-        fit = load_with_data(fit_file, data)
+        fit = load_with_data(fit_file, data, [out, json_to])
         settings["levels"] = _levels(levels or [], fit.robot)
         with waiting(output) as progress:
             if candidates:
@@ -204,13 +164,10 @@ def plan(
             else:
                 ambiguity = planning.ambiguity(fit, diagnosis.diagnose(fit, progress=progress))
                 rivals = ambiguity.open if ambiguity else []
-            if rivals:
-                result = planning.plan_separation(fit, rivals, poses, progress=progress, **settings)
-            else:
-                result = planning.plan_sharpening(fit, poses, progress=progress, **settings)
+            result = planning.plan(fit, poses, rivals=rivals, progress=progress, **settings)
         if not candidates and not sharpen:
             _present_ambiguity(ambiguity, result, f"armtrue plan {fit_file}", output)
-    write_columns(out, list(result.columns), list(zip(*result.columns.values(), strict=True)), result.target)
+    write_file(out, result.csv())
     present_plan(result, output)
     output.say(f"\nwritten: {out}")
     columns = {

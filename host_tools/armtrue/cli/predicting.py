@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io as text_io
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -23,10 +21,10 @@ from armtrue.cli.shared.output import Output, plain_table
 from armtrue.errors import InputError
 from armtrue.io import Dataset, Robot, load_data
 from armtrue.io.dataset import in_file_order
-from armtrue.io.files import check_writable, refuse_to_lose, write_file
+from armtrue.io.files import csv_text, refuse_to_lose, write_file
+from armtrue.verdicts import ERROR_FIGURES
 
 _COVARIANCES = {"cxx": (0, 0), "cxy": (0, 1), "cxz": (0, 2), "cyy": (1, 1), "cyz": (1, 2), "czz": (2, 2)}
-_FIGURES = {"mean_um": "mean", "rms_um": "RMS", "p95_um": "95 %", "max_um": "max"}
 
 
 def add_to(app: typer.Typer) -> None:
@@ -60,15 +58,13 @@ def predict(
     from armtrue.uncertainty import position_covariance, standard_deviation_m
 
     output = Output(None)
-    check_writable(out)
-    refuse_to_lose([fit_file, poses, data], [out])
     if data is not None and not uncertainty:
         raise InputError(
             "--data: found it without --uncertainty, expected it beside it: nothing else reads it"
         )
-    result = load_with_data(fit_file, data) if uncertainty else fitting.Fit.load(fit_file)
+    result = load_with_data(fit_file, data, [out]) if uncertainty else fitting.Fit.load(fit_file)
     wanted = load_data(poses, result.robot, need_position=False)
-    refuse_to_lose([wanted.file, *(_measurements(result) if uncertainty else [])], [out])
+    refuse_to_lose([wanted.file], [out])
     predicted = result.predict(wanted)
     texts = [[f"{value:.10f}" for value in row] for row in predicted]
     names = ["x", "y", "z"]
@@ -81,7 +77,7 @@ def predict(
         output.say(
             f"uncertainty of the model at these poses: {1e6 * typical:.1f} µm (median, one standard deviation)"
         )
-    write_rows(out, names, texts)
+    write_file(out, csv_text(names, texts))
     output.items(result.assumed(wanted)[1])
     measured = _with_positions(poses, result.robot)
     error = None if measured is None else comparing.prediction_error(predicted, measured)
@@ -104,10 +100,8 @@ def compare(
     from armtrue import comparing, fitting
 
     output = Output(json_to)
-    refuse_to_lose([fit_file, data], [json_to])
     result = fitting.Fit.load(fit_file)
-    measurements = load_measurements(data, result.robot, skip_bad=skip_bad)
-    refuse_to_lose([measurements.file], [json_to])
+    measurements = load_measurements(data, result.robot, [json_to], skip_bad=skip_bad)
     found = comparing.compare(result, measurements)
     output.items([*measurements.notes, *result.assumed(measurements)[1]])
     _present(found, output)
@@ -137,7 +131,7 @@ def _present(found: Any, output: Output) -> None:
 
 
 def _error_words(error: dict[str, float]) -> str:
-    return ", ".join(f"{word} {error[key]:.1f} µm" for key, word in _FIGURES.items())
+    return ", ".join(f"{word} {error[key]:.1f} µm" for key, word in ERROR_FIGURES.items())
 
 
 def _with_positions(poses: Path, robot: Robot) -> Dataset | None:
@@ -146,26 +140,3 @@ def _with_positions(poses: Path, robot: Robot) -> Dataset | None:
         return in_file_order(load_data(poses, robot, strict=False))
     except InputError:
         return None
-
-
-def _measurements(fit: Any) -> list[Path]:
-    return [fit.data.path, fit.data.file]
-
-
-def write_columns(out: Path, names: list[str], rows: Any, target: str | None = None) -> None:
-    """Write a CSV of `names` and the (N, len(names)) array `rows`, to a nanometre and below.
-
-    `target`: the reflector of all rows, in a column of its own; None where there is no such column.
-    """
-    own = [] if target is None else [target]
-    cells = [[*(f"{value:.10f}" for value in row), *own] for row in rows]
-    write_rows(out, [*names, *(["target"] if own else [])], cells)
-
-
-def write_rows(out: Path, names: list[str], rows: list[list[str]]) -> None:
-    """Write a CSV of `names` and `rows`."""
-    text = text_io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(names)
-    writer.writerows(rows)
-    write_file(out, text.getvalue())

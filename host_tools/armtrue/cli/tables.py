@@ -9,19 +9,11 @@ from typing import Annotated
 
 import typer
 
-from armtrue.cli.predicting import write_columns
-from armtrue.cli.shared.options import FitArgument, JsonOption, OutOption, PosesArgument
+from armtrue.cli.shared.options import FitArgument, JsonOption, OutOption, PosesArgument, TablesArgument
 from armtrue.cli.shared.output import Output
 from armtrue.errors import InputError
-from armtrue.io.files import check_writable, refuse_to_lose, write_file
+from armtrue.io.files import csv_text, write_file
 from armtrue.tables.compensate import Engine
-
-TablesArgument = Annotated[
-    Path,
-    typer.Argument(
-        metavar="TABLES", help="A table image, as 'armtrue export' writes it.", show_default=False
-    ),
-]
 
 tables_app = typer.Typer(no_args_is_help=True, help="Look into table images.")
 
@@ -106,9 +98,6 @@ def export(
     from armtrue.tables.info import describe
 
     output = Output(json_to)
-    check_writable(out)
-    check_writable(sidecar(out))
-    refuse_to_lose([fit_file], [out, json_to])
     _refuse_sizes(sequence, max_correction, max_rate, dead_band, damping, payload_max, _numbers(increments))
     document = fitting.Fit.load(fit_file).document
     options = ExportOptions(
@@ -167,14 +156,13 @@ def compensate(
     import numpy as np
 
     from armtrue.tables.compensate import compensate as run
-    from armtrue.tables.compensate import sidecar
 
     output = Output(json_to)
-    check_writable(out)
-    refuse_to_lose([tables, sidecar(tables), poses, fit], [out, json_to])
     result = run(tables, poses, engine, fit, increments)
     names = [f"q{k + 1}" for k in range(result.joints.shape[1])]
-    write_columns(out, [*names, "tx", "ty", "tz"], np.column_stack([result.joints, result.intended]))
+    rows = np.column_stack([result.joints, result.intended])
+    cells = [[f"{value:.10f}" for value in row] for row in rows]
+    write_file(out, csv_text([*names, "tx", "ty", "tz"], cells))
     output.items(result.notes)
     output.say(f"written: {out} ({len(result.joints)} poses)")
     if leaving := result.limits_words():
@@ -203,7 +191,6 @@ def keygen(
     """
     from armtrue.tables import signing
 
-    check_writable(out)
     public_path, key = signing.write_key_pair(out)
     output = Output(None)
     output.say(f"written: {out} (secret: keep it, and keep it from others), {public_path}")

@@ -27,9 +27,7 @@ def add_to(app: typer.Typer) -> None:
 def open_workbench(
     files: Annotated[
         list[Path] | None,
-        typer.Argument(
-            metavar="FILE…", help="Measurements (CSV, dataset.yaml) or fits (fit.json).", show_default=False
-        ),
+        typer.Argument(metavar="FILE…", help="Measurements (CSV, dataset.yaml) or fits (fit.json)."),
     ] = None,
     robot: Annotated[
         Path | None,

@@ -26,13 +26,9 @@ class BusOptions:
 
     def arguments(self) -> dict[str, Any]:
         """Keyword arguments of can.Bus. Raises InputError for an extra that is not KEY=VALUE."""
+        rates = {"bitrate": self.bitrate, "fd": self.fd or None, "data_bitrate": self.data_bitrate}
         found: dict[str, Any] = {"interface": self.interface, "channel": self.channel}
-        if self.bitrate is not None:
-            found["bitrate"] = self.bitrate
-        if self.fd:
-            found["fd"] = True
-        if self.data_bitrate is not None:
-            found["data_bitrate"] = self.data_bitrate
+        found |= {key: value for key, value in rates.items() if value is not None}
         for text in self.extra:
             key, separator, value = text.partition("=")
             if not separator or not key:

@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 
 import can
 import numpy as np
-from numpy.typing import NDArray
 
+from armtrue.arrays import Array
 from armtrue.device.cycle_frames import (
     ACTUAL_POSITION,
     RECEIVE,
@@ -37,8 +37,6 @@ _AS_GOOD_SHARE = 0.002
 # What the slope may differ from one.
 SCALE_TOLERANCE = 0.02
 _MEMORY = 20  # of a lag: what is older weighs nothing
-
-Samples = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -86,7 +84,7 @@ class Report:
         }
 
 
-def match(target: Samples, actual: Samples) -> Match:
+def match(target: Array, actual: Array) -> Match:
     """The best linear dependence of an actual position on a target that came before it."""
     best = Match(0.0, 0.0, 0)
     for delay in range(min(_LONGEST_DELAY, len(target) // 4) + 1):
@@ -111,7 +109,7 @@ def match(target: Samples, actual: Samples) -> Match:
     return replace(best, smoothed_slope=float(found @ found) / common if fits else best.slope)
 
 
-def examine(targets: Samples, actuals: Samples) -> Report:
+def examine(targets: Array, actuals: Array) -> Report:
     """Compare recorded targets with actual positions (cycles × axes; NaN columns: never heard)."""
     joints = targets.shape[1]
     commanded = np.ptp(targets, axis=0) if len(targets) else np.zeros(joints)
@@ -221,7 +219,7 @@ class Listener:
         self.maps_targets = {axis for places in mapped.values() for _, axis in places} >= set(range(joints))
         self._actuals = mapping_of(client, *RECEIVE, ACTUAL_POSITION)
         self._latest = np.full(joints, np.nan)
-        self._rows: list[tuple[list[int], Samples]] = []
+        self._rows: list[tuple[list[int], Array]] = []
 
     def take(self, message: can.Message) -> None:
         """A frame of the bus, in its order."""
@@ -239,7 +237,7 @@ class Listener:
             if axis < self._joints and len(value) == VALUE_BYTES:
                 self._latest[axis] = int.from_bytes(value, "little", signed=True)
 
-    def recorded(self) -> tuple[Samples, Samples]:
+    def recorded(self) -> tuple[Array, Array]:
         """Targets and actual positions by cycle, from when every position that comes at all had come."""
         comes = ~np.isnan(self._latest)
         rows = [row for row in self._rows if not np.isnan(row[1][comes]).any()]

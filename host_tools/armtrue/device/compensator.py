@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 from armtrue.device.eds import Entry, dictionary
@@ -188,12 +189,8 @@ class Compensator:
 
     def save(self) -> None:
         """Make the parameters as they are those of every later start (0x1010). Raises DeviceRefusedError."""
-        try:
+        with _refused_for_its_state(_STILL_MOVING_AT_SAVE):
             self.write("Store parameters.Save all parameters", _SAVE, _COMMAND_TIMEOUT_S)
-        except SdoAbortError as refusal:
-            if refusal.code == _DEVICE_STATE:
-                raise DeviceRefusedError(_STILL_MOVING_AT_SAVE) from None
-            raise
 
     def command(self, word: str) -> None:
         """One table command: vrfy, cmit, actv, cfrm, rvrt, dscd.
@@ -209,12 +206,8 @@ class Compensator:
         """Transfer an image into the staging buffer."""
         entry = self._entry("Table staging image")
         transfer = self.client.download_block if block else self.client.download_segmented
-        try:
+        with _refused_for_its_state(STILL_MOVING):
             transfer(entry.index, entry.sub, image, progress)
-        except SdoAbortError as refusal:
-            if refusal.code == _DEVICE_STATE:
-                raise DeviceRefusedError(_STILL_MOVING) from None
-            raise
 
     def dump(self, progress: ByteProgress) -> bytes:
         """The image in force. Empty if there is none. Raises CommunicationError if it came damaged."""
@@ -237,12 +230,8 @@ class Compensator:
 
     def self_test(self) -> dict[str, bool]:
         """Run the device's tests; which passed, by name."""
-        try:
+        with _refused_for_its_state(STILL_MOVING):
             self.write("Self-test.Run", (1 << len(SELF_TESTS)) - 1, _COMMAND_TIMEOUT_S)
-        except SdoAbortError as refusal:
-            if refusal.code == _DEVICE_STATE:
-                raise DeviceRefusedError(_STILL_MOVING) from None
-            raise
         failed = self.read_number("Self-test.Tests failed")
         return {name: not failed & 1 << bit for bit, name in enumerate(SELF_TESTS)}
 
@@ -255,7 +244,7 @@ class Compensator:
 
     def _explain(self, word: str, refusal: SdoAbortError) -> str:
         if refusal.code == _DEVICE_STATE and not self.is_quiet():
-            return _STILL_MOVING
+            return STILL_MOVING
         if refusal.code == _INCOMPATIBLE:
             reason = self.read_number("Table status.Refusal reason")
             at = self.read_number("Table status.Refusal byte offset")
@@ -265,7 +254,18 @@ class Compensator:
         return f"the device could not do it: {refusal}"
 
 
-_STILL_MOVING = "joint commands are arriving; stop the controller before tables are changed"
+@contextmanager
+def _refused_for_its_state(why: str) -> Iterator[None]:
+    """Raise DeviceRefusedError with `why` where the device refuses what is done meanwhile for the state it is in."""
+    try:
+        yield
+    except SdoAbortError as refusal:
+        if refusal.code == _DEVICE_STATE:
+            raise DeviceRefusedError(why) from None
+        raise
+
+
+STILL_MOVING = "joint commands are arriving; stop the controller before tables are changed"
 _STILL_MOVING_AT_SAVE = (
     "joint commands are arriving, or a drive is not disabled (an erase of flash stops forwarding): disable the drives "
     "and stop the controller before parameters are saved"

@@ -22,30 +22,15 @@ NO_COMMUNICATION = 3
 DEFAULT_NODE = 32
 
 _InterfaceOption = typer.Option(
-    "--interface",
-    "-i",
-    metavar="NAME",
-    help="python-can interface: socketcan, slcan, pcan, …",
-    show_default=False,
+    "--interface", "-i", metavar="NAME", help="python-can interface: socketcan, slcan, pcan, …"
 )
 _ChannelOption = typer.Option(
-    "--channel",
-    "-c",
-    metavar="NAME",
-    help="Its channel: can0, /dev/ttyACM0, socket://host:port, …",
-    show_default=False,
+    "--channel", "-c", metavar="NAME", help="Its channel: can0, /dev/ttyACM0, socket://host:port, …"
 )
-_BitrateOption = typer.Option(
-    "--bitrate", metavar="BIT/S", help="Where the interface has to be told.", show_default=False
-)
-_DataBitrateOption = typer.Option(
-    "--data-bitrate", metavar="BIT/S", help="CAN FD data phase.", show_default=False
-)
+_BitrateOption = typer.Option("--bitrate", metavar="BIT/S", help="Where the interface has to be told.")
+_DataBitrateOption = typer.Option("--data-bitrate", metavar="BIT/S", help="CAN FD data phase.")
 _ExtraOption = typer.Option(
-    "--bus-option",
-    metavar="KEY=VALUE",
-    help="Passed to python-can as it stands; repeatable.",
-    show_default=False,
+    "--bus-option", metavar="KEY=VALUE", help="Passed to python-can as it stands; repeatable."
 )
 
 

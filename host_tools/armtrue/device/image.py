@@ -42,19 +42,19 @@ def read_image(path: Path) -> ImageInfo:
     least = layout.HEADER.size + layout.CHECKSUM.size
     if len(data) < least:
         raise InputError(f"{path}: {len(data)} bytes, expected a table image of at least {least}")
-    header = layout.HEADER.unpack_from(data)
-    magic, version, header_length, image_length, flags, sequence, joint_count = header[:7]
-    serial = header[10]
-    if magic != layout.MAGIC:
-        raise InputError(f"{path}: begins with {magic!r}, expected the {layout.MAGIC!r} of a table image")
-    if version != layout.VERSION or header_length != layout.HEADER.size:
-        raise InputError(f"{path}: table format {version}, expected {layout.VERSION}")
-    if image_length != len(data):
-        raise InputError(f"{path}: {len(data)} bytes, the header says {image_length}")
+    header = layout.header_of(data)
+    if header["magic"] != layout.MAGIC:
+        raise InputError(
+            f"{path}: begins with {header['magic']!r}, expected the {layout.MAGIC!r} of a table image"
+        )
+    if header["version"] != layout.VERSION or header["header_length"] != layout.HEADER.size:
+        raise InputError(f"{path}: table format {header['version']}, expected {layout.VERSION}")
+    if header["length"] != len(data):
+        raise InputError(f"{path}: {len(data)} bytes, the header says {header['length']}")
     stored, computed = own_checksum(data), checksum_of(data)
     if stored != computed:
         raise InputError(f"{path}: checksum 0x{stored:08X}, expected 0x{computed:08X}: the file is damaged")
     return ImageInfo(
-        path, data, version, joint_count, sequence, serial.rstrip(b"\0").decode("ascii", "replace"),
-        bool(flags & layout.FLAG_SIGNED), computed,
+        path, data, header["version"], header["joint_count"], header["sequence"],
+        header["serial"].rstrip(b"\0").decode("ascii", "replace"), bool(header["flags"] & layout.FLAG_SIGNED), computed,
     )  # fmt: skip

@@ -8,12 +8,13 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from armtrue.device.commission import Samples, examine
+from armtrue.arrays import Array
+from armtrue.device.commission import examine
 
 JOINTS, CYCLES = 6, 3000
 
 
-def one_after_the_other(amplitude: float = 50_000.0) -> Samples:
+def one_after_the_other(amplitude: float = 50_000.0) -> Array:
     """Each axis swings once while the others stand."""
     targets = np.zeros((CYCLES, JOINTS))
     share = CYCLES // JOINTS
@@ -22,13 +23,13 @@ def one_after_the_other(amplitude: float = 50_000.0) -> Samples:
     return targets + 1000.0 * np.arange(JOINTS)
 
 
-def all_at_once() -> Samples:
+def all_at_once() -> Array:
     """Every axis at its own pace."""
     time = np.linspace(0.0, 20.0, CYCLES)
     return np.stack([40_000.0 * np.sin((0.4 + 0.23 * k) * time + k) for k in range(JOINTS)], axis=1)
 
 
-def drives(targets: Samples, lag: float = 0.12, noise: float = 2.0) -> Samples:
+def drives(targets: Array, lag: float = 0.12, noise: float = 2.0) -> Array:
     """Position loops behind the targets, with the trembling of an encoder."""
     actual = np.empty_like(targets)
     position = targets[0].copy()
@@ -39,7 +40,7 @@ def drives(targets: Samples, lag: float = 0.12, noise: float = 2.0) -> Samples:
 
 
 @pytest.mark.parametrize("motion", [one_after_the_other, all_at_once])
-def test_right_drives_are_right(motion: Callable[[], Samples]) -> None:
+def test_right_drives_are_right(motion: Callable[[], Array]) -> None:
     targets = motion()
     report = examine(targets, drives(targets))
     assert report.is_right, (report.findings, report.unknown)
@@ -47,7 +48,7 @@ def test_right_drives_are_right(motion: Callable[[], Samples]) -> None:
 
 
 @pytest.mark.parametrize("motion", [one_after_the_other, all_at_once])
-def test_exchanged_drives_are_one_sentence(motion: Callable[[], Samples]) -> None:
+def test_exchanged_drives_are_one_sentence(motion: Callable[[], Array]) -> None:
     targets = motion()
     actuals = drives(targets)[:, [0, 2, 1, 3, 4, 5]]
     assert examine(targets, actuals).findings == ["axes 2 and 3: their drives are exchanged"]

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from armtrue.device.compensator import NO_SLOT, Compensator, DeviceRefusedError, Status
+from armtrue.device.compensator import NO_SLOT, STILL_MOVING, Compensator, DeviceRefusedError, Status
 from armtrue.device.image import ImageInfo
 from armtrue.device.sdo import CommunicationError, SdoAbortError
 from armtrue.errors import InputError
@@ -133,9 +133,7 @@ def _bring_into_force(
         done("transferred", "by an earlier attempt")
     else:
         if not device.is_quiet():
-            raise DeviceRefusedError(
-                "joint commands are arriving; stop the controller before tables are changed"
-            )
+            raise DeviceRefusedError(STILL_MOVING)
         _transfer(device, image, transfer_progress, block, result)
         rate = result.bytes_sent / result.seconds if result.seconds > 0 else 0.0
         done("transferred", f"{result.bytes_sent} bytes in {result.seconds:.2f} s ({rate / 1000:.1f} kB/s)")

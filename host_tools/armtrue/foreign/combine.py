@@ -10,12 +10,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from armtrue.arrays import Array
 from armtrue.errors import InputError, RowError
 from armtrue.foreign.headers import Meaning
 from armtrue.foreign.sheets import Sheet, is_number, to_float
 from armtrue.io.columns import UNITS
-
-Array = NDArray[np.float64]
 
 _FARTHEST_M = 20.0
 # Joints of one pose differ by less, rad or m.
@@ -252,7 +251,7 @@ def long_table(parts: list[Part]) -> tuple[dict[str, Array], list[str] | None, l
             "under a header that names them (q1, J1, A1, joint_1 …)"
         )
     base = with_joints[0]
-    blocks: list[tuple[str, Part, list[str], NDArray[np.int64], NDArray[np.int64]]] = []
+    blocks: list[tuple[str, Part, str, NDArray[np.int64], NDArray[np.int64]]] = []
     notes: list[str] = []
     for part in parts:
         if not part.meaning.points:
@@ -262,10 +261,10 @@ def long_table(parts: list[Part]) -> tuple[dict[str, Array], list[str] | None, l
         else:
             own, other, how = match_rows(base, part)
             notes.append(f"{part.sheet.path.name} belongs to {base.sheet.path.name} {how}")
-        for name, headers in part.meaning.points.items():
+        for name in part.meaning.points:
             alone = len(part.meaning.points) == 1 and part is not base
             label = part.sheet.path.stem if alone else (name or part.sheet.path.stem)
-            blocks.append((label, part, headers, own, other))
+            blocks.append((label, part, name, own, other))
     if not blocks:
         raise InputError(
             f"{base.sheet.path}: found no columns of points, expected x, y and z in one of the files"
@@ -276,13 +275,11 @@ def long_table(parts: list[Part]) -> tuple[dict[str, Array], list[str] | None, l
         )
     columns: dict[str, list[Array]] = {}
     labels: list[str] = []
-    for label, part, headers, own, other in blocks:
+    for label, part, point, own, other in blocks:
         for name, header in base.meaning.joints.items():
             columns.setdefault(name, []).append(base.in_si(name, header)[own])
-        unit = UNITS[part.units[f"point {next(k for k, v in part.meaning.points.items() if v is headers)}"]][
-            1
-        ]
-        for axis, header in zip("xyz", headers, strict=True):
+        _, unit, _ = UNITS[part.units[f"point {point}"]]
+        for axis, header in zip("xyz", part.meaning.points[point], strict=True):
             columns.setdefault(axis, []).append(part.numbers(header)[other] * unit)
         # What both files have is taken from that with the joints.
         further: dict[str, Array] = {}

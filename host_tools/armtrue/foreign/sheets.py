@@ -26,30 +26,14 @@ _UNIT = re.compile(
     r"[\[(<{]\s*([^\])>}]+?)\s*[\])>}]\s*$|/\s*([A-Za-z°µ]+)\s*$|"
     r"[_ ](mm|cm|um|µm|in|inch|rad|deg|degC|degF|K|ms|kg|lb|Nm)$"
 )
-_UNIT_WORDS = {
-    **{
-        "m": "m",
-        "meter": "m",
-        "metre": "m",
-        "meters": "m",
-        "mm": "mm",
-        "millimeter": "mm",
-        "millimeters": "mm",
-    },
-    **{"cm": "cm", "um": "um", "µm": "um", "in": "in", "inch": "in", "inches": "in", '"': "in"},
-    **{"rad": "rad", "radian": "rad", "radians": "rad", "mrad": "mrad", "deg": "deg", "degree": "deg"},
-    **{
-        "degrees": "deg",
-        "°": "deg",
-        "grad": "deg",
-        "°c": "degC",
-        "c": "degC",
-        "degc": "degC",
-        "celsius": "degC",
-    },
-    **{"k": "K", "kelvin": "K", "°f": "degF", "f": "degF", "degf": "degF", "kg": "kg", "g": "g", "lb": "lb"},
-    **{"nm": "Nm", "n·m": "Nm", "s": "s", "sec": "s", "seconds": "s", "ms": "ms", "min": "min", "h": "h"},
-}
+# Units as dataset.yaml names them, and how files write them.
+_WRITTEN_AS = {
+    "m": "m meter metre meters", "mm": "mm millimeter millimeters", "cm": "cm", "um": "um µm", "in": 'in inch inches "',
+    "rad": "rad radian radians", "mrad": "mrad", "deg": "deg degree degrees ° grad", "degC": "°c c degc celsius",
+    "K": "k kelvin", "degF": "°f f degf", "kg": "kg", "g": "g", "lb": "lb", "Nm": "nm n·m", "s": "s sec seconds",
+    "ms": "ms", "min": "min", "h": "h",
+}  # fmt: skip
+_UNIT_WORDS = {word: unit for unit, words in _WRITTEN_AS.items() for word in words.split()}
 
 
 @dataclass(frozen=True)

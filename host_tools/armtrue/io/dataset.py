@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import datetime
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from armtrue.arrays import Array
 from armtrue.errors import InputError, RowError, did_you_mean, shorten
 from armtrue.io import rotation
 from armtrue.io.columns import POSITION, QUATERNION, TEXT_COLUMNS, ColumnNames, commanded_joints
@@ -25,8 +27,6 @@ from armtrue.io.model import EXPRESSION_WORDS, state_names
 from armtrue.io.plausible import refuse_wrong_units
 from armtrue.io.robot import Robot
 from armtrue.io.sensor_names import contract_name
-
-Array = NDArray[np.float64]
 
 # A written quaternion is rounded; one further from unit length than this is something else.
 _QUATERNION_LENGTH_TOLERANCE = 1e-3
@@ -76,6 +76,21 @@ class Dataset:
     def positions_m(self) -> Array:
         """Measured positions (N, 3) in the measuring frame."""
         return np.column_stack([self.columns[name] for name in POSITION])
+
+    @property
+    def has_positions(self) -> bool:
+        """True where x, y and z were measured."""
+        return all(name in self.columns for name in POSITION)
+
+    def reflectors_among(self, names: list[str], whose: str) -> NDArray[np.intp]:
+        """The place of each entry's reflector among `names`, (N,). Errors: InputError for one that is not there."""
+        labels = self.labels.get("target", [])
+        if unknown := [label for label in labels if label not in names]:
+            raise InputError(
+                f"{self.path} column target: found '{unknown[0]}', expected one of {whose} {', '.join(names)}"
+            )
+        places = np.array([names.index(label) for label in labels], dtype=np.intp)
+        return places[self.columns["target"].astype(np.intp)]
 
     def take(self, which: NDArray[np.bool_] | NDArray[np.int64]) -> Dataset:
         """Return the entries that a mask (N,) or indices choose, in that order: to hold some out, say."""
@@ -143,16 +158,22 @@ def _at_the_drives(data: Dataset, robot: Robot) -> Dataset:
     matrix = robot.drives_from_reported
     if np.array_equal(matrix, np.eye(robot.joint_count)):
         return data
-    columns = dict(data.columns)
-    for stem in ("q", "qr"):
-        names = [f"{stem}{k}" for k in range(1, robot.joint_count + 1)]
-        if all(name in columns for name in names):
-            drives = np.column_stack([columns[name] for name in names]) @ matrix.T
-            columns |= {name: drives[:, k] for k, name in enumerate(names)}
+    columns = with_joints_mapped(data.columns, matrix)
     note = (
         "joints are taken where the drives are: robot.yaml says that the controller couples what it reports"
     )
     return replace(data, columns=columns, notes=[*data.notes, note])
+
+
+def with_joints_mapped(columns: Mapping[str, Array], matrix: Array) -> dict[str, Array]:
+    """`columns` with `matrix` (n, n) times the angles of each row, of the commanded and of the read-back joints."""
+    mapped = dict(columns)
+    for stem in ("q", "qr"):
+        names = [f"{stem}{k + 1}" for k in range(len(matrix))]
+        if all(name in columns for name in names):
+            angles = np.column_stack([columns[name] for name in names]) @ matrix.T
+            mapped |= {name: angles[:, k] for k, name in enumerate(names)}
+    return mapped
 
 
 def in_file_order(data: Dataset) -> Dataset:
@@ -163,7 +184,7 @@ def in_file_order(data: Dataset) -> Dataset:
 
 def fixed_targets(data: Dataset) -> list[int]:
     """Codes of the reflectors that stay where they are while the arm moves: those fixed to base or floor."""
-    if "target" not in data.columns or any(name not in data.columns for name in POSITION):
+    if "target" not in data.columns or not data.has_positions:
         return []
     codes = data.columns["target"].astype(np.int64)
     fixed = []

@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from armtrue.arrays import Array
 from armtrue.errors import InputError, RowError, did_you_mean, shorten
-
-Array = NDArray[np.float64]
+from armtrue.io.files import reading
 
 # Rows held as text at a time: bounds the memory, as text takes some ten times the room of its numbers.
 _ROWS_AT_A_TIME = 4096
@@ -88,16 +88,11 @@ class _Rows:
         self._without = without
         if path.is_dir():
             raise InputError(f"{path}: found a folder, expected a file of measurements")
+        # utf-8-sig drops the mark that spreadsheets put first.
+        encoding = "utf-8-sig" if dialect.encoding.lower() in ("utf-8", "utf8") else dialect.encoding
         try:
-            # utf-8-sig drops the mark that spreadsheets put first.
-            encoding = "utf-8-sig" if dialect.encoding.lower() in ("utf-8", "utf8") else dialect.encoding
-            self._stream = path.open(newline="", encoding=encoding)
-        except FileNotFoundError:
-            raise InputError(f"{path}: found no such file") from None
-        except OSError as error:
-            raise InputError(f"{path}: cannot be read ({error.strerror})") from None
-        except ValueError:
-            raise InputError(f"{str(path)!r}: found a name that no file can have") from None
+            with reading(path):
+                self._stream = path.open(newline="", encoding=encoding)
         except LookupError:
             raise InputError(
                 f"{path}: found encoding '{dialect.encoding}', expected one that Python knows"

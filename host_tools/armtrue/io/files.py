@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import contextlib
+import csv
+import io
 import json
 import os
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +22,7 @@ def read_bytes(path: Path, largest_bytes: int = LARGEST_TEXT_BYTES) -> bytes:
 
     Errors: InputError when it is missing, a folder, larger or unreadable.
     """
-    try:
+    with reading(path):
         if path.is_dir():
             raise InputError(f"{path}: found a folder, expected a file")
         size = path.stat().st_size
@@ -31,7 +33,14 @@ def read_bytes(path: Path, largest_bytes: int = LARGEST_TEXT_BYTES) -> bytes:
             content = stream.read(largest_bytes + 1)
         if len(content) > largest_bytes:
             raise InputError(f"{path}: found no end, expected at most {largest_bytes} bytes")
-        return content
+    return content
+
+
+@contextlib.contextmanager
+def reading(path: Path) -> Iterator[None]:
+    """Raise InputError in place of what keeps `path` from being opened and read."""
+    try:
+        yield
     except FileNotFoundError:
         raise InputError(f"{path}: found no such file") from None
     except OSError as error:
@@ -128,6 +137,15 @@ def _identity(path: Path) -> str:
         return f"{found.st_dev}:{found.st_ino}"
     except (OSError, ValueError):
         return os.path.realpath(os.fspath(path).replace("\0", ""))
+
+
+def csv_text(names: Iterable[str], rows: Iterable[Sequence[str]]) -> str:
+    """A CSV of columns `names` and `rows` of cells."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(names)
+    writer.writerows(rows)
+    return text.getvalue()
 
 
 def write_file(path: Path, content: str | bytes) -> None:

@@ -16,7 +16,7 @@ from armtrue.io.robot import Robot
 from armtrue.io.sensor_names import contract_name
 from armtrue.io.yamlfile import Section, load_yaml
 
-_SEPARATORS = {"comma": ",", "semicolon": ";", "tab": "\t", "space": " ", "pipe": "|"}
+SEPARATORS = {"comma": ",", "semicolon": ";", "tab": "\t", "space": " ", "pipe": "|"}
 ROTATION_FORMS = {"quaternion": 4, "euler": 3, "rotation_vector": 3, "matrix": 9}
 TURNS = [a + b + c for a in "xyz" for b in "xyz" for c in "xyz" if a != b != c]
 
@@ -202,7 +202,7 @@ def _dialect(top: Section) -> Dialect:
     separator = top.text(
         "separator", default=",", expected="one character, or comma, semicolon, tab, space or pipe"
     )
-    separator = _SEPARATORS.get(separator, separator)
+    separator = SEPARATORS.get(separator, separator)
     if len(separator) != 1 or separator in '\r\n"':
         raise top.fail("separator", "one character, or comma, semicolon, tab, space or pipe")
     decimal = top.choice("decimal", [".", ","], default=".")

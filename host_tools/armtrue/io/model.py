@@ -13,33 +13,16 @@ from armtrue.io.catalogue import EffectInfo, catalogue
 from armtrue.io.robot import Robot
 from armtrue.io.yamlfile import Section, load_yaml
 
-# Weak enough to leave what the data can tell alone, strong enough to hold what they cannot (docs/files.md).
 # More waves a turn are beyond what any encoder resolves.
 _HIGHEST_ORDER = 10_000.0
+# Weak enough to leave what the data can tell alone, strong enough to hold what they cannot (docs/files.md).
 DEFAULT_PRIORS = {"angle_deg": 0.3, "length_mm": 2.0}
 
 # Functions and constants of expressions (docs/model.md).
-EXPRESSION_WORDS = frozenset(
-    [
-        "pi",
-        "sin",
-        "cos",
-        "tan",
-        "asin",
-        "acos",
-        "atan",
-        "exp",
-        "log",
-        "sqrt",
-        "abs",
-        "sign",
-        "tanh",
-        "atan2",
-        "min",
-        "max",
-        "hat",
-    ]
-)
+EXPRESSION_WORDS = frozenset([
+    "pi", "sin", "cos", "tan", "asin", "acos", "atan", "exp", "log", "sqrt", "abs", "sign", "tanh", "atan2", "min",
+    "max", "hat",
+])  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -8,11 +8,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from armtrue.arrays import Array
 from armtrue.errors import InputError
 from armtrue.io.columns import POSITION
 from armtrue.io.robot import Robot
-
-Array = NDArray[np.float64]
 
 # How far beyond its limits a revolute joint may be commanded before the figure cannot be radians.
 _BEYOND_LIMITS_RAD = 2.0 * math.pi

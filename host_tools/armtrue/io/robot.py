@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -175,10 +176,10 @@ def _kinematics(section: Section, path: Path) -> tuple[dict[str, Any], list[dict
     rows = section.sections("joints", "a list of joints, base to tip")
     if not rows:
         raise section.fail("joints", "at least one joint")
-    read_row = _chain_row if convention == "chain" else _dh_row
+    read_frame = _chain_frame if convention == "chain" else _dh_frame
     kinematics: dict[str, Any] = {
         "convention": convention,
-        "joints": [read_row(row, number) for number, row in enumerate(rows, start=1)],
+        "joints": [_joint(row, number, read_frame) for number, row in enumerate(rows, start=1)],
     }
     if convention == "chain":
         kinematics["end"] = pose(section.section("end")) if section.has("end") else _identity_pose()
@@ -199,31 +200,31 @@ def _refuse_repeated_names(names: list[str], section: Section) -> None:
             )
 
 
-def _dh_row(row: Section, number: int) -> dict[str, Any]:
-    joint: dict[str, Any] = {"name": row.text("name", default=f"joint{number}")}
-    joint["type"] = row.choice("type", ["revolute", "prismatic"], default="revolute")
-    joint["a"] = row.number("a", expected="a length in metres")
-    joint["alpha"] = row.number("alpha", expected="an angle in radians")
-    joint["d"] = row.number("d", expected="a length in metres")
-    if abs(joint["alpha"]) > 2 * math.pi:
+def _dh_frame(row: Section) -> dict[str, Any]:
+    frame = {
+        "a": row.number("a", expected="a length in metres"),
+        "alpha": row.number("alpha", expected="an angle in radians"),
+        "d": row.number("d", expected="a length in metres"),
+    }
+    if abs(frame["alpha"]) > 2 * math.pi:
         raise row.fail("alpha", "an angle in radians, not beyond 2π (this looks like degrees)")
     for key in ("a", "d"):
-        if abs(joint[key]) > 50.0:
+        if abs(frame[key]) > 50.0:
             raise row.fail(key, "a length in metres, not beyond 50 (this looks like millimetres)")
-    _finish_row(row, joint)
-    return joint
+    return frame
 
 
-def _chain_row(row: Section, number: int) -> dict[str, Any]:
+def _chain_frame(row: Section) -> dict[str, Any]:
+    return {
+        "xyz": row.numbers("xyz", 3, "a list [x, y, z] in metres"),
+        "rpy": row.numbers("rpy", 3, "a list [roll, pitch, yaw] in radians", default=[0.0, 0.0, 0.0]),
+    }
+
+
+def _joint(row: Section, number: int, read_frame: Callable[[Section], dict[str, Any]]) -> dict[str, Any]:
     joint: dict[str, Any] = {"name": row.text("name", default=f"joint{number}")}
     joint["type"] = row.choice("type", ["revolute", "prismatic"], default="revolute")
-    joint["xyz"] = row.numbers("xyz", 3, "a list [x, y, z] in metres")
-    joint["rpy"] = row.numbers("rpy", 3, "a list [roll, pitch, yaw] in radians", default=[0.0, 0.0, 0.0])
-    _finish_row(row, joint)
-    return joint
-
-
-def _finish_row(row: Section, joint: dict[str, Any]) -> None:
+    joint |= read_frame(row)
     revolute = joint["type"] == "revolute"
     joint["offset"] = row.number(
         "offset", default=0.0, expected="an angle in radians" if revolute else "a length in metres"
@@ -231,14 +232,14 @@ def _finish_row(row: Section, joint: dict[str, Any]) -> None:
     if revolute and abs(joint["offset"]) > 2 * math.pi:
         raise row.fail("offset", "an angle in radians, not beyond 2π (this looks like degrees)")
     if row.has("gear_ratio"):
-        joint["gear_ratio"] = row.number(
-            "gear_ratio", expected="a ratio other than 0, motor turns per joint turn"
-        )
+        ratio = "a ratio other than 0, motor turns per joint turn"
+        joint["gear_ratio"] = row.number("gear_ratio", expected=ratio)
         if joint["gear_ratio"] == 0.0:
-            raise row.fail("gear_ratio", "a ratio other than 0, motor turns per joint turn")
+            raise row.fail("gear_ratio", ratio)
     if row.has("limits"):
         joint["limits"] = _limits(row, revolute)
     row.finish()
+    return joint
 
 
 def _limits(row: Section, revolute: bool) -> list[float]:
@@ -259,10 +260,11 @@ def _urdf_kinematics(section: Section, path: Path) -> tuple[dict[str, Any], list
     kinematics, links = read_urdf_chain(urdf_path, base, tip)
     if section.has("gear_ratios"):
         count = len(kinematics["joints"])
-        ratios = section.numbers("gear_ratios", count, f"a list of {count} ratios, one a joint, none 0")
+        expected = f"a list of {count} ratios, one a joint, none 0"
+        ratios = section.numbers("gear_ratios", count, expected)
         for joint, ratio in zip(kinematics["joints"], ratios, strict=True):
             if ratio == 0.0:
-                raise section.fail("gear_ratios", f"a list of {count} ratios, one a joint, none 0")
+                raise section.fail("gear_ratios", expected)
             joint["gear_ratio"] = ratio
     section.finish()
     return kinematics, links

@@ -7,9 +7,9 @@ and Rotation Vectors, Stanford 2006.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from armtrue.arrays import Array
 
 
 def matrix_about(axis: str, angle_rad: ArrayLike) -> Array:

@@ -13,15 +13,13 @@ from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
-from numpy.typing import NDArray
 from urdf_parser_py import urdf as urdf_parser
 from urdf_parser_py.xml_reflection import core as xml_reflection
 
+from armtrue.arrays import Array
 from armtrue.errors import InputError, did_you_mean
 from armtrue.io.files import read_text
 from armtrue.io.rotation import matrix_from_rotation_vector, matrix_from_rpy, rpy_from_matrix
-
-Array = NDArray[np.float64]
 
 _JOINT_TYPES = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic"}
 

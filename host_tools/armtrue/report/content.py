@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armtrue import _core
+from armtrue.arrays import Array
 from armtrue.diagnosis import diagnose
 from armtrue.fitting import Fit
 from armtrue.progress import Progress
@@ -29,8 +30,6 @@ from armtrue.report.gathered.state import (
 from armtrue.report.gathered.steps import Step, check_same_data, steps_of, titles_of
 from armtrue.report.gathered.structure import Finding, findings_of
 from armtrue.report.names import called
-
-Array = NDArray[np.float64]
 
 _LEADING = 3
 _NOTHING = 1e-9  # of the largest reading: what rounding leaves

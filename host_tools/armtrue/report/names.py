@@ -33,10 +33,6 @@ def gathered(effects: list[tuple[str, tuple[int, ...]]]) -> list[str]:
 
 
 def _plain(value: Any) -> str:
-    return (
-        ", ".join(map(_plain, value))
-        if isinstance(value, list)
-        else f"{value:g}"
-        if isinstance(value, float)
-        else str(value)
-    )
+    if isinstance(value, list):
+        return ", ".join(map(_plain, value))
+    return f"{value:g}" if isinstance(value, float) else str(value)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Container, Sequence
 
 from armtrue.report.markup import Content, Markup, tag
 from armtrue.verdicts import NOT_SCORED, with_signs
 
+ARCSECOND = math.pi / 648000.0  # in radians
 _NUMBER = "num"
 
 
@@ -75,13 +77,9 @@ def micrometres(value: float | None) -> str:
     """A length in µm with as many digits as it carries; a dash for None."""
     if value is None:
         return "–"
-    return (
-        f"{value:.2f}"
-        if abs(value) < 10.0
-        else f"{value:.1f}"
-        if abs(value) < 1000.0
-        else f"{value:,.0f}".replace(",", " ")
-    )
+    if abs(value) >= 1000.0:
+        return f"{value:,.0f}".replace(",", " ")
+    return f"{value:.{2 if abs(value) < 10.0 else 1}f}"
 
 
 def scored_um(value: float | None) -> str:

@@ -6,9 +6,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from armtrue.arrays import Array
 
 _STEPS = (1.0, 2.0, 2.5, 5.0, 10.0)
 

@@ -14,11 +14,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from armtrue.arrays import Array
 from armtrue.tables import layout
-from armtrue.tables.fixedpoint import fraction_for, mantissa_and_shift, to_fixed
+from armtrue.tables.fixedpoint import fraction_for, mantissa_and_shift, to_fixed, wrapped_angle
 from armtrue.tables.layout import Node, Section, State
-
-Array = NDArray[np.float64]
 
 # Beyond this a reciprocal saturates: its argument came within 1/64 of zero.
 LARGEST_RECIPROCAL = 64.0
@@ -162,9 +161,8 @@ class Builder:
 
     states: list[StateSpec] = field(default_factory=list)
     nodes: list[NodeSpec] = field(default_factory=list)
-    terms: list[tuple[int, Value, float, bool]] = field(
-        default_factory=list
-    )  # coordinate, slot, coefficient, steep
+    # coordinate, slot, coefficient, steep
+    terms: list[tuple[int, Value, float, bool]] = field(default_factory=list)
     data: bytearray = field(default_factory=bytearray)
     axis_slots: list[tuple[int, Value]] = field(default_factory=list)  # where in data a slot number goes
     harmonics: Harmonics = field(default_factory=Harmonics)
@@ -291,8 +289,6 @@ class Builder:
 
     def harmonic(self, source: int, order: float, phase_turns: float) -> Value:
         """sin(order · joint + phase); `source`: 0-based joint, plus LINK_ANGLE for a link angle."""
-        from armtrue.tables.fixedpoint import wrapped_angle
-
         return self.node(
             NodeSpec(
                 Node.HARMONIC,
@@ -323,8 +319,6 @@ class Builder:
 
     def sine_of(self, angle: Value, phase_turns: float) -> Value:
         """sin(angle slot + phase)."""
-        from armtrue.tables.fixedpoint import wrapped_angle
-
         return self.node(NodeSpec(Node.SINE, a=angle, r=wrapped_angle(phase_turns)), 30, -1.0, 1.0)
 
     def power_of_two(self, value: Value) -> Value:

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from armtrue.arrays import Array
+from armtrue.io.columns import commanded_joints
+from armtrue.io.robot import STANDARD_GRAVITY
+from armtrue.io.rotation import matrix_about, matrix_from_rpy
 
-STANDARD_GRAVITY = (0.0, 0.0, -9.81)
 # The bars of a parallelogram meet before its angle comes this close to 0 or 180 degrees.
 _LEAST_SINE_OF_LINKAGE = 0.4
 
@@ -23,21 +26,10 @@ def transform(xyz: Any, rotation: Array) -> Array:
     return result
 
 
-def rotation_about(axis: int, angle: float) -> Array:
-    """3 × 3 rotation by `angle` [rad] about x (0), y (1) or z (2)."""
-    c, s = np.cos(angle), np.sin(angle)
-    u, v = (axis + 1) % 3, (axis + 2) % 3
-    result = np.eye(3)
-    result[u, u] = result[v, v] = c
-    result[u, v], result[v, u] = -s, s
-    return result
-
-
 def pose(entry: dict[str, Any] | None) -> Array:
     """4 × 4 transform of `{xyz, rpy}` (rpy: fixed axes x, y, z); the identity for None."""
     entry = entry or {}
-    roll, pitch, yaw = entry.get("rpy") or (0.0, 0.0, 0.0)
-    rotation = rotation_about(2, yaw) @ rotation_about(1, pitch) @ rotation_about(0, roll)
+    rotation = matrix_from_rpy(entry.get("rpy") or (0.0, 0.0, 0.0))
     return transform(entry.get("xyz") or (0.0, 0.0, 0.0), rotation)
 
 
@@ -57,9 +49,7 @@ class Chain:
     coms: Array | None  # (n, 3), in frame k, m
     sensors: list[str]
     temperature_reference: float
-    linkage: tuple[int, float] | None = (
-        None  # parallelogram: 0-based arm joint, β where its link angle is zero
-    )
+    linkage: tuple[int, float] | None = None  # parallelogram: 0-based arm joint, β where its angle is zero
 
     @property
     def joint_count(self) -> int:
@@ -122,7 +112,7 @@ def _listed_frames(kinematics: dict[str, Any]) -> tuple[list[Array], Array, list
             fixed.append(pose(row))
             listed.append(np.eye(4))
             continue
-        twist = transform((0.0, 0.0, 0.0), rotation_about(0, row.get("alpha") or 0.0))
+        twist = transform((0.0, 0.0, 0.0), matrix_about("x", row.get("alpha") or 0.0))
         length = transform((row.get("a") or 0.0, 0.0, row.get("d") or 0.0), np.eye(3))
         if kinematics["convention"] == "mdh":
             fixed.append(twist @ length)
@@ -133,6 +123,13 @@ def _listed_frames(kinematics: dict[str, Any]) -> tuple[list[Array], Array, list
             listed.append(carried)
     end = pose(kinematics["end"]) if kinematics.get("end") else carried
     return fixed, end, listed
+
+
+def flanges(columns: Mapping[str, Array], spec: dict[str, Any]) -> Array:
+    """Nominal base_from_flange (N, 4, 4) at the commanded joints of `columns`; spec: a normalised robot.yaml."""
+    chain = chain_from_robot(spec)
+    joints = np.column_stack([columns[name] for name in commanded_joints(columns)])
+    return chain.frames(joints)[-1] @ chain.end
 
 
 def chain_from_robot(spec: dict[str, Any]) -> Chain:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from armtrue.arrays import Array
 from armtrue.errors import InputError
 from armtrue.io import Dataset, Robot, load_data
 from armtrue.io.files import read_json
@@ -17,8 +18,6 @@ from armtrue.tables import fixed
 from armtrue.tables.fitted import FittedArm, digest_of, fitted_arm
 from armtrue.tables.image import Image
 from armtrue.tables.reference import Reference, Surroundings
-
-Array = NDArray[np.float64]
 
 _LARGEST_FIT_BYTES = 512 * 1024 * 1024
 
@@ -252,11 +251,4 @@ def _tool_numbers(image: Image, data: Dataset) -> NDArray[np.uint8]:
     default = np.full(data.count, image.header["active_tool"], dtype=np.uint8)
     if "target" not in data.columns or len(names) == 1:
         return default
-    labels = data.labels.get("target", [])
-    unknown = [label for label in labels if label not in names]
-    if unknown:
-        raise InputError(
-            f"{data.path} column target: found '{unknown[0]}', expected one of the table's {', '.join(names)}"
-        )
-    numbers = np.array([names.index(label) for label in labels], dtype=np.uint8)
-    return numbers[data.columns["target"].astype(np.intp)]
+    return data.reflectors_among(names, "the table's").astype(np.uint8)

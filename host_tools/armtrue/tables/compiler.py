@@ -7,14 +7,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armtrue.arrays import Array
 from armtrue.tables import expression, layout
 from armtrue.tables.builder import Builder, CannotCompileError, Value
 from armtrue.tables.expression import Tree
 from armtrue.tables.layout import Node
-
-Array = NDArray[np.float64]
 
 # Error that a table in place of an expression may make on its coordinate [rad or m]: what is aimed at, and what is
 # still accepted and stated. 2e-7 rad is 0.6 µm at 3 m.
@@ -33,9 +31,7 @@ class Compiler:
 
     builder: Builder
     variable: Callable[[str], Value]
-    angle_source: Callable[
-        [str], int | None
-    ]  # q3 → 2, th3 → LINK_ANGLE + 2, None where it is no revolute joint
+    angle_source: Callable[[str], int | None]  # q3 → 2, th3 → LINK_ANGLE + 2, None: no revolute joint
     notes: list[str] = field(default_factory=list)
 
     def compile(self, tree: Tree, coefficient: float) -> Value:
@@ -76,18 +72,15 @@ class Compiler:
         return self.variable(tree.name)
 
     def _add(self, tree: Tree, scale: float) -> Value:
-        return self._sum(tree, scale, 1.0)
-
-    def _subtract(self, tree: Tree, scale: float) -> Value:
-        return self._sum(tree, scale, -1.0)
-
-    def _sum(self, tree: Tree, scale: float, sign: float) -> Value:
         a, b = tree.args
+        sign = 1.0 if tree.op == "add" else -1.0
         if b.is_number:
             return self.builder.affine(self.compile(a, scale), 1.0, sign * b.value)
         if a.is_number:
             return self.builder.affine(self.compile(b, scale), sign, a.value)
         return self.builder.add(self.compile(a, scale), self.compile(b, scale), sign)
+
+    _subtract = _add
 
     def _negate(self, tree: Tree, scale: float) -> Value:
         return self.builder.affine(self.compile(tree.args[0], scale), -1.0)
@@ -122,10 +115,9 @@ class Compiler:
         return self.builder.one() if exponent.value == 0 else result
 
     def _sin(self, tree: Tree, scale: float) -> Value:
-        return self._wave(tree.args[0], scale, 0.0)
+        return self._wave(tree.args[0], scale, 0.0 if tree.op == "sin" else 0.25)
 
-    def _cos(self, tree: Tree, scale: float) -> Value:
-        return self._wave(tree.args[0], scale, 0.25)
+    _cos = _sin
 
     def _tan(self, tree: Tree, scale: float) -> Value:
         sine = self._wave(tree.args[0], scale, 0.0)
@@ -148,18 +140,16 @@ class Compiler:
         return self.builder.sine_of(self.builder.to_angle(self.compile(argument, scale)), phase_turns)
 
     def _abs(self, tree: Tree, scale: float) -> Value:
-        return self.builder.unary(Node.ABSOLUTE, self.compile(tree.args[0], scale))
+        kind = Node.ABSOLUTE if tree.op == "abs" else Node.SIGN
+        return self.builder.unary(kind, self.compile(tree.args[0], scale))
 
-    def _sign(self, tree: Tree, scale: float) -> Value:
-        return self.builder.unary(Node.SIGN, self.compile(tree.args[0], scale))
+    _sign = _abs
 
     def _min(self, tree: Tree, scale: float) -> Value:
-        a, b = (self.compile(argument, scale) for argument in tree.args)
-        return self.builder.pick(Node.MINIMUM, a, b)
+        kind = Node.MINIMUM if tree.op == "min" else Node.MAXIMUM
+        return self.builder.pick(kind, *(self.compile(argument, scale) for argument in tree.args))
 
-    def _max(self, tree: Tree, scale: float) -> Value:
-        a, b = (self.compile(argument, scale) for argument in tree.args)
-        return self.builder.pick(Node.MAXIMUM, a, b)
+    _max = _min
 
     def _exp(self, tree: Tree, scale: float) -> Value:
         exponent = self.builder.affine(self.compile(tree.args[0], scale), math.log2(math.e))
@@ -201,16 +191,13 @@ class Compiler:
         ]
 
     def _asin(self, tree: Tree, scale: float) -> Value:
-        return self._function_of_value(tree, scale)
-
-    _acos = _atan = _log = _sqrt = _asin
-
-    def _function_of_value(self, tree: Tree, scale: float) -> Value:
         """A function of one argument as a piecewise cubic of the argument's slot."""
         inner = self.compile(tree.args[0], scale)
         column = Tree("variable", name="x")
         found = self._spline(inner, lambda x: expression.evaluate(Tree(tree.op, (column,)), {"x": x}), scale)
         return self._tabulated(tree, scale) if found is None else found
+
+    _acos = _atan = _log = _sqrt = _asin
 
     def _spline_over_variable(self, tree: Tree, scale: float) -> Value | None:
         (name,) = tree.variables()

@@ -10,8 +10,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armtrue.arrays import Array
 from armtrue.errors import InputError
 from armtrue.tables import expression, fixed, layout
 from armtrue.tables.builder import Builder, CannotCompileError, Value
@@ -21,8 +21,6 @@ from armtrue.tables.fixedpoint import mantissa_and_shift, to_fixed
 from armtrue.tables.gravity_sets import GravitySets
 from armtrue.tables.layout import Section, State
 from armtrue.tables.reference import Reference, Surroundings
-
-Array = NDArray[np.float64]
 
 _JOINT_VARIABLE = re.compile(r"^(q|th|dir)(\d+)$")
 
@@ -148,18 +146,18 @@ class _Exporter:
 
     def _check_arm(self) -> None:
         n = self.chain.joint_count
-        if n > layout.MAX_JOINTS:
-            raise InputError(f"{self.path}: found {n} joints, expected at most {layout.MAX_JOINTS}")
-        if len(self.chain.sensors) > layout.MAX_SENSORS:
-            raise InputError(
-                f"{self.path}: found {len(self.chain.sensors)} sensors, expected at most {layout.MAX_SENSORS}"
-            )
+        self._refuse_more_than(layout.MAX_JOINTS, n, "joints")
+        self._refuse_more_than(layout.MAX_SENSORS, len(self.chain.sensors), "sensors")
         for entry in np.argwhere((self.chain.coupling != 0.0) & ~np.eye(n, dtype=bool)):
             if any(self.chain.prismatic[k] for k in entry):
                 raise InputError(
                     f"{self.path}: joints {entry[0] + 1} and {entry[1] + 1} are coupled and one slides, "
                     "expected coupling between turning joints"
                 )
+
+    def _refuse_more_than(self, most: int, count: int, what: str) -> None:
+        if count > most:
+            raise InputError(f"{self.path}: found {count} {what}, expected at most {most}")
 
     def _cut_limits(self) -> None:
         """Angles within a turn go on as they are beyond what Q28 holds; only what grows with the angle has an end."""
@@ -429,14 +427,10 @@ class _Exporter:
 
         harmonics = self.builder.harmonics.records()
         slow_waves = self.builder.harmonics.slow_records()
-        for count, most, what in (
-            (len(slot_of), layout.MAX_SLOTS, "state variables and nodes"),
-            (len(self.builder.terms), layout.MAX_TERMS, "terms"),
-            (len(harmonics), layout.MAX_HARMONICS, "harmonics"),
-            (len(slow_waves), layout.MAX_SLOW_WAVES, "slow waves"),
-        ):
-            if count > most:
-                raise InputError(f"{self.path}: found {count} {what}, expected at most {most}")
+        self._refuse_more_than(layout.MAX_SLOTS, len(slot_of), "state variables and nodes")
+        self._refuse_more_than(layout.MAX_TERMS, len(self.builder.terms), "terms")
+        self._refuse_more_than(layout.MAX_HARMONICS, len(harmonics), "harmonics")
+        self._refuse_more_than(layout.MAX_SLOW_WAVES, len(slow_waves), "slow waves")
         for position, value in self.builder.axis_slots:
             self.builder.data[position : position + 2] = slot(value).to_bytes(2, "little")
         coupling = [
@@ -562,15 +556,10 @@ class _Exporter:
                     f"--increments: found {list(given)}, expected 1 or {n} numbers other than zero"
                 )
             return list(given) * (n if len(given) == 1 else 1)
-        result = []
-        for slides, ratio in zip(self.chain.prismatic, self.chain.gear_ratio, strict=True):
-            known = not slides and ratio
-            result.append(
-                float(_INCREMENTS_PER_MOTOR_TURN * abs(ratio or 1.0))
-                if known
-                else float(_INCREMENTS_PER_UNIT)
-            )
-        return result
+        return [
+            float(_INCREMENTS_PER_MOTOR_TURN * abs(ratio) if ratio and not slides else _INCREMENTS_PER_UNIT)
+            for slides, ratio in zip(self.chain.prismatic, self.chain.gear_ratio, strict=True)
+        ]
 
     def _magnitude_limits(self) -> Array:
         """Largest correction of each joint [rad or m]."""
@@ -600,10 +589,7 @@ class _Exporter:
         )
 
     def _tools(self) -> list[bytes]:
-        if len(self.arm.flange_from_tool) > layout.MAX_TOOLS:
-            raise InputError(
-                f"{self.path}: found {len(self.arm.flange_from_tool)} tools, expected at most {layout.MAX_TOOLS}"
-            )
+        self._refuse_more_than(layout.MAX_TOOLS, len(self.arm.flange_from_tool), "tools")
         records = []
         for name, flange_from_tool in self.arm.flange_from_tool.items():
             rotation, translation = self._transform(self.chain.end @ flange_from_tool)

@@ -12,11 +12,9 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armtrue import _core
-
-Array = NDArray[np.float64]
+from armtrue.arrays import Array
 
 
 @dataclass(frozen=True)

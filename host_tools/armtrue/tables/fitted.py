@@ -13,13 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armtrue import _core
+from armtrue.arrays import Array
 from armtrue.errors import InputError
 from armtrue.io.catalogue import catalogue
 from armtrue.tables import expression
 from armtrue.tables.chain import Chain, chain_from_robot, pose
 from armtrue.tables.expression import Tree
-
-Array = NDArray[np.float64]
 
 # A load per radian by which the base is turned about an axis (docs/model.md).
 _TILT = re.compile(r"\btilt[xy]?_[0-9]+_([xyz])\b")

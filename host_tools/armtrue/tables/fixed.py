@@ -11,11 +11,10 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from armtrue.arrays import Array
 from armtrue.errors import InputError
 from armtrue.tables import layout
 from armtrue.tables.reference import Surroundings
-
-Array = NDArray[np.float64]
 
 TOO_COSTLY = 20  # Refusal::kTooCostly
 _LIBRARY = Path(__file__).with_name("_fixed.so")
@@ -120,36 +119,17 @@ class FixedEngine:
     def solve(self, joints: Array, around: Surroundings, tool: NDArray[np.uint8] | None = None) -> Corrected:
         """Correct commanded joints (N, n), each row on its own. `tool`: number of each row's tool."""
         target = self.to_positions(joints)
-        packed, keep = self._packed(around, target.shape, tool)
         delta = np.zeros(target.shape, dtype=np.int32)
         flags = np.zeros(len(target), dtype=np.uint16)
-        library().armtrue_solve(
-            self.image,
-            ctypes.c_size_t(len(self.image)),
-            ctypes.c_size_t(len(target)),
-            _pointer(target),
-            ctypes.byref(packed),
-            _pointer(delta),
-            _pointer(flags),
-        )
-        del keep
+        self._call("armtrue_solve", target, around, tool, delta, flags)
         corrected = (target + delta) * (2.0**-layout.POSITION_FRACTION / self.unit)
         return Corrected(corrected, flags)
 
     def coordinates(self, joints: Array, around: Surroundings) -> Array:
         """Every coordinate at commanded joints, (N, 68) [rad or m], in the order of docs/table-format.md."""
         target = self.to_positions(joints)
-        packed, keep = self._packed(around, target.shape, None)
         result = np.zeros((len(target), layout.COORDINATES), dtype=np.int32)
-        library().armtrue_coordinates(
-            self.image,
-            ctypes.c_size_t(len(self.image)),
-            ctypes.c_size_t(len(target)),
-            _pointer(target),
-            ctypes.byref(packed),
-            _pointer(result),
-        )
-        del keep
+        self._call("armtrue_coordinates", target, around, None, result)
         return np.asarray(result * 2.0**-layout.COORDINATE_FRACTION, dtype=np.float64)
 
     def to_positions(self, joints: Array) -> NDArray[np.int64]:
@@ -157,6 +137,26 @@ class FixedEngine:
         return np.ascontiguousarray(
             np.round(joints * self.unit * 2.0**layout.POSITION_FRACTION).astype(np.int64)
         )
+
+    def _call(
+        self,
+        function: str,
+        target: NDArray[np.int64],
+        around: Surroundings,
+        tool: NDArray[np.uint8] | None,
+        *results: NDArray[np.generic],
+    ) -> None:
+        """Call a function of the library for all rows of `target`; it writes into `results`."""
+        packed, keep = self._packed(around, target.shape, tool)
+        getattr(library(), function)(
+            self.image,
+            ctypes.c_size_t(len(self.image)),
+            ctypes.c_size_t(len(target)),
+            _pointer(target),
+            ctypes.byref(packed),
+            *map(_pointer, results),
+        )
+        del keep  # not before the call: the structure holds addresses only
 
     def _packed(
         self, around: Surroundings, shape: tuple[int, ...], tool: NDArray[np.uint8] | None

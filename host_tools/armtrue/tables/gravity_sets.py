@@ -6,13 +6,11 @@ import re
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armtrue.arrays import Array
 from armtrue.tables.chain import Chain
 from armtrue.tables.fixedpoint import fraction_for
 from armtrue.tables.layout import State
-
-Array = NDArray[np.float64]
 
 _REGRESSOR = re.compile(r"^u(x|y)?_(\d+)_(\d+)_([mxyz])$")
 _PAYLOAD_REGRESSOR = re.compile(r"^up(x|y)?_(\d+)$")

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from armtrue.arrays import Array
 from armtrue.errors import InputError
 from armtrue.io.files import read_bytes
 from armtrue.tables import layout
@@ -19,34 +20,6 @@ from armtrue.tables.layout import Node, Section, State
 
 # No device holds more.
 LARGEST_IMAGE_BYTES = 16 * 1024 * 1024
-
-Array = NDArray[np.float64]
-
-_HEADER_FIELDS = [
-    "magic",
-    "version",
-    "header_length",
-    "length",
-    "flags",
-    "sequence",
-    "joint_count",
-    "sensor_count",
-    "tool_count",
-    "section_count",
-    "serial",
-    "fit_digest",
-    "active_tool",
-    "reserved",
-    "blend_ms",
-    "damping",
-    "rotation_length",
-    "constant_nodes",
-    "steep_nodes",
-    "constant_terms",
-    "steep_terms",
-    "steep_harmonics",
-    "reserved2",
-]
 
 
 @dataclass(frozen=True)
@@ -82,9 +55,7 @@ class Image:
                 f"{path}: found {verdict.reason} (byte {verdict.field}), expected a table image made by armtrue export"
             )
         self.bytes = content
-        self.header: dict[str, Any] = dict(
-            zip(_HEADER_FIELDS, layout.HEADER.unpack_from(content), strict=True)
-        )
+        self.header = layout.header_of(content)
         self._sections: dict[Section, tuple[int, int]] = {}
         for i in range(self.header["section_count"]):
             kind, count, offset = layout.DIRECTORY_ENTRY.unpack_from(

@@ -4,10 +4,16 @@ from __future__ import annotations
 
 import struct
 from enum import IntEnum
+from typing import Any
 
 MAGIC = b"ATBL"
 VERSION = 1
 HEADER = struct.Struct("<4sHHIIIBBBB24s32sBBHIIHHHHHH")
+HEADER_FIELDS = (
+    "magic", "version", "header_length", "length", "flags", "sequence", "joint_count", "sensor_count", "tool_count",
+    "section_count", "serial", "fit_digest", "active_tool", "reserved", "blend_ms", "damping", "rotation_length",
+    "constant_nodes", "steep_nodes", "constant_terms", "steep_terms", "steep_harmonics", "reserved2",
+)  # fmt: skip
 DIRECTORY_ENTRY = struct.Struct("<HHI")
 CHECKSUM = struct.Struct("<I")
 SIGNATURE_LENGTH = 64
@@ -17,6 +23,11 @@ SENSOR_NAME_LENGTH = 28
 
 FLAG_SIGNED = 1
 FLAG_FULL_POSE = 2
+
+
+def header_of(image: bytes) -> dict[str, Any]:
+    """The header's values as they stand, by HEADER_FIELDS."""
+    return dict(zip(HEADER_FIELDS, HEADER.unpack_from(image), strict=True))
 
 
 class Section(IntEnum):
@@ -37,7 +48,6 @@ class Section(IntEnum):
     BASE = 13
 
 
-TRANSFORM = struct.Struct("<9i3i")
 JOINT = struct.Struct("<9i3iqiiiBBBBiii")
 TOOL = struct.Struct("<9i3i32s")
 COUPLING = struct.Struct("<BBHi")

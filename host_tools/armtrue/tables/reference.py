@@ -10,14 +10,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armtrue.arrays import Array
+from armtrue.io.rotation import matrix_from_rotation_vector
 from armtrue.tables import expression
 from armtrue.tables.fitted import FittedArm
+from armtrue.tables.layout import COMPONENTS
 
-Array = NDArray[np.float64]
-
-COMPONENTS = ("tx", "ty", "tz", "rx", "ry", "rz")
 _REGRESSOR = re.compile(r"^u(x|y)?_(\d+)_(\d+)_([mxyz])$|^up(x|y)?_(\d+)$")
 
 # Newton's method stops at this [m]; away from singularities it gets there in four steps.
@@ -63,22 +62,6 @@ class Reference:
         """Loads of the nominal arm."""
         point = (self.chain.end @ [*self.arm.payload_point, 1.0])[:3]
         return Standing(self.chain.frames(motor), np.tile(point, (motor.shape[0], 1)))
-
-    def as_deflected(self, motor: Array, around: Surroundings) -> Standing:
-        """Gravity loads of the fitted arm in its deflected position, which the fitter uses too."""
-        standing = self.at_nominal(motor)
-        for _ in range(_MOST_STEPS):
-            coordinates = self.coordinates(self.state(motor, around, standing))
-            frames, _ = self._frames(motor, coordinates)
-            end = self._virtual_joint(coordinates, f"link{self.chain.joint_count}", motor.shape[0])
-            point = self.at_nominal(motor).payload
-            if end is not None:
-                point = np.einsum("nij,nj->ni", end[:, :3, :3], point) + end[:, :3, 3]
-            still = max(np.abs(a - b).max() for a, b in zip(frames, standing.frames, strict=True))
-            standing = Standing(frames, point)
-            if still < _CONVERGED_M:
-                break
-        return standing
 
     def state(self, motor: Array, around: Surroundings, standing: Standing | None = None) -> dict[str, Array]:
         """Columns of every state variable that the exported terms read, at motor-side joints (N, n).
@@ -178,7 +161,7 @@ class Reference:
         value = np.stack([np.broadcast_to(coordinates.get(name, 0.0), rows) for name in names], axis=1)
         result = np.tile(np.eye(4), (rows, 1, 1))
         result[:, :3, 3] = value[:, :3]
-        result[:, :3, :3] = rotation_exponential(value[:, 3:])
+        result[:, :3, :3] = matrix_from_rotation_vector(value[:, 3:])
         return result
 
     def _propagate(self, motor: Array, coordinates: dict[str, Array]) -> tuple[Array, Array]:
@@ -291,14 +274,3 @@ def gravity_moments(
         about_base[:, k] = np.cross(first_moment - mass[:, None] * origin, gravity)
         force[:, k] = mass[:, None] * gravity
     return about_base, force
-
-
-def rotation_exponential(vector: Array) -> Array:
-    """Rodrigues' formula for rotation vectors (N, 3): (N, 3, 3)."""
-    angle = np.linalg.norm(vector, axis=1)
-    skew: Array = np.zeros((vector.shape[0], 3, 3))
-    skew[:, 0, 1], skew[:, 0, 2], skew[:, 1, 2] = -vector[:, 2], vector[:, 1], -vector[:, 0]
-    skew = skew - np.swapaxes(skew, 1, 2)
-    a = np.sinc(angle / np.pi)[:, None, None]
-    b = 0.5 * np.sinc(angle / (2.0 * np.pi))[:, None, None] ** 2
-    return np.asarray(np.eye(3) + a * skew + b * (skew @ skew))

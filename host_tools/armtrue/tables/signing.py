@@ -10,10 +10,10 @@ from pathlib import Path
 
 from armtrue.errors import InputError
 from armtrue.io.files import read_text, write_file
+from armtrue.tables import layout
 from armtrue.tables.fixed import library
 
 KEY_LENGTH = 32
-SIGNATURE_LENGTH = 64
 _SECRET_HEAD = "armtrue-ed25519-secret "
 _PUBLIC_HEAD = "armtrue-ed25519-public "
 
@@ -21,27 +21,15 @@ _PUBLIC_HEAD = "armtrue-ed25519-public "
 def public_key(seed: bytes) -> bytes:
     """The public key (32 bytes) of a secret seed (32 bytes)."""
     result = ctypes.create_string_buffer(KEY_LENGTH)
-    library().armtrue_ed25519_public_key(_checked(seed, KEY_LENGTH), result)
+    library().armtrue_ed25519_public_key(_checked(seed), result)
     return result.raw
 
 
 def sign(seed: bytes, message: bytes) -> bytes:
     """The signature (64 bytes) of `message`."""
-    result = ctypes.create_string_buffer(SIGNATURE_LENGTH)
-    library().armtrue_ed25519_sign(_checked(seed, KEY_LENGTH), message, ctypes.c_size_t(len(message)), result)
+    result = ctypes.create_string_buffer(layout.SIGNATURE_LENGTH)
+    library().armtrue_ed25519_sign(_checked(seed), message, ctypes.c_size_t(len(message)), result)
     return result.raw
-
-
-def is_valid(signature: bytes, key: bytes, message: bytes) -> bool:
-    """True where `signature` of `message` was made by the owner of the public key."""
-    return bool(
-        library().armtrue_ed25519_verify(
-            _checked(signature, SIGNATURE_LENGTH),
-            _checked(key, KEY_LENGTH),
-            message,
-            ctypes.c_size_t(len(message)),
-        )
-    )
 
 
 def write_key_pair(path: Path) -> tuple[Path, bytes]:
@@ -83,7 +71,7 @@ def _read(path: Path, head: str, what: str) -> bytes:
     raise InputError(f"{path}: found something else, expected {what}")
 
 
-def _checked(value: bytes, length: int) -> bytes:
-    if len(value) != length:
-        raise ValueError(f"expected {length} bytes, found {len(value)}")
-    return value
+def _checked(seed: bytes) -> bytes:
+    if len(seed) != KEY_LENGTH:
+        raise ValueError(f"expected {KEY_LENGTH} bytes, found {len(seed)}")
+    return seed

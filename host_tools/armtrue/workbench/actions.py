@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
+from armtrue.candidates import model_entry
 from armtrue.diagnosis import refine
 from armtrue.errors import InputError
 from armtrue.fitting import Fit, with_effects
 from armtrue.io.model import check_effect
 from armtrue.report.parts import plural
-from armtrue.workbench.compensator import Device
 from armtrue.workbench.first_figures import FirstFigures, fit_to_some
 from armtrue.workbench.opening.dropped import LOOK_AT_GUESSES
 from armtrue.workbench.opening.waiting import keep_waiting
@@ -19,7 +19,7 @@ from armtrue.workbench.session import Node, Session
 from armtrue.workbench.showing.beside import planned_between
 from armtrue.workbench.showing.further import Result, compared, joined, rows_between
 from armtrue.workbench.showing.left_out import error_there, said_there
-from armtrue.workbench.showing.names import change_words, model_entry
+from armtrue.workbench.showing.names import change_words
 from armtrue.workbench.showing.poses import planned
 from armtrue.workbench.showing.words import fall_words, first_words, length, rows_words
 
@@ -109,10 +109,8 @@ def _leave_out(engine: Engine, words: Entry) -> None:
     known = set(session.data.rows.tolist())
     if unknown := sorted(set(rows) - known):
         raise InputError(f"leave_out: found row {unknown[0]}, expected a row of {session.data.file.name}")
-    before = session.node
-    data = session.data_without(sorted(set(rows)))
-    bare = Fit(session.fit_of(session.at).document, None, data)
-    out = sorted(set(rows))
+    before, out = session.node, sorted(set(rows))
+    bare = Fit(session.fit_of(session.at).document, None, session.data.without(out))
     _put(engine, _fitted(engine, bare, before.effects, before, out), before, out)
 
 
@@ -253,25 +251,19 @@ def _make(engine: Engine, words: Entry) -> None:
     engine.said = f"{engine.made.name} is made ({size} kB). The held-out mean error is {mean}."
 
 
-def _device(engine: Engine) -> Device:
-    if engine.device is None:
-        raise InputError("device: found none, expected armtrue open with --interface and --channel")
-    return engine.device
-
-
 def _upload(engine: Engine, _words: Entry) -> None:
-    device = _device(engine)
+    device = engine.own_device
     image = make(engine.session, "tables", engine.tell).content
     engine.said = device.upload(image, engine.tell)
 
 
 def _confirm(engine: Engine, _words: Entry) -> None:
-    _device(engine).order("cfrm")
+    engine.own_device.order("cfrm")
     engine.said = "The table on the device is confirmed: every later start takes it."
 
 
 def _revert(engine: Engine, _words: Entry) -> None:
-    _device(engine).order("rvrt")
+    engine.own_device.order("rvrt")
     engine.said = "The device has gone back to the table before."
 
 

@@ -8,7 +8,6 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import can
 
@@ -19,12 +18,14 @@ from armtrue.device.monitor import Monitor, Snapshot
 from armtrue.errors import InputError
 from armtrue.progress import Progress
 from armtrue.report.markup import Content, Markup, tag
-from armtrue.report.parts import table
+from armtrue.report.parts import minus, table
+from armtrue.workbench.showing.elements import button
 
 PERIOD_S = 0.5
 # The view ends when no page has asked for it for so long: the bus is free again.
 _UNWATCHED_S = 3.0
 _NOMINAL_BITRATE = 1_000_000
+_HOW = "Upload brings this model's tables into force on trial; Confirm keeps them, Revert takes them back."
 
 
 class Device:
@@ -132,7 +133,7 @@ def device_view(device: Device) -> Markup:
     streaming = "joint commands arrive" if snapshot.streaming else "no joint commands arrive"
     trial = ", table on trial" if snapshot.trial else ""
     rows: list[list[Content]] = [
-        [str(axis), str(target), f"{correction:+d}".replace("-", "−"), str(clamped)]
+        [str(axis), str(target), minus(f"{correction:+d}"), str(clamped)]
         for axis, (target, correction, clamped) in enumerate(
             zip(snapshot.targets, snapshot.corrections, snapshot.clamped_cycles, strict=True), start=1
         )
@@ -152,17 +153,11 @@ def device_section(device: Device | None) -> Markup | None:
     """The part of the page for the device; None where no bus was named."""
     if device is None:
         return None
-    buttons: list[Any] = [
-        tag("button", text, type="button", data_act=action)
-        for text, action in (("Upload", "upload"), ("Confirm", "confirm"), ("Revert", "revert"))
-    ]
+    buttons = [button(text, text.lower()) for text in ("Upload", "Confirm", "Revert")]
     return tag(
         "section",
         tag("h2", f"Device on {device.name}"),
-        tag(
-            "p",
-            "Upload brings this model's tables into force on trial; Confirm keeps them, Revert takes them back.",
-        ),
+        tag("p", _HOW),
         tag("div", buttons, class_="buttons"),
         tag("div", class_="live", id="live", role="region", aria_label="Device"),
     )

@@ -69,6 +69,13 @@ class Engine:
         return self._session
 
     @property
+    def own_device(self) -> Device:
+        """The compensator that is connected. Errors: InputError where none is."""
+        if self.device is None:
+            raise InputError("device: found none, expected armtrue open with --interface and --channel")
+        return self.device
+
+    @property
     def is_open(self) -> bool:
         """True where there is a session."""
         return self._session is not None

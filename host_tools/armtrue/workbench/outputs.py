@@ -37,7 +37,7 @@ def make(session: Session, name: str, progress: Progress | None = None) -> Made:
         "export": _bundle,
         "report": lambda s: _report(s, progress),
         "tables": lambda s: Made("tables.bin", _tables(s), "application/octet-stream"),
-        "model": lambda s: Made("model.yaml", _model(s), "application/yaml"),
+        "model": lambda s: Made("model.yaml", _as_yaml(s, s.node), "application/yaml"),
         "fit": lambda s: Made("fit.json", _fit(s), "application/json"),
         "commands": lambda s: Made("commands.sh", _commands(s).encode(), "text/x-shellscript"),
         "notebook": lambda s: Made("session.ipynb", _notebook(s), "application/x-ipynb+json"),
@@ -54,7 +54,7 @@ def _bundle(session: Session) -> Made:
         bundle.writestr("tables.bin", _tables(session))
         bundle.writestr("tables.bin.fit.json", _fit(session))
         bundle.writestr("fit.json", _fit(session))
-        bundle.writestr("model.yaml", _model(session))
+        bundle.writestr("model.yaml", _as_yaml(session, session.node))
         bundle.writestr("commands.sh", _commands(session))
         bundle.writestr("session.ipynb", _notebook(session))
     return Made("calibration.zip", stream.getvalue(), "application/zip")
@@ -81,10 +81,6 @@ def _tables(session: Session) -> bytes:
 
 def _fit(session: Session) -> bytes:
     return (json.dumps(session.fit_of(session.at).document, indent=1) + "\n").encode()
-
-
-def _model(session: Session) -> bytes:
-    return _as_yaml(session, session.node)
 
 
 def _as_yaml(session: Session, node: Node) -> bytes:

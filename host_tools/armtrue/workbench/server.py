@@ -6,6 +6,8 @@ import hmac
 import json
 import logging
 import secrets
+from collections.abc import Callable
+from functools import partial
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
@@ -15,6 +17,7 @@ from armtrue.errors import InputError
 from armtrue.workbench.background import FAULT, Task
 from armtrue.workbench.compensator import device_view
 from armtrue.workbench.engine import BusyError, Engine
+from armtrue.workbench.session import Session
 from armtrue.workbench.showing import page
 from armtrue.workbench.showing.beside import beside, swaps
 from armtrue.workbench.showing.card import card, evidence
@@ -39,6 +42,17 @@ _HEADERS = {
     "X-Frame-Options": "DENY",
     "Cross-Origin-Opener-Policy": "same-origin",
     "Cross-Origin-Resource-Policy": "same-origin",
+}
+
+
+# Pieces of the page that it asks for one by one, of the session and the words of the request.
+Piece = Callable[[Session, dict[str, str]], str]
+_PIECES: dict[str, Piece] = {
+    "panel": panel,
+    "card": lambda session, words: card(session, words.get("candidate", "")),
+    "evidence": lambda session, words: evidence(session, words.get("candidate", "")),
+    "beside": lambda session, words: beside(session, words.get("node", "")),
+    "swaps": lambda session, words: swaps(session, words.get("effect", "")),
 }
 
 
@@ -77,9 +91,8 @@ class _Handler(BaseHTTPRequestHandler):
 
     def do_GET(self) -> None:
         self._answer({"": self._page, "state.json": self._state, "script.js": self._script, "style.css": self._style,
-                      "view.json": self._view, "changes": self._changes, "panel": self._panel, "card": self._card,
-                      "evidence": self._evidence, "beside": self._beside, "swaps": self._swaps,
-                      "device": self._device, "file": self._file})  # fmt: skip
+                      "view.json": self._view, "changes": self._changes, "device": self._device, "file": self._file,
+                      **{name: partial(self._piece, make) for name, make in _PIECES.items()}})  # fmt: skip
 
     def do_POST(self) -> None:
         self._answer({"do": self._do, "drop": self._drop, "draft": self._draft})
@@ -133,32 +146,15 @@ class _Handler(BaseHTTPRequestHandler):
     def _view(self, _words: dict[str, str]) -> None:
         engine = self.server.engine
         self._json({
-            "version": engine.version, "model": engine.shown, "known": engine.known, "pieces": pieces(engine),
-            "draft": engine.draft,
-            "left_out": engine.session.node.left_out if engine.is_open else [],
-            "said": engine.said, "failure": engine.failure, **running(engine),
+            "version": engine.version, "pieces": pieces(engine), "draft": engine.draft,
+            "left_out": engine.session.node.left_out if engine.is_open else [], **running(engine),
         })  # fmt: skip
 
-    def _panel(self, words: dict[str, str]) -> None:
-        self._html(panel(self.server.engine.session, words))
-
-    def _card(self, words: dict[str, str]) -> None:
-        self._html(card(self.server.engine.session, words.get("candidate", "")))
-
-    def _evidence(self, words: dict[str, str]) -> None:
-        self._html(evidence(self.server.engine.session, words.get("candidate", "")))
-
-    def _beside(self, words: dict[str, str]) -> None:
-        self._html(beside(self.server.engine.session, words.get("node", "")))
+    def _piece(self, make: Piece, words: dict[str, str]) -> None:
+        self._html(make(self.server.engine.session, words))
 
     def _device(self, _words: dict[str, str]) -> None:
-        device = self.server.engine.device
-        if device is None:
-            raise InputError("device: found none, expected armtrue open with --interface and --channel")
-        self._html(device_view(device))
-
-    def _swaps(self, words: dict[str, str]) -> None:
-        self._html(swaps(self.server.engine.session, words.get("effect", "")))
+        self._html(device_view(self.server.engine.own_device))
 
     def _file(self, words: dict[str, str]) -> None:
         engine = self.server.engine
@@ -209,14 +205,7 @@ class _Handler(BaseHTTPRequestHandler):
         engine, seen = self.server.engine, 0
         while True:
             now = engine.wait(seen, _HEARTBEAT_S)
-            event = {
-                "model": engine.shown,
-                "known": engine.known,
-                "said": engine.said,
-                "failure": engine.failure,
-                **running(engine),
-            }
-            line = f"data: {json.dumps(event)}\n\n" if now != seen else ": still here\n\n"
+            line = f"data: {json.dumps(running(engine))}\n\n" if now != seen else ": still here\n\n"
             self.wfile.write(line.encode())
             self.wfile.flush()
             seen = now
@@ -256,8 +245,9 @@ class _Handler(BaseHTTPRequestHandler):
 
 
 def running(engine: Engine) -> dict[str, Any]:
-    """What runs, and which buttons can be pressed."""
+    """Which model is shown, what was said of it, what runs, and which buttons can be pressed."""
     return {
+        "model": engine.shown, "known": engine.known, "said": engine.said, "failure": engine.failure,
         "task": _shown(engine.task), "diagnosing": _shown(engine.background.task), "buttons": buttons(engine),
         "first_figures": engine.first_figures is not None, "pausing": engine.pausing.is_set(),
         "made": engine.made.name if engine.made else None,

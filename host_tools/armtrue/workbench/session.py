@@ -154,10 +154,6 @@ class Session:
         """The diagnosis of a model; None where it is not worked out yet."""
         return self._content(number)[1]
 
-    def data_without(self, rows: list[int]) -> Dataset:
-        """The measurements without some rows of their file."""
-        return self.data.without(rows)
-
     def save(self) -> None:
         """Write the tree."""
         with self._lock:
@@ -178,7 +174,7 @@ class Session:
                 path = self.folder / "models" / f"{number}.json"
                 try:
                     content = json.loads(read_text(path, largest_bytes=_LARGEST_BYTES))
-                    fit = Fit(content["fit"], None, self.data_without(self.nodes[number].left_out))
+                    fit = Fit(content["fit"], None, self.data.without(self.nodes[number].left_out))
                     self._hold(number, fit, content["diagnosis"])
                 except (ValueError, KeyError, TypeError):
                     raise InputError(

@@ -15,6 +15,7 @@ from ..history import History
 from ..mechanics.chain import Chain
 from ..mechanics.fourbar import FourBar
 from ..mechanics.statics import BodyError, gravity_loads
+from ..mechanics.transforms import Array
 from ..presets import Preset
 from ..tracker import TrackerError
 
@@ -22,6 +23,15 @@ ARCSEC = np.pi / 180.0 / 3600.0
 DEGREE = np.pi / 180.0
 # Angle sizes of the literature carried over to a linear axis: what a joint error of 1 rad is in metres there.
 PRISMATIC_SIZE = 0.1
+
+
+def hats(joint: int, nodes: Array) -> list[str]:
+    """One expression a node of a piecewise linear curve over `joint` (from 1): 1 there, 0 at its neighbours."""
+    at = [float(node) for node in nodes]
+    return [
+        f"hat(q{joint}, {left!r}, {node!r}, {right!r})"
+        for left, node, right in zip([at[0], *at[:-1]], at, [*at[1:], at[-1]], strict=True)
+    ]
 
 
 @dataclass(frozen=True)

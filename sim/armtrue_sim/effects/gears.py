@@ -6,7 +6,6 @@ import numpy as np
 
 from ..arm import Term
 from ..errors import ScenarioError
-from ..mechanics.transforms import Array
 from .base import (
     ARCSEC,
     DEGREE,
@@ -16,6 +15,7 @@ from .base import (
     effect,
     every_joint,
     full_torque,
+    hats,
     joint_pairs,
 )
 
@@ -107,7 +107,10 @@ def transmission_pwl(context: EffectContext, joints: list[int], sizes: Sizes) ->
             step = (high - low) / 10.0 if prismatic else spacing * DEGREE
             nodes = np.linspace(low, high, max(round((high - low) / step), 2) + 1)
             heights = sizes.rng.standard_normal(len(nodes)) * size * context.size(k)
-            terms += _table(context, k, nodes, heights)
+            for text, height in zip(hats(k, nodes), heights, strict=True):
+                terms.append(
+                    Term("transmission_pwl", (k,), f"motor{k}", text, float(height), context.unit(k))
+                )
         elif shape == "bump":
             centre = sizes.value("centre", low + (high - low) * sizes.rng.uniform(0.3, 0.7), k)
             half = sizes.value("half_width", (high - low) * sizes.rng.uniform(0.06, 0.12), k)
@@ -117,17 +120,6 @@ def transmission_pwl(context: EffectContext, joints: list[int], sizes: Sizes) ->
         else:
             raise ScenarioError(f"transmission_pwl: shape is {shape!r}, expected waves, table or bump")
     return EffectTruth(terms)
-
-
-def _table(context: EffectContext, joint: int, nodes: Array, heights: Array) -> list[Term]:
-    terms = []
-    for i, (node, height) in enumerate(zip(nodes, heights, strict=True)):
-        left, right = nodes[max(i - 1, 0)], nodes[min(i + 1, len(nodes) - 1)]
-        text = f"hat(q{joint}, {float(left)!r}, {float(node)!r}, {float(right)!r})"
-        terms.append(
-            Term("transmission_pwl", (joint,), f"motor{joint}", text, float(height), context.unit(joint))
-        )
-    return terms
 
 
 @effect("backlash", every_joint)

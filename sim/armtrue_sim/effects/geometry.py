@@ -7,7 +7,7 @@ import numpy as np
 from ..arm import Term
 from ..errors import ScenarioError
 from ..mechanics.fourbar import FourBar
-from .base import DEGREE, EffectContext, EffectTruth, Sizes, effect, every_joint, no_joint
+from .base import DEGREE, EffectContext, EffectTruth, Sizes, effect, every_joint, hats, no_joint
 
 
 @effect("base_frame", no_joint)
@@ -106,16 +106,15 @@ def axis_straightness(context: EffectContext, joints: list[int], sizes: Sizes) -
         if not context.chain.prismatic[k - 1]:
             raise ScenarioError(f"axis_straightness: joint {k} turns, expected one that slides")
         low, high = context.chain.limits[k - 1]
-        nodes = [float(v) for v in np.linspace(low, high, 6)]
+        shapes = hats(k, np.linspace(low, high, 6))
         for c in ("tx", "ty", "rx", "ry", "rz"):
             size = (
                 sizes.rng.uniform(2e-5, 6e-5)
                 if c[0] == "t"
                 else sizes.rng.uniform(10.0, 30.0) * DEGREE / 3600.0
             )
-            for i, height in enumerate(size * sizes.rng.standard_normal(len(nodes))):
-                left, right = nodes[max(i - 1, 0)], nodes[min(i + 1, len(nodes) - 1)]
-                text = f"hat(q{k}, {left!r}, {nodes[i]!r}, {right!r})"
-                unit = "m" if c[0] == "t" else "rad"
+            unit = "m" if c[0] == "t" else "rad"
+            heights = size * sizes.rng.standard_normal(len(shapes))
+            for text, height in zip(shapes, heights, strict=True):
                 terms.append(Term("axis_straightness", (k,), f"link{k}.{c}", text, float(height), unit))
     return EffectTruth(terms)

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..arm import Term
 from ..errors import ScenarioError
-from .base import EffectContext, EffectTruth, Sizes, effect, no_joint
+from .base import EffectContext, EffectTruth, Sizes, effect, hats, no_joint
 
 
 @effect("residual_grid", no_joint)
@@ -28,21 +28,14 @@ def residual_grid(context: EffectContext, joints: list[int], sizes: Sizes) -> Ef
             f"residual_grid: nodes is {counts!r}, expected {axes} whole numbers of at least 2"
         )
     size = sizes.value("size", sizes.rng.uniform(2e-5, 6e-5))
-    hats = []
-    for k, count in enumerate(counts, start=1):
-        low, high = context.chain.limits[k - 1]
-        nodes = [float(v) for v in np.linspace(low, high, count)]
-        hats.append(
-            [
-                f"hat(q{k}, {nodes[max(i - 1, 0)]!r}, {node!r}, {nodes[min(i + 1, count - 1)]!r})"
-                for i, node in enumerate(nodes)
-            ]
-        )
+    along = [
+        hats(k, np.linspace(*context.chain.limits[k - 1], count)) for k, count in enumerate(counts, start=1)
+    ]
     heights = size * sizes.rng.standard_normal((*counts, 3))
     return EffectTruth(
         [
             Term("residual_grid", (), f"link1.t{axis}", "*".join(corner), float(heights[(*index, c)]), "m")
-            for index, corner in zip(product(*map(range, counts)), product(*hats), strict=True)
+            for index, corner in zip(product(*map(range, counts)), product(*along), strict=True)
             for c, axis in enumerate("xyz")
         ]
     )

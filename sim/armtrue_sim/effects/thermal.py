@@ -27,6 +27,15 @@ def link_lengths(context: EffectContext, joint: int) -> Iterator[tuple[str, floa
                 yield f"{frame}.{axis}", float(length)
 
 
+def link_growth(name: str, context: EffectContext, joint: int, warmth: str, growth: float) -> list[Term]:
+    """Terms of effect `name`: the link after `joint` (from 1) expands by `growth` times the variable `warmth`."""
+    return [
+        Term(name, (joint,), coordinate, f"{length!r}*{warmth}", growth, "1")
+        for coordinate, length in link_lengths(context, joint)
+        if coordinate.startswith("link")
+    ]
+
+
 @effect("thermal_expansion", every_joint)
 def thermal_expansion(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
     """One coefficient of expansion for the named links, between steel and aluminium."""
@@ -136,7 +145,5 @@ def self_heating(context: EffectContext, joints: list[int], sizes: Sizes) -> Eff
         value = sizes.value("value", sizes.signed(6.0, 20.0) * ARCSEC * context.size(k), k)
         terms.append(Term("self_heating", (k,), f"motor{k}", f"_warm{k}", value, context.unit(k)))
         growth = sizes.value("growth", sizes.rng.uniform(3e-5, 1e-4), k)
-        for coordinate, length in link_lengths(context, k):
-            if coordinate.startswith("link"):
-                terms.append(Term("self_heating", (k,), coordinate, f"{length!r}*_warm{k}", growth, "1"))
+        terms += link_growth("self_heating", context, k, f"_warm{k}", growth)
     return EffectTruth(terms, histories=histories)

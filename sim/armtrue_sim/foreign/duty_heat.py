@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from ..arm import Term
 from ..effects.base import ARCSEC, EffectContext, EffectTruth, Sizes, effect, every_joint
-from ..effects.thermal import FULL_SPEED, link_lengths
+from ..effects.thermal import FULL_SPEED, link_growth
 from ..history import warmth
 
 PLAN = {"rests": {"count": 2, "seconds": 3000.0}}
@@ -28,9 +28,7 @@ def duty_heat(context: EffectContext, joints: list[int], sizes: Sizes) -> Effect
         value = sizes.value("value", sizes.signed(5.0, 15.0) * ARCSEC * context.size(k), k)
         terms.append(Term("duty_heat", (k,), f"motor{k}", f"_gear{k}", value, context.unit(k)))
         growth = sizes.value("growth", sizes.rng.uniform(6e-5, 1.5e-4), k)
-        for coordinate, length in link_lengths(context, k):
-            if coordinate.startswith("link"):
-                terms.append(Term("duty_heat", (k,), coordinate, f"{length!r}*_housing{k}", growth, "1"))
+        terms += link_growth("duty_heat", context, k, f"_housing{k}", growth)
     return EffectTruth(terms, histories=histories)
 
 

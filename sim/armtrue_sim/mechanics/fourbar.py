@@ -59,16 +59,6 @@ class FourBar:
         result: Array = beta + np.take_along_axis(error, np.abs(error).argmin(axis=0)[None], axis=0)[0]
         return result
 
-    def closure_residual(self, theta2: Array, beta: Array, psi: Array) -> Array:
-        """Rod length that the pivots give minus the rod's length, in metres (N,)."""
-        offset = np.array([self.pivot_x, self.pivot_y])
-        tip = offset + (self.crank + self.crank_error) * _unit(theta2 + beta)
-        driven = (self.rod + self.arm_error) * _unit(theta2) + (self.crank + self.rocker_error) * _unit(
-            theta2 + psi
-        )
-        result: Array = np.linalg.norm(tip - driven, axis=-1) - (self.rod + self.rod_error)
-        return result
-
     def first_order(self) -> dict[str, float]:
         """Coefficients (rad) of the linearised error's four basis functions; th2: link angle 2, beta as commanded."""
         return {
@@ -77,7 +67,3 @@ class FourBar:
             "cos(th2)/sin(beta)": -self.pivot_x / self.crank,
             "sin(th2)/sin(beta)": -self.pivot_y / self.crank,
         }
-
-
-def _unit(angle: Array) -> Array:
-    return np.stack([np.cos(angle), np.sin(angle)], axis=-1)

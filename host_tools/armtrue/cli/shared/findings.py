@@ -12,9 +12,11 @@ from rich.table import Table
 from armtrue.candidates import called, entry_of, parameter_lines
 from armtrue.cli.shared.output import Output, plain_table
 from armtrue.verdicts import (
+    ERROR_FIGURES,
     FLOOR_SOURCES,
     NOT_SCORED,
     OTHER_SENSOR_ADVICE,
+    chance,
     of_other_sensors,
     scored,
     sensor_of,
@@ -25,7 +27,6 @@ from armtrue.verdicts import (
 _CANDIDATES_SHOWN = 10
 _MORE_LIKELY_THAN_NOT = 0.5
 _COMMAND = "armtrue add FIT"
-_ERROR_FIGURES = {"mean_um": "mean", "rms_um": "RMS", "p95_um": "95 %", "max_um": "max"}
 _LEGEND = (
     "probability: that the arm has it beside what is fitted; explains: share of the squared residual;",
     "separable: share of its effect that what is fitted cannot imitate; ≈: predicted, not refitted",
@@ -59,7 +60,7 @@ def present_diagnosis(
     output.title(verdict_words(result))
     held_out = scored(result["error"]["held_out"])
     figures = [
-        f"{word} {held_out[key]:.1f} µm" for key, word in _ERROR_FIGURES.items() if held_out[key] is not None
+        f"{word} {held_out[key]:.1f} µm" for key, word in ERROR_FIGURES.items() if held_out[key] is not None
     ]
     output.say(f"error on held-out poses: {', '.join(figures) or NOT_SCORED}")
     output.say(floor_words(result))
@@ -82,7 +83,7 @@ def present_diagnosis(
 def present_added(effects: list[dict[str, Any]], output: Output) -> None:
     """Print how probable each effect is that a refinement added."""
     lines = [
-        f"{called(entry)}: {_chance(entry['probability'])}{_why_kept(entry['probability'])}"
+        f"{called(entry)}: {chance(entry['probability'])}{_why_kept(entry['probability'])}"
         for entry in effects
         if "probability" in entry
     ]
@@ -138,9 +139,9 @@ def _present_candidates(result: dict[str, Any], output: Output) -> None:
         return
     if result["verdict"] == "nothing_missing":
         nearest = candidates[0]
-        output.say(f"probability that nothing is missing: {_chance(result['probability_nothing'])}")
+        output.say(f"probability that nothing is missing: {chance(result['probability_nothing'])}")
         output.say(
-            f"nearest candidate: {_called_among(nearest, candidates)}, probability {_chance(nearest['probability'])}, "
+            f"nearest candidate: {_called_among(nearest, candidates)}, probability {chance(nearest['probability'])}, "
             f"explains {100 * nearest['explained']:.1f} % of the squared residual: {with_signs(nearest['why'])}"
         )
         return
@@ -175,20 +176,13 @@ def _present_candidates(result: dict[str, Any], output: Output) -> None:
         output.items([f"{_runs(ranks)}: {why}" for why, ranks in reasons.items()])
 
 
-def _chance(probability: float) -> str:
-    """A probability in percent; near 0 and 1 as the bound that sampling can support."""
-    if probability > 0.995:
-        return "> 99 %"
-    return "< 1 %" if probability < 0.005 else f"{100 * probability:.0f} %"
-
-
 def _candidate_table(candidates: list[dict[str, Any]], tried: list[dict[str, Any]]) -> Table:
     headers = ("probability", "explains", "separable", "held-out mean\nif added [µm]", "")
     table = plain_table("    candidate", *headers)
     for rank, candidate in enumerate(candidates, start=1):
         table.add_row(
             f"{rank:>2}  {_called_among(candidate, tried)}",
-            _chance(candidate["probability"]),
+            chance(candidate["probability"]),
             f"{100 * candidate['explained']:.1f} %",
             f"{100 * candidate['separability']:.1f} %",
             _if_added(candidate),

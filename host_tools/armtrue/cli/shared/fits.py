@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from armtrue.errors import InputError, RowError
+from armtrue.io.files import refuse_to_lose
 
 if TYPE_CHECKING:
     from armtrue.fitting import Fit
     from armtrue.io import Dataset, Robot
 
 
-def load_with_data(path: Path, data: Path | None) -> Fit:
+def load_with_data(path: Path, data: Path | None, writes: Iterable[Path | str | None]) -> Fit:
     """Return the fit at `path` with its measurements read: from `data`, or from where they lay.
 
-    Errors: InputError that says where they were looked for, or that they have changed.
+    `writes`: what the command will write. Errors: InputError that says where the measurements were looked for, that
+    they have changed, or that one of `writes` is a file of them.
     """
     from armtrue.fitting import Fit
 
@@ -34,14 +37,23 @@ def load_with_data(path: Path, data: Path | None) -> Fit:
         if data is not None:
             raise
         raise InputError(f"{error}; where they lie elsewhere, name them with --data DATA") from None
+    # Which files they are is known only now: the guard of all commands has seen the named ones.
+    refuse_to_lose([fit.data.path, fit.data.file], writes)
     return fit
 
 
-def load_measurements(path: Path, robot: Robot, *, skip_bad: bool, strict: bool = True) -> Dataset:
-    """Return the measurements at `path`; without `skip_bad`, the refusal of a row says how to read the others."""
+def load_measurements(
+    path: Path, robot: Robot, writes: Iterable[Path | str | None], *, skip_bad: bool, strict: bool = True
+) -> Dataset:
+    """Return the measurements at `path`; without `skip_bad`, the refusal of a row says how to read the others.
+
+    `writes`: as of `load_with_data`.
+    """
     from armtrue.io import load_data
 
     try:
-        return load_data(path, robot, skip_bad=skip_bad, strict=strict)
+        measurements = load_data(path, robot, skip_bad=skip_bad, strict=strict)
     except RowError as error:
         raise InputError(f"{error}; --skip-bad reads the other rows") from None
+    refuse_to_lose([measurements.file], writes)
+    return measurements

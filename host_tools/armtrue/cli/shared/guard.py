@@ -72,7 +72,7 @@ typer.core.HAS_RICH = False
 class GuardedGroup(typer.core.TyperGroup):
     """The group of all commands: what they write is compared with what they read before any of them begins.
 
-    `homes`: of each command the module that adds it, imported when the command runs, and its line of the help.
+    `homes`: of each command the module of `cli` that adds it, imported when the command runs, and its line of the help.
     """
 
     homes: ClassVar[dict[str, tuple[str, str]]] = {}
@@ -102,7 +102,7 @@ class GuardedGroup(typer.core.TyperGroup):
         if name not in self.commands:
             part = typer.Typer(pretty_exceptions_enable=False)
             part.callback()(lambda: None)
-            importlib.import_module(f"armtrue.{self.homes[name][0]}").add_to(part)
+            importlib.import_module(f"armtrue.cli.{self.homes[name][0]}").add_to(part)
             self.commands.update(typer.main.get_group(part).commands)
             _guard(name, self.commands[name])
         return self.commands[name]

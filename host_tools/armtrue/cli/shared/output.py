@@ -16,7 +16,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, Ti
 from rich.table import Table
 
 from armtrue import progress as progress_protocol
-from armtrue.io.files import check_writable, write_file
+from armtrue.io.files import write_file
 
 # A pipe has no width of its own; tables cut at 80 columns would lose figures.
 _WIDTH_OF_A_PIPE = 120
@@ -32,8 +32,6 @@ class Output:
 
     def __init__(self, json_to: str | None) -> None:
         self._json_to = json_to
-        if json_to is not None and json_to != STANDARD_OUTPUT:
-            check_writable(Path(json_to))
         width = None if sys.stdout.isatty() else _WIDTH_OF_A_PIPE
         self.console = Console(
             width=width, highlight=False, markup=False, soft_wrap=False, quiet=json_to == STANDARD_OUTPUT

@@ -7,10 +7,9 @@ from typing import Any
 
 from armtrue.candidates import called
 from armtrue.cli.shared.output import Output
-from armtrue.verdicts import NOT_SCORED, scored
+from armtrue.verdicts import ERROR_FIGURES, NOT_SCORED, scored
 
-_ERROR_FIGURES = ("mean_um", "rms_um", "p95_um", "max_um")
-_HEADERS = ("mean", "RMS", "95 %", "max", "floor")
+_HEADERS = (*ERROR_FIGURES.values(), "floor")
 _FIGURE_WIDTH = 8
 _WORDS_WIDTH = 32
 _BAR_CELLS = (6, 20)
@@ -40,10 +39,8 @@ class Waterfall:
             self._output.say("Bar: the mean as a share of the first step's; │: the noise floor.\n")
             headers = "".join(f"{header:>{_FIGURE_WIDTH}}" for header in _HEADERS)
             self._output.say(f"step{headers}  {'':{self._cells}}  what changed")
-        figures = [error[key] for key in _ERROR_FIGURES]
-        cells = ["–" if figure is None else f"{figure:.1f}" for figure in figures] + [
-            "–" if floor is None else f"{floor:.1f}"
-        ]
+        figures = [*(error[key] for key in ERROR_FIGURES), floor]
+        cells = ["–" if figure is None else f"{figure:.1f}" for figure in figures]
         row = f"{len(self.steps):>4}" + "".join(f"{cell:>{_FIGURE_WIDTH}}" for cell in cells)
         changed = self._changes(step) + ([NOT_SCORED] if error["mean_um"] is None else [])
         self._output.say(f"{row}  {self._bar(error['mean_um'], floor)}  {changed[0]}")

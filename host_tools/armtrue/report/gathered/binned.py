@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from armtrue.arrays import Array
 
 _MOST_BINS = 16
 _LEAST_BINS = 5

@@ -6,11 +6,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from armtrue.arrays import Array
+from armtrue.report.parts import ARCSECOND
 
-_ARCSECOND = np.pi / 648000.0
 _LOG10_SIGNIFICANT = -4.0
 # Lines so many resolutions around a peak, or within this share of its period, are its own.
 _OWN_LINES = 2.0
@@ -77,7 +76,7 @@ def _peaks(entry: dict[str, Any], ratio: float | None, significant: float) -> li
         at = int(np.argmax(left))
         inner = 0 < at < left.size - 1
         if inner and entry["explained"][at] >= max(entry["explained"][at - 1], entry["explained"][at + 1]):
-            amplitude = entry["amplitude_rad"][at] / _ARCSECOND
+            amplitude = entry["amplitude_rad"][at] / ARCSECOND
             called = name_of(float(cycles[at]), ratio, float(entry["resolution"]))
             peaks.append(Peak(float(cycles[at]), float(left[at]), amplitude, called))
         own = max(_OWN_LINES * entry["resolution"], _OWN_SHARE * cycles[at])

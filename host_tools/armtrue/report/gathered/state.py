@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
 from dataclasses import dataclass
 from typing import Any
@@ -10,13 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armtrue import _core
+from armtrue.arrays import Array
 from armtrue.fitting import Fit
+from armtrue.report.parts import ARCSECOND
 from armtrue.tables.chain import chain_from_robot, pose
 
-Array = NDArray[np.float64]
-
 _DEGREE = np.pi / 180.0
-_ARCSECOND = np.pi / 648000.0
 _MICROMETRE = 1e-6
 _HOUR = 3600.0
 # What variables of docs/model.md are called, with the unit people read and its size in SI.
@@ -97,7 +97,7 @@ class Direction:
     @property
     def size(self) -> float:
         """Its unit in SI."""
-        return _ARCSECOND if self.unit == "″" else _MICROMETRE
+        return ARCSECOND if self.unit == "″" else _MICROMETRE
 
     def read(self, residual_m: Array) -> Array:
         """The residuals (N, 3) [m] along this direction, in `unit`."""
@@ -126,32 +126,26 @@ def variables(fit: Fit) -> list[Variable]:
         if np.ptp(values) > _STANDSTILL * max(1.0, float(np.max(np.abs(values)))):
             found.append(Variable(name, what, unit, values, joint))
 
-    def derive(name: str, what: str, unit: str, factor: float = 1.0, joint: int = 0) -> None:
-        try:
-            values = fit.state_column(name)
-        except _core.ModelError:  # it needs masses or a column that is not there
-            return
-        add(name, what, unit, values / factor, joint)
+    def derive(name: str, joint: int = 0) -> None:
+        with contextlib.suppress(_core.ModelError):  # it needs masses or a column that is not there
+            derived = state_variable(fit, name)
+            add(name, derived.what, derived.unit, derived.values, joint)
 
     for k in numbers:
         unit, factor = joint_unit(joints[k - 1])
         add(f"q{k}", f"joint {k}", unit, columns[f"q{k}"] / factor, k)
         if f"qr{k}" in columns:
-            add(
-                f"q{k}−qr{k}",
-                f"joint {k}, commanded less read back",
-                unit,
-                (columns[f"q{k}"] - columns[f"qr{k}"]) / factor,
-            )
+            apart = (columns[f"q{k}"] - columns[f"qr{k}"]) / factor
+            add(f"q{k}−qr{k}", f"joint {k}, commanded less read back", unit, apart)
     for entry in fit.robot.spec.get("coupling", []):
-        derive(f"th{entry['joint']}", f"link angle {entry['joint']}", "°", _DEGREE)
+        derive(f"th{entry['joint']}")
     for k in numbers:
-        derive(f"tau{k}", f"gravity torque on joint {k}", "Nm", joint=k)
+        derive(f"tau{k}", k)
     for k in numbers:
-        derive(f"gmx{k}", f"gravity moment about x of link {k}", "Nm")
-        derive(f"gmy{k}", f"gravity moment about y of link {k}", "Nm")
-    derive("bmx", "gravity moment about x of the base", "Nm")
-    derive("bmy", "gravity moment about y of the base", "Nm")
+        derive(f"gmx{k}")
+        derive(f"gmy{k}")
+    derive("bmx")
+    derive("bmy")
     for sensor in fit.robot.sensors:
         if f"temp_{sensor}" in columns:
             add(f"temp_{sensor}", f"temperature {sensor}", "°C", columns[f"temp_{sensor}"])
@@ -179,11 +173,11 @@ def directions(fit: Fit) -> list[Direction]:
             axis,
             f"error along {axis}",
             "µm",
-            np.tile(np.eye(3)[k] / _MICROMETRE, (count, 1)),
+            np.tile(along / _MICROMETRE, (count, 1)),
             np.ones(count),
             everywhere,
         )
-        for k, axis in enumerate("xyz")
+        for axis, along in zip("xyz", np.eye(3), strict=True)
     ]
     tiny = tiny_levers(fit)
     for number, joint in enumerate(fit.robot.joints, start=1):
@@ -197,7 +191,7 @@ def reading(fit: Fit, coordinate: str, what: str, turns: bool) -> Direction:
     """The residual as an error of one coordinate: by least squares at each pose, (g·e) / (g·g)."""
     lever = fit.coordinate_column(coordinate)
     square = np.einsum("ij,ij->i", lever, lever)
-    unit, factor = ("″", _ARCSECOND) if turns else ("µm", _MICROMETRE)
+    unit, factor = ("″", ARCSECOND) if turns else ("µm", _MICROMETRE)
     along = lever / np.maximum(square, 1e-12 * (float(square.max()) or 1.0))[:, None] / factor
     drawn = square > _SHORT_LEVER**2 * float(np.median(square))
     return Direction(coordinate, what, unit, along, square, drawn)

@@ -8,12 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from armtrue.arrays import Array
 from armtrue.errors import InputError
 from armtrue.fitting import Fit
 from armtrue.report.names import gathered
 from armtrue.verdicts import FLOOR_SOURCES, scored
-
-Array = NDArray[np.float64]
 
 _AXES = 3
 

@@ -9,12 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from armtrue.arrays import Array
 from armtrue.report.gathered.binned import DISCRETE, Binned, binned
 from armtrue.report.gathered.state import Direction, Variable, axis_of, reading, state_variable
 from armtrue.report.gathered.steps import Step
 from armtrue.report.scales import tick_text
-
-Array = NDArray[np.float64]
 
 _MOST_GROUPS = 4  # more values of the second variable than this are gathered in thirds
 _THIRDS = 3

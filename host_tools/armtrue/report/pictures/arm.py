@@ -7,12 +7,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from armtrue.arrays import Array
 from armtrue.report.gathered.state import joint_unit
 from armtrue.report.gathered.steps import Step
 from armtrue.report.gathered.thinning import spread_rows
 from armtrue.tables.chain import chain_from_robot, pose
-
-Array = NDArray[np.float64]
 
 _MOST_VECTORS = 1500
 _WORST_KEPT = 60

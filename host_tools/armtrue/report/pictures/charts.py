@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armtrue.arrays import Array
 from armtrue.report.content import AddedVariable, Report, View
 from armtrue.report.gathered.binned import DISCRETE, Binned
 from armtrue.report.gathered.spectrum import Peak, Spectrum
@@ -14,9 +14,7 @@ from armtrue.report.markup import Markup, tag
 from armtrue.report.pictures.panel import Panel
 from armtrue.report.scales import Scale, around, symmetric, tick_text
 
-Array = NDArray[np.float64]
-
-_DOTS = 500
+DOTS = 500
 _SPECTRUM_LINES = 700
 _NAMED_PEAKS = 3
 # Readings beyond this percentile run off the panel: one gross error should not flatten all others.
@@ -26,7 +24,7 @@ _ONE_PERCENT = 0.01
 _SAME_SHARE = 0.005
 
 
-def state_panel(report: Report, view: View, dots: int = _DOTS) -> Markup:
+def state_panel(report: Report, view: View, dots: int = DOTS) -> Markup:
     """The residual of the last step over a state variable: dots, bin means with two standard errors, 5–95 % band."""
     readings = view.direction.read(report.last.residual_m)
     rows = spread_rows(readings.size, dots)
@@ -119,7 +117,7 @@ def added_variable_panel(plot: AddedVariable) -> Markup | None:
     for kind, which in (("dots", ~plot.turned), ("dots turns", plot.turned)):
         readings = np.flatnonzero(which)
         if readings.size:
-            rows = readings[spread_rows(readings.size, 3 * _DOTS)]
+            rows = readings[spread_rows(readings.size, 3 * DOTS)]
             panel.points(plot.added[rows], plot.left[rows], kind)
     panel.level(0.0, "", "zero")
     ends = np.array([-1.1, 1.1]) * size_x
@@ -133,11 +131,8 @@ def added_words(plot: AddedVariable) -> str:
         return "fitted, it adds nothing: the model can take over all that it does"
     scored = float(plot.candidate["explained"])
     words = f"fitted, it takes away {100 * plot.explained:.1f} % of the squared residual"
-    return (
-        words
-        if abs(plot.explained - scored) < _SAME_SHARE
-        else f"{words}; its score was {100 * scored:.1f} %"
-    )
+    same = abs(plot.explained - scored) < _SAME_SHARE
+    return words if same else f"{words}; its score was {100 * scored:.1f} %"
 
 
 def curve_panel(
@@ -203,7 +198,7 @@ def histogram_panel(
 
 def place_panel(x: Array, y: Array, names: tuple[str, str], description: str) -> Markup:
     """Where the reflector was, both axes to one scale."""
-    rows = spread_rows(x.size, 2 * _DOTS)
+    rows = spread_rows(x.size, 2 * DOTS)
     half = 0.55 * max(float(np.ptp(x)), float(np.ptp(y)))
     height = 320
     panel = Panel(

@@ -7,17 +7,16 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armtrue import _core
+from armtrue.arrays import Array
 from armtrue.fitting import Fit, effect_terms
+from armtrue.io.rotation import matrix_about
 from armtrue.report.gathered.state import Variable, variables
-from armtrue.report.markup import Markup, tag
+from armtrue.report.markup import Content, Markup, tag
 from armtrue.report.parts import fixed, plural
 from armtrue.report.pictures.arm import typical_pose
-from armtrue.tables.chain import Chain, chain_from_robot, rotation_about
-
-Array = NDArray[np.float64]
+from armtrue.tables.chain import Chain, chain_from_robot
 
 WIDTH, HEIGHT = 310, 240
 _TRACK = 40  # below the picture: where the variable is that drives the effect
@@ -32,7 +31,6 @@ _SHOWN_WAVES = 2.0
 # Terms that are weighed by springs still to be found have no size of their own.
 _LARGEST_REAL_M = 0.05
 _AZIMUTH, _ELEVATION = np.radians(-62.0), np.radians(22.0)
-_AXES = {"x": 0, "y": 1, "z": 2}
 
 
 @dataclass(frozen=True)
@@ -133,11 +131,15 @@ def arms_picture(fit: Fit, joints: Array) -> tuple[Markup, str]:
     ends = [
         tag("circle", cx=f"{x:.1f}", cy=f"{y:.1f}", r="4") for x, y in (place[-1] for place in places[1:])
     ]
-    picture = tag(
-        "svg", tag("title", words), tag("path", class_="arm", d=path(places[0])), arms, ends,
-        class_="panel effect-picture", role="img", viewBox=f"0 0 {WIDTH} {HEIGHT}", aria_label=words,
+    return framed(words, tag("path", class_="arm", d=path(places[0])), arms, ends), words
+
+
+def framed(words: str, *drawn: Content, **attributes: object) -> Markup:
+    """A picture of an arm as an SVG element; `words` is what a screen reader says of it."""
+    return tag(
+        "svg", tag("title", words), *drawn, class_="panel effect-picture", role="img",
+        viewBox=f"0 0 {WIDTH} {HEIGHT}", aria_label=words, **attributes,
     )  # fmt: skip
-    return picture, words
 
 
 def _drivers(fit: Fit, joints: list[int]) -> list[tuple[Variable, list[str]]]:
@@ -192,12 +194,12 @@ def corners(chain: Chain, joints: Array, moves: dict[str, float]) -> Array:
         steps.append((number, frame, component, move))
     # From the flange to the base: an axis that is moved itself moves with all that it carries.
     for number, frame, component, move in sorted(steps, key=lambda step: -step[0]):
-        axis = _AXES[component[1]]
+        axis = "xyz".index(component[1])
         beyond = np.arange(len(places)) > number if number else np.ones(len(places), dtype=np.bool_)
         if component[0] == "t":
             places[beyond] += move * frame[:3, axis]
         else:
-            turn = frame[:3, :3] @ rotation_about(axis, move) @ frame[:3, :3].T
+            turn = frame[:3, :3] @ matrix_about(component[1], move) @ frame[:3, :3].T
             places[beyond] = (places[beyond] - frame[:3, 3]) @ turn.T + frame[:3, 3]
     return places
 
@@ -251,24 +253,19 @@ def _svg(nominal: Array, moved: list[Array], marked: list[int], sweep: Sweep, wo
             tag("text", sweep.variable.what, class_="ticks", x=WIDTH / 2, y=y - 9, text_anchor="middle"),
         ]  # fmt: skip
     swing = _animated("d", [paths[k] for k in there_and_back])
-    return tag(
-        "svg",
-        tag("title", words),
+    return framed(
+        words,
         tag("path", class_="arm", d=path(nominal)),
         tag("path", swing, class_="moved-arm", d=paths[farthest]),
         joints, names, track,
-        class_="panel effect-picture", role="img", viewBox=f"0 0 {WIDTH} {HEIGHT}", aria_label=words,
         data_still=f"{_SECONDS * farthest / (len(there_and_back) - 1):.2f}",
     )  # fmt: skip
 
 
 def _animated(attribute: str, values: list[str]) -> Markup:
+    frames = ";".join(values)
     return tag(
-        "animate",
-        attributeName=attribute,
-        values=";".join(values),
-        dur=f"{_SECONDS}s",
-        repeatCount="indefinite",
+        "animate", attributeName=attribute, values=frames, dur=f"{_SECONDS}s", repeatCount="indefinite"
     )
 
 

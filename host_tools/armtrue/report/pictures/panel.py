@@ -7,14 +7,12 @@ import json
 import numpy as np
 from numpy.typing import NDArray
 
+from armtrue.arrays import Array
 from armtrue.report.markup import Markup, join, tag
 from armtrue.report.scales import Scale, tick_text
 
-Array = NDArray[np.float64]
-
-WIDTH = (
-    310  # [px] the narrowest chart on a laptop: charts are never shrunk there, so letters keep their set size
-)
+# [px] The narrowest chart on a laptop: charts are never shrunk there, so letters keep their set size.
+WIDTH = 310
 _LEFT, _RIGHT, _TOP, _BOTTOM = 53, 8, 10, 38
 _BESIDE_TICKS = 26.0  # what the axis name and the gaps beside tick labels take of the left margin
 _POINTER = (3.5, 9.0)  # half width and height of a note's pointer
@@ -91,15 +89,15 @@ class Panel:
         )
         self._drawn.append(tag("path", class_=kind, d=path))
 
-    def upright(self, x: float, label: str, kind: str = "mark", level: int = 0) -> None:
-        """An upright mark with a label at its top, `level` lines down."""
+    def upright(self, x: float, label: str, kind: str = "mark") -> None:
+        """An upright mark with a label at its top."""
         share = float(self._x.share(x))
         if not 0.0 <= share <= 1.0:
             return
         at = share * self._w
         left = at + 3 + _LABEL_CHARACTER * len(label) > self._w
         self._drawn.append(tag("path", class_=kind, d=f"M{at:.1f} 0V{self._h}"))
-        half, height = _LABEL_CHARACTER * len(label) / 2, 9.0 + 11 * level
+        half, height = _LABEL_CHARACTER * len(label) / 2, 9.0
         self._taken.append((at - half - 3 if left else at + half + 3, height, half))
         self._label(at - 3 if left else at + 3, height, label, "end" if left else "start")
 

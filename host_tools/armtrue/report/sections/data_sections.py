@@ -12,12 +12,11 @@ from armtrue import __version__
 from armtrue.report.content import Report
 from armtrue.report.gathered.state import joint_unit
 from armtrue.report.markup import Content, Markup, join, tag
-from armtrue.report.parts import figure, grid, lead, micrometres, minus, plural, section, table
+from armtrue.report.parts import ARCSECOND, figure, grid, lead, micrometres, minus, plural, section, table
 from armtrue.report.pictures import charts
 from armtrue.tables.chain import pose
 
 _MOST_ROWS = 60
-_ARCSECOND = np.pi / 648000.0
 _COVERAGE = (
     "A model is worth as much as the poses it was fitted to. Joints that hardly moved, loads and temperatures that "
     "never changed, leave their effects unseen."
@@ -119,7 +118,7 @@ def about_section(report: Report) -> Markup:
     stated = noise["stated_sigma_um"]
     stated_words = f", {micrometres(stated)} µm stated" if stated is not None else ""
     turn = noise["sigma_rotation_rad"]
-    turn_words = f"; orientation {turn / _ARCSECOND:.1f}″ about each axis" if turn is not None else ""
+    turn_words = f"; orientation {turn / ARCSECOND:.1f}″ about each axis" if turn is not None else ""
     rows: list[list[Content]] = [
         ["Armtrue", __version__],
         ["robot", report.last.fit.robot.spec.get("name", "")],

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -10,7 +9,7 @@ from typing import Any
 from armtrue.report.content import Report
 from armtrue.report.gathered.steps import floor_source
 from armtrue.report.markup import Content, Markup, tag
-from armtrue.report.parts import lead, micrometres, scored_um, section, table
+from armtrue.report.parts import ARCSECOND, lead, micrometres, scored_um, section, table
 from armtrue.report.scales import Scale, tick_text
 
 # Measure, what it is called, and the outline of its mark in a square of 16.
@@ -21,7 +20,6 @@ _MEASURES = (
     ("max_um", "max", "M2.5 3h11v10h-11z"),
 )
 _NAMES = [called for _, called, _ in _MEASURES]
-_ARCSECOND = math.pi / 648000.0
 _WAYS = {
     "random": "poses drawn at random",
     "time": "stretches of time",
@@ -173,7 +171,7 @@ def _turns(report: Report) -> Markup | None:
         error = step.turn_error_rad
         if error is not None:
             rows.append(
-                [step.called, *(f"{error[key] / _ARCSECOND:.1f}" for key in ("mean", "rms", "p95", "max"))]
+                [step.called, *(f"{error[key] / ARCSECOND:.1f}" for key in ("mean", "rms", "p95", "max"))]
             )
     if not rows:
         return None

@@ -15,6 +15,7 @@ from armtrue.report.gathered.state import axis_of
 from armtrue.report.gathered.structure import coordinate_words
 from armtrue.report.markup import Content, Markup, tag
 from armtrue.report.parts import (
+    ARCSECOND,
     figure,
     fixed,
     folded,
@@ -38,7 +39,6 @@ _UNOBSERVABLE = (
     "Numbers that these measurements cannot tell apart. One of each pair stays at its nominal value; predictions do "
     "not suffer."
 )
-_ARCSECOND = math.pi / 648000.0
 # A parameter below this many of its own sigmas may as well be zero.
 _KNOWN = 3.0
 _TIED = 0.9
@@ -137,7 +137,7 @@ def _curve(fit: Fit, entries: list[dict[str, Any]]) -> Markup:
         at = entry["terms"][0]["table"]["index"][0]
         values[at] = entry["value"] * entry["terms"][0]["weight"]
         sigmas[at] = entry["sigma"] or 0.0
-    factor, unit = (_ARCSECOND, "″") if entries[0]["unit"].startswith("rad") else (1e-6, "µm")
+    factor, unit = (ARCSECOND, "″") if entries[0]["unit"].startswith("rad") else (1e-6, "µm")
     what, of_axis, scale, origin = axis_of(fit, axis["variable"])
     title = name({"effect": entries[0]["effect"], "joints": entries[0]["joints"]})
     panel = charts.curve_panel(

@@ -20,6 +20,7 @@ _TURNING = (
     "Drag to turn, with Shift to move, with Ctrl to select, scroll or pinch to zoom. With the keyboard: arrow keys "
     "turn, + and − zoom, 0 starts again."
 )
+_SPOKEN = "Residual vectors over the arm. Arrow keys turn, plus and minus zoom, N reads the next worst pose."
 _STATE = (
     "What is left over at the last step, against every variable of the state. The line joins bin means, upright bars "
     "are two standard errors of a mean, the band holds 5 to 95 % of the readings. A line that is flat within its bars "
@@ -59,28 +60,25 @@ def vectors_section(report: Report) -> Markup:
     """Residual vectors over the arm, drawn by viewer.js."""
     scene = arm.scene(report.steps)
     drawn, total = len(scene["rows"]), scene["total"]
-    which = (
-        "Every pose is drawn. "
-        if drawn == total
-        else f"{drawn} of {total} poses are drawn, the worst among them. "
-    )
+    some = f"{drawn} of {total} poses are drawn, the worst among them. "
     names = [(str(k), title) for k, title in enumerate(scene["names"])]
     chooser = _chooser("vectors-step", "error of", names, len(names) - 1) if len(names) > 1 else None
     buttons = [tag("button", text, type="button", data_do=do, title=title) for do, text, title in _BUTTONS]
     return section(
         "vectors",
         "Where the error points",
-        lead(_VECTORS, which, tag("span", _TURNING, class_="screen")),
+        lead(
+            _VECTORS,
+            "Every pose is drawn. " if drawn == total else some,
+            tag("span", _TURNING, class_="screen"),
+        ),
         tag(
             "div",
             chooser,
             tag("div", buttons, class_="buttons", role="group", aria_label="view"),
             class_="controls only-script",
         ),
-        viewer(
-            scene,
-            "Residual vectors over the arm. Arrow keys turn, plus and minus zoom, N reads the next worst pose.",
-        ),
+        viewer(scene, _SPOKEN),
     )
 
 
@@ -90,13 +88,9 @@ def viewer(scene: dict[str, Any], spoken: str) -> Markup:
     `spoken`: its name for screen readers.
     """
     stage = tag(
-        "div",
-        class_="stage",
-        tabindex="0",
-        role="application",
-        aria_roledescription="three-dimensional picture",
+        "div", class_="stage", tabindex="0", role="application", aria_roledescription="three-dimensional picture",
         aria_label=spoken,
-    )
+    )  # fmt: skip
     without = tag("p", "This one picture needs JavaScript; everything else on the page does without.")
     data = Markup(json.dumps(scene, separators=(",", ":")).replace("<", "\\u003c"))
     return tag(
@@ -172,16 +166,17 @@ def _not_read(report: Report) -> str:
     return "".join(sentences)
 
 
-def _state_figure(report: Report, view: View, dots: int | None = None) -> Markup:
-    panel = charts.state_panel(report, view) if dots is None else charts.state_panel(report, view, dots)
+def _state_figure(report: Report, view: View, dots: int = charts.DOTS) -> Markup:
+    panel = charts.state_panel(report, view, dots)
     title = [tag("code", view.variable.name), f" {view.variable.what}"]
-    mark = (
-        tag("span", "▲ trend left", class_="trend")
-        if view.last.trend
-        else tag("span", "○ nothing left", class_="calm")
-        if view.last.tells
-        else tag("span", "– cannot tell")
-    )
+    mark = tag("span", "– cannot tell")
+    if view.last.tells:
+        trend = view.last.trend
+        mark = (
+            tag("span", "▲ trend left", class_="trend")
+            if trend
+            else tag("span", "○ nothing left", class_="calm")
+        )
     return figure(title, panel, mark, f" · {view.direction.what}. {charts.trend_words(view)}")
 
 

@@ -5,16 +5,15 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armtrue.arrays import Array
 from armtrue.checking.alignment import NOMINAL_ERROR_PER_REACH, align, alignment_columns, thinned
 from armtrue.errors import InputError
 from armtrue.io import Robot, load_data
 from armtrue.report.markup import Markup, tag
-from armtrue.report.pictures.effect_picture import HEIGHT, WIDTH, corners, path, projected
+from armtrue.report.pictures.effect_picture import corners, framed, path, projected
 from armtrue.tables.chain import chain_from_robot, pose
 
-Array = NDArray[np.float64]
 _MOST = 120
 
 
@@ -51,11 +50,9 @@ def _svg(drawn: list[Array], words: str) -> Markup:
         f"M{x:.1f} {y:.1f}L{u:.1f} {v:.1f}" for (x, y), (u, v) in zip(points, reached, strict=True)
     )
     dots = "".join(f"M{x:.1f} {y:.1f}h0" for x, y in points)
-    return tag(
-        "svg",
-        tag("title", words),
+    return framed(
+        words,
         tag("path", class_="arm", d=path(arm)),
         tag("path", class_="planned-arm", d=lines),
         tag("path", class_="dots strong-dots", d=dots),
-        class_="panel effect-picture", role="img", viewBox=f"0 0 {WIDTH} {HEIGHT}", aria_label=words,
-    )  # fmt: skip
+    )

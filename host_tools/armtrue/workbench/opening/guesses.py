@@ -15,12 +15,13 @@ from armtrue.errors import InputError
 from armtrue.io import Robot
 from armtrue.io.columns import POSITION, QUATERNION, TEXT_COLUMNS, UNITS, ColumnNames
 from armtrue.io.files import read_text
+from armtrue.io.layout import SEPARATORS
 from armtrue.report.markup import Content, Markup, tag
 from armtrue.report.parts import listed, plural
+from armtrue.workbench.showing.elements import button
 
 Document = dict[str, Any]
 
-SEPARATORS = {"comma": ",", "semicolon": ";", "tab": "\t", "space": " ", "pipe": "|"}
 _UNUSED = "not used"
 _TURNS = ("rotation 1", "rotation 2", "rotation 3")
 _SEQUENCES = ("XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX", "ZYZ", "ZXZ", "XYX", "XZX", "YXY", "YZY")
@@ -224,11 +225,7 @@ def findings_list(findings: list[Finding]) -> Markup:
 
     def line(place: int, finding: Finding) -> list[Content]:
         words = " → ".join(part for part in (finding.message, finding.remedy) if part)
-        mend = (
-            tag("button", "Mend this", type="button", data_act="open", data_mend=place)
-            if can_be_mended(finding)
-            else None
-        )
+        mend = button("Mend this", "open", mend=place) if can_be_mended(finding) else None
         return [f"{finding.severity}: {words} ", mend]
 
     wrong = [line(k, finding) for k, finding in enumerate(findings) if finding.severity != "note"]

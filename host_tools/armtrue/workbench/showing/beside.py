@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
-import json
 from typing import Any
 
 from armtrue import comparing
+from armtrue.candidates import model_entry
 from armtrue.errors import InputError
 from armtrue.fitting import Fit, with_effects
 from armtrue.progress import Progress
 from armtrue.report.gathered.state import joint_unit
 from armtrue.report.markup import Content, Markup, tag
 from armtrue.report.parts import micrometres, minus, plural, table
+from armtrue.verdicts import chance
 from armtrue.workbench.session import Node, Session
+from armtrue.workbench.showing.elements import button, card, number_of
 from armtrue.workbench.showing.further import Result
-from armtrue.workbench.showing.names import called, called_among, model_entry, named
+from armtrue.workbench.showing.names import called, called_among, named
 from armtrue.workbench.showing.poses import planned
-from armtrue.workbench.showing.words import chance, length
+from armtrue.workbench.showing.words import length
 
 _SHOWN_POSES = 10
 _MOST_RIVALS = 12
@@ -24,24 +26,19 @@ _MOST_RIVALS = 12
 
 def beside(session: Session, place: str) -> str:
     """The model that is looked at beside the one at `place` of the history. Errors: InputError where there is none."""
-    if not place.isdecimal() or int(place) >= len(session.nodes):
-        raise InputError(f"node: found '{place}', expected a number from 0 to {len(session.nodes) - 1}")
-    nodes = [session.node, session.nodes[int(place)]]
+    nodes = [session.node, session.nodes[number_of(place, len(session.nodes), "node")]]
     names = [f"{letter}: {_name(session, node)}" for letter, node in zip("AB", nodes, strict=True)]
-    return tag(
-        "article",
-        tag("h2", "Two models side by side", id="card-title"),
+    return card(
+        "Two models side by side",
         _figures(session, nodes, names),
         tag("h3", "Where they differ most"),
         _poses(session, nodes),
         _deciding(nodes),
-        tag("p", tag("button", "Close", type="button", data_act="close")),
     )
 
 
 def bayesian_information(session: Session, number: int) -> float:
     """BIC of a model up to a constant of its measurements."""
-
     return float(
         session.worked_out(number, "bic", lambda: comparing.bayesian_information(session.fit_of(number)))
     )
@@ -54,16 +51,15 @@ def _name(session: Session, node: Node) -> str:
 
 
 def _figures(session: Session, nodes: list[Node], names: list[str]) -> Markup:
-    own = [
-        [e for e in node.effects if e not in other.effects]
-        for node, other in zip(nodes, nodes[::-1], strict=True)
-    ]
     counts = [
         sum(not parameter["held"] for parameter in session.fit_of(node.number).document["parameters"])
         for node in nodes
     ]
     rows: list[list[Content]] = [
-        ["effects that the other lacks", *(", ".join(map(named, effects)) or "none" for effects in own)],
+        [
+            "effects that the other lacks",
+            *(", ".join(map(named, effects)) or "none" for effects in _own_effects(nodes)),
+        ],
         ["held-out mean error", *(length(node.mean_um) for node in nodes)],
         ["parameters", *map(str, counts)],
     ]
@@ -97,13 +93,7 @@ def _poses(session: Session, nodes: list[Node]) -> Markup:
         f"Their predictions are {micrometres(float(found.apart_um.mean()))} µm apart on average, and "
         f"{micrometres(float(found.apart_um.max()))} µm at most."
     )
-    ring = tag(
-        "button",
-        "Ring these poses on the arm",
-        type="button",
-        data_act="ring",
-        data_rows=json.dumps(found.rows[:_SHOWN_POSES].tolist()),
-    )
+    ring = button("Ring these poses on the arm", "ring", rows=found.rows[:_SHOWN_POSES].tolist())
     heads = ["row", "apart [µm]", "error of A [µm]", "error of B [µm]", "joints"]
     return tag("div", tag("p", words), table(heads, rows, "Poses where they differ most", words=(0, 4)), ring)
 
@@ -120,18 +110,21 @@ def _deciding(nodes: list[Node]) -> Content:
     if _rivals(nodes) is None:
         return None
     words = "Poses that tell the two apart best are planned and drawn under What next. "
-    button = tag(
-        "button", "Plan poses that decide", type="button", data_act="plan", data_node=nodes[1].number
-    )
-    return [tag("h3", "Which poses would decide?"), tag("p", words, button)]
+    plan = button("Plan poses that decide", "plan", node=nodes[1].number)
+    return [tag("h3", "Which poses would decide?"), tag("p", words, plan)]
+
+
+def _own_effects(nodes: list[Node]) -> list[list[dict[str, Any]]]:
+    """Of each of two models the effects that the other lacks."""
+    return [
+        [effect for effect in node.effects if effect not in other.effects]
+        for node, other in zip(nodes, nodes[::-1], strict=True)
+    ]
 
 
 def _rivals(nodes: list[Node]) -> list[dict[str, Any]] | None:
     """The effects that two models differ by, one each; None where they differ otherwise."""
-    own = [
-        [e for e in node.effects if e not in other.effects]
-        for node, other in zip(nodes, nodes[::-1], strict=True)
-    ]
+    own = _own_effects(nodes)
     return [own[0][0], own[1][0]] if [len(each) for each in own] == [1, 1] else None
 
 
@@ -149,9 +142,8 @@ def planned_between(session: Session, other: int, words: dict[str, Any], progres
 def swaps(session: Session, place: str) -> str:
     """What could stand in the place of an effect: candidates of the step at which it was added, or of this one."""
     effects = session.node.effects
-    if not place.isdecimal() or int(place) >= len(effects):
-        raise InputError(f"effect: found '{place}', expected a number from 0 to {len(effects) - 1}")
-    old = effects[int(place)]
+    number = number_of(place, len(effects), "effect")
+    old = effects[number]
     added = next((node.parent for node in session.path if old in node.added), None)
     diagnosis = session.diagnosis_of(session.at if added is None else added)
     candidates = [] if diagnosis is None else list(diagnosis["candidates"])
@@ -165,25 +157,14 @@ def swaps(session: Session, place: str) -> str:
             "li",
             tag("span", f"{called_among(each, candidates)}: probability {chance(each['probability'])}"),
             " ",
-            tag(
-                "button",
-                "Put in its place",
-                type="button",
-                data_act="swap",
-                data_effect=int(place),
-                data_entry=json.dumps(model_entry(each)),
+            button(
+                "Put in its place", "swap", effect=number, entry=model_entry(each),
                 aria_label=f"Put {called_among(each, candidates)} in the place of {named(old)}",
             ),
         )
         for each in others[:_MOST_RIVALS]
-    ]
-    return tag(
-        "article",
-        tag("h2", f"In the place of {named(old)}", id="card-title"),
-        tag(
-            "p",
-            f"{plural(len(rows), 'effect')} could stand there; the likeliest to be mistaken for it come first.",
-        ),
-        tag("ul", rows, class_="model"),
-        tag("p", tag("button", "Close", type="button", data_act="close")),
+    ]  # fmt: skip
+    words = (
+        f"{plural(len(rows), 'effect')} could stand there; the likeliest to be mistaken for it come first."
     )
+    return card(f"In the place of {named(old)}", tag("p", words), tag("ul", rows, class_="model"))

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import json
 from typing import Any
 
 from armtrue import sketching
-from armtrue.errors import InputError
+from armtrue.candidates import model_entry
 from armtrue.fitting import Fit
 from armtrue.io.catalogue import EffectInfo, catalogue
 from armtrue.report.content import added_variable
@@ -16,10 +15,11 @@ from armtrue.report.pictures import charts
 from armtrue.report.pictures.effect_picture import effect_picture
 from armtrue.report.sections.diagnosis_sections import values_list
 from armtrue.report.sections.effect_card import bound_lines, formula_block, sweep_of
+from armtrue.verdicts import chance
 from armtrue.workbench.actions import candidates_of
 from armtrue.workbench.session import Session
-from armtrue.workbench.showing.names import called, called_among, model_entry
-from armtrue.workbench.showing.words import chance
+from armtrue.workbench.showing import elements
+from armtrue.workbench.showing.names import called, called_among
 
 _NEIGHBOURS = 3
 
@@ -29,9 +29,8 @@ def card(session: Session, place: str) -> str:
     candidates, number = _chosen(session, place)
     candidate, fit = candidates[number], session.fit_of(session.at)
     info = catalogue()[candidate["effect"]]
-    return tag(
-        "article",
-        tag("h2", called_among(candidate, candidates), id="card-title"),
+    return elements.card(
+        called_among(candidate, candidates),
         tag("p", info.summary),
         _picture_and_formula(fit, candidate, info),
         bound_lines(info),
@@ -42,18 +41,7 @@ def card(session: Session, place: str) -> str:
         _neighbours(candidate, candidates),
         tag("h3", "Which poses would decide?"),
         _deciding(candidate, candidates, number),
-        tag(
-            "p",
-            tag(
-                "button",
-                "Add to the model",
-                type="button",
-                data_act="add",
-                data_entry=json.dumps(model_entry(candidate)),
-            ),
-            " ",
-            tag("button", "Close", type="button", data_act="close"),
-        ),
+        first=elements.button("Add to the model", "add", entry=model_entry(candidate)),
     )
 
 
@@ -77,9 +65,7 @@ def evidence(session: Session, place: str) -> str:
 
 def _chosen(session: Session, place: str) -> tuple[list[dict[str, Any]], int]:
     candidates = candidates_of(session)
-    if not place.isdecimal() or int(place) >= len(candidates):
-        raise InputError(f"candidate: found '{place}', expected a number from 0 to {len(candidates) - 1}")
-    return candidates, int(place)
+    return candidates, elements.number_of(place, len(candidates), "candidate")
 
 
 def _picture_and_formula(fit: Fit, candidate: dict[str, Any], info: EffectInfo) -> Content:
@@ -92,7 +78,7 @@ def _picture_and_formula(fit: Fit, candidate: dict[str, Any], info: EffectInfo) 
     if sweep is None:
         return [formula, course]
     picture, words = effect_picture(fit, candidate, sweep)
-    still = tag("button", "Hold still", type="button", data_act="hold", aria_pressed="false")
+    still = elements.button("Hold still", "hold", aria_pressed="false")
     return [
         tag("figure", picture, tag("figcaption", words, " ", still)),
         tag("h3", "Formula"),
@@ -134,6 +120,7 @@ def _deciding(candidate: dict[str, Any], candidates: list[dict[str, Any]], numbe
         return tag("p", "There is nothing to tell it from.")
     names = ", ".join(called_among(candidates[k], candidates) for k in rivals)
     return tag(
-        "p", f"Poses that tell it from {names} best are planned and drawn under What next. ",
-        tag("button", "Plan these poses", type="button", data_act="plan", data_rivals=str([number, *rivals])),
-    )  # fmt: skip
+        "p",
+        f"Poses that tell it from {names} best are planned and drawn under What next. ",
+        elements.button("Plan these poses", "plan", rivals=[number, *rivals]),
+    )

@@ -5,22 +5,20 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armtrue.arrays import Array
 from armtrue.errors import InputError
 from armtrue.fitting import Fit
 from armtrue.io import Dataset
 from armtrue.report.gathered.steps import Step
 from armtrue.report.gathered.thinning import spread_rows
 from armtrue.report.markup import Content, Markup, tag
-from armtrue.report.parts import figure, grid, micrometres, section, table
+from armtrue.report.parts import figure, grid, micrometres, minus, section, table
 from armtrue.report.pictures.arm import scene
 from armtrue.report.pictures.panel import Panel
 from armtrue.report.scales import Scale, around
 from armtrue.report.sections.residual_sections import viewer
 from armtrue.uncertainty import least_known_m, position_covariance, standard_deviation_m
-
-Array = NDArray[np.float64]
 
 _MOST_POSES = 300
 _WORST = 5
@@ -93,4 +91,4 @@ def _panel(place: Array, sigma: Array, label: str) -> Markup:
 
 
 def _place(position: Array) -> str:
-    return ", ".join(f"{value:.3f}".replace("-", "−") for value in position)
+    return minus(", ".join(f"{value:.3f}" for value in position))

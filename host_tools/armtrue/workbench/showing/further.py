@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,7 +10,7 @@ from armtrue.errors import InputError
 from armtrue.fitting import Fit, fingerprint
 from armtrue.fitting import fit as fit_model
 from armtrue.io import Dataset, Model, load_data
-from armtrue.io.files import write_file
+from armtrue.io.files import csv_text, write_file
 from armtrue.progress import Progress
 from armtrue.report.gathered.state import Variable
 from armtrue.report.markup import Content, Markup, tag
@@ -20,6 +18,7 @@ from armtrue.report.parts import micrometres
 from armtrue.workbench.opening.dropped import Drop
 from armtrue.workbench.opening.opened import Opened
 from armtrue.workbench.outputs import Made
+from armtrue.workbench.showing.elements import button
 from armtrue.workbench.showing.looking import all_variables
 
 
@@ -81,7 +80,7 @@ def leave_out_form(fit: Fit) -> Markup:
         ),
         tag("label", " from ", tag("input", type="number", step="any", id="leave-low")),
         tag("label", " to ", tag("input", type="number", step="any", id="leave-high")),
-        tag("button", "Leave out", type="button", data_act="leave_out_where"),
+        button("Leave out", "leave_out_where"),
     )
 
 
@@ -108,7 +107,7 @@ def compared(fit: Fit, drop: Drop) -> Result:
         tag("li", f"row {entry['row']}: {micrometres(entry['error_um'])} µm") for entry in figures["rows"]
     ]
     words = "Fitted together, they make the model better known; what stands open goes on as a session of its own. "
-    join = tag("p", words, tag("button", "Let them join", type="button", data_act="join"))
+    join = tag("p", words, button("Let them join", "join"))
     return Result(tag("div", tag("p", said), join, tag("h3", "The worst rows"), tag("ol", worst)), said)
 
 
@@ -125,13 +124,11 @@ def joined(fit: Fit, drop: Drop, progress: Progress) -> Opened:
         )
     place = drop.folder / f"joined-{fingerprint(new)[:8]}.csv"
     place.parent.mkdir(parents=True, exist_ok=True)
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(names)
+    rows: list[tuple[str, ...]] = []
     for part, prefix in ((old, ""), (new, "new ")):
         cells = [_cells(part, name, prefix if name == "repeat" else "") for name in names]
-        writer.writerows(zip(*cells, strict=True))
-    write_file(place, text.getvalue())
+        rows += zip(*cells, strict=True)
+    write_file(place, csv_text(names, rows))
     data = load_data(place, fit.robot)
     model = fit.document["model"]
     believed = Model(

@@ -19,6 +19,7 @@ from armtrue.report.gathered.thinning import spread_rows
 from armtrue.report.markup import Content, Markup, tag
 from armtrue.report.pictures import charts
 from armtrue.report.pictures.arm import scene_rows
+from armtrue.workbench.showing.elements import button
 
 # So many poses tell which variable shows most.
 _RANKED_POSES = 1500
@@ -128,7 +129,7 @@ def _selector() -> Markup:
         tag("label", "Poses from ", tag("input", type="number", step="any", id="brush-low")),
         tag("label", " to ", tag("input", type="number", step="any", id="brush-high")),
         tag("button", "Select", type="button", data_look="select"),
-        tag("button", "Leave these out", type="button", data_act="leave_out_brushed", hidden=True),
+        button("Leave these out", "leave_out_brushed", hidden=True),
         tag("span", class_="selected", role="log"),
         class_="brush",
     )
@@ -184,17 +185,13 @@ def _peaks(spectrum: Spectrum) -> Content:
     if not spectrum.peaks:
         return "No line stands out."
     return [
-        tag(
-            "button",
+        button(
             f"Add {name}: {peak.called}, {peak.amplitude_arcsec:.1f}″, {100.0 * peak.explained:.1f} %",
-            type="button",
-            data_act="add",
-            data_entry=json.dumps(entry),
-            data_x=f"{peak.cycles:.6g}",
+            "add", entry=entry, x=f"{peak.cycles:.6g}",
         )
         for peak in spectrum.peaks
         for name, entry in [_as_effect(spectrum.joint, peak)]
-    ]
+    ]  # fmt: skip
 
 
 def _as_effect(joint: int, peak: Peak) -> tuple[str, dict[str, Any]]:

@@ -37,14 +37,6 @@ def called_among(entry: dict[str, Any], others: list[dict[str, Any]]) -> str:
     return named(entry) + (f" sensor {sensor}" if sensor is not None and len(sensors) > 1 else "")
 
 
-def model_entry(candidate: dict[str, Any]) -> dict[str, Any]:
-    """A candidate as an entry of model.yaml."""
-    entry = {"effect": candidate["effect"], **(candidate.get("options") or {})}
-    if candidate.get("joints"):
-        entry["joints"] = list(candidate["joints"])
-    return entry
-
-
 def change_words(added: list[dict[str, Any]], removed: list[dict[str, Any]]) -> str:
     """`added gear_harmonics 3, removed backlash 2`."""
     return ", ".join(

@@ -6,7 +6,8 @@ import json
 from importlib.resources import files
 from typing import Any
 
-from armtrue.report.markup import Content, Markup, join, tag
+from armtrue.report.markup import Content, Markup, html_page, tag
+from armtrue.workbench.showing.elements import button
 
 _BUTTONS = (
     ("undo", "Undo", "Control+Z"),
@@ -16,6 +17,7 @@ _BUTTONS = (
     ("report", "Report", None),
     ("cancel", "Cancel", "Escape"),
 )
+_FILES = (("commands", "As commands"), ("notebook", "As a notebook"), ("model", "model.yaml"))
 _PANELS = (
     ("state", "What the error depends on"),
     ("spectra", "Periods of the joints"),
@@ -30,14 +32,6 @@ _PANELS = (
 
 def page() -> str:
     """The whole page without its figures, which the script asks for."""
-    head = tag(
-        "head",
-        tag("meta", charset="utf-8"),
-        tag("meta", name="viewport", content="width=device-width, initial-scale=1"),
-        tag("meta", name="color-scheme", content="light dark"),
-        tag("title", "Armtrue workbench"),
-        Markup('<link rel="stylesheet" href="style.css"><link rel="icon" href="data:,">'),
-    )
     body = tag(
         "body",
         tag("a", "Skip to the candidates", href="#candidates-part", class_="skip"),
@@ -47,7 +41,8 @@ def page() -> str:
         Markup('<script src="script.js"></script>'),
         id="workbench",
     )
-    return join(Markup("<!doctype html>\n"), tag("html", head, body, lang="en")) + "\n"
+    style = Markup('<link rel="stylesheet" href="style.css"><link rel="icon" href="data:,">')
+    return html_page("Armtrue workbench", style, body)
 
 
 def script() -> str:
@@ -64,8 +59,7 @@ def style() -> str:
 
 def _top() -> Markup:
     buttons = [
-        tag("button", text, type="button", data_act=action, id=f"button-{action}", aria_keyshortcuts=keys)
-        for action, text, keys in _BUTTONS
+        button(text, action, id=f"button-{action}", aria_keyshortcuts=keys) for action, text, keys in _BUTTONS
     ]
     return tag(
         "header",
@@ -73,14 +67,8 @@ def _top() -> Markup:
         tag("div", buttons, class_="buttons", role="group", aria_label="Actions"),
         tag("p", role="status", id="status", aria_live="polite"),
         tag("p", role="alert", id="failure", hidden=True),
-        tag(
-            "div",
-            tag("progress", id="progress", max="1", value="0", aria_label="Progress"),
-            tag("span", id="stage"),
-            tag("button", "Pause", type="button", data_act="pause", id="pause", hidden=True),
-            class_="running",
-            id="running",
-            hidden=True,
+        _running(
+            "running", "progress", "stage", "Progress", button("Pause", "pause", id="pause", hidden=True)
         ),
     )
 
@@ -99,7 +87,7 @@ def _left_column() -> Markup:
         "details",
         tag("summary", "The arm among its points"),
         tag("div", class_="panel-slot"),
-        tag("p", tag("button", "Mark as wrong", type="button", data_act="mark", id="mark", hidden=True)),
+        tag("p", button("Mark as wrong", "mark", id="mark", hidden=True)),
         class_="looking scene-part",
         data_panel="vectors",
         open=True,
@@ -112,35 +100,19 @@ def _right_column() -> Markup:
         "section",
         tag("h2", "What is missing"),
         _slot("verdict"),
-        tag(
-            "div",
-            tag(
-                "progress", id="diagnosing-share", max="1", value="0", aria_label="Progress of the diagnosis"
-            ),
-            tag("span", id="diagnosing-stage"),
-            class_="running",
-            id="diagnosing",
-            hidden=True,
-        ),
+        _running("diagnosing", "diagnosing-share", "diagnosing-stage", "Progress of the diagnosis"),
         _slot("candidates"),
         _slot("advice"),
         id="candidates-part",
     )
     model = tag("section", tag("h2", "Model"), _slot("model"), _slot("left-out"), _slot("leave-out"))
     history = tag("section", tag("h2", "History"), _slot("history"))
-    files = [
-        tag("button", text, type="button", data_act="export", data_name=name)
-        for name, text in (
-            ("commands", "As commands"),
-            ("notebook", "As a notebook"),
-            ("model", "model.yaml"),
-        )
-    ]
+    files = [button(text, "export", name=name) for name, text in _FILES]
     further = tag(
         "section",
         tag("h2", "What next"),
         tag("label", "poses ", tag("input", type="number", id="poses", min="1", max="200", value="12")),
-        tag("button", "Plan poses", type="button", data_act="plan"),
+        button("Plan poses", "plan"),
         _slot("result"),
         tag("h3", "The session"),
         tag("div", files, class_="buttons"),
@@ -169,23 +141,21 @@ def _panels() -> Markup:
 
 
 def _opening() -> Markup:
-    chooser = tag(
-        "label",
-        "Measurements, arm, model or fits: drop them here, or choose ",
-        tag(
-            "input",
-            type="file",
-            id="files",
-            multiple=True,
-            accept=".csv,.txt,.tsv,.dat,.xlsx,.json,.yaml,.yml,.urdf",
-        ),
-        class_="drop",
-    )
+    kinds = ".csv,.txt,.tsv,.dat,.xlsx,.json,.yaml,.yml,.urdf"
+    words = "Measurements, arm, model or fits: drop them here, or choose "
+    files = tag("input", type="file", id="files", multiple=True, accept=kinds)
+    chooser = tag("label", words, files, class_="drop")
     return tag(
         "div",
         tag("section", tag("h2", "Open files"), chooser, _slot("opening"), _slot("notes"), id="opening"),
         class_="column whole",
     )
+
+
+def _running(name: str, share: str, stage: str, label: str, *more: Content) -> Markup:
+    """What runs, by the ids of the element, of the share done and of its words; hidden until the script shows it."""
+    bar = tag("progress", id=share, max="1", value="0", aria_label=label)
+    return tag("div", bar, tag("span", id=stage), *more, class_="running", id=name, hidden=True)
 
 
 def _slot(name: str) -> Markup:

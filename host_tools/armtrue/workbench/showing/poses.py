@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from typing import Any
 
 import numpy as np
 
 from armtrue.errors import InputError
 from armtrue.fitting import Fit
-from armtrue.further_poses import plan
-from armtrue.planning import Plan
+from armtrue.planning import Plan, plan
 from armtrue.progress import Progress
 from armtrue.report.markup import tag
 from armtrue.report.parts import plural
@@ -51,18 +48,9 @@ def planned(
         tag("figure", picture, tag("figcaption", said)),
         tag("div", table, class_="scroll", tabindex="0", role="region", aria_label="Planned poses"),
     )
-    made = Made("poses.csv", _csv(chosen, rows).encode(), "text/csv; charset=utf-8")
+    made = Made("poses.csv", chosen.csv().encode(), "text/csv; charset=utf-8")
     said = f"{plural(count, 'pose')} planned: run poses.csv, then drop what was measured. {' '.join(sentences[:1])}"
     return Result(shown, said.strip(), made)
-
-
-def _csv(chosen: Plan, rows: Any) -> str:
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    own = [] if chosen.target is None else [chosen.target]
-    writer.writerow([*chosen.columns, *(["target"] if own else [])])
-    writer.writerows([[*(f"{value:.10f}" for value in row), *own] for row in rows])
-    return text.getvalue()
 
 
 def _precision(chosen: Plan) -> list[str]:

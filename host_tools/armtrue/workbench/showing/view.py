@@ -9,17 +9,18 @@ import yaml
 from armtrue.fitting import Fit
 from armtrue.io.catalogue import catalogue
 from armtrue.report.markup import Content, Markup, tag
-from armtrue.report.parts import micrometres, plural, rounded, typeset
-from armtrue.verdicts import FLOOR_SOURCES, NOT_SCORED, scored_mean_um, verdict_words
+from armtrue.report.parts import listed, micrometres, plural, rounded, typeset
+from armtrue.verdicts import ERROR_FIGURES, FLOOR_SOURCES, NOT_SCORED, chance, scored_mean_um, verdict_words
 from armtrue.workbench.compensator import device_section
 from armtrue.workbench.engine import Engine
 from armtrue.workbench.first_figures import FirstFigures
 from armtrue.workbench.opening.guesses import findings_list, first_rows, form
 from armtrue.workbench.session import Node, Session
+from armtrue.workbench.showing.elements import button
 from armtrue.workbench.showing.further import leave_out_form
 from armtrue.workbench.showing.left_out import left_out_part, left_out_row
 from armtrue.workbench.showing.names import called_among, named
-from armtrue.workbench.showing.words import chance, length
+from armtrue.workbench.showing.words import length
 
 _SPLITS = {"random": "at random", "region": "by region", "time": "by time"}
 # Of what a candidate could also be, so many are named; its card has all.
@@ -28,7 +29,6 @@ _NAMED_RIVALS = 2
 _SHOWN_ADVICE = 2
 # Sentences of the advice that the page says by its buttons and in a list of its own.
 _SAID_ELSEWHERE = ("armtrue add FIT", "not testable with")
-_FIGURES = (("mean_um", "mean"), ("rms_um", "RMS"), ("p95_um", "95 %"), ("max_um", "max"))
 
 
 def pieces(engine: Engine) -> dict[str, str]:
@@ -36,7 +36,7 @@ def pieces(engine: Engine) -> dict[str, str]:
     always: dict[str, str] = {
         "title": _title(engine),
         "opening": _opening(engine),
-        "notes": _list(engine.notes),
+        "notes": listed(engine.notes),
     }
     if not engine.is_open:
         return always
@@ -63,25 +63,12 @@ def pieces(engine: Engine) -> dict[str, str]:
 
 def buttons(engine: Engine) -> dict[str, bool]:
     """Which of the buttons can be pressed."""
-    free = engine.task is None
-    if not engine.is_open:
-        return {
-            "undo": False,
-            "redo": False,
-            "refine": False,
-            "export": False,
-            "report": False,
-            "cancel": not free,
-        }
-    node = engine.session.node
-    diagnosing = engine.background.task is not None
+    free = engine.task is None and engine.is_open
     return {
-        "undo": free and node.parent is not None,
-        "redo": free and node.redo is not None,
-        "refine": free,
-        "export": free,
-        "report": free,
-        "cancel": not free or diagnosing,
+        "undo": free and engine.session.node.parent is not None,
+        "redo": free and engine.session.node.redo is not None,
+        **dict.fromkeys(("refine", "export", "report"), free),
+        "cancel": engine.task is not None or (engine.is_open and engine.background.task is not None),
     }
 
 
@@ -100,17 +87,17 @@ def _opening(engine: Engine) -> Markup:
     drop = engine.drop
     if not drop.names:
         return tag("p", _HOW_TO_OPEN)
-    content: list[Content] = [_list(drop.names)]
+    content: list[Content] = [listed(drop.names)]
     if drop.guess is None:
-        content.append(_button("Open", "open"))
+        content.append(button("Open", "open"))
         if engine.is_open:
-            content += [" ", _button("Compare with the model", "compare")]
+            content += [" ", button("Compare with the model", "compare")]
     else:
         guess = drop.guess
         document = yaml.safe_load(guess.text)
         content += [
             tag("h3", "What was guessed, and from what"),
-            _list(guess.notes),
+            listed(guess.notes),
             form(document, *first_rows(guess.path, document), guess.robot),
             guess.picture,
             tag("h3", "What the check says"),
@@ -120,11 +107,11 @@ def _opening(engine: Engine) -> Markup:
                 tag("summary", "As dataset.yaml"),
                 tag("label", "change what the form does not have", for_="dataset"),
                 tag("textarea", guess.text, id="dataset", rows="16", spellcheck="false"),
-                _button("Open with this text", "open", source="text"),
+                button("Open with this text", "open", source="text"),
             ),
-            _button("Open with these", "open", source="form"),
+            button("Open with these", "open", source="form"),
         ]
-    return tag("div", content, " ", _button("Put aside", "forget", class_="quiet"))
+    return tag("div", content, " ", button("Put aside", "forget", class_="quiet"))
 
 
 def _error(path: list[Node], fit: Fit, first: FirstFigures | None) -> Markup:
@@ -139,8 +126,8 @@ def _error(path: list[Node], fit: Fit, first: FirstFigures | None) -> Markup:
         if figures
     ]
     rows.append(_error_row("training", node.error["train"]))
-    rows.append(left_out_row(node, [key for key, _ in _FIGURES]))
-    heads = [tag("th", name, scope="col") for name in ("", *(name for _, name in _FIGURES))]
+    rows.append(left_out_row(node, list(ERROR_FIGURES)))
+    heads = [tag("th", name, scope="col") for name in ("", *ERROR_FIGURES.values())]
     return tag(
         "div",
         tag(
@@ -171,9 +158,9 @@ def _error(path: list[Node], fit: Fit, first: FirstFigures | None) -> Markup:
 
 def _error_row(name: str, figures: dict[str, float]) -> Markup:
     cells = (
-        [tag("td", NOT_SCORED, colspan=len(_FIGURES))]
+        [tag("td", NOT_SCORED, colspan=len(ERROR_FIGURES))]
         if scored_mean_um(figures) is None
-        else [tag("td", micrometres(figures[key])) for key, _ in _FIGURES]
+        else [tag("td", micrometres(figures[key])) for key in ERROR_FIGURES]
     )
     return tag("tr", tag("th", name, scope="row"), cells)
 
@@ -215,8 +202,8 @@ def _model(node: Node) -> Markup:
                 tag("span", name, id=f"model-{k}", title=info.summary if info else None),
                 tag(
                     "span",
-                    _button("Swap", "swaps", effect=k, aria_describedby=f"model-{k}", class_="quiet"),
-                    _button("Remove", "remove", effect=k, aria_describedby=f"model-{k}"),
+                    button("Swap", "swaps", effect=k, aria_describedby=f"model-{k}", class_="quiet"),
+                    button("Remove", "remove", effect=k, aria_describedby=f"model-{k}"),
                 ),
             )
         )
@@ -248,12 +235,7 @@ def _candidate(k: int, candidate: dict[str, Any], candidates: list[dict[str, Any
     name = called_among(candidate, candidates)
     return tag(
         "tr",
-        tag(
-            "th",
-            tag("span", name, id=f"candidate-{k}"),
-            star,
-            scope="row",
-        ),
+        tag("th", tag("span", name, id=f"candidate-{k}"), star, scope="row"),
         tag("td", chance(candidate["probability"]), class_="num", data_label="probability"),
         tag(
             "td",
@@ -277,8 +259,8 @@ def _candidate(k: int, candidate: dict[str, Any], candidates: list[dict[str, Any
         ),
         tag(
             "td",
-            _button("Add", "add", candidate=k, aria_describedby=f"candidate-{k}"),
-            _button("Why?", "card", candidate=k, aria_describedby=f"candidate-{k}", class_="quiet"),
+            button("Add", "add", candidate=k, aria_describedby=f"candidate-{k}"),
+            button("Why?", "card", candidate=k, aria_describedby=f"candidate-{k}", class_="quiet"),
             class_="actions",
         ),
         class_="recommended" if candidate["recommend"] else None,
@@ -300,7 +282,7 @@ def _no_verdict(engine: Engine) -> Markup:
         return tag("p", "What is missing is worked out when all measurements are fitted.", class_="verdict")
     if engine.background.task is not None:
         return tag("p", "What is missing is being worked out.", class_="verdict")
-    again = _button("Work out what is missing", "diagnose")
+    again = button("Work out what is missing", "diagnose")
     why = engine.background.failure or "The diagnosis was stopped."
     return tag("p", why, " ", again, class_="verdict")
 
@@ -313,7 +295,7 @@ def _advice(diagnosis: dict[str, Any]) -> Markup:
     more = tag(
         "details",
         tag("summary", plural(len(untestable), "effect") + " not testable with what was recorded"),
-        _list(untestable),
+        listed(untestable),
     )
     advice = [
         typeset(line).replace("armtrue plan", "Plan poses")
@@ -323,42 +305,28 @@ def _advice(diagnosis: dict[str, Any]) -> Markup:
     rest = advice[_SHOWN_ADVICE:]
     return tag(
         "div",
-        _list([typeset(line) for line in unexplained]) if unexplained else None,
-        _list(advice[:_SHOWN_ADVICE]) if advice else None,
-        tag("details", tag("summary", f"{len(rest)} more like this"), _list(rest)) if rest else None,
+        listed([typeset(line) for line in unexplained]) if unexplained else None,
+        listed(advice[:_SHOWN_ADVICE]) if advice else None,
+        tag("details", tag("summary", f"{len(rest)} more like this"), listed(rest)) if rest else None,
         more if untestable else None,
     )
-
-
-def _list(lines: list[str]) -> Markup:
-    return tag("ul", [tag("li", line) for line in lines])
 
 
 def _history(session: Session) -> Markup:
     def branch(node: Node) -> Markup:
         here = node.number == session.at
-        go = tag(
-            "button",
-            node.name or node.change,
-            type="button",
-            data_act="go",
-            data_node=node.number,
-            aria_current="step" if here else None,
-        )
+        name = node.name or node.change
+        go = button(name, "go", node=node.number, aria_current="step" if here else None)
+        beside = button(
+            "Side by side", "beside", node=node.number, class_="quiet",
+            aria_label=f"{name} side by side with the model shown",
+        )  # fmt: skip
         below = [branch(child) for child in session.children(node.number)]
         return tag(
             "li",
             go,
             tag("span", f" {length(node.mean_um)}", class_="num"),
-            None
-            if here
-            else _button(
-                "Side by side",
-                "beside",
-                node=node.number,
-                class_="quiet",
-                aria_label=f"{node.name or node.change} side by side with the model shown",
-            ),
+            None if here else beside,
             tag("ul", below) if below else None,
         )
 
@@ -370,17 +338,12 @@ def _history(session: Session) -> Markup:
             tag("input", id="model-name", maxlength="80", value=session.node.name),
         ),
         " ",
-        _button("Name", "name", node=session.at),
+        button("Name", "name", node=session.at),
     )
     return tag("div", tag("ul", branch(session.nodes[0]), class_="tree", aria_label="History"), name)
 
 
 def _left_out(session: Session) -> Markup:
     rejected = len(session.fit_of(session.at).document["rejected"])
-    again = _button("Let all rows take part again", "leave_out", rows="[]")
+    again = button("Let all rows take part again", "leave_out", rows="[]")
     return left_out_part(session.node, rejected, again)
-
-
-def _button(text: str, action: str, class_: str | None = None, **words: object) -> Markup:
-    attributes = {key if key.startswith("aria_") else f"data_{key}": value for key, value in words.items()}
-    return tag("button", text, type="button", data_act=action, class_=class_, **attributes)

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from armtrue.report.parts import plural
+from armtrue.report.parts import minus, plural
 from armtrue.verdicts import NOT_SCORED
 
 _SAME_PERCENT = 0.5
 _NAMED_ROWS = 5
-_NO_CHANCE, _SURE = 0.005, 0.995
 
 
 def length(mean_um: float | None) -> str:
@@ -25,7 +24,7 @@ def fall_words(before_um: float | None, after_um: float | None) -> str:
     if abs(share) < _SAME_PERCENT:
         return f"The held-out mean error stays at {after_um:.1f} µm."
     figures = f"from {before_um:.1f} to {after_um:.1f} µm"
-    change = f"{share:+.0f} %".replace("-", "−")
+    change = minus(f"{share:+.0f} %")
     return f"The held-out mean error {'fell' if share < 0 else 'rose'} {figures} ({change})."
 
 
@@ -44,10 +43,3 @@ def rows_words(rows: list[int], before: list[int] | None) -> str:
         return "the same effects, fitted again"
     words = ", ".join(map(str, rows[:_NAMED_ROWS])) + (" and more" if len(rows) > _NAMED_ROWS else "")
     return f"left out: {plural(len(rows), 'row')} ({words})" if rows else "all rows take part again"
-
-
-def chance(probability: float) -> str:
-    """A probability in percent; near 0 and 1 as the bound that sampling can support."""
-    if probability > _SURE:
-        return "> 99 %"
-    return "< 1 %" if probability < _NO_CHANCE else f"{100.0 * probability:.0f} %"
