@@ -5,7 +5,6 @@
 #include "firmware/core/crypto/crc32.h"
 #include "firmware/core/crypto/ed25519.h"
 #include "firmware/core/fixed/bytes.h"
-#include "firmware/core/fixed/ratio.h"
 #include "firmware/core/table/format.h"
 #include "firmware/core/table/table_checks.h"
 #include "firmware/core/table/table_cost.h"
@@ -86,31 +85,6 @@ Validation check_identity(std::span<const std::uint8_t> image, const DeviceIdent
   return {};
 }
 
-// The scales of a table whose contents passed, against what the device's drives count in.
-Validation check_resolution(std::span<const std::uint8_t> image, const DeviceIdentity& device) {
-  // Joints are the first section of every image.
-  const std::size_t first = load_u32(image.data() + header::kLength + 4);
-  for (std::size_t k = 0; k < image[header::kJointCountAt]; ++k) {
-    const Resolution& own = device.resolution[k];
-    if (own.increments == 0) {
-      continue;
-    }
-    const std::size_t field =
-        first + k * format::joint::kLength + format::joint::kIncrementPerUnitAt;
-    const std::uint8_t* joint = image.data() + first + k * format::joint::kLength;
-    const std::int64_t v = load_i32(joint + format::joint::kIncrementPerUnitAt);
-    const int t = joint[format::joint::kIncrementShiftAt];
-    const bool same_sign = (v < 0) == (own.increments < 0);
-    // v / 2^t · 2^32 increments a unit; v has 32 bits and the units have 32.
-    const Scaled asked = {magnitude(v) * own.units, 32 - t};
-    const Scaled known = {magnitude(own.increments), 0};
-    if (!same_sign || !nearly_equal(asked, known)) {
-      return refuse(Refusal::kResolution, field);
-    }
-  }
-  return {};
-}
-
 }  // namespace
 
 Validation validate(std::span<const std::uint8_t> image, const DeviceIdentity& device) {
@@ -121,9 +95,6 @@ Validation validate(std::span<const std::uint8_t> image, const DeviceIdentity& d
   if (result.accepted()) {
     result = check_contents(without_trailer(image, is_signed(image)));
   }
-  if (result.accepted()) {
-    result = check_resolution(image, device);
-  }
   if (result.accepted() && cycle_cost(image) > kCycleBudget) {
     result = refuse(Refusal::kTooCostly, header::kSectionCountAt);
   }
@@ -131,21 +102,8 @@ Validation validate(std::span<const std::uint8_t> image, const DeviceIdentity& d
 }
 
 TableInfo describe(std::span<const std::uint8_t> image) {
-  const std::uint8_t* bytes = image.data();
-  TableInfo info;
-  info.format_version = load_u16(bytes + header::kVersionAt);
-  info.image_length = load_u32(bytes + header::kImageLengthAt);
-  info.sequence = load_u32(bytes + header::kSequenceAt);
-  info.checksum = load_u32(bytes + image.size() - format::kChecksumLength);
-  for (std::size_t i = 0; i < kSerialLength; ++i) {
-    info.robot_serial[i] = static_cast<char>(bytes[header::kSerialAt + i]);
-  }
-  info.joint_count = bytes[header::kJointCountAt];
-  info.sensor_count = bytes[header::kSensorCountAt];
-  info.tool_count = bytes[header::kToolCountAt];
-  info.is_signed = is_signed(image);
-  info.is_full_pose = (load_u32(bytes + header::kFlagsAt) & format::kFlagFullPose) != 0U;
-  return info;
+  return {load_u32(image.data() + header::kSequenceAt),
+          load_u32(image.data() + image.size() - format::kChecksumLength)};
 }
 
 const char* name_of(Refusal refusal) {
