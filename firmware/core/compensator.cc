@@ -156,7 +156,6 @@ std::int64_t PositionBounds::within_limits(std::int64_t corrected, std::int32_t 
   const TableView& table = *std::construct_at(&table_, pending_);
   pending_ = {};
   has_active_ = true;
-  count_one(counters_.tables_switched);
   for (std::size_t k = 0; k < config_.joint_count; ++k) {
     scale_[k] = JointScale(table, k, config_.cycle_us);
   }
@@ -201,7 +200,6 @@ std::int64_t PositionBounds::within_limits(std::int64_t corrected, std::int32_t 
     const std::int64_t exact = scale.units_of(held[k]);
     motion_.delta[k] = static_cast<std::int32_t>(
         std::clamp<std::int64_t>(exact, -scale.magnitude, scale.magnitude));
-    motion_.carried[k] = 0;
     motion_.increments[k] = increments_of(k);
     // What went before the first cycle, for take_back_of().
     history_[(cycle_ - 1) % kFeedbackHistory][k] = motion_.increments[k];
@@ -395,7 +393,6 @@ void Compensator::take_back_of(std::uint8_t joints) {
     if ((joints >> k & 1U) == 0) continue;
     motion_.delta[k] = before_.delta[k];
     motion_.increments[k] = before_.increments[k];
-    motion_.carried[k] = before_.carried[k];
     newest[k] = before[k];
     // Zero is not reached before every joint has it.
     const bool passes = motion_.state == CompensatorState::kPassThrough;
@@ -403,38 +400,21 @@ void Compensator::take_back_of(std::uint8_t joints) {
   }
 }
 
-std::int32_t Compensator::increments_of(std::size_t joint) {
+std::int32_t Compensator::increments_of(std::size_t joint) const {
   const JointScale& scale = scale_[joint];
-  const std::int64_t exact = product(motion_.delta[joint], scale.increment_per_unit);
-  if (!config_.carry_remainder) return saturate(round_shift(exact, scale.increment_shift));
-  // What rounding left over, in the same 2^-shift of an increment, is added in the next cycle.
-  const std::int64_t with_carry = exact + motion_.carried[joint];
-  const std::int64_t whole = round_shift(with_carry, scale.increment_shift);
-  motion_.carried[joint] = with_carry - whole * (std::int64_t{1} << scale.increment_shift);
-  return saturate(whole);
-}
-
-bool Compensator::remembers(std::uint32_t cycle) const {
-  const std::uint32_t age = cycle_ - cycle;  // 1 for the newest cycle
-  return age >= 1U && age <= kFeedbackHistory && age <= counters_.cycles;
+  return saturate(
+      round_shift(product(motion_.delta[joint], scale.increment_per_unit), scale.increment_shift));
 }
 
 std::int32_t Compensator::correction_of(std::uint32_t cycle, std::size_t joint) const {
-  return remembers(cycle) ? history_[cycle % kFeedbackHistory][joint] : 0;
-}
-
-bool Compensator::uncorrect_feedback(std::uint32_t cycle, std::span<const std::int32_t> actual,
-                                     std::span<std::int32_t> plain) const {
-  for (std::size_t k = 0; k < config_.joint_count; ++k) {
-    plain[k] = bounds_[k].wrapped(difference(actual[k], correction_of(cycle, k)));
-  }
-  return remembers(cycle);
+  const std::uint32_t age = cycle_ - cycle;  // 1 for the newest cycle
+  const bool is_known = age >= 1U && age <= kFeedbackHistory && age <= counters_.cycles;
+  return is_known ? history_[cycle % kFeedbackHistory][joint] : 0;
 }
 
 void Compensator::restart_stream() {
   motion_.has_previous_target = false;
   motion_.direction = {};
-  motion_.carried = {};
 }
 
 void Compensator::count(std::uint16_t flags) {
@@ -446,9 +426,6 @@ void Compensator::count(std::uint16_t flags) {
   };
   count_if(kMagnitudeClamped, counters_.magnitude_clamped);
   count_if(kRateClamped, counters_.rate_clamped);
-  count_if(kNearSingular, counters_.near_singular);
-  count_if(kOutsideCoverage, counters_.outside_coverage);
-  count_if(kStateSaturated, counters_.state_saturated);
   count_if(kOutputSaturated, counters_.output_saturated);
 }
 

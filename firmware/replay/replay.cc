@@ -54,10 +54,8 @@ Outcome play(Player& player, const Input& input, const Output& output, const Cou
       !read_table(input, player.table_b, head.length_b)) {
     return Outcome::kBadRecording;
   }
-  CompensatorConfig config;
-  config.joint_count = static_cast<std::uint8_t>(head.joints);
-  config.cycle_us = head.cycle_us;
-  config.carry_remainder = head.carry_remainder != 0U;
+  const CompensatorConfig config = {.joint_count = static_cast<std::uint8_t>(head.joints),
+                                    .cycle_us = head.cycle_us};
   // In place, in the player: several kilobytes are too much for a small stack.
   Compensator& compensator = *new (player.compensator.data()) Compensator(config);
 
