@@ -176,29 +176,8 @@ TEST_F(SlotStoreTest, NoWordIsProgrammedTwiceBetweenErases) {
     ASSERT_EQ(store_->commit(make_image(99, 70)), StoreResult::kDone);
     ASSERT_EQ(store_->revert(), StoreResult::kDone);
     restart();
-    ASSERT_EQ(store_->prepare_spare(), StoreResult::kDone);
   }
   EXPECT_EQ(flash_.reprogrammed(), 0u);
-}
-
-TEST_F(SlotStoreTest, PreparedSpareIsNotErasedAgain) {
-  restart();
-  ASSERT_EQ(store_->prepare_spare(), StoreResult::kDone);
-  ASSERT_EQ(flash_.erases(), 1u);
-  restart();
-  ASSERT_EQ(store_->prepare_spare(), StoreResult::kDone);
-  ASSERT_EQ(store_->commit(make_image(1, 80)), StoreResult::kDone);
-  EXPECT_EQ(flash_.erases(), 1u);
-}
-
-TEST_F(SlotStoreTest, PreparingKeepsTheFallbackAndWhatIsPending) {
-  restart();
-  install(make_image(1, 80));
-  install(make_image(2, 80));
-  const std::size_t erases = flash_.erases();
-  EXPECT_EQ(store_->prepare_spare(), StoreResult::kDone);
-  EXPECT_EQ(flash_.erases(), erases);
-  EXPECT_EQ(state(1 - *store_->status().active), SlotState::kConfirmed);
 }
 
 TEST_F(SlotStoreTest, RottenNewest_IsLostAndTheOlderOneIsActive) {
@@ -314,7 +293,7 @@ TEST_F(SlotStoreTest, NewerLayoutIsLeftAloneWhileThereIsAnotherSlot) {
   EXPECT_EQ(store_->status().slot[1].sequence, 8u);
 }
 
-TEST_F(SlotStoreTest, InterruptedUploadIsTornAndErasedAtTheNextStart) {
+TEST_F(SlotStoreTest, InterruptedUploadIsTornAndReplacedByTheNext) {
   restart();
   install(make_image(1, 80));
   flash_.cut_at(10, CutKind::kAfter);
@@ -323,8 +302,8 @@ TEST_F(SlotStoreTest, InterruptedUploadIsTornAndErasedAtTheNextStart) {
   restart();
   const std::size_t spare = 1 - *store_->status().active;
   EXPECT_EQ(state(spare), SlotState::kTorn);
-  EXPECT_EQ(store_->prepare_spare(), StoreResult::kDone);
-  EXPECT_EQ(state(spare), SlotState::kBlank);
+  EXPECT_EQ(store_->commit(make_image(3, 80)), StoreResult::kDone);
+  EXPECT_EQ(state(spare), SlotState::kPending);
 }
 
 TEST_F(SlotStoreTest, EveryHeaderBitThatRotsLeavesTheFallback) {
