@@ -27,7 +27,6 @@ bool record(std::FILE* file, std::uint64_t seed, bool accepted) {
   const std::uint32_t cycles = accepted ? static_cast<std::uint32_t>(inputs.size()) : 1U;
   const replay::RecordingHead head = {replay::kMagic,
                                       made.joints(),
-                                      static_cast<std::uint32_t>(seed % 2),
                                       1000,
                                       cycles,
                                       static_cast<std::uint32_t>(image.size()),

@@ -79,10 +79,8 @@ SenselessRun run_senseless(std::uint64_t seed) {
     device.has_key = true;
     device.public_key = public_key_ed25519(kSeed);
   }
-  CompensatorConfig config;
-  config.joint_count = made.joints();
-  config.carry_remainder = seed % 2 == 1;
-  const auto compensator = std::make_unique<Compensator>(config);
+  const auto compensator =
+      std::make_unique<Compensator>(CompensatorConfig{.joint_count = made.joints()});
   const Validation validation = compensator->load(image, device);
   run.accepted = validation.accepted();
   if (!run.accepted) {
