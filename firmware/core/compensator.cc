@@ -1,8 +1,9 @@
 #include "firmware/core/compensator.h"
 
 #include <algorithm>
-#include <limits>
 #include <memory>
+
+#include "firmware/core/fixed/counter.h"
 
 namespace armtrue {
 namespace {
@@ -14,10 +15,6 @@ constexpr std::uint32_t kMicrosecondsPerMillisecond = 1000;
 constexpr std::int64_t kMillion = 1'000'000;
 constexpr int kBlendFraction = 30;
 constexpr std::uint32_t kWhole = std::uint32_t{1} << kBlendFraction;
-
-void count_one(std::uint32_t& counter) {
-  counter += counter < std::numeric_limits<std::uint32_t>::max() ? 1U : 0U;
-}
 
 Surroundings surroundings_of(const TableView& table, const CycleInput& input,
                              const std::array<std::int8_t, kMaxJoints>& direction) {
@@ -357,7 +354,7 @@ void Compensator::put_out(const CycleInput& input, std::uint32_t share, std::uin
     if (allowed != sum) clamped |= 1U << k;
     output.delta[k] =
         static_cast<std::int32_t>(bounds.way(difference(output.corrected[k], input.target[k])));
-    if ((clamped >> k & 1U) != 0U) count_one(counters_.clamped[k]);
+    if ((clamped >> k & 1U) != 0U) count(counters_.clamped[k]);
   }
 }
 
@@ -375,7 +372,7 @@ CycleOutput Compensator::cycle(const CycleInput& input) {
   output.cycle = cycle_;
   output.state = motion_.state;
   ++cycle_;
-  count(output.flags);
+  count_cycle(output.flags);
   return output;
 }
 
@@ -417,12 +414,10 @@ void Compensator::restart_stream() {
   motion_.direction = {};
 }
 
-void Compensator::count(std::uint16_t flags) {
-  count_one(counters_.cycles);
+void Compensator::count_cycle(std::uint16_t flags) {
+  count(counters_.cycles);
   const auto count_if = [flags](CycleFlags flag, std::uint32_t& counter) {
-    if ((flags & flag) != 0U) {
-      count_one(counter);
-    }
+    if ((flags & flag) != 0U) count(counter);
   };
   count_if(kMagnitudeClamped, counters_.magnitude_clamped);
   count_if(kRateClamped, counters_.rate_clamped);

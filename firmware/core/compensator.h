@@ -234,7 +234,7 @@ class Compensator {
   std::int32_t increments_of(std::size_t joint) const;
   std::int32_t within_last_limits(std::size_t joint, std::int32_t increments,
                                   std::uint32_t share) const;
-  void count(std::uint16_t flags);
+  void count_cycle(std::uint16_t flags);
 
   CompensatorConfig config_;
   TableView table_;                        // in force, or the last that was

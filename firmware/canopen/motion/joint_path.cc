@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <span>
 
-#include "firmware/canopen/protocol/counter.h"
+#include "firmware/core/fixed/counter.h"
 #include "firmware/core/fixed/fixed.h"
 
 namespace armtrue::canopen {

@@ -4,7 +4,7 @@
 #include <optional>
 
 #include "firmware/canopen/protocol/cob_id.h"
-#include "firmware/canopen/protocol/counter.h"
+#include "firmware/core/fixed/counter.h"
 
 namespace armtrue::canopen {
 namespace {

@@ -2,9 +2,9 @@
 
 #include <algorithm>
 
-#include "firmware/canopen/protocol/counter.h"
 #include "firmware/core/crypto/crc32.h"
 #include "firmware/core/fixed/bytes.h"
+#include "firmware/core/fixed/counter.h"
 #include "firmware/core/fixed/ratio.h"
 #include "firmware/core/table/format.h"
 #include "firmware/core/table/limits.h"

@@ -14,15 +14,13 @@
 #include <cstring>
 #include <string_view>
 
+#include "firmware/core/fixed/counter.h"
+
 namespace armtrue::posix {
 namespace {
 
 using canopen::BusState;
 using canopen::CanFrame;
-
-void count(std::uint32_t& counter) {
-  if (counter != UINT32_MAX) ++counter;
-}
 
 }  // namespace
 

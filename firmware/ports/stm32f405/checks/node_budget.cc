@@ -16,7 +16,7 @@
 #include "firmware/canopen/protocol/little_endian.h"
 #include "firmware/ports/arm/instruction_counter.h"
 #include "firmware/ports/arm/semihosting.h"
-#include "firmware/ports/common/frame_queue.h"
+#include "firmware/ports/common/classic_frame.h"
 #include "firmware/ports/common/slot_parameters.h"
 #include "firmware/ports/stm32f405/checks/installed_table.h"
 #include "firmware/replay/replay.h"
@@ -61,10 +61,9 @@ class MemoryPort final : public canopen::CanPort {
   canopen::BusState bus_state() override { return canopen::BusState::kActive; }
   void recover() override {}
   canopen::BusCounters counters() const override { return {}; }
-  bool supports_fd() const override { return false; }
 
-  ports::FrameQueue<32> in;
-  ports::FrameQueue<32> out;
+  ports::Queue<ports::ClassicFrame, 32> in;
+  ports::Queue<ports::ClassicFrame, 32> out;
 };
 
 std::uint64_t now_us = 0;
