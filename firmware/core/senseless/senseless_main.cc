@@ -25,12 +25,8 @@ bool record(std::FILE* file, std::uint64_t seed, bool accepted) {
   testing::Bytes image = made.image();
   image.resize((image.size() + 3) / 4 * 4);
   const std::uint32_t cycles = accepted ? static_cast<std::uint32_t>(inputs.size()) : 1U;
-  const replay::RecordingHead head = {replay::kMagic,
-                                      made.joints(),
-                                      1000,
-                                      cycles,
-                                      static_cast<std::uint32_t>(image.size()),
-                                      0};
+  const replay::RecordingHead head = {
+      replay::kMagic, made.joints(), 1000, cycles, static_cast<std::uint32_t>(image.size()), 0};
   testing::Bytes bytes;
   append_bytes(bytes, &head, sizeof head);
   append_bytes(bytes, image.data(), image.size());

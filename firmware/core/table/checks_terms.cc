@@ -14,6 +14,35 @@ constexpr int kMaxPowerShift = 30;
 constexpr std::int32_t kMaxPowerFraction = 60;
 constexpr std::int64_t kMaxWave = std::int64_t{1} << 29;  // 0.125 rad or m
 
+// Which fields of a node mean something, by kind; the others are zero.
+enum NodeField : std::uint32_t {
+  kShift = 1U << 0,
+  kShift2 = 1U << 1,
+  kCount = 1U << 2,
+  kA = 1U << 3,
+  kB = 1U << 4,
+  kP = 1U << 5,
+  kR = 1U << 6,
+};
+constexpr std::uint32_t kFieldsUsed[format::kNodeKinds] = {
+    0,                               // kContinuation
+    kA | kP | kR,                    // kHarmonic
+    kA | kB | kP | kR,               // kAngle
+    kShift | kA | kP | kR,           // kToAngle
+    kA | kR,                         // kSine
+    kA | kB,                         // kProduct
+    kShift | kShift2 | kA | kB,      // kSum
+    kShift | kA | kP | kR,           // kScale
+    kShift | kA,                     // kReciprocal
+    kA,                              // kAbsolute
+    kA,                              // kSign
+    kA | kB,                         // kMinimum
+    kA | kB,                         // kMaximum
+    kShift | kCount | kA | kP | kR,  // kSpline
+    kCount | kR,                     // kGrid
+    kShift | kA | kP,                // kPowerOfTwo
+};
+
 int fixed_fraction(format::State kind) {
   switch (kind) {
     case format::State::kMotor:
@@ -33,11 +62,6 @@ int fixed_fraction(format::State kind) {
 }
 
 }  // namespace
-
-// Which fields of a node mean something; the others are zero.
-struct Checker::Fields {
-  bool shift, shift2, count, a, b, p, r;
-};
 
 bool Checker::check_state() {
   const std::size_t count = section(Section::kState).count;
@@ -151,50 +175,15 @@ bool Checker::check_nodes() {
          require(starts_whole(steep_nodes_), Refusal::kValueRange, header::kSteepNodesAt);
 }
 
-Checker::Fields Checker::fields_of(format::Node kind) {
-  switch (kind) {
-    case format::Node::kHarmonic:
-      return {false, false, false, true, false, true, true};
-    case format::Node::kAngle:
-      return {false, false, false, true, true, true, true};
-    case format::Node::kToAngle:
-    case format::Node::kScale:
-      return {true, false, false, true, false, true, true};
-    case format::Node::kSine:
-      return {false, false, false, true, false, false, true};
-    case format::Node::kProduct:
-      return {false, false, false, true, true, false, false};
-    case format::Node::kSum:
-      return {true, true, false, true, true, false, false};
-    case format::Node::kReciprocal:
-      return {true, false, false, true, false, false, false};
-    case format::Node::kAbsolute:
-    case format::Node::kSign:
-      return {false, false, false, true, false, false, false};
-    case format::Node::kMinimum:
-    case format::Node::kMaximum:
-      return {false, false, false, true, true, false, false};
-    case format::Node::kPowerOfTwo:
-      return {true, false, false, true, false, true, false};
-    case format::Node::kSpline:
-      return {true, false, true, true, false, true, true};
-    case format::Node::kGrid:
-      return {false, false, true, false, false, false, true};
-    case format::Node::kContinuation:
-      break;
-  }
-  return {};
-}
-
-bool Checker::check_unused(const std::uint8_t* at, const Fields& used) {
+bool Checker::check_unused(const std::uint8_t* at, std::uint32_t used) {
   namespace node = format::node;
-  return (used.shift || require_zero(at + node::kShiftAt, 1)) &&
-         (used.shift2 || require_zero(at + node::kShift2At, 1)) &&
-         (used.count || require_zero(at + node::kCountAt, 1)) &&
-         (used.a || require_zero(at + node::kAAt, 2)) &&
-         (used.b || require_zero(at + node::kBAt, 2)) &&
-         (used.p || require_zero(at + node::kPAt, 4)) &&
-         (used.r || require_zero(at + node::kRAt, 4));
+  return ((used & kShift) != 0 || require_zero(at + node::kShiftAt, 1)) &&
+         ((used & kShift2) != 0 || require_zero(at + node::kShift2At, 1)) &&
+         ((used & kCount) != 0 || require_zero(at + node::kCountAt, 1)) &&
+         ((used & kA) != 0 || require_zero(at + node::kAAt, 2)) &&
+         ((used & kB) != 0 || require_zero(at + node::kBAt, 2)) &&
+         ((used & kP) != 0 || require_zero(at + node::kPAt, 4)) &&
+         ((used & kR) != 0 || require_zero(at + node::kRAt, 4));
 }
 
 bool Checker::check_shift(int shift, int low, int high, const std::uint8_t* at) {
@@ -204,7 +193,7 @@ bool Checker::check_shift(int shift, int low, int high, const std::uint8_t* at) 
 bool Checker::check_node(const std::uint8_t* at, format::Node kind, std::size_t slot, bool constant,
                          std::size_t& continued) {
   namespace node = format::node;
-  const Fields used = fields_of(kind);
+  const std::uint32_t used = kFieldsUsed[static_cast<std::size_t>(kind)];
   const std::uint8_t* a_at = at + node::kAAt;
   const std::uint8_t* b_at = at + node::kBAt;
   const std::uint16_t a = load_u16(a_at);
@@ -218,10 +207,10 @@ bool Checker::check_node(const std::uint8_t* at, format::Node kind, std::size_t 
            (kind == format::Node::kHarmonic || b == node::kNone ||
             check_slot(b, slot, constant, b_at));
   }
-  if (used.a && !check_slot(a, slot, constant, a_at)) {
+  if ((used & kA) != 0 && !check_slot(a, slot, constant, a_at)) {
     return false;
   }
-  if (used.b && !check_slot(b, slot, constant, b_at)) {
+  if ((used & kB) != 0 && !check_slot(b, slot, constant, b_at)) {
     return false;
   }
   switch (kind) {

@@ -1,6 +1,7 @@
 #include "firmware/core/table/table.h"
 
 #include <algorithm>
+#include <iterator>
 
 #include "firmware/core/crypto/crc32.h"
 #include "firmware/core/crypto/ed25519.h"
@@ -107,55 +108,33 @@ TableInfo describe(std::span<const std::uint8_t> image) {
 }
 
 const char* name_of(Refusal refusal) {
-  switch (refusal) {
-    case Refusal::kNone:
-      return "accepted";
-    case Refusal::kTooShort:
-      return "too short";
-    case Refusal::kMagic:
-      return "not a table";
-    case Refusal::kNewerFormat:
-      return "unknown format version";
-    case Refusal::kLength:
-      return "wrong length";
-    case Refusal::kChecksum:
-      return "wrong checksum";
-    case Refusal::kJointCount:
-      return "wrong number of joints";
-    case Refusal::kRobotSerial:
-      return "another robot's table";
-    case Refusal::kUnsigned:
-      return "not signed";
-    case Refusal::kSignature:
-      return "wrong signature";
-    case Refusal::kUnknownFlag:
-      return "unknown flag";
-    case Refusal::kUnknownSection:
-      return "unknown section";
-    case Refusal::kMissingSection:
-      return "missing section";
-    case Refusal::kSectionBounds:
-      return "section out of bounds";
-    case Refusal::kUnknownKind:
-      return "unknown kind of record";
-    case Refusal::kBadReference:
-      return "reference to nothing";
-    case Refusal::kValueRange:
-      return "value out of range";
-    case Refusal::kReserved:
-      return "reserved field not zero";
-    case Refusal::kTooManyRecords:
-      return "too many records";
-    case Refusal::kBusy:
-      return "activation pending";
-    case Refusal::kTooCostly:
-      return "too much work for a control cycle";
-    case Refusal::kScale:
-      return "increment scales that do not fit each other";
-    case Refusal::kResolution:
-      return "another resolution than the device's drives have";
-  }
-  return "unknown refusal";
+  static constexpr const char* kNames[] = {
+      "accepted",                                          // kNone
+      "too short",                                         // kTooShort
+      "not a table",                                       // kMagic
+      "unknown format version",                            // kNewerFormat
+      "wrong length",                                      // kLength
+      "wrong checksum",                                    // kChecksum
+      "wrong number of joints",                            // kJointCount
+      "another robot's table",                             // kRobotSerial
+      "not signed",                                        // kUnsigned
+      "wrong signature",                                   // kSignature
+      "unknown flag",                                      // kUnknownFlag
+      "unknown section",                                   // kUnknownSection
+      "missing section",                                   // kMissingSection
+      "section out of bounds",                             // kSectionBounds
+      "unknown kind of record",                            // kUnknownKind
+      "reference to nothing",                              // kBadReference
+      "value out of range",                                // kValueRange
+      "reserved field not zero",                           // kReserved
+      "too many records",                                  // kTooManyRecords
+      "activation pending",                                // kBusy
+      "too much work for a control cycle",                 // kTooCostly
+      "increment scales that do not fit each other",       // kScale
+      "another resolution than the device's drives have",  // kResolution
+  };
+  const auto number = static_cast<std::size_t>(refusal);
+  return number < std::size(kNames) ? kNames[number] : "unknown refusal";
 }
 
 }  // namespace armtrue

@@ -28,7 +28,6 @@ class Checker {
 
  private:
   using Section = format::Section;
-  struct Fields;
 
   // Remembers why and where; `condition` is what a good image fulfils.
   bool require(bool condition, Refusal refusal, std::size_t field) {
@@ -74,8 +73,7 @@ class Checker {
   bool check_slot(std::uint16_t slot, std::size_t before, bool constant, const std::uint8_t* at);
   bool check_angle_source(std::uint16_t source, bool constant, const std::uint8_t* at);
   bool check_nodes();
-  static Fields fields_of(format::Node kind);
-  bool check_unused(const std::uint8_t* at, const Fields& used);
+  bool check_unused(const std::uint8_t* at, std::uint32_t used);
   bool check_shift(int shift, int low, int high, const std::uint8_t* at);
   bool check_node(const std::uint8_t* at, format::Node kind, std::size_t slot, bool constant,
                   std::size_t& continued);
