@@ -33,8 +33,6 @@ Surroundings surroundings_of(const TableView& table, const CycleInput& input,
   return result;
 }
 
-constexpr std::int32_t smaller(std::int32_t a, std::int32_t b) { return a < b ? a : b; }
-
 // amount · share, rounded up: a share is that of a control period, Q30, and mostly all of it.
 std::int32_t share_of_amount(std::int32_t amount, std::uint32_t share) {
   if (share == kWhole) return amount;
@@ -62,12 +60,9 @@ std::int32_t increments_by_increment(std::int32_t units, std::int32_t mantissa, 
 
 std::int32_t within_magnitude(const TableView& table, std::size_t joint, std::int64_t wanted) {
   const std::int32_t largest =
-      smaller(table.is_prismatic(joint) ? kMaxDeltaPrismatic : kMaxDeltaRevolute,
-              load_i32(table.joint(joint) + format::joint::kMagnitudeAt));
-  if (wanted > largest) {
-    return largest;
-  }
-  return wanted < -largest ? -largest : static_cast<std::int32_t>(wanted);
+      std::min(table.is_prismatic(joint) ? kMaxDeltaPrismatic : kMaxDeltaRevolute,
+               load_i32(table.joint(joint) + format::joint::kMagnitudeAt));
+  return static_cast<std::int32_t>(std::clamp<std::int64_t>(wanted, -largest, largest));
 }
 
 [[gnu::cold]] JointScale::JointScale(const TableView& table, std::size_t joint,
@@ -82,12 +77,12 @@ std::int32_t within_magnitude(const TableView& table, std::size_t joint, std::in
   dead_band = load_i32(record + format::joint::kDeadBandAt);
   const std::int32_t largest = slides ? kMaxDeltaPrismatic : kMaxDeltaRevolute;
   magnitude = within_magnitude(table, joint, largest);
-  const std::int32_t per_second = smaller(slides ? kMaxRatePrismatic : kMaxRateRevolute,
-                                          load_i32(record + format::joint::kRateAt));
+  const std::int32_t per_second = std::min(slides ? kMaxRatePrismatic : kMaxRateRevolute,
+                                           load_i32(record + format::joint::kRateAt));
   rate = saturate(product(per_second, static_cast<std::int32_t>(cycle_us)) / kMillion);
   const auto in_increments = [this](std::int32_t units) {
-    return smaller(increments_by_unit(units, unit_per_increment, unit_shift),
-                   increments_by_increment(units, increment_per_unit, increment_shift));
+    return std::min(increments_by_unit(units, unit_per_increment, unit_shift),
+                    increments_by_increment(units, increment_per_unit, increment_shift));
   };
   // What rounds to the next increment is no more than what was permitted.
   magnitude_increments = saturate(std::int64_t{in_increments(magnitude)} + 1);

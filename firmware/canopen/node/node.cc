@@ -9,7 +9,6 @@
 namespace armtrue::canopen {
 namespace {
 
-constexpr std::uint32_t kNoSet = 5;  // information of EMCY 0xFF15, beside those of the joint path
 constexpr std::uint32_t kSdoRequestBase = 0x600;
 constexpr std::uint32_t kSdoResponseBase = 0x580;
 constexpr std::uint32_t kMaxNodeId = 127;
@@ -139,16 +138,13 @@ void Node::note_nmt_state() {
 
 void Node::carry_out() {
   const auto wanted = static_cast<Mode>(dictionary_.get(od::compensator_control::kMode));
-  const bool ends = Nmt::leaves_operational(nmt_command_) || wanted != mode_;
+  const bool ends = Nmt::leaves_operational(nmt_command_) || wanted != mode();
   if (nmt_.state() == NmtState::kOperational) {
     if (joints_.fade(now_us_)) outputs_are_fresh();
-    const bool leaves = mode_ == Mode::kOffset && (ends || joints_.is_leaving());
+    const bool leaves = mode() == Mode::kOffset && (ends || joints_.is_leaving());
     if (leaves && joints_.leave(now_us_)) return;
   }
-  if (wanted != mode_) {
-    joints_.set_mode(wanted);
-    mode_ = wanted;
-  }
+  if (wanted != mode()) joints_.set_mode(wanted);
   if (nmt_command_ == 0) return;
   const NmtRequest request = nmt_.apply(nmt_command_);
   if (request != NmtRequest::kNone) pending_reset_ = request;
@@ -189,7 +185,7 @@ void Node::handle_upstream(const CanFrame& frame) {
   if (is_target && mode() == Mode::kInline) return;
   if (parts_.downstream == nullptr) return;
   watch_sdo_targets(frame);
-  forward(*parts_.downstream, frame, from_upstream_.forwarded, from_upstream_.dropped);
+  forward(*parts_.downstream, frame, from_upstream_);
 }
 
 void Node::handle_downstream(CanFrame& frame) {
@@ -204,12 +200,11 @@ void Node::handle_downstream(CanFrame& frame) {
   } else if (number < kRpdos && !joints_.carries_target(number)) {
     handle_rpdo(number, frame);
   }
-  forward(parts_.upstream, frame, from_downstream_.forwarded, from_downstream_.dropped);
+  forward(parts_.upstream, frame, from_downstream_);
 }
 
-void Node::forward(CanPort& to, const CanFrame& frame, std::uint32_t& forwarded,
-                   std::uint32_t& dropped) {
-  count(to.send(frame) ? forwarded : dropped);
+void Node::forward(CanPort& to, const CanFrame& frame, Forwarding& from) {
+  count(to.send(frame) ? from.forwarded : from.dropped);
 }
 
 bool Node::serve(const CanFrame& frame) {
@@ -246,7 +241,7 @@ void Node::handle_sync(const CanFrame& frame) {
   const bool obeyed = counts && nmt_.state() == NmtState::kOperational;
   const bool fresh = obeyed && joints_.on_sync(now_us_);
   if (parts_.downstream != nullptr) {
-    forward(*parts_.downstream, frame, from_upstream_.forwarded, from_upstream_.dropped);
+    forward(*parts_.downstream, frame, from_upstream_);
     const auto took_us = static_cast<std::uint32_t>(config_.clock_us() - begin_us);
     sync_latency_.note(took_us);
     sync_jitter_.note(std::max(took_us, last_sync_latency_us_) -
@@ -297,7 +292,7 @@ void Node::handle_rpdo(std::size_t number, const CanFrame& frame) {
     return;
   }
   if (mode() != Mode::kForward && is_target) {
-    // Targets that are no part of a set are never corrected: too few joints, or too many frames.
+    // Targets that are no part of a set are never corrected.
     emcy_.raise(Condition::kSetsWithheld, kNoSet);
   }
   if (frame.len < pdo.mapping.length) {
