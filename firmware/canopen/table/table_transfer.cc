@@ -1,7 +1,6 @@
 #include "firmware/canopen/table/table_transfer.h"
 
 #include <algorithm>
-#include <iterator>
 
 #include "firmware/core/crypto/crc32.h"
 #include "firmware/core/fixed/bytes.h"
@@ -186,25 +185,28 @@ void TableTransfer::set_enabled(bool enabled) {
 }
 
 Abort TableTransfer::command(std::uint32_t word, bool quiet) {
-  struct Command {
-    TableCommand word;
-    Abort (TableTransfer::*carry_out)();
-  };
-  static constexpr Command kCommands[] = {
-      {TableCommand::kVerify, &TableTransfer::verify},
-      {TableCommand::kCommit, &TableTransfer::commit},
-      {TableCommand::kActivate, &TableTransfer::activate},
-      {TableCommand::kConfirm, &TableTransfer::confirm},
-      {TableCommand::kRevert, &TableTransfer::revert},
-      {TableCommand::kDiscard, &TableTransfer::discard},
-  };
-  const auto* found = std::ranges::find(kCommands, TableCommand{word}, &Command::word);
-  if (found == std::end(kCommands)) return Abort::kValueRange;
-  if (!quiet && found->word != TableCommand::kDiscard) {
+  const auto command = static_cast<TableCommand>(word);
+  if (command == TableCommand::kDiscard) return discard();
+  const bool known = command == TableCommand::kVerify || command == TableCommand::kCommit ||
+                     command == TableCommand::kActivate || command == TableCommand::kConfirm ||
+                     command == TableCommand::kRevert;
+  if (!known) return Abort::kValueRange;
+  if (!quiet) {
     count(refused_);
     return Abort::kDeviceState;
   }
-  return (this->*found->carry_out)();
+  switch (command) {
+    case TableCommand::kVerify:
+      return verify();
+    case TableCommand::kCommit:
+      return commit();
+    case TableCommand::kActivate:
+      return activate();
+    case TableCommand::kConfirm:
+      return confirm();
+    default:
+      return revert();
+  }
 }
 
 Abort TableTransfer::refuse(std::uint16_t reason, std::uint32_t field) {

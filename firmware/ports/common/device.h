@@ -1,5 +1,5 @@
-// Everything that a bare-metal compensator is made of, above its drivers. One static object per
-// image.
+// Everything that a compensator is made of, above its drivers. One static object per bare-metal
+// image; on POSIX one for each life, from power-on to reset.
 #ifndef ARMTRUE_FIRMWARE_PORTS_COMMON_DEVICE_H_
 #define ARMTRUE_FIRMWARE_PORTS_COMMON_DEVICE_H_
 
@@ -26,7 +26,8 @@ struct DeviceParts {
   void (*note_long_request)(bool begins) = nullptr;  // canopen::NodeParts
 };
 
-// What is fixed when the image is built (firmware/ports/identity.cmake).
+// What is fixed when the image is built (firmware/ports/identity.cmake) or by the command line.
+// Must outlive the device.
 struct DeviceSettings {
   DeviceIdentity identity;
   std::uint8_t node_id = 0;
