@@ -679,22 +679,6 @@ TEST(CompensatorTest, CorrectionIsContinuousAcrossTheTurnAndAcrossCells) {
   EXPECT_NE(met & kOutsideCoverage, 0);
 }
 
-TEST(CompensatorTest, OneTurnFurtherIsTheSameForHarmonics) {
-  TestImage made(kJoints);
-  made.add_harmonic(0, 0, 5.0, 0.3, 3e-3);
-  Compensator compensator(config());
-  const Bytes image = made.image();
-  activate(compensator, image);
-  settle(compensator, at(0.0));
-  for (double q = -M_PI; q < M_PI; q += 0.1) {
-    CycleInput input = at(q);
-    // Some cycles each, as the rate of the correction is limited.
-    const std::int32_t here = settle(compensator, input, 20).delta[0];
-    input.target[0] += 16777216;
-    EXPECT_NEAR(compensator.cycle(input).delta[0], here, 1) << q;
-  }
-}
-
 TEST(CompensatorTest, OutputSaturatesInsteadOfWrapping) {
   Compensator compensator(config());
   const Bytes image = offset_table(-5e-3);

@@ -186,6 +186,26 @@ class NodeBench {
     start_nodes();
   }
   void start_nodes() { from_controller(make_frame(0x000, {1, 0})); }
+  // An NMT command.
+  void nmt(int command, int node = kNodeId) { from_controller(make_frame(0, {command, node})); }
+  void sync() { from_controller(make_frame(0x80, {})); }
+  // The same a millisecond later.
+  void next_sync() {
+    now_us += 1000;
+    sync();
+  }
+  // Transmission type of three PDOs from this communication record on; 1: they go with each SYNC.
+  void set_transmission(std::uint16_t record, std::uint32_t type = 1) {
+    for (std::uint16_t k = 0; k < 3; ++k) {
+      expect_done(write(static_cast<std::uint16_t>(record + k), 2, type, 1));
+    }
+  }
+  // Frames with this identifier among those that left upstream.
+  std::vector<CanFrame> sent(std::uint32_t id) {
+    std::vector<CanFrame> frames = upstream.take_sent();
+    std::erase_if(frames, [id](const CanFrame& frame) { return frame.id != id; });
+    return frames;
+  }
 
   static CanFrame pair_frame(std::uint32_t id, std::int32_t first, std::int32_t second) {
     CanFrame frame;

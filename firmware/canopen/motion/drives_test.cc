@@ -74,8 +74,7 @@ TEST_P(DrivesTest, WithoutFeedbackItBeginsAtZeroAndSaysSo) {
   restart();
   Joints first = {};
   for (int k = 0; k < 30; ++k) {
-    bench.now_us += 1000;
-    bench.from_controller(make_frame(0x80, {}));
+    bench.next_sync();
     bench.command_joints(kStand);
     take_output();
     if (outputs > 0 && first == Joints{}) first = stand;
@@ -146,7 +145,7 @@ TEST_P(InlineDrivesTest, FarFromTheFirstTargetTheNearestPermittedOutputIsTaken) 
 
 TEST_P(InlineDrivesTest, LeavingOperationalKeepsWhatIsKnown) {
   settle();
-  bench.from_controller(make_frame(0, {128, NodeBench::kNodeId}));
+  bench.nmt(128);
   EXPECT_EQ(bench.node().nmt_state(), NmtState::kPreOperational) << "nothing to take back";
   bench.start_nodes();
   EXPECT_EQ(rest(kStand, 50), 0);
@@ -172,8 +171,7 @@ TEST_P(InlineDrivesTest, SyncThatIsRemoteOrComesFromTheDrivesDividesNothing) {
   CanFrame remote = make_frame(0x80, {});
   remote.flags = kFrameRemote;
   const auto frames = NodeBench::targets(kStand);
-  bench.now_us += 1000;
-  bench.from_controller(make_frame(0x80, {}));
+  bench.next_sync();
   bench.from_controller(frames[0]);
   bench.from_controller(remote);
   bench.from_controller(frames[1]);

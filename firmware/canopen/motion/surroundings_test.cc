@@ -32,8 +32,7 @@ class SurroundingsTest : public ::testing::Test {
     for (int k = 0; k < 200; ++k) cycle();
   }
   void cycle() {
-    bench.now_us += 1000;
-    bench.from_controller(make_frame(0x80, {}));
+    bench.next_sync();
     bench.command_joints({});
   }
   // The correction of a joint in thousandths of a radian.

@@ -155,7 +155,7 @@ TEST_F(SdoTest, AResponseWaitsForRoomOnTheBus) {
 }
 
 TEST_F(SdoTest, StoppedMeansNoSdo) {
-  bench.from_controller(make_frame(0, {2, 0}));
+  bench.nmt(2, 0);
   send({0x40, 0x00, 0x10, 0, 0, 0, 0, 0});
   EXPECT_TRUE(answers().empty());
 }
@@ -396,7 +396,7 @@ class DumpInMotion : public testing::Test {
   void cycle(int frames) {
     bench.now_us += 1000;
     const int position = 100 * ++cycles;
-    bench.from_controller(make_frame(0x80, {}));
+    bench.sync();
     bench.command_joints({position, position, position, position, position, position});
     bench.downstream.take_sent();
     for (const std::uint32_t id : {0x1C0U, 0x1C1U, 0x1C2U}) {

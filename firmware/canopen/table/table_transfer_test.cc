@@ -132,7 +132,7 @@ TEST_F(TableTransferTest, ATrialThatNobodyConfirmsEndsWithAReset) {
   ASSERT_EQ(bench.command(TableCommand::kCommit), 0U);
   ASSERT_EQ(bench.command(TableCommand::kActivate), 0U);
   EXPECT_EQ(status(kSequence), 6U);
-  bench.from_controller(make_frame(0, {129, NodeBench::kNodeId}));
+  bench.nmt(129);
   EXPECT_EQ(status(kSequence), 5U);
 }
 

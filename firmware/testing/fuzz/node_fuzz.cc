@@ -133,7 +133,7 @@ void begin(NodeBench& bench, Mode mode) {
   }
   for (int cycle = 0; cycle < 20; ++cycle) {
     bench.now_us += 10'000;
-    bench.from_controller(make_frame(0x80, {}));
+    bench.sync();
     bench.command_joints(kStand);
   }
   require(bench.node().dictionary().get(od::axis::kPositionOffset[0]) != 0);
