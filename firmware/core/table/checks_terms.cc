@@ -64,49 +64,40 @@ int fixed_fraction(format::State kind) {
 }  // namespace
 
 bool Checker::check_state() {
-  const std::size_t count = section(Section::kState).count;
-  if (!require(count <= kMaxSlots, Refusal::kTooManyRecords, header::kSectionCountAt)) {
+  int last_class = format::kStillClass;
+  return require_room(Section::kState, kMaxSlots) &&
+         all_records(Section::kState, [&](const std::uint8_t* at, std::size_t i) {
+           return check_variable(at, i, last_class);
+         });
+}
+
+bool Checker::check_variable(const std::uint8_t* at, std::size_t i, int& last_class) {
+  const auto kind = static_cast<format::State>(at[format::state::kKindAt]);
+  if (!require_at(at[0] < format::kStateKinds, Refusal::kUnknownKind, at) ||
+      !require_at(format::class_of(kind) >= last_class, Refusal::kValueRange, at)) {
     return false;
   }
-  int last_class = format::kStillClass;
-  for (std::size_t i = 0; i < count; ++i) {
-    const std::uint8_t* at = record(Section::kState, i);
-    if (!require_at(at[0] < format::kStateKinds, Refusal::kUnknownKind, at)) {
+  last_class = format::class_of(kind);
+  const std::uint8_t set = at[format::state::kSetAt];
+  int fraction = fixed_fraction(kind);
+  if (last_class == format::kGravityClass) {
+    if (!require_at(set < section(Section::kMassSets).count, Refusal::kBadReference, at + 2)) {
       return false;
     }
-    const int kind_class = format::class_of(static_cast<format::State>(at[0]));
-    if (!require_at(kind_class >= last_class, Refusal::kValueRange, at)) {
-      return false;
-    }
-    last_class = kind_class;
-    const auto kind = static_cast<format::State>(at[format::state::kKindAt]);
-    const std::uint8_t index = at[format::state::kIndexAt];
-    const std::uint8_t set = at[format::state::kSetAt];
-    int fraction = fixed_fraction(kind);
-    if (kind_class == format::kGravityClass) {
-      if (!require_at(set < section(Section::kMassSets).count, Refusal::kBadReference, at + 2)) {
-        return false;
-      }
-      fraction = record(Section::kMassSets, set)[format::mass_set::kFractionAt];
-    } else if (!require_zero(at + format::state::kSetAt, 1)) {
-      return false;
-    }
-    const bool names_nothing = kind == format::State::kOne || kind == format::State::kPayload ||
-                               kind == format::State::kTime ||
-                               kind == format::State::kBaseMomentX ||
-                               kind == format::State::kBaseMomentY;
-    const std::size_t bound = names_nothing ? 1U
-                              : kind == format::State::kTemperature
-                                  ? section(Section::kSensors).count
-                                  : joints_;
-    if (!require_at(index < bound, Refusal::kBadReference, at + 1) ||
-        !require_at(load_i8(at + format::state::kFractionAt) == fraction, Refusal::kValueRange,
-                    at + 3) ||
-        !require_at((kind == format::State::kOne) == (i == 0), Refusal::kUnknownKind, at)) {
-      return false;
-    }
+    fraction = record(Section::kMassSets, set)[format::mass_set::kFractionAt];
+  } else if (!require_zero(at + format::state::kSetAt, 1)) {
+    return false;
   }
-  return true;
+  const bool names_nothing = kind == format::State::kOne || kind == format::State::kPayload ||
+                             kind == format::State::kTime || kind == format::State::kBaseMomentX ||
+                             kind == format::State::kBaseMomentY;
+  const std::size_t bound = names_nothing                         ? 1U
+                            : kind == format::State::kTemperature ? section(Section::kSensors).count
+                                                                  : joints_;
+  return require_at(at[format::state::kIndexAt] < bound, Refusal::kBadReference, at + 1) &&
+         require_at(load_i8(at + format::state::kFractionAt) == fraction, Refusal::kValueRange,
+                    at + 3) &&
+         require_at((kind == format::State::kOne) == (i == 0), Refusal::kUnknownKind, at);
 }
 
 // A slot that a record numbered `before` in slots may read; constant records only constant slots.
@@ -238,86 +229,66 @@ bool Checker::check_node(const std::uint8_t* at, format::Node kind, std::size_t 
   }
 }
 
-bool Checker::is_known_coordinate(std::size_t coordinate) const {
-  if (coordinate < format::kMotorCoordinates) {
-    return coordinate < joints_;
-  }
+// The first byte of a term, a harmonic or a slow wave; steep ones act on motor sides alone.
+bool Checker::check_coordinate(const std::uint8_t* at, bool is_steep) {
+  const std::size_t coordinate = *at;
+  const bool is_motor = coordinate < format::kMotorCoordinates;
   const std::size_t frame = (coordinate - format::kMotorCoordinates) / 6U;
-  return frame <= joints_ || frame == format::kToolFrame;
+  const bool is_known =
+      is_motor ? coordinate < joints_ : frame <= joints_ || frame == format::kToolFrame;
+  return require_at(is_known, Refusal::kUnknownKind, at) &&
+         require_at(is_motor || !is_steep, Refusal::kValueRange, at);
 }
 
 bool Checker::check_terms() {
   namespace term = format::term;
-  const std::size_t count = section(Section::kTerms).count;
   const std::size_t states = section(Section::kState).count;
   const std::size_t slots = states + section(Section::kNodes).count;
   const std::size_t constant = load_u16(body_.data() + header::kConstantTermsAt);
   const std::size_t steep = load_u16(body_.data() + header::kSteepTermsAt);
-  if (!require(count <= kMaxTerms, Refusal::kTooManyRecords, header::kSectionCountAt) ||
-      !require(constant <= steep, Refusal::kValueRange, header::kConstantTermsAt) ||
-      !require(steep <= count, Refusal::kValueRange, header::kSteepTermsAt)) {
-    return false;
-  }
-  for (std::size_t i = 0; i < count; ++i) {
-    const std::uint8_t* at = record(Section::kTerms, i);
-    // Behind the constant ones stand the steep ones: on motor sides, and reading steep nodes at
-    // most.
-    const bool is_steep = i >= constant && i < steep;
-    const bool in_place = !is_steep || at[term::kCoordinateAt] < format::kMotorCoordinates;
-    const std::size_t readable = is_steep ? states + steep_nodes_ : slots;
-    if (!require_at(is_known_coordinate(at[term::kCoordinateAt]), Refusal::kUnknownKind, at) ||
-        !require_at(in_place, Refusal::kValueRange, at) ||
-        !require_zero(at + term::kReservedAt, 1) ||
-        !check_slot(load_u16(at + term::kSlotAt), readable, i < constant, at + term::kSlotAt)) {
-      return false;
-    }
-  }
-  return true;
+  return require_room(Section::kTerms, kMaxTerms) &&
+         require(constant <= steep, Refusal::kValueRange, header::kConstantTermsAt) &&
+         require(steep <= section(Section::kTerms).count, Refusal::kValueRange,
+                 header::kSteepTermsAt) &&
+         all_records(Section::kTerms, [&](const std::uint8_t* at, std::size_t i) {
+           // Behind the constant ones stand the steep ones: on motor sides, and reading steep nodes
+           // at most.
+           const bool is_steep = i >= constant && i < steep;
+           const std::size_t readable = is_steep ? states + steep_nodes_ : slots;
+           return check_coordinate(at, is_steep) && require_zero(at + term::kReservedAt, 1) &&
+                  check_slot(load_u16(at + term::kSlotAt), readable, i < constant,
+                             at + term::kSlotAt);
+         });
 }
 
 bool Checker::check_harmonics() {
   namespace harmonic = format::harmonic;
-  const std::size_t count = section(Section::kHarmonics).count;
   const std::size_t steep = load_u16(body_.data() + header::kSteepHarmonicsAt);
-  if (!require(count <= kMaxHarmonics, Refusal::kTooManyRecords, header::kSectionCountAt) ||
-      !require(steep <= count, Refusal::kValueRange, header::kSteepHarmonicsAt)) {
-    return false;
-  }
-  for (std::size_t i = 0; i < count; ++i) {
-    const std::uint8_t* at = record(Section::kHarmonics, i);
-    const bool in_place = i >= steep || at[harmonic::kCoordinateAt] < format::kMotorCoordinates;
-    if (!require_at(is_known_coordinate(at[harmonic::kCoordinateAt]), Refusal::kUnknownKind, at) ||
-        !require_at(in_place, Refusal::kValueRange, at) ||
-        !require_zero(at + harmonic::kReservedAt, 1) ||
-        !check_angle_source(load_u16(at + harmonic::kSourceAt), false, at + harmonic::kSourceAt)) {
-      return false;
-    }
-  }
-  return true;
+  return require_room(Section::kHarmonics, kMaxHarmonics) &&
+         require(steep <= section(Section::kHarmonics).count, Refusal::kValueRange,
+                 header::kSteepHarmonicsAt) &&
+         all_records(Section::kHarmonics, [&](const std::uint8_t* at, std::size_t i) {
+           return check_coordinate(at, i < steep) && require_zero(at + harmonic::kReservedAt, 1) &&
+                  check_angle_source(load_u16(at + harmonic::kSourceAt), false,
+                                     at + harmonic::kSourceAt);
+         });
 }
 
 bool Checker::check_slow_waves() {
   namespace wave = format::slow_wave;
-  const std::size_t count = section(Section::kSlowWaves).count;
-  if (!require(count <= kMaxSlowWaves, Refusal::kTooManyRecords, header::kSectionCountAt)) {
-    return false;
-  }
-  for (std::size_t i = 0; i < count; ++i) {
-    const std::uint8_t* at = record(Section::kSlowWaves, i);
-    const std::uint8_t joint = at[wave::kJointAt];
-    if (!require_at(is_known_coordinate(at[wave::kCoordinateAt]), Refusal::kUnknownKind, at) ||
-        !require_at(joint < joints_ && is_revolute(joint), Refusal::kBadReference,
-                    at + wave::kJointAt) ||
-        !require_zero(at + wave::kReservedAt, 2)) {
-      return false;
-    }
-    for (std::size_t c = wave::kSineAt; c < wave::kLength; c += 4) {
-      if (!require_at(absolute(load_i32(at + c)) <= kMaxWave, Refusal::kValueRange, at + c)) {
-        return false;
-      }
-    }
-  }
-  return true;
+  return require_room(Section::kSlowWaves, kMaxSlowWaves) &&
+         all_records(Section::kSlowWaves, [this](const std::uint8_t* at, std::size_t) {
+           const std::uint8_t joint = at[wave::kJointAt];
+           bool passed = check_coordinate(at, false) &&
+                         require_at(joint < joints_ && is_revolute(joint), Refusal::kBadReference,
+                                    at + wave::kJointAt) &&
+                         require_zero(at + wave::kReservedAt, 2);
+           for (std::size_t c = wave::kSineAt; passed && c < wave::kLength; c += 4) {
+             passed =
+                 require_at(absolute(load_i32(at + c)) <= kMaxWave, Refusal::kValueRange, at + c);
+           }
+           return passed;
+         });
 }
 
 }  // namespace armtrue

@@ -49,6 +49,18 @@ class Checker {
     return require(condition, refusal, offset_of(at));
   }
   bool require_zero(const std::uint8_t* at, std::size_t bytes);
+  bool require_room(Section kind, std::size_t most) {
+    return require(section(kind).count <= most, Refusal::kTooManyRecords,
+                   format::header::kSectionCountAt);
+  }
+  // Whether every record of a section passes `check(at, index)`; the first that does not ends it.
+  template <typename Check>
+  bool all_records(Section kind, Check check) {
+    for (std::size_t i = 0; i < section(kind).count; ++i) {
+      if (!check(record(kind, i), i)) return false;
+    }
+    return true;
+  }
 
   bool check_header();
   // Printable ASCII, then zeros to the end.
@@ -69,6 +81,7 @@ class Checker {
   bool check_gravity();
 
   bool check_state();
+  bool check_variable(const std::uint8_t* at, std::size_t i, int& last_class);
   // A slot that a record numbered `before` in slots may read; constant records only constant slots.
   bool check_slot(std::uint16_t slot, std::size_t before, bool constant, const std::uint8_t* at);
   bool check_angle_source(std::uint16_t source, bool constant, const std::uint8_t* at);
@@ -77,7 +90,7 @@ class Checker {
   bool check_shift(int shift, int low, int high, const std::uint8_t* at);
   bool check_node(const std::uint8_t* at, format::Node kind, std::size_t slot, bool constant,
                   std::size_t& continued);
-  bool is_known_coordinate(std::size_t coordinate) const;
+  bool check_coordinate(const std::uint8_t* at, bool is_steep);
   bool check_terms();
   bool check_harmonics();
   bool check_slow_waves();
