@@ -62,7 +62,6 @@ void Node::reset_communication(std::uint64_t now_us) {
   const Loaded loaded = load_parameters(dictionary_, parts_.parameters, kCommunicationEnd);
   emcy_.reset();
   report(loaded, emcy_);
-  restart_alarms();
   apply_configuration();
 }
 
@@ -106,8 +105,8 @@ NodeAction Node::process(std::uint64_t now_us) {
   }
   joint_path_sound_ = joints_.process(now_us);
   watch_buses();
-  while (const std::uint8_t lost = heartbeats_.process(now_us)) {
-    emcy_.raise(Condition::kHeartbeatLost, lost, heartbeats_.slot_of(lost));
+  while (const std::optional<std::size_t> lost = heartbeats_.process(now_us)) {
+    emcy_.raise(Condition::kHeartbeatLost, heartbeats_.node_of(*lost), *lost);
     communication_error();
   }
   const NmtState state = nmt_.state();
@@ -157,12 +156,6 @@ void Node::carry_out() {
 void Node::note_nmt_command(std::uint8_t command) {
   const bool waits = nmt_command_ == kNmtResetNode || nmt_command_ == kNmtResetCommunication;
   if (Nmt::is_defined(command) && (!waits || command == kNmtResetNode)) nmt_command_ = command;
-}
-
-// Conditions that go on are reported anew after a reset has emptied the error register.
-void Node::restart_alarms() {
-  upstream_watch_.restart();
-  if (downstream_watch_) downstream_watch_->restart();
 }
 
 void Node::communication_error() {
@@ -273,9 +266,8 @@ void Node::obey_sync(const CanFrame& frame) {
 
 void Node::handle_heartbeat(const CanFrame& frame) {
   if (frame.id <= kHeartbeatBase || frame.id > kHeartbeatBase + kMaxNodeId) return;
-  if (const std::uint8_t back = heartbeats_.handle(frame, now_us_); back != 0) {
-    emcy_.clear(Condition::kHeartbeatLost, heartbeats_.slot_of(back));
-  }
+  const std::optional<std::size_t> back = heartbeats_.handle(frame, now_us_);
+  if (back) emcy_.clear(Condition::kHeartbeatLost, *back);
 }
 
 void Node::handle_rpdo(std::size_t number, const CanFrame& frame) {

@@ -103,7 +103,6 @@ class Node final : private ObjectHooks {
   void handle_sync(const CanFrame& frame);
   void obey_sync(const CanFrame& frame);
   void note_nmt_command(std::uint8_t command);
-  void restart_alarms();
   void handle_heartbeat(const CanFrame& frame);
   void handle_rpdo(std::size_t number, const CanFrame& frame);
   // The newest frame of each synchronous input; false where there is no room.
