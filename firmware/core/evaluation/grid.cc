@@ -43,9 +43,7 @@ Place locate(const std::uint8_t* axis, std::int32_t value) {
   const std::int32_t first = load_i32(nodes);
   if ((flags & format::grid::kAxisExplicit) == 0U) {
     const std::uint32_t inverse = load_u32(nodes + 4);
-    if (value < first) {
-      return beyond(0, 0, in_cells(gap(first, value), inverse), holds_low);
-    }
+    if (value < first) return beyond(0, 0, in_cells(gap(first, value), inverse), holds_low);
     const std::uint32_t position = in_cells(gap(value, first), inverse);
     const std::uint32_t cell = position >> format::grid::kFraction;
     if (cell >= cells) {

@@ -141,12 +141,8 @@ bool Checker::check_mass_sets() {
 
 bool Checker::check_gravity() {
   const SectionView& gravity = section(Section::kGravity);
-  if (gravity.count == 0U) {
-    return true;
-  }
-  if (!require_at(gravity.count == 1U, Refusal::kTooManyRecords, gravity.begin)) {
-    return false;
-  }
+  if (gravity.count == 0U) return true;
+  if (!require_at(gravity.count == 1U, Refusal::kTooManyRecords, gravity.begin)) return false;
   for (std::size_t i = 0; i < 3; ++i) {
     const std::uint8_t* at = gravity.begin + format::gravity::kPayloadPointAt + 4 * i;
     if (!require_at(absolute(load_i32(at)) <= kMaxPayloadArm, Refusal::kValueRange, at)) {

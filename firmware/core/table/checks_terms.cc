@@ -103,12 +103,8 @@ bool Checker::check_variable(const std::uint8_t* at, std::size_t i, int& last_cl
 // A slot that a record numbered `before` in slots may read; constant records only constant slots.
 bool Checker::check_slot(std::uint16_t slot, std::size_t before, bool constant,
                          const std::uint8_t* at) {
-  if (!require_at(slot < before, Refusal::kBadReference, at)) {
-    return false;
-  }
-  if (!constant) {
-    return true;
-  }
+  if (!require_at(slot < before, Refusal::kBadReference, at)) return false;
+  if (!constant) return true;
   const std::size_t states = section(Section::kState).count;
   if (slot >= states) {
     return require_at(slot - states < constant_nodes_, Refusal::kBadReference, at);
@@ -138,24 +134,16 @@ bool Checker::check_nodes() {
   std::size_t continued = 0;  // outputs of the last grid that are still to come
   for (std::size_t i = 0; i < count; ++i) {
     const std::uint8_t* at = record(Section::kNodes, i);
-    if (!require_at(at[0] < format::kNodeKinds, Refusal::kUnknownKind, at)) {
-      return false;
-    }
+    if (!require_at(at[0] < format::kNodeKinds, Refusal::kUnknownKind, at)) return false;
     const auto kind = static_cast<format::Node>(at[node::kKindAt]);
     const bool is_continuation = kind == format::Node::kContinuation;
-    if (!require_at(is_continuation == (continued != 0U), Refusal::kUnknownKind, at)) {
-      return false;
-    }
+    if (!require_at(is_continuation == (continued != 0U), Refusal::kUnknownKind, at)) return false;
     if (is_continuation) {
       --continued;
-      if (!require_zero(at, node::kLength)) {
-        return false;
-      }
+      if (!require_zero(at, node::kLength)) return false;
       continue;
     }
-    if (!check_node(at, kind, states + i, i < constant_nodes_, continued)) {
-      return false;
-    }
+    if (!check_node(at, kind, states + i, i < constant_nodes_, continued)) return false;
   }
   // A grid and its continuations stand in the same part of the list.
   const auto starts_whole = [this, count](std::size_t first) {
@@ -190,20 +178,14 @@ bool Checker::check_node(const std::uint8_t* at, format::Node kind, std::size_t 
   const std::uint16_t a = load_u16(a_at);
   const std::uint16_t b = load_u16(b_at);
   const int shift = load_i8(at + node::kShiftAt);
-  if (!check_unused(at, used)) {
-    return false;
-  }
+  if (!check_unused(at, used)) return false;
   if (kind == format::Node::kHarmonic || kind == format::Node::kAngle) {
     return check_angle_source(a, constant, a_at) &&
            (kind == format::Node::kHarmonic || b == node::kNone ||
             check_slot(b, slot, constant, b_at));
   }
-  if ((used & kA) != 0 && !check_slot(a, slot, constant, a_at)) {
-    return false;
-  }
-  if ((used & kB) != 0 && !check_slot(b, slot, constant, b_at)) {
-    return false;
-  }
+  if ((used & kA) != 0 && !check_slot(a, slot, constant, a_at)) return false;
+  if ((used & kB) != 0 && !check_slot(b, slot, constant, b_at)) return false;
   switch (kind) {
     case format::Node::kToAngle:
       return check_shift(shift, 1, kMaxShift, at + node::kShiftAt);

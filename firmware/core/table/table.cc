@@ -55,9 +55,7 @@ Validation check_envelope(std::span<const std::uint8_t> image) {
     return refuse(Refusal::kChecksum, checked.size());
   }
   const std::uint32_t flags = load_u32(bytes + header::kFlagsAt);
-  if ((flags & ~format::kKnownFlags) != 0U) {
-    return refuse(Refusal::kUnknownFlag, header::kFlagsAt);
-  }
+  if ((flags & ~format::kKnownFlags) != 0U) return refuse(Refusal::kUnknownFlag, header::kFlagsAt);
   return {};
 }
 
@@ -73,9 +71,7 @@ Validation check_identity(std::span<const std::uint8_t> image, const DeviceIdent
     return refuse(Refusal::kRobotSerial, header::kSerialAt);
   }
   if (device.has_key) {
-    if (!is_signed(image)) {
-      return refuse(Refusal::kUnsigned, header::kFlagsAt);
-    }
+    if (!is_signed(image)) return refuse(Refusal::kUnsigned, header::kFlagsAt);
     const std::span<const std::uint8_t> message = without_trailer(image, true);
     const auto signature = std::span<const std::uint8_t, format::kSignatureLength>(
         image.subspan(message.size(), format::kSignatureLength));

@@ -142,9 +142,7 @@ std::uint32_t Counter::gravity() const {
   for (std::size_t i = 0; i < states.count; ++i) {
     const std::uint8_t* state = states.begin + i * format::state::kLength;
     const auto kind = static_cast<format::State>(state[format::state::kKindAt]);
-    if (format::class_of(kind) != format::kGravityClass) {
-      continue;
-    }
+    if (format::class_of(kind) != format::kGravityClass) continue;
     sum += set == format::node::kNone ? kGravity + joints() * kGravityPerJoint : 0U;
     sum += set != state[format::state::kSetAt] ? kMassSet + joints() * kMassSetPerJoint : 0U;
     set = state[format::state::kSetAt];

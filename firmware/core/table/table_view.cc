@@ -71,9 +71,7 @@ void TableView::read_constants() {
   const std::uint16_t constant_terms = constant_counts_.terms;
   while (first_changing_term_ < constant_terms) {
     const std::uint8_t* term = terms.begin + first_changing_term_ * format::term::kLength;
-    if (load_u16(term + format::term::kSlotAt) != 0U) {
-      break;
-    }
+    if (load_u16(term + format::term::kSlotAt) != 0U) break;
     add_to(constants_[term[format::term::kCoordinateAt]],
            round_high(load_i32(term + format::term::kMantissaAt), kRatioOne.raw));
     ++first_changing_term_;
