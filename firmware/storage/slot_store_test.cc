@@ -323,26 +323,20 @@ TEST_F(SlotStoreTest, EveryHeaderBitThatRotsLeavesTheFallback) {
   ASSERT_EQ(restart(), new_table);
 }
 
-TEST_F(SlotStoreTest, AnEraseThatFailsIsReportedAndHarmless) {
-  restart();
-  const Image old_table = make_image(1, 80);
-  install(old_table);
-  flash_.fail_at(0);
-  EXPECT_EQ(store_->commit(make_image(2, 80)), StoreResult::kEraseFailed);
-  flash_.run_undisturbed();
-  EXPECT_EQ(restart(), old_table);
-  install(make_image(3, 80));
-  EXPECT_EQ(restart(), make_image(3, 80));
-}
-
-TEST_F(SlotStoreTest, AWordThatDoesNotProgramIsReportedAndHarmless) {
-  restart();
-  const Image old_table = make_image(1, 80);
-  install(old_table);
-  flash_.fail_at(8);
-  EXPECT_EQ(store_->commit(make_image(2, 80)), StoreResult::kProgramFailed);
-  flash_.run_undisturbed();
-  EXPECT_EQ(restart(), old_table);
+TEST_F(SlotStoreTest, ACommitThatFailsIsReportedAndHarmless) {
+  for (const auto& [step, result] :
+       {std::pair{0, StoreResult::kEraseFailed}, std::pair{8, StoreResult::kProgramFailed}}) {
+    flash_ = SimulatedFlash(kSlotSize, 1);
+    restart();
+    const Image old_table = make_image(1, 80);
+    install(old_table);
+    flash_.fail_at(step);
+    EXPECT_EQ(store_->commit(make_image(2, 80)), result);
+    flash_.run_undisturbed();
+    EXPECT_EQ(restart(), old_table);
+    install(make_image(3, 80));
+    EXPECT_EQ(restart(), make_image(3, 80));
+  }
 }
 
 TEST_F(SlotStoreTest, WhatAnEarlierFirmwareWrote_IsFoundByThisOne) {

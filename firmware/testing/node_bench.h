@@ -165,13 +165,20 @@ class NodeBench {
     return write(0x2012, 0, static_cast<std::uint32_t>(word), 4);
   }
 
-  // Stage, verify, commit, activate, confirm; throws at the first refusal.
-  void install(std::span<const std::uint8_t> image) {
+  // Stage, verify and commit; put_on_trial() activates as well, install() confirms. All throw at
+  // the first refusal.
+  void commit(std::span<const std::uint8_t> image) {
     if (stage(image) != 0) throw std::runtime_error("staging refused");
-    for (const TableCommand word : {TableCommand::kVerify, TableCommand::kCommit,
-                                    TableCommand::kActivate, TableCommand::kConfirm}) {
-      if (command(word) != 0) throw std::runtime_error("table command refused");
-    }
+    require(TableCommand::kVerify);
+    require(TableCommand::kCommit);
+  }
+  void put_on_trial(std::span<const std::uint8_t> image) {
+    commit(image);
+    require(TableCommand::kActivate);
+  }
+  void install(std::span<const std::uint8_t> image) {
+    put_on_trial(image);
+    require(TableCommand::kConfirm);
   }
 
   // Two targets to a frame, RPDO1 to RPDO3 on 0x220, 0x320, 0x420: configured and operational.
@@ -273,6 +280,9 @@ class NodeBench {
     Node node;
   };
 
+  void require(TableCommand word) {
+    if (command(word) != 0) throw std::runtime_error("table command refused");
+  }
   static void expect_done(std::uint32_t abort) {
     if (abort != 0) throw std::runtime_error("configuration refused");
   }
