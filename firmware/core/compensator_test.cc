@@ -11,8 +11,8 @@
 namespace armtrue {
 namespace {
 
-using testing::Bytes;
-using testing::TestImage;
+using tests::Bytes;
+using tests::TestImage;
 
 constexpr double kIncrementsPerRadian = 16777216.0 / (2.0 * M_PI);
 constexpr std::size_t kJoints = 3;
@@ -226,8 +226,8 @@ TEST(CompensatorTest, AWayToZeroEndsWhateverRateATableHas) {
     const Bytes fast = offset_table(5e-3);
     TestImage slow(kJoints);
     for (std::size_t k = 0; k < kJoints; ++k) {
-      testing::put(slow.section(format::Section::kJoints),
-                   k * format::joint::kLength + format::joint::kRateAt, rate);
+      tests::put(slow.section(format::Section::kJoints),
+                 k * format::joint::kLength + format::joint::kRateAt, rate);
     }
     const Bytes image = slow.image();
     Compensator compensator(config());
@@ -411,8 +411,8 @@ TEST(CompensatorTest, AChangeOfJustTheRate_IsNotClamped) {
   };
   const std::int32_t change = correction(at(0.0), -1) - correction(at(0.1), 1);
   for (const std::int32_t less : {0, 1}) {
-    testing::put(made.section(format::Section::kJoints), format::joint::kRateAt,
-                 (change - less) * 1000);
+    tests::put(made.section(format::Section::kJoints), format::joint::kRateAt,
+               (change - less) * 1000);
     Compensator compensator(config());
     const Bytes image = made.image();
     activate(compensator, image);
@@ -531,7 +531,7 @@ TEST(CompensatorTest, MagnitudeIsLimitedByTheTableAndCounted) {
   TestImage made(kJoints);
   made.add_constant(0, 0.02);
   const std::int32_t limit = 1 << 22;  // 2^-10 turn
-  testing::put(made.section(format::Section::kJoints), format::joint::kMagnitudeAt, limit);
+  tests::put(made.section(format::Section::kJoints), format::joint::kMagnitudeAt, limit);
   Compensator compensator(config());
   const Bytes image = made.image();
   activate(compensator, image);
@@ -549,10 +549,10 @@ TEST(CompensatorTest, NoTableRaisesTheCompileTimeLimits) {
   made.add_constant(0, 0.49);  // 0.078 turn, beyond 0.05
   for (std::size_t k = 0; k < kJoints; ++k) {
     const std::size_t joint = k * format::joint::kLength;
-    testing::put(made.section(format::Section::kJoints), joint + format::joint::kMagnitudeAt,
-                 std::int32_t{0x7FFFFFFF});
-    testing::put(made.section(format::Section::kJoints), joint + format::joint::kRateAt,
-                 std::int32_t{0x7FFFFFFF});
+    tests::put(made.section(format::Section::kJoints), joint + format::joint::kMagnitudeAt,
+               std::int32_t{0x7FFFFFFF});
+    tests::put(made.section(format::Section::kJoints), joint + format::joint::kRateAt,
+               std::int32_t{0x7FFFFFFF});
   }
   Compensator compensator(config());
   const Bytes image = made.image();
@@ -572,8 +572,8 @@ TEST(CompensatorTest, RateIsLimitedAndCounted) {
   TestImage made(kJoints);
   made.add_state(format::State::kDirection, 0, 30);
   made.add_term(0, 1, 5e-3, 30);
-  testing::put(made.section(format::Section::kJoints), format::joint::kRateAt,
-               static_cast<std::int32_t>(1 << 24));  // 2^-8 turn per second
+  tests::put(made.section(format::Section::kJoints), format::joint::kRateAt,
+             static_cast<std::int32_t>(1 << 24));  // 2^-8 turn per second
   Compensator compensator(config());
   const Bytes image = made.image();
   activate(compensator, image);

@@ -12,8 +12,8 @@
 namespace armtrue {
 namespace {
 
-using testing::Bytes;
-using testing::TestImage;
+using tests::Bytes;
+using tests::TestImage;
 
 constexpr std::size_t kJoints = 3;
 constexpr double kIncrementsPerRadian = 16777216.0 / (2.0 * M_PI);
@@ -74,8 +74,8 @@ RandomTable random_table(Random& random, bool with_links) {
   result.magnitude = random.once_in(3) ? random.integer(1 << 14, 1 << 22) : kMaxDeltaRevolute;
   result.rate = random.once_in(3) ? random.integer(1 << 18, 1 << 26) : kMaxRateRevolute;
   Bytes& joints = made.section(format::Section::kJoints);
-  testing::put(joints, format::joint::kMagnitudeAt, result.magnitude);
-  testing::put(joints, format::joint::kRateAt, result.rate);
+  tests::put(joints, format::joint::kMagnitudeAt, result.magnitude);
+  tests::put(joints, format::joint::kRateAt, result.rate);
   result.image = made.image();
   return result;
 }

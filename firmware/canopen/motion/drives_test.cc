@@ -185,10 +185,10 @@ TEST_P(InlineDrivesTest, SyncThatIsRemoteOrComesFromTheDrivesDividesNothing) {
 class BacklashTest : public DrivesTest {
  protected:
   BacklashTest() {
-    armtrue::testing::TestImage made(6);
+    armtrue::tests::TestImage made(6);
     made.add_state(format::State::kDirection, 0, 30);
     made.add_term(0, 1, 1e-3, 30);
-    armtrue::testing::put(made.header(), format::header::kSequenceAt, std::uint32_t{2});
+    armtrue::tests::put(made.header(), format::header::kSequenceAt, std::uint32_t{2});
     bench.run_for(600'000);
     // Drives of another resolution: nothing is corrected while that changes.
     EXPECT_EQ(bench.write(0x2000, 2, 0, 1), 0U);

@@ -89,20 +89,6 @@ TEST_F(InlineTest, WithoutATableEveryFramePassesBitIdentical) {
   EXPECT_EQ(released(frames), at_cycle(3));
 }
 
-TEST_F(InlineTest, FeedbackIsUncorrectedByTheDeltaThatWasSent) {
-  run(0, 50);
-  const Joints out = released(cycle(50));
-  bench.upstream.take_sent();
-  bench.from_drives(NodeBench::pair_frame(0x1C0, out[0], out[1]));
-  bench.from_drives(NodeBench::pair_frame(0x1C2, out[4], out[5]));
-  const std::vector<CanFrame> frames = bench.upstream.take_sent();
-  ASSERT_EQ(frames.size(), 2U);
-  EXPECT_EQ(load_le<std::int32_t>(&frames[0].data[0]), at_cycle(50)[0]);
-  EXPECT_EQ(load_le<std::int32_t>(&frames[0].data[4]), at_cycle(50)[1]);
-  EXPECT_EQ(load_le<std::int32_t>(&frames[1].data[0]), at_cycle(50)[4]);
-  EXPECT_EQ(load_le<std::int32_t>(&frames[1].data[4]), at_cycle(50)[5]);
-}
-
 TEST_F(InlineTest, ALostFrameWithholdsTheSetAndTheNext) {
   run(0, 10);
   const auto frames = NodeBench::targets(at_cycle(10));

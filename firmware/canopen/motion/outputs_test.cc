@@ -148,7 +148,9 @@ TEST_P(OffsetOutputsTest, EveryNthSync_CarriesAStepOfOneCycle) {
       const Joints before = held;
       cycle(kStand);
       ASSERT_LE(farthest(before, held), kRate);
-      if (held != zero) ASSERT_EQ(seen, kStand) << "without what has not left";
+      if (held != zero) {
+        ASSERT_EQ(seen, kStand) << "without what has not left";
+      }
     }
     EXPECT_GT(farthest(held, {}), 20 * kRate) << "and each carries one";
     EXPECT_EQ(bench.read(0x1001, 0), 0U) << "a set that waits is no set that is withheld";

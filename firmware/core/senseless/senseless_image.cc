@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-namespace armtrue::testing {
+namespace armtrue::tests {
 namespace {
 
 using format::Section;
@@ -430,4 +430,4 @@ void SenselessImage::assemble() {
   image_ = std::move(bytes);
 }
 
-}  // namespace armtrue::testing
+}  // namespace armtrue::tests

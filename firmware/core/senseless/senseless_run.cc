@@ -5,7 +5,7 @@
 
 #include "firmware/core/table/table_cost.h"
 
-namespace armtrue::testing {
+namespace armtrue::tests {
 namespace {
 
 constexpr std::array<std::uint8_t, 32> kSeed = {3, 1, 4, 1, 5};
@@ -110,4 +110,4 @@ SenselessRun run_senseless(std::uint64_t seed) {
   return run;
 }
 
-}  // namespace armtrue::testing
+}  // namespace armtrue::tests

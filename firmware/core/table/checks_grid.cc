@@ -52,7 +52,7 @@ bool Checker::check_grid(const std::uint8_t* at, std::size_t slot, bool constant
       return false;
     }
   }
-  const std::size_t mask_length = 4U * ((nodes + 31U) / 32U);
+  const std::size_t mask_length = grid::mask_length(nodes);
   const std::size_t value_length = (2U * nodes * outputs + 3U) & ~std::size_t{3};
   if (!check_data(word, length + mask_length + value_length, reference)) return false;
   continued = outputs - 1U;
@@ -75,7 +75,7 @@ bool Checker::check_axis(std::int32_t word, const std::uint8_t* head, std::size_
                   axis + grid::kAxisFlagsAt)) {
     return false;
   }
-  length += grid::kAxisHeadLength + (is_explicit ? 8U * count - 4U : 8U);
+  length += grid::kAxisHeadLength + grid::axis_length(count, is_explicit);
   nodes *= count;
   if (!require_at(nodes <= kMaxGridNodes, Refusal::kTooManyRecords, head) ||
       !check_data(word, length, axis)) {

@@ -187,7 +187,7 @@ std::uint32_t Counter::grid(const std::uint8_t* node) const {
     if (is_listed) {
       sum += kListedAxis + static_cast<std::uint32_t>(std::bit_width(count - 1U)) * kHalving;
     }
-    axis += format::grid::kAxisHeadLength + (is_listed ? 8U * count - 4U : 8U);
+    axis += format::grid::kAxisHeadLength + format::grid::axis_length(count, is_listed);
   }
   return sum;
 }

@@ -12,10 +12,10 @@
 namespace armtrue {
 namespace {
 
-using testing::append;
-using testing::Bytes;
-using testing::put;
-using testing::TestImage;
+using tests::append;
+using tests::Bytes;
+using tests::put;
+using tests::TestImage;
 
 // One field of joint `joint` set to `value`.
 template <typename Integer>

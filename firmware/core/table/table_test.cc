@@ -10,11 +10,11 @@
 namespace armtrue {
 namespace {
 
-using testing::append;
-using testing::Bytes;
-using testing::mend_checksum;
-using testing::put;
-using testing::TestImage;
+using tests::append;
+using tests::Bytes;
+using tests::mend_checksum;
+using tests::put;
+using tests::TestImage;
 
 constexpr std::array<std::uint8_t, 32> kSeed = {7, 1, 9};
 constexpr std::array<std::uint8_t, 32> kOtherSeed = {8, 1, 9};
