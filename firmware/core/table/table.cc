@@ -7,7 +7,7 @@
 #include "firmware/core/crypto/ed25519.h"
 #include "firmware/core/fixed/bytes.h"
 #include "firmware/core/table/format.h"
-#include "firmware/core/table/table_checks.h"
+#include "firmware/core/table/table_checker.h"
 #include "firmware/core/table/table_cost.h"
 
 namespace armtrue {

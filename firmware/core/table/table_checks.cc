@@ -1,5 +1,3 @@
-#include "firmware/core/table/table_checks.h"
-
 #include "firmware/core/fixed/bytes.h"
 #include "firmware/core/table/limits.h"
 #include "firmware/core/table/table_checker.h"
