@@ -43,10 +43,6 @@ class DrivesTest : public ::testing::TestWithParam<Mode> {
 
   DrivesTest() : offset_(GetParam() == Mode::kOffset), bench(!offset_) {
     bench.install(TestTable{.magnitude = kPermitted << 12}.image());
-    for (std::uint32_t k = 0; k < 3 && offset_; ++k) {
-      EXPECT_EQ(bench.write(static_cast<std::uint16_t>(0x1800 + k), 1, 0x400001A0U + 0x100U * k, 4),
-                0U);
-    }
     bench.configure(GetParam());
     EXPECT_EQ(bench.write(0x1010, 1, 0x65766173, 4), 0U);
     take_output();

@@ -181,7 +181,14 @@ class NodeBench {
     require(TableCommand::kConfirm);
   }
 
-  // Two targets to a frame, RPDO1 to RPDO3 on 0x220, 0x320, 0x420: configured and operational.
+  // Two offsets to a frame, TPDO1 to TPDO3 on 0x1A0, 0x2A0, 0x3A0.
+  void send_offsets() {
+    for (std::uint32_t k = 0; k < 3; ++k) {
+      expect_done(write(static_cast<std::uint16_t>(0x1800 + k), 1, 0x400001A0U + 0x100U * k, 4));
+    }
+  }
+  // Two targets to a frame, RPDO1 to RPDO3 on 0x220, 0x320, 0x420, in offset mode the offsets as
+  // above: configured and operational.
   void configure(Mode mode) {
     for (int k = 0; k < 3; ++k) {
       expect_done(write(static_cast<std::uint16_t>(0x1400 + k), 1,
@@ -189,6 +196,7 @@ class NodeBench {
       expect_done(
           write(static_cast<std::uint16_t>(0x1408 + k), 1, 0x1C0U + static_cast<unsigned>(k), 4));
     }
+    if (mode == Mode::kOffset) send_offsets();
     expect_done(write(0x2000, 1, static_cast<std::uint32_t>(mode), 1));
     start_nodes();
   }

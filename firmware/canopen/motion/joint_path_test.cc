@@ -383,10 +383,6 @@ TEST_F(InlineTest, AtTheFirstSyncOnlyAFreshSetLeaves) {
 TEST(OffsetTest, SendsOffsetsOnceForEachSetAndNeverOtherwise) {
   NodeBench bench(false);
   bench.install(TestTable{}.image());
-  for (int k = 0; k < 3; ++k) {
-    const auto index = static_cast<std::uint16_t>(0x1800 + k);
-    ASSERT_EQ(bench.write(index, 1, 0x400001A0U + 0x100U * static_cast<unsigned>(k), 4), 0U);
-  }
   bench.configure(Mode::kOffset);
   bench.upstream.take_sent();
   for (int k = 0; k < 50; ++k) {

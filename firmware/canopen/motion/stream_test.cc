@@ -171,10 +171,6 @@ TEST_P(OffsetStreamTest, OffsetsThatTheDrivesReadBack_MayBeAFewCyclesOld) {
 TEST(OffsetModeOnTwoBuses, Targets_PassUnchangedAndOffsetsLeaveToTheController) {
   NodeBench bench;
   bench.install(TestTable{}.image());
-  for (std::uint32_t k = 0; k < 3; ++k) {
-    ASSERT_EQ(bench.write(static_cast<std::uint16_t>(0x1800 + k), 1, 0x400001A0U + 0x100U * k, 4),
-              0U);
-  }
   bench.configure(Mode::kOffset);
   for (int k = 0; k < 50; ++k) {
     bench.now_us += 1000;
@@ -197,10 +193,7 @@ class OffsetOnTwoBusesTest : public testing::Test {
  protected:
   OffsetOnTwoBusesTest() {
     bench.install(TestTable{}.image());
-    for (std::uint32_t k = 0; k < 3; ++k) {
-      EXPECT_EQ(bench.write(static_cast<std::uint16_t>(0x1800 + k), 1, 0x400001A0U + 0x100U * k, 4),
-                0U);
-    }
+    bench.send_offsets();
   }
   // A cycle of an arm that stands at kStand; how many frames with offsets left.
   std::ptrdiff_t cycle(bool drives_are_downstream) {

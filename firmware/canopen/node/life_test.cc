@@ -202,11 +202,7 @@ class OffsetLifeTest : public testing::Test {
  protected:
   void start(std::uint32_t transmission) {
     bench.install(TestTable{}.image());
-    for (std::uint32_t k = 0; k < 3; ++k) {
-      ASSERT_EQ(bench.write(static_cast<std::uint16_t>(0x1400 + k), 2, transmission, 1), 0U);
-      ASSERT_EQ(bench.write(static_cast<std::uint16_t>(0x1800 + k), 1, 0x400001A0U + 0x100U * k, 4),
-                0U);
-    }
+    bench.set_transmission(0x1400, transmission);
     bench.configure(Mode::kOffset);
     for (int k = 0; k < 50; ++k) {
       bench.next_sync();

@@ -108,9 +108,6 @@ class Life {
   Life(const storage::SimulatedFlash& flash, std::uint8_t setup)
       : offset_((setup & 1U) != 0),
         bench_(!offset_, false, {}, kMaxImageLength + storage::kHeaderBytes, &flash) {
-    for (std::uint32_t k = 0; k < 3 && offset_; ++k) {
-      bench_.write(static_cast<std::uint16_t>(0x1800 + k), 1, 0x400001A0U + 0x100U * k, 4);
-    }
     bench_.configure(offset_ ? Mode::kOffset : Mode::kInline);
     bench_.write(0x1010, 1, 0x65766173, 4);
     take();
