@@ -29,10 +29,9 @@ struct DeviceParts {
 // What is fixed when the image is built (firmware/ports/identity.cmake) or by the command line.
 // Must outlive the device.
 struct DeviceSettings {
-  DeviceIdentity identity;
+  DeviceIdentity identity;  // with the arm's number of joints
   std::uint8_t node_id = 0;
   std::uint32_t serial_number = 0;  // 0x1018 sub 4
-  std::uint8_t joint_count = 0;
   std::uint32_t cycle_us = 0;
 };
 
@@ -40,12 +39,12 @@ class Device {
  public:
   Device(const DeviceSettings& settings, const DeviceParts& parts)
       : clock_us_(parts.clock_us),
-        compensator_({.joint_count = settings.joint_count, .cycle_us = settings.cycle_us}),
+        compensator_({.joint_count = settings.identity.joint_count, .cycle_us = settings.cycle_us}),
         verifier_(settings.identity),
         store_(parts.tables, verifier_),
         node_({.node_id = settings.node_id,
                .serial_number = settings.serial_number,
-               .joint_count = settings.joint_count,
+               .joint_count = settings.identity.joint_count,
                .clock_us = parts.clock_us},
               {parts.upstream,
                parts.downstream,

@@ -192,7 +192,6 @@ int main(int argc, char** argv) {
       .identity = {.joint_count = static_cast<std::uint8_t>(options.joints)},
       .node_id = static_cast<std::uint8_t>(options.node_id),
       .serial_number = options.serial_number,
-      .joint_count = static_cast<std::uint8_t>(options.joints),
       .cycle_us = options.cycle_us};
   armtrue::DeviceIdentity& identity = settings.identity;
   options.serial.copy(identity.robot_serial.data(), identity.robot_serial.size());

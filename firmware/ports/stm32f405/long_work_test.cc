@@ -189,7 +189,6 @@ class LongWorkTest : public ::testing::TestWithParam<double> {
   const ports::DeviceSettings settings_{.identity = {.robot_serial = {}, .joint_count = 6},
                                         .node_id = kNodeId,
                                         .serial_number = 1,
-                                        .joint_count = 6,
                                         .cycle_us = 1000};
   ports::Device device_{settings_,
                         {port_, nullptr, tables_, parameters_, &clock_us, nullptr, &stand}};
