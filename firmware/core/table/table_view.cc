@@ -52,8 +52,8 @@ TableView::TableView(std::span<const std::uint8_t> image) : image_(image) {
 }
 
 void TableView::read_motions() {
-  using format::Section;
-  for (const Section kind : {Section::kTerms, Section::kHarmonics, Section::kSlowWaves}) {
+  for (const format::Section kind :
+       {format::Section::kTerms, format::Section::kHarmonics, format::Section::kSlowWaves}) {
     const SectionView& records = section(kind);
     for (std::size_t i = 0; i < records.count; ++i) {
       // The coordinate is the first byte of all three.
