@@ -1,8 +1,9 @@
 #include "firmware/core/compensator.h"
 
 #include <algorithm>
-#include <limits>
 #include <memory>
+
+#include "firmware/core/fixed/counter.h"
 
 namespace armtrue {
 namespace {
@@ -14,10 +15,6 @@ constexpr std::uint32_t kMicrosecondsPerMillisecond = 1000;
 constexpr std::int64_t kMillion = 1'000'000;
 constexpr int kBlendFraction = 30;
 constexpr std::uint32_t kWhole = std::uint32_t{1} << kBlendFraction;
-
-void count_one(std::uint32_t& counter) {
-  counter += counter < std::numeric_limits<std::uint32_t>::max() ? 1U : 0U;
-}
 
 Surroundings surroundings_of(const TableView& table, const CycleInput& input,
                              const std::array<std::int8_t, kMaxJoints>& direction) {
@@ -35,8 +32,6 @@ Surroundings surroundings_of(const TableView& table, const CycleInput& input,
   result.direction = direction;
   return result;
 }
-
-constexpr std::int32_t smaller(std::int32_t a, std::int32_t b) { return a < b ? a : b; }
 
 // amount · share, rounded up: a share is that of a control period, Q30, and mostly all of it.
 std::int32_t share_of_amount(std::int32_t amount, std::uint32_t share) {
@@ -65,12 +60,9 @@ std::int32_t increments_by_increment(std::int32_t units, std::int32_t mantissa, 
 
 std::int32_t within_magnitude(const TableView& table, std::size_t joint, std::int64_t wanted) {
   const std::int32_t largest =
-      smaller(table.is_prismatic(joint) ? kMaxDeltaPrismatic : kMaxDeltaRevolute,
-              load_i32(table.joint(joint) + format::joint::kMagnitudeAt));
-  if (wanted > largest) {
-    return largest;
-  }
-  return wanted < -largest ? -largest : static_cast<std::int32_t>(wanted);
+      std::min(table.is_prismatic(joint) ? kMaxDeltaPrismatic : kMaxDeltaRevolute,
+               load_i32(table.joint(joint) + format::joint::kMagnitudeAt));
+  return static_cast<std::int32_t>(std::clamp<std::int64_t>(wanted, -largest, largest));
 }
 
 [[gnu::cold]] JointScale::JointScale(const TableView& table, std::size_t joint,
@@ -85,12 +77,12 @@ std::int32_t within_magnitude(const TableView& table, std::size_t joint, std::in
   dead_band = load_i32(record + format::joint::kDeadBandAt);
   const std::int32_t largest = slides ? kMaxDeltaPrismatic : kMaxDeltaRevolute;
   magnitude = within_magnitude(table, joint, largest);
-  const std::int32_t per_second = smaller(slides ? kMaxRatePrismatic : kMaxRateRevolute,
-                                          load_i32(record + format::joint::kRateAt));
+  const std::int32_t per_second = std::min(slides ? kMaxRatePrismatic : kMaxRateRevolute,
+                                           load_i32(record + format::joint::kRateAt));
   rate = saturate(product(per_second, static_cast<std::int32_t>(cycle_us)) / kMillion);
   const auto in_increments = [this](std::int32_t units) {
-    return smaller(increments_by_unit(units, unit_per_increment, unit_shift),
-                   increments_by_increment(units, increment_per_unit, increment_shift));
+    return std::min(increments_by_unit(units, unit_per_increment, unit_shift),
+                    increments_by_increment(units, increment_per_unit, increment_shift));
   };
   // What rounds to the next increment is no more than what was permitted.
   magnitude_increments = saturate(std::int64_t{in_increments(magnitude)} + 1);
@@ -156,7 +148,6 @@ std::int64_t PositionBounds::within_limits(std::int64_t corrected, std::int32_t 
   const TableView& table = *std::construct_at(&table_, pending_);
   pending_ = {};
   has_active_ = true;
-  count_one(counters_.tables_switched);
   for (std::size_t k = 0; k < config_.joint_count; ++k) {
     scale_[k] = JointScale(table, k, config_.cycle_us);
   }
@@ -201,7 +192,6 @@ std::int64_t PositionBounds::within_limits(std::int64_t corrected, std::int32_t 
     const std::int64_t exact = scale.units_of(held[k]);
     motion_.delta[k] = static_cast<std::int32_t>(
         std::clamp<std::int64_t>(exact, -scale.magnitude, scale.magnitude));
-    motion_.carried[k] = 0;
     motion_.increments[k] = increments_of(k);
     // What went before the first cycle, for take_back_of().
     history_[(cycle_ - 1) % kFeedbackHistory][k] = motion_.increments[k];
@@ -359,7 +349,7 @@ void Compensator::put_out(const CycleInput& input, std::uint32_t share, std::uin
     if (allowed != sum) clamped |= 1U << k;
     output.delta[k] =
         static_cast<std::int32_t>(bounds.way(difference(output.corrected[k], input.target[k])));
-    if ((clamped >> k & 1U) != 0U) count_one(counters_.clamped[k]);
+    if ((clamped >> k & 1U) != 0U) count(counters_.clamped[k]);
   }
 }
 
@@ -377,7 +367,7 @@ CycleOutput Compensator::cycle(const CycleInput& input) {
   output.cycle = cycle_;
   output.state = motion_.state;
   ++cycle_;
-  count(output.flags);
+  count_cycle(output.flags);
   return output;
 }
 
@@ -395,7 +385,6 @@ void Compensator::take_back_of(std::uint8_t joints) {
     if ((joints >> k & 1U) == 0) continue;
     motion_.delta[k] = before_.delta[k];
     motion_.increments[k] = before_.increments[k];
-    motion_.carried[k] = before_.carried[k];
     newest[k] = before[k];
     // Zero is not reached before every joint has it.
     const bool passes = motion_.state == CompensatorState::kPassThrough;
@@ -403,52 +392,30 @@ void Compensator::take_back_of(std::uint8_t joints) {
   }
 }
 
-std::int32_t Compensator::increments_of(std::size_t joint) {
+std::int32_t Compensator::increments_of(std::size_t joint) const {
   const JointScale& scale = scale_[joint];
-  const std::int64_t exact = product(motion_.delta[joint], scale.increment_per_unit);
-  if (!config_.carry_remainder) return saturate(round_shift(exact, scale.increment_shift));
-  // What rounding left over, in the same 2^-shift of an increment, is added in the next cycle.
-  const std::int64_t with_carry = exact + motion_.carried[joint];
-  const std::int64_t whole = round_shift(with_carry, scale.increment_shift);
-  motion_.carried[joint] = with_carry - whole * (std::int64_t{1} << scale.increment_shift);
-  return saturate(whole);
-}
-
-bool Compensator::remembers(std::uint32_t cycle) const {
-  const std::uint32_t age = cycle_ - cycle;  // 1 for the newest cycle
-  return age >= 1U && age <= kFeedbackHistory && age <= counters_.cycles;
+  return saturate(
+      round_shift(product(motion_.delta[joint], scale.increment_per_unit), scale.increment_shift));
 }
 
 std::int32_t Compensator::correction_of(std::uint32_t cycle, std::size_t joint) const {
-  return remembers(cycle) ? history_[cycle % kFeedbackHistory][joint] : 0;
-}
-
-bool Compensator::uncorrect_feedback(std::uint32_t cycle, std::span<const std::int32_t> actual,
-                                     std::span<std::int32_t> plain) const {
-  for (std::size_t k = 0; k < config_.joint_count; ++k) {
-    plain[k] = bounds_[k].wrapped(difference(actual[k], correction_of(cycle, k)));
-  }
-  return remembers(cycle);
+  const std::uint32_t age = cycle_ - cycle;  // 1 for the newest cycle
+  const bool is_known = age >= 1U && age <= kFeedbackHistory && age <= counters_.cycles;
+  return is_known ? history_[cycle % kFeedbackHistory][joint] : 0;
 }
 
 void Compensator::restart_stream() {
   motion_.has_previous_target = false;
   motion_.direction = {};
-  motion_.carried = {};
 }
 
-void Compensator::count(std::uint16_t flags) {
-  count_one(counters_.cycles);
+void Compensator::count_cycle(std::uint16_t flags) {
+  count(counters_.cycles);
   const auto count_if = [flags](CycleFlags flag, std::uint32_t& counter) {
-    if ((flags & flag) != 0U) {
-      count_one(counter);
-    }
+    if ((flags & flag) != 0U) count(counter);
   };
   count_if(kMagnitudeClamped, counters_.magnitude_clamped);
   count_if(kRateClamped, counters_.rate_clamped);
-  count_if(kNearSingular, counters_.near_singular);
-  count_if(kOutsideCoverage, counters_.outside_coverage);
-  count_if(kStateSaturated, counters_.state_saturated);
   count_if(kOutputSaturated, counters_.output_saturated);
 }
 

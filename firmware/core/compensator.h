@@ -3,8 +3,8 @@
 //   Compensator compensator(config);
 //   compensator.load(image, device);   // validates; the table waits
 //   compensator.activate();            // it is in force: the next cycle begins to blend it in
-//   CycleOutput out = compensator.cycle(in);                    // every cycle
-//   compensator.uncorrect_feedback(out.cycle, actual, plain);   // when feedback comes
+//   CycleOutput out = compensator.cycle(in);   // every cycle
+//   plain = bounds(k).wrapped(actual - correction_of(out.cycle, k));   // when feedback comes
 //
 // Safe by construction: without a valid table the output is the input, bit for bit. Enabling,
 // disabling and switching blend over a set time from whatever correction was last put out.
@@ -90,11 +90,7 @@ struct CycleCounters {
   std::uint32_t cycles = 0;
   std::uint32_t magnitude_clamped = 0;
   std::uint32_t rate_clamped = 0;
-  std::uint32_t near_singular = 0;
-  std::uint32_t outside_coverage = 0;
-  std::uint32_t state_saturated = 0;
   std::uint32_t output_saturated = 0;
-  std::uint32_t tables_switched = 0;
   // By joint: cycles in which its output was not what was wanted (magnitude, rate, limits, 32-bit
   // range).
   std::array<std::uint32_t, kMaxJoints> clamped = {};
@@ -103,7 +99,7 @@ struct CycleCounters {
 struct CycleOutput {
   std::array<std::int32_t, kMaxJoints> corrected = {};  // what the drives are told, increments
   std::array<std::int32_t, kMaxJoints> delta = {};      // corrected - target, increments
-  std::uint32_t cycle = 0;                              // pass it to uncorrect_feedback()
+  std::uint32_t cycle = 0;                              // pass it to correction_of()
   std::uint16_t flags = kCycleClean;
   CompensatorState state = CompensatorState::kPassThrough;
 };
@@ -112,9 +108,6 @@ struct CycleOutput {
 struct CompensatorConfig {
   std::uint8_t joint_count = 6;
   std::uint32_t cycle_us = 1000;  // control period: rate limits and blending are times
-  // Carry what rounding to increments left over into the next cycle, so that coarse drives follow
-  // the correction on average. Off by default: a standing target then gives a standing output.
-  bool carry_remainder = false;
 };
 
 // `wanted` (2^-32 turn or metre) within the limit that the table sets for the joint, itself capped
@@ -168,15 +161,9 @@ class Compensator {
   // One control cycle. Constant work for a given table; bounded by tests/firmware/budget.
   CycleOutput cycle(const CycleInput& input);
 
-  // Takes the correction of cycle `cycle` off the drives' actual positions (0x6064), so that the
-  // controller sees the arm that it commanded. Returns false, and copies `actual` unchanged, if the
-  // cycle lies further back than kFeedbackHistory or has not been yet. Spans of at least
-  // joint_count elements.
-  bool uncorrect_feedback(std::uint32_t cycle, std::span<const std::int32_t> actual,
-                          std::span<std::int32_t> plain) const;
-
-  // The correction of `joint` in cycle `cycle`, increments; 0 where uncorrect_feedback() knows
-  // none.
+  // The correction of `joint` in cycle `cycle`, increments: taken off the drive's actual position
+  // (0x6064), the controller sees the arm that it commanded. 0 if the cycle lies further back than
+  // kFeedbackHistory or has not been yet.
   std::int32_t correction_of(std::uint32_t cycle, std::size_t joint) const;
 
   // The last cycle's output goes to nobody: everything is as before it, but for the counters of
@@ -187,8 +174,7 @@ class Compensator {
   // before, and the next cycle goes on from there at the permitted rate. The others go on.
   void take_back_of(std::uint8_t joints);
 
-  // Forgets the direction of approach and the carried remainder, after the stream of commands was
-  // interrupted.
+  // Forgets the direction of approach, after the stream of commands was interrupted.
   void restart_stream();
 
   // The drives stand `held` increments beyond their targets: the correction begins there, within
@@ -232,7 +218,6 @@ class Compensator {
     std::array<std::int32_t, kMaxJoints> delta = {};       // put out last, 2^-32 units
     std::array<std::int32_t, kMaxJoints> increments = {};  // the same in increments
     std::array<std::int32_t, kMaxJoints> delta_held = {};  // where the running blend began
-    std::array<std::int64_t, kMaxJoints> carried = {};     // remainder of an increment
   };
 
   bool corrects() const { return has_active_ && !parked_; }
@@ -246,11 +231,10 @@ class Compensator {
                CycleOutput& output);
   std::int32_t limited(std::size_t joint, std::int32_t wanted, std::uint32_t share,
                        std::uint16_t& flags) const;
-  std::int32_t increments_of(std::size_t joint);
+  std::int32_t increments_of(std::size_t joint) const;
   std::int32_t within_last_limits(std::size_t joint, std::int32_t increments,
                                   std::uint32_t share) const;
-  bool remembers(std::uint32_t cycle) const;
-  void count(std::uint16_t flags);
+  void count_cycle(std::uint16_t flags);
 
   CompensatorConfig config_;
   TableView table_;                        // in force, or the last that was

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <deque>
 #include <random>
 
 #include "firmware/core/table/test_image.h"
@@ -11,8 +12,8 @@
 namespace armtrue {
 namespace {
 
-using testing::Bytes;
-using testing::TestImage;
+using tests::Bytes;
+using tests::TestImage;
 
 constexpr double kIncrementsPerRadian = 16777216.0 / (2.0 * M_PI);
 constexpr std::size_t kJoints = 3;
@@ -36,7 +37,7 @@ CycleOutput settle(Compensator& compensator, const CycleInput& input, int cycles
   return output;
 }
 
-void activate(Compensator& compensator, const Bytes& image) {
+void put_in_force(Compensator& compensator, const Bytes& image) {
   ASSERT_TRUE(compensator.load(image, {}).accepted());
   ASSERT_TRUE(compensator.activate());
 }
@@ -47,8 +48,21 @@ Bytes offset_table(double radian) {
   return made.image();
 }
 
-TEST(CompensatorTest, WithoutATableTheOutputIsTheInput) {
-  Compensator compensator(config());
+class CompensatorTest : public ::testing::Test {
+ protected:
+  // The image stays where it is until the test ends.
+  void activate(const Bytes& image) {
+    images_.push_back(image);
+    put_in_force(compensator, images_.back());
+  }
+
+  Compensator compensator{config()};
+
+ private:
+  std::deque<Bytes> images_;
+};
+
+TEST_F(CompensatorTest, WithoutATableTheOutputIsTheInput) {
   const CycleCounters& counted = compensator.counters();
   EXPECT_EQ(counted.cycles, 0U);
   std::mt19937 random(1);
@@ -68,15 +82,12 @@ TEST(CompensatorTest, WithoutATableTheOutputIsTheInput) {
   }
   EXPECT_EQ(counted.cycles, 10000U);
   for (const std::uint32_t other :
-       {counted.magnitude_clamped, counted.rate_clamped, counted.near_singular,
-        counted.outside_coverage, counted.state_saturated, counted.output_saturated,
-        counted.tables_switched}) {
+       {counted.magnitude_clamped, counted.rate_clamped, counted.output_saturated}) {
     EXPECT_EQ(other, 0U);
   }
 }
 
-TEST(CompensatorTest, ARefusedTableChangesNothing) {
-  Compensator compensator(config());
+TEST_F(CompensatorTest, ARefusedTableChangesNothing) {
   Bytes image = offset_table(1e-3);
   image[200] ^= 1U;
   EXPECT_EQ(compensator.load(image, {}).refusal, Refusal::kChecksum);
@@ -86,10 +97,8 @@ TEST(CompensatorTest, ARefusedTableChangesNothing) {
   EXPECT_EQ(compensator.load(six_joints, {}).refusal, Refusal::kJointCount);
 }
 
-TEST(CompensatorTest, MotorSideOffsetsAreTakenOffExactly) {
-  Compensator compensator(config());
-  const Bytes image = offset_table(1e-3);
-  activate(compensator, image);
+TEST_F(CompensatorTest, MotorSideOffsetsAreTakenOffExactly) {
+  activate(offset_table(1e-3));
   for (const double q : {-3.0, -0.2, 0.0, 1.5, 3.1}) {
     const CycleOutput output = settle(compensator, at(q));
     EXPECT_EQ(output.state, CompensatorState::kActive);
@@ -97,13 +106,11 @@ TEST(CompensatorTest, MotorSideOffsetsAreTakenOffExactly) {
   }
 }
 
-TEST(CompensatorTest, LinkTermsGoThroughTheJacobian) {
+TEST_F(CompensatorTest, LinkTermsGoThroughTheJacobian) {
   // The first link is 1 mm too long: the tool must still reach the nominal point.
   TestImage made(kJoints);
   made.add_constant(8 + 6, 1e-3);
-  Compensator compensator(config());
-  const Bytes image = made.image();
-  activate(compensator, image);
+  activate(made.image());
   const double q[3] = {0.3, 0.9, -0.7};
   const CycleOutput output = settle(compensator, at(q[0], q[1], q[2]));
   const auto tool = [](double a, double b, double c, double longer) {
@@ -120,8 +127,7 @@ TEST(CompensatorTest, LinkTermsGoThroughTheJacobian) {
   EXPECT_NEAR(reached[1], wanted[1], 1e-6);
 }
 
-TEST(CompensatorTest, EnablingDisablingAndSwitchingMakeNoStep) {
-  Compensator compensator(config());
+TEST_F(CompensatorTest, EnablingDisablingAndSwitchingMakeNoStep) {
   const Bytes first = offset_table(5e-3);
   const Bytes second = offset_table(-5e-3);
   std::array<std::int32_t, kMaxJoints> last = {};
@@ -139,9 +145,9 @@ TEST(CompensatorTest, EnablingDisablingAndSwitchingMakeNoStep) {
     return output;
   };
   run(5);
-  activate(compensator, first);
+  put_in_force(compensator, first);
   EXPECT_NEAR(run(150).delta[0], -increments(5e-3), 1);
-  activate(compensator, second);
+  put_in_force(compensator, second);
   EXPECT_EQ(compensator.state(), CompensatorState::kBlending);
   EXPECT_NEAR(run(150).delta[0], increments(5e-3), 1);
   compensator.disable();
@@ -150,14 +156,11 @@ TEST(CompensatorTest, EnablingDisablingAndSwitchingMakeNoStep) {
   EXPECT_EQ(off.corrected[0], at(0.2).target[0]);
   // 100 ms in cycles of 1 ms: the largest change, 10 mrad, takes 101 cycles.
   EXPECT_LE(largest_step, increments(10e-3) / 100.0 + 1.0);
-  EXPECT_EQ(compensator.counters().tables_switched, 2U);
   EXPECT_EQ(compensator.counters().rate_clamped, 0U);
 }
 
-TEST(CompensatorTest, DisablingInMidBlendGoesBackFromWhereItIs) {
-  Compensator compensator(config());
-  const Bytes image = offset_table(5e-3);
-  activate(compensator, image);
+TEST_F(CompensatorTest, DisablingInMidBlendGoesBackFromWhereItIs) {
+  activate(offset_table(5e-3));
   const CycleOutput half = settle(compensator, at(0.2), 50);
   ASSERT_NEAR(half.delta[0], -increments(2.5e-3), 1000);
   compensator.disable();
@@ -166,23 +169,20 @@ TEST(CompensatorTest, DisablingInMidBlendGoesBackFromWhereItIs) {
   EXPECT_EQ(settle(compensator, at(0.2)).delta[0], 0);
 }
 
-TEST(CompensatorTest, DisablingWithoutATableIsPassThrough) {
-  Compensator compensator(config());
+TEST_F(CompensatorTest, DisablingWithoutATableIsPassThrough) {
   compensator.disable();
   const CycleOutput output = compensator.cycle(at(0.2));
   EXPECT_EQ(output.state, CompensatorState::kPassThrough);
   EXPECT_EQ(output.corrected[0], at(0.2).target[0]);
-  const Bytes image = offset_table(1e-3);
-  activate(compensator, image);
+  activate(offset_table(1e-3));
   EXPECT_NEAR(settle(compensator, at(0.2)).delta[0], -increments(1e-3), 1);
 }
 
-TEST(CompensatorTest, ATableInUseIsKnownToBe) {
-  Compensator compensator(config());
+TEST_F(CompensatorTest, ATableInUseIsKnownToBe) {
   const Bytes first = offset_table(1e-3);
   const Bytes second = offset_table(2e-3);
   EXPECT_FALSE(compensator.is_in_use(first));
-  activate(compensator, first);
+  put_in_force(compensator, first);
   EXPECT_TRUE(compensator.is_in_use(first));
   ASSERT_TRUE(compensator.load(second, {}).accepted());
   EXPECT_TRUE(compensator.is_in_use(second)) << "it waits";
@@ -193,10 +193,9 @@ TEST(CompensatorTest, ATableInUseIsKnownToBe) {
   EXPECT_FALSE(compensator.is_in_use(second)) << "nor is an image read on the way to zero";
 }
 
-TEST(CompensatorTest, AWayToZeroReadsNoImage) {
-  Compensator compensator(config());
+TEST_F(CompensatorTest, AWayToZeroReadsNoImage) {
   Bytes image = offset_table(5e-3);
-  activate(compensator, image);
+  put_in_force(compensator, image);
   CycleOutput last = settle(compensator, at(0.2));
   compensator.disable();
   std::fill(image.begin(), image.end(), std::uint8_t{0xA5});
@@ -209,12 +208,10 @@ TEST(CompensatorTest, AWayToZeroReadsNoImage) {
   EXPECT_EQ(last.delta[0], 0);
 }
 
-TEST(CompensatorTest, SetsThatComeTooFastChangeTheCorrectionNoFaster) {
+TEST_F(CompensatorTest, SetsThatComeTooFastChangeTheCorrectionNoFaster) {
   TestImage made(kJoints);
   made.add_constant(0, 0.2);
-  const Bytes image = made.image();
-  Compensator compensator(config());
-  activate(compensator, image);
+  activate(made.image());
   CycleInput input = at(0.2);
   input.elapsed_us = 70;
   const std::int32_t before = compensator.cycle(input).delta[0];
@@ -224,36 +221,36 @@ TEST(CompensatorTest, SetsThatComeTooFastChangeTheCorrectionNoFaster) {
   EXPECT_LE(std::abs(after - before), 16777216.0 * 0.1 * 0.070 + 1000);
 }
 
-TEST(CompensatorTest, AWayToZeroEndsWhateverRateATableHas) {
+TEST_F(CompensatorTest, AWayToZeroEndsWhateverRateATableHas) {
   for (const std::int32_t rate : {4 * kMinRate, kMinRate, kMinRate - 1, 999, 0}) {
     const Bytes fast = offset_table(5e-3);
     TestImage slow(kJoints);
     for (std::size_t k = 0; k < kJoints; ++k) {
-      testing::put(slow.section(format::Section::kJoints),
-                   k * format::joint::kLength + format::joint::kRateAt, rate);
+      tests::put(slow.section(format::Section::kJoints),
+                 k * format::joint::kLength + format::joint::kRateAt, rate);
     }
     const Bytes image = slow.image();
-    Compensator compensator(config());
-    activate(compensator, fast);
-    settle(compensator, at(0.2));
-    const bool accepted = compensator.load(image, {}).accepted();
+    Compensator own(config());
+    put_in_force(own, fast);
+    settle(own, at(0.2));
+    const bool accepted = own.load(image, {}).accepted();
     ASSERT_EQ(accepted, rate >= kMinRate);
     if (!accepted) continue;  // refused: nothing to be slow
-    ASSERT_TRUE(compensator.activate());
-    compensator.cycle(at(0.2));
-    compensator.park();
-    EXPECT_TRUE(compensator.is_fading());
-    settle(compensator, at(0.2), Compensator::kFadeCycles);
-    EXPECT_FALSE(compensator.is_fading()) << rate;
+    ASSERT_TRUE(own.activate());
+    own.cycle(at(0.2));
+    own.park();
+    EXPECT_TRUE(own.is_fading());
+    settle(own, at(0.2), Compensator::kFadeCycles);
+    EXPECT_FALSE(own.is_fading()) << rate;
   }
 }
 
-TEST(CompensatorTest, AnOutputThatIsTakenBackNeverWas) {
+TEST_F(CompensatorTest, AnOutputThatIsTakenBackNeverWas) {
   const Bytes image = offset_table(5e-3);
   Compensator once(config());
   Compensator twice(config());
-  activate(once, image);
-  activate(twice, image);
+  put_in_force(once, image);
+  put_in_force(twice, image);
   for (int cycle = 0; cycle < 100; ++cycle) {
     const CycleInput input = at(0.2 + 1e-3 * cycle);
     twice.cycle(at(-1.0));
@@ -262,13 +259,11 @@ TEST(CompensatorTest, AnOutputThatIsTakenBackNeverWas) {
   }
 }
 
-TEST(CompensatorTest, OutputThatDidNotReachAJoint_LeavesItWhereItWas) {
-  Compensator compensator(config());
+TEST_F(CompensatorTest, OutputThatDidNotReachAJoint_LeavesItWhereItWas) {
   TestImage made(kJoints);
   made.add_constant(0, 5e-3);
   made.add_constant(1, 5e-3);
-  const Bytes image = made.image();
-  activate(compensator, image);
+  activate(made.image());
   CycleOutput output;
   for (int k = 0; k < 20; ++k) output = compensator.cycle(at(0.2));
   const std::int32_t held = output.delta[0];
@@ -286,10 +281,8 @@ TEST(CompensatorTest, OutputThatDidNotReachAJoint_LeavesItWhereItWas) {
   EXPECT_EQ(settle(compensator, at(0.2)).delta[0], last);
 }
 
-TEST(CompensatorTest, FirstOutputThatDidNotReachAJoint_LeavesWhatItBeganWith) {
-  Compensator compensator(config());
-  const Bytes image = offset_table(5e-3);
-  activate(compensator, image);
+TEST_F(CompensatorTest, FirstOutputThatDidNotReachAJoint_LeavesWhatItBeganWith) {
+  activate(offset_table(5e-3));
   std::array<std::int32_t, kJoints> held = {};
   held[0] = 1000;
   EXPECT_TRUE(compensator.begin(held));
@@ -299,12 +292,10 @@ TEST(CompensatorTest, FirstOutputThatDidNotReachAJoint_LeavesWhatItBeganWith) {
   EXPECT_EQ(compensator.correction_of(output.cycle, 0), 1000);
 }
 
-TEST(CompensatorTest, ZeroThatDidNotReachAJoint_IsNotTheEnd) {
-  Compensator compensator(config());
+TEST_F(CompensatorTest, ZeroThatDidNotReachAJoint_IsNotTheEnd) {
   TestImage made(kJoints);
   made.add_constant(0, 5e-3);
-  const Bytes image = made.image();
-  activate(compensator, image);
+  activate(made.image());
   settle(compensator, at(0.2));
   compensator.park();
   while (compensator.is_fading()) compensator.cycle(at(0.2));
@@ -316,10 +307,8 @@ TEST(CompensatorTest, ZeroThatDidNotReachAJoint_IsNotTheEnd) {
   EXPECT_EQ(compensator.state(), CompensatorState::kPassThrough);
 }
 
-TEST(CompensatorTest, DisabledBeforeTheFirstCycle_BlendsOutWhatTheDrivesHold) {
-  Compensator compensator(config());
-  const Bytes image = offset_table(5e-3);
-  activate(compensator, image);
+TEST_F(CompensatorTest, DisabledBeforeTheFirstCycle_BlendsOutWhatTheDrivesHold) {
+  activate(offset_table(5e-3));
   compensator.disable();
   std::array<std::int32_t, kJoints> held = {};
   held[0] = -increments(4e-3);
@@ -334,19 +323,15 @@ TEST(CompensatorTest, DisabledBeforeTheFirstCycle_BlendsOutWhatTheDrivesHold) {
   EXPECT_EQ(compensator.state(), CompensatorState::kPassThrough);
 }
 
-TEST(CompensatorTest, DisabledAndNothingHeld_ItIsPassThroughAtOnce) {
-  Compensator compensator(config());
-  const Bytes image = offset_table(5e-3);
-  activate(compensator, image);
+TEST_F(CompensatorTest, DisabledAndNothingHeld_ItIsPassThroughAtOnce) {
+  activate(offset_table(5e-3));
   compensator.disable();
   EXPECT_TRUE(compensator.begin(std::array<std::int32_t, kJoints>{}));
   EXPECT_EQ(compensator.state(), CompensatorState::kPassThrough);
 }
 
-TEST(CompensatorTest, ParkedAndResumedItBlendsWithoutAStep) {
-  Compensator compensator(config());
-  const Bytes image = offset_table(5e-3);
-  activate(compensator, image);
+TEST_F(CompensatorTest, ParkedAndResumedItBlendsWithoutAStep) {
+  activate(offset_table(5e-3));
   CycleOutput last = settle(compensator, at(0.2));
   const std::int32_t whole = last.delta[0];
   const auto run = [&](int cycles) {
@@ -381,10 +366,10 @@ TEST_P(FinerDrivesTest, AreApproachedNoFaster_AndCountedForTheirJoint) {
   const Bytes coarse = with_offset_of_joint_2(0);
   const Bytes fine = with_offset_of_joint_2(4);
   Compensator compensator(config());
-  activate(compensator, coarse);
+  put_in_force(compensator, coarse);
   std::int32_t last = settle(compensator, at(0.0, 0.0, 0.0)).delta[1];
   ASSERT_EQ(compensator.counters().clamped[1], 0U);
-  activate(compensator, fine);
+  put_in_force(compensator, fine);
   for (int cycle = 0; cycle < 100; ++cycle) {
     const std::int32_t next = compensator.cycle(at(0.0, 0.0, 0.0)).delta[1];
     ASSERT_LE(std::abs(next - last), 16 * 16777216.0 * 0.1 / 1000.0 + 2);
@@ -398,7 +383,7 @@ TEST_P(FinerDrivesTest, AreApproachedNoFaster_AndCountedForTheirJoint) {
 
 INSTANTIATE_TEST_SUITE_P(BothWays, FinerDrivesTest, ::testing::Values(5e-3, -5e-3));
 
-TEST(CompensatorTest, AChangeOfJustTheRate_IsNotClamped) {
+TEST_F(CompensatorTest, AChangeOfJustTheRate_IsNotClamped) {
   constexpr std::int64_t kUnitsPerIncrement = 256;
   TestImage made(kJoints);
   made.add_state(format::State::kDirection, 0, 30);
@@ -414,20 +399,20 @@ TEST(CompensatorTest, AChangeOfJustTheRate_IsNotClamped) {
   };
   const std::int32_t change = correction(at(0.0), -1) - correction(at(0.1), 1);
   for (const std::int32_t less : {0, 1}) {
-    testing::put(made.section(format::Section::kJoints), format::joint::kRateAt,
-                 (change - less) * 1000);
-    Compensator compensator(config());
+    tests::put(made.section(format::Section::kJoints), format::joint::kRateAt,
+               (change - less) * 1000);
+    Compensator own(config());
     const Bytes image = made.image();
-    activate(compensator, image);
-    settle(compensator, at(0.0));
-    settle(compensator, at(0.1));
-    const std::uint32_t before = compensator.counters().rate_clamped;
-    settle(compensator, at(0.0));
-    EXPECT_EQ(compensator.counters().rate_clamped - before, static_cast<std::uint32_t>(less));
+    put_in_force(own, image);
+    settle(own, at(0.0));
+    settle(own, at(0.1));
+    const std::uint32_t before = own.counters().rate_clamped;
+    settle(own, at(0.0));
+    EXPECT_EQ(own.counters().rate_clamped - before, static_cast<std::uint32_t>(less));
   }
 }
 
-TEST(CompensatorTest, WaysOfAnAxisThatTurnsOn_AreTheShortOnes) {
+TEST_F(CompensatorTest, WaysOfAnAxisThatTurnsOn_AreTheShortOnes) {
   const PositionBounds bounds = {.range_low = -100, .range_high = 99};
   EXPECT_EQ(bounds.way(100), 100);
   EXPECT_EQ(bounds.way(101), -99);
@@ -435,7 +420,7 @@ TEST(CompensatorTest, WaysOfAnAxisThatTurnsOn_AreTheShortOnes) {
   EXPECT_EQ(bounds.way(-101), 99);
 }
 
-TEST(CompensatorTest, RangeOfOnePosition_IsNoneToWrapIn) {
+TEST_F(CompensatorTest, RangeOfOnePosition_IsNoneToWrapIn) {
   // 0x607B (position range limit): both ends are zero until somebody writes them.
   const PositionBounds bounds = {.range_low = 0, .range_high = 0};
   EXPECT_FALSE(bounds.wraps());
@@ -443,10 +428,8 @@ TEST(CompensatorTest, RangeOfOnePosition_IsNoneToWrapIn) {
   EXPECT_EQ(bounds.wrapped(1), 1);
 }
 
-TEST(CompensatorTest, ResumedWithoutATable_ItStaysInPassThrough) {
-  Compensator compensator(config());
-  const Bytes image = offset_table(1e-3);
-  activate(compensator, image);
+TEST_F(CompensatorTest, ResumedWithoutATable_ItStaysInPassThrough) {
+  activate(offset_table(1e-3));
   compensator.disable();
   settle(compensator, at(0.2));
   compensator.park();
@@ -454,18 +437,14 @@ TEST(CompensatorTest, ResumedWithoutATable_ItStaysInPassThrough) {
   EXPECT_EQ(compensator.cycle(at(0.2)).state, CompensatorState::kPassThrough);
 }
 
-TEST(CompensatorTest, IncrementsOfATurn_FollowFromTheTable) {
-  Compensator compensator(config());
+TEST_F(CompensatorTest, IncrementsOfATurn_FollowFromTheTable) {
   EXPECT_EQ(compensator.scale(0).per_turn, 0) << "not known without a table";
-  const Bytes image = offset_table(1e-3);
-  activate(compensator, image);
+  activate(offset_table(1e-3));
   EXPECT_EQ(compensator.scale(0).per_turn, 1 << 24);
 }
 
-TEST(CompensatorTest, ACorrectedTargetPassesNoLimitThatThePlainOneRespects) {
-  Compensator compensator(config());
-  const Bytes image = offset_table(-5e-3);
-  activate(compensator, image);
+TEST_F(CompensatorTest, ACorrectedTargetPassesNoLimitThatThePlainOneRespects) {
+  activate(offset_table(-5e-3));
   const std::int32_t limit = increments(0.2);
   compensator.set_bounds(0, {.limit_low = -limit, .limit_high = limit});
   std::int32_t last = settle(compensator, at(0.15)).corrected[0];
@@ -478,10 +457,9 @@ TEST(CompensatorTest, ACorrectedTargetPassesNoLimitThatThePlainOneRespects) {
   }
 }
 
-TEST(CompensatorTest, LimitsWithinARangeThatWraps_HoldToo) {
-  Compensator compensator(config());
-  const auto within = [&compensator](const PositionBounds& bounds, std::int64_t corrected,
-                                     std::int32_t plain) {
+TEST_F(CompensatorTest, LimitsWithinARangeThatWraps_HoldToo) {
+  const auto within = [this](const PositionBounds& bounds, std::int64_t corrected,
+                             std::int32_t plain) {
     compensator.set_bounds(0, bounds);
     return compensator.bounds(0).within_limits(corrected, plain);
   };
@@ -508,10 +486,8 @@ TEST(CompensatorTest, LimitsWithinARangeThatWraps_HoldToo) {
   EXPECT_EQ(within(none, 510, 495), 510);
 }
 
-TEST(CompensatorTest, PositionsThatWrapAreCorrectedAroundTheEnd) {
-  Compensator compensator(config());
-  const Bytes image = offset_table(-5e-3);
-  activate(compensator, image);
+TEST_F(CompensatorTest, PositionsThatWrapAreCorrectedAroundTheEnd) {
+  activate(offset_table(-5e-3));
   const PositionBounds turn{.range_low = 0, .range_high = 16777215};
   compensator.set_bounds(0, turn);
   CycleInput input = at(0.2);
@@ -524,21 +500,18 @@ TEST(CompensatorTest, PositionsThatWrapAreCorrectedAroundTheEnd) {
     EXPECT_NEAR(static_cast<double>(turn.way(std::int64_t{output.corrected[0]} - last)), 20000,
                 20000);
     EXPECT_NEAR(output.delta[0], increments(5e-3), 2);
-    std::array<std::int32_t, kJoints> plain = {};
-    compensator.uncorrect_feedback(output.cycle, output.corrected, plain);
-    ASSERT_EQ(plain[0], input.target[0]);
+    const std::int32_t taken_off = compensator.correction_of(output.cycle, 0);
+    ASSERT_EQ(turn.wrapped(std::int64_t{output.corrected[0]} - taken_off), input.target[0]);
     last = output.corrected[0];
   }
 }
 
-TEST(CompensatorTest, MagnitudeIsLimitedByTheTableAndCounted) {
+TEST_F(CompensatorTest, MagnitudeIsLimitedByTheTableAndCounted) {
   TestImage made(kJoints);
   made.add_constant(0, 0.02);
   const std::int32_t limit = 1 << 22;  // 2^-10 turn
-  testing::put(made.section(format::Section::kJoints), format::joint::kMagnitudeAt, limit);
-  Compensator compensator(config());
-  const Bytes image = made.image();
-  activate(compensator, image);
+  tests::put(made.section(format::Section::kJoints), format::joint::kMagnitudeAt, limit);
+  activate(made.image());
   const CycleOutput output = settle(compensator, at(0.1));
   EXPECT_EQ(output.delta[0], -(limit >> 8));
   EXPECT_TRUE((output.flags & kMagnitudeClamped) != 0);
@@ -548,19 +521,17 @@ TEST(CompensatorTest, MagnitudeIsLimitedByTheTableAndCounted) {
   for (std::size_t k = 1; k < kMaxJoints; ++k) EXPECT_EQ(counters.clamped[k], 0U);
 }
 
-TEST(CompensatorTest, NoTableRaisesTheCompileTimeLimits) {
+TEST_F(CompensatorTest, NoTableRaisesTheCompileTimeLimits) {
   TestImage made(kJoints);
   made.add_constant(0, 0.49);  // 0.078 turn, beyond 0.05
   for (std::size_t k = 0; k < kJoints; ++k) {
     const std::size_t joint = k * format::joint::kLength;
-    testing::put(made.section(format::Section::kJoints), joint + format::joint::kMagnitudeAt,
-                 std::int32_t{0x7FFFFFFF});
-    testing::put(made.section(format::Section::kJoints), joint + format::joint::kRateAt,
-                 std::int32_t{0x7FFFFFFF});
+    tests::put(made.section(format::Section::kJoints), joint + format::joint::kMagnitudeAt,
+               std::int32_t{0x7FFFFFFF});
+    tests::put(made.section(format::Section::kJoints), joint + format::joint::kRateAt,
+               std::int32_t{0x7FFFFFFF});
   }
-  Compensator compensator(config());
-  const Bytes image = made.image();
-  activate(compensator, image);
+  activate(made.image());
   std::int32_t last = 0;
   for (int i = 0; i < 3000; ++i) {
     const std::int32_t delta = compensator.cycle(at(0.1)).delta[0];
@@ -571,16 +542,14 @@ TEST(CompensatorTest, NoTableRaisesTheCompileTimeLimits) {
   EXPECT_NEAR(last, -(kMaxDeltaRevolute >> 8), 1);
 }
 
-TEST(CompensatorTest, RateIsLimitedAndCounted) {
+TEST_F(CompensatorTest, RateIsLimitedAndCounted) {
   // Backlash of joint 0: its sign flips with the direction, faster than the table allows.
   TestImage made(kJoints);
   made.add_state(format::State::kDirection, 0, 30);
   made.add_term(0, 1, 5e-3, 30);
-  testing::put(made.section(format::Section::kJoints), format::joint::kRateAt,
-               static_cast<std::int32_t>(1 << 24));  // 2^-8 turn per second
-  Compensator compensator(config());
-  const Bytes image = made.image();
-  activate(compensator, image);
+  tests::put(made.section(format::Section::kJoints), format::joint::kRateAt,
+             static_cast<std::int32_t>(1 << 24));  // 2^-8 turn per second
+  activate(made.image());
   std::int32_t last = 0;
   int reversals = 0;
   for (int i = 0; i < 3000; ++i) {
@@ -594,13 +563,11 @@ TEST(CompensatorTest, RateIsLimitedAndCounted) {
   EXPECT_EQ(compensator.counters().clamped[0], compensator.counters().rate_clamped);
 }
 
-TEST(CompensatorTest, DirectionNeedsMoreThanTheDeadBand) {
+TEST_F(CompensatorTest, DirectionNeedsMoreThanTheDeadBand) {
   TestImage made(kJoints);
   made.add_state(format::State::kDirection, 0, 30);
   made.add_term(0, 1, 1e-3, 30);
-  Compensator compensator(config());
-  const Bytes image = made.image();
-  activate(compensator, image);
+  activate(made.image());
   const std::int32_t backlash = increments(1e-3);
   CycleInput input = at(0.0);
   const auto move = [&](std::int32_t by) {
@@ -619,26 +586,22 @@ TEST(CompensatorTest, DirectionNeedsMoreThanTheDeadBand) {
   EXPECT_EQ(settle(compensator, input).delta[0], 0);
 }
 
-TEST(CompensatorTest, DirectionIsFollowedBeforeThereIsATable) {
+TEST_F(CompensatorTest, DirectionIsFollowedBeforeThereIsATable) {
   TestImage made(kJoints);
   made.add_state(format::State::kDirection, 0, 30);
   made.add_term(0, 1, 1e-3, 30);
-  Compensator compensator(config());
   CycleInput input = at(0.0);
   compensator.cycle(input);
   input.target[0] += 1;  // without a table there is no dead band
   compensator.cycle(input);
-  const Bytes image = made.image();
-  activate(compensator, image);
+  activate(made.image());
   EXPECT_NEAR(settle(compensator, input).delta[0], -increments(1e-3), 1);
 }
 
-TEST(CompensatorTest, FeedbackIsUncorrectedByTheDeltaOfItsOwnCycle) {
+TEST_F(CompensatorTest, FeedbackIsUncorrectedByTheDeltaOfItsOwnCycle) {
   TestImage made(kJoints);
   made.add_harmonic(0, 0, 3.0, 0.0, 5e-3);
-  Compensator compensator(config());
-  const Bytes image = made.image();
-  activate(compensator, image);
+  activate(made.image());
   settle(compensator, at(0.0));
   std::vector<CycleOutput> outputs;
   std::vector<CycleInput> inputs;
@@ -648,78 +611,41 @@ TEST(CompensatorTest, FeedbackIsUncorrectedByTheDeltaOfItsOwnCycle) {
   }
   for (std::size_t late = 0; late < kFeedbackHistory; ++late) {
     const std::size_t i = outputs.size() - 1 - late;
-    std::array<std::int32_t, kMaxJoints> plain = {};
     // Ideal drives stand where they were told: the controller must see its own command.
-    EXPECT_TRUE(compensator.uncorrect_feedback(outputs[i].cycle, outputs[i].corrected, plain));
-    for (std::size_t k = 0; k < kJoints; ++k) EXPECT_EQ(plain[k], inputs[i].target[k]);
+    for (std::size_t k = 0; k < kJoints; ++k) {
+      EXPECT_EQ(outputs[i].corrected[k] - compensator.correction_of(outputs[i].cycle, k),
+                inputs[i].target[k]);
+    }
   }
-  std::array<std::int32_t, kMaxJoints> plain = {};
   const std::size_t old = outputs.size() - 1 - kFeedbackHistory;
-  EXPECT_FALSE(compensator.uncorrect_feedback(outputs[old].cycle, outputs[old].corrected, plain));
-  EXPECT_EQ(plain[0], outputs[old].corrected[0]);
-  EXPECT_FALSE(
-      compensator.uncorrect_feedback(outputs.back().cycle + 1, outputs.back().corrected, plain));
+  ASSERT_NE(outputs[old].delta[0], 0);
+  EXPECT_EQ(compensator.correction_of(outputs[old].cycle, 0), 0);
+  EXPECT_EQ(compensator.correction_of(outputs.back().cycle + 1, 0), 0);
 }
 
-TEST(CompensatorTest, CorrectionIsContinuousAcrossTheTurnAndAcrossCells) {
+TEST_F(CompensatorTest, CorrectionIsContinuousAcrossTheTurnAndAcrossCells) {
   TestImage made(kJoints);
   made.add_harmonic(0, 0, 13.0, 0.1, 2e-3);
   made.add_table(0, -1.0, 0.25, {1e-3, -1e-3, 2e-3, -2e-3, 5e-4, 0.0, 1e-3, -1e-3, 2e-3}, 22,
                  0x1BF);
-  Compensator compensator(config());
-  const Bytes image = made.image();
-  activate(compensator, image);
+  activate(made.image());
   settle(compensator, at(-3.5));
   const double step = 1e-4;
   std::int32_t last = compensator.cycle(at(-3.5)).delta[0];
+  std::uint16_t met = kCycleClean;
   // Slope at most 13 · 2 mrad and 4 mrad a cell of 0.25 rad, three increments for rounding.
   const double most = increments(step * (13.0 * 2e-3 + 4e-3 / 0.25) * 1.1) + 3.0;
   for (double q = -3.5; q < 3.5; q += step) {
     const CycleOutput output = compensator.cycle(at(q));
     ASSERT_LE(std::abs(output.delta[0] - last), most) << q;
     last = output.delta[0];
+    met = static_cast<std::uint16_t>(met | output.flags);
   }
-  EXPECT_GT(compensator.counters().outside_coverage, 0U);
+  EXPECT_NE(met & kOutsideCoverage, 0);
 }
 
-TEST(CompensatorTest, OneTurnFurtherIsTheSameForHarmonics) {
-  TestImage made(kJoints);
-  made.add_harmonic(0, 0, 5.0, 0.3, 3e-3);
-  Compensator compensator(config());
-  const Bytes image = made.image();
-  activate(compensator, image);
-  settle(compensator, at(0.0));
-  for (double q = -M_PI; q < M_PI; q += 0.1) {
-    CycleInput input = at(q);
-    // Some cycles each, as the rate of the correction is limited.
-    const std::int32_t here = settle(compensator, input, 20).delta[0];
-    input.target[0] += 16777216;
-    EXPECT_NEAR(compensator.cycle(input).delta[0], here, 1) << q;
-  }
-}
-
-TEST(CompensatorTest, CarriedRemaindersFollowOnAverage) {
-  TestImage made(kJoints);
-  made.add_constant(0, 3.1 / kIncrementsPerRadian);
-  CompensatorConfig carrying = config();
-  carrying.carry_remainder = true;
-  Compensator compensator(carrying);
-  const Bytes image = made.image();
-  activate(compensator, image);
-  settle(compensator, at(0.5));
-  double sum = 0.0;
-  for (int i = 0; i < 1000; ++i) {
-    const std::int32_t delta = compensator.cycle(at(0.5)).delta[0];
-    EXPECT_TRUE(delta == -3 || delta == -4);
-    sum += delta;
-  }
-  EXPECT_NEAR(sum / 1000.0, -3.1, 0.02);
-}
-
-TEST(CompensatorTest, OutputSaturatesInsteadOfWrapping) {
-  Compensator compensator(config());
-  const Bytes image = offset_table(-5e-3);
-  activate(compensator, image);
+TEST_F(CompensatorTest, OutputSaturatesInsteadOfWrapping) {
+  activate(offset_table(-5e-3));
   CycleInput input = at(0.0);
   input.target[0] = std::numeric_limits<std::int32_t>::max() - 3;
   const CycleOutput output = settle(compensator, input);
@@ -728,15 +654,14 @@ TEST(CompensatorTest, OutputSaturatesInsteadOfWrapping) {
   EXPECT_TRUE((output.flags & kOutputSaturated) != 0);
 }
 
-TEST(CompensatorTest, SmoothThroughTheSingularStretchedArm) {
+TEST_F(CompensatorTest, SmoothThroughTheSingularStretchedArm) {
   // The planar arm stretched out: the radial direction is lost, and the error points along it.
   TestImage made(kJoints);
   made.add_constant(8 + 6, 2e-3);
-  Compensator compensator(config());
-  const Bytes image = made.image();
-  activate(compensator, image);
+  activate(made.image());
   settle(compensator, at(0.2, -0.3, -0.3));
   CycleOutput last = compensator.cycle(at(0.2, -0.3, -0.3));
+  std::uint16_t met = kCycleClean;
   for (double bend = -0.3; bend < 0.3; bend += 2e-4) {
     const CycleOutput output = compensator.cycle(at(0.2, bend, bend));
     for (std::size_t k = 0; k < kJoints; ++k) {
@@ -745,8 +670,9 @@ TEST(CompensatorTest, SmoothThroughTheSingularStretchedArm) {
       ASSERT_LE(std::abs(output.delta[k] - last.delta[k]), increments(2e-3)) << bend;
     }
     last = output;
+    met = static_cast<std::uint16_t>(met | output.flags);
   }
-  EXPECT_GT(compensator.counters().near_singular, 0U);
+  EXPECT_NE(met & kNearSingular, 0);
 }
 
 }  // namespace

@@ -46,26 +46,20 @@ bool fulfil(Compensator& compensator, std::uint32_t request, std::span<const std
 
 Outcome play(Player& player, const Input& input, const Output& output, const Counter& counter) {
   RecordingHead head;
-  if (!input.read(input.context, &head, sizeof head)) {
-    return Outcome::kEnd;
-  }
+  if (!input.read(input.context, &head, sizeof head)) return Outcome::kEnd;
   if (head.magic != kMagic || head.joints > kMaxJoints || head.cycle_us == 0U ||
       !read_table(input, player.table_a, head.length_a) ||
       !read_table(input, player.table_b, head.length_b)) {
     return Outcome::kBadRecording;
   }
-  CompensatorConfig config;
-  config.joint_count = static_cast<std::uint8_t>(head.joints);
-  config.cycle_us = head.cycle_us;
-  config.carry_remainder = head.carry_remainder != 0U;
+  const CompensatorConfig config = {.joint_count = static_cast<std::uint8_t>(head.joints),
+                                    .cycle_us = head.cycle_us};
   // In place, in the player: several kilobytes are too much for a small stack.
   Compensator& compensator = *new (player.compensator.data()) Compensator(config);
 
   for (std::uint32_t i = 0; i < head.cycles; ++i) {
     RecordedCycle recorded;
-    if (!input.read(input.context, &recorded, sizeof recorded)) {
-      return Outcome::kBadRecording;
-    }
+    if (!input.read(input.context, &recorded, sizeof recorded)) return Outcome::kBadRecording;
     if (!fulfil(compensator, recorded.request, std::span(player.table_a).first(head.length_a),
                 std::span(player.table_b).first(head.length_b))) {
       return static_cast<Request>(recorded.request) == Request::kRefuseA ? Outcome::kTableTaken
@@ -84,9 +78,7 @@ Outcome play(Player& player, const Input& input, const Output& output, const Cou
         cycle_output.flags | (static_cast<std::uint32_t>(cycle_output.state) << 16U);
     played.instructions =
         counter.read != nullptr ? counter.between(counter.context, before, after) : 0U;
-    if (!output.write(output.context, &played, sizeof played)) {
-      return Outcome::kCannotWrite;
-    }
+    if (!output.write(output.context, &played, sizeof played)) return Outcome::kCannotWrite;
   }
   return Outcome::kPlayed;
 }
@@ -100,9 +92,7 @@ Outcome play_all(Player& player, const Input& input, const Output& output, const
     ++played;
     outcome = play(player, input, output, counter);
   }
-  if (outcome != Outcome::kEnd) {
-    return outcome;
-  }
+  if (outcome != Outcome::kEnd) return outcome;
   return played != 0U ? Outcome::kPlayed : Outcome::kBadRecording;
 }
 

@@ -1,8 +1,8 @@
 // Plays recorded control cycles through a Compensator: the same code on the host and in an ARM test
 // image, so that their outputs can be compared bit for bit.
 //
-// Recording, little-endian 32-bit words: kMagic, joints, 1 to carry remainders, cycle time in µs,
-// number of cycles, length of table A and of table B in bytes (multiples of 4); both tables; then
+// Recording, little-endian 32-bit words: kMagic, joints, cycle time in µs, number of cycles,
+// length of table A and of table B in bytes (multiples of 4); both tables; then
 // one RecordedCycle a cycle. Result: one PlayedCycle a cycle. A file may hold many recordings.
 #ifndef ARMTRUE_FIRMWARE_REPLAY_REPLAY_H_
 #define ARMTRUE_FIRMWARE_REPLAY_REPLAY_H_
@@ -20,7 +20,6 @@ inline constexpr std::uint32_t kMagic = 0x59504C52;  // "RLPY"
 struct RecordingHead {
   std::uint32_t magic;
   std::uint32_t joints;
-  std::uint32_t carry_remainder;
   std::uint32_t cycle_us;
   std::uint32_t cycles;
   std::uint32_t length_a;

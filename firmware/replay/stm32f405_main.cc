@@ -1,7 +1,5 @@
 // Test image: plays a recording on the emulated chip and counts the instructions of every cycle.
 // Command line: RECORDING RESULT, two host files.
-#include <cstring>
-
 #include "firmware/ports/arm/instruction_counter.h"
 #include "firmware/ports/arm/semihosting.h"
 #include "firmware/replay/replay.h"
@@ -29,20 +27,9 @@ armtrue::replay::Player player;
 
 int main() {
   constexpr std::uint32_t kBadCommandLine = 9;
-  char command_line[256];
-  char* space = nullptr;
-  if (semihosting::command_line(command_line, sizeof command_line)) {
-    space = std::strchr(command_line, ' ');
-  }
-  if (space == nullptr) {
-    semihosting::exit(kBadCommandLine);
-  }
-  *space = '\0';
-  std::int32_t input = semihosting::open(command_line, semihosting::OpenMode::kReadBinary);
-  std::int32_t output = semihosting::open(space + 1, semihosting::OpenMode::kWriteBinary);
-  if (input < 0 || output < 0) {
-    semihosting::exit(kBadCommandLine);
-  }
+  std::int32_t input = 0;
+  std::int32_t output = 0;
+  if (!semihosting::open_files(input, output)) semihosting::exit(kBadCommandLine);
   const InstructionCounter counter;
   const armtrue::replay::Outcome outcome =
       armtrue::replay::play_all(player, {&read_file, &input}, {&write_file, &output},

@@ -16,7 +16,7 @@
 namespace armtrue::storage {
 namespace {
 
-enum class Step : std::uint8_t { kPrepare, kCommit, kActivate, kConfirm, kRevert };
+enum class Step : std::uint8_t { kCommit, kActivate, kConfirm, kRevert };
 
 using Script = std::vector<Step>;
 
@@ -64,7 +64,7 @@ class Device {
   // Whatever happened, the next upload succeeds.
   void expect_usable(Name name) {
     flash_->run_undisturbed();
-    run({Step::kPrepare, Step::kCommit, Step::kActivate, Step::kConfirm}, name);
+    run({Step::kCommit, Step::kActivate, Step::kConfirm}, name);
     EXPECT_EQ(allowed_, std::set<Name>{name});
     run({}, 0);
   }
@@ -79,8 +79,6 @@ class Device {
   bool run(SlotStore& store, Step step, Name name, Name confirmed) {
     std::span<const std::uint8_t> image;
     switch (step) {
-      case Step::kPrepare:
-        return store.prepare_spare() == StoreResult::kDone;
       case Step::kCommit:
         return store.commit(make_image(name, image_size_)) == StoreResult::kDone;
       case Step::kActivate:
@@ -107,7 +105,7 @@ class Device {
   std::set<Name> allowed_;
 };
 
-const Script kInstall = {Step::kPrepare, Step::kCommit, Step::kActivate, Step::kConfirm};
+const Script kInstall = {Step::kCommit, Step::kActivate, Step::kConfirm};
 
 // What the flash holds before the program that is disturbed, oldest first.
 struct History {

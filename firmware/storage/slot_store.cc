@@ -239,15 +239,6 @@ bool SlotStore::has_lost_newest() const {
   });
 }
 
-StoreResult SlotStore::prepare_spare() {
-  const std::size_t slot = spare();
-  const SlotState state = status_.slot[slot].state;
-  if (state != SlotState::kBlank && state != SlotState::kTorn && state != SlotState::kRejected) {
-    return StoreResult::kDone;
-  }
-  return make_erased(slot) ? StoreResult::kDone : StoreResult::kEraseFailed;
-}
-
 StoreResult SlotStore::commit(std::span<const std::uint8_t> image) {
   if (slot_in(SlotState::kTrial)) return StoreResult::kTrialRunning;
   if (image.empty() || image.size() > capacity()) return StoreResult::kTooLarge;

@@ -83,10 +83,6 @@ class SlotStore {
   // is used for both slots in turn; an image that does not fit counts as torn.
   std::span<const std::uint8_t> start(std::span<std::uint8_t> buffer);
 
-  // Erases the spare slot if it holds nothing that a person could want (torn or rejected), so that
-  // a later commit need not. May block for seconds.
-  StoreResult prepare_spare();
-
   // Verifies `image` and writes it into the spare slot; it then waits for `activate`. May block for
   // seconds.
   StoreResult commit(std::span<const std::uint8_t> image);

@@ -78,9 +78,6 @@ void DriveSoak::configure() {
     write(0x1400 + number, 1, 0x1D0U + k, 4);
   }
   bench_.install(TestTable{.magnitude = kPermitted << 12}.image());
-  for (std::uint32_t k = 0; k < 3 && offset_; ++k) {
-    write(0x1800 + k, 1, 0x400001A0U + 0x100U * k, 4);
-  }
   bench_.configure(offset_ ? Mode::kOffset : Mode::kInline);
   write(0x1010, 1, 0x65766173, 4);
   for (std::size_t k = 0; k < 6; ++k) drive_says(k, kEnabled, kCyclic);

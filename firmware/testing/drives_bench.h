@@ -43,25 +43,22 @@ class DrivesTest : public ::testing::TestWithParam<Mode> {
 
   DrivesTest() : offset_(GetParam() == Mode::kOffset), bench(!offset_) {
     bench.install(TestTable{.magnitude = kPermitted << 12}.image());
-    for (std::uint32_t k = 0; k < 3 && offset_; ++k) {
-      EXPECT_EQ(bench.write(static_cast<std::uint16_t>(0x1800 + k), 1, 0x400001A0U + 0x100U * k, 4),
-                0U);
-    }
     bench.configure(GetParam());
     EXPECT_EQ(bench.write(0x1010, 1, 0x65766173, 4), 0U);
     take_output();
   }
 
-  void nmt(int command) { bench.from_controller(make_frame(0, {command, NodeBench::kNodeId})); }
+  void nmt(int command) { bench.nmt(command); }
   NmtState state() { return bench.node().nmt_state(); }
 
-  // Time passes, nothing comes; the largest step that a drive made.
+  // Time passes, nothing comes; the largest step that a drive made in a turn of the loop.
   std::int32_t wait(int milliseconds) {
     std::int32_t most = 0;
     take_output();
-    for (int k = 0; k < milliseconds; ++k) {
+    for (std::uint64_t left_us = 1000 * static_cast<std::uint64_t>(milliseconds); left_us > 0;
+         left_us -= turn_us) {
       const Joints before = stand;
-      bench.now_us += 1000;
+      bench.now_us += turn_us;
       bench.turn();
       take_output();
       most = std::max(most, farthest(before, stand));
@@ -93,8 +90,7 @@ class DrivesTest : public ::testing::TestWithParam<Mode> {
 
   // SYNC, actual positions, new targets. What the controller sees of its joints is in `seen`.
   void cycle(const Joints& joints) {
-    bench.now_us += 1000;
-    bench.from_controller(make_frame(0x80, {}));
+    bench.next_sync();
     take_output();
     feed_back();
     target = joints;
@@ -190,6 +186,7 @@ class DrivesTest : public ::testing::TestWithParam<Mode> {
   Joints held = {};  // position offsets
   Joints seen = {};
   std::int32_t following_error = 0;
+  std::uint64_t turn_us = 1000;
   std::int32_t outputs = 0;  // frames in the last cycle
   std::vector<int> states;   // heartbeats and boot-ups, as they came
 };

@@ -165,16 +165,30 @@ class NodeBench {
     return write(0x2012, 0, static_cast<std::uint32_t>(word), 4);
   }
 
-  // Stage, verify, commit, activate, confirm; throws at the first refusal.
-  void install(std::span<const std::uint8_t> image) {
+  // Stage, verify and commit; put_on_trial() activates as well, install() confirms. All throw at
+  // the first refusal.
+  void commit(std::span<const std::uint8_t> image) {
     if (stage(image) != 0) throw std::runtime_error("staging refused");
-    for (const TableCommand word : {TableCommand::kVerify, TableCommand::kCommit,
-                                    TableCommand::kActivate, TableCommand::kConfirm}) {
-      if (command(word) != 0) throw std::runtime_error("table command refused");
-    }
+    require(TableCommand::kVerify);
+    require(TableCommand::kCommit);
+  }
+  void put_on_trial(std::span<const std::uint8_t> image) {
+    commit(image);
+    require(TableCommand::kActivate);
+  }
+  void install(std::span<const std::uint8_t> image) {
+    put_on_trial(image);
+    require(TableCommand::kConfirm);
   }
 
-  // Two targets to a frame, RPDO1 to RPDO3 on 0x220, 0x320, 0x420: configured and operational.
+  // Two offsets to a frame, TPDO1 to TPDO3 on 0x1A0, 0x2A0, 0x3A0.
+  void send_offsets() {
+    for (std::uint32_t k = 0; k < 3; ++k) {
+      expect_done(write(static_cast<std::uint16_t>(0x1800 + k), 1, 0x400001A0U + 0x100U * k, 4));
+    }
+  }
+  // Two targets to a frame, RPDO1 to RPDO3 on 0x220, 0x320, 0x420, in offset mode the offsets as
+  // above: configured and operational.
   void configure(Mode mode) {
     for (int k = 0; k < 3; ++k) {
       expect_done(write(static_cast<std::uint16_t>(0x1400 + k), 1,
@@ -182,10 +196,31 @@ class NodeBench {
       expect_done(
           write(static_cast<std::uint16_t>(0x1408 + k), 1, 0x1C0U + static_cast<unsigned>(k), 4));
     }
+    if (mode == Mode::kOffset) send_offsets();
     expect_done(write(0x2000, 1, static_cast<std::uint32_t>(mode), 1));
     start_nodes();
   }
   void start_nodes() { from_controller(make_frame(0x000, {1, 0})); }
+  // An NMT command.
+  void nmt(int command, int node = kNodeId) { from_controller(make_frame(0, {command, node})); }
+  void sync() { from_controller(make_frame(0x80, {})); }
+  // The same a millisecond later.
+  void next_sync() {
+    now_us += 1000;
+    sync();
+  }
+  // Transmission type of three PDOs from this communication record on; 1: they go with each SYNC.
+  void set_transmission(std::uint16_t record, std::uint32_t type = 1) {
+    for (std::uint16_t k = 0; k < 3; ++k) {
+      expect_done(write(static_cast<std::uint16_t>(record + k), 2, type, 1));
+    }
+  }
+  // Frames with this identifier among those that left upstream.
+  std::vector<CanFrame> sent(std::uint32_t id) {
+    std::vector<CanFrame> frames = upstream.take_sent();
+    std::erase_if(frames, [id](const CanFrame& frame) { return frame.id != id; });
+    return frames;
+  }
 
   static CanFrame pair_frame(std::uint32_t id, std::int32_t first, std::int32_t second) {
     CanFrame frame;
@@ -253,6 +288,9 @@ class NodeBench {
     Node node;
   };
 
+  void require(TableCommand word) {
+    if (command(word) != 0) throw std::runtime_error("table command refused");
+  }
   static void expect_done(std::uint32_t abort) {
     if (abort != 0) throw std::runtime_error("configuration refused");
   }

@@ -100,6 +100,15 @@ inline CanFrame make_frame(std::uint32_t id, std::initializer_list<int> bytes) {
   return frame;
 }
 
+// The same with `len` bytes that count up.
+inline CanFrame counting_frame(std::uint32_t id, std::uint8_t first_byte, std::uint8_t len = 8) {
+  CanFrame frame;
+  frame.id = id;
+  frame.len = len;
+  for (std::uint8_t i = 0; i < len; ++i) frame.data[i] = static_cast<std::uint8_t>(first_byte + i);
+  return frame;
+}
+
 }  // namespace armtrue::canopen
 
 #endif  // ARMTRUE_FIRMWARE_TESTING_SIMULATED_PORT_H_

@@ -49,18 +49,8 @@ Soak::Soak(std::uint32_t seed, double rate, bool synchronous, Mode mode)
 
 void Soak::configure() {
   bench_.install(TestTable{.magnitude = kPermitted << 12}.image());
-  for (std::uint16_t k = 0; k < 3 && mode_ == Mode::kOffset; ++k) {
-    if (bench_.write(static_cast<std::uint16_t>(0x1800 + k), 1, 0x40000000U | kOffsetIds[k], 4) !=
-        0) {
-      throw std::runtime_error("cannot configure");
-    }
-  }
   bench_.configure(mode_);
-  for (std::uint16_t k = 0; k < 3 && synchronous_; ++k) {
-    if (bench_.write(static_cast<std::uint16_t>(0x1400 + k), 2, 1, 1) != 0) {
-      throw std::runtime_error("cannot configure");
-    }
-  }
+  if (synchronous_) bench_.set_transmission(0x1400);
   if (bench_.write(0x1010, 1, 0x65766173, 4) != 0) throw std::runtime_error("cannot save");
   bench_.downstream.take_sent();
   bench_.upstream.take_sent();

@@ -98,7 +98,7 @@ def _profile(elf: Path, made: recording.Recording) -> Counter[str]:
     counts = []
     for cycles in (end - PROFILED_CYCLES, end):
         cut = recording.Recording(
-            made.joints, made.table_a, made.table_b, carry_remainder=True, cycles=made.cycles[:cycles]
+            made.joints, made.table_a, made.table_b, cycles=made.cycles[:cycles]
         )
         counts.append(Counter(qemu.instructions_by_function(elf, cut.to_bytes())))
     counts[1].subtract(counts[0])

@@ -165,7 +165,7 @@ INDIRECT_CALLS: dict[str, str] = {
     r"Nmt::send_state)\(": _PORT + r"send\(",
     r"canopen::SdoServer::send_block_segment\(": r"(BxCan<.*>|CanPort)::has_backlog\(",
     r"canopen::SdoServer::initiate_block_download\(": r"(ZynqMpCan<.*>|CanPort)::longest_burst\(",
-    r"canopen::Node::Node\(": _PORT + r"supports_fd\(",
+    r"canopen::Node::Node\(": r"CanPort::supports_fd\(",
     r"canopen::Node::(before_write|check_write|check_communication_write)\(": (
         r"SlotParameters::erase\(|(stm32f405|r5f)::clock_us\("
     ),

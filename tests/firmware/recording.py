@@ -9,7 +9,7 @@ import numpy as np
 
 MAGIC = 0x59504C52
 SLOTS = 8
-_HEAD = struct.Struct("<7I")
+_HEAD = struct.Struct("<6I")
 _CYCLE = np.dtype(
     [
         ("request", "<u4"),
@@ -42,14 +42,12 @@ class Recording:
     table_a: bytes
     table_b: bytes = b""
     cycle_us: int = 1000
-    carry_remainder: bool = False
     cycles: np.ndarray = field(default_factory=lambda: np.zeros(0, _CYCLE))
 
     def to_bytes(self) -> bytes:
         """The file that cycle_replay reads."""
         head = _HEAD.pack(
-            MAGIC, self.joints, int(self.carry_remainder), self.cycle_us, len(self.cycles),
-            len(self.table_a), len(self.table_b),
+            MAGIC, self.joints, self.cycle_us, len(self.cycles), len(self.table_a), len(self.table_b),
         )  # fmt: skip
         return head + self.table_a + self.table_b + self.cycles.tobytes()
 

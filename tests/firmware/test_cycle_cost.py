@@ -38,7 +38,7 @@ def measured(images: list[bytes]) -> list[int]:
     """Instructions of the longest cycle with each image."""
     cycles = extreme_cycles()
     stream = b"".join(
-        recording.Recording(image[20], image, carry_remainder=True, cycles=cycles).to_bytes()
+        recording.Recording(image[20], image, cycles=cycles).to_bytes()
         for image in images
     )
     elf = qemu.build_images("stm32f405", "cycle_replay") / "cycle_replay.elf"

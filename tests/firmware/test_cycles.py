@@ -56,7 +56,7 @@ def recorded(name: str, cycles: int, full_pose: bool = False) -> recording.Recor
         (cycles * 9 // 10, recording.DISABLE),
     ):
         rows["request"][at] = request
-    return recording.Recording(n, first, second, carry_remainder=True, cycles=rows)
+    return recording.Recording(n, first, second, cycles=rows)
 
 
 def on_host(made: recording.Recording, folder: Path) -> np.ndarray:

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstdlib>
+#include <utility>
 
 namespace armtrue::canopen {
 namespace {
@@ -23,29 +24,25 @@ bool is_cyclic(std::int8_t mode) {
 
 void DriveStates::keep(std::uint32_t states, std::uint32_t modes) {
   for (std::size_t k = 0; k < axes_.size(); ++k) {
-    axes_[k].has_state = axes_[k].has_state && (states >> k & 1U) != 0;
-    axes_[k].has_mode = axes_[k].has_mode && (modes >> k & 1U) != 0;
+    if ((states >> k & 1U) == 0) axes_[k].statusword.reset();
+    if ((modes >> k & 1U) == 0) axes_[k].mode.reset();
   }
 }
 
 void DriveStates::hear_state(std::size_t axis, std::uint16_t statusword) {
-  if (axis >= axes_.size()) return;
-  axes_[axis].has_state = true;
-  axes_[axis].statusword = statusword;
+  if (axis < axes_.size()) axes_[axis].statusword = statusword;
 }
 
 void DriveStates::hear_mode(std::size_t axis, std::int8_t mode) {
-  if (axis >= axes_.size()) return;
-  axes_[axis].has_mode = true;
-  axes_[axis].mode = mode;
+  if (axis < axes_.size()) axes_[axis].mode = mode;
 }
 
 AxisState DriveStates::state(std::size_t axis) const {
   if (axis >= axes_.size()) return AxisState::kUnknown;
   const Axis& heard = axes_[axis];
-  if (!heard.has_state && !heard.has_mode) return AxisState::kUnknown;
-  const bool follows = (!heard.has_state || is_enabled(heard.statusword)) &&
-                       (!heard.has_mode || is_cyclic(heard.mode));
+  if (!heard.statusword && !heard.mode) return AxisState::kUnknown;
+  const bool follows = (!heard.statusword || is_enabled(*heard.statusword)) &&
+                       (!heard.mode || is_cyclic(*heard.mode));
   return follows ? AxisState::kFollowing : AxisState::kAway;
 }
 
@@ -59,12 +56,12 @@ std::uint8_t DriveStates::away() const {
 
 std::uint8_t DriveStates::disabled() const {
   return bits(
-      [this](std::size_t k) { return axes_[k].has_state && !is_enabled(axes_[k].statusword); });
+      [this](std::size_t k) { return axes_[k].statusword && !is_enabled(*axes_[k].statusword); });
 }
 
 bool DriveStates::is_speaking(std::uint64_t now_us) const {
   return std::ranges::any_of(axes_, [now_us](const Axis& axis) {
-    return axis.has_position && now_us - axis.heard_us <= kSilentUs;
+    return axis.actual && now_us - axis.heard_us <= kSilentUs;
   });
 }
 
@@ -73,14 +70,11 @@ bool DriveStates::hear_position(std::size_t axis, std::int32_t actual, bool at_r
                                 std::uint64_t now_us) {
   if (axis >= axes_.size()) return false;
   Axis& heard = axes_[axis];
-  const bool had_position = heard.has_position;
-  const std::uint64_t since_us = now_us - heard.heard_us;
-  const std::int64_t moved = std::abs(bounds.way(std::int64_t{actual} - heard.actual));
-  heard.has_position = true;
-  heard.actual = actual;
-  heard.heard_us = now_us;
-  const bool homes = heard.has_mode && heard.mode == kHoming;
-  if (!had_position || !at_rest || homes || per_turn == 0 || since_us > kNeighboursUs) return false;
+  const std::optional<std::int32_t> before = std::exchange(heard.actual, actual);
+  const std::uint64_t since_us = now_us - std::exchange(heard.heard_us, now_us);
+  const bool homes = heard.mode == kHoming;
+  if (!before || !at_rest || homes || per_turn == 0 || since_us > kNeighboursUs) return false;
+  const std::int64_t moved = std::abs(bounds.way(std::int64_t{actual} - *before));
   const std::int64_t least = std::int64_t{per_turn} / kJumpPart;
   const auto fastest =
       static_cast<std::int64_t>(std::uint64_t{per_turn} * kFastestTurns * since_us / 1'000'000U);

@@ -10,6 +10,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 
 #include "firmware/core/compensator.h"
 
@@ -58,13 +59,10 @@ class DriveStates {
 
  private:
   struct Axis {
-    bool has_state = false;
-    bool has_mode = false;
-    bool has_position = false;
-    std::uint16_t statusword = 0;
-    std::int8_t mode = 0;
-    std::int32_t actual = 0;
-    std::uint64_t heard_us = 0;
+    std::optional<std::uint16_t> statusword;
+    std::optional<std::int8_t> mode;
+    std::optional<std::int32_t> actual;
+    std::uint64_t heard_us = 0;  // when `actual` was
   };
   template <typename Condition>
   std::uint8_t bits(const Condition& condition) const {

@@ -8,26 +8,8 @@ namespace {
 // Offset: the drives follow the controller by themselves and keep the offset that they have.
 class OffsetDrivesTest : public DrivesTest {
  protected:
-  void nmt(int command) { bench.from_controller(make_frame(0, {command, NodeBench::kNodeId})); }
-  NmtState state() { return bench.node().nmt_state(); }
-  // Time passes without targets; the largest step that a drive made.
-  std::int32_t wait(int milliseconds) {
-    std::int32_t most = 0;
-    take_output();
-    for (int k = 0; k < 2 * milliseconds; ++k) {
-      const Joints before = stand;
-      bench.now_us += 500;
-      bench.turn();
-      take_output();
-      most = std::max(most, farthest(before, stand));
-    }
-    return most;
-  }
-  void make_synchronous() {
-    for (std::uint16_t k = 0; k < 3; ++k) {
-      ASSERT_EQ(bench.write(static_cast<std::uint16_t>(0x1800 + k), 2, 1, 1), 0U);
-    }
-  }
+  // Two turns of the loop a millisecond: no turn of its own earns a step.
+  OffsetDrivesTest() { turn_us = 500; }
   static constexpr std::int32_t kRate = 105;  // 0.1 turn per second, increments in a cycle
 };
 
@@ -57,8 +39,7 @@ TEST_P(OffsetDrivesTest, ActualPositionsAreHeardBeforeTheNodeIsStarted) {
   feed_back();
   bench.start_nodes();
   for (int k = 0; k < 50; ++k) {
-    bench.now_us += 1000;
-    bench.from_controller(make_frame(0x80, {}));
+    bench.next_sync();
     bench.command_joints(kStand);
     take_output();
     ASSERT_EQ(outputs, 0) << "until the arm has stood for 0.1 s";
@@ -81,7 +62,7 @@ TEST_P(OffsetDrivesTest, NmtStopTakesTheOffsetsBackFirst) {
       settle();
       if (synchronous) {
         wait(600);
-        make_synchronous();
+        bench.set_transmission(0x1800);
         rest(kStand, 5);
       }
       ASSERT_EQ(bench.write(0x1017, 0, 1, 2), 0U);
@@ -123,7 +104,7 @@ TEST_P(OffsetDrivesTest, AStartThatOvertakesAStopIsObeyed) {
 TEST_P(OffsetDrivesTest, CommandsForOthersAndUnknownOnesTakeNothingBack) {
   settle();
   const Joints before = held;
-  bench.from_controller(make_frame(0, {2, NodeBench::kNodeId + 1}));
+  bench.nmt(2, NodeBench::kNodeId + 1);
   for (const int unknown : {0x4D, 0x90, 0xFF}) nmt(unknown);
   wait(50);
   EXPECT_EQ(held, before);
@@ -233,20 +214,19 @@ TEST_P(OffsetDrivesTest, DisablingInMotionEndsWithZeroInTheDrives) {
 }
 
 TEST_P(OffsetDrivesTest, SynchronousOffsetsLeaveWithSyncOnceForEachSet) {
-  make_synchronous();
+  bench.set_transmission(0x1800);
   settle();
   for (int k = 0; k < 20; ++k) {
     bench.now_us += 1000;
     bench.command_joints(moved(kStand, 100 * k));
     take_output();
     ASSERT_EQ(outputs, 0) << "not at once";
-    bench.from_controller(make_frame(0x80, {}));
+    bench.sync();
     take_output();
     ASSERT_EQ(outputs, 3) << k;
   }
   for (int k = 0; k < 10; ++k) {
-    bench.now_us += 1000;
-    bench.from_controller(make_frame(0x80, {}));
+    bench.next_sync();
     take_output();
     ASSERT_EQ(outputs, 0) << "no new set, no old offset";
   }
@@ -256,16 +236,15 @@ TEST_P(OffsetDrivesTest, OffsetsThatTheBusRefusesAreCounted) {
   for (const bool synchronous : {false, true}) {
     if (synchronous) {
       bench.run_for(600'000);
-      make_synchronous();
+      bench.set_transmission(0x1800);
     }
     settle();
     const std::uint32_t before = bench.read(0x2001, 14);
     bench.upstream.take_sent();
     bench.upstream.set_room(1);
-    bench.now_us += 1000;
-    bench.from_controller(make_frame(0x80, {}));
+    bench.next_sync();
     bench.command_joints(kStand);
-    bench.from_controller(make_frame(0x80, {}));
+    bench.sync();
     bench.upstream.set_room(SIZE_MAX);
     bench.upstream.take_sent();
     // One frame of three finds room; those that wait for SYNC are refused at the next one, too.

@@ -74,8 +74,7 @@ TEST_P(DrivesTest, WithoutFeedbackItBeginsAtZeroAndSaysSo) {
   restart();
   Joints first = {};
   for (int k = 0; k < 30; ++k) {
-    bench.now_us += 1000;
-    bench.from_controller(make_frame(0x80, {}));
+    bench.next_sync();
     bench.command_joints(kStand);
     take_output();
     if (outputs > 0 && first == Joints{}) first = stand;
@@ -146,7 +145,7 @@ TEST_P(InlineDrivesTest, FarFromTheFirstTargetTheNearestPermittedOutputIsTaken) 
 
 TEST_P(InlineDrivesTest, LeavingOperationalKeepsWhatIsKnown) {
   settle();
-  bench.from_controller(make_frame(0, {128, NodeBench::kNodeId}));
+  bench.nmt(128);
   EXPECT_EQ(bench.node().nmt_state(), NmtState::kPreOperational) << "nothing to take back";
   bench.start_nodes();
   EXPECT_EQ(rest(kStand, 50), 0);
@@ -172,8 +171,7 @@ TEST_P(InlineDrivesTest, SyncThatIsRemoteOrComesFromTheDrivesDividesNothing) {
   CanFrame remote = make_frame(0x80, {});
   remote.flags = kFrameRemote;
   const auto frames = NodeBench::targets(kStand);
-  bench.now_us += 1000;
-  bench.from_controller(make_frame(0x80, {}));
+  bench.next_sync();
   bench.from_controller(frames[0]);
   bench.from_controller(remote);
   bench.from_controller(frames[1]);
@@ -187,10 +185,10 @@ TEST_P(InlineDrivesTest, SyncThatIsRemoteOrComesFromTheDrivesDividesNothing) {
 class BacklashTest : public DrivesTest {
  protected:
   BacklashTest() {
-    armtrue::testing::TestImage made(6);
+    armtrue::tests::TestImage made(6);
     made.add_state(format::State::kDirection, 0, 30);
     made.add_term(0, 1, 1e-3, 30);
-    armtrue::testing::put(made.header(), format::header::kSequenceAt, std::uint32_t{2});
+    armtrue::tests::put(made.header(), format::header::kSequenceAt, std::uint32_t{2});
     bench.run_for(600'000);
     // Drives of another resolution: nothing is corrected while that changes.
     EXPECT_EQ(bench.write(0x2000, 2, 0, 1), 0U);

@@ -3,23 +3,10 @@
 #include <algorithm>
 #include <span>
 
-#include "firmware/canopen/protocol/counter.h"
+#include "firmware/core/fixed/counter.h"
 #include "firmware/core/fixed/fixed.h"
 
 namespace armtrue::canopen {
-namespace {
-
-// Information of EMCY 0xFF15.
-enum WhyWithheld : std::uint32_t {
-  kFramesMissing = 1,    // no set is whole within the set window
-  kContradictions = 2,   // contradicted or short frames
-  kPositionUnknown = 3,  // offset mode: the arm has not stood yet where its offset is known
-  kSyncMissing = 4,      // targets or offsets that wait for SYNC, which does not come
-  kNotOperational = 6,
-  kOutputRefused = 7,  // the bus did not take the set, or its offsets
-};
-
-}  // namespace
 
 JointPath::JointPath(ObjectDictionary& dictionary, Compensator& compensator, Emcy& emcy,
                      CanPort* downstream, std::uint8_t joint_count, std::uint64_t (*clock_us)())
@@ -88,14 +75,9 @@ void JointPath::take_back_unsent() {
 
 void JointPath::end_interval() {
   take_back();
-  switch (sets_.end_interval()) {
-    case SetAssembler::Ended::kOnlyRepeats:
-      return count(counters_.repeated);
-    case SetAssembler::Ended::kWithheld:
-      return count(counters_.withheld);
-    default:
-      return;
-  }
+  const SetAssembler::Ended ended = sets_.end_interval();
+  if (ended == SetAssembler::Ended::kOnlyRepeats) count(counters_.repeated);
+  if (ended == SetAssembler::Ended::kWithheld) count(counters_.withheld);
 }
 
 // What is spoilt stays in the interval, and goes out no more: its end takes it back.
@@ -164,8 +146,7 @@ void JointPath::read_targets(std::uint64_t now_us) {
   }
   for (std::size_t axis = 0; axis < joint_count_; ++axis) {
     const std::int32_t target = dictionary_.get(od::axis::kTargetPosition[axis]);
-    if (target != resting_[axis]) resting_since_us_ = now_us;
-    resting_[axis] = target;
+    if (target != input_.target[axis]) resting_since_us_ = now_us;
     input_.target[axis] = target;
   }
 }
@@ -400,14 +381,13 @@ std::uint32_t JointPath::why_withheld() const {
 }
 
 void JointPath::watch_stream(std::uint64_t now_us) {
-  const std::uint32_t stale_us = dictionary_.get(od::compensator_control::kStaleTimeOut);
   if (sets_.is_over(configured_window_us(), now_us)) end_interval();
   // A controller without SYNC is told apart by its window alone.
-  if (sets_.sync_in_use() && now_us - sets_.last_sync_us() > stale_us) {
+  if (sets_.sync_in_use() && now_us - sets_.last_sync_us() > stale_us()) {
     sets_.note_no_sync();
     end_interval();
   }
-  if (streaming_ && now_us - last_set_us_ > stale_us) {
+  if (streaming_ && now_us - last_set_us_ > stale_us()) {
     count(counters_.stale);
     interrupted();
     emcy_.raise(Condition::kJointInputStale, counters_.stale);
@@ -433,9 +413,8 @@ void JointPath::watch_temperatures(std::uint64_t now_us) {
 }
 
 bool JointPath::process(std::uint64_t now_us) {
-  const std::uint32_t stale_us = dictionary_.get(od::compensator_control::kStaleTimeOut);
   const bool late = now_us - last_process_us_ > kSupervisionUs;
-  const bool overlooked = streaming_ && now_us - last_set_us_ > stale_us + kSupervisionUs;
+  const bool overlooked = streaming_ && now_us - last_set_us_ > stale_us() + kSupervisionUs;
   last_process_us_ = now_us;
   follow_drives();
   watch_stream(now_us);
@@ -488,8 +467,7 @@ bool JointPath::fade(std::uint64_t now_us) {
 void JointPath::note_command(std::uint64_t now_us) {
   // From the first target, or the last set, on somebody waits for one to go out. A controller that
   // is slower than kWithheldUs is none of cyclic positions.
-  const std::uint64_t pause_us =
-      std::max<std::uint64_t>(dictionary_.get(od::compensator_control::kStaleTimeOut), kWithheldUs);
+  const std::uint64_t pause_us = std::max<std::uint64_t>(stale_us(), kWithheldUs);
   if (waiting_since_us_ <= last_set_us_ || now_us - last_target_us_ > pause_us) {
     waiting_since_us_ = now_us;
   }
@@ -506,10 +484,6 @@ void JointPath::note_offsets(std::uint32_t refused, std::uint32_t unsent, std::u
   if (refused != 0) take_back_unsent();
   if (is_offset_set_ && !is_refused_) note_set_out(now_us);
   is_offset_set_ = false;
-}
-
-std::uint64_t JointPath::quiet_us(std::uint64_t now_us) const {
-  return seen_target_ ? now_us - last_target_us_ : UINT64_MAX;
 }
 
 void JointPath::note_temperature(std::size_t sensor, std::uint64_t now_us) {

@@ -57,6 +57,17 @@ enum Suspension : std::uint8_t {
   kSuspendedReference = 1U << 1,  // an encoder's zero was changed; until the correction is disabled
 };
 
+// Information of EMCY 0xFF15: why sets do not go out.
+enum WhyWithheld : std::uint32_t {
+  kFramesMissing = 1,    // no set is whole within the set window
+  kContradictions = 2,   // contradicted or short frames
+  kPositionUnknown = 3,  // offset mode: the arm has not stood yet where its offset is known
+  kSyncMissing = 4,      // targets or offsets that wait for SYNC, which does not come
+  kNoSet = 5,            // targets that no set has: too few joints, or too many frames
+  kNotOperational = 6,
+  kOutputRefused = 7,  // the bus did not take the set, or its offsets
+};
+
 // How the drives' offsets leave, from the mappings of TPDOs.
 enum class OffsetOutput : std::uint8_t {
   kIncomplete,  // not of every joint
@@ -93,6 +104,7 @@ class JointPath {
 
   // Another mode: what the drives hold is not known any more.
   void set_mode(Mode mode);
+  Mode mode() const { return mode_; }
 
   // Whether every joint is mapped in the target RPDOs, and in offset mode its offset in the TPDOs
   // and the drives where those go. Without that nothing is ever evaluated.
@@ -161,7 +173,9 @@ class JointPath {
   // inline mode somebody waits for its set.
   void note_command(std::uint64_t now_us);
   // Microseconds since the last target frame; a large number before the first.
-  std::uint64_t quiet_us(std::uint64_t now_us) const;
+  std::uint64_t quiet_us(std::uint64_t now_us) const {
+    return seen_target_ ? now_us - last_target_us_ : UINT64_MAX;
+  }
 
   // What became of the offsets since outputs were fresh, or with SYNC: how many frames the bus
   // refused, and whose newest offset has not left (bit k: axis k).
@@ -185,6 +199,7 @@ class JointPath {
   std::uint32_t configured_window_us() const {
     return dictionary_.get(od::compensator_control::kSetWindow);
   }
+  std::uint32_t stale_us() const { return dictionary_.get(od::compensator_control::kStaleTimeOut); }
   void end_interval();
   void take_back();
   void take_back_unsent();
@@ -235,13 +250,12 @@ class JointPath {
   std::uint32_t heard_ = 0;  // bit k: the actual position of axis k came in phase kUnknown
   std::uint32_t clean_sets_ = 0;
 
-  CycleInput input_;
+  CycleInput input_;    // its targets stand since resting_since_us_
   CycleOutput output_;  // of the set that was computed last
   std::uint32_t last_cycle_ = 0;
   std::uint32_t first_cycle_ = 0;
-  std::uint64_t computed_us_ = 0;                      // when output_ was
-  std::uint64_t last_step_us_ = 0;                     // the same of the last that went out
-  std::array<std::int32_t, kMaxJoints> resting_ = {};  // targets, since resting_since_us_
+  std::uint64_t computed_us_ = 0;   // when output_ was
+  std::uint64_t last_step_us_ = 0;  // the same of the last that went out
   std::uint64_t resting_since_us_ = 0;
   std::uint64_t leaving_since_us_ = 0;
   std::array<std::uint32_t, kMaxJoints> strange_offsets_ = {};

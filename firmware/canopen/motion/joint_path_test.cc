@@ -52,8 +52,7 @@ class InlineTest : public testing::Test {
   }
   // One cycle of a millisecond: SYNC, then all targets. What came out downstream, targets only.
   std::vector<CanFrame> cycle(int number) {
-    bench.now_us += 1000;
-    bench.from_controller(make_frame(0x80, {}));
+    bench.next_sync();
     bench.command_joints(at_cycle(number));
     return bench.downstream.take_sent();
   }
@@ -90,25 +89,10 @@ TEST_F(InlineTest, WithoutATableEveryFramePassesBitIdentical) {
   EXPECT_EQ(released(frames), at_cycle(3));
 }
 
-TEST_F(InlineTest, FeedbackIsUncorrectedByTheDeltaThatWasSent) {
-  run(0, 50);
-  const Joints out = released(cycle(50));
-  bench.upstream.take_sent();
-  bench.from_drives(NodeBench::pair_frame(0x1C0, out[0], out[1]));
-  bench.from_drives(NodeBench::pair_frame(0x1C2, out[4], out[5]));
-  const std::vector<CanFrame> frames = bench.upstream.take_sent();
-  ASSERT_EQ(frames.size(), 2U);
-  EXPECT_EQ(load_le<std::int32_t>(&frames[0].data[0]), at_cycle(50)[0]);
-  EXPECT_EQ(load_le<std::int32_t>(&frames[0].data[4]), at_cycle(50)[1]);
-  EXPECT_EQ(load_le<std::int32_t>(&frames[1].data[0]), at_cycle(50)[4]);
-  EXPECT_EQ(load_le<std::int32_t>(&frames[1].data[4]), at_cycle(50)[5]);
-}
-
 TEST_F(InlineTest, ALostFrameWithholdsTheSetAndTheNext) {
   run(0, 10);
   const auto frames = NodeBench::targets(at_cycle(10));
-  bench.now_us += 1000;
-  bench.from_controller(make_frame(0x80, {}));
+  bench.next_sync();
   bench.from_controller(frames[1]);
   bench.from_controller(frames[2]);
   EXPECT_EQ(count_targets(bench.downstream.take_sent()), 0U);
@@ -120,12 +104,10 @@ TEST_F(InlineTest, ALostFrameWithholdsTheSetAndTheNext) {
 TEST_F(InlineTest, ALateFrameNeverStandsForItsSuccessor) {
   run(0, 10);
   const auto frames = NodeBench::targets(at_cycle(10));
-  bench.now_us += 1000;
-  bench.from_controller(make_frame(0x80, {}));
+  bench.next_sync();
   bench.from_controller(frames[0]);
   bench.from_controller(frames[1]);
-  bench.now_us += 1000;
-  bench.from_controller(make_frame(0x80, {}));
+  bench.next_sync();
   bench.from_controller(frames[2]);  // late, then the whole next set
   bench.command_joints(at_cycle(11));
   EXPECT_EQ(count_targets(bench.downstream.take_sent()), 0U);
@@ -155,8 +137,7 @@ TEST_F(InlineTest, WithoutSyncTheWindowKeepsCyclesApart) {
 TEST_F(InlineTest, ARepeatedFrameChangesNothing) {
   run(0, 10);
   const auto frames = NodeBench::targets(at_cycle(10));
-  bench.now_us += 1000;
-  bench.from_controller(make_frame(0x80, {}));
+  bench.next_sync();
   for (const CanFrame& frame : {frames[0], frames[0], frames[1], frames[2], frames[2]}) {
     bench.from_controller(frame);
   }
@@ -171,13 +152,11 @@ TEST_F(InlineTest, ASecondControllerIsNoticedAndNothingIsMixed) {
   run(0, 10);
   const auto ours = NodeBench::targets(at_cycle(10));
   const auto theirs = NodeBench::targets(at_cycle(5000));
-  bench.now_us += 1000;
-  bench.from_controller(make_frame(0x80, {}));
+  bench.next_sync();
   for (const CanFrame& frame : {ours[0], theirs[0], ours[1], ours[2]}) bench.from_controller(frame);
   EXPECT_EQ(count_targets(bench.downstream.take_sent()), 0U) << "contradiction before it is whole";
   EXPECT_EQ(count_targets(cycle(10)), 0U);
-  bench.now_us += 1000;
-  bench.from_controller(make_frame(0x80, {}));
+  bench.next_sync();
   for (const CanFrame& frame : ours) bench.from_controller(frame);
   for (const CanFrame& frame : theirs) bench.from_controller(frame);
   const std::vector<CanFrame> out = bench.downstream.take_sent();
@@ -200,8 +179,7 @@ TEST_F(InlineTest, MappingsDoNotChangeUnderWay) {
 TEST_F(InlineTest, OrderWithinACycleDoesNotMatterAndIsKept) {
   run(0, 10);
   const auto frames = NodeBench::targets(at_cycle(10));
-  bench.now_us += 1000;
-  bench.from_controller(make_frame(0x80, {}));
+  bench.next_sync();
   for (const std::size_t k : {2, 0, 1}) bench.from_controller(frames[k]);
   std::vector<CanFrame> out = bench.downstream.take_sent();
   std::erase_if(out, [](const CanFrame& frame) { return frame.id == 0x80; });
@@ -235,16 +213,13 @@ TEST_F(InlineTest, AStreamBeginsAgainWhereTheArmStands) {
   ASSERT_EQ(bench.node().joint_counters().stale, 1U);
   EXPECT_EQ(count_targets(cycle(39)), 0U) << "a stream begins with its second set";
   EXPECT_EQ(count_targets(cycle(39)), 3U);
-  bench.now_us += 1000;
-  bench.from_controller(make_frame(0x80, {}));  // an interval without targets
+  bench.next_sync();  // an interval without targets
   EXPECT_EQ(count_targets(cycle(39)), 0U);
   EXPECT_EQ(count_targets(cycle(39)), 3U);
 }
 
 TEST_F(InlineTest, SyncWithItsCounter_ReleasesTargets) {
-  for (std::uint16_t k = 0; k < 3; ++k) {
-    ASSERT_EQ(bench.write(static_cast<std::uint16_t>(0x1400 + k), 2, 1, 1), 0U);
-  }
+  bench.set_transmission(0x1400);
   ASSERT_EQ(bench.write(0x1019, 0, 10, 1), 0U);
   for (int number = 1; number <= 10; ++number) {
     bench.now_us += 1000;
@@ -253,7 +228,7 @@ TEST_F(InlineTest, SyncWithItsCounter_ReleasesTargets) {
     EXPECT_EQ(count_targets(bench.downstream.take_sent()), number < 3 ? 0U : 3U) << number;
     bench.command_joints(at_cycle(number));
   }
-  bench.from_controller(make_frame(0x80, {}));
+  bench.sync();
   EXPECT_EQ(count_targets(bench.downstream.take_sent()), 0U) << "none that is of this bus";
 }
 
@@ -261,8 +236,7 @@ TEST_F(InlineTest, AShortTargetIsNoTarget) {
   run(0, 10);
   auto frames = NodeBench::targets(at_cycle(10));
   frames[1].len = 7;
-  bench.now_us += 1000;
-  bench.from_controller(make_frame(0x80, {}));
+  bench.next_sync();
   for (const CanFrame& frame : frames) bench.from_controller(frame);
   EXPECT_EQ(count_targets(bench.downstream.take_sent()), 0U);
   EXPECT_EQ(bench.node().joint_counters().malformed, 1U);
@@ -322,7 +296,7 @@ TEST_F(InlineTest, EveryOtherFramePassesBitIdenticalBothWays) {
 
 TEST_F(InlineTest, NotOperationalMeansNoOutput) {
   run(0, 10);
-  bench.from_controller(make_frame(0, {128, NodeBench::kNodeId}));
+  bench.nmt(128);
   bench.downstream.take_sent();
   EXPECT_EQ(count_targets(cycle(11)), 0U);
   bench.start_nodes();
@@ -385,26 +359,23 @@ TEST_F(InlineTest, SynchronousTargetsLeaveWithSync) {
   bench.downstream.take_sent();
   bench.command_joints(at_cycle(0));
   EXPECT_EQ(bench.downstream.take_sent().size(), 0U);
-  bench.from_controller(make_frame(0x80, {}));
+  bench.sync();
   const std::vector<CanFrame> out = bench.downstream.take_sent();
   ASSERT_EQ(out.size(), 4U);
   EXPECT_EQ(out[3].id, 0x80U) << "the drives take the targets at this SYNC";
 }
 
 TEST_F(InlineTest, AtTheFirstSyncOnlyAFreshSetLeaves) {
-  for (int k = 0; k < 3; ++k) {
-    ASSERT_EQ(bench.write(static_cast<std::uint16_t>(0x1400 + k), 2, 1, 1), 0U);
-  }
+  bench.set_transmission(0x1400);
   bench.downstream.take_sent();
   bench.command_joints(at_cycle(0));
   bench.run_for(15'000);
-  bench.from_controller(make_frame(0x80, {}));
+  bench.sync();
   EXPECT_EQ(count_targets(bench.downstream.take_sent()), 0U)
       << "nobody knows how many SYNCs got lost";
   for (int k = 1; k < 4; ++k) {
     bench.command_joints(at_cycle(k));
-    bench.now_us += 1000;
-    bench.from_controller(make_frame(0x80, {}));
+    bench.next_sync();
     EXPECT_EQ(count_targets(bench.downstream.take_sent()), k == 1 ? 0U : 3U) << k;
   }
 }
@@ -412,15 +383,10 @@ TEST_F(InlineTest, AtTheFirstSyncOnlyAFreshSetLeaves) {
 TEST(OffsetTest, SendsOffsetsOnceForEachSetAndNeverOtherwise) {
   NodeBench bench(false);
   bench.install(TestTable{}.image());
-  for (int k = 0; k < 3; ++k) {
-    const auto index = static_cast<std::uint16_t>(0x1800 + k);
-    ASSERT_EQ(bench.write(index, 1, 0x400001A0U + 0x100U * static_cast<unsigned>(k), 4), 0U);
-  }
   bench.configure(Mode::kOffset);
   bench.upstream.take_sent();
   for (int k = 0; k < 50; ++k) {
-    bench.now_us += 1000;
-    bench.from_controller(make_frame(0x80, {}));
+    bench.next_sync();
     bench.command_joints(at_cycle(k));
     const std::vector<CanFrame> out = bench.upstream.take_sent();
     ASSERT_EQ(out.size(), k == 0 ? 0U : 3U);
@@ -433,30 +399,12 @@ TEST(OffsetTest, SendsOffsetsOnceForEachSetAndNeverOtherwise) {
     }
   }
   const auto frames = NodeBench::targets(at_cycle(50));
-  bench.now_us += 1000;
-  bench.from_controller(make_frame(0x80, {}));
+  bench.next_sync();
   bench.from_controller(frames[0]);
   bench.from_controller(frames[1]);
   EXPECT_TRUE(bench.upstream.take_sent().empty()) << "no set, no offset";
   bench.run_for(30'000);
   for (const CanFrame& frame : bench.upstream.take_sent()) EXPECT_EQ(frame.id, 0xA0U);
-}
-
-TEST(OffsetTest, ActualPositionsAreReadWithoutTheCorrection) {
-  NodeBench bench(false);
-  bench.install(TestTable{}.image());
-  for (std::uint16_t k = 0; k < 3; ++k) {
-    ASSERT_EQ(bench.write(static_cast<std::uint16_t>(0x1800 + k), 1, 0x400001A0U + k, 4), 0U);
-  }
-  bench.configure(Mode::kOffset);
-  for (int k = 0; k < 50; ++k) {
-    bench.now_us += 1000;
-    bench.command_joints(at_cycle(k));
-  }
-  const auto offset = static_cast<std::int32_t>(bench.read(0x60B0, 0));
-  ASSERT_NE(offset, 0);
-  bench.from_controller(NodeBench::pair_frame(0x1C0, at_cycle(49)[0] + offset, 0));
-  EXPECT_EQ(static_cast<std::int32_t>(bench.read(0x6064, 0)), at_cycle(49)[0]);
 }
 
 TEST(OffsetTest, OneFdFrameCarriesAllTargetsAndOneAllOffsets) {

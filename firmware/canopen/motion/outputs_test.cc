@@ -22,15 +22,10 @@ class OutputsTest : public DrivesTest {
     ASSERT_GT(farthest(stand, kStand), 40'000);
     ASSERT_EQ(seen, kStand);
   }
-  void make_synchronous(std::uint32_t type) {
-    for (std::uint16_t k = 0; k < 3; ++k) {
-      ASSERT_EQ(bench.write(static_cast<std::uint16_t>(0x1800 + k), 2, type, 1), 0U);
-    }
-  }
+  void make_synchronous(std::uint32_t type) { bench.set_transmission(0x1800, type); }
   std::int32_t sync() {
     const Joints before = stand;
-    bench.now_us += 1000;
-    bench.from_controller(make_frame(0x80, {}));
+    bench.next_sync();
     take_output();
     return farthest(before, stand);
   }
@@ -72,8 +67,7 @@ TEST_P(OffsetOutputsTest, BusThatRefuses_IsReportedAndTheCorrectionDoesNotRunAhe
     const std::uint32_t sets = bench.node().joint_counters().sets;
     Joints there = kStand;
     for (int k = 0; k < 300; ++k) {
-      bench.now_us += 1000;
-      bench.from_controller(make_frame(0x80, {}));
+      bench.next_sync();
       there = moved(there, -150);
       target = there;
       bench.upstream.set_room(room);
@@ -101,8 +95,7 @@ TEST_P(OffsetOutputsTest, BusThatRefusesUnderSync_MakesNoStep) {
   for (int k = 0; k < 300; ++k) {
     there = moved(there, -150);
     bench.upstream.set_room(0);
-    bench.now_us += 1000;
-    bench.from_controller(make_frame(0x80, {}));
+    bench.next_sync();
     bench.command_joints(there);
     bench.upstream.set_room(SIZE_MAX);
   }
@@ -155,7 +148,9 @@ TEST_P(OffsetOutputsTest, EveryNthSync_CarriesAStepOfOneCycle) {
       const Joints before = held;
       cycle(kStand);
       ASSERT_LE(farthest(before, held), kRate);
-      if (held != zero) ASSERT_EQ(seen, kStand) << "without what has not left";
+      if (held != zero) {
+        ASSERT_EQ(seen, kStand) << "without what has not left";
+      }
     }
     EXPECT_GT(farthest(held, {}), 20 * kRate) << "and each carries one";
     EXPECT_EQ(bench.read(0x1001, 0), 0U) << "a set that waits is no set that is withheld";
@@ -190,8 +185,7 @@ TEST_P(InlineOutputsTest, SetThatLeavesInPart_MovesTheRefusedJointsNoFurther) {
   rest(kStand, 20);
   const Joints before = stand;
   for (int k = 0; k < 300; ++k) {
-    bench.now_us += 1000;
-    bench.from_controller(make_frame(0x80, {}));
+    bench.next_sync();
     take_output();
     feed_back();
     EXPECT_EQ(seen[5], kStand[5]) << "what is taken off is what it was given";

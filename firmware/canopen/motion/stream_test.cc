@@ -17,9 +17,7 @@ class StreamTest : public DrivesTest {
  protected:
   void make_synchronous() {
     bench.run_for(600'000);
-    for (std::uint16_t k = 0; k < 3; ++k) {
-      ASSERT_EQ(bench.write(static_cast<std::uint16_t>(0x1400 + k), 2, 1, 1), 0U);
-    }
+    bench.set_transmission(0x1400);
   }
   // The newest emergency in the history: code, and two bytes of information above it.
   std::uint32_t newest_error() { return bench.read(0x1003, 1); }
@@ -56,14 +54,13 @@ TEST_P(InlineStreamTest, SetsThatAreContradicted_SaySo) {
     ASSERT_EQ(bench.write(0x1003, 0, 0, 1), 0U);
     const std::uint32_t before = counters().conflicts;
     for (int k = 0; k < 110; ++k) {
-      bench.now_us += 1000;
-      bench.from_controller(make_frame(0x80, {}));
+      bench.next_sync();
       bench.command_joints(kStand);
       bench.from_controller(NodeBench::targets(moved(kStand, 5))[0]);
     }
     EXPECT_EQ(counters().conflicts, before + 110);
     expect_withheld(kContradictions);
-    bench.from_controller(make_frame(0x80, {}));
+    bench.sync();
     EXPECT_EQ(waiting(), 0U) << "what was evaluated is taken back";
   }
 }
@@ -110,10 +107,10 @@ TEST_P(StreamTest, NothingIsEvaluatedThatNeitherWentOutNorWasTakenBack) {
   EXPECT_EQ(waiting(), 0U);
   make_synchronous();
   for (int k = 0; k < 20; ++k) cycle(kStand);
-  bench.from_controller(make_frame(0x80, {}));
+  bench.sync();
   EXPECT_EQ(waiting(), 0U);
   cycle(kStand);
-  bench.from_controller(make_frame(0, {128, NodeBench::kNodeId}));
+  bench.nmt(128);
   bench.run_for(1'000'000);
   EXPECT_EQ(waiting(), 0U);
 }
@@ -174,10 +171,6 @@ TEST_P(OffsetStreamTest, OffsetsThatTheDrivesReadBack_MayBeAFewCyclesOld) {
 TEST(OffsetModeOnTwoBuses, Targets_PassUnchangedAndOffsetsLeaveToTheController) {
   NodeBench bench;
   bench.install(TestTable{}.image());
-  for (std::uint32_t k = 0; k < 3; ++k) {
-    ASSERT_EQ(bench.write(static_cast<std::uint16_t>(0x1800 + k), 1, 0x400001A0U + 0x100U * k, 4),
-              0U);
-  }
   bench.configure(Mode::kOffset);
   for (int k = 0; k < 50; ++k) {
     bench.now_us += 1000;
@@ -200,10 +193,7 @@ class OffsetOnTwoBusesTest : public testing::Test {
  protected:
   OffsetOnTwoBusesTest() {
     bench.install(TestTable{}.image());
-    for (std::uint32_t k = 0; k < 3; ++k) {
-      EXPECT_EQ(bench.write(static_cast<std::uint16_t>(0x1800 + k), 1, 0x400001A0U + 0x100U * k, 4),
-                0U);
-    }
+    bench.send_offsets();
   }
   // A cycle of an arm that stands at kStand; how many frames with offsets left.
   std::ptrdiff_t cycle(bool drives_are_downstream) {

@@ -16,10 +16,10 @@ constexpr std::int32_t kTurn = 1 << 24;  // increments of the drives of TestImag
 class SurroundingsTest : public ::testing::Test {
  protected:
   SurroundingsTest() {
-    armtrue::testing::TestImage made(6);
+    armtrue::tests::TestImage made(6);
     made.header()[format::header::kSensorCountAt] = 3;
     for (std::uint8_t sensor = 0; sensor < 3; ++sensor) {
-      made.add(format::Section::kSensors, armtrue::testing::Bytes(format::sensor::kLength));
+      made.add(format::Section::kSensors, armtrue::tests::Bytes(format::sensor::kLength));
       made.add_state(format::State::kTemperature, sensor, 20);
       made.add_term(sensor, static_cast<std::uint16_t>(sensor + 1), 1e-4, 20);
     }
@@ -32,8 +32,7 @@ class SurroundingsTest : public ::testing::Test {
     for (int k = 0; k < 200; ++k) cycle();
   }
   void cycle() {
-    bench.now_us += 1000;
-    bench.from_controller(make_frame(0x80, {}));
+    bench.next_sync();
     bench.command_joints({});
   }
   // The correction of a joint in thousandths of a radian.

@@ -26,20 +26,16 @@ void BusWatch::process(std::uint64_t now_us) {
   off_entries_ = counters.bus_off_entries;
   // The other bus raises these conditions too.
   const std::size_t source = bus_off_ == Condition::kBusOffUpstream ? 0 : 1;
-  if (state == BusState::kPassive && !passive_) {
-    passive_ = true;
+  if (state == BusState::kPassive) {
     emcy_.raise(Condition::kBusPassive, 0, source);
-  } else if (passive_ && (state == BusState::kActive || state == BusState::kWarning)) {
-    passive_ = false;
+  } else if (state != BusState::kBusOff) {
     emcy_.clear(Condition::kBusPassive, source);
   }
   if (counters.receive_overruns != overruns_) {
     overruns_ = counters.receive_overruns;
     last_overrun_us_ = now_us;
-    overrun_ = true;
     emcy_.raise(Condition::kReceiveOverrun, overruns_, source);
-  } else if (overrun_ && now_us - last_overrun_us_ >= kOverrunMemoryUs) {
-    overrun_ = false;
+  } else if (now_us - last_overrun_us_ >= kOverrunMemoryUs) {
     emcy_.clear(Condition::kReceiveOverrun, source);
   }
 }

@@ -21,12 +21,6 @@ class BusWatch {
 
   void process(std::uint64_t now_us);
 
-  // The error register was emptied: what goes on is reported anew.
-  void restart() {
-    passive_ = false;
-    overrun_ = false;
-  }
-
   // A controller that goes off again at once must not hammer the bus: pause before each recovery.
   static constexpr std::uint64_t kRecoveryPauseUs = 100'000;
   // An overrun is over when no further frame was lost for this long.
@@ -40,8 +34,6 @@ class BusWatch {
   bool off_ = false;
   bool recovering_ = false;
   std::uint64_t off_since_us_ = 0;
-  bool passive_ = false;
-  bool overrun_ = false;
   std::uint32_t overruns_;
   std::uint64_t last_overrun_us_ = 0;
 };

@@ -82,7 +82,7 @@ class SlowFramesTest : public InlineFaultTest {
   int sets_out(int cycles, bool with_sync) {
     int sets = 0;
     for (int k = 0; k < cycles; ++k) {
-      if (with_sync) bench.from_controller(make_frame(0x80, {}));
+      if (with_sync) bench.sync();
       outputs = 0;
       std::int32_t frames = 0;
       for (const CanFrame& frame : NodeBench::targets(moved(kStand, 10 * k))) {
@@ -127,18 +127,14 @@ TEST_P(SlowFramesTest, SetsThatDoNotComeOutAreAnEmergency) {
 
 TEST_P(InlineFaultTest, SyncFindsItsTargetsComputed) {
   bench.run_for(600'000);
-  for (std::uint16_t k = 0; k < 3; ++k) {
-    ASSERT_EQ(bench.write(static_cast<std::uint16_t>(0x1400 + k), 2, 1, 1), 0U);
-  }
+  bench.set_transmission(0x1400);
   for (int k = 0; k < 5; ++k) {
-    bench.now_us += 1000;
-    bench.from_controller(make_frame(0x80, {}));
+    bench.next_sync();
     bench.command_joints(kStand);
   }
   bench.downstream.take_sent();
   const std::uint32_t before = bench.compensator().counters().cycles;
-  bench.now_us += 1000;
-  bench.from_controller(make_frame(0x80, {}));
+  bench.next_sync();
   EXPECT_EQ(bench.compensator().counters().cycles, before) << "nothing is evaluated ahead of SYNC";
   const auto sent = bench.downstream.take_sent();
   ASSERT_EQ(sent.size(), 4U);
@@ -243,7 +239,7 @@ TEST_P(InlineFaultTest, AFrameThatWaitsForSyncIsNotReadByALaterMapping) {
   ASSERT_EQ(bench.write(0x1612, 1, 0x20200110, 4), 0U);
   ASSERT_EQ(bench.write(0x1612, 0, 1, 1), 0U);
   ASSERT_EQ(bench.write(0x1412, 1, 0x1F0, 4), 0U);
-  bench.from_controller(make_frame(0x80, {}));
+  bench.sync();
   EXPECT_EQ(bench.read(0x2020, 1), 0U) << "5000 g are not 50 degrees";
 }
 
@@ -396,9 +392,7 @@ TEST_P(OffsetWithheldTest, OffsetOfAJointInNoTpdo_IsReported) {
 }
 
 TEST_P(OffsetWithheldTest, OffsetsThatWaitForSyncThatDoesNotCome_AreReportedAndDoNotRunAhead) {
-  for (std::uint16_t k = 0; k < 3; ++k) {
-    ASSERT_EQ(bench.write(static_cast<std::uint16_t>(0x1800 + k), 2, 1, 1), 0U);
-  }
+  bench.set_transmission(0x1800);
   EXPECT_EQ(why(500), 4);
   target = stand = kStand;
   EXPECT_LE(rest(kStand, 200), kBlendStep);

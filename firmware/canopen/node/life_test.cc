@@ -15,7 +15,7 @@ constexpr std::uint32_t kSave = 0x65766173;
 
 class LifeTest : public testing::Test {
  protected:
-  void nmt(int command) { bench.from_controller(make_frame(0, {command, kId})); }
+  void nmt(int command) { bench.nmt(command); }
   std::uint32_t error_register() { return bench.read(0x1001, 0); }
   std::size_t targets_sent() {
     std::size_t count = 0;
@@ -95,9 +95,7 @@ TEST_F(LifeTest, LeavingOperational_EndsTheSetInTheMaking) {
 }
 
 TEST_F(LifeTest, LeavingOperational_EndsASetThatWaitsForSync) {
-  for (std::uint16_t k = 0; k < 3; ++k) {
-    ASSERT_EQ(bench.write(static_cast<std::uint16_t>(0x1400 + k), 2, 1, 1), 0U);
-  }
+  bench.set_transmission(0x1400);
   bench.configure(Mode::kInline);
   const auto sync = [this] { bench.upstream.deliver(make_frame(0x80, {})); };
   for (int k = 0; k < 3; ++k) {
@@ -204,15 +202,10 @@ class OffsetLifeTest : public testing::Test {
  protected:
   void start(std::uint32_t transmission) {
     bench.install(TestTable{}.image());
-    for (std::uint32_t k = 0; k < 3; ++k) {
-      ASSERT_EQ(bench.write(static_cast<std::uint16_t>(0x1400 + k), 2, transmission, 1), 0U);
-      ASSERT_EQ(bench.write(static_cast<std::uint16_t>(0x1800 + k), 1, 0x400001A0U + 0x100U * k, 4),
-                0U);
-    }
+    bench.set_transmission(0x1400, transmission);
     bench.configure(Mode::kOffset);
     for (int k = 0; k < 50; ++k) {
-      bench.now_us += 1000;
-      bench.from_controller(make_frame(0x80, {}));
+      bench.next_sync();
       command();
     }
   }
@@ -235,7 +228,7 @@ TEST_F(OffsetLifeTest, AComputedSetThatWaitsForSync_IsTakenBackWhenOffsetsFade) 
   const auto evaluated = [this] { return bench.compensator().counters().cycles; };
   const auto put_out = [this] { return bench.node().joint_counters().steps; };
   EXPECT_EQ(evaluated(), put_out() + 1U) << "one waits for its SYNC";
-  bench.from_controller(make_frame(0, {2, kId}));
+  bench.nmt(2);
   bench.run_for(500'000);
   EXPECT_EQ(bench.node().nmt_state(), NmtState::kStopped);
   EXPECT_EQ(evaluated(), put_out()) << "nobody got it";
@@ -253,7 +246,7 @@ TEST_F(OffsetLifeTest, SetsThatCameBackToBack_DoNotSlowTheFadeDown) {
     bench.now_us += 70;
     command();
   }
-  bench.from_controller(make_frame(0, {2, kId}));
+  bench.nmt(2);
   bench.run_for(5000);
   EXPECT_EQ(bench.node().nmt_state(), NmtState::kStopped) << "170 increments by 105 a millisecond";
 }

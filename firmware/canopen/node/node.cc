@@ -4,12 +4,11 @@
 #include <optional>
 
 #include "firmware/canopen/protocol/cob_id.h"
-#include "firmware/canopen/protocol/counter.h"
+#include "firmware/core/fixed/counter.h"
 
 namespace armtrue::canopen {
 namespace {
 
-constexpr std::uint32_t kNoSet = 5;  // information of EMCY 0xFF15, beside those of the joint path
 constexpr std::uint32_t kSdoRequestBase = 0x600;
 constexpr std::uint32_t kSdoResponseBase = 0x580;
 constexpr std::uint32_t kMaxNodeId = 127;
@@ -63,7 +62,6 @@ void Node::reset_communication(std::uint64_t now_us) {
   const Loaded loaded = load_parameters(dictionary_, parts_.parameters, kCommunicationEnd);
   emcy_.reset();
   report(loaded, emcy_);
-  restart_alarms();
   apply_configuration();
 }
 
@@ -107,8 +105,8 @@ NodeAction Node::process(std::uint64_t now_us) {
   }
   joint_path_sound_ = joints_.process(now_us);
   watch_buses();
-  while (const std::uint8_t lost = heartbeats_.process(now_us)) {
-    emcy_.raise(Condition::kHeartbeatLost, lost, heartbeats_.slot_of(lost));
+  while (const std::optional<std::size_t> lost = heartbeats_.process(now_us)) {
+    emcy_.raise(Condition::kHeartbeatLost, heartbeats_.node_of(*lost), *lost);
     communication_error();
   }
   const NmtState state = nmt_.state();
@@ -139,16 +137,13 @@ void Node::note_nmt_state() {
 
 void Node::carry_out() {
   const auto wanted = static_cast<Mode>(dictionary_.get(od::compensator_control::kMode));
-  const bool ends = Nmt::leaves_operational(nmt_command_) || wanted != mode_;
+  const bool ends = Nmt::leaves_operational(nmt_command_) || wanted != mode();
   if (nmt_.state() == NmtState::kOperational) {
     if (joints_.fade(now_us_)) outputs_are_fresh();
-    const bool leaves = mode_ == Mode::kOffset && (ends || joints_.is_leaving());
+    const bool leaves = mode() == Mode::kOffset && (ends || joints_.is_leaving());
     if (leaves && joints_.leave(now_us_)) return;
   }
-  if (wanted != mode_) {
-    joints_.set_mode(wanted);
-    mode_ = wanted;
-  }
+  if (wanted != mode()) joints_.set_mode(wanted);
   if (nmt_command_ == 0) return;
   const NmtRequest request = nmt_.apply(nmt_command_);
   if (request != NmtRequest::kNone) pending_reset_ = request;
@@ -161,12 +156,6 @@ void Node::carry_out() {
 void Node::note_nmt_command(std::uint8_t command) {
   const bool waits = nmt_command_ == kNmtResetNode || nmt_command_ == kNmtResetCommunication;
   if (Nmt::is_defined(command) && (!waits || command == kNmtResetNode)) nmt_command_ = command;
-}
-
-// Conditions that go on are reported anew after a reset has emptied the error register.
-void Node::restart_alarms() {
-  upstream_watch_.restart();
-  if (downstream_watch_) downstream_watch_->restart();
 }
 
 void Node::communication_error() {
@@ -189,7 +178,7 @@ void Node::handle_upstream(const CanFrame& frame) {
   if (is_target && mode() == Mode::kInline) return;
   if (parts_.downstream == nullptr) return;
   watch_sdo_targets(frame);
-  forward(*parts_.downstream, frame, from_upstream_.forwarded, from_upstream_.dropped);
+  forward(*parts_.downstream, frame, from_upstream_);
 }
 
 void Node::handle_downstream(CanFrame& frame) {
@@ -204,12 +193,11 @@ void Node::handle_downstream(CanFrame& frame) {
   } else if (number < kRpdos && !joints_.carries_target(number)) {
     handle_rpdo(number, frame);
   }
-  forward(parts_.upstream, frame, from_downstream_.forwarded, from_downstream_.dropped);
+  forward(parts_.upstream, frame, from_downstream_);
 }
 
-void Node::forward(CanPort& to, const CanFrame& frame, std::uint32_t& forwarded,
-                   std::uint32_t& dropped) {
-  count(to.send(frame) ? forwarded : dropped);
+void Node::forward(CanPort& to, const CanFrame& frame, Forwarding& from) {
+  count(to.send(frame) ? from.forwarded : from.dropped);
 }
 
 bool Node::serve(const CanFrame& frame) {
@@ -246,7 +234,7 @@ void Node::handle_sync(const CanFrame& frame) {
   const bool obeyed = counts && nmt_.state() == NmtState::kOperational;
   const bool fresh = obeyed && joints_.on_sync(now_us_);
   if (parts_.downstream != nullptr) {
-    forward(*parts_.downstream, frame, from_upstream_.forwarded, from_upstream_.dropped);
+    forward(*parts_.downstream, frame, from_upstream_);
     const auto took_us = static_cast<std::uint32_t>(config_.clock_us() - begin_us);
     sync_latency_.note(took_us);
     sync_jitter_.note(std::max(took_us, last_sync_latency_us_) -
@@ -278,9 +266,8 @@ void Node::obey_sync(const CanFrame& frame) {
 
 void Node::handle_heartbeat(const CanFrame& frame) {
   if (frame.id <= kHeartbeatBase || frame.id > kHeartbeatBase + kMaxNodeId) return;
-  if (const std::uint8_t back = heartbeats_.handle(frame, now_us_); back != 0) {
-    emcy_.clear(Condition::kHeartbeatLost, heartbeats_.slot_of(back));
-  }
+  const std::optional<std::size_t> back = heartbeats_.handle(frame, now_us_);
+  if (back) emcy_.clear(Condition::kHeartbeatLost, *back);
 }
 
 void Node::handle_rpdo(std::size_t number, const CanFrame& frame) {
@@ -297,7 +284,7 @@ void Node::handle_rpdo(std::size_t number, const CanFrame& frame) {
     return;
   }
   if (mode() != Mode::kForward && is_target) {
-    // Targets that are no part of a set are never corrected: too few joints, or too many frames.
+    // Targets that are no part of a set are never corrected.
     emcy_.raise(Condition::kSetsWithheld, kNoSet);
   }
   if (frame.len < pdo.mapping.length) {

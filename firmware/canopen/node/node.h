@@ -87,6 +87,11 @@ class Node final : private ObjectHooks {
  private:
   // Frames taken from one port before the other has its turn.
   static constexpr int kFramesPerTurn = 16;
+  // What became of the frames from one bus that are for the other.
+  struct Forwarding {
+    std::uint32_t forwarded = 0;
+    std::uint32_t dropped = 0;
+  };
 
   void reset_communication(std::uint64_t now_us);
   void apply_configuration();
@@ -98,7 +103,6 @@ class Node final : private ObjectHooks {
   void handle_sync(const CanFrame& frame);
   void obey_sync(const CanFrame& frame);
   void note_nmt_command(std::uint8_t command);
-  void restart_alarms();
   void handle_heartbeat(const CanFrame& frame);
   void handle_rpdo(std::size_t number, const CanFrame& frame);
   // The newest frame of each synchronous input; false where there is no room.
@@ -111,18 +115,19 @@ class Node final : private ObjectHooks {
   // What ends the output waits until the drives' offsets are zero.
   void carry_out();
   void watch_sdo_targets(const CanFrame& frame);
-  void forward(CanPort& to, const CanFrame& frame, std::uint32_t& forwarded,
-               std::uint32_t& dropped);
+  void forward(CanPort& to, const CanFrame& frame, Forwarding& from);
   void communication_error();
   void watch_buses();
   void note_nmt_state();
+  void refresh_bus(CanPort& port, const Forwarding& from, od::Ref<std::uint8_t> state,
+                   od::Ref<std::uint32_t> received);
   void refresh_status();
   void refresh_drive_states();
   void refresh_timing();
   void refresh_health();
   void run_self_test(std::uint8_t tests);
   bool is_quiet() const;
-  Mode mode() const { return mode_; }
+  Mode mode() const { return joints_.mode(); }  // in force; 0x2000 sub 1 is what is wanted
 
   Abort before_write(const od::Entry& entry, std::span<const std::uint8_t> value) override;
   void after_write(const od::Entry& entry) override;
@@ -147,15 +152,10 @@ class Node final : private ObjectHooks {
 
   std::uint64_t now_us_ = 0;
   NmtState known_state_ = NmtState::kInitialising;
-  Mode mode_ = Mode::kForward;    // in force; 0x2000 sub 1 is what is wanted
   bool has_unsaved_ = false;      // the next start comes with other parameters than these
   std::uint8_t nmt_command_ = 0;  // to be carried out, 0 for none
   NmtRequest pending_reset_ = NmtRequest::kNone;
   bool joint_path_sound_ = false;
-  struct Forwarding {
-    std::uint32_t forwarded = 0;
-    std::uint32_t dropped = 0;
-  };
   Forwarding from_upstream_;
   Forwarding from_downstream_;
   std::uint64_t drives_heard_us_ = 0;  // a frame from downstream

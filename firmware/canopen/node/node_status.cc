@@ -1,50 +1,35 @@
 // What the node says of itself when it is asked.
 #include <algorithm>
+#include <initializer_list>
 
 #include "firmware/canopen/node/node.h"
 
 namespace armtrue::canopen {
 namespace {
 
-// Sub-indexes of one bus status record, in the order of the EDS; the two records are alike.
-struct BusStatusRefs {
-  od::Ref<std::uint8_t> state;
-  od::Ref<std::uint32_t> received, sent, overruns, refused, bus_off, forwarded, dropped;
-};
-
 namespace up = od::upstream_bus_status;
 namespace down = od::downstream_bus_status;
-constexpr BusStatusRefs kUpstreamRefs = {up::kBusState,
-                                         up::kFramesReceived,
-                                         up::kFramesSent,
-                                         up::kReceiveOverruns,
-                                         up::kSendRefused,
-                                         up::kBusOffEntries,
-                                         up::kFramesForwardedFromHere,
-                                         up::kFramesDroppedInForwarding};
-constexpr BusStatusRefs kDownstreamRefs = {down::kBusState,
-                                           down::kFramesReceived,
-                                           down::kFramesSent,
-                                           down::kReceiveOverruns,
-                                           down::kSendRefused,
-                                           down::kBusOffEntries,
-                                           down::kFramesForwardedFromHere,
-                                           down::kFramesDroppedInForwarding};
 
-void refresh_bus(ObjectDictionary& dictionary, const BusStatusRefs& refs, CanPort& port,
-                 std::uint32_t forwarded, std::uint32_t dropped) {
-  const BusCounters counters = port.counters();
-  dictionary.set(refs.state, static_cast<std::uint8_t>(port.bus_state()));
-  dictionary.set(refs.received, counters.received);
-  dictionary.set(refs.sent, counters.sent);
-  dictionary.set(refs.overruns, counters.receive_overruns);
-  dictionary.set(refs.refused, counters.send_refused);
-  dictionary.set(refs.bus_off, counters.bus_off_entries);
-  dictionary.set(refs.forwarded, forwarded);
-  dictionary.set(refs.dropped, dropped);
+// Values that stand behind each other in the dictionary, from `ref` on.
+void set_run(ObjectDictionary& dictionary, od::Ref<std::uint32_t> ref,
+             std::initializer_list<std::uint32_t> values) {
+  for (const std::uint32_t value : values) {
+    dictionary.set(ref, value);
+    ref.offset = static_cast<std::uint16_t>(ref.offset + sizeof value);
+  }
 }
 
 }  // namespace
+
+// The records of the two buses are alike: the state, then counters.
+void Node::refresh_bus(CanPort& port, const Forwarding& from, od::Ref<std::uint8_t> state,
+                       od::Ref<std::uint32_t> received) {
+  const BusCounters counters = port.counters();
+  dictionary_.set(state, static_cast<std::uint8_t>(port.bus_state()));
+  set_run(dictionary_, received,
+          {counters.received, counters.sent, counters.receive_overruns, counters.send_refused,
+           counters.bus_off_entries, from.forwarded, from.dropped});
+}
 
 void Node::refresh_status() {
   namespace status = od::compensator_status;
@@ -96,14 +81,9 @@ void Node::refresh_drive_states() {
 
 void Node::refresh_timing() {
   namespace timing = od::timing;
-  // Minimum, median, 99.9 % and maximum stand behind each other.
-  const auto put = [this](od::Ref<std::uint32_t> first, const Latency& latency) {
-    const std::uint32_t values[] = {latency.least(), latency.quantile(500), latency.quantile(999),
-                                    latency.most()};
-    for (const std::uint32_t value : values) {
-      dictionary_.set(first, value);
-      first.offset = static_cast<std::uint16_t>(first.offset + sizeof value);
-    }
+  const auto put = [this](od::Ref<std::uint32_t> minimum, const Latency& latency) {
+    set_run(dictionary_, minimum,
+            {latency.least(), latency.quantile(500), latency.quantile(999), latency.most()});
   };
   put(timing::kSYNCLatencyMinimum, sync_latency_);
   put(timing::kSYNCJitterMinimum, sync_jitter_);
@@ -149,14 +129,12 @@ Abort Node::before_read(std::uint16_t index, std::uint8_t sub) {
     case od::kManufacturerStatusRegister.index:
       refresh_status();
       break;
-    case kUpstreamRefs.state.index:
-      refresh_bus(dictionary_, kUpstreamRefs, parts_.upstream, from_upstream_.forwarded,
-                  from_upstream_.dropped);
+    case up::kBusState.index:
+      refresh_bus(parts_.upstream, from_upstream_, up::kBusState, up::kFramesReceived);
       break;
-    case kDownstreamRefs.state.index:
+    case down::kBusState.index:
       if (parts_.downstream == nullptr) break;
-      refresh_bus(dictionary_, kDownstreamRefs, *parts_.downstream, from_downstream_.forwarded,
-                  from_downstream_.dropped);
+      refresh_bus(*parts_.downstream, from_downstream_, down::kBusState, down::kFramesReceived);
       break;
     case od::table_status::kStagingState.index:
       tables_.refresh_status();

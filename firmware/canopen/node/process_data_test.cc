@@ -26,7 +26,7 @@ class InputTest : public testing::Test {
     ASSERT_EQ(bench.write(mapping, 0, 1, 1), 0U);
     ASSERT_EQ(bench.write(communication, 1, 0x190U + number, 4), 0U);
   }
-  void sync() { bench.from_controller(make_frame(0x80, {})); }
+  void sync() { bench.sync(); }
   std::int16_t temperature(std::uint8_t sensor) {
     return static_cast<std::int16_t>(bench.read(0x2020, sensor));
   }
@@ -45,9 +45,10 @@ TEST_F(InputTest, AnInputFromTheDrivesSide_IsTakenAndPassedOn) {
 }
 
 TEST_F(InputTest, AnInputThatWaitsForSync_IsTakenOnce) {
-  map(0, kPayload, 1);
+  map(0, kPayload, 0);
   bench.start_nodes();
   bench.from_controller(make_frame(0x190, {1, 0, 0, 0}));
+  EXPECT_EQ(bench.read(0x2021, 0), 0U);
   sync();
   EXPECT_EQ(bench.read(0x2021, 0), 1U);
   ASSERT_EQ(bench.write(0x2021, 0, 2, 4), 0U);
@@ -60,7 +61,7 @@ TEST_F(InputTest, AnInputThatWaitsForSync_IsDroppedByAReset) {
   ASSERT_EQ(bench.write(0x1010, 1, 0x65766173, 4), 0U);
   bench.start_nodes();
   bench.from_controller(make_frame(0x190, {1, 0, 0, 0}));
-  bench.from_controller(make_frame(0, {130, NodeBench::kNodeId}));
+  bench.nmt(130);
   bench.run_for(1000);
   bench.start_nodes();
   sync();
@@ -227,7 +228,7 @@ TEST_F(InputTest, ATpdoThatHasNotChanged_LeavesOnceWithEveryStart) {
     bench.start_nodes();
     EXPECT_EQ(sent(), 1) << command;
     EXPECT_EQ(sent(), 0) << command;
-    if (command != 130) bench.from_controller(make_frame(0, {command, NodeBench::kNodeId}));
+    if (command != 130) bench.nmt(command);
   }
 }
 
@@ -249,6 +250,7 @@ TEST_F(InputTest, ASyncWithoutACounter_StartsWhatWaitsForOne) {
 TEST_F(InputTest, SyncOfTheRightLength_EndsTheAlarmOfOneThatWasNot) {
   bench.start_nodes();
   bench.from_controller(make_frame(0x80, {1}));
+  EXPECT_EQ(newest_error(), 0x00018240U) << "the length that it had";
   EXPECT_NE(bench.read(0x1001, 0), 0U);
   sync();
   EXPECT_EQ(bench.read(0x1001, 0), 0U);

@@ -32,8 +32,7 @@ class StatusTest : public testing::Test {
     std::array<std::int32_t, 6> targets = {};
     for (std::size_t k = 0; k < 6; ++k) targets[k] = joint * static_cast<std::int32_t>(k + 1);
     const auto joints = std::exchange(commanded, targets).value_or(targets);
-    bench.now_us += 1000;
-    bench.from_controller(make_frame(0x80, {}));
+    bench.next_sync();
     for (std::uint32_t pair = 0; pair < 3; ++pair) {
       bench.from_drives(
           NodeBench::pair_frame(0x1C0 + pair, joints[2 * pair], joints[2 * pair + 1]));
@@ -62,11 +61,7 @@ TEST_F(StatusTest, ADeviceThatHasJustStarted_HasCountedNothing) {
 
 TEST_F(StatusTest, Bits_SayEachFactAlone) {
   EXPECT_EQ(bits(), kQuiet | kDrivesUnknown) << "as delivered";
-  ASSERT_EQ(bench.stage(TestTable{}.image()), 0U);
-  for (const TableCommand word :
-       {TableCommand::kVerify, TableCommand::kCommit, TableCommand::kActivate}) {
-    ASSERT_EQ(bench.command(word), 0U);
-  }
+  bench.put_on_trial(TestTable{}.image());
   EXPECT_EQ(bits(), kQuiet | kDrivesUnknown | kOnTrial);
   ASSERT_EQ(bench.command(TableCommand::kConfirm), 0U);
   EXPECT_EQ(bits(), kQuiet | kDrivesUnknown);
@@ -116,7 +111,7 @@ TEST_F(StatusTest, Counters_AreThoseOfTheJointPath) {
   for (int k = 0; k < 10; ++k) cycle(1000 * k);
   const auto frames = NodeBench::targets({});
   bench.from_controller(frames[0]);  // two targets for one joint in this interval
-  bench.from_controller(make_frame(0x80, {}));
+  bench.sync();
   bench.from_controller(frames[1]);
   bench.from_controller(frames[1]);
   bench.from_controller(make_frame(0x320 + 0x100, {1, 2, 3}));

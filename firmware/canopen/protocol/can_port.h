@@ -83,7 +83,7 @@ class CanPort {
   virtual BusCounters counters() const = 0;
 
   // Whether send() accepts frames flagged kFrameFd.
-  virtual bool supports_fd() const = 0;
+  virtual bool supports_fd() const { return false; }
 
  protected:
   // Ports are static objects and never deleted through this type: a virtual destructor would pull

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cstring>
 
-#include "firmware/canopen/protocol/counter.h"
+#include "firmware/core/fixed/counter.h"
 
 namespace armtrue::canopen {
 namespace {

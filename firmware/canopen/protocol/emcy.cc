@@ -95,10 +95,6 @@ void Emcy::clear(Condition condition, std::size_t source) {
   queue({kErrorReset, dictionary_.get(od::kErrorRegister), kCodes[number].code});
 }
 
-bool Emcy::is_raised(Condition condition) const {
-  return raised_[static_cast<std::size_t>(condition)] != 0;
-}
-
 void Emcy::queue(const Message& message) {
   if (queue_size_ == queue_.size()) return;  // the history has it
   queue_[(queue_begin_ + queue_size_) % queue_.size()] = message;

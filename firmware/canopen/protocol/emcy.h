@@ -50,8 +50,6 @@ class Emcy {
   // message "error reset" with the code of what went (in its manufacturer bytes) leaves.
   void clear(Condition condition, std::size_t source = 0);
 
-  bool is_raised(Condition condition) const;
-
   // Sends what waits, one message each inhibit time. Call where EMCY is allowed (pre-operational,
   // operational).
   void process(CanPort& port, std::uint64_t now_us);

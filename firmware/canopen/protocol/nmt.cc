@@ -69,38 +69,32 @@ void HeartbeatConsumer::configure(std::size_t slot, std::uint32_t value) {
   watches_[slot] = watch;
 }
 
-std::uint8_t HeartbeatConsumer::handle(const CanFrame& frame, std::uint64_t now_us) {
-  if (frame.len != 1 || frame.is(kFrameRemote)) return 0;
-  for (Watch& watch : watches_) {
+std::optional<std::size_t> HeartbeatConsumer::handle(const CanFrame& frame, std::uint64_t now_us) {
+  if (frame.len != 1 || frame.is(kFrameRemote)) return std::nullopt;
+  for (std::size_t slot = 0; slot < kNodes; ++slot) {
+    Watch& watch = watches_[slot];
     if (watch.time_us == 0 || frame.id != kHeartbeatBase + watch.node_id) continue;
     const bool back = watch.lost;
     watch.seen = true;
     watch.lost = false;
     watch.deadline_us = now_us + watch.time_us;
-    return back ? watch.node_id : std::uint8_t{0};
+    return back ? std::optional(slot) : std::nullopt;
   }
-  return 0;
+  return std::nullopt;
 }
 
 void HeartbeatConsumer::excuse(std::uint64_t deaf_us) {
   for (Watch& watch : watches_) watch.deadline_us += deaf_us;
 }
 
-std::uint8_t HeartbeatConsumer::process(std::uint64_t now_us) {
-  for (Watch& watch : watches_) {
+std::optional<std::size_t> HeartbeatConsumer::process(std::uint64_t now_us) {
+  for (std::size_t slot = 0; slot < kNodes; ++slot) {
+    Watch& watch = watches_[slot];
     if (watch.time_us == 0 || !watch.seen || watch.lost || now_us < watch.deadline_us) continue;
     watch.lost = true;
-    return watch.node_id;
+    return slot;
   }
-  return 0;
-}
-
-std::size_t HeartbeatConsumer::slot_of(std::uint8_t node_id) const {
-  std::size_t slot = 0;
-  while (slot < kNodes && (watches_[slot].time_us == 0 || watches_[slot].node_id != node_id)) {
-    ++slot;
-  }
-  return slot;
+  return std::nullopt;
 }
 
 }  // namespace armtrue::canopen

@@ -3,7 +3,9 @@
 #define ARMTRUE_FIRMWARE_CANOPEN_PROTOCOL_NMT_H_
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
+#include <optional>
 
 #include "firmware/canopen/protocol/can_port.h"
 
@@ -81,18 +83,17 @@ class HeartbeatConsumer {
   // begins with the first heartbeat received.
   void configure(std::size_t slot, std::uint32_t value);
 
-  // A frame with an identifier of 0x701..0x77F. Returns the node-ID if its watched heartbeat has
-  // come back after a loss, else 0.
-  std::uint8_t handle(const CanFrame& frame, std::uint64_t now_us);
+  // A frame with an identifier of 0x701..0x77F. Returns the slot whose heartbeat has come back
+  // after a loss.
+  std::optional<std::size_t> handle(const CanFrame& frame, std::uint64_t now_us);
 
   // Nothing could be heard for so long: nobody's time ran meanwhile.
   void excuse(std::uint64_t deaf_us);
 
-  // Returns the node-ID of a heartbeat that has just been missed, else 0. Call until it returns 0.
-  std::uint8_t process(std::uint64_t now_us);
+  // Returns the slot of a heartbeat that has just been missed. Call until there is none.
+  std::optional<std::size_t> process(std::uint64_t now_us);
 
-  // The slot that watches a node, kNodes if none does.
-  std::size_t slot_of(std::uint8_t node_id) const;
+  std::uint8_t node_of(std::size_t slot) const { return watches_[slot].node_id; }
 
  private:
   struct Watch {

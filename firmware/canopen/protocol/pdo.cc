@@ -46,9 +46,7 @@ Abort check_map_word(const ObjectDictionary& dictionary, std::uint32_t word, boo
                                                                         : Abort::kNotMappable;
   }
   const std::optional<od::Entry> entry = dictionary.find(map.index, map.sub);
-  if (!entry) {
-    return dictionary.has_index(map.index) ? Abort::kNoSubIndex : Abort::kNoObject;
-  }
+  if (!entry) return dictionary.has_index(map.index) ? Abort::kNoSubIndex : Abort::kNoObject;
   const bool allowed = receive ? (entry->flags & od::kWritable) != 0 || is_heard(map.index)
                                : (entry->flags & od::kReadable) != 0;
   const bool mappable = (entry->flags & od::kMappable) != 0 && entry->size * 8 == map.bits;

@@ -13,7 +13,6 @@ constexpr std::uint8_t kMaxBlockSize = 127;
 constexpr std::uint8_t kClientCrc = 0x04;
 constexpr std::uint8_t kSizeIndicated = 0x02;
 constexpr std::uint8_t kLastSegment = 0x80;
-constexpr std::size_t kSegmentBytes = 7;
 
 // Sub-commands, the low bits of the first byte.
 constexpr std::uint8_t kInitiate = 0;

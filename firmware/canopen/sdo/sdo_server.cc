@@ -23,7 +23,6 @@ constexpr std::uint8_t kSizeIndicated = 0x01;
 constexpr std::uint8_t kToggle = 0x10;
 constexpr std::uint8_t kLastSegment = 0x01;
 constexpr std::uint8_t kAbortCommand = 0x80;
-constexpr std::size_t kSegmentBytes = 7;
 constexpr int kSegmentsPerTurn = 4;  // of a block upload
 
 }  // namespace

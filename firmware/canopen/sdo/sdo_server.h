@@ -42,6 +42,7 @@ class SdoServer {
   static constexpr std::uint64_t kSegmentPauseUs = 1000;
 
  private:
+  static constexpr std::size_t kSegmentBytes = 7;
   enum class State : std::uint8_t {
     kIdle,
     kDownloadSegment,

@@ -2,9 +2,9 @@
 
 #include <algorithm>
 
-#include "firmware/canopen/protocol/counter.h"
 #include "firmware/core/crypto/crc32.h"
 #include "firmware/core/fixed/bytes.h"
+#include "firmware/core/fixed/counter.h"
 #include "firmware/core/fixed/ratio.h"
 #include "firmware/core/table/format.h"
 #include "firmware/core/table/limits.h"
@@ -48,8 +48,13 @@ std::uint64_t mantissa_of(const std::uint8_t* joint) {
   return magnitude(load_i32(joint + format::joint::kIncrementPerUnitAt));
 }
 
-// Increments of a joint's drive for so many turns or metres: whole numbers as exact as 32 bits
-// allow.
+// Increments of a drive for so many turns (revolute) or metres of its joint, as 0x608F has them.
+struct Resolution {
+  std::uint32_t increments;
+  std::uint32_t units;
+};
+
+// Whole numbers as exact as 32 bits allow.
 Resolution resolution_of(const TableView& table, std::size_t k) {
   const std::uint8_t* joint = table.joint(k);
   const std::uint64_t mantissa = mantissa_of(joint);
@@ -62,7 +67,8 @@ Resolution resolution_of(const TableView& table, std::size_t k) {
   std::uint32_t units = 1;
   const bool is_whole = down <= 0 || (mantissa & ((std::uint64_t{1} << down) - 1U)) == 0;
   while (!is_whole && units < 100'000'000 && increments(units * 10ULL) <= UINT32_MAX) units *= 10;
-  return {static_cast<std::int64_t>(std::min<std::uint64_t>(increments(units), UINT32_MAX)), units};
+  return {static_cast<std::uint32_t>(std::min<std::uint64_t>(increments(units), UINT32_MAX)),
+          units};
 }
 
 // Never back to an older export, and one export number is one table.
@@ -157,7 +163,7 @@ void TableTransfer::agree_on_resolution() {
   for (std::size_t k = 0; k < table.joint_count(); ++k) {
     if (dictionary_.get(od::axis::kEncoderIncrements[k]) != 0) continue;
     const Resolution own = resolution_of(table, k);
-    dictionary_.set(od::axis::kEncoderIncrements[k], static_cast<std::uint32_t>(own.increments));
+    dictionary_.set(od::axis::kEncoderIncrements[k], own.increments);
     dictionary_.set(od::axis::kMotorRevolutions[k], own.units);
   }
 }

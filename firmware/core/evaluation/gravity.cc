@@ -103,9 +103,7 @@ std::int32_t torque(const Vector& moment, const Vector& gravity, format::State k
 // Torque (revolute) or force (prismatic) that gravity exerts along z of joint k.
 std::int32_t link_torque(const TableView& table, const BeyondAll& all,
                          const GravityInFrames& gravity, std::size_t k) {
-  if (table.is_prismatic(k)) {
-    return multiply<kGravityFraction>(all[k + 1].mass, gravity[k + 1].z);
-  }
+  if (table.is_prismatic(k)) return multiply<kGravityFraction>(all[k + 1].mass, gravity[k + 1].z);
   return torque(all[k + 1].moment, gravity[k + 1], format::State::kTorque);
 }
 
@@ -129,9 +127,7 @@ std::int32_t motor_torque(const TableView& table, const BeyondAll& all,
 
 void update_gravity(const TableView& table, const JointMotions& motions, TermWorkspace& work) {
   const SectionView& state = table.section(format::Section::kState);
-  if (table.first_gravity_state() == state.count) {
-    return;
-  }
+  if (table.first_gravity_state() == state.count) return;
   GravityInFrames gravity;
   gravity_in_frames(table, motions, gravity);
   BeyondAll all;

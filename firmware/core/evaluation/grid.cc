@@ -43,9 +43,7 @@ Place locate(const std::uint8_t* axis, std::int32_t value) {
   const std::int32_t first = load_i32(nodes);
   if ((flags & format::grid::kAxisExplicit) == 0U) {
     const std::uint32_t inverse = load_u32(nodes + 4);
-    if (value < first) {
-      return beyond(0, 0, in_cells(gap(first, value), inverse), holds_low);
-    }
+    if (value < first) return beyond(0, 0, in_cells(gap(first, value), inverse), holds_low);
     const std::uint32_t position = in_cells(gap(value, first), inverse);
     const std::uint32_t cell = position >> format::grid::kFraction;
     if (cell >= cells) {
@@ -94,8 +92,8 @@ bool interpolate_line(const std::uint8_t* axis, const std::int32_t* slots, std::
   const std::int32_t at = slots[load_u16(axis + format::grid::kAxisSlotAt)];
   const bool is_explicit = (axis[format::grid::kAxisFlagsAt] & format::grid::kAxisExplicit) != 0U;
   const std::uint8_t* nodes = axis + format::grid::kAxisHeadLength;
-  const std::uint8_t* covered = nodes + (is_explicit ? 8U * count - 4U : 8U);
-  const std::uint8_t* values = covered + 4U * ((count + 31U) / 32U);
+  const std::uint8_t* covered = nodes + format::grid::axis_length(count, is_explicit);
+  const std::uint8_t* values = covered + format::grid::mask_length(count);
   const std::int32_t first = load_i32(nodes);
   const std::uint32_t position = in_cells(gap(at, first), load_u32(nodes + 4));
   const std::uint32_t cell = position >> format::grid::kFraction;
@@ -131,7 +129,7 @@ bool interpolate(const std::uint8_t* data, const std::int32_t* slots, std::int32
                                        format::grid::kFraction);
     node_counts[i] = count;
     const bool is_explicit = (axis[format::grid::kAxisFlagsAt] & format::grid::kAxisExplicit) != 0U;
-    axis += format::grid::kAxisHeadLength + (is_explicit ? 8U * count - 4U : 8U);
+    axis += format::grid::kAxisHeadLength + format::grid::axis_length(count, is_explicit);
   }
 
   // Node numbers and weights of the cell's corners. Each axis doubles them and gives the far
@@ -157,7 +155,7 @@ bool interpolate(const std::uint8_t* data, const std::int32_t* slots, std::int32
   }
 
   const std::uint8_t* covered = axis;
-  const std::uint8_t* values = covered + 4U * ((stride + 31U) / 32U);
+  const std::uint8_t* values = covered + format::grid::mask_length(stride);
   bool is_covered = faded == kOne;
   for (std::size_t c = 0; c < count; ++c) {
     is_covered = is_covered && is_covered_node(covered, corners[c]);

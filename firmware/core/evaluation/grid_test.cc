@@ -11,9 +11,9 @@
 namespace armtrue {
 namespace {
 
-using testing::append;
-using testing::Bytes;
-using testing::fixed;
+using tests::append;
+using tests::Bytes;
+using tests::fixed;
 
 constexpr int kFraction = 28;
 

@@ -78,9 +78,7 @@ void make_jacobian(const TableView& table, const Frames& frames, const Vector& t
                                         : revolute_column(frames[k].z, arm, table);
   }
   const SectionView& coupling = table.section(format::Section::kCoupling);
-  if (coupling.count == 0U) {
-    return;
-  }
+  if (coupling.count == 0U) return;
   const Jacobian links = jacobian;
   for (std::size_t n = 0; n < coupling.count; ++n) {
     const std::uint8_t* entry = coupling.begin + n * format::coupling::kLength;
@@ -102,13 +100,9 @@ std::int32_t secant_step(std::int32_t moved, std::int32_t change, std::int32_t m
   constexpr std::int32_t kOne = 1 << 10;
   constexpr std::int32_t kSteepest = kOne / 4;
   constexpr std::int32_t kMost = 1 << 20;  // 1 mrad: keeps the quotient in 32 bits
-  if (moved == 0 || change > kMost || change < -kMost) {
-    return missing;
-  }
+  if (moved == 0 || change > kMost || change < -kMost) return missing;
   const std::int32_t slope = change * kOne / moved;
-  if (slope > kSteepest || slope < -kSteepest) {
-    return missing;
-  }
+  if (slope > kSteepest || slope < -kSteepest) return missing;
   return multiply<10>(missing, kOne * kOne / (kOne + slope));
 }
 

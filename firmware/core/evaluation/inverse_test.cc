@@ -17,12 +17,12 @@ TEST(InverseTest, TermsOfALink_AreThoseOfWhereItStands) {
   constexpr double kOffset = 5e-3;
   constexpr double kSteep = 1e-2;   // amplitude of sin 15 x; 0.75 mrad of it over the offset
   constexpr double kSmooth = 1e-3;  // times sin 2 x
-  testing::TestImage made(1);
+  tests::TestImage made(1);
   made.add_constant(0, kOffset);
   made.add_harmonic(0, format::node::kLinkAngle, 15.0, 0.0, kSteep);
   made.add_harmonic(0, format::node::kLinkAngle, 2.0, 0.0, kSmooth);
-  testing::put(made.header(), format::header::kSteepHarmonicsAt, std::uint16_t{1});
-  const testing::Bytes image = made.image();
+  tests::put(made.header(), format::header::kSteepHarmonicsAt, std::uint16_t{1});
+  const tests::Bytes image = made.image();
   ASSERT_TRUE(validate(image, {}).accepted());
   const auto work = std::make_unique<Workspace>();
   const Correction correction = solve(TableView(image), {}, {}, *work);

@@ -17,9 +17,7 @@ Displacement motion_of(const Coordinates& coordinates, std::size_t frame) {
 
 void apply_virtual_joint(const TableView& table, const Coordinates& coordinates, std::size_t frame,
                          RealTool& tool) {
-  if (!table.has_motion(frame)) {
-    return;
-  }
+  if (!table.has_motion(frame)) return;
   Displacement motion = motion_of(coordinates, frame);
   if (table.has_large_turn(frame)) {
     motion.turn = shortened(motion.turn);

@@ -15,14 +15,14 @@ namespace {
 bool operator==(const Vector& a, const Vector& b) { return a.x == b.x && a.y == b.y && a.z == b.z; }
 
 // A constant turn of the first link about z.
-testing::Bytes with_turn(double radian) {
-  testing::TestImage made(3);
+tests::Bytes with_turn(double radian) {
+  tests::TestImage made(3);
   made.add_constant(format::kMotorCoordinates + 6 + 5, radian);
   return made.image();
 }
 
 TEST(KinematicsTest, JointsThatTurn_DoNotSlide) {
-  const testing::Bytes image = testing::TestImage(3).image();
+  const tests::Bytes image = tests::TestImage(3).image();
   const TableView table(image);
   JointMotions motions;
   joint_motions(table, {}, motions);
@@ -35,7 +35,7 @@ TEST(KinematicsTest, JointsThatTurn_DoNotSlide) {
 TEST(KinematicsTest, LargeTurns_AreThoseOfTheirOwnFrame_FromTwoMilliradians) {
   for (const auto& [radian, is_large] : {std::pair{1.9e-3, false}, std::pair{2.0e-3, true},
                                          std::pair{-1.9e-3, false}, std::pair{-2.0e-3, true}}) {
-    const testing::Bytes image = with_turn(radian);
+    const tests::Bytes image = with_turn(radian);
     const TableView table(image);
     for (std::size_t frame = 0; frame <= 4; ++frame) {
       EXPECT_EQ(table.has_large_turn(frame), is_large && frame == 1) << radian << ' ' << frame;
@@ -45,12 +45,12 @@ TEST(KinematicsTest, LargeTurns_AreThoseOfTheirOwnFrame_FromTwoMilliradians) {
 
 TEST(KinematicsTest, TurnOfTenMilliradians_IsExactToItsFourthOrder) {
   constexpr double kTurn = 1e-2;
-  const testing::Bytes image = with_turn(kTurn);
+  const tests::Bytes image = with_turn(kTurn);
   const TableView table(image);
   JointMotions motions;
   joint_motions(table, {}, motions);
   Coordinates coordinates = {};
-  coordinates[format::kMotorCoordinates + 6 + 5] = {testing::fixed(kTurn, Coordinate::fraction)};
+  coordinates[format::kMotorCoordinates + 6 + 5] = {tests::fixed(kTurn, Coordinate::fraction)};
   const Vector point = real_tool(table, motions, coordinates).point;
   // Three links of 0.5 m, turned about the first joint; to second order it would be 0.25 µm short.
   EXPECT_NEAR(std::ldexp(point.x, -Length::fraction), 1.5 * std::cos(kTurn), 1.5e-8);
@@ -59,7 +59,7 @@ TEST(KinematicsTest, TurnOfTenMilliradians_IsExactToItsFourthOrder) {
 
 TEST(KinematicsTest, SmallTurns_RoundEveryComponentToNearest) {
   // r × v is 3; half of it rounds to 2, of which r × takes 0.6, rounded to 1.
-  const std::int32_t r = testing::fixed(0.3, 30);
+  const std::int32_t r = tests::fixed(0.3, 30);
   EXPECT_TRUE(rotate_small({r, 0, 0}, {0, 10, 0}) == (Vector{0, 9, 3}));
   EXPECT_TRUE(rotate_small({0, r, 0}, {0, 0, 10}) == (Vector{3, 0, 9}));
   EXPECT_TRUE(rotate_small({0, 0, r}, {10, 0, 0}) == (Vector{9, 3, 0}));
@@ -67,13 +67,13 @@ TEST(KinematicsTest, SmallTurns_RoundEveryComponentToNearest) {
 
 TEST(KinematicsTest, CoupledPositions_AreRounded) {
   constexpr std::int32_t kOne = std::int32_t{1} << format::coupling::kRatioFraction;
-  testing::TestImage made(3);
+  tests::TestImage made(3);
   for (const std::array<std::int32_t, 2> entry : {std::array{1, kOne}, std::array{2, kOne / 4}}) {
-    testing::Bytes record = {static_cast<std::uint8_t>(entry[0]), 0, 0, 0};
-    testing::append(record, entry[1]);
+    tests::Bytes record = {static_cast<std::uint8_t>(entry[0]), 0, 0, 0};
+    tests::append(record, entry[1]);
     made.add(format::Section::kCoupling, record);
   }
-  const testing::Bytes image = made.image();
+  const tests::Bytes image = made.image();
   ASSERT_TRUE(validate(image, {}).accepted());
   const TableView table(image);
   JointPositions link;

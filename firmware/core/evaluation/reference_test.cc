@@ -90,7 +90,7 @@ TEST_P(ReferenceTest, Correction_OfAnyPose_IsTheExactInverse) {
   const TableView table(image);
   const auto workspace = std::make_unique<Workspace>();
   std::int64_t largest = 0;
-  testing::Bytes corrections;
+  tests::Bytes corrections;
   for (std::int32_t number = 0; number < cases; ++number) {
     JointPositions target;
     for (std::size_t k = 0; k < joints; ++k) target[k] = {reader.next<std::int64_t>()};
@@ -110,7 +110,7 @@ TEST_P(ReferenceTest, Correction_OfAnyPose_IsTheExactInverse) {
     for (std::size_t k = 0; k < joints; ++k) {
       const auto right = reader.next<std::int32_t>();
       largest = std::max<std::int64_t>(largest, std::abs(right));
-      testing::append(corrections, correction.delta[k]);
+      tests::append(corrections, correction.delta[k]);
       EXPECT_NEAR(correction.delta[k], right, static_cast<double>(GetParam().permitted))
           << "case " << number << ", joint " << k + 1;
     }

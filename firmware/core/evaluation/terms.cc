@@ -7,9 +7,7 @@ namespace {
 
 // x / 2^shift rounded, or x · 2^-shift for a negative shift; saturated.
 std::int32_t scaled(std::int64_t x, int shift) {
-  if (shift > 0) {
-    return saturate(round_shift(x, shift));
-  }
+  if (shift > 0) return saturate(round_shift(x, shift));
   return saturate(x * (std::int64_t{1} << -shift));
 }
 
@@ -104,9 +102,7 @@ std::int32_t power_of_two(std::int32_t x, int shift, int fraction, TermFlags& fl
     flags.is_saturated = true;
     return std::numeric_limits<std::int32_t>::max();
   }
-  if (up == 0) {
-    return sum;
-  }
+  if (up == 0) return sum;
   return up < -40 ? 0 : static_cast<std::int32_t>(round_shift(sum, static_cast<int>(-up)));
 }
 

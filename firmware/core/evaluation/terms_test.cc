@@ -14,15 +14,15 @@ namespace armtrue {
 namespace {
 
 TEST(TermsTest, TheConstantOne_IsInSlotZero_AndSignsAreWhole) {
-  testing::TestImage made(3);
+  tests::TestImage made(3);
   made.add_state(format::State::kDirection, 0, 30);
-  testing::Bytes sign = {static_cast<std::uint8_t>(format::Node::kSign), 0, 0, 0, 1};
+  tests::Bytes sign = {static_cast<std::uint8_t>(format::Node::kSign), 0, 0, 0, 1};
   sign.resize(format::node::kLength);
   made.add(format::Section::kNodes, sign);
-  testing::put(made.header(), format::header::kConstantNodesAt, std::uint16_t{1});
-  testing::put(made.header(), format::header::kSteepNodesAt, std::uint16_t{1});
+  tests::put(made.header(), format::header::kConstantNodesAt, std::uint16_t{1});
+  tests::put(made.header(), format::header::kSteepNodesAt, std::uint16_t{1});
   made.add_term(0, 2, 1e-3, 30);
-  const testing::Bytes image = made.image();
+  const tests::Bytes image = made.image();
   ASSERT_TRUE(validate(image, {}).accepted());
   const TableView table(image);
   const auto work = std::make_unique<TermWorkspace>();
@@ -36,18 +36,18 @@ TEST(TermsTest, TheConstantOne_IsInSlotZero_AndSignsAreWhole) {
 }
 
 // One node, in slot 2, over the payload in slot 1.
-testing::Bytes with_payload_node(testing::Bytes node) {
-  testing::TestImage made(3);
+tests::Bytes with_payload_node(tests::Bytes node) {
+  tests::TestImage made(3);
   made.add_state(format::State::kPayload, 0, 20);
   node.resize(format::node::kLength);
   made.add(format::Section::kNodes, node);
-  testing::put(made.header(), format::header::kConstantNodesAt, std::uint16_t{1});
-  testing::put(made.header(), format::header::kSteepNodesAt, std::uint16_t{1});
+  tests::put(made.header(), format::header::kConstantNodesAt, std::uint16_t{1});
+  tests::put(made.header(), format::header::kSteepNodesAt, std::uint16_t{1});
   return made.image();
 }
 
 TEST(TermsTest, ASum_ShiftsUpAndDown) {
-  const testing::Bytes image =
+  const tests::Bytes image =
       with_payload_node({static_cast<std::uint8_t>(format::Node::kSum), 0xFF, 2, 0, 1, 0, 1, 0});
   ASSERT_TRUE(validate(image, {}).accepted());
   const auto work = std::make_unique<TermWorkspace>();
@@ -63,7 +63,7 @@ TEST(TermsTest, ASum_ShiftsEachPartBy31AtMost) {
     const auto bits = static_cast<std::uint8_t>(shift);
     for (const auto& [first, second] :
          {std::pair{bits, std::uint8_t{0}}, std::pair{std::uint8_t{0}, bits}}) {
-      const testing::Bytes image = with_payload_node(
+      const tests::Bytes image = with_payload_node(
           {static_cast<std::uint8_t>(format::Node::kSum), first, second, 0, 1, 0, 1, 0});
       EXPECT_EQ(validate(image, {}).refusal, refusal) << shift;
     }
@@ -73,27 +73,26 @@ TEST(TermsTest, ASum_ShiftsEachPartBy31AtMost) {
 TEST(TermsTest, TheFirstSteepTerm_IsOfAMotorToo) {
   for (const std::uint8_t coordinate :
        {std::uint8_t{1}, std::uint8_t{format::kMotorCoordinates + 6}}) {
-    testing::TestImage made(3);
+    tests::TestImage made(3);
     made.add_term(coordinate, 0, 1e-3, 30);
-    testing::Bytes image = made.image();
-    testing::put(image, format::header::kSteepTermsAt, std::uint16_t{1});
-    testing::mend_checksum(image);
+    tests::Bytes image = made.image();
+    tests::put(image, format::header::kSteepTermsAt, std::uint16_t{1});
+    tests::mend_checksum(image);
     EXPECT_EQ(validate(image, {}).refusal, coordinate == 1 ? Refusal::kNone : Refusal::kValueRange);
   }
 }
 
 TEST(TermsTest, APowerOfTwo_ThatNoSlotHolds_IsMarked) {
-  testing::Bytes power = {
-      static_cast<std::uint8_t>(format::Node::kPowerOfTwo), 20, 0, 0, 1, 0, 0, 0};
-  testing::append(power, std::int32_t{20});
-  const testing::Bytes image = with_payload_node(std::move(power));
+  tests::Bytes power = {static_cast<std::uint8_t>(format::Node::kPowerOfTwo), 20, 0, 0, 1, 0, 0, 0};
+  tests::append(power, std::int32_t{20});
+  const tests::Bytes image = with_payload_node(std::move(power));
   ASSERT_TRUE(validate(image, {}).accepted());
   for (const auto& [kilograms, is_held] :
        {std::pair{-45.0, true}, std::pair{0.0, true}, std::pair{10.5, true}, std::pair{11.0, false},
         std::pair{40.0, false}, std::pair{42.0, false}}) {
     const auto work = std::make_unique<TermWorkspace>();
     Surroundings around;
-    around.payload = testing::fixed(kilograms, 20);
+    around.payload = tests::fixed(kilograms, 20);
     begin_terms(TableView(image), around, *work);
     EXPECT_EQ(work->flags.is_saturated, !is_held) << kilograms;
     const double right = std::ldexp(std::exp2(kilograms), 20);
@@ -108,7 +107,7 @@ TEST(TermsTest, Payload_IsInKilogramsOf20Bits) {
 }
 
 TEST(TermsTest, SteepSums_BeginAtZero) {
-  const testing::Bytes image = testing::TestImage(3).image();
+  const tests::Bytes image = tests::TestImage(3).image();
   const auto work = std::make_unique<TermWorkspace>();
   MotorCoordinates steep;
   steep.fill({7});
@@ -117,9 +116,9 @@ TEST(TermsTest, SteepSums_BeginAtZero) {
 }
 
 TEST(TermsTest, ConstantOfTheTool_StandsInItsCoordinates) {
-  testing::TestImage made(3);
+  tests::TestImage made(3);
   made.add_constant(static_cast<std::uint8_t>(format::kToolCoordinates + 1), 1e-3);
-  const testing::Bytes image = made.image();
+  const tests::Bytes image = made.image();
   ASSERT_TRUE(validate(image, {}).accepted());
   const TableView table(image);
   const auto work = std::make_unique<TermWorkspace>();
@@ -129,17 +128,17 @@ TEST(TermsTest, ConstantOfTheTool_StandsInItsCoordinates) {
   evaluate_smooth_terms(table, {}, {}, {}, *work, coordinates);
   for (std::size_t c = format::kToolCoordinates; c < format::kCoordinates; ++c) {
     const bool is_it = c == format::kToolCoordinates + 1;
-    EXPECT_EQ(coordinates[c].raw, is_it ? testing::fixed(1e-3, Coordinate::fraction) : 0) << c;
+    EXPECT_EQ(coordinates[c].raw, is_it ? tests::fixed(1e-3, Coordinate::fraction) : 0) << c;
   }
 }
 
 TEST(TermsTest, WavesAndHarmonics_MoveTheirFramesAlone) {
-  testing::TestImage made(3);
-  testing::Bytes wave = {format::kMotorCoordinates + 6 * 2};
+  tests::TestImage made(3);
+  tests::Bytes wave = {format::kMotorCoordinates + 6 * 2};
   wave.resize(format::slow_wave::kLength);
   made.add(format::Section::kSlowWaves, wave);
   made.add_harmonic(format::kMotorCoordinates + 5, 1, 1.0, 0.0, 1e-4);
-  const testing::Bytes image = made.image();
+  const tests::Bytes image = made.image();
   const TableView table(image);
   for (std::size_t frame = 0; frame < 4; ++frame)
     EXPECT_EQ(table.has_motion(frame), frame == 0 || frame == 2) << frame;

@@ -20,9 +20,7 @@ struct Scaled {
 
 // The same number with the highest bit of its mantissa set; 0 stays 0.
 constexpr Scaled normalised(Scaled x) {
-  if (x.mantissa == 0U) {
-    return x;
-  }
+  if (x.mantissa == 0U) return x;
   const int shift = std::countl_zero(x.mantissa);
   return {x.mantissa << shift, x.exponent - shift};
 }
@@ -33,9 +31,7 @@ constexpr bool nearly_equal(Scaled a, Scaled b) {
   constexpr int kTolerance = 26;
   const Scaled one = normalised(a);
   const Scaled other = normalised(b);
-  if (one.mantissa == 0U || other.mantissa == 0U) {
-    return false;
-  }
+  if (one.mantissa == 0U || other.mantissa == 0U) return false;
   const bool one_is_larger = one.exponent != other.exponent ? one.exponent > other.exponent
                                                             : one.mantissa > other.mantissa;
   const Scaled& large = one_is_larger ? one : other;

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-namespace armtrue::testing {
+namespace armtrue::tests {
 namespace {
 
 using format::Section;
@@ -339,9 +339,7 @@ void SenselessImage::make_nodes() {
 }
 
 std::uint8_t SenselessImage::coordinate(bool motor) {
-  if (motor || once_in(3)) {
-    return as<std::uint8_t>(0, static_cast<std::int64_t>(joints_) - 1);
-  }
+  if (motor || once_in(3)) return as<std::uint8_t>(0, static_cast<std::int64_t>(joints_) - 1);
   const std::size_t frame = once_in(5) ? format::kToolFrame : below(joints_ + 1);
   return static_cast<std::uint8_t>(format::kMotorCoordinates + 6 * frame + below(6));
 }
@@ -432,4 +430,4 @@ void SenselessImage::assemble() {
   image_ = std::move(bytes);
 }
 
-}  // namespace armtrue::testing
+}  // namespace armtrue::tests

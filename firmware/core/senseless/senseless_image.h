@@ -11,7 +11,7 @@
 
 #include "firmware/core/table/test_image.h"
 
-namespace armtrue::testing {
+namespace armtrue::tests {
 
 class SenselessImage {
  public:
@@ -108,6 +108,6 @@ class SenselessImage {
   Bytes image_;
 };
 
-}  // namespace armtrue::testing
+}  // namespace armtrue::tests
 
 #endif  // ARMTRUE_FIRMWARE_CORE_SENSELESS_SENSELESS_IMAGE_H_

@@ -12,7 +12,7 @@ namespace {
 
 using namespace armtrue;
 
-void append_bytes(testing::Bytes& to, const void* from, std::size_t size) {
+void append_bytes(tests::Bytes& to, const void* from, std::size_t size) {
   const std::size_t begin = to.size();
   to.resize(begin + size);
   std::memcpy(&to[begin], from, size);
@@ -20,19 +20,14 @@ void append_bytes(testing::Bytes& to, const void* from, std::size_t size) {
 
 // One recording: the table put in force and run, or refused in its only cycle.
 bool record(std::FILE* file, std::uint64_t seed, bool accepted) {
-  testing::SenselessImage made(seed);
-  const std::vector<CycleInput> inputs = testing::senseless_inputs(made);
-  testing::Bytes image = made.image();
+  tests::SenselessImage made(seed);
+  const std::vector<CycleInput> inputs = tests::senseless_inputs(made);
+  tests::Bytes image = made.image();
   image.resize((image.size() + 3) / 4 * 4);
   const std::uint32_t cycles = accepted ? static_cast<std::uint32_t>(inputs.size()) : 1U;
-  const replay::RecordingHead head = {replay::kMagic,
-                                      made.joints(),
-                                      static_cast<std::uint32_t>(seed % 2),
-                                      1000,
-                                      cycles,
-                                      static_cast<std::uint32_t>(image.size()),
-                                      0};
-  testing::Bytes bytes;
+  const replay::RecordingHead head = {
+      replay::kMagic, made.joints(), 1000, cycles, static_cast<std::uint32_t>(image.size()), 0};
+  tests::Bytes bytes;
   append_bytes(bytes, &head, sizeof head);
   append_bytes(bytes, image.data(), image.size());
   for (std::uint32_t i = 0; i < cycles; ++i) {
@@ -66,7 +61,7 @@ int main(int argc, char** argv) {
   }
   std::uint64_t taken = 0;
   for (std::uint64_t seed = first; seed < first + count; ++seed) {
-    const testing::SenselessRun run = testing::run_senseless(seed);
+    const tests::SenselessRun run = tests::run_senseless(seed);
     if (!run.wrong.empty()) {
       std::fprintf(stderr, "seed %llu: %s\n", static_cast<unsigned long long>(seed),
                    run.wrong.c_str());

@@ -5,7 +5,7 @@
 
 #include "firmware/core/table/table_cost.h"
 
-namespace armtrue::testing {
+namespace armtrue::tests {
 namespace {
 
 constexpr std::array<std::uint8_t, 32> kSeed = {3, 1, 4, 1, 5};
@@ -79,10 +79,8 @@ SenselessRun run_senseless(std::uint64_t seed) {
     device.has_key = true;
     device.public_key = public_key_ed25519(kSeed);
   }
-  CompensatorConfig config;
-  config.joint_count = made.joints();
-  config.carry_remainder = seed % 2 == 1;
-  const auto compensator = std::make_unique<Compensator>(config);
+  const auto compensator =
+      std::make_unique<Compensator>(CompensatorConfig{.joint_count = made.joints()});
   const Validation validation = compensator->load(image, device);
   run.accepted = validation.accepted();
   if (!run.accepted) {
@@ -112,4 +110,4 @@ SenselessRun run_senseless(std::uint64_t seed) {
   return run;
 }
 
-}  // namespace armtrue::testing
+}  // namespace armtrue::tests

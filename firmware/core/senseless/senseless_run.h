@@ -9,7 +9,7 @@
 #include "firmware/core/compensator.h"
 #include "firmware/core/senseless/senseless_image.h"
 
-namespace armtrue::testing {
+namespace armtrue::tests {
 
 inline constexpr int kSenselessCycles = 12;
 
@@ -26,6 +26,6 @@ struct SenselessRun {
 // and runs its cycles.
 SenselessRun run_senseless(std::uint64_t seed);
 
-}  // namespace armtrue::testing
+}  // namespace armtrue::tests
 
 #endif  // ARMTRUE_FIRMWARE_CORE_SENSELESS_SENSELESS_RUN_H_

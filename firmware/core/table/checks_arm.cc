@@ -8,8 +8,6 @@
 namespace armtrue {
 namespace {
 
-namespace header = format::header;
-
 constexpr std::int64_t kMaxReach = std::int64_t{12} << Length::fraction;
 constexpr std::int32_t kMaxPayloadArm = std::int32_t{4} << Length::fraction;
 constexpr std::int64_t kMaxOffset = std::int64_t{8} << 32;
@@ -69,37 +67,28 @@ bool Checker::check_scale(const std::uint8_t* at) {
 }
 
 bool Checker::check_joints() {
-  for (std::size_t k = 0; k < joints_; ++k) {
-    const std::uint8_t* at = record(Section::kJoints, k);
+  return all_records(Section::kJoints, [this](const std::uint8_t* at, std::size_t) {
     const std::uint8_t* rate = at + format::joint::kRateAt;
-    const bool passed =
-        check_transform(at + format::joint::kTransformAt, reach_) &&
-        require_at(absolute(load_i64(at + format::joint::kOffsetAt) >> 1) <= kMaxOffset / 2,
-                   Refusal::kValueRange, at + format::joint::kOffsetAt) &&
-        check_scale(at) &&
-        require_at(at[format::joint::kTypeAt] <= 1U, Refusal::kUnknownKind,
-                   at + format::joint::kTypeAt) &&
-        require_zero(at + format::joint::kReservedAt, 1) &&
-        require_at(load_i32(at + format::joint::kMagnitudeAt) >= 0, Refusal::kValueRange,
-                   at + format::joint::kMagnitudeAt) &&
-        require_at(load_i32(rate) >= kMinRate, Refusal::kValueRange, rate) &&
-        require_at(load_i32(at + format::joint::kDeadBandAt) >= 0, Refusal::kValueRange,
-                   at + format::joint::kDeadBandAt);
-    if (!passed) {
-      return false;
-    }
-  }
-  return true;
+    return check_transform(at + format::joint::kTransformAt, reach_) &&
+           require_at(absolute(load_i64(at + format::joint::kOffsetAt) >> 1) <= kMaxOffset / 2,
+                      Refusal::kValueRange, at + format::joint::kOffsetAt) &&
+           check_scale(at) &&
+           require_at(at[format::joint::kTypeAt] <= 1U, Refusal::kUnknownKind,
+                      at + format::joint::kTypeAt) &&
+           require_zero(at + format::joint::kReservedAt, 1) &&
+           require_at(load_i32(at + format::joint::kMagnitudeAt) >= 0, Refusal::kValueRange,
+                      at + format::joint::kMagnitudeAt) &&
+           require_at(load_i32(rate) >= kMinRate, Refusal::kValueRange, rate) &&
+           require_at(load_i32(at + format::joint::kDeadBandAt) >= 0, Refusal::kValueRange,
+                      at + format::joint::kDeadBandAt);
+  });
 }
 
 bool Checker::check_tools() {
-  for (std::size_t i = 0; i < section(Section::kTools).count; ++i) {
+  return all_records(Section::kTools, [this](const std::uint8_t* at, std::size_t) {
     std::int64_t reach = reach_;  // one tool at a time
-    if (!check_transform(record(Section::kTools, i), reach)) {
-      return false;
-    }
-  }
-  return true;
+    return check_transform(at, reach);
+  });
 }
 
 bool Checker::is_revolute(std::size_t k) const {
@@ -109,8 +98,7 @@ bool Checker::is_revolute(std::size_t k) const {
 bool Checker::check_coupling() {
   std::uint64_t taken = 0;  // a bit for each place
   std::array<std::int64_t, kMaxJoints> driven = {};
-  for (std::size_t i = 0; i < section(Section::kCoupling).count; ++i) {
-    const std::uint8_t* at = record(Section::kCoupling, i);
+  return all_records(Section::kCoupling, [&](const std::uint8_t* at, std::size_t) {
     const std::uint8_t row = at[format::coupling::kRowAt];
     const std::uint8_t column = at[format::coupling::kColumnAt];
     const std::uint32_t place = 8U * row + column;
@@ -123,55 +111,38 @@ bool Checker::check_coupling() {
         require_at(((taken >> place) & 1U) == 0U, Refusal::kBadReference, at) &&
         require_at(driven[column] + ratio <= kMaxDriven, Refusal::kValueRange,
                    at + format::coupling::kRatioAt);
-    if (!passed) {
-      return false;
-    }
+    if (!passed) return false;
     driven[column] += ratio;
     taken |= std::uint64_t{1} << place;
-  }
-  return true;
+    return true;
+  });
 }
 
 bool Checker::check_sensors() {
-  for (std::size_t i = 0; i < section(Section::kSensors).count; ++i) {
-    const std::uint8_t* at = record(Section::kSensors, i);
-    if (!require_at(load_i32(at) > -300000 && load_i32(at) < 1000000, Refusal::kValueRange, at)) {
-      return false;
-    }
-  }
-  return true;
+  return all_records(Section::kSensors, [this](const std::uint8_t* at, std::size_t) {
+    return require_at(load_i32(at) > -300000 && load_i32(at) < 1000000, Refusal::kValueRange, at);
+  });
 }
 
 bool Checker::check_mass_sets() {
-  const std::size_t count = section(Section::kMassSets).count;
-  if (!require(count <= kMaxMassSets, Refusal::kTooManyRecords, header::kSectionCountAt)) {
-    return false;
-  }
-  for (std::size_t i = 0; i < count; ++i) {
-    const std::uint8_t* at = record(Section::kMassSets, i);
-    const std::uint8_t flags = at[format::mass_set::kFlagsAt];
-    const std::uint8_t most = (flags & format::mass_set::kCarriesPayload) != 0U ? 30U : 60U;
-    const std::uint8_t unlike_first =
-        flags ^ record(Section::kMassSets, 0)[format::mass_set::kFlagsAt];
-    if (!require_at(at[format::mass_set::kFractionAt] <= most, Refusal::kValueRange, at) ||
-        !require_at(flags <= format::mass_set::kAllFlags, Refusal::kUnknownFlag, at + 1) ||
-        !require_at((unlike_first & format::mass_set::kActsAtCommand) == 0U, Refusal::kValueRange,
-                    at + 1) ||
-        !require_zero(at + format::mass_set::kReservedAt, 2)) {
-      return false;
-    }
-  }
-  return true;
+  return require_room(Section::kMassSets, kMaxMassSets) &&
+         all_records(Section::kMassSets, [this](const std::uint8_t* at, std::size_t) {
+           namespace set = format::mass_set;
+           const std::uint8_t flags = at[set::kFlagsAt];
+           const std::uint8_t most = (flags & set::kCarriesPayload) != 0U ? 30U : 60U;
+           const std::uint8_t unlike_first = flags ^ record(Section::kMassSets, 0)[set::kFlagsAt];
+           return require_at(at[set::kFractionAt] <= most, Refusal::kValueRange, at) &&
+                  require_at(flags <= set::kAllFlags, Refusal::kUnknownFlag, at + 1) &&
+                  require_at((unlike_first & set::kActsAtCommand) == 0U, Refusal::kValueRange,
+                             at + 1) &&
+                  require_zero(at + set::kReservedAt, 2);
+         });
 }
 
 bool Checker::check_gravity() {
   const SectionView& gravity = section(Section::kGravity);
-  if (gravity.count == 0U) {
-    return true;
-  }
-  if (!require_at(gravity.count == 1U, Refusal::kTooManyRecords, gravity.begin)) {
-    return false;
-  }
+  if (gravity.count == 0U) return true;
+  if (!require_at(gravity.count == 1U, Refusal::kTooManyRecords, gravity.begin)) return false;
   for (std::size_t i = 0; i < 3; ++i) {
     const std::uint8_t* at = gravity.begin + format::gravity::kPayloadPointAt + 4 * i;
     if (!require_at(absolute(load_i32(at)) <= kMaxPayloadArm, Refusal::kValueRange, at)) {

@@ -33,9 +33,7 @@ bool Checker::check_grid(const std::uint8_t* at, std::size_t slot, bool constant
   namespace grid = format::grid;
   const std::uint8_t* reference = at + format::node::kRAt;
   const std::int32_t word = load_i32(reference);
-  if (!check_data(word, grid::kHeadLength, reference)) {
-    return false;
-  }
+  if (!check_data(word, grid::kHeadLength, reference)) return false;
   const std::uint8_t* head = section(Section::kData).begin + 4 * static_cast<std::size_t>(word);
   const std::size_t axes = head[grid::kAxesAt];
   const std::size_t outputs = head[grid::kOutputsAt];
@@ -54,11 +52,9 @@ bool Checker::check_grid(const std::uint8_t* at, std::size_t slot, bool constant
       return false;
     }
   }
-  const std::size_t mask_length = 4U * ((nodes + 31U) / 32U);
+  const std::size_t mask_length = grid::mask_length(nodes);
   const std::size_t value_length = (2U * nodes * outputs + 3U) & ~std::size_t{3};
-  if (!check_data(word, length + mask_length + value_length, reference)) {
-    return false;
-  }
+  if (!check_data(word, length + mask_length + value_length, reference)) return false;
   continued = outputs - 1U;
   return check_coverage(head + length, head + length + mask_length, nodes, outputs);
 }
@@ -79,16 +75,14 @@ bool Checker::check_axis(std::int32_t word, const std::uint8_t* head, std::size_
                   axis + grid::kAxisFlagsAt)) {
     return false;
   }
-  length += grid::kAxisHeadLength + (is_explicit ? 8U * count - 4U : 8U);
+  length += grid::kAxisHeadLength + grid::axis_length(count, is_explicit);
   nodes *= count;
   if (!require_at(nodes <= kMaxGridNodes, Refusal::kTooManyRecords, head) ||
       !check_data(word, length, axis)) {
     return false;
   }
   const std::uint8_t* first = axis + grid::kAxisHeadLength;
-  if (!is_explicit) {
-    return require_at(load_u32(first + 4) != 0U, Refusal::kValueRange, first + 4);
-  }
+  if (!is_explicit) return require_at(load_u32(first + 4) != 0U, Refusal::kValueRange, first + 4);
   for (std::size_t i = 1; i < count; ++i) {
     const std::uint8_t* inverse = first + 4 * (count + i - 1);
     if (!require_at(load_i32(first + 4 * i) > load_i32(first + 4 * (i - 1)), Refusal::kValueRange,
@@ -107,9 +101,7 @@ bool Checker::check_coverage(const std::uint8_t* mask, const std::uint8_t* value
     const bool is_covered = ((mask[n / 8U] >> (n % 8U)) & 1U) != 0U;
     for (std::size_t o = 0; o < outputs && !is_covered; ++o) {
       const std::uint8_t* value = values + 2U * (n * outputs + o);
-      if (!require_at(load_i16(value) == 0, Refusal::kValueRange, value)) {
-        return false;
-      }
+      if (!require_at(load_i16(value) == 0, Refusal::kValueRange, value)) return false;
     }
   }
   return true;

@@ -14,6 +14,35 @@ constexpr int kMaxPowerShift = 30;
 constexpr std::int32_t kMaxPowerFraction = 60;
 constexpr std::int64_t kMaxWave = std::int64_t{1} << 29;  // 0.125 rad or m
 
+// Which fields of a node mean something, by kind; the others are zero.
+enum NodeField : std::uint32_t {
+  kShift = 1U << 0,
+  kShift2 = 1U << 1,
+  kCount = 1U << 2,
+  kA = 1U << 3,
+  kB = 1U << 4,
+  kP = 1U << 5,
+  kR = 1U << 6,
+};
+constexpr std::uint32_t kFieldsUsed[format::kNodeKinds] = {
+    0,                               // kContinuation
+    kA | kP | kR,                    // kHarmonic
+    kA | kB | kP | kR,               // kAngle
+    kShift | kA | kP | kR,           // kToAngle
+    kA | kR,                         // kSine
+    kA | kB,                         // kProduct
+    kShift | kShift2 | kA | kB,      // kSum
+    kShift | kA | kP | kR,           // kScale
+    kShift | kA,                     // kReciprocal
+    kA,                              // kAbsolute
+    kA,                              // kSign
+    kA | kB,                         // kMinimum
+    kA | kB,                         // kMaximum
+    kShift | kCount | kA | kP | kR,  // kSpline
+    kCount | kR,                     // kGrid
+    kShift | kA | kP,                // kPowerOfTwo
+};
+
 int fixed_fraction(format::State kind) {
   switch (kind) {
     case format::State::kMotor:
@@ -34,66 +63,48 @@ int fixed_fraction(format::State kind) {
 
 }  // namespace
 
-// Which fields of a node mean something; the others are zero.
-struct Checker::Fields {
-  bool shift, shift2, count, a, b, p, r;
-};
-
 bool Checker::check_state() {
-  const std::size_t count = section(Section::kState).count;
-  if (!require(count <= kMaxSlots, Refusal::kTooManyRecords, header::kSectionCountAt)) {
+  int last_class = format::kStillClass;
+  return require_room(Section::kState, kMaxSlots) &&
+         all_records(Section::kState, [&](const std::uint8_t* at, std::size_t i) {
+           return check_variable(at, i, last_class);
+         });
+}
+
+bool Checker::check_variable(const std::uint8_t* at, std::size_t i, int& last_class) {
+  const auto kind = static_cast<format::State>(at[format::state::kKindAt]);
+  if (!require_at(at[0] < format::kStateKinds, Refusal::kUnknownKind, at) ||
+      !require_at(format::class_of(kind) >= last_class, Refusal::kValueRange, at)) {
     return false;
   }
-  int last_class = format::kStillClass;
-  for (std::size_t i = 0; i < count; ++i) {
-    const std::uint8_t* at = record(Section::kState, i);
-    if (!require_at(at[0] < format::kStateKinds, Refusal::kUnknownKind, at)) {
+  last_class = format::class_of(kind);
+  const std::uint8_t set = at[format::state::kSetAt];
+  int fraction = fixed_fraction(kind);
+  if (last_class == format::kGravityClass) {
+    if (!require_at(set < section(Section::kMassSets).count, Refusal::kBadReference, at + 2)) {
       return false;
     }
-    const int kind_class = format::class_of(static_cast<format::State>(at[0]));
-    if (!require_at(kind_class >= last_class, Refusal::kValueRange, at)) {
-      return false;
-    }
-    last_class = kind_class;
-    const auto kind = static_cast<format::State>(at[format::state::kKindAt]);
-    const std::uint8_t index = at[format::state::kIndexAt];
-    const std::uint8_t set = at[format::state::kSetAt];
-    int fraction = fixed_fraction(kind);
-    if (kind_class == format::kGravityClass) {
-      if (!require_at(set < section(Section::kMassSets).count, Refusal::kBadReference, at + 2)) {
-        return false;
-      }
-      fraction = record(Section::kMassSets, set)[format::mass_set::kFractionAt];
-    } else if (!require_zero(at + format::state::kSetAt, 1)) {
-      return false;
-    }
-    const bool names_nothing = kind == format::State::kOne || kind == format::State::kPayload ||
-                               kind == format::State::kTime ||
-                               kind == format::State::kBaseMomentX ||
-                               kind == format::State::kBaseMomentY;
-    const std::size_t bound = names_nothing ? 1U
-                              : kind == format::State::kTemperature
-                                  ? section(Section::kSensors).count
-                                  : joints_;
-    if (!require_at(index < bound, Refusal::kBadReference, at + 1) ||
-        !require_at(load_i8(at + format::state::kFractionAt) == fraction, Refusal::kValueRange,
-                    at + 3) ||
-        !require_at((kind == format::State::kOne) == (i == 0), Refusal::kUnknownKind, at)) {
-      return false;
-    }
+    fraction = record(Section::kMassSets, set)[format::mass_set::kFractionAt];
+  } else if (!require_zero(at + format::state::kSetAt, 1)) {
+    return false;
   }
-  return true;
+  const bool names_nothing = kind == format::State::kOne || kind == format::State::kPayload ||
+                             kind == format::State::kTime || kind == format::State::kBaseMomentX ||
+                             kind == format::State::kBaseMomentY;
+  const std::size_t bound = names_nothing                         ? 1U
+                            : kind == format::State::kTemperature ? section(Section::kSensors).count
+                                                                  : joints_;
+  return require_at(at[format::state::kIndexAt] < bound, Refusal::kBadReference, at + 1) &&
+         require_at(load_i8(at + format::state::kFractionAt) == fraction, Refusal::kValueRange,
+                    at + 3) &&
+         require_at((kind == format::State::kOne) == (i == 0), Refusal::kUnknownKind, at);
 }
 
 // A slot that a record numbered `before` in slots may read; constant records only constant slots.
 bool Checker::check_slot(std::uint16_t slot, std::size_t before, bool constant,
                          const std::uint8_t* at) {
-  if (!require_at(slot < before, Refusal::kBadReference, at)) {
-    return false;
-  }
-  if (!constant) {
-    return true;
-  }
+  if (!require_at(slot < before, Refusal::kBadReference, at)) return false;
+  if (!constant) return true;
   const std::size_t states = section(Section::kState).count;
   if (slot >= states) {
     return require_at(slot - states < constant_nodes_, Refusal::kBadReference, at);
@@ -123,24 +134,16 @@ bool Checker::check_nodes() {
   std::size_t continued = 0;  // outputs of the last grid that are still to come
   for (std::size_t i = 0; i < count; ++i) {
     const std::uint8_t* at = record(Section::kNodes, i);
-    if (!require_at(at[0] < format::kNodeKinds, Refusal::kUnknownKind, at)) {
-      return false;
-    }
+    if (!require_at(at[0] < format::kNodeKinds, Refusal::kUnknownKind, at)) return false;
     const auto kind = static_cast<format::Node>(at[node::kKindAt]);
     const bool is_continuation = kind == format::Node::kContinuation;
-    if (!require_at(is_continuation == (continued != 0U), Refusal::kUnknownKind, at)) {
-      return false;
-    }
+    if (!require_at(is_continuation == (continued != 0U), Refusal::kUnknownKind, at)) return false;
     if (is_continuation) {
       --continued;
-      if (!require_zero(at, node::kLength)) {
-        return false;
-      }
+      if (!require_zero(at, node::kLength)) return false;
       continue;
     }
-    if (!check_node(at, kind, states + i, i < constant_nodes_, continued)) {
-      return false;
-    }
+    if (!check_node(at, kind, states + i, i < constant_nodes_, continued)) return false;
   }
   // A grid and its continuations stand in the same part of the list.
   const auto starts_whole = [this, count](std::size_t first) {
@@ -151,50 +154,15 @@ bool Checker::check_nodes() {
          require(starts_whole(steep_nodes_), Refusal::kValueRange, header::kSteepNodesAt);
 }
 
-Checker::Fields Checker::fields_of(format::Node kind) {
-  switch (kind) {
-    case format::Node::kHarmonic:
-      return {false, false, false, true, false, true, true};
-    case format::Node::kAngle:
-      return {false, false, false, true, true, true, true};
-    case format::Node::kToAngle:
-    case format::Node::kScale:
-      return {true, false, false, true, false, true, true};
-    case format::Node::kSine:
-      return {false, false, false, true, false, false, true};
-    case format::Node::kProduct:
-      return {false, false, false, true, true, false, false};
-    case format::Node::kSum:
-      return {true, true, false, true, true, false, false};
-    case format::Node::kReciprocal:
-      return {true, false, false, true, false, false, false};
-    case format::Node::kAbsolute:
-    case format::Node::kSign:
-      return {false, false, false, true, false, false, false};
-    case format::Node::kMinimum:
-    case format::Node::kMaximum:
-      return {false, false, false, true, true, false, false};
-    case format::Node::kPowerOfTwo:
-      return {true, false, false, true, false, true, false};
-    case format::Node::kSpline:
-      return {true, false, true, true, false, true, true};
-    case format::Node::kGrid:
-      return {false, false, true, false, false, false, true};
-    case format::Node::kContinuation:
-      break;
-  }
-  return {};
-}
-
-bool Checker::check_unused(const std::uint8_t* at, const Fields& used) {
+bool Checker::check_unused(const std::uint8_t* at, std::uint32_t used) {
   namespace node = format::node;
-  return (used.shift || require_zero(at + node::kShiftAt, 1)) &&
-         (used.shift2 || require_zero(at + node::kShift2At, 1)) &&
-         (used.count || require_zero(at + node::kCountAt, 1)) &&
-         (used.a || require_zero(at + node::kAAt, 2)) &&
-         (used.b || require_zero(at + node::kBAt, 2)) &&
-         (used.p || require_zero(at + node::kPAt, 4)) &&
-         (used.r || require_zero(at + node::kRAt, 4));
+  return ((used & kShift) != 0 || require_zero(at + node::kShiftAt, 1)) &&
+         ((used & kShift2) != 0 || require_zero(at + node::kShift2At, 1)) &&
+         ((used & kCount) != 0 || require_zero(at + node::kCountAt, 1)) &&
+         ((used & kA) != 0 || require_zero(at + node::kAAt, 2)) &&
+         ((used & kB) != 0 || require_zero(at + node::kBAt, 2)) &&
+         ((used & kP) != 0 || require_zero(at + node::kPAt, 4)) &&
+         ((used & kR) != 0 || require_zero(at + node::kRAt, 4));
 }
 
 bool Checker::check_shift(int shift, int low, int high, const std::uint8_t* at) {
@@ -204,26 +172,20 @@ bool Checker::check_shift(int shift, int low, int high, const std::uint8_t* at) 
 bool Checker::check_node(const std::uint8_t* at, format::Node kind, std::size_t slot, bool constant,
                          std::size_t& continued) {
   namespace node = format::node;
-  const Fields used = fields_of(kind);
+  const std::uint32_t used = kFieldsUsed[static_cast<std::size_t>(kind)];
   const std::uint8_t* a_at = at + node::kAAt;
   const std::uint8_t* b_at = at + node::kBAt;
   const std::uint16_t a = load_u16(a_at);
   const std::uint16_t b = load_u16(b_at);
   const int shift = load_i8(at + node::kShiftAt);
-  if (!check_unused(at, used)) {
-    return false;
-  }
+  if (!check_unused(at, used)) return false;
   if (kind == format::Node::kHarmonic || kind == format::Node::kAngle) {
     return check_angle_source(a, constant, a_at) &&
            (kind == format::Node::kHarmonic || b == node::kNone ||
             check_slot(b, slot, constant, b_at));
   }
-  if (used.a && !check_slot(a, slot, constant, a_at)) {
-    return false;
-  }
-  if (used.b && !check_slot(b, slot, constant, b_at)) {
-    return false;
-  }
+  if ((used & kA) != 0 && !check_slot(a, slot, constant, a_at)) return false;
+  if ((used & kB) != 0 && !check_slot(b, slot, constant, b_at)) return false;
   switch (kind) {
     case format::Node::kToAngle:
       return check_shift(shift, 1, kMaxShift, at + node::kShiftAt);
@@ -249,86 +211,66 @@ bool Checker::check_node(const std::uint8_t* at, format::Node kind, std::size_t 
   }
 }
 
-bool Checker::is_known_coordinate(std::size_t coordinate) const {
-  if (coordinate < format::kMotorCoordinates) {
-    return coordinate < joints_;
-  }
+// The first byte of a term, a harmonic or a slow wave; steep ones act on motor sides alone.
+bool Checker::check_coordinate(const std::uint8_t* at, bool is_steep) {
+  const std::size_t coordinate = *at;
+  const bool is_motor = coordinate < format::kMotorCoordinates;
   const std::size_t frame = (coordinate - format::kMotorCoordinates) / 6U;
-  return frame <= joints_ || frame == format::kToolFrame;
+  const bool is_known =
+      is_motor ? coordinate < joints_ : frame <= joints_ || frame == format::kToolFrame;
+  return require_at(is_known, Refusal::kUnknownKind, at) &&
+         require_at(is_motor || !is_steep, Refusal::kValueRange, at);
 }
 
 bool Checker::check_terms() {
   namespace term = format::term;
-  const std::size_t count = section(Section::kTerms).count;
   const std::size_t states = section(Section::kState).count;
   const std::size_t slots = states + section(Section::kNodes).count;
   const std::size_t constant = load_u16(body_.data() + header::kConstantTermsAt);
   const std::size_t steep = load_u16(body_.data() + header::kSteepTermsAt);
-  if (!require(count <= kMaxTerms, Refusal::kTooManyRecords, header::kSectionCountAt) ||
-      !require(constant <= steep, Refusal::kValueRange, header::kConstantTermsAt) ||
-      !require(steep <= count, Refusal::kValueRange, header::kSteepTermsAt)) {
-    return false;
-  }
-  for (std::size_t i = 0; i < count; ++i) {
-    const std::uint8_t* at = record(Section::kTerms, i);
-    // Behind the constant ones stand the steep ones: on motor sides, and reading steep nodes at
-    // most.
-    const bool is_steep = i >= constant && i < steep;
-    const bool in_place = !is_steep || at[term::kCoordinateAt] < format::kMotorCoordinates;
-    const std::size_t readable = is_steep ? states + steep_nodes_ : slots;
-    if (!require_at(is_known_coordinate(at[term::kCoordinateAt]), Refusal::kUnknownKind, at) ||
-        !require_at(in_place, Refusal::kValueRange, at) ||
-        !require_zero(at + term::kReservedAt, 1) ||
-        !check_slot(load_u16(at + term::kSlotAt), readable, i < constant, at + term::kSlotAt)) {
-      return false;
-    }
-  }
-  return true;
+  return require_room(Section::kTerms, kMaxTerms) &&
+         require(constant <= steep, Refusal::kValueRange, header::kConstantTermsAt) &&
+         require(steep <= section(Section::kTerms).count, Refusal::kValueRange,
+                 header::kSteepTermsAt) &&
+         all_records(Section::kTerms, [&](const std::uint8_t* at, std::size_t i) {
+           // Behind the constant ones stand the steep ones: on motor sides, and reading steep nodes
+           // at most.
+           const bool is_steep = i >= constant && i < steep;
+           const std::size_t readable = is_steep ? states + steep_nodes_ : slots;
+           return check_coordinate(at, is_steep) && require_zero(at + term::kReservedAt, 1) &&
+                  check_slot(load_u16(at + term::kSlotAt), readable, i < constant,
+                             at + term::kSlotAt);
+         });
 }
 
 bool Checker::check_harmonics() {
   namespace harmonic = format::harmonic;
-  const std::size_t count = section(Section::kHarmonics).count;
   const std::size_t steep = load_u16(body_.data() + header::kSteepHarmonicsAt);
-  if (!require(count <= kMaxHarmonics, Refusal::kTooManyRecords, header::kSectionCountAt) ||
-      !require(steep <= count, Refusal::kValueRange, header::kSteepHarmonicsAt)) {
-    return false;
-  }
-  for (std::size_t i = 0; i < count; ++i) {
-    const std::uint8_t* at = record(Section::kHarmonics, i);
-    const bool in_place = i >= steep || at[harmonic::kCoordinateAt] < format::kMotorCoordinates;
-    if (!require_at(is_known_coordinate(at[harmonic::kCoordinateAt]), Refusal::kUnknownKind, at) ||
-        !require_at(in_place, Refusal::kValueRange, at) ||
-        !require_zero(at + harmonic::kReservedAt, 1) ||
-        !check_angle_source(load_u16(at + harmonic::kSourceAt), false, at + harmonic::kSourceAt)) {
-      return false;
-    }
-  }
-  return true;
+  return require_room(Section::kHarmonics, kMaxHarmonics) &&
+         require(steep <= section(Section::kHarmonics).count, Refusal::kValueRange,
+                 header::kSteepHarmonicsAt) &&
+         all_records(Section::kHarmonics, [&](const std::uint8_t* at, std::size_t i) {
+           return check_coordinate(at, i < steep) && require_zero(at + harmonic::kReservedAt, 1) &&
+                  check_angle_source(load_u16(at + harmonic::kSourceAt), false,
+                                     at + harmonic::kSourceAt);
+         });
 }
 
 bool Checker::check_slow_waves() {
   namespace wave = format::slow_wave;
-  const std::size_t count = section(Section::kSlowWaves).count;
-  if (!require(count <= kMaxSlowWaves, Refusal::kTooManyRecords, header::kSectionCountAt)) {
-    return false;
-  }
-  for (std::size_t i = 0; i < count; ++i) {
-    const std::uint8_t* at = record(Section::kSlowWaves, i);
-    const std::uint8_t joint = at[wave::kJointAt];
-    if (!require_at(is_known_coordinate(at[wave::kCoordinateAt]), Refusal::kUnknownKind, at) ||
-        !require_at(joint < joints_ && is_revolute(joint), Refusal::kBadReference,
-                    at + wave::kJointAt) ||
-        !require_zero(at + wave::kReservedAt, 2)) {
-      return false;
-    }
-    for (std::size_t c = wave::kSineAt; c < wave::kLength; c += 4) {
-      if (!require_at(absolute(load_i32(at + c)) <= kMaxWave, Refusal::kValueRange, at + c)) {
-        return false;
-      }
-    }
-  }
-  return true;
+  return require_room(Section::kSlowWaves, kMaxSlowWaves) &&
+         all_records(Section::kSlowWaves, [this](const std::uint8_t* at, std::size_t) {
+           const std::uint8_t joint = at[wave::kJointAt];
+           bool passed = check_coordinate(at, false) &&
+                         require_at(joint < joints_ && is_revolute(joint), Refusal::kBadReference,
+                                    at + wave::kJointAt) &&
+                         require_zero(at + wave::kReservedAt, 2);
+           for (std::size_t c = wave::kSineAt; passed && c < wave::kLength; c += 4) {
+             passed =
+                 require_at(absolute(load_i32(at + c)) <= kMaxWave, Refusal::kValueRange, at + c);
+           }
+           return passed;
+         });
 }
 
 }  // namespace armtrue

@@ -226,6 +226,11 @@ inline constexpr std::uint8_t kAxisExplicit = 1U << 0;  // nodes listed one by o
 inline constexpr std::uint8_t kAxisHoldLow = 1U << 1;   // constant below the first node
 inline constexpr std::uint8_t kAxisHoldHigh = 1U << 2;  // constant above the last node
 inline constexpr std::uint8_t kAxisKnownFlags = kAxisExplicit | kAxisHoldLow | kAxisHoldHigh;
+// Bytes of an axis behind its head, and of the coverage bits.
+constexpr std::size_t axis_length(std::size_t nodes, bool is_explicit) {
+  return is_explicit ? 8U * nodes - 4U : 8U;
+}
+constexpr std::size_t mask_length(std::size_t nodes) { return 4U * ((nodes + 31U) / 32U); }
 inline constexpr int kFraction = 20;       // of the position within a cell
 inline constexpr int kValueFraction = 12;  // bits that interpolation adds below an int16 value
 }  // namespace grid

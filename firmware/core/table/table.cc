@@ -1,13 +1,13 @@
 #include "firmware/core/table/table.h"
 
 #include <algorithm>
+#include <iterator>
 
 #include "firmware/core/crypto/crc32.h"
 #include "firmware/core/crypto/ed25519.h"
 #include "firmware/core/fixed/bytes.h"
-#include "firmware/core/fixed/ratio.h"
 #include "firmware/core/table/format.h"
-#include "firmware/core/table/table_checks.h"
+#include "firmware/core/table/table_checker.h"
 #include "firmware/core/table/table_cost.h"
 
 namespace armtrue {
@@ -55,9 +55,7 @@ Validation check_envelope(std::span<const std::uint8_t> image) {
     return refuse(Refusal::kChecksum, checked.size());
   }
   const std::uint32_t flags = load_u32(bytes + header::kFlagsAt);
-  if ((flags & ~format::kKnownFlags) != 0U) {
-    return refuse(Refusal::kUnknownFlag, header::kFlagsAt);
-  }
+  if ((flags & ~format::kKnownFlags) != 0U) return refuse(Refusal::kUnknownFlag, header::kFlagsAt);
   return {};
 }
 
@@ -73,39 +71,12 @@ Validation check_identity(std::span<const std::uint8_t> image, const DeviceIdent
     return refuse(Refusal::kRobotSerial, header::kSerialAt);
   }
   if (device.has_key) {
-    if (!is_signed(image)) {
-      return refuse(Refusal::kUnsigned, header::kFlagsAt);
-    }
+    if (!is_signed(image)) return refuse(Refusal::kUnsigned, header::kFlagsAt);
     const std::span<const std::uint8_t> message = without_trailer(image, true);
     const auto signature = std::span<const std::uint8_t, format::kSignatureLength>(
         image.subspan(message.size(), format::kSignatureLength));
     if (!verify_ed25519(signature, device.public_key, message)) {
       return refuse(Refusal::kSignature, message.size());
-    }
-  }
-  return {};
-}
-
-// The scales of a table whose contents passed, against what the device's drives count in.
-Validation check_resolution(std::span<const std::uint8_t> image, const DeviceIdentity& device) {
-  // Joints are the first section of every image.
-  const std::size_t first = load_u32(image.data() + header::kLength + 4);
-  for (std::size_t k = 0; k < image[header::kJointCountAt]; ++k) {
-    const Resolution& own = device.resolution[k];
-    if (own.increments == 0) {
-      continue;
-    }
-    const std::size_t field =
-        first + k * format::joint::kLength + format::joint::kIncrementPerUnitAt;
-    const std::uint8_t* joint = image.data() + first + k * format::joint::kLength;
-    const std::int64_t v = load_i32(joint + format::joint::kIncrementPerUnitAt);
-    const int t = joint[format::joint::kIncrementShiftAt];
-    const bool same_sign = (v < 0) == (own.increments < 0);
-    // v / 2^t · 2^32 increments a unit; v has 32 bits and the units have 32.
-    const Scaled asked = {magnitude(v) * own.units, 32 - t};
-    const Scaled known = {magnitude(own.increments), 0};
-    if (!same_sign || !nearly_equal(asked, known)) {
-      return refuse(Refusal::kResolution, field);
     }
   }
   return {};
@@ -121,9 +92,6 @@ Validation validate(std::span<const std::uint8_t> image, const DeviceIdentity& d
   if (result.accepted()) {
     result = check_contents(without_trailer(image, is_signed(image)));
   }
-  if (result.accepted()) {
-    result = check_resolution(image, device);
-  }
   if (result.accepted() && cycle_cost(image) > kCycleBudget) {
     result = refuse(Refusal::kTooCostly, header::kSectionCountAt);
   }
@@ -131,73 +99,38 @@ Validation validate(std::span<const std::uint8_t> image, const DeviceIdentity& d
 }
 
 TableInfo describe(std::span<const std::uint8_t> image) {
-  const std::uint8_t* bytes = image.data();
-  TableInfo info;
-  info.format_version = load_u16(bytes + header::kVersionAt);
-  info.image_length = load_u32(bytes + header::kImageLengthAt);
-  info.sequence = load_u32(bytes + header::kSequenceAt);
-  info.checksum = load_u32(bytes + image.size() - format::kChecksumLength);
-  for (std::size_t i = 0; i < kSerialLength; ++i) {
-    info.robot_serial[i] = static_cast<char>(bytes[header::kSerialAt + i]);
-  }
-  info.joint_count = bytes[header::kJointCountAt];
-  info.sensor_count = bytes[header::kSensorCountAt];
-  info.tool_count = bytes[header::kToolCountAt];
-  info.is_signed = is_signed(image);
-  info.is_full_pose = (load_u32(bytes + header::kFlagsAt) & format::kFlagFullPose) != 0U;
-  return info;
+  return {load_u32(image.data() + header::kSequenceAt),
+          load_u32(image.data() + image.size() - format::kChecksumLength)};
 }
 
 const char* name_of(Refusal refusal) {
-  switch (refusal) {
-    case Refusal::kNone:
-      return "accepted";
-    case Refusal::kTooShort:
-      return "too short";
-    case Refusal::kMagic:
-      return "not a table";
-    case Refusal::kNewerFormat:
-      return "unknown format version";
-    case Refusal::kLength:
-      return "wrong length";
-    case Refusal::kChecksum:
-      return "wrong checksum";
-    case Refusal::kJointCount:
-      return "wrong number of joints";
-    case Refusal::kRobotSerial:
-      return "another robot's table";
-    case Refusal::kUnsigned:
-      return "not signed";
-    case Refusal::kSignature:
-      return "wrong signature";
-    case Refusal::kUnknownFlag:
-      return "unknown flag";
-    case Refusal::kUnknownSection:
-      return "unknown section";
-    case Refusal::kMissingSection:
-      return "missing section";
-    case Refusal::kSectionBounds:
-      return "section out of bounds";
-    case Refusal::kUnknownKind:
-      return "unknown kind of record";
-    case Refusal::kBadReference:
-      return "reference to nothing";
-    case Refusal::kValueRange:
-      return "value out of range";
-    case Refusal::kReserved:
-      return "reserved field not zero";
-    case Refusal::kTooManyRecords:
-      return "too many records";
-    case Refusal::kBusy:
-      return "activation pending";
-    case Refusal::kTooCostly:
-      return "too much work for a control cycle";
-    case Refusal::kScale:
-      return "increment scales that do not fit each other";
-    case Refusal::kResolution:
-      return "another resolution than the device's drives have";
-  }
-  return "unknown refusal";
+  static constexpr const char* kNames[] = {
+      "accepted",                                          // kNone
+      "too short",                                         // kTooShort
+      "not a table",                                       // kMagic
+      "unknown format version",                            // kNewerFormat
+      "wrong length",                                      // kLength
+      "wrong checksum",                                    // kChecksum
+      "wrong number of joints",                            // kJointCount
+      "another robot's table",                             // kRobotSerial
+      "not signed",                                        // kUnsigned
+      "wrong signature",                                   // kSignature
+      "unknown flag",                                      // kUnknownFlag
+      "unknown section",                                   // kUnknownSection
+      "missing section",                                   // kMissingSection
+      "section out of bounds",                             // kSectionBounds
+      "unknown kind of record",                            // kUnknownKind
+      "reference to nothing",                              // kBadReference
+      "value out of range",                                // kValueRange
+      "reserved field not zero",                           // kReserved
+      "too many records",                                  // kTooManyRecords
+      "activation pending",                                // kBusy
+      "too much work for a control cycle",                 // kTooCostly
+      "increment scales that do not fit each other",       // kScale
+      "another resolution than the device's drives have",  // kResolution
+  };
+  const auto number = static_cast<std::size_t>(refusal);
+  return number < std::size(kNames) ? kNames[number] : "unknown refusal";
 }
 
 }  // namespace armtrue

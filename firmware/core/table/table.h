@@ -14,20 +14,12 @@
 
 namespace armtrue {
 
-// Increments of a drive for so many turns (revolute) or metres of its joint: 0x608F and 0x6091 as a
-// ratio. Negative where the drive counts against the joint.
-struct Resolution {
-  std::int64_t increments = 0;  // 0: the device does not know
-  std::uint32_t units = 1;
-};
-
 // Who this device is and whom it trusts. A table that does not fit is refused.
 struct DeviceIdentity {
-  std::array<char, kSerialLength> robot_serial = {};   // zero padded; empty: not bound to a robot
-  std::uint8_t joint_count = 0;                        // 0: any
-  bool has_key = false;                                // with a key, only signed tables are taken
-  std::array<std::uint8_t, 32> public_key = {};        // Ed25519 (RFC 8032)
-  std::array<Resolution, kMaxJoints> resolution = {};  // of each joint's drive
+  std::array<char, kSerialLength> robot_serial = {};  // zero padded; empty: not bound to a robot
+  std::uint8_t joint_count = 0;                       // 0: any
+  bool has_key = false;                               // with a key, only signed tables are taken
+  std::array<std::uint8_t, 32> public_key = {};       // Ed25519 (RFC 8032)
 };
 
 // Why a table is refused. The numbers are shown on the bus: never renumber.
@@ -54,7 +46,7 @@ enum class Refusal : std::uint8_t {
   kBusy = 19,            // an earlier activation has not been taken up yet
   kTooCostly = 20,       // a control cycle would take longer than kCycleBudget (table_cost.h)
   kScale = 21,           // increment scales that are not each other's inverse
-  kResolution = 22,      // scales of drives with another resolution than this device's
+  kResolution = 22,      // scales of drives with another resolution than this device's: 0x608F
 };
 
 // One short English name, for people and logs.
@@ -75,21 +67,13 @@ struct Validation {
 // verification (tens of milliseconds on a Cortex-M4): never call it from the joint path.
 Validation validate(std::span<const std::uint8_t> image, const DeviceIdentity& device);
 
-// What the header of a validated image says; for status objects and replay protection.
+// Which export a validated image is; for status objects and replay protection.
 struct TableInfo {
-  std::uint16_t format_version = 0;
-  std::uint32_t image_length = 0;
   std::uint32_t sequence = 0;  // grows with every export for one robot
   std::uint32_t checksum = 0;  // CRC-32 of the image
-  std::array<char, kSerialLength> robot_serial = {};
-  std::uint8_t joint_count = 0;
-  std::uint8_t sensor_count = 0;
-  std::uint8_t tool_count = 0;
-  bool is_signed = false;
-  bool is_full_pose = false;
 };
 
-// Reads the header. Precondition: `image` passed validate().
+// Precondition: `image` passed validate().
 TableInfo describe(std::span<const std::uint8_t> image);
 
 }  // namespace armtrue

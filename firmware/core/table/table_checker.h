@@ -28,7 +28,6 @@ class Checker {
 
  private:
   using Section = format::Section;
-  struct Fields;
 
   // Remembers why and where; `condition` is what a good image fulfils.
   bool require(bool condition, Refusal refusal, std::size_t field) {
@@ -50,6 +49,18 @@ class Checker {
     return require(condition, refusal, offset_of(at));
   }
   bool require_zero(const std::uint8_t* at, std::size_t bytes);
+  bool require_room(Section kind, std::size_t most) {
+    return require(section(kind).count <= most, Refusal::kTooManyRecords,
+                   format::header::kSectionCountAt);
+  }
+  // Whether every record of a section passes `check(at, index)`; the first that does not ends it.
+  template <typename Check>
+  bool all_records(Section kind, Check check) {
+    for (std::size_t i = 0; i < section(kind).count; ++i) {
+      if (!check(record(kind, i), i)) return false;
+    }
+    return true;
+  }
 
   bool check_header();
   // Printable ASCII, then zeros to the end.
@@ -70,16 +81,16 @@ class Checker {
   bool check_gravity();
 
   bool check_state();
+  bool check_variable(const std::uint8_t* at, std::size_t i, int& last_class);
   // A slot that a record numbered `before` in slots may read; constant records only constant slots.
   bool check_slot(std::uint16_t slot, std::size_t before, bool constant, const std::uint8_t* at);
   bool check_angle_source(std::uint16_t source, bool constant, const std::uint8_t* at);
   bool check_nodes();
-  static Fields fields_of(format::Node kind);
-  bool check_unused(const std::uint8_t* at, const Fields& used);
+  bool check_unused(const std::uint8_t* at, std::uint32_t used);
   bool check_shift(int shift, int low, int high, const std::uint8_t* at);
   bool check_node(const std::uint8_t* at, format::Node kind, std::size_t slot, bool constant,
                   std::size_t& continued);
-  bool is_known_coordinate(std::size_t coordinate) const;
+  bool check_coordinate(const std::uint8_t* at, bool is_steep);
   bool check_terms();
   bool check_harmonics();
   bool check_slow_waves();
@@ -103,6 +114,11 @@ class Checker {
   std::array<SectionView, format::kSectionKinds> sections_ = {};
   Validation failure_;
 };
+
+// Checks the header fields behind the envelope, the directory, and every record of every section.
+// `body`: the image without signature and checksum, at least a header long. What passes can be
+// evaluated without any further check: no reference leaves its section, no shift its range.
+Validation check_contents(std::span<const std::uint8_t> body);
 
 }  // namespace armtrue
 

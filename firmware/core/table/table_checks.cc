@@ -1,5 +1,3 @@
-#include "firmware/core/table/table_checks.h"
-
 #include "firmware/core/fixed/bytes.h"
 #include "firmware/core/table/limits.h"
 #include "firmware/core/table/table_checker.h"
@@ -25,9 +23,7 @@ Validation Checker::run() {
 
 bool Checker::require_zero(const std::uint8_t* at, std::size_t bytes) {
   for (std::size_t i = 0; i < bytes; ++i) {
-    if (!require_at(at[i] == 0U, Refusal::kReserved, at + i)) {
-      return false;
-    }
+    if (!require_at(at[i] == 0U, Refusal::kReserved, at + i)) return false;
   }
   return true;
 }
@@ -44,9 +40,7 @@ bool Checker::check_header() {
       require(bytes[header::kActiveToolAt] < bytes[header::kToolCountAt], Refusal::kBadReference,
               header::kActiveToolAt) &&
       require(bytes[header::kReservedAt] == 0U, Refusal::kReserved, header::kReservedAt);
-  if (!counts || !check_serial()) {
-    return false;
-  }
+  if (!counts || !check_serial()) return false;
   const std::int32_t damping = load_i32(bytes + header::kDampingAt);
   const std::int32_t rotation = load_i32(bytes + header::kRotationLengthAt);
   const bool is_pose = (load_u32(bytes + header::kFlagsAt) & format::kFlagFullPose) != 0U;
@@ -65,9 +59,7 @@ bool Checker::check_serial() {
     const std::uint8_t c = body_[header::kSerialAt + i];
     ended = ended || c == 0U;
     const bool fits = ended ? c == 0U : c >= 0x20U && c < 0x7FU;
-    if (!require(fits, Refusal::kValueRange, header::kSerialAt + i)) {
-      return false;
-    }
+    if (!require(fits, Refusal::kValueRange, header::kSerialAt + i)) return false;
   }
   return true;
 }
@@ -93,9 +85,7 @@ bool Checker::check_directory() {
     }
     last_kind = kind;
     expected = offset + records * record_length(static_cast<Section>(kind), joints_);
-    if (!require(expected <= body_.size(), Refusal::kSectionBounds, entry + 2)) {
-      return false;
-    }
+    if (!require(expected <= body_.size(), Refusal::kSectionBounds, entry + 2)) return false;
     sections_[kind] = {body_.data() + offset, records};
   }
   const auto present = [this](Section kind) { return section(kind).count != 0U; };

@@ -54,66 +54,37 @@ constexpr std::uint32_t kGridOutputCorner = 8;
 constexpr std::uint32_t kListedAxis = 14;
 constexpr std::uint32_t kHalving = 11;
 
-std::uint32_t cost_of(format::Node kind) {
-  switch (kind) {
-    case format::Node::kContinuation:
-      return 10;
-    case format::Node::kHarmonic:
-      return 60;
-    case format::Node::kAngle:
-      return 40;
-    case format::Node::kToAngle:
-      return 38;
-    case format::Node::kSine:
-      return 46;
-    case format::Node::kProduct:
-      return 20;
-    case format::Node::kSum:
-      return 90;
-    case format::Node::kScale:
-      return 60;
-    case format::Node::kReciprocal:
-      return 102;
-    case format::Node::kAbsolute:
-    case format::Node::kMinimum:
-    case format::Node::kMaximum:
-      return 22;
-    case format::Node::kSign:
-      return 26;
-    case format::Node::kSpline:
-      return 130;
-    case format::Node::kPowerOfTwo:
-      return 108;
-    case format::Node::kGrid:
-      break;  // by its data
-  }
-  return 0;
-}
+// Of one evaluation, by kind; of a grid by its data.
+constexpr std::uint32_t kNode[format::kNodeKinds] = {
+    10,   // kContinuation
+    60,   // kHarmonic
+    40,   // kAngle
+    38,   // kToAngle
+    46,   // kSine
+    20,   // kProduct
+    90,   // kSum
+    60,   // kScale
+    102,  // kReciprocal
+    22,   // kAbsolute
+    26,   // kSign
+    22,   // kMinimum
+    22,   // kMaximum
+    130,  // kSpline
+    0,    // kGrid
+    108,  // kPowerOfTwo
+};
 
 class Counter {
  public:
-  explicit Counter(std::span<const std::uint8_t> image) : bytes_(image.data()) {
-    const std::uint8_t* entry = bytes_ + format::header::kLength;
-    for (std::size_t i = 0; i < bytes_[format::header::kSectionCountAt]; ++i) {
-      sections_[load_u16(entry)] = {bytes_ + load_u32(entry + 4), load_u16(entry + 2)};
-      entry += format::kDirectoryEntryLength;
-    }
-  }
+  explicit Counter(std::span<const std::uint8_t> image) : table_(image) {}
 
   std::uint32_t count() const { return arm() + states() + gravity() + nodes() + terms(); }
 
  private:
-  const SectionView& section(Section kind) const {
-    return sections_[static_cast<std::size_t>(kind)];
-  }
-  std::uint32_t header_count(std::size_t at) const { return load_u16(bytes_ + at); }
-  std::uint32_t joints() const { return bytes_[format::header::kJointCountAt]; }
-  bool is_full_pose() const {
-    return (load_u32(bytes_ + format::header::kFlagsAt) & format::kFlagFullPose) != 0U;
-  }
+  const SectionView& section(Section kind) const { return table_.section(kind); }
+  std::uint32_t joints() const { return table_.joint_count(); }
 
   std::uint32_t arm() const;
-  std::uint32_t moving_frames() const;
   std::uint32_t states() const;
   std::uint32_t gravity() const;
   std::uint32_t gravity_passes() const;
@@ -121,32 +92,20 @@ class Counter {
   std::uint32_t grid(const std::uint8_t* node) const;
   std::uint32_t terms() const;
 
-  const std::uint8_t* bytes_;
-  std::array<SectionView, format::kSectionKinds> sections_ = {};
+  TableView table_;
 };
 
 std::uint32_t Counter::arm() const {
-  const std::uint32_t frame = is_full_pose() ? kFrameOfPose : kFrame;
+  const bool is_full_pose = table_.is_full_pose();
   const std::uint32_t fixed =
-      is_full_pose() ? kPose + joints() * kPosePerJoint : kPosition + joints() * kPositionPerJoint;
-  return fixed + section(Section::kSensors).count * kSensor +
-         section(Section::kCoupling).count * kCoupling + moving_frames() * frame;
-}
-
-// Virtual joints that some record acts on.
-std::uint32_t Counter::moving_frames() const {
-  std::uint32_t frames = 0;
-  for (const Section kind : {Section::kTerms, Section::kHarmonics, Section::kSlowWaves}) {
-    const SectionView& records = section(kind);
-    const std::size_t length = record_length(kind, joints());
-    for (std::size_t i = 0; i < records.count; ++i) {
-      const std::uint32_t coordinate = records.begin[i * length];  // the first byte of all three
-      if (coordinate >= format::kMotorCoordinates) {
-        frames |= 1U << ((coordinate - format::kMotorCoordinates) / 6U);
-      }
-    }
+      is_full_pose ? kPose + joints() * kPosePerJoint : kPosition + joints() * kPositionPerJoint;
+  std::uint32_t moving = 0;  // virtual joints that some record acts on
+  for (std::size_t frame = 0; frame < format::kFrames; ++frame) {
+    moving += table_.has_motion(frame) ? 1U : 0U;
   }
-  return static_cast<std::uint32_t>(std::popcount(frames));
+  return fixed + section(Section::kSensors).count * kSensor +
+         section(Section::kCoupling).count * kCoupling +
+         moving * (is_full_pose ? kFrameOfPose : kFrame);
 }
 
 std::uint32_t Counter::states() const {
@@ -167,9 +126,7 @@ std::uint32_t Counter::states() const {
 }
 
 // Loads at the target, and where they act at the command those at q₁ too.
-std::uint32_t Counter::gravity_passes() const {
-  return do_loads_act_at_command(section(Section::kMassSets)) ? 2U : 1U;
-}
+std::uint32_t Counter::gravity_passes() const { return table_.do_loads_act_at_command() ? 2U : 1U; }
 
 // A change of the mass set from one variable to the next sums all masses anew; the torque of a
 // motor asks every coupling whether it drives it.
@@ -185,9 +142,7 @@ std::uint32_t Counter::gravity() const {
   for (std::size_t i = 0; i < states.count; ++i) {
     const std::uint8_t* state = states.begin + i * format::state::kLength;
     const auto kind = static_cast<format::State>(state[format::state::kKindAt]);
-    if (format::class_of(kind) != format::kGravityClass) {
-      continue;
-    }
+    if (format::class_of(kind) != format::kGravityClass) continue;
     sum += set == format::node::kNone ? kGravity + joints() * kGravityPerJoint : 0U;
     sum += set != state[format::state::kSetAt] ? kMassSet + joints() * kMassSetPerJoint : 0U;
     set = state[format::state::kSetAt];
@@ -200,14 +155,15 @@ std::uint32_t Counter::gravity() const {
 }
 
 std::uint32_t Counter::nodes() const {
-  const std::uint32_t constant = header_count(format::header::kConstantNodesAt);
-  const std::uint32_t steep = header_count(format::header::kSteepNodesAt);
+  const std::uint32_t constant = table_.constant_counts().nodes;
+  const std::uint32_t steep = table_.steep_counts().nodes;
   const SectionView& nodes = section(Section::kNodes);
   std::uint32_t sum = 0;
   for (std::uint32_t i = 0; i < nodes.count; ++i) {
     const std::uint8_t* node = nodes.begin + i * format::node::kLength;
-    const auto kind = static_cast<format::Node>(node[format::node::kKindAt]);
-    const std::uint32_t once = kind == format::Node::kGrid ? grid(node) : cost_of(kind);
+    const std::uint8_t kind = node[format::node::kKindAt];
+    const bool is_grid = static_cast<format::Node>(kind) == format::Node::kGrid;
+    const std::uint32_t once = is_grid ? grid(node) : kNode[kind];
     const std::uint32_t smooth_or_steep = i < steep ? kSteepPasses : kSmoothPasses;
     sum += (i < constant ? kConstantPasses : smooth_or_steep) * once;
   }
@@ -231,7 +187,7 @@ std::uint32_t Counter::grid(const std::uint8_t* node) const {
     if (is_listed) {
       sum += kListedAxis + static_cast<std::uint32_t>(std::bit_width(count - 1U)) * kHalving;
     }
-    axis += format::grid::kAxisHeadLength + (is_listed ? 8U * count - 4U : 8U);
+    axis += format::grid::kAxisHeadLength + format::grid::axis_length(count, is_listed);
   }
   return sum;
 }
@@ -241,11 +197,10 @@ std::uint32_t Counter::terms() const {
     return constant * kConstantPasses + (steep - constant) * kSteepPasses +
            (all - steep) * kSmoothPasses;
   };
-  return kTerm * weighed(header_count(format::header::kConstantTermsAt),
-                         header_count(format::header::kSteepTermsAt),
-                         section(Section::kTerms).count) +
-         kHarmonic * weighed(0, header_count(format::header::kSteepHarmonicsAt),
-                             section(Section::kHarmonics).count) +
+  const TermCounts& steep = table_.steep_counts();
+  return kTerm *
+             weighed(table_.constant_counts().terms, steep.terms, section(Section::kTerms).count) +
+         kHarmonic * weighed(0, steep.harmonics, section(Section::kHarmonics).count) +
          kSlowWave * kSmoothPasses * section(Section::kSlowWaves).count;
 }
 

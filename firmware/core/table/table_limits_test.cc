@@ -12,10 +12,10 @@
 namespace armtrue {
 namespace {
 
-using testing::append;
-using testing::Bytes;
-using testing::put;
-using testing::TestImage;
+using tests::append;
+using tests::Bytes;
+using tests::put;
+using tests::TestImage;
 
 // One field of joint `joint` set to `value`.
 template <typename Integer>
@@ -38,15 +38,7 @@ TestImage with_scale(std::int32_t u, std::uint8_t s, std::int32_t v, std::uint8_
   return made;
 }
 
-Refusal refusal_of(const Bytes& image, const DeviceIdentity& device = {}) {
-  return validate(image, device).refusal;
-}
-
-DeviceIdentity with_resolution(std::int64_t increments, std::uint32_t units) {
-  DeviceIdentity device;
-  device.resolution.fill({increments, units});
-  return device;
-}
+Refusal refusal_of(const Bytes& image) { return validate(image, {}).refusal; }
 
 TEST(TableScaleTest, Scale_LargestMantissa_IsRefused) {
   // The table: the way back alone is changed, and a correction of 0.05 turn becomes a step
@@ -91,31 +83,6 @@ TEST(TableScaleTest, SmallestShifts_AreTaken_NoneIsRefused) {
   EXPECT_EQ(refusal_of(with_scale(1024, 0, 1 << 20, 30).image()), Refusal::kValueRange);
   EXPECT_EQ(refusal_of(with_scale(1 << 20, 19, 1, 1).image()), Refusal::kNone);
   EXPECT_EQ(refusal_of(with_scale(1 << 20, 20, 1, 0).image()), Refusal::kValueRange);
-}
-
-TEST(TableScaleTest, Resolution_OfAnotherDrive_IsRefused) {
-  const Bytes image = TestImage(3).image();  // 2^24 increments a turn
-  EXPECT_EQ(refusal_of(image, with_resolution(1 << 24, 1)), Refusal::kNone);
-  EXPECT_EQ(refusal_of(image, with_resolution(std::int64_t{100} << 24, 100)), Refusal::kNone);
-  EXPECT_EQ(refusal_of(image, with_resolution(1 << 20, 1)), Refusal::kResolution);
-  EXPECT_EQ(refusal_of(image, with_resolution((1 << 24) + 16, 1)), Refusal::kResolution);
-  EXPECT_EQ(refusal_of(image, with_resolution(-(1 << 24), 1)), Refusal::kResolution);
-  EXPECT_EQ(refusal_of(image, with_resolution(std::int64_t{1} << 56, 1)), Refusal::kResolution);
-  EXPECT_EQ(refusal_of(image, with_resolution(1 << 24, 0)), Refusal::kResolution);
-}
-
-TEST(TableScaleTest, Resolution_OfOneJointAlone_IsCompared) {
-  const Bytes image = TestImage(3).image();
-  for (std::size_t joint = 0; joint < 3; ++joint) {
-    DeviceIdentity device;
-    device.resolution[joint] = {1 << 23, 1};
-    EXPECT_EQ(refusal_of(image, device), Refusal::kResolution) << joint;
-    device.resolution[joint] = {1 << 23, 0};
-    EXPECT_EQ(refusal_of(image, device), Refusal::kResolution) << joint;
-  }
-  DeviceIdentity device;
-  device.resolution[3] = {1 << 23, 1};  // of a joint that this table has not
-  EXPECT_EQ(refusal_of(image, device), Refusal::kNone);
 }
 
 TEST(TableRateTest, Rate_ThatRoundsToNothingInACycle_IsRefused) {

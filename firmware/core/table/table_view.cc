@@ -52,23 +52,16 @@ TableView::TableView(std::span<const std::uint8_t> image) : image_(image) {
 }
 
 void TableView::read_motions() {
-  const auto use = [this](std::uint8_t coordinate) {
-    if (coordinate >= format::kMotorCoordinates) {
+  for (const format::Section kind :
+       {format::Section::kTerms, format::Section::kHarmonics, format::Section::kSlowWaves}) {
+    const SectionView& records = section(kind);
+    for (std::size_t i = 0; i < records.count; ++i) {
+      // The coordinate is the first byte of all three.
+      const std::uint8_t coordinate = records.begin[i * record_length(kind, joint_count_)];
+      if (coordinate < format::kMotorCoordinates) continue;
       const std::size_t frame = (coordinate - format::kMotorCoordinates) / 6U;
       frames_in_use_ = static_cast<std::uint16_t>(frames_in_use_ | (1U << frame));
     }
-  };
-  const SectionView& terms = section(format::Section::kTerms);
-  for (std::size_t i = 0; i < terms.count; ++i) {
-    use(terms.begin[i * format::term::kLength]);
-  }
-  const SectionView& harmonics = section(format::Section::kHarmonics);
-  for (std::size_t i = 0; i < harmonics.count; ++i) {
-    use(harmonics.begin[i * format::harmonic::kLength]);
-  }
-  const SectionView& waves = section(format::Section::kSlowWaves);
-  for (std::size_t i = 0; i < waves.count; ++i) {
-    use(waves.begin[i * format::slow_wave::kLength]);
   }
 }
 
@@ -78,9 +71,7 @@ void TableView::read_constants() {
   const std::uint16_t constant_terms = constant_counts_.terms;
   while (first_changing_term_ < constant_terms) {
     const std::uint8_t* term = terms.begin + first_changing_term_ * format::term::kLength;
-    if (load_u16(term + format::term::kSlotAt) != 0U) {
-      break;
-    }
+    if (load_u16(term + format::term::kSlotAt) != 0U) break;
     add_to(constants_[term[format::term::kCoordinateAt]],
            round_high(load_i32(term + format::term::kMantissaAt), kRatioOne.raw));
     ++first_changing_term_;

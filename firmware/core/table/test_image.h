@@ -17,7 +17,7 @@
 #include "firmware/core/table/limits.h"
 #include "firmware/core/table/table_view.h"
 
-namespace armtrue::testing {
+namespace armtrue::tests {
 
 using Bytes = std::vector<std::uint8_t>;
 
@@ -203,6 +203,6 @@ inline void mend_checksum(Bytes& image) {
   put(image, image.size() - 4, crc32(std::span(image).first(image.size() - 4)));
 }
 
-}  // namespace armtrue::testing
+}  // namespace armtrue::tests
 
 #endif  // ARMTRUE_FIRMWARE_CORE_TABLE_TEST_IMAGE_H_

@@ -15,6 +15,8 @@ enum class Operation : std::uint32_t {
   kExitExtended = 0x20,
 };
 
+enum class OpenMode : std::uint32_t { kReadBinary = 1, kWriteBinary = 5 };
+
 constexpr std::uintptr_t kApplicationExit = 0x20026;  // ADP_Stopped_ApplicationExit
 
 std::uintptr_t call(Operation operation, std::uintptr_t argument) {
@@ -32,13 +34,14 @@ std::uintptr_t call(Operation operation, const std::uintptr_t* block) {
   return call(operation, reinterpret_cast<std::uintptr_t>(block));
 }
 
-}  // namespace
-
+// A handle, or -1 where the host refused. `path` is relative to the emulator's working directory.
 std::int32_t open(const char* path, OpenMode mode) {
   const std::uintptr_t block[] = {reinterpret_cast<std::uintptr_t>(path),
                                   static_cast<std::uintptr_t>(mode), std::strlen(path)};
   return static_cast<std::int32_t>(call(Operation::kOpen, block));
 }
+
+}  // namespace
 
 void close(std::int32_t handle) {
   const std::uintptr_t block[] = {static_cast<std::uintptr_t>(handle)};
@@ -73,9 +76,16 @@ void print_unsigned(std::uint32_t value) {
   print(&text[at]);
 }
 
-bool command_line(char* text, std::size_t size) {
-  std::uintptr_t block[] = {reinterpret_cast<std::uintptr_t>(text), size};
-  return call(Operation::kGetCommandLine, block) == 0 && block[1] < size;
+bool open_files(std::int32_t& input, std::int32_t& output) {
+  char text[256];
+  std::uintptr_t block[] = {reinterpret_cast<std::uintptr_t>(text), sizeof text};
+  if (call(Operation::kGetCommandLine, block) != 0 || block[1] >= sizeof text) return false;
+  char* space = std::strchr(text, ' ');
+  if (space == nullptr) return false;
+  *space = '\0';
+  input = open(text, OpenMode::kReadBinary);
+  output = open(space + 1, OpenMode::kWriteBinary);
+  return input >= 0 && output >= 0;
 }
 
 void exit(std::uint32_t status) {

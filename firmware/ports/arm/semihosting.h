@@ -11,11 +11,9 @@
 
 namespace armtrue::semihosting {
 
-enum class OpenMode : std::uint32_t { kReadBinary = 1, kWriteBinary = 5 };
-
-// Opens a host file; `path` is nul-terminated and relative to the emulator's working directory.
-// Returns a handle, or -1 where the host refused.
-std::int32_t open(const char* path, OpenMode mode);
+// Opens the two files of the command line that the emulator was given (`arg=` of
+// -semihosting-config): INPUT OUTPUT. False where they are not named or the host refused.
+bool open_files(std::int32_t& input, std::int32_t& output);
 
 void close(std::int32_t handle);
 
@@ -30,10 +28,6 @@ void print(const char* text);
 
 // Prints an unsigned number in decimal.
 void print_unsigned(std::uint32_t value);
-
-// Copies the command line that the emulator was given (`arg=` of -semihosting-config) into `text`,
-// nul-terminated. Returns false where it does not fit or there is none.
-bool command_line(char* text, std::size_t size);
 
 // Ends the emulator; `status` is its exit status (0 to 255).
 [[noreturn]] void exit(std::uint32_t status);

@@ -1,5 +1,5 @@
-// Everything that a bare-metal compensator is made of, above its drivers. One static object per
-// image.
+// Everything that a compensator is made of, above its drivers. One static object per bare-metal
+// image; on POSIX one for each life, from power-on to reset.
 #ifndef ARMTRUE_FIRMWARE_PORTS_COMMON_DEVICE_H_
 #define ARMTRUE_FIRMWARE_PORTS_COMMON_DEVICE_H_
 
@@ -26,12 +26,12 @@ struct DeviceParts {
   void (*note_long_request)(bool begins) = nullptr;  // canopen::NodeParts
 };
 
-// What is fixed when the image is built (firmware/ports/identity.cmake).
+// What is fixed when the image is built (firmware/ports/identity.cmake) or by the command line.
+// Must outlive the device.
 struct DeviceSettings {
-  DeviceIdentity identity;
+  DeviceIdentity identity;  // with the arm's number of joints
   std::uint8_t node_id = 0;
   std::uint32_t serial_number = 0;  // 0x1018 sub 4
-  std::uint8_t joint_count = 0;
   std::uint32_t cycle_us = 0;
 };
 
@@ -39,12 +39,12 @@ class Device {
  public:
   Device(const DeviceSettings& settings, const DeviceParts& parts)
       : clock_us_(parts.clock_us),
-        compensator_({.joint_count = settings.joint_count, .cycle_us = settings.cycle_us}),
+        compensator_({.joint_count = settings.identity.joint_count, .cycle_us = settings.cycle_us}),
         verifier_(settings.identity),
         store_(parts.tables, verifier_),
         node_({.node_id = settings.node_id,
                .serial_number = settings.serial_number,
-               .joint_count = settings.joint_count,
+               .joint_count = settings.identity.joint_count,
                .clock_us = parts.clock_us},
               {parts.upstream,
                parts.downstream,

@@ -65,7 +65,6 @@ class WatchdogTest : public testing::Test {
   const DeviceSettings settings_{.identity = {.robot_serial = {}, .joint_count = 6},
                                  .node_id = NodeBench::kNodeId,
                                  .serial_number = 1,
-                                 .joint_count = 6,
                                  .cycle_us = 1000};
   Device device_{settings_, {upstream_, &downstream_, flash_, parameters_, &clock, &health_}};
 };

@@ -10,9 +10,11 @@ namespace armtrue::ports {
 class InterruptLock {
  public:
 #if defined(__arm__) && __ARM_ARCH_PROFILE == 'M'
+  // cppcheck-suppress uninitMemberVar; by the instruction
   InterruptLock() { asm volatile("mrs %0, primask\n cpsid i" : "=r"(before_) : : "memory"); }
   ~InterruptLock() { asm volatile("msr primask, %0" : : "r"(before_) : "memory"); }
 #elif defined(__arm__)
+  // cppcheck-suppress uninitMemberVar; by the instruction
   InterruptLock() { asm volatile("mrs %0, cpsr\n cpsid i" : "=r"(before_) : : "memory"); }
   ~InterruptLock() { asm volatile("msr cpsr_c, %0" : : "r"(before_) : "memory"); }
 #else

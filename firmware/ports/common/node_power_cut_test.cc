@@ -39,10 +39,6 @@ constexpr std::array<std::int32_t, 6> kPose = {230'000,  300'000, 150'000,
                                                -250'000, 270'000, -200'000};
 
 void configure(NodeBench& bench, Mode mode) {
-  for (std::uint32_t k = 0; k < 3 && mode == Mode::kOffset; ++k) {
-    EXPECT_EQ(bench.write(static_cast<std::uint16_t>(0x1800 + k), 1, 0x400001A0U + 0x100U * k, 4),
-              0U);
-  }
   bench.configure(mode);
   bench.downstream.take_sent();
   bench.upstream.take_sent();
@@ -55,8 +51,7 @@ Outputs outputs_of(NodeBench& bench, Mode mode, std::array<std::int32_t, 6> held
   const bool offset = mode == Mode::kOffset;
   Outputs outputs;
   for (int cycle = 0; cycle < cycles_of(mode); ++cycle) {
-    bench.now_us += 1000;
-    bench.from_controller(make_frame(0x80, {}));
+    bench.next_sync();
     for (std::uint32_t pair = 0; pair < 3; ++pair) {
       const CanFrame frame = NodeBench::pair_frame(0x1C0 + pair, kPose[2 * pair] + held[2 * pair],
                                                    kPose[2 * pair + 1] + held[2 * pair + 1]);

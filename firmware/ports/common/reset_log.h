@@ -6,6 +6,8 @@
 #include <cstdint>
 #include <initializer_list>
 
+#include "firmware/core/fixed/counter.h"
+
 namespace armtrue::ports {
 
 // 0x2040 sub 1; fits in four bits.
@@ -60,7 +62,7 @@ class ResetLog {
     const ResetCause cause = is_by_program && noted != ResetCause::kUnknown ? noted : hardware;
     record_.cause = static_cast<std::uint32_t>(cause);
     record_.noted = 0;
-    if (record_.resets != UINT32_MAX) ++record_.resets;
+    count(record_.resets);
     record_.history = record_.history << 4U | record_.cause;
     record_.check = check();
   }

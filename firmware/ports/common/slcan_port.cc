@@ -2,7 +2,8 @@
 
 #include <utility>
 
-#include "firmware/ports/common/frame_queue.h"
+#include "firmware/core/fixed/counter.h"
+#include "firmware/ports/common/classic_frame.h"
 
 namespace armtrue::ports {
 namespace {
@@ -89,11 +90,11 @@ bool SlcanPort::send(const canopen::CanFrame& frame) {
   }
   const auto size = static_cast<std::size_t>(to - text.data());
   if (size == 0 || size > stream_.writable()) {
-    count_up(counters_.send_refused);
+    count(counters_.send_refused);
     return false;
   }
   stream_.write(std::span(text).first(size));
-  count_up(counters_.sent);
+  count(counters_.sent);
   return true;
 }
 
@@ -137,7 +138,7 @@ bool SlcanPort::take_line(Line line, canopen::CanFrame& frame) {
   }
   const bool extended = frame.is(canopen::kFrameExtended);
   reply(std::array{static_cast<std::uint8_t>(extended ? 'Z' : 'z'), kEnd});
-  count_up(counters_.received);
+  count(counters_.received);
   return true;
 }
 

@@ -33,7 +33,6 @@ class SlcanPort final : public canopen::CanPort {
   canopen::BusState bus_state() override { return canopen::BusState::kActive; }
   void recover() override {}
   canopen::BusCounters counters() const override { return counters_; }
-  bool supports_fd() const override { return false; }
 
  private:
   enum class Channel : std::uint8_t { kClosed, kOpen, kListening };

@@ -22,15 +22,11 @@
 #include <string>
 #include <vector>
 
-#include "firmware/canopen/node/node.h"
-#include "firmware/core/compensator.h"
+#include "firmware/ports/common/device.h"
 #include "firmware/ports/posix/file_flash.h"
 #include "firmware/ports/posix/socketcan_port.h"
-#include "firmware/storage/slot_store.h"
 
 namespace {
-
-using armtrue::canopen::Node;
 
 struct Options {
   std::string upstream;
@@ -181,29 +177,6 @@ std::string run_in_real_time(unsigned priority) {
   return "";
 }
 
-// One life of the node, from power-on to reset or stop. Everything in RAM is new.
-struct Life {
-  Life(const Options& options, const armtrue::DeviceIdentity& device,
-       armtrue::canopen::CanPort& upstream, armtrue::canopen::CanPort* downstream,
-       armtrue::storage::Flash& flash, armtrue::canopen::ParameterStore& parameters)
-      : compensator({.joint_count = static_cast<std::uint8_t>(options.joints),
-                     .cycle_us = options.cycle_us}),
-        verifier(device),
-        store(flash, verifier),
-        node({.node_id = static_cast<std::uint8_t>(options.node_id),
-              .serial_number = options.serial_number,
-              .joint_count = static_cast<std::uint8_t>(options.joints),
-              .clock_us = &now_us},
-             {upstream, downstream, compensator, store, parameters, device, {first, second}}) {}
-
-  std::array<std::uint8_t, armtrue::kMaxImageLength> first = {};
-  std::array<std::uint8_t, armtrue::kMaxImageLength> second = {};
-  armtrue::Compensator compensator;
-  armtrue::canopen::IdentityVerifier verifier;
-  armtrue::storage::SlotStore store;
-  Node node;
-};
-
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -215,10 +188,14 @@ int main(int argc, char** argv) {
     std::fputs(kUsage, stdout);
     return 0;
   }
-  armtrue::DeviceIdentity device;
-  options.serial.copy(device.robot_serial.data(), device.robot_serial.size());
-  device.joint_count = static_cast<std::uint8_t>(options.joints);
-  if (const std::string problem = read_key(options.key_file, device); !problem.empty()) {
+  armtrue::ports::DeviceSettings settings = {
+      .identity = {.joint_count = static_cast<std::uint8_t>(options.joints)},
+      .node_id = static_cast<std::uint8_t>(options.node_id),
+      .serial_number = options.serial_number,
+      .cycle_us = options.cycle_us};
+  armtrue::DeviceIdentity& identity = settings.identity;
+  options.serial.copy(identity.robot_serial.data(), identity.robot_serial.size());
+  if (const std::string problem = read_key(options.key_file, identity); !problem.empty()) {
     return fail(problem);
   }
   if (mkdir(options.state.c_str(), 0755) != 0 && errno != EEXIST) {
@@ -249,13 +226,12 @@ int main(int argc, char** argv) {
   std::array<pollfd, 2> waits = {{{upstream.descriptor(), POLLIN, 0}, {-1, POLLIN, 0}}};
   if (downstream) waits[1].fd = downstream->descriptor();
   while (stop_requested == 0) {
-    const auto life = std::make_unique<Life>(
-        options, device, upstream, downstream ? &*downstream : nullptr, flash, parameters);
-    life->node.start(now_us());
-    while (stop_requested == 0) {
-      if (life->node.process(now_us()) == armtrue::canopen::NodeAction::kRestart) break;
-      poll(waits.data(), waits.size(), 1);
-    }
+    // From power-on to reset or stop. Everything in RAM is new.
+    const armtrue::ports::DeviceParts parts = {upstream, downstream ? &*downstream : nullptr, flash,
+                                               parameters, &now_us};
+    const auto device = std::make_unique<armtrue::ports::Device>(settings, parts);
+    device->start();
+    while (stop_requested == 0 && device->turn([] {})) poll(waits.data(), waits.size(), 1);
   }
   return 0;
 }

@@ -14,15 +14,13 @@
 #include <cstring>
 #include <string_view>
 
+#include "firmware/core/fixed/counter.h"
+
 namespace armtrue::posix {
 namespace {
 
 using canopen::BusState;
 using canopen::CanFrame;
-
-void count(std::uint32_t& counter) {
-  if (counter != UINT32_MAX) ++counter;
-}
 
 }  // namespace
 
@@ -62,9 +60,7 @@ std::string SocketCanPort::open(const std::string& interface) {
   }
   interface_ = interface;
   std::memcpy(request.ifr_name, interface.data(), interface.size());
-  if (ioctl(socket_, SIOCGIFINDEX, &request) < 0) {
-    return interface + ": no such network interface";
-  }
+  if (ioctl(socket_, SIOCGIFINDEX, &request) < 0) return interface + ": no such network interface";
   const int index = request.ifr_ifindex;
   if (ioctl(socket_, SIOCGIFMTU, &request) == 0) supports_fd_ = request.ifr_mtu == CANFD_MTU;
   const int on = 1;

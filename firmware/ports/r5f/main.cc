@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <span>
 
+#include "firmware/core/fixed/counter.h"
 #include "firmware/core/table/limits.h"
 #include "firmware/ports/common/device.h"
 #include "firmware/ports/common/register_block.h"
@@ -80,7 +81,7 @@ void poll_controllers() {
   const std::uint64_t begin = clock_us();
   while (clock_us() - begin < kPollUs) {
   }
-  ports::count_up(armtrue_ways_in.polls);
+  count(armtrue_ways_in.polls);
   can0.on_interrupt();
   can1.on_interrupt();
 }
@@ -90,10 +91,10 @@ void poll_controllers() {
 extern "C" void irq_handler() {
   interrupts.serve([](std::uint32_t number) {
     if (number == kCan0Interrupt) {
-      ports::count_up(armtrue_ways_in.can0_interrupts);
+      count(armtrue_ways_in.can0_interrupts);
       can0.on_interrupt();
     } else if (number == kCan1Interrupt) {
-      ports::count_up(armtrue_ways_in.can1_interrupts);
+      count(armtrue_ways_in.can1_interrupts);
       can1.on_interrupt();
     }
   });

@@ -11,24 +11,6 @@ namespace {
 [[gnu::section(".noinit")]] ports::ResetRecord reset_record;
 constinit ports::ResetLog log(reset_record);
 
-}  // namespace
-
-ports::ResetLog& reset_log() { return log; }
-
-}  // namespace armtrue::r5f
-
-// Until the watchdog strikes.
-extern "C" [[noreturn, gnu::weak]] void fault_handler() {
-  armtrue::r5f::reset_log().note(armtrue::ports::ResetCause::kFault);
-  for (;;) asm volatile("wfi");
-}
-
-// The first that runs: memory is not initialised yet.
-extern "C" void early_start() { armtrue::r5f::start_watchdog(); }
-
-namespace armtrue::r5f {
-namespace {
-
 // Cycles of the counter in a microsecond: 500 MHz as the usual configuration sets the unit up; QEMU
 // counts nanoseconds.
 constexpr std::uint32_t kHardwareCycles = 500;
@@ -46,6 +28,8 @@ std::uint32_t cycles() {
 }
 
 }  // namespace
+
+ports::ResetLog& reset_log() { return log; }
 
 bool is_emulated() {
   constexpr std::uintptr_t kClockController = 0xFF5E0000;
@@ -100,3 +84,12 @@ void restart() {
 }
 
 }  // namespace armtrue::r5f
+
+// Until the watchdog strikes.
+extern "C" [[noreturn, gnu::weak]] void fault_handler() {
+  armtrue::r5f::reset_log().note(armtrue::ports::ResetCause::kFault);
+  for (;;) asm volatile("wfi");
+}
+
+// The first that runs: memory is not initialised yet.
+extern "C" void early_start() { armtrue::r5f::start_watchdog(); }

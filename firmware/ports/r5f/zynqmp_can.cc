@@ -32,12 +32,9 @@ std::uint32_t reversed(std::uint32_t word) {
 }  // namespace
 
 FifoWords to_fifo(const ClassicFrame& frame, FifoLayout layout) {
-  const bool extended = (frame.flags & canopen::kFrameExtended) != 0;
-  const bool remote = (frame.flags & canopen::kFrameRemote) != 0;
-  std::uint32_t data[2] = {};
-  for (std::uint32_t i = 0; i < canopen::kClassicPayload; ++i) {
-    data[i / 4] |= static_cast<std::uint32_t>(frame.data[i]) << (8 * (i % 4));
-  }
+  const bool extended = frame.is(canopen::kFrameExtended);
+  const bool remote = frame.is(canopen::kFrameRemote);
+  const std::array<std::uint32_t, 2> data = frame.words();
   const std::uint32_t dlc = static_cast<std::uint32_t>(frame.len) << zynqmp_can::kDlcShift;
   if (layout == FifoLayout::kEmulated) {
     return {frame.id | (extended ? kSocketExtended : 0) | (remote ? kSocketRemote : 0), dlc,
@@ -61,14 +58,9 @@ ClassicFrame from_fifo(const FifoWords& words, FifoLayout layout) {
   }
   if (extended) frame.flags |= canopen::kFrameExtended;
   if ((words.id & remote_bit) != 0) frame.flags |= canopen::kFrameRemote;
-  // Codes 9 to 15 stand for eight bytes (ISO 11898-1, 10.4.2.3).
-  const std::uint32_t length = words.dlc >> zynqmp_can::kDlcShift;
-  frame.len = static_cast<std::uint8_t>(length < 8 ? length : 8);
-  const std::uint32_t data[2] = {emulated ? words.data1 : reversed(words.data1),
-                                 emulated ? words.data2 : reversed(words.data2)};
-  for (std::uint32_t i = 0; i < frame.len; ++i) {
-    frame.data[i] = static_cast<std::uint8_t>(data[i / 4] >> (8 * (i % 4)));
-  }
+  frame.set_payload(words.dlc >> zynqmp_can::kDlcShift,
+                    {emulated ? words.data1 : reversed(words.data1),
+                     emulated ? words.data2 : reversed(words.data2)});
   return frame;
 }
 

@@ -11,8 +11,9 @@
 #include <cstdint>
 
 #include "firmware/canopen/protocol/can_port.h"
+#include "firmware/core/fixed/counter.h"
 #include "firmware/ports/common/bit_timing.h"
-#include "firmware/ports/common/frame_queue.h"
+#include "firmware/ports/common/classic_frame.h"
 #include "firmware/ports/common/interrupt_lock.h"
 #include "firmware/ports/common/register_block.h"
 
@@ -90,14 +91,13 @@ class ZynqMpCan final : public canopen::CanPort {
   bool start(const ports::BitTiming& timing);
 
   bool send(const canopen::CanFrame& frame) override;
-  bool receive(canopen::CanFrame& frame) override;
+  bool receive(canopen::CanFrame& frame) override { return ports::take_received(received_, frame); }
   std::uint8_t longest_burst() const override {
     return layout_ == FifoLayout::kEmulated ? kEmulatedBurst : CanPort::longest_burst();
   }
   canopen::BusState bus_state() override;
   void recover() override;
   canopen::BusCounters counters() const override { return counters_; }
-  bool supports_fd() const override { return false; }
 
   // The controller's one interrupt. Harmless without a cause, so that it can also be polled.
   void on_interrupt();
@@ -108,7 +108,7 @@ class ZynqMpCan final : public canopen::CanPort {
   Registers& registers_;
   FifoLayout layout_;
   ports::BitTiming timing_;
-  ports::FrameQueue<kQueue> received_;
+  ports::Queue<ports::ClassicFrame, kQueue> received_;
   canopen::BusCounters counters_;
   bool is_off_ = false;
 };
@@ -145,7 +145,7 @@ bool ZynqMpCan<Registers>::send(const canopen::CanFrame& frame) {
   const ports::InterruptLock lock;
   if (!ports::is_classic(frame) || is_off_ ||
       (registers_.read(zynqmp_can::kSr) & zynqmp_can::kSrTransmitFull) != 0) {
-    ports::count_up(counters_.send_refused);
+    count(counters_.send_refused);
     return false;
   }
   const FifoWords words = to_fifo(ports::ClassicFrame::from(frame), layout_);
@@ -153,16 +153,7 @@ bool ZynqMpCan<Registers>::send(const canopen::CanFrame& frame) {
   registers_.write(zynqmp_can::kTxFifoDlc, words.dlc);
   registers_.write(zynqmp_can::kTxFifoData1, words.data1);
   registers_.write(zynqmp_can::kTxFifoData2, words.data2);  // the fourth word makes it a frame
-  ports::count_up(counters_.sent);
-  return true;
-}
-
-template <ports::RegisterBlock Registers>
-bool ZynqMpCan<Registers>::receive(canopen::CanFrame& frame) {
-  const ports::InterruptLock lock;
-  ports::ClassicFrame classic;
-  if (!received_.pop(classic)) return false;
-  classic.copy_to(frame);
+  count(counters_.sent);
   return true;
 }
 
@@ -196,13 +187,13 @@ void ZynqMpCan<Registers>::on_interrupt() {
       words.data1 = registers_.read(zynqmp_can::kRxFifoData1);
       words.data2 = registers_.read(zynqmp_can::kRxFifoData2);
       const bool kept = received_.push(from_fifo(words, layout_));
-      ports::count_up(kept ? counters_.received : counters_.receive_overruns);
+      count(kept ? counters_.received : counters_.receive_overruns);
     }
     if ((cause & zynqmp_can::kIrqReceiveOverflow) != 0) {
-      ports::count_up(counters_.receive_overruns);
+      count(counters_.receive_overruns);
     }
     if ((cause & zynqmp_can::kIrqBusOff) != 0) {
-      ports::count_up(counters_.bus_off_entries);
+      count(counters_.bus_off_entries);
       is_off_ = true;
       registers_.write(zynqmp_can::kSrr, 0);  // configuration mode: no recovery until asked for
     }

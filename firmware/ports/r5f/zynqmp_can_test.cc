@@ -3,22 +3,16 @@
 #include <gtest/gtest.h>
 
 #include "firmware/ports/r5f/fake_zynqmp_can.h"
+#include "firmware/testing/simulated_port.h"
 
 namespace armtrue::r5f {
 namespace {
 
 using canopen::BusState;
 using canopen::CanFrame;
+using canopen::counting_frame;
 
 constexpr ports::BitTiming kTiming = ports::bit_timing(100'000'000, 1'000'000);
-
-CanFrame frame_of(std::uint32_t id, std::uint8_t first_byte, std::uint8_t len = 8) {
-  CanFrame frame;
-  frame.id = id;
-  frame.len = len;
-  for (std::uint8_t i = 0; i < len; ++i) frame.data[i] = static_cast<std::uint8_t>(first_byte + i);
-  return frame;
-}
 
 ports::ClassicFrame classic(std::uint32_t id, std::uint8_t flags, std::uint8_t len) {
   ports::ClassicFrame frame{id, flags, len, {}};
@@ -106,7 +100,7 @@ TEST(ZynqMpCanStart, ReportsThatThereIsNoController) {
 }
 
 TEST_F(ZynqMpCanTest, FramesLeaveInTheOrderInWhichTheyWereQueued) {
-  for (std::uint8_t i = 0; i < 50; ++i) ASSERT_TRUE(can_.send(frame_of(0x700U - i, i)));
+  for (std::uint8_t i = 0; i < 50; ++i) ASSERT_TRUE(can_.send(counting_frame(0x700U - i, i)));
   while (fake_.transmit_one()) {
   }
   ASSERT_EQ(fake_.sent.size(), 50U);
@@ -115,18 +109,19 @@ TEST_F(ZynqMpCanTest, FramesLeaveInTheOrderInWhichTheyWereQueued) {
 }
 
 TEST_F(ZynqMpCanTest, RefusesWhenTheQueueIsFullAndGoesOnWhenItIsNot) {
-  for (std::size_t i = 0; i < FakeZynqMpCan::kFifo; ++i) ASSERT_TRUE(can_.send(frame_of(0x100, 0)));
-  EXPECT_FALSE(can_.send(frame_of(0x100, 0)));
+  for (std::size_t i = 0; i < FakeZynqMpCan::kFifo; ++i)
+    ASSERT_TRUE(can_.send(counting_frame(0x100, 0)));
+  EXPECT_FALSE(can_.send(counting_frame(0x100, 0)));
   EXPECT_EQ(can_.counters().send_refused, 1U);
   ASSERT_TRUE(fake_.transmit_one());
-  EXPECT_TRUE(can_.send(frame_of(0x100, 0)));
+  EXPECT_TRUE(can_.send(counting_frame(0x100, 0)));
 }
 
 TEST_F(ZynqMpCanTest, RefusesWhatAClassicControllerCannotSend) {
-  CanFrame fd = frame_of(0x100, 0);
+  CanFrame fd = counting_frame(0x100, 0);
   fd.flags = canopen::kFrameFd;
   EXPECT_FALSE(can_.send(fd));
-  EXPECT_FALSE(can_.send(frame_of(0x800, 0)));
+  EXPECT_FALSE(can_.send(counting_frame(0x800, 0)));
   EXPECT_EQ(can_.counters().send_refused, 2U);
   EXPECT_FALSE(fake_.transmit_one());
 }
@@ -182,7 +177,7 @@ TEST_F(ZynqMpCanTest, ReportsTheErrorState) {
 }
 
 TEST_F(ZynqMpCanTest, BusOffIsHeldUntilRecoveryAndWhatWasQueuedIsDiscarded) {
-  for (int i = 0; i < 10; ++i) ASSERT_TRUE(can_.send(frame_of(0x200, 0)));
+  for (int i = 0; i < 10; ++i) ASSERT_TRUE(can_.send(counting_frame(0x200, 0)));
   fake_.set_error_state(zynqmp_can::kSrBusOff);
   EXPECT_EQ(can_.bus_state(), BusState::kBusOff) << "before the interrupt";
   run_interrupts();
@@ -190,12 +185,12 @@ TEST_F(ZynqMpCanTest, BusOffIsHeldUntilRecoveryAndWhatWasQueuedIsDiscarded) {
   EXPECT_EQ(can_.counters().bus_off_entries, 1U);
   fake_.set_error_state(1U << 7);
   EXPECT_EQ(can_.bus_state(), BusState::kBusOff);
-  EXPECT_FALSE(can_.send(frame_of(0x200, 0)));
+  EXPECT_FALSE(can_.send(counting_frame(0x200, 0)));
 
   can_.recover();
   EXPECT_EQ(can_.bus_state(), BusState::kActive);
   EXPECT_TRUE(fake_.is_enabled());
-  ASSERT_TRUE(can_.send(frame_of(0x201, 0)));
+  ASSERT_TRUE(can_.send(counting_frame(0x201, 0)));
   while (fake_.transmit_one()) {
   }
   ASSERT_EQ(fake_.sent.size(), 1U);
@@ -207,7 +202,7 @@ TEST_F(ZynqMpCanTest, BusOffIsHeldUntilRecoveryAndWhatWasQueuedIsDiscarded) {
 }
 
 TEST_F(ZynqMpCanTest, RecoveryWithoutBusOffHasNoEffect) {
-  ASSERT_TRUE(can_.send(frame_of(0x200, 0)));
+  ASSERT_TRUE(can_.send(counting_frame(0x200, 0)));
   can_.recover();
   EXPECT_TRUE(fake_.transmit_one());
 }

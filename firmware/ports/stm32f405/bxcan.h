@@ -7,12 +7,14 @@
 #ifndef ARMTRUE_FIRMWARE_PORTS_STM32F405_BXCAN_H_
 #define ARMTRUE_FIRMWARE_PORTS_STM32F405_BXCAN_H_
 
+#include <array>
 #include <cstdint>
 #include <initializer_list>
 
 #include "firmware/canopen/protocol/can_port.h"
+#include "firmware/core/fixed/counter.h"
 #include "firmware/ports/common/bit_timing.h"
-#include "firmware/ports/common/frame_queue.h"
+#include "firmware/ports/common/classic_frame.h"
 #include "firmware/ports/common/interrupt_lock.h"
 #include "firmware/ports/common/register_block.h"
 
@@ -105,13 +107,12 @@ class BxCan final : public canopen::CanPort {
   bool start(const ports::BitTiming& timing);
 
   bool send(const canopen::CanFrame& frame) override;
-  bool receive(canopen::CanFrame& frame) override;
+  bool receive(canopen::CanFrame& frame) override { return ports::take_received(received_, frame); }
   // Behind the three mailboxes. An interrupt meanwhile only makes the answer old.
   bool has_backlog() override { return !to_send_.empty(); }
   canopen::BusState bus_state() override;
   void recover() override;
   canopen::BusCounters counters() const override { return counters_; }
-  bool supports_fd() const override { return false; }
 
   // The interrupts of the controller: transmit mailbox empty, FIFO 0 message pending, status
   // change.
@@ -129,8 +130,8 @@ class BxCan final : public canopen::CanPort {
   void note_bus_off();
 
   Registers& registers_;
-  ports::FrameQueue<kQueue> to_send_;
-  ports::FrameQueue<kQueue> received_;
+  ports::Queue<ports::ClassicFrame, kQueue> to_send_;
+  ports::Queue<ports::ClassicFrame, kQueue> received_;
   canopen::BusCounters counters_;
   Recovery recovery_ = Recovery::kNone;
   bool was_bus_off_ = false;
@@ -158,19 +159,10 @@ bool BxCan<Registers>::send(const canopen::CanFrame& frame) {
   const ports::InterruptLock lock;
   if (!ports::is_classic(frame) || recovery_ != Recovery::kNone || is_bus_off() ||
       !to_send_.push(ports::ClassicFrame::from(frame))) {
-    ports::count_up(counters_.send_refused);
+    count(counters_.send_refused);
     return false;
   }
   fill_mailboxes();
-  return true;
-}
-
-template <ports::RegisterBlock Registers>
-bool BxCan<Registers>::receive(canopen::CanFrame& frame) {
-  const ports::InterruptLock lock;
-  ports::ClassicFrame classic;
-  if (!received_.pop(classic)) return false;
-  classic.copy_to(frame);
   return true;
 }
 
@@ -217,7 +209,7 @@ void BxCan<Registers>::on_transmit_interrupt() {
   for (std::uint32_t i = 0; i < bxcan::kMailboxes; ++i) {
     if ((status & bxcan::tsr_completed(i)) == 0) continue;
     completed |= bxcan::tsr_completed(i);
-    if ((status & bxcan::tsr_ok(i)) != 0) ports::count_up(counters_.sent);
+    if ((status & bxcan::tsr_ok(i)) != 0) count(counters_.sent);
   }
   registers_.write(bxcan::kTsr, completed);  // written ones clear
   if (recovery_ == Recovery::kNone) fill_mailboxes();
@@ -228,15 +220,11 @@ void BxCan<Registers>::on_receive_interrupt() {
   for (;;) {
     const std::uint32_t fifo = registers_.read(bxcan::kRf0r);
     if ((fifo & bxcan::kRf0rOverrun) != 0) {
-      ports::count_up(counters_.receive_overruns);
+      count(counters_.receive_overruns);
       registers_.write(bxcan::kRf0r, bxcan::kRf0rOverrun);
     }
     if ((fifo & bxcan::kRf0rPending) == 0) return;
-    if (received_.push(read_fifo())) {
-      ports::count_up(counters_.received);
-    } else {
-      ports::count_up(counters_.receive_overruns);
-    }
+    count(received_.push(read_fifo()) ? counters_.received : counters_.receive_overruns);
     registers_.write(bxcan::kRf0r, bxcan::kRf0rRelease);
     // The hardware clears the request when the next frame stands in the registers.
     constexpr std::uint32_t kPolls = 100;
@@ -262,13 +250,10 @@ void BxCan<Registers>::fill_mailboxes() {
 template <ports::RegisterBlock Registers>
 void BxCan<Registers>::load_mailbox(std::uint32_t mailbox, const ports::ClassicFrame& frame) {
   const std::uint32_t base = bxcan::kTransmitMailbox + mailbox * bxcan::kMailboxStride;
-  const bool extended = (frame.flags & canopen::kFrameExtended) != 0;
+  const bool extended = frame.is(canopen::kFrameExtended);
   std::uint32_t identifier = extended ? (frame.id << 3) | bxcan::kIdExtended : frame.id << 21;
-  if ((frame.flags & canopen::kFrameRemote) != 0) identifier |= bxcan::kIdRemote;
-  std::uint32_t words[2] = {};
-  for (std::uint32_t i = 0; i < canopen::kClassicPayload; ++i) {
-    words[i / 4] |= static_cast<std::uint32_t>(frame.data[i]) << (8 * (i % 4));
-  }
+  if (frame.is(canopen::kFrameRemote)) identifier |= bxcan::kIdRemote;
+  const std::array<std::uint32_t, 2> words = frame.words();
   registers_.write(base + bxcan::kLength, frame.len);
   registers_.write(base + bxcan::kDataLow, words[0]);
   registers_.write(base + bxcan::kDataHigh, words[1]);
@@ -279,18 +264,13 @@ template <ports::RegisterBlock Registers>
 ports::ClassicFrame BxCan<Registers>::read_fifo() const {
   const std::uint32_t identifier = registers_.read(bxcan::kReceiveFifo + bxcan::kIdentifier);
   const std::uint32_t length = registers_.read(bxcan::kReceiveFifo + bxcan::kLength) & 0xFU;
-  const std::uint32_t words[2] = {registers_.read(bxcan::kReceiveFifo + bxcan::kDataLow),
-                                  registers_.read(bxcan::kReceiveFifo + bxcan::kDataHigh)};
   ports::ClassicFrame frame;
+  frame.set_payload(length, {registers_.read(bxcan::kReceiveFifo + bxcan::kDataLow),
+                             registers_.read(bxcan::kReceiveFifo + bxcan::kDataHigh)});
   const bool extended = (identifier & bxcan::kIdExtended) != 0;
   frame.id = extended ? identifier >> 3 : identifier >> 21;
   if (extended) frame.flags |= canopen::kFrameExtended;
   if ((identifier & bxcan::kIdRemote) != 0) frame.flags |= canopen::kFrameRemote;
-  // Codes 9 to 15 stand for eight bytes (ISO 11898-1, 10.4.2.3).
-  frame.len = static_cast<std::uint8_t>(length < 8 ? length : 8);
-  for (std::uint32_t i = 0; i < frame.len; ++i) {
-    frame.data[i] = static_cast<std::uint8_t>(words[i / 4] >> (8 * (i % 4)));
-  }
   return frame;
 }
 
@@ -298,7 +278,7 @@ ports::ClassicFrame BxCan<Registers>::read_fifo() const {
 template <ports::RegisterBlock Registers>
 void BxCan<Registers>::note_bus_off() {
   const bool now = is_bus_off();
-  if (now && !was_bus_off_) ports::count_up(counters_.bus_off_entries);
+  if (now && !was_bus_off_) count(counters_.bus_off_entries);
   was_bus_off_ = now;
 }
 

@@ -3,22 +3,16 @@
 #include <gtest/gtest.h>
 
 #include "firmware/ports/stm32f405/fake_bxcan.h"
+#include "firmware/testing/simulated_port.h"
 
 namespace armtrue::stm32f405 {
 namespace {
 
 using canopen::BusState;
 using canopen::CanFrame;
+using canopen::counting_frame;
 
 constexpr ports::BitTiming kTiming = ports::bit_timing(42'000'000, 1'000'000);
-
-CanFrame frame_of(std::uint32_t id, std::uint8_t first_byte, std::uint8_t len = 8) {
-  CanFrame frame;
-  frame.id = id;
-  frame.len = len;
-  for (std::uint8_t i = 0; i < len; ++i) frame.data[i] = static_cast<std::uint8_t>(first_byte + i);
-  return frame;
-}
 
 class BxCanTest : public testing::Test {
  protected:
@@ -64,20 +58,20 @@ TEST(BxCanFilters, LetEverythingThroughOnBothControllers) {
 }
 
 TEST_F(BxCanTest, ABacklogIsWhatTheMailboxesDoNotHold) {
-  for (int k = 0; k < 3; ++k) ASSERT_TRUE(can_.send(frame_of(0x123, 0x10)));
+  for (int k = 0; k < 3; ++k) ASSERT_TRUE(can_.send(counting_frame(0x123, 0x10)));
   EXPECT_FALSE(can_.has_backlog());
-  ASSERT_TRUE(can_.send(frame_of(0x123, 0x10)));
+  ASSERT_TRUE(can_.send(counting_frame(0x123, 0x10)));
   EXPECT_TRUE(can_.has_backlog());
   drain();
   EXPECT_FALSE(can_.has_backlog());
 }
 
 TEST_F(BxCanTest, SendsTheFrameBitForBit) {
-  ASSERT_TRUE(can_.send(frame_of(0x123, 0x10)));
-  CanFrame extended = frame_of(0x1ABCDEF0, 0x20, 3);
+  ASSERT_TRUE(can_.send(counting_frame(0x123, 0x10)));
+  CanFrame extended = counting_frame(0x1ABCDEF0, 0x20, 3);
   extended.flags = canopen::kFrameExtended;
   ASSERT_TRUE(can_.send(extended));
-  CanFrame remote = frame_of(0x7FF, 0, 0);
+  CanFrame remote = counting_frame(0x7FF, 0, 0);
   remote.flags = canopen::kFrameRemote;
   ASSERT_TRUE(can_.send(remote));
   drain();
@@ -96,7 +90,7 @@ TEST_F(BxCanTest, SendsTheFrameBitForBit) {
 TEST_F(BxCanTest, FramesLeaveInTheOrderInWhichTheyWereQueued) {
   constexpr std::uint8_t kFrames = 40;
   for (std::uint8_t i = 0; i < kFrames; ++i) {
-    ASSERT_TRUE(can_.send(frame_of(0x700U - i, i)));
+    ASSERT_TRUE(can_.send(counting_frame(0x700U - i, i)));
     if (i % 7 == 0) fake_.transmit_one();
     if (i % 5 == 0) can_.on_transmit_interrupt();
   }
@@ -107,24 +101,24 @@ TEST_F(BxCanTest, FramesLeaveInTheOrderInWhichTheyWereQueued) {
 
 TEST_F(BxCanTest, RefusesWhenTheQueueIsFullAndGoesOnWhenItIsNot) {
   const std::size_t places = BxCan<FakeBxCan>::kQueue + bxcan::kMailboxes;
-  for (std::size_t i = 0; i < places; ++i) ASSERT_TRUE(can_.send(frame_of(0x100, 0)));
-  EXPECT_FALSE(can_.send(frame_of(0x100, 0)));
+  for (std::size_t i = 0; i < places; ++i) ASSERT_TRUE(can_.send(counting_frame(0x100, 0)));
+  EXPECT_FALSE(can_.send(counting_frame(0x100, 0)));
   EXPECT_EQ(can_.counters().send_refused, 1U);
   ASSERT_TRUE(fake_.transmit_one());
   can_.on_transmit_interrupt();
-  EXPECT_TRUE(can_.send(frame_of(0x100, 0)));
+  EXPECT_TRUE(can_.send(counting_frame(0x100, 0)));
   drain();
   EXPECT_EQ(can_.counters().sent, places + 1);
 }
 
 TEST_F(BxCanTest, RefusesWhatAClassicControllerCannotSend) {
-  CanFrame fd = frame_of(0x100, 0);
+  CanFrame fd = counting_frame(0x100, 0);
   fd.flags = canopen::kFrameFd;
   EXPECT_FALSE(can_.send(fd));
-  CanFrame long_frame = frame_of(0x100, 0);
+  CanFrame long_frame = counting_frame(0x100, 0);
   long_frame.len = 9;
   EXPECT_FALSE(can_.send(long_frame));
-  EXPECT_FALSE(can_.send(frame_of(0x800, 0)));
+  EXPECT_FALSE(can_.send(counting_frame(0x800, 0)));
   EXPECT_EQ(can_.counters().send_refused, 3U);
   EXPECT_EQ(fake_.requested(), 0U);
 }
@@ -194,7 +188,7 @@ class BxCanBusOffTest : public BxCanTest {
  protected:
   void SetUp() override {
     BxCanTest::SetUp();
-    for (int i = 0; i < 10; ++i) ASSERT_TRUE(can_.send(frame_of(0x200, 0)));
+    for (int i = 0; i < 10; ++i) ASSERT_TRUE(can_.send(counting_frame(0x200, 0)));
     fake_.set_error_status(bxcan::kEsrWarning | bxcan::kEsrPassive | bxcan::kEsrBusOff);
     can_.on_status_interrupt();
   }
@@ -208,7 +202,7 @@ TEST_F(BxCanBusOffTest, IsReportedAndCountedOnce) {
 }
 
 TEST_F(BxCanBusOffTest, RefusesFramesAndDoesNotLeaveByItself) {
-  EXPECT_FALSE(can_.send(frame_of(0x200, 0)));
+  EXPECT_FALSE(can_.send(counting_frame(0x200, 0)));
   EXPECT_EQ(can_.counters().send_refused, 1U);
   for (int i = 0; i < 100; ++i) EXPECT_EQ(can_.bus_state(), BusState::kBusOff);
   EXPECT_FALSE(fake_.is_initialising());
@@ -221,11 +215,11 @@ TEST_F(BxCanBusOffTest, RecoveryGoesThroughInitialisationAndDiscardsWhatWasQueue
   for (int i = 0; i < 10; ++i)
     EXPECT_EQ(can_.bus_state(), BusState::kBusOff) << "recessive bits run";
   EXPECT_FALSE(fake_.is_initialising());
-  EXPECT_FALSE(can_.send(frame_of(0x200, 0)));
+  EXPECT_FALSE(can_.send(counting_frame(0x200, 0)));
 
   fake_.set_error_status(0);
   EXPECT_EQ(can_.bus_state(), BusState::kActive);
-  ASSERT_TRUE(can_.send(frame_of(0x201, 0x55)));
+  ASSERT_TRUE(can_.send(counting_frame(0x201, 0x55)));
   drain();
   ASSERT_EQ(fake_.sent.size(), 1U);
   EXPECT_EQ(fake_.sent[0].identifier, 0x201U << 21 | bxcan::kIdRequest);
@@ -246,14 +240,14 @@ TEST_F(BxCanBusOffTest, ASecondRecoveryIsASecondEntry) {
 }
 
 TEST_F(BxCanTest, RecoveryWithoutBusOffHasNoEffect) {
-  ASSERT_TRUE(can_.send(frame_of(0x200, 1)));
+  ASSERT_TRUE(can_.send(counting_frame(0x200, 1)));
   can_.recover();
   EXPECT_EQ(can_.bus_state(), BusState::kActive);
   EXPECT_EQ(fake_.requested(), 1U);
 }
 
 TEST_F(BxCanTest, AnAbortedMailboxIsNotCountedAsSent) {
-  ASSERT_TRUE(can_.send(frame_of(0x200, 1)));
+  ASSERT_TRUE(can_.send(counting_frame(0x200, 1)));
   fake_.transmit_one(false);
   can_.on_transmit_interrupt();
   EXPECT_EQ(can_.counters().sent, 0U);

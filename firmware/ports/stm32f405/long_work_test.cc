@@ -160,10 +160,10 @@ class LongWorkTest : public ::testing::TestWithParam<double> {
   }
   // The largest table that a device takes; what fills it up is data that nothing refers to.
   static std::vector<std::uint8_t> largest_table() {
-    armtrue::testing::TestImage made(6);
+    armtrue::tests::TestImage made(6);
     made.add_constant(0, 1e-4);
     const std::size_t without = made.image().size();
-    armtrue::testing::Bytes data(kMaxImageLength - without - format::kDirectoryEntryLength, 0x5A);
+    armtrue::tests::Bytes data(kMaxImageLength - without - format::kDirectoryEntryLength, 0x5A);
     made.add(format::Section::kData, data);
     return made.image();
   }
@@ -189,7 +189,6 @@ class LongWorkTest : public ::testing::TestWithParam<double> {
   const ports::DeviceSettings settings_{.identity = {.robot_serial = {}, .joint_count = 6},
                                         .node_id = kNodeId,
                                         .serial_number = 1,
-                                        .joint_count = 6,
                                         .cycle_us = 1000};
   ports::Device device_{settings_,
                         {port_, nullptr, tables_, parameters_, &clock_us, nullptr, &stand}};

@@ -185,10 +185,6 @@ namespace {
   return device;
 }
 
-}  // namespace
-
-namespace {
-
 void note_health(bool has_memory_protection) {
   const ports::ResetLog& log = reset_log();
   const OptionBytes option_bytes = read_option_bytes(flash_registers);

@@ -6,14 +6,11 @@ extern "C" {
 [[gnu::weak]] void voltage_handler() { default_handler(); }
 [[gnu::weak]] void can1_tx_handler() { default_handler(); }
 [[gnu::weak]] void can1_rx0_handler() { default_handler(); }
-[[gnu::weak]] void can1_rx1_handler() { default_handler(); }
 [[gnu::weak]] void can1_sce_handler() { default_handler(); }
-[[gnu::weak]] void tim2_handler() { default_handler(); }
 [[gnu::weak]] void usart1_handler() { default_handler(); }
 [[gnu::weak]] void usart2_handler() { default_handler(); }
 [[gnu::weak]] void can2_tx_handler() { default_handler(); }
 [[gnu::weak]] void can2_rx0_handler() { default_handler(); }
-[[gnu::weak]] void can2_rx1_handler() { default_handler(); }
 [[gnu::weak]] void can2_sce_handler() { default_handler(); }
 }
 
@@ -24,14 +21,11 @@ constexpr armtrue::ports::VectorTable<82> make_vector_table() {
   table.set(1, voltage_handler);
   table.set(19, can1_tx_handler);
   table.set(20, can1_rx0_handler);
-  table.set(21, can1_rx1_handler);
   table.set(22, can1_sce_handler);
-  table.set(28, tim2_handler);
   table.set(37, usart1_handler);
   table.set(38, usart2_handler);
   table.set(63, can2_tx_handler);
   table.set(64, can2_rx0_handler);
-  table.set(65, can2_rx1_handler);
   table.set(66, can2_sce_handler);
   return table;
 }

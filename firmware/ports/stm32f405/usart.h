@@ -7,9 +7,9 @@
 #include <cstdint>
 #include <span>
 
-#include "firmware/ports/common/byte_queue.h"
 #include "firmware/ports/common/byte_stream.h"
 #include "firmware/ports/common/interrupt_lock.h"
+#include "firmware/ports/common/queue.h"
 #include "firmware/ports/common/register_block.h"
 
 namespace armtrue::stm32f405 {
@@ -91,12 +91,12 @@ class Usart final : public ports::ByteStream {
     }
     registers_.write(usart::kCr1, kRunning |
                                       (received_.room() > 0 ? usart::kCr1ReceivedInterrupt : 0) |
-                                      (to_send_.size() > 0 ? usart::kCr1EmptyInterrupt : 0));
+                                      (!to_send_.empty() ? usart::kCr1EmptyInterrupt : 0));
   }
 
   Registers& registers_;
-  ports::ByteQueue<kQueue> received_;
-  ports::ByteQueue<kQueue> to_send_;
+  ports::Queue<std::uint8_t, kQueue> received_;
+  ports::Queue<std::uint8_t, kQueue> to_send_;
   std::uint32_t overruns_ = 0;
 };
 

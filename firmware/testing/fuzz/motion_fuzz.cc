@@ -78,24 +78,24 @@ void require(bool holds, std::string_view what) {
 // Terms over many grids of four axes that all share their data: small, and much work.
 std::vector<std::uint8_t> costly_table(std::uint32_t sequence) {
   constexpr std::uint16_t kGrids = 300;
-  testing::TestImage made(6);
-  testing::put(made.header(), format::header::kSequenceAt, sequence);
+  tests::TestImage made(6);
+  tests::put(made.header(), format::header::kSequenceAt, sequence);
   for (std::uint8_t joint = 0; joint < 4; ++joint) {
     made.add_state(format::State::kMotor, joint, format::kPositionFraction);
   }
-  testing::Bytes data = {4, 1, 0, 0};
+  tests::Bytes data = {4, 1, 0, 0};
   for (std::uint16_t axis = 0; axis < 4; ++axis) {
-    testing::append(data, static_cast<std::uint16_t>(1 + axis));
-    testing::append(data, std::uint16_t{2});  // nodes
-    testing::append(data, std::uint32_t{0});
-    testing::append(data, -(std::int32_t{1} << 29));
-    testing::append(data, std::uint32_t{1} << 22);  // 2^52 / step, a step of 2^30
+    tests::append(data, static_cast<std::uint16_t>(1 + axis));
+    tests::append(data, std::uint16_t{2});  // nodes
+    tests::append(data, std::uint32_t{0});
+    tests::append(data, -(std::int32_t{1} << 29));
+    tests::append(data, std::uint32_t{1} << 22);  // 2^52 / step, a step of 2^30
   }
-  testing::append(data, std::uint32_t{0xFFFF});  // all nodes are covered
-  for (int value = 0; value < 16; ++value) testing::append(data, std::int16_t{1});
+  tests::append(data, std::uint32_t{0xFFFF});  // all nodes are covered
+  for (int value = 0; value < 16; ++value) tests::append(data, std::int16_t{1});
   made.add(format::Section::kData, data);
   for (std::uint16_t grid = 0; grid < kGrids; ++grid) {
-    testing::Bytes node = {static_cast<std::uint8_t>(format::Node::kGrid), 0, 0, 1};
+    tests::Bytes node = {static_cast<std::uint8_t>(format::Node::kGrid), 0, 0, 1};
     node.resize(format::node::kLength);
     made.add(format::Section::kNodes, node);
     made.add_term(0, static_cast<std::uint16_t>(5 + grid), 1e-6, 30);
@@ -108,9 +108,6 @@ class Life {
   Life(const storage::SimulatedFlash& flash, std::uint8_t setup)
       : offset_((setup & 1U) != 0),
         bench_(!offset_, false, {}, kMaxImageLength + storage::kHeaderBytes, &flash) {
-    for (std::uint32_t k = 0; k < 3 && offset_; ++k) {
-      bench_.write(static_cast<std::uint16_t>(0x1800 + k), 1, 0x400001A0U + 0x100U * k, 4);
-    }
     bench_.configure(offset_ ? Mode::kOffset : Mode::kInline);
     bench_.write(0x1010, 1, 0x65766173, 4);
     take();
@@ -241,9 +238,9 @@ class Life {
         table.sequence = ++sequence_;
         image = table.image();
         const std::size_t joints = format::header::kLength + 4 * format::kDirectoryEntryLength;
-        testing::put(image, joints + format::joint::kIncrementPerUnitAt, INT32_MAX);
+        tests::put(image, joints + format::joint::kIncrementPerUnitAt, INT32_MAX);
         image[joints + format::joint::kIncrementShiftAt] = 31;
-        testing::mend_checksum(image);
+        tests::mend_checksum(image);
         break;
       }
       default:

@@ -133,17 +133,13 @@ void begin(NodeBench& bench, Mode mode) {
   }
   for (int cycle = 0; cycle < 20; ++cycle) {
     bench.now_us += 10'000;
-    bench.from_controller(make_frame(0x80, {}));
+    bench.sync();
     bench.command_joints(kStand);
   }
   require(bench.node().dictionary().get(od::axis::kPositionOffset[0]) != 0);
 }
 
 void prepare(NodeBench& bench, const Setup& setup) {
-  for (std::uint32_t k = 0; k < 3 && setup.mode == Mode::kOffset; ++k) {
-    const auto index = static_cast<std::uint16_t>(0x1800 + k);
-    require(bench.write(index, 1, 0x400001A0U + 0x100U * k, 4) == 0);
-  }
   bench.configure(setup.mode);
   if (setup.saved) require(bench.write(0x1010, 1, 0x65766173, 4) == 0);
   if (setup.begun) begin(bench, setup.mode);

@@ -25,7 +25,7 @@ TRANSFERS_OF_A_SIZE = 4  # there and back, segmented and in blocks
 # What a campaign prints, and how the table says it.
 COUNTED = (
     (r"single power cuts: (\d+)",
-     "power cut at every flash operation of prepare, commit, activate, confirm and revert: six histories, four "
+     "power cut at every flash operation of commit, activate, confirm and revert: six histories, four "
      "programs, two image sizes, six ways to be cut, three seeds"),
     (r"power cuts of a 16 KiB table: (\d+)", "the same at every operation of a 16 KiB table"),
     (r"pairs of power cuts: (\d+)", "at every pair of operations of a short table, every pair of ways"),

@@ -4,7 +4,6 @@
 // is known.
 #include <cstddef>
 #include <cstdint>
-#include <cstring>
 
 #include "firmware/ports/arm/instruction_counter.h"
 #include "firmware/ports/arm/semihosting.h"
@@ -22,17 +21,11 @@ struct ConstructorProbe {
 ConstructorProbe constructor_probe;
 
 // Two instructions a turn (SUBS, BNE), whatever the compiler does around it.
-void two_instructions_aturn(std::uint32_t turns) {
+void count_down(std::uint32_t turns) {
   asm volatile("1: subs %0, %0, #1\n bne 1b" : "+r"(turns) : : "cc");
 }
 
-bool shift_file(char* command_line) {
-  char* space = std::strchr(command_line, ' ');
-  if (space == nullptr) return false;
-  *space = '\0';
-  const std::int32_t input = semihosting::open(command_line, semihosting::OpenMode::kReadBinary);
-  const std::int32_t output = semihosting::open(space + 1, semihosting::OpenMode::kWriteBinary);
-  if (input < 0 || output < 0) return false;
+bool shift_file(std::int32_t input, std::int32_t output) {
   std::uint8_t block[256];
   std::size_t size = 0;
   while ((size = semihosting::read(input, block, sizeof block)) > 0) {
@@ -52,12 +45,13 @@ int main() {
 
   const InstructionCounter counter;
   const std::uint32_t before = InstructionCounter::read();
-  two_instructions_aturn(kLoops);
+  count_down(kLoops);
   const std::uint32_t after = InstructionCounter::read();
   semihosting::print_unsigned(counter.between(before, after));
   semihosting::print("\n");
 
-  char command_line[256];
-  if (!semihosting::command_line(command_line, sizeof command_line)) semihosting::exit(2);
-  semihosting::exit(shift_file(command_line) ? 0 : 3);
+  std::int32_t input = 0;
+  std::int32_t output = 0;
+  if (!semihosting::open_files(input, output)) semihosting::exit(2);
+  semihosting::exit(shift_file(input, output) ? 0 : 3);
 }

@@ -3,7 +3,6 @@
 // wrong in the first life; OUTPUT of the second: reset cause, whether the memory protection was on,
 // starts since power came, address of the instruction, fault status, fault address.
 #include <cstdint>
-#include <cstring>
 
 #include "firmware/ports/arm/semihosting.h"
 #include "firmware/ports/stm32f405/protection.h"
@@ -59,21 +58,17 @@ void do_wrong(std::uint8_t what) {
 
 int main() {
   const bool is_protected = stm32f405::start_protection();
-  char command_line[256];
-  if (!semihosting::command_line(command_line, sizeof command_line)) semihosting::exit(1);
-  char* space = std::strchr(command_line, ' ');
-  if (space == nullptr) semihosting::exit(1);
-  *space = '\0';
+  std::int32_t input = 0;
+  std::int32_t output = 0;
+  if (!semihosting::open_files(input, output)) semihosting::exit(1);
 
   const ports::ResetLog& log = stm32f405::reset_log();
   if (log.resets() < 2) {
-    const std::int32_t input = semihosting::open(command_line, semihosting::OpenMode::kReadBinary);
     std::uint8_t what = 0;
     if (semihosting::read(input, &what, 1) != 1) semihosting::exit(2);
     do_wrong(what);
     semihosting::exit(3);  // it was allowed
   }
-  const std::int32_t output = semihosting::open(space + 1, semihosting::OpenMode::kWriteBinary);
   const std::uint32_t result[] = {static_cast<std::uint32_t>(log.cause()),
                                   static_cast<std::uint32_t>(is_protected),
                                   log.resets(),

@@ -25,7 +25,6 @@ inline constexpr ports::DeviceSettings kSettings{
     .identity = {.robot_serial = {}, .joint_count = kJoints, .has_key = false, .public_key = {}},
     .node_id = kNodeId,
     .serial_number = 1,
-    .joint_count = kJoints,
     .cycle_us = 1000};
 
 inline std::array<std::uint8_t, 2 * (kMaxImageLength + storage::kHeaderBytes)> table_memory;

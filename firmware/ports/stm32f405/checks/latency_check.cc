@@ -9,7 +9,6 @@
 #include <algorithm>
 #include <array>
 #include <cstdint>
-#include <cstring>
 #include <span>
 
 #include "firmware/canopen/protocol/little_endian.h"
@@ -288,15 +287,9 @@ Measured run_cycle(ports::Device& device, const std::int32_t* targets,
 }  // namespace
 
 int main() {
-  char command_line[256];
-  char* space = nullptr;
-  if (semihosting::command_line(command_line, sizeof command_line)) {
-    space = std::strchr(command_line, ' ');
-  }
-  if (space == nullptr) semihosting::exit(kBadCommandLine);
-  *space = '\0';
-  const std::int32_t input = semihosting::open(command_line, semihosting::OpenMode::kReadBinary);
-  const std::int32_t output = semihosting::open(space + 1, semihosting::OpenMode::kWriteBinary);
+  std::int32_t input = 0;
+  std::int32_t output = 0;
+  if (!semihosting::open_files(input, output)) semihosting::exit(kBadCommandLine);
 
   replay::RecordingHead head;
   if (semihosting::read(input, &setup, sizeof setup) != sizeof setup ||

@@ -9,14 +9,13 @@
 #include <algorithm>
 #include <array>
 #include <cstdint>
-#include <cstring>
 #include <iterator>
 #include <span>
 
 #include "firmware/canopen/protocol/little_endian.h"
 #include "firmware/ports/arm/instruction_counter.h"
 #include "firmware/ports/arm/semihosting.h"
-#include "firmware/ports/common/frame_queue.h"
+#include "firmware/ports/common/classic_frame.h"
 #include "firmware/ports/common/slot_parameters.h"
 #include "firmware/ports/stm32f405/checks/installed_table.h"
 #include "firmware/replay/replay.h"
@@ -61,10 +60,9 @@ class MemoryPort final : public canopen::CanPort {
   canopen::BusState bus_state() override { return canopen::BusState::kActive; }
   void recover() override {}
   canopen::BusCounters counters() const override { return {}; }
-  bool supports_fd() const override { return false; }
 
-  ports::FrameQueue<32> in;
-  ports::FrameQueue<32> out;
+  ports::Queue<ports::ClassicFrame, 32> in;
+  ports::Queue<ports::ClassicFrame, 32> out;
 };
 
 std::uint64_t now_us = 0;
@@ -269,14 +267,9 @@ std::uint32_t run_cycle(ports::Device& device, const ports::InstructionCounter& 
 }  // namespace
 
 int main() {
-  char command_line[256];
-  char* space = nullptr;
-  if (semihosting::command_line(command_line, sizeof command_line))
-    space = std::strchr(command_line, ' ');
-  if (space == nullptr) semihosting::exit(kBadCommandLine);
-  *space = '\0';
-  const std::int32_t input = semihosting::open(command_line, semihosting::OpenMode::kReadBinary);
-  const std::int32_t output = semihosting::open(space + 1, semihosting::OpenMode::kWriteBinary);
+  std::int32_t input = 0;
+  std::int32_t output = 0;
+  if (!semihosting::open_files(input, output)) semihosting::exit(kBadCommandLine);
 
   replay::RecordingHead head;
   if (semihosting::read(input, &head, sizeof head) != sizeof head || head.magic != replay::kMagic ||

@@ -1,6 +1,6 @@
-// A queue of classic frames between a driver and its interrupt. It does not lock: the caller does.
-#ifndef ARMTRUE_FIRMWARE_PORTS_COMMON_FRAME_QUEUE_H_
-#define ARMTRUE_FIRMWARE_PORTS_COMMON_FRAME_QUEUE_H_
+// Frames as the drivers of classic controllers keep them.
+#ifndef ARMTRUE_FIRMWARE_PORTS_COMMON_CLASSIC_FRAME_H_
+#define ARMTRUE_FIRMWARE_PORTS_COMMON_CLASSIC_FRAME_H_
 
 #include <algorithm>
 #include <array>
@@ -8,6 +8,9 @@
 #include <cstdint>
 
 #include "firmware/canopen/protocol/can_port.h"
+#include "firmware/canopen/protocol/little_endian.h"
+#include "firmware/ports/common/interrupt_lock.h"
+#include "firmware/ports/common/queue.h"
 
 namespace armtrue::ports {
 
@@ -31,6 +34,19 @@ struct ClassicFrame {
     frame.len = len;
     std::copy_n(data.begin(), len, frame.data);
   }
+
+  bool is(canopen::FrameFlags flag) const { return (flags & flag) != 0; }
+
+  // The payload in two words, the first byte of each at the bottom.
+  std::array<std::uint32_t, 2> words() const {
+    return {canopen::load_le<std::uint32_t>(&data[0]), canopen::load_le<std::uint32_t>(&data[4])};
+  }
+  // `code`: of the length. Codes 9 to 15 stand for eight bytes (ISO 11898-1, 10.4.2.3).
+  void set_payload(std::uint32_t code, const std::array<std::uint32_t, 2>& words) {
+    len = static_cast<std::uint8_t>(std::min<std::uint32_t>(code, canopen::kClassicPayload));
+    canopen::store_le(&data[0], words[0]);
+    canopen::store_le(&data[4], words[1]);
+  }
 };
 
 // Whether a classic controller can send this frame as it is.
@@ -42,40 +58,16 @@ inline bool is_classic(const canopen::CanFrame& frame) {
          frame.id <= largest_id;
 }
 
+// CanPort::receive() of a driver whose interrupt fills `received`.
 template <std::size_t kCapacity>
-class FrameQueue {
-  static_assert((kCapacity & (kCapacity - 1)) == 0, "a power of two");
-
- public:
-  bool empty() const { return head_ == tail_; }
-  bool full() const { return head_ - tail_ == kCapacity; }
-  std::size_t size() const { return head_ - tail_; }
-  void clear() { tail_ = head_; }
-
-  // False where the queue is full.
-  bool push(const ClassicFrame& frame) {
-    if (full()) return false;
-    frames_[head_++ % kCapacity] = frame;
-    return true;
-  }
-
-  // False where the queue is empty.
-  bool pop(ClassicFrame& frame) {
-    if (empty()) return false;
-    frame = frames_[tail_++ % kCapacity];
-    return true;
-  }
-
- private:
-  std::array<ClassicFrame, kCapacity> frames_;
-  std::uint32_t head_ = 0;
-  std::uint32_t tail_ = 0;
-};
-
-inline void count_up(std::uint32_t& counter) {
-  if (counter != UINT32_MAX) ++counter;
+bool take_received(Queue<ClassicFrame, kCapacity>& received, canopen::CanFrame& frame) {
+  const InterruptLock lock;
+  ClassicFrame classic;
+  if (!received.pop(classic)) return false;
+  classic.copy_to(frame);
+  return true;
 }
 
 }  // namespace armtrue::ports
 
-#endif  // ARMTRUE_FIRMWARE_PORTS_COMMON_FRAME_QUEUE_H_
+#endif  // ARMTRUE_FIRMWARE_PORTS_COMMON_CLASSIC_FRAME_H_

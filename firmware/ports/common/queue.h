@@ -1,0 +1,42 @@
+// A queue between a driver and its interrupt. It does not lock: the caller does.
+#ifndef ARMTRUE_FIRMWARE_PORTS_COMMON_QUEUE_H_
+#define ARMTRUE_FIRMWARE_PORTS_COMMON_QUEUE_H_
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+
+namespace armtrue::ports {
+
+template <typename T, std::size_t kCapacity>
+class Queue {
+  static_assert((kCapacity & (kCapacity - 1)) == 0, "a power of two");
+
+ public:
+  bool empty() const { return head_ == tail_; }
+  std::size_t room() const { return kCapacity - (head_ - tail_); }
+  void clear() { tail_ = head_; }
+
+  // False where the queue is full.
+  bool push(const T& item) {
+    if (room() == 0) return false;
+    items_[head_++ % kCapacity] = item;
+    return true;
+  }
+
+  // False where the queue is empty.
+  bool pop(T& item) {
+    if (empty()) return false;
+    item = items_[tail_++ % kCapacity];
+    return true;
+  }
+
+ private:
+  std::array<T, kCapacity> items_;
+  std::uint32_t head_ = 0;
+  std::uint32_t tail_ = 0;
+};
+
+}  // namespace armtrue::ports
+
+#endif  // ARMTRUE_FIRMWARE_PORTS_COMMON_QUEUE_H_
