@@ -6,11 +6,11 @@ void BusWatch::process(std::uint64_t now_us) {
   const BusState state = port_.bus_state();
   const BusCounters counters = port_.counters();
   if (state == BusState::kBusOff) {
+    emcy_.raise(bus_off_, counters.bus_off_entries);
     if (!off_) {
       off_ = true;
       recovering_ = false;
       off_since_us_ = now_us;
-      emcy_.raise(bus_off_, counters.bus_off_entries);
     } else if (!recovering_ && now_us - off_since_us_ >= kRecoveryPauseUs) {
       recovering_ = true;
       port_.recover();

@@ -449,6 +449,15 @@ TEST_P(InlineFaultTest, ABusThatIsStillPassiveIsReportedAfterAResetOfCommunicati
   EXPECT_NE(bench.read(0x1001, 0), 0U);
 }
 
+TEST_P(InlineFaultTest, ABusThatIsStillOffIsReportedAfterAResetOfCommunication) {
+  bench.downstream.set_state(BusState::kBusOff);
+  bench.run_for(10'000);
+  EXPECT_NE(bench.read(0x1001, 0), 0U);
+  nmt(130);
+  bench.run_for(10'000);
+  EXPECT_NE(bench.read(0x1001, 0), 0U);
+}
+
 TEST_P(InlineFaultTest, DamagedParametersAreReported) {
   bench.parameters.spoil(100);
   bench.power_on();
