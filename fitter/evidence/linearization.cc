@@ -68,10 +68,13 @@ Linearization linearize(Fit& fit) {
   l.translation.resize(equations, 3);
   l.residual.resize(equations);
   l.from_tables = Eigen::VectorXd::Zero(equations);
+  for (std::vector<double>& axis : l.point) axis.resize(design.rows());
   const std::vector<double> values = design.unknown_values();
   design.each_row(true, [&](std::size_t i, const Design::Row& row, const auto& workspace) {
     const Eigen::Index at = static_cast<Eigen::Index>(i) * l.height;
     l.residual.segment(at, l.height) = row.residual.head(l.height);
+    for (std::size_t c = 0; c < l.point.size(); ++c)
+      l.point[c][i] = row.predicted.translation()[static_cast<Eigen::Index>(c)];
     for (std::size_t u = 0; u < row.unknowns.size(); ++u) {
       const auto unknown = static_cast<std::size_t>(row.unknowns[u]);
       const auto column = row.jacobian.col(static_cast<Eigen::Index>(u)).head(l.height);
@@ -96,6 +99,22 @@ Linearization linearize(Fit& fit) {
                                    by_row.topRows<3>().squaredNorm());
   l.freedom = std::max(1.0, l.counted - fit.effective_unknowns());
   return l;
+}
+
+Eigen::VectorXd change_by_other_loads(const Fit& fit, const Linearization& l) {
+  if (!fit.design().reads_loads()) return {};
+  State state = fit.state();
+  Design design(state, fit.measurements(), fit.model(), fit.kinematics());
+  design.weights() = fit.design().weights();
+  bound_rejected_rows(design);
+  state.let_loads_follow(!state.loads_follow());
+  design.stand(state);
+  Eigen::VectorXd change = -l.residual;
+  design.each_row(false, [&](std::size_t i, const Design::Row& row, const auto&) {
+    change.segment(static_cast<Eigen::Index>(i) * l.height, l.height) +=
+        row.residual.head(l.height);
+  });
+  return change;
 }
 
 }  // namespace armtrue

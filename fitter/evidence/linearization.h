@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <vector>
 
 #include "fitter/model/poses.h"
@@ -24,7 +25,8 @@ struct Linearization {
   Eigen::VectorXd from_tables;  ///< what joint tables of the fit add to the prediction
   Eigen::MatrixXd geometry;     ///< equations × coordinates
   Eigen::MatrixXd translation;  ///< equations × 3: a shift of the measured point
-  double typical_sigma = 1.0;   ///< [m] of one whitened unit of position
+  std::array<std::vector<double>, 3> point;  ///< predicted, by axis and row, in the measuring frame
+  double typical_sigma = 1.0;                ///< [m] of one whitened unit of position
   double sigma_rotation = 0.0;  ///< [rad] of one whitened unit of orientation; 0: none measured
   double counted = 1.0;         ///< equations, as equations_that_count counts them
   double freedom = 1.0;         ///< of these, less the fit's effective unknowns
@@ -37,5 +39,10 @@ struct Linearization {
 };
 
 Linearization linearize(Fit& fit);
+
+/// By what Linearization::residual would change if loads acted at commanded angles in place of
+/// where the arm stands, or the other way round (Fit::choose_where_loads_act). Empty where nothing
+/// reads loads.
+Eigen::VectorXd change_by_other_loads(const Fit& fit, const Linearization& linearization);
 
 }  // namespace armtrue

@@ -6,6 +6,7 @@ import armtrue
 import armtrue_sim
 import numpy as np
 import pytest
+from armtrue_sim.cases import hidden_cases
 
 
 @pytest.mark.parametrize("arm", ["kr30", "cobot"])
@@ -24,3 +25,16 @@ def test_the_fit_and_its_predictions_take_loads_where_they_act(tmp_path, arm, st
     fit.save(tmp_path / "fit.json")
     np.testing.assert_allclose(armtrue.Fit.load(tmp_path / "fit.json").predict(test), predicted, atol=1e-12)
     assert armtrue.diagnose(fit)["verdict"] == "nothing_missing"
+
+
+@pytest.mark.parametrize(("arm", "seed"), [("cobot", 29503), ("cobot", 29511)])
+def test_a_first_diagnosis_takes_nothing_for_loads_elsewhere(tmp_path, arm, seed):
+    # Beside what is still missing the fit chose wrongly where loads act, and masses or a spring that hardens were said
+    # with more than 80 % to make up for it.
+    case = hidden_cases("one_hidden", arm, seed)
+    case.campaign.write(tmp_path)
+    robot = armtrue.load_robot(tmp_path / "robot.yaml")
+    data = armtrue.load_data(tmp_path / "data.csv", robot)
+    fit = armtrue.fit(data, robot, armtrue.load_model(tmp_path / "model.yaml", robot))
+    likely = [c["effect"] for c in armtrue.diagnose(fit)["candidates"] if c["probability"] > 0.5]
+    assert likely == [hidden.effect for hidden in case.hidden]
