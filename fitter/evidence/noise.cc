@@ -16,6 +16,9 @@ constexpr double kNone = 1e-8;
 constexpr std::size_t kPosesLookedAt = 400;
 constexpr Eigen::Index kFewestEquations = 3600, kEquationsPerColumn = 4;
 constexpr Eigen::Index kTogether = 16;  // columns that one thread whitens at a time
+// Fewer equations beyond the columns for every joint and the reading, and some joint's part
+// explains all that is left: readings then seem to scatter by nothing.
+constexpr Eigen::Index kEquationsPerPart = 4;
 // A variance becomes at least and at most this share of itself in one step.
 constexpr int kStepsAfterDrop = 2;
 constexpr double kLeastShare = 0.05, kMostShare = 4.0;
@@ -364,6 +367,10 @@ NoiseParts estimate_noise(const Linearization& l, const Eigen::MatrixXd& columns
   const RestrictedLikelihood likelihood(l, columns, precision, y);
   NoiseParts parts = start;
   parts.joint.resize(static_cast<std::size_t>(l.layout.joints), 0.0);
+  if (y.size() - columns.cols() < kEquationsPerPart * (l.layout.joints + 1)) {
+    std::ranges::fill(parts.joint, 0.0);
+    if (parts.pose) parts.pose = 0.0;
+  }
   parts = climb(likelihood, l, std::move(parts), effort.steps);
   while (effort.drops_unsure) {
     const Eigen::Index unsure =

@@ -97,9 +97,7 @@ def _profile(elf: Path, made: recording.Recording) -> Counter[str]:
     end = 300  # the first table, the one with the grid, is in force
     counts = []
     for cycles in (end - PROFILED_CYCLES, end):
-        cut = recording.Recording(
-            made.joints, made.table_a, made.table_b, cycles=made.cycles[:cycles]
-        )
+        cut = recording.Recording(made.joints, made.table_a, made.table_b, cycles=made.cycles[:cycles])
         counts.append(Counter(qemu.instructions_by_function(elf, cut.to_bytes())))
     counts[1].subtract(counts[0])
     names = image_facts.demangled(list(counts[1]))

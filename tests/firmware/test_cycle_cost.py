@@ -37,10 +37,7 @@ def extreme_cycles() -> np.ndarray:
 def measured(images: list[bytes]) -> list[int]:
     """Instructions of the longest cycle with each image."""
     cycles = extreme_cycles()
-    stream = b"".join(
-        recording.Recording(image[20], image, cycles=cycles).to_bytes()
-        for image in images
-    )
+    stream = b"".join(recording.Recording(image[20], image, cycles=cycles).to_bytes() for image in images)
     elf = qemu.build_images("stm32f405", "cycle_replay") / "cycle_replay.elf"
     run = qemu.run_image(elf, stream, timeout_s=600.0)
     assert run.status == 0, run.printed

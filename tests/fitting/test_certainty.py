@@ -84,3 +84,20 @@ def test_positions_and_orientations_scatter_each_as_it_was_read(orientation: flo
     positions, orientations = np.mean(read, axis=0)
     assert positions == pytest.approx(15.0, rel=0.15)
     assert orientations == pytest.approx(orientation * 1e6, rel=0.1)
+
+
+def test_a_few_poses_invent_no_joint_that_repeats_badly(tmp_path: Path) -> None:
+    # One joint's scatter explained all that fifteen poses had left, and readings seemed to scatter by nothing.
+    scenario = {
+        "arm": "kr30",
+        "seed": 6,
+        "poses": 15,
+        "repeats": {"poses": 0, "times": 0},
+        "believed": ["base_frame", "tool_offset", "joint_offset", "link_geometry"],
+        "hidden": [{"effect": "gear_harmonics", "joints": [3]}],
+    }
+    simulate(scenario, tmp_path)
+    robot = armtrue.load_robot(tmp_path / "robot.yaml")
+    data = armtrue.load_data(tmp_path / "data.csv", robot)
+    fit = armtrue.fit(data, robot, armtrue.load_model(tmp_path / "model.yaml", robot))
+    assert max(armtrue.diagnose(fit)["noise"]["joints_urad"]) < 10.0
