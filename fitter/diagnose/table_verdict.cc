@@ -71,6 +71,11 @@ std::string next_of(const TableVerdict& t) {
          " alone in fine steps, with two payloads: what stays is its gear, what grows is load";
 }
 
+std::string next_of_slide(int joint) {
+  return "move joint " + std::to_string(joint) +
+         " alone in fine steps: a wave as long as the pitch of its screw or rack is a custom term";
+}
+
 }  // namespace
 
 std::vector<TableVerdict> tables_of(const Fit& fit) {
@@ -90,8 +95,9 @@ std::vector<TableVerdict> tables_of(const Fit& fit) {
   std::vector<TableVerdict> result;
   for (auto& [id, verdict] : found) {
     verdict.nodes_per_pose = verdict.nodes / std::max(1.0, 1.0 * fit.measurements().poses.poses);
-    if (nodes.contains(id)) find_waves(nodes.at(id), verdict);
-    verdict.next = next_of(verdict);
+    const bool slides = !verdict.joints.empty() && fit.context().prismatic(verdict.joints.front());
+    if (nodes.contains(id) && !slides) find_waves(nodes.at(id), verdict);
+    verdict.next = slides ? next_of_slide(verdict.joints.front()) : next_of(verdict);
     result.push_back(std::move(verdict));
   }
   return result;

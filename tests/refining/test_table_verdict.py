@@ -47,3 +47,14 @@ def test_physics_is_no_table(tmp_path: Path) -> None:
     found = diagnose(fit(load_data(tmp_path / "data.csv", robot), robot, Model(GEOMETRY)))
     assert found["tables"] == []
     assert not any("not physics" in s for s in found["advice"])
+
+
+def test_a_joint_that_slides_is_not_said_to_turn(tmp_path: Path) -> None:
+    # A wave in metres was looked for per turn, and harmonics of a gear were advised on a rail.
+    simulate({"arm": "stanford", "seed": 4, "poses": 120, "test_poses": 0}, tmp_path)
+    robot = load_robot(tmp_path / "robot.yaml")
+    table = {"effect": "transmission_pwl", "joints": [3]}
+    data = load_data(tmp_path / "data.csv", robot)
+    (said,) = diagnose(fit(data, robot, Model([*GEOMETRY[:4], table])))["tables"]
+    assert said["next"].startswith("move joint 3 alone")
+    assert said["cycles"] is None
