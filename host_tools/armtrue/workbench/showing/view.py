@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import logging
 from typing import Any
 
 import yaml
 
+from armtrue.errors import InputError
 from armtrue.fitting import Fit
 from armtrue.io.catalogue import catalogue
 from armtrue.report.markup import Content, Markup, tag
@@ -14,6 +16,7 @@ from armtrue.verdicts import ERROR_FIGURES, FLOOR_SOURCES, NOT_SCORED, chance, s
 from armtrue.workbench.compensator import device_section
 from armtrue.workbench.engine import Engine
 from armtrue.workbench.first_figures import FirstFigures
+from armtrue.workbench.opening.dropped import Drop, Guess
 from armtrue.workbench.opening.guesses import findings_list, first_rows, form
 from armtrue.workbench.session import Node, Session
 from armtrue.workbench.showing.elements import button
@@ -93,25 +96,36 @@ def _opening(engine: Engine) -> Markup:
         if engine.is_open:
             content += [" ", button("Compare with the model", "compare")]
     else:
-        guess = drop.guess
-        document = yaml.safe_load(guess.text)
-        content += [
-            tag("h3", "What was guessed, and from what"),
-            listed(guess.notes),
-            form(document, *first_rows(guess.path, document), guess.robot),
-            guess.picture,
-            tag("h3", "What the check says"),
-            findings_list(guess.findings),
-            tag(
-                "details",
-                tag("summary", "As dataset.yaml"),
-                tag("label", "change what the form does not have", for_="dataset"),
-                tag("textarea", guess.text, id="dataset", rows="16", spellcheck="false"),
-                button("Open with this text", "open", source="text"),
-            ),
-            button("Open with these", "open", source="form"),
-        ]
+        content += _guesses(drop, drop.guess)
     return tag("div", content, " ", button("Put aside", "forget", class_="quiet"))
+
+
+def _guesses(drop: Drop, guess: Guess) -> list[Content]:
+    """What was guessed of foreign files. Whatever stands in them, the page is drawn and they can be put aside."""
+    try:
+        document = yaml.safe_load(guess.text)
+        first = form(document, *first_rows(guess.path, document), guess.robot)
+    except InputError as error:
+        first = tag("p", f"The first rows cannot be shown: {drop.without_place(str(error))}.")
+    except Exception:
+        logging.getLogger(__name__).exception("the first rows cannot be drawn")
+        first = tag("p", "The first rows cannot be shown.")
+    return [
+        tag("h3", "What was guessed, and from what"),
+        listed(guess.notes),
+        first,
+        guess.picture,
+        tag("h3", "What the check says"),
+        findings_list(guess.findings),
+        tag(
+            "details",
+            tag("summary", "As dataset.yaml"),
+            tag("label", "change what the form does not have", for_="dataset"),
+            tag("textarea", guess.text, id="dataset", rows="16", spellcheck="false"),
+            button("Open with this text", "open", source="text"),
+        ),
+        button("Open with these", "open", source="form"),
+    ]
 
 
 def _error(path: list[Node], fit: Fit, first: FirstFigures | None) -> Markup:
