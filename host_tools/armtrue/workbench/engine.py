@@ -17,6 +17,7 @@ from armtrue.workbench.allocator import give_back
 from armtrue.workbench.background import FAULT, Background, CancelledError, Task
 from armtrue.workbench.compensator import Device
 from armtrue.workbench.first_figures import FirstFigures
+from armtrue.workbench.lock import SessionLocks
 from armtrue.workbench.opening.dropped import Drop
 from armtrue.workbench.opening.opened import Opened
 from armtrue.workbench.opening.waiting import go_on_waiting, keep_waiting
@@ -47,6 +48,7 @@ class Engine:
         self.about = "nothing is open yet"
         self.notes: list[str] = []
         self._session: Session | None = None
+        self._locks = SessionLocks()
         self.said = ""
         self.failure = ""
         self.made: Made | None = None
@@ -109,15 +111,20 @@ class Engine:
         place = folder or default_folder(key)
         if place.exists() and not place.is_dir():
             raise InputError(f"--session: found a file '{place}', expected a folder")
-        session = None if new else load_session(place, key, opened.data)
-        if session:
-            session, opened = _joined_since(session, opened)
-            said = f"The session is gone on with. {session.node.said}"
-        else:
-            session = self._begun(opened, Session(place, key, opened.data), progress)
-            said = session.node.said
-        self.background.stop()
-        self._session, self.said, self.notes = session, said, opened.notes
+        try:
+            self._locks.hold(place)
+            session = None if new else load_session(place, key, opened.data)
+            if session:
+                session, opened = _joined_since(session, opened)
+                self._locks.hold(session.folder)
+                said = f"The session is gone on with. {session.node.said}"
+            else:
+                session = self._begun(opened, Session(place, key, opened.data), progress)
+                said = session.node.said
+            self.background.stop()
+            self._session, self.said, self.notes = session, said, opened.notes
+        finally:
+            self._locks.keep({place, self._session.folder} if self._session else set())
         self._go_on(session.beside)
         self.title = str(opened.robot.spec.get("name", "robot"))
         self.about = f"{opened.data.file.name}: {opened.data.count} measurements"
