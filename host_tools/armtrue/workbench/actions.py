@@ -15,10 +15,11 @@ from armtrue.workbench.first_figures import FirstFigures, fit_to_some
 from armtrue.workbench.opening.dropped import LOOK_AT_GUESSES
 from armtrue.workbench.opening.waiting import keep_waiting
 from armtrue.workbench.outputs import make
-from armtrue.workbench.session import Node, Session
+from armtrue.workbench.session import Node, Session, joined_files
 from armtrue.workbench.showing.beside import planned_between
-from armtrue.workbench.showing.further import Result, compared, joined, rows_between
+from armtrue.workbench.showing.further import Result, rows_between
 from armtrue.workbench.showing.left_out import error_there, said_there
+from armtrue.workbench.showing.measured_again import compared, joined
 from armtrue.workbench.showing.names import change_words
 from armtrue.workbench.showing.poses import planned
 from armtrue.workbench.showing.words import fall_words, first_words, length, rows_words
@@ -136,17 +137,26 @@ def _plan(engine: Engine, words: Entry) -> None:
         _show(engine, planned(fit, words, rivals, engine.tell))
 
 
-def _compare(engine: Engine, _words: Entry) -> None:
-    _show(engine, compared(engine.session.fit_of(engine.session.at), engine.drop))
+def _compare(engine: Engine, words: Entry) -> None:
+    result = compared(engine.session.fit_of(engine.session.at), engine.drop, words)
+    if result is None:
+        engine.said = "Look at what was guessed of the file, then press Compare with the model."
+    else:
+        _show(engine, result)
 
 
 def _join(engine: Engine, _words: Entry) -> None:
     opened = joined(engine.session.fit_of(engine.session.at), engine.drop, engine.tell)
     before = engine.session
-    engine.begin(opened)
-    before.keep({"joined": str(opened.files[0])})
+    engine.begin(opened, linked=engine.linked)
+    before.keep({"joined": list(dict.fromkeys([*joined_files(before), str(opened.files[0])]))})
     engine.drop.forget()
     engine.said = f"{opened.notes[0]}. {engine.session.node.said}"
+
+
+def _switch(engine: Engine, words: Entry) -> None:
+    engine.look_at(*engine.linked[_whole(words, "session", len(engine.linked))])
+    engine.said = f"{engine.about}. {engine.session.node.said}"
 
 
 def _show(engine: Engine, result: Result) -> None:
@@ -348,6 +358,7 @@ WORK: dict[str, Callable[[Engine, Entry], None]] = {
     "plan": _plan,
     "compare": _compare,
     "join": _join,
+    "switch": _switch,
     "open": _open,
     "forget": _forget,
 }

@@ -56,7 +56,7 @@ def pieces(engine: Engine) -> dict[str, str]:
         "candidates": _candidates(diagnosis),
         "verdict": _verdict(diagnosis) if diagnosis else _no_verdict(engine),
         "advice": _advice(diagnosis) if diagnosis else "",
-        "history": _history(session),
+        "history": tag("div", _history(session), _sessions(engine)),
         "left-out": _left_out(session),
         "leave-out": leave_out_form(session.fit_of(session.at)),
         "device": device_section(engine.device) or "",
@@ -97,6 +97,8 @@ def _opening(engine: Engine) -> Markup:
             content += [" ", button("Compare with the model", "compare")]
     else:
         content += _guesses(drop, drop.guess)
+        if engine.is_open:
+            content += [" ", button("Compare with the model", "compare", source="form")]
     return tag("div", content, " ", button("Put aside", "forget", class_="quiet"))
 
 
@@ -355,6 +357,18 @@ def _history(session: Session) -> Markup:
         button("Name", "name", node=session.at),
     )
     return tag("div", tag("ul", branch(session.nodes[0]), class_="tree", aria_label="History"), name)
+
+
+def _sessions(engine: Engine) -> Markup | None:
+    """The sessions of the measurements before others joined, and after: none is lost."""
+    if len(engine.linked) < 2:
+        return None
+    entries: list[Content] = []
+    for k, (session, opened) in enumerate(engine.linked):
+        here = session is engine.session
+        words = f"{opened.data.file.name}: {opened.data.count} measurements, {plural(len(session.nodes), 'model')}"
+        entries.append(button(words, "switch", session=k, aria_current="true" if here else None))
+    return tag("div", tag("h3", "Before and after measurements joined"), listed(entries))
 
 
 def _left_out(session: Session) -> Markup:

@@ -41,7 +41,7 @@
 
   function press(button) {
     const words = { do: button.dataset.act };
-    for (const key of ["candidate", "effect", "node"]) if (key in button.dataset) words[key] = Number(button.dataset[key]);
+    for (const key of ["candidate", "effect", "node", "session"]) if (key in button.dataset) words[key] = Number(button.dataset[key]);
     if ("rows" in button.dataset) words.rows = JSON.parse(button.dataset.rows);
     if (words.do === "card") return void showCard(`card?candidate=${words.candidate}`);
     if (words.do === "beside") return void showCard(`beside?node=${words.node}`);
@@ -65,8 +65,8 @@
       byId("card-dialog").close();
     }
     if (words.do === "open" && "mend" in button.dataset) Object.assign(words, { mend: Number(button.dataset.mend), form: filledIn() });
-    if (words.do === "open" && button.dataset.source === "text") words.text = byId("dataset").value;
-    if (words.do === "open" && button.dataset.source === "form") words.form = filledIn();
+    if (button.dataset.source === "text") words.text = byId("dataset").value;
+    if (button.dataset.source === "form") words.form = filledIn();
     if (words.do === "export" || words.do === "report") {
       wanted = words.do;
       Object.assign(words, { do: "make", name: button.dataset.name || words.do });
