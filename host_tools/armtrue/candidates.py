@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 import statistics
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from armtrue.units import value_and_sigma
@@ -43,12 +43,21 @@ def name(entry: dict[str, Any]) -> str:
     )
 
 
-def called(entry: dict[str, Any]) -> str:
-    """The `name` of a candidate or an effect, and orders or shape that tell it from others on the same joint."""
+def called(entry: dict[str, Any], others: Sequence[dict[str, Any]] = ()) -> str:
+    """The `name` of a candidate or an effect, and orders and form that tell it from `others` on the same joint."""
+    orders = ", ".join(f"{value:g}" for value in options_of(entry).get("orders") or [])
+    return ", ".join([name(entry), *([f"order {orders}"] if orders else []), *form_words(entry, others)])
+
+
+def form_words(entry: dict[str, Any], others: Sequence[dict[str, Any]] = ()) -> list[str]:
+    """Options that tell forms of one effect apart, `shape beam` or `soft`; the sensor where `others` read several."""
     options = options_of(entry)
-    orders = ", ".join(f"{value:g}" for value in options.get("orders") or [])
-    shape = options.get("shape")
-    return name(entry) + (f", order {orders}" if orders else "") + (f", shape {shape}" if shape else "")
+    words = [f"{key} {options[key]}" for key in ("shape", "name") if options.get(key)]
+    words += ["soft"] if options.get("soft") else []
+    sensors = {options_of(other).get("sensor") for other in others} - {None}
+    if options.get("sensor") in sensors and len(sensors) > 1:
+        words.append(f"sensor {options['sensor']}")
+    return words
 
 
 def _joint_words(joints: list[int]) -> str:

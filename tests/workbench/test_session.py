@@ -229,4 +229,4 @@ def test_a_row_marked_as_wrong_is_left_out_and_counted(page, workbench):
     state = workbench.state()
     assert state["left_out"] == [5, 9]
     assert state["error"]["held_out"]["n"] == rows - 2
-    assert "2 rows marked as wrong by you: 5, 9." in page.browser.run("return document.body.innerText")
+    assert "2 rows left out by you: 5, 9." in page.browser.run("return document.body.innerText")

@@ -81,14 +81,23 @@ def _candidate(session: Session, words: Entry) -> Entry:
 def _change(engine: Engine, effects: list[Entry]) -> None:
     """Go to the model with these effects: one that was made from here before, or a new one."""
     session = engine.session
-    for child in session.children(session.at):
-        if child.effects == effects and child.left_out == session.node.left_out:
-            session.go(child.number)
-            engine.said = child.said
-            return
+    if child := _made_before(session, effects):
+        session.go(child.number)
+        engine.said = child.said
+        return
     before = session.node
     fit = _fitted(engine, session.fit_of(session.at), effects, before)
     _put(engine, fit, before)
+
+
+def _made_before(session: Session, effects: list[Entry]) -> Node | None:
+    """The model with these effects that was made from the one that is looked at; None where there is none."""
+    alike = (
+        child
+        for child in session.children(session.at)
+        if child.effects == effects and child.left_out == session.node.left_out
+    )
+    return next(alike, None)
 
 
 def _fitted(
@@ -211,10 +220,13 @@ def _refine(engine: Engine, _words: Entry) -> None:
         nonlocal steps
         diagnosis = {key: value for key, value in step.items() if key not in ("added", "removed")}
         if fit.effects != session.node.effects:
-            _put(engine, fit, session.node, diagnosis=diagnosis)
+            if child := _made_before(session, fit.effects):
+                session.go(child.number)
+            else:
+                _put(engine, fit, session.node, diagnosis=diagnosis)
             engine.announce()
             steps += 1
-        elif session.diagnosis_of(session.at) is None:
+        if session.diagnosis_of(session.at) is None:
             session.diagnosed(session.at, diagnosis)
         if engine.pausing.is_set():
             raise PausedError

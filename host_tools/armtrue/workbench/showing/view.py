@@ -12,7 +12,15 @@ from armtrue.fitting import Fit
 from armtrue.io.catalogue import catalogue
 from armtrue.report.markup import Content, Markup, tag
 from armtrue.report.parts import listed, micrometres, plural, rounded, typeset
-from armtrue.verdicts import ERROR_FIGURES, FLOOR_SOURCES, NOT_SCORED, chance, scored_mean_um, verdict_words
+from armtrue.verdicts import (
+    ERROR_FIGURES,
+    FLOOR_SOURCES,
+    NOT_SCORED,
+    chance,
+    scored_mean_um,
+    verdict_words,
+    why_words,
+)
 from armtrue.workbench.compensator import device_section
 from armtrue.workbench.engine import Engine
 from armtrue.workbench.first_figures import FirstFigures
@@ -280,7 +288,7 @@ def _candidate(k: int, candidate: dict[str, Any], candidates: list[dict[str, Any
             class_="actions",
         ),
         class_="recommended" if candidate["recommend"] else None,
-        title=typeset(candidate["why"]),
+        title=typeset(why_words(candidate)),
     )
 
 
