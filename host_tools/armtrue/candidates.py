@@ -38,7 +38,7 @@ def name(entry: dict[str, Any]) -> str:
     cycles = ", ".join(f"{value:g}" for value in options.get("cycles") or [])
     return (
         str(entry["effect"])
-        + (f" [{_joint_words(joints)}]" if joints else "")
+        + (f" [{joint_words(joints)}]" if joints else "")
         + (f" {cycles} cycles a turn" if cycles else "")
     )
 
@@ -60,7 +60,7 @@ def form_words(entry: dict[str, Any], others: Sequence[dict[str, Any]] = ()) -> 
     return words
 
 
-def _joint_words(joints: list[int]) -> str:
+def joint_words(joints: list[int]) -> str:
     """`1–6` for a run of three and more, else the numbers."""
     if len(joints) > 2 and joints == list(range(joints[0], joints[-1] + 1)):
         return f"{joints[0]}–{joints[-1]}"
