@@ -73,7 +73,7 @@ def _read_as_before(fit: Fit, path: Path) -> Dataset:
     if before.suffix.lower() not in (".yaml", ".yml"):
         raise InputError(f"{path}: found measurements of the session that no dataset.yaml describes")
     document = {**yaml.safe_load(read_text(before)), "file": str(path)}
-    as_before = path.with_suffix(".yaml")
+    as_before = path.with_name(f"as-before-{path.name}.yaml")
     write_file(as_before, yaml.safe_dump(document, sort_keys=False, allow_unicode=True))
     return load_data(as_before, fit.robot)
 

@@ -104,6 +104,7 @@ def test_moved_base_is_said_as_compare_says_it_and_joins_as_a_set_up_of_its_own(
     do(engine, "join")
     assert engine.session.node.effects[-1] == {"effect": "station"}
     assert engine.session.node.mean_um == pytest.approx(before, rel=0.2)
+    do(engine, "make", name="export")
     engine.take("third.csv", text(rows[1][FIRST:]))
     assert "as was to be expected" in do(engine, "compare"), "a file without set-ups is of the first one"
 
