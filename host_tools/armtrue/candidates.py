@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 import statistics
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from armtrue.units import value_and_sigma
@@ -38,20 +38,29 @@ def name(entry: dict[str, Any]) -> str:
     cycles = ", ".join(f"{value:g}" for value in options.get("cycles") or [])
     return (
         str(entry["effect"])
-        + (f" [{_joint_words(joints)}]" if joints else "")
+        + (f" [{joint_words(joints)}]" if joints else "")
         + (f" {cycles} cycles a turn" if cycles else "")
     )
 
 
-def called(entry: dict[str, Any]) -> str:
-    """The `name` of a candidate or an effect, and orders or shape that tell it from others on the same joint."""
+def called(entry: dict[str, Any], others: Sequence[dict[str, Any]] = ()) -> str:
+    """The `name` of a candidate or an effect, and orders and form that tell it from `others` on the same joint."""
+    orders = ", ".join(f"{value:g}" for value in options_of(entry).get("orders") or [])
+    return ", ".join([name(entry), *([f"order {orders}"] if orders else []), *form_words(entry, others)])
+
+
+def form_words(entry: dict[str, Any], others: Sequence[dict[str, Any]] = ()) -> list[str]:
+    """Options that tell forms of one effect apart, `shape beam` or `soft`; the sensor where `others` read several."""
     options = options_of(entry)
-    orders = ", ".join(f"{value:g}" for value in options.get("orders") or [])
-    shape = options.get("shape")
-    return name(entry) + (f", order {orders}" if orders else "") + (f", shape {shape}" if shape else "")
+    words = [f"{key} {options[key]}" for key in ("shape", "name") if options.get(key)]
+    words += ["soft"] if options.get("soft") else []
+    sensors = {options_of(other).get("sensor") for other in others} - {None}
+    if options.get("sensor") in sensors and len(sensors) > 1:
+        words.append(f"sensor {options['sensor']}")
+    return words
 
 
-def _joint_words(joints: list[int]) -> str:
+def joint_words(joints: list[int]) -> str:
     """`1–6` for a run of three and more, else the numbers."""
     if len(joints) > 2 and joints == list(range(joints[0], joints[-1] + 1)):
         return f"{joints[0]}–{joints[-1]}"

@@ -13,7 +13,7 @@ from armtrue.arrays import Array
 from armtrue.errors import InputError
 from armtrue.fitting import Fit
 from armtrue.io import Dataset
-from armtrue.verdicts import scored_mean_um
+from armtrue.verdicts import ERROR_FIGURES, scored_mean_um
 
 _WORST_ROWS = 10
 # The mean of so many standard errors above what was expected is no chance.
@@ -30,6 +30,27 @@ class Comparison:
 
     figures: dict[str, Any]
     elsewhere_um: float | None
+
+    @property
+    def title(self) -> str:
+        """The verdict in words."""
+        return "As expected" if self.figures["verdict"] == "as_expected" else "Worse than expected"
+
+    @property
+    def sentences(self) -> list[str]:
+        """What was found, the same in the terminal and on the workbench."""
+        figures = self.figures
+        found = [
+            f"error on {figures['error']['n']} rows: {error_words(figures['error'])}",
+            f"expected from poses held out of the fit: {figures['expected_mean_um']:.1f} µm, "
+            f"by chance up to {figures['limit_um']:.1f} µm",
+        ]
+        if self.elsewhere_um is not None:
+            found.append(
+                f"after moving the measuring frame {self.elsewhere_um:.1f} µm stay: the arm is as it was, and base or "
+                "instrument stand elsewhere"
+            )
+        return found
 
 
 def compare(fit: Fit, data: Dataset) -> Comparison:
@@ -102,6 +123,11 @@ def prediction_error(predicted: Array, data: Dataset) -> dict[str, float] | None
     if not data.has_positions:
         return None
     return error_figures(1e6 * np.linalg.norm(data.positions_m - predicted, axis=1))
+
+
+def error_words(error: dict[str, float]) -> str:
+    """Error figures as they are said."""
+    return ", ".join(f"{word} {error[key]:.1f} µm" for key, word in ERROR_FIGURES.items())
 
 
 def error_figures(apart_um: Array) -> dict[str, float]:

@@ -9,7 +9,7 @@ from typing import Any
 from armtrue import _core, notebook
 from armtrue.fitting import Fit, from_core, refusals_about
 from armtrue.progress import Progress
-from armtrue.verdicts import length_words, scored_mean_um, verdict_words
+from armtrue.verdicts import length_words, scored_mean_um, verdict_words, why_words
 
 
 class Diagnosis(dict[str, Any]):
@@ -47,7 +47,7 @@ class Diagnosis(dict[str, Any]):
         lines = [verdict_words(self)]
         if (best := self.recommended) is not None:
             joints = f" {', '.join(map(str, best['joints']))}" if best["joints"] else ""
-            lines.append(f"{best['effect']}{joints}: {best['why']}")
+            lines.append(f"{best['effect']}{joints}: {why_words(best)}")
         lines += [
             f"left over, depends on {entry['variable']}: {entry['shape']}" for entry in self.unexplained
         ]

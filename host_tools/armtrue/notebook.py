@@ -12,9 +12,11 @@ from armtrue.verdicts import (
     ERROR_FIGURES,
     FLOOR_SOURCES,
     PARTS_OF_ERROR,
+    chance,
     error_words,
     length_words,
     verdict_words,
+    why_words,
 )
 
 _MOST_ROWS = 60
@@ -76,10 +78,10 @@ def diagnosis_html(diagnosis: Mapping[str, Any]) -> str:
     rows = [
         [
             name(candidate),
-            f"{100 * candidate['probability']:.0f} %",
+            chance(candidate["probability"]),
             f"{100 * candidate['explained']:.1f} %",
             length_words(candidate["held_out_mean_um_if_added"]),
-            "recommended" if candidate["recommend"] else candidate["why"],
+            "recommended" if candidate["recommend"] else why_words(candidate),
         ]
         for candidate in diagnosis["candidates"][:10]
     ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from typing import Any
 
@@ -69,6 +70,12 @@ def chance(probability: float) -> str:
     if probability > 0.995:
         return "> 99 %"
     return "< 1 %" if probability < 0.005 else f"{100 * probability:.0f} %"
+
+
+def why_words(candidate: Mapping[str, Any]) -> str:
+    """Why a candidate is recommended or not, its probability said as everywhere: the library rounds it to percent."""
+    said = f"probability {chance(candidate['probability'])}"
+    return re.sub(r"^probability \d+ %", said, with_signs(candidate["why"]))
 
 
 def verdict_words(diagnosis: dict[str, Any]) -> str:

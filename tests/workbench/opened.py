@@ -31,6 +31,7 @@ class Workbench:
     """A running `armtrue open`. `address`: what it printed."""
 
     def __init__(self, arguments: Sequence[str | Path], state: Path) -> None:
+        self.state_home = state
         command = [ARMTRUE, "open", *map(str, arguments), "--no-browser"]
         environment = {**os.environ, "XDG_STATE_HOME": str(state)}
         self.process = subprocess.Popen(

@@ -139,3 +139,21 @@ def test_mending_keeps_what_was_changed_in_the_form(guessed, foreign):
     page.one("#opening button", "button", "Mend this").click()
     page.until(lambda: "joint 3 turns the other way" not in page.text("opening"), "mended file")
     assert shown(page, "unit of X") == "m"
+
+
+def test_foreign_measurements_are_compared_with_the_open_session_as_the_form_says(
+    start, browser, campaign, foreign, tmp_path
+):
+    model = tmp_path / "geometry.yaml"
+    model.write_text("effects: [base_frame, tool_offset, joint_offset, link_geometry]\n")
+    opened = start(campaign / "data.csv", "--robot", campaign / "robot.yaml", "--model", model)
+    page = Page(browser, opened.address)
+    page.browser.driver.find_element(By.ID, "files").send_keys(str(foreign(turned=3)))
+    page.until(lambda: "tracker.csv" in page.text("opening"), "file")
+    page.one("#opening button", "button", "Compare with the model").click()
+    page.until(lambda: page.by_role("#opening button", "button", "Mend this"), "guesses")[0].click()
+    page.until(lambda: "It is mended" in page.status(), "mended file")
+    said = page.after(page.one("#opening button", "button", "Compare with the model").click)
+    assert page.failure() == ""
+    assert "tracker.csv: mean error" in said
+    assert "as was to be expected" in said

@@ -125,7 +125,7 @@ def test_dropped_files_are_gone_on_with_when_they_are_dropped_again(start, brows
         browser.look()
         browser.driver.get(workbench.address)
         page = Page.__new__(Page)
-        page.browser, page.address = browser, workbench.address
+        page.browser, page.address, page.workbench = browser, workbench.address, workbench
         names = ("data.csv", "robot.yaml", "model.yaml")
         files = "\n".join(str(campaign / name) for name in names)
         browser.driver.find_element(By.ID, "files").send_keys(files)
@@ -138,6 +138,7 @@ def test_dropped_files_are_gone_on_with_when_they_are_dropped_again(start, brows
     page = dropped()
     page.add()
     model = page.model()
+    page.workbench.kill()
     again = dropped()
     assert "gone on with" in again.status()
     assert again.model() == model

@@ -141,6 +141,37 @@ def test_poses_framed_on_the_arm_are_ringed_on_the_chart(page):
     )
 
 
+def test_the_row_that_is_read_out_is_the_one_that_is_marked(page, workbench):
+    said = "return document.querySelector('.scene-part .readout').textContent"
+    offered = "return document.getElementById('mark').textContent"
+    page.until(lambda: page.by_role(".scene-part button", "button", "Next worst"), "arm")
+    open_part(page, "certainty")
+    for _ in range(3):
+        before = page.browser.run(said)
+        page.one(".scene-part button", "button", "Next worst").click()
+        page.until(lambda before=before: page.browser.run(said) != before, "the next one")
+        row = re.match(r"Row (\d+): ", page.browser.run(said))[1]
+        assert page.browser.run(offered) == f"Mark row {row} as wrong"
+    other = page.browser.driver.find_element(By.CSS_SELECTOR, "details[data-panel=certainty] .stage")
+    other.send_keys("n")
+    page.browser.settle()
+    assert page.browser.run(offered) == f"Mark row {row} as wrong", "another picture marks nothing"
+    page.after(page.one("#mark", "button", f"Mark row {row} as wrong").click)
+    assert workbench.state()["left_out"] == [int(row)]
+
+
+def test_a_row_that_was_clicked_stays_while_the_pointer_goes_to_the_button(page):
+    said = "return document.querySelector('.scene-part .readout').textContent"
+    page.until(lambda: page.by_role(".scene-part button", "button", "Next worst"), "arm")
+    page.one(".scene-part button", "button", "Next worst").click()
+    row = page.until(lambda: re.match(r"Row \d+", page.browser.run(said)), "row")[0]
+    stage = page.browser.driver.find_element(By.CSS_SELECTOR, ".scene-part .stage")
+    for x in range(-80, 80, 8):
+        ActionChains(page.browser.driver, duration=5).move_to_element_with_offset(stage, x, x // 2).perform()
+    assert page.browser.run(said).startswith(row)
+    assert row.lower() in page.browser.run("return document.getElementById('mark').textContent")
+
+
 def test_a_peak_of_a_spectrum_becomes_an_effect(page, workbench):
     page.add()  # without lost motion the eccentric gear stands out
     open_part(page, "spectra")

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import os
 import re
+import subprocess
 import time
 from pathlib import Path
 
 import armtrue_sim
 import pytest
 from bench_page import Page
-from opened import TWO_HIDDEN
+from opened import ARMTRUE, TWO_HIDDEN
 from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
@@ -44,6 +46,20 @@ def test_a_killed_server_comes_back_with_the_session(start, browser):
     assert "gone on with" in page.status()
     page.press("Undo")
     assert len(second.state()["steps"]) == 1
+
+
+def test_second_workbench_on_the_same_files_is_refused_until_the_first_is_killed(start, campaign):
+    first = start()
+    command = [ARMTRUE, "open", str(campaign / "data.csv"), "--no-browser"]
+    environment = {**os.environ, "XDG_STATE_HOME": str(first.state_home)}
+    second = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=60)
+    assert second.returncode == 2
+    assert second.stdout == ""
+    (sentence,) = second.stderr.strip().splitlines()
+    assert f"open in another workbench (process {first.process.pid})" in sentence
+    assert first.do(do="add", candidate=0) == 200
+    first.kill()
+    start()
 
 
 def test_two_tabs_show_the_same_model(page, workbench):
@@ -213,4 +229,4 @@ def test_a_row_marked_as_wrong_is_left_out_and_counted(page, workbench):
     state = workbench.state()
     assert state["left_out"] == [5, 9]
     assert state["error"]["held_out"]["n"] == rows - 2
-    assert "2 rows marked as wrong by you: 5, 9." in page.browser.run("return document.body.innerText")
+    assert "2 rows left out by you: 5, 9." in page.browser.run("return document.body.innerText")

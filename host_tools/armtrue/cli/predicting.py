@@ -22,7 +22,6 @@ from armtrue.errors import InputError
 from armtrue.io import Dataset, Robot, load_data
 from armtrue.io.dataset import in_file_order
 from armtrue.io.files import csv_text, refuse_to_lose, write_file
-from armtrue.verdicts import ERROR_FIGURES
 
 _COVARIANCES = {"cxx": (0, 0), "cxy": (0, 1), "cxz": (0, 2), "cyy": (1, 1), "cyz": (1, 2), "czz": (2, 2)}
 
@@ -82,7 +81,7 @@ def predict(
     measured = _with_positions(poses, result.robot)
     error = None if measured is None else comparing.prediction_error(predicted, measured)
     if error is not None:
-        output.say(f"error against the x, y, z of {wanted.file.name}: {_error_words(error)}")
+        output.say(f"error against the x, y, z of {wanted.file.name}: {comparing.error_words(error)}")
 
 
 def compare(
@@ -111,27 +110,13 @@ def compare(
 
 
 def _present(found: Any, output: Output) -> None:
-    figures = found.figures
-    as_expected = figures["verdict"] == "as_expected"
-    output.title("As expected" if as_expected else "Worse than expected")
-    output.say(f"error on {figures['error']['n']} rows: {_error_words(figures['error'])}")
-    output.say(
-        f"expected from poses held out of the fit: {figures['expected_mean_um']:.1f} µm, "
-        f"by chance up to {figures['limit_um']:.1f} µm"
-    )
-    if found.elsewhere_um is not None:
-        output.say(
-            f"after moving the measuring frame {found.elsewhere_um:.1f} µm stay: the arm is as it was, and base or "
-            "instrument stand elsewhere"
-        )
+    output.title(found.title)
+    for sentence in found.sentences:
+        output.say(sentence)
     table = plain_table("worst rows", "error [µm]")
-    for row in figures["rows"]:
+    for row in found.figures["rows"]:
         table.add_row(f"row {row['row']}", f"{row['error_um']:.1f}")
     output.table(table)
-
-
-def _error_words(error: dict[str, float]) -> str:
-    return ", ".join(f"{word} {error[key]:.1f} µm" for key, word in ERROR_FIGURES.items())
 
 
 def _with_positions(poses: Path, robot: Robot) -> Dataset | None:

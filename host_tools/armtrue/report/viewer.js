@@ -165,7 +165,7 @@
     const scene = new Scene(JSON.parse(viewer.querySelector("script").textContent));
     const stage = viewer.querySelector(".stage"), readout = viewer.querySelector(".readout"), stills = viewer.querySelector(".stills");
     const usualGain = scene.gain;
-    let step = scene.vectors.length - 1, angles = VIEWS.corner, zoom = 1, pan = [0, 0], picked = -1, tips = [], waiting = false;
+    let step = scene.vectors.length - 1, angles = VIEWS.corner, zoom = 1, pan = [0, 0], picked = -1, fixed = false, tips = [], waiting = false;
     let ringed = new Set(), brush = null; // poses that are selected, and the corners of the frame that selects them
     let home = VIEWS.corner; // the angles that the picture is fitted for: turning does not change the scale
 
@@ -193,11 +193,24 @@
 
     function select(indices) {
       ringed = new Set(indices);
-      if (ringed.size) {
-        const mean = [...ringed].reduce((sum, k) => sum + scene.lengths[step][k], 0) / ringed.size;
-        readout.textContent = `${ringed.size} poses are selected; their mean ${scene.what} is ${figure(mean)} µm.`;
-      }
+      read(-1);
       redraw();
+    }
+
+    /** Reads one pose, -1 for none; `hold`: until another one is clicked, whatever the pointer passes on its way. */
+    function read(index, hold = false) {
+      picked = index;
+      fixed = hold && index >= 0;
+    }
+
+    /** What is read, in words and as rows of the file: the page marks no other ones as wrong. */
+    function sayWhatIsRead() {
+      const indices = picked >= 0 ? [picked] : [...ringed];
+      const mean = indices.reduce((sum, k) => sum + scene.lengths[step][k], 0) / (indices.length || 1);
+      if (picked >= 0) readout.textContent = describe(picked);
+      else if (indices.length) readout.textContent = `${indices.length} poses are selected; their mean ${scene.what} is ${figure(mean)} µm.`;
+      else readout.textContent = "Point at an arrow, or press N for the next worst pose, to read it.";
+      stage.dispatchEvent(new CustomEvent("armtrue-read", { bubbles: true, detail: indices.map((k) => scene.rows[k]) }));
     }
 
     function render() {
@@ -215,13 +228,12 @@
         const [x, y] = tips[picked];
         stage.firstChild.insertAdjacentHTML("beforeend", `<circle class="picked" fill="none" cx="${x.toFixed(1)}" cy="${y.toFixed(1)}" r="9"/>`);
       }
-      if (picked >= 0) stage.dispatchEvent(new CustomEvent("armtrue-picked", { bubbles: true, detail: scene.rows[picked] }));
       if (brush) {
         const [[x0, y0], [x1, y1]] = brush;
         stage.firstChild.insertAdjacentHTML("beforeend",
           `<rect class="brush-frame" x="${Math.min(x0, x1)}" y="${Math.min(y0, y1)}" width="${Math.abs(x1 - x0)}" height="${Math.abs(y1 - y0)}"/>`);
       }
-      if (picked >= 0 || !ringed.size) readout.textContent = picked >= 0 ? describe(picked) : "Point at an arrow, or press N for the next worst pose, to read it.";
+      sayWhatIsRead();
     }
 
     function redraw() {
@@ -244,7 +256,7 @@
 
     function nextWorst() {
       const order = scene.rows.map((_, k) => k).sort((a, b) => scene.lengths[step][b] - scene.lengths[step][a]);
-      picked = order[(order.indexOf(picked) + 1) % order.length];
+      read(order[(order.indexOf(picked) + 1) % order.length], true);
     }
 
     function see(name) {
@@ -260,8 +272,7 @@
       again: () => {
         see("corner");
         scene.gain = usualGain;
-        picked = -1;
-        ringed = new Set();
+        select([]);
       },
     };
     const keys = {
@@ -276,11 +287,12 @@
       event.preventDefault();
       redraw();
     });
-    document.querySelectorAll("[data-do]").forEach((button) => button.addEventListener("click", () => {
+    // The buttons beside this picture: a page may have several.
+    viewer.parentElement.querySelectorAll("[data-do]").forEach((button) => button.addEventListener("click", () => {
       actions[button.dataset.do]();
       redraw();
     }));
-    document.querySelectorAll("input[name=vectors-step]").forEach((input) => input.addEventListener("change", () => {
+    viewer.parentElement.querySelectorAll("input[name=vectors-step]").forEach((input) => input.addEventListener("change", () => {
       step = Number(input.value);
       redraw();
       drawStills();
@@ -309,7 +321,7 @@
     stage.addEventListener("pointerup", (event) => {
       if (brush) return void endBrush();
       held.delete(event.pointerId);
-      if (!moved) pick(event); // a tap
+      if (!moved) pick(event, true); // a tap
     });
     stage.addEventListener("pointermove", (event) => {
       if (brush) {
@@ -319,7 +331,7 @@
       }
       const before = held.get(event.pointerId);
       if (!before) {
-        pick(event);
+        if (!fixed) pick(event);
         return;
       }
       const dx = event.clientX - before[0], dy = event.clientY - before[1];
@@ -351,7 +363,6 @@
     function endBrush() {
       const [[x0, y0], [x1, y1]] = brush;
       brush = null;
-      picked = -1;
       const between = (value, a, b) => value >= Math.min(a, b) && value <= Math.max(a, b);
       select(tips.flatMap(([x, y], k) => (between(x, x0, x1) && between(y, y0, y1) ? [k] : [])));
       stage.dispatchEvent(new CustomEvent("armtrue-brushed", { bubbles: true, detail: [...ringed].map((k) => scene.rows[k]) }));
@@ -363,15 +374,15 @@
       select(scene.rows.flatMap((row, k) => (rows.has(row) ? [k] : [])));
     });
 
-    function pick(event) {
+    function pick(event, hold = false) {
       const [x, y] = placeOf(event);
       let nearest = -1, least = PICK_PIXELS;
       tips.forEach((tip, k) => {
         const distance = Math.hypot(tip[0] - x, tip[1] - y);
         if (distance < least) [nearest, least] = [k, distance];
       });
-      if (nearest === picked) return;
-      picked = nearest;
+      if (nearest === picked && hold === fixed) return;
+      read(nearest, hold);
       redraw();
     }
 

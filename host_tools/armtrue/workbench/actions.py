@@ -15,10 +15,11 @@ from armtrue.workbench.first_figures import FirstFigures, fit_to_some
 from armtrue.workbench.opening.dropped import LOOK_AT_GUESSES
 from armtrue.workbench.opening.waiting import keep_waiting
 from armtrue.workbench.outputs import make
-from armtrue.workbench.session import Node, Session
+from armtrue.workbench.session import Node, Session, joined_files
 from armtrue.workbench.showing.beside import planned_between
-from armtrue.workbench.showing.further import Result, compared, joined, rows_between
+from armtrue.workbench.showing.further import Result, rows_between
 from armtrue.workbench.showing.left_out import error_there, said_there
+from armtrue.workbench.showing.measured_again import compared, joined
 from armtrue.workbench.showing.names import change_words
 from armtrue.workbench.showing.poses import planned
 from armtrue.workbench.showing.words import fall_words, first_words, length, rows_words
@@ -80,14 +81,23 @@ def _candidate(session: Session, words: Entry) -> Entry:
 def _change(engine: Engine, effects: list[Entry]) -> None:
     """Go to the model with these effects: one that was made from here before, or a new one."""
     session = engine.session
-    for child in session.children(session.at):
-        if child.effects == effects and child.left_out == session.node.left_out:
-            session.go(child.number)
-            engine.said = child.said
-            return
+    if child := _made_before(session, effects):
+        session.go(child.number)
+        engine.said = child.said
+        return
     before = session.node
     fit = _fitted(engine, session.fit_of(session.at), effects, before)
     _put(engine, fit, before)
+
+
+def _made_before(session: Session, effects: list[Entry]) -> Node | None:
+    """The model with these effects that was made from the one that is looked at; None where there is none."""
+    alike = (
+        child
+        for child in session.children(session.at)
+        if child.effects == effects and child.left_out == session.node.left_out
+    )
+    return next(alike, None)
 
 
 def _fitted(
@@ -136,17 +146,26 @@ def _plan(engine: Engine, words: Entry) -> None:
         _show(engine, planned(fit, words, rivals, engine.tell))
 
 
-def _compare(engine: Engine, _words: Entry) -> None:
-    _show(engine, compared(engine.session.fit_of(engine.session.at), engine.drop))
+def _compare(engine: Engine, words: Entry) -> None:
+    result = compared(engine.session.fit_of(engine.session.at), engine.drop, words)
+    if result is None:
+        engine.said = "Look at what was guessed of the file, then press Compare with the model."
+    else:
+        _show(engine, result)
 
 
 def _join(engine: Engine, _words: Entry) -> None:
     opened = joined(engine.session.fit_of(engine.session.at), engine.drop, engine.tell)
     before = engine.session
-    engine.begin(opened)
-    before.keep({"joined": str(opened.files[0])})
+    engine.begin(opened, linked=engine.linked)
+    before.keep({"joined": list(dict.fromkeys([*joined_files(before), str(opened.files[0])]))})
     engine.drop.forget()
     engine.said = f"{opened.notes[0]}. {engine.session.node.said}"
+
+
+def _switch(engine: Engine, words: Entry) -> None:
+    engine.look_at(*engine.linked[_whole(words, "session", len(engine.linked))])
+    engine.said = f"{engine.about}. {engine.session.node.said}"
 
 
 def _show(engine: Engine, result: Result) -> None:
@@ -201,10 +220,13 @@ def _refine(engine: Engine, _words: Entry) -> None:
         nonlocal steps
         diagnosis = {key: value for key, value in step.items() if key not in ("added", "removed")}
         if fit.effects != session.node.effects:
-            _put(engine, fit, session.node, diagnosis=diagnosis)
+            if child := _made_before(session, fit.effects):
+                session.go(child.number)
+            else:
+                _put(engine, fit, session.node, diagnosis=diagnosis)
             engine.announce()
             steps += 1
-        elif session.diagnosis_of(session.at) is None:
+        if session.diagnosis_of(session.at) is None:
             session.diagnosed(session.at, diagnosis)
         if engine.pausing.is_set():
             raise PausedError
@@ -348,6 +370,7 @@ WORK: dict[str, Callable[[Engine, Entry], None]] = {
     "plan": _plan,
     "compare": _compare,
     "join": _join,
+    "switch": _switch,
     "open": _open,
     "forget": _forget,
 }

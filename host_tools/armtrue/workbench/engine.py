@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import threading
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -17,14 +18,16 @@ from armtrue.workbench.allocator import give_back
 from armtrue.workbench.background import FAULT, Background, CancelledError, Task
 from armtrue.workbench.compensator import Device
 from armtrue.workbench.first_figures import FirstFigures
+from armtrue.workbench.lock import SessionLocks
 from armtrue.workbench.opening.dropped import Drop
 from armtrue.workbench.opening.opened import Opened
 from armtrue.workbench.opening.waiting import go_on_waiting, keep_waiting
 from armtrue.workbench.outputs import Made
-from armtrue.workbench.session import Session, default_folder, key_of, load_session
+from armtrue.workbench.session import Session, default_folder, joined_files, key_of, load_session
 from armtrue.workbench.showing.further import Result
 
 Entry = dict[str, Any]
+Linked = tuple[Session, Opened]
 
 # Up to so many measurements a diagnosis is done in a moment: the action ends with it. The page has its figures before;
 # the longest wait is that of a machine which is busy with other things.
@@ -47,6 +50,9 @@ class Engine:
         self.about = "nothing is open yet"
         self.notes: list[str] = []
         self._session: Session | None = None
+        self._locks = SessionLocks()
+        # The sessions of measurements before others joined them and after, the latest last.
+        self.linked: list[Linked] = []
         self.said = ""
         self.failure = ""
         self.made: Made | None = None
@@ -98,30 +104,63 @@ class Engine:
         )
 
     def begin(
-        self, opened: Opened, folder: Path | None = None, new: bool = False, progress: Progress | None = None
+        self,
+        opened: Opened,
+        folder: Path | None = None,
+        new: bool = False,
+        progress: Progress | None = None,
+        linked: Sequence[Linked] = (),
     ) -> None:
         """Go on with the session of these files, or fit them; a session that is open stays until then.
 
-        `folder`: where it is kept, if not where sessions are. Errors: InputError where that cannot be written, or the
-        data cannot carry the model.
+        `folder`: where it is kept, if not where sessions are. `linked`: sessions to which the page leads
+        back. Errors: InputError where that cannot be written, or the data cannot carry the model.
         """
         key = key_of(opened.files)
         place = folder or default_folder(key)
         if place.exists() and not place.is_dir():
             raise InputError(f"--session: found a file '{place}', expected a folder")
-        session = None if new else load_session(place, key, opened.data)
-        if session:
-            session, opened = _joined_since(session, opened)
-            said = f"The session is gone on with. {session.node.said}"
-        else:
-            session = self._begun(opened, Session(place, key, opened.data), progress)
-            said = session.node.said
+        try:
+            self._locks.hold(place)
+            session = None if new else load_session(place, key, opened.data)
+            if session:
+                found = self._joined_since(session, opened)
+                said = f"The session is gone on with. {found[-1][0].node.said}"
+            else:
+                found = [(self._begun(opened, Session(place, key, opened.data), progress), opened)]
+                said = found[-1][0].node.said
+            ours = {each.folder for each, _ in found}
+            self.linked = [*(each for each in linked if each[0].folder not in ours), *found]
+        finally:
+            self._locks.keep({each.folder for each, _ in self.linked})
+        self.look_at(*self.linked[-1])
+        self.said = said
+        self._diagnose()
+
+    def look_at(self, session: Session, opened: Opened) -> None:
+        """Show a session that is open."""
         self.background.stop()
-        self._session, self.said, self.notes = session, said, opened.notes
+        self._session, self.notes = session, opened.notes
         self._go_on(session.beside)
         self.title = str(opened.robot.spec.get("name", "robot"))
         self.about = f"{opened.data.file.name}: {opened.data.count} measurements"
-        self._diagnose()
+
+    def _joined_since(self, session: Session, opened: Opened) -> list[Linked]:
+        """`session` and those in which further measurements joined it, the last one last, held against others."""
+        found = [(session, opened)]
+        for file in joined_files(session):
+            path = Path(file)
+            if not path.is_file():
+                continue
+            data = load_data(path, opened.robot)
+            key = key_of([path])
+            went_on = load_session(default_folder(key), key, data)
+            if went_on is not None:
+                self._locks.hold(went_on.folder)
+                note = f"{path.name}: measurements joined since; History leads back to {opened.data.file.name} alone"
+                later = replace(opened, data=data, files=[path], notes=[*opened.notes, note])
+                found += self._joined_since(went_on, later)
+        return found
 
     def _go_on(self, beside: Entry) -> None:
         """Take up what the session's file holds beside the tree, where that is as it was written."""
@@ -282,17 +321,3 @@ class Engine:
         while at_once and time.monotonic() < end and not self.background.wait(_LOOK_UP_S):
             if self._cancel.is_set():
                 self.background.stop_for_good(self.session)
-
-
-def _joined_since(session: Session, opened: Opened) -> tuple[Session, Opened]:
-    """The session in which further measurements joined those of `session`, with its files; itself where none did."""
-    path = Path(str(session.beside.get("joined") or ""))
-    if not path.is_file():
-        return session, opened
-    data = load_data(path, opened.robot)
-    key = key_of([path])
-    went_on = load_session(default_folder(key), key, data)
-    if went_on is None:
-        return session, opened
-    note = f"{path.name}: measurements joined since; --new begins with {opened.data.file.name} alone"
-    return went_on, replace(opened, data=data, files=[path], notes=[*opened.notes, note])

@@ -61,7 +61,8 @@ class Node:
 class Session:
     """The tree of models in `folder`. `key` tells which files it was begun with; `data` are their measurements.
 
-    `beside`: what the page holds beside the tree, planned poses among it, as JSON.
+    `beside`: what the page holds beside the tree, planned poses among it, as JSON; `joined`: files of the sessions in
+    which further measurements joined these.
     """
 
     folder: Path
@@ -140,10 +141,11 @@ class Session:
         self.save()
 
     def keep(self, beside: dict[str, Any]) -> None:
-        """Have the session's file hold `beside`."""
+        """Have the session's file hold `beside`, with what else it holds."""
         with self._lock:
-            if beside != self.beside:
-                self.beside = beside
+            kept = {**self.beside, **beside}
+            if kept != self.beside:
+                self.beside = kept
                 self.save()
 
     def fit_of(self, number: int) -> Fit:
@@ -205,6 +207,12 @@ def load_session(folder: Path, key: str, data: Dataset) -> Session | None:
         return session if whole and 0 <= session.at < len(nodes) else None
     except (ValueError, KeyError, TypeError):
         return None
+
+
+def joined_files(session: Session) -> list[str]:
+    """Files of the sessions in which further measurements joined those of `session`, oldest first."""
+    kept = session.beside.get("joined") or []
+    return [kept] if isinstance(kept, str) else [str(file) for file in kept]
 
 
 def key_of(files: list[Path]) -> str:

@@ -19,8 +19,8 @@ from armtrue.verdicts import (
     chance,
     of_other_sensors,
     scored,
-    sensor_of,
     verdict_words,
+    why_words,
     with_signs,
 )
 
@@ -31,13 +31,6 @@ _LEGEND = (
     "probability: that the arm has it beside what is fitted; explains: share of the squared residual;",
     "separable: share of its effect that what is fitted cannot imitate; ≈: predicted, not refitted",
 )
-
-
-def _called_among(entry: dict[str, Any], candidates: list[dict[str, Any]]) -> str:
-    """`called`, with the sensor where `candidates` read several."""
-    sensors = {sensor_of(other) for other in candidates} - {None}
-    sensor = sensor_of(entry)
-    return called(entry) + (f", sensor {sensor}" if sensor is not None and len(sensors) > 1 else "")
 
 
 def _runs(numbers: list[int]) -> str:
@@ -141,8 +134,8 @@ def _present_candidates(result: dict[str, Any], output: Output) -> None:
         nearest = candidates[0]
         output.say(f"probability that nothing is missing: {chance(result['probability_nothing'])}")
         output.say(
-            f"nearest candidate: {_called_among(nearest, candidates)}, probability {chance(nearest['probability'])}, "
-            f"explains {100 * nearest['explained']:.1f} % of the squared residual: {with_signs(nearest['why'])}"
+            f"nearest candidate: {called(nearest, candidates)}, probability {chance(nearest['probability'])}, "
+            f"explains {100 * nearest['explained']:.1f} % of the squared residual: {why_words(nearest)}"
         )
         return
     tried, candidates = candidates, candidates[:_CANDIDATES_SHOWN]
@@ -152,9 +145,9 @@ def _present_candidates(result: dict[str, Any], output: Output) -> None:
         output.say(line)
     for candidate in candidates:
         if candidate["recommend"]:
-            output.title(f"Recommended: {_called_among(candidate, tried)}")
-            output.items([with_signs(candidate["why"]), *parameter_lines(candidate["parameters"])])
-            others = [_called_among(other, tried) for other in of_other_sensors(candidate, tried)]
+            output.title(f"Recommended: {called(candidate, tried)}")
+            output.items([why_words(candidate), *parameter_lines(candidate["parameters"])])
+            others = [called(other, tried) for other in of_other_sensors(candidate, tried)]
             warmed = [OTHER_SENSOR_ADVICE] if others else []
             others += [called(entry_of(label)) for label in candidate["confounded_with"]]
             if others:
@@ -167,7 +160,7 @@ def _present_candidates(result: dict[str, Any], output: Output) -> None:
         if candidate["probability"] > _MORE_LIKELY_THAN_NOT:
             likely.append(rank)
         else:
-            reasons.setdefault(with_signs(candidate["why"]), []).append(rank)
+            reasons.setdefault(why_words(candidate), []).append(rank)
     if likely:
         output.title("Missing beside it")
         output.items([f"{_runs(likely)}: more likely there than not; armtrue refine adds what holds"])
@@ -181,7 +174,7 @@ def _candidate_table(candidates: list[dict[str, Any]], tried: list[dict[str, Any
     table = plain_table("    candidate", *headers)
     for rank, candidate in enumerate(candidates, start=1):
         table.add_row(
-            f"{rank:>2}  {_called_among(candidate, tried)}",
+            f"{rank:>2}  {called(candidate, tried)}",
             chance(candidate["probability"]),
             f"{100 * candidate['explained']:.1f} %",
             f"{100 * candidate['separability']:.1f} %",

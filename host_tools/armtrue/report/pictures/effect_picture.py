@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from itertools import combinations
 from typing import Any
 
 import numpy as np
 
 from armtrue import _core
 from armtrue.arrays import Array
+from armtrue.candidates import joint_words
 from armtrue.fitting import Fit, effect_terms
 from armtrue.io.rotation import matrix_about
 from armtrue.report.gathered.state import Variable, variables
@@ -30,6 +32,8 @@ _BETWEEN = (0.02, 0.98)
 _SHOWN_WAVES = 2.0
 # Terms that are weighed by springs still to be found have no size of their own.
 _LARGEST_REAL_M = 0.05
+# Labels of joints: a line's height, a letter's width, and how far beside the joint they stand.
+_LINE, _LETTER, _BESIDE = 16.0, 8.0, 12.0
 _AZIMUTH, _ELEVATION = np.radians(-62.0), np.radians(22.0)
 
 
@@ -229,14 +233,8 @@ def _svg(nominal: Array, moved: list[Array], marked: list[int], sweep: Sweep, wo
         for k, (x, y) in enumerate(nominal[1:-1], start=1)
     ]  # fmt: skip
     names = [
-        tag(
-            "text",
-            f"joint {k}",
-            class_="label strong",
-            x=f"{nominal[k][0] + 12:.1f}",
-            y=f"{nominal[k][1] + 4:.1f}",
-        )
-        for k in marked
+        tag("text", text, class_="label strong", x=f"{x:.1f}", y=f"{y:.1f}")
+        for text, x, y in joint_labels(nominal, marked)
     ]
     track: list[Markup] = []
     if sweep.variable is not None:
@@ -260,6 +258,31 @@ def _svg(nominal: Array, moved: list[Array], marked: list[int], sweep: Sweep, wo
         joints, names, track,
         data_still=f"{_SECONDS * farthest / (len(there_and_back) - 1):.2f}",
     )  # fmt: skip
+
+
+def joint_labels(places: Array, marked: list[int]) -> list[tuple[str, float, float]]:
+    """Text and place of the labels of marked joints; joints whose labels would cover each other share one."""
+    groups = [[k] for k in marked]
+    while True:
+        labels = [_label(places, group) for group in groups]
+        covered = (
+            (a, b) for a, b in combinations(range(len(groups)), 2) if _cover_each_other(labels[a], labels[b])
+        )
+        if (pair := next(covered, None)) is None:
+            return labels
+        merged = sorted(groups[pair[0]] + groups[pair[1]])
+        groups = [merged, *(group for k, group in enumerate(groups) if k not in pair)]
+
+
+def _label(places: Array, joints: list[int]) -> tuple[str, float, float]:
+    text = f"joint{'s' if len(joints) > 1 else ''} {joint_words(joints)}"
+    x, y = float(places[joints, 0].max()) + _BESIDE, float(places[joints, 1].mean()) + 4
+    return text, min(x, WIDTH - _LETTER * len(text)), y
+
+
+def _cover_each_other(one: tuple[str, float, float], other: tuple[str, float, float]) -> bool:
+    left, right = sorted((one, other), key=lambda label: label[1])
+    return abs(one[2] - other[2]) < _LINE and right[1] < left[1] + _LETTER * len(left[0])
 
 
 def _animated(attribute: str, values: list[str]) -> Markup:

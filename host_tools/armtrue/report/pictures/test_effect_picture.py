@@ -5,7 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from armtrue.report.pictures.effect_picture import corners, effect_picture, effect_sweep
+from armtrue.report.pictures.effect_picture import (
+    WIDTH,
+    corners,
+    effect_picture,
+    effect_sweep,
+    joint_labels,
+    projected,
+)
 from armtrue.tables.chain import chain_from_robot
 
 GEAR = {
@@ -71,3 +78,23 @@ def test_an_effect_that_nothing_drives_is_shown_as_it_comes(fit):
     sweep = effect_sweep(fit, offset)
     assert sweep.variable is None
     assert np.allclose(sweep.moves["motor2"], np.linspace(0.0, 1e-3, len(sweep.values)))
+
+
+def test_labels_of_joints_cover_no_other_and_stay_in_the_picture(fit):
+    chain = chain_from_robot(fit.document["robot"])
+    high, letter = 14.0, 7.0
+    for joints in fit.data.joints[:40]:
+        places = projected([corners(chain, joints, {})])[0]
+        marked = list(range(1, chain.joint_count + 1))
+        labels = joint_labels(places, marked)
+        boxes = [(x, x + letter * len(text), y - high, y) for text, x, y in labels]
+        assert all(left >= 0.0 and right <= WIDTH for left, right, _, _ in boxes)
+        for k, (left, right, top, bottom) in enumerate(boxes):
+            for other in boxes[:k]:
+                assert left >= other[1] or right <= other[0] or top >= other[3] or bottom <= other[2], boxes
+
+
+def test_joints_in_one_place_share_a_label():
+    places = np.array([[0.0, 0.0], [20.0, 200.0], [60.0, 100.0], [200.0, 50.0], [203.0, 55.0], [201.0, 48.0]])
+    labels = joint_labels(places, [1, 2, 3, 4, 5])
+    assert sorted(text for text, *_ in labels) == ["joint 1", "joint 2", "joints 3–5"]

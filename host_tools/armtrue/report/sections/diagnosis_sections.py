@@ -23,7 +23,7 @@ from armtrue.report.parts import (
     typeset,
 )
 from armtrue.report.pictures import charts
-from armtrue.verdicts import OTHER_SENSOR_ADVICE, of_other_sensors, verdict_words
+from armtrue.verdicts import OTHER_SENSOR_ADVICE, chance, of_other_sensors, verdict_words, why_words
 
 _CANDIDATES = (
     "Every effect of the catalogue is tried on every joint that the recorded columns allow: the residual is regressed "
@@ -158,7 +158,7 @@ def _table(candidates: list[dict[str, Any]], caption: str) -> Markup:
         rows.append(
             [
                 [called(candidate), [" ", _star()] if candidate["recommend"] else None],
-                f"{100.0 * candidate['probability']:.0f} %",
+                chance(candidate["probability"]),
                 tag(
                     "span",
                     tag("span", bar, class_="bar-track"),
@@ -177,7 +177,7 @@ def _table(candidates: list[dict[str, Any]], caption: str) -> Markup:
 def _reasons(candidates: list[dict[str, Any]]) -> Markup:
     entries: list[Content] = []
     for candidate in candidates:
-        why = typeset(candidate["why"])
+        why = typeset(why_words(candidate))
         entries.append(tag("li", tag("strong", called(candidate)), f": {why}.", values_list(candidate)))
     return folded("Why, and how large", tag("ol", entries, class_="evidence"), opened=True)
 

@@ -14,6 +14,7 @@ from armtrue.report.markup import Content, Markup, tag
 from armtrue.report.names import called
 from armtrue.report.parts import lead, section, typeset
 from armtrue.report.pictures.effect_picture import Sweep, effect_picture, effect_sweep
+from armtrue.verdicts import why_words
 
 Candidate = dict[str, Any]
 
@@ -69,7 +70,7 @@ def _card(fit: Fit, candidate: Candidate) -> Markup:
         tag("p", info.summary),
         formula_block(info, sweep),
         bound_lines(info),
-        tag("p", tag("b", "Evidence: "), typeset(candidate["why"]), "."),
+        tag("p", tag("b", "Evidence: "), typeset(why_words(candidate)), "."),
     )
 
 

@@ -12,7 +12,7 @@ from armtrue.checking import Finding, check
 from armtrue.errors import InputError, shorten
 from armtrue.foreign import init
 from armtrue.foreign.robots import WHERE_ARMS_ARE, is_dh_table
-from armtrue.io import Robot, load_data, load_model, load_robot
+from armtrue.io import Dataset, Robot, load_data, load_model, load_robot
 from armtrue.io.columns import POSITION
 from armtrue.io.files import read_text, write_file
 from armtrue.io.yamlfile import load_yaml
@@ -80,7 +80,7 @@ class Drop:
         certain = len(files) > 1 or (arm is not None and arm.suffix.lower() == ".urdf")
         tables = all(file.suffix.lower() in _TABLES for file in files)
         whole = all(path.is_file() for path in named) and len({path.name for path in named}) == len(named)
-        if not (tables and whole and (certain or not _is_own(files[0]))):
+        if not (tables and whole and (certain or not is_own(files[0]))):
             return False
         try:
             for path in named:
@@ -143,7 +143,7 @@ class Drop:
         self.guess, self.draft = None, {}
         kinds: dict[str, list[Path]] = {kind: [] for kind in _KINDS}
         for name in self.names:
-            kinds[_kind(self.folder / name)].append(self.folder / name)
+            kinds[kind_of(self.folder / name)].append(self.folder / name)
         robot, model = _one(kinds["robot"], "arm"), _one(kinds["model"], "model")
         if kinds["fit"] or kinds["data"]:
             return open_files([*kinds["fit"], *kinds["data"]], robot, model)
@@ -191,6 +191,13 @@ class Drop:
         out = self.folder / _GUESSED
         return open_files([out / "dataset.yaml"], out / "robot.yaml", out / "model.yaml")
 
+    def measurements(self, words: Entry) -> Dataset:
+        """What was guessed at, read as `words` say, `form` or `text`, or as it was read last. Errors: InputError."""
+        assert self.guess is not None
+        text = str(words.get("text", self.guess.text))
+        self._check(filled_in(text, words["form"], self.guess.robot) if "form" in words else text)
+        return load_data(self.guess.path, self.guess.robot)
+
     def _check(self, text: str) -> None:
         """Take `text` for dataset.yaml, and have it checked."""
         assert self.guess is not None
@@ -215,7 +222,7 @@ class Drop:
         self._check(mended(text, findings[place]))
 
 
-def _is_own(path: Path) -> bool:
+def is_own(path: Path) -> bool:
     """True where a file has the columns of Armtrue's own form."""
     try:
         header = read_text(path).split("\n", 1)[0].strip().split(",")
@@ -224,7 +231,7 @@ def _is_own(path: Path) -> bool:
     return {"q1", *POSITION} <= set(header)
 
 
-def _kind(path: Path) -> str:
+def kind_of(path: Path) -> str:
     """What a file is, by its ending and, for YAML, by its keys."""
     ending = path.suffix.lower()
     if ending in _TABLES:

@@ -35,7 +35,9 @@ def first_rows(dataset: Path, document: Document) -> tuple[list[str], list[list[
     path = dataset.parent / str(document.get("file", ""))
     at = document.get("header_row", 1)
     skipped = max(0, at - 1) if isinstance(at, int) else 0
-    lines = list(islice(read_text(path).splitlines(), skipped, skipped + 1 + _FIRST_ROWS))
+    encoding = str(document.get("encoding", "utf-8"))
+    text = read_text(path, "utf-8-sig" if encoding == "utf-8" else encoding)
+    lines = list(islice(text.splitlines(), skipped, skipped + 1 + _FIRST_ROWS))
     rows = list(csv.reader(lines, delimiter=_separator(document)))
     if at == 0:
         return [str(k) for k in range(1, len(rows[0]) + 1)] if rows else [], rows

@@ -149,9 +149,7 @@ def swaps(session: Session, place: str) -> str:
     candidates = [] if diagnosis is None else list(diagnosis["candidates"])
     alike = {label for each in candidates if model_entry(each) == old for label in each["confounded_with"]}
     others = [each for each in candidates if model_entry(each) not in effects]
-    others.sort(
-        key=lambda each: (called(each) not in alike, not set(each["joints"]) & set(old.get("joints") or []))
-    )
+    others.sort(key=lambda each: (called(each) not in alike, -each["probability"]))
     rows = [
         tag(
             "li",
@@ -164,7 +162,6 @@ def swaps(session: Session, place: str) -> str:
         )
         for each in others[:_MOST_RIVALS]
     ]  # fmt: skip
-    words = (
-        f"{plural(len(rows), 'effect')} could stand there; the likeliest to be mistaken for it come first."
-    )
+    first = "those that these data hardly tell from it come first, then " if alike else ""
+    words = f"{plural(len(rows), 'effect')} could stand there; {first}the most probable first."
     return card(f"In the place of {named(old)}", tag("p", words), tag("ul", rows, class_="model"))

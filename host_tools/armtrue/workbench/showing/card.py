@@ -15,7 +15,7 @@ from armtrue.report.pictures import charts
 from armtrue.report.pictures.effect_picture import effect_picture
 from armtrue.report.sections.diagnosis_sections import values_list
 from armtrue.report.sections.effect_card import bound_lines, formula_block, sweep_of
-from armtrue.verdicts import chance
+from armtrue.verdicts import chance, why_words
 from armtrue.workbench.actions import candidates_of
 from armtrue.workbench.session import Session
 from armtrue.workbench.showing import elements
@@ -34,7 +34,7 @@ def card(session: Session, place: str) -> str:
         tag("p", info.summary),
         _picture_and_formula(fit, candidate, info),
         bound_lines(info),
-        tag("p", tag("b", "Evidence: "), typeset(candidate["why"]), "."),
+        tag("p", tag("b", "Evidence: "), typeset(why_words(candidate)), "."),
         values_list(candidate),
         tag("div", "The evidence is being drawn…", class_="later", data_later=f"evidence?candidate={number}"),
         tag("h3", "Why not its neighbour?"),
@@ -101,7 +101,7 @@ def _neighbours(candidate: dict[str, Any], candidates: list[dict[str, Any]]) -> 
         words = f"probability {chance(other['probability'])}, explains {100.0 * other['explained']:.1f} %"
         hardly = "; these data hardly tell the two apart" if other in alike else ""
         lines.append(
-            [tag("b", called_among(other, candidates)), f": {words}{hardly}; {typeset(other['why'])}."]
+            [tag("b", called_among(other, candidates)), f": {words}{hardly}; {typeset(why_words(other))}."]
         )
     return join(tag("p", f"{called_among(candidate, candidates)}: {own}."), listed(lines))
 

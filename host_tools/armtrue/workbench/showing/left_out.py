@@ -50,7 +50,7 @@ def left_out_part(node: Node, rejected: int, again: Markup) -> Markup:
     named = ", ".join(map(str, rows[:_NAMED_ROWS])) + (" and more" if len(rows) > _NAMED_ROWS else "")
     return tag(
         "div",
-        tag("p", f"{plural(len(rows), 'row')} marked as wrong by you: {named}.") if rows else None,
+        tag("p", f"{plural(len(rows), 'row')} left out by you: {named}.") if rows else None,
         tag("p", said_there(node)) if rows else None,
         tag("p", again) if rows else None,
         tag("p", f"{plural(rejected, 'row')} kept out as gross errors.") if rejected else None,

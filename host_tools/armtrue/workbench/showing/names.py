@@ -5,11 +5,10 @@ from __future__ import annotations
 import json
 from typing import Any
 
-from armtrue.candidates import options_of
+from armtrue.candidates import form_words, options_of
 from armtrue.report.parts import rounded
 
 _TOLD = ("orders", "cycles")
-_SAID = ("shape", "name")
 
 
 def called(entry: dict[str, Any]) -> str:
@@ -25,16 +24,13 @@ def called(entry: dict[str, Any]) -> str:
 
 
 def named(entry: dict[str, Any]) -> str:
-    """`called` with short figures, and what else is said of it in a word: `bending_compliance 1 shape beam`."""
-    options = options_of(entry)
-    return " ".join([rounded(called(entry)), *(f"{key} {options[key]}" for key in _SAID if options.get(key))])
+    """`called` with short figures, and what tells its form: `bending_compliance 1 shape beam`."""
+    return called_among(entry, [])
 
 
 def called_among(entry: dict[str, Any], others: list[dict[str, Any]]) -> str:
     """`named`, with the thermometer where `others` read several."""
-    sensors = {options_of(other).get("sensor") for other in others} - {None}
-    sensor = options_of(entry).get("sensor")
-    return named(entry) + (f" sensor {sensor}" if sensor is not None and len(sensors) > 1 else "")
+    return " ".join([rounded(called(entry)), *form_words(entry, others)])
 
 
 def change_words(added: list[dict[str, Any]], removed: list[dict[str, Any]]) -> str:

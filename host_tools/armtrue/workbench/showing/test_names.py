@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from armtrue import candidates
 from armtrue.workbench.showing.names import called, named
 
 
@@ -18,12 +19,24 @@ from armtrue.workbench.showing.names import called, named
             {"effect": "gear_mesh", "joints": [6], "options": {"cycles": [171.3119657]}},
             "gear_mesh 6 cycles [171.31]",
         ),
+        (
+            {"effect": "stiffness_nonlinear", "joints": [2], "options": {"soft": True, "soft_torque": 12.5}},
+            "stiffness_nonlinear 2 soft",
+        ),
         ({"effect": "gear_mesh", "joints": [3], "options": {"orders": [13.0]}}, "gear_mesh 3 orders [13]"),
     ],
     ids=lambda value: value if isinstance(value, str) else "",
 )
 def test_candidate_is_told_from_others_in_few_figures(candidate, name):
     assert named(candidate) == name
+
+
+def test_terminal_tells_forms_of_one_effect_apart_as_the_page_does():
+    soft = {"effect": "stiffness_nonlinear", "joints": [2], "options": {"soft": True, "soft_torque": 12.5}}
+    assert candidates.called(soft) == "stiffness_nonlinear [2], soft"
+    warm = [{"effect": "thermal_expansion", "joints": [], "options": {"sensor": name}} for name in ("a", "b")]
+    assert candidates.called(warm[0]) == "thermal_expansion"
+    assert candidates.called(warm[0], warm) == "thermal_expansion, sensor a"
 
 
 def test_name_that_the_diagnosis_uses_keeps_all_figures():

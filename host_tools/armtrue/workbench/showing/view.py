@@ -2,18 +2,29 @@
 
 from __future__ import annotations
 
+import logging
 from typing import Any
 
 import yaml
 
+from armtrue.errors import InputError
 from armtrue.fitting import Fit
 from armtrue.io.catalogue import catalogue
 from armtrue.report.markup import Content, Markup, tag
 from armtrue.report.parts import listed, micrometres, plural, rounded, typeset
-from armtrue.verdicts import ERROR_FIGURES, FLOOR_SOURCES, NOT_SCORED, chance, scored_mean_um, verdict_words
+from armtrue.verdicts import (
+    ERROR_FIGURES,
+    FLOOR_SOURCES,
+    NOT_SCORED,
+    chance,
+    scored_mean_um,
+    verdict_words,
+    why_words,
+)
 from armtrue.workbench.compensator import device_section
 from armtrue.workbench.engine import Engine
 from armtrue.workbench.first_figures import FirstFigures
+from armtrue.workbench.opening.dropped import Drop, Guess
 from armtrue.workbench.opening.guesses import findings_list, first_rows, form
 from armtrue.workbench.session import Node, Session
 from armtrue.workbench.showing.elements import button
@@ -53,7 +64,7 @@ def pieces(engine: Engine) -> dict[str, str]:
         "candidates": _candidates(diagnosis),
         "verdict": _verdict(diagnosis) if diagnosis else _no_verdict(engine),
         "advice": _advice(diagnosis) if diagnosis else "",
-        "history": _history(session),
+        "history": tag("div", _history(session), _sessions(engine)),
         "left-out": _left_out(session),
         "leave-out": leave_out_form(session.fit_of(session.at)),
         "device": device_section(engine.device) or "",
@@ -93,25 +104,38 @@ def _opening(engine: Engine) -> Markup:
         if engine.is_open:
             content += [" ", button("Compare with the model", "compare")]
     else:
-        guess = drop.guess
-        document = yaml.safe_load(guess.text)
-        content += [
-            tag("h3", "What was guessed, and from what"),
-            listed(guess.notes),
-            form(document, *first_rows(guess.path, document), guess.robot),
-            guess.picture,
-            tag("h3", "What the check says"),
-            findings_list(guess.findings),
-            tag(
-                "details",
-                tag("summary", "As dataset.yaml"),
-                tag("label", "change what the form does not have", for_="dataset"),
-                tag("textarea", guess.text, id="dataset", rows="16", spellcheck="false"),
-                button("Open with this text", "open", source="text"),
-            ),
-            button("Open with these", "open", source="form"),
-        ]
+        content += _guesses(drop, drop.guess)
+        if engine.is_open:
+            content += [" ", button("Compare with the model", "compare", source="form")]
     return tag("div", content, " ", button("Put aside", "forget", class_="quiet"))
+
+
+def _guesses(drop: Drop, guess: Guess) -> list[Content]:
+    """What was guessed of foreign files. Whatever stands in them, the page is drawn and they can be put aside."""
+    try:
+        document = yaml.safe_load(guess.text)
+        first = form(document, *first_rows(guess.path, document), guess.robot)
+    except InputError as error:
+        first = tag("p", f"The first rows cannot be shown: {drop.without_place(str(error))}.")
+    except Exception:
+        logging.getLogger(__name__).exception("the first rows cannot be drawn")
+        first = tag("p", "The first rows cannot be shown.")
+    return [
+        tag("h3", "What was guessed, and from what"),
+        listed(guess.notes),
+        first,
+        guess.picture,
+        tag("h3", "What the check says"),
+        findings_list(guess.findings),
+        tag(
+            "details",
+            tag("summary", "As dataset.yaml"),
+            tag("label", "change what the form does not have", for_="dataset"),
+            tag("textarea", guess.text, id="dataset", rows="16", spellcheck="false"),
+            button("Open with this text", "open", source="text"),
+        ),
+        button("Open with these", "open", source="form"),
+    ]
 
 
 def _error(path: list[Node], fit: Fit, first: FirstFigures | None) -> Markup:
@@ -264,7 +288,7 @@ def _candidate(k: int, candidate: dict[str, Any], candidates: list[dict[str, Any
             class_="actions",
         ),
         class_="recommended" if candidate["recommend"] else None,
-        title=typeset(candidate["why"]),
+        title=typeset(why_words(candidate)),
     )
 
 
@@ -341,6 +365,18 @@ def _history(session: Session) -> Markup:
         button("Name", "name", node=session.at),
     )
     return tag("div", tag("ul", branch(session.nodes[0]), class_="tree", aria_label="History"), name)
+
+
+def _sessions(engine: Engine) -> Markup | None:
+    """The sessions of the measurements before others joined, and after: none is lost."""
+    if len(engine.linked) < 2:
+        return None
+    entries: list[Content] = []
+    for k, (session, opened) in enumerate(engine.linked):
+        here = session is engine.session
+        words = f"{opened.data.file.name}: {opened.data.count} measurements, {plural(len(session.nodes), 'model')}"
+        entries.append(button(words, "switch", session=k, aria_current="true" if here else None))
+    return tag("div", tag("h3", "Before and after measurements joined"), listed(entries))
 
 
 def _left_out(session: Session) -> Markup:

@@ -9,7 +9,7 @@
   let model = null, known = null; // the model whose pieces stand on the page, and how much of its diagnosis
   const OF_THE_DIAGNOSIS = ["spectra", "unexplained"]; // the other parts below show the fit alone
   let busy = false, diagnosing = false, wanted = null, drawing = false, again = false, waitingForProgress = 0, waitingForDraft = 0;
-  let picked = [], leftOut = []; // the rows that were pointed at or framed last, and those that are marked as wrong
+  let picked = [], leftOut = []; // the rows that the arm's picture reads out, and those that are left out
   const drawn = new Map(); // the pieces as they stand on the page
   let held = null; // where the keyboard was when a button was pressed: a button that is disabled loses it
 
@@ -41,7 +41,7 @@
 
   function press(button) {
     const words = { do: button.dataset.act };
-    for (const key of ["candidate", "effect", "node"]) if (key in button.dataset) words[key] = Number(button.dataset[key]);
+    for (const key of ["candidate", "effect", "node", "session"]) if (key in button.dataset) words[key] = Number(button.dataset[key]);
     if ("rows" in button.dataset) words.rows = JSON.parse(button.dataset.rows);
     if (words.do === "card") return void showCard(`card?candidate=${words.candidate}`);
     if (words.do === "beside") return void showCard(`beside?node=${words.node}`);
@@ -65,8 +65,8 @@
       byId("card-dialog").close();
     }
     if (words.do === "open" && "mend" in button.dataset) Object.assign(words, { mend: Number(button.dataset.mend), form: filledIn() });
-    if (words.do === "open" && button.dataset.source === "text") words.text = byId("dataset").value;
-    if (words.do === "open" && button.dataset.source === "form") words.form = filledIn();
+    if (button.dataset.source === "text") words.text = byId("dataset").value;
+    if (button.dataset.source === "form") words.form = filledIn();
     if (words.do === "export" || words.do === "report") {
       wanted = words.do;
       Object.assign(words, { do: "make", name: button.dataset.name || words.do });
@@ -144,7 +144,6 @@
         model = view.model;
         known = view.known;
         leftOut = view.left_out;
-        byId("mark").hidden = true;
         document.title = `${document.querySelector("h1").textContent} – Armtrue workbench`;
         document.body.classList.toggle("nothing-open", model === "none");
         show(view);
@@ -299,8 +298,9 @@
     byId("mark").textContent = rows.length === 1 ? `Mark row ${rows[0]} as wrong` : `Mark ${rows.length} rows as wrong`;
     byId("mark").hidden = !rows.length;
   }
-  document.addEventListener("armtrue-picked", (event) => offerToMark([event.detail]));
-  document.addEventListener("armtrue-brushed", (event) => offerToMark(event.detail));
+  document.addEventListener("armtrue-read", (event) => {
+    if (event.target.closest(".scene-part")) offerToMark(event.detail);
+  });
   // Another variable or direction is wanted of a part that is open already.
   document.addEventListener("armtrue-look", (event) => {
     const details = document.querySelector("details[data-panel=state]");

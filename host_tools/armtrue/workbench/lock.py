@@ -1,0 +1,46 @@
+"""One workbench at a time on a session: a lock on its folder, which ends with the process that holds it."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from armtrue.errors import InputError
+
+
+@dataclass
+class SessionLocks:
+    """The folders of sessions that one workbench has open."""
+
+    _files: dict[Path, int] = field(default_factory=dict)
+
+    def hold(self, folder: Path) -> None:
+        """Keep other workbenches out of `folder`. Errors: InputError where one has it open, or it cannot be written."""
+        if folder in self._files:
+            return
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            file = os.open(folder / "lock", os.O_RDWR | os.O_CREAT, 0o600)
+        except OSError as error:
+            raise InputError(f"{folder}: cannot be written ({error.strerror})") from None
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            holder = os.read(file, 20).decode(errors="replace").strip()
+            os.close(file)
+            raise InputError(
+                f"{folder}: found this session open in another workbench (process {holder or 'unknown'}), expected one "
+                "at a time: go on in its page, end it with Ctrl-C, or keep this one elsewhere with --session FOLDER"
+            ) from None
+        except OSError:
+            pass  # a file system without locks
+        os.ftruncate(file, 0)
+        os.write(file, str(os.getpid()).encode())
+        self._files[folder] = file
+
+    def keep(self, folders: set[Path]) -> None:
+        """Let other workbenches have all but `folders`."""
+        for folder in set(self._files) - folders:
+            os.close(self._files.pop(folder))

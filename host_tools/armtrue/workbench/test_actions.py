@@ -1,0 +1,77 @@
+"""What the buttons do to the tree of models."""
+
+from __future__ import annotations
+
+import html
+import re
+import time
+
+import armtrue_sim
+import pytest
+
+from armtrue.verdicts import chance, why_words
+from armtrue.workbench.engine import Engine
+from armtrue.workbench.opening.dropped import Drop
+from armtrue.workbench.opening.opened import open_files
+from armtrue.workbench.showing.beside import swaps
+from armtrue.workbench.showing.card import card
+from armtrue.workbench.showing.view import pieces
+
+CAMPAIGN = {
+    "arm": "kr30",
+    "seed": 8,
+    "poses": 150,
+    "hidden": [{"effect": "gear_harmonics", "joints": [3], "scale": 2.5}],
+}
+
+
+@pytest.fixture
+def engine(tmp_path, monkeypatch) -> Engine:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    armtrue_sim.simulate(CAMPAIGN).write(tmp_path)
+    engine = Engine(Drop(tmp_path / "drop"))
+    engine.begin(open_files([tmp_path / "data.csv"]))
+    return engine
+
+
+def do(engine: Engine, action: str, **words) -> str:
+    engine.do(action, words)
+    end = time.monotonic() + 60.0
+    while engine.task is not None:
+        assert time.monotonic() < end
+        time.sleep(0.01)
+    assert engine.failure == ""
+    return engine.said
+
+
+def test_refine_goes_on_with_a_model_that_was_made_before(engine):
+    do(engine, "add", candidate=0)
+    do(engine, "undo")
+    do(engine, "refine")
+    made = [(node.parent, str(node.effects)) for node in engine.session.nodes]
+    assert len(set(made)) == len(made)
+    assert engine.session.path[1].number == 1
+
+
+def test_what_could_stand_in_the_place_of_an_effect_comes_in_the_order_that_is_said(engine):
+    shown = swaps(engine.session, "0")
+    assert "the most probable first" in shown
+    candidates = engine.session.diagnosis_of(0)["candidates"]
+    probable = sorted((each["probability"] for each in candidates), reverse=True)[:12]
+    said = [html.unescape(each) for each in re.findall(r": probability ([^<]+)</span>", shown)]
+    assert said == [chance(each) for each in probable]
+
+
+def test_card_says_one_probability(engine):
+    first = engine.session.diagnosis_of(0)["candidates"][0]
+    assert first["probability"] > 0.995
+    assert "100 %, explains" in first["why"]
+    assert why_words(first).startswith("probability > 99 %, explains")
+    assert "probability 100 %" not in card(engine.session, "0")
+
+
+def test_rows_left_out_by_a_range_are_not_called_wrong(engine):
+    do(engine, "leave_out_where", variable="q1", low=20, high=60)
+    words = pieces(engine)["left-out"]
+    assert "left out by you: " in words
+    assert "wrong" not in words
