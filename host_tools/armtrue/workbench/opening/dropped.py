@@ -183,8 +183,9 @@ class Drop:
         """The guesses as they lie in the folder, with what the check says of them."""
         arm = load_robot(self.folder / _GUESSED / "robot.yaml")
         dataset = self.folder / _GUESSED / "dataset.yaml"
-        findings = check(load_data(dataset, arm, strict=False), arm).findings
-        return Guess(dataset, read_text(dataset), notes, findings, arm, guess_picture(dataset, arm))
+        data = load_data(dataset, arm, strict=False)
+        findings = check(data, arm).findings
+        return Guess(dataset, read_text(dataset), notes, findings, arm, guess_picture(data, arm, findings))
 
     def _open_guessed(self, text: str) -> Opened:
         self._check(text)
@@ -202,7 +203,7 @@ class Drop:
             raise
         self.guess.text, self.draft = text, {}
         self.guess.findings = check(data, self.guess.robot).findings
-        self.guess.picture = guess_picture(self.guess.path, self.guess.robot)
+        self.guess.picture = guess_picture(data, self.guess.robot, self.guess.findings)
 
     def _mend(self, words: Entry) -> None:
         assert self.guess is not None
