@@ -5,7 +5,6 @@ from __future__ import annotations
 import datetime
 import math
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,8 +76,7 @@ class Part:
 
     def in_si(self, name: str, header: str) -> Array:
         """One column in SI units by the unit that was found for `name`."""
-        _, factor, added = UNITS[self.units[name]] if name in self.units else ("", 1.0, 0.0)
-        return self.numbers(header) * factor + added
+        return _in_si(self.numbers(header), self.units.get(name))
 
 
 def find_units(part: Part, prismatic: set[str]) -> None:
@@ -241,8 +239,29 @@ def match_rows(joints: Part, points: Part) -> tuple[NDArray[np.int64], NDArray[n
     return rows, rows, "row by row"
 
 
-def long_table(parts: list[Part]) -> tuple[dict[str, Array], list[str] | None, list[str]]:
-    """All files as one table in the contract's form: columns, the reflector of each row, and what was done."""
+@dataclass
+class LongTable:
+    """Several files as one: its columns, the unit of those that are not in SI, and the reflector of each row.
+
+    Figures stay as the files have them, so that a unit that was guessed wrongly can be put right where it is stated.
+    """
+
+    columns: dict[str, Array]
+    units: dict[str, str]
+    labels: list[str] | None
+
+    def in_si(self, name: str) -> Array:
+        """One column in SI units."""
+        return _in_si(self.columns[name], self.units.get(name))
+
+
+def _in_si(values: Array, unit: str | None) -> Array:
+    _, factor, added = UNITS[unit] if unit else ("", 1.0, 0.0)
+    return values * factor + added
+
+
+def long_table(parts: list[Part]) -> tuple[LongTable, list[str]]:
+    """All files as one table under the contract's names, and what was done."""
     with_joints = [part for part in parts if part.meaning.joints]
     if len(with_joints) != 1:
         names = ", ".join(part.sheet.path.name for part in (with_joints or parts))
@@ -273,47 +292,57 @@ def long_table(parts: list[Part]) -> tuple[dict[str, Array], list[str] | None, l
         notes.append(
             f"{len(blocks)} reflectors, one below the other: {', '.join(block[0] for block in blocks)}"
         )
-    columns: dict[str, list[Array]] = {}
+    columns: dict[str, list[tuple[Array, str | None]]] = {}
     labels: list[str] = []
+
+    def put(name: str, values: Array, unit: str | None = None) -> None:
+        columns.setdefault(name, []).append((values, unit))
+
     for label, part, point, own, other in blocks:
         for name, header in base.meaning.joints.items():
-            columns.setdefault(name, []).append(base.in_si(name, header)[own])
-        _, unit, _ = UNITS[part.units[f"point {point}"]]
+            put(name, base.numbers(header)[own], base.units.get(name))
         for axis, header in zip("xyz", part.meaning.points[point], strict=True):
-            columns.setdefault(axis, []).append(part.numbers(header)[other] * unit)
+            put(axis, part.numbers(header)[other], part.units[f"point {point}"])
         # What both files have is taken from that with the joints.
-        further: dict[str, Array] = {}
+        further: dict[str, tuple[Array, str | None]] = {}
         for source, rows in ((part, other), (base, own)):
             for name, header in (source.meaning.others | source.meaning.variables).items():
                 if name not in ("time", "target", "repeat"):
-                    further[name] = source.in_si(name, header)[rows]
-        for name, values in further.items():
-            columns.setdefault(name, []).append(values)
+                    further[name] = (source.numbers(header)[rows], source.units.get(name))
+        for name, (values, unit) in further.items():
+            put(name, values, unit)
         if "repeat" in base.meaning.others:
             repeats = np.unique(base.sheet.cells(base.meaning.others["repeat"]), return_inverse=True)[1]
-            columns.setdefault("repeat", []).append(repeats.astype(np.float64)[own])
+            put("repeat", repeats.astype(np.float64)[own])
         clock = seconds(base)
         if clock is not None:
-            columns.setdefault("time", []).append(clock[own])
+            put("time", clock[own])
         labels += [label] * len(own)
-    table = {name: np.concatenate(values) for name, values in columns.items()}
-    of_some = [name for name, values in table.items() if len(values) != len(labels)]
+    of_some = [name for name, pieces in columns.items() if len(pieces) != len(blocks)]
     notes += [f"{name}: not taken, as not every reflector has it" for name in of_some]
-    table = {name: values for name, values in table.items() if name not in of_some}
+    table = LongTable({}, {}, labels)
+    for name in (name for name in columns if name not in of_some):
+        units = list(dict.fromkeys(unit for _, unit in columns[name]))
+        one = units[0] if len(units) == 1 else None
+        table.columns[name] = np.concatenate([v if one else _in_si(v, unit) for v, unit in columns[name]])
+        if one is not None:
+            table.units[name] = one
     if len(blocks) > 1:
-        return table, labels, notes
+        return table, notes
     named = base.meaning.others.get("target")
     cells = base.sheet.cells(named) if named else []
     # One name a row is that of the pose, and no reflector's.
     few = 1 < 2 * len(set(cells)) <= len(cells)
-    return table, ([cells[at] for at in blocks[0][3]] if few else None), notes
+    table.labels = [cells[at] for at in blocks[0][3]] if few else None
+    return table, notes
 
 
-def write_long(path: Path, table: dict[str, Array], labels: list[str] | None) -> str:
-    """The text of a CSV of `table` in the contract's form."""
-    names = [*table, *(["target"] if labels else [])]
+def write_long(table: LongTable) -> str:
+    """The text of a CSV of `table`."""
+    labels = table.labels
+    names = [*table.columns, *(["target"] if labels else [])]
     lines = [",".join(names)]
-    for at in range(len(next(iter(table.values())))):
-        cells = [f"{values[at]:.10g}" for values in table.values()]
+    for at in range(len(next(iter(table.columns.values())))):
+        cells = [f"{values[at]:.10g}" for values in table.columns.values()]
         lines.append(",".join([*cells, *([labels[at].replace(",", " ")] if labels else [])]))
     return "\n".join(lines) + "\n"

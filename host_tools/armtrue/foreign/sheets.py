@@ -29,6 +29,7 @@ _UNIT = re.compile(
 # Units as dataset.yaml names them, and how files write them.
 _WRITTEN_AS = {
     "m": "m meter metre meters", "mm": "mm millimeter millimeters", "cm": "cm", "um": "um µm", "in": 'in inch inches "',
+    "ft": "ft foot feet",
     "rad": "rad radian radians", "mrad": "mrad", "deg": "deg degree degrees ° grad", "degC": "°c c degc celsius",
     "K": "k kelvin", "degF": "°f f degf", "kg": "kg", "g": "g", "lb": "lb", "Nm": "nm n·m", "s": "s sec seconds",
     "ms": "ms", "min": "min", "h": "h",

@@ -129,10 +129,14 @@ class Drop:
     def open(self, words: Entry) -> Opened | None:
         """Open what was dropped; None where guesses are to be looked at first.
 
-        `words`: `text`, dataset.yaml as the person left it; `form`, the form; or `mend`, a finding's place, with the
-        form as it stands. Errors: InputError in one sentence.
+        `words`: `text`, dataset.yaml as the person left it; `form`, the form; with it `look`, to have it checked
+        alone, or `mend`, a finding's place. Errors: InputError in one sentence.
         """
         if self.guess is not None:
+            if words.get("look") is True:
+                self.take_draft({"form": words.get("form"), "text": self.guess.text})
+                self._check(filled_in(self.guess.text, self.draft["form"], self.guess.robot))
+                return None
             if "mend" in words:
                 self._mend(words)
                 return None
