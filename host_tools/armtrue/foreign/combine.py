@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from armtrue.arrays import Array
 from armtrue.errors import InputError, RowError
 from armtrue.foreign.headers import Meaning
-from armtrue.foreign.sheets import Sheet, is_number, to_float
+from armtrue.foreign.sheets import Sheet, is_number, time_format, to_float
 from armtrue.io.columns import UNITS
 
 _FARTHEST_M = 20.0
@@ -20,11 +20,6 @@ _FARTHEST_M = 20.0
 _SAME_POSE = 1e-3
 # Columns whose cells may be words.
 _TEXTS = ("time", "target", "repeat", "station", "nest")
-_TIME_FORMATS = (
-    *("%Y-%m-%d %H:%M:%S.%f", "%Y-%m-%d %H:%M:%S", "%Y-%m-%dT%H:%M:%S.%f", "%Y-%m-%dT%H:%M:%S"),
-    *("%d.%m.%Y %H:%M:%S", "%d/%m/%Y %H:%M:%S", "%m/%d/%Y %H:%M:%S", "%Y/%m/%d %H:%M:%S", "%Y%m%d%H%M%S"),
-    *("%m/%d/%Y %I:%M:%S %p", "%H:%M:%S.%f", "%H:%M:%S"),
-)
 
 
 @dataclass
@@ -42,10 +37,17 @@ class Part:
     skipped: list[int] = field(default_factory=list)
 
     def leave_out_bad_rows(self) -> None:
-        """Leave out the rows that cannot be read, with a note on each; `skipped` has their lines of the file."""
+        """Leave out the rows that cannot be read, with a note on each; `skipped` has their lines of the file.
+
+        Errors: RowError where most of a column cannot be read.
+        """
         numeric = [*self.meaning.joints.values(), *self.meaning.rotation]
         numeric += [header for headers in self.meaning.points.values() for header in headers]
         numeric += [header for name, header in self.meaning.others.items() if name not in _TEXTS]
+        for header in numeric:
+            bad = sum(not is_number(cell, self.sheet.decimal) for cell in self.sheet.cells(header))
+            if 2 * bad > len(self.sheet.rows):
+                self.numbers(header)  # raises: the column is something else
         while True:
             try:
                 for header in numeric:
@@ -186,11 +188,10 @@ def _find_time(part: Part, header: str) -> None:
         part.meaning.others.pop("time")
         part.notes.append(f"{header}: the same in all rows, not used")
         return
-    for pattern in _TIME_FORMATS:
-        if all(_is_time(cell, pattern) for cell in cells):
-            part.time_format = pattern
-            part.notes.append(f"{header}: time as {pattern}")
-            return
+    part.time_format = time_format(cells)
+    if part.time_format is not None:
+        part.notes.append(f"{header}: time as {part.time_format}")
+        return
     if all(is_number(cell, decimal) for cell in cells):
         stated = part.sheet.units.get(header)
         part.units["time"] = stated if stated in ("s", "ms", "min", "h") else "s"
@@ -198,14 +199,6 @@ def _find_time(part: Part, header: str) -> None:
         return
     part.meaning.others.pop("time")
     part.notes.append(f"{header}: found no time in '{cells[0]}', not used")
-
-
-def _is_time(cell: str, pattern: str) -> bool:
-    try:
-        datetime.datetime.strptime(cell, pattern)
-    except ValueError:
-        return False
-    return True
 
 
 def seconds(part: Part) -> Array | None:

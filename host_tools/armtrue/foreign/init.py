@@ -73,6 +73,8 @@ def init(
     try:
         return _Init(files, out).run(urdf, dh, robot or _own_robot(out), skip_bad)
     except RowError as error:
+        if skip_bad:
+            raise InputError(f"{error}, as in most of the rows") from None
         raise InputError(f"{error}; --skip-bad reads the other rows") from None
 
 

@@ -177,7 +177,7 @@ class Drop:
                 f"Denavit-Hartenberg rows (a, alpha, d, theta) to be dropped too; {WHERE_ARMS_ARE}"
             )
         out = self.folder / _GUESSED
-        found = init(kinds["table"], out, urdf=urdf, dh=dh, robot=robot, force=True)
+        found = init(kinds["table"], out, urdf=urdf, dh=dh, robot=robot, force=True, skip_bad=True)
         if model is not None:
             load_model(model, load_robot(out / "robot.yaml"))
             write_file(out / "model.yaml", read_text(model))

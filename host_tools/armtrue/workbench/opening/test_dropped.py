@@ -208,6 +208,16 @@ def test_form_that_cannot_be_looked_at_is_kept_as_it_stands(campaign, foreign, t
     assert drop.draft["form"] == form
 
 
+def test_row_that_cannot_be_read_is_left_out_and_said_in_the_form(campaign, foreign, tmp_path):
+    lines = foreign.read_text().splitlines()
+    lines[4] = "abc" + lines[4]
+    foreign.write_text("\n".join(lines) + "\n")
+    drop = dropped(tmp_path / "drop", foreign, campaign / "robot.yaml")
+    assert drop.open({}) is None
+    assert drop.guess is not None
+    assert any("left out: row 5 column A1" in note for note in drop.guess.notes)
+
+
 def test_notes_of_guesses_name_files_as_they_were_dropped(campaign, foreign, tmp_path):
     drop = dropped(tmp_path / "drop", foreign, campaign / "robot.yaml")
     drop.open({})
