@@ -46,7 +46,8 @@ def nearest_unit(columns: Columns, robot: Robot) -> float:
     scale = scale_of(columns, robot)
     if not scale > 0.0:
         return 1000.0
-    return 1.0 / min((size for size, _ in _UNITS.values()), key=lambda size: abs(math.log(scale * size)))
+    others = (size for size, _ in _UNITS.values() if size != 1.0)
+    return 1.0 / min(others, key=lambda size: abs(math.log(scale * size)))
 
 
 def true_unit(scale: float, read_as: str = "m") -> str | None:
