@@ -16,8 +16,8 @@ TEST(TransmissionPwl, OfAJointThatSlidesIsALength) {
                   [](const Parameter&) { return 0.0; });
   const EffectContext context{*p.state, 1, false};
   const Effect& effect = find_effect("transmission_pwl");
-  EXPECT_EQ(effect.build(context, {effect.id(), {1}, {}}).parameters.front().unit, "m");
-  EXPECT_EQ(effect.build(context, {effect.id(), {2}, {}}).parameters.front().unit, "rad");
+  EXPECT_EQ(effect.build(context, {effect.id(), {1}}).parameters.front().unit, "m");
+  EXPECT_EQ(effect.build(context, {effect.id(), {2}}).parameters.front().unit, "rad");
 }
 
 }  // namespace
