@@ -1,7 +1,6 @@
 #include "fitter/plan/plan.h"
 
 #include <algorithm>
-#include <cmath>
 #include <functional>
 #include <limits>
 #include <nlohmann/json.hpp>
@@ -136,9 +135,6 @@ CampaignPlan choose(const Linearised& linearised, const Menu& menu, const Robot&
   std::sort(draws.begin(), draws.end());
   plan.random =
       fisher_spectrum(linearised, known_with(draws[draws.size() / 2].second), sigma, menu.uniform);
-  plan.random_poses_per_planned =
-      std::exp((plan.planned.log_determinant - plan.random.log_determinant) /
-               static_cast<double>(plan.unknowns));
   plan.rows = take(menu, robot, chosen);
   return plan;
 }
@@ -341,7 +337,6 @@ json CampaignPlan::to_json() const {
   result["information"] = {{"present", present ? armtrue::to_json(*present) : json(nullptr)},
                            {"planned", armtrue::to_json(planned)},
                            {"random", armtrue::to_json(random)}};
-  result["random_poses_per_planned"] = random_poses_per_planned;
   return result;
 }
 

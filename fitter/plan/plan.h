@@ -50,8 +50,6 @@ struct CampaignPlan {
   std::optional<FisherSpectrum> present;  ///< what the measurements taken already know
   FisherSpectrum planned,
       random;  ///< with the planned poses; with as many random ones (median draw)
-  double random_poses_per_planned =
-      1.0;  ///< so many random poses are worth one planned, in det^(1/unknowns)
 
   nlohmann::json to_json() const;
 };

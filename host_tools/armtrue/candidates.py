@@ -78,7 +78,7 @@ def entry_of(label: str) -> dict[str, Any]:
 
 
 def parameter_lines(parameters: list[dict[str, Any]]) -> list[str]:
-    """Each parameter with its sigma; a table or grid as one line."""
+    """Each parameter of a candidate with its sigma; a table or grid as one line, with the nodes of its score."""
     tables: dict[str, list[dict[str, Any]]] = {}
     lines = []
     for parameter in parameters:
@@ -97,6 +97,6 @@ def parameter_lines(parameters: list[dict[str, Any]]) -> list[str]:
         spread, _, spread_unit = value_and_sigma(typical, None, nodes[0]["unit"])
         lines.append(
             f"{stem}: {len(nodes)} nodes from {low} {unit} to {high} {high_unit}, "
-            f"each ± {spread} {spread_unit} (median)"
+            f"each ± {spread} {spread_unit} (median); these nodes are the score's, a fit has its own"
         )
     return lines

@@ -28,7 +28,18 @@ from armtrue.verdicts import of_other_sensors
 
 # ΔBIC that settles a question: "very strong" evidence (Kass and Raftery 1995).
 SETTLED = 10.0
+# ΔBIC that is "not worth more than a bare mention" (the same).
+HARDLY = 2.0
+# What poses may vary besides the joints, by column, and how a plan is told to.
+_LEVELS = {
+    "payload": "payload (armtrue plan with --levels payload=0,8,16 says whether it would)",
+    "dir": "approach from both sides (--levels dir=-1,1)",
+    "temp_": "temperature",
+}
 _MOST_RIVALS = 4
+# Poses that add less than this share of what is known add nothing that a ratio could be made of.
+_LEAST_GAIN = 1e-4
+_COORDINATES = 3  # of a measured pose
 
 
 @dataclass
@@ -66,8 +77,9 @@ class Plan:
     reflector that they are for; None where reflectors have no names.
     figures: of a campaign `unknowns`, `weak` (sentences: what no pose can tell well), `same_numbers` (parameters that
     are another's whatever the pose), `information` (present, planned, random: eigenvalues_per_m2, weakest,
-    prediction_rms_um) and `random_poses_per_planned`; of a separation `candidates` and `separations` (truth, rival,
-    delta_bic_now, delta_bic_expected, delta_bic_expected_random: BIC of truth less rival's).
+    prediction_rms_um) and `random_poses_per_planned` (the function of that name); of a separation `candidates` and
+    `separations` (truth, rival, delta_bic_now, delta_bic_expected, delta_bic_expected_random: BIC of truth less
+    rival's).
     """
 
     columns: dict[str, NDArray[np.float64]]
@@ -97,13 +109,45 @@ class Plan:
                     "whether it has either, armtrue diagnose says."
                 )
                 continue
-            settles = "decide" if worst <= -SETTLED else "help to decide" if worst < 0.0 else "do not decide"
+            pair = f"between {entries[0]['truth']} and {entries[0]['rival']}"
+            if worst > -HARDLY:
+                sentences.append(self._cannot_decide(pair, worst, random))
+                continue
+            settles = "decide" if worst <= -SETTLED else "help to decide"
             sentences.append(
-                f"These {self.count} poses {settles} between {entries[0]['truth']} and {entries[0]['rival']}: "
-                f"whichever is the cause is expected to reach a probability of {_percent(worst)}, with as many random "
-                f"poses {_percent(random)}."
+                f"These {self.count} poses {settles} {pair}: whichever is the cause is expected to reach a probability "
+                f"of {_percent(worst)}, with as many random poses {_percent(random)}."
             )
         return sentences
+
+    def _cannot_decide(self, pair: str, worst: float, random: float) -> str:
+        """What poses are worth that leave a pair as open as it is, and what else could tell."""
+        if random <= -HARDLY:
+            what_else = f"As many random poses are expected to reach {_percent(random)}: take more."
+        else:
+            varied = [name for name, values in self.columns.items() if np.ptp(values) > 0.0]
+            lacking = [
+                words for stem, words in _LEVELS.items() if not any(n.startswith(stem) for n in varied)
+            ]
+            what_else = (
+                "What may tell and is not varied in them: " + ", ".join([*lacking, "another station"]) + "."
+            )
+        return (
+            f"These {self.count} poses cannot decide {pair}: whichever is the cause is expected to reach a probability "
+            f"of {_percent(worst)}, with as many random poses {_percent(random)}. {what_else}"
+        )
+
+    def precision(self) -> str | None:
+        """A sentence on how many random poses would predict as well; None of a plan for telling effects apart."""
+        if self.separates:
+            return None
+        ratio = self.figures["random_poses_per_planned"]
+        if ratio is None:
+            return (
+                "As many random poses hardly tell the unknowns: no number of them compares with these poses."
+            )
+        planned = f"{self.count} planned pose{'' if self.count == 1 else 's'}"
+        return f"{planned} give the precision of {ratio * self.count:.0f} random ones."
 
     def csv(self) -> str:
         """The poses as a file to run, to a nanometre and below; with a column `target` where reflectors have names."""
@@ -422,10 +466,29 @@ def _plan(
             ) from None
         raise InputError(str(error)) from None
     columns = result.pop("columns")
+    if "information" in result:
+        result["random_poses_per_planned"] = random_poses_per_planned(result, len(columns["q1"]))
     chosen = {name: np.array(columns[name]) for name in result.pop("written")}
     # As a controller that couples what it reports wants to be told.
     reported_from_drives = np.asarray(np.linalg.inv(robot.drives_from_reported), float)
     return Plan(with_joints_mapped(chosen, reported_from_drives), result, target)
+
+
+def random_poses_per_planned(figures: Mapping[str, Any], poses: int) -> float | None:
+    """How many random poses lead to the same error of predictions as one of `poses` planned ones; None where none does.
+
+    figures: of a `Plan`. The inverse of the mean square error grows by as much with each random pose, from what the
+    measurements know already; without such, from the first poses that determine the unknowns at all.
+    """
+    errors = {
+        key: entry and float(entry["prediction_rms_um"]) for key, entry in figures["information"].items()
+    }
+    first = 0.0 if errors["present"] else float(figures["unknowns"]) / _COORDINATES
+    present = errors["present"] ** -2 if errors["present"] else 0.0
+    random, planned = (errors[key] ** -2 - present for key in ("random", "planned"))
+    if poses <= first or random <= _LEAST_GAIN * present:
+        return None
+    return float(first + (poses - first) * planned / random) / poses
 
 
 def _in_the_fit(found: re.Match[str], fit_file: str | Path) -> str:

@@ -121,6 +121,7 @@ def formulas(info: EffectInfo) -> list[str]:
 def formula_lines(document: dict[str, Any]) -> list[str]:
     """As `formulas`, of terms that `armtrue._core.effect_terms` gave for some arm."""
     by_coordinate: dict[str, list[str]] = {}
+    tables: set[str] = set()
     several = len(document["parameters"]) > 1
     for number, parameter in enumerate(document["parameters"], start=1):
         name = parameter["name"].rpartition("].")[2]
@@ -130,9 +131,13 @@ def formula_lines(document: dict[str, Any]) -> list[str]:
             weight = "" if term["weight"] == 1.0 else f"{term['weight']:.4g}·"
             basis = "" if term["expression"] == "1" else f"·{_factor(term['expression'])}"
             by_coordinate.setdefault(term["coordinate"], []).append(f"{weight}{name}{basis}")
+            if name.startswith("node"):
+                tables.add(term["coordinate"])
     lines = []
     for coordinate, sums in list(by_coordinate.items())[:_SHOWN]:
-        more = f" + … ({len(sums)} terms)" if len(sums) > _SHOWN else ""
+        # How many nodes a table has is a matter of the poses that it is fitted to.
+        count = "a term for each node" if coordinate in tables else f"{len(sums)} terms"
+        more = f" + … ({count})" if len(sums) > _SHOWN else ""
         lines.append(f"{coordinate} += {' + '.join(sums[:_SHOWN])}{more}".replace(" + -", " - "))
     if len(by_coordinate) > _SHOWN:
         lines.append(f"… and {len(by_coordinate) - _SHOWN} more coordinates")

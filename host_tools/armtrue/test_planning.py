@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 import armtrue
-from armtrue import Fit, InputError, fit, load_data, load_model, load_robot, plan, plan_campaign
+from armtrue import Fit, InputError, Model, fit, load_data, load_model, load_robot, plan, plan_campaign
+from armtrue.planning import Plan
 
 
 @pytest.fixture(scope="module")
@@ -38,6 +39,24 @@ def test_rivals_that_are_named_are_told_apart(believed):
 def test_one_rival_is_refused(believed):
     with pytest.raises(InputError):
         plan(believed, 5, rivals=[{"effect": "gear_harmonics", "joints": [2]}], candidates=300)
+
+
+@pytest.mark.parametrize("first_campaign", [False, True])
+def test_as_many_random_poses_as_are_said_lead_to_the_same_error(believed, first_campaign):
+    model = Model(believed.document["model"]["effects"])
+    levels = {"payload": [0.0, 8.0], "temp_arm": [20.0, 30.0]}
+
+    def made(poses: int) -> Plan:
+        if first_campaign:
+            return plan_campaign(believed.robot, model, poses, candidates=600, levels=levels)
+        return plan(believed, poses, rivals=[], candidates=600)
+
+    planned = made(20)
+    information = planned.figures["information"]
+    as_good = round(20 * planned.figures["random_poses_per_planned"])
+    assert planned.precision() == f"20 planned poses give the precision of {as_good} random ones."
+    random = made(as_good).figures["information"]["random"]["prediction_rms_um"]
+    assert random == pytest.approx(information["planned"]["prediction_rms_um"], rel=0.05)
 
 
 def test_everything_for_notebooks_is_at_the_top():

@@ -131,6 +131,21 @@ def test_marks_between_thousands_are_taken_out(folder, tmp_path, rows):
     np.testing.assert_allclose(data.columns["x"], [float(row["x"]) + 5.0 for row in rows], atol=1e-6)
 
 
+@pytest.mark.parametrize("header", ["Zeitstempel", "Wann", "Temperaturzeit", "Datum"])
+def test_clock_times_are_the_time_whatever_their_header(folder, tmp_path, rows, header):
+    clock = [f"29.03.2025 {22 + at // 60}:{at % 60:02d}:00" for at in range(len(rows))]
+    _, dataset = init(folder, tmp_path, table(rows, **{header: clock}))
+    assert dataset["time"] == {"column": header, "format": "%d.%m.%Y %H:%M:%S"}
+
+
+def test_column_that_is_mostly_no_number_is_named_whatever_is_skipped(folder, tmp_path, rows):
+    lines = table(rows, temp_arm=["n/a"] * len(rows))
+    (tmp_path / "data.csv").write_text("\n".join(",".join(line) for line in lines) + "\n")
+    robot = str(folder / "robot.yaml")
+    refused = armtrue("init", "data.csv", "-r", robot, "-o", "arm", "--skip-bad", cwd=tmp_path)
+    assert "row 2 column temp_arm: found 'n/a', expected a number, as in most of the rows" in refused.stderr
+
+
 def test_reflectors_and_repeats_that_have_columns_survive_joining(folder, tmp_path, rows):
     twice = [row for row in rows for _ in range(2)]
     count = range(len(twice))

@@ -121,16 +121,28 @@ def test_the_arm_is_drawn_at_once_and_a_wrong_sign_is_seen(guessed, foreign):
 def test_a_form_that_was_changed_outlives_a_killed_server(guessed, foreign, start, browser, right_um):
     page = guessed(foreign(swapped=True))
     choose(page, "X is", "y")
+    page.until(lambda: page.workbench.drafted("X", "is") == "y", "draft of what cannot be checked")
     choose(page, "Y is", "x")
-    page.until(
-        lambda: page.workbench.drafted("X", "is") == "y" and page.workbench.drafted("Y", "is") == "x", "draft"
-    )
+    page.until(lambda: "The arm reaches its points" in page.text("opening"), "form that is followed")
     page.workbench.kill()
     again = empty(start, browser)
     again.until(lambda: again.by_role("#opening button", "button", "Open with these"), "guesses")
     assert (shown(again, "X is"), shown(again, "Y is")) == ("y", "x")
     assert "tracker.csv" in again.text("opening")
     assert opened_mean_um(again) == pytest.approx(right_um, rel=1e-6)
+
+
+def test_check_and_picture_follow_what_is_chosen(guessed, foreign, right_um):
+    page = guessed(foreign())
+    for axis in "XYZ":
+        choose(page, f"unit of {axis}", "in")
+    page.until(lambda: "millimetres, read as inches" in page.text("opening"), "finding")
+    assert "does not reach its points" in page.text("opening")
+    assert [shown(page, f"unit of {axis}") for axis in "XYZ"] == ["in"] * 3
+    for axis in "XYZ":
+        choose(page, f"unit of {axis}", "mm")
+    page.until(lambda: "The arm reaches its points" in page.text("opening"), "picture")
+    assert opened_mean_um(page) == pytest.approx(right_um, rel=1e-6)
 
 
 def test_mending_keeps_what_was_changed_in_the_form(guessed, foreign):

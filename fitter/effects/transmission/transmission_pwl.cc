@@ -15,11 +15,12 @@ class TransmissionPwl final : public Effect {
   Role role() const override { return Role::kTable; }
   JointRule joint_rule() const override { return JointRule::kEach; }
   std::string bound_text() const override {
-    return "1e-2 rad: the unified-calibration paper (KUKA KR30-3); what repeats with the joint "
+    return "1e-2 rad, of a joint that slides 1e-2 m: the unified-calibration paper (KUKA KR30-3); "
+           "what repeats with the joint "
            "angle and is larger is an offset or a scale";
   }
   std::vector<EffectOption> options() const override {
-    return {{"spacing", "rad",
+    return {{"spacing", "rad or m",
              "distance between nodes, default from the number of poses, 0.026 rad (1.5 deg) at the "
              "finest"}};
   }
@@ -32,7 +33,7 @@ class TransmissionPwl final : public Effect {
       const std::vector<double>& q = context.state.column(variable);
       const double spacing = request.options.value("spacing", default_spacing(q));
       if (!(spacing > 0.0)) throw ModelError("effect transmission_pwl: spacing must be positive");
-      add_table(terms, k, variable, q, with_margin(nodes_over(q, spacing, 3)));
+      add_table(terms, k, motor_unit(context, k), q, with_margin(nodes_over(q, spacing, 3)));
     }
     return terms;
   }
@@ -69,7 +70,7 @@ class TransmissionPwl final : public Effect {
   }
 
  private:
-  static constexpr double kLargest = 1e-2;  // [rad]
+  static constexpr double kLargest = 1e-2;  // [rad or m]
   // Of the value of a node, in units of smoothness; wide, so that a large smooth shape is nothing
   // improbable (docs/decisions/0014).
   static constexpr double kValue = 16.0;
@@ -107,9 +108,10 @@ class TransmissionPwl final : public Effect {
     return nodes;
   }
 
-  void add_table(EffectTerms& terms, int joint, const std::string& variable,
+  void add_table(EffectTerms& terms, int joint, const std::string& unit,
                  const std::vector<double>& q, const std::vector<double>& nodes) const {
     if (nodes.size() < 3) return;  // a joint that never moves has no table
+    const std::string variable = "q" + std::to_string(joint);
     TableReference table;
     table.id = parameter_name(id(), {joint}, "");
     table.axes = {{variable, nodes}};
@@ -125,7 +127,7 @@ class TransmissionPwl final : public Effect {
       mean_q += v / static_cast<double>(q.size());
     }
     for (std::size_t i = 0; i < nodes.size(); ++i) {
-      Parameter p = single_term(id(), {joint}, "node" + std::to_string(i + 1), "rad", kLargest,
+      Parameter p = single_term(id(), {joint}, "node" + std::to_string(i + 1), unit, kLargest,
                                 motor(joint), hat_expression(variable, nodes, i));
       p.terms.front().table = table;
       p.terms.front().table->index = {static_cast<int>(i)};

@@ -71,7 +71,7 @@ def scale(factor: float, robot: Robot) -> Hypothesis:
         lengths.remedy(factor, robot),
         lambda reading: Reading(lengths.scaled(reading.columns, factor), reading.spec),
         frozenset({"scale"}),
-        figures={"scale": factor},
+        figures={"scale": factor, "unit": lengths.unit_of_points(factor, robot)},
     )
 
 

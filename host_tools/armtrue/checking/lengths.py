@@ -12,12 +12,13 @@ from armtrue.io.robot import Robot
 
 # Nominal geometry never misjudges lengths by as much.
 TOLERANCE = 0.02
+# Size in metres, and what to call many of them.
 _UNITS = {
-    1000.0: "millimetres",
-    100.0: "centimetres",
-    1 / 0.0254: "inches",
-    1 / 0.3048: "feet",
-    1e-3: "kilometres",
+    "m": (1.0, "metres"),
+    "mm": (1e-3, "millimetres"),
+    "cm": (1e-2, "centimetres"),
+    "in": (0.0254, "inches"),
+    "ft": (0.3048, "feet"),
 }
 _ROWS = 200
 # No arm reaches further [m]: where one seems to, its own lengths are in another unit.
@@ -35,10 +36,37 @@ def spread(columns: Columns) -> float:
     return max(1e-9, float(np.median(np.linalg.norm(points - np.median(points, axis=0), axis=1))))
 
 
+def scale_of(columns: Columns, robot: Robot) -> float:
+    """How many times as large as the arm the positions are, as far as conventions are right."""
+    return align(thinned(columns, _ROWS), robot).scale
+
+
 def nearest_unit(columns: Columns, robot: Robot) -> float:
     """Scale of the unit of length that positions, in no matter what convention else, come nearest to."""
-    scale = align(thinned(columns, _ROWS), robot).scale
-    return _nearest(scale) if scale > 0.0 else 1000.0
+    scale = scale_of(columns, robot)
+    if not scale > 0.0:
+        return 1000.0
+    others = (size for size, _ in _UNITS.values() if size != 1.0)
+    return 1.0 / min(others, key=lambda size: abs(math.log(scale * size)))
+
+
+def true_unit(scale: float, read_as: str = "m") -> str | None:
+    """The unit of lengths that come out `scale` times too large when read in `read_as`; None where none is known."""
+    size = _UNITS[read_as][0] / scale if read_as in _UNITS else math.inf
+    near = [
+        unit for unit, (own, _) in _UNITS.items() if unit != read_as and abs(own / size - 1.0) < TOLERANCE
+    ]
+    return near[0] if near else None
+
+
+def unit_of_points(scale: float, robot: Robot) -> str | None:
+    """The unit that measured positions are in where `scale` tells it; None where it does not, or the arm is wrong."""
+    return None if _arm_is_in_another(scale, robot) else _mistaken(scale)[0]
+
+
+def words_of_points(scale: float) -> str:
+    """What unit positions look like that are `scale` times as large as the arm."""
+    return _words(*_mistaken(scale))
 
 
 def sentence(scale: float, robot: Robot) -> str:
@@ -46,33 +74,42 @@ def sentence(scale: float, robot: Robot) -> str:
     if _arm_is_in_another(scale, robot):
         return (
             f"the arm's kinematics reach {robot.reach_m:.4g} m, and are {1.0 / scale:.5g} times as large as the "
-            f"measured positions: the lengths in {robot.kinematics_file} look like {_UNITS[_nearest(1.0 / scale)]}"
+            f"measured positions: the lengths in {robot.kinematics_file} look like {words_of_points(1.0 / scale)}"
         )
-    words = f"they look like {_UNITS[_nearest(scale)]}"
-    if not _is_known(scale):
+    true, read = _mistaken(scale)
+    exact = f" = {_ratio(true, read)}" if true and read != "m" else ""
+    words = f"they look like {_words(true, read)}"
+    if true is None:
         words = f"{robot.kinematics_file} or the instrument's scale is wrong"
-    return f"the measured positions are {scale:.5g} times as large as the arm's kinematics: {words}"
+    return f"the measured positions are {scale:.5g}{exact} times as large as the arm's kinematics: {words}"
 
 
 def remedy(scale: float, robot: Robot) -> str:
     """What to do about `scale`."""
     if _arm_is_in_another(scale, robot):
         return f"Write the lengths in {robot.kinematics_file} in metres."
-    known = _is_known(scale)
+    true = unit_of_points(scale, robot)
     return (
-        "Give the unit of x, y, z in a dataset.yaml."
-        if known
+        f"Give x, y, z 'unit: {true}' in a dataset.yaml."
+        if true
         else f"Compare {robot.kinematics_file} with the arm's data sheet."
     )
 
 
+def _mistaken(scale: float) -> tuple[str | None, str]:
+    """The unit that makes lengths `scale` times too large, and the one that they were read in: metres, else another."""
+    return next(((true, read) for read in _UNITS if (true := true_unit(scale, read))), (None, "m"))
+
+
+def _words(true: str | None, read: str) -> str:
+    named = _UNITS[true][1] if true else "another unit"
+    return named if read == "m" else f"{named}, read as {_UNITS[read][1]}"
+
+
+def _ratio(true: str, read: str) -> str:
+    factor = _UNITS[read][0] / _UNITS[true][0]
+    return f"{factor:.4g}" if factor > 1.0 else f"1/{1.0 / factor:.4g}"
+
+
 def _arm_is_in_another(scale: float, robot: Robot) -> bool:
     return scale < 1.0 and robot.reach_m > _LONGEST_ARM_M
-
-
-def _is_known(scale: float) -> bool:
-    return abs(_nearest(scale) / scale - 1.0) < TOLERANCE
-
-
-def _nearest(scale: float) -> float:
-    return min(_UNITS, key=lambda known: abs(math.log(known / scale)))

@@ -21,7 +21,7 @@ from armtrue.io.plausible import too_few_poses
 from armtrue.io.robot import Robot
 
 # Errors under which neither residuals nor a fit mean anything.
-_NO_ARM = {
+NO_ARM = {
     "too_few_poses", "scale", "joint_sign", "joint_zero", "coupling", "joints_in_degrees", "joints_in_radians",
     "dh_convention", "fixed_or_intrinsic_angles", "joints_swapped", "rows_shifted", "left_handed_frame",
     "positions_do_not_follow", "orientations_do_not_follow",
@@ -34,7 +34,7 @@ def check(data: Dataset, robot: Robot) -> CheckReport:
     Errors: none of its own; what is wrong is a finding.
     """
     findings = [*cheap_findings(data, robot), *drift.find(data)]
-    if data.has_positions and not any(finding.code in _NO_ARM for finding in findings):
+    if data.has_positions and not any(finding.code in NO_ARM for finding in findings):
         riding = _riding(data)
         alignment = align(units.in_si_units(alignment_columns(riding), robot), robot)
         findings += residuals.find_gross(riding, alignment)

@@ -16,12 +16,10 @@ from armtrue.errors import InputError
 from armtrue.io import Robot, load_model, load_robot
 from armtrue.io.files import write_file
 from armtrue.io.model import check_effect
-from armtrue.planning import SETTLED, Ambiguity, Cell, Plan, Rival, argument_of, entry_of
+from armtrue.planning import HARDLY, SETTLED, Ambiguity, Cell, Plan, Rival, argument_of, entry_of
 
 _MOST_POSES = 2000
 _DISTINCT_SHOWN = 6
-# ΔBIC "not worth more than a bare mention" (Kass and Raftery 1995).
-_EVEN = 2.0
 
 
 def add_to(app: typer.Typer) -> None:
@@ -185,7 +183,7 @@ def present_plan(plan: Plan, output: Output) -> None:
     if plan.separates:
         _present_separation(plan, output)
     else:
-        _present_campaign(plan.figures, plan.count, output)
+        _present_campaign(plan, output)
 
 
 def _present_ambiguity(ambiguity: Ambiguity | None, plan: Plan, command: str, output: Output) -> None:
@@ -207,7 +205,7 @@ def _present_ambiguity(ambiguity: Ambiguity | None, plan: Plan, command: str, ou
         left_out = sum(not rival.decided and not rival.table for rival in ambiguity.rivals)
         left_out -= len(ambiguity.open) - 1
         output.say(
-            f"These poses tell {ambiguity.candidate} from {told}"
+            f"These poses are chosen to tell {ambiguity.candidate} from {told}"
             + (f", not yet from {left_out} that are less likely." if left_out else ".")
         )
         return
@@ -231,7 +229,7 @@ def preference(rival: Rival) -> str:
         return "the second cannot be fitted"
     figure = f"(ΔBIC {rival.delta_bic:+.0f})"
     preferred = "first" if rival.delta_bic > 0.0 else "second"
-    if abs(rival.delta_bic) < _EVEN:
+    if abs(rival.delta_bic) < HARDLY:
         sentence = f"this data cannot tell {figure}"
     elif abs(rival.delta_bic) < SETTLED:
         sentence = f"this data leans to the {preferred} {figure}"
@@ -268,9 +266,7 @@ def _present_separation(plan: Plan, output: Output) -> None:
     for entry in figures["separations"]:
         table.add_row(
             f"if {entry['truth']}, not {entry['rival']}",
-            f"{entry['delta_bic_now']:.0f}",
-            f"{entry['delta_bic_expected_random']:.0f}",
-            f"{entry['delta_bic_expected']:.0f}",
+            *(f"{round(entry[f'delta_bic_{key}'])}" for key in ("now", "expected_random", "expected")),
         )
     output.table(table)
     for sentence in filter(None, map(outlook, figures["separations"])):
@@ -278,10 +274,13 @@ def _present_separation(plan: Plan, output: Output) -> None:
 
 
 def outlook(separation: dict[str, Any]) -> str | None:
-    """What a pair's expected ΔBIC says where it does not settle the question; None where it does."""
+    """What a pair's expected ΔBIC says where it does not settle the question; None where it does.
+
+    None too where the two stay even, which `Plan.decisions` says of both at once.
+    """
     cause, rival = separation["truth"], separation["rival"]
     expected = separation["delta_bic_expected"]
-    if expected <= -SETTLED:
+    if expected <= -SETTLED or abs(expected) < HARDLY:
         return None
     figure = f"(ΔBIC {expected:+.0f})"
     if expected >= SETTLED:
@@ -300,9 +299,9 @@ def outlook(separation: dict[str, Any]) -> str | None:
     return sentence + "."
 
 
-def _present_campaign(figures: dict[str, Any], poses: int, output: Output) -> None:
-    information = figures["information"]
-    columns = {"now": "present", f"{poses} random poses": "random", "these poses": "planned"}
+def _present_campaign(plan: Plan, output: Output) -> None:
+    figures, information = plan.figures, plan.figures["information"]
+    columns = {"now": "present", f"{plan.count} random poses": "random", "these poses": "planned"}
     shown = {header: information[key] for header, key in columns.items() if information[key]}
     table = plain_table(f"{figures['unknowns']} unknowns", *shown)
     table.add_row(
@@ -320,7 +319,7 @@ def _present_campaign(figures: dict[str, Any], poses: int, output: Output) -> No
             *(f"{entry['weakest'][rank]['sigma_um']:.1f}" for entry in shown.values()),
         )
     output.table(table)
-    output.say(f"One of these poses tells as much as {figures['random_poses_per_planned']:.1f} random ones.")
+    output.say(plan.precision() or "")
     output.title("Weakest direction")
     output.items([f"{header}: {entry['weakest'][0]['words']}" for header, entry in shown.items()])
     if figures.get("same_numbers"):

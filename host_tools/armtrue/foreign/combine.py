@@ -5,7 +5,6 @@ from __future__ import annotations
 import datetime
 import math
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +12,7 @@ from numpy.typing import NDArray
 from armtrue.arrays import Array
 from armtrue.errors import InputError, RowError
 from armtrue.foreign.headers import Meaning
-from armtrue.foreign.sheets import Sheet, is_number, to_float
+from armtrue.foreign.sheets import Sheet, is_number, time_format, to_float
 from armtrue.io.columns import UNITS
 
 _FARTHEST_M = 20.0
@@ -21,11 +20,6 @@ _FARTHEST_M = 20.0
 _SAME_POSE = 1e-3
 # Columns whose cells may be words.
 _TEXTS = ("time", "target", "repeat", "station", "nest")
-_TIME_FORMATS = (
-    *("%Y-%m-%d %H:%M:%S.%f", "%Y-%m-%d %H:%M:%S", "%Y-%m-%dT%H:%M:%S.%f", "%Y-%m-%dT%H:%M:%S"),
-    *("%d.%m.%Y %H:%M:%S", "%d/%m/%Y %H:%M:%S", "%m/%d/%Y %H:%M:%S", "%Y/%m/%d %H:%M:%S", "%Y%m%d%H%M%S"),
-    *("%m/%d/%Y %I:%M:%S %p", "%H:%M:%S.%f", "%H:%M:%S"),
-)
 
 
 @dataclass
@@ -43,10 +37,17 @@ class Part:
     skipped: list[int] = field(default_factory=list)
 
     def leave_out_bad_rows(self) -> None:
-        """Leave out the rows that cannot be read, with a note on each; `skipped` has their lines of the file."""
+        """Leave out the rows that cannot be read, with a note on each; `skipped` has their lines of the file.
+
+        Errors: RowError where most of a column cannot be read.
+        """
         numeric = [*self.meaning.joints.values(), *self.meaning.rotation]
         numeric += [header for headers in self.meaning.points.values() for header in headers]
         numeric += [header for name, header in self.meaning.others.items() if name not in _TEXTS]
+        for header in numeric:
+            bad = sum(not is_number(cell, self.sheet.decimal) for cell in self.sheet.cells(header))
+            if 2 * bad > len(self.sheet.rows):
+                self.numbers(header)  # raises: the column is something else
         while True:
             try:
                 for header in numeric:
@@ -77,8 +78,7 @@ class Part:
 
     def in_si(self, name: str, header: str) -> Array:
         """One column in SI units by the unit that was found for `name`."""
-        _, factor, added = UNITS[self.units[name]] if name in self.units else ("", 1.0, 0.0)
-        return self.numbers(header) * factor + added
+        return _in_si(self.numbers(header), self.units.get(name))
 
 
 def find_units(part: Part, prismatic: set[str]) -> None:
@@ -188,11 +188,10 @@ def _find_time(part: Part, header: str) -> None:
         part.meaning.others.pop("time")
         part.notes.append(f"{header}: the same in all rows, not used")
         return
-    for pattern in _TIME_FORMATS:
-        if all(_is_time(cell, pattern) for cell in cells):
-            part.time_format = pattern
-            part.notes.append(f"{header}: time as {pattern}")
-            return
+    part.time_format = time_format(cells)
+    if part.time_format is not None:
+        part.notes.append(f"{header}: time as {part.time_format}")
+        return
     if all(is_number(cell, decimal) for cell in cells):
         stated = part.sheet.units.get(header)
         part.units["time"] = stated if stated in ("s", "ms", "min", "h") else "s"
@@ -200,14 +199,6 @@ def _find_time(part: Part, header: str) -> None:
         return
     part.meaning.others.pop("time")
     part.notes.append(f"{header}: found no time in '{cells[0]}', not used")
-
-
-def _is_time(cell: str, pattern: str) -> bool:
-    try:
-        datetime.datetime.strptime(cell, pattern)
-    except ValueError:
-        return False
-    return True
 
 
 def seconds(part: Part) -> Array | None:
@@ -241,8 +232,29 @@ def match_rows(joints: Part, points: Part) -> tuple[NDArray[np.int64], NDArray[n
     return rows, rows, "row by row"
 
 
-def long_table(parts: list[Part]) -> tuple[dict[str, Array], list[str] | None, list[str]]:
-    """All files as one table in the contract's form: columns, the reflector of each row, and what was done."""
+@dataclass
+class LongTable:
+    """Several files as one: its columns, the unit of those that are not in SI, and the reflector of each row.
+
+    Figures stay as the files have them, so that a unit that was guessed wrongly can be put right where it is stated.
+    """
+
+    columns: dict[str, Array]
+    units: dict[str, str]
+    labels: list[str] | None
+
+    def in_si(self, name: str) -> Array:
+        """One column in SI units."""
+        return _in_si(self.columns[name], self.units.get(name))
+
+
+def _in_si(values: Array, unit: str | None) -> Array:
+    _, factor, added = UNITS[unit] if unit else ("", 1.0, 0.0)
+    return values * factor + added
+
+
+def long_table(parts: list[Part]) -> tuple[LongTable, list[str]]:
+    """All files as one table under the contract's names, and what was done."""
     with_joints = [part for part in parts if part.meaning.joints]
     if len(with_joints) != 1:
         names = ", ".join(part.sheet.path.name for part in (with_joints or parts))
@@ -273,47 +285,57 @@ def long_table(parts: list[Part]) -> tuple[dict[str, Array], list[str] | None, l
         notes.append(
             f"{len(blocks)} reflectors, one below the other: {', '.join(block[0] for block in blocks)}"
         )
-    columns: dict[str, list[Array]] = {}
+    columns: dict[str, list[tuple[Array, str | None]]] = {}
     labels: list[str] = []
+
+    def put(name: str, values: Array, unit: str | None = None) -> None:
+        columns.setdefault(name, []).append((values, unit))
+
     for label, part, point, own, other in blocks:
         for name, header in base.meaning.joints.items():
-            columns.setdefault(name, []).append(base.in_si(name, header)[own])
-        _, unit, _ = UNITS[part.units[f"point {point}"]]
+            put(name, base.numbers(header)[own], base.units.get(name))
         for axis, header in zip("xyz", part.meaning.points[point], strict=True):
-            columns.setdefault(axis, []).append(part.numbers(header)[other] * unit)
+            put(axis, part.numbers(header)[other], part.units[f"point {point}"])
         # What both files have is taken from that with the joints.
-        further: dict[str, Array] = {}
+        further: dict[str, tuple[Array, str | None]] = {}
         for source, rows in ((part, other), (base, own)):
             for name, header in (source.meaning.others | source.meaning.variables).items():
                 if name not in ("time", "target", "repeat"):
-                    further[name] = source.in_si(name, header)[rows]
-        for name, values in further.items():
-            columns.setdefault(name, []).append(values)
+                    further[name] = (source.numbers(header)[rows], source.units.get(name))
+        for name, (values, unit) in further.items():
+            put(name, values, unit)
         if "repeat" in base.meaning.others:
             repeats = np.unique(base.sheet.cells(base.meaning.others["repeat"]), return_inverse=True)[1]
-            columns.setdefault("repeat", []).append(repeats.astype(np.float64)[own])
+            put("repeat", repeats.astype(np.float64)[own])
         clock = seconds(base)
         if clock is not None:
-            columns.setdefault("time", []).append(clock[own])
+            put("time", clock[own])
         labels += [label] * len(own)
-    table = {name: np.concatenate(values) for name, values in columns.items()}
-    of_some = [name for name, values in table.items() if len(values) != len(labels)]
+    of_some = [name for name, pieces in columns.items() if len(pieces) != len(blocks)]
     notes += [f"{name}: not taken, as not every reflector has it" for name in of_some]
-    table = {name: values for name, values in table.items() if name not in of_some}
+    table = LongTable({}, {}, labels)
+    for name in (name for name in columns if name not in of_some):
+        units = list(dict.fromkeys(unit for _, unit in columns[name]))
+        one = units[0] if len(units) == 1 else None
+        table.columns[name] = np.concatenate([v if one else _in_si(v, unit) for v, unit in columns[name]])
+        if one is not None:
+            table.units[name] = one
     if len(blocks) > 1:
-        return table, labels, notes
+        return table, notes
     named = base.meaning.others.get("target")
     cells = base.sheet.cells(named) if named else []
     # One name a row is that of the pose, and no reflector's.
     few = 1 < 2 * len(set(cells)) <= len(cells)
-    return table, ([cells[at] for at in blocks[0][3]] if few else None), notes
+    table.labels = [cells[at] for at in blocks[0][3]] if few else None
+    return table, notes
 
 
-def write_long(path: Path, table: dict[str, Array], labels: list[str] | None) -> str:
-    """The text of a CSV of `table` in the contract's form."""
-    names = [*table, *(["target"] if labels else [])]
+def write_long(table: LongTable) -> str:
+    """The text of a CSV of `table`."""
+    labels = table.labels
+    names = [*table.columns, *(["target"] if labels else [])]
     lines = [",".join(names)]
-    for at in range(len(next(iter(table.values())))):
-        cells = [f"{values[at]:.10g}" for values in table.values()]
+    for at in range(len(next(iter(table.columns.values())))):
+        cells = [f"{values[at]:.10g}" for values in table.columns.values()]
         lines.append(",".join([*cells, *([labels[at].replace(",", " ")] if labels else [])]))
     return "\n".join(lines) + "\n"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, field
 
-from armtrue.foreign.sheets import Sheet, is_number, split_unit
+from armtrue.foreign.sheets import Sheet, is_number, split_unit, time_format
 
 _PLANNED = re.compile(r"goal|nominal|nom\b|soll|planned|desired|design", re.IGNORECASE)
 _SPREAD = re.compile(r"std|sigma|rms|uncert|deviation|dev\b|error", re.IGNORECASE)
@@ -47,7 +47,8 @@ _WORDS = {
 }
 _OF_THE_CONTRACT = re.compile(r"sigma|(?:dir|tau|travel|duty)[1-9]\d?")
 _TEMPERATURE_WORDS = re.compile(r"measurement|meas|temp(?:erature?|eratur)?", re.IGNORECASE)
-_TEMPERATURE = re.compile(r"temp", re.IGNORECASE)
+# Not the German Stempel, of Zeitstempel.
+_TEMPERATURE = re.compile(r"temp(?!el)", re.IGNORECASE)
 _KEYS = re.compile(
     r"^(?:point|pose|pos|nr|no|num|number|id|index|idx|name|label|row|#|punkt)[_ .]*(?:id|nr|no|name|number|#)?$",
     re.IGNORECASE,
@@ -102,6 +103,10 @@ def meaning(sheet: Sheet, joint_names: list[str]) -> Meaning:
     taken |= set(found.rotation)
     found.points = _points({name: word for name, word in plain.items() if name not in taken})
     taken |= {name for headers in found.points.values() for name in headers}
+    clock = _clock(sheet, [name for name in plain if name not in taken])
+    if clock is not None:
+        found.others["time"] = clock
+        taken.add(clock)
     for name, word in plain.items():
         if name in taken:
             continue
@@ -126,6 +131,12 @@ def meaning(sheet: Sheet, joint_names: list[str]) -> Meaning:
         else:
             _take_as_variable(found, sheet, name, word)
     return found
+
+
+def _clock(sheet: Sheet, names: list[str]) -> str | None:
+    """The column of clock times, whatever its header; of several the one with a header that says time."""
+    clocks = [name for name in names if ":" in sheet.cells(name)[0] and time_format(sheet.cells(name))]
+    return next((name for name in clocks if _WORDS["time"].search(name)), next(iter(clocks), None))
 
 
 def _take_as_variable(found: Meaning, sheet: Sheet, name: str, word: str) -> None:

@@ -73,6 +73,8 @@ def init(
     try:
         return _Init(files, out).run(urdf, dh, robot or _own_robot(out), skip_bad)
     except RowError as error:
+        if skip_bad:
+            raise InputError(f"{error}, as in most of the rows") from None
         raise InputError(f"{error}; --skip-bad reads the other rows") from None
 
 
@@ -167,10 +169,11 @@ class _Init:
         return (_direct(part, self._out), None) if alone else self._joined(parts)
 
     def _joined(self, parts: list[Part]) -> tuple[dict[str, Any], str]:
-        table, labels, notes = long_table(parts)
+        long, notes = long_table(parts)
+        table, labels = long.columns, long.labels
         self._guessed.notes += notes
         commanded = sorted(name for name in table if name[0] == "q" and name[1:].isdigit())
-        rounded = np.round(np.column_stack([table[name] for name in commanded]) / _SAME_POSE)
+        rounded = np.round(np.column_stack([long.in_si(name) for name in commanded]) / _SAME_POSE)
         codes = np.unique(labels, return_inverse=True)[1] if labels else np.zeros(len(rounded))
         poses, which, counts = np.unique(
             np.column_stack([rounded, codes]), axis=0, return_inverse=True, return_counts=True
@@ -179,7 +182,9 @@ class _Init:
             table["repeat"] = which.reshape(-1).astype(np.float64)
             self._guessed.notes.append(f"{len(rounded) - len(poses)} rows repeat a pose: column repeat")
         variables = {name: name for part in parts for name in part.meaning.variables if name in table}
-        entries: dict[str, Any] = {name: name for name in table if name not in variables}
+        entries: dict[str, Any] = {
+            name: _entry(name, long.units.get(name)) for name in table if name not in variables
+        }
         if labels:
             entries["target"] = "target"
         dataset: dict[str, Any] = {"file": "data.csv", "columns": entries}
@@ -201,7 +206,7 @@ class _Init:
                 )
         if "time" in table and bool(np.any(np.diff(table["time"]) < 0.0)):
             dataset["sort_by"] = "time"
-        return dataset, write_long(self._out / "data.csv", table, labels)
+        return dataset, write_long(long)
 
     def _write(
         self,
@@ -292,6 +297,11 @@ def _rename_taken(part: Part) -> None:
     part.meaning.variables = {f"own_{name}" if name in taken else name: variables[name] for name in variables}
 
 
+def _entry(header: str, unit: str | None) -> Any:
+    """The entry of a column in dataset.yaml."""
+    return {"column": header, "unit": unit} if unit not in (None, "m", "rad", "s", "degC") else header
+
+
 def _direct(part: Part, out: Path) -> dict[str, Any]:
     """dataset.yaml for one file as it is, the rotation in a first guess."""
     sheet, found = part.sheet, part.meaning
@@ -300,9 +310,7 @@ def _direct(part: Part, out: Path) -> dict[str, Any]:
     named = {**found.joints, **dict(zip("xyz", point[1], strict=True)), **found.others}
     for name, header in named.items():
         unit = part.units.get(f"point {point[0]}" if name in ("x", "y", "z") else name)
-        columns[name] = (
-            {"column": header, "unit": unit} if unit not in (None, "m", "rad", "s", "degC") else header
-        )
+        columns[name] = _entry(header, unit)
     dataset: dict[str, Any] = {"file": os.path.relpath(sheet.path.resolve(), out.resolve())}
     if sheet.separator != ",":
         dataset["separator"] = SEPARATORS[sheet.separator]

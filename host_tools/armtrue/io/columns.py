@@ -21,6 +21,7 @@ UNITS: dict[str, tuple[str, float, float]] = {
     "mm": ("length", 1e-3, 0.0),
     "um": ("length", 1e-6, 0.0),
     "in": ("length", 0.0254, 0.0),
+    "ft": ("length", 0.3048, 0.0),
     "rad": ("angle", 1.0, 0.0),
     "mrad": ("angle", 1e-3, 0.0),
     "deg": ("angle", math.pi / 180.0, 0.0),

@@ -249,7 +249,7 @@ def _refine(engine: Engine, _words: Entry) -> None:
 def _open(engine: Engine, words: Entry) -> None:
     opened = engine.drop.open(words)
     if opened is None:
-        engine.said = LOOK_AT_GUESSES
+        engine.said = LOOK_AT_GUESSES if "look" not in words else "The check and the picture follow the form."
         if "mend" in words:
             engine.said = "It is mended. Look at what the check says now, then open the files."
         return

@@ -129,10 +129,14 @@ class Drop:
     def open(self, words: Entry) -> Opened | None:
         """Open what was dropped; None where guesses are to be looked at first.
 
-        `words`: `text`, dataset.yaml as the person left it; `form`, the form; or `mend`, a finding's place, with the
-        form as it stands. Errors: InputError in one sentence.
+        `words`: `text`, dataset.yaml as the person left it; `form`, the form; with it `look`, to have it checked
+        alone, or `mend`, a finding's place. Errors: InputError in one sentence.
         """
         if self.guess is not None:
+            if words.get("look") is True:
+                self.take_draft({"form": words.get("form"), "text": self.guess.text})
+                self._check(filled_in(self.guess.text, self.draft["form"], self.guess.robot))
+                return None
             if "mend" in words:
                 self._mend(words)
                 return None
@@ -173,7 +177,7 @@ class Drop:
                 f"Denavit-Hartenberg rows (a, alpha, d, theta) to be dropped too; {WHERE_ARMS_ARE}"
             )
         out = self.folder / _GUESSED
-        found = init(kinds["table"], out, urdf=urdf, dh=dh, robot=robot, force=True)
+        found = init(kinds["table"], out, urdf=urdf, dh=dh, robot=robot, force=True, skip_bad=True)
         if model is not None:
             load_model(model, load_robot(out / "robot.yaml"))
             write_file(out / "model.yaml", read_text(model))
@@ -183,8 +187,9 @@ class Drop:
         """The guesses as they lie in the folder, with what the check says of them."""
         arm = load_robot(self.folder / _GUESSED / "robot.yaml")
         dataset = self.folder / _GUESSED / "dataset.yaml"
-        findings = check(load_data(dataset, arm, strict=False), arm).findings
-        return Guess(dataset, read_text(dataset), notes, findings, arm, guess_picture(dataset, arm))
+        data = load_data(dataset, arm, strict=False)
+        findings = check(data, arm).findings
+        return Guess(dataset, read_text(dataset), notes, findings, arm, guess_picture(data, arm, findings))
 
     def _open_guessed(self, text: str) -> Opened:
         self._check(text)
@@ -209,7 +214,7 @@ class Drop:
             raise
         self.guess.text, self.draft = text, {}
         self.guess.findings = check(data, self.guess.robot).findings
-        self.guess.picture = guess_picture(self.guess.path, self.guess.robot)
+        self.guess.picture = guess_picture(data, self.guess.robot, self.guess.findings)
 
     def _mend(self, words: Entry) -> None:
         assert self.guess is not None

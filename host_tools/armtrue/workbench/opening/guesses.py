@@ -11,6 +11,7 @@ from typing import Any
 import yaml
 
 from armtrue.checking import Finding
+from armtrue.checking.lengths import true_unit
 from armtrue.errors import InputError
 from armtrue.io import Robot
 from armtrue.io.columns import POSITION, QUATERNION, TEXT_COLUMNS, UNITS, ColumnNames
@@ -27,6 +28,7 @@ _TURNS = ("rotation 1", "rotation 2", "rotation 3")
 _SEQUENCES = ("XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX", "ZYZ", "ZXZ", "XYX", "XZX", "YXY", "YZY")
 _FIRST_ROWS = 5
 _SIGN, _SWAPPED, _HAND = "joint_sign", "joints_swapped", "left_handed_frame"
+_UNIT_OF_POINTS = ("scale", "units")
 _UNIT_OF_JOINTS = {"joints_in_degrees": "deg", "joints_in_radians": "rad"}
 
 
@@ -183,7 +185,8 @@ def _column(old: Any, header: str, unit: str, kind: str | None) -> Any:
 
 def can_be_mended(finding: Finding) -> bool:
     """True where dataset.yaml can say what a finding found wrong."""
-    return finding.code in (_SIGN, _SWAPPED, _HAND, *_UNIT_OF_JOINTS)
+    in_a_known_unit = finding.code in _UNIT_OF_POINTS and bool(finding.evidence.get("unit"))
+    return in_a_known_unit or finding.code in (_SIGN, _SWAPPED, _HAND, *_UNIT_OF_JOINTS)
 
 
 def mended(text: str, finding: Finding) -> str:
@@ -201,11 +204,20 @@ def mended(text: str, finding: Finding) -> str:
             columns[name]["scale"] = -columns[name].get("scale", 1)
     elif finding.code == _SWAPPED:
         columns[joints[0]], columns[joints[1]] = columns[joints[1]], columns[joints[0]]
+    elif finding.code in _UNIT_OF_POINTS:
+        for name in POSITION:
+            read_as = columns[name].get("unit", "m")
+            if (unit := true_unit(finding.evidence["scale"], read_as)) is None:
+                raise InputError(
+                    f"columns: found {name} in {read_as}, expected a unit that explains its size"
+                )
+            columns[name]["unit"] = unit
     elif finding.code in _UNIT_OF_JOINTS:
         for name in columns:
             if name[:1] == "q" and name[1:].isdigit():
                 columns[name]["unit"] = _UNIT_OF_JOINTS[finding.code]
-    return _text({**document, "columns": columns})
+    plain = {name: entry["column"] if list(entry) == ["column"] else entry for name, entry in columns.items()}
+    return _text({**document, "columns": plain})
 
 
 def _document(text: str) -> Document:

@@ -12,6 +12,7 @@ import yaml
 
 from armtrue.errors import InputError
 from armtrue.workbench.opening.dropped import Drop
+from armtrue.workbench.opening.guesses import first_rows
 from armtrue.workbench.opening.opened import open_files
 
 MODEL = "effects: [base_frame, tool_offset, joint_offset, {effect: joint_compliance, joints: [2]}]\n"
@@ -151,6 +152,70 @@ def test_several_files_that_cannot_be_joined_are_refused_by_their_names(campaign
 def test_file_that_is_not_there_is_named_before_what_it_lacks(tmp_path):
     with pytest.raises(InputError, match=r"nosuch\.csv: cannot be read"):
         open_files([tmp_path / "nosuch.csv"])
+
+
+def _filled_in(header: list[str], unit: str) -> dict:
+    """The form as the page sends it, with `unit` chosen for x, y and z."""
+    columns = {name: {"is": name, "unit": unit if name in "xyz" else "deg"} for name in header}
+    return {"fields": {"separator": "comma", "decimal": ".", "header_row": "1"}, "columns": columns}
+
+
+def _joints_and_points_in_inches(foreign: Path, tmp_path: Path) -> list[Path]:
+    rows = [line.split(";") for line in foreign.read_text().splitlines()]
+    inches = [rows[0][6:], *([f"{float(cell) / 25.4:.6f}" for cell in row[6:]] for row in rows[1:])]
+    files = [tmp_path / "joints.csv", tmp_path / "points.csv"]
+    for file, lines in zip(files, ([row[:6] for row in rows], inches), strict=True):
+        file.write_text("\n".join(",".join(line) for line in lines) + "\n")
+    return files
+
+
+def test_unit_chosen_for_joined_files_is_that_of_the_files_own_column(campaign, foreign, tmp_path):
+    files = _joints_and_points_in_inches(foreign, tmp_path)
+    drop = dropped(tmp_path / "drop", *files, campaign / "robot.yaml")
+    assert drop.open({}) is None
+    assert drop.guess is not None
+    header, rows = first_rows(drop.guess.path, yaml.safe_load(drop.guess.text))
+    assert float(rows[0][header.index("x")]) == float(files[1].read_text().splitlines()[1].split(",")[0])
+    assert any("inches, read as millimetres" in finding.message for finding in drop.guess.findings)
+    assert "does not reach" in str(drop.guess.picture)
+    form = _filled_in(header, "in")
+    assert drop.open({"form": form, "look": True}) is None
+    assert not any(finding.severity == "error" for finding in drop.guess.findings)
+    assert "The arm reaches its points" in str(drop.guess.picture)
+    found = drop.open({"form": form})
+    assert found is not None
+    assert found.data.count == 60
+
+
+def test_points_in_another_unit_are_mended_by_their_finding(campaign, foreign, tmp_path):
+    files = _joints_and_points_in_inches(foreign, tmp_path)
+    drop = dropped(tmp_path / "drop", *files, campaign / "robot.yaml")
+    drop.open({})
+    assert drop.guess is not None
+    (place,) = (k for k, finding in enumerate(drop.guess.findings) if finding.code == "scale")
+    assert drop.open({"mend": place}) is None
+    assert "unit: in" in drop.guess.text
+    assert "The arm reaches its points" in str(drop.guess.picture)
+
+
+def test_form_that_cannot_be_looked_at_is_kept_as_it_stands(campaign, foreign, tmp_path):
+    drop = dropped(tmp_path / "drop", foreign, campaign / "robot.yaml")
+    drop.open({})
+    form = _filled_in(["x", "y"], "m")
+    form["columns"]["y"]["is"] = "x"
+    with pytest.raises(InputError, match="two columns that are x"):
+        drop.open({"form": form, "look": True})
+    assert drop.draft["form"] == form
+
+
+def test_row_that_cannot_be_read_is_left_out_and_said_in_the_form(campaign, foreign, tmp_path):
+    lines = foreign.read_text().splitlines()
+    lines[4] = "abc" + lines[4]
+    foreign.write_text("\n".join(lines) + "\n")
+    drop = dropped(tmp_path / "drop", foreign, campaign / "robot.yaml")
+    assert drop.open({}) is None
+    assert drop.guess is not None
+    assert any("left out: row 5 column A1" in note for note in drop.guess.notes)
 
 
 def test_notes_of_guesses_name_files_as_they_were_dropped(campaign, foreign, tmp_path):

@@ -8,7 +8,7 @@ import numpy as np
 
 from armtrue.errors import InputError
 from armtrue.fitting import Fit
-from armtrue.planning import Plan, plan
+from armtrue.planning import plan
 from armtrue.progress import Progress
 from armtrue.report.markup import tag
 from armtrue.report.parts import plural
@@ -31,7 +31,7 @@ def planned(
         raise InputError(f"poses: found {count!r}, expected 1 to {_MOST_POSES}")
     chosen = plan(fit, count, rivals=rivals, progress=progress)
     rows = np.column_stack(list(chosen.columns.values()))
-    sentences = [*chosen.decisions(), *_precision(chosen)]
+    sentences = [*chosen.decisions(), *filter(None, [chosen.precision()])]
     heads = [tag("th", name, scope="col") for name in chosen.columns]
     body = [tag("tr", [tag("td", f"{value:.4f}") for value in row]) for row in rows[:_MOST_SHOWN]]
     table = tag("table", tag("caption", "Planned poses [rad, m]"), tag("tr", heads), body)
@@ -51,12 +51,3 @@ def planned(
     made = Made("poses.csv", chosen.csv().encode(), "text/csv; charset=utf-8")
     said = f"{plural(count, 'pose')} planned: run poses.csv, then drop what was measured. {' '.join(sentences[:1])}"
     return Result(shown, said.strip(), made)
-
-
-def _precision(chosen: Plan) -> list[str]:
-    share = chosen.figures.get("random_poses_per_planned")
-    if share is None:
-        return []
-    return [
-        f"{plural(chosen.count, 'planned pose')} give the precision of {share * chosen.count:.0f} random ones."
-    ]

@@ -9,6 +9,7 @@
   let model = null, known = null; // the model whose pieces stand on the page, and how much of its diagnosis
   const OF_THE_DIAGNOSIS = ["spectra", "unexplained"]; // the other parts below show the fit alone
   let busy = false, diagnosing = false, wanted = null, drawing = false, again = false, waitingForProgress = 0, waitingForDraft = 0;
+  let next = null; // an "open" that waits for the one that runs
   let picked = [], leftOut = []; // the rows that the arm's picture reads out, and those that are left out
   const drawn = new Map(); // the pieces as they stand on the page
   let held = null; // where the keyboard was when a button was pressed: a button that is disabled loses it
@@ -28,13 +29,18 @@
   }
 
   async function act(words) {
-    if (busy && !WHILE_BUSY.includes(words.do)) return;
+    if (busy && !WHILE_BUSY.includes(words.do)) {
+      if (words.do === "open" && words.form && !("mend" in words)) next = words;
+      return;
+    }
     held = focused();
     fail("");
+    busy ||= words.do === "open"; // what is chosen until the server says so waits as well
     try {
       await ask("do", { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(words) });
     } catch (error) {
       wanted = null;
+      busy &&= words.do !== "open";
       fail(error.message);
     }
   }
@@ -104,7 +110,7 @@
     document.querySelectorAll("#opening [data-column]").forEach((field) => {
       field.value = (draft.form.columns[field.dataset.column] || {})[field.dataset.what] ?? field.value;
     });
-    byId("dataset").value = draft.text;
+    byId("dataset").value = draft.text ?? byId("dataset").value;
   }
 
   /** Where the keyboard is, so that it can go on there when its button is replaced. */
@@ -139,7 +145,7 @@
           if (drawn.get(name) === html) continue;
           document.querySelectorAll(`[data-piece="${name}"]`).forEach((place) => { place.innerHTML = html; });
           drawn.set(name, html);
-          if (name === "opening") fillInDraft(view.draft);
+          if (name === "opening") fillInDraft((next && next.form && { form: next.form }) || view.draft);
         }
         model = view.model;
         known = view.known;
@@ -166,7 +172,8 @@
     document.body.setAttribute("aria-busy", String(busy));
     for (const [name, can] of Object.entries(event.buttons)) byId(`button-${name}`).disabled = !can;
     document.querySelectorAll("[data-piece] button[data-act]").forEach((button) => {
-      button.disabled = busy && !BESIDE_WORK.includes(button.dataset.act);
+      const waits = button.dataset.source === "form" && event.task !== null && event.task.name === "open";
+      button.disabled = busy && !waits && !BESIDE_WORK.includes(button.dataset.act);
     });
     byId("diagnosing").hidden = !event.diagnosing;
     if (event.diagnosing) {
@@ -184,6 +191,10 @@
     if (busy) {
       byId("progress").value = event.task.share;
       byId("stage").textContent = event.pausing ? "Refine pauses when this step ends" : event.task.stage || event.task.name;
+    } else if (next) {
+      const words = next;
+      next = null;
+      if (byId("dataset")) act(words);
     }
   }
 
@@ -309,7 +320,11 @@
     look(details);
   });
   for (const kind of ["input", "change"]) byId("opening").addEventListener(kind, (event) => {
-    if (event.target.closest("[data-form], [data-column], #dataset")) keepDraft();
+    const ofForm = event.target.closest("[data-form], [data-column]");
+    if (ofForm || event.target.closest("#dataset")) keepDraft();
+    if (!ofForm || kind !== "change") return;
+    clearTimeout(waitingForDraft);
+    act({ do: "open", look: true, form: filledIn() });
   });
   byId("files").addEventListener("change", async () => {
     await take([...byId("files").files]);
