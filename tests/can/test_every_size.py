@@ -117,7 +117,7 @@ DEFECTS = {
 }
 
 
-@pytest.mark.parametrize("nth", [1, 72, 143])
+@pytest.mark.parametrize("nth", [72, *(pytest.param(n, marks=pytest.mark.full) for n in (1, 143))])
 @pytest.mark.parametrize("what", DEFECTS)
 def test_one_defect_in_a_thousand_bytes_is_found(what: str, nth: int) -> None:
     """1000 bytes are 143 segments, of which the last has six bytes."""

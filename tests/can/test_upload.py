@@ -209,6 +209,7 @@ def requests_seen() -> Iterator[Iterator[can.Message]]:
         yield iter(lambda: bus.recv(0.0), None)
 
 
+@pytest.mark.full
 def test_a_bus_that_goes_away_is_no_answer_and_the_upload_can_be_repeated(tmp_path: Path) -> None:
     file = tmp_path / "tables.bin"
     file.write_bytes(small_table(padding=12000))
@@ -347,6 +348,7 @@ def test_every_command_answers_a_program(tmp_path: Path, tables: Path) -> None:
         assert all(answer("device", "selftest").values())
 
 
+@pytest.mark.full
 def test_what_the_device_has_not_got_is_refused(tmp_path: Path, tables: Path) -> None:
     with NodeProcess(tmp_path / "state"):
         for words, reason in (
