@@ -67,8 +67,11 @@ def opened_mean_um(page: Page) -> float:
 
 @pytest.fixture
 def right_um(guessed, foreign) -> float:
-    """What the file as it should be leads to."""
-    return opened_mean_um(guessed(foreign()))
+    """What the file as it should be leads to; that workbench is gone, so that another may open the same session."""
+    page = guessed(foreign())
+    mean_um = opened_mean_um(page)
+    page.workbench.kill()
+    return mean_um
 
 
 def shown(page: Page, label: str) -> str:
