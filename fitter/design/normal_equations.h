@@ -23,10 +23,11 @@ struct PenaltyRow {
 /// smoothness rows.
 std::vector<PenaltyRow> penalty_rows(const Design& design, double smoothness_sigma);
 
-/// Residuals of positions, and those of orientations as far as they scatter as much. Orientations
-/// that are given less weight than their scatter allows (inference/orientation_worth.h) would else
-/// make the variance of all residuals too small. `rows`: how many; the others: Σ r² of all
-/// residuals and of positions'.
+/// How many equations tell the residuals' variance: three a row for positions, and for orientations
+/// as many times three as their Σ r² is of that of positions, at most three. A fit can give
+/// orientations a smaller weight than their noise alone would (inference/orientation_worth.h);
+/// counted in full, these small residuals would make the variance seem smaller than it is.
+/// `squares`, `position_squares`: Σ r² over `rows` of all residuals, and of positions.
 double equations_that_count(double rows, double squares, double position_squares);
 
 /// JᵀJ and Jᵀr of the measurements, in unknowns.

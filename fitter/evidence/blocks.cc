@@ -208,17 +208,17 @@ void Builder::make_base() {
   }
   const auto own = static_cast<Eigen::Index>(kept.size());
   const auto more = static_cast<Eigen::Index>(held.terms.parameters.size());
-  // Where loads act was chosen beside all that is still missing, and may be otherwise.
-  const Eigen::VectorXd other_loads = change_by_other_loads(fit_, l_);
-  const Eigen::Index width = own + more + (other_loads.size() > 0 ? 1 : 0);
+  // The fit chose where loads act while effects were missing, and may have chosen wrongly: the
+  // search can take the other place, with a coefficient of 1.
+  const Eigen::Index width = own + more + (l_.by_other_loads.size() > 0 ? 1 : 0);
   model_.base.resize(l_.equations(), width);
   model_.base.leftCols(own) = l_.jacobian(Eigen::all, kept);
   if (more > 0) model_.base.middleCols(own, more) = block_columns(l_, fit_.state(), {&held, 1});
   model_.base_precision = Eigen::MatrixXd::Zero(width, width);
   model_.base_pull = Eigen::VectorXd::Zero(width);
   if (width > own + more) {
-    model_.base.col(width - 1) = other_loads;
-    model_.base_precision(width - 1, width - 1) = 1.0;  // the coefficient is 0 or 1
+    model_.base.col(width - 1) = l_.by_other_loads;
+    model_.base_precision(width - 1, width - 1) = 1.0;  // prior of the coefficient: 0 ± 1
   }
   for (Eigen::Index c = 0; c < more; ++c) {
     model_.base_precision(own + c, own + c) =
@@ -338,8 +338,8 @@ Eigen::MatrixXd block_columns(const Linearization& l, const State& state,
                       .emplace(key, term.basis.evaluate(
                                         state.rows(),
                                         [&](const std::string& name) -> const std::vector<double>& {
-                                          // A column of measured points would go along with their
-                                          // noise, of which the residual is made.
+                                          // Predicted, not measured: the noise of a measured point
+                                          // is in its residual too, and the two would correlate.
                                           if (name == "x") return l.point[0];
                                           if (name == "y") return l.point[1];
                                           if (name == "z") return l.point[2];

@@ -31,6 +31,23 @@ void bound_rejected_rows(Design& design) {
   }
 }
 
+// Linearization::by_other_loads; `l` has its residuals.
+Eigen::VectorXd change_by_other_loads(const Fit& fit, const Linearization& l) {
+  if (!fit.design().reads_loads()) return {};
+  State state = fit.state();
+  Design design(state, fit.measurements(), fit.model(), fit.kinematics());
+  design.weights() = fit.design().weights();
+  bound_rejected_rows(design);
+  state.let_loads_follow(!state.loads_follow());
+  design.stand(state);
+  Eigen::VectorXd change = -l.residual;
+  design.each_row(false, [&](std::size_t i, const Design::Row& row, const auto&) {
+    change.segment(static_cast<Eigen::Index>(i) * l.height, l.height) +=
+        row.residual.head(l.height);
+  });
+  return change;
+}
+
 }  // namespace
 
 double Linearization::displacement(const Eigen::Ref<const Eigen::VectorXd>& column) const {
@@ -98,23 +115,8 @@ Linearization linearize(Fit& fit) {
   l.counted = equations_that_count(static_cast<double>(by_row.cols()), by_row.squaredNorm(),
                                    by_row.topRows<3>().squaredNorm());
   l.freedom = std::max(1.0, l.counted - fit.effective_unknowns());
+  l.by_other_loads = change_by_other_loads(fit, l);
   return l;
-}
-
-Eigen::VectorXd change_by_other_loads(const Fit& fit, const Linearization& l) {
-  if (!fit.design().reads_loads()) return {};
-  State state = fit.state();
-  Design design(state, fit.measurements(), fit.model(), fit.kinematics());
-  design.weights() = fit.design().weights();
-  bound_rejected_rows(design);
-  state.let_loads_follow(!state.loads_follow());
-  design.stand(state);
-  Eigen::VectorXd change = -l.residual;
-  design.each_row(false, [&](std::size_t i, const Design::Row& row, const auto&) {
-    change.segment(static_cast<Eigen::Index>(i) * l.height, l.height) +=
-        row.residual.head(l.height);
-  });
-  return change;
 }
 
 }  // namespace armtrue

@@ -23,8 +23,11 @@ struct Linearization {
   std::vector<int> node;        ///< unknown of each column of `nodes`
   Eigen::MatrixXd nodes;        ///< the same for nodes of joint tables; none where they are many
   Eigen::VectorXd from_tables;  ///< what joint tables of the fit add to the prediction
-  Eigen::MatrixXd geometry;     ///< equations × coordinates
-  Eigen::MatrixXd translation;  ///< equations × 3: a shift of the measured point
+  /// By what `residual` would change if loads acted at commanded angles in place of where the arm
+  /// stands, or the other way round (Fit::choose_where_loads_act). Empty where nothing reads loads.
+  Eigen::VectorXd by_other_loads;
+  Eigen::MatrixXd geometry;                  ///< equations × coordinates
+  Eigen::MatrixXd translation;               ///< equations × 3: a shift of the measured point
   std::array<std::vector<double>, 3> point;  ///< predicted, by axis and row, in the measuring frame
   double typical_sigma = 1.0;                ///< [m] of one whitened unit of position
   double sigma_rotation = 0.0;  ///< [rad] of one whitened unit of orientation; 0: none measured
@@ -39,10 +42,5 @@ struct Linearization {
 };
 
 Linearization linearize(Fit& fit);
-
-/// By what Linearization::residual would change if loads acted at commanded angles in place of
-/// where the arm stands, or the other way round (Fit::choose_where_loads_act). Empty where nothing
-/// reads loads.
-Eigen::VectorXd change_by_other_loads(const Fit& fit, const Linearization& linearization);
 
 }  // namespace armtrue

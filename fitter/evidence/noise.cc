@@ -16,8 +16,8 @@ constexpr double kNone = 1e-8;
 constexpr std::size_t kPosesLookedAt = 400;
 constexpr Eigen::Index kFewestEquations = 3600, kEquationsPerColumn = 4;
 constexpr Eigen::Index kTogether = 16;  // columns that one thread whitens at a time
-// Fewer equations beyond the columns for every joint and the reading, and some joint's part
-// explains all that is left: readings then seem to scatter by nothing.
+// Each joint and the reading need so many equations beyond the number of columns. With fewer, one
+// joint's scatter can explain all that is left, and readings seem to have no noise.
 constexpr Eigen::Index kEquationsPerPart = 4;
 // A variance becomes at least and at most this share of itself in one step.
 constexpr int kStepsAfterDrop = 2;
@@ -143,10 +143,9 @@ NoiseParts broad_noise(const Linearization& l, const Eigen::VectorXd& residual) 
 }
 
 double counted_equations(const Linearization& l, const NoiseParts& parts) {
-  const double turns = l.height - kPositions;
-  const double worth =
-      std::min(1.0, std::pow(parts.orientation / std::max(parts.reading, 1e-300), 2));
-  return static_cast<double>(l.rows()) * (kPositions + turns * worth);
+  const double positions = parts.reading * parts.reading;
+  const double turns = l.height > kPositions ? parts.orientation * parts.orientation : 0.0;
+  return equations_that_count(static_cast<double>(l.rows()), positions + turns, positions);
 }
 
 namespace {

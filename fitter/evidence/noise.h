@@ -23,8 +23,8 @@ struct NoiseParts {
 };
 
 /// Turns columns into such as ordinary least squares may take: unit variance, no correlation. The
-/// covariance σ² + Σ ρ_k² m_k m_kᵀ + κ² 1 1ᵀ has one block for each pose. Orientations keep the
-/// small weight that the fit gives them: their σ is no smaller than positions'.
+/// covariance σ² + Σ ρ_k² m_k m_kᵀ + κ² 1 1ᵀ has one block for each pose. Where the fit gives
+/// orientations a small weight they keep it: their σ is taken no smaller than that of positions.
 class PoseWhitening {
  public:
   PoseWhitening(const Linearization& linearization, const NoiseParts& parts);
@@ -41,8 +41,8 @@ class PoseWhitening {
   std::vector<Block> blocks_;
 };
 
-/// Equations of a linearisation, those of orientations only as far as they scatter as much as
-/// positions: what has a small weight says little of the variance of all.
+/// Number of equations of a linearisation, as equations_that_count counts them, from the estimated
+/// variances.
 double counted_equations(const Linearization& linearization, const NoiseParts& parts);
 
 struct NoiseEffort {

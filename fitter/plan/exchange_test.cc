@@ -13,7 +13,7 @@
 namespace armtrue {
 namespace {
 
-constexpr int kHeight = 3;
+constexpr int kEquationsPerRow = 3;
 
 std::vector<bool> all_of(const Criterion& criterion) {
   return std::vector<bool>(criterion.count(), true);
@@ -28,8 +28,8 @@ struct LinearProblem {
   LinearProblem(int measurements, int unknowns, std::uint64_t seed) {
     std::mt19937_64 generator(seed);
     const auto random = [&] { return 2.0 * uniform(generator) - 1.0; };
-    jacobian = Eigen::MatrixXd::NullaryExpr(kHeight * measurements, unknowns, random);
-    difference = Eigen::VectorXd::NullaryExpr(kHeight * measurements, random);
+    jacobian = Eigen::MatrixXd::NullaryExpr(kEquationsPerRow * measurements, unknowns, random);
+    difference = Eigen::VectorXd::NullaryExpr(kEquationsPerRow * measurements, random);
     const Eigen::MatrixXd taken = Eigen::MatrixXd::NullaryExpr(2 * unknowns, unknowns, random);
     const Eigen::VectorXd taken_difference = Eigen::VectorXd::NullaryExpr(2 * unknowns, random);
     start = taken.transpose() * taken;
@@ -40,7 +40,8 @@ struct LinearProblem {
   Eigen::MatrixXd information(const std::vector<std::size_t>& rows) const {
     Eigen::MatrixXd sum = start;
     for (const std::size_t i : rows) {
-      const auto block = jacobian.middleRows(static_cast<Eigen::Index>(i) * kHeight, kHeight);
+      const auto block =
+          jacobian.middleRows(static_cast<Eigen::Index>(i) * kEquationsPerRow, kEquationsPerRow);
       sum += block.transpose() * block;
     }
     return sum;
@@ -55,15 +56,16 @@ struct LinearProblem {
     Eigen::VectorXd right = gradient;
     double sum = squares;
     for (const std::size_t i : rows) {
-      const Eigen::Index at = static_cast<Eigen::Index>(i) * kHeight;
-      right += jacobian.middleRows(at, kHeight).transpose() * difference.segment(at, kHeight);
-      sum += difference.segment(at, kHeight).squaredNorm();
+      const Eigen::Index at = static_cast<Eigen::Index>(i) * kEquationsPerRow;
+      right += jacobian.middleRows(at, kEquationsPerRow).transpose() *
+               difference.segment(at, kEquationsPerRow);
+      sum += difference.segment(at, kEquationsPerRow).squaredNorm();
     }
     return sum - right.dot(information(rows).ldlt().solve(right));
   }
 
   MeasurementChoice choice() const {
-    return MeasurementChoice(jacobian, kHeight, start, difference, gradient, squares);
+    return MeasurementChoice(jacobian, kEquationsPerRow, start, difference, gradient, squares);
   }
 };
 
@@ -133,7 +135,7 @@ void for_all_choices(std::size_t size, std::size_t count, const Visit& visit) {
 
 TEST_P(ChoiceOfMeasurements, ExchangeComesNearTheBestOfAllChoices) {
   const LinearProblem problem(11, 4, static_cast<std::uint64_t>(GetParam()) + 40);
-  DOptimality criterion(MeasurementChoice(problem.jacobian, kHeight, problem.start));
+  DOptimality criterion(MeasurementChoice(problem.jacobian, kEquationsPerRow, problem.start));
   const std::vector<std::size_t> chosen = choose_best(criterion, 4, all_of(criterion));
   EXPECT_EQ(std::set<std::size_t>(chosen.begin(), chosen.end()).size(), 4U);
   double best = -1e300, sum = 0.0;
@@ -169,7 +171,7 @@ TEST_P(ChoiceOfMeasurements, TheLeastEvidenceOfSeveralPairsIsRaised) {
 
 TEST(ChooseBest, TakesEverythingWhereMoreIsAskedForThanThereIs) {
   const LinearProblem problem(3, 2, 1);
-  DOptimality criterion(MeasurementChoice(problem.jacobian, kHeight, problem.start));
+  DOptimality criterion(MeasurementChoice(problem.jacobian, kEquationsPerRow, problem.start));
   std::vector<std::size_t> chosen = choose_best(criterion, 10, all_of(criterion));
   std::sort(chosen.begin(), chosen.end());
   EXPECT_EQ(chosen, (std::vector<std::size_t>{0, 1, 2}));
@@ -177,7 +179,7 @@ TEST(ChooseBest, TakesEverythingWhereMoreIsAskedForThanThereIs) {
 
 TEST_P(ChoiceOfMeasurements, OnlyWhatIsAllowedIsChosen) {
   const LinearProblem problem(30, 4, static_cast<std::uint64_t>(GetParam()) + 90);
-  DOptimality criterion(MeasurementChoice(problem.jacobian, kHeight, problem.start));
+  DOptimality criterion(MeasurementChoice(problem.jacobian, kEquationsPerRow, problem.start));
   std::vector<bool> even(30, false);
   for (std::size_t i = 0; i < 30; i += 2) even[i] = true;
   for (const std::size_t i : choose_best(criterion, 8, even)) EXPECT_TRUE(even[i]) << i;

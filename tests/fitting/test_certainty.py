@@ -26,8 +26,8 @@ def squares(fit: armtrue.Fit, exact: Dataset) -> NDArray[np.float64]:
 
 @pytest.mark.parametrize("joint", [1, 4])
 def test_a_joint_that_never_moved_makes_poses_that_move_it_unsure(joint: int, tmp_path: Path) -> None:
-    # What such poses cannot tell is held at nominal. It had no part in the covariance, and millimetres were called
-    # micrometres.
+    # The fit holds at nominal what these poses cannot show. Such parameters were left out of the covariance, so that
+    # predictions millimetres off were said to be sure to micrometres.
     scenario = {"arm": "kr30", "seed": 5, "poses": 100, "columns": {"add": []}}
     simulate(scenario, tmp_path / "free")
     robot = armtrue.load_robot(tmp_path / "free" / "robot.yaml")

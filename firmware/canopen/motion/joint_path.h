@@ -59,11 +59,11 @@ enum Suspension : std::uint8_t {
 
 // Information of EMCY 0xFF15: why sets do not go out.
 enum WhyWithheld : std::uint32_t {
-  kFramesMissing = 1,    // no set is whole within the set window
+  kFramesMissing = 1,    // no set of targets was complete within the set window
   kContradictions = 2,   // contradicted or short frames
   kPositionUnknown = 3,  // offset mode: the arm has not stood yet where its offset is known
   kSyncMissing = 4,      // targets or offsets that wait for SYNC, which does not come
-  kNoSet = 5,            // targets that no set has: too few joints, or too many frames
+  kNoSet = 5,            // targets make no set: too few joints, or too many frames
   kNotOperational = 6,
   kOutputRefused = 7,  // the bus did not take the set, or its offsets
 };

@@ -83,8 +83,8 @@ class HeartbeatConsumer {
   // begins with the first heartbeat received.
   void configure(std::size_t slot, std::uint32_t value);
 
-  // A frame with an identifier of 0x701..0x77F. Returns the slot whose heartbeat has come back
-  // after a loss.
+  // Takes a heartbeat (identifiers 0x701 to 0x77F). Returns the slot of a node that was lost and is
+  // heard again, else nothing.
   std::optional<std::size_t> handle(const CanFrame& frame, std::uint64_t now_us);
 
   // Nothing could be heard for so long: nobody's time ran meanwhile.

@@ -17,7 +17,7 @@ namespace armtrue {
 // Who this device is and whom it trusts. A table that does not fit is refused.
 struct DeviceIdentity {
   std::array<char, kSerialLength> robot_serial = {};  // zero padded; empty: not bound to a robot
-  std::uint8_t joint_count = 0;                       // 0: any
+  std::uint8_t joint_count = 0;                       // 0: tables of any number
   bool has_key = false;                               // with a key, only signed tables are taken
   std::array<std::uint8_t, 32> public_key = {};       // Ed25519 (RFC 8032)
 };
@@ -67,7 +67,8 @@ struct Validation {
 // verification (tens of milliseconds on a Cortex-M4): never call it from the joint path.
 Validation validate(std::span<const std::uint8_t> image, const DeviceIdentity& device);
 
-// Which export a validated image is; for status objects and replay protection.
+// Identifies the export that an image is: shown in status objects, and compared so that an older
+// table cannot be put back (replay protection).
 struct TableInfo {
   std::uint32_t sequence = 0;  // grows with every export for one robot
   std::uint32_t checksum = 0;  // CRC-32 of the image

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import html
 import re
-import time
 
 import armtrue_sim
 import pytest
 
 from armtrue.verdicts import chance, why_words
+from armtrue.workbench.conftest import do
 from armtrue.workbench.engine import Engine
 from armtrue.workbench.opening.dropped import Drop
 from armtrue.workbench.opening.opened import open_files
@@ -32,16 +32,6 @@ def engine(tmp_path, monkeypatch) -> Engine:
     engine = Engine(Drop(tmp_path / "drop"))
     engine.begin(open_files([tmp_path / "data.csv"]))
     return engine
-
-
-def do(engine: Engine, action: str, **words) -> str:
-    engine.do(action, words)
-    end = time.monotonic() + 60.0
-    while engine.task is not None:
-        assert time.monotonic() < end
-        time.sleep(0.01)
-    assert engine.failure == ""
-    return engine.said
 
 
 def test_refine_goes_on_with_a_model_that_was_made_before(engine):

@@ -1,4 +1,4 @@
-"""New measurements beside the model: read, compared with what it predicts, and joined to those of the fit."""
+"""Measurements dropped after the first fit: reads them, compares them with the model, joins them to the fit's own."""
 
 from __future__ import annotations
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import io
 import math
-import time
 from pathlib import Path
 
 import armtrue_sim
@@ -14,6 +13,7 @@ import pytest
 
 from armtrue.comparing import compare
 from armtrue.io import load_data
+from armtrue.workbench.conftest import do, finish
 from armtrue.workbench.engine import Engine
 from armtrue.workbench.opening.dropped import Drop
 from armtrue.workbench.opening.opened import open_files
@@ -69,16 +69,6 @@ def foreign(
         angles = [math.degrees(float(row[f"q{k}"])) * (-1 if k == 3 else 1) for k in range(1, 7)]
         lines.append(";".join(f"{v:.7f}" for v in (*angles, *(unit * float(row[axis]) for axis in "xyz"))))
     return "\n".join(lines).encode() + b"\n"
-
-
-def do(engine: Engine, action: str, **words) -> str:
-    engine.do(action, words)
-    end = time.monotonic() + 60.0
-    while engine.task is not None:
-        assert time.monotonic() < end
-        time.sleep(0.01)
-    assert engine.failure == ""
-    return engine.said
 
 
 def begun(engine: Engine, rows, place: Path) -> Engine:
@@ -173,7 +163,6 @@ def test_wrong_cell_in_armtrue_s_own_form_is_named_and_nothing_is_guessed(engine
     wrong[2]["q1"] = "abc"
     engine.take("later.csv", text(wrong))
     engine.do("compare", {})
-    while engine.task is not None:
-        time.sleep(0.01)
+    finish(engine)
     assert "later.csv row 4 column q1: found 'abc'" in engine.failure
     assert engine.drop.guess is None

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-import time
 from pathlib import Path
 
 import armtrue_sim
 import pytest
 
+from armtrue.workbench.conftest import do
 from armtrue.workbench.engine import Engine
 from armtrue.workbench.opening.dropped import Drop
 from armtrue.workbench.showing.view import pieces
@@ -36,16 +36,7 @@ def waiting(tmp_path, monkeypatch):
     return engine
 
 
-def do(engine: Engine, action: str) -> None:
-    engine.do(action, {})
-    end = time.monotonic() + 30.0
-    while engine.task is not None:
-        assert time.monotonic() < end
-        time.sleep(0.01)
-
-
 def test_file_that_is_not_utf_8_is_shown_as_init_reads_it(waiting):
-    assert waiting.failure == ""
     opening = pieces(waiting)["opening"]
     assert "unit of Achse 1 [°]" in opening
     assert "cannot be shown" not in opening
@@ -59,5 +50,4 @@ def test_page_is_drawn_and_files_are_put_aside_whatever_the_form_stands_on(waiti
     assert "The first rows cannot be shown" in opening
     assert str(Path(waiting.drop.folder)) not in opening
     do(waiting, "forget")
-    assert waiting.failure == ""
     assert "Put aside" not in pieces(waiting)["opening"]
