@@ -1,6 +1,7 @@
 // One block of a search given all others: how probable each of its sizes is, and its absence.
 #pragma once
 
+#include <compare>
 #include <vector>
 
 #include "fitter/evidence/search/elimination.h"
@@ -12,7 +13,7 @@ namespace armtrue {
 struct Choice {
   int shape = -1, scale = -1;  // −1: absent
   bool is_present() const { return shape >= 0; }
-  bool operator==(const Choice&) const = default;
+  auto operator<=>(const Choice&) const = default;
 };
 
 /// log Σ exp.

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 #include <random>
+#include <set>
 #include <utility>
 
 #include "fitter/common/observer.h"
@@ -120,11 +121,14 @@ double Sampler::best_change(std::vector<std::size_t>& looked_at, std::size_t& at
   return most;
 }
 
-// Takes the single change of an allowed block that raises the posterior most, until none does.
+// Takes the single change of an allowed block that raises the posterior most, until none does. What
+// physics demands of signs depends on who else is present, so that changes can lead in a circle:
+// once around is enough.
 void Sampler::climb(const std::vector<std::size_t>& allowed) {
   std::vector<std::size_t> looked_at = allowed;
+  std::set<std::vector<Choice>> been{state_};
   bool whole = true;
-  for (std::size_t step = 0; step < 6 * state_.size(); ++step) {
+  for (;;) {
     throw_if_cancelled();
     std::size_t at = 0;
     Choice to;
@@ -136,6 +140,7 @@ void Sampler::climb(const std::vector<std::size_t>& allowed) {
       continue;
     }
     set(at, to);
+    if (!been.insert(state_).second) break;
     whole = false;
   }
   remember();
