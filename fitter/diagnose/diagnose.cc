@@ -23,7 +23,7 @@ constexpr double kStructureSignificant = -5.0;
 constexpr double kSameExplanation = 0.9;
 // A rival that explains this much of its own beside a candidate is another effect, no alternative.
 constexpr double kIndependentShare = 0.5;
-// More lines of a joint than these together imitate a table.
+// More lines of a joint than these together imitate a table, those that the model has included.
 constexpr std::size_t kSpectralPeaks = 3;
 constexpr std::size_t kFineNodes = 30, kPairNodes = 7;
 constexpr double kLowestLine = 2.5;  // below this, harmonics and geometry tell the tale
@@ -42,17 +42,27 @@ std::optional<EffectRequest> cause_of_line(int joint, double cycles) {
   return std::nullopt;
 }
 
+// Lines that a fit has on a joint.
+std::size_t lines_on(const Fit& fit, int joint) {
+  return static_cast<std::size_t>(
+      std::ranges::count_if(removable_effects(fit), [&](const EffectRequest& request) {
+        return request.options.contains("cycles") && request.joints == std::vector{joint};
+      }));
+}
+
 // Lines of the spectra as candidates, where the catalogue's own orders do not cover them already.
 std::vector<EvidenceBlock> spectral_blocks(const Fit& fit, const Linearization& linearization,
                                            const std::vector<JointSpectrum>& spectra) {
   std::vector<EvidenceBlock> result;
   double lines = 0.0;
   for (const JointSpectrum& spectrum : spectra) {
+    const std::size_t standing = lines_on(fit, spectrum.joint);
+    if (standing >= kSpectralPeaks) continue;
     lines += static_cast<double>(spectrum.cycles.size()) / 4.0;
     const double ratio =
         fit.robot().joints[static_cast<std::size_t>(spectrum.joint - 1)].gear_ratio;
     for (const SpectralPeak& peak :
-         highest_peaks(spectrum, linearization, fit.state(), kSpectralPeaks)) {
+         highest_peaks(spectrum, linearization, fit.state(), kSpectralPeaks - standing)) {
       // What makes less than one wave over the joint's range is a bend that harmonics have, too.
       if (peak.cycles < std::max(kLowestLine, spectrum.resolution)) continue;
       const double width = 0.5 * spectrum.resolution;

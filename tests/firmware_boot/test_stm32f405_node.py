@@ -90,5 +90,5 @@ def test_protection_in_force_can_be_read(lines: Lines) -> None:
 
 
 def test_every_request_is_answered(lines: Lines) -> None:
-    for _ in range(300):
+    for _ in range(100):
         assert read_object(lines.upstream, 0x1018, 0) == b"\x04"

@@ -55,6 +55,7 @@ def test_each_shortcoming_is_a_sentence(change: dict[str, object], words: str) -
     assert words in sentence
 
 
+@pytest.mark.full
 def test_picture_and_section_say_the_figures(tmp_path: Path) -> None:
     svg, png = draw(figures(), tmp_path)
     section = section_of(figures())
