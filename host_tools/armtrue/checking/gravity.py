@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
-from armtrue.checking.alignment import Alignment
 from armtrue.checking.report import Finding
 from armtrue.io.robot import STANDARD_GRAVITY, Robot
 from armtrue.io.rotation import matrix_from_rpy
@@ -15,11 +15,14 @@ from armtrue.io.rotation import matrix_from_rpy
 _UPRIGHT_DEGREES = 20.0
 
 
-def find(alignment: Alignment, robot: Robot) -> list[Finding]:
-    """A warning where the base lies far from upright, the arm has masses, and nobody said where down is."""
+def find(base: dict[str, Any], robot: Robot) -> list[Finding]:
+    """A warning where the base lies far from upright, the arm has masses, and nobody said where down is.
+
+    `base`: the frame measuring_from_base as alignments and fit.json have it, `rpy` in radians.
+    """
     if robot.gravity_stated or not any(link["mass"] > 0.0 for link in robot.spec.get("links", [])):
         return []
-    measuring_from_base = matrix_from_rpy(alignment.measuring_from_base["rpy"])
+    measuring_from_base = matrix_from_rpy(base["rpy"])
     tilt = math.degrees(math.acos(float(np.clip(measuring_from_base[2, 2], -1.0, 1.0))))
     if tilt < _UPRIGHT_DEGREES:
         return []

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from armtrue.checking import (
     conventions,
     drift,
@@ -39,7 +41,7 @@ def check(data: Dataset, robot: Robot) -> CheckReport:
         alignment = align(units.in_si_units(alignment_columns(riding), robot), robot)
         findings += residuals.find_gross(riding, alignment)
         findings += residuals.find_stated_poses(riding, alignment, robot)
-        findings += gravity.find(alignment, robot)
+        findings += gravity.find(alignment.measuring_from_base, robot)
         findings += tell.find(riding, robot)
     return CheckReport.of(findings)
 
@@ -63,6 +65,11 @@ def refuse_what_cannot_be_an_arm(data: Dataset, robot: Robot) -> None:
                 f"{data.path}: {finding.message}; to mend it: {finding.remedy.rstrip('.')} "
                 "('armtrue check' says more, --force fits all the same)"
             )
+
+
+def warnings_of_fit(base: dict[str, Any], robot: Robot) -> list[str]:
+    """What only a fit shows, in sentences with their remedies. `base`: measuring_from_base as the fit found it."""
+    return [f"{finding.message}. {finding.remedy}" for finding in gravity.find(base, robot)]
 
 
 def _riding(data: Dataset) -> Dataset:

@@ -79,7 +79,7 @@ def fit(
     Example: armtrue fit data.csv --robot robot.yaml --model model.yaml --out fit.json
     """
     from armtrue import fitting
-    from armtrue.checking import refuse_what_cannot_be_an_arm
+    from armtrue.checking import refuse_what_cannot_be_an_arm, warnings_of_fit
 
     output = Output(json_to)
     arm = load_robot(robot)
@@ -93,6 +93,7 @@ def fit(
         refuse_what_cannot_be_an_arm(measurements, arm)
     with waiting(output) as progress:
         result = fitting.fit(measurements, arm, effects, folds=folds, seed=seed, progress=progress)
+    result.document["warnings"] += warnings_of_fit(result.document["measuring_from_base"], arm)
     result.save(out)
     output.items(measurements.notes)
     present_fit(result, output, all_parameters=parameters)

@@ -55,6 +55,20 @@ def test_fit_centre_of_mass_far_from_the_arm_is_refused_by_its_link(changed):
     assert json.loads(checked.stdout)["findings"][0]["code"] == "masses"
 
 
+def test_fit_of_an_arm_that_hangs_asks_for_gravity(changed):
+    # Turned about x by 180° in the measuring frame.
+    where = changed(y=-1.0, z=-1.0)
+    arm = yaml.safe_load((where / "robot.yaml").read_text())
+    for key in ("base", "gravity"):
+        arm.pop(key, None)
+    (where / "robot.yaml").write_text(yaml.safe_dump(arm))
+    run = armtrue(*FIT, "--out", "fit.json", cwd=where)
+    assert run.returncode == 0, run.stderr
+    (warning,) = json.loads((where / "fit.json").read_text())["warnings"]
+    assert "gravity is taken along the base's −z" in warning
+    assert "robot.yaml has no 'gravity'" in " ".join(run.stdout.split())
+
+
 def test_fit_negative_spring_is_marked_beside_its_value(changed):
     """Positions mirrored upside down about the arm let springs come out negative; the fit must say so."""
     where = changed()
