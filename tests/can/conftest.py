@@ -51,7 +51,11 @@ def pytest_itemcollected(item: pytest.Item) -> None:
     if not isinstance(item, pytest.Function) or target == "posix.toml":
         return
     from_a_suite = item.function.__module__ != item.module.__name__
-    if from_a_suite and item.originalname not in ON_EVERY_CHIP and (target, item.originalname) != KEEPS_A_TABLE:
+    if (
+        from_a_suite
+        and item.originalname not in ON_EVERY_CHIP
+        and (target, item.originalname) != KEEPS_A_TABLE
+    ):
         item.add_marker("full")
 
 

@@ -228,7 +228,9 @@ def test_a_bus_that_goes_away_is_no_answer_and_the_upload_can_be_repeated(tmp_pa
 
 
 @pytest.mark.full
-@pytest.mark.parametrize("silent", [False, True], ids=["back at once", "away for longer than an answer may take"])
+@pytest.mark.parametrize(
+    "silent", [False, True], ids=["back at once", "away for longer than an answer may take"]
+)
 def test_a_node_that_restarts_in_the_middle_does_not_matter(tmp_path: Path, silent: bool) -> None:
     file = tmp_path / "tables.bin"
     file.write_bytes(small_table(sequence=9, padding=12000))
