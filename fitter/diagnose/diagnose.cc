@@ -310,17 +310,31 @@ std::string evidence_words(const Candidate& c, const Fit& fit) {
   return text;
 }
 
+// What the fitted effects do already, with whatever coefficients, is not missing beside them,
+// however its prior divides the coefficients among it and them.
+void find_spanned(const Scorer& scorer, Diagnosis& d) {
+  for (Candidate& c : d.candidates) {
+    if (c.probability < kWorthNaming || find_effect(c.request.effect).generic()) continue;
+    c.spanned = scorer.score({c.block}, false).front().degrees <= c.block.searched;
+    if (!c.spanned) continue;
+    d.probability_nothing =
+        std::min(1.0, d.probability_nothing / std::max(d.probability_nothing, 1.0 - c.probability));
+  }
+}
+
 // What is missing, or what surely stands in the place of something that a search put in: where two
 // may stand for one another, the one that came first stays.
 void recommend(Diagnosis& d) {
-  if (d.candidates.empty()) return;
-  Candidate& first = d.candidates.front();
-  first.recommend = d.probability_nothing < kMoreLikelyThanNot || first.in_any_form >= kSurely;
+  const auto first =
+      std::ranges::find_if(d.candidates, [](const Candidate& c) { return !c.spanned; });
+  if (first == d.candidates.end()) return;
+  first->recommend = d.probability_nothing < kMoreLikelyThanNot || first->in_any_form >= kSurely;
 }
 
 void explain(Diagnosis& d, const Fit& fit) {
   for (Candidate& c : d.candidates) {
-    c.why = c.recommend || c.probability > kMoreLikelyThanNot ? evidence_words(c, fit)
+    c.why = c.spanned ? "the data cannot tell it from what is fitted already"
+            : c.recommend || c.probability > kMoreLikelyThanNot ? evidence_words(c, fit)
             : c.probability > kWorthNaming ? "an alternative, or not surely seen in these data"
             : c.delta_bic < 0.0            ? "another candidate explains the residual better"
                                            : "these data show nothing of it";
@@ -352,7 +366,7 @@ std::set<std::size_t> improbable_findings(const EvidenceSummary& evidence) {
 }
 
 // Returns the improbable ones of the structures that stand in `extra`.
-std::set<std::size_t> weigh(Fit& fit, const Linearization& linearization,
+std::set<std::size_t> weigh(Fit& fit, const Linearization& linearization, const Scorer& scorer,
                             std::vector<EvidenceBlock> extra, const DiagnoseOptions& options,
                             Diagnosis& d) {
   EvidenceOptions weighing;
@@ -369,6 +383,7 @@ std::set<std::size_t> weigh(Fit& fit, const Linearization& linearization,
   doubt_beside_structure(fit, evidence, d.candidates, d.probability_nothing);
   add_forms(d.candidates);
   rank(d.candidates);
+  find_spanned(scorer, d);
   describe_present(evidence, d);
   recommend(d);
   name_confounded(evidence.search, d.candidates);
@@ -416,7 +431,8 @@ Diagnosis diagnose(Fit& fit, const DiagnoseOptions& options, Observer& observer)
   std::vector<EvidenceBlock> extra = spectral_blocks(fit, linearization, d.spectra);
   for (EvidenceBlock& block : structure_blocks(fit, structure)) extra.push_back(std::move(block));
   report(0.4, "weighing the catalogue");
-  const std::set<std::size_t> improbable = weigh(fit, linearization, std::move(extra), options, d);
+  const std::set<std::size_t> improbable =
+      weigh(fit, linearization, scorer, std::move(extra), options, d);
   d.lack_of_fit = lack_of_fit(linearization, fit, d.noise);
   if (!d.recommended() && d.lack_of_fit.testable && d.lack_of_fit.log10_p < kStructureSignificant) {
     // More is left than noise and nothing known explains it: a gear ratio may not be what it is
@@ -425,7 +441,7 @@ Diagnosis diagnose(Fit& fit, const DiagnoseOptions& options, Observer& observer)
     Diagnosis other;
     std::vector<EvidenceBlock> lines = spectral_blocks(fit, linearization, wide);
     for (EvidenceBlock& block : structure_blocks(fit, structure)) lines.push_back(std::move(block));
-    weigh(fit, linearization, std::move(lines), options, other);
+    weigh(fit, linearization, scorer, std::move(lines), options, other);
     if (other.recommended()) {
       other.lack_of_fit = d.lack_of_fit;
       d = std::move(other);

@@ -40,7 +40,7 @@ struct Move {
   bool sure = false;  // can follow another move of its search without a new search
 };
 
-bool is_sure(const Candidate& c) { return c.likeliest && c.in_any_form >= kSurely; }
+bool is_sure(const Candidate& c) { return c.likeliest && !c.spanned && c.in_any_form >= kSurely; }
 
 bool is_table(const Candidate& c) { return find_effect(c.request.effect).generic(); }
 
@@ -83,7 +83,7 @@ std::vector<Move> moves_of(const Diagnosis& d) {
   for (const Candidate* c : sure) moves.push_back({with_its_like(d, *c), {}, true});
   if (best) moves.push_back({with_its_like(d, *best), {}});
   for (const Candidate& c : d.candidates) {
-    if (best && c.probability > kMoreLikelyThanNot) moves.push_back({c, {}});
+    if (best && !c.spanned && c.probability > kMoreLikelyThanNot) moves.push_back({c, {}});
   }
   for (const Superfluous& s : d.superfluous) moves.push_back({std::nullopt, {s.request}});
   if (best) return moves;
@@ -185,6 +185,15 @@ Diagnosis with_added(const Diagnosis& searched, const Candidate& added,
   const auto next = std::ranges::find_if(d.candidates, is_sure);
   if (next != d.candidates.end()) next->recommend = true;
   return d;
+}
+
+// True if none of an addition's parameters can be told from what was there before.
+bool adds_nothing(const Fit& fit, const Candidate& added) {
+  const auto& held = fit.identifiability().held;
+  return std::ranges::all_of(added.parameters, [&](const Parameter& p) {
+    return std::ranges::find(held, fit.model().index(p.name), &Unidentifiable::parameter) !=
+           held.end();
+  });
 }
 
 class Refinement {
@@ -294,14 +303,14 @@ bool Refinement::stands(const Trial& trial) const {
   return !diagnose_now(*full).recommended();
 }
 
-// Whether a trial becomes the next step: not where it cannot be fitted, nor where it predicts
-// held-out poses worse. Where an effect is added of which the search is sure, or one is taken out
-// or exchanged, their error may grow by as much as chance explains.
+// Whether a trial becomes the next step: not where it cannot be fitted or would add nothing, nor
+// where it predicts held-out poses worse. Where an effect is added of which the search is sure, or
+// one is taken out or exchanged, their error may grow by as much as chance explains.
 bool Refinement::accept(const Move& move, const Trial& trial) {
   const std::string model = trial.specification.to_json().dump();
   refused_.insert(model);
   const Fit& fit = *steps_.back().fit;
-  if (!trial.fit) return false;
+  if (!trial.fit || (move.added && adds_nothing(*trial.fit, *move.added))) return false;
   const Growth growth = held_out_growth(fit, *trial.fit, !runs_with_time(fit.context(), move));
   const double worse = move.removed.empty()
                            ? kSameError + (move.sure ? growth.sigma : 0.0)

@@ -58,3 +58,29 @@ def test_a_height_that_is_stated_is_the_tools(tmp_path: Path) -> None:
     fitted = scara(tmp_path, 1, stated=True)
     stated = load_robot(tmp_path / "robot.yaml").spec["tool"]["xyz"][2]
     assert tool_height(fitted) == pytest.approx(stated, abs=1e-5)
+
+
+def test_what_the_model_does_already_is_not_missing(tmp_path: Path) -> None:
+    # A base that grows, and a vertical slide whose zero drifts, move the tool alike: once the base's growth was in the
+    # model, the slide's was asked for all the same, and came in with nothing left for it to do.
+    simulate(
+        {
+            "arm": "scara",
+            "seed": 2,
+            "poses": 200,
+            "test_poses": 0,
+            "payloads": [0.0, 2.0, 5.0],
+            "believed": ["base_frame", "tool_offset", "joint_offset", "link_geometry"],
+            "hidden": [{"effect": "thermal_base"}],
+        },
+        tmp_path,
+    )
+    robot = load_robot(tmp_path / "robot.yaml")
+    data = load_data(tmp_path / "data.csv", robot)
+    _, story = refine(fit(data, robot, load_model(tmp_path / "model.yaml", robot)))
+    last = story["steps"][-1]
+    assert [step["added"]["effect"] for step in story["steps"][1:]] == ["thermal_base"]
+    assert last["probability_nothing"] > 0.85
+    (slide,) = [c for c in last["candidates"] if c["effect"] == "thermal_joint_drift" and c["joints"] == [3]]
+    assert slide["why"] == "the data cannot tell it from what is fitted already"
+    assert not slide["recommend"]
