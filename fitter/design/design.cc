@@ -253,7 +253,7 @@ void Design::evaluate(std::size_t i, bool with_jacobian, Row& row, Workspace& w)
   const int target = measurements_->target[i];
   row.predicted = with_jacobian ? w.kinematics.forward(q, w.coordinates.data(), target, w.geometric)
                                 : w.kinematics.forward(q, w.coordinates.data(), target);
-  const bool follows = with_jacobian && feedback_.stands();
+  const bool follows = with_jacobian && jacobian_has_loads();
   if (follows) {
     w.direct = w.geometric;
     feedback_.follow(i, values_, w.geometric);

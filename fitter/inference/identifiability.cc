@@ -101,6 +101,11 @@ class RankRevealing {
     }
   }
 
+  // Accepts what another factorisation of the same unknowns has accepted, in its order.
+  void accept_as(const RankRevealing& other) {
+    for (const Eigen::Index v : other.accepted_) accept(v);
+  }
+
   // The accepted column that stands in for most of column v; −1 where none does.
   Eigen::Index largest_stand_in(Eigen::Index v) const {
     const auto count = static_cast<Eigen::Index>(accepted_.size());
@@ -132,23 +137,26 @@ class RankRevealing {
   std::vector<int> accepted_at_;
 };
 
-}  // namespace
-
-std::string describe(const Parameter& p) { return find_effect(p.effect).describe(p); }
-
-Identifiability identify(Design& design) {
-  const Model& model = design.model();
+// Gauges and smoothness of tables are part of what is known; priors are not, they are what is
+// judged against.
+Eigen::MatrixXd information_of(Design& design) {
   const NormalEquations equations = accumulate(design);
   Eigen::MatrixXd information = equations.information.selfadjointView<Eigen::Lower>();
-  // Gauges and smoothness of tables are part of what is known; priors are not, they are what is
-  // judged against.
   for (const PenaltyRow& row : penalty_rows(design, 1e-4)) {
     if (row.entries.size() < 2) continue;
     for (const auto& [ua, fa] : row.entries) {
       for (const auto& [ub, fb] : row.entries) information(ua, ub) += fa * fb;
     }
   }
+  return information;
+}
 
+}  // namespace
+
+std::string describe(const Parameter& p) { return find_effect(p.effect).describe(p); }
+
+Identifiability identify(Design& design) {
+  const Model& model = design.model();
   std::vector<int> order;   // unknowns that may be held
   std::vector<int> always;  // tables and nonlinear parameters
   for (int u = 0; u < design.unknowns(); ++u) {
@@ -169,8 +177,7 @@ Identifiability identify(Design& design) {
     return preference(p) < kFirstEffect || p.prior_sigma <= 0.0 ? 0.0 : std::pow(p.prior_sigma, -2);
   });
   Identifiability result;
-  RankRevealing factor(information, order, std::move(priors));
-  const auto gain = [&](Eigen::Index v) {
+  const auto gain_in = [&](const RankRevealing& factor, Eigen::Index v) {
     const double sigma = worthwhile_sigma(parameter_of(order[static_cast<std::size_t>(v)]));
     return factor.share(v) > kRounding ? factor.share(v) * factor.own(v) * sigma * sigma : 0.0;
   };
@@ -178,9 +185,20 @@ Identifiability identify(Design& design) {
     return preference(parameter_of(u)) >= kFirstEffect;
   });
   const auto effects = static_cast<Eigen::Index>(geometry_end - order.begin());
-  factor.accept_between(0, effects, kFaintShare, gain);
+  // What geometry shows by the loads of a moved arm alone, a mass shows better.
+  const bool has_loads = design.jacobian_has_loads();
+  design.put_loads_in_jacobian(false);
+  RankRevealing unloaded(information_of(design), order, priors);
+  design.put_loads_in_jacobian(true);
+  const auto unloaded_gain = [&](Eigen::Index v) { return gain_in(unloaded, v); };
+  unloaded.accept_between(0, effects, kFaintShare, unloaded_gain);
+  RankRevealing factor =
+      has_loads ? RankRevealing(information_of(design), order, std::move(priors)) : unloaded;
+  if (has_loads) factor.accept_as(unloaded);
+  const auto gain = [&](Eigen::Index v) { return gain_in(factor, v); };
   factor.accept_between(effects, static_cast<Eigen::Index>(order.size()), 0.0, gain);
-  factor.accept_between(0, effects, 0.0, gain);
+  factor.accept_between(0, effects, 0.0,
+                        [&](Eigen::Index v) { return unloaded_gain(v) > 1.0 ? gain(v) : 0.0; });
 
   for (Eigen::Index v = 0; v < static_cast<Eigen::Index>(order.size()); ++v) {
     const int parameter =
