@@ -315,7 +315,7 @@ std::string evidence_words(const Candidate& c, const Fit& fit) {
 void find_spanned(const Scorer& scorer, Diagnosis& d) {
   for (Candidate& c : d.candidates) {
     if (c.probability < kWorthNaming || find_effect(c.request.effect).generic()) continue;
-    c.spanned = scorer.score({c.block}, false).front().degrees <= c.block.searched;
+    c.spanned = scorer.score({c.block}, false).front().spanned;
     if (!c.spanned) continue;
     d.probability_nothing =
         std::min(1.0, d.probability_nothing / std::max(d.probability_nothing, 1.0 - c.probability));

@@ -123,6 +123,7 @@ BlockScore Scorer::judge(const Block& block, const Eigen::MatrixXd& columns,
   const double n = static_cast<double>(white_.size());
   const double variance = white_.squaredNorm() / l_.freedom;
   const SymmetricEigen eigen = symmetric_eigen(information);
+  score.spanned = block.searched == 0 && eigen.values.maxCoeff() < kSmallestShare;
   Eigen::VectorXd solution = Eigen::VectorXd::Zero(width);
   Eigen::MatrixXd inverse = Eigen::MatrixXd::Zero(width, width);
   std::vector<Eigen::Index> used;

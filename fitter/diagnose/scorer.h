@@ -21,7 +21,8 @@ struct BlockScore {
   double log10_p = 0.0;    ///< F test, before any correction for the number of candidates
   double delta_bic = 0.0;  ///< BIC with the block minus without
   double separability =
-      0.0;  ///< least share of a column's information that survives the projection
+      0.0;               ///< least share of a column's information that survives the projection
+  bool spanned = false;  ///< no direction of it survives: what is fitted does all that it would
   std::vector<double> coefficient, sigma;
   std::string objection;  ///< why it is not physical or cannot be known; empty: none
 };

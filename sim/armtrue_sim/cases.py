@@ -153,7 +153,7 @@ def _plan(kind: str, given: Kind, arm: str, seed: int, rng: np.random.Generator)
         plan["gross_errors"] = {"count": int(rng.integers(3, 9)), "size": [4e-4, 5e-3]}
     if given.real:
         plan["unlike"] = list(UNLIKE_ITS_FILE)
-        bad = int(rng.integers(1, 6))
+        bad = int(rng.integers(1, 1 + min(5, len(PRESETS[arm].torsion))))
         plan["repeatability"] = {"drive": DRIVE_SIGMA, "joints": {bad: BAD_REPEATABILITY}}
     later = LATER.get(given.source[0]) if isinstance(given.source, tuple) else None
     if later is not None:
