@@ -19,7 +19,7 @@ from .scenario import Scenario
 
 def context_of(scenario: Scenario) -> EffectContext:
     """What the effects may know of the scenario's arm."""
-    robot = nominal_robot(scenario.arm, scenario.convention)
+    robot = nominal_robot(scenario.arm, scenario.convention, scenario.variant)
     if scenario.sensors:
         robot.setdefault("temperature", {"reference": 20.0})["sensors"] = list(scenario.sensors)
     return EffectContext(robot, Chain.from_robot(robot), PRESETS[scenario.arm])

@@ -94,8 +94,10 @@ class HiddenCase:
         return self.campaign.true_model
 
 
-def hidden_cases(kind: str, arm: str, seed: int, statics: str = "deflected") -> HiddenCase:
-    """One seeded case. kind: one of KINDS; arm: one of ARMS (any preset works); statics as a scenario's.
+def hidden_cases(
+    kind: str, arm: str, seed: int, statics: str = "deflected", variant: int | None = None
+) -> HiddenCase:
+    """One seeded case. kind: one of KINDS; arm: one of ARMS (any preset works); statics, variant as a scenario's.
 
     Raises ScenarioError on another.
     """
@@ -105,7 +107,7 @@ def hidden_cases(kind: str, arm: str, seed: int, statics: str = "deflected") -> 
         raise ScenarioError(f"arm is '{arm}', expected one of {', '.join(PRESETS)}")
     given = KINDS[kind]
     rng = np.random.default_rng([seed, zlib.crc32(f"{kind} {arm}".encode())])
-    plan = _plan(kind, given, arm, seed, rng) | {"statics": statics}
+    plan = _plan(kind, given, arm, seed, rng) | {"statics": statics, "variant": variant}
     accepted = UNLIKE_ITS_FILE if given.real else ()
     if not given.hidden:
         return HiddenCase(kind, arm, seed, simulate(plan), (), accepted=accepted)

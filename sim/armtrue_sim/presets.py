@@ -122,14 +122,38 @@ def _load(name: str) -> dict[str, Any]:
     return loaded
 
 
-def nominal_robot(name: str, convention: str = "mdh") -> dict[str, Any]:
-    """robot.yaml dictionary of an arm of PRESETS, without base and tool, in the convention mdh or dh."""
+def nominal_robot(name: str, convention: str = "mdh", variant: int | None = None) -> dict[str, Any]:
+    """robot.yaml dictionary of an arm of PRESETS, or of `variant_of` it, without base and tool. convention: mdh or dh."""
     if name not in PRESETS:
         raise ScenarioError(f"arm is '{name}', expected one of {', '.join(PRESETS)}")
     if convention not in ("mdh", "dh"):
         raise ScenarioError(f"convention is '{convention}', expected mdh or dh")
-    robot = copy.deepcopy(_load(name))
+    robot = copy.deepcopy(_load(name)) if variant is None else variant_of(_load(name), variant)
     return robot if convention == "mdh" else as_standard_dh(robot)
+
+
+def variant_of(robot: dict[str, Any], seed: int) -> dict[str, Any]:
+    """An arm like a preset that nobody has: lengths, masses, centres of mass, gear ratios and ranges of its own.
+
+    All lengths 0.6 to 1.6 times the preset's, each up to a third off that; masses and gears up to 1.6 times, or 0.6.
+    """
+    robot = copy.deepcopy(robot)
+    rng = np.random.default_rng([seed, 77, len(robot["name"])])
+    size = rng.uniform(0.6, 1.6)
+    for joint in robot["kinematics"]["joints"]:
+        for key in ("a", "d"):
+            if joint[key]:
+                joint[key] = float(joint[key] * size * rng.uniform(0.75, 1.3))
+        if joint.get("gear_ratio"):
+            joint["gear_ratio"] = round(float(joint["gear_ratio"] * rng.uniform(0.6, 1.7)), 2)
+        if joint.get("type", "revolute") == "revolute":
+            low, high = joint["limits"]
+            narrower = (high - low) * rng.uniform(0.0, 0.12, 2)
+            joint["limits"] = [float(low + narrower[0]), float(high - narrower[1])]
+    for link in robot["links"]:
+        link["mass"] = float(link["mass"] * size * rng.uniform(0.6, 1.6))
+        link["com"] = [float(value * size * rng.uniform(0.7, 1.3)) for value in link["com"]]
+    return robot
 
 
 def as_standard_dh(robot: dict[str, Any]) -> dict[str, Any]:

@@ -29,7 +29,8 @@ def _shipped(path: Path) -> Path:
 class Scenario:
     """Everything that decides a data set; each field is a key of the YAML file, in SI units.
 
-    arm: a preset's name (kr30, irb2400, cobot, lbr, scara, stanford); convention: mdh or dh.
+    arm: a preset's name (kr30, irb2400, cobot, lbr, scara, stanford); convention: mdh or dh; variant: a number, for an
+      arm of that kind with lengths, masses and gears of its own.
     believed: effects that model.yaml lists; hidden: effects that it lacks; unlike: what robot.yaml has wrong beside
       them (mass_parameters, gravity_direction), in no list. Each an effect id or a mapping
       {effect, joints, sizes that are not to be drawn, scale: factor on all of them}. The real arm has all.
@@ -51,6 +52,7 @@ class Scenario:
     name: str = ""
     seed: int = 0
     convention: str = "mdh"
+    variant: int | None = None
     believed: list[Any] = field(default_factory=lambda: list(BELIEVED))
     hidden: list[Any] = field(default_factory=list)
     unlike: list[Any] = field(default_factory=list)
@@ -86,8 +88,10 @@ class Scenario:
         self._choice("payload_order", ("random", "blocks"))
         self._choice("directions", ("random", "order"))
         self._choice("statics", ("nominal", "deflected"))
-        for key, least in (("poses", 1), ("test_poses", 0), ("seed", 0)):
+        for key, least in (("poses", 1), ("test_poses", 0), ("seed", 0), ("variant", 0)):
             value = getattr(self, key)
+            if key == "variant" and value is None:
+                continue
             if not isinstance(value, int) or isinstance(value, bool) or value < least:
                 raise ScenarioError(
                     f"{self.where}: '{key}' is {value!r}, expected a whole number of at least {least}"

@@ -15,7 +15,8 @@ from typing import Any
 
 import noise_parts
 import reliability
-from armtrue_sim.kinds import KINDS
+from armtrue_sim.kinds import ARMS, KINDS
+from armtrue_sim.presets import PRESETS
 from harness import Outcome, Settings, run_case, verdict_of
 
 HEAD = (
@@ -78,12 +79,12 @@ def seeds_of(kind: str, given: argparse.Namespace) -> range:
 
 def run_kinds(kinds: Iterable[str], given: argparse.Namespace, pool: ProcessPoolExecutor) -> list[Outcome]:
     """All cases; wrong ones go to stderr as they come."""
-    settings = Settings(limit=given.limit, reference=not given.no_reference, statics=given.statics)
+    settings = Settings(given.limit, None, not given.no_reference, given.statics, given.variants)
     print(HEAD, end="", flush=True)
     everything = []
     for kind in kinds:
         seeds = seeds_of(kind, given)
-        arms = KINDS[kind].arms
+        arms = tuple(PRESETS) if given.variants and KINDS[kind].arms == ARMS else KINDS[kind].arms
         outcomes = in_parallel(
             pool, run_case, [(kind, arm, seed, settings) for arm in arms for seed in seeds]
         )
@@ -122,6 +123,9 @@ def main() -> None:
         "--no-reference", action="store_true", help="without the fit that is handed the truth"
     )
     parser.add_argument("--statics", choices=["deflected", "nominal"], default="deflected")
+    parser.add_argument(
+        "--variants", action="store_true", help="each seed on an arm of its own; scara and stanford too"
+    )
     parser.add_argument("--jobs", type=int, default=2)
     given = parser.parse_args()
     given.nothing_seeds = given.nothing_seeds or 2 * given.seeds

@@ -66,13 +66,15 @@ def words_of_label(label: str) -> set[str]:
 class Settings:
     """How cases are run. limit: seconds a command may take before it counts as hung; terminal: None, every other seed.
 
-    reference: also the fit that is handed the truth, for the error's ratio. statics: as a scenario's.
+    reference: also the fit that is handed the truth, for the error's ratio. statics: as a scenario's. variants: every
+    seed has an arm of its own.
     """
 
     limit: float = 300.0
     terminal: bool | None = None
     reference: bool = True
     statics: str = "deflected"
+    variants: bool = False
 
 
 @dataclass
@@ -211,7 +213,7 @@ def accounted_for(steps: list[dict[str, Any]]) -> bool:
 def run_case(kind: str, arm: str, seed: int, settings: Settings | None = None) -> Outcome:
     """Simulate, fit what is believed, refine, and compare with the fit that was handed the truth."""
     settings = settings or Settings()
-    case = hidden_cases(kind, arm, seed, settings.statics)
+    case = hidden_cases(kind, arm, seed, settings.statics, seed if settings.variants else None)
     with tempfile.TemporaryDirectory(prefix="armtrue-hidden-") as folder:
         return _judged(case, Path(folder), settings)
 
