@@ -123,7 +123,7 @@ def _load(name: str) -> dict[str, Any]:
 
 
 def nominal_robot(name: str, convention: str = "mdh", variant: int | None = None) -> dict[str, Any]:
-    """robot.yaml dictionary of an arm of PRESETS, or of `variant_of` it, without base and tool. convention: mdh or dh."""
+    """robot.yaml dictionary of an arm of PRESETS, or of `variant_of` it, without base and tool, as mdh or dh."""
     if name not in PRESETS:
         raise ScenarioError(f"arm is '{name}', expected one of {', '.join(PRESETS)}")
     if convention not in ("mdh", "dh"):
