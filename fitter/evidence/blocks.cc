@@ -259,10 +259,14 @@ bool Builder::work_out(EvidenceBlock& block) const {
     for (const EvidenceForm& form : block.forms) {
       const auto own = static_cast<Eigen::Index>(form.block.terms.parameters.size());
       Eigen::VectorXd displacement(own);
-      for (Eigen::Index c = 0; c < own; ++c)
+      double known_size = 0.0;
+      for (Eigen::Index c = 0; c < own; ++c) {
         displacement[c] = l_.displacement(block.columns.col(at + c));
+        const double value = form.block.terms.parameters[static_cast<std::size_t>(c)].value;
+        if (block.present) known_size = std::max(known_size, std::abs(value) * displacement[c]);
+      }
       const std::size_t before = shapes.size();
-      add_shapes(form, displacement, at, block.columns.cols(), shapes);
+      add_shapes(form, displacement, known_size, at, block.columns.cols(), shapes);
       for (std::size_t s = before; s < shapes.size(); ++s) {
         shapes[s].form = static_cast<int>(&form - block.forms.data());
         shapes[s].signs = signs_of(form);

@@ -53,8 +53,8 @@ Eigen::VectorXd sizes_of(const EvidenceForm& form, const Eigen::VectorXd& displa
 
 }  // namespace
 
-void add_shapes(const EvidenceForm& form, const Eigen::VectorXd& displacement, Eigen::Index first,
-                Eigen::Index width, std::vector<PriorShape>& shapes) {
+void add_shapes(const EvidenceForm& form, const Eigen::VectorXd& displacement, double known_size,
+                Eigen::Index first, Eigen::Index width, std::vector<PriorShape>& shapes) {
   const Eigen::Index own = displacement.size();
   const auto shape_of = [&](const Eigen::VectorXd& sigma) {
     PriorShape shape;
@@ -63,10 +63,12 @@ void add_shapes(const EvidenceForm& form, const Eigen::VectorXd& displacement, E
     shape.spread.middleRows(first, own) = shape.units;
     return shape;
   };
+  std::vector<double> sizes = kSizes;
+  if (known_size > sizes.back()) sizes.push_back(known_size);
   std::vector<double> free_sizes;
   Eigen::VectorXd last;
   std::vector<Eigen::VectorXd> bounded;
-  for (const double size : kSizes) {
+  for (const double size : sizes) {
     const Eigen::VectorXd sigma = sizes_of(form, displacement, size);
     const bool is_free =
         (sigma - size / kSizes.front() * sizes_of(form, displacement, kSizes.front()))

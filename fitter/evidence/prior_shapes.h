@@ -9,9 +9,10 @@
 namespace armtrue {
 
 /// Prior shapes of a form whose columns stand at `first` of `width`. `displacement`: of the tool by
-/// one unit of each column [m].
-void add_shapes(const EvidenceForm& form, const Eigen::VectorXd& displacement, Eigen::Index first,
-                Eigen::Index width, std::vector<PriorShape>& shapes);
+/// one unit of each column [m]. `known_size`: the largest displacement by a coefficient that the
+/// fit has [m]: of what is there, as much as there is was to be expected. 0: none.
+void add_shapes(const EvidenceForm& form, const Eigen::VectorXd& displacement, double known_size,
+                Eigen::Index first, Eigen::Index width, std::vector<PriorShape>& shapes);
 
 /// Prior shapes of a table, one for each correlation length that its nodes can resolve.
 void add_table_shapes(const Block& form, bool is_joint, const Eigen::MatrixXd& columns,

@@ -96,6 +96,7 @@ def test_an_arm_unlike_its_file_hides_nothing_and_alarms_nobody(kind: str, arm: 
         ("real_one", "stanford", 29703),
         ("real_nothing", "irb2400", 29703),
         ("one_hidden", "scara", 29700),
+        ("sixty_poses", "kr30", 29713),
     ),
 )
 def test_arms_that_nobody_has_are_diagnosed(kind: str, arm: str, seed: int) -> None:
