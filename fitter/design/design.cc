@@ -223,6 +223,12 @@ double Design::stand(State& state) {
   return armtrue::stand(state, basis_, *model_, values_, kinematics_, &feedback_);
 }
 
+Design Design::with_loads_held() const {
+  Design held = *this;
+  held.feedback_.clear();
+  return held;
+}
+
 Pose Design::predict(std::size_t i) {
   coordinates_of(i, own_);
   const auto n = static_cast<std::size_t>(kinematics_.layout().joints);
@@ -253,7 +259,7 @@ void Design::evaluate(std::size_t i, bool with_jacobian, Row& row, Workspace& w)
   const int target = measurements_->target[i];
   row.predicted = with_jacobian ? w.kinematics.forward(q, w.coordinates.data(), target, w.geometric)
                                 : w.kinematics.forward(q, w.coordinates.data(), target);
-  const bool follows = with_jacobian && jacobian_has_loads();
+  const bool follows = with_jacobian && feedback_.stands();
   if (follows) {
     w.direct = w.geometric;
     feedback_.follow(i, values_, w.geometric);

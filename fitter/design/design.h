@@ -130,10 +130,10 @@ class Design {
   /// Whether the prediction depends on where the arm's own loads act.
   bool reads_loads() const { return basis_.reads_loads() && state_->computes_torque(); }
 
-  /// True where Jacobians have what loads add that follow the arm as it moves.
-  bool jacobian_has_loads() const { return loads_in_jacobian_ && feedback_.stands(); }
-  /// Leaves it out of them, or puts it back.
-  void put_loads_in_jacobian(bool whether) { loads_in_jacobian_ = whether; }
+  /// Whether loads follow the arm as it moves, in predictions and their Jacobians.
+  bool loads_follow() const { return feedback_.stands(); }
+  /// The same design with loads that stay as they are.
+  Design with_loads_held() const;
 
   /// Row weights (square roots multiply the residual): 0 keeps a gross error out.
   std::vector<double>& weights() { return weights_; }
@@ -189,7 +189,6 @@ class Design {
   LoadFeedback feedback_;
   std::vector<bool> is_arms_;  // by parameter: what belongs to the arm moves its loads
   int residuals_per_row_;
-  bool loads_in_jacobian_ = true;
   std::vector<int> free_;
   std::vector<int> unknown_of_;
   std::vector<double> values_;

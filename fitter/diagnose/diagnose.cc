@@ -310,15 +310,16 @@ std::string evidence_words(const Candidate& c, const Fit& fit) {
   return text;
 }
 
-// What the fitted effects do already, with whatever coefficients, is not missing beside them,
-// however its prior divides the coefficients among it and them.
+// What the fitted effects do already is not missing beside them. The search may give it a part of
+// their coefficients where that suits the priors of both better.
 void find_spanned(const Scorer& scorer, Diagnosis& d) {
   for (Candidate& c : d.candidates) {
     if (c.probability < kWorthNaming || find_effect(c.request.effect).generic()) continue;
     c.spanned = scorer.score({c.block}, false).front().spanned;
     if (!c.spanned) continue;
-    d.probability_nothing =
-        std::min(1.0, d.probability_nothing / std::max(d.probability_nothing, 1.0 - c.probability));
+    const double without =
+        1.0 - c.probability;  // nothing is missing more often where it is left out
+    d.probability_nothing = d.probability_nothing < without ? d.probability_nothing / without : 1.0;
   }
 }
 

@@ -139,7 +139,7 @@ class RankRevealing {
 
 // Gauges and smoothness of tables are part of what is known; priors are not, they are what is
 // judged against.
-Eigen::MatrixXd information_of(Design& design) {
+Eigen::MatrixXd information_of(const Design& design) {
   const NormalEquations equations = accumulate(design);
   Eigen::MatrixXd information = equations.information.selfadjointView<Eigen::Lower>();
   for (const PenaltyRow& row : penalty_rows(design, 1e-4)) {
@@ -149,6 +149,38 @@ Eigen::MatrixXd information_of(Design& design) {
     }
   }
   return information;
+}
+
+// The factorisation that has accepted what the data can tell of `order`, unknowns by preference,
+// and `parameters`, theirs.
+RankRevealing told_apart(const Design& design, const std::vector<int>& order,
+                         const std::vector<const Parameter*>& parameters) {
+  Eigen::VectorXd priors(static_cast<Eigen::Index>(order.size()));
+  std::ranges::transform(parameters, priors.begin(), [](const Parameter* p) {
+    return preference(*p) < kFirstEffect || p->prior_sigma <= 0.0 ? 0.0
+                                                                  : std::pow(p->prior_sigma, -2);
+  });
+  const auto gain_in = [&](const RankRevealing& factor, Eigen::Index v) {
+    const double sigma = worthwhile_sigma(*parameters[static_cast<std::size_t>(v)]);
+    return factor.share(v) > kRounding ? factor.share(v) * factor.own(v) * sigma * sigma : 0.0;
+  };
+  const auto geometry_end = std::ranges::find_if(
+      parameters, [](const Parameter* p) { return preference(*p) >= kFirstEffect; });
+  const auto effects = static_cast<Eigen::Index>(geometry_end - parameters.begin());
+  // What geometry shows by the loads of a moved arm alone, a mass shows better.
+  RankRevealing unloaded(information_of(design.with_loads_held()), order, priors);
+  const auto unloaded_gain = [&](Eigen::Index v) { return gain_in(unloaded, v); };
+  unloaded.accept_between(0, effects, kFaintShare, unloaded_gain);
+  RankRevealing factor = unloaded;
+  if (design.loads_follow()) {
+    factor = RankRevealing(information_of(design), order, std::move(priors));
+    factor.accept_as(unloaded);
+  }
+  const auto gain = [&](Eigen::Index v) { return gain_in(factor, v); };
+  factor.accept_between(effects, static_cast<Eigen::Index>(order.size()), 0.0, gain);
+  factor.accept_between(0, effects, 0.0,
+                        [&](Eigen::Index v) { return unloaded_gain(v) > 1.0 ? gain(v) : 0.0; });
+  return factor;
 }
 
 }  // namespace
@@ -171,35 +203,10 @@ Identifiability identify(Design& design) {
     return preference(parameter_of(a)) < preference(parameter_of(b));
   });
 
-  Eigen::VectorXd priors(static_cast<Eigen::Index>(order.size()));
-  std::ranges::transform(order, priors.begin(), [&](int u) {
-    const Parameter& p = parameter_of(u);
-    return preference(p) < kFirstEffect || p.prior_sigma <= 0.0 ? 0.0 : std::pow(p.prior_sigma, -2);
-  });
+  std::vector<const Parameter*> parameters;
+  for (const int u : order) parameters.push_back(&parameter_of(u));
+  const RankRevealing factor = told_apart(design, order, parameters);
   Identifiability result;
-  const auto gain_in = [&](const RankRevealing& factor, Eigen::Index v) {
-    const double sigma = worthwhile_sigma(parameter_of(order[static_cast<std::size_t>(v)]));
-    return factor.share(v) > kRounding ? factor.share(v) * factor.own(v) * sigma * sigma : 0.0;
-  };
-  const auto geometry_end = std::find_if(order.begin(), order.end(), [&](int u) {
-    return preference(parameter_of(u)) >= kFirstEffect;
-  });
-  const auto effects = static_cast<Eigen::Index>(geometry_end - order.begin());
-  // What geometry shows by the loads of a moved arm alone, a mass shows better.
-  const bool has_loads = design.jacobian_has_loads();
-  design.put_loads_in_jacobian(false);
-  RankRevealing unloaded(information_of(design), order, priors);
-  design.put_loads_in_jacobian(true);
-  const auto unloaded_gain = [&](Eigen::Index v) { return gain_in(unloaded, v); };
-  unloaded.accept_between(0, effects, kFaintShare, unloaded_gain);
-  RankRevealing factor =
-      has_loads ? RankRevealing(information_of(design), order, std::move(priors)) : unloaded;
-  if (has_loads) factor.accept_as(unloaded);
-  const auto gain = [&](Eigen::Index v) { return gain_in(factor, v); };
-  factor.accept_between(effects, static_cast<Eigen::Index>(order.size()), 0.0, gain);
-  factor.accept_between(0, effects, 0.0,
-                        [&](Eigen::Index v) { return unloaded_gain(v) > 1.0 ? gain(v) : 0.0; });
-
   for (Eigen::Index v = 0; v < static_cast<Eigen::Index>(order.size()); ++v) {
     const int parameter =
         design.free_parameters()[static_cast<std::size_t>(order[static_cast<std::size_t>(v)])];
