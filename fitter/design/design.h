@@ -130,9 +130,10 @@ class Design {
   /// Whether the prediction depends on where the arm's own loads act.
   bool reads_loads() const { return basis_.reads_loads() && state_->computes_torque(); }
 
-  /// Whether loads follow the arm as it moves, in predictions and their Jacobians.
+  /// True after stand(): a change of coordinates then changes the loads too, in predictions and
+  /// Jacobians.
   bool loads_follow() const { return feedback_.stands(); }
-  /// The same design with loads that stay as they are.
+  /// A copy in which a change of coordinates leaves the loads at their present values.
   Design with_loads_held() const;
 
   /// Row weights (square roots multiply the residual): 0 keeps a gross error out.

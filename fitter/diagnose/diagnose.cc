@@ -23,7 +23,8 @@ constexpr double kStructureSignificant = -5.0;
 constexpr double kSameExplanation = 0.9;
 // A rival that explains this much of its own beside a candidate is another effect, no alternative.
 constexpr double kIndependentShare = 0.5;
-// More lines of a joint than these together imitate a table, those that the model has included.
+// Most spectral lines of one joint, counting those that the model has already: more of them
+// together can imitate a table.
 constexpr std::size_t kSpectralPeaks = 3;
 constexpr std::size_t kFineNodes = 30, kPairNodes = 7;
 constexpr double kLowestLine = 2.5;  // below this, harmonics and geometry tell the tale
@@ -42,7 +43,7 @@ std::optional<EffectRequest> cause_of_line(int joint, double cycles) {
   return std::nullopt;
 }
 
-// Lines that a fit has on a joint.
+// How many spectral lines of a joint are in the fitted model.
 std::size_t lines_on(const Fit& fit, int joint) {
   return static_cast<std::size_t>(
       std::ranges::count_if(removable_effects(fit), [&](const EffectRequest& request) {
@@ -310,15 +311,15 @@ std::string evidence_words(const Candidate& c, const Fit& fit) {
   return text;
 }
 
-// What the fitted effects do already is not missing beside them. The search may give it a part of
-// their coefficients where that suits the priors of both better.
+// Finds candidates whose columns are combinations of the fitted ones: adding one changes no
+// prediction, so it is not missing. The search can still call it probable, since a large
+// coefficient is likelier as the sum of two under their priors than as one.
 void find_spanned(const Scorer& scorer, Diagnosis& d) {
   for (Candidate& c : d.candidates) {
     if (c.probability < kWorthNaming || find_effect(c.request.effect).generic()) continue;
     c.spanned = scorer.score({c.block}, false).front().spanned;
     if (!c.spanned) continue;
-    const double without =
-        1.0 - c.probability;  // nothing is missing more often where it is left out
+    const double without = 1.0 - c.probability;
     d.probability_nothing = d.probability_nothing < without ? d.probability_nothing / without : 1.0;
   }
 }

@@ -37,8 +37,8 @@ struct Candidate {
   double in_any_form = 0.0;  ///< that its effect is, in this form or with other options
   double gain_beside = 0.0;  ///< fall of Σ r² beside the likeliest set
   bool likeliest = false;    ///< stands in that set
-  bool spanned = false;      ///< what is fitted does all that it would: it is not missing, but may
-                             ///< take the place of what is there
+  bool spanned = false;      ///< fitted columns reproduce all of its own: it is not missing beside
+                             ///< them, but may replace one of them
   BlockScore score;          ///< of it alone beside the fit
   double log10_p = 0.0;      ///< F test of it alone, corrected for the number of candidates
   bool recommend = false;

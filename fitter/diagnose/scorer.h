@@ -21,8 +21,8 @@ struct BlockScore {
   double log10_p = 0.0;    ///< F test, before any correction for the number of candidates
   double delta_bic = 0.0;  ///< BIC with the block minus without
   double separability =
-      0.0;               ///< least share of a column's information that survives the projection
-  bool spanned = false;  ///< no direction of it survives: what is fitted does all that it would
+      0.0;               ///< of its columns, the smallest share that fitted ones cannot reproduce
+  bool spanned = false;  ///< fitted columns reproduce all of its columns
   std::vector<double> coefficient, sigma;
   std::string objection;  ///< why it is not physical or cannot be known; empty: none
 };

@@ -208,8 +208,9 @@ void Builder::make_base() {
   }
   const auto own = static_cast<Eigen::Index>(kept.size());
   const auto more = static_cast<Eigen::Index>(held.terms.parameters.size());
-  // The fit chose where loads act while effects were missing, and may have chosen wrongly: the
-  // search can take the other place, with a coefficient of 1.
+  // Loads act at commanded angles or where the bent arm stands. The fit chose one of the two while
+  // effects were missing, perhaps wrongly: by_other_loads is the difference to the other, which a
+  // coefficient of 1 chooses.
   const Eigen::Index width = own + more + (l_.by_other_loads.size() > 0 ? 1 : 0);
   model_.base.resize(l_.equations(), width);
   model_.base.leftCols(own) = l_.jacobian(Eigen::all, kept);

@@ -138,6 +138,7 @@ def variant_of(robot: dict[str, Any], seed: int) -> dict[str, Any]:
     All lengths 0.6 to 1.6 times the preset's, each up to a third off that; masses and gears up to 1.6 times, or 0.6.
     """
     robot = copy.deepcopy(robot)
+    # 77 keeps its numbers apart from those of the case with this seed.
     rng = np.random.default_rng([seed, 77, len(robot["name"])])
     size = rng.uniform(0.6, 1.6)
     for joint in robot["kinematics"]["joints"]:

@@ -89,6 +89,7 @@ def test_protection_in_force_can_be_read(lines: Lines) -> None:
     assert not in_force & 0b0010, "the emulated board has no crystal to watch"
 
 
-def test_every_request_is_answered(lines: Lines) -> None:
-    for _ in range(100):
+@pytest.mark.parametrize("requests", [100, pytest.param(300, marks=pytest.mark.full)])
+def test_every_request_is_answered(lines: Lines, requests: int) -> None:
+    for _ in range(requests):
         assert read_object(lines.upstream, 0x1018, 0) == b"\x04"

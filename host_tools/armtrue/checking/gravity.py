@@ -16,7 +16,7 @@ _UPRIGHT_DEGREES = 20.0
 
 
 def find(base: dict[str, Any], robot: Robot) -> list[Finding]:
-    """A warning where the base lies far from upright, the arm has masses, and nobody said where down is.
+    """A warning where the base is found far from upright, links have masses, and robot.yaml has no `gravity`.
 
     `base`: the frame measuring_from_base as alignments and fit.json have it, `rpy` in radians.
     """

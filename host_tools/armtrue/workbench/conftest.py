@@ -1,4 +1,4 @@
-"""What tests of the workbench do as its page does."""
+"""Helpers of the workbench's tests: they send the server what its page sends."""
 
 from __future__ import annotations
 
