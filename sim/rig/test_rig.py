@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import shlex
 import subprocess
 import sys
@@ -33,6 +34,11 @@ def test_all_that_was_printed_and_written_arrives(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     assert done.stdout.split() == [*map(str, range(1, 20001)), "the", "end"]
     assert written.read_text().split() == [*map(str, range(1, 20001))]
+
+
+def test_machines_take_turns_on_the_processors_that_are_ours() -> None:
+    ours = [str(number) for number in sorted(os.sched_getaffinity(0))]
+    assert sorted(uml._one_processor() for _ in ours) == sorted(ours)
 
 
 def test_processors_with_more_registers_than_uml_knows(

@@ -70,8 +70,13 @@ def smallest_singular_value(arm: Arm, joints: np.ndarray, columns: dict[str, np.
 
 
 @pytest.mark.parametrize(
-    ("arm", "statics"), [*((arm, "deflected") for arm in CASES), ("kr30", "nominal"), ("cobot", "nominal")]
-)
+    ("arm", "statics"),
+    [
+        *(("cobot", "deflected"), ("irb2400", "deflected"), ("scara", "deflected"), ("kr30", "nominal")),
+        *(pytest.param(*rest, marks=pytest.mark.full)
+          for rest in [("kr30", "deflected"), ("lbr", "deflected"), ("stanford", "deflected"), ("cobot", "nominal")]),
+    ],
+)  # fmt: skip
 def test_the_tool_reaches_the_intended_point(arm: str, statics: str, tmp_path: Path) -> None:
     campaign = armtrue_sim.simulate(
         {

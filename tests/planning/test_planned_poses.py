@@ -29,7 +29,9 @@ def test_what_is_ambiguous_is_settled_by_the_planned_poses(case: Case, tmp_path:
 
 
 @pytest.mark.parametrize("cause", HEAT)
-@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize(
+    "seed", [SEEDS[0], *(pytest.param(seed, marks=pytest.mark.full) for seed in SEEDS[1:])]
+)
 def test_the_diagnosis_names_the_cause_after_the_planned_session(
     cause: str, seed: int, tmp_path: Path
 ) -> None:

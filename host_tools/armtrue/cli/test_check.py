@@ -71,8 +71,15 @@ WIDE = [1.5, 0.7, 0.7, 2.0, 1.5, 3.0]
 NARROW = [1.5, 0.14, 0.14, 2.0, 1.5, 3.0]
 
 
-@pytest.mark.parametrize("ratio", [1.0, -1.0])
-@pytest.mark.parametrize(("spans", "against"), [(WIDE, 0.0), (NARROW, 1.0), (NARROW, 0.5)])
+@pytest.mark.parametrize(
+    ("spans", "against", "ratio"),
+    [
+        (WIDE, 0.0, 1.0),
+        (NARROW, 1.0, -1.0),
+        *(pytest.param(*rest, marks=pytest.mark.full)
+          for rest in [(WIDE, 0.0, -1.0), (NARROW, 1.0, 1.0), (NARROW, 0.5, 1.0), (NARROW, 0.5, -1.0)]),
+    ],
+)  # fmt: skip
 def test_check_coupled_neighbour_is_named_as_coupling_and_not_as_scale(tmp_path, ratio, spans, against):
     truth = robot_file(tmp_path / "truth.yaml", coupling=[{"joint": 3, "driving": 2, "ratio": ratio}])
     joints = poses(7, spans)
@@ -161,11 +168,11 @@ def test_check_an_arm_with_errors_of_calibration_only_is_not_accused(tmp_path, s
     ("written", "read"),
     [
         (("ZYX", "intrinsic", "deg"), ("XYZ", "intrinsic", "deg")),
-        (("XYZ", "intrinsic", "deg"), ("XYZ", "extrinsic", "deg")),
-        (("ZYZ", "intrinsic", "deg"), ("XYZ", "extrinsic", "deg")),
         (("XYZ", "extrinsic", "rad"), ("XYZ", "extrinsic", "deg")),
+        *(pytest.param((order, "intrinsic", "deg"), ("XYZ", "extrinsic", "deg"), marks=pytest.mark.full)
+          for order in ("XYZ", "ZYZ")),
     ],
-)
+)  # fmt: skip
 def test_check_euler_angles_read_in_another_convention_are_named(tmp_path, written, read):
     robot = robot_file(tmp_path / "robot.yaml")
     joints = poses(5, WIDE)

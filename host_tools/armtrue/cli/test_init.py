@@ -82,6 +82,7 @@ def to_first_diagnosis(where: Path, *arguments: str) -> dict[str, Any]:
     return fit
 
 
+@pytest.mark.full
 def test_init_degrees_and_millimetres_with_words_of_an_instrument(tmp_path, campaign, rows):
     header = ["Point ID", *(f"A{k} [deg]" for k in range(1, 7)), "X [mm]", "Y [mm]", "Z [mm]", "Temperature"]
     lines = [header]
@@ -125,6 +126,7 @@ def test_init_wide_table_with_three_reflectors(tmp_path, campaign, rows):
     assert fit["data"]["rows"] == 3 * len(rows)
 
 
+@pytest.mark.full
 def test_init_joints_in_one_file_and_points_in_others_matched_by_number(tmp_path, campaign, rows):
     order = np.random.default_rng(0).permutation(len(rows))
     log = [["Pose", *(f"actual_q_{k}" for k in range(6))]]
@@ -140,6 +142,7 @@ def test_init_joints_in_one_file_and_points_in_others_matched_by_number(tmp_path
     assert fit["data"]["rows"] == len(rows) - 15
 
 
+@pytest.mark.full
 def test_init_euler_angles_are_read_in_the_convention_that_follows_the_arm(tmp_path, campaign, rows):
     robot = load_robot(campaign / "robot.yaml")
     chain = chain_from_robot(robot.spec)
@@ -173,6 +176,7 @@ def test_init_euler_angles_are_read_in_the_convention_that_follows_the_arm(tmp_p
     assert armtrue("diagnose", "f.json", cwd=tmp_path).returncode == 0
 
 
+@pytest.mark.full
 def test_init_xlsx_with_a_title_above_the_table(tmp_path, campaign, rows):
     openpyxl = pytest.importorskip("openpyxl")
     book = openpyxl.Workbook()
