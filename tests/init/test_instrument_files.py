@@ -121,6 +121,22 @@ def test_controller_log_of_joints_and_tracker_points_in_other_order(tmp_path):
     as_well_as_the_campaign(tmp_path, document)
 
 
+def test_the_clock_of_the_points_counts_where_the_joints_have_none(tmp_path):
+    rows = simulated(tmp_path, PLAIN)
+    joints = [",".join(["point", *(f"q{k}" for k in range(1, 7))])]
+    joints += [",".join([str(at), *(row[f"q{k}"] for k in range(1, 7))]) for at, row in enumerate(rows)]
+    (tmp_path / "joints.csv").write_text("\n".join(joints) + "\n")
+    begun = datetime.datetime(2026, 5, 3, 8, 0, 0)
+    points = ["point,x,y,z,Timestamp"]
+    for at, row in reversed(list(enumerate(rows))):
+        clock = begun + datetime.timedelta(seconds=round(float(row["time"])))
+        points.append(",".join([str(at), row["x"], row["y"], row["z"], f"{clock:%Y-%m-%d %H:%M:%S}"]))
+    (tmp_path / "points.csv").write_text("\n".join(points) + "\n")
+    document = first_diagnosis(tmp_path, "joints.csv", "points.csv")
+    assert "time" in document["data"]["columns"]
+    as_well_as_the_campaign(tmp_path, document)
+
+
 def test_degrees_and_millimetres_in_a_windows_file_with_units_in_its_header(tmp_path):
     rows = simulated(tmp_path, PLAIN)
     header = [

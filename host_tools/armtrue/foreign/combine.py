@@ -201,15 +201,25 @@ def _find_time(part: Part, header: str) -> None:
     part.notes.append(f"{header}: found no time in '{cells[0]}', not used")
 
 
+_CLOCKS_BEGIN = datetime.datetime(2000, 1, 1)
+
+
 def seconds(part: Part) -> Array | None:
-    """Seconds of each row since the earliest; None where the sheet has no time."""
+    """Seconds of each row, those of clocks from one beginning for all sheets; None where the sheet has no time."""
     header = part.meaning.others.get("time")
     if header is None:
         return None
     if part.time_format is None:
         return part.in_si("time", header)
     stamps = [datetime.datetime.strptime(cell, part.time_format) for cell in part.sheet.cells(header)]
-    return np.array([(stamp - min(stamps)).total_seconds() for stamp in stamps])
+    return np.array([(stamp.replace(tzinfo=None) - _CLOCKS_BEGIN).total_seconds() for stamp in stamps])
+
+
+def _kind_of_clock(part: Part) -> str:
+    """Times of one kind can be subtracted from one another: seconds, times of day, times of a date."""
+    if part.time_format is None:
+        return "seconds"
+    return "date" if "%Y" in part.time_format else "day"
 
 
 def match_rows(joints: Part, points: Part) -> tuple[NDArray[np.int64], NDArray[np.int64], str]:
@@ -287,6 +297,7 @@ def long_table(parts: list[Part]) -> tuple[LongTable, list[str]]:
         )
     columns: dict[str, list[tuple[Array, str | None]]] = {}
     labels: list[str] = []
+    kinds: set[str] = set()
 
     def put(name: str, values: Array, unit: str | None = None) -> None:
         columns.setdefault(name, []).append((values, unit))
@@ -307,14 +318,23 @@ def long_table(parts: list[Part]) -> tuple[LongTable, list[str]]:
         if "repeat" in base.meaning.others:
             repeats = np.unique(base.sheet.cells(base.meaning.others["repeat"]), return_inverse=True)[1]
             put("repeat", repeats.astype(np.float64)[own])
-        clock = seconds(base)
-        if clock is not None:
-            put("time", clock[own])
+        for source, rows in ((base, own), (part, other)):
+            clock = seconds(source)
+            if clock is not None:
+                put("time", clock[rows])
+                kinds.add(_kind_of_clock(source))
+                break
         labels += [label] * len(own)
+    if len(kinds) > 1:
+        columns.pop("time")
+        notes.append("time: not taken, as the files have it of different clocks")
     of_some = [name for name, pieces in columns.items() if len(pieces) != len(blocks)]
     notes += [f"{name}: not taken, as not every reflector has it" for name in of_some]
     table = LongTable({}, {}, labels)
     for name in (name for name in columns if name not in of_some):
+        if name == "time":
+            earliest = min(float(values.min()) for values, _ in columns[name])
+            columns[name] = [(values - earliest, None) for values, _ in columns[name]]
         units = list(dict.fromkeys(unit for _, unit in columns[name]))
         one = units[0] if len(units) == 1 else None
         table.columns[name] = np.concatenate([v if one else _in_si(v, unit) for v, unit in columns[name]])

@@ -13,7 +13,6 @@ from armtrue.io.model import check_effect
 from armtrue.report.parts import plural
 from armtrue.workbench.first_figures import FirstFigures, fit_to_some
 from armtrue.workbench.opening.dropped import LOOK_AT_GUESSES
-from armtrue.workbench.opening.waiting import keep_waiting
 from armtrue.workbench.outputs import make
 from armtrue.workbench.session import Node, Session, joined_files
 from armtrue.workbench.showing.beside import planned_between
@@ -257,7 +256,7 @@ def _open(engine: Engine, words: Entry) -> None:
     engine.begin(opened, progress=engine.tell)
     engine.drop.forget()
     if not was_open:
-        keep_waiting(engine.drop)
+        engine.keep_waiting()
 
 
 def _forget(engine: Engine, _words: Entry) -> None:

@@ -11,17 +11,17 @@ from pathlib import Path
 from typing import Any
 
 from armtrue.errors import InputError
-from armtrue.io import load_data
+from armtrue.io import Robot, load_data
 from armtrue.progress import Progress
 from armtrue.workbench.actions import BESIDE_A_DIAGNOSIS, WORK, node_of
 from armtrue.workbench.allocator import give_back
 from armtrue.workbench.background import FAULT, Background, CancelledError, Task
 from armtrue.workbench.compensator import Device
 from armtrue.workbench.first_figures import FirstFigures
-from armtrue.workbench.lock import SessionLocks
+from armtrue.workbench.lock import HeldElsewhereError, SessionLocks
 from armtrue.workbench.opening.dropped import Drop
 from armtrue.workbench.opening.opened import Opened
-from armtrue.workbench.opening.waiting import go_on_waiting, keep_waiting
+from armtrue.workbench.opening.waiting import folder_of_waiting, go_on_waiting, keep_waiting
 from armtrue.workbench.outputs import Made
 from armtrue.workbench.session import Session, default_folder, joined_files, key_of, load_session
 from armtrue.workbench.showing.further import Result
@@ -51,6 +51,7 @@ class Engine:
         self.notes: list[str] = []
         self._session: Session | None = None
         self._locks = SessionLocks()
+        self._waiting_lock = SessionLocks()
         # The sessions of measurements before others joined them and after, the latest last.
         self.linked: list[Linked] = []
         self.said = ""
@@ -73,6 +74,11 @@ class Engine:
         if self._session is None:
             raise InputError("found nothing opened, expected measurements or a fit to be opened first")
         return self._session
+
+    @property
+    def robot(self) -> Robot:
+        """The arm as the session that is open was opened with it. Errors: InputError where none is."""
+        return next(opened.robot for session, opened in self.linked if session is self.session)
 
     @property
     def own_device(self) -> Device:
@@ -180,7 +186,7 @@ class Engine:
         dropped = self.drop.as_json() if self.drop.names else None
         try:
             if self._session is None:
-                keep_waiting(self.drop)
+                self.keep_waiting()
             else:
                 self._session.keep({"result": result, "dropped": dropped})
         except (OSError, InputError) as error:
@@ -241,10 +247,29 @@ class Engine:
         with self.changed:
             return self.drop.draft
 
+    def _waits_alone(self) -> bool:
+        """False while another workbench without a session keeps its files where ours would be kept."""
+        try:
+            self._waiting_lock.hold(folder_of_waiting())
+        except HeldElsewhereError:
+            return False
+        return True
+
+    def keep_waiting(self) -> None:
+        """Write down which files wait. Errors: InputError or OSError where that cannot be written."""
+        if self._waits_alone():
+            keep_waiting(self.drop)
+        self._let_others_wait()
+
     def go_on_waiting(self) -> None:
         """Take up the files that were dropped before anything was opened."""
-        if go_on_waiting(self.drop):
+        if self._waits_alone() and go_on_waiting(self.drop):
             self.said = "The files that were dropped last wait to be opened."
+        self._let_others_wait()
+
+    def _let_others_wait(self) -> None:
+        if not self.drop.names:
+            self._waiting_lock.keep(set())
 
     def wait(self, version: int, seconds: float) -> int:
         """Wait until there is something newer than `version`, or `seconds` have passed."""

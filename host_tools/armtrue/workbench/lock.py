@@ -10,6 +10,10 @@ from pathlib import Path
 from armtrue.errors import InputError
 
 
+class HeldElsewhereError(InputError):
+    """Another workbench has the folder open."""
+
+
 @dataclass
 class SessionLocks:
     """The folders of sessions that one workbench has open."""
@@ -17,7 +21,10 @@ class SessionLocks:
     _files: dict[Path, int] = field(default_factory=dict)
 
     def hold(self, folder: Path) -> None:
-        """Keep other workbenches out of `folder`. Errors: InputError where one has it open, or it cannot be written."""
+        """Keep other workbenches out of `folder`.
+
+        Errors: HeldElsewhereError where one has it open; InputError where it cannot be written.
+        """
         if folder in self._files:
             return
         try:
@@ -30,7 +37,7 @@ class SessionLocks:
         except BlockingIOError:
             holder = os.read(file, 20).decode(errors="replace").strip()
             os.close(file)
-            raise InputError(
+            raise HeldElsewhereError(
                 f"{folder}: found this session open in another workbench (process {holder or 'unknown'}), expected one "
                 "at a time: go on in its page, end it with Ctrl-C, or keep this one elsewhere with --session FOLDER"
             ) from None

@@ -33,5 +33,10 @@ def go_on_waiting(drop: Drop) -> bool:
     return bool(drop.names)
 
 
+def folder_of_waiting() -> Path:
+    """Where it is written down: for one server at a time."""
+    return default_folder("waiting")
+
+
 def _place() -> Path:
-    return default_folder("waiting") / "files.json"
+    return folder_of_waiting() / "files.json"

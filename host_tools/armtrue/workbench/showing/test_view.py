@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import csv
 import math
 from pathlib import Path
 
 import armtrue_sim
 import pytest
+import yaml
 
-from armtrue.workbench.conftest import do
+from armtrue.workbench.conftest import do, finish
 from armtrue.workbench.engine import Engine
 from armtrue.workbench.opening.dropped import Drop
+from armtrue.workbench.opening.opened import open_files
 from armtrue.workbench.showing.view import pieces
 
 HEAD = [f"Achse {k} [°]" for k in range(1, 7)] + ["X [mm]", "Y [mm]", "Z [mm]"]
@@ -51,3 +54,42 @@ def test_page_is_drawn_and_files_are_put_aside_whatever_the_form_stands_on(waiti
     assert str(Path(waiting.drop.folder)) not in opening
     do(waiting, "forget")
     assert "Put aside" not in pieces(waiting)["opening"]
+
+
+def test_what_a_fit_doubts_stands_among_the_notes(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    armtrue_sim.simulate({"arm": "kr30", "seed": 5, "poses": 60}).write(tmp_path)
+    with (tmp_path / "data.csv").open() as stream:
+        rows = list(csv.DictReader(stream))
+    for row in rows:  # the tracker hangs upside down beside the arm, or the arm beside the tracker
+        row["y"], row["z"] = str(-float(row["y"])), str(-float(row["z"]))
+    with (tmp_path / "data.csv").open("w") as stream:
+        table = csv.DictWriter(stream, rows[0])
+        table.writeheader()
+        table.writerows(rows)
+    robot = yaml.safe_load((tmp_path / "robot.yaml").read_text())
+    robot.pop("gravity", None)
+    (tmp_path / "robot.yaml").write_text(yaml.safe_dump(robot))
+    engine = Engine(Drop(tmp_path / "drop"))
+    engine.begin(open_files([tmp_path / "data.csv"]))
+    finish(engine)
+    assert "from upright in the measuring frame" in pieces(engine)["notes"]
+
+
+def test_two_workbenches_without_a_session_keep_their_files_apart(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+
+    def started(name):
+        engine = Engine(Drop(tmp_path / name))
+        engine.go_on_waiting()
+        return engine
+
+    def drop(engine, name):
+        engine.take(name, b"q1,q2\n0.1,0.2\n")
+        finish(engine)
+
+    one, other = started("one"), started("other")
+    drop(one, "first.csv")
+    drop(other, "second.csv")
+    one._waiting_lock.keep(set())  # its process ends
+    assert list(started("three").drop.names) == ["first.csv"]

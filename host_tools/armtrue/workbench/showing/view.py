@@ -7,9 +7,11 @@ from typing import Any
 
 import yaml
 
+from armtrue.checking import warnings_of_fit
 from armtrue.errors import InputError
 from armtrue.fitting import Fit
 from armtrue.io.catalogue import catalogue
+from armtrue.io.robot import Robot
 from armtrue.report.markup import Content, Markup, tag
 from armtrue.report.parts import listed, micrometres, plural, rounded, typeset
 from armtrue.verdicts import (
@@ -58,6 +60,7 @@ def pieces(engine: Engine) -> dict[str, str]:
     fit = first.fit if first else session.fit_of(session.at)
     return {
         **always,
+        "notes": listed([*engine.notes, *_doubts(fit, engine.robot)]),
         "error": _error(path, fit, first),
         "waterfall": _waterfall(path, first),
         "model": _model(path[-1]),
@@ -70,6 +73,13 @@ def pieces(engine: Engine) -> dict[str, str]:
         "device": device_section(engine.device) or "",
         "result": engine.result.shown if engine.result else "",
     }
+
+
+def _doubts(fit: Fit, opened: Robot) -> list[str]:
+    """What the fit says of itself, and what it says of the robot.yaml that was opened."""
+    document = fit.document
+    doubts = warnings_of_fit(document["measuring_from_base"], opened)
+    return list(dict.fromkeys([*document["warnings"], *doubts]))
 
 
 def buttons(engine: Engine) -> dict[str, bool]:
