@@ -25,6 +25,9 @@ constexpr double kLeastShare = 0.05, kMostShare = 4.0;
 // A climb has arrived where no part changes the variance of the readings by more than this share.
 constexpr double kArrived = 2e-3;
 
+// Parts of which a combination is known by less than this share of each do the same.
+constexpr double kLeastTold = 1e-9;
+
 constexpr int kPositions = 3;  // equations of a row; those behind them are its orientation's
 
 // Columns of every part within the equations of one pose.
@@ -342,10 +345,12 @@ Eigen::Index unsure_part(const Eigen::VectorXd& variance, const Score& score, do
     if (variance[i] > 0.0 && score.information(i, i) > 0.0) there.push_back(i);
   }
   const Eigen::VectorXd unit = variance(there);
-  const Eigen::MatrixXd information =
+  // The same scatter may come from readings, or from slides in three directions: such parts must be
+  // found to be unknown, not to have the least norm.
+  Eigen::MatrixXd information =
       unit.asDiagonal() * score.information(there, there) * unit.asDiagonal();
-  const Eigen::MatrixXd covariance =
-      least_squares(information, Eigen::MatrixXd::Identity(unit.size(), unit.size()));
+  information.diagonal() *= 1.0 + kLeastTold;
+  const Eigen::MatrixXd covariance = ScaledCholesky(information).inverse();
   double least = std::log(poses);
   Eigen::Index unsure = 0;
   for (std::size_t i = 1; i < there.size(); ++i) {
@@ -371,10 +376,14 @@ NoiseParts estimate_noise(const Linearization& l, const Eigen::MatrixXd& columns
     if (parts.pose) parts.pose = 0.0;
   }
   parts = climb(likelihood, l, std::move(parts), effort.steps);
+  const Eigen::VectorXd reach = reaches(l);
   while (effort.drops_unsure) {
-    const Eigen::Index unsure =
-        unsure_part(variances_of(parts), likelihood.score(parts), likelihood.poses());
+    const Eigen::VectorXd variance = variances_of(parts);
+    const Eigen::Index unsure = unsure_part(variance, likelihood.score(parts), likelihood.poses());
     if (unsure == 0) break;
+    // What scatters more than readings and cannot be told from them is theirs.
+    const double taken = variance[unsure] * reach[unsure] / reach[0];
+    if (taken > variance[0]) parts.reading = std::sqrt(taken);
     if (unsure <= l.layout.joints) {
       parts.joint[static_cast<std::size_t>(unsure) - 1] = 0.0;
     } else {

@@ -21,6 +21,7 @@ Pose pose_from_json(const json& value) {
 }
 
 Pose rotation_x(double angle) { return Pose(Eigen::AngleAxisd(angle, Eigen::Vector3d::UnitX())); }
+Pose rotation_z(double angle) { return Pose(Eigen::AngleAxisd(angle, Eigen::Vector3d::UnitZ())); }
 Pose translation(double x, double z) { return Pose(Eigen::Translation3d(x, 0.0, z)); }
 
 double optional_number(const json& object, const char* key, double otherwise) {
@@ -55,11 +56,12 @@ void build_chain(const json& kinematics, Robot& robot, std::vector<Pose>& frame_
       const double a = optional_number(row, "a", 0.0);
       const double alpha = optional_number(row, "alpha", 0.0);
       const double d = optional_number(row, "d", 0.0);
+      const Pose turned = rotation_z(optional_number(row, "theta", 0.0));  // of what slides
       if (convention == "mdh") {
-        joint.fixed = rotation_x(alpha) * translation(a, d);
+        joint.fixed = rotation_x(alpha) * translation(a, d) * turned;
         frame_from_listed_frame.push_back(Pose::Identity());
       } else if (convention == "dh") {
-        joint.fixed = carried;
+        joint.fixed = carried * turned;
         carried = translation(a, d) * rotation_x(alpha);
         frame_from_listed_frame.push_back(carried);
       } else {

@@ -229,8 +229,11 @@ def _joint(row: Section, number: int, read_frame: Callable[[Section], dict[str, 
     joint["offset"] = row.number(
         "offset", default=0.0, expected="an angle in radians" if revolute else "a length in metres"
     )
-    if revolute and abs(joint["offset"]) > 2 * math.pi:
-        raise row.fail("offset", "an angle in radians, not beyond 2π (this looks like degrees)")
+    if not revolute and read_frame is _dh_frame and row.has("theta"):
+        joint["theta"] = row.number("theta", expected="an angle in radians")
+    turned = "offset" if revolute else "theta"
+    if abs(joint.get(turned, 0.0)) > 2 * math.pi:
+        raise row.fail(turned, "an angle in radians, not beyond 2π (this looks like degrees)")
     if row.has("gear_ratio"):
         ratio = "a ratio other than 0, motor turns per joint turn"
         joint["gear_ratio"] = row.number("gear_ratio", expected=ratio)

@@ -114,11 +114,12 @@ def _listed_frames(kinematics: dict[str, Any]) -> tuple[list[Array], Array, list
             continue
         twist = transform((0.0, 0.0, 0.0), matrix_about("x", row.get("alpha") or 0.0))
         length = transform((row.get("a") or 0.0, 0.0, row.get("d") or 0.0), np.eye(3))
+        turned = transform((0.0, 0.0, 0.0), matrix_about("z", row.get("theta") or 0.0))
         if kinematics["convention"] == "mdh":
-            fixed.append(twist @ length)
+            fixed.append(twist @ length @ turned)
             listed.append(np.eye(4))
         else:
-            fixed.append(carried)
+            fixed.append(carried @ turned)
             carried = length @ twist
             listed.append(carried)
     end = pose(kinematics["end"]) if kinematics.get("end") else carried

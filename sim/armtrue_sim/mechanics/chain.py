@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import ScenarioError
-from .transforms import Array, Pose, exp_so3, rot_x
+from .transforms import Array, Pose, exp_so3, rot_x, rot_z
 
 
 @dataclass(frozen=True)
@@ -68,11 +68,12 @@ class Chain:
         before, after = [], []
         for row in rows:
             twist, shift = rot_x(row["alpha"]), np.array([row["a"], 0.0, row["d"]])
+            turned = rot_z(row.get("theta", 0.0))
             if convention == "mdh":
-                before.append(Pose(twist, twist @ shift))
+                before.append(Pose(twist @ turned, twist @ shift))
                 after.append(Pose.identity())
             else:
-                before.append(Pose.identity())
+                before.append(Pose(turned, np.zeros(3)))
                 after.append(Pose(twist, shift))
         fixed = [before[0]] + [after[k] @ before[k + 1] for k in range(len(rows) - 1)]
         links = [

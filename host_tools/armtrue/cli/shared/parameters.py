@@ -102,8 +102,17 @@ def _link(kinematics: dict[str, Any], k: int) -> tuple[NDArray[np.float64], list
         return np.asarray(pose["xyz"], dtype=np.float64), rpy_from_matrix(turn)
     if kinematics["convention"] == "dh":
         row = joints[k - 1]
-        return np.array([row["a"], 0.0, row["d"]]), [row["alpha"], 0.0, 0.0]
+        following = joints[k] if k < len(joints) else {}
+        return np.array([row["a"], 0.0, row["d"]]), _turned(row["alpha"], following.get("theta", 0.0))
     if k == len(joints):
         return np.zeros(3), [0.0, 0.0, 0.0]
     row = joints[k]
-    return matrix_about("x", row["alpha"]) @ np.array([row["a"], 0.0, row["d"]]), [row["alpha"], 0.0, 0.0]
+    translation = matrix_about("x", row["alpha"]) @ np.array([row["a"], 0.0, row["d"]])
+    return translation, _turned(row["alpha"], row.get("theta", 0.0))
+
+
+def _turned(alpha_rad: float, theta_rad: float) -> list[float]:
+    """Roll, pitch and yaw of a turn about x and then, before a joint that slides, about z."""
+    if theta_rad == 0.0:
+        return [alpha_rad, 0.0, 0.0]
+    return rpy_from_matrix(matrix_about("x", alpha_rad) @ matrix_about("z", theta_rad))
