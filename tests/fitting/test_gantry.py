@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import subprocess
+import sys
 from pathlib import Path
 
 import armtrue
@@ -99,3 +101,25 @@ def test_an_angle_in_degrees_is_refused(tmp_path):
     path.write_text(path.read_text().replace("theta: -1.5", "theta: -90.5"))
     with pytest.raises(armtrue.InputError, match=r"joints\[2\].theta: found -90.5.*degrees"):
         armtrue.load_robot(path)
+
+
+def test_init_reads_a_table_whose_joints_slide(tmp_path):
+    lines = ["joint;type;a [mm];alpha [deg];d [mm];theta [deg]"]
+    for k, (alpha, a, d, theta) in enumerate(ROWS, start=1):
+        cells = (1000.0 * a, math.degrees(alpha), 1000.0 * d, math.degrees(theta))
+        lines.append(";".join([str(k), "prismatic", *(f"{value:g}" for value in cells)]))
+    (tmp_path / "arm.csv").write_text("\n".join(lines) + "\n")
+    data = measured(tmp_path, "mdh", 40, 0.0).read_text().splitlines()
+    millimetres = [",".join(f"{1000.0 * float(cell):.6f}" for cell in line.split(",")) for line in data[1:]]
+    (tmp_path / "log.csv").write_text(
+        "\n".join(["J1 [mm],J2 [mm],J3 [mm],X [mm],Y [mm],Z [mm]", *millimetres]) + "\n"
+    )
+    command = [sys.executable, "-m", "armtrue", "init", "log.csv", "--dh", "arm.csv", "--out", "made"]
+    ran = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert ran.returncode == 0, ran.stderr
+    robot = armtrue.load_robot(tmp_path / "made" / "robot.yaml")
+    assert robot.spec["kinematics"]["convention"] == "mdh"
+    assert [round(joint["theta"], 6) for joint in robot.joints] == [round(row[3], 6) for row in ROWS]
+    data_read = armtrue.load_data(tmp_path / "made" / "dataset.yaml", robot)
+    fit = armtrue.fit(data_read, robot, armtrue.Model([{"effect": "base_frame"}, {"effect": "tool_offset"}]))
+    assert fit.document["error"]["train"]["max_um"] < 0.1

@@ -23,7 +23,12 @@ def init(
     ],
     urdf: Annotated[Path | None, typer.Option("--urdf", metavar="URDF", help="The arm as a URDF.")] = None,
     dh: Annotated[
-        Path | None, typer.Option("--dh", metavar="TABLE", help="The arm as a table: a, alpha, d, theta.")
+        Path | None,
+        typer.Option(
+            "--dh",
+            metavar="TABLE",
+            help="The arm as a table: a, alpha, d, theta; type, where a joint slides.",
+        ),
     ] = None,
     robot: Annotated[
         Path | None, typer.Option("--robot", "-r", metavar="ROBOT", help="The arm as a robot.yaml.")

@@ -141,7 +141,7 @@ class _Init:
                     for own, words in texts.items()
                 ],
                 [],
-                set(),
+                {str(k) for k, row in enumerate(rows, start=1) if row.get("type") == "prismatic"},
             )
         if robot is None:
             raise InputError(

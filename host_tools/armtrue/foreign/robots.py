@@ -25,7 +25,10 @@ _COLUMNS = {
     "d": re.compile(r"^(?:d|d_i|link_?offset)$", re.IGNORECASE),
     "offset": re.compile(r"^(?:theta|θ|offset|theta_?0|theta_?offset|joint_?offset|th)$", re.IGNORECASE),
     "gear_ratio": re.compile(r"^(?:gear|gear_?ratio|ratio|n)$", re.IGNORECASE),
+    # Khalil and Dombre's sigma is 1 for a joint that slides.
+    "type": re.compile(r"^(?:type|joint_?type|kind|sigma|σ)$", re.IGNORECASE),
 }
+_TYPES = {"revolute": ("r", "0"), "prismatic": ("p", "t", "l", "s", "1")}
 _NEEDED = ("a", "alpha", "d")
 _LONGEST_M = 10.0
 
@@ -110,6 +113,7 @@ def dh_rows(table: Path) -> tuple[list[dict[str, Any]], list[str]]:
         raise InputError(
             f"{table} header: found no column '{missing[0]}', expected a, alpha, d and theta or offset"
         )
+    types = _types(sheet, columns.pop("type", None), table)
     values = {own: _numbers(sheet, name, table) for own, name in columns.items()}
     length = sheet.units.get(columns["a"]) or (
         "mm" if _largest(values["a"] + values["d"]) > _LONGEST_M else "m"
@@ -118,11 +122,31 @@ def dh_rows(table: Path) -> tuple[list[dict[str, Any]], list[str]]:
     angle = sheet.units.get(columns["alpha"]) or ("deg" if _largest(angles) > 2.0 * math.pi else "rad")
     factors = {"a": length, "d": length, "alpha": angle, "offset": angle}
     scale = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254, "deg": math.pi / 180.0, "rad": 1.0}
-    rows = [
+    rows: list[dict[str, Any]] = [
         {own: values[own][k] * scale.get(factors.get(own, "m"), 1.0) for own in values}
         for k in range(len(sheet.rows))
     ]
+    for row, kind in zip(rows, types, strict=True):
+        if kind == "prismatic":
+            row |= {"type": kind, "theta": row.pop("offset", 0.0)}
     return rows, [f"{table.name}: lengths in {length}, angles in {angle}"]
+
+
+def _types(sheet: Sheet, name: str | None, table: Path) -> list[str]:
+    """revolute or prismatic, by the first letter of each cell; revolute without a column. Errors: InputError."""
+    if name is None:
+        return ["revolute"] * len(sheet.rows)
+    types = []
+    for cell, row in zip(sheet.cells(name), sheet.numbers, strict=True):
+        kind = next(
+            (kind for kind, begins in _TYPES.items() if cell.strip().lower().startswith(begins)), None
+        )
+        if kind is None:
+            raise InputError(
+                f"{table} row {row} column {name}: found '{cell}', expected revolute or prismatic"
+            )
+        types.append(kind)
+    return types
 
 
 def _numbers(sheet: Sheet, name: str, table: Path) -> list[float]:
