@@ -313,11 +313,12 @@ std::string evidence_words(const Candidate& c, const Fit& fit) {
 
 // Finds candidates whose columns are combinations of the fitted ones: adding one changes no
 // prediction, so it is not missing. The search can still call it probable, since a large
-// coefficient is likelier as the sum of two under their priors than as one.
-void find_spanned(const Scorer& scorer, Diagnosis& d) {
+// coefficient is likelier as the sum of two under their priors than as one, and the slope of a
+// table is likelier as one coefficient than as the values of its nodes.
+void find_spanned(const Scorer& scorer, const Fit& fit, Diagnosis& d) {
   for (Candidate& c : d.candidates) {
     if (c.probability < kWorthNaming || find_effect(c.request.effect).generic()) continue;
-    c.spanned = scorer.score({c.block}, false).front().spanned;
+    c.spanned = is_part_of_tables(c.block, fit) || scorer.score({c.block}, false).front().spanned;
     if (!c.spanned) continue;
     const double without = 1.0 - c.probability;
     d.probability_nothing = d.probability_nothing < without ? d.probability_nothing / without : 1.0;
@@ -385,7 +386,7 @@ std::set<std::size_t> weigh(Fit& fit, const Linearization& linearization, const 
   doubt_beside_structure(fit, evidence, d.candidates, d.probability_nothing);
   add_forms(d.candidates);
   rank(d.candidates);
-  find_spanned(scorer, d);
+  find_spanned(scorer, fit, d);
   describe_present(evidence, d);
   recommend(d);
   name_confounded(evidence.search, d.candidates);

@@ -5,6 +5,7 @@
 #include <map>
 #include <nlohmann/json.hpp>
 #include <numbers>
+#include <set>
 
 #include "fitter/common/dense.h"
 #include "fitter/evidence/words.h"
@@ -17,6 +18,27 @@ constexpr double kWavesHold = 0.5, kLineHolds = 0.5;
 // A wave needs four nodes to be one.
 constexpr double kNodesPerWave = 4.0;
 constexpr double kFirstLine = 3.0, kLineStep = 0.5;
+constexpr double kStraight = 1e-9;
+
+// True if `basis` is a constant and a multiple of a variable in all rows.
+bool is_line(const State& state, const Expression& basis, const std::string& variable) {
+  const std::set<std::string> read = basis.variables();
+  if (read.size() != 1) return false;
+  const std::vector<double>& at = state.column(variable);
+  const std::vector<double> values = basis.evaluate(
+      state.rows(),
+      [&](const std::string& name) -> const std::vector<double>& { return state.column(name); });
+  const auto [low, high] = std::ranges::minmax_element(at);
+  const auto first = static_cast<std::size_t>(low - at.begin());
+  const auto last = static_cast<std::size_t>(high - at.begin());
+  if (at[first] == at[last]) return false;
+  const double slope = (values[last] - values[first]) / (at[last] - at[first]);
+  for (std::size_t i = 0; i < at.size(); ++i) {
+    const double off = values[i] - values[first] - slope * (at[i] - at[first]);
+    if (std::abs(off) > kStraight * std::abs(values[last] - values[first])) return false;
+  }
+  return true;
+}
 
 // Σ r² that columns of waves, a constant and a line leave of `values`.
 double left_by(const Eigen::VectorXd& at, const Eigen::VectorXd& values,
@@ -101,6 +123,20 @@ std::vector<TableVerdict> tables_of(const Fit& fit) {
     result.push_back(std::move(verdict));
   }
   return result;
+}
+
+bool is_part_of_tables(const Block& block, const Fit& fit) {
+  const auto in_a_table = [&](const Term& term) {
+    return std::ranges::any_of(fit.model().parameters, [&](const Parameter& p) {
+      if (p.terms.empty() || !p.terms.front().table) return false;
+      const TableReference& table = *p.terms.front().table;
+      return table.axes.size() == 1 && p.terms.front().coordinate == term.coordinate &&
+             is_line(fit.state(), term.basis, table.axes.front().variable);
+    });
+  };
+  return std::ranges::all_of(block.terms.parameters, [&](const Parameter& p) {
+    return std::ranges::all_of(p.terms, in_a_table);
+  });
 }
 
 nlohmann::json to_json(const std::vector<TableVerdict>& tables) {

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "fitter/evidence/block.h"
 #include "fitter/solve/fit.h"
 
 namespace armtrue {
@@ -24,6 +25,10 @@ struct TableVerdict {
 
 /// One for each table of the fit, by joint where it is a joint's.
 std::vector<TableVerdict> tables_of(const Fit& fit);
+
+/// True where tables of the fit can be all that a block is: lines in the variable of a table, on
+/// its coordinate.
+bool is_part_of_tables(const Block& block, const Fit& fit);
 
 nlohmann::json to_json(const std::vector<TableVerdict>& tables);
 

@@ -58,3 +58,15 @@ def test_a_joint_that_slides_is_not_said_to_turn(tmp_path: Path) -> None:
     (said,) = diagnose(fit(data, robot, Model([*GEOMETRY[:4], table])))["tables"]
     assert said["next"].startswith("move joint 3 alone")
     assert said["cycles"] is None
+
+
+@pytest.mark.full
+def test_the_slope_of_a_table_is_no_scale_beside_it(tmp_path: Path) -> None:
+    """Waves have a slope over the range of a joint; full poses know it, and it was named joint_scale."""
+    waves = {"effect": "transmission_pwl", "joints": [1, 2, 3, 4, 5, 6], "shape": "waves"}
+    scenario = {"arm": "kr30", "seed": 3, "poses": 700, "test_poses": 0, "columns": {"add": ["orientation"]}}
+    simulate({**scenario, "instrument": {"sigma": 10e-6}, "hidden": [waves]}, tmp_path)
+    robot = load_robot(tmp_path / "robot.yaml")
+    table = {"effect": "transmission_pwl", "joints": [1, 2, 3, 4, 5, 6]}
+    found = diagnose(fit(load_data(tmp_path / "data.csv", robot), robot, Model([*GEOMETRY, table])))
+    assert not any(c["recommend"] for c in found["candidates"] if c["effect"] == "joint_scale")
