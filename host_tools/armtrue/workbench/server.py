@@ -144,11 +144,7 @@ class _Handler(BaseHTTPRequestHandler):
         self._json(state(self.server.engine))
 
     def _view(self, _words: dict[str, str]) -> None:
-        engine = self.server.engine
-        self._json({
-            "version": engine.version, "pieces": pieces(engine), "draft": engine.draft,
-            "left_out": engine.session.node.left_out if engine.is_open else [], **running(engine),
-        })  # fmt: skip
+        self._json(whole_view(self.server.engine))
 
     def _piece(self, make: Piece, words: dict[str, str]) -> None:
         self._html(make(self.server.engine.session, words))
@@ -242,6 +238,19 @@ class _Handler(BaseHTTPRequestHandler):
         self.send_header("Content-Type", kind)
         for name, value in _HEADERS.items():
             self.send_header(name, value)
+
+
+def whole_view(engine: Engine) -> dict[str, Any]:
+    """All that the page shows.
+
+    What it takes for known is older than the pieces: what is found while they are made is new to it, and it looks
+    again.
+    """
+    version, known = engine.version, running(engine)
+    return {
+        "version": version, "pieces": pieces(engine), "draft": engine.draft,
+        "left_out": engine.session.node.left_out if engine.is_open else [], **known,
+    }  # fmt: skip
 
 
 def running(engine: Engine) -> dict[str, Any]:

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import csv
 import math
+import threading
 from pathlib import Path
 
 import armtrue_sim
 import pytest
 import yaml
 
+from armtrue.workbench import background, server
+from armtrue.workbench import engine as engines
 from armtrue.workbench.conftest import do, finish
 from armtrue.workbench.engine import Engine
 from armtrue.workbench.opening.dropped import Drop
@@ -93,3 +96,31 @@ def test_two_workbenches_without_a_session_keep_their_files_apart(tmp_path, monk
     drop(other, "second.csv")
     one._waiting_lock.keep(set())  # its process ends
     assert list(started("three").drop.names) == ["first.csv"]
+
+
+def test_what_is_found_while_the_page_is_drawn_is_new_to_it(tmp_path, monkeypatch):
+    """The page showed for ever that the diagnosis was being worked out: it ended while the pieces were made."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    armtrue_sim.simulate({"arm": "kr30", "seed": 5, "poses": 60}).write(tmp_path)
+    drawn, diagnose = threading.Event(), background.diagnose
+
+    def when_drawn(fit, tell):
+        assert drawn.wait(60.0)
+        return diagnose(fit, tell)
+
+    monkeypatch.setattr(background, "diagnose", when_drawn)
+    monkeypatch.setattr(engines, "_AT_ONCE_ROWS", 0)
+    engine = Engine(Drop(tmp_path / "drop"))
+    engine.begin(open_files([tmp_path / "data.csv"]))
+    begun = engine.known
+
+    def slowly(engine):
+        shown = pieces(engine)
+        drawn.set()
+        assert engine.background.wait(60.0)
+        return shown
+
+    monkeypatch.setattr(server, "pieces", slowly)
+    view = server.whole_view(engine)
+    assert "being worked out" in view["pieces"]["verdict"]
+    assert view["known"] == begun != engine.known
