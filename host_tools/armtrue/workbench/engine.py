@@ -49,6 +49,8 @@ class Engine:
         self.title = "Armtrue"
         self.about = "nothing is open yet"
         self.notes: list[str] = []
+        # How many actions have ended: a page that draws whenever it grows misses none, however short.
+        self.ended = 0
         self._session: Session | None = None
         self._locks = SessionLocks()
         self._waiting_lock = SessionLocks()
@@ -233,6 +235,7 @@ class Engine:
         self.failure = ""
         self.said = f"{name} is here. Choose more files, or press Open."
         self._keep()
+        self.ended += 1
         self.announce()
 
     def take_draft(self, words: Entry) -> None:
@@ -332,6 +335,7 @@ class Engine:
             self._diagnose()
             with self.changed:
                 self.task = None
+                self.ended += 1
                 self.announce()
 
     def _diagnose(self) -> None:

@@ -256,7 +256,8 @@ def whole_view(engine: Engine) -> dict[str, Any]:
 def running(engine: Engine) -> dict[str, Any]:
     """Which model is shown, what was said of it, what runs, and which buttons can be pressed."""
     return {
-        "model": engine.shown, "known": engine.known, "said": engine.said, "failure": engine.failure,
+        "model": engine.shown, "known": engine.known, "ended": engine.ended,
+        "said": engine.said, "failure": engine.failure,
         "task": _shown(engine.task), "diagnosing": _shown(engine.background.task), "buttons": buttons(engine),
         "first_figures": engine.first_figures is not None, "pausing": engine.pausing.is_set(),
         "made": engine.made.name if engine.made else None,

@@ -124,3 +124,10 @@ def test_what_is_found_while_the_page_is_drawn_is_new_to_it(tmp_path, monkeypatc
     view = server.whole_view(engine)
     assert "being worked out" in view["pieces"]["verdict"]
     assert view["known"] == begun != engine.known
+
+
+def test_every_action_that_has_ended_is_new_to_the_page(waiting):
+    """Of a short one the page heard nothing but its end, and went on showing what had been before."""
+    before = server.whole_view(waiting)["ended"]
+    do(waiting, "forget")
+    assert server.running(waiting)["ended"] == before + 1

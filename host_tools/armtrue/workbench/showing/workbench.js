@@ -6,7 +6,8 @@
   const BESIDE_WORK = ["card", "beside", "swaps", "ring", "hold", "close"]; // buttons that ask for no work of the session
   const WHILE_BUSY = ["cancel", "pause"];
   const SHOW_PROGRESS_AFTER_MS = 400, KEEP_DRAFT_MS = 300;
-  let model = null, known = null; // the model whose pieces stand on the page, and how much of its diagnosis
+  // The model whose pieces stand on the page, how much of its diagnosis, and how many actions had ended.
+  let model = null, known = null, ended = 0;
   const OF_THE_DIAGNOSIS = ["spectra", "unexplained"]; // the other parts below show the fit alone
   let busy = false, diagnosing = false, wanted = null, drawing = false, again = false, waitingForProgress = 0, waitingForDraft = 0;
   let next = null; // an "open" that waits for the one that runs
@@ -149,6 +150,7 @@
         }
         model = view.model;
         known = view.known;
+        ended = view.ended;
         leftOut = view.left_out;
         document.title = `${document.querySelector("h1").textContent} – Armtrue workbench`;
         document.body.classList.toggle("nothing-open", model === "none");
@@ -202,7 +204,8 @@
     const events = new EventSource("changes");
     events.onmessage = (message) => {
       const event = JSON.parse(message.data);
-      if (event.known !== known || (busy && event.task === null) || (diagnosing && event.diagnosing === null)) draw();
+      // Of what happens quickly, the last event alone may come.
+      if (event.known !== known || event.ended !== ended || (diagnosing && event.diagnosing === null)) draw();
       else show(event);
       if (wanted && event.task === null && event.made) {
         if (!event.failure) save(event.made);
