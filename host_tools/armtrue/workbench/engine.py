@@ -235,7 +235,6 @@ class Engine:
         self.failure = ""
         self.said = f"{name} is here. Choose more files, or press Open."
         self._keep()
-        self.ended += 1
         self.announce()
 
     def take_draft(self, words: Entry) -> None:
