@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import threading
 import time
@@ -265,7 +266,12 @@ class Engine:
 
     def go_on_waiting(self) -> None:
         """Take up the files that were dropped before anything was opened."""
-        if self._waits_alone() and go_on_waiting(self.drop):
+        with contextlib.suppress(
+            InputError
+        ):  # where nothing can be kept, the first file that is dropped says so
+            if not self._waits_alone():
+                return
+        if go_on_waiting(self.drop):
             self.said = "The files that were dropped last wait to be opened."
         self._let_others_wait()
 

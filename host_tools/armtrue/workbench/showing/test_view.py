@@ -131,3 +131,12 @@ def test_every_action_that_has_ended_is_new_to_the_page(waiting):
     before = server.whole_view(waiting)["ended"]
     do(waiting, "forget")
     assert server.running(waiting)["ended"] == before + 1
+
+
+def test_a_workbench_that_can_keep_nothing_still_opens(tmp_path, monkeypatch):
+    (tmp_path / "state").write_text("no folder")
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    engine = Engine(Drop(tmp_path / "drop"))
+    engine.go_on_waiting()
+    engine.take("first.csv", b"q1,q2\n0.1,0.2\n")
+    assert "cannot be" in engine.failure
