@@ -133,7 +133,7 @@ class Design {
   /// True after stand(): a change of coordinates then changes the loads too, in predictions and
   /// Jacobians.
   bool loads_follow() const { return feedback_.stands(); }
-  /// A copy in which a change of coordinates leaves the loads at their present values.
+  /// A copy whose loads keep their present values when coordinates change.
   Design with_loads_held() const;
 
   /// Row weights (square roots multiply the residual): 0 keeps a gross error out.

@@ -63,14 +63,6 @@ TEST(Stance, MeasurementEffect_DoesNotMoveTheArm) {
   EXPECT_DOUBLE_EQ(arm.state.column("tau1").front(), nominal);
 }
 
-TEST(Stance, SelectedRows_KeepTheirLoads) {
-  Pendulum arm({{"q1", {0.4, 0.9, -0.2}}});
-  stand(arm.state, arm.model, *arm.kinematics);
-  const State chosen = arm.state.select({2, 0});
-  EXPECT_DOUBLE_EQ(chosen.column("tau1")[0], arm.state.column("tau1")[2]);
-  EXPECT_DOUBLE_EQ(chosen.column("tau1")[1], arm.state.column("tau1")[0]);
-}
-
 TEST(Stance, NoTermReadsLoads_NothingMoves) {
   Pendulum arm({{"q1", {0.4}}}, "q1");
   BasisTable basis(arm.model, arm.state, arm.kinematics->layout());

@@ -250,7 +250,9 @@ TEST(Refine, AddsWhatIsMissingAndStops) {
   const json effects = steps.back().document()["effects"];
   for (const json& entry : effects) {
     EXPECT_EQ(entry.contains("probability"), entry["effect"] == "gear_harmonics") << entry;
-    if (entry.contains("probability")) EXPECT_GT(entry["probability"], 0.99);
+    if (entry.contains("probability")) {
+      EXPECT_GT(entry["probability"], 0.99);
+    }
   }
 }
 

@@ -5,7 +5,6 @@
 #include <map>
 #include <nlohmann/json.hpp>
 #include <numbers>
-#include <set>
 
 #include "fitter/common/dense.h"
 #include "fitter/evidence/words.h"
@@ -18,20 +17,17 @@ constexpr double kWavesHold = 0.5, kLineHolds = 0.5;
 // A wave needs four nodes to be one.
 constexpr double kNodesPerWave = 4.0;
 constexpr double kFirstLine = 3.0, kLineStep = 0.5;
-constexpr double kStraight = 1e-9;
+constexpr double kStraight = 1e-9;  // of the range: rounding
 
-// True if `basis` is a constant and a multiple of a variable in all rows.
+// Whether the values of `basis` lie on a straight line over `variable`, and not on a level one: the
+// mean of a table is the joint offset's.
 bool is_line(const State& state, const Expression& basis, const std::string& variable) {
-  const std::set<std::string> read = basis.variables();
-  if (read.size() != 1) return false;
   const std::vector<double>& at = state.column(variable);
-  const std::vector<double> values = basis.evaluate(
-      state.rows(),
-      [&](const std::string& name) -> const std::vector<double>& { return state.column(name); });
+  const std::vector<double> values = state.values(basis);
   const auto [low, high] = std::ranges::minmax_element(at);
   const auto first = static_cast<std::size_t>(low - at.begin());
   const auto last = static_cast<std::size_t>(high - at.begin());
-  if (at[first] == at[last]) return false;
+  if (at[first] == at[last] || values[first] == values[last]) return false;
   const double slope = (values[last] - values[first]) / (at[last] - at[first]);
   for (std::size_t i = 0; i < at.size(); ++i) {
     const double off = values[i] - values[first] - slope * (at[i] - at[first]);
@@ -130,7 +126,8 @@ bool is_part_of_tables(const Block& block, const Fit& fit) {
     return std::ranges::any_of(fit.model().parameters, [&](const Parameter& p) {
       if (p.terms.empty() || !p.terms.front().table) return false;
       const TableReference& table = *p.terms.front().table;
-      return table.axes.size() == 1 && p.terms.front().coordinate == term.coordinate &&
+      const bool is_first_node = table.index == std::vector{0};  // each table once, not each node
+      return is_first_node && p.terms.front().coordinate == term.coordinate &&
              is_line(fit.state(), term.basis, table.axes.front().variable);
     });
   };

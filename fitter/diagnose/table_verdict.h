@@ -26,8 +26,8 @@ struct TableVerdict {
 /// One for each table of the fit, by joint where it is a joint's.
 std::vector<TableVerdict> tables_of(const Fit& fit);
 
-/// True where tables of the fit can be all that a block is: lines in the variable of a table, on
-/// its coordinate.
+/// Whether tables of the fit can take over all terms of a block: each is a straight line over the
+/// variable of a table that acts on the same coordinate.
 bool is_part_of_tables(const Block& block, const Fit& fit);
 
 nlohmann::json to_json(const std::vector<TableVerdict>& tables);

@@ -103,17 +103,16 @@ TEST(ResidualGrid, LeavesOutNodesThatNoMeasurementReaches) {
   Random random(7);
   Problem problem = wavy_arm(3.0, 1e-4, random);
   // Nothing is measured in a quarter of the range of joints 1 and 2.
-  std::vector<std::size_t> kept;
+  State::Columns kept;
   for (std::size_t i = 0; i < problem.columns["q1"].size(); ++i) {
-    if (problem.columns["q1"][i] < 0.0 || problem.columns["q2"][i] < 0.0) kept.push_back(i);
+    if (problem.columns["q1"][i] >= 0.0 && problem.columns["q2"][i] >= 0.0) continue;
+    for (const auto& [name, values] : problem.columns) kept[name].push_back(values[i]);
   }
-  const State state = problem.state->select(kept);
   json model = kGrid;
   model["effects"][2] = {{"effect", "residual_grid"}, {"nodes", {8, 8, 3}}};
   FitOptions options;
   options.cross_validate = false;
-  const auto fit =
-      Fit::run(problem.robot, state.columns(), ModelSpecification::from_json(model), options);
+  const auto fit = Fit::run(problem.robot, kept, ModelSpecification::from_json(model), options);
   const auto present = [&](const std::string& node) {
     return fit->model().index("residual_grid.node" + node + "_tx") >= 0;
   };

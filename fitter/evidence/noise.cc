@@ -25,7 +25,8 @@ constexpr double kLeastShare = 0.05, kMostShare = 4.0;
 // A climb has arrived where no part changes the variance of the readings by more than this share.
 constexpr double kArrived = 2e-3;
 
-// Parts of which a combination is known by less than this share of each do the same.
+// Added to the information of each part, as a share: the variance of parts that no data can tell
+// apart becomes very large, not infinite.
 constexpr double kLeastTold = 1e-9;
 
 constexpr int kPositions = 3;  // equations of a row; those behind them are its orientation's
@@ -345,8 +346,8 @@ Eigen::Index unsure_part(const Eigen::VectorXd& variance, const Score& score, do
     if (variance[i] > 0.0 && score.information(i, i) > 0.0) there.push_back(i);
   }
   const Eigen::VectorXd unit = variance(there);
-  // The same scatter may come from readings, or from slides in three directions: such parts must be
-  // found to be unknown, not to have the least norm.
+  // Slides in three directions scatter as readings do. The variances of such parts are unknown, and
+  // one of the parts goes.
   Eigen::MatrixXd information =
       unit.asDiagonal() * score.information(there, there) * unit.asDiagonal();
   information.diagonal() *= 1.0 + kLeastTold;
@@ -381,7 +382,7 @@ NoiseParts estimate_noise(const Linearization& l, const Eigen::MatrixXd& columns
     const Eigen::VectorXd variance = variances_of(parts);
     const Eigen::Index unsure = unsure_part(variance, likelihood.score(parts), likelihood.poses());
     if (unsure == 0) break;
-    // What scatters more than readings and cannot be told from them is theirs.
+    // A part that scattered more than the readings leaves its scatter to them.
     const double taken = variance[unsure] * reach[unsure] / reach[0];
     if (taken > variance[0]) parts.reading = std::sqrt(taken);
     if (unsure <= l.layout.joints) {

@@ -190,9 +190,7 @@ std::vector<Carrying> carrying_of(const EvidenceForm& form, const Fit& fit) {
   for (Eigen::Index c = 0; c < static_cast<Eigen::Index>(form.own); ++c) {
     const Parameter& p = form.block.terms.parameters[static_cast<std::size_t>(c)];
     if (p.terms.empty()) continue;
-    const std::vector<double> basis = p.terms.front().basis.evaluate(
-        state.rows(),
-        [&](const std::string& name) -> const std::vector<double>& { return state.column(name); });
+    const std::vector<double> basis = state.values(p.terms.front().basis);
     gives.col(c) = Eigen::Map<const Eigen::VectorXd>(basis.data(), rows);
   }
   double softness = 0.0;  // of the spring that the same load bends

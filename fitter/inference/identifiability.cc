@@ -151,8 +151,8 @@ Eigen::MatrixXd information_of(const Design& design) {
   return information;
 }
 
-// The factorisation that has accepted what the data can tell of `order`, unknowns by preference,
-// and `parameters`, theirs.
+// Chooses the unknowns that the data can tell apart, and factorises their information. `order`:
+// unknowns of the design, preferred ones first; `parameters`: the parameter of each.
 RankRevealing told_apart(const Design& design, const std::vector<int>& order,
                          const std::vector<const Parameter*>& parameters) {
   Eigen::VectorXd priors(static_cast<Eigen::Index>(order.size()));
@@ -187,7 +187,7 @@ RankRevealing told_apart(const Design& design, const std::vector<int>& order,
 
 std::string describe(const Parameter& p) { return find_effect(p.effect).describe(p); }
 
-Identifiability identify(Design& design) {
+Identifiability identify(const Design& design) {
   const Model& model = design.model();
   std::vector<int> order;   // unknowns that may be held
   std::vector<int> always;  // tables and nonlinear parameters

@@ -28,7 +28,7 @@ struct Identifiability {
 /// well they see it. What is kept of the geometry is minimal and complete (four parameters a
 /// revolute joint in the generic case). `design` must have all candidates free. Table nodes are
 /// always kept: their gauges and smoothness are penalties.
-Identifiability identify(Design& design);
+Identifiability identify(const Design& design);
 
 /// "axis 3's zero", "the tool's y" …: a parameter as people say it.
 std::string describe(const Parameter& parameter);

@@ -98,27 +98,4 @@ Measurements Measurements::from_state(const State& state,
   return m;
 }
 
-Measurements Measurements::select(const std::vector<std::size_t>& chosen) const {
-  Measurements m = *this;
-  m.rows = chosen.size();
-  m.position.resize(3, static_cast<Eigen::Index>(chosen.size()));
-  m.rotation.clear();
-  m.target.clear();
-  m.repeat.clear();
-  m.poses.pose_of_row.clear();
-  m.poses.visit_of_row.clear();
-  m.whiten_position.clear();
-  for (std::size_t i = 0; i < chosen.size(); ++i) {
-    m.position.col(static_cast<Eigen::Index>(i)) =
-        position.col(static_cast<Eigen::Index>(chosen[i]));
-    m.target.push_back(target[chosen[i]]);
-    m.whiten_position.push_back(whiten_position[chosen[i]]);
-    if (has_rotation()) m.rotation.push_back(rotation[chosen[i]]);
-    if (!repeat.empty()) m.repeat.push_back(repeat[chosen[i]]);
-    m.poses.pose_of_row.push_back(poses.pose_of_row[chosen[i]]);
-    m.poses.visit_of_row.push_back(poses.visit_of_row[chosen[i]]);
-  }
-  return m;
-}
-
 }  // namespace armtrue

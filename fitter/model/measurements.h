@@ -48,7 +48,6 @@ struct Measurements {
   /// there). Throws ModelError.
   static Measurements from_state(const State& state, const std::optional<Instrument>& instrument,
                                  double assumed_sigma, double sigma_rotation);
-  Measurements select(const std::vector<std::size_t>& rows) const;
 };
 
 }  // namespace armtrue

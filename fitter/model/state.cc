@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <numeric>
 #include <optional>
 #include <utility>
@@ -79,26 +80,8 @@ State::State(const Robot& robot, Columns columns, const Eigen::Vector3d& payload
   }
 }
 
-State State::select(const std::vector<std::size_t>& rows) const {
-  Columns chosen;
-  for (const auto& [name, values] : columns_) {
-    std::vector<double>& column = chosen[name];
-    column.reserve(rows.size());
-    for (const std::size_t row : rows) column.push_back(values[row]);
-  }
-  State selected(*robot_, std::move(chosen), payload_point_);
-  selected.begin_time_at(time_origin_);
-  selected.let_loads_follow(loads_follow_);
-  if (standing_) {
-    const auto each = static_cast<std::ptrdiff_t>(robot_->joint_count()) + 1;
-    Frames frames;
-    for (const std::size_t row : rows) {
-      const auto first = standing_->begin() + static_cast<std::ptrdiff_t>(row) * each;
-      frames.insert(frames.end(), first, first + each);
-    }
-    selected.standing_ = std::make_shared<const Frames>(std::move(frames));
-  }
-  return selected;
+std::vector<double> State::values(const Expression& basis) const {
+  return basis.evaluate(rows_, std::bind_front(&State::column, this));
 }
 
 void State::stand(std::vector<Pose> frames) {

@@ -37,6 +37,8 @@ class State {
   /// The column of a state variable; throws ModelError naming the column to record where it cannot
   /// be had.
   const std::vector<double>& column(const std::string& name) const;
+  /// What an expression of state variables comes to, row by row.
+  std::vector<double> values(const Expression& basis) const;
   /// All recorded columns.
   const Columns& columns() const { return columns_; }
   /// Commanded joints, rows × n, row-major.
@@ -62,8 +64,6 @@ class State {
   bool loads_follow() const { return loads_follow_; }
   /// True where the values depend on where the arm stands.
   bool is_load(const Expression& basis) const;
-  /// Same robot, payload point, origin of time and stance, only the rows given.
-  State select(const std::vector<std::size_t>& rows) const;
 
  private:
   using Frames = std::vector<Pose>;  // frame k in the base, k = 1…n, then the payload point's frame

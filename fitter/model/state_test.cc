@@ -177,14 +177,6 @@ TEST(State, AngleTemperatureAndWhatDoesNotExist) {
   }
 }
 
-TEST(State, SelectsRows) {
-  const Heavy arm;
-  const State some = arm.state->select({4, 1});
-  EXPECT_EQ(some.rows(), 2u);
-  EXPECT_EQ(some.column("tau2")[0], arm.state->column("tau2")[4]);
-  EXPECT_EQ(some.column("time")[1], arm.columns.at("time")[1]);
-}
-
 TEST(State, RefusesMissingJointsAndRaggedColumns) {
   Heavy arm;
   State::Columns missing = arm.columns;

@@ -93,7 +93,7 @@ _machines = itertools.count(os.getpid())
 
 
 def _one_processor() -> str:
-    """One of the processors that we may run on, each machine the next."""
+    """The number of a processor that we may run on: each machine gets the next one."""
     ours = sorted(os.sched_getaffinity(0))
     return str(ours[next(_machines) % len(ours)])
 
@@ -169,8 +169,8 @@ def run_in_uml(
             f"init={init}", "con=null", "con0=null,fd:1", "quiet", "loglevel=1", f"uml_dir={job}/",
             "random.trust_cpu=on",
         ]  # fmt: skip
-        # Every system call inside goes from one process of UML to another and back: a quarter of the time where both
-        # are on one processor.
+        # Every system call inside is handed from one process of UML to another and back, which is much quicker where
+        # both run on the same processor.
         machine = subprocess.Popen(
             ["taskset", "--cpu-list", _one_processor(), *arguments],
             stdin=subprocess.DEVNULL,

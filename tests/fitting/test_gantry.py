@@ -87,7 +87,7 @@ def test_all_parts_read_the_angle_of_a_row_that_slides(tmp_path, convention):
 
 
 def test_scatter_in_all_directions_is_that_of_the_readings(tmp_path):
-    """Three slides that repeat equally badly would look the same; the simpler cause is named."""
+    """Three slides that repeat equally badly would give the same data: readings are the simpler cause."""
     robot = armtrue.load_robot(robot_file(tmp_path, "mdh"))
     for seed in range(4):
         data = armtrue.load_data(measured(tmp_path, "mdh", 120, 15e-6, seed), robot)

@@ -86,13 +86,8 @@ def run_kinds(kinds: Iterable[str], given: argparse.Namespace, pool: ProcessPool
     for kind in kinds:
         seeds = seeds_of(kind, given)
         arms = tuple(PRESETS) if given.variants and KINDS[kind].arms == ARMS else KINDS[kind].arms
-        outcomes = [
-            outcome
-            for outcome in in_parallel(
-                pool, _case_or_none, [(kind, arm, seed, settings) for arm in arms for seed in seeds]
-            )
-            if outcome is not None
-        ]
+        calls = [(kind, arm, seed, settings) for arm in arms for seed in seeds]
+        outcomes = [outcome for outcome in in_parallel(pool, _case_or_none, calls) if outcome]
         for o in outcomes:
             if verdict_of(o) != "right":
                 words = f"hidden {sorted(o.hidden)}, added {sorted(o.added)} {o.trouble}"

@@ -1,6 +1,6 @@
 # Python unit tests beside their subject, and the tests across parts; then the verdicts of those that step 32 began.
-# (One more worker than cores: many wait for a command, a browser or a disk. -rs: a test that cannot run here, for want of
-# ../shared/datasets, says so.)
+# (One worker more than there are cores, since many tests wait for a command, a browser or a disk. pytest says which tests were
+# skipped and why: those on real measurements are, where ../shared/datasets is not there.)
 OPENBLAS_NUM_THREADS=1 run_pytest ${LEVEL_MARK:+-m "$LEVEL_MARK"} -n $((JOBS + 1)) --dist loadfile host_tools sim tests \
   --ignore=tests/can --ignore=tests/loop --ignore=tests/firmware_boot --ignore=tests/wheel && failed=0 || failed=1
 if [ ! -e out/pytest-bus.log ]; then

@@ -19,10 +19,7 @@ std::array<std::string, 3> without_rigid_motion(const EffectContext& context,
   const auto rows = static_cast<Eigen::Index>(context.state.rows());
   const auto evaluated = [&](const std::string& text) -> Eigen::VectorXd {
     if (text.empty()) return Eigen::VectorXd::Zero(rows);
-    const std::vector<double> values = Expression::parse(text).evaluate(
-        context.state.rows(), [&](const std::string& name) -> const std::vector<double>& {
-          return context.state.column(name);
-        });
+    const std::vector<double> values = context.state.values(Expression::parse(text));
     return Eigen::Map<const Eigen::VectorXd>(values.data(), rows);
   };
   const Sight s = line_of_sight(context);

@@ -230,10 +230,7 @@ class BendingCompliance final : public Effect {
     for (const Term& term : p.terms) {
       for (int c = 0; c < 3; ++c) {
         if (!(term.coordinate == on_link(k, 3 + c))) continue;
-        const std::vector<double> basis = term.basis.evaluate(
-            turn.size(), [&](const std::string& name) -> const std::vector<double>& {
-              return context.state.column(name);
-            });
+        const std::vector<double> basis = context.state.values(term.basis);
         for (std::size_t i = 0; i < turn.size(); ++i) turn[i] += axis[c] * term.weight * basis[i];
       }
     }

@@ -7,9 +7,7 @@ namespace armtrue {
 namespace {
 
 bool is_zero(const State& state, const Expression& basis) {
-  const std::vector<double> values = basis.evaluate(
-      state.rows(),
-      [&](const std::string& name) -> const std::vector<double>& { return state.column(name); });
+  const std::vector<double> values = state.values(basis);
   return std::none_of(values.begin(), values.end(), [](double v) { return std::abs(v) > 1e-9; });
 }
 

@@ -68,7 +68,7 @@ def refuse_what_cannot_be_an_arm(data: Dataset, robot: Robot) -> None:
 
 
 def warnings_of_fit(base: dict[str, Any], robot: Robot) -> list[str]:
-    """Doubts about robot.yaml that need the fitted base, with remedies. `base`: measuring_from_base of fit.json."""
+    """Warnings about robot.yaml that need the fitted base, with remedies. `base`: measuring_from_base of fit.json."""
     return [f"{finding.message}. {finding.remedy}" for finding in gravity.find(base, robot)]
 
 

@@ -204,19 +204,17 @@ def _find_time(part: Part, header: str) -> None:
 _CLOCKS_BEGIN = datetime.datetime(2000, 1, 1)
 
 
-def seconds(part: Part) -> Array | None:
-    """Seconds of each row, those of clocks from one beginning for all sheets; None where the sheet has no time."""
-    header = part.meaning.others.get("time")
-    if header is None:
-        return None
+def seconds(part: Part) -> Array:
+    """Seconds of each row of a sheet with time. Clocks of all sheets count from the same moment."""
+    header = part.meaning.others["time"]
     if part.time_format is None:
         return part.in_si("time", header)
     stamps = [datetime.datetime.strptime(cell, part.time_format) for cell in part.sheet.cells(header)]
-    return np.array([(stamp.replace(tzinfo=None) - _CLOCKS_BEGIN).total_seconds() for stamp in stamps])
+    return np.array([(stamp - _CLOCKS_BEGIN).total_seconds() for stamp in stamps])
 
 
 def _kind_of_clock(part: Part) -> str:
-    """Times of one kind can be subtracted from one another: seconds, times of day, times of a date."""
+    """Plain seconds, times of day, or times with a date: times of two kinds cannot be compared."""
     if part.time_format is None:
         return "seconds"
     return "date" if "%Y" in part.time_format else "day"
@@ -318,16 +316,16 @@ def long_table(parts: list[Part]) -> tuple[LongTable, list[str]]:
         if "repeat" in base.meaning.others:
             repeats = np.unique(base.sheet.cells(base.meaning.others["repeat"]), return_inverse=True)[1]
             put("repeat", repeats.astype(np.float64)[own])
-        for source, rows in ((base, own), (part, other)):
-            clock = seconds(source)
-            if clock is not None:
-                put("time", clock[rows])
-                kinds.add(_kind_of_clock(source))
-                break
+        timed, rows = (base, own) if "time" in base.meaning.others else (part, other)
+        if "time" in timed.meaning.others:
+            put("time", seconds(timed)[rows])
+            kinds.add(_kind_of_clock(timed))
         labels += [label] * len(own)
     if len(kinds) > 1:
         columns.pop("time")
-        notes.append("time: not taken, as the files have it of different clocks")
+        notes.append(
+            "time: not taken, as the times of the files cannot be compared (seconds, times of day, dates)"
+        )
     of_some = [name for name, pieces in columns.items() if len(pieces) != len(blocks)]
     notes += [f"{name}: not taken, as not every reflector has it" for name in of_some]
     table = LongTable({}, {}, labels)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import logging
 import threading
 import time
@@ -50,7 +49,7 @@ class Engine:
         self.title = "Armtrue"
         self.about = "nothing is open yet"
         self.notes: list[str] = []
-        # How many actions have ended: a page that draws whenever it grows misses none, however short.
+        # How many actions have ended. The page draws whenever this grows, as it hears only the end of a short one.
         self.ended = 0
         self._session: Session | None = None
         self._locks = SessionLocks()
@@ -266,12 +265,11 @@ class Engine:
 
     def go_on_waiting(self) -> None:
         """Take up the files that were dropped before anything was opened."""
-        with contextlib.suppress(
-            InputError
-        ):  # where nothing can be kept, the first file that is dropped says so
-            if not self._waits_alone():
-                return
-        if go_on_waiting(self.drop):
+        try:
+            alone = self._waits_alone()
+        except InputError:
+            return  # what cannot be written is said when the first file is dropped
+        if alone and go_on_waiting(self.drop):
             self.said = "The files that were dropped last wait to be opened."
         self._let_others_wait()
 

@@ -243,14 +243,12 @@ class _Handler(BaseHTTPRequestHandler):
 def whole_view(engine: Engine) -> dict[str, Any]:
     """All that the page shows.
 
-    What it takes for known is older than the pieces: what is found while they are made is new to it, and it looks
-    again.
+    What runs and what is known is read before the pieces are made. Where a diagnosis ends in between, the page takes
+    it for unknown still, and looks again.
     """
-    version, known = engine.version, running(engine)
-    return {
-        "version": version, "pieces": pieces(engine), "draft": engine.draft,
-        "left_out": engine.session.node.left_out if engine.is_open else [], **known,
-    }  # fmt: skip
+    before = running(engine)
+    left_out = engine.session.node.left_out if engine.is_open else []
+    return {**before, "pieces": pieces(engine), "draft": engine.draft, "left_out": left_out}
 
 
 def running(engine: Engine) -> dict[str, Any]:

@@ -112,7 +112,5 @@ def _link(kinematics: dict[str, Any], k: int) -> tuple[NDArray[np.float64], list
 
 
 def _turned(alpha_rad: float, theta_rad: float) -> list[float]:
-    """Roll, pitch and yaw of a turn about x and then, before a joint that slides, about z."""
-    if theta_rad == 0.0:
-        return [alpha_rad, 0.0, 0.0]
+    """Roll, pitch and yaw [rad] of a turn by alpha about x, then by theta about z (of a joint that slides)."""
     return rpy_from_matrix(matrix_about("x", alpha_rad) @ matrix_about("z", theta_rad))

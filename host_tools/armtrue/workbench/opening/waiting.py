@@ -34,7 +34,7 @@ def go_on_waiting(drop: Drop) -> bool:
 
 
 def folder_of_waiting() -> Path:
-    """Where it is written down: for one server at a time."""
+    """The folder in which one server at a time writes down the files that wait."""
     return default_folder("waiting")
 
 

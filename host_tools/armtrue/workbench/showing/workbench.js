@@ -204,7 +204,7 @@
     const events = new EventSource("changes");
     events.onmessage = (message) => {
       const event = JSON.parse(message.data);
-      // Of what happens quickly, the last event alone may come.
+      // Events that follow one another quickly come as one: the last.
       if (event.known !== known || event.ended !== ended || (diagnosing && event.diagnosing === null)) draw();
       else show(event);
       if (wanted && event.task === null && event.made) {
