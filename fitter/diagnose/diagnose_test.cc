@@ -274,5 +274,19 @@ TEST(Refine, AProxyDoesNotStay) {
   EXPECT_EQ(std::count(left.begin(), left.end(), "gear_harmonics"), 1);
 }
 
+// A joint that the data tell stands alone, those that are measured together stand together.
+TEST(WordsOf, JointsThatArePooledAreToldAtOnce) {
+  const auto fit = believed(5);
+  const Linearization l = linearize(*fit);
+  NoiseParts noise;
+  noise.joint = {1e-4, 2e-5, 2e-5, 2e-5, 2e-5, 2e-5};
+  noise.pooled = {false, true, true, true, true, true};
+  const std::string told = words_of(noise, l, fit->robot());
+  EXPECT_EQ(told.find("joint 1 repeats to 100 urad, joints 2, 3, 4, 5 and 6 to 20 urad each; "), 0U)
+      << told;
+  noise.joint.assign(6, 1e-9);
+  EXPECT_EQ(words_of(noise, l, fit->robot()).find("readings scatter by "), 0U);
+}
+
 }  // namespace
 }  // namespace armtrue

@@ -1,10 +1,13 @@
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdio>
 #include <map>
 #include <optional>
 #include <set>
+#include <string>
 #include <utility>
+#include <vector>
 
 #include "fitter/diagnose/structure.h"
 #include "fitter/evidence/words.h"
@@ -142,7 +145,9 @@ LackOfFit lack_of_fit(const Linearization& l, const Fit& fit, NoiseParts noise) 
 std::string words_of(const NoiseParts& noise, const Linearization& l, const Robot& robot) {
   const double reading = noise.reading * l.typical_sigma;
   std::vector<std::pair<double, std::size_t>> joints;  // scatter of a coordinate at the tool [m]
+  std::array<std::vector<std::size_t>, 2> alike;       // joints that turn, joints that slide
   for (std::size_t k = 0; k < noise.joint.size(); ++k) {
+    if (noise.is_pooled(k)) alike.at(robot.joints[k].prismatic ? 1 : 0).push_back(k);
     const double moved = noise.joint[k] *
                          l.displacement(l.geometry.col(l.layout.motor(static_cast<int>(k)))) /
                          std::sqrt(3.0);
@@ -151,10 +156,20 @@ std::string words_of(const NoiseParts& noise, const Linearization& l, const Robo
   std::ranges::sort(joints);
   std::string words;
   for (const auto& [moved, k] : joints) {
+    std::vector<std::size_t> named{k};
+    if (noise.is_pooled(k)) named = std::exchange(alike.at(robot.joints[k].prismatic ? 1 : 0), {});
+    if (named.empty()) continue;  // told with another of its pool
+    const bool one = named.size() == 1, first = words.empty();
+    words += std::string(first ? "" : ", ") + (one ? "joint " : "joints ");
+    for (const std::size_t j : named)
+      words += (j == named.front()  ? ""
+                : j == named.back() ? " and "
+                                    : ", ") +
+               std::to_string(j + 1);
+    if (first) words += one ? " repeats" : " repeat";
     char text[80];
-    std::snprintf(text, sizeof text, "%s %zu %sto %.3g %s", words.empty() ? "joint" : ", joint",
-                  k + 1, words.empty() ? "repeats " : "", noise.joint[k] * 1e6,
-                  robot.joints[k].prismatic ? "um" : "urad");
+    std::snprintf(text, sizeof text, " to %.3g %s%s", noise.joint[k] * 1e6,
+                  robot.joints[k].prismatic ? "um" : "urad", one ? "" : " each");
     words += text;
   }
   if (!words.empty()) words += "; ";

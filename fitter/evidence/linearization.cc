@@ -64,6 +64,7 @@ Linearization linearize(Fit& fit) {
   l.poses = fit.measurements().poses;
   l.layout = fit.kinematics().layout();
   l.typical_sigma = fit.measurements().typical_sigma;
+  for (const Joint& joint : fit.robot().joints) l.prismatic.push_back(joint.prismatic);
   if (fit.measurements().has_rotation()) l.sigma_rotation = fit.measurements().sigma_rotation;
   const std::vector<double> weights = design.weights();
   bound_rejected_rows(design);

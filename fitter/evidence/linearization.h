@@ -29,6 +29,7 @@ struct Linearization {
   Eigen::MatrixXd geometry;                  ///< equations × coordinates
   Eigen::MatrixXd translation;               ///< equations × 3: a shift of the measured point
   std::array<std::vector<double>, 3> point;  ///< predicted, by axis and row, in the measuring frame
+  std::vector<bool> prismatic;               ///< by joint
   double typical_sigma = 1.0;                ///< [m] of one whitened unit of position
   double sigma_rotation = 0.0;  ///< [rad] of one whitened unit of orientation; 0: none measured
   double counted = 1.0;         ///< equations, as equations_that_count counts them

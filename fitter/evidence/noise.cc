@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <map>
+#include <numeric>
 
 #include "fitter/common/dense.h"
 #include "fitter/common/parallel.h"
@@ -20,7 +22,11 @@ constexpr Eigen::Index kTogether = 16;  // columns that one thread whitens at a 
 // joint's scatter can explain all that is left, and readings seem to have no noise.
 constexpr Eigen::Index kEquationsPerPart = 4;
 // A variance becomes at least and at most this share of itself in one step.
-constexpr int kStepsAfterDrop = 2;
+constexpr int kStepsAfterChange = 5;
+// Joints that are pooled begin with at least this share of the readings' variance.
+constexpr double kLeastPooled = 0.1;
+// Twice the logarithm of a likelihood that is nothing.
+constexpr double kCannotBeTold = 0.01;
 constexpr double kLeastShare = 0.05, kMostShare = 4.0;
 // A climb has arrived where no part changes the variance of the readings by more than this share.
 constexpr double kArrived = 2e-3;
@@ -154,9 +160,10 @@ double counted_equations(const Linearization& l, const NoiseParts& parts) {
 
 namespace {
 
-// Slope of the restricted likelihood by the variance of every part (reading, joints, pose,
-// orientation), and the information of these variances.
+// The restricted likelihood's logarithm, its slope by the variance of every part (reading, joints,
+// pose, orientation), and the information of these variances.
 struct Score {
+  double value = 0.0;
   Eigen::VectorXd slope;
   Eigen::MatrixXd information;
 };
@@ -266,7 +273,11 @@ Score RestrictedLikelihood::score(const NoiseParts& parts) const {
     at += size;
   }
   const ScaledCholesky factor(precision_ + square_across(white));
-  left -= white.transpose() * factor.solve(white * left);
+  const Eigen::VectorXd moment = white * left;
+  const Eigen::VectorXd coefficients = factor.solve(moment);
+  double value = -0.5 * (left.squaredNorm() - moment.dot(coefficients) + factor.log_determinant());
+  for (const Eigen::MatrixXd& root : roots) value += root.diagonal().array().log().sum();
+  left -= white.transpose() * coefficients;
 
   // The sums that the steps compare are averages over poses: some hundreds of them say as much as
   // all.
@@ -281,7 +292,7 @@ Score RestrictedLikelihood::score(const NoiseParts& parts) const {
   const Eigen::MatrixXd half = factor.half_solve(white(Eigen::all, looked_at));
   const Eigen::VectorXd seen = left(looked_at);
   const auto count = static_cast<Eigen::Index>(parts.joint.size()) + 3;
-  Score score{Eigen::VectorXd::Zero(count), Eigen::MatrixXd::Zero(count, count)};
+  Score score{value, Eigen::VectorXd::Zero(count), Eigen::MatrixXd::Zero(count, count)};
   at = 0;
   for (std::size_t g = 0; g < poses_.size(); g += stride) {
     const auto size = static_cast<Eigen::Index>(poses_[g].equations.size());
@@ -304,6 +315,31 @@ Eigen::VectorXd variances_of(const NoiseParts& parts) {
   return variance;
 }
 
+// Which parts have one variance: by part, the first of those that have the same.
+using Groups = std::vector<Eigen::Index>;
+
+// Joints that slide and joints that turn are not alike: each kind has a group of its own.
+Groups groups_of(const NoiseParts& parts, const Linearization& l) {
+  Groups groups(parts.joint.size() + 3);
+  std::iota(groups.begin(), groups.end(), Eigen::Index{0});
+  std::array<std::optional<Eigen::Index>, 2> first;
+  for (std::size_t k = 0; k < parts.pooled.size(); ++k) {
+    if (!parts.pooled[k]) continue;
+    std::optional<Eigen::Index>& of_kind = first.at(l.prismatic[k] ? 1 : 0);
+    if (!of_kind) of_kind = groups[k + 1];
+    groups[k + 1] = *of_kind;
+  }
+  return groups;
+}
+
+// The score by the variances of groups, at each group's first part; zero at its others.
+Score folded(const Score& score, const Groups& groups) {
+  const auto count = static_cast<Eigen::Index>(groups.size());
+  Eigen::MatrixXd sums = Eigen::MatrixXd::Zero(count, count);
+  for (Eigen::Index i = 0; i < count; ++i) sums(groups[static_cast<std::size_t>(i)], i) = 1.0;
+  return {score.value, sums * score.slope, sums * score.information * sums.transpose()};
+}
+
 // Mean variance of a reading that one unit of each part's variance causes.
 Eigen::VectorXd reaches(const Linearization& l) {
   Eigen::VectorXd reach(l.layout.joints + 3);
@@ -320,13 +356,17 @@ NoiseParts climb(const RestrictedLikelihood& likelihood, const Linearization& l,
                  int steps) {
   const auto joints = static_cast<Eigen::Index>(parts.joint.size());
   const Eigen::VectorXd reach = reaches(l);
+  const Groups groups = groups_of(parts, l);
   for (int step = 0; step < steps; ++step) {
     const Eigen::VectorXd before = variances_of(parts);
-    const Eigen::VectorXd variance = next_variances(before, likelihood.score(parts));
+    const Eigen::VectorXd variance =
+        next_variances(before, folded(likelihood.score(parts), groups))(groups);
     parts.reading = std::sqrt(variance[0]);
     for (Eigen::Index k = 0; k < joints; ++k) {
-      parts.joint[static_cast<std::size_t>(k)] =
-          variance[k + 1] * reach[k + 1] < kNone * variance[0] ? 0.0 : std::sqrt(variance[k + 1]);
+      const auto at = static_cast<std::size_t>(k);
+      const bool none =
+          !parts.is_pooled(at) && variance[k + 1] * reach[k + 1] < kNone * variance[0];
+      parts.joint[at] = none ? 0.0 : std::sqrt(variance[k + 1]);
     }
     if (parts.pose) parts.pose = std::sqrt(variance[joints + 1]);
     parts.orientation = std::sqrt(variance[joints + 2]);
@@ -337,31 +377,102 @@ NoiseParts climb(const RestrictedLikelihood& likelihood, const Linearization& l,
   return parts;
 }
 
-// The part that the data know least to be there, if it does not pay for itself by the Bayesian
-// information criterion (Schwarz 1978, Ann. Stat. 6, 461); 0: all do.
-// Readings of positions and of orientations always scatter.
-Eigen::Index unsure_part(const Eigen::VectorXd& variance, const Score& score, double poses) {
+// The joint, of those not pooled, whose variance lies fewest of its own standard deviations above
+// zero.
+std::optional<std::size_t> least_sure(const NoiseParts& parts, const Score& score,
+                                      const Eigen::VectorXd& reach) {
+  const Eigen::VectorXd variance = variances_of(parts);
   std::vector<Eigen::Index> there;
   for (Eigen::Index i = 0; i < variance.size(); ++i) {
     if (variance[i] > 0.0 && score.information(i, i) > 0.0) there.push_back(i);
   }
   const Eigen::VectorXd unit = variance(there);
-  // Slides in three directions scatter as readings do. The variances of such parts are unknown, and
-  // one of the parts goes.
+  // Slides in three directions scatter as readings do. The variances of such parts are unknown.
   Eigen::MatrixXd information =
       unit.asDiagonal() * score.information(there, there) * unit.asDiagonal();
   information.diagonal() *= 1.0 + kLeastTold;
-  const Eigen::MatrixXd covariance = ScaledCholesky(information).inverse();
-  double least = std::log(poses);
-  Eigen::Index unsure = 0;
-  for (std::size_t i = 1; i < there.size(); ++i) {
-    const auto at = static_cast<Eigen::Index>(i);
-    const double squares = 1.0 / std::max(covariance(at, at), 1e-300);
-    if (squares >= least || there[i] == variance.size() - 1) continue;
-    least = squares;
-    unsure = there[i];
+  Eigen::VectorXd deviation =  // of what fell to zero, more than any
+      Eigen::VectorXd::Constant(variance.size(), std::numeric_limits<double>::infinity());
+  deviation(there) = ScaledCholesky(information).inverse().diagonal();
+  std::optional<std::size_t> least;
+  for (std::size_t k = 0; k < parts.joint.size(); ++k) {
+    const auto at = static_cast<Eigen::Index>(k) + 1;
+    if (parts.is_pooled(k) || reach[at] == 0.0) continue;
+    if (!least || deviation[at] > deviation[static_cast<Eigen::Index>(*least) + 1]) least = k;
   }
-  return unsure;
+  return least;
+}
+
+// The joints that are pooled, and joint `k`, have one variance for each kind: that which moves the
+// tool as much as theirs did together, and no less than it takes to be found.
+void pool(NoiseParts& parts, const Linearization& l, const Eigen::VectorXd& reach,
+          std::optional<std::size_t> k = std::nullopt) {
+  parts.pooled.resize(parts.joint.size(), false);
+  if (k) parts.pooled[*k] = true;
+  for (const bool slides : {false, true}) {
+    std::vector<std::size_t> alike;
+    double moved = 0.0, lever = 0.0;
+    for (std::size_t j = 0; j < parts.joint.size(); ++j) {
+      if (!parts.pooled[j] || l.prismatic[j] != slides) continue;
+      alike.push_back(j);
+      moved += parts.joint[j] * parts.joint[j] * reach[static_cast<Eigen::Index>(j) + 1];
+      lever += reach[static_cast<Eigen::Index>(j) + 1];
+    }
+    moved = std::max(moved, kLeastPooled * parts.reading * parts.reading * reach[0]);
+    for (const std::size_t j : alike) parts.joint[j] = std::sqrt(moved / lever);
+  }
+}
+
+// Climbs to `simpler`, from where `parts` are, and takes it unless twice the logarithm of the
+// likelihood falls by more than `asked`.
+bool gives_way(const RestrictedLikelihood& likelihood, const Linearization& l, NoiseParts& parts,
+               NoiseParts simpler, double asked) {
+  simpler = climb(likelihood, l, std::move(simpler), kStepsAfterChange);
+  const double fall = likelihood.score(parts).value - likelihood.score(simpler).value;
+  if (2.0 * fall > asked) return false;
+  parts = std::move(simpler);
+  return true;
+}
+
+// Every joint scatters, and that of good ones is lost in the readings if each is asked alone: those
+// whose own variance does not pay for itself by the Bayesian information criterion, extended for
+// how many joints were asked (Chen and Chen 2008, Biometrika 95, 759), are pooled. What is shared
+// goes to the readings where it does not pay: by a pose, by the same criterion; by joints that are
+// pooled, where the data cannot tell it at all.
+NoiseParts without_unsure(const RestrictedLikelihood& likelihood, const Linearization& l,
+                          NoiseParts parts) {
+  const Eigen::VectorXd reach = reaches(l);
+  const double of_one_variance =
+      std::log(likelihood.poses()) + 2.0 * std::log(static_cast<double>(parts.joint.size()));
+  while (true) {
+    const Score score = folded(likelihood.score(parts), groups_of(parts, l));
+    const std::optional<std::size_t> unsure = least_sure(parts, score, reach);
+    if (!unsure) break;
+    NoiseParts simpler = parts;
+    pool(simpler, l, reach, unsure);
+    if (!gives_way(likelihood, l, parts, std::move(simpler), of_one_variance)) break;
+  }
+  if (parts.pose && *parts.pose > 0.0) {
+    NoiseParts simpler = parts;
+    simpler.pose = 0.0;
+    simpler.reading =
+        std::hypot(parts.reading, *parts.pose * std::sqrt(reach[l.layout.joints + 1] / reach[0]));
+    pool(simpler, l, reach);
+    gives_way(likelihood, l, parts, std::move(simpler), of_one_variance);
+  }
+  for (const bool slides : {false, true}) {
+    NoiseParts simpler = parts;
+    for (std::size_t k = 0; k < parts.joint.size(); ++k) {
+      if (!parts.is_pooled(k) || l.prismatic[k] != slides) continue;
+      simpler.joint[k] = 0.0;
+      simpler.reading = std::hypot(
+          simpler.reading,
+          parts.joint[k] * std::sqrt(reach[static_cast<Eigen::Index>(k) + 1] / reach[0]));
+    }
+    if (simpler.joint != parts.joint)
+      gives_way(likelihood, l, parts, std::move(simpler), kCannotBeTold);
+  }
+  return parts;
 }
 
 }  // namespace
@@ -372,27 +483,13 @@ NoiseParts estimate_noise(const Linearization& l, const Eigen::MatrixXd& columns
   const RestrictedLikelihood likelihood(l, columns, precision, y);
   NoiseParts parts = start;
   parts.joint.resize(static_cast<std::size_t>(l.layout.joints), 0.0);
-  if (y.size() - columns.cols() < kEquationsPerPart * (l.layout.joints + 1)) {
+  const bool few = y.size() - columns.cols() < kEquationsPerPart * (l.layout.joints + 1);
+  if (few) {
     std::ranges::fill(parts.joint, 0.0);
     if (parts.pose) parts.pose = 0.0;
   }
   parts = climb(likelihood, l, std::move(parts), effort.steps);
-  const Eigen::VectorXd reach = reaches(l);
-  while (effort.drops_unsure) {
-    const Eigen::VectorXd variance = variances_of(parts);
-    const Eigen::Index unsure = unsure_part(variance, likelihood.score(parts), likelihood.poses());
-    if (unsure == 0) break;
-    // A part that scattered more than the readings leaves its scatter to them.
-    const double taken = variance[unsure] * reach[unsure] / reach[0];
-    if (taken > variance[0]) parts.reading = std::sqrt(taken);
-    if (unsure <= l.layout.joints) {
-      parts.joint[static_cast<std::size_t>(unsure) - 1] = 0.0;
-    } else {
-      parts.pose = 0.0;
-    }
-    parts = climb(likelihood, l, std::move(parts), kStepsAfterDrop);
-  }
-  return parts;
+  return effort.drops_unsure && !few ? without_unsure(likelihood, l, std::move(parts)) : parts;
 }
 
 }  // namespace armtrue

@@ -18,8 +18,11 @@ struct NoiseParts {
                              ///< them: below `reading` where it gives them less weight
   std::vector<double>
       joint;  ///< by joint, motor side [rad or m]: anew at each visit, shared by its readings
+  std::vector<bool> pooled;  ///< by joint: not told from others, which have its value; may be empty
   std::optional<double>
       pose;  ///< [m], shared by all readings of a pose; none where no pose has two readings
+
+  bool is_pooled(std::size_t k) const { return !pooled.empty() && pooled[k]; }
 };
 
 /// Turns columns into such as ordinary least squares may take: unit variance, no correlation. The
@@ -47,7 +50,7 @@ double counted_equations(const Linearization& linearization, const NoiseParts& p
 
 struct NoiseEffort {
   int steps = 12;
-  bool drops_unsure = true;  ///< parts that do not pay for themselves become zero
+  bool drops_unsure = true;  ///< parts that do not pay for themselves are pooled or become zero
 };
 
 /// Restricted likelihood (Patterson and Thompson 1971, Biometrika 58, 545), climbed by Fisher's

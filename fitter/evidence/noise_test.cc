@@ -59,6 +59,21 @@ TEST(EstimateNoise, OneJointThatRepeatsBadly_IsNamedWithItsSize) {
   EXPECT_FALSE(parts.pose.has_value());
 }
 
+// 4 urad at a metre are half of what the readings scatter by: each alone is lost in them, together
+// they are not.
+TEST(EstimateNoise, JointsThatRepeatWell_AreMeasuredTogether) {
+  for (const std::uint64_t seed : {4, 5, 6, 7}) {
+    const auto fit = scattered(seed, {4e-6, 45e-6, 4e-6, 4e-6, 4e-6, 4e-6}, 8e-6, 1);
+    const NoiseParts parts = estimated(*fit);
+    EXPECT_FALSE(parts.is_pooled(1)) << seed;
+    for (const std::size_t k : {3, 4, 5}) {
+      EXPECT_TRUE(parts.is_pooled(k)) << seed;
+      EXPECT_NEAR(parts.joint[k], 4e-6, 3e-6) << seed;
+    }
+    EXPECT_NEAR(parts.reading * linearize(*fit).typical_sigma, 8e-6, 0.8e-6) << seed;
+  }
+}
+
 TEST(EstimateNoise, ReadingsAlone_LeaveNothingToTheJoints) {
   const auto fit = scattered(2, {}, 10e-6, 1);
   const Linearization l = linearize(*fit);
