@@ -436,6 +436,7 @@ Diagnosis diagnose(Fit& fit, const DiagnoseOptions& options, Observer& observer)
   report(0.4, "weighing the catalogue");
   const std::set<std::size_t> improbable =
       weigh(fit, linearization, scorer, std::move(extra), options, d);
+  d.rounded = rounded_joints(d.noise, fit);
   d.lack_of_fit = lack_of_fit(linearization, fit, d.noise);
   if (!d.recommended() && d.lack_of_fit.testable && d.lack_of_fit.log10_p < kStructureSignificant) {
     // More is left than noise and nothing known explains it: a gear ratio may not be what it is
@@ -447,6 +448,7 @@ Diagnosis diagnose(Fit& fit, const DiagnoseOptions& options, Observer& observer)
     weigh(fit, linearization, scorer, std::move(lines), options, other);
     if (other.recommended()) {
       other.lack_of_fit = d.lack_of_fit;
+      other.rounded = d.rounded;
       d = std::move(other);
       d.spectra = std::move(wide);
     }

@@ -22,6 +22,9 @@ constexpr double kScatterSurely = -6.0;
 // A joint's scatter is worth telling where it moves the tool by this share of what readings scatter
 // by: half of it makes the whole larger by a ninth.
 constexpr double kToldFromReading = 0.5;
+// A joint whose scatter is that of rounding times no more than this, and no less than its inverse,
+// was rounded.
+constexpr double kAsRounded = 1.4;
 
 using PlacedVector = std::pair<Eigen::Index, Eigen::Vector3d>;  // row, and its residual
 
@@ -74,10 +77,11 @@ std::vector<std::vector<std::size_t>> repeats_of(const Fit& fit, std::size_t row
 
 // log10 of the p value of an F test: the variance between poses against that between repeats of one
 // pose. Each column of `left` is a row's residual, or one component of it, that counts as so many
-// equations; `freedom`: degrees of freedom that all rows have. No value where too little was
-// repeated.
+// equations; `freedom`: degrees of freedom that all rows have; `rounding`: variance of what
+// rounding did to a component, which repeats do not show. No value where too little was repeated.
 std::optional<double> log10_p_against(const std::vector<std::vector<std::size_t>>& repeats,
-                                      const Eigen::MatrixXd& left, double counted, double freedom) {
+                                      const Eigen::MatrixXd& left, double counted, double freedom,
+                                      double rounding) {
   double pure = 0.0, pure_freedom = 0.0;
   for (const std::vector<std::size_t>& rows : repeats) {
     Eigen::VectorXd mean = Eigen::VectorXd::Zero(left.rows());
@@ -89,13 +93,33 @@ std::optional<double> log10_p_against(const std::vector<std::vector<std::size_t>
   }
   if (pure_freedom < kLeastScatterFreedom || freedom < pure_freedom + 10.0) return std::nullopt;
   const double between = std::max(0.0, left.squaredNorm() - pure), rest = freedom - pure_freedom;
-  return log10_f_survival((between / rest) / (pure / pure_freedom), rest, pure_freedom);
+  const double of_repeats = std::max(pure / pure_freedom, rounding);
+  return log10_f_survival((between / rest) / of_repeats, rest, pure_freedom);
 }
 
 }  // namespace
 
+RoundedJoints rounded_joints(const NoiseParts& noise, const Fit& fit) {
+  RoundedJoints result;
+  const std::vector<double>& q = fit.state().joints();
+  const auto n = static_cast<std::size_t>(fit.robot().joint_count());
+  for (std::size_t k = 0; k < n; ++k) {
+    std::vector<double> own;
+    for (std::size_t i = k; i < q.size(); i += n) own.push_back(q[i]);
+    const DecimalStep step =
+        fit.robot().joints[k].prismatic ? step_of_lengths(own) : step_of_angles(own);
+    const double share = step.size > 0.0 ? noise.joint[k] / step.sigma() : 0.0;
+    if (share < 1.0 / kAsRounded || share > kAsRounded) continue;
+    result.joints.push_back(static_cast<int>(k) + 1);
+    if (step.size > result.step.size) result.step = step;
+  }
+  return result;
+}
+
 LackOfFit lack_of_fit(const Linearization& l, const Fit& fit, NoiseParts noise) {
   LackOfFit result;
+  // Repeats that start from the same rounded angles do not show what rounding does at other poses.
+  if (!rounded_joints(noise, fit).joints.empty()) return result;
   const Eigen::Index h = l.height, rows = static_cast<Eigen::Index>(l.rows());
   // Only a few poses were repeated, and a joint that repeats badly moves the tool further at some
   // poses than at others. So every residual is divided by the standard deviation that joints and
@@ -113,7 +137,10 @@ LackOfFit lack_of_fit(const Linearization& l, const Fit& fit, NoiseParts noise) 
   const Eigen::Map<const Eigen::MatrixXd> left(whitened.data(), h, rows);
   const std::vector<std::vector<std::size_t>> repeats = repeats_of(fit, l.rows());
   const double per_row = l.counted / static_cast<double>(rows);
-  if (const std::optional<double> of_all = log10_p_against(repeats, left, per_row, l.freedom)) {
+  const double rounding =
+      std::pow(fit.measurements().rounding.sigma() / (noise.reading * l.typical_sigma), 2);
+  if (const std::optional<double> of_all =
+          log10_p_against(repeats, left, per_row, l.freedom, rounding)) {
     result.testable = true;
     result.against = "repeats";
     result.log10_p = *of_all;
@@ -124,7 +151,7 @@ LackOfFit lack_of_fit(const Linearization& l, const Fit& fit, NoiseParts noise) 
       const Eigen::RowVectorXd along = left.cwiseProduct(motion).colwise().sum().cwiseQuotient(
           motion.colwise().norm().cwiseMax(1e-300));
       const std::optional<double> of_joint =
-          log10_p_against(repeats, along, 1.0, l.freedom / per_row);
+          log10_p_against(repeats, along, 1.0, l.freedom / per_row, rounding);
       if (!of_joint) continue;
       result.log10_p =
           std::min(result.log10_p,

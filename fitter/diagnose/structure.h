@@ -42,6 +42,14 @@ struct LackOfFit {
 };
 LackOfFit lack_of_fit(const Linearization& linearization, const Fit& fit, NoiseParts noise);
 
+/// Joints that scatter as much as the step to which the file has them makes them; `step`: the
+/// coarsest of theirs.
+struct RoundedJoints {
+  std::vector<int> joints;  ///< 1-based
+  DecimalStep step;
+};
+RoundedJoints rounded_joints(const NoiseParts& noise, const Fit& fit);
+
 /// "joint 2 repeats to 100 urad, joint 3 to 26 urad; readings scatter by 17.0 um a coordinate".
 /// Joints are named whose scatter moves the tool by no less than half of what readings scatter by,
 /// the worst of them first.

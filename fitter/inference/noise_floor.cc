@@ -60,7 +60,9 @@ NoiseFloor floor_of_repeats(Design& design, const ErrorSummary& train, double ef
   const double squares = std::accumulate(half_squares.begin(), half_squares.end(), 0.0);
   const std::size_t freedom = 3 * half_squares.size();
   if (freedom < kLeastFreedom) return {0.0, "", freedom};
-  const double mean = kMeanChi3 * std::sqrt(squares / static_cast<double>(freedom));
+  // Repeats that are rounded to the same figure have all erred by the same.
+  const double mean = kMeanChi3 * std::max(std::sqrt(squares / static_cast<double>(freedom)),
+                                           design.measurements().rounding.sigma());
   // Where every visit was long after the one before, their differences hold what drifted
   // meanwhile. Noise is never more than what the fit leaves.
   const double n = static_cast<double>(train.count) * design.residuals_per_row();

@@ -71,6 +71,7 @@ Measurements Measurements::from_state(const State& state,
     }
     m.sigma_rotation = sigma_rotation;
   }
+  m.rounding = step_of_lengths({m.position.data(), static_cast<std::size_t>(m.position.size())});
   m.target.assign(m.rows, 0);
   if (state.recorded("target")) {
     m.target = integers(state.column("target"));

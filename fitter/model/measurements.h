@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "fitter/model/poses.h"
+#include "fitter/model/rounding.h"
 #include "fitter/model/state.h"
 
 namespace armtrue {
@@ -39,6 +40,7 @@ struct Measurements {
   double sigma_rotation = 0.0;                   ///< [rad], where orientations were measured
   SigmaSource sigma_source = SigmaSource::kAssumed;
   double typical_sigma = 0.0;  ///< root mean square per axis [m]
+  DecimalStep rounding;        ///< of all positions
 
   bool has_rotation() const { return !rotation.empty(); }
   /// Rows of residual per measurement: 3 or 6.

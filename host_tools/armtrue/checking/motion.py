@@ -161,7 +161,8 @@ def _repeats(data: Dataset) -> list[Finding]:
                     "the same joints and the same position to the nanometre stand more than once: "
                     f"{name_rows(data, copies)}",
                     {"rows": data.rows[copies].tolist()},
-                    "Take the copies out: they count as independent measurements and make a fit look surer than it is.",
+                    "Take the copies out. A fit leaves out those that are equal in every column; others count as "
+                    "independent measurements and make it look surer than it is.",
                 )
             )
     return findings

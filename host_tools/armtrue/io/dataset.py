@@ -121,8 +121,9 @@ def load_data(
     """Read measurements of `robot` from a CSV or a dataset.yaml (docs/files.md).
 
     `need_position`: False for poses to predict: nothing measured is read of them, and they come in file order.
-    `strict`: refuse what must be a mistake of units, and leave out reflectors that do not ride on the arm; `check`
-    passes False and reports both as findings instead. `skip_bad`: leave out up to 100 rows that cannot be read.
+    `strict`: refuse what must be a mistake of units, and leave out copies of rows and reflectors that do not ride on
+    the arm; `check` passes False and reports all three as findings instead. `skip_bad`: leave out up to 100 rows that
+    cannot be read.
 
     Errors: InputError naming file, row and column or key, what was found and what was expected.
     """
@@ -150,7 +151,7 @@ def load_data(
     if not strict:
         return data
     refuse_wrong_units(data.file, data.columns, data.rows, robot)
-    return without_fixed_targets(data) if need_position else in_file_order(data)
+    return without_fixed_targets(without_copies(data)) if need_position else in_file_order(data)
 
 
 def _at_the_drives(data: Dataset, robot: Robot) -> Dataset:
@@ -195,6 +196,23 @@ def fixed_targets(data: Dataset) -> list[int]:
         if np.count_nonzero(rows) >= 2 and span < _FIXED_SPAN_M and turned > _ARM_MOVED:
             fixed.append(int(code))
     return fixed
+
+
+def without_copies(data: Dataset) -> Dataset:
+    """`data` without rows that equal an earlier one in all columns, and a note that says so.
+
+    A file that was appended twice is no second measurement: taken for one, it shows noise of zero. Readings of one
+    pose differ in time or in what was measured.
+    """
+    table = np.column_stack([data.columns[name] for name in sorted(data.columns)])
+    first = np.sort(np.unique(table, axis=0, return_index=True)[1])
+    copies = data.count - first.size
+    if not copies:
+        return data
+    kept = data.take(first)
+    rows = "row that equals an earlier one" if copies == 1 else "rows that equal earlier ones"
+    note = f"{data.file.name}: left out {copies} {rows} in every column: copies are no measurements"
+    return replace(kept, notes=[*data.notes, note])
 
 
 def without_fixed_targets(data: Dataset) -> Dataset:

@@ -103,6 +103,18 @@ def test_column_of_words_is_not_used(tmp_path, two_joints):
     assert data.notes == ["data.csv: column 'weather' is not one of the contract's and is not used"]
 
 
+def test_copies_of_rows_are_left_out_with_a_note(tmp_path, two_joints):
+    again = PLAIN.splitlines()[2]
+    path = written(tmp_path, PLAIN + again + "\n" + again.replace(",10", ",30") + "\n")
+    data = load_data(path, two_joints)
+    assert data.rows.tolist() == [2, 3, 4, 6]
+    assert data.notes == [
+        "data.csv: left out 1 row that equals an earlier one in every column: copies are no measurements"
+    ]
+    assert load_data(path, two_joints, strict=False).count == 5
+    assert load_data(path, two_joints, need_position=False).count == 5
+
+
 def test_a_fixed_reflector_is_left_out_with_a_note(tmp_path, two_joints):
     rows = "".join(f"{0.1 * k},{0.2 * k},1.0,2.0,3.000{k},20,base,{k}\n" for k in range(5))
     path = written(tmp_path, PLAIN.replace(",A,", ",arm,").replace(",B,", ",arm,") + rows)

@@ -73,7 +73,7 @@ def test_poses_to_predict_come_in_the_order_of_the_file(tmp_path, two_joints):
 
 
 def test_a_joint_at_rest_keeps_the_direction_it_came_with(tmp_path, two_joints):
-    foreign = "J1,J2,X\n0,0,1\n1,0,1\n1,0,1\n0.5,0,1\n0.5,1,1\n"
+    foreign = "J1,J2,X\n0,0,1\n1,0,2\n1,0,3\n0.5,0,4\n0.5,1,5\n"
     dataset = """\
 file: foreign.csv
 columns: {q1: J1, q2: J2, x: X, y: X, z: X}
