@@ -57,6 +57,18 @@ Eigen::MatrixXd information_of(const Eigen::MatrixXd& columns, const Linearizati
   return equations.information;
 }
 
+// By parameter, the standard deviation of its weak prior, 0 where `scale` is 0; empty where a
+// parameter has none.
+Eigen::VectorXd prior_units(const Block& block, const Eigen::VectorXd& scale) {
+  Eigen::VectorXd units = Eigen::VectorXd::Zero(scale.size());
+  for (Eigen::Index c = 0; c < scale.size(); ++c) {
+    if (scale[c] == 0.0) continue;
+    units[c] = block.terms.parameters[static_cast<std::size_t>(c)].prior_sigma;
+    if (units[c] <= 0.0) return {};
+  }
+  return units;
+}
+
 }  // namespace
 
 Scorer::Scorer(const Fit& fit, const Linearization& linearization)
@@ -114,32 +126,38 @@ BlockScore Scorer::judge(const Block& block, const Eigen::MatrixXd& columns,
   Eigen::VectorXd scale(width);
   for (Eigen::Index c = 0; c < width; ++c)
     scale[c] = norm[c] > kMovesNothing * norm.maxCoeff() ? 1.0 / norm[c] : 0.0;
-  const Eigen::MatrixXd half = factor_.half_solve(cross) * scale.asDiagonal();
-  Eigen::MatrixXd information = scale.asDiagonal() * square(columns) * scale.asDiagonal();
-  information -= square(half);
-  const Eigen::VectorXd gradient =
-      scale.asDiagonal() * (columns.transpose() * white_ - cross.transpose() * correction_);
+  const Eigen::MatrixXd half = factor_.half_solve(cross);
+  const Eigen::MatrixXd beyond = square(columns) - square(half);
+  const Eigen::VectorXd gradient_by_unit =
+      columns.transpose() * white_ - cross.transpose() * correction_;
+  Eigen::MatrixXd information = scale.asDiagonal() * beyond * scale.asDiagonal();
+  SymmetricEigen eigen = symmetric_eigen(information);
+  score.spanned = block.searched == 0 && eigen.values.maxCoeff() < kSmallestShare;
+  score.separability = 1.0;
+  for (Eigen::Index c = 0; c < width; ++c) {
+    if (scale[c] > 0.0) score.separability = std::min(score.separability, information(c, c));
+  }
 
   const double n = static_cast<double>(white_.size());
   const double variance = white_.squaredNorm() / l_.freedom;
-  const SymmetricEigen eigen = symmetric_eigen(information);
-  score.spanned = block.searched == 0 && eigen.values.maxCoeff() < kSmallestShare;
+  double least_share = kSmallestShare;
+  // A direction whose coefficient a weak prior knows better than the data do is not the data's to
+  // give. In units of the priors such directions stand apart from those that the data tell.
+  if (const Eigen::VectorXd prior = prior_units(block, scale); prior.size() > 0) {
+    scale = prior;
+    information = scale.asDiagonal() * beyond * scale.asDiagonal();
+    eigen = symmetric_eigen(information);
+    least_share = variance;
+  }
+  const Eigen::VectorXd gradient = scale.cwiseProduct(gradient_by_unit);
   Eigen::VectorXd solution = Eigen::VectorXd::Zero(width);
   Eigen::MatrixXd inverse = Eigen::MatrixXd::Zero(width, width);
   std::vector<Eigen::Index> used;
   double gain = 0.0;
   for (Eigen::Index k = 0; k < width; ++k) {
     const double share = eigen.values[k];
-    if (share < kSmallestShare) continue;
+    if (share < least_share) continue;
     const Eigen::VectorXd direction = eigen.vectors.col(k);
-    // A direction whose coefficient the weak prior knows better than the data do is not the data's
-    // to give.
-    double prior = 0.0;
-    for (Eigen::Index c = 0; c < width; ++c) {
-      const double sigma = block.terms.parameters[static_cast<std::size_t>(c)].prior_sigma;
-      if (sigma > 0.0 && scale[c] > 0.0) prior += std::pow(direction[c] / (sigma * norm[c]), 2);
-    }
-    if (share < prior * variance) continue;
     const double projection = direction.dot(gradient);
     gain += projection * projection / share;
     solution -= direction * (projection / share);
@@ -149,14 +167,11 @@ BlockScore Scorer::judge(const Block& block, const Eigen::MatrixXd& columns,
   score.degrees = static_cast<int>(used.size()) + block.searched;
   score.coefficient.resize(static_cast<std::size_t>(width));
   score.sigma.resize(static_cast<std::size_t>(width));
-  double least = 1.0;
   for (Eigen::Index c = 0; c < width; ++c) {
     const auto i = static_cast<std::size_t>(c);
     score.coefficient[i] = solution[c] * scale[c];
     score.sigma[i] = std::sqrt(std::max(0.0, inverse(c, c))) * scale[c];
-    if (scale[c] > 0.0) least = std::min(least, information(c, c));
   }
-  score.separability = least;
   if (used.empty()) {
     score.objection = "the data cannot tell it from what is fitted already";
     return score;

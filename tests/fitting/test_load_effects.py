@@ -200,3 +200,17 @@ def test_lengths_that_only_the_loads_of_a_moved_arm_tell_apart_leave_masses_to_m
     springs = {t["coordinate"]: t["value"] for t in truth["terms"] if t["effect"] == "joint_compliance"}
     assert values["joint_compliance[3]"] == pytest.approx(springs["motor3"], rel=0.1)
     assert np.linalg.norm(fit.predict(test) - test.positions_m, axis=1).mean() < 5e-6
+
+
+def test_masses_of_another_arm_are_said_to_explain_what_they_do(tmp_path: Path) -> None:
+    # No coefficient alone is told by the data; together they take most of the error away.
+    armtrue_sim.simulate({"arm": "kr30", "seed": 71, "poses": 200, "test_poses": 0}, tmp_path)
+    robot = armtrue.load_robot(tmp_path / "robot.yaml")
+    links = [link | {"mass": 2.0 * link["mass"]} for link in robot.spec["links"]]
+    doubled = armtrue.Robot({**robot.spec, "links": links})
+    data = armtrue.load_data(tmp_path / "data.csv", doubled)
+    fit = armtrue.fit(data, doubled, armtrue.load_model(tmp_path / "model.yaml", doubled))
+    first = armtrue.diagnose(fit)["candidates"][0]
+    assert first["effect"] == "mass_parameters"
+    assert first["explained"] > 0.7
+    assert first["held_out_mean_um_if_added"] < 0.5 * fit.document["error"]["held_out"]["mean_um"]
