@@ -185,7 +185,9 @@ bool advise_direction(const Diagnosis& d, const Fit& fit, std::vector<std::strin
 
 // A step at one time.
 bool is_knock(const StructureFinding& f) {
-  return f.variables == std::vector<std::string>{"time"} && f.shape.starts_with("a step");
+  return f.is_knock ||
+         (f.variables == std::vector<std::string>{"time"} && f.shape.starts_with("a step"));
+  f.variables == std::vector<std::string>{"time"} && f.shape.starts_with("a step");
 }
 
 void advise_structure(const Diagnosis& d, const Fit& fit, std::vector<std::string>& advice) {

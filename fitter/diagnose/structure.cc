@@ -400,6 +400,12 @@ Structure find_structure(const Scorer& scorer, const Fit& fit, double threshold)
   // is not.
   std::ranges::stable_sort(structure.findings, {}, &StructureFinding::cost);
   if (structure.findings.size() > kListed) structure.findings.resize(kListed);
+  // Beside a larger effect a knock is not among the best, and without it drifts take its place.
+  if (std::optional<StructureFinding> knock = find_knock(scorer, fit.state())) {
+    knock->log10_p = log10_p_among(knock->score, structure.tried);
+    if (knock->log10_p < threshold) structure.findings.push_back(*std::move(knock));
+    std::ranges::stable_sort(structure.findings, {}, &StructureFinding::cost);
+  }
   return structure;
 }
 

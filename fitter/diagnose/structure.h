@@ -2,6 +2,7 @@
 // every state variable, singly and in pairs, on every axis.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -18,9 +19,10 @@ struct StructureFinding {
   std::string coordinate;              ///< where it acts: "motor3"
   Block block;
   BlockScore score;
-  double log10_p = 0.0;  ///< corrected for the number of blocks tried
-  double cost = 0.0;     ///< BIC with it minus without, in the form that suits it best
-  std::string shape;     ///< in words
+  double log10_p = 0.0;   ///< corrected for the number of blocks tried
+  double cost = 0.0;      ///< BIC with it minus without, in the form that suits it best
+  std::string shape;      ///< in words
+  bool is_knock = false;  ///< everything stands elsewhere from one time on
   std::vector<double> x,
       y;  ///< the fitted function over the first variable [rad or m], for drawing
 };
@@ -29,6 +31,10 @@ struct Structure {
   std::vector<StructureFinding> findings;  ///< significant ones, best first
   std::size_t tried = 0;
 };
+
+/// The time from which the arm stands elsewhere in the measuring frame, as after a knock at the
+/// tracker: the likeliest one, with `log10_p` not yet set. None where no time was recorded.
+std::optional<StructureFinding> find_knock(const Scorer& scorer, const State& state);
 
 /// Tests all variables that the data have. A finding has a corrected log10 p below `threshold`.
 Structure find_structure(const Scorer& scorer, const Fit& fit, double threshold);

@@ -12,7 +12,7 @@ namespace armtrue {
 namespace {
 
 constexpr int kVariancePasses = 6;
-constexpr double kSettled = 1e-3;         // of the equations
+constexpr double kSpreadSettled = 1e-3;   // of the equations
 constexpr double kLearntInFull = 1e-300;  // variance over that before; its logarithm is finite
 
 // The unknowns' covariance: what the measurements say, in `equations`, and the penalties.
@@ -47,7 +47,7 @@ Spread spread_of(const Design& design, const NormalEquations& equations, double 
     spread.covariance = inverse_with_penalties(design, smoothness_sigma, scaled);
     const double before =
         std::exchange(spread.effective_unknowns, spread.covariance.cwiseProduct(spread.data).sum());
-    if (std::abs(before - spread.effective_unknowns) < kSettled * count) break;
+    if (std::abs(before - spread.effective_unknowns) < kSpreadSettled * count) break;
   }
   return spread;
 }

@@ -22,7 +22,7 @@ constexpr std::size_t kMostCandidates = 50000;
 // Smoothness of tables before any data chose one: the fit's own default.
 constexpr double kSmoothness = 1e-4;
 // ΔBIC that settles a question: "very strong" evidence (Kass and Raftery 1995).
-constexpr double kSettled = 10.0;
+constexpr double kTold = 10.0;
 // Random choices that are worth a refit each of a rival that bends.
 constexpr std::size_t kRefits = 5;
 
@@ -158,7 +158,7 @@ std::vector<RivalPair> separable_pairs(const Rivals& rivals, const Menu& menu,
     TOptimality alone(std::move(only));
     const std::vector<std::size_t> rows =
         choose_greedily(alone, options.poses, best_session(menu, alone, options.poses));
-    if (rivals.evidence(pair, rows) < -kSettled) separable.push_back(pair);
+    if (rivals.evidence(pair, rows) < -kTold) separable.push_back(pair);
     observer.report(0.4, "finding what can be told apart");
   }
   return separable.empty() ? rivals.pairs() : separable;

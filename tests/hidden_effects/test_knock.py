@@ -1,0 +1,45 @@
+"""A tracker that was knocked between two poses: nothing drifts, and no drift may be named for it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from armtrue import diagnose, fit, load_data, load_model, load_robot, refine
+from armtrue_sim import simulate
+
+KNOCK_M = np.array([3e-4, -2e-4, 1e-4])
+HIDDEN = {"effect": "backlash", "joints": [2]}
+
+
+@pytest.fixture(params=[[], [HIDDEN]], ids=["nothing else hidden", "backlash hidden"])
+def knocked(request: pytest.FixtureRequest, tmp_path: Path) -> tuple[Any, list[dict[str, Any]]]:
+    simulate({"arm": "kr30", "seed": 71, "poses": 200, "test_poses": 0, "hidden": request.param}, tmp_path)
+    path = tmp_path / "data.csv"
+    header, *lines = path.read_text().splitlines()
+    names = header.split(",")
+    at = [names.index(axis) for axis in "xyz"]
+    for number in range(120, len(lines)):
+        cells = lines[number].split(",")
+        for column, moved in zip(at, KNOCK_M, strict=True):
+            cells[column] = str(float(cells[column]) + moved)
+        lines[number] = ",".join(cells)
+    path.write_text("\n".join([header, *lines]) + "\n")
+    robot = load_robot(tmp_path / "robot.yaml")
+    data = load_data(path, robot)
+    return fit(data, robot, load_model(tmp_path / "model.yaml", robot)), request.param
+
+
+def test_a_knock_is_told_from_drifts(knocked: tuple[Any, list[dict[str, Any]]]) -> None:
+    before, hidden = knocked
+    best, story = refine(before)
+    assert [step["added"]["effect"] for step in story.steps[1:]] == [entry["effect"] for entry in hidden]
+    last = diagnose(best)
+    assert last["verdict"] == "unexplained_structure"
+    assert last["unexplained"][0]["variables"] == ["time"]
+    assert last["unexplained"][0]["shape"].startswith(f"a step of {1e6 * np.linalg.norm(KNOCK_M):.0f}"[:-1])
+    assert any("a knocked tracker or nest looks so" in sentence for sentence in last["advice"])
+    drifts = ("time_drift", "thermal_base", "warm_up")
+    assert max(c["probability"] for c in last["candidates"] if c["effect"] in drifts) < 0.1
