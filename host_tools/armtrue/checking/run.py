@@ -13,6 +13,7 @@ from armtrue.checking import (
     orientations,
     residuals,
     tell,
+    temperatures,
     units,
 )
 from armtrue.checking.alignment import align, alignment_columns
@@ -52,6 +53,7 @@ def cheap_findings(data: Dataset, robot: Robot) -> list[Finding]:
         *units.find(data, robot),
         *masses.find(data, robot),
         *motion.find(data, robot),
+        *temperatures.find(data),
         *(Finding("reader", "note", note) for note in data.notes),
     ]
     return [*findings, *_against_kinematics(data, robot)] if data.has_positions else findings

@@ -223,6 +223,27 @@ def test_warns_of_a_sigma_that_the_measurements_contradict(campaign, sigma, warn
         assert "found 15000.0 µm" in finding(report, "sigma_too_large").message
 
 
+def test_warns_of_a_thermometer_that_was_off(campaign):
+    data, robot = campaign("kr30")
+    assert "temperature_off" not in codes(check(data, robot))
+    read = data.columns["temp_arm"].copy()
+    read[[3, 40, 41]] = 85.0
+    found = finding(check(changed(data, temp_arm=read), robot), "temperature_off")
+    assert found.evidence["rows"] == data.rows[[3, 40, 41]].tolist()
+    assert "found 85.0 °C in rows 5, 42, 43" in found.message
+    # Two states that were written down are no fault.
+    written = np.where(np.arange(data.count) < 50, 20.0, 35.0)
+    assert not {"temperature_off", "temperature_unit"} & {
+        *codes(check(changed(data, temp_arm=written), robot))
+    }
+
+
+def test_warns_of_temperatures_in_fahrenheit(campaign):
+    data, robot = campaign("kr30")
+    hot = changed(data, temp_arm=32.0 + 1.8 * data.columns["temp_arm"])
+    assert "(this looks like Fahrenheit)" in finding(check(hot, robot), "temperature_unit").message
+
+
 def test_names_the_rows_of_gross_errors(campaign):
     data, robot = campaign("kr30")
     x = data.columns["x"].copy()
