@@ -59,14 +59,19 @@ def cheap_findings(data: Dataset, robot: Robot) -> list[Finding]:
     return [*findings, *_against_kinematics(data, robot)] if data.has_positions else findings
 
 
-def refuse_what_cannot_be_an_arm(data: Dataset, robot: Robot) -> None:
-    """Raise InputError with the first error of `cheap_findings`: under it a fit means nothing."""
-    for finding in cheap_findings(data, robot):
+def refuse_what_cannot_be_an_arm(data: Dataset, robot: Robot) -> list[str]:
+    """Raise InputError with the first error of `cheap_findings`: under it a fit means nothing.
+
+    Return its warnings, each with its remedy: what a fit may have been led astray by.
+    """
+    findings = cheap_findings(data, robot)
+    for finding in findings:
         if finding.severity == "error":
             raise InputError(
                 f"{data.path}: {finding.message}; to mend it: {finding.remedy.rstrip('.')} "
                 "('armtrue check' says more, --force fits all the same)"
             )
+    return [f"{found.message}. {found.remedy}" for found in findings if found.severity == "warning"]
 
 
 def warnings_of_fit(base: dict[str, Any], robot: Robot) -> list[str]:

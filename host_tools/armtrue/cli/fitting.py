@@ -89,11 +89,10 @@ def fit(
         rows = _whole_numbers(leave_out, "--leave-out", "row numbers such as 12,40")
         measurements = measurements.without(rows)
     refuse_too_few_poses(measurements.file, measurements.joints)
-    if not force:
-        refuse_what_cannot_be_an_arm(measurements, arm)
+    doubts = [] if force else refuse_what_cannot_be_an_arm(measurements, arm)
     with waiting(output) as progress:
         result = fitting.fit(measurements, arm, effects, folds=folds, seed=seed, progress=progress)
-    result.document["warnings"] += warnings_of_fit(result.document["measuring_from_base"], arm)
+    result.document["warnings"] += doubts + warnings_of_fit(result.document["measuring_from_base"], arm)
     result.save(out)
     output.items(measurements.notes)
     present_fit(result, output, all_parameters=parameters)

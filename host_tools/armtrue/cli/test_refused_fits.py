@@ -69,6 +69,14 @@ def test_fit_of_an_arm_that_hangs_asks_for_gravity(changed):
     assert "robot.yaml has no 'gravity'" in " ".join(run.stdout.split())
 
 
+def test_fit_says_what_a_check_warns_of(changed):
+    where = changed(temp_arm=3.0)
+    run = armtrue(*FIT, "--out", "fit.json", cwd=where)
+    (warning,) = json.loads((where / "fit.json").read_text())["warnings"]
+    assert "column temp_arm" in warning
+    assert "this looks like Fahrenheit" in " ".join(run.stdout.split())
+
+
 def test_fit_negative_spring_is_marked_beside_its_value(changed):
     """Positions mirrored upside down about the arm let springs come out negative; the fit must say so."""
     where = changed()

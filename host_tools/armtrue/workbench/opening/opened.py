@@ -88,9 +88,9 @@ def _of_measurements(path: Path, robot: Path | None, model: Path | None) -> Open
         believed = load_model(model, arm)
     data = load_data(path, arm)
     refuse_too_few_poses(data.file, data.joints)
-    refuse_what_cannot_be_an_arm(data, arm)
+    doubts = refuse_what_cannot_be_an_arm(data, arm)
     read = [robot, *([model] if model else []), *_files_of(data)]
-    return Opened(data, arm, believed, [], read, [*notes, *data.notes])
+    return Opened(data, arm, believed, [], read, [*notes, *data.notes, *doubts])
 
 
 def _files_of(data: Dataset) -> list[Path]:
