@@ -8,7 +8,8 @@
 namespace armtrue {
 namespace {
 
-constexpr int kTimesTried = 60;
+// Times tried over all rows, and then again and again around the best of them.
+constexpr int kTimesTried = 30, kTimesAround = 16;
 // With fewer rows before or after it, a step is some gross errors.
 constexpr std::size_t kLeastRows = 12;
 // As far as a tracker is believed to have been moved: what the effect `station` allows, by half
@@ -66,14 +67,17 @@ std::optional<StructureFinding> find_knock(const Scorer& scorer, const State& st
   std::ranges::sort(sorted);
   const std::size_t first = kLeastRows, last = sorted.size() - kLeastRows;
   BestStep best = best_of(scorer, times_between(sorted, first, last, kTimesTried));
-  if (best.score.gain <= 0.0) return std::nullopt;
-  const auto place =
-      static_cast<std::size_t>(std::ranges::upper_bound(sorted, best.time) - sorted.begin());
-  const std::size_t cell = (last - first) / kTimesTried + 1;
-  BestStep fine =
-      best_of(scorer, times_between(sorted, std::max(first, place - std::min(place, cell)),
-                                    std::min(last, place + cell), static_cast<int>(2 * cell)));
-  if (fine.score.gain > best.score.gain) best = std::move(fine);
+  if (best.score.gain <= 0.0 || best.score.delta_bic > 0.0) return std::nullopt;
+  for (std::size_t cell = (last - first) / kTimesTried + 1; cell > 1;
+       cell = 2 * cell / kTimesAround + 1) {
+    const auto place =
+        static_cast<std::size_t>(std::ranges::upper_bound(sorted, best.time) - sorted.begin());
+    const BestStep around =
+        best_of(scorer, times_between(sorted, std::max(first, place - std::min(place, cell)),
+                                      std::min(last, place + cell), kTimesAround));
+    if (around.score.gain > best.score.gain) best = around;
+    if (cell <= kTimesAround / 2) break;
+  }
 
   StructureFinding finding;
   finding.variables = {"time"};

@@ -25,6 +25,8 @@ constexpr Eigen::Index kEquationsPerPart = 4;
 constexpr int kStepsAfterChange = 5;
 // Joints that are pooled begin with at least this share of the readings' variance.
 constexpr double kLeastPooled = 0.1;
+// A joint's variance that is not known to its own size is pooled without a test.
+constexpr double kSurelyDoubtful = 1.0;
 // Twice the logarithm of a likelihood that is nothing.
 constexpr double kCannotBeTold = 0.01;
 constexpr double kLeastShare = 0.05, kMostShare = 4.0;
@@ -377,10 +379,9 @@ NoiseParts climb(const RestrictedLikelihood& likelihood, const Linearization& l,
   return parts;
 }
 
-// The joint, of those not pooled, whose variance lies fewest of its own standard deviations above
-// zero.
-std::optional<std::size_t> least_sure(const NoiseParts& parts, const Score& score,
-                                      const Eigen::VectorXd& reach) {
+// By joint, the relative variance of its own variance: infinite where that fell to zero, zero for
+// joints that are pooled or move nothing.
+Eigen::VectorXd doubts(const NoiseParts& parts, const Score& score, const Eigen::VectorXd& reach) {
   const Eigen::VectorXd variance = variances_of(parts);
   std::vector<Eigen::Index> there;
   for (Eigen::Index i = 0; i < variance.size(); ++i) {
@@ -391,16 +392,14 @@ std::optional<std::size_t> least_sure(const NoiseParts& parts, const Score& scor
   Eigen::MatrixXd information =
       unit.asDiagonal() * score.information(there, there) * unit.asDiagonal();
   information.diagonal() *= 1.0 + kLeastTold;
-  Eigen::VectorXd deviation =  // of what fell to zero, more than any
+  Eigen::VectorXd doubt =
       Eigen::VectorXd::Constant(variance.size(), std::numeric_limits<double>::infinity());
-  deviation(there) = ScaledCholesky(information).inverse().diagonal();
-  std::optional<std::size_t> least;
+  doubt(there) = ScaledCholesky(information).inverse().diagonal();
   for (std::size_t k = 0; k < parts.joint.size(); ++k) {
     const auto at = static_cast<Eigen::Index>(k) + 1;
-    if (parts.is_pooled(k) || reach[at] == 0.0) continue;
-    if (!least || deviation[at] > deviation[static_cast<Eigen::Index>(*least) + 1]) least = k;
+    if (parts.is_pooled(k) || reach[at] == 0.0) doubt[at] = 0.0;
   }
-  return least;
+  return doubt.segment(1, static_cast<Eigen::Index>(parts.joint.size()));
 }
 
 // The joints that are pooled, and joint `k`, have one variance for each kind: that which moves the
@@ -444,12 +443,20 @@ NoiseParts without_unsure(const RestrictedLikelihood& likelihood, const Lineariz
   const Eigen::VectorXd reach = reaches(l);
   const double of_one_variance =
       std::log(likelihood.poses()) + 2.0 * std::log(static_cast<double>(parts.joint.size()));
-  while (true) {
-    const Score score = folded(likelihood.score(parts), groups_of(parts, l));
-    const std::optional<std::size_t> unsure = least_sure(parts, score, reach);
-    if (!unsure) break;
+  const auto present_doubts = [&] {
+    return doubts(parts, folded(likelihood.score(parts), groups_of(parts, l)), reach);
+  };
+  Eigen::VectorXd doubt = present_doubts();
+  if (doubt.maxCoeff() > kSurelyDoubtful) {
+    for (Eigen::Index k = 0; k < doubt.size(); ++k) {
+      if (doubt[k] > kSurelyDoubtful) pool(parts, l, reach, static_cast<std::size_t>(k));
+    }
+    parts = climb(likelihood, l, std::move(parts), kStepsAfterChange);
+    doubt = present_doubts();
+  }
+  for (Eigen::Index most = 0; doubt.maxCoeff(&most) > 0.0; doubt = present_doubts()) {
     NoiseParts simpler = parts;
-    pool(simpler, l, reach, unsure);
+    pool(simpler, l, reach, static_cast<std::size_t>(most));
     if (!gives_way(likelihood, l, parts, std::move(simpler), of_one_variance)) break;
   }
   if (parts.pose && *parts.pose > 0.0) {
