@@ -7,6 +7,7 @@ import itertools
 import json
 import re
 import tempfile
+from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -200,12 +201,11 @@ def accounted_for(steps: list[dict[str, Any]]) -> bool:
         return effects_named([entry])
 
     for before, after in itertools.pairwise(steps):
-        effects = set().union(*map(words, before["effects"]))
-        if after["added"]:
-            effects |= words(after["added"])
-        for removed in after["removed"]:
-            effects -= words(removed)
-        if effects != set().union(*map(words, after["effects"])):
+        # One name may have two entries: waves of two orders that came one after the other.
+        effects = Counter(name for entry in before["effects"] for name in words(entry))
+        effects.update(words(after["added"]) if after["added"] else ())
+        effects.subtract(name for removed in after["removed"] for name in words(removed))
+        if set(+effects) != set().union(*map(words, after["effects"])):
             return False
     return True
 
