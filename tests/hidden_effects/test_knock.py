@@ -14,7 +14,10 @@ KNOCK_M = np.array([3e-4, -2e-4, 1e-4])
 HIDDEN = {"effect": "backlash", "joints": [2]}
 
 
-@pytest.fixture(params=[[], [HIDDEN]], ids=["nothing else hidden", "backlash hidden"])
+@pytest.fixture(
+    params=[pytest.param([], marks=pytest.mark.full), [HIDDEN]],
+    ids=["nothing else hidden", "backlash hidden"],
+)
 def knocked(request: pytest.FixtureRequest, tmp_path: Path) -> tuple[Any, list[dict[str, Any]]]:
     simulate({"arm": "kr30", "seed": 71, "poses": 200, "test_poses": 0, "hidden": request.param}, tmp_path)
     path = tmp_path / "data.csv"

@@ -56,7 +56,7 @@ def test_positions_to_a_tenth_of_a_millimetre_are_not_without_noise(tmp_path: Pa
     assert found["advice"][0] == "nothing to add: what is left is noise as far as these data can tell"
 
 
-@pytest.mark.parametrize("without", [[], ["time", "repeat"]])
+@pytest.mark.parametrize("without", [pytest.param([], marks=pytest.mark.full), ["time", "repeat"]])
 def test_a_file_that_was_appended_twice_is_measured_once(without: list[str], tmp_path: Path) -> None:
     def twice(rows: list[Row]) -> list[Row]:
         return [row | dict.fromkeys(without, "0") for row in rows] * 2
