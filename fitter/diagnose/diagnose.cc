@@ -212,28 +212,43 @@ std::set<std::string> beside_posture(const Block& block, int joints) {
   return result;
 }
 
+bool reads_posture(const Block& block, int joints) {
+  return std::ranges::any_of(block.terms.parameters, [&](const Parameter& p) {
+    return std::ranges::any_of(p.terms, [&](const Term& term) {
+      return std::ranges::any_of(term.basis.variables(), [&](const std::string& name) {
+        const auto variable = parse_variable(name, joints);
+        return variable && variable->is_of_posture();
+      });
+    });
+  });
+}
+
 // Lowers the probability of candidates that explain less than a structure (a smooth function that
 // no effect names): they may only make up for errors of that function. Spared is what the data show
 // without the structure too, if it explains as much beside the structure as without it (a wave of
-// many cycles), or depends on a variable that the structure does not read (time, a direction).
+// many cycles), or depends on a variable that the structure does not read (time, a direction; the
+// posture, where the structure is a knock).
 void doubt_beside_structure(const Fit& fit, const EvidenceSummary& evidence,
                             std::vector<Candidate>& candidates, double& nothing) {
   const int joints = fit.robot().joint_count();
   double structure = 0.0;
+  bool of_posture = false;
   std::set<std::string> known;
   std::vector<Eigen::Index> structures;
   for (std::size_t b = 0; b < evidence.blocks.size(); ++b) {
     if (!evidence.blocks[b].structure || !evidence.search.likeliest[b]) continue;
     structure = std::max(structure, evidence.search.gain[b]);
     structures.push_back(static_cast<Eigen::Index>(b));
-    known.merge(beside_posture(evidence.blocks[b].forms.front().block, joints));
+    const Block& block = evidence.blocks[b].forms.front().block;
+    known.merge(beside_posture(block, joints));
+    of_posture = of_posture || reads_posture(block, joints);
   }
   if (structure == 0.0) return;
   double most = 0.0;
   for (Candidate& c : candidates) {
     const std::set<std::string> own = beside_posture(c.block, joints);
     const bool of_another_kind =
-        c.score.separability >= kUnlikeTheModel &&
+        (c.score.separability >= kUnlikeTheModel || (!of_posture && own.empty())) &&
         std::ranges::all_of(structures, [&](Eigen::Index s) {
           return evidence.search.beyond(s, static_cast<Eigen::Index>(c.evidence_block)) >=
                  kOfAnotherKind;
