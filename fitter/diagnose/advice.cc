@@ -185,9 +185,7 @@ bool advise_direction(const Diagnosis& d, const Fit& fit, std::vector<std::strin
 
 // A step at one time.
 bool is_knock(const StructureFinding& f) {
-  return f.is_knock ||
-         (f.variables == std::vector<std::string>{"time"} && f.shape.starts_with("a step"));
-  f.variables == std::vector<std::string>{"time"} && f.shape.starts_with("a step");
+  return f.variables == std::vector<std::string>{"time"} && f.shape.starts_with("a step");
 }
 
 void advise_structure(const Diagnosis& d, const Fit& fit, std::vector<std::string>& advice) {
@@ -253,7 +251,7 @@ void advise_nothing(const Diagnosis& d, const Fit& fit, std::vector<std::string>
     advice.push_back("nothing to add was found; whether the " + micrometre_words(held_out) +
                      " left over are noise is not known: repeat some poses, or state the "
                      "instrument's sigma");
-  } else if (held_out > kWellAbove * floor.mean && d.rounded.joints.empty()) {
+  } else if (held_out > kWellAbove * floor.mean && d.rounding.size == 0.0) {
     advice.push_back("nothing to add was found, but poses that were not fitted err by " +
                      micrometre_words(held_out) + ", noise alone by " +
                      micrometre_words(floor.mean) +
@@ -280,8 +278,8 @@ std::vector<std::string> advise(const Diagnosis& d, const Fit& fit,
   // Where structure is left, the figures are not of noise alone.
   if (d.verdict != Verdict::kUnexplainedStructure)
     advice.push_back(words_of(d.noise, linearization, fit.robot()));
-  if (!d.rounded.joints.empty()) {
-    advice.push_back("the file has joint angles in steps of " + d.rounded.step.words +
+  if (d.rounding.size > 0.0) {
+    advice.push_back("the file has joint angles in steps of " + d.rounding.words +
                      ", which alone would scatter a joint as much: write more digits");
   }
   const std::string tables = sentence_of(d.tables);

@@ -195,32 +195,24 @@ Candidate make_candidate(const Fit& fit, const EvidenceSummary& evidence, std::s
 // A candidate is taken for another cause than a structure if it keeps the first share of its gain
 // beside the structure, and the fitted model cannot imitate the second share of its effect.
 constexpr double kOfAnotherKind = 0.9, kUnlikeTheModel = 0.5;
+const std::string kPosture = "posture";
 
-// What a block depends on beside the arm's posture: "session" for time and temperatures, which go
-// along with one another, else a variable's name ("dir2", "payload", a user's column).
-std::set<std::string> beside_posture(const Block& block, int joints) {
+// What a block depends on: "posture" for angles and loads, "session" for time and temperatures,
+// which go along with one another, else a variable's name ("dir2", "payload", a user's column).
+std::set<std::string> causes_read(const Block& block, int joints) {
   std::set<std::string> result;
   for (const Parameter& p : block.terms.parameters) {
     for (const Term& term : p.terms) {
       for (const std::string& name : term.basis.variables()) {
         const auto variable = parse_variable(name, joints);
-        if (!variable || variable->is_of_posture()) continue;
-        result.insert(variable->is_of_session() ? "session" : name);
+        if (!variable) continue;
+        result.insert(variable->is_of_posture()   ? kPosture
+                      : variable->is_of_session() ? "session"
+                                                  : name);
       }
     }
   }
   return result;
-}
-
-bool reads_posture(const Block& block, int joints) {
-  return std::ranges::any_of(block.terms.parameters, [&](const Parameter& p) {
-    return std::ranges::any_of(p.terms, [&](const Term& term) {
-      return std::ranges::any_of(term.basis.variables(), [&](const std::string& name) {
-        const auto variable = parse_variable(name, joints);
-        return variable && variable->is_of_posture();
-      });
-    });
-  });
 }
 
 // Lowers the probability of candidates that explain less than a structure (a smooth function that
@@ -232,21 +224,20 @@ void doubt_beside_structure(const Fit& fit, const EvidenceSummary& evidence,
                             std::vector<Candidate>& candidates, double& nothing) {
   const int joints = fit.robot().joint_count();
   double structure = 0.0;
-  bool of_posture = false;
   std::set<std::string> known;
   std::vector<Eigen::Index> structures;
   for (std::size_t b = 0; b < evidence.blocks.size(); ++b) {
     if (!evidence.blocks[b].structure || !evidence.search.likeliest[b]) continue;
     structure = std::max(structure, evidence.search.gain[b]);
     structures.push_back(static_cast<Eigen::Index>(b));
-    const Block& block = evidence.blocks[b].forms.front().block;
-    known.merge(beside_posture(block, joints));
-    of_posture = of_posture || reads_posture(block, joints);
+    known.merge(causes_read(evidence.blocks[b].forms.front().block, joints));
   }
   if (structure == 0.0) return;
+  const bool of_posture = known.erase(kPosture) > 0;
   double most = 0.0;
   for (Candidate& c : candidates) {
-    const std::set<std::string> own = beside_posture(c.block, joints);
+    std::set<std::string> own = causes_read(c.block, joints);
+    own.erase(kPosture);
     const bool of_another_kind =
         (c.score.separability >= kUnlikeTheModel || (!of_posture && own.empty())) &&
         std::ranges::all_of(structures, [&](Eigen::Index s) {
@@ -451,8 +442,10 @@ Diagnosis diagnose(Fit& fit, const DiagnoseOptions& options, Observer& observer)
   report(0.4, "weighing the catalogue");
   const std::set<std::size_t> improbable =
       weigh(fit, linearization, scorer, std::move(extra), options, d);
-  d.rounded = rounded_joints(d.noise, fit);
-  d.lack_of_fit = lack_of_fit(linearization, fit, d.noise);
+  d.rounding = rounding_of_joints(d.noise, fit);
+  // All repeats of a pose have the same rounded angles in the file. Their scatter holds nothing of
+  // the rounding error, which differs from pose to pose.
+  if (d.rounding.size == 0.0) d.lack_of_fit = lack_of_fit(linearization, fit, d.noise);
   if (!d.recommended() && d.lack_of_fit.testable && d.lack_of_fit.log10_p < kStructureSignificant) {
     // More is left than noise and nothing known explains it: a gear ratio may not be what it is
     // said to be.
@@ -463,7 +456,6 @@ Diagnosis diagnose(Fit& fit, const DiagnoseOptions& options, Observer& observer)
     weigh(fit, linearization, scorer, std::move(lines), options, other);
     if (other.recommended()) {
       other.lack_of_fit = d.lack_of_fit;
-      other.rounded = d.rounded;
       d = std::move(other);
       d.spectra = std::move(wide);
     }

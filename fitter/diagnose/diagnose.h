@@ -66,7 +66,7 @@ struct Diagnosis {
   std::vector<Superfluous> superfluous;               ///< least probable first
   std::map<std::string, double> probability_present;  ///< of the fit's own effects, by label
   NoiseParts noise;
-  RoundedJoints rounded;
+  DecimalStep rounding;            ///< of the joints' angles, where it explains how they scatter
   double reading_sigma = 0.0;      ///< [m] a coordinate
   double orientation_sigma = 0.0;  ///< [rad] of measured orientations; 0: none
   std::vector<Untestable> untestable;

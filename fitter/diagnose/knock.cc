@@ -67,16 +67,14 @@ std::optional<StructureFinding> find_knock(const Scorer& scorer, const State& st
   std::ranges::sort(sorted);
   const std::size_t first = kLeastRows, last = sorted.size() - kLeastRows;
   BestStep best = best_of(scorer, times_between(sorted, first, last, kTimesTried));
-  if (best.score.gain <= 0.0 || best.score.delta_bic > 0.0) return std::nullopt;
-  for (std::size_t cell = (last - first) / kTimesTried + 1; cell > 1;
-       cell = 2 * cell / kTimesAround + 1) {
+  if (best.score.delta_bic >= 0.0) return std::nullopt;
+  // `cell`: rows between neighbouring times of the last round.
+  for (std::size_t cell = (last - first) / kTimesTried; cell > 0; cell = 2 * cell / kTimesAround) {
     const auto place =
         static_cast<std::size_t>(std::ranges::upper_bound(sorted, best.time) - sorted.begin());
-    const BestStep around =
-        best_of(scorer, times_between(sorted, std::max(first, place - std::min(place, cell)),
-                                      std::min(last, place + cell), kTimesAround));
-    if (around.score.gain > best.score.gain) best = around;
-    if (cell <= kTimesAround / 2) break;
+    BestStep around = best_of(scorer, times_between(sorted, std::max(first + cell, place) - cell,
+                                                    std::min(last, place + cell), kTimesAround));
+    if (around.score.gain > best.score.gain) best = std::move(around);
   }
 
   StructureFinding finding;

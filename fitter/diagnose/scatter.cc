@@ -22,8 +22,8 @@ constexpr double kScatterSurely = -6.0;
 // A joint's scatter is worth telling where it moves the tool by this share of what readings scatter
 // by: half of it makes the whole larger by a ninth.
 constexpr double kToldFromReading = 0.5;
-// A joint whose scatter is that of rounding times no more than this, and no less than its inverse,
-// was rounded.
+// A joint was rounded if it scatters by no more than this times what rounding to the file's step
+// makes, and by no less than the inverse of it.
 constexpr double kAsRounded = 1.4;
 
 using PlacedVector = std::pair<Eigen::Index, Eigen::Vector3d>;  // row, and its residual
@@ -99,8 +99,8 @@ std::optional<double> log10_p_against(const std::vector<std::vector<std::size_t>
 
 }  // namespace
 
-RoundedJoints rounded_joints(const NoiseParts& noise, const Fit& fit) {
-  RoundedJoints result;
+DecimalStep rounding_of_joints(const NoiseParts& noise, const Fit& fit) {
+  DecimalStep coarsest;
   const std::vector<double>& q = fit.state().joints();
   const auto n = static_cast<std::size_t>(fit.robot().joint_count());
   for (std::size_t k = 0; k < n; ++k) {
@@ -108,18 +108,15 @@ RoundedJoints rounded_joints(const NoiseParts& noise, const Fit& fit) {
     for (std::size_t i = k; i < q.size(); i += n) own.push_back(q[i]);
     const DecimalStep step =
         fit.robot().joints[k].prismatic ? step_of_lengths(own) : step_of_angles(own);
-    const double share = step.size > 0.0 ? noise.joint[k] / step.sigma() : 0.0;
-    if (share < 1.0 / kAsRounded || share > kAsRounded) continue;
-    result.joints.push_back(static_cast<int>(k) + 1);
-    if (step.size > result.step.size) result.step = step;
+    if (step.size > coarsest.size && noise.joint[k] < kAsRounded * step.sigma() &&
+        noise.joint[k] > step.sigma() / kAsRounded)
+      coarsest = step;
   }
-  return result;
+  return coarsest;
 }
 
 LackOfFit lack_of_fit(const Linearization& l, const Fit& fit, NoiseParts noise) {
   LackOfFit result;
-  // Repeats that start from the same rounded angles do not show what rounding does at other poses.
-  if (!rounded_joints(noise, fit).joints.empty()) return result;
   const Eigen::Index h = l.height, rows = static_cast<Eigen::Index>(l.rows());
   // Only a few poses were repeated, and a joint that repeats badly moves the tool further at some
   // poses than at others. So every residual is divided by the standard deviation that joints and

@@ -22,7 +22,7 @@ struct StructureFinding {
   double log10_p = 0.0;   ///< corrected for the number of blocks tried
   double cost = 0.0;      ///< BIC with it minus without, in the form that suits it best
   std::string shape;      ///< in words
-  bool is_knock = false;  ///< everything stands elsewhere from one time on
+  bool is_knock = false;  ///< from one time on, the whole arm stands elsewhere: see find_knock
   std::vector<double> x,
       y;  ///< the fitted function over the first variable [rad or m], for drawing
 };
@@ -48,13 +48,9 @@ struct LackOfFit {
 };
 LackOfFit lack_of_fit(const Linearization& linearization, const Fit& fit, NoiseParts noise);
 
-/// Joints that scatter as much as the step to which the file has them makes them; `step`: the
-/// coarsest of theirs.
-struct RoundedJoints {
-  std::vector<int> joints;  ///< 1-based
-  DecimalStep step;
-};
-RoundedJoints rounded_joints(const NoiseParts& noise, const Fit& fit);
+/// The step in which the file has the joints, where joints scatter as much as rounding to it makes
+/// them: the coarsest of several. Size 0: none does.
+DecimalStep rounding_of_joints(const NoiseParts& noise, const Fit& fit);
 
 /// "joint 2 repeats to 100 urad, joint 3 to 26 urad; readings scatter by 17.0 um a coordinate".
 /// Joints are named whose scatter moves the tool by no less than half of what readings scatter by,

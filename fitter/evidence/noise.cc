@@ -162,8 +162,8 @@ double counted_equations(const Linearization& l, const NoiseParts& parts) {
 
 namespace {
 
-// The restricted likelihood's logarithm, its slope by the variance of every part (reading, joints,
-// pose, orientation), and the information of these variances.
+// The logarithm of the restricted likelihood, its slope by the variance of each part (reading,
+// joints, pose, orientation), and the Fisher information of these variances.
 struct Score {
   double value = 0.0;
   Eigen::VectorXd slope;
@@ -433,16 +433,21 @@ bool gives_way(const RestrictedLikelihood& likelihood, const Linearization& l, N
   return true;
 }
 
-// Every joint scatters, and that of good ones is lost in the readings if each is asked alone: those
-// whose own variance does not pay for itself by the Bayesian information criterion, extended for
-// how many joints were asked (Chen and Chen 2008, Biometrika 95, 759), are pooled. What is shared
-// goes to the readings where it does not pay: by a pose, by the same criterion; by joints that are
-// pooled, where the data cannot tell it at all.
+// Leaves out what the data do not show. Whether a variance stands for itself, the Bayesian
+// information criterion says, extended for the number of joints (Chen and Chen 2008, Biometrika 95,
+// 759).
+// A joint whose variance does not is pooled: every joint scatters, and the small scatter of one
+// good joint is lost in the readings where that of all together is not. What the readings of a pose
+// share becomes the readings' own if it does not stand for itself, and the variance of the pooled
+// joints if the data could not tell it from theirs.
 NoiseParts without_unsure(const RestrictedLikelihood& likelihood, const Linearization& l,
                           NoiseParts parts) {
   const Eigen::VectorXd reach = reaches(l);
   const double of_one_variance =
       std::log(likelihood.poses()) + 2.0 * std::log(static_cast<double>(parts.joint.size()));
+  const auto add_to_readings = [&](NoiseParts& to, double sigma, double own_reach) {
+    to.reading = std::hypot(to.reading, sigma * std::sqrt(own_reach / reach[0]));
+  };
   const auto present_doubts = [&] {
     return doubts(parts, folded(likelihood.score(parts), groups_of(parts, l)), reach);
   };
@@ -462,8 +467,7 @@ NoiseParts without_unsure(const RestrictedLikelihood& likelihood, const Lineariz
   if (parts.pose && *parts.pose > 0.0) {
     NoiseParts simpler = parts;
     simpler.pose = 0.0;
-    simpler.reading =
-        std::hypot(parts.reading, *parts.pose * std::sqrt(reach[l.layout.joints + 1] / reach[0]));
+    add_to_readings(simpler, *parts.pose, reach[l.layout.joints + 1]);
     pool(simpler, l, reach);
     gives_way(likelihood, l, parts, std::move(simpler), of_one_variance);
   }
@@ -472,9 +476,7 @@ NoiseParts without_unsure(const RestrictedLikelihood& likelihood, const Lineariz
     for (std::size_t k = 0; k < parts.joint.size(); ++k) {
       if (!parts.is_pooled(k) || l.prismatic[k] != slides) continue;
       simpler.joint[k] = 0.0;
-      simpler.reading = std::hypot(
-          simpler.reading,
-          parts.joint[k] * std::sqrt(reach[static_cast<Eigen::Index>(k) + 1] / reach[0]));
+      add_to_readings(simpler, parts.joint[k], reach[static_cast<Eigen::Index>(k) + 1]);
     }
     if (simpler.joint != parts.joint)
       gives_way(likelihood, l, parts, std::move(simpler), kCannotBeTold);

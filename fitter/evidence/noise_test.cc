@@ -59,8 +59,8 @@ TEST(EstimateNoise, OneJointThatRepeatsBadly_IsNamedWithItsSize) {
   EXPECT_FALSE(parts.pose.has_value());
 }
 
-// 4 urad at a metre are half of what the readings scatter by: each alone is lost in them, together
-// they are not.
+// A joint's 4 urad move a point at a metre by half of what its reading scatters by. The data do not
+// show the scatter of one such joint, and show that of five.
 TEST(EstimateNoise, JointsThatRepeatWell_AreMeasuredTogether) {
   for (const std::uint64_t seed : {4, 5, 6, 7}) {
     const auto fit = scattered(seed, {4e-6, 45e-6, 4e-6, 4e-6, 4e-6, 4e-6}, 8e-6, 1);

@@ -60,7 +60,8 @@ NoiseFloor floor_of_repeats(Design& design, const ErrorSummary& train, double ef
   const double squares = std::accumulate(half_squares.begin(), half_squares.end(), 0.0);
   const std::size_t freedom = 3 * half_squares.size();
   if (freedom < kLeastFreedom) return {0.0, "", freedom};
-  // Repeats that are rounded to the same figure have all erred by the same.
+  // Positions that were rounded to the same figure agree, and yet each is off by the rounding
+  // error.
   const double mean = kMeanChi3 * std::max(std::sqrt(squares / static_cast<double>(freedom)),
                                            design.measurements().rounding.sigma());
   // Where every visit was long after the one before, their differences hold what drifted

@@ -56,7 +56,8 @@ void build_chain(const json& kinematics, Robot& robot, std::vector<Pose>& frame_
       const double a = optional_number(row, "a", 0.0);
       const double alpha = optional_number(row, "alpha", 0.0);
       const double d = optional_number(row, "d", 0.0);
-      const Pose turned = rotation_z(optional_number(row, "theta", 0.0));  // prismatic joints only
+      const Pose turned =
+          rotation_z(optional_number(row, "theta", 0.0));  // joints that turn have none
       if (convention == "mdh") {
         joint.fixed = rotation_x(alpha) * translation(a, d) * turned;
         frame_from_listed_frame.push_back(Pose::Identity());

@@ -11,7 +11,7 @@ struct DecimalStep {
   double size = 0.0;  ///< in the values' SI unit
   std::string words;  ///< "0.01 deg", "0.1 mm"
 
-  /// Standard deviation of what rounding to the step takes away or adds: size / √12 (JCGM 100:2008,
+  /// Standard deviation of the error that rounding to the step makes: size / √12 (JCGM 100:2008,
   /// F.2.2.1).
   double sigma() const;
 };

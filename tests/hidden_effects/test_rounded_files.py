@@ -1,4 +1,4 @@
-"""Files as programs write them: figures rounded, rows twice. Nothing is missing on the arm."""
+"""Files with rounded figures or with every row twice, of arms on which nothing is missing."""
 
 from __future__ import annotations
 

@@ -31,7 +31,7 @@ def held_over(workbench: Workbench, actions: int, every: int, diagnosed_every: i
 
     `diagnosed_every`: after so many actions a diagnosis is waited for; the next action stops the others.
     """
-    _wait(workbench, "candidates")
+    _wait_for_diagnosis(workbench)
     entries = [model_entry(candidate) for candidate in workbench.state()["candidates"][:_CANDIDATES]]
     held = []
     for done in range(0, actions, 4):
@@ -41,7 +41,7 @@ def held_over(workbench: Workbench, actions: int, every: int, diagnosed_every: i
         state = _do(workbench, do="remove", effect=len(workbench.state()["effects"]) - 1)
         assert state["failure"] == "", state["failure"]
         if (done + 4) % diagnosed_every == 0:
-            _wait(workbench, "candidates")
+            _wait_for_diagnosis(workbench)
         if (done + 4) % every == 0:
             held.append(resident_mb(workbench))
     return held
@@ -56,10 +56,11 @@ def _do(workbench: Workbench, **words: Any) -> dict[str, Any]:
     return state
 
 
-def _wait(workbench: Workbench, key: str) -> None:
+def _wait_for_diagnosis(workbench: Workbench) -> None:
+    """Wait until its result is there and it has given back its memory, which beside other programs takes a while."""
     end = time.monotonic() + _PATIENCE_S
-    while not workbench.state()[key]:
-        assert time.monotonic() < end, f"no {key} within {_PATIENCE_S} s"
+    while not (state := workbench.state())["candidates"] or state["diagnosing"]:
+        assert time.monotonic() < end, f"no diagnosis within {_PATIENCE_S} s"
         time.sleep(0.1)
 
 

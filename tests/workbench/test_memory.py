@@ -17,6 +17,5 @@ def test_memory_is_flat_over_500_actions(start, tmp_path):
     held = held_over(workbench, ACTIONS, EVERY)
     assert len(held) == 5
     assert len(workbench.state()["models"]) > 200
-    # What is freed comes back in pieces: over 1000 actions beside other programs figures stood between 87 and 112 MB.
-    # Some 200 models are made after the first hundred actions: what keeps 70 kB of each is found.
-    assert min(held[-2:]) < 1.15 * max(held[:2]), held
+    # What is freed comes back in pieces: a figure may stand 10 % above or below the others.
+    assert min(held[-2:]) < 1.05 * max(held[:2]), held

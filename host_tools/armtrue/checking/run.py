@@ -71,12 +71,16 @@ def refuse_what_cannot_be_an_arm(data: Dataset, robot: Robot) -> list[str]:
                 f"{data.path}: {finding.message}; to mend it: {finding.remedy.rstrip('.')} "
                 "('armtrue check' says more, --force fits all the same)"
             )
-    return [f"{found.message}. {found.remedy}" for found in findings if found.severity == "warning"]
+    return _with_remedies([finding for finding in findings if finding.severity == "warning"])
 
 
 def warnings_of_fit(base: dict[str, Any], robot: Robot) -> list[str]:
     """Warnings about robot.yaml that need the fitted base, with remedies. `base`: measuring_from_base of fit.json."""
-    return [f"{finding.message}. {finding.remedy}" for finding in gravity.find(base, robot)]
+    return _with_remedies(gravity.find(base, robot))
+
+
+def _with_remedies(findings: list[Finding]) -> list[str]:
+    return [f"{finding.message}. {finding.remedy}" for finding in findings]
 
 
 def _riding(data: Dataset) -> Dataset:

@@ -205,11 +205,13 @@ def without_copies(data: Dataset) -> Dataset:
     pose differ in time or in what was measured.
     """
     table = np.column_stack([data.columns[name] for name in sorted(data.columns)])
-    first = np.sort(np.unique(table, axis=0, return_index=True)[1])
-    copies = data.count - first.size
+    first: dict[bytes, int] = {}
+    for entry, row in enumerate(table):
+        first.setdefault(row.tobytes(), entry)
+    copies = data.count - len(first)
     if not copies:
         return data
-    kept = data.take(first)
+    kept = data.take(np.array(list(first.values())))
     rows = "row that equals an earlier one" if copies == 1 else "rows that equal earlier ones"
     note = f"{data.file.name}: left out {copies} {rows} in every column: copies are no measurements"
     return replace(kept, notes=[*data.notes, note])
