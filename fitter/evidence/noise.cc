@@ -3,102 +3,37 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <map>
 #include <numeric>
 
 #include "fitter/common/dense.h"
 #include "fitter/common/parallel.h"
 #include "fitter/design/normal_equations.h"
+#include "fitter/evidence/restricted_likelihood.h"
 
 namespace armtrue {
 namespace {
 
-// A part that fell to this share of the reading's own variance is none.
-constexpr double kNone = 1e-8;
-constexpr std::size_t kPosesLookedAt = 400;
-constexpr Eigen::Index kFewestEquations = 3600, kEquationsPerColumn = 4;
 constexpr Eigen::Index kTogether = 16;  // columns that one thread whitens at a time
 // Each joint and the reading need so many equations beyond the number of columns. With fewer, one
 // joint's scatter can explain all that is left, and readings seem to have no noise.
 constexpr Eigen::Index kEquationsPerPart = 4;
 // A variance becomes at least and at most this share of itself in one step.
-constexpr int kStepsAfterChange = 5;
-// Joints that are pooled begin with at least this share of the readings' variance.
-constexpr double kLeastPooled = 0.1;
-// A joint's variance that is not known to its own size is pooled without a test.
-constexpr double kSurelyDoubtful = 1.0;
-// Twice the logarithm of a likelihood that is nothing.
-constexpr double kCannotBeTold = 0.01;
 constexpr double kLeastShare = 0.05, kMostShare = 4.0;
 // A climb has arrived where no part changes the variance of the readings by more than this share.
 constexpr double kArrived = 2e-3;
-
+// Steps of a climb from the estimate with one part more.
+constexpr int kStepsAfterChange = 5;
+// A part that fell to this share of the reading's own variance is none.
+constexpr double kNone = 1e-8;
+// Joints that are pooled begin with at least this share of the readings' variance.
+constexpr double kLeastPooled = 0.1;
+// A joint whose variance has at least this relative variance is pooled without a test.
+constexpr double kSurelyDoubtful = 1.0;
+// Two models whose log-likelihoods, times two, differ by no more than this are equally likely.
+constexpr double kCannotBeTold = 0.01;
 // Added to the information of each part, as a share: the variance of parts that no data can tell
 // apart becomes very large, not infinite.
 constexpr double kLeastTold = 1e-9;
-
-constexpr int kPositions = 3;  // equations of a row; those behind them are its orientation's
-
-// Columns of every part within the equations of one pose.
-struct PoseParts {
-  std::vector<Eigen::Index> equations;
-  std::vector<bool> turns;             // by equation: of an orientation
-  std::vector<Eigen::MatrixXd> joint;  // by joint: equations × visits
-  Eigen::MatrixXd shared;              // equations × 3
-};
-
-// Of every `stride`-th pose.
-std::vector<PoseParts> parts_of_poses(const Linearization& l, std::size_t stride = 1) {
-  std::vector<PoseParts> result;
-  const std::vector<std::vector<std::size_t>> all = l.poses.rows_by_pose();
-  for (std::size_t g = 0; g < all.size(); g += stride) {
-    const std::vector<std::size_t>& rows = all[g];
-    PoseParts pose;
-    std::map<int, Eigen::Index> visits;
-    for (const std::size_t row : rows) {
-      visits.try_emplace(l.poses.visit_of_row[row], static_cast<Eigen::Index>(visits.size()));
-      for (int h = 0; h < l.height; ++h) {
-        pose.equations.push_back(static_cast<Eigen::Index>(row) * l.height + h);
-        pose.turns.push_back(h >= kPositions);
-      }
-    }
-    const auto size = static_cast<Eigen::Index>(pose.equations.size());
-    pose.shared = l.translation(pose.equations, Eigen::all);
-    for (int k = 0; k < l.layout.joints; ++k) {
-      Eigen::MatrixXd columns =
-          Eigen::MatrixXd::Zero(size, static_cast<Eigen::Index>(visits.size()));
-      for (Eigen::Index e = 0; e < size; ++e) {
-        const Eigen::Index equation = pose.equations[static_cast<std::size_t>(e)];
-        const auto row = static_cast<std::size_t>(equation / l.height);
-        columns(e, visits.at(l.poses.visit_of_row[row])) = l.geometry(equation, l.layout.motor(k));
-      }
-      pose.joint.push_back(std::move(columns));
-    }
-    result.push_back(std::move(pose));
-  }
-  return result;
-}
-
-Eigen::MatrixXd covariance_of(const PoseParts& pose, const NoiseParts& parts) {
-  const Eigen::Index size = pose.shared.rows();
-  Eigen::MatrixXd v = Eigen::MatrixXd::Zero(size, size);
-  for (Eigen::Index e = 0; e < size; ++e)
-    v(e, e) =
-        std::pow(pose.turns[static_cast<std::size_t>(e)] ? parts.orientation : parts.reading, 2);
-  for (std::size_t k = 0; k < pose.joint.size(); ++k) {
-    const double variance = k < parts.joint.size() ? parts.joint[k] * parts.joint[k] : 0.0;
-    if (variance > 0.0) v.noalias() += variance * (pose.joint[k] * pose.joint[k].transpose());
-  }
-  if (parts.pose)
-    v.noalias() += *parts.pose * *parts.pose * (pose.shared * pose.shared.transpose());
-  return v;
-}
-
-// L⁻¹ of the covariance LLᵀ.
-Eigen::MatrixXd inverse_root_of(const PoseParts& pose, const NoiseParts& parts) {
-  const Eigen::Index size = pose.shared.rows();
-  return Cholesky(covariance_of(pose, parts)).half_solve(Eigen::MatrixXd::Identity(size, size));
-}
 
 }  // namespace
 
@@ -142,9 +77,10 @@ NoiseParts broad_noise(const Linearization& l, const Eigen::VectorXd& residual) 
   const auto part_of = [&](const auto& rows) {
     return std::sqrt(0.5 * rows.squaredNorm() / static_cast<double>(rows.size()));
   };
-  parts.reading = part_of(by_row.topRows(kPositions));
-  parts.orientation =
-      l.height > kPositions ? part_of(by_row.bottomRows(l.height - kPositions)) : parts.reading;
+  parts.reading = part_of(by_row.topRows(kPositionEquations));
+  parts.orientation = l.height > kPositionEquations
+                          ? part_of(by_row.bottomRows(l.height - kPositionEquations))
+                          : parts.reading;
   for (int k = 0; k < l.layout.joints; ++k) {
     const double reach =
         l.geometry.col(l.layout.motor(k)).squaredNorm() / static_cast<double>(residual.size());
@@ -156,47 +92,11 @@ NoiseParts broad_noise(const Linearization& l, const Eigen::VectorXd& residual) 
 
 double counted_equations(const Linearization& l, const NoiseParts& parts) {
   const double positions = parts.reading * parts.reading;
-  const double turns = l.height > kPositions ? parts.orientation * parts.orientation : 0.0;
+  const double turns = l.height > kPositionEquations ? parts.orientation * parts.orientation : 0.0;
   return equations_that_count(static_cast<double>(l.rows()), positions + turns, positions);
 }
 
 namespace {
-
-// The logarithm of the restricted likelihood, its slope by the variance of each part (reading,
-// joints, pose, orientation), and the Fisher information of these variances.
-struct Score {
-  double value = 0.0;
-  Eigen::VectorXd slope;
-  Eigen::MatrixXd information;
-};
-
-void add_pose(const PoseParts& pose, const NoiseParts& parts, const Eigen::MatrixXd& inverse_root,
-              const Eigen::MatrixXd& free, const Eigen::VectorXd& left, Score& score) {
-  const auto root = inverse_root.triangularView<Eigen::Lower>();
-  const auto size = static_cast<Eigen::Index>(pose.equations.size());
-  std::vector<std::pair<Eigen::Index, Eigen::MatrixXd>> columns;  // of each part, whitened
-  for (const bool turns : {false, true}) {
-    std::vector<Eigen::Index> own;
-    for (Eigen::Index e = 0; e < size; ++e) {
-      if (pose.turns[static_cast<std::size_t>(e)] == turns) own.push_back(e);
-    }
-    if (!own.empty())
-      columns.emplace_back(turns ? score.slope.size() - 1 : 0, inverse_root(Eigen::all, own));
-  }
-  for (std::size_t k = 0; k < pose.joint.size(); ++k) {
-    if (parts.joint[k] > 0.0)
-      columns.emplace_back(static_cast<Eigen::Index>(k) + 1, root * pose.joint[k]);
-  }
-  if (parts.pose && *parts.pose > 0.0)
-    columns.emplace_back(score.slope.size() - 2, root * pose.shared);
-  for (const auto& [part, own] : columns) {
-    score.slope[part] += 0.5 * (own.transpose() * left).squaredNorm();
-    const Eigen::MatrixXd freed = free * own;
-    score.slope[part] -= 0.5 * own.cwiseProduct(freed).sum();
-    for (const auto& [other, its] : columns)
-      score.information(part, other) += 0.5 * (its.transpose() * freed).squaredNorm();
-  }
-}
 
 // Fisher's step, in which no variance falls or grows by more than it may; those that would are held
 // there, and the others go where that leaves them.
@@ -231,92 +131,6 @@ Eigen::VectorXd next_variances(const Eigen::VectorXd& variance, const Score& sco
   return variance + change;
 }
 
-// The equations of a pose stand side by side, so that its share of a matrix is one piece of memory.
-class RestrictedLikelihood {
- public:
-  RestrictedLikelihood(const Linearization& l, const Eigen::MatrixXd& columns,
-                       const Eigen::MatrixXd& precision, const Eigen::VectorXd& y)
-      : precision_(precision), poses_(parts_of_poses(l, stride_of(l, columns.cols()))) {
-    std::vector<Eigen::Index> order;
-    for (const PoseParts& pose : poses_)
-      order.insert(order.end(), pose.equations.begin(), pose.equations.end());
-    across_ = columns(order, Eigen::all).transpose();
-    y_ = y(order);
-  }
-
-  // A few equations for every column tell variances to some hundredths: more would take as many
-  // times as long.
-  static std::size_t stride_of(const Linearization& l, Eigen::Index columns) {
-    const Eigen::Index wanted = std::max(kFewestEquations, kEquationsPerColumn * columns);
-    return static_cast<std::size_t>(std::max<Eigen::Index>(1, l.equations() / wanted));
-  }
-
-  Score score(const NoiseParts& parts) const;
-  double poses() const { return static_cast<double>(poses_.size()); }
-
- private:
-  const Eigen::MatrixXd& precision_;
-  std::vector<PoseParts> poses_;
-  Eigen::MatrixXd across_;  // unknowns × equations
-  Eigen::VectorXd y_;
-};
-
-Score RestrictedLikelihood::score(const NoiseParts& parts) const {
-  std::vector<Eigen::MatrixXd> roots;
-  Eigen::MatrixXd white(across_.rows(), across_.cols());
-  Eigen::VectorXd left(y_.size());
-  Eigen::Index at = 0;
-  for (const PoseParts& pose : poses_) {
-    roots.push_back(inverse_root_of(pose, parts));
-    const Eigen::Index size = roots.back().rows();
-    white.middleCols(at, size).noalias() =
-        across_.middleCols(at, size).lazyProduct(roots.back().transpose());
-    left.segment(at, size) = roots.back().triangularView<Eigen::Lower>() * y_.segment(at, size);
-    at += size;
-  }
-  const ScaledCholesky factor(precision_ + square_across(white));
-  const Eigen::VectorXd moment = white * left;
-  const Eigen::VectorXd coefficients = factor.solve(moment);
-  double value = -0.5 * (left.squaredNorm() - moment.dot(coefficients) + factor.log_determinant());
-  for (const Eigen::MatrixXd& root : roots) value += root.diagonal().array().log().sum();
-  left -= white.transpose() * coefficients;
-
-  // The sums that the steps compare are averages over poses: some hundreds of them say as much as
-  // all.
-  const std::size_t stride = std::max<std::size_t>(1, poses_.size() / kPosesLookedAt);
-  std::vector<Eigen::Index> looked_at;
-  at = 0;
-  for (std::size_t g = 0; g < poses_.size(); ++g) {
-    const auto size = static_cast<Eigen::Index>(poses_[g].equations.size());
-    for (Eigen::Index e = 0; e < size && g % stride == 0; ++e) looked_at.push_back(at + e);
-    at += size;
-  }
-  const Eigen::MatrixXd half = factor.half_solve(white(Eigen::all, looked_at));
-  const Eigen::VectorXd seen = left(looked_at);
-  const auto count = static_cast<Eigen::Index>(parts.joint.size()) + 3;
-  Score score{value, Eigen::VectorXd::Zero(count), Eigen::MatrixXd::Zero(count, count)};
-  at = 0;
-  for (std::size_t g = 0; g < poses_.size(); g += stride) {
-    const auto size = static_cast<Eigen::Index>(poses_[g].equations.size());
-    const Eigen::MatrixXd free = Eigen::MatrixXd::Identity(size, size) -
-                                 half.middleCols(at, size).transpose() * half.middleCols(at, size);
-    add_pose(poses_[g], parts, roots[g], free, seen.segment(at, size), score);
-    at += size;
-  }
-  return score;
-}
-
-Eigen::VectorXd variances_of(const NoiseParts& parts) {
-  const auto joints = static_cast<Eigen::Index>(parts.joint.size());
-  Eigen::VectorXd variance(joints + 3);
-  variance[0] = parts.reading * parts.reading;
-  for (Eigen::Index k = 0; k < joints; ++k)
-    variance[k + 1] = std::pow(parts.joint[static_cast<std::size_t>(k)], 2);
-  variance[joints + 1] = parts.pose ? *parts.pose * *parts.pose : 0.0;
-  variance[joints + 2] = parts.orientation * parts.orientation;
-  return variance;
-}
-
 // Which parts have one variance: by part, the first of those that have the same.
 using Groups = std::vector<Eigen::Index>;
 
@@ -346,7 +160,7 @@ Score folded(const Score& score, const Groups& groups) {
 Eigen::VectorXd reaches(const Linearization& l) {
   Eigen::VectorXd reach(l.layout.joints + 3);
   const auto rows = static_cast<double>(l.geometry.rows());
-  reach[0] = static_cast<double>(kPositions) / l.height;
+  reach[0] = static_cast<double>(kPositionEquations) / l.height;
   for (int k = 0; k < l.layout.joints; ++k)
     reach[k + 1] = l.geometry.col(l.layout.motor(k)).squaredNorm() / rows;
   reach[l.layout.joints + 1] = l.translation.squaredNorm() / rows;
@@ -354,29 +168,42 @@ Eigen::VectorXd reaches(const Linearization& l) {
   return reach;
 }
 
-NoiseParts climb(const RestrictedLikelihood& likelihood, const Linearization& l, NoiseParts parts,
-                 int steps) {
-  const auto joints = static_cast<Eigen::Index>(parts.joint.size());
+// An estimate, and its score once that was asked for: a score takes as long as all else together.
+struct Estimate {
+  NoiseParts parts;
+  std::optional<Score> score;
+
+  explicit Estimate(NoiseParts of) : parts(std::move(of)) {}
+  const Score& scored(const RestrictedLikelihood& likelihood) {
+    if (!score) score = likelihood.score(parts);
+    return *score;
+  }
+};
+
+Estimate climb(const RestrictedLikelihood& likelihood, const Linearization& l, Estimate at,
+               int steps) {
+  const auto joints = static_cast<Eigen::Index>(at.parts.joint.size());
   const Eigen::VectorXd reach = reaches(l);
-  const Groups groups = groups_of(parts, l);
+  const Groups groups = groups_of(at.parts, l);
   for (int step = 0; step < steps; ++step) {
-    const Eigen::VectorXd before = variances_of(parts);
+    const Eigen::VectorXd before = variances_of(at.parts);
     const Eigen::VectorXd variance =
-        next_variances(before, folded(likelihood.score(parts), groups))(groups);
-    parts.reading = std::sqrt(variance[0]);
+        next_variances(before, folded(at.scored(likelihood), groups))(groups);
+    at = Estimate(std::move(at.parts));
+    at.parts.reading = std::sqrt(variance[0]);
     for (Eigen::Index k = 0; k < joints; ++k) {
-      const auto at = static_cast<std::size_t>(k);
+      const auto joint = static_cast<std::size_t>(k);
       const bool none =
-          !parts.is_pooled(at) && variance[k + 1] * reach[k + 1] < kNone * variance[0];
-      parts.joint[at] = none ? 0.0 : std::sqrt(variance[k + 1]);
+          !at.parts.is_pooled(joint) && variance[k + 1] * reach[k + 1] < kNone * variance[0];
+      at.parts.joint[joint] = none ? 0.0 : std::sqrt(variance[k + 1]);
     }
-    if (parts.pose) parts.pose = std::sqrt(variance[joints + 1]);
-    parts.orientation = std::sqrt(variance[joints + 2]);
+    if (at.parts.pose) at.parts.pose = std::sqrt(variance[joints + 1]);
+    at.parts.orientation = std::sqrt(variance[joints + 2]);
     if ((variance - before).cwiseAbs().cwiseProduct(reach).maxCoeff() <
         kArrived * variance.dot(reach))
       break;
   }
-  return parts;
+  return at;
 }
 
 // By joint, the relative variance of its own variance: infinite where that fell to zero, zero for
@@ -422,14 +249,14 @@ void pool(NoiseParts& parts, const Linearization& l, const Eigen::VectorXd& reac
   }
 }
 
-// Climbs to `simpler`, from where `parts` are, and takes it unless twice the logarithm of the
-// likelihood falls by more than `asked`.
-bool gives_way(const RestrictedLikelihood& likelihood, const Linearization& l, NoiseParts& parts,
+// Climbs from `simpler`, and takes where that leads in place of `at` unless twice the logarithm of
+// the likelihood falls by more than `asked`.
+bool gives_way(const RestrictedLikelihood& likelihood, const Linearization& l, Estimate& at,
                NoiseParts simpler, double asked) {
-  simpler = climb(likelihood, l, std::move(simpler), kStepsAfterChange);
-  const double fall = likelihood.score(parts).value - likelihood.score(simpler).value;
+  Estimate other = climb(likelihood, l, Estimate(std::move(simpler)), kStepsAfterChange);
+  const double fall = at.scored(likelihood).value - other.scored(likelihood).value;
   if (2.0 * fall > asked) return false;
-  parts = std::move(simpler);
+  at = std::move(other);
   return true;
 }
 
@@ -441,47 +268,48 @@ bool gives_way(const RestrictedLikelihood& likelihood, const Linearization& l, N
 // share becomes the readings' own if it does not stand for itself, and the variance of the pooled
 // joints if the data could not tell it from theirs.
 NoiseParts without_unsure(const RestrictedLikelihood& likelihood, const Linearization& l,
-                          NoiseParts parts) {
+                          Estimate at) {
   const Eigen::VectorXd reach = reaches(l);
   const double of_one_variance =
-      std::log(likelihood.poses()) + 2.0 * std::log(static_cast<double>(parts.joint.size()));
+      std::log(likelihood.poses()) + 2.0 * std::log(static_cast<double>(at.parts.joint.size()));
   const auto add_to_readings = [&](NoiseParts& to, double sigma, double own_reach) {
     to.reading = std::hypot(to.reading, sigma * std::sqrt(own_reach / reach[0]));
   };
   const auto present_doubts = [&] {
-    return doubts(parts, folded(likelihood.score(parts), groups_of(parts, l)), reach);
+    return doubts(at.parts, folded(at.scored(likelihood), groups_of(at.parts, l)), reach);
   };
   Eigen::VectorXd doubt = present_doubts();
   if (doubt.maxCoeff() > kSurelyDoubtful) {
+    NoiseParts simpler = at.parts;
     for (Eigen::Index k = 0; k < doubt.size(); ++k) {
-      if (doubt[k] > kSurelyDoubtful) pool(parts, l, reach, static_cast<std::size_t>(k));
+      if (doubt[k] > kSurelyDoubtful) pool(simpler, l, reach, static_cast<std::size_t>(k));
     }
-    parts = climb(likelihood, l, std::move(parts), kStepsAfterChange);
+    at = climb(likelihood, l, Estimate(std::move(simpler)), kStepsAfterChange);
     doubt = present_doubts();
   }
   for (Eigen::Index most = 0; doubt.maxCoeff(&most) > 0.0; doubt = present_doubts()) {
-    NoiseParts simpler = parts;
+    NoiseParts simpler = at.parts;
     pool(simpler, l, reach, static_cast<std::size_t>(most));
-    if (!gives_way(likelihood, l, parts, std::move(simpler), of_one_variance)) break;
+    if (!gives_way(likelihood, l, at, std::move(simpler), of_one_variance)) break;
   }
-  if (parts.pose && *parts.pose > 0.0) {
-    NoiseParts simpler = parts;
+  if (at.parts.pose && *at.parts.pose > 0.0) {
+    NoiseParts simpler = at.parts;
     simpler.pose = 0.0;
-    add_to_readings(simpler, *parts.pose, reach[l.layout.joints + 1]);
+    add_to_readings(simpler, *at.parts.pose, reach[l.layout.joints + 1]);
     pool(simpler, l, reach);
-    gives_way(likelihood, l, parts, std::move(simpler), of_one_variance);
+    gives_way(likelihood, l, at, std::move(simpler), of_one_variance);
   }
   for (const bool slides : {false, true}) {
-    NoiseParts simpler = parts;
-    for (std::size_t k = 0; k < parts.joint.size(); ++k) {
-      if (!parts.is_pooled(k) || l.prismatic[k] != slides) continue;
+    NoiseParts simpler = at.parts;
+    for (std::size_t k = 0; k < at.parts.joint.size(); ++k) {
+      if (!at.parts.is_pooled(k) || l.prismatic[k] != slides) continue;
       simpler.joint[k] = 0.0;
-      add_to_readings(simpler, parts.joint[k], reach[static_cast<Eigen::Index>(k) + 1]);
+      add_to_readings(simpler, at.parts.joint[k], reach[static_cast<Eigen::Index>(k) + 1]);
     }
-    if (simpler.joint != parts.joint)
-      gives_way(likelihood, l, parts, std::move(simpler), kCannotBeTold);
+    if (simpler.joint != at.parts.joint)
+      gives_way(likelihood, l, at, std::move(simpler), kCannotBeTold);
   }
-  return parts;
+  return at.parts;
 }
 
 }  // namespace
@@ -497,8 +325,8 @@ NoiseParts estimate_noise(const Linearization& l, const Eigen::MatrixXd& columns
     std::ranges::fill(parts.joint, 0.0);
     if (parts.pose) parts.pose = 0.0;
   }
-  parts = climb(likelihood, l, std::move(parts), effort.steps);
-  return effort.drops_unsure && !few ? without_unsure(likelihood, l, std::move(parts)) : parts;
+  Estimate at = climb(likelihood, l, Estimate(std::move(parts)), effort.steps);
+  return effort.drops_unsure && !few ? without_unsure(likelihood, l, std::move(at)) : at.parts;
 }
 
 }  // namespace armtrue
