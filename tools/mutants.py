@@ -163,6 +163,7 @@ def prepare(part: str, number: int, near: bool = False) -> Path:
             for built in (ROOT / "host_tools").glob(pattern):
                 shutil.copy(built, tree / built.relative_to(ROOT))
     else:
+        shutil.copytree(ROOT / ".cache" / "sdist", tree / ".cache" / "sdist")  # what the build would fetch
         # ARMTRUE_BENCH compiles every file by itself: a fault then costs one file and not eight.
         subprocess.run(
             ["cmake", "-S", ".", "-B", "out", "-G", "Ninja", "-DCMAKE_BUILD_TYPE=Release", "-DARMTRUE_PYTHON=OFF",

@@ -306,6 +306,8 @@ def read_refinement(outcome: Outcome, document: dict[str, Any]) -> None:
 def said_of(outcome: Outcome, document: dict[str, Any]) -> list[tuple[float, bool]]:
     """(probability said, whether it is so) of what was added, of what is left a candidate, and of nothing missing."""
     there = outcome.hidden | outcome.accepted | outcome.causes
+    # A truth whose form no effect has may be called by several names: with one of them in the model all is said.
+    named_already = outcome.causes if outcome.causes & outcome.added else set()
     last = document["steps"][-1]
     # A joint that was added may stand in one entry with joints that were believed.
     said = [
@@ -317,9 +319,11 @@ def said_of(outcome: Outcome, document: dict[str, Any]) -> list[tuple[float, boo
         if entry.get("probability") is not None:
             words = set(named(entry["effect"], entry.get("joints") or []))
             # What is in the model already is not there a second time.
-            said.append((float(entry["probability"]), words <= there and not words <= outcome.added))
+            missing = not words <= outcome.added | named_already
+            said.append((float(entry["probability"]), words <= there and missing))
     if last.get("probability_nothing") is not None:
-        said.append((float(last["probability_nothing"]), outcome.hidden <= outcome.added))
+        complete = bool(outcome.causes & outcome.added) if outcome.causes else outcome.found
+        said.append((float(last["probability_nothing"]), complete))
     return said
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 from armtrue_sim.kinds import ARMS
-from harness import Outcome, Settings, accounted_for, verdict_of
+from harness import Outcome, Settings, accounted_for, said_of, verdict_of
 from harness import run_case as run_settings
 
 
@@ -127,6 +127,22 @@ def test_the_judge_wants_every_effect_named_by_a_step() -> None:
     assert accounted_for([start, step(["warm_up"], "warm_up", ("base_frame",))])
     assert not accounted_for([start, step(["base_frame", "warm_up", "time_drift"], "warm_up")])
     assert not accounted_for([start, step(["warm_up"], "warm_up")])
+
+
+def test_of_a_truth_with_several_names_one_is_enough() -> None:
+    outcome = Outcome("foreign_truth", "kr30", 0, {"dahl_friction 2"}, causes={"backlash 2", "hysteresis 2"})
+    document = {
+        "effects": [],
+        "steps": [
+            {
+                "candidates": [{"effect": "hysteresis", "joints": [2], "probability": 0.1}],
+                "probability_nothing": 0.9,
+            }
+        ],
+    }
+    assert said_of(outcome, document) == [(0.1, True), (0.9, False)]
+    outcome.added = {"backlash 2"}
+    assert said_of(outcome, document) == [(0.1, False), (0.9, True)]
 
 
 def test_the_judge_knows_a_wrong_answer() -> None:
