@@ -18,6 +18,7 @@ from armtrue import _core, notebook
 from armtrue.errors import InputError
 from armtrue.fit_file import check_document
 from armtrue.io import Dataset, Model, Robot, load_data
+from armtrue.io.columns import FAR_TRAVEL, TRAVEL
 from armtrue.io.files import read_json, write_file
 from armtrue.io.model import check_effect
 from armtrue.io.plausible import refuse_too_few_poses
@@ -138,15 +139,19 @@ class Fit:
             for name, instead in self.document.get("columns", {}).items()
             if name not in data.columns
         }
+        unknown = [name for name in lacking if TRAVEL.fullmatch(name)]
         for name, instead in lacking.items():
-            if not instead:
+            if not instead and name not in unknown:
                 raise InputError(
                     f"{data.path}: column {name} is missing, expected it as {self.path or 'the fit'} reads it"
                 )
-        missing = {name: data.columns[instead] for name, instead in lacking.items()}
+        settled = {name: data.columns[instead] for name, instead in lacking.items() if instead}
+        missing = settled | {name: np.full(data.count, FAR_TRAVEL) for name in unknown}
         notes = []
-        if missing:
-            notes.append(f"{data.path.name} has no {', '.join(missing)}: joints that settled are taken")
+        if settled:
+            notes.append(f"{data.path.name} has no {', '.join(settled)}: joints that settled are taken")
+        if unknown:
+            notes.append(f"{data.path.name} has no {', '.join(unknown)}: joints that came from far are taken")
         reflectors = self.document["data"].get("targets", [])
         if len(reflectors) > 1 and "target" not in data.columns:
             notes.append(

@@ -41,6 +41,8 @@ CASES = [
     ("three_hidden", "cobot", 4008, "a balancer that carries nothing was named for harmonics"),
     ("three_hidden", "cobot", 5008, "bending of link 2 was named for link 1's and a part of axis 2's torsion"),
     ("three_hidden", "irb2400", 8012, "eccentricity came in under a table that needs none"),
+    ("foreign_truth", "irb2400", 30901, "a spring that hardens stood for the way that a joint had come"),
+    ("foreign_truth", "irb2400", 30906, "a spring that is soft stood for the way that a joint had come"),
 ]  # fmt: skip
 
 

@@ -43,6 +43,10 @@ UNITS: dict[str, tuple[str, float, float]] = {
 _PER_JOINT = re.compile(r"^(qr|q|dir|tau)([0-9]+)$")
 # Columns of the contract that one effect reads; where they hold no numbers, the file is read without them.
 _OF_ONE_EFFECT = re.compile(r"^(station|nest)$|^(travel|duty)([0-9]+)$")
+TRAVEL = re.compile(r"\btravel[0-9]+\b")
+# How far a joint came in its last direction is nothing that a device keeps, nor known of poses still to be driven:
+# most motions are long [rad, m].
+FAR_TRAVEL = 1e9
 _KIND_OF = {"x": "length", "y": "length", "z": "length", "sigma": "length", "payload": "mass", "time": "time"}
 
 

@@ -27,11 +27,10 @@ from armtrue.io.model import EXPRESSION_WORDS, state_names
 from armtrue.io.plausible import refuse_wrong_units
 from armtrue.io.robot import Robot
 from armtrue.io.sensor_names import contract_name
+from armtrue.io.ways import directions, travels
 
 # A written quaternion is rounded; one further from unit length than this is something else.
 _QUATERNION_LENGTH_TOLERANCE = 1e-3
-# A commanded joint that moves less than this [rad, m] has not moved.
-_STANDSTILL = 1e-6
 # A reflector that moves less than this [m] in all while a joint moves more than that [rad, m] is fixed to the floor.
 _FIXED_SPAN_M = 5e-3
 _ARM_MOVED = 0.2
@@ -151,7 +150,9 @@ def load_data(
     if not strict:
         return data
     refuse_wrong_units(data.file, data.columns, data.rows, robot)
-    return without_fixed_targets(without_copies(data)) if need_position else in_file_order(data)
+    if not need_position:
+        return in_file_order(with_travels(data))
+    return without_fixed_targets(with_travels(without_copies(data)))
 
 
 def _at_the_drives(data: Dataset, robot: Robot) -> Dataset:
@@ -215,6 +216,20 @@ def without_copies(data: Dataset) -> Dataset:
     rows = "row that equals an earlier one" if copies == 1 else "rows that equal earlier ones"
     note = f"{data.file.name}: left out {copies} {rows} in every column: copies are no measurements"
     return replace(kept, notes=[*data.notes, note])
+
+
+def with_travels(data: Dataset) -> Dataset:
+    """`data` with the columns `travel1…traveln` that the order of its rows tells, and a note that says so."""
+    found = travels(data.columns)
+    if not found:
+        return data
+    joints = sorted(int(name.removeprefix("travel")) for name in found)
+    names = f"travel{joints[0]}" if len(joints) == 1 else f"travel{joints[0]}…travel{joints[-1]}"
+    note = (
+        f"{data.file.name}: {names}, how far a joint came in its last direction, follows from the order of the rows, "
+        "with which dir agrees"
+    )
+    return replace(data, columns=data.columns | found, notes=[*data.notes, note])
 
 
 def without_fixed_targets(data: Dataset) -> Dataset:
@@ -326,7 +341,7 @@ def _assemble(path: Path, layout: Layout, names: ColumnNames, skipped: dict[int,
         rows = rows[order]
         turns = None if turns is None else turns[order]
     if layout.direction_from_order:
-        columns |= _directions(columns)
+        columns |= directions(columns)
     return Dataset(path, layout.file, columns, rows, labels, notes, layout.rotation, turns, dict(skipped))
 
 
@@ -422,17 +437,6 @@ def _quaternions(source: RotationSource, raw: RawColumns) -> Array:
 
 def _rotation_values(source: RotationSource, raw: RawColumns) -> Array:
     return np.column_stack([raw.numbers[header] for header in source.headers]) * source.factor
-
-
-def _directions(columns: dict[str, Array]) -> dict[str, Array]:
-    """Direction in which each joint last moved, from the order of poses; 0 until it first moves."""
-    result: dict[str, Array] = {}
-    for name in commanded_joints(columns):
-        steps = np.diff(columns[name], prepend=columns[name][:1])
-        moved = np.abs(steps) > _STANDSTILL
-        last_moved = np.maximum.accumulate(np.where(moved, np.arange(steps.size), 0))
-        result[f"dir{name[1:]}"] = np.where(moved[last_moved], np.sign(steps[last_moved]), 0.0)
-    return result
 
 
 def _check_values(data: Dataset) -> None:

@@ -16,14 +16,13 @@ from armtrue import _core
 from armtrue.arrays import Array
 from armtrue.errors import InputError
 from armtrue.io.catalogue import catalogue
+from armtrue.io.columns import FAR_TRAVEL, TRAVEL
 from armtrue.tables import expression
 from armtrue.tables.chain import Chain, chain_from_robot, pose
 from armtrue.tables.expression import Tree
 
 # A load per radian by which the base is turned about an axis (docs/model.md).
 _TILT = re.compile(r"\btilt[xy]?_[0-9]+_([xyz])\b")
-# How far a joint has gone since it turned round is nothing that a device keeps: after most moves it is far.
-_TRAVEL, _FAR = re.compile(r"\btravel[0-9]+\b"), "1e9"
 
 
 @dataclass(frozen=True)
@@ -177,7 +176,7 @@ def _gather(
             coefficient = float(parameter["value"]) * float(term["weight"])
             coordinate = _with_reflector(term["coordinate"], reflectors)
             table = term.get("table")
-            text = _TRAVEL.sub(_FAR, term["expression"])
+            text = TRAVEL.sub(f"{FAR_TRAVEL:g}", term["expression"])
             if text != term["expression"]:
                 behind[effect] = (
                     "a device does not know how far a joint went since it turned, and takes it as far"

@@ -136,11 +136,8 @@ def joined(fit: Fit, drop: Drop, progress: Progress) -> Opened:
     if compare(fit, new).elsewhere_um is not None:
         old, new = _apart(old, new)
         effects += [] if any(entry["effect"] == _SET_UP for entry in effects) else [{"effect": _SET_UP}]
+    new = replace(new, columns=new.columns | fit.assumed(new)[0])
     names = [name for name in old.columns if name in new.columns]
-    if missing := [name for name in fit.document.get("columns", {}) if name not in names]:
-        raise InputError(
-            f"{new.file.name}: column {missing[0]} is missing, expected it as the model reads it"
-        )
     rows: list[tuple[str, ...]] = []
     for part, prefix in ((old, ""), (new, "new ")):
         cells = [_cells(part, name, prefix if name == "repeat" else "") for name in names]

@@ -1,0 +1,65 @@
+"""What the order of the rows says of the way to each pose: directions of approach, and how far joints came in them."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armtrue.arrays import Array
+from armtrue.io.columns import commanded_joints
+
+# A commanded joint that moves less than this [rad, m] has not moved.
+_STANDSTILL = 1e-6
+# Fewer motions may agree with the stated directions by chance.
+_FEWEST_MOTIONS = 20
+# Of the steps from row to row: an interrupted session may contradict the order in so many, no more.
+_MOST_CONTRADICTIONS = 0.01
+
+
+def directions(columns: dict[str, Array]) -> dict[str, Array]:
+    """Direction in which each joint last moved, from the order of poses; 0 until it first moves."""
+    result: dict[str, Array] = {}
+    for name in commanded_joints(columns):
+        steps = np.diff(columns[name], prepend=columns[name][:1])
+        moved = np.abs(steps) > _STANDSTILL
+        last_moved = np.maximum.accumulate(np.where(moved, np.arange(steps.size), 0))
+        result[f"dir{name[1:]}"] = np.where(moved[last_moved], np.sign(steps[last_moved]), 0.0)
+    return result
+
+
+def travels(columns: dict[str, Array]) -> dict[str, Array]:
+    """`travel1…traveln` [rad, m] of the joints whose stated directions are those of the way from row to row.
+
+    In order of time where that was recorded. A joint that came from elsewhere (a point on the way, another programme)
+    contradicts its `dir`; nothing is concluded of one that does so more than once in a hundred steps.
+    """
+    count = len(next(iter(columns.values())))
+    order = np.argsort(columns["time"], kind="stable") if "time" in columns else np.arange(count)
+    result: dict[str, Array] = {}
+    for name in commanded_joints(columns):
+        side = columns.get(f"dir{name[1:]}")
+        if side is None or f"travel{name[1:]}" in columns:
+            continue
+        way = _travel(columns[name][order], side[order])
+        if way is not None:
+            result[f"travel{name[1:]}"] = np.empty(count)
+            result[f"travel{name[1:]}"][order] = way
+    return result
+
+
+def _travel(q: Array, side: Array) -> NDArray[np.float64] | None:
+    step = np.diff(q)
+    moved = np.abs(step) > _STANDSTILL
+    contradicts = np.where(moved, np.sign(step), side[:-1]) != side[1:]
+    if np.count_nonzero(moved) < _FEWEST_MOTIONS or contradicts.mean() > _MOST_CONTRADICTIONS:
+        return None
+    # Where a joint came from before the first row, and before a row that contradicts, is not known: most motions
+    # are long.
+    far = float(np.ptp(q))
+    result = np.full(q.size, far)
+    for row in range(1, q.size):
+        if contradicts[row - 1]:
+            continue
+        goes_on = side[row] == side[row - 1]
+        result[row] = abs(step[row - 1]) + (result[row - 1] if goes_on else 0.0)
+    return result
