@@ -175,17 +175,27 @@ bool advise_direction(const Diagnosis& d, const Fit& fit, std::vector<std::strin
   if (fit.state().recorded(column)) return false;
   const std::string unrecorded_payload =
       fit.state().recorded("payload") ? "" : "; where the payload changed, record that too";
-  advice.push_back((s.between_repeats ? "repeats of one pose differ" : "what is left lies") +
-                   std::string(" mostly along the motion of joint ") + std::to_string(s.joint) +
-                   " (" + number_words(std::round(100.0 * s.share)) +
-                   " %): backlash looks so; record " + column +
-                   ", the direction of approach, and come from both sides" + unrecorded_payload);
+  advice.push_back(
+      (s.between_repeats ? "repeats of one pose differ" : "what is left lies") +
+      std::string(" mostly along the motion of joint ") + std::to_string(s.joint) + " (" +
+      number_words(std::round(100.0 * s.share)) + " %): backlash looks so; record " + column +
+      ", the direction of approach, and come from both sides (where the arm went straight "
+      "from row to row, `derive: {dir: from_order}` in a dataset.yaml takes it from that)" +
+      unrecorded_payload);
   return true;
 }
 
-// A step at one time.
-bool is_knock(const StructureFinding& f) {
-  return f.variables == std::vector<std::string>{"time"} && f.shape.starts_with("a step");
+// What may have happened at the time of a step; empty where `f` is no step of the base or a joint.
+std::string event_of(const StructureFinding& f) {
+  if (f.variables != std::vector<std::string>{"time"} || !f.shape.starts_with("a step")) return "";
+  if (f.coordinate.starts_with("base")) {
+    return "a knocked tracker or nest looks so: number the poses before and after it 1 and 2 in a "
+           "column station (or nest), and add that effect";
+  }
+  if (!f.coordinate.starts_with("motor")) return "";
+  return "a joint's zero that moved looks so (a new mastering, a belt that jumped a tooth): fit "
+         "the "
+         "poses after it alone, for they are of the arm as it is now";
 }
 
 void advise_structure(const Diagnosis& d, const Fit& fit, std::vector<std::string>& advice) {
@@ -195,11 +205,11 @@ void advise_structure(const Diagnosis& d, const Fit& fit, std::vector<std::strin
     for (const std::string& v : f.variables) what += (what.empty() ? "" : " and ") + v;
     advice.push_back("what is left depends on " + what + " and acts like " + f.coordinate + ": " +
                      f.shape);
-    advice.push_back(
-        is_knock(f)
-            ? "a knocked tracker or nest looks so: number the poses before and after it 1 "
-              "and 2 in a column station (or nest), and add that effect"
-            : "no effect of the catalogue has that form; the generic remedy is: " + remedy(f));
+    const std::string event = event_of(f);
+    advice.push_back(!event.empty() ? event
+                                    : "no effect of the catalogue has that form; the generic "
+                                      "remedy is: " +
+                                          remedy(f));
     if (d.neighbour_ratio < kNeighboursAlike) {
       advice.push_back("neighbouring poses err alike: it repeats and can be compensated");
     } else if (d.lack_of_fit.testable && d.lack_of_fit.against == "repeats") {

@@ -10,18 +10,12 @@
 #include "fitter/design/placement.h"
 #include "fitter/inference/orientation_worth.h"
 #include "fitter/solve/choose_options.h"
+#include "fitter/solve/gross_errors.h"
 #include "fitter/start/start_search.h"
 
 namespace armtrue {
 namespace {
 
-// Median of the distance of three independent unit normals (chi with three degrees of freedom).
-constexpr double kMedianChi3 = 1.5381722;
-// A bumped reflector stands this many robust standard deviations out; model errors of honest rows
-// do not.
-constexpr double kGrossError = 8.0;
-constexpr double kLargestGrossShare = 0.1;
-constexpr double kAboveStructure = 3.0;
 constexpr int kRobustPasses = 8;
 constexpr double kSmoothnessStart = 1e-4;  // [rad]
 // The smoothness of tables is chosen anew where the noise has changed by more than this share.
@@ -287,10 +281,7 @@ bool Fit::find_gross_errors() {
   for (std::size_t i = 0; i < distance.size(); ++i) {
     if (design_->weights()[i] > 0.0) kept.push_back(distance[i]);
   }
-  // A local effect that the model lacks can stand out on many poses: bumps must stand out from
-  // those too.
-  const double limit = std::max(kGrossError * median(kept) / kMedianChi3,
-                                kAboveStructure * quantile(kept, 1.0 - kLargestGrossShare));
+  const double limit = gross_limit(kept, robot().reach());
   std::vector<std::size_t> gross;
   for (std::size_t i = 0; i < distance.size(); ++i) {
     if (distance[i] > limit) gross.push_back(i);
@@ -382,8 +373,7 @@ void Fit::solve_robustly() {
                                                                : kSmoothnessStart);
   // Bumps are kept out of the very first step already, where alignment shows them.
   const std::vector<double>& aligned = prepared_->alignment.residual_m;
-  const double limit = std::max(kGrossError * median(aligned) / kMedianChi3,
-                                kAboveStructure * quantile(aligned, 1.0 - kLargestGrossShare));
+  const double limit = gross_limit(aligned, robot().reach());
   std::vector<double>& weights = design_->weights();
   for (std::size_t i = 0; i < weights.size(); ++i) {
     weights[i] = options_.reject_gross_errors && aligned[i] > limit ? 0.0 : 1.0;

@@ -215,6 +215,22 @@ TEST(Fit, AMissingEffectIsNotRejectedAway) {
   EXPECT_TRUE(fit_of(p)->rejected().empty());
 }
 
+// A reading was lost: from one row on, each position is that of the next pose.
+TEST(Fit, ABlockOfRowsThatBelongToOtherPosesIsKeptOut) {
+  Problem p = geometry_problem(57, {150, false, 1, 1e-5, 2e-5, {}});
+  const auto right = fit_of(p);
+  const std::size_t rows = p.columns["x"].size(), lost = rows - rows / 5;
+  for (const char* axis : {"x", "y", "z"}) {
+    std::vector<double>& values = p.columns[axis];
+    std::rotate(values.begin() + static_cast<std::ptrdiff_t>(lost),
+                values.begin() + static_cast<std::ptrdiff_t>(lost) + 1, values.end());
+  }
+  const auto fit = fit_of(p);
+  EXPECT_EQ(fit->rejected().size(), rows - lost);
+  for (const RejectedRow& row : fit->rejected()) EXPECT_GE(row.row, lost);
+  EXPECT_LT(fit->held_out_error().mean, 1.2 * right->held_out_error().mean);
+}
+
 TEST(Fit, HeldOutErrorsAreThoseOfRealRefits) {
   const Problem p = geometry_problem(55, {90, false, 1, 1e-5, 2e-5, {}});
   FitOptions options;

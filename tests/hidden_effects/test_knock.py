@@ -46,3 +46,14 @@ def test_a_knock_is_told_from_drifts(knocked: tuple[Any, list[dict[str, Any]]]) 
     assert any("a knocked tracker or nest looks so" in sentence for sentence in last["advice"])
     drifts = ("time_drift", "thermal_base", "warm_up")
     assert max(c["probability"] for c in last["candidates"] if c["effect"] in drifts) < 0.1
+
+
+def test_a_zero_that_moved_is_no_knock(tmp_path: Path) -> None:
+    simulate({"arm": "kr30", "seed": 71, "poses": 200, "test_poses": 0, "hidden": []}, tmp_path)
+    robot = load_robot(tmp_path / "robot.yaml")
+    data = load_data(tmp_path / "data.csv", robot)
+    data.columns["q3"][120:] += 3e-4
+    last = diagnose(fit(data, robot, load_model(tmp_path / "model.yaml", robot)))
+    assert last["unexplained"][0]["coordinate"] == "motor3"
+    assert any("a joint's zero that moved looks so" in sentence for sentence in last["advice"])
+    assert not any("knocked" in sentence for sentence in last["advice"])
