@@ -2,12 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <nlohmann/json.hpp>
 #include <set>
 
 #include "fitter/common/parallel.h"
-#include "fitter/inference/cross_validation.h"
+#include "fitter/diagnose/growth.h"
 #include "fitter/model/variable.h"
 
 namespace armtrue {
@@ -121,47 +120,6 @@ bool runs_with_time(const EffectContext& context, const Move& move) {
   return (move.added && does(move.added->request)) || std::ranges::any_of(move.removed, does);
 }
 
-// How far the prediction of every row was off that no fit saw [m]: not a number where it is not
-// known. What was kept out as a gross error was seen by none.
-std::vector<double> unseen_distances(const Fit& fit, std::size_t folding) {
-  std::vector<double> distance = fit.held_out_distances_by_row()[folding];
-  for (const RejectedRow& r : fit.rejected()) distance[r.row] = r.residual;
-  return distance;
-}
-
-// By how much held-out errors grow from one model to another. `mean`: logarithm of the factor, over
-// the foldings (at random, in time, by region), infinite where nothing can be predicted. `sigma`:
-// standard error of `mean`, estimated from the changes of the single rows.
-struct Growth {
-  double mean = std::numeric_limits<double>::infinity();
-  double sigma = 0.0;
-};
-
-// Rows count that either model was fitted to: one may explain what the other takes for a gross
-// error. What runs with time is not judged by predicting times unlike those that it was seen at.
-Growth held_out_growth(const Fit& before, const Fit& after, bool in_time) {
-  double sum = 0.0, sigmas = 0.0, count = 0.0;
-  for (const Folding folding : {Folding::kRandom, Folding::kTime, Folding::kRegion}) {
-    if (!in_time && folding == Folding::kTime) continue;
-    const auto f = static_cast<std::size_t>(folding);
-    const std::vector<double> was = unseen_distances(before, f), is = unseen_distances(after, f);
-    double sum_was = 0.0, sum_is = 0.0, squares = 0.0;
-    for (std::size_t i = 0; i < was.size(); ++i) {
-      const bool fitted = std::isfinite(before.held_out_distances_by_row()[f][i]) ||
-                          std::isfinite(after.held_out_distances_by_row()[f][i]);
-      if (!fitted || !std::isfinite(was[i]) || !std::isfinite(is[i])) continue;
-      sum_was += was[i];
-      sum_is += is[i];
-      squares += (is[i] - was[i]) * (is[i] - was[i]);
-    }
-    if (!(sum_was > 0.0) || !(sum_is > 0.0)) return {};
-    sum += std::log(sum_is / sum_was);
-    sigmas += std::sqrt(squares) / sum_was;
-    count += 1.0;
-  }
-  return {sum / count, sigmas / count};
-}
-
 // What the search said, of a model in which one of its sure effects has come in: its probabilities
 // are averages over models that nearly all have that effect.
 Diagnosis with_added(const Diagnosis& searched, const Candidate& added,
@@ -204,6 +162,7 @@ class Refinement {
   std::vector<RefineStep> run() {
     search();
     if (!explain_structure()) refine_tables();
+    say_what_was_left_out();
     show();
     return std::move(steps_);
   }
@@ -242,6 +201,7 @@ class Refinement {
   void fit_trials(std::vector<Trial>& trials, bool keeps_weights = false) const;
   void fit_in_full(const Fit& full);
   bool accept(const Move& move, const Trial& trial);
+  void say_what_was_left_out();
   bool stands(const Trial& trial) const;
   void show() {
     if (options_.on_step) options_.on_step(steps_.back());
@@ -323,6 +283,17 @@ bool Refinement::accept(const Move& move, const Trial& trial) {
   Diagnosis now = move.added ? with_added(before, *move.added, fit.context()) : before;
   steps_.push_back({move.added, move.removed, std::move(now), trial.fit});
   return true;
+}
+
+// What the last search still asks for was fitted and not taken: its advice to add it would lead
+// back here.
+void Refinement::say_what_was_left_out() {
+  Diagnosis& d = steps_.back().diagnosis;
+  const Candidate* asked_for = d.recommended();
+  if (!asked_for) return;
+  d.advice.front() = label(asked_for->request) +
+                     " was fitted and left out, for it predicts held-out poses no better: a column "
+                     "that is wrong, or what no effect of the catalogue is, may look like it";
 }
 
 Refinement::Trial Refinement::trial_of(const Move& move, std::size_t number,
