@@ -185,9 +185,16 @@ bool advise_direction(const Diagnosis& d, const Fit& fit, std::vector<std::strin
   return true;
 }
 
-// What may have happened at the time of a step; empty where `f` is no step of the base or a joint.
+// What may have happened over time; empty where `f` is no step of the base or a joint and no
+// swings.
 std::string event_of(const StructureFinding& f) {
-  if (f.variables != std::vector<std::string>{"time"} || !f.shape.starts_with("a step")) return "";
+  if (f.variables != std::vector<std::string>{"time"}) return "";
+  if (f.shape.find(" swings of ") != std::string::npos) {
+    return "what comes and goes moves base or instrument (air conditioning, sunlight, a tracker's "
+           "stand): shield them, or measure a reflector on the floor between poses and see it "
+           "swing";
+  }
+  if (!f.shape.starts_with("a step")) return "";
   if (f.coordinate.starts_with("base")) {
     return "a knocked tracker or nest looks so: number the poses before and after it 1 and 2 in a "
            "column station (or nest), and add that effect";

@@ -105,9 +105,9 @@ Block smooth_block(const Fit& fit, const StructureFinding& finding) {
   const bool single = finding.variables.size() == 1;
   TableReference table;
   table.id = "structure";
+  const std::size_t count = finding.nodes > 0 ? finding.nodes : single ? kFineNodes : kPairNodes;
   for (const std::string& variable : finding.variables)
-    table.axes.push_back(
-        {variable, fine_nodes(fit.state(), variable, single ? kFineNodes : kPairNodes)});
+    table.axes.push_back({variable, fine_nodes(fit.state(), variable, count)});
   Block block{finding.block.request, {}, 0};
   const Term like = finding.block.terms.parameters.front().terms.front();
   const std::size_t inner = single ? 1 : table.axes[1].nodes.size();

@@ -400,12 +400,14 @@ Structure find_structure(const Scorer& scorer, const Fit& fit, double threshold)
   // is not.
   std::ranges::stable_sort(structure.findings, {}, &StructureFinding::cost);
   if (structure.findings.size() > kListed) structure.findings.resize(kListed);
-  // Beside a larger effect a knock is not among the best, and without it drifts take its place.
-  if (std::optional<StructureFinding> knock = find_knock(scorer, fit.state())) {
-    knock->log10_p = log10_p_among(knock->score, structure.tried);
-    if (knock->log10_p < threshold) structure.findings.push_back(*std::move(knock));
-    std::ranges::stable_sort(structure.findings, {}, &StructureFinding::cost);
+  // Beside a larger effect these are not among the best, and without them drifts take their place.
+  for (auto* find : {&find_knock, &find_swings}) {
+    std::optional<StructureFinding> finding = find(scorer, fit.state());
+    if (!finding) continue;
+    finding->log10_p = log10_p_among(finding->score, structure.tried);
+    if (finding->log10_p < threshold) structure.findings.push_back(*std::move(finding));
   }
+  std::ranges::stable_sort(structure.findings, {}, &StructureFinding::cost);
   return structure;
 }
 

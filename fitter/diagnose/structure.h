@@ -23,6 +23,7 @@ struct StructureFinding {
   double cost = 0.0;      ///< BIC with it minus without, in the form that suits it best
   std::string shape;      ///< in words
   bool is_knock = false;  ///< from one time on, the whole arm stands elsewhere: see find_knock
+  std::size_t nodes = 0;  ///< over its variable, where it needs more than others; 0: as others
   std::vector<double> x,
       y;  ///< the fitted function over the first variable [rad or m], for drawing
 };
@@ -35,6 +36,11 @@ struct Structure {
 /// The time from which the arm stands elsewhere in the measuring frame, as after a knock at the
 /// tracker: the likeliest one, with `log10_p` not yet set. None where no time was recorded.
 std::optional<StructureFinding> find_knock(const Scorer& scorer, const State& state);
+
+/// A base that swings many times in a session (air conditioning, the sun between clouds): the
+/// likeliest course over time on one axis, with `log10_p` not yet set. None where slower courses
+/// show as much, or where no time was recorded.
+std::optional<StructureFinding> find_swings(const Scorer& scorer, const State& state);
 
 /// Tests all variables that the data have. A finding has a corrected log10 p below `threshold`.
 Structure find_structure(const Scorer& scorer, const Fit& fit, double threshold);

@@ -1,4 +1,4 @@
-"""A tracker that was knocked between two poses: nothing drifts, and no drift may be named for it."""
+"""What happens to base or instrument while measuring, a knock or swings: no drift and no joint may be named for it."""
 
 from __future__ import annotations
 
@@ -57,3 +57,18 @@ def test_a_zero_that_moved_is_no_knock(tmp_path: Path) -> None:
     assert last["unexplained"][0]["coordinate"] == "motor3"
     assert any("a joint's zero that moved looks so" in sentence for sentence in last["advice"])
     assert not any("knocked" in sentence for sentence in last["advice"])
+
+
+@pytest.mark.parametrize("hidden", [[], pytest.param(["thermal_expansion"], marks=pytest.mark.full)])
+def test_air_that_comes_and_goes_is_no_joint_that_repeats_badly(hidden: list[Any], tmp_path: Path) -> None:
+    simulate({"arm": "kr30", "seed": 101, "poses": 240, "test_poses": 0, "hidden": hidden}, tmp_path)
+    robot = load_robot(tmp_path / "robot.yaml")
+    data = load_data(tmp_path / "data.csv", robot)
+    data.columns["z"] += 40e-6 * np.sin(2.0 * np.pi * data.columns["time"] / 900.0)
+    best, story = refine(fit(data, robot, load_model(tmp_path / "model.yaml", robot)))
+    assert [step["added"]["effect"] for step in story.steps[1:]] == hidden
+    last = diagnose(best)
+    assert last["unexplained"][0]["coordinate"] == "base.tz"
+    assert last["unexplained"][0]["shape"].startswith("about 7 swings")
+    assert any("air conditioning" in sentence for sentence in last["advice"])
+    assert max(last["noise"]["reading_um"], *last["noise"]["joints_urad"]) < 10.0
