@@ -185,9 +185,20 @@ bool advise_direction(const Diagnosis& d, const Fit& fit, std::vector<std::strin
   return true;
 }
 
-// What may have happened over time; empty where `f` is no step of the base or a joint and no
+// A direction of approach that is not recorded, as find_motion finds it.
+bool is_motion(const StructureFinding& f) {
+  return f.has_own_form && f.variables.front().starts_with("dir");
+}
+
+// What may have happened, and what to do; empty where `f` is no step of the base or a joint and no
 // swings.
 std::string event_of(const StructureFinding& f) {
+  if (is_motion(f)) {
+    return "backlash looks so: dataset.yaml's `derive: {dir: from_order}` takes directions from "
+           "the "
+           "order of the rows; if the arm did not go straight from row to row, record " +
+           f.variables.front();
+  }
   if (f.variables != std::vector<std::string>{"time"}) return "";
   if (f.shape.find(" swings of ") != std::string::npos) {
     return "what comes and goes moves base or instrument (air conditioning, sunlight, a tracker's "
@@ -226,7 +237,7 @@ void advise_structure(const Diagnosis& d, const Fit& fit, std::vector<std::strin
     } else {
       advice.push_back("whether it repeats is not known: no pose was measured again");
     }
-    advise_direction(d, fit, advice);
+    if (!is_motion(f)) advise_direction(d, fit, advice);
     return;
   }
   if (d.gross) {
@@ -268,6 +279,12 @@ void advise_nothing(const Diagnosis& d, const Fit& fit, std::vector<std::string>
     advice.push_back("nothing to add was found; whether the " + micrometre_words(held_out) +
                      " left over are noise is not known: repeat some poses, or state the "
                      "instrument's sigma");
+  } else if (fit.train_error().mean > kWellAbove * floor.mean && d.rounding.size == 0.0) {
+    advice.push_back(
+        "nothing to add was found, but poses err by " + micrometre_words(held_out) +
+        ", repeats of one pose by " + micrometre_words(floor.mean) +
+        ": something differs from visit to visit that is not recorded, or wrongly (direction of "
+        "approach, payload, heat), or joints repeat worse between visits than these repeats show");
   } else if (held_out > kWellAbove * floor.mean && d.rounding.size == 0.0) {
     advice.push_back("nothing to add was found, but poses that were not fitted err by " +
                      micrometre_words(held_out) + ", noise alone by " +

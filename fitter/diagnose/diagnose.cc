@@ -143,7 +143,7 @@ std::vector<EvidenceBlock> structure_blocks(const Fit& fit, const Structure& str
     // the odds of two.
     block.tried = std::pow(static_cast<double>(structure.tried),
                            static_cast<double>(finding.variables.size()));
-    block.forms = {EvidenceForm(finding.is_knock ? finding.block : smooth_block(fit, finding))};
+    block.forms = {EvidenceForm(finding.has_own_form ? finding.block : smooth_block(fit, finding))};
     result.push_back(std::move(block));
   }
   return result;

@@ -82,7 +82,7 @@ std::optional<StructureFinding> find_knock(const Scorer& scorer, const State& st
   finding.block = step_block(best.time);
   finding.score = best.score;
   finding.cost = best.score.delta_bic;
-  finding.is_knock = true;
+  finding.has_own_form = true;
   const auto& moved = best.score.coefficient;
   const auto most = static_cast<std::size_t>(
       std::max_element(moved.begin(), moved.begin() + 3,

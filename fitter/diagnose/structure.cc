@@ -400,8 +400,9 @@ Structure find_structure(const Scorer& scorer, const Fit& fit, double threshold)
   // is not.
   std::ranges::stable_sort(structure.findings, {}, &StructureFinding::cost);
   if (structure.findings.size() > kListed) structure.findings.resize(kListed);
-  // Beside a larger effect these are not among the best, and without them drifts take their place.
-  for (auto* find : {&find_knock, &find_swings}) {
+  // Beside a larger effect these are not among the best, and without them other effects take their
+  // place.
+  for (auto* find : {&find_knock, &find_swings, &find_motion}) {
     std::optional<StructureFinding> finding = find(scorer, fit.state());
     if (!finding) continue;
     finding->log10_p = log10_p_among(finding->score, structure.tried);

@@ -19,11 +19,11 @@ struct StructureFinding {
   std::string coordinate;              ///< where it acts: "motor3"
   Block block;
   BlockScore score;
-  double log10_p = 0.0;   ///< corrected for the number of blocks tried
-  double cost = 0.0;      ///< BIC with it minus without, in the form that suits it best
-  std::string shape;      ///< in words
-  bool is_knock = false;  ///< from one time on, the whole arm stands elsewhere: see find_knock
-  std::size_t nodes = 0;  ///< over its variable, where it needs more than others; 0: as others
+  double log10_p = 0.0;       ///< corrected for the number of blocks tried
+  double cost = 0.0;          ///< BIC with it minus without, in the form that suits it best
+  std::string shape;          ///< in words
+  bool has_own_form = false;  ///< its block is what is weighed, in place of a smooth function
+  std::size_t nodes = 0;      ///< over its variable, where it needs more than others; 0: as others
   std::vector<double> x,
       y;  ///< the fitted function over the first variable [rad or m], for drawing
 };
@@ -41,6 +41,10 @@ std::optional<StructureFinding> find_knock(const Scorer& scorer, const State& st
 /// likeliest course over time on one axis, with `log10_p` not yet set. None where slower courses
 /// show as much, or where no time was recorded.
 std::optional<StructureFinding> find_swings(const Scorer& scorer, const State& state);
+
+/// The joint whose error follows the direction of its motion from row to row, where its direction
+/// of approach is not recorded: the likeliest one, with `log10_p` not yet set.
+std::optional<StructureFinding> find_motion(const Scorer& scorer, const State& state);
 
 /// Tests all variables that the data have. A finding has a corrected log10 p below `threshold`.
 Structure find_structure(const Scorer& scorer, const Fit& fit, double threshold);

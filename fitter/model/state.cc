@@ -163,6 +163,9 @@ const std::vector<double>& State::column(const std::string& name) const {
   // What is fitted must be what a device computes, so that statics come before a sensor.
   const bool is_computed = v && v->kind == VariableKind::kTorque && computes_torque();
   if (recorded != columns_.end() && !is_computed) return recorded->second;
+  for (int k = 1; k <= n; ++k) {
+    if (name == motion_of(k)) return remember(name, motion(k));
+  }
   if (!v || !has(name)) {
     throw ModelError(what_is_missing(name, *robot_) +
                      " is missing, expected it as the model reads '" + name + "'");
@@ -189,6 +192,21 @@ const std::vector<double>& State::column(const std::string& name) const {
       compute_gravity();
       return derived_.at(name);
   }
+}
+
+std::vector<double> State::motion(int joint) const {
+  constexpr double kStandstill = 1e-6;  // [rad or m]
+  std::vector<std::size_t> order(rows_);
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  if (const auto clock = columns_.find("time"); clock != columns_.end())
+    std::ranges::stable_sort(order, {}, [&](std::size_t row) { return clock->second[row]; });
+  const std::vector<double>& q = columns_.at("q" + std::to_string(joint));
+  std::vector<double> side(rows_, 0.0);
+  for (std::size_t i = 1; i < rows_; ++i) {
+    const double step = q[order[i]] - q[order[i - 1]];
+    side[order[i]] = std::abs(step) > kStandstill ? std::copysign(1.0, step) : side[order[i - 1]];
+  }
+  return side;
 }
 
 std::vector<double> State::link_angle(int joint) const {

@@ -34,6 +34,10 @@ class State {
   /// True where gravity torques follow from the links' masses; a recorded torque is used where they
   /// do not.
   bool computes_torque() const { return !robot_->links.empty(); }
+  /// The name under which `column` has the direction of a joint's motion from the row before it, in
+  /// order of time: what its direction of approach was if the arm went straight from row to row.
+  /// Only the search for structure may read it: with other rows in the file it would be another.
+  static std::string motion_of(int joint) { return "motion_" + std::to_string(joint); }
   /// The column of a state variable; throws ModelError naming the column to record where it cannot
   /// be had.
   const std::vector<double>& column(const std::string& name) const;
@@ -81,6 +85,7 @@ class State {
   void compute_tilt(char about) const;
   std::vector<double> smooth_torque(int joint, const std::vector<double>& measured) const;
   std::vector<double> link_angle(int joint) const;
+  std::vector<double> motion(int joint) const;
   std::vector<double> warmth(int joint, double tau) const;
   std::vector<double> compute_regressor(const Variable& asked) const;
 

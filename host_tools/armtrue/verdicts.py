@@ -22,6 +22,8 @@ FLOOR_SOURCES = {
 
 # Share of the first's that makes another candidate explain nearly as much (docs/planning.md).
 _NEARLY = 0.9
+# Unseen poses that err by so many noise floors hold more than noise: a model of many unknowns errs by less.
+_FAR_ABOVE = 2.0
 
 OTHER_SENSOR_ADVICE = (
     "Thermometers are told apart by poses measured while they do not move together; "
@@ -79,11 +81,17 @@ def why_words(candidate: Mapping[str, Any]) -> str:
 
 
 def verdict_words(diagnosis: dict[str, Any]) -> str:
-    """The verdict of a diagnosis as a sentence. Without a noise floor nobody can say that what is left is noise."""
+    """The verdict of a diagnosis as a sentence. That what is left is noise, only repeats of poses can say."""
     verdict = str(diagnosis["verdict"])
-    if verdict == "nothing_missing" and diagnosis.get("noise_floor_um") is None:
+    floor = diagnosis.get("noise_floor_um")
+    if verdict != "nothing_missing":
+        return _WORDS.get(verdict, verdict)
+    if floor is None:
         return "Nothing to add was found; whether what is left is noise is not known."
-    return _WORDS.get(verdict, verdict)
+    held_out = diagnosis.get("error", {}).get("held_out", {}).get("mean_um")
+    if held_out is not None and held_out > _FAR_ABOVE * floor:
+        return "Nothing to add was found, but what is left is more than noise."
+    return _WORDS[verdict]
 
 
 def of_other_sensors(first: dict[str, Any], candidates: list[dict[str, Any]]) -> list[dict[str, Any]]:

@@ -1,0 +1,45 @@
+"""Lost motion where nobody recorded the direction of approach: the order of the rows gives it away."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import armtrue
+import pytest
+from armtrue_sim import simulate
+
+
+@pytest.mark.parametrize(
+    ("arm", "seed", "joints"),
+    [
+        ("kr30", 131, [2, 3]),
+        *(pytest.param(*case, marks=pytest.mark.full) for case in [("irb2400", 134, [2])]),
+    ],
+)
+def test_no_effect_of_the_angle_is_named_for_it(
+    arm: str, seed: int, joints: list[int], tmp_path: Path
+) -> None:
+    hidden = [{"effect": "backlash", "joints": joints}]
+    without = [f"dir{k}" for k in range(1, 7)]
+    simulate(
+        {
+            "arm": arm,
+            "seed": seed,
+            "test_poses": 0,
+            "hidden": hidden,
+            "directions": "order",
+            "columns": {"omit": without},
+        },
+        tmp_path,
+    )
+    robot = armtrue.load_robot(tmp_path / "robot.yaml")
+    data = armtrue.load_data(tmp_path / "data.csv", robot)
+    assert not any(name.startswith(("dir", "travel")) for name in data.columns)
+    # A joint goes up to large angles and down to small ones: joint_scale was named.
+    _, story = armtrue.refine(armtrue.fit(data, robot, armtrue.load_model(tmp_path / "model.yaml", robot)))
+    assert len(story.steps) == 1
+    last = story.steps[-1]
+    assert last["verdict"] == "unexplained_structure"
+    assert last["unexplained"][0]["variables"][0] in [f"dir{k}" for k in joints]
+    assert any("derive: {dir: from_order}" in sentence for sentence in last["advice"])
+    assert "backlash" in [entry["effect"] for entry in last["untestable"]]
