@@ -1,4 +1,7 @@
-"""The command line: its commands, and what becomes of errors (exit 2: the input is at fault; 130: interrupted)."""
+"""The command line: its commands, and what becomes of errors.
+
+Exit status 2: the input is at fault; 130: interrupted; 141: the reader of the output closed the pipe.
+"""
 
 from __future__ import annotations
 
@@ -11,10 +14,13 @@ import typer
 
 import armtrue
 from armtrue.cli import INTERRUPTED
-from armtrue.cli.shared.guard import GuardedGroup
+from armtrue.cli.shared.guard import GuardedGroup, ReaderGoneError
 from armtrue.errors import InputError
 
 INPUT_AT_FAULT = 2
+# 128 + SIGPIPE: what a shell reports of any other command whose reader closed the pipe. Not 0, for what the command
+# was about may not be finished: `armtrue upload … | head -1` ends in the middle of the transfer.
+READER_GONE = 141
 
 
 class _Commands(GuardedGroup):
@@ -67,7 +73,8 @@ The way through it, from measurements to tables:
 All files are in metres, radians, kilograms, seconds and °C; joints count from 1.
 Measurements in any other form are read through a dataset.yaml.
 
-Exit status: 0 done, 1 done with a verdict against, 2 bad input (one sentence says what), 130 stopped.""",
+Exit status: 0 done, 1 done with a verdict against, 2 bad input (one sentence says what), 130 stopped,
+141 the reader of the output closed the pipe.""",
 )
 
 
@@ -103,10 +110,10 @@ def main() -> None:
     except KeyboardInterrupt:
         print("armtrue: interrupted", file=sys.stderr)
         sys.exit(INTERRUPTED)
-    except BrokenPipeError:
-        # The reader of our output went away, as `armtrue … | head` does: nothing to say and nobody to say it to.
-        sys.stderr.close()
-        sys.exit(0)
+    except (ReaderGoneError, BrokenPipeError):
+        # Nothing to say and nobody to say it to: what Python still holds for standard output would fail again.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(READER_GONE)
     except OSError as error:
         print(f"armtrue: {_place(error)}: {error.strerror or error}", file=sys.stderr)
         # What standard output could not take would be tried again at the end.

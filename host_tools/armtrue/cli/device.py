@@ -53,7 +53,8 @@ app = typer.Typer(
     help="""Ask and manage a compensator on a bus.
 
 Exit status: 0 done, 1 the device refused or a test failed, 2 bad input (nothing was sent),
-3 the bus or the device did not answer, or wrongly, 130 interrupted.""",
+3 the bus or the device did not answer, or wrongly, 130 interrupted,
+141 the reader of the output closed the pipe.""",
 )
 
 NOMINAL_BITRATE = 1_000_000
@@ -105,7 +106,8 @@ def upload(
     Example: armtrue upload tables.bin --interface socketcan --channel can0
 
     Exit status: 0 done, 1 the device refused, 2 bad input or not for this device (nothing was sent),
-    3 the bus or the device did not answer, or wrongly, 130 interrupted.
+    3 the bus or the device did not answer, or wrongly, 130 interrupted, 141 the reader of the output closed
+    the pipe.
     """
     output = Output(json_to)
     image = read_image(tables)

@@ -13,6 +13,7 @@ from armtrue.cli.shared.options import FitArgument, JsonOption, OutOption, Poses
 from armtrue.cli.shared.output import Output
 from armtrue.errors import InputError
 from armtrue.io.files import csv_text, write_file
+from armtrue.tables import layout
 from armtrue.tables.compensate import Engine
 
 tables_app = typer.Typer(no_args_is_help=True, help="Look into table images.")
@@ -84,7 +85,7 @@ def export(
 ) -> None:
     """Write the firmware's table image for a fit.
 
-    Beside TABLES the fit is kept as TABLES.fit.json, so that 'compensate --engine double' can be exact.
+    Beside TABLES the fit is kept as TABLES.fit.json, for 'compensate --engine double'.
 
     Example: armtrue export fit.json --out tables.bin
     """
@@ -135,7 +136,11 @@ def compensate(
     out: OutOption,
     engine: Annotated[
         Engine,
-        typer.Option("--engine", help="fixed: the firmware's code; double: the exact inverse of the fit."),
+        typer.Option(
+            "--engine",
+            help="fixed: the firmware's code; double: the inverse of the fit in double precision, with loads as a "
+            "device takes them (where the arm gives way, some micrometres from the fit's own).",
+        ),
     ] = Engine.FIXED,
     fit: Annotated[
         Path | None,
@@ -245,15 +250,15 @@ def _refuse_sizes(
         ("--max-correction", max_correction, 1e-6, 1.0),
         ("--max-rate", max_rate, 1e-4, 100.0),
         ("--dead-band", dead_band, 0.0, 0.1),
-        ("--damping", damping, 1e-6, 100.0),
+        ("--damping", damping, 1e-6, layout.DAMPING[1]),
         ("--payload-max", payload_max, 0.0, 1e5),
-        *(("--increments", value, 1.0, 2.0**40) for value in increments or ()),
+        *(("--increments", value, *layout.INCREMENTS_PER_UNIT) for value in increments or ()),
     ]
     for name, value, least, most in limits:
         # What is not a number compares with nothing.
         if value is not None and not least <= value <= most:
-            found = f"{value:g}" if isinstance(value, float) else value
-            raise InputError(f"{name}: found {found}, expected {least:g} to {most:g}")
+            found = f"{value:.10g}" if isinstance(value, float) else value
+            raise InputError(f"{name}: found {found}, expected {least:.10g} to {most:.10g}")
 
 
 def _numbers(text: str | None) -> tuple[float, ...] | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import shlex
 import shutil
@@ -11,10 +12,14 @@ import sys
 import threading
 from pathlib import Path
 
+import click
 import pytest
+import typer
 import yaml
 
+from armtrue.cli.app import app
 from armtrue.cli.conftest import armtrue
+from armtrue.cli.shared.guard import GuardedGroup
 from armtrue.errors import InputError
 from armtrue.io import load_data, load_robot
 from armtrue.io.files import write_file
@@ -89,10 +94,113 @@ def test_folder_or_nothing_in_place_of_a_file_is_refused(exported, command):
         ("--sequence", "4294967295"),
         ("--increments", "nan"),
         ("--increments", "0"),
+        ("--increments", "1"),
+        ("--increments", "15.9"),
+        ("--increments", "2147483649"),
+        ("--increments", "-1000"),
+        ("--damping", "1.1"),
     ],
 )
 def test_export_options_that_no_table_can_hold_are_refused_by_name(exported, option, value):
     assert option in refused(exported, "export", "fit.json", "--out", "o.bin", option, value)
+
+
+def test_increments_of_wrong_number_or_size_are_told_what_is_expected(exported):
+    export = ("export", "fit.json", "--out", "o.bin", "--increments")
+    assert "found 1, expected 16 to 2147483648" in refused(exported, *export, "1")
+    said = refused(exported, *export, "1000,2000")
+    assert "found 1000, 2000, expected 1 or 6 numbers from 16 to 2147483648" in said
+
+
+@pytest.mark.parametrize("increments", ["16", "2147483648"])
+def test_fewest_and_most_increments_are_taken(exported, tmp_path, increments):
+    run = armtrue(
+        "export", "fit.json", "--out", str(tmp_path / "o.bin"), "--increments", increments, cwd=exported
+    )
+    assert run.returncode == 0, run.stderr
+
+
+def test_tool_by_name_where_the_only_one_has_none_is_told_so(exported):
+    said = refused(exported, "export", "fit.json", "--out", "o.bin", "--tool", "nosuch")
+    assert "--tool: found 'nosuch', expected none: the fit has one tool, which has no name" in said
+
+
+def test_options_that_the_firmware_cuts_are_said(exported, tmp_path):
+    options = ("--max-rate", "100", "--max-correction", "1", "--damping", "0.001")
+    run = armtrue("export", "fit.json", "--out", str(tmp_path / "o.bin"), *options, cwd=exported)
+    said = " ".join(run.stdout.split())
+    assert "--max-rate 100 is cut to 0.628 rad/s on turning joints, the most that the firmware allows" in said
+    assert "--max-correction 1 is cut to 0.314 rad on turning joints" in said
+    assert "--damping 0.001 is raised to 0.00391 m/rad" in said
+    run = armtrue("export", "fit.json", "--out", str(tmp_path / "o.bin"), cwd=exported)
+    assert "firmware allows" not in run.stdout
+
+
+@pytest.mark.parametrize("command", ["device info", "device monitor", "device selftest", "upload t.bin"])
+def test_timeout_that_would_never_end_is_refused(exported, command):
+    bus = ("--interface", "virtual", "--channel", "test", "--timeout")
+    said = refused(exported, *command.split(), *bus, "nan")
+    assert "--timeout: found nan, expected 0.05 to 60" in said
+    assert "--timeout" in refused(exported, *command.split(), *bus, "inf")
+
+
+def float_options():
+    """Every option of every command that takes a number with a fraction."""
+
+    def under(command):
+        if isinstance(command, click.Group):
+            for own in command.commands.values():
+                yield from under(own)
+            return
+        for parameter in command.params:
+            kinds = parameter.type.types if isinstance(parameter.type, click.Tuple) else [parameter.type]
+            if all(isinstance(kind, click.types.FloatParamType) for kind in kinds):
+                yield command, parameter, len(kinds)
+
+    root = typer.main.get_command(app)
+    assert isinstance(root, GuardedGroup)
+    yield from under(root.whole())
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+def test_every_option_that_takes_a_number_refuses_one_that_is_not_finite(value):
+    options = list(float_options())
+    assert len(options) > 15
+    for command, parameter, count in options:
+        context = click.Context(command)
+        context.params = {parameter.name: value if count == 1 else (0.0,) * (count - 1) + (value,)}
+        with pytest.raises(InputError, match=f"^{parameter.opts[0]}: found {value}, expected "):
+            command.invoke(context)
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        "explain evidence",
+        "effects",
+        "tables info t.bin",
+        "tables info t.bin --json -",
+        "--help",
+        "export --help",
+    ],
+)
+def test_closed_pipe_is_no_refusal(exported, command):
+    """As `armtrue … | head` leaves it: nobody reads what the command prints."""
+    read, write = os.pipe()
+    os.close(read)
+    try:
+        run = subprocess.run(
+            [sys.executable, "-m", "armtrue", *command.split()],
+            cwd=exported,
+            stdout=write,
+            stderr=subprocess.PIPE,
+            text=True,
+            timeout=120,
+            check=False,
+        )
+    finally:
+        os.close(write)
+    assert (run.returncode, run.stderr) == (141, "")
 
 
 def test_write_file_follows_links_and_writes_through_pipes(tmp_path):

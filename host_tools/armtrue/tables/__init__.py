@@ -1,7 +1,7 @@
 """Tables: the firmware's image of a fit. Written, read, signed, and run by both engines.
 
 docs/table-format.md gives every bit. The way through: `fitted_arm` (what of a fit goes in) → `export` (compile,
-limits, records) → image → `compensate` (fixed: the firmware's code; double: the exact inverse).
+limits, records) → image → `compensate` (fixed: the firmware's code; double: the fit's inverse).
 """
 
 from armtrue.tables.export import Exported, ExportOptions, export

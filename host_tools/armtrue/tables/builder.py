@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from armtrue.arrays import Array
 from armtrue.tables import layout
-from armtrue.tables.fixedpoint import fraction_for, mantissa_and_shift, to_fixed, wrapped_angle
+from armtrue.tables.fixedpoint import INT32_MAX, fraction_for, mantissa_and_shift, to_fixed, wrapped_angle
 from armtrue.tables.layout import Node, Section, State
 
 # Beyond this a reciprocal saturates: its argument came within 1/64 of zero.
@@ -24,8 +24,12 @@ LARGEST_RECIPROCAL = 64.0
 # Terms on motor sides with a larger slope than this [rad/rad] are evaluated once more after the last step: a step moves
 # a joint by some 1e-4 rad, and what it leaves is the slope times that.
 STEEP = 5e-4
+# Bits by which a SCALE node can move a slot up: its mantissa has 31 and a sign.
+_MOST_GAIN = 30
 # Sums on a coordinate saturate here [rad, m].
 LARGEST_TERM = 0.5
+# Amplitudes have 32 fraction bits and a sign.
+LARGEST_WAVE = (2.0**31 - 1.0) / 2.0**layout.TERM_SHIFT
 
 
 class CannotCompileError(Exception):
@@ -83,14 +87,23 @@ class Harmonics:
     link_offsets: dict[int, float] = field(default_factory=dict)
 
     def add(self, coordinate: int, source: int, order: float, phase_turns: float, amplitude: float) -> None:
-        """coordinate += amplitude · sin(order · joint + phase). Raises CannotCompileError for too high an order."""
+        """coordinate += amplitude · sin(order · joint + phase).
+
+        Raises CannotCompileError for too high an order or too large an amplitude.
+        """
         phase = 2.0 * math.pi * phase_turns
         if order < 0.0:
             order, phase = -order, math.pi - phase
         if order >= 2**11:
             raise CannotCompileError(f"a harmonic of more than {2**11} cycles a turn")
         key = (coordinate, source, to_fixed(order, layout.ORDER_FRACTION))
-        self.waves[key] = self.waves.get(key, 0.0) + amplitude * cmath.exp(1j * phase)
+        wave = self.waves.get(key, 0.0) + amplitude * cmath.exp(1j * phase)
+        if abs(wave) > LARGEST_WAVE:
+            raise CannotCompileError(
+                f"a wave of {abs(wave):.3g} on {layout.coordinate_name(coordinate)}, "
+                f"more than {LARGEST_WAVE:.3g} rad (m)"
+            )
+        self.waves[key] = wave
 
     def _slow_joint(self, source: int, order: int) -> int | None:
         """The joint whose link angle's sine and cosine give this wave; None where it needs a sine of its own."""
@@ -153,6 +166,18 @@ class Harmonics:
 def _is_steep_wave(coordinate: int, source: int, order: int, wave: complex) -> bool:
     slope = abs(wave) * order * 2.0**-layout.ORDER_FRACTION
     return coordinate < layout.MAX_JOINTS and slope > STEEP
+
+
+def _term_fraction(value: Value) -> int:
+    """Fraction bits of the coefficient that a term multiplies `value` with."""
+    return layout.COORDINATE_FRACTION + layout.TERM_SHIFT - value.fraction
+
+
+def _unused_bits(value: Value) -> int:
+    """How many bits a slot can be moved up by: what lies below its last place is not there to be moved."""
+    if value.largest == 0.0:
+        return 0
+    return min(_MOST_GAIN, 30 - math.frexp(value.largest)[1] - value.fraction)
 
 
 @dataclass
@@ -243,7 +268,7 @@ class Builder:
 
     def _filled(self, value: Value) -> Value:
         """`value` with its upper bits in use, as the upper half of a product is what is kept."""
-        unused = 30 - math.frexp(max(value.largest, 1e-30))[1] - value.fraction
+        unused = _unused_bits(value)
         return self.with_fraction(value, value.fraction + unused) if unused > 6 else value
 
     def reciprocal(self, value: Value) -> Value:
@@ -428,19 +453,24 @@ class Builder:
                 f"a term of up to {abs(coefficient) * value.largest:.3g} on {layout.coordinate_name(coordinate)}, "
                 f"more than {LARGEST_TERM} rad (m)"
             )
+        if value.largest == 0.0 or coefficient == 0.0:
+            return
         # A mantissa of 31 bits: a slot that leaves its upper bits empty is moved up.
-        room = 30 - math.frexp(max(value.largest, 1e-30))[1] - value.fraction
+        room = _unused_bits(value)
         need = math.frexp(abs(coefficient))[1] - (value.fraction - 31)
         if need > 0 and room > 0:
             value = self.with_fraction(value, value.fraction + min(room, need))
-        if coefficient != 0.0:
-            steep = coordinate < layout.MAX_JOINTS and not value.is_constant and slope > STEEP
-            self.terms.append((coordinate, value, coefficient, steep))
+        if abs(coefficient) * 2.0 ** _term_fraction(value) > INT32_MAX:
+            raise CannotCompileError(
+                f"a coefficient of {coefficient:.3g} for a quantity of at most {value.largest:.3g} in the workspace, "
+                "more than the format can hold"
+            )
+        steep = coordinate < layout.MAX_JOINTS and not value.is_constant and slope > STEEP
+        self.terms.append((coordinate, value, coefficient, steep))
 
     def term_record(self, coordinate: int, value: Value, coefficient: float, slot: int) -> bytes:
         """A term's record."""
-        factor = layout.COORDINATE_FRACTION + layout.TERM_SHIFT - value.fraction
-        return layout.TERM.pack(coordinate, 0, slot, to_fixed(coefficient, factor))
+        return layout.TERM.pack(coordinate, 0, slot, to_fixed(coefficient, _term_fraction(value)))
 
     def inputs(self, index: int) -> list[Value]:
         """The slots that node `index` reads."""

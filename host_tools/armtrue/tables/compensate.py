@@ -1,4 +1,4 @@
-"""Poses corrected by a table: with the firmware's own code, or with the exact inverse in double precision."""
+"""Poses corrected by a table: with the firmware's own code, or with the inverse of the fit in double precision."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from armtrue.io.files import read_json
 from armtrue.tables import fixed
 from armtrue.tables.fitted import FittedArm, digest_of, fitted_arm
 from armtrue.tables.image import Image
-from armtrue.tables.reference import Reference, Surroundings
+from armtrue.tables.reference import Reference, Surroundings, coordinates_moved
 
 _LARGEST_FIT_BYTES = 512 * 1024 * 1024
 
@@ -39,7 +39,7 @@ class Engine(StrEnum):
     """What computes the correction."""
 
     FIXED = "fixed"  # the firmware's own code
-    DOUBLE = "double"  # the exact inverse of the fitted model
+    DOUBLE = "double"  # the fitted model's inverse, with loads as a device takes them (decision 0068)
 
 
 @dataclass(frozen=True)
@@ -96,9 +96,9 @@ def compensate(
     tool = _tool_numbers(image, data)
     if engine is Engine.FIXED:
         corrected, more = _fixed(image, joints, around, tool)
-        notes += more
     else:
-        corrected = _double(image, _fitted(tables, fit, image), joints, around, tool)
+        corrected, more = _double(image, _fitted(tables, fit, image), joints, around, tool)
+    notes += more
     if quantise:
         per_unit = np.array([joint.increments for joint in image.joints()])
         corrected = joints + np.round((corrected - joints) * per_unit) / per_unit
@@ -154,32 +154,46 @@ def _fixed(
     notes = []
     for flag, words in _FLAGS:
         count = int(np.count_nonzero(result.flags & flag))
-        if count:
-            notes.append(f"{count} of {len(joints)} poses {words}")
+        if not count:
+            continue
+        if flag == fixed.NEAR_SINGULAR and (too_few := _too_few_axes(image)):
+            words = f"keep part of the error, as {too_few}"
+        notes.append(f"{count} of {len(joints)} poses {words}")
     return result.joints, notes
+
+
+def _too_few_axes(image: Image) -> str:
+    """What of the tool's pose the arm cannot set in any posture, in words; empty where it sets all that it shall."""
+    wanted = 3 if image.rotation_length_m is None else 6
+    last_from_tool = list(image.tools().values())[image.header["active_tool"]]
+    moved = coordinates_moved(image.chain(), last_from_tool, image.rotation_length_m)
+    if moved >= wanted:
+        return ""
+    what = "the tool's position" if wanted == 3 else "the tool's position and attitude"
+    return f"the arm's {image.joint_count} axes set only {moved} of the {wanted} coordinates of {what}"
 
 
 def _double(
     image: Image, arm: FittedArm, joints: Array, around: Surroundings, tool: NDArray[np.uint8]
-) -> Array:
+) -> tuple[Array, list[str]]:
     corrected = np.empty_like(joints)
+    left = np.zeros((len(joints), 2))
+    is_reached = np.ones(len(joints), dtype=np.bool_)
     for number, name in enumerate(image.tools()):
         rows = tool == number
         if rows.any():
-            corrected[rows] = Reference(arm, name).inverse(
-                joints[rows], _select(around, rows), image.rotation_length_m
-            )
-    return corrected
-
-
-def _select(around: Surroundings, rows: NDArray[np.bool_]) -> Surroundings:
-    return Surroundings(
-        {sensor: column[rows] for sensor, column in around.temperature.items()},
-        *(
-            None if column is None else column[rows]
-            for column in (around.payload, around.time, around.direction)
-        ),
+            found = Reference(arm, name).solve(joints[rows], around.of(rows), image.rotation_length_m)
+            corrected[rows], is_reached[rows] = found.joints, found.is_reached
+            left[rows] = np.column_stack([found.position_m, found.attitude_rad])
+    count = int(np.count_nonzero(~is_reached))
+    if not count:
+        return corrected, []
+    position, attitude = 1e6 * left[~is_reached].max(axis=0)
+    words = f"up to {position:.1f} µm" + (
+        "" if image.rotation_length_m is None else f" and {attitude:.1f} µrad"
     )
+    why = _too_few_axes(image) or "they are close to a singularity or at the end of the reach"
+    return corrected, [f"{count} of {len(joints)} poses do not reach their target, {words} are left: {why}"]
 
 
 def _fitted(tables: Path, fit: Path | None, image: Image) -> FittedArm:

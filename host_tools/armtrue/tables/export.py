@@ -29,6 +29,7 @@ _TEMPERATURE_RANGE_K = 150.0
 _TIME_RANGE_S = 2.0**20
 _LIMIT_MARGIN = 0.02  # rad or m beyond the joint limits
 _LARGEST_POSITION = 7.9  # rad or m: what Q28 holds
+_LONGEST_M = 12.0  # of the whole arm, as the firmware's reader has it
 _SAMPLED_POSES = 2000
 _TORQUE_MARGIN = 1.5
 _INCREMENTS_PER_MOTOR_TURN = 2**20
@@ -36,6 +37,8 @@ _INCREMENTS_PER_UNIT = 2**24
 # Largest correction that an export allows on its own [rad, m]; --max-correction may say more.
 _LARGEST_CORRECTION = 0.15
 _CORRECTION_STEP = 1e-3
+# What to do about a term that a table cannot hold.
+_REMEDY = "take the effect out with 'armtrue remove', or fit it in another form"
 
 
 @dataclass(frozen=True)
@@ -112,11 +115,13 @@ class _Exporter:
 
     def run(self) -> Exported:
         self._check_arm()
+        self._per_unit = self._increments()
         self._cut_limits()
         self.builder.one()
         self._sample_ranges()
         try:
             self._compile_terms()
+            image = self._image()
         except (CannotCompileError, OverflowError) as error:
             raise InputError(f"{self.path}: cannot be exported: {error}") from None
         if self.arm.skipped:
@@ -124,7 +129,7 @@ class _Exporter:
         for effect, (why, moves_um) in self.arm.stays_behind.items():
             size = "" if moves_um is None else f" (the effect moves the tool by {moves_um:.1f} µm RMS)"
             self.notes.append(f"stays behind, in part or whole: {effect}, for {why}{size}")
-        return Exported(self._image(), self.notes)
+        return Exported(image, self.notes)
 
     # ---- what goes in
 
@@ -135,6 +140,10 @@ class _Exporter:
             if len(names) > 1:
                 self.notes.append(f"tool '{names[0]}' of {', '.join(names)} is active (--tool takes another)")
             return names[0]
+        if wanted not in names and names == [""]:
+            raise InputError(
+                f"--tool: found '{wanted}', expected none: the fit has one tool, which has no name; leave --tool out"
+            )
         if wanted not in names:
             raise InputError(f"--tool: found '{wanted}', expected one of {', '.join(repr(n) for n in names)}")
         return wanted
@@ -193,6 +202,11 @@ class _Exporter:
                 low, high = self._ranges.get(name, (0.0, 0.0))
                 column = _TORQUE_MARGIN * columns[name]
                 self._ranges[name] = (min(low, float(column.min())), max(high, float(column.max())))
+        self._zero = frozenset(
+            name
+            for name, (low, high) in self._ranges.items()
+            if self.gravity.is_zero(name, max(-low, high) / _TORQUE_MARGIN)
+        )
 
     # ---- terms
 
@@ -255,11 +269,16 @@ class _Exporter:
     def _compile_terms(self) -> None:
         regressors: dict[str, dict[str, float]] = defaultdict(dict)
         others: list[tuple[str, expression.Tree, float]] = []
+        effects: dict[tuple[str, expression.Tree], dict[str, None]] = defaultdict(dict)
         for coordinate, basis in self.arm.terms.items():
             merged: dict[expression.Tree, float] = defaultdict(float)
             for text, coefficient in basis.items():
-                for factor, tree in expression.linear_parts(expression.parse(text), coefficient):
+                whole = expression.with_zeros(expression.parse(text), self._zero)
+                for factor, tree in expression.linear_parts(whole, coefficient):
                     merged[tree] += factor
+                    effects[coordinate, tree].update(
+                        dict.fromkeys(self.arm.effects.get((coordinate, text), []))
+                    )
             for tree, coefficient in merged.items():
                 if tree.op == "variable" and self.gravity.is_regressor(tree.name):
                     regressors[coordinate][tree.name] = coefficient
@@ -268,7 +287,10 @@ class _Exporter:
         # Every set is known before the first slot is made: fractions depend on sets, slots on fractions.
         combined = {coordinate: self.gravity.combined(sums) for coordinate, sums in regressors.items()}
         for name in sorted(self.arm.variables()):
-            if not self.gravity.is_regressor(name) or any(name in tree.variables() for _, tree, _ in others):
+            is_read = any(name in tree.variables() for _, tree, _ in others) or any(
+                name == axis.variable for grid in self.arm.grids for axis in grid.axes
+            )
+            if is_read:
                 self.gravity.reading(name)
         if len(self.gravity.sets) > layout.MAX_MASS_SETS:
             raise CannotCompileError(
@@ -282,17 +304,25 @@ class _Exporter:
             number = self._coordinate_number(coordinate)
             if number is None:
                 continue
-            wave = compiler.as_wave(tree)
-            if wave is not None:
-                self.builder.harmonics.add(number, *wave, coefficient)
-                continue
             try:
-                value = compiler.compile(tree, coefficient)
-            except CannotCompileError as error:
-                raise CannotCompileError(f"term on {coordinate}: {error}") from None
-            self.builder.add_term(number, value, coefficient, self._slope(tree, coefficient))
+                self._compile_term(compiler, number, tree, coefficient)
+            except (CannotCompileError, OverflowError) as error:
+                names = ", ".join(effects[coordinate, tree]) or "unknown"
+                raise CannotCompileError(
+                    f"effect {names}, a term on {coordinate}: {error}; {_REMEDY}"
+                ) from None
         self._add_grids()
         self.notes += compiler.notes
+
+    def _compile_term(
+        self, compiler: Compiler, number: int, tree: expression.Tree, coefficient: float
+    ) -> None:
+        wave = compiler.as_wave(tree)
+        if wave is not None:
+            self.builder.harmonics.add(number, *wave, coefficient)
+            return
+        value = compiler.compile(tree, coefficient)
+        self.builder.add_term(number, value, coefficient, self._slope(tree, coefficient))
 
     def _coordinate_number(self, coordinate: str) -> int | None:
         """Number of a coordinate; None for another tool than the active one."""
@@ -307,7 +337,12 @@ class _Exporter:
                 value = self.builder.state(
                     reading.kind, reading.joint, -0.5, 0.5, mass_set, self.gravity.sets[mass_set].fraction
                 )
-                self.builder.add_term(layout.coordinate_number(coordinate), value, 1.0)
+                try:
+                    self.builder.add_term(layout.coordinate_number(coordinate), value, 1.0)
+                except CannotCompileError as error:
+                    raise CannotCompileError(
+                        f"gravity regressors on {coordinate}: {error}; {_REMEDY}"
+                    ) from None
 
     def _add_grids(self) -> None:
         """Grids with the same axes, coverage and size share one node: the cell is found once."""
@@ -333,8 +368,12 @@ class _Exporter:
         outputs = self.builder.grid(pairs, values, grids[0].covered, exponent)
         for grid, value in zip(grids, outputs, strict=True):
             number = self._coordinate_number(grid.coordinate)
-            if number is not None:
+            if number is None:
+                continue
+            try:
                 self.builder.add_term(number, value, 1.0, _grid_slope(grid))
+            except CannotCompileError as error:
+                raise CannotCompileError(f"table {grid.name}: {error}; {_REMEDY}") from None
 
     def _slope(self, tree: expression.Tree, coefficient: float) -> float:
         """Largest slope of a term over any one joint [rad/rad]; gravity counts as standing still."""
@@ -382,7 +421,7 @@ class _Exporter:
             list(self.arm.flange_from_tool).index(self.tool),
             0,
             self.options.blend_ms,
-            to_fixed(max(2.0**-8, damping), layout.LENGTH_FRACTION),
+            to_fixed(max(layout.DAMPING[0], damping), layout.LENGTH_FRACTION),
             to_fixed(rotation, layout.LENGTH_FRACTION) if self.options.full_pose else 0,
             self._constant_nodes,
             self._steep_nodes,
@@ -435,7 +474,14 @@ class _Exporter:
             self.builder.data[position : position + 2] = slot(value).to_bytes(2, "little")
         coupling = [
             layout.COUPLING.pack(
-                row, column, 0, to_fixed(self.chain.coupling[row, column], layout.COUPLING_FRACTION)
+                row,
+                column,
+                0,
+                _held(
+                    self.chain.coupling[row, column],
+                    layout.COUPLING_FRACTION,
+                    f"a coupling of joint {row + 1} to motor {column + 1}",
+                ),
             )
             for row, column in np.argwhere(self.chain.coupling != 0.0)
             if row != column
@@ -514,19 +560,24 @@ class _Exporter:
         ]
 
     def _transform(self, matrix: Array) -> tuple[list[int], list[int]]:
+        longest = float(np.abs(matrix[:3, 3]).max())
+        if longest > _LONGEST_M:
+            raise InputError(
+                f"{self.path}: found a link or tool of {longest:g} m, expected at most {_LONGEST_M:g} m"
+            )
         rotation = [to_fixed(v, layout.RATIO_FRACTION) for v in matrix[:3, :3].ravel()]
         return rotation, [to_fixed(v, layout.LENGTH_FRACTION) for v in matrix[:3, 3]]
 
     def _joints(self) -> list[bytes]:
         largest = self._magnitude_limits()
-        increments = self._increments()
+        self._say_what_is_cut()
         records = []
         for k, transform in enumerate(self.chain.fixed):
             slides = self.chain.prismatic[k]
             unit = 1.0 if slides else 1.0 / (2.0 * np.pi)  # native units (m or turn) per m or rad
             rotation, translation = self._transform(transform)
-            to_position, position_shift = mantissa_and_shift(2.0**32 / increments[k])
-            to_increment, increment_shift = mantissa_and_shift(increments[k] / 2.0**32)
+            to_position, position_shift = mantissa_and_shift(2.0**32 / self._per_unit[k])
+            to_increment, increment_shift = mantissa_and_shift(self._per_unit[k] / 2.0**32)
             records.append(
                 layout.JOINT.pack(
                     *rotation,
@@ -541,7 +592,7 @@ class _Exporter:
                     0,
                     round(min(largest[k] * unit, layout.MAX_DELTA[slides]) * 2.0**32),
                     round(min(self.options.max_rate * unit, layout.MAX_RATE[slides]) * 2.0**32),
-                    max(1, round(self.options.dead_band * unit * abs(increments[k]))),
+                    max(1, round(self.options.dead_band * unit * abs(self._per_unit[k]))),
                 )
             )
         return records
@@ -550,16 +601,48 @@ class _Exporter:
         """Drive increments per joint turn (revolute) or metre (prismatic)."""
         given = self.options.increments
         n = self.chain.joint_count
+        least, most = layout.INCREMENTS_PER_UNIT
         if given is not None:
-            if len(given) not in (1, n) or any(value == 0.0 for value in given):
+            if len(given) not in (1, n) or not all(least <= abs(value) <= most for value in given):
+                numbers = "1 number" if n == 1 else f"1 or {n} numbers"
                 raise InputError(
-                    f"--increments: found {list(given)}, expected 1 or {n} numbers other than zero"
+                    f"--increments: found {', '.join(f'{value:.10g}' for value in given) or 'none'}, "
+                    f"expected {numbers} from {least:.10g} to {most:.10g}"
                 )
             return list(given) * (n if len(given) == 1 else 1)
-        return [
-            float(_INCREMENTS_PER_MOTOR_TURN * abs(ratio) if ratio and not slides else _INCREMENTS_PER_UNIT)
-            for slides, ratio in zip(self.chain.prismatic, self.chain.gear_ratio, strict=True)
-        ]
+        made = []
+        for k, (slides, ratio) in enumerate(zip(self.chain.prismatic, self.chain.gear_ratio, strict=True)):
+            count = float(
+                _INCREMENTS_PER_MOTOR_TURN * abs(ratio) if ratio and not slides else _INCREMENTS_PER_UNIT
+            )
+            if not least <= count <= most:
+                raise InputError(
+                    f"{self.path}: joint {k + 1} has gear_ratio {ratio:g}, which makes {count:.10g} increments a "
+                    f"turn, expected {least:.10g} to {most:.10g}; give the drives' own with --increments"
+                )
+            made.append(count)
+        return made
+
+    def _say_what_is_cut(self) -> None:
+        """Note the options that ask for more, or less, than the firmware lets any table have."""
+        least = layout.DAMPING[0]
+        if self.options.damping_m is not None and self.options.damping_m < least:
+            self.notes.append(
+                f"--damping {self.options.damping_m:g} is raised to {least:.3g} m/rad, "
+                "the least that the firmware allows"
+            )
+        asked = [("--max-rate", self.options.max_rate, layout.MAX_RATE, ("rad/s", "m/s"))]
+        if self.options.max_correction is not None:
+            asked.append(("--max-correction", self.options.max_correction, layout.MAX_DELTA, ("rad", "m")))
+        for name, value, most, units in asked:
+            for slides in sorted(set(self.chain.prismatic)):
+                cap = most[slides] * (1.0 if slides else 2.0 * np.pi)
+                if value > cap:
+                    joints = "sliding" if slides else "turning"
+                    self.notes.append(
+                        f"{name} {value:g} is cut to {cap:.3g} {units[slides]} on {joints} joints, "
+                        "the most that the firmware allows"
+                    )
 
     def _magnitude_limits(self) -> Array:
         """Largest correction of each joint [rad or m]."""
@@ -580,7 +663,7 @@ class _Exporter:
         rotation = (
             (self.options.rotation_length_m or 0.25 * self.chain.reach_m) if self.options.full_pose else None
         )
-        correction = np.abs(reference.inverse(poses, around, rotation) - poses)
+        correction = np.abs(reference.newton_joints(poses, around, rotation) - poses)
         # Close to singularities corrections grow without bound: all but one in a thousand are covered. Rounding
         # decides the last digits there: whole steps give the same image on another processor.
         covered = 2.0 * np.quantile(correction, 0.999, axis=0) + 2e-3
@@ -613,7 +696,8 @@ class _Exporter:
             )
             for mass, moment in zip(mass_set.masses, mass_set.moments, strict=True):
                 record += layout.MASS_SET_LINK.pack(
-                    to_fixed(mass, mass_set.fraction), *(to_fixed(v, mass_set.fraction) for v in moment)
+                    _held(mass, mass_set.fraction, "a mass"),
+                    *(_held(v, mass_set.fraction, "a mass moment") for v in moment),
                 )
             records.append(record)
         return records
@@ -621,14 +705,24 @@ class _Exporter:
     def _gravity(self) -> list[bytes]:
         if not self.gravity.sets:
             return []
-        vector = [to_fixed(v, layout.LENGTH_FRACTION) for v in self.chain.gravity]
-        point = [to_fixed(v, layout.LENGTH_FRACTION) for v in self.gravity.payload_point]
+        vector = [_held(v, layout.LENGTH_FRACTION, "gravity in m/s²") for v in self.chain.gravity]
+        point = [_held(v, layout.LENGTH_FRACTION, "a payload point in m") for v in self.gravity.payload_point]
         limit = to_fixed(min(self.payload_max_kg, 2000.0), layout.STATE_FRACTION[State.PAYLOAD])
         return [layout.GRAVITY.pack(*vector, *point, limit)]
 
     def _base(self) -> bytes:
         base = self.arm.measuring_from_base
         return layout.BASE.pack(*base[:3, :3].ravel(), *base[:3, 3])
+
+
+def _held(value: float, fraction: int, what: str) -> int:
+    """`value` with `fraction` bits. Raises CannotCompileError, naming `what` it is, where 32 bits do not hold it."""
+    try:
+        return to_fixed(value, fraction)
+    except OverflowError:
+        raise CannotCompileError(
+            f"{what} of {value:g}, expected less than {2.0 ** (31 - fraction):g}; correct robot.yaml and fit again"
+        ) from None
 
 
 def _grid_slope(grid: Grid) -> float:

@@ -64,6 +64,25 @@ def simplified(tree: Tree) -> Tree:
     return tree
 
 
+def with_zeros(tree: Tree, names: frozenset[str]) -> Tree:
+    """`tree` where the variables `names` are zero: products with them are gone, too."""
+    if tree.op == "variable":
+        return number(0.0) if tree.name in names else tree
+    if not names & tree.variables():
+        return tree
+    args = tuple(with_zeros(argument, names) for argument in tree.args)
+    zero = [argument.is_number and argument.value == 0.0 for argument in args]
+    if tree.op == "multiply" and any(zero):
+        return number(0.0)
+    if tree.op in ("add", "subtract") and zero[1]:
+        return args[0]
+    if tree.op in ("add", "subtract") and zero[0]:
+        return args[1] if tree.op == "add" else simplified(Tree("negate", args[1:]))
+    if tree.op == "divide" and zero[0] and not zero[1]:
+        return number(0.0)
+    return simplified(Tree(tree.op, args))
+
+
 def _hat(v: Array, left: Array, centre: Array, right: Array) -> Array:
     with np.errstate(divide="ignore", invalid="ignore"):
         rising = np.where(left == centre, 1.0, (v - left) / (centre - left))

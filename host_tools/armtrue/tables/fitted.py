@@ -83,6 +83,8 @@ class FittedArm:
     # Loads are those of the nominal arm at what is commanded, not where the arm stands (fit.json `statics`).
     loads_act_at_command: bool = False
     terms: dict[str, dict[str, float]] = field(default_factory=dict)
+    # Effects that a term comes from, by coordinate and expression: for messages.
+    effects: dict[tuple[str, str], list[str]] = field(default_factory=dict)
     grids: list[Grid] = field(default_factory=list)
     skipped: list[str] = field(default_factory=list)  # effects that belong to the measurement
     # Effects of the arm that stay behind, wholly or on short moves: why, and how far each moves the tool [µm RMS].
@@ -187,6 +189,9 @@ def _gather(
                 expression.parse(text)
                 basis = arm.terms.setdefault(coordinate, {})
                 basis[text] = basis.get(text, 0.0) + coefficient
+                sources = arm.effects.setdefault((coordinate, text), [])
+                if effect not in sources:
+                    sources.append(effect)
     arm.chain = replace(arm.chain, gravity=gravity)
     arm.terms = {
         coordinate: kept

@@ -16,6 +16,11 @@ _REGRESSOR = re.compile(r"^u(x|y)?_(\d+)_(\d+)_([mxyz])$")
 _PAYLOAD_REGRESSOR = re.compile(r"^up(x|y)?_(\d+)$")
 _MOMENT = re.compile(r"^(tau|gmx|gmy)(\d+)$")
 
+# A gravity variable whose range is below this share of the most that its masses could make counts as zero: the device's
+# own sums cannot tell it from zero. Where physics makes it zero (the moment about a vertical axis), rounding in double
+# precision leaves some 1e-16 of that size.
+_LAST_PLACE = 2.0**-30
+
 # A sum over the arm may pass through larger values than its end; three bits for that and for posture.
 _HEADROOM_BITS = 27
 
@@ -92,6 +97,29 @@ class GravitySets:
 
     def choose_fractions(self) -> None:
         """Set every set's fraction bits from the largest moment and torque that it can make."""
+        for mass_set in self.sets:
+            mass_set.fraction = max(
+                0,
+                fraction_for(
+                    self._largest(mass_set),
+                    bits=_HEADROOM_BITS + 3,
+                    most=30 if mass_set.carries_payload else 60,
+                ),
+            )
+
+    def is_zero(self, name: str, largest: float) -> bool:
+        """True where the gravity variable `name`, of at most `largest` in the workspace, is zero but for rounding."""
+        match = _PAYLOAD_REGRESSOR.match(name) or _REGRESSOR.match(name)
+        if match is None:
+            mass_set = self._arm_masses()
+        elif _REGRESSOR.match(name):
+            mass_set = self._unit_masses(int(match[3]) - 1, match[4])
+        else:
+            mass_set = self._unit_masses(self.chain.joint_count - 1, "p")
+        return largest < _LAST_PLACE * self._largest(mass_set)
+
+    def _largest(self, mass_set: MassSet) -> float:
+        """The most that a moment or torque of `mass_set` can be: its masses at the arm's reach, under gravity."""
         n = self.chain.joint_count
         # Distance of frame k's origin from the base is bounded by the lengths before it.
         lengths = np.array([np.linalg.norm(fixed[:3, 3]) for fixed in self.chain.fixed])
@@ -99,16 +127,12 @@ class GravitySets:
             self.chain.prismatic, np.abs(self.chain.limits).max(axis=1), 0.0
         )
         weight = max(float(np.linalg.norm(self.chain.gravity)), 1.0)
-        for mass_set in self.sets:
-            masses = np.abs(mass_set.masses)
-            moments = np.linalg.norm(mass_set.moments, axis=1)
-            if mass_set.carries_payload:
-                masses = masses + np.eye(n)[-1] * self.payload_max_kg
-                moments = moments + np.eye(n)[-1] * self.payload_max_kg * np.linalg.norm(self.payload_point)
-            largest = max(weight * float(masses @ reach + moments.sum()), float(masses.sum()))
-            mass_set.fraction = max(
-                0, fraction_for(largest, bits=_HEADROOM_BITS + 3, most=30 if mass_set.carries_payload else 60)
-            )
+        masses = np.abs(mass_set.masses)
+        moments = np.linalg.norm(mass_set.moments, axis=1)
+        if mass_set.carries_payload:
+            masses = masses + np.eye(n)[-1] * self.payload_max_kg
+            moments = moments + np.eye(n)[-1] * self.payload_max_kg * np.linalg.norm(self.payload_point)
+        return max(weight * float(masses @ reach + moments.sum()), float(masses.sum()))
 
     @staticmethod
     def is_gravity(name: str) -> bool:
@@ -133,20 +157,26 @@ class GravitySets:
         else:
             mass_set.moments[link, "xyz".index(component)] += amount
 
+    def _arm_masses(self) -> MassSet:
+        assert self.chain.masses is not None
+        assert self.chain.coms is not None
+        moments = self.chain.masses[:, None] * self.chain.coms
+        return MassSet(self.chain.masses.copy(), moments, carries_payload=True)
+
     def _arm(self) -> int:
         if self._arm_set is None:
-            assert self.chain.masses is not None
-            assert self.chain.coms is not None
-            moments = self.chain.masses[:, None] * self.chain.coms
-            self.sets.append(MassSet(self.chain.masses.copy(), moments, carries_payload=True))
+            self.sets.append(self._arm_masses())
             self._arm_set = len(self.sets) - 1
         return self._arm_set
+
+    def _unit_masses(self, link: int, component: str) -> MassSet:
+        mass_set = self._empty()
+        self._add(mass_set, link, component, 1.0)
+        return mass_set
 
     def _unit(self, link: int, component: str) -> int:
         key = (link, component)
         if key not in self._unit_sets:
-            mass_set = self._empty()
-            self._add(mass_set, link, component, 1.0)
-            self.sets.append(mass_set)
+            self.sets.append(self._unit_masses(link, component))
             self._unit_sets[key] = len(self.sets) - 1
         return self._unit_sets[key]

@@ -97,6 +97,9 @@ MAX_GRID_NODES = 8192
 MAX_GRID_OUTPUTS = 8
 MAX_IMAGE_LENGTH = 16 * 1024
 
+# Drive increments of a turn or a metre: the fewest and the most.
+INCREMENTS_PER_UNIT = (2.0**4, 2.0**31)
+DAMPING = (2.0**-8, 1.0)  # m/rad, least and most
 # Compile-time caps of the firmware (limits.h): turn, m, and the same per second.
 MAX_DELTA = {False: 0.05, True: 0.1}
 MAX_RATE = {False: 0.1, True: 0.2}

@@ -1,4 +1,4 @@
-"""The fitted model and its exact inverse in double precision: what the fixed-point engine is measured against.
+"""The fitted model and its inverse in double precision: what the fixed-point engine is measured against.
 
 docs/model.md gives every formula. Vectorised over poses with NumPy; shares no code with the fitter or the firmware.
 """
@@ -10,20 +10,31 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from armtrue.arrays import Array
 from armtrue.io.rotation import matrix_from_rotation_vector
-from armtrue.tables import expression
+from armtrue.tables import expression, layout
+from armtrue.tables.chain import Chain
 from armtrue.tables.fitted import FittedArm
 from armtrue.tables.layout import COMPONENTS
 
 _REGRESSOR = re.compile(r"^u(x|y)?_(\d+)_(\d+)_([mxyz])$|^up(x|y)?_(\d+)$")
 
-# Newton's method stops at this [m]; away from singularities it gets there in four steps.
+# The inverse stops at steps below this [rad, m]; away from singularities it gets there in four.
 _CONVERGED_M = 1e-13
-_MOST_STEPS = 30
-# Damping of the reference [m/rad]: takes 1e-6 of a step where the smallest singular value is 0.1 m/rad.
+# Near singularities, where many steps are refused and tried again shorter.
+_MOST_STEPS = 100
+_MOST_NEWTON_STEPS = 30
+# Least damping [m/rad]: takes 1e-6 of a step where the smallest singular value is 0.1 m/rad.
 _DAMPING = 1e-4
+# By how much the damping of a pose grows with every refused step, and shrinks with every accepted one.
+_DAMPING_FACTOR = 4.0
+# Postures that tell what an arm can move, and what counts as movement, by the reach [1/rad].
+_POSTURES = 50
+_MOVES = 1e-6
+# A pose whose error is above this [m] does not reach its target: a hundredth of what an instrument can tell.
+_REACHED_M = 1e-7
 
 
 @dataclass(frozen=True)
@@ -35,6 +46,16 @@ class Surroundings:
     time: Array | None = None  # s
     direction: Array | None = None  # (N, n)
 
+    def of(self, rows: NDArray[np.bool_]) -> Surroundings:
+        """Those of some rows."""
+        return Surroundings(
+            {sensor: column[rows] for sensor, column in self.temperature.items()},
+            *(
+                None if column is None else column[rows]
+                for column in (self.payload, self.time, self.direction)
+            ),
+        )
+
 
 @dataclass(frozen=True)
 class Standing:
@@ -42,6 +63,23 @@ class Standing:
 
     frames: list[Array]
     payload: Array
+
+    def of(self, rows: NDArray[np.bool_]) -> Standing:
+        """That of some rows."""
+        return Standing([frame[rows] for frame in self.frames], self.payload[rows])
+
+
+@dataclass(frozen=True)
+class Solved:
+    """What the inverse found: motor-side joints (N, n), and what is left of the tool's error, (N,) each.
+
+    `attitude_rad` is zero where only the position was to be met.
+    """
+
+    joints: Array
+    position_m: Array
+    attitude_rad: Array
+    is_reached: NDArray[np.bool_]
 
 
 class Reference:
@@ -114,38 +152,106 @@ class Reference:
         return self.chain.tool_poses(motor, self.flange_from_tool)
 
     def inverse(self, target: Array, around: Surroundings, rotation_length_m: float | None = None) -> Array:
+        """The joints of `solve`."""
+        return self.solve(target, around, rotation_length_m).joints
+
+    def solve(self, target: Array, around: Surroundings, rotation_length_m: float | None = None) -> Solved:
         """Motor-side joints (N, n) at which the real tool is where nominal kinematics puts it for `target`.
 
         Motor-side deflections are taken off directly; the rest by least-norm steps, iterated to convergence. Loads are
         those of the nominal arm at `target`, where the corrected arm stands, or at what is commanded if so fitted.
         `rotation_length_m`: metres that weigh as one radian where the full pose is to be met; None: position only.
+
+        Near singularities the linear model of a step holds for short steps only (Levenberg-Marquardt): a step that
+        does not lower the error, or leads further than any table may correct, is tried again with more damping. No
+        pose ends with a larger error than without correction.
         """
         wanted, standing = self.nominal(target), self.at_nominal(target)
         coordinates = self.coordinates(self.state(target, around, standing))
-        deflection = self._motor_deflection(coordinates, target.shape)
-        pose, jacobian = self._propagate(target - deflection, coordinates)
-        corrected = target - deflection + self._step(wanted, pose, jacobian, rotation_length_m)
-        for _ in range(_MOST_STEPS):
-            loads = self.at_nominal(corrected) if self.arm.loads_act_at_command else standing
-            pose, jacobian = self.real(corrected, around, loads)
-            step = self._step(wanted, pose, jacobian, rotation_length_m)
-            corrected = corrected + step
-            if np.abs(step).max(initial=0.0) < _CONVERGED_M:
-                break
-        return corrected
+        start = target - self._motor_deflection(coordinates, target.shape)
 
-    def _step(self, wanted: Array, pose: Array, jacobian: Array, rotation_length_m: float | None) -> Array:
-        error = wanted[:, :3, 3] - pose[:, :3, 3]
-        rows = jacobian[:, :3]
-        if rotation_length_m is not None:
-            between = wanted[:, :3, :3] @ np.swapaxes(pose[:, :3, :3], 1, 2)
-            skew = 0.5 * (between - np.swapaxes(between, 1, 2))
-            turn = np.stack([skew[:, 2, 1], skew[:, 0, 2], skew[:, 1, 0]], axis=1)
-            error = np.concatenate([error, rotation_length_m * turn], axis=1)
-            rows = np.concatenate([rows, rotation_length_m * jacobian[:, 3:]], axis=1)
-        square = rows @ np.swapaxes(rows, 1, 2) + _DAMPING**2 * np.eye(rows.shape[1])
-        multipliers = np.linalg.solve(square, error[:, :, None])
-        return np.asarray((np.swapaxes(rows, 1, 2) @ multipliers)[:, :, 0])
+        def seen(
+            joints: Array, rows: NDArray[np.bool_], given: dict[str, Array] | None = None
+        ) -> tuple[Array, Array]:
+            """Error and Jacobian of `rows` at `joints`, with the coordinates there, or with those `given`."""
+            if given is None:
+                loads = self.at_nominal(joints) if self.arm.loads_act_at_command else standing.of(rows)
+                pose, jacobian = self.real(joints, around.of(rows), loads)
+            else:
+                pose, jacobian = self._propagate(joints, given)
+            return _error(wanted[rows], pose, rotation_length_m), _weighed(jacobian, rotation_length_m)
+
+        active = np.ones(len(target), dtype=np.bool_)
+        uncorrected, _ = seen(target, active, coordinates)
+        corrected = start.copy()
+        error, slope = seen(start, active)
+        damping = np.full(len(target), _DAMPING)
+        # The first step takes the coordinates at the target, as the firmware does: an arm with more axes than the point
+        # needs reaches it with many joint angles, and the steps decide which of them are found.
+        step = _damped_step(*seen(start, active, coordinates), damping)
+        for count in range(_MOST_STEPS):
+            tried = corrected[active] + step
+            found, found_slope = seen(tried, active)
+            is_near = (np.abs(tried - start[active]) <= self._farthest()).all(axis=1)
+            if count == 0:
+                # Coordinates at the target differ a little from those at the start, so the first step may raise an
+                # error that was already small there.
+                is_done = np.zeros(len(tried), dtype=np.bool_)
+                is_better = (_norm(found) <= np.maximum(_norm(error), _norm(uncorrected))) & is_near
+            else:
+                is_done = np.abs(step).max(axis=1, initial=0.0) < _CONVERGED_M
+                is_better = (_norm(found) < _norm(error[active])) & is_near
+            taken = np.flatnonzero(active)[is_better]
+            corrected[taken], error[taken], slope[taken] = (
+                tried[is_better], found[is_better], found_slope[is_better],
+            )  # fmt: skip
+            damping[active] = np.where(
+                is_better,
+                np.maximum(_DAMPING, damping[active] / _DAMPING_FACTOR),
+                damping[active] * _DAMPING_FACTOR,
+            )
+            active[active] = ~is_done
+            if not active.any():
+                break
+            step = _damped_step(error[active], slope[active], damping[active])
+        is_worse = _norm(error) > _norm(uncorrected)
+        corrected[is_worse], error[is_worse] = target[is_worse], uncorrected[is_worse]
+        return Solved(
+            corrected,
+            _norm(error[:, :3]),
+            _norm(error[:, 3:]) / (rotation_length_m or 1.0),
+            _norm(error) <= _REACHED_M,
+        )
+
+    def newton_joints(
+        self, target: Array, around: Surroundings, rotation_length_m: float | None = None
+    ) -> Array:
+        """As `inverse`, by Newton's method without a bound on its steps: for the limits of an export alone.
+
+        Away from singularities it is the same. Near them it runs away, which makes an export's limits generous there:
+        with the bounded steps of `solve` they would be a third tighter on some arms, and a device would clamp more.
+        """
+        wanted, standing = self.nominal(target), self.at_nominal(target)
+        coordinates = self.coordinates(self.state(target, around, standing))
+        joints = target - self._motor_deflection(coordinates, target.shape)
+        pose, jacobian = self._propagate(joints, coordinates)
+        damping = np.full(len(target), _DAMPING)
+        for count in range(_MOST_NEWTON_STEPS + 1):
+            step = _damped_step(
+                _error(wanted, pose, rotation_length_m), _weighed(jacobian, rotation_length_m), damping
+            )
+            joints = joints + step
+            # The first step takes the coordinates at the target and may be zero where the error is not.
+            if count and np.abs(step).max(initial=0.0) < _CONVERGED_M:
+                break
+            loads = self.at_nominal(joints) if self.arm.loads_act_at_command else standing
+            pose, jacobian = self.real(joints, around, loads)
+        return joints
+
+    def _farthest(self) -> Array:
+        """How far steps may lead each joint from where its own deflection is taken off [rad, m]."""
+        slides = np.array(self.chain.prismatic)
+        return np.where(slides, layout.MAX_DELTA[True], 2.0 * np.pi * layout.MAX_DELTA[False])
 
     def _motor_deflection(self, coordinates: dict[str, Array], shape: tuple[int, ...]) -> Array:
         result = np.zeros(shape)
@@ -170,7 +276,7 @@ class Reference:
         for name in ("tool", f"tool[{self._tool}]"):
             virtual = self._virtual_joint(coordinates, name, motor.shape[0])
             current = current if virtual is None else current @ virtual
-        return current, self._jacobian(frames, current[:, :3, 3])
+        return current, tool_jacobian(self.chain, frames, current[:, :3, 3])
 
     def _frames(self, motor: Array, coordinates: dict[str, Array]) -> tuple[list[Array], Array]:
         """Frames 1…n before their virtual joints, and the last one's end."""
@@ -187,17 +293,6 @@ class Reference:
             virtual = self._virtual_joint(coordinates, f"link{k + 1}", rows)
             current = current if virtual is None else current @ virtual
         return frames, current
-
-    def _jacobian(self, frames: list[Array], tool: Array) -> Array:
-        links = np.zeros((tool.shape[0], 6, len(frames)))
-        for k, frame in enumerate(frames):
-            axis = frame[:, :3, 2]
-            if self.chain.prismatic[k]:
-                links[:, :3, k] = axis
-            else:
-                links[:, :3, k] = np.cross(axis, tool - frame[:, :3, 3])
-                links[:, 3:, k] = axis
-        return np.asarray(links @ self.chain.coupling)
 
     def _add_gravity(self, columns: dict[str, Array], names: set[str], standing: Standing) -> None:
         chain, frames, point = self.chain, standing.frames, standing.payload
@@ -247,6 +342,58 @@ class Reference:
                 acting = force[:, k] if self.chain.prismatic[k] else about_origin[:, k]
                 total += ratio * np.einsum("ni,ni->n", frames[k][:, :3, 2], acting)
         return total
+
+
+def _norm(vectors: Array) -> Array:
+    return np.asarray(np.linalg.norm(vectors, axis=1))
+
+
+def _error(wanted: Array, pose: Array, rotation_length_m: float | None) -> Array:
+    """What is left from `pose` to `wanted`, (N, 3) or with the attitude (N, 6), in metres."""
+    error = wanted[:, :3, 3] - pose[:, :3, 3]
+    if rotation_length_m is None:
+        return np.asarray(error)
+    between = wanted[:, :3, :3] @ np.swapaxes(pose[:, :3, :3], 1, 2)
+    skew = 0.5 * (between - np.swapaxes(between, 1, 2))
+    turn = np.stack([skew[:, 2, 1], skew[:, 0, 2], skew[:, 1, 0]], axis=1)
+    return np.concatenate([error, rotation_length_m * turn], axis=1)
+
+
+def _weighed(jacobian: Array, rotation_length_m: float | None) -> Array:
+    """The rows of a Jacobian (N, 6, n) that belong to `_error`."""
+    rows = jacobian[:, :3]
+    if rotation_length_m is None:
+        return rows
+    return np.concatenate([rows, rotation_length_m * jacobian[:, 3:]], axis=1)
+
+
+def _damped_step(error: Array, slope: Array, damping: Array) -> Array:
+    """The step (N, n) that takes off `error` in the linear model, shortened by `damping` (N,)."""
+    square = slope @ np.swapaxes(slope, 1, 2) + (damping**2)[:, None, None] * np.eye(slope.shape[1])
+    multipliers = np.linalg.solve(square, error[:, :, None])
+    return np.asarray((np.swapaxes(slope, 1, 2) @ multipliers)[:, :, 0])
+
+
+def tool_jacobian(chain: Chain, frames: list[Array], tool: Array) -> Array:
+    """Derivative (N, 6, n) of tool point (N, 3) and attitude by the motor-side joints; `frames` (N, 4, 4) each."""
+    links = np.zeros((tool.shape[0], 6, len(frames)))
+    for k, frame in enumerate(frames):
+        axis = frame[:, :3, 2]
+        if chain.prismatic[k]:
+            links[:, :3, k] = axis
+        else:
+            links[:, :3, k] = np.cross(axis, tool - frame[:, :3, 3])
+            links[:, 3:, k] = axis
+    return np.asarray(links @ chain.coupling)
+
+
+def coordinates_moved(chain: Chain, last_from_tool: Array, rotation_length_m: float | None) -> int:
+    """How many of the tool's 3 coordinates (6 with its attitude) the arm's axes can move in its best posture."""
+    joints = np.random.default_rng(0).uniform(-1.0, 1.0, (_POSTURES, chain.joint_count))
+    frames = chain.frames(joints)
+    tool = (frames[-1] @ last_from_tool)[:, :3, 3]
+    slope = _weighed(tool_jacobian(chain, frames, tool), rotation_length_m)
+    return int(np.linalg.matrix_rank(slope, tol=_MOVES * chain.reach_m).max())
 
 
 def _kind(letter: str | None) -> int:

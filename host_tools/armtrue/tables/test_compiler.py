@@ -72,6 +72,60 @@ def test_what_cannot_be_represented_is_refused_by_name(text: str, words: str) ->
     assert str(caught.value).startswith("fit.json: cannot be exported")
 
 
+@pytest.mark.parametrize(
+    ("terms", "words"),
+    [
+        ([("motor2", "sin(q1)", 0.6)], "a wave of 0.6 on motor2, more than 0.5"),
+        ([("motor2", "q1*1e6", 1.0)], "more than 0.5"),
+        ([("link1.tx", "payload*u_2_3_m*1e9", 1.0)], "more than 0.5"),
+    ],
+)
+def test_term_that_does_not_fit_names_its_effect_and_what_to_do(
+    terms: list[tuple[str, str, float]], words: str
+) -> None:
+    arm = fitted_arm(document(terms), "fit.json")
+    with pytest.raises(InputError) as caught:
+        export(arm, ExportOptions(), "fit.json")
+    assert str(caught.value).startswith(
+        f"fit.json: cannot be exported: effect custom, a term on {terms[0][0]}: "
+    )
+    assert words in str(caught.value)
+    assert "armtrue remove" in str(caught.value)
+
+
+def test_regressors_whose_sum_does_not_fit_name_their_coordinate() -> None:
+    arm = fitted_arm(document([("motor2", "u_2_3_m", 1.0)]), "fit.json")
+    with pytest.raises(InputError, match=r"gravity regressors on motor2: .*armtrue remove"):
+        export(arm, ExportOptions(), "fit.json")
+
+
+# The first axis is vertical: gravity makes no torque on it, and double precision leaves 1e-15.
+@pytest.mark.parametrize("zero", ["tau1", "u_1_2_x", "u_1_3_m", "up_1"])
+@pytest.mark.parametrize("form", ["payload*{}", "{0}*abs({0})", "sin(q2)*{}*payload", "payload*({} + q2)"])
+def test_gravity_that_is_zero_but_for_rounding_counts_as_zero(
+    zero: str, form: str, worst_error: Worst
+) -> None:
+    beside = ("motor2", "payload*u_2_3_x", 1e-6)
+    assert worst_error([beside, ("motor2", form.format(zero), 1e-6)]) < EXACT
+    with_zero = export(
+        fitted_arm(document([beside, ("motor2", f"payload*{zero}", 1e-6)]), "t"), ExportOptions()
+    )
+    without = export(fitted_arm(document([beside]), "t"), ExportOptions())
+    sections = [Image(made.image).count(Section.TERMS) for made in (with_zero, without)]
+    assert sections[0] == sections[1]
+
+
+def test_gravity_on_an_axis_that_leans_by_microradians_is_kept(worst_error: Worst) -> None:
+    gravity = [9.81e-6, 0.0, -9.81]
+    assert worst_error([("motor2", "payload*u_1_3_x", 1e-2)], gravity=gravity) < 2e-8
+
+
+def test_payload_that_cannot_be_is_left_out() -> None:
+    arm = fitted_arm(document([("motor2", "payload*tau2", 1e-8), ("motor2", "q2", 1e-4)]), "t")
+    image = Image(export(arm, ExportOptions(payload_max_kg=0.0)).image)
+    assert image.count(Section.TERMS) == 1
+
+
 def test_measured_torque_without_masses_is_refused() -> None:
     arm = fitted_arm(document([("motor2", "tau2", 1e-6)], links=[]), "fit.json")
     with pytest.raises(InputError, match="gives no masses"):

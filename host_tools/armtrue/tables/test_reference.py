@@ -5,11 +5,12 @@ from __future__ import annotations
 import json
 
 import numpy as np
+import pytest
 
 from armtrue import _core
-from armtrue.tables import Reference, Surroundings, fitted_arm
+from armtrue.tables import Reference, Surroundings, fitted_arm, layout
 from armtrue.tables.conftest import document
-from armtrue.tables.reference import Standing
+from armtrue.tables.reference import Standing, coordinates_moved
 
 TERMS = [
     ("motor1", "1", 2e-3), ("motor2", "tau2", 2e-6), ("motor3", "sin(3*q3)", 1e-4), ("link1.rx", "gmx1", 1e-7),
@@ -119,6 +120,63 @@ def test_corrected_arm_carries_nearly_what_the_nominal_one_does_at_the_target() 
     regular = np.linalg.svd(reference.real(joints, around)[1][:, :3], compute_uv=False)[:, 2] > 0.05
     assert np.linalg.norm(sag[regular], axis=1).max() > 1e-3
     assert np.linalg.norm(off[regular], axis=1).max() < 1e-3 * np.linalg.norm(sag[regular], axis=1).max()
+
+
+def stretched(rows: int) -> tuple[np.ndarray, Surroundings]:
+    """The 5 % of random poses that are nearest to a singularity: elbow stretched or tool above the first axis."""
+    joints = np.random.default_rng(4).uniform([-3.0, -2.0, -2.5], [3.0, 2.0, 2.5], (20 * rows, 3))
+    reference = Reference(fitted_arm(document([]), "test"), "")
+    jacobian = reference.real(joints, Surroundings({}))[1]
+    nearest = np.argsort(np.linalg.svd(jacobian[:, :3], compute_uv=False)[:, 2])[:rows]
+    return joints[nearest], Surroundings({})
+
+
+SHORTER = [("link2.tx", "1", -3e-3), ("link3.ty", "1", 2e-3), ("motor2", "1", 2e-3)]
+
+
+@pytest.mark.parametrize("rotation_length_m", [None, 0.25])
+@pytest.mark.parametrize("statics", ["deflected", "nominal"])
+def test_inverse_near_singularities_is_bounded_and_no_pose_gets_worse(
+    rotation_length_m: float | None, statics: str
+) -> None:
+    fit = document([*SHORTER, ("motor3", "tau3", 2e-5)]) | {"statics": statics}
+    reference = Reference(fitted_arm(fit, "test"), "")
+    joints, around = stretched(300)
+    corrected = reference.inverse(joints, around, rotation_length_m)
+    assert np.abs(corrected - joints).max() < 2.0 * np.pi * layout.MAX_DELTA[False] + 0.01
+    wanted = reference.nominal(joints)
+
+    def off(at: np.ndarray) -> np.ndarray:
+        loads = reference.at_nominal(at if statics == "nominal" else joints)
+        reached = reference.real(at, around, loads)[0]
+        away = np.linalg.norm(reached[:, :3, 3] - wanted[:, :3, 3], axis=1)
+        if rotation_length_m is None:
+            return away
+        between = wanted[:, :3, :3] @ np.swapaxes(reached[:, :3, :3], 1, 2)
+        skew = 0.5 * (between - np.swapaxes(between, 1, 2))
+        turn = np.linalg.norm([skew[:, 2, 1], skew[:, 0, 2], skew[:, 1, 0]], axis=0)
+        return np.hypot(away, rotation_length_m * turn)
+
+    assert (off(corrected) <= off(joints) + 1e-12).all()
+
+
+def test_inverse_says_how_far_off_it_leaves_a_pose() -> None:
+    reference = Reference(fitted_arm(document(SHORTER), "test"), "")
+    joints, around = stretched(300)
+    found = reference.solve(joints, around)
+    reached = reference.real(found.joints, around, reference.at_nominal(joints))[0]
+    left = np.linalg.norm(reached[:, :3, 3] - reference.nominal(joints)[:, :3, 3], axis=1)
+    assert np.abs(found.position_m - left).max() < 1e-12
+    assert 1e-4 < left.max() < 5e-3
+    assert np.array_equal(left <= 1e-7, found.is_reached)
+    assert 0.1 < found.is_reached.mean() < 0.9
+
+
+@pytest.mark.parametrize(("rotation_length_m", "moved"), [(None, 3), (0.25, 3)])
+def test_coordinates_that_three_axes_move_are_three(rotation_length_m: float | None, moved: int) -> None:
+    arm = fitted_arm(document([]), "test")
+    tool = arm.chain.end @ arm.flange_from_tool[""]
+    assert coordinates_moved(arm.chain, tool, rotation_length_m) == moved
 
 
 def test_jacobian_is_the_derivative() -> None:

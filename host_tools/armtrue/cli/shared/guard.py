@@ -1,9 +1,15 @@
-"""What every command keeps to, whatever it does: no output is one of its inputs, and a mistyped name finds its like."""
+"""What every command keeps to, whatever it does.
+
+No output is one of its inputs, every number is finite, a mistyped name finds its like, and a closed pipe is no failure.
+"""
 
 from __future__ import annotations
 
 import importlib
+import math
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar
@@ -13,7 +19,7 @@ import typer
 import typer.core
 import typer.main
 
-from armtrue.errors import did_you_mean
+from armtrue.errors import InputError, did_you_mean
 from armtrue.io.files import check_writable, refuse_to_lose
 
 # Options that name what is written; every other path is read.
@@ -24,6 +30,37 @@ _IN_PLACE = {"add", "remove", "refine"}
 _BESIDE_OUT = {"export": ".fit.json", "keygen": ".pub"}
 # What is read beside an argument.
 _BESIDE_TABLES = {"compensate": ".fit.json"}
+
+
+class ReaderGoneError(Exception):
+    """Whoever read the command's output has closed the pipe, as `armtrue … | head` does."""
+
+
+@contextmanager
+def _told_of_closed_pipe() -> Iterator[None]:
+    # Click would turn a closed pipe into exit status 1, which means a refusal here.
+    try:
+        yield
+    except BrokenPipeError:
+        raise ReaderGoneError from None
+
+
+def refuse_not_finite(command: click.Command, parameters: dict[str, Any]) -> None:
+    """Raise InputError for an option of `command` whose value is NaN or infinite.
+
+    Click's ranges let NaN through, as it is neither below nor above anything: a timeout of NaN never ends.
+    """
+    for parameter in command.params:
+        value = parameters.get(parameter.name or "")
+        for number in value if isinstance(value, list | tuple) else (value,):
+            if isinstance(number, float) and not math.isfinite(number):
+                raise InputError(f"{parameter.opts[0]}: found {number}, expected {_expected(parameter.type)}")
+
+
+def _expected(kind: click.ParamType) -> str:
+    if isinstance(kind, click.FloatRange) and kind.min is not None and kind.max is not None:
+        return f"{kind.min:g} to {kind.max:g}"
+    return "a finite number"
 
 
 def refuse_clashes(command: str, parameters: dict[str, Any]) -> None:
@@ -70,12 +107,24 @@ typer.core.HAS_RICH = False
 
 
 class GuardedGroup(typer.core.TyperGroup):
-    """The group of all commands: what they write is compared with what they read before any of them begins.
+    """The group of all commands: what they are given is judged by this module before any of them begins.
 
     `homes`: of each command the module of `cli` that adds it, imported when the command runs, and its line of the help.
     """
 
     homes: ClassVar[dict[str, tuple[str, str]]] = {}
+
+    def make_context(
+        self, info_name: str | None, args: list[str], parent: click.Context | None = None, **extra: Any
+    ) -> click.Context:
+        """Click's own; a reader that closes the pipe while help is printed is told apart from other errors."""
+        with _told_of_closed_pipe():
+            return super().make_context(info_name, args, parent, **extra)
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """Click's own; raises ReaderGoneError where the reader of the output closes the pipe."""
+        with _told_of_closed_pipe():
+            return super().invoke(ctx)
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """Names of all commands, in the order of the help."""
@@ -103,8 +152,10 @@ class GuardedGroup(typer.core.TyperGroup):
             part = typer.Typer(pretty_exceptions_enable=False)
             part.callback()(lambda: None)
             importlib.import_module(f"armtrue.cli.{self.homes[name][0]}").add_to(part)
-            self.commands.update(typer.main.get_group(part).commands)
-            _guard(name, self.commands[name])
+            # A module may add several commands, and none is loaded a second time.
+            for own, command in typer.main.get_group(part).commands.items():
+                self.commands[own] = command
+                _guard(own, command)
         return self.commands[name]
 
     def resolve_command(
@@ -136,7 +187,7 @@ def _on_one_line(example: re.Match[str]) -> str:
 
 
 def _guard(name: str, command: click.Command) -> None:
-    """Let `command`, or the commands under it, begin only where `refuse_clashes` allows."""
+    """Let `command`, or the commands under it, begin only with finite numbers and where `refuse_clashes` allows."""
     if isinstance(command, click.Group):
         command.format_commands = partial(_list_commands, command)  # type: ignore[method-assign]
         for under, own in command.commands.items():
@@ -153,6 +204,7 @@ def _guard(name: str, command: click.Command) -> None:
     named = {parameter.name for parameter in command.params if isinstance(parameter.type, click.Path)}
 
     def invoke(ctx: click.Context) -> Any:
+        refuse_not_finite(command, ctx.params)
         # Typer makes paths of the words only when it calls the function behind the command.
         words = {key: _as_paths(value) if key in named else value for key, value in ctx.params.items()}
         refuse_clashes(name, words)

@@ -27,13 +27,19 @@ _SHOW_PROGRESS_AFTER_S = 1.0
 STANDARD_OUTPUT = "-"
 
 
+class _Console(Console):
+    def on_broken_pipe(self) -> None:
+        """Raise BrokenPipeError: Rich by itself would end with exit status 1, which means a refusal here."""
+        raise BrokenPipeError
+
+
 class Output:
     """Where one command's words and figures go. `json_to`: the value of --json."""
 
     def __init__(self, json_to: str | None) -> None:
         self._json_to = json_to
         width = None if sys.stdout.isatty() else _WIDTH_OF_A_PIPE
-        self.console = Console(
+        self.console = _Console(
             width=width, highlight=False, markup=False, soft_wrap=False, quiet=json_to == STANDARD_OUTPUT
         )
 
