@@ -58,13 +58,6 @@ std::int32_t increments_by_increment(std::int32_t units, std::int32_t mantissa, 
 
 }  // namespace
 
-std::int32_t within_magnitude(const TableView& table, std::size_t joint, std::int64_t wanted) {
-  const std::int32_t largest =
-      std::min(table.is_prismatic(joint) ? kMaxDeltaPrismatic : kMaxDeltaRevolute,
-               load_i32(table.joint(joint) + format::joint::kMagnitudeAt));
-  return static_cast<std::int32_t>(std::clamp<std::int64_t>(wanted, -largest, largest));
-}
-
 [[gnu::cold]] JointScale::JointScale(const TableView& table, std::size_t joint,
                                      std::uint32_t cycle_us) {
   const std::uint8_t* record = table.joint(joint);
@@ -75,8 +68,7 @@ std::int32_t within_magnitude(const TableView& table, std::size_t joint, std::in
   increment_shift = record[format::joint::kIncrementShiftAt];
   zero = load_i32(record + format::joint::kZeroAt);
   dead_band = load_i32(record + format::joint::kDeadBandAt);
-  const std::int32_t largest = slides ? kMaxDeltaPrismatic : kMaxDeltaRevolute;
-  magnitude = within_magnitude(table, joint, largest);
+  const std::int32_t magnitude = largest_correction(table, joint);
   const std::int32_t per_second = std::min(slides ? kMaxRatePrismatic : kMaxRateRevolute,
                                            load_i32(record + format::joint::kRateAt));
   rate = saturate(product(per_second, static_cast<std::int32_t>(cycle_us)) / kMillion);
@@ -150,6 +142,7 @@ std::int64_t PositionBounds::within_limits(std::int64_t corrected, std::int32_t 
   has_active_ = true;
   for (std::size_t k = 0; k < config_.joint_count; ++k) {
     scale_[k] = JointScale(table, k, config_.cycle_us);
+    magnitude_[k] = largest_correction(table, k);
   }
   blend_ms_ = std::max(table.blend_ms(), kMinBlendMilliseconds);
   hold();
@@ -188,10 +181,9 @@ std::int64_t PositionBounds::within_limits(std::int64_t corrected, std::int32_t 
   bool fits = true;
   bool is_zero = true;
   for (std::size_t k = 0; k < config_.joint_count; ++k) {
-    const JointScale& scale = scale_[k];
-    const std::int64_t exact = scale.units_of(held[k]);
-    motion_.delta[k] = static_cast<std::int32_t>(
-        std::clamp<std::int64_t>(exact, -scale.magnitude, scale.magnitude));
+    const std::int64_t exact = scale_[k].units_of(held[k]);
+    motion_.delta[k] =
+        static_cast<std::int32_t>(std::clamp<std::int64_t>(exact, -magnitude_[k], magnitude_[k]));
     motion_.increments[k] = increments_of(k);
     // What went before the first cycle, for take_back_of().
     history_[(cycle_ - 1) % kFeedbackHistory][k] = motion_.increments[k];
@@ -263,25 +255,33 @@ std::uint32_t Compensator::share_of(std::uint32_t elapsed_us) const {
                                     config_.cycle_us);
 }
 
-std::int32_t Compensator::limited(std::size_t joint, std::int32_t wanted, std::uint32_t share,
+// What a joint is given on its way to `aim`, which lies within its limit.
+std::int32_t Compensator::limited(std::size_t joint, std::int32_t aim, std::uint32_t share,
                                   std::uint16_t& flags) const {
-  const JointScale& scale = scale_[joint];
-  const std::int32_t near = std::clamp(wanted, -scale.magnitude, scale.magnitude);
-  flags |= near != wanted ? kMagnitudeClamped : kCycleClean;
-  std::int32_t per_cycle = scale.rate;
+  std::int32_t per_cycle = scale_[joint].rate;
   if (!corrects()) {
     const std::int32_t all_of_it = std::abs(motion_.delta_held[joint]);
     per_cycle = std::max(per_cycle, all_of_it / static_cast<std::int32_t>(kFadeCycles) + 1);
   }
   const std::int32_t most = share_of_amount(per_cycle, share);
-  const std::int64_t change = std::int64_t{near} - motion_.delta[joint];
-  if (change <= most && change >= -std::int64_t{most}) return near;
+  const std::int64_t change = std::int64_t{aim} - motion_.delta[joint];
+  if (change <= most && change >= -std::int64_t{most}) return aim;
   flags |= kRateClamped;
   return motion_.delta[joint] + (change > 0 ? most : -most);
 }
 
-// Moves every correction towards what is wanted. Returns a bit for each joint that was held back.
-std::uint32_t Compensator::move_corrections(const Correction& wanted, std::uint32_t share,
+// `aim` is the whole correction; a blend on its way has that share of it, and the rest of what was
+// held when it began: between the two, and no more than either.
+void Compensator::blend(JointAmounts& aim) const {
+  for (std::size_t k = 0; k < config_.joint_count; ++k) {
+    const std::int32_t way = saturate(std::int64_t{aim[k]} - motion_.delta_held[k]);
+    aim[k] = motion_.delta_held[k] +
+             multiply<kBlendFraction>(way, static_cast<std::int32_t>(motion_.blend_weight));
+  }
+}
+
+// Moves every correction towards `aim`. Returns a bit for each joint that was held back.
+std::uint32_t Compensator::move_corrections(JointAmounts& aim, std::uint32_t share,
                                             std::uint8_t held, std::uint16_t& flags) {
   if (motion_.state == CompensatorState::kPassThrough) return 0;
   const bool blending = motion_.state == CompensatorState::kBlending;
@@ -289,22 +289,18 @@ std::uint32_t Compensator::move_corrections(const Correction& wanted, std::uint3
       static_cast<std::uint32_t>(share_of_amount(static_cast<std::int32_t>(blend_step_), share));
   bool settled = !blending || motion_.blend_weight >= kWhole - step;
   if (blending) motion_.blend_weight = settled ? kWhole : motion_.blend_weight + step;
-  const bool on_the_way = !settled;
-  std::uint32_t clamped = 0;
+  if (!settled) blend(aim);
+  // After the blend: what was held may be beyond the limits of a table that came since.
+  std::uint32_t clamped = scale_into_limits(magnitude_, config_.joint_count, aim);
+  if (clamped != 0U) flags |= kMagnitudeClamped;
+  clamped &= ~std::uint32_t{held};
   for (std::size_t k = 0; k < config_.joint_count; ++k) {
-    std::int32_t delta = wanted.delta[k];
     if ((held >> k & 1U) != 0) {
-      settled = settled && motion_.delta[k] == delta;
+      settled = settled && motion_.delta[k] == aim[k];
       continue;
     }
-    if (on_the_way) {
-      // Between what was held and what is wanted: no more than either.
-      const std::int32_t way = saturate(std::int64_t{delta} - motion_.delta_held[k]);
-      delta = motion_.delta_held[k] +
-              multiply<kBlendFraction>(way, static_cast<std::int32_t>(motion_.blend_weight));
-    }
     std::uint16_t own = kCycleClean;
-    motion_.delta[k] = limited(k, delta, share, own);
+    motion_.delta[k] = limited(k, aim[k], share, own);
     clamped |= own != kCycleClean ? 1U << k : 0U;
     flags |= own;
     settled = settled && (corrects() || motion_.delta[k] == 0);
@@ -360,7 +356,7 @@ CycleOutput Compensator::cycle(const CycleInput& input) {
   CycleOutput output;
   Correction wanted;
   if (corrects()) wanted = evaluate(input, output.flags);
-  const std::uint32_t clamped = move_corrections(wanted, share, input.held, output.flags);
+  const std::uint32_t clamped = move_corrections(wanted.delta, share, input.held, output.flags);
   put_out(input, share, clamped, output);
   overwritten_ = history_[cycle_ % kFeedbackHistory];
   history_[cycle_ % kFeedbackHistory] = output.delta;

@@ -9,7 +9,8 @@
 // Safe by construction: without a valid table the output is the input, bit for bit. Enabling,
 // disabling and switching blend over a set time from whatever correction was last put out.
 // Corrections and their rate are limited by the signed table, capped by limits.h, and every clamp
-// is counted. No heap, no floating point, no recursion.
+// is counted. A correction larger than one joint may have is made smaller at all joints alike
+// (correction_limits.h). No heap, no floating point, no recursion.
 //
 // One context calls everything. The image of a table that waits or is in force must not change:
 // is_in_use() tells. Limits and scales are copied out when it is put in force, so that a way to
@@ -21,6 +22,7 @@
 #include <cstdint>
 #include <span>
 
+#include "firmware/core/evaluation/correction_limits.h"
 #include "firmware/core/evaluation/inverse.h"
 #include "firmware/core/table/limits.h"
 #include "firmware/core/table/table.h"
@@ -35,7 +37,7 @@ struct CycleInput {
   std::uint32_t temperature_valid =
       0;                       // bit s: sensor s is known; otherwise its reference is taken
   std::int32_t payload_g = 0;  // mass at the tool point, gram
-  std::uint64_t time_ms = 0;   // since start of the arm
+  std::uint64_t time_ms = 0;   // since start of the device, taken for that of the arm
   // Since the cycle before. More than the control period counts as the period: a pause earns no
   // step.
   std::uint32_t elapsed_us = UINT32_MAX;
@@ -76,7 +78,7 @@ enum class CompensatorState : std::uint8_t {
 // What happened in one cycle, combined with bitwise or.
 enum CycleFlags : std::uint16_t {
   kCycleClean = 0,
-  kMagnitudeClamped = 1U << 0,  // a correction was larger than the table allows
+  kMagnitudeClamped = 1U << 0,  // a joint's was larger than the table allows: all were scaled
   kRateClamped = 1U << 1,       // a correction wanted to change faster than the table allows
   kNearSingular = 1U << 2,      // the damping took more than 1 % of a step's length
   kOutsideCoverage = 1U << 3,   // some 1-D table or grid was outside what it was trained on
@@ -91,8 +93,9 @@ struct CycleCounters {
   std::uint32_t magnitude_clamped = 0;
   std::uint32_t rate_clamped = 0;
   std::uint32_t output_saturated = 0;
-  // By joint: cycles in which its output was not what was wanted (magnitude, rate, limits, 32-bit
-  // range).
+  // By joint: cycles in which it was held back by a limit of its own (magnitude, rate, position,
+  // 32-bit range). A correction beyond the magnitude of one joint makes all of them smaller; it is
+  // counted for that one.
   std::array<std::uint32_t, kMaxJoints> clamped = {};
 };
 
@@ -110,10 +113,6 @@ struct CompensatorConfig {
   std::uint32_t cycle_us = 1000;  // control period: rate limits and blending are times
 };
 
-// `wanted` (2^-32 turn or metre) within the limit that the table sets for the joint, itself capped
-// by limits.h.
-std::int32_t within_magnitude(const TableView& table, std::size_t joint, std::int64_t wanted);
-
 // What a joint's record says of its drive, and what follows from it for every cycle.
 struct JointScale {
   JointScale() = default;
@@ -125,10 +124,10 @@ struct JointScale {
   std::uint8_t increment_shift = 0;
   std::int32_t zero = 0;
   std::int32_t dead_band = 0;
-  // Largest correction and its largest change in a control period, 2^-32 turn or metre.
-  std::int32_t magnitude = 0;
+  // Largest change of the correction in a control period, 2^-32 turn or metre.
   std::int32_t rate = 0;
-  // The same in the drive's increments, by whichever of the two scales gives less.
+  // Largest correction and its largest change in the drive's increments, by whichever of the two
+  // scales gives less.
   std::int32_t magnitude_increments = 0;
   std::int32_t rate_increments = 0;
   // Increments of a turn or a metre; at most INT32_MAX.
@@ -225,11 +224,12 @@ class Compensator {
   std::uint32_t share_of(std::uint32_t elapsed_us) const;
   Correction evaluate(const CycleInput& input, std::uint16_t& flags);
   void update_direction(const CycleInput& input);
-  std::uint32_t move_corrections(const Correction& wanted, std::uint32_t share, std::uint8_t held,
+  void blend(JointAmounts& aim) const;
+  std::uint32_t move_corrections(JointAmounts& aim, std::uint32_t share, std::uint8_t held,
                                  std::uint16_t& flags);
   void put_out(const CycleInput& input, std::uint32_t share, std::uint32_t clamped,
                CycleOutput& output);
-  std::int32_t limited(std::size_t joint, std::int32_t wanted, std::uint32_t share,
+  std::int32_t limited(std::size_t joint, std::int32_t aim, std::uint32_t share,
                        std::uint16_t& flags) const;
   std::int32_t increments_of(std::size_t joint) const;
   std::int32_t within_last_limits(std::size_t joint, std::int32_t increments,
@@ -243,6 +243,7 @@ class Compensator {
   bool parked_ = false;                    // but no correction is wanted
   // Of the table in force, or of the last that was.
   std::array<JointScale, kMaxJoints> scale_ = {};
+  JointAmounts magnitude_ = {};  // largest correction
   std::array<PositionBounds, kMaxJoints> bounds_ = {};
   std::uint16_t blend_ms_ = 0;
   std::uint32_t blend_step_ = 0;  // growth of the blend's weight in a control period

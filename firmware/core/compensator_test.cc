@@ -521,6 +521,71 @@ TEST_F(CompensatorTest, MagnitudeIsLimitedByTheTableAndCounted) {
   for (std::size_t k = 1; k < kMaxJoints; ++k) EXPECT_EQ(counters.clamped[k], 0U);
 }
 
+// Joints 0 and 1 turn the tool against each other: of ±20 mrad each, little is left at the tool.
+// Joint 0 may have less than a third of that.
+Bytes table_of_cancelling_corrections(std::int32_t limit_of_joint_0) {
+  TestImage made(kJoints);
+  made.add_constant(0, 0.02);
+  made.add_constant(1, -0.02);
+  tests::put(made.section(format::Section::kJoints), format::joint::kMagnitudeAt, limit_of_joint_0);
+  return made.image();
+}
+
+// How far the tool of that arm is from where it was commanded to be, metres.
+double tool_error(const CycleInput& input, const std::array<std::int32_t, kMaxJoints>& sent) {
+  constexpr std::array<double, kJoints> kArmIsOffBy = {0.02, -0.02, 0.0};
+  std::array<double, 2> error = {};
+  double commanded = 0.0;
+  double real = 0.0;
+  for (std::size_t k = 0; k < kJoints; ++k) {
+    commanded += input.target[k] / kIncrementsPerRadian;
+    real += sent[k] / kIncrementsPerRadian + kArmIsOffBy[k];
+    error[0] += 0.5 * (std::cos(real) - std::cos(commanded));
+    error[1] += 0.5 * (std::sin(real) - std::sin(commanded));
+  }
+  return std::hypot(error[0], error[1]);
+}
+
+TEST_F(CompensatorTest, CorrectionBeyondOneJointsLimit_IsScaledAtAllJoints) {
+  constexpr std::int32_t kLimit = 1 << 22;  // 2^-10 turn, 6.1 mrad
+  activate(table_of_cancelling_corrections(kLimit));
+  const CycleInput input = at(0.1, 0.4, -0.3);
+  const CycleOutput output = settle(compensator, input);
+  EXPECT_EQ(output.delta[0], -(kLimit >> 8)) << "the joint that wants too much is at its limit";
+  EXPECT_NEAR(output.delta[1], kLimit >> 8, 1) << "and the others have the same share of theirs";
+  const double uncorrected = tool_error(input, input.target);
+  EXPECT_LT(tool_error(input, output.corrected), 0.75 * uncorrected);
+  EXPECT_GT(compensator.counters().clamped[0], 100U);
+  EXPECT_EQ(compensator.counters().clamped[1], 0U) << "joint 1 is within its own limit";
+}
+
+TEST_F(CompensatorTest, JointThatMayHaveNoCorrection_LeavesNoneToTheOthers) {
+  activate(table_of_cancelling_corrections(0));
+  const CycleInput input = at(0.1, 0.4, -0.3);
+  const CycleOutput output = settle(compensator, input);
+  EXPECT_EQ(output.corrected, input.target);
+  EXPECT_TRUE((output.flags & kMagnitudeClamped) != 0);
+}
+
+TEST_F(CompensatorTest, CorrectionThatExceedsALimitWhileBlending_KeepsItsDirection) {
+  activate(table_of_cancelling_corrections(1 << 22));
+  const CycleInput input = at(0.1, 0.4, -0.3);
+  for (int cycle = 0; cycle < 300; ++cycle) {
+    const CycleOutput output = compensator.cycle(input);
+    ASSERT_NEAR(output.delta[0], -output.delta[1], 1) << cycle;
+  }
+}
+
+TEST_F(CompensatorTest, HeldJointAtAScaledCorrection_EndsTheBlend) {
+  activate(table_of_cancelling_corrections(1 << 22));
+  CycleInput input = at(0.1, 0.4, -0.3);
+  settle(compensator, input);
+  compensator.park();
+  compensator.resume();
+  input.held = 1;
+  EXPECT_EQ(settle(compensator, input).state, CompensatorState::kActive);
+}
+
 TEST_F(CompensatorTest, NoTableRaisesTheCompileTimeLimits) {
   TestImage made(kJoints);
   made.add_constant(0, 0.49);  // 0.078 turn, beyond 0.05

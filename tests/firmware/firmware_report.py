@@ -36,7 +36,7 @@ PARTS = (
     ("real and nominal kinematics", ("real_tool", "apply_", "advance", "nominal_tool", "rotate", "joint_motions",
                                      "turn_motions", "link_positions", "tool_error")),
     ("Newton steps and secants", ("=solve",)),
-    ("limits, blending, increments, direction", ("Compensator", "within_magnitude")),
+    ("limits, blending, increments, direction", ("Compensator", "scale_into_limits")),
     ("copies", ("memcpy", "memset")),
 )  # fmt: skip
 

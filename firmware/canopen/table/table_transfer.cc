@@ -271,8 +271,10 @@ Abort TableTransfer::activate() {
   if (abort == Abort::kNone) {
     trial_ = true;
     use(image);
-  } else {
-    discard();  // the store may have used the buffer
+  } else if (last_result_ != storage::StoreResult::kNothingPending) {
+    // The slot's image was read into the buffer, or may have been: what was staged there is gone,
+    // and must not pass for verified. With nothing pending the store has not touched it.
+    discard();
   }
   return abort;
 }

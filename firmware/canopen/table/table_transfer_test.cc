@@ -281,10 +281,28 @@ TEST_F(TableTransferTest, CommandsThatTheStoreRefuses_AreCounted) {
   EXPECT_EQ(bench.read(0x2001, 6), refused + 3);
 }
 
-TEST_F(TableTransferTest, WhatIsStaged_IsGoneAfterAnActivationThatFails) {
+TEST_F(TableTransferTest, ActivateWithNothingCommitted_LeavesWhatIsStaged) {
   ASSERT_EQ(bench.stage(TestTable{.serial = "R-7"}.image()), 0U);
-  EXPECT_EQ(bench.command(TableCommand::kActivate), kDeviceState) << "nothing is committed";
-  EXPECT_EQ(status(kStaging), 0U) << "the store may have used the buffer";
+  const std::uint32_t checksum = status(kStagedChecksum);
+  EXPECT_EQ(bench.command(TableCommand::kActivate), kDeviceState);
+  EXPECT_EQ(status(kStaging), 2U) << "received, and no more than that";
+  EXPECT_EQ(status(kStagedChecksum), checksum);
+  EXPECT_EQ(status(kSequence), 0U) << "nothing is in force";
+  EXPECT_EQ(bench.command(TableCommand::kCommit), kDeviceState) << "nobody has verified it";
+  ASSERT_EQ(bench.command(TableCommand::kVerify), 0U);
+  EXPECT_EQ(bench.command(TableCommand::kActivate), kDeviceState);
+  EXPECT_EQ(status(kStaging), 3U) << "verified";
+  ASSERT_EQ(bench.command(TableCommand::kCommit), 0U);
+  ASSERT_EQ(bench.command(TableCommand::kActivate), 0U);
+  EXPECT_EQ(status(kSequence), 1U);
+}
+
+TEST_F(TableTransferTest, ActivateThatFailsInFlash_EmptiesTheStagingBuffer) {
+  bench.commit(TestTable{.serial = "R-7"}.image());
+  ASSERT_EQ(bench.stage(TestTable{.sequence = 2, .serial = "R-7"}.image()), 0U);
+  bench.flash.protect(true);
+  EXPECT_EQ(bench.command(TableCommand::kActivate), static_cast<std::uint32_t>(Abort::kHardware));
+  EXPECT_EQ(status(kStaging), 0U) << "the slot's table was read into that buffer";
 }
 
 TEST_F(TableTransferTest, ATableThatPasses_EndsTheAlarmOfOneThatDidNot) {

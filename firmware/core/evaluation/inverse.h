@@ -5,6 +5,7 @@
 #include <array>
 #include <cstdint>
 
+#include "firmware/core/evaluation/correction_limits.h"
 #include "firmware/core/evaluation/damped_solver.h"
 #include "firmware/core/evaluation/kinematics.h"
 #include "firmware/core/evaluation/terms.h"
@@ -25,7 +26,7 @@ struct Workspace {
 };
 
 struct Correction {
-  std::array<std::int32_t, kMaxJoints> delta = {};  // 2^-32 turn or metre, before any limit
+  JointAmounts delta = {};  // before any limit
   bool is_near_singular = false;
   bool is_outside_coverage = false;
   bool is_saturated = false;

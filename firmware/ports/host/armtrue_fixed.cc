@@ -69,23 +69,23 @@ void armtrue_solve(const std::uint8_t* image, std::size_t length, std::size_t ro
                    std::int32_t* delta, std::uint16_t* flags) {
   armtrue::TableView table(std::span(image, length));
   const auto workspace = std::make_unique<armtrue::Workspace>();
+  const std::size_t joints = table.joint_count();
+  armtrue::JointAmounts largest = {};
+  for (std::size_t k = 0; k < joints; ++k) largest[k] = armtrue::largest_correction(table, k);
   for (std::size_t row = 0; row < rows; ++row) {
     if (surroundings->tool != nullptr) {
       table.choose_tool(surroundings->tool[row]);
     }
-    const armtrue::Correction correction =
+    armtrue::Correction correction =
         armtrue::solve(table, target_of_row(table, target, row),
                        surroundings_of_row(table, *surroundings, row), *workspace);
     unsigned row_flags = armtrue::kCycleClean;
     row_flags |= correction.is_near_singular ? armtrue::kNearSingular : armtrue::kCycleClean;
     row_flags |= correction.is_outside_coverage ? armtrue::kOutsideCoverage : armtrue::kCycleClean;
     row_flags |= correction.is_saturated ? armtrue::kStateSaturated : armtrue::kCycleClean;
-    for (std::size_t k = 0; k < table.joint_count(); ++k) {
-      const std::int32_t limited = armtrue::within_magnitude(table, k, correction.delta[k]);
-      row_flags |=
-          limited != correction.delta[k] ? armtrue::kMagnitudeClamped : armtrue::kCycleClean;
-      delta[row * table.joint_count() + k] = limited;
-    }
+    const std::uint32_t beyond = armtrue::scale_into_limits(largest, joints, correction.delta);
+    row_flags |= beyond != 0U ? armtrue::kMagnitudeClamped : armtrue::kCycleClean;
+    std::copy_n(correction.delta.begin(), joints, delta + row * joints);
     flags[row] = static_cast<std::uint16_t>(row_flags);
   }
 }

@@ -1,6 +1,7 @@
 #include "firmware/ports/posix/file_flash.h"
 
 #include <fcntl.h>
+#include <sys/file.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -116,6 +117,21 @@ bool FileParameters::save(std::span<const std::uint8_t> block) {
 
 bool FileParameters::erase() {
   return (unlink(path_.c_str()) == 0 || errno == ENOENT) && sync_directory_of(path_);
+}
+
+FolderLock::~FolderLock() {
+  if (file_ >= 0) close(file_);
+}
+
+std::string FolderLock::take(const std::string& folder) {
+  // A file of its own and opened for writing: network file systems lock no folder. It is never
+  // removed, since a process that waits to lock it would then lock a file that nobody else finds.
+  file_ = open((folder + "/lock").c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644);
+  if (file_ >= 0 && flock(file_, LOCK_EX | LOCK_NB) == 0) return "";
+  if (file_ >= 0 && errno == EWOULDBLOCK) {
+    return folder + ": in use by another armtrue_node, expected a folder of its own for each";
+  }
+  return folder + "/lock: " + std::strerror(errno);
 }
 
 }  // namespace armtrue::posix

@@ -49,6 +49,22 @@ class FileParameters final : public canopen::ParameterStore {
   std::string path_;
 };
 
+// A state folder for one process alone: two nodes that write the same slots and parameters would
+// undo each other's. The kernel lets go when the process ends, however it ends.
+class FolderLock {
+ public:
+  FolderLock() = default;
+  ~FolderLock();
+  FolderLock(const FolderLock&) = delete;
+  FolderLock& operator=(const FolderLock&) = delete;
+
+  // Empty if it worked, else one sentence that names the folder.
+  std::string take(const std::string& folder);
+
+ private:
+  int file_ = -1;
+};
+
 }  // namespace armtrue::posix
 
 #endif  // ARMTRUE_FIRMWARE_PORTS_POSIX_FILE_FLASH_H_

@@ -116,6 +116,22 @@ TEST_F(FilesTest, SlotsThatCannotBeMade_AreOneSentence) {
   EXPECT_EQ(FileFlash(kSlotSize).open(path), path + ": No such file or directory");
 }
 
+TEST_F(FilesTest, FolderInUse_IsRefusedUntilItIsLeft) {
+  {
+    FolderLock first;
+    ASSERT_EQ(first.take(directory_), "");
+    EXPECT_EQ(
+        FolderLock().take(directory_),
+        directory_ + ": in use by another armtrue_node, expected a folder of its own for each");
+  }
+  EXPECT_EQ(FolderLock().take(directory_), "");
+}
+
+TEST_F(FilesTest, FolderThatCannotBeLocked_IsOneSentence) {
+  const std::string folder = directory_ + "/absent";
+  EXPECT_EQ(FolderLock().take(folder), folder + "/lock: No such file or directory");
+}
+
 TEST_F(FilesTest, SavedParameters_AreOnTheDiskBeforeTheyReplaceTheOld) {
   FileParameters parameters(directory_ + "/parameters.bin");
   ASSERT_TRUE(parameters.save(block_));

@@ -46,7 +46,7 @@ constexpr char kUsage[] =
     "armtrue_node --upstream IF [--downstream IF] --state DIR [options]\n"
     "  --upstream IF        SocketCAN interface of the controller (fd:N: an inherited socket)\n"
     "  --downstream IF      SocketCAN interface of the drives (inline mode; absent: offset mode)\n"
-    "  --state DIR          where table slots and saved parameters live\n"
+    "  --state DIR          where table slots and saved parameters live; of this node alone\n"
     "  --node-id N          1..127 (default 32)\n"
     "  --serial-number N    of this device, object 0x1018 sub 4 (default 1)\n"
     "  --robot-serial TEXT  take only this robot's tables (default: any)\n"
@@ -59,12 +59,18 @@ volatile std::sig_atomic_t stop_requested = 0;
 
 void request_stop(int) { stop_requested = 1; }
 
-std::uint64_t now_us() {
+std::uint64_t host_us() {
   timespec time = {};
   clock_gettime(CLOCK_MONOTONIC, &time);
   return static_cast<std::uint64_t>(time.tv_sec) * 1'000'000U +
          static_cast<std::uint64_t>(time.tv_nsec) / 1000U;
 }
+
+// When this life of the device began. Counted from there, as on a chip, whose clock starts at zero
+// with its reset: terms in `time` (warm_up) take it for the time since the arm was switched on.
+std::uint64_t life_began_us = 0;
+
+std::uint64_t now_us() { return host_us() - life_began_us; }
 
 int fail(const std::string& sentence) {
   std::fprintf(stderr, "armtrue_node: %s\n", sentence.c_str());
@@ -124,6 +130,12 @@ std::string parse(const std::vector<std::string>& arguments, Options& options) {
   }
   if (options.upstream.empty()) return "--upstream is needed";
   if (options.state.empty()) return "--state is needed";
+  // What the node passes on would come back to it and be passed on again, for ever.
+  if (options.downstream == options.upstream) {
+    return "--downstream: '" + options.downstream +
+           "' is the interface of --upstream, expected another one, or no --downstream for offset "
+           "mode";
+  }
   return "";
 }
 
@@ -201,6 +213,8 @@ int main(int argc, char** argv) {
   if (mkdir(options.state.c_str(), 0755) != 0 && errno != EEXIST) {
     return fail(options.state + ": " + std::strerror(errno));
   }
+  armtrue::posix::FolderLock lock;
+  if (const std::string problem = lock.take(options.state); !problem.empty()) return fail(problem);
   armtrue::posix::FileFlash flash(armtrue::kMaxImageLength + armtrue::storage::kHeaderBytes);
   if (const std::string problem = flash.open(options.state + "/slots.bin"); !problem.empty()) {
     return fail(problem);
@@ -227,6 +241,7 @@ int main(int argc, char** argv) {
   if (downstream) waits[1].fd = downstream->descriptor();
   while (stop_requested == 0) {
     // From power-on to reset or stop. Everything in RAM is new.
+    life_began_us = host_us();
     const armtrue::ports::DeviceParts parts = {upstream, downstream ? &*downstream : nullptr, flash,
                                                parameters, &now_us};
     const auto device = std::make_unique<armtrue::ports::Device>(settings, parts);

@@ -100,7 +100,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   std::array<std::int64_t, kMaxJoints> largest = {};
   for (std::size_t k = 0; k < joints; ++k) {
     // The limit in increments, rounded up, and one for the rounding of the increment itself.
-    const std::int64_t limit = within_magnitude(table, k, INT64_MAX / 2);
+    const std::int64_t limit = largest_correction(table, k);
     const std::int64_t mantissa = load_i32(table.joint(k) + format::joint::kIncrementPerUnitAt);
     const int shift = table.joint(k)[format::joint::kIncrementShiftAt];
     const std::int64_t product = limit * std::abs(mantissa);
