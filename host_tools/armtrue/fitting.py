@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -15,18 +16,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armtrue import _core, notebook
+from armtrue.checking import warnings_of_springs
 from armtrue.errors import InputError
 from armtrue.fit_file import check_document
 from armtrue.io import Dataset, Model, Robot, load_data
-from armtrue.io.columns import FAR_TRAVEL, TRAVEL
+from armtrue.io.columns import FAR_TRAVEL, TRAVEL, commanded_joints
 from armtrue.io.files import read_json, write_file
 from armtrue.io.model import check_effect
 from armtrue.io.plausible import refuse_too_few_poses
+from armtrue.io.yamlfile import Section
 from armtrue.progress import Progress
 
 FORMAT = "armtrue-fit"
 VERSION = 1
 _LARGEST_FIT_BYTES = 512 * 1024 * 1024
+# A few hundred poses leave the last few percent of a joint's range unvisited, and a model still holds there.
+_BEYOND_RANGE = 0.05
+# Of a joint that stood still while the others moved [rad, m].
+_SAME_JOINT = 1e-3
 
 
 class EffectError(InputError):
@@ -67,6 +74,7 @@ class Fit:
         if document.get("version") != VERSION:
             raise InputError(f"{path}: found version {document.get('version')}, expected {VERSION}")
         check_document(document, path)
+        _check_ranges(document, path)
         return cls(document, path)
 
     def save(self, path: str | Path) -> None:
@@ -143,7 +151,8 @@ class Fit:
         for name, instead in lacking.items():
             if not instead and name not in unknown:
                 raise InputError(
-                    f"{data.path}: column {name} is missing, expected it as {self.path or 'the fit'} reads it"
+                    f"{data.path}: column {name} is missing or not recorded, expected it as {self.path or 'the fit'} "
+                    "reads it"
                 )
         settled = {name: data.columns[instead] for name, instead in lacking.items() if instead}
         missing = settled | {name: np.full(data.count, FAR_TRAVEL) for name in unknown}
@@ -158,7 +167,30 @@ class Fit:
                 f"{data.path.name} has no column target: all rows are taken as of '{reflectors[0]}', the first of the "
                 f"fit's reflectors {', '.join(reflectors)}; where they are of another, say so in a column target"
             )
-        return missing, notes
+        return missing, [*notes, *self._extrapolated(data)]
+
+    def _extrapolated(self, data: Dataset) -> list[str]:
+        """A note where poses of `data` lie outside the joint ranges that were fitted, if the fit has kept them."""
+        outside = np.zeros(data.count, dtype=bool)
+        beyond: dict[str, float] = {}
+        for name, (lo, hi) in self.document["data"].get("ranges", {}).items():
+            if name not in data.columns:
+                continue
+            apart = np.maximum(lo - data.columns[name], data.columns[name] - hi)
+            far = apart > max(_SAME_JOINT, _BEYOND_RANGE * (hi - lo))
+            if far.any():
+                outside |= far
+                beyond[name] = float(apart.max())
+        if not beyond:
+            return []
+        by = ", ".join(
+            f"{name} by up to {_amount(amount, self.robot.joints[int(name[1:]) - 1])}"
+            for name, amount in sorted(beyond.items(), key=lambda entry: -entry[1])
+        )
+        return [
+            f"{int(outside.sum())} of {data.count} poses of {data.path.name} lie outside what was fitted ({by}): "
+            "figures there are extrapolated"
+        ]
 
     def residuals(self) -> NDArray[np.float64]:
         """Measured minus predicted positions (N, 3) [m] of the fitted measurements."""
@@ -352,16 +384,36 @@ def _document(
         document["flange_from_tool"] = {
             name: document["flange_from_tool"][str(code)] for code, name in enumerate(targets)
         }
+    document["warnings"] += warnings_of_springs(document, robot)
     return Fit(document, None, data, core)
 
 
+def _amount(value: float, joint: dict[str, Any]) -> str:
+    return f"{math.degrees(value):.0f}°" if joint["type"] == "revolute" else f"{1000.0 * value:.0f} mm"
+
+
+def _check_ranges(document: dict[str, Any], path: Path) -> None:
+    """Refuse joint ranges that are no numbers. Errors: InputError that names the key."""
+    data = Section(document, str(path)).section("data")
+    if not data.has("ranges"):
+        return
+    ranges = data.section("ranges")
+    joints = [f"q{k}" for k in range(1, Robot(document["robot"]).joint_count + 1)]
+    for name in ranges:
+        if name not in joints:
+            raise InputError(f"{ranges.place(name)}: found '{name}', expected one of {', '.join(joints)}")
+        ranges.numbers(name, 2, "the lowest and the highest angle or length that was fitted")
+
+
 def _data_entry(data: Dataset) -> dict[str, Any]:
+    joints = {name: data.columns[name] for name in commanded_joints(data.columns)}
     return {
         "path": str(data.path.resolve()),
         "relative": data.path.name,
         "sha256": fingerprint(data),
         "rows": data.count,
         "columns": sorted(data.columns),
+        "ranges": {name: [float(values.min()), float(values.max())] for name, values in joints.items()},
         "targets": data.labels.get("target", []),
         "skipped": [{"row": row, "why": why} for row, why in sorted(data.skipped.items())],
         "left_out": data.left_out,

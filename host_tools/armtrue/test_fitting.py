@@ -1,14 +1,17 @@
-"""A fit predicts: which reflector a row is of, whatever the reflectors are called and in which order they came."""
+"""A fit predicts: of which reflector a row is, and whether its pose lies where measurements were fitted."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
+import armtrue_sim
 import numpy as np
 import pytest
 
-from armtrue import Fit
-from armtrue.io import Dataset
+from armtrue import Fit, fitting
+from armtrue.errors import InputError
+from armtrue.io import Dataset, load_data, load_model, load_robot
 
 TOOLS = {"C": 0.3, "A": 0.1, "10": 0.5, "B": 0.2, "9": 0.4}
 LENGTH = 1.0
@@ -31,6 +34,12 @@ def fit_of(names: list[str]) -> Fit:
     )
 
 
+def fit_within(ranges: dict[str, list[float]]) -> Fit:
+    fit = fit_of(["A"])
+    fit.document["data"]["ranges"] = ranges
+    return fit
+
+
 def poses(names: list[str] | None, count: int) -> Dataset:
     columns = {"q1": np.zeros(count), "q2": np.zeros(count)}
     labels = {}
@@ -45,6 +54,52 @@ def test_each_row_is_predicted_with_its_own_reflector(order):
     asked = ["B", "10", "C", "A", "9", "B"]
     predicted = fit_of(order).predict(poses(asked, len(asked)))
     assert predicted[:, 0] == pytest.approx([LENGTH + TOOLS[name] for name in asked])
+
+
+def at(*joints: tuple[float, float]) -> Dataset:
+    found = poses(None, len(joints))
+    return replace(found, columns=dict(zip(("q1", "q2"), np.array(joints).T, strict=True)))
+
+
+def test_poses_outside_the_fitted_ranges_are_noted():
+    fit = fit_within({"q1": [-1.0, 1.0], "q2": [0.0, 0.2]})
+    (note,) = fit.assumed(at((0.0, 0.1), (2.0, 0.1), (-1.0, 0.3), (1.5, -0.1)))[1]
+    assert note == (
+        "3 of 4 poses of poses.csv lie outside what was fitted (q1 by up to 57°, q2 by up to 6°): figures there are "
+        "extrapolated"
+    )
+
+
+def test_poses_within_the_fitted_ranges_are_not_noted():
+    inside = at((0.0, 0.1), (1.09, 0.205), (-1.0, 0.0))
+    assert fit_within({"q1": [-1.0, 1.0], "q2": [0.0, 0.2]}).assumed(inside)[1] == []
+    # A fit of before the ranges were kept.
+    assert fit_of(["A"]).assumed(inside)[1] == []
+
+
+def test_joint_that_stood_still_in_the_fit_is_noted_where_it_moves():
+    (note,) = fit_within({"q1": [-1.0, 1.0], "q2": [0.1, 0.1]}).assumed(at((0.0, 0.1), (0.0, 0.3)))[1]
+    assert "1 of 2 poses" in note
+    assert "q2 by up to 11°" in note
+
+
+def test_a_fit_keeps_the_ranges_of_its_joints_and_refuses_others(tmp_path):
+    campaign = armtrue_sim.simulate({"arm": "scara", "seed": 3, "hidden": []})
+    campaign.write(tmp_path)
+    robot = load_robot(tmp_path / "robot.yaml")
+    data = load_data(tmp_path / "data.csv", robot)
+    fit = fitting.fit(data, robot, load_model(tmp_path / "model.yaml", robot), folds=2)
+    assert fit.document["data"]["ranges"]["q3"] == [data.columns["q3"].min(), data.columns["q3"].max()]
+    test = load_data(tmp_path / "test.csv", robot)
+    assert fit.assumed(test)[1] == []
+    far = replace(test, columns={**test.columns, "q3": test.columns["q3"] + 0.5})
+    assert "q3 by up to" in fit.assumed(far)[1][0]
+    assert " mm" in fit.assumed(far)[1][0]
+    for wrong in ({"q9": [0.0, 1.0]}, {"q1": ["a", 1.0]}, {"q1": [1.0]}, 7):
+        fit.document["data"]["ranges"] = wrong
+        fit.save(tmp_path / "fit.json")
+        with pytest.raises(InputError, match="data.ranges"):
+            Fit.load(tmp_path / "fit.json")
 
 
 def test_poses_without_a_target_are_of_the_first_reflector_as_in_the_tables():

@@ -22,12 +22,18 @@ _GROSS_M = 3e-3
 _STATED_APART_M = 0.02
 
 
+def gross_limit_m(residual_m: Array) -> float:
+    """The distance [m] from which on one of `residual_m` (N,) is a gross error."""
+    centre = float(np.median(residual_m))
+    spread = 1.4826 * float(np.median(np.abs(residual_m - centre)))
+    return max(_GROSS_M, centre + _GROSS_DEVIATIONS * spread)
+
+
 def find_gross(data: Dataset, alignment: Alignment) -> list[Finding]:
     """A warning that names the rows whose position stands out from all others."""
     residual = alignment.residual_m
     centre = float(np.median(residual))
-    spread = 1.4826 * float(np.median(np.abs(residual - centre)))
-    gross = residual > max(_GROSS_M, centre + _GROSS_DEVIATIONS * spread)
+    gross = residual > gross_limit_m(residual)
     if not gross.any():
         return []
     return [

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from armtrue.checking import (
     conventions,
+    directions,
     drift,
     gravity,
     masses,
     motion,
     orientations,
+    pairing,
     residuals,
     tell,
     temperatures,
@@ -26,8 +30,8 @@ from armtrue.io.robot import Robot
 # Errors under which neither residuals nor a fit mean anything.
 NO_ARM = {
     "too_few_poses", "scale", "joint_sign", "joint_zero", "coupling", "joints_in_degrees", "joints_in_radians",
-    "dh_convention", "fixed_or_intrinsic_angles", "joints_swapped", "rows_shifted", "left_handed_frame",
-    "positions_do_not_follow", "orientations_do_not_follow",
+    "dh_convention", "fixed_or_intrinsic_angles", "joints_swapped", "rows_shifted", "reflectors_exchanged",
+    "left_handed_frame", "positions_do_not_follow", "orientations_do_not_follow",
 }  # fmt: skip
 
 
@@ -37,8 +41,17 @@ def check(data: Dataset, robot: Robot) -> CheckReport:
     Errors: none of its own; what is wrong is a finding.
     """
     findings = [*cheap_findings(data, robot), *drift.find(data)]
-    if data.has_positions and not any(finding.code in NO_ARM for finding in findings):
+    if data.has_positions and not any(
+        finding.code in NO_ARM and finding.severity == "error" for finding in findings
+    ):
         riding = _riding(data)
+        named = [
+            row
+            for finding in findings
+            if finding.code in pairing.CODES
+            for row in finding.evidence.get("rows", [])
+        ]
+        riding = riding.take(~np.isin(riding.rows, named))
         alignment = align(units.in_si_units(alignment_columns(riding), robot), robot)
         findings += residuals.find_gross(riding, alignment)
         findings += residuals.find_stated_poses(riding, alignment, robot)
@@ -53,10 +66,17 @@ def cheap_findings(data: Dataset, robot: Robot) -> list[Finding]:
         *units.find(data, robot),
         *masses.find(data, robot),
         *motion.find(data, robot),
+        *directions.find(data),
         *temperatures.find(data),
         *(Finding("reader", "note", note) for note in data.notes),
     ]
-    return [*findings, *_against_kinematics(data, robot)] if data.has_positions else findings
+    if not data.has_positions:
+        return findings
+    against = _against_kinematics(data, robot)
+    if any(finding.code == "rows_shifted" for finding in against):
+        # A shift begins or ends with a position that stands twice: to take that row out alone does not mend it.
+        findings = [finding for finding in findings if finding.code != "stale_position"]
+    return [*findings, *against]
 
 
 def refuse_what_cannot_be_an_arm(data: Dataset, robot: Robot) -> list[str]:
@@ -79,6 +99,13 @@ def warnings_of_fit(base: dict[str, Any], robot: Robot) -> list[str]:
     return _with_remedies(gravity.find(base, robot))
 
 
+def warnings_of_springs(document: dict[str, Any], robot: Robot) -> list[str]:
+    """Warnings about robot.yaml that need fitted springs, with remedies. `document`: that of a fit."""
+    return _with_remedies(
+        gravity.find_contradictions(document["parameters"], document["measuring_from_base"], robot)
+    )
+
+
 def _with_remedies(findings: list[Finding]) -> list[str]:
     return [f"{finding.message}. {finding.remedy}" for finding in findings]
 
@@ -95,8 +122,15 @@ def _against_kinematics(data: Dataset, robot: Robot) -> list[Finding]:
         remedy = "Measure more poses, further apart; a calibration wants some 60 and more."
         return [Finding("too_few_poses", "error", too_few, {"rows": riding.count}, remedy)]
     measured = units.in_si_units(alignment_columns(riding), robot)
+    misplaced, rows = pairing.find(riding, measured, robot)
+    if any(finding.severity == "error" for finding in misplaced):
+        # Under it any scale or zero may seem to explain what is wrong.
+        return misplaced
+    if rows.any():
+        riding = riding.take(~rows)
+        measured = {name: values[~rows] for name, values in measured.items()}
     findings = conventions.find(measured, robot)
     if units.positions_are_in_another(riding.columns, robot):
         # Their unit is a finding already; the one guessed to go on with may have been another than the right one.
         findings = [finding for finding in findings if finding.code != "scale"]
-    return findings or orientations.find(riding, measured, robot)
+    return [*misplaced, *(findings or orientations.find(riding, measured, robot))]

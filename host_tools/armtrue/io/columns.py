@@ -57,6 +57,13 @@ def commanded_joints(names: Iterable[str]) -> list[str]:
     )
 
 
+def span(stem: str, joints: list[int]) -> str:
+    """The columns `stem` of `joints` in words: `dir1…dir6` where they are consecutive, else each by its name."""
+    if len(joints) > 2 and joints == list(range(joints[0], joints[-1] + 1)):
+        return f"{stem}{joints[0]}…{stem}{joints[-1]}"
+    return ", ".join(f"{stem}{k}" for k in joints)
+
+
 @dataclass(frozen=True)
 class ColumnNames:
     """The columns that data of `robot` may have."""
@@ -93,6 +100,10 @@ class ColumnNames:
         if match is None:
             return False
         return match[3] is None or 1 <= int(match[3]) <= self.robot.joint_count
+
+    def is_direction(self, name: str) -> bool:
+        """True for `dir1…dirn`."""
+        return name.startswith("dir") and self.kind(name) is not None
 
     def joint_beyond_arm(self, name: str) -> bool:
         """True for `q7` and its like on a six-axis arm."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import datetime
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from difflib import SequenceMatcher
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 from armtrue.arrays import Array
 from armtrue.errors import InputError, RowError, did_you_mean, shorten
 from armtrue.io import rotation
-from armtrue.io.columns import POSITION, QUATERNION, TEXT_COLUMNS, ColumnNames, commanded_joints
+from armtrue.io.columns import POSITION, QUATERNION, TEXT_COLUMNS, ColumnNames, commanded_joints, span
 from armtrue.io.delimited import RawColumns, read_columns
 from armtrue.io.layout import (
     Layout,
@@ -34,6 +35,8 @@ _QUATERNION_LENGTH_TOLERANCE = 1e-3
 # A reflector that moves less than this [m] in all while a joint moves more than that [rad, m] is fixed to the floor.
 _FIXED_SPAN_M = 5e-3
 _ARM_MOVED = 0.2
+# Of a mistyped name at least three letters in four are right.
+_ALIKE = 0.75
 # More bad rows than this are a file that is read in the wrong way.
 _MOST_SKIPPED = 100
 
@@ -147,6 +150,9 @@ def load_data(
             if len(skipped) > _MOST_SKIPPED:
                 raise InputError(f"{error}; expected no more than {_MOST_SKIPPED} such rows") from None
     data = _at_the_drives(data, robot)
+    if need_position:
+        # In poses to predict a direction of 0 is one that is left open.
+        data = _without_unrecorded(data)
     if not strict:
         return data
     refuse_wrong_units(data.file, data.columns, data.rows, robot)
@@ -232,6 +238,33 @@ def with_travels(data: Dataset) -> Dataset:
     return replace(data, columns=data.columns | found, notes=[*data.notes, note])
 
 
+def _without_unrecorded(data: Dataset) -> Dataset:
+    """`data` without columns of a joint's motion that are 0 in every row although the joint moves, and a note on it.
+
+    A controller that does not log directions often writes 0. Taken for measurements, such columns would count as
+    recorded and keep the effects that read them from being named as untestable.
+    """
+    still = np.ptp(data.joints, axis=0) == 0.0
+    unrecorded: list[str] = []
+    notes = list(data.notes)
+    for stem in ("dir", "travel", "duty"):
+        joints = [
+            k
+            for k, stands in enumerate(still, start=1)
+            if not stands and not np.any(data.columns.get(f"{stem}{k}", 1.0))
+        ]
+        if joints:
+            verb = "is" if len(joints) == 1 else "are"
+            notes.append(
+                f"{data.file.name}: {span(stem, joints)} {verb} 0 in all rows: taken as not recorded"
+            )
+        unrecorded += [f"{stem}{k}" for k in joints]
+    if not unrecorded:
+        return data
+    columns = {name: values for name, values in data.columns.items() if name not in unrecorded}
+    return replace(data, columns=columns, notes=notes)
+
+
 def without_fixed_targets(data: Dataset) -> Dataset:
     """`data` without the rows of reflectors that do not ride on the arm, and a note that says so."""
     fixed = fixed_targets(data)
@@ -296,17 +329,22 @@ def _assemble(path: Path, layout: Layout, names: ColumnNames, skipped: dict[int,
     if layout.time and layout.time.header:
         text_headers.add(layout.time.header)
     others = _variables_of_others(layout, names)
+    directions_of = {
+        int(name[3:]): source.header for name, source in layout.numbers.items() if names.is_direction(name)
+    }
     raw = read_columns(
         layout.file,
         layout.dialect,
         sorted(number_headers),
         sorted(text_headers | set(others.values())),
         {*skipped, *layout.rows.skip},
+        may_be_empty=set(directions_of.values()),
     )
     raw = _filtered(raw, layout)
     columns = {
         name: raw.numbers[source.header] * source.factor + source.added
         for name, source in layout.numbers.items()
+        if source.header in raw.numbers
     }
     columns |= {name: np.full(raw.rows.size, value) for name, value in layout.constants.items()}
     variables = {
@@ -315,10 +353,15 @@ def _assemble(path: Path, layout: Layout, names: ColumnNames, skipped: dict[int,
     columns |= variables
     taken = {others[name] for name in variables}
     notes = [
-        f"{layout.file.name}: column '{header}' {_why_apart(header, header in taken, names, layout)}"
+        f"{layout.file.name}: column '{header}' {_why_apart(header, header in taken, raw, names, layout)}"
         for header in layout.unused
         if not (names.of_one_effect(header) and header in taken)
     ]
+    if empty := sorted(k for k, header in directions_of.items() if header not in raw.numbers):
+        verb = "is" if len(empty) == 1 else "are"
+        notes.append(
+            f"{layout.file.name}: {span('dir', empty)} {verb} empty in all rows: taken as not recorded"
+        )
     notes += [f"left out: {why}" for why in skipped.values()]
     if layout.time:
         columns["time"] = _times(layout.time, raw, layout, notes)
@@ -345,13 +388,43 @@ def _assemble(path: Path, layout: Layout, names: ColumnNames, skipped: dict[int,
     return Dataset(path, layout.file, columns, rows, labels, notes, layout.rotation, turns, dict(skipped))
 
 
-def _why_apart(header: str, taken: bool, names: ColumnNames, layout: Layout) -> str:
+def _why_apart(header: str, taken: bool, raw: RawColumns, names: ColumnNames, layout: Layout) -> str:
     """What is said of a column that is not among the measurements."""
     if names.of_one_effect(header):
-        return "holds more than numbers, expected them in all rows, and is not used"
-    use = "a variable for custom effects and the search" if taken else "not used"
-    near = did_you_mean(header, set(names.all()) - layout.names())
-    return f"is not one of the contract's and is {use}{near}"
+        return (
+            f"holds more than numbers, expected them in all rows, and is not used: {_no_number(header, raw)}"
+        )
+    why = "" if taken else _why_unused(header, raw, names)
+    use = f"not used: {why}" if why else "a variable for custom effects and the search"
+    likely = [name for name in names.all() if name not in layout.names() and _is_near(header, name)]
+    return f"is not one of the contract's and is {use}{did_you_mean(header, likely)}"
+
+
+def _is_near(header: str, name: str) -> bool:
+    """True where `header` may be `name` mistyped: short names share half of their letters with almost any word."""
+    return SequenceMatcher(None, header.lower(), name.lower()).ratio() >= _ALIKE
+
+
+def _why_unused(header: str, raw: RawColumns, names: ColumnNames) -> str:
+    """Why a column that is not the contract's cannot be a variable of expressions either."""
+    name = contract_name(header)
+    if name in EXPRESSION_WORDS:
+        return f"'{name}' is a word of expressions, expected a name of its own"
+    if name in state_names(names.robot):
+        return f"'{name}' is a state variable, expected a name of its own"
+    if not (name.isidentifier() and name.isascii()):
+        return "expressions have no such name, expected letters, digits and underscores"
+    if header in raw.texts and (found := _no_number(header, raw)):
+        return f"{found}, expected numbers in all rows"
+    return f"'{name}' stands for another column already"
+
+
+def _no_number(header: str, raw: RawColumns) -> str:
+    """The first row that holds no number in the column `header`, and what it holds; empty where all do."""
+    for text, row in zip(raw.texts.get(header, []), raw.rows, strict=False):
+        if _numbers([text]) is None:
+            return f"row {row} holds {shorten(text) if text else 'nothing'}"
+    return ""
 
 
 def _filtered(raw: RawColumns, layout: Layout) -> RawColumns:

@@ -50,15 +50,22 @@ def read_header(path: Path, dialect: Dialect) -> list[str]:
 
 
 def read_columns(
-    path: Path, dialect: Dialect, numbers: list[str], texts: list[str], without: Container[int] = ()
+    path: Path,
+    dialect: Dialect,
+    numbers: list[str],
+    texts: list[str],
+    without: Container[int] = (),
+    may_be_empty: Container[str] = (),
 ) -> RawColumns:
     """Read the columns `numbers` as finite float64 and `texts` as stripped text; other columns are not looked at.
 
-    `without`: file rows that are not read. Errors: RowError naming row and column of the first wrong cell, or a ragged
+    `without`: file rows that are not read. `may_be_empty`: those of `numbers` that are left out of the result where
+    none of their cells holds anything. Errors: RowError naming row and column of the first wrong cell, or a ragged
     row; InputError for a name not in the header.
     """
     with _Rows(path, dialect, without) as rows:
         index = {name: rows.index(name) for name in [*numbers, *texts]}
+        empty = {name for name in numbers if name in may_be_empty}
         # Left to right, so that the first wrong cell of a row is the one named.
         numbers = sorted(numbers, key=index.__getitem__)
         number_parts: dict[str, list[Array]] = {name: [] for name in numbers}
@@ -67,13 +74,27 @@ def read_columns(
         for block, at in rows.blocks():
             columns = list(zip(*block, strict=True))
             for name in numbers:
-                number_parts[name].append(_to_floats(columns[index[name]], at, name, path, dialect))
+                cells, places = columns[index[name]], at
+                if name in empty:
+                    if not "".join(cells).strip():
+                        continue
+                    empty.remove(name)
+                    if row_numbers:
+                        # The blocks before this one held nothing: it is their first cell that is wrong.
+                        cells, places = ("", *cells), [row_numbers[0], *at]
+                number_parts[name].append(_to_floats(cells, places, name, path, dialect))
             for name in texts:
                 text_parts[name].extend(cell.strip() for cell in columns[index[name]])
             row_numbers.extend(at)
-    empty = np.empty(0)
+    nothing = np.empty(0)
+    if not row_numbers:
+        empty.clear()
     return RawColumns(
-        {name: np.concatenate(parts) if parts else empty for name, parts in number_parts.items()},
+        {
+            name: np.concatenate(parts) if parts else nothing
+            for name, parts in number_parts.items()
+            if name not in empty
+        },
         text_parts,
         np.array(row_numbers, dtype=np.int64),
     )
@@ -165,7 +186,8 @@ class _Rows:
             except UnicodeDecodeError as error:
                 raise InputError(
                     f"{self._path} after row {self._reader.line_num}: found byte 0x{error.object[error.start]:02x}, "
-                    f"expected {self._dialect.encoding} text"
+                    f"expected {self._dialect.encoding} text: say what it is in a dataset.yaml, as in "
+                    "'encoding: latin-1', or let 'armtrue init' write one"
                 ) from None
             except UnicodeError as error:
                 raise InputError(f"{self._path}: found no {self._dialect.encoding} text ({error})") from None

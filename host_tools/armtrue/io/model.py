@@ -142,6 +142,13 @@ def _custom(section: Section, robot: Robot) -> dict[str, Any]:
     }
     if section.has("parameters"):
         custom["parameters"] = _option(section, "parameters", "{name: value}")
+    taken = {*state_names(robot), *EXPRESSION_WORDS}
+    for name in custom.get("parameters", {}):
+        if name in taken:
+            raise InputError(
+                f"{section.place('parameters')}.{name}: found the name of a state variable, function or constant, "
+                "expected a name of its own"
+            )
     coordinates = coordinate_names(robot.joint_count)
     if custom["coordinate"] not in coordinates:
         raise section.fail(

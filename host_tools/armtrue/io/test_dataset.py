@@ -89,18 +89,46 @@ def test_numeric_column_that_is_not_the_contracts_is_a_variable_and_noted(tmp_pa
     ]
 
 
-@pytest.mark.parametrize("name", ["two words", "th1", "sin"])
-def test_column_that_no_expression_can_name_is_not_used(name, tmp_path, two_joints):
+@pytest.mark.parametrize(
+    ("name", "why"),
+    [
+        ("two words", "expressions have no such name, expected letters, digits and underscores"),
+        ("th1", "'th1' is a state variable, expected a name of its own"),
+        ("dT", "'dT' is a state variable, expected a name of its own"),
+        ("sin", "'sin' is a word of expressions, expected a name of its own"),
+        ("pi", "'pi' is a word of expressions, expected a name of its own"),
+    ],
+)
+def test_column_that_no_expression_can_name_is_not_used_and_it_is_said_why(name, why, tmp_path, two_joints):
     data = load_data(written(tmp_path, PLAIN.replace("temp_arm", name)), two_joints)
     assert name not in data.columns
-    assert data.notes[0].startswith(f"data.csv: column '{name}' is not one of the contract's and is not used")
+    assert data.notes == [f"data.csv: column '{name}' is not one of the contract's and is not used: {why}"]
+
+
+@pytest.mark.parametrize("name", ["weather", "travel1", "duty2", "station"])
+def test_column_with_an_empty_cell_is_not_used_and_its_row_is_named(name, tmp_path, two_joints):
+    text = PLAIN.replace("20.6", "").replace("temp_arm", name)
+    data = load_data(written(tmp_path, text), two_joints)
+    assert name not in data.columns
+    assert "not used: row 3 holds nothing" in data.notes[0]
+
+
+@pytest.mark.parametrize(
+    ("name", "hint"), [("status", ""), ("dri1", " (did you mean 'dir1'?)"), ("fault", "")]
+)
+def test_only_names_that_are_near_are_guessed(name, hint, tmp_path, two_joints):
+    data = load_data(written(tmp_path, PLAIN.replace("temp_arm", name)), two_joints)
+    assert data.notes[0].endswith(f"the search{hint}")
 
 
 def test_column_of_words_is_not_used(tmp_path, two_joints):
     text = PLAIN.replace("20.6", "warm")
     data = load_data(written(tmp_path, text.replace("temp_arm", "weather")), two_joints)
     assert "weather" not in data.columns
-    assert data.notes == ["data.csv: column 'weather' is not one of the contract's and is not used"]
+    assert data.notes == [
+        "data.csv: column 'weather' is not one of the contract's and is not used: row 3 holds 'warm', expected numbers "
+        "in all rows"
+    ]
 
 
 def test_copies_of_rows_are_left_out_with_a_note(tmp_path, two_joints):
@@ -199,6 +227,19 @@ def test_text_that_is_not_utf8_is_named(tmp_path, two_joints):
         load_data(written(tmp_path, PLAIN.encode() + b"\xff\xfe,1\n"), two_joints)
 
 
+@pytest.mark.parametrize("place", ["header", "rows"])
+def test_latin_1_is_told_how_to_be_read(place, tmp_path, two_joints):
+    text = (
+        PLAIN.replace("temp_arm", "temp_arm (°C)") if place == "header" else PLAIN + "0.5,0.1,1,2,3,20°,A,7\n"
+    )
+    with pytest.raises(
+        InputError, match=r"0xb0, expected utf-8 text: .*'encoding: latin-1', or let 'armtrue init'"
+    ):
+        load_data(written(tmp_path, text.encode("latin-1")), two_joints)
+    description = "file: data.csv\nencoding: latin-1\ncolumns: {q1: q1, q2: q2, x: x, y: y, z: z}\n"
+    assert load_data(written(tmp_path, description, "dataset.yaml"), two_joints).count >= 3
+
+
 def test_a_hundred_thousand_rows_are_read(tmp_path, two_joints):
     numbers = np.random.default_rng(1).uniform(-1, 1, (100_000, 25))
     header = "q1,q2,x,y,z," + ",".join(f"extra{k}" for k in range(20))
@@ -281,3 +322,54 @@ def test_columns_that_one_effect_reads_are_no_strangers(tmp_path, two_joints, na
     columns = ", ".join(f"{own}: {own}" for own in ("q1", "q2", "x", "y", "z"))
     (tmp_path / "d.yaml").write_text(f"file: data.csv\ncolumns: {{{columns}, {name}: Own}}\n")
     np.testing.assert_array_equal(load_data(tmp_path / "d.yaml", two_joints).columns[name], [1.0, 2.0])
+
+
+def with_directions(cells: list[tuple[str, str]]) -> str:
+    header, *rows = PLAIN.splitlines()
+    return "\n".join(
+        [f"{header},dir1,dir2", *(f"{row},{','.join(own)}" for row, own in zip(rows, cells, strict=True))]
+    )
+
+
+@pytest.mark.parametrize(
+    ("cell", "words"), [("0", "0 in all rows"), ("", "empty in all rows"), ("0.0", "0 in all rows")]
+)
+def test_directions_that_say_nothing_are_left_out_with_a_note(tmp_path, two_joints, cell, words):
+    path = written(tmp_path, with_directions([(cell, cell)] * 3))
+    for strict in (True, False):
+        data = load_data(path, two_joints, strict=strict)
+        assert not {"dir1", "dir2"} & set(data.columns)
+        assert f"data.csv: dir1, dir2 are {words}: taken as not recorded" in data.notes
+
+
+def test_directions_of_one_joint_that_say_nothing_leave_the_other(tmp_path, two_joints):
+    data = load_data(written(tmp_path, with_directions([("1", "0"), ("1", "0"), ("-1", "0")])), two_joints)
+    assert "dir1" in data.columns
+    assert "dir2" not in data.columns
+    assert "data.csv: dir2 is 0 in all rows: taken as not recorded" in data.notes
+
+
+def test_direction_of_a_joint_at_rest_and_of_poses_to_predict_stays_0(tmp_path, two_joints):
+    text = with_directions([("0", "0")] * 3)
+    poses = load_data(written(tmp_path, text), two_joints, need_position=False)
+    assert {"dir1", "dir2"} <= set(poses.columns)
+    still = text.replace("0.5,-0.1", "0.5,0.1").replace("1.0,0.3", "1.0,0.1")
+    data = load_data(written(tmp_path, still), two_joints)
+    assert "dir1" not in data.columns
+    assert "dir2" in data.columns
+
+
+def test_direction_that_is_empty_in_some_rows_is_refused(tmp_path, two_joints, monkeypatch):
+    monkeypatch.setattr("armtrue.io.delimited._ROWS_AT_A_TIME", 2)
+    for cells, row in (([("1", "1"), ("", "1"), ("1", "1")], 3), ([("", "1"), ("", "1"), ("1", "1")], 2)):
+        path = written(tmp_path, with_directions(cells))
+        with pytest.raises(InputError, match=f"row {row} column dir1: found nothing, expected a number"):
+            load_data(path, two_joints)
+
+
+def test_travel_and_duty_that_say_nothing_are_left_out(tmp_path, two_joints):
+    header, *rows = PLAIN.splitlines()
+    text = "\n".join([f"{header},travel1,duty2", *(f"{row},0,0" for row in rows)])
+    data = load_data(written(tmp_path, text), two_joints)
+    assert not {"travel1", "duty2"} & set(data.columns)
+    assert "data.csv: duty2 is 0 in all rows: taken as not recorded" in data.notes

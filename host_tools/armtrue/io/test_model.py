@@ -178,3 +178,13 @@ def test_names_of_coordinates_and_state_are_those_of_the_model_page(two_joints):
     assert {"q1", "th2", "qr1", "tau2", "gmx1", "bmy", "dT", "dT_arm", "payload", "dir2", "time"} <= names
     assert {"u_1_2_m", "ux_0_1_z", "up_2", "upx_0"} <= names
     assert "q3" not in names
+
+
+@pytest.mark.parametrize("name", ["q1", "th2", "dT_arm", "pi", "sin"])
+def test_custom_parameter_named_like_a_state_variable_is_refused(name, tmp_path, two_joints):
+    path = tmp_path / "model.yaml"
+    path.write_text(f"effects:\n- {CUSTOM}, parameters: {{{name}: 0.001}}}}\n")
+    with pytest.raises(
+        InputError, match=rf"model\.yaml: effects\[1\]\.parameters\.{name}: found the name of a state"
+    ):
+        load_model(path, two_joints)

@@ -47,6 +47,34 @@ def travels(columns: dict[str, Array]) -> dict[str, Array]:
     return result
 
 
+def agreements(columns: dict[str, Array]) -> dict[int, dict[str, float]]:
+    """Of each joint with a recorded `dir`: the share (0 to 1) of its motions with which that agrees, read in four ways.
+
+    "as it stands"; "one row late" and "one row early": as if it stood in the row after or before its own; "reversed":
+    with the other sign. A motion is a step from row to row, in order of time where that was recorded. Joints with
+    fewer motions than tell anything are left out.
+    """
+    count = len(next(iter(columns.values())))
+    order = np.argsort(columns["time"], kind="stable") if "time" in columns else np.arange(count)
+    result: dict[int, dict[str, float]] = {}
+    for name in commanded_joints(columns):
+        if f"dir{name[1:]}" not in columns:
+            continue
+        step, side = np.diff(columns[name][order]), columns[f"dir{name[1:]}"][order]
+        # The first and the last row lack a neighbour.
+        moved = np.flatnonzero(np.abs(step[:-1]) > _STANDSTILL) + 1
+        if moved.size < _FEWEST_MOTIONS:
+            continue
+        way = np.sign(step[moved - 1])
+        result[int(name[1:])] = {
+            "as it stands": float(np.mean(side[moved] == way)),
+            "one row late": float(np.mean(side[moved + 1] == way)),
+            "one row early": float(np.mean(side[moved - 1] == way)),
+            "reversed": float(np.mean(-side[moved] == way)),
+        }
+    return result
+
+
 def _travel(q: Array, side: Array) -> NDArray[np.float64] | None:
     step = np.diff(q)
     moved = np.abs(step) > _STANDSTILL

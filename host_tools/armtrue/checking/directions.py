@@ -1,0 +1,56 @@
+"""Columns `dir` that stand one row off or have the other sign, told by the order of the rows."""
+
+from __future__ import annotations
+
+from armtrue.checking.report import Finding
+from armtrue.io.columns import span
+from armtrue.io.dataset import Dataset
+from armtrue.io.ways import agreements
+
+# Half of all motions agree by chance. An arm that came straight from pose to pose agrees wholly but for a few
+# interruptions; one that came by way of other points is anywhere between and tells nothing.
+_AGREES = 0.98
+_DISAGREES = 0.9
+_WORDS = {
+    "one row late": "moved up by one row",
+    "one row early": "moved down by one row",
+    "reversed": "taken with the other sign",
+}
+
+
+def find(data: Dataset) -> list[Finding]:
+    """A warning for each way in which directions that contradict the order of the rows would agree with it."""
+    shares = agreements(data.columns)
+    findings = []
+    for way, words in _WORDS.items():
+        joints = [
+            k
+            for k, of_joint in shares.items()
+            if of_joint["as it stands"] < _DISAGREES
+            and of_joint[way] >= _AGREES
+            and of_joint[way] == max(of_joint.values())
+        ]
+        if joints:
+            findings.append(_finding(data, joints, way, words, shares))
+    return findings
+
+
+def _finding(
+    data: Dataset, joints: list[int], way: str, words: str, shares: dict[int, dict[str, float]]
+) -> Finding:
+    now = max(shares[k]["as it stands"] for k in joints)
+    then = min(shares[k][way] for k in joints)
+    columns = span("dir", joints)
+    mend = f"Correct {columns} in the file"
+    if way == "reversed":
+        example = f"dir{joints[0]}: {{column: dir{joints[0]}, scale: -1}}"
+        mend = f"Give {columns} 'scale: -1' in a dataset.yaml, as in '{example}'"
+    return Finding(
+        "directions_off",
+        "warning",
+        f"{data.file.name}: {columns}: found agreement with the motion from the row before in {now:.0%} of the "
+        f"motions, and in {then:.0%} if {words}",
+        {"joints": joints, "way": way, "share": now, "share_if_changed": then},
+        f"{mend}, or take the directions from the order of the rows: 'derive: {{dir: from_order}}' in a dataset.yaml. "
+        "Effects of the direction of approach, such as play, are not found with wrong ones.",
+    )

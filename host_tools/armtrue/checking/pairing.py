@@ -1,0 +1,355 @@
+"""Rows whose position belongs elsewhere: to the joints of another row from some row on, or to another reflector.
+
+Base and tools are found from rows that follow the arm. Then every position is asked whether it follows the joints of
+its own row, those of a row near by, or its own joints with the tool of another reflector.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armtrue.arrays import Array
+from armtrue.checking.alignment import NOMINAL_ERROR_PER_REACH, Columns, align, evenly
+from armtrue.checking.motion import name_rows
+from armtrue.checking.placement import Reading, lower_bounds
+from armtrue.checking.report import Finding, Severity
+from armtrue.checking.residuals import gross_limit_m
+from armtrue.io.columns import POSITION
+from armtrue.io.dataset import Dataset
+from armtrue.io.robot import Robot
+from armtrue.tables.chain import flanges, pose
+
+Mask = NDArray[np.bool_]
+CODES = ("rows_shifted", "reflectors_exchanged")
+
+# Every lost reading moves the rest of the file by one more row; with more than three the log has to be paired anew.
+_LAGS = (1, -1, 2, -2, 3, -3)
+# One row that fits a neighbour may be chance, and two may be two rows that changed places.
+_FEWEST_ROWS = 3
+# A fit keeps gross errors out while they are a tenth of all rows, and is lost with an eighth. Half of a tenth leaves
+# room for other gross errors beside the block.
+_SPOILS_A_FIT = 0.05
+# With fewer rows explained something else is wrong as well, which the search for conventions may name.
+_EXPLAINED = 0.75
+# More runs of rows than this are named row by row.
+_MOST_RUNS = 3
+# Rows that are aligned: 60 place base and tool within millimetres.
+_ROWS = 60
+# Shares of the file that are tried as a start where base and tool cannot be found from the whole.
+_SHARES = (1 / 8, 1 / 3)
+_PASSES = 3
+
+
+@dataclass(frozen=True)
+class _Placed:
+    """Distances [m] of every position from where it should be, with one base and one set of tools.
+
+    `own`: (N,) with the joints and the reflector of its row. `shifted`: lag → (N,), with the joints so many rows
+    further down. `renamed`: (reflectors, N), with its own joints and each reflector. Infinite where there is none.
+    `limit_m`: a larger distance is a gross error.
+    """
+
+    own: Array
+    shifted: dict[int, Array]
+    renamed: Array
+    limit_m: float
+
+    def explained(self) -> Mask:
+        """Rows that follow the arm in some reading."""
+        return np.asarray(self._least() <= self.limit_m)
+
+    def best_lag(self) -> NDArray[np.int64]:
+        """For each row the lag under which it lies nearest, 0 where its own joints are within the limit."""
+        lags = np.array([0, *self.shifted])
+        nearest = lags[np.argmin([self.own, *self.shifted.values()], axis=0)]
+        return np.where(self.own <= self.limit_m, 0, nearest)
+
+    def best_target(self, own: NDArray[np.int64]) -> NDArray[np.int64]:
+        """For each row the reflector to which it lies nearest, that of `own` where this one is within the limit."""
+        return np.where(self.own <= self.limit_m, own, np.argmin(self.renamed, axis=0))
+
+    def _least(self) -> Array:
+        return np.asarray(np.min([self.own, *self.shifted.values(), self.renamed.min(axis=0)], axis=0))
+
+
+def find(data: Dataset, measured: Columns, robot: Robot) -> tuple[list[Finding], Mask]:
+    """Findings on blocks of rows with the positions of other rows or reflectors, and a mask (N,) of their rows.
+
+    `measured`: the rows of `data` in SI units, in their order. An error where the block is large enough to spoil a fit,
+    else a warning. A shift of the whole file by one row is left to the search for conventions.
+    """
+    nothing = np.zeros(data.count, dtype=bool)
+    if "station" in measured:
+        # Every set-up of the tracker has a base of its own, which this search does not know.
+        return [], nothing
+    placed = _place(measured, robot)
+    if placed is None:
+        return [], nothing
+    findings: list[Finding] = []
+    rows = nothing.copy()
+    for found, block in _shifts(data, placed):
+        findings.append(found)
+        rows |= block
+    # Where both reflectors are measured at each pose, the next row's position is that of the other reflector as well.
+    for found, block in _exchanges(data, placed, ~rows):
+        findings.append(found)
+        rows |= block
+    return findings, rows
+
+
+def _place(measured: Columns, robot: Robot) -> _Placed | None:
+    """Base and tools that most rows follow in some reading; None where no such are found."""
+    search = _Search(measured, robot)
+    for lag, chosen in search.starts():
+        placed = search.placed(lag, chosen)
+        if placed is not None and placed.explained().mean() >= _EXPLAINED:
+            return placed
+    return None
+
+
+class _Search:
+    """The search for base and tools of `measured`, some of whose rows may have another's position or reflector."""
+
+    def __init__(self, measured: Columns, robot: Robot) -> None:
+        self._measured = measured
+        self._robot = robot
+        self._flange = flanges(measured, robot.spec)
+        self._points = np.column_stack([measured[name] for name in POSITION])
+        self._count = len(self._points)
+        codes = measured.get("target", np.zeros(self._count)).astype(np.int64)
+        self._names, self._target = np.unique(codes, return_inverse=True)
+        self._widest_m = NOMINAL_ERROR_PER_REACH * robot.reach_m
+
+    def starts(self) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64]]]:
+        """Lags (M,) and rows (M,) to begin with: the whole file as it stands, then parts that may be of one piece.
+
+        Where half of the rows are shifted no base fits them all, but one fits any part before or after that row.
+        """
+        whole = np.arange(self._count)
+        yield np.zeros(self._count, dtype=np.int64), whole
+        # The relaxed problem has 12 unknowns and 3 a tool; four equations for each leave something to judge by.
+        fewest = 16 + 4 * len(self._names)
+        for share in _SHARES:
+            size = max(fewest, int(share * self._count))
+            if size >= self._count:
+                continue
+            windows = [whole[first : first + size] for first in range(0, self._count - size + 1, size // 2)]
+            tried = [(lag, window) for window in windows for lag in (0, *_LAGS) if self._reaches(lag, window)]
+            readings = []
+            for lag, window in tried:
+                rows = window[evenly(size, _ROWS)]
+                readings.append(Reading(self._paired(np.full(len(rows), lag), rows), self._robot.spec))
+            # A part that has all reflectors tells of all rows; and readings are compared with as many unknowns each.
+            reflectors = [len(np.unique(reading.columns.get("target", 0))) for reading in readings]
+            most = [at for at, number in enumerate(reflectors) if number == max(reflectors)]
+            bounds = lower_bounds([readings[at] for at in most])
+            lag, window = tried[most[int(np.argmin(bounds))]]
+            yield np.full(size, lag), window
+
+    def _reaches(self, lag: int, rows: NDArray[np.int64]) -> bool:
+        return bool(rows[0] + lag >= 0 and rows[-1] + lag < self._count)
+
+    def _paired(
+        self, lag: NDArray[np.int64], rows: NDArray[np.int64], target: NDArray[np.int64] | None = None
+    ) -> Columns:
+        """The columns of `rows`: positions with the joints `lag` further down, reflectors counted from 0."""
+        paired = {
+            name: values[rows if name in POSITION else rows + lag] for name, values in self._measured.items()
+        }
+        if "target" in paired:
+            codes = self._target[rows + lag] if target is None else target
+            paired["target"] = np.unique(codes, return_inverse=True)[1].astype(np.float64)
+        return paired
+
+    def placed(self, lag: NDArray[np.int64], rows: NDArray[np.int64]) -> _Placed | None:
+        """Base and tools from `rows` read with `lag`, then from all rows that follow these in some reading."""
+        target = self._target[rows + lag]
+        limit = self._widest_m
+        for _ in range(_PASSES):
+            if rows.size < _FEWEST_ROWS + 4:
+                return None
+            chosen = evenly(rows.size, _ROWS)
+            aligned = align(self._paired(lag[chosen], rows[chosen], target[chosen]), self._robot)
+            placed = self._distances(
+                aligned.measuring_from_base, aligned.flange_from_tool, target[chosen], limit
+            )
+            explained = placed.explained()
+            rows = np.flatnonzero(explained)
+            lag = placed.best_lag()[rows]
+            target = placed.best_target(self._target)[rows]
+            target = np.where(lag == 0, target, self._target[rows + lag])
+            as_they_stand = placed.own[placed.own <= self._widest_m]
+            if as_they_stand.size:
+                limit = min(self._widest_m, gross_limit_m(as_they_stand))
+        return placed
+
+    def _distances(
+        self,
+        base: dict[str, list[float]],
+        tools: dict[str, dict[str, list[float]]],
+        target: NDArray[np.int64],
+        limit_m: float,
+    ) -> _Placed:
+        predicted = np.full((len(self._names), self._count, 3), np.inf)
+        from_flange = pose(dict(base)) @ self._flange
+        for place, code in enumerate(np.unique(target)):
+            # A single tool stands under no number.
+            tool = np.array(tools.get(str(place), next(iter(tools.values())))["xyz"])
+            predicted[code] = from_flange[:, :3, :3] @ tool + from_flange[:, :3, 3]
+        renamed = np.linalg.norm(predicted - self._points, axis=2)
+        every = np.arange(self._count)
+        return _Placed(
+            renamed[self._target, every],
+            {lag: self._shifted(lag, predicted) for lag in _LAGS},
+            renamed,
+            limit_m,
+        )
+
+    def _shifted(self, lag: int, predicted: Array) -> Array:
+        """Distances (N,) from the point of the joints `lag` rows further down.
+
+        The name of the reflector may have stayed with the joints or gone with the position: the nearer of both.
+        """
+        rows = np.arange(max(0, -lag), min(self._count, self._count - lag))
+        result = np.full(self._count, np.inf)
+        result[rows] = np.minimum(
+            *(
+                np.linalg.norm(predicted[target, rows + lag] - self._points[rows], axis=1)
+                for target in (self._target[rows + lag], self._target[rows])
+            )
+        )
+        return result
+
+
+def _blocks(marked: Mask, contradicts: Mask) -> Iterator[slice]:
+    """Runs of rows from a marked one to a marked one with no contradiction between them."""
+    # Rows with as many contradictions before them can be of one run.
+    piece = np.cumsum(contradicts)
+    for number in np.unique(piece[marked]):
+        rows = np.flatnonzero(marked & (piece == number))
+        if rows.size >= _FEWEST_ROWS:
+            yield slice(int(rows[0]), int(rows[-1]) + 1)
+
+
+def _shifts(data: Dataset, placed: _Placed) -> Iterator[tuple[Finding, Mask]]:
+    limit = placed.limit_m
+    for lag, distance in placed.shifted.items():
+        others = [placed.own, *(values for other, values in placed.shifted.items() if other != lag)]
+        nearest = np.min(others, axis=0)
+        marked = (distance <= limit) & (nearest > limit)
+        # A row at the end of the file has no partner so many rows further on, which says nothing against the lag.
+        contradicts = np.isfinite(distance) & (distance > limit) & (nearest <= limit)
+        for block in _blocks(marked, contradicts):
+            first, last = data.rows[[block.start, block.stop - 1]]
+            where = f"in rows {first} to {last}"
+            if not contradicts[block.stop :].any():
+                where = f"from row {first} on" if contradicts[: block.start].any() else "in all rows"
+            if where == "in all rows" and abs(lag) == 1:
+                continue
+            inside = np.zeros(data.count, dtype=bool)
+            inside[block] = True
+            yield _shift(data, placed, lag, inside, where), inside
+
+
+def _shift(data: Dataset, placed: _Placed, lag: int, inside: Mask, where: str) -> Finding:
+    """`where`: its rows in words."""
+    first, last = (int(row) for row in data.rows[inside][[0, -1]])
+    far = f"{abs(lag)} rows further {'down' if lag > 0 else 'up'}"
+    whose = {1: "of the next row", -1: "of the row before"}.get(lag, far)
+    figures = _figures(placed.own[inside], placed.shifted[lag][inside])
+    by = f"{abs(lag)} row{'s' if abs(lag) > 1 else ''}"
+    if lag > 0:
+        cause = "as where the tracker lost a reading and the next ones moved up"
+        remedy = (
+            f"Move x, y, z (and target, where the tracker names it) of these rows down by {by} and leave out the rows "
+            "that then have no position, or pair joints and positions again from the logs, by their times."
+        )
+    else:
+        cause = "as where the tracker measured once too often or a row of joints was lost"
+        remedy = (
+            f"Move x, y, z (and target, where the tracker names it) of these rows up by {by}, over the readings that "
+            "are too many, or pair joints and positions again from the logs, by their times."
+        )
+    return Finding(
+        "rows_shifted",
+        _severity(data, inside),
+        f"{where}, each position belongs to the joints {whose}, {cause}: {figures}",
+        {
+            "first_row": first,
+            "last_row": last,
+            "rows": data.rows[inside].tolist(),
+            "lag": lag,
+            "median_m": float(np.median(placed.own[inside])),
+            "median_m_if_changed": float(np.median(placed.shifted[lag][inside])),
+        },
+        remedy,
+    )
+
+
+def _exchanges(data: Dataset, placed: _Placed, among: Mask) -> Iterator[tuple[Finding, Mask]]:
+    names = data.labels.get("target", [])
+    if "target" not in data.columns:
+        return
+    codes, target = np.unique(data.columns["target"].astype(np.int64), return_inverse=True)
+    for one, other in itertools.combinations(range(len(codes)), 2):
+        partner = np.where(target == one, other, one)
+        of_pair = among & ((target == one) | (target == other))
+        distance = placed.renamed[partner, np.arange(data.count)]
+        marked = of_pair & (distance <= placed.limit_m) & (placed.own > placed.limit_m)
+        contradicts = of_pair & (distance > placed.limit_m) & (placed.own <= placed.limit_m)
+        if marked.sum() > contradicts.sum():
+            # Base and tools were found from rows with the exchanged names: the larger part is right.
+            marked, contradicts = contradicts, marked
+        if np.count_nonzero(marked) >= _FEWEST_ROWS:
+            distances = np.sort([placed.own[marked], distance[marked]], axis=0)
+            where = _in_rows(data, marked, contradicts)
+            yield _exchange(data, names[codes[one]], names[codes[other]], marked, where, distances), marked
+
+
+def _in_rows(data: Dataset, marked: Mask, contradicts: Mask) -> str:
+    """`in rows 62 to 91` where few runs hold all rows `marked`, else their numbers."""
+    piece = np.cumsum(contradicts)
+    runs = [data.rows[marked & (piece == number)] for number in np.unique(piece[marked])]
+    if len(runs) > _MOST_RUNS:
+        return f"in {name_rows(data, marked)}"
+    return "in rows " + " and ".join(f"{run[0]} to {run[-1]}" for run in runs)
+
+
+def _exchange(data: Dataset, one: str, other: str, inside: Mask, where: str, distances: Array) -> Finding:
+    """`where`: its rows in words. `distances` (2, rows) [m]: with the right reflector and with the wrong one."""
+    said = sorted({data.labels["target"][int(code)] for code in data.columns["target"][inside]})
+    if len(said) == 2:
+        words = f"{where} the names of the reflectors '{one}' and '{other}' are exchanged"
+        remedy = f"Exchange '{one}' and '{other}' in the column target of these rows, or leave the rows out."
+    else:
+        fits = other if said == [one] else one
+        words = f"{where} the positions said to be of the reflector '{said[0]}' are of '{fits}'"
+        remedy = f"Write '{fits}' into the column target of these rows, or leave the rows out."
+    return Finding(
+        "reflectors_exchanged",
+        _severity(data, inside),
+        f"{words}: {_figures(distances[1], distances[0])}",
+        {
+            "rows": data.rows[inside].tolist(),
+            "targets": [one, other],
+            "median_m": float(np.median(distances[1])),
+            "median_m_if_changed": float(np.median(distances[0])),
+        },
+        remedy,
+    )
+
+
+def _severity(data: Dataset, inside: Mask) -> Severity:
+    return "error" if np.count_nonzero(inside) > _SPOILS_A_FIT * data.count else "warning"
+
+
+def _figures(before: Array, after: Array) -> str:
+    return (
+        f"these rows lie {np.median(before) * 1000:.0f} mm from where the arm was as the file stands, and "
+        f"{np.median(after) * 1000:.1f} mm so (medians)"
+    )

@@ -1,0 +1,153 @@
+"""Blocks of rows with the positions of other rows, or with the names of other reflectors."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import armtrue_sim
+import numpy as np
+import pytest
+
+from armtrue.checking import Finding, check, refuse_what_cannot_be_an_arm
+from armtrue.errors import InputError
+from armtrue.io import Dataset, Robot, load_data, load_robot
+
+Campaign = Callable[..., tuple[Dataset, Robot]]
+
+
+@pytest.fixture
+def campaign(tmp_path: Path) -> Campaign:
+    def simulated(arm: str = "kr30", seed: int = 94, **more: object) -> tuple[Dataset, Robot]:
+        armtrue_sim.simulate({"arm": arm, "seed": seed, "hidden": [], **more}).write(tmp_path)
+        robot = load_robot(tmp_path / "robot.yaml")
+        return load_data(tmp_path / "data.csv", robot, strict=False), robot
+
+    return simulated
+
+
+def shifted(data: Dataset, first: int, last: int, lag: int = 1) -> Dataset:
+    """`data` with positions from `lag` rows further down in the entries `first` to `last`; rows without one go."""
+    own = np.arange(data.count)
+    source = np.where((own >= first) & (own <= last), own + lag, own)
+    kept = source < data.count
+    columns = {name: data.columns[name][source[kept]] for name in "xyz"}
+    return replace(data.take(kept), columns={**data.take(kept).columns, **columns})
+
+
+def errors_and_warnings(data: Dataset, robot: Robot) -> list[Finding]:
+    return [found for found in check(data, robot).findings if found.severity != "note"]
+
+
+@pytest.mark.parametrize(("arm", "seed"), [("kr30", 91), ("kr30", 94), ("kr30", 96), ("cobot", 194)])
+@pytest.mark.parametrize("share", [0.12, 0.5, 0.9])
+def test_lost_reading_is_named_by_its_row_and_a_fit_refused(
+    campaign: Campaign, arm: str, seed: int, share: float
+) -> None:
+    data, robot = campaign(arm, seed)
+    first = int((1.0 - share) * data.count)
+    lost = shifted(data, first, data.count)
+    (found,) = errors_and_warnings(lost, robot)
+    assert (found.code, found.severity) == ("rows_shifted", "error")
+    assert found.evidence["first_row"] == first + 2
+    words = f"from row {first + 2} on, each position belongs to the joints of the next row"
+    assert words in found.message
+    assert "down by 1 row" in found.remedy
+    with pytest.raises(InputError, match=words):
+        refuse_what_cannot_be_an_arm(lost, robot)
+
+
+def test_surplus_reading_is_named_and_its_copy_is_not_all_that_is_said(campaign: Campaign) -> None:
+    data, robot = campaign()
+    (found,) = errors_and_warnings(shifted(data, 100, data.count, lag=-1), robot)
+    assert "from row 102 on, each position belongs to the joints of the row before" in found.message
+    assert "up by 1 row" in found.remedy
+
+
+def test_two_lost_readings_are_two_blocks(campaign: Campaign) -> None:
+    data, robot = campaign()
+    twice = shifted(shifted(data, 60, data.count), 150, data.count)
+    one, other = errors_and_warnings(twice, robot)
+    assert "in rows 62 to 151, each position belongs to the joints of the next row" in one.message
+    assert "from row 152 on, each position belongs to the joints 2 rows further down" in other.message
+
+
+def test_shift_that_ends_is_named_with_both_ends(campaign: Campaign) -> None:
+    data, robot = campaign()
+    (found,) = errors_and_warnings(shifted(data, 60, 120), robot)
+    assert "in rows 62 to 122, each position belongs to the joints of the next row" in found.message
+
+
+def test_shift_of_the_whole_file_by_two_rows_is_said(campaign: Campaign) -> None:
+    data, robot = campaign()
+    (found,) = errors_and_warnings(shifted(data, 0, data.count, lag=2), robot)
+    assert "in all rows, each position belongs to the joints 2 rows further down" in found.message
+
+
+def test_shift_is_found_where_one_reflector_was_measured_after_the_other(campaign: Campaign) -> None:
+    data, robot = campaign(targets={"names": ["A", "B"], "order": "cycle"})
+    without_time = {name: values for name, values in data.columns.items() if name != "time"}
+    data = replace(data, columns=without_time).take(np.argsort(data.columns["target"], kind="stable"))
+    (found,) = errors_and_warnings(
+        shifted(replace(data, rows=np.arange(data.count) + 2), 160, data.count), robot
+    )
+    assert "from row 162 on" in found.message
+
+
+def test_shift_and_exchange_are_told_apart_where_each_pose_has_both_reflectors(campaign: Campaign) -> None:
+    data, robot = campaign(targets={"names": ["A", "B"], "order": "each_pose"})
+    (lost,) = errors_and_warnings(shifted(data, 120, data.count), robot)
+    assert (lost.code, lost.evidence["first_row"]) == ("rows_shifted", 122)
+    target = data.columns["target"].copy()
+    target[60:90] = 1.0 - target[60:90]
+    (swapped,) = errors_and_warnings(replace(data, columns={**data.columns, "target": target}), robot)
+    assert "in rows 62 to 91 the names" in swapped.message
+
+
+def test_short_shift_is_a_warning_that_a_fit_keeps(campaign: Campaign) -> None:
+    data, robot = campaign()
+    brief = shifted(data, 60, 67)
+    # The copy at its end is the shift's own: neither it nor gross errors are reported beside it.
+    (found,) = errors_and_warnings(brief, robot)
+    assert (found.code, found.severity) == ("rows_shifted", "warning")
+    assert any("in rows 62 to 69" in doubt for doubt in refuse_what_cannot_be_an_arm(brief, robot))
+
+
+def test_positions_that_follow_their_own_rows_raise_nothing(campaign: Campaign) -> None:
+    for arm in ("kr30", "scara", "cobot"):
+        assert not errors_and_warnings(*campaign(arm))
+    data, robot = campaign(targets={"names": ["A", "B"], "order": "cycle"})
+    assert not errors_and_warnings(data, robot)
+
+
+def test_gross_errors_and_rows_that_changed_places_are_no_shift(campaign: Campaign) -> None:
+    data, robot = campaign()
+    columns = {name: data.columns[name].copy() for name in "xyz"}
+    for values in columns.values():
+        values[[30, 31]] = values[[31, 30]]
+        values[100:130] += 0.05
+    wrong = replace(data, columns={**data.columns, **columns})
+    assert "rows_shifted" not in [found.code for found in check(wrong, robot).findings]
+
+
+@pytest.mark.parametrize(("count", "severity"), [(8, "warning"), (30, "error"), (105, "error")])
+def test_exchanged_names_of_reflectors_are_said(campaign: Campaign, count: int, severity: str) -> None:
+    data, robot = campaign(targets={"names": ["A", "B"], "order": "cycle"})
+    target = data.columns["target"].copy()
+    target[60 : 60 + count] = 1.0 - target[60 : 60 + count]
+    (found,) = errors_and_warnings(replace(data, columns={**data.columns, "target": target}), robot)
+    assert (found.code, found.severity) == ("reflectors_exchanged", severity)
+    assert (
+        f"in rows 62 to {61 + count} the names of the reflectors 'A' and 'B' are exchanged" in found.message
+    )
+    assert found.remedy.startswith("Exchange 'A' and 'B' in the column target")
+
+
+def test_name_that_stayed_the_same_is_said(campaign: Campaign) -> None:
+    data, robot = campaign(targets={"names": ["A", "B"], "order": "cycle"})
+    target = data.columns["target"].copy()
+    target[60:90] = data.labels["target"].index("A")
+    (found,) = errors_and_warnings(replace(data, columns={**data.columns, "target": target}), robot)
+    assert "the positions said to be of the reflector 'A' are of 'B'" in found.message
+    assert len(found.evidence["rows"]) == 15
