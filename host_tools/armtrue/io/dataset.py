@@ -156,9 +156,12 @@ def load_data(
     if not strict:
         return data
     refuse_wrong_units(data.file, data.columns, data.rows, robot)
+    # Directions that were taken from the order cannot confirm that the arm went from row to row.
+    order_tells = "dir" not in layout.from_order or "travel" in layout.from_order
     if not need_position:
-        return in_file_order(with_travels(data))
-    return without_fixed_targets(with_travels(without_copies(data)))
+        return in_file_order(with_travels(data) if order_tells else data)
+    data = without_copies(data)
+    return without_fixed_targets(with_travels(data) if order_tells else data)
 
 
 def _at_the_drives(data: Dataset, robot: Robot) -> Dataset:
@@ -383,7 +386,7 @@ def _assemble(path: Path, layout: Layout, names: ColumnNames, skipped: dict[int,
         columns = {name: values[order] for name, values in columns.items()}
         rows = rows[order]
         turns = None if turns is None else turns[order]
-    if layout.direction_from_order:
+    if "dir" in layout.from_order:
         columns |= directions(columns)
     return Dataset(path, layout.file, columns, rows, labels, notes, layout.rotation, turns, dict(skipped))
 

@@ -74,7 +74,8 @@ class Layout:
     time: TimeSource | None = None
     rotation: RotationSource | None = None
     sort_by: str | None = None
-    direction_from_order: bool = False
+    # Of dir and travel, those that the order of the rows tells.
+    from_order: frozenset[str] = frozenset()
     rows: RowFilter = field(default_factory=RowFilter)
     # Columns of the file that are not the contract's.
     unused: list[str] = field(default_factory=list)
@@ -172,7 +173,7 @@ def yaml_layout(path: Path, robot: Robot) -> Layout:
         time=_time(top),
         rotation=_rotation(top),
         sort_by=top.choice("sort_by", ["time", "row"], default="row"),
-        direction_from_order=_direction_from_order(top),
+        from_order=_from_order(top),
         rows=_row_filter(top),
     )
     top.finish()
@@ -305,13 +306,15 @@ def _rotation(top: Section) -> RotationSource | None:
     return RotationSource(headers, form, **options)
 
 
-def _direction_from_order(top: Section) -> bool:
+def _from_order(top: Section) -> frozenset[str]:
     if not top.has("derive"):
-        return False
+        return frozenset()
     section: Section = top.section("derive")
-    section.choice("dir", ["from_order"])
+    found = frozenset(name for name in ("dir", "travel") if section.has(name))
+    for name in found or ("dir",):
+        section.choice(name, ["from_order"])
     section.finish()
-    return True
+    return found
 
 
 def _row_filter(top: Section) -> RowFilter:

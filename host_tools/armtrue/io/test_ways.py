@@ -60,3 +60,15 @@ def test_the_reader_derives_it_and_says_so(tmp_path, two_joints) -> None:
     assert any("travel1, how far a joint came" in note for note in data.notes)
     # Poses to predict keep all their rows.
     assert load_data(path, two_joints, need_position=False).count == 2 * Q.size
+
+
+def test_directions_taken_from_the_order_do_not_confirm_it(tmp_path, two_joints) -> None:
+    rows = [f"{q:.3f},{0.1 * i:.1f},1,2,{3 + 0.01 * i:.2f}" for i, q in enumerate(Q)]
+    (tmp_path / "data.csv").write_text("\n".join(["q1,q2,x,y,z", *rows]) + "\n")
+    columns = "columns: {q1: q1, q2: q2, x: x, y: y, z: z}\n"
+    path = tmp_path / "dataset.yaml"
+    path.write_text(f"file: data.csv\n{columns}derive: {{dir: from_order}}\n")
+    assert "travel1" not in load_data(path, two_joints).columns
+    path.write_text(f"file: data.csv\n{columns}derive: {{dir: from_order, travel: from_order}}\n")
+    data = load_data(path, two_joints)
+    np.testing.assert_allclose(data.columns["travel1"][2:7], [0.6, 0.9, 0.5, 0.7, 1.0], atol=1e-9)
