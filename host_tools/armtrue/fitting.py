@@ -16,7 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armtrue import _core, notebook
-from armtrue.checking import warnings_of_springs
 from armtrue.errors import InputError
 from armtrue.fit_file import check_document
 from armtrue.io import Dataset, Model, Robot, load_data
@@ -26,6 +25,7 @@ from armtrue.io.model import check_effect
 from armtrue.io.plausible import refuse_too_few_poses
 from armtrue.io.yamlfile import Section
 from armtrue.progress import Progress
+from armtrue.springs import warnings_of_springs
 
 FORMAT = "armtrue-fit"
 VERSION = 1

@@ -1,13 +1,6 @@
 """Integrity before physics: what is wrong with measurements, with evidence and a remedy."""
 
 from armtrue.checking.report import CheckReport, Finding
-from armtrue.checking.run import check, refuse_what_cannot_be_an_arm, warnings_of_fit, warnings_of_springs
+from armtrue.checking.run import check, refuse_what_cannot_be_an_arm, warnings_of_fit
 
-__all__ = [
-    "CheckReport",
-    "Finding",
-    "check",
-    "refuse_what_cannot_be_an_arm",
-    "warnings_of_fit",
-    "warnings_of_springs",
-]
+__all__ = ["CheckReport", "Finding", "check", "refuse_what_cannot_be_an_arm", "warnings_of_fit"]

@@ -99,13 +99,6 @@ def warnings_of_fit(base: dict[str, Any], robot: Robot) -> list[str]:
     return _with_remedies(gravity.find(base, robot))
 
 
-def warnings_of_springs(document: dict[str, Any], robot: Robot) -> list[str]:
-    """Warnings about robot.yaml that need fitted springs, with remedies. `document`: that of a fit."""
-    return _with_remedies(
-        gravity.find_contradictions(document["parameters"], document["measuring_from_base"], robot)
-    )
-
-
 def _with_remedies(findings: list[Finding]) -> list[str]:
     return [f"{finding.message}. {finding.remedy}" for finding in findings]
 

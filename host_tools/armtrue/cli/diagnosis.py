@@ -74,6 +74,9 @@ def refine(
     if result.get("steps"):
         present_added(result["effects"], output)
         present_diagnosis(result["steps"][-1], output, out, data)
+    if refined.document["warnings"]:
+        output.title("Warnings")
+        output.items(refined.document["warnings"])
     output.say(f"\nwritten: {out}")
     output.figures(result)
 

@@ -10,8 +10,8 @@ import armtrue_sim
 import pytest
 
 from armtrue import fitting
-from armtrue.checking.gravity import find_contradictions
 from armtrue.io import load_data, load_model, load_robot
+from armtrue.springs import warnings_of_springs
 
 
 @pytest.fixture
@@ -65,8 +65,8 @@ def springs(*values: float | None, sign: int = 1, unit: str = "rad/Nm") -> list[
 def test_what_is_no_sure_spring_says_nothing_of_gravity(tmp_path, warnings):
     warnings("kr30", 1, [0.0, 0.0, -9.81])
     robot = load_robot(tmp_path / "robot.yaml")
-    level = {"xyz": [0.0, 0.0, 0.0], "rpy": [0.0, 0.0, 0.0]}
-    assert find_contradictions(springs(-50.0), level, robot)
+    level = {"measuring_from_base": {"xyz": [0.0, 0.0, 0.0], "rpy": [0.0, 0.0, 0.0]}}
+    assert warnings_of_springs({**level, "parameters": springs(-50.0)}, robot)
     for parameters in (
         [],
         springs(-50.0, 50.0),
@@ -75,4 +75,4 @@ def test_what_is_no_sure_spring_says_nothing_of_gravity(tmp_path, warnings):
         springs(-50.0, sign=0),
         springs(-50.0, unit="rad"),
     ):
-        assert find_contradictions(parameters, level, robot) == []
+        assert warnings_of_springs({**level, "parameters": parameters}, robot) == []
