@@ -233,9 +233,8 @@ def with_travels(data: Dataset) -> Dataset:
     if not found:
         return data
     joints = sorted(int(name.removeprefix("travel")) for name in found)
-    names = f"travel{joints[0]}" if len(joints) == 1 else f"travel{joints[0]}…travel{joints[-1]}"
     note = (
-        f"{data.file.name}: {names}, how far a joint came in its last direction, follows from the order of the rows, "
+        f"{data.file.name}: {span('travel', joints)}, how far a joint came in its last direction, follows from the order of the rows, "
         "with which dir agrees"
     )
     return replace(data, columns=data.columns | found, notes=[*data.notes, note])
