@@ -234,8 +234,8 @@ def with_travels(data: Dataset) -> Dataset:
         return data
     joints = sorted(int(name.removeprefix("travel")) for name in found)
     note = (
-        f"{data.file.name}: {span('travel', joints)}, how far a joint came in its last direction, follows from the order of the rows, "
-        "with which dir agrees"
+        f"{data.file.name}: {span('travel', joints)}, how far a joint came in its last direction, follows from the "
+        "order of the rows, with which dir agrees"
     )
     return replace(data, columns=data.columns | found, notes=[*data.notes, note])
 
