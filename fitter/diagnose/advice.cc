@@ -228,6 +228,7 @@ void advise_structure(const Diagnosis& d, const Fit& fit, std::vector<std::strin
                                     : "no effect of the catalogue has that form; the generic "
                                       "remedy is: " +
                                           remedy(f));
+    if (is_motion(f)) return;
     if (d.neighbour_ratio < kNeighboursAlike) {
       advice.push_back("neighbouring poses err alike: it repeats and can be compensated");
     } else if (d.lack_of_fit.testable && d.lack_of_fit.against == "repeats") {
@@ -237,7 +238,7 @@ void advise_structure(const Diagnosis& d, const Fit& fit, std::vector<std::strin
     } else {
       advice.push_back("whether it repeats is not known: no pose was measured again");
     }
-    if (!is_motion(f)) advise_direction(d, fit, advice);
+    advise_direction(d, fit, advice);
     return;
   }
   if (d.gross) {

@@ -198,7 +198,7 @@ def _present_structure(findings: list[dict[str, Any]], output: Output) -> None:
         # The same on another coordinate is said once.
         lines.setdefault(
             (finding["variable"], joints),
-            f"depends on {variable}{where}: {finding['shape']} (log10 p {finding['log10_p']:.1f})",
+            f"depends on {variable}{where}: {with_signs(finding['shape'])} (log10 p {finding['log10_p']:.1f})",
         )
     if lines:
         output.title("Left over")
