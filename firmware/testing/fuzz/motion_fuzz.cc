@@ -170,6 +170,8 @@ class Life {
         quiet(600);
         bench_.write(0x2000, 1, bench_.read(0x2000, 1) != 0 ? 0 : (offset_ ? 2 : 1), 1);
         quiet(fades_within_ > kFadesWithin ? 6000 : 600);
+        // A start takes over what the drives hold, though it be a target's way, and lets it fade.
+        since_disabled_ = std::min<std::int64_t>(since_disabled_, 0);
         return noted();
       default:
         bench_.power_on();
