@@ -8,7 +8,6 @@ from typing import Any
 
 import armtrue_sim
 import pytest
-
 from armtrue import fitting
 from armtrue.io import load_data, load_model, load_robot
 from armtrue.springs import warnings_of_springs
