@@ -270,8 +270,8 @@ std::int32_t Compensator::limited(std::size_t joint, std::int32_t aim, std::uint
   return motion_.delta[joint] + (change > 0 ? most : -most);
 }
 
-// `aim` is the whole correction; a blend on its way has that share of it, and the rest of what was
-// held when it began: between the two, and no more than either.
+// Turns `aim`, the correction that a blend leads to, into that of this moment: a weighted mean of
+// it and of the correction that was held when the blend began. The weight grows with time.
 void Compensator::blend(JointAmounts& aim) const {
   for (std::size_t k = 0; k < config_.joint_count; ++k) {
     const std::int32_t way = saturate(std::int64_t{aim[k]} - motion_.delta_held[k]);

@@ -185,35 +185,33 @@ bool advise_direction(const Diagnosis& d, const Fit& fit, std::vector<std::strin
   return true;
 }
 
-// A direction of approach that is not recorded, as find_motion finds it.
+// True for a finding of find_motion: an error that follows a direction of approach that nobody
+// recorded.
 bool is_motion(const StructureFinding& f) {
   return f.has_own_form && f.variables.front().starts_with("dir");
 }
 
-// What may have happened, and what to do; empty where `f` is no step of the base or a joint and no
-// swings.
+// What may have happened, and what to do, where the shape of a finding tells it; else empty.
 std::string event_of(const StructureFinding& f) {
   if (is_motion(f)) {
     return "backlash looks so: dataset.yaml's `derive: {dir: from_order}` takes directions from "
-           "the "
-           "order of the rows; if the arm did not go straight from row to row, record " +
+           "the order of the rows; if the arm did not go straight from row to row, record " +
            f.variables.front();
   }
-  if (f.variables != std::vector<std::string>{"time"}) return "";
-  if (f.shape.find(" swings of ") != std::string::npos) {
+  if (f.nodes > 0) {  // of find_swings
     return "what comes and goes moves base or instrument (air conditioning, sunlight, a tracker's "
            "stand): shield them, or measure a reflector on the floor between poses and see it "
            "swing";
   }
-  if (!f.shape.starts_with("a step")) return "";
+  const bool in_time = f.variables == std::vector<std::string>{"time"};
+  if (!in_time || !f.shape.starts_with("a step")) return "";
   if (f.coordinate.starts_with("base")) {
     return "a knocked tracker or nest looks so: number the poses before and after it 1 and 2 in a "
            "column station (or nest), and add that effect";
   }
   if (!f.coordinate.starts_with("motor")) return "";
   return "a joint's zero that moved looks so (a new mastering, a belt that jumped a tooth): fit "
-         "the "
-         "poses after it alone, for they are of the arm as it is now";
+         "the poses after it alone, for they are of the arm as it is now";
 }
 
 void advise_structure(const Diagnosis& d, const Fit& fit, std::vector<std::string>& advice) {

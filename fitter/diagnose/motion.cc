@@ -7,7 +7,8 @@
 namespace armtrue {
 namespace {
 
-// With fewer rows, directions go along with angles.
+// In a short file a joint goes up to its large angles and down to its small ones: there a direction
+// can hardly be told from an angle.
 constexpr std::size_t kFewestRows = 40;
 constexpr double kLargest = 1e-3;  // [rad or m], as the lost motion of a gear
 

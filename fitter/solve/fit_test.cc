@@ -215,7 +215,7 @@ TEST(Fit, AMissingEffectIsNotRejectedAway) {
   EXPECT_TRUE(fit_of(p)->rejected().empty());
 }
 
-// A reading was lost: from one row on, each position is that of the next pose.
+// The tracker lost one reading: from there on each row holds the position of the next pose.
 TEST(Fit, ABlockOfRowsThatBelongToOtherPosesIsKeptOut) {
   Problem p = geometry_problem(57, {150, false, 1, 1e-5, 2e-5, {}});
   const auto right = fit_of(p);

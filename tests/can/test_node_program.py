@@ -18,7 +18,7 @@ TIME_SINCE_START = (0x2001, 13)  # ms
 
 
 def refusal(done: subprocess.CompletedProcess[str]) -> str:
-    """The one sentence of a start that was refused as a bad option is."""
+    """The one sentence that the node printed as it refused its options with exit status 2."""
     assert done.returncode == 2
     assert len(done.stderr.splitlines()) == 1
     return done.stderr

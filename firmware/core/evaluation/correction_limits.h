@@ -23,9 +23,10 @@ using JointAmounts = std::array<std::int32_t, kMaxJoints>;
 // What the table permits the joint, capped by limits.h. Not negative in an accepted table.
 std::int32_t largest_correction(const TableView& table, std::size_t joint);
 
-// Scales `correction` by the one share that brings the joint furthest beyond its limit exactly to
-// it; each result is rounded towards zero. Within all limits it stays as it is. Returns a bit for
-// each joint that was beyond its own limit.
+// Makes `correction` smaller where a joint's exceeds its largest: all joints are multiplied by one
+// factor, with which the joint that is furthest beyond its limit ends exactly at it. Each result is
+// rounded towards zero. A correction within all limits stays as it is. Returns a bit for each joint
+// that was beyond its own limit.
 std::uint32_t scale_into_limits(const JointAmounts& largest, std::size_t joints,
                                 JointAmounts& correction);
 

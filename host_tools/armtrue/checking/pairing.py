@@ -1,4 +1,4 @@
-"""Rows whose position belongs elsewhere: to the joints of another row from some row on, or to another reflector.
+"""Rows whose measured position is not that of their joints: of a row near by (a reading was lost), or a reflector's.
 
 Base and tools are found from rows that follow the arm. Then every position is asked whether it follows the joints of
 its own row, those of a row near by, or its own joints with the tool of another reflector.
@@ -31,8 +31,8 @@ CODES = ("rows_shifted", "reflectors_exchanged")
 _LAGS = (1, -1, 2, -2, 3, -3)
 # One row that fits a neighbour may be chance, and two may be two rows that changed places.
 _FEWEST_ROWS = 3
-# A fit keeps gross errors out while they are a tenth of all rows, and is lost with an eighth. Half of a tenth leaves
-# room for other gross errors beside the block.
+# A fit keeps gross errors out while they are a tenth of all rows, and more only where they exceed what any arm errs by.
+# Half of a tenth leaves room for other gross errors beside the block.
 _SPOILS_A_FIT = 0.05
 # With fewer rows explained something else is wrong as well, which the search for conventions may name.
 _EXPLAINED = 0.75

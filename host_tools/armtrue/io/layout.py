@@ -74,7 +74,7 @@ class Layout:
     time: TimeSource | None = None
     rotation: RotationSource | None = None
     sort_by: str | None = None
-    # Of dir and travel, those that the order of the rows tells.
+    # Which of `dir` and `travel` are to be derived from the order of the rows.
     from_order: frozenset[str] = frozenset()
     rows: RowFilter = field(default_factory=RowFilter)
     # Columns of the file that are not the contract's.

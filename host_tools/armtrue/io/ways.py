@@ -33,8 +33,7 @@ def travels(columns: dict[str, Array]) -> dict[str, Array]:
     In order of time where that was recorded. A joint that came from elsewhere (a point on the way, another programme)
     contradicts its `dir`; nothing is concluded of one that does so more than once in a hundred steps.
     """
-    count = len(next(iter(columns.values())))
-    order = np.argsort(columns["time"], kind="stable") if "time" in columns else np.arange(count)
+    order = _order(columns)
     result: dict[str, Array] = {}
     for name in commanded_joints(columns):
         side = columns.get(f"dir{name[1:]}")
@@ -42,7 +41,7 @@ def travels(columns: dict[str, Array]) -> dict[str, Array]:
             continue
         way = _travel(columns[name][order], side[order])
         if way is not None:
-            result[f"travel{name[1:]}"] = np.empty(count)
+            result[f"travel{name[1:]}"] = np.empty(order.size)
             result[f"travel{name[1:]}"][order] = way
     return result
 
@@ -54,8 +53,7 @@ def agreements(columns: dict[str, Array]) -> dict[int, dict[str, float]]:
     with the other sign. A motion is a step from row to row, in order of time where that was recorded. Joints with
     fewer motions than tell anything are left out.
     """
-    count = len(next(iter(columns.values())))
-    order = np.argsort(columns["time"], kind="stable") if "time" in columns else np.arange(count)
+    order = _order(columns)
     result: dict[int, dict[str, float]] = {}
     for name in commanded_joints(columns):
         if f"dir{name[1:]}" not in columns:
@@ -73,6 +71,12 @@ def agreements(columns: dict[str, Array]) -> dict[int, dict[str, float]]:
             "reversed": float(np.mean(-side[moved] == way)),
         }
     return result
+
+
+def _order(columns: dict[str, Array]) -> NDArray[np.intp]:
+    if "time" in columns:
+        return np.argsort(columns["time"], kind="stable")
+    return np.arange(len(next(iter(columns.values()))))
 
 
 def _travel(q: Array, side: Array) -> NDArray[np.float64] | None:
