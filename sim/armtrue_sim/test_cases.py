@@ -84,6 +84,7 @@ def test_noise_times_four_and_withheld_columns():
         pytest.fail("no seed withholds the column of its hidden effect")
 
 
+@pytest.mark.full
 def test_true_model_is_what_an_owner_who_knows_would_write():
     for seed in range(20):
         case = hidden_cases("three_hidden", "irb2400", seed)

@@ -129,10 +129,11 @@ def test_check_joints_of_few_degrees_read_as_radians_are_named(tmp_path):
     [
         ({"q3": -1.0, "z": -1.0}, ["joint_sign", "left_handed_frame"]),
         ({"q2": -1.0, "swap": 1.0}, ["joint_sign", "joints_swapped"]),
-        ({"q5": -1.0, "zero": 1.0}, ["joint_sign", "joint_zero"]),
-        ({"q6": -1.0, "xyz": 1.3}, ["joint_sign", "scale"]),
+        *(pytest.param(*rest, marks=pytest.mark.full)
+          for rest in [({"q5": -1.0, "zero": 1.0}, ["joint_sign", "joint_zero"]),
+                       ({"q6": -1.0, "xyz": 1.3}, ["joint_sign", "scale"])]),
     ],
-)
+)  # fmt: skip
 def test_check_two_mistakes_at_once_are_both_named(tmp_path, change, codes):
     truth = robot_file(tmp_path / "truth.yaml")
     columns = measured(truth, poses(4, WIDE))
@@ -150,7 +151,7 @@ def test_check_two_mistakes_at_once_are_both_named(tmp_path, change, codes):
         assert "joint 3 has its zero -90° from" in "".join(one["message"] for one in found)
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.full) for seed in (1, 2))])
 def test_check_an_arm_with_errors_of_calibration_only_is_not_accused(tmp_path, seed):
     """A degree at each joint and millimetres at each link are for a fit to find."""
     rng = np.random.default_rng(seed)

@@ -205,6 +205,7 @@ def test_a_dozen_poses_are_a_page_that_claims_no_more_than_they_tell(tmp_path):
     assert "nothing left</span>" not in text
 
 
+@pytest.mark.full
 def test_given_fits_that_are_not_saved_are_not_said_to_be_made_for_the_report(fits):
     given = [replace(fit, path=None, document={**fit.document}) for fit in fits]
     made = gather(given)

@@ -129,6 +129,7 @@ def test_history_before_measurements_joined_stays_reachable_and_back(engine, row
     assert again.session.at == 0
 
 
+@pytest.mark.full
 def test_later_file_in_the_same_foreign_layout_is_read_as_the_first_one_was(engine, rows):
     engine.take("first.csv", foreign(rows[1][:FIRST]))
     engine.take("robot.yaml", (rows[0] / "robot.yaml").read_bytes())
