@@ -136,6 +136,8 @@ def test_loads_of_an_arm_as_stated_add_nothing(given):
         ({"effect": "cross_compliance", "joints": [2, 3]}, "cross_compliance[2,3]", 1e-6),
         ({"effect": "coupling_harmonics", "joints": [5, 4]}, "coupling_harmonics[5,4].sin1", 2e-4),
         ({"effect": "axis_wobble", "joints": [1]}, "axis_wobble[1].rx_sin2", 5e-5),
+        # Once a turn: the other sense of turning is the geometry's, and left coefficients that are no wobble.
+        ({"effect": "axis_wobble", "joints": [1]}, "axis_wobble[1].rxy_cos1", 5e-5),
     ],
 )
 def test_coefficient_comes_back(given, effect, name, value):

@@ -15,31 +15,46 @@ SAME = 1e-6
 
 
 def deviations(fit: Mapping[str, Any], campaign: Campaign) -> dict[str, float]:
-    """(fitted - true) / sigma by parameter name, for those of hidden effects that one true term stands behind.
+    """(fitted - true) / sigma by parameter name, for those of hidden effects whose terms are true ones.
 
     Terms are paired by effect, coordinate and what their expressions come to on the measured poses. A parameter with
-    another basis (several terms, a variable that the simulator lacks, a nonlinear constant) is left out.
+    another basis (a variable that the simulator lacks, a nonlinear constant) is left out. Where one has several terms,
+    its true value is the nearest to theirs: of a wobble's two senses of turning, `link_geometry` takes the one that
+    stands still, and the other is what these terms have together.
     """
     state = campaign.arm.standing_state(campaign.q, campaign.data | campaign.unrecorded)
     hidden = {entry["effect"] for entry in campaign.hidden}
     found = {}
     for parameter in fit["parameters"]:
-        if parameter["effect"] not in hidden or not parameter.get("sigma") or len(parameter["terms"]) != 1:
+        if parameter["effect"] not in hidden or not parameter.get("sigma"):
             continue
-        (term,) = parameter["terms"]
-        try:
-            basis = term["weight"] * evaluate(term["expression"], state)
-        except ScenarioError:
-            continue
-        if not np.any(basis):
-            continue
-        for true in campaign.arm.terms:
-            if (true.effect, true.coordinate) != (parameter["effect"], term["coordinate"]):
-                continue
-            other = evaluate(true.expression, state) + 0.0 * state.q[:, 0]
-            if not np.any(np.abs(other) > SAME * np.abs(basis).max()):
-                continue  # nothing moves here: a load on a vertical axis
-            factor = float(other @ basis / (basis @ basis))
-            if np.linalg.norm(other - factor * basis) <= SAME * np.linalg.norm(other):
-                found[parameter["name"]] = (parameter["value"] - factor * true.value) / parameter["sigma"]
+        true = [_true_value(term, parameter["effect"], state, campaign) for term in parameter["terms"]]
+        known = [
+            (term["weight"], value)
+            for term, value in zip(parameter["terms"], true, strict=True)
+            if value is not None
+        ]
+        if len(known) == len(true):
+            nearest = sum(w * w * value for w, value in known) / sum(w * w for w, _ in known)
+            found[parameter["name"]] = (parameter["value"] - nearest) / parameter["sigma"]
     return found
+
+
+def _true_value(term: Mapping[str, Any], effect: str, state: Any, campaign: Campaign) -> float | None:
+    """The coefficient that alone would make of the fitted term the true one; None where there is none."""
+    try:
+        basis = term["weight"] * evaluate(term["expression"], state)
+    except ScenarioError:
+        return None
+    if not np.any(basis):
+        return None
+    for true in campaign.arm.terms:
+        if (true.effect, true.coordinate) != (effect, term["coordinate"]):
+            continue
+        other = evaluate(true.expression, state) + 0.0 * state.q[:, 0]
+        if not np.any(np.abs(other) > SAME * np.abs(basis).max()):
+            continue  # nothing moves here: a load on a vertical axis
+        factor = float(other @ basis / (basis @ basis))
+        if np.linalg.norm(other - factor * basis) <= SAME * np.linalg.norm(other):
+            return factor * true.value
+    return None

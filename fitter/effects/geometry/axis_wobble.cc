@@ -29,17 +29,30 @@ class AxisWobble final : public Effect {
     return lacking;
   }
 
+  // What turns once with the angle, x by cos and y by sin (or x by sin and y by -cos), is one
+  // coefficient: in this frame, which turns itself, the other sense is a tilt or a shift that
+  // stands still, and that is link_geometry's.
   EffectTerms build(const EffectContext&, const EffectRequest& request) const override {
     EffectTerms terms;
     for (const int k : request.joints) {
-      for (const int c : {3, 4, 0, 1}) {
-        for (const std::string order : {"", "2*"}) {
+      const std::string th = "th" + std::to_string(k);
+      for (const bool tilt : {true, false}) {
+        const int x = tilt ? 3 : 0;
+        const std::string unit = tilt ? "rad" : "m";
+        const double bound = tilt ? kLargest : kFurthest;
+        for (const bool cosine : {true, false}) {
+          Parameter& turning = terms.parameters.emplace_back(single_term(
+              id(), {k}, (tilt ? "rxy_" : "txy_") + std::string(cosine ? "cos1" : "sin1"), unit,
+              bound, on_link(k, x), (cosine ? "cos(" : "sin(") + th + ")"));
+          turning.terms.push_back(Term{on_link(k, x + 1),
+                                       Expression::parse((cosine ? "sin(" : "cos(") + th + ")"),
+                                       cosine ? 1.0 : -1.0, std::nullopt});
+        }
+        for (const int c : {x, x + 1}) {
           for (const std::string wave : {"sin", "cos"}) {
-            terms.parameters.push_back(single_term(
-                id(), {k},
-                std::string(kComponentNames[c]) + "_" + wave + (order.empty() ? "1" : "2"),
-                c < 3 ? "m" : "rad", c < 3 ? kFurthest : kLargest, on_link(k, c),
-                wave + "(" + order + "th" + std::to_string(k) + ")"));
+            terms.parameters.push_back(
+                single_term(id(), {k}, std::string(kComponentNames[c]) + "_" + wave + "2", unit,
+                            bound, on_link(k, c), wave + "(2*" + th + ")"));
           }
         }
       }
