@@ -211,9 +211,13 @@ def full_document(arm: str, *, grid_nodes: int | None = None, seed: int = 1) -> 
     return json.dumps(with_tables(document, grid_nodes=grid_nodes))
 
 
-def full_arm(arm: str, *, grid_nodes: int | None = None, seed: int = 1) -> FittedArm:
-    """The fit of `full_document`, read."""
-    return fitted_arm(json.loads(full_document(arm, grid_nodes=grid_nodes, seed=seed)), arm)
+def full_arm(arm: str, *, grid_nodes: int | None = None, seed: int = 1, geometry: float = 1.0) -> FittedArm:
+    """The fit of `full_document`, read, with lengths and zeros `geometry` times as far from nominal."""
+    document = json.loads(full_document(arm, grid_nodes=grid_nodes, seed=seed))
+    for entry in document["parameters"]:
+        if entry["effect"] in ("joint_offset", "link_geometry"):
+            entry["value"] *= geometry
+    return fitted_arm(document, arm)
 
 
 def random_surroundings(

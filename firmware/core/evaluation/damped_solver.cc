@@ -13,9 +13,9 @@ constexpr int kErrorBits = 25;
 constexpr int kSolutionFraction = 14;
 constexpr int kSquareFraction = 2 * kJacobianFraction;
 
-// Half a radian or metre, more than any correction may be (limits.h): sums of a few steps stay in
-// 32 bits.
-constexpr std::int32_t kMaxStep = std::int32_t{1} << (Coordinate::fraction - 1);
+// A step is below half a radian or metre, more than any correction may be (limits.h): sums of a few
+// steps stay in 32 bits. Longer ones are halved until they are.
+constexpr int kMaxStepBits = 64 - (Coordinate::fraction - 1);
 
 std::uint32_t magnitude(std::int32_t x) {
   return x < 0 ? 0U - static_cast<std::uint32_t>(x) : static_cast<std::uint32_t>(x);
@@ -129,16 +129,21 @@ JointStep DampedSolver::step(const ToolError& error) const {
   }
   // Σ J y has 36 fraction bits for an error lifted by `lift` and read with 25 bits instead of 30.
   const int down = kJacobianFraction + kSolutionFraction - kErrorBits + lift;
-  JointStep step;
+  std::array<std::int64_t, kMaxJoints> wanted;
+  std::uint64_t longest = 0;
   for (std::size_t k = 0; k < joints_; ++k) {
     std::int64_t sum = 0;
     for (std::size_t i = 0; i < rows; ++i) {
       sum += product((*jacobian_)[k][i], solution[i]);
     }
-    const std::int64_t wanted = round_shift(sum, down);
-    step[k].raw = wanted > kMaxStep    ? kMaxStep
-                  : wanted < -kMaxStep ? -kMaxStep
-                                       : static_cast<std::int32_t>(wanted);
+    wanted[k] = round_shift(sum, down);
+    longest |= static_cast<std::uint64_t>(wanted[k] < 0 ? -wanted[k] : wanted[k]);
+  }
+  // Joints turn against each other there: one that is cut alone would take the tool far off.
+  const int over = kMaxStepBits - std::countl_zero(longest);
+  JointStep step;
+  for (std::size_t k = 0; k < joints_; ++k) {
+    step[k].raw = static_cast<std::int32_t>(over > 0 ? wanted[k] >> over : wanted[k]);
   }
   return step;
 }

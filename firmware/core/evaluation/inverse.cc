@@ -1,5 +1,7 @@
 #include "firmware/core/evaluation/inverse.h"
 
+#include "firmware/core/evaluation/second_order.h"
+
 namespace armtrue {
 namespace {
 
@@ -92,6 +94,13 @@ void make_jacobian(const TableView& table, const Frames& frames, const Vector& t
   }
 }
 
+void take_share(Ratio share, std::size_t joints, JointStep& step) {
+  if (share == kRatioOne) return;
+  for (std::size_t k = 0; k < joints; ++k) {
+    step[k].raw = multiply<Ratio::fraction>(step[k].raw, share.raw);
+  }
+}
+
 // The steep terms s of one motor, whose position x is to fulfil x + s(x) = c. `from` and `to` are
 // two positions where s is known; the result is how far x lies beyond `to`, by the secant through
 // both. Where the joint hardly moved, or the change is another joint's, one plain iteration: c -
@@ -128,10 +137,15 @@ Correction solve(const TableView& table, const JointPositions& target,
   evaluate_smooth_terms(table, target, work.link, work.motions, work.terms, coordinates);
   JointStep step =
       work.solver.step(tool_error(table, wanted, real_tool(table, work.motions, coordinates)));
+  const Ratio share = straight_share(table, work.frames, wanted.origin, step);
   JointPositions corrected;
   JointStep moved;  // since the steep terms were last known
   for (std::size_t k = 0; k < joints; ++k) {
     moved[k] = {wrapping_difference(step[k].raw, coordinates[k].raw + steep[k].raw)};
+  }
+  // Deflections as well: without the rest they may take the tool further off.
+  take_share(share, joints, moved);
+  for (std::size_t k = 0; k < joints; ++k) {
     corrected[k].raw = target[k].raw + position_step(table, k, moved[k]);
   }
 
@@ -161,6 +175,7 @@ Correction solve(const TableView& table, const JointPositions& target,
   link_positions(table, deflected, link);
   joint_motions(table, link, work.motions);
   step = work.solver.step(tool_error(table, wanted, real_tool(table, work.motions, coordinates)));
+  take_share(share, joints, step);
   for (std::size_t k = 0; k < joints; ++k) {
     moved[k].raw = wrapping_sum(moved[k].raw, step[k].raw);
     corrected[k].raw += position_step(table, k, step[k]);
@@ -178,7 +193,7 @@ Correction solve(const TableView& table, const JointPositions& target,
     correction.delta[k] = saturate(delta);
     correction.is_saturated = correction.is_saturated || correction.delta[k] != delta;
   }
-  correction.is_near_singular = work.solver.is_near_singular();
+  correction.is_near_singular = work.solver.is_near_singular() || share != kRatioOne;
   correction.is_outside_coverage = work.terms.flags.is_outside_coverage;
   correction.is_saturated = correction.is_saturated || work.terms.flags.is_saturated;
   return correction;

@@ -2,9 +2,13 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstdlib>
 #include <memory>
 
+#include "firmware/core/evaluation/second_order.h"
 #include "firmware/core/table/table.h"
 #include "firmware/core/table/test_image.h"
 
@@ -32,6 +36,74 @@ TEST(InverseTest, TermsOfALink_AreThoseOfWhereItStands) {
   }
   constexpr double kUnits = 4294967296.0 / (2.0 * M_PI);
   EXPECT_NEAR(correction.delta[0], x * kUnits, 100);
+}
+
+constexpr double kLink = 0.5;
+constexpr double kUnitsPerRadian = 4294967296.0 / (2.0 * M_PI);
+
+// The tip of the planar arm of test_image.h.
+std::array<double, 2> tip(const std::array<double, 3>& angles) {
+  double x = 0.0, y = 0.0, turned = 0.0;
+  for (const double angle : angles) {
+    turned += angle;
+    x += kLink * std::cos(turned);
+    y += kLink * std::sin(turned);
+  }
+  return {x, y};
+}
+
+// The share of a step of the arm, stretched along x.
+double share_of(const std::array<double, 3>& turns) {
+  const tests::Bytes image = tests::TestImage(3, kLink).image();
+  const TableView table(image);
+  JointMotions motions;
+  joint_motions(table, {}, motions);
+  Frames frames;
+  const Frame tool = nominal_tool(table, motions, frames);
+  JointStep step = {};
+  for (std::size_t k = 0; k < 3; ++k) step[k].raw = tests::fixed(turns[k], Coordinate::fraction);
+  return std::ldexp(straight_share(table, frames, tool.origin, step).raw, -Ratio::fraction);
+}
+
+TEST(SecondOrderTest, Share_IsWhatBendsByAnEighth) {
+  for (const double times : {0.5, 1.0, 3.0, 9.0}) {
+    const std::array<double, 3> turns = {0.02 * times, -0.05 * times, 0.04 * times};
+    const double a = turns[0], b = a + turns[1], c = b + turns[2];
+    const double way = kLink * std::abs(a + b + c);
+    const double bent = kLink / 2.0 * (a * a + b * b + c * c);
+    EXPECT_NEAR(share_of(turns), std::min(1.0, way / bent / 8.0), 1e-5) << times;
+  }
+}
+
+TEST(SecondOrderTest, StraightStep_IsTakenWhole) {
+  EXPECT_EQ(share_of({0.01, 0.01, 0.01}), 1.0);
+  EXPECT_EQ(share_of({0.0, 0.0, 0.0}), 1.0);
+}
+
+TEST(SecondOrderTest, StepThatMovesTheToolNowhere_IsNotTaken) {
+  EXPECT_NEAR(share_of({0.1, -0.3, 0.3}), 0.0, 1e-6);
+}
+
+// A point that an arm 10 mm short hardly reaches: a step along the straight line would fold it.
+TEST(InverseTest, NearlyStretchedArm_IsNotLeftFurtherOff) {
+  tests::TestImage made(3, kLink);
+  made.add_constant(format::kMotorCoordinates, -0.01);  // the base's x
+  tests::put(made.header(), format::header::kDampingAt, tests::fixed(0.006, 27));
+  const tests::Bytes image = made.image();
+  ASSERT_TRUE(validate(image, {}).accepted());
+  const auto work = std::make_unique<Workspace>();
+  double worst = 0.0;
+  for (int i = -60; i <= 60; ++i) {
+    const std::array<double, 3> target = {0.3, i * 0.005, -0.4 * i * 0.005};
+    JointPositions at = {};
+    for (std::size_t k = 0; k < 3; ++k) at[k].raw = std::llround(target[k] * kUnitsPerRadian);
+    const Correction correction = solve(TableView(image), at, {}, *work);
+    std::array<double, 3> corrected = target;
+    for (std::size_t k = 0; k < 3; ++k) corrected[k] += correction.delta[k] / kUnitsPerRadian;
+    const std::array<double, 2> wanted = tip(target), reached = tip(corrected);
+    worst = std::max(worst, std::hypot(reached[0] - 0.01 - wanted[0], reached[1] - wanted[1]));
+  }
+  EXPECT_LE(worst, 0.01);
 }
 
 }  // namespace

@@ -20,13 +20,13 @@ constexpr std::uint32_t kSmoothPasses = 2;
 
 // The arm alone: solver, chain, limits, blending.
 constexpr std::uint32_t kPosition = 4400;
-constexpr std::uint32_t kPositionPerJoint = 1480;
-constexpr std::uint32_t kPose = 9000;
-constexpr std::uint32_t kPosePerJoint = 1900;
+constexpr std::uint32_t kPositionPerJoint = 1590;
+constexpr std::uint32_t kPose = 9200;
+constexpr std::uint32_t kPosePerJoint = 2060;
 
 // Once a cycle, whatever the passes.
 constexpr std::uint32_t kSensor = 44;
-constexpr std::uint32_t kCoupling = 200;
+constexpr std::uint32_t kCoupling = 240;
 constexpr std::uint32_t kFrame = 300;  // of a virtual joint
 constexpr std::uint32_t kFrameOfPose = 540;
 
