@@ -17,7 +17,7 @@ SEGMENT = 7
 # after half of that it says how far a block got.
 DEFAULT_TIMEOUT_S = 3.0
 
-# More than any object of a compensator holds: an upload that goes on is given up.
+# More than any object of a compensator holds: an upload that announces more, or goes on, is given up.
 _LARGEST_UPLOAD_BYTES = 64 * 1024
 _SWEEP_S = 0.5
 # A lost segment is sent again with the next block, and so is a lost block's beginning; a device that takes nothing
@@ -117,6 +117,10 @@ class SdoClient:
         if command & 0x02:
             return answer[4 : 8 - (command >> 2 & 3)] if command & 0x01 else answer[4:8]
         total = int.from_bytes(answer[4:8], "little") if command & 0x01 else 0
+        if total > _LARGEST_UPLOAD_BYTES:
+            raise self._given_up(
+                index, sub, f"announced {total} bytes, expected at most {_LARGEST_UPLOAD_BYTES}"
+            )
         data = bytearray()
         toggle = 0
         while True:

@@ -73,6 +73,41 @@ def test_an_upload_without_end_is_given_up(announced: int) -> None:
     assert bus.requests[-1][0] == 0x80  # the node is told that the transfer is over
 
 
+@pytest.mark.parametrize("announced", [64 * 1024 + 1, 2**32 - 1])
+def test_an_announcement_of_more_than_any_object_holds_is_refused_at_once(announced: int) -> None:
+    """A device of another kind that announced 4 GB was read until somebody stopped the command."""
+
+    def answer(request: bytes) -> list[bytes]:
+        if request[0] == 0x40:
+            return [b"\x41" + request[1:4] + announced.to_bytes(4, "little")]
+        assert request[0] == 0x80, "no segment is asked for"
+        return []
+
+    bus = Scripted(answer)
+    words = (
+        rf"^node 32 announced {announced} bytes, expected at most 65536 \(object 0x2011 sub 0\): given up$"
+    )
+    with pytest.raises(CommunicationError, match=words):
+        SdoClient(bus, NODE).upload(0x2011, 0)
+    assert [request[0] for request in bus.requests] == [0x40, 0x80]
+
+
+def test_the_largest_upload_that_may_be_announced_is_taken() -> None:
+    whole = bytes(range(256)) * 256
+    sent = 0
+
+    def answer(request: bytes) -> list[bytes]:
+        nonlocal sent
+        if request[0] == 0x40:
+            return [b"\x41" + request[1:4] + len(whole).to_bytes(4, "little")]
+        piece = whole[sent : sent + 7]
+        sent += len(piece)
+        command = request[0] & 0x10 | (7 - len(piece)) << 1 | (sent == len(whole))
+        return [bytes([command]) + piece.ljust(7, b"\0")]
+
+    assert SdoClient(Scripted(answer), NODE).upload(0x2011, 0) == whole
+
+
 def test_a_bus_that_is_never_idle_does_not_keep_a_request_waiting() -> None:
     class Busy(Scripted):
         def recv(self, timeout: float | None = None) -> can.Message | None:

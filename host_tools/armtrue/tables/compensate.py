@@ -18,6 +18,7 @@ from armtrue.tables import fixed
 from armtrue.tables.fitted import FittedArm, digest_of, fitted_arm
 from armtrue.tables.image import Image
 from armtrue.tables.reference import Reference, Surroundings, coordinates_moved
+from armtrue.tables.remainder import Remainder, remainder
 
 _LARGEST_FIT_BYTES = 512 * 1024 * 1024
 
@@ -47,7 +48,7 @@ class Compensated:
     """Corrected joints (N, n) [rad or m], intended points (N, 3) [m] in the measuring frame, and notes for people.
 
     `beyond` (N, n): which corrected joints leave the arm's limits, as far as those are known; the commands themselves
-    did in `sent_beyond` (N, n).
+    did in `sent_beyond` (N, n). `remainder`: how far each row stays from its point; None without the fit.
     """
 
     joints: Array
@@ -55,6 +56,7 @@ class Compensated:
     beyond: NDArray[np.bool_]
     sent_beyond: NDArray[np.bool_]
     notes: list[str] = field(default_factory=list)
+    remainder: Remainder | None = None
 
     def limits_words(self) -> str:
         """Rows whose corrected joints leave the limits, and which joints; empty where none does."""
@@ -83,9 +85,9 @@ def compensate(
 ) -> Compensated:
     """Correct the commands in `poses` with the table in `tables`.
 
-    `fit`: for the double engine, the fit that the table was made from; default: the copy that export left beside it.
-    `quantise`: round the corrections to the drives' increments. Columns that `poses` lacks take their neutral values,
-    and a note says so. Errors: InputError.
+    `fit`: the fit that the table was made from; default: the copy that export left beside it. The double engine needs
+    it; the fixed one corrects without, and then nobody knows what is left. `quantise`: round the corrections to the
+    drives' increments. Columns that `poses` lacks take their neutral values, and a note says so. Errors: InputError.
     """
     image = Image.load(tables)
     document = _made_from(tables, fit, image)
@@ -102,6 +104,11 @@ def compensate(
     if quantise:
         per_unit = np.array([joint.increments for joint in image.joints()])
         corrected = joints + np.round((corrected - joints) * per_unit) / per_unit
+    arm = _arm_of(document)
+    kept = None if arm is None else remainder(arm, data.rows, (joints, corrected), around, tool)
+    if engine is Engine.FIXED:  # the other engine has said by itself what it leaves
+        words = _unknown(tables, fit) if kept is None else kept.words()
+        notes += [words] if words else []
     limits = _limits(document, image)
     reported_from_drives = np.linalg.inv(robot.drives_from_reported)
     reported = corrected @ reported_from_drives.T
@@ -111,6 +118,7 @@ def compensate(
         _is_beyond(reported, limits),
         _is_beyond(joints @ reported_from_drives.T, limits),
         notes,
+        kept,
     )
 
 
@@ -125,6 +133,21 @@ def _made_from(tables: Path, fit: Path | None, image: Image) -> dict[str, Any]:
         return dict(document) if digest_of(document) == image.header["fit_digest"] else {}
     except (InputError, ValueError, RecursionError, AttributeError, KeyError, TypeError):
         return {}
+
+
+def _arm_of(document: dict[str, Any]) -> FittedArm | None:
+    try:
+        return fitted_arm(document, "fit.json") if document else None
+    except (InputError, ValueError, AttributeError):
+        return None
+
+
+def _unknown(tables: Path, fit: Path | None) -> str:
+    place = sidecar(tables).name if fit is None else fit
+    return (
+        f"how far rows stay from their points is not known: {place} is not the fit that {tables.name} was made from; "
+        "--fit names another file"
+    )
 
 
 def _limits(document: dict[str, Any], image: Image) -> Array:

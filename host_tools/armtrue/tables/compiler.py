@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+import functools
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -91,7 +93,32 @@ class Compiler:
             a, b = b, a
         if b.is_number:
             return self.builder.affine(self.compile(a, scale * b.value), b.value)
-        return self.builder.multiply(self.compile(a, scale), self.compile(b, scale))
+        return self._product_of_powers(tree, scale) or self.builder.multiply(
+            self.compile(a, scale), self.compile(b, scale)
+        )
+
+    def _product_of_powers(self, tree: Tree, scale: float) -> Value | None:
+        """A product with equal factors, as powers of them; None where all factors differ.
+
+        Taken as of independent factors, x · (-x) would range over both signs, though it is never above zero.
+        """
+        number, factors = expression.factors(tree)
+        exponents: dict[Tree, int] = {}
+        for base, exponent in factors:
+            exponents[base] = exponents.get(base, 0) + exponent
+        if len(exponents) == len(factors):
+            return None
+        powers = [self._power(self.compile(base, scale * number), n) for base, n in exponents.items()]
+        return self.builder.affine(functools.reduce(self.builder.multiply, powers), number)
+
+    def _power(self, value: Value, exponent: int) -> Value:
+        """value^exponent for an exponent above zero, with the range of equal factors."""
+        result = value
+        for n in range(2, exponent + 1):
+            ends = sorted((value.low**n, value.high**n))
+            low = 0.0 if n % 2 == 0 and value.low < 0.0 < value.high else ends[0]
+            result = dataclasses.replace(self.builder.multiply(result, value), low=low, high=ends[1])
+        return result
 
     def _divide(self, tree: Tree, scale: float) -> Value:
         a, b = tree.args
@@ -103,16 +130,13 @@ class Compiler:
         return self.builder.multiply(self.compile(a, scale), inverse)
 
     def _pow(self, tree: Tree, scale: float) -> Value:
-        base, exponent = tree.args
-        if not exponent.is_number or not exponent.value.is_integer() or abs(exponent.value) > 8:
+        exponent = expression.whole_exponent(tree)
+        if exponent is None:
             return self._tabulated(tree, scale)
-        value = self.compile(base, scale)
-        result = value
-        for _ in range(abs(int(exponent.value)) - 1):
-            result = self.builder.multiply(result, value)
-        if exponent.value < 0:
+        result = self._power(self.compile(tree.args[0], scale), abs(exponent))
+        if exponent < 0:
             return self.builder.reciprocal(result)
-        return self.builder.one() if exponent.value == 0 else result
+        return self.builder.one() if exponent == 0 else result
 
     def _sin(self, tree: Tree, scale: float) -> Value:
         return self._wave(tree.args[0], scale, 0.0 if tree.op == "sin" else 0.25)

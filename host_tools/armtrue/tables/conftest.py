@@ -76,8 +76,16 @@ Worst = Callable[..., float]
 def worst_error() -> Worst:
     """Largest difference of a coordinate between the firmware's evaluation and NumPy's, over random states."""
 
-    def worst(terms: list[tuple[str, str, float]], coordinate: str = "motor2", **robot: Any) -> float:
-        arm = fitted_arm(document(terms, **robot), "test")
+    def worst(
+        terms: list[tuple[str, str, float]],
+        coordinate: str = "motor2",
+        limits: tuple[float, float] | None = None,
+        **robot: Any,
+    ) -> float:
+        fit = document(terms, **robot)
+        for joint in fit["robot"]["kinematics"]["joints"] if limits else []:
+            joint["limits"] = limits
+        arm = fitted_arm(fit, "test")
         image = export(arm, ExportOptions()).image
         assert validate(image).accepted
         rng = np.random.default_rng(1)

@@ -16,6 +16,9 @@ import numpy as np
 from armtrue import _core
 from armtrue.arrays import Array
 
+# Powers up to this are products of their base.
+LARGEST_EXPONENT = 8
+
 
 @dataclass(frozen=True)
 class Tree:
@@ -156,6 +159,32 @@ def as_affine(tree: Tree) -> tuple[dict[str, float], float] | None:
         factor = b.value if tree.op == "multiply" else 1.0 / b.value
         return {name: factor * c for name, c in inner[0].items()}, factor * inner[1]
     return None
+
+
+def factors(tree: Tree) -> tuple[float, list[tuple[Tree, int]]]:
+    """`tree` as a number times powers: the number, and each factor with its exponent, as often as it occurs."""
+    if tree.is_number:
+        return tree.value, []
+    if tree.op == "negate":
+        number_of, found = factors(tree.args[0])
+        return -number_of, found
+    if tree.op == "multiply":
+        (first, left), (second, right) = factors(tree.args[0]), factors(tree.args[1])
+        return first * second, left + right
+    if tree.op == "divide" and tree.args[1].is_number and tree.args[1].value != 0.0:
+        number_of, found = factors(tree.args[0])
+        return number_of / tree.args[1].value, found
+    if (exponent := whole_exponent(tree)) is not None and exponent > 0:
+        return 1.0, [(tree.args[0], exponent)]
+    return 1.0, [(tree, 1)]
+
+
+def whole_exponent(tree: Tree) -> int | None:
+    """The exponent of a power that products can compute; None for any other tree."""
+    if tree.op != "pow" or not tree.args[1].is_number:
+        return None
+    exponent = tree.args[1].value
+    return int(exponent) if exponent.is_integer() and abs(exponent) <= LARGEST_EXPONENT else None
 
 
 def linear_parts(tree: Tree, factor: float = 1.0) -> list[tuple[float, Tree]]:

@@ -175,7 +175,7 @@ class Reference:
         ) -> tuple[Array, Array]:
             """Error and Jacobian of `rows` at `joints`, with the coordinates there, or with those `given`."""
             if given is None:
-                loads = self.at_nominal(joints) if self.arm.loads_act_at_command else standing.of(rows)
+                loads = self._loads(joints, standing.of(rows))
                 pose, jacobian = self.real(joints, around.of(rows), loads)
             else:
                 pose, jacobian = self._propagate(joints, given)
@@ -244,9 +244,18 @@ class Reference:
             # The first step takes the coordinates at the target and may be zero where the error is not.
             if count and np.abs(step).max(initial=0.0) < _CONVERGED_M:
                 break
-            loads = self.at_nominal(joints) if self.arm.loads_act_at_command else standing
-            pose, jacobian = self.real(joints, around, loads)
+            pose, jacobian = self.real(joints, around, self._loads(joints, standing))
         return joints
+
+    def distances(self, joints: Array, target: Array, around: Surroundings) -> Array:
+        """From the real tool point at `joints` to the nominal one at `target`, (N,) [m], with loads as in `solve`."""
+        with np.errstate(all="ignore"):
+            pose, _ = self.real(joints, around, self._loads(joints, self.at_nominal(target)))
+        return _norm(pose[:, :3, 3] - self.nominal(target)[:, :3, 3])
+
+    def _loads(self, joints: Array, at_target: Standing) -> Standing:
+        """Where the loads of `joints` act: at what is commanded if so fitted, else where the corrected arm stands."""
+        return self.at_nominal(joints) if self.arm.loads_act_at_command else at_target
 
     def _farthest(self) -> Array:
         """How far steps may lead each joint from where its own deflection is taken off [rad, m]."""

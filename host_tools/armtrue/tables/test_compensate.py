@@ -1,4 +1,4 @@
-"""What `compensate` says of poses that do not reach their target."""
+"""What `compensate` says of poses that do not reach their target, and of how far from it each one stays."""
 
 from __future__ import annotations
 
@@ -9,9 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from armtrue import _core
 from armtrue.tables import ExportOptions, export, fitted_arm
 from armtrue.tables.compensate import Compensated, Engine, compensate, sidecar
 from armtrue.tables.conftest import document
+from armtrue.tables.remainder import Remainder
 
 SHORTER = [("link2.tx", "1", -3e-3), ("motor2", "1", 2e-3)]
 
@@ -35,7 +37,7 @@ def test_arm_of_two_axes_is_said_to_have_too_few(tmp_path: Path, engine: Engine)
     fit["robot"]["kinematics"]["joints"].pop()
     fit["robot"]["links"] = []
     joints = np.random.default_rng(1).uniform(-1.0, 1.0, (20, 2))
-    (note,) = compensated(tmp_path, fit, joints, engine).notes
+    note = compensated(tmp_path, fit, joints, engine).notes[0]
     assert note.startswith("20 of 20 poses ")
     assert note.endswith("the arm's 2 axes set only 2 of the 3 coordinates of the tool's position")
 
@@ -43,7 +45,7 @@ def test_arm_of_two_axes_is_said_to_have_too_few(tmp_path: Path, engine: Engine)
 @pytest.mark.parametrize("engine", list(Engine))
 def test_three_axes_are_said_to_hold_no_attitude(tmp_path: Path, engine: Engine) -> None:
     joints = np.random.default_rng(1).uniform(-1.0, 1.0, (20, 3))
-    (note,) = compensated(tmp_path, document(SHORTER), joints, engine, full_pose=True).notes
+    note = compensated(tmp_path, document(SHORTER), joints, engine, full_pose=True).notes[0]
     assert note.endswith(
         "the arm's 3 axes set only 3 of the 6 coordinates of the tool's position and attitude"
     )
@@ -63,3 +65,143 @@ def test_double_engine_counts_poses_that_it_leaves_off_their_target(tmp_path: Pa
 def test_double_engine_says_nothing_where_every_target_is_reached(tmp_path: Path) -> None:
     joints = np.array([[0.1, 0.2, 1.0], [0.5, -0.2, 1.2]])
     assert compensated(tmp_path, document(SHORTER), joints, Engine.DOUBLE).notes == []
+
+
+def off_by_the_fitter(fit: dict[str, Any], joints: np.ndarray, intended: np.ndarray) -> np.ndarray:
+    """Distance [µm] from `intended` to where the fitter, which shares no code with the tables, puts the tool."""
+    columns = {f"q{k + 1}": np.ascontiguousarray(joints[:, k]) for k in range(joints.shape[1])}
+    return 1e6 * np.linalg.norm(np.asarray(_core.predict(json.dumps(fit), columns)) - intended, axis=1)
+
+
+STRETCHED = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, -0.322], [0.0, 0.0, -0.321], [0.5, 0.0, -0.8]])
+
+
+@pytest.mark.parametrize("engine", list(Engine))
+def test_what_each_row_keeps_of_its_error_is_what_the_fitter_says(tmp_path: Path, engine: Engine) -> None:
+    """The elbow stretched in two rows: the arm is 3 mm too short for the point, whatever the engine does."""
+    fit = document(SHORTER)
+    result = compensated(tmp_path, fit, STRETCHED, engine)
+    kept = result.remainder
+    assert kept is not None
+    assert np.abs(kept.left_um - off_by_the_fitter(fit, result.joints, result.intended)).max() < 0.01
+    assert np.abs(kept.uncorrected_um - off_by_the_fitter(fit, STRETCHED, result.intended)).max() < 0.01
+    assert (kept.left_um[[1, 2]] > 1000.0).all()
+    assert (kept.left_um[[0, 3]] < 20.0).all()
+    assert kept.rows.tolist() == [2, 3, 4, 5]
+
+
+def test_fixed_engine_says_which_row_keeps_most_of_its_error(tmp_path: Path) -> None:
+    result = compensated(tmp_path, document(SHORTER), STRETCHED, Engine.FIXED)
+    kept = result.remainder
+    assert kept is not None
+    farthest = int(np.argmax(kept.left_um))
+    note = result.notes[-1]
+    assert note.startswith("2 of 4 rows keep more than 20 µm and 5 % of their error, by the fit: ")
+    assert (
+        f"at most {kept.left_um[farthest]:.1f} µm of {kept.uncorrected_um[farthest]:.1f} µm, in row " in note
+    )
+    assert f"in row {farthest + 2};" in note
+
+
+def test_fixed_engine_says_nothing_of_rows_that_keep_next_to_nothing(tmp_path: Path) -> None:
+    result = compensated(tmp_path, document(SHORTER), STRETCHED[[0, 3]], Engine.FIXED)
+    assert result.notes == []
+    assert result.remainder is not None
+    assert 0.0 <= result.remainder.left_um.max() < 20.0
+
+
+def test_rounding_to_increments_is_part_of_what_is_left(tmp_path: Path) -> None:
+    joints = STRETCHED[[0, 3]]
+    compensated(tmp_path, document(SHORTER), joints, Engine.FIXED, increments=(1000.0,))
+    rounded = compensate(tmp_path / "t.bin", tmp_path / "poses.csv", Engine.FIXED, quantise=True)
+    assert rounded.remainder is not None
+    assert rounded.remainder.left_um.max() > 100.0
+
+
+def test_tools_of_the_rows_are_told_apart(tmp_path: Path) -> None:
+    fit = document(SHORTER)
+    fit["flange_from_tool"] = {
+        "near": {"xyz": [0.1, 0.0, 0.1], "rpy": [0.0, 0.0, 0.0]},
+        "far": {"xyz": [0.5, 0.2, 0.1], "rpy": [0.0, 0.0, 0.0]},
+    }
+    compensated(tmp_path, fit, np.zeros((1, 3)), Engine.FIXED)
+    lines = ["q1,q2,q3,target", "0,0,1,far", "0.5,0,-0.8,near", "0.2,0,-0.8,far", "0.2,0.1,0.9,near"]
+    (tmp_path / "poses.csv").write_text("\n".join(lines) + "\n")
+    kept = compensate(tmp_path / "t.bin", tmp_path / "poses.csv", Engine.FIXED).remainder
+    assert kept is not None
+    assert (kept.left_um < 20.0).all()
+    assert (kept.uncorrected_um > 1000.0).all()
+
+
+@pytest.mark.parametrize("spoil", ["missing", "of another fit", "damaged"])
+def test_without_the_fit_it_is_said_that_nobody_knows_what_is_left(tmp_path: Path, spoil: str) -> None:
+    compensated(tmp_path, document(SHORTER), STRETCHED, Engine.FIXED)
+    beside = sidecar(tmp_path / "t.bin")
+    if spoil == "missing":
+        beside.unlink()
+    else:
+        beside.write_text(json.dumps(document([])) if spoil == "of another fit" else "{")
+    result = compensate(tmp_path / "t.bin", tmp_path / "poses.csv", Engine.FIXED)
+    assert result.remainder is None
+    assert result.notes[-1] == (
+        "how far rows stay from their points is not known: t.bin.fit.json is not the fit that t.bin was made from; "
+        "--fit names another file"
+    )
+
+
+def test_a_row_for_which_the_fit_has_no_value_has_no_figure(tmp_path: Path) -> None:
+    """log(q1 + 5) beyond the limits of joint 1, where the table holds its last value and the model has none."""
+    joints = np.array([[0.1, 0.2, 1.0], [-5.5, 0.2, 1.0]])
+    result = compensated(tmp_path, document([("motor2", "log(q1 + 5)", 1e-4)]), joints, Engine.FIXED)
+    assert result.remainder is not None
+    figures = result.remainder.figures()
+    assert figures["rows_um"][1] is None
+    assert figures["max_row"] == 2
+    assert figures["mean_um"] == figures["max_um"] == figures["rows_um"][0]
+    json.dumps(figures, allow_nan=False)
+
+
+@pytest.mark.parametrize(
+    ("left_um", "uncorrected_um", "is_told"),
+    [
+        (20.0, 30.0, False),
+        (20.1, 30.0, True),
+        (49.0, 1000.0, False),
+        (51.0, 1000.0, True),
+        (30.0, 10.0, True),
+    ],
+)
+def test_what_is_left_is_told_above_twenty_micrometres_and_five_per_cent(
+    left_um: float, uncorrected_um: float, is_told: bool
+) -> None:
+    """Beside a row that keeps more, but a small part of a large error."""
+    kept = Remainder(np.array([2, 3]), np.array([400.0, left_um]), np.array([9000.0, uncorrected_um]))
+    words = kept.words()
+    assert bool(words) is is_told
+    if is_told:
+        assert words.startswith(
+            "1 of 2 rows keep more than 20 µm and 5 % of their error, by the fit: at most "
+        )
+        assert f"{left_um:.1f} µm of {uncorrected_um:.1f} µm, in row 3; " in words
+
+
+def test_rows_that_end_farther_off_than_they_were_are_counted() -> None:
+    kept = Remainder(np.array([2, 3, 4]), np.array([1.0, 900.0, 400.0]), np.array([5.0, 300.0, 500.0]))
+    assert kept.words() == (
+        "2 of 3 rows keep more than 20 µm and 5 % of their error, by the fit: at most 900.0 µm of 300.0 µm, in row 3; "
+        "1 of them is farther off than uncorrected; all rows 433.7 µm on average"
+    )
+
+
+@pytest.mark.parametrize("text", ["exp(-q1*q1)", "exp(-(q1-1)*(q1-1))", "exp(-q1*q1*q1*q1)"])
+def test_bell_curve_is_corrected_alike_by_both_engines(tmp_path: Path, text: str) -> None:
+    """Over limits so wide that the exponent comes down to -71 and less, where the curve is zero."""
+    fit = document([("motor1", text, 5e-3), ("motor3", text, -2e-3)])
+    for joint in fit["robot"]["kinematics"]["joints"]:
+        joint["limits"] = [-7.0, 7.0]
+    joints = np.random.default_rng(1).uniform([-7.0, -0.3, 0.3], [7.0, 1.0, 1.2], (500, 3))
+    fixed, double = (compensated(tmp_path, fit, joints, engine) for engine in (Engine.FIXED, Engine.DOUBLE))
+    assert fixed.remainder is not None
+    assert fixed.remainder.uncorrected_um.max() > 1000.0
+    assert fixed.remainder.left_um.max() < 0.1
+    assert np.abs(fixed.joints - double.joints).max() < 1e-6

@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 
 from armtrue.errors import InputError
-from armtrue.tables import export, fitted_arm
+from armtrue.tables import export, expression, fitted_arm
+from armtrue.tables.builder import Builder
+from armtrue.tables.compiler import Compiler
 from armtrue.tables.conftest import Worst, document
 from armtrue.tables.export import ExportOptions
 from armtrue.tables.image import Image
-from armtrue.tables.layout import Node, Section
+from armtrue.tables.layout import Node, Section, State
 
 # 5 nrad: 15 nm at 3 m, some units of the last place.
 EXACT = 5e-9
@@ -45,6 +47,47 @@ def test_expressions_are_exact(text: str, worst_error: Worst) -> None:
 )  # fmt: skip
 def test_what_has_no_node_becomes_a_table_within_the_stated_error(text: str, worst_error: Worst) -> None:
     assert worst_error([("motor2", text, 1e-4)]) < 2e-8
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "exp(-q1*q1)", "exp(-(q1-1)*(q1-1))", "exp(-3*q1*q1)", "exp(q1/4*(-q1))", "exp(-(q1*q2)*(q1*q2))",
+        "exp(-q1*q2*q1*q2)", "exp(-q1^4)", "exp(-q1*q1*q1*q1)", "exp(-(2*q1)*q1^2*q1/9)", "exp(-q1^2*q1^2/3)",
+        "exp(-sin(q1)*sin(q1)*40)", "exp(-(q1^2)^2)",
+    ],
+)  # fmt: skip
+def test_a_product_of_equal_factors_is_known_to_have_one_sign(text: str, worst_error: Worst) -> None:
+    """None of these grows beyond 1; with factors that could differ in sign most would pass 2^30, ten rad from zero."""
+    assert worst_error([("motor2", text, 1e-4)], limits=(-6.0, 6.0)) < EXACT
+
+
+@pytest.mark.parametrize(
+    ("text", "low", "high"),
+    [
+        ("q1*q1", 0.0, 9.0), ("-q1*q1", -9.0, 0.0), ("q1*q1*q1", -1.0, 27.0), ("q1^3", -1.0, 27.0),
+        ("q1*q1*q1*q1", 0.0, 81.0), ("q1^4", 0.0, 81.0), ("q1^2*q1", -1.0, 27.0), ("q1*q1*2*q1^2", 0.0, 162.0),
+        ("(q1+3)*(q1+3)", 4.0, 36.0), ("(q1-4)^2", 1.0, 25.0), ("(q1-4)^3", -125.0, -1.0), ("q1*q2*q1", -18.0, 18.0),
+        ("-q1*q2*q1*q2", -36.0, 0.0), ("q1*q2", -6.0, 6.0), ("q1*(q1+1)", -4.0, 12.0), ("q1*(-q1)/2", -4.5, 0.0),
+    ],
+)  # fmt: skip
+def test_range_of_a_power_is_that_of_one_factor(text: str, low: float, high: float) -> None:
+    ranges = {"q1": (-1.0, 3.0), "q2": (-2.0, 2.0)}
+    builder = Builder()
+    compiler = Compiler(
+        builder, lambda name: builder.state(State.MOTOR, int(name[1:]) - 1, *ranges[name]), lambda _: None
+    )
+    value = compiler.compile(expression.parse(text), 1.0)
+    assert (value.low, value.high) == (low, high)
+
+
+@pytest.mark.parametrize("text", ["exp(q1*q1)", "exp(-q1*q2)", "exp(q1*q1*q1)"])
+def test_what_does_grow_is_still_refused(text: str) -> None:
+    fit = document([("motor2", text, 1e-4)])
+    for joint in fit["robot"]["kinematics"]["joints"]:
+        joint["limits"] = [-6.0, 6.0]
+    with pytest.raises(InputError, match="grows beyond"):
+        export(fitted_arm(fit, "fit.json"), ExportOptions())
 
 
 def test_two_variables_become_a_grid_and_the_error_is_said() -> None:
