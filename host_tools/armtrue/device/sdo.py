@@ -179,7 +179,7 @@ class SdoClient:
         answer = self._initiate(index, sub, request)
         if answer[0] >> 5 != 5 or answer[0] & 3 != 0:
             raise self._confused(answer, "a block download response")
-        block_size = answer[4]
+        block_size = self._block_size(answer, 4)
         segments = [data[start : start + SEGMENT] for start in range(0, len(data), SEGMENT)]
         sent = barren = 0
         while sent < len(segments):
@@ -194,7 +194,8 @@ class SdoClient:
             if barren == _BARREN_BLOCKS:
                 raise self._given_up(index, sub, f"took nothing of {barren} blocks in a row")
             sent += answer[1]
-            block_size = answer[2]
+            if sent < len(segments):
+                block_size = self._block_size(answer, 2)
             progress(min(sent * SEGMENT, len(data)), len(data))
         unused = -len(data) % SEGMENT
         answer = self._ask(
@@ -202,6 +203,12 @@ class SdoClient:
         )
         if answer[0] != 0xA1:
             raise self._confused(answer, "the end of a block download")
+
+    def _block_size(self, answer: bytes, at: int) -> int:
+        """Segments of the next block: seven bits number them (CiA 301, 7.2.4.3.9)."""
+        if not 1 <= answer[at] <= 127:
+            raise self._confused(answer, "a block of 1 to 127 segments")
+        return answer[at]
 
     def abort(self, index: int, sub: int, code: int = 0x08000000) -> None:
         """Tell the server that a transfer is over."""

@@ -108,6 +108,20 @@ def test_the_largest_upload_that_may_be_announced_is_taken() -> None:
     assert SdoClient(Scripted(answer), NODE).upload(0x2011, 0) == whole
 
 
+@pytest.mark.parametrize("size", [0, 128, 255])
+@pytest.mark.parametrize("later", [False, True])
+def test_a_block_of_more_segments_than_can_be_numbered_is_refused(size: int, later: bool) -> None:
+    def answer(request: bytes) -> list[bytes]:
+        if request[0] == 0xC6:
+            return [b"\xa4" + request[1:4] + bytes([2 if later else size, 0, 0, 0])]
+        return [bytes([0xA2, 2, size]) + bytes(5)] if request[0] & 0x7F == 2 else []
+
+    bus = Scripted(answer)
+    with pytest.raises(CommunicationError, match="expected a block of 1 to 127 segments"):
+        SdoClient(bus, NODE).download_block(0x1F50, 1, bytes(2000))
+    assert len(bus.requests) <= 4
+
+
 def test_a_bus_that_is_never_idle_does_not_keep_a_request_waiting() -> None:
     class Busy(Scripted):
         def recv(self, timeout: float | None = None) -> can.Message | None:
