@@ -33,6 +33,18 @@ Surroundings surroundings_of(const TableView& table, const CycleInput& input,
   return result;
 }
 
+std::uint32_t inputs_of(const TableView& table) {
+  const SectionView& states = table.section(format::Section::kState);
+  std::uint32_t inputs = 0;
+  for (std::size_t i = 0; i < states.count; ++i) {
+    const std::uint8_t* state = states.begin + i * format::state::kLength;
+    const auto kind = static_cast<format::State>(state[format::state::kKindAt]);
+    if (kind == format::State::kTemperature) inputs |= 1U << state[format::state::kIndexAt];
+    if (kind == format::State::kPayload) inputs |= 1U << kMaxSensors;
+  }
+  return inputs;
+}
+
 // amount · share, rounded up: a share is that of a control period, Q30, and mostly all of it.
 std::int32_t share_of_amount(std::int32_t amount, std::uint32_t share) {
   if (share == kWhole) return amount;
@@ -145,21 +157,15 @@ std::int64_t PositionBounds::within_limits(std::int64_t corrected, std::int32_t 
     magnitude_[k] = largest_correction(table, k);
   }
   blend_ms_ = std::max(table.blend_ms(), kMinBlendMilliseconds);
-  hold();
+  needed_inputs_ = inputs_of(table);
+  redirect(0);
   return true;
 }
 
 [[gnu::cold]] void Compensator::disable() {
   has_active_ = false;
   pending_ = {};
-  // Without a correction there is nothing to blend out, and perhaps no limit that could hold it.
-  const auto is_zero = [](std::int32_t value) { return value == 0; };
-  if (std::ranges::all_of(motion_.delta, is_zero) &&
-      std::ranges::all_of(motion_.increments, is_zero)) {
-    motion_.state = CompensatorState::kPassThrough;
-  } else {
-    hold();
-  }
+  redirect(0);
 }
 
 [[gnu::cold]] bool Compensator::is_in_use(std::span<const std::uint8_t> image) const {
@@ -167,19 +173,28 @@ std::int64_t PositionBounds::within_limits(std::int64_t corrected, std::int32_t 
          (has_active_ && table_.image().data() == image.data());
 }
 
-[[gnu::cold]] void Compensator::hold() {
+// From here on the correction goes elsewhere: to that of the table in force, or to zero. It blends
+// from what is held now, or at the permitted rate alone (`blend_weight` is whole).
+[[gnu::cold]] void Compensator::redirect(std::uint32_t blend_weight) {
   const std::uint32_t cycles = blend_ms_ * kMicrosecondsPerMillisecond / config_.cycle_us + 1U;
   blend_step_ = kWhole / cycles;
-  motion_.blend_weight = 0;
-  motion_.delta_held = motion_.delta;
-  motion_.state = CompensatorState::kBlending;
+  change([this, blend_weight](Motion& motion) {
+    motion.blend_weight = blend_weight;
+    motion.delta_held = motion.delta;
+    // Without a correction there is nothing to blend out, and perhaps no limit that could hold it.
+    const bool is_there = !corrects() && motion.is_zero();
+    motion.state = is_there ? CompensatorState::kPassThrough : CompensatorState::kBlending;
+  });
 }
 
 [[gnu::cold]] bool Compensator::begin(std::span<const std::int32_t> held) {
   parked_ = false;
+  change([](Motion& motion) {
+    motion.has_previous_target = false;
+    motion.direction = {};
+  });
   if (blend_ms_ == 0) return true;  // no table yet, and no scale
   bool fits = true;
-  bool is_zero = true;
   for (std::size_t k = 0; k < config_.joint_count; ++k) {
     const std::int64_t exact = scale_[k].units_of(held[k]);
     motion_.delta[k] =
@@ -188,26 +203,28 @@ std::int64_t PositionBounds::within_limits(std::int64_t corrected, std::int32_t 
     // What went before the first cycle, for take_back_of().
     history_[(cycle_ - 1) % kFeedbackHistory][k] = motion_.increments[k];
     fits = fits && motion_.delta[k] == exact;
-    is_zero = is_zero && motion_.delta[k] == 0;
   }
-  hold();
-  if (!has_active_ && is_zero) motion_.state = CompensatorState::kPassThrough;
+  before_ = motion_;
+  redirect(0);
   return fits;
 }
 
-[[gnu::cold]] void Compensator::park() {
-  if (!parked_ && motion_.state != CompensatorState::kPassThrough) {
-    motion_.state = CompensatorState::kBlending;
-    motion_.blend_weight = kWhole;
-    motion_.delta_held = motion_.delta;
-  }
+[[gnu::cold]] void Compensator::forget() {
   parked_ = true;
+  change([](Motion& motion) { motion.delta = motion.increments = {}; });
+  redirect(0);
+}
+
+[[gnu::cold]] void Compensator::park() {
+  if (parked_) return;
+  parked_ = true;
+  redirect(kWhole);
 }
 
 [[gnu::cold]] void Compensator::resume() {
   if (!parked_) return;
   parked_ = false;
-  if (has_active_ || motion_.state != CompensatorState::kPassThrough) hold();
+  redirect(0);
 }
 
 void Compensator::update_direction(const CycleInput& input) {
@@ -216,7 +233,9 @@ void Compensator::update_direction(const CycleInput& input) {
         bounds_[k].way(difference(input.target[k], motion_.direction_anchor[k]));
     const std::int32_t band = has_active_ ? scale_[k].dead_band : 0;
     if (!motion_.has_previous_target) {
-      motion_.direction_anchor[k] = input.target[k];
+      const bool is_elsewhere = std::abs(moved) > band;
+      if (is_elsewhere) motion_.direction[k] = 0;
+      if (motion_.direction[k] == 0) motion_.direction_anchor[k] = input.target[k];
       continue;
     }
     // The anchor trails the command by the dead band on the side it came from: a reversal counts
@@ -384,7 +403,7 @@ void Compensator::take_back_of(std::uint8_t joints) {
     newest[k] = before[k];
     // Zero is not reached before every joint has it.
     const bool passes = motion_.state == CompensatorState::kPassThrough;
-    if (passes && motion_.increments[k] != 0) motion_.state = CompensatorState::kBlending;
+    if (passes && !motion_.is_zero()) motion_.state = CompensatorState::kBlending;
   }
 }
 
@@ -401,8 +420,11 @@ std::int32_t Compensator::correction_of(std::uint32_t cycle, std::size_t joint) 
 }
 
 void Compensator::restart_stream() {
-  motion_.has_previous_target = false;
-  motion_.direction = {};
+  change([](Motion& motion) { motion.has_previous_target = false; });
+}
+
+void Compensator::forget_direction(std::size_t joint) {
+  change([joint](Motion& motion) { motion.direction[joint] = 0; });
 }
 
 void Compensator::count_cycle(std::uint16_t flags) {

@@ -165,23 +165,30 @@ class Compensator {
   // kFeedbackHistory or has not been yet.
   std::int32_t correction_of(std::uint32_t cycle, std::size_t joint) const;
 
-  // The last cycle's output goes to nobody: everything is as before it, but for the counters of
-  // what happened in it. Once for a cycle.
+  // The last cycle's output goes to nobody: everything is as if there had not been that cycle, but
+  // for the counters of what happened in it. What was asked since (another table, disable(), park()
+  // and the others here) stays asked. Once for a cycle.
   void take_back();
 
   // The last cycle's output did not reach these joints (bit k: joint k): each holds what it held
   // before, and the next cycle goes on from there at the permitted rate. The others go on.
   void take_back_of(std::uint8_t joints);
 
-  // Forgets the direction of approach, after the stream of commands was interrupted.
+  // The stream of commands was interrupted. A joint whose next target lies within the dead band of
+  // its last keeps its direction of approach; of another it is forgotten.
   void restart_stream();
+  // The joint was moved by something else than its targets.
+  void forget_direction(std::size_t joint);
 
   // The drives stand `held` increments beyond their targets: the correction begins there, within
   // the table's limits. From there it blends to that of the table in force, or to zero while it is
-  // disabled. False if some of `held` was beyond a limit. Ends park(). Before the first table the
-  // drives' scale is not known, and the correction begins at zero. Before the first cycle, and
-  // where the drives may hold something else than the last cycle's output.
+  // disabled. From which side the joints were approached is not known. False if some of `held` was
+  // beyond a limit. Ends park(). Before the first table the drives' scale is not known, and the
+  // correction begins at zero. Before the first cycle, and where the drives may hold something else
+  // than the last cycle's output.
   bool begin(std::span<const std::int32_t> held);
+  // Nothing of what was begun has reached the drives: passes through until begin().
+  void forget();
 
   // From the next cycle on the correction goes to zero at the permitted rate, until begin() or
   // resume(). It is there after kFadeCycles at most, whatever rate the table permits.
@@ -202,6 +209,10 @@ class Compensator {
   // Of the table in force, or of the last that was.
   const JointScale& scale(std::size_t joint) const { return scale_[joint]; }
 
+  // What the table in force reads. Bit s: the temperature of sensor s, bit kMaxSensors: the
+  // payload.
+  std::uint32_t needed_inputs() const { return has_active_ ? needed_inputs_ : 0; }
+
   CompensatorState state() const { return motion_.state; }
   std::uint32_t cycle_us() const { return config_.cycle_us; }
   const CycleCounters& counters() const { return counters_; }
@@ -217,10 +228,23 @@ class Compensator {
     std::array<std::int32_t, kMaxJoints> delta = {};       // put out last, 2^-32 units
     std::array<std::int32_t, kMaxJoints> increments = {};  // the same in increments
     std::array<std::int32_t, kMaxJoints> delta_held = {};  // where the running blend began
+
+    bool is_zero() const {
+      constexpr std::array<std::int32_t, kMaxJoints> kNone = {};
+      return delta == kNone && increments == kNone;
+    }
   };
 
+  // Whatever happens between two cycles happens to the last one's result and to what take_back()
+  // would return to. Nothing but a cycle changes one of them alone.
+  template <typename Change>
+  void change(const Change& each) {
+    each(motion_);
+    each(before_);
+  }
+
   bool corrects() const { return has_active_ && !parked_; }
-  void hold();
+  void redirect(std::uint32_t blend_weight);
   std::uint32_t share_of(std::uint32_t elapsed_us) const;
   Correction evaluate(const CycleInput& input, std::uint16_t& flags);
   void update_direction(const CycleInput& input);
@@ -247,6 +271,7 @@ class Compensator {
   std::array<PositionBounds, kMaxJoints> bounds_ = {};
   std::uint16_t blend_ms_ = 0;
   std::uint32_t blend_step_ = 0;  // growth of the blend's weight in a control period
+  std::uint32_t needed_inputs_ = 0;
   std::uint32_t cycle_ = 0;
   Motion motion_;
   Motion before_;  // the last cycle

@@ -259,6 +259,71 @@ TEST_F(CompensatorTest, AnOutputThatIsTakenBackNeverWas) {
   }
 }
 
+// What is asked of the compensator between a cycle and its being taken back.
+class TakenBackTest : public CompensatorTest {
+ protected:
+  TakenBackTest() {
+    activate(offset_table(5e-3));
+    whole_ = settle(compensator, at(0.2)).delta[0];
+  }
+  // A cycle is computed, `change` happens, and the cycle does not go out. The last correction after
+  // as many cycles as any way takes.
+  template <typename Change>
+  std::int32_t after(const Change& change) {
+    compensator.cycle(at(0.2));
+    change();
+    compensator.take_back();
+    return settle(compensator, at(0.2), Compensator::kFadeCycles).delta[0];
+  }
+  std::int32_t whole_ = 0;
+};
+
+TEST_F(TakenBackTest, Disabled_IsTheWayToZero) {
+  EXPECT_EQ(after([this] { compensator.disable(); }), 0);
+  EXPECT_EQ(compensator.state(), CompensatorState::kPassThrough);
+}
+
+TEST_F(TakenBackTest, Parked_IsTheWayToZero) {
+  EXPECT_EQ(after([this] { compensator.park(); }), 0);
+  EXPECT_EQ(compensator.state(), CompensatorState::kPassThrough);
+}
+
+TEST_F(TakenBackTest, ParkedOrDisabled_IsFadingAtOnce) {
+  for (const bool parked : {true, false}) {
+    settle(compensator, at(0.2));
+    parked ? compensator.park() : compensator.disable();
+    EXPECT_TRUE(compensator.is_fading());
+    compensator.take_back();
+    EXPECT_TRUE(compensator.is_fading()) << parked;
+    compensator.resume();
+  }
+}
+
+TEST_F(TakenBackTest, Resumed_BlendsInAgain) {
+  compensator.park();
+  settle(compensator, at(0.2));
+  EXPECT_EQ(after([this] { compensator.resume(); }), whole_);
+}
+
+TEST_F(TakenBackTest, AnotherTable_BlendsIn) {
+  EXPECT_EQ(after([this] { activate(offset_table(2e-3)); }), -increments(2e-3));
+}
+
+TEST_F(TakenBackTest, DisabledWithTheCycleThatReachesZero_StillHasThatWayToGo) {
+  compensator.park();
+  std::int32_t last = 0;
+  while (compensator.state() != CompensatorState::kPassThrough) {
+    last = compensator.correction_of(compensator.counters().cycles - 1, 0);
+    compensator.cycle(at(0.2));
+  }
+  ASSERT_NE(last, 0);
+  compensator.disable();
+  compensator.take_back();
+  EXPECT_TRUE(compensator.is_fading());
+  EXPECT_EQ(settle(compensator, at(0.2)).delta[0], 0);
+  EXPECT_EQ(compensator.state(), CompensatorState::kPassThrough);
+}
+
 TEST_F(CompensatorTest, OutputThatDidNotReachAJoint_LeavesItWhereItWas) {
   TestImage made(kJoints);
   made.add_constant(0, 5e-3);
@@ -648,7 +713,58 @@ TEST_F(CompensatorTest, DirectionNeedsMoreThanTheDeadBand) {
   EXPECT_NEAR(move(-90), -backlash, 1);  // does not add up: the anchor is the furthest point
   EXPECT_NEAR(move(-20), backlash, 1);   // 110 below it: moved down
   compensator.restart_stream();
-  EXPECT_EQ(settle(compensator, input).delta[0], 0);
+  EXPECT_NEAR(move(0), backlash, 1);  // the same target again: the joint stands as it stood
+  compensator.restart_stream();
+  EXPECT_NEAR(move(80), backlash, 1);  // within the dead band
+  compensator.restart_stream();
+  EXPECT_EQ(move(30), 0);  // 110 from where it was left: by whom, and from which side?
+  EXPECT_EQ(move(100), 0);
+  EXPECT_NEAR(move(1), -backlash, 1);
+  compensator.forget_direction(1);
+  EXPECT_NEAR(move(0), -backlash, 1) << "another joint's";
+  compensator.forget_direction(0);
+  EXPECT_EQ(move(0), 0);
+}
+
+TEST_F(CompensatorTest, AnInterruptionWhileACycleIsTakenBack_IsOneAllTheSame) {
+  TestImage made(kJoints);
+  made.add_state(format::State::kDirection, 0, 30);
+  made.add_term(0, 1, 1e-3, 30);
+  activate(made.image());
+  compensator.cycle(at(0.0));
+  settle(compensator, at(0.1));
+  compensator.restart_stream();
+  compensator.take_back();
+  EXPECT_EQ(settle(compensator, at(0.2)).delta[0], 0);
+}
+
+TEST_F(CompensatorTest, WhatATableReads_IsNeededWhileItCorrects) {
+  EXPECT_EQ(compensator.needed_inputs(), 0U);
+  TestImage made(kJoints);
+  made.header()[format::header::kSensorCountAt] = 2;
+  for (int sensor = 0; sensor < 2; ++sensor) {
+    made.add(format::Section::kSensors, Bytes(format::sensor::kLength));
+  }
+  made.add_state(format::State::kTemperature, 1, 20);
+  activate(made.image());
+  EXPECT_EQ(compensator.needed_inputs(), 2U) << "the second sensor's";
+  made.add_state(format::State::kPayload, 0, 20);
+  activate(made.image());
+  EXPECT_EQ(compensator.needed_inputs(), 2U | 1U << kMaxSensors);
+  compensator.disable();
+  EXPECT_EQ(compensator.needed_inputs(), 0U);
+}
+
+TEST_F(CompensatorTest, WhatWasBegunAndForgotten_IsHeldNoMore) {
+  activate(offset_table(5e-3));
+  std::array<std::int32_t, kJoints> held = {};
+  held[0] = 1000;
+  EXPECT_TRUE(compensator.begin(held));
+  compensator.forget();
+  EXPECT_EQ(compensator.state(), CompensatorState::kPassThrough);
+  EXPECT_EQ(compensator.cycle(at(0.2)).delta[0], 0);
+  EXPECT_TRUE(compensator.begin(held));
+  EXPECT_EQ(settle(compensator, at(0.2)).delta[0], -increments(5e-3)) << "a start like any other";
 }
 
 TEST_F(CompensatorTest, DirectionIsFollowedBeforeThereIsATable) {

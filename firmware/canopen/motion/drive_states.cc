@@ -81,4 +81,15 @@ bool DriveStates::hear_position(std::size_t axis, std::int32_t actual, bool at_r
   return moved > std::max(least, fastest);
 }
 
+void DriveStates::note_stand() {
+  for (Axis& axis : axes_) axis.noted = axis.actual;
+}
+
+bool DriveStates::has_left(std::size_t axis, std::int32_t band,
+                           const PositionBounds& bounds) const {
+  const Axis& heard = axes_[axis];
+  if (!heard.noted || !heard.actual) return false;
+  return std::abs(bounds.way(std::int64_t{*heard.actual} - *heard.noted)) > band;
+}
+
 }  // namespace armtrue::canopen

@@ -1,5 +1,5 @@
-// What the drives do, as far as they say it: state (0x6041), mode of operation (0x6061), and
-// whether an actual position jumped while nothing moved.
+// What the drives do, as far as they say it: state (0x6041), mode of operation (0x6061), whether an
+// actual position jumped while nothing moved, and whether it moved while there were no targets.
 //
 // A drive that is not in operation, or follows something else than cyclic positions (homing,
 // torque, hand-guiding), does not take a corrected target, and the correction does not belong into
@@ -46,6 +46,12 @@ class DriveStates {
   bool hear_position(std::size_t axis, std::int32_t actual, bool at_rest, std::uint32_t per_turn,
                      const PositionBounds& bounds, std::uint64_t now_us);
 
+  // The stream of targets has ended: where each drive stands now is noted.
+  void note_stand();
+  // Whether the newest actual position is further than `band` from the one noted. False where none
+  // was heard.
+  bool has_left(std::size_t axis, std::int32_t band, const PositionBounds& bounds) const;
+
   // From rest, an arm does not move further than this (in parts of a turn or a metre) from one
   // actual position to the next, nor faster than kFastestTurns a second.
   static constexpr std::uint32_t kJumpPart = 500;
@@ -62,7 +68,8 @@ class DriveStates {
     std::optional<std::uint16_t> statusword;
     std::optional<std::int8_t> mode;
     std::optional<std::int32_t> actual;
-    std::uint64_t heard_us = 0;  // when `actual` was
+    std::optional<std::int32_t> noted;  // by note_stand()
+    std::uint64_t heard_us = 0;         // when `actual` was
   };
   template <typename Condition>
   std::uint8_t bits(const Condition& condition) const {

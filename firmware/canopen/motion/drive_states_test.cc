@@ -160,6 +160,99 @@ TEST_P(DriveStatesTest, ACorrectionIsSuspendedUntilAllFollowAgain) {
   EXPECT_EQ(bench.read(0x2005, 6), 4U);
 }
 
+// Something happens while a set waits for its SYNC, which is late: that set is dropped.
+class WaitingSetTest : public DriveStatesTest {
+ protected:
+  WaitingSetTest() {
+    bench.set_transmission(0x1400);
+    settle();
+    all_follow();
+    rest(kStand, 20);
+    whole_ = correction();
+  }
+  void let_a_set_wait() {
+    rest(kStand, 20);
+    bench.next_sync();
+    bench.command_joints(kStand);
+    take_output();
+  }
+  void end_late() {
+    bench.now_us += 2'500;
+    bench.turn();
+    bench.sync();
+    take_output();
+    ASSERT_EQ(outputs, 0);
+  }
+  // Neither SYNC nor targets any more; then as before.
+  void expect_zero_in_silence_and_in_a_stream() {
+    EXPECT_LE(wait(200), offset_ ? kRate : 0);
+    if (offset_) {
+      EXPECT_EQ(correction(), Joints{});
+      EXPECT_EQ(bench.read(0x2001, 1), 0U);
+    }
+    rest(kStand, 200);
+    EXPECT_EQ(correction(), Joints{});
+    EXPECT_EQ(bench.read(0x2001, 1), 0U);
+  }
+  Joints whole_ = {};
+};
+
+TEST_P(WaitingSetTest, Disabled_TheCorrectionGoesToZero) {
+  let_a_set_wait();
+  ASSERT_EQ(bench.write(0x2000, 2, 0, 1), 0U);
+  expect_zero_in_silence_and_in_a_stream();
+}
+
+TEST_P(WaitingSetTest, ADriveLeaves_TheCorrectionGoesToZero) {
+  let_a_set_wait();
+  drive_says(0, kFault, 8);
+  expect_zero_in_silence_and_in_a_stream();
+  expect_suspended(1);
+}
+
+TEST_P(WaitingSetTest, AZeroChanges_TheCorrectionGoesToZero) {
+  rest(kStand, 150);
+  let_a_set_wait();
+  stand[2] += 5000;
+  feed_back();
+  stand[2] -= 5000;
+  expect_zero_in_silence_and_in_a_stream();
+  expect_suspended(2);
+}
+
+TEST_P(WaitingSetTest, ADriveReturns_TheCorrectionComesBack) {
+  drive_says(0, kFault, 8);
+  rest(kStand, 150);
+  ASSERT_EQ(correction(), Joints{});
+  let_a_set_wait();
+  drive_says(0, kEnabled, 8);
+  end_late();
+  rest(kStand, 200);
+  EXPECT_EQ(correction(), whole_);
+  EXPECT_EQ(bench.read(0x2001, 1), 2U);
+}
+
+TEST_P(WaitingSetTest, NmtStops_TheCorrectionIsTheSameAtTheNextStart) {
+  let_a_set_wait();
+  drive_says(0, kFault, 8);
+  wait(200);
+  nmt(2);
+  wait(100);
+  if (offset_) {
+    EXPECT_EQ(correction(), Joints{});
+  }
+  EXPECT_EQ(state(), NmtState::kStopped);
+  bench.start_nodes();
+  drive_says(0, kEnabled, 8);
+  rest(kStand, 400);
+  EXPECT_EQ(correction(), whole_);
+}
+
+INSTANTIATE_TEST_SUITE_P(Modes, WaitingSetTest, ::testing::Values(Mode::kInline, Mode::kOffset),
+                         [](const auto& mode) {
+                           return mode.param == Mode::kInline ? "Inline" : "Offset";
+                         });
+
 TEST_P(DriveStatesTest, SuspensionWithoutTargets_MakesNoStepNowOrWithTheNextTarget) {
   settle();
   all_follow();

@@ -55,6 +55,33 @@ TEST_P(OffsetDrivesTest, AnArmThatStandsWhereNoCorrectionCanBringItIsNotTouched)
   EXPECT_GT(farthest(held, {}), 150) << "what it held before";
 }
 
+TEST_P(OffsetDrivesTest, AStartThatIsRefused_LeavesNothingHeld) {
+  settle();
+  restart();
+  following_error = 1000;
+  rest(kStand, 300);
+  wait(1'100);
+  EXPECT_EQ(bench.read(0x2001, 1), 0U);
+  EXPECT_EQ(bench.write(0x607D, 2, 50'000'000, 4), 0U) << "at rest, without a correction";
+}
+
+TEST_P(OffsetDrivesTest, AFirstSetThatDoesNotGoOut_LeavesNothingHeld) {
+  settle();
+  wait(600);
+  bench.set_transmission(0x1400);
+  ASSERT_EQ(bench.write(0x1010, 1, 0x65766173, 4), 0U);
+  restart();
+  bench.now_us += 1000;
+  feed_back();
+  for (int k = 0; k < 150; ++k) {
+    bench.now_us += 1000;
+    bench.command_joints(kStand);
+  }
+  wait(600);
+  EXPECT_EQ(status() & kUnknownBit, kUnknownBit) << "no SYNC came";
+  EXPECT_EQ(bench.read(0x2001, 1), 0U);
+}
+
 TEST_P(OffsetDrivesTest, NmtStopTakesTheOffsetsBackFirst) {
   for (const int command : {2, 128}) {
     for (const bool synchronous : {false, true}) {

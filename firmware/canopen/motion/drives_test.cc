@@ -181,6 +181,8 @@ TEST_P(InlineDrivesTest, SyncThatIsRemoteOrComesFromTheDrivesDividesNothing) {
   EXPECT_EQ(outputs, 3);
 }
 
+constexpr std::uint32_t kStreamBit = 1U << 1;  // of 0x2001 sub 2
+
 // Backlash of joint 1: plus or minus 1 mrad by direction.
 class BacklashTest : public DrivesTest {
  protected:
@@ -197,16 +199,62 @@ class BacklashTest : public DrivesTest {
     }
     EXPECT_EQ(bench.write(0x2000, 2, 1, 1), 0U);
     bench.install(made.image());
+    for (int k = 0; k < 300; ++k) cycle(there = moved({}, 200 * std::min(k, 100)));
+    EXPECT_NEAR(stand[0] - there[0], kBacklash, 2);
   }
+  void pause() {
+    bench.run_for(30'000);
+    EXPECT_EQ(status() & kStreamBit, 0U);
+  }
+  static constexpr std::int32_t kBacklash = -2670;  // 2^24 increments a turn
+  Joints there = {};
 };
 
-TEST_P(BacklashTest, AfterAnInterruptionTheSideOfApproachIsLearntAnew) {
-  Joints there = {};
-  for (int k = 0; k < 300; ++k) cycle(there = moved({}, 200 * std::min(k, 100)));
-  EXPECT_NEAR(stand[0] - there[0], -2670, 2) << "2^24 increments a turn";
-  bench.run_for(30'000);  // stale
-  rest(there, 200);
+TEST_P(BacklashTest, ThePauseOfAnArmThatStands_ChangesNothing) {
+  pause();
+  EXPECT_EQ(rest(there, 200), 0);
+  EXPECT_NEAR(stand[0] - there[0], kBacklash, 2);
+}
+
+TEST_P(BacklashTest, ThePauseOfAnArmThatStartsElsewhere_LeavesNoSideOfApproach) {
+  pause();
+  rest(there = moved(there, 500), 200);
   EXPECT_EQ(stand[0], there[0]) << "no direction, no backlash";
+}
+
+TEST_P(BacklashTest, DrivesThatMoveInAPause_LeaveNoSideOfApproach) {
+  for (const std::int32_t way : {99, 101}) {
+    SCOPED_TRACE(way);
+    pause();
+    for (const std::int32_t moved_by : {way, 0}) {
+      Joints before = stand;
+      stand[0] += moved_by;
+      bench.now_us += 1000;
+      feed_back();
+      stand = before;
+    }
+    rest(there, 200);
+    EXPECT_NEAR(stand[0] - there[0], way > 100 ? 0 : kBacklash, 2) << "dead band: 100";
+  }
+}
+
+TEST_P(BacklashTest, AnotherModeAndBack_LeavesNoSideOfApproach) {
+  ASSERT_EQ(bench.write(0x2000, 2, 0, 1), 0U);
+  rest(there, 200);
+  bench.run_for(600'000);
+  ASSERT_EQ(bench.write(0x2000, 1, 0, 1), 0U);
+  ASSERT_EQ(bench.write(0x2000, 2, 1, 1), 0U);
+  bench.turn();
+  ASSERT_EQ(bench.write(0x2000, 1, 1, 1), 0U);
+  rest(there, 200);
+  EXPECT_EQ(stand[0], there[0]);
+}
+
+TEST_P(BacklashTest, DrivesThatMoveInAStream_FollowTheirTargets) {
+  stand[0] += 500;
+  feed_back();
+  rest(there, 200);
+  EXPECT_NEAR(stand[0] - there[0], kBacklash, 2);
 }
 
 INSTANTIATE_TEST_SUITE_P(Inline, BacklashTest, ::testing::Values(Mode::kInline));

@@ -15,7 +15,8 @@ JointPath::JointPath(ObjectDictionary& dictionary, Compensator& compensator, Emc
       emcy_(emcy),
       downstream_(downstream),
       clock_us_(clock_us),
-      joint_count_(joint_count) {}
+      joint_count_(joint_count),
+      inputs_(dictionary, emcy) {}
 
 void JointPath::configure(const PdoTable& pdos) {
   take_back();
@@ -58,6 +59,8 @@ void JointPath::forget() {
 void JointPath::take_back() {
   if (sets_.progress() != SetProgress::kComputed) return;
   compensator_.take_back();
+  // A first set that does not go out is not the first.
+  if (phase_ == Phase::kUnknown) compensator_.forget();
   sets_.set_progress(SetProgress::kWaiting);
 }
 
@@ -136,7 +139,7 @@ void JointPath::take_input(const Pdo& pdo, const CanFrame& frame, std::uint64_t 
     emcy_.clear(Condition::kInputRange);
   }
   for (const MappedEntry& mapped : pdo.mapping.used()) {
-    if (mapped.index == od::kTemperatureInputs[0].index) note_temperature(mapped.sub - 1U, now_us);
+    inputs_.note(mapped.index, mapped.sub, now_us);
   }
 }
 
@@ -152,12 +155,7 @@ void JointPath::read_targets(std::uint64_t now_us) {
 }
 
 void JointPath::read_surroundings(std::uint64_t now_us) {
-  for (std::size_t sensor = 0; sensor < kMaxSensors; ++sensor) {
-    // 0x2020 counts in 0.01 °C.
-    input_.temperature_mdegc[sensor] = dictionary_.get(od::kTemperatureInputs[sensor]) * 10;
-  }
-  input_.temperature_valid = temperature_given_;  // watch_temperatures() takes out what is stale
-  input_.payload_g = saturate(std::int64_t{dictionary_.get(od::kPayloadMass)});
+  inputs_.read(input_);
   input_.time_ms = now_us / 1000;
   input_.elapsed_us =
       static_cast<std::uint32_t>(std::min<std::uint64_t>(now_us - last_step_us_, UINT32_MAX));
@@ -172,7 +170,10 @@ bool JointPath::begin(std::uint64_t now_us) {
   }
   const bool fits = compensator_.begin(held);
   const bool has_stood = now_us - resting_since_us_ >= kRestUs;
-  if (mode_ == Mode::kOffset && all_heard && !(fits && has_stood)) return false;
+  if (mode_ == Mode::kOffset && all_heard && !(fits && has_stood)) {
+    compensator_.forget();
+    return false;
+  }
   began_with_heard_ = all_heard;
   return true;
 }
@@ -204,7 +205,6 @@ bool JointPath::compute(std::uint64_t now_us) {
   take_back_unsent();
   read_targets(now_us);
   read_surroundings(now_us);
-  // A first set that does not go out is not the first.
   if (phase_ == Phase::kUnknown && !begin(now_us)) return false;
   input_.held = 0;
   output_ = compensator_.cycle(input_);
@@ -337,6 +337,10 @@ void JointPath::take_feedback(const Pdo& pdo, CanFrame& frame, std::uint64_t now
       count(counters_.reference_changes);
       emcy_.raise(Condition::kReferenceChanged, static_cast<std::uint32_t>(axis + 1));
     }
+    // By something else than its targets: from which side it came is not known any more.
+    if (!streaming_ && drives_.has_left(axis, compensator_.scale(axis).dead_band, bounds)) {
+      compensator_.forget_direction(axis);
+    }
     if (phase_ == Phase::kUnknown) {
       heard_ |= 1U << axis;
       continue;
@@ -367,6 +371,7 @@ void JointPath::interrupted() {
   streaming_ = false;
   sets_.distrust();
   compensator_.restart_stream();
+  drives_.note_stand();
 }
 
 std::uint32_t JointPath::why_withheld() const {
@@ -401,24 +406,13 @@ void JointPath::watch_stream(std::uint64_t now_us) {
   }
 }
 
-void JointPath::watch_temperatures(std::uint64_t now_us) {
-  const std::uint64_t limit_us =
-      dictionary_.get(od::compensator_control::kTemperatureTimeOut) * std::uint64_t{1000};
-  for (std::size_t sensor = 0; sensor < kMaxSensors; ++sensor) {
-    const bool given = (temperature_given_ >> sensor & 1U) != 0;
-    if (!given || now_us - temperature_us_[sensor] <= limit_us) continue;
-    temperature_given_ &= ~(1U << sensor);
-    emcy_.raise(Condition::kTemperatureStale, static_cast<std::uint32_t>(sensor + 1), sensor);
-  }
-}
-
 bool JointPath::process(std::uint64_t now_us) {
   const bool late = now_us - last_process_us_ > kSupervisionUs;
   const bool overlooked = streaming_ && now_us - last_set_us_ > stale_us() + kSupervisionUs;
   last_process_us_ = now_us;
   follow_drives();
   watch_stream(now_us);
-  watch_temperatures(now_us);
+  inputs_.watch(phase_ == Phase::kUnknown ? 0 : compensator_.needed_inputs(), now_us);
   return !late && !overlooked;
 }
 
@@ -484,13 +478,6 @@ void JointPath::note_offsets(std::uint32_t refused, std::uint32_t unsent, std::u
   if (refused != 0) take_back_unsent();
   if (is_offset_set_ && !is_refused_) note_set_out(now_us);
   is_offset_set_ = false;
-}
-
-void JointPath::note_temperature(std::size_t sensor, std::uint64_t now_us) {
-  if (sensor >= kMaxSensors) return;
-  temperature_us_[sensor] = now_us;
-  temperature_given_ |= 1U << sensor;
-  emcy_.clear(Condition::kTemperatureStale, sensor);
 }
 
 }  // namespace armtrue::canopen

@@ -30,6 +30,7 @@
 
 #include "firmware/canopen/motion/drive_states.h"
 #include "firmware/canopen/motion/latency.h"
+#include "firmware/canopen/motion/sensor_inputs.h"
 #include "firmware/canopen/motion/set_assembler.h"
 #include "firmware/canopen/protocol/can_port.h"
 #include "firmware/canopen/protocol/emcy.h"
@@ -63,7 +64,7 @@ enum WhyWithheld : std::uint32_t {
   kContradictions = 2,   // contradicted or short frames
   kPositionUnknown = 3,  // offset mode: the arm has not stood yet where its offset is known
   kSyncMissing = 4,      // targets or offsets that wait for SYNC, which does not come
-  kNoSet = 5,            // targets make no set: too few joints, or too many frames
+  kNoSet = 5,            // targets make no set: too few joints, or an axis mapped twice
   kNotOperational = 6,
   kOutputRefused = 7,  // the bus did not take the set, or its offsets
 };
@@ -185,8 +186,10 @@ class JointPath {
   // frame.len >= pdo.mapping.length.
   void take_input(const Pdo& pdo, const CanFrame& frame, std::uint64_t now_us);
 
-  // A temperature has been given by SDO or PDO.
-  void note_temperature(std::size_t sensor, std::uint64_t now_us);
+  // An object has been written by SDO: a temperature or the payload counts as given.
+  void note_input(std::uint16_t index, std::uint8_t sub, std::uint64_t now_us) {
+    inputs_.note(index, sub, now_us);
+  }
 
   bool is_streaming() const { return streaming_; }
   std::uint16_t last_flags() const { return last_flags_; }
@@ -218,7 +221,6 @@ class JointPath {
   void interrupted();
   void forget();
   void watch_stream(std::uint64_t now_us);
-  void watch_temperatures(std::uint64_t now_us);
   std::uint32_t why_withheld() const;
 
   // Sets without a contradiction or a short frame after which the condition is over.
@@ -239,6 +241,7 @@ class JointPath {
 
   SetAssembler sets_;
   DriveStates drives_;
+  SensorInputs inputs_;
   OffsetOutput offset_output_ = OffsetOutput::kIncomplete;
   Mode mode_ = Mode::kForward;
   Phase phase_ = Phase::kUnknown;
@@ -270,8 +273,6 @@ class JointPath {
   std::uint64_t waiting_since_us_ = 0;  // since when targets come and no set has gone out
   std::uint64_t last_set_us_ = 0;
   std::uint64_t last_process_us_ = 0;
-  std::array<std::uint64_t, kMaxSensors> temperature_us_ = {};
-  std::uint32_t temperature_given_ = 0;  // bit s: sensor s has been given within the time-out
   JointCounters counters_;
   Latency target_latency_;
 };

@@ -456,5 +456,43 @@ TEST(JointPathTest, TargetsOfTooFewJointsAreNeverEvaluated) {
   EXPECT_EQ(bench.read(0x2001, 2) & 1U, 0U) << "status: not configured";
 }
 
+// RPDO 4 maps axis 1, which RPDO 1 has.
+class AxisMappedTwiceTest : public testing::Test {
+ protected:
+  AxisMappedTwiceTest() {
+    bench.install(TestTable{}.image());
+    bench.configure(Mode::kInline);
+    EXPECT_EQ(bench.write(0x1603, 0, 0, 1), 0U);
+    EXPECT_EQ(bench.write(0x1603, 1, 0x607A0020, 4), 0U);
+    EXPECT_EQ(bench.write(0x1603, 0, 1, 1), 0U);
+  }
+  NodeBench bench;
+};
+
+TEST_F(AxisMappedTwiceTest, IsRefusedWhereTheSecondIsSwitchedOn) {
+  EXPECT_EQ(bench.write(0x1403, 1, 0x520, 4),
+            static_cast<std::uint32_t>(Abort::kIncompatibleParameter));
+  EXPECT_EQ(bench.read(0x2001, 2) & 1U, 1U) << "what there was stays";
+  ASSERT_EQ(bench.write(0x1400, 1, 0x80000220, 4), 0U);
+  EXPECT_EQ(bench.write(0x1403, 1, 0x520, 4), 0U) << "the other is off";
+  EXPECT_EQ(bench.write(0x1400, 1, 0x220, 4),
+            static_cast<std::uint32_t>(Abort::kIncompatibleParameter));
+}
+
+TEST_F(AxisMappedTwiceTest, WithinOneRpdo_IsRefusedToo) {
+  ASSERT_EQ(bench.write(0x1400, 1, 0x80000220, 4), 0U);
+  EXPECT_EQ(bench.write(0x1603, 0, 0, 1), 0U);
+  EXPECT_EQ(bench.write(0x1603, 2, 0x607A0020, 4), 0U);
+  EXPECT_EQ(bench.write(0x1603, 0, 2, 1), 0U);
+  EXPECT_EQ(bench.write(0x1403, 1, 0x520, 4),
+            static_cast<std::uint32_t>(Abort::kIncompatibleParameter));
+}
+
+TEST_F(AxisMappedTwiceTest, OffOrOfOtherObjects_IsNoMatter) {
+  EXPECT_EQ(bench.write(0x1403, 1, 0x80000520, 4), 0U);
+  EXPECT_EQ(bench.write(0x140C, 1, 0x1D0, 4), 0U) << "no target";
+  EXPECT_EQ(bench.write(0x1803, 1, 0x400004A0, 4), 0U) << "a TPDO of the same number";
+}
+
 }  // namespace
 }  // namespace armtrue::canopen

@@ -17,16 +17,17 @@ void SetAssembler::configure(const PdoTable& pdos, std::uint8_t joint_count) {
   drop();
   expected_ = 0;
   synchronous_ = false;
+  bool is_unique = true;
   for (std::size_t k = 0; k < kRpdos; ++k) {
     const Pdo& pdo = pdos.rpdo(k);
     if (!pdo.valid || !pdo.mapping.has_axis_object(kTargetPosition)) continue;
     expected_ |= 1U << k;
     synchronous_ = synchronous_ || pdo.is_synchronous();
+    is_unique = is_unique && !pdos.repeats_target(k);
   }
   const std::uint32_t needed = (1U << joint_count) - 1U;
-  const bool fits = static_cast<std::size_t>(std::popcount(expected_)) <= held_.size();
   const bool is_whole = (mapped_axes(pdos.rpdos(), kTargetPosition) & needed) == needed;
-  if (!is_whole || !fits) expected_ = 0;
+  if (!is_whole || !is_unique) expected_ = 0;
   window_.restart(expected_);
 }
 
@@ -102,7 +103,7 @@ bool SetAssembler::is_over(std::uint32_t configured_us, std::uint64_t now_us) co
     // A whole set waits for SYNC. What is missing from another may come as long as it can only be
     // of this interval: SYNC itself may be late, and the next cycle's frame ahead of it.
     if (content_ == SetContent::kWhole) return false;
-    limit_us = std::max(limit_us, sync_period_us_ * 3 / 4);
+    limit_us = std::max(limit_us, sync_period_us() * 3 / 4);
   }
   return now_us - begin_us_ > limit_us;
 }
@@ -126,16 +127,31 @@ SetAssembler::Ended SetAssembler::end_interval() {
 }
 
 void SetAssembler::note_sync(std::uint64_t now_us) {
-  if (sync_in_use_) sync_period_us_ = now_us - last_sync_us_;
+  if (sync_in_use_) {
+    const std::uint64_t interval_us = now_us - last_sync_us_;
+    auto& [oldest, older, newest] = sync_intervals_us_;
+    const bool is_first = newest == 0;
+    oldest = is_first ? interval_us : older;
+    older = is_first ? interval_us : newest;
+    newest = interval_us;
+  }
   sync_in_use_ = true;
   last_sync_us_ = now_us;
+}
+
+// The median: a late SYNC makes one interval longer and the next one shorter, a lost one makes one
+// longer, and neither is another period.
+std::uint64_t SetAssembler::sync_period_us() const {
+  const auto& [a, b, c] = sync_intervals_us_;
+  return std::max(std::min(a, b), std::min(std::max(a, b), c));
 }
 
 bool SetAssembler::is_on_time(std::uint32_t configured_us, std::uint64_t now_us) const {
   // A set that a late SYNC left waiting for longer than two intervals is old; where the interval is
   // not known yet, than the set window.
+  const std::uint64_t period_us = sync_period_us();
   const std::uint64_t waits_us =
-      sync_period_us_ == 0 ? std::uint64_t{window_.in_force(configured_us)} : 2 * sync_period_us_;
+      period_us == 0 ? std::uint64_t{window_.in_force(configured_us)} : 2 * period_us;
   return now_us - begin_us_ <= waits_us;
 }
 

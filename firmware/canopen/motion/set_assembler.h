@@ -49,7 +49,7 @@ class SetAssembler {
   };
 
   // Decides from the mappings which RPDOs make a set, so that together they map `joint_count`
-  // joints. More RPDOs than there are axes are no set: none could be held.
+  // joints. Where an axis is mapped twice there is no set: its drive would get one of two targets.
   void configure(const PdoTable& pdos, std::uint8_t joint_count);
   bool is_configured() const { return expected_ != 0; }
   bool is_synchronous() const { return synchronous_; }
@@ -91,6 +91,7 @@ class SetAssembler {
     std::array<std::uint8_t, kFdPayload> data = {};
   };
 
+  std::uint64_t sync_period_us() const;
   const Held* find(std::size_t rpdo) const;
   bool repeats_previous(const Held& held) const;
   void clear();
@@ -108,7 +109,7 @@ class SetAssembler {
   SetProgress progress_ = SetProgress::kWaiting;
   std::uint64_t begin_us_ = 0;
   std::uint64_t last_sync_us_ = 0;
-  std::uint64_t sync_period_us_ = 0;  // between the last two SYNCs
+  std::array<std::uint64_t, 3> sync_intervals_us_ = {};  // the last ones, 0 before the first
   SetWindow window_;
 };
 

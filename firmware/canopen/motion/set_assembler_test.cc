@@ -104,6 +104,53 @@ TEST_F(SetAssemblerTest, AWholeSet_WaitsForItsSyncForTwoIntervals) {
   EXPECT_FALSE(sets.is_on_time(kWindowUs, 4'101));
 }
 
+TEST_F(SetAssemblerTest, OneLateOrLostSync_IsNotTakenForAnotherInterval) {
+  for (const std::uint64_t late_us : {600U, 900U, 1'000U, 1'500U}) {
+    SCOPED_TRACE(late_us);
+    configure(1);
+    std::uint64_t now_us = 0;
+    for (int k = 0; k < 10; ++k) sets.note_sync(now_us += 1'000);
+    // Each SYNC after the late one finds a set that came right after the SYNC before.
+    sets.note_sync(now_us + 1'000 + late_us);
+    for (std::uint64_t sync_us = now_us + 2'000; sync_us < now_us + 7'000; sync_us += 1'000) {
+      if (sync_us <= now_us + 1'000 + late_us) continue;  // lost, or the late one itself
+      sets.note_sync(sync_us);
+      take(1, 5, sync_us + 10);
+      EXPECT_FALSE(sets.is_over(kWindowUs, sync_us + 760)) << "three quarters for what is missing";
+      take(2, 5, sync_us + 770);
+      EXPECT_TRUE(sets.is_on_time(kWindowUs, sync_us + 1'000)) << sync_us - now_us;
+      EXPECT_FALSE(sets.is_on_time(kWindowUs, sync_us + 2'011)) << "nor is an old set a new one";
+      sets.end_interval();
+    }
+  }
+}
+
+TEST_F(SetAssemblerTest, AnotherSyncInterval_IsKnownAfterTwoOfThem) {
+  configure(1);
+  for (std::uint64_t us = 1'000; us <= 5'000; us += 1'000) sets.note_sync(us);
+  sets.note_sync(9'000);
+  sets.note_sync(13'000);
+  take(1, 5, 13'100);
+  take(2, 5, 13'200);
+  EXPECT_TRUE(sets.is_on_time(kWindowUs, 21'100));
+  EXPECT_FALSE(sets.is_on_time(kWindowUs, 21'101));
+}
+
+TEST_F(SetAssemblerTest, AnAxisMappedTwice_MeansNoSet) {
+  map(3, 0x607A0020);
+  configure(1);
+  EXPECT_FALSE(sets.is_configured()) << "by two RPDOs";
+  dictionary.set(od::rpdo::kCOBID[3], 0x80000303U);
+  configure(1);
+  EXPECT_TRUE(sets.is_configured()) << "of which one is off";
+  dictionary.set(od::rpdo::kMappingCount[2], 2);
+  auto second = od::rpdo::kMapping[2];
+  second.offset = static_cast<std::uint16_t>(second.offset + 4);
+  dictionary.set(second, 0x687A0020U);
+  configure(1);
+  EXPECT_FALSE(sets.is_configured()) << "twice by one";
+}
+
 TEST_F(SetAssemblerTest, BeforeTheSecondSync_AWholeSetWaitsForTheSetWindow) {
   configure(1);
   take(1, 5, 2'100);

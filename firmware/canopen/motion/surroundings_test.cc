@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <set>
 
 #include "firmware/core/table/test_image.h"
 #include "firmware/testing/drives_bench.h"
@@ -43,6 +44,14 @@ class SurroundingsTest : public ::testing::Test {
     return -1000.0 * 2.0 * M_PI * offset / kTurn;
   }
 
+  // The error history, without its order.
+  std::set<std::uint32_t> errors() {
+    std::set<std::uint32_t> result;
+    const std::uint32_t count = bench.read(0x1003, 0);
+    for (std::uint8_t k = 1; k <= count; ++k) result.insert(bench.read(0x1003, k));
+    return result;
+  }
+
   NodeBench bench;
 };
 
@@ -75,6 +84,45 @@ TEST_F(SurroundingsTest, ASilentSensor_TakesNoOtherWithIt) {
   for (int k = 0; k < 1100; ++k) cycle();
   EXPECT_GT(std::abs(correction(2)), 2.0) << "it was heard 1.4 s ago";
   EXPECT_NEAR(correction(1), 0.0, 1e-3);
+}
+
+TEST_F(SurroundingsTest, WhatTheTableReadsAndNobodyGave_IsSaidAfterTheTimeOut) {
+  ASSERT_EQ(bench.write(0x2000, 6, 2000, 4), 0U);
+  ASSERT_EQ(bench.write(0x2020, 1, 2000, 2), 0U);
+  for (int k = 0; k < 1700; ++k) cycle();  // 200 have been
+  EXPECT_EQ(bench.read(0x1003, 0), 0U) << "two seconds are not over before that";
+  for (int k = 0; k < 150; ++k) cycle();
+  EXPECT_EQ(errors(), (std::set<std::uint32_t>{0x0002FF12, 0x0003FF12, 0x0000FF12}))
+      << "two sensors, and the payload";
+  for (const std::uint8_t sensor : std::initializer_list<std::uint8_t>{2, 3}) {
+    ASSERT_EQ(bench.write(0x2020, sensor, 2000, 2), 0U);
+  }
+  EXPECT_NE(bench.read(0x1001, 0), 0U);
+  ASSERT_EQ(bench.write(0x2021, 0, 0, 4), 0U) << "nothing is a payload, too";
+  EXPECT_EQ(bench.read(0x1001, 0), 0U);
+}
+
+TEST_F(SurroundingsTest, APayload_IsGivenOnce) {
+  ASSERT_EQ(bench.write(0x2000, 6, 500, 4), 0U);
+  ASSERT_EQ(bench.write(0x2021, 0, 0, 4), 0U);
+  for (int k = 0; k < 1000; ++k) {
+    for (const std::uint8_t sensor : std::initializer_list<std::uint8_t>{1, 2, 3}) {
+      ASSERT_EQ(bench.write(0x2020, sensor, 2000, 2), 0U);
+    }
+    cycle();
+  }
+  EXPECT_EQ(bench.read(0x1003, 0), 0U);
+}
+
+TEST_F(SurroundingsTest, WhatNobodyReads_IsNotMissed) {
+  ASSERT_EQ(bench.write(0x2000, 2, 0, 1), 0U);
+  ASSERT_EQ(bench.write(0x2000, 6, 500, 4), 0U);
+  for (int k = 0; k < 1000; ++k) cycle();
+  EXPECT_EQ(bench.read(0x1003, 0), 0U) << "disabled";
+  bench.power_on();
+  ASSERT_EQ(bench.write(0x2000, 6, 500, 4), 0U);
+  bench.run_for(1'000'000);
+  EXPECT_EQ(bench.read(0x1003, 0), 0U) << "no set has gone out";
 }
 
 TEST_F(SurroundingsTest, Payload_IsInGrams) {

@@ -103,7 +103,11 @@ Abort Node::check_communication_write(const od::Entry& entry, std::span<const st
     if (!is_quiet() || !may_erase()) return Abort::kDeviceState;
     return parts_.parameters.erase() ? Abort::kNone : Abort::kHardware;
   }
-  return check_pdo_write(dictionary_, entry, value, pdos_.payload_max());
+  const Abort abort = check_pdo_write(dictionary_, entry, value, pdos_.payload_max());
+  const bool switches_on =
+      entry.index >= 0x1400 && entry.index < 0x1600 && entry.sub == 1 && (wanted & kInvalid) == 0;
+  const bool is_twice = switches_on && pdos_.repeats_target(entry.index - 0x1400U);
+  return abort == Abort::kNone && is_twice ? Abort::kIncompatibleParameter : abort;
 }
 
 // Whether an enabled drive holds a correction. Its next target would be a step if it passed
@@ -211,10 +215,8 @@ void Node::after_write(const od::Entry& entry) {
     return tables_.set_enabled(dictionary_.get(control::kCorrectionEnable) != 0);
   }
   if (entry.index >= 0x6000) return joints_.configure_bounds();
-  if (entry.index == od::kTemperatureInputs[0].index && entry.sub > 0) {
-    return joints_.note_temperature(entry.sub - 1U, now_us_);
-  }
   if (is(entry, od::self_test::kRun)) run_self_test(dictionary_.get(od::self_test::kRun));
+  joints_.note_input(entry.index, entry.sub, now_us_);
 }
 
 void Node::run_self_test(std::uint8_t tests) {

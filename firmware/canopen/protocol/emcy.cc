@@ -19,7 +19,7 @@ constexpr std::uint8_t kDeviceSpecific = 1U << 5;
 constexpr ConditionCode kCodes[] = {
     {0xFF10, kGeneric | kCommunication},   // kJointInputStale
     {0xFF11, kGeneric | kDeviceSpecific},  // kTableRefused
-    {0xFF12, kGeneric | kDeviceSpecific},  // kTemperatureStale
+    {0xFF12, kGeneric | kDeviceSpecific},  // kInputSilent
     {0xFF13, kGeneric | kDeviceSpecific},  // kTargetBySdo
     {0xFF14, kGeneric | kCommunication},   // kTargetConflict
     {0x5530, kGeneric | kDeviceSpecific},  // kStorage: device hardware, EEPROM

@@ -14,16 +14,16 @@ namespace armtrue::canopen {
 
 // What can be wrong. Each condition is either present or not; raising it twice reports it once.
 enum class Condition : std::uint8_t {
-  kJointInputStale,   // targets missing, late or incomplete: output stopped
-  kTableRefused,      // an image did not pass verification
-  kTemperatureStale,  // a temperature input went silent
-  kTargetBySdo,       // a drive was given a target that the compensator does not correct
-  kTargetConflict,    // contradicting targets: a second controller, or SYNC lost
-  kStorage,           // a slot or the parameter memory failed
-  kHeartbeatLost,     // a watched node fell silent
-  kReceiveOverrun,    // frames lost in the controller
-  kBusPassive,        // error passive
-  kBusOffUpstream,    // recovered from bus-off; the message leaves after the recovery
+  kJointInputStale,  // targets missing, late or incomplete: output stopped
+  kTableRefused,     // an image did not pass verification
+  kInputSilent,      // a temperature went silent, or what the table reads was never given
+  kTargetBySdo,      // a drive was given a target that the compensator does not correct
+  kTargetConflict,   // contradicting targets: a second controller, or SYNC lost
+  kStorage,          // a slot or the parameter memory failed
+  kHeartbeatLost,    // a watched node fell silent
+  kReceiveOverrun,   // frames lost in the controller
+  kBusPassive,       // error passive
+  kBusOffUpstream,   // recovered from bus-off; the message leaves after the recovery
   kBusOffDownstream,
   kPdoLength,         // a PDO shorter than its mapping
   kSyncLength,        // SYNC with a counter that is not expected, or without one that is

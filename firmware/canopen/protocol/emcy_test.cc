@@ -43,15 +43,15 @@ TEST_F(EmcyTest, SecondSource_OfACondition_IsReportedToo) {
 }
 
 TEST_F(EmcyTest, Condition_StaysUntilItsLastSourceIsWell) {
-  emcy.raise(Condition::kTemperatureStale, 1, 0);
-  emcy.raise(Condition::kTemperatureStale, 2, 1);
+  emcy.raise(Condition::kInputSilent, 1, 0);
+  emcy.raise(Condition::kInputSilent, 2, 1);
   codes();
-  emcy.clear(Condition::kTemperatureStale, 1);
+  emcy.clear(Condition::kInputSilent, 1);
   EXPECT_EQ(error_register(), 0x21);
   EXPECT_TRUE(codes().empty());
-  emcy.clear(Condition::kTemperatureStale, 1);
+  emcy.clear(Condition::kInputSilent, 1);
   EXPECT_EQ(error_register(), 0x21);
-  emcy.clear(Condition::kTemperatureStale, 0);
+  emcy.clear(Condition::kInputSilent, 0);
   EXPECT_EQ(error_register(), 0);
   EXPECT_EQ(codes(), std::vector{0});
 }

@@ -165,6 +165,18 @@ void PdoTable::refresh() {
   }
 }
 
+bool PdoTable::repeats_target(std::size_t number) const {
+  std::uint32_t axes = mapped_axes(rpdos().first(number), kTargetPosition) |
+                       mapped_axes(rpdos().subspan(number + 1), kTargetPosition);
+  for (const MappedEntry& mapped : rpdos_[number].mapping.used()) {
+    if (axis_object(mapped.index) != kTargetPosition) continue;
+    const std::uint32_t axis = 1U << axis_of(mapped.index);
+    if ((axes & axis) != 0) return true;
+    axes |= axis;
+  }
+  return false;
+}
+
 std::size_t PdoTable::match(const CanFrame& frame) const {
   if (frame.is(kFrameExtended) || frame.is(kFrameRemote)) return kRpdos;
   for (std::size_t k = 0; k < kRpdos; ++k) {

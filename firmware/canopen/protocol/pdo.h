@@ -91,6 +91,9 @@ class PdoTable {
   const Pdo& rpdo(std::size_t number) const { return rpdos_[number]; }
   const Pdo& tpdo(std::size_t number) const { return tpdos_[number]; }
 
+  // Whether RPDO `number` maps the target of an axis twice, or of one that another valid RPDO maps.
+  bool repeats_target(std::size_t number) const;
+
   // The number of the first valid RPDO that `frame` is, kRpdos if it is none.
   std::size_t match(const CanFrame& frame) const;
 

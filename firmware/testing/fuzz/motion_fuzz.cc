@@ -5,6 +5,8 @@
 //   clamp         no correction is larger than 0.05 turn of the drives that there are
 //   rate          no correction changes faster than 0.1 turn a second, in time and not in sets
 //   pass-through  disabled, the output is the input after at most kFadeCycles
+//   comes back    a correction that is neither disabled nor suspended is there, or on its way
+//   way to zero   one that is goes to zero in offset mode without targets, too
 //   feedback      an actual position comes back without its own cycle's correction
 //   SYNC          nothing is evaluated between SYNC's arrival and its leaving
 //   NMT           what ends the output ends it within seconds
@@ -55,12 +57,13 @@ enum class Step : std::uint8_t {
   kInstall,
   kStageJunk,
   kNmt,
-  kManyTargetPdos,
+  kDrive,
   kSynchronous,
   kRevert,
   kPdo,
   kMode,
   kPowerCycle,
+  kLate,
   kCount,
 };
 
@@ -109,6 +112,11 @@ class Life {
       : offset_((setup & 1U) != 0),
         bench_(!offset_, false, {}, kMaxImageLength + storage::kHeaderBytes, &flash) {
     bench_.configure(offset_ ? Mode::kOffset : Mode::kInline);
+    // RPDO 13 hears the state of axis 1.
+    bench_.write(0x160C, 0, 0, 1);
+    bench_.write(0x160C, 1, 0x60410010, 4);
+    bench_.write(0x160C, 0, 1, 1);
+    bench_.write(0x140C, 1, 0x1D0, 4);
     bench_.write(0x1010, 1, 0x65766173, 4);
     take();
     feed_back();
@@ -144,8 +152,12 @@ class Life {
       }
       case Step::kNmt:
         return nmt(which);
-      case Step::kManyTargetPdos:
-        return many_target_pdos(which);
+      case Step::kDrive:
+        return drive_says(which % 2 == 0 ? 0x0218 : 0x0237);
+      case Step::kLate:
+        bench_.now_us += 500U * (1U + which % 8U);
+        bench_.turn();
+        return noted();
       case Step::kSynchronous:
         quiet(600);
         synchronous_ = which % 2 == 0;
@@ -176,6 +188,7 @@ class Life {
       default:
         bench_.power_on();
         since_disabled_ = -1;
+        is_away_ = false;
         synchronous_ = false;
         return begin_anew();
     }
@@ -192,6 +205,26 @@ class Life {
     return true;
   }
 
+  bool drive_says(int statusword) {
+    const CanFrame frame = make_frame(0x1D0, {statusword & 0xFF, statusword >> 8});
+    offset_ ? bench_.from_controller(frame) : bench_.from_drives(frame);
+    is_away_ = statusword != 0x0237;
+    known_ &= ~1U;
+    return noted();
+  }
+
+  // What is asked and what is done agree, whatever became of a set that waited meanwhile.
+  void judge_state(bool after_silence) {
+    const CompensatorState state = bench_.compensator().state();
+    const bool passes = state == CompensatorState::kPassThrough;
+    const std::uint32_t phase = bench_.read(0x2005, 3);
+    const bool is_enabled = bench_.read(0x2000, 2) != 0 && bench_.read(0x2013, 12) != 255;
+    if (phase == 1 && is_enabled) require(!passes, "comes back");
+    const bool is_at_once = offset_ && after_silence && fades_within_ == kFadesWithin;
+    if (is_at_once && phase != 0 && (phase == 2 || !is_enabled)) require(passes, "way to zero");
+    take();
+  }
+
   // Without targets. Fades take their steps in the first of it; from then on time may go faster.
   bool quiet(int milliseconds) {
     for (int past = 0; past < milliseconds;) {
@@ -202,6 +235,7 @@ class Life {
       take();
       judge(target_);
     }
+    judge_state(milliseconds >= 600);
     return true;
   }
 
@@ -325,40 +359,21 @@ class Life {
     }
     if (command == 77) return true;
     require(has_ended(), "NMT");
-    if (command == 129) since_disabled_ = -1;
+    if (command == 129) {
+      since_disabled_ = -1;
+      is_away_ = false;
+    }
     if (command > 128) synchronous_ = false;
     bench_.run_for(2000);
     return begin_anew();
-  }
-
-  bool many_target_pdos(std::uint8_t which) {
-    quiet(600);
-    bench_.write(0x2000, 1, 0, 1);
-    quiet(600);
-    const std::uint32_t many = 1 + which % 19U;
-    for (std::uint32_t k = 0; k < many; ++k) {
-      const auto communication = static_cast<std::uint16_t>(0x1400 + k);
-      const auto mapping = static_cast<std::uint16_t>(0x1600 + k);
-      bench_.write(communication, 1, 0x80000000U | (0x300 + k), 4);
-      bench_.write(mapping, 0, 0, 1);
-      bench_.write(mapping, 1, (0x607AU + 0x800U * (k % 6)) << 16 | 0x20U, 4);
-      bench_.write(mapping, 0, 1, 1);
-      bench_.write(communication, 1, 0x300 + k, 4);
-    }
-    bench_.write(0x2000, 1, offset_ ? 2 : 1, 1);
-    for (int set = 0; set < 3; ++set) {
-      bench_.now_us += 1000;
-      for (std::uint32_t k = 0; k < many; ++k) {
-        bench_.from_controller(make_frame(0x300 + k, {set, 0, 0, 0}));
-      }
-    }
-    return false;
   }
 
   bool stream(int cycles, std::uint64_t period_us, std::int32_t way, bool with_sync = true) {
     for (int k = 0; k < cycles; ++k) {
       const Joints before = target_;
       bench_.now_us += period_us;
+      // Drops a set that is too old, then takes the step to zero that waited for it.
+      bench_.turn();
       bench_.turn();
       if (with_sync) {
         const std::uint32_t evaluated = bench_.compensator().counters().cycles;
@@ -372,12 +387,16 @@ class Life {
       bench_.command_joints(target_);
       take();
       judge(target_);
-      if (since_disabled_ >= 0) since_disabled_ += static_cast<std::int64_t>(period_us);
+      // The way to zero begins with the first output of a life.
+      if (since_disabled_ >= 0 && known_ != 0) {
+        since_disabled_ += static_cast<std::int64_t>(period_us);
+      }
       if (since_disabled_ > fades_within_ * 1000) {
         for (const std::int32_t delta : delta_) require(delta == 0 || known_ == 0, "pass-through");
       }
       feed_back();
     }
+    if (cycles > 20) judge_state(false);
     return true;
   }
 
@@ -422,6 +441,7 @@ class Life {
   }
 
   void feed_back() {
+    if (is_away_) known_ &= ~1U;  // inline its way to zero takes steps that no frame tells
     for (std::size_t pair = 0; pair < 3; ++pair) {
       Joints stand = target_;
       for (std::size_t k = 0; k < 6; ++k) stand[k] = stand_meant_[k] + delta_[k];
@@ -445,6 +465,7 @@ class Life {
   bool offset_;
   NodeBench bench_;
   bool synchronous_ = false;
+  bool is_away_ = false;  // the drive of axis 1
   std::uint32_t sequence_ = 1;
   std::int64_t since_disabled_ = -1;  // us with targets; negative while it is enabled
   std::int64_t fades_within_ = kFadesWithin;
