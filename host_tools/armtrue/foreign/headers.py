@@ -3,9 +3,15 @@
 from __future__ import annotations
 
 import re
+import unicodedata
 from dataclasses import dataclass, field
 
-from armtrue.foreign.sheets import Sheet, is_number, split_unit, time_format
+import numpy as np
+
+from armtrue.arrays import Array
+from armtrue.foreign.clocks import is_clock
+from armtrue.foreign.sheets import Sheet, is_number, split_unit, to_float
+from armtrue.io.columns import UNITS
 
 _PLANNED = re.compile(r"goal|nominal|nom\b|soll|planned|desired|design", re.IGNORECASE)
 _SPREAD = re.compile(r"std|sigma|rms|uncert|deviation|dev\b|error", re.IGNORECASE)
@@ -25,7 +31,18 @@ _EXTERNAL = re.compile(
 _UR = ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")
 _AXIS = re.compile(r"^(.*?)(?<![a-z])(r?)([xyz])(?![a-z])(.*)$", re.IGNORECASE)
 _ANGLES = (("roll", "pitch", "yaw"), ("a", "b", "c"), ("w", "p", "r"), ("rx", "ry", "rz"))
-_QUATERNIONS = (("qw", "qx", "qy", "qz"), ("quat_w", "quat_x", "quat_y", "quat_z"), ("q0", "q1", "q2", "q3"))
+_QUATERNIONS = (
+    *(("qw", "qx", "qy", "qz"), ("quat_w", "quat_x", "quat_y", "quat_z")),
+    *(("q0", "q1", "q2", "q3"), ("q1", "q2", "q3", "q4")),
+)
+# Quaternions are rounded, and a few rows may be bad.
+_UNIT_LENGTH_TOLERANCE = 2e-3
+_MOST_BAD = 0.05
+_WHOSE = re.compile(
+    r"(?:measured|measurement|meas|tcp|pose|tool|cart(?:esian)?|robot|act(?:ual)?|leica|laser|tracker|smr)"
+    r"(?:[_ .]pose)?",
+    re.IGNORECASE,
+)
 # Nine direction cosines, row by row, counted from 1 or from 0: R11 … R33, rot_00 … rot_22.
 _MATRICES = tuple(
     tuple(f"{stem}{i}{between}{k}" for i in digits for k in digits)
@@ -41,7 +58,7 @@ _WORDS = {
         r"^(?:station|set_?up|standpunkt)[_ .]*(?:id|nr|no|name|number|#)?$", re.IGNORECASE
     ),
     "nest": re.compile(r"^nest[_ .]*(?:id|nr|no|name|number|#)?$", re.IGNORECASE),
-    "time": re.compile(r"^t$|time|zeit|stamp|date|datum|uhr", re.IGNORECASE),
+    "time": re.compile(r"^t$|time|zeit|stamp|date|datum|uhr|^elapsed", re.IGNORECASE),
     "repeat": re.compile(r"^rep|repeat|repetition|wdh|wiederhol", re.IGNORECASE),
     "target": re.compile(r"target|smr|reflector|prism|ball_?id", re.IGNORECASE),
 }
@@ -49,6 +66,17 @@ _OF_THE_CONTRACT = re.compile(r"sigma|(?:dir|tau|travel|duty)[1-9]\d?")
 _TEMPERATURE_WORDS = re.compile(r"measurement|meas|temp(?:erature?|eratur)?", re.IGNORECASE)
 # Not the German Stempel, of Zeitstempel.
 _TEMPERATURE = re.compile(r"temp(?!el)", re.IGNORECASE)
+# Words of thermometers that say so less clearly: the figures must be those of a room or an arm, in °C, °F or K.
+_PERHAPS_TEMPERATURE = re.compile(
+    r"^t[_ .]?\d{1,2}$|^t[_ ][a-z]\w*$|ambient|umgebung|^room\b|^raum(?:luft)?\b|^coolant\b", re.IGNORECASE
+)
+_COLDEST, _HOTTEST = -30.0, 330.0
+# A controller's pose counted by number: actual_TCP_pose_0.
+_OWN_POSE = re.compile(r"(?:^|[_ .])(?:tcp|tool)[_ .]?pose(?:$|[_ .\d])", re.IGNORECASE)
+_DEVIATION = re.compile(
+    r"^(?:d|delta|Δ|δ|dev|diff|difference|deviation|err|error)[_ .]?[xyz]$", re.IGNORECASE
+)
+_DEVIATION_LENGTH = re.compile(r"^(?:mag|magnitude|d3d|3d|dist|distance)$", re.IGNORECASE)
 _KEYS = re.compile(
     r"^(?:point|pose|pos|nr|no|num|number|id|index|idx|name|label|row|#|punkt)[_ .]*(?:id|nr|no|name|number|#)?$",
     re.IGNORECASE,
@@ -59,13 +87,15 @@ _KEYS = re.compile(
 class Meaning:
     """What a sheet holds: contract name → header, for the columns that were recognised.
 
-    `points`: reflector name → headers of x, y, z. `rotation`: headers of three angles or a quaternion. `externals`:
+    `points`: reflector name → headers of x, y, z. `rotations`: whose → headers of three angles, a quaternion or a
+    matrix; `rotation`: those of them that are taken. `externals`:
     headers of axes that may carry the arm and that move; `carry` makes joints of them. `variables`: names of one's own
     → header, for further columns of numbers. `left`: header → why it is not taken.
     """
 
     joints: dict[str, str] = field(default_factory=dict)
     points: dict[str, list[str]] = field(default_factory=dict)
+    rotations: dict[str, list[str]] = field(default_factory=dict)
     rotation: list[str] = field(default_factory=list)
     others: dict[str, str] = field(default_factory=dict)
     key: str | None = None
@@ -91,7 +121,7 @@ def meaning(sheet: Sheet, joint_names: list[str]) -> Meaning:
     """Read the headers of `sheet`. `joint_names`: the arm's own, which a controller's export may use."""
     found = Meaning()
     plain = {name: split_unit(name)[0] for name in sheet.header}
-    found.joints = _joints(plain, joint_names)
+    found.joints = _joints(sheet, plain, joint_names)
     taken = set(found.joints.values())
     found.externals = [
         name
@@ -99,8 +129,9 @@ def meaning(sheet: Sheet, joint_names: list[str]) -> Meaning:
         if name not in taken and _EXTERNAL.match(word) and len(set(sheet.cells(name))) > 1
     ]
     taken |= set(found.externals)
-    found.rotation = _rotation({name: word for name, word in plain.items() if name not in taken})
-    taken |= set(found.rotation)
+    found.rotations = _rotations(sheet, {name: word for name, word in plain.items() if name not in taken})
+    found.rotation = next(iter(found.rotations.values()), [])
+    taken |= {name for headers in found.rotations.values() for name in headers}
     found.points = _points({name: word for name, word in plain.items() if name not in taken})
     taken |= {name for headers in found.points.values() for name in headers}
     clock = _clock(sheet, [name for name in plain if name not in taken])
@@ -108,34 +139,82 @@ def meaning(sheet: Sheet, joint_names: list[str]) -> Meaning:
         found.others["time"] = clock
         taken.add(clock)
     for name, word in plain.items():
-        if name in taken:
-            continue
-        if _OF_THE_CONTRACT.fullmatch(word):
-            found.others[word] = name
-            continue
-        if _PLANNED.search(word):
-            found.left[name] = "it looks like what was planned"
-            continue
-        if _TEMPERATURE.search(word):
-            sensor = re.sub(r"\W+", "_", _TEMPERATURE_WORDS.sub("", word))
-            own = f"temp_{sensor.strip('_').lower() or 'air'}"
-        else:
-            own = next((own for own, words in _WORDS.items() if words.search(word)), "")
-        if own and own in found.others:
-            found.left[name] = f"{own} is taken from {found.others[own]}"
-        elif own:
-            found.others[own] = name
-        elif _KEYS.match(word):
-            found.key = found.key or name
-            found.left[name] = "it numbers rows, which is used to match files"
-        else:
-            _take_as_variable(found, sheet, name, word)
+        if name not in taken:
+            _take(found, sheet, name, word)
     return found
+
+
+def _take(found: Meaning, sheet: Sheet, name: str, word: str) -> None:
+    """Take a column that is no joint, point or orientation, or say why not."""
+    if _OF_THE_CONTRACT.fullmatch(word):
+        found.others[word] = name
+        return
+    if why := _why_left(sheet, name, word):
+        found.left[name] = why
+        return
+    sensor = _sensor(sheet, name, word)
+    own = (
+        f"temp_{sensor}" if sensor else next((own for own, words in _WORDS.items() if words.search(word)), "")
+    )
+    if own and own in found.others:
+        found.left[name] = f"{own} is taken from {found.others[own]}"
+    elif own:
+        found.others[own] = name
+    elif _KEYS.match(word):
+        found.key = found.key or name
+        found.left[name] = "it numbers rows, which is used to match files"
+    else:
+        _take_as_variable(found, sheet, name, word)
+
+
+def _why_left(sheet: Sheet, name: str, word: str) -> str:
+    """Why a column is left out by its name, whatever it holds; empty where it is not."""
+    if _OWN_POSE.search(word):
+        return "it is the controller's own pose by its name, and nothing that was measured"
+    if _PLANNED.search(word):
+        return "it looks like what was planned"
+    if _DEVIATION.match(word):
+        return f"it is {_deviation(sheet, name) or 'a deviation from what was planned by its name'}"
+    if _DEVIATION_LENGTH.match(word) and any(_DEVIATION.match(split_unit(own)[0]) for own in sheet.header):
+        return "it is the length of a deviation by its name"
+    return ""
+
+
+def _deviation(sheet: Sheet, name: str) -> str:
+    """Which two columns of one axis differ by what stands in this one, `Actual X minus Nominal X`; empty if none."""
+    axis = split_unit(name)[0][-1].lower()
+    wanted = _figures(sheet, [name])
+    beside = []
+    for own in sheet.header:
+        match = _AXIS.match(split_unit(own)[0].replace("_", " "))
+        if own != name and match and not match[2] and match[3].lower() == axis:
+            beside.append((own, _figures(sheet, [own])))
+    for one, values in beside:
+        for other, less in beside:
+            largest = float(np.nanmax(np.abs(values), initial=0.0))
+            if one != other and np.allclose(values - less, wanted, rtol=0.0, atol=1e-5 * largest):
+                return f"{one} minus {other}"
+    return ""
+
+
+def _sensor(sheet: Sheet, name: str, word: str) -> str:
+    """The name of the thermometer that a column is of; empty where it is of none."""
+    unit = sheet.units.get(name)
+    sure = _TEMPERATURE.search(word) or (unit is not None and UNITS[unit][0] == "temperature")
+    if not sure:
+        values = _figures(sheet, [name])
+        usual = np.isfinite(values).all() and values.min() > _COLDEST and values.max() < _HOTTEST
+        if not _PERHAPS_TEMPERATURE.search(word) or not usual:
+            return ""
+    plain = unicodedata.normalize("NFKD", _TEMPERATURE_WORDS.sub("", word)).encode("ascii", "ignore").decode()
+    plain = re.sub(r"[_ .][fc]$", "", plain, flags=re.IGNORECASE).strip()
+    plain = re.sub(r"^t[_ ](?=[a-z])", "", plain, flags=re.IGNORECASE)
+    return re.sub(r"\W+", "_", plain).strip("_").lower() or "air"
 
 
 def _clock(sheet: Sheet, names: list[str]) -> str | None:
     """The column of clock times, whatever its header; of several the one with a header that says time."""
-    clocks = [name for name in names if ":" in sheet.cells(name)[0] and time_format(sheet.cells(name))]
+    clocks = [name for name in names if is_clock(sheet.cells(name))]
     return next((name for name in clocks if _WORDS["time"].search(name)), next(iter(clocks), None))
 
 
@@ -158,38 +237,99 @@ def _take_as_variable(found: Meaning, sheet: Sheet, name: str, word: str) -> Non
         found.variables[own] = name
 
 
-def _joints(plain: dict[str, str], joint_names: list[str]) -> dict[str, str]:
+def _joints(sheet: Sheet, plain: dict[str, str], joint_names: list[str]) -> dict[str, str]:
     by_word = {word.lower(): name for name, word in plain.items()}
     if joint_names and all(name.lower() in by_word for name in joint_names):
         return {f"q{k}": by_word[name.lower()] for k, name in enumerate(joint_names, start=1)}
     ur = {part: next((name for name, word in plain.items() if part in word.lower()), None) for part in _UR}
     if all(ur.values()):
         return {f"q{k}": str(name) for k, name in enumerate(ur.values(), start=1)}
-    sets: dict[str, dict[int, str]] = {"q": {}, "qr": {}}
+    # Columns that differ in their number alone are of one kind: q0 … q3 are no joints of J1 … J6.
+    alike: dict[str, dict[str, dict[int, str]]] = {"q": {}, "qr": {}}
     for name, word in plain.items():
         match = _JOINT.match(word)
         if match and not _SPREAD.search(word):
             kind = "qr" if re.match(r"qr", word, re.IGNORECASE) or _READ_BACK.search(word) else "q"
-            sets[kind].setdefault(int(match[1]), name)
-    if not sets["q"]:
-        sets = {"q": sets["qr"], "qr": {}}
+            stem = f"{word[: match.start(1)]}#{word[match.end(1) :]}".lower()
+            alike[kind].setdefault(stem, {}).setdefault(int(match[1]), name)
+    for sets in alike.values():
+        for stem, numbered in list(sets.items()):
+            if len(numbered) == 4 and _of_unit_length(sheet, list(numbered.values())):
+                del sets[stem]
+    if not alike["q"]:
+        alike = {"q": alike["qr"], "qr": {}}
     joints: dict[str, str] = {}
-    for kind, numbered in sets.items():
-        first = 0 if 0 in numbered else 1
-        count = next((k for k in range(len(numbered) + 1) if first + k not in numbered), 0)
-        joints |= {f"{kind}{k + 1}": numbered[first + k] for k in range(count)}
+    for kind, sets in alike.items():
+        run = _longest_run(list(sets.values()), len(joint_names))
+        joints |= {f"{kind}{k}": name for k, name in enumerate(run, start=1)}
     return joints
 
 
-def _rotation(plain: dict[str, str]) -> list[str]:
-    words: dict[str, str] = {}
+def _longest_run(sets: list[dict[int, str]], wanted: int) -> list[str]:
+    """The headers, numbered without a gap, of the set that has `wanted` of them (0: not known), else the most.
+
+    Where no set has enough, names may differ in more than their number: all are then taken for one set.
+    """
+    if not sets:
+        return []
+
+    def run(numbered: dict[int, str]) -> list[str]:
+        first = 0 if 0 in numbered else 1
+        count = next((k for k in range(len(numbered) + 1) if first + k not in numbered), 0)
+        return [numbered[first + k] for k in range(count)]
+
+    runs = [run(numbered) for numbered in sets]
+    best = max(runs, key=lambda names: (len(names) == wanted, len(names)))
+    if len(best) >= wanted:
+        return best
+    merged: dict[int, str] = {}
+    for numbered in sets:
+        merged = numbered | merged
+    together = run(merged)
+    return together if len(together) > len(best) else best
+
+
+def _figures(sheet: Sheet, names: list[str]) -> Array:
+    """Columns as numbers (N,) or (N, k), NaN where a cell holds none."""
+    rows = zip(*(sheet.cells(name) for name in names), strict=True)
+    figures = np.array(
+        [[to_float(c, sheet.decimal) if is_number(c, sheet.decimal) else np.nan for c in row] for row in rows]
+    )
+    return figures[:, 0] if len(names) == 1 else figures
+
+
+def _of_unit_length(sheet: Sheet, names: list[str]) -> bool:
+    """True where the columns hold quaternions."""
+    off = np.abs(np.linalg.norm(_figures(sheet, names), axis=1) - 1.0)
+    return bool(np.mean(~(off < _UNIT_LENGTH_TOLERANCE)) <= _MOST_BAD)
+
+
+def _rotations(sheet: Sheet, plain: dict[str, str]) -> dict[str, list[str]]:
+    """Headers of orientations by the words before them, `TCP` of `TCP RX, TCP RY, TCP RZ`."""
+    words: dict[str, dict[str, str]] = {}
+    parts = {part for group in (*_MATRICES, *_QUATERNIONS, *_ANGLES) for part in group}
     for name, word in plain.items():
-        if not _PLANNED.search(word) and not _SPREAD.search(word):
-            words.setdefault(re.sub(r"^(measured|measurement|meas|tcp|pose)[_ .]*", "", word.lower()), name)
-    for group in (*_MATRICES, *_QUATERNIONS, *_ANGLES):
-        if all(part in words for part in group):
-            return [words[part] for part in group]
-    return []
+        if _PLANNED.search(word) or _SPREAD.search(word):
+            continue
+        for at in range(len(word)):
+            # Letters alone are angles under few words: Motor A is none.
+            whose = word[:at].rstrip("_ .")
+            begins = at == 0 or (word[at - 1] in "_ ." and (len(word) - at > 1 or _WHOSE.fullmatch(whose)))
+            if begins and word[at:].lower() in parts:
+                words.setdefault(" ".join(whose.replace("_", " ").split()), {}).setdefault(
+                    word[at:].lower(), name
+                )
+                break
+    found: dict[str, list[str]] = {}
+    for whose, own in words.items():
+        for group in (*_MATRICES, *_QUATERNIONS, *_ANGLES):
+            headers = [own[part] for part in group if part in own]
+            if len(headers) == len(group) and (
+                group[0] not in ("q0", "q1") or _of_unit_length(sheet, headers)
+            ):
+                found[whose] = headers
+                break
+    return found
 
 
 def _points(plain: dict[str, str]) -> dict[str, list[str]]:
@@ -197,13 +337,12 @@ def _points(plain: dict[str, str]) -> dict[str, list[str]]:
     groups: dict[str, dict[str, str]] = {}
     for name, word in plain.items():
         match = _AXIS.match(word.replace("_", " "))
-        if match and not match[2] and not _PLANNED.search(word) and not _SPREAD.search(word):
+        passed = _PLANNED.search(word) or _SPREAD.search(word) or _DEVIATION.match(word)
+        if match and not match[2] and not passed:
             rest = " ".join(f"{match[1]} {match[4]}".split())
             groups.setdefault(rest, {})[match[3].lower()] = name
     numbered = re.compile(r"^([xyz])_?([0-9A-Za-z]{1,3})$", re.IGNORECASE)
     for name, word in plain.items():
         if match := numbered.match(word):
             groups.setdefault(match[2], {})[match[1].lower()] = name
-    whole = {key: [group[axis] for axis in "xyz"] for key, group in groups.items() if len(group) == 3}
-    measured = {key: names for key, names in whole.items() if _READ_BACK.search(key)}
-    return measured if measured and len(whole) > len(measured) else whole
+    return {key: [group[axis] for axis in "xyz"] for key, group in groups.items() if len(group) == 3}

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import re
+import tempfile
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -19,8 +21,12 @@ from armtrue.checking.report import Finding
 from armtrue.checking.run import cheap_findings
 from armtrue.errors import InputError, RowError
 from armtrue.foreign import robots
-from armtrue.foreign.combine import Part, codes_of_words, find_units, long_table, write_long
+from armtrue.foreign.clocks import join_date_and_time
+from armtrue.foreign.column_units import codes_of_words, find_clock, find_geometry_units, find_units
+from armtrue.foreign.combine import long_table, write_long
 from armtrue.foreign.headers import meaning
+from armtrue.foreign.own_pose import leave_out_own_poses
+from armtrue.foreign.parts import Part, point_axis
 from armtrue.foreign.sheets import SEPARATORS, read_sheet
 from armtrue.io import Dataset, Robot, load_data, load_robot
 from armtrue.io.catalogue import with_role
@@ -87,21 +93,29 @@ class _Init:
     def __init__(self, files: list[Path], out: Path) -> None:
         self._out = out
         self._guessed = Guessed()
-        self._sheets = [read_sheet(file) for file in files]
+        joined = [join_date_and_time(read_sheet(file)) for file in files]
+        self._sheets = [sheet for sheet, _ in joined]
+        self._joins = [note for _, note in joined]
 
     def run(self, urdf: Path | None, dh: Path | None, robot: Path | None, skip_bad: bool) -> Guessed:
         robot_texts, names, prismatic = self._arm(urdf, dh, robot)
         parts = [Part(sheet, meaning(sheet, names)) for sheet in self._sheets]
-        for part in parts:
+        for part, join in zip(parts, self._joins, strict=True):
+            part.notes += [join] if join else []
             part.meaning.carry(len(names))
             _fit_to_arm(part, len(names))
             if part.sheet.thousands:
                 part.notes.append("marks between thousands are taken out")
+            part.leave_out_dead_sensors()
             if skip_bad:
                 part.leave_out_bad_rows()
             codes_of_words(part)
             _rename_taken(part)
-            find_units(part, prismatic)
+            find_geometry_units(part, prismatic)
+            find_clock(part)
+        leave_out_own_poses(parts, self._arms(robot_texts, robot))
+        for part in parts:
+            find_units(part)
             self._guessed.notes += [f"{part.sheet.path.name}: {note}" for note in part.notes]
         dataset, data_text = self._dataset(parts)
         made = not self._out.exists()
@@ -151,6 +165,22 @@ class _Init:
         arm = load_robot(robot)
         prismatic = {str(k) for k, joint in enumerate(arm.joints, start=1) if joint["type"] == "prismatic"}
         return [], [joint["name"] for joint in arm.joints], prismatic
+
+    def _arms(self, robot_texts: list[tuple[str, str]], robot: Path | None) -> list[Robot]:
+        """The arm in each form that it may have. Those that cannot be read are named where they are written."""
+        if robot is not None and not robot_texts:
+            return [load_robot(robot)]
+        arms = []
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "robot.yaml"
+            for text, _ in robot_texts:
+                spec = yaml.safe_load(text)
+                if "urdf" in spec["kinematics"]:
+                    spec["kinematics"]["urdf"] = str((self._out / spec["kinematics"]["urdf"]).resolve())
+                path.write_text(_yaml(spec))
+                with contextlib.suppress(InputError):
+                    arms.append(load_robot(path))
+        return arms
 
     def _joint_counts(self) -> list[int]:
         """How many joints the files may hold, the likelier first: with the axes that carry the arm, and without."""
@@ -309,7 +339,7 @@ def _direct(part: Part, out: Path) -> dict[str, Any]:
     (point,) = found.points.items()
     named = {**found.joints, **dict(zip("xyz", point[1], strict=True)), **found.others}
     for name, header in named.items():
-        unit = part.units.get(f"point {point[0]}" if name in ("x", "y", "z") else name)
+        unit = part.units.get(point_axis(point[0], name) if name in ("x", "y", "z") else name)
         columns[name] = _entry(header, unit)
     dataset: dict[str, Any] = {"file": os.path.relpath(sheet.path.resolve(), out.resolve())}
     if sheet.separator != ",":
@@ -320,8 +350,14 @@ def _direct(part: Part, out: Path) -> dict[str, Any]:
         dataset["encoding"] = sheet.encoding
     if sheet.header_row != 1:
         dataset["header_row"] = sheet.header_row
-    if part.time_format is not None:
-        dataset["time"] = {"column": columns.pop("time"), "format": part.time_format}
+    if part.clock is not None:
+        header = found.others["time"]
+        place, entry = part.clock.entry(header, sheet.cells(header), sheet.decimal)
+        if place == "time":
+            del columns["time"]
+            dataset["time"] = entry
+        else:
+            columns["time"] = entry
     if found.rotation:
         dataset["rotation"] = _rotation(found.rotation, part)
     if found.variables:

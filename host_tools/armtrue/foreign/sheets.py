@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import datetime
 import re
 from collections import Counter
 from dataclasses import dataclass, replace
@@ -22,11 +21,6 @@ _THOUSANDS = {
     ",": re.compile(r"[-+]?\d{1,3}(,\d{3})+(\.\d*)?$"),
     ".": re.compile(r"[-+]?\d{1,3}(\.\d{3})+(,\d*)?$"),
 }
-_TIME_FORMATS = (
-    *("%Y-%m-%d %H:%M:%S.%f", "%Y-%m-%d %H:%M:%S", "%Y-%m-%dT%H:%M:%S.%f", "%Y-%m-%dT%H:%M:%S"),
-    *("%d.%m.%Y %H:%M:%S", "%d/%m/%Y %H:%M:%S", "%m/%d/%Y %H:%M:%S", "%Y/%m/%d %H:%M:%S", "%Y%m%d%H%M%S"),
-    *("%m/%d/%Y %I:%M:%S %p", "%H:%M:%S.%f", "%H:%M:%S"),
-)
 # Units in brackets, after a slash, or as a last word of their own.
 _UNIT = re.compile(
     r"[\[(<{]\s*([^\])>}]+?)\s*[\])>}]\s*$|/\s*([A-Za-z°µ]+)\s*$|"
@@ -104,19 +98,6 @@ def is_number(cell: str, decimal: str) -> bool:
 def to_float(cell: str, decimal: str) -> float:
     """The number in `cell`, which `is_number`."""
     return float(cell.replace(",", ".") if decimal == "," else cell)
-
-
-def time_format(cells: list[str]) -> str | None:
-    """The strptime format in which all of `cells` are times; None where they are in none that is known."""
-    return next((p for p in _TIME_FORMATS if all(_is_time(cell, p) for cell in cells)), None)
-
-
-def _is_time(cell: str, pattern: str) -> bool:
-    try:
-        datetime.datetime.strptime(cell, pattern)
-    except ValueError:
-        return False
-    return True
 
 
 def split_unit(name: str) -> tuple[str, str | None]:

@@ -22,6 +22,7 @@ from armtrue.io.layout import (
     TimeSource,
     contract_layout,
     foreign_hint,
+    read_stamp,
     yaml_layout,
 )
 from armtrue.io.model import EXPRESSION_WORDS, state_names
@@ -485,7 +486,7 @@ def _times(source: TimeSource, raw: RawColumns, layout: Layout, notes: list[str]
 def _timestamp(text: str, pattern: str, place: str, row: int | None) -> datetime.datetime:
     """The time that `text` says; `row` is that of the file, None where it stands elsewhere."""
     try:
-        stamp = datetime.datetime.strptime(text, pattern)
+        return read_stamp(text, pattern)
     except (ValueError, OverflowError):
         message = f"{place}: found {shorten(text)}, expected a time in the format {pattern}"
         raise (InputError(message) if row is None else RowError(row, message)) from None
@@ -493,7 +494,6 @@ def _timestamp(text: str, pattern: str, place: str, row: int | None) -> datetime
         raise InputError(
             f"{place}: found time format {pattern!r}, expected a strptime pattern ({error})"
         ) from None
-    return stamp if stamp.tzinfo is None else stamp.astimezone(datetime.UTC).replace(tzinfo=None)
 
 
 def _quaternions(source: RotationSource, raw: RawColumns) -> Array:

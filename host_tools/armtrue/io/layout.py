@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import datetime
+import re
 import shlex
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -19,6 +21,8 @@ from armtrue.io.yamlfile import Section, load_yaml
 SEPARATORS = {"comma": ",", "semicolon": ";", "tab": "\t", "space": " ", "pipe": "|"}
 ROTATION_FORMS = {"quaternion": 4, "euler": 3, "rotation_vector": 3, "matrix": 9}
 TURNS = [a + b + c for a in "xyz" for b in "xyz" for c in "xyz" if a != b != c]
+# Programs write 100 ns, strptime reads no less than a microsecond.
+_BEYOND_MICROSECONDS = re.compile(r"(:\d\d[.,]\d{6})\d+")
 
 
 @dataclass(frozen=True)
@@ -38,6 +42,24 @@ class TimeSource:
     pattern: str | None = None
     origin: str | None = None
     seconds_per_row: float = 1.0
+
+
+def read_stamp(text: str, pattern: str) -> datetime.datetime:
+    """The moment that `text` says in a strptime `pattern`, in UTC where it names its zone.
+
+    Where the pattern has a fraction of the second, a whole second may come without: programs leave `.000` out. Errors:
+    ValueError where `text` is not in that pattern.
+    """
+    if "%f" in pattern:
+        text = _BEYOND_MICROSECONDS.sub(r"\1", text)
+    try:
+        stamp = datetime.datetime.strptime(text, pattern)
+    except ValueError:
+        whole = pattern.replace(".%f", "").replace(",%f", "")
+        if whole == pattern:
+            raise
+        stamp = datetime.datetime.strptime(text, whole)
+    return stamp if stamp.tzinfo is None else stamp.astimezone(datetime.UTC).replace(tzinfo=None)
 
 
 @dataclass(frozen=True)

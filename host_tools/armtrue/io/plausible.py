@@ -22,6 +22,7 @@ _UNKNOWN_TOOL_M = 2.0
 # Points lie half a reach from their middle: 500 in millimetres, 50 in centimetres, 20 in inches.
 _MILLIMETRES_PER_REACH = 150.0
 _COLDEST_C, _HOTTEST_C = -80.0, 200.0
+_ABSOLUTE_ZERO_C = -273.15
 _LARGEST_SIGMA_M = 0.05
 # Base and tool are nine numbers; with fewer poses than this nothing is left to judge them by.
 _FEWEST_POSES = 10
@@ -77,11 +78,8 @@ def wrong_units(columns: dict[str, Array], robot: Robot) -> list[tuple[str, int,
             found.append((furthest, 0, expected))
     for name, values in columns.items():
         if name.startswith("temp_"):
-            look(
-                name,
-                (values < _COLDEST_C) | (values > _HOTTEST_C),
-                "a temperature in °C (these look like kelvin)",
-            )
+            wrong = (values < _COLDEST_C) | (values > _HOTTEST_C)
+            look(name, wrong, _temperature_expected(values[wrong]))
     if "sigma" in columns:
         look(
             "sigma",
@@ -89,6 +87,16 @@ def wrong_units(columns: dict[str, Array], robot: Robot) -> list[tuple[str, int,
             "a standard deviation in metres (these look like millimetres)",
         )
     return found
+
+
+def _temperature_expected(wrong: Array) -> str:
+    """What is expected in place of temperatures that no arm has, the first of which tells what they are."""
+    expected = "a temperature in °C"
+    if wrong.size and wrong[0] <= _ABSOLUTE_ZERO_C:
+        return f"{expected} (below absolute zero it is a mark for a missing value: leave out these rows or the column)"
+    if wrong.size and wrong[0] < _COLDEST_C:
+        return f"{expected}, not below {_COLDEST_C:.0f}"
+    return f"{expected} (these look like kelvin)"
 
 
 def refuse_wrong_units(path: Path, columns: dict[str, Array], rows: NDArray[np.int64], robot: Robot) -> None:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from armtrue.errors import InputError
 from armtrue.io.files import named_in
 from armtrue.io.sensor_names import contract_name, is_sensor
-from armtrue.io.urdf import read_urdf_chain
+from armtrue.io.urdf import LARGEST_LIMIT_RAD, read_urdf_chain
 from armtrue.io.yamlfile import Section, load_yaml
 
 STANDARD_GRAVITY = [0.0, 0.0, -9.81]
@@ -251,7 +251,7 @@ def _limits(row: Section, revolute: bool) -> list[float]:
     limits = row.numbers("limits", 2, expected)
     if not limits[0] < limits[1]:
         raise row.fail("limits", expected)
-    if revolute and max(map(abs, limits)) > 12 * math.pi:
+    if revolute and max(map(abs, limits)) > LARGEST_LIMIT_RAD:
         raise row.fail("limits", "a list [lo, hi] in radians (these look like degrees)")
     return limits
 

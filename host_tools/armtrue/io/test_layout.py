@@ -121,6 +121,17 @@ def test_time_may_count_from_a_given_origin(tmp_path, two_joints):
     np.testing.assert_array_equal(load(tmp_path, two_joints, dataset).columns["time"], [4, 24, 44])
 
 
+@pytest.mark.parametrize("written", ["16:39:14", "16:39:14.0000000"])
+def test_a_whole_second_may_lack_the_fraction_that_others_have(tmp_path, two_joints, written):
+    """Programs leave `.000` out, and some write more digits than a microsecond has."""
+    cells = {"20200714163924": "16:39:24.25", "20200714163904": written, "20200714163944": "16:39:44.50"}
+    foreign = FOREIGN
+    for stamp, clock in cells.items():
+        foreign = foreign.replace(stamp, clock)
+    data = load(tmp_path, two_joints, DATASET.replace("%Y%m%d%H%M%S", "%H:%M:%S.%f"), foreign)
+    np.testing.assert_array_equal(data.columns["time"], [0.0, 10.25, 30.5])
+
+
 def test_a_file_without_header_names_columns_by_number(tmp_path, two_joints):
     dataset = "file: foreign.csv\nheader_row: 0\ncolumns: {q1: 1, q2: 2, x: 3, y: 4, z: 5}\n"
     data = load(tmp_path, two_joints, dataset, "0,1,2,3,4\n1,0,3,3,4\n")

@@ -40,3 +40,17 @@ def test_positions_in_another_unit_are_named_by_the_unit_that_is_likely(
 
 def test_positions_in_metres_are_plausible() -> None:
     assert wrong_units(dict(zip("xyz", POINTS.T, strict=True)), ARM) == []
+
+
+@pytest.mark.parametrize(
+    ("cell", "meant"),
+    [
+        (-999.0, "below absolute zero it is a mark for a missing value"),
+        (-100.0, "°C, not below -80"),
+        (294.0, "these look like kelvin"),
+    ],
+)
+def test_temperatures_that_no_arm_has_are_named_as_what_they_are(cell: float, meant: str) -> None:
+    ((name, at, expected),) = wrong_units({"temp_arm": np.array([20.0, 21.0, cell])}, ARM)
+    assert (name, at) == ("temp_arm", 2)
+    assert meant in expected

@@ -141,6 +141,11 @@ def test_gear_ratios_may_stand_beside_the_urdf(tmp_path):
         (URDF.replace('rpy="0.2 0.1 0"', 'rpy="0 ${pi} 0"'), ROBOT, "become a URDF by 'xacro"),
         (URDF.replace('xyz="0 1 0"', 'xyz="0 inf 0"'), ROBOT, "joint 'j2' axis xyz: found '0 inf 0'"),
         (URDF.replace('upper="1.5"', 'upper="1.5 2"'), ROBOT, "joint 'j2' limit upper: .*one finite number"),
+        (
+            URDF.replace('upper="1.5"', 'upper="150"'),
+            ROBOT,
+            r"arm.urdf: joint 'j2' limit: found lower .*, upper 150, expected radians \(these look like degrees\)",
+        ),
         (URDF.replace('xyz="0.1 0.2 0.3"', 'xyz="0.1 0.2"'), ROBOT, "link 'l3' inertial origin xyz"),
         (URDF.replace('<link name="l2"/>', '<link name="l1"/>'), ROBOT, "link 'l1': found a second time"),
         (URDF.replace('<joint name="j2"', '<joint name="j1"'), ROBOT, "joint 'j1': found a second time"),

@@ -21,6 +21,8 @@ from armtrue.errors import InputError, did_you_mean
 from armtrue.io.files import read_text
 from armtrue.io.rotation import matrix_from_rotation_vector, matrix_from_rpy, rpy_from_matrix
 
+# Six turns either way: limits of a joint that turns are not beyond, written in radians.
+LARGEST_LIMIT_RAD = 12 * math.pi
 _JOINT_TYPES = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic"}
 
 
@@ -214,6 +216,11 @@ class _Tree:
         }
         if joint.type != "continuous" and joint.limit is not None:
             limits = [float(joint.limit.lower or 0.0), float(joint.limit.upper or 0.0)]
+            if row["type"] == "revolute" and max(map(abs, limits)) > LARGEST_LIMIT_RAD:
+                raise InputError(
+                    f"{self.path_of_file}: joint '{joint.name}' limit: found lower {limits[0]:g}, upper {limits[1]:g}, "
+                    "expected radians (these look like degrees)"
+                )
             if limits[0] < limits[1]:
                 row["limits"] = limits
         return row

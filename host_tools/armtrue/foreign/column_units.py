@@ -1,0 +1,187 @@
+"""Units of the columns of a foreign file: as headers state them, else by the size of the values."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import replace
+
+import numpy as np
+
+from armtrue.errors import InputError
+from armtrue.foreign.clocks import read_clock, why_no_clock
+from armtrue.foreign.parts import Part, in_si, point_axis
+from armtrue.foreign.sheets import is_number
+from armtrue.io.columns import UNITS
+
+_FARTHEST_M = 20.0
+# Joints of one pose differ by less, rad or m.
+_SAME_POSE = 1e-3
+_LETTER = re.compile(r"[_ .](f|c)$", re.IGNORECASE)
+
+
+def find_geometry_units(part: Part, prismatic: set[str]) -> None:
+    """Fill `part.units` for joints and points, each column by its own header where it states a unit."""
+    _joint_units(part, prismatic)
+    for name, headers in part.meaning.points.items():
+        stated = [_stated(part, header, "length", "a point") for header in headers]
+        unit = next((unit for unit in stated if unit), "mm" if _apart(part, name) > _FARTHEST_M else "m")
+        part.units |= {point_axis(name, axis): own or unit for axis, own in zip("xyz", stated, strict=True)}
+
+
+def find_units(part: Part) -> None:
+    """Fill `part.units` for all other columns, note what is taken and from what, and drop columns that are no use."""
+    sheet, meaning = part.sheet, part.meaning
+    for name, headers in meaning.points.items():
+        units = [part.units[point_axis(name, axis)] for axis in "xyz"]
+        from_header = any(header in sheet.units for header in headers)
+        part.notes.append(
+            f"{', '.join(headers)}: {_of_each(units)}, "
+            f"{_source(from_header, f'points lie {_apart(part, name):.4g} apart')}"
+        )
+    if len(meaning.rotation) == 3:
+        _rotation_unit(part)
+    _drop_numbers_of_repetitions(part)
+    for name, header in list(meaning.others.items()):
+        if name == "time":
+            continue
+        own_unit = sheet.units.get(header)
+        if name.startswith("temp_"):
+            own_unit = own_unit or _temperature_unit(part, header)
+        if own_unit is not None:
+            part.units[name] = own_unit
+        part.notes.append(f"{header}: {name}{f' in {own_unit}' if own_unit else ''}, by its header")
+    part.notes += [f"{header}: variable {name}, by its header" for name, header in meaning.variables.items()]
+    meaning.left |= dict.fromkeys(meaning.externals, "the arm has no joint for it")
+    part.notes += [f"{header}: not taken, as {why}" for header, why in meaning.left.items()]
+
+
+def _drop_numbers_of_repetitions(part: Part) -> None:
+    """Drop a `repeat` that counts the repetitions of a pose, where the contract's names the pose."""
+    header = part.meaning.others.get("repeat")
+    if header is None or not part.meaning.joints:
+        return
+    joints = np.column_stack([part.in_si(name, own) for name, own in part.meaning.joints.items()])
+    _, first, code = np.unique(part.sheet.cells(header), return_index=True, return_inverse=True)
+    if float(np.abs(joints - joints[first[code.reshape(-1)]]).max()) > _SAME_POSE:
+        del part.meaning.others["repeat"]
+        part.meaning.left[header] = "rows with the same name in it have different joints"
+
+
+def codes_of_words(part: Part) -> None:
+    """Make whole numbers from 1 of stations and nests that have names; the table must then be written anew."""
+    sheet = part.sheet
+    for name in ("station", "nest"):
+        header = part.meaning.others.get(name)
+        if header is None or all(is_number(cell, sheet.decimal) for cell in sheet.cells(header)):
+            continue
+        words = list(dict.fromkeys(sheet.cells(header)))
+        at = sheet.header.index(header)
+        rows = [[*row[:at], str(1 + words.index(row[at])), *row[at + 1 :]] for row in sheet.rows]
+        part.sheet = replace(sheet, rows=rows, direct=False)
+        sheet = part.sheet
+        part.notes.append(
+            f"{header}: {', '.join(f'{word} is {name} {k}' for k, word in enumerate(words, start=1))}"
+        )
+
+
+def _joint_units(part: Part, prismatic: set[str]) -> None:
+    """Find the unit of each joint: from its own header, else from another joint's that turns or slides as it does.
+
+    Where no header states one, the size of the values tells it.
+    """
+    for kind, default, foreign, largest_default in (
+        ("angle", "rad", "deg", 2.2 * math.pi),
+        ("length", "m", "mm", _FARTHEST_M),
+    ):
+        joints = {
+            name: header
+            for name, header in part.meaning.joints.items()
+            if (name.lstrip("qr") in prismatic) == (kind == "length")
+        }
+        if not joints:
+            continue
+        largest = max(float(np.abs(part.numbers(header)).max()) for header in joints.values())
+        stated = {name: part.sheet.units[h] for name, h in joints.items() if h in part.sheet.units}
+        for name, unit in stated.items():
+            if UNITS[unit][0] != kind:
+                moves = "turns" if kind == "angle" else "slides"
+                raise InputError(
+                    f"{part.sheet.path} header: found column '{joints[name]}' in {unit}, expected a unit of {kind}, as "
+                    f"joint {name.lstrip('qr')} of the arm {moves} (columns in the order of the arm's joints)"
+                )
+        unit = next(iter(stated.values()), foreign if largest > largest_default else default)
+        part.units |= dict.fromkeys(joints, unit) | stated
+        units = ", ".join(dict.fromkeys(part.units[name] for name in joints))
+        words = ", ".join(joints.values())
+        part.notes.append(
+            f"{words}: joints in {units}, {_source(bool(stated), f'the largest is {largest:.4g}')}"
+        )
+
+
+def _source(stated: bool, otherwise: str) -> str:
+    return "as its header says" if stated else f"as {otherwise}"
+
+
+def _of_each(units: list[str]) -> str:
+    """One unit, or that of each column where they differ."""
+    return units[0] if len(set(units)) == 1 else f"{', '.join(units)}, each by its own"
+
+
+def _apart(part: Part, name: str) -> float:
+    points = np.column_stack([part.numbers(header) for header in part.meaning.points[name]])
+    return float(np.median(np.linalg.norm(points - np.median(points, axis=0), axis=1)))
+
+
+def _stated(part: Part, header: str, kind: str, of: str) -> str | None:
+    """The unit that a header states. Errors: InputError where what it holds cannot have it."""
+    unit = part.sheet.units.get(header)
+    if unit is not None and UNITS[unit][0] != kind:
+        raise InputError(
+            f"{part.sheet.path} header: found column '{header}' in {unit}, expected a unit of {kind}, as it is of {of}"
+        )
+    return unit
+
+
+def _rotation_unit(part: Part) -> None:
+    """The unit of three angles. Where headers state several, the angles are written anew, all in radians."""
+    headers = part.meaning.rotation
+    stated = [_stated(part, header, "angle", "an orientation") for header in headers]
+    largest = max(float(np.abs(part.numbers(header)).max()) for header in headers)
+    unit = next((unit for unit in stated if unit), "deg" if largest > 2.0 * math.pi else "rad")
+    units = [own or unit for own in stated]
+    part.units["rotation"] = units[0]
+    if len(set(units)) == 1:
+        return
+    part.notes.append(f"{', '.join(headers)}: {_of_each(units)}, as its header says, and written in rad")
+    part.units["rotation"] = "rad"
+    rows = [list(row) for row in part.sheet.rows]
+    for header, own in zip(headers, units, strict=True):
+        at = part.sheet.header.index(header)
+        for row, angle in zip(rows, in_si(part.numbers(header), own), strict=True):
+            row[at] = f"{angle:.12g}".replace(".", part.sheet.decimal)
+    part.sheet = replace(part.sheet, rows=rows, direct=False)
+
+
+def _temperature_unit(part: Part, header: str) -> str:
+    """By the letter at the end of the header, else by the size of the values."""
+    letter = _LETTER.search(header)
+    if letter is not None and letter[1].lower() == "f":
+        return "degF"
+    return "K" if float(np.median(part.numbers(header))) > 200.0 else "degC"
+
+
+def find_clock(part: Part) -> None:
+    """Fill `part.clock` where there is a column of time that can be read, and note how, or why not."""
+    header = part.meaning.others.get("time")
+    if header is None:
+        return
+    cells = part.sheet.cells(header)
+    if len(set(cells)) > 1:
+        part.clock = read_clock(cells, part.sheet.decimal, part.sheet.units.get(header))
+    if part.clock is not None:
+        part.notes.append(f"{header}: {part.clock.words}")
+        return
+    part.meaning.others.pop("time")
+    why = why_no_clock(cells, part.sheet.numbers) if len(set(cells)) > 1 else "the same in all rows"
+    part.notes.append(f"{header}: not used as time, {why}")
