@@ -7,6 +7,7 @@
 
 #include "fitter/common/parallel.h"
 #include "fitter/diagnose/growth.h"
+#include "fitter/inference/smoothness.h"
 #include "fitter/model/variable.h"
 
 namespace armtrue {
@@ -31,6 +32,9 @@ constexpr std::size_t kTriedForStructure = 3;
 constexpr std::size_t kLookedThrough = 60;
 // Held-out errors of two models that agree by this share are equal.
 constexpr double kSameError = 1e-3;
+// Two fits of one model that ended alike. Chance moves the noise of a few hundred poses by more.
+constexpr double kSameNoise = 0.01;
+constexpr int kSettlingPasses = 3;
 
 // A change of the model: what comes in, what goes.
 struct Move {
@@ -154,14 +158,22 @@ bool adds_nothing(const Fit& fit, const Candidate& added) {
   });
 }
 
+std::vector<EffectRequest> believed_effects(const Fit& fit, const std::set<std::string>& searched) {
+  std::vector<EffectRequest> effects = removable_effects(fit);
+  std::erase_if(effects,
+                [&](const EffectRequest& request) { return searched.contains(label(request)); });
+  return effects;
+}
+
 class Refinement {
  public:
   Refinement(std::shared_ptr<Fit> fit, const RefineOptions& options, Observer& observer)
-      : Refinement(fit, options, observer, removable_effects(*fit)) {}
+      : Refinement(fit, options, observer, believed_effects(*fit, options.searched)) {}
 
   std::vector<RefineStep> run() {
     search();
     if (!explain_structure()) refine_tables();
+    for (int pass = 0; pass < kSettlingPasses && !settle(); ++pass) search();
     say_what_was_left_out();
     show();
     return std::move(steps_);
@@ -182,6 +194,7 @@ class Refinement {
       fit_in_full(*full);
       refused_.clear();
       steps_.back().diagnosis = diagnose_now(*steps_.back().fit);
+      is_diagnosed_ = true;
     }
   }
 
@@ -203,6 +216,7 @@ class Refinement {
   bool accept(const Move& move, const Trial& trial);
   void say_what_was_left_out();
   bool stands(const Trial& trial) const;
+  bool settle();
   void show() {
     if (options_.on_step) options_.on_step(steps_.back());
   }
@@ -211,6 +225,7 @@ class Refinement {
   Observer& observer_;
   std::vector<EffectRequest> initial_;
   std::vector<RefineStep> steps_;
+  bool is_diagnosed_ = true;       // the last step, by a search of its own
   std::set<std::string> taken_;    // models of the steps: none comes twice, so the search ends
   std::set<std::string> refused_;  // models tried since the last search and not taken
   std::set<std::string> gone_;     // effects that were taken out: one that pays about as much as it
@@ -240,6 +255,33 @@ void Refinement::fit_trials(std::vector<Trial>& trials, bool keeps_weights) cons
       trials[i].fit = nullptr;
     }
   });
+}
+
+// Ends with the fit that a reader of its file gets, who solves it anew. Smoothness of tables and
+// the weight of orientations are settled by steps, and the way through a refinement can end
+// elsewhere. False where a search beside that fit asks for something.
+bool Refinement::settle() {
+  RefineStep& last = steps_.back();
+  const Fit& before = *last.fit;
+  if (steps_.size() == 1 || !(has_tables(before.model()) || before.measurements().has_rotation()))
+    return true;
+  FitOptions options = before.options();
+  options.nonlinear_starts.clear();
+  options.nonlinear_guesses.clear();
+  std::shared_ptr<Fit> anew =
+      Fit::run(before.robot(), before.state().columns(), before.specification(), options);
+  const double noise = anew->measurements().typical_sigma / before.measurements().typical_sigma;
+  const double turns =
+      before.measurements().has_rotation()
+          ? anew->measurements().sigma_rotation / before.measurements().sigma_rotation
+          : 1.0;
+  const bool same = anew->smoothness_sigma() == before.smoothness_sigma() &&
+                    std::abs(noise - 1.0) < kSameNoise && std::abs(turns - 1.0) < kSameNoise;
+  last.fit = std::move(anew);
+  if (same && is_diagnosed_) return true;
+  last.diagnosis = diagnose_now(*last.fit);
+  is_diagnosed_ = true;
+  return !last.diagnosis.recommended();
 }
 
 // The effects of one search are added with the gross errors and smoothness of the last full fit;
@@ -411,6 +453,7 @@ void Refinement::refine_tables() {
     Candidate added;
     added.request = *finer;
     steps_.push_back({std::move(added), {}, steps_.back().diagnosis, changed});
+    is_diagnosed_ = false;
   }
 }
 

@@ -17,6 +17,9 @@ struct RefineStep {
 
 struct RefineOptions {
   int most_steps = 40;
+  /// Labels of effects of the given fit that an earlier search put in; the owner of the arm
+  /// believes in the others.
+  std::set<std::string> searched;
   std::function<void(const RefineStep&)> on_step;  ///< called by the thread that refines
 };
 

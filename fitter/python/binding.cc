@@ -6,6 +6,7 @@
 #include <nanobind/stl/map.h>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/pair.h>
+#include <nanobind/stl/set.h>
 #include <nanobind/stl/shared_ptr.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
@@ -124,18 +125,38 @@ Vectors residuals(Fit& fit) {
   return to_numpy(std::move(xyz), 3);
 }
 
-std::string run_diagnose(Fit& fit, std::optional<Progress> progress) {
-  return watched(std::move(progress),
-                 [&](WatchedCall& call) { return diagnose(fit, {}, call).to_json(fit).dump(); });
+std::string run_diagnose(Fit& fit, std::optional<Progress> progress,
+                         std::set<std::string> searched) {
+  DiagnoseOptions options;
+  options.searched = std::move(searched);
+  return watched(std::move(progress), [&](WatchedCall& call) {
+    return diagnose(fit, options, call).to_json(fit).dump();
+  });
+}
+
+// Labels of the effects that a search put in: all of `refined` that were not in `given` by its
+// owner's word.
+std::vector<std::string> searched_effects(const Fit& given, const Fit& refined,
+                                          const std::set<std::string>& searched) {
+  std::set<std::string> believed;
+  for (const EffectRequest& request : removable_effects(given)) believed.insert(label(request));
+  for (const std::string& name : searched) believed.erase(name);
+  std::vector<std::string> labels;
+  for (const EffectRequest& request : removable_effects(refined)) {
+    if (!believed.contains(label(request))) labels.push_back(label(request));
+  }
+  return labels;
 }
 
 using OnStep = std::function<void(std::shared_ptr<Fit>, const std::string&)>;
 
 std::pair<std::shared_ptr<Fit>, std::string> run_refine(std::shared_ptr<Fit> fit,
                                                         std::optional<OnStep> on_step,
-                                                        std::optional<Progress> progress) {
+                                                        std::optional<Progress> progress,
+                                                        std::set<std::string> searched) {
+  RefineOptions options;
+  options.searched = std::move(searched);
   const std::vector<RefineStep> steps = watched(std::move(progress), [&](WatchedCall& call) {
-    RefineOptions options;
     if (on_step) {
       options.on_step = [&](const RefineStep& step) {
         const std::string document = step.document().dump();
@@ -211,10 +232,16 @@ NB_MODULE(_core, m) {
            "BIC up to a constant of the campaign: differences between fits of one campaign are "
            "evidence.");
   m.def("diagnose", &run_diagnose, "fit"_a, "progress"_a = nb::none(),
-        "What is missing, ranked: the contract's JSON.");
+        "searched"_a = std::set<std::string>{},
+        "What is missing, ranked: the contract's JSON. searched: effects of the fit that a search "
+        "put in, as refine gives them.");
   m.def("refine", &run_refine, "fit"_a, "on_step"_a = nb::none(), "progress"_a = nb::none(),
+        "searched"_a = std::set<std::string>{},
         "Diagnose and add until nothing is missing; on_step(fit, step as JSON). Returns the last "
         "fit and all steps as JSON.");
+  m.def("searched_effects", &searched_effects, "given"_a, "refined"_a, "searched"_a,
+        "Names of the effects of `refined` that a search put in: those that `given` has not, or "
+        "has among `searched`.");
   m.def("fit", &run_fit, "robot"_a, "columns"_a, "model"_a, "options"_a = "{}",
         "progress"_a = nb::none(),
         "Fit a model; columns are float64 arrays in the contract's names.");

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -19,17 +19,24 @@ _WORST_ROWS = 10
 # The mean of so many standard errors above what was expected is no chance.
 _STANDARD_ERRORS = 3.0
 _SAME_POSE = 1e-6
+# Rows are of another region where at least this share lies outside what was fitted.
+_MOST = 0.5
+# A fit whose extrapolation is held back errs by less than this share of its error only where the extrapolation matters.
+_NOT_BY_EXTRAPOLATION = 0.9
+_WAYS = {"random": "", "region": " region by region", "time": " one stretch of time after another"}
 _LARGEST_EXPONENT = 700.0
 
 
 @dataclass(frozen=True)
 class Comparison:
     """`figures`: what `armtrue compare --json` writes. `elsewhere_um`: the mean error after the measuring frame was
-    moved onto the predictions, where that explains what is worse; else None.
+    moved onto the predictions, where that explains what is worse; else None. `extrapolated`: what the fit extrapolates
+    in columns other than joints, where the error is worse; empty where nothing.
     """
 
     figures: dict[str, Any]
     elsewhere_um: float | None
+    extrapolated: str = ""
 
     @property
     def title(self) -> str:
@@ -42,9 +49,11 @@ class Comparison:
         figures = self.figures
         found = [
             f"error on {figures['error']['n']} rows: {error_words(figures['error'])}",
-            f"expected from poses held out of the fit: {figures['expected_mean_um']:.1f} µm, "
-            f"by chance up to {figures['limit_um']:.1f} µm",
+            f"expected from poses held out of the fit{_WAYS[figures['expected_by']]}: "
+            f"{figures['expected_mean_um']:.1f} µm, by chance up to {figures['limit_um']:.1f} µm",
         ]
+        if self.extrapolated:
+            found.append(self.extrapolated)
         if self.elsewhere_um is not None:
             found.append(
                 f"after moving the measuring frame {self.elsewhere_um:.1f} µm stay: the arm is as it was, and base or "
@@ -57,13 +66,7 @@ def compare(fit: Fit, data: Dataset) -> Comparison:
     """Compare the predictions of `fit` with the positions of `data`. Errors: InputError where a column is missing."""
     predicted = fit.predict(data)
     apart_um = 1e6 * np.linalg.norm(data.positions_m - predicted, axis=1)
-    held_out = fit.document["error"]["held_out"]
-    mean = scored_mean_um(held_out)
-    if mean is None:
-        raise InputError(
-            "compare: found a fit whose held-out error is not scored, expected one to compare with"
-        )
-    expected = mean
+    by, held_out, expected = _expected(fit, data)
     poses = len(np.unique(np.round(data.joints / _SAME_POSE), axis=0))
     spread = math.sqrt(max(0.0, float(held_out["rms_um"]) ** 2 - expected**2))
     chance = spread * math.sqrt(1.0 / poses + 1.0 / max(1, int(held_out.get("n") or data.count)))
@@ -71,17 +74,85 @@ def compare(fit: Fit, data: Dataset) -> Comparison:
     figures = error_figures(apart_um)
     worst = np.argsort(apart_um)[::-1][:_WORST_ROWS]
     worse = figures["mean_um"] > limit
-    elsewhere = float(_moved_frame_um(data.positions_m, predicted).mean()) if worse and poses > 3 else None
+    moved = float(_moved_frame_um(data.positions_m, predicted).mean()) if worse and poses > 3 else math.inf
+    elsewhere = moved if moved <= limit else None
+    extrapolated = ""
+    if worse:
+        extrapolated, of_the_fit = _extrapolated(fit, data, figures["mean_um"])
+        if of_the_fit:
+            elsewhere = None
     return Comparison(
         {
             "error": figures,
             "expected_mean_um": expected,
+            "expected_by": by,
             "limit_um": limit,
             "verdict": "worse" if worse else "as_expected",
             "rows": [{"row": int(data.rows[at]), "error_um": float(apart_um[at])} for at in worst],
         },
-        elsewhere if elsewhere is not None and elsewhere <= limit else None,
+        elsewhere,
+        extrapolated,
     )
+
+
+def _expected(fit: Fit, data: Dataset) -> tuple[str, dict[str, Any], float]:
+    """How poses were held out whose error is to be expected of `data`, that error's figures, and its mean [µm].
+
+    Rows later than all that was fitted are as poses held out in time, those outside the fitted joints as poses held out
+    by region; where both, or more chance, the larger figure holds. Errors: InputError where none was scored.
+    """
+    held_out = fit.document["error"]["held_out"]
+    mean = scored_mean_um(held_out)
+    if mean is None:
+        raise InputError(
+            "compare: found a fit whose held-out error is not scored, expected one to compare with"
+        )
+    found = [("random", held_out, mean)]
+    ways = fit.document["error"].get("held_out_by") or {}
+    for way in _ways_that_apply(fit, data):
+        of_way = scored_mean_um(ways.get(way) or {})
+        if of_way is not None:
+            found.append((way, ways[way], of_way))
+    return max(found, key=lambda one: one[2])
+
+
+def _ways_that_apply(fit: Fit, data: Dataset) -> list[str]:
+    ways = []
+    joints = [one.rows for one in fit.beyond(data) if one.is_joint]
+    if joints and np.any(joints, axis=0).mean() >= _MOST:
+        ways.append("region")
+    fitted = fit.document["data"].get("ranges", {}).get("time")
+    if fitted and "time" in data.columns and data.columns["time"].min() > fitted[1]:
+        ways.append("time")
+    return ways
+
+
+def _extrapolated(fit: Fit, data: Dataset, mean_um: float) -> tuple[str, bool]:
+    """What `fit` extrapolates at `data` beside joints, in words, and whether that may be what moves the points.
+
+    `mean_um`: of the error as it is. The columns are held at the end of what was fitted for comparison.
+    """
+    beyond = [one for one in fit.beyond(data) if not one.is_joint]
+    if not beyond:
+        return "", False
+    ranges = fit.document["data"]["ranges"]
+    held = {one.name: np.clip(data.columns[one.name], *ranges[one.name]) for one in beyond}
+    there = replace(data, columns={**data.columns, **held})
+    held_um = float(1e6 * np.linalg.norm(data.positions_m - fit.predict(there), axis=1).mean())
+    effects = list(dict.fromkeys(effect for one in beyond for effect in one.effects))
+    of_the_fit = held_um < _NOT_BY_EXTRAPOLATION * mean_um
+    read = f" (read by {', '.join(effects)})" if effects else ""
+    far = ", ".join(one.words(fit.robot) for one in beyond)
+    words = (
+        f"the fit extrapolates {far}{read}: with the nearest value that was fitted in its place the mean error is "
+        f"{held_um:.1f} µm"
+    )
+    if of_the_fit:
+        words += (
+            ", so that what is worse may be the fit's own extrapolation; compare a fit without these effects "
+            "('armtrue remove') before anything is said of arm, base or instrument"
+        )
+    return words, of_the_fit
 
 
 @dataclass(frozen=True)

@@ -91,7 +91,7 @@ def diagnose(fit: Fit, progress: Progress | None = None) -> Diagnosis:
     Errors: InputError where the measurements are gone or changed.
     """
     with fit.lock, refusals_about(fit.data):
-        return Diagnosis(json.loads(_core.diagnose(fit.core, progress)))
+        return Diagnosis(json.loads(_core.diagnose(fit.core, progress, set(fit.searched))))
 
 
 def refine(fit: Fit, progress: Progress | None = None, on_step: Step | None = None) -> tuple[Fit, Refinement]:
@@ -106,7 +106,7 @@ def refine(fit: Fit, progress: Progress | None = None, on_step: Step | None = No
             on_step(from_core(fit, core), Diagnosis(json.loads(step)))
 
     with fit.lock, refusals_about(fit.data):
-        core, result = _core.refine(fit.core, forward, progress)
+        core, result = _core.refine(fit.core, forward, progress, set(fit.searched))
     return from_core(fit, core), Refinement(json.loads(result))
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-import math
+import re
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from armtrue import _core, notebook
 from armtrue.errors import InputError
+from armtrue.extrapolation import Beyond, is_joint, margin, ranges_of
 from armtrue.fit_file import check_document
 from armtrue.io import Dataset, Model, Robot, load_data
 from armtrue.io.columns import FAR_TRAVEL, TRAVEL, commanded_joints
@@ -30,10 +31,6 @@ from armtrue.springs import warnings_of_springs
 FORMAT = "armtrue-fit"
 VERSION = 1
 _LARGEST_FIT_BYTES = 512 * 1024 * 1024
-# A few hundred poses leave the last few percent of a joint's range unvisited, and a model still holds there.
-_BEYOND_RANGE = 0.05
-# Of a joint that stood still while the others moved [rad, m].
-_SAME_JOINT = 1e-3
 
 
 class EffectError(InputError):
@@ -118,6 +115,11 @@ class Fit:
                 )
             return self._core_fit
 
+    @property
+    def searched(self) -> list[str]:
+        """Names of the effects that a search put in: a later one may doubt them as the first did."""
+        return list(self.document.get("searched", []))
+
     def predict(self, data: Dataset) -> NDArray[np.float64]:
         """Predicted positions (N, 3) [m] in the measuring frame. Errors: InputError where a column is missing."""
         columns = self.columns_for(data)
@@ -167,30 +169,52 @@ class Fit:
                 f"{data.path.name} has no column target: all rows are taken as of '{reflectors[0]}', the first of the "
                 f"fit's reflectors {', '.join(reflectors)}; where they are of another, say so in a column target"
             )
-        return missing, [*notes, *self._extrapolated(data)]
+        return missing, [*notes, *self.extrapolated(data)]
 
-    def _extrapolated(self, data: Dataset) -> list[str]:
-        """A note where poses of `data` lie outside the joint ranges that were fitted, if the fit has kept them."""
-        outside = np.zeros(data.count, dtype=bool)
-        beyond: dict[str, float] = {}
+    def beyond(self, data: Dataset) -> list[Beyond]:
+        """The columns in which `data` leave what was fitted, the farthest first, joints before all others.
+
+        A column counts where a term of this fit reads it and the fit has kept its range.
+        """
+        read = self.document.get("columns", {})
+        found = []
         for name, (lo, hi) in self.document["data"].get("ranges", {}).items():
-            if name not in data.columns:
+            if name not in data.columns or not (is_joint(name) or name in read):
                 continue
             apart = np.maximum(lo - data.columns[name], data.columns[name] - hi)
-            far = apart > max(_SAME_JOINT, _BEYOND_RANGE * (hi - lo))
-            if far.any():
-                outside |= far
-                beyond[name] = float(apart.max())
+            rows = apart > margin(name, lo, hi)
+            if rows.any():
+                found.append(Beyond(name, rows, float(apart.max()), hi - lo, self._effects_that_read(name)))
+        return sorted(found, key=lambda one: (not one.is_joint, -one.amount))
+
+    def extrapolated(self, data: Dataset, of_the_arm: bool = False) -> list[str]:
+        """A note where poses of `data` lie outside what was fitted, if the fit has kept that.
+
+        `of_the_arm`: only what effects of the arm read, which are all that a table holds.
+        """
+        beyond = self.beyond(data)
+        if of_the_arm:
+            of_session = {p["effect"] for p in self.document["parameters"] if not p.get("exported", True)}
+            beyond = [one for one in beyond if not one.effects or set(one.effects) - of_session]
         if not beyond:
             return []
-        by = ", ".join(
-            f"{name} by up to {_amount(amount, self.robot.joints[int(name[1:]) - 1])}"
-            for name, amount in sorted(beyond.items(), key=lambda entry: -entry[1])
-        )
+        outside = np.any([one.rows for one in beyond], axis=0)
         return [
-            f"{int(outside.sum())} of {data.count} poses of {data.path.name} lie outside what was fitted ({by}): "
-            "figures there are extrapolated"
+            f"{int(outside.sum())} of {data.count} poses of {data.path.name} lie outside what was fitted "
+            f"({', '.join(one.words(self.robot) for one in beyond)}): figures there are extrapolated"
         ]
+
+    def _effects_that_read(self, name: str) -> list[str]:
+        """The effects whose terms name a column; none where they read it through a load."""
+        variable = re.compile(rf"\b(?:d?T_|temp_)?{re.escape(name.removeprefix('temp_'))}\b")
+        parameters = [] if is_joint(name) else self.document["parameters"]
+        return list(
+            dict.fromkeys(
+                p["effect"]
+                for p in parameters
+                if any(variable.search(term["expression"]) for term in p.get("terms", []))
+            )
+        )
 
     def residuals(self) -> NDArray[np.float64]:
         """Measured minus predicted positions (N, 3) [m] of the fitted measurements."""
@@ -281,7 +305,9 @@ def with_effects(base: Fit, effects: list[dict[str, Any]], progress: Progress | 
     """Return `base` with other effects, fitted again to the same measurements."""
     specification = {**base.document["model"], "effects": effects}
     try:
-        return _finish(base.data, base.robot, specification, base.document["options"], progress)
+        fit = _finish(base.data, base.robot, specification, base.document["options"], progress)
+        fit.document["searched"] = base.searched
+        return fit
     except EffectError as error:
         raise InputError(f"{base.data.path}: {error}") from None
 
@@ -362,7 +388,9 @@ def _finish(
 def from_core(base: Fit, core: _core.Fit) -> Fit:
     """Return a fit of the numerical library to `base`'s measurements with everything around it."""
     specification = {**base.document["model"], "effects": json.loads(core.specification())["effects"]}
-    return _document(core, base.data, base.robot, specification, base.document["options"])
+    fit = _document(core, base.data, base.robot, specification, base.document["options"])
+    fit.document["searched"] = _core.searched_effects(base.core, core, set(base.searched))
+    return fit
 
 
 def _document(
@@ -377,6 +405,7 @@ def _document(
         "data": _data_entry(data),
         **json.loads(core.document()),
     }
+    document["data"]["ranges"] |= ranges_of(data, ["time", *document["columns"]])
     for rejected in document["rejected"]:
         rejected["row"] = int(data.rows[rejected["index"]])
     targets = data.labels.get("target", [])
@@ -388,32 +417,28 @@ def _document(
     return Fit(document, None, data, core)
 
 
-def _amount(value: float, joint: dict[str, Any]) -> str:
-    return f"{math.degrees(value):.0f}°" if joint["type"] == "revolute" else f"{1000.0 * value:.0f} mm"
-
-
 def _check_ranges(document: dict[str, Any], path: Path) -> None:
-    """Refuse joint ranges that are no numbers. Errors: InputError that names the key."""
+    """Refuse ranges that are no numbers or of no column. Errors: InputError that names the key."""
     data = Section(document, str(path)).section("data")
     if not data.has("ranges"):
         return
     ranges = data.section("ranges")
-    joints = [f"q{k}" for k in range(1, Robot(document["robot"]).joint_count + 1)]
+    known = [f"q{k}" for k in range(1, Robot(document["robot"]).joint_count + 1)]
+    known += [name for name in ("time", *document.get("columns", {})) if name not in known]
     for name in ranges:
-        if name not in joints:
-            raise InputError(f"{ranges.place(name)}: found '{name}', expected one of {', '.join(joints)}")
-        ranges.numbers(name, 2, "the lowest and the highest angle or length that was fitted")
+        if name not in known:
+            raise InputError(f"{ranges.place(name)}: found '{name}', expected one of {', '.join(known)}")
+        ranges.numbers(name, 2, "the lowest and the highest value that was fitted")
 
 
 def _data_entry(data: Dataset) -> dict[str, Any]:
-    joints = {name: data.columns[name] for name in commanded_joints(data.columns)}
     return {
         "path": str(data.path.resolve()),
         "relative": data.path.name,
         "sha256": fingerprint(data),
         "rows": data.count,
         "columns": sorted(data.columns),
-        "ranges": {name: [float(values.min()), float(values.max())] for name, values in joints.items()},
+        "ranges": ranges_of(data, commanded_joints(data.columns)),
         "targets": data.labels.get("target", []),
         "skipped": [{"row": row, "why": why} for row, why in sorted(data.skipped.items())],
         "left_out": data.left_out,

@@ -83,6 +83,40 @@ def test_joint_that_stood_still_in_the_fit_is_noted_where_it_moves():
     assert "q2 by up to 11°" in note
 
 
+def fit_with_terms(expressions: dict[str, str], ranges: dict[str, list[float]], exported: bool) -> Fit:
+    """A fit with one term for each column in `expressions`."""
+    fit = fit_within(ranges)
+    fit.document["columns"] = dict.fromkeys(expressions, "")
+    fit.document["parameters"] = [
+        {"effect": f"effect of {name}", "exported": exported, "terms": [{"expression": expression}]}
+        for name, expression in expressions.items()
+    ]
+    return fit
+
+
+def test_time_and_temperature_outside_what_was_fitted_are_noted_with_figures():
+    ranges = {"q1": [-1.0, 1.0], "time": [0.0, 3000.0], "temp_hall": [20.0, 24.0], "payload": [5.0, 5.0]}
+    expressions = {"time": "time/3600", "temp_hall": "dT_hall", "payload": "u_2_2_x"}
+    fit = fit_with_terms(expressions, ranges, exported=False)
+    columns = {"time": [100.0, 9000.0], "temp_hall": [24.9, 26.0], "payload": [5.0, 0.0]}
+    poses_of = replace(at((0.0, 0.1), (0.0, 0.1)), columns={
+        **at((0.0, 0.1), (0.0, 0.1)).columns, **{name: np.array(values) for name, values in columns.items()}
+    })  # fmt: skip
+    (note,) = fit.assumed(poses_of)[1]
+    assert note == (
+        "1 of 2 poses of poses.csv lie outside what was fitted (time by up to 6000 s, 2.0 times the span that was "
+        "fitted, payload by up to 5 kg, temp_hall by up to 2 °C, 0.5 times the span that was fitted): figures there "
+        "are extrapolated"
+    )
+    # What a table holds reads neither the session's time nor its temperature; loads are the arm's own.
+    (of_the_arm,) = fit.extrapolated(poses_of, of_the_arm=True)
+    assert "payload" in of_the_arm
+    assert "time" not in of_the_arm
+    # A column that no term reads does not move a prediction.
+    fit.document["columns"] = {}
+    assert fit.assumed(poses_of)[1] == []
+
+
 def test_a_fit_keeps_the_ranges_of_its_joints_and_refuses_others(tmp_path):
     campaign = armtrue_sim.simulate({"arm": "scara", "seed": 3, "hidden": []})
     campaign.write(tmp_path)
@@ -95,6 +129,10 @@ def test_a_fit_keeps_the_ranges_of_its_joints_and_refuses_others(tmp_path):
     far = replace(test, columns={**test.columns, "q3": test.columns["q3"] + 0.5})
     assert "q3 by up to" in fit.assumed(far)[1][0]
     assert " mm" in fit.assumed(far)[1][0]
+    # Beside the joints: time, which tells what is later.
+    assert fit.document["data"]["ranges"]["time"][1] == data.columns["time"].max()
+    fit.save(tmp_path / "fit.json")
+    assert Fit.load(tmp_path / "fit.json").document["data"]["ranges"] == fit.document["data"]["ranges"]
     for wrong in ({"q9": [0.0, 1.0]}, {"q1": ["a", 1.0]}, {"q1": [1.0]}, 7):
         fit.document["data"]["ranges"] = wrong
         fit.save(tmp_path / "fit.json")

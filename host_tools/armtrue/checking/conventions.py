@@ -7,7 +7,7 @@ that stays after base and tool are found from nothing; every further change must
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +15,7 @@ import numpy as np
 from armtrue.checking import hypotheses, lengths
 from armtrue.checking.alignment import NOMINAL_ERROR_PER_REACH, Columns, align, thinned
 from armtrue.checking.hypotheses import Hypothesis
+from armtrue.checking.moved.geometry import Geometry, fit_geometry
 from armtrue.checking.placement import Reading, lower_bounds
 from armtrue.checking.report import Finding
 from armtrue.io.robot import Robot
@@ -24,6 +25,7 @@ _CONVINCING = 1 / 3
 # Nominal arms differ by this much without any mistake, in metres per metre of reach: better is not more convincing.
 _AS_GOOD_AS_NOMINAL = 0.0005
 _ROWS = 60
+_ROWS_OF_GEOMETRY = 300
 # Hypotheses that leave at most so many times what the best leaves explain the data as well.
 _AS_WELL = 1.5
 _MOST_AS_WELL = 3
@@ -58,18 +60,30 @@ class _Judged:
         return max(self.rms_m, self.floor_m) / self.spread_m / _CONVINCING**self.changes
 
 
-def find(columns: Columns, robot: Robot) -> list[Finding]:
-    """One error for each convention that is wrong, or one where positions follow the joints under none tried."""
-    search = _Search(Reading(columns, robot.spec), robot)
+def find(
+    columns: Columns, robot: Robot, more: Callable[[Reading], list[Hypothesis]] = lambda _: []
+) -> list[Finding]:
+    """One error for each convention that is wrong, or one where positions follow the joints under none tried.
+
+    `more`: further hypotheses where the arm does not follow as the file stands. A change explains the points only where
+    it brings them as near to the arm as arms are to their nominal geometry; where plain geometry does, that is said.
+    """
+    reading = Reading(columns, robot.spec)
+    search = _Search(reading, robot)
     start = search.unchanged()[0]
     if start.rms_m <= start.floor_m / _CONVINCING:
         return []
-    best, as_well = search.best()
-    if best.hypothesis is not None:
+    far_off = start.rms_m > search.widest_m
+    best, as_well = search.best(more(reading) if far_off else [])
+    if best.hypothesis is not None and best.rms_m <= search.widest_m:
         return _findings(best, as_well, start.rms_m)
-    return (
-        [_no_convention(start.rms_m, robot)] if start.rms_m > NOMINAL_ERROR_PER_REACH * robot.reach_m else []
-    )
+    if not far_off:
+        return []
+    if (geometry := _by_geometry(reading)) is not None:
+        return [_far_from_nominal(geometry, robot)]
+    if best.hypothesis is not None and _by_geometry(best.hypothesis.apply(reading)) is not None:
+        return _findings(best, as_well, start.rms_m)
+    return [_no_convention(start.rms_m, best, robot)]
 
 
 class _Search:
@@ -78,6 +92,7 @@ class _Search:
     def __init__(self, reading: Reading, robot: Robot) -> None:
         self._reading = reading
         self._robot = robot
+        self.widest_m = NOMINAL_ERROR_PER_REACH * robot.reach_m
         self._floor_m = _AS_GOOD_AS_NOMINAL * self._robot.reach_m
         self._spread_m = lengths.spread(reading.columns)
 
@@ -85,9 +100,13 @@ class _Search:
         """What stays as the file was read; infinite where only another unit would bring points and arm together."""
         return self._aligned(None)
 
-    def best(self) -> tuple[_Judged, list[str]]:
-        """The hypothesis with the lowest score, None in it where none is better than nothing; and its rivals."""
+    def best(self, more: list[Hypothesis]) -> tuple[_Judged, list[str]]:
+        """The hypothesis with the lowest score, None in it where none is better than nothing; and its rivals.
+
+        `more`: hypotheses that compete beside those of conventions.
+        """
         judged = self.unchanged()
+        judged += [one for hypothesis in more for one in self._aligned(hypothesis)]
         singles = hypotheses.singles(self._robot)
         odd_zeros = self._odd_zeros()
         judged += self._judge([*singles, *odd_zeros], min(one.score for one in judged))
@@ -181,7 +200,7 @@ class _Search:
         scaled = hypotheses.scale(scale, self._robot)
         both = scaled if hypothesis is None else hypotheses.pair(hypothesis, scaled)
         # Under wrong conventions any scale comes out: it counts only where it explains all there is.
-        if both is None or latest.rms_m > NOMINAL_ERROR_PER_REACH * self._robot.reach_m:
+        if both is None or latest.rms_m > self.widest_m:
             return judged
         return [*judged, _Judged(both, latest.rms_m, self._floor_m, self._spread_m / scale)]
 
@@ -215,13 +234,49 @@ def _findings(best: _Judged, as_well: list[str], start_m: float) -> list[Finding
     ]
 
 
-def _no_convention(rms: float, robot: Robot) -> Finding:
+def _by_geometry(reading: Reading) -> Geometry | None:
+    """Plain geometry fitted to a reading; None where, within what arms have, it does not explain the points."""
+    try:
+        geometry = fit_geometry(thinned(reading.columns, _ROWS_OF_GEOMETRY), reading.robot)
+    except (ValueError, np.linalg.LinAlgError):
+        return None
+    return geometry if geometry.explains else None
+
+
+def _far_from_nominal(geometry: Geometry, robot: Robot) -> Finding:
+    nominal, fitted = geometry.nominal_rms_m, geometry.rms_m
+    return Finding(
+        "far_from_nominal",
+        "warning",
+        f"the arm is far from its nominal geometry: {nominal * 1000:.1f} mm RMS stay with it, "
+        f"{nominal / robot.reach_m:.1%} of the reach of {robot.reach_m:.2f} m, and {fitted * 1000:.2f} mm once zeros "
+        f"and links are fitted (turned by up to {math.degrees(geometry.largest_turn):.1f}°, shifted by up to "
+        f"{geometry.largest_shift_m * 1000:.1f} mm)",
+        {
+            "rms_m": nominal,
+            "rms_m_if_fitted": fitted,
+            "largest_turn_rad": geometry.largest_turn,
+            "largest_shift_m": geometry.largest_shift_m,
+        },
+        f"Nothing to do where the arm is known to be so; else compare {robot.kinematics_file} with its data sheet. "
+        "A fit with joint_offset and link_geometry finds what differs.",
+    )
+
+
+def _no_convention(rms: float, best: _Judged, robot: Robot) -> Finding:
+    stay = f"{rms * 1000:.0f} mm RMS stay" if math.isfinite(rms) else "nothing brings the two together"
+    nearest, figures = "", {}
+    if best.hypothesis is not None and math.isfinite(best.rms_m):
+        nearest = (
+            f" (nearest of what was tried, with {best.rms_m * 1000:.0f} mm RMS: {best.hypothesis.sentence})"
+        )
+        figures = {"nearest": best.hypothesis.code, "rms_m_of_nearest": best.rms_m}
     return Finding(
         "positions_do_not_follow",
         "error",
-        f"the positions do not follow the joints: whatever base and tool, {rms * 1000:.0f} mm RMS stay, and no sign, "
-        "zero, coupling, order of columns, scale or pair of these explains it",
-        {"rms_m": rms if np.isfinite(rms) else None},
+        f"the positions do not follow the joints: whatever base and tool, {stay}, and no sign, zero, coupling, order "
+        f"of columns, scale or pair of these explains it, nor do zeros and links off by what arms have{nearest}",
+        {"rms_m": rms if math.isfinite(rms) else None, **figures},
         f"Compare {robot.kinematics_file} with the arm's data sheet, and the pairing of joints and positions with the "
         "log.",
     )

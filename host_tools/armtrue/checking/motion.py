@@ -84,7 +84,10 @@ def _standstill(data: Dataset, robot: Robot) -> list[Finding]:
                     "warning",
                     f"joint {k} never moves: its axis and its effects cannot be told from these data",
                     evidence,
-                    f"Measure poses that turn joint {k}; until then a fit holds it at its nominal values.",
+                    f"Measure poses that turn joint {k}; until then a fit holds it at its nominal values. Where "
+                    "nothing can turn it, as where bars keep a flange level, its corrections cannot be driven: put "
+                    f"{float(data.columns[f'q{k}'][0]):.6g} back into column q{k} of what 'armtrue compensate' "
+                    "writes, and judge that with 'armtrue predict'.",
                 )
             )
         elif joint["type"] == "revolute" and span < _NARROW_RAD:

@@ -50,7 +50,8 @@ class _Placed:
     """Distances [m] of every position from where it should be, with one base and one set of tools.
 
     `own`: (N,) with the joints and the reflector of its row. `shifted`: lag → (N,), with the joints so many rows
-    further down. `renamed`: (reflectors, N), with its own joints and each reflector. Infinite where there is none.
+    further down. `renamed`: (reflectors, N), with its own joints and each reflector. Infinite where there is none: a
+    reflector that no row follows has no known place on the arm, so that nothing can be said of its rows.
     `limit_m`: a larger distance is a gross error.
     """
 
@@ -241,7 +242,7 @@ def _shifts(data: Dataset, placed: _Placed) -> Iterator[tuple[Finding, Mask]]:
     for lag, distance in placed.shifted.items():
         others = [placed.own, *(values for other, values in placed.shifted.items() if other != lag)]
         nearest = np.min(others, axis=0)
-        marked = (distance <= limit) & (nearest > limit)
+        marked = (distance <= limit) & (nearest > limit) & np.isfinite(placed.own)
         # A row at the end of the file has no partner so many rows further on, which says nothing against the lag.
         contradicts = np.isfinite(distance) & (distance > limit) & (nearest <= limit)
         for block in _blocks(marked, contradicts):
@@ -296,7 +297,8 @@ def _exchanges(data: Dataset, placed: _Placed, among: Mask) -> Iterator[tuple[Fi
     if "target" not in data.columns:
         return
     codes, target = np.unique(data.columns["target"].astype(np.int64), return_inverse=True)
-    for one, other in itertools.combinations(range(len(codes)), 2):
+    known = np.flatnonzero(np.isfinite(placed.renamed).all(axis=1))
+    for one, other in itertools.combinations(known.tolist(), 2):
         partner = np.where(target == one, other, one)
         of_pair = among & ((target == one) | (target == other))
         distance = placed.renamed[partner, np.arange(data.count)]

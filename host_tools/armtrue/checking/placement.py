@@ -53,7 +53,7 @@ def lower_bounds(readings: Sequence[Reading]) -> Array:
 
 
 def _relaxed(readings: Sequence[Reading]) -> Array:
-    systems = [_system(reading) for reading in readings]
+    systems = [relaxed_system(reading) for reading in readings]
     rows = np.stack([system[0] for system in systems])  # (H, N, 3, unknowns)
     right = np.stack([system[1] for system in systems])  # (H, N, 3)
     count, poses, _, unknowns = rows.shape
@@ -74,7 +74,7 @@ def _relaxed(readings: Sequence[Reading]) -> Array:
     return np.asarray(rms / np.maximum(spread, 1e-12))
 
 
-def _system(reading: Reading) -> tuple[Array, Array]:
+def relaxed_system(reading: Reading) -> tuple[Array, Array]:
     """The rows (N, 3, unknowns) and right sides (N, 3) of the relaxed problem."""
     columns = reading.columns
     flange = flanges(columns, reading.spec)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
@@ -45,8 +46,9 @@ class CheckReport:
         return ", ".join(words)
 
     def document(self) -> dict[str, Any]:
-        """JSON-able form."""
-        return {"ok": not self.has_errors, "findings": [asdict(finding) for finding in self.findings]}
+        """JSON-able form; a figure that is not finite is null."""
+        findings = [_without_infinities(asdict(finding)) for finding in self.findings]
+        return {"ok": not self.has_errors, "findings": findings}
 
     def _repr_html_(self) -> str:
         rows = [[f.severity, f.code, f.message, f.remedy] for f in self.findings]
@@ -59,3 +61,12 @@ class CheckReport:
                 self.summary(),
             ]
         )
+
+
+def _without_infinities(value: Any) -> Any:
+    """`value`, a tree of dictionaries and lists, with None for what is no finite number: JSON knows no other."""
+    if isinstance(value, dict):
+        return {key: _without_infinities(one) for key, one in value.items()}
+    if isinstance(value, list):
+        return [_without_infinities(one) for one in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

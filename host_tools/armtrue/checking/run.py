@@ -21,6 +21,7 @@ from armtrue.checking import (
     units,
 )
 from armtrue.checking.alignment import align, alignment_columns
+from armtrue.checking.moved import jumps, steps
 from armtrue.checking.report import CheckReport, Finding
 from armtrue.errors import InputError
 from armtrue.io.dataset import Dataset, fixed_targets, without_fixed_targets
@@ -31,7 +32,7 @@ from armtrue.io.robot import Robot
 NO_ARM = {
     "too_few_poses", "scale", "joint_sign", "joint_zero", "coupling", "joints_in_degrees", "joints_in_radians",
     "dh_convention", "fixed_or_intrinsic_angles", "joints_swapped", "rows_shifted", "reflectors_exchanged",
-    "left_handed_frame", "positions_do_not_follow", "orientations_do_not_follow",
+    "left_handed_frame", "positions_do_not_follow", "orientations_do_not_follow", "base_step", "reflector_step",
 }  # fmt: skip
 
 
@@ -122,8 +123,11 @@ def _against_kinematics(data: Dataset, robot: Robot) -> list[Finding]:
     if rows.any():
         riding = riding.take(~rows)
         measured = {name: values[~rows] for name, values in measured.items()}
-    findings = conventions.find(measured, robot)
+    findings = conventions.find(measured, robot, lambda reading: jumps.hypotheses(riding, reading))
     if units.positions_are_in_another(riding.columns, robot):
         # Their unit is a finding already; the one guessed to go on with may have been another than the right one.
         findings = [finding for finding in findings if finding.code != "scale"]
-    return [*misplaced, *(findings or orientations.find(riding, measured, robot))]
+    if not any(finding.severity == "error" for finding in findings):
+        findings += steps.find(riding, measured, robot)
+        findings += orientations.find(riding, measured, robot)
+    return [*misplaced, *findings]

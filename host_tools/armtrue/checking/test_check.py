@@ -11,10 +11,12 @@ from pathlib import Path
 import armtrue_sim
 import numpy as np
 import pytest
+import yaml
 
 from armtrue.checking import CheckReport, check
 from armtrue.io import Dataset, Robot, load_data, load_robot
 from armtrue.io.rotation import matrix_from_rpy
+from armtrue.tables.chain import flanges
 
 SCENARIOS = Path(__file__).resolve().parents[3] / "sim" / "scenarios"
 
@@ -178,6 +180,63 @@ def test_positions_that_follow_nothing_are_said_to(campaign):
     assert "positions_do_not_follow" in codes(report, "error")
 
 
+def test_what_leaves_half_the_error_is_no_cause(campaign):
+    """Joint 2 by another law: that joint 3 turns the other way, say, may leave a third, and explains nothing."""
+    data, robot = campaign("kr30")
+    for name, power in (("q1", 2), ("q2", 2), ("q3", 3), ("q4", 2)):
+        values = data.columns[name]
+        report = check(changed(data, **{name: np.abs(values) ** power * np.sign(values)}), robot)
+        for found in report.findings:
+            assert "inf" not in found.message.split()
+            if found.severity == "error" and "rms_m_if_changed" in found.evidence:
+                assert found.evidence["rms_m_if_changed"] <= 0.01 * robot.reach_m
+        assert report.has_errors
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_small_arm_with_large_errors_is_far_from_nominal_and_not_refused(tmp_path, seed):
+    """Zeros by 1.4 degrees, links by 0.9 degrees and 1.5 mm, at a reach of 0.3 m."""
+    rng = np.random.default_rng(seed)
+    rows = [
+        (0.0, 0.0, 0.1),
+        (0.02, -90.0, 0.0),
+        (0.12, 0.0, 0.0),
+        (0.02, -90.0, 0.12),
+        (0, 90.0, 0),
+        (0, -90.0, 0.03),
+    ]
+    real = [
+        {
+            "a": a + rng.normal(0.0, 1.5e-3),
+            "alpha": math.radians(alpha + rng.normal(0.0, 0.9)),
+            "d": d + rng.normal(0.0, 1.5e-3),
+            "offset": math.radians(rng.normal(0.0, 1.4)),
+        }
+        for a, alpha, d in rows
+    ]
+    named = [{"a": float(a), "alpha": math.radians(alpha), "d": float(d)} for a, alpha, d in rows]
+    places = {}
+    for name, table in (("real", real), ("robot", named)):
+        kinematics = {"convention": "mdh", "joints": [{k: float(v) for k, v in row.items()} for row in table]}
+        places[name] = tmp_path / f"{name}.yaml"
+        places[name].write_text(yaml.safe_dump({"name": "small", "kinematics": kinematics}))
+    joints = rng.uniform(-1.0, 1.0, (120, 6)) * [2.0, 0.9, 0.9, 2.0, 1.5, 2.5]
+    columns = {f"q{k}": joints[:, k - 1] for k in range(1, 7)}
+    flange = flanges(columns, load_robot(places["real"]).spec)
+    points = flange[:, :3, :3] @ [0.02, 0.01, 0.05] + flange[:, :3, 3] + rng.normal(0.0, 3e-5, (120, 3))
+    columns |= dict(zip("xyz", points.T, strict=True))
+    text = np.column_stack(list(columns.values()))
+    np.savetxt(tmp_path / "d.csv", text, fmt="%.9f", delimiter=",", header=",".join(columns), comments="")
+    robot = load_robot(places["robot"])
+    report = check(load_data(tmp_path / "d.csv", robot, strict=False), robot)
+    assert codes(report, "error") == []
+    found = finding(report, "far_from_nominal")
+    assert found.severity == "warning"
+    assert found.evidence["rms_m"] > 0.01 * robot.reach_m
+    assert found.evidence["rms_m_if_fitted"] < 1e-4
+    assert "once zeros and links are fitted" in found.message
+
+
 def test_notes_a_base_that_is_not_where_the_robot_file_says(campaign):
     data, robot = campaign("kr30")
     elsewhere = Robot({**robot.spec, "base": {"xyz": [0.0, 0.0, 3.0], "rpy": [0.0, 0.0, 0.0]}})
@@ -270,7 +329,10 @@ def test_finds_joints_that_never_or_hardly_move(campaign):
     data, robot = campaign("kr30")
     kept = np.full(data.count, 0.3)
     report = check(changed(data, q6=kept, q1=0.05 * data.columns["q1"]), robot)
-    assert finding(report, "joint_never_moves").evidence["joint"] == 6
+    still = finding(report, "joint_never_moves")
+    assert still.evidence["joint"] == 6
+    assert "Where nothing can turn it, as where bars keep a flange level" in still.remedy
+    assert "put 0.3 back into column q6 of what 'armtrue compensate' writes" in still.remedy
     assert finding(report, "joint_hardly_moves").evidence["joint"] == 1
 
 

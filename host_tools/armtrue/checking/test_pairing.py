@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import json
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import armtrue_sim
 import numpy as np
 import pytest
 
-from armtrue.checking import Finding, check, refuse_what_cannot_be_an_arm
+from armtrue.checking import CheckReport, Finding, check, pairing, refuse_what_cannot_be_an_arm
+from armtrue.checking.alignment import Alignment, align
+from armtrue.checking.residuals import nominal_positions
 from armtrue.errors import InputError
 from armtrue.io import Dataset, Robot, load_data, load_robot
 
@@ -151,3 +156,34 @@ def test_name_that_stayed_the_same_is_said(campaign: Campaign) -> None:
     (found,) = errors_and_warnings(replace(data, columns={**data.columns, "target": target}), robot)
     assert "the positions said to be of the reflector 'A' are of 'B'" in found.message
     assert len(found.evidence["rows"]) == 15
+
+
+def test_reflector_whose_place_is_not_found_has_no_infinite_distance(
+    campaign: Campaign, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Beside rows that follow the nominal arm exactly an alignment gives the other reflector's no weight."""
+    data, robot = campaign()
+    exact = nominal_positions(data, robot, robot.spec["base"], robot.spec["tool"])
+    near = exact + np.random.default_rng(1).normal(0.0, 4e-4, exact.shape)
+    points = np.stack([exact, near], axis=1).reshape(-1, 3)
+    columns = {name: np.repeat(values, 2) for name, values in data.columns.items()}
+    columns |= {name: points[:, axis].copy() for axis, name in enumerate("xyz")}
+    columns["target"] = np.tile([0.0, 1.0], data.count)
+    rows = np.arange(2 * data.count) + 2
+    both = replace(data, columns=columns, labels={"target": ["TCP", "Leica"]}, rows=rows)
+
+    def without_the_second(*of: Any) -> Alignment:
+        found = align(*of)
+        return replace(found, flange_from_tool={**found.flange_from_tool, "1": {"xyz": [0.0, 0.0, 0.0]}})
+
+    monkeypatch.setattr(pairing, "align", without_the_second)
+    report = check(both, robot)
+    assert "reflectors_exchanged" not in [found.code for found in report.findings]
+    assert not any("inf" in found.message.split() for found in report.findings)
+    json.dumps(report.document(), allow_nan=False)
+
+
+def test_figures_that_are_not_finite_are_null_in_the_document() -> None:
+    found = Finding("x", "note", "y", {"a_m": math.inf, "rows": [1.0, math.nan], "b": {"c": 1}})
+    (entry,) = CheckReport.of([found]).document()["findings"]
+    assert entry["evidence"] == {"a_m": None, "rows": [1.0, None], "b": {"c": 1}}

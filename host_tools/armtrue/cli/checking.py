@@ -29,7 +29,8 @@ def check(
     skip_bad: SkipBadOption = False,
     json_to: JsonOption = None,
 ) -> None:
-    """Look for mistakes in measurements before any physics: units, signs, coupling, read-back, duplicates, drift.
+    """Look for mistakes in measurements before any physics: units, signs, coupling, read-back, duplicates, drift,
+    a tracker or reflector that was moved half way.
 
     Says what the data can and cannot tell apart. Exit status 1 where an error was found.
 

@@ -9,6 +9,7 @@ from typing import Annotated
 
 import typer
 
+from armtrue.cli.shared.fits import beyond_the_fit
 from armtrue.cli.shared.options import FitArgument, JsonOption, OutOption, PosesArgument, TablesArgument
 from armtrue.cli.shared.output import Output
 from armtrue.errors import InputError
@@ -178,6 +179,8 @@ def compensate(
     if leaving := result.limits_words():
         why = "neither table nor firmware knows them, and they are written as they are"
         print(f"armtrue: warning: {out}: {leaving}; {why}", file=sys.stderr)
+    for note in beyond_the_fit(tables, fit, poses):
+        print(f"armtrue: warning: {note}", file=sys.stderr)
     beyond = {str(k + 1): int(count) for k, count in enumerate(result.beyond.sum(axis=0)) if count}
     output.figures(
         {

@@ -108,6 +108,78 @@ def test_compare_a_tracker_that_stands_elsewhere_is_told_from_an_arm_that_change
     assert "base or instrument stand elsewhere" in " ".join(run.stdout.split())
 
 
+def drifting(folder, name, rate_m_per_h, seconds):
+    """test.csv `seconds` later, and a fit.json whose base was believed to drift by `rate_m_per_h` along x."""
+    fit = json.loads((folder / "fit.json").read_text())
+    term = {"coordinate": "base.tx", "expression": "time/3600", "weight": 1.0, "table": None}
+    parameter = {**fit["parameters"][0], "effect": "time_drift", "name": "time_drift.tx", "terms": [term]}
+    fit["parameters"].append({**parameter, "value": rate_m_per_h})
+    fit["model"]["effects"].append({"effect": "time_drift"})
+    fit["columns"]["time"] = ""
+    (folder / "drifts.json").write_text(json.dumps(fit))
+    return shifted(folder, name, time=seconds)
+
+
+def test_compare_does_not_blame_the_instrument_for_a_drift_that_the_fit_extrapolates(folder):
+    hours = 500
+    later = drifting(folder, "later.csv", 2e-6, 3600.0 * hours)
+    run = armtrue("compare", "drifts.json", later, "--json", "c.json", cwd=folder)
+    assert run.returncode == 1, run.stdout + run.stderr
+    words = " ".join(run.stdout.split())
+    assert "outside what was fitted (time by up to" in words
+    assert "the fit extrapolates time by up to 500.0 h, 301.3 times the span that was fitted" in words
+    assert (
+        "(read by time_drift): with the nearest value that was fitted in its place the mean error is" in words
+    )
+    assert "may be the fit's own extrapolation" in words
+    assert "stand elsewhere" not in words
+    # A tracker that was moved by far more than any drift is told all the same.
+    moved = shifted(folder, "moved.csv", time=3600.0 * hours, x=1.5, y=-0.3)
+    words = " ".join(armtrue("compare", "drifts.json", moved, cwd=folder).stdout.split())
+    assert "base or instrument stand elsewhere" in words
+    poses = armtrue("predict", "drifts.json", later, "--out", "p.csv", cwd=folder)
+    assert "outside what was fitted (time by up to" in " ".join(poses.stdout.split())
+
+
+@pytest.mark.parametrize(
+    ("shifts", "way", "words"),
+    [
+        ({"time": 1e6}, "time", "held out of the fit one stretch of time after another"),
+        ({"q6": 6.283185307}, "region", "held out of the fit region by region"),
+        ({}, "random", "held out of the fit:"),
+    ],
+)
+def test_compare_expects_the_figure_of_poses_held_out_the_same_way(folder, shifts, way, words):
+    fit = json.loads((folder / "fit.json").read_text())
+    for factor, name in enumerate(("region", "time"), start=2):
+        fit["error"]["held_out_by"][name] = {
+            key: value * (1.0 if key == "n" else factor) for key, value in fit["error"]["held_out"].items()
+        }
+    (folder / "ways.json").write_text(json.dumps(fit))
+    shifted(folder, "other.csv", **shifts)
+    run = armtrue("compare", "ways.json", "other.csv", "--json", "c.json", cwd=folder)
+    found = json.loads((folder / "c.json").read_text())
+    assert found["expected_by"] == way
+    expected = fit["error"]["held_out_by"].get(way, fit["error"]["held_out"])["mean_um"]
+    assert found["expected_mean_um"] == pytest.approx(expected)
+    assert words in " ".join(run.stdout.split())
+
+
+def test_compensate_warns_of_poses_outside_what_was_fitted_as_predict_does(folder):
+    armtrue("export", "fit.json", "--out", "t.bin", cwd=folder)
+    far = shifted(folder, "far.csv", q5=1.5)
+    words = ("compensate", "t.bin", "--out", "corrected.csv")
+    run = armtrue(*words[:2], far, *words[2:], cwd=folder)
+    assert run.returncode == 0, run.stderr
+    (warning,) = [line for line in run.stderr.splitlines() if "outside what was fitted" in line]
+    assert warning.startswith("armtrue: warning: ")
+    said = armtrue("predict", "fit.json", far, "--out", "p.csv", cwd=folder).stdout
+    assert warning.removeprefix("armtrue: warning: ") in " ".join(said.split())
+    # The session's own drift is not in a table.
+    later = shifted(folder, "much-later.csv", time=1e7)
+    assert "outside" not in armtrue(*words[:2], later, *words[2:], cwd=folder).stderr
+
+
 def test_predict_says_the_error_where_the_poses_were_measured(folder):
     run = armtrue("predict", "fit.json", "test.csv", "--out", "p.csv", cwd=folder)
     predicted, exact = table(folder / "p.csv"), table(folder / "test.csv")

@@ -57,3 +57,23 @@ def load_measurements(
         raise InputError(f"{error}; --skip-bad reads the other rows") from None
     refuse_to_lose([measurements.file], writes)
     return measurements
+
+
+def beyond_the_fit(tables: Path, fit: Path | None, poses: Path) -> list[str]:
+    """Where `poses` lie outside what the fit of `tables` was fitted to, in the words of predict and compare.
+
+    `fit`: what the table was made from; default: the copy beside it. Nothing where that is not there.
+    """
+    from armtrue.fitting import Fit
+    from armtrue.io import load_data
+    from armtrue.tables.compensate import sidecar
+    from armtrue.tables.fitted import digest_of
+    from armtrue.tables.image import Image
+
+    try:
+        made_from = Fit.load(fit or sidecar(tables))
+        if digest_of(made_from.document) != Image.load(tables).header["fit_digest"]:
+            return []
+        return made_from.extrapolated(load_data(poses, made_from.robot, need_position=False), of_the_arm=True)
+    except InputError:
+        return []

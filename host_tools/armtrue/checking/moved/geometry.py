@@ -1,0 +1,258 @@
+"""Plain geometry fitted from nothing in milliseconds: base, tools, zeros and links that bring the arm to its points."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armtrue.arrays import Array
+from armtrue.checking.alignment import Columns, align, thinned
+from armtrue.checking.residuals import gross_limit_m
+from armtrue.io.columns import POSITION, commanded_joints
+from armtrue.io.robot import Robot
+from armtrue.tables.chain import Chain, chain_from_robot, pose
+
+_PASSES = 4
+# What poses tell so much worse than the best they tell stays at its nominal value.
+_LEAST_SEEN = 1e-3
+# Rows from which base and tools are found first.
+_ROWS_ALIGNED = 120
+# A set-up with fewer rows takes the frame of all.
+_FEWEST_OF_SET_UP = 4
+# An arm has its links and zeros within this of nominal: lengths as a share of the reach, turns [rad].
+_PLAUSIBLE_SHARE = 0.1
+_PLAUSIBLE_TURN = 0.2
+# What stays once geometry is fitted: metres per metre of reach, and a share of what nominal geometry leaves.
+_EXPLAINED_PER_REACH = 0.002
+_EXPLAINED_SHARE = 0.25
+_EQUATIONS_PER_UNKNOWN = 3.0
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """An arm whose geometry was fitted to points, N rows.
+
+    `nominal_m` (N, 3): measured minus predicted with nominal kinematics. `residual_m` (N, 3): with geometry fitted.
+    `span` (3N, r): orthonormal, what geometry can take up. `follows` (N,): rows that are no gross errors.
+    `frames`: measuring_from_frame (N, 4, 4) of the base and after each joint; `flange` the flange's. `points` (N, 3).
+    `bases`: of each set-up. `tool` (N,): the number of each row's tool.
+    `largest_turn` [rad], `largest_shift_m`: of zeros and links.
+    """
+
+    chain: Chain
+    reach_m: float
+    nominal_m: Array
+    residual_m: Array
+    span: Array
+    follows: NDArray[np.bool_]
+    frames: list[Array]
+    flange: Array
+    points: Array
+    bases: list[Array]
+    tool: NDArray[np.int64]
+    largest_turn: float
+    largest_shift_m: float
+
+    @property
+    def nominal_rms_m(self) -> float:
+        """RMS distance with nominal kinematics, gross errors apart."""
+        return _rms(self.nominal_m[self.follows])
+
+    @property
+    def rms_m(self) -> float:
+        """RMS distance with geometry fitted, gross errors apart."""
+        return _rms(self.residual_m[self.follows])
+
+    @property
+    def explains(self) -> bool:
+        """True where geometry within what arms have brings arm and points together."""
+        rows = int(self.follows.sum())
+        return bool(
+            3 * rows >= _EQUATIONS_PER_UNKNOWN * self.span.shape[1]
+            and rows > 0.9 * len(self.follows)
+            and self.rms_m <= min(_EXPLAINED_PER_REACH * self.reach_m, _EXPLAINED_SHARE * self.nominal_rms_m)
+            and self.largest_turn <= _PLAUSIBLE_TURN
+            and self.largest_shift_m <= _PLAUSIBLE_SHARE * self.reach_m
+        )
+
+
+def fit_geometry(columns: Columns, robot: Robot) -> Geometry:
+    """Fit `columns` (q1…qn, x, y, z, and target, station, nest where they are there) by Gauss-Newton from nominal.
+
+    Errors: ValueError where there are too few rows to align.
+    """
+    state = _State(columns, robot)
+    nominal = state.residual()
+    for _ in range(_PASSES):
+        state.step()
+    span, _, _ = state.decomposed()
+    turns = [_angle(one) for one in state.corrections]
+    shifts = [float(np.linalg.norm(one[:3, 3])) for one in state.corrections]
+    return Geometry(
+        state.chain,
+        robot.reach_m,
+        nominal,
+        state.residual(),
+        span,
+        state.follows(),
+        state.frames,
+        state.flange,
+        state.points,
+        state.bases,
+        state.tool,
+        max(turns),
+        max(shifts),
+    )
+
+
+class _State:
+    """An arm between two Gauss-Newton steps: each frame has a small correction of all six coordinates."""
+
+    def __init__(self, columns: Columns, robot: Robot) -> None:
+        self.chain = chain_from_robot(robot.spec)
+        self._reach_m = robot.reach_m
+        self._measured = np.column_stack([columns[name] for name in POSITION])
+        joints = np.column_stack([columns[name] for name in commanded_joints(columns)])
+        link = self.chain.link_variables(joints)
+        self._turned = [self.chain.joint_transforms(k, link[:, k]) for k in range(self.chain.joint_count)]
+        self.corrections = [np.eye(4) for _ in range(self.chain.joint_count)]
+        count = len(joints)
+        self._set_up = _numbered([columns[name] for name in ("station",) if name in columns], count)
+        self.tool = _numbered([columns[name] for name in ("target", "nest") if name in columns], count)
+        known = {name: values for name, values in columns.items() if name != "nest"}
+        found = align(thinned(known, _ROWS_ALIGNED), robot)
+        base = pose(dict(found.measuring_from_base))
+        self.bases = [base for _ in range(int(self._set_up.max()) + 1)]
+        first = next(iter(found.flange_from_tool.values()))
+        targets = columns.get("target", np.zeros(count)).astype(np.int64)
+        self._tools = np.array(
+            [
+                found.flange_from_tool.get(str(targets[self.tool == number][0]), first)["xyz"]
+                for number in range(int(self.tool.max()) + 1)
+            ]
+        )
+        self._place()
+        if len(self.bases) > 1:
+            self._place_set_ups()
+
+    def _place(self) -> None:
+        current = np.stack(self.bases)[self._set_up]
+        self.frames = [current]
+        for fixed, turned, corrected in zip(self.chain.fixed, self._turned, self.corrections, strict=True):
+            current = current @ fixed @ turned @ corrected
+            self.frames.append(current)
+        self.flange = current @ self.chain.end
+        offset = self.flange[:, :3, :3] @ self._tools[self.tool][:, :, None]
+        self.points = offset[:, :, 0] + self.flange[:, :3, 3]
+
+    def _place_set_ups(self) -> None:
+        """Give each set-up the frame that brings its own points onto the arm."""
+        base = self.bases[0]
+        for number in range(len(self.bases)):
+            rows = self._set_up == number
+            if rows.sum() >= _FEWEST_OF_SET_UP:
+                self.bases[number] = rigid(self.points[rows], self._measured[rows]) @ base
+        self._place()
+
+    def residual(self) -> Array:
+        """Measured minus predicted (N, 3) [m]."""
+        return np.asarray(self._measured - self.points)
+
+    def follows(self) -> NDArray[np.bool_]:
+        """Rows that are no gross errors."""
+        distance = np.linalg.norm(self.residual(), axis=1)
+        return np.asarray(distance <= gross_limit_m(distance))
+
+    def decomposed(self) -> tuple[Array, Array, Array]:
+        """Left vectors (3N, r), singular values (r,) and right vectors (r, p) of what the coordinates move."""
+        count = len(self._measured)
+        moved = [
+            np.where((self._set_up == number)[:, None, None], self._by_frame(self.frames[0]), 0.0)
+            for number in range(len(self.bases))
+        ]
+        moved += [self._by_frame(frame) for frame in self.frames[1:]]
+        axes = self.flange[:, :3, :3].transpose(0, 2, 1)
+        moved += [
+            np.where((self.tool == number)[:, None, None], axes, 0.0) for number in range(len(self._tools))
+        ]
+        design = np.concatenate(moved, axis=1).transpose(0, 2, 1).reshape(3 * count, -1)
+        return seen_part(design * self._weight(), _LEAST_SEEN)
+
+    def step(self) -> None:
+        """One Gauss-Newton step."""
+        left, values, right = self.decomposed()
+        step = right.T @ ((left.T @ (self.residual().ravel() * self._weight()[:, 0])) / values)
+        six = 6 * (len(self.bases) + len(self.corrections))
+        changes = [self._correction(one) for one in step[:six].reshape(-1, 6)]
+        for number in range(len(self.bases)):
+            self.bases[number] = self.bases[number] @ changes[number]
+        for k, change in enumerate(changes[len(self.bases) :]):
+            self.corrections[k] = self.corrections[k] @ change
+        self._tools = self._tools + step[six:].reshape(-1, 3)
+        self._place()
+
+    def _weight(self) -> Array:
+        return np.repeat(self.follows().astype(np.float64), 3)[:, None]
+
+    def _by_frame(self, frame: Array) -> Array:
+        return moved_by(frame, self.points, self._reach_m)
+
+    def _correction(self, six: Array) -> Array:
+        result = np.eye(4)
+        result[:3, :3] = _turn(six[3:] / self._reach_m)
+        result[:3, 3] = six[:3]
+        return result
+
+
+def seen_part(design: Array, least: float) -> tuple[Array, Array, Array]:
+    """The singular value decomposition of `design` (N, p) without values below `least` of the largest.
+
+    By way of the p x p square, which is a tenth of the work for a tall design; `least` should stay above 1e-6.
+    """
+    squares, right = np.linalg.eigh(design.T @ design)
+    seen = squares > least**2 * squares[-1]
+    values = np.sqrt(squares[seen])
+    return design @ right[:, seen] / values, values, right[:, seen].T
+
+
+def moved_by(frame: Array, points: Array, reach_m: float) -> Array:
+    """What the six coordinates of `frame` (N, 4, 4) move `points` (N, 3): (N, 6, 3), turns as metres at full reach."""
+    axes = frame[:, :3, :3].transpose(0, 2, 1)
+    arm = (points - frame[:, :3, 3])[:, None, :]
+    return np.concatenate([axes, np.cross(axes, arm) / reach_m], axis=1)
+
+
+def rigid(source: Array, goal: Array) -> Array:
+    """The 4 × 4 rigid motion that brings `source` (N, 3) onto `goal` (N, 3) best."""
+    from_middle, to_middle = source.mean(axis=0), goal.mean(axis=0)
+    u, _, vt = np.linalg.svd((source - from_middle).T @ (goal - to_middle))
+    result = np.eye(4)
+    result[:3, :3] = (u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt).T
+    result[:3, 3] = to_middle - result[:3, :3] @ from_middle
+    return result
+
+
+def _turn(vector: Array) -> Array:
+    angle = float(np.linalg.norm(vector))
+    if angle < 1e-15:
+        return np.eye(3)
+    x, y, z = vector / angle
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.asarray(np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross)
+
+
+def _angle(motion: Array) -> float:
+    return float(np.arccos(np.clip((np.trace(motion[:3, :3]) - 1.0) / 2.0, -1.0, 1.0)))
+
+
+def _numbered(columns: list[Array], count: int) -> NDArray[np.int64]:
+    """0, 1, … for each combination of values of `columns`, by row."""
+    if not columns:
+        return np.zeros(count, dtype=np.int64)
+    return np.unique(np.column_stack(columns), axis=0, return_inverse=True)[1].reshape(-1).astype(np.int64)
+
+
+def _rms(residual: Array) -> float:
+    return float(np.sqrt((residual**2).sum(axis=1).mean())) if len(residual) else 0.0

@@ -1,0 +1,89 @@
+"""Steps so large that the file as a whole follows no arm: from one row on, another frame or another reflector."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armtrue.arrays import Array
+from armtrue.checking.hypotheses import Hypothesis
+from armtrue.checking.placement import Reading, relaxed_system
+from armtrue.io.dataset import Dataset
+
+# The relaxed problem has a dozen unknowns on either side and three for each tool: four equations for each.
+_FEWEST_ROWS = 16
+_RIDGE = 1e-9
+_BASE = "station"
+_TOOL = "target"
+
+
+def hypotheses(data: Dataset, reading: Reading) -> list[Hypothesis]:
+    """The likeliest step of the measuring frame, and of the reflector; `reading`: of the rows of `data`."""
+    clock = data.columns.get("time", np.arange(data.count, dtype=np.float64))
+    order = np.argsort(clock, kind="stable")
+    return list(_hypotheses(data, reading, order))
+
+
+def _hypotheses(data: Dataset, reading: Reading, order: NDArray[np.int64]) -> Iterator[Hypothesis]:
+    for column in (_BASE, _TOOL):
+        if column in reading.columns:
+            continue  # what the file says of set-ups or reflectors stands
+        at = _place(reading, order, column)
+        if at is None:
+            continue
+        codes = np.zeros(data.count)
+        codes[order[at:]] = 1.0
+        first = int(data.rows[order[at]])
+        yield _hypothesis(column, codes, first)
+
+
+def _hypothesis(column: str, codes: Array, first: int) -> Hypothesis:
+    if column == _BASE:
+        code, cause = "base_step", "the measuring frame stands elsewhere, as when tracker or base were moved"
+        remedy = (
+            f"Count up a column 'station' from row {first} on and give the model the effect station, or fit the rows "
+            "before and after apart."
+        )
+    else:
+        code, cause = (
+            "reflector_step",
+            "the reflector sits elsewhere on the arm, as when another one was taken",
+        )
+        remedy = f"Give the rows from {first} on another name in a column 'target', or fit both parts apart."
+    return Hypothesis(
+        code,
+        f"from row {first} on {cause}",
+        remedy,
+        lambda reading: reading.with_columns(**{column: codes}),
+        frozenset({column}),
+        figures={"first_row": first},
+    )
+
+
+def _place(reading: Reading, order: NDArray[np.int64], column: str) -> int | None:
+    """The place in `order` before which a step of `column` leaves the least of the relaxed problem."""
+    count = len(order)
+    if count < 2 * _FEWEST_ROWS:
+        return None
+    rows, right = relaxed_system(reading)
+    rows, right = rows[order], right[order]
+    twice = slice(0, 12) if column == _BASE else slice(12, rows.shape[2])
+    stepped = rows[:, :, twice]
+    # With a step, columns `twice` stand once for all rows and once more for those from the step on.
+    square = np.einsum("nia,nib->ab", rows, rows)
+    given = np.einsum("nia,ni->a", rows, right)
+    shared = np.cumsum(np.einsum("nia,nib->nab", stepped, rows)[::-1], axis=0)[::-1]
+    wanted = np.cumsum(np.einsum("nia,ni->na", stepped, right)[::-1], axis=0)[::-1]
+    places = np.arange(_FEWEST_ROWS, count - _FEWEST_ROWS + 1)
+    size, more = rows.shape[2], stepped.shape[2]
+    normal = np.zeros((len(places), size + more, size + more))
+    normal[:, :size, :size] = square
+    normal[:, size:, :size] = shared[places]
+    normal[:, :size, size:] = shared[places].transpose(0, 2, 1)
+    normal[:, size:, size:] = shared[places][:, :, twice]
+    sides = np.concatenate([np.tile(given, (len(places), 1)), wanted[places]], axis=1)
+    ridge = _RIDGE * np.trace(normal, axis1=1, axis2=2)[:, None, None] * np.eye(size + more)
+    solved = np.linalg.solve(normal + ridge, sides[:, :, None])[:, :, 0]
+    return int(places[int(np.argmax(np.einsum("na,na->n", solved, sides)))])

@@ -1,0 +1,154 @@
+"""A tracker that was moved, or a reflector that was exchanged, between two rows; and campaigns where nothing was."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import armtrue_sim
+import numpy as np
+import pytest
+
+from armtrue.checking import Finding, check, refuse_what_cannot_be_an_arm
+from armtrue.errors import InputError
+from armtrue.io import Dataset, Robot, load_data, load_robot
+from armtrue.io.rotation import matrix_about
+from armtrue.tables.chain import flanges
+
+Campaign = Callable[..., tuple[Dataset, Robot]]
+STEPS = ("base_step", "reflector_step")
+
+
+@pytest.fixture
+def campaign(tmp_path: Path) -> Campaign:
+    def simulated(arm: str = "kr30", seed: int = 94, **more: object) -> tuple[Dataset, Robot]:
+        armtrue_sim.simulate({"arm": arm, "seed": seed, "hidden": [], **more}).write(tmp_path)
+        robot = load_robot(tmp_path / "robot.yaml")
+        return load_data(tmp_path / "data.csv", robot, strict=False), robot
+
+    return simulated
+
+
+def with_points(data: Dataset, points: np.ndarray, **more: np.ndarray) -> Dataset:
+    columns = dict(zip("xyz", np.ascontiguousarray(points.T), strict=True))
+    return replace(data, columns={**data.columns, **columns, **more})
+
+
+def tracker_moved(
+    data: Dataset, shift_m: float, turn: float, first: int = 120, **more: np.ndarray
+) -> Dataset:
+    """`data` (in order of time) as of a tracker that stands elsewhere from the entry `first` on."""
+    points = data.positions_m.copy()
+    points[first:] = points[first:] @ matrix_about("z", turn).T + [shift_m, 0.0, -shift_m / 2.0]
+    return with_points(data, points, **more)
+
+
+def reflector_moved(data: Dataset, robot: Robot, offset_m: list[float], first: int = 120) -> Dataset:
+    points = data.positions_m.copy()
+    base = matrix_of(robot.spec["base"]["rpy"])
+    turned = base @ flanges(data.columns, robot.spec)[:, :3, :3] @ np.array(offset_m)
+    points[first:] += turned[first:]
+    return with_points(data, points)
+
+
+def matrix_of(rpy: list[float]) -> np.ndarray:
+    return matrix_about("z", rpy[2]) @ matrix_about("y", rpy[1]) @ matrix_about("x", rpy[0])
+
+
+def steps(data: Dataset, robot: Robot) -> list[Finding]:
+    return [found for found in check(data, robot).findings if found.code in STEPS]
+
+
+@pytest.mark.parametrize(
+    ("arm", "shift_m", "turn"), [("kr30", 5e-3, 2e-3), ("kr30", 1e-3, 2e-4), ("scara", 5e-4, 0.0)]
+)
+def test_moved_tracker_is_told_with_its_row_and_size(
+    campaign: Campaign, arm: str, shift_m: float, turn: float
+) -> None:
+    data, robot = campaign(arm)
+    (found,) = steps(tracker_moved(data, shift_m, turn), robot)
+    assert (found.code, found.severity) == ("base_step", "warning")
+    assert found.message.startswith("from row 122 on the points lie ")
+    assert found.evidence["turn_rad"] == pytest.approx(turn, abs=2e-4)
+    expected = tracker_moved(data, shift_m, turn).positions_m - data.positions_m
+    size = np.sqrt((expected[120:] ** 2).sum(axis=1).mean())
+    assert found.evidence["shift_m"] == pytest.approx(size, rel=0.2)
+    assert "column 'station'" in found.remedy
+    # A fit is warned of it as well.
+    warnings = refuse_what_cannot_be_an_arm(tracker_moved(data, shift_m, turn), robot)
+    assert any("from row 122 on" in warning for warning in warnings)
+
+
+def test_step_at_which_the_file_counts_a_set_up_is_no_finding_but_a_note(campaign: Campaign) -> None:
+    data, robot = campaign()
+    station = np.where(np.arange(data.count) < 120, 1.0, 2.0)
+    moved = tracker_moved(data, 5e-3, 2e-3, station=station)
+    assert steps(moved, robot) == []
+    (note,) = [found for found in check(moved, robot).findings if found.code == "set_ups"]
+    assert note.severity == "note"
+    assert note.evidence["apart_m"] > 4e-3
+    assert "effect station" in note.remedy
+
+
+def test_exchanged_reflector_is_told_from_a_moved_tracker(campaign: Campaign) -> None:
+    data, robot = campaign()
+    (found,) = steps(reflector_moved(data, robot, [3e-3, 4e-3, 0.0]), robot)
+    assert (found.code, found.severity) == ("reflector_step", "warning")
+    assert found.message.startswith("from row 122 on the reflector sits 5.")
+    assert found.evidence["shift_m"] == pytest.approx(5e-3, rel=0.05)
+    assert "column 'nest'" in found.remedy
+
+
+def test_only_the_reflector_that_was_put_back_is_named(campaign: Campaign) -> None:
+    data, robot = campaign(targets={"names": ["A", "B"], "order": "cycle"})
+    of_b = data.columns["target"] == data.labels["target"].index("B")
+    moved = reflector_moved(data, robot, [0.0, 2e-3, 0.0]).positions_m
+    points = np.where(of_b[:, None], moved, data.positions_m)
+    (found,) = steps(with_points(data, points), robot)
+    assert "the reflector 'B' sits 2." in found.message
+    assert found.evidence["shift_m"] == pytest.approx(2e-3, rel=0.1)
+
+
+@pytest.mark.parametrize("seed", [3, 11])
+def test_jump_of_metres_is_a_jump_and_no_sign_of_a_joint(campaign: Campaign, seed: int) -> None:
+    data, robot = campaign(seed=seed)
+    far = tracker_moved(data, 1.5, 0.5)
+    (found,) = [found for found in check(far, robot).findings if found.severity == "error"]
+    assert found.code == "base_step"
+    assert "from row 122 on the measuring frame stands elsewhere" in found.message
+    with pytest.raises(InputError, match="from row 122 on the measuring frame"):
+        refuse_what_cannot_be_an_arm(far, robot)
+    exchanged = reflector_moved(data, robot, [0.2, -0.1, 0.15])
+    (found,) = [found for found in check(exchanged, robot).findings if found.severity == "error"]
+    assert found.code == "reflector_step"
+
+
+def test_joint_that_lies_on_either_side_of_a_step_is_named(campaign: Campaign) -> None:
+    """An arm measured in order of a joint may jump where that joint passes, too."""
+    data, robot = campaign()
+    sorted_by = data.take(np.argsort(data.columns["q2"], kind="stable"))
+    sorted_by.columns["time"] = np.arange(data.count) * 10.0
+    (found,) = steps(tracker_moved(sorted_by, 3e-3, 0.0), robot)
+    assert "as joint 2 is on one side before and on the other after" in found.message
+
+
+def test_nothing_is_said_where_nothing_was_moved(campaign: Campaign) -> None:
+    data, robot = campaign()
+    assert steps(data, robot) == []
+    hours = data.columns["time"] / 3600.0
+    creeping = data.positions_m + np.outer(1.0 - np.exp(-hours / 0.3), [4e-4, 0.0, 3e-4])
+    assert steps(with_points(data, creeping), robot) == []
+    for name in ("q1", "q2", "payload", "temp_arm"):
+        ordered = data.take(np.argsort(data.columns[name], kind="stable"))
+        ordered.columns["time"] = np.arange(data.count) * 10.0
+        assert steps(ordered, robot) == []
+    scattered = data.positions_m.copy()
+    scattered[[30, 31, 150, 200]] += 0.02
+    assert steps(with_points(data, scattered), robot) == []
+
+
+def test_too_few_rows_tell_nothing(campaign: Campaign) -> None:
+    data, robot = campaign()
+    few = data.take(np.arange(30))
+    assert steps(tracker_moved(few, 5e-3, 2e-3, first=15), robot) == []

@@ -1,0 +1,90 @@
+"""What a fit was fitted to, column by column, and how far other rows leave it."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armtrue.io import Dataset, Robot
+
+# A few hundred poses leave the last few percent of a joint's range unvisited, and a model still holds there.
+_BEYOND_RANGE = 0.05
+# Of a joint that stood still while the others moved [rad, m].
+_SAME_JOINT = 1e-3
+# A trend in time or temperature is believed to hold for a quarter longer than it was seen.
+_BEYOND_SPAN = 0.25
+_SAME_VALUE = 1e-3
+_JOINT = re.compile(r"q[0-9]+")
+# Directions, travels and numbers of set-ups have no range that one might leave; a read-back goes with its joint.
+_NO_RANGE = re.compile(r"(qr|dir|travel)[0-9]+|station|nest|target|repeat")
+_UNITS = {"temp_": "°C", "payload": "kg", "tau": "Nm"}
+
+
+def is_joint(name: str) -> bool:
+    """True for q1…qn."""
+    return bool(_JOINT.fullmatch(name))
+
+
+@dataclass(frozen=True)
+class Beyond:
+    """A column that leaves the range that was fitted.
+
+    `rows` (N,): which do. `amount`: the farthest, in the column's SI unit. `span`: of the fitted range.
+    `effects`: those whose terms name the column; empty for a joint.
+    """
+
+    name: str
+    rows: NDArray[np.bool_]
+    amount: float
+    span: float
+    effects: list[str]
+
+    @property
+    def is_joint(self) -> bool:
+        """True for q1…qn."""
+        return is_joint(self.name)
+
+    def words(self, robot: Robot) -> str:
+        """`q5 by up to 132°`, `time by up to 2.1 h, 4.2 times the span that was fitted`."""
+        if self.is_joint:
+            return f"{self.name} by up to {_amount(self.amount, robot.joints[int(self.name[1:]) - 1])}"
+        size = f"{self.name} by up to {_size(self.name, self.amount)}"
+        return (
+            f"{size}, {self.amount / self.span:.1f} times the span that was fitted"
+            if self.span > 0.0
+            else size
+        )
+
+
+def ranges_of(data: Dataset, names: Iterable[str]) -> dict[str, list[float]]:
+    """The lowest and the highest value of those columns that have a range; `time` tells what is later, too."""
+    return {
+        name: [float(data.columns[name].min()), float(data.columns[name].max())]
+        for name in names
+        if name in data.columns and not _NO_RANGE.fullmatch(name)
+    }
+
+
+def _amount(value: float, joint: dict[str, Any]) -> str:
+    return f"{math.degrees(value):.0f}°" if joint["type"] == "revolute" else f"{1000.0 * value:.0f} mm"
+
+
+def _size(name: str, value: float) -> str:
+    """`value` of a column other than a joint, with its unit as far as the column's name tells it."""
+    if name == "time":
+        return f"{value / 3600.0:.1f} h" if value >= 7200.0 else f"{value:.0f} s"
+    unit = next((unit for stem, unit in _UNITS.items() if name.startswith(stem)), "")
+    return f"{value:.3g} {unit}".rstrip()
+
+
+def margin(name: str, lo: float, hi: float) -> float:
+    """How far beyond `lo` to `hi` a column may go before it counts as outside."""
+    if is_joint(name):
+        return max(_SAME_JOINT, _BEYOND_RANGE * (hi - lo))
+    return max(_SAME_VALUE * max(1.0, abs(lo), abs(hi)) if hi == lo else 0.0, _BEYOND_SPAN * (hi - lo))
