@@ -168,7 +168,7 @@ def test_clamped_correction_leaves_the_tool_no_worse_than_uncorrected(name: str,
 @pytest.mark.parametrize("full_pose", [False, True], ids=["position", "pose"])
 @pytest.mark.parametrize("name", ["scara", "kr30", "cobot", "lbr"])
 def test_large_errors_near_singularities_are_not_made_larger(name: str, full_pose: bool) -> None:
-    """Steps of tenths of a radian bend: along a straight line they left the tool 20 times as far off (decision 0076)."""
+    """Steps of tenths of a radian bend; as if straight they left the tool 20 times as far off (decision 0076)."""
     result = measured(name, full_pose, 8000, geometry=8.0, max_correction=0.5)
     left = result["left"]
     print(

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-
 from armtrue.cli.conftest import armtrue
 from armtrue.tables.conftest import document
 

@@ -46,8 +46,8 @@ struct Correction {
 //
 // J is that of the nominal arm at the target, damped (damped_solver.h): every step takes off all
 // but some thousandths of the error. Of steps that would bend the tool's way, as large ones near a
-// singularity do, a share is taken that does not (second_order.h). Position only, or full pose where
-// the table says so. The result depends on nothing but the arguments: no history.
+// singularity do, a share is taken that does not (second_order.h). Position only, or full pose
+// where the table says so. The result depends on nothing but the arguments: no history.
 Correction solve(const TableView& table, const JointPositions& target,
                  const Surroundings& surroundings, Workspace& work);
 

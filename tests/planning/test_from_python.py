@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
+import armtrue
 import armtrue_sim
 import numpy as np
 import pytest
-
-import armtrue
 from armtrue import Fit, InputError, Model, fit, load_data, load_model, load_robot, plan, plan_campaign
 from armtrue.planning import Plan
 
