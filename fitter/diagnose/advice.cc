@@ -161,6 +161,13 @@ std::string remedy(const StructureFinding& f) {
          (expressions.find(',') == std::string::npos ? " " : "s ") + expressions;
 }
 
+bool depends_on_posture(const StructureFinding& f, int joints) {
+  return std::ranges::any_of(f.variables, [&](const std::string& name) {
+    const auto variable = parse_variable(name, joints);
+    return variable && variable->is_of_posture();
+  });
+}
+
 // Names the column to record where errors lie along what one joint moves and its direction of
 // approach is not recorded; false where that is not so. Backlash differs between repeats of a pose,
 // or at least between neighbours.
@@ -171,6 +178,10 @@ bool advise_direction(const Diagnosis& d, const Fit& fit, std::vector<std::strin
   const bool may_be = s.between_repeats || (d.verdict == Verdict::kUnexplainedStructure &&
                                             d.neighbour_ratio >= kNeighboursAlike);
   if (!may_be) return false;
+  // What is left runs with something that was recorded: it is not a direction's.
+  if (!s.between_repeats && !d.unexplained.empty() &&
+      !depends_on_posture(d.unexplained.front(), fit.robot().joint_count()))
+    return false;
   const std::string column = "dir" + std::to_string(s.joint);
   if (fit.state().recorded(column)) return false;
   const std::string unrecorded_payload =
@@ -203,13 +214,21 @@ std::string event_of(const StructureFinding& f) {
            "stand): shield them, or measure a reflector on the floor between poses and see it "
            "swing";
   }
-  const bool in_time = f.variables == std::vector<std::string>{"time"};
-  if (!in_time || !f.shape.starts_with("a step")) return "";
+  if (f.variables != std::vector<std::string>{"time"}) return "";
+  const bool of_motor = f.coordinate.starts_with("motor");
+  if (!f.shape.starts_with("a step")) {
+    // A correction by time would go on growing after the session.
+    return of_motor ? "a joint's zero that creeps looks so, as heat moves it: record temperatures "
+                      "(temp_NAME), which the arm will meet again"
+                    : "a base or an instrument that creeps looks so: number stretches of the "
+                      "session in a column station, and add that effect, which is fitted and not "
+                      "exported";
+  }
   if (f.coordinate.starts_with("base")) {
     return "a knocked tracker or nest looks so: number the poses before and after it 1 and 2 in a "
            "column station (or nest), and add that effect";
   }
-  if (!f.coordinate.starts_with("motor")) return "";
+  if (!of_motor) return "";
   return "a joint's zero that moved looks so (a new mastering, a belt that jumped a tooth): fit "
          "the poses after it alone, for they are of the arm as it is now";
 }
@@ -305,9 +324,17 @@ void advise_nothing(const Diagnosis& d, const Fit& fit, std::vector<std::string>
 std::vector<std::string> advise(const Diagnosis& d, const Fit& fit,
                                 const Linearization& linearization) {
   std::vector<std::string> advice;
+  const Candidate* left_out = d.left_out();
+  if (left_out && !d.recommended()) {
+    advice.push_back(label(left_out->request) + " (probability " +
+                     number_words(std::round(100.0 * left_out->probability)) +
+                     " %) was fitted and left out, for it predicts held-out poses no better: a "
+                     "column that is wrong, or what no effect of the catalogue is, may look like "
+                     "it, or chance");
+  }
   if (d.verdict == Verdict::kMissingEffect) advise_missing(d, fit.robot().joint_count(), advice);
   if (d.verdict == Verdict::kUnexplainedStructure) advise_structure(d, fit, advice);
-  if (d.verdict == Verdict::kNothingMissing) advise_nothing(d, fit, advice);
+  if (d.verdict == Verdict::kNothingMissing && !left_out) advise_nothing(d, fit, advice);
   // Where structure is left, the figures are not of noise alone.
   if (d.verdict != Verdict::kUnexplainedStructure)
     advice.push_back(words_of(d.noise, linearization, fit.robot()));

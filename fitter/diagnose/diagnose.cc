@@ -10,7 +10,6 @@
 #include "fitter/diagnose/advice.h"
 #include "fitter/effects/tables.h"
 #include "fitter/evidence/words.h"
-#include "fitter/model/variable.h"
 
 namespace armtrue {
 namespace {
@@ -192,68 +191,6 @@ Candidate make_candidate(const Fit& fit, const EvidenceSummary& evidence, std::s
   return c;
 }
 
-// A candidate is taken for another cause than a structure if it keeps the first share of its gain
-// beside the structure, and the fitted model cannot imitate the second share of its effect.
-constexpr double kOfAnotherKind = 0.9, kUnlikeTheModel = 0.5;
-const std::string kPosture = "posture";
-
-// What a block depends on: "posture" for angles and loads, "session" for time and temperatures,
-// which go along with one another, else a variable's name ("dir2", "payload", a user's column).
-std::set<std::string> causes_read(const Block& block, int joints) {
-  std::set<std::string> result;
-  for (const Parameter& p : block.terms.parameters) {
-    for (const Term& term : p.terms) {
-      for (const std::string& name : term.basis.variables()) {
-        const auto variable = parse_variable(name, joints);
-        if (!variable) continue;
-        result.insert(variable->is_of_posture()   ? kPosture
-                      : variable->is_of_session() ? "session"
-                                                  : name);
-      }
-    }
-  }
-  return result;
-}
-
-// Lowers the probability of candidates that explain less than a structure (a smooth function that
-// no effect names): they may only make up for errors of that function. Spared is what the data show
-// without the structure too, if it explains as much beside the structure as without it (a wave of
-// many cycles), or depends on a variable that the structure does not read (time, a direction; the
-// posture, where the structure is a knock).
-void doubt_beside_structure(const Fit& fit, const EvidenceSummary& evidence,
-                            std::vector<Candidate>& candidates, double& nothing) {
-  const int joints = fit.robot().joint_count();
-  double structure = 0.0;
-  std::set<std::string> known;
-  std::vector<Eigen::Index> structures;
-  for (std::size_t b = 0; b < evidence.blocks.size(); ++b) {
-    if (!evidence.blocks[b].structure || !evidence.search.likeliest[b]) continue;
-    structure = std::max(structure, evidence.search.gain[b]);
-    structures.push_back(static_cast<Eigen::Index>(b));
-    known.merge(causes_read(evidence.blocks[b].forms.front().block, joints));
-  }
-  if (structure == 0.0) return;
-  const bool of_posture = known.erase(kPosture) > 0;
-  double most = 0.0;
-  for (Candidate& c : candidates) {
-    std::set<std::string> own = causes_read(c.block, joints);
-    own.erase(kPosture);
-    const bool of_another_kind =
-        (c.score.separability >= kUnlikeTheModel || (!of_posture && own.empty())) &&
-        std::ranges::all_of(structures, [&](Eigen::Index s) {
-          return evidence.search.beyond(s, static_cast<Eigen::Index>(c.evidence_block)) >=
-                 kOfAnotherKind;
-        });
-    const bool runs_with_more =
-        std::ranges::any_of(own, [&](const std::string& name) { return !known.contains(name); });
-    const bool apart = c.delta_bic < kShowsAlone && (of_another_kind || runs_with_more);
-    if (!apart && c.gain_beside < structure)
-      c.probability *= c.gain_beside / (c.gain_beside + structure);
-    most = std::max(most, c.probability);
-  }
-  nothing = std::max(nothing, 1.0 - most);
-}
-
 std::vector<Candidate> make_candidates(const Fit& fit, const EvidenceSummary& evidence) {
   std::vector<Candidate> result;
   for (std::size_t b = 0; b < evidence.blocks.size(); ++b) {
@@ -292,7 +229,9 @@ bool is_part_of(const EffectRequest& a, const EffectRequest& b) {
 // has explained its part. Two effects that are both there are none.
 void name_confounded(const SearchResult& search, std::vector<Candidate>& candidates) {
   for (Candidate& c : candidates) {
-    if (c.delta_bic > 0.0 || (c.probability < kWorthNaming && !c.recommend)) continue;
+    if (c.delta_bic > 0.0 ||
+        (c.probability < kWorthNaming && c.delta_bic > kShowsAlone && !c.recommend))
+      continue;
     for (const Candidate& other : candidates) {
       const std::string name = label(other.request);
       if (&other == &c || is_part_of(other.request, c.request) || name == label(c.request) ||
@@ -332,17 +271,23 @@ void find_spanned(const Scorer& scorer, const Fit& fit, Diagnosis& d) {
 }
 
 // What is missing, or what surely stands in the place of something that a search put in: where two
-// may stand for one another, the one that came first stays.
+// may stand for one another, the one that came first stays. What was left out makes nothing else
+// likelier.
 void recommend(Diagnosis& d) {
-  const auto first =
-      std::ranges::find_if(d.candidates, [](const Candidate& c) { return !c.spanned; });
+  double nothing_else = d.probability_nothing;
+  for (const Candidate& c : d.candidates) {
+    if (c.left_out) nothing_else = std::min(1.0, nothing_else + c.probability);
+  }
+  const auto first = std::ranges::find_if(
+      d.candidates, [](const Candidate& c) { return !c.spanned && !c.left_out; });
   if (first == d.candidates.end()) return;
-  first->recommend = d.probability_nothing < kMoreLikelyThanNot || first->in_any_form >= kSurely;
+  first->recommend = nothing_else < kMoreLikelyThanNot || first->in_any_form >= kSurely;
 }
 
 void explain(Diagnosis& d, const Fit& fit) {
   for (Candidate& c : d.candidates) {
-    c.why = c.spanned ? "the data cannot tell it from what is fitted already"
+    c.why = c.spanned    ? "the data cannot tell it from what is fitted already"
+            : c.left_out ? "was fitted and left out, for it predicts unseen poses no better"
             : c.recommend || c.probability > kMoreLikelyThanNot ? evidence_words(c, fit)
             : c.probability > kWorthNaming ? "an alternative, or not surely seen in these data"
             : c.delta_bic < 0.0            ? "another candidate explains the residual better"
@@ -350,11 +295,15 @@ void explain(Diagnosis& d, const Fit& fit) {
   }
 }
 
-void describe_present(const EvidenceSummary& evidence, Diagnosis& d) {
+void describe_present(const Fit& fit, const EvidenceSummary& evidence, Diagnosis& d) {
   for (std::size_t b = 0; b < evidence.blocks.size(); ++b) {
     if (!evidence.blocks[b].present) continue;
-    const double probability = evidence.search.inclusion[b];
-    d.probability_present[evidence.blocks[b].label] = probability;
+    const double probability =
+        std::max(evidence.search.inclusion[b], as_nearest_name(fit, evidence, b));
+    // Forms of one effect have one label.
+    const auto [at, fresh] =
+        d.probability_present.try_emplace(evidence.blocks[b].label, probability);
+    if (!fresh) at->second = std::min(at->second, probability);
     if (probability < kMoreLikelyThanNot)
       d.superfluous.push_back({evidence.blocks[b].request, probability});
   }
@@ -391,9 +340,10 @@ std::set<std::size_t> weigh(Fit& fit, const Linearization& linearization, const 
   d.candidates = make_candidates(fit, evidence);
   doubt_beside_structure(fit, evidence, d.candidates, d.probability_nothing);
   add_forms(d.candidates);
+  for (Candidate& c : d.candidates) c.left_out = options.left_out.contains(key_of(c.request));
   rank(d.candidates);
   find_spanned(scorer, fit, d);
-  describe_present(evidence, d);
+  describe_present(fit, evidence, d);
   recommend(d);
   name_confounded(evidence.search, d.candidates);
   return improbable_findings(evidence);
@@ -427,6 +377,13 @@ const Candidate* Diagnosis::recommended() const {
   }
   return nullptr;
 }
+
+const Candidate* Diagnosis::left_out() const {
+  const auto found = std::ranges::find_if(candidates, &Candidate::left_out);
+  return found == candidates.end() ? nullptr : &*found;
+}
+
+std::string key_of(const EffectRequest& request) { return label(request) + request.options.dump(); }
 
 Diagnosis diagnose(Fit& fit, const DiagnoseOptions& options, Observer& observer) {
   const auto report = [&](double share, const char* what) { observer.report(share, what); };

@@ -39,6 +39,7 @@ struct Candidate {
   bool likeliest = false;    ///< stands in that set
   bool spanned = false;      ///< fitted columns reproduce all of its own: it is not missing beside
                              ///< them, but may replace one of them
+  bool left_out = false;     ///< was fitted and predicts unseen poses no better
   BlockScore score;          ///< of it alone beside the fit
   double log10_p = 0.0;      ///< F test of it alone, corrected for the number of candidates
   bool recommend = false;
@@ -80,6 +81,7 @@ struct Diagnosis {
   double neighbour_ratio = 1.0;
 
   const Candidate* recommended() const;
+  const Candidate* left_out() const;  ///< the most probable one; null: none
   nlohmann::json to_json(const Fit& fit) const;
 };
 
@@ -88,7 +90,13 @@ struct DiagnoseOptions {
   /// Labels of effects of the fit that a search put in; the owner of the arm believes in the
   /// others.
   std::set<std::string> searched;
+  /// What was fitted beside this model and predicts unseen poses no better (key_of): it is not
+  /// recommended, and its probability remains as doubt.
+  std::set<std::string> left_out;
 };
+
+/// What tells a request from all others of a search: its label and its options.
+std::string key_of(const EffectRequest& request);
 
 Diagnosis diagnose(Fit& fit, const DiagnoseOptions& options, Observer& observer = Observer::none());
 

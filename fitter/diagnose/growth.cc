@@ -1,5 +1,6 @@
 #include "fitter/diagnose/growth.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <vector>
@@ -19,24 +20,34 @@ std::vector<double> unseen_distances(const Fit& fit, std::size_t folding) {
 
 }  // namespace
 
+double error_of_sum(const std::vector<double>& changes) {
+  double squares = 0.0, most = 0.0;
+  for (const double change : changes) {
+    squares += change * change;
+    most = std::max(most, change * change);
+  }
+  return std::sqrt(squares - most);
+}
+
 Growth held_out_growth(const Fit& before, const Fit& after, bool in_time) {
   double sum = 0.0, sigmas = 0.0, count = 0.0;
   for (const Folding folding : {Folding::kRandom, Folding::kTime, Folding::kRegion}) {
     if (!in_time && folding == Folding::kTime) continue;
     const auto f = static_cast<std::size_t>(folding);
     const std::vector<double> was = unseen_distances(before, f), is = unseen_distances(after, f);
-    double sum_was = 0.0, sum_is = 0.0, squares = 0.0;
+    double sum_was = 0.0, sum_is = 0.0;
+    std::vector<double> changes;
     for (std::size_t i = 0; i < was.size(); ++i) {
       const bool fitted = std::isfinite(before.held_out_distances_by_row()[f][i]) ||
                           std::isfinite(after.held_out_distances_by_row()[f][i]);
       if (!fitted || !std::isfinite(was[i]) || !std::isfinite(is[i])) continue;
       sum_was += was[i];
       sum_is += is[i];
-      squares += (is[i] - was[i]) * (is[i] - was[i]);
+      changes.push_back(is[i] - was[i]);
     }
     if (!(sum_was > 0.0) || !(sum_is > 0.0)) return {};
     sum += std::log(sum_is / sum_was);
-    sigmas += std::sqrt(squares) / sum_was;
+    sigmas += error_of_sum(changes) / sum_was;
     count += 1.0;
   }
   return {sum / count, sigmas / count};

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <limits>
+#include <vector>
 
 #include "fitter/solve/fit.h"
 
@@ -15,6 +16,10 @@ struct Growth {
   /// Standard error of `mean`, estimated from the changes of the single rows.
   double sigma = 0.0;
 };
+
+/// Standard error of the sum of changes, estimated from their own sizes, the largest aside: a
+/// single pose that one of two models predicts wildly would be its own excuse.
+double error_of_sum(const std::vector<double>& changes);
 
 /// Rows count that either model was fitted to: one may explain what the other takes for a gross
 /// error. `in_time`: false for what runs with time, which is not judged by predicting times unlike

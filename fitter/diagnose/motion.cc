@@ -10,7 +10,7 @@ namespace {
 // In a short file a joint goes up to its large angles and down to its small ones: there a direction
 // can hardly be told from an angle.
 constexpr std::size_t kFewestRows = 40;
-constexpr double kLargest = 1e-3;  // [rad or m], as the lost motion of a gear
+constexpr double kMostLost = 1e-3;  // [rad or m], as the lost motion of a gear
 
 }  // namespace
 
@@ -21,8 +21,8 @@ std::optional<StructureFinding> find_motion(const Scorer& scorer, const State& s
   for (int k = 1; k <= state.robot().joint_count(); ++k) {
     if (state.recorded("dir" + std::to_string(k))) continue;
     Block block{{"custom", {}, {}}, {}, 1};
-    block.terms.parameters.push_back(
-        single_term("custom", {}, "structure_motion", "", kLargest, motor(k), State::motion_of(k)));
+    block.terms.parameters.push_back(single_term("custom", {}, "structure_motion", "", kMostLost,
+                                                 motor(k), State::motion_of(k)));
     blocks.push_back(std::move(block));
     joints.push_back(k);
   }

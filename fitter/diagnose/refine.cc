@@ -74,7 +74,11 @@ std::vector<Move> moves_of(const Diagnosis& d) {
   std::vector<const Candidate*> sure;
   double most = 0.0;
   for (const Candidate& c : d.candidates) {
-    if (!best || !is_sure(c)) continue;
+    // Of the forms of one effect, which share what makes them sure, the most probable one comes in;
+    // another one waits for the next search.
+    const bool other_form = std::ranges::any_of(
+        sure, [&](const Candidate* s) { return label(s->request) == label(c.request); });
+    if (!best || !is_sure(c) || other_form) continue;
     sure.push_back(&c);
     if (!is_table(c)) most = std::max(most, c.gain_beside);
   }
@@ -86,7 +90,8 @@ std::vector<Move> moves_of(const Diagnosis& d) {
   for (const Candidate* c : sure) moves.push_back({with_its_like(d, *c), {}, true});
   if (best) moves.push_back({with_its_like(d, *best), {}});
   for (const Candidate& c : d.candidates) {
-    if (best && !c.spanned && c.probability > kMoreLikelyThanNot) moves.push_back({c, {}});
+    if (best && !c.spanned && !c.left_out && c.probability > kMoreLikelyThanNot)
+      moves.push_back({c, {}});
   }
   for (const Superfluous& s : d.superfluous) moves.push_back({std::nullopt, {s.request}});
   if (best) return moves;
@@ -149,6 +154,25 @@ Diagnosis with_added(const Diagnosis& searched, const Candidate& added,
   return d;
 }
 
+bool names(const Candidate& one, const Candidate& other) {
+  return std::ranges::find(one.confounded_with, label(other.request)) != one.confounded_with.end();
+}
+
+// Probability that an effect that came in is there, or what may stand for it: they share it.
+double probability_of_set(const Diagnosis& d, const Candidate& added) {
+  std::vector<std::string> set = added.confounded_with;
+  set.push_back(label(added.request));
+  double sum = 0.0;
+  for (const std::string& name : set) {
+    if (const auto there = d.probability_present.find(name); there != d.probability_present.end())
+      sum += there->second;
+  }
+  for (const Candidate& c : d.candidates) {
+    if (names(added, c) || label(c.request) == set.back()) sum += c.probability;
+  }
+  return sum;
+}
+
 // True if none of an addition's parameters can be told from what was there before.
 bool adds_nothing(const Fit& fit, const Candidate& added) {
   const auto& held = fit.identifiability().held;
@@ -174,7 +198,6 @@ class Refinement {
     search();
     if (!explain_structure()) refine_tables();
     for (int pass = 0; pass < kSettlingPasses && !settle(); ++pass) search();
-    say_what_was_left_out();
     show();
     return std::move(steps_);
   }
@@ -188,14 +211,17 @@ class Refinement {
     taken_.insert(fit->specification().to_json().dump());
   }
 
-  // Rounds until one changes nothing.
+  // Rounds until one changes nothing and asks for nothing that was not fitted and refused.
   void search() {
-    for (auto full = steps_.back().fit; one_round(); full = steps_.back().fit) {
-      fit_in_full(*full);
-      refused_.clear();
-      steps_.back().diagnosis = diagnose_now(*steps_.back().fit);
-      is_diagnosed_ = true;
-    }
+    do {
+      for (auto full = steps_.back().fit; one_round(); full = steps_.back().fit) {
+        fit_in_full(*full);
+        refused_.clear();
+        left_out_.clear();
+        steps_.back().diagnosis = diagnose_now(*steps_.back().fit);
+        is_diagnosed_ = true;
+      }
+    } while (leave_out());
   }
 
   Diagnosis diagnose_now(Fit& fit) const;
@@ -214,7 +240,8 @@ class Refinement {
   void fit_trials(std::vector<Trial>& trials, bool keeps_weights = false) const;
   void fit_in_full(const Fit& full);
   bool accept(const Move& move, const Trial& trial);
-  void say_what_was_left_out();
+  bool leave_out();
+  bool is_full() const { return static_cast<int>(steps_.size()) > options_.most_steps; }
   bool stands(const Trial& trial) const;
   bool settle();
   void show() {
@@ -225,16 +252,18 @@ class Refinement {
   Observer& observer_;
   std::vector<EffectRequest> initial_;
   std::vector<RefineStep> steps_;
-  bool is_diagnosed_ = true;       // the last step, by a search of its own
-  std::set<std::string> taken_;    // models of the steps: none comes twice, so the search ends
-  std::set<std::string> refused_;  // models tried since the last search and not taken
-  std::set<std::string> gone_;     // effects that were taken out: one that pays about as much as it
-                                   // costs would come and go beside every other change
+  bool is_diagnosed_ = true;        // the last step, by a search of its own
+  std::set<std::string> taken_;     // models of the steps: none comes twice, so the search ends
+  std::set<std::string> refused_;   // models tried since the last search and not taken
+  std::set<std::string> left_out_;  // what the last step's search asked for in vain, by key_of
+  std::set<std::string> gone_;  // effects that were taken out: one that pays about as much as it
+                                // costs would come and go beside every other change
 };
 
 Diagnosis Refinement::diagnose_now(Fit& fit) const {
   DiagnoseOptions options;
   options.listed = kLookedThrough;
+  options.left_out = left_out_;
   for (const EffectRequest& request : removable_effects(fit))
     options.searched.insert(label(request));
   for (const EffectRequest& request : initial_) options.searched.erase(label(request));
@@ -327,15 +356,14 @@ bool Refinement::accept(const Move& move, const Trial& trial) {
   return true;
 }
 
-// What the last search still asks for was fitted and not taken: its advice to add it would lead
-// back here.
-void Refinement::say_what_was_left_out() {
-  Diagnosis& d = steps_.back().diagnosis;
-  const Candidate* asked_for = d.recommended();
-  if (!asked_for) return;
-  d.advice.front() = label(asked_for->request) +
-                     " was fitted and left out, for it predicts held-out poses no better: a column "
-                     "that is wrong, or what no effect of the catalogue is, may look like it";
+// What the last search still asks for was fitted and not taken: a search without it says what else
+// there is. False where it asks for nothing, or for what no step was left to fit.
+bool Refinement::leave_out() {
+  RefineStep& last = steps_.back();
+  const Candidate* asked_for = last.diagnosis.recommended();
+  if (!asked_for || is_full() || !left_out_.insert(key_of(asked_for->request)).second) return false;
+  last.diagnosis = diagnose_now(*last.fit);
+  return true;
 }
 
 Refinement::Trial Refinement::trial_of(const Move& move, std::size_t number,
@@ -372,14 +400,13 @@ std::vector<Refinement::Trial> Refinement::next_trials(const std::vector<Move>& 
 // What one search asks for, until a move that it is not sure of was made. False where no move was.
 bool Refinement::one_round() {
   const std::vector<Move> moves = moves_of(steps_.back().diagnosis);
-  const auto full = [&] { return static_cast<int>(steps_.size()) > options_.most_steps; };
   bool moved = false;
-  for (std::size_t next = 0; next < moves.size() && !full();) {
+  for (std::size_t next = 0; next < moves.size() && !is_full();) {
     if (moved && !moves[next].sure) return true;
     std::vector<Trial> trials = next_trials(moves, next);
     fit_trials(trials, true);
     for (const Trial& trial : trials) {
-      if (full()) return moved;
+      if (is_full()) return moved;
       if (!accept(moves[trial.move], trial)) {
         next = trial.move + 1;  // what was tried on top of it says nothing
         break;
@@ -407,15 +434,18 @@ bool Refinement::explain_structure() {
   if (nearest.size() > kTriedForStructure) nearest.resize(kTriedForStructure);
   const RefineOptions unseen{steps_left, {}};
   for (const Candidate* c : nearest) {
-    const Move move{*c, {}};
+    Move move{*c, {}};
+    for (const Candidate& other : left.candidates) {
+      if (names(other, *c) && !names(*move.added, other))
+        move.added->confounded_with.push_back(label(other.request));
+    }
     std::vector<Trial> trial{trial_of(move, 0, nullptr)};
     if (taken_.contains(trial.front().specification.to_json().dump())) continue;
     fit_trials(trial);
     if (!trial.front().fit) continue;
     const auto explains = [&](const Diagnosis& d) {
-      const auto sure = d.probability_present.find(label(c->request));
-      return d.verdict != Verdict::kUnexplainedStructure && sure != d.probability_present.end() &&
-             sure->second >= kSurely;
+      return d.verdict != Verdict::kUnexplainedStructure &&
+             probability_of_set(d, *move.added) >= kSurely;
     };
     Refinement beside(trial.front().fit, unseen, observer_, initial_);
     if (!explains(beside.steps_.front().diagnosis)) continue;
@@ -436,7 +466,7 @@ bool Refinement::explain_structure() {
 void Refinement::refine_tables() {
   const std::size_t effects = steps_.back().fit->specification().effects.size();
   for (std::size_t e = 0; e < effects; ++e) {
-    if (static_cast<int>(steps_.size()) > options_.most_steps) return;
+    if (is_full()) return;
     const Fit& fit = *steps_.back().fit;
     const EffectRequest& present = fit.specification().effects[e];
     const auto finer = find_effect(present.effect).finer(fit.context(), present);
@@ -481,10 +511,15 @@ json RefineStep::document() const {
   result.erase("spectra");
   result["added"] = nullptr;
   if (added) {
+    std::vector<std::string> stand_ins = added->confounded_with;
+    std::erase_if(stand_ins, [&](const std::string& name) {
+      return diagnosis.probability_present.contains(name);  // both are there
+    });
     result["added"] = {{"effect", added->request.effect},
                        {"joints", added->request.joints},
                        {"options", added->request.options},
-                       {"parameters", parameters_json(*added)}};
+                       {"parameters", parameters_json(*added)},
+                       {"confounded_with", stand_ins}};
   }
   result["removed"] = json::array();
   for (const EffectRequest& r : removed) {

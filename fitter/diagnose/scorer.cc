@@ -132,7 +132,7 @@ BlockScore Scorer::judge(const Block& block, const Eigen::MatrixXd& columns,
       columns.transpose() * white_ - cross.transpose() * correction_;
   Eigen::MatrixXd information = scale.asDiagonal() * beyond * scale.asDiagonal();
   SymmetricEigen eigen = symmetric_eigen(information);
-  score.spanned = block.searched == 0 && eigen.values.maxCoeff() < kSmallestShare;
+  score.spanned = eigen.values.maxCoeff() < kSmallestShare;
   score.separability = 1.0;
   for (Eigen::Index c = 0; c < width; ++c) {
     if (scale[c] > 0.0) score.separability = std::min(score.separability, information(c, c));

@@ -12,6 +12,9 @@
 
 namespace armtrue {
 
+struct Candidate;
+struct EvidenceSummary;
+
 /// A nonparametric block: a smooth function of one or two variables on one coordinate.
 struct StructureFinding {
   std::vector<std::string> variables;  ///< "q2", "payload" …
@@ -96,5 +99,20 @@ std::string gross_words(const GrossCluster& cluster);
 /// mean square residual: well below 1 where the residual is a smooth function of the joints, 1
 /// where it is noise.
 double neighbour_ratio(const Linearization& linearization, const State& state);
+
+/// Probability that block `b` is there, although in another form than its own: that of the smooth
+/// functions that read what it reads and move what it moves, where it alone explains most of what
+/// they do. A tracker's creep that slows down is a creep, which the catalogue has as a straight
+/// line. 0 where it is not so, where it reads the arm's posture (there the form is the name), and
+/// where the fit has an effect of that cause already.
+double as_nearest_name(const Fit& fit, const EvidenceSummary& evidence, std::size_t b);
+
+/// Lowers the probability of candidates that explain less than a structure (a smooth function that
+/// no effect names): they may only make up for errors of that function. Spared is what the data
+/// show without the structure too, if it explains as much beside the structure as without it (a
+/// wave of many cycles), or depends on a variable that the structure does not read (time, a
+/// direction; the posture, where the structure is a knock).
+void doubt_beside_structure(const Fit& fit, const EvidenceSummary& evidence,
+                            std::vector<Candidate>& candidates, double& nothing);
 
 }  // namespace armtrue

@@ -14,13 +14,13 @@ constexpr std::size_t kNodesTried[] = {16, 32, 64};
 constexpr std::size_t kRowsPerNode = 3;
 // Slower courses of the base are found among all other smooth functions.
 constexpr int kFewestCrossings = 4;
-constexpr double kFurthest = 1.5e-3;  // [m], what the effect `station` allows
+constexpr double kFurthestSwing = 1.5e-3;  // [m], what the effect `station` allows
 
 Block block_over(const std::vector<double>& nodes, int axis) {
   Block block{{"custom", {}, {}}, {}, 1};
   for (std::size_t i = 0; i < nodes.size(); ++i) {
     block.terms.parameters.push_back(
-        single_term("custom", {}, "structure_swings_" + std::to_string(i + 1), "m", kFurthest,
+        single_term("custom", {}, "structure_swings_" + std::to_string(i + 1), "m", kFurthestSwing,
                     on_base(axis), hat_expression("time", nodes, i)));
   }
   return block;

@@ -9,6 +9,7 @@
 #include "fitter/common/parallel.h"
 #include "fitter/evidence/prior_shapes.h"
 #include "fitter/evidence/refit.h"
+#include "fitter/model/variable.h"
 
 namespace armtrue {
 namespace {
@@ -37,6 +38,20 @@ bool is_geometry(const std::string& effect) {
 bool is_joint_table(const EffectRequest& request) {
   const Effect& effect = find_effect(request.effect);
   return effect.generic() && effect.joint_rule() == JointRule::kEach;
+}
+
+// Whether some of a block's terms are what a unit of a link's mass would do.
+bool reads_unknown_masses(const Block& block, int joints) {
+  return std::ranges::any_of(block.terms.parameters, [&](const Parameter& p) {
+    return std::ranges::any_of(p.terms, [&](const Term& term) {
+      return std::ranges::any_of(term.basis.variables(), [&](const std::string& name) {
+        const auto v = parse_variable(name, joints);
+        return v && v->link > 0 &&
+               (v->kind == VariableKind::kTorqueRegressor ||
+                v->kind == VariableKind::kMomentRegressor);
+      });
+    });
+  });
 }
 
 class Builder {
@@ -150,6 +165,8 @@ void Builder::add_present() {
       block.forms = {EvidenceForm(present_form(request))};
     }
     if (block.forms.empty() || block.forms.front().block.terms.parameters.empty()) continue;
+    block.unknown_load =
+        reads_unknown_masses(block.forms.front().block, fit_.robot().joint_count());
     model_.blocks.push_back(std::move(block));
   }
 }

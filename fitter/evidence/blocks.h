@@ -35,10 +35,11 @@ struct EvidenceBlock {
   std::string label;
   std::string kind;  ///< blocks of one kind share its prior odds
   std::vector<EvidenceForm> forms;
-  bool present = false;     ///< stands in the fit
-  bool believed = false;    ///< put into the model by its owner, not by a search
-  bool structure = false;   ///< a smooth function that no effect names
-  std::size_t finding = 0;  ///< of a structure: which
+  bool present = false;       ///< stands in the fit
+  bool believed = false;      ///< put into the model by its owner, not by a search
+  bool structure = false;     ///< a smooth function that no effect names
+  bool unknown_load = false;  ///< springs under masses that nobody knows
+  std::size_t finding = 0;    ///< of a structure: which
   double tried = 0.0;  ///< how many like it were looked at before this one was chosen; 0: it alone
   SearchBlock search;
   Eigen::MatrixXd columns;  ///< what `search` is about; empty: to be worked out

@@ -20,10 +20,39 @@ constexpr Eigen::Index kWideProblem = 800;              // columns
 // explains alone; beside a table, whose own smoothness leaves something of it, less than that.
 constexpr double kSameForm = 1e-2, kSameFormAsTable = 5e-2;
 
+// Directions of columns below this share of the largest are rounding.
+constexpr double kSmallestShare = 1e-7;
+
 struct Projected {
   SearchProblem problem;
   double base_unknowns = 0.0;
 };
+
+// Where nobody knows the masses, a spring's terms are dozens of loads that may be there, and what
+// their coefficients can be is hardly known. So whatever those terms can do says nothing for
+// another block, which would only spare them the size that it takes over: every other block keeps
+// what it does beyond them.
+void keep_what_unknown_loads_cannot_do(const std::vector<EvidenceBlock>& blocks, SearchProblem& p) {
+  std::vector<Eigen::Index> loads, others;
+  for (const EvidenceBlock& block : blocks) {
+    std::vector<Eigen::Index>& own = block.unknown_load && block.present ? loads : others;
+    for (Eigen::Index c = 0; c < block.search.width; ++c) own.push_back(block.search.first + c);
+  }
+  if (loads.empty()) return;
+  const Eigen::MatrixXd own = p.gram(loads, loads);
+  const Eigen::VectorXd unit = own.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
+  const SymmetricEigen eigen = symmetric_eigen(unit.asDiagonal() * own * unit.asDiagonal());
+  const Eigen::Index kept =
+      (eigen.values.array() > kSmallestShare * eigen.values.maxCoeff()).count();
+  const Eigen::MatrixXd directions =
+      unit.asDiagonal() * eigen.vectors.rightCols(kept) *
+      eigen.values.tail(kept).cwiseSqrt().cwiseInverse().asDiagonal();
+  const Eigen::MatrixXd across = times(p.gram(others, loads), directions);
+  p.gram(others, others) -= square_across(across);
+  p.gram(others, loads) -= across * (directions.transpose() * own);
+  p.gram(loads, others) = p.gram(others, loads).transpose().eval();
+  p.gradient(others) -= across * (directions.transpose() * p.gradient(loads));
+}
 
 // Whitens, and projects base out with its prior.
 Projected project(const Fit& fit, const Linearization& l, const EvidenceModel& model,
@@ -54,6 +83,7 @@ Projected project(const Fit& fit, const Linearization& l, const EvidenceModel& m
   p.freedom = std::max(1.0, counted - result.base_unknowns - idle_freedom);
   p.prior_freedom = 1.0;
   for (const EvidenceBlock& block : model.blocks) p.blocks.push_back(block.search);
+  keep_what_unknown_loads_cannot_do(model.blocks, p);
   return result;
 }
 

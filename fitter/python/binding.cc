@@ -125,10 +125,11 @@ Vectors residuals(Fit& fit) {
   return to_numpy(std::move(xyz), 3);
 }
 
-std::string run_diagnose(Fit& fit, std::optional<Progress> progress,
-                         std::set<std::string> searched) {
+std::string run_diagnose(Fit& fit, std::optional<Progress> progress, std::set<std::string> searched,
+                         std::set<std::string> left_out) {
   DiagnoseOptions options;
   options.searched = std::move(searched);
+  options.left_out = std::move(left_out);
   return watched(std::move(progress), [&](WatchedCall& call) {
     return diagnose(fit, options, call).to_json(fit).dump();
   });
@@ -168,6 +169,10 @@ std::pair<std::shared_ptr<Fit>, std::string> run_refine(std::shared_ptr<Fit> fit
   json result{{"steps", json::array()}};
   for (const RefineStep& step : steps) result["steps"].push_back(step.document());
   result["effects"] = result["steps"].back()["effects"];
+  result["left_out"] = json::array();
+  for (const Candidate& c : steps.back().diagnosis.candidates) {
+    if (c.left_out) result["left_out"].push_back(key_of(c.request));
+  }
   return {steps.back().fit, result.dump()};
 }
 
@@ -232,13 +237,13 @@ NB_MODULE(_core, m) {
            "BIC up to a constant of the campaign: differences between fits of one campaign are "
            "evidence.");
   m.def("diagnose", &run_diagnose, "fit"_a, "progress"_a = nb::none(),
-        "searched"_a = std::set<std::string>{},
+        "searched"_a = std::set<std::string>{}, "left_out"_a = std::set<std::string>{},
         "What is missing, ranked: the contract's JSON. searched: effects of the fit that a search "
-        "put in, as refine gives them.");
+        "put in; left_out: what a refinement fitted beside it and left out, as refine gives it.");
   m.def("refine", &run_refine, "fit"_a, "on_step"_a = nb::none(), "progress"_a = nb::none(),
         "searched"_a = std::set<std::string>{},
         "Diagnose and add until nothing is missing; on_step(fit, step as JSON). Returns the last "
-        "fit and all steps as JSON.");
+        "fit and all steps as JSON, with what was fitted and left out.");
   m.def("searched_effects", &searched_effects, "given"_a, "refined"_a, "searched"_a,
         "Names of the effects of `refined` that a search put in: those that `given` has not, or "
         "has among `searched`.");

@@ -27,7 +27,10 @@ def fit(
     progress: Callable[[float, str], None] | None = None,
 ) -> Fit: ...
 def diagnose(
-    fit: Fit, progress: Callable[[float, str], None] | None = None, searched: set[str] = ...
+    fit: Fit,
+    progress: Callable[[float, str], None] | None = None,
+    searched: set[str] = ...,
+    left_out: set[str] = ...,
 ) -> str: ...
 def refine(
     fit: Fit,

@@ -91,7 +91,8 @@ def diagnose(fit: Fit, progress: Progress | None = None) -> Diagnosis:
     Errors: InputError where the measurements are gone or changed.
     """
     with fit.lock, refusals_about(fit.data):
-        return Diagnosis(json.loads(_core.diagnose(fit.core, progress, set(fit.searched))))
+        known = set(fit.searched), set(fit.document.get("left_out_effects", []))
+        return Diagnosis(json.loads(_core.diagnose(fit.core, progress, *known)))
 
 
 def refine(fit: Fit, progress: Progress | None = None, on_step: Step | None = None) -> tuple[Fit, Refinement]:
@@ -106,8 +107,11 @@ def refine(fit: Fit, progress: Progress | None = None, on_step: Step | None = No
             on_step(from_core(fit, core), Diagnosis(json.loads(step)))
 
     with fit.lock, refusals_about(fit.data):
-        core, result = _core.refine(fit.core, forward, progress, set(fit.searched))
-    return from_core(fit, core), Refinement(json.loads(result))
+        core, text = _core.refine(fit.core, forward, progress, set(fit.searched))
+    result = json.loads(text)
+    refined = from_core(fit, core)
+    refined.document["left_out_effects"] = result.pop("left_out")
+    return refined, Refinement(result)
 
 
 def _name(entry: dict[str, Any]) -> str:

@@ -55,9 +55,10 @@ def check_document(document: dict[str, Any], path: Path) -> None:
                 raise columns.fail(name, "the column that stands in for it, or ''")
     if top.has("time_origin_s"):
         top.number("time_origin_s", expected="a finite number")
-    for name in top.entries("searched", "a list of effects") if top.has("searched") else []:
-        if not isinstance(name, str):
-            raise top.fail("searched", "names of effects")
+    for key in ("searched", "left_out_effects"):
+        for name in top.entries(key, "a list of effects") if top.has(key) else []:
+            if not isinstance(name, str):
+                raise top.fail(key, "names of effects")
     _check_data(top.section("data"), list(tools))
     for key, kind in _ALSO.items():
         if not isinstance(document.get(key), kind):

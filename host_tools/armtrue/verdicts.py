@@ -22,6 +22,7 @@ FLOOR_SOURCES = {
 
 # Share of the first's that makes another candidate explain nearly as much (docs/planning.md).
 _NEARLY = 0.9
+_MORE_LIKELY_THAN_NOT = 0.5
 # Unseen poses that err by so many noise floors hold more than noise: a model of many unknowns errs by less.
 _FAR_ABOVE = 2.0
 
@@ -86,6 +87,8 @@ def verdict_words(diagnosis: dict[str, Any]) -> str:
     floor = diagnosis.get("noise_floor_um")
     if verdict != "nothing_missing":
         return _WORDS.get(verdict, verdict)
+    if diagnosis.get("probability_nothing", 1.0) < _MORE_LIKELY_THAN_NOT:
+        return "Nothing to add was found, but what is left may be more than noise."
     if floor is None:
         return "Nothing to add was found; whether what is left is noise is not known."
     held_out = diagnosis.get("error", {}).get("held_out", {}).get("mean_um")

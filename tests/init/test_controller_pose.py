@@ -34,7 +34,7 @@ def tracker_alone(found, points: np.ndarray) -> None:
 
 
 @pytest.mark.parametrize(("own", "measured"), HEADERS)
-@pytest.mark.parametrize("aligned", [False, True])
+@pytest.mark.parametrize("aligned", [False, pytest.param(True, marks=pytest.mark.full)])
 def test_a_pose_that_follows_nominal_kinematics_to_rounding_is_left_out(
     tmp_path, campaign: Campaign, own, measured, aligned
 ):

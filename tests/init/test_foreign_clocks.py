@@ -56,7 +56,12 @@ FORMS = {
 }
 
 
-@pytest.mark.parametrize("form", FORMS)
+QUICK = ("zone", "half days", "Unix ms", "Excel")
+
+
+@pytest.mark.parametrize(
+    "form", [form if form in QUICK else pytest.param(form, marks=pytest.mark.full) for form in FORMS]
+)
 def test_a_clock_in_every_form(tmp_path, campaign: Campaign, form):
     header, written, within = FORMS[form]
     found = read(campaign, tmp_path, file_of(campaign, tmp_path, **{header: map(written, STAMPS)}))
@@ -65,7 +70,13 @@ def test_a_clock_in_every_form(tmp_path, campaign: Campaign, form):
     assert found.dataset["file"].endswith("m.csv")
 
 
-@pytest.mark.parametrize("begin", [datetime.datetime(2020, 7, 1, 16, 0), datetime.datetime(2020, 3, 2, 8, 0)])
+@pytest.mark.parametrize(
+    "begin",
+    [
+        datetime.datetime(2020, 7, 1, 16, 0),
+        pytest.param(datetime.datetime(2020, 3, 2, 8, 0), marks=pytest.mark.full),
+    ],
+)
 @pytest.mark.parametrize("form", ["%m/%d/%Y %H:%M:%S", "%d/%m/%Y %H:%M:%S", "%m-%d-%Y %H:%M"])
 def test_the_order_of_day_and_month_is_that_of_the_shorter_session(tmp_path, campaign, begin, form):
     stamps = [begin + datetime.timedelta(minutes=int(60 * at)) for at in range(80)]

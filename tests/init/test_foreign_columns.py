@@ -21,7 +21,7 @@ def turned(campaign: Campaign) -> np.ndarray:
 
 
 @pytest.mark.parametrize("units", [("mm", "mm", "m"), ("mm", "mm", "cm"), ("m", "cm", "mm")])
-@pytest.mark.parametrize("with_comment", [False, True])
+@pytest.mark.parametrize("with_comment", [False, pytest.param(True, marks=pytest.mark.full)])
 def test_each_axis_of_a_point_has_the_unit_of_its_own_header(tmp_path, campaign, units, with_comment):
     columns = {
         f"{axis} [{unit}]": campaign.points[:, k] * FACTOR[unit]
@@ -80,7 +80,7 @@ def _skew(one: np.ndarray) -> list[float]:
 
 
 @pytest.mark.parametrize("first", [0, 1])
-@pytest.mark.parametrize("before", [False, True])
+@pytest.mark.parametrize("before", [False, pytest.param(True, marks=pytest.mark.full)])
 def test_a_quaternion_q0_to_q3_beside_j1_to_j6_is_no_joint(tmp_path, campaign, first, before):
     names = [f"q{k}" for k in range(first, first + 4)]
     sets = [named(names, quaternions(campaign)), campaign.joint_columns()]

@@ -46,7 +46,8 @@ def said(diagnosis: armtrue.Diagnosis) -> tuple[str, float, list[tuple[str, list
     return diagnosis.verdict, round(diagnosis["probability_nothing"], 3), probable
 
 
-@pytest.mark.parametrize("seed", [1, *(pytest.param(seed, marks=pytest.mark.full) for seed in (2, 3))])
+@pytest.mark.full
+@pytest.mark.parametrize("seed", [1, 2, 3])
 def test_diagnosis_of_the_file_is_what_refine_ended_with(cut, tmp_path, seed):
     # What a search had put in counted as the owner's word once read from a file, and smoothness and weights had ended
     # elsewhere on the way there: in 7 of 16 the file lacked an effect where refine had said that nothing is missing.

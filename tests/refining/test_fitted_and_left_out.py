@@ -17,6 +17,9 @@ def test_what_was_fitted_and_left_out_is_not_advised_again(tmp_path: Path) -> No
     data.columns["payload"][60:120] = 0.0
     _, story = armtrue.refine(armtrue.fit(data, robot, armtrue.load_model(tmp_path / "model.yaml", robot)))
     last = story.steps[-1]
-    assert last["verdict"] == "missing_effect"
-    assert last["advice"][0].startswith("mass_parameters was fitted and left out")
-    assert not any("armtrue add FIT" in sentence for sentence in last["advice"])
+    assert last["verdict"] != "missing_effect"
+    assert not any(candidate["recommend"] for candidate in last["candidates"])
+    assert last["advice"][0].startswith("mass_parameters (probability ")
+    assert not any("armtrue add FIT mass_parameters" in sentence for sentence in last["advice"])
+    left_out = next(c for c in last["candidates"] if c["effect"] == "mass_parameters")
+    assert left_out["why"].startswith("was fitted and left out")

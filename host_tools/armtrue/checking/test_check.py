@@ -180,6 +180,7 @@ def test_positions_that_follow_nothing_are_said_to(campaign):
     assert "positions_do_not_follow" in codes(report, "error")
 
 
+@pytest.mark.full
 def test_what_leaves_half_the_error_is_no_cause(campaign):
     """Joint 2 by another law: that joint 3 turns the other way, say, may leave a third, and explains nothing."""
     data, robot = campaign("kr30")

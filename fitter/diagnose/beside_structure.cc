@@ -1,0 +1,130 @@
+#include <algorithm>
+#include <set>
+#include <string>
+#include <utility>
+
+#include "fitter/diagnose/diagnose.h"
+#include "fitter/model/variable.h"
+
+namespace armtrue {
+namespace {
+
+// A candidate is taken for another cause than a structure if it keeps the first share of its gain
+// beside the structure, and the fitted model cannot imitate the second share of its effect.
+constexpr double kOfAnotherKind = 0.9, kUnlikeTheModel = 0.5;
+const std::string kPosture = "posture";
+
+// What a block depends on: "posture" for angles and loads, "session" for time and temperatures,
+// which go along with one another, else a variable's name ("dir2", "payload", a user's column).
+std::set<std::string> causes_read(const Block& block, int joints) {
+  std::set<std::string> result;
+  for (const Parameter& p : block.terms.parameters) {
+    for (const Term& term : p.terms) {
+      for (const std::string& name : term.basis.variables()) {
+        const auto variable = parse_variable(name, joints);
+        if (!variable) continue;
+        result.insert(variable->is_of_posture()   ? kPosture
+                      : variable->is_of_session() ? "session"
+                                                  : name);
+      }
+    }
+  }
+  return result;
+}
+// An effect that explains less than this of what a smooth function of its cause does is not its
+// name.
+constexpr double kMostOfIt = 0.5;
+// Smooth functions that explain so much of what the best one does may be that one.
+constexpr double kAsGood = 0.9;
+
+// Names of the variables that a block reads.
+std::set<std::string> names_read(const Block& block) {
+  std::set<std::string> result;
+  for (const Parameter& p : block.terms.parameters) {
+    for (const Term& term : p.terms) result.merge(term.basis.variables());
+  }
+  return result;
+}
+
+// What of the arm a block moves: base, a link, a motor.
+std::set<std::pair<Place, int>> bodies_moved(const Block& block) {
+  std::set<std::pair<Place, int>> result;
+  for (const Parameter& p : block.terms.parameters) {
+    for (const Term& term : p.terms) result.insert({term.coordinate.place, term.coordinate.index});
+  }
+  return result;
+}
+
+const Block& first_form(const EvidenceBlock& block) { return block.forms.front().block; }
+
+// A smooth function, not an event that has a form of its own.
+bool is_smooth(const EvidenceBlock& block) {
+  return block.structure &&
+         first_form(block).terms.parameters.front().terms.front().table.has_value();
+}
+
+}  // namespace
+
+double as_nearest_name(const Fit& fit, const EvidenceSummary& evidence, std::size_t b) {
+  const SearchResult& search = evidence.search;
+  const Block& block = first_form(evidence.blocks[b]);
+  const std::set<std::string> reads = names_read(block);
+  if (reads.empty() || causes_read(block, fit.robot().joint_count()).contains(kPosture)) return 0.0;
+  double best = 0.0, probability = 0.0;
+  std::vector<std::size_t> alike;
+  for (std::size_t s = 0; s < evidence.blocks.size(); ++s) {
+    if (evidence.blocks[s].present && s != b && names_read(first_form(evidence.blocks[s])) == reads)
+      return 0.0;
+    if (!is_smooth(evidence.blocks[s]) || names_read(first_form(evidence.blocks[s])) != reads)
+      continue;
+    alike.push_back(s);
+    best = std::max(best, search.alone_gain[s]);
+    probability += search.inclusion[s];
+  }
+  const bool same_body = std::ranges::any_of(alike, [&](std::size_t s) {
+    return search.alone_gain[s] >= kAsGood * best &&
+           bodies_moved(first_form(evidence.blocks[s])) == bodies_moved(block);
+  });
+  return same_body && search.alone_gain[b] >= kMostOfIt * best ? std::min(1.0, probability) : 0.0;
+}
+
+void doubt_beside_structure(const Fit& fit, const EvidenceSummary& evidence,
+                            std::vector<Candidate>& candidates, double& nothing) {
+  const int joints = fit.robot().joint_count();
+  double structure = 0.0;
+  std::set<std::string> known;
+  std::vector<Eigen::Index> structures;
+  for (std::size_t b = 0; b < evidence.blocks.size(); ++b) {
+    if (!evidence.blocks[b].structure || !evidence.search.likeliest[b]) continue;
+    structure = std::max(structure, evidence.search.gain[b]);
+    structures.push_back(static_cast<Eigen::Index>(b));
+    known.merge(causes_read(evidence.blocks[b].forms.front().block, joints));
+  }
+  if (structure == 0.0) return;
+  const bool of_posture = known.erase(kPosture) > 0;
+  double most = 0.0, least_nothing = 1.0;
+  for (Candidate& c : candidates) {
+    std::set<std::string> own = causes_read(c.block, joints);
+    own.erase(kPosture);
+    const bool of_another_kind =
+        (c.score.separability >= kUnlikeTheModel || (!of_posture && own.empty())) &&
+        std::ranges::all_of(structures, [&](Eigen::Index s) {
+          return evidence.search.beyond(s, static_cast<Eigen::Index>(c.evidence_block)) >=
+                 kOfAnotherKind;
+        });
+    const bool runs_with_more =
+        std::ranges::any_of(own, [&](const std::string& name) { return !known.contains(name); });
+    if (const double named = as_nearest_name(fit, evidence, c.evidence_block); named > 0.0) {
+      c.probability = std::max(c.probability, named);
+      least_nothing = std::min(least_nothing, 1.0 - c.probability);
+      continue;
+    }
+    const bool apart = c.delta_bic < kShowsAlone && (of_another_kind || runs_with_more);
+    if (!apart && c.gain_beside < structure)
+      c.probability *= c.gain_beside / (c.gain_beside + structure);
+    most = std::max(most, c.probability);
+  }
+  nothing = std::min(std::max(nothing, 1.0 - most), least_nothing);
+}
+
+}  // namespace armtrue
