@@ -41,7 +41,7 @@ bool is_joint_table(const EffectRequest& request) {
 }
 
 // Whether some of a block's terms are what a unit of a link's mass would do.
-bool reads_unknown_masses(const Block& block, int joints) {
+bool reads_link_masses(const Block& block, int joints) {
   return std::ranges::any_of(block.terms.parameters, [&](const Parameter& p) {
     return std::ranges::any_of(p.terms, [&](const Term& term) {
       return std::ranges::any_of(term.basis.variables(), [&](const std::string& name) {
@@ -165,8 +165,9 @@ void Builder::add_present() {
       block.forms = {EvidenceForm(present_form(request))};
     }
     if (block.forms.empty() || block.forms.front().block.terms.parameters.empty()) continue;
-    block.unknown_load =
-        reads_unknown_masses(block.forms.front().block, fit_.robot().joint_count());
+    // Where masses are given, such terms are corrections of them, with priors that mean something.
+    block.unknown_load = !fit_.state().computes_torque() &&
+                         reads_link_masses(block.forms.front().block, fit_.robot().joint_count());
     model_.blocks.push_back(std::move(block));
   }
 }
