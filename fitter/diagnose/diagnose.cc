@@ -340,11 +340,10 @@ std::set<std::size_t> weigh(Fit& fit, const Linearization& linearization, const 
   d.candidates = make_candidates(fit, evidence);
   doubt_beside_structure(fit, evidence, d.candidates, d.probability_nothing);
   add_forms(d.candidates);
-  for (Candidate& c : d.candidates) c.left_out = options.left_out.contains(key_of(c.request));
   rank(d.candidates);
   find_spanned(scorer, fit, d);
   describe_present(fit, evidence, d);
-  recommend(d);
+  recommend_beside(d, options.left_out);
   name_confounded(evidence.search, d.candidates);
   return improbable_findings(evidence);
 }
@@ -384,6 +383,14 @@ const Candidate* Diagnosis::left_out() const {
 }
 
 std::string key_of(const EffectRequest& request) { return label(request) + request.options.dump(); }
+
+void recommend_beside(Diagnosis& d, const std::set<std::string>& left_out) {
+  for (Candidate& c : d.candidates) {
+    c.left_out = left_out.contains(key_of(c.request));
+    c.recommend = false;
+  }
+  recommend(d);
+}
 
 Diagnosis diagnose(Fit& fit, const DiagnoseOptions& options, Observer& observer) {
   const auto report = [&](double share, const char* what) { observer.report(share, what); };

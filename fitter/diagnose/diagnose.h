@@ -95,6 +95,9 @@ struct DiagnoseOptions {
   std::set<std::string> left_out;
 };
 
+/// Recommends anew where more was fitted and left out since; all else stays as it was.
+void recommend_beside(Diagnosis& d, const std::set<std::string>& left_out);
+
 /// What tells a request from all others of a search: its label and its options.
 std::string key_of(const EffectRequest& request);
 

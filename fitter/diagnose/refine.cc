@@ -362,7 +362,9 @@ bool Refinement::leave_out() {
   RefineStep& last = steps_.back();
   const Candidate* asked_for = last.diagnosis.recommended();
   if (!asked_for || is_full() || !left_out_.insert(key_of(asked_for->request)).second) return false;
-  last.diagnosis = diagnose_now(*last.fit);
+  // What else it asks for is in that search already; the verdict takes one that knows of all.
+  recommend_beside(last.diagnosis, left_out_);
+  if (!last.diagnosis.recommended()) last.diagnosis = diagnose_now(*last.fit);
   return true;
 }
 
@@ -425,7 +427,9 @@ bool Refinement::one_round() {
 bool Refinement::explain_structure() {
   const Diagnosis& left = steps_.back().diagnosis;
   const int steps_left = options_.most_steps - static_cast<int>(steps_.size());
-  if (left.verdict != Verdict::kUnexplainedStructure || steps_left < 0) return false;
+  // Where held-out poses spoke against what was asked for, its neighbours are no better.
+  if (left.verdict != Verdict::kUnexplainedStructure || steps_left < 0 || !left_out_.empty())
+    return false;
   std::vector<const Candidate*> nearest;
   for (const Candidate& c : left.candidates) {
     if (!is_table(c) && c.delta_bic < kShowsAlone) nearest.push_back(&c);
