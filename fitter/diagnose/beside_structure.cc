@@ -14,29 +14,6 @@ namespace {
 constexpr double kOfAnotherKind = 0.9, kUnlikeTheModel = 0.5;
 const std::string kPosture = "posture";
 
-// What a block depends on: "posture" for angles and loads, "session" for time and temperatures,
-// which go along with one another, else a variable's name ("dir2", "payload", a user's column).
-std::set<std::string> causes_read(const Block& block, int joints) {
-  std::set<std::string> result;
-  for (const Parameter& p : block.terms.parameters) {
-    for (const Term& term : p.terms) {
-      for (const std::string& name : term.basis.variables()) {
-        const auto variable = parse_variable(name, joints);
-        if (!variable) continue;
-        result.insert(variable->is_of_posture()   ? kPosture
-                      : variable->is_of_session() ? "session"
-                                                  : name);
-      }
-    }
-  }
-  return result;
-}
-// An effect that explains less than this of what a smooth function of its cause does is not its
-// name.
-constexpr double kMostOfIt = 0.5;
-// Smooth functions that explain so much of what the best one does may be that one.
-constexpr double kAsGood = 0.9;
-
 // Names of the variables that a block reads.
 std::set<std::string> names_read(const Block& block) {
   std::set<std::string> result;
@@ -45,6 +22,26 @@ std::set<std::string> names_read(const Block& block) {
   }
   return result;
 }
+
+// What a block depends on: "posture" for angles and loads, "session" for time and temperatures,
+// which go along with one another, else a variable's name ("dir2", "payload", a user's column).
+std::set<std::string> causes_read(const Block& block, int joints) {
+  std::set<std::string> result;
+  for (const std::string& name : names_read(block)) {
+    const auto variable = parse_variable(name, joints);
+    if (!variable) continue;
+    result.insert(variable->is_of_posture()   ? kPosture
+                  : variable->is_of_session() ? "session"
+                                              : name);
+  }
+  return result;
+}
+
+// An effect that explains less than this of what a smooth function of its cause does is not its
+// name.
+constexpr double kMostOfIt = 0.5;
+// Smooth functions that explain so much of what the best one does may be that one.
+constexpr double kAsGood = 0.9;
 
 // What of the arm a block moves: base, a link, a motor.
 std::set<std::pair<Place, int>> bodies_moved(const Block& block) {

@@ -253,7 +253,7 @@ class Refinement {
   std::vector<EffectRequest> initial_;
   std::vector<RefineStep> steps_;
   bool is_diagnosed_ = true;        // the last step, by a search of its own
-  std::set<std::string> taken_;     // models of the steps: none comes twice, so the search ends
+  std::set<std::string> taken_;     // models of all steps so far; none is taken a second time
   std::set<std::string> refused_;   // models tried since the last search and not taken
   std::set<std::string> left_out_;  // what the last step's search asked for in vain, by key_of
   std::set<std::string> gone_;  // effects that were taken out: one that pays about as much as it
@@ -286,9 +286,9 @@ void Refinement::fit_trials(std::vector<Trial>& trials, bool keeps_weights) cons
   });
 }
 
-// Ends with the fit that a reader of its file gets, who solves it anew. Smoothness of tables and
-// the weight of orientations are settled by steps, and the way through a refinement can end
-// elsewhere. False where a search beside that fit asks for something.
+// Replaces the last step's fit by one from the beginning, as whoever reads its file will solve it.
+// The smoothness of tables and the weight of orientations depend on where a solution begins, and
+// this one began at the step before. False if a search beside the new fit recommends an effect.
 bool Refinement::settle() {
   RefineStep& last = steps_.back();
   const Fit& before = *last.fit;
@@ -356,13 +356,13 @@ bool Refinement::accept(const Move& move, const Trial& trial) {
   return true;
 }
 
-// What the last search still asks for was fitted and not taken: a search without it says what else
-// there is. False where it asks for nothing, or for what no step was left to fit.
+// What the last search still recommends was fitted and not taken, so its next candidate is
+// recommended; where there is none, the verdict is found anew. False where nothing was recommended,
+// or no step was left to fit it.
 bool Refinement::leave_out() {
   RefineStep& last = steps_.back();
   const Candidate* asked_for = last.diagnosis.recommended();
   if (!asked_for || is_full() || !left_out_.insert(key_of(asked_for->request)).second) return false;
-  // What else it asks for is in that search already; the verdict takes one that knows of all.
   recommend_beside(last.diagnosis, left_out_);
   if (!last.diagnosis.recommended()) last.diagnosis = diagnose_now(*last.fit);
   return true;

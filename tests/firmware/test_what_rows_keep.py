@@ -1,4 +1,4 @@
-"""What `armtrue compensate` says of the error that rows keep, to people and in --json."""
+"""How much error stays at each corrected row: what `armtrue compensate` prints of it, and what --json has."""
 
 from __future__ import annotations
 

@@ -91,7 +91,8 @@ class PdoTable {
   const Pdo& rpdo(std::size_t number) const { return rpdos_[number]; }
   const Pdo& tpdo(std::size_t number) const { return tpdos_[number]; }
 
-  // Whether RPDO `number` maps the target of an axis twice, or of one that another valid RPDO maps.
+  // True if RPDO `number` maps the target position of one axis twice, or of an axis that another
+  // valid RPDO maps as well.
   bool repeats_target(std::size_t number) const;
 
   // The number of the first valid RPDO that `frame` is, kRpdos if it is none.

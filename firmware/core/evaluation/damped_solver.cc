@@ -17,10 +17,6 @@ constexpr int kSquareFraction = 2 * kJacobianFraction;
 // steps stay in 32 bits. Longer ones are halved until they are.
 constexpr int kMaxStepBits = 64 - (Coordinate::fraction - 1);
 
-std::uint32_t magnitude(std::int32_t x) {
-  return x < 0 ? 0U - static_cast<std::uint32_t>(x) : static_cast<std::uint32_t>(x);
-}
-
 }  // namespace
 
 void DampedSolver::factor(const Jacobian& jacobian, std::size_t joints, std::size_t rows,

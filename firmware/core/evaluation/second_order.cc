@@ -17,13 +17,7 @@ struct ToolMotion {
   std::uint32_t bent = 0;
 };
 
-std::uint32_t magnitude(std::int32_t x) {
-  return x < 0 ? 0U - static_cast<std::uint32_t>(x) : static_cast<std::uint32_t>(x);
-}
-
-std::uint32_t magnitude(const Vector& v) {
-  return magnitude(v.x) + magnitude(v.y) + magnitude(v.z);
-}
+std::uint32_t size_of(const Vector& v) { return magnitude(v.x) + magnitude(v.y) + magnitude(v.z); }
 
 std::uint32_t times(std::uint32_t angle, Length length) {
   return static_cast<std::uint32_t>(
@@ -72,10 +66,10 @@ ToolMotion motion_of(const TableView& table, const Frames& frames, const Vector&
     if (table.is_full_pose()) twisted = sum(twisted, cross(turned, own));
     turned = sum(turned, own);
   }
-  ToolMotion motion = {magnitude(way), magnitude(bent)};
+  ToolMotion motion = {size_of(way), size_of(bent)};
   if (table.is_full_pose()) {
-    motion.way += times(magnitude(turned), table.rotation_length());
-    motion.bent += times(magnitude(twisted) / 2U, table.rotation_length());
+    motion.way += times(size_of(turned), table.rotation_length());
+    motion.bent += times(size_of(twisted) / 2U, table.rotation_length());
   }
   return motion;
 }

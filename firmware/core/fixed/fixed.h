@@ -61,6 +61,11 @@ constexpr std::int32_t saturate(std::int64_t x) {
   return static_cast<std::int32_t>(x);
 }
 
+// |x|, which for the lowest value is one more than a signed number holds.
+constexpr std::uint32_t magnitude(std::int32_t x) {
+  return x < 0 ? 0U - static_cast<std::uint32_t>(x) : static_cast<std::uint32_t>(x);
+}
+
 constexpr std::int64_t product(std::int32_t a, std::int32_t b) {
   return static_cast<std::int64_t>(a) * b;
 }

@@ -4,32 +4,18 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
-import armtrue_sim
 import numpy as np
 import pytest
 
 from armtrue.checking import CheckReport, Finding, check, pairing, refuse_what_cannot_be_an_arm
 from armtrue.checking.alignment import Alignment, align
+from armtrue.checking.conftest import Campaign
 from armtrue.checking.residuals import nominal_positions
 from armtrue.errors import InputError
-from armtrue.io import Dataset, Robot, load_data, load_robot
-
-Campaign = Callable[..., tuple[Dataset, Robot]]
-
-
-@pytest.fixture
-def campaign(tmp_path: Path) -> Campaign:
-    def simulated(arm: str = "kr30", seed: int = 94, **more: object) -> tuple[Dataset, Robot]:
-        armtrue_sim.simulate({"arm": arm, "seed": seed, "hidden": [], **more}).write(tmp_path)
-        robot = load_robot(tmp_path / "robot.yaml")
-        return load_data(tmp_path / "data.csv", robot, strict=False), robot
-
-    return simulated
+from armtrue.io import Dataset, Robot
 
 
 def shifted(data: Dataset, first: int, last: int, lag: int = 1) -> Dataset:

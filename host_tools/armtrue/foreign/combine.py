@@ -39,7 +39,7 @@ class _Block:
     points: Rows
 
 
-# Pieces of one column, a block each, with the unit of each.
+# A column of the table by its name: the values of its blocks of rows, one below the other, each with its unit.
 _Pieces = dict[str, list[tuple[Array, str | None]]]
 
 

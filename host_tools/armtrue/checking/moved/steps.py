@@ -24,9 +24,8 @@ _ROWS = 600
 _FEWEST_ROWS = 8
 _SHARE_OF_ROWS = 12
 _FEWEST_IN_ALL = 40
-# How many times chance a step explains, by the F statistic with rows that resemble their neighbours counted once.
-# Without a step campaigns of poses at random stay under 12; stretches of a grid that a real arm went through, whose
-# wear and warmth no model of poses holds, under 70.
+# The F statistic from which a step is no chance; rows that resemble their neighbours count as one. Where nothing was
+# moved it can be far larger than chance alone makes it, for a real arm warms up and wears while it is measured.
 _FAR_MORE_THAN_CHANCE = 100.0
 _MOST_STEPS = 3
 _LEAST_SEEN = 1e-5
@@ -46,7 +45,7 @@ class _Step:
 
 
 def find(data: Dataset, measured: Columns, robot: Robot) -> list[Finding]:
-    """A warning for each step; `measured`: the rows of `data` in SI units, in their order."""
+    """One warning for each time that tracker, base or reflector was moved. `measured`: the rows of `data`, SI."""
     chosen = evenly(data.count, _ROWS)
     if len(chosen) < _FEWEST_IN_ALL:
         return []

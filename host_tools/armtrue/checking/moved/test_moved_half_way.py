@@ -2,32 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
-import armtrue_sim
 import numpy as np
 import pytest
 
 from armtrue.checking import Finding, check, refuse_what_cannot_be_an_arm
+from armtrue.checking.conftest import Campaign
 from armtrue.errors import InputError
-from armtrue.io import Dataset, Robot, load_data, load_robot
+from armtrue.io import Dataset, Robot
 from armtrue.io.rotation import matrix_about
 from armtrue.tables.chain import flanges
 
-Campaign = Callable[..., tuple[Dataset, Robot]]
 STEPS = ("base_step", "reflector_step")
-
-
-@pytest.fixture
-def campaign(tmp_path: Path) -> Campaign:
-    def simulated(arm: str = "kr30", seed: int = 94, **more: object) -> tuple[Dataset, Robot]:
-        armtrue_sim.simulate({"arm": arm, "seed": seed, "hidden": [], **more}).write(tmp_path)
-        robot = load_robot(tmp_path / "robot.yaml")
-        return load_data(tmp_path / "data.csv", robot, strict=False), robot
-
-    return simulated
 
 
 def with_points(data: Dataset, points: np.ndarray, **more: np.ndarray) -> Dataset:
