@@ -54,9 +54,13 @@ def lower_bounds(readings: Sequence[Reading]) -> Array:
 
 def _relaxed(readings: Sequence[Reading]) -> Array:
     systems = [relaxed_system(reading) for reading in readings]
-    rows = np.stack([system[0] for system in systems])  # (H, N, 3, unknowns)
+    # A reading whose rows hold fewer reflectors has fewer tools: the others' columns are zero, and so are they.
+    unknowns = max(system[0].shape[2] for system in systems)
+    rows = np.stack(
+        [np.pad(system[0], ((0, 0), (0, 0), (0, unknowns - system[0].shape[2]))) for system in systems]
+    )  # (H, N, 3, unknowns)
     right = np.stack([system[1] for system in systems])  # (H, N, 3)
-    count, poses, _, unknowns = rows.shape
+    count, poses = rows.shape[:2]
     weight = np.ones((count, poses))
     for _ in range(_ROBUST_PASSES):
         root = np.sqrt(weight)[:, :, None]

@@ -96,6 +96,16 @@ def test_shift_and_exchange_are_told_apart_where_each_pose_has_both_reflectors(c
     assert "in rows 62 to 91 the names" in swapped.message
 
 
+@pytest.mark.parametrize(("arm", "seed"), [("kr30", 95), ("cobot", 91)])
+def test_sample_of_rows_that_misses_a_reflector_raises_nothing(
+    campaign: Campaign, arm: str, seed: int
+) -> None:
+    # 60 of 180 rows are looked at: one of them has the third reflector, and in a reading shifted by a row none has.
+    targets = {"names": ["A", "B", "C"], "order": "each_pose"}
+    data, robot = campaign(arm, seed, poses=60, repeats={"poses": 2, "times": 3}, targets=targets)
+    assert errors_and_warnings(data, robot) == []
+
+
 def test_short_shift_is_a_warning_that_a_fit_keeps(campaign: Campaign) -> None:
     data, robot = campaign()
     brief = shifted(data, 60, 67)
