@@ -17,7 +17,7 @@ from .build import build_arm
 from .campaign import Campaign, measure, simulate
 from .errors import ScenarioError
 from .foreign import TRUTHS, foreign_effects
-from .kinds import BAD_REPEATABILITY, KINDS, LATER, UNLIKE_ITS_FILE, Kind, context_for
+from .kinds import BAD_REPEATABILITY, KINDS, PAIR_KINDS, UNLIKE_ITS_FILE, Kind, context_for
 from .mechanics.expression import variables
 from .mechanics.statics import BodyError
 from .mechanics.transforms import Array
@@ -97,15 +97,15 @@ class HiddenCase:
 def hidden_cases(
     kind: str, arm: str, seed: int, statics: str = "deflected", variant: int | None = None
 ) -> HiddenCase:
-    """One seeded case. kind: one of KINDS; arm: one of ARMS (any preset works); statics, variant as a scenario's.
+    """One seeded case. kind: one of KINDS or PAIR_KINDS; arm: any preset; statics, variant as a scenario's.
 
     Raises ScenarioError on another.
     """
-    if kind not in KINDS:
+    if kind not in KINDS and kind not in PAIR_KINDS:
         raise ScenarioError(f"kind of case is '{kind}', expected one of {', '.join(KINDS)}")
     if arm not in PRESETS:
         raise ScenarioError(f"arm is '{arm}', expected one of {', '.join(PRESETS)}")
-    given = KINDS[kind]
+    given = KINDS.get(kind) or PAIR_KINDS[kind]
     rng = np.random.default_rng([seed, zlib.crc32(f"{kind} {arm}".encode())])
     plan = _plan(kind, given, arm, seed, rng) | {"statics": statics, "variant": variant}
     accepted = UNLIKE_ITS_FILE if given.real else ()
@@ -157,14 +157,22 @@ def _plan(kind: str, given: Kind, arm: str, seed: int, rng: np.random.Generator)
         plan["unlike"] = list(UNLIKE_ITS_FILE)
         bad = int(rng.integers(1, 1 + min(5, len(PRESETS[arm].torsion))))
         plan["repeatability"] = {"drive": DRIVE_SIGMA, "joints": {bad: BAD_REPEATABILITY}}
-    later = LATER.get(given.source[0]) if isinstance(given.source, tuple) else None
-    if later is not None:
-        compliance = plan["believed"][-1]
-        plan["believed"] = ["base_frame", "tool_offset", "joint_offset"] + [
-            compliance if name == "joint_compliance" else name for name in later.believed
-        ]
-        plan |= later.changes
-    return plan
+    way = given.way
+    if way is None:
+        return plan
+    context = context_for(arm)
+    every = list(range(1, context.chain.n + 1))
+    plan["believed"] = ["base_frame", "tool_offset"]
+    for name in ("joint_offset", *way.believed):
+        joints = list(PRESETS[arm].compliant) if name == "joint_compliance" else every
+        left = [k for k in joints if k != way.without.get(name)]
+        is_plain = left == every or name not in ("joint_compliance", *way.without)
+        plan["believed"].append(name if is_plain else {"effect": name, "joints": left})
+    if way.share is not None:
+        low, high = context.chain.limits.T
+        middle, half = (low + high) / 2.0, way.share * (high - low) / 2.0
+        plan["joint_range"] = [[float(m - h), float(m + h)] for m, h in zip(middle, half, strict=True)]
+    return plan | dict(way.changes)
 
 
 def _variables(entry: dict[str, Any]) -> tuple[str, ...]:
@@ -223,9 +231,10 @@ def _draw(kind: str, given: Kind, arm: str, rng: np.random.Generator) -> Drawn:
     if isinstance(given.source, tuple):
         entries = []
         for name in given.source:
-            options = LATER[name].joints(context_for(arm)) if name in LATER else catalogue_choices(arm)[name]
+            way = given.way
+            options = way.joints(context_for(arm)) if way else catalogue_choices(arm)[name]
             joints = options[rng.integers(len(options))]
-            sizes = LATER[name].sizes if name in LATER else {}
+            sizes = way.sizes if way else {}
             entries.append(_entry(name, [] if name == "thermal_expansion" else joints) | dict(sizes))
         return entries, {}, ()
     return _draw_from_catalogue(kind, arm, given.hidden, rng)
@@ -311,10 +320,12 @@ def _seen(arm: Arm, q: Array, columns: dict[str, Array]) -> Array:
 
 def _known_columns(bare: Arm, plan: dict[str, Any], q: Array, columns: dict[str, Array]) -> Array:
     """What a fit of the believed model can move, and of an arm that is unlike its file, its weights."""
-    effects = {entry if isinstance(entry, str) else entry["effect"] for entry in plan["believed"]}
-    geometry = [
-        t for t in geometry_terms(bare) if "link_geometry" in effects or not t.coordinate.startswith("link")
-    ]
+    entries = [{"effect": e} if isinstance(e, str) else e for e in plan["believed"]]
+    every = range(1, bare.chain.n + 1)
+    joints = {e["effect"]: e.get("joints", every) for e in entries}
+    held = {f"motor{k}" for k in joints["joint_offset"]} | {"base", "tool"}
+    held |= {f"link{k}" for k in joints.get("link_geometry", ())}
+    geometry = [t for t in geometry_terms(bare) if t.coordinate.partition(".")[0] in held]
     shape = ("joint_offset", "link_geometry")
     believed = [unit_term(t.coordinate, t.expression) for t in bare.terms if t.effect not in shape]
     known = sensitivity(bare, q, columns, geometry + believed)

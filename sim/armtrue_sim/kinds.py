@@ -21,7 +21,7 @@ BAD_REPEATABILITY = 2.5e-5
 class Kind:
     """hidden: how many effects; source: where they are drawn from, `catalogue`, `formulas` and `truths` (foreign/), or
     effect ids. changes: to the scenario. real: the arm is unlike its file and one joint repeats badly. noise: times the
-    tracker's."""
+    tracker's. way: how the effect of `source` hides, where not as the catalogue's do."""
 
     hidden: int = 1
     source: str | tuple[str, ...] = "catalogue"
@@ -29,13 +29,15 @@ class Kind:
     noise: float = 1.0
     real: bool = False
     arms: tuple[str, ...] = ARMS
+    way: Later | None = None
 
 
 @dataclass(frozen=True)
 class Later:
     """How an effect of the contract's later rows hides: joints to choose from, what its measurement needs, which arms.
 
-    believed: what model.yaml has beside base, tool and joint zeros. sizes: those that are not to be drawn.
+    believed: what model.yaml has beside base, tool and joint zeros; without: joints that it leaves out of an effect.
+    sizes: those that are not to be drawn. share: of every joint's travel, about its middle, that the poses use.
     """
 
     joints: Callable[[EffectContext], list[list[int]]]
@@ -43,6 +45,8 @@ class Later:
     believed: tuple[str, ...] = ("link_geometry", "joint_compliance")
     arms: tuple[str, ...] = ARMS
     sizes: Mapping[str, float] = field(default_factory=dict)
+    without: Mapping[str, int] = field(default_factory=dict)
+    share: float | None = None
 
 
 def context_for(arm: str) -> EffectContext:
@@ -110,5 +114,212 @@ KINDS: dict[str, Kind] = {
     "real_one": Kind(real=True),
     "real_three": Kind(3, real=True),
     "foreign_truth": Kind(source="truths"),
-    **{f"later_{name}": Kind(source=(name,), arms=later.arms) for name, later in LATER.items()},
+    **{f"later_{name}": Kind(source=(name,), arms=later.arms, way=later) for name, later in LATER.items()},
 }
+
+
+@dataclass(frozen=True)
+class Suspect:
+    """One cause of a pair. An effect without `joints` acts on the whole arm."""
+
+    effect: str
+    joints: tuple[int, ...] = ()
+    sizes: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def words(self) -> str:
+        """`effect joints`."""
+        return f"{self.effect} {','.join(map(str, self.joints))}".strip()
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Two causes that look alike: the session that leaves them open, and the one that decides (None: no session does).
+
+    open, decides: changes to the scenario; share: of the travel, in the open session. believed, without: as Later's.
+    """
+
+    suspects: tuple[Suspect, Suspect]
+    open: Mapping[str, Any]
+    lacks: str
+    decides: Mapping[str, Any] | None
+    measurement: str
+    share: float | None = None
+    believed: tuple[str, ...] = Later.believed
+    without: Mapping[str, int] = field(default_factory=dict)
+    arms: tuple[str, ...] = ("kr30", "cobot")
+
+    def kind(self, hidden: int, decides: bool) -> str:
+        """Name of the kind of case that hides suspect `hidden` (0 or 1)."""
+        one, other = (self.suspects[k].words.replace(" ", "_") for k in (hidden, 1 - hidden))
+        return f"{'decided' if decides else 'open'}_{one}_or_{other}"
+
+    def kinds(self) -> dict[str, Kind]:
+        """Both ways round, in both sessions."""
+        found = {}
+        for decides, changes in ((False, self.open), (True, self.decides)):
+            for hidden, suspect in enumerate(self.suspects):
+                way = Later(
+                    lambda context, joints=list(suspect.joints): [joints],
+                    changes or {},
+                    self.believed,
+                    self.arms,
+                    suspect.sizes,
+                    self.without,
+                    None if decides else self.share,
+                )
+                if changes is not None:
+                    found[self.kind(hidden, decides)] = Kind(
+                        source=(suspect.effect,), arms=self.arms, way=way
+                    )
+        return found
+
+
+_FEW = {"poses": 60, "repeats": {"poses": 2, "times": 3}}
+_UNLOADED = {**_FEW, "payloads": [0.0]}
+_LOADED = "three payloads, the whole travel, 240 poses"
+# One morning: the thermometer rises with the time constant that a warm-up has.
+_MORNING = {"temperature": {"time_constant": 2000.0, "jitter": 0.05}}
+_WARM_UP = Suspect("warm_up", sizes={"tau": 2000.0})
+_RETURN = {**_MORNING, "rests": {"count": 3, "seconds": 8000.0, "cold": True}}
+# A day in which the hall warms as the clock goes, and three of them.
+_DAY = {
+    "interval": 600.0,
+    "poses": 120,
+    "temperature": {"rise": 30.0, "time_constant": 2.5e5, "jitter": 0.05},
+}
+_DAYS = {**_DAY, "rests": {"count": 2, "seconds": 3e4, "cold": True}}
+# docs/planning.md, "Causes that look alike"; docs/effects.md says how each was told.
+PAIRS = (
+    Pair(
+        (Suspect("joint_compliance", (2,)), Suspect("gear_harmonics", (2,))),
+        _UNLOADED,
+        "one payload, 60 poses in a third of the travel",
+        {},
+        _LOADED,
+        share=0.3,
+        without={"joint_compliance": 2},
+    ),
+    Pair(
+        (Suspect("mass_parameters"), Suspect("bending_compliance", (2,))),
+        _UNLOADED,
+        "one payload, 60 poses",
+        {},
+        _LOADED,
+    ),
+    Pair(
+        (Suspect("gravity_direction", sizes={"tilt": 0.01}), Suspect("bending_compliance", (1,))),
+        _UNLOADED,
+        "one payload, 60 poses",
+        {},
+        _LOADED,
+        arms=("kr30", "lbr"),
+    ),
+    Pair(
+        (
+            Suspect("base_compliance", sizes={"cx": 1e-7, "cy": 1e-7}),
+            Suspect("bending_compliance", (1,), {"cx": 2.5e-7, "cy": 2.5e-7}),
+        ),
+        _UNLOADED,
+        "one payload, 60 poses in half of the travel",
+        {},
+        _LOADED,
+        share=0.5,
+        arms=("kr30", "irb2400"),
+    ),
+    Pair(
+        (
+            Suspect("bending_compliance", (1,), {"cx": 6e-6, "cy": 6e-6}),
+            Suspect("bending_compliance", (2,), {"cx": 6e-6, "cy": 6e-6}),
+        ),
+        {},
+        "nothing on link 1 is measured; axes 1 and 2 meet",
+        None,
+        "",
+        arms=("cobot", "lbr"),
+    ),
+    Pair(
+        (Suspect("cross_compliance", (2, 3)), Suspect("joint_compliance", (3,))),
+        _UNLOADED,
+        "one payload, 60 poses in a third of the travel",
+        {},
+        _LOADED,
+        share=0.3,
+        without={"joint_compliance": 3},
+    ),
+    Pair(
+        (Suspect("thermal_expansion"), _WARM_UP),
+        _MORNING,
+        "one warming morning",
+        _RETURN,
+        "rest, cool and return",
+    ),
+    Pair(
+        (Suspect("thermal_joint_drift", (2,)), _WARM_UP),
+        _MORNING,
+        "one warming morning",
+        _RETURN,
+        "rest, cool and return",
+    ),
+    Pair(
+        (Suspect("self_heating", (2,)), _WARM_UP),
+        {"columns": {"add": ["duty"]}},
+        "one warming morning",
+        {"columns": {"add": ["duty"]}, "rests": {"count": 3, "seconds": 3000.0}},
+        "three rests",
+    ),
+    Pair(
+        (Suspect("thermal_base"), Suspect("time_drift")),
+        _DAY,
+        "one day in which the hall warms",
+        _DAYS,
+        "three days, the hall cold each morning",
+    ),
+    Pair(
+        (Suspect("time_drift"), Suspect("station")),
+        {"interval": 300.0, "setups": {"stations": 2}, "columns": {"omit": ["station"]}},
+        "without column `station`",
+        {"interval": 300.0, "setups": {"stations": 2}},
+        "column `station`",
+    ),
+    Pair(
+        (Suspect("backlash", (2,)), Suspect("joint_scale", (2,))),
+        {"directions": "order", "columns": {"omit": ["dir"]}},
+        "without columns `dir1…`",
+        {"directions": "order"},
+        "columns `dir1…`",
+    ),
+    Pair(
+        (Suspect("backlash", (2,)), Suspect("joint_offset", (2,))),
+        {"directions": "up"},
+        "one approach",
+        {},
+        "both approaches",
+        believed=("joint_compliance",),
+        without={"joint_offset": 2},
+    ),
+    Pair(
+        (Suspect("hysteresis", (2,)), Suspect("backlash", (2,))),
+        {"directions": "order", "columns": {"add": ["travel"]}},
+        "long ways to every pose",
+        {"columns": {"add": ["travel"]}},
+        "short and long ways",
+    ),
+    Pair(
+        (Suspect("axis_wobble", (2,)), Suspect("gear_harmonics", (2,))),
+        _FEW,
+        "one reflector, 60 poses in half of the travel",
+        {"targets": {"names": ["A", "B", "C"]}, **_FEW},
+        "three reflectors, the whole travel",
+        share=0.5,
+    ),
+    Pair(
+        (Suspect("tracker_angles"), Suspect("gear_harmonics", (1,))),
+        _FEW,
+        "60 poses in a third of the travel",
+        {},
+        "joint 1 through its travel, 240 poses",
+        share=0.3,
+    ),
+)
+PAIR_KINDS = {name: kind for pair in PAIRS for name, kind in pair.kinds().items()}

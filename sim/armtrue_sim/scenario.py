@@ -37,10 +37,11 @@ class Scenario:
     poses: rows per reflector, `repeats: {poses, times}` at the end among them; test_poses; interval: seconds a pose.
     instrument: see Instrument.from_dict; repeatability: {drive: rad} or {tool_mean: m}, and
       {joints: {number: rad}} for those that repeat otherwise.
-    payloads: kg, payload_order: random or blocks; directions: random or order (from the sequence of poses).
+    payloads: kg, payload_order: random or blocks; directions: random, order (from the sequence of poses) or up.
     temperature: {ambient, rise, time_constant, jitter, wave: K that sensors after the first swing by on their own};
     sensors: names, where not the preset's. columns: {omit: [...], add: [sigma, tau, qr, orientation, travel, duty]}.
-    rests: {count, seconds}: pauses in which nothing moves; setups: {stations, nests}: how many of each, in blocks.
+    rests: {count, seconds, cold}: pauses in which nothing moves, after which sensors begin as at first where cold is
+      true; setups: {stations, nests}: how many of each, in blocks.
     targets: reflectors {names, order: each_pose or cycle}; gross_errors: {count, size: [m, m], bump: {row, shift: m}}.
     readback: {lag: rad, noise: rad}; torque_noise: Nm; robot_file: {omit: [links, tool, base]}.
     base, tool: {xyz, rpy} of the real arm, drawn where absent; nominal_error: {base: m, tool: m} of robot.yaml's.
@@ -86,7 +87,7 @@ class Scenario:
     def __post_init__(self) -> None:
         self._choice("convention", ("mdh", "dh"))
         self._choice("payload_order", ("random", "blocks"))
-        self._choice("directions", ("random", "order"))
+        self._choice("directions", ("random", "order", "up"))
         self._choice("statics", ("nominal", "deflected"))
         for key, least in (("poses", 1), ("test_poses", 0), ("seed", 0), ("variant", 0)):
             value = getattr(self, key)
@@ -98,7 +99,7 @@ class Scenario:
                 )
         self._keys("repeats", {"poses", "times"})
         self._keys("repeatability", {"drive", "tool_mean", "joints"})
-        self._keys("rests", {"count", "seconds"})
+        self._keys("rests", {"count", "seconds", "cold"})
         self._keys("setups", {"stations", "nests"})
         self._keys("temperature", {"ambient", "rise", "time_constant", "jitter", "wave"})
         self._keys("columns", {"omit", "add"})

@@ -80,6 +80,8 @@ def _temperatures(scenario: Scenario, arm: Arm, time: Array, rng: np.random.Gene
     history = {"ambient": arm.reference_temperature, "rise": 13.0, "time_constant": 2000.0, "jitter": 0.25}
     history |= scenario.temperature
     columns: Table = {}
+    if scenario.rests.get("cold"):
+        time = _since_the_last_rest(scenario, time)
     session = np.random.default_rng([scenario.seed, 4])
     for i, sensor in enumerate(arm.sensors):
         vary = session.uniform(0.7, 1.3, 2) if i else np.ones(2)
@@ -94,6 +96,8 @@ def _temperatures(scenario: Scenario, arm: Arm, time: Array, rng: np.random.Gene
 def _directions(scenario: Scenario, q: Array, index: Array, fresh: int, rng: np.random.Generator) -> Table:
     if scenario.directions == "random":
         signs = rng.choice([-1, 1], (fresh, q.shape[1]))[index]
+    elif scenario.directions == "up":
+        signs = np.ones(q.shape, dtype=int)
     else:
         # A joint that does not move keeps the side it came from; the first pose is reached from joint zeros.
         moves = np.sign(np.diff(q, axis=0, prepend=np.zeros((1, q.shape[1])))).astype(int)
@@ -167,6 +171,15 @@ def _rests(scenario: Scenario, count: int) -> Array:
     pauses = int(scenario.rests.get("count", 0))
     taken: Array = np.arange(count) * (pauses + 1) // max(count, 1)
     return float(scenario.rests.get("seconds", 0.0)) * taken
+
+
+def _since_the_last_rest(scenario: Scenario, time: Array) -> Array:
+    """Seconds of each moment since the first row, or since the first one after the pause before it."""
+    starts = scenario.interval * np.arange(scenario.poses) + _rests(scenario, scenario.poses)
+    begins = np.flatnonzero(np.diff(_rests(scenario, scenario.poses), prepend=-1.0))
+    first = starts[begins]
+    result: Array = time - first[np.searchsorted(first, time, side="right") - 1]
+    return result
 
 
 def _setups(scenario: Scenario) -> list[tuple[str, int]]:

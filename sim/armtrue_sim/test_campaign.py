@@ -181,6 +181,11 @@ def test_directions_follow_the_order_of_poses():
     assert set(np.unique(sides)) == {-1, 1}
 
 
+def test_from_one_side_every_joint_comes_up():
+    data = simulate({"arm": "kr30", "poses": 30, "directions": "up"}).data
+    assert all(np.all(data[f"dir{k}"] == 1) for k in range(1, 7))
+
+
 def test_temperature_history_and_payload_blocks():
     campaign = simulate(
         {

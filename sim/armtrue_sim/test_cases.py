@@ -5,6 +5,7 @@ import pytest
 
 from .cases import KINDS, TRACKER_SIGMA, catalogue_choices, hidden_cases
 from .errors import ScenarioError
+from .kinds import PAIR_KINDS, PAIRS
 from .sensitivity import geometry_terms, orthonormal_range, sensitivity, unexplained, unit_term
 
 NOISE = np.sqrt(3.0) * TRACKER_SIGMA
@@ -33,6 +34,22 @@ def test_hidden_effects_are_there_and_can_be_seen(kind, arm):
         assert bool(case.campaign.gross_rows) == (kind == "gross_errors")
         withheld = [c for c in case.campaign.unrecorded if not c.startswith(("_", "travel", "duty"))]
         assert bool(withheld) == (kind == "missing_columns")
+
+
+@pytest.mark.parametrize("pair", PAIRS, ids=lambda pair: pair.kind(0, False))
+def test_one_cause_of_a_pair_is_there_and_neither_is_believed(pair):
+    for hidden in (0, 1):
+        for decides in (False, True) if pair.decides is not None else (False,):
+            kind = pair.kind(hidden, decides)
+            case = hidden_cases(kind, PAIR_KINDS[kind].arms[0], 0)
+            suspect = pair.suspects[hidden]
+            expected = suspect.joints or case.hidden[0].joints
+            assert [(h.effect, h.joints) for h in case.hidden] == [(suspect.effect, expected)]
+            assert case.hidden[0].visible_rms >= 0.99 * NOISE
+            entries = [e if isinstance(e, dict) else {"effect": e} for e in case.believed]
+            for other in pair.suspects:
+                held = [e.get("joints", "all") for e in entries if e["effect"] == other.effect]
+                assert not any(j == "all" or set(other.joints) <= set(j) for j in held)
 
 
 def test_what_a_geometric_fit_leaves_is_the_hidden_effect_and_noise():

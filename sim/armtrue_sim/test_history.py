@@ -50,3 +50,15 @@ def test_pauses_let_the_gears_cool():
     warm = simulate(plan | {"rests": {"count": 2, "seconds": 6000.0}}).unrecorded["_warm2"]
     assert warm[30] < 0.3 * warm[29]
     assert warm[60] < 0.3 * warm[59]
+
+
+def test_after_a_cold_pause_the_sensors_begin_anew():
+    plan = {"arm": "kr30", "poses": 90, "temperature": {"time_constant": 600.0, "jitter": 0.0}}
+    kept = simulate(plan | {"rests": {"count": 2, "seconds": 6000.0}}).data["temp_arm"]
+    cold = simulate(plan | {"rests": {"count": 2, "seconds": 6000.0, "cold": True}})
+    again = cold.data["temp_arm"]
+    assert np.all(np.diff(kept) >= 0.0)
+    assert np.array_equal(again[:30], kept[:30])
+    assert np.allclose([again[30:60], again[60:]], again[:30], atol=2e-3)
+    assert cold.data["time"][30] - cold.data["time"][29] == 6025.0
+    assert cold.test["temp_arm"].min() < again[10]
