@@ -1,4 +1,5 @@
-"""docs/results.md has a place for every figure that a command prints, and keeps what stood there if nothing came."""
+"""docs/results.md or docs/effects.md has a place for every figure that a command prints, and keeps what stood there if
+nothing came."""
 
 from __future__ import annotations
 
@@ -44,6 +45,14 @@ def test_a_section_is_replaced_once_and_the_rest_stays(checkout: Path) -> None:
     assert page_of(checkout) == expected
 
 
+def test_a_section_of_the_other_page_is_kept_there(checkout: Path) -> None:
+    before, other = page_of(checkout), checkout / "docs/effects.md"
+    other.write_text("# Effects\n<!-- c: begin -->\n<!-- c: end -->\n", encoding="utf-8")
+    assert keep(checkout, "c", "| new |\n").returncode == 0
+    assert other.read_text(encoding="utf-8") == "# Effects\n<!-- c: begin -->\n| new |\n<!-- c: end -->\n"
+    assert page_of(checkout) == before
+
+
 @pytest.mark.parametrize(("name", "printed", "status"), [("c", "| new |\n", 2), ("a", "\n", 1)])
 def test_what_has_no_place_or_is_empty_leaves_the_page(
     checkout: Path, name: str, printed: str, status: int
@@ -76,7 +85,9 @@ def test_every_command_that_keeps_figures_has_its_place() -> None:
         )
     }
     assert len(names) >= 10
-    page = (ROOT / "docs/results.md").read_text(encoding="utf-8")
+    page = "".join(
+        (ROOT / "docs" / name).read_text(encoding="utf-8") for name in ("results.md", "effects.md")
+    )
     assert {name for name in names if page.count(f"<!-- {name}: begin -->") != 1} == set()
     assert {name for name in names if page.count(f"<!-- {name}: end -->") != 1} == set()
 

@@ -1,9 +1,9 @@
-"""Runs a benchmark, shows what it prints, and keeps that in docs/results.md.
+"""Runs a benchmark, shows what it prints, and keeps that in docs/results.md or docs/effects.md.
 
     into_results.py NAME COMMAND...
 
-Its place is between `<!-- NAME: begin -->` and `<!-- NAME: end -->`. What a command printed that failed or was killed
-is shown and not kept.
+Its place is between `<!-- NAME: begin -->` and `<!-- NAME: end -->` on the first page that has these. What a command
+printed that failed or was killed is shown and not kept.
 """
 
 from __future__ import annotations
@@ -12,16 +12,18 @@ import subprocess
 import sys
 from pathlib import Path
 
-RESULTS = Path(__file__).resolve().parents[1] / "docs" / "results.md"
+DOCS = Path(__file__).resolve().parents[1] / "docs"
+PAGES = (DOCS / "results.md", DOCS / "effects.md")
 
 
 def main() -> int:
-    """The command's status where it failed; 2 where the page has no such marks, 1 where nothing came."""
+    """The command's status where it failed; 2 where no page has such marks, 1 where nothing came."""
     name, command = sys.argv[1], sys.argv[2:]
     begin, end = f"<!-- {name}: begin -->", f"<!-- {name}: end -->"
-    text = RESULTS.read_text()
-    if begin not in text or end not in text:
-        print(f"into_results: {RESULTS} has no marks '{begin}' and '{end}'", file=sys.stderr)
+    page = next((p for p in PAGES if p.exists() and {begin, end} <= set(p.read_text().splitlines())), None)
+    if page is None:
+        names = " nor ".join(str(p) for p in PAGES)
+        print(f"into_results: neither {names} has lines '{begin}' and '{end}'", file=sys.stderr)
         return 2
     lines = []
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as running:
@@ -31,17 +33,17 @@ def main() -> int:
             lines.append(line)
     if running.returncode != 0:
         print(
-            f"into_results: {command[0]} ended with status {running.returncode}, {RESULTS.name} stays",
+            f"into_results: {command[0]} ended with status {running.returncode}, {page.name} stays",
             file=sys.stderr,
         )
         return 1 if running.returncode < 0 else running.returncode
     printed = "".join(lines).strip()
     if not printed:
-        print(f"into_results: nothing came for {name}, {RESULTS.name} stays", file=sys.stderr)
+        print(f"into_results: nothing came for {name}, {page.name} stays", file=sys.stderr)
         return 1
-    text = RESULTS.read_text()
+    text = page.read_text()
     before, after = text.split(begin)[0], text.split(end)[1]
-    RESULTS.write_text(f"{before}{begin}\n{printed}\n{end}{after}")
+    page.write_text(f"{before}{begin}\n{printed}\n{end}{after}")
     return 0
 
 

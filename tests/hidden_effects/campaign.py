@@ -1,7 +1,8 @@
 """Hidden-effect campaigns through the command line: `./dev hidden [GROUP]` runs one and prints its tables.
 
 Groups: `table` (docs/results.md keeps it), `real` (arms unlike their files), `foreign` (truths whose form no effect
-has), `later` (each of the contract's later effects, ten seeds), `noise` (one joint that repeats badly).
+has), `later` (each of the contract's later effects, ten seeds), `noise` (one joint that repeats badly), `pairs` (causes
+that look alike, three seeds; docs/effects.md keeps it).
 """
 
 from __future__ import annotations
@@ -11,12 +12,14 @@ import statistics
 import sys
 from collections.abc import Callable, Iterable
 from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
 from typing import Any
 
 import noise_parts
+import pairs
 import reliability
 from armtrue_sim.errors import ScenarioError
-from armtrue_sim.kinds import ARMS, KINDS
+from armtrue_sim.kinds import ARMS, KINDS, PAIR_KINDS
 from armtrue_sim.presets import PRESETS
 from harness import Outcome, Settings, run_case, verdict_of
 
@@ -80,7 +83,7 @@ def seeds_of(kind: str, given: argparse.Namespace) -> range:
 
 def run_kinds(kinds: Iterable[str], given: argparse.Namespace, pool: ProcessPoolExecutor) -> list[Outcome]:
     """All cases; wrong ones go to stderr as they come."""
-    settings = Settings(given.limit, None, not given.no_reference, given.statics, given.variants)
+    settings = Settings(given.limit, None, not given.no_reference, given.statics, given.variants, given.keep)
     print(HEAD, end="", flush=True)
     everything = []
     for kind in kinds:
@@ -95,6 +98,19 @@ def run_kinds(kinds: Iterable[str], given: argparse.Namespace, pool: ProcessPool
         print(row(kind, outcomes), end="", flush=True)
         everything += outcomes
     return everything
+
+
+def run_pairs(kinds: Iterable[str], given: argparse.Namespace, pool: ProcessPoolExecutor) -> list[Outcome]:
+    """All cases of pairs; what is said of those where the true cause is neither found nor asked for goes to stderr."""
+    settings = Settings(given.limit, None, False, given.statics, keep=given.keep)
+    seeds = range(given.first_seed, given.first_seed + given.seeds)
+    calls = [(kind, arm, seed, settings) for kind in kinds for arm in PAIR_KINDS[kind].arms for seed in seeds]
+    outcomes = [outcome for outcome in in_parallel(pool, _case_or_none, calls) if outcome]
+    for o in outcomes:
+        if (said := pairs.answer(o)) not in ("right", "both", "no column"):
+            words = f"added {sorted(o.added)}, surely {sorted(o.added & o.sure)}, or {sorted(o.stand_ins)}"
+            print(f"{said}: {o.kind} {o.arm} {o.seed}: {words} {o.verdict} {o.trouble}", file=sys.stderr)
+    return outcomes
 
 
 def _case_or_none(kind: str, arm: str, seed: int, settings: Settings) -> Outcome | None:
@@ -118,15 +134,17 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("group", nargs="?", choices=[*GROUPS, "noise"], default="table")
+    parser.add_argument("group", nargs="?", choices=[*GROUPS, "noise", "pairs"], default="table")
     parser.add_argument(
-        "--seeds", type=int, default=25, help="seeds for each kind and arm; of noise: 4 times that"
+        "--seeds",
+        type=int,
+        help="seeds for each kind and arm (default: 25, of pairs 3); of noise: 4 times that",
     )
     parser.add_argument(
         "--nothing-seeds", type=int, help="seeds for each arm with nothing hidden (default: 2 x seeds)"
     )
     parser.add_argument("--first-seed", type=int, default=0, help="other cases than the table's")
-    parser.add_argument("--only", choices=KINDS, help="this kind of case alone")
+    parser.add_argument("--only", choices=[*KINDS, *PAIR_KINDS], help="this kind of case alone")
     parser.add_argument("--limit", type=float, default=300.0, help="seconds until a command counts as hung")
     parser.add_argument(
         "--no-reference", action="store_true", help="without the fit that is handed the truth"
@@ -136,13 +154,18 @@ def main() -> None:
         "--variants", action="store_true", help="each seed on an arm of its own; scara and stanford too"
     )
     parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--keep", type=Path, help="leave every case's files in a folder of its own here")
     given = parser.parse_args()
+    given.seeds = given.seeds or (3 if given.group == "pairs" else 25)
     given.nothing_seeds = given.nothing_seeds or 2 * given.seeds
     with ProcessPoolExecutor(given.jobs) as pool:
         if given.group == "noise":
             first = given.first_seed
             calls = [(seed, given.limit) for seed in range(first, first + 4 * given.seeds)]
             print(noise_parts.table(in_parallel(pool, noise_parts.noise_case, calls)), end="")
+            return
+        if given.group == "pairs":
+            print(pairs.table(run_pairs([given.only] if given.only else PAIR_KINDS, given, pool)), end="")
             return
         outcomes = run_kinds([given.only] if given.only else GROUPS[given.group], given, pool)
     print("\nWhat is said with a probability, and how often it is so:\n")

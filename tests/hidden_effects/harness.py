@@ -20,6 +20,8 @@ from coefficients import deviations
 
 # A candidate with less is not counted as said to be possible.
 WORTH_NAMING = 0.05
+# A candidate that stays with so much in the end is said to be missing perhaps; some have half of it whatever the arm.
+STAYS_OPEN = 0.1
 # What is said with so much is said as a fact.
 SURELY = 0.9
 # The 95 % point of chi-squared with three degrees of freedom.
@@ -68,7 +70,7 @@ class Settings:
     """How cases are run. limit: seconds a command may take before it counts as hung; terminal: None, every other seed.
 
     reference: also the fit that is handed the truth, for the error's ratio. statics: as a scenario's. variants: every
-    seed has an arm of its own.
+    seed has an arm of its own. keep: a folder in which every case leaves its files, in one of its own.
     """
 
     limit: float = 300.0
@@ -76,6 +78,7 @@ class Settings:
     reference: bool = True
     statics: str = "deflected"
     variants: bool = False
+    keep: Path | None = None
 
 
 @dataclass
@@ -108,6 +111,8 @@ class Outcome:
     trouble: str = ""
     deviations: dict[str, float] = field(default_factory=dict)
     sure: set[str] = field(default_factory=set)
+    stand_ins: set[str] = field(default_factory=set)
+    without_column: set[str] = field(default_factory=set)
 
     def ended(self, ran: Ran) -> Outcome:
         """A command that did not end well, with its last line."""
@@ -214,6 +219,8 @@ def run_case(kind: str, arm: str, seed: int, settings: Settings | None = None) -
     """Simulate, fit what is believed, refine, and compare with the fit that was handed the truth."""
     settings = settings or Settings()
     case = hidden_cases(kind, arm, seed, settings.statics, seed if settings.variants else None)
+    if settings.keep is not None:
+        return _judged(case, settings.keep / f"{kind}-{arm}-{seed}", settings)
     with tempfile.TemporaryDirectory(prefix="armtrue-hidden-") as folder:
         return _judged(case, Path(folder), settings)
 
@@ -288,6 +295,8 @@ def read_refinement(outcome: Outcome, document: dict[str, Any]) -> None:
         if isinstance(entry, dict) and entry.get("probability", 1.0) >= SURELY
         for word in effects_named([entry])
     }
+    outcome.stand_ins = stand_ins_of(steps)
+    outcome.without_column = {entry["effect"] for entry in steps[-1]["untestable"]}
     outcome.open = {
         word
         for step in steps
@@ -300,6 +309,18 @@ def read_refinement(outcome: Outcome, document: dict[str, Any]) -> None:
         for c in step["candidates"]
         for w in c["confounded_with"]
         for word in words_of_label(str(w))
+    }
+
+
+def stand_ins_of(steps: list[dict[str, Any]]) -> set[str]:
+    """What is said to be possible in place of what leads or was added, or to be missing still, as `named` words."""
+    labels = [label for c in steps[0]["candidates"][:1] for label in c["confounded_with"]]
+    labels += [label for step in steps if step["added"] for label in step["added"]["confounded_with"]]
+    return {word for label in labels for word in words_of_label(str(label))} | {
+        word
+        for c in steps[-1]["candidates"]
+        if c.get("probability", 0.0) >= STAYS_OPEN
+        for word in named(c["effect"], c["joints"])
     }
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+import pairs
 import pytest
 from armtrue_sim.kinds import ARMS
 from harness import Outcome, Settings, accounted_for, said_of, verdict_of
@@ -112,6 +113,20 @@ def test_arms_that_nobody_has_are_diagnosed(kind: str, arm: str, seed: int) -> N
     assert verdict_of(outcome) == "right", outcome
 
 
+@pytest.mark.full
+@pytest.mark.parametrize(
+    ("one", "other", "arm"),
+    [
+        ("joint_compliance_2", "gear_harmonics_2", "cobot"),
+        ("thermal_base", "time_drift", "kr30"),
+        ("cross_compliance_2,3", "joint_compliance_3", "kr30"),
+    ],
+)
+def test_of_a_pair_that_a_session_leaves_open_both_are_named(one: str, other: str, arm: str) -> None:
+    assert pairs.answer(run_case(f"open_{one}_or_{other}", arm, 0)) in ("right", "both")
+    assert pairs.answer(run_case(f"decided_{one}_or_{other}", arm, 0)) == "right"
+
+
 def test_the_judge_sees_what_a_last_step_leaves() -> None:
     fine = Outcome("one_hidden", "kr30", 0, {"backlash 2"}, added={"backlash 2"}, verdict="nothing_missing")
     assert verdict_of(fine) == "right"
@@ -158,3 +173,23 @@ def test_the_judge_knows_a_wrong_answer() -> None:
     assert verdict_of(extra) == "extra"
     squeezed = replace(wrong, kind="outside_catalogue", hidden={"custom"}, added={"warm_up"})
     assert verdict_of(squeezed) == "explained away"
+
+
+def test_of_a_pair_the_judge_tells_what_was_said() -> None:
+    silent = Outcome("", "kr30", 0, {"hysteresis 2"}, verdict="nothing_missing")
+    named = replace(silent, added={"hysteresis 2"})
+    other = replace(silent, added={"backlash 2"}, sure={"backlash 2", "base_frame"})
+    answers = {
+        "right": replace(named, sure={"hysteresis 2"}),
+        "both": named,
+        "and a false one": replace(other, stand_ins={"hysteresis 2"}),
+        "no column": replace(other, without_column={"hysteresis"}),
+        "wrong": other,
+        "else": replace(other, sure=set()),
+        "nothing": silent,
+    }
+    assert tuple(answers) == pairs.ANSWERS
+    assert {said: pairs.answer(outcome) for said, outcome in answers.items()} == {
+        said: said for said in answers
+    }
+    assert pairs.answer(replace(silent, verdict="unexplained_structure")) == "else"

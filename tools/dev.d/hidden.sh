@@ -1,7 +1,8 @@
-#: hidden    hidden-effect campaigns through the command line; its table goes into docs/results.md (with options: only shown); hidden real|foreign|later|noise
+#: hidden    hidden-effect campaigns through the command line; its table goes into docs/results.md (with options: only shown); hidden real|foreign|later|noise; hidden pairs: into docs/effects.md
 cmd_hidden() {
   cmd_build
   local keep=()
   [ $# != 0 ] || keep=("$PY" tools/into_results.py "hidden effects")
+  [ "$*" != pairs ] || keep=("$PY" tools/into_results.py pairs)
   OPENBLAS_NUM_THREADS=1 PYTHONPATH=tests/hidden_effects "${keep[@]}" $PY tests/hidden_effects/campaign.py --jobs "$JOBS" "$@"
 }
