@@ -214,11 +214,41 @@ Eigen::MatrixXd Cholesky::half_solve(Eigen::MatrixXd right) const {
   return right;
 }
 
+// A⁻¹ = L⁻ᵀ L⁻¹, both in blocks of columns. A column of L⁻¹ is zero above the diagonal, and a sum
+// of products of two columns begins where the later one does.
 void invert_cholesky(Eigen::MatrixXd& lower) {
   be_single_threaded();
-  const int size = static_cast<int>(lower.rows());
+  const Eigen::Index size = lower.rows();
+  const int stride = static_cast<int>(size);
   int info = 0;
-  if (size > 0) dpotri_("L", &size, lower.data(), &size, &info);
+  if (size < kSmallFactor) {
+    if (size > 0) dpotri_("L", &stride, lower.data(), &stride, &info);
+    return;
+  }
+  const auto block_of = [&](std::size_t b) {
+    const Eigen::Index first = static_cast<Eigen::Index>(b) * kFactorBlock;
+    return std::pair{first, std::min(kFactorBlock, size - first)};
+  };
+  const auto blocks = static_cast<std::size_t>((size + kFactorBlock - 1) / kFactorBlock);
+  const double one = 1.0, zero = 0.0;
+  Eigen::MatrixXd root = Eigen::MatrixXd::Zero(size, size);  // L⁻¹
+  in_parallel(blocks, [&](std::size_t b) {
+    const auto [first, count] = block_of(b);
+    const int rows = static_cast<int>(size - first), columns = static_cast<int>(count);
+    root.block(first, first, count, count).diagonal().setOnes();
+    dtrsm_("L", "L", "N", "N", &rows, &columns, &one, &lower(first, first), &stride,
+           &root(first, first), &stride);
+  });
+  in_parallel(blocks, [&](std::size_t b) {
+    const auto [first, count] = block_of(b);
+    const int columns = static_cast<int>(count);
+    for (std::size_t below = b; below < blocks; ++below) {
+      const auto [at, height] = block_of(below);
+      const int rows = static_cast<int>(height), depth = static_cast<int>(size - at);
+      dgemm_("T", "N", &rows, &columns, &depth, &one, &root(at, at), &stride, &root(at, first),
+             &stride, &zero, &lower(at, first), &stride);
+    }
+  });
 }
 
 namespace {

@@ -28,7 +28,7 @@ Eigen::MatrixXd random_matrix(Eigen::Index rows, Eigen::Index columns, unsigned 
 }
 
 class Size : public ::testing::TestWithParam<Eigen::Index> {};
-INSTANTIATE_TEST_SUITE_P(Sizes, Size, ::testing::Values(0, 1, 2, 7, 64, 200));
+INSTANTIATE_TEST_SUITE_P(Sizes, Size, ::testing::Values(0, 1, 2, 7, 64, 200, 650));
 
 TEST_P(Size, ScaledCholeskySolvesInvertsAndMeasures) {
   const Eigen::Index n = GetParam();

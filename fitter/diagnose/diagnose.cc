@@ -162,9 +162,9 @@ Candidate make_candidate(const Fit& fit, const EvidenceSummary& evidence, std::s
                 ? form.block
                 : block.forms[static_cast<std::size_t>(block.search.shapes[alone].form)].block;
   c.block.terms.parameters.resize(form.own);
-  for (const std::string& option : find_effect(c.request.effect).searched_options()) {
-    if (c.block.request.options.contains(option))
-      c.starts[c.request.effect + "_" + option] = c.block.request.options[option];
+  for (const NonlinearParameter& p : build_effect(fit.context(), c.request).nonlinear) {
+    if (!p.option.empty() && c.block.request.options.contains(p.option))
+      c.starts[p.name] = c.block.request.options[p.option];
   }
   c.probability = search.inclusion[b];
   c.gain_beside = std::max(0.0, search.gain[b]);
@@ -295,15 +295,18 @@ void explain(Diagnosis& d, const Fit& fit) {
   }
 }
 
+// Forms of one effect have one label: it is there where one of them is. A form that another one
+// would replace is superfluous all the same.
 void describe_present(const Fit& fit, const EvidenceSummary& evidence, Diagnosis& d) {
+  std::map<std::string, double> in_any_form;
+  for (std::size_t b = 0; b < evidence.blocks.size(); ++b)
+    in_any_form[evidence.blocks[b].label] += evidence.search.inclusion[b];
   for (std::size_t b = 0; b < evidence.blocks.size(); ++b) {
     if (!evidence.blocks[b].present) continue;
-    const double probability =
-        std::max(evidence.search.inclusion[b], as_nearest_name(fit, evidence, b));
-    // Forms of one effect have one label.
-    const auto [at, fresh] =
-        d.probability_present.try_emplace(evidence.blocks[b].label, probability);
-    if (!fresh) at->second = std::min(at->second, probability);
+    const double by_cause = as_nearest_name(fit, evidence, b);
+    const double probability = std::max(evidence.search.inclusion[b], by_cause);
+    d.probability_present[evidence.blocks[b].label] =
+        std::clamp(in_any_form[evidence.blocks[b].label], by_cause, 1.0);
     if (probability < kMoreLikelyThanNot)
       d.superfluous.push_back({evidence.blocks[b].request, probability});
   }
@@ -321,6 +324,14 @@ std::set<std::size_t> improbable_findings(const EvidenceSummary& evidence) {
       result.insert(evidence.blocks[b].finding);
   }
   return result;
+}
+
+void recommend_beside(Diagnosis& d, const std::set<std::string>& left_out) {
+  for (Candidate& c : d.candidates) {
+    c.left_out = left_out.contains(key_of(c.request));
+    c.recommend = false;
+  }
+  recommend(d);
 }
 
 // Returns the improbable ones of the structures that stand in `extra`.
@@ -368,6 +379,26 @@ void score_alone(const Scorer& scorer, const Fit& fit, std::vector<Candidate>& c
   }
 }
 
+bool is_unlike_noise(const LackOfFit& lack) {
+  return lack.testable && lack.log10_p < kStructureSignificant;
+}
+
+// The verdict, by what is recommended.
+void conclude(Diagnosis& d, const Fit& fit, const Linearization& linearization) {
+  explain(d, fit);
+  if (d.recommended()) {
+    d.verdict = Verdict::kMissingEffect;
+  } else if (!d.structure.empty() || is_unlike_noise(d.lack_of_fit) || d.gross) {
+    d.verdict = Verdict::kUnexplainedStructure;
+    d.unexplained = d.structure;
+    d.neighbour_ratio = neighbour_ratio(linearization, fit.state());
+    d.probability_nothing = std::min(d.probability_nothing, std::pow(10.0, kStructureSignificant));
+  } else {
+    d.verdict = Verdict::kNothingMissing;
+  }
+  d.advice = advise(d, fit, linearization);
+}
+
 }  // namespace
 
 const Candidate* Diagnosis::recommended() const {
@@ -384,12 +415,11 @@ const Candidate* Diagnosis::left_out() const {
 
 std::string key_of(const EffectRequest& request) { return label(request) + request.options.dump(); }
 
-void recommend_beside(Diagnosis& d, const std::set<std::string>& left_out) {
-  for (Candidate& c : d.candidates) {
-    c.left_out = left_out.contains(key_of(c.request));
-    c.recommend = false;
-  }
-  recommend(d);
+bool leave_out(Diagnosis& d, Fit& fit, const std::set<std::string>& left_out) {
+  recommend_beside(d, left_out);
+  if (!d.recommended() && is_unlike_noise(d.lack_of_fit)) return false;
+  conclude(d, fit, linearize(fit));
+  return true;
 }
 
 Diagnosis diagnose(Fit& fit, const DiagnoseOptions& options, Observer& observer) {
@@ -410,7 +440,7 @@ Diagnosis diagnose(Fit& fit, const DiagnoseOptions& options, Observer& observer)
   // All repeats of a pose have the same rounded angles in the file. Their scatter holds nothing of
   // the rounding error, which differs from pose to pose.
   if (d.rounding.size == 0.0) d.lack_of_fit = lack_of_fit(linearization, fit, d.noise);
-  if (!d.recommended() && d.lack_of_fit.testable && d.lack_of_fit.log10_p < kStructureSignificant) {
+  if (!d.recommended() && is_unlike_noise(d.lack_of_fit)) {
     // More is left than noise and nothing known explains it: a gear ratio may not be what it is
     // said to be.
     std::vector<JointSpectrum> wide = wide_joint_spectra(linearization, fit.state());
@@ -426,23 +456,14 @@ Diagnosis diagnose(Fit& fit, const DiagnoseOptions& options, Observer& observer)
   }
   if (d.candidates.size() > options.listed) d.candidates.resize(options.listed);
   score_alone(scorer, fit, d.candidates);
-  explain(d, fit);
+  for (std::size_t f = 0; f < structure.findings.size(); ++f) {
+    if (!improbable.contains(f)) d.structure.push_back(structure.findings[f]);
+  }
   d.scatter = scatter_along_joints(linearization, fit);
   const GrossCluster gross = gross_errors_together(fit);
   if (gross.log10_p < kStructureSignificant) d.gross = gross;
-  const bool unlike_noise = d.lack_of_fit.testable && d.lack_of_fit.log10_p < kStructureSignificant;
-  if (d.recommended()) {
-    d.verdict = Verdict::kMissingEffect;
-  } else if (improbable.size() < structure.findings.size() || unlike_noise || d.gross) {
-    d.verdict = Verdict::kUnexplainedStructure;
-    for (std::size_t f = 0; f < structure.findings.size(); ++f) {
-      if (!improbable.contains(f)) d.unexplained.push_back(structure.findings[f]);
-    }
-    d.neighbour_ratio = neighbour_ratio(linearization, fit.state());
-    d.probability_nothing = std::min(d.probability_nothing, std::pow(10.0, kStructureSignificant));
-  }
   d.tables = tables_of(fit);
-  d.advice = advise(d, fit, linearization);
+  conclude(d, fit, linearization);
   report(1.0, "done");
   return d;
 }

@@ -71,7 +71,8 @@ struct Diagnosis {
   double reading_sigma = 0.0;      ///< [m] a coordinate
   double orientation_sigma = 0.0;  ///< [rad] of measured orientations; 0: none
   std::vector<Untestable> untestable;
-  std::vector<StructureFinding> unexplained;
+  std::vector<StructureFinding> structure;    ///< what is left depends on, unless it is improbable
+  std::vector<StructureFinding> unexplained;  ///< the same, where no candidate is recommended
   std::vector<std::string> advice;
   std::vector<JointSpectrum> spectra;
   LackOfFit lack_of_fit;
@@ -95,8 +96,9 @@ struct DiagnoseOptions {
   std::set<std::string> left_out;
 };
 
-/// Recommends anew where more was fitted and left out since; all else stays as it was.
-void recommend_beside(Diagnosis& d, const std::set<std::string>& left_out);
+/// Recommends, and where nothing is left to recommend concludes, anew: more was fitted beside `fit`
+/// and left out since `d` was made of it. False where only another diagnosis can conclude.
+bool leave_out(Diagnosis& d, Fit& fit, const std::set<std::string>& left_out);
 
 /// What tells a request from all others of a search: its label and its options.
 std::string key_of(const EffectRequest& request);

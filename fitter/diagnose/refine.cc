@@ -7,6 +7,7 @@
 
 #include "fitter/common/parallel.h"
 #include "fitter/diagnose/growth.h"
+#include "fitter/diagnose/moves.h"
 #include "fitter/inference/smoothness.h"
 #include "fitter/model/variable.h"
 
@@ -15,16 +16,13 @@ namespace {
 
 using nlohmann::json;
 
-// Below this share of the squares that the greatest effect of a search explains, tables aside, an
-// effect may be what linearising before that one came in has left: it waits for the next search.
-constexpr double kBeyondSecondOrder = 0.02;
 // What is superfluous can go without poses that were not fitted being predicted worse than by this
 // share, nor by more than chance explains, in standard errors.
 constexpr double kSameWithout = 1e-2;
 constexpr double kByChance = 2.0;
 // Finer tables take room in the compensator. They are kept only where the error on poses held out
 // at random falls by this share, and the mean over poses held out at random, in time and by region
-// does not grow.
+// grows by no more than chance explains.
 constexpr double kWorthNodes = 1e-2;
 // So many candidates are fitted where a structure has no name.
 constexpr std::size_t kTriedForStructure = 3;
@@ -35,81 +33,6 @@ constexpr double kSameError = 1e-3;
 // Two fits of one model that ended alike. Chance moves the noise of a few hundred poses by more.
 constexpr double kSameNoise = 0.01;
 constexpr int kSettlingPasses = 3;
-
-// A change of the model: what comes in, what goes.
-struct Move {
-  std::optional<Candidate> added;
-  std::vector<EffectRequest> removed;
-  bool sure = false;  // can follow another move of its search without a new search
-};
-
-bool is_sure(const Candidate& c) { return c.likeliest && !c.spanned && c.in_any_form >= kSurely; }
-
-bool is_table(const Candidate& c) { return find_effect(c.request.effect).generic(); }
-
-// A table of one joint comes in with those of the others that are as probable: each waits for the
-// others to see what it explains.
-Candidate with_its_like(const Diagnosis& d, const Candidate& best) {
-  Candidate wide = best;
-  if (find_effect(best.request.effect).joint_rule() != JointRule::kEach || !is_table(best))
-    return wide;
-  for (const Candidate& c : d.candidates) {
-    if (&c == &best || c.request.effect != best.request.effect || c.probability < kSurely ||
-        c.request.options != best.request.options || c.request.joints == best.request.joints)
-      continue;
-    wide.request.joints.insert(wide.request.joints.end(), c.request.joints.begin(),
-                               c.request.joints.end());
-    wide.parameters.insert(wide.parameters.end(), c.parameters.begin(), c.parameters.end());
-    wide.sigma.insert(wide.sigma.end(), c.sigma.begin(), c.sigma.end());
-  }
-  std::sort(wide.request.joints.begin(), wide.request.joints.end());
-  return wide;
-}
-
-// What a search asks for, in this order: what is surely there, physical effects before tables,
-// which would swallow them; else the most probable; then what may go.
-std::vector<Move> moves_of(const Diagnosis& d) {
-  std::vector<Move> moves;
-  const Candidate* best = d.recommended();
-  std::vector<const Candidate*> sure;
-  double most = 0.0;
-  for (const Candidate& c : d.candidates) {
-    // Of the forms of one effect, which share what makes them sure, the most probable one comes in;
-    // another one waits for the next search.
-    const bool other_form = std::ranges::any_of(
-        sure, [&](const Candidate* s) { return label(s->request) == label(c.request); });
-    if (!best || !is_sure(c) || other_form) continue;
-    sure.push_back(&c);
-    if (!is_table(c)) most = std::max(most, c.gain_beside);
-  }
-  std::erase_if(sure,
-                [&](const Candidate* c) { return c->gain_beside < kBeyondSecondOrder * most; });
-  std::stable_sort(sure.begin(), sure.end(), [](const Candidate* a, const Candidate* b) {
-    return std::pair{is_table(*a), -a->gain_beside} < std::pair{is_table(*b), -b->gain_beside};
-  });
-  for (const Candidate* c : sure) moves.push_back({with_its_like(d, *c), {}, true});
-  if (best) moves.push_back({with_its_like(d, *best), {}});
-  for (const Candidate& c : d.candidates) {
-    if (best && !c.spanned && !c.left_out && c.probability > kMoreLikelyThanNot)
-      moves.push_back({c, {}});
-  }
-  for (const Superfluous& s : d.superfluous) moves.push_back({std::nullopt, {s.request}});
-  if (best) return moves;
-  // What is more likely absent, for what is more likely there.
-  for (const Superfluous& s : d.superfluous) {
-    for (const Candidate& c : d.candidates) {
-      if (c.probability > kMoreLikelyThanNot) moves.push_back({c, {s.request}});
-    }
-  }
-  return moves;
-}
-
-ModelSpecification apply(ModelSpecification specification, const Move& move,
-                         const EffectContext& context) {
-  for (const EffectRequest& r : move.removed)
-    specification = without_effect(specification, r, context);
-  return move.added ? with_effect(specification, move.added->request) : specification;
-}
 
 // Whether an effect is a function of time.
 bool runs_with_time(const EffectContext& context, const EffectRequest& request) {
@@ -154,10 +77,6 @@ Diagnosis with_added(const Diagnosis& searched, const Candidate& added,
   return d;
 }
 
-bool names(const Candidate& one, const Candidate& other) {
-  return std::ranges::find(one.confounded_with, label(other.request)) != one.confounded_with.end();
-}
-
 // Probability that an effect that came in is there, or what may stand for it: they share it.
 double probability_of_set(const Diagnosis& d, const Candidate& added) {
   std::vector<std::string> set = added.confounded_with;
@@ -187,6 +106,16 @@ std::vector<EffectRequest> believed_effects(const Fit& fit, const std::set<std::
   std::erase_if(effects,
                 [&](const EffectRequest& request) { return searched.contains(label(request)); });
   return effects;
+}
+
+// What `run` fits; none where that model cannot be had.
+template <typename Run>
+std::shared_ptr<Fit> fit_or_none(const Run& run) {
+  try {
+    return run();
+  } catch (const ModelError&) {
+    return nullptr;
+  }
 }
 
 class Refinement {
@@ -243,6 +172,8 @@ class Refinement {
   bool leave_out();
   bool is_full() const { return static_cast<int>(steps_.size()) > options_.most_steps; }
   bool stands(const Trial& trial) const;
+  std::shared_ptr<Fit> from_the_beginning(const Fit& step,
+                                          const ModelSpecification& specification) const;
   bool settle();
   void show() {
     if (options_.on_step) options_.on_step(steps_.back());
@@ -253,6 +184,7 @@ class Refinement {
   std::vector<EffectRequest> initial_;
   std::vector<RefineStep> steps_;
   bool is_diagnosed_ = true;        // the last step, by a search of its own
+  std::shared_ptr<Fit> settled_;    // the last fit that was solved from the beginning
   std::set<std::string> taken_;     // models of all steps so far; none is taken a second time
   std::set<std::string> refused_;   // models tried since the last search and not taken
   std::set<std::string> left_out_;  // what the last step's search asked for in vain, by key_of
@@ -271,6 +203,16 @@ Diagnosis Refinement::diagnose_now(Fit& fit) const {
   // What stood in the model from the start is its owner's word.
   std::erase_if(d.probability_present,
                 [&](const auto& entry) { return !options.searched.contains(entry.first); });
+  // What no search takes out (joint zeros) is as probable as when it came in.
+  if (!steps_.empty()) {
+    for (const EffectRequest& entry : fit.specification().effects) {
+      for (const EffectRequest& part : parts_of(fit.context(), entry)) {
+        const auto& before = steps_.back().diagnosis.probability_present;
+        if (const auto known = before.find(label(part)); known != before.end())
+          d.probability_present.insert(*known);
+      }
+    }
+  }
   return d;
 }
 
@@ -278,36 +220,42 @@ Diagnosis Refinement::diagnose_now(Fit& fit) const {
 void Refinement::fit_trials(std::vector<Trial>& trials, bool keeps_weights) const {
   const Fit& fit = *steps_.back().fit;
   in_parallel(trials.size(), [&](std::size_t i) {
-    try {
-      trials[i].fit = refit(fit, trials[i].specification, trials[i].starts, keeps_weights);
-    } catch (const ModelError&) {
-      trials[i].fit = nullptr;
-    }
+    Trial& trial = trials[i];
+    trial.fit =
+        fit_or_none([&] { return refit(fit, trial.specification, trial.starts, keeps_weights); });
   });
 }
 
-// Replaces the last step's fit by one from the beginning, as whoever reads its file will solve it.
-// The smoothness of tables and the weight of orientations depend on where a solution begins, and
-// this one began at the step before. False if a search beside the new fit recommends an effect.
+// A fit of a step's model from the beginning, as whoever reads its file will solve it. The
+// smoothness of tables and the weight of orientations depend on where a solution begins, and that
+// of a step began at the step before.
+std::shared_ptr<Fit> Refinement::from_the_beginning(const Fit& step,
+                                                    const ModelSpecification& specification) const {
+  FitOptions options = step.options();
+  options.nonlinear_starts.clear();
+  options.nonlinear_guesses.clear();
+  return Fit::run(step.robot(), step.state().columns(), specification, options);
+}
+
+// Replaces the last step's fit by one from the beginning. False if a search beside the new fit
+// recommends an effect.
 bool Refinement::settle() {
   RefineStep& last = steps_.back();
   const Fit& before = *last.fit;
   if (steps_.size() == 1 || !(has_tables(before.model()) || before.measurements().has_rotation()))
     return true;
-  FitOptions options = before.options();
-  options.nonlinear_starts.clear();
-  options.nonlinear_guesses.clear();
-  std::shared_ptr<Fit> anew =
-      Fit::run(before.robot(), before.state().columns(), before.specification(), options);
-  const double noise = anew->measurements().typical_sigma / before.measurements().typical_sigma;
-  const double turns =
-      before.measurements().has_rotation()
-          ? anew->measurements().sigma_rotation / before.measurements().sigma_rotation
-          : 1.0;
-  const bool same = anew->smoothness_sigma() == before.smoothness_sigma() &&
+  if (last.fit != settled_) {
+    std::shared_ptr<Fit> anew = from_the_beginning(before, before.specification());
+    const double noise = anew->measurements().typical_sigma / before.measurements().typical_sigma;
+    const double turns =
+        before.measurements().has_rotation()
+            ? anew->measurements().sigma_rotation / before.measurements().sigma_rotation
+            : 1.0;
+    is_diagnosed_ = is_diagnosed_ && anew->smoothness_sigma() == before.smoothness_sigma() &&
                     std::abs(noise - 1.0) < kSameNoise && std::abs(turns - 1.0) < kSameNoise;
-  last.fit = std::move(anew);
-  if (same && is_diagnosed_) return true;
+    settled_ = last.fit = std::move(anew);
+  }
+  if (is_diagnosed_) return true;
   last.diagnosis = diagnose_now(*last.fit);
   is_diagnosed_ = true;
   return !last.diagnosis.recommended();
@@ -363,8 +311,8 @@ bool Refinement::leave_out() {
   RefineStep& last = steps_.back();
   const Candidate* asked_for = last.diagnosis.recommended();
   if (!asked_for || is_full() || !left_out_.insert(key_of(asked_for->request)).second) return false;
-  recommend_beside(last.diagnosis, left_out_);
-  if (!last.diagnosis.recommended()) last.diagnosis = diagnose_now(*last.fit);
+  if (!armtrue::leave_out(last.diagnosis, *last.fit, left_out_))
+    last.diagnosis = diagnose_now(*last.fit);
   return true;
 }
 
@@ -436,7 +384,7 @@ bool Refinement::explain_structure() {
   }
   std::ranges::stable_sort(nearest, {}, &Candidate::delta_bic);
   if (nearest.size() > kTriedForStructure) nearest.resize(kTriedForStructure);
-  const RefineOptions unseen{steps_left, {}};
+  const RefineOptions unseen{steps_left, {}, {}};
   for (const Candidate* c : nearest) {
     Move move{*c, {}};
     for (const Candidate& other : left.candidates) {
@@ -476,17 +424,20 @@ void Refinement::refine_tables() {
     const auto finer = find_effect(present.effect).finer(fit.context(), present);
     if (!finer) continue;
     observer_.report(1.0, "trying finer tables");
-    std::vector<Trial> trial{{0, fit.specification(), {}, nullptr}};
-    trial.front().specification.effects[e] = *finer;
-    fit_trials(trial);
-    const std::shared_ptr<Fit>& changed = trial.front().fit;
-    if (!changed || held_out_growth(fit, *changed, true).mean > 0.0 ||
+    ModelSpecification specification = fit.specification();
+    specification.effects[e] = *finer;
+    std::shared_ptr<Fit> changed =
+        fit_or_none([&] { return from_the_beginning(fit, specification); });
+    if (!changed) continue;
+    const Growth growth = held_out_growth(fit, *changed, true);
+    if (growth.mean > growth.sigma ||
         changed->held_out_error().mean > (1.0 - kWorthNodes) * fit.held_out_error().mean)
       continue;
     show();
     Candidate added;
     added.request = *finer;
     steps_.push_back({std::move(added), {}, steps_.back().diagnosis, changed});
+    settled_ = std::move(changed);
     is_diagnosed_ = false;
   }
 }

@@ -110,6 +110,9 @@ class Effect {
   /// Options that candidates() steps through and that a fit then finds or chooses by itself: left
   /// out when an effect is added.
   virtual std::vector<std::string> searched_options() const { return {}; }
+  /// Options that tell two findings of one effect on one joint apart, and stand in its label;
+  /// others are forms of one finding.
+  virtual std::vector<std::string> told_apart_by() const { return {"orders", "cycles"}; }
   /// Next finer forms of a request whose options held-out error has to choose: of a request that
   /// leaves them open the coarsest form alone, of a closed one those one step finer, none where the
   /// data carry no more. An effect without such options has none.

@@ -81,6 +81,7 @@ class Builder {
   void make_columns();
   void set_odds();
   Block present_form(const EffectRequest& request);
+  std::vector<EvidenceForm> present_forms(const EffectRequest& request);
   Block table_form(const EffectRequest& request) const;
   std::vector<Eigen::Index> columns_of(const EffectRequest& request) const;
 
@@ -112,32 +113,57 @@ std::vector<Eigen::Index> Builder::columns_of(const EffectRequest& request) cons
   return result;
 }
 
-// The parameters of an effect of the fit, nonlinear ones at their present values.
+// The parameters of an effect of the fit, nonlinear ones at their present values. What the fit
+// holds for want of data is among them: beside other effects the data may tell it.
 Block Builder::present_form(const EffectRequest& request) {
   Block form{request, {}, 0};
-  const std::vector<Eigen::Index> columns = columns_of(request);
-  const Design& design = fit_.design();
-  const auto linear = design.free_parameters().size();
   std::map<std::string, double> values;
   for (const NonlinearParameter& p : fit_.model().nonlinear) values[p.name] = p.value;
-  for (const Eigen::Index c : columns) {
+  for (const Parameter& own : build_effect(fit_.context(), request).parameters) {
+    const Parameter& p =
+        fit_.model().parameters[static_cast<std::size_t>(fit_.model().index(own.name))];
+    if (p.fixed) continue;
+    form.terms.parameters.push_back(p);
+    for (Term& term : form.terms.parameters.back().terms)
+      term.basis = term.basis.substitute(values);
+  }
+  const auto linear = fit_.design().free_parameters().size();
+  for (const Eigen::Index c : columns_of(request)) {
     const auto unknown = static_cast<std::size_t>(l_.unknown[static_cast<std::size_t>(c)]);
-    if (unknown < linear) {
-      const auto index = static_cast<std::size_t>(design.free_parameters()[unknown]);
-      form.terms.parameters.push_back(fit_.model().parameters[index]);
-      for (Term& term : form.terms.parameters.back().terms)
-        term.basis = term.basis.substitute(values);
-    } else {
-      const NonlinearParameter& p = fit_.model().nonlinear[unknown - linear];
-      Parameter slope;
-      slope.name = p.name;
-      slope.effect = p.effect;
-      slope.joints = p.joints;
-      slope.prior_sigma = (p.upper - p.lower) / kRangeIsSigmas;
-      form.terms.parameters.push_back(slope);
-    }
+    if (unknown < linear) continue;
+    const NonlinearParameter& p = fit_.model().nonlinear[unknown - linear];
+    Parameter slope;
+    slope.name = p.name;
+    slope.effect = p.effect;
+    slope.joints = p.joints;
+    slope.prior_sigma = (p.upper - p.lower) / kRangeIsSigmas;
+    form.terms.parameters.push_back(slope);
   }
   return form;
+}
+
+// All forms that an effect of the fit would have as a candidate, and the one that was found: beside
+// other effects another one may be the likeliest, and what stands in the fit must not seem less
+// likely for standing there.
+std::vector<EvidenceForm> Builder::present_forms(const EffectRequest& request) {
+  EffectRequest found = request;
+  for (const NonlinearParameter& p : build_effect(fit_.context(), request).nonlinear) {
+    const auto& all = fit_.model().nonlinear;
+    const auto own = std::ranges::find(all, p.name, &NonlinearParameter::name);
+    if (!p.option.empty() && own != all.end()) found.options[p.option] = own->value;
+  }
+  std::vector<EvidenceForm> forms;
+  for (const EffectRequest& candidate : find_effect(request.effect).candidates(fit_.context())) {
+    const EffectRequest added = as_added(candidate);
+    if (added.options != candidate.options && label(added) == label(request) &&
+        added.options == request.options && candidate.options != found.options)
+      forms.emplace_back(make_block(fit_.context(), candidate));
+  }
+  if (forms.empty() || found.options == request.options) return {present_form(request)};
+  forms.emplace_back(make_block(fit_.context(), found));
+  for (Parameter& p : forms.back().block.terms.parameters)
+    p.value = fit_.model().parameters[static_cast<std::size_t>(fit_.model().index(p.name))].value;
+  return forms;
 }
 
 // A joint's table as fine as a smooth function of its rows can be known; how smooth it is, the
@@ -162,7 +188,7 @@ void Builder::add_present() {
       // What the fit's own nodes give is added back.
       block.forms = {EvidenceForm(table_form(request))};
     } else {
-      block.forms = {EvidenceForm(present_form(request))};
+      block.forms = present_forms(request);
     }
     if (block.forms.empty() || block.forms.front().block.terms.parameters.empty()) continue;
     // Where masses are given, such terms are corrections of them, with priors that mean something.
@@ -201,7 +227,7 @@ void Builder::make_base() {
   const std::vector<double> values = fit_.design().unknown_values();
   for (const EvidenceBlock& block : model_.blocks) {
     if (!block.present || is_joint_table(block.request)) continue;
-    for (const Eigen::Index c : columns_of(block.forms.front().block.request)) {
+    for (const Eigen::Index c : columns_of(block.request)) {
       taken.insert(c);
       const auto unknown = static_cast<std::size_t>(l_.unknown[static_cast<std::size_t>(c)]);
       // A time constant is searched for near where it is: its column stands for changes of it.
@@ -407,10 +433,12 @@ std::vector<EffectRequest> removable_effects(const Fit& fit) {
   std::vector<EffectRequest> result;
   for (const EffectRequest& entry : fit.specification().effects) {
     if (is_geometry(entry.effect)) continue;
-    // What is no candidate of the catalogue (a user's own terms, the grid) is not the search's to
-    // take out.
-    if (find_effect(entry.effect).candidates(fit.context()).empty()) continue;
-    for (EffectRequest& part : parts_of(fit.context(), entry)) result.push_back(std::move(part));
+    for (EffectRequest& part : parts_of(fit.context(), entry)) {
+      // What no search proposes (a user's own terms, the grid) is not the search's to take out.
+      const Effect& effect = find_effect(entry.effect);
+      const bool is_line = !part.joints.empty() && effect.as_line(part.joints.front(), 1.0);
+      if (is_line || !effect.candidates(fit.context()).empty()) result.push_back(std::move(part));
+    }
   }
   return result;
 }

@@ -11,9 +11,8 @@ std::string label(const EffectRequest& request) {
   std::string text = request.effect;
   for (std::size_t i = 0; i < request.joints.size(); ++i)
     text += (i ? "," : " ") + std::to_string(request.joints[i]);
-  for (const auto& [key, value] : request.options.items()) {
-    if (key != "orders" && key != "cycles") continue;
-    text += " " + key + " " + list_words(value);
+  for (const std::string& key : find_effect(request.effect).told_apart_by()) {
+    if (request.options.contains(key)) text += " " + key + " " + list_words(request.options[key]);
   }
   return text;
 }

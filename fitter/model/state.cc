@@ -143,7 +143,8 @@ bool State::has(const std::string& name) const {
     case VariableKind::kMomentTilt:
       return computes_torque();
     case VariableKind::kWarmth:
-      return columns_.contains("time") && columns_.contains("duty" + std::to_string(v->joint));
+      return columns_.contains(name) ||
+             (columns_.contains("time") && columns_.contains(v->source()));
     default:
       return columns_.contains(name);
   }
@@ -183,7 +184,7 @@ const std::vector<double>& State::column(const std::string& name) const {
     case VariableKind::kMomentRegressor:
       return remember(name, compute_regressor(*v));
     case VariableKind::kWarmth:
-      return remember(name, warmth(v->joint, v->tau));
+      return remember(name, warmth(*v));
     case VariableKind::kTorqueTilt:
     case VariableKind::kMomentTilt:
       compute_tilt(v->component);
@@ -220,20 +221,22 @@ std::vector<double> State::link_angle(int joint) const {
   return values;
 }
 
-// What the joint did since the row before warms it; a session begins cold.
-std::vector<double> State::warmth(int joint, double tau) const {
+// What the joint did since the row before warms it, and so does a temperature. A session begins
+// with a joint that has rested, and with a gear as warm as the thermometer.
+std::vector<double> State::warmth(const Variable& v) const {
   const std::vector<double>& time = columns_.at("time");
-  const std::vector<double>& duty = columns_.at("duty" + std::to_string(joint));
+  const std::vector<double>& source = columns_.at(v.source());
+  const double zero = v.sensor.empty() ? 0.0 : robot_->temperature_reference;
   std::vector<std::size_t> order(rows_);
   std::iota(order.begin(), order.end(), std::size_t{0});
   std::stable_sort(order.begin(), order.end(),
                    [&](std::size_t a, std::size_t b) { return time[a] < time[b]; });
   std::vector<double> values(rows_);
-  double warm = 0.0;
+  double warm = v.sensor.empty() || rows_ == 0 ? 0.0 : source[order.front()] - zero;
   double before = rows_ > 0 ? time[order.front()] : 0.0;
   for (const std::size_t i : order) {
-    const double kept = std::exp(-(time[i] - before) / tau);
-    warm = kept * warm + (1.0 - kept) * duty[i];
+    const double kept = std::exp(-(time[i] - before) / v.tau);
+    warm = kept * warm + (1.0 - kept) * (source[i] - zero);
     values[i] = warm;
     before = time[i];
   }

@@ -86,7 +86,7 @@ class State {
   std::vector<double> smooth_torque(int joint, const std::vector<double>& measured) const;
   std::vector<double> link_angle(int joint) const;
   std::vector<double> motion(int joint) const;
-  std::vector<double> warmth(int joint, double tau) const;
+  std::vector<double> warmth(const Variable& v) const;
   std::vector<double> compute_regressor(const Variable& asked) const;
 
   const Robot* robot_;

@@ -60,6 +60,7 @@ struct NonlinearParameter {
   std::string unit;
   double value = 0.0, lower = 0.0, upper = 0.0;
   std::vector<double> starts;  ///< values tried before descending; empty: the initial value alone
+  std::string option = {};     ///< of the effect's request that it stands for; empty: none
 };
 
 /// Quadratic penalty Σ (row · values)² / σ² on parameters: smoothness and gauges of tables.

@@ -85,6 +85,21 @@ std::optional<Variable> parse_tilt(const std::string& name, int joints) {
   return v;
 }
 
+// lagTAU_NAME: temperature NAME, low-passed with TAU seconds.
+std::optional<Variable> parse_lag(const std::string& name) {
+  static const std::regex pattern(R"(lag([0-9]{1,7})_(.+))");
+  const std::optional<std::smatch> found = parts_of(name, "lag", pattern);
+  if (!found) return std::nullopt;
+  const std::smatch& match = *found;
+  Variable v;
+  v.name = name;
+  v.kind = VariableKind::kWarmth;
+  v.tau = std::stod(match[1]);
+  v.sensor = match[2];
+  if (!(v.tau > 0.0)) return std::nullopt;
+  return v;
+}
+
 // warmK_TAU: duty of joint K, low-passed with TAU seconds.
 std::optional<Variable> parse_warmth(const std::string& name, int joints) {
   static const std::regex pattern(R"(warm([0-9]{1,2})_([0-9]{1,7}))");
@@ -101,6 +116,10 @@ std::optional<Variable> parse_warmth(const std::string& name, int joints) {
 }
 
 }  // namespace
+
+std::string Variable::source() const {
+  return sensor.empty() ? "duty" + std::to_string(joint) : "temp_" + sensor;
+}
 
 bool Variable::is_load() const {
   switch (kind) {
@@ -170,6 +189,7 @@ std::optional<Variable> parse_variable(const std::string& name, int joints) {
   if (const auto regressor = parse_regressor(name, joints)) return regressor;
   if (const auto tilt = parse_tilt(name, joints)) return tilt;
   if (const auto warmth = parse_warmth(name, joints)) return warmth;
+  if (const auto lag = parse_lag(name)) return lag;
   if (name.rfind("temp_", 0) == 0 ||
       std::find(kNoState.begin(), kNoState.end(), name) != kNoState.end())
     return std::nullopt;
@@ -230,7 +250,7 @@ std::vector<std::string> columns_of(const Variable& v, const Robot& robot, bool 
       return v.reads_gravity() && with_payload ? std::vector<std::string>{"payload"}
                                                : std::vector<std::string>{};
     case VariableKind::kWarmth:
-      return {"time", "duty" + std::to_string(v.joint)};
+      return {"time", v.source()};
     default:
       return {v.name};
   }

@@ -25,7 +25,7 @@ enum class VariableKind {
   kPayload,
   kDirection,
   kTime,
-  kWarmth,  ///< of a gear by its own duty, low-passed
+  kWarmth,  ///< of a gear: its duty, or a temperature, low-passed
   kColumn   ///< any other numeric column, under its own name
 };
 
@@ -37,9 +37,12 @@ struct Variable {
   int axis = 0;          ///< of moments: 0 about x, 1 about y
   int link = 0;          ///< of regressors: the body; 0: the payload
   char component = 'm';  ///< of regressors: m, or x, y, z of mass times centre; of tilts: x or y
-  std::string sensor;    ///< of temperatures; empty: the first thermometer
-  double tau = 0.0;      ///< of warmth: time constant [s]
+  std::string
+      sensor;        ///< of temperatures: empty is the first thermometer; of warmth: empty is duty
+  double tau = 0.0;  ///< of warmth: time constant [s]
 
+  /// Of warmth: the column that it follows.
+  std::string source() const;
   /// True for what gravity exerts: torques and moments, what a unit of mass adds, what a tilt does.
   bool is_load() const;
   /// True for angles and for loads: what is known once it is known where the arm stands.

@@ -67,8 +67,10 @@ Measurements unmeasured(std::size_t rows, const std::vector<int>& target, int ta
 // For each unknown of `part`, its place among those of `whole`.
 std::vector<Eigen::Index> places_in(const Design& whole, const Design& part) {
   std::vector<Eigen::Index> places;
-  for (const Parameter& p : part.model().parameters)
+  for (const int free : part.free_parameters()) {
+    const Parameter& p = part.model().parameters[static_cast<std::size_t>(free)];
     places.push_back(whole.unknown_of(whole.model().index(p.name)));
+  }
   const auto linear = static_cast<Eigen::Index>(whole.free_parameters().size());
   for (int j = 0; j < part.nonlinear_count(); ++j) places.push_back(linear + j);
   return places;

@@ -10,7 +10,8 @@ class SelfHeating final : public Effect {
  public:
   std::string id() const override { return "self_heating"; }
   std::string summary() const override {
-    return "a gear warms by its own work: its zero and its link follow its duty, later";
+    return "a gear's own warmth, later than any sensor: its zero and its link follow its duty or a "
+           "temperature, low-passed";
   }
   JointRule joint_rule() const override { return JointRule::kEach; }
   std::string bound_text() const override {
@@ -19,7 +20,10 @@ class SelfHeating final : public Effect {
   }
 
   std::vector<EffectOption> options() const override {
-    return {{"tau", "s", "time constant; the diagnosis tries several, default 1500"}};
+    return {{"tau", "s", "time constant; the diagnosis tries several, default 1500"},
+            {"sensor", "string",
+             "temperature sensor that the gear follows, default its duty where that is recorded, "
+             "else the first"}};
   }
 
   std::vector<std::string> missing(const EffectContext& context,
@@ -27,8 +31,8 @@ class SelfHeating final : public Effect {
     std::vector<std::string> lacking;
     if (!context.state.has("time")) lacking.emplace_back("time");
     for (const int k : joints) {
-      const std::string duty = "duty" + std::to_string(k);
-      if (!context.state.has(duty)) lacking.push_back(duty);
+      if (!has_duty(context, k) && context.state.sensors().empty())
+        lacking.push_back("duty" + std::to_string(k));
     }
     return lacking;
   }
@@ -39,17 +43,19 @@ class SelfHeating final : public Effect {
     EffectTerms terms;
     const std::string tau = std::to_string(std::lround(request.options.value("tau", kTypical)));
     for (const int k : request.joints) {
-      const std::string variable = "warm" + std::to_string(k) + "_" + tau;
+      const std::string sensor = sensor_of(context, request, k);
+      const std::string variable =
+          sensor.empty() ? "warm" + std::to_string(k) + "_" + tau : "lag" + tau + "_" + sensor;
       const double largest = largest_of(context, variable);
       // Less its mean: predictions and tables are then of the arm as warm as it was on average.
       const std::string warmth =
           "(" + variable + " - " + Expression::number(mean_of(context, variable)).to_string() + ")";
       const double bound = largest > 0.0 ? kLargest / largest : kLargest;
-      const bool slides = context.prismatic(k);
-      Parameter zero = single_term(id(), {k}, "zero", slides ? "m/(m/s)" : "rad/(rad/s)", bound,
-                                   motor(k), warmth);
+      const std::string unit = motor_unit(context, k);
+      const std::string of = sensor.empty() ? "/(" + unit + "/s)" : "/K";
+      Parameter zero = single_term(id(), {k}, "zero", unit + of, bound, motor(k), warmth);
       Parameter growth =
-          grown_lengths(context.robot(), id(), {k}, "length", "1/(rad/s)", bound, {k}, warmth);
+          grown_lengths(context.robot(), id(), {k}, "length", "1" + of, bound, {k}, warmth);
       for (Parameter* p : {&zero, &growth}) {
         p->exported = false;
         if (!p->terms.empty()) terms.parameters.push_back(*p);
@@ -61,8 +67,15 @@ class SelfHeating final : public Effect {
   std::vector<EffectRequest> candidates(const EffectContext& context) const override {
     std::vector<EffectRequest> result;
     for (int k = 1; k <= context.joint_count(); ++k) {
-      for (const double tau : {500.0, 1000.0, 2000.0, 4000.0})
-        result.push_back({id(), {k}, {{"tau", tau}}});
+      for (const double tau : {500.0, 1000.0, 2000.0, 4000.0}) {
+        if (has_duty(context, k)) {
+          result.push_back({id(), {k}, {{"tau", tau}}});
+          continue;
+        }
+        for (const std::string& sensor : context.state.sensors())
+          result.push_back({id(), {k}, {{"tau", tau}, {"sensor", sensor}}});
+        if (context.state.sensors().empty()) result.push_back({id(), {k}, {{"tau", tau}}});
+      }
     }
     return result;
   }
@@ -70,6 +83,19 @@ class SelfHeating final : public Effect {
  private:
   static constexpr double kTypical = 1500.0;  // [s]
   static constexpr double kLargest = 1e-3;    // [rad, m, or of a length]
+
+  static bool has_duty(const EffectContext& context, int joint) {
+    return context.state.has("duty" + std::to_string(joint));
+  }
+
+  // The thermometer that a gear follows; empty where it follows its duty.
+  static std::string sensor_of(const EffectContext& context, const EffectRequest& request,
+                               int joint) {
+    if (request.options.contains("sensor")) return request.options["sensor"].get<std::string>();
+    return has_duty(context, joint) || context.state.sensors().empty()
+               ? ""
+               : context.state.sensors().front();
+  }
 };
 
 const RegisterEffect<SelfHeating> registered_self_heating;

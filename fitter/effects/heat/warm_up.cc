@@ -33,8 +33,8 @@ class WarmUp final : public Effect {
     if (request.options.contains("tau")) {
       tau = Expression::number(request.options["tau"].get<double>()).to_string();
     } else {
-      NonlinearParameter p{tau,    id(), {},      "s",
-                           1800.0, 60.0, 36000.0, {300.0, 900.0, 1800.0, 3600.0, 7200.0}};
+      NonlinearParameter p{
+          tau, id(), {}, "s", 1800.0, 60.0, 36000.0, {300.0, 900.0, 1800.0, 3600.0, 7200.0}, "tau"};
       terms.nonlinear.push_back(p);
     }
     const std::string warmth = "1 - exp(-time/" + tau + ")";

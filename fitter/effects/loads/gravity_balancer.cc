@@ -40,6 +40,7 @@ class GravityBalancer final : public Effect {
       if (request.options.contains(option)) {
         return Expression::number(request.options[option].get<double>()).to_string();
       }
+      p.option = option;
       terms.nonlinear.push_back(p);
       return p.name;
     };

@@ -89,7 +89,7 @@ class StiffnessNonlinear final : public Effect {
     std::vector<double> starts;
     for (const double share : kSoftShares) starts.push_back(share * load);
     terms.nonlinear.push_back(
-        {name, id(), {k}, "Nm", starts.front(), 0.01 * load, 0.5 * load, starts});
+        {name, id(), {k}, "Nm", starts.front(), 0.01 * load, 0.5 * load, starts, "soft_torque"});
     return name;
   }
 

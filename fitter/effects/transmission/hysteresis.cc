@@ -87,7 +87,8 @@ class Hysteresis final : public Effect {
                          2.0 * kDegreeOfTravel,
                          1e-3,
                          0.5,
-                         {}};
+                         {},
+                         "theta0"};
     for (const double degrees : kTravels) p.starts.push_back(degrees * kDegreeOfTravel);
     terms.nonlinear.push_back(p);
     return p.name;

@@ -42,6 +42,7 @@ class Sampler {
   void line_up();
   std::vector<Conditional> conditionals(const std::vector<std::size_t>& blocks) const;
   double best_change(std::vector<std::size_t>& looked_at, std::size_t& at, Choice& to) const;
+  void size_present();
   void climb(const std::vector<std::size_t>& allowed);
   void find_readings();
   double enter(const std::vector<std::size_t>& members, std::vector<Choice>& sizes);

@@ -33,6 +33,8 @@ constexpr double kLeastRise = 1e-6;
 // A table whose prior has no more directions than this is smooth enough to be weighed against
 // formulas.
 constexpr Eigen::Index kSmoothTable = 40;
+// Sizes of blocks that depend on one another settle in two or three passes.
+constexpr int kSizingPasses = 5;
 // Independent walks of the sampler from the set that was climbed to.
 constexpr std::size_t kWalks = 4;
 
@@ -311,6 +313,21 @@ void Sampler::read_otherwise(const Reading& reading) {
   go_to(before);
 }
 
+// Gives the blocks that the search begins with their likeliest sizes: one after the other, and
+// again while that changes one, since the first were chosen without the others.
+void Sampler::size_present() {
+  for (int pass = 0; pass < kSizingPasses; ++pass) {
+    const std::vector<Choice> before = state_;
+    for (std::size_t b = 0; b < state_.size(); ++b) {
+      if (!block(b).present) continue;
+      const Conditional c = conditional(b);
+      const auto best = std::max_element(c.log_weight.begin() + 1, c.log_weight.end());
+      set(b, c.choices[static_cast<std::size_t>(best - c.log_weight.begin())]);
+    }
+    if (state_ == before) return;
+  }
+}
+
 // Every block beside the set that stands now.
 SearchResult Sampler::run() {
   const std::size_t count = state_.size();
@@ -318,12 +335,7 @@ SearchResult Sampler::run() {
   visits_.assign(count, 0.0);
   last_.assign(count, 1.0);
   strange_.assign(count, false);
-  for (std::size_t b = 0; b < count; ++b) {
-    if (!block(b).present) continue;
-    const Conditional c = conditional(b);
-    const auto best = std::max_element(c.log_weight.begin() + 1, c.log_weight.end());
-    set(b, c.choices[static_cast<std::size_t>(best - c.log_weight.begin())]);
-  }
+  size_present();
   SearchResult result;
   describe_alone(result);
   // A table may stand for several effects at once, and so may a smooth function: what has few
