@@ -13,8 +13,8 @@ from armtrue.io.robot import Robot, check_robot, pose
 from armtrue.io.yamlfile import Section
 
 # What the report and the command line read of a fit beside what predict, export and diagnose need.
-# A gear's warmth by its duty, low-passed: the time constant stands in the name.
-_WARMTH = re.compile(r"\bwarm[0-9]+_[0-9]+\b")
+# A gear's warmth by its duty or a temperature, low-passed: the time constant stands in the name.
+_WARMTH = re.compile(r"\b(?:warm[0-9]+_[0-9]+|lag[0-9]+_\w+)\b")
 _ALSO = {
     "error": dict,
     "noise": dict,
