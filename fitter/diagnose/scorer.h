@@ -24,6 +24,7 @@ struct BlockScore {
       0.0;               ///< of its columns, the smallest share that fitted ones cannot reproduce
   bool spanned = false;  ///< fitted columns reproduce all of its columns
   std::vector<double> coefficient, sigma;
+  std::vector<double> beyond;  ///< coefficients without what fitted columns could do as well
   std::string objection;  ///< why it is not physical or cannot be known; empty: none
 };
 
