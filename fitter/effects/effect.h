@@ -136,9 +136,11 @@ class Effect {
                                            const std::vector<int>& joints) const;
   /// A parameter as people know it: "axis 2's zero"; its name where there is no better word.
   virtual std::string describe(const Parameter& parameter) const;
-  /// The effect as it would explain a line of so many cycles a turn in a joint's residual; none
-  /// where it is no such cause.
-  virtual std::optional<EffectRequest> as_line(int, double) const { return std::nullopt; }
+  /// The effect as it would explain a line of so many cycles a turn (a metre, where the joint
+  /// slides) in a joint's residual; none where it is no such cause.
+  virtual std::optional<EffectRequest> as_line(const EffectContext&, int, double) const {
+    return std::nullopt;
+  }
   /// Terms for validated joints.
   virtual EffectTerms build(const EffectContext& context, const EffectRequest& request) const = 0;
   /// Blocks that the diagnosis tries, each on its own; default: one for each joint of

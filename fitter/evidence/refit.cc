@@ -12,7 +12,7 @@ std::string label(const EffectRequest& request) {
   for (std::size_t i = 0; i < request.joints.size(); ++i)
     text += (i ? "," : " ") + std::to_string(request.joints[i]);
   for (const auto& [key, value] : request.options.items()) {
-    if (key != "orders" && key != "cycles") continue;
+    if (key != "orders" && key != "cycles" && key != "wavelengths") continue;
     text += " " + key + " " + list_words(value);
   }
   return text;
