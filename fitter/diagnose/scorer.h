@@ -25,7 +25,7 @@ struct BlockScore {
   bool spanned = false;  ///< fitted columns reproduce all of its columns
   std::vector<double> coefficient, sigma;
   std::vector<double> beyond;  ///< coefficients without what fitted columns could do as well
-  std::string objection;  ///< why it is not physical or cannot be known; empty: none
+  std::string objection;       ///< why it is not physical or cannot be known; empty: none
 };
 
 /// Scores any number of blocks against a fit's linearization, without refitting
