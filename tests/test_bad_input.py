@@ -87,6 +87,17 @@ def cell(row: int, column: int, text: str) -> Callable[[str], str]:
     return change
 
 
+def lost(row: int) -> Callable[[str], str]:
+    """Put zeros in place of the position of a file's row (header = 1)."""
+
+    def change(file: str) -> str:
+        for column in (6, 7, 8):
+            file = cell(row, column, "0")(file)
+        return file
+
+    return change
+
+
 def without_last_cell(row: int) -> Callable[[str], str]:
     def change(file: str) -> str:
         lines = file.splitlines()
@@ -143,6 +154,9 @@ CASES = [
     Case("infinity", ["data.csv row 6 column q1", "'-inf'", "a number"], data=cell(6, 0, "-inf")),
     Case("text in a number", ["data.csv row 9 column q2", "'abc'", "a number"], data=cell(9, 1, "abc")),
     Case("empty cell", ["data.csv row 4 column z", "nothing", "a number"], data=cell(4, 8, "")),
+    Case(
+        "lost reflector", ["data.csv row 4 columns x, y, z", "0, 0, 0", "a measured position"], data=lost(4)
+    ),
     Case("ragged row", ["data.csv row 3", "8 cells", "9"], data=without_last_cell(3)),
     Case(
         "degrees for radians",

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <set>
 #include <stdexcept>
 
@@ -53,9 +54,11 @@ std::string how_to_tell(const Candidate& a, const Candidate& b, int joints) {
   return "armtrue plan chooses poses that separate them best";
 }
 
-// "joint 2: 8, 16.1 and 24 cycles a turn": the periods that a table stands for, strongest first.
+// "joint 2: 8, 16.1, 24 cycles a turn", "joint 1: 20 mm": the periods that a table stands for,
+// strongest first.
 std::string periods_of(const JointSpectrum& spectrum) {
-  constexpr double kLowest = 2.5, kWorthNaming = 0.01;
+  constexpr double kLowestOfATurn = 2.5, kWorthNaming = 0.01;
+  const double kLowest = spectrum.slides ? 2.0 * spectrum.resolution : kLowestOfATurn;
   std::vector<std::pair<double, double>> peaks;
   for (std::size_t i = 1; i + 1 < spectrum.power.size(); ++i) {
     const bool top =
@@ -68,11 +71,13 @@ std::string periods_of(const JointSpectrum& spectrum) {
   std::string list;
   for (std::size_t k = 0; k < peaks.size() && k < 3; ++k) {
     char number[16];
-    std::snprintf(number, sizeof number, "%.3g", peaks[k].second);
+    const double cycles = peaks[k].second;
+    std::snprintf(number, sizeof number, "%.3g", spectrum.slides ? 1e3 / cycles : cycles);
     list += (list.empty() ? "" : ", ") + std::string(number);
   }
   return list.empty() ? ""
-                      : "joint " + std::to_string(spectrum.joint) + ": " + list + " cycles a turn";
+                      : "joint " + std::to_string(spectrum.joint) + ": " + list +
+                            (spectrum.slides ? " mm" : " cycles a turn");
 }
 
 void advise_periods(const Diagnosis& d, const Candidate& table, std::vector<std::string>& advice) {
@@ -89,6 +94,14 @@ void advise_periods(const Diagnosis& d, const Candidate& table, std::vector<std:
   }
 }
 
+// "13 cycles a turn", or "waves of 20 mm" of so many cycles a metre.
+std::string line_words(bool slides, double cycles) {
+  char text[48];
+  std::snprintf(text, sizeof text, slides ? "waves of %.6g mm" : "%.6g cycles a turn",
+                slides ? 1e3 / cycles : cycles);
+  return text;
+}
+
 // "armtrue add FIT gear_mesh --joints 5 --option 'cycles=[13]' --out FIT2"
 std::string command_to_add(const EffectRequest& request) {
   std::string joints, options;
@@ -103,17 +116,50 @@ std::string command_to_add(const EffectRequest& request) {
   return "armtrue add FIT " + request.effect + joints + options + " --out FIT2";
 }
 
+// Waves that a joint's grid of positions cannot tell from one of `cycles`, within what is looked
+// for; empty: none.
+std::string same_on_grid(const JointSpectrum& spectrum, double cycles) {
+  constexpr double kMostCycles = 1200.0, kShortestWave = 2e-3;
+  if (spectrum.grid == 0.0) return "";
+  const double period = (spectrum.slides ? 1.0 : 2.0 * std::numbers::pi) / spectrum.grid;
+  std::string list;
+  for (const double other : {period - cycles, period + cycles}) {
+    if (other > (spectrum.slides ? 1.0 / kShortestWave : kMostCycles)) continue;
+    list += (list.empty() ? "" : " and ") + line_words(spectrum.slides, other);
+  }
+  return list;
+}
+
+// What turns so often, and which other waves look the same where the joint stood on a grid.
+void advise_line(const Diagnosis& d, const EffectRequest& request,
+                 std::vector<std::string>& advice) {
+  const bool slides = request.options.contains("wavelengths");
+  if (!slides && !request.options.contains("cycles")) return;
+  const std::string joint = std::to_string(request.joints.front());
+  std::string all;
+  for (const auto& value : request.options[slides ? "wavelengths" : "cycles"]) {
+    const double cycles = slides ? 1.0 / value.get<double>() : value.get<double>();
+    all += (all.empty() ? "" : " and ") + line_words(slides, cycles);
+    for (const JointSpectrum& spectrum : d.spectra) {
+      if (spectrum.joint != request.joints.front()) continue;
+      const std::string others = same_on_grid(spectrum, cycles);
+      if (others.empty()) continue;
+      advice.push_back(
+          "q" + joint + " stands on a grid of " +
+          number_words(slides ? 1e3 * spectrum.grid : spectrum.grid * 180.0 / std::numbers::pi) +
+          (slides ? " mm" : " deg") + ", on which " + others +
+          " look the same: measure poses between to tell");
+    }
+  }
+  advice.push_back(all + " on joint " + joint +
+                   (slides ? ": look for a screw or pinion that travels so far a turn"
+                           : ": look for a gear or bearing of that count"));
+}
+
 void advise_missing(const Diagnosis& d, int joints, std::vector<std::string>& advice) {
   const Candidate& best = *d.recommended();
   advice.push_back("add it: " + command_to_add(best.request));
-  if (best.request.options.contains("cycles")) {
-    std::string cycles;
-    for (const auto& value : best.request.options["cycles"])
-      cycles += (cycles.empty() ? "" : " and ") + number_words(value.get<double>());
-    advice.push_back(cycles + " cycles a turn on joint " +
-                     std::to_string(best.request.joints.front()) +
-                     ": look for a gear or bearing of that count");
-  }
+  advise_line(d, best.request, advice);
   if (find_effect(best.request.effect).generic()) advise_periods(d, best, advice);
   for (const Candidate& other : d.candidates) {
     if (&other == &best) continue;

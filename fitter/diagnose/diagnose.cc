@@ -26,7 +26,8 @@ constexpr double kIndependentShare = 0.5;
 // together can imitate a table.
 constexpr std::size_t kSpectralPeaks = 3;
 constexpr std::size_t kFineNodes = 30, kPairNodes = 7;
-constexpr double kLowestLine = 2.5;  // below this, harmonics and geometry tell the tale
+constexpr double kLowestLine = 2.5;   // below this, harmonics and geometry tell the tale
+constexpr double kFewestWaves = 2.0;  // of a line, over the travel of a joint that slides
 
 std::string percent(double share, const char* form = "%.1f %%") {
   char text[32];
@@ -35,9 +36,10 @@ std::string percent(double share, const char* form = "%.1f %%") {
 }
 
 // What explains a line of a joint's residual, as a request; none where no effect does.
-std::optional<EffectRequest> cause_of_line(int joint, double cycles) {
+std::optional<EffectRequest> cause_of_line(const EffectContext& context, int joint, double cycles) {
   for (const Effect* effect : effect_catalogue()) {
-    if (std::optional<EffectRequest> request = effect->as_line(joint, cycles)) return request;
+    if (std::optional<EffectRequest> request = effect->as_line(context, joint, cycles))
+      return request;
   }
   return std::nullopt;
 }
@@ -46,8 +48,32 @@ std::optional<EffectRequest> cause_of_line(int joint, double cycles) {
 std::size_t lines_on(const Fit& fit, int joint) {
   return static_cast<std::size_t>(
       std::ranges::count_if(removable_effects(fit), [&](const EffectRequest& request) {
-        return request.options.contains("cycles") && request.joints == std::vector{joint};
+        return (request.options.contains("cycles") || request.options.contains("wavelengths")) &&
+               request.joints == std::vector{joint};
       }));
+}
+
+// Whether the catalogue's own orders of a joint cover so many cycles, as the joint's grid shows
+// them.
+bool is_known_order(const Fit& fit, const JointSpectrum& spectrum, double cycles) {
+  const Joint& joint = fit.robot().joints[static_cast<std::size_t>(spectrum.joint - 1)];
+  const double once =
+      spectrum.slides ? (joint.lead > 0.0 ? 1.0 / joint.lead : 0.0) : joint.gear_ratio;
+  if (once <= 0.0) return false;
+  const std::vector<double> orders =
+      spectrum.slides ? std::vector<double>{1.0, 2.0} : std::vector<double>{0.5, 1.0, 2.0, 4.0};
+  return std::ranges::any_of(orders, [&](double order) {
+    const double apart =
+        std::min(std::abs(cycles - order * once), std::abs(cycles - spectrum.folded(order * once)));
+    return apart < 0.5 * spectrum.resolution;
+  });
+}
+
+// Fewest cycles of a line: what makes hardly a wave over the joint's range is a bend that geometry
+// and harmonics have, too.
+double fewest_cycles(const JointSpectrum& spectrum) {
+  return spectrum.slides ? kFewestWaves * spectrum.resolution
+                         : std::max(kLowestLine, spectrum.resolution);
 }
 
 // Lines of the spectra as candidates, where the catalogue's own orders do not cover them already.
@@ -59,21 +85,17 @@ std::vector<EvidenceBlock> spectral_blocks(const Fit& fit, const Linearization& 
     const std::size_t standing = lines_on(fit, spectrum.joint);
     if (standing >= kSpectralPeaks) continue;
     lines += static_cast<double>(spectrum.cycles.size()) / 4.0;
-    const double ratio =
-        fit.robot().joints[static_cast<std::size_t>(spectrum.joint - 1)].gear_ratio;
     for (const SpectralPeak& peak :
          highest_peaks(spectrum, linearization, fit.state(), kSpectralPeaks - standing)) {
-      // What makes less than one wave over the joint's range is a bend that harmonics have, too.
-      if (peak.cycles < std::max(kLowestLine, spectrum.resolution)) continue;
-      const double width = 0.5 * spectrum.resolution;
-      const auto known = [&](double order) {
-        return ratio > 0.0 && std::abs(peak.cycles - order * ratio) < width;
-      };
-      if (known(0.5) || known(1.0) || known(2.0) || known(4.0)) continue;
+      if (peak.cycles < fewest_cycles(spectrum) || is_known_order(fit, spectrum, peak.cycles))
+        continue;
       const double whole = std::round(peak.cycles);
       const double cycles =
-          std::abs(peak.cycles - whole) < 0.3 * spectrum.resolution ? whole : peak.cycles;
-      const std::optional<EffectRequest> cause = cause_of_line(spectrum.joint, cycles);
+          !spectrum.slides && std::abs(peak.cycles - whole) < 0.3 * spectrum.resolution
+              ? whole
+              : peak.cycles;
+      const std::optional<EffectRequest> cause =
+          cause_of_line(fit.context(), spectrum.joint, cycles);
       if (!cause) continue;
       EvidenceBlock block;
       block.request = *cause;

@@ -106,6 +106,24 @@ TEST(Scorer, WhatIsSpannedIsSoHoweverItWasFound) {
   EXPECT_TRUE(Scorer(*fit, linearization).score({block}).front().spanned);
 }
 
+TEST(Scorer, CoefficientsBeyondTheFitLeaveOutWhatTheFitCouldDoAsWell) {
+  // Beside its table, what a rail had left was told as an arch of 605 um: all but 117 um of it
+  // could be the table's, and so had any size.
+  const double size = 1e-4;
+  const auto custom = [](const std::string& expression) -> json {
+    return {{"name", "wave"}, {"coordinate", "motor5"}, {"expression", expression}, {"bound", 1.0}};
+  };
+  json hidden = custom("sin(13*q5)");
+  hidden["effect"] = "custom";
+  const auto fit = believed(3, hidden, size);
+  // The joint's zero carries the constant.
+  const BlockScore mixed = score_of(*fit, {"custom", {}, custom("1 + 0.05*sin(13*q5)")});
+  EXPECT_NEAR(mixed.coefficient.front(), size / 0.05, 0.1 * size / 0.05);
+  EXPECT_LT(std::abs(mixed.beyond.front()), 3.0 * size);
+  const BlockScore plain = score_of(*fit, {"custom", {}, custom("sin(13*q5)")});
+  EXPECT_NEAR(plain.beyond.front(), plain.coefficient.front(), 0.05 * size);
+}
+
 TEST(Spectrum, FindsAPeriodThatNobodyKnewAmongRandomPoses) {
   const auto fit = believed(3,
                             {{"effect", "custom"},
@@ -128,6 +146,78 @@ TEST(Spectrum, FindsAPeriodThatNobodyKnewAmongRandomPoses) {
   EXPECT_EQ(joint, 5);
   EXPECT_NEAR(cycles, 13.0, 0.1);
   EXPECT_GT(strongest, 0.5);
+}
+
+// A fit of geometry alone to an arm whose first joint slides on a screw of 20 mm that is off by
+// 100 um once a turn; its positions are multiples of `grid`, if any.
+std::unique_ptr<Fit> on_a_screw(double grid) {
+  Random random(6);
+  json robot = testing::random_chain(random, 5, {0});
+  robot["kinematics"]["joints"][0].erase("gear_ratio");
+  const json wave = {{"effect", "custom"},
+                     {"name", "screw"},
+                     {"coordinate", "motor1"},
+                     {"expression", "sin(2*pi*q1/0.02)"},
+                     {"bound", 1.0}};
+  json truth = testing::geometry_model();
+  truth["effects"].push_back(wave);
+  const testing::ProblemOptions options{200, false, 1, kNoise, 2e-5, {}};
+  Problem p(robot, truth, options, random,
+            [](const Parameter& q) { return q.effect == "custom" ? 1e-4 : 0.0; });
+  if (grid > 0.0) {
+    for (double& q : p.columns["q1"]) q = grid * std::round(q / grid);
+    State::Columns columns = p.columns;
+    const State state(p.robot, columns, p.kinematics->tool(0).translation());
+    const EffectContext context{state, 1, false};
+    Model model = build_model(ModelSpecification::from_json(truth), context);
+    for (Parameter& q : model.parameters) q.value = q.effect == "custom" ? 1e-4 : 0.0;
+    testing::set_measured(
+        predict_poses(state, std::vector<int>(options.rows, 0), model, *p.kinematics), false,
+        p.columns);
+  }
+  return Fit::run(p.robot, p.columns, ModelSpecification::from_json(testing::geometry_model()), {});
+}
+
+TEST(Spectrum, OverASlideFindsTheLengthOfAScrewsWave) {
+  const auto fit = on_a_screw(0.0);
+  const Linearization linearization = linearize(*fit);
+  const std::vector<JointSpectrum> spectra = joint_spectra(linearization, fit->state());
+  ASSERT_EQ(spectra.front().joint, 1);
+  EXPECT_TRUE(spectra.front().slides);
+  const std::vector<SpectralPeak> peaks =
+      highest_peaks(spectra.front(), linearization, fit->state(), 1);
+  ASSERT_EQ(peaks.size(), 1u);
+  EXPECT_NEAR(1.0 / peaks.front().cycles, 0.02, 1e-12);  // the roundest length there
+  EXPECT_NEAR(peaks.front().amplitude, 1e-4, 1e-5);
+}
+
+TEST(Spectrum, OverASlideThatStoodOnAGridEndsAtTwoStepsOfIt) {
+  const auto fit = on_a_screw(0.016);
+  const Linearization linearization = linearize(*fit);
+  const JointSpectrum spectrum = joint_spectra(linearization, fit->state()).front();
+  EXPECT_NEAR(spectrum.grid, 0.016, 1e-9);
+  EXPECT_GE(1.0 / spectrum.cycles.back(), 2.0 * 0.016);
+  // 62.5 steps a metre: 50 cycles look like 12.5.
+  EXPECT_NEAR(spectrum.folded(50.0), 12.5, 1e-9);
+  const std::vector<SpectralPeak> peaks = highest_peaks(spectrum, linearization, fit->state(), 1);
+  ASSERT_EQ(peaks.size(), 1u);
+  EXPECT_NEAR(peaks.front().cycles, 12.5, 0.1);
+}
+
+TEST(Diagnose, AScrewsWaveIsNamedAndNotTheJointsScatter) {
+  const auto fit = on_a_screw(0.0);
+  const Diagnosis d = diagnose(*fit, {}, Observer::none());
+  ASSERT_NE(d.recommended(), nullptr);
+  EXPECT_EQ(label(d.recommended()->request), "gear_mesh 1 wavelengths [0.02]");
+  for (const std::string& line : d.advice)
+    EXPECT_EQ(line.find("repeats to"), std::string::npos) << line;
+}
+
+TEST(Refine, AScrewsWaveHasItsProbabilityThoughNoLeadIsKnown) {
+  const std::vector<RefineStep> steps = refine(on_a_screw(0.0), {}, Observer::none());
+  const json effects = steps.back().document()["effects"];
+  EXPECT_EQ(effects.back()["wavelengths"], json({0.02}));
+  EXPECT_GT(effects.back().value("probability", 0.0), 0.99);
 }
 
 TEST(Structure, NamesTheVariablesOfWhatNoEffectIs) {

@@ -106,7 +106,8 @@ json Diagnosis::to_json(const Fit& fit) const {
                                  {"resolution", s.resolution},
                                  {"cycles", s.cycles},
                                  {"explained", s.power},
-                                 {"amplitude_rad", s.amplitude}});
+                                 {"per", s.slides ? "m" : "turn"},
+                                 {s.slides ? "amplitude_m" : "amplitude_rad", s.amplitude}});
   }
   return result;
 }

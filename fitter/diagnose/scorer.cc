@@ -15,6 +15,9 @@ namespace {
 // Directions of a block of which less than this share survives the projection are the fit's own, to
 // rounding.
 constexpr double kSmallestShare = 1e-7;
+// Directions of a block of which hardly more than this share survives may have any coefficient:
+// they are left out of what the block does beyond the fit.
+constexpr double kHardlyTold = 0.02;
 // A column so much smaller than another of its block is rounding: of a link that hangs plumb, or of
 // a lever that is none.
 constexpr double kMovesNothing = 1e-9;
@@ -67,6 +70,17 @@ Eigen::VectorXd prior_units(const Block& block, const Eigen::VectorXd& scale) {
     if (units[c] <= 0.0) return {};
   }
   return units;
+}
+
+// Coefficients that explain `gradient` with as little as can be of what the fit could do as well.
+// `beyond`: the squares of the columns after the projection, `own`: before it, both scaled.
+Eigen::VectorXd coefficients_beyond(const Eigen::MatrixXd& beyond, const Eigen::MatrixXd& own,
+                                    const Eigen::VectorXd& gradient) {
+  Eigen::MatrixXd ridge = beyond + kHardlyTold * own;
+  for (Eigen::Index c = 0; c < ridge.cols(); ++c) {
+    if (ridge(c, c) <= 0.0) ridge(c, c) = 1.0;  // a column that moves nothing
+  }
+  return -ScaledCholesky(ridge).solve(gradient);
 }
 
 }  // namespace
@@ -127,7 +141,8 @@ BlockScore Scorer::judge(const Block& block, const Eigen::MatrixXd& columns,
   for (Eigen::Index c = 0; c < width; ++c)
     scale[c] = norm[c] > kMovesNothing * norm.maxCoeff() ? 1.0 / norm[c] : 0.0;
   const Eigen::MatrixXd half = factor_.half_solve(cross);
-  const Eigen::MatrixXd beyond = square(columns) - square(half);
+  const Eigen::MatrixXd own = square(columns);
+  const Eigen::MatrixXd beyond = own - square(half);
   const Eigen::VectorXd gradient_by_unit =
       columns.transpose() * white_ - cross.transpose() * correction_;
   Eigen::MatrixXd information = scale.asDiagonal() * beyond * scale.asDiagonal();
@@ -137,6 +152,11 @@ BlockScore Scorer::judge(const Block& block, const Eigen::MatrixXd& columns,
   for (Eigen::Index c = 0; c < width; ++c) {
     if (scale[c] > 0.0) score.separability = std::min(score.separability, information(c, c));
   }
+
+  const Eigen::VectorXd told = scale.cwiseProduct(
+      coefficients_beyond(information, scale.asDiagonal() * own * scale.asDiagonal(),
+                          scale.cwiseProduct(gradient_by_unit)));
+  score.beyond.assign(told.begin(), told.end());
 
   const double n = static_cast<double>(white_.size());
   const double variance = white_.squaredNorm() / l_.freedom;

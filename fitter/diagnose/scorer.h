@@ -24,7 +24,8 @@ struct BlockScore {
       0.0;               ///< of its columns, the smallest share that fitted ones cannot reproduce
   bool spanned = false;  ///< fitted columns reproduce all of its columns
   std::vector<double> coefficient, sigma;
-  std::string objection;  ///< why it is not physical or cannot be known; empty: none
+  std::vector<double> beyond;  ///< coefficients without what fitted columns could do as well
+  std::string objection;       ///< why it is not physical or cannot be known; empty: none
 };
 
 /// Scores any number of blocks against a fit's linearization, without refitting

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <utility>
 
 namespace armtrue {
 namespace {
@@ -12,26 +13,50 @@ constexpr double kMostCycles = 600.0;
 constexpr double kUnknownRatioCycles = 300.0;
 constexpr double kWideCycles = 1200.0;
 constexpr double kOversampling = 4.0;
+constexpr double kLeastTurned = 0.2;  // [rad]
+// Waves over a joint's travel: from half of one to a thousand, which leaves a spectrum short enough
+// to draw; no screw has a lead below 2 mm.
+constexpr double kFewestWaves = 0.5, kMostWaves = 1000.0, kShortestWave = 2e-3;
+constexpr double kLeastTravel = 10.0 * kShortestWave;
+constexpr double kFinestGrid = 1e-5;  // [rad or m]: finer steps alias to nothing that is looked for
 
-// Of every row: joint angle, the residual along the joint's column, and that column's square.
+// Of every row: joint angle (of a joint that slides 2 pi times its position, so that cycles a metre
+// are to it what cycles a turn are to an angle), the residual along the joint's column, and that
+// column's square.
 struct JointSeries {
   std::vector<double> angle, product, weight;
-  double range = 0.0, total = 0.0;
+  double range = 0.0, total = 0.0;  // range: [rad or m]
 };
+
+// The step that all differences of `values` are multiples of, by Euclid's algorithm.
+double grid_of(const std::vector<double>& values) {
+  double step = 0.0;
+  for (const double value : values) {
+    double rest = std::abs(value - values.front());
+    while (rest > kFinestGrid) {
+      double left = std::fmod(step, rest);
+      if (rest - left < kFinestGrid) left = 0.0;
+      step = std::exchange(rest, left);
+    }
+  }
+  return step;
+}
 
 JointSeries joint_series(const Linearization& l, const State& state, int joint) {
   JointSeries series;
+  const Joint& nominal = state.robot().joints[static_cast<std::size_t>(joint - 1)];
+  const double scale = nominal.prismatic ? 2.0 * std::numbers::pi : 1.0;
   const auto column = l.geometry.col(l.layout.motor(joint - 1));
   const auto n = static_cast<std::size_t>(state.robot().joint_count());
   const int h = l.height;
   for (std::size_t r = 0; r < l.rows(); ++r) {
     const Eigen::Index at = static_cast<Eigen::Index>(r) * h;
-    series.angle.push_back(state.joints()[r * n + static_cast<std::size_t>(joint - 1)]);
+    series.angle.push_back(scale * state.joints()[r * n + static_cast<std::size_t>(joint - 1)]);
     series.product.push_back(column.segment(at, h).dot(l.residual.segment(at, h)));
     series.weight.push_back(column.segment(at, h).squaredNorm());
   }
   const auto [low, high] = std::minmax_element(series.angle.begin(), series.angle.end());
-  series.range = *high - *low;
+  series.range = (*high - *low) / scale;
   series.total = l.residual.squaredNorm();
   return series;
 }
@@ -67,28 +92,38 @@ double cycles_by_ratio(const Joint& nominal, double resolution) {
                                                         : kUnknownRatioCycles);
 }
 
+// Lowest and highest cycles a metre of a joint that slides over `travel` [m].
+std::pair<double, double> cycles_of_travel(double travel, double grid) {
+  const double shortest = std::max({kShortestWave, travel / kMostWaves, 2.0 * grid});
+  return {kFewestWaves / travel, 1.0 / shortest};
+}
+
 template <typename MostCycles>
 std::vector<JointSpectrum> spectra_up_to(const Linearization& linearization, const State& state,
                                          const MostCycles& most_cycles) {
   std::vector<JointSpectrum> spectra;
   for (int joint = 1; joint <= state.robot().joint_count(); ++joint) {
     const Joint& nominal = state.robot().joints[static_cast<std::size_t>(joint - 1)];
-    if (nominal.prismatic) continue;
     const JointSeries series = joint_series(linearization, state, joint);
-    if (series.range < 0.2) continue;
+    if (series.range < (nominal.prismatic ? kLeastTravel : kLeastTurned)) continue;
     JointSpectrum spectrum;
     spectrum.joint = joint;
-    spectrum.resolution = 2.0 * std::numbers::pi / series.range;
+    spectrum.slides = nominal.prismatic;
+    spectrum.resolution = (nominal.prismatic ? 1.0 : 2.0 * std::numbers::pi) / series.range;
+    spectrum.grid = grid_of(state.column("q" + std::to_string(joint)));
     const double step = spectrum.resolution / kOversampling;
-    const double most = most_cycles(nominal, spectrum.resolution);
-    const auto lines = static_cast<std::size_t>((most - kLeastCycles) / step) + 1;
+    const auto [least, most] =
+        nominal.prismatic ? cycles_of_travel(series.range, spectrum.grid)
+                          : std::pair{kLeastCycles, most_cycles(nominal, spectrum.resolution)};
+    if (most <= least) continue;  // a grid too coarse for any wave
+    const auto lines = static_cast<std::size_t>((most - least) / step) + 1;
     // Each row's phase is turned on from line to line instead of taking sines anew; double
     // precision holds that to 1e-12.
     const std::size_t rows = series.angle.size();
     std::vector<double> s(rows), c(rows), ds(rows), dc(rows);
     for (std::size_t i = 0; i < rows; ++i) {
-      s[i] = std::sin(kLeastCycles * series.angle[i]);
-      c[i] = std::cos(kLeastCycles * series.angle[i]);
+      s[i] = std::sin(least * series.angle[i]);
+      c[i] = std::cos(least * series.angle[i]);
       ds[i] = std::sin(step * series.angle[i]);
       dc[i] = std::cos(step * series.angle[i]);
     }
@@ -105,7 +140,7 @@ std::vector<JointSpectrum> spectra_up_to(const Linearization& linearization, con
         s[i] = turned;
       }
       const Power power = power_from_sums(ys, yc, ss, sc, cc, series.total);
-      spectrum.cycles.push_back(kLeastCycles + static_cast<double>(line) * step);
+      spectrum.cycles.push_back(least + static_cast<double>(line) * step);
       spectrum.power.push_back(power.share);
       spectrum.amplitude.push_back(power.amplitude);
     }
@@ -114,7 +149,24 @@ std::vector<JointSpectrum> spectra_up_to(const Linearization& linearization, con
   return spectra;
 }
 
+// The roundest length of a wave whose power is that of the best within the latter's own scatter.
+double with_round_length(const JointSeries& series, double cycles) {
+  const double best = power_at(series, cycles).share;
+  const double within = (1.0 - best) / static_cast<double>(series.angle.size());
+  for (const double step : {1e-3, 5e-4, 1e-4, 5e-5, 1e-5, 1e-6}) {
+    const double length = std::max(1.0, std::round(1.0 / (cycles * step))) * step;
+    if (best - power_at(series, 1.0 / length).share <= within) return 1.0 / length;
+  }
+  return cycles;
+}
+
 }  // namespace
+
+double JointSpectrum::folded(double line) const {
+  if (grid == 0.0) return line;
+  const double period = (slides ? 1.0 : 2.0 * std::numbers::pi) / grid;
+  return std::abs(line - std::round(line / period) * period);
+}
 
 std::vector<JointSpectrum> joint_spectra(const Linearization& linearization, const State& state) {
   return spectra_up_to(linearization, state, cycles_by_ratio);
@@ -147,7 +199,8 @@ std::vector<SpectralPeak> highest_peaks(const JointSpectrum& spectrum,
       (power_at(series, a).share > power_at(series, b).share ? high : low) =
           power_at(series, a).share > power_at(series, b).share ? b : a;
     }
-    const double cycles = (low + high) / 2.0;
+    const double finest = (low + high) / 2.0;
+    const double cycles = spectrum.slides ? with_round_length(series, finest) : finest;
     const Power power = power_at(series, cycles);
     peaks.push_back({spectrum.joint, cycles, power.share, power.amplitude});
   }

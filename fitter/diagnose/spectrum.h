@@ -7,13 +7,19 @@
 
 namespace armtrue {
 
-/// Power of the joint-equivalent residual of one joint over cycles per joint turn.
+/// Power of the joint-equivalent residual of one joint over cycles per joint turn, or per metre
+/// where the joint slides.
 struct JointSpectrum {
   int joint = 1;            ///< 1-based
-  double resolution = 1.0;  ///< cycles per turn that the joint's range can tell apart
+  bool slides = false;      ///< cycles and resolution are per metre, amplitudes metres
+  double resolution = 1.0;  ///< cycles that the joint's range can tell apart
+  double grid = 0.0;        ///< step of the grid that the joint's positions lie on [rad or m]; or 0
   std::vector<double> cycles;
   std::vector<double> power;      ///< share of Σ r² that a sine and cosine of that period explain
-  std::vector<double> amplitude;  ///< [rad]
+  std::vector<double> amplitude;  ///< [rad or m]
+
+  /// The lowest number of cycles that the grid cannot tell from `line`; itself without a grid.
+  double folded(double line) const;
 };
 
 struct SpectralPeak {
@@ -23,14 +29,15 @@ struct SpectralPeak {
 
 /// Weighted least-squares periodogram (Lomb–Scargle generalised to vector residuals): random poses
 /// do no harm to it. From half a cycle a turn to twice the gear ratio, at most 600 cycles; 300
-/// where no ratio is given.
+/// where no ratio is given. Of a joint that slides: waves from twice its travel down to a
+/// thousandth of it, 2 mm at the shortest, and not below two steps of a grid.
 std::vector<JointSpectrum> joint_spectra(const Linearization& linearization, const State& state);
 /// The same up to 1200 cycles a turn, whatever the gear ratios are said to be.
 std::vector<JointSpectrum> wide_joint_spectra(const Linearization& linearization,
                                               const State& state);
 
-/// The highest separate peaks of a spectrum, strongest first, each refined between the grid's
-/// lines.
+/// The highest separate peaks of a spectrum, strongest first, each refined between the spectrum's
+/// lines. Lengths of waves are the roundest that the residual cannot tell from the best.
 std::vector<SpectralPeak> highest_peaks(const JointSpectrum& spectrum,
                                         const Linearization& linearization, const State& state,
                                         std::size_t count);

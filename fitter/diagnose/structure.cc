@@ -239,7 +239,7 @@ void describe_shape(const Scorer& scorer, StructureFinding& finding,
     const double x = first.middle + first.half * (i / 20.0 - 1.0);
     double y = 0.0;
     for (std::size_t p = 0; p < parameters.size(); ++p) {
-      y += finding.score.coefficient[p] *
+      y += finding.score.beyond[p] *
            parameters[p].terms.front().basis.evaluate([&](const std::string& name) {
              if (name == first.name) return x;
              for (const StructureVariable* v : variables) {
@@ -251,8 +251,7 @@ void describe_shape(const Scorer& scorer, StructureFinding& finding,
     finding.x.push_back(x);
     finding.y.push_back(y);
   }
-  // Zero and scale of the joint itself carry mean and slope, and beside base and tool the data may
-  // hardly know them: what is drawn is the rest.
+  // Zero and scale of the joint itself carry mean and slope: what is drawn is the rest.
   if (variables.size() == 1 && finding.coordinate == "motor" + first.name.substr(1))
     take_out_line(finding.x, finding.y);
   const auto [low, high] = std::minmax_element(finding.y.begin(), finding.y.end());

@@ -112,7 +112,9 @@ class Effect {
   virtual std::vector<std::string> searched_options() const { return {}; }
   /// Options that tell two findings of one effect on one joint apart, and stand in its label;
   /// others are forms of one finding.
-  virtual std::vector<std::string> told_apart_by() const { return {"orders", "cycles"}; }
+  virtual std::vector<std::string> told_apart_by() const {
+    return {"orders", "cycles", "wavelengths"};
+  }
   /// Next finer forms of a request whose options held-out error has to choose: of a request that
   /// leaves them open the coarsest form alone, of a closed one those one step finer, none where the
   /// data carry no more. An effect without such options has none.
@@ -139,9 +141,11 @@ class Effect {
                                            const std::vector<int>& joints) const;
   /// A parameter as people know it: "axis 2's zero"; its name where there is no better word.
   virtual std::string describe(const Parameter& parameter) const;
-  /// The effect as it would explain a line of so many cycles a turn in a joint's residual; none
-  /// where it is no such cause.
-  virtual std::optional<EffectRequest> as_line(int, double) const { return std::nullopt; }
+  /// The effect as it would explain a line of so many cycles a turn (a metre, where the joint
+  /// slides) in a joint's residual; none where it is no such cause.
+  virtual std::optional<EffectRequest> as_line(const EffectContext&, int, double) const {
+    return std::nullopt;
+  }
   /// Terms for validated joints.
   virtual EffectTerms build(const EffectContext& context, const EffectRequest& request) const = 0;
   /// Blocks that the diagnosis tries, each on its own; default: one for each joint of

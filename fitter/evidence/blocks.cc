@@ -433,12 +433,12 @@ std::vector<EffectRequest> removable_effects(const Fit& fit) {
   std::vector<EffectRequest> result;
   for (const EffectRequest& entry : fit.specification().effects) {
     if (is_geometry(entry.effect)) continue;
-    for (EffectRequest& part : parts_of(fit.context(), entry)) {
-      // What no search proposes (a user's own terms, the grid) is not the search's to take out.
-      const Effect& effect = find_effect(entry.effect);
-      const bool is_line = !part.joints.empty() && effect.as_line(part.joints.front(), 1.0);
-      if (is_line || !effect.candidates(fit.context()).empty()) result.push_back(std::move(part));
-    }
+    // What is no candidate of the catalogue (a user's own terms, the grid), nor of a spectrum, is
+    // not the search's to take out.
+    const Effect& effect = find_effect(entry.effect);
+    if (effect.candidates(fit.context()).empty() && !effect.as_line(fit.context(), 1, 1.0))
+      continue;
+    for (EffectRequest& part : parts_of(fit.context(), entry)) result.push_back(std::move(part));
   }
   return result;
 }

@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <numbers>
 
 namespace armtrue {
 namespace {
@@ -33,7 +34,14 @@ Joint common_fields(const json& row) {
   joint.name = row.value("name", "");
   joint.prismatic = row.value("type", "revolute") == "prismatic";
   joint.offset = optional_number(row, "offset", 0.0);
-  joint.gear_ratio = optional_number(row, "gear_ratio", 0.0);
+  const double ratio = optional_number(row, "gear_ratio", 0.0);
+  if (joint.prismatic) {
+    // Older files state a slide's gear_ratio, the motor's radians a metre.
+    const double of_ratio = ratio != 0.0 ? 2.0 * std::numbers::pi / std::abs(ratio) : 0.0;
+    joint.lead = optional_number(row, "lead", of_ratio);
+  } else {
+    joint.gear_ratio = ratio;
+  }
   if (row.contains("limits") && !row["limits"].is_null()) {
     joint.lower = row["limits"].at(0);
     joint.upper = row["limits"].at(1);

@@ -36,10 +36,12 @@ def name(entry: dict[str, Any]) -> str:
     joints = entry.get("joints") or []
     options = options_of(entry)
     cycles = ", ".join(f"{value:g}" for value in options.get("cycles") or [])
+    lengths = ", ".join(f"{1e3 * value:g}" for value in options.get("wavelengths") or [])
     return (
         str(entry["effect"])
         + (f" [{joint_words(joints)}]" if joints else "")
         + (f" {cycles} cycles a turn" if cycles else "")
+        + (f" waves of {lengths} mm" if lengths else "")
     )
 
 
@@ -69,7 +71,7 @@ def joint_words(joints: list[int]) -> str:
 
 def entry_of(label: str) -> dict[str, Any]:
     """Effect, joints and options of a candidate that the diagnosis names as `gear_mesh 3 orders [13]`."""
-    found = re.fullmatch(r"(\S+)(?: ([\d,]+))?(?: (orders|cycles) (\[.*\]))?", label)
+    found = re.fullmatch(r"(\S+)(?: ([\d,]+))?(?: (orders|cycles|wavelengths) (\[.*\]))?", label)
     if found is None:
         return {"effect": label}
     joints = [int(joint) for joint in found[2].split(",")] if found[2] else []

@@ -409,7 +409,7 @@ def argument_of(candidate: str) -> str:
 
 _CANDIDATE = re.compile(
     r"(?P<effect>\w+)(?:[ :](?P<joints>\d+(?:[ ,]\d+)*))?"
-    r"(?:[ :](?P<option>cycles|orders)[ =]\[?(?P<values>\d[-+.\de]*(?:,\d[-+.\de]*)*)\]?)?"
+    r"(?:[ :](?P<option>cycles|orders|wavelengths)[ =]\[?(?P<values>\d[-+.\de]*(?:,\d[-+.\de]*)*)\]?)?"
     r"(?:[ :]sensor[ =](?P<sensor>.+))?"
 )
 
@@ -424,7 +424,7 @@ def _name(entry: Mapping[str, Any]) -> str:
     text = str(entry["effect"])
     if entry.get("joints"):
         text += " " + ",".join(map(str, entry["joints"]))
-    for key in ("cycles", "orders"):
+    for key in ("cycles", "orders", "wavelengths"):
         if key in entry:
             text += f" {key} [{','.join(f'{value:.6g}' for value in entry[key])}]"
     return text

@@ -147,6 +147,8 @@ def variant_of(robot: dict[str, Any], seed: int) -> dict[str, Any]:
                 joint[key] = float(joint[key] * size * rng.uniform(0.75, 1.3))
         if joint.get("gear_ratio"):
             joint["gear_ratio"] = round(float(joint["gear_ratio"] * rng.uniform(0.6, 1.7)), 2)
+        if joint.get("lead"):
+            joint["lead"] = round(float(joint["lead"] / rng.uniform(0.6, 1.7)), 4)
         if joint.get("type", "revolute") == "revolute":
             low, high = joint["limits"]
             narrower = (high - low) * rng.uniform(0.0, 0.12, 2)

@@ -30,15 +30,18 @@ class AxisStraightness final : public Effect {
     return lacking;
   }
 
-  // Along the rail, its own z, an error is of position and no crookedness. A mean and a slope are
-  // geometry: the prior leaves them to it.
+  // Along the rail, its own z, an error is of position and no crookedness. Where the rail begins,
+  // how it lies there and where it leads to is geometry, so shifts are those from the line through
+  // both ends, and turns those from the first end (ISO 230-1). Fitted beside geometry, they would
+  // be known by their priors alone.
   EffectTerms build(const EffectContext& context, const EffectRequest& request) const override {
     EffectTerms terms;
     for (const int k : request.joints) {
       const std::string q = "q" + std::to_string(k);
       const std::vector<double> nodes = nodes_over(context.state.column(q), 1e9, kNodes);
       for (const int c : {0, 1, 3, 4, 5}) {
-        for (std::size_t i = 0; i < nodes.size(); ++i) {
+        const std::size_t last = c < 3 ? nodes.size() - 1 : nodes.size();
+        for (std::size_t i = 1; i < last; ++i) {
           terms.parameters.push_back(single_term(
               id(), {k}, kComponentNames[c] + ("_" + std::to_string(i + 1)), c < 3 ? "m" : "rad",
               c < 3 ? kFurthest : kLargest, on_link(k, c), hat_expression(q, nodes, i)));

@@ -58,7 +58,8 @@ Sight line_of_sight(const EffectContext& context) {
            Expression::number(context.instrument[axis]).to_string() + "))";
   };
   Sight s{from("x", 0), from("y", 1), from("z", 2), "", ""};
-  const std::string level = s.x + "^2 + " + s.y + "^2";
+  // A point at the instrument itself has no direction: a micrometre keeps what it gives finite.
+  const std::string level = s.x + "^2 + " + s.y + "^2 + 1e-12";
   s.across = "sqrt(" + level + ")";
   s.distance = "sqrt(" + level + " + " + s.z + "^2)";
   return s;

@@ -16,6 +16,25 @@ class GearHarmonics final : public Effect {
     return {{"orders", "[int]", "cycles per joint turn, default [1, 2]"}};
   }
 
+  std::vector<std::string> missing(const EffectContext& context,
+                                   const std::vector<int>& joints) const override {
+    std::vector<std::string> lacking;
+    for (const int k : joints) {
+      if (context.prismatic(k))
+        lacking.push_back("a revolute joint " + std::to_string(k) +
+                          " (waves over a slide are gear_mesh's, with its lead)");
+    }
+    return lacking;
+  }
+
+  std::vector<int> default_joints(const EffectContext& context) const override {
+    std::vector<int> joints;
+    for (int k = 1; k <= context.joint_count(); ++k) {
+      if (!context.prismatic(k)) joints.push_back(k);
+    }
+    return joints;
+  }
+
   EffectTerms build(const EffectContext&, const EffectRequest& request) const override {
     EffectTerms terms;
     const std::vector<int> orders = request.options.value("orders", std::vector<int>{1, 2});
@@ -35,9 +54,7 @@ class GearHarmonics final : public Effect {
 
   std::vector<EffectRequest> candidates(const EffectContext& context) const override {
     std::vector<EffectRequest> result;
-    for (int k = 1; k <= context.joint_count(); ++k) {
-      if (!context.prismatic(k)) result.push_back({id(), {k}});
-    }
+    for (const int k : default_joints(context)) result.push_back({id(), {k}});
     return result;
   }
 

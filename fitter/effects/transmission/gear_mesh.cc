@@ -1,79 +1,80 @@
+#include <algorithm>
+#include <cstdio>
+#include <numbers>
+
 #include "fitter/effects/effect.h"
 
 namespace armtrue {
 namespace {
 
+// A wave over a joint: its name among the joint's waves, and its cycles a turn, or, of a joint that
+// slides, its length [m].
+struct Wave {
+  std::string label;
+  double period;
+};
+
 class GearMesh final : public Effect {
  public:
   std::string id() const override { return "gear_mesh"; }
   std::string summary() const override {
-    return "errors once or twice per motor turn, or of a stage in between";
+    return "errors once or twice per turn of a motor, screw or pinion, or of a stage in between";
   }
   JointRule joint_rule() const override { return JointRule::kEach; }
   std::string bound_text() const override {
-    return "2.5e-3 rad: 5 to 40 arcsec usual, strain-wave gears up to 1 arcmin";
+    return "2.5e-3 rad: 5 to 40 arcsec usual, strain-wave gears up to 1 arcmin; of a joint that "
+           "slides 5e-4 m: ball screws of ISO 3408 wobble by 3 to 10 um a turn, worn or bent ones "
+           "and pinions off their centre by 100 um";
   }
 
   std::vector<EffectOption> options() const override {
-    return {{"orders", "[number]", "cycles per motor turn, default [1]"},
+    return {{"orders", "[number]",
+             "cycles per motor turn (where the joint slides: per turn of its screw or pinion), "
+             "default [1]"},
             {"ratio", "number", "motor turns per joint turn, default robot.yaml's gear_ratio"},
             {"cycles", "[number]", "cycles per joint turn, in place of orders and ratio"},
-            {"find", "bool", "fine-tune the cycles to the data, starting from these"}};
-  }
-
-  std::vector<std::string> missing(const EffectContext& context,
-                                   const std::vector<int>& joints) const override {
-    std::vector<std::string> lacking;
-    for (const int k : joints) {
-      if (context.prismatic(k)) lacking.push_back("a revolute joint " + std::to_string(k));
-    }
-    return lacking;
+            {"lead", "m",
+             "of a joint that slides: travel per turn of its screw or pinion, default robot.yaml's "
+             "lead"},
+            {"wavelengths", "[m]",
+             "of a joint that slides: lengths of the waves, in place of orders and lead"},
+            {"find", "bool", "fine-tune cycles or wavelengths to the data, starting from these"}};
   }
 
   std::vector<int> default_joints(const EffectContext& context) const override {
     std::vector<int> joints;
     for (int k = 1; k <= context.joint_count(); ++k) {
-      if (!context.prismatic(k) && ratio_of(context, k) > 0.0) joints.push_back(k);
+      if (turn_of(context, k) > 0.0) joints.push_back(k);
     }
     return joints;
   }
 
-  std::optional<EffectRequest> as_line(int joint, double cycles) const override {
+  std::optional<EffectRequest> as_line(const EffectContext& context, int joint,
+                                       double cycles) const override {
+    if (context.prismatic(joint))
+      return EffectRequest{id(), {joint}, {{"wavelengths", {1.0 / cycles}}}};
     return EffectRequest{id(), {joint}, {{"cycles", {cycles}}}};
   }
 
   EffectTerms build(const EffectContext& context, const EffectRequest& request) const override {
     EffectTerms terms;
     for (const int k : request.joints) {
-      std::vector<double> cycles;
-      std::vector<std::string> labels;
-      if (request.options.contains("cycles")) {
-        cycles = request.options["cycles"].get<std::vector<double>>();
-        for (const double c : cycles) labels.push_back(Expression::number(c).to_string() + "c");
-      } else {
-        const double ratio = request.options.value("ratio", ratio_of(context, k));
-        if (!(ratio > 0.0)) {
-          throw ModelError(
-              "effect gear_mesh: joint " + std::to_string(k) +
-              " has no gear_ratio in robot.yaml; give it there, or ratio or cycles in model.yaml");
+      const std::vector<Wave> waves = waves_of(context, request, k);
+      const bool slides = context.prismatic(k);
+      const std::string q = "q" + std::to_string(k);
+      for (std::size_t i = 0; i < waves.size(); ++i) {
+        std::string period = Expression::number(waves[i].period).to_string();
+        if (request.options.value("find", false)) {
+          period = std::string(slides ? "gear_mesh_wavelength_" : "gear_mesh_cycles_") +
+                   std::to_string(k) + "_" + std::to_string(i + 1);
+          terms.nonlinear.push_back(search_near(context, k, waves[i].period, period));
         }
-        for (const double order : request.options.value("orders", std::vector<double>{1.0})) {
-          cycles.push_back(order * ratio);
-          labels.push_back(Expression::number(order).to_string());
-        }
-      }
-      const bool find = request.options.value("find", false);
-      for (std::size_t i = 0; i < cycles.size(); ++i) {
-        std::string frequency = Expression::number(cycles[i]).to_string();
-        if (find) {
-          frequency = "gear_mesh_cycles_" + std::to_string(k) + "_" + std::to_string(i + 1);
-          terms.nonlinear.push_back(
-              {frequency, id(), {k}, "1/turn", cycles[i], cycles[i] - 0.5, cycles[i] + 0.5, {}});
-        }
+        const std::string angle = slides ? "2*pi*" + q + "/" + period : period + "*" + q;
         for (const std::string wave : {"sin", "cos"}) {
-          terms.parameters.push_back(
-              single_term(id(), {k}, wave + labels[i], "rad", kLargest, motor(k),
-                          wave + "(" + frequency + "*q" + std::to_string(k) + ")"));
+          terms.parameters.push_back(single_term(id(), {k}, wave + waves[i].label,
+                                                 motor_unit(context, k),
+                                                 on_motor(context, k, kLargest, kLargestOfASlide),
+                                                 motor(k), wave + "(" + angle + ")"));
         }
       }
     }
@@ -83,17 +84,84 @@ class GearMesh final : public Effect {
   std::vector<EffectRequest> candidates(const EffectContext& context) const override {
     std::vector<EffectRequest> result;
     for (const int k : default_joints(context)) {
-      for (const double order : {1.0, 2.0, 0.5, 4.0})
+      for (const double order : known_orders(context, k))
         result.push_back({id(), {k}, {{"orders", {order}}}});
     }
     return result;
   }
 
  private:
-  static constexpr double kLargest = 2.5e-3;  // [rad]
+  static constexpr double kLargest = 2.5e-3;        // [rad]
+  static constexpr double kLargestOfASlide = 5e-4;  // [m]
 
-  static double ratio_of(const EffectContext& context, int joint) {
-    return context.robot().joints[static_cast<std::size_t>(joint - 1)].gear_ratio;
+  // Motor turns a joint turn, or travel a turn of the screw or pinion [m]; 0 where unknown.
+  static double turn_of(const EffectContext& context, int k) {
+    const Joint& joint = context.robot().joints[static_cast<std::size_t>(k - 1)];
+    return joint.prismatic ? joint.lead : joint.gear_ratio;
+  }
+
+  static std::vector<double> known_orders(const EffectContext& context, int k) {
+    if (context.prismatic(k)) return {1.0, 2.0};
+    return {1.0, 2.0, 0.5, 4.0};
+  }
+
+  static std::string millimetres(double length) {
+    char text[32];
+    std::snprintf(text, sizeof text, "%.6gmm", 1e3 * length);
+    return text;
+  }
+
+  static void refuse_options_of_other_joints(const EffectRequest& request, int k, bool slides) {
+    const auto refuse = [&](const char* option, const char* moves, const char* expected) {
+      if (request.options.contains(option))
+        throw ModelError("effect gear_mesh: found " + std::string(option) + " for joint " +
+                         std::to_string(k) + ", which " + moves + ", expected " + expected);
+    };
+    if (slides) {
+      refuse("cycles", "slides", "wavelengths in metres");
+      refuse("ratio", "slides", "lead, the travel per turn of its screw or pinion in metres");
+    } else {
+      refuse("wavelengths", "turns", "cycles per joint turn");
+      refuse("lead", "turns", "ratio, the motor's turns per joint turn");
+    }
+  }
+
+  static std::vector<Wave> waves_of(const EffectContext& context, const EffectRequest& request,
+                                    int k) {
+    const bool slides = context.prismatic(k);
+    refuse_options_of_other_joints(request, k, slides);
+    const nlohmann::json& options = request.options;
+    std::vector<Wave> waves;
+    for (const double length : options.value("wavelengths", std::vector<double>{}))
+      waves.push_back({millimetres(length), length});
+    for (const double cycles : options.value("cycles", std::vector<double>{}))
+      waves.push_back({Expression::number(cycles).to_string() + "c", cycles});
+    for (const Wave& wave : waves) {
+      if (!(wave.period > 0.0))
+        throw ModelError("effect gear_mesh: cycles and wavelengths must be above 0");
+    }
+    if (options.contains("cycles") || options.contains("wavelengths")) return waves;
+    const double turn = options.value(slides ? "lead" : "ratio", turn_of(context, k));
+    if (!(turn > 0.0)) {
+      throw ModelError("effect gear_mesh: joint " + std::to_string(k) + " has no " +
+                       (slides ? "lead" : "gear_ratio") + " in robot.yaml; give it there, or " +
+                       (slides ? "lead or wavelengths" : "ratio or cycles") + " in model.yaml");
+    }
+    for (const double order : options.value("orders", std::vector<double>{1.0}))
+      waves.push_back(
+          {Expression::number(order).to_string(), slides ? turn / order : turn * order});
+    return waves;
+  }
+
+  // The period as an unknown, half a wave more or less over a turn, or over the joint's travel.
+  NonlinearParameter search_near(const EffectContext& context, int k, double period,
+                                 const std::string& name) const {
+    if (!context.prismatic(k))
+      return {name, id(), {k}, "1/turn", period, period - 0.5, period + 0.5, {}};
+    const auto [low, high] = std::ranges::minmax(context.state.column("q" + std::to_string(k)));
+    const double half = high > low ? std::min(0.5 / (high - low), 0.5 / period) : 0.5 / period;
+    const double least = 1.0 / (1.0 / period + half), most = 1.0 / (1.0 / period - half);
+    return {name, id(), {k}, "m", period, least, most, {}};
   }
 };
 

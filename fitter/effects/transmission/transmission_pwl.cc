@@ -20,9 +20,10 @@ class TransmissionPwl final : public Effect {
            "angle and is larger is an offset or a scale";
   }
   std::vector<EffectOption> options() const override {
-    return {{"spacing", "rad or m",
-             "distance between nodes, default from the number of poses, 0.026 rad (1.5 deg) at the "
-             "finest"}};
+    return {
+        {"spacing", "rad or m",
+         "distance between nodes, default from the number of poses, 0.026 rad (1.5 deg) or 26 mm "
+         "at the finest"}};
   }
 
   std::vector<std::string> searched_options() const override { return {"spacing"}; }
@@ -60,7 +61,9 @@ class TransmissionPwl final : public Effect {
     for (int k = 1; k <= context.joint_count(); ++k) {
       const std::vector<double>& q = context.state.column("q" + std::to_string(k));
       const auto [low, high] = std::minmax_element(q.begin(), q.end());
-      for (const double spacing : {0.349065850, 0.174532925, 0.0872664626}) {
+      // A slide may be shorter than three of these [rad]: shares of its travel stand for them.
+      const double unit = context.prismatic(k) ? (*high - *low) / kTravelOfATable : 1.0;
+      for (const double spacing : {0.349065850 * unit, 0.174532925 * unit, 0.0872664626 * unit}) {
         const bool supported = (*high - *low) / spacing < rows / kRowsPerCandidateNode;
         if (*high - *low > 3.0 * spacing && supported)
           result.push_back({id(), {k}, {{"spacing", spacing}}});
@@ -82,7 +85,8 @@ class TransmissionPwl final : public Effect {
   static constexpr double kRowsPerNode = 2.0;
   static constexpr double kRowsPerCandidateNode = 3.0;
   static constexpr double kRowsPerFineNode = 1.5;
-  static constexpr double kWorthwhile = 0.8;  // of the present spacing
+  static constexpr double kTravelOfATable = 3.0;  // [rad]: the coarsest then has nine nodes
+  static constexpr double kWorthwhile = 0.8;      // of the present spacing
 
   // Value and second difference together say over which angle a table goes back to zero where no
   // pose lies: √kValue cells. Cells below kFinest leave that angle as it is, so that a finer table

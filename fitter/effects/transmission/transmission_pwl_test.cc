@@ -1,5 +1,7 @@
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 #include "fitter/effects/effect.h"
 #include "fitter/testing/arms.h"
 #include "fitter/testing/problem.h"
@@ -7,6 +9,7 @@
 namespace armtrue {
 namespace {
 
+using nlohmann::json;
 using testing::Problem;
 using testing::Random;
 
@@ -18,6 +21,16 @@ TEST(TransmissionPwl, OfAJointThatSlidesIsALength) {
   const Effect& effect = find_effect("transmission_pwl");
   EXPECT_EQ(effect.build(context, {effect.id(), {1}}).parameters.front().unit, "m");
   EXPECT_EQ(effect.build(context, {effect.id(), {2}}).parameters.front().unit, "rad");
+}
+
+TEST(TransmissionPwl, IsACandidateOnAShortSlideToo) {
+  Random random(5);
+  json robot = testing::random_chain(random, 4, {0});
+  robot["kinematics"]["joints"][0]["limits"] = {0.0, 0.2};
+  const Problem p(robot, testing::geometry_model(), {120}, random, testing::nothing);
+  const auto all = find_effect("transmission_pwl").candidates({*p.state, 1, false});
+  EXPECT_TRUE(std::ranges::any_of(
+      all, [](const EffectRequest& request) { return request.joints == std::vector{1}; }));
 }
 
 }  // namespace

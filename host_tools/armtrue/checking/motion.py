@@ -22,12 +22,14 @@ _ROWS_NAMED = 8
 
 def find(data: Dataset, robot: Robot) -> list[Finding]:
     """Findings that need no kinematics."""
+    measured = data.take(~data.lost)
     return [
         *_out_of_limits(data, robot),
         *_standstill(data, robot),
         *_read_back(data, robot),
-        *_repeats(data),
-        *_stale_positions(data),
+        *(_repeats(measured) if measured.count else []),
+        *_lost_positions(data),
+        *_stale_positions(measured),
         *_order_of_time(data),
     ]
 
@@ -204,6 +206,36 @@ def _repeats_that_differ(data: Dataset) -> list[Finding]:
             f"{name_rows(data, differ)}",
             {"rows": data.rows[differ].tolist(), "apart": float(apart.max())},
             "Give each pose an id of its own in the column 'repeat'.",
+        )
+    ]
+
+
+def _lost_positions(data: Dataset) -> list[Finding]:
+    """Rows without a position, or a coordinate that no row has."""
+    if not data.has_positions:
+        return []
+    lost = data.lost
+    if lost.any():
+        which = "all rows" if lost.all() else name_rows(data, lost)
+        return [
+            Finding(
+                "no_position",
+                "error",
+                f"x, y and z are 0, as an instrument writes that has lost its reflector: {which}",
+                {"rows": data.rows[lost].tolist()},
+                "Measure them." if lost.all() else "Take these rows out (--skip-bad leaves them out).",
+            )
+        ]
+    never = [name for name in "xyz" if not data.columns[name].any()]
+    if not never:
+        return []
+    return [
+        Finding(
+            "no_position",
+            "error",
+            f"{' and '.join(never)} {'is' if len(never) == 1 else 'are'} 0 in all rows: nothing was measured there",
+            {"columns": never},
+            "Record x, y and z of every pose.",
         )
     ]
 

@@ -41,8 +41,10 @@ def check(data: Dataset, robot: Robot) -> CheckReport:
 
     Errors: none of its own; what is wrong is a finding.
     """
-    findings = [*cheap_findings(data, robot), *drift.find(data)]
-    if data.has_positions and not any(
+    findings = cheap_findings(data, robot)
+    data = data.take(~data.lost)
+    findings += drift.find(data) if data.count else []
+    if _has_all_coordinates(data) and not any(
         finding.code in NO_ARM and finding.severity == "error" for finding in findings
     ):
         riding = _riding(data)
@@ -71,7 +73,8 @@ def cheap_findings(data: Dataset, robot: Robot) -> list[Finding]:
         *temperatures.find(data),
         *(Finding("reader", "note", note) for note in data.notes),
     ]
-    if not data.has_positions:
+    data = data.take(~data.lost)
+    if not _has_all_coordinates(data):
         return findings
     against = _against_kinematics(data, robot)
     if any(finding.code == "rows_shifted" for finding in against):
@@ -102,6 +105,11 @@ def warnings_of_fit(base: dict[str, Any], robot: Robot) -> list[str]:
 
 def _with_remedies(findings: list[Finding]) -> list[str]:
     return [f"{finding.message}. {finding.remedy}" for finding in findings]
+
+
+def _has_all_coordinates(data: Dataset) -> bool:
+    """True where x, y and z were measured."""
+    return data.has_positions and data.count > 0 and all(data.columns[name].any() for name in "xyz")
 
 
 def _riding(data: Dataset) -> Dataset:

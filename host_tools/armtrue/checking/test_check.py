@@ -358,6 +358,26 @@ def test_finds_rows_copied_and_positions_not_measured_again(campaign):
     assert finding(check(changed(data, **stale), robot), "stale_position").evidence["rows"] == [22]
 
 
+@pytest.mark.parametrize("every", [1, 2, 50])
+def test_a_lost_reflector_is_said_to_be_one(campaign, every):
+    # Zeros gave "column nan is missing", "positions do not follow", or "the instrument had not measured again".
+    data, robot = campaign("kr30")
+    zeros = {name: np.where(np.arange(data.count) % every == 0, 0.0, data.columns[name]) for name in "xyz"}
+    report = check(changed(data, **zeros), robot)
+    found = finding(report, "no_position")
+    assert found.evidence["rows"] == data.rows[::every].tolist()
+    assert "lost its reflector" in found.message
+    assert [f.code for f in report.findings if f.severity == "error"] == ["no_position"]
+    assert not {"duplicate_rows", "stale_position", "no_fit"} & set(codes(report))
+
+
+def test_a_coordinate_that_nobody_measured_is_named(campaign):
+    data, robot = campaign("kr30")
+    report = check(changed(data, z=np.zeros(data.count)), robot)
+    assert finding(report, "no_position").message == "z is 0 in all rows: nothing was measured there"
+    assert [f.code for f in report.findings if f.severity == "error"] == ["no_position"]
+
+
 def test_asks_for_the_repeat_column_and_refuses_a_wrong_one(campaign):
     data, robot = campaign("kr30")
     without = replace(data, columns={name: v for name, v in data.columns.items() if name != "repeat"})

@@ -26,7 +26,7 @@ from armtrue.io.layout import (
     yaml_layout,
 )
 from armtrue.io.model import EXPRESSION_WORDS, state_names
-from armtrue.io.plausible import refuse_wrong_units
+from armtrue.io.plausible import refuse_lost, refuse_wrong_units
 from armtrue.io.robot import Robot
 from armtrue.io.sensor_names import contract_name
 from armtrue.io.ways import directions, travels
@@ -81,6 +81,13 @@ class Dataset:
         return np.column_stack([self.columns[name] for name in POSITION])
 
     @property
+    def lost(self) -> NDArray[np.bool_]:
+        """Which rows hold no position: x, y and z are 0, as instruments write that have lost their reflector."""
+        if not self.has_positions:
+            return np.zeros(self.count, dtype=np.bool_)
+        return np.asarray((self.positions_m == 0.0).all(axis=1))
+
+    @property
     def has_positions(self) -> bool:
         """True where x, y and z were measured."""
         return all(name in self.columns for name in POSITION)
@@ -124,9 +131,9 @@ def load_data(
     """Read measurements of `robot` from a CSV or a dataset.yaml (docs/files.md).
 
     `need_position`: False for poses to predict: nothing measured is read of them, and they come in file order.
-    `strict`: refuse what must be a mistake of units, and leave out copies of rows and reflectors that do not ride on
-    the arm; `check` passes False and reports all three as findings instead. `skip_bad`: leave out up to 100 rows that
-    cannot be read.
+    `strict`: refuse what must be a mistake of units, and positions that are 0, and leave out copies of rows and
+    reflectors that do not ride on the arm; `check` passes False and reports all four as findings instead. `skip_bad`:
+    leave out up to 100 rows that cannot be read.
 
     Errors: InputError naming file, row and column or key, what was found and what was expected.
     """
@@ -143,6 +150,8 @@ def load_data(
             if data.count == 0:
                 raise InputError(f"{layout.file}: found no rows of measurements, expected at least one")
             _check_values(data)
+            if strict:
+                refuse_lost(data.file, data.rows[data.lost])
             break
         except RowError as error:
             if not skip_bad:

@@ -10,7 +10,7 @@ from typing import Any
 
 from armtrue.errors import InputError, did_you_mean, shorten
 from armtrue.io.catalogue import EffectInfo, catalogue
-from armtrue.io.robot import Robot
+from armtrue.io.robot import LARGEST_LEAD_M, Robot
 from armtrue.io.yamlfile import Section, load_yaml
 
 # More waves a turn are beyond what any encoder resolves.
@@ -109,7 +109,7 @@ def _joints(section: Section, info: EffectInfo, robot: Robot) -> list[int]:
 
 
 def _option(section: Section, option: str, kind: str) -> Any:
-    """Read one option; `kind` is as the catalogue writes it: string, bool, [int], [number], or a unit for a number."""
+    """Read one option; `kind` as in the catalogue: string, bool, [int], [number], [m], or a unit for a number."""
     if kind == "string":
         return section.text(option)
     if kind == "bool":
@@ -119,6 +119,11 @@ def _option(section: Section, option: str, kind: str) -> Any:
         if option in ("orders", "cycles") and not all(0.0 < value <= _HIGHEST_ORDER for value in numbers):
             raise section.fail(option, f"numbers above 0 and up to {_HIGHEST_ORDER:g}, cycles a turn")
         return numbers
+    if kind == "[m]":
+        lengths = section.numbers(option, None, "a list of lengths in metres such as [0.02]")
+        if not all(0.0 < value <= LARGEST_LEAD_M for value in lengths):
+            raise section.fail(option, f"lengths in metres above 0 and up to {LARGEST_LEAD_M:g}")
+        return lengths
     if kind == "[string]":
         return section.texts(option, "a list of texts")
     if kind == "[int]":

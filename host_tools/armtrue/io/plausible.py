@@ -1,4 +1,4 @@
-"""Mistakes of units that no arm and no laboratory can explain."""
+"""Mistakes of units, and positions, that no arm and no laboratory can explain."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armtrue.arrays import Array
-from armtrue.errors import InputError
+from armtrue.errors import InputError, RowError
 from armtrue.io.columns import POSITION
 from armtrue.io.robot import Robot
 
@@ -28,6 +28,16 @@ _LARGEST_SIGMA_M = 0.05
 _FEWEST_POSES = 10
 _SAME_POSE = 1e-6
 _LEAST_MOTION = 0.05
+
+
+def refuse_lost(file: Path, rows: NDArray[np.int64]) -> None:
+    """Refuse the first of the file's `rows` whose x, y and z are 0. Errors: RowError."""
+    if rows.size:
+        raise RowError(
+            int(rows[0]),
+            f"{file} row {rows[0]} columns x, y, z: found 0, 0, 0, which instruments write that have lost their "
+            "reflector, expected a measured position",
+        )
 
 
 def joint_bounds(joint: dict[str, object]) -> tuple[float, float]:

@@ -12,13 +12,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from armtrue.errors import InputError
+from armtrue.errors import InputError, did_you_mean
 from armtrue.io.files import named_in
 from armtrue.io.sensor_names import contract_name, is_sensor
 from armtrue.io.urdf import LARGEST_LIMIT_RAD, read_urdf_chain
 from armtrue.io.yamlfile import Section, load_yaml
 
 STANDARD_GRAVITY = [0.0, 0.0, -9.81]
+LARGEST_LEAD_M = 2.0  # a pinion of 0.6 m; what is larger is in millimetres
 
 
 @dataclass(frozen=True)
@@ -234,8 +235,16 @@ def _joint(row: Section, number: int, read_frame: Callable[[Section], dict[str, 
     turned = "offset" if revolute else "theta"
     if abs(joint.get(turned, 0.0)) > 2 * math.pi:
         raise row.fail(turned, "an angle in radians, not beyond 2π (this looks like degrees)")
+    if row.has("lead"):
+        joint["lead"] = _lead(row, "lead", revolute)
+        if row.has("gear_ratio"):
+            raise row.fail("gear_ratio", "lead alone, where both are given")
     if row.has("gear_ratio"):
-        ratio = "a ratio other than 0, motor turns per joint turn"
+        ratio = (
+            "a ratio other than 0, motor turns per joint turn"
+            if revolute
+            else "the motor's radians per metre, not 0, or lead in its place"
+        )
         joint["gear_ratio"] = row.number("gear_ratio", expected=ratio)
         if joint["gear_ratio"] == 0.0:
             raise row.fail("gear_ratio", ratio)
@@ -243,6 +252,20 @@ def _joint(row: Section, number: int, read_frame: Callable[[Section], dict[str, 
         joint["limits"] = _limits(row, revolute)
     row.finish()
     return joint
+
+
+def _lead(row: Section, key: str, revolute: bool) -> float:
+    """Travel [m] of a joint that slides for a turn of its screw or pinion."""
+    if revolute:
+        raise row.fail(key, "no lead of a joint that turns, but gear_ratio")
+    lead = row.number(key, expected="a length in metres per turn of the screw or pinion")
+    if not 0.0 < lead <= LARGEST_LEAD_M:
+        raise row.fail(
+            key,
+            f"metres per turn of the screw or pinion, above 0 and up to {LARGEST_LEAD_M:g}"
+            + (" (this looks like millimetres)" if lead > LARGEST_LEAD_M else ""),
+        )
+    return lead
 
 
 def _limits(row: Section, revolute: bool) -> list[float]:
@@ -269,6 +292,13 @@ def _urdf_kinematics(section: Section, path: Path) -> tuple[dict[str, Any], list
             if ratio == 0.0:
                 raise section.fail("gear_ratios", expected)
             joint["gear_ratio"] = ratio
+    if section.has("leads"):
+        leads, named = section.section("leads"), {joint["name"]: joint for joint in kinematics["joints"]}
+        for name in leads:
+            if name not in named:
+                raise leads.fail(name, "the name of a joint of the chain" + did_you_mean(name, named))
+            named[name]["lead"] = _lead(leads, name, named[name]["type"] == "revolute")
+            named[name].pop("gear_ratio", None)
     section.finish()
     return kinematics, links
 

@@ -111,6 +111,20 @@ def test_gear_ratios_may_stand_beside_the_urdf(tmp_path):
     assert [joint["gear_ratio"] for joint in robot.joints] == [100.0, 121.0, 50.0]
 
 
+def test_the_lead_of_a_slide_may_stand_beside_the_urdf(tmp_path):
+    text = ROBOT.replace("}", ", gear_ratios: [100, 121, 50], leads: {j3: 0.02}}")
+    robot = load(tmp_path, robot=text)
+    assert robot.joints[2]["lead"] == 0.02
+    assert "gear_ratio" not in robot.joints[2]
+    for wrong, names in (
+        ("j2: 0.02", "leads.j2: found 0.02"),
+        ("j4: 0.02", "leads.j4"),
+        ("j3: 20", "millimetres"),
+    ):
+        with pytest.raises(InputError, match=names):
+            load(tmp_path, robot=text.replace("j3: 0.02", wrong))
+
+
 @pytest.mark.parametrize(
     ("urdf", "robot", "names"),
     [

@@ -10,7 +10,9 @@ from armtrue.candidates import entry_of, name
 def called(candidate: dict[str, Any]) -> str:
     """A candidate's effect and joints, and the options that tell it from others of the same."""
     options = candidate.get("options") or {}
-    words = [f"{key} {_plain(value)}" for key, value in options.items() if key != "cycles"]
+    words = [
+        f"{key} {_plain(value)}" for key, value in options.items() if key not in ("cycles", "wavelengths")
+    ]
     return ", ".join([name(candidate), *words])
 
 

@@ -65,3 +65,10 @@ def test_a_rail_that_is_too_long_is_refused() -> None:
     fit = with_last_joint("q3", type="prismatic", limits=[0.0, 9.0])
     with pytest.raises(InputError, match="joint 3 has limits 0 to 9 m, expected within ±7.88 m"):
         export(fitted_arm(fit, "fit"), ExportOptions())
+
+
+@pytest.mark.parametrize(("lead_m", "travel_m"), [(0.005, 3.0), (0.02, 0.5), (0.002, 7.8)])
+def test_waves_of_a_screw_are_as_fitted_all_along_a_rail(lead_m: float, travel_m: float) -> None:
+    fit = with_last_joint(f"sin(2*pi*q3/{lead_m})", type="prismatic", limits=[0.0, travel_m])
+    positions = np.linspace(0.0, travel_m, 4001)
+    assert np.abs(difference_rad(fit, positions)).max() < 1e-8  # [m], of 1e-4

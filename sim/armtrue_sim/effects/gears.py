@@ -68,16 +68,23 @@ def mesh_orders(context: EffectContext) -> list[int]:
 def gear_mesh(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
     """5 to 40 arcsec at the motor's turn; strain-wave gears 20 to 60 arcsec at twice the motor's turn.
 
-    `ratio` gives another gear ratio than robot.yaml's, for arms whose file is wrong or silent.
+    Of a slide: the same orders of its screw's or pinion's turn, a lead long each. `ratio` or `lead` gives
+    another one than robot.yaml's, for arms whose file is wrong or silent.
     """
     terms = []
     wave_gear = context.preset.strain_wave
     orders = sizes.option("orders", mesh_orders(context))
     for k in joints:
-        ratio = sizes.value("ratio", context.chain.gear_ratio[k - 1], k)
+        if context.chain.prismatic[k - 1]:
+            lead = sizes.value("lead", context.chain.lead[k - 1], k)
+            if lead <= 0.0:
+                raise ScenarioError(f"gear_mesh: joint {k} slides and has no lead")
+            once = 2.0 * np.pi / lead
+        else:
+            once = sizes.value("ratio", context.chain.gear_ratio[k - 1], k)
         for order in orders:
             size = sizes.rng.uniform(20.0, 60.0) if wave_gear else sizes.rng.uniform(10.0, 40.0)
-            angle = f"{float(order * ratio)!r}*q{k}"
+            angle = f"{float(order * once)!r}*q{k}"
             terms += _wave("gear_mesh", context, sizes, k, angle, f"_{order}", size * ARCSEC)
     return EffectTruth(terms)
 

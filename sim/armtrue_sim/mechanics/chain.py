@@ -45,6 +45,7 @@ class Chain:
     offset: Array
     limits: Array
     gear_ratio: Array
+    lead: Array
     coupling: Array
     links: list[Link]
     gravity: Array
@@ -95,6 +96,7 @@ class Chain:
             offset=np.array([float(row.get("offset", 0.0)) for row in rows]),
             limits=np.array([row["limits"] for row in rows], dtype=float),
             gear_ratio=np.array([float(row.get("gear_ratio", 1.0)) for row in rows]),
+            lead=np.array([float(row.get("lead", 0.0)) for row in rows]),
             coupling=coupling,
             links=links,
             gravity=np.asarray(robot.get("gravity", [0.0, 0.0, -9.81]), dtype=float),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,15 +22,16 @@ _MOTOR_ORDERS = (
     (2.0, "twice a motor turn"),
     (4.0, "four times a motor turn"),
 )
+_SCREW_ORDERS = ((1.0, "turn of the screw or pinion"), (2.0, "half a turn of the screw or pinion"))
 
 
 @dataclass(frozen=True)
 class Peak:
-    """A line that stands out. `explained`: share of Σ r²."""
+    """A line that stands out. `cycles`: as in its spectrum. `explained`: share of Σ r². `amplitude`: with its unit."""
 
     cycles: float
     explained: float
-    amplitude_arcsec: float
+    amplitude: str
     called: str
 
     @property
@@ -40,10 +42,14 @@ class Peak:
 
 @dataclass(frozen=True)
 class Spectrum:
-    """Share of Σ r² that a sine and cosine of each period explain, over cycles a turn of one joint (1-based)."""
+    """Share of Σ r² that a sine and cosine of each period explain, over cycles of one joint (1-based).
+
+    `cycles`: a turn, or a metre where the joint `slides`. `once`: those of its motor, or of its screw or pinion.
+    """
 
     joint: int
-    gear_ratio: float | None
+    slides: bool
+    once: float | None
     cycles: Array
     explained: Array
     significant: float
@@ -59,16 +65,28 @@ def spectra_of(
         cycles, explained = np.array(entry["cycles"]), np.array(entry["explained"])
         if cycles.size == 0:
             continue
-        ratio = joints[entry["joint"] - 1].get("gear_ratio")
+        slides = entry.get("per") == "m"
+        once = _once(joints[entry["joint"] - 1], slides)
         # Of n independent readings, −n/2 · ln(1 − share) is exponential; a quarter of the lines are independent looks.
         looks = np.log10(max(1.0, cycles.size / 4.0))
         significant = 1.0 - 10.0 ** (2.0 * (_LOG10_SIGNIFICANT - looks) / independent[entry["joint"]])
-        peaks = _peaks(entry, ratio, significant)
-        found.append(Spectrum(entry["joint"], ratio, cycles, explained, significant, peaks))
+        peaks = _peaks(entry, once, significant)
+        found.append(Spectrum(entry["joint"], slides, once, cycles, explained, significant, peaks))
     return found
 
 
-def _peaks(entry: dict[str, Any], ratio: float | None, significant: float) -> list[Peak]:
+def _once(joint: dict[str, Any], slides: bool) -> float | None:
+    """Turns of the motor a turn of the joint; of a joint that slides, those of its screw or pinion a metre."""
+    ratio = joint.get("gear_ratio")
+    if not slides:
+        return ratio
+    if lead := joint.get("lead"):
+        return 1.0 / float(lead)
+    return abs(ratio) / (2.0 * math.pi) if ratio else None
+
+
+def _peaks(entry: dict[str, Any], once: float | None, significant: float) -> list[Peak]:
+    slides = entry.get("per") == "m"
     cycles = np.array(entry["cycles"])
     left = np.array(entry["explained"], dtype=np.float64)
     peaks: list[Peak] = []
@@ -76,19 +94,25 @@ def _peaks(entry: dict[str, Any], ratio: float | None, significant: float) -> li
         at = int(np.argmax(left))
         inner = 0 < at < left.size - 1
         if inner and entry["explained"][at] >= max(entry["explained"][at - 1], entry["explained"][at + 1]):
-            amplitude = entry["amplitude_rad"][at] / ARCSECOND
-            called = name_of(float(cycles[at]), ratio, float(entry["resolution"]))
+            amplitude = (
+                f"{1e6 * entry['amplitude_m'][at]:.1f} µm"
+                if slides
+                else f"{entry['amplitude_rad'][at] / ARCSECOND:.1f}″"
+            )
+            called = name_of(float(cycles[at]), once, float(entry["resolution"]), slides)
             peaks.append(Peak(float(cycles[at]), float(left[at]), amplitude, called))
         own = max(_OWN_LINES * entry["resolution"], _OWN_SHARE * cycles[at])
         left[np.abs(cycles - cycles[at]) <= own] = 0.0
     return peaks
 
 
-def name_of(cycles: float, ratio: float | None, resolution: float) -> str:
-    """What turns so often during one turn of the joint."""
-    for order, called in _MOTOR_ORDERS:
-        if ratio and abs(cycles - order * ratio) < 0.5 * resolution:
+def name_of(cycles: float, once: float | None, resolution: float, slides: bool = False) -> str:
+    """What turns so often during one turn of the joint, or one metre of it where it slides."""
+    for order, called in _SCREW_ORDERS if slides else _MOTOR_ORDERS:
+        if once and abs(cycles - order * once) < 0.5 * resolution:
             return called
+    if slides:
+        return f"waves of {1e3 / cycles:.3g} mm"
     whole = round(cycles)
     shown = f"{whole}" if whole and abs(cycles - whole) < 0.3 * resolution else f"{cycles:.1f}"
     return f"{shown} cycle{'' if shown == '1' else 's'} a turn"

@@ -31,7 +31,7 @@ def test_separate_lines_are_named_strongest_first():
     (found,) = spectra_of({"spectra": [spectrum(cycles, explained)]}, JOINTS, {1: 720.0, 2: 720.0})
     assert [p.called for p in found.peaks] == ["13 cycles a turn", "motor turn"]
     assert found.peaks[0].explained == pytest.approx(0.3)
-    assert found.peaks[0].amplitude_arcsec == pytest.approx(20.63, abs=0.01)
+    assert found.peaks[0].amplitude == "20.6″"
 
 
 def test_noise_stays_below_the_level():
@@ -59,4 +59,13 @@ def test_periods_have_names(cycles, ratio, called):
 
 @pytest.mark.parametrize(("cycles", "short"), [(1.0, "1"), (17.4, "17.4"), (101.0, "motor turn")])
 def test_a_peak_is_short_where_the_axis_says_what_it_counts(cycles, short):
-    assert Peak(cycles, 0.1, 2.0, name_of(cycles, 101.0, 1.0)).short == short
+    assert Peak(cycles, 0.1, "2.0″", name_of(cycles, 101.0, 1.0)).short == short
+
+
+def test_waves_over_a_slide_are_lengths() -> None:
+    cycles = np.arange(1.0, 500.0, 0.25)
+    entry = spectrum(cycles, peak(cycles, 20.0, 0.3) + peak(cycles, 100.0, 0.2))
+    entry |= {"per": "m", "amplitude_m": entry.pop("amplitude_rad")}
+    (found,) = spectra_of({"spectra": [entry]}, [{"type": "prismatic", "lead": 0.01}], {1: 720.0})
+    assert [p.called for p in found.peaks] == ["waves of 50 mm", "turn of the screw or pinion"]
+    assert [p.amplitude for p in found.peaks] == ["100.0 µm", "100.0 µm"]

@@ -75,21 +75,19 @@ def spectrum_panel(spectrum: Spectrum, first: Spectrum | None) -> Markup:
     drawn = [s for s in (first, spectrum) if s is not None]
     highest = max(float(s.explained.max()) for s in drawn)
     top = 1.3 * max(highest, 1.5 * spectrum.significant)
-    low, high = max(0.4, float(spectrum.cycles.min())), float(spectrum.cycles.max())
-    found = (
-        ", ".join(f"{p.called} ({p.amplitude_arcsec:.1f}″)" for p in spectrum.peaks) or "no line stands out"
-    )
+    low, high = float(spectrum.cycles.min()), float(spectrum.cycles.max())
+    low = low if spectrum.slides else max(0.4, low)
+    found = ", ".join(f"{p.called} ({p.amplitude})" for p in spectrum.peaks) or "no line stands out"
     panel = Panel(
         Scale(low, max(high, 2.0 * low), logarithmic=True),
         Scale(0.0, 100.0 * top),
-        f"cycles a turn of joint {spectrum.joint}",
+        f"cycles a {'metre' if spectrum.slides else 'turn'} of joint {spectrum.joint}",
         "explains [% of Σr²]",
         f"Spectrum of the residual over joint {spectrum.joint}: {found}.",
     )
     panel.level(100.0 * spectrum.significant, "scatter stays below", "threshold", at_start=True)
-    ratio = spectrum.gear_ratio
-    if ratio:
-        panel.upright(ratio, f"gear ratio {ratio:g}", "ratio")
+    if once := spectrum.once:
+        panel.upright(once, f"lead {1e3 / once:g} mm" if spectrum.slides else f"gear ratio {once:g}", "ratio")
     for s, kind in zip(drawn, ("first", "last") if first is not None else ("last",), strict=True):
         peaks, starts = loudest(s.explained, _SPECTRUM_LINES)
         panel.line(s.cycles[starts], 100.0 * s.explained[peaks], kind)

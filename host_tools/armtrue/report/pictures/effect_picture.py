@@ -116,9 +116,12 @@ def _range(
     low, high = (float(end) for end in np.quantile(fit.data.columns[column], _BETWEEN))
     options, joints = candidate.get("options") or {}, candidate["joints"]
     waves = list(options.get("cycles") or [])
+    waves += [2.0 * np.pi / length for length in options.get("wavelengths") or []]
     if options.get("orders") and joints:
-        ratio = fit.robot.joints[joints[-1] - 1].get("gear_ratio") or 1.0
-        waves += [abs(order * ratio) for order in options["orders"]]
+        joint = fit.robot.joints[joints[-1] - 1]
+        lead = options.get("lead") or joint.get("lead")
+        once = 2.0 * np.pi / lead if lead else joint.get("gear_ratio") or 1.0
+        waves += [abs(order * once) for order in options["orders"]]
     if waves and column.startswith("q"):
         half = min(high - low, _SHOWN_WAVES * 2.0 * np.pi / max(waves)) / 2.0
         low, high = at_rest[column] - half, at_rest[column] + half

@@ -31,9 +31,9 @@ _TELLING = (
     "angle."
 )
 _SPECTRA = (
-    "Share of the squared residual that one sine of each period would explain, as an error of that joint's angle. A "
-    "tall line is a part that turns so many times while the joint turns once: a gear, a bearing, an encoder. Lines "
-    "below the dotted level are what scatter makes."
+    "Share of the squared residual that one sine of each period would explain, as an error of that joint's position. "
+    "A tall line is a part that turns so many times while the joint turns once, or slides a metre: a gear, a bearing, "
+    "an encoder, a screw. Lines below the dotted level are what scatter makes."
 )
 _UNEXPLAINED = (
     "Smooth dependence on a variable that no effect of the catalogue explains, with the shape the data give it. It is "
@@ -194,14 +194,14 @@ def spectra_section(report: Report) -> Markup:
         title = f"Joint {spectrum.joint}" + (f" · {joint['name']}" if joint.get("name") else "")
         figures.append(figure(title, charts.spectrum_panel(spectrum, before), caption))
     if not figures:
-        none = lead("No joint turns far enough in these data for a spectrum.")
+        none = lead("No joint moves far enough in these data for a spectrum.")
         return section("spectra", "Periods of the joints", none)
     dashed = " Dashed: first step, whose scatter may reach beyond the last step's level." if first else ""
     return section("spectra", "Periods of the joints", lead(_SPECTRA, dashed), grid(figures))
 
 
 def _lines(spectrum: Spectrum) -> str:
-    peaks = [f"{p.called}, {p.amplitude_arcsec:.1f}″, {100 * p.explained:.1f} %" for p in spectrum.peaks]
+    peaks = [f"{p.called}, {p.amplitude}, {100 * p.explained:.1f} %" for p in spectrum.peaks]
     return "; ".join(peaks) or "no line stands out"
 
 

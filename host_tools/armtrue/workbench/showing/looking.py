@@ -186,18 +186,26 @@ def _peaks(spectrum: Spectrum) -> Content:
         return "No line stands out."
     return [
         button(
-            f"Add {name}: {peak.called}, {peak.amplitude_arcsec:.1f}″, {100.0 * peak.explained:.1f} %",
+            f"Add {name}: {peak.called}, {peak.amplitude}, {100.0 * peak.explained:.1f} %",
             "add", entry=entry, x=f"{peak.cycles:.6g}",
         )
         for peak in spectrum.peaks
-        for name, entry in [_as_effect(spectrum.joint, peak)]
+        for name, entry in [_as_effect(spectrum, peak)]
     ]  # fmt: skip
 
 
-def _as_effect(joint: int, peak: Peak) -> tuple[str, dict[str, Any]]:
+def _as_effect(spectrum: Spectrum, peak: Peak) -> tuple[str, dict[str, Any]]:
     """The effect that makes a wave of this period: of a few orders of one joint, or of any number of cycles."""
+    joint = spectrum.joint
     waves = [info for info in catalogue().values() if info.joints == "each" and "orders" in info.options]
     few, any_number = sorted(waves, key=lambda info: "cycles" in info.options)[:2]
+    if spectrum.slides:
+        length = float(f"{1.0 / peak.cycles:.4g}")
+        return f"{any_number.id} {joint}", {
+            "effect": any_number.id,
+            "joints": [joint],
+            "wavelengths": [length],
+        }
     if any(abs(peak.cycles - cycles) < _NEAR for cycles in _ECCENTRIC):
         return f"{few.id} {joint}", {"effect": few.id, "joints": [joint]}
     cycles = round(peak.cycles, 2)

@@ -8,7 +8,7 @@ from typing import Any
 from armtrue.candidates import form_words, options_of
 from armtrue.report.parts import rounded
 
-_TOLD = ("orders", "cycles")
+_TOLD = ("orders", "cycles", "wavelengths")
 
 
 def called(entry: dict[str, Any]) -> str:
