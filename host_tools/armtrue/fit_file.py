@@ -8,7 +8,8 @@ from typing import Any
 
 from armtrue import _core
 from armtrue.errors import InputError, did_you_mean, shorten
-from armtrue.io.model import check_effect, coordinate_names, state_names
+from armtrue.io.catalogue import catalogue
+from armtrue.io.model import check_effect, coordinate_names, names_in, own_columns, variables_of
 from armtrue.io.robot import Robot, check_robot, pose
 from armtrue.io.yamlfile import Section
 
@@ -38,8 +39,9 @@ def check_document(document: dict[str, Any], path: Path) -> None:
             raise InputError(f"{path}: key '{key}' is missing, expected a complete fit.json")
     check_robot(document["robot"], path, "robot")
     robot = Robot(document["robot"])
-    _check_model(top, robot)
-    _check_parameters(top, robot)
+    recorded = _recorded(top)
+    _check_model(top, robot, recorded)
+    _check_parameters(top, robot, recorded)
     pose(top.section("measuring_from_base"))
     tools = top.section("flange_from_tool")
     if not list(tools):
@@ -66,6 +68,52 @@ def check_document(document: dict[str, Any], path: Path) -> None:
     _check_error(top.section("error"))
 
 
+def users_parameters(document: dict[str, Any]) -> dict[str, tuple[dict[str, Any], dict[str, Any]]]:
+    """The parameters of a user's own effects by name, each with the effect's entry in the model."""
+    entries = {
+        f"{entry['effect']}.{entry['name']}": entry
+        for entry in document.get("model", {}).get("effects", [])
+        if catalogue()[entry["effect"]].role == "custom"
+    }
+    named = {parameter.get("name"): parameter for parameter in document["parameters"]}
+    return {name: (named[name], entry) for name, entry in entries.items() if name in named}
+
+
+def own_columns_read(document: dict[str, Any]) -> dict[str, list[str]]:
+    """By parameter, the columns that are none of the contract's and that its terms read; only where there are some."""
+    own = own_columns(Robot(document["robot"]), document.get("data", {}).get("columns", []))
+    read = {
+        name: [column for column in own if column in _read_by(parameter)]
+        for name, (parameter, _) in users_parameters(document).items()
+    }
+    return {name: columns for name, columns in read.items() if columns}
+
+
+def not_for_a_device(document: dict[str, Any]) -> dict[str, str]:
+    """Parameters of the arm that no table may have, by name, and why: their terms read what a device does not know.
+
+    A user's own term of `time` is among them unless its entry says `measurement: false`: the fit cannot tell whether
+    the arm or the instrument creeps, and on a device time runs on for days.
+    """
+    own = own_columns_read(document)
+    found = {}
+    for name, (parameter, entry) in users_parameters(document).items():
+        if not parameter.get("exported", True):
+            continue
+        if name in own:
+            found[name] = f"column {', '.join(own[name])} is nothing that a device knows"
+        elif "measurement" not in entry and "time" in _read_by(parameter):
+            found[name] = (
+                "it reads time, which does not tell the arm from an instrument that creeps, and a device's clock runs "
+                "on; where the arm itself moves so, fit it with 'measurement: false' beside its name"
+            )
+    return found
+
+
+def _read_by(parameter: dict[str, Any]) -> set[str]:
+    return {name for term in parameter.get("terms", []) for name in names_in(term["expression"])}
+
+
 def _check_error(error: Section) -> None:
     """Every figure that is drawn or printed is there: a number of micrometres, null where it is not known."""
     by = error.section("held_out_by")
@@ -78,10 +126,18 @@ def _check_error(error: Section) -> None:
             figures.number(key, None, minimum=0.0, expected=expected)
 
 
-def _check_model(top: Section, robot: Robot) -> None:
+def _recorded(top: Section) -> list[str]:
+    """The columns of the measurements that were fitted."""
+    data = top.section("data")
+    columns = data.entries("columns", "a list of columns") if data.has("columns") else []
+    return [str(name) for name in columns]
+
+
+def _check_model(top: Section, robot: Robot, columns: list[str]) -> None:
     model = top.section("model")
     for number, entry in enumerate(model.sections("effects", "a list of effects"), start=1):
-        check_effect({key: entry.raw(key) for key in entry}, robot, f"{top.file}: model.effects[{number}]")
+        effect = {key: entry.raw(key) for key in entry}
+        check_effect(effect, robot, f"{top.file}: model.effects[{number}]", columns=columns)
     for key in ("parameters", "priors"):
         if model.has(key):
             model.section(key)
@@ -92,7 +148,7 @@ def _check_model(top: Section, robot: Robot) -> None:
         options.section("instrument")
 
 
-def _check_parameters(top: Section, robot: Robot) -> None:
+def _check_parameters(top: Section, robot: Robot, columns: list[str]) -> None:
     targets = len(list(top.section("flange_from_tool")))
     coordinates = coordinate_names(robot.joint_count)
     coordinates += [
@@ -101,11 +157,7 @@ def _check_parameters(top: Section, robot: Robot) -> None:
         for name in coordinates
         if name.startswith("tool.")
     ]
-    # A thermometer that was only a column of the data is a variable too.
-    data = top.section("data")
-    recorded = data.entries("columns", "a list of columns") if data.has("columns") else []
-    sensors = [str(name)[5:] for name in recorded if str(name).startswith("temp_")]
-    states = [*state_names(robot, sensors), *map(str, recorded)]
+    states = [*variables_of(robot, columns), *columns]
     known: set[str] = set()
     for parameter in top.sections("parameters", "a list of fitted parameters"):
         for key in ("name", "effect"):

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from armtrue import _core, notebook
 from armtrue.errors import InputError
 from armtrue.extrapolation import Beyond, is_joint, margin, ranges_of
-from armtrue.fit_file import check_document
+from armtrue.fit_file import check_document, not_for_a_device, own_columns_read, users_parameters
 from armtrue.io import Dataset, Model, Robot, load_data
 from armtrue.io.columns import FAR_TRAVEL, TRAVEL, commanded_joints
 from armtrue.io.files import read_json, write_file
@@ -184,7 +184,8 @@ class Fit:
             apart = np.maximum(lo - data.columns[name], data.columns[name] - hi)
             rows = apart > margin(name, lo, hi)
             if rows.any():
-                found.append(Beyond(name, rows, float(apart.max()), hi - lo, self._effects_that_read(name)))
+                effects = [] if is_joint(name) else _effects_that_read(name, self.document["parameters"])
+                found.append(Beyond(name, rows, float(apart.max()), hi - lo, effects))
         return sorted(found, key=lambda one: (not one.is_joint, -one.amount))
 
     def extrapolated(self, data: Dataset, of_the_arm: bool = False) -> list[str]:
@@ -194,8 +195,13 @@ class Fit:
         """
         beyond = self.beyond(data)
         if of_the_arm:
-            of_session = {p["effect"] for p in self.document["parameters"] if not p.get("exported", True)}
-            beyond = [one for one in beyond if not one.effects or set(one.effects) - of_session]
+            left_out = not_for_a_device(self.document)
+            in_tables = [
+                p
+                for p in self.document["parameters"]
+                if p.get("exported", True) and p["name"] not in left_out
+            ]
+            beyond = [one for one in beyond if not one.effects or _effects_that_read(one.name, in_tables)]
         if not beyond:
             return []
         outside = np.any([one.rows for one in beyond], axis=0)
@@ -203,18 +209,6 @@ class Fit:
             f"{int(outside.sum())} of {data.count} poses of {data.path.name} lie outside what was fitted "
             f"({', '.join(one.words(self.robot) for one in beyond)}): figures there are extrapolated"
         ]
-
-    def _effects_that_read(self, name: str) -> list[str]:
-        """The effects whose terms name a column; none where they read it through a load."""
-        variable = re.compile(rf"\b(?:d?T_|temp_)?{re.escape(name.removeprefix('temp_'))}\b")
-        parameters = [] if is_joint(name) else self.document["parameters"]
-        return list(
-            dict.fromkeys(
-                p["effect"]
-                for p in parameters
-                if any(variable.search(term["expression"]) for term in p.get("terms", []))
-            )
-        )
 
     def residuals(self) -> NDArray[np.float64]:
         """Measured minus predicted positions (N, 3) [m] of the fitted measurements."""
@@ -263,6 +257,15 @@ class Fit:
         raise InputError(f"{self.path or 'fit'}: its measurements are gone; looked for them at {looked}")
 
 
+def _effects_that_read(name: str, parameters: list[dict[str, Any]]) -> list[str]:
+    """The effects of `parameters` whose terms name a column; none where they read it through a load."""
+    variable = re.compile(rf"\b(?:d?T_|temp_)?{re.escape(name.removeprefix('temp_'))}\b")
+    reading = (
+        p["effect"] for p in parameters if any(variable.search(t["expression"]) for t in p.get("terms", []))
+    )
+    return list(dict.fromkeys(reading))
+
+
 def fit(
     data: Dataset,
     robot: Robot,
@@ -297,7 +300,7 @@ def add(
     entry: dict[str, Any] = {"effect": effect, **(options or {})}
     if joints:
         entry["joints"] = joints
-    checked = check_effect(entry, base.robot, "add", already=base.effects)
+    checked = check_effect(entry, base.robot, "add", base.effects, base.data.columns)
     return with_effects(base, [*base.effects, checked], progress)
 
 
@@ -405,6 +408,10 @@ def _document(
         "data": _data_entry(data),
         **json.loads(core.document()),
     }
+    # What the instrument does by a column is part of a prediction too.
+    document["columns"] |= dict.fromkeys(
+        sorted({c for own in own_columns_read(document).values() for c in own}), ""
+    )
     document["data"]["ranges"] |= ranges_of(data, ["time", *document["columns"]])
     for rejected in document["rejected"]:
         rejected["row"] = int(data.rows[rejected["index"]])
@@ -414,7 +421,21 @@ def _document(
             name: document["flange_from_tool"][str(code)] for code, name in enumerate(targets)
         }
     document["warnings"] += warnings_of_springs(document, robot)
-    return Fit(document, None, data, core)
+    fit = Fit(document, None, data, core)
+    users = users_parameters(document)
+    if len(users) > 1:
+        document["effects_move_um"] |= {name: _moves_um(fit, name) for name in users}
+    return fit
+
+
+def _moves_um(fit: Fit, parameter: str) -> float:
+    """How far one parameter moves the tool over the fitted rows [µm RMS]."""
+    others = [
+        {**entry, "value": 0.0} if entry["name"] == parameter else entry
+        for entry in fit.document["parameters"]
+    ]
+    apart = fit.predict(fit.data) - Fit({**fit.document, "parameters": others}).predict(fit.data)
+    return float(1e6 * np.sqrt((apart**2).sum(axis=1).mean()))
 
 
 def _check_ranges(document: dict[str, Any], path: Path) -> None:

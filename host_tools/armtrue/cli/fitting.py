@@ -83,8 +83,8 @@ def fit(
 
     output = Output(json_to)
     arm = load_robot(robot)
-    effects = load_model(model, arm)
     measurements = load_measurements(data, arm, [out, json_to], skip_bad=skip_bad)
+    effects = load_model(model, arm, measurements.columns)
     if leave_out is not None:
         rows = _whole_numbers(leave_out, "--leave-out", "row numbers such as 12,40")
         measurements = measurements.without(rows)
@@ -123,7 +123,7 @@ def add(
     if joints is not None:
         wanted["joints"] = _whole_numbers(joints, "--joints", "joint numbers such as 2,3")
     already = [*before.effects, *_effects_with_joints(before)]
-    entry = check_effect(wanted, before.robot, str(fit_file), already=already)
+    entry = check_effect(wanted, before.robot, str(fit_file), already, before.data.columns)
     try:
         with waiting(output) as progress:
             after = fitting.with_effects(before, [*before.effects, entry], progress=progress)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import shlex
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -17,6 +17,9 @@ from armtrue.io import Robot, load_model, load_robot
 from armtrue.io.files import write_file
 from armtrue.io.model import check_effect
 from armtrue.planning import HARDLY, SETTLED, Ambiguity, Cell, Plan, Rival, argument_of, entry_of
+
+if TYPE_CHECKING:
+    from armtrue.fitting import Fit
 
 _MOST_POSES = 2000
 _DISTINCT_SHOWN = 6
@@ -141,7 +144,7 @@ def plan(
         with waiting(output) as progress:
             result = planning.plan_campaign(
                 arm,
-                load_model(model, arm),
+                load_model(model, arm, chosen_levels),
                 poses,
                 tool=tool,
                 levels=chosen_levels,
@@ -156,7 +159,7 @@ def plan(
         settings["levels"] = _levels(levels or [], fit.robot)
         with waiting(output) as progress:
             if candidates:
-                rivals = [_rival(text, fit.robot) for text in (*candidates, *(also or []))]
+                rivals = [_rival(text, fit) for text in (*candidates, *(also or []))]
             elif sharpen:
                 rivals = []
             else:
@@ -356,7 +359,7 @@ def _levels(given: list[str], robot: Robot) -> dict[str, list[float]]:
     return levels
 
 
-def _rival(text: str, robot: Robot) -> dict[str, Any]:
+def _rival(text: str, fit: Fit) -> dict[str, Any]:
     """`EFFECT:2,3`, `EFFECT 2,3` or `EFFECT:2:cycles=13` as an entry of model.yaml."""
     try:
         entry = entry_of(text)
@@ -365,4 +368,4 @@ def _rival(text: str, robot: Robot) -> dict[str, Any]:
             f"--candidates: found '{text}', expected an effect and joints such as gear_harmonics:2, or with an option "
             "such as gear_mesh:5:cycles=13 or thermal_base:sensor=arm"
         ) from None
-    return check_effect(entry, robot, "--candidates")
+    return check_effect(entry, fit.robot, "--candidates", columns=fit.data.columns)

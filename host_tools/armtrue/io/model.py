@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+import re
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from armtrue.errors import InputError, did_you_mean, shorten
 from armtrue.io.catalogue import EffectInfo, catalogue
+from armtrue.io.columns import ColumnNames
 from armtrue.io.robot import LARGEST_LEAD_M, Robot
 from armtrue.io.yamlfile import Section, load_yaml
 
@@ -40,10 +42,11 @@ class Model:
     path: Path | None = field(default=None, compare=False)
 
 
-def load_model(path: str | Path, robot: Robot) -> Model:
+def load_model(path: str | Path, robot: Robot, columns: Collection[str] = ()) -> Model:
     """Read and check the model file at `path` for `robot`.
 
-    Errors: InputError naming file and key path, what was found and what was expected.
+    `columns`: those of the measurements (`data.columns`), whose own ones a custom effect may read. Errors: InputError
+    naming file and key path, what was found and what was expected.
     """
     path = Path(path)
     top = load_yaml(path)
@@ -51,7 +54,7 @@ def load_model(path: str | Path, robot: Robot) -> Model:
     for number, entry in enumerate(top.entries("effects", "a list of effects"), start=1):
         place = f"effects[{number}]"
         section = Section({"effect": entry} if isinstance(entry, str) else entry, str(path), place)
-        effect = _effect(section, robot)
+        effect = _effect(section, robot, columns)
         for earlier, other in enumerate(effects, start=1):
             if _is_repeat(effect, other):
                 raise InputError(
@@ -67,13 +70,18 @@ def load_model(path: str | Path, robot: Robot) -> Model:
 
 
 def check_effect(
-    effect: dict[str, Any], robot: Robot, origin: str, already: Sequence[dict[str, Any]] = ()
+    effect: dict[str, Any],
+    robot: Robot,
+    origin: str,
+    already: Sequence[dict[str, Any]] = (),
+    columns: Collection[str] = (),
 ) -> dict[str, Any]:
     """Return one effect entry normalised, as `armtrue add` builds it from its arguments.
 
-    `already`: the effects that it must not repeat. Errors: InputError that begins with `origin`.
+    `already`: the effects that it must not repeat. `columns`: those of the measurements. Errors: InputError that
+    begins with `origin`.
     """
-    checked = _effect(Section(effect, origin), robot)
+    checked = _effect(Section(effect, origin), robot, columns)
     if any(_is_repeat(checked, other) for other in already):
         raise InputError(
             f"{origin}: found {checked['effect']} in the model already, expected an effect that is not"
@@ -81,7 +89,7 @@ def check_effect(
     return checked
 
 
-def _effect(section: Section, robot: Robot) -> dict[str, Any]:
+def _effect(section: Section, robot: Robot, columns: Collection[str]) -> dict[str, Any]:
     known = catalogue()
     effect_id = section.text("effect", expected="the name of an effect")
     if effect_id not in known:
@@ -94,7 +102,7 @@ def _effect(section: Section, robot: Robot) -> dict[str, Any]:
     if section.has("joints"):
         effect["joints"] = _joints(section, info, robot)
     if info.role == "custom":
-        effect.update(_custom(section, robot))
+        effect.update(_custom(section, robot, columns))
     for option, (kind, _) in info.options.items():
         if section.has(option) and option not in effect:
             effect[option] = _option(section, option, kind)
@@ -137,7 +145,7 @@ def _option(section: Section, option: str, kind: str) -> Any:
     return section.number(option, expected="a number" if kind == "number" else f"a number in {kind}")
 
 
-def _custom(section: Section, robot: Robot) -> dict[str, Any]:
+def _custom(section: Section, robot: Robot, columns: Collection[str]) -> dict[str, Any]:
     from armtrue import _core
 
     custom: dict[str, Any] = {
@@ -147,26 +155,45 @@ def _custom(section: Section, robot: Robot) -> dict[str, Any]:
     }
     if section.has("parameters"):
         custom["parameters"] = _option(section, "parameters", "{name: value}")
-    taken = {*state_names(robot), *EXPRESSION_WORDS}
+    known = variables_of(robot, columns)
+    taken = {*known, *EXPRESSION_WORDS}
     for name in custom.get("parameters", {}):
         if name in taken:
             raise InputError(
-                f"{section.place('parameters')}.{name}: found the name of a state variable, function or constant, "
-                "expected a name of its own"
+                f"{section.place('parameters')}.{name}: found the name of a state variable, column, function or "
+                "constant, expected a name of its own"
             )
     coordinates = coordinate_names(robot.joint_count)
     if custom["coordinate"] not in coordinates:
         raise section.fail(
             "coordinate", "a coordinate of the arm" + did_you_mean(custom["coordinate"], coordinates)
         )
+    own = custom.get("parameters", {})
     try:
-        _core.check_expression(custom["expression"], state_names(robot), sorted(custom.get("parameters", {})))
+        _core.check_expression(custom["expression"], known, sorted(own))
     except ValueError as error:
+        unknown = [name for name in names_in(custom["expression"]) if name not in {*taken, *own}]
+        hint = _hint(unknown[0], known, robot, columns) if unknown else ""
         raise InputError(
             f"{section.place('expression')}: found {shorten(custom['expression'])}, "
-            f"expected arithmetic of the state: {error}"
+            f"expected arithmetic of the state: {error}{hint}"
         ) from None
     return custom
+
+
+def _hint(unknown: str, known: list[str], robot: Robot, columns: Collection[str]) -> str:
+    """What a name that stands for nothing may have been meant for."""
+    if not columns:
+        return f", nor known for a column, as no measurements are read here ('armtrue plan' takes --levels {unknown}=…)"
+    # Regressors are hundreds of names that nobody types.
+    typed = [name for name in known if not name.startswith(("u", "tilt"))]
+    return did_you_mean(unknown, [*typed, *own_columns(robot, columns)])
+
+
+def names_in(expression: str) -> list[str]:
+    """The names that an expression reads, functions and constants left out, in order of appearance."""
+    names = re.findall(r"\b[A-Za-z_]\w*", expression)
+    return list(dict.fromkeys(name for name in names if name not in EXPRESSION_WORDS))
 
 
 def coordinate_names(joint_count: int) -> list[str]:
@@ -182,6 +209,18 @@ def state_names(robot: Robot, sensors: Sequence[str] = ()) -> list[str]:
 
     variables = json.loads(_core.state_variables(robot.joint_count, [*robot.sensors, *sensors]))
     return [variable["name"] for variable in variables]
+
+
+def own_columns(robot: Robot, columns: Iterable[str]) -> list[str]:
+    """Those of `columns` that are none of the contract's: variables under their own names."""
+    names = ColumnNames(robot)
+    return [name for name in columns if names.kind(name) is None]
+
+
+def variables_of(robot: Robot, columns: Collection[str]) -> list[str]:
+    """The state variables that an expression may read where the measurements have `columns`."""
+    sensors = [name.removeprefix("temp_") for name in columns if name.startswith("temp_")]
+    return [*state_names(robot, sensors), *own_columns(robot, columns)]
 
 
 def _is_repeat(effect: dict[str, Any], other: dict[str, Any]) -> bool:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from armtrue import _core
 from armtrue.arrays import Array
 from armtrue.errors import InputError
+from armtrue.fit_file import not_for_a_device
 from armtrue.io.catalogue import catalogue
 from armtrue.io.columns import FAR_TRAVEL, TRAVEL
 from armtrue.tables import expression
@@ -87,7 +88,8 @@ class FittedArm:
     effects: dict[tuple[str, str], list[str]] = field(default_factory=dict)
     grids: list[Grid] = field(default_factory=list)
     skipped: list[str] = field(default_factory=list)  # effects that belong to the measurement
-    # Effects of the arm that stay behind, wholly or on short moves: why, and how far each moves the tool [µm RMS].
+    # Effects of the arm that stay behind, wholly or on short moves, a user's own by the names of their parameters: why,
+    # and how far each moves the tool [µm RMS].
     stays_behind: dict[str, tuple[str, float | None]] = field(default_factory=dict)
 
     def variables(self) -> set[str]:
@@ -119,7 +121,7 @@ def fitted_arm(document: dict[str, Any], path: object) -> FittedArm:
     try:
         arm = _head(document)
         reflectors = document.get("data", {}).get("targets") or list(arm.flange_from_tool)
-        _gather(document["parameters"], document.get("effects_move_um", {}), arm, reflectors)
+        _gather(document, arm, reflectors)
     except _core.ExpressionError as error:
         raise InputError(f"{path}: {error}") from None
     except (KeyError, TypeError, IndexError) as error:
@@ -152,19 +154,23 @@ def _with_reflector(coordinate: str, reflectors: list[str]) -> str:
     return f"tool[{reflectors[int(number)]}]{rest}"
 
 
-def _gather(
-    parameters: list[dict[str, Any]], moves: dict[str, float], arm: FittedArm, reflectors: list[str]
-) -> None:
+def _gather(document: dict[str, Any], arm: FittedArm, reflectors: list[str]) -> None:
     nodes: dict[tuple[str, str], list[tuple[dict[str, Any], float]]] = defaultdict(list)
     skipped: dict[str, None] = {}
     behind: dict[str, str] = {}
+    left_out = not_for_a_device(document)
     gravity = arm.chain.gravity.copy()
-    for parameter in parameters:
+    for parameter in document["parameters"]:
         effect = parameter["effect"]
+        if parameter["name"] in left_out:
+            behind[parameter["name"]] = left_out[parameter["name"]]
+            continue
         if not parameter.get("exported", True):
             info = catalogue().get(effect)
             if info is None or not info.exported:
                 skipped[effect] = None
+            elif info.role == "custom":
+                skipped[parameter["name"]] = None
             else:
                 behind[effect] = "what it depends on is nothing that a device knows"
             continue
@@ -200,7 +206,10 @@ def _gather(
     }
     arm.grids = [_grid(name, coordinate, entries) for (name, coordinate), entries in nodes.items()]
     arm.skipped = list(skipped)
-    arm.stays_behind = {effect: (why, moves.get(effect)) for effect, why in behind.items()}
+    moves = document.get("effects_move_um", {})
+    arm.stays_behind = {
+        name: (why, moves.get(name, moves.get(name.partition(".")[0]))) for name, why in behind.items()
+    }
 
 
 def _is_node(text: str, table: dict[str, Any]) -> bool:

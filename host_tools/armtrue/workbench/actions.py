@@ -45,7 +45,7 @@ def candidates_of(session: Session) -> list[Entry]:
 def _add(engine: Engine, words: Entry) -> None:
     entry = _candidate(engine.session, words)
     fit = engine.session.fit_of(engine.session.at)
-    checked = check_effect(entry, fit.robot, "add", already=fit.effects)
+    checked = check_effect(entry, fit.robot, "add", fit.effects, fit.data.columns)
     _change(engine, [*fit.effects, checked])
 
 
@@ -62,7 +62,7 @@ def _swap(engine: Engine, words: Entry) -> None:
     fit = engine.session.fit_of(engine.session.at)
     place = _whole(words, "effect", len(fit.effects))
     rest = [entry for k, entry in enumerate(fit.effects) if k != place]
-    checked = check_effect(_candidate(engine.session, words), fit.robot, "swap", already=rest)
+    checked = check_effect(_candidate(engine.session, words), fit.robot, "swap", rest, fit.data.columns)
     _change(engine, [*rest, checked])
 
 

@@ -179,7 +179,8 @@ class Drop:
         out = self.folder / _GUESSED
         found = init(kinds["table"], out, urdf=urdf, dh=dh, robot=robot, force=True, skip_bad=True)
         if model is not None:
-            load_model(model, load_robot(out / "robot.yaml"))
+            arm = load_robot(out / "robot.yaml")
+            load_model(model, arm, load_data(out / "dataset.yaml", arm, strict=False).columns)
             write_file(out / "model.yaml", read_text(model))
         self.guess = self._looked_at([*([why] if why else []), *found.notes])
 

@@ -77,6 +77,7 @@ def _of_measurements(path: Path, robot: Path | None, model: Path | None) -> Open
             f"{path}: found no arm, expected --robot ROBOT or robot.yaml beside the measurements"
         )
     arm = load_robot(robot)
+    data = load_data(path, arm)
     model = model or _beside(path, "model", notes)
     if model is None:
         # What `armtrue init` writes: the geometry, to which the diagnosis then adds.
@@ -85,8 +86,7 @@ def _of_measurements(path: Path, robot: Path | None, model: Path | None) -> Open
         believed = Model(effects)
         notes.append("no model was named: the geometry of the arm is fitted first")
     else:
-        believed = load_model(model, arm)
-    data = load_data(path, arm)
+        believed = load_model(model, arm, data.columns)
     refuse_too_few_poses(data.file, data.joints)
     doubts = refuse_what_cannot_be_an_arm(data, arm)
     read = [robot, *([model] if model else []), *_files_of(data)]
