@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 
 from armtrue.checking import sigma
@@ -19,11 +21,47 @@ _ROWS = 300
 _SHARE_OF_LIMITS = 0.5
 # What the fitter says of pairs that other poses would separate; the rest holds of any poses and is no finding.
 _OF_THESE_POSES = "by these poses"
+_DIRECTION = re.compile(r"dir([0-9]+)")
+# Joints that stand still are told elsewhere; the others are measured, or put the measurements in order.
+_NO_CAUSE = re.compile(r"qr?[0-9]+|q[wxyz]|[xyz]|travel[0-9]+|sigma|repeat|target|station|nest")
+_FROM_BOTH_SIDES = "Go to some poses from the other side ('armtrue plan' with --levels dir=-1,1)."
+_OTHER_VALUES = (
+    "Measure some poses at another value, should the arm give reason to suspect what depends on it."
+)
 
 
 def find(data: Dataset, robot: Robot) -> list[Finding]:
     """Notes on what stays unknown or untestable, and on the share of the workspace that was visited."""
-    return [*_coverage(data, robot), *_of_a_fit(data, robot)]
+    return [*_coverage(data, robot), *_never_change(data), *_of_a_fit(data, robot)]
+
+
+def _never_change(data: Dataset) -> list[Finding]:
+    """Notes on columns that are recorded and tell nothing, as they have one value in all rows."""
+    findings = []
+    for name, values in data.columns.items():
+        joint = _DIRECTION.fullmatch(name)
+        sides = np.unique(values[values != 0.0]) if joint else np.unique(values)
+        if _NO_CAUSE.fullmatch(name) or sides.size != 1 or data.count < 2:
+            continue
+        if joint and not np.ptp(data.columns[f"q{joint[1]}"]):
+            continue
+        confused = (
+            f"joint {joint[1]} came from one side to all poses, and lost motion of joint {joint[1]} (backlash, "
+            "hysteresis) looks like a shift of its zero"
+            if joint
+            else "what depends on it looks like what is there at all poses, a zero or a length"
+        )
+        or_none = " or 0" if joint and not values.all() else ""
+        findings.append(
+            Finding(
+                "never_changes",
+                "note",
+                f"column {name}: found {sides[0]:g}{or_none} in all rows: {confused}",
+                {"columns": [name], "value": float(sides[0])},
+                _FROM_BOTH_SIDES if joint else _OTHER_VALUES,
+            )
+        )
+    return findings
 
 
 def _of_a_fit(data: Dataset, robot: Robot) -> list[Finding]:

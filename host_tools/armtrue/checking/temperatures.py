@@ -1,10 +1,11 @@
-"""Temperatures that no thermometer on an arm reads: of one that was off, and in another unit."""
+"""Temperatures that no thermometer on an arm reads: of one that was off or stood still, and in another unit."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
 from armtrue.arrays import Array
 from armtrue.checking.motion import name_rows
@@ -15,22 +16,35 @@ from armtrue.io.dataset import Dataset
 # by hand, the others are no more than a few figures.
 _APART_K = 10.0
 _LEAST_OTHERS = 6
+# Figures of thermometers that are starting or not connected (DS18B20 and its like).
+_ERROR_VALUES = (85.0, 0.0)
 # Nobody measures a whole campaign on an arm so hot [°C]; in Fahrenheit a cool room is warmer.
 _HOTTEST_ROOM = 50.0
+# A stretch of equal readings that counts: this share of all rows, and so many rows.
+_STILL_SHARE = 0.2
+_STILL_ROWS = 10
+# A sensor of fine steps hardly ever reads the same twice running.
+_FINE_REPEATS = 0.05
+# One of coarse steps may stand still in a steady room. One that had stopped leaves its figure by many of its steps from
+# one row to the next, without a pause in which the arm cooled: so many, and so many times the usual interval.
+_LEAP_STEPS = 5.0
+_PAUSE_INTERVALS = 5.0
+# What another thermometer went through meanwhile is worth telling [K].
+_TOLD_K = 0.2
 
 
 def find(data: Dataset) -> list[Finding]:
     """Warnings about the columns temp_*."""
-    return [
-        finding
-        for name, values in sorted(data.columns.items())
-        if name.startswith("temp_")
-        for finding in _of_column(data, name, values)
-    ]
+    return [finding for name in _thermometers(data) for finding in _of_column(data, name)]
 
 
-def _of_column(data: Dataset, name: str, values: Array) -> Iterator[Finding]:
+def _thermometers(data: Dataset) -> list[str]:
+    return sorted(name for name in data.columns if name.startswith("temp_"))
+
+
+def _of_column(data: Dataset, name: str) -> Iterator[Finding]:
     column = f"{data.file.name} column {name}"
+    values = data.columns[name]
     distinct = np.unique(values)
     if distinct[0] > _HOTTEST_ROOM:
         yield Finding(
@@ -42,16 +56,96 @@ def _of_column(data: Dataset, name: str, values: Array) -> Iterator[Finding]:
         )
     if distinct.size <= _LEAST_OTHERS:
         return
-    for off, nearest in ((distinct[0], distinct[1]), (distinct[-1], distinct[-2])):
-        rows = values == off
-        if abs(off - nearest) < _APART_K or np.count_nonzero(rows) < 2:
+    order = _in_time(data)
+    off = np.zeros(data.count, dtype=np.bool_)
+    for value in _alone(distinct):
+        rows = values == value
+        if np.count_nonzero(rows) < 2 and value not in _ERROR_VALUES and not _is_spike(values[order], value):
             continue
+        off |= rows
         yield Finding(
             "temperature_off",
             "warning",
-            f"{column}: found {off:.1f} °C in {name_rows(data, rows)}, and nothing else within "
+            f"{column}: found {value:.1f} °C in {name_rows(data, rows)}, and nothing else within "
             f"{_APART_K:.0f} K of it",
             {"column": name, "rows": data.rows[rows].tolist()},
             "A sensor that is off reads so. Write what the rows around it have, or take these rows out: heat is "
             "sought by this column.",
         )
+    yield from _still(data, name, order[~off[order]])
+
+
+def _in_time(data: Dataset) -> NDArray[np.intp]:
+    if "time" in data.columns:
+        return np.argsort(data.columns["time"], kind="stable")
+    return np.arange(data.count)
+
+
+def _alone(distinct: Array) -> Array:
+    """Those of the sorted figures of a column that have no other within `_APART_K`."""
+    wide = np.diff(distinct, prepend=-np.inf, append=np.inf) >= _APART_K
+    return distinct[wide[:-1] & wide[1:]]
+
+
+def _is_spike(values: Array, value: float) -> bool:
+    """True where `value` stands in one row and the rows before and after are as one another."""
+    at = int(np.argmax(values == value))
+    return 0 < at < values.size - 1 and abs(values[at + 1] - values[at - 1]) < _APART_K
+
+
+def _still(data: Dataset, name: str, order: NDArray[np.intp]) -> Iterator[Finding]:
+    """A warning where the thermometer stood still over a stretch of the rows in `order`, those of time."""
+    values = data.columns[name][order]
+    first, last = _longest_stretch(values)
+    if last - first + 1 < max(_STILL_ROWS, _STILL_SHARE * data.count):
+        return
+    steps = np.abs(np.diff(values))
+    elsewhere = np.concatenate([steps[:first], steps[last:]])
+    if not elsewhere.any():
+        return
+    time = data.columns["time"][order] if "time" in data.columns else np.arange(order.size, dtype=np.float64)
+    is_fine = np.mean(elsewhere == 0.0) <= _FINE_REPEATS
+    if time[last] <= time[first] or not (is_fine or _leaps(steps, elsewhere, time, first, last)):
+        return
+    stretch = order[first : last + 1]
+    took = f", {_duration(float(time[last] - time[first]))}" if "time" in data.columns else ""
+    rows = f"row {data.rows[stretch[0]]} to row {data.rows[stretch[-1]]}"
+    yield Finding(
+        "temperature_stands",
+        "warning",
+        f"{data.file.name} column {name}: found {values[first]:.2f} °C unchanged from {rows} ({stretch.size} of "
+        f"{data.count} rows{took}){_others(data, name, stretch)}: a thermometer that stood still",
+        {"column": name, "rows": data.rows[stretch].tolist(), "celsius": float(values[first])},
+        "Take these rows out, or leave the column out: what the arm's heat did meanwhile is put down to other causes, "
+        "such as warm_up, time_drift or another thermometer's column.",
+    )
+
+
+def _longest_stretch(values: Array) -> tuple[int, int]:
+    """First and last entry of the longest stretch of equal values."""
+    begins = np.flatnonzero(np.concatenate([[True], np.diff(values) != 0.0]))
+    lengths = np.diff(np.append(begins, values.size))
+    longest = int(np.argmax(lengths))
+    return int(begins[longest]), int(begins[longest] + lengths[longest] - 1)
+
+
+def _leaps(steps: Array, elsewhere: Array, time: Array, first: int, last: int) -> bool:
+    """True where the stretch is reached or left by many of the sensor's usual steps within a usual interval."""
+    intervals = np.diff(time)
+    usual = _PAUSE_INTERVALS * float(np.median(intervals))
+    large = _LEAP_STEPS * float(np.median(elsewhere[elsewhere > 0.0]))
+    edges = [edge for edge in (first - 1, last) if 0 <= edge < steps.size]
+    return any(steps[edge] >= large and intervals[edge] <= usual for edge in edges)
+
+
+def _others(data: Dataset, name: str, stretch: NDArray[np.intp]) -> str:
+    """How far the other thermometers went meanwhile, in words."""
+    spans = {
+        other: float(np.ptp(data.columns[other][stretch])) for other in _thermometers(data) if other != name
+    }
+    told = [f"{other} changed by {span:.1f} K" for other, span in spans.items() if span >= _TOLD_K]
+    return f", while {' and '.join(told)}" if told else ""
+
+
+def _duration(seconds: float) -> str:
+    return f"{seconds / 3600.0:.1f} h" if seconds >= 7200.0 else f"{seconds / 60.0:.0f} min"

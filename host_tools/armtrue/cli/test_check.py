@@ -237,3 +237,27 @@ def test_the_offset_that_check_asks_for_beside_a_urdf_can_be_pasted(folder, tmp_
     (tmp_path / "dataset.yaml").write_text(f"file: data.csv\ncolumns: {{{columns}}}\n")
     mended = armtrue("check", "dataset.yaml", "--robot", "robot.yaml", cwd=tmp_path)
     assert mended.returncode == 0, mended.stdout
+
+
+def test_check_names_a_thermometer_that_stood_still_and_a_direction_that_never_changes(tmp_path):
+    robot = robot_file(tmp_path / "robot.yaml", temperature={"reference": 20.0, "sensors": ["arm", "hall"]})
+    columns = measured(robot, poses(2, WIDE, count=90), noise_m=2e-5)
+    rng = np.random.default_rng(5)
+    for k in range(1, 7):
+        columns[f"dir{k}"] = np.ones(90) if k == 2 else rng.choice([-1.0, 1.0], 90)
+    columns["time"] = 30.0 * np.arange(90)
+    columns["temp_arm"] = 20.0 + np.linspace(0.0, 6.0, 90) + rng.normal(0.0, 0.02, 90)
+    columns["temp_arm"][40:70] = columns["temp_arm"][40]
+    columns["temp_hall"] = 22.0 + np.linspace(0.0, 2.0, 90) + rng.normal(0.0, 0.02, 90)
+    write_csv(tmp_path / "data.csv", columns)
+    run = armtrue("check", "data.csv", "--robot", "robot.yaml", "--json", "c.json", cwd=tmp_path)
+    assert run.returncode == 0, run.stdout + run.stderr
+    found = {one["code"]: one for one in json.loads((tmp_path / "c.json").read_text())["findings"]}
+    still = found["temperature_stands"]
+    assert still["severity"] == "warning"
+    assert still["evidence"]["rows"] == list(range(42, 72))
+    assert "from row 42 to row 71 (30 of 90 rows, 14 min), while temp_hall changed by 0." in still["message"]
+    assert found["never_changes"]["evidence"]["columns"] == ["dir2"]
+    said = " ".join(run.stdout.split())
+    assert "column dir2: found 1 in all rows: joint 2 came from one side to all poses" in said
+    assert "a thermometer that stood still" in said

@@ -1,0 +1,165 @@
+"""Columns beside joints and positions: directions against the order of the rows, thermometers, what never changes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import armtrue_sim
+import numpy as np
+import pytest
+
+from armtrue.checking import Finding, check, temperatures
+from armtrue.checking.directions import find
+from armtrue.checking.run import refuse_what_cannot_be_an_arm
+from armtrue.io import Dataset, Robot, load_data, load_robot
+
+Change = Callable[[np.ndarray], np.ndarray]
+
+
+@pytest.fixture
+def campaign(tmp_path: Path) -> Callable[..., tuple[Dataset, Robot]]:
+    def simulated(arm: str = "kr30", seed: int = 131, **more: object) -> tuple[Dataset, Robot]:
+        armtrue_sim.simulate({"arm": arm, "seed": seed, "hidden": [], **more}).write(tmp_path)
+        robot = load_robot(tmp_path / "robot.yaml")
+        return load_data(tmp_path / "data.csv", robot), robot
+
+    return simulated
+
+
+def with_directions(data: Dataset, change: Change, joints: range = range(1, 7)) -> Dataset:
+    changed = {f"dir{k}": change(data.columns[f"dir{k}"]) for k in joints}
+    return replace(data, columns={**data.columns, **changed})
+
+
+def late(side: np.ndarray) -> np.ndarray:
+    return np.concatenate([side[:1], side[:-1]])
+
+
+def early(side: np.ndarray) -> np.ndarray:
+    return np.concatenate([side[1:], side[-1:]])
+
+
+def only(findings: list[Finding]) -> Finding:
+    (found,) = findings
+    return found
+
+
+@pytest.mark.parametrize(("arm", "seed"), [("kr30", 131), ("cobot", 132), ("kr30", 133)])
+@pytest.mark.parametrize(
+    ("change", "words"), [(late, "moved up by one row"), (early, "moved down by one row")]
+)
+def test_directions_one_row_off_are_a_warning(campaign, arm, seed, change, words):
+    data, robot = campaign(arm, seed, directions="order")
+    wrong = with_directions(data, change)
+    found = only(find(wrong))
+    assert found.severity == "warning"
+    assert "dir1…dir6" in found.message
+    assert f"and in 100% if {words}" in found.message
+    assert "derive: {dir: from_order}" in found.remedy
+    assert any(words in doubt for doubt in refuse_what_cannot_be_an_arm(wrong, robot))
+
+
+def test_directions_of_the_other_sign_are_named(campaign):
+    data, _ = campaign(directions="order")
+    found = only(find(with_directions(data, np.negative, range(2, 4))))
+    assert "dir2, dir3" in found.message
+    assert "taken with the other sign" in found.message
+    assert "'dir2: {column: dir2, scale: -1}'" in found.remedy
+
+
+def test_rows_are_taken_in_order_of_time(campaign):
+    data, _ = campaign(directions="order")
+    mixed = np.random.default_rng(3).permutation(data.count)
+    assert find(data.take(mixed)) == []
+    assert find(with_directions(data, late).take(mixed))
+
+
+def test_directions_that_agree_or_tell_nothing_raise_nothing(campaign):
+    data, _ = campaign(directions="order")
+    assert find(data) == []
+    # The arm came by way of other points; too few motions to tell.
+    assert find(campaign(directions="random")[0]) == []
+    assert find(with_directions(data, late).take(np.arange(20))) == []
+    # A joint that goes one way for long agrees as it stands and moved.
+    one_way = np.arange(float(data.count))
+    long_way = replace(data, columns={**data.columns, "q1": one_way, "dir1": np.ones(data.count)})
+    assert find(with_directions(long_way, late, range(1, 2))) == []
+
+
+def changed(data: Dataset, **columns: np.ndarray) -> Dataset:
+    return replace(data, columns={**data.columns, **columns})
+
+
+def codes_of(data: Dataset) -> list[str]:
+    return [one.code for one in temperatures.find(data)]
+
+
+def only_one(data: Dataset, code: str) -> Finding:
+    (found,) = [one for one in temperatures.find(data) if one.code == code]
+    return found
+
+
+@pytest.mark.parametrize("last", [130, None])
+def test_warns_of_a_thermometer_that_stands_still(campaign, last):
+    data, _ = campaign()
+    order = np.argsort(data.columns["time"], kind="stable")
+    rng = np.random.default_rng(4)
+    hall = np.round(21.0 + 3.0 * np.sin(np.linspace(0.0, 3.0, data.count)), 2)
+    read = 20.0 + np.linspace(0.0, 8.0, data.count) + rng.normal(0.0, 0.05, data.count)
+    columns = {"temp_arm": np.empty(data.count), "temp_hall": np.empty(data.count)}
+    columns["temp_hall"][order], columns["temp_arm"][order] = hall, read
+    good = changed(data, **columns)
+    assert "temperature_stands" not in codes_of(good)
+    still = slice(60, last and min(last, data.count - 5))
+    read[still] = read[60]
+    columns["temp_arm"][order] = read
+    found = only_one(changed(data, **columns), "temperature_stands")
+    rows = data.rows[order][still]
+    assert found.evidence["column"] == "temp_arm"
+    assert found.evidence["rows"] == rows.tolist()
+    assert f"found {read[60]:.2f} °C unchanged from row {rows[0]} to row {rows[-1]}" in found.message
+    assert "temp_hall" in found.message
+    # Coarse figures stand still when little changes; a plateau that is reached and left by small steps is no fault.
+    coarse = np.round(2.0 * (20.0 + 8.0 * (1.0 - np.exp(-np.arange(data.count) / 15.0)))) / 2.0
+    columns["temp_arm"][order] = coarse
+    assert "temperature_stands" not in codes_of(changed(data, **columns))
+
+
+@pytest.mark.parametrize("value", [85.0, 0.0, -40.0])
+def test_warns_of_one_row_in_which_a_thermometer_was_off(campaign, value):
+    data, _ = campaign()
+    read = data.columns["temp_arm"].copy()
+    read[7] = value
+    found = only_one(changed(data, temp_arm=read), "temperature_off")
+    assert f"found {value:.1f} °C in row 9" in found.message
+
+
+def test_warns_of_each_value_that_a_thermometer_had_while_it_was_off(campaign):
+    data, _ = campaign()
+    read = data.columns["temp_arm"].copy()
+    read[[3, 40]], read[[5, 9]] = -60.0, -40.0
+    found = [
+        one.evidence["rows"]
+        for one in temperatures.find(changed(data, temp_arm=read))
+        if one.code == "temperature_off"
+    ]
+    assert found == [data.rows[[3, 40]].tolist(), data.rows[[5, 9]].tolist()]
+
+
+def test_names_columns_that_never_change(campaign):
+    data, robot = campaign()
+    before = [f.message for f in check(data, robot).findings if f.code == "never_changes"]
+    assert not any("dir" in message or "temp" in message for message in before)
+    one_side = {"dir2": np.ones(data.count), "dir4": -np.ones(data.count)}
+    constant = {"temp_arm": np.full(data.count, 21.5), "air": np.full(data.count, 3.0)}
+    report = check(changed(data, **one_side, **constant), robot)
+    found = {str(f.evidence["columns"]): f for f in report.findings if f.code == "never_changes"}
+    assert {"['dir2']", "['dir4']", "['temp_arm']", "['air']"} <= set(found)
+    assert (
+        "lost motion of joint 2 (backlash, hysteresis) looks like a shift of its zero"
+        in found["['dir2']"].message
+    )
+    assert "found -1" in found["['dir4']"].message
+    assert found["['temp_arm']"].severity == "note"
