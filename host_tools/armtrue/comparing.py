@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from armtrue.arrays import Array
 from armtrue.errors import InputError
-from armtrue.fitting import Fit
+from armtrue.fitting import Fit, fingerprint
 from armtrue.io import Dataset
 from armtrue.verdicts import ERROR_FIGURES, scored_mean_um
 
@@ -31,24 +31,37 @@ _LARGEST_EXPONENT = 700.0
 class Comparison:
     """`figures`: what `armtrue compare --json` writes. `elsewhere_um`: the mean error after the measuring frame was
     moved onto the predictions, where that explains what is worse; else None. `extrapolated`: what the fit extrapolates
-    in columns other than joints, where the error is worse; empty where nothing.
+    in columns other than joints, where the error is worse; empty where nothing. `all_fitted`: True where every
+    row is one that was fitted, so that the comparison tells nothing.
     """
 
     figures: dict[str, Any]
     elsewhere_um: float | None
     extrapolated: str = ""
+    all_fitted: bool = False
 
     @property
     def title(self) -> str:
         """The verdict in words."""
+        if self.all_fitted:
+            return "Nothing is told: these are the fit's own rows"
         return "As expected" if self.figures["verdict"] == "as_expected" else "Worse than expected"
 
     @property
     def sentences(self) -> list[str]:
         """What was found, the same in the terminal and on the workbench."""
         figures = self.figures
-        found = [
-            f"error on {figures['error']['n']} rows: {error_words(figures['error'])}",
+        count, fitted = figures["error"]["n"], figures["rows_fitted"]
+        found = []
+        if self.all_fitted:
+            found.append(
+                f"all {count} rows are among those that were fitted, and a fit follows its own rows whatever the arm "
+                "does: compare it with poses measured anew"
+            )
+        elif fitted:
+            found.append(f"{fitted} of {count + fitted} rows were fitted and are left out of what follows")
+        found += [
+            f"error on {count} rows: {error_words(figures['error'])}",
             f"expected from poses held out of the fit{_WAYS[figures['expected_by']]}: "
             f"{figures['expected_mean_um']:.1f} µm, by chance up to {figures['limit_um']:.1f} µm",
         ]
@@ -63,7 +76,13 @@ class Comparison:
 
 
 def compare(fit: Fit, data: Dataset) -> Comparison:
-    """Compare the predictions of `fit` with the positions of `data`. Errors: InputError where a column is missing."""
+    """Compare the predictions of `fit` with the positions of `data`, by rows that were not fitted where there are such.
+
+    Errors: InputError where a column is missing.
+    """
+    fitted = _fitted_rows(fit, data)
+    if not fitted.all():
+        data = data.take(~fitted)
     predicted = fit.predict(data)
     apart_um = 1e6 * np.linalg.norm(data.positions_m - predicted, axis=1)
     by, held_out, expected = _expected(fit, data)
@@ -88,11 +107,24 @@ def compare(fit: Fit, data: Dataset) -> Comparison:
             "expected_by": by,
             "limit_um": limit,
             "verdict": "worse" if worse else "as_expected",
+            "rows_fitted": int(fitted.sum()),
             "rows": [{"row": int(data.rows[at]), "error_um": float(apart_um[at])} for at in worst],
         },
         elsewhere,
         extrapolated,
+        bool(fitted.all()),
     )
+
+
+def _fitted_rows(fit: Fit, data: Dataset) -> NDArray[np.bool_]:
+    """Which rows of `data` (N,) have the joints and the position of a row that was fitted."""
+    try:
+        own = fit.data
+    except InputError:
+        # Where the fit's measurements are gone, the same columns are still known by their digest.
+        return np.full(data.count, fingerprint(data) == fit.document["data"]["sha256"])
+    known = {row.tobytes() for row in np.column_stack([own.joints, own.positions_m])}
+    return np.array([row.tobytes() in known for row in np.column_stack([data.joints, data.positions_m])])
 
 
 def _expected(fit: Fit, data: Dataset) -> tuple[str, dict[str, Any], float]:

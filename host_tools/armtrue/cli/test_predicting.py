@@ -239,3 +239,44 @@ def test_which_reflector_is_taken_for_poses_that_name_none_is_said(folder, tmp_p
     ):
         run = armtrue(*command, cwd=tmp_path)
         assert expected in " ".join(run.stdout.split()), run.stdout + run.stderr
+
+
+def test_compare_says_that_rows_were_fitted_and_tell_nothing(folder):
+    run = armtrue("compare", "fit.json", "data.csv", "--json", "c.json", cwd=folder)
+    assert run.returncode == 0, run.stdout + run.stderr
+    found = json.loads((folder / "c.json").read_text())
+    assert found["verdict"] == "as_expected"
+    assert found["rows_fitted"] == found["error"]["n"]
+    said = " ".join(run.stdout.split())
+    assert f"all {found['rows_fitted']} rows are among those that were fitted" in said
+    assert "As expected" not in said
+
+
+def test_compare_judges_by_rows_that_were_not_fitted(folder):
+    old = (folder / "data.csv").read_text().splitlines()
+    shifted(folder, "crashed.csv", q3=2e-3)
+    names = (folder / "crashed.csv").read_text().splitlines()[0].split(",")
+    new = [
+        ",".join(dict(zip(names, line.split(","), strict=True)).get(name, "") for name in old[0].split(","))
+        for line in (folder / "crashed.csv").read_text().splitlines()[1:11]
+    ]
+    (folder / "joined.csv").write_text("\n".join([*old, *new]) + "\n")
+    run = armtrue("compare", "fit.json", "joined.csv", "--json", "c.json", cwd=folder)
+    found = json.loads((folder / "c.json").read_text())
+    assert found["rows_fitted"] == len(old) - 1
+    assert found["error"]["n"] == 10
+    assert min(row["row"] for row in found["rows"]) > len(old)
+    assert (run.returncode, found["verdict"]) == (1, "worse")
+    assert f"{len(old) - 1} of {len(old) + 9} rows were fitted and are left out" in " ".join(
+        run.stdout.split()
+    )
+
+
+def test_compare_knows_the_fits_rows_where_its_measurements_are_gone(folder, tmp_path):
+    document = json.loads((folder / "fit.json").read_text())
+    document["data"] |= {"path": "/nowhere/data.csv", "relative": "gone.csv"}
+    (tmp_path / "fit.json").write_text(json.dumps(document))
+    shutil.copy(folder / "data.csv", tmp_path / "other-name.csv")
+    run = armtrue("compare", "fit.json", "other-name.csv", cwd=tmp_path)
+    assert run.returncode == 0, run.stderr
+    assert "rows are among those that were fitted" in " ".join(run.stdout.split())

@@ -99,7 +99,9 @@ def compared(fit: Fit, drop: Drop, words: Entry) -> Result | None:
     )
     name = data.file.name
     said = f"{name}: mean error {micrometres(mean)} µm, {verdict} ({micrometres(expected)} µm)."
-    if found.elsewhere_um is not None:
+    if found.all_fitted:
+        said = f"{name}: {found.sentences[0]}."
+    elif found.elsewhere_um is not None:
         said = f"{said} {found.sentences[-1].capitalize()}."
     worst: list[Content] = [
         tag("li", f"row {entry['row']}: {micrometres(entry['error_um'])} µm") for entry in figures["rows"]
@@ -108,7 +110,7 @@ def compared(fit: Fit, drop: Drop, words: Entry) -> Result | None:
         "div",
         tag("h3", f"{name}: {found.title.lower()}"),
         listed(found.sentences),
-        _offer(found),
+        None if found.all_fitted else _offer(found),
         tag("h3", "The worst rows"),
         tag("ol", worst),
     )

@@ -79,6 +79,13 @@ def begun(engine: Engine, rows, place: Path) -> Engine:
     return engine
 
 
+def test_rows_that_were_fitted_tell_nothing_and_are_not_offered_to_join(engine, rows, tmp_path):
+    begun(engine, rows, tmp_path)
+    engine.take("again.csv", text(rows[1][:FIRST]))
+    assert "are among those that were fitted" in do(engine, "compare")
+    assert "Let them join" not in pieces(engine)["result"]
+
+
 def test_moved_base_is_said_as_compare_says_it_and_joins_as_a_set_up_of_its_own(engine, rows, tmp_path):
     begun(engine, rows, tmp_path)
     before = engine.session.node.mean_um
