@@ -1,9 +1,11 @@
 #include <algorithm>
+#include <cmath>
 #include <set>
 #include <string>
 #include <utility>
 
 #include "fitter/diagnose/diagnose.h"
+#include "fitter/evidence/blocks.h"
 #include "fitter/model/variable.h"
 
 namespace armtrue {
@@ -122,6 +124,37 @@ void doubt_beside_structure(const Fit& fit, const EvidenceSummary& evidence,
     most = std::max(most, c.probability);
   }
   nothing = std::min(std::max(nothing, 1.0 - most), least_nothing);
+}
+
+GridDoubt::GridDoubt(const Fit& fit, const Linearization& linearization,
+                     const EvidenceSummary& evidence)
+    : fit_(fit) {
+  Block grid;
+  std::vector<double> values;
+  for (const Parameter& p : fit.model().parameters) {
+    if (p.terms.empty() || !p.terms.front().table || p.terms.front().table->axes.size() < 2)
+      continue;
+    grid.terms.parameters.push_back(p);
+    values.push_back(p.value);
+    for (const TableReference::Axis& axis : p.terms.front().table->axes)
+      axes_.insert(axis.variable);
+  }
+  if (values.empty()) return;
+  const Eigen::Map<const Eigen::VectorXd> nodes(values.data(),
+                                                static_cast<Eigen::Index>(values.size()));
+  by_grid_ = (block_columns(linearization, fit.state(), {&grid, 1}) * nodes).squaredNorm() /
+             std::pow(evidence.noise.reading, 2);
+}
+
+double GridDoubt::share_left(const Block& block, double gain) const {
+  const auto is_of_grid = [&](const std::string& name) {
+    const auto variable = parse_variable(name, fit_.robot().joint_count());
+    return variable && variable->is_of_posture() &&
+           (variable->is_load() || axes_.contains("q" + std::to_string(variable->joint)));
+  };
+  return gain < by_grid_ && std::ranges::all_of(names_read(block), is_of_grid)
+             ? gain / (gain + by_grid_)
+             : 1.0;
 }
 
 }  // namespace armtrue

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -114,5 +115,20 @@ double as_nearest_name(const Fit& fit, const EvidenceSummary& evidence, std::siz
 /// direction; the posture, where the structure is a knock).
 void doubt_beside_structure(const Fit& fit, const EvidenceSummary& evidence,
                             std::vector<Candidate>& candidates, double& nothing);
+
+/// A grid of the fit follows whatever its joints do, as far as its cells are fine: an effect that
+/// explains less than the grid does may only make up for their size.
+class GridDoubt {
+ public:
+  GridDoubt(const Fit& fit, const Linearization& linearization, const EvidenceSummary& evidence);
+  /// What is left of the probability of an effect that explains `gain` of the squared residual: all
+  /// where the fit has no grid, or the effect reads more than the posture of the grid's joints.
+  double share_left(const Block& block, double gain) const;
+
+ private:
+  const Fit& fit_;
+  std::set<std::string> axes_;
+  double by_grid_ = 0.0;
+};
 
 }  // namespace armtrue

@@ -83,12 +83,22 @@ class Builder {
   Block present_form(const EffectRequest& request);
   std::vector<EvidenceForm> present_forms(const EffectRequest& request);
   Block table_form(const EffectRequest& request) const;
+  const std::string& name_of(Eigen::Index column) const;
   std::vector<Eigen::Index> columns_of(const EffectRequest& request) const;
 
   Fit& fit_;
   const Linearization& l_;
   EvidenceModel model_;
 };
+
+// The parameter whose column of Linearization::jacobian that is.
+const std::string& Builder::name_of(Eigen::Index column) const {
+  const std::vector<int>& free = fit_.design().free_parameters();
+  const auto unknown = static_cast<std::size_t>(l_.unknown[static_cast<std::size_t>(column)]);
+  return unknown < free.size()
+             ? fit_.model().parameters[static_cast<std::size_t>(free[unknown])].name
+             : fit_.model().nonlinear[unknown - free.size()].name;
+}
 
 // Columns of Linearization::jacobian that are an effect's, nonlinear ones included. Entries of one
 // effect may share joints and differ in pairs or orders: names tell them apart.
@@ -98,17 +108,8 @@ std::vector<Eigen::Index> Builder::columns_of(const EffectRequest& request) cons
   for (const Parameter& p : effect.parameters) names.insert(p.name);
   for (const NonlinearParameter& p : effect.nonlinear) names.insert(p.name);
   std::vector<Eigen::Index> result;
-  const Design& design = fit_.design();
-  const auto linear = design.free_parameters().size();
-  for (std::size_t c = 0; c < l_.unknown.size(); ++c) {
-    const auto unknown = static_cast<std::size_t>(l_.unknown[c]);
-    const std::string& name =
-        unknown < linear
-            ? fit_.model()
-                  .parameters[static_cast<std::size_t>(design.free_parameters()[unknown])]
-                  .name
-            : fit_.model().nonlinear[unknown - linear].name;
-    if (names.contains(name)) result.push_back(static_cast<Eigen::Index>(c));
+  for (Eigen::Index c = 0; c < static_cast<Eigen::Index>(l_.unknown.size()); ++c) {
+    if (names.contains(name_of(c))) result.push_back(c);
   }
   return result;
 }
@@ -288,12 +289,15 @@ bool Builder::work_out(EvidenceBlock& block) const {
   const Block& first_form = block.forms.front().block;
   const bool table = !first_form.terms.parameters.front().terms.empty() &&
                      first_form.terms.parameters.front().terms.front().table.has_value();
-  if (block.present && !table) {
-    block.columns = l_.jacobian(Eigen::all, columns_of(first_form.request));
-  } else {
-    std::vector<Block> forms;
-    for (const EvidenceForm& form : block.forms) forms.push_back(form.block);
-    block.columns = block_columns(l_, fit_.state(), forms);
+  std::vector<Block> forms;
+  for (const EvidenceForm& form : block.forms) forms.push_back(form.block);
+  block.columns = block_columns(l_, fit_.state(), forms);
+  if (block.present && !table && forms.size() == 1) {
+    for (const Eigen::Index c : columns_of(first_form.request)) {
+      const auto& all = first_form.terms.parameters;
+      const auto own = std::ranges::find(all, name_of(c), &Parameter::name);
+      block.columns.col(own - all.begin()) = l_.jacobian.col(c);
+    }
   }
   if (!(block.columns.squaredNorm() > 0.0) || !block.columns.allFinite()) return false;
   std::vector<PriorShape>& shapes = block.search.shapes;

@@ -12,18 +12,37 @@ class TrackerScale final : public Effect {
   Role role() const override { return Role::kMeasurement; }
   JointRule joint_rule() const override { return JointRule::kNone; }
   std::string bound_text() const override {
-    return "2e-4: ours, air 30 K or 80 hPa other than the weather station's makes a quarter of it";
+    return "2e-4: ours, air 30 K or 80 hPa other than the weather station's makes a quarter of it; "
+           "a "
+           "constant of 2e-4 m: ours, several times what a distance meter loses until it is set "
+           "again";
   }
+  std::vector<EffectOption> options() const override {
+    return {{"constant", "bool", "all distances are off by one length, not in proportion"}};
+  }
+  std::vector<std::string> told_apart_by() const override { return {}; }
 
-  EffectTerms build(const EffectContext& context, const EffectRequest&) const override {
+  EffectTerms build(const EffectContext& context, const EffectRequest& request) const override {
     const Sight s = line_of_sight(context);
     EffectTerms terms;
-    terms.parameters.push_back(shift_of_point(context, id(), "", "m/m", kLargest, {s.x, s.y, s.z}));
+    if (request.options.value("constant", false)) {
+      const std::string of = "/" + s.distance;
+      terms.parameters.push_back(shift_of_point(context, id(), "constant", "m", kLargestConstant,
+                                                {s.x + of, s.y + of, s.z + of}));
+    } else {
+      terms.parameters.push_back(
+          shift_of_point(context, id(), "", "m/m", kLargest, {s.x, s.y, s.z}));
+    }
     return terms;
+  }
+
+  std::vector<EffectRequest> candidates(const EffectContext&) const override {
+    return {{id(), {}}, {id(), {}, {{"constant", true}}}};
   }
 
  private:
   static constexpr double kLargest = 2e-4;
+  static constexpr double kLargestConstant = 2e-4;  // [m]
 };
 
 const RegisterEffect<TrackerScale> registered_tracker_scale;

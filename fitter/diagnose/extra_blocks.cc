@@ -1,0 +1,153 @@
+#include "fitter/diagnose/extra_blocks.h"
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+
+#include "fitter/effects/tables.h"
+
+namespace armtrue {
+namespace {
+
+// Most spectral lines of one joint, counting those that the model has already: more of them
+// together can imitate a table.
+constexpr std::size_t kSpectralPeaks = 3;
+constexpr std::size_t kFineNodes = 30, kPairNodes = 7;
+constexpr double kLowestLine = 2.5;   // below this, harmonics and geometry tell the tale
+constexpr double kFewestWaves = 2.0;  // of a line, over the travel of a joint that slides
+
+// What explains a line of a joint's residual, as a request; none where no effect does.
+std::optional<EffectRequest> cause_of_line(const EffectContext& context, int joint, double cycles) {
+  for (const Effect* effect : effect_catalogue()) {
+    if (std::optional<EffectRequest> request = effect->as_line(context, joint, cycles))
+      return request;
+  }
+  return std::nullopt;
+}
+
+// How many spectral lines of a joint are in the fitted model.
+std::size_t lines_on(const Fit& fit, int joint) {
+  return static_cast<std::size_t>(
+      std::ranges::count_if(removable_effects(fit), [&](const EffectRequest& request) {
+        return (request.options.contains("cycles") || request.options.contains("wavelengths")) &&
+               request.joints == std::vector{joint};
+      }));
+}
+
+// Whether the catalogue's own orders of a joint cover so many cycles, as the joint's grid shows
+// them.
+bool is_known_order(const Fit& fit, const JointSpectrum& spectrum, double cycles) {
+  const Joint& joint = fit.robot().joints[static_cast<std::size_t>(spectrum.joint - 1)];
+  const double once =
+      spectrum.slides ? (joint.lead > 0.0 ? 1.0 / joint.lead : 0.0) : joint.gear_ratio;
+  if (once <= 0.0) return false;
+  const std::vector<double> orders =
+      spectrum.slides ? std::vector<double>{1.0, 2.0} : std::vector<double>{0.5, 1.0, 2.0, 4.0};
+  return std::ranges::any_of(orders, [&](double order) {
+    const double apart =
+        std::min(std::abs(cycles - order * once), std::abs(cycles - spectrum.folded(order * once)));
+    return apart < 0.5 * spectrum.resolution;
+  });
+}
+
+// Fewest cycles of a line: what makes hardly a wave over the joint's range is a bend that geometry
+// and harmonics have, too.
+double fewest_cycles(const JointSpectrum& spectrum) {
+  return spectrum.slides ? kFewestWaves * spectrum.resolution
+                         : std::max(kLowestLine, spectrum.resolution);
+}
+
+// The nodes of a variable, dense enough for a step.
+std::vector<double> fine_nodes(const State& state, const std::string& variable, std::size_t count) {
+  const std::vector<double>& values = state.column(variable);
+  const std::set<double> distinct(values.begin(), values.end());
+  if (distinct.size() <= count) return {distinct.begin(), distinct.end()};
+  return nodes_over(values, 1e9, count);
+}
+
+// A finding as a smooth function with nodes on all its variables.
+Block smooth_block(const Fit& fit, const StructureFinding& finding) {
+  const bool single = finding.variables.size() == 1;
+  TableReference table;
+  table.id = "structure";
+  const std::size_t count = finding.nodes > 0 ? finding.nodes : single ? kFineNodes : kPairNodes;
+  for (const std::string& variable : finding.variables)
+    table.axes.push_back({variable, fine_nodes(fit.state(), variable, count)});
+  Block block{finding.block.request, {}, 0};
+  const Term like = finding.block.terms.parameters.front().terms.front();
+  const std::size_t inner = single ? 1 : table.axes[1].nodes.size();
+  for (std::size_t i = 0; i < table.axes[0].nodes.size() * inner; ++i) {
+    Parameter p = finding.block.terms.parameters.front();
+    std::string basis = hat_expression(table.axes[0].variable, table.axes[0].nodes, i / inner);
+    table.index = {static_cast<int>(i / inner)};
+    if (!single) {
+      basis += "*" + hat_expression(table.axes[1].variable, table.axes[1].nodes, i % inner);
+      table.index.push_back(static_cast<int>(i % inner));
+    }
+    p.terms = {like};
+    p.terms.front().basis = Expression::parse(basis);
+    p.terms.front().table = table;
+    block.terms.parameters.push_back(std::move(p));
+  }
+  return block;
+}
+
+}  // namespace
+
+std::vector<EvidenceBlock> spectral_blocks(const Fit& fit, const Linearization& linearization,
+                                           const std::vector<JointSpectrum>& spectra) {
+  std::vector<EvidenceBlock> result;
+  double lines = 0.0;
+  for (const JointSpectrum& spectrum : spectra) {
+    const std::size_t standing = lines_on(fit, spectrum.joint);
+    if (standing >= kSpectralPeaks) continue;
+    lines += static_cast<double>(spectrum.cycles.size()) / 4.0;
+    for (const SpectralPeak& peak :
+         highest_peaks(spectrum, linearization, fit.state(), kSpectralPeaks - standing)) {
+      if (peak.cycles < fewest_cycles(spectrum) || is_known_order(fit, spectrum, peak.cycles))
+        continue;
+      const double whole = std::round(peak.cycles);
+      const double cycles =
+          !spectrum.slides && std::abs(peak.cycles - whole) < 0.3 * spectrum.resolution
+              ? whole
+              : peak.cycles;
+      const std::optional<EffectRequest> cause =
+          cause_of_line(fit.context(), spectrum.joint, cycles);
+      if (!cause) continue;
+      EvidenceBlock block;
+      block.request = *cause;
+      block.forms = {EvidenceForm(make_block(fit.context(), block.request))};
+      const auto& parameters = block.forms.front().block.terms.parameters;
+      if (std::any_of(parameters.begin(), parameters.end(),
+                      [&](const Parameter& p) { return fit.model().index(p.name) >= 0; }))
+        continue;
+      block.label = label(block.request);
+      block.kind = block.request.effect;
+      result.push_back(std::move(block));
+    }
+  }
+  for (EvidenceBlock& block : result) block.tried = lines;
+  return result;
+}
+
+std::vector<EvidenceBlock> structure_blocks(const Fit& fit, const Structure& structure) {
+  std::vector<EvidenceBlock> result;
+  for (std::size_t f = 0; f < structure.findings.size(); ++f) {
+    const StructureFinding& finding = structure.findings[f];
+    EvidenceBlock block;
+    block.request = finding.block.request;
+    block.label = "structure";
+    block.kind = "structure";
+    block.structure = true;
+    block.finding = f;
+    // A joint function of two variables holds two causes, one of each, where they are there: it has
+    // the odds of two.
+    block.tried = std::pow(static_cast<double>(structure.tried),
+                           static_cast<double>(finding.variables.size()));
+    block.forms = {EvidenceForm(finding.has_own_form ? finding.block : smooth_block(fit, finding))};
+    result.push_back(std::move(block));
+  }
+  return result;
+}
+
+}  // namespace armtrue
