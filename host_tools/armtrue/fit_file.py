@@ -90,7 +90,7 @@ def own_columns_read(document: dict[str, Any]) -> dict[str, list[str]]:
 
 
 def not_for_a_device(document: dict[str, Any]) -> dict[str, str]:
-    """Parameters of the arm that no table may have, by name, and why: their terms read what a device does not know.
+    """Parameters of the arm whose terms read what a device does not know, by name, and why: tables have their average.
 
     A user's own term of `time` is among them unless its entry says `measurement: false`: the fit cannot tell whether
     the arm or the instrument creeps, and on a device time runs on for days.
@@ -101,13 +101,31 @@ def not_for_a_device(document: dict[str, Any]) -> dict[str, str]:
         if not parameter.get("exported", True):
             continue
         if name in own:
-            found[name] = f"column {', '.join(own[name])} is nothing that a device knows"
+            found[name] = (
+                f"column {', '.join(own[name])} is nothing that a device knows: its average over the measurements is "
+                "taken"
+            )
         elif "measurement" not in entry and "time" in _read_by(parameter):
             found[name] = (
                 "it reads time, which does not tell the arm from an instrument that creeps, and a device's clock runs "
-                "on; where the arm itself moves so, fit it with 'measurement: false' beside its name"
+                "on: the session's average is taken; where the arm itself moves so, fit it with 'measurement: false' "
+                "beside its name"
             )
     return found
+
+
+def at_average(parameter: dict[str, Any], means: dict[str, float]) -> dict[str, Any]:
+    """`parameter` with the numbers of `means` in place of the variables of that name."""
+
+    def replaced(expression: str) -> str:
+        return re.sub(
+            r"\b[A-Za-z_]\w*",
+            lambda found: f"({means[found[0]]!r})" if found[0] in means else found[0],
+            expression,
+        )
+
+    terms = [{**term, "expression": replaced(term["expression"])} for term in parameter["terms"]]
+    return {**parameter, "terms": terms}
 
 
 def _read_by(parameter: dict[str, Any]) -> set[str]:
@@ -189,6 +207,10 @@ def _check_parameters(top: Section, robot: Robot, columns: list[str]) -> None:
 def _check_data(data: Section, reflectors: list[str]) -> None:
     for key in ("path", "relative", "sha256"):
         data.text(key)
+    if data.has("means"):
+        means = data.section("means")
+        for name in means:
+            means.number(name, expected="the average of a column")
     for skipped in data.sections("skipped", "a list of rows left out") if data.has("skipped") else []:
         skipped.number("row", minimum=1.0, expected="a row of the file")
         skipped.text("why")

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from armtrue import _core, notebook
 from armtrue.errors import InputError
 from armtrue.extrapolation import Beyond, is_joint, margin, ranges_of
-from armtrue.fit_file import check_document, not_for_a_device, own_columns_read, users_parameters
+from armtrue.fit_file import at_average, check_document, not_for_a_device, own_columns_read
 from armtrue.io import Dataset, Model, Robot, load_data
 from armtrue.io.columns import FAR_TRAVEL, TRAVEL, commanded_joints
 from armtrue.io.files import read_json, write_file
@@ -409,9 +409,8 @@ def _document(
         **json.loads(core.document()),
     }
     # What the instrument does by a column is part of a prediction too.
-    document["columns"] |= dict.fromkeys(
-        sorted({c for own in own_columns_read(document).values() for c in own}), ""
-    )
+    own = sorted({column for read in own_columns_read(document).values() for column in read})
+    document["columns"] |= dict.fromkeys(own, "")
     document["data"]["ranges"] |= ranges_of(data, ["time", *document["columns"]])
     for rejected in document["rejected"]:
         rejected["row"] = int(data.rows[rejected["index"]])
@@ -422,19 +421,24 @@ def _document(
         }
     document["warnings"] += warnings_of_springs(document, robot)
     fit = Fit(document, None, data, core)
-    users = users_parameters(document)
-    if len(users) > 1:
-        document["effects_move_um"] |= {name: _moves_um(fit, name) for name in users}
+    left_out = not_for_a_device(document)
+    if left_out:
+        means = {name: float(data.columns[name].mean()) for name in ("time", *own) if name in data.columns}
+        if "time" in means:
+            means["time"] -= document.get("time_origin_s", 0.0)
+        document["data"]["means"] = means
+        document["effects_move_um"] |= {name: _varies_um(fit, name) for name in left_out}
     return fit
 
 
-def _moves_um(fit: Fit, parameter: str) -> float:
-    """How far one parameter moves the tool over the fitted rows [µm RMS]."""
-    others = [
-        {**entry, "value": 0.0} if entry["name"] == parameter else entry
+def _varies_um(fit: Fit, parameter: str) -> float:
+    """How far the tool is, over the fitted rows, from where the average of what `parameter` reads has it [µm RMS]."""
+    means = fit.document["data"]["means"]
+    parameters = [
+        at_average(entry, means) if entry["name"] == parameter else entry
         for entry in fit.document["parameters"]
     ]
-    apart = fit.predict(fit.data) - Fit({**fit.document, "parameters": others}).predict(fit.data)
+    apart = fit.predict(fit.data) - Fit({**fit.document, "parameters": parameters}).predict(fit.data)
     return float(1e6 * np.sqrt((apart**2).sum(axis=1).mean()))
 
 

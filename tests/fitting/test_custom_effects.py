@@ -161,13 +161,34 @@ def test_export_leaves_out_what_reads_an_own_column_and_says_its_size(folder):
     assert "air" not in run.stderr
 
 
+def test_a_column_that_stays_out_of_tables_is_taken_at_its_average(folder):
+    """Otherwise the zero that the fit gives a joint beside the term would be exported without it."""
+    corrected, sizes = [], []
+    for name, expression in (("centred", "air - 5"), ("plain-air", "air")):
+        model = model_with(folder, f"{name}.yaml", {**AIRY, "expression": expression})
+        run = armtrue(*FIT, model, "--out", f"{name}.json", cwd=folder)
+        assert run.returncode == 0, run.stderr
+        run = armtrue(
+            "export", f"{name}.json", "--out", f"{name}.bin", "--json", f"{name}-e.json", cwd=folder
+        )
+        assert run.returncode == 0, run.stderr
+        left = json.loads((folder / f"{name}-e.json").read_text())["stays_behind"]["custom.airy"]
+        assert "its average over the measurements is taken" in left["why"]
+        sizes.append(left["effect_um"])
+        run = armtrue("compensate", f"{name}.bin", "bare.csv", "--out", f"{name}.csv", cwd=folder)
+        assert run.returncode == 0, run.stderr
+        corrected.append(np.genfromtxt(folder / f"{name}.csv", delimiter=",", names=True)["q5"])
+    assert np.abs(corrected[1] - corrected[0]).max() < 2e-5
+    assert sizes[1] == pytest.approx(sizes[0], rel=0.02)
+
+
 def test_sizes_of_several_custom_effects_are_each_its_own(folder):
     small = {**AIRY, "name": "small", "coordinate": "link1.tx", "expression": "1e-3*sin(3*q1)*air"}
     run = armtrue(*FIT, model_with(folder, "two.yaml", AIRY, small), "--out", "two.json", cwd=folder)
     assert run.returncode == 0, run.stderr
     armtrue("export", "two.json", "--out", "two.bin", "--json", "two-e.json", cwd=folder)
     two = json.loads((folder / "two-e.json").read_text())["stays_behind"]
-    alone = json.loads((folder / "airy.json").read_text())["effects_move_um"]["custom"]
+    alone = json.loads((folder / "airy.json").read_text())["effects_move_um"]["custom.airy"]
     assert two["custom.airy"]["effect_um"] == pytest.approx(alone, rel=0.1)
     assert two["custom.small"]["effect_um"] < 0.5 * alone
 

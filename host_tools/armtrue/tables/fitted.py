@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from armtrue import _core
 from armtrue.arrays import Array
 from armtrue.errors import InputError
-from armtrue.fit_file import not_for_a_device
+from armtrue.fit_file import at_average, not_for_a_device
 from armtrue.io.catalogue import catalogue
 from armtrue.io.columns import FAR_TRAVEL, TRAVEL
 from armtrue.tables import expression
@@ -111,8 +111,10 @@ def digest_of(document: dict[str, Any]) -> bytes:
     }
     if (
         document.get("statics") == "nominal"
-    ):  # said only then, so that older tables are still known by their fit
+    ):  # this and the next are said only then, so that older tables are still known by their fit
         parts["statics"] = "nominal"
+    if averaged := sorted(not_for_a_device(document)):
+        parts["averaged"] = [averaged, document.get("data", {}).get("means")]
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).digest()
 
 
@@ -159,12 +161,15 @@ def _gather(document: dict[str, Any], arm: FittedArm, reflectors: list[str]) -> 
     skipped: dict[str, None] = {}
     behind: dict[str, str] = {}
     left_out = not_for_a_device(document)
+    means = document.get("data", {}).get("means", {})
     gravity = arm.chain.gravity.copy()
     for parameter in document["parameters"]:
         effect = parameter["effect"]
-        if parameter["name"] in left_out:
+        if parameter.get("name") in left_out:
             behind[parameter["name"]] = left_out[parameter["name"]]
-            continue
+            if not means:  # of a fit that kept none
+                continue
+            parameter = at_average(parameter, means)
         if not parameter.get("exported", True):
             info = catalogue().get(effect)
             if info is None or not info.exported:
