@@ -56,6 +56,10 @@ std::set<std::pair<Place, int>> bodies_moved(const Block& block) {
 
 const Block& first_form(const EvidenceBlock& block) { return block.forms.front().block; }
 
+bool is_of_grid(const Parameter& p) {
+  return !p.terms.empty() && p.terms.front().table && p.terms.front().table->axes.size() > 1;
+}
+
 // A smooth function, not an event that has a form of its own.
 bool is_smooth(const EvidenceBlock& block) {
   return block.structure &&
@@ -126,14 +130,15 @@ void doubt_beside_structure(const Fit& fit, const EvidenceSummary& evidence,
   nothing = std::min(std::max(nothing, 1.0 - most), least_nothing);
 }
 
+bool has_grid(const Model& model) { return std::ranges::any_of(model.parameters, is_of_grid); }
+
 GridDoubt::GridDoubt(const Fit& fit, const Linearization& linearization,
                      const EvidenceSummary& evidence)
     : fit_(fit) {
   Block grid;
   std::vector<double> values;
   for (const Parameter& p : fit.model().parameters) {
-    if (p.terms.empty() || !p.terms.front().table || p.terms.front().table->axes.size() < 2)
-      continue;
+    if (!is_of_grid(p)) continue;
     grid.terms.parameters.push_back(p);
     values.push_back(p.value);
     for (const TableReference::Axis& axis : p.terms.front().table->axes)
@@ -147,12 +152,12 @@ GridDoubt::GridDoubt(const Fit& fit, const Linearization& linearization,
 }
 
 double GridDoubt::share_left(const Block& block, double gain) const {
-  const auto is_of_grid = [&](const std::string& name) {
+  const auto is_known = [&](const std::string& name) {
     const auto variable = parse_variable(name, fit_.robot().joint_count());
     return variable && variable->is_of_posture() &&
            (variable->is_load() || axes_.contains("q" + std::to_string(variable->joint)));
   };
-  return gain < by_grid_ && std::ranges::all_of(names_read(block), is_of_grid)
+  return gain < by_grid_ && std::ranges::all_of(names_read(block), is_known)
              ? gain / (gain + by_grid_)
              : 1.0;
 }

@@ -372,11 +372,14 @@ bool Refinement::one_round() {
 // vertical axes does not show without the tilt. So where a search leaves a structure without a
 // name, the candidates that explain most alone are fitted, and the search goes on from there. The
 // first one stays that is sure in the end, if nothing is without a name then. True if one stayed.
+// Beside a grid, which follows whatever its joints do, anything that makes up for the size of its
+// cells would be sure.
 bool Refinement::explain_structure() {
   const Diagnosis& left = steps_.back().diagnosis;
   const int steps_left = options_.most_steps - static_cast<int>(steps_.size());
   // Where held-out poses spoke against what was asked for, its neighbours are no better.
-  if (left.verdict != Verdict::kUnexplainedStructure || steps_left < 0 || !left_out_.empty())
+  if (left.verdict != Verdict::kUnexplainedStructure || steps_left < 0 || !left_out_.empty() ||
+      has_grid(steps_.back().fit->model()))
     return false;
   std::vector<const Candidate*> nearest;
   for (const Candidate& c : left.candidates) {

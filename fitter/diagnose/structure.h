@@ -116,6 +116,9 @@ double as_nearest_name(const Fit& fit, const EvidenceSummary& evidence, std::siz
 void doubt_beside_structure(const Fit& fit, const EvidenceSummary& evidence,
                             std::vector<Candidate>& candidates, double& nothing);
 
+/// Whether a model has a table over several variables.
+bool has_grid(const Model& model);
+
 /// A grid of the fit follows whatever its joints do, as far as its cells are fine: an effect that
 /// explains less than the grid does may only make up for their size.
 class GridDoubt {
