@@ -396,7 +396,7 @@ EvidenceModel make_evidence_model(Fit& fit, const Linearization& linearization,
 std::vector<EffectRequest> parts_of(const EffectContext& context, const EffectRequest& entry) {
   const Effect& effect = find_effect(entry.effect);
   EffectRequest whole = entry;
-  if (whole.joints.empty()) whole.joints = effect.default_joints(context);
+  if (whole.joints.empty()) whole.joints = effect.joints_of_bare_entry(context);
   if (effect.joint_rule() != JointRule::kEach) return {whole};
   std::vector<EffectRequest> result;
   for (const int joint : whole.joints) result.push_back({entry.effect, {joint}, entry.options});
@@ -409,7 +409,7 @@ std::vector<EffectRequest> removable_effects(const Fit& fit) {
     if (is_geometry(entry.effect)) continue;
     // What is no candidate of the catalogue (a user's own terms, the grid) is not the search's to
     // take out.
-    if (find_effect(entry.effect).candidates(fit.context()).empty()) continue;
+    if (find_effect(entry.effect).tried(fit.context()).empty()) continue;
     for (EffectRequest& part : parts_of(fit.context(), entry)) result.push_back(std::move(part));
   }
   return result;

@@ -10,6 +10,7 @@ class GearMesh final : public Effect {
     return "errors once or twice per motor turn, or of a stage in between";
   }
   JointRule joint_rule() const override { return JointRule::kEach; }
+  DriveRule drive_rule() const override { return DriveRule::kEach; }
   std::string bound_text() const override {
     return "2.5e-3 rad: 5 to 40 arcsec usual, strain-wave gears up to 1 arcmin";
   }
