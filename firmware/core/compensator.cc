@@ -72,6 +72,8 @@ std::int32_t increments_by_increment(std::int32_t units, std::int32_t mantissa, 
 
 [[gnu::cold]] JointScale::JointScale(const TableView& table, std::size_t joint,
                                      std::uint32_t cycle_us) {
+  // Without a drive nothing is an increment: its position is zero, and so is what is put out.
+  if (table.is_passive(joint)) return;
   const std::uint8_t* record = table.joint(joint);
   const bool slides = table.is_prismatic(joint);
   unit_per_increment = load_i32(record + format::joint::kUnitPerIncrementAt);

@@ -120,8 +120,8 @@ struct JointScale {
 
   std::int32_t unit_per_increment = 0;
   std::int32_t increment_per_unit = 0;
-  std::uint8_t unit_shift = 0;
-  std::uint8_t increment_shift = 0;
+  std::uint8_t unit_shift = 1;  // the least that round_shift() takes
+  std::uint8_t increment_shift = 1;
   std::int32_t zero = 0;
   std::int32_t dead_band = 0;
   // Largest change of the correction in a control period, 2^-32 turn or metre.
@@ -206,6 +206,9 @@ class Compensator {
     bounds_[joint] = bounds.in_force();
   }
   const PositionBounds& bounds(std::size_t joint) const { return bounds_[joint]; }
+  // Bit k: joint k has no drive, by the table in force or the last that was; before the first table
+  // every joint counts as one with a drive.
+  std::uint8_t passive() const { return table_.passive(); }
   // Of the table in force, or of the last that was.
   const JointScale& scale(std::size_t joint) const { return scale_[joint]; }
 

@@ -92,6 +92,19 @@ void make_jacobian(const TableView& table, const Frames& frames, const Vector& t
       driving[i] += multiply<format::coupling::kRatioFraction>(driven[i], ratio);
     }
   }
+  // Nobody can drive a passive joint: the others alone take the tool where it is to be.
+  for (std::size_t k = 0; k < joints; ++k) {
+    if (table.is_passive(k)) jacobian[k] = {};
+  }
+}
+
+// What acts on the motor side of a passive joint stays: the tool's error is seen with it.
+void turn_passive(const TableView& table, const Coordinates& coordinates, Workspace& work) {
+  if (table.passive() == 0U) return;
+  for (std::size_t k = 0; k < table.joint_count(); ++k) {
+    if (table.is_passive(k)) work.link[k].raw += position_step(table, k, coordinates[k]);
+  }
+  joint_motions(table, work.link, work.motions);
 }
 
 void take_share(Ratio share, std::size_t joints, JointStep& step) {
@@ -135,13 +148,15 @@ Correction solve(const TableView& table, const JointPositions& target,
   MotorCoordinates steep;
   evaluate_steep_terms(table, target, work.link, work.terms, steep);
   evaluate_smooth_terms(table, target, work.link, work.motions, work.terms, coordinates);
+  turn_passive(table, coordinates, work);
   JointStep step =
       work.solver.step(tool_error(table, wanted, real_tool(table, work.motions, coordinates)));
   const Ratio share = straight_share(table, work.frames, wanted.origin, step);
   JointPositions corrected;
   JointStep moved;  // since the steep terms were last known
   for (std::size_t k = 0; k < joints; ++k) {
-    moved[k] = {wrapping_difference(step[k].raw, coordinates[k].raw + steep[k].raw)};
+    const std::int32_t taken_off = coordinates[k].raw + steep[k].raw;
+    moved[k] = {table.is_passive(k) ? 0 : wrapping_difference(step[k].raw, taken_off)};
   }
   // Deflections as well: without the rest they may take the tool further off.
   take_share(share, joints, moved);
