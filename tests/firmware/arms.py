@@ -52,6 +52,9 @@ ALL_EFFECTS: dict[str, list[Any]] = {
     ],
 }  # fmt: skip
 
+# Too few motors for an attitude: the damped step meets position and attitude as well as it can, and neither exactly.
+FOUR_MOTORS = ("scara", "palletiser")
+
 # The simulator's parallelogram is the exact four-bar; these are the linear terms that a fit of it has.
 EXTRA_TERMS: dict[str, list[tuple[str, str, float]]] = {
     "irb2400": [

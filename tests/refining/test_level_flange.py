@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from armtrue import check, fit, load_data, load_model, load_robot, plan_campaign, refine
 from armtrue.tables import ExportOptions, export, fitted_arm
 from armtrue.tables.compensate import Engine, compensate, sidecar
@@ -50,6 +51,28 @@ def test_nobody_asks_for_a_joint_that_has_no_motor(measured) -> None:
     # Where its bars would fold is out of reach.
     level = planned.columns["q2"] + planned.columns["q3"]
     assert np.abs(level).max() <= 0.85
+
+
+@pytest.mark.parametrize(
+    ("change", "code", "remedy"),
+    [
+        ({"ratio": 1.0}, "coupling", "the row {joint: 4, driving: 2, ratio: -1.0}"),
+        ({"offset": np.pi / 2}, "joint_zero", "Add -1.570796 to the offset of joint 4 in robot.yaml"),
+    ],
+)
+def test_check_says_how_the_bars_turn_it(measured, change, code, remedy, tmp_path: Path) -> None:
+    _, folder = measured
+    content = yaml.safe_load((folder / "robot.yaml").read_text())
+    if "offset" in change:
+        content["kinematics"]["joints"][3] |= change
+    else:
+        content["coupling"][0] |= change
+    (tmp_path / "robot.yaml").write_text(yaml.safe_dump(content))
+    robot = load_robot(tmp_path / "robot.yaml")
+    report = check(load_data(folder / "data.csv", robot, strict=False), robot)
+    found = {finding.code: finding.remedy for finding in report.findings if finding.severity == "error"}
+    assert list(found) == [code]
+    assert remedy in found[code]
 
 
 def test_what_the_bars_do_wrong_is_found(refined) -> None:

@@ -60,10 +60,10 @@ def urdf_arm(urdf: Path, out: Path, joint_counts: list[int]) -> UrdfArm:
             at = parents[at].parent
         chains[link] = chain[::-1]
 
-    def moving(link: str) -> set[int]:
-        """With the joints that mimic another, of which a file of measurements need know nothing, and without."""
+    def moving(link: str) -> tuple[int, int]:
+        """Joints that mimic no other, and all of them: a file of measurements need know nothing of the others."""
         joints = [joint for joint in chains[link] if joint.type != "fixed"]
-        return {len(joints), sum(joint.mimic is None for joint in joints)}
+        return sum(joint.mimic is None for joint in joints), len(joints)
 
     found = set().union(*map(moving, links))
     counts = joint_counts or [max(found, default=0)]
@@ -75,9 +75,9 @@ def urdf_arm(urdf: Path, out: Path, joint_counts: list[int]) -> UrdfArm:
         )
     fitting = [link for link in links if wanted in moving(link)]
 
-    def rank(link: str) -> tuple[int, int]:
+    def rank(link: str) -> tuple[bool, int, int]:
         known = next((k for k, name in enumerate(_TIPS) if name in link.lower()), len(_TIPS))
-        return known, len(chains[link])
+        return moving(link)[0] != wanted, known, len(chains[link])
 
     tip = min(fitting, key=rank)
     base = chains[tip][0].parent
