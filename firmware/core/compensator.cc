@@ -72,8 +72,6 @@ std::int32_t increments_by_increment(std::int32_t units, std::int32_t mantissa, 
 
 [[gnu::cold]] JointScale::JointScale(const TableView& table, std::size_t joint,
                                      std::uint32_t cycle_us) {
-  // Without a drive nothing is an increment: its position is zero, and so is what is put out.
-  if (table.is_passive(joint)) return;
   const std::uint8_t* record = table.joint(joint);
   const bool slides = table.is_prismatic(joint);
   unit_per_increment = load_i32(record + format::joint::kUnitPerIncrementAt);
@@ -259,6 +257,9 @@ Correction Compensator::evaluate(const CycleInput& input, std::uint16_t& flags) 
   JointPositions target;
   for (std::size_t k = 0; k < config_.joint_count; ++k) {
     const JointScale& scale = scale_[k];
+    // A joint without a drive stands at zero, whatever its axis is told.
+    target[k] = {};
+    if (table.is_passive(k)) continue;
     target[k] = {scale.units_of(saturate(difference(input.target[k], scale.zero)))};
   }
   const Correction wanted =

@@ -120,8 +120,8 @@ struct JointScale {
 
   std::int32_t unit_per_increment = 0;
   std::int32_t increment_per_unit = 0;
-  std::uint8_t unit_shift = 1;  // the least that round_shift() takes
-  std::uint8_t increment_shift = 1;
+  std::uint8_t unit_shift = 0;
+  std::uint8_t increment_shift = 0;
   std::int32_t zero = 0;
   std::int32_t dead_band = 0;
   // Largest change of the correction in a control period, 2^-32 turn or metre.

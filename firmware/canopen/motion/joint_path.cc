@@ -30,6 +30,16 @@ void JointPath::configure(const PdoTable& pdos) {
   offset_axes_ = mapped_axes(pdos.tpdos(), kPositionOffset);
 }
 
+std::uint32_t JointPath::axes_with_drives() const {
+  return ((1U << joint_count_) - 1U) & ~std::uint32_t{compensator_.passive()};
+}
+
+bool JointPath::is_configured() const {
+  const std::uint32_t needed = axes_with_drives();
+  const bool has_offsets = (offset_axes_ & needed) == needed && !drives_are_downstream_;
+  return sets_.has_targets_of(needed) && (mode_ != Mode::kOffset || has_offsets);
+}
+
 void JointPath::configure_bounds() {
   for (std::size_t axis = 0; axis < joint_count_; ++axis) {
     compensator_.set_bounds(

@@ -105,15 +105,9 @@ class JointPath {
 
   // Whether every joint with a drive is mapped in the target RPDOs, and in offset mode its offset
   // in the TPDOs and the drives where those go. Without that nothing is ever evaluated.
-  bool is_configured() const {
-    const std::uint32_t needed = axes_with_drives();
-    const bool has_offsets = (offset_axes_ & needed) == needed && !drives_are_downstream_;
-    return sets_.has_targets_of(needed) && (mode_ != Mode::kOffset || has_offsets);
-  }
+  bool is_configured() const;
   // Bit k: axis k has a drive, as far as a table has said.
-  std::uint32_t axes_with_drives() const {
-    return ((1U << joint_count_) - 1U) & ~std::uint32_t{compensator_.passive()};
-  }
+  std::uint32_t axes_with_drives() const;
   // Whether this RPDO is one of the set.
   bool carries_target(std::size_t rpdo) const {
     return is_configured() && sets_.carries_target(rpdo);

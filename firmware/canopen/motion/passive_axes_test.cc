@@ -121,11 +121,5 @@ TEST_F(PassiveAxisTest, Commit_AsksTheDrivesThatThereAre) {
   EXPECT_EQ(bench.command(TableCommand::kCommit), 0U);
 }
 
-TEST_F(PassiveAxisTest, ResolutionOfItsAxis_IsNobodys) {
-  bench.install(without_the_last.image());
-  EXPECT_NE(bench.read(0x808F, 1), 0U) << "axis 5";
-  EXPECT_EQ(bench.read(0x888F, 1), 0U) << "axis 6";
-}
-
 }  // namespace
 }  // namespace armtrue::canopen

@@ -128,7 +128,7 @@ Validation TableTransfer::check_resolution(std::span<const std::uint8_t> image) 
   for (std::size_t k = 0; k < table.joint_count(); ++k) {
     const std::uint8_t* joint = table.joint(k);
     const std::uint32_t increments = dictionary_.get(od::axis::kEncoderIncrements[k]);
-    if (increments == 0 || table.is_passive(k)) continue;
+    if (increments == 0) continue;
     const Scaled asked = {mantissa_of(joint) * dictionary_.get(od::axis::kMotorRevolutions[k]),
                           32 - joint[format::joint::kIncrementShiftAt]};
     if (!nearly_equal(asked, {increments, 0})) {
@@ -161,7 +161,7 @@ void TableTransfer::agree_on_resolution() {
   if (buffers_.active().empty()) return;
   const TableView table(buffers_.active());
   for (std::size_t k = 0; k < table.joint_count(); ++k) {
-    if (dictionary_.get(od::axis::kEncoderIncrements[k]) != 0 || table.is_passive(k)) continue;
+    if (dictionary_.get(od::axis::kEncoderIncrements[k]) != 0) continue;
     const Resolution own = resolution_of(table, k);
     dictionary_.set(od::axis::kEncoderIncrements[k], own.increments);
     dictionary_.set(od::axis::kMotorRevolutions[k], own.units);

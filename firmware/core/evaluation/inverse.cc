@@ -92,17 +92,16 @@ void make_jacobian(const TableView& table, const Frames& frames, const Vector& t
       driving[i] += multiply<format::coupling::kRatioFraction>(driven[i], ratio);
     }
   }
-  // Nobody can drive a passive joint: the others alone take the tool where it is to be.
-  for (std::size_t k = 0; k < joints; ++k) {
-    if (table.is_passive(k)) jacobian[k] = {};
-  }
 }
 
-// What acts on the motor side of a passive joint stays: the tool's error is seen with it.
-void turn_passive(const TableView& table, const Coordinates& coordinates, Workspace& work) {
-  if (table.passive() == 0U) return;
+// Nobody can drive a passive joint. The others alone take the tool where it is to be, and what acts
+// on its motor side, which no motor could take off, becomes a part of where the links are.
+[[gnu::noinline]] void leave_to_bars(const TableView& table, Workspace& work) {
   for (std::size_t k = 0; k < table.joint_count(); ++k) {
-    if (table.is_passive(k)) work.link[k].raw += position_step(table, k, coordinates[k]);
+    if (!table.is_passive(k)) continue;
+    work.jacobian[k] = {};
+    work.link[k].raw += position_step(table, k, work.coordinates[k]);
+    work.coordinates[k] = {};
   }
   joint_motions(table, work.link, work.motions);
 }
@@ -143,20 +142,19 @@ Correction solve(const TableView& table, const JointPositions& target,
   joint_motions(table, work.link, work.motions);
   const Frame wanted = nominal_tool(table, work.motions, work.frames);
   make_jacobian(table, work.frames, wanted.origin, work.jacobian);
-  work.solver.factor(work.jacobian, joints, rows, table.damping());
   update_gravity(table, work.motions, work.terms);
   MotorCoordinates steep;
   evaluate_steep_terms(table, target, work.link, work.terms, steep);
   evaluate_smooth_terms(table, target, work.link, work.motions, work.terms, coordinates);
-  turn_passive(table, coordinates, work);
+  if (table.passive() != 0U) leave_to_bars(table, work);
+  work.solver.factor(work.jacobian, joints, rows, table.damping());
   JointStep step =
       work.solver.step(tool_error(table, wanted, real_tool(table, work.motions, coordinates)));
   const Ratio share = straight_share(table, work.frames, wanted.origin, step);
   JointPositions corrected;
   JointStep moved;  // since the steep terms were last known
   for (std::size_t k = 0; k < joints; ++k) {
-    const std::int32_t taken_off = coordinates[k].raw + steep[k].raw;
-    moved[k] = {table.is_passive(k) ? 0 : wrapping_difference(step[k].raw, taken_off)};
+    moved[k] = {wrapping_difference(step[k].raw, coordinates[k].raw + steep[k].raw)};
   }
   // Deflections as well: without the rest they may take the tool further off.
   take_share(share, joints, moved);

@@ -118,7 +118,7 @@ class ColumnNames:
     def of_passive(self, name: str) -> bool:
         """True for a column of a passive joint: there is no drive of which it could say something."""
         match = _PER_JOINT.match(name) or _PER_JOINT_OF_ONE_EFFECT.match(name)
-        return bool(match) and int(match[2]) in self.robot.passive
+        return match is not None and int(match[2]) in self.robot.passive
 
     def required(self, need_position: bool) -> list[str]:
         """The columns without which nothing can be done."""

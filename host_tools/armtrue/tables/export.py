@@ -570,6 +570,7 @@ class _Exporter:
 
     def _joints(self) -> list[bytes]:
         largest = self._magnitude_limits()
+        largest[list(self.chain.passive)] = 0.0
         self._say_what_is_cut()
         records = []
         for k, transform in enumerate(self.chain.fixed):
