@@ -257,6 +257,9 @@ Correction Compensator::evaluate(const CycleInput& input, std::uint16_t& flags) 
   JointPositions target;
   for (std::size_t k = 0; k < config_.joint_count; ++k) {
     const JointScale& scale = scale_[k];
+    // A joint without a drive stands at zero, whatever its axis is told.
+    target[k] = {};
+    if (table.is_passive(k)) continue;
     target[k] = {scale.units_of(saturate(difference(input.target[k], scale.zero)))};
   }
   const Correction wanted =

@@ -206,6 +206,9 @@ class Compensator {
     bounds_[joint] = bounds.in_force();
   }
   const PositionBounds& bounds(std::size_t joint) const { return bounds_[joint]; }
+  // Bit k: joint k has no drive, by the table in force or the last that was; before the first table
+  // every joint counts as one with a drive.
+  std::uint8_t passive() const { return table_.passive(); }
   // Of the table in force, or of the last that was.
   const JointScale& scale(std::size_t joint) const { return scale_[joint]; }
 

@@ -23,7 +23,8 @@ struct TestTable {
   std::int32_t magnitude = kMaxDeltaRevolute;
   std::int32_t rate = kMaxRateRevolute;
   std::uint16_t blend_ms = kMinBlendMilliseconds;
-  int finer = 0;  // the drives have 2^(20 + finer) increments a turn
+  std::uint8_t passive = 0;  // bit k: joint k has no drive, and joint 0 turns it back
+  int finer = 0;             // the drives have 2^(20 + finer) increments a turn
 
   std::vector<std::uint8_t> image() const {
     using tests::put;
@@ -41,6 +42,13 @@ struct TestTable {
       put(records, at + format::joint::kMagnitudeAt, magnitude);
       put(records, at + format::joint::kRateAt, rate);
       put(records, at + format::joint::kDeadBandAt, std::int32_t{0});
+      if ((passive >> k & 1U) != 0) {
+        records[at + format::joint::kFlagsAt] = format::joint::kPassive;
+        tests::Bytes coupling = {k, 0, 0, 0};
+        tests::append(coupling, -(std::int32_t{1} << format::coupling::kRatioFraction));
+        made.add(format::Section::kCoupling, coupling);
+        continue;
+      }
       made.add_harmonic(k, k, 1.0, 0.0, std::ldexp(amplitude, -32));
     }
     return made.image();

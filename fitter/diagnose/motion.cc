@@ -19,7 +19,7 @@ std::optional<StructureFinding> find_motion(const Scorer& scorer, const State& s
   std::vector<Block> blocks;
   std::vector<int> joints;
   for (int k = 1; k <= state.robot().joint_count(); ++k) {
-    if (state.recorded("dir" + std::to_string(k))) continue;
+    if (state.robot().is_passive(k) || state.recorded("dir" + std::to_string(k))) continue;
     Block block{{"custom", {}, {}}, {}, 1};
     block.terms.parameters.push_back(single_term("custom", {}, "structure_motion", "", kMostLost,
                                                  motor(k), State::motion_of(k)));

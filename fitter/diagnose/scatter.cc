@@ -243,6 +243,7 @@ GrossCluster gross_errors_together(const Fit& fit) {
   const auto count = static_cast<double>(rows.size());
   const int joints = fit.robot().joint_count();
   for (int joint = 1; joint <= joints; ++joint) {
+    if (fit.robot().is_passive(joint)) continue;
     const std::vector<double>& q = fit.state().column("q" + std::to_string(joint));
     double low = q[rows.front()], high = low;
     for (const std::size_t row : rows) {

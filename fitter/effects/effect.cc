@@ -46,6 +46,35 @@ std::vector<int> all_joints(const EffectContext& context) {
   return joints;
 }
 
+// Whether drive_rule() lets the joint at this place of a request be a passive one.
+bool may_be_passive(const Effect& effect, std::size_t place) {
+  return effect.drive_rule() == DriveRule::kNone ||
+         (effect.drive_rule() == DriveRule::kDriving && place % 2 == 0);
+}
+
+// The first joint that needs a motor and has none; 0 where there is none such.
+int first_without_drive(const EffectContext& context, const Effect& effect,
+                        const std::vector<int>& joints) {
+  for (std::size_t i = 0; i < joints.size(); ++i) {
+    if (context.robot().is_passive(joints[i]) && !may_be_passive(effect, i)) return joints[i];
+  }
+  return 0;
+}
+
+// `joints` without those that need a motor and have none, nor the other of their pair.
+std::vector<int> with_drives(const EffectContext& context, const Effect& effect,
+                             const std::vector<int>& joints) {
+  const std::size_t step = effect.joint_rule() == JointRule::kPair ? 2 : 1;
+  std::vector<int> kept;
+  for (std::size_t i = 0; i + step <= joints.size(); i += step) {
+    const auto first = joints.begin() + static_cast<std::ptrdiff_t>(i);
+    const std::vector<int> together(first, first + static_cast<std::ptrdiff_t>(step));
+    if (first_without_drive(context, effect, together) == 0)
+      kept.insert(kept.end(), together.begin(), together.end());
+  }
+  return kept;
+}
+
 void check_joints(const EffectContext& context, const Effect& effect,
                   const std::vector<int>& joints) {
   for (const int joint : joints) {
@@ -62,7 +91,11 @@ void check_joints(const EffectContext& context, const Effect& effect,
     throw ModelError("effect " + effect.id() + ": found " + std::to_string(joints.size()) +
                      " joints, expected pairs of driven, driving");
   }
-  if (effect.joint_rule() == JointRule::kFixed && joints != effect.default_joints(context)) {
+  if (const int passive = first_without_drive(context, effect, joints); passive != 0) {
+    throw ModelError("effect " + effect.id() + ": found joint " + std::to_string(passive) +
+                     ", which is passive, expected a joint with a motor");
+  }
+  if (effect.joint_rule() == JointRule::kFixed && joints != effect.joints_of_bare_entry(context)) {
     throw ModelError("effect " + effect.id() +
                      ": found other joints than those it acts on; leave joints out");
   }
@@ -144,6 +177,20 @@ std::string Effect::describe(const Parameter& p) const {
   return p.name;
 }
 
+std::vector<int> Effect::joints_of_bare_entry(const EffectContext& context) const {
+  return with_drives(context, *this, default_joints(context));
+}
+
+std::vector<EffectRequest> Effect::tried(const EffectContext& context) const {
+  std::vector<EffectRequest> result;
+  for (EffectRequest& request : candidates(context)) {
+    const bool names_none = request.joints.empty();
+    request.joints = with_drives(context, *this, request.joints);
+    if (names_none || !request.joints.empty()) result.push_back(std::move(request));
+  }
+  return result;
+}
+
 std::vector<int> Effect::default_joints(const EffectContext& context) const {
   return joint_rule() == JointRule::kNone ? std::vector<int>{} : all_joints(context);
 }
@@ -163,7 +210,7 @@ std::vector<EffectRequest> Effect::candidates(const EffectContext& context) cons
 EffectTerms build_effect(const EffectContext& context, const EffectRequest& given) {
   const Effect& effect = find_effect(given.effect);
   EffectRequest request = given;
-  if (request.joints.empty()) request.joints = effect.default_joints(context);
+  if (request.joints.empty()) request.joints = effect.joints_of_bare_entry(context);
   check_joints(context, effect, request.joints);
   const std::vector<EffectOption> known = effect.options();
   for (const auto& option : request.options.items()) {

@@ -73,6 +73,14 @@ enum class JointRule {
   kFixed  ///< only its default (linkage, balancer)
 };
 
+/// Which of the joints that an effect names must have a motor: of a passive joint (robot.yaml)
+/// there is no gear, no encoder and no command.
+enum class DriveRule {
+  kNone,    ///< none: what it describes is in links, bearings or bars
+  kEach,    ///< every one
+  kDriving  ///< of a pair the driving one
+};
+
 struct EffectOption {
   std::string name, type, help;
 };
@@ -101,13 +109,14 @@ class Effect {
   virtual std::string summary() const = 0;
   virtual Role role() const { return Role::kPhysical; }
   virtual JointRule joint_rule() const = 0;
+  virtual DriveRule drive_rule() const { return DriveRule::kNone; }
   virtual std::vector<EffectOption> options() const { return {}; }
   /// False where it belongs to the measurement and not to the arm.
   bool exported() const { return role() != Role::kPlacement && role() != Role::kMeasurement; }
   /// Physical bound on size and sign, with its source, for people.
   virtual std::string bound_text() const = 0;
 
-  /// Options that candidates() steps through and that a fit then finds or chooses by itself: left
+  /// Options that tried() steps through and that a fit then finds or chooses by itself: left
   /// out when an effect is added.
   virtual std::vector<std::string> searched_options() const { return {}; }
   /// Options that tell two findings of one effect on one joint apart, and stand in its label;
@@ -134,7 +143,9 @@ class Effect {
   virtual bool reads_springs() const { return false; }
 
   /// Joints of a bare entry.
-  virtual std::vector<int> default_joints(const EffectContext& context) const;
+  std::vector<int> joints_of_bare_entry(const EffectContext& context) const;
+  /// Blocks that the diagnosis tries, each on its own.
+  std::vector<EffectRequest> tried(const EffectContext& context) const;
   /// Columns to record (or keys of robot.yaml to give) before this effect can be had on these
   /// joints; empty: none.
   virtual std::vector<std::string> missing(const EffectContext& context,
@@ -148,8 +159,11 @@ class Effect {
   }
   /// Terms for validated joints.
   virtual EffectTerms build(const EffectContext& context, const EffectRequest& request) const = 0;
-  /// Blocks that the diagnosis tries, each on its own; default: one for each joint of
-  /// default_joints.
+
+ protected:
+  /// What joints_of_bare_entry() and tried() choose from: those that drive_rule() does not allow
+  /// are taken out of it. Default: all joints, and a block for each of them.
+  virtual std::vector<int> default_joints(const EffectContext& context) const;
   virtual std::vector<EffectRequest> candidates(const EffectContext& context) const;
 };
 

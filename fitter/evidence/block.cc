@@ -43,7 +43,7 @@ CandidateBlocks catalogue_blocks(const Fit& fit) {
   for (const Effect* effect : effect_catalogue()) {
     std::set<std::string> needs;
     bool testable = false;
-    for (const EffectRequest& request : effect->candidates(context)) {
+    for (const EffectRequest& request : effect->tried(context)) {
       const std::vector<std::string> missing = effect->missing(context, request.joints);
       if (!missing.empty()) {
         needs.insert(missing.begin(), missing.end());
@@ -58,7 +58,7 @@ CandidateBlocks catalogue_blocks(const Fit& fit) {
     // Testable on some joints is not testable on all: what is missing for the others is listed too.
     if (!testable && needs.empty()) {
       const std::vector<std::string> missing =
-          effect->missing(context, effect->default_joints(context));
+          effect->missing(context, effect->joints_of_bare_entry(context));
       needs.insert(missing.begin(), missing.end());
     }
     if (!needs.empty()) result.untestable.push_back({effect->id(), {needs.begin(), needs.end()}});

@@ -154,7 +154,7 @@ std::vector<EvidenceForm> Builder::present_forms(const EffectRequest& request) {
     if (!p.option.empty() && own != all.end()) found.options[p.option] = own->value;
   }
   std::vector<EvidenceForm> forms;
-  for (const EffectRequest& candidate : find_effect(request.effect).candidates(fit_.context())) {
+  for (const EffectRequest& candidate : find_effect(request.effect).tried(fit_.context())) {
     const EffectRequest added = as_added(candidate);
     if (added.options != candidate.options && label(added) == label(request) &&
         added.options == request.options && candidate.options != found.options)
@@ -426,7 +426,7 @@ EvidenceModel make_evidence_model(Fit& fit, const Linearization& linearization,
 std::vector<EffectRequest> parts_of(const EffectContext& context, const EffectRequest& entry) {
   const Effect& effect = find_effect(entry.effect);
   EffectRequest whole = entry;
-  if (whole.joints.empty()) whole.joints = effect.default_joints(context);
+  if (whole.joints.empty()) whole.joints = effect.joints_of_bare_entry(context);
   if (effect.joint_rule() != JointRule::kEach) return {whole};
   std::vector<EffectRequest> result;
   for (const int joint : whole.joints) result.push_back({entry.effect, {joint}, entry.options});
@@ -440,8 +440,7 @@ std::vector<EffectRequest> removable_effects(const Fit& fit) {
     // What is no candidate of the catalogue (a user's own terms, the grid), nor of a spectrum, is
     // not the search's to take out.
     const Effect& effect = find_effect(entry.effect);
-    if (effect.candidates(fit.context()).empty() && !effect.as_line(fit.context(), 1, 1.0))
-      continue;
+    if (effect.tried(fit.context()).empty() && !effect.as_line(fit.context(), 1, 1.0)) continue;
     for (EffectRequest& part : parts_of(fit.context(), entry)) result.push_back(std::move(part));
   }
   return result;

@@ -40,7 +40,7 @@ ModelSpecification without_effect(const ModelSpecification& specification,
   for (auto entry = result.effects.begin(); entry != result.effects.end(); ++entry) {
     if (entry->effect != request.effect || entry->options != request.options) continue;
     const Effect& effect = find_effect(entry->effect);
-    if (entry->joints.empty()) entry->joints = effect.default_joints(context);
+    if (entry->joints.empty()) entry->joints = effect.joints_of_bare_entry(context);
     if (effect.joint_rule() != JointRule::kEach) {
       if (entry->joints != request.joints) continue;
       result.effects.erase(entry);

@@ -4,6 +4,8 @@
 #include <nlohmann/json.hpp>
 #include <numbers>
 
+#include "fitter/common/dense.h"
+
 namespace armtrue {
 namespace {
 
@@ -42,6 +44,7 @@ Joint common_fields(const json& row) {
   } else {
     joint.gear_ratio = ratio;
   }
+  joint.passive = row.value("passive", false);
   if (row.contains("limits") && !row["limits"].is_null()) {
     joint.lower = row["limits"].at(0);
     joint.upper = row["limits"].at(1);
@@ -86,6 +89,32 @@ void build_chain(const json& kinematics, Robot& robot, std::vector<Pose>& frame_
   if (kinematics.contains("end")) robot.end = pose_from_json(kinematics["end"]);
 }
 
+std::string passive_joint(int joint) {
+  return "robot: joint " + std::to_string(joint) + " is passive";
+}
+
+// A row of `coupling` that names a passive joint.
+void check_passive_in(const Robot& robot, int driven, int driving, bool is_reported) {
+  if (robot.is_passive(driving)) {
+    throw ModelError(passive_joint(driving) + ", but coupling has it drive joint " +
+                     std::to_string(driven) + ", expected a joint with a motor");
+  }
+  if (robot.is_passive(driven) && is_reported) {
+    throw ModelError(passive_joint(driven) +
+                     ", but its coupling is of kind controller, expected mechanical");
+  }
+}
+
+void check_passive_driven(const Robot& robot) {
+  for (int k = 1; k <= robot.joint_count(); ++k) {
+    if (!robot.is_passive(k)) continue;
+    if (robot.joints[static_cast<std::size_t>(k - 1)].gear_ratio != 0.0)
+      throw ModelError(passive_joint(k) + ", but has a gear_ratio, expected none: it has no motor");
+    if (robot.coupling.row(k - 1).isApprox(Eigen::RowVectorXd::Unit(robot.joint_count(), k - 1)))
+      throw ModelError(passive_joint(k) + ", but no coupling drives it, expected at least one");
+  }
+}
+
 }  // namespace
 
 int joint_number(const json& value, int most, const std::string& where) {
@@ -117,6 +146,19 @@ Eigen::Vector3d rpy_from_rotation(const Eigen::Matrix3d& r) {
   return {std::atan2(r(2, 1), r(2, 2)), pitch, std::atan2(r(1, 0), r(0, 0))};
 }
 
+Eigen::RowVectorXd Robot::followed_links(int joint) const {
+  const int n = joint_count();
+  std::vector<int> driven_by_motors;
+  for (int k = 0; k < n; ++k) {
+    if (!joints[static_cast<std::size_t>(k)].passive) driven_by_motors.push_back(k);
+  }
+  const Eigen::MatrixXd links = coupling(driven_by_motors, driven_by_motors);
+  const Eigen::VectorXd own = coupling(joint - 1, driven_by_motors).transpose();
+  Eigen::RowVectorXd followed = Eigen::RowVectorXd::Zero(n);
+  followed(driven_by_motors) = least_squares(links.transpose(), own).transpose();
+  return followed;
+}
+
 double Robot::reach() const {
   double sum = end.translation().norm();
   for (const Joint& joint : joints) {
@@ -137,13 +179,16 @@ Robot Robot::from_json(const json& content) {
   robot.coupling = Eigen::MatrixXd::Identity(n, n);
   if (content.contains("coupling") && !content["coupling"].is_null()) {
     for (const json& row : content["coupling"]) {
-      // A matter of what is reported: columns hold the drives' angles.
-      if (row.value("kind", "mechanical") == "controller") continue;
       const int driven = joint_number(row.at("joint"), n, "robot: coupling");
       const int driving = joint_number(row.at("driving"), n, "robot: coupling");
+      const bool is_reported = row.value("kind", "mechanical") == "controller";
+      check_passive_in(robot, driven, driving, is_reported);
+      // A matter of what is reported: columns hold the drives' angles.
+      if (is_reported) continue;
       robot.coupling(driven - 1, driving - 1) += row.at("ratio").get<double>();
     }
   }
+  check_passive_driven(robot);
   if (content.contains("links") && !content["links"].is_null() && !content["links"].empty()) {
     const json& links = content["links"];
     if (static_cast<int>(links.size()) != n) {

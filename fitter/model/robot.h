@@ -34,6 +34,9 @@ struct Joint {
   double lead = 0.0;  ///< of a joint that slides: travel a turn of its screw or pinion [m]; or 0
   double lower = 0.0, upper = 0.0;
   bool limited = false;
+  /// It has no motor: bars or gears from other joints turn it. Its motor side stands at zero, so
+  /// that its link angle (and `lower`, `upper`) are what the couplings give.
+  bool passive = false;
 };
 
 struct Link {
@@ -64,6 +67,12 @@ struct Robot {
   std::optional<Parallelogram> parallelogram;
 
   int joint_count() const { return static_cast<int>(joints.size()); }
+  /// Of a joint by its number, from 1; false for one that the arm has not.
+  bool is_passive(int joint) const {
+    return joint <= joint_count() && joints[static_cast<std::size_t>(joint - 1)].passive;
+  }
+  /// Link angle of passive joint `joint` per link angle of the joints with motors (zero elsewhere).
+  Eigen::RowVectorXd followed_links(int joint) const;
   /// Nominal place of reflector `target`; nullopt where it must be found.
   std::optional<Pose> nominal_tool(int target) const {
     if (!flange_from_target.empty()) return flange_from_target.at(static_cast<std::size_t>(target));

@@ -51,12 +51,15 @@ State::State(const Robot& robot, Columns columns, const Eigen::Vector3d& payload
   const int n = robot.joint_count();
   for (int k = 1; k <= n; ++k) {
     const std::string name = "q" + std::to_string(k);
-    if (!columns_.contains(name)) {
+    if (!columns_.contains(name) && !robot.is_passive(k)) {
       throw ModelError("measurements: column " + name + " is missing, expected q1 to q" +
                        std::to_string(n));
     }
+    if (!robot.is_passive(k)) rows_ = columns_.at(name).size();
   }
-  rows_ = columns_.at("q1").size();
+  for (int k = 1; k <= n; ++k) {
+    if (robot.is_passive(k)) columns_["q" + std::to_string(k)].assign(rows_, 0.0);
+  }
   for (const auto& [name, values] : columns_) {
     if (values.size() != rows_) {
       throw ModelError("measurements: column " + name + " has " + std::to_string(values.size()) +

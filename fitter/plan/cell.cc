@@ -68,6 +68,18 @@ bool seen(const std::vector<Pose>& frames, const Pose& tool, const Cell& cell) {
   return true;
 }
 
+// What the couplings give a passive joint is within its limits.
+bool passive_within_limits(const Robot& robot, const double* q) {
+  for (int k = 0; k < robot.joint_count(); ++k) {
+    const Joint& joint = robot.joints[static_cast<std::size_t>(k)];
+    if (!joint.passive || !joint.limited) continue;
+    double given = 0.0;
+    for (int j = 0; j < robot.joint_count(); ++j) given += robot.coupling(k, j) * q[j];
+    if (given < joint.lower || given > joint.upper) return false;
+  }
+  return true;
+}
+
 bool linkage_open(const Robot& robot, const double* q) {
   if (!robot.parallelogram) return true;
   const Parallelogram& bars = *robot.parallelogram;
@@ -114,7 +126,9 @@ Eigen::MatrixX2d joint_ranges(const Robot& robot, const std::vector<double>& rec
   for (int k = 0; k < n; ++k) {
     const Joint& joint = robot.joints[static_cast<std::size_t>(k)];
     double low = -std::numbers::pi, high = std::numbers::pi;
-    if (joint.limited) {
+    if (joint.passive) {
+      low = high = 0.0;
+    } else if (joint.limited) {
       low = joint.lower;
       high = joint.upper;
     } else if (!recorded.empty()) {
@@ -135,7 +149,8 @@ Eigen::MatrixX2d joint_ranges(const Robot& robot, const std::vector<double>& rec
 }
 
 bool admissible(Kinematics& kinematics, const double* q, const Cell& cell) {
-  if (!linkage_open(kinematics.robot(), q)) return false;
+  if (!linkage_open(kinematics.robot(), q) || !passive_within_limits(kinematics.robot(), q))
+    return false;
   const Eigen::VectorXd still = Eigen::VectorXd::Zero(kinematics.layout().size());
   const Pose tool = kinematics.forward(q, still.data(), 0);
   if (cell.box && !cell.box->contains(tool.translation())) return false;

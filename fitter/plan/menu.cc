@@ -66,6 +66,7 @@ Menu make_menu(const Robot& robot, const Pose& flange_from_tool, const Cell& cel
     std::vector<double>& column = menu.columns[name];
     column.assign(even.col(k).begin(), even.col(k).end());
     column.insert(column.end(), edges.col(k).begin(), edges.col(k).end());
+    if (robot.is_passive(k + 1)) continue;
     menu.columns["qr" + std::to_string(k + 1)] = column;
     menu.written.push_back(name);
   }

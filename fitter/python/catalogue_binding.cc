@@ -25,6 +25,8 @@ std::string effects_json() {
       {Role::kPlacement, "placement"},     {Role::kGeometry, "geometry"},
       {Role::kPhysical, "physical"},       {Role::kTable, "table"},
       {Role::kMeasurement, "measurement"}, {Role::kCustom, "custom"}};
+  static const std::map<DriveRule, std::string> drives{
+      {DriveRule::kNone, "none"}, {DriveRule::kEach, "each"}, {DriveRule::kDriving, "driving"}};
   json catalogue = json::array();
   for (const Effect* effect : effect_catalogue()) {
     json options = json::object();
@@ -35,6 +37,7 @@ std::string effects_json() {
                          {"role", roles.at(effect->role())},
                          {"generic", effect->generic()},
                          {"joints", rules.at(effect->joint_rule())},
+                         {"needs_drive", drives.at(effect->drive_rule())},
                          {"exported", effect->exported()},
                          {"bound", effect->bound_text()},
                          {"options", options}});

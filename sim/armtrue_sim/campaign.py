@@ -157,7 +157,7 @@ def measure(scenario: Scenario, arm: Arm) -> Campaign:
     turned = arm.tracker.turned(rotation, table)
     data = _with_results(scenario, arm, table, measured, turned, instrument, noise)
     test = fresh_rows(scenario, arm, table, plan)
-    unrecorded = {name: data[name] for name in data if _omitted(scenario, name)}
+    unrecorded = {name: data[name] for name in data if _omitted(scenario, arm, name)}
     truth = {
         "scenario": scenario.name,
         "arm": scenario.arm,
@@ -181,7 +181,7 @@ def measure(scenario: Scenario, arm: Arm) -> Campaign:
         robot=published_robot(scenario, arm.robot),
         model={"effects": [_model_entry(e) for e in scenario.believed]},
         data={name: values for name, values in data.items() if name not in unrecorded},
-        test={name: values for name, values in test.items() if not _omitted(scenario, name)},
+        test={name: values for name, values in test.items() if not _omitted(scenario, arm, name)},
         hidden=_hidden_entries(scenario),
         truth=truth,
         arm=arm,
@@ -191,12 +191,15 @@ def measure(scenario: Scenario, arm: Arm) -> Campaign:
     )
 
 
-def _omitted(scenario: Scenario, column: str) -> bool:
+def _omitted(scenario: Scenario, arm: Arm, column: str) -> bool:
     omit, stem = scenario.columns.get("omit", []), column.rstrip("0123456789")
     seldom = stem.startswith("_") or (
         stem in ("travel", "duty") and stem not in scenario.columns.get("add", [])
     )
-    return seldom or column in omit or stem in omit
+    number = column[len(stem) :]
+    of_motor = stem in ("q", "qr", "dir", "tau", "travel", "duty") and number
+    passive = bool(of_motor) and bool(arm.chain.passive[int(number) - 1])
+    return seldom or passive or column in omit or stem in omit
 
 
 def _model_entry(entry: Any) -> Any:
@@ -238,7 +241,7 @@ def _drive_sigma(scenario: Scenario, arm: Arm, q: Array) -> float:
 
 def _joint_sigmas(scenario: Scenario, arm: Arm, drive: float) -> Array:
     """What each joint does not repeat (n,), rad or m, one standard deviation."""
-    sigmas = np.full(arm.chain.n, drive)
+    sigmas = np.where(arm.chain.passive, 0.0, drive)
     for joint, sigma in scenario.repeatability.get("joints", {}).items():
         if not isinstance(joint, int) or not 1 <= joint <= arm.chain.n:
             raise ScenarioError(

@@ -20,6 +20,10 @@ def admissible(robot: dict[str, Any], chain: Chain, q: Array, floor: float | Non
     if linkage:
         beta = linkage["angle"] + q[:, 2] - q[:, 1]
         inside &= (beta > LINKAGE_MARGIN) & (beta < np.pi - LINKAGE_MARGIN)
+    for k in np.flatnonzero(chain.passive):
+        low, high = robot["kinematics"]["joints"][k].get("limits", [-np.inf, np.inf])
+        turned = q @ chain.coupling[k]
+        inside &= (turned >= low) & (turned <= high)
     if floor is not None:
         inside &= chain.frames(chain.link_variables(q)).flange_origin[:, 2] > floor
     return inside
@@ -45,6 +49,7 @@ def random_poses(
         q = np.round(
             rng.uniform(low + 1e-10, np.maximum(high - 1e-10, low + 1e-10), (2 * count + 16, chain.n)), 10
         )
+        q[:, chain.passive] = 0.0
         q = q[admissible(robot, chain, q, floor)]
         found.append(q)
         total += len(q)

@@ -43,6 +43,8 @@ _HEAVY = ((5e-7, 1.2e-6), (1e-6, 2.5e-6), (1e-6, 2.5e-6), (4e-6, 1.2e-5), (4e-6,
 _MIDDLE = ((8e-7, 2e-6), (1.2e-6, 3e-6), (1.2e-6, 3e-6), (8e-6, 2e-5), (8e-6, 2e-5), (1e-5, 4e-5))
 _LIGHT = ((1e-5, 4e-5), (2e-5, 5e-5), (2e-5, 5e-5), (4e-5, 9e-5), (4e-5, 9e-5), (4e-5, 9e-5))
 _WRIST = ((5, 4), (6, 4), (6, 5))
+# Of joint 4 its bars stretch, of the others gears turn.
+_HUGE = ((1e-7, 3e-7), (1.5e-7, 4e-7), (2e-7, 5e-7), (4e-7, 1.2e-6), (3e-6, 1e-5))
 
 PRESETS: dict[str, Preset] = {
     "kr30": Preset(
@@ -111,6 +113,17 @@ PRESETS: dict[str, Preset] = {
         tool=(0.05, 0.02, 0.12),
         reach=1.1,
     ),
+    "palletiser": Preset(
+        payloads=(0.0, 120.0, 240.0),
+        torsion=_HUGE,
+        bending=(2e-8, 8e-8),
+        base_tilt=(5e-9, 3e-8),
+        strain_wave=False,
+        wrist_pairs=((4, 2), (4, 3)),
+        compliant=(2, 3),
+        tool=(0.25, 0.06, 0.3),
+        reach=3.2,
+    ),
 }
 
 
@@ -149,7 +162,7 @@ def variant_of(robot: dict[str, Any], seed: int) -> dict[str, Any]:
             joint["gear_ratio"] = round(float(joint["gear_ratio"] * rng.uniform(0.6, 1.7)), 2)
         if joint.get("lead"):
             joint["lead"] = round(float(joint["lead"] / rng.uniform(0.6, 1.7)), 4)
-        if joint.get("type", "revolute") == "revolute":
+        if joint.get("type", "revolute") == "revolute" and not joint.get("passive"):
             low, high = joint["limits"]
             narrower = (high - low) * rng.uniform(0.0, 0.12, 2)
             joint["limits"] = [float(low + narrower[0]), float(high - narrower[1])]

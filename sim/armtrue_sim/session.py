@@ -21,8 +21,9 @@ DRAWN_TRAVEL = (0.01, 0.2)
 
 
 def joints_of(table: Mapping[str, Array], n: int) -> Array:
-    """Columns q1...qn of a table as (N, n)."""
-    return np.stack([table[f"q{k}"] for k in range(1, n + 1)], axis=1)
+    """Columns q1...qn of a table as (N, n); a passive joint has none and stands at zero."""
+    still = np.zeros(len(table["q1"]))
+    return np.stack([table.get(f"q{k}", still) for k in range(1, n + 1)], axis=1)
 
 
 def plan_rows(scenario: Scenario, arm: Arm, rng: np.random.Generator) -> Table:

@@ -64,7 +64,7 @@ def main() -> int:
         (name, full_pose, arguments.poses)
         for name in arms.ALL_EFFECTS
         for full_pose in (False, True)
-        if not (full_pose and name == "scara")
+        if not (full_pose and name in arms.FOUR_MOTORS)
     ]
     with multiprocessing.Pool(arguments.jobs) as pool:
         rows = pool.map(row, cases, chunksize=1)

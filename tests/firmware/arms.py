@@ -46,7 +46,14 @@ ALL_EFFECTS: dict[str, list[Any]] = {
     ],
     "stanford": ["joint_offset", "link_geometry", "joint_compliance", "gear_harmonics", "thermal_expansion"],
     "scara": ["joint_offset", "link_geometry", "joint_compliance", "gear_harmonics", "backlash"],
+    "palletiser": [
+        "joint_offset", "link_geometry", {"effect": "joint_compliance", "joints": [2, 3, 4]}, "gear_harmonics",
+        {"effect": "coupling_harmonics", "joints": [4, 2, 4, 3]}, "thermal_expansion",
+    ],
 }  # fmt: skip
+
+# Too few motors for an attitude: the damped step meets position and attitude as well as it can, and neither exactly.
+FOUR_MOTORS = ("scara", "palletiser")
 
 # The simulator's parallelogram is the exact four-bar; these are the linear terms that a fit of it has.
 EXTRA_TERMS: dict[str, list[tuple[str, str, float]]] = {

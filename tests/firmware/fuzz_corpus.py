@@ -23,7 +23,7 @@ EXPRESSIONS = [
 def seeds() -> dict[str, bytes]:
     """Name and content: the flag byte of the harness, then an image."""
     result = {}
-    for name in ("scara", "kr30", "stanford"):
+    for name in ("scara", "kr30", "stanford", "palletiser"):
         document = json.loads(arms.full_document(name))
         bare = {
             **document,

@@ -19,6 +19,7 @@ import pytest
 from armtrue.tables.image import Image
 from armtrue_sim.arm import Arm
 from armtrue_sim.campaign import csv_text
+from armtrue_sim.session import joints_of
 
 ROOT = Path(__file__).resolve().parents[2]
 FRESH_POSES = 400
@@ -40,7 +41,16 @@ CASES: dict[str, list[Any]] = {
     "cobot": ["joint_offset", "link_geometry", "joint_compliance", "gear_harmonics"],
     "stanford": ["joint_offset", "link_geometry", "gear_harmonics"],
     "scara": ["joint_offset", "link_geometry", "gear_harmonics"],
+    # Its waves come from bars of wrong lengths (HIDDEN), whose exact form the model has not: 3 µm of it stay.
+    "palletiser": [
+        "joint_offset",
+        "link_geometry",
+        {"effect": "joint_compliance", "joints": [2, 3, 4]},
+        {"effect": "coupling_harmonics", "scale": 0.0},
+    ],
 }
+
+HIDDEN = {"palletiser": ["levelling_bars"]}
 
 
 def armtrue(*arguments: object) -> None:
@@ -63,7 +73,7 @@ def smallest_singular_value(arm: Arm, joints: np.ndarray, columns: dict[str, np.
     here = arm.true_position(joints, columns, measurement_effects=False)
     moved = [
         arm.true_position(joints + step * unit, columns, measurement_effects=False)
-        for unit in np.eye(joints.shape[1])
+        for unit in np.eye(joints.shape[1])[~arm.chain.passive]
     ]
     jacobian = np.stack([(there - here) / step for there in moved], axis=2)
     return np.asarray(np.linalg.svd(jacobian, compute_uv=False)[:, -1])
@@ -73,6 +83,7 @@ def smallest_singular_value(arm: Arm, joints: np.ndarray, columns: dict[str, np.
     ("arm", "statics"),
     [
         *(("cobot", "deflected"), ("irb2400", "deflected"), ("scara", "deflected"), ("kr30", "nominal")),
+        ("palletiser", "deflected"),
         *(pytest.param(*rest, marks=pytest.mark.full)
           for rest in [("kr30", "deflected"), ("lbr", "deflected"), ("stanford", "deflected"), ("cobot", "nominal")]),
     ],
@@ -89,6 +100,7 @@ def test_the_tool_reaches_the_intended_point(arm: str, statics: str, tmp_path: P
             "believed": ["base_frame", "tool_offset", *CASES[arm]],
             "poses": 300,
             "test_poses": FRESH_POSES,
+            "hidden": HIDDEN.get(arm, []),
         },
         tmp_path,
     )
@@ -107,9 +119,9 @@ def test_the_tool_reaches_the_intended_point(arm: str, statics: str, tmp_path: P
     armtrue("compensate", tmp_path / "tables.bin", tmp_path / "poses.csv", "--out", tmp_path / "c.csv")
     corrected = table(tmp_path / "c.csv")
     n = campaign.arm.chain.n
-    joints = np.column_stack([corrected[f"q{k}"] for k in range(1, n + 1)])
+    joints = joints_of(corrected, n)
     intended = np.column_stack([corrected[axis] for axis in ("tx", "ty", "tz")])
-    asked = np.column_stack([fresh[f"q{k}"] for k in range(1, n + 1)])
+    asked = joints_of(fresh, n)
     reached = campaign.arm.true_position(joints, fresh, measurement_effects=False)
     # Where the arm is stretched or folded some intended points are out of the real arm's reach, or in reach only by
     # large corrections (test_accuracy.py has the measure); everywhere else counts.
@@ -118,7 +130,7 @@ def test_the_tool_reaches_the_intended_point(arm: str, statics: str, tmp_path: P
     missed = np.linalg.norm(reached - intended, axis=1)[regular]
 
     # The fit's own error at the very commands that were sent.
-    sent = {**fresh, **{f"q{k}": joints[:, k - 1] for k in range(1, n + 1)}}
+    sent = fresh | {name: values for name, values in corrected.items() if name in fresh}
     (tmp_path / "sent.csv").write_text(csv_text(sent))
     armtrue("predict", tmp_path / "fit.json", tmp_path / "sent.csv", "--out", tmp_path / "p.csv")
     predicted = table(tmp_path / "p.csv")

@@ -21,16 +21,23 @@ JointPath::JointPath(ObjectDictionary& dictionary, Compensator& compensator, Emc
 void JointPath::configure(const PdoTable& pdos) {
   take_back();
   take_back_unsent();
-  sets_.configure(pdos, joint_count_);
+  sets_.configure(pdos);
   drives_.keep(mapped_axes(pdos.rpdos(), kStatusword), mapped_axes(pdos.rpdos(), kModeDisplay));
-  const std::uint32_t joints = (1U << joint_count_) - 1U;
   const bool waits = std::ranges::any_of(pdos.tpdos(), [](const Pdo& pdo) {
     return pdo.valid && pdo.is_synchronous() && pdo.mapping.has_axis_object(kPositionOffset);
   });
   offset_output_ = waits ? OffsetOutput::kWithSync : OffsetOutput::kAtOnce;
-  if ((mapped_axes(pdos.tpdos(), kPositionOffset) & joints) != joints) {
-    offset_output_ = OffsetOutput::kIncomplete;
-  }
+  offset_axes_ = mapped_axes(pdos.tpdos(), kPositionOffset);
+}
+
+std::uint32_t JointPath::axes_with_drives() const {
+  return ((1U << joint_count_) - 1U) & ~std::uint32_t{compensator_.passive()};
+}
+
+bool JointPath::is_configured() const {
+  const std::uint32_t needed = axes_with_drives();
+  const bool has_offsets = (offset_axes_ & needed) == needed && !drives_are_downstream_;
+  return sets_.has_targets_of(needed) && (mode_ != Mode::kOffset || has_offsets);
 }
 
 void JointPath::configure_bounds() {
@@ -163,7 +170,7 @@ void JointPath::read_surroundings(std::uint64_t now_us) {
 
 bool JointPath::begin(std::uint64_t now_us) {
   std::array<std::int32_t, kMaxJoints> held = {};
-  const bool all_heard = heard_ + 1U == 1U << joint_count_;
+  const bool all_heard = (axes_with_drives() & ~heard_) == 0;
   for (std::size_t axis = 0; axis < joint_count_ && all_heard; ++axis) {
     const std::int64_t actual = dictionary_.get(od::axis::kPositionActualValue[axis]);
     held[axis] = saturate(compensator_.bounds(axis).way(actual - input_.target[axis]));

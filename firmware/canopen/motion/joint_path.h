@@ -70,11 +70,7 @@ enum WhyWithheld : std::uint32_t {
 };
 
 // How the drives' offsets leave, from the mappings of TPDOs.
-enum class OffsetOutput : std::uint8_t {
-  kIncomplete,  // not of every joint
-  kAtOnce,
-  kWithSync,
-};
+enum class OffsetOutput : std::uint8_t { kAtOnce, kWithSync };
 
 // What the joint path counts; the compensator counts the rest.
 struct JointCounters {
@@ -107,13 +103,11 @@ class JointPath {
   void set_mode(Mode mode);
   Mode mode() const { return mode_; }
 
-  // Whether every joint is mapped in the target RPDOs, and in offset mode its offset in the TPDOs
-  // and the drives where those go. Without that nothing is ever evaluated.
-  bool is_configured() const {
-    return sets_.is_configured() &&
-           (mode_ != Mode::kOffset ||
-            (offset_output_ != OffsetOutput::kIncomplete && !drives_are_downstream_));
-  }
+  // Whether every joint with a drive is mapped in the target RPDOs, and in offset mode its offset
+  // in the TPDOs and the drives where those go. Without that nothing is ever evaluated.
+  bool is_configured() const;
+  // Bit k: axis k has a drive, as far as a table has said.
+  std::uint32_t axes_with_drives() const;
   // Whether this RPDO is one of the set.
   bool carries_target(std::size_t rpdo) const {
     return is_configured() && sets_.carries_target(rpdo);
@@ -242,7 +236,8 @@ class JointPath {
   SetAssembler sets_;
   DriveStates drives_;
   SensorInputs inputs_;
-  OffsetOutput offset_output_ = OffsetOutput::kIncomplete;
+  OffsetOutput offset_output_ = OffsetOutput::kAtOnce;
+  std::uint32_t offset_axes_ = 0;  // bit k: the offset of axis k is mapped
   Mode mode_ = Mode::kForward;
   Phase phase_ = Phase::kUnknown;
   // Whether the first correction starts from what the drives reported (else from zero); set by

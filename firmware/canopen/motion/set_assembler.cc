@@ -13,7 +13,7 @@ bool has_payload(const CanFrame& frame, std::uint8_t len, const std::uint8_t* da
 
 }  // namespace
 
-void SetAssembler::configure(const PdoTable& pdos, std::uint8_t joint_count) {
+void SetAssembler::configure(const PdoTable& pdos) {
   drop();
   expected_ = 0;
   synchronous_ = false;
@@ -25,9 +25,8 @@ void SetAssembler::configure(const PdoTable& pdos, std::uint8_t joint_count) {
     synchronous_ = synchronous_ || pdo.is_synchronous();
     is_unique = is_unique && !pdos.repeats_target(k);
   }
-  const std::uint32_t needed = (1U << joint_count) - 1U;
-  const bool is_whole = (mapped_axes(pdos.rpdos(), kTargetPosition) & needed) == needed;
-  if (!is_whole || !is_unique) expected_ = 0;
+  mapped_ = mapped_axes(pdos.rpdos(), kTargetPosition);
+  if (!is_unique) expected_ = 0;
   window_.restart(expected_);
 }
 

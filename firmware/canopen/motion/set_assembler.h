@@ -48,10 +48,13 @@ class SetAssembler {
     std::uint8_t rpdo = 0;
   };
 
-  // Decides from the mappings which RPDOs make a set, so that together they map `joint_count`
-  // joints. Where an axis is mapped twice there is no set: its drive would get one of two targets.
-  void configure(const PdoTable& pdos, std::uint8_t joint_count);
-  bool is_configured() const { return expected_ != 0; }
+  // Decides from the mappings which RPDOs make a set. Where an axis is mapped twice there is no
+  // set: its drive would get one of two targets.
+  void configure(const PdoTable& pdos);
+  // Whether a set has the targets of all `axes` (bit k: axis k).
+  bool has_targets_of(std::uint32_t axes) const {
+    return expected_ != 0 && (mapped_ & axes) == axes;
+  }
   bool is_synchronous() const { return synchronous_; }
   bool carries_target(std::size_t rpdo) const { return (expected_ >> rpdo & 1U) != 0; }
 
@@ -100,6 +103,7 @@ class SetAssembler {
   std::array<Sent, kAxes> previous_ = {};  // the last set that went out
   std::uint8_t held_count_ = 0;
   std::uint8_t previous_count_ = 0;
+  std::uint32_t mapped_ = 0;    // bit k: a target of axis k is mapped
   std::uint32_t expected_ = 0;  // bit r: RPDO r belongs to the set
   std::uint32_t present_ = 0;
   bool synchronous_ = false;

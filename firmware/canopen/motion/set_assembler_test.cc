@@ -9,6 +9,7 @@ namespace armtrue::canopen {
 namespace {
 
 constexpr std::uint32_t kWindowUs = 500;
+constexpr std::uint32_t kBoth = 3;  // axes 1 and 2
 
 // RPDO k + 1 carries the target of axis k + 1, the first RPDO a temperature.
 class SetAssemblerTest : public testing::Test {
@@ -24,12 +25,12 @@ class SetAssemblerTest : public testing::Test {
     dictionary.set(od::rpdo::kMappingCount[rpdo], 1);
     dictionary.set(od::rpdo::kMapping[rpdo], word);
   }
-  void configure(std::uint8_t transmission, std::uint8_t joints = 2) {
+  void configure(std::uint8_t transmission) {
     for (const std::size_t rpdo : {1U, 2U}) {
       dictionary.set(od::rpdo::kTransmissionType[rpdo], transmission);
     }
     pdos.refresh();
-    sets.configure(pdos, joints);
+    sets.configure(pdos);
   }
   SetEvent take(std::size_t rpdo, int value, std::uint64_t now_us = 0) {
     return sets.take(pdos.rpdo(rpdo), rpdo, make_frame(0x300, {value, value, 0, 0}), now_us);
@@ -49,7 +50,7 @@ class SetAssemblerTest : public testing::Test {
 
 TEST_F(SetAssemblerTest, OnlyRpdosWithTargets_AreOfTheSet) {
   configure(255);
-  EXPECT_TRUE(sets.is_configured());
+  EXPECT_TRUE(sets.has_targets_of(kBoth));
   EXPECT_FALSE(sets.carries_target(0));
   EXPECT_TRUE(sets.carries_target(1));
   EXPECT_TRUE(sets.carries_target(2));
@@ -58,10 +59,11 @@ TEST_F(SetAssemblerTest, OnlyRpdosWithTargets_AreOfTheSet) {
 TEST_F(SetAssemblerTest, AJointWithoutATarget_MeansNoSet) {
   map(1, 0x20200110);
   configure(255);
-  EXPECT_FALSE(sets.is_configured()) << "joint 1 is missing";
+  EXPECT_FALSE(sets.has_targets_of(kBoth)) << "joint 1 is missing";
+  EXPECT_TRUE(sets.has_targets_of(2)) << "where joint 1 has no drive, none is";
   map(1, 0x607A0020);
-  configure(255, 3);
-  EXPECT_FALSE(sets.is_configured()) << "joint 3 is missing";
+  configure(255);
+  EXPECT_FALSE(sets.has_targets_of(7)) << "joint 3 is missing";
 }
 
 TEST_F(SetAssemblerTest, Configure_DropsTheSetInTheMaking) {
@@ -139,16 +141,16 @@ TEST_F(SetAssemblerTest, AnotherSyncInterval_IsKnownAfterTwoOfThem) {
 TEST_F(SetAssemblerTest, AnAxisMappedTwice_MeansNoSet) {
   map(3, 0x607A0020);
   configure(1);
-  EXPECT_FALSE(sets.is_configured()) << "by two RPDOs";
+  EXPECT_FALSE(sets.has_targets_of(kBoth)) << "by two RPDOs";
   dictionary.set(od::rpdo::kCOBID[3], 0x80000303U);
   configure(1);
-  EXPECT_TRUE(sets.is_configured()) << "of which one is off";
+  EXPECT_TRUE(sets.has_targets_of(kBoth)) << "of which one is off";
   dictionary.set(od::rpdo::kMappingCount[2], 2);
   auto second = od::rpdo::kMapping[2];
   second.offset = static_cast<std::uint16_t>(second.offset + 4);
   dictionary.set(second, 0x687A0020U);
   configure(1);
-  EXPECT_FALSE(sets.is_configured()) << "twice by one";
+  EXPECT_FALSE(sets.has_targets_of(kBoth)) << "twice by one";
 }
 
 TEST_F(SetAssemblerTest, BeforeTheSecondSync_AWholeSetWaitsForTheSetWindow) {

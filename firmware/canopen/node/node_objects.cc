@@ -118,7 +118,7 @@ bool Node::holds_correction() const {
 }
 
 bool Node::all_say_disabled() const {
-  const auto all = static_cast<std::uint8_t>((1U << config_.joint_count) - 1U);
+  const std::uint32_t all = joints_.axes_with_drives() & ~std::uint32_t{tables_.passive()};
   return (joints_.drives().disabled() & all) == all;
 }
 

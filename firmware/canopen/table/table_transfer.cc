@@ -232,6 +232,7 @@ Abort TableTransfer::verify() {
   if (is_replay(image, buffers_.active()))
     return refuse(kOlderThanActive, format::header::kSequenceAt);
   state_ = StagingState::kVerified;
+  passive_ = TableView(image).passive();
   emcy_.clear(Condition::kTableRefused);
   return Abort::kNone;
 }

@@ -84,6 +84,10 @@ class TableTransfer final : public DomainHandler {
     return buffers_.active().empty() || validate(buffers_.active(), device_).accepted();
   }
 
+  // Bit k: axis k has no drive, by the table that was verified last. The first table of a device
+  // has to be committed while it is the only one to know.
+  std::uint8_t passive() const { return passive_; }
+
   std::uint32_t refused() const { return refused_; }
   bool on_trial() const { return trial_; }
 
@@ -124,6 +128,7 @@ class TableTransfer final : public DomainHandler {
   // 0x2013 subs 4 and 13, from when the bytes came. Of all but an image's last four: those are its
   // own CRC, and the CRC of something with its own behind it is the same for everything.
   std::uint32_t staged_checksum_ = 0;
+  std::uint8_t passive_ = 0;
   std::uint32_t active_checksum_ = 0;
   std::uint16_t refusal_reason_ = 0;  // 0x2013 sub 2
   std::uint32_t refusal_field_ = 0;   // 0x2013 sub 15

@@ -94,6 +94,18 @@ void make_jacobian(const TableView& table, const Frames& frames, const Vector& t
   }
 }
 
+// Nobody can drive a passive joint. The others alone take the tool where it is to be, and what acts
+// on its motor side, which no motor could take off, becomes a part of where the links are.
+[[gnu::noinline]] void leave_to_bars(const TableView& table, Workspace& work) {
+  for (std::size_t k = 0; k < table.joint_count(); ++k) {
+    if (!table.is_passive(k)) continue;
+    work.jacobian[k] = {};
+    work.link[k].raw += position_step(table, k, work.coordinates[k]);
+    work.coordinates[k] = {};
+  }
+  joint_motions(table, work.link, work.motions);
+}
+
 void take_share(Ratio share, std::size_t joints, JointStep& step) {
   if (share == kRatioOne) return;
   for (std::size_t k = 0; k < joints; ++k) {
@@ -130,11 +142,12 @@ Correction solve(const TableView& table, const JointPositions& target,
   joint_motions(table, work.link, work.motions);
   const Frame wanted = nominal_tool(table, work.motions, work.frames);
   make_jacobian(table, work.frames, wanted.origin, work.jacobian);
-  work.solver.factor(work.jacobian, joints, rows, table.damping());
   update_gravity(table, work.motions, work.terms);
   MotorCoordinates steep;
   evaluate_steep_terms(table, target, work.link, work.terms, steep);
   evaluate_smooth_terms(table, target, work.link, work.motions, work.terms, coordinates);
+  if (table.passive() != 0U) leave_to_bars(table, work);
+  work.solver.factor(work.jacobian, joints, rows, table.damping());
   JointStep step =
       work.solver.step(tool_error(table, wanted, real_tool(table, work.motions, coordinates)));
   const Ratio share = straight_share(table, work.frames, wanted.origin, step);

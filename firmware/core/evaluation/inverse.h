@@ -44,10 +44,11 @@ struct Correction {
 //      p(q₁)).
 //   3. Steep terms at q₂: q₃ by a secant, so that q₃ + s(q₃) = q₂ + s(q₁).
 //
-// J is that of the nominal arm at the target, damped (damped_solver.h): every step takes off all
-// but some thousandths of the error. A large step near a singularity moves the tool along a curve,
-// where J draws a straight line: only a share of it is taken (second_order.h). Position only, or
-// full pose where the table says so. The result depends on nothing but the arguments: no history.
+// J is that of the nominal arm at the target, without the columns of passive joints, damped
+// (damped_solver.h): every step takes off all but some thousandths of the error. A large step near
+// a singularity moves the tool along a curve, where J draws a straight line: only a share of it is
+// taken (second_order.h). Position only, or full pose where the table says so. The result depends
+// on nothing but the arguments: no history.
 Correction solve(const TableView& table, const JointPositions& target,
                  const Surroundings& surroundings, Workspace& work);
 

@@ -106,5 +106,39 @@ TEST(InverseTest, NearlyStretchedArm_IsNotLeftFurtherOff) {
   EXPECT_LE(worst, 0.01);
 }
 
+// Bars keep the last link of the planar arm level and hold it a little off; the two motors make
+// that good. The third joint's angle is what the bars give.
+TEST(InverseTest, PassiveJoint_IsLeftAndMadeGoodByTheOthers) {
+  constexpr double kOff = 8e-3;
+  tests::TestImage made(3, kLink);
+  made.section(format::Section::kJoints)[2 * format::joint::kLength + format::joint::kFlagsAt] =
+      format::joint::kPassive;
+  for (const std::uint8_t driving : {0, 1}) {
+    tests::Bytes coupling = {2, driving, 0, 0};
+    tests::append(coupling, -(std::int32_t{1} << format::coupling::kRatioFraction));
+    made.add(format::Section::kCoupling, coupling);
+  }
+  made.add_constant(2, kOff);
+  const tests::Bytes image = made.image();
+  ASSERT_TRUE(validate(image, {}).accepted());
+  const auto work = std::make_unique<Workspace>();
+  const auto level_tip = [](double q0, double q1, double off) {
+    return tip({q0, q1, -q0 - q1 + off});
+  };
+  for (int i = 0; i < 40; ++i) {
+    const double q0 = -1.0 + 0.05 * i, q1 = 0.7 + 0.03 * i;
+    JointPositions at = {};
+    at[0].raw = std::llround(q0 * kUnitsPerRadian);
+    at[1].raw = std::llround(q1 * kUnitsPerRadian);
+    const Correction correction = solve(TableView(image), at, {}, *work);
+    EXPECT_EQ(correction.delta[2], 0);
+    const auto wanted = level_tip(q0, q1, 0.0);
+    const auto reached = level_tip(q0 + correction.delta[0] / kUnitsPerRadian,
+                                   q1 + correction.delta[1] / kUnitsPerRadian, kOff);
+    // 4 mm before; the second step leaves the square of what the damping takes.
+    EXPECT_LT(std::hypot(reached[0] - wanted[0], reached[1] - wanted[1]), 20e-6) << q0;
+  }
+}
+
 }  // namespace
 }  // namespace armtrue

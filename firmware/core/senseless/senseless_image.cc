@@ -81,7 +81,8 @@ void SenselessImage::append_joint(std::int64_t& reach) {
   append(to, within(-(std::int64_t{8} << 32), std::int64_t{8} << 32));
   append(to, extreme());  // zero
   append_scale(to);
-  append(to, static_cast<std::uint16_t>(prismatic_ >> k & 1U));
+  append(to, static_cast<std::uint8_t>(prismatic_ >> k & 1U));
+  append(to, static_cast<std::uint8_t>(passive_ >> k & 1U ? format::joint::kPassive : 0U));
   constexpr std::int64_t kMost = std::numeric_limits<std::int32_t>::max();
   append(to, once_in(2) ? kMaxDeltaRevolute : as<std::int32_t>(0, kMost));
   append(to, once_in(2) ? kMaxRateRevolute : as<std::int32_t>(kMinRate, kMost));
@@ -94,6 +95,7 @@ void SenselessImage::make_coupling() {
     if ((prismatic_ >> k & 1U) == 0U) turning.push_back(k);
   }
   for (const std::size_t column : turning) {
+    if ((passive_ >> column & 1U) != 0U) continue;
     std::int64_t room = std::int64_t{8} << format::coupling::kRatioFraction;
     for (const std::size_t row : turning) {
       if (row == column || !once_in(6)) continue;
@@ -339,7 +341,10 @@ void SenselessImage::make_nodes() {
 }
 
 std::uint8_t SenselessImage::coordinate(bool motor) {
-  if (motor || once_in(3)) return as<std::uint8_t>(0, static_cast<std::int64_t>(joints_) - 1);
+  if (motor || once_in(3)) {
+    const auto joint = as<std::uint8_t>(0, static_cast<std::int64_t>(joints_) - 1);
+    return motor && (passive_ >> joint & 1U) != 0U ? std::uint8_t{0} : joint;
+  }
   const std::size_t frame = once_in(5) ? format::kToolFrame : below(joints_ + 1);
   return static_cast<std::uint8_t>(format::kMotorCoordinates + 6 * frame + below(6));
 }

@@ -15,7 +15,11 @@ namespace armtrue::tests {
 
 class SenselessImage {
  public:
-  explicit SenselessImage(std::uint64_t seed) : random_(seed) { make(); }
+  explicit SenselessImage(std::uint64_t seed) : random_(seed) {
+    // Of its own, so that the other tables are what they were before there were passive joints.
+    if (std::mt19937_64 own(~seed); own() % 8U == 0U) passive_ = own() & ~std::uint64_t{1};
+    make();
+  }
 
   const Bytes& image() const { return image_; }
   std::uint8_t joints() const { return static_cast<std::uint8_t>(joints_); }
@@ -95,6 +99,7 @@ class SenselessImage {
   bool is_full_pose_ = false;
   std::size_t joints_ = 1;
   std::uint32_t prismatic_ = 0;
+  std::uint64_t passive_ = 0;  // never joint 0
   std::size_t sensors_ = 0;
   std::size_t mass_sets_ = 0;
   std::vector<int> set_fractions_;

@@ -75,7 +75,8 @@ bool Checker::check_joints() {
            check_scale(at) &&
            require_at(at[format::joint::kTypeAt] <= 1U, Refusal::kUnknownKind,
                       at + format::joint::kTypeAt) &&
-           require_zero(at + format::joint::kReservedAt, 1) &&
+           require_at((at[format::joint::kFlagsAt] & ~format::joint::kAllFlags) == 0,
+                      Refusal::kReserved, at + format::joint::kFlagsAt) &&
            require_at(load_i32(at + format::joint::kMagnitudeAt) >= 0, Refusal::kValueRange,
                       at + format::joint::kMagnitudeAt) &&
            require_at(load_i32(rate) >= kMinRate, Refusal::kValueRange, rate) &&
@@ -95,6 +96,10 @@ bool Checker::is_revolute(std::size_t k) const {
   return record(Section::kJoints, k)[format::joint::kTypeAt] == 0U;
 }
 
+bool Checker::is_passive(std::size_t k) const {
+  return (record(Section::kJoints, k)[format::joint::kFlagsAt] & format::joint::kPassive) != 0U;
+}
+
 bool Checker::check_coupling() {
   std::uint64_t taken = 0;  // a bit for each place
   std::array<std::int64_t, kMaxJoints> driven = {};
@@ -107,6 +112,7 @@ bool Checker::check_coupling() {
         require_at(row < joints_ && column < joints_ && row != column, Refusal::kBadReference,
                    at) &&
         require_at(is_revolute(row) && is_revolute(column), Refusal::kBadReference, at) &&
+        require_at(!is_passive(column), Refusal::kBadReference, at) &&
         require_zero(at + format::coupling::kReservedAt, 2) &&
         require_at(((taken >> place) & 1U) == 0U, Refusal::kBadReference, at) &&
         require_at(driven[column] + ratio <= kMaxDriven, Refusal::kValueRange,

@@ -211,7 +211,8 @@ bool Checker::check_node(const std::uint8_t* at, format::Node kind, std::size_t 
   }
 }
 
-// The first byte of a term, a harmonic or a slow wave; steep ones act on motor sides alone.
+// The first byte of a term, a harmonic or a slow wave; steep ones act on motor sides alone, and
+// not on those that no motor can move.
 bool Checker::check_coordinate(const std::uint8_t* at, bool is_steep) {
   const std::size_t coordinate = *at;
   const bool is_motor = coordinate < format::kMotorCoordinates;
@@ -219,7 +220,7 @@ bool Checker::check_coordinate(const std::uint8_t* at, bool is_steep) {
   const bool is_known =
       is_motor ? coordinate < joints_ : frame <= joints_ || frame == format::kToolFrame;
   return require_at(is_known, Refusal::kUnknownKind, at) &&
-         require_at(is_motor || !is_steep, Refusal::kValueRange, at);
+         require_at(!is_steep || (is_motor && !is_passive(coordinate)), Refusal::kValueRange, at);
 }
 
 bool Checker::check_terms() {

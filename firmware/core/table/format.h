@@ -90,11 +90,15 @@ inline constexpr std::size_t kIncrementPerUnitAt = 64;  // i32 mantissa
 inline constexpr std::size_t kUnitShiftAt = 68;         // u8
 inline constexpr std::size_t kIncrementShiftAt = 69;    // u8
 inline constexpr std::size_t kTypeAt = 70;              // u8: 0 revolute, 1 prismatic
-inline constexpr std::size_t kReservedAt = 71;          // u8
+inline constexpr std::size_t kFlagsAt = 71;             // u8
 inline constexpr std::size_t kMagnitudeAt = 72;         // i32, 2^-32 turn or metre
 inline constexpr std::size_t kRateAt = 76;              // i32, 2^-32 turn or metre per second
 inline constexpr std::size_t kDeadBandAt = 80;          // i32, increments
 inline constexpr std::size_t kLength = 84;
+// No drive: bars turn the joint by what couplings give. Its motor side stands at zero, whatever
+// acts on it.
+inline constexpr std::uint8_t kPassive = 1U << 0;
+inline constexpr std::uint8_t kAllFlags = kPassive;
 }  // namespace joint
 
 namespace coupling {

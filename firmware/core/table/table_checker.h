@@ -75,6 +75,7 @@ class Checker {
   bool check_joints();
   bool check_tools();
   bool is_revolute(std::size_t k) const;
+  bool is_passive(std::size_t k) const;
   bool check_coupling();
   bool check_sensors();
   bool check_mass_sets();

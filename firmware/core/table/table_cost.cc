@@ -28,6 +28,7 @@ constexpr std::uint32_t kPosePerJoint = 2060;
 constexpr std::uint32_t kSensor = 44;
 constexpr std::uint32_t kCoupling = 240;
 constexpr std::uint32_t kFrame = 300;  // of a virtual joint
+constexpr std::uint32_t kPassivePerJoint = 140;
 constexpr std::uint32_t kFrameOfPose = 540;
 
 // A pass.
@@ -105,6 +106,7 @@ std::uint32_t Counter::arm() const {
   }
   return fixed + section(Section::kSensors).count * kSensor +
          section(Section::kCoupling).count * kCoupling +
+         (table_.passive() == 0U ? 0U : joints() * kPassivePerJoint) +
          moving * (is_full_pose ? kFrameOfPose : kFrame);
 }
 

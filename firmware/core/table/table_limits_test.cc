@@ -418,5 +418,51 @@ TEST(TableCostTest, Table_AboveTheBudget_IsRefusedByItsOwnReason) {
   EXPECT_STREQ(name_of(Refusal::kTooCostly), "too much work for a control cycle");
 }
 
+// Joint 2 of three without a drive, turned by joint 0.
+TestImage with_passive_joint() {
+  TestImage made(3);
+  made.section(format::Section::kJoints)[2 * format::joint::kLength + format::joint::kFlagsAt] =
+      format::joint::kPassive;
+  Bytes coupling = {2, 0, 0, 0};
+  append(coupling, -(std::int32_t{1} << format::coupling::kRatioFraction));
+  made.add(format::Section::kCoupling, coupling);
+  return made;
+}
+
+TEST(TablePassiveTest, WhatAMotorWouldHaveToDo_IsRefused) {
+  EXPECT_EQ(refusal_of(with_passive_joint().image()), Refusal::kNone);
+  TestImage drives = with_passive_joint();
+  drives.section(format::Section::kCoupling)[format::coupling::kRowAt] = 1;
+  drives.section(format::Section::kCoupling)[format::coupling::kColumnAt] = 2;
+  EXPECT_EQ(refusal_of(drives.image()), Refusal::kBadReference);
+
+  TestImage smooth = with_passive_joint();
+  smooth.add_harmonic(2, format::node::kLinkAngle, 1.0, 0.0, 1e-3);
+  EXPECT_EQ(refusal_of(smooth.image()), Refusal::kNone);
+  put(smooth.header(), format::header::kSteepHarmonicsAt, std::uint16_t{1});
+  EXPECT_EQ(refusal_of(smooth.image()), Refusal::kValueRange);
+}
+
+TEST(TablePassiveTest, Output_IsItsTarget_WhateverActsOnIt) {
+  TestImage made = with_passive_joint();
+  for (std::uint8_t k = 0; k < 3; ++k) made.add_constant(k, 2e-3);
+  const Bytes image = made.image();
+  Compensator compensator({.joint_count = 3, .cycle_us = 1000});
+  ASSERT_TRUE(compensator.load(image, {}).accepted());
+  ASSERT_TRUE(compensator.activate());
+  EXPECT_EQ(compensator.passive(), 4);
+  CycleInput input;
+  input.target = {1'000'000, -2'000'000, 12'345};
+  CycleOutput output;
+  for (int cycle = 0; cycle < 2000; ++cycle) output = compensator.cycle(input);
+  EXPECT_EQ(output.state, CompensatorState::kActive);
+  EXPECT_NE(output.corrected[0], input.target[0]);
+  EXPECT_EQ(output.corrected[2], input.target[2]);
+  // Nor does it matter what its axis is told.
+  input.target[2] = -7'000'000;
+  const CycleOutput other = compensator.cycle(input);
+  EXPECT_EQ(other.delta, output.delta);
+}
+
 }  // namespace
 }  // namespace armtrue

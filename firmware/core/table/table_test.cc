@@ -211,6 +211,8 @@ INSTANTIATE_TEST_SUITE_P(
                  Refusal::kUnknownKind},
         BadField{"joint shift", kFirstJoint + format::joint::kUnitShiftAt, 63,
                  Refusal::kValueRange},
+        BadField{"unknown flag of a joint", kFirstJoint + format::joint::kFlagsAt, 2,
+                 Refusal::kReserved},
         BadField{"negative limit", kFirstJoint + format::joint::kMagnitudeAt + 3, 0x80,
                  Refusal::kValueRange, -3},
         BadField{"rotation that stretches", kFirstJoint + 3, 0x20, Refusal::kValueRange, -3},

@@ -31,6 +31,8 @@ TableView::TableView(std::span<const std::uint8_t> image) : image_(image) {
     const bool slides = joint(k)[format::joint::kTypeAt] != 0U;
     about_x_ = static_cast<std::uint8_t>(about_x_ | (is_about_x ? 1U << k : 0U));
     prismatic_ = static_cast<std::uint8_t>(prismatic_ | (slides ? 1U << k : 0U));
+    const bool is_passive = (joint(k)[format::joint::kFlagsAt] & format::joint::kPassive) != 0U;
+    passive_ = static_cast<std::uint8_t>(passive_ | (is_passive ? 1U << k : 0U));
   }
   read_motions();
   read_constants();

@@ -62,6 +62,9 @@ class TableView {
     return section(format::Section::kJoints).begin + k * format::joint::kLength;
   }
   bool is_prismatic(std::size_t k) const { return ((prismatic_ >> k) & 1U) != 0U; }
+  // Bit k: joint k has no drive.
+  std::uint8_t passive() const { return passive_; }
+  bool is_passive(std::size_t k) const { return ((passive_ >> k) & 1U) != 0U; }
   // F_k of joint k.
   FixedTransform fixed(std::size_t k) const {
     return {joint(k) + format::joint::kTransformAt, ((about_x_ >> k) & 1U) != 0U};
@@ -104,6 +107,7 @@ class TableView {
   std::uint16_t frames_in_use_ = 0;
   std::uint8_t about_x_ = 0;    // bit k: F_k turns about x alone
   std::uint8_t prismatic_ = 0;  // bit k: joint k slides
+  std::uint8_t passive_ = 0;
   std::uint16_t blend_ms_ = 0;
   TermCounts constant_counts_;
   TermCounts steep_counts_;

@@ -8,6 +8,7 @@ class AxisStraightness final : public Effect {
   std::string id() const override { return "axis_straightness"; }
   std::string summary() const override { return "a rail or slide is not straight"; }
   JointRule joint_rule() const override { return JointRule::kEach; }
+  DriveRule drive_rule() const override { return DriveRule::kEach; }
   std::string bound_text() const override {
     return "3e-4 m and 5e-4 rad: ours, rails are laid to 20 to 60 um and 10 to 30 arcsec";
   }

@@ -8,6 +8,7 @@ class JointScale final : public Effect {
   std::string id() const override { return "joint_scale"; }
   std::string summary() const override { return "gear ratio or encoder scale error"; }
   JointRule joint_rule() const override { return JointRule::kEach; }
+  DriveRule drive_rule() const override { return DriveRule::kEach; }
   std::string bound_text() const override {
     return "2e-3, of a sliding joint 5e-4: ours, a wrong tooth or pulse count shows as more and is "
            "a units mistake; a screw or rack is off by 200 ppm at most and grows by 12 ppm/K";

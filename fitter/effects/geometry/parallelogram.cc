@@ -1,3 +1,5 @@
+#include <cmath>
+
 #include "fitter/effects/effect.h"
 
 namespace armtrue {
@@ -36,8 +38,16 @@ class ParallelogramErrors final : public Effect {
     const std::string beta =
         "(" + Expression::number(linkage.angle).to_string() + " + th" + std::to_string(arm) + ")";
     const auto add = [&](const std::string& suffix, const std::string& numerator) {
-      terms.parameters.push_back(single_term(id(), {crank, arm}, suffix, "rad", kLargest,
-                                             on_link(arm, 5), numerator + "/sin" + beta));
+      Parameter p = single_term(id(), {crank, arm}, suffix, "rad", kLargest, on_link(arm, 5),
+                                numerator + "/sin" + beta);
+      // Bars that turn a passive joint follow the link itself and not its motor.
+      for (int k = 1; k <= context.joint_count(); ++k) {
+        if (!context.robot().is_passive(k)) continue;
+        const double share = context.robot().followed_links(k)[arm - 1];
+        if (std::abs(share) > 1e-9)
+          p.terms.push_back({on_link(k, 5), p.terms.front().basis, share, std::nullopt});
+      }
+      terms.parameters.push_back(std::move(p));
     };
     add("bars", "1");
     add("cranks", "cos" + beta);

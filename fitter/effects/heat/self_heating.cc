@@ -14,6 +14,7 @@ class SelfHeating final : public Effect {
            "temperature, low-passed";
   }
   JointRule joint_rule() const override { return JointRule::kEach; }
+  DriveRule drive_rule() const override { return DriveRule::kEach; }
   std::string bound_text() const override {
     return "1e-3 rad and 1e-3 of the link's length at the largest warmth in the data: ours, five "
            "times what gears show; time constant 5 min to 2 h";

@@ -18,7 +18,7 @@ std::size_t candidates_where_alpha_is(double alpha) {
   const Problem p(robot, testing::geometry_model(), {40}, random,
                   [](const Parameter&) { return 0.0; });
   const EffectContext context{*p.state, 1, false};
-  return find_effect("gravity_balancer").candidates(context).size();
+  return find_effect("gravity_balancer").tried(context).size();
 }
 
 TEST(GravityBalancer, IsNoCandidateWhereThereIsNothingToCarry) {

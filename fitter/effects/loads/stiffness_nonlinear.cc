@@ -12,6 +12,7 @@ class StiffnessNonlinear final : public Effect {
   std::string id() const override { return "stiffness_nonlinear"; }
   std::string summary() const override { return "hardening spring (strain-wave gear)"; }
   JointRule joint_rule() const override { return JointRule::kEach; }
+  DriveRule drive_rule() const override { return DriveRule::kEach; }
   std::string bound_text() const override {
     return "5e-3 rad (1 mm where it slides) at the largest load in the data, each; the square "
            "only hardens: ours, half of what a spring may yield; a soft zone gives way by 0 to "

@@ -13,6 +13,7 @@ class Backlash final : public Effect {
     return "lost motion: direction of approach, and side of the gap that gravity takes";
   }
   JointRule joint_rule() const override { return JointRule::kEach; }
+  DriveRule drive_rule() const override { return DriveRule::kEach; }
   std::string bound_text() const override {
     return "3e-3 rad (5e-4 m where it slides), the link lags behind its drive and falls with its "
            "load: 3 to 60 arcsec are usual";

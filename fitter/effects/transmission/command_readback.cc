@@ -9,6 +9,7 @@ class CommandReadback final : public Effect {
   std::string summary() const override { return "joints recorded before the arm had settled"; }
   Role role() const override { return Role::kMeasurement; }
   JointRule joint_rule() const override { return JointRule::kEach; }
+  DriveRule drive_rule() const override { return DriveRule::kEach; }
   std::string bound_text() const override {
     return "-2 to 2 rad/rad: a full exchange of command and read-back is -1";
   }

@@ -1,3 +1,5 @@
+#include <cmath>
+
 #include "fitter/effects/effect.h"
 
 namespace armtrue {
@@ -10,6 +12,7 @@ class CouplingHarmonics final : public Effect {
     return "hollow wrists: the waves of one joint's gears turn another";
   }
   JointRule joint_rule() const override { return JointRule::kPair; }
+  DriveRule drive_rule() const override { return DriveRule::kDriving; }
   std::string bound_text() const override {
     return "2.5e-3 rad: ours, that of gear_harmonics, for the same gears make them";
   }
@@ -20,11 +23,19 @@ class CouplingHarmonics final : public Effect {
 
   std::vector<int> default_joints(const EffectContext& context) const override {
     const int n = context.joint_count();
-    if (n < 3) return {};
-    return {n - 1, n - 2, n, n - 2, n, n - 1};
+    std::vector<int> pairs;
+    if (n >= 3) pairs = {n - 1, n - 2, n, n - 2, n, n - 1};
+    // Bars run beside every link that turns about an axis parallel to the passive joint's.
+    for (int driven = 2; driven <= n; ++driven) {
+      if (!context.robot().is_passive(driven)) continue;
+      for (int driving = 1; driving < driven; ++driving) {
+        if (turns_with(context, driven, driving)) add_pair(driven, driving, pairs);
+      }
+    }
+    return pairs;
   }
 
-  EffectTerms build(const EffectContext&, const EffectRequest& request) const override {
+  EffectTerms build(const EffectContext& context, const EffectRequest& request) const override {
     EffectTerms terms;
     const std::vector<int> orders = request.options.value("orders", std::vector<int>{1, 2});
     for (std::size_t i = 0; i + 1 < request.joints.size(); i += 2) {
@@ -33,9 +44,10 @@ class CouplingHarmonics final : public Effect {
         throw ModelError("effect coupling_harmonics: joint " + std::to_string(driven) +
                          " cannot drive itself; its own waves are gear_harmonics");
       }
+      const std::string turning = angle_of(context, driven, driving);
       for (const int order : orders) {
         const std::string number = std::to_string(order);
-        const std::string angle = (order == 1 ? "" : number + "*") + "q" + std::to_string(driving);
+        const std::string angle = (order == 1 ? "" : number + "*") + turning;
         for (const std::string wave : {"sin", "cos"}) {
           terms.parameters.push_back(single_term(id(), {driven, driving}, wave + number, "rad",
                                                  kLargest, motor(driven),
@@ -58,6 +70,40 @@ class CouplingHarmonics final : public Effect {
 
  private:
   static constexpr double kLargest = 2.5e-3;  // [rad]
+
+  static void add_pair(int driven, int driving, std::vector<int>& pairs) {
+    for (std::size_t i = 0; i < pairs.size(); i += 2) {
+      if (pairs[i] == driven && pairs[i + 1] == driving) return;
+    }
+    pairs.insert(pairs.end(), {driven, driving});
+  }
+
+  // Joint `driven`'s axis is parallel to that of `driving`, whatever the angles between them.
+  static bool turns_with(const EffectContext& context, int driven, int driving) {
+    for (int k = driving; k <= driven; ++k) {
+      if (context.prismatic(k)) return false;
+      const Pose& fixed = context.robot().joints[static_cast<std::size_t>(k - 1)].fixed;
+      if (k > driving && std::abs(fixed.linear()(2, 2)) < 1.0 - 1e-6) return false;
+    }
+    return true;
+  }
+
+  // The bars that turn a passive joint see how link `driving` stands in their plane: to its own
+  // angle come those of the joints before it that drive the same bars.
+  static std::string angle_of(const EffectContext& context, int driven, int driving) {
+    const std::string own = "q" + std::to_string(driving);
+    const double ratio = context.robot().coupling(driven - 1, driving - 1);
+    if (!context.robot().is_passive(driven) || ratio == 0.0) return own;
+    std::string sum = own;
+    for (int k = driving - 1; k >= 1; --k) {
+      const double share = context.robot().coupling(driven - 1, k - 1) / ratio;
+      if (share == 0.0) continue;
+      const std::string factor =
+          share == 1.0 ? "" : "(" + Expression::number(share).to_string() + ")*";
+      sum += " + " + factor + "q" + std::to_string(k);
+    }
+    return sum == own ? own : "(" + sum + ")";
+  }
 };
 
 const RegisterEffect<CouplingHarmonics> registered_coupling_harmonics;

@@ -10,6 +10,7 @@ class GearHarmonics final : public Effect {
     return "eccentricity of gear or encoder: once and twice per joint turn";
   }
   JointRule joint_rule() const override { return JointRule::kEach; }
+  DriveRule drive_rule() const override { return DriveRule::kEach; }
   std::string bound_text() const override { return "2.5e-3 rad: 10 to 60 arcsec are usual"; }
 
   std::vector<EffectOption> options() const override {

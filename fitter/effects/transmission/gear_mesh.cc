@@ -21,6 +21,7 @@ class GearMesh final : public Effect {
     return "errors once or twice per turn of a motor, screw or pinion, or of a stage in between";
   }
   JointRule joint_rule() const override { return JointRule::kEach; }
+  DriveRule drive_rule() const override { return DriveRule::kEach; }
   std::string bound_text() const override {
     return "2.5e-3 rad: 5 to 40 arcsec usual, strain-wave gears up to 1 arcmin; of a joint that "
            "slides 5e-4 m: ball screws of ISO 3408 wobble by 3 to 10 um a turn, worn or bent ones "

@@ -15,6 +15,7 @@ class Hysteresis final : public Effect {
     return "friction winds the gear up: lost motion with load and history";
   }
   JointRule joint_rule() const override { return JointRule::kEach; }
+  DriveRule drive_rule() const override { return DriveRule::kEach; }
   std::string bound_text() const override {
     return "1e-3 rad, at the largest load too, against the motion: ours, five times what robots' "
            "gears wind up";

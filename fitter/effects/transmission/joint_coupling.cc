@@ -8,6 +8,7 @@ class JointCoupling final : public Effect {
   std::string id() const override { return "joint_coupling"; }
   std::string summary() const override { return "wrist gears that turn each other"; }
   JointRule joint_rule() const override { return JointRule::kPair; }
+  DriveRule drive_rule() const override { return DriveRule::kDriving; }
   std::string bound_text() const override {
     return "2e-2 rad/rad: residual coupling is tens of arcseconds";
   }

@@ -14,6 +14,7 @@ class TransmissionPwl final : public Effect {
   }
   Role role() const override { return Role::kTable; }
   JointRule joint_rule() const override { return JointRule::kEach; }
+  DriveRule drive_rule() const override { return DriveRule::kEach; }
   std::string bound_text() const override {
     return "1e-2 rad, of a joint that slides 1e-2 m: the unified-calibration paper (KUKA KR30-3); "
            "what repeats with the joint "
@@ -43,7 +44,7 @@ class TransmissionPwl final : public Effect {
                                      const EffectRequest& request) const override {
     EffectRequest result = request;
     double spacing = kFinestOfAll, present = 0.0;
-    for (const int k : request.joints.empty() ? default_joints(context) : request.joints) {
+    for (const int k : request.joints.empty() ? joints_of_bare_entry(context) : request.joints) {
       const std::vector<double>& q = context.state.column("q" + std::to_string(k));
       const auto [low, high] = std::minmax_element(q.begin(), q.end());
       const auto rows = static_cast<double>(std::max<std::size_t>(q.size(), 1));

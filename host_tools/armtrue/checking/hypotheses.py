@@ -89,16 +89,16 @@ def singles(robot: Robot) -> list[Hypothesis]:
 
 def sign_patterns(robot: Robot) -> Iterator[Hypothesis]:
     """Three signs and more at once. They count as two mistakes: who errs there has another view of the whole arm."""
-    joints = range(1, robot.joint_count + 1)
+    joints = robot.motors
     if robot.joint_count > _JOINTS_FOR_ALL_SIGNS:
         return
-    for size in range(3, robot.joint_count):
+    for size in range(3, len(joints)):
         for pattern in itertools.combinations(joints, size):
             yield _turned(pattern, changes=2, robot=robot)
 
 
 def _signs(robot: Robot) -> Iterator[Hypothesis]:
-    for k in range(1, robot.joint_count + 1):
+    for k in robot.motors:
         yield _turned((k,), changes=1, robot=robot)
 
 
@@ -133,7 +133,10 @@ def zero(joint: int, degrees: float, robot: Robot) -> Hypothesis:
     turn = math.radians(degrees)
     name = f"q{joint}"
     remedy = f"Add {turn:+.6f} to the offset of joint {joint} in robot.yaml."
-    if robot.urdf is not None:
+    passive = joint in robot.passive
+    if passive and robot.urdf is not None:
+        remedy = f"Add {turn:+.6f} to the offset of joint {joint}'s <mimic> in {robot.urdf.name}."
+    elif robot.urdf is not None:
         # A URDF has no offsets, and robot.yaml has none beside it.
         remedy = (
             f"Give {name} its offset in a dataset.yaml, '{name}: {{column: {name}, offset: {turn:.6f}}}', added to one "
@@ -143,9 +146,22 @@ def zero(joint: int, degrees: float, robot: Robot) -> Hypothesis:
         "joint_zero",
         f"joint {joint} has its zero {degrees:+.3g}° from that in {robot.kinematics_file}",
         remedy,
-        lambda reading: reading.with_columns(**{name: reading.columns[name] + turn}),
+        lambda reading: (
+            _with_offset(reading, joint, turn)
+            if passive
+            else reading.with_columns(**{name: reading.columns[name] + turn})
+        ),
         frozenset({f"zero of {name}"}),
     )
+
+
+def _with_offset(reading: Reading, joint: int, turn: float) -> Reading:
+    kinematics = reading.spec["kinematics"]
+    rows = [
+        {**row, "offset": row.get("offset", 0.0) + turn} if number == joint else row
+        for number, row in enumerate(kinematics["joints"], start=1)
+    ]
+    return reading.with_spec(kinematics={**kinematics, "joints": rows})
 
 
 def _couplings(robot: Robot) -> Iterator[Hypothesis]:
@@ -156,14 +172,28 @@ def _couplings(robot: Robot) -> Iterator[Hypothesis]:
         for row in robot.spec.get("coupling", [])
         if row.get("kind") == "controller"
     }
-    for joint, right in itertools.product(range(2, robot.joint_count + 1), (-1.0, 0.0, 1.0)):
-        driving = joint - 1
-        if right != given.get((joint, driving), 0.0) and (joint, driving) not in reported:
-            yield _coupling(joint, driving, right)
+    for joint in range(2, robot.joint_count + 1):
+        passive = joint in robot.passive
+        # Bars come to a passive joint from any before it.
+        for driving in [k for k in robot.motors if k < joint] if passive else [joint - 1]:
+            if driving in robot.passive or (joint, driving) in reported:
+                continue
+            others = any(pair[0] == joint and pair[1] != driving for pair in given)
+            for right in (-1.0, 0.0, 1.0) if others or not passive else (-1.0, 1.0):
+                if right != given.get((joint, driving), 0.0):
+                    yield _coupling(joint, driving, right, passive)
 
 
-def _coupling(joint: int, driving: int, ratio: float) -> Hypothesis:
-    if ratio == 0.0:
+def _coupling(joint: int, driving: int, ratio: float, passive: bool) -> Hypothesis:
+    if passive and ratio == 0.0:
+        words = f"other joints than {driving}"
+        remedy = f"Take the coupling of joint {joint} by {driving} out of robot.yaml."
+    elif passive:
+        words = f"{'' if ratio > 0 else '−'}q{driving} beside what else drives it"
+        remedy = (
+            f"Give robot.yaml's coupling the row {{joint: {joint}, driving: {driving}, ratio: {ratio:+.1f}}}."
+        )
+    elif ratio == 0.0:
         words = "its own command alone"
         remedy = f"Take the coupling of joint {joint} out of robot.yaml."
     else:
@@ -243,7 +273,7 @@ def _read_as_intrinsic(kinematics: dict[str, Any]) -> dict[str, Any]:
 
 
 def _orders(robot: Robot) -> Iterator[Hypothesis]:
-    for one, other in itertools.combinations(range(1, robot.joint_count + 1), 2):
+    for one, other in itertools.combinations(robot.motors, 2):
 
         def swap(reading: Reading, one: str = f"q{one}", other: str = f"q{other}") -> Reading:
             return reading.with_columns(**{one: reading.columns[other], other: reading.columns[one]})

@@ -50,17 +50,21 @@ def _out_of_limits(data: Dataset, robot: Robot) -> list[Finding]:
         if "limits" not in joint:
             continue
         lo, hi = joint["limits"]
-        values = data.columns[f"q{k}"]
+        # Of a passive joint the limits are of what the couplings give.
+        values = (
+            (data.joints @ robot.mechanical_coupling[k - 1]) if k in robot.passive else data.columns[f"q{k}"]
+        )
         # A thousandth of the range: limits in robot files are rounded.
         slack = 1e-3 * (hi - lo)
         outside = (values < lo - slack) | (values > hi + slack)
         if outside.any():
             furthest = float(np.max(np.maximum(lo - values, values - hi)))
+            done = "turned" if k in robot.passive else "commanded"
             findings.append(
                 Finding(
                     "out_of_limits",
                     "warning",
-                    f"joint {k} is commanded beyond its limits by up to {_amount(furthest, joint)}: "
+                    f"joint {k} is {done} beyond its limits by up to {_amount(furthest, joint)}: "
                     f"{name_rows(data, outside)}",
                     {"joint": k, "rows": data.rows[outside].tolist(), "limits": [lo, hi], "beyond": furthest},
                     f"Correct the limits of joint {k} in {robot.kinematics_file}, or look for a wrong sign, offset "
@@ -77,6 +81,8 @@ def _amount(value: float, joint: dict[str, object]) -> str:
 def _standstill(data: Dataset, robot: Robot) -> list[Finding]:
     findings = []
     for k, joint in enumerate(robot.joints, start=1):
+        if k in robot.passive:
+            continue
         span = float(np.ptp(data.columns[f"q{k}"]))
         evidence = {"joint": k, "range": span}
         if span < _STILL_RAD:
@@ -86,10 +92,9 @@ def _standstill(data: Dataset, robot: Robot) -> list[Finding]:
                     "warning",
                     f"joint {k} never moves: its axis and its effects cannot be told from these data",
                     evidence,
-                    f"Measure poses that turn joint {k}; until then a fit holds it at its nominal values. Where "
-                    "nothing can turn it, as where bars keep a flange level, its corrections cannot be driven: put "
-                    f"{float(data.columns[f'q{k}'][0]):.6g} back into column q{k} of what 'armtrue compensate' "
-                    "writes, and judge that with 'armtrue predict'.",
+                    f"Measure poses that turn joint {k}; until then a fit holds it at its nominal values. Where it has "
+                    "no motor, as where bars keep a flange level, say 'passive: true' of it in robot.yaml and under "
+                    "'coupling' what turns it: it is then never corrected.",
                 )
             )
         elif joint["type"] == "revolute" and span < _NARROW_RAD:

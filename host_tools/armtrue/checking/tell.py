@@ -101,7 +101,7 @@ def _of_a_fit(data: Dataset, robot: Robot) -> list[Finding]:
 def _coverage(data: Dataset, robot: Robot) -> list[Finding]:
     shares: dict[str, float] = {}
     for k, joint in enumerate(robot.joints, start=1):
-        if "limits" in joint:
+        if "limits" in joint and k not in robot.passive:
             lo, hi = joint["limits"]
             shares[str(k)] = float(np.ptp(data.columns[f"q{k}"])) / (hi - lo)
     narrow = [f"joint {k} {share:.0%}" for k, share in shares.items() if share < _SHARE_OF_LIMITS]

@@ -332,8 +332,7 @@ def test_finds_joints_that_never_or_hardly_move(campaign):
     report = check(changed(data, q6=kept, q1=0.05 * data.columns["q1"]), robot)
     still = finding(report, "joint_never_moves")
     assert still.evidence["joint"] == 6
-    assert "Where nothing can turn it, as where bars keep a flange level" in still.remedy
-    assert "put 0.3 back into column q6 of what 'armtrue compensate' writes" in still.remedy
+    assert "say 'passive: true' of it in robot.yaml" in still.remedy
     assert finding(report, "joint_hardly_moves").evidence["joint"] == 1
 
 

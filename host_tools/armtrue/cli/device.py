@@ -331,13 +331,15 @@ def commission(
     if not duration >= SHORTEST_PERIOD_S:
         raise InputError(f"--duration: found {duration:g}, expected at least {SHORTEST_PERIOD_S:g} s")
     with connection.bus() as bus:
-        report = _watch_commissioning(bus, connection, duration)
+        report, absent = _watch_commissioning(bus, connection, duration)
     table = plain_table("axis", "commanded", "moved", "follows target of", "slope", "delay")
     for number, axis in enumerate(report.axes, 1):
         table.add_row(
             str(number),
             f"{axis.commanded:.0f}",
-            "not heard" if axis.moved is None else f"{axis.moved:.0f}",
+            ("no drive" if number - 1 in absent else "not heard")
+            if axis.moved is None
+            else f"{axis.moved:.0f}",
             ", ".join(map(str, axis.follows)) or "–",
             "–" if axis.slope is None else f"{axis.slope:.4f}",
             "–" if axis.delay is None else f"{axis.delay} cycles",
@@ -354,21 +356,24 @@ def commission(
         raise typer.Exit(REFUSED)
 
 
-def _watch_commissioning(bus: can.BusABC, connection: Connection, duration: float) -> Report:
+def _watch_commissioning(
+    bus: can.BusABC, connection: Connection, duration: float
+) -> tuple[Report, frozenset[int]]:
     client = SdoClient(bus, connection.node, connection.timeout)
     device = Compensator(client)
     device.greet()
     listener = Listener(client, device.read_number("Compensator status.Joint count"))
     if not listener.maps_targets:
         raise DeviceRefusedError(
-            "valid RPDOs do not map the targets of all joints (0x1400, 0x1600): configure the device first"
+            "valid RPDOs do not map the targets of all joints (0x1400, 0x1600): configure the device first (a joint "
+            "without a motor needs no target once a table in force says so)"
         )
     end = time.monotonic() + duration
     while (left := end - time.monotonic()) > 0.0:
         message = bus.recv(left)
         if message is not None:
             listener.take(message)
-    return examine(*listener.recorded())
+    return examine(*listener.recorded(), listener.absent), listener.absent
 
 
 @app.command()

@@ -353,8 +353,7 @@ def _levels(given: list[str], robot: Robot) -> dict[str, list[float]]:
             numbers = []
         if not name or not equals or not numbers or not all(map(math.isfinite, numbers)):
             raise InputError(f"--levels: found '{text}', expected COLUMN=V,V such as payload=0,8,16")
-        joints = len(robot.spec["kinematics"]["joints"])
-        for column in [f"dir{k}" for k in range(1, joints + 1)] if name == "dir" else [name]:
+        for column in [f"dir{k}" for k in robot.motors] if name == "dir" else [name]:
             levels[column] = numbers
     return levels
 

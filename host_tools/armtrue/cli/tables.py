@@ -170,10 +170,10 @@ def compensate(
 
     output = Output(json_to)
     result = run(tables, poses, engine, fit, increments)
-    names = [f"q{k + 1}" for k in range(result.joints.shape[1])]
-    rows = np.column_stack([result.joints, result.intended])
+    columns = result.columns()
+    rows = np.column_stack([*columns.values(), result.intended])
     cells = [[f"{value:.10f}" for value in row] for row in rows]
-    write_file(out, csv_text([*names, "tx", "ty", "tz"], cells))
+    write_file(out, csv_text([*columns, "tx", "ty", "tz"], cells))
     output.items(result.notes)
     output.say(f"written: {out} ({len(result.joints)} poses)")
     if leaving := result.limits_words():

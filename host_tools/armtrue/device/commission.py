@@ -19,6 +19,8 @@ from armtrue.device.cycle_frames import (
     TARGET_POSITION,
     VALUE_BYTES,
     FrameSets,
+    axes_of,
+    axes_without_drives,
     mapping_of,
     number_of,
 )
@@ -109,8 +111,11 @@ def match(target: Array, actual: Array) -> Match:
     return replace(best, smoothed_slope=float(found @ found) / common if fits else best.slope)
 
 
-def examine(targets: Array, actuals: Array) -> Report:
-    """Compare recorded targets with actual positions (cycles × axes; NaN columns: never heard)."""
+def examine(targets: Array, actuals: Array, absent: frozenset[int] = frozenset()) -> Report:
+    """Compare recorded targets with actual positions (cycles × axes; NaN columns: never heard).
+
+    `absent`: axes, from 0, that have no drive; nothing is expected of them.
+    """
     joints = targets.shape[1]
     commanded = np.ptp(targets, axis=0) if len(targets) else np.zeros(joints)
     heard = [bool(len(actuals)) and not np.isnan(actuals[:, k]).any() for k in range(joints)]
@@ -135,7 +140,7 @@ def examine(targets: Array, actuals: Array) -> Report:
                 delay=own.delay if own is not None and is_own else None,
             )
         )
-    return Report(axes, _findings(axes, matches), _unknown(axes))
+    return Report(axes, _findings(axes, matches, absent), _unknown(axes))
 
 
 def _followed(explained: dict[int, float]) -> tuple[int, ...]:
@@ -161,11 +166,13 @@ def _of_its_own(match: Match) -> list[str]:
     return words
 
 
-def _findings(axes: list[Axis], matches: dict[tuple[int, int], Match]) -> list[str]:
+def _findings(axes: list[Axis], matches: dict[tuple[int, int], Match], absent: frozenset[int]) -> list[str]:
     found = []
     told: set[int] = set()
     for j, axis in enumerate(axes):
         number = j + 1
+        if j in absent:
+            continue
         if axis.moved is None:
             found.append(
                 f"axis {number}: no actual position was heard: map 0x{ACTUAL_POSITION + 0x800 * j:04X} in a valid "
@@ -215,8 +222,9 @@ class Listener:
         self._joints = joints
         self._sync = number_of(client, 0x1005, 0) & 0x7FF
         mapped = mapping_of(client, *RECEIVE, TARGET_POSITION)
-        self._targets = FrameSets(mapped, joints, window_s)
-        self.maps_targets = {axis for places in mapped.values() for _, axis in places} >= set(range(joints))
+        self.absent = axes_without_drives(client, joints, mapped)
+        self._targets = FrameSets(mapped, joints, window_s, self.absent)
+        self.maps_targets = axes_of(mapped) >= set(range(joints)) - self.absent
         self._actuals = mapping_of(client, *RECEIVE, ACTUAL_POSITION)
         self._latest = np.full(joints, np.nan)
         self._rows: list[tuple[list[int], Array]] = []

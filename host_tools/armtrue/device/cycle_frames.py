@@ -46,11 +46,12 @@ class _Pauses:
 
 
 class FrameSets:
-    """Puts together what the frames of one cycle say of all axes."""
+    """Puts together what the frames of one cycle say of all axes; those of `absent` have no drive and stay at 0."""
 
-    def __init__(self, mapping: Mapping, joints: int, window_s: float) -> None:
-        mapped = {axis for values in mapping.values() for _, axis in values}
-        self._mapping: Mapping = mapping if mapped >= set(range(joints)) else {}
+    def __init__(
+        self, mapping: Mapping, joints: int, window_s: float, absent: frozenset[int] = frozenset()
+    ) -> None:
+        self._mapping: Mapping = mapping if axes_of(mapping) >= set(range(joints)) - absent else {}
         self._joints, self._window_s = joints, max(window_s, _LEAST_WINDOW_S)
         self._set: _Set | None = None
         self._last_s: float | None = None
@@ -90,7 +91,7 @@ class FrameSets:
         if held.seen != set(self._mapping):
             return None
         self.divide()
-        return [held.values[axis] for axis in range(self._joints)]
+        return [held.values.get(axis, 0) for axis in range(self._joints)]
 
     def _first_of_a_set(self, key: tuple[int, bool], stamp_s: float) -> tuple[int, bool] | None:
         """The frame before which the controller pauses, by all that came; None where no frame stands out.
@@ -120,8 +121,10 @@ class CycleFrames:
         """Ask the device which frames those are."""
         window_s = 1e-6 * number_of(client, 0x2000, 4)
         self._sync = number_of(client, 0x1005, 0) & 0x7FF
-        self._targets = FrameSets(mapping_of(client, *RECEIVE, TARGET_POSITION), joints, window_s)
-        self._offsets = FrameSets(mapping_of(client, *TRANSMIT, POSITION_OFFSET), joints, window_s)
+        targets = mapping_of(client, *RECEIVE, TARGET_POSITION)
+        absent = axes_without_drives(client, joints, targets)
+        self._targets = FrameSets(targets, joints, window_s, absent)
+        self._offsets = FrameSets(mapping_of(client, *TRANSMIT, POSITION_OFFSET), joints, window_s, absent)
         self._asked: list[int] | None = None
         self._answers: list[list[int]] = []  # since those targets
         # Earlier sets of targets that offsets may still answer: at first nobody knows.
@@ -172,6 +175,20 @@ class CycleFrames:
 def number_of(client: SdoClient, index: int, sub: int) -> int:
     """The value of an unsigned object."""
     return int.from_bytes(client.upload(index, sub), "little")
+
+
+def axes_of(mapping: Mapping) -> set[int]:
+    """Axes, from 0, of which a mapping carries the object."""
+    return {axis for places in mapping.values() for _, axis in places}
+
+
+def axes_without_drives(client: SdoClient, joints: int, targets: Mapping) -> frozenset[int]:
+    """Axes, from 0, that a table in force calls passive: a device that needs no target of an axis says that it has all.
+
+    Before such a table every axis counts as one with a drive.
+    """
+    has_all = number_of(client, 0x2001, 2) & 1
+    return frozenset(set(range(joints)) - axes_of(targets)) if has_all else frozenset()
 
 
 def mapping_of(client: SdoClient, communication: int, mapping: int, count: int, wanted: int) -> Mapping:

@@ -141,3 +141,12 @@ def test_drive_that_stands_still_and_one_that_is_not_heard_are_named() -> None:
 def test_nothing_heard_is_not_right() -> None:
     nothing = np.zeros((0, JOINTS))
     assert not examine(nothing, nothing).is_right
+
+
+def test_of_an_axis_without_a_drive_nothing_is_expected() -> None:
+    targets = one_after_the_other()
+    actuals = drives(targets)
+    targets[:, 3], actuals[:, 3] = 0.0, np.nan
+    (sentence,) = examine(targets, actuals).findings
+    assert sentence.startswith("axis 4: no actual position was heard")
+    assert examine(targets, actuals, frozenset({3})).is_right

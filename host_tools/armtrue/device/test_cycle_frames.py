@@ -183,3 +183,14 @@ def test_joints_that_are_not_all_mapped_are_not_followed() -> None:
     for pair in range(3):
         seen.take(targets(1, pair, 0.1))
     assert seen.targets is None
+
+
+@pytest.mark.parametrize("has_all", [0, 1], ids=["not said", "said by the device"])
+def test_an_axis_without_a_drive_is_not_waited_for(has_all: int) -> None:
+    device = Device()
+    device.objects[0x1602, 0] = 1  # axis 6 has no target
+    device.objects[0x2001, 2] = has_all
+    seen = following(device)
+    for pair in range(3):
+        seen.take(targets(1, pair, 0.001 + 5e-5 * pair))
+    assert seen.targets == ([*wanted(1)[:5], 0] if has_all else None)

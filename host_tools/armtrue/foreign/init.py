@@ -27,7 +27,7 @@ from armtrue.foreign.combine import long_table, write_long
 from armtrue.foreign.headers import meaning
 from armtrue.foreign.own_pose import leave_out_own_poses
 from armtrue.foreign.parts import Part, point_axis
-from armtrue.foreign.sheets import SEPARATORS, read_sheet
+from armtrue.foreign.sheets import SEPARATORS, Sheet, read_sheet
 from armtrue.io import Dataset, Robot, load_data, load_robot
 from armtrue.io.catalogue import with_role
 from armtrue.io.columns import POSITION, QUATERNION, TEXT_COLUMNS
@@ -98,12 +98,12 @@ class _Init:
         self._joins = [note for _, note in joined]
 
     def run(self, urdf: Path | None, dh: Path | None, robot: Path | None, skip_bad: bool) -> Guessed:
-        robot_texts, names, prismatic = self._arm(urdf, dh, robot)
-        parts = [Part(sheet, meaning(sheet, names)) for sheet in self._sheets]
+        robot_texts, names, prismatic, motors = self._arm(urdf, dh, robot)
+        parts = [Part(sheet, meaning(sheet, _names_in(sheet, names, motors))) for sheet in self._sheets]
         for part, join in zip(parts, self._joins, strict=True):
             part.notes += [join] if join else []
             part.meaning.carry(len(names))
-            _fit_to_arm(part, len(names))
+            _fit_to_arm(part, len(names), motors)
             if part.sheet.thousands:
                 part.notes.append("marks between thousands are taken out")
             part.leave_out_dead_sensors()
@@ -132,13 +132,15 @@ class _Init:
 
     def _arm(
         self, urdf: Path | None, dh: Path | None, robot: Path | None
-    ) -> tuple[list[tuple[str, str]], list[str], set[str]]:
-        """Texts of robot.yaml to choose from, each with its words; joint names; prismatic joints."""
+    ) -> tuple[list[tuple[str, str]], list[str], set[str], list[int]]:
+        """Texts of robot.yaml to choose from, each with its words; joint names; prismatic joints; those with a motor
+        (empty: all).
+        """
         if urdf is not None:
             arm_of_urdf = robots.urdf_arm(urdf, self._out, self._joint_counts())
             self._guessed.notes.append(arm_of_urdf.words)
             text = _yaml({"name": urdf.stem, "kinematics": arm_of_urdf.kinematics})
-            return [(text, "")], arm_of_urdf.names, arm_of_urdf.prismatic
+            return [(text, "")], arm_of_urdf.names, arm_of_urdf.prismatic, arm_of_urdf.motors
         if dh is not None:
             rows, notes = robots.dh_rows(dh)
             self._guessed.notes += notes
@@ -156,6 +158,7 @@ class _Init:
                 ],
                 [],
                 {str(k) for k, row in enumerate(rows, start=1) if row.get("type") == "prismatic"},
+                [],
             )
         if robot is None:
             raise InputError(
@@ -164,7 +167,7 @@ class _Init:
             )
         arm = load_robot(robot)
         prismatic = {str(k) for k, joint in enumerate(arm.joints, start=1) if joint["type"] == "prismatic"}
-        return [], [joint["name"] for joint in arm.joints], prismatic
+        return [], [joint["name"] for joint in arm.joints], prismatic, arm.motors
 
     def _arms(self, robot_texts: list[tuple[str, str]], robot: Path | None) -> list[Robot]:
         """The arm in each form that it may have. Those that cannot be read are named where they are written."""
@@ -298,11 +301,35 @@ class _Init:
         return keys
 
 
-def _fit_to_arm(part: Part, joint_count: int) -> None:
-    """Leave out joints beyond the arm's `joint_count` (0: not known). Errors: InputError where there are too few."""
+def _names_in(sheet: Sheet, names: list[str], motors: list[int]) -> list[str]:
+    """The arm's joint names that a sheet may use: all of them, or those with a motor where it lacks the others."""
+    words = {name.lower() for name in sheet.header}
+    if all(name.lower() in words for name in names):
+        return names
+    return [names[k - 1] for k in motors] or names
+
+
+def _fit_to_arm(part: Part, joint_count: int, motors: list[int]) -> None:
+    """Leave out joints beyond the arm's `joint_count` (0: not known), and give those of a file that counts motors the
+    numbers of the arm. Errors: InputError where there are too few.
+    """
     found = part.meaning
     own = [header for name, header in found.joints.items() if not name.startswith("qr")]
     if not own or not joint_count:
+        return
+    if len(motors) <= len(own) < joint_count and motors:
+        number_of = {str(place): str(motor) for place, motor in enumerate(motors, start=1)}
+        for columns in (found.joints, found.others):
+            numbered = [(name, header, _NUMBER_OF_JOINT.fullmatch(name)) for name, header in columns.items()]
+            columns.clear()
+            for name, header, match in numbered:
+                if match is None:
+                    columns[name] = header
+                elif match[1] in number_of:
+                    columns[name.removesuffix(match[1]) + number_of[match[1]]] = header
+        part.notes.append(
+            f"{', '.join(own)} are taken for joints {', '.join(map(str, motors))}, which have a motor"
+        )
         return
     if len(own) < joint_count:
         raise InputError(

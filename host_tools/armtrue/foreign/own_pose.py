@@ -121,10 +121,11 @@ def _place(found: _Set, base: Part, arms: list[Robot]) -> None:
     }
     points = found.part.points_m(found.name)[found.points[few]]
     for arm in arms:
-        if len(names) != arm.joint_count:
+        if not {f"q{k}" for k in arm.motors} <= set(names) or len(names) > arm.joint_count:
             continue
-        placed = with_joints_mapped(columns, arm.drives_from_reported)
-        wanted = {name: np.ascontiguousarray(placed[name]) for name in names}
+        still = {f"q{k}": np.zeros(few.size) for k in arm.passive}
+        placed = with_joints_mapped(columns | still, arm.drives_from_reported)
+        wanted = {name: np.ascontiguousarray(placed[name]) for name in {*names, *still}}
         wanted |= dict(zip(POSITION, np.ascontiguousarray(points.T), strict=True))
         try:
             left = align(wanted, arm).rms_m

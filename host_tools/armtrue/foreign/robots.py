@@ -36,13 +36,14 @@ _LONGEST_M = 10.0
 @dataclass(frozen=True)
 class UrdfArm:
     """The chain chosen in a URDF: `kinematics` of robot.yaml, its joints' names, `prismatic` ones by number, and in
-    words from what base and tip were guessed.
+    words from what base and tip were guessed. `motors`: numbers of the joints that mimic no other.
     """
 
     kinematics: dict[str, Any]
     names: list[str]
     prismatic: set[str]
     words: str
+    motors: list[int]
 
 
 def urdf_arm(urdf: Path, out: Path, joint_counts: list[int]) -> UrdfArm:
@@ -59,10 +60,12 @@ def urdf_arm(urdf: Path, out: Path, joint_counts: list[int]) -> UrdfArm:
             at = parents[at].parent
         chains[link] = chain[::-1]
 
-    def moving(link: str) -> int:
-        return sum(joint.type != "fixed" and joint.mimic is None for joint in chains[link])
+    def moving(link: str) -> tuple[int, int]:
+        """Joints that mimic no other, and all of them: a file of measurements need know nothing of the others."""
+        joints = [joint for joint in chains[link] if joint.type != "fixed"]
+        return sum(joint.mimic is None for joint in joints), len(joints)
 
-    found = set(map(moving, links))
+    found = set().union(*map(moving, links))
     counts = joint_counts or [max(found, default=0)]
     wanted = next((count for count in counts if count in found and count), 0)
     if not wanted:
@@ -70,19 +73,23 @@ def urdf_arm(urdf: Path, out: Path, joint_counts: list[int]) -> UrdfArm:
         raise InputError(
             f"{urdf}: found no chain of {words} moving joints, expected one for each joint of the measurements"
         )
-    fitting = [link for link in links if moving(link) == wanted]
+    fitting = [link for link in links if wanted in moving(link)]
 
-    def rank(link: str) -> tuple[int, int]:
+    def rank(link: str) -> tuple[bool, int, int]:
         known = next((k for k, name in enumerate(_TIPS) if name in link.lower()), len(_TIPS))
-        return known, len(chains[link])
+        return moving(link)[0] != wanted, known, len(chains[link])
 
     tip = min(fitting, key=rank)
     base = chains[tip][0].parent
     joints = [joint for joint in chains[tip] if joint.type != "fixed"]
     prismatic = {str(k) for k, joint in enumerate(joints, start=1) if joint.type == "prismatic"}
     kinematics = {"urdf": os.path.relpath(urdf.resolve(), out.resolve()), "base": base, "tip": tip}
-    words = f"{urdf.name}: {wanted} joints from {base} to {tip}"
-    return UrdfArm(kinematics, [joint.name for joint in joints], prismatic, words)
+    words = f"{urdf.name}: {len(joints)} joints from {base} to {tip}"
+    motors = [k for k, joint in enumerate(joints, start=1) if joint.mimic is None]
+    if len(motors) < len(joints):
+        mimics = [joint.name for joint in joints if joint.mimic is not None]
+        words += f", of which {', '.join(mimics)} mimic others and have no motor"
+    return UrdfArm(kinematics, [joint.name for joint in joints], prismatic, words, motors)
 
 
 def is_dh_table(table: Path) -> bool:

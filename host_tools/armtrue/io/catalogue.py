@@ -15,7 +15,8 @@ class EffectInfo:
     `joints`: "none", "each", "all" (together, or each on its own), "pair" (driven, driving), "fixed" (only its own).
     `options`: name → kind of value and what it is, as `armtrue._core` writes them. `bound`: physical bound and its
     source, in words. `role`: "placement" (of base and tool), "geometry", "physical", "table", "measurement" or
-    "custom". `exported`: False where it belongs to the measurement.
+    "custom". `exported`: False where it belongs to the measurement. `needs_drive`: which of its joints must have a
+    motor: "none", "each" or "driving" (of a pair).
     """
 
     id: str
@@ -25,6 +26,7 @@ class EffectInfo:
     bound: str
     role: str
     exported: bool
+    needs_drive: str
 
     @property
     def bound_and_source(self) -> tuple[str, str]:
@@ -58,6 +60,7 @@ def catalogue() -> dict[str, EffectInfo]:
             entry["bound"],
             entry["role"],
             entry["exported"],
+            entry["needs_drive"],
         )
         for entry in entries
     }

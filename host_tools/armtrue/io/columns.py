@@ -43,6 +43,7 @@ UNITS: dict[str, tuple[str, float, float]] = {
 _PER_JOINT = re.compile(r"^(qr|q|dir|tau)([0-9]+)$")
 # Columns of the contract that one effect reads; where they hold no numbers, the file is read without them.
 _OF_ONE_EFFECT = re.compile(r"^(station|nest)$|^(travel|duty)([0-9]+)$")
+_PER_JOINT_OF_ONE_EFFECT = re.compile(r"^(travel|duty)([0-9]+)$")
 TRAVEL = re.compile(r"\btravel[0-9]+\b")
 # How far a joint came in its last direction is nothing that a device keeps, nor known of poses still to be driven:
 # most motions are long [rad, m].
@@ -111,8 +112,13 @@ class ColumnNames:
         return bool(match) and self.kind(name) is None
 
     def commanded(self) -> list[str]:
-        """`q1…qn`."""
-        return [f"q{k}" for k in range(1, self.robot.joint_count + 1)]
+        """`q1…qn` of the joints that have a motor."""
+        return [f"q{k}" for k in self.robot.motors]
+
+    def of_passive(self, name: str) -> bool:
+        """True for a column of a passive joint: there is no drive of which it could say something."""
+        match = _PER_JOINT.match(name) or _PER_JOINT_OF_ONE_EFFECT.match(name)
+        return match is not None and int(match[2]) in self.robot.passive
 
     def required(self, need_position: bool) -> list[str]:
         """The columns without which nothing can be done."""
@@ -120,8 +126,6 @@ class ColumnNames:
 
     def all(self) -> list[str]:
         """Every name, to guess from."""
-        per_joint = [
-            f"{stem}{k}" for stem in ("q", "qr", "dir", "tau") for k in range(1, self.robot.joint_count + 1)
-        ]
+        per_joint = [f"{stem}{k}" for stem in ("q", "qr", "dir", "tau") for k in self.robot.motors]
         sensors = [f"temp_{sensor}" for sensor in self.robot.sensors]
         return [*per_joint, *POSITION, *QUATERNION, *sensors, *TEXT_COLUMNS, "payload", "time", "sigma"]

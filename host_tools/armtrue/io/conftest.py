@@ -18,6 +18,25 @@ kinematics:
 temperature: {reference: 20.0, sensors: [arm]}
 """
 
+# Bars keep the flange level: its joint turns back what the two before it turn.
+LEVEL = """\
+name: level
+kinematics:
+  convention: mdh
+  joints:
+  - {name: A1, a: 0.0, alpha: -1.5707963, d: 0.4, limits: [-1.0, 1.0]}
+  - {name: A2, a: 1.0, alpha: 0.0, d: 0.0, limits: [-1.0, 1.0]}
+  - {name: A3, a: 1.0, alpha: 0.0, d: 0.0, passive: true}
+coupling: [{joint: 3, driving: 1, ratio: -1}, {joint: 3, driving: 2, ratio: -1}]
+"""
+
+
+@pytest.fixture
+def level(tmp_path: Path) -> Robot:
+    path = tmp_path / "level.yaml"
+    path.write_text(LEVEL)
+    return load_robot(path)
+
 
 @pytest.fixture
 def two_joints(tmp_path: Path) -> Robot:

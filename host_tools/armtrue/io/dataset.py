@@ -38,6 +38,8 @@ _FIXED_SPAN_M = 5e-3
 _ARM_MOVED = 0.2
 # Of a mistyped name at least three letters in four are right.
 _ALIKE = 0.75
+# What a controller computes of a passive joint it rounds [rad, m].
+_PASSIVE_FOLLOWS = 2e-3
 # More bad rows than this are a file that is read in the wrong way.
 _MOST_SKIPPED = 100
 
@@ -51,7 +53,7 @@ class Dataset:
     `rows`: the file row (header = 1 where it is the first line) of each entry. `notes`: what the reader did.
     `skipped`: file row → why it could not be read, of the rows left out with `skip_bad`. `left_out`: file rows that a
     person marked as wrong. `turns`: where the file has Euler angles, those (N, 3) [rad], which `rotation` says how
-    they were read.
+    they were read. `passive`: what the file holds of `qK` of joints without a motor, of which `columns` has zeros.
     """
 
     path: Path
@@ -64,6 +66,7 @@ class Dataset:
     turns: Array | None = None
     skipped: dict[int, str] = field(default_factory=dict)
     left_out: list[int] = field(default_factory=list)
+    passive: dict[str, Array] = field(default_factory=dict)
 
     @property
     def count(self) -> int:
@@ -106,7 +109,8 @@ class Dataset:
         """Return the entries that a mask (N,) or indices choose, in that order: to hold some out, say."""
         columns = {name: values[which] for name, values in self.columns.items()}
         turns = None if self.turns is None else self.turns[which]
-        return replace(self, columns=columns, rows=self.rows[which], turns=turns)
+        passive = {name: values[which] for name, values in self.passive.items()}
+        return replace(self, columns=columns, rows=self.rows[which], turns=turns, passive=passive)
 
     def without(self, rows: list[int]) -> Dataset:
         """Return the measurements without these rows of the file. Errors: InputError for a row that is not there."""
@@ -159,7 +163,7 @@ def load_data(
             skipped[error.row] = str(error)
             if len(skipped) > _MOST_SKIPPED:
                 raise InputError(f"{error}; expected no more than {_MOST_SKIPPED} such rows") from None
-    data = _at_the_drives(data, robot)
+    data = _with_passive_still(data, robot)
     if need_position:
         # In poses to predict a direction of 0 is one that is left open.
         data = _without_unrecorded(data)
@@ -172,6 +176,37 @@ def load_data(
         return in_file_order(with_travels(data) if order_tells else data)
     data = without_copies(data)
     return without_fixed_targets(with_travels(data) if order_tells else data)
+
+
+def _with_passive_still(data: Dataset, robot: Robot) -> Dataset:
+    """`data` at the drives, passive joints at zero: they have no motor, and their link angles follow.
+
+    Controllers write 0 for such a joint, or what its link does: nothing in the world, or what the couplings give. All
+    of these say the same, and none is used. Errors: InputError for a column that says anything else.
+    """
+    if not robot.passive:
+        return _at_the_drives(data, robot)
+    names = ColumnNames(robot)
+    columns = {name: values for name, values in data.columns.items() if not names.of_passive(name)}
+    still = {f"q{k}": np.zeros(data.count) for k in robot.passive}
+    moved = _at_the_drives(replace(data, columns=columns | still), robot)
+    follows = moved.joints @ robot.mechanical_coupling.T
+    given = {f"q{k}": data.columns[f"q{k}"] for k in robot.passive if f"q{k}" in data.columns}
+    for name, reported in given.items():
+        k = int(name[1:])
+        apart = min(float(np.ptp(reported - angle)) for angle in (0.0, follows[:, k - 1]))
+        if apart > _PASSIVE_FOLLOWS:
+            unit = "rad" if robot.joints[k - 1]["type"] == "revolute" else "m"
+            raise InputError(
+                f"{data.file} column q{k}: found values that go up to {apart:.3g} {unit} their own way, expected no "
+                f"column (joint {k} is passive), the same in all rows, or what robot.yaml's coupling gives"
+            )
+        moved.notes.append(
+            f"{data.file.name}: q{k} is not used: joint {k} has no motor, and its link follows"
+        )
+    if others := sorted(name for name in data.columns if names.of_passive(name) and name not in given):
+        moved.notes.append(f"{data.file.name}: not used, as the joints have no motor: {', '.join(others)}")
+    return replace(moved, columns={**moved.columns, **still}, passive=given)
 
 
 def _at_the_drives(data: Dataset, robot: Robot) -> Dataset:
@@ -187,12 +222,17 @@ def _at_the_drives(data: Dataset, robot: Robot) -> Dataset:
 
 
 def with_joints_mapped(columns: Mapping[str, Array], matrix: Array) -> dict[str, Array]:
-    """`columns` with `matrix` (n, n) times the angles of each row, of the commanded and of the read-back joints."""
+    """`columns` with `matrix` (n, n) times the angles of each row, of the commanded and of the read-back joints.
+
+    Joints that `matrix` leaves alone need no columns: passive ones have none.
+    """
     mapped = dict(columns)
+    apart = matrix != np.eye(len(matrix))
+    mixed = np.flatnonzero(apart.any(axis=0) | apart.any(axis=1))
     for stem in ("q", "qr"):
-        names = [f"{stem}{k + 1}" for k in range(len(matrix))]
-        if all(name in columns for name in names):
-            angles = np.column_stack([columns[name] for name in names]) @ matrix.T
+        names = [f"{stem}{k + 1}" for k in mixed]
+        if names and all(name in columns for name in names):
+            angles = np.column_stack([columns[name] for name in names]) @ matrix[np.ix_(mixed, mixed)].T
             mapped |= {name: angles[:, k] for k, name in enumerate(names)}
     return mapped
 

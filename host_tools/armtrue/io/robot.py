@@ -20,6 +20,7 @@ from armtrue.io.yamlfile import Section, load_yaml
 
 STANDARD_GRAVITY = [0.0, 0.0, -9.81]
 LARGEST_LEAD_M = 2.0  # a pinion of 0.6 m; what is larger is in millimetres
+_NO_GEAR = "no gear, as the joint is passive: it has no motor"
 
 
 @dataclass(frozen=True)
@@ -45,6 +46,25 @@ class Robot:
     def joint_count(self) -> int:
         """How many joints move."""
         return len(self.joints)
+
+    @property
+    def passive(self) -> list[int]:
+        """Numbers, from 1, of the joints without a motor: bars turn them by the angles that `coupling` gives."""
+        return [number for number, joint in enumerate(self.joints, start=1) if joint.get("passive")]
+
+    @property
+    def motors(self) -> list[int]:
+        """Numbers, from 1, of the joints that have a motor."""
+        return [number for number in range(1, self.joint_count + 1) if number not in self.passive]
+
+    @property
+    def mechanical_coupling(self) -> NDArray[np.float64]:
+        """C (n, n): link angles are C · the drives' angles, offsets aside."""
+        matrix = np.eye(self.joint_count)
+        for row in self.spec.get("coupling", []):
+            if row.get("kind") != "controller":
+                matrix[row["joint"] - 1, row["driving"] - 1] += row["ratio"]
+        return matrix
 
     @property
     def kinematics_file(self) -> str:
@@ -114,7 +134,7 @@ def _specification(top: Section, path: Path) -> dict[str, Any]:
     spec: dict[str, Any] = {"name": top.text("name", default=path.stem)}
     if top.has("serial"):
         spec["serial"] = top.text("serial")
-    spec["kinematics"], urdf_links = _kinematics(top.section("kinematics"), path)
+    spec["kinematics"], urdf_links, mimics = _kinematics(top.section("kinematics"), path)
     joint_count = len(spec["kinematics"]["joints"])
     if top.has("links"):
         if urdf_links:
@@ -144,7 +164,11 @@ def _specification(top: Section, path: Path) -> dict[str, Any]:
         payload.finish()
     if top.has("temperature"):
         spec["temperature"] = _temperature(top.section("temperature"))
-    spec["coupling"] = _coupling(top, joint_count)
+    passive = [
+        number for number, joint in enumerate(spec["kinematics"]["joints"], start=1) if joint.get("passive")
+    ]
+    spec["coupling"] = _with_mimics(mimics, _coupling(top, joint_count, passive), passive, top)
+    _refuse_undriven(passive, spec["coupling"], top)
     if top.has("linkage"):
         spec["linkage"] = _linkage(top.section("linkage"), joint_count)
     top.finish()
@@ -163,7 +187,10 @@ def pose(section: Section) -> dict[str, list[float]]:
     return result
 
 
-def _kinematics(section: Section, path: Path) -> tuple[dict[str, Any], list[dict[str, Any]]]:
+def _kinematics(
+    section: Section, path: Path
+) -> tuple[dict[str, Any], list[dict[str, Any]], list[dict[str, Any]]]:
+    """Kinematics; links and mimics (`{joint, driving, ratio}`) of a URDF."""
     if section.has("urdf"):
         for key in ("joints", "convention"):
             if section.has(key):
@@ -186,7 +213,7 @@ def _kinematics(section: Section, path: Path) -> tuple[dict[str, Any], list[dict
         kinematics["end"] = pose(section.section("end")) if section.has("end") else _identity_pose()
     section.finish()
     _refuse_repeated_names([joint["name"] for joint in kinematics["joints"]], section)
-    return kinematics, []
+    return kinematics, [], []
 
 
 def _identity_pose() -> dict[str, list[float]]:
@@ -235,11 +262,17 @@ def _joint(row: Section, number: int, read_frame: Callable[[Section], dict[str, 
     turned = "offset" if revolute else "theta"
     if abs(joint.get(turned, 0.0)) > 2 * math.pi:
         raise row.fail(turned, "an angle in radians, not beyond 2π (this looks like degrees)")
+    if row.flag("passive", default=False):
+        joint["passive"] = True
     if row.has("lead"):
+        if joint.get("passive"):
+            raise row.fail("lead", _NO_GEAR)
         joint["lead"] = _lead(row, "lead", revolute)
         if row.has("gear_ratio"):
             raise row.fail("gear_ratio", "lead alone, where both are given")
     if row.has("gear_ratio"):
+        if joint.get("passive"):
+            raise row.fail("gear_ratio", _NO_GEAR)
         ratio = (
             "a ratio other than 0, motor turns per joint turn"
             if revolute
@@ -279,16 +312,21 @@ def _limits(row: Section, revolute: bool) -> list[float]:
     return limits
 
 
-def _urdf_kinematics(section: Section, path: Path) -> tuple[dict[str, Any], list[dict[str, Any]]]:
+def _urdf_kinematics(
+    section: Section, path: Path
+) -> tuple[dict[str, Any], list[dict[str, Any]], list[dict[str, Any]]]:
     urdf_path = named_in(path, section.text("urdf", expected="the name of a URDF file"))
     base = section.text("base", expected="the name of the link at the base")
     tip = section.text("tip", expected="the name of the link at the tip")
-    kinematics, links = read_urdf_chain(urdf_path, base, tip)
+    kinematics, links, mimics = read_urdf_chain(urdf_path, base, tip)
+    if section.has("passive"):
+        for number in section.joints("passive", len(kinematics["joints"])):
+            kinematics["joints"][number - 1]["passive"] = True
     if section.has("gear_ratios"):
-        count = len(kinematics["joints"])
-        expected = f"a list of {count} ratios, one a joint, none 0"
-        ratios = section.numbers("gear_ratios", count, expected)
-        for joint, ratio in zip(kinematics["joints"], ratios, strict=True):
+        driven = [joint for joint in kinematics["joints"] if not joint.get("passive")]
+        expected = f"a list of {len(driven)} ratios, one a joint with a motor, none 0"
+        ratios = section.numbers("gear_ratios", len(driven), expected)
+        for joint, ratio in zip(driven, ratios, strict=True):
             if ratio == 0.0:
                 raise section.fail("gear_ratios", expected)
             joint["gear_ratio"] = ratio
@@ -300,7 +338,7 @@ def _urdf_kinematics(section: Section, path: Path) -> tuple[dict[str, Any], list
             named[name]["lead"] = _lead(leads, name, named[name]["type"] == "revolute")
             named[name].pop("gear_ratio", None)
     section.finish()
-    return kinematics, links
+    return kinematics, links, mimics
 
 
 def _links(top: Section, joint_count: int) -> list[dict[str, Any]]:
@@ -337,7 +375,7 @@ def _temperature(section: Section) -> dict[str, Any]:
     return {"reference": reference, "sensors": sensors}
 
 
-def _coupling(top: Section, joint_count: int) -> list[dict[str, Any]]:
+def _coupling(top: Section, joint_count: int, passive: list[int]) -> list[dict[str, Any]]:
     rows: list[dict[str, Any]] = []
     if not top.has("coupling"):
         return rows
@@ -352,7 +390,11 @@ def _coupling(top: Section, joint_count: int) -> list[dict[str, Any]]:
         # `controller`: only the reported angle is coupled, so that no torque passes to the driving motor.
         if section.choice("kind", ["mechanical", "controller"], default="mechanical") == "controller":
             row["kind"] = "controller"
+            if row["joint"] in passive:
+                raise section.fail("kind", f"'mechanical', as joint {row['joint']} is passive: bars turn it")
         section.finish()
+        if row["driving"] in passive:
+            raise section.fail("driving", "a joint with a motor (this one is passive)")
         if row["joint"] == row["driving"]:
             raise section.fail("driving", "a joint other than the driven one")
         if any((row["joint"], row["driving"]) == (other["joint"], other["driving"]) for other in rows):
@@ -361,6 +403,50 @@ def _coupling(top: Section, joint_count: int) -> list[dict[str, Any]]:
             )
         rows.append(row)
     return rows
+
+
+def _with_mimics(
+    mimics: list[dict[str, Any]], rows: list[dict[str, Any]], passive: list[int], top: Section
+) -> list[dict[str, Any]]:
+    """`rows` of robot.yaml, and what the joints that mimic another in the URDF make of them.
+
+    A URDF's multiplier is per angle between two links; `coupling` counts from motors, which may turn several links.
+    """
+    result: list[dict[str, Any]] = []
+    for mimic in mimics:
+        joint, driving = mimic["joint"], mimic["driving"]
+        ratios = {} if driving in passive else {driving: 1.0}
+        for row in rows:
+            if row["joint"] == joint and row["driving"] == driving:
+                raise InputError(
+                    f"{top.place('coupling')}: found joint {joint} driven by {driving}, "
+                    "which the URDF says by 'mimic', expected it once"
+                )
+            if row["joint"] == driving and row.get("kind") != "controller":
+                ratios[row["driving"]] = ratios.get(row["driving"], 0.0) + row["ratio"]
+        result += [
+            {"joint": joint, "driving": motor, "ratio": mimic["ratio"] * ratio}
+            for motor, ratio in ratios.items()
+        ]
+    for row in rows:
+        same = [
+            other for other in result if (other["joint"], other["driving"]) == (row["joint"], row["driving"])
+        ]
+        if same:
+            same[0]["ratio"] += row["ratio"]
+        else:
+            result.append(row)
+    return result
+
+
+def _refuse_undriven(passive: list[int], coupling: list[dict[str, Any]], top: Section) -> None:
+    """Raise InputError for a passive joint that nothing turns."""
+    for joint in passive:
+        if not any(row["joint"] == joint for row in coupling):
+            raise InputError(
+                f"{top.place('coupling')}: found no row for joint {joint}, which is passive, expected what turns it: "
+                f"{{joint: {joint}, driving: …, ratio: …}}"
+            )
 
 
 def _linkage(section: Section, joint_count: int) -> dict[str, Any]:

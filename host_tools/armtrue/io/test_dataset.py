@@ -373,3 +373,44 @@ def test_travel_and_duty_that_say_nothing_are_left_out(tmp_path, two_joints):
     data = load_data(written(tmp_path, text), two_joints)
     assert not {"travel1", "duty2"} & set(data.columns)
     assert "data.csv: duty2 is 0 in all rows: taken as not recorded" in data.notes
+
+
+ANGLES = np.array([[0.3, 0.1], [-0.2, 0.5], [0.6, -0.4]])
+
+
+def level_csv(third: list[float] | None, more: str = "") -> str:
+    head = "q1,q2" + (",q3" if third else "") + (f",{more}" if more else "")
+    cells = [
+        [*pair, *([third[row]] if third else []), *([1] if more else [])] for row, pair in enumerate(ANGLES)
+    ]
+    return "\n".join([head, *(",".join(map(str, row)) for row in cells)]) + "\n"
+
+
+def test_a_passive_joint_needs_no_column(tmp_path, level):
+    data = load_data(written(tmp_path, level_csv(None)), level, need_position=False)
+    np.testing.assert_array_equal(data.joints, np.column_stack([ANGLES, np.zeros(3)]))
+    assert data.passive == {}
+
+
+@pytest.mark.parametrize(
+    "third",
+    [[0.0] * 3, [1.57] * 3, list(-ANGLES.sum(axis=1)), list(0.5 - ANGLES.sum(axis=1))],
+    ids=["zero", "still in the world", "what the couplings give", "with an offset"],
+)
+def test_what_a_controller_says_of_a_passive_joint_is_kept_and_not_used(tmp_path, level, third):
+    data = load_data(written(tmp_path, level_csv(third)), level, need_position=False)
+    np.testing.assert_array_equal(data.columns["q3"], 0.0)
+    np.testing.assert_allclose(data.passive["q3"], third)
+    assert any("q3 is not used: joint 3 has no motor" in note for note in data.notes)
+
+
+def test_a_passive_joint_that_goes_its_own_way_is_refused(tmp_path, level):
+    text = level_csv(list(ANGLES.sum(axis=1)))
+    with pytest.raises(InputError, match=r"column q3: found values that go up to 0\.2 rad their own way"):
+        load_data(written(tmp_path, text), level, need_position=False)
+
+
+def test_no_drive_of_a_passive_joint_says_anything(tmp_path, level):
+    data = load_data(written(tmp_path, level_csv(None, "dir3")), level, need_position=False)
+    assert "dir3" not in data.columns
+    assert any("not used, as the joints have no motor: dir3" in note for note in data.notes)

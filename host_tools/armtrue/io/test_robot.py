@@ -1,10 +1,12 @@
+import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from armtrue.errors import InputError
 from armtrue.io import load_robot
-from armtrue.io.conftest import TWO_JOINTS
+from armtrue.io.conftest import LEVEL, TWO_JOINTS
 
 
 def written(tmp_path: Path, text: str) -> Path:
@@ -153,3 +155,30 @@ def test_names_a_missing_file_and_a_folder(tmp_path):
         load_robot(tmp_path / "nowhere.yaml")
     with pytest.raises(InputError, match="found a folder"):
         load_robot(tmp_path)
+
+
+def test_a_passive_joint_has_no_motor_and_needs_no_limits(tmp_path):
+    robot = load_robot(written(tmp_path, LEVEL))
+    assert (robot.passive, robot.motors) == ([3], [1, 2])
+    assert "limits" not in robot.joints[2]
+    np.testing.assert_array_equal(robot.mechanical_coupling[2], [-1.0, -1.0, 1.0])
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        (
+            "coupling: [",
+            "unused: [",
+            "coupling: found no row for joint 3, which is passive, expected what turns it",
+        ),
+        ("passive: true", "passive: yes", "passive: found 'yes', expected true or false"),
+        ("passive: true", "passive: true, gear_ratio: 80", "gear_ratio: found 80, expected no gear_ratio"),
+        ("ratio: -1}]", "ratio: -1, kind: controller}]", "kind: found 'controller', expected 'mechanical'"),
+        ("driving: 2", "driving: 3", "driving: found 3, expected a joint"),
+        ("name: A1,", "name: A1, passive: true,", "driving: found 1, expected a joint with a motor"),
+    ],
+)
+def test_says_what_is_wrong_with_a_passive_joint(tmp_path, old, new, words):
+    with pytest.raises(InputError, match=re.escape(words)):
+        load_robot(written(tmp_path, LEVEL.replace(old, new)))

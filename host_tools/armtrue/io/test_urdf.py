@@ -134,7 +134,21 @@ def test_the_lead_of_a_slide_may_stand_beside_the_urdf(tmp_path):
         (URDF, ROBOT.replace("arm.urdf", "other.urdf"), "other.urdf: found no such file"),
         (URDF.replace('type="prismatic"', 'type="floating"'), ROBOT, "found type 'floating'"),
         (URDF.replace('<axis xyz="0 1 0"/>', '<axis xyz="0 0 0"/>'), ROBOT, "joint 'j2' axis"),
-        (URDF.replace('<axis xyz="0 1 0"/>', '<axis xyz="0 1 0"/><mimic joint="j1"/>'), ROBOT, "mimic"),
+        (
+            URDF.replace('<axis xyz="0 1 0"/>', '<axis xyz="0 1 0"/><mimic joint="j2"/>'),
+            ROBOT,
+            "joint 'j2' mimic: found 'j2', expected another joint",
+        ),
+        (
+            URDF.replace('<axis xyz="0 1 0"/>', '<axis xyz="0 1 0"/><mimic joint="j3" offset="a"/>'),
+            ROBOT,
+            "joint 'j2' mimic offset: found 'a'",
+        ),
+        (
+            URDF.replace('<axis xyz="0 1 0"/>', '<axis xyz="0 1 0"/><mimic joint="bolt"/>'),
+            ROBOT,
+            "joint 'j2' mimic: found 'bolt', expected a joint of the chain",
+        ),
         (URDF.replace('mass value="4"', 'mass value="-4"'), ROBOT, "found mass -4"),
         (
             URDF.replace('mass value="4"', 'mass value="four"'),
@@ -186,3 +200,48 @@ def test_tags_of_xacro_and_simulators_are_passed_over_in_silence(tmp_path, capfd
     urdf = URDF.replace('name="odd"', 'name="odd" xmlns:xacro="http://www.ros.org/wiki/xacro"')
     assert load(tmp_path, urdf.replace("</robot>", tags)).joint_count == 3
     assert capfd.readouterr().err == ""
+
+
+# l3 leans on l2, and l2's cover on that: both follow j1.
+MIMIC = URDF.replace(
+    '<axis xyz="0 1 0"/>', '<axis xyz="0 1 0"/><mimic joint="j1" multiplier="-0.5" offset="0.2"/>'
+).replace('<axis xyz="1 0 1"/>', '<axis xyz="1 0 1"/><mimic joint="j2" multiplier="0.1" offset="0.05"/>')
+
+
+def test_joints_that_mimic_others_are_passive_and_stand_where_the_urdf_says(tmp_path):
+    robot = load(tmp_path, MIMIC)
+    assert (robot.passive, robot.motors) == ([2, 3], [1])
+    j1 = 0.7
+    j2 = -0.5 * j1 + 0.2
+    j3 = 0.1 * j2 + 0.05
+    offsets = [joint["offset"] for joint in robot.joints]
+    angles = robot.mechanical_coupling @ [j1, 0.0, 0.0] + offsets
+    assert angles == pytest.approx([j1, j2, j3])
+    # Limits are of what the couplings give.
+    assert robot.joints[1]["limits"] == pytest.approx([-2.2, 1.3])
+
+
+def test_a_multiplier_is_per_angle_of_the_link_that_is_mimicked(tmp_path):
+    robot = load(
+        tmp_path,
+        URDF.replace('<axis xyz="1 0 1"/>', '<axis xyz="1 0 1"/><mimic joint="j2" multiplier="0.1"/>'),
+        ROBOT + "coupling: [{joint: 2, driving: 1, ratio: -1}]\n",
+    )
+    motors = np.array([0.4, 0.3, 0.0])
+    links = robot.mechanical_coupling @ motors
+    assert links == pytest.approx([0.4, -0.1, -0.01])
+
+
+def test_a_mimic_that_robot_yaml_repeats_is_named(tmp_path):
+    with pytest.raises(InputError, match="found joint 2 driven by 1, which the URDF says by 'mimic'"):
+        load(tmp_path, MIMIC, ROBOT + "coupling: [{joint: 2, driving: 1, ratio: -0.5}]\n")
+
+
+def test_a_urdf_without_mimic_gets_its_passive_joint_in_robot_yaml(tmp_path):
+    robot = load(
+        tmp_path,
+        robot=ROBOT.replace("}", ", passive: [2], gear_ratios: [100, 50]}")
+        + "coupling: [{joint: 2, driving: 1, ratio: -1}]\n",
+    )
+    assert robot.passive == [2]
+    assert [joint.get("gear_ratio") for joint in robot.joints] == [100.0, None, 50.0]

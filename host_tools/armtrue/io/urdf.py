@@ -26,17 +26,22 @@ LARGEST_LIMIT_RAD = 12 * math.pi
 _JOINT_TYPES = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic"}
 
 
-def read_urdf_chain(path: Path, base: str, tip: str) -> tuple[dict[str, Any], list[dict[str, Any]]]:
-    """Return `(kinematics, links)` of the chain from link `base` to link `tip`.
+def read_urdf_chain(
+    path: Path, base: str, tip: str
+) -> tuple[dict[str, Any], list[dict[str, Any]], list[dict[str, Any]]]:
+    """Return `(kinematics, links, mimics)` of the chain from link `base` to link `tip`.
 
     `kinematics` has convention "chain"; `links` one `{mass, com}` a joint in its frame, empty where the URDF gives no
-    mass. Bodies that hang on a link by fixed joints count with it; so do side branches, at their zero position.
+    mass; `mimics` what turns the joints that mimic another, as `{joint, driving, ratio}`, numbers from 1: these joints
+    are passive, and their `<mimic offset>` is in their row's `offset`. Bodies that hang on a link by fixed joints count
+    with it; so do side branches, at their zero position.
 
     Errors: InputError when the file is no URDF, a link is unknown, tip does not descend from base, or a joint of the
-    chain is of a type that is not static geometry (floating, planar, mimic).
+    chain is of another type (floating, planar), or mimics one that is not in the chain.
     """
     tree = _Tree(path)
     joints: list[dict[str, Any]] = []
+    names: list[str] = []
     bodies: list[tuple[float, Array]] = []
     # The frame of the last moving joint, from the link that the walk stands on.
     frame_from_link = np.eye(4)
@@ -50,20 +55,24 @@ def read_urdf_chain(path: Path, base: str, tip: str) -> tuple[dict[str, Any], li
         axis_from_z = _turn_z_onto(tree.axis(joint))
         before = frame_from_joint @ axis_from_z
         joints.append(tree.row(joint, before))
+        names.append(joint.name)
         frame_from_link = axis_from_z.T
         bodies.append(tree.mass_moment(joint.child, frame_from_link, stop=tree.chain_joints))
     if not joints:
         raise InputError(
             f"{path}: found no moving joint between '{base}' and '{last_link}', expected at least one"
         )
+    mimics = [
+        tree.mimic(name, names, row) for name, row in zip(names, joints, strict=True) if row.get("passive")
+    ]
     kinematics = {"convention": "chain", "joints": joints, "end": _pose(frame_from_link)}
     if not any(mass > 0.0 for mass, _ in bodies):
-        return kinematics, []
+        return kinematics, [], mimics
     links = [
         {"mass": mass, "com": list(map(float, moment / mass)) if mass else [0.0] * 3}
         for mass, moment in bodies
     ]
-    return kinematics, links
+    return kinematics, links, mimics
 
 
 def parse_urdf(path: Path) -> Any:
@@ -98,6 +107,8 @@ _FIGURES = {
         ("axis", "xyz", 3),
         ("limit", "lower", 1),
         ("limit", "upper", 1),
+        ("mimic", "multiplier", 1),
+        ("mimic", "offset", 1),
     ),
     "link": (("inertial/origin", "xyz", 3), ("inertial/origin", "rpy", 3), ("inertial/mass", "value", 1)),
 }
@@ -203,11 +214,6 @@ class _Tree:
                 f"{self.path_of_file}: joint '{joint.name}': found type '{joint.type}', "
                 "expected revolute, continuous, prismatic or fixed"
             )
-        if joint.mimic is not None:
-            raise InputError(
-                f"{self.path_of_file}: joint '{joint.name}': found a mimic joint in the chain, "
-                "expected joints of their own (write coupled joints under 'coupling' in robot.yaml)"
-            )
         row: dict[str, Any] = {
             "name": joint.name,
             "type": _JOINT_TYPES[joint.type],
@@ -223,7 +229,38 @@ class _Tree:
                 )
             if limits[0] < limits[1]:
                 row["limits"] = limits
+        if joint.mimic is not None:
+            row["passive"] = True
         return row
+
+    def mimic(self, name: str, names: list[str], row: dict[str, Any]) -> dict[str, Any]:
+        """What turns the joint `name` of the chain `names`, which mimics another, perhaps one that mimics itself.
+
+        What is added to its angle goes into the `offset` of its `row`, and out of its limits.
+        """
+        joints = {joint.name: joint for joint in self.robot.joints}
+        ratio, offset, at = 1.0, 0.0, joints[name]
+        seen = {name}
+        while at.mimic is not None:
+            multiplier = 1.0 if at.mimic.multiplier is None else float(at.mimic.multiplier)
+            offset += ratio * float(at.mimic.offset or 0.0)
+            ratio *= multiplier
+            if at.mimic.joint in seen or at.mimic.joint not in joints:
+                raise InputError(
+                    f"{self.path_of_file}: joint '{at.name}' mimic: found '{at.mimic.joint}', expected another "
+                    "joint of the file, which does not mimic this one"
+                )
+            at = joints[at.mimic.joint]
+            seen.add(at.name)
+        if at.name not in names:
+            raise InputError(
+                f"{self.path_of_file}: joint '{name}' mimic: found '{at.name}', expected a joint of the chain from "
+                "base to tip that moves"
+            )
+        row["offset"] += offset
+        if "limits" in row:
+            row["limits"] = [limit - offset for limit in row["limits"]]
+        return {"joint": names.index(name) + 1, "driving": names.index(at.name) + 1, "ratio": ratio}
 
     def mass_moment(self, link: str, frame_from_link: Array, stop: set[str]) -> tuple[float, Array]:
         """Mass and mass times centre of `link` and all that hangs on it, short of the joints in `stop`."""

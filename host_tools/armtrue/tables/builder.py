@@ -85,6 +85,15 @@ class Harmonics:
     waves: dict[tuple[int, int, int], complex] = field(default_factory=dict)
     # Offset of the link angle for joints that no other motor drives: there θ = q + offset.
     link_offsets: dict[int, float] = field(default_factory=dict)
+    passive: frozenset[int] = frozenset()
+
+    def has_motor(self, coordinate: int) -> bool:
+        """True for the motor side of a joint that has a motor: what changes there can be driven out."""
+        return coordinate < layout.MAX_JOINTS and coordinate not in self.passive
+
+    def _is_steep(self, coordinate: int, source: int, order: int, wave: complex) -> bool:
+        slope = abs(wave) * order * 2.0**-layout.ORDER_FRACTION
+        return self.has_motor(coordinate) and slope > STEEP
 
     def add(self, coordinate: int, source: int, order: float, phase_turns: float, amplitude: float) -> None:
         """coordinate += amplitude · sin(order · joint + phase).
@@ -117,14 +126,14 @@ class Harmonics:
     def _is_slow(self, key: tuple[int, int, int], wave: complex) -> bool:
         return (
             self._slow_joint(key[1], key[2]) is not None
-            and not _is_steep_wave(*key, wave)
+            and not self._is_steep(*key, wave)
             and abs(wave) < layout.MAX_SLOW_WAVE
         )
 
     def ordered(self) -> list[tuple[int, int, int, complex]]:
         """Coordinate, source, order (fixed point) and wave of those that need a sine of their own, steep ones first."""
         waves = [(*key, wave) for key, wave in sorted(self.waves.items()) if not self._is_slow(key, wave)]
-        return sorted(waves, key=lambda entry: not _is_steep_wave(*entry))
+        return sorted(waves, key=lambda entry: not self._is_steep(*entry))
 
     def records(self) -> list[bytes]:
         """Records of `ordered`."""
@@ -139,7 +148,7 @@ class Harmonics:
 
     def steep_count(self) -> int:
         """How many are steep."""
-        return sum(_is_steep_wave(*entry) for entry in self.ordered())
+        return sum(self._is_steep(*entry) for entry in self.ordered())
 
     def slow_records(self) -> list[bytes]:
         """Waves once and twice a turn of a link angle, one record a coordinate and joint."""
@@ -161,11 +170,6 @@ class Harmonics:
             )
             for (coordinate, joint), parts in sums.items()
         ]
-
-
-def _is_steep_wave(coordinate: int, source: int, order: int, wave: complex) -> bool:
-    slope = abs(wave) * order * 2.0**-layout.ORDER_FRACTION
-    return coordinate < layout.MAX_JOINTS and slope > STEEP
 
 
 def _term_fraction(value: Value) -> int:
@@ -465,7 +469,7 @@ class Builder:
                 f"a coefficient of {coefficient:.3g} for a quantity of at most {value.largest:.3g} in the workspace, "
                 "more than the format can hold"
             )
-        steep = coordinate < layout.MAX_JOINTS and not value.is_constant and slope > STEEP
+        steep = self.harmonics.has_motor(coordinate) and not value.is_constant and slope > STEEP
         self.terms.append((coordinate, value, coefficient, steep))
 
     def term_record(self, coordinate: int, value: Value, coefficient: float, slot: int) -> bytes:

@@ -50,6 +50,7 @@ class Chain:
     sensors: list[str]
     temperature_reference: float
     linkage: tuple[int, float] | None = None  # parallelogram: 0-based arm joint, β where its angle is zero
+    passive: frozenset[int] = frozenset()  # joints without a motor
 
     @property
     def joint_count(self) -> int:
@@ -133,6 +134,12 @@ def flanges(columns: Mapping[str, Array], spec: dict[str, Any]) -> Array:
     return chain.frames(joints)[-1] @ chain.end
 
 
+def _motor_limits(row: dict[str, Any], slides: bool) -> list[float]:
+    if row.get("passive"):
+        return [0.0, 0.0]
+    return row.get("limits") or ([-1.0, 1.0] if slides else [-2.0 * np.pi, 2.0 * np.pi])
+
+
 def chain_from_robot(spec: dict[str, Any]) -> Chain:
     """The chain of a normalised robot.yaml (mdh, dh or chain; joint limits default to ±360° and ±1 m)."""
     kinematics = spec["kinematics"]
@@ -155,10 +162,7 @@ def chain_from_robot(spec: dict[str, Any]) -> Chain:
         offset=np.array([row.get("offset") or 0.0 for row in rows]),
         coupling=coupling,
         limits=np.array(
-            [
-                row.get("limits") or ([-1.0, 1.0] if slides else [-2.0 * np.pi, 2.0 * np.pi])
-                for row, slides in zip(rows, prismatic, strict=True)
-            ],
+            [_motor_limits(row, slides) for row, slides in zip(rows, prismatic, strict=True)],
             dtype=np.float64,
         ),
         gear_ratio=[row.get("gear_ratio") for row in rows],
@@ -170,4 +174,5 @@ def chain_from_robot(spec: dict[str, Any]) -> Chain:
         sensors=list(temperature.get("sensors") or []),
         temperature_reference=float(temperature.get("reference", 20.0)),
         linkage=(linkage["joints"][1] - 1, float(linkage["angle"])) if linkage else None,
+        passive=frozenset(k for k, row in enumerate(rows) if row.get("passive")),
     )

@@ -48,7 +48,8 @@ class Compensated:
     """Corrected joints (N, n) [rad or m], intended points (N, 3) [m] in the measuring frame, and notes for people.
 
     `beyond` (N, n): which corrected joints leave the arm's limits, as far as those are known; the commands themselves
-    did in `sent_beyond` (N, n). `remainder`: how far each row stays from its point; None without the fit.
+    did in `sent_beyond` (N, n). `passive`: number of a joint without a motor → its column as commanded, which is never
+    corrected, None where the poses have none. `remainder`: how far each row stays from its point; None without the fit.
     """
 
     joints: Array
@@ -57,6 +58,12 @@ class Compensated:
     sent_beyond: NDArray[np.bool_]
     notes: list[str] = field(default_factory=list)
     remainder: Remainder | None = None
+    passive: dict[int, Array | None] = field(default_factory=dict)
+
+    def columns(self) -> dict[str, Array]:
+        """`q1…qn` to send: corrected, those of passive joints as they came."""
+        each = {k: self.passive.get(k, self.joints[:, k - 1]) for k in range(1, self.joints.shape[1] + 1)}
+        return {f"q{k}": values for k, values in each.items() if values is not None}
 
     def limits_words(self) -> str:
         """Rows whose corrected joints leave the limits, and which joints; empty where none does."""
@@ -119,6 +126,7 @@ def compensate(
         _is_beyond(joints @ reported_from_drives.T, limits),
         notes,
         kept,
+        {k: data.passive.get(f"q{k}") for k in robot.passive},
     )
 
 
@@ -157,7 +165,8 @@ def _limits(document: dict[str, Any], image: Image) -> Array:
     """
     limits = np.tile([-np.inf, np.inf], (image.joint_count, 1))
     for k, row in enumerate(document["robot"]["kinematics"]["joints"] if document else []):
-        limits[k] = row.get("limits") or limits[k]
+        if not row.get("passive"):
+            limits[k] = row.get("limits") or limits[k]
     return limits
 
 
@@ -193,7 +202,8 @@ def _too_few_axes(image: Image) -> str:
     if moved >= wanted:
         return ""
     what = "the tool's position" if wanted == 3 else "the tool's position and attitude"
-    return f"the arm's {image.joint_count} axes set only {moved} of the {wanted} coordinates of {what}"
+    axes = image.joint_count - len(image.chain().passive)
+    return f"the arm's {axes} axes set only {moved} of the {wanted} coordinates of {what}"
 
 
 def _double(
@@ -241,15 +251,22 @@ def _robot_of(image: Image, document: dict[str, Any]) -> Robot:
             "name": str(k + 1),
             "type": "prismatic" if joint.prismatic else "revolute",
             "xyz": [float(v) for v in joint.fixed[:3, 3]],
+            "passive": joint.passive,
         }
         for k, joint in enumerate(image.joints())
     ]
+    coupled = image.chain().coupling
+    mechanical = [
+        {"joint": int(driven) + 1, "driving": int(driving) + 1, "ratio": float(coupled[driven, driving])}
+        for driven, driving in np.argwhere(coupled - np.eye(len(joints)))
+    ]
+    reported = document["robot"].get("coupling", []) if document else []
     return Robot(
         {
             "name": image.serial,
             "kinematics": {"convention": "chain", "joints": joints},
             "temperature": {"sensors": list(image.sensors())},
-            "coupling": document["robot"].get("coupling", []) if document else [],
+            "coupling": [*mechanical, *(row for row in reported if row.get("kind") == "controller")],
         }
     )
 

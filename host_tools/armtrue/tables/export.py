@@ -14,7 +14,7 @@ import numpy as np
 from armtrue.arrays import Array
 from armtrue.errors import InputError
 from armtrue.tables import expression, fixed, layout
-from armtrue.tables.builder import Builder, CannotCompileError, Value
+from armtrue.tables.builder import Builder, CannotCompileError, Harmonics, Value
 from armtrue.tables.compiler import Compiler, int_exponent
 from armtrue.tables.fitted import FittedArm, Grid
 from armtrue.tables.fixedpoint import mantissa_and_shift, to_fixed
@@ -100,7 +100,7 @@ class _Exporter:
         self.options = options
         self.path = path
         self.notes: list[str] = []
-        self.builder = Builder()
+        self.builder = Builder(harmonics=Harmonics(passive=self.chain.passive))
         alone = [k for k in range(self.chain.joint_count) if np.count_nonzero(self.chain.coupling[k]) == 1]
         self.builder.harmonics.link_offsets = {
             k: float(self.chain.offset[k]) for k in alone if not self.chain.prismatic[k]
@@ -570,6 +570,7 @@ class _Exporter:
 
     def _joints(self) -> list[bytes]:
         largest = self._magnitude_limits()
+        largest[list(self.chain.passive)] = 0.0
         self._say_what_is_cut()
         records = []
         for k, transform in enumerate(self.chain.fixed):
@@ -589,7 +590,7 @@ class _Exporter:
                     position_shift,
                     increment_shift,
                     int(slides),
-                    0,
+                    layout.PASSIVE if k in self.chain.passive else 0,
                     round(min(largest[k] * unit, layout.MAX_DELTA[slides]) * 2.0**32),
                     round(min(self.options.max_rate * unit, layout.MAX_RATE[slides]) * 2.0**32),
                     max(1, round(self.options.dead_band * unit * abs(self._per_unit[k]))),
@@ -601,15 +602,21 @@ class _Exporter:
         """Drive increments per joint turn (revolute) or metre (prismatic)."""
         given = self.options.increments
         n = self.chain.joint_count
+        motors = [k for k in range(n) if k not in self.chain.passive]
         least, most = layout.INCREMENTS_PER_UNIT
         if given is not None:
-            if len(given) not in (1, n) or not all(least <= abs(value) <= most for value in given):
-                numbers = "1 number" if n == 1 else f"1 or {n} numbers"
+            if len(given) not in (1, len(motors)) or not all(least <= abs(value) <= most for value in given):
+                numbers = "1 number" if len(motors) == 1 else f"1 or {len(motors)} numbers"
                 raise InputError(
                     f"--increments: found {', '.join(f'{value:.10g}' for value in given) or 'none'}, "
                     f"expected {numbers} from {least:.10g} to {most:.10g}"
                 )
-            return list(given) * (n if len(given) == 1 else 1)
+            per_unit = [
+                float(_INCREMENTS_PER_UNIT)
+            ] * n  # a passive joint has none, and its record needs some
+            for place, k in enumerate(motors):
+                per_unit[k] = given[0 if len(given) == 1 else place]
+            return per_unit
         made = []
         for k, (slides, ratio) in enumerate(zip(self.chain.prismatic, self.chain.gear_ratio, strict=True)):
             count = float(

@@ -29,6 +29,7 @@ class JointRecord:
     fixed: Array
     offset: float
     prismatic: bool
+    passive: bool  # without a drive
     increments: float  # per rad or m
     magnitude: float
     rate: float
@@ -118,13 +119,14 @@ class Image:
         """The joints."""
         result = []
         for record in self.records(Section.JOINTS, layout.JOINT):
-            offset, _, _, per_unit, _, shift, kind, _, magnitude, rate, band = record[12:]
+            offset, _, _, per_unit, _, shift, kind, flags, magnitude, rate, band = record[12:]
             unit = 1.0 if kind else 2.0 * np.pi
             result.append(
                 JointRecord(
                     fixed=_transform(record[:12]),
                     offset=offset * 2.0**-32 * unit,
                     prismatic=bool(kind),
+                    passive=bool(flags & layout.PASSIVE),
                     increments=per_unit * 2.0 ** (32 - shift) / unit,
                     magnitude=magnitude * 2.0**-32 * unit,
                     rate=rate * 2.0**-32 * unit,
@@ -235,6 +237,7 @@ class Image:
             coms=None,
             sensors=list(sensors),
             temperature_reference=next(iter(sensors.values()), 20.0),
+            passive=frozenset(k for k, joint in enumerate(joints) if joint.passive),
         )
 
     def nodes(self) -> list[tuple[Any, ...]]:

@@ -51,6 +51,7 @@ def describe(image: Image) -> dict[str, Any]:
         "joints": [
             {
                 "type": "prismatic" if joint.prismatic else "revolute",
+                "passive": joint.passive,
                 "increments_per_unit": joint.increments,
                 "increment_um_at_tool": 1e6 * lever_m(image, f"motor{k + 1}") / abs(joint.increments),
                 "max_correction": joint.magnitude,

@@ -49,6 +49,7 @@ class Section(IntEnum):
 
 
 JOINT = struct.Struct("<9i3iqiiiBBBBiii")
+PASSIVE = 1  # a flag of a joint: it has no drive
 TOOL = struct.Struct("<9i3i32s")
 COUPLING = struct.Struct("<BBHi")
 STATE = struct.Struct("<BBBb")

@@ -168,7 +168,7 @@ class Reference:
         """
         wanted, standing = self.nominal(target), self.at_nominal(target)
         coordinates = self.coordinates(self.state(target, around, standing))
-        start = target - self._motor_deflection(coordinates, target.shape)
+        start = target - self._taken_off(coordinates, target.shape)
 
         def seen(
             joints: Array, rows: NDArray[np.bool_], given: dict[str, Array] | None = None
@@ -233,7 +233,7 @@ class Reference:
         """
         wanted, standing = self.nominal(target), self.at_nominal(target)
         coordinates = self.coordinates(self.state(target, around, standing))
-        joints = target - self._motor_deflection(coordinates, target.shape)
+        joints = target - self._taken_off(coordinates, target.shape)
         pose, jacobian = self._propagate(joints, coordinates)
         damping = np.full(len(target), _DAMPING)
         for count in range(_MOST_NEWTON_STEPS + 1):
@@ -266,6 +266,12 @@ class Reference:
         result = np.zeros(shape)
         for k in range(shape[1]):
             result[:, k] = coordinates.get(f"motor{k + 1}", 0.0)
+        return result
+
+    def _taken_off(self, coordinates: dict[str, Array], shape: tuple[int, ...]) -> Array:
+        """The part of the motor sides' deflection that motors can take off."""
+        result = self._motor_deflection(coordinates, shape)
+        result[:, list(self.chain.passive)] = 0.0
         return result
 
     def _virtual_joint(self, coordinates: dict[str, Array], frame: str, rows: int) -> Array | None:
@@ -384,7 +390,10 @@ def _damped_step(error: Array, slope: Array, damping: Array) -> Array:
 
 
 def tool_jacobian(chain: Chain, frames: list[Array], tool: Array) -> Array:
-    """Derivative (N, 6, n) of tool point (N, 3) and attitude by the motor-side joints; `frames` (N, 4, 4) each."""
+    """Derivative (N, 6, n) of tool point (N, 3) and attitude by the motor-side joints; `frames` (N, 4, 4) each.
+
+    Zero for passive joints, which no motor turns.
+    """
     links = np.zeros((tool.shape[0], 6, len(frames)))
     for k, frame in enumerate(frames):
         axis = frame[:, :3, 2]
@@ -393,7 +402,9 @@ def tool_jacobian(chain: Chain, frames: list[Array], tool: Array) -> Array:
         else:
             links[:, :3, k] = np.cross(axis, tool - frame[:, :3, 3])
             links[:, 3:, k] = axis
-    return np.asarray(links @ chain.coupling)
+    motors = np.asarray(links @ chain.coupling)
+    motors[:, :, list(chain.passive)] = 0.0
+    return motors
 
 
 def coordinates_moved(chain: Chain, last_from_tool: Array, rotation_length_m: float | None) -> int:

@@ -190,6 +190,11 @@ def every_joint(context: EffectContext) -> list[int]:
     return list(range(1, context.chain.n + 1))
 
 
+def driven_joints(context: EffectContext) -> list[int]:
+    """All joints that have a motor, from 1."""
+    return [k for k in every_joint(context) if not context.chain.passive[k - 1]]
+
+
 def no_joint(context: EffectContext) -> list[int]:
     """For effects that name no joints."""
     return []

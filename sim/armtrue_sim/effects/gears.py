@@ -12,8 +12,8 @@ from .base import (
     EffectContext,
     EffectTruth,
     Sizes,
+    driven_joints,
     effect,
-    every_joint,
     full_torque,
     hats,
     joint_pairs,
@@ -47,7 +47,7 @@ def _wave(
     ]
 
 
-@effect("gear_harmonics", every_joint)
+@effect("gear_harmonics", driven_joints)
 def gear_harmonics(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
     """Eccentricity 10 to 60 arcsec once a turn, a fifth to a half of that twice a turn."""
     terms = []
@@ -64,7 +64,7 @@ def mesh_orders(context: EffectContext) -> list[int]:
     return [2] if context.preset.strain_wave else [1]
 
 
-@effect("gear_mesh", every_joint)
+@effect("gear_mesh", driven_joints)
 def gear_mesh(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
     """5 to 40 arcsec at the motor's turn; strain-wave gears 20 to 60 arcsec at twice the motor's turn.
 
@@ -89,7 +89,7 @@ def gear_mesh(context: EffectContext, joints: list[int], sizes: Sizes) -> Effect
     return EffectTruth(terms)
 
 
-@effect("transmission_pwl", every_joint)
+@effect("transmission_pwl", driven_joints)
 def transmission_pwl(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
     """Any other joint error, 15 to 40 arcsec.
 
@@ -129,7 +129,7 @@ def transmission_pwl(context: EffectContext, joints: list[int], sizes: Sizes) ->
     return EffectTruth(terms)
 
 
-@effect("backlash", every_joint)
+@effect("backlash", driven_joints)
 def backlash(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
     """Half the lost motion, 16 to 60 arcsec in all, on the side of the approach; `load`: what gravity closes of it."""
     terms = []
@@ -144,7 +144,7 @@ def backlash(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectT
     return EffectTruth(terms)
 
 
-@effect("hysteresis", every_joint)
+@effect("hysteresis", driven_joints)
 def hysteresis(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
     """Friction winds the gear up by 6 to 20 arcsec against the motion, and by as much again at full load.
 
@@ -174,6 +174,14 @@ def joint_coupling(context: EffectContext, joints: list[int], sizes: Sizes) -> E
     return EffectTruth(terms)
 
 
+def _seen_by(context: EffectContext, driven: int, driving: int) -> str:
+    """The driving joint's angle; what bars of a passive joint see is how its link stands against their base."""
+    turns = context.chain.coupling[driven - 1]
+    before = [k for k in range(1, driving) if context.chain.passive[driven - 1] and turns[k - 1] != 0.0]
+    names = [f"q{k}" for k in (*before, driving)]
+    return names[0] if len(names) == 1 else f"({' + '.join(names)})"
+
+
 @effect(
     "coupling_harmonics", lambda context: [joint for pair in context.preset.wrist_pairs for joint in pair]
 )
@@ -184,6 +192,7 @@ def coupling_harmonics(context: EffectContext, joints: list[int], sizes: Sizes) 
         once = sizes.rng.uniform(10.0, 40.0) * ARCSEC
         twice = sizes.rng.uniform(0.2, 0.5) * once
         for n, size in ((1, once), (2, twice)):
-            angle = f"q{driving}" if n == 1 else f"{n}*q{driving}"
+            turned = _seen_by(context, driven, driving)
+            angle = turned if n == 1 else f"{n}*{turned}"
             terms += _wave("coupling_harmonics", context, sizes, driven, angle, str(n), size, (driving,))
     return EffectTruth(terms)

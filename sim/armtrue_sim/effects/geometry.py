@@ -7,7 +7,17 @@ import numpy as np
 from ..arm import Term
 from ..errors import ScenarioError
 from ..mechanics.fourbar import FourBar
-from .base import DEGREE, EffectContext, EffectTruth, Sizes, effect, every_joint, hats, no_joint
+from .base import (
+    DEGREE,
+    EffectContext,
+    EffectTruth,
+    Sizes,
+    driven_joints,
+    effect,
+    every_joint,
+    hats,
+    no_joint,
+)
 
 
 @effect("base_frame", no_joint)
@@ -34,7 +44,7 @@ def joint_offset(context: EffectContext, joints: list[int], sizes: Sizes) -> Eff
     return EffectTruth(terms)
 
 
-@effect("joint_scale", every_joint)
+@effect("joint_scale", driven_joints)
 def joint_scale(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
     """Gear ratio or scale wrong by 40 to 200 ppm."""
     terms = []

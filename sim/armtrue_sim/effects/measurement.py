@@ -5,7 +5,7 @@ from __future__ import annotations
 from ..arm import Term
 from ..errors import ScenarioError
 from ..mechanics.expression import variables
-from .base import EffectContext, EffectTruth, Sizes, effect, every_joint, no_joint
+from .base import EffectContext, EffectTruth, Sizes, driven_joints, effect, no_joint
 
 DAY = 86400.0
 
@@ -21,7 +21,7 @@ def time_drift(context: EffectContext, joints: list[int], sizes: Sizes) -> Effec
     return EffectTruth(terms)
 
 
-@effect("command_readback", every_joint)
+@effect("command_readback", driven_joints)
 def command_readback(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
     """The arm really stood where the drives read back, not where it was sent: coefficient -1 on q - qr."""
     terms = []

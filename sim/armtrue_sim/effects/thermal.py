@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from ..arm import Term
 from ..errors import ScenarioError
 from ..history import warmth
-from .base import ARCSEC, EffectContext, EffectTruth, Sizes, effect, every_joint, no_joint
+from .base import ARCSEC, EffectContext, EffectTruth, Sizes, driven_joints, effect, every_joint, no_joint
 
 STEEL, ALUMINIUM = 11.7e-6, 23.6e-6
 
@@ -135,7 +135,7 @@ def thermal_gradient(context: EffectContext, joints: list[int], sizes: Sizes) ->
 FULL_SPEED = 0.04
 
 
-@effect("self_heating", every_joint)
+@effect("self_heating", driven_joints)
 def self_heating(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
     """A gear warms by its own duty: zero 6 to 20 arcsec, its link 30 to 100 ppm, `tau` 600 to 3000 s."""
     terms, histories = [], []

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from . import beam, dahl, duty_heat, teeth, tracker_circles
+from . import beam, dahl, duty_heat, levelling, teeth, tracker_circles
 from .formulas import foreign_effects
 
 
@@ -34,4 +34,5 @@ TRUTHS: dict[str, ForeignTruth] = {
     ),
 }
 
-__all__ = ["TRUTHS", "ForeignTruth", "foreign_effects"]
+# `levelling` is no member: arms without a passive joint cannot have it, and campaigns draw arms and truths apart.
+__all__ = ["TRUTHS", "ForeignTruth", "foreign_effects", "levelling"]

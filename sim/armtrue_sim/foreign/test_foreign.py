@@ -10,6 +10,7 @@ from ..mechanics.statics import distal_load
 from ..scenario import Scenario
 from . import TRUTHS, beam, dahl, teeth
 from .beam import Beam
+from .levelling import Bars
 
 STIFFNESS = 2e5
 
@@ -144,3 +145,37 @@ def test_every_truth_says_what_a_right_answer_is(name):
             without = simulate(plan | {"hidden": []})
             shift = np.linalg.norm(simulate(plan).positions - without.positions, axis=1)
             assert 1e-6 < np.sqrt(np.mean(shift**2)) < 5e-3
+
+
+def test_bars_close_and_keep_level_where_nothing_is_wrong():
+    attitude = np.radians(np.linspace(-50.0, 50.0, 41))
+    perfect = Bars(1.4, 0.35, -0.5 * np.pi)
+    assert np.abs(perfect.tilt(attitude, np.zeros(41))).max() < 1e-12
+    before = np.full(41, 3e-4)
+    assert perfect.tilt(attitude, before) == pytest.approx(before, abs=1e-12)
+
+    wrong = Bars(1.4, 0.35, -0.5 * np.pi, bar_error=3e-4, arm_error=-2e-4, stands_error=1e-4)
+    second = before * 0.0 + wrong.stands + wrong.tilt(attitude, before) + wrong.stands_error
+    first = wrong.stands + before
+    ends = 1.4 * np.exp(1j * attitude) + (0.35 - 2e-4) * np.exp(1j * second) - 0.35 * np.exp(1j * first)
+    assert np.abs(ends) == pytest.approx(1.4 + 3e-4, abs=1e-12)
+
+
+def test_wrong_bars_tilt_as_their_first_order_says():
+    """d = (bar - arm cos b) / (r sin b) - stands, b from the link to the short arm: 1/sin, cot and a constant."""
+    attitude = np.radians(np.linspace(-40.0, 40.0, 31))
+    size = 1e-3
+    wrong = Bars(1.4, 0.35, -0.5 * np.pi, 3e-4, 2e-4, 1e-4).scaled(size)
+    between = attitude - wrong.stands
+    first_order = size * ((3e-4 - 2e-4 * np.cos(between)) / (0.35 * np.sin(between)) - 1e-4)
+    assert wrong.tilt(attitude, np.zeros(31)) == pytest.approx(first_order, abs=1e-10)
+
+
+def test_levelling_bars_turn_the_level_link_alone():
+    arm = build_arm(Scenario(arm="palletiser", believed=[], hidden=["levelling_bars"]))
+    state = arm.state(np.array([[0.3, 0.2, -0.4, 0.0, 1.0], [-1.0, -0.3, 0.5, 0.0, 0.2]]))
+    (bars,) = arm.physics
+    turned = bars.coordinates(arm, state, arm.nominal_frames(state.q))
+    assert list(turned) == [3]
+    assert np.count_nonzero(turned[3][:, :5]) == 0
+    assert np.all(np.abs(turned[3][:, 5]) < 3e-3)

@@ -36,12 +36,16 @@ class Frames:
 
 @dataclass
 class Chain:
-    """A serial arm read from the `kinematics`, `coupling`, `links` and `gravity` of a robot.yaml dictionary."""
+    """A serial arm read from the `kinematics`, `coupling`, `links` and `gravity` of a robot.yaml dictionary.
+
+    A passive joint has no motor: its motor side stands at zero, and `coupling` turns it.
+    """
 
     names: list[str]
     fixed: list[Pose]
     end: Pose
     prismatic: Array
+    passive: Array
     offset: Array
     limits: Array
     gear_ratio: Array
@@ -94,7 +98,8 @@ class Chain:
             end=after[-1],
             prismatic=np.array([row.get("type", "revolute") == "prismatic" for row in rows]),
             offset=np.array([float(row.get("offset", 0.0)) for row in rows]),
-            limits=np.array([row["limits"] for row in rows], dtype=float),
+            limits=np.array([[0.0, 0.0] if row.get("passive") else row["limits"] for row in rows], float),
+            passive=np.array([bool(row.get("passive")) for row in rows]),
             gear_ratio=np.array([float(row.get("gear_ratio", 1.0)) for row in rows]),
             lead=np.array([float(row.get("lead", 0.0)) for row in rows]),
             coupling=coupling,

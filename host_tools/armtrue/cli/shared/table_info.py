@@ -40,6 +40,9 @@ def present(document: dict[str, Any], image: Image, output: Output, terms: bool)
         "joint", "increments per turn (m)", "one is [µm at tool]", "max [mrad, mm]", "max rate [mrad/s]"
     )
     for k, joint in enumerate(document["joints"]):
+        if joint["passive"]:
+            table.add_row(str(k + 1), "no drive", "–", "–", "–")
+            continue
         turn = 1.0 if joint["type"] == "prismatic" else 2.0 * np.pi
         table.add_row(
             str(k + 1),

@@ -71,6 +71,8 @@ def coverage_section(report: Report) -> Markup:
     fit = report.last.fit
     panels: list[Content] = []
     for number, joint in enumerate(fit.robot.joints, start=1):
+        if number in fit.robot.passive:
+            continue
         unit, factor = joint_unit(joint)
         values = fit.data.columns[f"q{number}"] / factor
         limits, share = None, ""

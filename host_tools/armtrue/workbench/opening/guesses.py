@@ -108,11 +108,10 @@ def _number(key: str, value: object) -> Markup:
 
 def _known(robot: Robot, also: list[str]) -> list[str]:
     """Names that a column may get, those of this file's guesses among them."""
-    joints = range(1, robot.joint_count + 1)
-    per_joint = [f"{stem}{k}" for stem in ("q", "qr", "dir", "tau") for k in joints]
+    per_joint = [f"{stem}{k}" for stem in ("q", "qr", "dir", "tau") for k in robot.motors]
     sensors = [f"temp_{name}" for name in robot.sensors] or ["temp_arm"]
-    names = [*per_joint[: robot.joint_count], *POSITION, *QUATERNION, *_TURNS, *TEXT_COLUMNS, "time", "payload",
-             "sigma", *sensors, *per_joint[robot.joint_count :]]  # fmt: skip
+    names = [*per_joint[: len(robot.motors)], *POSITION, *QUATERNION, *_TURNS, *TEXT_COLUMNS, "time", "payload",
+             "sigma", *sensors, *per_joint[len(robot.motors) :]]  # fmt: skip
     return list(dict.fromkeys([*names, *also]))
 
 

@@ -35,7 +35,9 @@ def planned(
     heads = [tag("th", name, scope="col") for name in chosen.columns]
     body = [tag("tr", [tag("td", f"{value:.4f}") for value in row]) for row in rows[:_MOST_SHOWN]]
     table = tag("table", tag("caption", "Planned poses [rad, m]"), tag("tr", heads), body)
-    joints = np.column_stack([chosen.columns[f"q{k}"] for k in range(1, len(fit.robot.joints) + 1)])
+    still = dict.fromkeys((f"q{k}" for k in fit.robot.passive), np.zeros(len(rows)))
+    planned = chosen.columns | still
+    joints = np.column_stack([planned[f"q{k}"] for k in range(1, fit.robot.joint_count + 1)])
     picture, said = arms_picture(fit, joints[:_MOST_SHOWN])
     shown = tag(
         "div",

@@ -1,0 +1,125 @@
+// A joint that bars turn: its axis has no drive on the bus, and nobody waits for one.
+#include <gtest/gtest.h>
+
+#include "firmware/testing/node_bench.h"
+#include "firmware/testing/test_table.h"
+
+namespace armtrue::canopen {
+namespace {
+
+constexpr std::uint32_t kRefused = 0x08000022;
+constexpr std::uint8_t kAxisSix = 1U << 5;
+
+// RPDO 3 and TPDO 3 of the bench carry axis 5 alone; axis 6 has no drive.
+class PassiveAxisTest : public testing::Test {
+ protected:
+  void configure(Mode mode) {
+    bench.configure(mode);
+    bench.nmt(128);
+    map_alone(0x1402, 0x1602, 0x420, 0x807A0020);
+    map_alone(0x140A, 0x160A, 0x1C2, 0x80640020);
+    if (mode == Mode::kOffset) map_alone(0x1802, 0x1A02, 0x400003A0U, 0x80B00020);
+    bench.start_nodes();
+  }
+  void map_alone(std::uint16_t record, std::uint16_t mapping, std::uint32_t id,
+                 std::uint32_t entry) {
+    expect_done(record, 1, id | 0x80000000U, 4);
+    expect_done(mapping, 0, 0, 1);
+    expect_done(mapping, 1, entry, 4);
+    expect_done(mapping, 0, 1, 1);
+    expect_done(record, 1, id, 4);
+  }
+  void expect_done(std::uint16_t index, std::uint8_t sub, std::uint32_t value, int size) {
+    EXPECT_EQ(bench.write(index, sub, value, size), 0U) << std::hex << index;
+  }
+  bool is_configured() { return (bench.read(0x2001, 2) & 1U) != 0; }
+  // A set without axis 6; the targets that left downstream, of which one is axis 5's.
+  std::vector<CanFrame> cycle(std::int32_t target) {
+    bench.next_sync();
+    auto frames = NodeBench::targets({target, target, target, target, target, 0});
+    frames[2].len = 4;
+    for (const CanFrame& frame : frames) bench.from_controller(frame);
+    std::vector<CanFrame> sent = bench.downstream.take_sent();
+    std::erase_if(sent, [](const CanFrame& f) { return f.id == 0x80 || f.id == 0x700; });
+    return sent;
+  }
+
+  TestTable with_drives;
+  TestTable without_the_last{.sequence = 2, .passive = kAxisSix};
+  NodeBench bench;
+};
+
+TEST_F(PassiveAxisTest, Inline_TargetsOfTheOthersAreASet) {
+  bench.install(without_the_last.image());
+  configure(Mode::kInline);
+  EXPECT_TRUE(is_configured());
+  std::vector<CanFrame> sent;
+  for (int k = 0; k < 100; ++k) sent = cycle(100'000);
+  ASSERT_EQ(sent.size(), 3U);
+  EXPECT_NE(load_le<std::int32_t>(&sent[0].data[0]), 100'000);
+  EXPECT_EQ(sent[2].len, 4);
+  EXPECT_NE(load_le<std::int32_t>(&sent[2].data[0]), 100'000);
+}
+
+TEST_F(PassiveAxisTest, Offset_BeginsOnceTheOthersWereHeard) {
+  bench.install(without_the_last.image());
+  configure(Mode::kOffset);
+  EXPECT_TRUE(is_configured());
+  for (int k = 0; k < 200; ++k) {
+    for (std::uint32_t pair = 0; pair < 2; ++pair)
+      bench.from_controller(NodeBench::pair_frame(0x1C0 + pair, 100'000, 100'000));
+    CanFrame last = NodeBench::pair_frame(0x1C2, 100'000, 0);
+    last.len = 4;
+    bench.from_controller(last);
+    cycle(100'000);
+  }
+  EXPECT_EQ(bench.read(0x2001, 2) & 0x10U, 0U) << "what the drives hold is known";
+  EXPECT_NE(static_cast<std::int32_t>(bench.read(0x80B0, 0)), 0) << "axis 5";
+  EXPECT_EQ(static_cast<std::int32_t>(bench.read(0x88B0, 0)), 0) << "axis 6";
+}
+
+TEST_F(PassiveAxisTest, TableWithADriveThere_NeedsItsTarget) {
+  bench.install(with_drives.image());
+  configure(Mode::kInline);
+  EXPECT_FALSE(is_configured());
+  bench.run_for(1'000'000);
+  bench.install(without_the_last.image());
+  EXPECT_TRUE(is_configured());
+}
+
+TEST_F(PassiveAxisTest, MappedAllTheSame_PassesUnchanged) {
+  bench.install(without_the_last.image());
+  bench.configure(Mode::kInline);
+  std::vector<CanFrame> sent;
+  for (int k = 0; k < 100; ++k) {
+    bench.next_sync();
+    bench.command_joints({100'000, 100'000, 100'000, 100'000, 100'000, 77'777});
+    sent = bench.downstream.take_sent();
+    std::erase_if(sent, [](const CanFrame& frame) { return frame.id != 0x420; });
+  }
+  ASSERT_EQ(sent.size(), 1U);
+  EXPECT_NE(load_le<std::int32_t>(&sent[0].data[0]), 100'000);
+  EXPECT_EQ(load_le<std::int32_t>(&sent[0].data[4]), 77'777);
+}
+
+// The first table of all: until it was verified nobody knows that axis 6 has no drive to disable.
+TEST_F(PassiveAxisTest, Commit_AsksTheDrivesThatThereAre) {
+  for (std::uint16_t k = 0; k < 5; ++k) {
+    const auto record = static_cast<std::uint16_t>(0x1408 + k);
+    map_alone(record, static_cast<std::uint16_t>(0x1608 + k), 0x1D0U + k,
+              (0x6041U + 0x800U * k) << 16 | 16);
+  }
+  const auto all_say = [this](int statusword) {
+    for (std::uint32_t k = 0; k < 5; ++k)
+      bench.from_drives(make_frame(0x1D0 + k, {statusword & 0xFF, statusword >> 8}));
+  };
+  EXPECT_EQ(bench.stage(without_the_last.image()), 0U);
+  EXPECT_EQ(bench.command(TableCommand::kVerify), 0U);
+  all_say(0x0237);
+  EXPECT_EQ(bench.command(TableCommand::kCommit), kRefused);
+  all_say(0x0250);
+  EXPECT_EQ(bench.command(TableCommand::kCommit), 0U);
+}
+
+}  // namespace
+}  // namespace armtrue::canopen
