@@ -24,7 +24,7 @@ ORDER = [
     ["fitter/evidence/search"],
     ["fitter/evidence"],
     ["firmware/canopen/motion", "firmware/canopen/sdo", "firmware/canopen/table", "fitter/diagnose"],
-    ["firmware/canopen/node", "fitter/plan"],
+    ["firmware/canopen/node", "fitter/plan", "fitter/refine"],
     ["firmware/ports/common", "fitter/python"],
     ["firmware/ports/arm"],
     [f"firmware/ports/{port}" for port in ("posix", "host", "cortex_m7", "r5f", "stm32f405")],

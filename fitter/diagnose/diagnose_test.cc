@@ -7,11 +7,11 @@
 #include <nlohmann/json.hpp>
 #include <numeric>
 
-#include "fitter/diagnose/growth.h"
-#include "fitter/diagnose/refine.h"
 #include "fitter/diagnose/scorer.h"
 #include "fitter/diagnose/spectrum.h"
 #include "fitter/diagnose/structure.h"
+#include "fitter/refine/growth.h"
+#include "fitter/refine/refine.h"
 #include "fitter/testing/problem.h"
 
 namespace armtrue {

@@ -15,12 +15,12 @@
 #include <nlohmann/json.hpp>
 
 #include "fitter/diagnose/information.h"
-#include "fitter/diagnose/refine.h"
 #include "fitter/python/arrays.h"
 #include "fitter/python/catalogue_binding.h"
 #include "fitter/python/drawing_binding.h"
 #include "fitter/python/plan_binding.h"
 #include "fitter/python/watched.h"
+#include "fitter/refine/refine.h"
 #include "fitter/solve/prediction.h"
 
 namespace nb = nanobind;

@@ -94,7 +94,7 @@ TEST(GearMesh, OptionsOfTheOtherKindOfJointAreRefusedWithTheRightOne) {
 
 TEST(GearMesh, CandidatesOfASlideAreOneAndTwoWavesATurnOfAScrewThatIsKnown) {
   const auto of_slide = [](const Problem& p) {
-    const auto all = find_effect("gear_mesh").candidates({*p.state, 1, false});
+    const auto all = find_effect("gear_mesh").tried({*p.state, 1, false});
     return std::ranges::count_if(all,
                                  [](const EffectRequest& r) { return r.joints == std::vector{1}; });
   };

@@ -1,4 +1,4 @@
-#include "fitter/diagnose/refine.h"
+#include "fitter/refine/refine.h"
 
 #include <algorithm>
 #include <cmath>
@@ -6,10 +6,10 @@
 #include <set>
 
 #include "fitter/common/parallel.h"
-#include "fitter/diagnose/growth.h"
-#include "fitter/diagnose/moves.h"
 #include "fitter/inference/smoothness.h"
 #include "fitter/model/variable.h"
+#include "fitter/refine/growth.h"
+#include "fitter/refine/moves.h"
 
 namespace armtrue {
 namespace {
@@ -31,7 +31,7 @@ constexpr std::size_t kLookedThrough = 60;
 // Held-out errors of two models that agree by this share are equal.
 constexpr double kSameError = 1e-3;
 // Two fits of one model that ended alike. Chance moves the noise of a few hundred poses by more.
-constexpr double kSameNoise = 0.01;
+constexpr double kSettledNoise = 0.01;
 constexpr int kSettlingPasses = 3;
 
 // Whether an effect is a function of time.
@@ -252,7 +252,7 @@ bool Refinement::settle() {
             ? anew->measurements().sigma_rotation / before.measurements().sigma_rotation
             : 1.0;
     is_diagnosed_ = is_diagnosed_ && anew->smoothness_sigma() == before.smoothness_sigma() &&
-                    std::abs(noise - 1.0) < kSameNoise && std::abs(turns - 1.0) < kSameNoise;
+                    std::abs(noise - 1.0) < kSettledNoise && std::abs(turns - 1.0) < kSettledNoise;
     settled_ = last.fit = std::move(anew);
   }
   if (is_diagnosed_) return true;

@@ -1,4 +1,4 @@
-#include "fitter/diagnose/moves.h"
+#include "fitter/refine/moves.h"
 
 #include <algorithm>
 #include <utility>

@@ -1,4 +1,4 @@
-#include "fitter/diagnose/growth.h"
+#include "fitter/refine/growth.h"
 
 #include <algorithm>
 #include <cmath>
