@@ -101,3 +101,22 @@ def test_a_few_poses_invent_no_joint_that_repeats_badly(tmp_path: Path) -> None:
     data = armtrue.load_data(tmp_path / "data.csv", robot)
     fit = armtrue.fit(data, robot, armtrue.load_model(tmp_path / "model.yaml", robot))
     assert max(armtrue.diagnose(fit)["noise"]["joints_urad"]) < 10.0
+
+
+def test_what_a_model_fixes_leaves_predictions_as_sure_as_they_are(tmp_path: Path) -> None:
+    # A fixed parameter shifted all others' places in the covariance: metres, negative variances, nan.
+    scenario = {"arm": "kr30", "seed": 4, "poses": 150}
+    simulate(scenario, tmp_path)
+    robot = armtrue.load_robot(tmp_path / "robot.yaml")
+    data = armtrue.load_data(tmp_path / "data.csv", robot)
+    exact = armtrue.load_data(tmp_path / "test.csv", robot)
+    model = armtrue.load_model(tmp_path / "model.yaml", robot)
+    free = armtrue.fit(data, robot, model)
+    value = next(p["value"] for p in free.document["parameters"] if p["name"] == "joint_offset[2]")
+    fixed = dataclasses.replace(model, parameters={"joint_offset[2]": {"fixed": value}})
+    held = armtrue.fit(data, robot, fixed)
+    size = [
+        np.median(np.trace(position_covariance(given, exact), axis1=1, axis2=2)) for given in (free, held)
+    ]
+    assert 0.5 < size[1] / size[0] < 1.2
+    assert np.linalg.eigvalsh(position_covariance(held, exact)).min() >= 0.0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 
+import armtrue
 import numpy as np
 import pytest
 from armtrue.errors import InputError
@@ -49,3 +50,16 @@ def test_oval_circle_of_azimuth_is_found_by_its_second_order(campaign) -> None:
 def test_circle_of_a_third_order_is_refused(campaign) -> None:
     with pytest.raises(InputError, match="tracker_angles: found order 3, expected 1 or 2"):
         campaign(poses=30).fit([*GEOMETRY, {"effect": "tracker_angles", "orders": [3]}])
+
+
+def test_distances_that_are_all_off_by_one_length_are_no_error_of_the_circles(campaign) -> None:
+    # The zero of a distance meter was taken for circles off their axes, with more than 99 %.
+    given = campaign(poses=200)
+    exact = given.data.positions_m
+    along = 8e-5 * exact / np.linalg.norm(exact, axis=1)[:, None]
+    longer = given.with_columns(**dict(zip("xyz", (exact + along).T, strict=True)))
+    refined, story = armtrue.refine(longer.fit(GEOMETRY))
+    added = [step["added"]["effect"] for step in story["steps"] if step["added"]]
+    assert added == ["tracker_scale"]
+    constant = next(p for p in refined.document["parameters"] if p["effect"] == "tracker_scale")
+    assert abs(constant["value"] - 8e-5) < 4.0 * constant["sigma"] < 4e-5

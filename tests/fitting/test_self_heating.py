@@ -6,7 +6,8 @@ import dataclasses
 from pathlib import Path
 
 import numpy as np
-from armtrue import fit, load_data, load_model, load_robot
+import pytest
+from armtrue import fit, load_data, load_model, load_robot, refine
 from armtrue_sim import simulate
 
 
@@ -40,3 +41,37 @@ def test_a_prediction_is_of_an_arm_as_warm_as_it_was_on_average(tmp_path: Path) 
     spread = np.sqrt((left_out**2).sum() / (lever**2).sum())
     assert spread > 1e-6
     assert abs(mean) < 0.2 * spread
+
+
+@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.full)])
+def test_a_gear_that_follows_a_thermometer_late_is_named(tmp_path: Path, seed: int) -> None:
+    # Without a column of duty the cause could not be tested, and an arm that warms up was named with more than 99 %.
+    simulate(
+        {
+            "arm": "kr30",
+            "seed": seed,
+            "poses": 240,
+            "test_poses": 0,
+            "rests": {"count": 2, "seconds": 4000.0},
+            "believed": ["base_frame", "tool_offset", "joint_offset", "link_geometry", "joint_compliance"],
+        },
+        tmp_path,
+    )
+    robot = load_robot(tmp_path / "robot.yaml")
+    data = load_data(tmp_path / "data.csv", robot)
+    sensor = next(name for name in data.columns if name.startswith("temp_"))
+    time, source = data.columns["time"], data.columns[sensor]
+    warm = np.empty_like(source)
+    warm[0] = source[0]
+    for i in range(1, len(warm)):
+        kept = np.exp(-(time[i] - time[i - 1]) / 1500.0)
+        warm[i] = kept * warm[i - 1] + (1.0 - kept) * source[i]
+    late = dataclasses.replace(
+        data, columns={**data.columns, "q2": data.columns["q2"] - 2.5e-5 * (warm - warm.mean())}
+    )
+    refined, story = refine(fit(late, robot, load_model(tmp_path / "model.yaml", robot)))
+    added = [(step["added"]["effect"], step["added"]["joints"]) for step in story["steps"] if step["added"]]
+    assert added == [("self_heating", [2])]
+    zero = next(p for p in refined.document["parameters"] if p["name"] == "self_heating[2].zero")
+    assert zero["unit"] == "rad/K"
+    assert zero["value"] == pytest.approx(2.5e-5, rel=0.25)

@@ -1,0 +1,33 @@
+"""A grid follows whatever its joints do as far as its cells are fine; what makes up for their size is no cause."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+from armtrue import add, fit, load_data, load_model, load_robot, refine
+from armtrue_sim import simulate
+
+
+@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.full)])
+def test_no_effect_is_named_beside_the_grid_that_was_advised(tmp_path: Path, seed: int) -> None:
+    # Its own advice followed, refine named a wobble of axis 1 with more than 99 %, and "nothing is missing".
+    simulate(
+        {"arm": "kr30", "seed": seed, "poses": 300, "test_poses": 0,
+         "believed": ["base_frame", "tool_offset", "joint_offset", "link_geometry", "joint_compliance"]},
+        tmp_path,
+    )  # fmt: skip
+    robot = load_robot(tmp_path / "robot.yaml")
+    data = load_data(tmp_path / "data.csv", robot)
+    q = data.columns
+    wrong = 2e-4 * np.sin(2.0 * q["q1"]) * np.cos(q["q3"])  # of axis 2, as no effect has it
+    data = dataclasses.replace(data, columns={**q, "q2": q["q2"] - wrong})
+    before, story = refine(fit(data, robot, load_model(tmp_path / "model.yaml", robot)))
+    assert story["steps"][-1]["verdict"] == "unexplained_structure"
+    with_grid = add(before, "residual_grid")
+    after, story = refine(with_grid)
+    added = [step["added"]["effect"] for step in story["steps"] if step["added"]]
+    assert not added
+    assert after.document["error"]["held_out"]["mean_um"] < before.document["error"]["held_out"]["mean_um"]
