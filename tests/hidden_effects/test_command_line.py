@@ -84,11 +84,11 @@ def test_heat_that_noise_hides_may_be_called_warm_up_where_the_rest_is_said_to_b
 
 
 def test_probabilities_are_read_where_they_are_said() -> None:
-    base = {"removed": [], "verdict": "nothing_missing", "unexplained": [], "added": None}
+    base = {"removed": [], "verdict": "nothing_missing", "unexplained": [], "untestable": [], "added": None}
     candidate = {"effect": "backlash", "joints": [3], "confounded_with": ["warm_up"], "probability": 0.2}
     step = base | {"effects": ["base_frame"], "candidates": [candidate], "probability_nothing": 0.7}
     final = step | {"effects": ["base_frame", {"effect": "backlash", "joints": [2]}]}
-    final["added"] = {"effect": "backlash", "joints": [2]}
+    final["added"] = {"effect": "backlash", "joints": [2], "confounded_with": []}
     effects = ["base_frame", {"effect": "backlash", "joints": [2], "probability": 0.97}]
     seen = outcome("one_hidden", hidden={"backlash 2"})
     read_refinement(seen, {"steps": [step, final], "effects": effects})

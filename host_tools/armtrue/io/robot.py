@@ -20,7 +20,7 @@ from armtrue.io.yamlfile import Section, load_yaml
 
 STANDARD_GRAVITY = [0.0, 0.0, -9.81]
 LARGEST_LEAD_M = 2.0  # a pinion of 0.6 m; what is larger is in millimetres
-_NO_GEAR = "no gear, as the joint is passive: it has no motor"
+_NO_MOTOR = "as the joint is passive: it has no motor"
 
 
 @dataclass(frozen=True)
@@ -266,13 +266,13 @@ def _joint(row: Section, number: int, read_frame: Callable[[Section], dict[str, 
         joint["passive"] = True
     if row.has("lead"):
         if joint.get("passive"):
-            raise row.fail("lead", _NO_GEAR)
+            raise row.fail("lead", f"no lead, {_NO_MOTOR}")
         joint["lead"] = _lead(row, "lead", revolute)
         if row.has("gear_ratio"):
             raise row.fail("gear_ratio", "lead alone, where both are given")
     if row.has("gear_ratio"):
         if joint.get("passive"):
-            raise row.fail("gear_ratio", _NO_GEAR)
+            raise row.fail("gear_ratio", f"no gear_ratio, {_NO_MOTOR}")
         ratio = (
             "a ratio other than 0, motor turns per joint turn"
             if revolute

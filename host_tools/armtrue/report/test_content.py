@@ -12,6 +12,7 @@ import pytest
 from armtrue import Fit, InputError, _core, refine
 from armtrue.report import gather
 from armtrue.report.conftest import fitted
+from armtrue.report.content import added_variable
 from armtrue.report.gathered.state import independent, turned_by
 from armtrue.report.page import page
 from armtrue.report.sections.diagnosis_sections import added_variable_section
@@ -103,9 +104,13 @@ def test_added_variables_lie_on_their_line(report):
 
 
 def test_a_candidate_that_the_model_takes_over_is_said_and_not_drawn(report):
-    plot = next(plot for plot in report.diagnoses[0].added_variables if plot.name == "tracker_scale")
+    first, *others = report.diagnoses
+    scale = {**first.result["candidates"][0], "effect": "tracker_scale", "joints": [], "options": {}}
+    scale["recommend"] = False
+    plot = added_variable(first.step.fit, scale)
     assert plot.adds_nothing
-    drawn = added_variable_section(report)
+    with_it = replace(first, added_variables=[plot, *first.added_variables])
+    drawn = added_variable_section(replace(report, diagnoses=[with_it, *others]))
     figure = re.search(r"<figure><h3>tracker_scale, after step 1</h3>(.*?)</figure>", drawn, re.DOTALL)[1]
     assert "it adds nothing: the model can take over all that it does" in figure
     assert "<svg" not in figure
