@@ -3,10 +3,12 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <optional>
 #include <set>
 #include <stdexcept>
 
 #include "fitter/diagnose/diagnose.h"
+#include "fitter/evidence/blocks.h"
 #include "fitter/evidence/words.h"
 #include "fitter/model/variable.h"
 
@@ -187,15 +189,28 @@ std::string table_of(JointRule rule) {
   throw std::logic_error("the catalogue has no such table");
 }
 
+// The command that adds a table; none where the fit has it.
+std::optional<std::string> command_to_add_table(const Fit& fit, EffectRequest table) {
+  for (const EffectRequest& entry : fit.specification().effects) {
+    for (const EffectRequest& part : parts_of(fit.context(), entry)) {
+      if (part.effect == table.effect && part.joints == table.joints) return std::nullopt;
+    }
+  }
+  return command_to_add(table);
+}
+
 // What follows a shape that has no name, by what the shape depends on.
-std::string remedy(const StructureFinding& f) {
+std::string remedy(const StructureFinding& f, const Fit& fit) {
   const bool one = f.variables.size() == 1;
+  std::optional<std::string> table;
   if (one && f.variables.front().starts_with("q") &&
-      f.coordinate == "motor" + f.variables.front().substr(1))
-    return command_to_add(
-        {table_of(JointRule::kEach), {std::stoi(f.variables.front().substr(1))}, {}});
-  if (std::all_of(f.variables.begin(), f.variables.end(), is_of_first_three))
-    return command_to_add({table_of(JointRule::kNone), {}, {}});
+      f.coordinate == "motor" + f.variables.front().substr(1)) {
+    table = command_to_add_table(
+        fit, {table_of(JointRule::kEach), {std::stoi(f.variables.front().substr(1))}, {}});
+  } else if (std::all_of(f.variables.begin(), f.variables.end(), is_of_first_three)) {
+    table = command_to_add_table(fit, {table_of(JointRule::kNone), {}, {}});
+  }
+  if (table) return *table;
   std::string expressions;
   if (one) {
     const std::string& v = f.variables.front();
@@ -290,7 +305,7 @@ void advise_structure(const Diagnosis& d, const Fit& fit, std::vector<std::strin
     advice.push_back(!event.empty() ? event
                                     : "no effect of the catalogue has that form; the generic "
                                       "remedy is: " +
-                                          remedy(f));
+                                          remedy(f, fit));
     if (is_motion(f)) return;
     if (d.neighbour_ratio < kNeighboursAlike) {
       advice.push_back("neighbouring poses err alike: it repeats and can be compensated");

@@ -31,3 +31,4 @@ def test_no_effect_is_named_beside_the_grid_that_was_advised(tmp_path: Path, see
     added = [step["added"]["effect"] for step in story["steps"] if step["added"]]
     assert not added
     assert after.document["error"]["held_out"]["mean_um"] < before.document["error"]["held_out"]["mean_um"]
+    assert not any("armtrue add FIT residual_grid" in line for line in story["steps"][-1]["advice"])

@@ -12,10 +12,8 @@ class TrackerScale final : public Effect {
   Role role() const override { return Role::kMeasurement; }
   JointRule joint_rule() const override { return JointRule::kNone; }
   std::string bound_text() const override {
-    return "2e-4: ours, air 30 K or 80 hPa other than the weather station's makes a quarter of it; "
-           "a "
-           "constant of 2e-4 m: ours, several times what a distance meter loses until it is set "
-           "again";
+    return "2e-4: ours, air 30 K or 80 hPa other than the weather station's makes a quarter of "
+           "it; a constant of 2e-4 m: ours, several times a distance meter's drift until it is set";
   }
   std::vector<EffectOption> options() const override {
     return {{"constant", "bool", "all distances are off by one length, not in proportion"}};
