@@ -29,6 +29,9 @@ constexpr double kRangeIsSigmas = 20.0;
 constexpr double kPosesPerNode = 3.0;
 constexpr double kFewestNodes = 12.0, kMostNodes = 100.0, kFinestSpacing = 0.035;
 constexpr Eigen::Index kCostlyDirections = 12;
+// So much of the squared residual, in variances of a reading, a column explains by chance.
+constexpr double kByChance = 4.0;
+constexpr double kSlightest = 1e-9;
 
 bool is_geometry(const std::string& effect) {
   const Role role = find_effect(effect).role();
@@ -62,6 +65,11 @@ class Builder {
     add_present();
     add_catalogue(std::move(catalogue));
     add_all_slopes(fit_.context(), model_.blocks);
+    for (EvidenceBlock& block : model_.blocks) {
+      if (block.present && block.forms.size() > 1) drop_better_forms(block);
+      for (EvidenceForm& form : block.forms)
+        form.log_prior = -std::log(static_cast<double>(block.forms.size()));
+    }
     return std::move(model_.blocks);
   }
 
@@ -82,6 +90,7 @@ class Builder {
   void set_odds();
   Block present_form(const EffectRequest& request);
   std::vector<EvidenceForm> present_forms(const EffectRequest& request);
+  void drop_better_forms(EvidenceBlock& block) const;
   Block table_form(const EffectRequest& request) const;
   const std::string& name_of(Eigen::Index column) const;
   std::vector<Eigen::Index> columns_of(const EffectRequest& request) const;
@@ -143,9 +152,9 @@ Block Builder::present_form(const EffectRequest& request) {
   return form;
 }
 
-// All forms that an effect of the fit would have as a candidate, and the one that was found: beside
-// other effects another one may be the likeliest, and what stands in the fit must not seem less
-// likely for standing there.
+// The form of an effect of the fit that was found, and all that it would have as a candidate: of
+// forms that do alike, the found one may be the least likely, and what stands in the fit must not
+// seem less likely for standing there.
 std::vector<EvidenceForm> Builder::present_forms(const EffectRequest& request) {
   EffectRequest found = request;
   for (const NonlinearParameter& p : build_effect(fit_.context(), request).nonlinear) {
@@ -153,18 +162,32 @@ std::vector<EvidenceForm> Builder::present_forms(const EffectRequest& request) {
     const auto own = std::ranges::find(all, p.name, &NonlinearParameter::name);
     if (!p.option.empty() && own != all.end()) found.options[p.option] = own->value;
   }
-  std::vector<EvidenceForm> forms;
+  std::vector<EvidenceForm> forms{present_form(request)};
+  if (found.options == request.options) return forms;
+  forms.front().found = true;
+  forms.front().block.request.options = found.options;
   for (const EffectRequest& candidate : find_effect(request.effect).tried(fit_.context())) {
     const EffectRequest added = as_added(candidate);
     if (added.options != candidate.options && label(added) == label(request) &&
         added.options == request.options && candidate.options != found.options)
       forms.emplace_back(make_block(fit_.context(), candidate));
   }
-  if (forms.empty() || found.options == request.options) return {present_form(request)};
-  forms.emplace_back(make_block(fit_.context(), found));
-  for (Parameter& p : forms.back().block.terms.parameters)
-    p.value = fit_.model().parameters[static_cast<std::size_t>(fit_.model().index(p.name))].value;
   return forms;
+}
+
+// A form that would explain more than the found one is of another effect: with the slopes of its
+// cell it follows what no values of its parameters do, and the fit would have found it.
+void Builder::drop_better_forms(EvidenceBlock& block) const {
+  std::vector<EvidenceForm> kept{block.forms.front()};
+  for (std::size_t f = 1; f < block.forms.size(); ++f) {
+    const Eigen::MatrixXd columns = block_columns(l_, fit_.state(), {&block.forms[f].block, 1});
+    const Eigen::MatrixXd own = columns - l_.jacobian * least_squares(l_.jacobian, columns);
+    const Eigen::VectorXd left = -l_.residual;
+    const Eigen::VectorXd solution = least_squares(own, left, kSlightest);
+    const double gain = left.dot(own * solution);
+    if (gain < kByChance * static_cast<double>(columns.cols())) kept.push_back(block.forms[f]);
+  }
+  block.forms = std::move(kept);
 }
 
 // A joint's table as fine as a smooth function of its rows can be known; how smooth it is, the
@@ -292,8 +315,9 @@ bool Builder::work_out(EvidenceBlock& block) const {
   std::vector<Block> forms;
   for (const EvidenceForm& form : block.forms) forms.push_back(form.block);
   block.columns = block_columns(l_, fit_.state(), forms);
-  if (block.present && !table && forms.size() == 1) {
-    for (const Eigen::Index c : columns_of(first_form.request)) {
+  if (block.present && !table) {
+    // The first form is the one that was found.
+    for (const Eigen::Index c : columns_of(block.request)) {
       const auto& all = first_form.terms.parameters;
       const auto own = std::ranges::find(all, name_of(c), &Parameter::name);
       block.columns.col(own - all.begin()) = l_.jacobian.col(c);

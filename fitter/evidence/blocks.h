@@ -23,6 +23,7 @@ struct EvidenceForm {
   std::vector<std::size_t> like;  ///< of each parameter: the own one whose prior size it has
   double log_prior = 0.0;         ///< that the block has this form
   bool halved = false;            ///< its cell of the grid is part of a coarser one
+  bool found = false;  ///< of a fit: where its nonlinear parameters stand, with their slopes
 
   EvidenceForm() = default;
   EvidenceForm(Block b);  ///< without slopes

@@ -123,8 +123,7 @@ void add_all_slopes(const EffectContext& context, std::vector<EvidenceBlock>& bl
   for (EvidenceBlock& block : blocks) {
     if (block.forms.size() < 2) continue;
     for (EvidenceForm& form : block.forms) {
-      form.log_prior = -std::log(static_cast<double>(block.forms.size()));
-      add_slopes(context, block, form);
+      if (!form.found) add_slopes(context, block, form);
     }
   }
 }
@@ -132,7 +131,7 @@ void add_all_slopes(const EffectContext& context, std::vector<EvidenceBlock>& bl
 void refine_forms(const Fit& fit, std::vector<EvidenceBlock>& blocks, const SearchResult& search) {
   for (std::size_t b = 0; b < blocks.size(); ++b) {
     EvidenceBlock& block = blocks[b];
-    if (block.forms.size() < 2) continue;
+    if (block.forms.size() < 2 || block.present) continue;
     // Beside what was found, and beside the fit alone: what stands in its place now may be wrong.
     const std::set<int> best{form_of(block, search.shape[b]),
                              form_of(block, search.alone_shape[b])};
@@ -146,7 +145,8 @@ void refine_forms(const Fit& fit, std::vector<EvidenceBlock>& blocks, const Sear
 bool wants_finer_forms(const std::vector<EvidenceBlock>& blocks, const SearchResult& search) {
   const double most = *std::max_element(search.alone_gain.begin(), search.alone_gain.end());
   for (std::size_t b = 0; b < blocks.size(); ++b) {
-    if (blocks[b].forms.size() < 2 || search.alone_gain[b] < kMuch * most) continue;
+    if (blocks[b].forms.size() < 2 || blocks[b].present || search.alone_gain[b] < kMuch * most)
+      continue;
     const int form = form_of(blocks[b], search.alone_shape[b]);
     if (!blocks[b].forms[static_cast<std::size_t>(form)].halved) return true;
   }
