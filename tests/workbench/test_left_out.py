@@ -96,7 +96,7 @@ def test_a_killed_server_comes_back_with_planned_poses_and_files_that_wait(
     planned = page.text("result")
     poses = first.ask(f"{first.path}file?name=result").read()
     assert len(list(csv.reader(poses.decode().splitlines()))) == 13
-    head, *rows = (campaign / "data.csv").read_text().splitlines()
+    head, *rows = (campaign / "test.csv").read_text().splitlines()
     (tmp_path / "new.csv").write_text("\n".join([head, *rows[:30]]) + "\n")
     browser.driver.find_element(By.ID, "files").send_keys(str(tmp_path / "new.csv"))
     page.until(lambda: "new.csv" in page.text("opening"), "file")
