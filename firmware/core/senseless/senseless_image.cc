@@ -343,7 +343,9 @@ void SenselessImage::make_nodes() {
 std::uint8_t SenselessImage::coordinate(bool motor) {
   if (motor || once_in(3)) {
     const auto joint = as<std::uint8_t>(0, static_cast<std::int64_t>(joints_) - 1);
-    return motor && (passive_ >> joint & 1U) != 0U ? std::uint8_t{0} : joint;
+    // Wild values name joints that no arm has: any bit will do for those.
+    const bool is_passive = (passive_ >> (joint % 64U) & 1U) != 0U;
+    return motor && is_passive ? std::uint8_t{0} : joint;
   }
   const std::size_t frame = once_in(5) ? format::kToolFrame : below(joints_ + 1);
   return static_cast<std::uint8_t>(format::kMotorCoordinates + 6 * frame + below(6));
