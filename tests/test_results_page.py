@@ -1,5 +1,5 @@
-"""docs/results.md or docs/effects.md has a place for every figure that a command prints, and keeps what stood there if
-nothing came."""
+"""tools/into_results.py writes what a command prints between the markers of its name in docs/results.md or
+docs/effects.md, and leaves the page as it was where the command fails or prints nothing."""
 
 from __future__ import annotations
 

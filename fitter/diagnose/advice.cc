@@ -118,17 +118,10 @@ std::string command_to_add(const EffectRequest& request) {
   return "armtrue add FIT " + request.effect + joints + options + " --out FIT2";
 }
 
-// Waves that a joint's grid of positions cannot tell from one of `cycles`, within what is looked
-// for; empty: none.
-std::string same_on_grid(const JointSpectrum& spectrum, double cycles) {
-  constexpr double kMostCycles = 1200.0, kShortestWave = 2e-3;
-  if (spectrum.grid == 0.0) return "";
-  const double period = (spectrum.slides ? 1.0 : 2.0 * std::numbers::pi) / spectrum.grid;
+// "20 cycles a turn and 52 cycles a turn"; empty for no numbers.
+std::string lines_words(bool slides, const std::vector<double>& cycles) {
   std::string list;
-  for (const double other : {period - cycles, period + cycles}) {
-    if (other > (spectrum.slides ? 1.0 / kShortestWave : kMostCycles)) continue;
-    list += (list.empty() ? "" : " and ") + line_words(spectrum.slides, other);
-  }
+  for (const double line : cycles) list += (list.empty() ? "" : " and ") + line_words(slides, line);
   return list;
 }
 
@@ -138,13 +131,13 @@ void advise_line(const Diagnosis& d, const EffectRequest& request,
   const bool slides = request.options.contains("wavelengths");
   if (!slides && !request.options.contains("cycles")) return;
   const std::string joint = std::to_string(request.joints.front());
-  std::string all;
+  std::vector<double> all;
   for (const auto& value : request.options[slides ? "wavelengths" : "cycles"]) {
     const double cycles = slides ? 1.0 / value.get<double>() : value.get<double>();
-    all += (all.empty() ? "" : " and ") + line_words(slides, cycles);
+    all.push_back(cycles);
     for (const JointSpectrum& spectrum : d.spectra) {
       if (spectrum.joint != request.joints.front()) continue;
-      const std::string others = same_on_grid(spectrum, cycles);
+      const std::string others = lines_words(slides, spectrum.aliases(cycles));
       if (others.empty()) continue;
       advice.push_back(
           "q" + joint + " stands on a grid of " +
@@ -153,7 +146,7 @@ void advise_line(const Diagnosis& d, const EffectRequest& request,
           " look the same: measure poses between to tell");
     }
   }
-  advice.push_back(all + " on joint " + joint +
+  advice.push_back(lines_words(slides, all) + " on joint " + joint +
                    (slides ? ": look for a screw or pinion that travels so far a turn"
                            : ": look for a gear or bearing of that count"));
 }
@@ -240,8 +233,8 @@ bool advise_direction(const Diagnosis& d, const Fit& fit, std::vector<std::strin
                                             d.neighbour_ratio >= kNeighboursAlike);
   if (!may_be) return false;
   // What is left runs with something that was recorded: it is not a direction's.
-  if (!s.between_repeats && !d.unexplained.empty() &&
-      !depends_on_posture(d.unexplained.front(), fit.robot().joint_count()))
+  if (!s.between_repeats && !d.unexplained().empty() &&
+      !depends_on_posture(d.unexplained().front(), fit.robot().joint_count()))
     return false;
   const std::string column = "dir" + std::to_string(s.joint);
   if (fit.state().recorded(column)) return false;
@@ -295,8 +288,8 @@ std::string event_of(const StructureFinding& f) {
 }
 
 void advise_structure(const Diagnosis& d, const Fit& fit, std::vector<std::string>& advice) {
-  if (!d.unexplained.empty()) {
-    const StructureFinding& f = d.unexplained.front();
+  if (!d.unexplained().empty()) {
+    const StructureFinding& f = d.unexplained().front();
     std::string what;
     for (const std::string& v : f.variables) what += (what.empty() ? "" : " and ") + v;
     advice.push_back("what is left depends on " + what + " and acts like " + f.coordinate + ": " +

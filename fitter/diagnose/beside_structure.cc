@@ -162,4 +162,16 @@ double GridDoubt::share_left(const Block& block, double gain) const {
              : 1.0;
 }
 
+void doubt_beside_grid(const GridDoubt& grid, std::vector<Candidate>& candidates, double& nothing) {
+  double most = 0.0;
+  bool doubted = false;
+  for (Candidate& c : candidates) {
+    const double share = grid.share_left(c.block, c.gain_beside);
+    c.probability *= share;
+    doubted = doubted || share < 1.0;
+    most = std::max(most, c.probability);
+  }
+  if (doubted) nothing = std::max(nothing, 1.0 - most);
+}
+
 }  // namespace armtrue

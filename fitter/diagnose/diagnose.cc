@@ -23,6 +23,7 @@ constexpr double kStructureSignificant = -5.0;
 constexpr double kSameExplanation = 0.9;
 // A rival that explains this much of its own beside a candidate is another effect, no alternative.
 constexpr double kIndependentShare = 0.5;
+
 std::string percent(double share, const char* form = "%.1f %%") {
   char text[32];
   std::snprintf(text, sizeof text, form, 100.0 * share);
@@ -176,18 +177,6 @@ void explain(Diagnosis& d, const Fit& fit) {
   }
 }
 
-void doubt_beside_grid(const GridDoubt& grid, std::vector<Candidate>& candidates, double& nothing) {
-  double most = 0.0;
-  bool doubted = false;
-  for (Candidate& c : candidates) {
-    const double share = grid.share_left(c.block, c.gain_beside);
-    c.probability *= share;
-    doubted = doubted || share < 1.0;
-    most = std::max(most, c.probability);
-  }
-  if (doubted) nothing = std::max(nothing, 1.0 - most);
-}
-
 // Forms of one effect have one label: it is there where one of them is. A form that another one
 // would replace is superfluous all the same.
 void describe_present(const Fit& fit, const EvidenceSummary& evidence, const GridDoubt& grid,
@@ -291,7 +280,6 @@ void conclude(Diagnosis& d, const Fit& fit, const Linearization& linearization) 
     d.verdict = Verdict::kMissingEffect;
   } else if (!d.structure.empty() || is_unlike_noise(d.lack_of_fit) || d.gross) {
     d.verdict = Verdict::kUnexplainedStructure;
-    d.unexplained = d.structure;
     d.neighbour_ratio = neighbour_ratio(linearization, fit.state());
     d.probability_nothing = std::min(d.probability_nothing, std::pow(10.0, kStructureSignificant));
   } else {
@@ -314,9 +302,14 @@ const Candidate* Diagnosis::left_out() const {
   return found == candidates.end() ? nullptr : &*found;
 }
 
+std::span<const StructureFinding> Diagnosis::unexplained() const {
+  if (verdict != Verdict::kUnexplainedStructure) return {};
+  return structure;
+}
+
 std::string key_of(const EffectRequest& request) { return label(request) + request.options.dump(); }
 
-bool leave_out(Diagnosis& d, Fit& fit, const std::set<std::string>& left_out) {
+bool conclude_beside(Diagnosis& d, Fit& fit, const std::set<std::string>& left_out) {
   recommend_beside(d, left_out);
   if (!d.recommended() && is_unlike_noise(d.lack_of_fit)) return false;
   conclude(d, fit, linearize(fit));

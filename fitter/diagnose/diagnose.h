@@ -5,6 +5,7 @@
 #include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <set>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -71,8 +72,7 @@ struct Diagnosis {
   double reading_sigma = 0.0;      ///< [m] a coordinate
   double orientation_sigma = 0.0;  ///< [rad] of measured orientations; 0: none
   std::vector<Untestable> untestable;
-  std::vector<StructureFinding> structure;    ///< what is left depends on, unless it is improbable
-  std::vector<StructureFinding> unexplained;  ///< the same, where no candidate is recommended
+  std::vector<StructureFinding> structure;  ///< what the residual depends on, improbable ones aside
   std::vector<std::string> advice;
   std::vector<JointSpectrum> spectra;
   LackOfFit lack_of_fit;
@@ -83,6 +83,8 @@ struct Diagnosis {
 
   const Candidate* recommended() const;
   const Candidate* left_out() const;  ///< the most probable one; null: none
+  /// The structure that no candidate explains: empty unless that is the verdict.
+  std::span<const StructureFinding> unexplained() const;
   nlohmann::json to_json(const Fit& fit) const;
 };
 
@@ -96,9 +98,9 @@ struct DiagnoseOptions {
   std::set<std::string> left_out;
 };
 
-/// Recommends, and where nothing is left to recommend concludes, anew: more was fitted beside `fit`
-/// and left out since `d` was made of it. False where only another diagnosis can conclude.
-bool leave_out(Diagnosis& d, Fit& fit, const std::set<std::string>& left_out);
+/// Updates recommendation, verdict and advice of `d`, which was made of `fit`, where more was
+/// fitted beside it and left out since. False where only a new diagnosis can tell the verdict.
+bool conclude_beside(Diagnosis& d, Fit& fit, const std::set<std::string>& left_out);
 
 /// What tells a request from all others of a search: its label and its options.
 std::string key_of(const EffectRequest& request);

@@ -69,7 +69,7 @@ json Diagnosis::to_json(const Fit& fit) const {
   for (const Untestable& u : untestable)
     result["untestable"].push_back({{"effect", u.effect}, {"needs", u.needs}});
   result["unexplained"] = json::array();
-  for (const StructureFinding& f : unexplained) {
+  for (const StructureFinding& f : unexplained()) {
     std::string variable;
     for (const std::string& v : f.variables) variable += (variable.empty() ? "" : "*") + v;
     result["unexplained"].push_back({{"variable", variable},
@@ -81,7 +81,7 @@ json Diagnosis::to_json(const Fit& fit) const {
                                      {"shape", f.shape},
                                      {"curve", {{"x", f.x}, {"y", f.y}}}});
   }
-  const bool unnamed = verdict == Verdict::kUnexplainedStructure && unexplained.empty();
+  const bool unnamed = verdict == Verdict::kUnexplainedStructure && structure.empty();
   if (unnamed && gross) {
     const std::string variable = "q" + std::to_string(gross->joint);
     result["unexplained"].push_back({{"variable", variable},

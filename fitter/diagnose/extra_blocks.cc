@@ -34,19 +34,16 @@ std::size_t lines_on(const Fit& fit, int joint) {
       }));
 }
 
-// Whether the catalogue's own orders of a joint cover so many cycles, as the joint's grid shows
-// them.
-bool is_known_order(const Fit& fit, const JointSpectrum& spectrum, double cycles) {
-  const Joint& joint = fit.robot().joints[static_cast<std::size_t>(spectrum.joint - 1)];
-  const double once =
-      spectrum.slides ? (joint.lead > 0.0 ? 1.0 / joint.lead : 0.0) : joint.gear_ratio;
-  if (once <= 0.0) return false;
-  const std::vector<double> orders =
-      spectrum.slides ? std::vector<double>{1.0, 2.0} : std::vector<double>{0.5, 1.0, 2.0, 4.0};
-  return std::ranges::any_of(orders, [&](double order) {
+// True if an effect tries a wave of so many cycles on this joint anyway, or one that looks the same
+// on the joint's grid of positions.
+bool is_tried(const Fit& fit, const JointSpectrum& spectrum, double cycles) {
+  const auto is_near = [&](double line) {
     const double apart =
-        std::min(std::abs(cycles - order * once), std::abs(cycles - spectrum.folded(order * once)));
+        std::min(std::abs(cycles - line), std::abs(cycles - spectrum.folded(line)));
     return apart < 0.5 * spectrum.resolution;
+  };
+  return std::ranges::any_of(effect_catalogue(), [&](const Effect* effect) {
+    return std::ranges::any_of(effect->tried_lines(fit.context(), spectrum.joint), is_near);
   });
 }
 
@@ -104,8 +101,7 @@ std::vector<EvidenceBlock> spectral_blocks(const Fit& fit, const Linearization& 
     lines += static_cast<double>(spectrum.cycles.size()) / 4.0;
     for (const SpectralPeak& peak :
          highest_peaks(spectrum, linearization, fit.state(), kSpectralPeaks - standing)) {
-      if (peak.cycles < fewest_cycles(spectrum) || is_known_order(fit, spectrum, peak.cycles))
-        continue;
+      if (peak.cycles < fewest_cycles(spectrum) || is_tried(fit, spectrum, peak.cycles)) continue;
       const double whole = std::round(peak.cycles);
       const double cycles =
           !spectrum.slides && std::abs(peak.cycles - whole) < 0.3 * spectrum.resolution

@@ -162,10 +162,23 @@ double with_round_length(const JointSeries& series, double cycles) {
 
 }  // namespace
 
+double JointSpectrum::alias_period() const {
+  return grid == 0.0 ? 0.0 : (slides ? 1.0 : 2.0 * std::numbers::pi) / grid;
+}
+
 double JointSpectrum::folded(double line) const {
-  if (grid == 0.0) return line;
-  const double period = (slides ? 1.0 : 2.0 * std::numbers::pi) / grid;
-  return std::abs(line - std::round(line / period) * period);
+  const double period = alias_period();
+  return period == 0.0 ? line : std::abs(line - std::round(line / period) * period);
+}
+
+std::vector<double> JointSpectrum::aliases(double line) const {
+  const double period = alias_period(), most = slides ? 1.0 / kShortestWave : kWideCycles;
+  std::vector<double> result;
+  if (period == 0.0) return result;
+  for (const double other : {period - line, period + line}) {
+    if (other <= most) result.push_back(other);
+  }
+  return result;
 }
 
 std::vector<JointSpectrum> joint_spectra(const Linearization& linearization, const State& state) {

@@ -20,6 +20,13 @@ struct JointSpectrum {
 
   /// The lowest number of cycles that the grid cannot tell from `line`; itself without a grid.
   double folded(double line) const;
+  /// The next numbers of cycles, of those that any spectrum covers, that the grid cannot tell from
+  /// `line`; none without a grid.
+  std::vector<double> aliases(double line) const;
+
+ private:
+  /// Numbers of cycles that differ by this look the same; 0 without a grid.
+  double alias_period() const;
 };
 
 struct SpectralPeak {

@@ -134,4 +134,7 @@ class GridDoubt {
   double by_grid_ = 0.0;
 };
 
+/// Lowers the probability of candidates by what GridDoubt leaves of it.
+void doubt_beside_grid(const GridDoubt& grid, std::vector<Candidate>& candidates, double& nothing);
+
 }  // namespace armtrue

@@ -92,8 +92,7 @@ std::string next_of(const TableVerdict& t) {
 std::string next_of_slide(int joint) {
   return "move joint " + std::to_string(joint) +
          " alone in fine steps: a wave as long as its screw or pinion travels in a turn is "
-         "gear_mesh, "
-         "with lead or wavelengths";
+         "gear_mesh, with lead or wavelengths";
 }
 
 }  // namespace

@@ -121,9 +121,7 @@ class Effect {
   virtual std::vector<std::string> searched_options() const { return {}; }
   /// Options that tell two findings of one effect on one joint apart, and stand in its label;
   /// others are forms of one finding.
-  virtual std::vector<std::string> told_apart_by() const {
-    return {"orders", "cycles", "wavelengths"};
-  }
+  virtual std::vector<std::string> told_apart_by() const { return {}; }
   /// Next finer forms of a request whose options held-out error has to choose: of a request that
   /// leaves them open the coarsest form alone, of a closed one those one step finer, none where the
   /// data carry no more. An effect without such options has none.
@@ -157,6 +155,8 @@ class Effect {
   virtual std::optional<EffectRequest> as_line(const EffectContext&, int, double) const {
     return std::nullopt;
   }
+  /// Cycles a turn (a metre) of the waves of a joint that candidates() has already.
+  virtual std::vector<double> tried_lines(const EffectContext&, int) const { return {}; }
   /// Terms for validated joints.
   virtual EffectTerms build(const EffectContext& context, const EffectRequest& request) const = 0;
 

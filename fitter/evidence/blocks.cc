@@ -461,8 +461,8 @@ std::vector<EffectRequest> removable_effects(const Fit& fit) {
   std::vector<EffectRequest> result;
   for (const EffectRequest& entry : fit.specification().effects) {
     if (is_geometry(entry.effect)) continue;
-    // What is no candidate of the catalogue (a user's own terms, the grid), nor of a spectrum, is
-    // not the search's to take out.
+    // The search removes only what it can also propose: candidates of the catalogue and spectral
+    // lines. A user's own terms and the grid stay.
     const Effect& effect = find_effect(entry.effect);
     if (effect.tried(fit.context()).empty() && !effect.as_line(fit.context(), 1, 1.0)) continue;
     for (EffectRequest& part : parts_of(fit.context(), entry)) result.push_back(std::move(part));

@@ -85,33 +85,22 @@ std::optional<Variable> parse_tilt(const std::string& name, int joints) {
   return v;
 }
 
-// lagTAU_NAME: temperature NAME, low-passed with TAU seconds.
-std::optional<Variable> parse_lag(const std::string& name) {
-  static const std::regex pattern(R"(lag([0-9]{1,7})_(.+))");
-  const std::optional<std::smatch> found = parts_of(name, "lag", pattern);
-  if (!found) return std::nullopt;
-  const std::smatch& match = *found;
-  Variable v;
-  v.name = name;
-  v.kind = VariableKind::kWarmth;
-  v.tau = std::stod(match[1]);
-  v.sensor = match[2];
-  if (!(v.tau > 0.0)) return std::nullopt;
-  return v;
-}
-
-// warmK_TAU: duty of joint K, low-passed with TAU seconds.
+// warmK_TAU: duty of joint K, and lagTAU_NAME: temperature NAME, low-passed with TAU seconds.
 std::optional<Variable> parse_warmth(const std::string& name, int joints) {
-  static const std::regex pattern(R"(warm([0-9]{1,2})_([0-9]{1,7}))");
-  const std::optional<std::smatch> found = parts_of(name, "warm", pattern);
-  if (!found) return std::nullopt;
-  const std::smatch& match = *found;
+  static const std::regex duty(R"(warm([0-9]{1,2})_([0-9]{1,7}))");
+  static const std::regex temperature(R"(lag([0-9]{1,7})_(.+))");
   Variable v;
   v.name = name;
   v.kind = VariableKind::kWarmth;
-  v.joint = std::stoi(match[1]);
-  v.tau = std::stod(match[2]);
-  if (v.joint < 1 || v.joint > joints || !(v.tau > 0.0)) return std::nullopt;
+  if (const auto of_duty = parts_of(name, "warm", duty)) {
+    v.joint = std::stoi((*of_duty)[1]);
+    v.tau = std::stod((*of_duty)[2]);
+    if (v.joint < 1 || v.joint > joints) return std::nullopt;
+  } else if (const auto of_sensor = parts_of(name, "lag", temperature)) {
+    v.tau = std::stod((*of_sensor)[1]);
+    v.sensor = (*of_sensor)[2];
+  }
+  if (!(v.tau > 0.0)) return std::nullopt;
   return v;
 }
 
@@ -189,7 +178,6 @@ std::optional<Variable> parse_variable(const std::string& name, int joints) {
   if (const auto regressor = parse_regressor(name, joints)) return regressor;
   if (const auto tilt = parse_tilt(name, joints)) return tilt;
   if (const auto warmth = parse_warmth(name, joints)) return warmth;
-  if (const auto lag = parse_lag(name)) return lag;
   if (name.rfind("temp_", 0) == 0 ||
       std::find(kNoState.begin(), kNoState.end(), name) != kNoState.end())
     return std::nullopt;

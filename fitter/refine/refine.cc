@@ -311,7 +311,7 @@ bool Refinement::leave_out() {
   RefineStep& last = steps_.back();
   const Candidate* asked_for = last.diagnosis.recommended();
   if (!asked_for || is_full() || !left_out_.insert(key_of(asked_for->request)).second) return false;
-  if (!armtrue::leave_out(last.diagnosis, *last.fit, left_out_))
+  if (!conclude_beside(last.diagnosis, *last.fit, left_out_))
     last.diagnosis = diagnose_now(*last.fit);
   return true;
 }

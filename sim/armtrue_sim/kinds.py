@@ -29,12 +29,12 @@ class Kind:
     noise: float = 1.0
     real: bool = False
     arms: tuple[str, ...] = ARMS
-    way: Later | None = None
+    way: Hiding | None = None
 
 
 @dataclass(frozen=True)
-class Later:
-    """How an effect of the contract's later rows hides: joints to choose from, what its measurement needs, which arms.
+class Hiding:
+    """How an effect is hidden: joints to choose from, what the scenario needs for it, on which arms.
 
     believed: what model.yaml has beside base, tool and joint zeros; without: joints that it leaves out of an effect.
     sizes: those that are not to be drawn. share: of every joint's travel, about its middle, that the poses use.
@@ -68,34 +68,34 @@ def _wrist(context: EffectContext) -> list[list[int]]:
 
 
 # A closed session shows no cause that is slower than it: sensors that swing, pauses, several set-ups.
-LATER: dict[str, Later] = {
-    "mass_parameters": Later(_whole),
+LATER: dict[str, Hiding] = {
+    "mass_parameters": Hiding(_whole),
     # A gear with a soft zone alone: 0.2 mrad about zero load, as lost motion of half a minute of arc.
-    "stiffness_nonlinear": Later(
+    "stiffness_nonlinear": Hiding(
         lambda context: [[k] for k in context.preset.compliant[:2]],
         sizes={"square": 0.0, "cube": 0.0, "soft": 2e-4},
     ),
     # As a mobile platform stands; 3 mrad on springs 2 and 3 alone are within the noise.
-    "gravity_direction": Later(_whole, arms=("kr30", "cobot", "lbr"), sizes={"tilt": 0.01}),
-    "axis_wobble": Later(_early),
-    "cross_compliance": Later(EffectContext.parallel_pairs, arms=("kr30", "irb2400", "cobot")),
-    "hysteresis": Later(_early, {"directions": "order", "columns": {"add": ["travel"]}}),
-    "coupling_harmonics": Later(_wrist, arms=("kr30", "irb2400", "cobot")),
-    "thermal_gradient": Later(
+    "gravity_direction": Hiding(_whole, arms=("kr30", "cobot", "lbr"), sizes={"tilt": 0.01}),
+    "axis_wobble": Hiding(_early),
+    "cross_compliance": Hiding(EffectContext.parallel_pairs, arms=("kr30", "irb2400", "cobot")),
+    "hysteresis": Hiding(_early, {"directions": "order", "columns": {"add": ["travel"]}}),
+    "coupling_harmonics": Hiding(_wrist, arms=("kr30", "irb2400", "cobot")),
+    "thermal_gradient": Hiding(
         lambda context: [[2], [3]], {"sensors": ["arm", "top", "bottom"], "temperature": {"wave": 2.0}}
     ),
-    "self_heating": Later(_early, {"rests": {"count": 3, "seconds": 3000.0}, "columns": {"add": ["duty"]}}),
-    "balancer_state": Later(
+    "self_heating": Hiding(_early, {"rests": {"count": 3, "seconds": 3000.0}, "columns": {"add": ["duty"]}}),
+    "balancer_state": Hiding(
         lambda context: [[2]],
         believed=("link_geometry", "joint_compliance", "gravity_balancer"),
         arms=("kr30", "irb2400"),
     ),
-    "axis_straightness": Later(lambda context: [[3]], arms=("stanford",)),
+    "axis_straightness": Hiding(lambda context: [[3]], arms=("stanford",)),
     # A scale of distance is a scale of all lengths: it shows only where the lengths are known.
-    "tracker_scale": Later(_whole, believed=("joint_compliance",)),
-    "tracker_angles": Later(_whole),
-    "station": Later(_whole, {"setups": {"stations": 2}}),
-    "nest": Later(_whole, {"setups": {"nests": 3}}),
+    "tracker_scale": Hiding(_whole, believed=("joint_compliance",)),
+    "tracker_angles": Hiding(_whole),
+    "station": Hiding(_whole, {"setups": {"stations": 2}}),
+    "nest": Hiding(_whole, {"setups": {"nests": 3}}),
 }
 
 _SIXTY = {"poses": 60, "repeats": {"poses": 2, "times": 3}}
@@ -134,9 +134,10 @@ class Suspect:
 
 @dataclass(frozen=True)
 class Pair:
-    """Two causes that look alike: the session that leaves them open, and the one that decides (None: no session does).
+    """Two causes with similar effects, a session that cannot tell them apart, and one that can (None: there is none).
 
-    open, decides: changes to the scenario; share: of the travel, in the open session. believed, without: as Later's.
+    open, decides: changes to the scenario of the one and the other; lacks, measurement: the same in words. share: of
+    the travel, in the first session. believed, without: as Hiding's.
     """
 
     suspects: tuple[Suspect, Suspect]
@@ -145,7 +146,7 @@ class Pair:
     decides: Mapping[str, Any] | None
     measurement: str
     share: float | None = None
-    believed: tuple[str, ...] = Later.believed
+    believed: tuple[str, ...] = Hiding.believed
     without: Mapping[str, int] = field(default_factory=dict)
     arms: tuple[str, ...] = ("kr30", "cobot")
 
@@ -159,7 +160,7 @@ class Pair:
         found = {}
         for decides, changes in ((False, self.open), (True, self.decides)):
             for hidden, suspect in enumerate(self.suspects):
-                way = Later(
+                way = Hiding(
                     lambda context, joints=list(suspect.joints): [joints],
                     changes or {},
                     self.believed,

@@ -23,8 +23,8 @@ from armtrue_sim.kinds import ARMS, KINDS, PAIR_KINDS
 from armtrue_sim.presets import PRESETS
 from harness import Outcome, Settings, run_case, verdict_of
 
-# The palletiser's own causes are in its bars, of which no kind knows.
-OWN_ARMS = tuple(arm for arm in PRESETS if arm != "palletiser")
+# Without the palletiser: what is particular to it is in its bars, which no kind hides.
+VARIED_ARMS = tuple(arm for arm in PRESETS if arm != "palletiser")
 
 HEAD = (
     "| what is hidden | cases | right | found | false: all, surely | missed | hang | failed | top 1 | top 3 "
@@ -91,7 +91,7 @@ def run_kinds(kinds: Iterable[str], given: argparse.Namespace, pool: ProcessPool
     everything = []
     for kind in kinds:
         seeds = seeds_of(kind, given)
-        arms = OWN_ARMS if given.variants and KINDS[kind].arms == ARMS else KINDS[kind].arms
+        arms = VARIED_ARMS if given.variants and KINDS[kind].arms == ARMS else KINDS[kind].arms
         calls = [(kind, arm, seed, settings) for arm in arms for seed in seeds]
         outcomes = [outcome for outcome in in_parallel(pool, _case_or_none, calls) if outcome]
         for o in outcomes:

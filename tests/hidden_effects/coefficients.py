@@ -43,7 +43,7 @@ def deviations(fit: Mapping[str, Any], campaign: Campaign) -> dict[str, float]:
 def _true_value(term: Mapping[str, Any], effect: str, state: Any, campaign: Campaign) -> float | None:
     """The coefficient that alone would make of the fitted term the true one; None where there is none."""
     try:
-        basis = term["weight"] * evaluate(term["expression"], state) + 0.0 * state.q[:, 0]
+        basis = np.broadcast_to(term["weight"] * evaluate(term["expression"], state), len(state.q))
     except ScenarioError:
         return None
     if not np.any(basis):

@@ -106,7 +106,7 @@ class JointPath {
   // Whether every joint with a drive is mapped in the target RPDOs, and in offset mode its offset
   // in the TPDOs and the drives where those go. Without that nothing is ever evaluated.
   bool is_configured() const;
-  // Bit k: axis k has a drive, as far as a table has said.
+  // Bit k is set if axis k has a drive. Before the first table all axes count as having one.
   std::uint32_t axes_with_drives() const;
   // Whether this RPDO is one of the set.
   bool carries_target(std::size_t rpdo) const {

@@ -95,8 +95,8 @@ inline constexpr std::size_t kMagnitudeAt = 72;         // i32, 2^-32 turn or me
 inline constexpr std::size_t kRateAt = 76;              // i32, 2^-32 turn or metre per second
 inline constexpr std::size_t kDeadBandAt = 80;          // i32, increments
 inline constexpr std::size_t kLength = 84;
-// No drive: bars turn the joint by what couplings give. Its motor side stands at zero, whatever
-// acts on it.
+// The joint has no drive: its link angle follows from the coupling section alone, and its position
+// counts as zero.
 inline constexpr std::uint8_t kPassive = 1U << 0;
 inline constexpr std::uint8_t kAllFlags = kPassive;
 }  // namespace joint

@@ -19,8 +19,6 @@ class TrackerAngles final : public Effect {
     return {{"orders", "[int]", "1, once a turn, and 2, twice; default [1]"}};
   }
 
-  std::vector<std::string> told_apart_by() const override { return {}; }
-
   // An azimuth error turns the point about the instrument's upright axis, one of elevation about
   // the level axis across the line of sight. Twice a turn: the second-order errors of a tracker's
   // encoders (Muralikrishnan et al., Measuring scale errors in a laser tracker's horizontal angle

@@ -18,7 +18,6 @@ class TrackerScale final : public Effect {
   std::vector<EffectOption> options() const override {
     return {{"constant", "bool", "all distances are off by one length, not in proportion"}};
   }
-  std::vector<std::string> told_apart_by() const override { return {}; }
 
   EffectTerms build(const EffectContext& context, const EffectRequest& request) const override {
     const Sight s = line_of_sight(context);

@@ -21,6 +21,8 @@ class CouplingHarmonics final : public Effect {
     return {{"orders", "[int]", "cycles per turn of the driving joint, default [1, 2]"}};
   }
 
+  std::vector<std::string> told_apart_by() const override { return {"orders"}; }
+
   std::vector<int> default_joints(const EffectContext& context) const override {
     const int n = context.joint_count();
     std::vector<int> pairs;

@@ -17,6 +17,8 @@ class GearHarmonics final : public Effect {
     return {{"orders", "[int]", "cycles per joint turn, default [1, 2]"}};
   }
 
+  std::vector<std::string> told_apart_by() const override { return {"orders"}; }
+
   std::vector<std::string> missing(const EffectContext& context,
                                    const std::vector<int>& joints) const override {
     std::vector<std::string> lacking;

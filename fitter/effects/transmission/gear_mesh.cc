@@ -42,6 +42,10 @@ class GearMesh final : public Effect {
             {"find", "bool", "fine-tune cycles or wavelengths to the data, starting from these"}};
   }
 
+  std::vector<std::string> told_apart_by() const override {
+    return {"orders", "cycles", "wavelengths"};
+  }
+
   std::vector<int> default_joints(const EffectContext& context) const override {
     std::vector<int> joints;
     for (int k = 1; k <= context.joint_count(); ++k) {
@@ -55,6 +59,15 @@ class GearMesh final : public Effect {
     if (context.prismatic(joint))
       return EffectRequest{id(), {joint}, {{"wavelengths", {1.0 / cycles}}}};
     return EffectRequest{id(), {joint}, {{"cycles", {cycles}}}};
+  }
+
+  std::vector<double> tried_lines(const EffectContext& context, int joint) const override {
+    std::vector<double> lines;
+    const double turn = turn_of(context, joint);
+    if (turn <= 0.0) return lines;
+    for (const double order : known_orders(context, joint))
+      lines.push_back(context.prismatic(joint) ? order / turn : order * turn);
+    return lines;
   }
 
   EffectTerms build(const EffectContext& context, const EffectRequest& request) const override {

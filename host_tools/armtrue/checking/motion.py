@@ -219,30 +219,20 @@ def _lost_positions(data: Dataset) -> list[Finding]:
     """Rows without a position, or a coordinate that no row has."""
     if not data.has_positions:
         return []
-    lost = data.lost
+    evidence: dict[str, object]
+    lost, never = data.lost, [name for name in "xyz" if not data.columns[name].any()]
     if lost.any():
         which = "all rows" if lost.all() else name_rows(data, lost)
-        return [
-            Finding(
-                "no_position",
-                "error",
-                f"x, y and z are 0, as an instrument writes that has lost its reflector: {which}",
-                {"rows": data.rows[lost].tolist()},
-                "Measure them." if lost.all() else "Take these rows out (--skip-bad leaves them out).",
-            )
-        ]
-    never = [name for name in "xyz" if not data.columns[name].any()]
-    if not never:
+        message = f"x, y and z are 0, as an instrument writes that has lost its reflector: {which}"
+        evidence = {"rows": data.rows[lost].tolist()}
+        remedy = "Measure them." if lost.all() else "Take these rows out (--skip-bad leaves them out)."
+    elif never:
+        are = "is" if len(never) == 1 else "are"
+        message = f"{' and '.join(never)} {are} 0 in all rows: nothing was measured there"
+        evidence, remedy = {"columns": never}, "Record x, y and z of every pose."
+    else:
         return []
-    return [
-        Finding(
-            "no_position",
-            "error",
-            f"{' and '.join(never)} {'is' if len(never) == 1 else 'are'} 0 in all rows: nothing was measured there",
-            {"columns": never},
-            "Record x, y and z of every pose.",
-        )
-    ]
+    return [Finding("no_position", "error", message, evidence, remedy)]
 
 
 def _stale_positions(data: Dataset) -> list[Finding]:

@@ -50,7 +50,7 @@ class Robot:
     @property
     def passive(self) -> list[int]:
         """Numbers, from 1, of the joints without a motor: bars turn them by the angles that `coupling` gives."""
-        return [number for number, joint in enumerate(self.joints, start=1) if joint.get("passive")]
+        return _passive(self.joints)
 
     @property
     def motors(self) -> list[int]:
@@ -164,15 +164,17 @@ def _specification(top: Section, path: Path) -> dict[str, Any]:
         payload.finish()
     if top.has("temperature"):
         spec["temperature"] = _temperature(top.section("temperature"))
-    passive = [
-        number for number, joint in enumerate(spec["kinematics"]["joints"], start=1) if joint.get("passive")
-    ]
+    passive = _passive(spec["kinematics"]["joints"])
     spec["coupling"] = _with_mimics(mimics, _coupling(top, joint_count, passive), passive, top)
     _refuse_undriven(passive, spec["coupling"], top)
     if top.has("linkage"):
         spec["linkage"] = _linkage(top.section("linkage"), joint_count)
     top.finish()
     return spec
+
+
+def _passive(joints: list[dict[str, Any]]) -> list[int]:
+    return [number for number, joint in enumerate(joints, start=1) if joint.get("passive")]
 
 
 def pose(section: Section) -> dict[str, list[float]]:

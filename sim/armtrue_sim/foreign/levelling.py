@@ -19,6 +19,7 @@ import numpy as np
 from ..arm import Arm, State
 from ..effects.base import EffectContext, EffectTruth, Sizes, effect
 from ..mechanics.chain import Frames
+from ..mechanics.fourbar import closing_error
 from ..mechanics.transforms import Array
 
 
@@ -47,13 +48,7 @@ class Bars:
         # From the pivot of the second short arm's axis to the bar's end on the first.
         x = self.arm * np.cos(first) - self.link * np.cos(attitude)
         y = self.arm * np.sin(first) - self.link * np.sin(attitude)
-        second, bar = self.arm + self.arm_error, self.link + self.bar_error
-        distance = np.hypot(x, y)
-        spread = np.arccos((second**2 + distance**2 - bar**2) / (2.0 * second * distance))
-        candidates = np.arctan2(y, x) + np.stack([-spread, spread])
-        # The assembly next to the parallelogram.
-        apart = np.remainder(candidates - first + np.pi, 2.0 * np.pi) - np.pi
-        turned: Array = np.take_along_axis(apart, np.abs(apart).argmin(axis=0)[None], axis=0)[0]
+        turned = closing_error(x, y, self.arm + self.arm_error, self.link + self.bar_error, first)
         return turned + before - self.stands_error
 
 
@@ -90,7 +85,7 @@ def levelling_bars(context: EffectContext, joints: list[int], sizes: Sizes) -> E
     (level,) = joints
     links = tuple(range(1, level - 1))
     lengths = [float(np.linalg.norm(context.chain.link_lengths[k])) for k in links]
-    # Each short arm stands across where its link lies in the middle of its range.
+    # Each short arm is perpendicular to its link when the link is in the middle of its range.
     stands = (0.0, -0.5 * np.pi)
     rows = tuple(
         Bars(

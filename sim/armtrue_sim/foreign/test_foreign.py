@@ -179,3 +179,15 @@ def test_levelling_bars_turn_the_level_link_alone():
     assert list(turned) == [3]
     assert np.count_nonzero(turned[3][:, :5]) == 0
     assert np.all(np.abs(turned[3][:, 5]) < 3e-3)
+
+
+def test_waves_and_an_offset_do_nearly_all_that_wrong_bars_do():
+    """Why there is no effect of its own for them (docs/effects.md): 40 to 140 degrees between link and short arms."""
+    attitude = np.radians(np.linspace(-50.0, 50.0, 101))
+    waves = np.stack(
+        [np.ones(101), *(wave(n * attitude) for n in (1, 2) for wave in (np.sin, np.cos))], axis=1
+    )
+    for errors in ((3e-4, 0.0, 0.0), (0.0, 2e-4, 0.0), (3e-4, 2e-4, 1e-4)):
+        tilt = Bars(1.4, 0.35, -0.5 * np.pi, *errors).tilt(attitude, np.zeros(101))
+        left = tilt - waves @ np.linalg.lstsq(waves, tilt, rcond=None)[0]
+        assert np.linalg.norm(left) < 0.02 * np.linalg.norm(tilt)

@@ -17,6 +17,23 @@ import numpy as np
 from .transforms import Array
 
 
+def closing_error(x: Array, y: Array, arm: float, bar: float, nominal: Array) -> Array:
+    """Angle of an arm (N,) less its `nominal` one, where its end is `bar` away from (x, y); its pivot is the origin.
+
+    Of the two assemblies the one next to the parallelogram; the other is the crossed linkage. Raises ValueError where
+    the bars cannot close.
+    """
+    distance = np.hypot(x, y)
+    cosine = (arm**2 + distance**2 - bar**2) / (2.0 * arm * distance)
+    if np.any(np.abs(cosine) > 1.0):
+        raise ValueError("the four-bar linkage does not close at a commanded pose")
+    toward, spread = np.arctan2(y, x), np.arccos(cosine)
+    candidates = np.stack([toward - spread, toward + spread])
+    error = np.remainder(candidates - nominal + np.pi, 2.0 * np.pi) - np.pi
+    result: Array = np.take_along_axis(error, np.abs(error).argmin(axis=0)[None], axis=0)[0]
+    return result
+
+
 @dataclass(frozen=True)
 class FourBar:
     """Bar lengths in metres, errors and pivot offset apart; `angle`: beta where link angle 3 is zero (contract.md)."""
@@ -48,16 +65,7 @@ class FourBar:
         c, s = np.cos(theta2), np.sin(theta2)
         to_tip_x = c * self.pivot_x + s * self.pivot_y + crank * np.cos(beta) - arm
         to_tip_y = -s * self.pivot_x + c * self.pivot_y + crank * np.sin(beta)
-        distance = np.hypot(to_tip_x, to_tip_y)
-        cosine = (rocker**2 + distance**2 - rod**2) / (2.0 * rocker * distance)
-        if np.any(np.abs(cosine) > 1.0):
-            raise ValueError("the four-bar linkage does not close at a commanded pose")
-        toward, spread = np.arctan2(to_tip_y, to_tip_x), np.arccos(cosine)
-        # Of the two assemblies the one next to the parallelogram; the other is the crossed linkage.
-        candidates = np.stack([toward - spread, toward + spread])
-        error = np.remainder(candidates - beta + np.pi, 2.0 * np.pi) - np.pi
-        result: Array = beta + np.take_along_axis(error, np.abs(error).argmin(axis=0)[None], axis=0)[0]
-        return result
+        return beta + closing_error(to_tip_x, to_tip_y, rocker, rod, beta)
 
     def first_order(self) -> dict[str, float]:
         """Coefficients (rad) of the linearised error's four basis functions; th2: link angle 2, beta as commanded."""
