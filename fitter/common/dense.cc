@@ -10,7 +10,9 @@
 
 extern "C" {
 void dpotrf_(const char* part, const int* size, double* matrix, const int* stride, int* info);
-void dpotri_(const char* part, const int* size, double* matrix, const int* stride, int* info);
+void dtrtri_(const char* part, const char* unit, const int* size, double* matrix, const int* stride,
+             int* info);
+void dlauum_(const char* part, const int* size, double* matrix, const int* stride, int* info);
 void dsyevd_(const char* vectors, const char* part, const int* size, double* matrix,
              const int* stride, double* values, double* work, const int* work_size,
              int* integer_work, const int* integer_work_size, int* info);
@@ -21,6 +23,9 @@ void dgemm_(const char* turn_a, const char* turn_b, const int* rows, const int* 
             const int* depth, const double* alpha, const double* a, const int* stride_a,
             const double* b, const int* stride_b, const double* beta, double* c,
             const int* stride_c);
+void dgemv_(const char* turn, const int* rows, const int* columns, const double* alpha,
+            const double* a, const int* stride_a, const double* x, const int* step_x,
+            const double* beta, double* y, const int* step_y);
 void dsyrk_(const char* part, const char* turn, const int* size, const int* depth,
             const double* alpha, const double* a, const int* stride_a, const double* beta,
             double* c, const int* stride_c);
@@ -53,6 +58,9 @@ void be_single_threaded() {
 // Multiplications from which a product is worth several threads, and how it is cut.
 constexpr double kWorthThreads = 2e7;
 constexpr Eigen::Index kNarrowestPanel = 64, kPanels = 8;
+// With fewer columns on the left, dgemm would spend its time in rearranging the matrix on the
+// right, which so many values at a time stay in a cache for.
+constexpr Eigen::Index kSkinny = 8, kInCache = 32768;
 // Smaller matrices are factorised in one piece, others in blocks of columns.
 constexpr Eigen::Index kSmallFactor = 600, kFactorBlock = 192;
 // Up to this size Eigen solves and factorises: calling BLAS or LAPACK takes longer than the
@@ -214,41 +222,74 @@ Eigen::MatrixXd Cholesky::half_solve(Eigen::MatrixXd right) const {
   return right;
 }
 
-// A⁻¹ = L⁻ᵀ L⁻¹, both in blocks of columns. A column of L⁻¹ is zero above the diagonal, and a sum
-// of products of two columns begins where the later one does.
-void invert_cholesky(Eigen::MatrixXd& lower) {
+namespace {
+
+// First column and number of columns of a block of a large triangle.
+std::pair<Eigen::Index, Eigen::Index> triangle_block(std::size_t b, Eigen::Index size) {
+  const Eigen::Index first = static_cast<Eigen::Index>(b) * kFactorBlock;
+  return {first, std::min(kFactorBlock, size - first)};
+}
+
+std::size_t triangle_blocks(Eigen::Index size) {
+  return static_cast<std::size_t>((size + kFactorBlock - 1) / kFactorBlock);
+}
+
+}  // namespace
+
+Eigen::MatrixXd inverse_of_triangle(const Eigen::MatrixXd& lower) {
   be_single_threaded();
   const Eigen::Index size = lower.rows();
   const int stride = static_cast<int>(size);
-  int info = 0;
+  if (size == 0) return lower;
   if (size < kSmallFactor) {
-    if (size > 0) dpotri_("L", &stride, lower.data(), &stride, &info);
-    return;
+    Eigen::MatrixXd inverse = lower;
+    int info = 0;
+    dtrtri_("L", "N", &stride, inverse.data(), &stride, &info);
+    return inverse;
   }
-  const auto block_of = [&](std::size_t b) {
-    const Eigen::Index first = static_cast<Eigen::Index>(b) * kFactorBlock;
-    return std::pair{first, std::min(kFactorBlock, size - first)};
-  };
-  const auto blocks = static_cast<std::size_t>((size + kFactorBlock - 1) / kFactorBlock);
-  const double one = 1.0, zero = 0.0;
-  Eigen::MatrixXd root = Eigen::MatrixXd::Zero(size, size);  // L⁻¹
-  in_parallel(blocks, [&](std::size_t b) {
-    const auto [first, count] = block_of(b);
+  const double one = 1.0;
+  Eigen::MatrixXd inverse = Eigen::MatrixXd::Zero(size, size);
+  in_parallel(triangle_blocks(size), [&](std::size_t b) {
+    const auto [first, count] = triangle_block(b, size);
     const int rows = static_cast<int>(size - first), columns = static_cast<int>(count);
-    root.block(first, first, count, count).diagonal().setOnes();
+    inverse.block(first, first, count, count).diagonal().setOnes();
     dtrsm_("L", "L", "N", "N", &rows, &columns, &one, &lower(first, first), &stride,
-           &root(first, first), &stride);
+           &inverse(first, first), &stride);
   });
+  return inverse;
+}
+
+// A sum of products of two columns begins where the later one does.
+Eigen::MatrixXd square_of_triangle(Eigen::MatrixXd lower) {
+  be_single_threaded();
+  const Eigen::Index size = lower.rows();
+  const int stride = static_cast<int>(size);
+  if (size == 0) return lower;
+  const auto mirror = [](Eigen::MatrixXd& whole) {
+    whole.triangularView<Eigen::StrictlyUpper>() = whole.transpose();
+  };
+  if (size < kSmallFactor) {
+    int info = 0;
+    dlauum_("L", &stride, lower.data(), &stride, &info);
+    mirror(lower);
+    return lower;
+  }
+  lower.triangularView<Eigen::StrictlyUpper>().setZero();
+  const double one = 1.0, zero = 0.0;
+  Eigen::MatrixXd result(size, size);
+  const std::size_t blocks = triangle_blocks(size);
   in_parallel(blocks, [&](std::size_t b) {
-    const auto [first, count] = block_of(b);
+    const auto [first, count] = triangle_block(b, size);
     const int columns = static_cast<int>(count);
     for (std::size_t below = b; below < blocks; ++below) {
-      const auto [at, height] = block_of(below);
+      const auto [at, height] = triangle_block(below, size);
       const int rows = static_cast<int>(height), depth = static_cast<int>(size - at);
-      dgemm_("T", "N", &rows, &columns, &depth, &one, &root(at, at), &stride, &root(at, first),
-             &stride, &zero, &lower(at, first), &stride);
+      dgemm_("T", "N", &rows, &columns, &depth, &one, &lower(at, at), &stride, &lower(at, first),
+             &stride, &zero, &result(at, first), &stride);
     }
   });
+  mirror(result);
+  return result;
 }
 
 namespace {
@@ -339,7 +380,21 @@ Eigen::MatrixXd times(const Eigen::Ref<const Eigen::MatrixXd>& a,
 
 Eigen::MatrixXd transpose_times(const Eigen::Ref<const Eigen::MatrixXd>& a,
                                 const Eigen::Ref<const Eigen::MatrixXd>& b) {
-  return product("T", a, b, a.cols());
+  if (a.cols() > kSkinny || b.size() < kInCache) return product("T", a, b, a.cols());
+  be_single_threaded();
+  Eigen::MatrixXd result(a.cols(), b.cols());
+  const Eigen::Index panel = std::max<Eigen::Index>(1, kInCache / b.rows());
+  const int depth = static_cast<int>(b.rows()), stride = static_cast<int>(b.outerStride());
+  const int one_step = 1, step = static_cast<int>(a.cols());
+  const double one = 1.0, zero = 0.0;
+  for (Eigen::Index first = 0; first < b.cols(); first += panel) {
+    const int count = static_cast<int>(std::min(panel, b.cols() - first));
+    for (Eigen::Index j = 0; j < a.cols(); ++j) {
+      dgemv_("T", &depth, &count, &one, b.data() + first * b.outerStride(), &stride,
+             a.data() + j * a.outerStride(), &one_step, &zero, &result(j, first), &step);
+    }
+  }
+  return result;
 }
 
 Eigen::MatrixXd congruent(const Eigen::MatrixXd& a, const Eigen::MatrixXd& by) {
@@ -366,20 +421,22 @@ GrownFactor::GrownFactor(const Eigen::Ref<const Eigen::MatrixXd>& root,
   factor_ = upper.triangularView<Eigen::Upper>().transpose();
 }
 
-Eigen::MatrixXd GrownFactor::turned(Eigen::MatrixXd a, Eigen::MatrixXd b) const {
+void GrownFactor::turn(Eigen::Ref<Eigen::MatrixXd> a, Eigen::Ref<Eigen::MatrixXd> b) const {
   const int rows = static_cast<int>(reflectors_.rows()), size = static_cast<int>(factor_.rows());
   const int none = 0, block = static_cast<int>(triangles_.rows());
-  if (rows == 0 || size == 0) return a;
+  if (rows == 0 || size == 0) return;
+  const int stride_a = static_cast<int>(a.outerStride()),
+            stride_b = static_cast<int>(b.outerStride());
   const double work = 2.0 * static_cast<double>(a.size()) * static_cast<double>(rows);
   in_panels(a.cols(), work, [&](Eigen::Index first, Eigen::Index count) {
     const int columns = static_cast<int>(count);
     std::vector<double> space(static_cast<std::size_t>(triangles_.rows() * count));
     int info = 0;
     dtpmqrt_("L", "T", &rows, &columns, &size, &none, &block, reflectors_.data(), &rows,
-             triangles_.data(), &block, a.col(first).data(), &size, b.col(first).data(), &rows,
+             triangles_.data(), &block, &a(0, first), &stride_a, &b(0, first), &stride_b,
              space.data(), &info);
+    for (Eigen::Index c = first; c < first + count; ++c) a.col(c).array() *= sign_.array();
   });
-  return sign_.asDiagonal() * a;
 }
 
 }  // namespace armtrue

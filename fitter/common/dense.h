@@ -13,8 +13,11 @@ namespace armtrue {
 /// factor.
 bool factorise_cholesky(Eigen::MatrixXd& lower);
 
-/// From the factor to the inverse, lower triangle (LAPACK dpotri).
-void invert_cholesky(Eigen::MatrixXd& lower);
+/// L⁻¹ of a lower triangle L; what stands above its diagonal has no meaning (LAPACK dtrtri).
+Eigen::MatrixXd inverse_of_triangle(const Eigen::MatrixXd& lower);
+
+/// LᵀL of a lower triangle L, both triangles (LAPACK dlauum).
+Eigen::MatrixXd square_of_triangle(Eigen::MatrixXd lower);
 
 /// A symmetric positive definite matrix A = L Lᵀ, to solve A x = b (LAPACK dpotrf).
 class Cholesky {
@@ -80,8 +83,8 @@ class GrownFactor {
               const Eigen::Ref<const Eigen::MatrixXd>& part);
   /// Lower triangle, zeros above.
   const Eigen::MatrixXd& factor() const { return factor_; }
-  /// L′⁻¹ (L a + S b).
-  Eigen::MatrixXd turned(Eigen::MatrixXd a, Eigen::MatrixXd b) const;
+  /// a ← L′⁻¹ (L a + S b); what b holds then has no meaning.
+  void turn(Eigen::Ref<Eigen::MatrixXd> a, Eigen::Ref<Eigen::MatrixXd> b) const;
 
  private:
   Eigen::MatrixXd factor_, reflectors_, triangles_;

@@ -117,8 +117,9 @@ TEST_P(Size, GrownFactorIsThatOfTheSum) {
   EXPECT_LT((grown.factor() * grown.factor().transpose() - expected).norm(),
             1e-12 * expected.norm());
   const Eigen::MatrixXd a = some_matrix(n, 300), b = some_matrix(more, 300);
-  EXPECT_LT((grown.factor() * grown.turned(a, b) - (lower * a + part * b)).norm(),
-            1e-11 * expected.norm());
+  Eigen::MatrixXd turned = a, used = b;
+  grown.turn(turned, used);
+  EXPECT_LT((grown.factor() * turned - (lower * a + part * b)).norm(), 1e-11 * expected.norm());
 }
 
 TEST_P(Size, EigenvaluesOfAKnownSpectrum) {
@@ -200,6 +201,15 @@ TEST_P(Size, TransposeTimesIsTheProductAlsoOfPartsOfMatrices) {
   ASSERT_EQ(product.rows(), n);
   ASSERT_EQ(product.cols(), 2);
   EXPECT_LE((product - expected).norm(), 1e-12 * (1.0 + expected.norm()));
+}
+
+// Few columns, of a part of a matrix, are multiplied without rearranging the other one.
+TEST(Dense, FewColumnsTimesAWideMatrix) {
+  const Eigen::MatrixXd from = random_matrix(410, 5, 21), wide = random_matrix(420, 333, 22);
+  const auto left = from.middleRows(3, 400);
+  const auto right = wide.middleRows(7, 400);
+  const Eigen::MatrixXd expected = left.transpose().lazyProduct(right);
+  EXPECT_LE((transpose_times(left, right) - expected).norm(), 1e-12 * expected.norm());
 }
 
 }  // namespace

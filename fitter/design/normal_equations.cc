@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
+#include <utility>
 
 #include "fitter/common/dense.h"
 #include "fitter/common/parallel.h"
@@ -277,16 +278,19 @@ Eigen::VectorXd scale_of(const Eigen::MatrixXd& lower) {
 }
 
 // A rounding error's worth of ridge: exact dependencies are decided before, by rank, and not here.
-Eigen::MatrixXd scaled_with_ridge(const Eigen::MatrixXd& lower, const Eigen::VectorXd& scale) {
-  Eigen::MatrixXd scaled = scale.asDiagonal() * lower * scale.asDiagonal();
-  scaled.diagonal().array() += 1e-14;
-  return scaled;
+Eigen::MatrixXd scaled_with_ridge(Eigen::MatrixXd lower, const Eigen::VectorXd& scale) {
+  for (Eigen::Index c = 0; c < lower.cols(); ++c) {
+    const Eigen::Index below = lower.rows() - c;
+    lower.col(c).tail(below).array() *= scale[c] * scale.tail(below).array();
+  }
+  lower.diagonal().array() += 1e-14;
+  return lower;
 }
 
 }  // namespace
 
-ScaledCholesky::ScaledCholesky(const Eigen::MatrixXd& lower)
-    : scale_(scale_of(lower)), factor_(scaled_with_ridge(lower, scale_)) {}
+ScaledCholesky::ScaledCholesky(Eigen::MatrixXd lower)
+    : scale_(scale_of(lower)), factor_(scaled_with_ridge(std::move(lower), scale_)) {}
 
 Eigen::VectorXd ScaledCholesky::solve(const Eigen::VectorXd& right) const {
   return scale_.cwiseProduct(factor_.solve(scale_.cwiseProduct(right)));
@@ -296,11 +300,12 @@ Eigen::MatrixXd ScaledCholesky::solve_matrix(const Eigen::MatrixXd& right) const
   return scale_.asDiagonal() * factor_.solve_matrix(scale_.asDiagonal() * right);
 }
 
-Eigen::MatrixXd ScaledCholesky::inverse() const {
-  Eigen::MatrixXd lower = factor_.lower();
-  invert_cholesky(lower);
-  const Eigen::MatrixXd whole = lower.selfadjointView<Eigen::Lower>();
-  return scale_.asDiagonal() * whole * scale_.asDiagonal();
+Eigen::MatrixXd ScaledCholesky::inverse() const { return square_of_triangle(inverse_root()); }
+
+Eigen::MatrixXd ScaledCholesky::inverse_root() const {
+  Eigen::MatrixXd root = inverse_of_triangle(factor_.lower());
+  root *= scale_.asDiagonal();
+  return root;
 }
 
 Eigen::MatrixXd ScaledCholesky::half_solve(const Eigen::MatrixXd& right) const {

@@ -67,11 +67,14 @@ double squared_residuals(const Design& design);
 /// Scaled Cholesky factor of a symmetric positive matrix, given its lower triangle.
 class ScaledCholesky {
  public:
-  explicit ScaledCholesky(const Eigen::MatrixXd& lower);
+  explicit ScaledCholesky(Eigen::MatrixXd lower);
   bool ok() const { return factor_.ok(); }
   Eigen::VectorXd solve(const Eigen::VectorXd& right) const;
   Eigen::MatrixXd solve_matrix(const Eigen::MatrixXd& right) const;
   Eigen::MatrixXd inverse() const;
+  /// The lower triangle W whose square WᵀW is the inverse; what stands above its diagonal has no
+  /// meaning.
+  Eigen::MatrixXd inverse_root() const;
   /// L⁻¹ D with D the scaling: columns of a matrix become orthonormal coordinates of the solution
   /// space.
   Eigen::MatrixXd half_solve(const Eigen::MatrixXd& right) const;

@@ -6,12 +6,14 @@
 #include <utility>
 
 #include "fitter/common/dense.h"
+#include "fitter/common/parallel.h"
 #include "fitter/design/normal_equations.h"
 
 namespace armtrue {
 namespace {
 
 constexpr std::size_t kPosesLookedAt = 400;
+constexpr std::size_t kPosesTogether = 100;  // that one thread works out at a time
 constexpr Eigen::Index kFewestEquations = 3600, kEquationsPerColumn = 4;
 
 Eigen::MatrixXd covariance_of(const PoseParts& pose, const NoiseParts& parts) {
@@ -62,6 +64,15 @@ void add_pose(const PoseParts& pose, const NoiseParts& parts, const Eigen::Matri
     for (const auto& [other, its] : columns)
       score.information(part, other) += 0.5 * (its.transpose() * freed).squaredNorm();
   }
+}
+
+// Calls job(pose) for every pose, on all processors.
+template <typename Job>
+void each_pose(std::size_t poses, const Job& job) {
+  in_parallel((poses + kPosesTogether - 1) / kPosesTogether, [&](std::size_t piece) {
+    const std::size_t end = std::min(poses, (piece + 1) * kPosesTogether);
+    for (std::size_t g = piece * kPosesTogether; g < end; ++g) job(g);
+  });
 }
 
 }  // namespace
@@ -118,25 +129,25 @@ RestrictedLikelihood::RestrictedLikelihood(const Linearization& l, const Eigen::
                                            const Eigen::VectorXd& y)
     : precision_(precision), poses_(parts_of_poses(l, stride_of(l, columns.cols()))) {
   std::vector<Eigen::Index> order;
-  for (const PoseParts& pose : poses_)
+  for (const PoseParts& pose : poses_) {
+    first_.push_back(static_cast<Eigen::Index>(order.size()));
     order.insert(order.end(), pose.equations.begin(), pose.equations.end());
+  }
   across_ = columns(order, Eigen::all).transpose();
   y_ = y(order);
 }
 
 Score RestrictedLikelihood::score(const NoiseParts& parts) const {
-  std::vector<Eigen::MatrixXd> roots;
+  std::vector<Eigen::MatrixXd> roots(poses_.size());
   Eigen::MatrixXd white(across_.rows(), across_.cols());
   Eigen::VectorXd left(y_.size());
-  Eigen::Index at = 0;
-  for (const PoseParts& pose : poses_) {
-    roots.push_back(inverse_root_of(pose, parts));
-    const Eigen::Index size = roots.back().rows();
+  each_pose(poses_.size(), [&](std::size_t g) {
+    roots[g] = inverse_root_of(poses_[g], parts);
+    const Eigen::Index at = first_[g], size = roots[g].rows();
     white.middleCols(at, size).noalias() =
-        across_.middleCols(at, size).lazyProduct(roots.back().transpose());
-    left.segment(at, size) = roots.back().triangularView<Eigen::Lower>() * y_.segment(at, size);
-    at += size;
-  }
+        across_.middleCols(at, size).lazyProduct(roots[g].transpose());
+    left.segment(at, size) = roots[g].triangularView<Eigen::Lower>() * y_.segment(at, size);
+  });
   const ScaledCholesky factor(precision_ + square_across(white));
   const Eigen::VectorXd moment = white * left;
   const Eigen::VectorXd coefficients = factor.solve(moment);
@@ -147,24 +158,28 @@ Score RestrictedLikelihood::score(const NoiseParts& parts) const {
   // The sums that the steps compare are averages over poses: some hundreds of them say as much as
   // all.
   const std::size_t stride = std::max<std::size_t>(1, poses_.size() / kPosesLookedAt);
-  std::vector<Eigen::Index> looked_at;
-  at = 0;
-  for (std::size_t g = 0; g < poses_.size(); ++g) {
-    const auto size = static_cast<Eigen::Index>(poses_[g].equations.size());
-    for (Eigen::Index e = 0; e < size && g % stride == 0; ++e) looked_at.push_back(at + e);
-    at += size;
-  }
-  const Eigen::MatrixXd half = factor.half_solve(white(Eigen::all, looked_at));
-  const Eigen::VectorXd seen = left(looked_at);
-  const auto count = static_cast<Eigen::Index>(parts.joint.size()) + 3;
-  Score score{value, Eigen::VectorXd::Zero(count), Eigen::MatrixXd::Zero(count, count)};
-  at = 0;
+  std::vector<std::size_t> looked_at;
+  std::vector<Eigen::Index> equations, place;
   for (std::size_t g = 0; g < poses_.size(); g += stride) {
-    const auto size = static_cast<Eigen::Index>(poses_[g].equations.size());
-    const Eigen::MatrixXd free = Eigen::MatrixXd::Identity(size, size) -
-                                 half.middleCols(at, size).transpose() * half.middleCols(at, size);
-    add_pose(poses_[g], parts, roots[g], free, seen.segment(at, size), score);
-    at += size;
+    looked_at.push_back(g);
+    place.push_back(static_cast<Eigen::Index>(equations.size()));
+    for (Eigen::Index e = 0; e < roots[g].rows(); ++e) equations.push_back(first_[g] + e);
+  }
+  const Eigen::MatrixXd half = factor.half_solve(white(Eigen::all, equations));
+  const auto count = static_cast<Eigen::Index>(parts.joint.size()) + 3;
+  std::vector<Score> of_pose(
+      looked_at.size(), {0.0, Eigen::VectorXd::Zero(count), Eigen::MatrixXd::Zero(count, count)});
+  each_pose(looked_at.size(), [&](std::size_t k) {
+    const std::size_t g = looked_at[k];
+    const Eigen::Index size = roots[g].rows();
+    const auto own = half.middleCols(place[k], size);
+    const Eigen::MatrixXd free = Eigen::MatrixXd::Identity(size, size) - own.transpose() * own;
+    add_pose(poses_[g], parts, roots[g], free, left.segment(first_[g], size), of_pose[k]);
+  });
+  Score score{value, Eigen::VectorXd::Zero(count), Eigen::MatrixXd::Zero(count, count)};
+  for (const Score& own : of_pose) {
+    score.slope += own.slope;
+    score.information += own.information;
   }
   return score;
 }

@@ -7,6 +7,7 @@
 #include <map>
 #include <numeric>
 #include <random>
+#include <utility>
 
 #include "fitter/common/parallel.h"
 
@@ -124,7 +125,8 @@ std::vector<std::vector<double>> held_out_distances(const Design& design,
     for (const std::size_t r : rows) left_out.push_back(&evaluated.rows[r]);
     own.add(left_out, design.residuals_per_row());
     const std::vector<bool> unseen = unseen_unknowns(design, data, own);
-    const ScaledCholesky factor(total.information - own.information);
+    own.information = total.information - own.information;
+    const ScaledCholesky factor(std::move(own.information));
     const Eigen::VectorXd step = -factor.solve(total.gradient - own.gradient);
     for (const std::size_t r : rows) {
       const Design::Row& row = evaluated.rows[r];

@@ -96,15 +96,16 @@ double evidence_at(const Design& design, const NormalEquations& data, const Spli
 
 }  // namespace
 
-TableEvidence table_evidence(const Design& design, const Eigen::MatrixXd& information,
+TableEvidence table_evidence(const Design& design, Eigen::MatrixXd information,
                              double smoothness_sigma) {
   const Split split = split_unknowns(design);
   if (split.table.empty()) return {};
   const std::vector<PenaltyRow> rows = penalty_rows(design, smoothness_sigma);
   const std::vector<double> values = design.unknown_values();
   const Prior prior(design, rows, values);
-  NormalEquations posterior(information.rows());
-  posterior.information = information.triangularView<Eigen::Lower>();
+  NormalEquations posterior(0);
+  posterior.information = std::move(information);
+  posterior.gradient = Eigen::VectorXd::Zero(posterior.information.rows());
   for (const PenaltyRow& row : rows) posterior.add(row, values);
   return {prior.penalty,
           occam_factor(split, posterior.information, ScaledCholesky(posterior.information), prior)};

@@ -16,7 +16,7 @@ struct TableEvidence {
 
 /// The two parts at the design's present values. `information` is JᵀJ in units of the noise's
 /// variance, penalties not yet added. Zeros without tables.
-TableEvidence table_evidence(const Design& design, const Eigen::MatrixXd& information,
+TableEvidence table_evidence(const Design& design, Eigen::MatrixXd information,
                              double smoothness_sigma);
 
 /// Standard deviations of second differences that are tried for tables [rad or m].

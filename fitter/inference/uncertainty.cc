@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -15,49 +16,67 @@ constexpr int kVariancePasses = 6;
 constexpr double kSpreadSettled = 1e-3;   // of the equations
 constexpr double kLearntInFull = 1e-300;  // variance over that before; its logarithm is finite
 
-// The unknowns' covariance: what the measurements say, in `equations`, and the penalties.
-Eigen::MatrixXd inverse_with_penalties(const Design& design, double smoothness_sigma,
-                                       NormalEquations& equations) {
-  const std::vector<double> values = design.unknown_values();
-  for (const PenaltyRow& row : penalty_rows(design, smoothness_sigma)) equations.add(row, values);
-  return ScaledCholesky(equations.information).inverse();
+ScaledCholesky factor_with_penalties(NormalEquations equations,
+                                     const std::vector<PenaltyRow>& penalties,
+                                     const std::vector<double>& values) {
+  for (const PenaltyRow& row : penalties) equations.add(row, values);
+  return ScaledCholesky(std::move(equations.information));
 }
 
+// Of C = WᵀW, the inverse of data and penalties P: the trace of C (C⁻¹ − P). `root`: W.
+double count_learnt(const Eigen::MatrixXd& root, const std::vector<PenaltyRow>& penalties) {
+  double held = 0.0;
+  for (const PenaltyRow& row : penalties) {
+    int first = row.entries.front().first;
+    for (const auto& [unknown, factor] : row.entries) first = std::min(first, unknown);
+    Eigen::VectorXd moved = Eigen::VectorXd::Zero(root.rows() - first);
+    for (const auto& [unknown, factor] : row.entries) {
+      const Eigen::Index below = root.rows() - unknown;
+      moved.tail(below) += factor * root.col(unknown).tail(below);
+    }
+    held += moved.squaredNorm();
+  }
+  return static_cast<double>(root.rows()) - held;
+}
+
+// What the measurements say of the unknowns, and how many they tell.
 struct Spread {
-  Eigen::MatrixXd covariance;
-  Eigen::MatrixXd data;  // JᵀJ in units of the residuals' variance
+  Eigen::MatrixXd root;   // W of the covariance WᵀW
+  double variance = 1.0;  // of the residuals
   double effective_unknowns = 0.0;
 };
 
 // What priors and smoothness hold is no unknown, and how much that is depends on the residuals'
 // variance, which depends on the number of unknowns in turn.
-Spread spread_of(const Design& design, const NormalEquations& equations, double smoothness_sigma,
-                 double guess) {
-  const Eigen::MatrixXd whole = equations.information.selfadjointView<Eigen::Lower>();
+Spread spread_of(const Design& design, const NormalEquations& equations,
+                 const std::vector<PenaltyRow>& penalties, double guess) {
+  const std::vector<double> values = design.unknown_values();
   const double count = equations.equations();
   Spread spread;
   spread.effective_unknowns =
       std::min(guess > 0.0 ? guess : static_cast<double>(design.unknowns()), 0.5 * count);
   for (int pass = 0; pass < kVariancePasses; ++pass) {
-    const double variance =
+    spread.variance =
         std::max(equations.cost / std::max(1.0, count - spread.effective_unknowns), 1e-12);
-    spread.data = whole / variance;
     NormalEquations scaled = equations;
-    scaled.information /= variance;
-    spread.covariance = inverse_with_penalties(design, smoothness_sigma, scaled);
+    scaled.information /= spread.variance;
+    spread.root = factor_with_penalties(std::move(scaled), penalties, values).inverse_root();
     const double before =
-        std::exchange(spread.effective_unknowns, spread.covariance.cwiseProduct(spread.data).sum());
+        std::exchange(spread.effective_unknowns, count_learnt(spread.root, penalties));
     if (std::abs(before - spread.effective_unknowns) < kSpreadSettled * count) break;
   }
   return spread;
 }
 
-// What the shots of one visit share makes coefficients less sure than as many visits would.
-void count_repeats(const Design& design, const EvaluatedRows& evaluated, double smoothness_sigma,
-                   Spread& spread) {
+// The covariance where shots repeat one visit: what they share makes coefficients less sure than as
+// many visits would. None where nothing repeats, or shots share nothing.
+std::optional<Eigen::MatrixXd> covariance_with_repeats(const Design& design,
+                                                       const EvaluatedRows& evaluated,
+                                                       const std::vector<PenaltyRow>& penalties,
+                                                       double effective_unknowns) {
   const std::size_t rows = evaluated.rows.size();
   const Replicates replicates(design.measurements(), evaluated.index);
-  if (!replicates.any()) return;
+  if (!replicates.any()) return std::nullopt;
   const int height = design.residuals_per_row();
   Eigen::VectorXd residual(static_cast<Eigen::Index>(rows) * height);
   for (std::size_t r = 0; r < rows; ++r) {
@@ -65,7 +84,7 @@ void count_repeats(const Design& design, const EvaluatedRows& evaluated, double 
         evaluated.rows[r].residual.head(height);
   }
   const double correlation = replicates.correlation(residual, height);
-  if (correlation <= 0.0) return;
+  if (correlation <= 0.0) return std::nullopt;
   const std::vector<double> worth = replicates.worth(correlation);
   EvaluatedRows weighed = evaluated;
   double design_effect = 0.0;
@@ -74,10 +93,9 @@ void count_repeats(const Design& design, const EvaluatedRows& evaluated, double 
     design_effect += 1.0 / worth[r] / static_cast<double>(rows);
   }
   NormalEquations equations = accumulate(design, weighed);
-  const double freedom =
-      std::max(1.0, equations.equations() - spread.effective_unknowns * design_effect);
+  const double freedom = std::max(1.0, equations.equations() - effective_unknowns * design_effect);
   equations.information /= std::max(residual.squaredNorm() / freedom, 1e-12);
-  spread.covariance = inverse_with_penalties(design, smoothness_sigma, equations);
+  return factor_with_penalties(std::move(equations), penalties, design.unknown_values()).inverse();
 }
 
 Eigen::VectorXd what_was_learnt(const Design& design, const Eigen::MatrixXd& covariance) {
@@ -111,16 +129,23 @@ double Uncertainty::charge_for_unknowns(double coordinates) const {
 
 double count_effective_unknowns(const Design& design, const NormalEquations& equations,
                                 double smoothness_sigma, double guess) {
-  return spread_of(design, equations, smoothness_sigma, guess).effective_unknowns;
+  return spread_of(design, equations, penalty_rows(design, smoothness_sigma), guess)
+      .effective_unknowns;
 }
 
 Uncertainty measure_uncertainty(const Design& design, const EvaluatedRows& evaluated,
                                 double smoothness_sigma, double guess) {
-  Spread spread = spread_of(design, accumulate(design, evaluated), smoothness_sigma, guess);
-  const TableEvidence tables = table_evidence(design, spread.data, smoothness_sigma);
-  count_repeats(design, evaluated, smoothness_sigma, spread);
-  Eigen::VectorXd learnt = what_was_learnt(design, spread.covariance);
-  return {std::move(spread.covariance), spread.effective_unknowns, std::move(learnt), tables};
+  const std::vector<PenaltyRow> penalties = penalty_rows(design, smoothness_sigma);
+  NormalEquations equations = accumulate(design, evaluated);
+  Spread spread = spread_of(design, equations, penalties, guess);
+  equations.information /= spread.variance;
+  const TableEvidence tables =
+      table_evidence(design, std::move(equations.information), smoothness_sigma);
+  std::optional<Eigen::MatrixXd> covariance =
+      covariance_with_repeats(design, evaluated, penalties, spread.effective_unknowns);
+  if (!covariance) covariance = square_of_triangle(std::move(spread.root));
+  Eigen::VectorXd learnt = what_was_learnt(design, *covariance);
+  return {std::move(*covariance), spread.effective_unknowns, std::move(learnt), tables};
 }
 
 }  // namespace armtrue

@@ -1,5 +1,7 @@
 #include "fitter/python/watched.h"
 
+#include "fitter/common/memory.h"
+
 namespace nb = nanobind;
 
 namespace armtrue {
@@ -57,6 +59,7 @@ void WatchedCall::run(const std::function<void()>& work) {
   std::exception_ptr failure;
   std::thread computing([&] {
     const CancelScope scope(&cancelled_);
+    const KeepsMemory memory;
     try {
       work();
     } catch (...) {

@@ -2,10 +2,10 @@
 
 #include <ceres/ceres.h>
 
+#include <Eigen/SparseCore>
 #include <algorithm>
 #include <optional>
 
-#include "fitter/common/dense.h"
 #include "fitter/design/normal_equations.h"
 
 namespace armtrue {
@@ -88,18 +88,17 @@ class ReducedProblem {
     const Index height = design_.residuals_per_row();
     const Index measured = static_cast<Index>(rows_.size()) * height;
     const Index all = measured + static_cast<Index>(penalties.size());
-    others_columns_ = MatrixXd::Zero(all, others_);
     penalty_columns_ = MatrixXd::Zero(all, coefficients_);
     raw_residual_.resize(all);
+    std::vector<Eigen::Triplet<double>> entries;
     MatrixXd information = MatrixXd::Zero(others_, others_);
-    // Of the columns that are not zero in `count` equations from `at` on.
-    std::vector<Index> own;
-    const auto square_into = [&](Index at, Index count) {
-      for (const Index a : own) {
-        for (const Index b : own) {
-          if (a < b) continue;
-          information(a, b) += others_columns_.col(a).segment(at, count).dot(
-              others_columns_.col(b).segment(at, count));
+    // A few equations from `at` on, by the columns that they have an entry in.
+    std::vector<std::pair<Index, VectorXd>> own;
+    const auto add_equations = [&](Index at) {
+      for (const auto& [a, first] : own) {
+        for (Index h = 0; h < first.size(); ++h) entries.emplace_back(at + h, a, first[h]);
+        for (const auto& [b, second] : own) {
+          if (a >= b) information(a, b) += first.dot(second);
         }
       }
       own.clear();
@@ -112,11 +111,9 @@ class ReducedProblem {
       for (std::size_t u = 0; u < row.unknowns.size(); ++u) {
         const auto unknown = static_cast<std::size_t>(row.unknowns[u]);
         if (unknown >= position_.size() || searched_[unknown]) continue;
-        others_columns_.block(at, position_[unknown], height, 1) =
-            row.jacobian.block(0, static_cast<Index>(u), height, 1);
-        own.push_back(position_[unknown]);
+        own.emplace_back(position_[unknown], row.jacobian.col(static_cast<Index>(u)).head(height));
       }
-      square_into(at, height);
+      add_equations(at);
       MatrixXd geometric = design_.geometric_jacobian();
       for (Index c = 0; c < geometric.cols(); ++c)
         geometric.col(c) = design_.whiten(rows_[k], geometric.col(c));
@@ -129,11 +126,16 @@ class ReducedProblem {
         const auto u = static_cast<std::size_t>(unknown);
         if (u >= position_.size()) continue;
         raw_residual_[at] += factor * before_[u];
-        (searched_[u] ? penalty_columns_ : others_columns_)(at, position_[u]) = factor;
-        if (!searched_[u]) own.push_back(position_[u]);
+        if (searched_[u]) {
+          penalty_columns_(at, position_[u]) = factor;
+        } else {
+          own.emplace_back(position_[u], VectorXd::Constant(1, factor));
+        }
       }
-      square_into(at, 1);
+      add_equations(at);
     }
+    others_columns_.resize(all, others_);
+    others_columns_.setFromTriplets(entries.begin(), entries.end());
     others_factor_.emplace(information);
     residual_ = eliminate(raw_residual_);
   }
@@ -161,7 +163,7 @@ class ReducedProblem {
 
   template <typename Columns>
   Columns eliminate(Columns a) const {
-    a -= others_columns_ * others_factor_->solve_matrix(transpose_times(others_columns_, a));
+    a -= others_columns_ * others_factor_->solve_matrix(others_columns_.transpose() * a);
     return a;
   }
 
@@ -172,7 +174,9 @@ class ReducedProblem {
   Index coefficients_ = 0, others_ = 0;
   std::vector<std::size_t> rows_;
   std::vector<MatrixXd> geometric_;  // whitened, by row
-  MatrixXd others_columns_, penalty_columns_;
+  // Few rows have an entry of one node of a table.
+  Eigen::SparseMatrix<double, Eigen::RowMajor> others_columns_;
+  MatrixXd penalty_columns_;
   VectorXd raw_residual_, residual_;
   std::optional<ScaledCholesky> others_factor_;
   std::vector<BasisTable::Entry> entries_;

@@ -24,6 +24,15 @@ void factorise(Eigen::MatrixXd& matrix) {
   factorise_cholesky(matrix);
 }
 
+// Moves `count` rows from `first` on up by `by`.
+void move_up(Eigen::Ref<Eigen::MatrixXd> matrix, Eigen::Index first, Eigen::Index count,
+             Eigen::Index by) {
+  for (Eigen::Index c = 0; c < matrix.cols(); ++c) {
+    double* column = matrix.col(c).data() + first;
+    std::copy(column, column + count, column - by);
+  }
+}
+
 }  // namespace
 
 Elimination::Elimination(const Eigen::MatrixXd& gram, const Eigen::VectorXd& gradient,
@@ -80,19 +89,15 @@ void Elimination::remove(std::size_t key) {
   const Member gone = *at;
   const Eigen::Index after = gone.first + gone.size, rest = size_ - after;
   if (rest > 0) {
-    const auto root = root_.block(after, after, rest, rest);
-    const auto part = root_.block(after, gone.first, rest, gone.size);
     // Members that were eliminated after it keep from now on what they had in common with it.
-    const GrownFactor now(root, part);
-    const Eigen::MatrixXd half =
-        now.turned(half_.middleRows(after, rest), half_.middleRows(gone.first, gone.size));
-    const Eigen::VectorXd along =
-        now.turned(along_.segment(after, rest), along_.segment(gone.first, gone.size));
-    const Eigen::MatrixXd before = root_.block(after, 0, rest, gone.first);
-    root_.block(gone.first, 0, rest, gone.first) = before;
+    const GrownFactor now(root_.block(after, after, rest, rest),
+                          root_.block(after, gone.first, rest, gone.size));
+    now.turn(half_.middleRows(after, rest), half_.middleRows(gone.first, gone.size));
+    now.turn(along_.segment(after, rest), along_.segment(gone.first, gone.size));
+    move_up(root_.leftCols(gone.first), after, rest, gone.size);
     root_.block(gone.first, gone.first, rest, rest) = now.factor();
-    half_.middleRows(gone.first, rest) = half;
-    along_.segment(gone.first, rest) = along;
+    move_up(half_, after, rest, gone.size);
+    move_up(along_, after, rest, gone.size);
   }
   size_ -= gone.size;
   members_.erase(at);
@@ -138,14 +143,14 @@ Elimination::Local Elimination::without_exactly(const Member& member) const {
   };
   if (before > 0) take(half_.block(0, first, before, width), along_.head(before));
   if (rest == 0) return local;
-  const auto root = root_.block(after, after, rest, rest);
-  const auto part = root_.block(after, before, rest, member.size);
-  const GrownFactor now(root, part);
-  const Eigen::VectorXd along =
-      now.turned(along_.segment(after, rest), along_.segment(before, member.size));
-  take(now.turned(half_.block(after, first, rest, width),
-                  half_.block(before, first, member.size, width)),
-       along);
+  const GrownFactor now(root_.block(after, after, rest, rest),
+                        root_.block(after, before, rest, member.size));
+  Eigen::VectorXd along = along_.segment(after, rest), own = along_.segment(before, member.size);
+  now.turn(along, own);
+  Eigen::MatrixXd half = half_.block(after, first, rest, width);
+  Eigen::MatrixXd its = half_.block(before, first, member.size, width);
+  now.turn(half, its);
+  take(half, along);
   local.squares -= along.squaredNorm();
   return local;
 }

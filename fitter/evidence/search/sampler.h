@@ -46,6 +46,7 @@ class Sampler {
   void climb(const std::vector<std::size_t>& allowed);
   void find_readings();
   double enter(const std::vector<std::size_t>& members, std::vector<Choice>& sizes);
+  void take_out(const std::vector<std::size_t>& members);
   // What stands for what: blocks of the likeliest set, and those that replace them.
   struct Reading {
     std::vector<std::size_t> one, other;

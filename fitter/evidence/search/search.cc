@@ -225,8 +225,9 @@ void Sampler::exchange() {
   }
 }
 
-// Members enter the set one after the other: log evidence that each brings, over all its sizes, at
-// the sizes that those before it were given. Where `sizes` has none, one is drawn.
+// Members enter the set one after the other, the last one only in thought: log evidence that each
+// brings, over all its sizes, at the sizes that those before it were given. Where `sizes` has none,
+// one is drawn.
 double Sampler::enter(const std::vector<std::size_t>& members, std::vector<Choice>& sizes) {
   double sum = 0.0;
   for (std::size_t i = 0; i < members.size(); ++i) {
@@ -236,9 +237,13 @@ double Sampler::enter(const std::vector<std::size_t>& members, std::vector<Choic
     there.log_weight.erase(there.log_weight.begin());
     sum += log_sum(there.log_weight) - absent;
     if (i == sizes.size()) sizes.push_back(draw(there));
-    set(members[i], sizes[i]);
+    if (i + 1 < members.size()) set(members[i], sizes[i]);
   }
   return sum;
+}
+
+void Sampler::take_out(const std::vector<std::size_t>& members) {
+  for (const std::size_t b : members) set(b, {});
 }
 
 // Two blocks may stand for one, and one for one: each member of the likeliest set is taken out in
@@ -276,9 +281,9 @@ void Sampler::find_readings() {
       (home[b].is_present() ? at_home : found)
           .push_back(home[b].is_present() ? home[b] : state_[b]);
     }
-    for (const std::size_t b : reading.other) set(b, {});
+    take_out(reading.other);
     double odds = enter(reading.other, found);
-    for (const std::size_t b : reading.other) set(b, {});
+    take_out(reading.other);
     odds -= enter(reading.one, at_home);
     if (odds > gain) better = otherwise;
     gain = std::max(gain, odds);
@@ -298,19 +303,19 @@ void Sampler::read_otherwise(const Reading& reading) {
   };
   const bool at_one = stands(reading.one, true) && stands(reading.other, false);
   if (!at_one && !(stands(reading.one, false) && stands(reading.other, true))) return;
-  const std::vector<Choice> before = state_;
   const std::vector<std::size_t>& from = at_one ? reading.one : reading.other;
+  const std::vector<std::size_t>& to = at_one ? reading.other : reading.one;
   std::vector<Choice> sizes, drawn;
-  for (const std::size_t b : from) {
-    sizes.push_back(state_[b]);
-    set(b, {});
-  }
-  const std::vector<Choice> neither = state_;
+  for (const std::size_t b : from) sizes.push_back(state_[b]);
+  take_out(from);
   const double here = enter(from, sizes);
-  go_to(neither);
-  const double there = enter(at_one ? reading.other : reading.one, drawn);
-  if (std::log(std::uniform_real_distribution<double>(0.0, 1.0)(generator_)) < there - here) return;
-  go_to(before);
+  take_out(from);
+  const double there = enter(to, drawn);
+  const bool goes =
+      std::log(std::uniform_real_distribution<double>(0.0, 1.0)(generator_)) < there - here;
+  if (!goes) take_out(to);
+  for (std::size_t i = 0; i < (goes ? to : from).size(); ++i)
+    set((goes ? to : from)[i], (goes ? drawn : sizes)[i]);
 }
 
 // Gives the blocks that the search begins with their likeliest sizes: one after the other, and
