@@ -20,12 +20,14 @@ def comparison(ladder: Ladder) -> Comparison:
     return compare_grids(ladder)
 
 
+@pytest.mark.full
 def test_every_level_of_the_paper_lowers_mean_and_maximum(ladder):
     climbed = ladder.levels[: GRID + 1]
     assert all(after.exact.mean() < before.exact.mean() for before, after in pairwise(climbed))
     assert all(after.exact.max() < before.exact.max() for before, after in pairwise(climbed))
 
 
+@pytest.mark.full
 def test_it_begins_where_the_paper_does_and_ends_lower(ladder):
     nominal, last = ladder.levels[0].measured * 1e3, ladder.levels[GRID].measured * 1e3
     assert 1.0 < nominal.max() < 2.0
@@ -34,6 +36,7 @@ def test_it_begins_where_the_paper_does_and_ends_lower(ladder):
     assert last.mean() < 0.066
 
 
+@pytest.mark.full
 def test_the_last_level_is_at_the_arms_repeatability(ladder):
     assert ladder.levels[GRID].exact.mean() < ladder.repeatability.mean()
     # With the causes found and the grid on what is left, measuring again finds drives and tracker and little else.
@@ -42,16 +45,19 @@ def test_the_last_level_is_at_the_arms_repeatability(ladder):
     assert ladder.levels[-1].measured.max() < 1.2 * ladder.repeatability.max()
 
 
+@pytest.mark.full
 def test_causes_found_do_better_than_the_grid_in_their_place(ladder):
     by_name = {level.name: level for level in ladder.levels}
     assert by_name[REFINED].exact.mean() < 0.7 * ladder.levels[GRID].exact.mean()
 
 
+@pytest.mark.full
 def test_joint_cells_do_better_than_boxes_of_equal_number(comparison):
     assert comparison.joint.mean() < comparison.cartesian.mean() < comparison.before.mean()
     assert len(comparison.joint_grid.values) == len(comparison.cartesian_grid.values)
 
 
+@pytest.mark.full
 def test_the_product_grid_does_as_well_as_the_plain_one(ladder, comparison):
     assert ladder.levels[GRID].exact.mean() < 1.1 * comparison.joint.mean()
     assert grid_nodes(ladder.levels[GRID].document) == comparison.nodes

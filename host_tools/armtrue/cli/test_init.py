@@ -109,6 +109,7 @@ def test_init_semicolons_with_decimal_commas_and_a_german_clock(tmp_path, campai
     assert "time" in fit["data"]["columns"]
 
 
+@pytest.mark.full
 def test_init_wide_table_with_three_reflectors(tmp_path, campaign, rows):
     robot = load_robot(campaign / "robot.yaml")
     chain = chain_from_robot(robot.spec)

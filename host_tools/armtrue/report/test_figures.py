@@ -62,5 +62,5 @@ def test_a_rise_is_hatched(report):
     worse = copy.deepcopy(report.last.error)
     fits = [report.last.fit, replace(report.last.fit, document={**report.last.fit.document, "error": worse})]
     worse["held_out"]["mean_um"] *= 3.0
-    assert "A hatched bar is a rise." in page(gather(fits))
-    assert "A hatched bar" not in page(report)
+    assert "A hatched bar is a rise." in figures.waterfall(gather(fits)).html
+    assert "A hatched bar" not in figures.waterfall(report).html

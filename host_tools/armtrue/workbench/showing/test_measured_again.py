@@ -151,6 +151,7 @@ def test_later_file_in_the_same_foreign_layout_is_read_as_the_first_one_was(engi
     assert engine.session.data.count == len(rows[1])
 
 
+@pytest.mark.full
 def test_later_file_in_another_layout_is_guessed_at_and_compared_as_the_form_says(engine, rows, tmp_path):
     begun(engine, rows, tmp_path)
     engine.take("other.csv", foreign(rows[1][FIRST:], "J1;J2;J3;J4;J5;J6;X [m];Y [m];Z [m]", 1.0))
