@@ -58,8 +58,8 @@ void be_single_threaded() {
 // Multiplications from which a product is worth several threads, and how it is cut.
 constexpr double kWorthThreads = 2e7;
 constexpr Eigen::Index kNarrowestPanel = 64, kPanels = 8;
-// With fewer columns on the left, dgemm would spend its time in rearranging the matrix on the
-// right, which so many values at a time stay in a cache for.
+// Of aᵀb with at most so many columns in a, dgemm spends most of its time on copying b into an
+// order of its own. So many values of b stay in a processor's cache.
 constexpr Eigen::Index kSkinny = 8, kInCache = 32768;
 // Smaller matrices are factorised in one piece, others in blocks of columns.
 constexpr Eigen::Index kSmallFactor = 600, kFactorBlock = 192;
