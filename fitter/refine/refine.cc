@@ -417,11 +417,11 @@ bool Refinement::explain_structure() {
   return false;
 }
 
-// Tables with more nodes, where unseen poses are predicted better by them: also where no step is
-// left. Small effects by the dozen may take all that there are, and tables are tried last.
+// Tables with more nodes, where unseen poses are predicted better by them.
 void Refinement::refine_tables() {
   const std::size_t effects = steps_.back().fit->specification().effects.size();
   for (std::size_t e = 0; e < effects; ++e) {
+    if (is_full()) return;
     const Fit& fit = *steps_.back().fit;
     const EffectRequest& present = fit.specification().effects[e];
     const auto finer = find_effect(present.effect).finer(fit.context(), present);

@@ -16,7 +16,7 @@ struct RefineStep {
 };
 
 struct RefineOptions {
-  int most_steps = 40;  ///< finer tables come on top
+  int most_steps = 40;
   /// Labels of effects of the given fit that an earlier search put in; the owner of the arm
   /// believes in the others.
   std::set<std::string> searched;
