@@ -78,10 +78,7 @@ void in_panels(Eigen::Index columns, double multiplications, const Job& job) {
     return;
   }
   const Eigen::Index panel = std::max(kNarrowestPanel, (columns + kPanels - 1) / kPanels);
-  in_parallel(static_cast<std::size_t>((columns + panel - 1) / panel), [&](std::size_t p) {
-    const Eigen::Index first = static_cast<Eigen::Index>(p) * panel;
-    job(first, std::min(panel, columns - first));
-  });
+  in_pieces(columns, panel, [&](Eigen::Index first, Eigen::Index end) { job(first, end - first); });
 }
 
 // c ← op(a) op(b), `depth` the length of the sums.
@@ -109,6 +106,11 @@ Eigen::MatrixXd product(const char* turn, const Eigen::Ref<const Eigen::MatrixXd
   return result;
 }
 
+// Fills the upper triangle of a symmetric matrix from the lower one.
+void mirror(Eigen::MatrixXd& lower) {
+  lower.triangularView<Eigen::StrictlyUpper>() = lower.transpose();
+}
+
 // aᵀa where `turn` is "T", aaᵀ where it is "N".
 Eigen::MatrixXd symmetric_product(const char* turn, const Eigen::Ref<const Eigen::MatrixXd>& a,
                                   Eigen::Index size, Eigen::Index depth) {
@@ -129,7 +131,7 @@ Eigen::MatrixXd symmetric_product(const char* turn, const Eigen::Ref<const Eigen
     multiply(across ? "N" : "T", across ? "T" : "N", from(below), stride, from(first), stride,
              depth, result.block(below, first, size - below, count));
   });
-  result.triangularView<Eigen::StrictlyUpper>() = result.transpose();
+  mirror(result);
   return result;
 }
 
@@ -222,20 +224,6 @@ Eigen::MatrixXd Cholesky::half_solve(Eigen::MatrixXd right) const {
   return right;
 }
 
-namespace {
-
-// First column and number of columns of a block of a large triangle.
-std::pair<Eigen::Index, Eigen::Index> triangle_block(std::size_t b, Eigen::Index size) {
-  const Eigen::Index first = static_cast<Eigen::Index>(b) * kFactorBlock;
-  return {first, std::min(kFactorBlock, size - first)};
-}
-
-std::size_t triangle_blocks(Eigen::Index size) {
-  return static_cast<std::size_t>((size + kFactorBlock - 1) / kFactorBlock);
-}
-
-}  // namespace
-
 Eigen::MatrixXd inverse_of_triangle(const Eigen::MatrixXd& lower) {
   be_single_threaded();
   const Eigen::Index size = lower.rows();
@@ -249,10 +237,9 @@ Eigen::MatrixXd inverse_of_triangle(const Eigen::MatrixXd& lower) {
   }
   const double one = 1.0;
   Eigen::MatrixXd inverse = Eigen::MatrixXd::Zero(size, size);
-  in_parallel(triangle_blocks(size), [&](std::size_t b) {
-    const auto [first, count] = triangle_block(b, size);
-    const int rows = static_cast<int>(size - first), columns = static_cast<int>(count);
-    inverse.block(first, first, count, count).diagonal().setOnes();
+  in_pieces(size, kFactorBlock, [&](Eigen::Index first, Eigen::Index end) {
+    const int rows = static_cast<int>(size - first), columns = static_cast<int>(end - first);
+    inverse.diagonal().segment(first, end - first).setOnes();
     dtrsm_("L", "L", "N", "N", &rows, &columns, &one, &lower(first, first), &stride,
            &inverse(first, first), &stride);
   });
@@ -265,9 +252,6 @@ Eigen::MatrixXd square_of_triangle(Eigen::MatrixXd lower) {
   const Eigen::Index size = lower.rows();
   const int stride = static_cast<int>(size);
   if (size == 0) return lower;
-  const auto mirror = [](Eigen::MatrixXd& whole) {
-    whole.triangularView<Eigen::StrictlyUpper>() = whole.transpose();
-  };
   if (size < kSmallFactor) {
     int info = 0;
     dlauum_("L", &stride, lower.data(), &stride, &info);
@@ -277,13 +261,11 @@ Eigen::MatrixXd square_of_triangle(Eigen::MatrixXd lower) {
   lower.triangularView<Eigen::StrictlyUpper>().setZero();
   const double one = 1.0, zero = 0.0;
   Eigen::MatrixXd result(size, size);
-  const std::size_t blocks = triangle_blocks(size);
-  in_parallel(blocks, [&](std::size_t b) {
-    const auto [first, count] = triangle_block(b, size);
-    const int columns = static_cast<int>(count);
-    for (std::size_t below = b; below < blocks; ++below) {
-      const auto [at, height] = triangle_block(below, size);
-      const int rows = static_cast<int>(height), depth = static_cast<int>(size - at);
+  in_pieces(size, kFactorBlock, [&](Eigen::Index first, Eigen::Index end) {
+    const int columns = static_cast<int>(end - first);
+    for (Eigen::Index at = first; at < size; at += kFactorBlock) {
+      const int rows = static_cast<int>(std::min(kFactorBlock, size - at));
+      const int depth = static_cast<int>(size - at);
       dgemm_("T", "N", &rows, &columns, &depth, &one, &lower(at, at), &stride, &lower(at, first),
              &stride, &zero, &result(at, first), &stride);
     }

@@ -203,7 +203,8 @@ TEST_P(Size, TransposeTimesIsTheProductAlsoOfPartsOfMatrices) {
   EXPECT_LE((product - expected).norm(), 1e-12 * (1.0 + expected.norm()));
 }
 
-// Few columns, of a part of a matrix, are multiplied without rearranging the other one.
+// With at most eight columns on the left the product is worked out in another way. Both matrices
+// are parts of larger ones here, as they are where it is used.
 TEST(Dense, FewColumnsTimesAWideMatrix) {
   const Eigen::MatrixXd from = random_matrix(410, 5, 21), wide = random_matrix(420, 333, 22);
   const auto left = from.middleRows(3, 400);

@@ -14,7 +14,8 @@ std::mutex counting;
 int standing = 0;
 
 #ifdef __GLIBC__
-constexpr int kDefaultMostMapped = 65536, kDefaultTrim = 128 * 1024;  // mallopt(3)
+// What glibc begins with (mallopt(3)): blocks mapped at most, and bytes that may stay unused.
+constexpr int kDefaultMostMapped = 65536, kDefaultTrim = 128 * 1024;
 
 void keep(bool kept) {
   mallopt(M_MMAP_MAX, kept ? 0 : kDefaultMostMapped);

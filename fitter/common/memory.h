@@ -1,4 +1,4 @@
-// How the process deals with memory while a long computation runs.
+// Keeps what a long computation frees for what it needs next.
 #pragma once
 
 namespace armtrue {

@@ -65,4 +65,15 @@ void in_parallel(std::size_t count, const Job& job) {
   }
 }
 
+/// Calls `job(first, end)` for consecutive pieces of `together` of `count` indices, the last one
+/// shorter, as in_parallel does: for jobs that are too short for one index each.
+template <typename Count, typename Job>
+void in_pieces(Count count, Count together, const Job& job) {
+  const auto pieces = static_cast<std::size_t>((count + together - 1) / together);
+  in_parallel(pieces, [&](std::size_t piece) {
+    const Count first = static_cast<Count>(piece) * together;
+    job(first, std::min(count, first + together));
+  });
+}
+
 }  // namespace armtrue

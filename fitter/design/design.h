@@ -202,11 +202,10 @@ void Design::each_row(bool with_jacobian, const Job& job) const {
   // Fewer rows are evaluated before a thread has begun.
   constexpr std::size_t kTogether = 512;
   if (with_jacobian) basis_.make_slopes();
-  in_parallel((rows() + kTogether - 1) / kTogether, [&](std::size_t piece) {
+  in_pieces(rows(), kTogether, [&](std::size_t first, std::size_t end) {
     Workspace workspace(*this);
     Row row;
-    const std::size_t end = std::min(rows(), (piece + 1) * kTogether);
-    for (std::size_t i = piece * kTogether; i < end; ++i) {
+    for (std::size_t i = first; i < end; ++i) {
       evaluate(i, with_jacobian, row, workspace);
       job(i, row, workspace);
     }

@@ -49,11 +49,9 @@ PoseWhitening::PoseWhitening(const Linearization& linearization, const NoisePart
 void PoseWhitening::apply(Eigen::Ref<Eigen::MatrixXd> columns) const {
   std::size_t largest = 0;
   for (const Block& block : blocks_) largest = std::max(largest, block.equations.size());
-  const Eigen::Index pieces = (columns.cols() + kTogether - 1) / kTogether;
-  in_parallel(static_cast<std::size_t>(pieces), [&](std::size_t piece) {
+  in_pieces(columns.cols(), kTogether, [&](Eigen::Index first, Eigen::Index end) {
     Eigen::VectorXd own(static_cast<Eigen::Index>(largest));
-    const Eigen::Index first = static_cast<Eigen::Index>(piece) * kTogether;
-    for (Eigen::Index c = first; c < std::min(first + kTogether, columns.cols()); ++c) {
+    for (Eigen::Index c = first; c < end; ++c) {
       double* column = columns.col(c).data();
       for (const Block& block : blocks_) {
         const auto size = static_cast<Eigen::Index>(block.equations.size());

@@ -13,7 +13,7 @@ namespace armtrue {
 namespace {
 
 constexpr std::size_t kPosesLookedAt = 400;
-constexpr std::size_t kPosesTogether = 100;  // that one thread works out at a time
+constexpr std::size_t kPosesTogether = 100;  // worked out by one thread at a time
 constexpr Eigen::Index kFewestEquations = 3600, kEquationsPerColumn = 4;
 
 Eigen::MatrixXd covariance_of(const PoseParts& pose, const NoiseParts& parts) {
@@ -64,15 +64,6 @@ void add_pose(const PoseParts& pose, const NoiseParts& parts, const Eigen::Matri
     for (const auto& [other, its] : columns)
       score.information(part, other) += 0.5 * (its.transpose() * freed).squaredNorm();
   }
-}
-
-// Calls job(pose) for every pose, on all processors.
-template <typename Job>
-void each_pose(std::size_t poses, const Job& job) {
-  in_parallel((poses + kPosesTogether - 1) / kPosesTogether, [&](std::size_t piece) {
-    const std::size_t end = std::min(poses, (piece + 1) * kPosesTogether);
-    for (std::size_t g = piece * kPosesTogether; g < end; ++g) job(g);
-  });
 }
 
 }  // namespace
@@ -141,12 +132,14 @@ Score RestrictedLikelihood::score(const NoiseParts& parts) const {
   std::vector<Eigen::MatrixXd> roots(poses_.size());
   Eigen::MatrixXd white(across_.rows(), across_.cols());
   Eigen::VectorXd left(y_.size());
-  each_pose(poses_.size(), [&](std::size_t g) {
-    roots[g] = inverse_root_of(poses_[g], parts);
-    const Eigen::Index at = first_[g], size = roots[g].rows();
-    white.middleCols(at, size).noalias() =
-        across_.middleCols(at, size).lazyProduct(roots[g].transpose());
-    left.segment(at, size) = roots[g].triangularView<Eigen::Lower>() * y_.segment(at, size);
+  in_pieces(poses_.size(), kPosesTogether, [&](std::size_t first, std::size_t end) {
+    for (std::size_t g = first; g < end; ++g) {
+      roots[g] = inverse_root_of(poses_[g], parts);
+      const Eigen::Index at = first_[g], size = roots[g].rows();
+      white.middleCols(at, size).noalias() =
+          across_.middleCols(at, size).lazyProduct(roots[g].transpose());
+      left.segment(at, size) = roots[g].triangularView<Eigen::Lower>() * y_.segment(at, size);
+    }
   });
   const ScaledCholesky factor(precision_ + square_across(white));
   const Eigen::VectorXd moment = white * left;
@@ -169,12 +162,14 @@ Score RestrictedLikelihood::score(const NoiseParts& parts) const {
   const auto count = static_cast<Eigen::Index>(parts.joint.size()) + 3;
   std::vector<Score> of_pose(
       looked_at.size(), {0.0, Eigen::VectorXd::Zero(count), Eigen::MatrixXd::Zero(count, count)});
-  each_pose(looked_at.size(), [&](std::size_t k) {
-    const std::size_t g = looked_at[k];
-    const Eigen::Index size = roots[g].rows();
-    const auto own = half.middleCols(place[k], size);
-    const Eigen::MatrixXd free = Eigen::MatrixXd::Identity(size, size) - own.transpose() * own;
-    add_pose(poses_[g], parts, roots[g], free, left.segment(first_[g], size), of_pose[k]);
+  in_pieces(looked_at.size(), kPosesTogether, [&](std::size_t first, std::size_t end) {
+    for (std::size_t k = first; k < end; ++k) {
+      const std::size_t g = looked_at[k];
+      const Eigen::Index size = roots[g].rows();
+      const auto own = half.middleCols(place[k], size);
+      const Eigen::MatrixXd free = Eigen::MatrixXd::Identity(size, size) - own.transpose() * own;
+      add_pose(poses_[g], parts, roots[g], free, left.segment(first_[g], size), of_pose[k]);
+    }
   });
   Score score{value, Eigen::VectorXd::Zero(count), Eigen::MatrixXd::Zero(count, count)};
   for (const Score& own : of_pose) {

@@ -53,7 +53,7 @@ class RestrictedLikelihood {
  private:
   const Eigen::MatrixXd& precision_;
   std::vector<PoseParts> poses_;
-  std::vector<Eigen::Index> first_;  // equation, by pose
+  std::vector<Eigen::Index> first_;  // by pose: the place of its first equation
   // The equations of a pose stand side by side, so that its share of a matrix is one piece of
   // memory.
   Eigen::MatrixXd across_;  // unknowns × equations

@@ -23,13 +23,13 @@ ScaledCholesky factor_with_penalties(NormalEquations equations,
   return ScaledCholesky(std::move(equations.information));
 }
 
-// Of C = WᵀW, the inverse of data and penalties P: the trace of C (C⁻¹ − P). `root`: W.
+// How many unknowns the data tell: the trace of C (C⁻¹ − P), where C = WᵀW is the covariance and P
+// the information of the penalties. `root`: W, a lower triangle.
 double count_learnt(const Eigen::MatrixXd& root, const std::vector<PenaltyRow>& penalties) {
   double held = 0.0;
+  Eigen::VectorXd moved(root.rows());
   for (const PenaltyRow& row : penalties) {
-    int first = row.entries.front().first;
-    for (const auto& [unknown, factor] : row.entries) first = std::min(first, unknown);
-    Eigen::VectorXd moved = Eigen::VectorXd::Zero(root.rows() - first);
+    moved.setZero();
     for (const auto& [unknown, factor] : row.entries) {
       const Eigen::Index below = root.rows() - unknown;
       moved.tail(below) += factor * root.col(unknown).tail(below);
@@ -39,9 +39,9 @@ double count_learnt(const Eigen::MatrixXd& root, const std::vector<PenaltyRow>& 
   return static_cast<double>(root.rows()) - held;
 }
 
-// What the measurements say of the unknowns, and how many they tell.
+// What the measurements tell of the unknowns.
 struct Spread {
-  Eigen::MatrixXd root;   // W of the covariance WᵀW
+  Eigen::MatrixXd root;   // a lower triangle W; the covariance is WᵀW
   double variance = 1.0;  // of the residuals
   double effective_unknowns = 0.0;
 };

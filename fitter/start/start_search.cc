@@ -92,7 +92,7 @@ class ReducedProblem {
     raw_residual_.resize(all);
     std::vector<Eigen::Triplet<double>> entries;
     MatrixXd information = MatrixXd::Zero(others_, others_);
-    // A few equations from `at` on, by the columns that they have an entry in.
+    // Of the next few equations: the columns in which they have entries, and those.
     std::vector<std::pair<Index, VectorXd>> own;
     const auto add_equations = [&](Index at) {
       for (const auto& [a, first] : own) {
@@ -174,7 +174,7 @@ class ReducedProblem {
   Index coefficients_ = 0, others_ = 0;
   std::vector<std::size_t> rows_;
   std::vector<MatrixXd> geometric_;  // whitened, by row
-  // Few rows have an entry of one node of a table.
+  // Sparse: a node of a table acts in few rows.
   Eigen::SparseMatrix<double, Eigen::RowMajor> others_columns_;
   MatrixXd penalty_columns_;
   VectorXd raw_residual_, residual_;

@@ -34,8 +34,10 @@ class Kind:
 
 @dataclass(frozen=True)
 class Hiding:
-    """How an effect is hidden: joints to choose from, what the scenario needs for it, on which arms.
+    """How a campaign hides an effect.
 
+    joints: those of an arm that it may act on, of which the seed draws one entry. changes: to the scenario, so that
+    the measurements can show it. arms: that can have it.
     believed: what model.yaml has beside base, tool and joint zeros; without: joints that it leaves out of an effect.
     sizes: those that are not to be drawn. share: of every joint's travel, about its middle, that the poses use.
     """

@@ -343,7 +343,8 @@ void SenselessImage::make_nodes() {
 std::uint8_t SenselessImage::coordinate(bool motor) {
   if (motor || once_in(3)) {
     const auto joint = as<std::uint8_t>(0, static_cast<std::int64_t>(joints_) - 1);
-    // Wild values name joints that no arm has: any bit will do for those.
+    // An image without sense may name a joint up to 255. Which bit is read for one that no arm has
+    // does not matter, but a shift by more than 63 is undefined.
     const bool is_passive = (passive_ >> (joint % 64U) & 1U) != 0U;
     return motor && is_passive ? std::uint8_t{0} : joint;
   }

@@ -6,6 +6,7 @@
 #include <limits>
 #include <random>
 #include <set>
+#include <tuple>
 #include <utility>
 
 #include "fitter/common/observer.h"
@@ -225,9 +226,9 @@ void Sampler::exchange() {
   }
 }
 
-// Members enter the set one after the other, the last one only in thought: log evidence that each
-// brings, over all its sizes, at the sizes that those before it were given. Where `sizes` has none,
-// one is drawn.
+// Log evidence that members bring who enter the set one after the other, each over all its sizes.
+// Those after it find it at the size that `sizes` has for it; where that has none, one is drawn and
+// added. Nobody follows the last member, so it is weighed and does not enter.
 double Sampler::enter(const std::vector<std::size_t>& members, std::vector<Choice>& sizes) {
   double sum = 0.0;
   for (std::size_t i = 0; i < members.size(); ++i) {
@@ -314,8 +315,8 @@ void Sampler::read_otherwise(const Reading& reading) {
   const bool goes =
       std::log(std::uniform_real_distribution<double>(0.0, 1.0)(generator_)) < there - here;
   if (!goes) take_out(to);
-  for (std::size_t i = 0; i < (goes ? to : from).size(); ++i)
-    set((goes ? to : from)[i], (goes ? drawn : sizes)[i]);
+  const auto& [side, choices] = goes ? std::tie(to, drawn) : std::tie(from, sizes);
+  for (std::size_t i = 0; i < side.size(); ++i) set(side[i], choices[i]);
 }
 
 // Gives the blocks that the search begins with their likeliest sizes: one after the other, and
