@@ -108,6 +108,7 @@ class Design {
   const Model& model() const { return *model_; }
   const State& state() const { return *state_; }
   const Measurements& measurements() const { return *measurements_; }
+  const Kinematics& kinematics() const { return kinematics_; }
   const BasisTable& basis() const { return basis_; }
   /// Parameters (indices into Model::parameters) that are unknowns, in order.
   const std::vector<int>& free_parameters() const { return free_; }

@@ -234,13 +234,22 @@ void NormalEquations::add(const PenaltyRow& row, const std::vector<double>& valu
 
 EvaluatedRows evaluate_rows(const Design& design) {
   EvaluatedRows result;
+  std::vector<std::size_t> place(design.rows());
   for (std::size_t i = 0; i < design.rows(); ++i) {
+    place[i] = result.index.size();
     if (design.weights()[i] > 0.0) result.index.push_back(i);
   }
-  std::vector<Design::Row> all(design.rows());
-  design.each_row(true,
-                  [&](std::size_t i, Design::Row& row, const auto&) { std::swap(all[i], row); });
-  for (const std::size_t i : result.index) result.rows.push_back(std::move(all[i]));
+  result.rows.resize(result.index.size());
+  result.by_joint.resize(result.index.size());
+  const CoordinateLayout layout = design.kinematics().layout();
+  design.each_row(true, [&](std::size_t i, Design::Row& row, const auto& workspace) {
+    if (design.weights()[i] <= 0.0) return;
+    auto& by_joint = result.by_joint[place[i]];
+    by_joint.resize(6, layout.joints);
+    for (int k = 0; k < layout.joints; ++k)
+      by_joint.col(k) = design.whiten(i, workspace.geometric.col(layout.motor(k)));
+    std::swap(result.rows[place[i]], row);
+  });
   return result;
 }
 

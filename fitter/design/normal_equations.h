@@ -53,6 +53,9 @@ struct NormalEquations {
 struct EvaluatedRows {
   std::vector<std::size_t> index;  ///< row of the design
   std::vector<Design::Row> rows;
+  /// By row, equations × joints: by how much a unit of each joint's motor moves what was read,
+  /// whitened.
+  std::vector<Eigen::Matrix<double, 6, Eigen::Dynamic>> by_joint;
 };
 EvaluatedRows evaluate_rows(const Design& design);
 

@@ -20,7 +20,7 @@ json parameters_json(const Candidate& candidate) {
 json Diagnosis::to_json(const Fit& fit) const {
   static const char* const verdicts[] = {"nothing_missing", "missing_effect",
                                          "unexplained_structure"};
-  const json document = fit.document();
+  const json document = fit.errors_document();
   json joints = json::array();
   for (const double sigma : noise.joint) joints.push_back(sigma * 1e6);
   const bool turns = orientation_sigma > 0.0;

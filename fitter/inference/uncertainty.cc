@@ -8,12 +8,15 @@
 
 #include "fitter/common/dense.h"
 #include "fitter/inference/replicates.h"
+#include "fitter/inference/scatter_parts.h"
 
 namespace armtrue {
 namespace {
 
 constexpr int kVariancePasses = 6;
-constexpr double kSpreadSettled = 1e-3;   // of the equations
+constexpr double kSpreadSettled = 1e-3;  // of the equations
+// With fewer equations a part beyond the unknowns, the scatter of one joint could explain them all.
+constexpr double kEquationsPerPart = 4.0;
 constexpr double kLearntInFull = 1e-300;  // variance over that before; its logarithm is finite
 
 ScaledCholesky factor_with_penalties(NormalEquations equations,
@@ -68,12 +71,12 @@ Spread spread_of(const Design& design, const NormalEquations& equations,
   return spread;
 }
 
-// The covariance where shots repeat one visit: what they share makes coefficients less sure than as
-// many visits would. None where nothing repeats, or shots share nothing.
-std::optional<Eigen::MatrixXd> covariance_with_repeats(const Design& design,
-                                                       const EvaluatedRows& evaluated,
-                                                       const std::vector<PenaltyRow>& penalties,
-                                                       double effective_unknowns) {
+// Spread::root where shots repeat one visit: what they share teaches less than as many visits
+// would. None where nothing repeats, or shots share nothing.
+std::optional<Eigen::MatrixXd> root_with_repeats(const Design& design,
+                                                 const EvaluatedRows& evaluated,
+                                                 const std::vector<PenaltyRow>& penalties,
+                                                 double effective_unknowns) {
   const std::size_t rows = evaluated.rows.size();
   const Replicates replicates(design.measurements(), evaluated.index);
   if (!replicates.any()) return std::nullopt;
@@ -95,10 +98,12 @@ std::optional<Eigen::MatrixXd> covariance_with_repeats(const Design& design,
   NormalEquations equations = accumulate(design, weighed);
   const double freedom = std::max(1.0, equations.equations() - effective_unknowns * design_effect);
   equations.information /= std::max(residual.squaredNorm() / freedom, 1e-12);
-  return factor_with_penalties(std::move(equations), penalties, design.unknown_values()).inverse();
+  return factor_with_penalties(std::move(equations), penalties, design.unknown_values())
+      .inverse_root();
 }
 
-Eigen::VectorXd what_was_learnt(const Design& design, const Eigen::MatrixXd& covariance) {
+// `root`: of the covariance, as Spread::root.
+Eigen::VectorXd what_was_learnt(const Design& design, const Eigen::MatrixXd& root) {
   std::vector<int> outside;
   std::vector<double> one_over_prior;
   const std::vector<int>& linear = design.free_parameters();
@@ -113,11 +118,14 @@ Eigen::VectorXd what_was_learnt(const Design& design, const Eigen::MatrixXd& cov
     // What has no prior is learnt without limit.
     one_over_prior.push_back(prior > 0.0 ? 1.0 / prior : 0.0);
   }
-  const Eigen::Map<const Eigen::VectorXd> scale(one_over_prior.data(),
-                                                static_cast<Eigen::Index>(one_over_prior.size()));
-  const Eigen::MatrixXd shrunk =
-      scale.asDiagonal() * covariance(outside, outside) * scale.asDiagonal();
-  return -symmetric_eigenvalues(shrunk).array().max(kLearntInFull).log();
+  Eigen::MatrixXd shrunk =
+      Eigen::MatrixXd::Zero(root.rows(), static_cast<Eigen::Index>(outside.size()));
+  for (std::size_t i = 0; i < outside.size(); ++i) {
+    const Eigen::Index below = root.rows() - outside[i];
+    shrunk.col(static_cast<Eigen::Index>(i)).tail(below) =
+        one_over_prior[i] * root.col(outside[i]).tail(below);
+  }
+  return -symmetric_eigenvalues(square(shrunk)).array().max(kLearntInFull).log();
 }
 
 }  // namespace
@@ -141,11 +149,22 @@ Uncertainty measure_uncertainty(const Design& design, const EvaluatedRows& evalu
   equations.information /= spread.variance;
   const TableEvidence tables =
       table_evidence(design, std::move(equations.information), smoothness_sigma);
-  std::optional<Eigen::MatrixXd> covariance =
-      covariance_with_repeats(design, evaluated, penalties, spread.effective_unknowns);
-  if (!covariance) covariance = square_of_triangle(std::move(spread.root));
-  Eigen::VectorXd learnt = what_was_learnt(design, *covariance);
-  return {std::move(*covariance), spread.effective_unknowns, std::move(learnt), tables};
+  const std::optional<Eigen::MatrixXd> with_repeats =
+      root_with_repeats(design, evaluated, penalties, spread.effective_unknowns);
+  Eigen::VectorXd learnt = what_was_learnt(design, with_repeats ? *with_repeats : spread.root);
+  return {spread.effective_unknowns, std::move(learnt), tables};
+}
+
+Eigen::MatrixXd covariance_of(const Design& design, double smoothness_sigma, double guess) {
+  const EvaluatedRows evaluated = evaluate_rows(design);
+  const std::vector<PenaltyRow> penalties = penalty_rows(design, smoothness_sigma);
+  const NormalEquations equations = accumulate(design, evaluated);
+  Spread spread = spread_of(design, equations, penalties, guess);
+  Eigen::MatrixXd covariance = square_of_triangle(std::move(spread.root));
+  const double left = equations.equations() - spread.effective_unknowns;
+  if (left < kEquationsPerPart * (design.kinematics().layout().joints + 1)) return covariance;
+  return with_scatter_in_parts(design, evaluated, penalties, std::move(covariance),
+                               spread.variance);
 }
 
 }  // namespace armtrue

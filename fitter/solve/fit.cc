@@ -111,7 +111,7 @@ std::unique_ptr<Fit> Fit::run_once(const Robot& robot, const State::Columns& col
     fit->solve_robustly();
     fit->choose_where_loads_act();
   }
-  observer.report(0.6, "covariance");
+  observer.report(0.6, "counting unknowns");
   fit->fold_base_and_tool();
   const EvaluatedRows evaluated = evaluate_rows(*fit->design_);
   fit->uncertainty_ =
@@ -475,6 +475,10 @@ void Fit::measure_errors() {
 CrossValidation Fit::predict_held_out(const EvaluatedRows& evaluated) const {
   return armtrue::cross_validate(*design_, evaluated, options_.folds, options_.seed,
                                  smoothness_.sigma);
+}
+
+Eigen::MatrixXd Fit::covariance() const {
+  return covariance_of(*design_, smoothness_.sigma, effective_unknowns());
 }
 
 void Fit::cross_validate() {

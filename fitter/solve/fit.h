@@ -100,7 +100,8 @@ class Fit {
   double noise_scale() const { return noise_scale_; }
   const NoiseFloor& noise_floor() const { return noise_floor_; }
   const std::vector<RejectedRow>& rejected() const { return rejected_; }
-  const Eigen::MatrixXd& covariance() const { return uncertainty_.covariance; }
+  /// Of the design's unknowns, worked out at each call.
+  Eigen::MatrixXd covariance() const;
   const ErrorSummary& train_error() const { return train_; }
   const ErrorSummary& nominal_error() const { return nominal_; }
   const ErrorSummary& held_out_error() const { return held_out_.errors[0]; }
@@ -128,6 +129,8 @@ class Fit {
 
   /// Everything of fit.json that the numbers know (docs/model.md).
   nlohmann::json document() const;
+  /// Of these, errors and the noise floor alone.
+  nlohmann::json errors_document() const;
 
  private:
   Fit() = default;

@@ -28,12 +28,12 @@ json to_json(const Pose& pose) {
 }
 
 // The three parameters that an unknown moves with most.
-json correlations_json(const Fit& fit, int unknown) {
+json correlations_json(const Fit& fit, const Eigen::MatrixXd& covariance, int unknown) {
   std::vector<std::pair<double, int>> partners;
   for (int u = 0; u < static_cast<int>(fit.design().free_parameters().size()); ++u) {
     if (u == unknown) continue;
-    const double r = fit.covariance()(unknown, u) /
-                     std::sqrt(fit.covariance()(unknown, unknown) * fit.covariance()(u, u));
+    const double r =
+        covariance(unknown, u) / std::sqrt(covariance(unknown, unknown) * covariance(u, u));
     partners.emplace_back(r, u);
   }
   const std::size_t count = std::min<std::size_t>(3, partners.size());
@@ -49,7 +49,7 @@ json correlations_json(const Fit& fit, int unknown) {
   return correlations;
 }
 
-json parameters_json(const Fit& fit) {
+json parameters_json(const Fit& fit, const Eigen::MatrixXd& covariance) {
   const int targets = fit.measurements().targets;
   std::map<std::string, double> nonlinear;
   for (const NonlinearParameter& p : fit.model().nonlinear) nonlinear[p.name] = p.value;
@@ -61,18 +61,17 @@ json parameters_json(const Fit& fit) {
     const int unknown = fit.design().unknown_of(static_cast<int>(i));
     entry["fixed"] = p.fixed;
     entry["held"] = unknown < 0 && !p.fixed;
-    entry["sigma"] = unknown >= 0
-                         ? json(std::sqrt(std::max(0.0, fit.covariance()(unknown, unknown))))
-                         : json(nullptr);
+    entry["sigma"] =
+        unknown >= 0 ? json(std::sqrt(std::max(0.0, covariance(unknown, unknown)))) : json(nullptr);
     if (unknown >= 0 && !fit.design().is_table_unknown(unknown)) {
-      entry["correlations"] = correlations_json(fit, unknown);
+      entry["correlations"] = correlations_json(fit, covariance, unknown);
     }
     parameters.push_back(entry);
   }
   return parameters;
 }
 
-json nonlinear_json(const Fit& fit) {
+json nonlinear_json(const Fit& fit, const Eigen::MatrixXd& covariance) {
   json nonlinear = json::array();
   for (std::size_t j = 0; j < fit.model().nonlinear.size(); ++j) {
     const NonlinearParameter& p = fit.model().nonlinear[j];
@@ -82,7 +81,7 @@ json nonlinear_json(const Fit& fit) {
                          {"joints", p.joints},
                          {"unit", p.unit},
                          {"value", p.value},
-                         {"sigma", std::sqrt(std::max(0.0, fit.covariance()(u, u)))}});
+                         {"sigma", std::sqrt(std::max(0.0, covariance(u, u)))}});
   }
   return nonlinear;
 }
@@ -118,9 +117,14 @@ json noise_json(const Fit& fit) {
 
 }  // namespace
 
+json Fit::errors_document() const {
+  return {{"error", error_json(*this)}, {"noise_floor", noise_floor_json(noise_floor_)}};
+}
+
 json Fit::document() const {
   const int targets = measurements_.targets;
-  json document;
+  const Eigen::MatrixXd covariance = this->covariance();
+  json document = errors_document();
   for (const auto& [number, pose] : prepared_->alignment.first_from_set_up)
     document["first_from_set_up"][std::to_string(number)] = to_json(pose);
   document["measuring_from_base"] = to_json(kinematics_->base());
@@ -129,10 +133,8 @@ json Fit::document() const {
     tools[targets > 1 ? std::to_string(t) : ""] = to_json(kinematics_->tool(t));
   document["flange_from_tool"] = tools;
 
-  document["parameters"] = parameters_json(*this);
-  document["nonlinear"] = nonlinear_json(*this);
-  document["error"] = error_json(*this);
-  document["noise_floor"] = noise_floor_json(noise_floor_);
+  document["parameters"] = parameters_json(*this, covariance);
+  document["nonlinear"] = nonlinear_json(*this, covariance);
   document["noise"] = noise_json(*this);
   document["smoothness_sigma"] = smoothness_.sigma;
   document["rejected"] = json::array();

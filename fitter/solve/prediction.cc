@@ -196,9 +196,7 @@ std::vector<Eigen::Matrix3d> predicted_position_covariance(const Fit& fit,
   FreedFit whole(fit);
   const std::vector<Eigen::Index> places = places_in(whole.design, design);
   const Eigen::MatrixXd covariance =
-      measure_uncertainty(whole.design, evaluate_rows(whole.design), fit.smoothness_sigma(),
-                          fit.effective_unknowns())
-          .covariance;
+      covariance_of(whole.design, fit.smoothness_sigma(), fit.effective_unknowns());
   std::vector<Eigen::Matrix3d> covariances;
   covariances.reserve(state.rows());
   Design::Row row;
