@@ -145,7 +145,7 @@ TEST(Fit, SigmasHoldWhereAJointDoesNotRepeat) {
       for (double& value : p.columns[axis]) value += testing::normal(random, 1e-5);
     }
     const auto fit = fit_of(p);
-    const int zero = fit->model().index("joint_offset.3");
+    const int zero = fit->model().index("joint_offset[3]");
     const int unknown = fit->design().unknown_of(zero);
     ASSERT_GE(unknown, 0);
     const auto at = static_cast<std::size_t>(zero);
