@@ -13,7 +13,9 @@ namespace {
 
 using Eigen::Index;
 
-constexpr int kScatterPasses = 4;
+constexpr int kScatterPasses = 5;
+// The variance of readings falls to no less than this share of itself in one pass.
+constexpr double kLeastShare = 0.1;
 // A part is there where its variance is so many times its standard deviation: one in three hundred
 // would seem so by chance.
 constexpr double kClearly = 3.0;
@@ -229,9 +231,11 @@ Eigen::VectorXd estimate_scatter(const std::vector<ScatterColumns>& poses, int j
       sums.information += piece.information;
       sums.moments += piece.moments;
     }
-    const Eigen::VectorXd next = clear_variances(sums);
-    // Weights that leave nothing to the readings were too uneven.
-    if (!(next[0] > 0.0) || next[parts - 1] < 0.0) break;
+    Eigen::VectorXd next = clear_variances(sums);
+    for (const Index own : {Index{0}, parts - 1}) {
+      if (sums.information(own, own) > 0.0)
+        next[own] = std::max(next[own], kLeastShare * variance[own]);
+    }
     variance = next;
   }
   return variance;

@@ -133,19 +133,19 @@ TEST(Fit, SigmasHoldHoweverOftenAVisitWasMeasured) {
 }
 
 TEST(Fit, SigmasHoldWhereAJointDoesNotRepeat) {
-  // What a joint scatters lies in the direction in which its own zero moves the tool: taken as
-  // scatter in all directions, it makes that zero seem better known than it is.
+  // What joint 1 scatters lies in the horizontal. Taken as scatter in all directions, it makes what
+  // lifts the tool seem less known than it is.
   double squares = 0.0, count = 0.0;
   for (std::uint64_t seed = 300; seed < 360; ++seed) {
     Problem p = geometry_problem(seed, {120, false, 1, 0.0, 0.0, {}});
     const auto exact = fit_of(p);
     Random random(seed);
-    for (double& angle : p.columns["q3"]) angle += testing::normal(random, 2e-4);
+    for (double& angle : p.columns["q1"]) angle += testing::normal(random, 6e-5);
     for (const char* axis : {"x", "y", "z"}) {
       for (double& value : p.columns[axis]) value += testing::normal(random, 1e-5);
     }
     const auto fit = fit_of(p);
-    const int zero = fit->model().index("joint_offset[3]");
+    const int zero = fit->model().index("joint_offset[2]");
     const int unknown = fit->design().unknown_of(zero);
     ASSERT_GE(unknown, 0);
     const auto at = static_cast<std::size_t>(zero);
