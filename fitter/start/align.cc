@@ -23,6 +23,9 @@ constexpr int kWeightPasses = 6;
 // a part of what the points say.
 constexpr double kToolIsWhereBelieved = 1e-9;
 
+// Where a Cholesky factor's diagonal spans less than this, its solution is exact to 1e-8.
+constexpr double kSurelySolved = 1e-4;
+
 // Flange poses in the base and measured points: all that alignment needs of the arm.
 struct Pairs {
   std::vector<Pose> base_from_flange;
@@ -108,55 +111,91 @@ Eigen::Matrix3d relaxed_inverse_rotation(const Pairs& pairs) {
   return Eigen::Map<const Eigen::Matrix3d>(solution.data()) / spread;
 }
 
+// Normal equations of rows that touch kShared unknowns which all reflectors have, and the three of
+// their own reflector. A hopeless file is aligned from dozens of starts, so that products of a size
+// known in advance matter.
+template <int kShared>
+class ByTarget {
+ public:
+  using Row = Eigen::Matrix<double, 3, kShared + 3>;
+
+  explicit ByTarget(int targets)
+      : normal_(static_cast<std::size_t>(targets), Square::Zero()),
+        right_(static_cast<std::size_t>(targets), Column::Zero()) {}
+
+  void add(int target, double weight, const Row& row, const Eigen::Vector3d& y) {
+    const auto t = static_cast<std::size_t>(target);
+    normal_[t].noalias() += weight * row.transpose().lazyProduct(row);
+    right_[t].noalias() += weight * row.transpose().lazyProduct(y);
+  }
+
+  /// `believed` draws tools towards `tool`, 3 × targets.
+  Eigen::VectorXd solve(double believed, const Eigen::Matrix3Xd& tool) const {
+    const auto targets = static_cast<Eigen::Index>(normal_.size());
+    Eigen::MatrixXd normal = Eigen::MatrixXd::Zero(kShared + 3 * targets, kShared + 3 * targets);
+    Eigen::VectorXd right = Eigen::VectorXd::Zero(normal.rows());
+    for (Eigen::Index t = 0; t < targets; ++t) {
+      const Square& own = normal_[static_cast<std::size_t>(t)];
+      const Column& y = right_[static_cast<std::size_t>(t)];
+      const Eigen::Index at = kShared + 3 * t;
+      normal.topLeftCorner<kShared, kShared>() += own.template topLeftCorner<kShared, kShared>();
+      normal.block<kShared, 3>(0, at) = own.template topRightCorner<kShared, 3>();
+      normal.block<3, kShared>(at, 0) = own.template bottomLeftCorner<3, kShared>();
+      normal.block<3, 3>(at, at) = own.template bottomRightCorner<3, 3>();
+      right.head<kShared>() += y.template head<kShared>();
+      right.segment<3>(at) = y.template tail<3>() + believed * tool.col(t);
+    }
+    normal.diagonal().tail(3 * targets).array() += believed;
+    const Cholesky factor(normal);
+    const auto edge = factor.lower().diagonal();
+    if (factor.ok() && edge.minCoeff() > kSurelySolved * edge.maxCoeff())
+      return factor.solve(right);
+    return least_squares(std::move(normal), right);
+  }
+
+ private:
+  using Square = Eigen::Matrix<double, kShared + 3, kShared + 3>;
+  using Column = Eigen::Matrix<double, kShared + 3, 1>;
+  std::vector<Square> normal_;
+  std::vector<Column> right_;
+};
+
 // For a given rotation, translation and tools are linear.
 void solve_translation_and_tools(const Pairs& pairs, const Eigen::VectorXd& weight, Guess& guess) {
-  const Eigen::Index unknowns = 3 + 3 * pairs.targets;
-  Eigen::MatrixXd normal = Eigen::MatrixXd::Zero(unknowns, unknowns);
-  Eigen::VectorXd right = Eigen::VectorXd::Zero(unknowns);
-  Eigen::MatrixXd row = Eigen::MatrixXd::Zero(3, unknowns);
+  ByTarget<3> equations(pairs.targets);
+  ByTarget<3>::Row row;
+  row.leftCols<3>().setIdentity();
   for (Eigen::Index i = 0; i < pairs.size(); ++i) {
     const auto k = static_cast<std::size_t>(i);
-    row.setZero();
-    row.leftCols<3>().setIdentity();
-    row.middleCols<3>(3 + 3 * pairs.target[k]) =
-        guess.rotation * pairs.base_from_flange[k].linear();
-    const Eigen::Vector3d y =
-        pairs.point.col(i) - guess.rotation * pairs.base_from_flange[k].translation();
-    normal += weight[i] * square(row);
-    right.noalias() += weight[i] * row.transpose() * y;
+    row.rightCols<3>() = guess.rotation * pairs.base_from_flange[k].linear();
+    equations.add(pairs.target[k], weight[i], row,
+                  pairs.point.col(i) - guess.rotation * pairs.base_from_flange[k].translation());
   }
-  const double believed = kToolIsWhereBelieved * weight.sum();
-  normal.diagonal().tail(3 * pairs.targets).array() += believed;
-  right.tail(3 * pairs.targets) += believed * pairs.believed_tool.reshaped();
-  const Eigen::VectorXd solution = least_squares(normal, right);
+  const Eigen::VectorXd solution =
+      equations.solve(kToolIsWhereBelieved * weight.sum(), pairs.believed_tool);
   guess.translation = solution.head<3>();
   guess.tool = Eigen::Map<const Eigen::Matrix3Xd>(solution.data() + 3, 3, pairs.targets);
 }
 
 double refine(const Pairs& pairs, int iterations, Guess& guess) {
-  const Eigen::Index unknowns = 6 + 3 * pairs.targets;
   Eigen::VectorXd weight = Eigen::VectorXd::Ones(pairs.size());
   solve_translation_and_tools(pairs, weight, guess);
+  ByTarget<6>::Row row;
+  row.leftCols<3>().setIdentity();
   for (int iteration = 0; iteration < iterations; ++iteration) {
     weight = robust_weights(distances(pairs, guess));
-    Eigen::MatrixXd normal = Eigen::MatrixXd::Zero(unknowns, unknowns);
-    Eigen::VectorXd right = Eigen::VectorXd::Zero(unknowns);
-    Eigen::MatrixXd row = Eigen::MatrixXd::Zero(3, unknowns);
+    ByTarget<6> equations(pairs.targets);
     for (Eigen::Index i = 0; i < pairs.size(); ++i) {
       const auto k = static_cast<std::size_t>(i);
       const Eigen::Vector3d turned =
           guess.rotation *
           (pairs.base_from_flange[k] * Eigen::Vector3d(guess.tool.col(pairs.target[k])));
-      row.setZero();
-      row.leftCols<3>().setIdentity();
       for (int c = 0; c < 3; ++c) row.col(3 + c) = Eigen::Vector3d::Unit(c).cross(turned);
-      row.middleCols<3>(6 + 3 * pairs.target[k]) =
-          guess.rotation * pairs.base_from_flange[k].linear();
-      const Eigen::Vector3d left_over = pairs.point.col(i) - turned - guess.translation;
-      normal += weight[i] * square(row);
-      right.noalias() += weight[i] * row.transpose() * left_over;
+      row.rightCols<3>() = guess.rotation * pairs.base_from_flange[k].linear();
+      equations.add(pairs.target[k], weight[i], row,
+                    pairs.point.col(i) - turned - guess.translation);
     }
-    const Eigen::VectorXd step = least_squares(normal, right);
+    const Eigen::VectorXd step = equations.solve(0.0, pairs.believed_tool);
     const double turn = step.segment<3>(3).norm();
     guess.rotation =
         rotation_exp(step.segment<3>(3) * std::min(1.0, 0.5 / std::max(turn, 1e-300))) *

@@ -1,7 +1,8 @@
 """Campaigns in which one joint repeats badly: is it named, and by how much?
 
 `./dev hidden noise`: 300 poses, one joint repeats to 45 urad, the others to 4, the instrument reads to 8 um. The
-figures are those of `diagnose --json`: `noise.joints_urad` and `noise.reading_um`.
+figures are those of `diagnose --json`: `noise.joints_urad` and `noise.reading_um`. And do the 95 % regions of `predict
+--uncertainty` hold 95 % of fresh exact poses?
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from by_command import run
 
 BAD, GOOD, READING = 45e-6, 4e-6, 8e-6  # rad, rad, m
 BAD_WITHIN, READING_WITHIN = 8.0, 1.0  # urad, um
+CHI2_3_95 = 7.815
 
 
 @dataclass
@@ -30,6 +32,9 @@ class NoiseFound:
     bad: int
     joints_urad: list[float] = field(default_factory=list)
     reading_um: float | None = None
+    held: float | None = (
+        None  # share of fresh exact poses within their 95 % region; None where an effect is missing
+    )
     trouble: str = ""
 
     @property
@@ -58,6 +63,18 @@ def scenario(arm: str, seed: int) -> tuple[dict[str, Any], int]:
     }, bad
 
 
+def share_held(predicted: Path, exact: Path) -> float:
+    """Share of exact poses that lie in the 95 % region of their prediction."""
+    p, e = (np.genfromtxt(path, delimiter=",", names=True) for path in (predicted, exact))
+    off = np.stack([p[axis] - e[axis] for axis in "xyz"], axis=1)
+    upper = {axes: p[f"c{axes}"] for axes in ("xx", "xy", "xz", "yy", "yz", "zz")}
+    covariance = np.stack(
+        [np.stack([upper["".join(sorted(a + b))] for b in "xyz"], axis=1) for a in "xyz"], axis=1
+    )
+    squares = np.sum(off * np.linalg.solve(covariance, off[:, :, None])[:, :, 0], axis=1)
+    return float(np.mean(squares < CHI2_3_95))
+
+
 def noise_case(seed: int, limit: float) -> NoiseFound:
     """One seeded campaign; the arms take turns."""
     arm = ARMS[seed % len(ARMS)]
@@ -66,18 +83,33 @@ def noise_case(seed: int, limit: float) -> NoiseFound:
     with tempfile.TemporaryDirectory(prefix="armtrue-noise-") as name:
         folder = Path(name)
         simulate(given, folder)
-        data, robot, model, fit, out = (
-            str(folder / f) for f in ("data.csv", "robot.yaml", "model.yaml", "fit.json", "out.json")
+        data, robot, model, fit, out, test, predicted = (
+            str(folder / f)
+            for f in (
+                *(
+                    "data.csv",
+                    "robot.yaml",
+                    "model.yaml",
+                    "fit.json",
+                    "out.json",
+                    "test.csv",
+                    "predicted.csv",
+                ),
+            )
         )
         for command in (
             ["fit", data, "--robot", robot, "--model", model, "--out", fit],
             ["diagnose", fit, "--json", out],
+            ["predict", fit, test, "--out", predicted, "--uncertainty"],
         ):
             ran = run(command, limit)
             if ran.status != 0:
                 found.trouble = "hang" if ran.hung else ran.said.strip()[-200:]
                 return found
-        noise = json.loads((folder / "out.json").read_text()).get("noise") or {}
+        diagnosis = json.loads((folder / "out.json").read_text())
+        if diagnosis["verdict"] == "nothing_missing":
+            found.held = share_held(Path(predicted), Path(test))
+        noise = diagnosis.get("noise") or {}
     found.joints_urad = [float(v or 0.0) for v in noise.get("joints_urad") or []]
     found.reading_um = noise.get("reading_um")
     return found
@@ -90,11 +122,14 @@ def table(found: list[NoiseFound]) -> str:
     if not told:
         return lines[0] + "; this build's JSON has no `noise`.\n"
     bad = np.array([f.joints_urad[f.bad - 1] for f in told])
+    right = [f.held for f in told if f.held is not None]
     reading = np.array([f.reading_um for f in told if f.reading_um is not None] or [np.nan])
     lines += [
         f"joint named: {sum(f.named for f in told)} of {len(told)}",
         f"its repeatability (true {1e6 * BAD:.0f} urad): {bad.mean():.1f}, {bad.min():.1f} to {bad.max():.1f}",
         f"reading (true {1e6 * READING:.0f} um): {reading.mean():.2f}, {reading.min():.2f} to {reading.max():.2f}",
         f"both within {BAD_WITHIN:.0f} urad and {READING_WITHIN:.0f} um: {sum(f.within for f in told)} of {len(told)}",
+        f"fresh exact poses within their 95 % region: {100 * np.mean(right or [np.nan]):.1f} %, in the {len(right)} "
+        "campaigns whose model lacks nothing",
     ]
     return "\n".join(lines) + "\n"
