@@ -129,7 +129,7 @@ def test_fixed_is_double(name: str, full_pose: bool) -> None:
 
 
 @pytest.mark.parametrize("full_pose", [False, True], ids=["position", "pose"])
-@pytest.mark.parametrize("name", ["kr30", "cobot"])
+@pytest.mark.parametrize("name", ["kr30", pytest.param("cobot", marks=pytest.mark.full)])
 def test_loads_at_the_command_are_followed(name: str, full_pose: bool) -> None:
     """Taken at the target they would leave 9 µm of the KR30 and 7 of the cobot (decision 0068)."""
     result = measured(name, full_pose, 4000, at_command=True)
@@ -153,7 +153,9 @@ def test_corrections_are_bounded_through_singularities(name: str) -> None:
 
 
 @pytest.mark.parametrize("full_pose", [False, True], ids=["position", "pose"])
-@pytest.mark.parametrize("name", ["irb2400", "kr30", "cobot"])
+@pytest.mark.parametrize(
+    "name", ["irb2400", *(pytest.param(n, marks=pytest.mark.full) for n in ("kr30", "cobot"))]
+)
 def test_clamped_correction_leaves_the_tool_no_worse_than_uncorrected(name: str, full_pose: bool) -> None:
     """Cut joint by joint, large corrections that cancel leave it several times as far off (decision 0075)."""
     result = measured(name, full_pose, 3000, max_correction=3e-3)
@@ -167,7 +169,9 @@ def test_clamped_correction_leaves_the_tool_no_worse_than_uncorrected(name: str,
 
 
 @pytest.mark.parametrize("full_pose", [False, True], ids=["position", "pose"])
-@pytest.mark.parametrize("name", ["scara", "kr30", "cobot", "lbr"])
+@pytest.mark.parametrize(
+    "name", ["scara", "cobot", *(pytest.param(n, marks=pytest.mark.full) for n in ("kr30", "lbr"))]
+)
 def test_large_errors_near_singularities_are_not_made_larger(name: str, full_pose: bool) -> None:
     """Steps of tenths of a radian bend; as if straight they left the tool 20 times as far off (decision 0076)."""
     result = measured(name, full_pose, 8000, geometry=8.0, max_correction=0.5)

@@ -29,7 +29,13 @@ def run(*arguments: object) -> None:
 
 
 @pytest.mark.parametrize(
-    "name", ["cobot-two-effects", "irb2400-parallelogram", "kr30-eccentric-gear", "kr30-nothing-hidden"]
+    "name",
+    [
+        "cobot-two-effects",
+        "irb2400-parallelogram",
+        pytest.param("kr30-eccentric-gear", marks=pytest.mark.full),  # docs/examples has its like
+        "kr30-nothing-hidden",
+    ],
 )
 def test_what_is_hidden_is_found_and_fresh_poses_bear_it_out(name: str, tmp_path: Path) -> None:
     given = EXAMPLES / name

@@ -21,7 +21,7 @@ def run(*arguments: object) -> None:
     assert done.returncode == 0, done.stderr
 
 
-QUICK = ("later_hysteresis", "later_self_heating", "later_mass_parameters", "later_axis_straightness")
+QUICK = ("later_hysteresis", "later_axis_straightness")
 
 
 @pytest.mark.parametrize(

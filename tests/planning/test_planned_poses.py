@@ -13,13 +13,8 @@ SEEDS = (1, 2, 3)
 POSES = 8
 
 
-@pytest.mark.parametrize(
-    "case",
-    [
-        pytest.param(case, marks=[pytest.mark.full] if case is not CASES[1] else [], id=case.hidden)
-        for case in CASES
-    ],
-)
+@pytest.mark.full
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case.hidden)
 def test_what_is_ambiguous_is_settled_by_the_planned_poses(case: Case, tmp_path: Path) -> None:
     outcomes = [outcome for seed in case.seeds if (outcome := try_case(case, seed, POSES, tmp_path))]
     assert outcomes, "no seed leaves an ambiguity that poses can settle"

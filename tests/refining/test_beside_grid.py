@@ -11,7 +11,8 @@ from armtrue import add, fit, load_data, load_model, load_robot, refine
 from armtrue_sim import simulate
 
 
-@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.full)])
+@pytest.mark.full
+@pytest.mark.parametrize("seed", [1, 2])
 def test_no_effect_is_named_beside_the_grid_that_was_advised(tmp_path: Path, seed: int) -> None:
     # Its own advice followed, refine named a wobble of axis 1 with more than 99 %, and "nothing is missing".
     simulate(

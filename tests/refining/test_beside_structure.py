@@ -32,14 +32,14 @@ def named(found: dict[str, Any]) -> set[str]:
     return {c["effect"] for c in found["candidates"] if c["probability"] > 0.5}
 
 
-@pytest.mark.parametrize("seed", [3, 4])
+@pytest.mark.parametrize("seed", [3, pytest.param(4, marks=pytest.mark.full)])
 def test_a_large_drift_is_named_beside_a_function_of_two_angles(tmp_path: Path, seed: int) -> None:
     found = found_of(tmp_path, seed, 20.0, [])
     assert named(found) == {"time_drift"}
     assert found["verdict"] == "missing_effect"
 
 
-@pytest.mark.parametrize("seed", [3, 4])
+@pytest.mark.parametrize("seed", [3, pytest.param(4, marks=pytest.mark.full)])
 def test_a_small_drift_is_named_once_the_function_is_described(tmp_path: Path, seed: int) -> None:
     # Beside the function it shows only after that has been taken out, as what a wrong function leaves would.
     found = found_of(tmp_path / "before", seed, 4.0, [])
@@ -49,7 +49,7 @@ def test_a_small_drift_is_named_once_the_function_is_described(tmp_path: Path, s
     assert named(found_of(tmp_path / "after", seed, 4.0, [described])) == {"time_drift"}
 
 
-@pytest.mark.parametrize("seed", [1, 3])
+@pytest.mark.parametrize("seed", [1, pytest.param(3, marks=pytest.mark.full)])
 def test_refine_fits_what_comes_nearest_where_a_structure_has_no_name(tmp_path: Path, seed: int) -> None:
     # A smooth function of q1 was likelier than the wobble of axis 1 beside the first fit, and nothing was added.
     hidden = [{"effect": "axis_wobble", "joints": [1], "scale": 0.3}]

@@ -77,7 +77,11 @@ def left_after_compensation(folder: Path, campaign: Campaign) -> float:
 
 
 @pytest.mark.parametrize(
-    ("stated", "options"), [(None, {"wavelengths": [LEAD_M]}), (LEAD_M, {"orders": [1.0]})]
+    ("stated", "options"),
+    [
+        pytest.param(None, {"wavelengths": [LEAD_M]}, marks=pytest.mark.full),
+        (LEAD_M, {"orders": [1.0]}),
+    ],
 )
 def test_a_screws_wave_is_named_and_compensated(
     stated: float | None, options: dict[str, list[float]], tmp_path: Path

@@ -11,7 +11,11 @@ REPETITIONS = 20
 
 @pytest.mark.parametrize(
     ("arm", "hidden"),
-    [("kr30", ["joint_compliance", "joint_scale"]), ("irb2400", ["joint_compliance"]), ("stanford", [])],
+    [
+        ("kr30", ["joint_compliance", "joint_scale"]),
+        pytest.param("irb2400", ["joint_compliance"], marks=pytest.mark.full),
+        ("stanford", []),
+    ],
 )
 def test_estimates_scatter_as_stated(arm: str, hidden: list[str]) -> None:
     found = scatter(arm, hidden, REPETITIONS)

@@ -167,7 +167,13 @@ def warm(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.parametrize("seed", ["0", *(pytest.param(s, marks=pytest.mark.full) for s in "12")])
-@pytest.mark.parametrize("levels", [(), ("--levels", "temp_arm=18,24,30,36", "--levels", "time=0,900,9000")])
+@pytest.mark.parametrize(
+    "levels",
+    [
+        pytest.param((), marks=pytest.mark.full),
+        ("--levels", "temp_arm=18,24,30,36", "--levels", "time=0,900,9000"),
+    ],
+)
 def test_rows_against_heat_can_be_run_one_after_the_other(warm, levels, seed):
     run = armtrue(
         *("plan", "fit.json", "--candidates", "thermal_expansion:1,2,3,4,5,6", "warm_up", "--poses", "15"),

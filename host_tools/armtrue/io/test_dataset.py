@@ -240,6 +240,7 @@ def test_latin_1_is_told_how_to_be_read(place, tmp_path, two_joints):
     assert load_data(written(tmp_path, description, "dataset.yaml"), two_joints).count >= 3
 
 
+@pytest.mark.full
 def test_a_hundred_thousand_rows_are_read(tmp_path, two_joints):
     numbers = np.random.default_rng(1).uniform(-1, 1, (100_000, 25))
     header = "q1,q2,x,y,z," + ",".join(f"extra{k}" for k in range(20))
