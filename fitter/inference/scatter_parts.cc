@@ -21,6 +21,8 @@ constexpr double kLeastShare = 0.1;
 constexpr double kClearly = 3.0;
 // What an unknown follows of a reading is made up for, up to this share.
 constexpr double kLeastLeft = 0.05;
+// So many poses tell a variance to some hundredths.
+constexpr std::size_t kMostPoses = 2000;
 // A pose that was read more often is looked at in pieces.
 constexpr std::size_t kReadingsTogether = 16;
 constexpr std::size_t kTogether = 64;  // poses that one thread works out at a time
@@ -130,12 +132,15 @@ void make_up_for(const Eigen::MatrixXd& share, Eigen::VectorXd& residual) {
                                 .cwiseQuotient(left.values.cwiseMax(kLeastLeft).cwiseSqrt());
 }
 
-// The scatter of every pose about a solution of this `covariance`, for readings of this `variance`.
+// The scatter of poses, evenly from all of them, about a solution of this `covariance`, for
+// readings of this `variance`.
 std::vector<ScatterColumns> scatter_of(const Design& design, const EvaluatedRows& evaluated,
                                        const std::vector<std::vector<std::size_t>>& poses,
                                        const Eigen::MatrixXd& covariance, double variance) {
   std::vector<std::vector<std::size_t>> pieces;
-  for (const std::vector<std::size_t>& rows : poses) {
+  const std::size_t stride = (poses.size() + kMostPoses - 1) / kMostPoses;
+  for (std::size_t g = 0; g < poses.size(); g += stride) {
+    const std::vector<std::size_t>& rows = poses[g];
     for (std::size_t first = 0; first < rows.size(); first += kReadingsTogether) {
       const std::size_t end = std::min(rows.size(), first + kReadingsTogether);
       pieces.emplace_back(rows.begin() + static_cast<std::ptrdiff_t>(first),
