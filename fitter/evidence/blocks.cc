@@ -124,16 +124,17 @@ std::vector<Eigen::Index> Builder::columns_of(const EffectRequest& request) cons
 }
 
 // The parameters of an effect of the fit, nonlinear ones at their present values. What the fit
-// holds for want of data is among them: beside other effects the data may tell it.
+// holds for want of data is among them: beside other effects the data may tell it. Masses are told
+// by the springs that stand: with those that the fit has found, the effect may have parameters that
+// it had not when the fit began.
 Block Builder::present_form(const EffectRequest& request) {
   Block form{request, {}, 0};
   std::map<std::string, double> values;
   for (const NonlinearParameter& p : fit_.model().nonlinear) values[p.name] = p.value;
   for (const Parameter& own : build_effect(fit_.context(), request).parameters) {
-    const Parameter& p =
-        fit_.model().parameters[static_cast<std::size_t>(fit_.model().index(own.name))];
-    if (p.fixed) continue;
-    form.terms.parameters.push_back(p);
+    const int index = fit_.model().index(own.name);
+    if (index < 0 || fit_.model().parameters[static_cast<std::size_t>(index)].fixed) continue;
+    form.terms.parameters.push_back(fit_.model().parameters[static_cast<std::size_t>(index)]);
     for (Term& term : form.terms.parameters.back().terms)
       term.basis = term.basis.substitute(values);
   }

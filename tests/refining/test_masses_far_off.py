@@ -8,6 +8,7 @@ import pytest
 import yaml
 from armtrue import fit, load_data, load_model, load_robot, refine
 from armtrue_sim import simulate
+from armtrue_sim.cases import hidden_cases
 
 
 @pytest.mark.parametrize("seed", [1, 2])
@@ -26,3 +27,15 @@ def test_half_of_the_masses_is_one_cause(seed: int, tmp_path: Path) -> None:
     added = [step["added"]["effect"] for step in story["steps"] if step["added"]]
     assert added == ["mass_parameters"]
     assert story["steps"][-1]["verdict"] == "nothing_missing"
+
+
+def test_springs_that_the_fit_finds_may_tell_a_further_mass(tmp_path: Path) -> None:
+    # The search looked that mass up in the fit, which had been built before the springs were known, and read memory
+    # that was not its own: every second run of this campaign crashed, or said that there was no memory left.
+    hidden_cases("real_nothing", "irb2400", 31907).campaign.write(tmp_path)
+    robot = load_robot(tmp_path / "robot.yaml")
+    data, model = load_data(tmp_path / "data.csv", robot), load_model(tmp_path / "model.yaml", robot)
+    for _ in range(3):
+        _best, story = refine(fit(data, robot, model))
+        assert story["steps"][-1]["verdict"] == "nothing_missing"
+        assert {entry["effect"] for entry in story["steps"][-1]["effects"]} >= {"mass_parameters"}
