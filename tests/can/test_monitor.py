@@ -21,6 +21,7 @@ from node_process import NODE_ID, NodeProcess, connect, disconnect
 from small_table import small_table
 
 REQUEST, ANSWER = 0x600 + NODE_ID, 0x580 + NODE_ID
+ABORT = 0x80  # first byte of a transfer that is given up
 TARGETS, OFFSETS = (0x220, 0x320, 0x420), (0x1A0, 0x2A0, 0x3A0)
 STEP = 30_000  # increments a joint goes on in a cycle
 TURN = 1 << 20
@@ -102,9 +103,14 @@ def test_a_recording_reads_back_as_what_was_on_the_bus(tmp_path: Path, suffix: s
     assert {*TARGETS, *OFFSETS} <= {message.arbitration_id for message in recorded}
     if suffix == ".log":
         assert {message.channel for message in recorded} == {"vcan0"}
-    talk = [message.arbitration_id for message in recorded if message.arbitration_id in (REQUEST, ANSWER)]
+    # An abort has no answer: one clears what an interrupted client left, or a transfer that a busy machine let time out.
+    talk = [
+        message.arbitration_id
+        for message in recorded
+        if message.arbitration_id in (REQUEST, ANSWER)
+        and (message.arbitration_id, message.data[0]) != (REQUEST, ABORT)
+    ]
     assert len(talk) > 50
-    # The first request may stand alone (what it finds, an interrupted client left).
     assert talk[-2:] == [REQUEST, ANSWER]
     assert talk.count(REQUEST) == talk.count(ANSWER)
     assert talk == [REQUEST, ANSWER] * (len(talk) // 2)
