@@ -103,7 +103,7 @@ def test_a_recording_reads_back_as_what_was_on_the_bus(tmp_path: Path, suffix: s
     assert {*TARGETS, *OFFSETS} <= {message.arbitration_id for message in recorded}
     if suffix == ".log":
         assert {message.channel for message in recorded} == {"vcan0"}
-    # An abort has no answer: one clears what an interrupted client left, or a transfer that a busy machine let time out.
+    # An abort has no answer: one clears what an interrupted client left, or a transfer that took too long.
     talk = [
         message.arbitration_id
         for message in recorded
