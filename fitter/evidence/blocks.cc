@@ -132,9 +132,9 @@ Block Builder::present_form(const EffectRequest& request) {
   std::map<std::string, double> values;
   for (const NonlinearParameter& p : fit_.model().nonlinear) values[p.name] = p.value;
   for (const Parameter& own : build_effect(fit_.context(), request).parameters) {
-    const int index = fit_.model().index(own.name);
-    if (index < 0 || fit_.model().parameters[static_cast<std::size_t>(index)].fixed) continue;
-    form.terms.parameters.push_back(fit_.model().parameters[static_cast<std::size_t>(index)]);
+    const auto p = std::ranges::find(fit_.model().parameters, own.name, &Parameter::name);
+    if (p == fit_.model().parameters.end() || p->fixed) continue;
+    form.terms.parameters.push_back(*p);
     for (Term& term : form.terms.parameters.back().terms)
       term.basis = term.basis.substitute(values);
   }

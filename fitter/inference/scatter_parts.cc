@@ -16,14 +16,14 @@ using Eigen::Index;
 constexpr int kScatterPasses = 5;
 // The variance of readings falls to no less than this share of itself in one pass.
 constexpr double kLeastShare = 0.1;
-// A part is there where its variance is so many times its standard deviation: one in three hundred
-// would seem so by chance.
+// A part counts only if its variance is this many times the standard deviation of its estimate.
 constexpr double kClearly = 3.0;
-// What an unknown follows of a reading is made up for, up to this share.
+// Least share of a residual's variance that the fit is taken to leave: bounds the correction for
+// leverage.
 constexpr double kLeastLeft = 0.05;
-// So many poses tell a variance to some hundredths.
+// More poses would make the variances no better than a few percent needs.
 constexpr std::size_t kMostPoses = 2000;
-// A pose that was read more often is looked at in pieces.
+// A pose with more readings is split: the work grows with their cube.
 constexpr std::size_t kReadingsTogether = 16;
 constexpr std::size_t kTogether = 64;  // poses that one thread works out at a time
 
@@ -123,8 +123,8 @@ ScatterColumns columns_of(const Design& design, const EvaluatedRows& evaluated,
   return result;
 }
 
-// Divides a pose's residual by the square root of what unknowns leave of it. `share`: of its
-// variance that they take, equations × equations.
+// Corrects the residual of a pose for leverage: r ← (I − H)^−½ r, where H (`share`) is the pose's
+// block of the hat matrix.
 void make_up_for(const Eigen::MatrixXd& share, Eigen::VectorXd& residual) {
   const SymmetricEigen left =
       symmetric_eigen(Eigen::MatrixXd::Identity(share.rows(), share.cols()) - share);
@@ -132,8 +132,8 @@ void make_up_for(const Eigen::MatrixXd& share, Eigen::VectorXd& residual) {
                                 .cwiseQuotient(left.values.cwiseMax(kLeastLeft).cwiseSqrt());
 }
 
-// The scatter of poses, evenly from all of them, about a solution of this `covariance`, for
-// readings of this `variance`.
+// Residuals and scatter columns of at most kMostPoses poses, spread evenly over the file.
+// `covariance`: of the unknowns; `variance`: of one whitened residual.
 std::vector<ScatterColumns> scatter_of(const Design& design, const EvaluatedRows& evaluated,
                                        const std::vector<std::vector<std::size_t>>& poses,
                                        const Eigen::MatrixXd& covariance, double variance) {
@@ -160,7 +160,7 @@ std::vector<ScatterColumns> scatter_of(const Design& design, const EvaluatedRows
   return result;
 }
 
-// What the variances of parts solve: information · variances = moments.
+// The linear equations of the variances: information · variances = moments.
 struct Moments {
   Eigen::MatrixXd information;
   Eigen::VectorXd moments;
@@ -192,7 +192,8 @@ void add(const ScatterColumns& pose, const Eigen::VectorXd& variance, Moments& s
   }
 }
 
-// Variances that solve the sums, each clearly above zero; 0 for the others.
+// Solves for the variances. The least significant joint or pose part is set to 0 and the rest
+// solved again, until all that remain exceed kClearly standard deviations.
 Eigen::VectorXd clear_variances(const Moments& sums) {
   const Index last = sums.moments.size() - 1;
   std::vector<Index> there;

@@ -8,12 +8,14 @@
 
 namespace armtrue {
 
-/// What one part of the scatter is in each equation of a pose's readings.
+/// The residuals of one pose and the directions in which each part of the noise moves them.
 struct ScatterColumns {
-  Eigen::MatrixXd columns;         ///< equations × visits of every joint, and three of the pose
-  std::vector<Eigen::Index> part;  ///< of each column: 1 … joints, or joints + 1 for the pose
-  std::vector<Eigen::Index> own;   ///< by equation: part 0 for a position, joints + 2 for a turn
-  Eigen::VectorXd residual;        ///< as large as if no unknown had followed it
+  /// Equations × random errors: one for each joint and visit, then three (x, y, z) that all
+  /// readings of the pose share.
+  Eigen::MatrixXd columns;
+  std::vector<Eigen::Index> part;  ///< by column: the joint's number, or joints + 1 (pose)
+  std::vector<Eigen::Index> own;   ///< by equation: 0 (position) or joints + 2 (orientation)
+  Eigen::VectorXd residual;        ///< corrected for leverage
 };
 
 /// Variances of the parts of a scatter: of a position's reading, of each joint anew at each visit
@@ -22,9 +24,9 @@ struct ScatterColumns {
 /// estimates (Rao 1971, J. Multivariate Analysis 1, 257), repeated with the weights that they give.
 Eigen::VectorXd estimate_scatter(const std::vector<ScatterColumns>& poses, int joints);
 
-/// `covariance` of a design's unknowns takes all equations to scatter by `variance`, each for
-/// itself. The result holds where a joint does not come back to where it was, and where readings of
-/// one pose share an error (sandwich: Huber 1967, Proc. 5th Berkeley Symp. 1, 221; leverage as in
+/// Covariance of a design's unknowns under noise that is correlated: joints that do not repeat, and
+/// errors that the readings of one pose share. `covariance`: under independent noise of `variance`
+/// in each equation (sandwich: Huber 1967, Proc. 5th Berkeley Symp. 1, 221; leverage as in
 /// MacKinnon and White 1985, J. Econometrics 29, 305). The same where data show no such part.
 Eigen::MatrixXd with_scatter_in_parts(const Design& design, const EvaluatedRows& evaluated,
                                       const std::vector<PenaltyRow>& penalties,

@@ -71,8 +71,8 @@ Spread spread_of(const Design& design, const NormalEquations& equations,
   return spread;
 }
 
-// Spread::root where shots repeat one visit: what they share teaches less than as many visits
-// would. None where nothing repeats, or shots share nothing.
+// Spread::root with repeated readings weighted down for the error that they share. Empty if no pose
+// was repeated, or repeats are uncorrelated.
 std::optional<Eigen::MatrixXd> root_with_repeats(const Design& design,
                                                  const EvaluatedRows& evaluated,
                                                  const std::vector<PenaltyRow>& penalties,

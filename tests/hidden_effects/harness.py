@@ -14,9 +14,11 @@ from typing import Any
 
 import numpy as np
 import yaml
+from armtrue_sim.campaign import Campaign
 from armtrue_sim.cases import HiddenCase, hidden_cases
 from by_command import Ran, knows, run
 from coefficients import deviations
+from numpy.typing import NDArray
 
 # A candidate with less is not counted as said to be possible.
 WORTH_NAMING = 0.05
@@ -356,17 +358,23 @@ def fresh_error(case: HiddenCase, folder: Path, fit: str, settings: Settings) ->
     ran = run(["predict", fit_file, test, "--out", out, *asked], settings.limit)
     if ran.status != 0:
         return float("nan"), []
-    with Path(out).open(encoding="utf-8", newline="") as file:
+    distances, held = misses(Path(out), case.campaign)
+    return float(distances.mean()), held
+
+
+def misses(predicted: Path, campaign: Campaign) -> tuple[NDArray[np.float64], list[bool]]:
+    """Distance [m] of each prediction from the exact pose; whether that is in the 95 % region (with --uncertainty)."""
+    with predicted.open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     off = np.array([[float(row[axis]) for axis in "xyz"] for row in rows])
-    off -= np.stack([case.campaign.test[axis] for axis in "xyz"], axis=1)
+    off -= np.stack([campaign.test[axis] for axis in "xyz"], axis=1)
     held = []
     for row, error in zip(rows, off, strict=True):
-        if asked:
+        if "cxx" in row:
             xx, xy, xz, yy, yz, zz = (float(row[f"c{c}"]) for c in ("xx", "xy", "xz", "yy", "yz", "zz"))
             covariance = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
             held.append(bool(error @ np.linalg.solve(covariance, error) <= CHI2_3_95))
-    return float(np.linalg.norm(off, axis=1).mean()), held
+    return np.linalg.norm(off, axis=1), held
 
 
 def hidden_words(case: HiddenCase) -> set[str]:

@@ -17,10 +17,10 @@ import numpy as np
 from armtrue_sim import simulate
 from armtrue_sim.kinds import ARMS
 from by_command import run
+from harness import misses
 
 BAD, GOOD, READING = 45e-6, 4e-6, 8e-6  # rad, rad, m
 BAD_WITHIN, READING_WITHIN = 8.0, 1.0  # urad, um
-CHI2_3_95 = 7.815
 
 
 @dataclass
@@ -32,9 +32,8 @@ class NoiseFound:
     bad: int
     joints_urad: list[float] = field(default_factory=list)
     reading_um: float | None = None
-    held: float | None = (
-        None  # share of fresh exact poses within their 95 % region; None where an effect is missing
-    )
+    # Share of fresh exact poses within their 95 % region. None if the diagnosis says that an effect is missing.
+    held: float | None = None
     trouble: str = ""
 
     @property
@@ -63,18 +62,6 @@ def scenario(arm: str, seed: int) -> tuple[dict[str, Any], int]:
     }, bad
 
 
-def share_held(predicted: Path, exact: Path) -> float:
-    """Share of exact poses that lie in the 95 % region of their prediction."""
-    p, e = (np.genfromtxt(path, delimiter=",", names=True) for path in (predicted, exact))
-    off = np.stack([p[axis] - e[axis] for axis in "xyz"], axis=1)
-    upper = {axes: p[f"c{axes}"] for axes in ("xx", "xy", "xz", "yy", "yz", "zz")}
-    covariance = np.stack(
-        [np.stack([upper["".join(sorted(a + b))] for b in "xyz"], axis=1) for a in "xyz"], axis=1
-    )
-    squares = np.sum(off * np.linalg.solve(covariance, off[:, :, None])[:, :, 0], axis=1)
-    return float(np.mean(squares < CHI2_3_95))
-
-
 def noise_case(seed: int, limit: float) -> NoiseFound:
     """One seeded campaign; the arms take turns."""
     arm = ARMS[seed % len(ARMS)]
@@ -82,21 +69,9 @@ def noise_case(seed: int, limit: float) -> NoiseFound:
     found = NoiseFound(arm, seed, bad)
     with tempfile.TemporaryDirectory(prefix="armtrue-noise-") as name:
         folder = Path(name)
-        simulate(given, folder)
-        data, robot, model, fit, out, test, predicted = (
-            str(folder / f)
-            for f in (
-                *(
-                    "data.csv",
-                    "robot.yaml",
-                    "model.yaml",
-                    "fit.json",
-                    "out.json",
-                    "test.csv",
-                    "predicted.csv",
-                ),
-            )
-        )
+        campaign = simulate(given, folder)
+        files = ("data.csv", "robot.yaml", "model.yaml", "fit.json", "out.json", "test.csv", "predicted.csv")
+        data, robot, model, fit, out, test, predicted = (str(folder / f) for f in files)
         for command in (
             ["fit", data, "--robot", robot, "--model", model, "--out", fit],
             ["diagnose", fit, "--json", out],
@@ -108,7 +83,7 @@ def noise_case(seed: int, limit: float) -> NoiseFound:
                 return found
         diagnosis = json.loads((folder / "out.json").read_text())
         if diagnosis["verdict"] == "nothing_missing":
-            found.held = share_held(Path(predicted), Path(test))
+            found.held = float(np.mean(misses(Path(predicted), campaign)[1]))
         noise = diagnosis.get("noise") or {}
     found.joints_urad = [float(v or 0.0) for v in noise.get("joints_urad") or []]
     found.reading_um = noise.get("reading_um")
