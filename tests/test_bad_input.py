@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import json
 import subprocess
-import sys
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 import pytest
+from armtrue.cli.conftest import armtrue
 
 ROBOT = """\
 name: six
@@ -286,11 +286,6 @@ CASES = [
         "unknown coordinate", ["model.yaml", "coordinate", "'motr3'", "motor3"], model=custom("q1", "motr3")
     ),
 ]
-
-
-def armtrue(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "armtrue", *arguments]
-    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=False, timeout=60)
 
 
 def write(folder: Path, case: Case) -> None:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import csv
 import json
-import subprocess
 from pathlib import Path
 from typing import Any
 
@@ -16,12 +15,12 @@ import arms
 import armtrue_sim
 import numpy as np
 import pytest
+from armtrue.cli.conftest import run_forked
 from armtrue.tables.image import Image
 from armtrue_sim.arm import Arm
 from armtrue_sim.campaign import csv_text
 from armtrue_sim.session import joints_of
 
-ROOT = Path(__file__).resolve().parents[2]
 FRESH_POSES = 400
 # The device takes loads where the nominal arm stands at the target, the fit where the arm it found stands
 # (docs/decisions/0068-loads-where-the-arm-stands.md): softest on the seven-axis arm, 0.9 µm.
@@ -54,7 +53,7 @@ HIDDEN = {"palletiser": ["levelling_bars"]}
 
 
 def armtrue(*arguments: object) -> None:
-    subprocess.run([ROOT / ".venv/bin/armtrue", *map(str, arguments)], check=True, stdout=subprocess.DEVNULL)
+    run_forked(*map(str, arguments)).check_returncode()
 
 
 def table(path: Path) -> dict[str, np.ndarray]:

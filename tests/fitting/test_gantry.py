@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-import subprocess
-import sys
 from pathlib import Path
 
 import armtrue
 import numpy as np
 import pytest
 import yaml
+from armtrue.cli.conftest import run_forked
 from armtrue.tables.chain import chain_from_robot
 from armtrue_sim.mechanics.chain import Chain
 from numpy.typing import NDArray
@@ -114,8 +113,7 @@ def test_init_reads_a_table_whose_joints_slide(tmp_path):
     (tmp_path / "log.csv").write_text(
         "\n".join(["J1 [mm],J2 [mm],J3 [mm],X [mm],Y [mm],Z [mm]", *millimetres]) + "\n"
     )
-    command = [sys.executable, "-m", "armtrue", "init", "log.csv", "--dh", "arm.csv", "--out", "made"]
-    ran = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    ran = run_forked("init", "log.csv", "--dh", "arm.csv", "--out", "made", cwd=tmp_path)
     assert ran.returncode == 0, ran.stderr
     robot = armtrue.load_robot(tmp_path / "made" / "robot.yaml")
     assert robot.spec["kinematics"]["convention"] == "mdh"

@@ -6,19 +6,17 @@ import copy
 import csv
 import dataclasses
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import armtrue
 import armtrue_sim
 import numpy as np
 import pytest
+from armtrue.cli.conftest import run_forked
 from fitting_given import GEOMETRY, Given
 
 MODEL = [*GEOMETRY, {"effect": "joint_compliance", "joints": [2, 3]}]
 NOISE = 3e-6
-ARMTRUE = str(Path(sys.executable).with_name("armtrue"))
 
 
 def measured(given: Given, truth: armtrue.Fit, rng: np.random.Generator) -> Given:
@@ -113,7 +111,7 @@ def test_a_table_undoes_what_masses_and_level_do_through_springs_that_harden(giv
 
 
 def run(*arguments: object) -> None:
-    done = subprocess.run([ARMTRUE, *map(str, arguments)], capture_output=True, text=True)
+    done = run_forked(*map(str, arguments))
     assert done.returncode == 0, done.stderr
 
 

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import csv
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
+from armtrue.cli.conftest import run_forked
 
-ARMTRUE = str(Path(sys.executable).with_name("armtrue"))
 MODEL = {
     "effects": [
         *("base_frame", "tool_offset", "joint_offset", "link_geometry"),
@@ -24,7 +22,7 @@ COUPLING = [{"joint": 3, "driving": 2, "ratio": -1.0, "kind": "controller"}]
 
 
 def run(*arguments: object) -> None:
-    done = subprocess.run([ARMTRUE, *map(str, arguments)], capture_output=True, text=True)
+    done = run_forked(*map(str, arguments))
     assert done.returncode == 0, done.stderr
 
 

@@ -10,8 +10,6 @@ import datetime
 import json
 import math
 import shlex
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -19,10 +17,10 @@ import armtrue_sim
 import numpy as np
 import openpyxl
 import pytest
+from armtrue.cli.conftest import run_forked
 
 pytestmark = pytest.mark.full
 
-ARMTRUE = str(Path(sys.executable).with_name("armtrue"))
 HIDDEN = [{"effect": "gear_harmonics", "joints": [3], "scale": 2.5}]
 PLAIN = {"arm": "kr30", "seed": 21, "poses": 240, "hidden": HIDDEN}
 REFLECTORS = {**PLAIN, "poses": 120, "targets": {"names": ["SMR 1.5 A", "SMR 1.5 B", "SMR 1.5 C"]}}
@@ -52,9 +50,7 @@ def millimetres(row: dict[str, str]) -> list[str]:
 
 def run(where: Path, *words: str) -> str:
     """A command as a person types it; it must end well."""
-    ran = subprocess.run(
-        [ARMTRUE, *words], cwd=where, capture_output=True, text=True, check=False, timeout=PATIENCE_S
-    )
+    ran = run_forked(*words, cwd=where, timeout=PATIENCE_S)
     assert ran.returncode == 0, ran.stdout + ran.stderr
     return ran.stdout
 

@@ -6,12 +6,11 @@ import csv
 import json
 import re
 import shutil
-import subprocess
 
 import numpy as np
 import pytest
+from armtrue.cli.conftest import run_forked
 from bench_page import Page
-from opened import ARMTRUE
 from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
@@ -209,7 +208,7 @@ def test_the_uncertainty_is_drawn_over_the_arm_as_predict_gives_it(page, workben
     page.until(lambda: not workbench.state()["busy"], "fit.json")
     (tmp_path / "fit.json").write_bytes(workbench.ask(f"{workbench.path}file?name=made").read())
     words = ["predict", "fit.json", str(campaign / "data.csv"), "--uncertainty", "--out", "p.csv"]
-    subprocess.run([ARMTRUE, *words], cwd=tmp_path, check=True, capture_output=True, timeout=120)
+    run_forked(*words, cwd=tmp_path).check_returncode()
     with (tmp_path / "p.csv").open() as stream:
         rows = [
             {name: float(row[name]) for name in ("cxx", "cxy", "cxz", "cyy", "cyz", "czz")}

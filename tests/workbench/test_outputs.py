@@ -12,8 +12,9 @@ import zipfile
 from pathlib import Path
 
 import pytest
+from armtrue.cli.conftest import run_forked
 from bench_page import Page
-from opened import ARMTRUE, Workbench
+from opened import Workbench
 from selenium.webdriver.common.by import By
 
 pytestmark = pytest.mark.full
@@ -41,7 +42,7 @@ def bundle(workbench: Workbench, place: Path) -> Path:
 
 
 def armtrue(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([ARMTRUE, *words], cwd=folder, capture_output=True, text=True, timeout=PATIENCE_S)
+    return run_forked(*words, cwd=folder, timeout=PATIENCE_S)
 
 
 @pytest.fixture

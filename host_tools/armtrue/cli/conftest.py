@@ -3,22 +3,67 @@
 from __future__ import annotations
 
 import math
+import multiprocessing
+import os
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
+from pkgutil import iter_modules
 
 import armtrue_sim
 import pytest
 import yaml
 
+from armtrue import cli
+
 SCENARIO = Path(__file__).resolve().parents[3] / "sim" / "scenarios" / "kr30-eccentric-gear.yaml"
 FIT = ("fit", "data.csv", "--robot", "robot.yaml", "--model", "model.yaml")
 
 
+# Every command is a process of its own; it is forked from one that has read all libraries in, which would take longer
+# than most commands. (What a person's start needs besides, `python -m armtrue` itself, has tests of its own.)
+_forks = multiprocessing.get_context("forkserver")
+_forks.set_forkserver_preload(
+    ["armtrue._core", "armtrue.report"]
+    + [
+        f"armtrue.cli.{m.name}"
+        for m in iter_modules(cli.__path__)
+        if not m.name.startswith(("test_", "conf"))
+    ]
+)
+
+
+def _begin(
+    arguments: tuple[str, ...], cwd: Path | str, environment: dict[str, str], said: tuple[str, str]
+) -> None:
+    os.chdir(cwd)
+    os.environ.clear()
+    os.environ.update(environment)
+    for stream, path in enumerate((os.devnull, *said)):
+        os.dup2(os.open(path, os.O_RDWR), stream)
+    sys.stdin = open(0, encoding="utf-8", closefd=False)  # noqa: SIM115 (the process's own, until it ends)
+    sys.argv = ["armtrue", *arguments]
+    cli.main()
+
+
+def run_forked(
+    *arguments: str, cwd: Path | str = ".", timeout: float = 120.0
+) -> subprocess.CompletedProcess[str]:
+    """`armtrue ARGUMENTS` in the folder `cwd`; subprocess.TimeoutExpired after `timeout` seconds."""
+    with tempfile.NamedTemporaryFile("r") as out, tempfile.NamedTemporaryFile("r") as err:
+        process = _forks.Process(target=_begin, args=(arguments, cwd, dict(os.environ), (out.name, err.name)))
+        process.start()
+        process.join(timeout)
+        if process.exitcode is None:
+            process.kill()
+            raise subprocess.TimeoutExpired(("armtrue", *arguments), timeout)
+        return subprocess.CompletedProcess(arguments, process.exitcode, out.read(), err.read())
+
+
 def armtrue(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
     """Run a command as a person does; a traceback is never right."""
-    command = [sys.executable, "-m", "armtrue", *arguments]
-    run = subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=False, timeout=120)
+    run = run_forked(*arguments, cwd=cwd)
     assert "Traceback" not in run.stderr, run.stderr
     return run
 
