@@ -228,10 +228,9 @@ std::set<std::size_t> weigh(Fit& fit, const Linearization& linearization, const 
                             Diagnosis& d) {
   EvidenceOptions weighing;
   weighing.searched = options.searched;
-  CandidateBlocks catalogue = catalogue_blocks(fit);
   const EvidenceSummary evidence =
-      weigh_evidence(fit, linearization, std::move(catalogue.blocks), std::move(extra), weighing);
-  d.untestable = std::move(catalogue.untestable);
+      weigh_evidence(fit, linearization, catalogue_blocks(fit), std::move(extra), weighing);
+  d.untestable = untestable_effects(fit.context());
   d.noise = evidence.noise;
   d.reading_sigma = evidence.noise.reading * linearization.typical_sigma;
   d.orientation_sigma = evidence.noise.orientation * linearization.sigma_rotation;

@@ -65,9 +65,7 @@ json Diagnosis::to_json(const Fit& fit) const {
                                     {"why", c.why}});
   }
   result["tables"] = armtrue::to_json(tables);
-  result["untestable"] = json::array();
-  for (const Untestable& u : untestable)
-    result["untestable"].push_back({{"effect", u.effect}, {"needs", u.needs}});
+  result["untestable"] = armtrue::to_json(untestable);
   result["unexplained"] = json::array();
   for (const StructureFinding& f : unexplained()) {
     std::string variable;

@@ -36,24 +36,31 @@ Block make_block(const EffectContext& context, const EffectRequest& request) {
   return block;
 }
 
-CandidateBlocks catalogue_blocks(const Fit& fit) {
-  CandidateBlocks result;
+std::vector<Block> catalogue_blocks(const Fit& fit) {
+  std::vector<Block> blocks;
   const EffectContext& context = fit.context();
   const std::set<std::string> present = parameter_names(fit.model());
+  for (const Effect* effect : effect_catalogue()) {
+    for (const EffectRequest& request : effect->tried(context)) {
+      if (!effect->missing(context, request.joints).empty()) continue;
+      Block block = make_block(context, request);
+      const bool held = std::any_of(block.terms.parameters.begin(), block.terms.parameters.end(),
+                                    [&](const Parameter& p) { return present.contains(p.name); });
+      if (!held && !block.terms.parameters.empty()) blocks.push_back(std::move(block));
+    }
+  }
+  return blocks;
+}
+
+std::vector<Untestable> untestable_effects(const EffectContext& context) {
+  std::vector<Untestable> result;
   for (const Effect* effect : effect_catalogue()) {
     std::set<std::string> needs;
     bool testable = false;
     for (const EffectRequest& request : effect->tried(context)) {
       const std::vector<std::string> missing = effect->missing(context, request.joints);
-      if (!missing.empty()) {
-        needs.insert(missing.begin(), missing.end());
-        continue;
-      }
-      testable = true;
-      Block block = make_block(context, request);
-      const bool held = std::any_of(block.terms.parameters.begin(), block.terms.parameters.end(),
-                                    [&](const Parameter& p) { return present.contains(p.name); });
-      if (!held && !block.terms.parameters.empty()) result.blocks.push_back(std::move(block));
+      needs.insert(missing.begin(), missing.end());
+      testable = testable || missing.empty();
     }
     // Testable on some joints is not testable on all: what is missing for the others is listed too.
     if (!testable && needs.empty()) {
@@ -61,8 +68,15 @@ CandidateBlocks catalogue_blocks(const Fit& fit) {
           effect->missing(context, effect->joints_of_bare_entry(context));
       needs.insert(missing.begin(), missing.end());
     }
-    if (!needs.empty()) result.untestable.push_back({effect->id(), {needs.begin(), needs.end()}});
+    if (!needs.empty()) result.push_back({effect->id(), {needs.begin(), needs.end()}});
   }
+  return result;
+}
+
+nlohmann::json to_json(const std::vector<Untestable>& untestable) {
+  nlohmann::json result = nlohmann::json::array();
+  for (const Untestable& u : untestable)
+    result.push_back({{"effect", u.effect}, {"needs", u.needs}});
   return result;
 }
 

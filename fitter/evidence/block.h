@@ -19,20 +19,21 @@ struct Block {
                      ///< they cost evidence
 };
 
+/// Every effect of the catalogue on every joint (pair, order, sensor) that the recorded columns
+/// allow and that the fit does not hold already.
+std::vector<Block> catalogue_blocks(const Fit& fit);
+
 /// An effect that cannot be tested, and the columns to record before it can.
 struct Untestable {
   std::string effect;
   std::vector<std::string> needs;
 };
 
-struct CandidateBlocks {
-  std::vector<Block> blocks;
-  std::vector<Untestable> untestable;
-};
+/// What the recorded columns do not allow to test, on some joints or on any.
+std::vector<Untestable> untestable_effects(const EffectContext& context);
 
-/// Every effect of the catalogue on every joint (pair, order, sensor) that the recorded columns
-/// allow and that the fit does not hold already.
-CandidateBlocks catalogue_blocks(const Fit& fit);
+/// As the contract's `untestable`: a list of {effect, needs}.
+nlohmann::json to_json(const std::vector<Untestable>& untestable);
 
 /// The request without the options that candidates step through: what goes into a model.
 EffectRequest as_added(const EffectRequest& request);

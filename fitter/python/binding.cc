@@ -15,6 +15,7 @@
 #include <nlohmann/json.hpp>
 
 #include "fitter/diagnose/information.h"
+#include "fitter/evidence/block.h"
 #include "fitter/python/arrays.h"
 #include "fitter/python/catalogue_binding.h"
 #include "fitter/python/drawing_binding.h"
@@ -240,6 +241,10 @@ NB_MODULE(_core, m) {
         "searched"_a = std::set<std::string>{}, "left_out"_a = std::set<std::string>{},
         "What is missing, ranked: the contract's JSON. searched: effects of the fit that a search "
         "put in; left_out: what a refinement fitted beside it and left out, as refine gives it.");
+  m.def(
+      "untestable",
+      [](const Fit& fit) { return to_json(untestable_effects(fit.context())).dump(); }, "fit"_a,
+      "What the recorded columns do not allow to test: `untestable` of the diagnosis.");
   m.def("refine", &run_refine, "fit"_a, "on_step"_a = nb::none(), "progress"_a = nb::none(),
         "searched"_a = std::set<std::string>{},
         "Diagnose and add until nothing is missing; on_step(fit, step as JSON). Returns the last "

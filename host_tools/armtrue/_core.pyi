@@ -32,6 +32,7 @@ def diagnose(
     searched: set[str] = ...,
     left_out: set[str] = ...,
 ) -> str: ...
+def untestable(fit: Fit) -> str: ...
 def refine(
     fit: Fit,
     on_step: Callable[[Fit, str], None] | None = None,

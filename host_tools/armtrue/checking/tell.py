@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 
 import numpy as np
@@ -65,13 +66,13 @@ def _never_change(data: Dataset) -> list[Finding]:
 
 
 def _of_a_fit(data: Dataset, robot: Robot) -> list[Finding]:
-    from armtrue.diagnosis import diagnose
+    from armtrue import _core
     from armtrue.fitting import fit
 
     model = Model([{"effect": effect} for effect in with_role("placement", "geometry")])
     try:
         geometry = fit(data.take(evenly(data.count, _ROWS)), robot, model, folds=2)
-        untestable = diagnose(geometry)["untestable"]
+        untestable = json.loads(_core.untestable(geometry.core))
     except InputError as error:
         return [Finding("no_fit", "warning", f"the geometry cannot be fitted to these data: {error}")]
     findings = [

@@ -56,27 +56,29 @@ def bin_of(values: Array) -> NDArray[np.intp]:
 
 def binned(values: Array, readings: Array, weight: Array) -> Binned:
     """Bin `readings` (N,) by `values` (N,); means carry `weight` (N,), as do the shares."""
-    label = bin_of(values)
-    rows: list[tuple[float, ...]] = []
-    between = within = 0.0
+    _, label, rows = np.unique(bin_of(values), return_inverse=True, return_counts=True)
+
+    def total(of: Array) -> Array:
+        return np.bincount(label, of)
+
+    def or_one(sums: Array) -> Array:
+        return np.where(sums > 0.0, sums, 1.0)
+
     grand = float(np.average(readings, weights=weight))
-    for which in np.unique(label):
-        inside = label == which
-        if int(inside.sum()) < _LEAST_ROWS:
-            continue
-        w, r = weight[inside], readings[inside]
-        total = float(w.sum()) or 1.0
-        mean = float(w @ r) / total
-        scatter = float(w @ (r - mean) ** 2)
-        count = total**2 / (float(w @ w) or 1.0)
-        spread = np.sqrt(scatter / total / max(1.0, count - 1.0))
-        # Readings are spread as the well-known ones are: those of no weight would only widen the band.
-        known = inside & (weight >= 0.1 * np.median(weight))
-        low, high = np.percentile(readings[known] if known.any() else r, _BAND)
-        rows.append((float(np.average(values[inside])), mean, 2.0 * spread, low, high))
-        between += total * (mean - grand) ** 2
-        within += scatter
-    centre, means, error, lows, highs = np.array(rows).reshape(-1, 5).T
+    sums = or_one(total(weight))
+    means = total(weight * readings) / sums
+    scatter = total(weight * (readings - means[label]) ** 2)
+    independent = sums**2 / or_one(total(weight**2))
+    error = 2.0 * np.sqrt(scatter / sums / np.maximum(1.0, independent - 1.0))
+    centre = total(values) / rows
+    # Readings are spread as the well-known ones are: those of no weight would only widen the band.
+    known = weight >= 0.1 * np.median(weight)
+    known |= ~np.isin(label, label[known])
+    lows, highs = _percentiles(readings[known], label[known], _BAND)
+    enough = rows >= _LEAST_ROWS
+    centre, means, error, lows, highs = (column[enough] for column in (centre, means, error, lows, highs))
+    between = float(sums[enough] @ (means - grand) ** 2)
+    within = float(scatter[enough].sum())
     bins, count = centre.size, values.size
     plain = between / (between + within) if between + within > 0.0 else 0.0
     freedom = max(1, count - bins)
@@ -85,3 +87,17 @@ def binned(values: Array, readings: Array, weight: Array) -> Binned:
     trend = bool(bins > 1 and adjusted > accident)
     tells = trend or bool(bins > 1 and accident < _PLAIN_SHARE)
     return Binned(centre, means, error, lows, highs, float(adjusted), trend, tells)
+
+
+def _percentiles(readings: Array, label: NDArray[np.intp], percents: tuple[float, ...]) -> list[Array]:
+    """For every percentage that of the readings of each label (labels,), between neighbours in proportion."""
+    ordered = readings[np.lexsort((readings, label))]
+    counts = np.bincount(label)
+    first = np.cumsum(counts) - counts
+    result = []
+    for percent in percents:
+        place = percent / 100.0 * (counts - 1)
+        below = np.floor(place).astype(np.intp)
+        lower, upper = ordered[first + below], ordered[first + np.minimum(below + 1, counts - 1)]
+        result.append(lower + (place - below) * (upper - lower))
+    return result
