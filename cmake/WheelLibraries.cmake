@@ -39,8 +39,10 @@ execute_process(COMMAND ${Python_EXECUTABLE} -c "import scipy_openblas32 as b; p
 string(REPLACE " " "/" openblas "${openblas}")
 add_library(armtrue_openblas INTERFACE)
 target_link_libraries(armtrue_openblas INTERFACE ${openblas})
-foreach(name dgemm_ dgemv_ dsyrk_ dtrsm_ dpotrf_ dpotrs_ dpotri_ dsyevd_ dgelsy_ dtpqrt_ dtpmqrt_
-        openblas_set_num_threads)
+# All routines that are called: dense.cc alone declares any. (A list of them here once lacked one, and the wheel did not start.)
+file(STRINGS ${PROJECT_SOURCE_DIR}/fitter/common/dense.cc declared REGEX "^void [a-z0-9]+_\\(")
+list(TRANSFORM declared REPLACE "^void ([a-z0-9]+_)\\(.*" "\\1")
+foreach(name ${declared} openblas_set_num_threads)
   target_compile_definitions(armtrue_openblas INTERFACE ${name}=scipy_${name})
 endforeach()
 add_library(LAPACK::LAPACK ALIAS armtrue_openblas)
