@@ -59,7 +59,7 @@ def binned(values: Array, readings: Array, weight: Array) -> Binned:
     _, label, rows = np.unique(bin_of(values), return_inverse=True, return_counts=True)
 
     def total(of: Array) -> Array:
-        return np.bincount(label, of)
+        return np.asarray(np.bincount(label, of), dtype=np.float64)
 
     def or_one(sums: Array) -> Array:
         return np.where(sums > 0.0, sums, 1.0)
