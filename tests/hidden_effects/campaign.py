@@ -86,18 +86,26 @@ def seeds_of(kind: str, given: argparse.Namespace) -> range:
     return range(given.first_seed, given.first_seed + count)
 
 
+def cases_of(kind: str, given: argparse.Namespace) -> list[tuple[str, int]]:
+    """Arms and seeds. Of the group `each` one, on another arm than that of the kind before."""
+    seeds = seeds_of(kind, given)
+    arms = VARIED_ARMS if given.variants and KINDS[kind].arms == ARMS else KINDS[kind].arms
+    if given.group == "each":
+        return [(arms[list(KINDS).index(kind) % len(arms)], seeds[0])]
+    return [(arm, seed) for arm in arms for seed in seeds]
+
+
 def run_kinds(kinds: Iterable[str], given: argparse.Namespace, pool: ProcessPoolExecutor) -> list[Outcome]:
     """All cases; wrong ones go to stderr as they come."""
     settings = Settings(given.limit, None, not given.no_reference, given.statics, given.variants, given.keep)
     print(HEAD, end="", flush=True)
+    begun = [
+        (kind, [pool.submit(_case_or_none, kind, arm, seed, settings) for arm, seed in cases_of(kind, given)])
+        for kind in kinds
+    ]
     everything = []
-    for place, kind in enumerate(kinds):
-        seeds = seeds_of(kind, given)
-        arms = VARIED_ARMS if given.variants and KINDS[kind].arms == ARMS else KINDS[kind].arms
-        if given.group == "each":
-            seeds, arms = seeds[:1], (arms[place % len(arms)],)
-        calls = [(kind, arm, seed, settings) for arm in arms for seed in seeds]
-        outcomes = [outcome for outcome in in_parallel(pool, _case_or_none, calls) if outcome]
+    for kind, jobs in begun:
+        outcomes = [outcome for job in jobs if (outcome := job.result())]
         for o in outcomes:
             if verdict_of(o) != "right":
                 words = f"hidden {sorted(o.hidden)}, added {sorted(o.added)} {o.trouble}"
