@@ -58,6 +58,14 @@ class Page:
         assert len(found) == 1, f"found {len(found)} elements of role {role} named {name}, expected one"
         return found[0]
 
+    def with_one(self, tags: str, role: str, name: str, act: Callable[[WebElement], Any]) -> Any:
+        """`act` on the one element of a role and name; found anew where the page replaced it before that."""
+        while True:
+            try:
+                return act(self.one(tags, role, name))
+            except StaleElementReferenceException:
+                continue
+
     def button(self, name: str) -> WebElement:
         """One of the buttons above."""
         return self.one("header button", "button", name)

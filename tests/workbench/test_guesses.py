@@ -7,6 +7,7 @@ import math
 import pytest
 from bench_page import Page
 from selenium.webdriver.common.by import By
+from selenium.webdriver.remote.webelement import WebElement
 from selenium.webdriver.support.ui import Select
 
 from tests.report.browser import LAPTOP
@@ -60,7 +61,7 @@ def guessed(start, browser, campaign):
 
 def opened_mean_um(page: Page) -> float:
     """Open the files as the form has them; the held-out mean error of the first model."""
-    page.one("#opening button", "button", "Open with these").click()
+    page.with_one("#opening button", "button", "Open with these", WebElement.click)
     page.until(page.candidates, "candidates")
     return float(page.workbench.state()["error"]["held_out"]["mean_um"])
 
@@ -76,11 +77,11 @@ def right_um(guessed, foreign) -> float:
 
 def shown(page: Page, label: str) -> str:
     """What a field of the form says."""
-    return str(page.one("#opening select", "combobox", label).get_attribute("value"))
+    return str(page.with_one("#opening select", "combobox", label, lambda e: e.get_attribute("value")))
 
 
 def choose(page: Page, label: str, value: str) -> None:
-    Select(page.one("#opening select", "combobox", label)).select_by_value(value)
+    page.with_one("#opening select", "combobox", label, lambda e: Select(e).select_by_value(value))
 
 
 def test_the_form_shows_separator_units_and_columns_beside_the_first_rows(guessed, foreign):
@@ -91,7 +92,7 @@ def test_the_form_shows_separator_units_and_columns_beside_the_first_rows(guesse
     assert (shown(page, "Z is"), shown(page, "unit of Z")) == ("z", "mm")
     first = foreign().read_text().splitlines()[1].split(";")
     assert all(cell in page.text("opening") for cell in first)
-    page.one("#opening button", "button", "Open with these").click()
+    page.with_one("#opening button", "button", "Open with these", WebElement.click)
     page.until(page.candidates, "candidates")
 
 
@@ -106,7 +107,7 @@ def test_a_joint_that_turns_the_other_way_is_found_and_mended_by_a_button(guesse
 def test_columns_named_wrongly_are_put_right_in_the_form(guessed, foreign, right_um):
     page = guessed(foreign(swapped=True))
     choose(page, "X is", "y")
-    page.one("#opening button", "button", "Open with these").click()
+    page.with_one("#opening button", "button", "Open with these", WebElement.click)
     assert "two columns that are y" in page.until(page.failure, "sentence")
     assert shown(page, "X is") == "y", "what was chosen stays"
     choose(page, "Y is", "x")
