@@ -39,7 +39,8 @@ execute_process(COMMAND ${Python_EXECUTABLE} -c "import scipy_openblas32 as b; p
 string(REPLACE " " "/" openblas "${openblas}")
 add_library(armtrue_openblas INTERFACE)
 target_link_libraries(armtrue_openblas INTERFACE ${openblas})
-# All routines that are called: dense.cc alone declares any. (A list of them here once lacked one, and the wheel did not start.)
+# The names of the BLAS and LAPACK routines that are called, from the one file that declares them: with a name missing here the
+# module links, and cannot be imported.
 file(STRINGS ${PROJECT_SOURCE_DIR}/fitter/common/dense.cc declared REGEX "^void [a-z0-9]+_\\(")
 list(TRANSFORM declared REPLACE "^void ([a-z0-9]+_)\\(.*" "\\1")
 foreach(name ${declared} openblas_set_num_threads)

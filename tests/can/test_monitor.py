@@ -21,7 +21,7 @@ from node_process import NODE_ID, NodeProcess, connect, disconnect
 from small_table import small_table
 
 REQUEST, ANSWER = 0x600 + NODE_ID, 0x580 + NODE_ID
-ABORT = 0x80  # first byte of a transfer that is given up
+ABORT = 0x80  # command byte of an SDO abort
 TARGETS, OFFSETS = (0x220, 0x320, 0x420), (0x1A0, 0x2A0, 0x3A0)
 STEP = 30_000  # increments a joint goes on in a cycle
 TURN = 1 << 20

@@ -3,8 +3,9 @@ build_preset sanitize fitter_test
 # Ceres comes from Debian without sanitizers, so containers that cross into it cannot be annotated.
 export ASAN_OPTIONS=detect_container_overflow=0:strict_string_checks=1 UBSAN_OPTIONS=print_stacktrace=1 GTEST_TOTAL_SHARDS=$JOBS
 seq 0 $((JOBS - 1)) | xargs -P "$JOBS" -I{} env GTEST_SHARD_INDEX={} build/sanitize/fitter/fitter_test --gtest_brief=1
-# What a search meets only where many effects, found springs and masses come together: one campaign of every hidden kind by the
-# commands that people type, with a package around the sanitized module. (Python keeps its memory until it ends: no leaks.)
+# Unit tests do not reach every combination of effects, springs and masses that a search meets: one campaign of every hidden
+# kind, run by the commands that people type, on a copy of the package with the sanitized module. (Leaks are not looked for:
+# Python does not free all of its memory before it exits.)
 configure sanitize -DARMTRUE_PYTHON=ON
 build_preset sanitize armtrue_core_python
 package=build/sanitize/python

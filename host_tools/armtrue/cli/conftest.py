@@ -21,8 +21,8 @@ SCENARIO = Path(__file__).resolve().parents[3] / "sim" / "scenarios" / "kr30-ecc
 FIT = ("fit", "data.csv", "--robot", "robot.yaml", "--model", "model.yaml")
 
 
-# Every command is a process of its own; it is forked from one that has read all libraries in, which would take longer
-# than most commands. (What a person's start needs besides, `python -m armtrue` itself, has tests of its own.)
+# To import the libraries takes longer than most commands do. So a server imports them once, and every command is a process
+# forked from it. (Tests of the start itself, and campaigns, run `armtrue` from nothing.)
 _forks = multiprocessing.get_context("forkserver")
 _forks.set_forkserver_preload(
     ["armtrue._core", "armtrue.report"]
@@ -42,7 +42,7 @@ def _begin(
     os.environ.update(environment)
     for stream, path in enumerate((os.devnull, *said)):
         os.dup2(os.open(path, os.O_RDWR), stream)
-    sys.stdin = open(0, encoding="utf-8", closefd=False)  # noqa: SIM115 (the process's own, until it ends)
+    sys.stdin = open(0, encoding="utf-8", closefd=False)  # noqa: SIM115 (open until the process ends)
     sys.argv = ["armtrue", *arguments]
     cli.main()
 

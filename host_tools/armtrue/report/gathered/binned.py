@@ -90,7 +90,7 @@ def binned(values: Array, readings: Array, weight: Array) -> Binned:
 
 
 def _percentiles(readings: Array, label: NDArray[np.intp], percents: tuple[float, ...]) -> list[Array]:
-    """For every percentage that of the readings of each label (labels,), between neighbours in proportion."""
+    """Percentiles of the readings of each label, linearly interpolated: for each of `percents` an array (labels,)."""
     ordered = readings[np.lexsort((readings, label))]
     counts = np.bincount(label)
     first = np.cumsum(counts) - counts
