@@ -467,6 +467,8 @@ json effects_of(const RefineStep& step) {
 json RefineStep::document() const {
   json result = diagnosis.to_json(*fit);
   result.erase("spectra");
+  auto& candidates = result["candidates"].get_ref<json::array_t&>();
+  candidates.resize(std::min(candidates.size(), DiagnoseOptions().listed));  // as `diagnose` does
   result["added"] = nullptr;
   if (added) {
     std::vector<std::string> stand_ins = added->confounded_with;

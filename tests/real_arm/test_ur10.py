@@ -40,7 +40,7 @@ def said(diagnosis: armtrue.Diagnosis) -> tuple[str, float, list[tuple[str, list
     """What a diagnosis comes to, in figures that two runs of it share."""
     probable = [
         (c["effect"], c["joints"], round(c["probability"], 3))
-        for c in diagnosis.candidates[:20]  # as many as `diagnose` lists; a step of `refine` lists 60
+        for c in diagnosis.candidates
         if c["probability"] > 0.02
     ]
     return diagnosis.verdict, round(diagnosis["probability_nothing"], 3), probable
