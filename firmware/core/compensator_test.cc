@@ -13,10 +13,9 @@ namespace armtrue {
 namespace {
 
 using tests::Bytes;
+using tests::kIncrementsPerRadian;
+using tests::kJoints;
 using tests::TestImage;
-
-constexpr double kIncrementsPerRadian = 16777216.0 / (2.0 * M_PI);
-constexpr std::size_t kJoints = 3;
 
 std::int32_t increments(double radian) {
   return static_cast<std::int32_t>(std::llround(radian * kIncrementsPerRadian));

@@ -13,10 +13,10 @@ namespace armtrue {
 namespace {
 
 using tests::Bytes;
+using tests::kIncrementsPerRadian;
+using tests::kJoints;
 using tests::TestImage;
 
-constexpr std::size_t kJoints = 3;
-constexpr double kIncrementsPerRadian = 16777216.0 / (2.0 * M_PI);
 constexpr std::int32_t kIncrementsPerTurn = 1 << 24;
 constexpr int kTableNodes = 17;
 constexpr double kTableFirst = -2.0;

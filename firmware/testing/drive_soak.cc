@@ -21,8 +21,6 @@ constexpr double kCycleUs = 1000.0;
 constexpr double kSaved = kCycleUs * kRate;  // no more is earned than one cycle's
 constexpr double kSlack = 3.0;               // rounding of both ends
 constexpr std::uint64_t kSettles = 400;      // cycles: rest in offset mode, a blend, a fade
-constexpr int kEnabled = 0x0237;
-constexpr int kDisabled = 0x0250;
 constexpr int kFault = 0x0218;
 constexpr int kCyclic = 8;
 constexpr int kHomingMode = 6;
@@ -79,8 +77,8 @@ void DriveSoak::configure() {
   }
   bench_.install(TestTable{.magnitude = kPermitted << 12}.image());
   bench_.configure(offset_ ? Mode::kOffset : Mode::kInline);
-  write(0x1010, 1, 0x65766173, 4);
-  for (std::size_t k = 0; k < 6; ++k) drive_says(k, kEnabled, kCyclic);
+  write(0x1010, 1, kSave, 4);
+  for (std::size_t k = 0; k < 6; ++k) drive_says(k, kOperationEnabled, kCyclic);
   take_output();
 }
 
@@ -118,13 +116,13 @@ void DriveSoak::carry_out(DriveEvent event) {
   settled_ = 0;
   switch (event) {
     case DriveEvent::kDisabled:
-      return away(kDisabled, kCyclic, Drive::kStands, true);
+      return away(kSwitchOnDisabled, kCyclic, Drive::kStands, true);
     case DriveEvent::kFault:
       return away(kFault, kCyclic, Drive::kStands, false);
     case DriveEvent::kHoming:
-      return away(kEnabled, kHomingMode, Drive::kMovesItself, random_() % 2 == 0);
+      return away(kOperationEnabled, kHomingMode, Drive::kMovesItself, random_() % 2 == 0);
     case DriveEvent::kHandGuided:
-      return away(kEnabled, kTorque, Drive::kMovesItself, true);
+      return away(kOperationEnabled, kTorque, Drive::kMovesItself, true);
     case DriveEvent::kOtherMode:
       // As docs/protocol.md says: inline, disable in a stream first, for nothing is sent at rest.
       bench_.write(0x2000, 2, 0, 1);
@@ -141,11 +139,11 @@ void DriveSoak::carry_out(DriveEvent event) {
       amplitude_ = (1 << 21) + static_cast<std::int32_t>(random_() % (1U << 21));
       if (random_() % 2 == 0) amplitude_ = -amplitude_;
       // Flash is erased only while the drives are disabled.
-      for (std::size_t k = 0; k < 6; ++k) drive_says(k, kDisabled, kCyclic);
+      for (std::size_t k = 0; k < 6; ++k) drive_says(k, kSwitchOnDisabled, kCyclic);
       bench_.install(
           TestTable{.sequence = ++sequence_, .amplitude = amplitude_, .magnitude = kPermitted << 12}
               .image());
-      for (std::size_t k = 0; k < 6; ++k) drive_says(k, kEnabled, kCyclic);
+      for (std::size_t k = 0; k < 6; ++k) drive_says(k, kOperationEnabled, kCyclic);
       take_output();
       break;
     }
@@ -163,7 +161,7 @@ void DriveSoak::carry_out(DriveEvent event) {
       bench_.power_on();
       forget_drives();
       bench_.start_nodes();
-      for (std::size_t k = 0; k < 6; ++k) drive_says(k, kEnabled, kCyclic);
+      for (std::size_t k = 0; k < 6; ++k) drive_says(k, kOperationEnabled, kCyclic);
       break;
     case DriveEvent::kPause:
       idle(5 + random_() % 300);
@@ -202,7 +200,7 @@ void DriveSoak::away(int statusword, int mode, Drive drive, bool stream) {
   }
   ++figures_.suspended;
   drive_[axis] = Drive::kFollows;
-  drive_says(axis, kEnabled, kCyclic);
+  drive_says(axis, kOperationEnabled, kCyclic);
   // A controller begins where it is told that the arm stands.
   for (std::size_t k = 0; k < 6; ++k) target_[k] = seen_[k];
   come_back(true);

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cstdlib>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -16,8 +17,9 @@ namespace armtrue::canopen {
 
 using Joints = std::array<std::int32_t, 6>;
 
-inline constexpr std::uint32_t kUnknownBit = 1U << 4;  // of 0x2001 sub 2
-inline constexpr std::int32_t kPermitted = 400;        // increments: the table's largest correction
+inline constexpr std::uint32_t kSetsWithheld = 0xFF15;  // an emergency's code
+inline constexpr std::uint32_t kUnknownBit = 1U << 4;   // of 0x2001 sub 2
+inline constexpr std::int32_t kPermitted = 400;  // increments: the table's largest correction
 // Blending over 20 ms from one end of what is permitted to the other.
 inline constexpr std::int32_t kBlendStep = 2 * kPermitted / 20 + 2;
 
@@ -36,6 +38,11 @@ inline std::int32_t farthest(const Joints& one, const Joints& other) {
   return most;
 }
 
+// What a suite of both modes calls its instances.
+inline std::string mode_name(const ::testing::TestParamInfo<Mode>& mode) {
+  return mode.param == Mode::kInline ? "Inline" : "Offset";
+}
+
 class DrivesTest : public ::testing::TestWithParam<Mode> {
  protected:
   // 0.1 turn per second: increments in a cycle, rounded up.
@@ -44,7 +51,7 @@ class DrivesTest : public ::testing::TestWithParam<Mode> {
   DrivesTest() : offset_(GetParam() == Mode::kOffset), bench(!offset_) {
     bench.install(TestTable{.magnitude = kPermitted << 12}.image());
     bench.configure(GetParam());
-    EXPECT_EQ(bench.write(0x1010, 1, 0x65766173, 4), 0U);
+    EXPECT_EQ(bench.write(0x1010, 1, kSave, 4), 0U);
     take_output();
   }
 

@@ -17,6 +17,15 @@
 
 namespace armtrue::canopen {
 
+// What a client writes to 1010h and 1011h (CiA 301, 7.5.2.13 f.), and what it is answered where the
+// device's state forbids a request.
+inline constexpr std::uint32_t kSave = 0x65766173;  // "save"
+inline constexpr std::uint32_t kLoad = 0x64616F6C;  // "load"
+inline constexpr std::uint32_t kDeviceState = static_cast<std::uint32_t>(Abort::kDeviceState);
+// Statuswords of a drive (CiA 402).
+inline constexpr int kOperationEnabled = 0x0237;
+inline constexpr int kSwitchOnDisabled = 0x0250;
+
 // 0x1010's block in RAM; forgets nothing at a restart.
 class MemoryParameters final : public ParameterStore {
  public:

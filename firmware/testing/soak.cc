@@ -51,7 +51,7 @@ void Soak::configure() {
   bench_.install(TestTable{.magnitude = kPermitted << 12}.image());
   bench_.configure(mode_);
   if (synchronous_) bench_.set_transmission(0x1400);
-  if (bench_.write(0x1010, 1, 0x65766173, 4) != 0) throw std::runtime_error("cannot save");
+  if (bench_.write(0x1010, 1, kSave, 4) != 0) throw std::runtime_error("cannot save");
   bench_.downstream.take_sent();
   bench_.upstream.take_sent();
   begin_us_ = bench_.now_us;

@@ -47,12 +47,12 @@ TEST(DriveStates, WhatIsMappedOfOtherAxes_IsForgottenAlone) {
   for (std::size_t mapped = 0; mapped < kMaxJoints; ++mapped) {
     DriveStates states;
     for (std::size_t axis = 0; axis < kMaxJoints; ++axis) {
-      states.hear_state(axis, 0x0237);
+      states.hear_state(axis, kOperationEnabled);
       states.hear_mode(axis, 8);
     }
     states.keep(1U << mapped, 0);
     EXPECT_EQ(states.known(), 1U << mapped);
-    states.hear_state(mapped, 0x0237);
+    states.hear_state(mapped, kOperationEnabled);
     states.hear_mode(mapped, 8);
     states.keep(0, 1U << mapped);
     EXPECT_EQ(states.known(), 1U << mapped);
@@ -61,7 +61,7 @@ TEST(DriveStates, WhatIsMappedOfOtherAxes_IsForgottenAlone) {
 
 TEST(DriveStates, AnAxisBeyondTheLast_IsIgnored) {
   DriveStates states;
-  states.hear_state(kMaxJoints, 0x0250);
+  states.hear_state(kMaxJoints, kSwitchOnDisabled);
   states.hear_mode(kMaxJoints, 6);
   EXPECT_FALSE(states.hear_position(kMaxJoints, 1, true, 1'000'000, PositionBounds{}, 0));
   EXPECT_EQ(states.state(kMaxJoints), AxisState::kUnknown);
@@ -70,8 +70,8 @@ TEST(DriveStates, AnAxisBeyondTheLast_IsIgnored) {
 
 TEST(DriveStates, EachAxis_HasItsOwnBit) {
   DriveStates states;
-  states.hear_state(0, 0x0237);
-  states.hear_state(7, 0x0250);
+  states.hear_state(0, kOperationEnabled);
+  states.hear_state(7, kSwitchOnDisabled);
   states.hear_mode(3, 6);
   EXPECT_EQ(states.known(), 0x89);
   EXPECT_EQ(states.away(), 0x88);
@@ -79,8 +79,6 @@ TEST(DriveStates, EachAxis_HasItsOwnBit) {
 }
 
 constexpr std::int32_t kRate = 106;
-constexpr int kEnabled = 0x0237;
-constexpr int kDisabled = 0x0250;
 constexpr int kFault = 0x0218;
 
 // RPDO 13 hears the state and the mode of axis 1, RPDO 14 those of axis 2.
@@ -106,8 +104,8 @@ class DriveStatesTest : public DrivesTest {
     take_output();
   }
   void all_follow() {
-    drive_says(0, kEnabled, 8);
-    drive_says(1, kEnabled, 8);
+    drive_says(0, kOperationEnabled, 8);
+    drive_says(1, kOperationEnabled, 8);
   }
   Joints correction() const {
     Joints result = {};
@@ -138,8 +136,8 @@ TEST_P(DriveStatesTest, ACorrectionIsSuspendedUntilAllFollowAgain) {
     int statusword;
     int mode;
   };
-  for (const Away away :
-       {Away{kDisabled, 8}, Away{kFault, 8}, Away{kEnabled, 6}, Away{kEnabled, 4}}) {
+  for (const Away away : {Away{kSwitchOnDisabled, 8}, Away{kFault, 8}, Away{kOperationEnabled, 6},
+                          Away{kOperationEnabled, 4}}) {
     SCOPED_TRACE(away.statusword * 16 + away.mode);
     drive_says(0, away.statusword, away.mode);
     rest_smoothly(100);
@@ -147,11 +145,11 @@ TEST_P(DriveStatesTest, ACorrectionIsSuspendedUntilAllFollowAgain) {
     EXPECT_EQ(seen, kStand);
     expect_suspended(1);
     EXPECT_EQ(bench.read(0x2005, 2), 1U) << "which";
-    drive_says(1, kDisabled, 8);
-    drive_says(0, kEnabled, 8);
+    drive_says(1, kSwitchOnDisabled, 8);
+    drive_says(0, kOperationEnabled, 8);
     rest_smoothly(50);
     EXPECT_EQ(correction(), Joints{}) << "not all have returned";
-    drive_says(1, kEnabled, 8);
+    drive_says(1, kOperationEnabled, 8);
     rest_smoothly(200);
     EXPECT_EQ(correction(), before);
     EXPECT_EQ(seen, kStand);
@@ -225,7 +223,7 @@ TEST_P(WaitingSetTest, ADriveReturns_TheCorrectionComesBack) {
   rest(kStand, 150);
   ASSERT_EQ(correction(), Joints{});
   let_a_set_wait();
-  drive_says(0, kEnabled, 8);
+  drive_says(0, kOperationEnabled, 8);
   end_late();
   rest(kStand, 200);
   EXPECT_EQ(correction(), whole_);
@@ -243,22 +241,20 @@ TEST_P(WaitingSetTest, NmtStops_TheCorrectionIsTheSameAtTheNextStart) {
   }
   EXPECT_EQ(state(), NmtState::kStopped);
   bench.start_nodes();
-  drive_says(0, kEnabled, 8);
+  drive_says(0, kOperationEnabled, 8);
   rest(kStand, 400);
   EXPECT_EQ(correction(), whole_);
 }
 
 INSTANTIATE_TEST_SUITE_P(Modes, WaitingSetTest, ::testing::Values(Mode::kInline, Mode::kOffset),
-                         [](const auto& mode) {
-                           return mode.param == Mode::kInline ? "Inline" : "Offset";
-                         });
+                         mode_name);
 
 TEST_P(DriveStatesTest, SuspensionWithoutTargets_MakesNoStepNowOrWithTheNextTarget) {
   settle();
   all_follow();
   bench.run_for(100'000);
   take_output();
-  drive_says(0, kDisabled, 8);
+  drive_says(0, kSwitchOnDisabled, 8);
   Joints saw = seen;
   for (int k = 0; k < 100; ++k) {
     bench.now_us += 1000;
@@ -285,7 +281,7 @@ TEST_P(DriveStatesTest, DrivesThatSayNothingAreTakenToFollow) {
   settle();
   EXPECT_EQ(bench.read(0x2005, 1), 0U) << "and that is said";
   EXPECT_EQ(bench.read(0x2005, 3), static_cast<std::uint32_t>(Phase::kCorrecting));
-  drive_says(1, kEnabled, 8);
+  drive_says(1, kOperationEnabled, 8);
   EXPECT_EQ(bench.read(0x2005, 1), 2U);
 }
 
@@ -316,7 +312,7 @@ TEST_P(DriveStatesTest, AZeroThatChangesAtRestSuspendsUntilSomebodyHasAnswered) 
 TEST_P(DriveStatesTest, AZeroThatHomingChangesIsNoSurprise) {
   settle();
   all_follow();
-  drive_says(0, kEnabled, 6);
+  drive_says(0, kOperationEnabled, 6);
   rest(kStand, 150);
   stand[0] += 5000;
   feed_back();
@@ -324,9 +320,7 @@ TEST_P(DriveStatesTest, AZeroThatHomingChangesIsNoSurprise) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Modes, DriveStatesTest, ::testing::Values(Mode::kInline, Mode::kOffset),
-                         [](const auto& mode) {
-                           return mode.param == Mode::kInline ? "Inline" : "Offset";
-                         });
+                         mode_name);
 
 class OffsetReadBackTest : public DriveStatesTest {};
 

@@ -69,7 +69,7 @@ TEST_P(OffsetDrivesTest, AFirstSetThatDoesNotGoOut_LeavesNothingHeld) {
   settle();
   wait(600);
   bench.set_transmission(0x1400);
-  ASSERT_EQ(bench.write(0x1010, 1, 0x65766173, 4), 0U);
+  ASSERT_EQ(bench.write(0x1010, 1, kSave, 4), 0U);
   restart();
   bench.now_us += 1000;
   feed_back();

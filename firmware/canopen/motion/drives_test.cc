@@ -46,7 +46,7 @@ TEST_P(DrivesTest, AControllerThatBeginsWhereItIsToldItStandsMakesNoStep) {
 
 TEST_P(DrivesTest, FeedbackThatIsLateIsUncorrectedFromTheFirstSetOn) {
   ASSERT_EQ(bench.write(0x2000, 7, 3, 1), 0U);
-  ASSERT_EQ(bench.write(0x1010, 1, 0x65766173, 4), 0U);
+  ASSERT_EQ(bench.write(0x1010, 1, kSave, 4), 0U);
   settle();
   restart();
   expect_uncorrected_from_the_first_set(200, 3);
@@ -103,9 +103,7 @@ TEST_P(DrivesTest, AnotherModeForgetsWhatTheDrivesHold) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Modes, DrivesTest, ::testing::Values(Mode::kInline, Mode::kOffset),
-                         [](const auto& mode) {
-                           return mode.param == Mode::kInline ? "Inline" : "Offset";
-                         });
+                         mode_name);
 
 // Inline: the drives stand while the compensator is away.
 class InlineDrivesTest : public DrivesTest {};

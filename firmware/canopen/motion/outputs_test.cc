@@ -5,7 +5,6 @@
 namespace armtrue::canopen {
 namespace {
 
-constexpr std::uint32_t kSetsWithheld = 0xFF15;
 constexpr std::uint32_t kOutputRefused = 7;
 
 // A correction of 0.04 turn, hundreds of cycles away at the permitted rate.
@@ -236,13 +235,10 @@ TEST_P(OutputsTest, DisabledBetweenARestartAndTheFirstSet_BlendsOutWhatTheDrives
   EXPECT_EQ(bench.read(0x2001, 1), 0U) << "pass-through";
 }
 
-const auto kName = [](const auto& mode) {
-  return mode.param == Mode::kInline ? "Inline" : "Offset";
-};
 INSTANTIATE_TEST_SUITE_P(Modes, OutputsTest, ::testing::Values(Mode::kInline, Mode::kOffset),
-                         kName);
-INSTANTIATE_TEST_SUITE_P(Modes, InlineOutputsTest, ::testing::Values(Mode::kInline), kName);
-INSTANTIATE_TEST_SUITE_P(Modes, OffsetOutputsTest, ::testing::Values(Mode::kOffset), kName);
+                         mode_name);
+INSTANTIATE_TEST_SUITE_P(Modes, InlineOutputsTest, ::testing::Values(Mode::kInline), mode_name);
+INSTANTIATE_TEST_SUITE_P(Modes, OffsetOutputsTest, ::testing::Values(Mode::kOffset), mode_name);
 
 }  // namespace
 }  // namespace armtrue::canopen

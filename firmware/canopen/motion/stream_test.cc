@@ -6,7 +6,6 @@
 namespace armtrue::canopen {
 namespace {
 
-constexpr std::uint32_t kSetsWithheld = 0xFF15;
 // Why sets do not come out: information of that emergency (docs/protocol.md).
 constexpr std::uint32_t kFramesMissing = 1;
 constexpr std::uint32_t kContradictions = 2;
@@ -234,12 +233,10 @@ TEST_F(OffsetOnTwoBusesTest, DrivesKnownUpstream_AStrayFrameDownstreamChangesNot
   EXPECT_EQ(cycle(false), 3);
 }
 
-const auto kName = [](const auto& mode) {
-  return mode.param == Mode::kInline ? "Inline" : "Offset";
-};
-INSTANTIATE_TEST_SUITE_P(Modes, StreamTest, ::testing::Values(Mode::kInline, Mode::kOffset), kName);
-INSTANTIATE_TEST_SUITE_P(Modes, InlineStreamTest, ::testing::Values(Mode::kInline), kName);
-INSTANTIATE_TEST_SUITE_P(Modes, OffsetStreamTest, ::testing::Values(Mode::kOffset), kName);
+INSTANTIATE_TEST_SUITE_P(Modes, StreamTest, ::testing::Values(Mode::kInline, Mode::kOffset),
+                         mode_name);
+INSTANTIATE_TEST_SUITE_P(Modes, InlineStreamTest, ::testing::Values(Mode::kInline), mode_name);
+INSTANTIATE_TEST_SUITE_P(Modes, OffsetStreamTest, ::testing::Values(Mode::kOffset), mode_name);
 
 }  // namespace
 }  // namespace armtrue::canopen

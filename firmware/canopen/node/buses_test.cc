@@ -10,8 +10,6 @@
 namespace armtrue::canopen {
 namespace {
 
-constexpr std::uint8_t kId = NodeBench::kNodeId;
-
 class BusTest : public testing::Test {
  protected:
   std::vector<CanFrame> sent() { return bench.upstream.take_sent(); }
@@ -71,7 +69,7 @@ TEST_F(BusTest, BusOffIsRecoveredAfterAPauseAndReported) {
   EXPECT_EQ(bench.upstream.recoveries(), 0U);
   bench.run_for(10'000);
   EXPECT_EQ(bench.upstream.recoveries(), 1U);
-  const std::vector<CanFrame> emcy = sent(0x80U + kId);
+  const std::vector<CanFrame> emcy = sent(0x80U + NodeBench::kNodeId);
   ASSERT_EQ(emcy.size(), 2U);
   EXPECT_EQ(load_le<std::uint16_t>(emcy[0].data), 0x8140);
   EXPECT_EQ(load_le<std::uint16_t>(emcy[1].data), 0x0000);
@@ -83,7 +81,7 @@ TEST_F(BusTest, ABusOffThatEndsBetweenTwoTurnsIsReported) {
   bench.upstream.set_state(BusState::kBusOff);
   bench.upstream.set_state(BusState::kActive);
   bench.run_for(10'000);
-  const std::vector<CanFrame> emcy = sent(0x80U + kId);
+  const std::vector<CanFrame> emcy = sent(0x80U + NodeBench::kNodeId);
   ASSERT_EQ(emcy.size(), 2U);
   EXPECT_EQ(load_le<std::uint16_t>(emcy[0].data), 0x8140);
   EXPECT_EQ(load_le<std::uint16_t>(emcy[1].data), 0x0000);
@@ -96,7 +94,7 @@ TEST_F(BusTest, WhatAPortCountedInAnEarlierLifeIsNoNews) {
   bench.power_on();
   sent();
   bench.run_for(10'000);
-  EXPECT_TRUE(sent(0x80U + kId).empty());
+  EXPECT_TRUE(sent(0x80U + NodeBench::kNodeId).empty());
 }
 
 TEST_F(BusTest, WhatIsReadInTheTurnInWhichABusChangesAgrees) {
@@ -113,7 +111,7 @@ TEST_F(BusTest, APassiveBus_HasNothingMoreToSay) {
   sent();
   bench.upstream.set_state(BusState::kPassive);
   bench.run_for(1000);
-  const std::vector<CanFrame> emcy = sent(0x80U + kId);
+  const std::vector<CanFrame> emcy = sent(0x80U + NodeBench::kNodeId);
   ASSERT_EQ(emcy.size(), 1U);
   EXPECT_EQ(load_le<std::uint32_t>(&emcy[0].data[3]), 0U);
 }

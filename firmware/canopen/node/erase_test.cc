@@ -7,11 +7,6 @@
 namespace armtrue::canopen {
 namespace {
 
-constexpr std::uint32_t kRefused = 0x08000022;
-constexpr std::uint32_t kSave = 0x65766173;
-constexpr std::uint32_t kLoad = 0x64616F6C;
-constexpr int kEnabled = 0x0237;
-constexpr int kDisabled = 0x0250;
 constexpr std::size_t kJoints = 6;
 
 class EraseTest : public testing::Test {
@@ -44,9 +39,9 @@ class EraseTest : public testing::Test {
   // Commit, save and restore are all refused, and flash is as it was.
   void expect_refused() {
     const std::size_t erases = bench.flash.erases();
-    EXPECT_EQ(bench.command(TableCommand::kCommit), kRefused);
-    EXPECT_EQ(bench.write(0x1010, 1, kSave, 4), kRefused);
-    EXPECT_EQ(bench.write(0x1011, 1, kLoad, 4), kRefused);
+    EXPECT_EQ(bench.command(TableCommand::kCommit), kDeviceState);
+    EXPECT_EQ(bench.write(0x1010, 1, kSave, 4), kDeviceState);
+    EXPECT_EQ(bench.write(0x1011, 1, kLoad, 4), kDeviceState);
     EXPECT_EQ(bench.flash.erases(), erases);
   }
   void expect_allowed() {
@@ -61,28 +56,28 @@ class EraseTest : public testing::Test {
 TEST_F(EraseTest, NoDriveOnTheBus_IsAllowed) { expect_allowed(); }
 
 TEST_F(EraseTest, AllDrivesDisabled_IsAllowed) {
-  all_drives_say(kEnabled);
+  all_drives_say(kOperationEnabled);
   expect_refused();
-  all_drives_say(kDisabled);
+  all_drives_say(kSwitchOnDisabled);
   expect_allowed();
 }
 
 TEST_F(EraseTest, OneDriveEnabled_IsRefused) {
   for (std::size_t k = 0; k < kJoints; ++k) {
-    all_drives_say(kDisabled);
-    drive_says(k, kEnabled);
+    all_drives_say(kSwitchOnDisabled);
+    drive_says(k, kOperationEnabled);
     expect_refused();
   }
 }
 
 TEST_F(EraseTest, DriveEnabledThatFellSilent_IsRefused) {
-  all_drives_say(kEnabled);
+  all_drives_say(kOperationEnabled);
   bench.run_for(10'000'000, 10'000);
   expect_refused();
 }
 
 TEST_F(EraseTest, DriveThatTalksAndDoesNotSayItsState_IsRefused) {
-  for (std::size_t k = 0; k + 1 < kJoints; ++k) drive_says(k, kDisabled);
+  for (std::size_t k = 0; k + 1 < kJoints; ++k) drive_says(k, kSwitchOnDisabled);
   bench.from_drives(make_frame(0x706, {5}));
   expect_refused();
   bench.run_for(2'000'000, 10'000);

@@ -204,9 +204,9 @@ TEST_P(FaultTest, AnotherResolutionNeedsDrivesThatAreNotInOperation) {
     const CanFrame frame = make_frame(0x1D0, {statusword & 0xFF, statusword >> 8});
     offset_ ? bench.from_controller(frame) : bench.from_drives(frame);
   };
-  drive_says(0x0237);
+  drive_says(kOperationEnabled);
   EXPECT_EQ(bench.write(0x608F, 1, 1U << 24, 4), static_cast<std::uint32_t>(Abort::kDeviceState));
-  drive_says(0x0250);
+  drive_says(kSwitchOnDisabled);
   bench.run_for(1'100'000);  // the other five say nothing
   EXPECT_EQ(bench.write(0x608F, 1, 1U << 24, 4), 0U);
   EXPECT_EQ(bench.write(0x2000, 2, 1, 1), 0U);

@@ -10,9 +10,6 @@
 namespace armtrue::canopen {
 namespace {
 
-constexpr int kId = NodeBench::kNodeId;
-constexpr std::uint32_t kSave = 0x65766173;
-
 class LifeTest : public testing::Test {
  protected:
   void nmt(int command) { bench.nmt(command); }
@@ -87,8 +84,8 @@ TEST_F(LifeTest, LeavingOperational_EndsTheSetInTheMaking) {
   const auto frames = NodeBench::targets({1, 2, 3, 4, 5, 6});
   bench.upstream.deliver(frames[0]);
   bench.upstream.deliver(frames[1]);
-  bench.upstream.deliver(make_frame(0, {128, kId}));
-  bench.upstream.deliver(make_frame(0, {1, kId}));
+  bench.upstream.deliver(make_frame(0, {128, NodeBench::kNodeId}));
+  bench.upstream.deliver(make_frame(0, {1, NodeBench::kNodeId}));
   bench.upstream.deliver(frames[2]);
   bench.turn();
   EXPECT_EQ(targets_sent(), 0U);
@@ -108,8 +105,8 @@ TEST_F(LifeTest, LeavingOperational_EndsASetThatWaitsForSync) {
   bench.upstream.deliver(frames[1]);
   bench.turn();
   targets_sent();
-  bench.upstream.deliver(make_frame(0, {128, kId}));
-  bench.upstream.deliver(make_frame(0, {1, kId}));
+  bench.upstream.deliver(make_frame(0, {128, NodeBench::kNodeId}));
+  bench.upstream.deliver(make_frame(0, {1, NodeBench::kNodeId}));
   bench.upstream.deliver(frames[2]);
   sync();
   bench.turn();
@@ -151,7 +148,8 @@ TEST_F(LifeTest, LeavingOperational_EndsTheAlarmOfSetsThatDoNotComeOut) {
   int ended = 0;
   for (const CanFrame& frame : bench.upstream.take_sent()) {
     EXPECT_NE(load_le<std::uint16_t>(frame.data), 0xFF15) << "raised anew";
-    ended += frame.id == 0x80U + kId && load_le<std::uint16_t>(&frame.data[3]) == 0xFF15;
+    ended +=
+        frame.id == 0x80U + NodeBench::kNodeId && load_le<std::uint16_t>(&frame.data[3]) == 0xFF15;
   }
   EXPECT_EQ(ended, 1);
 }

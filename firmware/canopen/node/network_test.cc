@@ -10,14 +10,12 @@
 namespace armtrue::canopen {
 namespace {
 
-constexpr std::uint8_t kId = NodeBench::kNodeId;
-
 class NetworkTest : public testing::Test {
  protected:
   NetworkTest() : bench(false) {}
   std::vector<CanFrame> sent() { return bench.upstream.take_sent(); }
   std::vector<CanFrame> sent(std::uint32_t id) { return bench.sent(id); }
-  void nmt(int command, int node = kId) { bench.nmt(command, node); }
+  void nmt(int command, int node = NodeBench::kNodeId) { bench.nmt(command, node); }
   NmtState state() { return bench.node().nmt_state(); }
   NodeBench bench;
 };
@@ -25,14 +23,14 @@ class NetworkTest : public testing::Test {
 TEST_F(NetworkTest, BootsWithOneMessageIntoPreOperational) {
   const std::vector<CanFrame> frames = sent();
   ASSERT_EQ(frames.size(), 1U);
-  EXPECT_EQ(frames[0].id, 0x700U + kId);
+  EXPECT_EQ(frames[0].id, 0x700U + NodeBench::kNodeId);
   EXPECT_EQ(frames[0].len, 1);
   EXPECT_EQ(frames[0].data[0], 0);
   EXPECT_EQ(state(), NmtState::kPreOperational);
 }
 
 TEST_F(NetworkTest, ObeysItsOwnAndBroadcastNmtOnly) {
-  nmt(1, kId + 1);
+  nmt(1, NodeBench::kNodeId + 1);
   EXPECT_EQ(state(), NmtState::kPreOperational);
   nmt(1, 0);
   EXPECT_EQ(state(), NmtState::kOperational);
@@ -52,11 +50,11 @@ TEST_F(NetworkTest, ResetsBootAgainAndRestoreWhatTheyShould) {
   sent();
   nmt(130);
   bench.run_for(1000);
-  EXPECT_EQ(sent(0x700U + kId).size(), 1U);
+  EXPECT_EQ(sent(0x700U + NodeBench::kNodeId).size(), 1U);
   EXPECT_EQ(bench.read(0x1017, 0), 0U);
   EXPECT_EQ(bench.read(0x2000, 3), 9000U) << "not in the communication area";
   nmt(129);
-  EXPECT_EQ(sent(0x700U + kId).size(), 1U);
+  EXPECT_EQ(sent(0x700U + NodeBench::kNodeId).size(), 1U);
   EXPECT_EQ(bench.read(0x2000, 3), 20000U);
 }
 
@@ -64,15 +62,15 @@ TEST_F(NetworkTest, HeartbeatKeepsItsPeriodAndShowsTheState) {
   ASSERT_EQ(bench.write(0x1017, 0, 100, 2), 0U);
   sent();
   bench.run_for(1'000'000);
-  const std::vector<CanFrame> beats = sent(0x700U + kId);
+  const std::vector<CanFrame> beats = sent(0x700U + NodeBench::kNodeId);
   EXPECT_EQ(beats.size(), 10U);
   EXPECT_EQ(beats.back().data[0], 127);
   nmt(2);
   bench.run_for(100'000);
-  EXPECT_EQ(sent(0x700U + kId).back().data[0], 4);
+  EXPECT_EQ(sent(0x700U + NodeBench::kNodeId).back().data[0], 4);
   nmt(1);
   bench.run_for(100'000);
-  EXPECT_EQ(sent(0x700U + kId).back().data[0], 5);
+  EXPECT_EQ(sent(0x700U + NodeBench::kNodeId).back().data[0], 5);
 }
 
 TEST_F(NetworkTest, ALostHeartbeatLeavesOperationalAndIsReported) {
@@ -84,13 +82,13 @@ TEST_F(NetworkTest, ALostHeartbeatLeavesOperationalAndIsReported) {
   sent();
   bench.run_for(150'000);
   EXPECT_EQ(state(), NmtState::kPreOperational);
-  const std::vector<CanFrame> emcy = sent(0x80U + kId);
+  const std::vector<CanFrame> emcy = sent(0x80U + NodeBench::kNodeId);
   ASSERT_EQ(emcy.size(), 1U);
   EXPECT_EQ(load_le<std::uint16_t>(emcy[0].data), 0x8130);
   EXPECT_EQ(emcy[0].data[3], 5) << "which node";
   bench.from_controller(make_frame(0x705, {5}));
   bench.run_for(1000);
-  EXPECT_EQ(load_le<std::uint16_t>(sent(0x80U + kId).at(0).data), 0);
+  EXPECT_EQ(load_le<std::uint16_t>(sent(0x80U + NodeBench::kNodeId).at(0).data), 0);
 }
 
 TEST_F(NetworkTest, LostHeartbeat_ThatIsUnwatched_LeavesTheErrorRegister) {
@@ -100,7 +98,7 @@ TEST_F(NetworkTest, LostHeartbeat_ThatIsUnwatched_LeavesTheErrorRegister) {
   bench.from_controller(make_frame(0x706, {5}));
   sent();
   bench.run_for(150'000);
-  const std::vector<CanFrame> emcy = sent(0x80U + kId);
+  const std::vector<CanFrame> emcy = sent(0x80U + NodeBench::kNodeId);
   ASSERT_EQ(emcy.size(), 2U) << "each lost node";
   EXPECT_EQ(emcy[0].data[3], 5);
   EXPECT_EQ(emcy[1].data[3], 6);
@@ -143,9 +141,9 @@ TEST_F(NetworkTest, EmcyKeepsItsInhibitTimeAndItsHistory) {
   bench.upstream.set_state(BusState::kPassive);
   sent();
   bench.run_for(50'000);
-  EXPECT_EQ(sent(0x80U + kId).size(), 1U);
+  EXPECT_EQ(sent(0x80U + NodeBench::kNodeId).size(), 1U);
   bench.run_for(100'000);
-  EXPECT_EQ(sent(0x80U + kId).size(), 1U);
+  EXPECT_EQ(sent(0x80U + NodeBench::kNodeId).size(), 1U);
   EXPECT_EQ(bench.read(0x1003, 0), 2U);
   EXPECT_EQ(bench.read(0x1003, 1) & 0xFFFF, 0x8110U) << "the newest first";
   EXPECT_EQ(bench.read(0x1003, 2) & 0xFFFF, 0x8120U);
@@ -161,7 +159,7 @@ TEST_F(NetworkTest, AShortPdoIsReportedUntilAWholeOneComes) {
   sent();
   for (int k = 0; k < 3; ++k) bench.from_controller(make_frame(0x191, {1}));
   bench.run_for(1000);
-  const auto emergencies = sent(0x80U + kId);
+  const auto emergencies = sent(0x80U + NodeBench::kNodeId);
   ASSERT_EQ(emergencies.size(), 1U) << "once";
   EXPECT_EQ(load_le<std::uint16_t>(emergencies[0].data), 0x8210);
   EXPECT_EQ(load_le<std::uint16_t>(&emergencies[0].data[3]), 0x191);
@@ -169,7 +167,8 @@ TEST_F(NetworkTest, AShortPdoIsReportedUntilAWholeOneComes) {
   EXPECT_EQ(bench.read(0x2021, 0), 0U) << "and not taken";
   bench.from_controller(make_frame(0x191, {0, 0, 0, 0, 0, 0, 0, 0}));
   bench.run_for(1000);
-  EXPECT_EQ(load_le<std::uint16_t>(sent(0x80U + kId).at(0).data), 0U) << "error reset";
+  EXPECT_EQ(load_le<std::uint16_t>(sent(0x80U + NodeBench::kNodeId).at(0).data), 0U)
+      << "error reset";
   EXPECT_EQ(bench.read(0x1001, 0), 0U);
 }
 
@@ -187,9 +186,9 @@ TEST(Mapping, ABusWithoutFdCarriesEightBytes) {
 }
 
 TEST_F(NetworkTest, EmergenciesMayMoveToAnotherIdentifier) {
-  EXPECT_EQ(bench.read(0x1014, 0), 0x80U + kId);
+  EXPECT_EQ(bench.read(0x1014, 0), 0x80U + NodeBench::kNodeId);
   EXPECT_EQ(bench.write(0x1014, 0, 0x90, 4), 0x06090030U) << "valid: only its validity changes";
-  ASSERT_EQ(bench.write(0x1014, 0, 0x80000000U | (0x80U + kId), 4), 0U);
+  ASSERT_EQ(bench.write(0x1014, 0, 0x80000000U | (0x80U + NodeBench::kNodeId), 4), 0U);
   EXPECT_EQ(bench.write(0x1014, 0, 0xA0000090, 4), 0x06090030U) << "29 bit";
   EXPECT_EQ(bench.write(0x1014, 0, 0x80000601, 4), 0x06090030U) << "SDO's";
   ASSERT_EQ(bench.write(0x1014, 0, 0x80000090, 4), 0U);
@@ -230,7 +229,7 @@ TEST_F(NetworkTest, TemperaturesComeByRpdoAndGoStale) {
   EXPECT_EQ(static_cast<std::int16_t>(bench.read(0x2020, 2)), -100);
   sent();
   bench.run_for(1'100'000);
-  EXPECT_EQ(load_le<std::uint16_t>(sent(0x80U + kId).at(0).data), 0xFF12);
+  EXPECT_EQ(load_le<std::uint16_t>(sent(0x80U + NodeBench::kNodeId).at(0).data), 0xFF12);
 }
 
 TEST_F(NetworkTest, MappingFollowsTheProcedureOfTheStandard) {
@@ -341,19 +340,19 @@ TEST_F(NetworkTest, SavedParametersOutliveARestartAndDefaultsComeBack) {
   ASSERT_EQ(bench.write(0x1412, 1, 0x191, 4), 0U);
   ASSERT_EQ(bench.write(0x1017, 0, 250, 2), 0U);
   EXPECT_EQ(bench.write(0x1010, 1, 0x12345678, 4), 0x08000020U);
-  ASSERT_EQ(bench.write(0x1010, 1, 0x65766173, 4), 0U);
+  ASSERT_EQ(bench.write(0x1010, 1, kSave, 4), 0U);
   EXPECT_EQ(bench.read(0x1010, 1), 1U) << "it saves on command";
   bench.power_on();
   EXPECT_EQ(bench.read(0x1017, 0), 250U);
   EXPECT_EQ(bench.read(0x1412, 1), 0x191U);
   EXPECT_EQ(bench.read(0x1010, 1), 1U);
-  ASSERT_EQ(bench.write(0x1011, 1, 0x64616F6C, 4), 0U);
+  ASSERT_EQ(bench.write(0x1011, 1, kLoad, 4), 0U);
   EXPECT_EQ(bench.read(0x1011, 1), 1U);
   EXPECT_EQ(bench.read(0x1017, 0), 250U) << "until the next reset";
   bench.power_on();
   EXPECT_EQ(bench.read(0x1017, 0), 0U);
   bench.parameters.broken = true;
-  EXPECT_EQ(bench.write(0x1010, 1, 0x65766173, 4), 0x06060000U);
+  EXPECT_EQ(bench.write(0x1010, 1, kSave, 4), 0x06060000U);
 }
 
 TEST_F(NetworkTest, ParametersThatANewStartWouldNotHaveAreSaidToBeUnsaved) {
@@ -366,15 +365,15 @@ TEST_F(NetworkTest, ParametersThatANewStartWouldNotHaveAreSaidToBeUnsaved) {
   ASSERT_EQ(bench.write(0x2000, 3, 30'000, 4), 0U);
   EXPECT_TRUE(unsaved());
   bench.parameters.broken = true;
-  EXPECT_NE(bench.write(0x1010, 1, 0x65766173, 4), 0U);
+  EXPECT_NE(bench.write(0x1010, 1, kSave, 4), 0U);
   EXPECT_TRUE(unsaved());
   bench.parameters.broken = false;
-  ASSERT_EQ(bench.write(0x1010, 1, 0x65766173, 4), 0U);
+  ASSERT_EQ(bench.write(0x1010, 1, kSave, 4), 0U);
   EXPECT_FALSE(unsaved());
   bench.power_on();
   EXPECT_EQ(bench.read(0x2000, 3), 30'000U);
   EXPECT_FALSE(unsaved());
-  ASSERT_EQ(bench.write(0x1011, 1, 0x64616F6C, 4), 0U);
+  ASSERT_EQ(bench.write(0x1011, 1, kLoad, 4), 0U);
   EXPECT_TRUE(unsaved()) << "the next start is one as delivered";
 }
 

@@ -58,7 +58,7 @@ TEST_F(InputTest, AnInputThatWaitsForSync_IsTakenOnce) {
 
 TEST_F(InputTest, AnInputThatWaitsForSync_IsDroppedByAReset) {
   map(0, kPayload, 1);
-  ASSERT_EQ(bench.write(0x1010, 1, 0x65766173, 4), 0U);
+  ASSERT_EQ(bench.write(0x1010, 1, kSave, 4), 0U);
   bench.start_nodes();
   bench.from_controller(make_frame(0x190, {1, 0, 0, 0}));
   bench.nmt(130);

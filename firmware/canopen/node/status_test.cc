@@ -67,7 +67,7 @@ TEST_F(StatusTest, Bits_SayEachFactAlone) {
   EXPECT_EQ(bits(), kQuiet | kDrivesUnknown);
   bench.configure(Mode::kInline);
   EXPECT_EQ(bits(), kQuiet | kDrivesUnknown | kConfigured | kUnsaved);
-  ASSERT_EQ(bench.write(0x1010, 1, 0x65766173, 4), 0U);
+  ASSERT_EQ(bench.write(0x1010, 1, kSave, 4), 0U);
   EXPECT_EQ(bits(), kQuiet | kDrivesUnknown | kConfigured);
   for (int k = 0; k < 3; ++k) cycle(1000);
   EXPECT_EQ(bits(), kConfigured | kStreaming);

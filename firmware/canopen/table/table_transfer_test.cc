@@ -10,8 +10,7 @@
 namespace armtrue::canopen {
 namespace {
 
-constexpr std::uint32_t kDeviceState = static_cast<std::uint32_t>(Abort::kDeviceState);
-constexpr std::uint32_t kRefused = static_cast<std::uint32_t>(Abort::kIncompatibleParameter);
+constexpr std::uint32_t kIncompatible = static_cast<std::uint32_t>(Abort::kIncompatibleParameter);
 
 DeviceIdentity bound_to(const std::string& serial) {
   DeviceIdentity device;
@@ -55,7 +54,7 @@ class TableTransferTest : public testing::Test {
   void expect_refused(const std::vector<std::uint8_t>& image, std::uint32_t reason) {
     ASSERT_EQ(bench.stage(image), 0U);
     const std::uint32_t refused = bench.read(0x2001, 6);
-    EXPECT_EQ(bench.command(TableCommand::kVerify), kRefused);
+    EXPECT_EQ(bench.command(TableCommand::kVerify), kIncompatible);
     EXPECT_EQ(bench.read(0x2001, 6), refused + 1);
     EXPECT_EQ(status(kStaging), 4U);
     EXPECT_EQ(status(kReason), reason);
@@ -196,7 +195,7 @@ TEST_F(TableTransferTest, ADeviceWithAKeyRefusesUnsignedTables) {
   device.has_key = true;
   NodeBench keyed(true, false, device);
   ASSERT_EQ(keyed.stage(TestTable{.serial = "R-7"}.image()), 0U);
-  EXPECT_EQ(keyed.command(TableCommand::kVerify), kRefused);
+  EXPECT_EQ(keyed.command(TableCommand::kVerify), kIncompatible);
   EXPECT_EQ(keyed.read(0x2013, kReason), static_cast<std::uint32_t>(Refusal::kUnsigned));
 }
 

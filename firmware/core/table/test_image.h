@@ -19,6 +19,10 @@
 
 namespace armtrue::tests {
 
+// Joints of the tables here, and how finely their encoders count: 2^24 increments a turn.
+inline constexpr std::size_t kJoints = 3;
+inline constexpr double kIncrementsPerRadian = 16777216.0 / (2.0 * M_PI);
+
 using Bytes = std::vector<std::uint8_t>;
 
 template <typename Integer>

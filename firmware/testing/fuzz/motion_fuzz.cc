@@ -117,7 +117,7 @@ class Life {
     bench_.write(0x160C, 1, 0x60410010, 4);
     bench_.write(0x160C, 0, 1, 1);
     bench_.write(0x140C, 1, 0x1D0, 4);
-    bench_.write(0x1010, 1, 0x65766173, 4);
+    bench_.write(0x1010, 1, kSave, 4);
     take();
     feed_back();
   }
@@ -153,7 +153,7 @@ class Life {
       case Step::kNmt:
         return nmt(which);
       case Step::kDrive:
-        return drive_says(which % 2 == 0 ? 0x0218 : 0x0237);
+        return drive_says(which % 2 == 0 ? 0x0218 : kOperationEnabled);
       case Step::kLate:
         bench_.now_us += 500U * (1U + which % 8U);
         bench_.turn();
@@ -208,7 +208,7 @@ class Life {
   bool drive_says(int statusword) {
     const CanFrame frame = make_frame(0x1D0, {statusword & 0xFF, statusword >> 8});
     offset_ ? bench_.from_controller(frame) : bench_.from_drives(frame);
-    is_away_ = statusword != 0x0237;
+    is_away_ = statusword != kOperationEnabled;
     known_ &= ~1U;
     return noted();
   }

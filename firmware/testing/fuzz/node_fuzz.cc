@@ -141,7 +141,7 @@ void begin(NodeBench& bench, Mode mode) {
 
 void prepare(NodeBench& bench, const Setup& setup) {
   bench.configure(setup.mode);
-  if (setup.saved) require(bench.write(0x1010, 1, 0x65766173, 4) == 0);
+  if (setup.saved) require(bench.write(0x1010, 1, kSave, 4) == 0);
   if (setup.begun) begin(bench, setup.mode);
 }
 
