@@ -112,6 +112,8 @@ std::int32_t PositionBounds::wrapped(std::int64_t position) const {
 std::int64_t PositionBounds::way(std::int64_t way) const {
   if (!wraps()) return way;
   const std::int64_t count = std::int64_t{range_high} - range_low + 1;
+  // A target may lie any number of turns outside.
+  if (way > count || way < -count) way %= count;
   if (way > count / 2) return way - count;
   return way < -count / 2 ? way + count : way;
 }
@@ -255,15 +257,18 @@ void Compensator::update_direction(const CycleInput& input) {
 Correction Compensator::evaluate(const CycleInput& input, std::uint16_t& flags) {
   const TableView& table = table_;
   JointPositions target;
+  std::array<std::int8_t, kMaxJoints> direction = motion_.direction;
   for (std::size_t k = 0; k < config_.joint_count; ++k) {
     const JointScale& scale = scale_[k];
+    // A drive may count against its joint.
+    if (scale.unit_per_increment < 0) direction[k] = static_cast<std::int8_t>(-direction[k]);
     // A joint without a drive stands at zero, whatever its axis is told.
     target[k] = {};
     if (table.is_passive(k)) continue;
     target[k] = {scale.units_of(saturate(difference(input.target[k], scale.zero)))};
   }
   const Correction wanted =
-      solve(table, target, surroundings_of(table, input, motion_.direction), workspace_);
+      solve(table, target, surroundings_of(table, input, direction), workspace_);
   flags |= wanted.is_near_singular ? kNearSingular : kCycleClean;
   flags |= wanted.is_outside_coverage ? kOutsideCoverage : kCycleClean;
   flags |= wanted.is_saturated ? kStateSaturated : kCycleClean;

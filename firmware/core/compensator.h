@@ -227,7 +227,7 @@ class Compensator {
     std::uint32_t blend_weight = 0;  // of the new correction in the running blend, Q30
     bool has_previous_target = false;
     std::array<std::int32_t, kMaxJoints> direction_anchor = {};
-    std::array<std::int8_t, kMaxJoints> direction = {};
+    std::array<std::int8_t, kMaxJoints> direction = {};    // -1, 0, +1: of its increments
     std::array<std::int32_t, kMaxJoints> delta = {};       // put out last, 2^-32 units
     std::array<std::int32_t, kMaxJoints> increments = {};  // the same in increments
     std::array<std::int32_t, kMaxJoints> delta_held = {};  // where the running blend began

@@ -725,6 +725,34 @@ TEST_F(CompensatorTest, DirectionNeedsMoreThanTheDeadBand) {
   EXPECT_EQ(move(0), 0);
 }
 
+TEST_F(CompensatorTest,
+       ADriveThatCountsAgainstItsJoint_IsApproachedFromTheSideThatTheJointComesFrom) {
+  TestImage made(kJoints);
+  made.add_state(format::State::kDirection, 0, 30);
+  made.add_term(0, 1, 1e-3, 30);
+  tests::Bytes& joints = made.section(format::Section::kJoints);
+  for (const std::size_t at :
+       {format::joint::kUnitPerIncrementAt, format::joint::kIncrementPerUnitAt}) {
+    tests::put(joints, at, -load_i32(&joints[at]));
+  }
+  activate(made.image());
+  const std::int32_t backlash = increments(1e-3);
+  CycleInput input = at(0.0);
+  settle(compensator, input);
+  input.target[0] -= 1000;
+  EXPECT_NEAR(settle(compensator, input).delta[0], backlash, 1) << "the joint moves up";
+  input.target[0] += 1000;
+  EXPECT_NEAR(settle(compensator, input).delta[0], -backlash, 1);
+}
+
+TEST(PositionBoundsTest, AWayOfAnyNumberOfTurns_IsTheShortOne) {
+  const PositionBounds turn{.range_low = 0, .range_high = 999};
+  for (const std::int64_t turns : {-2'000'000, -3, -2, -1, 0, 1, 2, 3, 2'000'000}) {
+    EXPECT_EQ(turn.way(turns * 1000 + 400), 400) << turns;
+    EXPECT_EQ(turn.way(turns * 1000 - 400), -400) << turns;
+  }
+}
+
 TEST_F(CompensatorTest, AnInterruptionWhileACycleIsTakenBack_IsOneAllTheSame) {
   TestImage made(kJoints);
   made.add_state(format::State::kDirection, 0, 30);

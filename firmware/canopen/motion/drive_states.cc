@@ -7,15 +7,22 @@
 namespace armtrue::canopen {
 namespace {
 
-// CiA 402-2, table 30: operation enabled, in the bits that tell states apart.
+// CiA 402-2, table 30: states in which a motor has power, in the bits that tell states apart.
 constexpr std::uint16_t kStateMask = 0x006F;
 constexpr std::uint16_t kOperationEnabled = 0x0027;
+constexpr std::uint16_t kQuickStopActive = 0x0007;
+constexpr std::uint16_t kFaultMask = 0x004F;
+constexpr std::uint16_t kFaultReactionActive = 0x000F;
 // CiA 402-2, 0x6060.
 constexpr std::int8_t kHoming = 6;
 constexpr std::int8_t kInterpolatedPosition = 7;
 constexpr std::int8_t kCyclicPosition = 8;
 
 bool is_enabled(std::uint16_t statusword) { return (statusword & kStateMask) == kOperationEnabled; }
+bool has_power(std::uint16_t statusword) {
+  return is_enabled(statusword) || (statusword & kStateMask) == kQuickStopActive ||
+         (statusword & kFaultMask) == kFaultReactionActive;
+}
 bool is_cyclic(std::int8_t mode) {
   return mode == kInterpolatedPosition || mode == kCyclicPosition;
 }
@@ -56,7 +63,7 @@ std::uint8_t DriveStates::away() const {
 
 std::uint8_t DriveStates::disabled() const {
   return bits(
-      [this](std::size_t k) { return axes_[k].statusword && !is_enabled(*axes_[k].statusword); });
+      [this](std::size_t k) { return axes_[k].statusword && !has_power(*axes_[k].statusword); });
 }
 
 bool DriveStates::is_speaking(std::uint64_t now_us) const {

@@ -78,6 +78,21 @@ TEST(DriveStates, EachAxis_HasItsOwnBit) {
   EXPECT_EQ(states.disabled(), 0x80);
 }
 
+// CiA 402-2, table 30. In quick stop active and fault reaction active the motor still has power.
+TEST(DriveStates, DisabledIs_WhatHasNoPowerOnItsMotor) {
+  for (const int statusword : {0x0000, 0x0040, 0x0231, 0x0233, 0x0208, 0x0250, 0x0218}) {
+    DriveStates states;
+    states.hear_state(0, static_cast<std::uint16_t>(statusword));
+    EXPECT_EQ(states.disabled(), 1) << std::hex << statusword;
+    EXPECT_EQ(states.away(), 1) << std::hex << statusword;
+  }
+  for (const int statusword : {0x0217, 0x0207, 0x021F, 0x022F, 0x0237, 0x1237}) {
+    DriveStates states;
+    states.hear_state(0, static_cast<std::uint16_t>(statusword));
+    EXPECT_EQ(states.disabled(), 0) << std::hex << statusword;
+  }
+}
+
 constexpr std::int32_t kRate = 106;
 constexpr int kFault = 0x0218;
 

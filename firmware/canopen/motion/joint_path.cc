@@ -145,8 +145,9 @@ void JointPath::take_input(const Pdo& pdo, const CanFrame& frame, std::uint64_t 
   } else if (applied.has_bounds) {
     emcy_.clear(Condition::kInputRange);
   }
-  for (const MappedEntry& mapped : pdo.mapping.used()) {
-    inputs_.note(mapped.index, mapped.sub, now_us);
+  for (std::size_t k = 0; k < pdo.mapping.count; ++k) {
+    const MappedEntry& mapped = pdo.mapping.entries[k];
+    if ((applied.refused >> k & 1U) == 0) inputs_.note(mapped.index, mapped.sub, now_us);
   }
 }
 

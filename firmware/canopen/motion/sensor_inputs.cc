@@ -3,12 +3,23 @@
 #include "firmware/core/fixed/fixed.h"
 
 namespace armtrue::canopen {
+namespace {
+
+// Below absolute zero, and at the end of 16 bits, is what stands for a broken sensor. [0.01 °C]
+bool can_be(std::int16_t temperature) { return temperature >= -27315 && temperature != INT16_MAX; }
+
+}  // namespace
 
 void SensorInputs::note(std::uint16_t index, std::uint8_t sub, std::uint64_t now_us) {
   const bool is_temperature =
       index == od::kTemperatureInputs[0].index && sub > 0 && sub <= kMaxSensors;
   if (!is_temperature && index != od::kPayloadMass.index) return;
   const std::size_t input = is_temperature ? sub - 1U : kPayload;
+  broken_ &= ~(1U << input);
+  if (is_temperature && !can_be(dictionary_.get(od::kTemperatureInputs[input]))) {
+    broken_ |= 1U << input;
+    return;
+  }
   silent_since_us_[input] = now_us;
   given_ |= 1U << input;
   emcy_.clear(Condition::kInputSilent, input);
@@ -19,7 +30,7 @@ void SensorInputs::read(CycleInput& input) const {
     // 0x2020 counts in 0.01 °C.
     input.temperature_mdegc[sensor] = dictionary_.get(od::kTemperatureInputs[sensor]) * 10;
   }
-  input.temperature_valid = given_;
+  input.temperature_valid = given_ & ~broken_;
   input.payload_g = saturate(std::int64_t{dictionary_.get(od::kPayloadMass)});
 }
 

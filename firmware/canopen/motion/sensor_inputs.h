@@ -35,7 +35,8 @@ class SensorInputs {
   ObjectDictionary& dictionary_;
   Emcy& emcy_;
   std::array<std::uint64_t, kMaxSensors + 1> silent_since_us_ = {};
-  std::uint32_t given_ = 0;  // bit k: input k has been given within the time-out
+  std::uint32_t given_ = 0;   // bit k: input k has been given within the time-out
+  std::uint32_t broken_ = 0;  // bit k: what was given last stands for a broken sensor
 };
 
 }  // namespace armtrue::canopen

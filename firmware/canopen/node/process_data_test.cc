@@ -189,6 +189,20 @@ TEST_F(InputTest, AnInputBesideAnActualPosition_IsTakenWithItsBoundsAndItsTime) 
   EXPECT_EQ(newest_error(), 0x0001FF12U);
 }
 
+// What gateways send for a sensor that is broken or missing.
+TEST_F(InputTest, ATemperatureThatCannotBe_IsNone) {
+  for (const std::uint32_t mark : {0x8000U, 0x7FFFU, 0x954CU}) {
+    ASSERT_EQ(bench.write(0x2000, 6, 1000, 4), 0U);
+    ASSERT_EQ(bench.write(0x2020, 3, 2500, 2), 0U);
+    bench.run_for(900'000);
+    ASSERT_EQ(bench.write(0x2020, 3, mark, 2), 0U);
+    bench.run_for(101'000);
+    EXPECT_EQ(newest_error(), 0x0003FF12U) << mark;
+    ASSERT_EQ(bench.write(0x2020, 3, 0x954D, 2), 0U) << "absolute zero can be";
+    EXPECT_EQ(bench.read(0x1001, 0), 0U) << mark;
+  }
+}
+
 TEST_F(InputTest, EachSensor_FallsSilentByItself) {
   map(0, 0x20200310, 255);
   ASSERT_EQ(bench.write(0x2000, 6, 1000, 4), 0U);

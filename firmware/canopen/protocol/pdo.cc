@@ -53,6 +53,16 @@ Abort check_map_word(const ObjectDictionary& dictionary, std::uint32_t word, boo
   return mappable && allowed ? Abort::kNone : Abort::kNotMappable;
 }
 
+// Targets come from the controller and actual positions from the drives: a frame that brought both
+// would be obeyed in states in which only actual positions are heard.
+enum Side : std::uint8_t { kOfNeither = 0, kOfController = 1, kOfDrives = 2, kOfBoth = 3 };
+
+std::uint8_t side_of(std::uint16_t index) {
+  const std::uint16_t object = axis_object(index);
+  if (object == kTargetPosition) return kOfController;
+  return object == kActualPosition ? kOfDrives : kOfNeither;
+}
+
 Abort check_cob_id(std::uint32_t present, std::uint32_t wanted) {
   if ((wanted & (kExtended | kReservedIdBits)) != 0) return Abort::kValueRange;
   if ((wanted & kInvalid) != 0) return Abort::kNone;
@@ -87,12 +97,15 @@ Abort check_mapping(const ObjectDictionary& dictionary, std::uint16_t index, std
   }
   if (value > kMappedMax) return Abort::kPdoLength;
   std::size_t bytes = 0;
+  std::uint8_t sides = kOfNeither;
   for (std::uint32_t k = 1; k <= value; ++k) {
     const std::optional<od::Entry> entry = dictionary.find(index, static_cast<std::uint8_t>(k));
     const auto word = load_le<std::uint32_t>(dictionary.bytes(*entry).data());
     if (const Abort abort = check_map_word(dictionary, word, receive); abort != Abort::kNone) {
       return Abort::kNotMappable;
     }
+    sides |= side_of(split(word).index);
+    if (receive && sides == kOfBoth) return Abort::kNotMappable;
     bytes += split(word).bits / 8U;
   }
   return bytes <= payload_max ? Abort::kNone : Abort::kPdoLength;
@@ -118,6 +131,7 @@ std::uint32_t mapped_axes(std::span<const Pdo> pdos, std::uint16_t object) {
 Mapping PdoTable::decode(od::Ref<std::uint8_t> count, od::Ref<std::uint32_t> first,
                          bool receive) const {
   Mapping mapping;
+  std::uint8_t sides = kOfNeither;
   const std::uint8_t wanted = std::min<std::uint8_t>(dictionary_.get(count), kMappedMax);
   for (std::uint8_t k = 0; k < wanted; ++k) {
     const std::optional<od::Entry> source =
@@ -126,6 +140,8 @@ Mapping PdoTable::decode(od::Ref<std::uint8_t> count, od::Ref<std::uint32_t> fir
     // Saved parameters could hold anything: what SDO would have refused ends the mapping.
     if (check_map_word(dictionary_, word, receive) != Abort::kNone) break;
     const MapWord map = split(word);
+    sides |= side_of(map.index);
+    if (receive && sides == kOfBoth) break;
     const auto size = static_cast<std::uint8_t>(map.bits / 8);
     if (mapping.length + size > payload_max_) break;
     MappedEntry& mapped = mapping.entries[mapping.count];  // count < wanted ≤ kMappedMax
@@ -238,6 +254,7 @@ Applied apply_rpdo(ObjectDictionary& dictionary, const Pdo& pdo, const CanFrame&
       applied.has_bounds = true;
       if (value < limit.low || value > limit.high) {
         applied.beyond = mapped.index;
+        applied.refused |= 1U << (&mapped - pdo.mapping.entries.data());
         continue;
       }
     }

@@ -119,8 +119,9 @@ void sample_tpdo(const ObjectDictionary& dictionary, const Pdo& pdo, CanFrame& f
 
 // What became of a received payload.
 struct Applied {
-  bool has_bounds = false;   // whether any of its values has
-  std::uint16_t beyond = 0;  // the last object whose value was beyond its bounds; 0: none
+  bool has_bounds = false;    // whether any of its values has
+  std::uint16_t beyond = 0;   // the last object whose value was beyond its bounds; 0: none
+  std::uint32_t refused = 0;  // bit k: so was the mapping's value k
 };
 
 // Writes a received payload into the dictionary, except values beyond the bounds of their object,

@@ -131,6 +131,23 @@ TEST(FdLength, ValidOnes_AreThoseOfTheStandard) {
   }
 }
 
+TEST_F(PdoRecordTest, TargetAndActualPosition_AreOfNoFrameTogether) {
+  const std::uint16_t mapping = kRpdo + 0x200;
+  for (const auto& [first, second] :
+       {std::pair{0x607A0020U, 0x60640020U}, {0x60640020U, 0x687A0020U}}) {
+    EXPECT_EQ(write(kRpdo, 1, 0x80000191U), Abort::kNone);
+    EXPECT_EQ(write(mapping, 0, 0), Abort::kNone);
+    EXPECT_EQ(write(mapping, 1, first), Abort::kNone);
+    EXPECT_EQ(write(mapping, 2, second), Abort::kNone);
+    EXPECT_EQ(write(mapping, 0, 2), Abort::kNotMappable);
+    save(mapping, 0, 2);
+    save(kRpdo, 1, 0x191);
+    PdoTable pdos(dictionary, kClassicPayload);
+    pdos.refresh();
+    EXPECT_EQ(pdos.rpdo(kRpdo - 0x1400).mapping.count, 1) << "a saved mapping ends before it";
+  }
+}
+
 TEST_F(PdoRecordTest, TransmissionTypes_UpTo240AreSynchronous) {
   PdoTable pdos(dictionary, kClassicPayload);
   for (const auto& [type, synchronous] :

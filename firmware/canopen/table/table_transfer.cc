@@ -165,6 +165,7 @@ void TableTransfer::agree_on_resolution() {
     const Resolution own = resolution_of(table, k);
     dictionary_.set(od::axis::kEncoderIncrements[k], own.increments);
     dictionary_.set(od::axis::kMotorRevolutions[k], own.units);
+    if (trial_) agreed_in_trial_ |= 1U << k;
   }
 }
 
@@ -282,7 +283,10 @@ Abort TableTransfer::activate() {
 
 Abort TableTransfer::confirm() {
   const Abort abort = result(store_.confirm());
-  if (abort == Abort::kNone) trial_ = false;
+  if (abort == Abort::kNone) {
+    trial_ = false;
+    agreed_in_trial_ = 0;
+  }
   return abort;
 }
 
@@ -294,6 +298,13 @@ Abort TableTransfer::revert() {
   if (abort != Abort::kNone && abort != Abort::kHardware) return abort;
   if (was_trial) {
     trial_ = false;
+    for (std::size_t k = 0; k < kMaxJoints; ++k) {
+      if ((agreed_in_trial_ >> k & 1U) != 0) {
+        dictionary_.set(od::axis::kEncoderIncrements[k], std::uint32_t{0});
+        dictionary_.set(od::axis::kMotorRevolutions[k], std::uint32_t{1});
+      }
+    }
+    agreed_in_trial_ = 0;
     use(store_.load_active(buffers_.writable()));
   } else if (state_ == StagingState::kCommitted) {
     state_ = StagingState::kVerified;  // the buffer still has what no slot has any more

@@ -123,6 +123,7 @@ class TableTransfer final : public DomainHandler {
   bool quiet_ = true;
   bool enabled_ = true;
   bool trial_ = false;
+  std::uint32_t agreed_in_trial_ = 0;  // bit k: axis k's resolution is what the trial brought
   StagingState state_ = StagingState::kEmpty;
   std::uint32_t staged_ = 0;  // bytes
   // 0x2013 subs 4 and 13, from when the bytes came. Of all but an image's last four: those are its

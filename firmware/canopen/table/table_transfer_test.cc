@@ -372,6 +372,21 @@ TEST_F(TableTransferTest, DrivesOfAnyFineness_AreGivenInIncrements) {
   }
 }
 
+TEST_F(TableTransferTest, AResolutionThatATrialBrought_GoesWithIt) {
+  NodeBench blank(true, false, bound_to("R-7"));
+  blank.put_on_trial(TestTable{.serial = "R-7", .finer = 4}.image());
+  ASSERT_EQ(blank.read(0x608F, 1), 1U << 24);
+  ASSERT_EQ(blank.command(TableCommand::kRevert), 0U);
+  EXPECT_EQ(blank.read(0x608F, 1), 0U);
+  EXPECT_EQ(blank.read(0x608F, 2), 1U);
+  blank.put_on_trial(TestTable{.serial = "R-7"}.image());
+  ASSERT_EQ(blank.command(TableCommand::kConfirm), 0U);
+  EXPECT_EQ(blank.read(0x608F, 1), 1U << 20);
+  blank.put_on_trial(TestTable{.sequence = 9, .serial = "R-7"}.image());
+  ASSERT_EQ(blank.command(TableCommand::kRevert), 0U);
+  EXPECT_EQ(blank.read(0x608F, 1), 1U << 20) << "that of the confirmed table";
+}
+
 TEST_F(TableTransferTest, ATableThatTheDrivesDoNotFitAnyMore_LeavesRoomForAnother) {
   const auto image = TestTable{.serial = "R-7"}.image();
   bench.commit(image);

@@ -113,7 +113,7 @@ TEST(InverseTest, PassiveJoint_IsLeftAndMadeGoodByTheOthers) {
   tests::TestImage made(3, kLink);
   made.section(format::Section::kJoints)[2 * format::joint::kLength + format::joint::kFlagsAt] =
       format::joint::kPassive;
-  for (const std::uint8_t driving : {0, 1}) {
+  for (const std::uint8_t driving : {std::uint8_t{0}, std::uint8_t{1}}) {
     tests::Bytes coupling = {2, driving, 0, 0};
     tests::append(coupling, -(std::int32_t{1} << format::coupling::kRatioFraction));
     made.add(format::Section::kCoupling, coupling);
