@@ -72,7 +72,7 @@ def refine(
         raise
     refined.save(out)
     if result.get("steps"):
-        present_added(result["effects"], output)
+        present_added(result, output)
         present_diagnosis(result["steps"][-1], output, out, data)
     if refined.document["warnings"]:
         output.title("Warnings")

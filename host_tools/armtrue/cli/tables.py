@@ -44,15 +44,21 @@ def export(
         bool, typer.Option("--pose", help="Hold the tool's attitude too, not only its position.")
     ] = False,
     sequence: Annotated[
-        int, typer.Option("--sequence", min=0, help="Number of this export; devices refuse older ones.")
+        int,
+        typer.Option(
+            "--sequence",
+            help=f"Number of this export, 0 to {layout.MAX_SEQUENCE}; a device takes only a table with a larger one "
+            "than the table it has: give each further calibration a larger number, such as a date.",
+        ),
     ] = 0,
     increments: Annotated[
         str | None,
         typer.Option(
             "--increments",
             metavar="N[,N…]",
-            help="Drive increments per joint turn (metre), one number or one a joint; "
-            "default: 2^20 per motor turn where the gear ratio is known, else 2^24.",
+            help="Drive increments per joint turn (metre), one number or one a joint, 16 to 2^31, with a minus where "
+            "the drive counts down as the joint's angle grows (--increments=-1000000,2000000,…); "
+            "default: 2^20 per motor turn where the gear ratio is known, else 2^24, without a minus.",
         ),
     ] = None,
     blend_ms: Annotated[
@@ -100,7 +106,7 @@ def export(
     from armtrue.tables.info import describe
 
     output = Output(json_to)
-    _refuse_sizes(sequence, max_correction, max_rate, dead_band, damping, payload_max, _numbers(increments))
+    _refuse_sizes(sequence, max_correction, max_rate, dead_band, damping, payload_max)
     document = fitting.Fit.load(fit_file).document
     options = ExportOptions(
         serial=serial,
@@ -251,17 +257,15 @@ def _refuse_sizes(
     dead_band: float,
     damping: float | None,
     payload_max: float | None,
-    increments: tuple[float, ...] | None,
 ) -> None:
-    """Raise InputError for an option of `export` that no table can hold, or that would bar every later one."""
+    """Raise InputError for an option of `export` that no table can hold."""
     limits: list[tuple[str, float | None, float, float]] = [
-        ("--sequence", sequence, 0.0, 1e9),
+        ("--sequence", sequence, 0, layout.MAX_SEQUENCE),
         ("--max-correction", max_correction, 1e-6, 1.0),
         ("--max-rate", max_rate, 1e-4, 100.0),
         ("--dead-band", dead_band, 0.0, 0.1),
         ("--damping", damping, 1e-6, layout.DAMPING[1]),
         ("--payload-max", payload_max, 0.0, 1e5),
-        *(("--increments", value, *layout.INCREMENTS_PER_UNIT) for value in increments or ()),
     ]
     for name, value, least, most in limits:
         # What is not a number compares with nothing.

@@ -91,13 +91,15 @@ def test_folder_or_nothing_in_place_of_a_file_is_refused(exported, command):
         ),
         ("--dead-band", "nan"),
         ("--payload-max", "-5"),
-        ("--sequence", "4294967295"),
+        ("--sequence", "4294967296"),
+        ("--sequence", "-1"),
         ("--increments", "nan"),
         ("--increments", "0"),
         ("--increments", "1"),
         ("--increments", "15.9"),
         ("--increments", "2147483649"),
-        ("--increments", "-1000"),
+        ("--increments", "-15.9"),
+        ("--increments", "-2147483649"),
         ("--damping", "1.1"),
     ],
 )
@@ -107,16 +109,22 @@ def test_export_options_that_no_table_can_hold_are_refused_by_name(exported, opt
 
 def test_increments_of_wrong_number_or_size_are_told_what_is_expected(exported):
     export = ("export", "fit.json", "--out", "o.bin", "--increments")
-    assert "found 1, expected 16 to 2147483648" in refused(exported, *export, "1")
-    said = refused(exported, *export, "1000,2000")
-    assert "found 1000, 2000, expected 1 or 6 numbers from 16 to 2147483648" in said
+    words = "expected 1 or 6 numbers from 16 to 2147483648, negative where a drive counts against its joint"
+    assert f"found 1, {words}" in refused(exported, *export, "1")
+    assert f"found 1000, 2000, {words}" in refused(exported, *export, "1000,2000")
 
 
-@pytest.mark.parametrize("increments", ["16", "2147483648"])
-def test_fewest_and_most_increments_are_taken(exported, tmp_path, increments):
-    run = armtrue(
-        "export", "fit.json", "--out", str(tmp_path / "o.bin"), "--increments", increments, cwd=exported
-    )
+@pytest.mark.parametrize(
+    "option",
+    [
+        *(f"--increments={number}" for number in ("16", "2147483648", "-16", "-2147483648")),
+        "--increments=-1000000,2000000,-3e6,4e6,5e6,6e6",
+        "--sequence=2026112701",
+        "--sequence=4294967295",
+    ],
+)
+def test_extreme_options_of_export_are_taken(exported, tmp_path, option):
+    run = armtrue("export", "fit.json", "--out", str(tmp_path / "o.bin"), option, cwd=exported)
     assert run.returncode == 0, run.stderr
 
 
@@ -327,6 +335,19 @@ def test_number_of_6000_digits_in_a_fit_is_one_sentence(folder):
     (folder / "long.json").write_text(text)
     said = refused(folder, "diagnose", "long.json")
     assert "long.json: found a number of more digits than can be read" in said
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ("--bitrate 0", "--bitrate: found 0"),
+        ("--data-bitrate 0", "--data-bitrate: found 0"),
+        ("--bus-option nonsense=1", "--bus-option: found 'nonsense'"),
+    ],
+)
+def test_bus_that_cannot_be_as_asked_is_bad_input(folder, options, words):
+    command = f"device info --interface virtual --channel test {options}"
+    assert words in refused(folder, *command.split())
 
 
 def test_bus_option_without_a_value_is_bad_input(folder):

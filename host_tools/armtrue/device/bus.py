@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import importlib
+import inspect
 import logging
 from dataclasses import dataclass, field
 from typing import Any
 
 import can
-from can.interfaces import VALID_INTERFACES
+from can.interfaces import BACKENDS, VALID_INTERFACES
 
 from armtrue.device.sdo import CommunicationError
 from armtrue.errors import InputError, did_you_mean
+
+# Other interfaces read options that their constructors do not name, some in a vendor's library.
+_OPTIONS_ARE_PARAMETERS = ("socketcan", "virtual")
 
 
 @dataclass(frozen=True)
@@ -25,7 +30,12 @@ class BusOptions:
     extra: list[str] = field(default_factory=list)
 
     def arguments(self) -> dict[str, Any]:
-        """Keyword arguments of can.Bus. Raises InputError for an extra that is not KEY=VALUE."""
+        """Keyword arguments of can.Bus.
+
+        Raises InputError for an extra that is not KEY=VALUE or that the interface does not have, and for a bit rate
+        that is not above zero.
+        """
+        known = _option_names(self.interface)
         rates = {"bitrate": self.bitrate, "fd": self.fd or None, "data_bitrate": self.data_bitrate}
         found: dict[str, Any] = {"interface": self.interface, "channel": self.channel}
         found |= {key: value for key, value in rates.items() if value is not None}
@@ -33,8 +43,27 @@ class BusOptions:
             key, separator, value = text.partition("=")
             if not separator or not key:
                 raise InputError(f"--bus-option: found '{text}', expected KEY=VALUE")
+            if known and key not in known:
+                raise InputError(
+                    f"--bus-option: found '{key}'{did_you_mean(key, known)}, expected an option of {self.interface}: "
+                    f"{', '.join(known)}"
+                )
             found[key] = _typed(value)
+        for rate in ("bitrate", "data_bitrate"):
+            if rate in found and (type(found[rate]) is not int or found[rate] <= 0):
+                raise InputError(
+                    f"--{rate.replace('_', '-')}: found {found[rate]}, expected a whole number of bit/s above 0"
+                )
         return found
+
+
+def _option_names(interface: str) -> list[str]:
+    """The options of an interface that has none but its constructor's parameters; empty where that is not known."""
+    if interface not in _OPTIONS_ARE_PARAMETERS:
+        return []
+    module, name = BACKENDS[interface]
+    parameters = inspect.signature(getattr(importlib.import_module(module), name)).parameters.values()
+    return sorted(p.name for p in parameters if p.kind is not p.VAR_KEYWORD and p.name != "channel")
 
 
 def _typed(text: str) -> Any:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import can
 import pytest
 
@@ -29,6 +31,50 @@ def test_words_become_what_python_can_takes() -> None:
 def test_an_option_without_a_value_is_bad_input() -> None:
     with pytest.raises(InputError, match="--bus-option: found 'rtscts', expected KEY=VALUE"):
         BusOptions("slcan", "x", extra=["rtscts"]).arguments()
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"bitrate": 0}, "--bitrate: found 0, expected a whole number of bit/s above 0"),
+        ({"bitrate": -125_000}, "--bitrate: found -125000, expected"),
+        ({"fd": True, "data_bitrate": 0}, "--data-bitrate: found 0, expected"),
+    ],
+)
+@pytest.mark.parametrize("interface", ["virtual", "socketcan", "slcan", "pcan"])
+def test_a_bit_rate_that_is_not_above_zero_is_bad_input(
+    interface: str, options: dict[str, Any], words: str
+) -> None:
+    with pytest.raises(InputError, match=words):
+        open_bus(BusOptions(interface, "here", **options))
+
+
+def test_a_bit_rate_among_the_extras_is_checked_too() -> None:
+    with pytest.raises(InputError, match=r"--bitrate: found 500k, expected a whole number"):
+        open_bus(BusOptions("pcan", "here", extra=["bitrate=500k"]))
+
+
+@pytest.mark.parametrize(
+    ("interface", "typed", "meant"),
+    [
+        ("virtual", "rx_queue_sise=5", "rx_queue_size"),
+        ("socketcan", "local_lopback=true", "local_loopback"),
+    ],
+)
+def test_an_option_that_the_interface_does_not_have_is_bad_input(
+    interface: str, typed: str, meant: str
+) -> None:
+    with pytest.raises(
+        InputError, match=f"--bus-option: found '{typed.split('=')[0]}'.*did you mean '{meant}'"
+    ):
+        open_bus(BusOptions(interface, "here", extra=[typed]))
+
+
+def test_options_that_an_interface_has_or_may_have_go_through() -> None:
+    with open_bus(BusOptions("virtual", "here", 500_000, extra=["rx_queue_size=5"])):
+        pass
+    assert BusOptions("slcan", "x", extra=["btr=031C"]).arguments()["btr"] == "031C"
+    assert BusOptions("pcan", "x", extra=["auto_reset=true"]).arguments()["auto_reset"] is True
 
 
 def test_an_unknown_interface_is_bad_input_with_the_nearest_name() -> None:

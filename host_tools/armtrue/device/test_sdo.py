@@ -193,7 +193,11 @@ def image(**changes: object) -> ImageInfo:
         ({"robot_serial": "other"}, "a table for robot 'other', the device expects robot 'mine'"),
         ({"data": bytes(1001)}, "1001 bytes, the device expects at most 1000"),
         ({"is_signed": False}, "an unsigned table, the device expects a signed one"),
-        ({"sequence": 5}, "export number 5, the device expects one above 5"),
+        (
+            {"sequence": 5},
+            "export number 5, the device expects one above 5, that of the table in force; "
+            "export again with --sequence 6",
+        ),
     ],
 )
 def test_a_table_that_is_not_for_the_device_is_refused(changes: dict[str, object], words: str) -> None:

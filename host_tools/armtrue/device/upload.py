@@ -64,7 +64,10 @@ def compare(image: ImageInfo, device: Status) -> None:
     has_table = device["Table status.Active slot"] != NO_SLOT
     same = device["Table status.Checksum of active image"] == image.checksum
     if has_table and not same and image.sequence <= active:
-        refuse(f"export number {image.sequence}", f"one above {active}, the table in force")
+        refuse(
+            f"export number {image.sequence}",
+            f"one above {active}, that of the table in force; export again with --sequence {active + 1}",
+        )
 
 
 def upload_image(

@@ -7,6 +7,7 @@ chosen so that the interval fills 30 bits; equal nodes are made once.
 from __future__ import annotations
 
 import cmath
+import dataclasses
 import math
 import struct
 from dataclasses import dataclass, field
@@ -340,6 +341,19 @@ class Builder:
         assert isinstance(value, Value)
         return value
 
+    def long_angle(self, source: int, low: float, high: float) -> Value:
+        """A joint's angle in radian, of more turns than a state variable holds; `source` as for `harmonic`.
+
+        It is read as a part of 2^n turns, with n such that it wraps no sooner than at twice the range.
+        """
+        turns = np.array([low, high]) / (2.0 * math.pi)
+        part = 2.0 ** -math.ceil(math.log2(4.0 * np.abs(turns).max()))
+        node = self.node(
+            NodeSpec(Node.ANGLE, a=source, b=layout.NONE, p=to_fixed(part, layout.ORDER_FRACTION)), 0, 0, 0
+        )
+        within = dataclasses.replace(node, fraction=32, low=part * turns[0], high=part * turns[1])
+        return self.affine(within, 2.0 * math.pi / part)
+
     def to_angle(self, value: Value) -> Value:
         """A slot in radian as an angle slot."""
         factor = 2.0**32 / (2.0 * math.pi) / 2.0**value.fraction
@@ -430,6 +444,13 @@ class Builder:
         return result
 
     def _axis(self, value: Value, nodes: tuple[float, ...], flags: int) -> None:
+        largest = 2.0 ** (31 - value.fraction)
+        for node in nodes:
+            if abs(node) >= largest:
+                raise CannotCompileError(
+                    f"a table node at {node:g}, expected within ±{largest:g} (wider limits of the joint in robot.yaml, "
+                    "and a new fit, allow more)"
+                )
         raw = [to_fixed(node, value.fraction) for node in nodes]
         steps = np.diff(np.array(raw, dtype=np.float64))
         if steps.min() <= 2.0**layout.GRID_FRACTION:

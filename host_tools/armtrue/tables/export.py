@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import re
 import zlib
 from collections import defaultdict
@@ -96,7 +95,7 @@ def _check_as_a_device(image: bytes, path: object) -> None:
 class _Exporter:
     def __init__(self, arm: FittedArm, options: ExportOptions, path: object) -> None:
         self.arm = arm
-        self.chain = dataclasses.replace(arm.chain, limits=arm.chain.limits.copy())
+        self.chain = arm.chain
         self.options = options
         self.path = path
         self.notes: list[str] = []
@@ -116,7 +115,6 @@ class _Exporter:
     def run(self) -> Exported:
         self._check_arm()
         self._per_unit = self._increments()
-        self._cut_limits()
         self.builder.one()
         self._sample_ranges()
         try:
@@ -125,7 +123,11 @@ class _Exporter:
         except (CannotCompileError, OverflowError) as error:
             raise InputError(f"{self.path}: cannot be exported: {error}") from None
         if self.arm.skipped:
-            self.notes.append(f"left out, as it belongs to the measurement: {', '.join(self.arm.skipped)}")
+            names = [
+                name if not size else f"{name} ({size:.1f} µm RMS of what was measured)"
+                for name, size in self.arm.skipped.items()
+            ]
+            self.notes.append(f"left out, as it belongs to the measurement: {', '.join(names)}")
         for effect, (why, moves_um) in self.arm.stays_behind.items():
             size = "" if moves_um is None else f" (the effect moves the tool by {moves_um:.1f} µm RMS)"
             self.notes.append(f"stays behind, in part or whole: {effect}, for {why}{size}")
@@ -163,26 +165,16 @@ class _Exporter:
                     f"{self.path}: joints {entry[0] + 1} and {entry[1] + 1} are coupled and one slides, "
                     "expected coupling between turning joints"
                 )
+        largest = _LARGEST_POSITION - _LIMIT_MARGIN
+        for k, (low, high) in enumerate(self.chain.limits):
+            if self.chain.prismatic[k] and max(abs(low), abs(high)) > largest:
+                raise InputError(
+                    f"{self.path}: joint {k + 1} has limits {low:g} to {high:g} m, expected within ±{largest:g} m"
+                )
 
     def _refuse_more_than(self, most: int, count: int, what: str) -> None:
         if count > most:
             raise InputError(f"{self.path}: found {count} {what}, expected at most {most}")
-
-    def _cut_limits(self) -> None:
-        """Angles within a turn go on as they are beyond what Q28 holds; only what grows with the angle has an end."""
-        largest = _LARGEST_POSITION - _LIMIT_MARGIN
-        for k, (low, high) in enumerate(self.chain.limits):
-            if max(abs(low), abs(high)) <= largest:
-                continue
-            if self.chain.prismatic[k]:
-                raise InputError(
-                    f"{self.path}: joint {k + 1} has limits {low:g} to {high:g} m, expected within ±{largest:g} m"
-                )
-            self.chain.limits[k] = np.clip((low, high), -largest, largest)
-            self.notes.append(
-                f"joint {k + 1} turns from {low:g} to {high:g} rad: "
-                f"what grows with its angle is held beyond ±{largest:g} rad"
-            )
 
     def _random_poses(self, seed: int) -> Array:
         low, high = self.chain.limits.T
@@ -218,18 +210,15 @@ class _Exporter:
             k = int(match[2]) - 1
             if match[1] == "dir":
                 return builder.state(State.DIRECTION, k, -1.0, 1.0)
-            low, high = self.chain.limits.T
-            if match[1] == "q":
-                return builder.state(State.MOTOR, k, low[k] - _LIMIT_MARGIN, high[k] + _LIMIT_MARGIN)
-            row = self.chain.coupling[k]
-            bounds = np.stack([row * (low - _LIMIT_MARGIN), row * (high + _LIMIT_MARGIN)])
-            offset = float(self.chain.offset[k])
-            return builder.state(
-                State.LINK,
-                k,
-                max(-_LARGEST_POSITION, float(bounds.min(axis=0).sum()) + offset),
-                min(_LARGEST_POSITION, float(bounds.max(axis=0).sum()) + offset),
-            )
+            row = np.eye(self.chain.joint_count)[k] if match[1] == "q" else self.chain.coupling[k]
+            offset = 0.0 if match[1] == "q" else float(self.chain.offset[k])
+            bounds = row * (self.chain.limits + np.array([-_LIMIT_MARGIN, _LIMIT_MARGIN])).T
+            low, high = float(bounds.min(axis=0).sum()) + offset, float(bounds.max(axis=0).sum()) + offset
+            source = self._angle_source(name)
+            if source is not None and max(-low, high) > _LARGEST_POSITION:
+                return builder.long_angle(source, low, high)
+            kind = State.MOTOR if match[1] == "q" else State.LINK
+            return builder.state(kind, k, max(low, -_LARGEST_POSITION), min(high, _LARGEST_POSITION))
         if name == "payload":
             return builder.state(State.PAYLOAD, 0, 0.0, self.payload_max_kg)
         if name == "time":
@@ -365,7 +354,11 @@ class _Exporter:
             )
         values = np.stack([grid.values for grid in grids], axis=-1)
         pairs = [(self._variable(axis.variable), axis.nodes) for axis in axes]
-        outputs = self.builder.grid(pairs, values, grids[0].covered, exponent)
+        try:
+            outputs = self.builder.grid(pairs, values, grids[0].covered, exponent)
+        except CannotCompileError as error:
+            read = ", ".join(axis.variable for axis in axes)
+            raise CannotCompileError(f"table {grids[0].name} over {read}: {error}; {_REMEDY}") from None
         for grid, value in zip(grids, outputs, strict=True):
             number = self._coordinate_number(grid.coordinate)
             if number is None:
@@ -608,8 +601,8 @@ class _Exporter:
             if len(given) not in (1, len(motors)) or not all(least <= abs(value) <= most for value in given):
                 numbers = "1 number" if len(motors) == 1 else f"1 or {len(motors)} numbers"
                 raise InputError(
-                    f"--increments: found {', '.join(f'{value:.10g}' for value in given) or 'none'}, "
-                    f"expected {numbers} from {least:.10g} to {most:.10g}"
+                    f"--increments: found {', '.join(f'{value:.10g}' for value in given) or 'none'}, expected "
+                    f"{numbers} from {least:.10g} to {most:.10g}, negative where a drive counts against its joint"
                 )
             per_unit = [
                 float(_INCREMENTS_PER_UNIT)
@@ -628,6 +621,11 @@ class _Exporter:
                     f"turn, expected {least:.10g} to {most:.10g}; give the drives' own with --increments"
                 )
             made.append(count)
+            if ratio is not None and ratio < 0.0:
+                self.notes.append(
+                    f"joint {k + 1} has gear_ratio {ratio:g}: its drive is taken to count up as the joint's angle "
+                    "grows; if it counts down, export with --increments and a minus for this joint"
+                )
         return made
 
     def _say_what_is_cut(self) -> None:

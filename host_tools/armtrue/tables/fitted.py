@@ -87,7 +87,8 @@ class FittedArm:
     # Effects that a term comes from, by coordinate and expression: for messages.
     effects: dict[tuple[str, str], list[str]] = field(default_factory=dict)
     grids: list[Grid] = field(default_factory=list)
-    skipped: list[str] = field(default_factory=list)  # effects that belong to the measurement
+    # Effects that belong to the measurement, with how far each moves what was measured [µm RMS].
+    skipped: dict[str, float | None] = field(default_factory=dict)
     # Effects of the arm that stay behind, wholly or on short moves, a user's own by the names of their parameters: why,
     # and how far each moves the tool [µm RMS].
     stays_behind: dict[str, tuple[str, float | None]] = field(default_factory=dict)
@@ -210,8 +211,8 @@ def _gather(document: dict[str, Any], arm: FittedArm, reflectors: list[str]) -> 
         if (kept := {text: c for text, c in basis.items() if c != 0.0})
     }
     arm.grids = [_grid(name, coordinate, entries) for (name, coordinate), entries in nodes.items()]
-    arm.skipped = list(skipped)
     moves = document.get("effects_move_um", {})
+    arm.skipped = {name: moves.get(name) for name in skipped}
     arm.stays_behind = {
         name: (why, moves.get(name, moves.get(name.partition(".")[0]))) for name, why in behind.items()
     }

@@ -156,11 +156,24 @@ class Image:
             for kind, index, mass_set, fraction in self.records(Section.STATE, layout.STATE)
         ]
 
+    def _long_angle(self, slot: int) -> tuple[str, float] | None:
+        """Joint variable and radian per unit of a slot that Builder.long_angle made; None for others."""
+        first, nodes = self.count(Section.STATE), self.nodes()
+        kind, shift, *_, scaled, _, factor, offset = nodes[slot - first]
+        if kind is not Node.SCALE or offset or scaled < first:
+            return None
+        inner, *_, source, onto, order, phase = nodes[scaled - first]
+        if inner is not Node.ANGLE or onto != layout.NONE or phase:
+            return None
+        name = f"{'th' if source >= layout.LINK_ANGLE else 'q'}{source % layout.LINK_ANGLE + 1}"
+        return name, 2.0 * np.pi * 2.0 ** (shift + layout.ORDER_FRACTION - 32) / (factor * order)
+
     def state_name(self, slot: int) -> str:
-        """Name of a state variable as docs/model.md has it; `node N` for a slot of the nodes."""
+        """Name of a state variable as docs/model.md has it; `node N` for a slot of the other nodes."""
         states = self.states()
         if slot >= len(states):
-            return f"node {slot - len(states)}"
+            found = self._long_angle(slot)
+            return found[0] if found else f"node {slot - len(states)}"
         kind, index, mass_set, _ = states[slot]
         sensors = list(self.sensors())
         joint = index + 1
@@ -300,7 +313,11 @@ class Image:
             for _ in range(axis_count):
                 slot, count, flags = layout.GRID_AXIS.unpack_from(self.bytes, at)
                 at += layout.GRID_AXIS.size
-                fraction = states[slot][3] if slot < len(states) else 0
+                if slot < len(states):
+                    unit = 2.0 ** -states[slot][3]
+                else:
+                    found = self._long_angle(slot)
+                    unit = found[1] if found else 1.0
                 if flags & layout.AXIS_EXPLICIT:
                     raw = np.array(struct.unpack_from(f"<{count}i", self.bytes, at), dtype=np.float64)
                     at += 8 * count - 4
@@ -308,7 +325,7 @@ class Image:
                     first, inverse = struct.unpack_from("<iI", self.bytes, at)
                     raw = first + np.arange(count) * 2.0 ** (32 + layout.GRID_FRACTION) / inverse
                     at += 8
-                axes.append((slot, raw * 2.0**-fraction))
+                axes.append((slot, raw * unit))
             shape = tuple(nodes.size for _, nodes in axes)
             size = int(np.prod(shape))
             mask_bytes = 4 * ((size + 31) // 32)

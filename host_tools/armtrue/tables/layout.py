@@ -97,8 +97,9 @@ MAX_GRID_AXES = 4
 MAX_GRID_NODES = 8192
 MAX_GRID_OUTPUTS = 8
 MAX_IMAGE_LENGTH = 16 * 1024
+MAX_SEQUENCE = 2**32 - 1
 
-# Drive increments of a turn or a metre: the fewest and the most.
+# Drive increments of a turn or a metre, without sign: the fewest and the most.
 INCREMENTS_PER_UNIT = (2.0**4, 2.0**31)
 DAMPING = (2.0**-8, 1.0)  # m/rad, least and most
 # Compile-time caps of the firmware (limits.h): turn, m, and the same per second.

@@ -11,8 +11,8 @@ from armtrue.errors import InputError
 from armtrue.tables import FixedEngine, Reference, Surroundings, export, fitted_arm, layout
 from armtrue.tables.conftest import Document, document
 from armtrue.tables.export import ExportOptions
-
-HELD_BEYOND_RAD = 7.88
+from armtrue.tables.image import Image
+from armtrue.tables.info import describe
 
 
 def with_last_joint(text: str, **changes: Any) -> Document:
@@ -25,10 +25,39 @@ def with_last_joint(text: str, **changes: Any) -> Document:
     return fit
 
 
-def difference_rad(fit: Document, q3: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
-    """Motor-side deflection of the last joint: the firmware's less the model's."""
+def with_table(nodes: list[float], **changes: Any) -> Document:
+    """A fit with a table over q3 on the last joint's motor side, its values alternating."""
+    fit = with_last_joint("q3", **changes)
+    padded = [2.0 * nodes[0] - nodes[1], *nodes, 2.0 * nodes[-1] - nodes[-2]]
+    fit["parameters"] = [
+        {
+            "name": f"transmission_pwl[3].node{i + 1}",
+            "effect": "transmission_pwl",
+            "value": 1e-4 * (-1.0) ** i,
+            "terms": [
+                {
+                    "coordinate": "motor3",
+                    "expression": f"hat(q3, {padded[i]!r}, {node!r}, {padded[i + 2]!r})",
+                    "weight": 1.0,
+                    "table": {
+                        "id": "transmission_pwl[3]",
+                        "index": [i],
+                        "axes": [{"variable": "q3", "nodes": nodes}],
+                    },
+                }
+            ],
+        }
+        for i, node in enumerate(nodes)
+    ]
+    return fit
+
+
+def difference_rad(
+    fit: Document, q3: np.ndarray[Any, Any], q2: np.ndarray[Any, Any] | None = None
+) -> np.ndarray[Any, Any]:
+    """Motor-side deflection of the last joint: the firmware's less the model's. `q2`: zero if not given."""
     arm = fitted_arm(fit, "fit")
-    joints = np.column_stack([np.zeros_like(q3), np.zeros_like(q3), q3])
+    joints = np.column_stack([np.zeros_like(q3), np.zeros_like(q3) if q2 is None else q2, q3])
     around = Surroundings({sensor: np.full(q3.size, 20.0) for sensor in arm.chain.sensors})
     reference = Reference(arm, "")
     exact = reference.coordinates(reference.state(joints, around))["motor3"]
@@ -47,18 +76,44 @@ def test_without_limits_a_whole_turn_either_way_is_as_fitted(text: str) -> None:
     assert np.abs(difference_rad(with_last_joint(text, limits=None), q3)).max() < 1e-8
 
 
-def test_beyond_what_an_angle_can_be_only_what_grows_with_it_is_held() -> None:
-    limits = [-3.0 * np.pi, 3.0 * np.pi]
-    q3 = np.linspace(*limits, 61)
-    assert np.abs(difference_rad(with_last_joint("sin(q3)", limits=limits), q3)).max() < 2e-9
-    fit = with_last_joint("q3", limits=limits)
-    difference = difference_rad(fit, q3)
-    inside = np.abs(q3) <= HELD_BEYOND_RAD
-    assert np.abs(difference[inside]).max() < 2e-9
-    beyond = 1e-4 * (np.abs(q3[~inside]) - HELD_BEYOND_RAD)
-    assert (np.abs(difference[~inside]) <= beyond + 2e-9).all()
-    notes = export(fitted_arm(fit, "fit"), ExportOptions()).notes
-    assert any("joint 3 turns from -9.42478 to 9.42478 rad" in note for note in notes)
+@pytest.mark.parametrize(
+    "text", ["sin(q3)", "q3", "q3*q3/10", "th3", "cos(q3/8)", "sin(th3/8) + th3", "atan2(q3, 2)"]
+)
+@pytest.mark.parametrize("turns", [1.5, 2.006, 6.0])
+def test_angles_of_several_turns_are_as_fitted(text: str, turns: float) -> None:
+    end = 2.0 * np.pi * turns
+    fit = with_last_joint(text, limits=[-end, end], offset=0.3)
+    made = export(fitted_arm(fit, "fit"), ExportOptions())
+    assert made.notes == []
+    assert np.abs(difference_rad(fit, np.linspace(-end, end, 241))).max() < 2e-8  # [rad], of 1e-4 a radian
+
+
+def test_table_of_a_joint_of_several_turns_is_as_fitted_and_named_by_its_angle() -> None:
+    nodes = [-9.386874656979586, -3.0, 1.0, 5.0, 12.5]
+    fit = with_table(nodes, limits=[-12.6, 12.6])
+    assert np.abs(difference_rad(fit, np.linspace(-12.6, 12.6, 241))).max() < 1e-8
+    (table,) = describe(Image(export(fitted_arm(fit, "fit"), ExportOptions()).image))["tables"]
+    (axis,) = table["axes"]
+    assert (axis["variable"], axis["nodes"]) == ("q3", 5)
+    assert [axis["from"], axis["to"]] == pytest.approx([nodes[0], nodes[-1]], abs=1e-6)
+
+
+def test_link_angle_that_couplings_turn_further_than_its_own_motor_is_as_fitted() -> None:
+    fit = with_last_joint("th3", limits=[-6.0, 6.0])
+    fit["robot"]["kinematics"]["joints"][1]["limits"] = [-6.0, 6.0]
+    fit["robot"]["coupling"] = [{"joint": 3, "driving": 2, "ratio": -1.0}]
+    turns = np.linspace(-6.0, 6.0, 41)
+    assert np.abs(difference_rad(fit, turns, q2=-turns)).max() < 2e-8
+
+
+def test_table_beyond_the_limits_names_effect_angle_and_remedy() -> None:
+    arm = fitted_arm(with_table([-9.5, 0.0, 9.0], limits=[-2.0, 2.0]), "fit")
+    with pytest.raises(InputError) as caught:
+        export(arm, ExportOptions(), "fit.json")
+    assert str(caught.value).startswith(
+        "fit.json: cannot be exported: table transmission_pwl[3] over q3: a table node at -9.5, expected within ±8 "
+        "(wider limits of the joint in robot.yaml, and a new fit, allow more); take the effect out with"
+    )
 
 
 def test_a_rail_that_is_too_long_is_refused() -> None:

@@ -11,6 +11,7 @@ from rich.table import Table
 
 from armtrue.candidates import called, entry_of, parameter_lines
 from armtrue.cli.shared.output import Output, plain_table
+from armtrue.io.catalogue import catalogue
 from armtrue.verdicts import (
     ERROR_FIGURES,
     FLOOR_SOURCES,
@@ -73,8 +74,9 @@ def present_diagnosis(
             output.line(f"  {command}")
 
 
-def present_added(effects: list[dict[str, Any]], output: Output) -> None:
+def present_added(result: dict[str, Any], output: Output) -> None:
     """Print how probable each effect is that a refinement added."""
+    effects = result["effects"]
     lines = [
         f"{called(entry)}: {chance(entry['probability'])}{_why_kept(entry['probability'])}"
         for entry in effects
@@ -83,6 +85,29 @@ def present_added(effects: list[dict[str, Any]], output: Output) -> None:
     if lines:
         output.title("Added, with the probability that the arm has it")
         output.items(lines)
+    if doubts := _perhaps_of_the_arm(result["steps"], effects):
+        output.title("The instrument or the arm?")
+        output.items(doubts)
+
+
+def _perhaps_of_the_arm(steps: list[dict[str, Any]], effects: list[dict[str, Any]]) -> list[str]:
+    """What was added as the instrument's and may be the arm's: tables leave it out."""
+    present = {called(entry) for entry in effects}
+    exported = {info.id for info in catalogue().values() if info.exported}
+    lines = []
+    for added in (step["added"] for step in steps if step["added"]):
+        if called(added) not in present or added["effect"] in exported:
+            continue
+        rivals = [
+            entry for label in added["confounded_with"] if (entry := entry_of(label))["effect"] in exported
+        ]
+        if names := [called(entry) for entry in rivals if called(entry) not in present]:
+            lines.append(
+                f"{called(added)} can hardly be told from {', '.join(names)} by these poses, and tables leave out what "
+                "belongs to the measurement: if the arm does it, it stays uncorrected. A length that is known "
+                "without this instrument tells them apart; 'armtrue add' before 'refine' gives it to the arm"
+            )
+    return lines
 
 
 def _next_commands(advice: list[str], fit_file: Path, data: Path | None) -> list[str]:

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from armtrue.candidates import called, parameter_lines
-from armtrue.cli.shared.findings import present_diagnosis
+from armtrue.cli.shared.findings import present_added, present_diagnosis
 from armtrue.cli.shared.output import Output
 
 
@@ -206,3 +206,29 @@ def test_candidates_that_differ_in_their_thermometer_alone_are_told_apart(capsys
     assert any(line.endswith("nearly as much is explained by: thermal_base, sensor stand") for line in lines)
     result["candidates"] = hot[:1]
     assert "Recommended: thermal_base" in printed(result, capsys)
+
+
+def _refined(effect, *, beside, joints=()):
+    added = {"effect": effect, "joints": list(joints), "options": {}, "confounded_with": list(beside)}
+    entry = {"effect": effect, "joints": list(joints), "probability": 0.8}
+    return {"steps": [{"added": None}, {"added": added}], "effects": [{"effect": "joint_offset"}, entry]}
+
+
+def test_what_may_be_the_arms_and_is_left_out_of_tables_is_said(capsys):
+    present_added(_refined("tracker_scale", beside=["joint_scale 1", "tracker_angles"]), Output(None))
+    said = " ".join(capsys.readouterr().out.replace("│", " ").split())
+    assert "tracker_scale can hardly be told from joint_scale [1] by these poses" in said
+    assert "tracker_angles" not in said, "tables leave that out too"
+
+
+@pytest.mark.parametrize(
+    ("effect", "joints", "beside"),
+    [
+        ("joint_scale", [1], ["tracker_scale"]),
+        ("tracker_scale", [], []),
+        ("tracker_scale", [], ["joint_offset"]),
+    ],
+)
+def test_nothing_is_said_where_no_table_leaves_the_arm_uncorrected(capsys, effect, joints, beside):
+    present_added(_refined(effect, beside=beside, joints=joints), Output(None))
+    assert "hardly be told" not in capsys.readouterr().out
