@@ -111,6 +111,7 @@ def refine(fit: Fit, progress: Progress | None = None, on_step: Step | None = No
     result = json.loads(text)
     refined = from_core(fit, core)
     refined.document["left_out_effects"] = result.pop("left_out")
+    refined.document["verdict"] = result["steps"][-1]["verdict"]
     return refined, Refinement(result)
 
 

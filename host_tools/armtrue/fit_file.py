@@ -12,6 +12,7 @@ from armtrue.io.catalogue import catalogue
 from armtrue.io.model import check_effect, coordinate_names, names_in, own_columns, variables_of
 from armtrue.io.robot import Robot, check_robot, pose
 from armtrue.io.yamlfile import Section
+from armtrue.verdicts import VERDICTS
 
 # What the report and the command line read of a fit beside what predict, export and diagnose need.
 # A gear's warmth by its duty or a temperature, low-passed: the time constant stands in the name.
@@ -61,6 +62,8 @@ def check_document(document: dict[str, Any], path: Path) -> None:
         for name in top.entries(key, "a list of effects") if top.has(key) else []:
             if not isinstance(name, str):
                 raise top.fail(key, "names of effects")
+    if top.has("verdict") and document["verdict"] not in VERDICTS:
+        raise top.fail("verdict", f"one of {', '.join(VERDICTS)}")
     _check_data(top.section("data"), list(tools))
     for key, kind in _ALSO.items():
         if not isinstance(document.get(key), kind):

@@ -12,6 +12,8 @@ _WORDS = {
     "unexplained_structure": "What is left has structure that no effect of the catalogue explains.",
 }
 
+VERDICTS = tuple(_WORDS)
+
 # Where a noise floor comes from, by its `source`.
 FLOOR_SOURCES = {
     "repeats": "from poses measured again",

@@ -76,6 +76,11 @@ def predict(
         output.say(
             f"uncertainty of the model at these poses: {1e6 * typical:.1f} µm (median, one standard deviation)"
         )
+        if result.document.get("verdict") in ("missing_effect", "unexplained_structure"):
+            output.say(
+                "what 'refine' left of this fit is more than noise, which this uncertainty knows nothing of: "
+                "predictions err by more"
+            )
     write_file(out, csv_text(names, texts))
     output.items(result.assumed(wanted)[1])
     measured = _with_positions(poses, result.robot)

@@ -204,6 +204,34 @@ def test_predict_uncertainty_covers_what_the_model_gets_wrong(folder):
     assert np.all(np.linalg.eigvalsh(covariance) > 0.0)
 
 
+@pytest.mark.parametrize(
+    ("verdict", "status", "said"),
+    [
+        ("unexplained_structure", 0, "predictions err by more"),
+        ("missing_effect", 0, "predictions err by more"),
+        ("nothing_missing", 0, ""),
+        ("all_is_well", 2, "verdict: found 'all_is_well'"),
+    ],
+)
+def test_predict_uncertainty_says_where_more_than_noise_is_left(folder, tmp_path, verdict, status, said):
+    document = json.loads((folder / "fit.json").read_text())
+    document["verdict"] = verdict
+    (tmp_path / "fit.json").write_text(json.dumps(document))
+    run = armtrue(
+        "predict",
+        str(tmp_path / "fit.json"),
+        "test.csv",
+        "--out",
+        str(tmp_path / "p.csv"),
+        "--uncertainty",
+        cwd=folder,
+    )
+    assert run.returncode == status, run.stderr
+    text = " ".join((run.stdout + run.stderr).split())
+    assert said in text
+    assert ("predictions err by more" in text) == bool(said and not status)
+
+
 def test_predict_uncertainty_takes_measurements_that_were_moved(folder, tmp_path):
     for name in ("fit.json", "test.csv"):
         shutil.copy(folder / name, tmp_path / name)
