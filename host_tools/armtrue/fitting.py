@@ -7,7 +7,7 @@ import json
 import re
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -22,7 +22,7 @@ from armtrue.fit_file import at_average, check_document, not_for_a_device, own_c
 from armtrue.io import Dataset, Model, Robot, load_data
 from armtrue.io.columns import FAR_TRAVEL, TRAVEL, commanded_joints
 from armtrue.io.files import read_json, write_file
-from armtrue.io.model import check_effect
+from armtrue.io.model import check_effect, refusal_words
 from armtrue.io.plausible import refuse_too_few_poses
 from armtrue.io.yamlfile import Section
 from armtrue.progress import Progress
@@ -34,7 +34,7 @@ _LARGEST_FIT_BYTES = 512 * 1024 * 1024
 
 
 class EffectError(InputError):
-    """What the arm or its measurements do not allow an effect to be; names no file, as it may come from any."""
+    """What the arm or its measurements do not allow a model to have; names no file, as it may come from any."""
 
 
 @dataclass
@@ -346,9 +346,22 @@ def _run(
         try:
             return _core.fit(_robot_json(robot, data), data.columns, *texts, progress)
         except _core.ModelError as error:
-            if str(error).startswith("effect "):
-                raise EffectError(str(error)) from None
-            raise
+            if not str(error).startswith(("effect ", "model: ")):
+                raise
+            names = _parameter_names(data, robot, specification["effects"])
+            raise EffectError(refusal_words(str(error), specification["effects"], names, data.rows)) from None
+
+
+def _parameter_names(data: Dataset, robot: Robot, effects: list[dict[str, Any]]) -> list[str]:
+    """The names of all parameters that `effects` have on this arm, without those of effects that it cannot have."""
+    names: list[str] = []
+    for entry in effects:
+        options = {key: value for key, value in entry.items() if key not in ("effect", "joints")}
+        request = {"effect": entry["effect"], "joints": entry.get("joints", []), "options": options}
+        with suppress(_core.ModelError):
+            terms = _core.effect_terms(_robot_json(robot, data), data.columns, json.dumps(request))
+            names += [parameter["name"] for parameter in json.loads(terms)["parameters"]]
+    return names
 
 
 @contextmanager

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from armtrue.arrays import Array
 from armtrue.checking.report import Finding
+from armtrue.checking.scatter.rounding import position_step_m
 from armtrue.io.dataset import Dataset
 from armtrue.io.robot import Robot
 
@@ -160,16 +161,23 @@ def _repeats(data: Dataset) -> list[Finding]:
             )
         )
     if data.has_positions:
-        whole = np.column_stack([keys, np.round(data.positions_m / 1e-9).astype(np.int64)])
+        # Readings of one pose may be rounded to the same position: only what is equal in every column is a copy then.
+        is_rounded = position_step_m(data) > 0.0
+        others = [data.columns[name] for name in sorted(data.columns)] if is_rounded else []
+        whole = np.column_stack([keys, np.round(data.positions_m / 1e-9).astype(np.int64), *others])
         _, row_of, counts = np.unique(whole, axis=0, return_inverse=True, return_counts=True)
         copies = counts[row_of] > 1
         if copies.any():
+            same = (
+                "rows equal in every column"
+                if is_rounded
+                else "the same joints and the same position to the nanometre"
+            )
             findings.append(
                 Finding(
                     "duplicate_rows",
                     "warning",
-                    "the same joints and the same position to the nanometre stand more than once: "
-                    f"{name_rows(data, copies)}",
+                    f"{same} stand more than once: {name_rows(data, copies)}",
                     {"rows": data.rows[copies].tolist()},
                     "Take the copies out. A fit leaves out those that are equal in every column; others count as "
                     "independent measurements and make it look surer than it is.",
@@ -182,6 +190,19 @@ def _scatter(data: Dataset, pose_of_row: NDArray[np.intp], again: NDArray[np.boo
     if not data.has_positions:
         return ""
     return f" (they scatter by {scatter_m(data.positions_m[again], pose_of_row[again]) * 1e6:.1f} µm)"
+
+
+def repeats_scatter_m(data: Dataset) -> float:
+    """Standard deviation [m], all axes together, of poses measured again about their mean; inf for none.
+
+    Of one load and reached from one side: springs and lost motion are no noise.
+    """
+    states = [values for name, values in data.columns.items() if name.startswith("dir") or name == "payload"]
+    keys = np.column_stack([pose_keys(data), *states])
+    poses = np.unique(keys, axis=0, return_inverse=True)[1].reshape(-1)
+    # Rows that were copied are no measurements of their own.
+    own = np.unique(np.column_stack([keys, data.positions_m]), axis=0, return_index=True)[1]
+    return scatter_m(data.positions_m[own], poses[own])
 
 
 def scatter_m(positions: Array, pose_of_row: NDArray[np.intp]) -> float:

@@ -9,7 +9,6 @@ import numpy as np
 from armtrue.checking import (
     conventions,
     directions,
-    drift,
     gravity,
     masses,
     motion,
@@ -23,6 +22,7 @@ from armtrue.checking import (
 from armtrue.checking.alignment import align, alignment_columns
 from armtrue.checking.moved import jumps, steps
 from armtrue.checking.report import CheckReport, Finding
+from armtrue.checking.scatter import distances, drift
 from armtrue.errors import InputError
 from armtrue.io.dataset import Dataset, fixed_targets, without_fixed_targets
 from armtrue.io.plausible import too_few_poses
@@ -60,6 +60,9 @@ def check(data: Dataset, robot: Robot) -> CheckReport:
         findings += residuals.find_stated_poses(riding, alignment, robot)
         findings += gravity.find(alignment.measuring_from_base, robot)
         findings += tell.find(riding, robot)
+        if any(finding.code == "repeats_drift" for finding in findings):
+            # Repeats then scatter by the drift.
+            findings = [finding for finding in findings if finding.code != "sigma_too_small"]
     return CheckReport.of(findings)
 
 
@@ -71,6 +74,7 @@ def cheap_findings(data: Dataset, robot: Robot) -> list[Finding]:
         *motion.find(data, robot),
         *directions.find(data),
         *temperatures.find(data),
+        *temperatures.without_columns(data, robot),
         *(Finding("reader", "note", note) for note in data.notes),
     ]
     data = data.take(~data.lost)
@@ -136,6 +140,10 @@ def _against_kinematics(data: Dataset, robot: Robot) -> list[Finding]:
         # Their unit is a finding already; the one guessed to go on with may have been another than the right one.
         findings = [finding for finding in findings if finding.code != "scale"]
     if not any(finding.severity == "error" for finding in findings):
-        findings += steps.find(riding, measured, robot)
+        moved = steps.find(riding, measured, robot)
+        # Distances to a reflector that was put back change with it.
+        findings += moved
+        if not any(finding.code == "reflector_step" for finding in moved):
+            findings += distances.find(riding)
         findings += orientations.find(riding, measured, robot)
     return [*misplaced, *findings]

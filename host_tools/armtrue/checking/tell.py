@@ -7,9 +7,11 @@ import re
 
 import numpy as np
 
-from armtrue.checking import sigma
+from armtrue.checking import gravity
 from armtrue.checking.alignment import evenly
+from armtrue.checking.motion import repeats_scatter_m
 from armtrue.checking.report import Finding
+from armtrue.checking.scatter import rounding, sigma
 from armtrue.errors import InputError
 from armtrue.io.catalogue import with_role
 from armtrue.io.dataset import Dataset
@@ -86,7 +88,12 @@ def _of_a_fit(data: Dataset, robot: Robot) -> list[Finding]:
         for sentence in geometry.document["unobservable"]
         if _OF_THESE_POSES in sentence
     ]
-    findings += sigma.find(data, float(np.sqrt(np.mean(np.sum(geometry.residuals() ** 2, axis=1)))))
+    repeats_m = repeats_scatter_m(data)
+    findings += sigma.find(
+        data, repeats_m, float(np.sqrt(np.mean(np.sum(geometry.residuals() ** 2, axis=1))))
+    )
+    findings += rounding.find(data, robot, geometry, repeats_m)
+    findings += gravity.find_by_springs(geometry)
     return findings + [
         Finding(
             "untestable",

@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 from armtrue.arrays import Array
 from armtrue.checking.motion import name_rows
 from armtrue.checking.report import Finding
+from armtrue.errors import did_you_mean
 from armtrue.io.dataset import Dataset
+from armtrue.io.robot import Robot
 
 # A sensor that is off reads one figure, so far from what it reads otherwise [K]; of two states that were written down
 # by hand, the others are no more than a few figures.
@@ -36,6 +38,23 @@ _TOLD_K = 0.2
 def find(data: Dataset) -> list[Finding]:
     """Warnings about the columns temp_*."""
     return [finding for name in _thermometers(data) for finding in _of_column(data, name)]
+
+
+def without_columns(data: Dataset, robot: Robot) -> list[Finding]:
+    """A warning for each sensor of robot.yaml that the file has no column of, a note where it has none of any."""
+    columns = _thermometers(data)
+    return [
+        Finding(
+            "sensor_not_recorded",
+            "warning" if columns else "note",
+            f"temperature.sensors of robot.yaml: found '{sensor}', expected a column temp_{sensor} of it in "
+            f"{data.file.name}{did_you_mean(f'temp_{sensor}', columns)}",
+            {"sensor": sensor},
+            "Name the sensor as its column, record it, or take it out of robot.yaml.",
+        )
+        for sensor in robot.sensors
+        if f"temp_{sensor}" not in columns
+    ]
 
 
 def _thermometers(data: Dataset) -> list[str]:

@@ -127,6 +127,20 @@ def test_warns_of_a_thermometer_that_stands_still(campaign, last):
     assert "temperature_stands" not in codes_of(changed(data, **columns))
 
 
+def test_sensor_of_the_robot_file_without_a_column_is_named(campaign):
+    data, robot = campaign()
+    assert temperatures.without_columns(data, robot) == []
+    other = Robot({**robot.spec, "temperature": {"reference": 20.0, "sensors": ["arn"]}})
+    (found,) = temperatures.without_columns(data, other)
+    assert found.severity == "warning"
+    assert (
+        "found 'arn', expected a column temp_arn of it in data.csv (did you mean 'temp_arm'?)"
+        in found.message
+    )
+    without = replace(data, columns={name: v for name, v in data.columns.items() if name != "temp_arm"})
+    assert [one.severity for one in temperatures.without_columns(without, other)] == ["note"]
+
+
 @pytest.mark.parametrize("value", [85.0, 0.0, -40.0])
 def test_warns_of_one_row_in_which_a_thermometer_was_off(campaign, value):
     data, _ = campaign()

@@ -55,6 +55,36 @@ def test_fit_centre_of_mass_far_from_the_arm_is_refused_by_its_link(changed):
     assert json.loads(checked.stdout)["findings"][0]["code"] == "masses"
 
 
+@pytest.mark.parametrize(
+    ("extra", "words"),
+    [
+        (
+            {"parameters": {"joint_complianc[2]": {"fixed": 1e-6}}},
+            "parameters: found 'joint_complianc[2]', expected the name of a parameter of its effects (did you mean "
+            "'joint_compliance[2]'?)",
+        ),
+        (
+            {
+                "effects": [
+                    {"effect": "custom", "name": "c", "coordinate": "motor2", "expression": "1/(q1-q1)"}
+                ]
+            },
+            "expression: found '1/(q1-q1)', expected an expression with a finite value at every pose: that of row 2",
+        ),
+    ],
+)
+def test_fit_of_a_model_that_cannot_be_names_model_yaml_and_the_key(changed, extra, words):
+    where = changed()
+    model = yaml.safe_load((where / "model.yaml").read_text())
+    model["effects"] += extra.pop("effects", [])
+    (where / "model.yaml").write_text(yaml.safe_dump(model | extra))
+    run = armtrue(*FIT, "--out", "fit.json", cwd=where)
+    assert run.returncode == 2
+    assert run.stderr.startswith("armtrue: model.yaml on data.csv: ")
+    assert words in run.stderr
+    assert not (where / "fit.json").exists()
+
+
 def test_fit_of_an_arm_that_hangs_asks_for_gravity(changed):
     # Turned about x by 180° in the measuring frame.
     where = changed(y=-1.0, z=-1.0)

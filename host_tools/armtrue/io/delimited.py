@@ -184,8 +184,10 @@ class _Rows:
                     f"{self._path} row {self._reader.line_num}: found no readable row ({error})"
                 ) from None
             except UnicodeDecodeError as error:
+                # A block of text is decoded when all lines before it were read.
+                row = self._reader.line_num + 1 + error.object.count(b"\n", 0, error.start)
                 raise InputError(
-                    f"{self._path} after row {self._reader.line_num}: found byte 0x{error.object[error.start]:02x}, "
+                    f"{self._path} row {row}: found byte 0x{error.object[error.start]:02x}, "
                     f"expected {self._dialect.encoding} text: say what it is in a dataset.yaml, as in "
                     "'encoding: latin-1', or let 'armtrue init' write one"
                 ) from None
@@ -227,6 +229,12 @@ def _to_floats(cells: tuple[str, ...], at: list[int], name: str, path: Path, dia
         if not is_number(cell, dialect.decimal):
             found = shorten(cell.strip()) if cell.strip() else "nothing"
             kind = "a number with a decimal comma" if comma else "a number"
+            if len(cells) > 1 and not any(is_number(other, dialect.decimal) for other in cells):
+                raise InputError(
+                    f"{path} row {row} column {name}: found {found}, expected {kind}, and no other row has one: say in "
+                    "a dataset.yaml how it is written, as by 'decimal' or the 'format' of a time, or let 'armtrue "
+                    "init' write one"
+                )
             raise RowError(row, f"{path} row {row} column {name}: found {found}, expected {kind}")
     raise AssertionError("a block that does not convert holds a cell that is no number")
 

@@ -9,6 +9,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from armtrue.errors import InputError, did_you_mean, shorten
 from armtrue.io.catalogue import EffectInfo, catalogue
 from armtrue.io.columns import ColumnNames
@@ -87,6 +90,29 @@ def check_effect(
             f"{origin}: found {checked['effect']} in the model already, expected an effect that is not"
         )
     return checked
+
+
+def refusal_words(
+    message: str, effects: Sequence[dict[str, Any]], parameters: Collection[str], rows: NDArray[np.int64]
+) -> str:
+    """What the numerical library refuses of a model, with the key of model.yaml in place of its own words.
+
+    `message`: "effect …" or "model: …". `effects`: those of the model; `parameters`: the names that these have;
+    `rows`: the file row of each measurement.
+    """
+    if unknown := re.fullmatch(r"model: parameters names '(.+)', which .*", message):
+        hint = did_you_mean(unknown[1], parameters) or f" (known: {shorten(', '.join(parameters), 120)})"
+        return f"parameters: found '{unknown[1]}', expected the name of a parameter of its effects{hint}"
+    if undefined := re.fullmatch(
+        r"model: term .* of custom\.(.+) is not finite at measurement ([0-9]+)", message
+    ):
+        for number, entry in enumerate(effects, start=1):
+            if entry.get("name") == undefined[1]:
+                return (
+                    f"effects[{number}].expression: found {shorten(entry['expression'])}, expected an expression with "
+                    f"a finite value at every pose: that of row {rows[int(undefined[2]) - 1]} has none"
+                )
+    return message.removeprefix("model: ")
 
 
 def _effect(section: Section, robot: Robot, columns: Collection[str]) -> dict[str, Any]:

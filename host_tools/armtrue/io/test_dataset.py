@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from armtrue.errors import InputError
+from armtrue.errors import InputError, RowError
 from armtrue.io import load_data
 
 PLAIN = """\
@@ -227,13 +227,14 @@ def test_text_that_is_not_utf8_is_named(tmp_path, two_joints):
         load_data(written(tmp_path, PLAIN.encode() + b"\xff\xfe,1\n"), two_joints)
 
 
-@pytest.mark.parametrize("place", ["header", "rows"])
-def test_latin_1_is_told_how_to_be_read(place, tmp_path, two_joints):
+@pytest.mark.parametrize(("place", "row"), [("header", 1), ("rows", 1 + len(PLAIN.splitlines()))])
+def test_latin_1_is_told_how_to_be_read(place, row, tmp_path, two_joints):
     text = (
         PLAIN.replace("temp_arm", "temp_arm (°C)") if place == "header" else PLAIN + "0.5,0.1,1,2,3,20°,A,7\n"
     )
     with pytest.raises(
-        InputError, match=r"0xb0, expected utf-8 text: .*'encoding: latin-1', or let 'armtrue init'"
+        InputError,
+        match=rf"row {row}: found byte 0xb0, expected utf-8 text: .*'encoding: latin-1', or let 'armtrue init'",
     ):
         load_data(written(tmp_path, text.encode("latin-1")), two_joints)
     description = "file: data.csv\nencoding: latin-1\ncolumns: {q1: q1, q2: q2, x: x, y: y, z: z}\n"
@@ -284,6 +285,14 @@ def test_bad_rows_are_left_out_on_request_and_named(tmp_path, two_joints):
     assert list(data.skipped) == [4, 3, 6, 5]
     assert "found 7 cells" in data.skipped[4]
     assert any("left out" in note and "'oops'" in note for note in data.notes)
+
+
+def test_a_column_without_any_number_is_not_to_be_had_by_leaving_out_rows(tmp_path, two_joints):
+    path = written(tmp_path, "q1,q2,x,y,z,time\n" + "0,0,1,2,3,2024-01-01T10:00:00\n" * 3)
+    for skip_bad in (False, True):
+        with pytest.raises(InputError, match="row 2 column time: .* no other row has one.*'format'") as error:
+            load_data(path, two_joints, skip_bad=skip_bad)
+        assert not isinstance(error.value, RowError)
 
 
 def test_a_file_of_bad_rows_is_refused_though_bad_rows_may_be_left_out(tmp_path, two_joints):

@@ -2,12 +2,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from armtrue.errors import InputError
 from armtrue.io import load_model
 from armtrue.io.catalogue import catalogue
-from armtrue.io.model import check_effect, coordinate_names, state_names
+from armtrue.io.model import check_effect, coordinate_names, refusal_words, state_names
 
 
 def load(tmp_path: Path, robot, text: str):
@@ -114,6 +115,28 @@ def test_says_what_is_wrong_and_where(tmp_path, two_joints, text, names):
         load(tmp_path, two_joints, text)
     assert names in str(error.value)
     assert "model.yaml" in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("message", "words"),
+    [
+        (
+            "model: parameters names 'joint_complianc[2]', which no effect of the model has",
+            "parameters: found 'joint_complianc[2]', expected the name of a parameter of its effects (did you mean "
+            "'joint_compliance[2]'?)",
+        ),
+        (
+            "model: term '1/(q1 - q1)' of custom.c is not finite at measurement 2",
+            "effects[2].expression: found '1/(q1-q1)', expected an expression with a finite value at every pose: that "
+            "of row 7 has none",
+        ),
+        ("effect backlash: no", "effect backlash: no"),
+    ],
+)
+def test_refusal_of_a_model_names_its_key(message, words):
+    effects = [{"effect": "base_frame"}, {"effect": "custom", "name": "c", "expression": "1/(q1-q1)"}]
+    names = ["joint_compliance[2]", "joint_offset[2]", "custom.c"]
+    assert refusal_words(message, effects, names, np.array([4, 7])) == words
 
 
 def test_an_effect_to_add_must_not_be_in_already(two_joints):

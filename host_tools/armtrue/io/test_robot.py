@@ -140,6 +140,7 @@ def test_says_what_is_wrong_and_where(tmp_path, found, put, names):
         ("a: &x [*x]\n", "aliases that write out"),
         ("a: !!python/object:os.system x\n", "expected YAML"),
         ("? [1, 2]\n: 3\n", "a key that is not text"),
+        ("a:\n\tb: 1\n", "line 2: found character"),
         ("[" * 5000, "nested too deep"),
         ("name: \x00\n", "no YAML"),
         ('name: "\\ud83d"\n', "line 1: found half of a pair of surrogates"),

@@ -116,8 +116,10 @@ def load_yaml(path: Path) -> Section:
     try:
         value = _construct(text)
     except yaml.MarkedYAMLError as error:
+        # The parser begins some of its sentences with "found".
+        problem = (error.problem or "no YAML").removeprefix("found ")
         line = f" line {error.problem_mark.line + 1}" if error.problem_mark else ""
-        raise InputError(f"{path}{line}: found {error.problem or 'no YAML'}, expected YAML") from None
+        raise InputError(f"{path}{line}: found {problem}, expected YAML") from None
     except yaml.YAMLError as error:
         raise InputError(f"{path}: found no YAML ({' '.join(str(error).split())})") from None
     except RecursionError:

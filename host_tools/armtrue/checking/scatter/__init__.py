@@ -1,0 +1,1 @@
+"""How measurements scatter: against sigma and time, in steps of rounding, between reflectors of one tool."""

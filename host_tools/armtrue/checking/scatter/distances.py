@@ -1,0 +1,97 @@
+"""Distances between reflectors of one tool: rigid, they are the same at all poses, whatever the arm does."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import numpy as np
+
+from armtrue.arrays import Array
+from armtrue.checking.motion import pose_keys, repeats_scatter_m
+from armtrue.checking.report import Finding
+from armtrue.io.dataset import Dataset
+
+_FEWEST_DISTANCES = 10
+# A distance that scatters by so many times what the firmest does is no noise, which grows with distance by less.
+_TIMES = 3.0
+# Scatter below it is that of an ordinary tracker [m].
+_LEAST_M = 20e-6
+# The scale is taken from this share of all distances: a reflector may be loose in half of them, and others bumped.
+_SHARE = 0.8
+_NORMAL_AT_SHARE = 1.2816
+
+
+def find(data: Dataset) -> list[Finding]:
+    """A warning for each reflector of `data`, which ride on the arm, whose distance from all others scatters.
+
+    Compared are reflectors measured one after another at one pose, with the firmest pair; of two reflectors with what
+    poses measured again scatter by.
+    """
+    if "target" not in data.columns:
+        return []
+    scales = _scales(data)
+    names = data.labels["target"]
+    targets = sorted({target for pair in scales for target in pair})
+    if len(targets) == 2:
+        # Of all three axes; a distance lies along one, and has the noise of both its ends.
+        firmest = repeats_scatter_m(data) * math.sqrt(2.0 / 3.0)
+        (pair,) = scales
+        who, others = (
+            f"reflectors '{names[pair[0]]}' and '{names[pair[1]]}'",
+            "where poses measured again scatter by",
+        )
+        if not scales[pair] > max(_TIMES * firmest, _LEAST_M):
+            return []
+        return [_finding(f"between {who}", scales[pair], f"{others} {firmest * 1e6:.0f} µm", who)]
+    if not scales:
+        return []
+    firm = min(scales, key=lambda pair: scales[pair])
+    holds = (
+        f"where that between '{names[firm[0]]}' and '{names[firm[1]]}' holds to {scales[firm] * 1e6:.0f} µm"
+    )
+    findings = []
+    for target in targets:
+        least = min(scale for pair, scale in scales.items() if target in pair)
+        if least > max(_TIMES * scales[firm], _LEAST_M):
+            who = f"reflector '{names[target]}'"
+            findings.append(_finding(f"from {who} to the others", least, holds, who))
+    return findings
+
+
+def _finding(between: str, scale: float, compared: str, who: str) -> Finding:
+    return Finding(
+        "loose_reflector",
+        "warning",
+        f"the distance {between} scatters by {scale * 1e6:.0f} µm from pose to pose, {compared}: on a rigid tool it is "
+        "the same at all poses",
+        {"scatter_m": scale},
+        f"Look whether {who} or its nest is loose, and measure again, or take its rows out.",
+    )
+
+
+def _scales(data: Dataset) -> dict[tuple[int, int], float]:
+    """Robust standard deviation [m] of the distance of each pair of reflectors that enough poses have.
+
+    A pose is a run of rows with equal joints: after another pose the arm does not come back to just there.
+    """
+    targets = data.columns["target"].astype(np.int64)
+    moved = np.any(np.diff(pose_keys(data)[:, :-1], axis=0) != 0, axis=1)
+    pose = np.concatenate([[0], np.cumsum(moved)])
+    points = {}
+    for target in np.unique(targets):
+        rows = np.flatnonzero(targets == target)
+        of_pose, first = np.unique(pose[rows], return_index=True)
+        points[int(target)] = (of_pose, data.positions_m[rows[first]])
+    scales = {}
+    for one, other in itertools.combinations(points, 2):
+        _, at, beside = np.intersect1d(points[one][0], points[other][0], return_indices=True)
+        if at.size >= _FEWEST_DISTANCES:
+            apart = np.linalg.norm(points[one][1][at] - points[other][1][beside], axis=1)
+            scales[one, other] = _scale(apart)
+    return scales
+
+
+def _scale(values: Array) -> float:
+    off = np.abs(values - np.median(values))
+    return float(np.quantile(off, _SHARE)) / _NORMAL_AT_SHARE

@@ -1,0 +1,58 @@
+"""A stated standard deviation that the measurements themselves contradict."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from armtrue.checking.report import Finding
+from armtrue.io.dataset import Dataset
+
+# A sigma so many times what is seen is in another unit; a careful data sheet overstates by three or five.
+_TIMES_TOO_LARGE = 10.0
+# One of the instrument alone leaves out how far the arm repeats, which may be as much again.
+_TIMES_TOO_SMALL = 4.0
+
+
+def find(data: Dataset, repeats_m: float, fit_rms_m: float) -> list[Finding]:
+    """A warning where `sigma` is far from what was seen, all axes together [m].
+
+    Far above what repeats scatter by, `repeats_m`, inf for none, or a fit of geometry leaves, `fit_rms_m`; or far below
+    `repeats_m`.
+    """
+    if "sigma" not in data.columns:
+        return []
+    stated = float(np.median(data.columns["sigma"]))
+    # sigma is of one axis, the others of all three together.
+    seen = {
+        "poses measured again scatter by": repeats_m / math.sqrt(3.0),
+        "a fit of the geometry alone leaves": fit_rms_m / math.sqrt(3.0),
+    }
+    words, least = min(seen.items(), key=lambda entry: entry[1])
+    found = f"{data.file.name} column sigma: found {stated * 1e6:.1f} µm (median)"
+    evidence = {"sigma_m": stated, "seen_m": least}
+    if stated > _TIMES_TOO_LARGE * least:
+        return [
+            Finding(
+                "sigma_too_large",
+                "warning",
+                f"{found}, more than {_TIMES_TOO_LARGE:.0f} times what {words}: {least * 1e6:.1f} µm an axis",
+                evidence,
+                "Give sigma its unit in dataset.yaml, as in 'sigma: {column: sigma, unit: mm}', or one standard "
+                "deviation in metres; with one far too large nothing counts as significant.",
+            )
+        ]
+    # What a fit leaves may be errors of the arm, which sigma leaves out: only repeats tell it too small.
+    if math.isfinite(repeats_m) and _TIMES_TOO_SMALL * stated < least:
+        return [
+            Finding(
+                "sigma_too_small",
+                "warning",
+                f"{found}, less than 1/{_TIMES_TOO_SMALL:.0f} of what {words}: {least * 1e6:.1f} µm an axis",
+                evidence,
+                "Give one standard deviation in metres of what is measured again, in which the arm's repeatability "
+                "counts as well as the instrument's; with one far too small chance counts as significant.",
+            )
+        ]
+    return []

@@ -1,0 +1,108 @@
+"""Sigma that repeats contradict, coarse steps in the file, a loose reflector: each is said once, and only there."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from armtrue.checking import Finding, check
+from armtrue.checking.conftest import Campaign
+from armtrue.checking.residuals import nominal_positions
+from armtrue.checking.run import cheap_findings
+from armtrue.io import Dataset, Robot
+
+
+def changed(data: Dataset, **columns: np.ndarray) -> Dataset:
+    return replace(data, columns={**data.columns, **columns})
+
+
+def warnings(data: Dataset, robot: Robot) -> list[Finding]:
+    return [finding for finding in check(data, robot).findings if finding.severity != "note"]
+
+
+def rounded(data: Dataset, step: float, *names: str) -> Dataset:
+    return changed(data, **{name: np.round(data.columns[name] / step) * step for name in names})
+
+
+@pytest.fixture
+def quiet(campaign: Campaign) -> tuple[Dataset, Robot]:
+    data, robot = campaign(seed=7)
+    assert warnings(data, robot) == []
+    return data, robot
+
+
+def test_sigma_far_below_what_repeats_scatter_by_is_a_warning(quiet: tuple[Dataset, Robot]) -> None:
+    data, robot = quiet
+    (found,) = warnings(changed(data, sigma=np.full(data.count, 5e-7)), robot)
+    assert found.code == "sigma_too_small"
+    assert "found 0.5 µm (median), less than 1/4 of what poses measured again scatter by" in found.message
+    assert warnings(changed(data, sigma=np.full(data.count, 5e-6)), robot) == []
+
+
+def test_sigma_is_not_judged_by_repeats_under_other_loads(quiet: tuple[Dataset, Robot]) -> None:
+    data, robot = quiet
+    under_others = changed(data, sigma=np.full(data.count, 5e-7), payload=np.linspace(0.0, 8.0, data.count))
+    assert "sigma_too_small" not in [finding.code for finding in warnings(under_others, robot)]
+
+
+def test_positions_in_steps_of_a_tenth_are_told_with_their_cost_and_repeats_are_no_copies(
+    quiet: tuple[Dataset, Robot],
+) -> None:
+    data, robot = quiet
+    (found,) = warnings(rounded(data, 1e-4, *"xyz"), robot)
+    assert found.code == "rounded_positions"
+    assert "steps of 0.1 mm, which alone add noise of 29 µm an axis" in found.message
+    assert warnings(rounded(data, 1e-5, *"xyz"), robot) == []
+
+
+def test_rows_equal_in_every_column_stay_copies_where_positions_are_rounded(
+    quiet: tuple[Dataset, Robot],
+) -> None:
+    data, robot = quiet
+    coarse = rounded(data, 1e-4, *"xyz")
+    twice = coarse.take(np.array([*range(coarse.count), 3]))
+    (found,) = [finding for finding in cheap_findings(twice, robot) if finding.code == "duplicate_rows"]
+    assert found.message.startswith("rows equal in every column stand more than once")
+
+
+def test_joints_in_steps_of_a_hundredth_degree_are_told_with_their_cost(quiet: tuple[Dataset, Robot]) -> None:
+    data, robot = quiet
+    joints = [f"q{k}" for k in range(1, 7)]
+    (found,) = warnings(rounded(data, np.radians(0.01), *joints), robot)
+    assert found.code == "rounded_joints"
+    assert "steps of 0.01° in q1, q2, q3, q4, q5, q6" in found.message
+    assert 50e-6 < found.evidence["cost_m"] < 300e-6
+    assert warnings(rounded(data, np.radians(0.0005), *joints), robot) == []
+
+
+def test_joints_that_the_arm_was_sent_to_in_steps_are_no_finding(quiet: tuple[Dataset, Robot]) -> None:
+    data, robot = quiet
+    sent = rounded(data, np.radians(0.5), *(f"q{k}" for k in range(1, 7)))
+    reached = nominal_positions(sent, robot, robot.spec["base"], robot.spec["tool"])
+    reached = reached + np.random.default_rng(1).normal(0.0, 1e-5, reached.shape)
+    assert warnings(changed(sent, **dict(zip("xyz", reached.T, strict=True))), robot) == []
+
+
+def test_reflector_that_is_loose_is_named_by_its_distances(campaign: Campaign) -> None:
+    data, robot = campaign(seed=8, targets={"names": ["A", "B", "C"]})
+    assert "loose_reflector" not in [finding.code for finding in warnings(data, robot)]
+    loose = (data.columns["target"] == 1.0) & (np.arange(data.count) > data.count // 2)
+    rng = np.random.default_rng(1)
+    shaken = {name: data.columns[name] + loose * rng.normal(0.0, 1e-4, data.count) for name in "xyz"}
+    (found,) = [f for f in warnings(changed(data, **shaken), robot) if f.code == "loose_reflector"]
+    assert "the distance from reflector 'B' to the others scatters by" in found.message
+    assert "between 'A' and 'C' holds to" in found.message
+
+
+def test_two_reflectors_are_compared_with_what_repeats_scatter_by(campaign: Campaign) -> None:
+    data, robot = campaign(seed=8, targets={"names": ["A", "B"]})
+    assert "loose_reflector" not in [finding.code for finding in warnings(data, robot)]
+    # Loose at the poses that are not repeated.
+    _, of_row, sizes = np.unique(data.columns["repeat"], return_inverse=True, return_counts=True)
+    loose = (data.columns["target"] == 1.0) & (sizes[of_row] == sizes.min())
+    rng = np.random.default_rng(1)
+    shaken = {name: data.columns[name] + loose * rng.normal(0.0, 2e-4, data.count) for name in "xyz"}
+    (found,) = [f for f in warnings(changed(data, **shaken), robot) if f.code == "loose_reflector"]
+    assert "between reflectors 'A' and 'B' scatters by" in found.message
