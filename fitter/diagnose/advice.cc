@@ -25,9 +25,9 @@ struct Reads {
   bool load = false, direction = false, temperature = false, time = false;
 };
 
-Reads reads_of(const Candidate& candidate, int joints) {
+Reads reads_of(const std::vector<Parameter>& parameters, int joints) {
   Reads reads;
-  for (const Parameter& p : candidate.parameters) {
+  for (const Parameter& p : parameters) {
     for (const Term& term : p.terms) {
       for (const std::string& name : term.basis.variables()) {
         const auto variable = parse_variable(name, joints);
@@ -43,7 +43,7 @@ Reads reads_of(const Candidate& candidate, int joints) {
 }
 
 std::string how_to_tell(const Candidate& a, const Candidate& b, int joints) {
-  const Reads ra = reads_of(a, joints), rb = reads_of(b, joints);
+  const Reads ra = reads_of(a.parameters, joints), rb = reads_of(b.parameters, joints);
   if (ra.load != rb.load)
     return "measure the same poses with another payload: only one of them follows the load";
   if (ra.direction != rb.direction)
@@ -256,8 +256,47 @@ bool is_motion(const StructureFinding& f) {
   return f.has_own_form && f.variables.front().starts_with("dir");
 }
 
+bool is_step(const StructureFinding& f) { return f.shape.starts_with("a step"); }
+
+// True for a finding of find_knock that turns joints: they give way to another load.
+bool is_load(const StructureFinding& f) {
+  return f.has_own_form && is_step(f) && f.coordinate.starts_with("motor");
+}
+
+bool goes_with_time(const StructureFinding& f) {
+  return std::ranges::find(f.variables, "time") != f.variables.end();
+}
+
+// What may have happened where something jumps at one time, and what to do.
+std::string event_of_step(const StructureFinding& f, const Fit& fit) {
+  if (is_load(f)) {
+    return "a load that was put on the tool or taken off looks so: record it in a column payload "
+           "[kg]";
+  }
+  if (f.coordinate.starts_with("base")) {
+    return "a knocked tracker or nest looks so: number the poses before and after it 1 and 2 in a "
+           "column station (or nest), and add that effect";
+  }
+  const bool at_flange =
+      f.coordinate.starts_with("link" + std::to_string(fit.robot().joint_count()) + ".t");
+  if (f.coordinate.starts_with("tool.") || at_flange) {
+    return "a reflector that was taken out and put back, or was loose, looks so: number the poses "
+           "before and after it 1 and 2 in a column nest, and add that effect";
+  }
+  if (f.coordinate.starts_with("tool[")) {
+    return "one reflector that was taken out and put back, or was loose, looks so: give it another "
+           "name in the column target from then on";
+  }
+  if (f.coordinate.starts_with("link")) {
+    return "a part of the arm that moved looks so (a collision, a screw that came loose): fit the "
+           "poses after it alone, for they are of the arm as it is now";
+  }
+  return "a joint's zero that moved looks so (a new mastering, a belt that jumped a tooth): fit "
+         "the poses after it alone, for they are of the arm as it is now";
+}
+
 // What may have happened, and what to do, where the shape of a finding tells it; else empty.
-std::string event_of(const StructureFinding& f) {
+std::string event_of(const StructureFinding& f, const Fit& fit) {
   if (is_motion(f)) {
     return "backlash looks so: dataset.yaml's `derive: {dir: from_order}` takes directions from "
            "the order of the rows; if the arm did not go straight from row to row, record " +
@@ -269,22 +308,49 @@ std::string event_of(const StructureFinding& f) {
            "swing";
   }
   if (f.variables != std::vector<std::string>{"time"}) return "";
-  const bool of_motor = f.coordinate.starts_with("motor");
-  if (!f.shape.starts_with("a step")) {
-    // A correction by time would go on growing after the session.
-    return of_motor ? "a joint's zero that creeps looks so, as heat moves it: record temperatures "
-                      "(temp_NAME), which the arm will meet again"
-                    : "a base or an instrument that creeps looks so: number stretches of the "
-                      "session in a column station, and add that effect, which is fitted and not "
-                      "exported";
+  if (is_step(f)) return event_of_step(f, fit);
+  // A correction by time would go on growing after the session.
+  return f.coordinate.starts_with("motor")
+             ? "a joint's zero that creeps looks so, as heat moves it: record temperatures "
+               "(temp_NAME), which the arm will meet again"
+             : "a base or an instrument that creeps looks so: number stretches of the session in a "
+               "column station, and add that effect, which is fitted and not exported";
+}
+
+// True where the arm gives way to loads and no column tells whether the tool's load changed.
+bool load_is_unrecorded(const Diagnosis& d, const Fit& fit) {
+  if (payload_varies(fit.state())) return false;
+  const auto reads_load = [&](const std::vector<Parameter>& parameters) {
+    return reads_of(parameters, fit.robot().joint_count()).load;
+  };
+  return fit.state().computes_torque() || reads_load(fit.model().parameters) ||
+         std::ranges::any_of(d.candidates,
+                             [&](const Candidate& c) { return reads_load(c.parameters); });
+}
+
+// True for what another load would leave: it jumps at one time, or differs with posture in the
+// course of the session.
+bool may_be_load(const StructureFinding& f, int joints) {
+  if (f.variables.size() == 1) return goes_with_time(f) && is_step(f);
+  return depends_on_posture(f, joints) &&
+         std::ranges::any_of(f.variables, [&](const std::string& name) {
+           const auto variable = parse_variable(name, joints);
+           return variable && variable->is_of_session();
+         });
+}
+
+// Columns that would let more be tested.
+void advise_columns(const Diagnosis& d, const Fit& fit, std::vector<std::string>& advice) {
+  std::set<std::string> columns;
+  if (load_is_unrecorded(d, fit)) columns.insert("payload");
+  for (const Untestable& u : d.untestable) {
+    for (const std::string& need : u.needs) {
+      if (need.find(' ') == std::string::npos) columns.insert(need);
+    }
   }
-  if (f.coordinate.starts_with("base")) {
-    return "a knocked tracker or nest looks so: number the poses before and after it 1 and 2 in a "
-           "column station (or nest), and add that effect";
-  }
-  if (!of_motor) return "";
-  return "a joint's zero that moved looks so (a new mastering, a belt that jumped a tooth): fit "
-         "the poses after it alone, for they are of the arm as it is now";
+  std::string list;
+  for (const std::string& c : columns) list += (list.empty() ? "" : ", ") + c;
+  if (!list.empty()) advice.push_back("record next: " + list);
 }
 
 void advise_structure(const Diagnosis& d, const Fit& fit, std::vector<std::string>& advice) {
@@ -294,12 +360,20 @@ void advise_structure(const Diagnosis& d, const Fit& fit, std::vector<std::strin
     for (const std::string& v : f.variables) what += (what.empty() ? "" : " and ") + v;
     advice.push_back("what is left depends on " + what + " and acts like " + f.coordinate + ": " +
                      f.shape);
-    const std::string event = event_of(f);
+    const std::string event = event_of(f, fit);
     advice.push_back(!event.empty() ? event
                                     : "no effect of the catalogue has that form; the generic "
                                       "remedy is: " +
                                           remedy(f, fit));
+    if (!is_load(f) && may_be_load(f, fit.robot().joint_count()) && load_is_unrecorded(d, fit)) {
+      advice.push_back(
+          "or the tool's load changed, which no column tells: record it in a column payload [kg]");
+    }
     if (is_motion(f)) return;
+    if (goes_with_time(f)) {
+      advise_direction(d, fit, advice);
+      return;
+    }
     if (d.neighbour_ratio < kNeighboursAlike) {
       advice.push_back("neighbouring poses err alike: it repeats and can be compensated");
     } else if (d.lack_of_fit.testable && d.lack_of_fit.against == "repeats") {
@@ -329,15 +403,7 @@ void advise_structure(const Diagnosis& d, const Fit& fit, std::vector<std::strin
         "scatters from visit to visit: leave the pose and come back between repeats");
   }
   advise_direction(d, fit, advice);
-  std::set<std::string> columns;
-  for (const Untestable& u : d.untestable) {
-    for (const std::string& need : u.needs) {
-      if (need.find(' ') == std::string::npos) columns.insert(need);
-    }
-  }
-  std::string list;
-  for (const std::string& c : columns) list += (list.empty() ? "" : ", ") + c;
-  if (!list.empty()) advice.push_back("record next: " + list);
+  advise_columns(d, fit, advice);
 }
 
 // Nothing was found: is what is left noise, and who says so?
@@ -347,21 +413,32 @@ void advise_nothing(const Diagnosis& d, const Fit& fit, std::vector<std::string>
   const NoiseFloor& floor = fit.noise_floor();
   const double held_out = fit.held_out_error().mean;
   if (advise_direction(d, fit, advice)) return;
-  if (floor.source == "none") {
+  const bool in_train = fit.train_error().mean > kWellAbove * floor.mean;
+  const bool in_held_out = held_out > kWellAbove * floor.mean;
+  if (floor.source == "none" || floor.source == "targets") {
+    // Distances between reflectors do not hold how well the arm repeats.
     advice.push_back("nothing to add was found; whether the " + micrometre_words(held_out) +
-                     " left over are noise is not known: repeat some poses, or state the "
-                     "instrument's sigma");
-  } else if (fit.train_error().mean > kWellAbove * floor.mean && d.rounding.size == 0.0) {
+                     " left over are noise is not known: repeat some poses" +
+                     (floor.source == "none" ? ", or state the instrument's sigma" : ""));
+  } else if ((in_train || in_held_out) && d.rounding.size > 0.0) {
+    advice.push_back("nothing to add was found, and the " + micrometre_words(held_out) +
+                     " left over are no more than joint angles in steps of " + d.rounding.words +
+                     " make");
+  } else if (in_train) {
     advice.push_back(
         "nothing to add was found, but poses err by " + micrometre_words(held_out) +
         ", repeats of one pose by " + micrometre_words(floor.mean) +
         ": something differs from visit to visit that is not recorded, or wrongly (direction of "
         "approach, payload, heat), or joints repeat worse between visits than these repeats show");
-  } else if (held_out > kWellAbove * floor.mean && d.rounding.size == 0.0) {
+  } else if (in_held_out) {
     advice.push_back("nothing to add was found, but poses that were not fitted err by " +
                      micrometre_words(held_out) + ", noise alone by " +
                      micrometre_words(floor.mean) +
                      ": the model has more freedom than these poses can settle; measure more");
+  } else if (d.probability_nothing < kMoreLikelyThanNot) {
+    advice.push_back(
+        "nothing to add was found, but what is left may be more than noise: measure "
+        "more poses");
   } else {
     advice.push_back("nothing to add: what is left is noise as far as these data can tell");
   }

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <map>
 #include <optional>
 #include <set>
@@ -16,6 +17,7 @@ constexpr std::size_t kFewValues = 6;
 constexpr double kNearlyAsMuch = 0.9;  // of the first finding's gain
 constexpr std::size_t kDescribed = 10, kListed = 5;
 constexpr int kStepsTried = 40;
+constexpr int kDrawn = 40;  // intervals of a curve
 constexpr double kStepExplains = 0.95;
 // What acts on a motor and what acts beside it can be one number: the motor is named.
 constexpr double kMotorFirst = 4.0;
@@ -228,35 +230,60 @@ std::optional<Step> find_step(const Scorer& scorer, const StructureFinding& find
   return fine.score.gain > coarse.score.gain ? fine : coarse;
 }
 
-// The fitted function over the first variable, others at their middle, and what it looks like.
-void describe_shape(const Scorer& scorer, StructureFinding& finding,
-                    const std::vector<const StructureVariable*>& variables, double share_alone,
-                    bool angle) {
+// The finding's function along the first variable where the second, if there is one, stands at
+// `second`.
+void draw_curve(StructureFinding& finding, const std::vector<const StructureVariable*>& variables,
+                double second) {
   const StructureVariable& first = *variables.front();
   const auto& parameters = finding.block.terms.parameters;
-  double largest = 0.0;
-  for (int i = 0; i <= 40; ++i) {
-    const double x = first.middle + first.half * (i / 20.0 - 1.0);
+  finding.x.clear();
+  finding.y.clear();
+  for (int i = 0; i <= kDrawn; ++i) {
+    const double x = first.middle + first.half * (2.0 * i / kDrawn - 1.0);
     double y = 0.0;
     for (std::size_t p = 0; p < parameters.size(); ++p) {
       y += finding.score.beyond[p] *
-           parameters[p].terms.front().basis.evaluate([&](const std::string& name) {
-             if (name == first.name) return x;
-             for (const StructureVariable* v : variables) {
-               if (v->name == name) return v->middle + 0.5 * v->half;
-             }
-             return 0.0;
-           });
+           parameters[p].terms.front().basis.evaluate(
+               [&](const std::string& name) { return name == first.name ? x : second; });
     }
     finding.x.push_back(x);
     finding.y.push_back(y);
   }
+}
+
+// Draws the finding along the first variable where that curve rises and falls most, and returns the
+// range of the function over all variables: a product changes nothing where one factor is zero.
+double draw(StructureFinding& finding, const std::vector<const StructureVariable*>& variables) {
+  double low = std::numeric_limits<double>::infinity(), high = -low, most = -1.0;
+  StructureFinding best = finding;
+  for (int i = 0; i <= (variables.size() == 2 ? kDrawn : 0); ++i) {
+    const StructureVariable& last = *variables.back();
+    draw_curve(finding, variables, last.middle + last.half * (2.0 * i / kDrawn - 1.0));
+    const auto [least, largest] = std::ranges::minmax(finding.y);
+    low = std::min(low, least);
+    high = std::max(high, largest);
+    if (largest - least > most) {
+      most = largest - least;
+      best.x = finding.x;
+      best.y = finding.y;
+    }
+  }
+  finding = std::move(best);
+  return high - low;
+}
+
+// The fitted function and what it looks like.
+void describe_shape(const Scorer& scorer, StructureFinding& finding,
+                    const std::vector<const StructureVariable*>& variables, double share_alone,
+                    bool angle) {
+  const StructureVariable& first = *variables.front();
+  const double over_all = draw(finding, variables);
   // Zero and scale of the joint itself carry mean and slope: what is drawn is the rest.
   if (variables.size() == 1 && finding.coordinate == "motor" + first.name.substr(1))
     take_out_line(finding.x, finding.y);
   const auto [low, high] = std::minmax_element(finding.y.begin(), finding.y.end());
   const double range = *high - *low;
-  largest = range;
+  const double largest = variables.size() == 2 ? over_all : range;
   double travel = 0.0, jump = 0.0;
   std::size_t jump_at = 0;
   for (std::size_t i = 1; i < finding.y.size(); ++i) {
@@ -401,8 +428,9 @@ Structure find_structure(const Scorer& scorer, const Fit& fit, double threshold)
   if (structure.findings.size() > kListed) structure.findings.resize(kListed);
   // Beside a larger effect these are not among the best, and without them other effects take their
   // place.
-  for (auto* find : {&find_knock, &find_swings, &find_motion}) {
-    std::optional<StructureFinding> finding = find(scorer, fit.state());
+  for (std::optional<StructureFinding> finding :
+       {find_knock(scorer, fit), find_swings(scorer, fit.state()),
+        find_motion(scorer, fit.state())}) {
     if (!finding) continue;
     finding->log10_p = log10_p_among(finding->score, structure.tried);
     if (finding->log10_p < threshold) structure.findings.push_back(*std::move(finding));

@@ -37,9 +37,14 @@ struct Structure {
   std::size_t tried = 0;
 };
 
-/// The time from which the arm stands elsewhere in the measuring frame, as after a knock at the
-/// tracker: the likeliest one, with `log10_p` not yet set. None where no time was recorded.
-std::optional<StructureFinding> find_knock(const Scorer& scorer, const State& state);
+/// The time from which the base, the reflectors or one of them sit elsewhere (a knocked tracker, a
+/// reflector taken out and put back), or joints carry another load: the likeliest one, with
+/// `log10_p` not yet set. None where a smooth course of the same coordinates explains clearly more,
+/// or where no time was recorded.
+std::optional<StructureFinding> find_knock(const Scorer& scorer, const Fit& fit);
+
+/// True where a column `payload` has more than one value.
+bool payload_varies(const State& state);
 
 /// A base that swings many times in a session (air conditioning, the sun between clouds): the
 /// likeliest course over time on one axis, with `log10_p` not yet set. None where slower courses

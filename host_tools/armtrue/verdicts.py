@@ -27,6 +27,8 @@ _NEARLY = 0.9
 _MORE_LIKELY_THAN_NOT = 0.5
 # Unseen poses that err by so many noise floors hold more than noise: a model of many unknowns errs by less.
 _FAR_ABOVE = 2.0
+# The same of the poses that were fitted: the advice then says what may differ from visit to visit.
+_WELL_ABOVE = 1.5
 
 OTHER_SENSOR_ADVICE = (
     "Thermometers are told apart by poses measured while they do not move together; "
@@ -93,8 +95,9 @@ def verdict_words(diagnosis: dict[str, Any]) -> str:
         return "Nothing to add was found, but what is left may be more than noise."
     if floor is None:
         return "Nothing to add was found; whether what is left is noise is not known."
-    held_out = diagnosis.get("error", {}).get("held_out", {}).get("mean_um")
-    if held_out is not None and held_out > _FAR_ABOVE * floor:
+    error = diagnosis.get("error", {})
+    most = {"train": _WELL_ABOVE * floor, "held_out": _FAR_ABOVE * floor}
+    if any((error.get(part, {}).get("mean_um") or 0.0) > limit for part, limit in most.items()):
         return "Nothing to add was found, but what is left is more than noise."
     return _WORDS[verdict]
 
