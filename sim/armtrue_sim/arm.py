@@ -367,7 +367,7 @@ class Arm:
             unknown = set(map(str, columns["target"])) - set(names)
             if unknown:
                 raise ValueError(f"target {sorted(unknown)[0]!r} is none of {names}")
-            index = np.array([names.index(str(t)) for t in columns["target"]])
+            index = np.array([names.index(str(t)) for t in columns["target"]], dtype=int)
         poses = list(self.flange_from_tool.values())
         return np.stack([p.rotation for p in poses])[index], np.stack([p.translation for p in poses])[index]
 

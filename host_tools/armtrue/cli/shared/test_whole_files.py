@@ -142,3 +142,13 @@ def test_noise_is_only_said_to_be_noise_where_its_floor_is_known():
     known = {"verdict": "nothing_missing", "noise_floor_um": 10.0}
     assert verdict_words(known) == "Nothing is missing: what is left is noise."
     assert "not known" in verdict_words({**known, "noise_floor_um": None})
+
+
+@pytest.mark.parametrize(
+    ("train_um", "held_out_um", "is_noise"),
+    [(14.0, 19.0, True), (16.0, 19.0, False), (9.0, 21.0, False), (None, None, True)],
+)
+def test_what_errs_well_above_the_floor_is_more_than_noise(train_um, held_out_um, is_noise):
+    error = {"train": {"mean_um": train_um}, "held_out": {"mean_um": held_out_um}}
+    words = verdict_words({"verdict": "nothing_missing", "noise_floor_um": 10.0, "error": error})
+    assert words.endswith("more than noise.") is not is_noise
