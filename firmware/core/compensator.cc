@@ -155,7 +155,13 @@ std::int64_t PositionBounds::within_limits(std::int64_t corrected, std::int32_t 
   pending_ = {};
   has_active_ = true;
   for (std::size_t k = 0; k < config_.joint_count; ++k) {
+    const bool counted_down = scale_[k].counts_down();
     scale_[k] = JointScale(table, k, config_.cycle_us);
+    if (scale_[k].counts_down() != counted_down) {
+      change([k](Motion& motion) {
+        motion.direction[k] = static_cast<std::int8_t>(-motion.direction[k]);
+      });
+    }
     magnitude_[k] = largest_correction(table, k);
   }
   blend_ms_ = std::max(table.blend_ms(), kMinBlendMilliseconds);
@@ -231,8 +237,8 @@ std::int64_t PositionBounds::within_limits(std::int64_t corrected, std::int32_t 
 
 void Compensator::update_direction(const CycleInput& input) {
   for (std::size_t k = 0; k < config_.joint_count; ++k) {
-    const std::int64_t moved =
-        bounds_[k].way(difference(input.target[k], motion_.direction_anchor[k]));
+    std::int64_t moved = bounds_[k].way(difference(input.target[k], motion_.direction_anchor[k]));
+    if (scale_[k].counts_down()) moved = -moved;
     const std::int32_t band = has_active_ ? scale_[k].dead_band : 0;
     if (!motion_.has_previous_target) {
       const bool is_elsewhere = std::abs(moved) > band;
@@ -257,18 +263,15 @@ void Compensator::update_direction(const CycleInput& input) {
 Correction Compensator::evaluate(const CycleInput& input, std::uint16_t& flags) {
   const TableView& table = table_;
   JointPositions target;
-  std::array<std::int8_t, kMaxJoints> direction = motion_.direction;
   for (std::size_t k = 0; k < config_.joint_count; ++k) {
     const JointScale& scale = scale_[k];
-    // A drive may count against its joint.
-    if (scale.unit_per_increment < 0) direction[k] = static_cast<std::int8_t>(-direction[k]);
     // A joint without a drive stands at zero, whatever its axis is told.
     target[k] = {};
     if (table.is_passive(k)) continue;
     target[k] = {scale.units_of(saturate(difference(input.target[k], scale.zero)))};
   }
   const Correction wanted =
-      solve(table, target, surroundings_of(table, input, direction), workspace_);
+      solve(table, target, surroundings_of(table, input, motion_.direction), workspace_);
   flags |= wanted.is_near_singular ? kNearSingular : kCycleClean;
   flags |= wanted.is_outside_coverage ? kOutsideCoverage : kCycleClean;
   flags |= wanted.is_saturated ? kStateSaturated : kCycleClean;

@@ -135,6 +135,8 @@ struct JointScale {
 
   // 2^-32 turn or metre.
   std::int64_t units_of(std::int32_t increments) const;
+  // Whether increments fall as the joint's position grows.
+  bool counts_down() const { return unit_per_increment < 0; }
 };
 
 class Compensator {
@@ -227,7 +229,7 @@ class Compensator {
     std::uint32_t blend_weight = 0;  // of the new correction in the running blend, Q30
     bool has_previous_target = false;
     std::array<std::int32_t, kMaxJoints> direction_anchor = {};
-    std::array<std::int8_t, kMaxJoints> direction = {};    // -1, 0, +1: of its increments
+    std::array<std::int8_t, kMaxJoints> direction = {};    // -1, 0, +1: of the joint
     std::array<std::int32_t, kMaxJoints> delta = {};       // put out last, 2^-32 units
     std::array<std::int32_t, kMaxJoints> increments = {};  // the same in increments
     std::array<std::int32_t, kMaxJoints> delta_held = {};  // where the running blend began

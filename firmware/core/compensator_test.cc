@@ -735,10 +735,13 @@ TEST_F(CompensatorTest,
        {format::joint::kUnitPerIncrementAt, format::joint::kIncrementPerUnitAt}) {
     tests::put(joints, at, -load_i32(&joints[at]));
   }
-  activate(made.image());
   const std::int32_t backlash = increments(1e-3);
   CycleInput input = at(0.0);
-  settle(compensator, input);
+  compensator.cycle(input);
+  input.target[0] += 1000;
+  compensator.cycle(input);
+  activate(made.image());
+  EXPECT_NEAR(settle(compensator, input).delta[0], -backlash, 1) << "it came down before the table";
   input.target[0] -= 1000;
   EXPECT_NEAR(settle(compensator, input).delta[0], backlash, 1) << "the joint moves up";
   input.target[0] += 1000;

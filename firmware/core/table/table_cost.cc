@@ -20,7 +20,7 @@ constexpr std::uint32_t kSmoothPasses = 2;
 
 // The arm alone: solver, chain, limits, blending.
 constexpr std::uint32_t kPosition = 4400;
-constexpr std::uint32_t kPositionPerJoint = 1590;
+constexpr std::uint32_t kPositionPerJoint = 1595;
 constexpr std::uint32_t kPose = 9200;
 constexpr std::uint32_t kPosePerJoint = 2060;
 

@@ -1,20 +1,15 @@
-"""Gravity that robot.yaml left at its default, of an arm that hangs or stands on a wall, or that it states wrong."""
+"""Gravity that robot.yaml left at its default, of an arm that hangs or stands on a wall."""
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from armtrue.checking.report import Finding
-from armtrue.errors import InputError
 from armtrue.io.robot import STANDARD_GRAVITY, Robot
 from armtrue.io.rotation import matrix_from_rpy
-from armtrue.springs import warnings_of_springs
-
-if TYPE_CHECKING:
-    from armtrue.fitting import Fit
 
 # Floors and foundations are never as oblique.
 _UPRIGHT_DEGREES = 20.0
@@ -44,18 +39,3 @@ def find(base: dict[str, Any], robot: Robot) -> list[Finding]:
             f"base's axes, or 'gravity: {STANDARD_GRAVITY}' where it is right as it is.",
         )
     ]
-
-
-def find_by_springs(geometry: Fit) -> list[Finding]:
-    """A warning where springs beside the effects of `geometry` say that gravity points another way than stated."""
-    from armtrue.fitting import with_effects
-
-    if not any(link["mass"] > 0.0 for link in geometry.robot.spec.get("links", [])):
-        return []
-    try:
-        document = with_effects(geometry, [*geometry.effects, {"effect": "joint_compliance"}]).document
-    except InputError:
-        return []
-    # A fit says found and remedy in one.
-    sentences = [warning.partition(". ") for warning in warnings_of_springs(document, geometry.robot)]
-    return [Finding("gravity_other_way", "warning", found, {}, remedy) for found, _, remedy in sentences]

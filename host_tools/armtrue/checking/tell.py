@@ -7,7 +7,6 @@ import re
 
 import numpy as np
 
-from armtrue.checking import gravity
 from armtrue.checking.alignment import evenly
 from armtrue.checking.motion import repeats_scatter_m
 from armtrue.checking.report import Finding
@@ -93,7 +92,6 @@ def _of_a_fit(data: Dataset, robot: Robot) -> list[Finding]:
         data, repeats_m, float(np.sqrt(np.mean(np.sum(geometry.residuals() ** 2, axis=1))))
     )
     findings += rounding.find(data, robot, geometry, repeats_m)
-    findings += gravity.find_by_springs(geometry)
     return findings + [
         Finding(
             "untestable",

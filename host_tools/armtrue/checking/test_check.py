@@ -267,16 +267,6 @@ def test_asks_for_gravity_of_an_arm_on_ceiling_or_wall(campaign, rpy, expected):
     assert "gravity_not_given" not in codes(check(hanging, replace(silent, spec=massless)))
 
 
-def test_gravity_that_is_stated_upside_down_is_told_by_the_springs(campaign):
-    data, robot = campaign("kr30")
-    assert "gravity_other_way" not in codes(check(data, robot))
-    found = finding(
-        check(data, replace(robot, spec={**robot.spec, "gravity": [0.0, 0.0, 9.81]})), "gravity_other_way"
-    )
-    assert "joint_compliance[2]" in found.message
-    assert "'gravity: [0.0, 0.0, -9.81]'" in found.remedy
-
-
 @pytest.mark.parametrize(("factor", "warned"), [(1.0, False), (1000.0, True)])
 def test_warns_of_payloads_heavier_than_the_arm(campaign, factor, warned):
     data, robot = campaign("kr30")
