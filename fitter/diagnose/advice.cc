@@ -416,7 +416,8 @@ void advise_nothing(const Diagnosis& d, const Fit& fit, std::vector<std::string>
   const bool in_train = fit.train_error().mean > kWellAbove * floor.mean;
   const bool in_held_out = held_out > kWellAbove * floor.mean;
   if (floor.source == "none" || floor.source == "targets") {
-    // Distances between reflectors do not hold how well the arm repeats.
+    // A floor from distances between reflectors is the instrument's alone: the arm's own
+    // repeatability moves all reflectors together and does not show in them.
     advice.push_back("nothing to add was found; whether the " + micrometre_words(held_out) +
                      " left over are noise is not known: repeat some poses" +
                      (floor.source == "none" ? ", or state the instrument's sigma" : ""));

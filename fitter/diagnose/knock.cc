@@ -73,7 +73,8 @@ double largest_over_rows(const State& state, const std::string& expression) {
   return largest;
 }
 
-// Joints that another load at the tool turns, each as far as its spring gives way.
+// An unrecorded change of the load at the tool: it deflects every joint that carries gravity, in
+// proportion to the torque of a unit mass about that joint.
 Frame load_frame(const EffectContext& context) {
   Frame frame;
   for (const int k : gravity_loaded_joints(context)) {

@@ -37,10 +37,10 @@ struct Structure {
   std::size_t tried = 0;
 };
 
-/// The time from which the base, the reflectors or one of them sit elsewhere (a knocked tracker, a
-/// reflector taken out and put back), or joints carry another load: the likeliest one, with
-/// `log10_p` not yet set. None where a smooth course of the same coordinates explains clearly more,
-/// or where no time was recorded.
+/// Finds the likeliest step in time: of the base (a knocked tracker), of all reflectors or one
+/// (taken out and put back), or of the load. Leaves `log10_p` to the caller. Returns nothing if a
+/// smooth change over time of the same coordinates explains clearly more, or if no time was
+/// recorded.
 std::optional<StructureFinding> find_knock(const Scorer& scorer, const Fit& fit);
 
 /// True where a column `payload` has more than one value.

@@ -119,7 +119,7 @@ void sample_tpdo(const ObjectDictionary& dictionary, const Pdo& pdo, CanFrame& f
 
 // What became of a received payload.
 struct Applied {
-  bool has_bounds = false;    // whether any of its values has
+  bool has_bounds = false;    // whether any mapped object has limits
   std::uint16_t beyond = 0;   // the last object whose value was beyond its bounds; 0: none
   std::uint32_t refused = 0;  // bit k: so was the mapping's value k
 };

@@ -193,9 +193,10 @@ def _scatter(data: Dataset, pose_of_row: NDArray[np.intp], again: NDArray[np.boo
 
 
 def repeats_scatter_m(data: Dataset) -> float:
-    """Standard deviation [m], all axes together, of poses measured again about their mean; inf for none.
+    """Standard deviation [m], x, y and z together, of repeated poses about their mean; inf if none was repeated.
 
-    Of one load and reached from one side: springs and lost motion are no noise.
+    Rows count as one pose if joints, payload and directions of approach agree: a difference that a spring or backlash
+    makes is no noise.
     """
     states = [values for name, values in data.columns.items() if name.startswith("dir") or name == "payload"]
     keys = np.column_stack([pose_keys(data), *states])

@@ -14,7 +14,7 @@ from armtrue.tables.image import Image
 
 
 def exported(ratios: tuple[float | None, ...] = (None, None, None), **options: object) -> Exported:
-    """The export of a small fit whose joints have these gear ratios."""
+    """A small fit, exported; `ratios` are the `gear_ratio` of its joints in robot.yaml."""
     fit = document([("motor2", "sin(q2)", 1e-4)])
     for row, ratio in zip(fit["robot"]["kinematics"]["joints"], ratios, strict=True):
         if ratio is not None:

@@ -1,4 +1,4 @@
-"""A stated standard deviation that the measurements themselves contradict."""
+"""Check of the column `sigma` against the scatter of repeated poses and the residuals of a fit."""
 
 from __future__ import annotations
 
@@ -9,9 +9,11 @@ import numpy as np
 from armtrue.checking.report import Finding
 from armtrue.io.dataset import Dataset
 
-# A sigma so many times what is seen is in another unit; a careful data sheet overstates by three or five.
+# A data sheet may state three to five times the scatter that is observed. Ten times or more means that `sigma` was
+# written in another unit.
 _TIMES_TOO_LARGE = 10.0
-# One of the instrument alone leaves out how far the arm repeats, which may be as much again.
+# A `sigma` of the instrument alone leaves out the arm's repeatability. That may double the scatter; four times it is too
+# small for either.
 _TIMES_TOO_SMALL = 4.0
 
 
