@@ -12,8 +12,8 @@ from armtrue.io.dataset import Dataset
 # A data sheet may state three to five times the scatter that is observed. Ten times or more means that `sigma` was
 # written in another unit.
 _TIMES_TOO_LARGE = 10.0
-# A `sigma` of the instrument alone leaves out the arm's repeatability, which may double the scatter. A fourth of what is
-# observed is too small for either.
+# A `sigma` of the instrument alone leaves out the arm's repeatability, which may double the scatter. A fourth of
+# what is observed is too small for either.
 _TIMES_TOO_SMALL = 4.0
 
 
