@@ -11,6 +11,16 @@ from .sensitivity import geometry_terms, orthonormal_range, sensitivity, unexpla
 NOISE = np.sqrt(3.0) * TRACKER_SIGMA
 
 
+@pytest.mark.quick(
+    "one_hidden-kr30",
+    "three_hidden-kr30",
+    "nothing_hidden-kr30",
+    "outside_catalogue-kr30",
+    "gross_errors-kr30",
+    "missing_columns-kr30",
+    "real_one-kr30",
+    "later_hysteresis-kr30",
+)
 @pytest.mark.parametrize(
     ("kind", "arm"),
     [
@@ -36,6 +46,7 @@ def test_hidden_effects_are_there_and_can_be_seen(kind, arm):
         assert bool(withheld) == (kind == "missing_columns")
 
 
+@pytest.mark.quick("open_thermal_expansion_or_warm_up", "open_backlash_2_or_joint_scale_2")
 @pytest.mark.parametrize("pair", PAIRS, ids=lambda pair: pair.kind(0, False))
 def test_one_cause_of_a_pair_is_there_and_neither_is_believed(pair):
     for hidden in (0, 1):

@@ -7,6 +7,7 @@ import pytest
 import reference_cases
 
 
+@pytest.mark.quick("kr30_pose", "at_command", "tables", "nodes")
 @pytest.mark.parametrize("name", list(reference_cases.documents()))
 def test_reference_cases_are_up_to_date(name: str) -> None:
     arm, full_pose = reference_cases.documents()[name]

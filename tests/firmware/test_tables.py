@@ -130,6 +130,7 @@ def test_intended_point_is_nominal_kinematics_in_the_fitted_base(fit: Path, tmp_
     assert np.abs(np.column_stack([found[a] for a in ("tx", "ty", "tz")]) - wanted).max() < 1e-7
 
 
+@pytest.mark.full
 def test_corrected_joints_beyond_the_limits_are_written_and_said(fit: Path, tmp_path: Path) -> None:
     tables = tmp_path / "tables.bin"
     armtrue("export", fit, "--out", tables)

@@ -161,6 +161,7 @@ def test_export_leaves_out_what_reads_an_own_column_and_says_its_size(folder):
     assert "air" not in run.stderr
 
 
+@pytest.mark.full
 def test_a_column_that_stays_out_of_tables_is_taken_at_its_average(folder):
     """Otherwise the zero that the fit gives a joint beside the term would be exported without it."""
     corrected, sizes = [], []
@@ -182,6 +183,7 @@ def test_a_column_that_stays_out_of_tables_is_taken_at_its_average(folder):
     assert sizes[1] == pytest.approx(sizes[0], rel=0.02)
 
 
+@pytest.mark.full
 def test_sizes_of_several_custom_effects_are_each_its_own(folder):
     small = {**AIRY, "name": "small", "coordinate": "link1.tx", "expression": "1e-3*sin(3*q1)*air"}
     run = armtrue(*FIT, model_with(folder, "two.yaml", AIRY, small), "--out", "two.json", cwd=folder)
@@ -193,6 +195,7 @@ def test_sizes_of_several_custom_effects_are_each_its_own(folder):
     assert two["custom.small"]["effect_um"] < 0.5 * alone
 
 
+@pytest.mark.full
 def test_workbench_opens_and_adds_a_custom_effect_of_an_own_column(folder, tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
     opened = open_files([folder / "data.csv"], folder / "robot.yaml", folder / "airy.yaml")
@@ -263,11 +266,13 @@ def test_export_leaves_out_a_custom_effect_of_time_and_says_its_size(creeping):
     assert not corrections_change_with_time(creeping)
 
 
+@pytest.mark.full
 def test_export_takes_a_custom_effect_of_time_that_is_said_to_be_the_arms(creeping):
     assert exported(creeping, measurement=False)["stays_behind"] == {}
     assert corrections_change_with_time(creeping)
 
 
+@pytest.mark.full
 def test_export_leaves_a_custom_effect_of_the_measurement_to_it(creeping):
     said = exported(creeping, measurement=True)
     assert said["stays_behind"] == {}

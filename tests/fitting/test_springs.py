@@ -29,6 +29,7 @@ def warnings(tmp_path: Path) -> Callable[..., list[str]]:
     return of_fit
 
 
+@pytest.mark.quick("False-lbr-7", "True-kr30-31")
 @pytest.mark.parametrize(("arm", "seed"), [("irb2400", 53), ("kr30", 31), ("cobot", 192), ("lbr", 7)])
 @pytest.mark.parametrize("masses", [True, False])
 def test_gravity_of_the_wrong_sign_is_in_the_warnings_of_a_fit(warnings, arm, seed, masses):

@@ -9,6 +9,7 @@ import pytest
 from armtrue_sim.cases import hidden_cases
 
 
+@pytest.mark.quick("deflected-cobot", "nominal-kr30")
 @pytest.mark.parametrize("arm", ["kr30", "cobot"])
 @pytest.mark.parametrize("statics", ["deflected", "nominal"])
 def test_the_fit_and_its_predictions_take_loads_where_they_act(tmp_path, arm, statics):
@@ -27,6 +28,7 @@ def test_the_fit_and_its_predictions_take_loads_where_they_act(tmp_path, arm, st
     assert armtrue.diagnose(fit)["verdict"] == "nothing_missing"
 
 
+@pytest.mark.quick("cobot-29503")
 @pytest.mark.parametrize(("arm", "seed"), [("cobot", 29503), ("cobot", 29511)])
 def test_a_first_diagnosis_takes_nothing_for_loads_elsewhere(tmp_path, arm, seed):
     # Beside what is still missing the fit chose wrongly where loads act, and masses or a spring that hardens were said

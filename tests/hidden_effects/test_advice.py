@@ -57,6 +57,7 @@ def custom(coordinate: str, expression: str, joints: list[int], value: float) ->
     }
 
 
+@pytest.mark.quick("hidden0-0.5")
 @pytest.mark.parametrize(
     ("hidden", "falls_to"),
     [
@@ -74,6 +75,7 @@ def test_the_advised_command_lowers_the_held_out_error(hidden: dict[str, Any], f
     assert after["error"]["held_out"]["mean_um"] < falls_to * before
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("gear_ratio", [None, 40.0])
 def test_a_mesh_order_is_found_though_the_gear_ratio_is_unknown_or_wrong(gear_ratio: float | None) -> None:
     plan = {"arm": "kr30", "seed": 5, "hidden": [custom("motor2", "cos(421*q2)", [2], 1.5e-4)]}
@@ -91,6 +93,7 @@ def test_a_mesh_order_is_found_though_the_gear_ratio_is_unknown_or_wrong(gear_ra
     assert any("421 cycles a turn on joint 2" in line for line in diagnosis["advice"])
 
 
+@pytest.mark.quick("2")
 @pytest.mark.parametrize("joint", [2, 3])
 def test_the_direction_to_record_is_named_by_joint(joint: int) -> None:
     hidden = [{"effect": "backlash", "joints": [joint], "scale": 3.0}]
@@ -99,6 +102,7 @@ def test_the_direction_to_record_is_named_by_joint(joint: int) -> None:
     assert any(f"record dir{joint}" in line for line in advice), advice
 
 
+@pytest.mark.quick("kr30", "lbr")
 @pytest.mark.parametrize("arm", ARMS)
 def test_no_direction_is_asked_for_where_nothing_is_missing(arm: str) -> None:
     case = hidden_cases("nothing_hidden", arm, 11)

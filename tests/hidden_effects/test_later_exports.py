@@ -24,6 +24,7 @@ def run(*arguments: object) -> None:
 QUICK = ("later_hysteresis", "later_axis_straightness")
 
 
+@pytest.mark.quick("later_hysteresis")
 @pytest.mark.parametrize(
     "kind",
     [

@@ -67,6 +67,7 @@ def test_of_several_reflectors_those_that_moved_are_named(
     assert any("reflector" in sentence and f"column {column}" in sentence for sentence in last["advice"])
 
 
+@pytest.mark.full
 def test_a_drift_that_turns_back_is_no_knock(tmp_path: Path) -> None:
     def drift(columns: Columns, campaign: Campaign) -> None:
         time = columns["time"]
@@ -114,6 +115,7 @@ def test_a_knock_may_be_a_load_only_where_none_is_recorded(payloads: list[float]
     assert any("the tool's load changed" in sentence for sentence in advice) == (payloads == [0.0])
 
 
+@pytest.mark.full
 def test_a_product_of_two_angles_is_as_large_as_it_is_anywhere(tmp_path: Path) -> None:
     product = {
         **{"effect": "custom", "name": "odd", "coordinate": "motor1", "joints": [1, 2]},
@@ -132,6 +134,7 @@ def test_a_product_of_two_angles_is_as_large_as_it_is_anywhere(tmp_path: Path) -
     assert np.ptp(found["curve"]["y"]) == pytest.approx(truly_arcsec / 206264.8, rel=0.35)
 
 
+@pytest.mark.full
 def test_headline_and_advice_agree_on_rounded_angles(tmp_path: Path) -> None:
     def rounded(columns: Columns, campaign: Campaign) -> None:
         for joint in range(1, 7):

@@ -53,6 +53,7 @@ def loop(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Loop]:
         node.stop()
 
 
+@pytest.mark.quick("offset")
 def test_a_move_follows_a_pause_that_made_the_targets_stale(loop: Loop) -> None:
     loop.controller.move(HERE, cycles=6, settle=2)
     time.sleep(1.5 * STALE_S)
@@ -79,6 +80,7 @@ def in_the_middle_of_a_move(
     return done
 
 
+@pytest.mark.quick("inline")
 def test_a_machine_that_halts_for_seconds_changes_nothing(
     loop: Loop, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -98,6 +100,7 @@ def test_a_machine_that_halts_for_seconds_changes_nothing(
     assert loop.controller.worst_following == 0
 
 
+@pytest.mark.quick("offset")
 def test_a_move_in_which_targets_were_withheld_is_made_again(
     loop: Loop, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -121,6 +124,7 @@ def test_positions_come_back_as_commanded_and_temperatures_arrive(loop: Loop) ->
     assert loop.controller.temperatures_centi[0] == heard
 
 
+@pytest.mark.quick("inline")
 def test_drives_that_lost_power_are_brought_up_again(loop: Loop) -> None:
     loop.controller.move(HERE, cycles=6, settle=2)
     loop.operator.ask(fault="power")

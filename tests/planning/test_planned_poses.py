@@ -23,6 +23,7 @@ def test_what_is_ambiguous_is_settled_by_the_planned_poses(case: Case, tmp_path:
     assert np.median([o.planned for o in outcomes]) < np.median([o.random for o in outcomes])
 
 
+@pytest.mark.quick("1-warm_up")
 @pytest.mark.parametrize("cause", HEAT)
 @pytest.mark.parametrize(
     "seed", [SEEDS[0], *(pytest.param(seed, marks=pytest.mark.full) for seed in SEEDS[1:])]
@@ -59,6 +60,7 @@ def test_which_thermometer_it_is_is_settled_by_the_planned_session(
     assert not outcome.after.open, outcome.after
 
 
+@pytest.mark.full
 def test_a_planned_first_campaign_predicts_better_than_a_random_one(tmp_path: Path) -> None:
     outcomes = [try_campaign(20, seed, tmp_path) for seed in SEEDS]
     assert np.mean([o.planned for o in outcomes]) < 0.9 * np.mean([o.random for o in outcomes])

@@ -75,6 +75,7 @@ def test_check_says_how_the_bars_turn_it(measured, change, code, remedy, tmp_pat
     assert remedy in found[code]
 
 
+@pytest.mark.full
 def test_what_the_bars_do_wrong_is_found(refined) -> None:
     _, story = refined
     found = {(e["effect"], *e["joints"]): e["probability"] for e in story["effects"] if "probability" in e}

@@ -29,6 +29,7 @@ def test_half_of_the_masses_is_one_cause(seed: int, tmp_path: Path) -> None:
     assert story["steps"][-1]["verdict"] == "nothing_missing"
 
 
+@pytest.mark.full
 def test_springs_that_the_fit_finds_may_tell_a_further_mass(tmp_path: Path) -> None:
     # The search looked that mass up in the fit, which had been built before the springs were known, and read memory
     # that was not its own: every second run of this campaign crashed, or said that there was no memory left.

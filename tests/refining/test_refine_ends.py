@@ -110,6 +110,7 @@ def arguments(kind: str, seed: int) -> tuple[str, dict[str, np.ndarray], str]:
     return json.dumps(case.campaign.robot), columns, json.dumps({"effects": case.believed})
 
 
+@pytest.mark.full
 def test_diagnosis_of_a_fit_made_with_progress_ends():
     callers = set()
 

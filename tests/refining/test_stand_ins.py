@@ -54,6 +54,7 @@ def test_of_the_forms_of_one_effect_one_comes_in(tmp_path: Path, seed: int) -> N
     ]
 
 
+@pytest.mark.full
 def test_a_balancer_is_not_exchanged_for_the_waves_that_imitate_it() -> None:
     # As a candidate it had all forms of its grid, in the model only the one that was found: it was found, and then
     # thrown out for gear_harmonics, which were left with less than 1 %.

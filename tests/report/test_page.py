@@ -109,6 +109,7 @@ def test_words_in_charts_are_large_enough_to_read(browser, page, size):
     assert min(heights) >= 12.0
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(
     ("size", "media"), [(LAPTOP, ""), (PHONE, ""), (A4, "print")], ids=["laptop", "phone", "paper"]
 )
@@ -198,6 +199,7 @@ def test_the_legend_of_the_arrows_lies_beside_them(browser, page, size):
     assert right <= size[0] - 30
 
 
+@pytest.mark.full
 def test_every_arrow_is_there_and_has_its_length(laptop, fits):
     """Seen from above, an arrow is as long as its horizontal error at the scale that the ruler states."""
     stage(laptop).send_keys("1")
@@ -236,6 +238,7 @@ def test_every_arrow_ends_in_the_picture_gross_errors_too(browser, page, size):
     assert np.all((ends > -1) & (ends < [width + 1, height + 1]))
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(
     "key", [Keys.ARROW_LEFT, Keys.ARROW_UP, "+", "2", "]"], ids=["left", "up", "plus", "2", "]"]
 )
@@ -248,6 +251,7 @@ def test_keys_move_the_picture_and_0_brings_it_back(laptop, key):
     assert arrows(laptop) == before
 
 
+@pytest.mark.full
 def test_the_mouse_turns_and_the_wheel_zooms(laptop):
     view = stage(laptop)
     before = arrows(laptop)
@@ -258,6 +262,7 @@ def test_the_mouse_turns_and_the_wheel_zooms(laptop):
     assert arrows(laptop) != turned
 
 
+@pytest.mark.full
 def test_fingers_turn_and_pinch(browser, page):
     browser.open(page, PHONE)
     view = stage(browser)
@@ -314,6 +319,7 @@ def test_views_of_the_state_are_chosen_by_keyboard(laptop):
     assert laptop.run(shown) == ["x"]
 
 
+@pytest.mark.full
 def test_the_keyboard_reaches_everything_in_order(laptop):
     laptop.run("document.body.focus(); window.scrollTo(0, 0)")
     reached = []
@@ -347,6 +353,7 @@ def test_a_screen_reader_finds_headings_and_names(laptop):
     assert "main" in {role for role, _ in read}
 
 
+@pytest.mark.full
 def test_paper_holds_everything_that_matters(browser, page, tmp_path):
     browser.open(page)
     path = tmp_path / "report.pdf"

@@ -112,6 +112,7 @@ QUICK = (
 )
 
 
+@pytest.mark.quick("geometry in standard DH", "gear_mesh", "parallelogram")
 @pytest.mark.parametrize(
     "name", [pytest.param(name, marks=() if name in QUICK else pytest.mark.full) for name in CASES]
 )
@@ -159,6 +160,7 @@ def test_gravity_balancer_from_no_initial_geometry() -> None:
     assert np.isfinite(values).all()
 
 
+@pytest.mark.quick("table")
 @pytest.mark.parametrize("shape", ["waves", "table"])
 def test_tables_follow_what_no_formula_gives(shape: str) -> None:
     hidden = {"effect": "transmission_pwl", "joints": [1, 2, 3], "shape": shape}

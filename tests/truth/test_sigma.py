@@ -24,6 +24,7 @@ def test_estimates_scatter_as_stated(arm: str, hidden: list[str]) -> None:
     assert found.worst_p > 1e-5, f"{found.worst_chi2} scatters otherwise than stated"
 
 
+@pytest.mark.full
 def test_a_sigma_that_is_a_third_off_is_noticed() -> None:
     found = scatter("kr30", ["joint_compliance", "joint_scale"], REPETITIONS, pretend=0.7)
     assert found.mean_square > 1.5

@@ -62,6 +62,7 @@ def test_finds_a_joint_that_turns_the_other_way(campaign, joint):
     assert f"joint {joint} turns the other way" in finding(report, "joint_sign").message
 
 
+@pytest.mark.full
 def test_finds_two_joints_that_turn_the_other_way(campaign):
     data, robot = campaign("kr30")
     report = check(changed(data, q2=-data.columns["q2"], q4=-data.columns["q4"]), robot)
@@ -105,6 +106,7 @@ def test_finds_a_coupling_that_the_robot_file_lacks(campaign):
     assert "{joint: 3, driving: 2, ratio: -1.0}" in found.remedy
 
 
+@pytest.mark.full
 def test_finds_a_coupling_of_the_wrong_sign_and_one_too_many(campaign):
     data, robot = campaign("irb2400-parallelogram")
     wrong = Robot({**robot.spec, "coupling": [{"joint": 3, "driving": 2, "ratio": 1.0}]})
@@ -132,6 +134,11 @@ def test_finds_a_left_handed_frame(campaign):
     assert "left_handed_frame" in codes(report, "error")
 
 
+@pytest.mark.quick(
+    "1000.0-units-millimetres",
+    "0.001-scale-metres, read as millimetres",
+    "25.4-units-these look like millimetres, read as inches",
+)
 @pytest.mark.parametrize(
     ("factor", "code", "word"),
     [
@@ -173,6 +180,7 @@ def test_finds_degrees_and_goes_on_to_what_else_is_wrong(campaign):
     assert {"units", "joint_sign"} <= set(codes(report, "error"))
 
 
+@pytest.mark.full
 def test_positions_that_follow_nothing_are_said_to(campaign):
     data, robot = campaign("kr30")
     shuffled = np.random.default_rng(5).permutation(data.count)
@@ -194,6 +202,7 @@ def test_what_leaves_half_the_error_is_no_cause(campaign):
         assert report.has_errors
 
 
+@pytest.mark.quick("2")
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_small_arm_with_large_errors_is_far_from_nominal_and_not_refused(tmp_path, seed):
     """Zeros by 1.4 degrees, links by 0.9 degrees and 1.5 mm, at a reach of 0.3 m."""
@@ -326,6 +335,7 @@ def test_finds_a_read_back_that_had_not_settled(campaign):
     assert "command_readback" in found.remedy
 
 
+@pytest.mark.full
 def test_finds_joints_that_never_or_hardly_move(campaign):
     data, robot = campaign("kr30")
     kept = np.full(data.count, 0.3)

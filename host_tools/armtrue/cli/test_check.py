@@ -71,6 +71,7 @@ WIDE = [1.5, 0.7, 0.7, 2.0, 1.5, 3.0]
 NARROW = [1.5, 0.14, 0.14, 2.0, 1.5, 3.0]
 
 
+@pytest.mark.quick("spans0-0.0-1.0")
 @pytest.mark.parametrize(
     ("spans", "against", "ratio"),
     [
@@ -124,6 +125,7 @@ def test_check_joints_of_few_degrees_read_as_radians_are_named(tmp_path):
     assert "joints_in_degrees" in [one["code"] for one in errors(data, truth, tmp_path)]
 
 
+@pytest.mark.quick("change1-codes1")
 @pytest.mark.parametrize(
     ("change", "codes"),
     [
@@ -217,6 +219,7 @@ def test_the_fixture_turns_as_robot_yaml_says():
     assert np.allclose(pose(TOOL)[:3, :3], matrix_from_rpy(TOOL["rpy"]))
 
 
+@pytest.mark.full
 def test_the_offset_that_check_asks_for_beside_a_urdf_can_be_pasted(folder, tmp_path):
     (tmp_path / "arm.urdf").write_text(urdf_of(folder / "robot.yaml"))
     (tmp_path / "robot.yaml").write_text("kinematics: {urdf: arm.urdf, base: base, tip: tool0}\n")

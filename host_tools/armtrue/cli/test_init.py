@@ -275,6 +275,7 @@ RAIL = (
 )
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("stated", [True, False])
 def test_init_reads_an_arm_on_a_rail_in_millimetres_and_degrees(tmp_path, campaign, stated):
     (tmp_path / "rail.urdf").write_text(urdf_of(campaign / "robot.yaml").replace('<robot name="arm">', RAIL))

@@ -118,6 +118,7 @@ def test_a_rival_that_is_the_instruments_needs_no_column(folder, instrument):
     assert len(rows_of(folder / "instrument.csv")) == 6
 
 
+@pytest.mark.full
 def test_the_ambiguity_set_is_the_diagnosis_own_and_said_with_its_figures(folder):
     diagnosed = armtrue("diagnose", "fit.json", "--json", "diagnosis.json", cwd=folder)
     assert diagnosed.returncode == 0, diagnosed.stderr

@@ -65,6 +65,7 @@ def test_an_error_of_one_joint_is_read_as_that_angle(report, joint):
     assert np.percentile(np.abs(read - 10.0), 95) < 0.1
 
 
+@pytest.mark.full
 def test_a_joint_with_the_reflector_on_its_axis_is_not_read(report, monkeypatch):
     column = _core.coordinate_column
 
@@ -117,6 +118,7 @@ def test_a_candidate_that_the_model_takes_over_is_said_and_not_drawn(report):
     assert drawn.count("<svg") > 1
 
 
+@pytest.mark.full
 def test_orientations_count_in_added_variables_as_they_do_in_the_table(tmp_path):
     """An arm measured in orientation too, with the reflector nearly on axis 6: joint 6 shows in orientations alone."""
     made = fitted(tmp_path, ORIENTED)
@@ -241,5 +243,6 @@ def test_every_step_of_a_refinement_can_be_shown(fits):
     assert "fitted again" not in page(made)
 
 
+@pytest.mark.full
 def test_a_step_that_changes_no_effect_says_so(fits):
     assert "the same effects, fitted again" in page(gather([fits[1], fits[1]]))

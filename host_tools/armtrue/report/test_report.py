@@ -191,6 +191,7 @@ def test_a_report_of_one_fit_compares_with_the_nominal_arm(fits):
     assert "First step" not in made
 
 
+@pytest.mark.full
 def test_structure_that_no_effect_names_is_drawn(tmp_path):
     step = {"effect": "custom", "name": "joint_step", "coordinate": "motor1", "joints": [2]}
     hidden = [{**step, "expression": "sign(q2 + 1.5)", "value": 1.5e-4}]

@@ -60,6 +60,7 @@ def test_card_says_one_probability(engine):
     assert "probability 100 %" not in card(engine.session, "0")
 
 
+@pytest.mark.full
 def test_rows_left_out_by_a_range_are_not_called_wrong(engine):
     do(engine, "leave_out_where", variable="q1", low=20, high=60)
     words = pieces(engine)["left-out"]

@@ -128,6 +128,7 @@ def test_an_uneven_circle_has_three_harmonics():
     assert max(abs(v) for v in arm.tracker.circles.values()) < 12.0 * ARCSEC
 
 
+@pytest.mark.quick("dahl_friction", "tracker_circles")
 @pytest.mark.parametrize("name", TRUTHS)
 def test_every_truth_says_what_a_right_answer_is(name):
     truth = TRUTHS[name]

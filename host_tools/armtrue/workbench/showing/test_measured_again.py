@@ -86,6 +86,7 @@ def test_rows_that_were_fitted_tell_nothing_and_are_not_offered_to_join(engine, 
     assert "Let them join" not in pieces(engine)["result"]
 
 
+@pytest.mark.full
 def test_moved_base_is_said_as_compare_says_it_and_joins_as_a_set_up_of_its_own(engine, rows, tmp_path):
     begun(engine, rows, tmp_path)
     before = engine.session.node.mean_um
@@ -106,6 +107,7 @@ def test_moved_base_is_said_as_compare_says_it_and_joins_as_a_set_up_of_its_own(
     assert "as was to be expected" in do(engine, "compare"), "a file without set-ups is of the first one"
 
 
+@pytest.mark.full
 def test_measurements_of_the_same_set_up_join_without_another_one(engine, rows, tmp_path):
     begun(engine, rows, tmp_path)
     engine.take("later.csv", text(rows[1][FIRST:]))
