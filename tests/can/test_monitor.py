@@ -139,6 +139,7 @@ def any_request(_request: bytes) -> bool:
     return True
 
 
+@pytest.mark.full
 def test_ctrl_c_ends_a_recording_that_replaces_the_one_before(tmp_path: Path) -> None:
     log = tmp_path / "run.log"
     log.write_text("an older recording\n")

@@ -65,7 +65,16 @@ def test_refusals_carry_the_code_of_the_standard(
 # largest table. All 16384 sizes, by this client and the same server, go through tests/can/every_size.py
 # (tools/bench.d/62-sizes.sh), and by our own through firmware/testing/sizes_main.cc.
 EVERY_SIZE_UP_TO = 128
-SAMPLES = (888, 889, 890, 1777, 1778, 1779, 4096, pytest.param(16383, marks=pytest.mark.full), 16384)
+SAMPLES = (
+    888,
+    889,
+    890,
+    1777,
+    1778,
+    1779,
+    4096,
+    *(pytest.param(size, marks=pytest.mark.full) for size in (16383, 16384)),
+)
 
 
 def test_segmented_transfers_of_every_small_size_read_back(remote: canopen.RemoteNode) -> None:

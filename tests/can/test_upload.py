@@ -61,6 +61,7 @@ def test_unconfirmed_trial_is_gone_after_a_restart(tmp_path: Path, tables: Path)
         assert "no table in force" in refused.stderr
 
 
+@pytest.mark.full
 def test_revert_returns_to_the_table_before(tmp_path: Path, tables: Path) -> None:
     newer = tmp_path / "newer.bin"
     newer.write_bytes(small_table(sequence=4, amplitude=1 << 21))
@@ -100,6 +101,7 @@ def test_what_is_not_for_this_device_is_refused_before_a_byte(
         disconnect(node)
 
 
+@pytest.mark.full
 def test_an_older_export_is_refused(tmp_path: Path, tables: Path) -> None:
     older = tmp_path / "older.bin"
     older.write_bytes(small_table(sequence=2))
@@ -110,6 +112,7 @@ def test_an_older_export_is_refused(tmp_path: Path, tables: Path) -> None:
         assert "export number 2" in refused.stderr
 
 
+@pytest.mark.without_bus
 @pytest.mark.parametrize(
     ("spoil", "words"),
     [
@@ -251,6 +254,7 @@ def test_a_node_that_restarts_in_the_middle_does_not_matter(tmp_path: Path, sile
         assert armtrue("device", "verify", file).returncode == 0
 
 
+@pytest.mark.full
 def test_upload_while_joints_are_commanded_is_refused(tmp_path: Path, tables: Path) -> None:
     with NodeProcess(tmp_path / "state"):
         node = connect()
@@ -326,6 +330,7 @@ def test_a_device_that_corrects_nothing_or_will_forget_is_told_of(tmp_path: Path
         assert warnings_of("info") == [disabled], "saved: mode, RPDOs and switch are as they were"
 
 
+@pytest.mark.full
 def test_every_command_answers_a_program(tmp_path: Path, tables: Path) -> None:
     newer = tmp_path / "newer.bin"
     newer.write_bytes(small_table(sequence=4))
@@ -361,6 +366,7 @@ def test_what_the_device_has_not_got_is_refused(tmp_path: Path, tables: Path) ->
         assert not (tmp_path / "back.bin").exists()
 
 
+@pytest.mark.full
 def test_monitor_shows_what_the_joint_path_does(tmp_path: Path) -> None:
     file = tmp_path / "tables.bin"
     file.write_bytes(small_table(magnitude=1 << 14))  # less than the table wants to correct

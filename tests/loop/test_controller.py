@@ -144,6 +144,7 @@ def held(loop: Loop) -> list[int]:
     return [drive.sdo[0x60B0].raw for drive in loop.controller.drives]
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("loop", ["offset"], indirect=True)
 def test_offsets_outlive_a_dead_compensator_and_go_with_one_that_leaves(loop: Loop) -> None:
     compensator = loop.controller.compensator
