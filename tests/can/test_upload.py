@@ -112,25 +112,6 @@ def test_an_older_export_is_refused(tmp_path: Path, tables: Path) -> None:
         assert "export number 2" in refused.stderr
 
 
-@pytest.mark.without_bus
-@pytest.mark.parametrize(
-    ("spoil", "words"),
-    [
-        (lambda image: image[:50], "expected a table image of at least"),
-        (lambda image: b"GIF8" + image[4:], "begins with b'GIF8'"),
-        (lambda image: image + b"\0", "the header says"),
-        (lambda image: image[:300] + bytes([image[300] ^ 1]) + image[301:], "the file is damaged"),
-    ],
-)
-def test_a_spoilt_file_is_one_sentence(tmp_path: Path, spoil: object, words: str) -> None:
-    file = tmp_path / "tables.bin"
-    file.write_bytes(spoil(small_table()))  # type: ignore[operator]
-    refused = armtrue("upload", file)
-    assert refused.returncode == 2
-    assert words in refused.stderr
-    assert len(refused.stderr.splitlines()) == 1
-
-
 def test_nobody_on_the_bus_and_no_bus_are_told_apart_from_refusals(tables: Path) -> None:
     silent = armtrue("upload", tables, "--timeout", "0.2")
     assert silent.returncode == 3

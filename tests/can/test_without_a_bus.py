@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from can.interfaces import VALID_INTERFACES
 from command_line import armtrue
+from small_table import small_table
 
 pytestmark = pytest.mark.without_bus
 PROGRAM = Path(sys.executable).parent / "armtrue"
@@ -48,3 +49,21 @@ def test_what_cannot_be_watched_is_one_sentence(words: list[str], sentence: str)
     assert sentence in done.stderr
     assert len(done.stderr.splitlines()) == 1
     assert done.stdout == ""
+
+
+@pytest.mark.parametrize(
+    ("spoil", "words"),
+    [
+        (lambda image: image[:50], "expected a table image of at least"),
+        (lambda image: b"GIF8" + image[4:], "begins with b'GIF8'"),
+        (lambda image: image + b"\0", "the header says"),
+        (lambda image: image[:300] + bytes([image[300] ^ 1]) + image[301:], "the file is damaged"),
+    ],
+)
+def test_a_spoilt_file_is_one_sentence(tmp_path: Path, spoil: object, words: str) -> None:
+    file = tmp_path / "tables.bin"
+    file.write_bytes(spoil(small_table()))  # type: ignore[operator]
+    refused = armtrue("upload", file)
+    assert refused.returncode == 2
+    assert words in refused.stderr
+    assert len(refused.stderr.splitlines()) == 1

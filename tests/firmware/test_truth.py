@@ -78,7 +78,7 @@ def smallest_singular_value(arm: Arm, joints: np.ndarray, columns: dict[str, np.
     return np.asarray(np.linalg.svd(jacobian, compute_uv=False)[:, -1])
 
 
-@pytest.mark.quick("cobot-deflected", "irb2400-deflected")
+@pytest.mark.quick("cobot-deflected")
 @pytest.mark.parametrize(
     ("arm", "statics"),
     [

@@ -256,6 +256,7 @@ def corrections_change_with_time(folder: Path) -> bool:
     return any(not np.array_equal(corrected[0][f"q{k}"], corrected[1][f"q{k}"]) for k in range(1, 7))
 
 
+@pytest.mark.full
 def test_export_leaves_out_a_custom_effect_of_time_and_says_its_size(creeping):
     said = exported(creeping)
     (left,) = said["stays_behind"].items()

@@ -51,6 +51,7 @@ def test_it_is_named_and_poses_of_a_file_without_an_order_are_taken_to_come_from
     assert np.median(off) < 8e-6
 
 
+@pytest.mark.full
 def test_its_bearing_on_a_prediction_is_that_of_the_row_alone(files: Path) -> None:
     fit, _ = refined(files)
     arm = armtrue.load_robot(files / "robot.yaml")

@@ -75,6 +75,7 @@ def test_fit_and_prediction_are_those_of_the_drives_angles(folders: tuple[Path, 
     assert springs[1] == pytest.approx(springs[0], rel=1e-6)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("engine", ["fixed", pytest.param("double", marks=pytest.mark.full)])
 def test_corrected_commands_are_those_that_the_controller_takes(
     folders: tuple[Path, Path], engine: str

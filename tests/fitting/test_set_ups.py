@@ -6,6 +6,7 @@ from pathlib import Path
 
 import armtrue
 import numpy as np
+import pytest
 from armtrue.checking import check
 from armtrue.io.model import Model
 from armtrue.uncertainty import position_covariance
@@ -54,6 +55,7 @@ def test_points_in_a_plane_are_aligned(tmp_path: Path) -> None:
     assert fit.document["error"]["train"]["mean_um"] < 20.0
 
 
+@pytest.mark.full
 def test_the_noise_of_measured_points_is_no_scale(tmp_path: Path) -> None:
     # The noise of a measured point is in its residual too. A column made of measured points correlates with that: the
     # more rows, the surer a scale was found on an instrument without any.

@@ -28,6 +28,7 @@ def run(*arguments: object) -> None:
     assert done.returncode == 0, done.stderr
 
 
+@pytest.mark.quick("cobot-two-effects", "kr30-nothing-hidden")
 @pytest.mark.parametrize(
     "name",
     [

@@ -42,6 +42,7 @@ def test_the_diagnosis_names_the_cause_after_the_planned_session(
     assert np.corrcoef(time, warmth)[0, 1] < 0.0
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("cause", ["arm", pytest.param("stand", marks=pytest.mark.full)])
 def test_which_thermometer_it_is_is_settled_by_the_planned_session(
     cause: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

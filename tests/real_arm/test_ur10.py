@@ -32,6 +32,7 @@ def test_series_c_tables(cut):
     assert held_out_rms_mm(cut["C"], TABLES) <= 0.10
 
 
+@pytest.mark.full
 def test_series_a_later_than_what_was_fitted(cut):
     assert held_out_rms_mm(cut["A"], SPRINGS) <= 0.105
 

@@ -41,6 +41,7 @@ def test_a_refit_bears_out_what_candidates_explain(tmp_path: Path) -> None:
             assert c["explained"] == pytest.approx(explained, abs=0.02), entry
 
 
+@pytest.mark.full
 def test_the_reason_says_what_the_table_says(tmp_path: Path) -> None:
     simulate({"arm": "kr30", "seed": 5, "poses": 240, "test_poses": 0, "hidden": [
         {"effect": "gear_harmonics", "joints": [3]}, {"effect": "thermal_expansion"}]}, tmp_path)  # fmt: skip

@@ -5,9 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 import armtrue
+import pytest
 from armtrue_sim import simulate
 
 
+@pytest.mark.full
 def test_what_was_fitted_and_left_out_is_not_advised_again(tmp_path: Path) -> None:
     hidden = [{"effect": "gear_harmonics", "joints": [3]}]
     simulate({"arm": "cobot", "seed": 94, "poses": 240, "test_poses": 0, "hidden": hidden}, tmp_path)

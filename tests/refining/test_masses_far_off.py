@@ -11,6 +11,7 @@ from armtrue_sim import simulate
 from armtrue_sim.cases import hidden_cases
 
 
+@pytest.mark.quick("2")
 @pytest.mark.parametrize("seed", [1, 2])
 def test_half_of_the_masses_is_one_cause(seed: int, tmp_path: Path) -> None:
     # Each mass was drawn back to its file's by its prior, and what let it was named with more than 99 %.

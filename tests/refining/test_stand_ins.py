@@ -21,6 +21,7 @@ def refined(folder: Path):
     )[1]
 
 
+@pytest.mark.full
 def test_one_of_two_comes_in_that_share_their_probability() -> None:
     # A column that bends and a base that tilts move the tool alike: each had half of what makes one sure, and
     # neither was added.
@@ -37,6 +38,7 @@ def test_one_of_two_comes_in_that_share_their_probability() -> None:
     assert steps["base_compliance"]["confounded_with"] == ["bending_compliance 1"]
 
 
+@pytest.mark.quick("1")
 @pytest.mark.parametrize("seed", [1, 2])
 def test_of_the_forms_of_one_effect_one_comes_in(tmp_path: Path, seed: int) -> None:
     # A form came in with less than half of the probability, for the forms share what makes them sure.
@@ -66,6 +68,7 @@ def test_a_balancer_is_not_exchanged_for_the_waves_that_imitate_it() -> None:
     assert not any(step["removed"] for step in story["steps"])
 
 
+@pytest.mark.full
 def test_what_a_search_finds_does_not_depend_on_the_order_of_joints(tmp_path: Path) -> None:
     # The sizes of what stands in the model were chosen one after the other, the first without the others.
     simulate(

@@ -21,6 +21,7 @@ LINE = {
 ROUGH = {"effect": "transmission_pwl", "joints": [3], "scale": 4.0}
 
 
+@pytest.mark.quick("hidden0-gear_harmonics on joint 3")
 @pytest.mark.parametrize(
     ("hidden", "words"),
     [(WAVES, "gear_harmonics on joint 3"), (ROUGH, "turn joint 3 alone"), (LINE, "cycles=[9")],
@@ -49,6 +50,7 @@ def test_physics_is_no_table(tmp_path: Path) -> None:
     assert not any("not physics" in s for s in found["advice"])
 
 
+@pytest.mark.full
 def test_a_joint_that_slides_is_not_said_to_turn(tmp_path: Path) -> None:
     # A wave in metres was looked for per turn, and harmonics of a gear were advised on a rail.
     simulate({"arm": "stanford", "seed": 4, "poses": 120, "test_poses": 0}, tmp_path)

@@ -9,6 +9,7 @@ import pytest
 from armtrue_sim import simulate
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(
     ("arm", "seed", "joints"),
     [

@@ -101,6 +101,7 @@ def test_nothing_runs_over_the_edge(browser, page, size):
     assert scrolled <= shown == size[0]
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("size", [LAPTOP, PHONE], ids=["laptop", "phone"])
 def test_words_in_charts_are_large_enough_to_read(browser, page, size):
     browser.open(page, size)
@@ -127,6 +128,7 @@ def test_ticks_of_charts_keep_clear_of_the_axis_names(browser, page, size, media
     assert struck == []
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("size", [LAPTOP, PHONE], ids=["laptop", "phone"])
 def test_words_of_charts_end_within_them(browser, page, size):
     browser.open(page, size)
@@ -139,6 +141,7 @@ def test_words_of_charts_end_within_them(browser, page, size):
     assert cut == []
 
 
+@pytest.mark.full
 def test_axes_say_their_units_and_that_they_are_logarithmic(laptop):
     plots = laptop.run("return [...document.querySelectorAll('[data-plot]')].map((e) => e.dataset.plot)")
     axes = [(axis, json.loads(plot)[axis]) for plot in plots for axis in ("x", "y")]
@@ -156,6 +159,7 @@ def test_axes_say_their_units_and_that_they_are_logarithmic(laptop):
     assert "µm, logarithmic" in laptop.run("return document.querySelector('.waterfall-axis').textContent")
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
 def test_all_words_stand_out_from_their_background(browser, page, dark):
     browser.open(page, dark=dark)
@@ -165,6 +169,7 @@ def test_all_words_stand_out_from_their_background(browser, page, dark):
     assert browser.run(CONTRAST) == []
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("size", [LAPTOP, PHONE], ids=["laptop", "phone"])
 def test_all_figures_of_candidates_and_all_captions_are_in_sight(browser, page, size):
     browser.open(page, size)
@@ -178,6 +183,7 @@ def test_all_figures_of_candidates_and_all_captions_are_in_sight(browser, page, 
     assert browser.run(cut)
 
 
+@pytest.mark.full
 def test_tables_of_the_error_need_no_scrolling_on_a_laptop(laptop):
     beyond = (
         "return [...document.querySelectorAll('#error .scroll')].map((e) => e.scrollWidth - e.clientWidth)"
@@ -185,6 +191,7 @@ def test_tables_of_the_error_need_no_scrolling_on_a_laptop(laptop):
     assert laptop.run(beyond) == [0, 0]
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("size", [LAPTOP, PHONE], ids=["laptop", "phone"])
 def test_the_legend_of_the_arrows_lies_beside_them(browser, page, size):
     browser.open(page, size)
@@ -223,6 +230,7 @@ def test_every_arrow_is_there_and_has_its_length(laptop, fits):
     assert starts == len(expected)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("size", [LAPTOP, PHONE], ids=["laptop", "phone"])
 def test_every_arrow_ends_in_the_picture_gross_errors_too(browser, page, size):
     browser.open(page, size)
@@ -299,6 +307,7 @@ def test_the_worst_pose_is_read_out_as_it_was_measured(laptop, fits):
     assert words.startswith(f"Row {row}: {1e6 * lengths.max():.0f} µm")
 
 
+@pytest.mark.full
 def test_the_first_step_can_be_shown_at_the_same_scale(laptop):
     def ruler() -> str:
         return str(laptop.run("return document.querySelector('.ruler').getAttribute('d')"))
@@ -310,6 +319,7 @@ def test_the_first_step_can_be_shown_at_the_same_scale(laptop):
     assert ruler() == scale
 
 
+@pytest.mark.full
 def test_views_of_the_state_are_chosen_by_keyboard(laptop):
     shown = """return [...document.querySelectorAll('.view')]
         .filter((view) => view.checkVisibility()).map((view) => view.dataset.view)"""
@@ -402,6 +412,7 @@ def _has(fit: Fit, candidate) -> bool:
     )
 
 
+@pytest.mark.full
 def test_paper_has_every_folded_part_open(browser, page):
     browser.open(page, media="print")
     folded, hidden = browser.run("""
@@ -413,6 +424,7 @@ def test_paper_has_every_folded_part_open(browser, page):
     assert hidden == []
 
 
+@pytest.mark.full
 def test_tables_end_within_their_column_on_paper(browser, page):
     browser.open(page, A4, media="print")
     wide = browser.run("""
@@ -422,6 +434,7 @@ def test_tables_end_within_their_column_on_paper(browser, page):
     assert wide == []
 
 
+@pytest.mark.full
 def test_no_figure_or_card_of_an_effect_breaks_across_sheets(browser, page):
     browser.open(page, A4, media="print")
     broken = browser.run(
@@ -433,6 +446,7 @@ def test_no_figure_or_card_of_an_effect_breaks_across_sheets(browser, page):
     assert broken == []
 
 
+@pytest.mark.full
 def test_paper_is_white_even_at_night_and_shows_three_views(browser, page):
     browser.open(page, dark=True, media="print")
     assert (
@@ -452,6 +466,7 @@ def test_without_scripts_all_but_one_picture_is_there(browser, page):
     assert sum(name.startswith("Spectrum of the residual") for name in names) == 6
 
 
+@pytest.mark.full
 def test_bars_of_candidates_are_as_long_as_their_shares(laptop):
     bars = laptop.run("""
         const wide = (e, name) => e.querySelector(name).offsetWidth;
@@ -462,6 +477,7 @@ def test_bars_of_candidates_are_as_long_as_their_shares(laptop):
         assert length == pytest.approx(percent / 100.0, abs=0.02)
 
 
+@pytest.mark.full
 def test_a_tap_reads_an_arrow(browser, page):
     browser.open(page, PHONE)
     stage(browser)
@@ -475,6 +491,7 @@ def test_a_tap_reads_an_arrow(browser, page):
     assert browser.driver.find_element(By.CSS_SELECTOR, ".readout").text.startswith("Row ")
 
 
+@pytest.mark.full
 def test_colour_never_stands_alone(laptop, fits: list[Fit]):
     """The first step's lines are dashed where the last step's are solid, and marks differ in shape."""
     dashes = laptop.run("""return ['first', 'last', 'threshold', 'ratio'].map((name) =>

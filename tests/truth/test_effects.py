@@ -112,7 +112,7 @@ QUICK = (
 )
 
 
-@pytest.mark.quick("geometry in standard DH", "gear_mesh", "parallelogram")
+@pytest.mark.quick("geometry in standard DH", "parallelogram")
 @pytest.mark.parametrize(
     "name", [pytest.param(name, marks=() if name in QUICK else pytest.mark.full) for name in CASES]
 )

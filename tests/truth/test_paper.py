@@ -11,6 +11,7 @@ def rows():
     return {row["model"]: row for row in figures(refined=False)}
 
 
+@pytest.mark.full
 def test_geometry_alone_stands_where_the_paper_stands(rows):
     assert rows["geometry"]["held_out_in_time"] == pytest.approx(PAPER["geometry"], rel=0.1)
 

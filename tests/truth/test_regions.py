@@ -19,6 +19,7 @@ def test_regions_of_many_arms_hold_95_percent_of_fresh_poses() -> None:
     assert 0.93 < np.mean(shares(ARMS)) < 0.97
 
 
+@pytest.mark.full
 def test_regions_that_are_a_third_too_small_are_noticed() -> None:
     assert np.mean(shares(FEW_ARMS, pretend=0.67)) < 0.85
 

@@ -96,6 +96,7 @@ def test_check_coupled_neighbour_is_named_as_coupling_and_not_as_scale(tmp_path,
     assert errors(data, robot_file(tmp_path / "robot.yaml", **remedied), tmp_path) == []
 
 
+@pytest.mark.full
 def test_check_main_fault_of_issue_13_scale_does_not_win_over_coupling(tmp_path):
     """The arm on which 2.2 times the size was reported: joints 2 and 3 move against each other, 20 poses."""
     truth = robot_file(tmp_path / "truth.yaml", coupling=[{"joint": 3, "driving": 2, "ratio": 1.0}])

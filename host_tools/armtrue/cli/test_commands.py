@@ -174,6 +174,7 @@ def test_predict_names_the_column_to_record(folder):
     assert not (folder / "refused.csv").exists()
 
 
+@pytest.mark.full
 def test_data_that_moved_is_said_with_each_place_once_and_read_from_where_data_says(folder):
     away = folder / "away"
     away.mkdir()

@@ -167,6 +167,7 @@ def warm(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return made
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("seed", ["0", *(pytest.param(s, marks=pytest.mark.full) for s in "12")])
 @pytest.mark.parametrize(
     "levels",

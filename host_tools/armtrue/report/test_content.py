@@ -174,6 +174,7 @@ def test_the_tool_turns_with_a_motor_as_it_really_does(tmp_path):
         assert turned_by(made, number) == pytest.approx(axis, abs=0.02)
 
 
+@pytest.mark.full
 def test_errors_of_orientation_are_said_beside_those_of_position(tmp_path):
     made = fitted(tmp_path, {**ORIENTED, "hidden": []})
     report = gather([made])
@@ -229,6 +230,7 @@ def test_names_are_one_a_fit(fits):
         gather(fits, names=["only"])
 
 
+@pytest.mark.full
 def test_every_step_of_a_refinement_can_be_shown(fits):
     """One step for each effect that comes in: nothing is fitted between them, and each effect comes once."""
     seen: list[Fit] = []

@@ -46,6 +46,7 @@ def test_a_notebook_keeps_the_pictures_style_and_script_apart_from_its_own(repor
     assert "<script>" in picture.html
 
 
+@pytest.mark.full
 def test_what_no_effect_names_is_drawn_where_there_is_some_and_said_where_there_is_none(report, heated):
     assert "<svg" in figures.unexplained(heated).html
     assert "nothing to show" in figures.unexplained(report).html
@@ -58,6 +59,7 @@ def test_a_picture_is_saved_as_a_page(report, tmp_path):
     assert repr(picture) == "Picture: How the error fell"
 
 
+@pytest.mark.full
 def test_a_rise_is_hatched(report):
     worse = copy.deepcopy(report.last.error)
     fits = [report.last.fit, replace(report.last.fit, document={**report.last.fit.document, "error": worse})]

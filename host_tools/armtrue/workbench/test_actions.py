@@ -34,6 +34,7 @@ def engine(tmp_path, monkeypatch) -> Engine:
     return engine
 
 
+@pytest.mark.full
 def test_refine_goes_on_with_a_model_that_was_made_before(engine):
     do(engine, "add", candidate=0)
     do(engine, "undo")

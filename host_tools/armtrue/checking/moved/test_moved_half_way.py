@@ -97,6 +97,7 @@ def test_only_the_reflector_that_was_put_back_is_named(campaign: Campaign) -> No
     assert found.evidence["shift_m"] == pytest.approx(2e-3, rel=0.1)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("seed", [3, pytest.param(11, marks=pytest.mark.full)])
 def test_jump_of_metres_is_a_jump_and_no_sign_of_a_joint(campaign: Campaign, seed: int) -> None:
     data, robot = campaign(seed=seed)

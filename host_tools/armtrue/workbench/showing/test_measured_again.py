@@ -116,6 +116,7 @@ def test_measurements_of_the_same_set_up_join_without_another_one(engine, rows, 
     assert {"effect": "station"} not in engine.session.node.effects
 
 
+@pytest.mark.full
 def test_history_before_measurements_joined_stays_reachable_and_back(engine, rows, tmp_path, monkeypatch):
     begun(engine, rows, tmp_path)
     do(engine, "name", node=0, name="my careful model")
