@@ -159,7 +159,9 @@ def main() -> None:
         "--nothing-seeds", type=int, help="seeds for each arm with nothing hidden (default: 2 x seeds)"
     )
     parser.add_argument("--first-seed", type=int, default=0, help="other cases than the table's")
-    parser.add_argument("--only", choices=[*KINDS, *PAIR_KINDS], help="this kind of case alone")
+    parser.add_argument(
+        "--only", choices=[*KINDS, *PAIR_KINDS], metavar="KIND", help="this kind of case alone"
+    )
     parser.add_argument("--limit", type=float, default=300.0, help="seconds until a command counts as hung")
     parser.add_argument(
         "--no-reference", action="store_true", help="without the fit that is handed the truth"
