@@ -24,11 +24,6 @@ constexpr double kSameExplanation = 0.9;
 // A rival that explains this much of its own beside a candidate is another effect, no alternative.
 constexpr double kIndependentShare = 0.5;
 
-// What takes less than this share of the squares beside all else that is there lowers the error by
-// half as much, 0.2 %. Thousands of poses tell such an effect from chance, and a real arm has dozens
-// of them; none is worth a place in the model. (Hundreds of poses do not tell it.)
-static const double kSlight = getenv("SLIGHT") ? atof(getenv("SLIGHT")) : 4e-3;
-
 std::string percent(double share, const char* form = "%.1f %%") {
   char text[32];
   std::snprintf(text, sizeof text, form, 100.0 * share);
@@ -56,8 +51,6 @@ Candidate make_candidate(const Fit& fit, const EvidenceSummary& evidence, std::s
   c.probability = search.inclusion[b];
   c.gain_beside = std::max(0.0, search.gain[b]);
   c.likeliest = search.likeliest[b];
-  // Outside that set, a rival has no more to take.
-  c.slight = c.likeliest && c.gain_beside < kSlight * (search.squares + c.gain_beside);
   c.parameters = c.block.terms.parameters;
   for (std::size_t i = 0; i < c.parameters.size(); ++i) {
     c.parameters[i].value = search.coefficient[b][static_cast<Eigen::Index>(i)];
@@ -163,15 +156,13 @@ void find_spanned(const Scorer& scorer, const Fit& fit, Diagnosis& d) {
 // may stand for one another, the one that came first stays. What was left out makes nothing else
 // likelier.
 void recommend(Diagnosis& d) {
-  const auto passed_over = [](const Candidate& c) { return c.left_out || c.slight; };
   double nothing_else = d.probability_nothing;
   for (const Candidate& c : d.candidates) {
-    if (passed_over(c)) nothing_else = std::min(1.0, nothing_else + c.probability);
+    if (c.left_out) nothing_else = std::min(1.0, nothing_else + c.probability);
   }
   const auto first = std::ranges::find_if(
-      d.candidates, [&](const Candidate& c) { return !c.spanned && !passed_over(c); });
+      d.candidates, [](const Candidate& c) { return !c.spanned && !c.left_out; });
   if (first == d.candidates.end()) return;
-  nothing_else = std::min(nothing_else, 1.0 - first->probability);
   first->recommend = nothing_else < kMoreLikelyThanNot || first->in_any_form >= kSurely;
 }
 
@@ -179,8 +170,6 @@ void explain(Diagnosis& d, const Fit& fit) {
   for (Candidate& c : d.candidates) {
     c.why = c.spanned    ? "the data cannot tell it from what is fitted already"
             : c.left_out ? "was fitted and left out, for it predicts unseen poses no better"
-            : c.slight && c.probability > kMoreLikelyThanNot
-                ? "is there, but so small that the error would not fall visibly"
             : c.recommend || c.probability > kMoreLikelyThanNot ? evidence_words(c, fit)
             : c.probability > kWorthNaming ? "an alternative, or not surely seen in these data"
             : c.delta_bic < 0.0            ? "another candidate explains the residual better"

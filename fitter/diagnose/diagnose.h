@@ -41,7 +41,6 @@ struct Candidate {
   bool spanned = false;      ///< fitted columns reproduce all of its own: it is not missing beside
                              ///< them, but may replace one of them
   bool left_out = false;     ///< was fitted and predicts unseen poses no better
-  bool slight = false;       ///< nobody would see the error fall by it (kSlight)
   BlockScore score;          ///< of it alone beside the fit
   double log10_p = 0.0;      ///< F test of it alone, corrected for the number of candidates
   bool recommend = false;

@@ -31,7 +31,7 @@ Candidate with_its_like(const Diagnosis& d, const Candidate& best) {
 
 }  // namespace
 
-bool is_sure(const Candidate& c) { return c.likeliest && !c.spanned && !c.slight && c.in_any_form >= kSurely; }
+bool is_sure(const Candidate& c) { return c.likeliest && !c.spanned && c.in_any_form >= kSurely; }
 
 bool names(const Candidate& one, const Candidate& other) {
   return std::ranges::find(one.confounded_with, label(other.request)) != one.confounded_with.end();
@@ -69,7 +69,7 @@ std::vector<Move> moves_of(const Diagnosis& d) {
   }
   if (best) moves.push_back({with_its_like(d, *best), {}});
   for (const Candidate& c : d.candidates) {
-    if (best && !c.spanned && !c.left_out && !c.slight && c.probability > kMoreLikelyThanNot)
+    if (best && !c.spanned && !c.left_out && c.probability > kMoreLikelyThanNot)
       moves.push_back({c, {}});
   }
   for (const Superfluous& s : d.superfluous) moves.push_back({std::nullopt, {s.request}});

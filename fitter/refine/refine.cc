@@ -383,7 +383,7 @@ bool Refinement::explain_structure() {
     return false;
   std::vector<const Candidate*> nearest;
   for (const Candidate& c : left.candidates) {
-    if (!is_table(c) && !c.slight && c.delta_bic < kShowsAlone) nearest.push_back(&c);
+    if (!is_table(c) && c.delta_bic < kShowsAlone) nearest.push_back(&c);
   }
   std::ranges::stable_sort(nearest, {}, &Candidate::delta_bic);
   if (nearest.size() > kTriedForStructure) nearest.resize(kTriedForStructure);
