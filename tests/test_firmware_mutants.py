@@ -22,6 +22,7 @@ def program(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return path
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(
     ("script", "outcome"),
     [
@@ -35,6 +36,7 @@ def test_time_limit_counts_processor_seconds(program: Path, script: str, outcome
     assert firmware_mutants.run_program("some_test", 0, 1) == outcome
 
 
+@pytest.mark.full
 def test_limit_is_relative_to_the_unfaulted_run(program: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(firmware_mutants, "LEAST_LIMIT_S", 0)
     program.write_text("#!/bin/sh\ni=0; while [ $i -lt 1000000 ]; do i=$((i + 1)); done\n")

@@ -61,7 +61,8 @@ def commanded(offsets_on_the_bus: bool) -> Iterator[None]:
         disconnect(node)
 
 
-@pytest.mark.parametrize("offsets_on_the_bus", [True, pytest.param(False, marks=pytest.mark.full)])
+@pytest.mark.full
+@pytest.mark.parametrize("offsets_on_the_bus", [True, False])
 def test_joint_values_are_of_one_cycle_where_frames_carry_them(
     tmp_path: Path, offsets_on_the_bus: bool
 ) -> None:
@@ -85,7 +86,8 @@ def test_joint_values_are_of_one_cycle_where_frames_carry_them(
     assert document["downstream_frames"] > 0
 
 
-@pytest.mark.parametrize("suffix", [".blf", pytest.param(".log", marks=pytest.mark.full)])
+@pytest.mark.full
+@pytest.mark.parametrize("suffix", [".blf", ".log"])
 def test_a_recording_reads_back_as_what_was_on_the_bus(tmp_path: Path, suffix: str) -> None:
     log = tmp_path / f"run{suffix}"
     with NodeProcess(tmp_path / "state"), commanded(True):

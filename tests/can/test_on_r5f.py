@@ -6,7 +6,6 @@ import functools
 import os
 from pathlib import Path
 
-import pytest
 from suite_conformance import *  # noqa: F403
 from suite_foreign import *  # noqa: F403
 from suite_motion import *  # noqa: F403
@@ -21,7 +20,6 @@ BUILD_FIRST = functools.partial(qemu.build_images, "r5f", "armtrue_r5f")
 RECORD_VARIABLE = "ARMTRUE_R5F_INTERRUPTS"
 
 
-@pytest.mark.full
 def test_every_frame_comes_in_by_the_way_that_the_image_says(target: Target) -> None:
     """By interrupt and nothing else where an interrupt controller was found, else by polling."""
     assert target.board is not None

@@ -35,6 +35,7 @@ def knocked(request: pytest.FixtureRequest, tmp_path: Path) -> tuple[Any, list[d
     return fit(data, robot, load_model(tmp_path / "model.yaml", robot)), request.param
 
 
+@pytest.mark.full
 def test_a_knock_is_told_from_drifts(knocked: tuple[Any, list[dict[str, Any]]]) -> None:
     before, hidden = knocked
     best, story = refine(before)

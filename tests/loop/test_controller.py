@@ -80,7 +80,7 @@ def in_the_middle_of_a_move(
     return done
 
 
-@pytest.mark.quick("inline")
+@pytest.mark.full
 def test_a_machine_that_halts_for_seconds_changes_nothing(
     loop: Loop, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -100,7 +100,7 @@ def test_a_machine_that_halts_for_seconds_changes_nothing(
     assert loop.controller.worst_following == 0
 
 
-@pytest.mark.quick("offset")
+@pytest.mark.full
 def test_a_move_in_which_targets_were_withheld_is_made_again(
     loop: Loop, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -9,6 +9,7 @@ from repetitions import scatter
 REPETITIONS = 20
 
 
+@pytest.mark.quick("stanford-hidden2")
 @pytest.mark.parametrize(
     ("arm", "hidden"),
     [

@@ -22,6 +22,7 @@ def rows_of(path: Path) -> list[dict[str, float]]:
         return [{name: float(value) for name, value in row.items()} for row in csv.DictReader(file)]
 
 
+@pytest.mark.full
 def test_a_first_campaign_is_written_and_said_beside_random_poses(folder):
     run = armtrue(
         *("plan", "--robot", "robot.yaml", "--model", "model.yaml", "--poses", "40", "--out", "poses.csv"),

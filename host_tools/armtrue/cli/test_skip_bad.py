@@ -28,6 +28,7 @@ def test_refusal_of_a_row_says_how_to_read_the_others(spoilt):
     assert run.stderr.rstrip().endswith("--skip-bad reads the other rows")
 
 
+@pytest.mark.full
 def test_skipped_rows_are_printed_kept_in_the_fit_and_counted_in_the_report(spoilt):
     run = armtrue(*FIT, "--skip-bad", "--out", "rest.json", cwd=spoilt)
     assert run.returncode == 0, run.stderr

@@ -24,6 +24,7 @@ ALL = [
 ]
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(
     "draw",
     [

@@ -12,6 +12,7 @@ from tests import qemu
 
 NODE = 0x20
 BUILD_FIRST = functools.partial(qemu.build_images, "r5f", "armtrue_r5f")
+pytestmark = pytest.mark.full  # an emulator inside User-Mode Linux
 
 
 @pytest.fixture(scope="module")

@@ -67,6 +67,7 @@ def test_moved_tracker_is_told_with_its_row_and_size(
     assert any("from row 122 on" in warning for warning in warnings)
 
 
+@pytest.mark.full
 def test_step_at_which_the_file_counts_a_set_up_is_no_finding_but_a_note(campaign: Campaign) -> None:
     data, robot = campaign()
     station = np.where(np.arange(data.count) < 120, 1.0, 2.0)
