@@ -34,9 +34,9 @@ __all__ = [
 
 needs_can(__file__)
 
-# What of the suites every change tries on the emulated STM32F405: that it answers, corrects and finds itself in order. The
-# rest is the portable node's, which the POSIX node runs; on chips it is left to `full`, and so is the Cortex-R5F's bus,
-# which needs an emulator inside User-Mode Linux (that its image starts, tests/firmware_boot shows with every change).
+# What of the suites every change tries on the emulated STM32F405: that it answers, corrects and finds itself in order.
+# The rest is the portable node's, which the POSIX node runs; on chips it is left to `full`, and so is the Cortex-R5F's
+# bus, whose emulator runs inside User-Mode Linux (that its image starts, tests/firmware_boot shows with every change).
 ON_THE_CHIP = {
     "test_sdo_01_expedited_read_of_1000h",
     "test_heartbeat_01_02_03_producer",
