@@ -99,8 +99,8 @@ def test_stack_of_the_joint_path_is_bounded(elf: Path, code: dict[str, list[str]
 
 @pytest.mark.parametrize(
     ("preset", "name"),
-    [("stm32f405", "armtrue_stm32f405"), ("stm32f405", "cycle_replay"), ("cortex-m7", "cycle_replay"),
-     ("r5f", "armtrue_r5f")],
+    [("stm32f405", "armtrue_stm32f405"), ("stm32f405", "cycle_replay"), ("r5f", "armtrue_r5f"),
+     pytest.param("cortex-m7", "cycle_replay", marks=pytest.mark.full)],
 )  # fmt: skip
 def test_the_reserved_stack_is_enough(preset: str, name: str) -> None:
     """The deepest chain of calls from reset, and the deepest interrupt on top of it."""

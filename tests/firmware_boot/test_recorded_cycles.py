@@ -41,6 +41,7 @@ def on_m4(motion: recording.Recording) -> np.ndarray:
     return recording.played(run.output)
 
 
+@pytest.mark.full
 def test_cortex_m7_gives_the_same_outputs(motion: recording.Recording, on_m4: np.ndarray) -> None:
     elf = qemu.build_images("cortex-m7", "cycle_replay") / "cycle_replay.elf"
     run = qemu.run_image(elf, motion.to_bytes(), machine="mps2-an500", timeout_s=300.0)
