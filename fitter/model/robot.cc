@@ -152,10 +152,10 @@ Eigen::RowVectorXd Robot::followed_links(int joint) const {
   for (int k = 0; k < n; ++k) {
     if (!joints[static_cast<std::size_t>(k)].passive) driven_by_motors.push_back(k);
   }
-  const Eigen::MatrixXd links = coupling(driven_by_motors, driven_by_motors);
+  const Eigen::MatrixXd driven = coupling(driven_by_motors, driven_by_motors);
   const Eigen::VectorXd own = coupling(joint - 1, driven_by_motors).transpose();
   Eigen::RowVectorXd followed = Eigen::RowVectorXd::Zero(n);
-  followed(driven_by_motors) = least_squares(links.transpose(), own).transpose();
+  followed(driven_by_motors) = least_squares(driven.transpose(), own).transpose();
   return followed;
 }
 
