@@ -23,11 +23,7 @@ NOISE = np.sqrt(3.0) * TRACKER_SIGMA
 )
 @pytest.mark.parametrize(
     ("kind", "arm"),
-    [
-        pytest.param(kind, arm, marks=[pytest.mark.full] if arm != given.arms[0] else [])
-        for kind, given in KINDS.items()
-        for arm in given.arms
-    ],
+    [(kind, arm) for kind, given in KINDS.items() for arm in given.arms],
 )
 def test_hidden_effects_are_there_and_can_be_seen(kind, arm):
     for seed in range(1 if kind.startswith("later") else 2):

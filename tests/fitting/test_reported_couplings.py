@@ -76,7 +76,7 @@ def test_fit_and_prediction_are_those_of_the_drives_angles(folders: tuple[Path, 
 
 
 @pytest.mark.full
-@pytest.mark.parametrize("engine", ["fixed", pytest.param("double", marks=pytest.mark.full)])
+@pytest.mark.parametrize("engine", ["fixed", "double"])
 def test_corrected_commands_are_those_that_the_controller_takes(
     folders: tuple[Path, Path], engine: str
 ) -> None:

@@ -44,7 +44,7 @@ def test_a_prediction_is_of_an_arm_as_warm_as_it_was_on_average(tmp_path: Path) 
 
 
 @pytest.mark.full
-@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.full)])
+@pytest.mark.parametrize("seed", [1, 2])
 def test_a_gear_that_follows_a_thermometer_late_is_named(tmp_path: Path, seed: int) -> None:
     # Without a column of duty the cause could not be tested, and an arm that warms up was named with more than 99 %.
     simulate(

@@ -21,18 +21,8 @@ def run(*arguments: object) -> None:
     assert done.returncode == 0, done.stderr
 
 
-QUICK = ("later_hysteresis", "later_axis_straightness")
-
-
 @pytest.mark.quick("later_hysteresis")
-@pytest.mark.parametrize(
-    "kind",
-    [
-        pytest.param(kind, marks=() if kind in QUICK else pytest.mark.full)
-        for kind in KINDS
-        if kind.startswith("later")
-    ],
-)
+@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind.startswith("later")])
 def test_a_fit_with_a_later_effect_becomes_a_table(kind: str, tmp_path: Path) -> None:
     case = hidden_cases(kind, KINDS[kind].arms[0], 20000)
     case.campaign.write(tmp_path)

@@ -43,7 +43,7 @@ def test_the_diagnosis_names_the_cause_after_the_planned_session(
 
 
 @pytest.mark.full
-@pytest.mark.parametrize("cause", ["arm", pytest.param("stand", marks=pytest.mark.full)])
+@pytest.mark.parametrize("cause", ["arm", "stand"])
 def test_which_thermometer_it_is_is_settled_by_the_planned_session(
     cause: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

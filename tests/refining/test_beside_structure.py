@@ -40,7 +40,7 @@ def test_a_large_drift_is_named_beside_a_function_of_two_angles(tmp_path: Path, 
 
 
 @pytest.mark.full
-@pytest.mark.parametrize("seed", [3, pytest.param(4, marks=pytest.mark.full)])
+@pytest.mark.parametrize("seed", [3, 4])
 def test_a_small_drift_is_named_once_the_function_is_described(tmp_path: Path, seed: int) -> None:
     # Beside the function it shows only after that has been taken out, as what a wrong function leaves would.
     found = found_of(tmp_path / "before", seed, 4.0, [])

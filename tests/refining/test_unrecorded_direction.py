@@ -14,7 +14,7 @@ from armtrue_sim import simulate
     ("arm", "seed", "joints"),
     [
         ("kr30", 131, [2, 3]),
-        *(pytest.param(*case, marks=pytest.mark.full) for case in [("irb2400", 134, [2])]),
+        ("irb2400", 134, [2]),
     ],
 )
 def test_no_effect_of_the_angle_is_named_for_it(

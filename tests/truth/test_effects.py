@@ -106,16 +106,8 @@ def assert_known(arm: KnownArm, largest_left_m: float) -> None:
 
 
 # Of those on the same arm, with springs in the same places, one each: the others are alike.
-QUICK = (
-    *("geometry in standard DH", "a telescopic axis under gravity", "joint_compliance on every axis"),
-    *("gear_mesh", "backlash", "parallelogram"),
-)
-
-
 @pytest.mark.quick("geometry in standard DH", "parallelogram")
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=() if name in QUICK else pytest.mark.full) for name in CASES]
-)
+@pytest.mark.parametrize("name", CASES)
 def test_effect_alone(name: str) -> None:
     # What even the true values leave: second order of held parameters, and of the linkage's bars.
     linkage = name == "parallelogram"

@@ -1,4 +1,4 @@
-"""Gravity that robot.yaml left at its default, of an arm that hangs or stands on a wall."""
+"""Check for an arm that hangs or stands on a wall while robot.yaml does not state gravity."""
 
 from __future__ import annotations
 

@@ -99,7 +99,7 @@ def test_only_the_reflector_that_was_put_back_is_named(campaign: Campaign) -> No
 
 
 @pytest.mark.full
-@pytest.mark.parametrize("seed", [3, pytest.param(11, marks=pytest.mark.full)])
+@pytest.mark.parametrize("seed", [3, 11])
 def test_jump_of_metres_is_a_jump_and_no_sign_of_a_joint(campaign: Campaign, seed: int) -> None:
     data, robot = campaign(seed=seed)
     far = tracker_moved(data, 1.5, 0.5)
