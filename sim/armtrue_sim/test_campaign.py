@@ -33,6 +33,7 @@ def columns_of(table):
     return {k: np.asarray(v) if k == "target" else np.asarray(v, dtype=float) for k, v in table.items()}
 
 
+@pytest.mark.quick("irb2400-ladder", "cobot-waves")
 @pytest.mark.parametrize("path", SCENARIOS, ids=lambda p: p.stem)
 def test_every_committed_scenario_gives_the_same_bytes_and_exact_test_positions(path, tmp_path):
     campaign = cli_simulate(path, tmp_path / "a")

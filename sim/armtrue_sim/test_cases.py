@@ -11,6 +11,7 @@ from .sensitivity import geometry_terms, orthonormal_range, sensitivity, unexpla
 NOISE = np.sqrt(3.0) * TRACKER_SIGMA
 
 
+@pytest.mark.quick("one_hidden-kr30", "outside_catalogue-kr30", "missing_columns-kr30", "gross_errors-kr30")
 @pytest.mark.quick(
     "one_hidden-kr30",
     "three_hidden-kr30",
@@ -42,7 +43,7 @@ def test_hidden_effects_are_there_and_can_be_seen(kind, arm):
         assert bool(withheld) == (kind == "missing_columns")
 
 
-@pytest.mark.quick("open_thermal_expansion_or_warm_up", "open_backlash_2_or_joint_scale_2")
+@pytest.mark.quick("open_backlash_2_or_joint_scale_2")
 @pytest.mark.parametrize("pair", PAIRS, ids=lambda pair: pair.kind(0, False))
 def test_one_cause_of_a_pair_is_there_and_neither_is_believed(pair):
     for hidden in (0, 1):
@@ -93,6 +94,7 @@ def test_many_seeds_reach_the_whole_catalogue():
     assert len(shapes) == 8
 
 
+@pytest.mark.full
 def test_noise_times_four_and_withheld_columns():
     case = hidden_cases("noise_x4", "cobot", 1)
     noise = case.campaign.positions - case.campaign.exact

@@ -41,6 +41,7 @@ def test_machines_take_turns_on_the_processors_that_are_ours() -> None:
     assert sorted(uml._one_processor() for _ in ours) == sorted(ours)
 
 
+@pytest.mark.full
 def test_processors_with_more_registers_than_uml_knows(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
@@ -66,6 +67,7 @@ def test_processors_with_more_registers_need_a_compiler(
         uml.run_in_uml(["true"], 10.0)
 
 
+@pytest.mark.full
 def test_hanging_command_is_ended() -> None:
     with pytest.raises(TimeoutError, match="sleep 600"):
         run_on_bus(["sleep", "600"], 4.0)

@@ -101,7 +101,7 @@ def measured(
     }
 
 
-@pytest.mark.quick("kr30-pose", "irb2400-position", "lbr-pose", "palletiser-position")
+@pytest.mark.quick("lbr-pose", "palletiser-position")
 @pytest.mark.parametrize("full_pose", [False, True], ids=["position", "pose"])
 @pytest.mark.parametrize("name", list(arms.ALL_EFFECTS))
 def test_fixed_is_double(name: str, full_pose: bool) -> None:
@@ -170,6 +170,7 @@ def test_clamped_correction_leaves_the_tool_no_worse_than_uncorrected(name: str,
     assert left.max() <= 1.03
 
 
+@pytest.mark.quick("scara-position")
 @pytest.mark.quick("scara-position", "cobot-pose")
 @pytest.mark.parametrize("full_pose", [False, True], ids=["position", "pose"])
 @pytest.mark.parametrize(

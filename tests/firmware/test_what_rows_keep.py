@@ -37,6 +37,7 @@ def run(folder: Path, *options: str) -> tuple[str, dict[str, Any]]:
     return " ".join(said.stdout.split()), json.loads((folder / "c.json").read_text())
 
 
+@pytest.mark.quick("fixed")
 @pytest.mark.parametrize("engine", ["fixed", "double"])
 def test_what_every_row_keeps_is_in_the_figures(tables: Path, engine: str) -> None:
     left = run(tables, "--engine", engine)[1]["left"]

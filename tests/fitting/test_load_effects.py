@@ -78,7 +78,7 @@ def test_base_that_is_not_level_is_found_with_its_tilt(given):
     assert fresh_error(fit, truth, given, np.random.default_rng(1)) < 3e-6
 
 
-@pytest.mark.quick("fixed")
+@pytest.mark.full
 @pytest.mark.parametrize("engine", ["fixed", "double"])
 def test_a_table_undoes_what_masses_and_level_do_through_springs_that_harden(given, tmp_path, engine):
     rng = np.random.default_rng(15)

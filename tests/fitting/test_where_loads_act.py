@@ -9,7 +9,7 @@ import pytest
 from armtrue_sim.cases import hidden_cases
 
 
-@pytest.mark.quick("deflected-cobot", "nominal-kr30")
+@pytest.mark.quick("deflected-cobot")
 @pytest.mark.parametrize("arm", ["kr30", "cobot"])
 @pytest.mark.parametrize("statics", ["deflected", "nominal"])
 def test_the_fit_and_its_predictions_take_loads_where_they_act(tmp_path, arm, statics):

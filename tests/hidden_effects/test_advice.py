@@ -93,7 +93,7 @@ def test_a_mesh_order_is_found_though_the_gear_ratio_is_unknown_or_wrong(gear_ra
     assert any("421 cycles a turn on joint 2" in line for line in diagnosis["advice"])
 
 
-@pytest.mark.quick("2")
+@pytest.mark.full
 @pytest.mark.parametrize("joint", [2, 3])
 def test_the_direction_to_record_is_named_by_joint(joint: int) -> None:
     hidden = [{"effect": "backlash", "joints": [joint], "scale": 3.0}]
@@ -102,7 +102,7 @@ def test_the_direction_to_record_is_named_by_joint(joint: int) -> None:
     assert any(f"record dir{joint}" in line for line in advice), advice
 
 
-@pytest.mark.quick("kr30", "lbr")
+@pytest.mark.quick("lbr")
 @pytest.mark.parametrize("arm", ARMS)
 def test_no_direction_is_asked_for_where_nothing_is_missing(arm: str) -> None:
     case = hidden_cases("nothing_hidden", arm, 11)
@@ -117,6 +117,7 @@ def test_no_direction_is_asked_for_where_nothing_is_missing(arm: str) -> None:
     assert not any("backlash looks so" in line for line in diagnosis["advice"]), diagnosis["advice"]
 
 
+@pytest.mark.full
 def test_two_effects_that_are_both_there_are_no_alternatives() -> None:
     hidden = [
         {"effect": "backlash", "joints": [2], "scale": 2.0},

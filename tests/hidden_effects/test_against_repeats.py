@@ -9,7 +9,7 @@ from armtrue import diagnose, fit, load_data, load_model, load_robot
 from armtrue_sim import simulate
 
 
-@pytest.mark.quick("1")
+@pytest.mark.full
 @pytest.mark.parametrize("seed", [1, 2])
 def test_a_pattern_too_fine_to_be_named_is_not_called_noise(seed: int, tmp_path: Path) -> None:
     # Along one joint's motion it was taken for that joint's repeatability, by which repeats were then judged.

@@ -60,7 +60,8 @@ def test_a_zero_that_moved_is_no_knock(tmp_path: Path) -> None:
     assert not any("knocked" in sentence for sentence in last["advice"])
 
 
-@pytest.mark.parametrize("hidden", [[], pytest.param(["thermal_expansion"], marks=pytest.mark.full)])
+@pytest.mark.full
+@pytest.mark.parametrize("hidden", [[], ["thermal_expansion"]])
 def test_air_that_comes_and_goes_is_no_joint_that_repeats_badly(hidden: list[Any], tmp_path: Path) -> None:
     simulate({"arm": "kr30", "seed": 101, "poses": 240, "test_poses": 0, "hidden": hidden}, tmp_path)
     robot = load_robot(tmp_path / "robot.yaml")

@@ -21,7 +21,7 @@ def run(*arguments: object) -> None:
     assert done.returncode == 0, done.stderr
 
 
-@pytest.mark.quick("later_hysteresis")
+@pytest.mark.full
 @pytest.mark.parametrize("kind", [kind for kind in KINDS if kind.startswith("later")])
 def test_a_fit_with_a_later_effect_becomes_a_table(kind: str, tmp_path: Path) -> None:
     case = hidden_cases(kind, KINDS[kind].arms[0], 20000)

@@ -44,6 +44,7 @@ def moved_reflectors(names: list[str]) -> Callable[[Columns, Campaign], None]:
     return change
 
 
+@pytest.mark.full
 def test_a_reflector_that_moved_is_no_effect_of_the_arm(tmp_path: Path) -> None:
     before = fitted({"arm": "kr30", "seed": 82, "poses": 160, "hidden": []}, tmp_path, moved_reflectors([]))
     best, story = refine(before)
@@ -55,6 +56,7 @@ def test_a_reflector_that_moved_is_no_effect_of_the_arm(tmp_path: Path) -> None:
     assert not any("zero that moved" in s or "can be compensated" in s for s in last["advice"])
 
 
+@pytest.mark.quick("names0-tool.t-nest")
 @pytest.mark.parametrize(
     ("names", "coordinate", "column"), [(["A", "B", "C"], "tool.t", "nest"), (["B"], "tool[1].t", "target")]
 )
@@ -94,6 +96,7 @@ def loaded_half_way(columns: Columns, campaign: Campaign) -> None:
         columns[axis] = columns[axis] + np.where(late, by, 0.0)
 
 
+@pytest.mark.quick("no column payload")
 @pytest.mark.parametrize("without", ["payload", ""], ids=["no column payload", "payload said to be none"])
 def test_a_load_that_nobody_recorded_is_no_knock(without: str, tmp_path: Path) -> None:
     plan = {"arm": "kr30", "seed": 110, "poses": 160, "hidden": [], "payloads": [0.0]}

@@ -131,6 +131,7 @@ def test_marks_between_thousands_are_taken_out(folder, tmp_path, rows):
     np.testing.assert_allclose(data.columns["x"], [float(row["x"]) + 5.0 for row in rows], atol=1e-6)
 
 
+@pytest.mark.quick("Wann")
 @pytest.mark.parametrize("header", ["Zeitstempel", "Wann", "Temperaturzeit", "Datum"])
 def test_clock_times_are_the_time_whatever_their_header(folder, tmp_path, rows, header):
     clock = [f"29.03.2025 {22 + at // 60}:{at % 60:02d}:00" for at in range(len(rows))]

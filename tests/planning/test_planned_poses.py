@@ -23,11 +23,9 @@ def test_what_is_ambiguous_is_settled_by_the_planned_poses(case: Case, tmp_path:
     assert np.median([o.planned for o in outcomes]) < np.median([o.random for o in outcomes])
 
 
-@pytest.mark.quick("1-warm_up")
+@pytest.mark.full
 @pytest.mark.parametrize("cause", HEAT)
-@pytest.mark.parametrize(
-    "seed", [SEEDS[0], *(pytest.param(seed, marks=pytest.mark.full) for seed in SEEDS[1:])]
-)
+@pytest.mark.parametrize("seed", SEEDS)
 def test_the_diagnosis_names_the_cause_after_the_planned_session(
     cause: str, seed: int, tmp_path: Path
 ) -> None:

@@ -32,7 +32,8 @@ def named(found: dict[str, Any]) -> set[str]:
     return {c["effect"] for c in found["candidates"] if c["probability"] > 0.5}
 
 
-@pytest.mark.parametrize("seed", [3, pytest.param(4, marks=pytest.mark.full)])
+@pytest.mark.full
+@pytest.mark.parametrize("seed", [3, 4])
 def test_a_large_drift_is_named_beside_a_function_of_two_angles(tmp_path: Path, seed: int) -> None:
     found = found_of(tmp_path, seed, 20.0, [])
     assert named(found) == {"time_drift"}

@@ -15,6 +15,7 @@ def squares(fitted: Fit) -> float:
     return float(fitted.document["error"]["train"]["rms_um"]) ** 2
 
 
+@pytest.mark.full
 def test_a_refit_bears_out_what_candidates_explain(tmp_path: Path) -> None:
     # The forms of a beam were said to explain nothing, beside all the evidence for them.
     simulate(

@@ -88,6 +88,7 @@ def test_what_the_bars_do_wrong_is_found(refined) -> None:
     assert not any(need.endswith("4") for need in untestable)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("engine", [Engine.FIXED, Engine.DOUBLE])
 @pytest.mark.parametrize("reported", ["nothing", "level"])
 def test_the_other_joints_take_the_tool_where_the_fit_promises(

@@ -76,6 +76,7 @@ def left_after_compensation(folder: Path, campaign: Campaign) -> float:
     return float(np.linalg.norm(campaign.arm.true_position(q) - meant, axis=1).mean())
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(
     ("stated", "options"),
     [

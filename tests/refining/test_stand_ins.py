@@ -38,7 +38,7 @@ def test_one_of_two_comes_in_that_share_their_probability() -> None:
     assert steps["base_compliance"]["confounded_with"] == ["bending_compliance 1"]
 
 
-@pytest.mark.quick("1")
+@pytest.mark.full
 @pytest.mark.parametrize("seed", [1, 2])
 def test_of_the_forms_of_one_effect_one_comes_in(tmp_path: Path, seed: int) -> None:
     # A form came in with less than half of the probability, for the forms share what makes them sure.

@@ -37,7 +37,7 @@ def tool_height(fitted: Fit) -> float:
     return float(tool["xyz"][2])
 
 
-@pytest.mark.quick("1")
+@pytest.mark.full
 @pytest.mark.parametrize("seed", [1, 2])
 def test_bending_is_named_and_nothing_that_the_evidence_speaks_against_stays(
     seed: int, tmp_path: Path

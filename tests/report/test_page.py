@@ -93,6 +93,7 @@ def test_it_loads_without_network_and_without_complaints(laptop):
     laptop.complaints()  # of this very request
 
 
+@pytest.mark.quick("(320, 640)", "(1280, 800)")
 @pytest.mark.parametrize("size", [LAPTOP, PHONE, (320, 640), (820, 1180)], ids=str)
 def test_nothing_runs_over_the_edge(browser, page, size):
     browser.open(page, size)

@@ -106,7 +106,7 @@ def assert_known(arm: KnownArm, largest_left_m: float) -> None:
 
 
 # Of those on the same arm, with springs in the same places, one each: the others are alike.
-@pytest.mark.quick("geometry in standard DH", "parallelogram")
+@pytest.mark.quick("parallelogram")
 @pytest.mark.parametrize("name", CASES)
 def test_effect_alone(name: str) -> None:
     # What even the true values leave: second order of held parameters, and of the linkage's bars.

@@ -24,10 +24,13 @@ cmd_test() {
   # A step that is named runs at any level, and needs what its level needs.
   if [ $LEVEL = full ] || { [ -n "${1:-}" ] && compgen -G "tools/test.d/*$1*.full.sh" >/dev/null; }; then more=full; fi
   install_packages run bus firmware test lint $more
-  ensure_venv run test lint
+  ensure_venv run
   configure release -DBUILD_TESTING=ON
+  ensure_venv test lint & # waits for the network and unpacks, while the compilers wait for nothing
+  more=$!
   say "building"
   build_preset release product firmware_tests
+  wait $more
   for step in tools/test.d/*"${1:-}"*.sh; do
     [ -e "$step" ] || { echo "test: no step of tools/test.d has '$1' in its name" >&2; return 2; }
     [[ $LEVEL = full || -n ${1:-} || $step != *.full.sh ]] || continue

@@ -218,12 +218,9 @@ class _Search:
         """
         rows = np.arange(max(0, -lag), min(self._count, self._count - lag))
         result = np.full(self._count, np.inf)
-        result[rows] = np.minimum(
-            *(
-                np.linalg.norm(predicted[target, rows + lag] - self._points[rows], axis=1)
-                for target in (self._target[rows + lag], self._target[rows])
-            )
-        )
+        for target in (self._target[rows + lag], self._target[rows]):
+            off = np.linalg.norm(predicted[target, rows + lag] - self._points[rows], axis=1)
+            result[rows] = np.minimum(result[rows], off)
         return result
 
 

@@ -55,7 +55,7 @@ def test_is_quiet_about_conventions_that_are_right(campaign, name):
     assert not {"gross_errors", "scale", "base_or_tool_elsewhere"} & set(codes(report))
 
 
-@pytest.mark.parametrize("joint", [2, 5, *(pytest.param(joint, marks=pytest.mark.full) for joint in (3, 4))])
+@pytest.mark.parametrize("joint", [2, *(pytest.param(joint, marks=pytest.mark.full) for joint in (3, 4, 5))])
 def test_finds_a_joint_that_turns_the_other_way(campaign, joint):
     data, robot = campaign("kr30")
     report = check(changed(data, **{f"q{joint}": -data.columns[f"q{joint}"]}), robot)
@@ -70,6 +70,7 @@ def test_finds_two_joints_that_turn_the_other_way(campaign):
     assert ("joint 2 turns" in words and "joint 4 turns" in words) or "joints 2, 4 turn" in words
 
 
+@pytest.mark.quick("2-90", "5-180")
 @pytest.mark.parametrize(("joint", "degrees"), [(2, 90), (3, -90), (5, 180)])
 def test_finds_a_zero_a_quarter_or_half_turn_off(campaign, joint, degrees):
     data, robot = campaign("kr30")

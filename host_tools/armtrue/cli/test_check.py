@@ -168,6 +168,7 @@ def test_check_an_arm_with_errors_of_calibration_only_is_not_accused(tmp_path, s
     assert errors(data, truth, tmp_path) == []
 
 
+@pytest.mark.quick("written1-read1")
 @pytest.mark.parametrize(
     ("written", "read"),
     [

@@ -193,6 +193,7 @@ def test_orientations_are_not_spoken_of_where_none_were_measured(report):
     assert "rientation" not in page(report).split("<main>")[1].split("<script")[0]
 
 
+@pytest.mark.full
 def test_gross_errors_do_not_make_lines_of_scatter(tmp_path):
     made = fitted(tmp_path, {**ORIENTED, "hidden": [], "gross_errors": {"count": 3, "size": [0.002, 0.004]}})
     assert len(made.document["rejected"]) == 3

@@ -310,7 +310,8 @@ def _fit_cubics(
     coefficients = samples @ np.linalg.inv(np.vander(points, 4, increasing=True)).T
     within = (np.arange(_SAMPLES_PER_CELL) + 0.5) / _SAMPLES_PER_CELL
     fitted = coefficients @ np.vander(within, 4, increasing=True).T
-    error = np.abs(fitted - function(starts + width * used[:, None] * within)).max()
+    raster: Array = starts + width * used[:, None] * within
+    error = np.abs(fitted - function(raster)).max()
     # Back from the used part to the whole cell.
     coefficients = coefficients / used[:, None] ** np.arange(4)
     return coefficients, float(error) if np.isfinite(samples).all() else math.inf

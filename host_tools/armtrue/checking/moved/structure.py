@@ -50,14 +50,9 @@ def _groups(data: Dataset, geometry: Geometry, progress: Array) -> list[list[Arr
         for k, motor in enumerate(motors, start=1)
         if f"dir{k}" in data.columns
     ]
+    turning = [k for k in range(len(motors)) if not geometry.chain.prismatic[k]]
     waves = [
-        [
-            motor * wave(order * link[:, k])[:, None]
-            for k, motor in enumerate(motors)
-            if not geometry.chain.prismatic[k]
-            for wave in (np.sin, np.cos)
-        ]
-        for order in _HARMONICS
+        [column for k in turning for column in _wave(motors[k], order * link[:, k])] for order in _HARMONICS
     ]
     return [
         [one * (progress**power)[:, None] for power in _POWERS_OF_TIME for one in base],
@@ -67,6 +62,11 @@ def _groups(data: Dataset, geometry: Geometry, progress: Array) -> list[list[Arr
         [one * warmth[:, None] for warmth in warmths for one in [*base, *motors]],
         *waves,
     ]
+
+
+def _wave(motor: Array, angle: Array) -> list[Array]:
+    """Sine and cosine of `angle` (N,) on a motor's column (N, 3)."""
+    return [motor * wave[:, None] for wave in (np.sin(angle), np.cos(angle))]
 
 
 def _by_joint(geometry: Geometry, k: int) -> Array:

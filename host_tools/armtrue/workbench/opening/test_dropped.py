@@ -169,6 +169,7 @@ def _joints_and_points_in_inches(foreign: Path, tmp_path: Path) -> list[Path]:
     return files
 
 
+@pytest.mark.full
 def test_unit_chosen_for_joined_files_is_that_of_the_files_own_column(campaign, foreign, tmp_path):
     files = _joints_and_points_in_inches(foreign, tmp_path)
     drop = dropped(tmp_path / "drop", *files, campaign / "robot.yaml")
