@@ -14,6 +14,7 @@ from .sensitivity import (
 )
 
 
+@pytest.mark.quick("cobot")
 @pytest.mark.parametrize("name", PRESETS)
 def test_columns_are_the_slopes_of_the_exact_position(name):
     # A perfect arm: the geometric Jacobian is exact there.

@@ -158,6 +158,7 @@ def test_ctrl_c_ends_a_recording_that_replaces_the_one_before(tmp_path: Path) ->
     assert sorted(path.name for path in tmp_path.iterdir()) == ["run.log", "state"]
 
 
+@pytest.mark.full
 def test_a_bus_that_goes_away_leaves_what_was_recorded(tmp_path: Path) -> None:
     log = tmp_path / "run.log"
     with NodeProcess(tmp_path / "state"):

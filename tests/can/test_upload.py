@@ -51,6 +51,7 @@ def test_upload_verifies_activates_and_survives_a_restart(tmp_path: Path, tables
         assert json.loads(again.stdout)["bytes_sent"] == 0, "already in force"
 
 
+@pytest.mark.full
 def test_unconfirmed_trial_is_gone_after_a_restart(tmp_path: Path, tables: Path) -> None:
     with NodeProcess(tmp_path / "state") as node:
         assert armtrue("upload", tables, "--transfer", "segmented").returncode == 0
@@ -76,6 +77,7 @@ def test_revert_returns_to_the_table_before(tmp_path: Path, tables: Path) -> Non
         assert "no table is on trial" in refused.stderr
 
 
+@pytest.mark.quick("changes2-options2-an unsigned table, the device expects a signed one")
 @pytest.mark.parametrize(
     ("changes", "options", "words"),
     [

@@ -64,7 +64,7 @@ def test_orientations_that_scatter_widely_make_positions_no_surer(tmp_path: Path
     assert np.mean(found) < 1.5
 
 
-@pytest.mark.quick("0.002")
+@pytest.mark.full
 @pytest.mark.parametrize("orientation", [2e-5, 2e-3])
 def test_positions_and_orientations_scatter_each_as_it_was_read(orientation: float, tmp_path: Path) -> None:
     # Positions seemed to be read to 4 um beside wide orientations: what has a small weight was counted in full.

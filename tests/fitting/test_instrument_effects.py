@@ -52,6 +52,7 @@ def test_circle_of_a_third_order_is_refused(campaign) -> None:
         campaign(poses=30).fit([*GEOMETRY, {"effect": "tracker_angles", "orders": [3]}])
 
 
+@pytest.mark.full
 def test_distances_that_are_all_off_by_one_length_are_no_error_of_the_circles(campaign) -> None:
     # The zero of a distance meter was taken for circles off their axes, with more than 99 %.
     given = campaign(poses=200)

@@ -37,6 +37,7 @@ def test_a_pattern_too_fine_to_be_named_is_not_called_noise(seed: int, tmp_path:
     assert found["lack_of_fit"]["log10_p"] < -5.0
 
 
+@pytest.mark.full
 def test_gross_errors_that_lie_together_are_an_error_of_the_arm(tmp_path: Path) -> None:
     # All poses near one angle of axis 2 were kept out as bumped reflectors, and the rest was called noise.
     bump = {

@@ -49,6 +49,7 @@ def test_a_knock_is_told_from_drifts(knocked: tuple[Any, list[dict[str, Any]]]) 
     assert max(c["probability"] for c in last["candidates"] if c["effect"] in drifts) < 0.1
 
 
+@pytest.mark.full
 def test_a_zero_that_moved_is_no_knock(tmp_path: Path) -> None:
     simulate({"arm": "kr30", "seed": 71, "poses": 200, "test_poses": 0, "hidden": []}, tmp_path)
     robot = load_robot(tmp_path / "robot.yaml")

@@ -115,6 +115,7 @@ def test_a_move_in_which_targets_were_withheld_is_made_again(
     assert loop.controller.worst_following == 0
 
 
+@pytest.mark.quick("offset")
 def test_positions_come_back_as_commanded_and_temperatures_arrive(loop: Loop) -> None:
     loop.operator.ask(wait=500.0)
     told = loop.operator.ask(wait=1.0)["temp_arm"]

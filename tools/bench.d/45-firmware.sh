@@ -1,7 +1,7 @@
 # The STM32F405 image beside its budgets, the faults of step 15 of ./dev test, and the fixed-point way back to the simulator, into
 # docs/results.md.
 build_preset stm32f405 >/dev/null
-build_preset release firmware_tests >/dev/null
+build_preset release firmware_tests firmware_hours >/dev/null
 $PY tools/into_results.py stm32f405 $PY tests/firmware/firmware_report.py table
 $PY tools/into_results.py faults $PY tests/firmware/faults/faults_report.py build/release
 rows=$($PY -m pytest -q -s -p no:cacheprovider tests/firmware/test_truth.py |

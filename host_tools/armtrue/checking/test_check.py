@@ -166,6 +166,7 @@ def test_finds_lengths_in_another_unit(campaign, factor, code, word):
         assert found.evidence["scale"] == pytest.approx(factor, rel=0.01)
 
 
+@pytest.mark.full
 def test_finds_millimetres_and_goes_on_to_what_else_is_wrong(campaign):
     data, robot = campaign("kr30")
     columns = {name: 1000.0 * data.columns[name] for name in "xyz"}
@@ -203,7 +204,7 @@ def test_what_leaves_half_the_error_is_no_cause(campaign):
         assert report.has_errors
 
 
-@pytest.mark.quick("2")
+@pytest.mark.full
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_small_arm_with_large_errors_is_far_from_nominal_and_not_refused(tmp_path, seed):
     """Zeros by 1.4 degrees, links by 0.9 degrees and 1.5 mm, at a reach of 0.3 m."""

@@ -31,6 +31,7 @@ def errors_and_warnings(data: Dataset, robot: Robot) -> list[Finding]:
     return [found for found in check(data, robot).findings if found.severity != "note"]
 
 
+@pytest.mark.quick("0.12-kr30-91", "0.9-kr30-94", "0.5-cobot-194")
 @pytest.mark.parametrize(("arm", "seed"), [("kr30", 91), ("kr30", 94), ("kr30", 96), ("cobot", 194)])
 @pytest.mark.parametrize("share", [0.12, 0.5, 0.9])
 def test_lost_reading_is_named_by_its_row_and_a_fit_refused(
@@ -96,6 +97,7 @@ def test_shift_and_exchange_are_told_apart_where_each_pose_has_both_reflectors(c
     assert "in rows 62 to 91 the names" in swapped.message
 
 
+@pytest.mark.quick("kr30-95")
 @pytest.mark.parametrize(("arm", "seed"), [("kr30", 95), ("cobot", 91)])
 def test_sample_of_rows_that_misses_a_reflector_raises_nothing(
     campaign: Campaign, arm: str, seed: int

@@ -114,6 +114,7 @@ def test_increments_of_wrong_number_or_size_are_told_what_is_expected(exported):
     assert f"found 1000, 2000, {words}" in refused(exported, *export, "1000,2000")
 
 
+@pytest.mark.quick("--increments=-16", "--sequence=4294967295")
 @pytest.mark.parametrize(
     "option",
     [
@@ -144,6 +145,7 @@ def test_options_that_the_firmware_cuts_are_said(exported, tmp_path):
     assert "firmware allows" not in run.stdout
 
 
+@pytest.mark.quick("device monitor")
 @pytest.mark.parametrize("command", ["device info", "device monitor", "device selftest", "upload t.bin"])
 def test_timeout_that_would_never_end_is_refused(exported, command):
     bus = ("--interface", "virtual", "--channel", "test", "--timeout")
@@ -181,6 +183,7 @@ def test_every_option_that_takes_a_number_refuses_one_that_is_not_finite(value):
             command.invoke(context)
 
 
+@pytest.mark.quick("tables info t.bin --json -", "--help")
 @pytest.mark.parametrize(
     "command",
     [
