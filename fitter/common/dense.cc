@@ -1,6 +1,7 @@
 #include "fitter/common/dense.h"
 
 #include <Eigen/Cholesky>
+#include <Eigen/SparseCore>
 #include <algorithm>
 #include <cmath>
 #include <utility>
@@ -68,6 +69,9 @@ constexpr Eigen::Index kSmallFactor = 600, kFactorBlock = 192;
 constexpr Eigen::Index kSmallest = 16;
 // Householder reflectors that LAPACK applies as one product.
 constexpr Eigen::Index kReflectorsTogether = 32;
+// From so many multiplications on it pays to look for columns that are mostly zero, as those of a
+// table's nodes are. With less than this share of their values they are multiplied value by value.
+constexpr double kWorthLooking = 1e9, kMostlyZero = 0.1;
 
 // Calls job(first, count) for panels of `columns` columns, side by side where that pays.
 template <typename Job>
@@ -158,9 +162,62 @@ void solve_triangle(const char* turn, const Eigen::MatrixXd& factor,
   });
 }
 
+// Columns of `a` that are mostly zero.
+std::vector<Eigen::Index> mostly_zero(const Eigen::Ref<const Eigen::MatrixXd>& a) {
+  const auto most = static_cast<Eigen::Index>(kMostlyZero * static_cast<double>(a.rows()));
+  std::vector<char> is_sparse(static_cast<std::size_t>(a.cols()));
+  in_pieces(a.cols(), kNarrowestPanel, [&](Eigen::Index first, Eigen::Index end) {
+    for (Eigen::Index c = first; c < end; ++c) {
+      Eigen::Index values = 0;
+      for (Eigen::Index r = 0; r < a.rows() && values <= most; ++r) values += a(r, c) != 0.0;
+      is_sparse[static_cast<std::size_t>(c)] = values <= most;
+    }
+  });
+  std::vector<Eigen::Index> result;
+  for (Eigen::Index c = 0; c < a.cols(); ++c) {
+    if (is_sparse[static_cast<std::size_t>(c)]) result.push_back(c);
+  }
+  return result;
+}
+
+// aᵀa, of which the columns `sparse` are mostly zero.
+Eigen::MatrixXd square_of_parts(const Eigen::Ref<const Eigen::MatrixXd>& a,
+                                const std::vector<Eigen::Index>& sparse) {
+  std::vector<Eigen::Index> dense;
+  for (Eigen::Index c = 0; c < a.cols(); ++c) {
+    if (!std::ranges::binary_search(sparse, c)) dense.push_back(c);
+  }
+  Eigen::SparseMatrix<double> values(a.rows(), static_cast<Eigen::Index>(sparse.size()));
+  for (Eigen::Index c = 0; c < values.cols(); ++c) {
+    values.startVec(c);
+    for (Eigen::Index r = 0; r < a.rows(); ++r) {
+      const double value = a(r, sparse[static_cast<std::size_t>(c)]);
+      if (value != 0.0) values.insertBack(r, c) = value;
+    }
+  }
+  values.finalize();
+  const Eigen::MatrixXd others = a(Eigen::all, dense);
+  Eigen::MatrixXd across(values.cols(), others.cols());
+  in_panels(others.cols(), kWorthThreads, [&](Eigen::Index first, Eigen::Index count) {
+    across.middleCols(first, count).noalias() =
+        values.transpose() * others.middleCols(first, count);
+  });
+  Eigen::MatrixXd result(a.cols(), a.cols());
+  result(sparse, sparse) = Eigen::MatrixXd(values.transpose() * values);
+  result(sparse, dense) = across;
+  result(dense, sparse) = across.transpose();
+  result(dense, dense) = symmetric_product("T", others, others.cols(), others.rows());
+  return result;
+}
+
 }  // namespace
 
 Eigen::MatrixXd square(const Eigen::Ref<const Eigen::MatrixXd>& a) {
+  const auto rows = static_cast<double>(a.rows()), columns = static_cast<double>(a.cols());
+  if (0.5 * rows * columns * columns > kWorthLooking) {
+    const std::vector<Eigen::Index> sparse = mostly_zero(a);
+    if (2 * sparse.size() > static_cast<std::size_t>(a.cols())) return square_of_parts(a, sparse);
+  }
   return symmetric_product("T", a, a.cols(), a.rows());
 }
 

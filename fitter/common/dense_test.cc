@@ -213,5 +213,18 @@ TEST(Dense, FewColumnsTimesAWideMatrix) {
   EXPECT_LE((transpose_times(left, right) - expected).norm(), 1e-12 * expected.norm());
 }
 
+// Columns as those of a table's nodes among others, some of them zero throughout.
+TEST(Dense, SquareOfColumnsThatAreMostlyZero) {
+  Eigen::MatrixXd a = random_matrix(4000, 800, 23);
+  for (Eigen::Index c = 0; c < a.cols(); ++c) {
+    if (c % 8 < 3) continue;
+    for (Eigen::Index r = 0; r < a.rows(); ++r) {
+      if (c % 8 == 3 || (r / 3 + c) % 40 != 0) a(r, c) = 0.0;
+    }
+  }
+  const Eigen::MatrixXd expected = transpose_times(a, a);
+  EXPECT_LE((square(a) - expected).norm(), 1e-13 * expected.norm());
+}
+
 }  // namespace
 }  // namespace armtrue

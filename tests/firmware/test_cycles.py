@@ -107,7 +107,7 @@ def test_a_cycle_stays_within_the_budget(kr30: tuple[np.ndarray, np.ndarray, rec
     check_budget("kr30", worst)
 
 
-@pytest.mark.quick("irb2400-position")
+@pytest.mark.full
 @pytest.mark.parametrize("full_pose", [False, True], ids=["position", "pose"])
 @pytest.mark.parametrize("name", ["kr30", "irb2400", "cobot"])
 def test_other_arms_agree_and_stay_within_the_budget(name: str, full_pose: bool, tmp_path: Path) -> None:

@@ -28,13 +28,13 @@ def run(*arguments: object) -> None:
     assert done.returncode == 0, done.stderr
 
 
-@pytest.mark.quick("cobot-two-effects", "kr30-nothing-hidden")
+@pytest.mark.quick("cobot-two-effects")
 @pytest.mark.parametrize(
     "name",
     [
         "cobot-two-effects",
         "irb2400-parallelogram",
-        pytest.param("kr30-eccentric-gear", marks=pytest.mark.full),  # docs/examples has its like
+        "kr30-eccentric-gear",
         "kr30-nothing-hidden",
     ],
 )

@@ -19,6 +19,9 @@ from selenium.webdriver.common.actions.wheel_input import ScrollOrigin
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 
+# Of tests with a browser, every run has tests/workbench/test_flow.py.
+pytestmark = pytest.mark.full
+
 ARROWS = """return ['length0', 'length1', 'length2', 'length3']
     .map(k => document.querySelector('.stage .' + k).getAttribute('d')).join('')"""
 # Contrast of every element's own text against what is painted behind it (WCAG 2.1, relative luminance).
@@ -93,7 +96,6 @@ def test_it_loads_without_network_and_without_complaints(laptop):
     laptop.complaints()  # of this very request
 
 
-@pytest.mark.quick("(320, 640)", "(1280, 800)")
 @pytest.mark.parametrize("size", [LAPTOP, PHONE, (320, 640), (820, 1180)], ids=str)
 def test_nothing_runs_over_the_edge(browser, page, size):
     browser.open(page, size)
@@ -102,7 +104,6 @@ def test_nothing_runs_over_the_edge(browser, page, size):
     assert scrolled <= shown == size[0]
 
 
-@pytest.mark.full
 @pytest.mark.parametrize("size", [LAPTOP, PHONE], ids=["laptop", "phone"])
 def test_words_in_charts_are_large_enough_to_read(browser, page, size):
     browser.open(page, size)
@@ -111,7 +112,6 @@ def test_words_in_charts_are_large_enough_to_read(browser, page, size):
     assert min(heights) >= 12.0
 
 
-@pytest.mark.full
 @pytest.mark.parametrize(
     ("size", "media"), [(LAPTOP, ""), (PHONE, ""), (A4, "print")], ids=["laptop", "phone", "paper"]
 )
@@ -129,7 +129,6 @@ def test_ticks_of_charts_keep_clear_of_the_axis_names(browser, page, size, media
     assert struck == []
 
 
-@pytest.mark.full
 @pytest.mark.parametrize("size", [LAPTOP, PHONE], ids=["laptop", "phone"])
 def test_words_of_charts_end_within_them(browser, page, size):
     browser.open(page, size)
@@ -142,7 +141,6 @@ def test_words_of_charts_end_within_them(browser, page, size):
     assert cut == []
 
 
-@pytest.mark.full
 def test_axes_say_their_units_and_that_they_are_logarithmic(laptop):
     plots = laptop.run("return [...document.querySelectorAll('[data-plot]')].map((e) => e.dataset.plot)")
     axes = [(axis, json.loads(plot)[axis]) for plot in plots for axis in ("x", "y")]
@@ -160,7 +158,6 @@ def test_axes_say_their_units_and_that_they_are_logarithmic(laptop):
     assert "µm, logarithmic" in laptop.run("return document.querySelector('.waterfall-axis').textContent")
 
 
-@pytest.mark.full
 @pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
 def test_all_words_stand_out_from_their_background(browser, page, dark):
     browser.open(page, dark=dark)
@@ -170,7 +167,6 @@ def test_all_words_stand_out_from_their_background(browser, page, dark):
     assert browser.run(CONTRAST) == []
 
 
-@pytest.mark.full
 @pytest.mark.parametrize("size", [LAPTOP, PHONE], ids=["laptop", "phone"])
 def test_all_figures_of_candidates_and_all_captions_are_in_sight(browser, page, size):
     browser.open(page, size)
@@ -184,7 +180,6 @@ def test_all_figures_of_candidates_and_all_captions_are_in_sight(browser, page, 
     assert browser.run(cut)
 
 
-@pytest.mark.full
 def test_tables_of_the_error_need_no_scrolling_on_a_laptop(laptop):
     beyond = (
         "return [...document.querySelectorAll('#error .scroll')].map((e) => e.scrollWidth - e.clientWidth)"
@@ -192,7 +187,6 @@ def test_tables_of_the_error_need_no_scrolling_on_a_laptop(laptop):
     assert laptop.run(beyond) == [0, 0]
 
 
-@pytest.mark.full
 @pytest.mark.parametrize("size", [LAPTOP, PHONE], ids=["laptop", "phone"])
 def test_the_legend_of_the_arrows_lies_beside_them(browser, page, size):
     browser.open(page, size)
@@ -207,7 +201,6 @@ def test_the_legend_of_the_arrows_lies_beside_them(browser, page, size):
     assert right <= size[0] - 30
 
 
-@pytest.mark.full
 def test_every_arrow_is_there_and_has_its_length(laptop, fits):
     """Seen from above, an arrow is as long as its horizontal error at the scale that the ruler states."""
     stage(laptop).send_keys("1")
@@ -231,7 +224,6 @@ def test_every_arrow_is_there_and_has_its_length(laptop, fits):
     assert starts == len(expected)
 
 
-@pytest.mark.full
 @pytest.mark.parametrize("size", [LAPTOP, PHONE], ids=["laptop", "phone"])
 def test_every_arrow_ends_in_the_picture_gross_errors_too(browser, page, size):
     browser.open(page, size)
@@ -247,7 +239,6 @@ def test_every_arrow_ends_in_the_picture_gross_errors_too(browser, page, size):
     assert np.all((ends > -1) & (ends < [width + 1, height + 1]))
 
 
-@pytest.mark.full
 @pytest.mark.parametrize(
     "key", [Keys.ARROW_LEFT, Keys.ARROW_UP, "+", "2", "]"], ids=["left", "up", "plus", "2", "]"]
 )
@@ -260,7 +251,6 @@ def test_keys_move_the_picture_and_0_brings_it_back(laptop, key):
     assert arrows(laptop) == before
 
 
-@pytest.mark.full
 def test_the_mouse_turns_and_the_wheel_zooms(laptop):
     view = stage(laptop)
     before = arrows(laptop)
@@ -271,7 +261,6 @@ def test_the_mouse_turns_and_the_wheel_zooms(laptop):
     assert arrows(laptop) != turned
 
 
-@pytest.mark.full
 def test_fingers_turn_and_pinch(browser, page):
     browser.open(page, PHONE)
     view = stage(browser)
@@ -308,7 +297,6 @@ def test_the_worst_pose_is_read_out_as_it_was_measured(laptop, fits):
     assert words.startswith(f"Row {row}: {1e6 * lengths.max():.0f} µm")
 
 
-@pytest.mark.full
 def test_the_first_step_can_be_shown_at_the_same_scale(laptop):
     def ruler() -> str:
         return str(laptop.run("return document.querySelector('.ruler').getAttribute('d')"))
@@ -320,7 +308,6 @@ def test_the_first_step_can_be_shown_at_the_same_scale(laptop):
     assert ruler() == scale
 
 
-@pytest.mark.full
 def test_views_of_the_state_are_chosen_by_keyboard(laptop):
     shown = """return [...document.querySelectorAll('.view')]
         .filter((view) => view.checkVisibility()).map((view) => view.dataset.view)"""
@@ -330,7 +317,6 @@ def test_views_of_the_state_are_chosen_by_keyboard(laptop):
     assert laptop.run(shown) == ["x"]
 
 
-@pytest.mark.full
 def test_the_keyboard_reaches_everything_in_order(laptop):
     laptop.run("document.body.focus(); window.scrollTo(0, 0)")
     reached = []
@@ -364,7 +350,6 @@ def test_a_screen_reader_finds_headings_and_names(laptop):
     assert "main" in {role for role, _ in read}
 
 
-@pytest.mark.full
 def test_paper_holds_everything_that_matters(browser, page, tmp_path):
     browser.open(page)
     path = tmp_path / "report.pdf"
@@ -384,7 +369,6 @@ def test_paper_holds_everything_that_matters(browser, page, tmp_path):
     assert "Next worst" not in text
 
 
-@pytest.mark.full
 def test_eight_added_effects_fit_on_eight_sheets(browser, fits, tmp_path):
     longer, diagnoses = [fits[0]], [diagnose(fits[0])]
     while len(longer) < 9:
@@ -413,7 +397,6 @@ def _has(fit: Fit, candidate) -> bool:
     )
 
 
-@pytest.mark.full
 def test_paper_has_every_folded_part_open(browser, page):
     browser.open(page, media="print")
     folded, hidden = browser.run("""
@@ -425,7 +408,6 @@ def test_paper_has_every_folded_part_open(browser, page):
     assert hidden == []
 
 
-@pytest.mark.full
 def test_tables_end_within_their_column_on_paper(browser, page):
     browser.open(page, A4, media="print")
     wide = browser.run("""
@@ -435,7 +417,6 @@ def test_tables_end_within_their_column_on_paper(browser, page):
     assert wide == []
 
 
-@pytest.mark.full
 def test_no_figure_or_card_of_an_effect_breaks_across_sheets(browser, page):
     browser.open(page, A4, media="print")
     broken = browser.run(
@@ -447,7 +428,6 @@ def test_no_figure_or_card_of_an_effect_breaks_across_sheets(browser, page):
     assert broken == []
 
 
-@pytest.mark.full
 def test_paper_is_white_even_at_night_and_shows_three_views(browser, page):
     browser.open(page, dark=True, media="print")
     assert (
@@ -467,7 +447,6 @@ def test_without_scripts_all_but_one_picture_is_there(browser, page):
     assert sum(name.startswith("Spectrum of the residual") for name in names) == 6
 
 
-@pytest.mark.full
 def test_bars_of_candidates_are_as_long_as_their_shares(laptop):
     bars = laptop.run("""
         const wide = (e, name) => e.querySelector(name).offsetWidth;
@@ -478,7 +457,6 @@ def test_bars_of_candidates_are_as_long_as_their_shares(laptop):
         assert length == pytest.approx(percent / 100.0, abs=0.02)
 
 
-@pytest.mark.full
 def test_a_tap_reads_an_arrow(browser, page):
     browser.open(page, PHONE)
     stage(browser)
@@ -492,7 +470,6 @@ def test_a_tap_reads_an_arrow(browser, page):
     assert browser.driver.find_element(By.CSS_SELECTOR, ".readout").text.startswith("Row ")
 
 
-@pytest.mark.full
 def test_colour_never_stands_alone(laptop, fits: list[Fit]):
     """The first step's lines are dashed where the last step's are solid, and marks differ in shape."""
     dashes = laptop.run("""return ['first', 'last', 'threshold', 'ratio'].map((name) =>
