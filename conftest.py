@@ -23,7 +23,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         if case not in quick.args:
             item.add_marker(pytest.mark.full)
     if any("::" in argument for argument in config.args):
-        return  # single cases were asked for: the others were not collected
+        return  # only some cases were asked for: a named one may be among those that were not
     for test, named in unknown.items():
         if missing := named - cases[test]:
             raise pytest.UsageError(f"{test}: quick names {sorted(missing)}, which no case has")

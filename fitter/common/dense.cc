@@ -162,40 +162,21 @@ void solve_triangle(const char* turn, const Eigen::MatrixXd& factor,
   });
 }
 
-// Columns of `a` that are mostly zero.
-std::vector<Eigen::Index> mostly_zero(const Eigen::Ref<const Eigen::MatrixXd>& a) {
-  const auto most = static_cast<Eigen::Index>(kMostlyZero * static_cast<double>(a.rows()));
-  std::vector<char> is_sparse(static_cast<std::size_t>(a.cols()));
+// By column of `a`: how many of its values are not zero.
+std::vector<Eigen::Index> values_by_column(const Eigen::Ref<const Eigen::MatrixXd>& a) {
+  std::vector<Eigen::Index> result(static_cast<std::size_t>(a.cols()));
   in_pieces(a.cols(), kNarrowestPanel, [&](Eigen::Index first, Eigen::Index end) {
-    for (Eigen::Index c = first; c < end; ++c) {
-      Eigen::Index values = 0;
-      for (Eigen::Index r = 0; r < a.rows() && values <= most; ++r) values += a(r, c) != 0.0;
-      is_sparse[static_cast<std::size_t>(c)] = values <= most;
-    }
+    for (Eigen::Index c = first; c < end; ++c)
+      result[static_cast<std::size_t>(c)] = (a.col(c).array() != 0.0).count();
   });
-  std::vector<Eigen::Index> result;
-  for (Eigen::Index c = 0; c < a.cols(); ++c) {
-    if (is_sparse[static_cast<std::size_t>(c)]) result.push_back(c);
-  }
   return result;
 }
 
-// aᵀa, of which the columns `sparse` are mostly zero.
+// aᵀa from the columns that are mostly zero and the others.
 Eigen::MatrixXd square_of_parts(const Eigen::Ref<const Eigen::MatrixXd>& a,
-                                const std::vector<Eigen::Index>& sparse) {
-  std::vector<Eigen::Index> dense;
-  for (Eigen::Index c = 0; c < a.cols(); ++c) {
-    if (!std::ranges::binary_search(sparse, c)) dense.push_back(c);
-  }
-  Eigen::SparseMatrix<double> values(a.rows(), static_cast<Eigen::Index>(sparse.size()));
-  for (Eigen::Index c = 0; c < values.cols(); ++c) {
-    values.startVec(c);
-    for (Eigen::Index r = 0; r < a.rows(); ++r) {
-      const double value = a(r, sparse[static_cast<std::size_t>(c)]);
-      if (value != 0.0) values.insertBack(r, c) = value;
-    }
-  }
-  values.finalize();
+                                const std::vector<Eigen::Index>& sparse,
+                                const std::vector<Eigen::Index>& dense) {
+  const Eigen::SparseMatrix<double> values = a(Eigen::all, sparse).sparseView();
   const Eigen::MatrixXd others = a(Eigen::all, dense);
   Eigen::MatrixXd across(values.cols(), others.cols());
   in_panels(others.cols(), kWorthThreads, [&](Eigen::Index first, Eigen::Index count) {
@@ -215,8 +196,13 @@ Eigen::MatrixXd square_of_parts(const Eigen::Ref<const Eigen::MatrixXd>& a,
 Eigen::MatrixXd square(const Eigen::Ref<const Eigen::MatrixXd>& a) {
   const auto rows = static_cast<double>(a.rows()), columns = static_cast<double>(a.cols());
   if (0.5 * rows * columns * columns > kWorthLooking) {
-    const std::vector<Eigen::Index> sparse = mostly_zero(a);
-    if (2 * sparse.size() > static_cast<std::size_t>(a.cols())) return square_of_parts(a, sparse);
+    const std::vector<Eigen::Index> values = values_by_column(a);
+    std::vector<Eigen::Index> sparse, dense;
+    for (Eigen::Index c = 0; c < a.cols(); ++c) {
+      const double share = static_cast<double>(values[static_cast<std::size_t>(c)]) / rows;
+      (share <= kMostlyZero ? sparse : dense).push_back(c);
+    }
+    if (sparse.size() > dense.size()) return square_of_parts(a, sparse, dense);
   }
   return symmetric_product("T", a, a.cols(), a.rows());
 }

@@ -213,7 +213,7 @@ TEST(Dense, FewColumnsTimesAWideMatrix) {
   EXPECT_LE((transpose_times(left, right) - expected).norm(), 1e-12 * expected.norm());
 }
 
-// Columns as those of a table's nodes among others, some of them zero throughout.
+// Most columns are mostly zero, as those of a table's nodes are, and some are zero throughout.
 TEST(Dense, SquareOfColumnsThatAreMostlyZero) {
   Eigen::MatrixXd a = random_matrix(4000, 800, 23);
   for (Eigen::Index c = 0; c < a.cols(); ++c) {

@@ -19,7 +19,7 @@ from selenium.webdriver.common.actions.wheel_input import ScrollOrigin
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 
-# Of tests with a browser, every run has tests/workbench/test_flow.py.
+# In every run, tests/workbench/test_flow.py stands for the tests with a browser.
 pytestmark = pytest.mark.full
 
 ARROWS = """return ['length0', 'length1', 'length2', 'length3']
