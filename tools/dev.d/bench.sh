@@ -1,9 +1,9 @@
 #: bench     speed and full-size campaigns, printed as tables ([PART] runs the parts of tools/bench.d whose name has it)
 # Each part adds a file tools/bench.d/NN-name.sh, run in order; a failing part fails the run but later parts still run.
 cmd_bench() {
-  install_packages run bus firmware test bench
-  ensure_venv run test
+  install_packages run unit bus firmware test bench
   cmd_build
+  ensure_venv test
   configure release -DBUILD_TESTING=ON
   local failed=() part
   for part in tools/bench.d/*"${1:-}"*.sh; do

@@ -2,9 +2,9 @@
 cpp_sources() { find fitter firmware -name '*.h' -o -name '*.cc' -o -name '*.cpp' | sort; }
 
 cmd_format() {
-  install_packages run lint
-  ensure_venv run lint
+  install_packages run
+  ensure_venv lint
   $PY -m ruff format
   $PY -m ruff check --fix
-  cpp_sources | xargs clang-format-14 -i
+  cpp_sources | xargs .venv/bin/clang-format -i
 }

@@ -1,7 +1,7 @@
 #: mutants  put small faults into the firmware and list those that no unit test notices (--count 200; --part fitter|host_tools for those)
 cmd_mutants() {
-  install_packages run test bench
-  ensure_venv run test
+  install_packages run unit test bench
+  ensure_venv build run test
   case " $* " in
     *" --part "*) nice -n 10 $PY tools/mutants.py "$@" ;;
     *) nice -n 10 $PY tools/firmware_mutants.py "$@" ;;

@@ -20,7 +20,7 @@ fetch_ceres() {
 
 cmd_wheel() {
   install_packages run
-  ensure_venv run wheel
+  ensure_venv build run wheel
   fetch_ceres
   [ -f build/release/build.ninja ] || configure release -DBUILD_TESTING=OFF  # fetches Monocypher's source
   say "building the wheel and the sdist"

@@ -4,7 +4,7 @@ mkdir -p out
 $PY -m ruff check || lint_failed=1
 $PY -m ruff format --check || lint_failed=1
 $PY -m mypy --strict host_tools/armtrue || lint_failed=1
-cpp_sources | xargs clang-format-14 --dry-run -Werror || lint_failed=1
+cpp_sources | xargs .venv/bin/clang-format --dry-run -Werror || lint_failed=1
 PYTHONPATH=host_tools $PY .venv/bin/lint-imports --config tools/layers.ini --no-cache >out/layers.log || { cat out/layers.log; lint_failed=1; }
 $PY tools/include_order.py || lint_failed=1
 # pytest takes test files outside packages by their names alone: two of one name cannot run together.
