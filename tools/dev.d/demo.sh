@@ -2,12 +2,9 @@
 # The loop of sim/armtrue_loop as a newcomer's story; `./dev sil` is the same for other scenarios and modes, with longer moves.
 cmd_demo() {
   say "the demo: install what it needs (1 minute, once), compile (2 minutes, once), run (1 minute)"
-  local installing
   install_packages run
-  install_packages $(bus_packages) &  # compiling needs nothing of it
-  installing=$!
+  beside install_packages $(bus_packages)
   cmd_build
-  wait $installing
   say "an arm with errors that its owner does not know, on a CAN bus: controller, compensator, six drives, tracker"
   on_a_bus 1800 "$PY" -m armtrue_loop --out out/demo --move-cycles 6
   say "done: open out/demo/report.html (where it failed, what was missing) and out/demo/tool-error.svg (how the error fell)"

@@ -17,21 +17,25 @@ run_step() {
 # pytest with the tests of this level, without a word about those that are left out.
 run_pytest() { $PY -m pytest -q -rs --durations=20 --durations-min=4 -p no:cacheprovider "$@"; }
 
+# Two minutes of one core.
+install_for_tests() {
+  install_packages bus firmware test $more
+  ensure_venv run test lint
+}
+
 cmd_test() {
-  local failed=() took=() step begin busy name installing more=
+  local failed=() took=() step begin busy name more=
   LEVEL=quick LEVEL_MARK="not full"
   if [ "${1:-}" = full ]; then LEVEL=full LEVEL_MARK=""; shift; fi
   # A step that is named runs at any level, and needs what its level needs.
   if [ $LEVEL = full ] || { [ -n "${1:-}" ] && compgen -G "tools/test.d/*$1*.full.sh" >/dev/null; }; then more=full; fi
   install_packages run unit
   ensure_venv build
-  # Two minutes on one core, and compiling needs nothing of it.
-  { install_packages bus firmware test $more; ensure_venv run test lint; } &
-  installing=$!
+  beside install_for_tests
   configure release -DBUILD_TESTING=ON
   say "building"
   build_preset release product firmware_tests
-  wait $installing
+  together
   for step in tools/test.d/*"${1:-}"*.sh; do
     [ -e "$step" ] || { echo "test: no step of tools/test.d has '$1' in its name" >&2; return 2; }
     [[ $LEVEL = full || -n ${1:-} || $step != *.full.sh ]] || continue
