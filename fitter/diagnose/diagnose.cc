@@ -154,15 +154,16 @@ void find_spanned(const Scorer& scorer, const Fit& fit, Diagnosis& d) {
 
 // What is missing, or what surely stands in the place of something that a search put in: where two
 // may stand for one another, the one that came first stays. What was left out makes nothing else
-// likelier.
+// likelier, nor what is there beside it less likely.
 void recommend(Diagnosis& d) {
-  double nothing_else = d.probability_nothing;
-  for (const Candidate& c : d.candidates) {
-    if (c.left_out) nothing_else = std::min(1.0, nothing_else + c.probability);
-  }
   const auto first = std::ranges::find_if(
       d.candidates, [](const Candidate& c) { return !c.spanned && !c.left_out; });
   if (first == d.candidates.end()) return;
+  double nothing_else = d.probability_nothing;
+  for (const Candidate& c : d.candidates) {
+    if (c.left_out) nothing_else += c.probability;
+  }
+  nothing_else = std::min(nothing_else, std::max(d.probability_nothing, 1.0 - first->in_any_form));
   first->recommend = nothing_else < kMoreLikelyThanNot || first->in_any_form >= kSurely;
 }
 

@@ -6,6 +6,7 @@
 #include <map>
 #include <nlohmann/json.hpp>
 #include <numeric>
+#include <set>
 
 #include "fitter/diagnose/scorer.h"
 #include "fitter/diagnose/spectrum.h"
@@ -23,16 +24,20 @@ using testing::Random;
 
 constexpr double kNoise = 1e-5;
 
-// A fit of geometry alone to an arm that also has `hidden`, whose parameters are `size` each.
+// A fit of geometry alone to an arm that also has `hidden`, one effect or several, whose parameters
+// are `size` each.
 std::unique_ptr<Fit> believed(std::uint64_t seed, const json& hidden = nullptr, double size = 0.0,
                               std::size_t rows = 200) {
   Random random(seed);
   json truth = testing::geometry_model();
-  if (!hidden.is_null()) truth["effects"].push_back(hidden);
-  const std::string name = hidden.is_null() ? "" : hidden["effect"].get<std::string>();
+  std::set<std::string> names;
+  for (const json& effect : hidden.is_object() ? json{hidden} : hidden) {
+    truth["effects"].push_back(effect);
+    names.insert(effect["effect"]);
+  }
   const Problem p(testing::industrial_arm(), truth, {rows, false, 1, kNoise, 2e-5, {}}, random,
                   [&](const Parameter& q) {
-                    if (q.effect == name) return size;
+                    if (names.contains(q.effect)) return size;
                     if (q.effect == "base_frame" || q.effect == "tool_offset") return 0.0;
                     return testing::normal(random, q.unit == "m" ? 2e-4 : 5e-4);
                   });
@@ -419,6 +424,21 @@ TEST(Diagnose, WhatWasFittedAndLeftOutIsNotRecommended) {
   EXPECT_LT(d.probability_nothing, 0.1);
   EXPECT_EQ(d.advice.front().find("backlash 3 (probability 100 %) was fitted and left out"), 0U)
       << d.advice.front();
+}
+
+TEST(Diagnose, WhatIsThereBesideWhatWasLeftOutIsRecommended) {
+  const auto fit = believed(
+      24,
+      {{{"effect", "backlash"}, {"joints", {3}}}, {{"effect", "gear_harmonics"}, {"joints", {6}}}},
+      -2.3e-5);
+  DiagnoseOptions options;
+  options.left_out = {key_of(diagnose(*fit, {}).recommended()->request)};
+  const Diagnosis d = diagnose(*fit, options);
+  ASSERT_NE(d.left_out(), nullptr);
+  EXPECT_EQ(label(d.left_out()->request), "backlash 3");
+  ASSERT_NE(d.recommended(), nullptr);
+  EXPECT_EQ(label(d.recommended()->request), "gear_harmonics 6");
+  EXPECT_LT(d.recommended()->probability, kSurely);
 }
 
 TEST(ErrorOfSum, IsThatOfNormalChanges) {
