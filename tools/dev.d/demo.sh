@@ -1,7 +1,7 @@
-#: demo      find the hidden errors of a simulated arm, compensate them over CAN, measure it again (4 minutes from a bare machine)
+#: demo      find the hidden errors of a simulated arm, compensate them over CAN, measure it again (4 to 6 minutes from a bare machine)
 # The loop of sim/armtrue_loop as a newcomer's story; `./dev sil` is the same for other scenarios and modes, with longer moves.
 cmd_demo() {
-  say "the demo: install what it needs (1 minute, once), compile (2 minutes, once), run (1 minute)"
+  say "the demo: install what it needs (1 minute, once), compile (2 to 4 minutes, once), run (1 minute)"
   install_packages run
   beside install_packages $(bus_packages)
   cmd_build
