@@ -69,8 +69,8 @@ constexpr Eigen::Index kSmallFactor = 600, kFactorBlock = 192;
 constexpr Eigen::Index kSmallest = 16;
 // Householder reflectors that LAPACK applies as one product.
 constexpr Eigen::Index kReflectorsTogether = 32;
-// From so many multiplications on it pays to look for columns that are mostly zero, as those of a
-// table's nodes are. With less than this share of their values they are multiplied value by value.
+// In products of more multiplications than this, columns that are mostly zero (those of a table's
+// nodes) are looked for. A column counts as such up to this share of values that are not zero.
 constexpr double kWorthLooking = 1e9, kMostlyZero = 0.1;
 
 // Calls job(first, count) for panels of `columns` columns, side by side where that pays.
@@ -162,7 +162,7 @@ void solve_triangle(const char* turn, const Eigen::MatrixXd& factor,
   });
 }
 
-// By column of `a`: how many of its values are not zero.
+// The number of nonzero values in each column of `a`.
 std::vector<Eigen::Index> values_by_column(const Eigen::Ref<const Eigen::MatrixXd>& a) {
   std::vector<Eigen::Index> result(static_cast<std::size_t>(a.cols()));
   in_pieces(a.cols(), kNarrowestPanel, [&](Eigen::Index first, Eigen::Index end) {
@@ -172,7 +172,7 @@ std::vector<Eigen::Index> values_by_column(const Eigen::Ref<const Eigen::MatrixX
   return result;
 }
 
-// aᵀa from the columns that are mostly zero and the others.
+// aᵀa, with the columns listed in `sparse` multiplied as a sparse matrix.
 Eigen::MatrixXd square_of_parts(const Eigen::Ref<const Eigen::MatrixXd>& a,
                                 const std::vector<Eigen::Index>& sparse,
                                 const std::vector<Eigen::Index>& dense) {

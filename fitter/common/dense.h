@@ -56,8 +56,8 @@ SymmetricEigen symmetric_eigen(Eigen::MatrixXd lower);
 Eigen::MatrixXd least_squares(Eigen::MatrixXd columns, const Eigen::MatrixXd& values,
                               double least_share = 1e-14);
 
-/// aᵀ a, both triangles (BLAS dsyrk). A large `a` of which most columns are mostly zero is
-/// multiplied as a sparse matrix.
+/// aᵀ a, both triangles (BLAS dsyrk). If `a` is large and most of its columns hold few nonzero
+/// values, these columns are multiplied as a sparse matrix.
 Eigen::MatrixXd square(const Eigen::Ref<const Eigen::MatrixXd>& a);
 
 /// a aᵀ, both triangles (BLAS dsyrk).

@@ -152,18 +152,18 @@ void find_spanned(const Scorer& scorer, const Fit& fit, Diagnosis& d) {
   }
 }
 
-// What is missing, or what surely stands in the place of something that a search put in: where two
-// may stand for one another, the one that came first stays. What was left out makes nothing else
-// likelier, nor what is there beside it less likely.
+// Recommends the first candidate if something is probably missing, or if it surely stands in the
+// place of an effect that an earlier search added: where two can stand for one another, the earlier
+// one stays. Candidates that were left out may be there beside it, so that they count as "nothing
+// else" only up to the probability that the first one leaves.
 void recommend(Diagnosis& d) {
   const auto first = std::ranges::find_if(
       d.candidates, [](const Candidate& c) { return !c.spanned && !c.left_out; });
   if (first == d.candidates.end()) return;
-  double nothing_else = d.probability_nothing;
-  for (const Candidate& c : d.candidates) {
-    if (c.left_out) nothing_else += c.probability;
-  }
-  nothing_else = std::min(nothing_else, std::max(d.probability_nothing, 1.0 - first->in_any_form));
+  double left_out = 0.0;
+  for (const Candidate& c : d.candidates) left_out += c.left_out ? c.probability : 0.0;
+  const double nothing_else =
+      std::clamp(1.0 - first->in_any_form, d.probability_nothing, d.probability_nothing + left_out);
   first->recommend = nothing_else < kMoreLikelyThanNot || first->in_any_form >= kSurely;
 }
 

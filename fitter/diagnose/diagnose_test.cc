@@ -24,8 +24,8 @@ using testing::Random;
 
 constexpr double kNoise = 1e-5;
 
-// A fit of geometry alone to an arm that also has `hidden`, one effect or several, whose parameters
-// are `size` each.
+// A fit of geometry alone. The arm that was measured also has the effects in `hidden` (one object,
+// or an array of them); each of their parameters is `size`.
 std::unique_ptr<Fit> believed(std::uint64_t seed, const json& hidden = nullptr, double size = 0.0,
                               std::size_t rows = 200) {
   Random random(seed);

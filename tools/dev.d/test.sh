@@ -17,9 +17,9 @@ run_step() {
 # pytest with the tests of this level, without a word about those that are left out.
 run_pytest() { $PY -m pytest -q -rs --durations=20 --durations-min=4 -p no:cacheprovider "$@"; }
 
-# Two minutes of one core.
+# install_for_tests [full]: takes two minutes, mostly on one core.
 install_for_tests() {
-  install_packages bus firmware test $more
+  install_packages bus firmware test "$@"
   ensure_venv run test lint
 }
 
@@ -31,7 +31,7 @@ cmd_test() {
   if [ $LEVEL = full ] || { [ -n "${1:-}" ] && compgen -G "tools/test.d/*$1*.full.sh" >/dev/null; }; then more=full; fi
   install_packages run unit
   ensure_venv build
-  beside install_for_tests
+  beside install_for_tests $more
   configure release -DBUILD_TESTING=ON
   say "building"
   build_preset release product firmware_tests

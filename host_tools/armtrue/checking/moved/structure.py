@@ -65,7 +65,7 @@ def _groups(data: Dataset, geometry: Geometry, progress: Array) -> list[list[Arr
 
 
 def _wave(motor: Array, angle: Array) -> list[Array]:
-    """How far errors of sin(angle) and cos(angle) in one joint move the points; `motor` (N, 3): an error of 1."""
+    """Displacements (N, 3) of the points for joint errors sin(angle), cos(angle); `motor`: that for an error of 1."""
     return [motor * wave[:, None] for wave in (np.sin(angle), np.cos(angle))]
 
 
