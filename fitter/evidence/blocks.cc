@@ -343,7 +343,6 @@ bool Builder::work_out(EvidenceBlock& block) const {
       add_shapes(form, displacement, known_size, at, block.columns.cols(), shapes);
       for (std::size_t s = before; s < shapes.size(); ++s) {
         shapes[s].form = static_cast<int>(&form - block.forms.data());
-        shapes[s].signs = signs_of(form);
         shapes[s].carries = carrying_of(form, fit_);
       }
       at += own;

@@ -19,6 +19,11 @@ constexpr double kBoundIsSigmas = 2.0;
 constexpr double kUsualIsSigmas = 1.0;
 // Of so many arms the masses are those of another version, or lack gears and motors.
 constexpr double kUnusual = 0.1;
+// So many of the coefficients that a design makes alike (Parameter::alike) are, to this share of
+// what they have in common. Else two that agree would be a coincidence, and an effect that explains
+// the same with one coefficient would be surer for it.
+constexpr double kAreAlike = 0.7;
+constexpr double kAlikeToShare = 0.02;
 // Correlation lengths of tables [rad or m].
 const std::vector<double> kLengths{1.0, 0.3, 0.1, 0.04};
 // Directions of a prior below this share of its largest variance are left out.
@@ -51,17 +56,54 @@ Eigen::VectorXd sizes_of(const EvidenceForm& form, const Eigen::VectorXd& displa
   return sigma;
 }
 
+// Coefficients that physics gives a sign.
+std::vector<SignRule> signs_of(const EvidenceForm& form) {
+  std::vector<SignRule> result;
+  const auto width = static_cast<Eigen::Index>(form.block.terms.parameters.size());
+  for (Eigen::Index c = 0; c < width; ++c) {
+    const Parameter& p = form.block.terms.parameters[static_cast<std::size_t>(c)];
+    if (p.sign != 0) result.push_back({p.sign * Eigen::VectorXd::Unit(width, c), p.sign_doubt});
+  }
+  return result;
+}
+
+// Two coefficients with sizes `sigma` that have nearly the same value, as what they have in common
+// and what they differ by.
+Eigen::MatrixXd alike(const Eigen::VectorXd& sigma) {
+  Eigen::MatrixXd units(2, 2);
+  units << 1.0, kAlikeToShare, 1.0, -kAlikeToShare;
+  return sigma.minCoeff() * units;
+}
+
 }  // namespace
 
 void add_shapes(const EvidenceForm& form, const Eigen::VectorXd& displacement, double known_size,
                 Eigen::Index first, Eigen::Index width, std::vector<PriorShape>& shapes) {
   const Eigen::Index own = displacement.size();
-  const auto shape_of = [&](const Eigen::VectorXd& sigma) {
+  // At the sizes `sigma` and multiples of them, which have the same probability.
+  const auto add = [&](const Eigen::MatrixXd& units, std::vector<SignRule> signs,
+                       const std::vector<double>& scales, double log_prior) {
     PriorShape shape;
-    shape.units = sigma.asDiagonal();
-    shape.spread = Eigen::MatrixXd::Zero(width, own);
-    shape.spread.middleRows(first, own) = shape.units;
-    return shape;
+    shape.units = units;
+    shape.signs = std::move(signs);
+    shape.spread = Eigen::MatrixXd::Zero(width, units.cols());
+    shape.spread.middleRows(first, own) = units;
+    shape.scale = scales;
+    shape.log_prior.assign(scales.size(), log_prior);
+    shapes.push_back(std::move(shape));
+  };
+  const std::vector<Parameter>& parameters = form.block.terms.parameters;
+  const std::vector<SignRule> signs = signs_of(form);
+  const bool are_alike =
+      own == 2 && parameters.size() == 2 && std::ranges::all_of(parameters, &Parameter::alike);
+  const auto add_sizes = [&](const Eigen::VectorXd& sigma, const std::vector<double>& scales,
+                             double log_prior) {
+    const bool both = are_alike && sigma.minCoeff() > 0.0;
+    add(sigma.asDiagonal(), signs, scales, log_prior + (both ? std::log1p(-kAreAlike) : 0.0));
+    if (!both) return;
+    const std::size_t rules = std::min<std::size_t>(signs.size(), 1);  // one sign is the other's
+    add(alike(sigma), {signs.begin(), signs.begin() + rules}, scales,
+        log_prior + std::log(kAreAlike));
   };
   std::vector<double> sizes = kSizes;
   if (known_size > sizes.back()) sizes.push_back(known_size);
@@ -83,24 +125,14 @@ void add_shapes(const EvidenceForm& form, const Eigen::VectorXd& displacement, d
   }
   const double each =
       form.log_prior - std::log(static_cast<double>(free_sizes.size() + bounded.size()));
-  PriorShape free_shape = shape_of(sizes_of(form, displacement, kSizes.front()));
-  for (const double size : free_sizes) {
-    free_shape.scale.push_back(size / kSizes.front());
-    free_shape.log_prior.push_back(each);
-  }
-  if (!free_sizes.empty()) shapes.push_back(std::move(free_shape));
-  for (const Eigen::VectorXd& sigma : bounded) {
-    shapes.push_back(shape_of(sigma));
-    shapes.back().scale = {1.0};
-    shapes.back().log_prior = {each};
-  }
-  const bool may_be_unusual = std::ranges::any_of(
-      form.block.terms.parameters, [](const Parameter& p) { return p.may_be_unusual(); });
-  if (!may_be_unusual) return;
+  for (double& size : free_sizes) size /= kSizes.front();
+  if (!free_sizes.empty())
+    add_sizes(sizes_of(form, displacement, kSizes.front()), free_sizes, each);
+  for (const Eigen::VectorXd& sigma : bounded) add_sizes(sigma, {1.0}, each);
+  if (std::ranges::none_of(parameters, &Parameter::may_be_unusual)) return;
   // Else something that makes up for the rest would seem to be there as well.
-  shapes.push_back(shape_of(sizes_of(form, displacement, kSizes.back(), Largest::kPossible)));
-  shapes.back().scale = {1.0};
-  shapes.back().log_prior = {each + std::log(kUnusual)};
+  const Eigen::VectorXd largest = sizes_of(form, displacement, kSizes.back(), Largest::kPossible);
+  add(largest.asDiagonal(), signs, {1.0}, each + std::log(kUnusual));
 }
 
 namespace {
@@ -165,16 +197,6 @@ void add_table_shapes(const Block& form, bool is_joint, const Eigen::MatrixXd& c
     }
     shapes.push_back(std::move(shape));
   }
-}
-
-std::vector<SignRule> signs_of(const EvidenceForm& form) {
-  std::vector<SignRule> result;
-  const auto width = static_cast<Eigen::Index>(form.block.terms.parameters.size());
-  for (Eigen::Index c = 0; c < width; ++c) {
-    const Parameter& p = form.block.terms.parameters[static_cast<std::size_t>(c)];
-    if (p.sign != 0) result.push_back({p.sign * Eigen::VectorXd::Unit(width, c), p.sign_doubt});
-  }
-  return result;
 }
 
 std::vector<Carrying> carrying_of(const EvidenceForm& form, const Fit& fit) {

@@ -18,9 +18,6 @@ void add_shapes(const EvidenceForm& form, const Eigen::VectorXd& displacement, d
 void add_table_shapes(const Block& form, bool is_joint, const Eigen::MatrixXd& columns,
                       const Linearization& linearization, std::vector<PriorShape>& shapes);
 
-/// Coefficients that physics gives a sign.
-std::vector<SignRule> signs_of(const EvidenceForm& form);
-
 /// What an effect that carries a load gives, against that load over the campaign.
 std::vector<Carrying> carrying_of(const EvidenceForm& form, const Fit& fit);
 

@@ -71,6 +71,7 @@ class BendingCompliance final : public Effect {
         Parameter p = single_term(id(), {k}, "r" + axis, "rad/Nm",
                                   softest(context, moment, kLargest, kSoftest), place, moment);
         p.sign = 1;
+        p.alike = true;  // a bearing yields to moments in all directions
         terms.parameters.push_back(p);
       } else {
         append(terms, gravity_regressor_terms(context, id(), {k}, "u" + axis + "_" + joint,
