@@ -87,21 +87,21 @@ def refine(folder: Path, terminal: bool) -> int:
         os.close(read)
 
 
-def refine_campaigns(folder: Path, seeds: range) -> None:
+def refine_campaigns(folder: Path, seeds: range, kind: str) -> None:
     for seed in seeds:
         made = folder / str(seed)
-        write_fit(made, hidden_cases("three_hidden", ARMS[seed % len(ARMS)], 40000 + seed).campaign)
+        write_fit(made, hidden_cases(kind, ARMS[seed % len(ARMS)], 40000 + seed).campaign)
         assert refine(made, terminal=seed % 2 == 0) == 0
         assert (made / "best.json").exists()
 
 
 def test_refine_beside_busy_processors_ends(tmp_path, busy_processors):
-    refine_campaigns(tmp_path, range(1))
+    refine_campaigns(tmp_path, range(1), "three_at_sixty_poses")
 
 
 @pytest.mark.full
 def test_fifty_refinements_beside_busy_processors_end(tmp_path, busy_processors):
-    refine_campaigns(tmp_path, range(1, 51))
+    refine_campaigns(tmp_path, range(1, 51), "three_hidden")
 
 
 def arguments(kind: str, seed: int) -> tuple[str, dict[str, np.ndarray], str]:
