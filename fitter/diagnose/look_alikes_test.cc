@@ -1,4 +1,4 @@
-// Causes whose columns are equal, or nearly: what the diagnosis says of them.
+// Pairs of effects that move the measured points alike: the diagnosis must name both.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -14,9 +14,9 @@ using nlohmann::json;
 using testing::Problem;
 using testing::Random;
 
-// Where axes 1 and 2 meet, a bearing of joint 2 that yields alike in all directions turns the arm
-// as a bearing of joint 1 does.
-TEST(LookAlikes, ABearingThatYieldsAlikeInAllDirectionsIsNoCoincidence) {
+// If axes 1 and 2 meet, a soft bearing of joint 2, equally soft about x and y, tilts the arm
+// exactly as a soft bearing of joint 1 would.
+TEST(LookAlikes, OfTwoEqualSoftBearingsNeitherIsSaidSurely) {
   json robot = testing::industrial_arm();
   robot["kinematics"]["joints"][1]["a"] = 0.0;
   Random random(31);

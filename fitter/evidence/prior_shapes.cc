@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
 
 #include "fitter/common/dense.h"
@@ -19,9 +20,10 @@ constexpr double kBoundIsSigmas = 2.0;
 constexpr double kUsualIsSigmas = 1.0;
 // Of so many arms the masses are those of another version, or lack gears and motors.
 constexpr double kUnusual = 0.1;
-// So many of the coefficients that a design makes alike (Parameter::alike) are, to this share of
-// what they have in common. Else two that agree would be a coincidence, and an effect that explains
-// the same with one coefficient would be surer for it.
+// Probability that two coefficients which a design makes equal (Parameter::alike) are so, but for a
+// difference of this share. With independent priors alone, equal coefficients would be a
+// coincidence, and the evidence would favour any effect that explains the same with one
+// coefficient.
 constexpr double kAreAlike = 0.7;
 constexpr double kAlikeToShare = 0.02;
 // Correlation lengths of tables [rad or m].
@@ -67,8 +69,8 @@ std::vector<SignRule> signs_of(const EvidenceForm& form) {
   return result;
 }
 
-// Two coefficients with sizes `sigma` that have nearly the same value, as what they have in common
-// and what they differ by.
+// Prior of two coefficients that are nearly equal: their mean varies as the better known of both
+// may, and they differ from it by a small share of that.
 Eigen::MatrixXd alike(const Eigen::VectorXd& sigma) {
   Eigen::MatrixXd units(2, 2);
   units << 1.0, kAlikeToShare, 1.0, -kAlikeToShare;
@@ -80,30 +82,27 @@ Eigen::MatrixXd alike(const Eigen::VectorXd& sigma) {
 void add_shapes(const EvidenceForm& form, const Eigen::VectorXd& displacement, double known_size,
                 Eigen::Index first, Eigen::Index width, std::vector<PriorShape>& shapes) {
   const Eigen::Index own = displacement.size();
-  // At the sizes `sigma` and multiples of them, which have the same probability.
-  const auto add = [&](const Eigen::MatrixXd& units, std::vector<SignRule> signs,
-                       const std::vector<double>& scales, double log_prior) {
+  const std::vector<Parameter>& parameters = form.block.terms.parameters;
+  const std::vector<SignRule> signs = signs_of(form);
+  // Adds the prior `units`, and multiples of it by `scales`. Only `rules` of the signs say
+  // something of their own.
+  const auto add = [&](const Eigen::MatrixXd& units, const std::vector<double>& scales,
+                       double log_prior, std::size_t rules) {
     PriorShape shape;
     shape.units = units;
-    shape.signs = std::move(signs);
     shape.spread = Eigen::MatrixXd::Zero(width, units.cols());
     shape.spread.middleRows(first, own) = units;
     shape.scale = scales;
     shape.log_prior.assign(scales.size(), log_prior);
+    std::copy_n(signs.begin(), std::min(rules, signs.size()), std::back_inserter(shape.signs));
     shapes.push_back(std::move(shape));
   };
-  const std::vector<Parameter>& parameters = form.block.terms.parameters;
-  const std::vector<SignRule> signs = signs_of(form);
-  const bool are_alike =
-      own == 2 && parameters.size() == 2 && std::ranges::all_of(parameters, &Parameter::alike);
+  const bool may_be_alike = own == 2 && std::ranges::all_of(parameters, &Parameter::alike);
   const auto add_sizes = [&](const Eigen::VectorXd& sigma, const std::vector<double>& scales,
                              double log_prior) {
-    const bool both = are_alike && sigma.minCoeff() > 0.0;
-    add(sigma.asDiagonal(), signs, scales, log_prior + (both ? std::log1p(-kAreAlike) : 0.0));
-    if (!both) return;
-    const std::size_t rules = std::min<std::size_t>(signs.size(), 1);  // one sign is the other's
-    add(alike(sigma), {signs.begin(), signs.begin() + rules}, scales,
-        log_prior + std::log(kAreAlike));
+    const double alike_share = may_be_alike && sigma.minCoeff() > 0.0 ? kAreAlike : 0.0;
+    add(sigma.asDiagonal(), scales, log_prior + std::log1p(-alike_share), signs.size());
+    if (alike_share > 0.0) add(alike(sigma), scales, log_prior + std::log(alike_share), 1);
   };
   std::vector<double> sizes = kSizes;
   if (known_size > sizes.back()) sizes.push_back(known_size);
@@ -132,7 +131,7 @@ void add_shapes(const EvidenceForm& form, const Eigen::VectorXd& displacement, d
   if (std::ranges::none_of(parameters, &Parameter::may_be_unusual)) return;
   // Else something that makes up for the rest would seem to be there as well.
   const Eigen::VectorXd largest = sizes_of(form, displacement, kSizes.back(), Largest::kPossible);
-  add(largest.asDiagonal(), signs, {1.0}, each + std::log(kUnusual));
+  add(largest.asDiagonal(), {1.0}, each + std::log(kUnusual), signs.size());
 }
 
 namespace {

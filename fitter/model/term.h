@@ -41,7 +41,7 @@ struct Parameter {
       0.0;       ///< magnitude that real arms have; 0: not said. Between equals the usual wins
   int sign = 0;  ///< +1 where only positive values are physical (a spring yields), 0 where both are
   double sign_doubt = 0.0;  ///< prior probability of the other sign
-  bool alike = false;  ///< usually about the same as the effect's other coefficients that are alike
+  bool alike = false;       ///< by design equal to the other coefficients of its effect
   double prior_mean = 0.0;
   double prior_sigma = 0.0;  ///< weak prior; 0: none
   bool exported = true;      ///< false where it belongs to the measurement and not to the arm

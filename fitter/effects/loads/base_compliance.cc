@@ -23,7 +23,7 @@ class BaseCompliance final : public Effect {
                                   softest(context, "bm" + axis, kLargest, kSoftest), on_base(3 + c),
                                   "bm" + axis);
         p.sign = 1;
-        p.alike = true;  // so do most stands
+        p.alike = true;  // most stands are as soft about x as about y
         terms.parameters.push_back(p);
       } else {
         append(terms,

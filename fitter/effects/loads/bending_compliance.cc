@@ -71,7 +71,7 @@ class BendingCompliance final : public Effect {
         Parameter p = single_term(id(), {k}, "r" + axis, "rad/Nm",
                                   softest(context, moment, kLargest, kSoftest), place, moment);
         p.sign = 1;
-        p.alike = true;  // a bearing yields to moments in all directions
+        p.alike = true;  // a round bearing is as soft about x as about y
         terms.parameters.push_back(p);
       } else {
         append(terms, gravity_regressor_terms(context, id(), {k}, "u" + axis + "_" + joint,
