@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import os
 import re
-import shutil
 import subprocess
 import sys
 import tempfile
@@ -20,8 +19,8 @@ DEMO_S, TEST_S, TEST_AGAIN_S = 210, 720, 480
 STEP = re.compile(r"^  (\d\d-\S+) (\d+) s, (\d+) s of processor$", re.MULTILINE)
 MIRROR = "http://deb.debian.org/debian"
 TO_THE_NETWORK = (
-    *("etc/apt/apt.conf.d", "etc/apt/sources.list.d", "etc/ssl/certs", "usr/share/keyrings"),
-    *("etc/hosts", "etc/pip.conf", "etc/resolv.conf"),
+    *("/etc/apt/apt.conf.d", "/etc/apt/sources.list.d", "/etc/ssl/certs", "/usr/share/keyrings"),
+    *("/etc/hosts", "/etc/pip.conf", "/etc/resolv.conf"),
 )
 # In a mount namespace of its own: what it mounts is gone when the command ends, and the folder can be removed.
 ENTER = """
@@ -46,12 +45,8 @@ def bare_debian(folder: Path) -> None:
         MIRROR,
     ]
     subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
-    for name in TO_THE_NETWORK:
-        source, target = Path("/") / name, folder / name
-        if source.is_dir():
-            shutil.copytree(source, target, dirs_exist_ok=True)
-        elif source.exists():
-            shutil.copyfile(source, target)
+    ours = [path for path in TO_THE_NETWORK if Path(path).exists()]
+    subprocess.run(["cp", "-rL", "--parents", "--remove-destination", *ours, folder], check=True)
     subprocess.run(["git", "clone", "-q", ROOT, folder / "root" / "armtrue"], check=True)
     (folder / "root" / "shared").mkdir()
 
