@@ -6,6 +6,6 @@ cmd_demo() {
   beside install_packages $(bus_packages)
   cmd_build
   say "an arm with errors that its owner does not know, on a CAN bus: controller, compensator, six drives, tracker"
-  on_a_bus 1800 "$PY" -m armtrue_loop --out out/demo --move-cycles 6
+  on_a_bus 1800 "$PY" -m armtrue_loop --out out/demo --move-cycles 4
   say "done: open out/demo/report.html (where it failed, what was missing) and out/demo/tool-error.svg (how the error fell)"
 }
