@@ -10,6 +10,22 @@ namespace {
 // effect may be what linearising before that one came in has left: it waits for the next search.
 constexpr double kBeyondSecondOrder = 0.02;
 
+// Physical effects come in before tables, which would swallow them. What explains less than this
+// share of the squared residual alone comes in after them, when its fall is seen.
+constexpr double kSeenAlone = 0.05;
+
+enum class Turn { kSeen, kTable, kUnseen };
+
+Turn turn_of(const Candidate& c) {
+  if (is_table(c)) return Turn::kTable;
+  return c.score.explained < kSeenAlone ? Turn::kUnseen : Turn::kSeen;
+}
+
+// What lowers the error most comes first.
+double gain_in_turn(const Candidate& c) {
+  return turn_of(c) == Turn::kSeen ? c.score.explained : c.gain_beside;
+}
+
 // A table of one joint comes in with those of the others that are as probable: each waits for the
 // others to see what it explains.
 Candidate with_its_like(const Diagnosis& d, const Candidate& best) {
@@ -56,7 +72,7 @@ std::vector<Move> moves_of(const Diagnosis& d) {
   std::erase_if(sure,
                 [&](const Candidate* c) { return c->gain_beside < kBeyondSecondOrder * most; });
   std::stable_sort(sure.begin(), sure.end(), [](const Candidate* a, const Candidate* b) {
-    return std::pair{is_table(*a), -a->gain_beside} < std::pair{is_table(*b), -b->gain_beside};
+    return std::pair{turn_of(*a), -gain_in_turn(*a)} < std::pair{turn_of(*b), -gain_in_turn(*b)};
   });
   // Of two that may stand for one another, the second waits for a search beside the first.
   std::vector<const Candidate*> taken;

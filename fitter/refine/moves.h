@@ -24,8 +24,8 @@ bool names(const Candidate& one, const Candidate& other);
 /// Whether a candidate is a table, which follows whatever its cause is.
 bool is_table(const Candidate& c);
 
-/// What a search asks for, in this order: what is surely there, physical effects before tables,
-/// which would swallow them; else the most probable; then what may go.
+/// What a search asks for, in this order: what is surely there (physical effects that are seen
+/// alone, tables, and what is seen only beside these); else the most probable; then what may go.
 std::vector<Move> moves_of(const Diagnosis& d);
 
 /// The specification with a move made.
