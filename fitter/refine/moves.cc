@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "fitter/model/variable.h"
+
 namespace armtrue {
 namespace {
 
@@ -45,7 +47,25 @@ Candidate with_its_like(const Diagnosis& d, const Candidate& best) {
   return wide;
 }
 
+// Whether an effect is a function of time.
+bool runs_with_time(const EffectContext& context, const EffectRequest& request) {
+  const EffectTerms effect = build_effect(context, request);
+  return std::ranges::any_of(effect.parameters, [&](const Parameter& p) {
+    return std::ranges::any_of(p.terms, [&](const Term& term) {
+      return std::ranges::any_of(term.basis.variables(), [&](const std::string& name) {
+        const auto variable = parse_variable(name, context.joint_count());
+        return variable && variable->kind == VariableKind::kTime;
+      });
+    });
+  });
+}
+
 }  // namespace
+
+bool runs_with_time(const EffectContext& context, const Move& move) {
+  const auto does = [&](const EffectRequest& r) { return runs_with_time(context, r); };
+  return (move.added && does(move.added->request)) || std::ranges::any_of(move.removed, does);
+}
 
 bool is_sure(const Candidate& c) { return c.likeliest && !c.spanned && c.in_any_form >= kSurely; }
 
@@ -93,7 +113,11 @@ std::vector<Move> moves_of(const Diagnosis& d) {
   // What is more likely absent, for what is more likely there.
   for (const Superfluous& s : d.superfluous) {
     for (const Candidate& c : d.candidates) {
-      if (c.probability > kMoreLikelyThanNot) moves.push_back({c, {s.request}});
+      if (c.probability <= kMoreLikelyThanNot) continue;
+      moves.push_back({c, {s.request}});
+      std::vector<std::string>& named = moves.back().added->confounded_with;
+      if (std::ranges::find(named, label(s.request)) == named.end())
+        named.push_back(label(s.request));
     }
   }
   return moves;

@@ -15,6 +15,9 @@ struct Move {
   bool sure = false;  ///< can follow another move of its search without a new search
 };
 
+/// Whether what comes in or goes is a function of time.
+bool runs_with_time(const EffectContext& context, const Move& move);
+
 /// Whether a search of which this is a candidate is sure of it.
 bool is_sure(const Candidate& c);
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
 
 import armtrue
@@ -17,7 +18,13 @@ def test_what_is_seen_alone_comes_first_and_what_only_a_table_uncovers_comes_aft
         "test_poses": 0,
         "believed": ["base_frame", "tool_offset", "joint_offset", "link_geometry", "joint_compliance"],
         "hidden": [
-            {"effect": "transmission_pwl", "joints": [1, 2, 3], "shape": "table", "size": 1.5e-4, "spacing": 12.0},
+            {
+                "effect": "transmission_pwl",
+                "joints": [1, 2, 3],
+                "shape": "table",
+                "size": 1.5e-4,
+                "spacing": 12.0,
+            },
             {"effect": "gear_harmonics", "joints": [4]},
             {"effect": "thermal_base"},
         ],
@@ -29,7 +36,7 @@ def test_what_is_seen_alone_comes_first_and_what_only_a_table_uncovers_comes_aft
     errors = [step["error"]["held_out"]["rms_um"] for step in story.steps]
     names = [step["added"] and step["added"]["effect"] for step in story.steps]
     table = names.index("transmission_pwl")
-    falls = [before - after for before, after in zip(errors, errors[1:], strict=False)]
+    falls = [before - after for before, after in pairwise(errors)]
     assert falls[table - 1] == max(falls)
     assert all(fall > 0.02 * errors[0] for fall in falls[:table])
     assert {"thermal_base", "gear_harmonics"} <= set(names[table + 1 :])
