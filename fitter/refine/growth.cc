@@ -18,18 +18,7 @@ std::vector<double> unseen_distances(const Fit& fit, std::size_t folding) {
   return distance;
 }
 
-double squares_of_all_rows(const Fit& fit) {
-  const ErrorSummary& train = fit.train_error();
-  double squares = static_cast<double>(train.count) * train.rms * train.rms;
-  for (const RejectedRow& r : fit.rejected()) squares += r.residual * r.residual;
-  return squares;
-}
-
 }  // namespace
-
-double explained_share(const Fit& before, const Fit& after) {
-  return 1.0 - squares_of_all_rows(after) / squares_of_all_rows(before);
-}
 
 double error_of_sum(const std::vector<double>& changes) {
   double squares = 0.0, most = 0.0;

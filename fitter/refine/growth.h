@@ -21,9 +21,6 @@ struct Growth {
 /// single pose that one of two models predicts wildly would be its own excuse.
 double error_of_sum(const std::vector<double>& changes);
 
-/// Share of the squared residual of all rows, gross errors too, that the second model takes.
-double explained_share(const Fit& before, const Fit& after);
-
 /// Rows count that either model was fitted to: one may explain what the other takes for a gross
 /// error. `in_time`: false for what runs with time, which is not judged by predicting times unlike
 /// those that it was seen at.

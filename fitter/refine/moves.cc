@@ -3,30 +3,12 @@
 #include <algorithm>
 #include <utility>
 
-#include "fitter/model/variable.h"
-
 namespace armtrue {
 namespace {
 
 // Below this share of the squares that the greatest effect of a search explains, tables aside, an
 // effect may be what linearising before that one came in has left: it waits for the next search.
 constexpr double kBeyondSecondOrder = 0.02;
-
-// Physical effects come in before tables, which would swallow them. What explains less than this
-// share of the squared residual alone comes in after them, when its fall is seen.
-constexpr double kSeenAlone = 0.05;
-
-enum class Turn { kSeen, kTable, kUnseen };
-
-Turn turn_of(const Candidate& c) {
-  if (is_table(c)) return Turn::kTable;
-  return c.score.explained < kSeenAlone ? Turn::kUnseen : Turn::kSeen;
-}
-
-// What lowers the error most comes first.
-double gain_in_turn(const Candidate& c) {
-  return turn_of(c) == Turn::kSeen ? c.score.explained : c.gain_beside;
-}
 
 // A table of one joint comes in with those of the others that are as probable: each waits for the
 // others to see what it explains.
@@ -47,25 +29,7 @@ Candidate with_its_like(const Diagnosis& d, const Candidate& best) {
   return wide;
 }
 
-// Whether an effect is a function of time.
-bool runs_with_time(const EffectContext& context, const EffectRequest& request) {
-  const EffectTerms effect = build_effect(context, request);
-  return std::ranges::any_of(effect.parameters, [&](const Parameter& p) {
-    return std::ranges::any_of(p.terms, [&](const Term& term) {
-      return std::ranges::any_of(term.basis.variables(), [&](const std::string& name) {
-        const auto variable = parse_variable(name, context.joint_count());
-        return variable && variable->kind == VariableKind::kTime;
-      });
-    });
-  });
-}
-
 }  // namespace
-
-bool runs_with_time(const EffectContext& context, const Move& move) {
-  const auto does = [&](const EffectRequest& r) { return runs_with_time(context, r); };
-  return (move.added && does(move.added->request)) || std::ranges::any_of(move.removed, does);
-}
 
 bool is_sure(const Candidate& c) { return c.likeliest && !c.spanned && c.in_any_form >= kSurely; }
 
@@ -92,7 +56,7 @@ std::vector<Move> moves_of(const Diagnosis& d) {
   std::erase_if(sure,
                 [&](const Candidate* c) { return c->gain_beside < kBeyondSecondOrder * most; });
   std::stable_sort(sure.begin(), sure.end(), [](const Candidate* a, const Candidate* b) {
-    return std::pair{turn_of(*a), -gain_in_turn(*a)} < std::pair{turn_of(*b), -gain_in_turn(*b)};
+    return std::pair{is_table(*a), -a->gain_beside} < std::pair{is_table(*b), -b->gain_beside};
   });
   // Of two that may stand for one another, the second waits for a search beside the first.
   std::vector<const Candidate*> taken;

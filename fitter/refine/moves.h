@@ -15,9 +15,6 @@ struct Move {
   bool sure = false;  ///< can follow another move of its search without a new search
 };
 
-/// Whether what comes in or goes is a function of time.
-bool runs_with_time(const EffectContext& context, const Move& move);
-
 /// Whether a search of which this is a candidate is sure of it.
 bool is_sure(const Candidate& c);
 
@@ -27,8 +24,8 @@ bool names(const Candidate& one, const Candidate& other);
 /// Whether a candidate is a table, which follows whatever its cause is.
 bool is_table(const Candidate& c);
 
-/// What a search asks for, in this order: what is surely there (physical effects that are seen
-/// alone, tables, and what is seen only beside these); else the most probable; then what may go.
+/// What a search asks for, in this order: what is surely there, physical effects before tables,
+/// which would swallow them; else the most probable; then what may go.
 std::vector<Move> moves_of(const Diagnosis& d);
 
 /// The specification with a move made.

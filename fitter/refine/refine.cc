@@ -7,6 +7,7 @@
 
 #include "fitter/common/parallel.h"
 #include "fitter/inference/smoothness.h"
+#include "fitter/model/variable.h"
 #include "fitter/refine/growth.h"
 #include "fitter/refine/moves.h"
 
@@ -23,10 +24,8 @@ constexpr double kByChance = 2.0;
 // at random falls by this share, and the mean over poses held out at random, in time and by region
 // grows by no more than chance explains.
 constexpr double kWorthNodes = 1e-2;
-// So many candidates are fitted where a structure has no name, and looked further at where they
-// take this share of the squared residual.
+// So many candidates are fitted where a structure has no name.
 constexpr std::size_t kTriedForStructure = 3;
-constexpr double kPartOfStructure = 0.05;
 // Candidates of one search from which moves are taken.
 constexpr std::size_t kLookedThrough = 60;
 // Held-out errors of two models that agree by this share are equal.
@@ -34,6 +33,24 @@ constexpr double kSameError = 1e-3;
 // Two fits of one model that ended alike. Chance moves the noise of a few hundred poses by more.
 constexpr double kSettledNoise = 0.01;
 constexpr int kSettlingPasses = 3;
+
+// Whether an effect is a function of time.
+bool runs_with_time(const EffectContext& context, const EffectRequest& request) {
+  const EffectTerms effect = build_effect(context, request);
+  return std::ranges::any_of(effect.parameters, [&](const Parameter& p) {
+    return std::ranges::any_of(p.terms, [&](const Term& term) {
+      return std::ranges::any_of(term.basis.variables(), [&](const std::string& name) {
+        const auto variable = parse_variable(name, context.joint_count());
+        return variable && variable->kind == VariableKind::kTime;
+      });
+    });
+  });
+}
+
+bool runs_with_time(const EffectContext& context, const Move& move) {
+  const auto does = [&](const EffectRequest& r) { return runs_with_time(context, r); };
+  return (move.added && does(move.added->request)) || std::ranges::any_of(move.removed, does);
+}
 
 // What the search said, of a model in which one of its sure effects has come in: its probabilities
 // are averages over models that nearly all have that effect.
@@ -380,8 +397,7 @@ bool Refinement::explain_structure() {
     std::vector<Trial> trial{trial_of(move, 0, nullptr)};
     if (taken_.contains(trial.front().specification.to_json().dump())) continue;
     fit_trials(trial);
-    const Fit* fitted = trial.front().fit.get();
-    if (!fitted || explained_share(*steps_.back().fit, *fitted) < kPartOfStructure) continue;
+    if (!trial.front().fit) continue;
     const auto explains = [&](const Diagnosis& d) {
       return d.verdict != Verdict::kUnexplainedStructure &&
              probability_of_set(d, *move.added) >= kSurely;
