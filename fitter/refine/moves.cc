@@ -79,6 +79,7 @@ std::vector<Move> moves_of(const Diagnosis& d) {
     for (const Candidate& c : d.candidates) {
       if (c.probability <= kMoreLikelyThanNot) continue;
       moves.push_back({c, {s.request}});
+      // Beside the other, what takes its place explains too little for the search to pair them.
       std::vector<std::string>& named = moves.back().added->confounded_with;
       if (std::ranges::find(named, label(s.request)) == named.end())
         named.push_back(label(s.request));

@@ -32,7 +32,8 @@ def test_one_of_two_comes_in_that_share_their_probability() -> None:
     in_model = {
         (entry["effect"], joint) for entry in last["effects"] for joint in entry.get("joints") or [None]
     }
-    # Both yield alike in all directions, and vertical axes do not show how high: chance tells which fits better.
+    # The column bends as easily about x as about y, and so may the base tilt. With vertical axes only, the data do not
+    # show at which height the arm tilts, so noise decides which of the two fits better.
     two = {("bending_compliance", 1), ("base_compliance", None)}
     assert ("bending_compliance", 2) in in_model
     assert len(two & in_model) == 1
@@ -41,7 +42,7 @@ def test_one_of_two_comes_in_that_share_their_probability() -> None:
         c for c in last["candidates"] if c["effect"] == name and c["joints"] == ([joint] if joint else [])
     )
     assert rest["probability"] > 0.1
-    # The one that came in last named the other.
+    # The step that added the one names the other.
     (came_in, its_joint) = (two & in_model).pop()
     step = [s["added"] for s in story["steps"] if s["added"] and s["added"]["effect"] == came_in][-1]
     assert its_joint is None or its_joint in step["joints"]
