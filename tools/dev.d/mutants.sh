@@ -3,7 +3,7 @@ cmd_mutants() {
   install_packages run unit test bench
   ensure_venv build run test
   case " $* " in
-    *" --part "*) nice -n 10 $PY tools/mutants.py "$@" ;;
-    *) nice -n 10 $PY tools/firmware_mutants.py "$@" ;;
+    *" --part host_tools "*) nice -n 10 $PY tools/mutants.py "$@" ;;
+    *) nice -n 10 $PY tools/cpp_mutants.py "$@" ;;
   esac
 }

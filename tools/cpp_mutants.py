@@ -1,10 +1,11 @@
-"""Mutation testing of the firmware: small faults put into the code, one at a time, and whether a unit test notices.
+"""Mutation testing of the C++: small faults put into the code, one at a time, and whether a test notices.
 
-All faults of a sample are compiled at once into a copy of the tracked files (build/firmware_mutants), each behind a
-switch: one build serves them all. `a < b` becomes `(mutant(7) ? (a <= b) : (a < b))`; the test programs then run once
-for each, with ARMTRUE_MUTANT set to its number. A mutant that no test fails is printed and listed in survivors.txt
-there: judge it, and add the test that it asks for. Those that change nothing anybody could notice are listed with
-their reason in firmware/equivalent-mutants.txt; they are not run.
+All faults of a sample are compiled at once into a copy of the tracked files (build/mutants/PART), each behind a
+switch: one build serves them all. `a < b` becomes `(mutant(7) ? (a <= b) : (a < b))`; the tests then run once for each,
+with ARMTRUE_MUTANT set to its number: the firmware's unit tests, or the fitter's and after them the Python tests of
+`./dev test` that fit. A mutant that no test fails is printed and listed in survivors.txt there: judge it, and add the
+test that it asks for. Those that change nothing anybody could notice are listed with their reason in
+PART/equivalent-mutants.txt; they are not run.
 """
 
 from __future__ import annotations
@@ -26,17 +27,20 @@ from dataclasses import dataclass
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-TREE = ROOT / "build" / "firmware_mutants" / "tree"
-SURVIVORS = ROOT / "build" / "firmware_mutants" / "survivors.txt"
-EQUIVALENT = ROOT / "firmware" / "equivalent-mutants.txt"
-# Part of the firmware: its test programs, in the order of how soon they answer.
-PROGRAMS = {
-    "firmware/core": ["core/firmware_core_test", "canopen/canopen_test"],
-    "firmware/storage": ["storage/storage_test"],
-    "firmware/canopen": ["canopen/canopen_test", "testing/canopen_soak_test"],
+SCRATCH = ROOT / "build" / "mutants"
+# Of each part, folders and their tests, in the order of how soon they answer: a test program, or what pytest is given.
+PARTS = {
+    "firmware": {
+        "firmware/core": ["firmware/core/firmware_core_test", "firmware/canopen/canopen_test"],
+        "firmware/storage": ["firmware/storage/storage_test"],
+        "firmware/canopen": ["firmware/canopen/canopen_test", "firmware/testing/canopen_soak_test"],
+    },
+    "fitter": {
+        "fitter": ["fitter/fitter_test", "pytest tests/fitting tests/truth tests/refining tests/planning"]
+    },
 }
 # Tests themselves; and format.h, whose numbers the tests' own images share (tests/firmware/test_format.py has them).
-_LEFT_OUT = re.compile(r"_test\.cc|_main\.cc|test_|senseless|simulated|/fuzz/|format\.h")
+_LEFT_OUT = re.compile(r"_test\.cc|_bench\.cc|_fuzz\.cc|_main\.cc|test_|senseless|simulated|/fuzz/|format\.h")
 # What is the same code tens of thousands of times (tools/test.d/37) is left to the full step.
 FILTER = "-PowerCut.AtEveryPairOfOperations:PowerCut.AtEveryOperationOfTheLargestTable"
 # A mutant may take so many times the processor seconds of the program without any fault. Wall time says nothing on a
@@ -187,9 +191,10 @@ def files_of(folders: list[str]) -> list[str]:
     ]
 
 
-def sample(count: int, seed: int, base: str, folders: list[str]) -> list[Mutant]:
+def sample(count: int, seed: int, base: str, part: str, folders: list[str]) -> list[Mutant]:
     """`count` mutants: files changed since `base` first, then all others; no two of one line."""
-    equivalent = changes_in(EQUIVALENT)
+    listed = ROOT / part / "equivalent-mutants.txt"
+    equivalent = changes_in(listed) if listed.is_file() else set()
     changed = subprocess.run(
         ["git", "diff", "--name-only", base, "HEAD"], cwd=ROOT, capture_output=True, text=True, check=True
     ).stdout.split()
@@ -212,25 +217,26 @@ def one_of_each_line(mutants: list[Mutant]) -> list[Mutant]:
     return list({(mutant.file, mutant.line): mutant for mutant in reversed(mutants)}.values())[::-1]
 
 
-def copy_tree() -> None:
+def copy_tree(tree: Path, part: str) -> None:
     """The files of HEAD, configured for a quick build that notices what leaves an array."""
-    if not TREE.is_dir():
-        TREE.mkdir(parents=True)
+    if not tree.is_dir():
+        tree.mkdir(parents=True)
         for fetched in (".venv", ".cache"):  # what the build has of registries
-            (TREE / fetched).symlink_to(ROOT / fetched)
-    shutil.rmtree(TREE / "firmware", ignore_errors=True)
+            (tree / fetched).symlink_to(ROOT / fetched)
+    shutil.rmtree(tree / part, ignore_errors=True)
     archive = subprocess.run(["git", "archive", "HEAD"], cwd=ROOT, capture_output=True, check=True).stdout
-    subprocess.run(["tar", "x"], cwd=TREE, input=archive, check=True)
-    (TREE / "mutant_switch.h").write_text(SWITCH)
+    subprocess.run(["tar", "x"], cwd=tree, input=archive, check=True)
+    (tree / "mutant_switch.h").write_text(SWITCH)
     subprocess.run(
-        ["cmake", "-S", ".", "-B", "out", "-G", "Ninja", "-DCMAKE_BUILD_TYPE=Release", "-DARMTRUE_PYTHON=OFF",
-         f"-DCMAKE_CXX_FLAGS=-w -include {TREE}/mutant_switch.h",
+        ["cmake", "-S", ".", "-B", "out", "-G", "Ninja", "-DCMAKE_BUILD_TYPE=Release",
+         f"-DARMTRUE_PYTHON={'ON' if part == 'fitter' else 'OFF'}",
+         f"-DCMAKE_CXX_FLAGS=-w -include {tree}/mutant_switch.h",
          "-DCMAKE_CXX_FLAGS_RELEASE=-O1 -D_GLIBCXX_ASSERTIONS"],
-        cwd=TREE, check=True, stdout=subprocess.DEVNULL,
+        cwd=tree, check=True, stdout=subprocess.DEVNULL,
     )  # fmt: skip
 
 
-def build(mutants: list[Mutant], programs: dict[str, list[str]]) -> list[Mutant]:
+def build(tree: Path, mutants: list[Mutant], tests: set[str]) -> list[Mutant]:
     """Compile all of them behind their switches; returns those that compile, in the order of their numbers."""
     files = {mutant.file for mutant in mutants}  # a file whose mutants all leave is written once more
     while True:
@@ -239,18 +245,21 @@ def build(mutants: list[Mutant], programs: dict[str, list[str]]) -> list[Mutant]
             for number, mutant in enumerate(mutants):
                 if mutant.file == name:
                     lines[mutant.line - 1] = mutant.switched(lines[mutant.line - 1], number)
-            target = TREE / name
+            target = tree / name
             if target.read_text() != "\n".join(lines) + "\n":
                 target.write_text("\n".join(lines) + "\n")
-        targets = [Path(program).name for listed in programs.values() for program in listed]
+        # (What pytest needs is the default target.)
+        targets = [Path(test).name if not test.startswith("pytest ") else "all" for test in sorted(tests)]
         built = subprocess.run(
-            ["cmake", "--build", "out", "-j", "2", "--target", *dict.fromkeys(targets), "--", "-k", "0"],
-            cwd=TREE, capture_output=True, text=True, check=False,
+            ["cmake", "--build", "out", "-j", "2", "--target", *targets, "--", "-k", "0"],
+            cwd=tree, capture_output=True, text=True, check=False,
         )  # fmt: skip
         if built.returncode == 0:
             return mutants
         wrong = set(
-            re.findall(r"(firmware/[\w/.]+):(\d+):\d+: (?:fatal )?error", built.stdout + built.stderr)
+            re.findall(
+                r"((?:firmware|fitter)/[\w/.]+):(\d+):\d+: (?:fatal )?error", built.stdout + built.stderr
+            )
         )
         left = [mutant for mutant in mutants if (mutant.file, str(mutant.line)) not in wrong]
         if len(left) == len(mutants):
@@ -259,13 +268,33 @@ def build(mutants: list[Mutant], programs: dict[str, list[str]]) -> list[Mutant]
         mutants = left  # their numbers move: everything is written anew
 
 
-def run_program(program: str, number: int, cpu_limit_s: int) -> str:
+def run_test(tree: Path, test: str, number: int, cpu_limit_s: int) -> str:
     """survived, killed or timed out; `number` -1 is the code without any fault."""
+    environment = os.environ | {"ARMTRUE_MUTANT": str(number), "OPENBLAS_NUM_THREADS": "1"}
+    if test.startswith("pytest "):
+        command = [
+            sys.executable,
+            "-m",
+            "pytest",
+            "-x",
+            "-q",
+            "-p",
+            "no:cacheprovider",
+            "-m",
+            "not full",
+            *test.split()[1:],
+        ]
+        environment["PYTHONPATH"] = f"{tree}/host_tools:{tree}/sim"
+    else:
+        command = [
+            str(tree / "out" / test),
+            "--gtest_brief=1",
+            "--gtest_fail_fast",
+            f"--gtest_filter={FILTER}",
+        ]
     try:
         ran = subprocess.run(
-            ["prlimit", f"--cpu={cpu_limit_s}", TREE / "out/firmware" / program,
-             "--gtest_brief=1", "--gtest_fail_fast", f"--gtest_filter={FILTER}"],
-            cwd=TREE, env={**os.environ, "ARMTRUE_MUTANT": str(number)}, stdout=subprocess.DEVNULL,
+            ["prlimit", f"--cpu={cpu_limit_s}", *command], cwd=tree, env=environment, stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL, timeout=LONGEST_WALL_S, check=False,
         )  # fmt: skip
     except subprocess.TimeoutExpired:
@@ -275,36 +304,41 @@ def run_program(program: str, number: int, cpu_limit_s: int) -> str:
     return "survived" if ran.returncode == 0 else "killed"
 
 
-def run(programs: list[str], number: int, limits: dict[str, int]) -> str:
-    """The first answer of the programs that is not survived."""
-    for program in programs:
-        if (outcome := run_program(program, number, limits[program])) != "survived":
+def run(tree: Path, tests: list[str], number: int, limits: dict[str, int]) -> str:
+    """The first answer of the tests that is not survived."""
+    for test in tests:
+        if (outcome := run_test(tree, test, number, limits[test])) != "survived":
             return outcome
     return "survived"
 
 
-def measured_limits(programs: set[str]) -> dict[str, int]:
-    """Processor seconds that a mutant may take in each program, from a run without any fault."""
+def measured_limits(tree: Path, tests: set[str]) -> dict[str, int]:
+    """Processor seconds that a mutant may take in each test, from a run without any fault."""
     limits = {}
-    for program in sorted(programs):
+    for test in sorted(tests):
         before = resource.getrusage(resource.RUSAGE_CHILDREN)
-        if (outcome := run_program(program, -1, LONGEST_WALL_S)) != "survived":
-            raise SystemExit(f"mutants: {program} without any fault: {outcome}")
+        if (outcome := run_test(tree, test, -1, LONGEST_WALL_S)) != "survived":
+            raise SystemExit(f"mutants: {test} without any fault: {outcome}")
         after = resource.getrusage(resource.RUSAGE_CHILDREN)
         took = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-        limits[program] = max(LEAST_LIMIT_S, round(TIMES_UNFAULTED * took))
-        print(f"{program}: {took:.1f} processor seconds without any fault", flush=True)
+        limits[test] = max(LEAST_LIMIT_S, round(TIMES_UNFAULTED * took))
+        print(f"{test}: {took:.1f} processor seconds without any fault", flush=True)
     return limits
 
 
 def main() -> int:
     """Run a sample; 1 if fewer than 95 % of the mutants that compile are noticed."""
     parser = argparse.ArgumentParser(prog="./dev mutants")
+    parser.add_argument("--part", choices=list(PARTS), default="firmware")
     parser.add_argument("--count", type=int, default=200)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--base", default="HEAD~30", help="files changed since then come first")
     parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("--folder", choices=list(PROGRAMS), help="mutants of this one alone")
+    parser.add_argument(
+        "--folder",
+        choices=[folder for part in PARTS.values() for folder in part],
+        help="mutants of this one alone",
+    )
     parser.add_argument(
         "--own", action="store_true", help="run a folder's own tests alone, not those above it"
     )
@@ -312,38 +346,45 @@ def main() -> int:
     parser.add_argument("--minutes", type=float, default=600.0, help="no mutant is run after so long")
     given = parser.parse_args()
     end = time.monotonic() + 60.0 * given.minutes
-    folders = [given.folder] if given.folder else list(PROGRAMS)
-    programs_of = {folder: PROGRAMS[folder][:1] if given.own else PROGRAMS[folder] for folder in folders}
+    part = given.folder.split("/")[0] if given.folder else given.part
+    tests_of = {
+        folder: tests[:1] if given.own else tests
+        for folder, tests in PARTS[part].items()
+        if given.folder in (None, folder)
+    }
     if given.again:
         listed = changes_in(given.again)
-        every = [mutant for name in files_of(folders) for mutant in mutants_of(name)]
+        every = [mutant for name in files_of(list(tests_of)) for mutant in mutants_of(name)]
         # Of a line that stands there several times, each.
         chosen = one_of_each_line([mutant for mutant in every if mutant.is_listed(listed)])
     else:
-        chosen = sample(given.count, given.seed, given.base, folders)
-    copy_tree()
-    mutants = build(chosen, programs_of)
-    limits = measured_limits({program for programs in programs_of.values() for program in programs})
-    SURVIVORS.write_text("")
+        chosen = sample(given.count, given.seed, given.base, part, list(tests_of))
+    tree = SCRATCH / part
+    every_test = {test for tests in tests_of.values() for test in tests}
+    copy_tree(tree, part)
+    mutants = build(tree, chosen, every_test)
+    limits = measured_limits(tree, every_test)
+    survivors = tree / "survivors.txt"
+    survivors.write_text("")
     outcomes: Counter[str] = Counter()
 
     def judge(number: int) -> str:
         if time.monotonic() > end:
             return "not run"
-        programs = next(p for part, p in programs_of.items() if mutants[number].file.startswith(part))
-        return run(programs, number, limits)
+        tests = next(tests for folder, tests in tests_of.items() if mutants[number].file.startswith(folder))
+        return run(tree, tests, number, limits)
 
     with concurrent.futures.ThreadPoolExecutor(given.jobs) as pool:
         for number, outcome in zip(range(len(mutants)), pool.map(judge, range(len(mutants))), strict=True):
             outcomes[outcome] += 1
             if outcome == "survived":
                 print(mutants[number].text(), end="", flush=True)
-                with SURVIVORS.open("a") as listed:
+                with survivors.open("a") as listed:
                     listed.write(mutants[number].text())
     noticed = outcomes["killed"] + outcomes["timed out"]
     known = noticed + outcomes["survived"]
     print(f"{known} mutants of {len(chosen)} ran: {noticed} noticed ({100 * noticed / max(1, known):.1f} %)")
-    print(", ".join(f"{count} {outcome}" for outcome, count in sorted(outcomes.items())), f"({SURVIVORS})")
+    print(", ".join(f"{count} {outcome}" for outcome, count in sorted(outcomes.items())), f"({survivors})")
     return 0 if noticed >= 0.95 * known else 1
 
 
