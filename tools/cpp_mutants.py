@@ -256,11 +256,9 @@ def build(tree: Path, mutants: list[Mutant], tests: set[str]) -> list[Mutant]:
         )  # fmt: skip
         if built.returncode == 0:
             return mutants
-        wrong = set(
-            re.findall(
-                r"((?:firmware|fitter)/[\w/.]+):(\d+):\d+: (?:fatal )?error", built.stdout + built.stderr
-            )
-        )
+        # (Where a template does not compile, the line that asked for it is named last.)
+        place = rf"{re.escape(str(tree))}/([\w/.]+):(\d+):\d+: +(?:(?:fatal )?error|required from here)"
+        wrong = set(re.findall(place, built.stdout + built.stderr))
         left = [mutant for mutant in mutants if (mutant.file, str(mutant.line)) not in wrong]
         if len(left) == len(mutants):
             raise SystemExit("mutants: the copy does not compile:\n" + built.stdout[-3000:])
