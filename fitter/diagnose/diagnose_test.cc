@@ -31,7 +31,7 @@ std::unique_ptr<Fit> believed(std::uint64_t seed, const json& hidden = nullptr, 
   Random random(seed);
   json truth = testing::geometry_model();
   std::set<std::string> names;
-  for (const json& effect : hidden.is_object() ? json{hidden} : hidden) {
+  for (const json& effect : hidden.is_object() ? json::array({hidden}) : hidden) {
     truth["effects"].push_back(effect);
     names.insert(effect["effect"]);
   }
