@@ -140,5 +140,5 @@ def test_dropped_files_are_gone_on_with_when_they_are_dropped_again(start, brows
     model = page.model()
     page.workbench.kill()
     again = dropped()
-    assert "gone on with" in again.status()
+    again.until(lambda: "gone on with" in again.status(), "word of the session")
     assert again.model() == model
