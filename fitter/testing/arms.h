@@ -29,11 +29,11 @@ inline Eigen::Vector3d normal3(Random& random, double sigma) {
   return {normal(random, sigma), normal(random, sigma), normal(random, sigma)};
 }
 
+// One draw a statement here and below: compilers differ in which argument they evaluate first.
 inline Eigen::Matrix3d random_rotation(Random& random) {
-  return Eigen::Quaterniond(normal(random, 1.0), normal(random, 1.0), normal(random, 1.0),
-                            normal(random, 1.0))
-      .normalized()
-      .toRotationMatrix();
+  Eigen::Vector4d zyxw;
+  for (double& coefficient : zyxw) coefficient = normal(random, 1.0);
+  return Eigen::Quaterniond(zyxw[3], zyxw[2], zyxw[1], zyxw[0]).normalized().toRotationMatrix();
 }
 
 /// A chain of random fixed transforms, in Craig's convention; joints listed in `prismatic`
@@ -44,7 +44,8 @@ inline nlohmann::json random_chain(Random& random, int joints,
   for (int k = 0; k < joints; ++k) {
     const bool slides = std::find(prismatic.begin(), prismatic.end(), k) != prismatic.end();
     // Twists well away from 0 and 180 degrees: neighbouring axes are neither parallel nor in line.
-    const double alpha = (uniform(random, 0.0, 1.0) < 0.5 ? -1.0 : 1.0) * uniform(random, 0.5, 1.3);
+    const double sign = uniform(random, 0.0, 1.0) < 0.5 ? -1.0 : 1.0;
+    const double alpha = sign * uniform(random, 0.5, 1.3);
     nlohmann::json row{{"name", "joint" + std::to_string(k + 1)},
                        {"a", k == 0 ? 0.0 : uniform(random, 0.1, 0.6)},
                        {"alpha", k == 0 ? 0.0 : alpha},
@@ -139,8 +140,9 @@ inline Pose random_base(Random& random) {
 inline Pose random_tool(Random& random) {
   Pose pose = Pose::Identity();
   pose.linear() = random_rotation(random);
-  pose.translation() = Eigen::Vector3d(uniform(random, 0.05, 0.2), uniform(random, -0.1, 0.1),
-                                       uniform(random, 0.05, 0.2));
+  pose.translation().z() = uniform(random, 0.05, 0.2);
+  pose.translation().y() = uniform(random, -0.1, 0.1);
+  pose.translation().x() = uniform(random, 0.05, 0.2);
   return pose;
 }
 
