@@ -22,7 +22,7 @@ inline double uniform(Random& random, double low, double high) {
 }
 
 inline double normal(Random& random, double sigma) {
-  return std::normal_distribution<double>(0.0, sigma)(random);
+  return sigma * std::normal_distribution<double>(0.0, 1.0)(random);  // sigma may be 0
 }
 
 inline Eigen::Vector3d normal3(Random& random, double sigma) {
