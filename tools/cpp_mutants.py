@@ -1,4 +1,4 @@
-"""Mutation testing of the C++: small faults put into the code, one at a time, and whether a test notices.
+"""Mutation testing of the C++: one place of the code is changed at a time, and the tests run to see if one fails.
 
 All faults of a sample are compiled at once into a copy of the tracked files (build/mutants/PART), each behind a
 switch: one build serves them all. `a < b` becomes `(mutant(7) ? (a <= b) : (a < b))`; the tests then run once for each,
@@ -13,7 +13,6 @@ from __future__ import annotations
 import argparse
 import concurrent.futures
 import os
-import random
 import re
 import resource
 import shutil
@@ -26,8 +25,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[1]
-SCRATCH = ROOT / "build" / "mutants"
+from mutants import ROOT, SCRATCH, copy_head, environment_of, pytest_command, sample, verdict
+
 # Of each part, folders and their tests, in the order of how soon they answer: a test program, or what pytest is given.
 PARTS = {
     "firmware": {
@@ -40,7 +39,9 @@ PARTS = {
     },
 }
 # Tests themselves; and format.h, whose numbers the tests' own images share (tests/firmware/test_format.py has them).
-_LEFT_OUT = re.compile(r"_test\.cc|_bench\.cc|_fuzz\.cc|_main\.cc|test_|senseless|simulated|/fuzz/|format\.h")
+_LEFT_OUT = re.compile(
+    r"_test\.cc|_bench\.cc|_fuzz\.cc|_main\.cc|test_|/testing/|senseless|simulated|/fuzz/|format\.h"
+)
 # What is the same code tens of thousands of times (tools/test.d/37) is left to the full step.
 FILTER = "-PowerCut.AtEveryPairOfOperations:PowerCut.AtEveryOperationOfTheLargestTable"
 # A mutant may take so many times the processor seconds of the program without any fault. Wall time says nothing on a
@@ -48,7 +49,6 @@ FILTER = "-PowerCut.AtEveryPairOfOperations:PowerCut.AtEveryOperationOfTheLarges
 TIMES_UNFAULTED = 5
 LEAST_LIMIT_S = 20
 LONGEST_WALL_S = 3600
-SHARE_OF_CHANGED = 0.7
 
 SWITCH = """\
 #ifdef __cplusplus
@@ -191,25 +191,14 @@ def files_of(folders: list[str]) -> list[str]:
     ]
 
 
-def sample(count: int, seed: int, base: str, part: str, folders: list[str]) -> list[Mutant]:
-    """`count` mutants: files changed since `base` first, then all others; no two of one line."""
+def changes_of_interest(part: str, folders: list[str]) -> dict[str, list[Mutant]]:
+    """By file, every mutant but those that are known to change nothing."""
     listed = ROOT / part / "equivalent-mutants.txt"
     equivalent = changes_in(listed) if listed.is_file() else set()
-    changed = subprocess.run(
-        ["git", "diff", "--name-only", base, "HEAD"], cwd=ROOT, capture_output=True, text=True, check=True
-    ).stdout.split()
-    chosen = random.Random(seed)
-    groups: dict[bool, list[Mutant]] = {True: [], False: []}
-    for name in files_of(folders):
-        by_line: dict[int, list[Mutant]] = {}
-        for mutant in mutants_of(name):
-            if not mutant.is_listed(equivalent):
-                by_line.setdefault(mutant.line, []).append(mutant)
-        groups[name in changed] += [chosen.choice(mutants) for mutants in by_line.values()]
-    for group in groups.values():
-        chosen.shuffle(group)
-    first = groups[True][: round(SHARE_OF_CHANGED * count)]
-    return (first + groups[False] + groups[True][len(first) :])[:count]
+    return {
+        name: [mutant for mutant in mutants_of(name) if not mutant.is_listed(equivalent)]
+        for name in files_of(folders)
+    }
 
 
 def one_of_each_line(mutants: list[Mutant]) -> list[Mutant]:
@@ -224,8 +213,7 @@ def copy_tree(tree: Path, part: str) -> None:
         for fetched in (".venv", ".cache"):  # what the build has of registries
             (tree / fetched).symlink_to(ROOT / fetched)
     shutil.rmtree(tree / part, ignore_errors=True)
-    archive = subprocess.run(["git", "archive", "HEAD"], cwd=ROOT, capture_output=True, check=True).stdout
-    subprocess.run(["tar", "x"], cwd=tree, input=archive, check=True)
+    copy_head(tree)
     (tree / "mutant_switch.h").write_text(SWITCH)
     subprocess.run(
         ["cmake", "-S", ".", "-B", "out", "-G", "Ninja", "-DCMAKE_BUILD_TYPE=Release",
@@ -268,28 +256,15 @@ def build(tree: Path, mutants: list[Mutant], tests: set[str]) -> list[Mutant]:
 
 def run_test(tree: Path, test: str, number: int, cpu_limit_s: int) -> str:
     """survived, killed or timed out; `number` -1 is the code without any fault."""
-    environment = os.environ | {"ARMTRUE_MUTANT": str(number), "OPENBLAS_NUM_THREADS": "1"}
     if test.startswith("pytest "):
-        command = [
-            sys.executable,
-            "-m",
-            "pytest",
-            "-x",
-            "-q",
-            "-p",
-            "no:cacheprovider",
-            "-m",
-            "not full",
-            *test.split()[1:],
-        ]
-        environment["PYTHONPATH"] = f"{tree}/host_tools:{tree}/sim"
+        command = pytest_command(test.split()[1:])
     else:
         command = [
             str(tree / "out" / test),
-            "--gtest_brief=1",
-            "--gtest_fail_fast",
+            *["--gtest_brief=1", "--gtest_fail_fast"],
             f"--gtest_filter={FILTER}",
         ]
+    environment = os.environ | environment_of(tree) | {"ARMTRUE_MUTANT": str(number)}
     try:
         ran = subprocess.run(
             ["prlimit", f"--cpu={cpu_limit_s}", *command], cwd=tree, env=environment, stdout=subprocess.DEVNULL,
@@ -303,7 +278,7 @@ def run_test(tree: Path, test: str, number: int, cpu_limit_s: int) -> str:
 
 
 def run(tree: Path, tests: list[str], number: int, limits: dict[str, int]) -> str:
-    """The first answer of the tests that is not survived."""
+    """How the first test that notices a mutant notices it; survived if none does."""
     for test in tests:
         if (outcome := run_test(tree, test, number, limits[test])) != "survived":
             return outcome
@@ -311,7 +286,7 @@ def run(tree: Path, tests: list[str], number: int, limits: dict[str, int]) -> st
 
 
 def measured_limits(tree: Path, tests: set[str]) -> dict[str, int]:
-    """Processor seconds that a mutant may take in each test, from a run without any fault."""
+    """The limit of processor seconds for each test: a multiple of what it takes while nothing is changed."""
     limits = {}
     for test in sorted(tests):
         before = resource.getrusage(resource.RUSAGE_CHILDREN)
@@ -325,7 +300,7 @@ def measured_limits(tree: Path, tests: set[str]) -> dict[str, int]:
 
 
 def main() -> int:
-    """Run a sample; 1 if fewer than 95 % of the mutants that compile are noticed."""
+    """Run a sample; the exit status is 1 if tests notice fewer than 95 % of what compiles."""
     parser = argparse.ArgumentParser(prog="./dev mutants")
     parser.add_argument("--part", choices=list(PARTS), default="firmware")
     parser.add_argument("--count", type=int, default=200)
@@ -356,7 +331,7 @@ def main() -> int:
         # Of a line that stands there several times, each.
         chosen = one_of_each_line([mutant for mutant in every if mutant.is_listed(listed)])
     else:
-        chosen = sample(given.count, given.seed, given.base, part, list(tests_of))
+        chosen = sample(changes_of_interest(part, list(tests_of)), given.count, given.seed, given.base)
     tree = SCRATCH / part
     every_test = {test for tests in tests_of.values() for test in tests}
     copy_tree(tree, part)
@@ -379,11 +354,7 @@ def main() -> int:
                 print(mutants[number].text(), end="", flush=True)
                 with survivors.open("a") as listed:
                     listed.write(mutants[number].text())
-    noticed = outcomes["killed"] + outcomes["timed out"]
-    known = noticed + outcomes["survived"]
-    print(f"{known} mutants of {len(chosen)} ran: {noticed} noticed ({100 * noticed / max(1, known):.1f} %)")
-    print(", ".join(f"{count} {outcome}" for outcome, count in sorted(outcomes.items())), f"({survivors})")
-    return 0 if noticed >= 0.95 * known else 1
+    return verdict(outcomes, len(chosen), survivors)
 
 
 if __name__ == "__main__":

@@ -24,7 +24,7 @@ constexpr double kByChance = 2.0;
 // at random falls by this share, and the mean over poses held out at random, in time and by region
 // grows by no more than chance explains.
 constexpr double kWorthNodes = 1e-2;
-// So many candidates are fitted where a structure has no name.
+// How many candidates are fitted, one after the other, to explain a structure that no effect names.
 constexpr std::size_t kTriedForStructure = 3;
 // Candidates of one search from which moves are taken.
 constexpr std::size_t kLookedThrough = 60;

@@ -22,14 +22,16 @@ inline double uniform(Random& random, double low, double high) {
 }
 
 inline double normal(Random& random, double sigma) {
-  return sigma * std::normal_distribution<double>(0.0, 1.0)(random);  // sigma may be 0
+  // (The library's own distribution does not allow a sigma of 0.)
+  return sigma * std::normal_distribution<double>(0.0, 1.0)(random);
 }
 
 inline Eigen::Vector3d normal3(Random& random, double sigma) {
   return {normal(random, sigma), normal(random, sigma), normal(random, sigma)};
 }
 
-// One draw a statement here and below: compilers differ in which argument they evaluate first.
+// Here and below every random number is drawn in a statement of its own: in which order the
+// arguments of a call are evaluated is the compiler's choice, and all must make the same arms.
 inline Eigen::Matrix3d random_rotation(Random& random) {
   Eigen::Vector4d zyxw;
   for (double& coefficient : zyxw) coefficient = normal(random, 1.0);

@@ -19,7 +19,7 @@ from opened import TWO_HIDDEN, Workbench
 POSES, ACTIONS, EVERY = 300, 500, 100
 _PATIENCE_S = 600.0
 _CANDIDATES = 8
-_LATELY = 5
+_READINGS = 5  # of which a figure is the least
 
 
 def resident_mb(workbench: Workbench) -> float:
@@ -31,12 +31,12 @@ def resident_mb(workbench: Workbench) -> float:
 def held_over(workbench: Workbench, actions: int, every: int, diagnosed_every: int = 4) -> list[float]:
     """Memory [MB] after each `every` of so many actions: Add, Undo, Redo and Remove in turn, each waited for.
 
-    `diagnosed_every`: after so many actions a diagnosis is waited for; the next action stops the others. What is freed
-    comes back in pieces, so a figure is the least of those after the last few diagnoses.
+    `diagnosed_every`: after so many actions a diagnosis is waited for; the next action stops the others. Freed memory
+    goes back to the system in pieces, so a figure is the least of those after the last few diagnoses.
     """
     _wait_for_diagnosis(workbench)
     entries = [model_entry(candidate) for candidate in workbench.state()["candidates"][:_CANDIDATES]]
-    held, lately = [], deque[float](maxlen=_LATELY)
+    held, readings = [], deque[float](maxlen=_READINGS)
     for done in range(0, actions, 4):
         _do(workbench, do="add", entry=entries[(done // 4) % len(entries)])
         _do(workbench, do="undo")
@@ -45,9 +45,9 @@ def held_over(workbench: Workbench, actions: int, every: int, diagnosed_every: i
         assert state["failure"] == "", state["failure"]
         if (done + 4) % diagnosed_every == 0:
             _wait_for_diagnosis(workbench)
-            lately.append(resident_mb(workbench))
+            readings.append(resident_mb(workbench))
         if (done + 4) % every == 0:
-            held.append(min(lately))
+            held.append(min(readings))
     return held
 
 

@@ -433,7 +433,8 @@ def test_od_02_communication_objects_hold_their_defaults(target: Target) -> None
 
 
 def test_emergency_01_02_03_at_rest(target: Target) -> None:
-    target.reset()  # what an earlier test sent and no longer sends (a temperature) is an error that stays
+    # If a test before this one sent a temperature, the device reports 0xFF12 until it is reset: no other came.
+    target.reset()
     assert target.read(0x1014, 0) == 0x80 + target.node_id
     assert target.read(0x1001, 0) == 0
     assert target.read(0x1003, 0) == 0
@@ -505,9 +506,9 @@ def test_heartbeat_05_consumer_is_content_with_heartbeats(target: Target) -> Non
 
 
 def first_emergency(target: Target, within_s: float) -> int | None:
-    """The code of the first emergency message within a time that the device's patience stretches; None: there is none.
+    """Wait for an emergency message, for `within_s` times the target's patience; its code, None if none comes.
 
-    0xFF12 does not count: a test that ran earlier sent a temperature, and the device reports that no other followed.
+    0xFF12 is passed over: a test that ran earlier sent a temperature, and the device reports that no other came.
     """
     give_up = time.monotonic() + within_s * target.patience
     while (rest := give_up - time.monotonic()) > 0:
