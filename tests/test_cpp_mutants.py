@@ -57,6 +57,7 @@ def test_constants_of_the_compiler_are_left_alone(tmp_path: Path, monkeypatch: p
     monkeypatch.setattr(cpp_mutants, "ROOT", tmp_path)
     (tmp_path / "a.cc").write_text(
         "const int kA[] = {\n    0x4cc5, 2U,\n};\nint f(int a) {\n  a = multiply<30>(a);\n  return a + 2;\n}\n"
+        "constexpr std::array<F, 2> kF{{{kSin, 1},\n                               {kSign, 1}}};\n"
     )
     assert {mutant.line for mutant in cpp_mutants.mutants_of("a.cc")} == {6}
 

@@ -158,7 +158,7 @@ def mutants_of(name: str) -> list[Mutant]:
     in_constant = False  # of several lines: evaluated by the compiler, where no switch works
     for number, line in enumerate((ROOT / name).read_text().splitlines(), 1):
         code = _COMMENT_OR_TEXT.sub("", line).strip()
-        in_constant = in_constant or re.search(r"\bconstexpr\b[^(]* =", code) is not None
+        in_constant = in_constant or re.search(r"\bconstexpr\b[^(]*(?: =|\{)", code) is not None
         if in_constant:
             in_constant = not code.endswith(";")
             continue
