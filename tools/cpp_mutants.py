@@ -48,7 +48,7 @@ FILTER = "-PowerCut.AtEveryPairOfOperations:PowerCut.AtEveryOperationOfTheLarges
 # loaded machine; it only ends a program that waits for ever.
 TIMES_UNFAULTED = 5
 LEAST_LIMIT_S = 20
-LONGEST_WALL_S = 3600
+LONGEST_WALL_S = 1200
 
 SWITCH = """\
 #ifdef __cplusplus
