@@ -8,6 +8,7 @@
 #include <stdexcept>
 
 #include "fitter/diagnose/diagnose.h"
+#include "fitter/diagnose/line_advice.h"
 #include "fitter/evidence/blocks.h"
 #include "fitter/evidence/words.h"
 #include "fitter/model/variable.h"
@@ -96,14 +97,6 @@ void advise_periods(const Diagnosis& d, const Candidate& table, std::vector<std:
   }
 }
 
-// "13 cycles a turn", or "waves of 20 mm" of so many cycles a metre.
-std::string line_words(bool slides, double cycles) {
-  char text[48];
-  std::snprintf(text, sizeof text, slides ? "waves of %.6g mm" : "%.6g cycles a turn",
-                slides ? 1e3 / cycles : cycles);
-  return text;
-}
-
 // "armtrue add FIT gear_mesh --joints 5 --option 'cycles=[13]' --out FIT2"
 std::string command_to_add(const EffectRequest& request) {
   std::string joints, options;
@@ -118,43 +111,11 @@ std::string command_to_add(const EffectRequest& request) {
   return "armtrue add FIT " + request.effect + joints + options + " --out FIT2";
 }
 
-// "20 cycles a turn and 52 cycles a turn"; empty for no numbers.
-std::string lines_words(bool slides, const std::vector<double>& cycles) {
-  std::string list;
-  for (const double line : cycles) list += (list.empty() ? "" : " and ") + line_words(slides, line);
-  return list;
-}
-
-// What turns so often, and which other waves look the same where the joint stood on a grid.
-void advise_line(const Diagnosis& d, const EffectRequest& request,
-                 std::vector<std::string>& advice) {
-  const bool slides = request.options.contains("wavelengths");
-  if (!slides && !request.options.contains("cycles")) return;
-  const std::string joint = std::to_string(request.joints.front());
-  std::vector<double> all;
-  for (const auto& value : request.options[slides ? "wavelengths" : "cycles"]) {
-    const double cycles = slides ? 1.0 / value.get<double>() : value.get<double>();
-    all.push_back(cycles);
-    for (const JointSpectrum& spectrum : d.spectra) {
-      if (spectrum.joint != request.joints.front()) continue;
-      const std::string others = lines_words(slides, spectrum.aliases(cycles));
-      if (others.empty()) continue;
-      advice.push_back(
-          "q" + joint + " stands on a grid of " +
-          number_words(slides ? 1e3 * spectrum.grid : spectrum.grid * 180.0 / std::numbers::pi) +
-          (slides ? " mm" : " deg") + ", on which " + others +
-          " look the same: measure poses between to tell");
-    }
-  }
-  advice.push_back(lines_words(slides, all) + " on joint " + joint +
-                   (slides ? ": look for a screw or pinion that travels so far a turn"
-                           : ": look for a gear or bearing of that count"));
-}
-
-void advise_missing(const Diagnosis& d, int joints, std::vector<std::string>& advice) {
+void advise_missing(const Diagnosis& d, const Robot& robot, std::vector<std::string>& advice) {
   const Candidate& best = *d.recommended();
   advice.push_back("add it: " + command_to_add(best.request));
-  advise_line(d, best.request, advice);
+  for (const std::string& line : line_advice(best.request, d.spectra, robot))
+    advice.push_back(line);
   if (find_effect(best.request.effect).generic()) advise_periods(d, best, advice);
   for (const Candidate& other : d.candidates) {
     if (&other == &best) continue;
@@ -165,7 +126,7 @@ void advise_missing(const Diagnosis& d, int joints, std::vector<std::string>& ad
             ? ": this data prefers the first, but the second explains nearly as much; "
             : ": this data cannot tell; ";
     advice.push_back(label(best.request) + " or " + label(other.request) + verdict +
-                     how_to_tell(best, other, joints));
+                     how_to_tell(best, other, robot.joint_count()));
     if (advice.size() >= 6) break;
   }
 }
@@ -464,7 +425,7 @@ std::vector<std::string> advise(const Diagnosis& d, const Fit& fit,
                      "column that is wrong, or what no effect of the catalogue is, may look like "
                      "it, or chance");
   }
-  if (d.verdict == Verdict::kMissingEffect) advise_missing(d, fit.robot().joint_count(), advice);
+  if (d.verdict == Verdict::kMissingEffect) advise_missing(d, fit.robot(), advice);
   if (d.verdict == Verdict::kUnexplainedStructure) advise_structure(d, fit, advice);
   if (d.verdict == Verdict::kNothingMissing && !left_out) advise_nothing(d, fit, advice);
   // Where structure is left, the figures are not of noise alone.

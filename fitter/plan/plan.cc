@@ -7,9 +7,9 @@
 
 #include "fitter/common/statistics.h"
 #include "fitter/diagnose/diagnose.h"
-#include "fitter/diagnose/information.h"
 #include "fitter/plan/rivals.h"
 #include "fitter/plan/session.h"
+#include "fitter/solve/information.h"
 #include "fitter/solve/prediction.h"
 
 namespace armtrue {

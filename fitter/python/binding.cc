@@ -14,7 +14,6 @@
 #include <cstring>
 #include <nlohmann/json.hpp>
 
-#include "fitter/diagnose/information.h"
 #include "fitter/evidence/block.h"
 #include "fitter/python/arrays.h"
 #include "fitter/python/catalogue_binding.h"
@@ -22,6 +21,7 @@
 #include "fitter/python/plan_binding.h"
 #include "fitter/python/watched.h"
 #include "fitter/refine/refine.h"
+#include "fitter/solve/information.h"
 #include "fitter/solve/prediction.h"
 
 namespace nb = nanobind;

@@ -72,5 +72,33 @@ TEST(StartSearch, LeavesLittleToTheDescent) {
   EXPECT_NEAR(found[found.size() - 1], end[end.size() - 1], 2e-3);
 }
 
+// The only good start may be the smallest value of every nonlinear parameter.
+TEST(StartSearch, TriesEveryCombinationOfStarts) {
+  Random random(302);
+  const json told{{"effect", "gravity_balancer"}, {"ratio", 0.4}, {"phase", 0.7}};
+  const Problem p(testing::industrial_arm(), with_effect(told), {150, false, 1, 1e-5, 2e-5, {}},
+                  random,
+                  [&](const Parameter& q) { return q.effect == "gravity_balancer" ? 2e-3 : 0.0; });
+  const auto fit =
+      Fit::run(p.robot, p.columns,
+               ModelSpecification::from_json(with_effect({{"effect", "gravity_balancer"}})), {});
+  Model model = fit->model();
+  const std::vector<double> end = fit->design().unknown_values();
+  for (std::size_t j = 0; j < 2; ++j) {
+    NonlinearParameter& n = model.nonlinear[model.nonlinear.size() - 1 - j];
+    const double best = end[end.size() - 1 - j];
+    n.starts = {best + 0.2, best};
+  }
+  Design design(fit->state(), fit->measurements(), model, fit->kinematics());
+  design.set_free(fit->design().free_parameters());
+  for (NonlinearParameter& n : model.nonlinear) n.starts = {n.starts.back()};
+  Design told_design(fit->state(), fit->measurements(), model, fit->kinematics());
+  told_design.set_free(fit->design().free_parameters());
+  const std::vector<double> found = search_starts(design, fit->smoothness_sigma());
+  const std::vector<double> best = search_starts(told_design, fit->smoothness_sigma());
+  EXPECT_NEAR(found[found.size() - 2], best[best.size() - 2], 2e-3);
+  EXPECT_NEAR(found[found.size() - 1], best[best.size() - 1], 2e-3);
+}
+
 }  // namespace
 }  // namespace armtrue

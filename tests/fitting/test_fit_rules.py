@@ -37,9 +37,15 @@ def test_base_that_is_stated_is_where_the_base_stands(campaign):
     assert fit.document["measuring_from_base"]["rpy"] == pytest.approx(base["rpy"], abs=1e-12)
 
 
-def test_part_of_a_turned_base_is_refused(campaign):
+@pytest.mark.parametrize("weak", [("tx",), ("ty",), ("tz",), ("tx", "ty")])
+def test_part_of_a_turned_base_is_refused(campaign, weak):
+    held = {"fixed": 0.1}
+    known = {"prior": 0.1, "sigma": 1e-3}
+    stated = {f"base_frame.{c}": known if c in weak else held for c in ("tx", "ty", "tz")}
     with pytest.raises(InputError, match="expected tx, ty and tz together"):
-        campaign().fit(GEOMETRY, parameters={"base_frame.tz": {"fixed": 0.1}})
+        campaign().fit(GEOMETRY, parameters=stated)
+    with pytest.raises(InputError, match="expected tx, ty and tz together"):
+        campaign().fit(GEOMETRY, parameters={f"base_frame.{c}": held for c in weak})
 
 
 def test_parameters_in_every_argument_of_hat_move(campaign):

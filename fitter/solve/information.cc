@@ -1,4 +1,4 @@
-#include "fitter/diagnose/information.h"
+#include "fitter/solve/information.h"
 
 #include <algorithm>
 #include <cmath>

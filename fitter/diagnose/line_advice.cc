@@ -1,0 +1,96 @@
+#include "fitter/diagnose/line_advice.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <numbers>
+
+#include "fitter/evidence/words.h"
+
+namespace armtrue {
+namespace {
+
+// Orders whose numerator and denominator are no larger are what shafts and stages of a gear have.
+constexpr int kLargestNumerator = 8, kLargestDenominator = 4;
+
+// "13 cycles a turn", or "waves of 20 mm" of so many cycles a metre.
+std::string line_words(bool slides, double cycles) {
+  char text[48];
+  std::snprintf(text, sizeof text, slides ? "waves of %.6g mm" : "%.6g cycles a turn",
+                slides ? 1e3 / cycles : cycles);
+  return text;
+}
+
+// "20 cycles a turn and 52 cycles a turn"; empty for no numbers.
+std::string lines_words(bool slides, const std::vector<double>& cycles) {
+  std::string list;
+  for (const double line : cycles) list += (list.empty() ? "" : " and ") + line_words(slides, line);
+  return list;
+}
+
+// "3", "1/3": the simple order that the joint's travel cannot tell from a line; empty if none.
+std::string simple_order(double cycles, double turns, double resolution) {
+  for (int q = 1; q <= kLargestDenominator; ++q) {
+    const double p = std::round(cycles / turns * q);
+    if (p >= 1.0 && p <= kLargestNumerator && std::abs(cycles - p / q * turns) < 0.5 * resolution)
+      return number_words(p) + (q > 1 ? "/" + std::to_string(q) : "");
+  }
+  return "";
+}
+
+// How a line of a joint that turns stands to its motor.
+std::string motor_words(double cycles, double turns, double resolution) {
+  char text[320];
+  if (const std::string order = simple_order(cycles, turns, resolution); !order.empty()) {
+    std::snprintf(text, sizeof text, "%s is %s times the motor's %.6g turns a turn of the joint",
+                  line_words(false, cycles).c_str(), order.c_str(), turns);
+  } else {
+    std::snprintf(text, sizeof text,
+                  "%s is %.3g times the motor's %.6g turns a turn of the joint, no multiple or "
+                  "simple fraction: a wheel or bearing inside the gear may turn so, or lines that "
+                  "lie closer together than the %.2g cycles that the joint's travel tells apart",
+                  line_words(false, cycles).c_str(), cycles / turns, turns, resolution);
+  }
+  return text;
+}
+
+std::string grid_words(const JointSpectrum& spectrum, double cycles) {
+  const std::string others = lines_words(spectrum.slides, spectrum.aliases(cycles));
+  if (others.empty()) return "";
+  const double grid =
+      spectrum.slides ? 1e3 * spectrum.grid : spectrum.grid * 180.0 / std::numbers::pi;
+  return "q" + std::to_string(spectrum.joint) + " stands on a grid of " + number_words(grid) +
+         (spectrum.slides ? " mm" : " deg") + ", on which " + others +
+         " look the same: measure poses between to tell";
+}
+
+}  // namespace
+
+std::vector<std::string> line_advice(const EffectRequest& request,
+                                     const std::vector<JointSpectrum>& spectra,
+                                     const Robot& robot) {
+  const bool slides = request.options.contains("wavelengths");
+  if (!slides && !request.options.contains("cycles")) return {};
+  const int joint = request.joints.front();
+  const double turns = robot.joints[static_cast<std::size_t>(joint - 1)].gear_ratio;
+  const auto spectrum = std::ranges::find(spectra, joint, &JointSpectrum::joint);
+  std::vector<std::string> on_grid, by_motor;
+  std::vector<double> all;
+  for (const auto& value : request.options[slides ? "wavelengths" : "cycles"]) {
+    const double cycles = slides ? 1.0 / value.get<double>() : value.get<double>();
+    all.push_back(cycles);
+    if (spectrum == spectra.end()) continue;
+    if (std::string words = grid_words(*spectrum, cycles); !words.empty())
+      on_grid.push_back(std::move(words));
+    if (!slides && turns > 0.0)
+      by_motor.push_back(motor_words(cycles, turns, spectrum->resolution));
+  }
+  std::vector<std::string> advice = std::move(on_grid);
+  advice.push_back(lines_words(slides, all) + " on joint " + std::to_string(joint) +
+                   (slides ? ": look for a screw or pinion that travels so far a turn"
+                           : ": look for a gear or bearing of that count"));
+  advice.insert(advice.end(), by_motor.begin(), by_motor.end());
+  return advice;
+}
+
+}  // namespace armtrue

@@ -1,0 +1,52 @@
+#include "fitter/diagnose/line_advice.h"
+
+#include <gtest/gtest.h>
+
+#include "fitter/testing/arms.h"
+
+namespace armtrue {
+namespace {
+
+using nlohmann::json;
+
+// An arm whose motors turn 120 times a turn of a joint, or of which nobody knows.
+std::vector<std::string> advice_on(const json& options, double grid = 0.0, bool with_ratio = true) {
+  json robot = testing::industrial_arm();
+  if (!with_ratio) robot["kinematics"]["joints"][4].erase("gear_ratio");
+  JointSpectrum spectrum;
+  spectrum.joint = 5;
+  spectrum.resolution = 0.8;
+  spectrum.grid = grid;
+  spectrum.cycles = {0.5, 300.0};
+  return line_advice({"gear_mesh", {5}, options}, {spectrum}, Robot::from_json(robot));
+}
+
+TEST(LineAdvice, NamesTheOrderOfTheMotorThatALineHas) {
+  EXPECT_EQ(advice_on({{"cycles", {360.0}}}),
+            (std::vector<std::string>{
+                "360 cycles a turn on joint 5: look for a gear or bearing of that count",
+                "360 cycles a turn is 3 times the motor's 120 turns a turn of the joint"}));
+  EXPECT_EQ(advice_on({{"cycles", {40.3}}}).back(),
+            "40.3 cycles a turn is 1/3 times the motor's 120 turns a turn of the joint");
+}
+
+TEST(LineAdvice, SaysWhyTheMotorDoesNotNameALine) {
+  const std::string words = advice_on({{"cycles", {40.5}}}).back();
+  EXPECT_NE(words.find("0.338 times the motor's 120 turns"), std::string::npos) << words;
+  EXPECT_NE(words.find("the 0.8 cycles that the joint's travel tells apart"), std::string::npos);
+  // So many times a turn is no shaft's.
+  EXPECT_NE(advice_on({{"cycles", {1080.0}}}).back().find("no multiple"), std::string::npos);
+}
+
+TEST(LineAdvice, WithoutAGearRatioLooksForTheCountAlone) {
+  EXPECT_EQ(advice_on({{"cycles", {13.0}}}, 0.0, false).size(), 1u);
+  EXPECT_TRUE(advice_on({{"orders", {1.0}}}).empty());
+}
+
+TEST(LineAdvice, SaysWhatAGridCannotTell) {
+  const std::string words = advice_on({{"cycles", {13.0}}}, 0.1745329251994330).front();
+  EXPECT_EQ(words.find("q5 stands on a grid of 10 deg, on which 23 cycles a turn"), 0u) << words;
+}
+
+}  // namespace
+}  // namespace armtrue
