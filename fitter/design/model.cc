@@ -19,10 +19,10 @@ constexpr int kMostJoints = 1000;
 EffectRequest request_from_json(const json& entry) {
   EffectRequest request;
   if (entry.is_string()) {
-    request.effect = entry;
+    entry.get_to(request.effect);
     return request;
   }
-  request.effect = entry.at("effect");
+  entry.at("effect").get_to(request.effect);
   for (const auto& [key, value] : entry.items()) {
     if (key == "effect") continue;
     if (key == "joints") {

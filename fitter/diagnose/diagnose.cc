@@ -21,6 +21,8 @@ constexpr double kWorthNaming = 0.02;
 constexpr double kStructureSignificant = -5.0;
 // Share of the best candidate's explanation from which another one counts as its alternative.
 constexpr double kSameExplanation = 0.9;
+// Chance makes a line as high as this among all of a joint's with this probability.
+constexpr double kChanceOfLine = 1e-3;
 // A rival that explains this much of its own beside a candidate is another effect, no alternative.
 constexpr double kIndependentShare = 0.5;
 
@@ -46,7 +48,7 @@ Candidate make_candidate(const Fit& fit, const EvidenceSummary& evidence, std::s
   c.block.terms.parameters.resize(form.own);
   for (const NonlinearParameter& p : build_effect(fit.context(), c.request).nonlinear) {
     if (!p.option.empty() && c.block.request.options.contains(p.option))
-      c.starts[p.name] = c.block.request.options[p.option];
+      c.block.request.options[p.option].get_to(c.starts[p.name]);
   }
   c.probability = search.inclusion[b];
   c.gain_beside = std::max(0.0, search.gain[b]);
@@ -288,6 +290,53 @@ void conclude(Diagnosis& d, const Fit& fit, const Linearization& linearization) 
   d.advice = advise(d, fit, linearization);
 }
 
+// Whether a joint repeats worse than others.
+bool stands_out(const NoiseParts& noise, std::size_t joint) {
+  return !noise.is_pooled(joint) && noise.joint[joint] > 0.0;
+}
+
+bool any_stands_out(const NoiseParts& noise) {
+  for (std::size_t k = 0; k < noise.joint.size(); ++k) {
+    if (stands_out(noise, k)) return true;
+  }
+  return false;
+}
+
+// Waves too fine for what was looked at pass for scatter of their joint.
+bool has_line_in_scatter(const std::vector<JointSpectrum>& spectra, const NoiseParts& noise,
+                         std::size_t rows) {
+  return std::ranges::any_of(spectra, [&](const JointSpectrum& spectrum) {
+    const auto joint = static_cast<std::size_t>(spectrum.joint - 1);
+    if (!stands_out(noise, joint) || spectrum.power.empty()) return false;
+    // Of white noise, a line takes more than `most` with probability (1 − most)^((rows − 3)/2)
+    // (Scargle 1982, ApJ 263, 835, of residuals whose size is not known).
+    const double most = std::min(*std::ranges::max_element(spectrum.power), 1.0 - 1e-12);
+    const double lines = static_cast<double>(spectrum.power.size());
+    return 0.5 * (static_cast<double>(rows) - 3.0) * std::log1p(-most) <
+           std::log(kChanceOfLine / lines);
+  });
+}
+
+// Where more is left than noise, or a joint repeats badly, and nothing known explains it, a gear
+// ratio may be unknown or not what it is said to be. Takes the diagnosis with finer lines in place
+// of `d` if that recommends something.
+void look_for_finer_lines(Fit& fit, const Linearization& linearization, const Scorer& scorer,
+                          const Structure& structure, const DiagnoseOptions& options,
+                          Diagnosis& d) {
+  const bool unlike_noise = is_unlike_noise(d.lack_of_fit);
+  if (!unlike_noise && (d.rounding.size > 0.0 || !any_stands_out(d.noise))) return;
+  std::vector<JointSpectrum> wide = wide_joint_spectra(linearization, fit.state());
+  if (!unlike_noise && !has_line_in_scatter(wide, d.noise, linearization.rows())) return;
+  Diagnosis other;
+  std::vector<EvidenceBlock> lines = spectral_blocks(fit, linearization, wide);
+  for (EvidenceBlock& block : structure_blocks(fit, structure)) lines.push_back(std::move(block));
+  weigh(fit, linearization, scorer, std::move(lines), options, other);
+  if (!other.recommended()) return;
+  other.lack_of_fit = d.lack_of_fit;
+  d = std::move(other);
+  d.spectra = std::move(wide);
+}
+
 }  // namespace
 
 const Candidate* Diagnosis::recommended() const {
@@ -334,20 +383,7 @@ Diagnosis diagnose(Fit& fit, const DiagnoseOptions& options, Observer& observer)
   // All repeats of a pose have the same rounded angles in the file. Their scatter holds nothing of
   // the rounding error, which differs from pose to pose.
   if (d.rounding.size == 0.0) d.lack_of_fit = lack_of_fit(linearization, fit, d.noise);
-  if (!d.recommended() && is_unlike_noise(d.lack_of_fit)) {
-    // More is left than noise and nothing known explains it: a gear ratio may not be what it is
-    // said to be.
-    std::vector<JointSpectrum> wide = wide_joint_spectra(linearization, fit.state());
-    Diagnosis other;
-    std::vector<EvidenceBlock> lines = spectral_blocks(fit, linearization, wide);
-    for (EvidenceBlock& block : structure_blocks(fit, structure)) lines.push_back(std::move(block));
-    weigh(fit, linearization, scorer, std::move(lines), options, other);
-    if (other.recommended()) {
-      other.lack_of_fit = d.lack_of_fit;
-      d = std::move(other);
-      d.spectra = std::move(wide);
-    }
-  }
+  if (!d.recommended()) look_for_finer_lines(fit, linearization, scorer, structure, options, d);
   if (d.candidates.size() > options.listed) d.candidates.resize(options.listed);
   score_alone(scorer, fit, d.candidates);
   for (std::size_t f = 0; f < structure.findings.size(); ++f) {

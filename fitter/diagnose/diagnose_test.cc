@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 #include <numeric>
 #include <set>
+#include <tuple>
 
 #include "fitter/diagnose/scorer.h"
 #include "fitter/diagnose/spectrum.h"
@@ -33,7 +34,7 @@ std::unique_ptr<Fit> believed(std::uint64_t seed, const json& hidden = nullptr, 
   std::set<std::string> names;
   for (const json& effect : hidden.is_object() ? json::array({hidden}) : hidden) {
     truth["effects"].push_back(effect);
-    names.insert(effect["effect"]);
+    names.insert(effect["effect"].get<std::string>());
   }
   const Problem p(testing::industrial_arm(), truth, {rows, false, 1, kNoise, 2e-5, {}}, random,
                   [&](const Parameter& q) {
@@ -151,6 +152,43 @@ TEST(Spectrum, FindsAPeriodThatNobodyKnewAmongRandomPoses) {
   EXPECT_EQ(joint, 5);
   EXPECT_NEAR(cycles, 13.0, 0.1);
   EXPECT_GT(strongest, 0.5);
+}
+
+// A count is whole if the residual cannot tell it from the best, and else no rounder than that: a
+// line beside the true one would leave another.
+TEST(Spectrum, OfATurnFindsTheRoundestCountThatTheResidualCannotTellFromTheBest) {
+  for (const auto& [wave, count, within] :
+       {std::tuple{"sin(13*q5)", 13.0, 1e-12}, std::tuple{"sin(13.4*q5)", 13.4, 0.02}}) {
+    const auto fit = believed(3,
+                              {{"effect", "custom"},
+                               {"name", "wave"},
+                               {"coordinate", "motor5"},
+                               {"expression", wave},
+                               {"bound", 1.0}},
+                              2e-4);
+    const Linearization linearization = linearize(*fit);
+    const std::vector<JointSpectrum> spectra = joint_spectra(linearization, fit->state());
+    const std::vector<SpectralPeak> peaks =
+        highest_peaks(spectra.at(4), linearization, fit->state(), 1);
+    ASSERT_EQ(peaks.size(), 1u);
+    EXPECT_NEAR(peaks.front().cycles, count, within) << wave;
+  }
+}
+
+// Waves finer than twice a motor turn were taken for a joint that repeats badly, and nothing for
+// missing.
+TEST(Diagnose, LooksForFineLinesWhereAJointSeemsToRepeatBadly) {
+  const auto fit = believed(3,
+                            {{"effect", "custom"},
+                             {"name", "wave"},
+                             {"coordinate", "motor1"},
+                             {"expression", "sin(506.6*q1)"},
+                             {"bound", 1.0}},
+                            1e-4);
+  const Diagnosis d = diagnose(*fit, {});
+  ASSERT_NE(d.recommended(), nullptr);
+  EXPECT_EQ(d.recommended()->request.effect, "gear_mesh");
+  EXPECT_NEAR(d.recommended()->request.options.at("cycles").front().get<double>(), 506.6, 0.05);
 }
 
 // A fit of geometry alone to an arm whose first joint slides on a screw of 20 mm that is off by

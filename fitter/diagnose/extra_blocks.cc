@@ -54,6 +54,31 @@ double fewest_cycles(const JointSpectrum& spectrum) {
                          : std::max(kLowestLine, spectrum.resolution);
 }
 
+// What else the residual holds can shift a peak of a spectrum: beside the peak stands the whole
+// count that the joint's range does not tell from it, and the search chooses beside all else.
+std::vector<double> counts_near(const JointSpectrum& spectrum, double cycles) {
+  const double whole = std::round(cycles);
+  if (spectrum.slides || whole == cycles || std::abs(cycles - whole) > 0.3 * spectrum.resolution)
+    return {cycles};
+  return {cycles, whole};
+}
+
+// A line as a candidate; none where no effect makes it, or the fit has it.
+std::optional<EvidenceBlock> line_block(const Fit& fit, int joint, double cycles) {
+  const std::optional<EffectRequest> cause = cause_of_line(fit.context(), joint, cycles);
+  if (!cause) return std::nullopt;
+  EvidenceBlock block;
+  block.request = *cause;
+  block.forms = {EvidenceForm(make_block(fit.context(), block.request))};
+  const auto& parameters = block.forms.front().block.terms.parameters;
+  if (std::ranges::any_of(parameters,
+                          [&](const Parameter& p) { return fit.model().index(p.name) >= 0; }))
+    return std::nullopt;
+  block.label = label(block.request);
+  block.kind = block.request.effect;
+  return block;
+}
+
 // The nodes of a variable, dense enough for a step.
 std::vector<double> fine_nodes(const State& state, const std::string& variable, std::size_t count) {
   const std::vector<double>& values = state.column(variable);
@@ -102,24 +127,10 @@ std::vector<EvidenceBlock> spectral_blocks(const Fit& fit, const Linearization& 
     for (const SpectralPeak& peak :
          highest_peaks(spectrum, linearization, fit.state(), kSpectralPeaks - standing)) {
       if (peak.cycles < fewest_cycles(spectrum) || is_tried(fit, spectrum, peak.cycles)) continue;
-      const double whole = std::round(peak.cycles);
-      const double cycles =
-          !spectrum.slides && std::abs(peak.cycles - whole) < 0.3 * spectrum.resolution
-              ? whole
-              : peak.cycles;
-      const std::optional<EffectRequest> cause =
-          cause_of_line(fit.context(), spectrum.joint, cycles);
-      if (!cause) continue;
-      EvidenceBlock block;
-      block.request = *cause;
-      block.forms = {EvidenceForm(make_block(fit.context(), block.request))};
-      const auto& parameters = block.forms.front().block.terms.parameters;
-      if (std::any_of(parameters.begin(), parameters.end(),
-                      [&](const Parameter& p) { return fit.model().index(p.name) >= 0; }))
-        continue;
-      block.label = label(block.request);
-      block.kind = block.request.effect;
-      result.push_back(std::move(block));
+      for (const double cycles : counts_near(spectrum, peak.cycles)) {
+        if (std::optional<EvidenceBlock> block = line_block(fit, spectrum.joint, cycles))
+          result.push_back(std::move(*block));
+      }
     }
   }
   for (EvidenceBlock& block : result) block.tried = lines;

@@ -149,13 +149,18 @@ std::vector<JointSpectrum> spectra_up_to(const Linearization& linearization, con
   return spectra;
 }
 
-// The roundest length of a wave whose power is that of the best within the latter's own scatter.
-double with_round_length(const JointSeries& series, double cycles) {
+// The roundest number of cycles a turn, or length of a wave of a joint that slides, whose power is
+// that of the best within the latter's own scatter.
+double with_round_number(const JointSeries& series, double cycles, bool slides) {
   const double best = power_at(series, cycles).share;
   const double within = (1.0 - best) / static_cast<double>(series.angle.size());
-  for (const double step : {1e-3, 5e-4, 1e-4, 5e-5, 1e-5, 1e-6}) {
-    const double length = std::max(1.0, std::round(1.0 / (cycles * step))) * step;
-    if (best - power_at(series, 1.0 / length).share <= within) return 1.0 / length;
+  const double exact = slides ? 1.0 / cycles : cycles;
+  for (double units = slides ? 1e3 : 1.0; units < 1e7; units *= 10.0) {
+    for (const double steps : {units, 2.0 * units}) {
+      const double round = std::max(1.0, std::round(exact * steps)) / steps;
+      const double rounded = slides ? 1.0 / round : round;
+      if (best - power_at(series, rounded).share <= within) return rounded;
+    }
   }
   return cycles;
 }
@@ -213,7 +218,7 @@ std::vector<SpectralPeak> highest_peaks(const JointSpectrum& spectrum,
           power_at(series, a).share > power_at(series, b).share ? b : a;
     }
     const double finest = (low + high) / 2.0;
-    const double cycles = spectrum.slides ? with_round_length(series, finest) : finest;
+    const double cycles = with_round_number(series, finest, spectrum.slides);
     const Power power = power_at(series, cycles);
     peaks.push_back({spectrum.joint, cycles, power.share, power.amplitude});
   }

@@ -44,7 +44,8 @@ std::vector<JointSpectrum> wide_joint_spectra(const Linearization& linearization
                                               const State& state);
 
 /// The highest separate peaks of a spectrum, strongest first, each refined between the spectrum's
-/// lines. Lengths of waves are the roundest that the residual cannot tell from the best.
+/// lines. Counts a turn, and lengths of waves, are the roundest that the residual cannot tell from
+/// the best.
 std::vector<SpectralPeak> highest_peaks(const JointSpectrum& spectrum,
                                         const Linearization& linearization, const State& state,
                                         std::size_t count);

@@ -37,8 +37,8 @@ class Custom final : public Effect {
                          " is missing, expected name, coordinate and expression");
       }
     }
-    const std::string name = request.options["name"];
-    const std::string text = request.options["expression"];
+    const auto name = request.options["name"].get<std::string>();
+    const auto text = request.options["expression"].get<std::string>();
     EffectTerms terms;
     Parameter p;
     p.name = "custom." + name;
@@ -49,7 +49,7 @@ class Custom final : public Effect {
     p.prior_sigma = 3.0 * p.bound;
     p.exported = !request.options.value("measurement", false);
     Term term;
-    const std::string coordinate = request.options["coordinate"];
+    const auto coordinate = request.options["coordinate"].get<std::string>();
     term.coordinate = parse_coordinate(coordinate, context.joint_count(), context.targets);
     try {
       term.basis = Expression::parse(text);

@@ -62,7 +62,7 @@ class ResidualGrid final : public Effect {
       return {with_nodes(std::vector<int>(static_cast<std::size_t>(axes), kFewest))};
     }
     std::vector<EffectRequest> finer;
-    const std::vector<int> present = request.options["nodes"];
+    const auto present = request.options["nodes"].get<std::vector<int>>();
     const int most = std::min(kMost, static_cast<int>(context.state.rows()));
     for (std::size_t a = 0; a < present.size(); ++a) {
       for (const int count : {present[a] + 1, 2 * present[a] - 1}) {

@@ -77,8 +77,9 @@ ModelSpecification closed(const Problem& problem) {
 
 TEST(ResidualGrid, GetsNodesWhereTheErrorBendsAndNowhereElse) {
   Random random(5);
-  const auto chosen = [&](double size_m) -> std::vector<int> {
-    return closed(wavy_arm(3.0, size_m, random)).effects.back().options["nodes"];
+  const auto chosen = [&](double size_m) {
+    const ModelSpecification found = closed(wavy_arm(3.0, size_m, random));
+    return found.effects.back().options["nodes"].get<std::vector<int>>();
   };
   EXPECT_EQ(chosen(0.0), (std::vector<int>{3, 3, 3}));
   const std::vector<int> bent = chosen(1e-4);

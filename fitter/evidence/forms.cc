@@ -21,7 +21,7 @@ std::pair<double, double> neighbours(const EvidenceBlock& block, const std::stri
   double below = -std::numeric_limits<double>::infinity();
   double above = std::numeric_limits<double>::infinity();
   for (const EvidenceForm& form : block.forms) {
-    const double value = form.block.request.options[option];
+    const auto value = form.block.request.options[option].get<double>();
     if (value < at) below = std::max(below, value);
     if (value > at) above = std::min(above, value);
   }
@@ -56,7 +56,7 @@ Block form_at(const EffectContext& context, const EvidenceBlock& block, EffectRe
 // edge.
 void add_slopes(const EffectContext& context, const EvidenceBlock& block, EvidenceForm& form) {
   for (const std::string& option : numeric_options(form.block.request)) {
-    const double at = form.block.request.options[option];
+    const auto at = form.block.request.options[option].get<double>();
     const auto [below, above] = neighbours(block, option, at);
     if (!(above > below)) continue;
     const Block lower = form_at(context, block, form.block.request, option, below);
@@ -79,7 +79,7 @@ void add_slopes(const EffectContext& context, const EvidenceBlock& block, Eviden
 void halve(const Fit& fit, EvidenceBlock& block, const EvidenceForm& coarse) {
   std::vector<EffectRequest> near{coarse.block.request};
   for (const std::string& option : numeric_options(coarse.block.request)) {
-    const double at = coarse.block.request.options[option];
+    const auto at = coarse.block.request.options[option].get<double>();
     const auto [below, above] = neighbours(block, option, at);
     std::vector<EffectRequest> more;
     for (const EffectRequest& request : near) {

@@ -33,11 +33,11 @@ Eigen::Matrix3d whiten_instrument(const Instrument& instrument, const Eigen::Vec
 Instrument Instrument::from_json(const nlohmann::json& content) {
   Instrument instrument;
   if (content.contains("position")) {
-    const std::vector<double> p = content["position"];
+    const auto p = content["position"].get<std::vector<double>>();
     instrument.position = {p.at(0), p.at(1), p.at(2)};
   }
   const auto law = [&](const char* part, double& a, double& b) {
-    a = content.at(part).at("a");
+    content.at(part).at("a").get_to(a);
     b = content.at(part).value("b", 0.0);
   };
   law("radial", instrument.radial_a, instrument.radial_b);

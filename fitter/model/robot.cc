@@ -42,12 +42,12 @@ Joint common_fields(const json& row) {
     const double of_ratio = ratio != 0.0 ? 2.0 * std::numbers::pi / std::abs(ratio) : 0.0;
     joint.lead = optional_number(row, "lead", of_ratio);
   } else {
-    joint.gear_ratio = ratio;
+    joint.gear_ratio = std::abs(ratio);
   }
   joint.passive = row.value("passive", false);
   if (row.contains("limits") && !row["limits"].is_null()) {
-    joint.lower = row["limits"].at(0);
-    joint.upper = row["limits"].at(1);
+    row["limits"].at(0).get_to(joint.lower);
+    row["limits"].at(1).get_to(joint.upper);
     joint.limited = true;
   }
   return joint;
@@ -56,7 +56,7 @@ Joint common_fields(const json& row) {
 // For a prismatic row the variable and its offset add to d (docs/model.md), so d itself stays in
 // the fixed part.
 void build_chain(const json& kinematics, Robot& robot, std::vector<Pose>& frame_from_listed_frame) {
-  const std::string convention = kinematics.at("convention");
+  const auto convention = kinematics.at("convention").get<std::string>();
   Pose carried = Pose::Identity();
   for (const json& row : kinematics.at("joints")) {
     Joint joint = common_fields(row);
@@ -197,7 +197,7 @@ Robot Robot::from_json(const json& content) {
     }
     for (int k = 0; k < n; ++k) {
       Link link;
-      link.mass = links[k].at("mass");
+      links[k].at("mass").get_to(link.mass);
       link.com_in_frame = frame_from_listed_frame[k] * vector3(links[k].at("com"));
       robot.links.push_back(link);
     }
@@ -227,7 +227,7 @@ Robot Robot::from_json(const json& content) {
     four_bar.arm_joint = joint_number(linkage.at("joints").at(1), n, "robot: linkage.joints");
     four_bar.crank = optional_number(linkage, "crank", 0.0);
     four_bar.rod = optional_number(linkage, "rod", 0.0);
-    four_bar.angle = linkage.at("angle");
+    linkage.at("angle").get_to(four_bar.angle);
     robot.parallelogram = four_bar;
   }
   return robot;

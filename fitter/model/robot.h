@@ -30,7 +30,8 @@ struct Joint {
   Pose fixed =
       Pose::Identity();  ///< F_k: from frame k−1 to where joint k turns about (slides along) its z
   double offset = 0.0;   ///< added to the joint variable [rad or m]
-  double gear_ratio = 0.0;  ///< of a joint that turns: motor turns a joint turn; 0 where unknown
+  double gear_ratio = 0.0;  ///< of a joint that turns: motor turns a joint turn, in whichever
+                            ///< direction; 0 where unknown
   double lead = 0.0;  ///< of a joint that slides: travel a turn of its screw or pinion [m]; or 0
   double lower = 0.0, upper = 0.0;
   bool limited = false;

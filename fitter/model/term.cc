@@ -23,14 +23,15 @@ json to_json(const Term& term, int targets) {
 
 Term term_from_json(const json& value, int joints, int targets) {
   Term term;
-  term.coordinate = parse_coordinate(value.at("coordinate"), joints, targets);
+  term.coordinate = parse_coordinate(value.at("coordinate").get<std::string>(), joints, targets);
   term.basis = Expression::parse(value.at("expression").get<std::string>());
   term.weight = value.value("weight", 1.0);
   if (value.contains("table") && !value["table"].is_null()) {
     TableReference table;
-    table.id = value["table"].at("id");
+    value["table"].at("id").get_to(table.id);
     for (const json& axis : value["table"].at("axes")) {
-      table.axes.push_back({axis.at("variable"), axis.at("nodes").get<std::vector<double>>()});
+      table.axes.push_back(
+          {axis.at("variable").get<std::string>(), axis.at("nodes").get<std::vector<double>>()});
     }
     table.index = value["table"].at("index").get<std::vector<int>>();
     term.table = table;

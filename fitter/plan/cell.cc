@@ -105,8 +105,8 @@ Cell Cell::from_json(const json& content) {
       if (!two || !(pair[0].get<double>() < pair[1].get<double>())) {
         throw ModelError("cell: box holds " + pair.dump() + ", expected a low and a higher number");
       }
-      limits.min()[c] = pair[0];
-      limits.max()[c] = pair[1];
+      limits.min()[c] = pair[0].get<double>();
+      limits.max()[c] = pair[1].get<double>();
     }
     cell.box = limits;
   }

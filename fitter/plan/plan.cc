@@ -182,7 +182,7 @@ PlanOptions PlanOptions::from_json(const json& content) {
   options.sigma_rotation = content.value("sigma_rotation_rad", options.sigma_rotation);
   options.orientation = content.value("orientation", options.orientation);
   if (content.contains("tool")) {
-    const std::vector<double> tool = content["tool"];
+    const auto tool = content["tool"].get<std::vector<double>>();
     options.tool = Eigen::Vector3d(tool.at(0), tool.at(1), tool.at(2));
   }
   if (options.poses < 1 || options.poses > kMostPoses) {

@@ -53,7 +53,8 @@ std::string effect_terms_json(const std::string& robot_json,
   const Robot robot = Robot::from_json(json::parse(robot_json));
   const State state(robot, to_columns(arrays), Eigen::Vector3d::Zero());
   const json given = json::parse(request_json);
-  EffectRequest request{given.at("effect"), given.value("joints", std::vector<int>{}),
+  EffectRequest request{given.at("effect").get<std::string>(),
+                        given.value("joints", std::vector<int>{}),
                         given.value("options", json::object())};
   EffectContext context{state};
   context.springs = {{motor(2), "tau2", 1.0}};

@@ -12,7 +12,8 @@ namespace {
 using nlohmann::json;
 
 Pose pose_from(const json& value) {
-  const std::vector<double> p = value.at("xyz"), a = value.at("rpy");
+  const auto p = value.at("xyz").get<std::vector<double>>();
+  const auto a = value.at("rpy").get<std::vector<double>>();
   return pose_from_xyz_rpy({p.at(0), p.at(1), p.at(2)}, {a.at(0), a.at(1), a.at(2)});
 }
 
@@ -115,11 +116,11 @@ FittedModel FittedModel::from_json(const json& document) {
   const int targets = static_cast<int>(fitted.targets.size());
   for (const json& entry : document.at("parameters")) {
     Parameter p;
-    p.name = entry.at("name");
-    p.effect = entry.at("effect");
+    entry.at("name").get_to(p.name);
+    entry.at("effect").get_to(p.effect);
     p.joints = entry.value("joints", std::vector<int>{});
     p.unit = entry.value("unit", "");
-    p.value = entry.at("value");
+    entry.at("value").get_to(p.value);
     p.exported = entry.value("exported", true);
     for (const json& term : entry.at("terms")) {
       p.terms.push_back(term_from_json(term, fitted.robot.joint_count(), targets));
@@ -132,7 +133,7 @@ FittedModel FittedModel::from_json(const json& document) {
       fitted.first_from_set_up.emplace(std::stoi(number), pose_from(pose));
   }
   if (document.contains("payload_point")) {
-    const std::vector<double> point = document["payload_point"];
+    const auto point = document["payload_point"].get<std::vector<double>>();
     fitted.robot.payload_point = Eigen::Vector3d(point.at(0), point.at(1), point.at(2));
   }
   fitted.time_origin = document.value("time_origin_s", 0.0);

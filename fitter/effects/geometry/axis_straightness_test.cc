@@ -32,7 +32,7 @@ TEST(AxisStraightness, BesideAnArmHasTheSizeOfTheRailAndIsKnown) {
   const json document = fit->document();
   int compared = 0;
   for (const json& q : document["parameters"]) {
-    const std::string name = q["name"];
+    const auto name = q["name"].get<std::string>();
     if (q["effect"] != "axis_straightness") continue;
     ++compared;
     const auto there = rail.find(name);

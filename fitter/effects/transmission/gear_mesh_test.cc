@@ -53,6 +53,26 @@ TEST(GearMesh, OverASlideIsAWaveOfTheLeadInMetres) {
             Expression::parse("cos(2*pi*q1/0.01)").to_string());
 }
 
+// A motor that turns against its joint makes the same waves.
+TEST(GearMesh, OfANegativeGearRatioHasTheSameOrders) {
+  const auto orders_with = [](double ratio) {
+    Random random(5);
+    json robot = testing::industrial_arm();
+    robot["kinematics"]["joints"][0]["gear_ratio"] = ratio;
+    const Problem p(robot, testing::geometry_model(), {40}, random, testing::nothing);
+    const EffectContext context{*p.state, 1, false};
+    std::vector<std::string> terms;
+    for (const EffectRequest& request : find_effect("gear_mesh").tried(context)) {
+      if (request.joints != std::vector{1}) continue;
+      for (const Parameter& q : build_effect(context, request).parameters)
+        terms.push_back(q.name + " " + q.terms.front().basis.to_string());
+    }
+    return terms;
+  };
+  EXPECT_EQ(orders_with(120.0).size(), 8u);
+  EXPECT_EQ(orders_with(-120.0), orders_with(120.0));
+}
+
 TEST(GearMesh, OlderFilesStateASlidesGearRatioInRadiansAMetre) {
   const Problem p = with_slide({{"gear_ratio", 200.0 * std::numbers::pi}});
   EXPECT_NEAR(p.robot.joints[0].lead, 0.01, 1e-12);

@@ -271,6 +271,14 @@ TEST(Expression, FoldsConstantsButKeepsWhatIsNotFinite) {
   EXPECT_EQ(Expression::parse("1*q1 + 0").to_string(), "q1");
 }
 
+TEST(Expression, IsWrittenWithTheBracketsThatItsMeaningNeeds) {
+  for (const char* text :
+       {"q1 + q2*q3", "q1 - (q2 - q3)", "q1 + (q2 - q3)", "q1*(q2 + q3)", "q1/(q2*q3)",
+        "(q1/q2)^q3^2", "-q1^2", "-(q1 + q2)", "(q1^2)^q3", "q1*q2 - q2/q3"}) {
+    EXPECT_EQ(Expression::parse(text).to_string(), text);
+  }
+}
+
 TEST(Expression, NamesItsVariables) {
   EXPECT_EQ(Expression::parse("sin(w*q1) + tau2^2").variables(),
             (std::set<std::string>{"q1", "tau2", "w"}));

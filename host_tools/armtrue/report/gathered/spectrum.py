@@ -77,12 +77,12 @@ def spectra_of(
 
 def _once(joint: dict[str, Any], slides: bool) -> float | None:
     """Turns of the motor a turn of the joint; of a joint that slides, those of its screw or pinion a metre."""
-    ratio = joint.get("gear_ratio")
+    ratio = abs(joint.get("gear_ratio") or 0.0)  # whichever way the motor turns
     if not slides:
-        return ratio
+        return ratio or None
     if lead := joint.get("lead"):
         return 1.0 / float(lead)
-    return abs(ratio) / (2.0 * math.pi) if ratio else None
+    return ratio / (2.0 * math.pi) if ratio else None
 
 
 def _peaks(entry: dict[str, Any], once: float | None, significant: float) -> list[Peak]:

@@ -25,10 +25,13 @@ def peak(cycles: np.ndarray, at: float, height: float) -> np.ndarray:
     return height * np.exp(-(((cycles - at) / 0.8) ** 2))
 
 
-def test_separate_lines_are_named_strongest_first():
+@pytest.mark.parametrize("ratio", [101.0, -101.0])
+def test_separate_lines_are_named_strongest_first(ratio):
     cycles = np.arange(0.5, 210.0, 0.25)
     explained = peak(cycles, 13.0, 0.3) + peak(cycles, 101.0, 0.2)
-    (found,) = spectra_of({"spectra": [spectrum(cycles, explained)]}, JOINTS, {1: 720.0, 2: 720.0})
+    joints = [{"name": "A1", "gear_ratio": ratio}, {"name": "A2"}]
+    (found,) = spectra_of({"spectra": [spectrum(cycles, explained)]}, joints, {1: 720.0, 2: 720.0})
+    assert found.once == 101.0
     assert [p.called for p in found.peaks] == ["13 cycles a turn", "motor turn"]
     assert found.peaks[0].explained == pytest.approx(0.3)
     assert found.peaks[0].amplitude == "20.6″"
