@@ -175,6 +175,25 @@ TEST(Spectrum, OfATurnFindsTheRoundestCountThatTheResidualCannotTellFromTheBest)
   }
 }
 
+// A ratio of 120 that is 120.6 in truth: the wave of 120 cycles would leave a second line.
+TEST(Diagnose, FindsTheCountOfAGearWhoseRatioIsNotQuiteWhatIsSaid) {
+  const auto fit = believed(3,
+                            {{"effect", "custom"},
+                             {"name", "wave"},
+                             {"coordinate", "motor2"},
+                             {"expression", "sin(120.6*q2)"},
+                             {"bound", 1.0}},
+                            1e-4);
+  const Diagnosis d = diagnose(*fit, {});
+  ASSERT_NE(d.recommended(), nullptr);
+  EXPECT_EQ(d.recommended()->request.effect, "gear_mesh");
+  ASSERT_TRUE(d.recommended()->request.options.contains("cycles"));
+  EXPECT_NEAR(d.recommended()->request.options.at("cycles").front().get<double>(), 120.6, 0.05);
+  EXPECT_TRUE(std::ranges::any_of(d.advice, [](const std::string& line) {
+    return line.find("if gear_ratio is 120.6") != std::string::npos;
+  }));
+}
+
 // Waves finer than twice a motor turn were taken for a joint that repeats badly, and nothing for
 // missing.
 TEST(Diagnose, LooksForFineLinesWhereAJointSeemsToRepeatBadly) {

@@ -25,25 +25,37 @@ std::optional<EffectRequest> cause_of_line(const EffectContext& context, int joi
   return std::nullopt;
 }
 
+bool has_count(const EffectRequest& request) {
+  return request.options.contains("cycles") || request.options.contains("wavelengths");
+}
+
 // How many spectral lines of a joint are in the fitted model.
 std::size_t lines_on(const Fit& fit, int joint) {
   return static_cast<std::size_t>(
       std::ranges::count_if(removable_effects(fit), [&](const EffectRequest& request) {
-        return (request.options.contains("cycles") || request.options.contains("wavelengths")) &&
-               request.joints == std::vector{joint};
+        return has_count(request) && request.joints == std::vector{joint};
       }));
 }
 
-// True if an effect tries a wave of so many cycles on this joint anyway, or one that looks the same
-// on the joint's grid of positions.
-bool is_tried(const Fit& fit, const JointSpectrum& spectrum, double cycles) {
-  const auto is_near = [&](double line) {
-    const double apart =
-        std::min(std::abs(cycles - line), std::abs(cycles - spectrum.folded(line)));
-    return apart < 0.5 * spectrum.resolution;
-  };
+// Whether waves of a joint are in the fitted model whose counts its gear ratio gives.
+bool has_known_lines(const Fit& fit, int joint) {
+  return std::ranges::any_of(removable_effects(fit), [&](const EffectRequest& request) {
+    return !has_count(request) && request.joints == std::vector{joint} &&
+           !find_effect(request.effect).tried_lines(fit.context(), joint).empty();
+  });
+}
+
+// Whether a line that some effect tries anyway is as `is_like` asks, by how far it is away: on the
+// joint's grid of positions, lines are the same that the grid folds onto one another.
+template <typename IsLike>
+bool is_tried(const Fit& fit, const JointSpectrum& spectrum, double cycles, const IsLike& is_like) {
   return std::ranges::any_of(effect_catalogue(), [&](const Effect* effect) {
-    return std::ranges::any_of(effect->tried_lines(fit.context(), spectrum.joint), is_near);
+    return std::ranges::any_of(
+        effect->tried_lines(fit.context(), spectrum.joint), [&](double line) {
+          const double away =
+              std::min(std::abs(cycles - line), std::abs(cycles - spectrum.folded(line)));
+          return is_like(line, away / spectrum.resolution);
+        });
   });
 }
 
@@ -54,13 +66,24 @@ double fewest_cycles(const JointSpectrum& spectrum) {
                          : std::max(kLowestLine, spectrum.resolution);
 }
 
-// What else the residual holds can shift a peak of a spectrum: beside the peak stands the whole
+// The counts of a peak as candidates; none if the residual cannot tell it from a line that some
+// effect tries anyway, nor beside such a line in the model: a wave that is no pure sine leaves some
+// there. What else the residual holds can shift a peak: beside it stands the whole
 // count that the joint's range does not tell from it, and the search chooses beside all else.
-std::vector<double> counts_near(const JointSpectrum& spectrum, double cycles) {
-  const double whole = std::round(cycles);
-  if (spectrum.slides || whole == cycles || std::abs(cycles - whole) > 0.3 * spectrum.resolution)
-    return {cycles};
-  return {cycles, whole};
+std::vector<double> counts_of(const Fit& fit, const Linearization& linearization,
+                              const JointSpectrum& spectrum, const SpectralPeak& peak) {
+  constexpr double kSame = 1e-3, kNear = 0.5, kNearWhole = 0.3;
+  if (is_tried(fit, spectrum, peak.cycles, [&](double line, double away) {
+        return away < kNear && (has_known_lines(fit, peak.joint) ||
+                                !is_told_from(peak, line, linearization, fit.state()));
+      }))
+    return {};
+  const double whole = std::round(peak.cycles);
+  if (spectrum.slides || whole == peak.cycles ||
+      std::abs(peak.cycles - whole) > kNearWhole * spectrum.resolution ||
+      is_tried(fit, spectrum, whole, [](double, double away) { return away < kSame; }))
+    return {peak.cycles};
+  return {peak.cycles, whole};
 }
 
 // A line as a candidate; none where no effect makes it, or the fit has it.
@@ -126,8 +149,8 @@ std::vector<EvidenceBlock> spectral_blocks(const Fit& fit, const Linearization& 
     lines += static_cast<double>(spectrum.cycles.size()) / 4.0;
     for (const SpectralPeak& peak :
          highest_peaks(spectrum, linearization, fit.state(), kSpectralPeaks - standing)) {
-      if (peak.cycles < fewest_cycles(spectrum) || is_tried(fit, spectrum, peak.cycles)) continue;
-      for (const double cycles : counts_near(spectrum, peak.cycles)) {
+      if (peak.cycles < fewest_cycles(spectrum)) continue;
+      for (const double cycles : counts_of(fit, linearization, spectrum, peak)) {
         if (std::optional<EvidenceBlock> block = line_block(fit, spectrum.joint, cycles))
           result.push_back(std::move(*block));
       }

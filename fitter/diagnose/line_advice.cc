@@ -12,6 +12,8 @@ namespace {
 
 // Orders whose numerator and denominator are no larger are what shafts and stages of a gear have.
 constexpr int kLargestNumerator = 8, kLargestDenominator = 4;
+// Counts that differ by this share are written alike.
+constexpr double kSameCount = 1e-5;
 
 // "13 cycles a turn", or "waves of 20 mm" of so many cycles a metre.
 std::string line_words(bool slides, double cycles) {
@@ -28,28 +30,45 @@ std::string lines_words(bool slides, const std::vector<double>& cycles) {
   return list;
 }
 
-// "3", "1/3": the simple order that the joint's travel cannot tell from a line; empty if none.
-std::string simple_order(double cycles, double turns, double resolution) {
-  for (int q = 1; q <= kLargestDenominator; ++q) {
-    const double p = std::round(cycles / turns * q);
-    if (p >= 1.0 && p <= kLargestNumerator && std::abs(cycles - p / q * turns) < 0.5 * resolution)
-      return number_words(p) + (q > 1 ? "/" + std::to_string(q) : "");
+// A simple order that the joint's travel cannot tell from a line.
+struct Order {
+  double numerator = 0.0;  // 0: none
+  int denominator = 1;
+  double value() const { return numerator / denominator; }
+  std::string words() const {
+    return number_words(numerator) + (denominator > 1 ? "/" + std::to_string(denominator) : "");
   }
-  return "";
+};
+
+Order simple_order(double cycles, double turns, double resolution) {
+  for (int q = 1; q <= kLargestDenominator; ++q) {
+    const Order order{std::round(cycles / turns * q), q};
+    if (order.numerator >= 1.0 && order.numerator <= kLargestNumerator &&
+        std::abs(cycles - order.value() * turns) < 0.5 * resolution)
+      return order;
+  }
+  return {};
 }
 
 // How a line of a joint that turns stands to its motor.
 std::string motor_words(double cycles, double turns, double resolution) {
+  const Order order = simple_order(cycles, turns, resolution);
+  const std::string line = line_words(false, cycles);
   char text[320];
-  if (const std::string order = simple_order(cycles, turns, resolution); !order.empty()) {
-    std::snprintf(text, sizeof text, "%s is %s times the motor's %.6g turns a turn of the joint",
-                  line_words(false, cycles).c_str(), order.c_str(), turns);
-  } else {
+  if (order.numerator == 0.0) {
     std::snprintf(text, sizeof text,
                   "%s is %.3g times the motor's %.6g turns a turn of the joint, no multiple or "
                   "simple fraction: a wheel or bearing inside the gear may turn so, or lines that "
                   "lie closer together than the %.2g cycles that the joint's travel tells apart",
-                  line_words(false, cycles).c_str(), cycles / turns, turns, resolution);
+                  line.c_str(), cycles / turns, turns, resolution);
+  } else if (std::abs(cycles - order.value() * turns) < kSameCount * cycles) {
+    std::snprintf(text, sizeof text, "%s is %s times the motor's %.6g turns a turn of the joint",
+                  line.c_str(), order.words().c_str(), turns);
+  } else {
+    std::snprintf(text, sizeof text,
+                  "%s is %s times the motor's turns a turn of the joint if gear_ratio is %.6g, "
+                  "and not the %.6g of robot.yaml",
+                  line.c_str(), order.words().c_str(), cycles / order.value(), turns);
   }
   return text;
 }

@@ -26,8 +26,11 @@ TEST(LineAdvice, NamesTheOrderOfTheMotorThatALineHas) {
             (std::vector<std::string>{
                 "360 cycles a turn on joint 5: look for a gear or bearing of that count",
                 "360 cycles a turn is 3 times the motor's 120 turns a turn of the joint"}));
-  EXPECT_EQ(advice_on({{"cycles", {40.3}}}).back(),
-            "40.3 cycles a turn is 1/3 times the motor's 120 turns a turn of the joint");
+  EXPECT_EQ(advice_on({{"cycles", {40.0}}}).back(),
+            "40 cycles a turn is 1/3 times the motor's 120 turns a turn of the joint");
+  EXPECT_EQ(advice_on({{"cycles", {119.7}}}).back(),
+            "119.7 cycles a turn is 1 times the motor's turns a turn of the joint if gear_ratio is "
+            "119.7, and not the 120 of robot.yaml");
 }
 
 TEST(LineAdvice, SaysWhyTheMotorDoesNotNameALine) {

@@ -149,11 +149,16 @@ std::vector<JointSpectrum> spectra_up_to(const Linearization& linearization, con
   return spectra;
 }
 
+// The scatter of a peak's power: what is left over once for each row.
+double scatter_of(const JointSeries& series, double power) {
+  return (1.0 - power) / static_cast<double>(series.angle.size());
+}
+
 // The roundest number of cycles a turn, or length of a wave of a joint that slides, whose power is
 // that of the best within the latter's own scatter.
 double with_round_number(const JointSeries& series, double cycles, bool slides) {
   const double best = power_at(series, cycles).share;
-  const double within = (1.0 - best) / static_cast<double>(series.angle.size());
+  const double within = scatter_of(series, best);
   const double exact = slides ? 1.0 / cycles : cycles;
   for (double units = slides ? 1e3 : 1.0; units < 1e7; units *= 10.0) {
     for (const double steps : {units, 2.0 * units}) {
@@ -220,9 +225,16 @@ std::vector<SpectralPeak> highest_peaks(const JointSpectrum& spectrum,
     const double finest = (low + high) / 2.0;
     const double cycles = with_round_number(series, finest, spectrum.slides);
     const Power power = power_at(series, cycles);
-    peaks.push_back({spectrum.joint, cycles, power.share, power.amplitude});
+    peaks.push_back(
+        {spectrum.joint, cycles, power.share, power.amplitude, scatter_of(series, power.share)});
   }
   return peaks;
+}
+
+bool is_told_from(const SpectralPeak& peak, double cycles, const Linearization& linearization,
+                  const State& state) {
+  const JointSeries series = joint_series(linearization, state, peak.joint);
+  return peak.power - power_at(series, cycles).share > peak.within;
 }
 
 }  // namespace armtrue

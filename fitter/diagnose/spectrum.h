@@ -32,6 +32,7 @@ struct JointSpectrum {
 struct SpectralPeak {
   int joint;
   double cycles, power, amplitude;
+  double within;  ///< a line that has less power by no more than this cannot be told from it
 };
 
 /// Weighted least-squares periodogram (Lomb–Scargle generalised to vector residuals): random poses
@@ -49,5 +50,9 @@ std::vector<JointSpectrum> wide_joint_spectra(const Linearization& linearization
 std::vector<SpectralPeak> highest_peaks(const JointSpectrum& spectrum,
                                         const Linearization& linearization, const State& state,
                                         std::size_t count);
+
+/// Whether the residual tells a line of so many cycles from a peak of the same joint.
+bool is_told_from(const SpectralPeak& peak, double cycles, const Linearization& linearization,
+                  const State& state);
 
 }  // namespace armtrue

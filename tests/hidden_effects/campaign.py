@@ -97,7 +97,9 @@ def cases_of(kind: str, given: argparse.Namespace) -> list[tuple[str, int]]:
 
 def run_kinds(kinds: Iterable[str], given: argparse.Namespace, pool: ProcessPoolExecutor) -> list[Outcome]:
     """All cases; wrong ones go to stderr as they come."""
-    settings = Settings(given.limit, None, not given.no_reference, given.statics, given.variants, given.keep)
+    settings = Settings(
+        given.limit, None, not given.no_reference, given.statics, given.variants, given.keep, given.ratios
+    )
     print(HEAD, end="", flush=True)
     begun = [
         (kind, [pool.submit(_case_or_none, kind, arm, seed, settings) for arm, seed in cases_of(kind, given)])
@@ -169,6 +171,12 @@ def main() -> None:
     parser.add_argument("--statics", choices=["deflected", "nominal"], default="deflected")
     parser.add_argument(
         "--variants", action="store_true", help="each seed on an arm of its own; scara and stanford too"
+    )
+    parser.add_argument(
+        "--ratios",
+        choices=["known", "negative", "none", "wrong"],
+        default="known",
+        help="gear ratios in robot.yaml",
     )
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--keep", type=Path, help="leave every case's files in a folder of its own here")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import csv
 import itertools
 import json
@@ -72,7 +73,8 @@ class Settings:
     """How cases are run. limit: seconds a command may take before it counts as hung; terminal: None, every other seed.
 
     reference: also the fit that is handed the truth, for the error's ratio. statics: as a scenario's. variants: every
-    seed has an arm of its own. keep: a folder in which every case leaves its files, in one of its own.
+    seed has an arm of its own. keep: a folder in which every case leaves its files, in one of its own. ratios: what
+    robot.yaml says of gear ratios: known, negative (of motors that turn against their joints), none, or wrong by 1 %.
     """
 
     limit: float = 300.0
@@ -81,6 +83,7 @@ class Settings:
     statics: str = "deflected"
     variants: bool = False
     keep: Path | None = None
+    ratios: str = "known"
 
 
 @dataclass
@@ -221,6 +224,7 @@ def run_case(kind: str, arm: str, seed: int, settings: Settings | None = None) -
     """Simulate, fit what is believed, refine, and compare with the fit that was handed the truth."""
     settings = settings or Settings()
     case = hidden_cases(kind, arm, seed, settings.statics, seed if settings.variants else None)
+    case.campaign.robot = with_ratios(case.campaign.robot, settings.ratios)
     if settings.keep is not None:
         return _judged(case, settings.keep / f"{kind}-{arm}-{seed}", settings)
     with tempfile.TemporaryDirectory(prefix="armtrue-hidden-") as folder:
@@ -261,6 +265,16 @@ def _judged(case: HiddenCase, folder: Path, settings: Settings) -> Outcome:
         if _fitted(folder, "true.yaml", "true.json", settings, "weighed.yaml").status == 0:
             outcome.error_true = fresh_error(case, folder, "true.json", settings)[0]
     return outcome
+
+
+def with_ratios(robot: dict[str, Any], ratios: str) -> dict[str, Any]:
+    """robot.yaml of an owner who does not know the gear ratios, or not quite, or whose motors turn the other way."""
+    robot = copy.deepcopy(robot)
+    factor = {"known": 1.0, "negative": -1.0, "none": 0.0, "wrong": 1.01}[ratios]
+    for joint in robot["kinematics"]["joints"]:
+        if ratio := factor * joint.pop("gear_ratio", 0.0):
+            joint["gear_ratio"] = ratio
+    return robot
 
 
 def weighed_robot(case: HiddenCase) -> dict[str, Any]:
