@@ -70,6 +70,7 @@ def cheap_findings(data: Dataset, robot: Robot) -> list[Finding]:
     """What is found without a fit, in milliseconds where nothing is wrong: what `fit` asks before it begins."""
     findings = [
         *units.find(data, robot),
+        *units.find_time(data, robot),
         *masses.find(data, robot),
         *motion.find(data, robot),
         *directions.find(data),

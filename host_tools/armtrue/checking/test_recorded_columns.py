@@ -10,7 +10,7 @@ import armtrue_sim
 import numpy as np
 import pytest
 
-from armtrue.checking import Finding, check, temperatures
+from armtrue.checking import Finding, check, temperatures, units
 from armtrue.checking.directions import find
 from armtrue.checking.run import refuse_what_cannot_be_an_arm
 from armtrue.io import Dataset, Robot, load_data, load_robot
@@ -177,3 +177,28 @@ def test_names_columns_that_never_change(campaign):
     )
     assert "found -1" in found["['dir4']"].message
     assert found["['temp_arm']"].severity == "note"
+
+
+@pytest.mark.parametrize(
+    ("times", "looks_like", "unit"),
+    [(1e3, "milliseconds", "ms"), (1.0 / 3600.0, "hours", "h")],
+)
+def test_times_that_no_campaign_takes_are_in_another_unit(campaign, times, looks_like, unit):
+    # Heat that comes with time was put down to thermometers, and to gears that warm.
+    data, robot = campaign(hidden=["warm_up"])
+    assert units.find_time(data, robot) == []
+    other = replace(data, columns={**data.columns, "time": times * data.columns["time"]})
+    found = only(units.find_time(other, robot))
+    assert found.code == "time_unit"
+    assert found.severity == "warning"
+    assert f"looks like {looks_like}" in found.message
+    assert f"unit: {unit}" in found.remedy
+    assert any(finding.code == "time_unit" for finding in check(other, robot).findings)
+
+
+@pytest.mark.parametrize("times", [0.0, 0.05, 1.0 / 60.0, 20.0])
+def test_times_that_some_campaign_takes_raise_nothing(campaign, times):
+    data, robot = campaign(hidden=["warm_up"])
+    other = replace(data, columns={**data.columns, "time": 5.0 + times * data.columns["time"]})
+    assert units.find_time(other, robot) == []
+    assert units.find_time(data.take(np.arange(data.count) < 4), robot) == []

@@ -14,6 +14,13 @@ from armtrue.io.dataset import Dataset, fixed_targets, without_fixed_targets
 from armtrue.io.plausible import too_few_poses, wrong_units
 from armtrue.io.robot import Robot
 
+# From one reading to the next, most arms that are measured rest no longer [s], and none turns so fast [rad/s]: a small
+# arm's wrist reaches 17.
+_LONGEST_REST_S = 1800.0
+_FASTEST_RAD_S = 50.0
+# Readings between which the arm moved [rad] tell how long a pose takes; of fewer the median says nothing.
+_MOVED_RAD = 0.05
+_FEWEST_MOVES = 8
 _LIKELY = re.compile(r"\(these look like .*\)")
 
 
@@ -36,6 +43,37 @@ def find(data: Dataset, robot: Robot) -> list[Finding]:
             )
         )
     return findings
+
+
+def find_time(data: Dataset, robot: Robot) -> list[Finding]:
+    """A warning where the time between poses is none that poses take."""
+    turning = [k for k, joint in enumerate(robot.joints) if joint["type"] == "revolute"]
+    if "time" not in data.columns or not turning:
+        return []
+    order = np.argsort(data.columns["time"], kind="stable")
+    took = np.diff(data.columns["time"][order])
+    turned = np.abs(np.diff(data.joints[order][:, turning], axis=0)).max(axis=1)
+    moved = (turned > _MOVED_RAD) & (took > 0.0)
+    if np.count_nonzero(moved) < _FEWEST_MOVES:
+        return []
+    each, speed = float(np.median(took[moved])), float(np.median(turned[moved] / took[moved]))
+    if each > _LONGEST_REST_S:
+        likely, unit = "milliseconds", "ms"
+    elif speed > _FASTEST_RAD_S:
+        likely, unit = "hours", "h"
+    else:
+        return []
+    return [
+        Finding(
+            "time_unit",
+            "warning",
+            f"{data.file.name} column time: found {each:.3g} s from pose to pose, in which a joint turns by "
+            f"{float(np.median(turned[moved])):.2g} rad (this looks like {likely})",
+            {"column": "time", "median_s": each, "median_rad_s": speed},
+            f"Give it its unit in dataset.yaml, as in 'time: {{column: time, unit: {unit}}}' under columns: what "
+            "comes with time is put down to other causes otherwise.",
+        )
+    ]
 
 
 def _scale(data: Dataset, robot: Robot) -> float | None:
