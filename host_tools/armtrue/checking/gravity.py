@@ -1,4 +1,4 @@
-"""Check for an arm that hangs or stands on a wall while robot.yaml does not state gravity."""
+"""Checks of gravity: for an arm that hangs or stands on a wall without it in robot.yaml, and for one that it lifts."""
 
 from __future__ import annotations
 
@@ -7,23 +7,29 @@ from typing import Any
 
 import numpy as np
 
+from armtrue.arrays import Array
 from armtrue.checking.report import Finding
 from armtrue.io.robot import STANDARD_GRAVITY, Robot
 from armtrue.io.rotation import matrix_from_rpy
 
 # Floors and foundations are never as oblique.
 _UPRIGHT_DEGREES = 20.0
+# A level tracker's z and the plumb line are never as far apart; a frame of no meaning seldom comes so near.
+_PLUMB_DEGREES = 5.0
 
 
 def find(base: dict[str, Any], robot: Robot) -> list[Finding]:
     """A warning where the base is found far from upright, links have masses, and robot.yaml has no `gravity`.
 
-    `base`: the frame measuring_from_base as alignments and fit.json have it, `rpy` in radians.
+    Another where the `gravity` that it has points up in the measuring frame: some libraries state what a body at rest
+    feels. `base`: the frame measuring_from_base as alignments and fit.json have it, `rpy` in radians.
     """
-    if robot.gravity_stated or not any(link["mass"] > 0.0 for link in robot.spec.get("links", [])):
+    if not any(link["mass"] > 0.0 for link in robot.spec.get("links", [])):
         return []
     measuring_from_base = matrix_from_rpy(base["rpy"])
-    tilt = math.degrees(math.acos(float(np.clip(measuring_from_base[2, 2], -1.0, 1.0))))
+    if robot.gravity_stated:
+        return _upwards(np.array(robot.spec["gravity"], dtype=np.float64), measuring_from_base)
+    tilt = _angle_deg(measuring_from_base[:, 2], np.array([0.0, 0.0, 1.0]))
     if tilt < _UPRIGHT_DEGREES:
         return []
     # Adding 0 turns −0.0 into 0.0.
@@ -37,5 +43,26 @@ def find(base: dict[str, Any], robot: Robot) -> list[Finding]:
             {"tilt_rad": math.radians(tilt), "gravity": down},
             f"If the tracker is level (its z is up), give robot.yaml 'gravity: {down}'; else give it gravity in the "
             f"base's axes, or 'gravity: {STANDARD_GRAVITY}' where it is right as it is.",
+        )
+    ]
+
+
+def _angle_deg(one: Array, other: Array) -> float:
+    cosine = one @ other / (np.linalg.norm(one) * np.linalg.norm(other))
+    return math.degrees(math.acos(float(np.clip(cosine, -1.0, 1.0))))
+
+
+def _upwards(gravity: Array, measuring_from_base: Array) -> list[Finding]:
+    if _angle_deg(measuring_from_base @ gravity, np.array([0.0, 0.0, 1.0])) > _PLUMB_DEGREES:
+        return []
+    down = [-float(value) + 0.0 for value in gravity]
+    return [
+        Finding(
+            "gravity_upwards",
+            "warning",
+            f"'gravity' of robot.yaml, {gravity.tolist()}, points up in the measuring frame: springs would yield "
+            "against their loads",
+            {"gravity": down},
+            f"If the tracker is level (its z is up), write 'gravity: {down}', the way that things fall.",
         )
     ]

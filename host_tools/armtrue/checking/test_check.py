@@ -278,6 +278,16 @@ def test_asks_for_gravity_of_an_arm_on_ceiling_or_wall(campaign, rpy, expected):
     assert "gravity_not_given" not in codes(check(hanging, replace(silent, spec=massless)))
 
 
+def test_gravity_that_lifts_is_said(campaign):
+    # With it, springs that yield against their loads were told as other effects.
+    data, robot = campaign("kr30")
+    lifting = replace(robot, spec={**robot.spec, "gravity": [0.0, 0.0, 9.81]}, gravity_stated=True)
+    assert "gravity_upwards" not in codes(check(data, robot))
+    found = finding(check(data, lifting), "gravity_upwards")
+    assert found.severity == "warning"
+    assert "'gravity: [0.0, 0.0, -9.81]'" in found.remedy
+
+
 @pytest.mark.parametrize(("factor", "warned"), [(1.0, False), (1000.0, True)])
 def test_warns_of_payloads_heavier_than_the_arm(campaign, factor, warned):
     data, robot = campaign("kr30")
