@@ -129,7 +129,7 @@ class Design {
   /// values. Returns how far their change moves a frame at most [m, or rad].
   double stand(State& state);
   /// Whether the prediction depends on where the arm's own loads act.
-  bool reads_loads() const { return basis_.reads_loads() && state_->computes_torque(); }
+  bool reads_loads() const { return basis_.reads_loads(); }
 
   /// True after stand(): a change of coordinates then changes the loads too, in predictions and
   /// Jacobians.

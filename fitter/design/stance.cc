@@ -42,8 +42,11 @@ class Stance {
       coordinates_.setZero();
       for (const BasisTable::Entry& e : entries_)
         coordinates_[e.coordinate] += values_[static_cast<std::size_t>(e.parameter)] * e.value;
-      // The payload's point is the flange's, wherever the tool is.
-      coordinates_.tail(layout.size() - layout.tool(0, 0)).setZero();
+      // The payload's point is the flange's, wherever the tool is. Unknown mass moments are known
+      // in sum only, at any angles of the joints: beside these, they are anybody's guess.
+      const Eigen::Index followed =
+          state_.computes_torque() ? layout.tool(0, 0) : Eigen::Index{layout.joints};
+      coordinates_.tail(layout.size() - followed).setZero();
       coordinates_of_rows_.insert(coordinates_of_rows_.end(), coordinates_.begin(),
                                   coordinates_.end());
       const Pose flange = chain_.forward(&state_.joints()[i * n], coordinates_.data(), 0);
@@ -77,9 +80,7 @@ class Stance {
 
 double stand(State& state, BasisTable& basis, const Model& model, const std::vector<double>& values,
              const Kinematics& kinematics, LoadFeedback* feedback) {
-  // Unknown mass moments are known in sum only, at the angles that were measured: elsewhere they
-  // are anybody's guess.
-  if (!basis.reads_loads() || !state.computes_torque()) return 0.0;
+  if (!basis.reads_loads()) return 0.0;
   if (!state.loads_follow()) {
     basis.update_loads();
     if (feedback) feedback->clear();

@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <nlohmann/json.hpp>
+
 #include "fitter/testing/arms.h"
 
 namespace armtrue {
@@ -11,20 +13,25 @@ namespace {
 constexpr double kWeightMoment = 10.0 * 9.81 * 0.5;  // [Nm]
 constexpr double kSoft = 4e-4;                       // [rad/Nm]: sags by 20 mrad
 
+nlohmann::json description(bool is_weighed) {
+  nlohmann::json robot{
+      {"name", "pendulum"},
+      {"kinematics",
+       {{"convention", "mdh"},
+        {"joints", {{{"a", 0.0}, {"alpha", 1.5707963267948966}, {"d", 0.0}, {"offset", 0.0}}}}}}};
+  if (is_weighed) robot["links"] = {{{"mass", 10.0}, {"com", {0.5, 0.0, 0.0}}}};
+  return robot;
+}
+
 struct Pendulum {
   Robot robot;
   Model model;
   std::unique_ptr<Kinematics> kinematics;
   State state;
 
-  explicit Pendulum(const State::Columns& columns, const char* basis = "tau1")
-      : robot(Robot::from_json(
-            {{"name", "pendulum"},
-             {"kinematics",
-              {{"convention", "mdh"},
-               {"joints",
-                {{{"a", 0.0}, {"alpha", 1.5707963267948966}, {"d", 0.0}, {"offset", 0.0}}}}}},
-             {"links", {{{"mass", 10.0}, {"com", {0.5, 0.0, 0.0}}}}}})),
+  explicit Pendulum(const State::Columns& columns, const char* basis = "tau1",
+                    bool is_weighed = true)
+      : robot(Robot::from_json(description(is_weighed))),
         state(robot, columns, Eigen::Vector3d::Zero()) {
     kinematics = std::make_unique<Kinematics>(robot, 1);
     Parameter spring;
@@ -52,6 +59,25 @@ TEST(Stance, SoftSpring_CarriesTheTorqueOfWhereItStands) {
   for (std::size_t i = 0; i < q.size(); ++i) {
     const double torque = -kWeightMoment * std::cos(standing_angle(q[i]));
     EXPECT_NEAR(arm.state.column("tau1")[i], torque, 1e-9 * kWeightMoment);
+  }
+}
+
+// Unknown mass moments are fitted with the spring: what a unit of them does follows the joints, and
+// nothing else.
+TEST(Stance, UnknownMassMoments_ActWhereTheJointsStand) {
+  const std::vector<double> q{-1.2, -0.3, 0.0, 0.7, 1.4};
+  Pendulum arm({{"q1", q}}, "u_1_1_x", false);
+  arm.model.parameters.front().value = kSoft * 10.0 * 0.5;
+  Parameter bent;
+  bent.name = "bent";
+  bent.value = 0.1;
+  bent.terms.push_back(
+      {parse_coordinate("link1.rz", 1, 1), Expression::parse("1"), 1.0, std::nullopt});
+  arm.model.parameters.push_back(bent);
+  stand(arm.state, arm.model, *arm.kinematics);
+  for (std::size_t i = 0; i < q.size(); ++i) {
+    const double of_a_unit = -9.81 * std::cos(standing_angle(q[i]));
+    EXPECT_NEAR(arm.state.column("u_1_1_x")[i], of_a_unit, 1e-8);
   }
 }
 

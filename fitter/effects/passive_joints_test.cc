@@ -96,8 +96,9 @@ TEST(PassiveJoint, EffectsOfADrive_LeaveItOut) {
     const bool driving_alone = effect->drive_rule() == DriveRule::kDriving;
     for (const EffectRequest& request : effect->tried(arm.context())) {
       for (std::size_t i = 0; i < request.joints.size(); ++i) {
-        if (effect->drive_rule() == DriveRule::kEach || (driving_alone && i % 2 == 1))
+        if (effect->drive_rule() == DriveRule::kEach || (driving_alone && i % 2 == 1)) {
           EXPECT_NE(request.joints[i], 4) << effect->id();
+        }
       }
     }
   }

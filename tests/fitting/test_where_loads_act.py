@@ -9,13 +9,15 @@ import pytest
 from armtrue_sim.cases import hidden_cases
 
 
-@pytest.mark.quick("deflected-cobot")
+@pytest.mark.quick("weighed-deflected-cobot", "unknown-nominal-cobot")
 @pytest.mark.parametrize("arm", ["kr30", "cobot"])
 @pytest.mark.parametrize("statics", ["deflected", "nominal"])
-def test_the_fit_and_its_predictions_take_loads_where_they_act(tmp_path, arm, statics):
-    armtrue_sim.simulate({"arm": arm, "seed": 5, "hidden": [], "poses": 240, "statics": statics}).write(
-        tmp_path
-    )
+@pytest.mark.parametrize("masses", ["weighed", "unknown"])
+def test_the_fit_and_its_predictions_take_loads_where_they_act(tmp_path, arm, statics, masses):
+    campaign = armtrue_sim.simulate({"arm": arm, "seed": 5, "hidden": [], "poses": 240, "statics": statics})
+    if masses == "unknown":
+        campaign.robot.pop("links")
+    campaign.write(tmp_path)
     robot = armtrue.load_robot(tmp_path / "robot.yaml")
     data, test = (armtrue.load_data(tmp_path / name, robot) for name in ("data.csv", "test.csv"))
     fit = armtrue.fit(data, robot, armtrue.load_model(tmp_path / "model.yaml", robot))
@@ -40,3 +42,21 @@ def test_a_first_diagnosis_takes_nothing_for_loads_elsewhere(tmp_path, arm, seed
     fit = armtrue.fit(data, robot, armtrue.load_model(tmp_path / "model.yaml", robot))
     likely = [c["effect"] for c in armtrue.diagnose(fit)["candidates"] if c["probability"] > 0.5]
     assert likely == [hidden.effect for hidden in case.hidden]
+
+
+@pytest.mark.parametrize(
+    ("arm", "seed"),
+    [("cobot", 32921), pytest.param("lbr", 32922, marks=pytest.mark.full)],
+)
+def test_arms_whose_masses_nobody_knows_have_no_effects_that_are_not_there(tmp_path, arm, seed):
+    # Their loads were taken at commanded angles: couplings, scales and a balancer made up for the few micrometres, with
+    # up to 100 %, and the compensated arm missed by 18 µm.
+    case = hidden_cases("nothing_hidden", arm, seed)
+    case.campaign.robot.pop("links")
+    case.campaign.write(tmp_path)
+    robot = armtrue.load_robot(tmp_path / "robot.yaml")
+    data, test = (armtrue.load_data(tmp_path / name, robot) for name in ("data.csv", "test.csv"))
+    fit, story = armtrue.refine(armtrue.fit(data, robot, armtrue.load_model(tmp_path / "model.yaml", robot)))
+    assert [step["added"] for step in story["steps"]] == [None]
+    exact = np.stack([case.campaign.test[axis] for axis in "xyz"], axis=1)
+    assert 1e6 * np.linalg.norm(fit.predict(test) - exact, axis=1).mean() < 5.0

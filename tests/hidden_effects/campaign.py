@@ -98,7 +98,14 @@ def cases_of(kind: str, given: argparse.Namespace) -> list[tuple[str, int]]:
 def run_kinds(kinds: Iterable[str], given: argparse.Namespace, pool: ProcessPoolExecutor) -> list[Outcome]:
     """All cases; wrong ones go to stderr as they come."""
     settings = Settings(
-        given.limit, None, not given.no_reference, given.statics, given.variants, given.keep, given.ratios
+        given.limit,
+        None,
+        not given.no_reference,
+        given.statics,
+        given.variants,
+        given.keep,
+        given.ratios,
+        given.masses,
     )
     print(HEAD, end="", flush=True)
     begun = [
@@ -177,6 +184,9 @@ def main() -> None:
         choices=["known", "negative", "none", "wrong"],
         default="known",
         help="gear ratios in robot.yaml",
+    )
+    parser.add_argument(
+        "--masses", choices=["known", "none"], default="known", help="masses of links in robot.yaml"
     )
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--keep", type=Path, help="leave every case's files in a folder of its own here")

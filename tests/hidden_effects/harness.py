@@ -75,6 +75,7 @@ class Settings:
     reference: also the fit that is handed the truth, for the error's ratio. statics: as a scenario's. variants: every
     seed has an arm of its own. keep: a folder in which every case leaves its files, in one of its own. ratios: what
     robot.yaml says of gear ratios: known, negative (of motors that turn against their joints), none, or wrong by 1 %.
+    masses: whether it has those of the links.
     """
 
     limit: float = 300.0
@@ -84,6 +85,7 @@ class Settings:
     variants: bool = False
     keep: Path | None = None
     ratios: str = "known"
+    masses: str = "known"
 
 
 @dataclass
@@ -225,6 +227,8 @@ def run_case(kind: str, arm: str, seed: int, settings: Settings | None = None) -
     settings = settings or Settings()
     case = hidden_cases(kind, arm, seed, settings.statics, seed if settings.variants else None)
     case.campaign.robot = with_ratios(case.campaign.robot, settings.ratios)
+    if settings.masses == "none":
+        case.campaign.robot.pop("links", None)
     if settings.keep is not None:
         return _judged(case, settings.keep / f"{kind}-{arm}-{seed}", settings)
     with tempfile.TemporaryDirectory(prefix="armtrue-hidden-") as folder:
