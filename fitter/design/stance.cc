@@ -42,8 +42,9 @@ class Stance {
       coordinates_.setZero();
       for (const BasisTable::Entry& e : entries_)
         coordinates_[e.coordinate] += values_[static_cast<std::size_t>(e.parameter)] * e.value;
-      // The payload's point is the flange's, wherever the tool is. Unknown mass moments are known
-      // in sum only, at any angles of the joints: beside these, they are anybody's guess.
+      // The payload's point is the flange's, wherever the tool is. Where masses are unknown, sums
+      // of mass moments are fitted. They hold at all joint angles, but not for links that bend in
+      // other directions, so that these stay as they are.
       const Eigen::Index followed =
           state_.computes_torque() ? layout.tool(0, 0) : Eigen::Index{layout.joints};
       coordinates_.tail(layout.size() - followed).setZero();

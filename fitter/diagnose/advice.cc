@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <numbers>
 #include <optional>
 #include <set>
@@ -114,8 +115,7 @@ std::string command_to_add(const EffectRequest& request) {
 void advise_missing(const Diagnosis& d, const Robot& robot, std::vector<std::string>& advice) {
   const Candidate& best = *d.recommended();
   advice.push_back("add it: " + command_to_add(best.request));
-  for (const std::string& line : line_advice(best.request, d.spectra, robot))
-    advice.push_back(line);
+  std::ranges::move(line_advice(best.request, d.spectra, robot), std::back_inserter(advice));
   if (find_effect(best.request.effect).generic()) advise_periods(d, best, advice);
   for (const Candidate& other : d.candidates) {
     if (&other == &best) continue;

@@ -45,6 +45,17 @@ std::unique_ptr<Fit> believed(std::uint64_t seed, const json& hidden = nullptr, 
   return Fit::run(p.robot, p.columns, ModelSpecification::from_json(testing::geometry_model()), {});
 }
 
+// The same with one wave in a motor, of so many radians.
+std::unique_ptr<Fit> with_wave(const char* motor, const char* wave, double size) {
+  return believed(3,
+                  {{"effect", "custom"},
+                   {"name", "wave"},
+                   {"coordinate", motor},
+                   {"expression", wave},
+                   {"bound", 1.0}},
+                  size);
+}
+
 double squares(Fit& fit) {
   Design::Row row;
   double sum = 0.0;
@@ -131,13 +142,7 @@ TEST(Scorer, CoefficientsBeyondTheFitLeaveOutWhatTheFitCouldDoAsWell) {
 }
 
 TEST(Spectrum, FindsAPeriodThatNobodyKnewAmongRandomPoses) {
-  const auto fit = believed(3,
-                            {{"effect", "custom"},
-                             {"name", "wave"},
-                             {"coordinate", "motor5"},
-                             {"expression", "sin(13*q5)"},
-                             {"bound", 1.0}},
-                            2e-4);
+  const auto fit = with_wave("motor5", "sin(13*q5)", 2e-4);
   const Linearization linearization = linearize(*fit);
   double strongest = 0.0, cycles = 0.0;
   int joint = 0;
@@ -159,13 +164,7 @@ TEST(Spectrum, FindsAPeriodThatNobodyKnewAmongRandomPoses) {
 TEST(Spectrum, OfATurnFindsTheRoundestCountThatTheResidualCannotTellFromTheBest) {
   for (const auto& [wave, count, within] :
        {std::tuple{"sin(13*q5)", 13.0, 1e-12}, std::tuple{"sin(13.4*q5)", 13.4, 0.02}}) {
-    const auto fit = believed(3,
-                              {{"effect", "custom"},
-                               {"name", "wave"},
-                               {"coordinate", "motor5"},
-                               {"expression", wave},
-                               {"bound", 1.0}},
-                              2e-4);
+    const auto fit = with_wave("motor5", wave, 2e-4);
     const Linearization linearization = linearize(*fit);
     const std::vector<JointSpectrum> spectra = joint_spectra(linearization, fit->state());
     const std::vector<SpectralPeak> peaks =
@@ -177,13 +176,7 @@ TEST(Spectrum, OfATurnFindsTheRoundestCountThatTheResidualCannotTellFromTheBest)
 
 // A ratio of 120 that is 120.6 in truth: the wave of 120 cycles would leave a second line.
 TEST(Diagnose, FindsTheCountOfAGearWhoseRatioIsNotQuiteWhatIsSaid) {
-  const auto fit = believed(3,
-                            {{"effect", "custom"},
-                             {"name", "wave"},
-                             {"coordinate", "motor2"},
-                             {"expression", "sin(120.6*q2)"},
-                             {"bound", 1.0}},
-                            1e-4);
+  const auto fit = with_wave("motor2", "sin(120.6*q2)", 1e-4);
   const Diagnosis d = diagnose(*fit, {});
   ASSERT_NE(d.recommended(), nullptr);
   EXPECT_EQ(d.recommended()->request.effect, "gear_mesh");
@@ -197,13 +190,7 @@ TEST(Diagnose, FindsTheCountOfAGearWhoseRatioIsNotQuiteWhatIsSaid) {
 // Waves finer than twice a motor turn were taken for a joint that repeats badly, and nothing for
 // missing.
 TEST(Diagnose, LooksForFineLinesWhereAJointSeemsToRepeatBadly) {
-  const auto fit = believed(3,
-                            {{"effect", "custom"},
-                             {"name", "wave"},
-                             {"coordinate", "motor1"},
-                             {"expression", "sin(506.6*q1)"},
-                             {"bound", 1.0}},
-                            1e-4);
+  const auto fit = with_wave("motor1", "sin(506.6*q1)", 1e-4);
   const Diagnosis d = diagnose(*fit, {});
   ASSERT_NE(d.recommended(), nullptr);
   EXPECT_EQ(d.recommended()->request.effect, "gear_mesh");

@@ -10,7 +10,7 @@
 namespace armtrue {
 namespace {
 
-// Orders whose numerator and denominator are no larger are what shafts and stages of a gear have.
+// Of shafts and stages in a gear: waves a motor turn are p/q with p and q no larger than these.
 constexpr int kLargestNumerator = 8, kLargestDenominator = 4;
 // Counts that differ by this share are written alike.
 constexpr double kSameCount = 1e-5;

@@ -32,7 +32,7 @@ struct JointSpectrum {
 struct SpectralPeak {
   int joint;
   double cycles, power, amplitude;
-  double within;  ///< a line that has less power by no more than this cannot be told from it
+  double within;  ///< a line of the same joint fits as well if its power is lower by no more
 };
 
 /// Weighted least-squares periodogram (Lomb–Scargle generalised to vector residuals): random poses

@@ -36,7 +36,7 @@ TEST(PriorShapes, KnowTheSignOfACoefficientThatPhysicsGivesOne) {
   }
 }
 
-// Of two that are nearly equal the second one's sign says nothing more.
+// Where the prior makes two coefficients nearly equal, the sign of one says all.
 TEST(PriorShapes, OfCoefficientsThatAreAlikeCountOneSign) {
   Parameter spring;
   spring.sign = 1;
@@ -58,7 +58,7 @@ TEST(PriorShapes, StandAtTheColumnsOfTheirForm) {
   }
 }
 
-// 2.5 mm are the largest size that is expected of anything; what the fit has may be larger.
+// The largest prior is 2.5 mm, unless a coefficient that the fit has moves the tool by more.
 TEST(PriorShapes, ReachAsFarAsWhatIsThere) {
   EXPECT_NEAR(largest_scale(shapes_of(form_of({}, {}))), 2.5, 1e-12);
   EXPECT_NEAR(largest_scale(shapes_of(form_of({}, {}), 8e-3)), 8.0, 1e-12);

@@ -20,7 +20,7 @@ std::unique_ptr<Fit> fitted(bool with_rotation) {
 }
 
 // 3 N log of the residuals' squares, position and orientation each for itself, and what the
-// unknowns cost (Schwarz 1978). No pose is repeated, and nothing is rejected.
+// unknowns cost (Schwarz 1978): true where no pose is repeated and no row rejected.
 double expected_of(Fit& fit) {
   double position = 0.0, rotation = 0.0;
   Design& design = fit.design();
@@ -44,7 +44,7 @@ TEST(BayesianInformation, IsTheLikelihoodOfPositionsAndOrientationsLessTheUnknow
   }
 }
 
-// A rejected row counts as 64 times the mean square of those that are kept.
+// Each rejected row is charged with 64 times the mean square residual of those that are kept.
 TEST(BayesianInformation, NeverGainsByRejecting) {
   const std::unique_ptr<Fit> fit = fitted(false);
   const double all = bayesian_information(*fit);

@@ -29,6 +29,17 @@ double rms_of(const Problem& p, const json& model) {
       .rms;
 }
 
+// A fit that has found a balancer's ratio and phase.
+std::unique_ptr<Fit> with_balancer() {
+  Random random(302);
+  const json told{{"effect", "gravity_balancer"}, {"ratio", 0.4}, {"phase", 0.7}};
+  const Problem p(testing::industrial_arm(), with_effect(told), {150, false, 1, 1e-5, 2e-5, {}},
+                  random,
+                  [&](const Parameter& q) { return q.effect == "gravity_balancer" ? 2e-3 : 0.0; });
+  return Fit::run(p.robot, p.columns,
+                  ModelSpecification::from_json(with_effect({{"effect", "gravity_balancer"}})), {});
+}
+
 // Whoever is told the geometry of a balancer fits no better than who has to search for it.
 TEST(StartSearch, FindsABalancerWhereverItsPivotsAre) {
   Random random(301);
@@ -52,14 +63,7 @@ TEST(StartSearch, FindsABalancerWhereverItsPivotsAre) {
 // What is linear is solved on the way: the unknowns that come back are where the descent ends, but
 // for the chain's curvature.
 TEST(StartSearch, LeavesLittleToTheDescent) {
-  Random random(302);
-  const json told{{"effect", "gravity_balancer"}, {"ratio", 0.4}, {"phase", 0.7}};
-  const Problem p(testing::industrial_arm(), with_effect(told), {150, false, 1, 1e-5, 2e-5, {}},
-                  random,
-                  [&](const Parameter& q) { return q.effect == "gravity_balancer" ? 2e-3 : 0.0; });
-  const auto fit =
-      Fit::run(p.robot, p.columns,
-               ModelSpecification::from_json(with_effect({{"effect", "gravity_balancer"}})), {});
+  const auto fit = with_balancer();
   Design& design = fit->design();
   const std::vector<double> end = design.unknown_values();
   std::vector<double> away = end;
@@ -74,14 +78,7 @@ TEST(StartSearch, LeavesLittleToTheDescent) {
 
 // The only good start may be the smallest value of every nonlinear parameter.
 TEST(StartSearch, TriesEveryCombinationOfStarts) {
-  Random random(302);
-  const json told{{"effect", "gravity_balancer"}, {"ratio", 0.4}, {"phase", 0.7}};
-  const Problem p(testing::industrial_arm(), with_effect(told), {150, false, 1, 1e-5, 2e-5, {}},
-                  random,
-                  [&](const Parameter& q) { return q.effect == "gravity_balancer" ? 2e-3 : 0.0; });
-  const auto fit =
-      Fit::run(p.robot, p.columns,
-               ModelSpecification::from_json(with_effect({{"effect", "gravity_balancer"}})), {});
+  const auto fit = with_balancer();
   Model model = fit->model();
   const std::vector<double> end = fit->design().unknown_values();
   for (std::size_t j = 0; j < 2; ++j) {

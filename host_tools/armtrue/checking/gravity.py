@@ -14,7 +14,7 @@ from armtrue.io.rotation import matrix_from_rpy
 
 # Floors and foundations are never as oblique.
 _UPRIGHT_DEGREES = 20.0
-# A level tracker's z and the plumb line are never as far apart; a frame of no meaning seldom comes so near.
+# The z axis of a level tracker is never so far from the vertical; an axis of any other frame is seldom so near to it.
 _PLUMB_DEGREES = 5.0
 
 
@@ -29,7 +29,7 @@ def find(base: dict[str, Any], robot: Robot) -> list[Finding]:
     measuring_from_base = matrix_from_rpy(base["rpy"])
     if robot.gravity_stated:
         return _upwards(np.array(robot.spec["gravity"], dtype=np.float64), measuring_from_base)
-    tilt = _angle_deg(measuring_from_base[:, 2], np.array([0.0, 0.0, 1.0]))
+    tilt = _degrees_from_z(measuring_from_base[:, 2])
     if tilt < _UPRIGHT_DEGREES:
         return []
     # Adding 0 turns −0.0 into 0.0.
@@ -47,13 +47,12 @@ def find(base: dict[str, Any], robot: Robot) -> list[Finding]:
     ]
 
 
-def _angle_deg(one: Array, other: Array) -> float:
-    cosine = one @ other / (np.linalg.norm(one) * np.linalg.norm(other))
-    return math.degrees(math.acos(float(np.clip(cosine, -1.0, 1.0))))
+def _degrees_from_z(direction: Array) -> float:
+    return math.degrees(math.atan2(math.hypot(direction[0], direction[1]), direction[2]))
 
 
 def _upwards(gravity: Array, measuring_from_base: Array) -> list[Finding]:
-    if _angle_deg(measuring_from_base @ gravity, np.array([0.0, 0.0, 1.0])) > _PLUMB_DEGREES:
+    if _degrees_from_z(measuring_from_base @ gravity) > _PLUMB_DEGREES:
         return []
     down = [-float(value) + 0.0 for value in gravity]
     return [

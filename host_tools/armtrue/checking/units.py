@@ -18,7 +18,8 @@ from armtrue.io.robot import Robot
 # arm's wrist reaches 17.
 _LONGEST_REST_S = 1800.0
 _FASTEST_RAD_S = 50.0
-# Readings between which the arm moved [rad] tell how long a pose takes; of fewer the median says nothing.
+# The time from pose to pose is that between readings between which a joint moved by so much [rad], in the median of no
+# fewer than so many.
 _MOVED_RAD = 0.05
 _FEWEST_MOVES = 8
 _LIKELY = re.compile(r"\(these look like .*\)")
@@ -46,7 +47,7 @@ def find(data: Dataset, robot: Robot) -> list[Finding]:
 
 
 def find_time(data: Dataset, robot: Robot) -> list[Finding]:
-    """A warning where the time between poses is none that poses take."""
+    """A warning where poses follow one another more slowly, or faster, than an arm can be measured in seconds."""
     turning = [k for k, joint in enumerate(robot.joints) if joint["type"] == "revolute"]
     if "time" not in data.columns or not turning:
         return []
