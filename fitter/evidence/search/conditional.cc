@@ -70,23 +70,26 @@ void weigh_shape(const SearchProblem& problem, const SearchBlock& own,
     const Cholesky factor(std::move(root));
     if (!factor.ok()) {
       result.log_weight.push_back(-std::numeric_limits<double>::infinity());
+      result.log_physics.push_back(0.0);
       continue;
     }
     const Eigen::MatrixXd half = factor.half_solve(right);
     const double left = local.squares - square * half.col(0).squaredNorm();
-    double weight = own.log_odds + shape.log_prior[s] -
-                    factor.lower().diagonal().array().log().sum() + fit_term(problem, left);
+    double physics = 0.0;
     if (!shape.carries.empty()) {
       Eigen::MatrixXd solution = half.col(0);
       solve_lower_transposed(factor.lower(), solution);
-      weight +=
+      physics +=
           kCarrySeldom + carrying_term(shape.carries.front(), square * (shape.units * solution));
     }
     if (rules > 0) {
       const double noise = std::max(left, 1e-9) / std::max(1.0, problem.freedom);
-      weight += sign_term(shape.signs, half.col(0), half.rightCols(rules), square, noise);
+      physics += sign_term(shape.signs, half.col(0), half.rightCols(rules), square, noise);
     }
-    result.log_weight.push_back(weight);
+    const double weight = own.log_odds + shape.log_prior[s] -
+                          factor.lower().diagonal().array().log().sum() + fit_term(problem, left);
+    result.log_weight.push_back(weight + physics);
+    result.log_physics.push_back(physics);
   }
 }
 
@@ -106,7 +109,7 @@ double fit_term(const SearchProblem& problem, double squares) {
 
 Conditional weigh_choices(const SearchProblem& problem, const SearchBlock& block,
                           const Elimination::Local& local) {
-  Conditional result{{Choice{}}, {fit_term(problem, local.squares)}};
+  Conditional result{{Choice{}}, {fit_term(problem, local.squares)}, {0.0}};
   for (std::size_t i = 0; i < block.shapes.size(); ++i)
     weigh_shape(problem, block, local, static_cast<int>(i), result);
   return result;

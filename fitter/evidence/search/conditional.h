@@ -21,8 +21,9 @@ double log_sum(const std::vector<double>& terms);
 
 /// What a block may be, and how probable that is.
 struct Conditional {
-  std::vector<Choice> choices;     ///< the first is absence
-  std::vector<double> log_weight;  ///< log evidence with its prior, up to a common constant
+  std::vector<Choice> choices;      ///< the first is absence
+  std::vector<double> log_weight;   ///< log evidence with its prior, up to a common constant
+  std::vector<double> log_physics;  ///< the part of it that signs and loads of coefficients make
   double probability() const { return -std::expm1(log_weight.front() - log_sum(log_weight)); }
 };
 

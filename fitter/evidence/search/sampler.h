@@ -45,12 +45,23 @@ class Sampler {
   void size_present();
   void climb(const std::vector<std::size_t>& allowed);
   void find_readings();
-  double enter(const std::vector<std::size_t>& members, std::vector<Choice>& sizes);
-  void take_out(const std::vector<std::size_t>& members);
-  // What stands for what: blocks of the likeliest set, and those that replace them.
-  struct Reading {
-    std::vector<std::size_t> one, other;
+  // Blocks of one way to read the data, and sizes that suit them together.
+  struct Side {
+    std::vector<std::size_t> members;
+    std::vector<Choice> likely;
+    void add(std::size_t b, const Choice& size) {
+      members.push_back(b);
+      likely.push_back(size);
+    }
   };
+  // What stands for what: blocks of the likeliest set, and those that replace them. What has
+  // another size beside the others is in both.
+  struct Reading {
+    Side one, other;
+  };
+  double weigh(const Side& side, std::vector<Choice>& sizes);
+  void take_out(const Side& side);
+  bool stands(const Side& side, const Side& other) const;
   void read_otherwise(const Reading& reading);
   bool has_stranger() const;
   void walk(std::uint64_t seed);

@@ -6,7 +6,6 @@
 #include <limits>
 #include <random>
 #include <set>
-#include <tuple>
 #include <utility>
 
 #include "fitter/common/observer.h"
@@ -226,25 +225,29 @@ void Sampler::exchange() {
   }
 }
 
-// Log evidence that members bring who enter the set one after the other, each over all its sizes.
-// Those after it find it at the size that `sizes` has for it; where that has none, one is drawn and
-// added. Nobody follows the last member, so it is weighed and does not enter.
-double Sampler::enter(const std::vector<std::size_t>& members, std::vector<Choice>& sizes) {
-  double sum = 0.0;
-  for (std::size_t i = 0; i < members.size(); ++i) {
-    Conditional there = conditional(members[i]);
-    const double absent = there.log_weight.front();
+// Log evidence of the set with a side of a reading in it, over all sizes of that side's members:
+// that of its likely sizes over the probability of those, each given the others (Chib 1995, JASA
+// 90, 1313, with each conditional at the likely sizes of the others). One after the other, the
+// members go to `sizes`, or are drawn where that is empty: how much likelier those are than to be
+// drawn is the same sum.
+double Sampler::weigh(const Side& side, std::vector<Choice>& sizes) {
+  for (std::size_t i = 0; i < side.members.size(); ++i) set(side.members[i], side.likely[i]);
+  double sum = log_posterior();
+  for (std::size_t i = 0; i < side.members.size(); ++i) {
+    Conditional there = conditional(side.members[i]);
     there.choices.erase(there.choices.begin());
     there.log_weight.erase(there.log_weight.begin());
-    sum += log_sum(there.log_weight) - absent;
+    const auto likely = std::ranges::find(there.choices, side.likely[i]) - there.choices.begin();
+    const auto at = static_cast<std::size_t>(likely);
+    sum += log_sum(there.log_weight) - there.log_weight[at] + there.log_physics[1 + at];
     if (i == sizes.size()) sizes.push_back(draw(there));
-    if (i + 1 < members.size()) set(members[i], sizes[i]);
+    set(side.members[i], sizes[i]);
   }
   return sum;
 }
 
-void Sampler::take_out(const std::vector<std::size_t>& members) {
-  for (const std::size_t b : members) set(b, {});
+void Sampler::take_out(const Side& side) {
+  for (const std::size_t b : side.members) set(b, {});
 }
 
 // Two blocks may stand for one, and one for one: each member of the likeliest set is taken out in
@@ -270,22 +273,19 @@ void Sampler::find_readings() {
     if (best_change(allowed, at, to) <= kLeastRise) continue;
     set(at, to);
     climb(allowed);
-    // Which is better, what physics demands of coefficients decides too (enter), and not a climb.
+    // Which is better, all sizes of both decide, and what physics demands of coefficients.
     best_ = home;
     best_posterior_ = home_posterior;
     const std::vector<Choice> otherwise = state_;
     Reading reading;
-    std::vector<Choice> at_home, found;
     for (std::size_t b = 0; b < home.size(); ++b) {
-      if (home[b].is_present() == state_[b].is_present()) continue;
-      (home[b].is_present() ? reading.one : reading.other).push_back(b);
-      (home[b].is_present() ? at_home : found)
-          .push_back(home[b].is_present() ? home[b] : state_[b]);
+      if (home[b] == otherwise[b]) continue;
+      if (home[b].is_present()) reading.one.add(b, home[b]);
+      if (otherwise[b].is_present()) reading.other.add(b, otherwise[b]);
     }
+    double odds = weigh(reading.other, reading.other.likely);
     take_out(reading.other);
-    double odds = enter(reading.other, found);
-    take_out(reading.other);
-    odds -= enter(reading.one, at_home);
+    odds -= weigh(reading.one, reading.one.likely);
     if (odds > gain) better = otherwise;
     gain = std::max(gain, odds);
     if (odds > kWorthReading) readings_.push_back(std::move(reading));
@@ -295,28 +295,29 @@ void Sampler::find_readings() {
   best_posterior_ = log_posterior();
 }
 
+bool Sampler::stands(const Side& side, const Side& other) const {
+  const auto is_in = [&](std::size_t b) { return state_[b].is_present(); };
+  return std::ranges::all_of(side.members, is_in) &&
+         std::ranges::none_of(other.members, [&](std::size_t b) {
+           return is_in(b) && std::ranges::find(side.members, b) == side.members.end();
+         });
+}
+
 // A step of Metropolis and Hastings from one side of a reading to the other, sizes drawn as they
 // enter: what all sizes of a side bring decides.
 void Sampler::read_otherwise(const Reading& reading) {
-  const auto stands = [&](const std::vector<std::size_t>& side, bool present) {
-    return std::all_of(side.begin(), side.end(),
-                       [&](std::size_t b) { return state_[b].is_present() == present; });
-  };
-  const bool at_one = stands(reading.one, true) && stands(reading.other, false);
-  if (!at_one && !(stands(reading.one, false) && stands(reading.other, true))) return;
-  const std::vector<std::size_t>& from = at_one ? reading.one : reading.other;
-  const std::vector<std::size_t>& to = at_one ? reading.other : reading.one;
+  const bool at_one = stands(reading.one, reading.other);
+  if (!at_one && !stands(reading.other, reading.one)) return;
+  const Side& from = at_one ? reading.one : reading.other;
+  const Side& to = at_one ? reading.other : reading.one;
   std::vector<Choice> sizes, drawn;
-  for (const std::size_t b : from) sizes.push_back(state_[b]);
+  for (const std::size_t b : from.members) sizes.push_back(state_[b]);
+  const double here = weigh(from, sizes);
   take_out(from);
-  const double here = enter(from, sizes);
-  take_out(from);
-  const double there = enter(to, drawn);
-  const bool goes =
-      std::log(std::uniform_real_distribution<double>(0.0, 1.0)(generator_)) < there - here;
-  if (!goes) take_out(to);
-  const auto& [side, choices] = goes ? std::tie(to, drawn) : std::tie(from, sizes);
-  for (std::size_t i = 0; i < side.size(); ++i) set(side[i], choices[i]);
+  const double there = weigh(to, drawn);
+  if (std::log(std::uniform_real_distribution<double>(0.0, 1.0)(generator_)) < there - here) return;
+  take_out(to);
+  for (std::size_t i = 0; i < from.members.size(); ++i) set(from.members[i], sizes[i]);
 }
 
 // Gives the blocks that the search begins with their likeliest sizes: one after the other, and
