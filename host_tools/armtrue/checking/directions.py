@@ -1,4 +1,4 @@
-"""Columns `dir` that stand one row off or have the other sign, told by the order of the rows."""
+"""Columns `dir` that stand one row off or have other signs, told by the order of the rows."""
 
 from __future__ import annotations
 
@@ -15,24 +15,41 @@ _WORDS = {
     "one row late": "moved up by one row",
     "one row early": "moved down by one row",
     "reversed": "taken with the other sign",
+    "0 for −1": "0 stands for −1",
+    "1 for −1, 0 for 1": "1 stands for −1 and 0 for 1",
+}
+# What brings them to −1 and 1 in a dataset.yaml.
+_SCALES = {
+    "reversed": "scale: -1",
+    "0 for −1": "scale: 2, offset: -1",
+    "1 for −1, 0 for 1": "scale: -2, offset: 1",
 }
 
 
 def find(data: Dataset) -> list[Finding]:
     """A warning for each way in which directions that contradict the order of the rows would agree with it."""
     shares = agreements(data.columns)
-    findings = []
-    for way, words in _WORDS.items():
-        joints = [
-            k
-            for k, of_joint in shares.items()
-            if of_joint["as it stands"] < _DISAGREES
-            and of_joint[way] >= _AGREES
-            and of_joint[way] == max(of_joint.values())
-        ]
-        if joints:
-            findings.append(_finding(data, joints, way, words, shares))
-    return findings
+    return [
+        _finding(data, joints, way, words, shares)
+        for way, words in _WORDS.items()
+        if (joints := _joints_read_better(shares, way))
+    ]
+
+
+def are_zero_or_one(data: Dataset) -> set[int]:
+    """Joints whose `dir` has 0 and 1 for the two directions."""
+    shares = agreements(data.columns)
+    return {k for way in _WORDS if way.startswith(("0", "1")) for k in _joints_read_better(shares, way)}
+
+
+def _joints_read_better(shares: dict[int, dict[str, float]], way: str) -> list[int]:
+    return [
+        k
+        for k, of_joint in shares.items()
+        if of_joint["as it stands"] < _DISAGREES
+        and of_joint.get(way, 0.0) >= _AGREES
+        and of_joint[way] == max(of_joint.values())
+    ]
 
 
 def _finding(
@@ -42,9 +59,9 @@ def _finding(
     then = min(shares[k][way] for k in joints)
     columns = span("dir", joints)
     mend = f"Correct {columns} in the file"
-    if way == "reversed":
-        example = f"dir{joints[0]}: {{column: dir{joints[0]}, scale: -1}}"
-        mend = f"Give {columns} 'scale: -1' in a dataset.yaml, as in '{example}'"
+    if way in _SCALES:
+        example = f"dir{joints[0]}: {{column: dir{joints[0]}, {_SCALES[way]}}}"
+        mend = f"Give {columns} '{_SCALES[way]}' in a dataset.yaml, as in '{example}'"
     return Finding(
         "directions_off",
         "warning",

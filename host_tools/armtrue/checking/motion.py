@@ -19,6 +19,10 @@ _SAME_POSE_RAD = 1e-6
 # A read-back that differs from the command by more than this at the tool shows in a fit [m].
 _READBACK_AT_TOOL_M = 20e-6
 _ROWS_NAMED = 8
+# A clock that begins again is seldom and near its zero: in fewer rows than this share, at less than this share of where
+# it was.
+_MOST_SESSIONS = 0.1
+_AGAIN = 0.05
 
 
 def find(data: Dataset, robot: Robot) -> list[Finding]:
@@ -281,15 +285,31 @@ def _stale_positions(data: Dataset) -> list[Finding]:
 def _order_of_time(data: Dataset) -> list[Finding]:
     if "time" not in data.columns or data.count < 2:
         return []
-    back = np.concatenate([[False], np.diff(data.columns["time"]) < 0.0])
+    time = data.columns["time"]
+    back = np.concatenate([[False], np.diff(time) < 0.0])
     if not back.any():
         return []
+    since = time - time.min()
+    before, after = np.concatenate([[0.0], since[:-1]]), np.append(since[1:], 0.0)
+    evidence = {"rows": data.rows[back].tolist()}
+    begins = (since < _AGAIN * before) & (after < before)
+    if np.mean(back) < _MOST_SESSIONS and begins[back].all():
+        return [
+            Finding(
+                "time_begins_again",
+                "warning",
+                f"time begins again at {name_rows(data, back)}, as the clock of each session does",
+                evidence,
+                "Add to the times of each session when it began: sessions at once are one session, and the way of the "
+                "joints and what drifts are told by the order of time.",
+            )
+        ]
     return [
         Finding(
             "time_goes_back",
             "warning",
             f"time goes back at {name_rows(data, back)}",
-            {"rows": data.rows[back].tolist()},
+            evidence,
             "Put the rows in order of time (dataset.yaml: 'sort_by: time'), or correct the clock.",
         )
     ]

@@ -71,6 +71,8 @@ def cheap_findings(data: Dataset, robot: Robot) -> list[Finding]:
     findings = [
         *units.find(data, robot),
         *units.find_time(data, robot),
+        *units.find_travel(data, robot),
+        *units.find_ratios(robot),
         *masses.find(data, robot),
         *motion.find(data, robot),
         *directions.find(data),

@@ -7,6 +7,7 @@ import re
 
 import numpy as np
 
+from armtrue.checking import directions
 from armtrue.checking.alignment import evenly
 from armtrue.checking.motion import repeats_scatter_m
 from armtrue.checking.report import Finding
@@ -40,12 +41,13 @@ def find(data: Dataset, robot: Robot) -> list[Finding]:
 def _never_change(data: Dataset) -> list[Finding]:
     """Notes on columns that are recorded and tell nothing, as they have one value in all rows."""
     findings = []
+    other_signs = directions.are_zero_or_one(data)
     for name, values in data.columns.items():
         joint = _DIRECTION.fullmatch(name)
         sides = np.unique(values[values != 0.0]) if joint else np.unique(values)
         if _NO_CAUSE.fullmatch(name) or sides.size != 1 or data.count < 2:
             continue
-        if joint and not np.ptp(data.columns[f"q{joint[1]}"]):
+        if joint and (int(joint[1]) in other_signs or not np.ptp(data.columns[f"q{joint[1]}"])):
             continue
         confused = (
             f"joint {joint[1]} came from one side to all poses, and lost motion of joint {joint[1]} (backlash, "

@@ -12,6 +12,7 @@ from armtrue.checking.motion import name_rows
 from armtrue.checking.report import Finding
 from armtrue.errors import did_you_mean
 from armtrue.io.dataset import Dataset
+from armtrue.io.plausible import HOTTEST_C
 from armtrue.io.robot import Robot
 
 # A sensor that is off reads one figure, so far from what it reads otherwise [K]; of two states that were written down
@@ -65,7 +66,7 @@ def _of_column(data: Dataset, name: str) -> Iterator[Finding]:
     column = f"{data.file.name} column {name}"
     values = data.columns[name]
     distinct = np.unique(values)
-    if distinct[0] > _HOTTEST_ROOM:
+    if _HOTTEST_ROOM < distinct[0] < HOTTEST_C:
         yield Finding(
             "temperature_unit",
             "warning",

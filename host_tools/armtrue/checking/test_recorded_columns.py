@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -67,6 +68,29 @@ def test_directions_of_the_other_sign_are_named(campaign):
     assert "dir2, dir3" in found.message
     assert "taken with the other sign" in found.message
     assert "'dir2: {column: dir2, scale: -1}'" in found.remedy
+
+
+@pytest.mark.parametrize(
+    ("change", "mend"),
+    [
+        (lambda side: (side > 0.0).astype(float), "scale: 2, offset: -1"),
+        (lambda side: (side < 0.0).astype(float), "scale: -2, offset: 1"),
+    ],
+    ids=["0 for -1", "1 for -1"],
+)
+def test_directions_of_zero_and_one_are_named(campaign, change, mend):
+    # They were said to come from one side to all poses.
+    data, robot = campaign(directions="order")
+    wrong = with_directions(data, change, range(2, 4))
+    found = only(find(wrong))
+    assert f"'dir2: {{column: dir2, {mend}}}'" in found.remedy
+    assert not any("dir2" in f.message for f in check(wrong, robot).findings if f.code == "never_changes")
+
+
+def test_joint_that_came_from_one_side_or_stood_is_no_zero_for_the_other(campaign):
+    data, _ = campaign(directions="order")
+    stood = np.where(np.arange(data.count) % 3 == 0, 0.0, 1.0)
+    assert find(with_directions(data, lambda _: stood, range(2, 4))) == []
 
 
 def test_rows_are_taken_in_order_of_time(campaign):
@@ -194,6 +218,45 @@ def test_times_that_no_campaign_takes_are_in_another_unit(campaign, times, looks
     assert f"looks like {looks_like}" in found.message
     assert f"unit: {unit}" in found.remedy
     assert any(finding.code == "time_unit" for finding in check(other, robot).findings)
+
+
+def test_travel_beyond_what_a_joint_can_turn_is_in_another_unit(campaign):
+    data, robot = campaign(columns={"add": ["travel"]})
+    assert units.find_travel(data, robot) == []
+    degrees = changed(data, travel3=np.degrees(data.columns["travel3"]))
+    found = only(units.find_travel(degrees, robot))
+    assert "'travel3: {column: travel3, unit: deg}'" in found.remedy
+    assert any(finding.code == "travel_unit" for finding in check(degrees, robot).findings)
+
+
+def test_gear_that_is_slower_at_the_motor_is_named(campaign):
+    data, robot = campaign()
+    assert units.find_ratios(robot) == []
+    spec = robot.spec | {"kinematics": json.loads(json.dumps(robot.spec["kinematics"]))}
+    spec["kinematics"]["joints"][1]["gear_ratio"] = -0.01
+    found = only([one for one in check(data, Robot(spec)).findings if one.code == "gear_ratio"])
+    assert "found -0.01 on joint 2" in found.message
+    assert "Write -100 for joint 2" in found.remedy
+
+
+def test_kelvin_is_not_called_fahrenheit_as_well(campaign):
+    data, robot = campaign()
+    warm = changed(data, temp_arm=1.8 * data.columns["temp_arm"] + 32.0)
+    assert "temperature_unit" in codes_of(warm)
+    kelvin = changed(data, temp_arm=data.columns["temp_arm"] + 273.15)
+    assert "temperature_unit" not in codes_of(kelvin)
+    assert any("look like kelvin" in finding.message for finding in units.find(kelvin, robot))
+
+
+def test_clock_that_begins_again_is_not_to_be_sorted(campaign):
+    data, robot = campaign()
+    time = data.columns["time"].copy()
+    for first in (80, 160):
+        time[first:] -= time[first]
+    report = check(changed(data, time=time), robot)
+    found = only([one for one in report.findings if one.code.startswith("time_")])
+    assert found.code == "time_begins_again"
+    assert found.evidence["rows"] == data.rows[[80, 160]].tolist()
 
 
 @pytest.mark.parametrize("times", [0.0, 0.05, 1.0 / 60.0, 20.0])

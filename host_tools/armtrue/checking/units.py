@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 
 import numpy as np
@@ -22,6 +23,8 @@ _FASTEST_RAD_S = 50.0
 # fewer than so many.
 _MOVED_RAD = 0.05
 _FEWEST_MOVES = 8
+# Limits in robot files are rounded, and not always those of the controller.
+_MOST_TRAVEL = 1.1
 _LIKELY = re.compile(r"\(these look like .*\)")
 
 
@@ -73,6 +76,54 @@ def find_time(data: Dataset, robot: Robot) -> list[Finding]:
             {"column": "time", "median_s": each, "median_rad_s": speed},
             f"Give it its unit in dataset.yaml, as in 'time: {{column: time, unit: {unit}}}' under columns: what "
             "comes with time is put down to other causes otherwise.",
+        )
+    ]
+
+
+def find_travel(data: Dataset, robot: Robot) -> list[Finding]:
+    """A warning for each joint that came further in one direction than it can turn."""
+    findings = []
+    for k, joint in enumerate(robot.joints, start=1):
+        if f"travel{k}" not in data.columns or "limits" not in joint or k in robot.passive:
+            continue
+        furthest, (lo, hi) = float(data.columns[f"travel{k}"].max()), joint["limits"]
+        if furthest <= _MOST_TRAVEL * (hi - lo):
+            continue
+        unit, per_unit = ("deg", math.radians(1.0)) if joint["type"] == "revolute" else ("mm", 1e-3)
+        likely = f" (this looks like {unit})" if furthest * per_unit <= _MOST_TRAVEL * (hi - lo) else ""
+        findings.append(
+            Finding(
+                "travel_unit",
+                "warning",
+                f"{data.file.name} column travel{k}: found {furthest:.3g}, expected no more than the {hi - lo:.3g} "
+                f"between the limits of joint {k}: how far it came in its last direction{likely}",
+                {"joint": k, "found": furthest, "range": hi - lo},
+                f"Give it its unit in dataset.yaml, as in 'travel{k}: {{column: travel{k}, unit: {unit}}}' under "
+                "columns, or leave the column out.",
+            )
+        )
+    return findings
+
+
+def find_ratios(robot: Robot) -> list[Finding]:
+    """A warning where gears of robot.yaml turn their joints faster than the motors."""
+    fast = {
+        k: float(joint["gear_ratio"])
+        for k, joint in enumerate(robot.joints, start=1)
+        if 0.0 < abs(joint.get("gear_ratio", 1.0)) < 1.0
+    }
+    if not fast:
+        return []
+    k, ratio = next(iter(fast.items()))
+    return [
+        Finding(
+            "gear_ratio",
+            "warning",
+            f"gear_ratio of joint {', '.join(map(str, fast))} in {robot.kinematics_file}: found {ratio:.4g} on joint "
+            f"{k}, expected the motor's turns for one of the joint (this looks like 1/{1.0 / ratio:.4g})",
+            {"joints": list(fast)},
+            f"Write {1.0 / ratio:.6g} for joint {k} if a motor turns faster than its joint: waves of gears are sought "
+            "at the ratio.",
         )
     ]
 

@@ -21,7 +21,8 @@ _WITHOUT_LIMITS_RAD = 4.0 * math.pi
 _UNKNOWN_TOOL_M = 2.0
 # Points lie half a reach from their middle: 500 in millimetres, 50 in centimetres, 20 in inches.
 _MILLIMETRES_PER_REACH = 150.0
-_COLDEST_C, _HOTTEST_C = -80.0, 200.0
+# What an arm has; in kelvin it reads more.
+_COLDEST_C, HOTTEST_C = -80.0, 200.0
 _ABSOLUTE_ZERO_C = -273.15
 _LARGEST_SIGMA_M = 0.05
 # Base and tool are nine numbers; with fewer poses than this nothing is left to judge them by.
@@ -88,7 +89,7 @@ def wrong_units(columns: dict[str, Array], robot: Robot) -> list[tuple[str, int,
             found.append((furthest, 0, expected))
     for name, values in columns.items():
         if name.startswith("temp_"):
-            wrong = (values < _COLDEST_C) | (values > _HOTTEST_C)
+            wrong = (values < _COLDEST_C) | (values > HOTTEST_C)
             look(name, wrong, _temperature_expected(values[wrong]))
     if "sigma" in columns:
         look(

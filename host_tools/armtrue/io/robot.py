@@ -20,6 +20,8 @@ from armtrue.io.yamlfile import Section, load_yaml
 
 STANDARD_GRAVITY = [0.0, 0.0, -9.81]
 LARGEST_LEAD_M = 2.0  # a pinion of 0.6 m; what is larger is in millimetres
+# What is larger is in millimetres [m].
+_LONGEST_TOOL_M, _LONGEST_RAIL_M, _FURTHEST_BASE_M = 10.0, 100.0, 1000.0
 _NO_MOTOR = "as the joint is passive: it has no motor"
 
 
@@ -148,19 +150,19 @@ def _specification(top: Section, path: Path) -> dict[str, Any]:
     spec["gravity"] = top.numbers("gravity", 3, gravity_form, default=STANDARD_GRAVITY)
     if not 0.0 < math.hypot(*spec["gravity"]) < 100.0:
         raise top.fail("gravity", gravity_form + " longer than 0 and shorter than 100")
-    for key in ("tool", "base"):
+    for key, furthest_m in (("tool", _LONGEST_TOOL_M), ("base", _FURTHEST_BASE_M)):
         if top.has(key):
-            spec[key] = pose(top.section(key))
+            spec[key] = pose(top.section(key), furthest_m)
     if top.has("tools"):
         if top.has("tool"):
             raise InputError(f"{top.place('tools')}: found beside 'tool', expected one of the two")
         tools = top.section("tools")
-        spec["tools"] = {target: pose(tools.section(target)) for target in tools}
+        spec["tools"] = {target: pose(tools.section(target), _LONGEST_TOOL_M) for target in tools}
     if top.has("payload"):
         payload = top.section("payload")
-        spec["payload"] = {
-            "com": payload.numbers("com", 3, "a list [x, y, z] in metres, in the last link's frame")
-        }
+        com_form = "a list [x, y, z] in metres, in the last link's frame"
+        spec["payload"] = {"com": payload.numbers("com", 3, com_form)}
+        _refuse_millimetres(payload, "com", spec["payload"]["com"], com_form, _LONGEST_TOOL_M)
         payload.finish()
     if top.has("temperature"):
         spec["temperature"] = _temperature(top.section("temperature"))
@@ -177,16 +179,28 @@ def _passive(joints: list[dict[str, Any]]) -> list[int]:
     return [number for number, joint in enumerate(joints, start=1) if joint.get("passive")]
 
 
-def pose(section: Section) -> dict[str, list[float]]:
-    """Read `{xyz, rpy}`: metres and radians about fixed axes x, y, z; rpy may be left out and is then zero."""
+def pose(section: Section, furthest_m: float = _FURTHEST_BASE_M) -> dict[str, list[float]]:
+    """Read `{xyz, rpy}`: metres and radians about fixed axes x, y, z; rpy may be left out and is then zero.
+
+    Nothing of it lies beyond `furthest_m`.
+    """
+    form = "a list [x, y, z] in metres"
     result = {
-        "xyz": section.numbers("xyz", 3, "a list [x, y, z] in metres"),
+        "xyz": section.numbers("xyz", 3, form),
         "rpy": section.numbers("rpy", 3, "a list [roll, pitch, yaw] in radians", default=[0.0, 0.0, 0.0]),
     }
     if any(abs(angle) > 2 * math.pi for angle in result["rpy"]):
         raise section.fail("rpy", "angles in radians, none beyond 2π (these look like degrees)")
+    _refuse_millimetres(section, "xyz", result["xyz"], form, furthest_m)
     section.finish()
     return result
+
+
+def _refuse_millimetres(
+    section: Section, key: str, lengths_m: list[float], form: str, furthest_m: float
+) -> None:
+    if max(map(abs, lengths_m)) > furthest_m:
+        raise section.fail(key, f"{form}, none beyond {furthest_m:g} (these look like millimetres)")
 
 
 def _kinematics(
@@ -311,6 +325,8 @@ def _limits(row: Section, revolute: bool) -> list[float]:
         raise row.fail("limits", expected)
     if revolute and max(map(abs, limits)) > LARGEST_LIMIT_RAD:
         raise row.fail("limits", "a list [lo, hi] in radians (these look like degrees)")
+    if not revolute:
+        _refuse_millimetres(row, "limits", limits, "a list [lo, hi] in metres", _LONGEST_RAIL_M)
     return limits
 
 

@@ -47,11 +47,11 @@ def travels(columns: dict[str, Array]) -> dict[str, Array]:
 
 
 def agreements(columns: dict[str, Array]) -> dict[int, dict[str, float]]:
-    """Of each joint with a recorded `dir`: the share (0 to 1) of its motions with which that agrees, read in four ways.
+    """Of each joint with a recorded `dir`: the share (0 to 1) of its motions with which that agrees, by way of reading.
 
     "as it stands"; "one row late" and "one row early": as if it stood in the row after or before its own; "reversed":
-    with the other sign. A motion is a step from row to row, in order of time where that was recorded. Joints with
-    fewer motions than tell anything are left out.
+    with the other sign; "0 for −1" and "1 for −1, 0 for 1", where none is −1. A motion is a step from row to row, in
+    order of time where that was recorded. Joints with fewer motions than tell anything are left out.
     """
     order = _order(columns)
     result: dict[int, dict[str, float]] = {}
@@ -70,6 +70,12 @@ def agreements(columns: dict[str, Array]) -> dict[int, dict[str, float]]:
             "one row early": float(np.mean(side[moved - 1] == way)),
             "reversed": float(np.mean(-side[moved] == way)),
         }
+        if side.min() == 0.0:
+            two_sided = 2.0 * side[moved] - 1.0
+            result[int(name[1:])] |= {
+                "0 for −1": float(np.mean(two_sided == way)),
+                "1 for −1, 0 for 1": float(np.mean(-two_sided == way)),
+            }
     return result
 
 
