@@ -4,8 +4,8 @@ All faults of a sample are compiled at once into a copy of the tracked files (bu
 switch: one build serves them all. `a < b` becomes `(mutant(7) ? (a <= b) : (a < b))`; the tests then run once for each,
 with ARMTRUE_MUTANT set to its number: the firmware's unit tests, or the fitter's and after them the Python tests of
 `./dev test` that fit. A mutant that no test fails is printed and listed in survivors.txt there: judge it, and add the
-test that it asks for. Those that change nothing anybody could notice are listed with their reason in
-PART/equivalent-mutants.txt; they are not run.
+missing test. Mutants that change no observable behaviour are listed with their reason in PART/equivalent-mutants.txt
+and are not run.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from pathlib import Path
 
 from mutants import ROOT, SCRATCH, copy_head, environment_of, pytest_command, sample, verdict
 
-# Of each part, folders and their tests, in the order of how soon they answer: a test program, or what pytest is given.
+# Folders of each part and their tests, the fastest first: a test program, or the arguments of pytest.
 PARTS = {
     "firmware": {
         "firmware/core": ["firmware/core/firmware_core_test", "firmware/canopen/canopen_test"],
@@ -38,14 +38,14 @@ PARTS = {
         "fitter": ["fitter/fitter_test", "pytest tests/fitting tests/truth tests/refining tests/planning"]
     },
 }
-# Tests themselves; and format.h, whose numbers the tests' own images share (tests/firmware/test_format.py has them).
+# Tests are not mutated; nor is format.h, whose numbers test images share (tests/firmware/test_format.py has them).
 _LEFT_OUT = re.compile(
     r"_test\.cc|_bench\.cc|_fuzz\.cc|_main\.cc|test_|/testing/|senseless|simulated|/fuzz/|format\.h"
 )
-# What is the same code tens of thousands of times (tools/test.d/37) is left to the full step.
+# Tests that run the same code tens of thousands of times are left to the full step (tools/test.d/37).
 FILTER = "-PowerCut.AtEveryPairOfOperations:PowerCut.AtEveryOperationOfTheLargestTable"
-# A mutant may take so many times the processor seconds of the program without any fault. Wall time says nothing on a
-# loaded machine; it only ends a program that waits for ever.
+# Limit for a mutant, as a multiple of the processor seconds of the unchanged program. Wall time is meaningless on a
+# loaded machine; its limit only ends a program that waits for ever.
 TIMES_UNFAULTED = 5
 LEAST_LIMIT_S = 20
 LONGEST_WALL_S = 1200
@@ -74,7 +74,7 @@ _SWAPS = {
     "%": "/", "<<": ">>", ">>": "<<", "&": "|", "|": "&", "&&": "||", "||": "&&",
 }  # fmt: skip
 _OPERAND = r"[A-Za-z0-9_](?:[\w.:]|->|\[[\w.]*\]|\([\w., :]*\))*"
-# Nothing that begins behind `==`, `<=` and the like: brackets would make `a == (0 && b)` of `a == 0 && b`.
+# Not behind `==`, `<=` and the like: brackets would turn `a == 0 && b` into `a == (0 && b)`.
 _BEFORE = r"(?<=[(,])|(?<=[^=!<>]= )|(?<=return )|(?<=&& )|(?<=\|\| )|(?<=\? )|(?<=: )|(?<=, )"
 _AFTER = r"(?=[),;]| &&| \|\|| \?| :)"
 _BINARY = re.compile(
@@ -90,7 +90,7 @@ _COMMENT_OR_TEXT = re.compile(r'//.*|"(?:[^"\\]|\\.)*"|\'(?:[^\'\\]|\\.)\'')
 
 @dataclass(frozen=True)
 class Mutant:
-    """One place of one line: what stands there, and what the switch makes of it."""
+    """A change at one place of one line."""
 
     file: str
     line: int  # 1-based
@@ -101,20 +101,20 @@ class Mutant:
     whole: str  # the line
 
     def change(self) -> str:
-        """What stands there and what the mutant makes of it, a line each."""
+        """The original line and the changed line."""
         after = self.whole[: self.begin] + self.after + self.whole[self.end :]
         return f"  - {self.whole.strip()}\n  + {after.strip()}\n"
 
     def text(self) -> str:
-        """For people."""
+        """Place, kind and change, for people."""
         return f"{self.file}:{self.line}: {self.kind}\n{self.change()}"
 
     def is_listed(self, listed: set[tuple[str, str]]) -> bool:
-        """Whether a list (`changes_in`) has it, wherever in its file the line stands now."""
+        """Whether a list (`changes_in`) contains it, wherever in its file the line is now."""
         return (self.file, self.change()) in listed
 
     def switched(self, line: str, number: int) -> str:
-        """The line with both in it."""
+        """The line with both the original and the change, behind the switch."""
         head, original, tail = line[: self.begin], line[self.begin : self.end], line[self.end :]
         if self.kind == "removed call":
             return f"{head}if (!::armtrue::mutant({number})) {original}{tail}"
@@ -122,7 +122,7 @@ class Mutant:
 
 
 def _places_of(line: str) -> Iterator[tuple[str, int, int, str]]:
-    # Comments, text and template arguments keep their length and hold nothing that could be changed.
+    # Comments, strings and template arguments are masked, at equal length, so that nothing in them is changed.
     code = _COMMENT_OR_TEXT.sub(lambda m: "\0" * len(m[0]), line)
     code = _TEMPLATE_ARGUMENTS.sub(lambda m: m[0].translate(_NOT_A_NUMBER), code)
     for match in _BINARY.finditer(code):
@@ -139,7 +139,7 @@ def _places_of(line: str) -> Iterator[tuple[str, int, int, str]]:
     for match in _CONDITION.finditer(code):
         end = _closing(code, match.end() - 1)
         inside = line[match.end() : max(end, 0)]
-        if end > 0 and not re.search(r"[;\0]|[^=!<>]=[^=]", inside):  # neither an initialiser nor text
+        if end > 0 and not re.search(r"[;\0]|[^=!<>]=[^=]", inside):  # neither an initialiser nor a string
             yield "negated condition", match.end(), end, f"!({inside})"
 
 
@@ -153,9 +153,9 @@ def _closing(code: str, opening: int) -> int:
 
 
 def mutants_of(name: str) -> list[Mutant]:
-    """Every mutant of a file; what stands outside of functions, and what must be constant, is left alone."""
+    """Every mutant of a file; code outside of functions and constant expressions are not changed."""
     result = []
-    in_constant = False  # of several lines: evaluated by the compiler, where no switch works
+    in_constant = False  # a constant of several lines, which the compiler evaluates: no switch works there
     for number, line in enumerate((ROOT / name).read_text().splitlines(), 1):
         code = _COMMENT_OR_TEXT.sub("", line).strip()
         in_constant = in_constant or re.search(r"\bconstexpr\b[^(]*(?: =|\{)", code) is not None
@@ -173,7 +173,7 @@ def mutants_of(name: str) -> list[Mutant]:
 
 
 def changes_in(path: Path) -> set[tuple[str, str]]:
-    """File and change of each mutant in a list as survivors.txt is one; `#` begins a remark."""
+    """File and change of each mutant in a list of the form of survivors.txt; `#` begins a comment."""
     found: set[tuple[str, str]] = set()
     lines = [line for line in path.read_text().splitlines() if line and not line.startswith("#")]
     for head, before, after in zip(lines[::3], lines[1::3], lines[2::3], strict=True):
@@ -192,7 +192,7 @@ def files_of(folders: list[str]) -> list[str]:
 
 
 def changes_of_interest(part: str, folders: list[str]) -> dict[str, list[Mutant]]:
-    """By file, every mutant but those that are known to change nothing."""
+    """By file, every mutant except those known to change no behaviour."""
     listed = ROOT / part / "equivalent-mutants.txt"
     equivalent = changes_in(listed) if listed.is_file() else set()
     return {
@@ -202,15 +202,15 @@ def changes_of_interest(part: str, folders: list[str]) -> dict[str, list[Mutant]
 
 
 def one_of_each_line(mutants: list[Mutant]) -> list[Mutant]:
-    """The first of each line: a line has one switch."""
+    """The first of each line, because a line has one switch."""
     return list({(mutant.file, mutant.line): mutant for mutant in reversed(mutants)}.values())[::-1]
 
 
 def copy_tree(tree: Path, part: str) -> None:
-    """The files of HEAD, configured for a quick build that notices what leaves an array."""
+    """Copy the files of HEAD and configure a quick build that checks array bounds."""
     if not tree.is_dir():
         tree.mkdir(parents=True)
-        for fetched in (".venv", ".cache"):  # what the build has of registries
+        for fetched in (".venv", ".cache"):  # downloads of the build
             (tree / fetched).symlink_to(ROOT / fetched)
     shutil.rmtree(tree / part, ignore_errors=True)
     copy_head(tree)
@@ -226,7 +226,9 @@ def copy_tree(tree: Path, part: str) -> None:
 
 def build(tree: Path, mutants: list[Mutant], tests: set[str]) -> list[Mutant]:
     """Compile all of them behind their switches; returns those that compile, in the order of their numbers."""
-    files = {mutant.file for mutant in mutants}  # a file whose mutants all leave is written once more
+    files = {
+        mutant.file for mutant in mutants
+    }  # also those whose mutants are all removed below: they are restored
     while True:
         for name in files:
             lines = (ROOT / name).read_text().splitlines()
@@ -244,18 +246,18 @@ def build(tree: Path, mutants: list[Mutant], tests: set[str]) -> list[Mutant]:
         )  # fmt: skip
         if built.returncode == 0:
             return mutants
-        # (Where a template does not compile, the line that asked for it is named last.)
+        # (Where a template does not compile, the compiler names the line that instantiates it last.)
         place = rf"{re.escape(str(tree))}/([\w/.]+):(\d+):\d+: +(?:(?:fatal )?error|required from here)"
         wrong = set(re.findall(place, built.stdout + built.stderr))
         left = [mutant for mutant in mutants if (mutant.file, str(mutant.line)) not in wrong]
         if len(left) == len(mutants):
             raise SystemExit("mutants: the copy does not compile:\n" + built.stdout[-3000:])
         print(f"{len(mutants) - len(left)} do not compile and are left out", flush=True)
-        mutants = left  # their numbers move: everything is written anew
+        mutants = left  # their numbers change: all files are written again
 
 
 def run_test(tree: Path, test: str, number: int, cpu_limit_s: int) -> str:
-    """survived, killed or timed out; `number` -1 is the code without any fault."""
+    """Outcome of a test: survived, killed or timed out; `number` -1 is the unchanged code."""
     if test.startswith("pytest "):
         command = pytest_command(test.split()[1:])
     else:
@@ -278,7 +280,7 @@ def run_test(tree: Path, test: str, number: int, cpu_limit_s: int) -> str:
 
 
 def run(tree: Path, tests: list[str], number: int, limits: dict[str, int]) -> str:
-    """How the first test that notices a mutant notices it; survived if none does."""
+    """Outcome of the first test that notices a mutant; survived if none does."""
     for test in tests:
         if (outcome := run_test(tree, test, number, limits[test])) != "survived":
             return outcome
@@ -286,7 +288,7 @@ def run(tree: Path, tests: list[str], number: int, limits: dict[str, int]) -> st
 
 
 def measured_limits(tree: Path, tests: set[str]) -> dict[str, int]:
-    """The limit of processor seconds for each test: a multiple of what it takes while nothing is changed."""
+    """The limit of processor seconds for each test: a multiple of what it takes for the unchanged code."""
     limits = {}
     for test in sorted(tests):
         before = resource.getrusage(resource.RUSAGE_CHILDREN)
@@ -328,7 +330,7 @@ def main() -> int:
     if given.again:
         listed = changes_in(given.again)
         every = [mutant for name in files_of(list(tests_of)) for mutant in mutants_of(name)]
-        # Of a line that stands there several times, each.
+        # Where a file has the line several times, each of them.
         chosen = one_of_each_line([mutant for mutant in every if mutant.is_listed(listed)])
     else:
         chosen = sample(changes_of_interest(part, list(tests_of)), given.count, given.seed, given.base)

@@ -12,7 +12,7 @@ import re
 import sys
 from pathlib import Path
 
-# From the bottom up: a folder may include those of earlier lines. Folders on one line do not know each other.
+# From the bottom up: a folder may include those of earlier lines. Folders on one line may not include each other.
 ORDER = [
     ["firmware/core/fixed", "firmware/core/crypto", "fitter/common", "fitter/model/expression"],
     ["firmware/core/table", "fitter/model"],
@@ -45,7 +45,7 @@ def folder_of(path: str) -> str:
 
 
 def violations(root: Path) -> list[str]:
-    """One line an include that the order does not allow, or that leads to a folder that ORDER does not name."""
+    """One line per include that the order does not allow, or that leads to a folder that ORDER does not name."""
     found = []
     for file in sorted(path for part in ("firmware", "fitter") for path in (root / part).rglob("*")):
         name = file.relative_to(root).as_posix()

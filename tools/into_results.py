@@ -2,8 +2,8 @@
 
     into_results.py NAME COMMAND...
 
-Its place is between `<!-- NAME: begin -->` and `<!-- NAME: end -->` on the first page that has these. What a command
-printed that failed or was killed is shown and not kept.
+The output goes between `<!-- NAME: begin -->` and `<!-- NAME: end -->` on the first page that has these. The output of
+a command that failed or was killed is shown but not kept.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ PAGES = (DOCS / "results.md", DOCS / "effects.md")
 
 
 def main() -> int:
-    """The command's status where it failed; 2 where no page has such marks, 1 where nothing came."""
+    """The command's status where it failed; 2 if no page has such marks, 1 if it printed nothing or was killed."""
     name, command = sys.argv[1], sys.argv[2:]
     begin, end = f"<!-- {name}: begin -->", f"<!-- {name}: end -->"
     page = next((p for p in PAGES if p.exists() and {begin, end} <= set(p.read_text().splitlines())), None)

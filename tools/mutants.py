@@ -1,4 +1,4 @@
-"""What mutation testing of C++ and of Python share: a sample of mutants, a copy of the code, and the verdict."""
+"""Common parts of mutation testing of C++ and Python: a sample of mutants, a copy of the code, and the verdict."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import Protocol, TypeVar
 
 ROOT = Path(__file__).resolve().parents[1]
 SCRATCH = ROOT / "build" / "mutants"
-# Of a sample, this share is taken from files that were changed lately.
+# Share of a sample that is taken from recently changed files.
 SHARE_OF_CHANGED = 0.7
 # Tests should notice at least this share.
 GOAL = 0.95

@@ -4,7 +4,7 @@ A place is an operator, a number, a condition or a call, found in the syntax tre
 that need neither a bus nor a browser: first the files that name the changed module, then its folder's, then all. (The
 workbench, whose tests need a browser, is left out.) Works on copies of the tracked files (build/mutants/host_tools/N),
 with a time limit. A mutant that no test fails is printed and listed in survivors.txt beside them: judge it, and add the
-test that it asks for.
+missing test.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from pathlib import Path
 from mutants import ROOT, SCRATCH, copy_head, environment_of, pytest_command, sample, verdict
 
 COPIES = SCRATCH / "host_tools"
-# Folders whose own tests are asked before all others.
+# Folders whose own tests run before all others.
 ROOMS = [f"host_tools/armtrue/{room}" for room in ("checking", "cli", "device", "io", "report", "tables")]
 # Of `tests`, those without a bus, an emulator or a browser.
 PYTHON_TESTS = [
@@ -84,7 +84,7 @@ def changes_of(text: str) -> Iterator[tuple[int, str, str]]:
 
 
 def _executed(tree: ast.AST) -> Iterator[ast.AST]:
-    """Every node below but annotations and what only a type checker reads."""
+    """Every node below, except annotations and code that only a type checker reads."""
     for name, value in ast.iter_fields(tree):
         if name in ("annotation", "returns", "type_params"):
             continue
@@ -102,7 +102,7 @@ def _is_for_types(node: ast.AST) -> bool:
 def _between(
     lines: list[str], left: ast.expr, right: ast.expr, swap: tuple[str, str] | None, kind: str
 ) -> Iterator[tuple[int, str, str]]:
-    """The operator that stands between two operands."""
+    """The change of the operator between two operands."""
     if swap is None or left.end_lineno != right.lineno or left.end_col_offset is None:
         return
     line = lines[right.lineno - 1].encode()
@@ -136,7 +136,7 @@ def tracked() -> list[str]:
 
 
 def prepare(number: int, near: bool = False) -> Path:
-    """Make a copy of the tracked files, and see that its tests pass while nothing is changed."""
+    """Make a copy of the tracked files, and check that its tests pass for the unchanged code."""
     tree = COPIES / str(number)
     shutil.rmtree(tree, ignore_errors=True)
     tree.mkdir(parents=True)
@@ -150,7 +150,7 @@ def prepare(number: int, near: bool = False) -> Path:
 
 
 def _test(tree: Path, folders: list[str]) -> str:
-    """survived, killed or timed out."""
+    """Outcome of the tests: survived, killed or timed out."""
     for folder in folders:
         paths = [f"tests/{name}" for name in PYTHON_TESTS] if folder == "tests" else folder.split()
         try:
@@ -178,7 +178,7 @@ def _naming(file: str) -> list[str]:
 
 
 def judge(mutant: Mutant, trees: queue.Queue[Path], end: float, near: bool = False) -> str:
-    """What became of a mutant; `near`: by the tests that name its module and those of its folder alone."""
+    """Outcome of a mutant; `near`: of the tests that name its module and those of its folder only."""
     if time.monotonic() > end:
         return "not begun"
     tree = trees.get()

@@ -45,15 +45,15 @@ std::uint32_t inputs_of(const TableView& table) {
   return inputs;
 }
 
-// amount · share, rounded up: a share is that of a control period, Q30, and mostly all of it.
+// amount · share, rounded up. `share`: part of a control period, Q30, nearly always 1.
 std::int32_t share_of_amount(std::int32_t amount, std::uint32_t share) {
   if (share == kWhole) return amount;
   return static_cast<std::int32_t>(
       (product(amount, static_cast<std::int32_t>(share)) + kWhole - 1) >> kBlendFraction);
 }
 
-// Increments whose way is `units`, where an increment is mantissa / 2^shift units. Nothing for a
-// mantissa that is no scale.
+// `units` in increments, where an increment is mantissa / 2^shift units. 0 for mantissa 0, which is
+// not a scale.
 std::int32_t increments_by_unit(std::int32_t units, std::int32_t mantissa, int shift) {
   if (mantissa == 0) return 0;
   auto whole = static_cast<std::uint64_t>(units);
@@ -63,7 +63,7 @@ std::int32_t increments_by_unit(std::int32_t units, std::int32_t mantissa, int s
   return static_cast<std::int32_t>(std::min<std::uint64_t>(result, INT32_MAX));
 }
 
-// Increments whose way is `units`, where a unit is mantissa / 2^shift increments.
+// `units` in increments, where a unit is mantissa / 2^shift increments.
 std::int32_t increments_by_increment(std::int32_t units, std::int32_t mantissa, int shift) {
   return saturate(std::abs(product(units, mantissa)) >> std::min(shift, 63));
 }
@@ -88,7 +88,7 @@ std::int32_t increments_by_increment(std::int32_t units, std::int32_t mantissa, 
     return std::min(increments_by_unit(units, unit_per_increment, unit_shift),
                     increments_by_increment(units, increment_per_unit, increment_shift));
   };
-  // What rounds to the next increment is no more than what was permitted.
+  // One more, because a permitted correction may round up to the next increment.
   magnitude_increments = saturate(std::int64_t{in_increments(magnitude)} + 1);
   const std::int32_t fade = magnitude / static_cast<std::int32_t>(Compensator::kFadeCycles) + 1;
   per_turn = saturate(
@@ -103,7 +103,7 @@ std::int64_t JointScale::units_of(std::int32_t increments) const {
 std::int32_t PositionBounds::wrapped(std::int64_t position) const {
   if (!wraps()) return saturate(position);
   const std::int64_t count = std::int64_t{range_high} - range_low + 1;
-  // Corrections are small: it is once around at most, and a position far outside is nobody's.
+  // Corrections are small, so that one wrap is enough; a position further outside is not wrapped.
   if (position > range_high && position - count <= range_high) position -= count;
   if (position < range_low && position + count >= range_low) position += count;
   return saturate(position);
@@ -112,7 +112,7 @@ std::int32_t PositionBounds::wrapped(std::int64_t position) const {
 std::int64_t PositionBounds::way(std::int64_t way) const {
   if (!wraps()) return way;
   const std::int64_t count = std::int64_t{range_high} - range_low + 1;
-  // A target may lie any number of turns outside.
+  // A target may lie outside by any multiple of the range.
   if (way > count || way < -count) way %= count;
   if (way > count / 2) return way - count;
   return way < -count / 2 ? way + count : way;
@@ -181,15 +181,15 @@ std::int64_t PositionBounds::within_limits(std::int64_t corrected, std::int32_t 
          (has_active_ && table_.image().data() == image.data());
 }
 
-// From here on the correction goes elsewhere: to that of the table in force, or to zero. It blends
-// from what is held now, or at the permitted rate alone (`blend_weight` is whole).
+// Starts a new blend, from the present correction to that of the table in force, or to zero. If
+// `blend_weight` is kWhole, nothing is blended and only the rate limit slows the change.
 [[gnu::cold]] void Compensator::redirect(std::uint32_t blend_weight) {
   const std::uint32_t cycles = blend_ms_ * kMicrosecondsPerMillisecond / config_.cycle_us + 1U;
   blend_step_ = kWhole / cycles;
   change([this, blend_weight](Motion& motion) {
     motion.blend_weight = blend_weight;
     motion.delta_held = motion.delta;
-    // Without a correction there is nothing to blend out, and perhaps no limit that could hold it.
+    // A correction of zero needs no blending out, and there may be no limits yet to apply to it.
     const bool is_there = !corrects() && motion.is_zero();
     motion.state = is_there ? CompensatorState::kPassThrough : CompensatorState::kBlending;
   });
@@ -208,7 +208,7 @@ std::int64_t PositionBounds::within_limits(std::int64_t corrected, std::int32_t 
     motion_.delta[k] =
         static_cast<std::int32_t>(std::clamp<std::int64_t>(exact, -magnitude_[k], magnitude_[k]));
     motion_.increments[k] = increments_of(k);
-    // What went before the first cycle, for take_back_of().
+    // The row before the first cycle, which take_back_of() reads.
     history_[(cycle_ - 1) % kFeedbackHistory][k] = motion_.increments[k];
     fits = fits && motion_.delta[k] == exact;
   }
@@ -246,8 +246,9 @@ void Compensator::update_direction(const CycleInput& input) {
       if (motion_.direction[k] == 0) motion_.direction_anchor[k] = input.target[k];
       continue;
     }
-    // The anchor trails the command by the dead band on the side it came from: a reversal counts
-    // once the command has come back by more than the band from its furthest point.
+    // The anchor is the furthest point in the present direction, or the first target while the
+    // direction is unknown. A reversal counts once the target has come back from it by more than
+    // the dead band.
     std::int8_t& direction = motion_.direction[k];
     if (moved > band) {
       direction = 1;
@@ -265,7 +266,7 @@ Correction Compensator::evaluate(const CycleInput& input, std::uint16_t& flags) 
   JointPositions target;
   for (std::size_t k = 0; k < config_.joint_count; ++k) {
     const JointScale& scale = scale_[k];
-    // A joint without a drive stands at zero, whatever its axis is told.
+    // A joint without a drive counts as at zero, whatever target its axis receives.
     target[k] = {};
     if (table.is_passive(k)) continue;
     target[k] = {scale.units_of(saturate(difference(input.target[k], scale.zero)))};
@@ -278,14 +279,15 @@ Correction Compensator::evaluate(const CycleInput& input, std::uint16_t& flags) 
   return wanted;
 }
 
-// Of a control period, Q30: what has passed of it since the cycle before.
+// Time since the previous cycle as a part of the control period, Q30, at most 1.
 std::uint32_t Compensator::share_of(std::uint32_t elapsed_us) const {
   if (elapsed_us >= config_.cycle_us) return kWhole;
   return static_cast<std::uint32_t>((std::uint64_t{elapsed_us} << kBlendFraction) /
                                     config_.cycle_us);
 }
 
-// What a joint is given on its way to `aim`, which lies within its limit.
+// The joint's next correction: `aim`, which lies within its largest correction, or as near to it as
+// the rate permits.
 std::int32_t Compensator::limited(std::size_t joint, std::int32_t aim, std::uint32_t share,
                                   std::uint16_t& flags) const {
   std::int32_t per_cycle = scale_[joint].rate;
@@ -300,8 +302,8 @@ std::int32_t Compensator::limited(std::size_t joint, std::int32_t aim, std::uint
   return motion_.delta[joint] + (change > 0 ? most : -most);
 }
 
-// Turns `aim`, the correction that a blend leads to, into that of this moment: a weighted mean of
-// it and of the correction that was held when the blend began. The weight grows with time.
+// Replaces `aim`, the correction at the end of the blend, by the present one: a weighted mean of
+// `aim` and the correction at the start of the blend. The weight of `aim` grows with time.
 void Compensator::blend(JointAmounts& aim) const {
   for (std::size_t k = 0; k < config_.joint_count; ++k) {
     const std::int32_t way = saturate(std::int64_t{aim[k]} - motion_.delta_held[k]);
@@ -310,7 +312,7 @@ void Compensator::blend(JointAmounts& aim) const {
   }
 }
 
-// Moves every correction towards `aim`. Returns a bit for each joint that was held back.
+// Moves every correction towards `aim`. Returns a bit for each joint that a limit held back.
 std::uint32_t Compensator::move_corrections(JointAmounts& aim, std::uint32_t share,
                                             std::uint8_t held, std::uint16_t& flags) {
   if (motion_.state == CompensatorState::kPassThrough) return 0;
@@ -320,7 +322,7 @@ std::uint32_t Compensator::move_corrections(JointAmounts& aim, std::uint32_t sha
   bool settled = !blending || motion_.blend_weight >= kWhole - step;
   if (blending) motion_.blend_weight = settled ? kWhole : motion_.blend_weight + step;
   if (!settled) blend(aim);
-  // After the blend: what was held may be beyond the limits of a table that came since.
+  // After the blend, because the correction at its start may exceed the limits of a newer table.
   std::uint32_t clamped = scale_into_limits(magnitude_, config_.joint_count, aim);
   if (clamped != 0U) flags |= kMagnitudeClamped;
   clamped &= ~std::uint32_t{held};
@@ -341,8 +343,9 @@ std::uint32_t Compensator::move_corrections(JointAmounts& aim, std::uint32_t sha
   return clamped;
 }
 
-// The last thing before a target or an offset leaves, in the drive's own increments and by limits
-// that no image can change any more: whatever went wrong before, this holds.
+// Last check before a target or an offset is sent: clamps magnitude and rate in drive increments,
+// by limits that were copied out of the image and that it can no longer change. It holds whatever
+// went wrong before.
 std::int32_t Compensator::within_last_limits(std::size_t joint, std::int32_t increments,
                                              std::uint32_t share) const {
   const JointScale& scale = scale_[joint];
@@ -412,7 +415,7 @@ void Compensator::take_back_of(std::uint8_t joints) {
     motion_.delta[k] = before_.delta[k];
     motion_.increments[k] = before_.increments[k];
     newest[k] = before[k];
-    // Zero is not reached before every joint has it.
+    // Pass-through is reached only when every joint is at zero.
     const bool passes = motion_.state == CompensatorState::kPassThrough;
     if (passes && !motion_.is_zero()) motion_.state = CompensatorState::kBlending;
   }

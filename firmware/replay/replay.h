@@ -1,9 +1,9 @@
 // Plays recorded control cycles through a Compensator: the same code on the host and in an ARM test
 // image, so that their outputs can be compared bit for bit.
 //
-// Recording, little-endian 32-bit words: kMagic, joints, cycle time in µs, number of cycles,
-// length of table A and of table B in bytes (multiples of 4); both tables; then
-// one RecordedCycle a cycle. Result: one PlayedCycle a cycle. A file may hold many recordings.
+// Recording, little-endian 32-bit words: kMagic, joints, cycle time in µs, number of cycles, length
+// of table A and of table B in bytes (multiples of 4); both tables; then one RecordedCycle per
+// cycle. Result: one PlayedCycle per cycle. A file may hold many recordings.
 #ifndef ARMTRUE_FIRMWARE_REPLAY_REPLAY_H_
 #define ARMTRUE_FIRMWARE_REPLAY_REPLAY_H_
 
@@ -26,13 +26,13 @@ struct RecordingHead {
   std::uint32_t length_b;
 };
 
-// What the background does before a cycle.
+// Action of the background loop before a cycle.
 enum class Request : std::uint32_t {
   kNone = 0,
   kActivateA = 1,
   kActivateB = 2,
   kDisable = 3,
-  kRefuseA = 4,  // table A is to be refused
+  kRefuseA = 4,  // load table A, which must be refused
 };
 
 struct RecordedCycle {
@@ -60,7 +60,7 @@ struct Output {
   bool (*write)(void* context, const void* data, std::size_t size);
   void* context;
 };
-// Instructions since start, and those between two readings; null pointers where nothing counts.
+// Instructions since start, and between two readings; null pointers if nothing counts them.
 struct Counter {
   std::uint32_t (*read)();
   std::uint32_t (*between)(const void* context, std::uint32_t before, std::uint32_t after);
@@ -72,7 +72,7 @@ enum class Outcome : std::uint32_t {
   kBadRecording = 1,
   kTableRefused = 2,
   kCannotWrite = 3,
-  kTableTaken = 4,  // one that was to be refused
+  kTableTaken = 4,  // a table that must be refused was accepted
   kEnd = 5,         // no further recording
 };
 

@@ -1,4 +1,4 @@
-// The seam between the slot store and a flash memory.
+// Interface between the slot store and a flash memory.
 #ifndef ARMTRUE_FIRMWARE_STORAGE_FLASH_H_
 #define ARMTRUE_FIRMWARE_STORAGE_FLASH_H_
 

@@ -1,5 +1,5 @@
 // Two slots in memory that a reset does not clear, for a machine without a flash controller (an
-// emulator): what is stored survives a restart of the image, not of the machine.
+// emulator): the content survives a restart of the image, not of the machine.
 #ifndef ARMTRUE_FIRMWARE_STORAGE_RAM_FLASH_H_
 #define ARMTRUE_FIRMWARE_STORAGE_RAM_FLASH_H_
 
@@ -17,7 +17,7 @@ class RamFlash final : public Flash {
   // `memory`: both slots, one after the other; a multiple of eight bytes.
   explicit RamFlash(std::span<std::uint8_t> memory) : memory_(memory) {}
 
-  // Erases a slot of zeros: memory that nobody has written since power came.
+  // Erases every slot that is all zeros: memory not written since power-on.
   void start() {
     for (std::size_t slot = 0; slot < kSlots; ++slot) {
       const std::span<std::uint8_t> bytes = memory_.subspan(slot * slot_size(), slot_size());

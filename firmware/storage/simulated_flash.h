@@ -20,14 +20,14 @@ namespace armtrue::storage {
 // Thrown in the middle of a flash operation: the rest of the program does not happen.
 struct PowerCut : std::exception {};
 
-// How far the operation got that the power cut interrupts.
+// Progress of the operation that the power cut interrupts.
 enum class CutKind : std::uint8_t {
   kBefore,       // nothing has happened yet
-  kBarelyBegun,  // one bit is half way, and reads at random; the rest is as it was
-  kTorn,         // some bits have changed, and hold
-  kUnstable,     // some bits are half way
+  kBarelyBegun,  // one bit is half way, and reads at random; the others are unchanged
+  kTorn,         // some bits have changed, and are stable
+  kUnstable,     // some bits are half way, and read at random
   kNearlyDone,   // one bit is half way; the rest has changed
-  kAfter,        // everything has happened, nobody has been told
+  kAfter,        // complete, but not reported
 };
 
 inline constexpr std::array kAllCutKinds = {CutKind::kBefore,     CutKind::kBarelyBegun,
@@ -94,20 +94,20 @@ class SimulatedFlash : public Flash {
     return true;
   }
 
-  // The operation with this number (from now on) loses power; kNever: none does.
+  // Power is lost in the operation with this number, counted from now; kNever: in none.
   void cut_at(std::size_t operation, CutKind kind) {
     operation_ = 0;
     cut_at_ = operation;
     cut_kind_ = kind;
   }
 
-  // The operation with this number (from now on) reports an error and is left half done.
+  // The operation with this number, counted from now, reports an error and is left half done.
   void fail_at(std::size_t operation) {
     operation_ = 0;
     fail_at_ = operation;
   }
 
-  // Whether nothing can be programmed: every word is refused and stays as it is.
+  // While protected, programming is refused and every word keeps its value.
   void protect(bool is_protected) { is_protected_ = is_protected; }
 
   void run_undisturbed() {
@@ -121,7 +121,7 @@ class SimulatedFlash : public Flash {
   // Programmings of a word that was not blank: flash with an error-correcting code refuses them.
   std::size_t reprogrammed() const { return reprogrammed_; }
 
-  // For what no store ever wrote: content of another origin, a bit that rots.
+  // For content that no store wrote: of another origin, or with a decayed bit.
   std::uint32_t& word(std::size_t slot, std::size_t index) { return slots_[slot].word[index]; }
 
  private:
@@ -138,7 +138,7 @@ class SimulatedFlash : public Flash {
     return bit & mask;
   }
 
-  // Takes a word part of the way to `target`. Bits that have arrived hold.
+  // Changes a word partly towards `target`. Bits that have reached it are stable.
   void change_partly(std::uint32_t& word, std::uint32_t& unstable, std::uint32_t target,
                      CutKind kind) const {
     const std::uint32_t changing = word ^ target;

@@ -1,5 +1,6 @@
-// What stands in a slot: thirty-two words, then the table image. A journal and not flags: with
-// pairs of flags two power cuts left slots on which later starts disagree (power_cut_test.cc).
+// Layout of a slot: thirty-two words, then the table image. State is kept in a journal and not in
+// flags, because with pairs of flags two power cuts left slots on which later starts disagree
+// (power_cut_test.cc).
 //
 //   word    meaning                written
 //   0       erased mark            after an erase that completed
@@ -13,10 +14,10 @@
 //   8...31  journal                one word at a time, from the front
 //
 // A journal entry is a mark (sealed, trial, confirmed, rejected) combined with the CRC-32 of words
-// 2 to 6, so that an entry is also the proof of the header it belongs to. A mark counts as settled
-// when the last two entries carry it. A word that lost power while it was programmed can read
-// differently each time; a start that finds the journal unsettled takes the last entry that it can
-// read, and settles that before it acts on it: what it decides is what every later start decides.
+// 2 to 6, so that an entry also proves the header that it belongs to. A mark counts as settled when
+// the last two entries carry it. A word that lost power while it was programmed can read
+// differently each time. A start that finds the journal unsettled takes the last entry that it can
+// read and settles it before acting on it, so that every later start decides the same.
 //
 // Every word is programmed at most once between erases (flash with an error-correcting code allows
 // no more).

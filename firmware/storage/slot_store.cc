@@ -18,8 +18,8 @@ std::uint32_t word_at(std::span<const std::uint8_t> bytes, std::size_t offset) {
   return word;
 }
 
-// Programming clears bits one by one, erasing sets them: a word on its way between blank and `mark`
-// has every bit that `mark` has.
+// Programming clears bits one by one, erasing sets them, so that a word between blank and `mark`
+// has every bit of `mark` set.
 bool could_be_partial(std::uint32_t word, std::uint32_t mark) { return (word & mark) == mark; }
 
 }  // namespace
@@ -52,7 +52,7 @@ bool SlotStore::program(std::size_t slot, std::size_t word_index, std::uint32_t 
   return accepted && word_at(bytes, 0) == word;
 }
 
-// Entries that do not read back are left behind: the mark holds when two in a row do.
+// Entries that do not read back are skipped: the mark is settled when two in a row do.
 bool SlotStore::append(std::size_t slot, Mark mark) {
   const HeaderWords words = read_header(slot);
   const std::uint32_t entry = journal_entry(words, mark);
@@ -73,8 +73,8 @@ bool SlotStore::erase(std::size_t slot) {
   return true;
 }
 
-// A slot that reads as blank without the mark may be one whose erase lost power half way: its cells
-// do not hold.
+// A slot that reads as blank but lacks the erased mark may come from an erase that lost power half
+// way; its cells may be unstable.
 bool SlotStore::make_erased(std::size_t slot) {
   if (read_header(slot)[kErasedAt] == kErasedMark && is_blank(slot, 4 * kBegunAt)) return true;
   return erase(slot);
@@ -189,8 +189,8 @@ std::optional<std::size_t> SlotStore::newest_confirmed() const {
   return newest;
 }
 
-// Without an active table, the slot whose content is missed least; what waits for activation is
-// replaced.
+// The slot that the next commit overwrites: the one that is not active. Without an active table,
+// the pending one, or else the one with the less valuable content.
 std::size_t SlotStore::spare() const {
   if (status_.active) return 1 - *status_.active;
   if (const std::optional<std::size_t> pending = slot_in(SlotState::kPending)) return *pending;
@@ -282,8 +282,8 @@ StoreResult SlotStore::confirm() {
   return StoreResult::kDone;
 }
 
-// The mark may fail to be written: a trial without a confirm mark is rejected by the next start all
-// the same.
+// A mark that cannot be written does no harm: the next start rejects a trial without a confirm mark
+// all the same.
 StoreResult SlotStore::revert() {
   std::optional<std::size_t> slot = slot_in(SlotState::kTrial);
   if (!slot) slot = slot_in(SlotState::kPending);

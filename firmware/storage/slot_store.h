@@ -1,12 +1,12 @@
 // Two flash slots for table images: commit, trial, confirm or revert, safe against a power cut at
 // any step.
 //
-// The life of a table: the caller stages an image in RAM, `commit` verifies it and writes it into
-// the spare slot (header last), `activate` marks the trial and hands the image out, `confirm` makes
-// it the table of the next start. A start that finds a trial nobody confirmed rejects it and
-// returns to the confirmed table. After a power cut at any flash operation the active table is the
-// old one, the new one or none; an image is only ever handed out after its length, CRC and
-// verification have been checked in RAM.
+// Sequence: the caller stages an image in RAM, `commit` verifies it and writes it into the spare
+// slot (header last), `activate` marks the trial and returns the image, `confirm` makes it the
+// table of the next start. A start that finds an unconfirmed trial rejects it and returns to the
+// confirmed table. After a power cut at any flash operation the active table is the old one, the
+// new one or none; an image is only ever returned after its length, CRC and verification have been
+// checked in RAM.
 #ifndef ARMTRUE_FIRMWARE_STORAGE_SLOT_STORE_H_
 #define ARMTRUE_FIRMWARE_STORAGE_SLOT_STORE_H_
 
@@ -21,7 +21,7 @@
 
 namespace armtrue::storage {
 
-// What the table reader says about an image; the slot store itself knows nothing of tables.
+// The table reader's verdict on an image; the slot store itself knows nothing of tables.
 enum class TableVerdict : std::uint8_t {
   kAccepted,
   kForeign,  // a table for another robot
@@ -39,7 +39,7 @@ class TableVerifier {
 
 enum class SlotState : std::uint8_t {
   kBlank,      // erased
-  kTorn,       // an erase, upload or commit was interrupted, or the image no longer has its CRC
+  kTorn,       // an erase, upload or commit was interrupted, or the image does not match its CRC
   kForeign,    // not written by a slot store, or a table for another robot
   kNewer,      // layout or table format of a newer firmware
   kRefused,    // complete, but the table does not verify
@@ -52,13 +52,13 @@ enum class SlotState : std::uint8_t {
 enum class StoreResult : std::uint8_t {
   kDone,
   kTableRefused,       // the verifier does not accept the image
-  kTooLarge,           // the image does not fit in a slot, or the slot's image not in the buffer
-  kTrialRunning,       // confirm or revert first: the other slot is what a restart returns to
+  kTooLarge,           // the image does not fit in a slot, or a stored one not in the buffer
+  kTrialRunning,       // confirm or revert first: a restart returns to the other slot
   kNothingPending,     // no committed table waits for activation
   kNoTrial,            // nothing to confirm, nothing to revert
   kEraseFailed,        // the memory did not erase
   kProgramFailed,      // a word does not read back as programmed
-  kImageChanged,       // the slot's image no longer has its CRC
+  kImageChanged,       // the slot's image does not match its CRC
   kSequenceExhausted,  // 2^32 - 1 commits
 };
 
@@ -95,8 +95,8 @@ class SlotStore {
   // Makes the table on trial the table of every later start.
   StoreResult confirm();
 
-  // Ends the trial, or drops what is pending. After a trial the caller loads the table it returns
-  // to by `load_active`.
+  // Ends the trial, or drops the pending image. After a trial the caller loads the previous table
+  // by `load_active`.
   StoreResult revert();
 
   // Copies the active image into `buffer`; empty where there is none or it does not verify any
@@ -108,8 +108,8 @@ class SlotStore {
 
   const StoreStatus& status() const { return status_; }
 
-  // Whether the image that was stored last, whole at the time, no longer is: what is active is
-  // older, or nothing. An upload or an erase that was cut short is not that.
+  // True if the image that was stored last was complete and is now damaged, so that the active
+  // table is older or none. An interrupted upload or erase does not count.
   bool has_lost_newest() const;
 
  private:

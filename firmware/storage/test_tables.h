@@ -1,4 +1,4 @@
-// Stand-ins for table images, whose every byte says which image it belongs to. For tests.
+// Stand-ins for table images, for tests: every byte depends on which image it belongs to.
 #ifndef ARMTRUE_FIRMWARE_STORAGE_TEST_TABLES_H_
 #define ARMTRUE_FIRMWARE_STORAGE_TEST_TABLES_H_
 
@@ -13,7 +13,7 @@ namespace armtrue::storage {
 
 using Image = std::vector<std::uint8_t>;
 
-// First byte: verdict of the verifier below. Second: which image. The rest follows from the second.
+// First byte: verdict of the verifier below. Second: which image. The others follow from it.
 inline Image make_image(std::uint8_t name, std::size_t size,
                         TableVerdict verdict = TableVerdict::kAccepted) {
   Image image(size);

@@ -270,7 +270,7 @@ void Design::evaluate(std::size_t i, bool with_jacobian, Row& row, Workspace& w)
       row.predicted.translation() - measurements_->position.col(static_cast<Eigen::Index>(i));
   Eigen::Matrix3d turn = Eigen::Matrix3d::Identity();
   if (residuals_per_row_ == 6) {
-    // Left perturbation: predicted · exp(dφ) changes the logarithm by J_l⁻¹(error) dφ, which is the
+    // Left perturbation: exp(dφ) · predicted changes the logarithm by J_l⁻¹(error) dφ, which is the
     // identity at the solution.
     const Eigen::Vector3d log =
         rotation_log(row.predicted.linear() * measurements_->rotation[i].transpose());

@@ -30,9 +30,9 @@ class BasisTable {
   /// order.
   void set_nonlinear(const std::vector<double>& values);
   const std::vector<double>& nonlinear() const { return nonlinear_values_; }
-  /// Re-evaluates what reads loads, after the state's have changed.
+  /// Re-evaluates the terms that read loads, after the loads of the state have changed.
   void update_loads();
-  /// True where a term reads loads, so that where the arm stands matters.
+  /// True if a term reads loads, so that the arm's deflection matters.
   bool reads_loads() const { return reads_loads_; }
 
   std::size_t rows() const { return rows_; }
@@ -40,15 +40,15 @@ class BasisTable {
   const std::vector<double>& column(const std::string& name) const;
   /// Entries of one row that are not zero, appended to `entries` (cleared first).
   void row(std::size_t i, std::vector<Entry>& entries) const;
-  /// As `row`, of the parameters alone in whose basis a nonlinear parameter stands.
+  /// As `row`, only for parameters whose basis contains a nonlinear parameter.
   void searched_row(std::size_t i, std::vector<Entry>& entries) const;
   bool is_searched(int parameter) const {
     return searched_parameter_[static_cast<std::size_t>(parameter)];
   }
-  /// d(weight × basis)/d(nonlinear[j]) of one row, once slopes are there; `parameter` is the
+  /// d(weight × basis)/d(nonlinear[j]) of one row, after make_slopes(); `parameter` is the
   /// coefficient that multiplies it.
   void nonlinear_row(std::size_t i, std::size_t j, std::vector<Entry>& entries) const;
-  /// Works out what nonlinear_row reads, where it is not there yet: not thread-safe.
+  /// Computes what nonlinear_row reads, if it is out of date. Not thread-safe.
   void make_slopes() const;
   bool is_table(int parameter) const {
     return table_parameter_[static_cast<std::size_t>(parameter)];
@@ -84,7 +84,7 @@ class BasisTable {
   std::vector<std::vector<double>> nonlinear_scalars_;
   std::vector<DenseColumn> dense_;
   std::vector<double> dense_values_;         // rows × dense_.size()
-  mutable std::vector<SlopeColumn> slopes_;  // worked out when first asked for
+  mutable std::vector<SlopeColumn> slopes_;  // values are computed when first needed
   mutable bool slopes_stale_ = true;
   std::vector<TableColumn> tables_;
   std::vector<std::vector<Entry>> sparse_;
@@ -96,8 +96,8 @@ class BasisTable {
 /// parameters in order, then the nonlinear ones.
 class Design {
  public:
-  /// `kinematics` carries the base and tool reference poses. Both references must outlive the
-  /// design.
+  /// `kinematics` carries the base and tool reference poses and is copied. The other references
+  /// must outlive the design.
   Design(const State& state, const Measurements& measurements, const Model& model,
          const Kinematics& kinematics);
 
@@ -125,16 +125,16 @@ class Design {
   void set_values(const std::vector<double>& values) { values_ = values; }
   void set_unknowns(const double* unknowns);
   std::vector<double> unknown_values() const;
-  /// Puts the loads of `state`, which the design reads, to where the arm stands with the present
+  /// Moves the loads of `state`, which the design reads, to the arm deflected by the present
   /// values. Returns how far their change moves a frame at most [m, or rad].
   double stand(State& state);
-  /// Whether the prediction depends on where the arm's own loads act.
+  /// Whether predictions depend on loads, and so on the arm's deflection.
   bool reads_loads() const { return basis_.reads_loads(); }
 
   /// True after stand(): a change of coordinates then changes the loads too, in predictions and
   /// Jacobians.
   bool loads_follow() const { return feedback_.stands(); }
-  /// A copy whose loads keep their present values when coordinates change.
+  /// A copy whose loads stay constant when coordinates change.
   Design with_loads_held() const;
 
   /// Row weights (square roots multiply the residual): 0 keeps a gross error out.
@@ -148,30 +148,30 @@ class Design {
     Eigen::Matrix<double, 6, 1> residual;
     Pose predicted = Pose::Identity();
   };
-  /// What evaluating a row writes into; each thread has its own.
+  /// Scratch memory of evaluate(), one for each thread.
   struct Workspace {
     explicit Workspace(const Design& design);
     Kinematics kinematics;
     std::vector<BasisTable::Entry> entries, slopes;
     std::vector<int> slot_of_unknown;
     Eigen::VectorXd coordinates, arm_coordinates;
-    // Derivatives of the last evaluated row's pose by the coordinates. `geometric`: the loads
-    // follow the arm as it moves; `direct`: they stay; `raw`: by the unknowns, not yet whitened.
+    // Derivatives of the last evaluated row's pose by the coordinates. `geometric`: with loads that
+    // follow the arm; `direct`: with constant loads; `raw`: by the unknowns, not yet whitened.
     Eigen::Matrix<double, 6, Eigen::Dynamic> geometric, direct, raw;
   };
-  /// Whitened, weighted residual (predicted − measured) and, where asked for, its Jacobian: then
-  /// basis().make_slopes() comes first.
+  /// Whitened, weighted residual (predicted − measured) and, if asked for, its Jacobian, which
+  /// needs basis().make_slopes() before.
   void evaluate(std::size_t i, bool with_jacobian, Row& row, Workspace& workspace) const;
-  /// The same by the design's own workspace: not thread-safe.
+  /// The same with the design's own workspace: not thread-safe.
   void evaluate(std::size_t i, bool with_jacobian, Row& row);
-  /// Calls job(i, row, workspace) for every row, evaluated, on all processors: jobs share nothing
-  /// that they change.
+  /// Evaluates every row on all processors and calls job(i, row, workspace): jobs must not change
+  /// shared data.
   template <typename Job>
   void each_row(bool with_jacobian, const Job& job) const;
   /// Predicted pose of a row.
   Pose predict(std::size_t i);
-  /// The geometric Jacobian (6 × coordinates) of the last row that was evaluated without a
-  /// workspace of the caller's.
+  /// The geometric Jacobian (6 × coordinates) of the last row evaluated with the design's own
+  /// workspace.
   const Eigen::Matrix<double, 6, Eigen::Dynamic>& geometric_jacobian() const {
     return own_.geometric;
   }
@@ -189,7 +189,7 @@ class Design {
   Kinematics kinematics_;
   BasisTable basis_;
   LoadFeedback feedback_;
-  std::vector<bool> is_arms_;  // by parameter: what belongs to the arm moves its loads
+  std::vector<bool> is_arms_;  // by parameter: belongs to the arm, so that it moves the loads
   int residuals_per_row_;
   std::vector<int> free_;
   std::vector<int> unknown_of_;
@@ -200,7 +200,7 @@ class Design {
 
 template <typename Job>
 void Design::each_row(bool with_jacobian, const Job& job) const {
-  // Fewer rows are evaluated before a thread has begun.
+  // Evaluating fewer rows takes less time than starting a thread.
   constexpr std::size_t kTogether = 512;
   if (with_jacobian) basis_.make_slopes();
   in_pieces(rows(), kTogether, [&](std::size_t first, std::size_t end) {

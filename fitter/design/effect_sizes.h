@@ -9,7 +9,7 @@
 namespace armtrue {
 
 /// Root mean square displacement [m] of the tool by each effect's parameters at their present
-/// values, over all rows, the loads that follow the arm included.
+/// values, over all rows, with the loads that follow the arm.
 std::map<std::string, double> effect_sizes(Design& design);
 
 }  // namespace armtrue

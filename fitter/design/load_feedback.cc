@@ -7,7 +7,7 @@
 namespace armtrue {
 namespace {
 
-// Each repetition leaves about a thousandth, the arm's deflection in radians.
+// Each repetition leaves about a thousandth of the error: the arm's deflection in radians.
 constexpr int kOrders = 2;
 
 bool is_followed(const Variable& v) {

@@ -1,4 +1,4 @@
-// Loads bend the arm, and the bent arm changes its loads: the first order of that, row by row.
+// Loads deflect the arm, and the deflected arm changes its loads: first-order feedback by row.
 #pragma once
 
 #include <Eigen/Core>
@@ -13,19 +13,18 @@ class LoadFeedback {
  public:
   LoadFeedback(const Model& model, const CoordinateLayout& layout, const State& state);
 
-  /// Takes gradients and slopes where the state's loads stand now. `columns`: what terms read;
-  /// `frames`: rows × (n + 1), as State::stand has them; `coordinates`: rows × layout.size(), of
-  /// what belongs to the arm.
+  /// Computes gradients and slopes at the present loads of the state. `columns`: what terms read;
+  /// `frames`: rows × (n + 1), as in State::stand; `coordinates`: rows × layout.size(), of the
+  /// arm's own parameters.
   void update(const State& state, const Expression::Columns& columns,
               const std::vector<Pose>& frames, std::vector<double> coordinates);
-  /// Loads do not follow from now on.
+  /// Loads stay constant from now on.
   void clear() { at_.clear(); }
   bool stands() const { return !at_.empty(); }
-  /// Adds what loads change by since `update`, `arm` being the arm's own coordinates now.
+  /// Adds the deflection by load changes since `update`; `arm`: the arm's own coordinates now.
   void correct(std::size_t row, const std::vector<double>& values, const Eigen::VectorXd& arm,
                Eigen::VectorXd& coordinates) const;
-  /// Turns a Jacobian by the coordinates into one by causes of them: what they move the arm by with
-  /// the loads that follow.
+  /// Adds to each column of a Jacobian by the coordinates the deflection by the loads that follow.
   void follow(std::size_t row, const std::vector<double>& values,
               Eigen::Matrix<double, 6, Eigen::Dynamic>& jacobian) const;
 

@@ -38,8 +38,8 @@ EffectRequest request_from_json(const json& entry) {
   return request;
 }
 
-// d(basis)/d(load) of a basis that reads one load: what springs of the catalogue are made of, a
-// power of the load or the load times its size. None of anything else.
+// d(basis)/d(load) if the basis is a power of one load, or a load times its magnitude: the forms of
+// the catalogue's springs. nullopt for any other basis.
 std::optional<Expression> slope_of(const Expression& basis) {
   using Op = Expression::Op;
   const auto is = [](const Expression& e, Op op) { return e.op() == op; };
@@ -168,7 +168,7 @@ bool reads_point(const Parameter& parameter) {
 
 std::map<std::string, std::string> columns_needed(const Model& model, const State& state) {
   std::map<std::string, std::string> columns;
-  std::set<std::string> found;  // numbers that the fit finds stand in expressions too
+  std::set<std::string> found;  // nonlinear parameters, which stand in expressions too
   for (const NonlinearParameter& p : model.nonlinear) found.insert(p.name);
   for (const Parameter& p : model.parameters) {
     if (!is_foreseeable(p, state.robot().joint_count()) || reads_point(p)) continue;
@@ -176,12 +176,12 @@ std::map<std::string, std::string> columns_needed(const Model& model, const Stat
       for (const std::string& name : term.basis.variables()) {
         const auto variable = parse_variable(name, state.robot().joint_count());
         if (!variable || found.contains(name)) continue;
-        // Of a set-up that nobody says, a prediction is in the first one's frame.
+        // If the set-up of a row is not recorded, its prediction is in the first set-up's frame.
         if (!p.exported && variable->kind == VariableKind::kColumn) continue;
         const bool is_read_back = variable->kind == VariableKind::kReadBack;
         for (const std::string& column :
              columns_of(*variable, state.robot(), state.recorded("payload"))) {
-          // Joints that settled are where the command put them.
+          // At rest, a joint reads back its command.
           columns[column] = is_read_back ? "q" + std::to_string(variable->joint) : "";
         }
       }
@@ -220,7 +220,7 @@ Model build_model(const ModelSpecification& specification, const EffectContext& 
       throw ModelError("model: parameters names '" + name + "', which no effect of the model has");
     Parameter& p = model.parameters[static_cast<std::size_t>(index)];
     p.fixed = o.fixed;
-    // What is stated of the base's or the tool's pose, place_as_stated has put into their frames.
+    // place_as_stated moves base and tool to their stated poses, so that the mean is 0.
     const bool is_placement = find_effect(p.effect).role() == Role::kPlacement;
     p.prior_mean = is_placement ? 0.0 : o.value;
     p.value = p.prior_mean;

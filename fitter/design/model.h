@@ -11,14 +11,14 @@
 
 namespace armtrue {
 
-/// What a user says of single parameters in model.yaml.
+/// What model.yaml states for a single parameter.
 struct ParameterOverride {
   bool fixed = false;
   double value = 0.0;  ///< value where fixed, prior mean otherwise
   double sigma = 0.0;  ///< prior standard deviation
 };
 
-/// model.yaml in the form that computations want.
+/// The content of model.yaml.
 struct ModelSpecification {
   std::vector<EffectRequest> effects;
   std::map<std::string, ParameterOverride> overrides;
@@ -38,22 +38,22 @@ struct Model {
   int index(const std::string& name) const;  ///< −1 where there is none
 };
 
-/// Springs of a fitted model: coefficients whose basis is one load of gravity, and no more.
+/// Springs of a fitted model: coefficients whose basis reads one gravity load and nothing else.
 std::vector<Spring> springs_of(const Model& model, int joints);
 
-/// What a fitted model has of effects that carry a load (Effect::carries), by that load.
+/// The fitted terms of effects that carry a load (Effect::carries), summed by load.
 std::map<std::string, Expression> carried_of(const Model& model);
 
-/// False where it takes the way to a pose: no prediction has that.
+/// False if the parameter depends on the history before a pose, which no prediction has.
 bool is_foreseeable(const Parameter& parameter, int joints);
-/// Whether it depends on where the instrument saw the point, as its own errors do.
+/// Whether the parameter depends on the measured point, as the instrument's own errors do.
 bool reads_point(const Parameter& parameter);
 
-/// Columns that a file must hold for the model's predictions, and for each what stands in for it
-/// where poses have not been driven to yet; empty: nothing does.
+/// Columns that a file must hold for the model's predictions, each with the column that replaces it
+/// for poses that have not been driven to yet; empty: none does.
 std::map<std::string, std::string> columns_needed(const Model& model, const State& state);
 
-/// Throws ModelError where an effect is unknown, lacks columns, or stands twice on the same joint.
+/// Throws ModelError if an effect is unknown, lacks columns, or appears twice on one joint.
 Model build_model(const ModelSpecification& specification, const EffectContext& context);
 
 }  // namespace armtrue

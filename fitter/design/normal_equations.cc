@@ -19,8 +19,8 @@ std::vector<PenaltyRow> penalty_rows(const Design& design, double smoothness_sig
       rows.push_back({{{static_cast<int>(u), 1.0 / p.prior_sigma}}, p.prior_mean / p.prior_sigma});
   }
   for (std::size_t j = 0; j < model.nonlinear.size(); ++j) {
-    // Wide: it only keeps an unknown that no coefficient makes visible from making the system
-    // singular.
+    // Wide: it only prevents a singular system if an unknown moves nothing, because its
+    // coefficients are zero.
     const NonlinearParameter& p = model.nonlinear[j];
     const double sigma = p.upper - p.lower;
     rows.push_back(
@@ -50,11 +50,11 @@ double PenaltyRow::residual(const std::vector<double>& values) const {
 
 namespace {
 
-// Columns of the information are dealt out to the jobs so many at a time. Each job adds all rows to
-// its own columns: nothing is summed twice, and no order depends on the number of jobs.
+// Columns of the information are distributed to the jobs in groups of this size. Each job adds all
+// rows to its own columns, so that the order of summation does not depend on the number of jobs.
 constexpr int kColumnsTogether = 16;
-// Unknowns that more than this share of the rows read are multiplied with one another by the BLAS,
-// so many rows at a time. Of the nodes of tables a row reads only a few.
+// Products of unknowns that more than this share of the rows read are left to the BLAS, so many
+// rows at a time. Of the nodes of tables a row reads only a few.
 constexpr double kDense = 0.5;
 constexpr std::size_t kRowsTogether = 1024;
 
@@ -104,14 +104,14 @@ void add_dense(const std::vector<const Design::Row*>& rows, int residuals,
   }
 }
 
-// Consecutive unknowns in consecutive places of a row: the nodes of tables are pairs.
+// Consecutive unknowns at consecutive places of a row, such as two neighbouring nodes of a table.
 struct Run {
   Eigen::Index place, count;
   int unknown;  // the first one
 };
 
-// Adds the products of a row's own columns, its share of JᵀJ, to the columns that are one job's,
-// but for those of dense unknowns with one another. Only the lower triangle is filled.
+// Adds a row's share of JᵀJ to the columns of one job, except products of two dense unknowns. Fills
+// only the lower triangle.
 class SquareAdder {
  public:
   SquareAdder(Eigen::MatrixXd& information, int residuals, const std::vector<bool>& dense, int job,
@@ -140,7 +140,7 @@ class SquareAdder {
   }
 
  private:
-  // Appends the row's columns of unknowns that are dense, or of those that are not.
+  // Appends the row's columns of dense unknowns, or of the others.
   void take(const Design::Row& row, bool dense) {
     const std::size_t begun = runs_.size();
     for (std::size_t u = 0; u < row.unknowns.size(); ++u) {
@@ -155,7 +155,7 @@ class SquareAdder {
     }
   }
 
-  // Of the k-th unknown of a run with itself and all that follow it in the row.
+  // Adds products of the k-th unknown of a run with itself and all that follow in the row.
   void add_products(std::size_t first, Eigen::Index k) {
     const Eigen::Index own = runs_[first].place + k, left = touched_ - own;
     const Eigen::Index unknown = runs_[first].unknown + k;
@@ -179,7 +179,7 @@ class SquareAdder {
   int residuals_;
   const std::vector<bool>& dense_;
   int job_, jobs_;
-  // Of the present row; its Jacobian with unknowns along memory.
+  // Of the present row. across_: its Jacobian, contiguous along the unknowns.
   std::vector<Run> runs_;
   Eigen::Index touched_ = 0;
   Eigen::Matrix<double, Eigen::Dynamic, 6> across_;
@@ -286,7 +286,7 @@ Eigen::VectorXd scale_of(const Eigen::MatrixXd& lower) {
   return lower.diagonal().unaryExpr([](double d) { return d > 0.0 ? 1.0 / std::sqrt(d) : 1.0; });
 }
 
-// A rounding error's worth of ridge: exact dependencies are decided before, by rank, and not here.
+// Adds a ridge of rounding size: exact dependencies have been removed before, by rank.
 Eigen::MatrixXd scaled_with_ridge(Eigen::MatrixXd lower, const Eigen::VectorXd& scale) {
   for (Eigen::Index c = 0; c < lower.cols(); ++c) {
     const Eigen::Index below = lower.rows() - c;

@@ -10,12 +10,12 @@
 
 namespace armtrue {
 
-/// Rows of quadratic penalty that stand beside the measurements: priors, gauges, smoothness.
+/// A row of quadratic penalty added to the measurements: prior, gauge or smoothness.
 struct PenaltyRow {
   std::vector<std::pair<int, double>> entries;  ///< unknown, factor / sigma
   double target = 0.0;                          ///< / sigma
 
-  /// What `values` of the unknowns leave of it.
+  /// Residual of the row at `values` of the unknowns.
   double residual(const std::vector<double>& values) const;
 };
 
@@ -23,9 +23,9 @@ struct PenaltyRow {
 /// smoothness rows.
 std::vector<PenaltyRow> penalty_rows(const Design& design, double smoothness_sigma);
 
-/// How many equations tell the residuals' variance: three a row for positions, and for orientations
-/// as many times three as their Σ r² is of that of positions, at most three. A fit can give
-/// orientations a smaller weight than their noise alone would (inference/orientation_worth.h);
+/// Number of equations that determine the residuals' variance: per row three for positions, and for
+/// orientations three times the ratio of their Σ r² to that of positions, at most three. A fit can
+/// give orientations a smaller weight than their noise alone would (inference/orientation_worth.h);
 /// counted in full, these small residuals would make the variance seem smaller than it is.
 /// `squares`, `position_squares`: Σ r² over `rows` of all residuals, and of positions.
 double equations_that_count(double rows, double squares, double position_squares);
@@ -35,7 +35,7 @@ struct NormalEquations {
   Eigen::MatrixXd information;  ///< JᵀJ, lower triangle filled
   Eigen::VectorXd gradient;     ///< Jᵀr
   double cost = 0.0;            ///< Σ r²
-  double position_cost = 0.0;   ///< of it, positions'
+  double position_cost = 0.0;   ///< the part of positions
   std::size_t rows = 0;         ///< with weight
 
   explicit NormalEquations(Eigen::Index unknowns)
@@ -44,7 +44,7 @@ struct NormalEquations {
   double equations() const {
     return equations_that_count(static_cast<double>(rows), cost, position_cost);
   }
-  /// On all processors; the same sums however many there are.
+  /// On all processors; the sums do not depend on their number.
   void add(const std::vector<const Design::Row*>& added, int residuals);
   void add(const PenaltyRow& row, const std::vector<double>& values);
 };
@@ -53,8 +53,8 @@ struct NormalEquations {
 struct EvaluatedRows {
   std::vector<std::size_t> index;  ///< row of the design
   std::vector<Design::Row> rows;
-  /// By row, equations × joints: by how much a unit of each joint's motor moves what was read,
-  /// whitened.
+  /// By row, equations × joints: whitened change of the measured pose per unit of each joint's
+  /// motor.
   std::vector<Eigen::Matrix<double, 6, Eigen::Dynamic>> by_joint;
 };
 EvaluatedRows evaluate_rows(const Design& design);
@@ -75,8 +75,8 @@ class ScaledCholesky {
   Eigen::VectorXd solve(const Eigen::VectorXd& right) const;
   Eigen::MatrixXd solve_matrix(const Eigen::MatrixXd& right) const;
   Eigen::MatrixXd inverse() const;
-  /// The lower triangle W whose square WᵀW is the inverse; what stands above its diagonal has no
-  /// meaning.
+  /// The lower triangle W whose square WᵀW is the inverse; entries above its diagonal are
+  /// undefined.
   Eigen::MatrixXd inverse_root() const;
   /// L⁻¹ D with D the scaling: columns of a matrix become orthonormal coordinates of the solution
   /// space.

@@ -7,7 +7,7 @@
 namespace armtrue {
 namespace {
 
-// What is stated of three coordinates of a pose: its position, or its orientation.
+// Stated values of a pose's position, or of its orientation.
 using Triple = std::array<const ParameterOverride*, 3>;
 
 bool any(const Triple& t) { return t[0] || t[1] || t[2]; }
@@ -18,8 +18,8 @@ bool is_one_statement(const Triple& t) {
          t[1]->sigma == t[2]->sigma;
 }
 
-// Coordinates act along the axes of the frame itself: where those are not the outer frame's, one
-// of three cannot be held alone.
+// Coordinates act along the axes of the frame itself: if these are not parallel to the outer
+// frame's, one of three stated values cannot be held alone.
 void expect_whole(const Triple& stated, bool is_turned, const std::string& effect,
                   const std::string& names) {
   if (!any(stated) || !is_turned || is_one_statement(stated)) return;

@@ -1,4 +1,4 @@
-// What model.yaml states of the base's and the tool's pose.
+// Poses of base and tool as stated in model.yaml.
 #pragma once
 
 #include "fitter/design/model.h"
@@ -6,9 +6,9 @@
 
 namespace armtrue {
 
-/// Moves the reference poses of base and tools to where `specification` says that they are: in the
+/// Moves the reference poses of base and tools to the poses that `specification` states: in the
 /// measuring frame and in the flange, xyz [m] and rpy [rad] as in robot.yaml. The model's own
-/// coordinates, which count from the references, then have zero for what is stated.
+/// coordinates count from the references, so that a stated value becomes zero in them.
 /// Throws ModelError for a part of a pose that the coordinates of a turned frame cannot hold.
 void place_as_stated(const ModelSpecification& specification, const Model& model,
                      Kinematics& kinematics);

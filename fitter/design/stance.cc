@@ -9,11 +9,11 @@
 namespace armtrue {
 namespace {
 
-// Each round leaves about a thousandth of the change, the arm's deflection in radians.
+// Each round leaves about a thousandth of the change: the arm's deflection in radians.
 constexpr int kMostRounds = 30;
 constexpr double kStandsStill = 1e-12;  // [m and rad]
 
-// Frames of all rows in the robot base, the payload point's after those of the joints.
+// Frames of all rows in the robot base: those of the joints, then the payload point's.
 class Stance {
  public:
   Stance(const State& state, const Model& model, const std::vector<double>& values,
@@ -42,9 +42,9 @@ class Stance {
       coordinates_.setZero();
       for (const BasisTable::Entry& e : entries_)
         coordinates_[e.coordinate] += values_[static_cast<std::size_t>(e.parameter)] * e.value;
-      // The payload's point is the flange's, wherever the tool is. Where masses are unknown, sums
-      // of mass moments are fitted. They hold at all joint angles, but not for links that bend in
-      // other directions, so that these stay as they are.
+      // The payload point is fixed to the flange, wherever the tool is. Without masses, sums of
+      // mass moments are fitted. They hold at all joint angles, but not for links that bend in
+      // other directions, so the coordinates of links and base are zeroed.
       const Eigen::Index followed =
           state_.computes_torque() ? layout.tool(0, 0) : Eigen::Index{layout.joints};
       coordinates_.tail(layout.size() - followed).setZero();
@@ -60,7 +60,7 @@ class Stance {
   /// Of the last call of `frames`, rows × coordinates.
   const std::vector<double>& coordinates() const { return coordinates_of_rows_; }
 
-  // Of frames: metres, and radians a metre away.
+  // Largest distance between frames [m, and rad at 1 m].
   static double distance(const std::vector<Pose>& a, const std::vector<Pose>& b) {
     double largest = 0.0;
     for (std::size_t i = 0; i < a.size(); ++i)
@@ -96,7 +96,7 @@ double stand(State& state, BasisTable& basis, const Model& model, const std::vec
     basis.update_loads();
     std::vector<Pose> next = stance.frames(basis);
     const double moved = Stance::distance(here, next);
-    // An arm so soft that it finds no rest is none: its loads stay those of the first round.
+    // No real arm is so soft that this diverges: its loads then stay those of the first round.
     if (!(moved < last) && moved > kStandsStill) {
       here = first;
       state.stand(here);

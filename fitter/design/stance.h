@@ -1,4 +1,4 @@
-// Where the arm stands under its loads: they bend it, and the bent arm changes them.
+// Equilibrium of the arm under its loads: they deflect it, and the deflection changes them.
 #pragma once
 
 #include <vector>
@@ -7,10 +7,11 @@
 
 namespace armtrue {
 
-/// Puts the loads of `state` to where the arm with these coefficients stands, by fixed-point
-/// iteration, and `basis`, which reads that state, with them. What belongs to the measurement does
-/// not move the arm. Returns how far the change of the loads moves a frame at most [m, or rad].
-/// `feedback`, where given, is taken there. Loads that do not follow stay at the nominal arm.
+/// Moves the loads of `state`, and `basis`, which reads that state, to the equilibrium of the arm
+/// with these coefficients, by fixed-point iteration. Parameters of the measurement do not move the
+/// arm. Returns how far the change of the loads moves a frame at most [m, or rad]. `feedback`, if
+/// given, is updated there. Loads that do not follow (State::let_loads_follow) stay those of the
+/// nominal arm.
 double stand(State& state, BasisTable& basis, const Model& model, const std::vector<double>& values,
              const Kinematics& kinematics, LoadFeedback* feedback = nullptr);
 

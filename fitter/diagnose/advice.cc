@@ -17,12 +17,12 @@
 namespace armtrue {
 namespace {
 
-// Neighbouring poses err alike where their errors differ by less than this share of what those of
-// any two poses differ by.
+// Neighbouring poses have similar errors if their residuals differ by less than this share of the
+// difference of any two poses (neighbour_ratio).
 constexpr double kNeighboursAlike = 0.7;
 
-// What a candidate's terms read: the way to tell two apart is to change what only one of them
-// reads.
+// Quantities that a candidate's terms read. To separate two candidates, change a quantity that only
+// one of them reads.
 struct Reads {
   bool load = false, direction = false, temperature = false, time = false;
 };
@@ -58,8 +58,8 @@ std::string how_to_tell(const Candidate& a, const Candidate& b, int joints) {
   return "armtrue plan chooses poses that separate them best";
 }
 
-// "joint 2: 8, 16.1, 24 cycles a turn", "joint 1: 20 mm": the periods that a table stands for,
-// strongest first.
+// "joint 2: 8, 16.1, 24 cycles a turn", "joint 1: 20 mm": the highest peaks of a joint's spectrum,
+// at most three, strongest first.
 std::string periods_of(const JointSpectrum& spectrum) {
   constexpr double kLowestOfATurn = 2.5, kWorthNaming = 0.01;
   const double kLowest = spectrum.slides ? 2.0 * spectrum.resolution : kLowestOfATurn;
@@ -135,7 +135,7 @@ bool is_of_first_three(const std::string& variable) {
   return variable == "q1" || variable == "q2" || variable == "q3";
 }
 
-// The table of the catalogue that acts on a joint each, or on the whole arm.
+// Id of the catalogue's table that acts on single joints (kEach) or on the whole arm (kNone).
 std::string table_of(JointRule rule) {
   for (const Effect* effect : effect_catalogue()) {
     if (effect->generic() && effect->joint_rule() == rule) return effect->id();
@@ -143,7 +143,7 @@ std::string table_of(JointRule rule) {
   throw std::logic_error("the catalogue has no such table");
 }
 
-// The command that adds a table; none where the fit has it.
+// The command that adds a table; nullopt if the fit already has it.
 std::optional<std::string> command_to_add_table(const Fit& fit, EffectRequest table) {
   for (const EffectRequest& entry : fit.specification().effects) {
     for (const EffectRequest& part : parts_of(fit.context(), entry)) {
@@ -153,7 +153,7 @@ std::optional<std::string> command_to_add_table(const Fit& fit, EffectRequest ta
   return command_to_add(table);
 }
 
-// What follows a shape that has no name, by what the shape depends on.
+// The remedy for a structure that no effect of the catalogue explains, by its variables.
 std::string remedy(const StructureFinding& f, const Fit& fit) {
   const bool one = f.variables.size() == 1;
   std::optional<std::string> table;
@@ -183,9 +183,9 @@ bool depends_on_posture(const StructureFinding& f, int joints) {
   });
 }
 
-// Names the column to record where errors lie along what one joint moves and its direction of
-// approach is not recorded; false where that is not so. Backlash differs between repeats of a pose,
-// or at least between neighbours.
+// Advises to record the direction of approach of a joint if most of the error lies along that
+// joint's motion and the direction is not recorded; false otherwise. Backlash makes repeats of a
+// pose differ, or at least neighbouring poses.
 bool advise_direction(const Diagnosis& d, const Fit& fit, std::vector<std::string>& advice) {
   constexpr double kSurely = -6.0, kMostly = 0.5;
   const JointScatter& s = d.scatter;
@@ -193,7 +193,7 @@ bool advise_direction(const Diagnosis& d, const Fit& fit, std::vector<std::strin
   const bool may_be = s.between_repeats || (d.verdict == Verdict::kUnexplainedStructure &&
                                             d.neighbour_ratio >= kNeighboursAlike);
   if (!may_be) return false;
-  // What is left runs with something that was recorded: it is not a direction's.
+  // The residual depends on a recorded variable other than posture: not an effect of direction.
   if (!s.between_repeats && !d.unexplained().empty() &&
       !depends_on_posture(d.unexplained().front(), fit.robot().joint_count()))
     return false;
@@ -211,15 +211,14 @@ bool advise_direction(const Diagnosis& d, const Fit& fit, std::vector<std::strin
   return true;
 }
 
-// True for a finding of find_motion: an error that follows a direction of approach that nobody
-// recorded.
+// True for a finding of find_motion: an error that follows an unrecorded direction of approach.
 bool is_motion(const StructureFinding& f) {
   return f.has_own_form && f.variables.front().starts_with("dir");
 }
 
 bool is_step(const StructureFinding& f) { return f.shape.starts_with("a step"); }
 
-// True for a finding of find_knock that turns joints: they give way to another load.
+// True for a finding of find_knock on joints: they deflect under a changed load.
 bool is_load(const StructureFinding& f) {
   return f.has_own_form && is_step(f) && f.coordinate.starts_with("motor");
 }
@@ -228,7 +227,7 @@ bool goes_with_time(const StructureFinding& f) {
   return std::ranges::find(f.variables, "time") != f.variables.end();
 }
 
-// What may have happened where something jumps at one time, and what to do.
+// The likely cause of a step in time, and what to do.
 std::string event_of_step(const StructureFinding& f, const Fit& fit) {
   if (is_load(f)) {
     return "a load that was put on the tool or taken off looks so: record it in a column payload "
@@ -256,21 +255,21 @@ std::string event_of_step(const StructureFinding& f, const Fit& fit) {
          "the poses after it alone, for they are of the arm as it is now";
 }
 
-// What may have happened, and what to do, where the shape of a finding tells it; else empty.
+// The likely cause that a finding's form indicates, and what to do; empty if it indicates none.
 std::string event_of(const StructureFinding& f, const Fit& fit) {
   if (is_motion(f)) {
     return "backlash looks so: dataset.yaml's `derive: {dir: from_order}` takes directions from "
            "the order of the rows; if the arm did not go straight from row to row, record " +
            f.variables.front();
   }
-  if (f.nodes > 0) {  // of find_swings
+  if (f.nodes > 0) {  // set by find_swings only
     return "what comes and goes moves base or instrument (air conditioning, sunlight, a tracker's "
            "stand): shield them, or measure a reflector on the floor between poses and see it "
            "swing";
   }
   if (f.variables != std::vector<std::string>{"time"}) return "";
   if (is_step(f)) return event_of_step(f, fit);
-  // A correction by time would go on growing after the session.
+  // No function of time is advised: its correction would go on growing after the session.
   return f.coordinate.starts_with("motor")
              ? "a joint's zero that creeps looks so, as heat moves it: record temperatures "
                "(temp_NAME), which the arm will meet again"
@@ -278,7 +277,7 @@ std::string event_of(const StructureFinding& f, const Fit& fit) {
                "column station, and add that effect, which is fitted and not exported";
 }
 
-// True where the arm gives way to loads and no column tells whether the tool's load changed.
+// True if the arm deflects under loads and no recorded column shows a change of the tool's load.
 bool load_is_unrecorded(const Diagnosis& d, const Fit& fit) {
   if (payload_varies(fit.state())) return false;
   const auto reads_load = [&](const std::vector<Parameter>& parameters) {
@@ -289,8 +288,8 @@ bool load_is_unrecorded(const Diagnosis& d, const Fit& fit) {
                              [&](const Candidate& c) { return reads_load(c.parameters); });
 }
 
-// True for what another load would leave: it jumps at one time, or differs with posture in the
-// course of the session.
+// True for a finding that an unrecorded change of load could cause: a step in time, or a dependence
+// on posture that changes during the session.
 bool may_be_load(const StructureFinding& f, int joints) {
   if (f.variables.size() == 1) return goes_with_time(f) && is_step(f);
   return depends_on_posture(f, joints) &&
@@ -300,7 +299,7 @@ bool may_be_load(const StructureFinding& f, int joints) {
          });
 }
 
-// Columns that would let more be tested.
+// Advises which columns to record so that more effects can be tested.
 void advise_columns(const Diagnosis& d, const Fit& fit, std::vector<std::string>& advice) {
   std::set<std::string> columns;
   if (load_is_unrecorded(d, fit)) columns.insert("payload");
@@ -367,10 +366,11 @@ void advise_structure(const Diagnosis& d, const Fit& fit, std::vector<std::strin
   advise_columns(d, fit, advice);
 }
 
-// Nothing was found: is what is left noise, and who says so?
+// Advice where nothing to add was found: whether the remaining error is noise, and by which noise
+// floor.
 void advise_nothing(const Diagnosis& d, const Fit& fit, std::vector<std::string>& advice) {
   constexpr double kWellAbove = 1.5, kFarAbove = 3.0;
-  constexpr double kMeanDistance = 1.6;  // of three equal normal errors, in their sigma
+  constexpr double kMeanDistance = 1.6;  // mean length of three equal normal errors, in their sigma
   const NoiseFloor& floor = fit.noise_floor();
   const double held_out = fit.held_out_error().mean;
   if (advise_direction(d, fit, advice)) return;
@@ -428,7 +428,7 @@ std::vector<std::string> advise(const Diagnosis& d, const Fit& fit,
   if (d.verdict == Verdict::kMissingEffect) advise_missing(d, fit.robot(), advice);
   if (d.verdict == Verdict::kUnexplainedStructure) advise_structure(d, fit, advice);
   if (d.verdict == Verdict::kNothingMissing && !left_out) advise_nothing(d, fit, advice);
-  // Where structure is left, the figures are not of noise alone.
+  // With unexplained structure, the noise figures contain more than noise.
   if (d.verdict != Verdict::kUnexplainedStructure)
     advice.push_back(words_of(d.noise, linearization, fit.robot()));
   if (d.rounding.size > 0.0) {

@@ -1,4 +1,4 @@
-// What to do next, in sentences.
+// Recommendations for the next step, in sentences.
 #pragma once
 
 #include <string>
@@ -10,8 +10,9 @@ struct Diagnosis;
 class Fit;
 struct Linearization;
 
-/// Advice that follows from a diagnosis of `fit`, linearised as the diagnosis had it: what to add,
-/// what to measure to split an ambiguity, what to record; and what repeats badly.
+/// Advice that follows from a diagnosis of `fit`: what to add, what to measure to separate
+/// confounded effects, what to record, and what repeats badly. `linearization`: as in the
+/// diagnosis.
 std::vector<std::string> advise(const Diagnosis& diagnosis, const Fit& fit,
                                 const Linearization& linearization);
 

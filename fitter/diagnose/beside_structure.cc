@@ -11,8 +11,8 @@
 namespace armtrue {
 namespace {
 
-// A candidate is taken for another cause than a structure if it keeps the first share of its gain
-// beside the structure, and the fitted model cannot imitate the second share of its effect.
+// A candidate and a structure have different causes if the candidate keeps the first share of its
+// gain beside the structure, and the fitted model cannot reproduce the second share of its columns.
 constexpr double kOfAnotherKind = 0.9, kUnlikeTheModel = 0.5;
 const std::string kPosture = "posture";
 
@@ -26,7 +26,7 @@ std::set<std::string> names_read(const Block& block) {
 }
 
 // What a block depends on: "posture" for angles and loads, "session" for time and temperatures,
-// which go along with one another, else a variable's name ("dir2", "payload", a user's column).
+// which vary together, else a variable's name ("dir2", "payload", a user's column).
 std::set<std::string> causes_read(const Block& block, int joints) {
   std::set<std::string> result;
   for (const std::string& name : names_read(block)) {
@@ -39,13 +39,13 @@ std::set<std::string> causes_read(const Block& block, int joints) {
   return result;
 }
 
-// An effect that explains less than this of what a smooth function of its cause does is not its
-// name.
+// An effect whose gain is below this share of that of a smooth function of the same variables does
+// not name that function.
 constexpr double kMostOfIt = 0.5;
-// Smooth functions that explain so much of what the best one does may be that one.
+// A smooth function with this share of the best one's gain may be the true one.
 constexpr double kAsGood = 0.9;
 
-// What of the arm a block moves: base, a link, a motor.
+// Parts of the arm that a block moves: base, link, motor.
 std::set<std::pair<Place, int>> bodies_moved(const Block& block) {
   std::set<std::pair<Place, int>> result;
   for (const Parameter& p : block.terms.parameters) {
@@ -60,7 +60,7 @@ bool is_of_grid(const Parameter& p) {
   return !p.terms.empty() && p.terms.front().table && p.terms.front().table->axes.size() > 1;
 }
 
-// A smooth function, not an event that has a form of its own.
+// True for a structure that is a smooth function; false for events, which have their own form.
 bool is_smooth(const EvidenceBlock& block) {
   return block.structure &&
          first_form(block).terms.parameters.front().terms.front().table.has_value();

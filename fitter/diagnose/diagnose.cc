@@ -15,15 +15,15 @@
 namespace armtrue {
 namespace {
 
-// Below this a candidate is listed as what it is: improbable.
+// Candidates below this probability are improbable.
 constexpr double kWorthNaming = 0.02;
-// What is left is structured where noise would show as much once in a hundred thousand campaigns.
+// log10 p that makes a residual structured: noise alone reaches it in one campaign of 100 000.
 constexpr double kStructureSignificant = -5.0;
-// Share of the best candidate's explanation from which another one counts as its alternative.
+// Another candidate is an alternative to a candidate from this share of its gain.
 constexpr double kSameExplanation = 0.9;
-// Chance makes a line as high as this among all of a joint's with this probability.
+// A spectrum's highest line is accepted if noise makes one as high with less than this probability.
 constexpr double kChanceOfLine = 1e-3;
-// A rival that explains this much of its own beside a candidate is another effect, no alternative.
+// A rival that keeps this share of its gain beside a candidate is an effect of its own.
 constexpr double kIndependentShare = 0.5;
 
 std::string percent(double share, const char* form = "%.1f %%") {
@@ -40,7 +40,8 @@ Candidate make_candidate(const Fit& fit, const EvidenceSummary& evidence, std::s
   c.evidence_block = b;
   const auto shape = static_cast<std::size_t>(search.shape[b]);
   const EvidenceForm& form = block.forms[static_cast<std::size_t>(block.search.shapes[shape].form)];
-  // What another effect explains already says nothing of the form: alone it would have its best.
+  // Beside another effect that explains the same error, the data do not determine the form. A
+  // candidate outside the likeliest set therefore gets the form that is best alone.
   const auto alone = static_cast<std::size_t>(search.alone_shape[b]);
   c.block = search.likeliest[b]
                 ? form.block
@@ -84,15 +85,16 @@ std::vector<Candidate> make_candidates(const Fit& fit, const EvidenceSummary& ev
   return result;
 }
 
-// Forms of one effect (a spring that hardens, one that is soft around zero) share its probability.
+// Forms of one effect (a spring that hardens, one that is soft around zero) have one label:
+// in_any_form is the sum of their probabilities.
 void add_forms(std::vector<Candidate>& candidates) {
   std::map<std::string, double> of_effect;
   for (const Candidate& c : candidates) of_effect[label(c.request)] += c.probability;
   for (Candidate& c : candidates) c.in_any_form = std::min(1.0, of_effect[label(c.request)]);
 }
 
-// The most probable effect first, of its forms the most probable one. Probabilities in steps of a
-// thousandth; what explains more comes first among equals and among the improbable.
+// Orders by the probability of the effect in any form, then by that of the form, in steps of a
+// thousandth. Equally probable and improbable ones are ordered by delta_bic.
 void rank(std::vector<Candidate>& candidates) {
   const auto step = [](double p) { return p < kWorthNaming ? 0.0 : std::round(1e3 * p); };
   std::stable_sort(candidates.begin(), candidates.end(),
@@ -102,15 +104,15 @@ void rank(std::vector<Candidate>& candidates) {
                    });
 }
 
-// The same effect on fewer or more of the joints is not a rival.
+// The same effect on some of the same joints is not a rival.
 bool is_part_of(const EffectRequest& a, const EffectRequest& b) {
   return a.effect == b.effect && std::any_of(a.joints.begin(), a.joints.end(), [&](int k) {
            return std::find(b.joints.begin(), b.joints.end(), k) != b.joints.end();
          });
 }
 
-// Alternatives to a candidate: what explains nearly as much, and nothing more once the candidate
-// has explained its part. Two effects that are both there are none.
+// Alternatives to a candidate explain nearly as much alone, but little more once the candidate is
+// in the model. Two effects that are both present are not alternatives.
 void name_confounded(const SearchResult& search, std::vector<Candidate>& candidates) {
   for (Candidate& c : candidates) {
     if (c.delta_bic > 0.0 ||
@@ -141,9 +143,9 @@ std::string evidence_words(const Candidate& c, const Fit& fit) {
 }
 
 // Finds candidates whose columns are combinations of the fitted ones: adding one changes no
-// prediction, so it is not missing. The search can still call it probable, since a large
-// coefficient is likelier as the sum of two under their priors than as one, and the slope of a
-// table is likelier as one coefficient than as the values of its nodes.
+// prediction, so it is not missing. The search can still find one probable: under the priors, a
+// large coefficient is likelier as the sum of two than as one, and the slope of a table is likelier
+// as one coefficient than as the values of its nodes.
 void find_spanned(const Scorer& scorer, const Fit& fit, Diagnosis& d) {
   for (Candidate& c : d.candidates) {
     if (c.probability < kWorthNaming || find_effect(c.request.effect).generic()) continue;
@@ -154,10 +156,10 @@ void find_spanned(const Scorer& scorer, const Fit& fit, Diagnosis& d) {
   }
 }
 
-// Recommends the first candidate if something is probably missing, or if it surely stands in the
-// place of an effect that an earlier search added: where two can stand for one another, the earlier
-// one stays. Candidates that were left out may be there beside it, so that they count as "nothing
-// else" only up to the probability that the first one leaves.
+// Recommends the first candidate if something is probably missing, or if it is almost certain and
+// would replace an effect that an earlier search added; with less certainty the earlier one stays.
+// The probability that nothing else is missing includes that of left-out candidates, but is no
+// larger than what the first candidate leaves, since left-out ones may be present beside it.
 void recommend(Diagnosis& d) {
   const auto first = std::ranges::find_if(
       d.candidates, [](const Candidate& c) { return !c.spanned && !c.left_out; });
@@ -180,8 +182,8 @@ void explain(Diagnosis& d, const Fit& fit) {
   }
 }
 
-// Forms of one effect have one label: it is there where one of them is. A form that another one
-// would replace is superfluous all the same.
+// Forms of one effect have one label, whose probability is the sum of theirs. A form that another
+// form would replace is superfluous nevertheless.
 void describe_present(const Fit& fit, const EvidenceSummary& evidence, const GridDoubt& grid,
                       Diagnosis& d) {
   std::map<std::string, double> in_any_form;
@@ -206,8 +208,8 @@ void describe_present(const Fit& fit, const EvidenceSummary& evidence, const Gri
       [](const Superfluous& a, const Superfluous& b) { return a.probability < b.probability; });
 }
 
-// Structures that the evidence speaks against: it knows joints that repeat worse than others, and
-// the test that found them does not.
+// Structures with evidence against them. The evidence allows for joints that repeat worse than
+// others; the test that found the structures does not.
 std::set<std::size_t> improbable_findings(const EvidenceSummary& evidence) {
   std::set<std::size_t> result;
   for (std::size_t b = 0; b < evidence.blocks.size(); ++b) {
@@ -225,7 +227,7 @@ void recommend_beside(Diagnosis& d, const std::set<std::string>& left_out) {
   recommend(d);
 }
 
-// Returns the improbable ones of the structures that stand in `extra`.
+// Returns which structures in `extra` are improbable.
 std::set<std::size_t> weigh(Fit& fit, const Linearization& linearization, const Scorer& scorer,
                             std::vector<EvidenceBlock> extra, const DiagnoseOptions& options,
                             Diagnosis& d) {
@@ -251,8 +253,8 @@ std::set<std::size_t> weigh(Fit& fit, const Linearization& linearization, const 
   return improbable_findings(evidence);
 }
 
-// Shares of the squared residual as the charts draw them: of each candidate alone, all rows weighed
-// as the fit does. What a table explains is what its smoothness lets it: that the search has said.
+// Shares of the squared residual as the charts draw them: of each candidate alone, all rows
+// weighted as in the fit. Tables keep the search's shares, which allow for their smoothness.
 void score_alone(const Scorer& scorer, const Fit& fit, std::vector<Candidate>& candidates) {
   std::vector<Block> blocks;
   std::vector<Candidate*> of_block;
@@ -275,7 +277,7 @@ bool is_unlike_noise(const LackOfFit& lack) {
   return lack.testable && lack.log10_p < kStructureSignificant;
 }
 
-// The verdict, by what is recommended.
+// Derives the verdict and the advice.
 void conclude(Diagnosis& d, const Fit& fit, const Linearization& linearization) {
   explain(d, fit);
   if (d.recommended()) {
@@ -302,14 +304,15 @@ bool any_stands_out(const NoiseParts& noise) {
   return false;
 }
 
-// Waves too fine for what was looked at pass for scatter of their joint.
+// True if the scatter of a joint that repeats badly contains a line: waves finer than the first
+// spectra resolve look like scatter of their joint.
 bool has_line_in_scatter(const std::vector<JointSpectrum>& spectra, const NoiseParts& noise,
                          std::size_t rows) {
   return std::ranges::any_of(spectra, [&](const JointSpectrum& spectrum) {
     const auto joint = static_cast<std::size_t>(spectrum.joint - 1);
     if (!stands_out(noise, joint) || spectrum.power.empty()) return false;
-    // Of white noise, a line takes more than `most` with probability (1 − most)^((rows − 3)/2)
-    // (Scargle 1982, ApJ 263, 835, of residuals whose size is not known).
+    // In white noise, a line explains more than `most` of the squares with probability
+    // (1 − most)^((rows − 3)/2) (Scargle 1982, ApJ 263, 835, for residuals of unknown variance).
     const double most = std::min(*std::ranges::max_element(spectrum.power), 1.0 - 1e-12);
     const double lines = static_cast<double>(spectrum.power.size());
     return 0.5 * (static_cast<double>(rows) - 3.0) * std::log1p(-most) <
@@ -317,9 +320,9 @@ bool has_line_in_scatter(const std::vector<JointSpectrum>& spectra, const NoiseP
   });
 }
 
-// Where more is left than noise, or a joint repeats badly, and nothing known explains it, a gear
-// ratio may be unknown or not what it is said to be. Takes the diagnosis with finer lines in place
-// of `d` if that recommends something.
+// Looks for finer lines if the residual exceeds noise, or a joint repeats badly, and no effect
+// explains it: a gear ratio may be unknown or wrong. Replaces `d` by the diagnosis with finer lines
+// if that recommends an effect.
 void look_for_finer_lines(Fit& fit, const Linearization& linearization, const Scorer& scorer,
                           const Structure& structure, const DiagnoseOptions& options,
                           Diagnosis& d) {
@@ -380,8 +383,8 @@ Diagnosis diagnose(Fit& fit, const DiagnoseOptions& options, Observer& observer)
   const std::set<std::size_t> improbable =
       weigh(fit, linearization, scorer, std::move(extra), options, d);
   d.rounding = rounding_of_joints(d.noise, fit);
-  // All repeats of a pose have the same rounded angles in the file. Their scatter holds nothing of
-  // the rounding error, which differs from pose to pose.
+  // Repeats of a pose have the same rounded angles in the file. Their scatter does not contain the
+  // rounding error, which differs from pose to pose, so lack of fit is not tested against it.
   if (d.rounding.size == 0.0) d.lack_of_fit = lack_of_fit(linearization, fit, d.noise);
   if (!d.recommended()) look_for_finer_lines(fit, linearization, scorer, structure, options, d);
   if (d.candidates.size() > options.listed) d.candidates.resize(options.listed);

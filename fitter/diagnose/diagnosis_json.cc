@@ -41,7 +41,7 @@ json Diagnosis::to_json(const Fit& fit) const {
               {"advice", advice},
               {"neighbour_ratio", neighbour_ratio}};
   if (fit.noise_floor().source == "targets") {
-    // Distances between reflectors do not hold the arm's repeatability: no noise floor.
+    // Distances between reflectors do not contain the arm's repeatability: no noise floor.
     result["instrument_floor_um"] = result["noise_floor_um"];
     result["noise_floor_um"] = nullptr;
     result["noise_floor_source"] = "none";

@@ -9,14 +9,14 @@
 namespace armtrue {
 namespace {
 
-// Most spectral lines of one joint, counting those that the model has already: more of them
-// together can imitate a table.
+// Most spectral lines of one joint, including those in the model: more of them together can imitate
+// a table.
 constexpr std::size_t kSpectralPeaks = 3;
 constexpr std::size_t kFineNodes = 30, kPairNodes = 7;
-constexpr double kLowestLine = 2.5;   // below this, harmonics and geometry tell the tale
-constexpr double kFewestWaves = 2.0;  // of a line, over the travel of a joint that slides
+constexpr double kLowestLine = 2.5;   // lower counts are covered by harmonics and geometry
+constexpr double kFewestWaves = 2.0;  // fewest waves of a line over a sliding joint's travel
 
-// What explains a line of a joint's residual, as a request; none where no effect does.
+// The effect that causes a line of a joint's residual, as a request; nullopt if none does.
 std::optional<EffectRequest> cause_of_line(const EffectContext& context, int joint, double cycles) {
   for (const Effect* effect : effect_catalogue()) {
     if (std::optional<EffectRequest> request = effect->as_line(context, joint, cycles))
@@ -29,7 +29,7 @@ bool has_count(const EffectRequest& request) {
   return request.options.contains("cycles") || request.options.contains("wavelengths");
 }
 
-// How many spectral lines of a joint are in the fitted model.
+// Number of spectral lines of a joint in the fitted model.
 std::size_t lines_on(const Fit& fit, int joint) {
   return static_cast<std::size_t>(
       std::ranges::count_if(removable_effects(fit), [&](const EffectRequest& request) {
@@ -37,7 +37,7 @@ std::size_t lines_on(const Fit& fit, int joint) {
       }));
 }
 
-// Whether waves of a joint are in the fitted model whose counts its gear ratio gives.
+// Whether the fitted model has waves of a joint whose counts follow from its gear ratio.
 bool has_known_lines(const Fit& fit, int joint) {
   return std::ranges::any_of(removable_effects(fit), [&](const EffectRequest& request) {
     return !has_count(request) && request.joints == std::vector{joint} &&
@@ -45,8 +45,8 @@ bool has_known_lines(const Fit& fit, int joint) {
   });
 }
 
-// Whether a line that some effect tries anyway is as `is_like` asks, by how far it is away: on the
-// joint's grid of positions, lines are the same that the grid folds onto one another.
+// Whether some effect tries a line anyway for which `is_like(line, distance / resolution)` holds. A
+// line and its alias on the joint's grid of positions count as the same.
 template <typename IsLike>
 bool is_tried(const Fit& fit, const JointSpectrum& spectrum, double cycles, const IsLike& is_like) {
   return std::ranges::any_of(effect_catalogue(), [&](const Effect* effect) {
@@ -59,17 +59,17 @@ bool is_tried(const Fit& fit, const JointSpectrum& spectrum, double cycles, cons
   });
 }
 
-// Fewest cycles of a line: what makes hardly a wave over the joint's range is a bend that geometry
-// and harmonics have, too.
+// Fewest cycles of a line: less than about one wave over the joint's range is a bend that geometry
+// and harmonics produce too.
 double fewest_cycles(const JointSpectrum& spectrum) {
   return spectrum.slides ? kFewestWaves * spectrum.resolution
                          : std::max(kLowestLine, spectrum.resolution);
 }
 
-// The counts of a peak as candidates; none if the residual cannot tell it from a line that some
-// effect tries anyway, nor beside such a line in the model: a wave that is no pure sine leaves some
-// there. What else the residual holds can shift a peak: beside it stands the whole
-// count that the joint's range does not tell from it, and the search chooses beside all else.
+// The counts of a peak to try as candidates. None if the residual cannot tell the peak from a line
+// that some effect tries anyway, or if the model has such a line: a wave that is no pure sine
+// leaves power there. Other errors can shift a peak, so the whole count that the joint's range
+// cannot tell from it is tried too, and the search chooses.
 std::vector<double> counts_of(const Fit& fit, const Linearization& linearization,
                               const JointSpectrum& spectrum, const SpectralPeak& peak) {
   constexpr double kSame = 1e-3, kNear = 0.5, kNearWhole = 0.3;
@@ -86,7 +86,7 @@ std::vector<double> counts_of(const Fit& fit, const Linearization& linearization
   return {peak.cycles, whole};
 }
 
-// A line as a candidate; none where no effect makes it, or the fit has it.
+// A line as a candidate; nullopt if no effect causes it or the fit already has it.
 std::optional<EvidenceBlock> line_block(const Fit& fit, int joint, double cycles) {
   const std::optional<EffectRequest> cause = cause_of_line(fit.context(), joint, cycles);
   if (!cause) return std::nullopt;
@@ -102,7 +102,7 @@ std::optional<EvidenceBlock> line_block(const Fit& fit, int joint, double cycles
   return block;
 }
 
-// The nodes of a variable, dense enough for a step.
+// The nodes of a variable, dense enough to follow a step.
 std::vector<double> fine_nodes(const State& state, const std::string& variable, std::size_t count) {
   const std::vector<double>& values = state.column(variable);
   const std::set<double> distinct(values.begin(), values.end());
@@ -170,8 +170,8 @@ std::vector<EvidenceBlock> structure_blocks(const Fit& fit, const Structure& str
     block.kind = "structure";
     block.structure = true;
     block.finding = f;
-    // A joint function of two variables holds two causes, one of each, where they are there: it has
-    // the odds of two.
+    // A function of two variables can contain two causes, one in each variable: its prior odds are
+    // those of two.
     block.tried = std::pow(static_cast<double>(structure.tried),
                            static_cast<double>(finding.variables.size()));
     block.forms = {EvidenceForm(finding.has_own_form ? finding.block : smooth_block(fit, finding))};

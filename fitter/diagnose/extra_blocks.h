@@ -1,4 +1,4 @@
-// What a search looks at beside the catalogue: what the residual itself shows.
+// Candidates beside the catalogue, which the residual itself suggests.
 #pragma once
 
 #include <vector>
@@ -9,12 +9,12 @@
 
 namespace armtrue {
 
-/// Lines of the spectra as candidates, where the catalogue's own orders do not cover them already.
+/// Spectral lines as candidates, unless the catalogue's own orders cover them already.
 std::vector<EvidenceBlock> spectral_blocks(const Fit& fit, const Linearization& linearization,
                                            const std::vector<JointSpectrum>& spectra);
 
-/// Smooth functions that no effect names compete with the catalogue: what only stands in for one of
-/// them goes.
+/// Findings as candidates: smooth functions and events that no effect explains. They compete with
+/// the catalogue, so that the search drops those that only imitate an effect.
 std::vector<EvidenceBlock> structure_blocks(const Fit& fit, const Structure& structure);
 
 }  // namespace armtrue

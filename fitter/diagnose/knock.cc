@@ -9,30 +9,31 @@
 namespace armtrue {
 namespace {
 
-// Times tried over all rows, and then again and again around the best of them.
+// Times tried over all rows, and in each refinement around the best of them.
 constexpr int kTimesTried = 30, kTimesAround = 16;
-// With fewer rows before or after it, a step is some gross errors.
+// With fewer rows before or after it, a step can be a few gross errors.
 constexpr std::size_t kLeastRows = 12;
-// As far as a tracker is believed to have been moved: what the effect `station` allows, by half
-// since a step goes from minus to plus.
+// Largest displacement of a tracker, as the effect `station` allows; half the step, which goes from
+// minus to plus.
 constexpr double kFurthest = 1.5e-3, kLargest = 1e-3;  // [m], [rad]
-// As far as a loose reflector sits aside, and as far as joints give way to another load; by half.
+// Largest displacement of a loose reflector, and deflection of joints under another load; half the
+// step.
 constexpr double kLoosest = 5e-4, kSag = 1.5e-3;  // [m], [rad or m]
-// Nodes over time of a smooth course, and the share of what it explains that a step explains, too.
-// Beyond a line, drifts that turn back gave 0.51 to 0.68, steps 1.6 and more, and a load that was
-// off again for the last rows 0.89 to 1.4: chosen between the two on those campaigns.
+// Nodes over time of a smooth course, and the share of its gain that a step must reach. Beyond a
+// line, drifts that turn back gave 0.51 to 0.68, steps 1.6 and more, and a load that was off again
+// for the last rows 0.89 to 1.4: chosen between the two on those campaigns.
 constexpr std::size_t kCourseNodes = 7;
 constexpr double kShareOfCourse = 0.8;
 
-// One coordinate that an event moves, on one frame or on several alike.
+// One coordinate that an event displaces, on one frame or on several equally.
 struct MovedCoordinate {
   std::vector<Coordinate> on;
-  std::string factor;  // what a function of time is multiplied by; empty: nothing
+  std::string factor;  // multiplies the function of time; empty: 1
   std::string unit;
   double bound = 0.0;
 };
 
-// What an event moves at once; its first coordinates are lengths or joints, whichever it has.
+// All coordinates that an event displaces; translations or joints, whichever it has, come first.
 using Frame = std::vector<MovedCoordinate>;
 
 Frame base_frame() {
@@ -42,7 +43,7 @@ Frame base_frame() {
   return frame;
 }
 
-// Reflectors `first` to `last`, all displaced alike in the flange's frame.
+// Reflectors `first` to `last`, all displaced equally in the flange's frame.
 Frame reflectors(int first, int last) {
   Frame frame;
   for (int c = 0; c < 3; ++c) {
@@ -53,8 +54,8 @@ Frame reflectors(int first, int last) {
   return frame;
 }
 
-// Torque about a joint of a unit mass at the payload's point, also where no payload is recorded:
-// the last link's regressors at that point.
+// Torque about a joint of a unit mass at the payload's point, from the last link's regressors,
+// which need no recorded payload.
 std::string lever_of_payload(const State& state, int joint) {
   const Robot& robot = state.robot();
   const Eigen::Vector3d point = robot.end * state.payload_point();
@@ -86,8 +87,8 @@ Frame load_frame(const EffectContext& context) {
   return frame;
 }
 
-// What may be elsewhere from one time on: the base, the reflectors together and each by itself, and
-// the load, where no change of it is recorded.
+// What an event may displace: the base, the reflectors together and each by itself, and the load,
+// if no change of it is recorded.
 std::vector<Frame> frames_of(const Fit& fit) {
   std::vector<Frame> frames{base_frame()};
   const int targets = fit.measurements().targets;
@@ -98,8 +99,8 @@ std::vector<Frame> frames_of(const Fit& fit) {
   return frames;
 }
 
-// All coordinates of a frame, each by its own coefficients of some functions of time. A load that
-// changed is also one that the fit did not have on average, as it has base and reflectors.
+// Each coordinate of a frame times each function of time. A load also gets a constant, because the
+// fit has no coefficient for its mean, as it has for base and reflectors.
 Block block_of(const Frame& frame, std::vector<std::string> courses) {
   if (!frame.front().factor.empty()) courses.push_back("1");
   Block block{{"custom", {}, {}}, {}, 1};
@@ -122,8 +123,8 @@ std::string step_at(double time) {
   return "sign(time - " + Expression::number(time).to_string() + ")";
 }
 
-// Times halfway between neighbours, `count` of them evenly over rows `low` to `high` in time's
-// order.
+// Times halfway between consecutive rows, evenly over rows `low` to `high` of the sorted times in
+// `count` intervals.
 std::vector<double> times_between(const std::vector<double>& sorted, std::size_t low,
                                   std::size_t high, int count) {
   std::vector<double> times;
@@ -154,7 +155,7 @@ BestStep best_of(const Scorer& scorer, const Frame& frame, const std::vector<dou
   return best;
 }
 
-// The frame and the time of the likeliest step, over rows in time's order.
+// Frame and time of the likeliest step. `sorted`: times of all rows, ascending.
 BestStep likeliest_step(const Scorer& scorer, const std::vector<Frame>& frames,
                         const std::vector<double>& sorted) {
   const std::size_t first = kLeastRows, last = sorted.size() - kLeastRows;
@@ -177,8 +178,8 @@ BestStep likeliest_step(const Scorer& scorer, const std::vector<Frame>& frames,
   return best;
 }
 
-// True where a smooth course of the same coordinates over time explains clearly more than the step:
-// a drift that turns back. A straight line beside the step is no objection: that is a drift, too.
+// True if a smooth course of the same coordinates over time explains clearly more than the step, as
+// for a drift that turns back. The step may have a straight line beside it, which is a drift too.
 bool is_smooth_course(const Scorer& scorer, const BestStep& step, const std::vector<double>& time) {
   const std::vector<double> nodes = nodes_over(time, 1e9, kCourseNodes);
   std::vector<std::string> courses;
@@ -189,7 +190,7 @@ bool is_smooth_course(const Scorer& scorer, const BestStep& step, const std::vec
        block_of(*step.frame, courses)},
       false);
   const double line = scores[0].gain, stepped = scores[1].gain;
-  // A degree of freedom more explains one variance of noise.
+  // Each additional degree of freedom explains one variance of noise.
   const double course = scores[2].gain - std::max(0, scores[2].degrees - scores[1].degrees);
   return stepped - line < kShareOfCourse * (course - line);
 }
@@ -232,9 +233,10 @@ std::optional<StructureFinding> find_knock(const Scorer& scorer, const Fit& fit)
   finding.score = best.score;
   finding.cost = best.score.delta_bic;
   finding.has_own_form = true;
-  // Of a base its lengths, which come first; of joints half of how far each turns at most.
+  // For base and reflectors the translations, which come first; for joints half of each one's
+  // largest deflection.
   std::vector<double> moved = best.score.coefficient;
-  moved.resize(std::min<std::size_t>(best.frame->size(), 3));
+  if (best.frame->front().factor.empty()) moved.resize(3);
   for (std::size_t i = 0; i < moved.size(); ++i) {
     const std::string& lever = (*best.frame)[i].factor;
     if (lever.empty()) continue;
@@ -244,7 +246,7 @@ std::optional<StructureFinding> find_knock(const Scorer& scorer, const Fit& fit)
   const auto most = static_cast<std::size_t>(
       std::ranges::max_element(moved, {}, [](double a) { return std::abs(a); }) - moved.begin());
   const MovedCoordinate& first = (*best.frame)[most];
-  // Reflectors that move alike are the tool.
+  // An equal displacement of all reflectors is one of the tool.
   const bool one_of_several = first.on.size() == 1 && fit.measurements().targets > 1;
   finding.coordinate = to_string(first.on.front(), one_of_several ? 2 : 1);
   finding.x = {sorted.front(), best.time, best.time, sorted.back()};

@@ -10,12 +10,12 @@
 namespace armtrue {
 namespace {
 
-// Of shafts and stages in a gear: waves a motor turn are p/q with p and q no larger than these.
+// Shafts and stages of a gear make p/q waves per motor turn, with p and q no larger than these.
 constexpr int kLargestNumerator = 8, kLargestDenominator = 4;
-// Counts that differ by this share are written alike.
+// Counts that differ by less than this share are printed alike.
 constexpr double kSameCount = 1e-5;
 
-// "13 cycles a turn", or "waves of 20 mm" of so many cycles a metre.
+// "13 cycles a turn"; for a joint that slides, "waves of 20 mm" from cycles per metre.
 std::string line_words(bool slides, double cycles) {
   char text[48];
   std::snprintf(text, sizeof text, slides ? "waves of %.6g mm" : "%.6g cycles a turn",
@@ -30,7 +30,7 @@ std::string lines_words(bool slides, const std::vector<double>& cycles) {
   return list;
 }
 
-// A simple order that the joint's travel cannot tell from a line.
+// A simple order p/q that the joint's travel cannot distinguish from a line.
 struct Order {
   double numerator = 0.0;  // 0: none
   int denominator = 1;
@@ -50,7 +50,7 @@ Order simple_order(double cycles, double turns, double resolution) {
   return {};
 }
 
-// How a line of a joint that turns stands to its motor.
+// The relation of a rotary joint's line to the turns of its motor.
 std::string motor_words(double cycles, double turns, double resolution) {
   const Order order = simple_order(cycles, turns, resolution);
   const std::string line = line_words(false, cycles);

@@ -1,4 +1,4 @@
-// What may turn as often as a spectral line of a joint repeats.
+// Possible mechanical causes of a joint's spectral line.
 #pragma once
 
 #include <string>
@@ -9,9 +9,9 @@
 
 namespace armtrue {
 
-/// Of a request with lines that no known order has (options cycles or wavelengths): which other
-/// lines look the same where the joint stood on a grid, what to look for, and why the gear ratio,
-/// where it is known, does not name them. Empty of any other request.
+/// Advice on a request with lines outside the known orders (options cycles or wavelengths): other
+/// lines that look the same on the joint's grid of positions, what to look for, and why the gear
+/// ratio, if known, does not explain them. Empty for any other request.
 std::vector<std::string> line_advice(const EffectRequest& request,
                                      const std::vector<JointSpectrum>& spectra, const Robot& robot);
 

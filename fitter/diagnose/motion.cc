@@ -7,8 +7,8 @@
 namespace armtrue {
 namespace {
 
-// In a short file a joint goes up to its large angles and down to its small ones: there a direction
-// can hardly be told from an angle.
+// In a short file a joint reaches its large angles upwards and its small ones downwards, so that
+// direction can hardly be distinguished from angle.
 constexpr std::size_t kFewestRows = 40;
 constexpr double kMostLost = 1e-3;  // [rad or m], as the lost motion of a gear
 

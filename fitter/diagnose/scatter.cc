@@ -19,11 +19,11 @@ namespace {
 constexpr std::size_t kNeighbourRows = 3000;
 constexpr double kLeastScatterFreedom = 8.0;
 constexpr double kScatterSurely = -6.0;
-// A joint's scatter is worth telling where it moves the tool by this share of what readings scatter
-// by: half of it makes the whole larger by a ninth.
+// A joint's scatter is reported if it moves the tool by at least this share of the readings'
+// scatter: half of that increases the total by a ninth.
 constexpr double kToldFromReading = 0.5;
-// A joint was rounded if it scatters by no more than this times what rounding to the file's step
-// makes, and by no less than the inverse of it.
+// A joint counts as rounded if its scatter is within this factor of what rounding to the file's
+// step makes.
 constexpr double kAsRounded = 1.4;
 
 using PlacedVector = std::pair<Eigen::Index, Eigen::Vector3d>;  // row, and its residual
@@ -58,7 +58,7 @@ JointScatter along_joints(const Linearization& l, int joints,
 namespace {
 
 // Rows of one pose and reflector, the first of each visit: readings of one visit do not show how
-// the arm scatters from one visit to the next.
+// the arm scatters between visits.
 std::vector<std::vector<std::size_t>> repeats_of(const Fit& fit, std::size_t rows) {
   const Poses& poses = fit.measurements().poses;
   std::map<std::pair<int, int>, std::vector<std::size_t>> groups;
@@ -75,10 +75,10 @@ std::vector<std::vector<std::size_t>> repeats_of(const Fit& fit, std::size_t row
   return result;
 }
 
-// log10 of the p value of an F test: the variance between poses against that between repeats of one
-// pose. Each column of `left` is a row's residual, or one component of it, that counts as so many
-// equations; `freedom`: degrees of freedom that all rows have; `rounding`: variance of what
-// rounding did to a component, which repeats do not show. No value where too little was repeated.
+// log10 p of an F test of the variance between poses against that between repeats of one pose.
+// `left`: one column per row, its residual or a component of it, which counts as `counted`
+// equations; `freedom`: degrees of freedom of all rows; `rounding`: variance of a component by
+// rounding, which repeats do not show. nullopt with too few repeats.
 std::optional<double> log10_p_against(const std::vector<std::vector<std::size_t>>& repeats,
                                       const Eigen::MatrixXd& left, double counted, double freedom,
                                       double rounding) {
@@ -119,9 +119,9 @@ LackOfFit lack_of_fit(const Linearization& l, const Fit& fit, NoiseParts noise) 
   LackOfFit result;
   const Eigen::Index h = l.height, rows = static_cast<Eigen::Index>(l.rows());
   // Only a few poses were repeated, and a joint that repeats badly moves the tool further at some
-  // poses than at others. So every residual is divided by the standard deviation that joints and
-  // reading give at its own pose; then repeats and other poses can be compared.
-  noise.pose.reset();  // an error shared by all readings of a pose is the lack of fit tested for
+  // poses than at others. Each residual is therefore divided by the standard deviation of joints
+  // and reading at its own pose, so that repeats and other poses can be compared.
+  noise.pose.reset();  // an error common to all readings of a pose is the lack of fit under test
   std::vector<int> scattering;
   for (std::size_t k = 0; k < noise.joint.size(); ++k) {
     if (noise.joint[k] > 0.0) scattering.push_back(static_cast<int>(k));
@@ -141,8 +141,8 @@ LackOfFit lack_of_fit(const Linearization& l, const Fit& fit, NoiseParts noise) 
     result.testable = true;
     result.against = "repeats";
     result.log10_p = *of_all;
-    // What poses differ by along one joint's motion has been taken for that joint's repeatability:
-    // its repeats must differ as much, in this one direction.
+    // Differences between poses along one joint's motion were attributed to that joint's
+    // repeatability: its repeats must then differ as much in this one direction.
     for (Eigen::Index i = 1; i < whitened.cols(); ++i) {
       const Eigen::Map<const Eigen::MatrixXd> motion(whitened.col(i).data(), h, rows);
       const Eigen::RowVectorXd along = left.cwiseProduct(motion).colwise().sum().cwiseQuotient(
@@ -155,8 +155,7 @@ LackOfFit lack_of_fit(const Linearization& l, const Fit& fit, NoiseParts noise) 
                    std::min(0.0, *of_joint + std::log10(static_cast<double>(scattering.size()))));
     }
   } else if (fit.measurements().sigma_source != SigmaSource::kAssumed) {
-    // The stated sigma is the instrument's: repeatability comes on top, so half as much again is
-    // allowed for.
+    // The stated sigma is the instrument's alone: half as much again allows for repeatability.
     const double scale2 = fit.noise_scale() * fit.noise_scale();
     result.testable = true;
     result.against = "sigma";
@@ -169,7 +168,7 @@ LackOfFit lack_of_fit(const Linearization& l, const Fit& fit, NoiseParts noise) 
 std::string words_of(const NoiseParts& noise, const Linearization& l, const Robot& robot) {
   const double reading = noise.reading * l.typical_sigma;
   std::vector<std::pair<double, std::size_t>> joints;  // scatter of a coordinate at the tool [m]
-  std::array<std::vector<std::size_t>, 2> alike;       // joints that turn, joints that slide
+  std::array<std::vector<std::size_t>, 2> alike;       // pooled joints: rotary, sliding
   for (std::size_t k = 0; k < noise.joint.size(); ++k) {
     if (noise.is_pooled(k)) alike.at(robot.joints[k].prismatic ? 1 : 0).push_back(k);
     const double moved = noise.joint[k] *
@@ -182,7 +181,7 @@ std::string words_of(const NoiseParts& noise, const Linearization& l, const Robo
   for (const auto& [moved, k] : joints) {
     std::vector<std::size_t> named{k};
     if (noise.is_pooled(k)) named = std::exchange(alike.at(robot.joints[k].prismatic ? 1 : 0), {});
-    if (named.empty()) continue;  // told with another of its pool
+    if (named.empty()) continue;  // already named with its pool
     const bool one = named.size() == 1, first = words.empty();
     words += std::string(first ? "" : ", ") + (one ? "joint " : "joints ");
     for (const std::size_t j : named)

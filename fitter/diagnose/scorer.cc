@@ -12,19 +12,19 @@
 namespace armtrue {
 namespace {
 
-// Directions of a block of which less than this share survives the projection are the fit's own, to
-// rounding.
+// Directions of a block of which less than this share survives the projection are combinations of
+// fitted columns, up to rounding.
 constexpr double kSmallestShare = 1e-7;
-// Directions of a block of which hardly more than this share survives may have any coefficient:
-// they are left out of what the block does beyond the fit.
+// Directions of a block of which hardly more than this share survives are poorly determined: they
+// are left out of BlockScore::beyond.
 constexpr double kHardlyTold = 0.02;
-// A column so much smaller than another of its block is rounding: of a link that hangs plumb, or of
-// a lever that is none.
+// A column smaller than another of its block by this factor is rounding: of a link that hangs
+// plumb, or of a lever of length zero.
 constexpr double kMovesNothing = 1e-9;
-// Coefficients outside their physical bound, or of the wrong sign by this many standard deviations,
-// are refused.
+// Coefficients that exceed their physical bound, or have the wrong sign, by this many standard
+// deviations are refused.
 constexpr double kWrongSign = 3.0;
-// Blocks whose plain F test does not reach this are not worth the robust one.
+// Blocks whose plain F test does not reach this log10 p skip the expensive robust test.
 constexpr double kWorthRobust = -3.0;
 
 // The nodes of large tables are not projected out: the residual is orthogonal to them already, and
@@ -60,8 +60,8 @@ Eigen::MatrixXd information_of(const Eigen::MatrixXd& columns, const Linearizati
   return equations.information;
 }
 
-// By parameter, the standard deviation of its weak prior, 0 where `scale` is 0; empty where a
-// parameter has none.
+// Standard deviation of each parameter's weak prior, 0 where `scale` is 0; empty if a parameter has
+// no prior.
 Eigen::VectorXd prior_units(const Block& block, const Eigen::VectorXd& scale) {
   Eigen::VectorXd units = Eigen::VectorXd::Zero(scale.size());
   for (Eigen::Index c = 0; c < scale.size(); ++c) {
@@ -72,8 +72,8 @@ Eigen::VectorXd prior_units(const Block& block, const Eigen::VectorXd& scale) {
   return units;
 }
 
-// Coefficients that explain `gradient` with as little as can be of what the fit could do as well.
-// `beyond`: the squares of the columns after the projection, `own`: before it, both scaled.
+// Coefficients that explain `gradient` with the least use of what the fitted columns can reproduce.
+// `beyond`, `own`: Gram matrices of the scaled columns after and before the projection.
 Eigen::VectorXd coefficients_beyond(const Eigen::MatrixXd& beyond, const Eigen::MatrixXd& own,
                                     const Eigen::VectorXd& gradient) {
   Eigen::MatrixXd ridge = beyond + kHardlyTold * own;
@@ -100,7 +100,7 @@ Scorer::Scorer(const Fit& fit, const Linearization& linearization)
 }
 
 std::vector<BlockScore> Scorer::score(const std::vector<Block>& blocks, bool robust) const {
-  // Blocks go through in batches, so that one matrix product serves many and memory stays small.
+  // Batches of blocks: one matrix product serves many, and memory stays small.
   constexpr Eigen::Index kBatchColumns = 256;
   const auto width_of = [&](std::size_t b) {
     return static_cast<Eigen::Index>(blocks[b].terms.parameters.size());
@@ -161,8 +161,8 @@ BlockScore Scorer::judge(const Block& block, const Eigen::MatrixXd& columns,
   const double n = static_cast<double>(white_.size());
   const double variance = white_.squaredNorm() / l_.freedom;
   double least_share = kSmallestShare;
-  // A direction whose coefficient a weak prior knows better than the data do is not the data's to
-  // give. In units of the priors such directions stand apart from those that the data tell.
+  // A direction that a weak prior determines better than the data do is left out. In units of the
+  // priors, such directions separate from those that the data determine.
   if (const Eigen::VectorXd prior = prior_units(block, scale); prior.size() > 0) {
     scale = prior;
     information = scale.asDiagonal() * beyond * scale.asDiagonal();
@@ -237,7 +237,7 @@ double Scorer::robust_log10_p(const Eigen::MatrixXd& columns, const Eigen::Matri
       times(columns, turned) - times(jacobian_, factor_.solve_matrix(times(cross, turned)));
   const Eigen::VectorXd coefficient = directions.transpose() * solution;
   const Eigen::VectorXd left = white_ + along * coefficient;
-  Eigen::MatrixXd sums(rank, static_cast<Eigen::Index>(l_.rows()));  // a column a pose
+  Eigen::MatrixXd sums(rank, static_cast<Eigen::Index>(l_.rows()));  // one column per pose
   Eigen::Index poses = 0;
   std::map<int, Eigen::Index> place;
   for (std::size_t r = 0; r < l_.rows(); ++r) {

@@ -14,21 +14,21 @@ constexpr double kUnknownRatioCycles = 300.0;
 constexpr double kWideCycles = 1200.0;
 constexpr double kOversampling = 4.0;
 constexpr double kLeastTurned = 0.2;  // [rad]
-// Waves over a joint's travel: from half of one to a thousand, which leaves a spectrum short enough
-// to draw; no screw has a lead below 2 mm.
+// Waves over a sliding joint's travel: from half of one to a thousand, which keeps a spectrum short
+// enough to draw; no screw has a lead below 2 mm.
 constexpr double kFewestWaves = 0.5, kMostWaves = 1000.0, kShortestWave = 2e-3;
 constexpr double kLeastTravel = 10.0 * kShortestWave;
-constexpr double kFinestGrid = 1e-5;  // [rad or m]: finer steps alias to nothing that is looked for
+constexpr double kFinestGrid = 1e-5;  // [rad or m]: aliases of finer steps are out of range
 
-// Of every row: joint angle (of a joint that slides 2 pi times its position, so that cycles a metre
-// are to it what cycles a turn are to an angle), the residual along the joint's column, and that
+// For every row: joint angle (for a sliding joint 2 pi times its position, so that cycles per metre
+// take the place of cycles per turn), product of the joint's column and the residual, and that
 // column's square.
 struct JointSeries {
   std::vector<double> angle, product, weight;
   double range = 0.0, total = 0.0;  // range: [rad or m]
 };
 
-// The step that all differences of `values` are multiples of, by Euclid's algorithm.
+// The step of which all differences of `values` are multiples, by Euclid's algorithm.
 double grid_of(const std::vector<double>& values) {
   double step = 0.0;
   for (const double value : values) {
@@ -92,7 +92,7 @@ double cycles_by_ratio(const Joint& nominal, double resolution) {
                                                         : kUnknownRatioCycles);
 }
 
-// Lowest and highest cycles a metre of a joint that slides over `travel` [m].
+// Lowest and highest cycles per metre of a sliding joint over `travel` [m].
 std::pair<double, double> cycles_of_travel(double travel, double grid) {
   const double shortest = std::max({kShortestWave, travel / kMostWaves, 2.0 * grid});
   return {kFewestWaves / travel, 1.0 / shortest};
@@ -117,8 +117,8 @@ std::vector<JointSpectrum> spectra_up_to(const Linearization& linearization, con
                           : std::pair{kLeastCycles, most_cycles(nominal, spectrum.resolution)};
     if (most <= least) continue;  // a grid too coarse for any wave
     const auto lines = static_cast<std::size_t>((most - least) / step) + 1;
-    // Each row's phase is turned on from line to line instead of taking sines anew; double
-    // precision holds that to 1e-12.
+    // Each row's phase is rotated from line to line instead of computing new sines; double
+    // precision keeps that to 1e-12.
     const std::size_t rows = series.angle.size();
     std::vector<double> s(rows), c(rows), ds(rows), dc(rows);
     for (std::size_t i = 0; i < rows; ++i) {
@@ -149,13 +149,13 @@ std::vector<JointSpectrum> spectra_up_to(const Linearization& linearization, con
   return spectra;
 }
 
-// The scatter of a peak's power: what is left over once for each row.
+// The scatter of a peak's power: the unexplained share, divided by the number of rows.
 double scatter_of(const JointSeries& series, double power) {
   return (1.0 - power) / static_cast<double>(series.angle.size());
 }
 
-// The roundest number of cycles a turn, or length of a wave of a joint that slides, whose power is
-// that of the best within the latter's own scatter.
+// The roundest number of cycles per turn, or wavelength of a sliding joint, whose power is within
+// the scatter of the best one's.
 double with_round_number(const JointSeries& series, double cycles, bool slides) {
   const double best = power_at(series, cycles).share;
   const double within = scatter_of(series, best);

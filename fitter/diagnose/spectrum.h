@@ -1,4 +1,4 @@
-// Spectra of the residual over each joint's angle: periods that nobody knew of.
+// Spectra of the residual over each joint's angle, which show unknown periods.
 #pragma once
 
 #include <vector>
@@ -12,20 +12,21 @@ namespace armtrue {
 struct JointSpectrum {
   int joint = 1;            ///< 1-based
   bool slides = false;      ///< cycles and resolution are per metre, amplitudes metres
-  double resolution = 1.0;  ///< cycles that the joint's range can tell apart
-  double grid = 0.0;        ///< step of the grid that the joint's positions lie on [rad or m]; or 0
+  double resolution = 1.0;  ///< cycles that the joint's range can resolve
+  double grid = 0.0;        ///< step of the grid of the joint's positions [rad or m]; 0: no grid
   std::vector<double> cycles;
   std::vector<double> power;      ///< share of Σ r² that a sine and cosine of that period explain
   std::vector<double> amplitude;  ///< [rad or m]
 
-  /// The lowest number of cycles that the grid cannot tell from `line`; itself without a grid.
+  /// The lowest number of cycles that the grid cannot distinguish from `line`; `line` without a
+  /// grid.
   double folded(double line) const;
-  /// The next numbers of cycles, of those that any spectrum covers, that the grid cannot tell from
-  /// `line`; none without a grid.
+  /// The nearest aliases of `line` on the grid, of those that any spectrum covers; none without a
+  /// grid.
   std::vector<double> aliases(double line) const;
 
  private:
-  /// Numbers of cycles that differ by this look the same; 0 without a grid.
+  /// Numbers of cycles that differ by this are aliases; 0 without a grid.
   double alias_period() const;
 };
 
@@ -35,23 +36,23 @@ struct SpectralPeak {
   double within;  ///< a line of the same joint fits as well if its power is lower by no more
 };
 
-/// Weighted least-squares periodogram (Lomb–Scargle generalised to vector residuals): random poses
-/// do no harm to it. From half a cycle a turn to twice the gear ratio, at most 600 cycles; 300
-/// where no ratio is given. Of a joint that slides: waves from twice its travel down to a
-/// thousandth of it, 2 mm at the shortest, and not below two steps of a grid.
+/// Weighted least-squares periodogram (Lomb–Scargle generalised to vector residuals), for which
+/// poses may be random. From half a cycle a turn to twice the gear ratio, at most 600 cycles; 300
+/// without a known ratio. For a sliding joint: waves from twice its travel down to a thousandth of
+/// it, no shorter than 2 mm or two steps of a grid.
 std::vector<JointSpectrum> joint_spectra(const Linearization& linearization, const State& state);
-/// The same up to 1200 cycles a turn, whatever the gear ratios are said to be.
+/// The same up to 1200 cycles a turn, independent of the stated gear ratios.
 std::vector<JointSpectrum> wide_joint_spectra(const Linearization& linearization,
                                               const State& state);
 
 /// The highest separate peaks of a spectrum, strongest first, each refined between the spectrum's
-/// lines. Counts a turn, and lengths of waves, are the roundest that the residual cannot tell from
-/// the best.
+/// lines. Counts per turn, and wavelengths, are the roundest that the residual cannot distinguish
+/// from the best.
 std::vector<SpectralPeak> highest_peaks(const JointSpectrum& spectrum,
                                         const Linearization& linearization, const State& state,
                                         std::size_t count);
 
-/// Whether the residual tells a line of so many cycles from a peak of the same joint.
+/// Whether the residual distinguishes a line of `cycles` from a peak of the same joint.
 bool is_told_from(const SpectralPeak& peak, double cycles, const Linearization& linearization,
                   const State& state);
 

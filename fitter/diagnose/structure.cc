@@ -19,13 +19,14 @@ constexpr std::size_t kDescribed = 10, kListed = 5;
 constexpr int kStepsTried = 40;
 constexpr int kDrawn = 40;  // intervals of a curve
 constexpr double kStepExplains = 0.95;
-// What acts on a motor and what acts beside it can be one number: the motor is named.
+// BIC in favour of a motor: an effect on a motor can equal one on a coordinate beside it.
 constexpr double kMotorFirst = 4.0;
-// Nor can a step in an angle be told from one in a load that goes along with it: what was recorded
-// is named before what is computed from it. (A difference of 2 is not worth more than a bare
+// BIC against a computed variable: a step in an angle cannot be told from one in a load that varies
+// with it, so the recorded variable is preferred. (A difference of 2 is not worth more than a bare
 // mention: Kass and Raftery 1995, J. Am. Stat. Assoc. 90, 773.)
 constexpr double kRecordedFirst = 2.0;
-// A pair is no finding where one of the two explains nearly all of it alone.
+// If one variable alone explains the first share of a pair's gain, the pair is no finding; below
+// the second, neither variable makes it alone.
 constexpr double kAlone = 0.93, kHalf = 0.5;
 constexpr std::size_t kFewColumns = 3;
 
@@ -50,8 +51,8 @@ std::vector<StructureVariable> variables_of(const State& state) {
   for (int k = 1; k <= n; ++k) {
     if (state.recorded("dir" + std::to_string(k))) names.emplace_back("dir" + std::to_string(k), k);
   }
-  // What a user recorded beside the contract's columns: in pairs where they are few, for their
-  // number is squared.
+  // A user's own columns, beyond the contract's, enter pairs only if they are few: the number of
+  // pairs grows with the square.
   const std::size_t of_contract = names.size();
   for (const auto& [name, values] : state.columns()) {
     const auto variable = parse_variable(name, n);
@@ -64,7 +65,7 @@ std::vector<StructureVariable> variables_of(const State& state) {
     for (const char* stem : {"tau", "gmx", "gmy"}) names.emplace_back(stem + std::to_string(k), k);
   }
   for (int k = 1; k <= n; ++k) {
-    // Elsewhere the link angle is the joint's own.
+    // Without coupling the link angle equals the joint angle.
     if (!state.robot().coupling.row(k - 1).isApprox(Eigen::RowVectorXd::Unit(n, k - 1)))
       names.emplace_back("th" + std::to_string(k), k);
   }
@@ -97,7 +98,7 @@ std::string scaled(const StructureVariable& v) {
          Expression::number(v.half).to_string() + ")";
 }
 
-// Function space of one variable: hats over quantiles, or the values themselves where they are few.
+// Basis of one variable: hats over quantiles, or over the values themselves if they are few.
 std::vector<std::string> single_basis(const StructureVariable& v) {
   std::vector<std::string> basis;
   for (std::size_t i = 1; i < v.nodes.size(); ++i)
@@ -105,7 +106,7 @@ std::vector<std::string> single_basis(const StructureVariable& v) {
   return basis;
 }
 
-// Low powers of both and their products.
+// Basis of a pair: low powers of both variables and their products.
 std::vector<std::string> pair_basis(const StructureVariable& a, const StructureVariable& b) {
   const auto powers = [](const StructureVariable& v) {
     std::vector<std::string> result{scaled(v)};
@@ -178,7 +179,7 @@ std::string words_for_unit(double largest, bool angle) {
   return text;
 }
 
-// Least-squares line taken out of y over x.
+// Subtracts the least-squares line of y over x.
 void take_out_line(const std::vector<double>& x, std::vector<double>& y) {
   const auto at = [](const std::vector<double>& v) {
     return Eigen::Map<const Eigen::VectorXd>(v.data(), static_cast<Eigen::Index>(v.size()));
@@ -195,7 +196,7 @@ struct Step {
   BlockScore score;
 };
 
-// The best step among `count` places between two others.
+// The best step at the inner points that divide `low` to `high` into `count` intervals.
 Step best_step(const Scorer& scorer, const StructureFinding& finding, const std::string& variable,
                double low, double high, int count) {
   std::vector<Block> steps;
@@ -218,7 +219,7 @@ Step best_step(const Scorer& scorer, const StructureFinding& finding, const std:
           best->coefficient.empty() ? 0.0 : 2.0 * std::abs(best->coefficient.front()), *best};
 }
 
-// The step that explains the finding as well as its smooth function does; none where none does.
+// The step that explains nearly as much as the finding's smooth function; nullopt if none does.
 std::optional<Step> find_step(const Scorer& scorer, const StructureFinding& finding,
                               const StructureVariable& variable) {
   const double low = variable.middle - variable.half, high = variable.middle + variable.half;
@@ -230,8 +231,7 @@ std::optional<Step> find_step(const Scorer& scorer, const StructureFinding& find
   return fine.score.gain > coarse.score.gain ? fine : coarse;
 }
 
-// The finding's function along the first variable where the second, if there is one, stands at
-// `second`.
+// Evaluates the finding's function along the first variable, with the second, if any, at `second`.
 void draw_curve(StructureFinding& finding, const std::vector<const StructureVariable*>& variables,
                 double second) {
   const StructureVariable& first = *variables.front();
@@ -251,8 +251,8 @@ void draw_curve(StructureFinding& finding, const std::vector<const StructureVari
   }
 }
 
-// Draws the finding along the first variable where that curve rises and falls most, and returns the
-// range of the function over all variables: a product changes nothing where one factor is zero.
+// Draws the finding along the first variable, with the second where that curve varies most: a
+// product is flat where one factor is zero. Returns the range of the function over all variables.
 double draw(StructureFinding& finding, const std::vector<const StructureVariable*>& variables) {
   double low = std::numeric_limits<double>::infinity(), high = -low, most = -1.0;
   StructureFinding best = finding;
@@ -272,13 +272,13 @@ double draw(StructureFinding& finding, const std::vector<const StructureVariable
   return high - low;
 }
 
-// The fitted function and what it looks like.
+// Describes the shape of the fitted function.
 void describe_shape(const Scorer& scorer, StructureFinding& finding,
                     const std::vector<const StructureVariable*>& variables, double share_alone,
                     bool angle) {
   const StructureVariable& first = *variables.front();
   const double over_all = draw(finding, variables);
-  // Zero and scale of the joint itself carry mean and slope: what is drawn is the rest.
+  // The joint's own zero and scale absorb mean and slope, so only the rest is drawn.
   if (variables.size() == 1 && finding.coordinate == "motor" + first.name.substr(1))
     take_out_line(finding.x, finding.y);
   const auto [low, high] = std::minmax_element(finding.y.begin(), finding.y.end());
@@ -325,7 +325,7 @@ void describe_shape(const Scorer& scorer, StructureFinding& finding,
   finding.shape = text;
 }
 
-// Of the best of so many.
+// log10 p of the best of `tried` blocks.
 double log10_p_among(const BlockScore& score, std::size_t tried) {
   return std::min(0.0, score.log10_p + std::log10(static_cast<double>(tried)));
 }
@@ -353,8 +353,8 @@ Structure find_structure(const Scorer& scorer, const Fit& fit, double threshold)
     for (const Where& where : motors(n)) offer(set, where);
   }
   score_all(scorer, findings);
-  // Links and base are tried for the variables that did best on the motor side, where anything that
-  // moves the tool shows.
+  // Anything that moves the tool also shows on the motor side, so links and base are tried only for
+  // the variables that did best there, and for those of no joint.
   std::vector<std::size_t> order(findings.size());
   for (std::size_t i = 0; i < order.size(); ++i) order[i] = i;
   std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
@@ -422,12 +422,12 @@ Structure find_structure(const Scorer& scorer, const Fit& fit, double threshold)
     structure.findings.push_back(std::move(finding));
     if (structure.findings.size() == kDescribed) break;
   }
-  // What is really a step has a variable in which it is sharp; in one that goes along with it, it
-  // is not.
+  // A step is sharp in its own variable, but not in one that varies with it: findings are sorted by
+  // the cost of their best form.
   std::ranges::stable_sort(structure.findings, {}, &StructureFinding::cost);
   if (structure.findings.size() > kListed) structure.findings.resize(kListed);
-  // Beside a larger effect these are not among the best, and without them other effects take their
-  // place.
+  // Beside a larger effect these events are not among the best findings; but if they are left out,
+  // other effects take their place.
   for (std::optional<StructureFinding> finding :
        {find_knock(scorer, fit), find_swings(scorer, fit.state()),
         find_motion(scorer, fit.state())}) {

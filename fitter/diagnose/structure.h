@@ -1,4 +1,4 @@
-// Structure that no effect of the catalogue names: nonparametric tests of the residual against
+// Structure that no effect of the catalogue explains: nonparametric tests of the residual against
 // every state variable, singly and in pairs, on every axis.
 #pragma once
 
@@ -24,10 +24,10 @@ struct StructureFinding {
   Block block;
   BlockScore score;
   double log10_p = 0.0;       ///< corrected for the number of blocks tried
-  double cost = 0.0;          ///< BIC with it minus without, in the form that suits it best
+  double cost = 0.0;          ///< BIC with it minus without, in its best form
   std::string shape;          ///< in words
-  bool has_own_form = false;  ///< its block is what is weighed, in place of a smooth function
-  std::size_t nodes = 0;      ///< over its variable, where it needs more than others; 0: as others
+  bool has_own_form = false;  ///< its block is weighed as it is, not as a smooth function
+  std::size_t nodes = 0;      ///< over its variable, if more than usual; 0: the usual number
   std::vector<double> x,
       y;  ///< the fitted function over the first variable [rad or m], for drawing
 };
@@ -46,39 +46,39 @@ std::optional<StructureFinding> find_knock(const Scorer& scorer, const Fit& fit)
 /// True where a column `payload` has more than one value.
 bool payload_varies(const State& state);
 
-/// A base that swings many times in a session (air conditioning, the sun between clouds): the
-/// likeliest course over time on one axis, with `log10_p` not yet set. None where slower courses
-/// show as much, or where no time was recorded.
+/// Finds a base that swings many times in a session (air conditioning, the sun between clouds): the
+/// likeliest course over time on one axis. Leaves `log10_p` to the caller. Returns nothing if the
+/// best course has only a few swings, or if no time was recorded.
 std::optional<StructureFinding> find_swings(const Scorer& scorer, const State& state);
 
-/// The joint whose error follows the direction of its motion from row to row, where its direction
-/// of approach is not recorded: the likeliest one, with `log10_p` not yet set.
+/// Finds the joint whose error follows the direction of its motion from row to row, among joints
+/// whose direction of approach is not recorded. Leaves `log10_p` to the caller.
 std::optional<StructureFinding> find_motion(const Scorer& scorer, const State& state);
 
-/// Tests all variables that the data have. A finding has a corrected log10 p below `threshold`.
+/// Tests all variables of the data. Findings have a corrected log10 p below `threshold`.
 Structure find_structure(const Scorer& scorer, const Fit& fit, double threshold);
 
-/// Whether the residual is more than measurement and repeatability make: lack of fit against
-/// repeats, each pose by what its joints and a reading scatter there, or against a stated sigma.
+/// Whether the residual exceeds measurement noise and repeatability: lack of fit against repeats,
+/// with each pose weighted by the scatter of its joints and reading, or against a stated sigma.
 struct LackOfFit {
   bool testable = false;
   double log10_p = 0.0;
-  std::string against;  ///< repeats, sigma
+  std::string against;  ///< "repeats" or "sigma"
 };
 LackOfFit lack_of_fit(const Linearization& linearization, const Fit& fit, NoiseParts noise);
 
-/// The step in which the file has the joints, where joints scatter as much as rounding to it makes
-/// them: the coarsest of several. Size 0: none does.
+/// The step of the file's joint angles, for joints that scatter as much as rounding to it makes
+/// them: the coarsest of several. Size 0: none.
 DecimalStep rounding_of_joints(const NoiseParts& noise, const Fit& fit);
 
 /// "joint 2 repeats to 100 urad, joint 3 to 26 urad; readings scatter by 17.0 um a coordinate".
-/// Joints are named whose scatter moves the tool by no less than half of what readings scatter by,
-/// the worst of them first.
+/// Names joints whose scatter moves the tool by at least half of the readings' scatter, worst
+/// first.
 std::string words_of(const NoiseParts& noise, const Linearization& linearization,
                      const Robot& robot);
 
-/// Along which joint's motion errors lie that no recorded variable explains: of three equal
-/// directions one would hold a third of them.
+/// The joint along whose motion the largest share of the unexplained error lies. Of three equal
+/// directions, one would hold a third of the error.
 struct JointScatter {
   int joint = 0;         ///< 1-based; 0: along none in particular
   double share = 0.0;    ///< of the squares, along that joint's column
@@ -86,11 +86,11 @@ struct JointScatter {
   bool between_repeats =
       false;  ///< of the differences between repeats of one pose; else of the residual
 };
-/// Of the repeats' differences where there are enough, else of the residual.
+/// From the differences between repeats if these are significant, else from the residual.
 JointScatter scatter_along_joints(const Linearization& linearization, const Fit& fit);
 
-/// Poses kept out as gross errors that lie close together in one joint's angle, where reflectors
-/// are bumped anywhere: an error of the arm that stands out there.
+/// Gross errors that lie close together in one joint's angle. Reflectors are bumped anywhere, so
+/// these indicate a local error of the arm.
 struct GrossCluster {
   int joint = 0;  ///< 1-based; 0: none
   int poses = 0;
@@ -101,36 +101,36 @@ GrossCluster gross_errors_together(const Fit& fit);
 /// "22 poses kept out as gross errors all have q2 between 0.04 and 0.32".
 std::string gross_words(const GrossCluster& cluster);
 
-/// Mean square difference between the residuals of nearest neighbours in joint space over twice the
-/// mean square residual: well below 1 where the residual is a smooth function of the joints, 1
-/// where it is noise.
+/// Mean square difference between the residuals of nearest neighbours in joint space, divided by
+/// twice the mean square residual: well below 1 if the residual is a smooth function of the joints,
+/// 1 if it is noise.
 double neighbour_ratio(const Linearization& linearization, const State& state);
 
-/// Probability that block `b` is there, although in another form than its own: that of the smooth
-/// functions that read what it reads and move what it moves, where it alone explains most of what
-/// they do. A tracker's creep that slows down is a creep, which the catalogue has as a straight
-/// line. 0 where it is not so, where it reads the arm's posture (there the form is the name), and
-/// where the fit has an effect of that cause already.
+/// Probability that the cause of block `b` is present in another form than the catalogue's: that of
+/// all smooth functions of the same variables, if one of the best acts on the same bodies and `b`
+/// alone explains most of what they do. A tracker's creep that slows down is still a creep, which
+/// the catalogue has as a straight line. Else 0; also 0 if `b` reads the arm's posture (where the
+/// form identifies the effect), or the fit already has an effect of the same variables.
 double as_nearest_name(const Fit& fit, const EvidenceSummary& evidence, std::size_t b);
 
 /// Lowers the probability of candidates that explain less than a structure (a smooth function that
-/// no effect names): they may only make up for errors of that function. Spared is what the data
-/// show without the structure too, if it explains as much beside the structure as without it (a
-/// wave of many cycles), or depends on a variable that the structure does not read (time, a
-/// direction; the posture, where the structure is a knock).
+/// no effect explains): they may only compensate errors of that function. Exempt are those that are
+/// significant without the structure and either explain as much beside it (a wave of many cycles)
+/// or depend on a variable that it does not read (time, a direction; the posture, if the structure
+/// is a knock).
 void doubt_beside_structure(const Fit& fit, const EvidenceSummary& evidence,
                             std::vector<Candidate>& candidates, double& nothing);
 
 /// Whether a model has a table over several variables.
 bool has_grid(const Model& model);
 
-/// A grid of the fit follows whatever its joints do, as far as its cells are fine: an effect that
-/// explains less than the grid does may only make up for their size.
+/// A grid of the fit follows any function of its joints, up to the size of its cells: an effect
+/// that explains less than the grid may only compensate for that size.
 class GridDoubt {
  public:
   GridDoubt(const Fit& fit, const Linearization& linearization, const EvidenceSummary& evidence);
-  /// What is left of the probability of an effect that explains `gain` of the squared residual: all
-  /// where the fit has no grid, or the effect reads more than the posture of the grid's joints.
+  /// Factor on the probability of an effect that explains `gain` of the squared residual: 1 if the
+  /// fit has no grid, or the effect reads more than the posture of the grid's joints.
   double share_left(const Block& block, double gain) const;
 
  private:
@@ -139,7 +139,7 @@ class GridDoubt {
   double by_grid_ = 0.0;
 };
 
-/// Lowers the probability of candidates by what GridDoubt leaves of it.
+/// Multiplies the probabilities of candidates by GridDoubt::share_left.
 void doubt_beside_grid(const GridDoubt& grid, std::vector<Candidate>& candidates, double& nothing);
 
 }  // namespace armtrue

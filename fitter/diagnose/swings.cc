@@ -8,13 +8,13 @@
 namespace armtrue {
 namespace {
 
-// Nodes over the session that are tried: a swing needs some four of them.
+// Numbers of nodes tried over the session: a swing needs about four of them.
 constexpr std::size_t kNodesTried[] = {16, 32, 64};
-// A node between fewer rows follows their noise.
+// A node with fewer rows follows their noise.
 constexpr std::size_t kRowsPerNode = 3;
 // Slower courses of the base are found among all other smooth functions.
 constexpr int kFewestCrossings = 4;
-constexpr double kFurthestSwing = 1.5e-3;  // [m], what the effect `station` allows
+constexpr double kFurthestSwing = 1.5e-3;  // [m], half of what the effect `station` allows
 
 Block block_over(const std::vector<double>& nodes, int axis) {
   Block block{{"custom", {}, {}}, {}, 1};

@@ -12,15 +12,15 @@
 namespace armtrue {
 namespace {
 
-// Shares below these are no finding: smooth functions of any form hold as much.
+// Shares below these are no finding: smooth functions of any form reach them.
 constexpr double kWavesHold = 0.5, kLineHolds = 0.5;
 // A wave needs four nodes to be one.
 constexpr double kNodesPerWave = 4.0;
 constexpr double kFirstLine = 3.0, kLineStep = 0.5;
 constexpr double kStraight = 1e-9;  // of the range: rounding
 
-// Whether the values of `basis` lie on a straight line over `variable`, and not on a level one: the
-// mean of a table is the joint offset's.
+// Whether `basis` is a straight line over `variable`, and not constant: the mean of a table belongs
+// to the joint offset.
 bool is_line(const State& state, const Expression& basis, const std::string& variable) {
   const std::vector<double>& at = state.column(variable);
   const std::vector<double> values = state.values(basis);
@@ -36,7 +36,7 @@ bool is_line(const State& state, const Expression& basis, const std::string& var
   return true;
 }
 
-// Σ r² that columns of waves, a constant and a line leave of `values`.
+// Σ r² of `values` after fitting a constant, a line and waves of these cycles.
 double left_by(const Eigen::VectorXd& at, const Eigen::VectorXd& values,
                const std::vector<double>& cycles) {
   Eigen::MatrixXd columns(at.size(), 2 + 2 * static_cast<Eigen::Index>(cycles.size()));
@@ -60,7 +60,7 @@ void find_waves(const std::map<double, double>& nodes, TableVerdict& verdict) {
     values[i++] = y;
   }
   const double range = at[count - 1] - at[0];
-  if (range < std::numbers::pi / 2) return;  // one wave a turn is no wave over less
+  if (range < std::numbers::pi / 2) return;  // a shorter range does not show one wave a turn
   const double plain = left_by(at, values, {});
   const double beyond = left_by(at, values, {1.0, 2.0});
   if (!(plain > 0.0) || !(beyond > 0.0)) return;
@@ -166,7 +166,7 @@ std::string sentence_of(const std::vector<TableVerdict>& tables) {
   std::string which;
   for (const auto& [effect, joints] : joints_of)
     which += (which.empty() ? "" : " and ") + effect + joints;
-  // The table in which a wave stands out most says most.
+  // Advises on the table with the clearest wave.
   const auto clearest = std::max_element(
       tables.begin(), tables.end(), [](const TableVerdict& a, const TableVerdict& b) {
         return std::max(a.waves, a.cycles_hold) < std::max(b.waves, b.cycles_hold);

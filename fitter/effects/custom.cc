@@ -79,7 +79,7 @@ class Custom final : public Effect {
       }
     }
     p.terms.push_back(term);
-    // What the tool does, every reflector on it does.
+    // A term on the tool acts on every reflector.
     if (term.coordinate.place == Place::kTool && coordinate.find('[') == std::string::npos) {
       for (term.coordinate.index = 1; term.coordinate.index < context.targets;
            ++term.coordinate.index) {

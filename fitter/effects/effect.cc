@@ -46,13 +46,13 @@ std::vector<int> all_joints(const EffectContext& context) {
   return joints;
 }
 
-// Whether drive_rule() lets the joint at this place of a request be a passive one.
+// Whether drive_rule() allows a passive joint at this place of a request.
 bool may_be_passive(const Effect& effect, std::size_t place) {
   return effect.drive_rule() == DriveRule::kNone ||
          (effect.drive_rule() == DriveRule::kDriving && place % 2 == 0);
 }
 
-// The first joint that needs a motor and has none; 0 where there is none such.
+// The first joint that needs a motor and has none; 0 if there is no such joint.
 int first_without_drive(const EffectContext& context, const Effect& effect,
                         const std::vector<int>& joints) {
   for (std::size_t i = 0; i < joints.size(); ++i) {
@@ -61,7 +61,7 @@ int first_without_drive(const EffectContext& context, const Effect& effect,
   return 0;
 }
 
-// `joints` without those that need a motor and have none, nor the other of their pair.
+// `joints` without those that lack a motor they need; of a pair, both are removed.
 std::vector<int> with_drives(const EffectContext& context, const Effect& effect,
                              const std::vector<int>& joints) {
   const std::size_t step = effect.joint_rule() == JointRule::kPair ? 2 : 1;
@@ -107,8 +107,8 @@ void check_joints(const EffectContext& context, const Effect& effect,
   }
 }
 
-// `dT` is the first thermometer of the file at hand; a term reads the one that was fitted, whatever
-// file it is evaluated on later.
+// `dT` is the first sensor of the present file. Its name replaces `dT`, so that the term reads the
+// same sensor in any later file.
 void name_thermometer(const EffectContext& context, EffectTerms& terms) {
   if (context.state.sensors().empty()) return;
   const std::string first = "dT_" + context.state.sensors().front();
@@ -261,8 +261,8 @@ Parameter single_term(const std::string& effect, const std::vector<int>& joints,
   p.joints = joints;
   p.unit = unit;
   p.bound = bound;
-  // Three bounds wide: it keeps what the data cannot see from running away and does not pull on
-  // what they can.
+  // Three bounds wide: it limits parameters that the data do not determine, without affecting those
+  // that they do.
   p.prior_sigma = 3.0 * bound;
   p.terms.push_back(Term{coordinate, Expression::parse(expression), 1.0, std::nullopt});
   return p;
@@ -304,7 +304,7 @@ double on_motor(const EffectContext& context, int joint, double turning, double 
 
 namespace {
 
-// Torque about joint k, root of its sum of squares, that a unit mass at each body makes [Nm/kg].
+// Torque about joint k by a unit mass at each body, root of the sum of squares [Nm/kg].
 double gravity_load(const EffectContext& context, int k) {
   double sum = 0.0;
   for (int j = k; j <= context.joint_count(); ++j) {
@@ -330,7 +330,7 @@ std::vector<int> gravity_loaded_joints(const EffectContext& context) {
 }
 
 bool carries_gravity(const EffectContext& context, int joint) {
-  constexpr double kLeastLoad = 0.1;  // [Nm/kg]: a centimetre's lever, or an axis all but vertical
+  constexpr double kLeastLoad = 0.1;  // [Nm/kg]: a lever of 1 cm, or a nearly vertical axis
   const double load = gravity_load(context, joint);
   return load > kLeastLoad * std::sqrt(static_cast<double>(context.state.rows()));
 }

@@ -1,5 +1,5 @@
 // The catalogue of physical effects. An effect is one file in this folder: it registers itself,
-// says what it needs, and gives its terms; nothing else in the house knows it by name.
+// states what it needs, and gives its terms; no other code refers to it by name.
 #pragma once
 
 #include <map>
@@ -22,31 +22,31 @@ struct GeometryPriors {
   double length = 2e-3;                       ///< [m]
 };
 
-/// Prior probability that a file counts directions of motion the other way round, so that what lags
-/// behind its drive seems to lead.
+/// Prior probability that a file counts directions of motion with the opposite sign, so that a lag
+/// behind the drive looks like a lead.
 inline constexpr double kCountedOtherwise = 0.05;
 
-/// A spring that a fit has found: what yields, to which load, and how much: compliance · yields for
-/// a unit of load more.
+/// A spring that a fit has found: where it yields, to which load, and by how much: compliance ·
+/// yields per unit of additional load.
 struct Spring {
   Coordinate coordinate;
   std::string load;                             ///< state variable: a torque or a moment of gravity
-  double compliance = 0.0;                      ///< [rad/Nm], or its coefficient
-  Expression yields = Expression::number(1.0);  ///< of the load, where the spring hardens
+  double compliance = 0.0;                      ///< [rad/Nm], or the coefficient of the basis
+  Expression yields = Expression::number(1.0);  ///< function of the load, if the spring hardens
 };
 
-/// What an effect may look at when it gives its terms.
+/// What an effect may read when it builds its terms.
 struct EffectContext {
   const State& state;
   int targets = 1;
   bool has_rotation = false;
   GeometryPriors priors{};
-  /// Of the fit that the context belongs to, or of the one before it.
+  /// Of the fit that this context belongs to, or of the previous one.
   std::vector<Spring> springs{};
-  /// By the load (state variable): what the fit has of effects that carry it, in their coordinate's
+  /// By load (state variable): the fitted terms of the effects that carry it, in their coordinate's
   /// unit.
   std::map<std::string, Expression> carried{};
-  /// Where the instrument stands in the measuring frame [m], and the robot base's axes there.
+  /// Position of the instrument in the measuring frame [m], and axes of the robot base there.
   Eigen::Vector3d instrument = Eigen::Vector3d::Zero();
   Eigen::Matrix3d measuring_from_base = Eigen::Matrix3d::Identity();
 
@@ -57,48 +57,48 @@ struct EffectContext {
   }
 };
 
-/// An effect as asked for: the entry of model.yaml, or a candidate of the diagnosis.
+/// A requested effect: an entry of model.yaml, or a candidate of the diagnosis.
 struct EffectRequest {
   std::string effect;
-  std::vector<int> joints;  ///< 1-based; empty: the effect's default
+  std::vector<int> joints;  ///< 1-based; empty: the effect's default joints
   nlohmann::json options = nlohmann::json::object();
 };
 
 /// How an effect names joints.
 enum class JointRule {
   kNone,  ///< none
-  kEach,  ///< any number, each on its own
-  kAll,   ///< all of them together, or each on its own
+  kEach,  ///< any number, each independent of the others
+  kAll,   ///< all of them together, or each independently
   kPair,  ///< driven, driving
   kFixed  ///< only its default (linkage, balancer)
 };
 
-/// Which of the joints that an effect names must have a motor: of a passive joint (robot.yaml)
-/// there is no gear, no encoder and no command.
+/// Which joints of an effect must have a motor: a passive joint (robot.yaml) has no gear, no
+/// encoder and no command.
 enum class DriveRule {
-  kNone,    ///< none: what it describes is in links, bearings or bars
+  kNone,    ///< none: the effect is in links, bearings or bars
   kEach,    ///< every one
-  kDriving  ///< of a pair the driving one
+  kDriving  ///< of a pair only the driving one
 };
 
 struct EffectOption {
   std::string name, type, help;
 };
 
-/// What an effect carries of a load, so that all that it gives runs against that load.
+/// The share of a load that an effect carries: all its terms together act against that load.
 struct CarriedLoad {
   std::string torque;  ///< state variable of the load
-  double largest;      ///< of what the effect gives in all, in its coordinate's unit
+  double largest;      ///< largest total of the effect's terms, in their coordinate's unit
 };
 
-/// What kind of cause an effect is: what the search may do with it, and what becomes of it.
+/// Kind of cause: decides how the search treats an effect and whether it is exported.
 enum class Role {
-  kPlacement,    ///< where the base stands and the tool sits: any value, folded into their frames
-  kGeometry,     ///< the arm's nominal numbers: always in a model, never a finding
-  kPhysical,     ///< a cause with a bound that physics gives
-  kTable,        ///< fits any cause; preferred only where no physical effect does as well
+  kPlacement,    ///< pose of base or tool: any value, folded into their frames
+  kGeometry,     ///< nominal dimensions of the arm: always in a model, never a finding
+  kPhysical,     ///< a cause with a physical bound
+  kTable,        ///< fits any cause; preferred only if no physical effect fits as well
   kMeasurement,  ///< of the instrument or the session: fitted, never exported
-  kCustom        ///< a user's own
+  kCustom        ///< defined by the user
 };
 
 class Effect {
@@ -111,65 +111,66 @@ class Effect {
   virtual JointRule joint_rule() const = 0;
   virtual DriveRule drive_rule() const { return DriveRule::kNone; }
   virtual std::vector<EffectOption> options() const { return {}; }
-  /// False where it belongs to the measurement and not to the arm.
+  /// False if the effect belongs to the measurement and not to the arm.
   bool exported() const { return role() != Role::kPlacement && role() != Role::kMeasurement; }
-  /// Physical bound on size and sign, with its source, for people.
+  /// Physical bound on size and sign, with its source, as text for users.
   virtual std::string bound_text() const = 0;
 
-  /// Options that tried() steps through and that a fit then finds or chooses by itself: left
-  /// out when an effect is added.
+  /// Options that tried() steps through but a fit determines by itself: left out when the effect is
+  /// added to a model.
   virtual std::vector<std::string> searched_options() const { return {}; }
-  /// Options that tell two findings of one effect on one joint apart, and stand in its label;
-  /// others are forms of one finding.
+  /// Options that distinguish two findings of one effect on one joint, and are part of its label;
+  /// the other options are forms of one finding.
   virtual std::vector<std::string> told_apart_by() const { return {}; }
-  /// Next finer forms of a request whose options held-out error has to choose: of a request that
-  /// leaves them open the coarsest form alone, of a closed one those one step finer, none where the
-  /// data carry no more. An effect without such options has none.
+  /// Next finer forms of a request with options that held-out error chooses. If the request leaves
+  /// them open: only the coarsest form. Otherwise the forms one step finer, none if the data
+  /// support no more. Empty for effects without such options.
   virtual std::vector<EffectRequest> refinements(const EffectContext&, const EffectRequest&) const {
     return {};
   }
-  /// The same in a finer form; none where it has none, or more nodes than the data can carry.
+  /// The request in a finer form; nullopt if there is none, or it needs more nodes than the data
+  /// support.
   virtual std::optional<EffectRequest> finer(const EffectContext&, const EffectRequest&) const {
     return std::nullopt;
   }
-  /// The load that it carries; empty: none. What adds to that load instead is hardly this effect.
+  /// The load that the effect carries, if any. Terms that add to that load are hardly this effect.
   virtual std::optional<CarriedLoad> carries() const { return std::nullopt; }
   bool generic() const { return role() == Role::kTable; }
 
-  /// True where the terms are weighed by EffectContext::springs: the fit then repeats until these
-  /// stand.
+  /// True if the terms depend on EffectContext::springs: the fit is then repeated until these no
+  /// longer change.
   virtual bool reads_springs() const { return false; }
 
-  /// Joints of a bare entry.
+  /// Joints of an entry that names none.
   std::vector<int> joints_of_bare_entry(const EffectContext& context) const;
-  /// Blocks that the diagnosis tries, each on its own.
+  /// Requests that the diagnosis tries, each independently.
   std::vector<EffectRequest> tried(const EffectContext& context) const;
-  /// Columns to record (or keys of robot.yaml to give) before this effect can be had on these
+  /// Columns to record (or keys of robot.yaml to state) before the effect can be used on these
   /// joints; empty: none.
   virtual std::vector<std::string> missing(const EffectContext& context,
                                            const std::vector<int>& joints) const;
-  /// A parameter as people know it: "axis 2's zero"; its name where there is no better word.
+  /// A parameter in common words: "axis 2's zero"; its name if there are none.
   virtual std::string describe(const Parameter& parameter) const;
-  /// The effect as it would explain a line of so many cycles a turn (a metre, where the joint
-  /// slides) in a joint's residual; none where it is no such cause.
+  /// The effect as the cause of a spectral line in a joint's residual, of so many cycles per turn
+  /// (per metre for a sliding joint); nullopt if the effect causes no such lines.
   virtual std::optional<EffectRequest> as_line(const EffectContext&, int, double) const {
     return std::nullopt;
   }
-  /// Cycles a turn (a metre) of the waves of a joint that candidates() has already.
+  /// Cycles per turn (per metre) of a joint's waves that candidates() already contains.
   virtual std::vector<double> tried_lines(const EffectContext&, int) const { return {}; }
   /// Terms for validated joints.
   virtual EffectTerms build(const EffectContext& context, const EffectRequest& request) const = 0;
 
  protected:
-  /// What joints_of_bare_entry() and tried() choose from: those that drive_rule() does not allow
-  /// are taken out of it. Default: all joints, and a block for each of them.
+  /// Joints and requests for joints_of_bare_entry() and tried(), which remove those that
+  /// drive_rule() does not allow. Default: all joints, and one request for each of them.
   virtual std::vector<int> default_joints(const EffectContext& context) const;
   virtual std::vector<EffectRequest> candidates(const EffectContext& context) const;
 };
 
-/// All effects, in the contract's order of registration names.
+/// All effects, sorted by id.
 const std::vector<const Effect*>& effect_catalogue();
-/// Throws ModelError naming the nearest known id.
+/// Throws ModelError that names the most similar id.
 const Effect& find_effect(const std::string& id);
 /// Checks joints, options and columns, then builds. Throws ModelError in one sentence.
 EffectTerms build_effect(const EffectContext& context, const EffectRequest& request);
@@ -182,7 +183,7 @@ struct RegisterEffect {
   RegisterEffect() { register_effect(std::make_unique<T>()); }
 };
 
-// --- what several effects build with
+// --- helpers for several effects
 // ---------------------------------------------------------------------------------
 
 Coordinate motor(int joint);
@@ -203,21 +204,20 @@ Parameter single_term(const std::string& effect, const std::vector<int>& joints,
 /// frame [m].
 Eigen::Vector3d nominal_lengths(const Robot& robot, int link);
 
-/// Joints that gravity loads: 2 and 3 on a six-axis arm; elsewhere those with at least a fifth of
+/// Joints that gravity loads: 2 and 3 on a six-axis arm; otherwise those with at least a fifth of
 /// the largest gravity torque.
 std::vector<int> gravity_loaded_joints(const EffectContext& context);
-/// False where gravity has no torque about the joint whatever the arm weighs: its axis is vertical.
+/// False if gravity makes no torque about the joint for any masses: its axis is vertical.
 bool carries_gravity(const EffectContext& context, int joint);
 
 /// Largest magnitude of a state variable over the rows.
 double largest_of(const EffectContext& context, const std::string& variable);
 /// Mean of a variable over the data; 0 where it is not recorded.
 double mean_of(const EffectContext& context, const std::string& variable);
-/// Compliance that gives `deflection` under the largest load in the data, `most` where that load is
-/// small.
+/// Compliance that gives `deflection` under the largest load in the data; at most `most`.
 double softest(const EffectContext& context, const std::string& load, double deflection,
                double most);
-/// "rad", or "m" where the joint slides; the same of a number for each.
+/// "rad", or "m" if the joint slides; on_motor chooses between two numbers likewise.
 std::string motor_unit(const EffectContext& context, int joint);
 double on_motor(const EffectContext& context, int joint, double turning, double sliding);
 

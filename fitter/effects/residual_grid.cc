@@ -8,9 +8,9 @@
 namespace armtrue {
 namespace {
 
-// Displacement of the arm beyond joint 1, in frame 1, over a grid in joint angles 1 to 3. Regular
-// in joint angles means fan-shaped cells in space (sectors of rings), as in the IRB2400 paper's
-// third level; frame 1 turns with the fan.
+// Displacement of the arm beyond joint 1, in frame 1, over a grid in joint angles 1 to 3. Cells
+// regular in joint angles are fan-shaped in space (sectors of rings), as in the IRB2400 paper's
+// third level; frame 1 turns with them.
 class ResidualGrid final : public Effect {
  public:
   std::string id() const override { return "residual_grid"; }
@@ -48,8 +48,8 @@ class ResidualGrid final : public Effect {
     return grid_terms(context, table);
   }
 
-  // On each axis in turn one more node, or all cells halved: what bends often shows in nothing
-  // less. There is a pose for each node at least.
+  // On each axis in turn one more node, or all cells halved, because a strongly curved shape often
+  // appears only then. There are at most as many nodes as poses.
   std::vector<EffectRequest> refinements(const EffectContext& context,
                                          const EffectRequest& request) const override {
     const auto with_nodes = [&](const std::vector<int>& nodes) {
@@ -75,14 +75,14 @@ class ResidualGrid final : public Effect {
     return finer;
   }
 
-  // A remedy and not a cause: advised by the diagnosis, never one of its candidates.
+  // It corrects without naming a cause: recommended by the diagnosis, never one of its candidates.
   std::vector<EffectRequest> candidates(const EffectContext&) const override { return {}; }
 
  private:
-  static constexpr double kValue = 4.0;     // in units of smoothness
+  static constexpr double kValue = 4.0;     // prior sigma of a node's value in units of smoothness
   static constexpr double kLargest = 2e-3;  // [m]
-  static constexpr int kFewest = 3;         // on an axis, where nobody says how many
-  static constexpr int kMost = 216;         // in all: the search stays within seconds
+  static constexpr int kFewest = 3;         // on an axis, if the number is not given
+  static constexpr int kMost = 216;         // in total, so that the search takes seconds
 
   static std::vector<int> default_nodes(std::size_t rows, int axes) {
     // Three equations a pose, three unknowns a node: about six poses for each node.
@@ -90,7 +90,7 @@ class ResidualGrid final : public Effect {
     return std::vector<int>(static_cast<std::size_t>(axes), std::clamp(side, 3, 8));
   }
 
-  // Nodes whose cells hold no measurement are left out: there the grid is neutral.
+  // Nodes without a measurement in their cells are left out: there the grid is zero.
   static std::vector<bool> covered_nodes(const EffectContext& context,
                                          const TableReference& table) {
     std::size_t size = 1;

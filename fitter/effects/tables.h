@@ -6,8 +6,8 @@
 namespace armtrue {
 
 /// Text of the hat function of node `index` over `nodes` in `variable`. Beyond the ends it falls to
-/// zero over the width of the outermost cell, as the firmware's tables do: neutral where nothing
-/// was trained. A single node's is constant.
+/// zero over the width of the outermost cell, as the firmware's tables do: no correction outside
+/// the data. With a single node it is constant.
 std::string hat_expression(const std::string& variable, const std::vector<double>& nodes,
                            std::size_t index);
 
@@ -15,12 +15,12 @@ std::string hat_expression(const std::string& variable, const std::vector<double
 std::vector<double> nodes_over(const std::vector<double>& values, double spacing,
                                std::size_t least);
 
-/// Standard deviation of a table's second differences in units of the smoothness that the data
-/// choose.
+/// Standard deviation of a table's second differences in units of the smoothness chosen from the
+/// data.
 constexpr double kSecondDifference = 1.0;
 
-/// Penalty that pulls one node towards zero, `sigma` in the same units: it keeps nodes that hardly
-/// a pose supports from running off along the slope of their neighbours.
+/// Penalty that pulls one node towards zero, `sigma` in the same units, so that nodes with few
+/// poses do not follow the slope of their neighbours without limit.
 Penalty value_penalty(const std::string& parameter, double sigma);
 
 }  // namespace armtrue

@@ -13,7 +13,7 @@ Eigen::Matrix3d skew(const Eigen::Vector3d& v) {
 
 bool is_zero(const double* v) { return v[0] == 0.0 && v[1] == 0.0 && v[2] == 0.0; }
 
-// pose · Trans(t) · exp(r), leaving out what is zero: most virtual joints carry one or two
+// pose · Trans(t) · exp(r), skipping zero parts: most virtual joints have only one or two
 // coordinates.
 void apply_virtual_joint(const double* v, Pose& pose) {
   if (!is_zero(v)) pose.translation() += pose.linear() * Eigen::Vector3d(v[0], v[1], v[2]);

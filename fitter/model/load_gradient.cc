@@ -15,8 +15,8 @@ LoadGradient::LoadGradient(const Robot& robot, const CoordinateLayout& layout, c
   }
 }
 
-// What turns frame and weights together turns gravity the other way; what moves weights beyond the
-// frame shifts their mass moment. `frame` -1: the robot base.
+// A screw before the frame turns it and its masses together, as if gravity turned the other way; a
+// screw behind it shifts the mass moment of what it moves. `frame` -1: the robot base.
 double LoadGradient::change(int frame, const Eigen::Vector3d& axis, bool slides,
                             const Screw& by) const {
   const Eigen::Vector3d& g = robot_.gravity;

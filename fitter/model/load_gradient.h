@@ -1,4 +1,4 @@
-// How gravity's loads change as the arm's coordinates do.
+// Derivatives of gravity's loads by the arm's coordinates.
 #pragma once
 
 #include <Eigen/Core>
@@ -11,13 +11,13 @@
 namespace armtrue {
 
 /// Derivatives of torques and moments of gravity by all coordinates of the chain at one pose. The
-/// virtual joints stand near zero, so that their axes are those of their frames.
+/// virtual joints are near zero, so that their axes are those of their frames.
 class LoadGradient {
  public:
   /// `frames`: 1…n in the robot base, then the payload point's; `payload` [kg].
   LoadGradient(const Robot& robot, const CoordinateLayout& layout, const Pose* frames,
                double payload);
-  /// Of a torque (motor side), a moment of a frame or one of the base; CoordinateLayout's order.
+  /// Of a torque (motor side), or a moment about a frame or the base; in CoordinateLayout's order.
   void of(const Variable& load, Eigen::Ref<Eigen::RowVectorXd> gradient) const;
 
  private:
@@ -34,8 +34,8 @@ class LoadGradient {
   const Robot& robot_;
   CoordinateLayout layout_;
   const Pose* frames_;
-  std::vector<double> mass_;             // of all bodies from k on, the payload last
-  std::vector<Eigen::Vector3d> moment_;  // the same: mass times place, in the base
+  std::vector<double> mass_;             // of body k and all beyond it, the payload last
+  std::vector<Eigen::Vector3d> moment_;  // of the same: mass times position, in the base
 };
 
 }  // namespace armtrue

@@ -1,5 +1,4 @@
-// What the instrument saw: positions (and orientations) of reflectors, row by row, and how well it
-// saw them.
+// Measured positions (and orientations) of reflectors, row by row, and their uncertainty.
 #pragma once
 
 #include <Eigen/Core>
@@ -21,7 +20,7 @@ struct Instrument {
   double radial_a = 0.0, radial_b = 0.0;               ///< [m], [m/m]
   double angular_a = 0.0, angular_b = 0.0;             ///< [m], [m/m] across the line of sight
 
-  /// From {position: [3] where given, radial: {a, b}, angular: {a, b}}, as model.yaml has it.
+  /// From {position: [3] (optional), radial: {a, b}, angular: {a, b}}, as in model.yaml.
   static Instrument from_json(const nlohmann::json& content);
 };
 
@@ -34,7 +33,7 @@ struct Measurements {
   std::vector<Eigen::Matrix3d> rotation;  ///< rows, or empty where only positions were measured
   std::vector<int> target;                ///< 0-based reflector of each row
   int targets = 1;
-  Poses poses;              ///< which rows are one pose, declared or not
+  Poses poses;              ///< groups of rows of one pose, declared or not
   std::vector<int> repeat;  ///< same number = same pose measured again; empty where not recorded
   std::vector<Eigen::Matrix3d> whiten_position;  ///< W with WᵀW = inverse covariance [1/m]
   double sigma_rotation = 0.0;                   ///< [rad], where orientations were measured
@@ -46,8 +45,8 @@ struct Measurements {
   /// Rows of residual per measurement: 3 or 6.
   int residuals_per_row() const { return has_rotation() ? 6 : 3; }
 
-  /// From a state's recorded columns (x, y, z needed; qw…qz, target, repeat, sigma as they are
-  /// there). Throws ModelError.
+  /// From a state's recorded columns (x, y, z needed; qw…qz, target, repeat, sigma if recorded).
+  /// Throws ModelError.
   static Measurements from_state(const State& state, const std::optional<Instrument>& instrument,
                                  double assumed_sigma, double sigma_rotation);
 };

@@ -63,7 +63,7 @@ void number_visits(const State& state, const std::vector<int>& target, bool decl
   const std::vector<std::size_t> order = measured_order(state);
   const bool timed = state.recorded("time");
   struct Pose {
-    std::map<int, int> readings;  // by reflector
+    std::map<int, int> readings;  // number of readings by reflector
     int visit = -1, serial = 0;
     std::size_t last = 0;
     std::map<int, int> visit_of_serial;
@@ -78,7 +78,7 @@ void number_visits(const State& state, const std::vector<int>& target, bool decl
     const bool declared_anew = read_before && declared;
     int& readings = pose.readings[target[row]];
     if (pose.visit < 0 || declared_anew || !adjacent) {
-      // Without time another reflector's readings may simply stand in another part of the file.
+      // Without time, another reflector's readings of this visit may stand elsewhere in the file.
       const bool same_serial = !timed && pose.visit_of_serial.contains(readings);
       pose.visit = same_serial ? pose.visit_of_serial[readings] : poses.visits++;
       pose.visit_of_serial[readings] = pose.visit;

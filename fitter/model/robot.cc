@@ -38,7 +38,7 @@ Joint common_fields(const json& row) {
   joint.offset = optional_number(row, "offset", 0.0);
   const double ratio = optional_number(row, "gear_ratio", 0.0);
   if (joint.prismatic) {
-    // Older files state a slide's gear_ratio, the motor's radians a metre.
+    // Older files state gear_ratio for a sliding joint: motor radians per metre.
     const double of_ratio = ratio != 0.0 ? 2.0 * std::numbers::pi / std::abs(ratio) : 0.0;
     joint.lead = optional_number(row, "lead", of_ratio);
   } else {
@@ -67,8 +67,7 @@ void build_chain(const json& kinematics, Robot& robot, std::vector<Pose>& frame_
       const double a = optional_number(row, "a", 0.0);
       const double alpha = optional_number(row, "alpha", 0.0);
       const double d = optional_number(row, "d", 0.0);
-      const Pose turned =
-          rotation_z(optional_number(row, "theta", 0.0));  // joints that turn have none
+      const Pose turned = rotation_z(optional_number(row, "theta", 0.0));  // prismatic rows only
       if (convention == "mdh") {
         joint.fixed = rotation_x(alpha) * translation(a, d) * turned;
         frame_from_listed_frame.push_back(Pose::Identity());
@@ -93,7 +92,7 @@ std::string passive_joint(int joint) {
   return "robot: joint " + std::to_string(joint) + " is passive";
 }
 
-// A row of `coupling` that names a passive joint.
+// Checks a row of `coupling` for passive joints.
 void check_passive_in(const Robot& robot, int driven, int driving, bool is_reported) {
   if (robot.is_passive(driving)) {
     throw ModelError(passive_joint(driving) + ", but coupling has it drive joint " +
@@ -118,7 +117,7 @@ void check_passive_driven(const Robot& robot) {
 }  // namespace
 
 int joint_number(const json& value, int most, const std::string& where) {
-  // Compared before it becomes an int: what no int holds has an undefined one.
+  // Compared as double: converting a value that no int holds is undefined.
   const double number = value.get<double>();
   if (!(number >= 1.0 && number <= most) || number != std::floor(number)) {
     throw ModelError(where + " names joint " + value.dump() + ", expected 1 to " +
@@ -183,7 +182,7 @@ Robot Robot::from_json(const json& content) {
       const int driving = joint_number(row.at("driving"), n, "robot: coupling");
       const bool is_reported = row.value("kind", "mechanical") == "controller";
       check_passive_in(robot, driven, driving, is_reported);
-      // A matter of what is reported: columns hold the drives' angles.
+      // It affects only what the controller reports; columns hold the drives' angles.
       if (is_reported) continue;
       robot.coupling(driven - 1, driving - 1) += row.at("ratio").get<double>();
     }

@@ -11,7 +11,8 @@
 
 namespace armtrue {
 
-/// Raised for content that contradicts itself or the data; one sentence for people.
+/// Thrown for content that contradicts itself or the data; the message is one sentence for the
+/// user.
 class ModelError : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
@@ -30,13 +31,13 @@ struct Joint {
   Pose fixed =
       Pose::Identity();  ///< F_k: from frame k−1 to where joint k turns about (slides along) its z
   double offset = 0.0;   ///< added to the joint variable [rad or m]
-  double gear_ratio = 0.0;  ///< of a joint that turns: motor turns a joint turn, in whichever
-                            ///< direction; 0 where unknown
-  double lead = 0.0;  ///< of a joint that slides: travel a turn of its screw or pinion [m]; or 0
+  double gear_ratio = 0.0;  ///< of a joint that turns: motor turns per joint turn, without
+                            ///< sign; 0 where unknown
+  double lead = 0.0;  ///< of a joint that slides: travel per turn of its screw or pinion [m]; or 0
   double lower = 0.0, upper = 0.0;
   bool limited = false;
-  /// It has no motor: bars or gears from other joints turn it. Its motor side stands at zero, so
-  /// that its link angle (and `lower`, `upper`) are what the couplings give.
+  /// A passive joint has no motor: rods or gears from other joints move it. Its motor side stands
+  /// at zero, so that the couplings give its link angle (and `lower`, `upper` limit that).
   bool passive = false;
 };
 
@@ -48,10 +49,10 @@ struct Link {
 struct Parallelogram {
   int crank_joint = 2, arm_joint = 3;  ///< 1-based
   double crank = 0.0, rod = 0.0;       ///< [m]
-  double angle = 0.0;                  ///< β where link angle 3 is zero [rad]
+  double angle = 0.0;                  ///< β at link angle 3 = 0 [rad]
 };
 
-/// robot.yaml in the form that computations want. Built from its normalised content.
+/// The content of robot.yaml, built from its normalised form.
 struct Robot {
   std::string name;
   std::vector<Joint> joints;
@@ -68,13 +69,13 @@ struct Robot {
   std::optional<Parallelogram> parallelogram;
 
   int joint_count() const { return static_cast<int>(joints.size()); }
-  /// Of a joint by its number, from 1; false for one that the arm has not.
+  /// By the joint's number, from 1; false for a number that the arm does not have.
   bool is_passive(int joint) const {
     return joint <= joint_count() && joints[static_cast<std::size_t>(joint - 1)].passive;
   }
   /// Link angle of passive joint `joint` per link angle of the joints with motors (zero elsewhere).
   Eigen::RowVectorXd followed_links(int joint) const;
-  /// Nominal place of reflector `target`; nullopt where it must be found.
+  /// Nominal place of reflector `target`; nullopt if it must be fitted.
   std::optional<Pose> nominal_tool(int target) const {
     if (!flange_from_target.empty()) return flange_from_target.at(static_cast<std::size_t>(target));
     return flange_from_tool;

@@ -8,7 +8,7 @@
 namespace armtrue {
 namespace {
 
-// By how much of a step a multiple may be off after a change of units.
+// Tolerance for a multiple of a step after a change of units, in steps.
 constexpr double kOff = 1e-4;
 constexpr double kDegree = std::numbers::pi / 180.0;
 

@@ -1,4 +1,4 @@
-// To what step the numbers of a file were rounded.
+// The decimal step to which the numbers of a file were rounded.
 #pragma once
 
 #include <span>
@@ -6,13 +6,12 @@
 
 namespace armtrue {
 
-/// A decimal step that recorded values are multiples of; size 0: none that was looked for.
+/// A decimal step that recorded values are multiples of; size 0: of none of the steps tested.
 struct DecimalStep {
   double size = 0.0;  ///< in the values' SI unit
   std::string words;  ///< "0.01 deg", "0.1 mm"
 
-  /// Standard deviation of the error that rounding to the step makes: size / √12 (JCGM 100:2008,
-  /// F.2.2.1).
+  /// Standard deviation of the rounding error: size / √12 (JCGM 100:2008, F.2.2.1).
   double sigma() const;
 };
 

@@ -12,8 +12,8 @@
 namespace armtrue {
 namespace {
 
-// What a unit mass at a body's origin, or a unit first moment along one of its axes (which weighs
-// nothing in total), exerts at one pose. `frames`: 1…n in the base, then the payload point's.
+// Load at one pose of a unit mass at a body's origin, or of a unit first moment along one of its
+// axes (of zero total weight). `frames`: 1…n in the base, then the payload point's.
 double regressor_at(const Robot& robot, const std::vector<Pose>& frames, const Variable& what) {
   const int n = robot.joint_count();
   const std::size_t body = static_cast<std::size_t>(what.link == 0 ? n : what.link - 1);
@@ -41,8 +41,8 @@ double regressor_at(const Robot& robot, const std::vector<Pose>& frames, const V
 
 }  // namespace
 
-// Readings must outnumber what explains them by this factor, and hold no more than this share of
-// their variance beside it.
+// A recorded torque is smoothed if rows outnumber the regressors by this factor, and these leave no
+// more than this share of its variance.
 constexpr int kRowsPerTorqueRegressor = 5;
 constexpr double kLargestUnexplainedTorque = 0.05;
 
@@ -164,7 +164,7 @@ const std::vector<double>& State::column(const std::string& name) const {
   const int n = robot_->joint_count();
   const std::optional<Variable> v = parse_variable(name, n);
   const auto recorded = columns_.find(name);
-  // What is fitted must be what a device computes, so that statics come before a sensor.
+  // A fit must use the torque that a device computes, so statics take precedence over a sensor.
   const bool is_computed = v && v->kind == VariableKind::kTorque && computes_torque();
   if (recorded != columns_.end() && !is_computed) return recorded->second;
   for (int k = 1; k <= n; ++k) {
@@ -224,8 +224,8 @@ std::vector<double> State::link_angle(int joint) const {
   return values;
 }
 
-// What the joint did since the row before warms it, and so does a temperature. A session begins
-// with a joint that has rested, and with a gear as warm as the thermometer.
+// The value of a row (duty or temperature) acts since the row before. A session begins with a joint
+// that has rested, or with a gear as warm as the thermometer.
 std::vector<double> State::warmth(const Variable& v) const {
   const std::vector<double>& time = columns_.at("time");
   const std::vector<double>& source = columns_.at(v.source());
@@ -285,7 +285,7 @@ State::Loads State::loads_under(const Eigen::Vector3d& gravity) const {
   Eigen::VectorXd link_torque(n);
   for (std::size_t row = 0; row < rows_; ++row) {
     const Frames frames = frames_of_row(row);
-    // From the tip inwards: weight beyond joint k and its moment about the base origin.
+    // From the tip inwards: the weight beyond joint k and its moment about the base origin.
     const double payload_mass = payload ? (*payload)[row] : 0.0;
     Eigen::Vector3d force = payload_mass * gravity;
     Eigen::Vector3d moment_at_base = frames[count].translation().cross(force);
@@ -323,8 +323,8 @@ void State::compute_gravity() const {
   remember("bmy", std::move(loads.base_y));
 }
 
-// Loads are linear in gravity, and a small turn of the base about an axis e changes it by g x e as
-// the base sees it.
+// Loads are linear in gravity, and a small turn of the base about an axis e changes gravity in the
+// base frame by g x e per radian.
 void State::compute_tilt(char about) const {
   const Eigen::Vector3d axis = Eigen::Vector3d::Unit(about - 'x');
   Loads loads = loads_under(robot_->gravity.cross(axis));
@@ -349,7 +349,7 @@ void State::smooth_torques() {
 }
 
 // At rest a joint's torque is linear in the arm's gravity regressors, a constant, and friction in
-// the direction of approach: where those explain the readings, what they explain is used.
+// the direction of approach. If these explain the readings, the fitted torque replaces them.
 std::vector<double> State::smooth_torque(int joint, const std::vector<double>& measured) const {
   std::vector<const std::vector<double>*> used;
   const auto offer = [&](const std::vector<double>& values) {
@@ -387,7 +387,7 @@ std::vector<double> State::smooth_torque(int joint, const std::vector<double>& m
 
 std::vector<double> State::compute_regressor(const Variable& asked) const {
   const int n = robot_->joint_count();
-  // Those of one joint are asked for together, and the frames of a row cost more than all of them.
+  // Regressors of one joint are requested together, and a row's frames cost more than all of them.
   std::vector<Variable> wanted{asked};
   if (asked.link != 0) {
     const std::string stem =

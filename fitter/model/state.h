@@ -1,5 +1,5 @@
-// The state of every measurement: recorded columns and what gravity makes of them. Names as in
-// docs/model.md, section "State".
+// The state of every measurement: recorded columns and the gravity loads computed from them. Names
+// as in docs/model.md, section "State".
 #pragma once
 
 #include <Eigen/Core>
@@ -34,14 +34,14 @@ class State {
   /// True where gravity torques follow from the links' masses; a recorded torque is used where they
   /// do not.
   bool computes_torque() const { return !robot_->links.empty(); }
-  /// The name under which `column` has the direction of a joint's motion from the row before it, in
-  /// order of time: what its direction of approach was if the arm went straight from row to row.
-  /// Only the search for structure may read it: with other rows in the file it would be another.
+  /// Name of the column that gives the direction of a joint's motion from the previous row, in
+  /// order of time: its direction of approach if the arm went straight from row to row. Only the
+  /// search for structure may read it, because the values change with the rows of the file.
   static std::string motion_of(int joint) { return "motion_" + std::to_string(joint); }
-  /// The column of a state variable; throws ModelError naming the column to record where it cannot
-  /// be had.
+  /// The column of a state variable; throws ModelError naming the column to record if it is
+  /// missing.
   const std::vector<double>& column(const std::string& name) const;
-  /// What an expression of state variables comes to, row by row.
+  /// Values of an expression of state variables, row by row.
   std::vector<double> values(const Expression& basis) const;
   /// All recorded columns.
   const Columns& columns() const { return columns_; }
@@ -51,22 +51,22 @@ class State {
   const std::vector<std::string>& sensors() const { return sensors_; }
   /// The payload's point in the flange [m].
   const Eigen::Vector3d& payload_point() const { return payload_point_; }
-  /// Frees recorded torques that stand for gravity's of their sensors' scatter, which would weaken
-  /// every spring that is fitted to them. Looks at all rows together: for fitting, not for
-  /// prediction.
+  /// Removes the sensors' scatter from recorded torques that replace computed gravity torques:
+  /// scatter would attenuate every spring fitted to them. Uses all rows together, so it is for
+  /// fits, not for predictions.
   void smooth_torques();
-  /// The variable `time` counts from this reading of the clock [s]; from zero where none is set.
-  /// A fit sets its earliest row's, and its predictions the fit's.
+  /// Reading of the clock [s] from which the variable `time` counts; without a call zero. A fit
+  /// sets that of its earliest row, and its predictions the fit's.
   void begin_time_at(double origin);
   double time_origin() const { return time_origin_; }
-  /// Loads act where the arm stands: `frames` are 1…n in the robot base of each row, and after them
-  /// the payload point's. Without this the loads are those of the nominal arm at commanded angles.
+  /// Loads then act on the deflected arm: `frames` are, for each row, 1…n in the robot base, then
+  /// the payload point's. Before, the loads are those of the nominal arm at commanded angles.
   void stand(std::vector<Pose> frames);
-  /// False: loads stay those of the nominal arm at commanded angles, however far it gives way. They
-  /// are nominal until `stand` is called again in either case.
+  /// False: loads stay those of the nominal arm at commanded angles, however far it deflects. In
+  /// either case they are nominal until `stand` is called again.
   void let_loads_follow(bool follow);
   bool loads_follow() const { return loads_follow_; }
-  /// True where the values depend on where the arm stands.
+  /// True if the values depend on the arm's deflection.
   bool is_load(const Expression& basis) const;
 
  private:
@@ -75,7 +75,7 @@ class State {
   void forget_loads();
   Frames frames_of_row(std::size_t row) const;
   const std::vector<double>& remember(const std::string& name, std::vector<double> values) const;
-  // What gravity exerts: by joint or frame, then by row.
+  // Gravity loads: by joint or frame, then by row.
   struct Loads {
     std::vector<std::vector<double>> torque, moment_x, moment_y;
     std::vector<double> base_x, base_y;
@@ -97,8 +97,8 @@ class State {
   Eigen::Vector3d payload_point_;
   double time_origin_ = 0.0;
   bool loads_follow_ = true;
-  // Fits that run side by side share one state: what is worked out on the way is locked. A copy
-  // has a lock of its own.
+  // Fits that run in parallel share one state, so derived_ is filled under a lock. A copy has its
+  // own lock.
   struct Lock {
     Lock() = default;
     Lock(const Lock&) {}

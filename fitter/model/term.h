@@ -1,4 +1,4 @@
-// Terms and parameters: what an effect contributes, and all that is known of it downstream.
+// Terms and parameters: what an effect contributes to a model.
 #pragma once
 
 #include <nlohmann/json_fwd.hpp>
@@ -37,8 +37,7 @@ struct Parameter {
   std::vector<int> joints;  ///< 1-based
   std::string unit;         ///< of the coefficient: "rad", "rad/Nm", …
   double bound = 0.0;       ///< largest magnitude that is physical; the diagnosis refuses more
-  double usual =
-      0.0;       ///< magnitude that real arms have; 0: not said. Between equals the usual wins
+  double usual = 0.0;  ///< magnitude on real arms; 0: unknown. Of equal candidates the usual wins
   int sign = 0;  ///< +1 where only positive values are physical (a spring yields), 0 where both are
   double sign_doubt = 0.0;  ///< prior probability of the other sign
   bool alike = false;       ///< by design equal to the other coefficients of its effect
@@ -49,29 +48,28 @@ struct Parameter {
   std::vector<Term> terms;
   double value = 0.0;
 
-  /// Whether more than the prior expects is possible: masses of another version of the arm.
+  /// Whether values beyond the prior are possible, such as masses of another version of the arm.
   bool may_be_unusual() const { return usual > 0.0 && prior_sigma < bound; }
 };
 
 /// A parameter inside expressions: a time constant, an order, a phase.
 struct NonlinearParameter {
-  std::string name;  ///< unique, as it stands in the expressions: "warm_up_tau"
+  std::string name;  ///< unique, as in the expressions: "warm_up_tau"
   std::string effect;
   std::vector<int> joints;
   std::string unit;
   double value = 0.0, lower = 0.0, upper = 0.0;
-  std::vector<double> starts;  ///< values tried before descending; empty: the initial value alone
-  std::string option = {};     ///< of the effect's request that it stands for; empty: none
+  std::vector<double> starts;  ///< values tried before the descent; empty: only the initial value
+  std::string option = {};     ///< option of the effect's request that it replaces; empty: none
 };
 
 /// Quadratic penalty Σ (row · values)² / σ² on parameters: smoothness and gauges of tables.
 struct Penalty {
   std::vector<std::pair<std::string, double>> row;  ///< parameter name, factor
   double sigma = 1.0;
-  bool smoothness =
-      false;  ///< true: strength may be chosen from the data; false: a gauge that is fixed
+  bool smoothness = false;  ///< true: strength may be chosen from the data; false: a fixed gauge
   std::string
-      only_with;  ///< name of the parameter that would carry what this takes away; empty: always
+      only_with;  ///< applies if this parameter is there to carry what it removes; empty: always
 };
 
 /// What one effect contributes to a model.

@@ -26,7 +26,7 @@ constexpr std::array<Stem, 4> kOfArm{{{"bmx", VariableKind::kBaseMoment, 0},
                                       {"bmy", VariableKind::kBaseMoment, 1},
                                       {"payload", VariableKind::kPayload, 0},
                                       {"time", VariableKind::kTime, 0}}};
-// Columns that are measured, or organise the measurements, and are no cause of anything.
+// Columns that are measured or organise the measurements, and are no cause of an error.
 constexpr std::array<const char*, 10> kNoState{"x",  "y",  "z",      "qw",     "qx",
                                                "qy", "qz", "repeat", "target", "sigma"};
 
@@ -40,7 +40,7 @@ int number_behind(const std::string& name, const std::string& stem) {
   return std::stoi(name.substr(stem.size()));
 }
 
-// The parts of a name that has this stem and this form; nothing for another name.
+// The submatches of a name that has this stem and this form; nullopt for another name.
 std::optional<std::smatch> parts_of(const std::string& name, const char* stem,
                                     const std::regex& form) {
   std::smatch parts;

@@ -1,5 +1,5 @@
-// The variables of the state (docs/model.md): what each is, and what a file must hold for it. The
-// one place where their names are taken apart.
+// The variables of the state (docs/model.md): what each is, and what a file must hold for it. Their
+// names are parsed only here.
 #pragma once
 
 #include <optional>
@@ -29,7 +29,7 @@ enum class VariableKind {
   kColumn   ///< any other numeric column, under its own name
 };
 
-/// One state variable, taken from its name.
+/// One state variable, parsed from its name.
 struct Variable {
   VariableKind kind = VariableKind::kColumn;
   std::string name;
@@ -37,36 +37,35 @@ struct Variable {
   int axis = 0;          ///< of moments: 0 about x, 1 about y
   int link = 0;          ///< of regressors: the body; 0: the payload
   char component = 'm';  ///< of regressors: m, or x, y, z of mass times centre; of tilts: x or y
-  std::string
-      sensor;        ///< of temperatures: empty is the first thermometer; of warmth: empty is duty
-  double tau = 0.0;  ///< of warmth: time constant [s]
+  std::string sensor;    ///< of temperatures: empty for the first sensor; of warmth: empty for duty
+  double tau = 0.0;      ///< of warmth: time constant [s]
 
-  /// Of warmth: the column that it follows.
+  /// Of warmth: the column that is low-passed.
   std::string source() const;
-  /// True for what gravity exerts: torques and moments, what a unit of mass adds, what a tilt does.
+  /// True for gravity's loads: torques, moments, their regressors, and their changes by a tilt.
   bool is_load() const;
-  /// True for angles and for loads: what is known once it is known where the arm stands.
+  /// True for angles and loads, which the arm's posture determines.
   bool is_of_posture() const;
-  /// True for what changes slowly over a session: time, temperatures, a gear's own warmth.
+  /// True for what changes slowly over a session: time, temperatures, a gear's warm-up.
   bool is_of_session() const;
   /// True where a payload changes it.
   bool reads_gravity() const;
 };
 
-/// A name taken apart: one of the state's own, or a column's (kColumn). Columns that tell no state
-/// (x, y, z, …, repeat, target, sigma) give nothing, nor do joints that the arm has not.
+/// Parses a name: a variable of the state, or any other column (kColumn). nullopt for columns that
+/// are no state (x, y, z, …, repeat, target, sigma) and for joints that the arm does not have.
 std::optional<Variable> parse_variable(const std::string& name, int joints);
 
-/// All variables that the state of an arm with so many joints and these temperature sensors can
+/// All variables that the state of an arm with `joints` joints and these temperature sensors can
 /// have, in the order of docs/model.md.
 std::vector<Variable> state_variables(int joints, const std::vector<std::string>& sensors);
 
-/// Columns of a file without which the variable cannot be had on this arm; `with_payload`: what was
-/// measured had one.
+/// Columns of a file that the variable needs on this arm; `with_payload`: the measurements had a
+/// payload.
 std::vector<std::string> columns_of(const Variable& variable, const Robot& robot,
                                     bool with_payload);
 
-/// What must be recorded, or stated of the arm, for the variable `name`, in words.
+/// In words: what must be recorded, or stated of the arm, for the variable `name`.
 std::string what_is_missing(const std::string& name, const Robot& robot);
 
 /// "joint", "link_angle", …: a kind's name in JSON.

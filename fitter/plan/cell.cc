@@ -15,9 +15,9 @@ namespace {
 using nlohmann::json;
 
 constexpr double kMargin = 0.02;  // of a joint's range, at each end
-// A parallelogram's crank and lower arm stop short of lying in one line.
+// A parallelogram's crank and lower arm must stay this far from lying in one line.
 constexpr double kLinkageMargin = 35.0 * std::numbers::pi / 180.0;
-// Fewer admissible poses than one in this many tries: the cell is as good as closed.
+// With fewer admissible poses than one in this many tries, the cell is practically closed.
 constexpr std::size_t kMostTries = 2000;
 
 Eigen::Vector3d vector_from(const json& value, const char* key) {
@@ -57,7 +57,8 @@ bool seen(const std::vector<Pose>& frames, const Pose& tool, const Cell& cell) {
     const Eigen::Vector3d opening = tool.linear() * cell.opening.normalized();
     if (opening.dot(sight) < std::cos(*cell.acceptance) * distance) return false;
   }
-  // The flange stands right beside the reflector: sight begins a clearance away from it.
+  // The flange is right beside the reflector, so the line of sight is tested from one clearance
+  // away.
   const Eigen::Vector3d begin = point + sight * (cell.clearance / distance);
   Eigen::Vector3d from = Eigen::Vector3d::Zero();
   for (const Pose& frame : frames) {
@@ -68,7 +69,7 @@ bool seen(const std::vector<Pose>& frames, const Pose& tool, const Cell& cell) {
   return true;
 }
 
-// What the couplings give a passive joint is within its limits.
+// True if every passive joint, whose position the couplings give, is within its limits.
 bool passive_within_limits(const Robot& robot, const double* q) {
   for (int k = 0; k < robot.joint_count(); ++k) {
     const Joint& joint = robot.joints[static_cast<std::size_t>(k)];
@@ -156,7 +157,7 @@ bool admissible(Kinematics& kinematics, const double* q, const Cell& cell) {
   if (cell.box && !cell.box->contains(tool.translation())) return false;
   if (cell.floor) {
     if (tool.translation().z() < *cell.floor) return false;
-    // Joint 1 stands on the base, whose own height is nobody's to choose.
+    // Joint 1 is on the base, whose height does not depend on the pose.
     for (std::size_t k = 1; k < kinematics.frames().size(); ++k) {
       if (kinematics.frames()[k].translation().z() < *cell.floor) return false;
     }

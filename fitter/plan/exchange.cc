@@ -13,15 +13,15 @@ namespace armtrue {
 namespace {
 
 constexpr int kMostPasses = 20;
-// An exchange must be worth more than rounding.
+// An exchange must gain more than rounding.
 constexpr double kWorthwhile = 1e-9;
 constexpr double kTieBreak = 1e-3;
-// Share of what is known in any direction that must stay when a measurement is taken out by an
-// update.
+// If a removal leaves less than this share of the information in any direction, the inverse is
+// computed anew instead of updated.
 constexpr double kWellKnown = 1e-4;
 constexpr int kRefresh = 100;
 
-// The least of several values, and a little of their mean.
+// The least of several values, plus a small share of their mean.
 template <typename ValueOf>
 double least_and_mean(std::size_t pairs, const ValueOf& value_of) {
   double least = std::numeric_limits<double>::infinity();
@@ -34,7 +34,7 @@ double least_and_mean(std::size_t pairs, const ValueOf& value_of) {
   return least + kTieBreak * sum / static_cast<double>(pairs);
 }
 
-// The measurement still free that makes the criterion largest; there has to be one.
+// The free measurement that makes the criterion largest; at least one must be free.
 std::size_t best_to_add(const Criterion& criterion, const std::vector<bool>& free) {
   const auto first = std::find(free.begin(), free.end(), true);
   auto best = static_cast<std::size_t>(first - free.begin());
@@ -117,14 +117,14 @@ void MeasurementChoice::change(std::size_t i, double sign) {
   }
   const SymmetricEigen eigen = symmetric_eigen(Eigen::MatrixXd::Identity(height_, height_) +
                                                sign * Eigen::MatrixXd(leverage_[i]));
-  // Taking out what alone tells something divides by nearly nothing, and rounding adds up in the
-  // long run.
+  // Removing the only measurement that determines a direction divides by nearly zero, and rounding
+  // errors accumulate over many updates.
   if (eigen.values[0] < kWellKnown || ++changes_ % kRefresh == 0) {
     solve_anew();
     return;
   }
   log_determinant_ += eigen.values.array().log().sum();
-  // Columns whose square is what the inverse loses.
+  // The inverse changes by −sign · response · responseᵀ.
   const Eigen::MatrixXd root = eigen.vectors * eigen.values.cwiseSqrt().cwiseInverse().asDiagonal();
   const Eigen::MatrixXd response = times(covariance_, rows.transpose() * root);
   const Eigen::MatrixXd cross = times(*jacobian_, response);

@@ -1,5 +1,5 @@
-// Which of many possible measurements to take: criteria that grow with every measurement chosen,
-// and the exchange algorithm that makes one as large as it gets.
+// Choice among possible measurements: criteria that grow with every measurement chosen, and the
+// exchange algorithm that maximises one.
 #pragma once
 
 #include <Eigen/Cholesky>
@@ -15,27 +15,26 @@ namespace armtrue {
 /// squares): every possible measurement is a block of `height` rows of a whitened Jacobian. Adding
 /// or removing one costs one product of the Jacobian with `height` columns.
 ///
-/// M = start + Σ JᵢᵀJᵢ over the chosen. Where a `difference` is given, it also keeps the sum of
-/// squares that the unknowns cannot take away: min over δ of Σ ‖dᵢ − Jᵢ δ‖² with what `start`
-/// already knows.
+/// M = start + Σ JᵢᵀJᵢ over the chosen. With a `difference`, it also keeps the sum of squares that
+/// the unknowns cannot explain: min over δ of Σ ‖dᵢ − Jᵢ δ‖², together with what `start` contains.
 class MeasurementChoice {
  public:
   /// `jacobian`: (height · measurements) × unknowns, must outlive this; `start`: symmetric
   /// positive.
   MeasurementChoice(const Eigen::MatrixXd& jacobian, int height, const Eigen::MatrixXd& start);
   /// `difference`: height · measurements; `gradient`, `squares`: Jᵀd and Σ d² of the measurements
-  /// that lie in `start`.
+  /// that are part of `start`.
   MeasurementChoice(const Eigen::MatrixXd& jacobian, int height, const Eigen::MatrixXd& start,
                     const Eigen::VectorXd& difference, const Eigen::VectorXd& gradient,
                     double squares);
 
   std::size_t count() const { return leverage_.size(); }
   int height() const { return height_; }
-  /// log det of M with measurement i added, less the present one.
+  /// Increase of log det M if measurement i is added.
   double log_determinant_gain(std::size_t i) const;
-  /// Growth of the sum of squares left over when measurement i is added.
+  /// Increase of left() if measurement i is added.
   double left_gain(std::size_t i) const;
-  /// Sum of squares left over of the present choice.
+  /// Sum of squares that the unknowns cannot explain, for the present choice.
   double left() const { return left_; }
   /// log det M less that of `start`.
   double log_determinant() const { return log_determinant_; }
@@ -48,7 +47,7 @@ class MeasurementChoice {
   using Block = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kHeight, kHeight>;
   using Part = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kHeight, 1>;
   void change(std::size_t i, double sign);
-  // The factor of I + Jᵢ M⁻¹ Jᵢᵀ.
+  // Cholesky factor of I + Jᵢ M⁻¹ Jᵢᵀ.
   Eigen::LLT<Block> grown(std::size_t i) const;
   void solve_anew();
   auto rows_of(std::size_t i) const {
@@ -63,21 +62,20 @@ class MeasurementChoice {
   std::vector<Block> leverage_;  // Jᵢ M⁻¹ Jᵢᵀ of every measurement
   double log_determinant_ = 0.0;
   int changes_ = 0;
-  // With a difference: it, Jᵀd and Σ d² of the start and the chosen, and dᵢ − Jᵢ δ of every
-  // measurement.
+  // With a difference: d, Jᵀd and Σ d² over start and choice, and dᵢ − Jᵢ δ of every measurement.
   Eigen::VectorXd difference_, gradient_;
   double squares_ = 0.0;
   std::vector<Part> error_;
   double left_ = 0.0;
 };
 
-/// What a choice of measurements is worth; more is better.
+/// Value of a choice of measurements; more is better.
 class Criterion {
  public:
   virtual ~Criterion() = default;
   virtual std::size_t count() const = 0;
   virtual double value() const = 0;
-  /// value() as it would be with measurement i added.
+  /// value() if measurement i is added.
   virtual double value_with(std::size_t i) const = 0;
   virtual void add(std::size_t i) = 0;
   virtual void remove(std::size_t i) = 0;
@@ -100,13 +98,13 @@ class DOptimality final : public Criterion {
   MeasurementChoice choice_;
 };
 
-/// T-optimality (Atkinson and Fedorov 1975) for any number of rivals: the least evidence that any
-/// wrong rival would leave behind, each in turn being the truth. A thousandth of the mean breaks
-/// ties.
+/// T-optimality (Atkinson and Fedorov 1975) for any number of rivals: each in turn is taken as the
+/// truth, and the value is the least sum of squares that a wrong rival leaves. A thousandth of the
+/// mean breaks ties.
 class TOptimality final : public Criterion {
  public:
-  /// One choice for each ordered pair (truth, rival): `left` is what the rival cannot explain of
-  /// it.
+  /// One choice for each ordered pair (truth, rival): left() is what the rival cannot explain of
+  /// the truth.
   explicit TOptimality(std::vector<MeasurementChoice> pairs) : pairs_(std::move(pairs)) {}
   std::size_t count() const override { return pairs_.front().count(); }
   double value() const override;
@@ -119,14 +117,14 @@ class TOptimality final : public Criterion {
   std::vector<MeasurementChoice> pairs_;
 };
 
-/// Chooses `count` different measurements of those `allowed` (as many as there are, where fewer)
-/// one by one, always the best. Leaves the criterion at the choice. `step` is told the share done.
+/// Chooses `count` different measurements among `allowed` (all of them, if fewer) one by one, each
+/// time the best. Leaves the criterion at the choice. `step` receives the share done.
 std::vector<std::size_t> choose_greedily(Criterion& criterion, std::size_t count,
                                          const std::vector<bool>& allowed,
                                          const std::function<void(double)>& step = {});
 
-/// The same, and then exchange (Fedorov 1972; Mitchell 1974): each chosen one is taken out and
-/// replaced by the best there is, until a whole pass changes nothing.
+/// The same, followed by exchange (Fedorov 1972; Mitchell 1974): each chosen measurement is
+/// replaced by the best available one, until a whole pass changes nothing.
 std::vector<std::size_t> choose_best(Criterion& criterion, std::size_t count,
                                      const std::vector<bool>& allowed,
                                      const std::function<void(double)>& step = {});

@@ -11,7 +11,7 @@
 namespace armtrue {
 namespace {
 
-// Share of an average measurement that every unknown is granted beforehand.
+// Information that every unknown has in advance, as a share of an average measurement's.
 constexpr double kFaint = 1e-6;
 constexpr std::size_t kWeakest = 3;
 constexpr std::size_t kParts = 4;
@@ -37,7 +37,7 @@ Weakness weakness_of(const Linearised& linearised, const Eigen::VectorXd& direct
   return weakness;
 }
 
-// The whitened Jacobian of all rows in all unknowns of a design.
+// Whitened Jacobian of all rows of a design with respect to all its unknowns.
 Eigen::MatrixXd whole_jacobian(Design& design) {
   const auto rows = static_cast<Eigen::Index>(design.rows());
   const int height = design.residuals_per_row();
@@ -122,8 +122,7 @@ FisherSpectrum fisher_spectrum(const Linearised& linearised, const Eigen::Matrix
         weakness_of(linearised, eigen.vectors.col(static_cast<Eigen::Index>(k)),
                     1.0 / std::sqrt(std::max(spectrum.eigenvalues[k], 1e-300))));
   }
-  // Positions alone: where orientations are measured too, their rows are in units of their own
-  // sigma.
+  // Positions only: the rows of orientations are in units of their own sigma.
   const Eigen::MatrixXd covariance = ScaledCholesky(information).inverse();
   const Eigen::MatrixXd& jacobian = linearised.jacobian();
   const Eigen::VectorXd variance =

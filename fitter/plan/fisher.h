@@ -1,4 +1,4 @@
-// What a choice of measurements would know: the Fisher information of a model's unknowns, its
+// Information in a choice of measurements: the Fisher information of a model's unknowns, its
 // spectrum, and its weakest directions in words.
 #pragma once
 
@@ -15,11 +15,11 @@ namespace armtrue {
 
 /// A model linearised at every possible measurement, in scaled unknowns: a change of 1 in an
 /// unknown moves the tool by `sigma` metres (root mean square over the possible measurements), so
-/// that all count alike whatever their units.
+/// that unknowns of different units are comparable.
 class Linearised {
  public:
-  /// `design` is evaluated at its present values; unknowns that no measurement sees are left out.
-  /// `smoothness_sigma`: of tables' penalties, as in the fit.
+  /// `design` is evaluated at its present values; unknowns that affect no measurement are left out.
+  /// `smoothness_sigma`: of the tables' smoothness penalties, as in the fit.
   Linearised(Design& design, double smoothness_sigma);
 
   int height() const { return height_; }
@@ -27,15 +27,14 @@ class Linearised {
   Eigen::Index unknowns() const { return jacobian_.cols(); }
   /// (height · measurements) × unknowns, whitened.
   const Eigen::MatrixXd& jacobian() const { return jacobian_; }
-  /// Information of priors, gauges and smoothness, and a millionth of an average measurement's so
-  /// that it can be inverted.
+  /// Information of priors, gauges and smoothness, plus a millionth of an average measurement's,
+  /// which makes it invertible.
   const Eigen::MatrixXd& known() const { return known_; }
-  /// The same Jacobian for the measurements of another design of the same unknowns: those taken
-  /// already.
+  /// The same Jacobian for another design with the same unknowns: the measurements already taken.
   Eigen::MatrixXd jacobian_of(Design& taken) const;
-  /// JᵀJ over the chosen rows.
+  /// JᵀJ over the chosen measurements.
   Eigen::MatrixXd information_of(const std::vector<std::size_t>& chosen) const;
-  /// What people call unknown u.
+  /// Unknown u in words.
   const std::string& words(Eigen::Index u) const { return words_[static_cast<std::size_t>(u)]; }
   const std::string& name(Eigen::Index u) const { return names_[static_cast<std::size_t>(u)]; }
 
@@ -47,7 +46,7 @@ class Linearised {
   std::vector<std::string> words_, names_;
 };
 
-/// A direction among the unknowns and how well it is known.
+/// A direction in the space of the unknowns, and how precisely it is determined.
 struct Weakness {
   double sigma = 0.0;  ///< standard deviation as a motion of the tool [m]
   std::string words;   ///< "link 3's turn about y against axis 2's zero"
@@ -58,15 +57,14 @@ struct Weakness {
 struct FisherSpectrum {
   std::vector<double>
       eigenvalues;  ///< smallest first [1/m²]: 1 / sigma² of orthogonal combinations
-  std::vector<Weakness> weakest;  ///< of the three smallest
+  std::vector<Weakness> weakest;  ///< directions of the three smallest eigenvalues
   double log_determinant = 0.0;
   double prediction_rms =
-      0.0;  ///< of the fitted model over the reachable poses, root mean square [m]
+      0.0;  ///< standard deviation of predictions over the reachable poses, root mean square [m]
 };
 
 /// `information` in scaled unknowns, priors included; `sigma`: of one measured coordinate [m];
-/// `reachable`: so many of the first measurements make up the set over which predictions are
-/// judged.
+/// `reachable`: number of first measurements over which predictions are judged.
 FisherSpectrum fisher_spectrum(const Linearised& linearised, const Eigen::MatrixXd& information,
                                double sigma, std::size_t reachable);
 

@@ -8,7 +8,7 @@
 namespace armtrue {
 namespace {
 
-// More different values than this are a measured quantity, not a choice of a few.
+// More distinct values than this are a measured quantity, not a choice of a few.
 constexpr std::size_t kFewLevels = 6;
 
 }  // namespace

@@ -1,5 +1,5 @@
-// What can be commanded in a campaign: joints, and beside them payloads, directions of approach,
-// temperatures and moments, as far as a model reads them.
+// Quantities that can be set in a campaign: joints and, if a model reads them, payloads, directions
+// of approach, temperatures and times.
 #pragma once
 
 #include <cstdint>
@@ -19,20 +19,20 @@ using Levels = std::map<std::string, std::vector<double>>;
 /// Possible measurements, row by row.
 struct Menu {
   State::Columns columns;
-  std::vector<std::string> written;  ///< columns for whoever runs the plan, in order
-  std::size_t uniform = 0;  ///< the first so many rows are spread evenly: the arm's reachable set
+  std::vector<std::string> written;  ///< columns of the plan that its operator needs, in order
+  std::size_t uniform = 0;  ///< number of first rows, spread evenly over the arm's reachable set
 };
 
-/// Recorded columns that the terms of a model read and that somebody can set: payload, dir…,
-/// temp_…, time and what custom expressions name. Joints are not among them.
+/// Recorded columns that the terms of a model read and an operator can set: payload, dir…, temp_…,
+/// time and columns of custom expressions. Joints are not among them.
 std::set<std::string> settable_columns(const Model& model, const State& state);
 
-/// Levels of columns as they were recorded: all values of a few, low, middle and high of many, both
+/// Levels of columns as recorded: all values if they are few, else lowest, median and highest; both
 /// directions.
 Levels recorded_levels(const State& state, const std::set<std::string>& columns);
 
-/// Half of `count` rows evenly over the reachable poses, half with joints at the ends of their
-/// ranges, each with levels drawn at random. Columns qr… follow the joints.
+/// Half of `count` rows spread evenly over the reachable poses, half with joints at the ends of
+/// their ranges, each with levels drawn at random. Columns qr… are copies of the joints.
 Menu make_menu(const Robot& robot, const Pose& flange_from_tool, const Cell& cell,
                const Eigen::MatrixX2d& ranges, const Levels& levels, std::size_t count,
                std::uint64_t seed);

@@ -19,11 +19,11 @@ using nlohmann::json;
 
 constexpr std::size_t kMostPoses = 2000;
 constexpr std::size_t kMostCandidates = 50000;
-// Smoothness of tables before any data chose one: the fit's own default.
+// Smoothness of tables before data determine one: the fit's own default.
 constexpr double kSmoothness = 1e-4;
 // ΔBIC that settles a question: "very strong" evidence (Kass and Raftery 1995).
 constexpr double kTold = 10.0;
-// Random choices that are worth a refit each of a rival that bends.
+// Random choices for which a rival that bends is fitted again.
 constexpr std::size_t kRefits = 5;
 
 std::function<void(double)> stage(Observer& observer, double from, double to, const char* what) {
@@ -47,7 +47,7 @@ json rows_json(const PlannedRows& rows) {
   return {{"written", rows.written}, {"columns", columns}};
 }
 
-// Levels of everything that the models read, as recorded or as given.
+// Levels of all columns that the models read: as given, else as recorded.
 Levels levels_for(const std::vector<const Fit*>& fits, const Levels& given) {
   std::set<std::string> columns;
   for (const Fit* fit : fits) columns.merge(settable_columns(fit->model(), fit->state()));
@@ -62,15 +62,15 @@ Menu menu_for(const Fit& fit, const Levels& levels, const PlanOptions& options) 
   Menu menu = make_menu(fit.robot(), fit.kinematics().tool(0), options.cell,
                         joint_ranges(fit.robot(), fit.state().joints()), levels, options.candidates,
                         options.seed);
-  // Errors of the instrument depend on where it sees the reflector. The nominal arm, right to a
-  // millimetre, says that well enough.
+  // Errors of the instrument depend on where it sees the reflector. The nominal arm, accurate to a
+  // millimetre, predicts that well enough.
   const State state(fit.robot(), menu.columns, fit.state().payload_point());
   const std::vector<int> target(state.rows(), 0);
   put_poses(predict_poses(state, target, Model{}, fit.kinematics()), false, menu.columns);
   return menu;
 }
 
-// The session in which so many measurements, chosen greedily, are worth most.
+// The session in which `poses` measurements, chosen greedily, are worth most.
 template <typename Choice>
 std::vector<bool> best_session(const Menu& menu, const Choice& start, std::size_t poses) {
   std::vector<std::vector<bool>> all = sessions(menu);
@@ -95,7 +95,7 @@ std::vector<bool> best_session(const Menu& menu, const Choice& start, std::size_
   return std::move(*best);
 }
 
-// Random rows of a session, spread evenly over the reachable poses, drawn several times.
+// Several random choices of a session's rows, among those spread evenly over the reachable poses.
 std::vector<std::vector<std::size_t>> random_choices(const Menu& menu,
                                                      const std::vector<bool>& session,
                                                      const PlanOptions& options) {
@@ -112,7 +112,7 @@ std::vector<std::vector<std::size_t>> random_choices(const Menu& menu,
   return draws;
 }
 
-// D-optimal choice from `linearised`, and as many random poses beside it.
+// D-optimal choice from `linearised`, and random choices of as many poses for comparison.
 CampaignPlan choose(const Linearised& linearised, const Menu& menu, const Robot& robot,
                     const Eigen::MatrixXd& start, double sigma, const PlanOptions& options,
                     Observer& observer) {
@@ -139,7 +139,7 @@ CampaignPlan choose(const Linearised& linearised, const Menu& menu, const Robot&
   return plan;
 }
 
-// What is not one number with another parameter at all poses of the menu.
+// Free parameters without those that no pose of the menu separates from another.
 std::vector<int> told_by_any_pose(Design& menu) {
   std::vector<int> told = menu.free_parameters();
   for (const Unidentifiable& held : identify(menu).held) {
@@ -148,7 +148,7 @@ std::vector<int> told_by_any_pose(Design& menu) {
   return told;
 }
 
-// Pairs that so many poses on the menu can tell apart at all; all of them where none is.
+// Pairs that so many poses of the menu can separate; all pairs if there are none.
 std::vector<RivalPair> separable_pairs(const Rivals& rivals, const Menu& menu,
                                        const PlanOptions& options, Observer& observer) {
   std::vector<RivalPair> separable;

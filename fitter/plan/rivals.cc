@@ -163,7 +163,8 @@ double Rivals::left_after_refit(const RivalPair& pair, const std::vector<std::si
   return left;
 }
 
-// n log(1 + left / n), for a noise that is itself estimated, and the difference in unknowns.
+// −n log(1 + left / freedom), since the noise is estimated too, and the difference in the penalty
+// for unknowns.
 double Rivals::bic(double left, const RivalPair& pair, std::size_t poses) const {
   const Fit& truth = *rivals_[pair.truth].fit;
   const Fit& rival = *rivals_[pair.rival].fit;

@@ -1,5 +1,5 @@
-// Rival explanations of one fit's residual, and the evidence that further measurements would give
-// between them.
+// Rival explanations of one fit's residual, and the evidence between them that further measurements
+// would give.
 #pragma once
 
 #include <memory>
@@ -11,7 +11,7 @@
 
 namespace armtrue {
 
-/// One rival against another that is taken for the truth: indices into the rivals.
+/// One rival, and another that is taken as the truth: indices into the rivals.
 struct RivalPair {
   std::size_t truth = 0, rival = 0;
 };
@@ -28,15 +28,15 @@ class Rivals {
   /// Every ordered pair.
   const std::vector<RivalPair>& pairs() const { return pairs_; }
 
-  /// The menu as a choice whose left-over is what the rival cannot explain of the truth as fitted,
-  /// all its unknowns free to follow.
+  /// The menu as a choice whose left() is what the rival, with all its unknowns free, cannot
+  /// explain of the truth as fitted.
   MeasurementChoice choice(const RivalPair& pair) const;
 
-  /// True where the rival can follow the truth further than its slopes tell, having nonlinear
-  /// unknowns or tables that gain nodes where new measurements lie: its evidence costs a fit.
+  /// True if the rival can follow the truth further than its linearisation tells, having nonlinear
+  /// unknowns or tables that gain nodes where new measurements lie: its evidence needs a fit.
   bool bends(const RivalPair& pair) const { return rivals_[pair.rival].bends; }
-  /// BIC of the truth less the rival's that is to be expected after measuring `rows` of the menu,
-  /// if the truth is as fitted. A rival that bends is fitted anew.
+  /// Expected BIC of the truth minus that of the rival after measuring `rows` of the menu, if the
+  /// truth is as fitted. A rival that bends is fitted again.
   double evidence(const RivalPair& pair, const std::vector<std::size_t>& rows) const;
 
  private:
@@ -51,7 +51,7 @@ class Rivals {
     Eigen::MatrixXd jacobian_taken;
     Eigen::MatrixXd known;  // information of priors and measurements taken
   };
-  // Truth less rival, whitened, over rows of the menu below the measurements taken.
+  // Truth minus rival, whitened, at the measurements taken and at chosen rows of the menu.
   struct Difference {
     Eigen::VectorXd taken, possible;
   };
@@ -64,11 +64,11 @@ class Rivals {
   const Menu& menu_;
   std::vector<Rival> rivals_;
   std::vector<RivalPair> pairs_;
-  const Fit* sharpest_;  // the one that leaves least: its noise is everybody's
+  const Fit* sharpest_;  // the fit with the smallest noise, which all rivals use
 };
 
-/// Measurements that find exactly what `poses` predict, each coordinate with a standard deviation
-/// as the measurements of `fit` have it.
+/// Measurements that equal the prediction `poses`, each coordinate with the standard deviation of
+/// the measurements of `fit`.
 Measurements expected_measurements(const Fit& fit, const std::vector<Pose>& poses);
 
 }  // namespace armtrue

@@ -9,7 +9,7 @@
 namespace armtrue {
 namespace {
 
-// Sessions tried for each way of the temperature, up and down.
+// Most sessions tried for each direction of the temperature, rising and falling.
 constexpr double kMostSessions = 12.0;
 
 using Temperatures = std::vector<double>;  // of all sensors
@@ -38,7 +38,7 @@ double binomial(std::size_t n, std::size_t k) {
   return std::round(result);
 }
 
-// The level at each of `moments`, never falling, from 0 to `highest`: the one of the given rank
+// Levels from 0 to `highest` at each of `moments`, never falling: the course of the given rank
 // among all such courses.
 std::vector<std::size_t> course(std::size_t highest, std::size_t moments, double rank) {
   std::vector<std::size_t> levels;
@@ -62,8 +62,8 @@ std::size_t rank_in(const std::vector<Value>& sorted, const Value& value) {
                                   sorted.begin());
 }
 
-// Orders the payloads of each block so that as few changes as can be remain in all: where it can,
-// a block begins with what the one before ended with.
+// Orders the payloads of each block for the fewest changes in total: where possible, a block begins
+// with the payload that ended the one before.
 std::vector<std::vector<double>> payload_orders(const std::vector<std::vector<double>>& blocks) {
   struct End {
     std::size_t changes = 0, before = 0, first = 0;
@@ -143,7 +143,7 @@ std::vector<std::size_t> run_order(const Menu& menu, const Robot& robot,
   const std::vector<Temperatures> temperature = temperatures_of(menu, count);
   const std::vector<double> time = column_or_none(menu, "time", count);
   const std::vector<double> payload = column_or_none(menu, "payload", count);
-  // In a session a temperature ends before the next begins: its moments say when it has its turn.
+  // In a session each temperature ends before the next begins, so its times determine its turn.
   std::map<Temperatures, std::pair<double, double>> span;
   for (const std::size_t row : rows) {
     const auto [at, fresh] = span.try_emplace(temperature[row], time[row], time[row]);
@@ -161,7 +161,7 @@ std::vector<std::size_t> run_order(const Menu& menu, const Robot& robot,
     blocks.emplace_back();
     for (const auto& [mass, group] : by_payload) blocks.back().push_back(mass);
   }
-  // Joints move at the same time: the one with the longest way decides.
+  // Joints move simultaneously: the longest motion decides.
   const auto way = [&](std::size_t a, std::size_t b) {
     double longest = 0.0;
     for (int k = 1; k <= robot.joint_count(); ++k) {

@@ -1,4 +1,4 @@
-// Figures that cross into Python as NumPy arrays.
+// Numbers exchanged with Python as NumPy arrays.
 #pragma once
 
 #include <nanobind/nanobind.h>
@@ -18,7 +18,7 @@ using Vectors = nanobind::ndarray<nanobind::numpy, double, nanobind::ndim<2>>;
 using Column =
     nanobind::ndarray<const double, nanobind::ndim<1>, nanobind::c_contig, nanobind::device::cpu>;
 
-/// Columns are read once into the state, which keeps derived columns beside them.
+/// Copies columns for a state, which stores derived columns beside them.
 inline State::Columns to_columns(const std::map<std::string, Column>& arrays) {
   State::Columns columns;
   for (const auto& [name, array] : arrays)
@@ -26,7 +26,7 @@ inline State::Columns to_columns(const std::map<std::string, Column>& arrays) {
   return columns;
 }
 
-/// An array of `width` columns out of values row by row. Hands the memory over without copying.
+/// An array of `width` columns from row-major values. Hands the memory over without copying.
 inline Vectors to_numpy(std::vector<double> values, std::size_t width) {
   auto* owned = new std::vector<double>(std::move(values));
   const nanobind::capsule owner(

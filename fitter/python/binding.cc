@@ -1,5 +1,5 @@
-// armtrue._core: the fitter in process. Figures cross as NumPy arrays, structured content as JSON
-// text.
+// armtrue._core: the fitter in process. Numbers are passed as NumPy arrays, structured content as
+// JSON text.
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
 #include <nanobind/stl/function.h>
@@ -136,8 +136,8 @@ std::string run_diagnose(Fit& fit, std::optional<Progress> progress, std::set<st
   });
 }
 
-// Labels of the effects that a search put in: all of `refined` that were not in `given` by its
-// owner's word.
+// Labels of the effects that a search added: those of `refined` that `given` does not have, or has
+// only from an earlier search (`searched`).
 std::vector<std::string> searched_effects(const Fit& given, const Fit& refined,
                                           const std::set<std::string>& searched) {
   std::set<std::string> believed;

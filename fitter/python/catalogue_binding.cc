@@ -45,8 +45,8 @@ std::string effects_json() {
   return catalogue.dump();
 }
 
-// Terms that are weighed by what a fit has found show one spring of 1 rad/Nm, and a balancer of
-// 1 mrad.
+// Terms that depend on fitted springs or balancers are shown for one spring of 1 rad/Nm and a
+// balancer of 1 mrad.
 std::string effect_terms_json(const std::string& robot_json,
                               const std::map<std::string, Column>& arrays,
                               const std::string& request_json) {

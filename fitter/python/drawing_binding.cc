@@ -32,7 +32,7 @@ Vectors coordinate_column(Fit& fit, const std::string& name) {
   return to_numpy(std::move(column), 3);
 }
 
-// Rows that a fit keeps out count here too: the caller decides what they weigh.
+// Rows that a fit keeps out are included: the caller decides their weight.
 Vectors residuals_in_noise(Fit& fit, Fit& noise_of) {
   Design& yardstick = noise_of.design();
   const std::vector<double> weights = yardstick.weights();

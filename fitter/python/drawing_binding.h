@@ -1,4 +1,4 @@
-// Bindings of what drawings of a fit need.
+// Bindings of the data for plots of a fit.
 #pragma once
 
 #include <nanobind/nanobind.h>

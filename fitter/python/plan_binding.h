@@ -5,8 +5,7 @@
 
 namespace armtrue {
 
-/// Adds plan_campaign, plan_sharpening and plan_separation to the module; Fit must be bound
-/// already.
+/// Adds plan_campaign, plan_sharpening and plan_separation to the module, after Fit has been bound.
 void bind_plan(nanobind::module_& module);
 
 }  // namespace armtrue

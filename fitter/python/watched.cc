@@ -7,7 +7,7 @@ namespace nb = nanobind;
 namespace armtrue {
 namespace {
 
-// Ctrl-C waits so long at most before it is seen.
+// Longest delay before Ctrl-C is noticed.
 constexpr std::chrono::milliseconds kBetweenLooks{50};
 
 }  // namespace
@@ -28,7 +28,7 @@ void WatchedCall::on_callers_thread(const std::function<void()>& task) {
   if (cancelled_) throw Cancelled();
 }
 
-// Waits a little for a task, without the GIL. False where none came.
+// Waits at most kBetweenLooks for a task, without the GIL. Returns false if none came.
 bool WatchedCall::wait_for_task(Task& task) {
   const nb::gil_scoped_release released;
   std::unique_lock lock(mutex_);
@@ -39,7 +39,7 @@ bool WatchedCall::wait_for_task(Task& task) {
   return true;
 }
 
-// What the computing thread asks of this one, until it has ended.
+// Runs the tasks of the computing thread on this one, until the computation has ended.
 void WatchedCall::attend() {
   for (;;) {
     Task task;

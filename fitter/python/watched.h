@@ -1,5 +1,5 @@
-// Long calls from Python: the numbers are worked out on a thread of their own, without the GIL,
-// while the thread that called hands progress to Python and answers Ctrl-C.
+// Long calls from Python: a thread of their own computes, without the GIL, while the calling thread
+// passes progress to Python and handles Ctrl-C.
 #pragma once
 
 #include <nanobind/nanobind.h>
@@ -22,25 +22,25 @@ namespace armtrue {
 
 using Progress = std::function<void(double, const std::string&)>;
 
-/// What passes between the thread that computes and the one that called from Python.
+/// Communication between the computing thread and the thread that called from Python.
 class WatchedCall final : public Observer {
  public:
   /// `progress`: called on the caller's thread only, with the GIL.
   explicit WatchedCall(std::optional<Progress> progress) : progress_(std::move(progress)) {}
 
   void report(double share, const std::string& stage) override;
-  /// Has the caller's thread do `task` with the GIL, and waits for it. Throws Cancelled where the
-  /// call was cancelled meanwhile.
+  /// Runs `task` on the caller's thread with the GIL, and waits for it. Throws Cancelled if the
+  /// call is cancelled meanwhile.
   void on_callers_thread(const std::function<void()>& task);
 
-  /// Called with the GIL. Runs `work` and returns when that has ended; throws what it threw, or
-  /// what a callback or Ctrl-C's handler threw.
+  /// Called with the GIL. Returns when `work` has ended; throws what `work`, a callback or Ctrl-C's
+  /// handler threw.
   void run(const std::function<void()>& work);
 
  private:
   struct Task {
     std::function<void()> run;
-    bool* done = nullptr;  // of a task that is waited for
+    bool* done = nullptr;  // set when the task has run; nullptr: no thread waits
   };
   void attend();
   bool wait_for_task(Task& task);
@@ -53,7 +53,7 @@ class WatchedCall final : public Observer {
   bool ended_ = false;
 };
 
-/// `work(call)` as WatchedCall::run does it; returns what it returns.
+/// Runs `work(call)` as WatchedCall::run does; returns its result.
 template <typename Work>
 auto watched(std::optional<Progress> progress, const Work& work) {
   WatchedCall call(std::move(progress));

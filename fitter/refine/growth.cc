@@ -10,8 +10,8 @@
 namespace armtrue {
 namespace {
 
-// How far the prediction of every row was off that no fit saw [m]: not a number where it is not
-// known. What was kept out as a gross error was seen by none.
+// Errors of predicting each row without having fitted it [m]; not a number where unknown. No fit
+// has seen the rows kept out as gross errors.
 std::vector<double> unseen_distances(const Fit& fit, std::size_t folding) {
   std::vector<double> distance = fit.held_out_distances_by_row()[folding];
   for (const RejectedRow& r : fit.rejected()) distance[r.row] = r.residual;

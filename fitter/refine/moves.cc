@@ -6,12 +6,12 @@
 namespace armtrue {
 namespace {
 
-// Below this share of the squares that the greatest effect of a search explains, tables aside, an
-// effect may be what linearising before that one came in has left: it waits for the next search.
+// An effect below this share of the squares that the search's largest effect (tables aside)
+// explains may be an artefact of linearising without the latter: it waits for the next search.
 constexpr double kBeyondSecondOrder = 0.02;
 
-// A table of one joint comes in with those of the others that are as probable: each waits for the
-// others to see what it explains.
+// A table of one joint is added together with equally probable ones of other joints: what each
+// explains shows only beside the others.
 Candidate with_its_like(const Diagnosis& d, const Candidate& best) {
   Candidate wide = best;
   if (find_effect(best.request.effect).joint_rule() != JointRule::kEach || !is_table(best))
@@ -45,8 +45,8 @@ std::vector<Move> moves_of(const Diagnosis& d) {
   std::vector<const Candidate*> sure;
   double most = 0.0;
   for (const Candidate& c : d.candidates) {
-    // Of the forms of one effect, which share what makes them sure, the most probable one comes in;
-    // another one waits for the next search.
+    // Forms of one effect share the probability that makes them sure. The most probable form is
+    // added; another one waits for the next search.
     const bool other_form = std::ranges::any_of(
         sure, [&](const Candidate* s) { return label(s->request) == label(c.request); });
     if (!best || !is_sure(c) || other_form) continue;
@@ -58,7 +58,7 @@ std::vector<Move> moves_of(const Diagnosis& d) {
   std::stable_sort(sure.begin(), sure.end(), [](const Candidate* a, const Candidate* b) {
     return std::pair{is_table(*a), -a->gain_beside} < std::pair{is_table(*b), -b->gain_beside};
   });
-  // Of two that may stand for one another, the second waits for a search beside the first.
+  // If two candidates may stand for one another, the second waits for a search beside the first.
   std::vector<const Candidate*> taken;
   for (const Candidate* c : sure) {
     if (std::ranges::any_of(taken,
@@ -74,12 +74,12 @@ std::vector<Move> moves_of(const Diagnosis& d) {
   }
   for (const Superfluous& s : d.superfluous) moves.push_back({std::nullopt, {s.request}});
   if (best) return moves;
-  // What is more likely absent, for what is more likely there.
+  // Exchanges of an effect that is probably absent for a candidate that is probably present.
   for (const Superfluous& s : d.superfluous) {
     for (const Candidate& c : d.candidates) {
       if (c.probability <= kMoreLikelyThanNot) continue;
       moves.push_back({c, {s.request}});
-      // Beside the other, what takes its place explains too little for the search to pair them.
+      // Beside the effect that it replaces, it explains too little for the search to pair the two.
       std::vector<std::string>& named = moves.back().added->confounded_with;
       if (std::ranges::find(named, label(s.request)) == named.end())
         named.push_back(label(s.request));

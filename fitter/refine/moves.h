@@ -1,4 +1,4 @@
-// Changes of a model that a search asks for.
+// Model changes that a diagnosis suggests.
 #pragma once
 
 #include <optional>
@@ -8,27 +8,27 @@
 
 namespace armtrue {
 
-/// A change of the model: what comes in, what goes.
+/// A change of the model: effects added and removed.
 struct Move {
   std::optional<Candidate> added;
   std::vector<EffectRequest> removed;
   bool sure = false;  ///< can follow another move of its search without a new search
 };
 
-/// Whether a search of which this is a candidate is sure of it.
+/// Whether the search that found a candidate is sure of it.
 bool is_sure(const Candidate& c);
 
-/// Whether `one` names `other` among what may stand in its place.
+/// Whether `one` names `other` as an alternative (confounded_with).
 bool names(const Candidate& one, const Candidate& other);
 
-/// Whether a candidate is a table, which follows whatever its cause is.
+/// Whether a candidate is a table, which follows an error of any cause.
 bool is_table(const Candidate& c);
 
-/// What a search asks for, in this order: what is surely there, physical effects before tables,
-/// which would swallow them; else the most probable; then what may go.
+/// The moves that a diagnosis suggests, in this order: sure candidates, physical effects before
+/// tables, which would absorb them; the recommended one; other probable ones; removals; exchanges.
 std::vector<Move> moves_of(const Diagnosis& d);
 
-/// The specification with a move made.
+/// The specification after a move.
 ModelSpecification apply(ModelSpecification specification, const Move& move,
                          const EffectContext& context);
 

@@ -16,21 +16,22 @@ namespace {
 
 using nlohmann::json;
 
-// What is superfluous can go without poses that were not fitted being predicted worse than by this
-// share, nor by more than chance explains, in standard errors.
+// When an effect is removed or exchanged, held-out errors may grow by no more than this share, and
+// by no more than chance explains, in standard errors.
 constexpr double kSameWithout = 1e-2;
 constexpr double kByChance = 2.0;
-// Finer tables take room in the compensator. They are kept only where the error on poses held out
-// at random falls by this share, and the mean over poses held out at random, in time and by region
+// Finer tables take memory in the compensator. They are kept only if the error on poses held out at
+// random falls by this share, and the mean over poses held out at random, in time and by region
 // grows by no more than chance explains.
 constexpr double kWorthNodes = 1e-2;
-// How many candidates are fitted, one after the other, to explain a structure that no effect names.
+// Candidates that are fitted, one after the other, to explain a structure without a name.
 constexpr std::size_t kTriedForStructure = 3;
 // Candidates of one search from which moves are taken.
 constexpr std::size_t kLookedThrough = 60;
-// Held-out errors of two models that agree by this share are equal.
+// Held-out errors of two models that agree within this share are equal.
 constexpr double kSameError = 1e-3;
-// Two fits of one model that ended alike. Chance moves the noise of a few hundred poses by more.
+// Two fits of one model are equal if their noise agrees within this share. Chance moves the noise
+// of a few hundred poses by more.
 constexpr double kSettledNoise = 0.01;
 constexpr int kSettlingPasses = 3;
 
@@ -52,8 +53,8 @@ bool runs_with_time(const EffectContext& context, const Move& move) {
   return (move.added && does(move.added->request)) || std::ranges::any_of(move.removed, does);
 }
 
-// What the search said, of a model in which one of its sure effects has come in: its probabilities
-// are averages over models that nearly all have that effect.
+// The search's diagnosis, for the model with one of its sure effects added: its probabilities are
+// averages over models that nearly all have that effect.
 Diagnosis with_added(const Diagnosis& searched, const Candidate& added,
                      const EffectContext& context) {
   Diagnosis d = searched;
@@ -62,8 +63,7 @@ Diagnosis with_added(const Diagnosis& searched, const Candidate& added,
     d.probability_present[label(part)] = added.in_any_form;
   std::erase_if(d.candidates, [&](const Candidate& c) {
     const bool of_a_joint = find_effect(c.request.effect).joint_rule() == JointRule::kEach;
-    // Another form of it waits for the next search. A table of several joints brings all of them
-    // in.
+    // Another form of it waits for the next search. A table of several joints adds all of them.
     return label(c.request) == label(added.request) ||
            (of_a_joint && c.request.effect == added.request.effect &&
             c.request.options == added.request.options &&
@@ -77,7 +77,7 @@ Diagnosis with_added(const Diagnosis& searched, const Candidate& added,
   return d;
 }
 
-// Probability that an effect that came in is there, or what may stand for it: they share it.
+// Probability that an added effect or one of its alternatives is present: they share it.
 double probability_of_set(const Diagnosis& d, const Candidate& added) {
   std::vector<std::string> set = added.confounded_with;
   set.push_back(label(added.request));
@@ -92,7 +92,7 @@ double probability_of_set(const Diagnosis& d, const Candidate& added) {
   return sum;
 }
 
-// True if none of an addition's parameters can be told from what was there before.
+// True if none of an added effect's parameters is identifiable beside the fitted ones.
 bool adds_nothing(const Fit& fit, const Candidate& added) {
   const auto& held = fit.identifiability().held;
   return std::ranges::all_of(added.parameters, [&](const Parameter& p) {
@@ -108,7 +108,7 @@ std::vector<EffectRequest> believed_effects(const Fit& fit, const std::set<std::
   return effects;
 }
 
-// What `run` fits; none where that model cannot be had.
+// The fit that `run` returns; null if the model cannot be fitted.
 template <typename Run>
 std::shared_ptr<Fit> fit_or_none(const Run& run) {
   try {
@@ -132,7 +132,7 @@ class Refinement {
   }
 
  private:
-  // `believed`: effects of the fit that no search put in.
+  // `believed`: effects of the fit that no search added.
   Refinement(std::shared_ptr<Fit> fit, const RefineOptions& options, Observer& observer,
              std::vector<EffectRequest> believed)
       : options_(options), observer_(observer), initial_(std::move(believed)) {
@@ -140,7 +140,7 @@ class Refinement {
     taken_.insert(fit->specification().to_json().dump());
   }
 
-  // Rounds until one changes nothing and asks for nothing that was not fitted and refused.
+  // Repeats rounds until one changes nothing and all that it recommends was fitted and refused.
   void search() {
     do {
       for (auto full = steps_.back().fit; one_round(); full = steps_.back().fit) {
@@ -154,9 +154,9 @@ class Refinement {
   }
 
   Diagnosis diagnose_now(Fit& fit) const;
-  // The model that a move leads to, and its fit; none where it cannot be had.
+  // A move's model and its fit, which is null if the model cannot be fitted.
   struct Trial {
-    std::size_t move = 0;  // of the search's
+    std::size_t move = 0;  // index in the search's moves
     ModelSpecification specification;
     std::map<std::string, double> starts;  // of new parameters
     std::shared_ptr<Fit> fit;
@@ -183,13 +183,13 @@ class Refinement {
   Observer& observer_;
   std::vector<EffectRequest> initial_;
   std::vector<RefineStep> steps_;
-  bool is_diagnosed_ = true;        // the last step, by a search of its own
+  bool is_diagnosed_ = true;        // the last step, by a search for its own fit
   std::shared_ptr<Fit> settled_;    // the last fit that was solved from the beginning
-  std::set<std::string> taken_;     // models of all steps so far; none is taken a second time
+  std::set<std::string> taken_;     // models of all steps so far; none is taken twice
   std::set<std::string> refused_;   // models tried since the last search and not taken
-  std::set<std::string> left_out_;  // what the last step's search asked for in vain, by key_of
-  std::set<std::string> gone_;  // effects that were taken out: one that pays about as much as it
-                                // costs would come and go beside every other change
+  std::set<std::string> left_out_;  // keys (key_of) of what the last step recommended in vain
+  std::set<std::string> gone_;      // effects that were removed: one that gains about as much as it
+                                    // costs would enter and leave with every other change
 };
 
 Diagnosis Refinement::diagnose_now(Fit& fit) const {
@@ -200,10 +200,10 @@ Diagnosis Refinement::diagnose_now(Fit& fit) const {
     options.searched.insert(label(request));
   for (const EffectRequest& request : initial_) options.searched.erase(label(request));
   Diagnosis d = diagnose(fit, options, observer_);
-  // What stood in the model from the start is its owner's word.
+  // Effects of the initial model are their owner's statement and get no probability.
   std::erase_if(d.probability_present,
                 [&](const auto& entry) { return !options.searched.contains(entry.first); });
-  // What no search takes out (joint zeros) is as probable as when it came in.
+  // Effects that no search removes (joint zeros) keep the probability with which they were added.
   if (!steps_.empty()) {
     for (const EffectRequest& entry : fit.specification().effects) {
       for (const EffectRequest& part : parts_of(fit.context(), entry)) {
@@ -216,7 +216,7 @@ Diagnosis Refinement::diagnose_now(Fit& fit) const {
   return d;
 }
 
-// All from the last step's fit, side by side.
+// Fits all trials in parallel, each from the last step's fit.
 void Refinement::fit_trials(std::vector<Trial>& trials, bool keeps_weights) const {
   const Fit& fit = *steps_.back().fit;
   in_parallel(trials.size(), [&](std::size_t i) {
@@ -226,9 +226,9 @@ void Refinement::fit_trials(std::vector<Trial>& trials, bool keeps_weights) cons
   });
 }
 
-// A fit of a step's model from the beginning, as whoever reads its file will solve it. The
-// smoothness of tables and the weight of orientations depend on where a solution begins, and that
-// of a step began at the step before.
+// Fits a step's model from the beginning, as every reader of its file will. The smoothness of
+// tables and the weight of orientations depend on the starting point, and a step's fit starts at
+// the step before.
 std::shared_ptr<Fit> Refinement::from_the_beginning(const Fit& step,
                                                     const ModelSpecification& specification) const {
   FitOptions options = step.options();
@@ -237,8 +237,8 @@ std::shared_ptr<Fit> Refinement::from_the_beginning(const Fit& step,
   return Fit::run(step.robot(), step.state().columns(), specification, options);
 }
 
-// Replaces the last step's fit by one from the beginning. False if a search beside the new fit
-// recommends an effect.
+// Replaces the last step's fit by one from the beginning. Returns false if a search with the new
+// fit recommends an effect.
 bool Refinement::settle() {
   RefineStep& last = steps_.back();
   const Fit& before = *last.fit;
@@ -274,17 +274,16 @@ void Refinement::fit_in_full(const Fit& full) {
   last.fit = refit(*last.fit, last.fit->specification(), guesses);
 }
 
-// Whether a search beside a trial's model asks for nothing. Where an earlier search of that model
-// did (of an earlier linearisation, or with other effects to choose from), the two would go in
-// circles.
+// Whether a search with the trial's model recommends nothing. If an earlier search with that model
+// added an effect (with another linearisation or other candidates), the two would repeat in a loop.
 bool Refinement::stands(const Trial& trial) const {
   const std::unique_ptr<Fit> full = refit(*trial.fit, trial.specification);
   return !diagnose_now(*full).recommended();
 }
 
-// Whether a trial becomes the next step: not where it cannot be fitted or would add nothing, nor
-// where it predicts held-out poses worse. Where an effect is added of which the search is sure, or
-// one is taken out or exchanged, their error may grow by as much as chance explains.
+// Whether a trial becomes the next step. It is refused if it cannot be fitted, adds nothing or
+// predicts held-out poses worse. If the added effect is sure, or one is removed or exchanged, their
+// error may grow by as much as chance explains.
 bool Refinement::accept(const Move& move, const Trial& trial) {
   const std::string model = trial.specification.to_json().dump();
   refused_.insert(model);
@@ -304,9 +303,9 @@ bool Refinement::accept(const Move& move, const Trial& trial) {
   return true;
 }
 
-// What the last search still recommends was fitted and not taken, so its next candidate is
-// recommended; where there is none, the verdict is found anew. False where nothing was recommended,
-// or no step was left to fit it.
+// If the last diagnosis still recommends a candidate, that one was fitted and refused: the next
+// candidate is recommended instead or, if there is none, the verdict is found anew. Returns false
+// if nothing was recommended, or no step was left to fit it.
 bool Refinement::leave_out() {
   RefineStep& last = steps_.back();
   const Candidate* asked_for = last.diagnosis.recommended();
@@ -329,8 +328,8 @@ Refinement::Trial Refinement::trial_of(const Move& move, std::size_t number,
   return trial;
 }
 
-// The first of the search's moves from `next` on whose model is new and, since most moves are taken
-// and cores stand by, the one after it on top of that. Leaves `next` behind what was looked at.
+// The first move from `next` on whose model is new and, since most moves are accepted and cores are
+// free, the sure one after it on top of that. Leaves `next` behind the moves considered.
 std::vector<Refinement::Trial> Refinement::next_trials(const std::vector<Move>& moves,
                                                        std::size_t& next) const {
   const std::size_t most = processors() > 1 ? 2 : 1;
@@ -347,7 +346,8 @@ std::vector<Refinement::Trial> Refinement::next_trials(const std::vector<Move>& 
   return trials;
 }
 
-// What one search asks for, until a move that it is not sure of was made. False where no move was.
+// Makes the sure moves of one search or, if none is accepted, the first other one that is. Returns
+// false if no move was made.
 bool Refinement::one_round() {
   const std::vector<Move> moves = moves_of(steps_.back().diagnosis);
   bool moved = false;
@@ -358,7 +358,7 @@ bool Refinement::one_round() {
     for (const Trial& trial : trials) {
       if (is_full()) return moved;
       if (!accept(moves[trial.move], trial)) {
-        next = trial.move + 1;  // what was tried on top of it says nothing
+        next = trial.move + 1;  // a trial on top of a refused one says nothing
         break;
       }
       moved = true;
@@ -367,17 +367,17 @@ bool Refinement::one_round() {
   return moved;
 }
 
-// A search takes what an effect does as linear about the present fit. That can be wrong: how far a
-// base that tilts under load moves the tool depends on the base's height, which an arm with
-// vertical axes does not show without the tilt. So where a search leaves a structure without a
-// name, the candidates that explain most alone are fitted, and the search goes on from there. The
-// first one stays that is sure in the end, if nothing is without a name then. True if one stayed.
-// Beside a grid, which follows whatever its joints do, anything that makes up for the size of its
-// cells would be sure.
+// A search linearises each effect about the present fit. That can be wrong: how far a base that
+// tilts under load moves the tool depends on the base's height, which an arm with vertical axes
+// does not show without the tilt. If a search leaves a structure unexplained, the candidates that
+// explain most alone are therefore fitted, and the search continues from each. The first one that
+// is sure in the end, with no structure left, is kept; returns true then. Not beside a grid, which
+// follows any function of its joints: there any effect that compensates the size of its cells would
+// be sure.
 bool Refinement::explain_structure() {
   const Diagnosis& left = steps_.back().diagnosis;
   const int steps_left = options_.most_steps - static_cast<int>(steps_.size());
-  // Where held-out poses spoke against what was asked for, its neighbours are no better.
+  // If held-out poses refused the recommended candidates, similar ones are no better.
   if (left.verdict != Verdict::kUnexplainedStructure || steps_left < 0 || !left_out_.empty() ||
       has_grid(steps_.back().fit->model()))
     return false;
@@ -417,7 +417,7 @@ bool Refinement::explain_structure() {
   return false;
 }
 
-// Tables with more nodes, where unseen poses are predicted better by them.
+// Tries tables with more nodes and keeps those that predict held-out poses better.
 void Refinement::refine_tables() {
   const std::size_t effects = steps_.back().fit->specification().effects.size();
   for (std::size_t e = 0; e < effects; ++e) {
@@ -445,8 +445,8 @@ void Refinement::refine_tables() {
   }
 }
 
-// The effects of a step's model. Those that the refinement added have their probability; where they
-// act on several joints, that of the least probable one.
+// The effects of a step's model. Those that the refinement added have their probability: on several
+// joints, that of the least probable one.
 json effects_of(const RefineStep& step) {
   json result = step.fit->specification().to_json()["effects"];
   const std::vector<EffectRequest>& entries = step.fit->specification().effects;
@@ -473,7 +473,7 @@ json RefineStep::document() const {
   if (added) {
     std::vector<std::string> stand_ins = added->confounded_with;
     std::erase_if(stand_ins, [&](const std::string& name) {
-      return diagnosis.probability_present.contains(name);  // both are there
+      return diagnosis.probability_present.contains(name);  // both are in the model
     });
     result["added"] = {{"effect", added->request.effect},
                        {"joints", added->request.joints},

@@ -1,4 +1,4 @@
-// Diagnose and change the model until nothing is missing and nothing is superfluous.
+// Refinement: diagnoses and changes the model until nothing is missing and nothing is superfluous.
 #pragma once
 
 #include <functional>
@@ -17,13 +17,13 @@ struct RefineStep {
 
 struct RefineOptions {
   int most_steps = 40;
-  /// Labels of effects of the given fit that an earlier search put in; the owner of the arm
-  /// believes in the others.
+  /// Labels of the given fit's effects that an earlier search added; the owner of the arm specified
+  /// the others.
   std::set<std::string> searched;
   std::function<void(const RefineStep&)> on_step;  ///< called by the thread that refines
 };
 
-/// Steps, the first being the given fit as it stands. The last step's fit is the result.
+/// The steps: the first is the given fit, and the last one's fit is the result.
 std::vector<RefineStep> refine(std::shared_ptr<Fit> fit, const RefineOptions& options,
                                Observer& observer = Observer::none());
 

@@ -8,7 +8,7 @@ namespace armtrue {
 namespace {
 
 constexpr int kFolds = 4;
-// A finer form must predict better by this much: less is the luck of the folds.
+// A finer form must lower the held-out error to this share of it: less is chance of the folds.
 constexpr double kWorthRefining = 0.995;
 // Standard deviations of second differences that are tried [m or rad].
 constexpr double kSmoothnessesTried[] = {1e-5, 4e-5, 1.5e-4, 5e-4};
@@ -62,7 +62,7 @@ EffectRequest close(Fit& base, const EffectRequest& open) {
   return best;
 }
 
-// True where the coarsest form is not the request itself: something is left open.
+// True if the request leaves options open: its single refinement then states more options.
 bool is_open(const EffectContext& context, const EffectRequest& request) {
   const auto forms = find_effect(request.effect).refinements(context, request);
   return forms.size() == 1 && request.options.size() < forms.front().options.size();

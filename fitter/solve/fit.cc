@@ -20,28 +20,28 @@ constexpr int kRobustPasses = 8;
 constexpr double kSmoothnessStart = 1e-4;  // [rad]
 // The smoothness of tables is chosen anew where the noise has changed by more than this share.
 constexpr double kSameNoise = 0.05;
-// Springs that a fit's own terms are weighed by are found in one or two repetitions.
+// Terms that depend on springs of the same fit are repeated: one or two repetitions suffice.
 constexpr int kSpringPasses = 6;
-constexpr double kSpringsStand = 1e-3;  // of the largest
+constexpr double kSpringsStand = 1e-3;  // relative to the largest spring
 // A prior that holds a value back is widened to that value and the fit repeated, until no value
-// grows by more than this share any more.
+// exceeds its prior by more than this factor.
 constexpr int kPriorPasses = 6;
 constexpr double kClearlyWider = 1.1;
-// Loads are worked out where the fitted arm stands, and the fit repeated while that moves a frame
-// by more than this: far less than any instrument sees.
+// Loads are computed for the deflected arm, and the fit is repeated while that moves a frame by
+// more than this, which is far less than any instrument resolves.
 constexpr int kStancePasses = 4;
 constexpr double kStands = 1e-7;  // [m, or rad]
-// That loads act at the nominal arm is believed where the data say so with these log odds, twenty
-// to one: most arms give way.
+// Loads of the nominal arm are accepted only where they lower Σ r² by this, likelihood odds of 4.5
+// to one, because most arms deflect under load.
 constexpr double kForNominalLoads = 3.0;
 
-// False where all that could be searched for has a start of its own already.
+// True if starting values of a nonlinear parameter are still to be searched for.
 bool is_searched(const Model& model) {
   return std::any_of(model.nonlinear.begin(), model.nonlinear.end(),
                      [](const NonlinearParameter& p) { return !p.starts.empty(); });
 }
 
-// Largest change of a spring between two fits of one model, as a part of the largest spring.
+// Largest change of a spring between two fits of one model, relative to the largest spring.
 double largest_change(const std::vector<Spring>& before, const std::vector<Spring>& after) {
   if (before.size() != after.size()) return 1.0;
   double change = 0.0, largest = 0.0;
@@ -54,8 +54,8 @@ double largest_change(const std::vector<Spring>& before, const std::vector<Sprin
 
 }  // namespace
 
-// Some effects' terms are weighed by springs that the same fit finds: it is repeated until they
-// agree.
+// Terms of some effects depend on springs that the same fit estimates, so the fit is repeated until
+// the springs no longer change.
 std::unique_ptr<Fit> Fit::run(const Robot& robot, const State::Columns& columns,
                               const ModelSpecification& specification, const FitOptions& options,
                               Observer& observer) {
@@ -188,7 +188,7 @@ void Fit::scale_noise(double factor) {
   measurements_.typical_sigma *= factor;
 }
 
-// Brings the stated sigma to what the residuals show, so that priors weigh what they should.
+// Scales the stated sigma to the scatter of the residuals, so that priors have the right weight.
 void Fit::rescale_noise() {
   std::vector<double> size;
   Design::Row row;
@@ -221,9 +221,9 @@ void Fit::rescale_noise() {
       orientation_inflation_ * std::max(1e-3, median(turn) / kMedianChi3 / std::sqrt(freedom));
 }
 
-// What is usual limits nothing: where data show more of it (masses of another version of the arm,
-// without gears and motors), its prior becomes as wide, up to what is possible. Else an effect that
-// lets it return to what is usual would seem to be there.
+// Widens a prior up to the physical bound where the data show a larger value than is usual (masses
+// of another version of the arm, without gears and motors). Otherwise a different effect would be
+// found that only brings the value back to its usual size.
 void Fit::solve_with_wider_priors() {
   for (int pass = 0; pass < kPriorPasses; ++pass) {
     bool wider = false;
@@ -254,14 +254,14 @@ bool Fit::has_the_nodes_of_the_start() const {
   });
 }
 
-// True where the same tables were as smooth beside a noise that hardly differed.
+// True if the start has the same tables and its smoothness was chosen at nearly the same noise.
 bool Fit::smoothness_stands() const {
   if (!options_.start || options_.start->smoothness.sigma <= 0.0) return false;
   const double change = measurements_.typical_sigma / options_.start->smoothness.noise;
   return std::abs(change - 1.0) < kSameNoise && has_the_nodes_of_the_start();
 }
 
-// True where it is not what it was.
+// Returns true if the smoothness changed.
 bool Fit::change_smoothness() {
   if (!has_tables(model_) || options_.smoothness_sigma) return false;
   if (smoothness_stands()) {
@@ -305,8 +305,9 @@ void Fit::solve_from_here(Accuracy accuracy) {
   }
 }
 
-// From the present values and, where nonlinear parameters are searched for, from a new search: what
-// bumped reflectors have led astray does not come back by itself.
+// Solves from the present values and, if nonlinear parameters are searched for, also from a new
+// search: a value that gross errors led into a wrong minimum does not leave it by descent. Keeps
+// the lower cost.
 void Fit::solve_from_anywhere() {
   solve_from_here();
   if (!is_searched(model_)) return;
@@ -320,14 +321,14 @@ void Fit::solve_from_anywhere() {
   stand_as_fitted();
 }
 
-// What the data can tell is solved for; the rest is held.
+// Frees the parameters that the data determine and holds the others.
 void Fit::choose_free() {
   std::vector<int> all(model_.parameters.size());
   std::iota(all.begin(), all.end(), 0);
   design_->set_free(all);
   identifiability_ = identify(*design_);
   design_->set_free(identifiability_.kept);
-  // What is held returns to nominal: a value from an earlier choice would be nobody's estimate.
+  // Held parameters return to nominal: a value of an earlier choice would not be an estimate.
   std::vector<double> values = design_->values();
   for (const Unidentifiable& held : identifiability_.held) {
     const auto index = static_cast<std::size_t>(held.parameter);
@@ -341,21 +342,21 @@ bool Fit::keeps_weights() const {
          has_the_nodes_of_the_start();
 }
 
-// What stands beside the start's tables is counted one by one.
+// Effective unknowns of the start, plus one for each added unknown outside tables.
 void Fit::count_from(const StartPoint& start) {
   effective_guess_ =
       start.effective_unknowns + design_->unknowns_beside_tables() - start.unknowns_beside_tables;
   knows_effective_unknowns_ = true;
 }
 
-// Between two full fits: coefficients anew, and the scale of the noise.
+// Step between two full fits: solves for the coefficients and the scale of the noise.
 void Fit::solve_as_weighed() {
   const StartPoint& start = *options_.start;
   smoothness_ = start.smoothness;
   design_->weights() = start.weights;
   scale_noise(start.noise_scale);
   measurements_.sigma_rotation = start.sigma_rotation;
-  // What can be told may depend on the values: a base that tilts under load shows how high it is.
+  // First, as identifiability depends on the values: a base that tilts under load shows its height.
   begin_at(start);
   choose_free();
   count_from(start);
@@ -371,7 +372,7 @@ void Fit::solve_robustly() {
   const bool begun = options_.start && options_.start->smoothness.sigma > 0.0;
   smoothness_.sigma = options_.smoothness_sigma.value_or(begun ? options_.start->smoothness.sigma
                                                                : kSmoothnessStart);
-  // Bumps are kept out of the very first step already, where alignment shows them.
+  // Rows with a gross alignment residual are excluded from the first step on.
   const std::vector<double>& aligned = prepared_->alignment.residual_m;
   const double limit = gross_limit(aligned, robot().reach());
   std::vector<double>& weights = design_->weights();
@@ -406,9 +407,9 @@ void Fit::solve_robustly() {
   if (!summary_.converged) warnings_.push_back("the solver did not converge: " + summary_.message);
 }
 
-// Solves with loads that act where the arm stands under them, and with loads of the nominal arm at
-// commanded angles, as simulators often have them; the likelier stays. The two differ by a few
-// micrometres, which would else be taken for effects that are not there.
+// Solves with loads of the deflected arm and with loads of the nominal arm at commanded angles, as
+// simulators often compute them, and keeps the likelier. The two differ by a few micrometres, which
+// would otherwise be attributed to effects that are not present.
 void Fit::choose_where_loads_act() {
   if (!design_->reads_loads()) return;
   const bool follow = state_->loads_follow();
@@ -430,7 +431,7 @@ void Fit::choose_where_loads_act() {
   summary_ = here;
 }
 
-// Base and tool become what was found, and their virtual joints start from zero again.
+// Moves the fitted corrections of base and tool into their reference poses and zeroes them.
 void Fit::fold_base_and_tool() {
   std::vector<double> values = design_->values();
   Eigen::VectorXd coordinates = Eigen::VectorXd::Zero(kinematics_->layout().size());

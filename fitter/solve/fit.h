@@ -22,7 +22,7 @@
 
 namespace armtrue {
 
-/// What a fit has found, as a place for the next fit to the same measurements to begin at.
+/// Result of a fit, from which the next fit to the same measurements can start.
 struct StartPoint {
   std::shared_ptr<const Prepared> prepared;
   std::map<std::string, double> values;  ///< of linear parameters, by name
@@ -30,23 +30,22 @@ struct StartPoint {
   std::vector<Pose> flange_from_tool;  ///< by target
   std::vector<Spring> springs{};
   std::map<std::string, Expression> carried{};
-  std::shared_ptr<const State> state{};  ///< loads where that fit's arm stands
-  Smoothness smoothness{0.0, 0.0, {}};   ///< of tables; of sigma 0 where none stand in the model
+  std::shared_ptr<const State> state{};  ///< with the loads of that fit's deflected arm
+  Smoothness smoothness{0.0, 0.0, {}};   ///< of tables; sigma is 0 if the model has none
   double orientation_inflation = 1.0;    ///< of the standard deviation of orientations
-  double noise_scale = 1.0;              ///< of the stated standard deviation of a reading
+  double noise_scale = 1.0;              ///< factor on the stated standard deviation of a reading
   double sigma_rotation = 0.0;           ///< [rad] standard deviation of a measured orientation
   std::vector<double> weights{};         ///< of rows: 0 for gross errors
-  double effective_unknowns = 0.0;       ///< less what priors and smoothness hold
+  double effective_unknowns = 0.0;       ///< without those that priors and smoothness determine
   int unknowns_beside_tables = 0;
-  std::map<std::string, std::map<double, double>>
-      tables{};  ///< of one variable: value by node, by id
+  std::map<std::string, std::map<double, double>> tables{};  ///< 1-D tables by id: value by node
 };
 
 struct FitOptions {
   int folds = 5;
   std::uint64_t seed = 0;
   double assumed_sigma =
-      10e-6;  ///< [m] where neither column, instrument nor repeats say better; only priors feel it
+      10e-6;  ///< [m] if no column, instrument or repeats tell it; matters only beside priors
   double sigma_rotation = 20e-6;  ///< [rad] of measured orientations
   bool reject_gross_errors = true;
   bool cross_validate = true;
@@ -56,11 +55,12 @@ struct FitOptions {
   std::map<std::string, double> nonlinear_starts;
   /// Values of nonlinear parameters that are tried beside their own starts.
   std::map<std::string, double> nonlinear_guesses;
-  /// Where linear parameters begin; none: where they are nominal. A fit that searches for nonlinear
-  /// parameters begins at nominal all the same.
+  /// Values at which linear parameters start; none: nominal. A fit that searches for nonlinear
+  /// parameters starts at nominal in any case.
   std::shared_ptr<const StartPoint> start;
-  /// Gross errors, smoothness of tables and the weight of orientations stay as `start` has them:
-  /// for one of several steps between two full fits. Without effect where the start has no tables.
+  /// Smoothness of tables and the weight of orientations are taken from `start`, and gross errors
+  /// sought once, at the end: for steps between two full fits. Without effect if `start` lacks a
+  /// table node of the model, or if nonlinear parameters are searched for.
   bool keeps_weights = false;
 };
 
@@ -69,10 +69,10 @@ struct RejectedRow {
   double residual = 0.0;  ///< [m]
 };
 
-/// A fitted model with everything known about it. Holds its own copies of what it was fitted to.
+/// A fitted model with its statistics. Holds its own copies of what it was fitted to.
 class Fit {
  public:
-  /// Throws ModelError for data that cannot carry the model.
+  /// Throws ModelError if the data do not suffice for the model.
   static std::unique_ptr<Fit> run(const Robot& robot, const State::Columns& columns,
                                   const ModelSpecification& specification,
                                   const FitOptions& options, Observer& observer = Observer::none());
@@ -82,8 +82,8 @@ class Fit {
   const std::map<int, Pose>& first_from_set_up() const {
     return prepared_->alignment.first_from_set_up;
   }
-  /// Loads are those of the fitted arm where it stands, or of the nominal arm at commanded angles
-  /// where the data say so.
+  /// Loads are those of the deflected fitted arm, or of the nominal arm at commanded angles if the
+  /// data prefer these.
   const State& state() const { return *state_; }
   const Measurements& measurements() const { return measurements_; }
   const Model& model() const { return model_; }
@@ -93,19 +93,19 @@ class Fit {
   const Design& design() const { return *design_; }
   const Kinematics& kinematics() const { return *kinematics_; }
   const EffectContext& context() const { return *context_; }
-  /// Whether gross errors, smoothness and the weight of orientations are those of another fit.
+  /// Whether smoothness and the weight of orientations come from another fit.
   bool kept_weights() const { return kept_weights_; }
   double smoothness_sigma() const { return smoothness_.sigma; }
   /// Factor between the stated and the observed standard deviation of a measurement.
   double noise_scale() const { return noise_scale_; }
   const NoiseFloor& noise_floor() const { return noise_floor_; }
   const std::vector<RejectedRow>& rejected() const { return rejected_; }
-  /// Of the design's unknowns, worked out at each call.
+  /// Covariance of the design's unknowns, computed at each call.
   Eigen::MatrixXd covariance() const;
   const ErrorSummary& train_error() const { return train_; }
   const ErrorSummary& nominal_error() const { return nominal_; }
   const ErrorSummary& held_out_error() const { return held_out_.errors[0]; }
-  /// At random, by time, by region.
+  /// Held out at random, by time, by region.
   const std::vector<ErrorSummary>& held_out_errors() const { return held_out_.errors; }
   /// Held-out distances at random, by time, by region; by row [m]: not a number for rows that are
   /// kept out of the fit.
@@ -119,17 +119,17 @@ class Fit {
   }
   const Identifiability& identifiability() const { return identifiability_; }
 
-  /// Where a fit of this model with something added or taken out begins (FitOptions::start).
+  /// Where a fit of this model with an effect added or removed can start (FitOptions::start).
   StartPoint start_point() const;
-  /// Steps of all solutions on the way: what a start point saves.
+  /// Steps of all solutions within this fit: a start point reduces them.
   int solver_iterations() const { return solver_iterations_; }
 
   /// Measures the held-out errors that a fit without FitOptions::cross_validate left out.
   void cross_validate();
 
-  /// Everything of fit.json that the numbers know (docs/model.md).
+  /// The part of fit.json that follows from the numbers (docs/model.md).
   nlohmann::json document() const;
-  /// Of these, errors and the noise floor alone.
+  /// Of document(), only errors and the noise floor.
   nlohmann::json errors_document() const;
 
  private:
@@ -177,7 +177,7 @@ class Fit {
   Smoothness smoothness_;
   bool kept_weights_ = false;
   double effective_guess_ = 0.0;           // last known number of effective unknowns
-  bool knows_effective_unknowns_ = false;  // it was counted for this smoothness
+  bool knows_effective_unknowns_ = false;  // effective_guess_ was counted for this smoothness
   double noise_scale_ = 1.0;
   double orientation_inflation_ = 1.0;
   NoiseFloor noise_floor_;

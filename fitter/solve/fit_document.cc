@@ -27,7 +27,7 @@ json to_json(const Pose& pose) {
   return {{"xyz", {p.x(), p.y(), p.z()}}, {"rpy", {a.x(), a.y(), a.z()}}};
 }
 
-// The three parameters that an unknown moves with most.
+// The three parameters that correlate most with an unknown.
 json correlations_json(const Fit& fit, const Eigen::MatrixXd& covariance, int unknown) {
   std::vector<std::pair<double, int>> partners;
   for (int u = 0; u < static_cast<int>(fit.design().free_parameters().size()); ++u) {

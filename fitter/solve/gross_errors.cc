@@ -7,17 +7,17 @@
 namespace armtrue {
 namespace {
 
-// A bumped reflector stands this many robust standard deviations out; model errors of honest rows
-// do not.
+// In robust standard deviations: a bumped reflector exceeds it, model errors of valid rows do not.
 constexpr double kGrossError = 8.0;
 constexpr double kLargestGrossShare = 0.1;
 constexpr double kAboveStructure = 3.0;
-constexpr double kNoArmErrs = 0.01;  // of its reach, beside fitted base, tool and zeros
+constexpr double kNoArmErrs = 0.01;  // of its reach, once base, tool and zeros are fitted
 
 }  // namespace
 
-// A local effect that the model lacks can stand out on many poses: bumps must stand out from those
-// too, unless by more than any arm errs. Such rows belong to other poses, be they a third of all.
+// A local effect that the model lacks can stand out on many poses, so gross errors must exceed
+// those too, or be larger than any arm errs: such rows belong to other poses, even if they are a
+// third of all.
 double gross_limit(const std::vector<double>& distance, double reach) {
   const double structure = kAboveStructure * quantile(distance, 1.0 - kLargestGrossShare);
   return std::max(kGrossError * median(distance) / kMedianChi3,

@@ -20,8 +20,8 @@ double bayesian_information(Fit& fit) {
     rows.push_back(i);
   }
   const Replicates replicates(fit.measurements(), rows);
-  // A rejected row counts as the largest residual that would have been kept, so that rejecting is
-  // never evidence.
+  // A rejected row counts as the largest residual that would have been kept (8² sigma²), so that
+  // rejecting a row never lowers the criterion.
   constexpr double kRejected = 64.0;
   const double total = static_cast<double>(design.rows());
   const double kept = std::max(1.0, static_cast<double>(rows.size()));

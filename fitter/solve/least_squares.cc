@@ -12,15 +12,16 @@ namespace armtrue {
 namespace {
 
 constexpr int kMostSteps = 50;
-// Share of the cost that a step must gain for another one to follow.
+// The solution has converged if a step lowers the cost by less than this share,
 constexpr double kSettled = 1e-9, kSettledOnTheWay = 1e-3;
-// A step this much shorter than the unknowns themselves is the last one.
+// or if it is shorter than this share of the unknowns.
 constexpr double kShortestStep = 1e-9;
-// A factor serves for further steps while each promises less than this share of what the step
-// before did: a millimetre turns the Jacobian of a metre's arm by a thousandth.
+// A factor is used for further steps while each predicts less than this share of the last step's
+// gain: 1 mm turns the Jacobian of an arm of 1 m by a thousandth.
 constexpr double kKeepsConverging = 0.1;
-// Damping in units of the information's diagonal: none while the cost falls. It begins below what
-// rounding leaves of a direction that data hardly know, for such a one is what overshoots.
+// Damping in units of the information's diagonal: none while the cost falls. The first value is
+// below the rounding error of directions that the data hardly determine, because it is these that
+// overshoot.
 constexpr double kLeastDamping = 1e-12, kMostDamping = 1e12;
 
 // Levenberg and Marquardt's method (Nocedal and Wright, Numerical Optimization, 10.3):
@@ -48,7 +49,7 @@ class Descent {
   }
 
  private:
-  // True where nothing is left to gain.
+  // Returns true if the solution has converged.
   bool step(double settled) {
     design_.set_unknowns(values_.data());
     const bool is_stale = factor_ && renew_gradient();
@@ -68,7 +69,7 @@ class Descent {
         forget();
         return false;
       }
-      // Where rounding is all that is left to gain, no step descends.
+      // If rounding errors exceed the remaining gain, no step lowers the cost.
       return damp() || promise <= settled * cost_ || is_short(change);
     }
     const double gain = cost_ - cost;
@@ -84,7 +85,7 @@ class Descent {
     is_linearised_ = false;
   }
 
-  // True where no damping helps.
+  // Returns true if no damping helps.
   bool damp() {
     factor_.reset();
     damping_ = damping_ > 0.0 ? growth_ * damping_ : kLeastDamping;
@@ -92,7 +93,7 @@ class Descent {
     return damping_ > kMostDamping;
   }
 
-  // Less damping the better a step kept its promise (Nielsen 1999, IMM-REP-1999-05, 2.2).
+  // Less damping the closer the gain came to the prediction (Nielsen 1999, IMM-REP-1999-05, 2.2).
   void relax(double kept) {
     factor_.reset();
     growth_ = 2.0;
@@ -100,7 +101,7 @@ class Descent {
     if (damping_ < kLeastDamping) damping_ = 0.0;
   }
 
-  // Of measurements and penalties; infinite where it is no number.
+  // Of measurements and penalties; infinity if it is not a finite number.
   double cost_at(const std::vector<double>& values) {
     design_.set_unknowns(values.data());
     double sum = squared_residuals(design_);
@@ -108,7 +109,7 @@ class Descent {
     return std::isfinite(sum) ? sum : std::numeric_limits<double>::infinity();
   }
 
-  // False where other unknowns are held than in the factor.
+  // Returns false if the unknowns held by bounds are not those of the factor.
   bool renew_gradient() {
     gradient_ = gradient_of(design_);
     for (const PenaltyRow& row : penalties_) {
@@ -120,7 +121,7 @@ class Descent {
     return held == held_;
   }
 
-  // Where the unknowns are, with the present damping.
+  // At the present values, with the present damping.
   void factorise() {
     if (!is_linearised_) linearise();
     Eigen::MatrixXd damped = information_;
@@ -143,7 +144,7 @@ class Descent {
     is_linearised_ = true;
   }
 
-  // Nonlinear parameters that stand at a bound and would leave it.
+  // Nonlinear parameters at a bound that a descent step would cross.
   std::vector<int> held_by_bounds() const {
     std::vector<int> held;
     for (int j = 0; j < design_.nonlinear_count(); ++j) {
@@ -181,11 +182,11 @@ class Descent {
   double cost_;
   Eigen::VectorXd gradient_;
   Eigen::MatrixXd information_;
-  bool is_linearised_ = false;            // the information is that of where the unknowns are
+  bool is_linearised_ = false;            // information_ is that of values_
   std::vector<int> held_;                 // by bounds, in the information
   std::optional<ScaledCholesky> factor_;  // none: the next step needs a new one
-  double promised_ = 0.0;                 // by the step before
-  double damping_ = 0.0, growth_ = 2.0;   // growth_: of the damping, where the next step fails
+  double promised_ = 0.0;                 // gain that the previous step predicted
+  double damping_ = 0.0, growth_ = 2.0;   // growth_: factor on it if the next step fails
 };
 
 }  // namespace

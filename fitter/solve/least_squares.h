@@ -7,8 +7,8 @@
 
 namespace armtrue {
 
-/// How far a solution goes: on the way to another one (rows to be left out, noise to be rescaled)
-/// the cost need not settle to the last digit.
+/// Accuracy of a solution: one that is followed by another (rows are rejected, the noise is
+/// rescaled) need not converge to the last digit.
 enum class Accuracy { kOnTheWay, kFull };
 
 struct SolveSummary {
@@ -18,9 +18,9 @@ struct SolveSummary {
   std::string message;
 };
 
-/// Minimises Σ r² with priors and penalties, starting from the design's present values, and leaves
-/// the solution there: Gauss–Newton steps on the normal equations, damped where they do not
-/// descend; nonlinear parameters stay within their bounds.
+/// Minimises Σ r² with priors and penalties, starting from the design's present values, and stores
+/// the solution in the design. Gauss–Newton steps on the normal equations, damped if they do not
+/// lower the cost; nonlinear parameters stay within their bounds.
 SolveSummary solve(Design& design, double smoothness_sigma, Accuracy accuracy = Accuracy::kFull);
 
 }  // namespace armtrue

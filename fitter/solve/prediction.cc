@@ -17,7 +17,7 @@ Pose pose_from(const json& value) {
   return pose_from_xyz_rpy({p.at(0), p.at(1), p.at(2)}, {a.at(0), a.at(1), a.at(2)});
 }
 
-// Of a set-up that nobody says, a prediction is in the first one's frame.
+// If the set-up of a row is not recorded, its prediction is in the first set-up's frame.
 Model without_unsaid_setups(Model model, const State& state) {
   const int joints = state.robot().joint_count();
   std::erase_if(model.parameters, [&](const Parameter& p) {
@@ -47,14 +47,14 @@ Model without_reading_point(Model model) {
   return model;
 }
 
-// Errors of the instrument depend on where it sees the reflector. A prediction takes that from the
-// arm's own, so that it does not depend on what the file may say was measured.
+// Errors of the instrument depend on where it sees the reflector. A prediction takes that point
+// from the predicted arm, not from measured columns that the file may have.
 State::Columns with_points(State::Columns columns, const std::vector<Pose>& poses) {
   put_poses(poses, false, columns);
   return columns;
 }
 
-// Rows to be predicted, as a design wants them: seen in metres, from nowhere.
+// Rows to be predicted, as input of a Design: measured positions are 0, residuals in metres.
 Measurements unmeasured(std::size_t rows, const std::vector<int>& target, int targets) {
   Measurements measurements;
   measurements.rows = rows;
@@ -65,7 +65,7 @@ Measurements unmeasured(std::size_t rows, const std::vector<int>& target, int ta
   return measurements;
 }
 
-// For each unknown of `part`, its place among those of `whole`.
+// For each unknown of `part`, its index among those of `whole`.
 std::vector<Eigen::Index> places_in(const Design& whole, const Design& part) {
   std::vector<Eigen::Index> places;
   for (const int free : part.free_parameters()) {
@@ -77,7 +77,7 @@ std::vector<Eigen::Index> places_in(const Design& whole, const Design& part) {
   return places;
 }
 
-// What is known of a parameter that has no prior: a metre, a radian.
+// Standard deviation of a parameter that has no prior [m or rad].
 constexpr double kNoPriorSigma = 1.0;
 
 Model with_priors(Model model, const std::vector<Unidentifiable>& held) {

@@ -1,4 +1,4 @@
-// Where a fitted arm will be at poses that nobody measured, and how well that is known.
+// Predicted positions of a fitted arm at new poses, and their covariance.
 #pragma once
 
 #include <Eigen/Core>
@@ -17,23 +17,23 @@ struct FittedModel {
   std::vector<std::string> targets;
   std::vector<Pose> flange_from_tool;
   Pose measuring_from_base = Pose::Identity();
-  std::map<int, Pose> first_from_set_up;  ///< Alignment's
+  std::map<int, Pose> first_from_set_up;  ///< Alignment::first_from_set_up
   double time_origin = 0.0;               ///< [s] on the clock of the fitted measurements
   bool loads_follow = true;               ///< State::let_loads_follow
 
   /// From fit.json's content. Throws ModelError.
   static FittedModel from_json(const nlohmann::json& document);
-  /// Predicted poses in the measuring frame, which is that of the row's set-up. `target` numbers
-  /// index `targets`.
+  /// Predicted poses in the measuring frame of each row's set-up. `target`: by row, an index into
+  /// `targets`.
   std::vector<Pose> predict(const State::Columns& columns, const std::vector<int>& target) const;
 };
 
 /// Writes poses as the measured columns x, y, z and, where asked for, qw to qz.
 void put_poses(const std::vector<Pose>& poses, bool orientation, State::Columns& columns);
 
-/// A fit at its solution, with all parameters free. The fit itself holds at nominal what its poses
-/// could not tell; other poses may show it. How large it may be, its prior says, and where it has
-/// none, a metre or a radian.
+/// A fit at its solution, with all parameters free. The fit holds at nominal what its poses do not
+/// determine, but other poses may depend on such parameters: their standard deviation is then that
+/// of their prior or, without one, 1 m or 1 rad.
 struct FreedFit {
   explicit FreedFit(const Fit& fit);
   FreedFit(const FreedFit&) = delete;
@@ -45,9 +45,9 @@ struct FreedFit {
 };
 
 /// Covariance of each predicted position [m²], without the instrument's noise: the covariance of
-/// all parameters, those held at nominal too (priors, smoothness and robust weights in it), carried
-/// over by the derivatives of what a prediction contains. An unknown that no prediction contains
-/// (of a gear's own warmth) so makes base and tool less sure, and nothing else. Throws ModelError.
+/// all parameters (also those held at nominal; with priors, smoothness and robust weights),
+/// propagated by the derivatives of what a prediction contains. An unknown that no prediction
+/// contains (warm-up of a gear) only adds to the uncertainty of base and tool. Throws ModelError.
 std::vector<Eigen::Matrix3d> predicted_position_covariance(const Fit& fit,
                                                            const State::Columns& columns,
                                                            const std::vector<int>& target);

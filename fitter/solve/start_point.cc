@@ -1,4 +1,4 @@
-// Where a fit begins that has another one before it.
+// Start of a fit at the result of another one.
 #include <iterator>
 
 #include "fitter/solve/fit.h"
@@ -6,7 +6,7 @@
 namespace armtrue {
 namespace {
 
-// The table of one axis that a parameter is a node of; none for others.
+// The 1-D table that a parameter is a node of; nullptr for others.
 const TableReference* table_of(const Parameter& p) {
   if (p.terms.empty() || !p.terms.front().table || p.terms.front().table->axes.size() != 1)
     return nullptr;
@@ -17,7 +17,7 @@ double node_of(const TableReference& table) {
   return table.axes.front().nodes[static_cast<std::size_t>(table.index.front())];
 }
 
-// A table of as many nodes as one likes, taken at `node`.
+// A table's value at `node`: linear between its nodes, constant beyond them.
 double between(const std::map<double, double>& values, double node) {
   const auto above = values.lower_bound(node);
   if (above == values.end()) return values.rbegin()->second;
@@ -49,7 +49,8 @@ StartPoint Fit::start_point() const {
   return start;
 }
 
-// Sets what is free to where another fit ended; what it folded into base and tool is unfolded.
+// Sets free parameters to another fit's values; corrections that it folded into base and tool are
+// unfolded.
 void Fit::begin_at(const StartPoint& start) {
   const CoordinateLayout layout = kinematics_->layout();
   Eigen::VectorXd coordinates = Eigen::VectorXd::Zero(layout.size());

@@ -1,4 +1,4 @@
-"""What functions of this package mean by an array: numbers as doubles, of the shape that their docstrings give."""
+"""The array type of this package: doubles, of the shape that a function's docstring gives."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@ from armtrue.units import value_and_sigma
 
 
 def options_of(entry: dict[str, Any]) -> dict[str, Any]:
-    """The options of a candidate, which has them apart, or of an effect as a model has it."""
+    """The options of a candidate (its key `options`), or of a model's effect, which has them among its other keys."""
     if isinstance(options := entry.get("options"), dict):
         return options
     return {key: value for key, value in entry.items() if key not in ("effect", "joints", "probability")}
@@ -46,13 +46,13 @@ def name(entry: dict[str, Any]) -> str:
 
 
 def called(entry: dict[str, Any], others: Sequence[dict[str, Any]] = ()) -> str:
-    """The `name` of a candidate or an effect, and orders and form that tell it from `others` on the same joint."""
+    """The `name` of a candidate or effect, with the orders and options that distinguish it from `others`."""
     orders = ", ".join(f"{value:g}" for value in options_of(entry).get("orders") or [])
     return ", ".join([name(entry), *([f"order {orders}"] if orders else []), *form_words(entry, others)])
 
 
 def form_words(entry: dict[str, Any], others: Sequence[dict[str, Any]] = ()) -> list[str]:
-    """Options that tell forms of one effect apart, `shape beam` or `soft`; the sensor where `others` read several."""
+    """Options that distinguish variants of an effect (`shape beam`, `soft`); the sensor if `others` read several."""
     options = options_of(entry)
     words = [f"{key} {options[key]}" for key in ("shape", "name") if options.get(key)]
     words += ["soft"] if options.get("soft") else []
@@ -80,7 +80,7 @@ def entry_of(label: str) -> dict[str, Any]:
 
 
 def parameter_lines(parameters: list[dict[str, Any]]) -> list[str]:
-    """Each parameter of a candidate with its sigma; a table or grid as one line, with the nodes of its score."""
+    """Each parameter of a candidate with its sigma; one line for a table or grid, whose nodes are the score's."""
     tables: dict[str, list[dict[str, Any]]] = {}
     lines = []
     for parameter in parameters:

@@ -1,4 +1,4 @@
-"""A fit against measurements that it has not seen: as good as was to be expected, or worse."""
+"""Compares a fit with measurements that it has not seen: is the error as expected from held-out poses, or larger?"""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from armtrue.io import Dataset
 from armtrue.verdicts import ERROR_FIGURES, scored_mean_um
 
 _WORST_ROWS = 10
-# The mean of so many standard errors above what was expected is no chance.
+# A mean error this many standard errors above the expected one is not due to chance.
 _STANDARD_ERRORS = 3.0
 _SAME_POSE = 1e-6
-# Rows are of another region where at least this share lies outside what was fitted.
+# Rows count as another region of joint space where at least this share lies outside the fitted joint ranges.
 _MOST = 0.5
-# A fit whose extrapolation is held back errs by less than this share of its error only where the extrapolation matters.
+# Extrapolation may be the cause where clipping columns to their fitted ranges brings the mean error below this share.
 _NOT_BY_EXTRAPOLATION = 0.9
 _WAYS = {"random": "", "region": " region by region", "time": " one stretch of time after another"}
 _LARGEST_EXPONENT = 700.0
@@ -29,10 +29,10 @@ _LARGEST_EXPONENT = 700.0
 
 @dataclass(frozen=True)
 class Comparison:
-    """`figures`: what `armtrue compare --json` writes. `elsewhere_um`: the mean error after the measuring frame was
-    moved onto the predictions, where that explains what is worse; else None. `extrapolated`: what the fit extrapolates
-    in columns other than joints, where the error is worse; empty where nothing. `all_fitted`: True where every
-    row is one that was fitted, so that the comparison tells nothing.
+    """`figures`: what `armtrue compare --json` writes. `elsewhere_um`: the mean error after a rigid motion of the
+    measuring frame onto the predictions, if that brings the error within the limit; else None. `extrapolated`: where
+    the error is worse, a sentence on columns other than joints that the fit extrapolates; else empty. `all_fitted`:
+    True if every row was fitted, so that the comparison tells nothing.
     """
 
     figures: dict[str, Any]
@@ -76,7 +76,7 @@ class Comparison:
 
 
 def compare(fit: Fit, data: Dataset) -> Comparison:
-    """Compare the predictions of `fit` with the positions of `data`, by rows that were not fitted where there are such.
+    """Compare the predictions of `fit` with the positions of `data`, on rows that were not fitted if there are any.
 
     Errors: InputError where a column is missing.
     """
@@ -117,21 +117,21 @@ def compare(fit: Fit, data: Dataset) -> Comparison:
 
 
 def _fitted_rows(fit: Fit, data: Dataset) -> NDArray[np.bool_]:
-    """Which rows of `data` (N,) have the joints and the position of a row that was fitted."""
+    """Mask (N,) of the rows of `data` that have the joints and the position of a fitted row."""
     try:
         own = fit.data
     except InputError:
-        # Where the fit's measurements are gone, the same columns are still known by their digest.
+        # Without the fit's measurement file, only its digest can tell whether all columns are the same.
         return np.full(data.count, fingerprint(data) == fit.document["data"]["sha256"])
     known = {row.tobytes() for row in np.column_stack([own.joints, own.positions_m])}
     return np.array([row.tobytes() in known for row in np.column_stack([data.joints, data.positions_m])])
 
 
 def _expected(fit: Fit, data: Dataset) -> tuple[str, dict[str, Any], float]:
-    """How poses were held out whose error is to be expected of `data`, that error's figures, and its mean [µm].
+    """The cross-validation that predicts the error of `data` (random, region or time), its figures and mean [µm].
 
-    Rows later than all that was fitted are as poses held out in time, those outside the fitted joints as poses held out
-    by region; where both, or more chance, the larger figure holds. Errors: InputError where none was scored.
+    Rows later than all fitted ones are compared with poses held out by time, rows outside the fitted joint ranges with
+    poses held out by region; the largest mean counts, random included. Errors: InputError where none was scored.
     """
     held_out = fit.document["error"]["held_out"]
     mean = scored_mean_um(held_out)
@@ -160,9 +160,9 @@ def _ways_that_apply(fit: Fit, data: Dataset) -> list[str]:
 
 
 def _extrapolated(fit: Fit, data: Dataset, mean_um: float) -> tuple[str, bool]:
-    """What `fit` extrapolates at `data` beside joints, in words, and whether that may be what moves the points.
+    """A sentence on the columns other than joints that `fit` extrapolates, and whether that may explain the error.
 
-    `mean_um`: of the error as it is. The columns are held at the end of what was fitted for comparison.
+    `mean_um`: the mean error. It is compared with the mean error where the columns are clipped to their fitted ranges.
     """
     beyond = [one for one in fit.beyond(data) if not one.is_joint]
     if not beyond:
@@ -189,9 +189,10 @@ def _extrapolated(fit: Fit, data: Dataset, mean_um: float) -> tuple[str, bool]:
 
 @dataclass(frozen=True)
 class Difference:
-    """Two fits at the measurements that both hold, those first where the predictions are farthest apart.
+    """Two fits on the rows that both have (N,), the largest distance between their predictions first.
 
-    `first`: places in the first fit's data. `apart_um`: between the predictions. `errors_um`: of either.
+    `rows`: numbers in the file. `first`: indices into the first fit's data. `apart_um`: distance between the
+    predictions. `errors_um`: the error of each fit.
     """
 
     rows: NDArray[np.int64]
@@ -217,7 +218,7 @@ def bayesian_information(fit: Fit) -> float:
 
 
 def probability_of_first(first: float, second: float) -> float:
-    """Of two models of the same measurements, given their BIC, one of which is right: that the first is."""
+    """Probability of the first of two models of the same measurements from their BIC, if one of the two is right."""
     return 1.0 / (1.0 + math.exp(min(_LARGEST_EXPONENT, (first - second) / 2.0)))
 
 
@@ -229,7 +230,7 @@ def prediction_error(predicted: Array, data: Dataset) -> dict[str, float] | None
 
 
 def error_words(error: dict[str, float]) -> str:
-    """Error figures as they are said."""
+    """Error figures in words."""
     return ", ".join(f"{word} {error[key]:.1f} µm" for key, word in ERROR_FIGURES.items())
 
 

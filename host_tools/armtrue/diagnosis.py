@@ -1,4 +1,4 @@
-"""Which effect is missing, and adding until none is. The numbers are made in `armtrue._core`."""
+"""Diagnosis of missing effects, and refinement until none is missing. `armtrue._core` computes the numbers."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from armtrue.verdicts import length_words, scored_mean_um, verdict_words, why_wo
 
 
 class Diagnosis(dict[str, Any]):
-    """What a fit lacks: the `diagnose` JSON (docs/files.md, In a notebook) with names for what is asked most."""
+    """What a fit lacks: the `diagnose` JSON (docs/files.md, In a notebook) with properties for its main entries."""
 
     @property
     def verdict(self) -> str:
@@ -32,7 +32,7 @@ class Diagnosis(dict[str, Any]):
 
     @property
     def unexplained(self) -> list[dict[str, Any]]:
-        """What the leftover depends on and no effect explains, most evidence first."""
+        """Variables on which the residuals depend though no effect explains it, most evidence first."""
         return list(self["unexplained"])
 
     @property
@@ -55,16 +55,16 @@ class Diagnosis(dict[str, Any]):
 
 
 class Refinement(dict[str, Any]):
-    """The `refine` JSON (docs/files.md, In a notebook) with names for what is asked most."""
+    """The `refine` JSON (docs/files.md, In a notebook) with properties for its main entries."""
 
     @property
     def steps(self) -> list[Diagnosis]:
-        """A diagnosis of every step, the first as the fit stood; each with `added` and `removed` beside it."""
+        """The diagnosis of every step, first that of the given fit; each also has `added` and `removed`."""
         return [Diagnosis(step) for step in self["steps"]]
 
     @property
     def effects(self) -> list[dict[str, Any]]:
-        """The effects of the last step as a model has them; self["effects"] says how probable the added ones are."""
+        """The effects of the last step as entries of a model; self["effects"] also has probabilities of added ones."""
         return [{key: entry[key] for key in entry if key != "probability"} for entry in self["effects"]]
 
     def _repr_html_(self) -> str:

@@ -1,4 +1,4 @@
-"""What Armtrue says when the input is at fault."""
+"""Errors that report faulty input."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from collections.abc import Iterable
 
 
 class InputError(Exception):
-    """The input is at fault and the person who gave it can mend it.
+    """The input is faulty and the user can correct it.
 
     The message is one sentence that names the file, the row or key, what was found and what was expected.
-    The command line prints it on stderr and exits with status 2, having written nothing. Line breaks in what it
-    quotes become spaces, so that it stays one line.
+    The command line prints it on stderr and exits with status 2, without having written a file. Line breaks in
+    quoted input become spaces, so that the message stays one line.
     """
 
     def __init__(self, message: str) -> None:
@@ -19,7 +19,7 @@ class InputError(Exception):
 
 
 class RowError(InputError):
-    """One row of a file is at fault; the others may be read without it. `row` counts as in messages."""
+    """One row of a file is faulty; the others can be read without it. `row`: its number as in messages."""
 
     def __init__(self, row: int, message: str) -> None:
         super().__init__(message)

@@ -1,4 +1,4 @@
-"""What a fit was fitted to, column by column, and how far other rows leave it."""
+"""Ranges of the fitted columns, and how far other rows lie outside them."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from numpy.typing import NDArray
 
 from armtrue.io import Dataset, Robot
 
-# A few hundred poses leave the last few percent of a joint's range unvisited, and a model still holds there.
+# A few hundred poses do not reach the last few percent of a joint's range, and the model still holds there.
 _BEYOND_RANGE = 0.05
-# Of a joint that stood still while the others moved [rad, m].
+# Margin for a joint that stood still while the others moved [rad, m].
 _SAME_JOINT = 1e-3
-# A trend in time or temperature is believed to hold for a quarter longer than it was seen.
+# A trend in time or temperature is trusted for a quarter of its measured span beyond that span.
 _BEYOND_SPAN = 0.25
 _SAME_VALUE = 1e-3
 _JOINT = re.compile(r"q[0-9]+")
-# Directions, travels and numbers of set-ups have no range that one might leave; a read-back goes with its joint.
+# Directions, travels and numbers of set-ups have no meaningful range; a read-back follows its joint.
 _NO_RANGE = re.compile(r"(qr|dir|travel)[0-9]+|station|nest|target|repeat")
 _UNITS = {"temp_": "°C", "payload": "kg", "tau": "Nm"}
 
@@ -33,10 +33,10 @@ def is_joint(name: str) -> bool:
 
 @dataclass(frozen=True)
 class Beyond:
-    """A column that leaves the range that was fitted.
+    """A column with values outside its fitted range.
 
-    `rows` (N,): which do. `amount`: the farthest, in the column's SI unit. `span`: of the fitted range.
-    `effects`: those whose terms name the column; empty for a joint.
+    `rows` (N,): mask of the rows outside. `amount`: the largest distance from the range, in the column's SI unit.
+    `span`: width of the fitted range. `effects`: those whose terms name the column; empty for a joint.
     """
 
     name: str
@@ -63,7 +63,7 @@ class Beyond:
 
 
 def ranges_of(data: Dataset, names: Iterable[str]) -> dict[str, list[float]]:
-    """The lowest and the highest value of those columns that have a range; `time` tells what is later, too."""
+    """Lowest and highest value of those columns that have a range; that of `time` also tells which rows are later."""
     return {
         name: [float(data.columns[name].min()), float(data.columns[name].max())]
         for name in names

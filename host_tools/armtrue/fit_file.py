@@ -1,4 +1,4 @@
-"""fit.json as it comes back from disk: checked whole before anything computes with it (docs/model.md, fit.json)."""
+"""Checks of a fit.json read from disk, before anything computes with it (docs/model.md, fit.json)."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from armtrue.io.robot import Robot, check_robot, pose
 from armtrue.io.yamlfile import Section
 from armtrue.verdicts import VERDICTS
 
-# What the report and the command line read of a fit beside what predict, export and diagnose need.
-# A gear's warmth by its duty or a temperature, low-passed: the time constant stands in the name.
+# Variables for a gear's warmth from its duty, or a low-passed temperature; the time constant is part of the name.
 _WARMTH = re.compile(r"\b(?:warm[0-9]+_[0-9]+|lag[0-9]+_\w+)\b")
+# Keys that only the report and the command line read; predict, export and diagnose do not need them.
 _ALSO = {
     "error": dict,
     "noise": dict,
@@ -30,7 +30,7 @@ _ALSO = {
 
 
 def check_document(document: dict[str, Any], path: Path) -> None:
-    """Refuse a fit.json that is not whole, or was edited into something else.
+    """Refuse a fit.json that is incomplete, or was edited into something invalid.
 
     Errors: InputError naming the key, what was found and what was expected.
     """
@@ -83,7 +83,7 @@ def users_parameters(document: dict[str, Any]) -> dict[str, tuple[dict[str, Any]
 
 
 def own_columns_read(document: dict[str, Any]) -> dict[str, list[str]]:
-    """By parameter, the columns that are none of the contract's and that its terms read; only where there are some."""
+    """By parameter, the columns outside the contract that a user's effect reads; only parameters that have any."""
     own = own_columns(Robot(document["robot"]), document.get("data", {}).get("columns", []))
     read = {
         name: [column for column in own if column in _read_by(parameter)]
@@ -93,10 +93,10 @@ def own_columns_read(document: dict[str, Any]) -> dict[str, list[str]]:
 
 
 def not_for_a_device(document: dict[str, Any]) -> dict[str, str]:
-    """Parameters of the arm whose terms read what a device does not know, by name, and why: tables have their average.
+    """Exported parameters, by name, whose terms read what a device does not know, and why; tables hold their average.
 
-    A user's own term of `time` is among them unless its entry says `measurement: false`: the fit cannot tell whether
-    the arm or the instrument creeps, and on a device time runs on for days.
+    A user's own term of `time` is among them unless its entry says `measurement: false`: the fit cannot tell creep of
+    the arm from creep of the instrument, and on a device time runs on for days.
     """
     own = own_columns_read(document)
     found = {}
@@ -118,7 +118,7 @@ def not_for_a_device(document: dict[str, Any]) -> dict[str, str]:
 
 
 def at_average(parameter: dict[str, Any], means: dict[str, float]) -> dict[str, Any]:
-    """`parameter` with the numbers of `means` in place of the variables of that name."""
+    """`parameter` with each variable named in `means` replaced by its mean."""
 
     def replaced(expression: str) -> str:
         return re.sub(
@@ -136,7 +136,7 @@ def _read_by(parameter: dict[str, Any]) -> set[str]:
 
 
 def _check_error(error: Section) -> None:
-    """Every figure that is drawn or printed is there: a number of micrometres, null where it is not known."""
+    """Refuse missing error figures: each is a number of micrometres, or null where it is not known."""
     by = error.section("held_out_by")
     scored = [by.section(name) for name in by if by.raw(name) is not None]
     for figures in (*map(error.section, ("nominal", "train", "held_out")), *scored):

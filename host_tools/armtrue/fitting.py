@@ -1,4 +1,4 @@
-"""Fit a model to measurements, keep it in fit.json, predict with it. The numbers are made in `armtrue._core`."""
+"""Fit a model to measurements, keep it in fit.json, predict with it. `armtrue._core` computes the numbers."""
 
 from __future__ import annotations
 
@@ -34,22 +34,22 @@ _LARGEST_FIT_BYTES = 512 * 1024 * 1024
 
 
 class EffectError(InputError):
-    """What the arm or its measurements do not allow a model to have; names no file, as it may come from any."""
+    """An effect that the arm or its measurements do not allow; names no file: the caller knows where it came from."""
 
 
 @dataclass
 class Fit:
     """A fitted model.
 
-    `document` is what fit.json holds (docs/model.md, section fit.json). The measurements are read again from where they
-    lay when something needs them, and refused when they have changed since.
+    `document` is what fit.json holds (docs/model.md, section fit.json). The measurements are read from their file when
+    first needed, and refused if they have changed since the fit.
     """
 
     document: dict[str, Any]
     path: Path | None = None
     _data: Dataset | None = field(default=None, repr=False)
     _core_fit: _core.Fit | None = field(default=None, repr=False)
-    # The library's fit works in scratch memory of its own: one thread at a time may ask it.
+    # The library's fit has scratch memory, so that only one thread at a time may call it.
     lock: threading.RLock = field(default_factory=threading.RLock, init=False, repr=False, compare=False)
     _arrays: dict[str, NDArray[np.float64]] = field(
         default_factory=dict, init=False, repr=False, compare=False
@@ -63,7 +63,7 @@ class Fit:
 
     @classmethod
     def load(cls, path: str | Path) -> Fit:
-        """Read a fit.json. Errors: InputError where it is no fit or of a newer version."""
+        """Read a fit.json. Errors: InputError where it is no fit or of another version."""
         path = Path(path)
         document = read_json(path, _LARGEST_FIT_BYTES, "a fit.json")
         if not isinstance(document, dict) or document.get("format") != FORMAT:
@@ -117,7 +117,7 @@ class Fit:
 
     @property
     def searched(self) -> list[str]:
-        """Names of the effects that a search put in: a later one may doubt them as the first did."""
+        """Names of the effects that a search added; a later search may remove them, unlike those of the user."""
         return list(self.document.get("searched", []))
 
     def predict(self, data: Dataset) -> NDArray[np.float64]:
@@ -127,7 +127,7 @@ class Fit:
             return np.asarray(_core.predict(self._for_the_library(), columns))
 
     def columns_for(self, data: Dataset) -> dict[str, NDArray[np.float64]]:
-        """Columns of `data` as the library predicts from them, reflectors as this fit counts them.
+        """Columns of `data` from which the library predicts, with reflectors numbered as in this fit.
 
         Errors: InputError where a column is missing, or a reflector is none of the fit's.
         """
@@ -140,7 +140,7 @@ class Fit:
         return columns
 
     def assumed(self, data: Dataset) -> tuple[dict[str, NDArray[np.float64]], list[str]]:
-        """What `predict` takes for columns that poses still to be driven cannot have, and a note on each.
+        """Substitutes for columns that poses not driven yet cannot have, and notes on what `predict` assumes.
 
         Errors: InputError that names a column without which there is no prediction.
         """
@@ -172,9 +172,9 @@ class Fit:
         return missing, [*notes, *self.extrapolated(data)]
 
     def beyond(self, data: Dataset) -> list[Beyond]:
-        """The columns in which `data` leave what was fitted, the farthest first, joints before all others.
+        """The columns of `data` outside their fitted ranges, joints first, each group from the farthest.
 
-        A column counts where a term of this fit reads it and the fit has kept its range.
+        Joints and columns that a term of this fit reads count, as far as fit.json has their ranges.
         """
         read = self.document.get("columns", {})
         found = []
@@ -189,9 +189,9 @@ class Fit:
         return sorted(found, key=lambda one: (not one.is_joint, -one.amount))
 
     def extrapolated(self, data: Dataset, of_the_arm: bool = False) -> list[str]:
-        """A note where poses of `data` lie outside what was fitted, if the fit has kept that.
+        """A note where poses of `data` lie outside the fitted ranges, as far as fit.json has these.
 
-        `of_the_arm`: only what effects of the arm read, which are all that a table holds.
+        `of_the_arm`: only joints and columns that exported effects of the arm read, as tables hold no others.
         """
         beyond = self.beyond(data)
         if of_the_arm:
@@ -227,14 +227,14 @@ class Fit:
         return self._kept("in noise", lambda core: _core.residuals_in_noise(core, core))
 
     def _kept(self, name: str, work: Callable[[_core.Fit], Any]) -> NDArray[np.float64]:
-        """An array that the library makes, kept: charts ask for the same ones again and again."""
+        """An array of the library, cached because charts ask for the same ones repeatedly."""
         if name not in self._arrays:
             with self.lock:
                 self._arrays[name] = np.asarray(work(self.core))
         return self._arrays[name]
 
     def _for_the_library(self) -> str:
-        """The document as JSON text for `_core.predict`, which knows reflectors by their place among sorted keys."""
+        """The document as JSON text for `_core.predict`, which numbers reflectors in the order of their sorted keys."""
         names = self.document["data"].get("targets", [])
         if len(names) < 2:
             return json.dumps(self.document)
@@ -258,7 +258,7 @@ class Fit:
 
 
 def _effects_that_read(name: str, parameters: list[dict[str, Any]]) -> list[str]:
-    """The effects of `parameters` whose terms name a column; none where they read it through a load."""
+    """The effects of `parameters` whose terms name a column; effects that read it only through a load are not found."""
     variable = re.compile(rf"\b(?:d?T_|temp_)?{re.escape(name.removeprefix('temp_'))}\b")
     reading = (
         p["effect"] for p in parameters if any(variable.search(t["expression"]) for t in p.get("terms", []))
@@ -277,7 +277,7 @@ def fit(
 ) -> Fit:
     """Fit `model` to `data`.
 
-    `folds`, `seed`: of the cross-validation. Errors: InputError where the data cannot carry the model.
+    `folds`, `seed`: of the cross-validation. Errors: InputError where the arm or the data do not allow the model.
     """
     if not 2 <= folds <= 100:
         raise InputError(f"--folds: found {folds}, expected 2 to 100")
@@ -296,7 +296,7 @@ def add(
     options: dict[str, Any] | None = None,
     progress: Progress | None = None,
 ) -> Fit:
-    """Return `base` with one more effect, fitted again. Errors: InputError where it is in already or cannot be had."""
+    """Return `base` with one more effect, fitted again. Errors: InputError where it is present or not allowed."""
     entry: dict[str, Any] = {"effect": effect, **(options or {})}
     if joints:
         entry["joints"] = joints
@@ -326,7 +326,7 @@ def effect_terms(base: Fit, entry: dict[str, Any], columns: dict[str, NDArray[np
 
 
 def fingerprint(data: Dataset) -> str:
-    """SHA-256 over the columns of `data`: tells whether measurements changed, whatever file form they lie in."""
+    """SHA-256 over the columns of `data`: changes with the measurements, but not with their file format."""
     digest = hashlib.sha256()
     for name in sorted(data.columns):
         digest.update(name.encode())
@@ -353,7 +353,7 @@ def _run(
 
 
 def _parameter_names(data: Dataset, robot: Robot, effects: list[dict[str, Any]]) -> list[str]:
-    """The names of all parameters that `effects` have on this arm, without those of effects that it cannot have."""
+    """The names of all parameters of `effects` on this arm; effects that it cannot have are skipped."""
     names: list[str] = []
     for entry in effects:
         options = {key: value for key, value in entry.items() if key not in ("effect", "joints")}
@@ -366,7 +366,7 @@ def _parameter_names(data: Dataset, robot: Robot, effects: list[dict[str, Any]])
 
 @contextmanager
 def refusals_about(data: Dataset) -> Iterator[None]:
-    """Raise what the numerical library refuses of `data` meanwhile as InputError that names its file."""
+    """Turn a ModelError of the numerical library into an InputError that names the file of `data`."""
     try:
         yield
     except _core.ModelError as error:
@@ -402,7 +402,7 @@ def _finish(
 
 
 def from_core(base: Fit, core: _core.Fit) -> Fit:
-    """Return a fit of the numerical library to `base`'s measurements with everything around it."""
+    """Return `core`, the library's fit to the measurements of `base`, as a Fit with its whole document."""
     specification = {**base.document["model"], "effects": json.loads(core.specification())["effects"]}
     fit = _document(core, base.data, base.robot, specification, base.document["options"])
     fit.document["searched"] = _core.searched_effects(base.core, core, set(base.searched))
@@ -421,7 +421,7 @@ def _document(
         "data": _data_entry(data),
         **json.loads(core.document()),
     }
-    # What the instrument does by a column is part of a prediction too.
+    # Columns that only terms of the instrument read are needed for a prediction, too.
     own = sorted({column for read in own_columns_read(document).values() for column in read})
     document["columns"] |= dict.fromkeys(own, "")
     document["data"]["ranges"] |= ranges_of(data, ["time", *document["columns"]])
@@ -445,7 +445,7 @@ def _document(
 
 
 def _varies_um(fit: Fit, parameter: str) -> float:
-    """How far the tool is, over the fitted rows, from where the average of what `parameter` reads has it [µm RMS]."""
+    """RMS distance [µm] of the fitted rows' predictions from those with the inputs of `parameter` at their averages."""
     means = fit.document["data"]["means"]
     parameters = [
         at_average(entry, means) if entry["name"] == parameter else entry
@@ -456,7 +456,7 @@ def _varies_um(fit: Fit, parameter: str) -> float:
 
 
 def _check_ranges(document: dict[str, Any], path: Path) -> None:
-    """Refuse ranges that are no numbers or of no column. Errors: InputError that names the key."""
+    """Refuse ranges that are not two numbers, or not of a known column. Errors: InputError that names the key."""
     data = Section(document, str(path)).section("data")
     if not data.has("ranges"):
         return

@@ -1,4 +1,4 @@
-"""What a notebook shows of fits, diagnoses and checks: tables of HTML in place of Python's own form."""
+"""Tables of fits, diagnoses and checks for a notebook, as HTML or text in place of Python's default repr."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def error_rows(document: Mapping[str, Any]) -> list[list[str]]:
 
 
 def floor_sentence(document: Mapping[str, Any]) -> str:
-    """The noise floor of a fit and what tells it."""
+    """The noise floor of a fit and its source."""
     floor = document.get("noise_floor") or {}
     if floor.get("um") is None:
         return "noise floor: not known, as the data hold no repeats and no sigma"

@@ -1,4 +1,4 @@
-"""Which poses to measure next: optimal design of experiments. The numbers are made in `armtrue._core`."""
+"""Which poses to measure next: optimal design of experiments. `armtrue._core` computes the numbers."""
 
 from __future__ import annotations
 
@@ -28,16 +28,16 @@ from armtrue.verdicts import of_other_sensors
 
 # ΔBIC that settles a question: "very strong" evidence (Kass and Raftery 1995).
 SETTLED = 10.0
-# ΔBIC that is "not worth more than a bare mention" (the same).
+# ΔBIC that is "not worth more than a bare mention" (same source).
 HARDLY = 2.0
-# What poses may vary besides the joints, by column, and how a plan is told to.
+# What poses may vary besides the joints, by the stem of the column, with the option that does so.
 _LEVELS = {
     "payload": "payload (armtrue plan with --levels payload=0,8,16 says whether it would)",
     "dir": "approach from both sides (--levels dir=-1,1)",
     "temp_": "temperature",
 }
 _MOST_RIVALS = 4
-# Poses that add less than this share of what is known add nothing that a ratio could be made of.
+# Random poses that add less than this share of the present information give no meaningful ratio.
 _LEAST_GAIN = 1e-4
 _COORDINATES = 3  # of a measured pose
 
@@ -46,9 +46,9 @@ _COORDINATES = 3  # of a measured pose
 class Cell:
     """Where the arm may be sent. Points in the robot's base frame [m], angles [rad]; None does not limit.
 
-    box: (low, high) of x, y and z that the tool point keeps to. floor: lowest z of joints and tool point. tracker: from
-    here the line to the reflector is `clearance` away from the arm. acceptance: largest angle between that line and
-    `opening`, where the reflector looks in the tool frame.
+    box: (low, high) of x, y and z for the tool point. floor: lowest z of joints and tool point. tracker: position of
+    the instrument, whose line of sight to the reflector keeps `clearance` from the arm. acceptance: largest angle
+    between that line and `opening`, the direction in the tool frame that the reflector faces.
     """
 
     box: list[tuple[float, float]] | None = None
@@ -64,7 +64,7 @@ class Cell:
 
 
 def _percent(delta_bic: float) -> str:
-    """The probability of one of two causes by its BIC less the other's, given that it is one of the two."""
+    """The probability of one of two causes from its BIC minus the other's, if the cause is one of the two."""
     share = 1.0 / (1.0 + math.exp(max(-700.0, min(700.0, delta_bic / 2.0))))
     return "more than 99.9 %" if share > 0.999 else f"{100.0 * share:.{1 if share > 0.99 else 0}f} %"
 
@@ -75,11 +75,11 @@ class Plan:
 
     columns: q1…qn [rad or m] and whatever else is to be set (payload [kg], dir…, temp_… [°C], time [s]). target: the
     reflector that they are for; None where reflectors have no names.
-    figures: of a campaign `unknowns`, `weak` (sentences: what no pose can tell well), `same_numbers` (parameters that
-    are another's whatever the pose), `information` (present, planned, random: eigenvalues_per_m2, weakest,
-    prediction_rms_um) and `random_poses_per_planned` (the function of that name); of a separation `candidates` and
-    `separations` (truth, rival, delta_bic_now, delta_bic_expected, delta_bic_expected_random: BIC of truth less
-    rival's).
+    figures: of a campaign `unknowns`, `weak` (sentences on unknowns that no pose determines well), `same_numbers` (how
+    many parameters act exactly as others do in every pose), `information` (present, planned, random:
+    eigenvalues_per_m2, weakest, prediction_rms_um) and `random_poses_per_planned` (the function of that name); of a
+    separation `candidates` and `separations` (truth, rival, delta_bic_now, delta_bic_expected,
+    delta_bic_expected_random: BIC of truth minus BIC of rival).
     """
 
     columns: dict[str, NDArray[np.float64]]
@@ -92,7 +92,7 @@ class Plan:
         return len(next(iter(self.columns.values())))
 
     def decisions(self) -> list[str]:
-        """A sentence for each pair that the poses tell apart: what is expected whichever of the two is the cause."""
+        """A sentence for each pair of candidates: how well the poses decide, for the harder case of the two causes."""
         pairs: dict[frozenset[str], list[dict[str, Any]]] = {}
         for entry in self.figures.get("separations", []):
             pairs.setdefault(frozenset((entry["truth"], entry["rival"])), []).append(entry)
@@ -121,7 +121,7 @@ class Plan:
         return sentences
 
     def _cannot_decide(self, pair: str, worst: float, random: float) -> str:
-        """What poses are worth that leave a pair as open as it is, and what else could tell."""
+        """A sentence on a pair that the poses leave undecided, and on what else could decide it."""
         if random <= -HARDLY:
             what_else = f"As many random poses are expected to reach {_percent(random)}: take more."
         else:
@@ -138,7 +138,7 @@ class Plan:
         )
 
     def precision(self) -> str | None:
-        """A sentence on how many random poses would predict as well; None of a plan for telling effects apart."""
+        """A sentence on how many random poses would predict as well; None for a plan that tells effects apart."""
         if self.separates:
             return None
         ratio = self.figures["random_poses_per_planned"]
@@ -150,7 +150,7 @@ class Plan:
         return f"{planned} give the precision of {ratio * self.count:.0f} random ones."
 
     def csv(self) -> str:
-        """The poses as a file to run, to a nanometre and below; with a column `target` where reflectors have names."""
+        """The poses as a file to run, with ten decimals, and a column `target` where reflectors have names."""
         own = [] if self.target is None else [self.target]
         rows = zip(*self.columns.values(), strict=True)
         cells = [[*(f"{value:.10f}" for value in row), *own] for row in rows]
@@ -176,10 +176,10 @@ def plan_campaign(
 ) -> Plan:
     """Choose `poses` poses for a first campaign, D-optimal for the parameters of `model`.
 
-    levels: values that columns besides the joints may take, by column. tool: the reflector in the flange [m] where
-    robot.yaml has no tool; of its `tools`, the first is taken. candidates: possible poses to choose from. Errors:
-    InputError where the model reads a column without levels, the tool is unknown, or hardly any pose is within limits
-    and cell.
+    levels: values that columns besides the joints may take, by column. tool: position of the reflector in the flange
+    frame [m] where robot.yaml has no tool; the default is the first of its `tools`. candidates: number of possible
+    poses to choose from. Errors: InputError where the model reads a column without levels, the tool is unknown, or
+    hardly any pose is within limits and cell.
     """
     options = _options(poses, cell, levels, candidates, seed)
     options["instrument"] = model.instrument
@@ -219,9 +219,9 @@ def plan(
 ) -> Plan:
     """Choose the next `poses` poses for `fit`, as `armtrue plan FIT` does.
 
-    `rivals`: entries of model.yaml to tell apart; None takes what the fit's data leave open of its diagnosis, an empty
-    list nothing. With nothing to tell apart the poses are for the fit's own parameters. `plan.separates` says which it
-    was. Other arguments and errors as of `plan_campaign`, which is for an arm that was not measured yet.
+    `rivals`: entries of model.yaml to tell apart; None: those that a diagnosis leaves undecided. Without any (or with
+    an empty list) the poses are for the fit's own parameters; `plan.separates` says which it was. Other arguments and
+    errors as of `plan_campaign`, which is for an arm that was not measured yet.
     """
     settings: dict[str, Any] = {"cell": cell, "levels": levels, "candidates": candidates, "seed": seed}
     if rivals is None:
@@ -242,9 +242,9 @@ def plan_sharpening(
     seed: int = 0,
     progress: Progress | None = None,
 ) -> Plan:
-    """Choose `poses` further poses for the parameters of `fit`, given what its measurements know already.
+    """Choose `poses` further poses for the parameters of `fit`, in addition to its measurements.
 
-    Arguments and errors as of `plan_campaign`; levels that are not given are as recorded.
+    Arguments and errors as of `plan_campaign`; a column without levels takes its recorded values.
     """
     options = json.dumps(_options(poses, cell, levels, candidates, seed))
     return _plan(lambda: _core.plan_sharpening(fit.core, options, progress), _target(fit), fit.robot)
@@ -272,7 +272,7 @@ def plan_separation(
         fit.robot,
         fit.path or "the fit",
     )
-    # The library's names are without sensors.
+    # The library's names do not contain the sensor.
     names = [
         name + _sensor_words(fit, rival)
         for name, rival in zip(chosen.figures["candidates"], rivals, strict=True)
@@ -285,11 +285,11 @@ def plan_separation(
 
 @dataclass(frozen=True)
 class Rival:
-    """What else could be missing beside the first candidate of a diagnosis.
+    """An alternative to the first candidate of a diagnosis.
 
-    candidate: as the diagnosis names it. entry: of model.yaml. delta_bic: BIC with it less BIC with the first, both
-    refitted; by so much this data prefers the first. misfit: the part of that which is not for the number of
-    parameters. Both None where it cannot be fitted. table: it can follow any error of its joints.
+    candidate: its name in the diagnosis. entry: its entry of model.yaml. delta_bic: BIC with it minus BIC with the
+    first, both refitted; positive where the data prefer the first. misfit: delta_bic without its penalty on the number
+    of parameters. Both None where it cannot be fitted. table: True if it can follow any error of its joints.
     """
 
     candidate: str
@@ -300,12 +300,12 @@ class Rival:
 
     @property
     def fits_as_well(self) -> bool:
-        """True where this data speaks against it, if at all, only by its number of parameters."""
+        """True where the data fit it as well as the first: at most its number of parameters speaks against it."""
         return self.misfit is not None and self.misfit < SETTLED
 
     @property
     def decided(self) -> bool:
-        """True where this data rules it out beside the first; a table, which fits anything, by its nodes alone."""
+        """True where the data rule it out; a table, which fits anything, also by its number of nodes alone."""
         if self.delta_bic is None:
             return True
         return self.delta_bic >= SETTLED and (self.table or not self.fits_as_well)
@@ -313,7 +313,7 @@ class Rival:
 
 @dataclass(frozen=True)
 class Ambiguity:
-    """The ambiguity set of a diagnosis: its first candidate and what is confounded with it, the closest first."""
+    """The ambiguity set of a diagnosis: its first candidate and those confounded with it, the closest first."""
 
     candidate: str
     entry: dict[str, Any]
@@ -321,15 +321,15 @@ class Ambiguity:
 
     @property
     def open(self) -> list[dict[str, Any]]:
-        """Entries of model.yaml to tell apart: the first and what this data leaves open beside it, four at most.
+        """Entries of model.yaml to tell apart: the first candidate and its undecided rivals, four in all at most.
 
-        Tables are not among them: they follow whatever else is the cause. Empty where nothing else is open.
+        Tables are not among them, because they can follow any other cause. Empty where no rival is undecided.
         """
         undecided = [rival.entry for rival in self.rivals if not rival.decided and not rival.table]
         return [self.entry, *undecided][:_MOST_RIVALS] if undecided else []
 
     def figures(self) -> dict[str, Any]:
-        """The set as JSON has it."""
+        """The set as JSON output has it."""
         return {
             "candidate": self.candidate,
             "rivals": [
@@ -347,16 +347,15 @@ class Ambiguity:
 def ambiguity(fit: Fit, diagnosis: Mapping[str, Any]) -> Ambiguity | None:
     """The ambiguity set of a diagnosis of `fit`, every member refitted; None where the diagnosis recommends nothing.
 
-    Its members are what the diagnosis gives as `confounded_with` of its first candidate, and the same effect of another
-    thermometer where that explains nearly as much. Errors: InputError where the
-    first cannot be fitted.
+    Its members are what the diagnosis gives as `confounded_with` of its first candidate, and the same effect with
+    another thermometer where that explains nearly as much. Errors: InputError where the first cannot be fitted.
     """
     candidates = diagnosis.get("candidates", [])
     if diagnosis.get("verdict") != "missing_effect" or not candidates:
         return None
     lead = candidates[0]
     first = model_entry(lead)
-    # Of two that differ in what the name does not say (a sensor), the better one.
+    # Candidates that differ only in their sensor have one name; the dict keeps the better one.
     listed = {_name(entry): entry for entry in map(model_entry, reversed(candidates))}
     named = [entry_of(label) for label in lead.get("confounded_with", [])]
     others = [model_entry(other) for other in of_other_sensors(lead, candidates)]
@@ -379,10 +378,10 @@ def ambiguity(fit: Fit, diagnosis: Mapping[str, Any]) -> Ambiguity | None:
 
 
 def entry_of(candidate: str) -> dict[str, Any]:
-    """An entry of model.yaml from a candidate as a diagnosis names it (`gear_mesh 2 cycles [13]`) or a shell takes it.
+    """An entry of model.yaml from a candidate as a diagnosis names it (`gear_mesh 2 cycles [13]`) or a shell argument.
 
-    That is `gear_mesh:2:cycles=13` or `thermal_base:sensor=arm`, as `argument_of` gives it. Raises ValueError where it
-    has another form.
+    The latter is as `argument_of` gives it: `gear_mesh:2:cycles=13` or `thermal_base:sensor=arm`. Raises ValueError
+    where `candidate` has another form.
     """
     match = _CANDIDATE.fullmatch(candidate.strip())
     if match is None:
@@ -415,7 +414,7 @@ _CANDIDATE = re.compile(
 
 
 def _number(text: str) -> float | int:
-    value = float(text)  # ValueError for what only looks like one
+    value = float(text)  # ValueError for text that passes _CANDIDATE but is no number, such as 1-2
     return int(value) if value.is_integer() else value
 
 
@@ -469,7 +468,7 @@ def _plan(
     if "information" in result:
         result["random_poses_per_planned"] = random_poses_per_planned(result, len(columns["q1"]))
     chosen = {name: np.array(columns[name]) for name in result.pop("written")}
-    # As a controller that couples what it reports wants to be told.
+    # Poses are written in the joint values that the controller reports and accepts; it may couple them.
     reported_from_drives = np.asarray(np.linalg.inv(robot.drives_from_reported), float)
     return Plan(with_joints_mapped(chosen, reported_from_drives), result, target)
 
@@ -477,8 +476,8 @@ def _plan(
 def random_poses_per_planned(figures: Mapping[str, Any], poses: int) -> float | None:
     """How many random poses lead to the same error of predictions as one of `poses` planned ones; None where none does.
 
-    figures: of a `Plan`. The inverse of the mean square error grows by as much with each random pose, from what the
-    measurements know already; without such, from the first poses that determine the unknowns at all.
+    figures: of a `Plan`. The inverse of the mean square error is taken to grow equally with each random pose, starting
+    from that of the measurements; without measurements, from the fewest poses that determine the unknowns.
     """
     errors = {
         key: entry and float(entry["prediction_rms_um"]) for key, entry in figures["information"].items()
@@ -492,7 +491,7 @@ def random_poses_per_planned(figures: Mapping[str, Any], poses: int) -> float | 
 
 
 def _in_the_fit(found: re.Match[str], fit_file: str | Path) -> str:
-    """What to do where a candidate is an effect of the fit."""
+    """The message for a candidate that is an effect of the fit already."""
     effect, joints = found["effect"], found["joints"]
     only = f" --joints {joints}" if joints else ""
     remove = f"armtrue remove {shlex.quote(str(fit_file))} {effect}{only} --out without.json"

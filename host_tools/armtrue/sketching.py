@@ -1,4 +1,4 @@
-"""What an effect does, in text: its terms on a sample arm as formulas, and their course over one variable."""
+"""An effect sketched in text: its terms on a sample arm as formulas, and their graphs over one variable."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def _columns(sweep: Sweep) -> dict[str, Array]:
     columns |= {f"travel{k}": np.full(_POINTS, 0.1) for k in range(1, 7)}
     columns |= {f"duty{k}": np.full(_POINTS, 0.1) for k in range(1, 7)}
     columns |= {f"temp_{name}": np.full(_POINTS, 20.0) for name in _SENSORS}
-    # Two set-ups of the instrument, and where it sees the tool.
+    # Two stations and nests of the instrument, and the measured tool position [m].
     columns |= {name: np.where(np.arange(_POINTS) < _POINTS // 2, 1.0, 2.0) for name in ("station", "nest")}
     columns |= {axis: np.full(_POINTS, at) for axis, at in zip("xyz", (2.0, 1.0, 0.5), strict=True)}
     columns |= {"time": np.zeros(_POINTS), "payload": np.zeros(_POINTS)}
@@ -77,7 +77,7 @@ def _columns(sweep: Sweep) -> dict[str, Array]:
 
 
 def _sweeps(joints: list[int]) -> list[Sweep]:
-    """What may drive an effect on `joints`, the likeliest first."""
+    """Variables that may drive an effect on `joints`, the likeliest first."""
     order = [*reversed(joints), *(k for k in range(1, 7) if k not in joints)]
     sweeps = [Sweep((f"q{k}", f"qr{k}"), -_HALF_TURN, _HALF_TURN, f"q{k} from -180° to 180°") for k in order]
     sweeps += [Sweep((f"dir{k}",), -1.0, 1.0, f"dir{k} from -1 to 1") for k in order]
@@ -95,7 +95,7 @@ def _terms(info: EffectInfo, joints: list[int], sweep: Sweep) -> dict[str, Any]:
         request["options"] = {"name": "mine", "coordinate": "motor2", "expression": "sin(3*q2)"}
     arm = sample_arm()
     for kind in ("revolute", "prismatic"):
-        # Some effects are of joints that slide.
+        # Some effects exist on prismatic joints only.
         arm["kinematics"]["joints"][1]["type"] = kind
         try:
             document: dict[str, Any] = json.loads(
@@ -108,7 +108,7 @@ def _terms(info: EffectInfo, joints: list[int], sweep: Sweep) -> dict[str, Any]:
 
 
 def _joints(info: EffectInfo) -> list[int]:
-    """Joints of the example: what each kind of effect is asked for by."""
+    """Joints of the example, by the kind of joint list that the effect takes."""
     return {"each": [2], "all": [2], "pair": [6, 5]}.get(info.joints, [])
 
 
@@ -135,7 +135,7 @@ def formula_lines(document: dict[str, Any]) -> list[str]:
                 tables.add(term["coordinate"])
     lines = []
     for coordinate, sums in list(by_coordinate.items())[:_SHOWN]:
-        # How many nodes a table has is a matter of the poses that it is fitted to.
+        # The number of nodes of a table depends on the poses that it is fitted to.
         count = "a term for each node" if coordinate in tables else f"{len(sums)} terms"
         more = f" + … ({count})" if len(sums) > _SHOWN else ""
         lines.append(f"{coordinate} += {' + '.join(sums[:_SHOWN])}{more}".replace(" + -", " - "))
@@ -158,7 +158,7 @@ def _factor(expression: str) -> str:
 
 
 def _spaced(expression: str) -> str:
-    """An expression with figures of readable length, without what rounding leaves of a zero."""
+    """An expression with numbers of readable length, without terms that are rounding errors of zero."""
     dust = r"-?\d(?:\.\d+)?e-1[2-9](?:\*\w+)?"
     without_dust = re.sub(rf" \+ {dust}|^{dust} \+ ", "", expression)
     shorter = re.sub(r"\d+\.\d{5,}(?:e-?\d+)?", lambda number: f"{float(number[0]):.4g}", without_dust)
@@ -166,7 +166,7 @@ def _spaced(expression: str) -> str:
 
 
 def sketch(info: EffectInfo) -> list[str]:
-    """The course of the first few terms, each over the variable that drives it; empty where all are constant."""
+    """Bar graphs of the first few terms, each over the variable that drives it; empty where all are constant."""
     joints = _joints(info)
     lines: list[str] = []
     drawn: set[str] = set()

@@ -1,4 +1,4 @@
-"""What the springs of a fit say of the gravity that robot.yaml states."""
+"""Warnings where fitted compliances contradict the direction of gravity in robot.yaml."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ import numpy as np
 from armtrue.io.robot import STANDARD_GRAVITY, Robot
 from armtrue.io.rotation import matrix_from_rpy
 
-# Floors and foundations are never as oblique.
+# No floor or foundation is tilted by this much.
 _UPRIGHT_DEGREES = 20.0
-# Standard deviations hold for a model that is complete. One that lacks effects errs by several; under the right
-# gravity springs are known by a hundred.
+# Standard deviations hold for a complete model; where effects are missing, a value may be wrong by several. Under the
+# right gravity a compliance differs from 0 by a hundred.
 _SURE_DEVIATIONS = 10.0
-# Units of what gives way under a load.
+# Endings of the units of compliances.
 _OF_A_SPRING = ("/Nm", "/N")
 
 
 def warnings_of_springs(document: dict[str, Any], robot: Robot) -> list[str]:
-    """A warning, with its remedy, where fitted springs say that gravity points another way than in robot.yaml.
+    """A warning, with its remedy, where fitted springs show that gravity points another way than in robot.yaml.
 
-    `document`: fit.json, of which `parameters` and `measuring_from_base` are read. Springs are the parameters that a
-    load moves and that physics allows no negative value; nothing is said where the model has none of known value.
+    `document`: fit.json, of which `parameters` and `measuring_from_base` are read. Springs are compliances that cannot
+    physically be negative; without one that has a sigma there is no warning.
     """
     springs = [
         parameter

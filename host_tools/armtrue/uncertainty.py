@@ -1,4 +1,4 @@
-"""How sure a fit's predictions are."""
+"""Uncertainty of a fit's predictions."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ def position_covariance(fit: Fit, poses: Dataset) -> NDArray[np.float64]:
 
 
 def standard_deviation_m(covariance: NDArray[np.float64]) -> NDArray[np.float64]:
-    """One standard deviation (N,) [m] of a position, of all directions together."""
+    """Standard deviation (N,) [m] of a position: root of the sum of the variances along the three axes."""
     return np.asarray(np.sqrt(np.trace(covariance, axis1=1, axis2=2)))
 
 
 def least_known_m(covariance: NDArray[np.float64]) -> NDArray[np.float64]:
-    """One standard deviation as a vector (N, 3) [m] along the direction that is known least."""
+    """One standard deviation as a vector (N, 3) [m] along the direction of the largest variance."""
     variances, directions = np.linalg.eigh(covariance)
     return np.asarray(np.sqrt(np.maximum(variances[:, -1:], 0.0)) * directions[:, :, -1])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-# unit → units for people from small to large: (name, factor to SI); the largest that keeps the figure above 1 is taken.
+# SI unit → display units, smallest first: (name, factor to SI); the largest that keeps the figure above 1 is taken.
 _FOR_PEOPLE: dict[str, list[tuple[str, float]]] = {
     "m": [("µm", 1e-6), ("mm", 1e-3), ("m", 1.0)],
     "rad": [("″", math.pi / 648000.0), ("°", math.pi / 180.0)],
@@ -26,7 +26,7 @@ _FOR_PEOPLE: dict[str, list[tuple[str, float]]] = {
     "s": [("s", 1.0), ("min", 60.0), ("h", 3600.0)],
 }
 _MOST_DECIMALS = 9
-# A degree is named only from here on: 0.3° and below are read in arcseconds.
+# Smallest figure shown in a unit, 1 for the others; angles below 0.3° are shown in arcseconds.
 _ENOUGH = {"°": 0.3, "mm": 1.0, "m": 1.0}
 
 

@@ -1,4 +1,4 @@
-"""What a diagnosis says beyond its fields, the same in the terminal, in a notebook and in the report."""
+"""Wording of a diagnosis and of errors, the same in the terminal, in a notebook and in the report."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ FLOOR_SOURCES = {
     "none": "nothing recorded tells it",
 }
 
-# Share of the first's that makes another candidate explain nearly as much (docs/planning.md).
+# A candidate explains nearly as much as the first from this share of the first's `explained` on (docs/planning.md).
 _NEARLY = 0.9
 _MORE_LIKELY_THAN_NOT = 0.5
-# Unseen poses that err by so many noise floors hold more than noise: a model of many unknowns errs by less.
+# A held-out error above this many noise floors is more than noise: many unknowns alone do not raise it as far.
 _FAR_ABOVE = 2.0
-# The same of the poses that were fitted: the advice then says what may differ from visit to visit.
+# The same for the training error; the advice then says what may differ between visits of a pose.
 _WELL_ABOVE = 1.5
 
 OTHER_SENSOR_ADVICE = (
@@ -37,7 +37,7 @@ OTHER_SENSOR_ADVICE = (
 
 
 NOT_SCORED = "not scored"
-# What is said of an error: the figures by their keys, and what the parts of a fit's error are called.
+# Names of an error's figures by their keys, and of the parts of a fit's error.
 ERROR_FIGURES = {"mean_um": "mean", "rms_um": "RMS", "p95_um": "95 %", "max_um": "max"}
 PARTS_OF_ERROR = {
     "nominal": "nominal, base and tool fitted", "train": "training poses", "held_out": "held-out poses",
@@ -80,13 +80,13 @@ def chance(probability: float) -> str:
 
 
 def why_words(candidate: Mapping[str, Any]) -> str:
-    """Why a candidate is recommended or not, its probability said as everywhere: the library rounds it to percent."""
+    """Why a candidate is recommended or not, its probability worded by `chance`: the library rounds it to percent."""
     said = f"probability {chance(candidate['probability'])}"
     return re.sub(r"^probability \d+ %", said, with_signs(candidate["why"]))
 
 
 def verdict_words(diagnosis: dict[str, Any]) -> str:
-    """The verdict of a diagnosis as a sentence. That what is left is noise, only repeats of poses can say."""
+    """The verdict of a diagnosis as a sentence. Residuals are called noise only where the noise floor is known."""
     verdict = str(diagnosis["verdict"])
     floor = diagnosis.get("noise_floor_um")
     if verdict != "nothing_missing":
@@ -105,7 +105,7 @@ def verdict_words(diagnosis: dict[str, Any]) -> str:
 def of_other_sensors(first: dict[str, Any], candidates: list[dict[str, Any]]) -> list[dict[str, Any]]:
     """Candidates that are `first` read from another thermometer and explain nearly as much.
 
-    `confounded_with` has none of these: its names are without sensors.
+    `confounded_with` does not list these, because its names do not contain the sensor.
     """
     return [
         other
@@ -117,5 +117,5 @@ def of_other_sensors(first: dict[str, Any], candidates: list[dict[str, Any]]) ->
 
 
 def sensor_of(candidate: dict[str, Any]) -> Any:
-    """The thermometer that a candidate reads; None where it reads none, or there is but one."""
+    """The thermometer that a candidate reads; None where it reads none, or the arm has only one."""
     return (candidate.get("options") or {}).get("sensor")

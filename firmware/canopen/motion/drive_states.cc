@@ -7,7 +7,7 @@
 namespace armtrue::canopen {
 namespace {
 
-// CiA 402-2, table 30: states in which a motor has power, in the bits that tell states apart.
+// CiA 402-2, table 30: statusword masks, and the states in which a motor has power.
 constexpr std::uint16_t kStateMask = 0x006F;
 constexpr std::uint16_t kOperationEnabled = 0x0027;
 constexpr std::uint16_t kQuickStopActive = 0x0007;

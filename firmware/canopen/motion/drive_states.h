@@ -1,9 +1,9 @@
-// What the drives do, as far as they say it: state (0x6041), mode of operation (0x6061), whether an
-// actual position jumped while nothing moved, and whether it moved while there were no targets.
+// What the drives report: statusword (0x6041), modes of operation display (0x6061), jumps of an
+// actual position at rest, and motion while no targets came.
 //
-// A drive that is not in operation, or follows something else than cyclic positions (homing,
-// torque, hand-guiding), does not take a corrected target, and the correction does not belong into
-// its actual position. A drive that has said nothing is taken to follow.
+// A drive that is not in "operation enabled", or not in a cyclic position mode (homing, torque,
+// hand-guiding), does not take corrected targets, so its actual position contains no correction. A
+// drive that has reported neither object counts as following.
 #ifndef ARMTRUE_FIRMWARE_CANOPEN_MOTION_DRIVE_STATES_H_
 #define ARMTRUE_FIRMWARE_CANOPEN_MOTION_DRIVE_STATES_H_
 
@@ -20,47 +20,49 @@ inline constexpr std::uint16_t kStatusword = 0x6041;
 inline constexpr std::uint16_t kModeDisplay = 0x6061;
 
 enum class AxisState : std::uint8_t {
-  kUnknown,    // neither its state nor its mode has been heard
+  kUnknown,    // neither statusword nor mode has been received
   kFollowing,  // operation enabled, a cyclic position mode
   kAway,
 };
 
 class DriveStates {
  public:
-  // What is mapped no more is not known any more: it would never change. Bit k: of axis k.
+  // Forgets the statuswords and modes of axes that are no longer mapped (bit k: axis k is mapped):
+  // they would never be updated.
   void keep(std::uint32_t states, std::uint32_t modes);
 
   void hear_state(std::size_t axis, std::uint16_t statusword);
   void hear_mode(std::size_t axis, std::int8_t mode);
 
   AxisState state(std::size_t axis) const;
-  // Bit k: the state or the mode of axis k has been heard.
+  // Bit k: the statusword or the mode of axis k has been received.
   std::uint8_t known() const;
   // Bit k: axis k does not follow its targets.
   std::uint8_t away() const;
-  // Bit k: axis k has said that it is not in operation.
+  // Bit k: the statusword of axis k reports a state in which the motor has no power.
   std::uint8_t disabled() const;
 
-  // An actual position. `at_rest`: no target has moved for a while. Returns true if it jumped as no
-  // arm can: its encoder's zero has been changed. `per_turn`: increments, 0 where not known.
+  // Takes an actual position. `at_rest`: no target has changed for a while. `per_turn`: increments
+  // per turn or metre, 0 if not known. Returns true if the position jumped further than an arm can
+  // move: the encoder's zero was changed.
   bool hear_position(std::size_t axis, std::int32_t actual, bool at_rest, std::uint32_t per_turn,
                      const PositionBounds& bounds, std::uint64_t now_us);
 
-  // The stream of targets has ended: where each drive stands now is noted.
+  // Notes the drives' actual positions at the end of a stream of targets.
   void note_stand();
-  // Whether the newest actual position is further than `band` from the one noted. False where none
-  // was heard.
+  // Whether the newest actual position is more than `band` increments from the noted one. False if
+  // either is missing.
   bool has_left(std::size_t axis, std::int32_t band, const PositionBounds& bounds) const;
 
-  // From rest, an arm does not move further than this (in parts of a turn or a metre) from one
-  // actual position to the next, nor faster than kFastestTurns a second.
+  // A change at rest is a jump if it exceeds both 1/kJumpPart turn (metre) and kFastestTurns turns
+  // (metres) per second: from rest, an arm does not move that far or that fast.
   static constexpr std::uint32_t kJumpPart = 500;
   static constexpr std::uint32_t kFastestTurns = 2;
-  // Whether any actual position has been heard within kSilentUs.
+  // Whether any actual position has been received within kSilentUs.
   bool is_speaking(std::uint64_t now_us) const;
   static constexpr std::uint64_t kSilentUs = 1'000'000;
 
-  // Positions that lie further apart in time say nothing.
+  // Actual positions further apart in time are not compared.
   static constexpr std::uint64_t kNeighboursUs = 100'000;
 
  private:
@@ -69,7 +71,7 @@ class DriveStates {
     std::optional<std::int8_t> mode;
     std::optional<std::int32_t> actual;
     std::optional<std::int32_t> noted;  // by note_stand()
-    std::uint64_t heard_us = 0;         // when `actual` was
+    std::uint64_t heard_us = 0;         // when `actual` was received
   };
   template <typename Condition>
   std::uint8_t bits(const Condition& condition) const {

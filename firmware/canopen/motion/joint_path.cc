@@ -62,17 +62,17 @@ void JointPath::forget() {
   heard_ = 0;
 }
 
-// A set that was computed and waits is not sent: the drives never hear of it.
+// Undoes the correction of a computed set that waits for SYNC and will not be sent.
 void JointPath::take_back() {
   if (sets_.progress() != SetProgress::kComputed) return;
   compensator_.take_back();
-  // A first set that does not go out is not the first.
+  // If the first set does not go out, the next one is the first.
   if (phase_ == Phase::kUnknown) compensator_.forget();
   sets_.set_progress(SetProgress::kWaiting);
 }
 
-// What was put out and has not reached its drive is not what that drive holds. An offset that waits
-// for SYNC may still leave: as the one that its drive has already.
+// Undoes outputs that have not reached their drives. An offset TPDO that waits for SYNC may still
+// leave; it then carries the offset that its drive already has.
 void JointPath::take_back_unsent() {
   if (unsent_ == 0) return;
   compensator_.take_back_of(unsent_);
@@ -90,7 +90,7 @@ void JointPath::end_interval() {
   if (ended == SetAssembler::Ended::kWithheld) count(counters_.withheld);
 }
 
-// What is spoilt stays in the interval, and goes out no more: its end takes it back.
+// A spoilt set stays in its interval and does not go out; end_interval() takes it back.
 void JointPath::spoil(Condition condition, std::uint32_t information, std::uint32_t& counter) {
   count(counter);
   clean_sets_ = 0;
@@ -186,8 +186,8 @@ bool JointPath::begin(std::uint64_t now_us) {
   return true;
 }
 
-// Corrections are for drives that follow their targets: the way to zero begins when one leaves, the
-// way back when all have returned. Once a turn: a set of the same turn does not know yet.
+// Corrections fade to zero when a drive stops following its targets or its zero was changed, and
+// return when no such reason is left. Called once per turn, after the sets of that turn.
 void JointPath::follow_drives() {
   const bool suspends = suspension() != kSuspendedNot;
   if (phase_ == Phase::kCorrecting && suspends) {
@@ -201,14 +201,15 @@ void JointPath::follow_drives() {
   }
 }
 
-// Offsets that leave with SYNC, and there is none: no correction may run ahead of them.
+// Whether offsets wait for SYNC and none comes. Then no correction is computed, because it would
+// run ahead of the offsets that the drives have.
 bool JointPath::is_kept_from_sync() const {
   return mode_ == Mode::kOffset && offset_output_ == OffsetOutput::kWithSync &&
          !sets_.sync_in_use();
 }
 
 bool JointPath::compute(std::uint64_t now_us) {
-  if (phase_ == Phase::kLeaving || is_kept_from_sync()) return false;  // fade() has it when leaving
+  if (phase_ == Phase::kLeaving || is_kept_from_sync()) return false;  // kLeaving: fade() does it
   const std::uint64_t begin_us = clock_us_();
   take_back_unsent();
   read_targets(now_us);
@@ -257,7 +258,7 @@ bool JointPath::release(std::uint64_t now_us) {
   return true;
 }
 
-// All of a set has left, or waits for its SYNC.
+// The whole set has left, or its offsets wait for SYNC.
 void JointPath::note_set_out(std::uint64_t now_us) {
   count(counters_.sets);
   if (++clean_sets_ >= kCleanSets) {
@@ -270,7 +271,7 @@ void JointPath::note_set_out(std::uint64_t now_us) {
   emcy_.clear(Condition::kSetsWithheld);
 }
 
-// How many frames of the set left; the joints of the others are unsent_.
+// Returns how many frames of the set left; the joints of the other frames go into unsent_.
 std::size_t JointPath::send_set() {
   if (downstream_ == nullptr) return 0;
   std::size_t sent = 0;
@@ -285,7 +286,7 @@ std::size_t JointPath::send_set() {
       store_le(&frame.data[mapped.at], output_.corrected[axis]);
       joints |= 1U << axis;
     }
-    // Once a frame was refused the rest of the set stays back too: as few joints as possible
+    // After a refused frame the rest of the set is held back too, so that as few joints as possible
     // differ.
     refused = refused || !downstream_->send(frame);
     sent += refused ? 0U : 1U;
@@ -311,7 +312,7 @@ void JointPath::hear(const Pdo& pdo, const CanFrame& frame) {
   }
 }
 
-// A drive says which offset it has. It may be a few cycles behind.
+// Compares an offset read back from a drive with those sent lately: it may be a few cycles old.
 void JointPath::check_offset(std::size_t axis, std::int32_t offset) {
   if (axis >= joint_count_ || mode_ != Mode::kOffset || phase_ == Phase::kUnknown) return;
   bool is_ours = false;
@@ -330,7 +331,7 @@ void JointPath::take_feedback(const Pdo& pdo, CanFrame& frame, std::uint64_t now
     count(counters_.malformed);
     return;
   }
-  // The computed set of a stream that waits for SYNC is a target like any other.
+  // The targets of a computed set that still waits for SYNC count, too.
   const bool at_rest = now_us - resting_since_us_ >= kRestUs;
   for (const MappedEntry& mapped : pdo.mapping.used()) {
     if (axis_object(mapped.index) != kActualPosition) continue;
@@ -345,7 +346,7 @@ void JointPath::take_feedback(const Pdo& pdo, CanFrame& frame, std::uint64_t now
       count(counters_.reference_changes);
       emcy_.raise(Condition::kReferenceChanged, static_cast<std::uint32_t>(axis + 1));
     }
-    // By something else than its targets: from which side it came is not known any more.
+    // The joint was moved without targets: its direction of approach is no longer known.
     if (!streaming_ && drives_.has_left(axis, compensator_.scale(axis).dead_band, bounds)) {
       compensator_.forget_direction(axis);
     }
@@ -353,7 +354,7 @@ void JointPath::take_feedback(const Pdo& pdo, CanFrame& frame, std::uint64_t now
       heard_ |= 1U << axis;
       continue;
     }
-    // A drive whose newest offset has not left is where the one before put it.
+    // If its newest offset has not left, a drive still holds that of the cycle before.
     const std::uint32_t late = std::max<std::uint32_t>(
         dictionary_.get(od::compensator_control::kFeedbackDelay), unsent_ >> axis & 1U);
     const std::uint32_t delay = std::min(late, last_cycle_ - first_cycle_);
@@ -395,7 +396,7 @@ std::uint32_t JointPath::why_withheld() const {
 
 void JointPath::watch_stream(std::uint64_t now_us) {
   if (sets_.is_over(configured_window_us(), now_us)) end_interval();
-  // A controller without SYNC is told apart by its window alone.
+  // Without SYNC the set window alone separates the sets.
   if (sets_.sync_in_use() && now_us - sets_.last_sync_us() > stale_us()) {
     sets_.note_no_sync();
     end_interval();
@@ -405,7 +406,7 @@ void JointPath::watch_stream(std::uint64_t now_us) {
     interrupted();
     emcy_.raise(Condition::kJointInputStale, counters_.stale);
   }
-  // Targets come, and nothing goes out. Inline that stops the arm in every NMT state.
+  // Targets come and no set goes out. In inline mode this stops the arm in every NMT state.
   const bool is_ours = mode_ == Mode::kInline || last_taken_us_ == last_target_us_;
   const bool waits = waiting_since_us_ > last_set_us_ && phase_ != Phase::kLeaving &&
                      mode_ != Mode::kForward && is_configured() && is_ours;
@@ -448,7 +449,7 @@ bool JointPath::leave(std::uint64_t now_us) {
 }
 
 bool JointPath::fade(std::uint64_t now_us) {
-  // A stream takes the steps itself, unless it is about to be cut off.
+  // In a stream its sets take the steps, unless the output is ending.
   const bool is_ours = phase_ == Phase::kLeaving || !streaming_;
   const bool is_allowed = mode_ == Mode::kOffset || phase_ == Phase::kSuspended;
   const bool is_due = phase_ != Phase::kUnknown && is_ours && is_allowed &&
@@ -457,8 +458,8 @@ bool JointPath::fade(std::uint64_t now_us) {
   if (!is_due) return false;
   take_back_unsent();
   read_surroundings(now_us);
-  // Inline nothing is sent: a drive that follows holds what it was given, and its actual position
-  // is un-corrected by that.
+  // Inline, a fade sends nothing: a drive that follows keeps its last corrected target, and that
+  // correction is still subtracted from its actual position.
   input_.held = mode_ == Mode::kInline ? static_cast<std::uint8_t>(~drives_.away()) : 0;
   output_ = compensator_.cycle(input_);
   computed_us_ = now_us;
@@ -467,8 +468,8 @@ bool JointPath::fade(std::uint64_t now_us) {
 }
 
 void JointPath::note_command(std::uint64_t now_us) {
-  // From the first target, or the last set, on somebody waits for one to go out. A controller that
-  // is slower than kWithheldUs is none of cyclic positions.
+  // The wait for a set begins with the first target after the last set or after a pause. A
+  // controller slower than kWithheldUs does not send cyclic positions.
   const std::uint64_t pause_us = std::max<std::uint64_t>(stale_us(), kWithheldUs);
   if (waiting_since_us_ <= last_set_us_ || now_us - last_target_us_ > pause_us) {
     waiting_since_us_ = now_us;
@@ -480,7 +481,7 @@ void JointPath::note_command(std::uint64_t now_us) {
 void JointPath::note_offsets(std::uint32_t refused, std::uint32_t unsent, std::uint64_t now_us) {
   if (mode_ != Mode::kOffset || phase_ == Phase::kUnknown) return;
   unsent_ = static_cast<std::uint8_t>(unsent);
-  // What waits for a SYNC that is yet to come is not refused; it is not known to be taken either.
+  // An offset that still waits for SYNC is not refused, but it is not known to be taken either.
   is_refused_ = refused != 0 || (is_refused_ && unsent != 0);
   for (std::uint32_t k = 0; k < refused; ++k) count(counters_.output_refused);
   if (refused != 0) take_back_unsent();

@@ -1,4 +1,4 @@
-// How long something took, and how evenly: minimum, median, 99.9 % and maximum without keeping
+// Statistics of durations: minimum, median, 99.9 % and maximum from a histogram, without keeping
 // every value.
 #ifndef ARMTRUE_FIRMWARE_CANOPEN_MOTION_LATENCY_H_
 #define ARMTRUE_FIRMWARE_CANOPEN_MOTION_LATENCY_H_
@@ -21,14 +21,14 @@ class Latency {
   std::uint32_t quantile(std::uint32_t permille) const;
 
  private:
-  // Values below 8 each have a class; from there every power of two has eight, up to 2^14; the last
-  // has all that are longer.
+  // Each value below 8 has its own class; above, every power of two has eight classes, up to 2^14.
+  // The last class also takes all longer values.
   static constexpr std::size_t kFine = 8;
   static constexpr std::size_t kClasses = kFine * 12;
   static std::size_t class_of(std::uint32_t value);
   static std::uint32_t end_of(std::size_t number);
 
-  // Shares, not counts: all are halved where one would leave 16 bits.
+  // Relative frequencies, not counts: all are halved when one would exceed 16 bits.
   std::array<std::uint16_t, kClasses> classes_ = {};
   std::uint32_t count_ = 0;
   std::uint32_t least_ = UINT32_MAX;

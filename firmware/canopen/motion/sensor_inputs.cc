@@ -5,7 +5,7 @@
 namespace armtrue::canopen {
 namespace {
 
-// Below absolute zero, and at the end of 16 bits, is what stands for a broken sensor. [0.01 °C]
+// Values below absolute zero, and 0x7FFF, indicate a broken sensor. [0.01 °C]
 bool can_be(std::int16_t temperature) { return temperature >= -27315 && temperature != INT16_MAX; }
 
 }  // namespace

@@ -1,7 +1,7 @@
-// Temperatures (0x2020) and the payload (0x2021): when they were given, by PDO or SDO, and EMCY
-// 0xFF12 where one that was given goes silent, or one that the table reads was never given.
+// Supervises temperatures (0x2020) and the payload (0x2021), written by PDO or SDO. EMCY 0xFF12 is
+// raised if a temperature falls silent, or if an input that the table reads was never written.
 //
-// A payload does not change by itself: it is given once.
+// The payload does not change by itself: it is written once and never falls silent.
 #ifndef ARMTRUE_FIRMWARE_CANOPEN_MOTION_SENSOR_INPUTS_H_
 #define ARMTRUE_FIRMWARE_CANOPEN_MOTION_SENSOR_INPUTS_H_
 
@@ -19,24 +19,24 @@ class SensorInputs {
  public:
   SensorInputs(ObjectDictionary& dictionary, Emcy& emcy) : dictionary_(dictionary), emcy_(emcy) {}
 
-  // An object was written; those of other things are ignored.
+  // Notes that an object was written; objects other than these inputs are ignored.
   void note(std::uint16_t index, std::uint8_t sub, std::uint64_t now_us);
 
-  // Fills in what the correction is computed with. A silent temperature is not valid.
+  // Fills in temperatures, their validity and the payload. A silent temperature is not valid.
   void read(CycleInput& input) const;
 
-  // Call once a turn. `needed`: what a correction reads now (Compensator::needed_inputs()). What
-  // was never given counts as silent since it became needed.
+  // Call once per turn. `needed`: inputs that the table reads (Compensator::needed_inputs()). An
+  // input that was never written counts as silent since it became needed.
   void watch(std::uint32_t needed, std::uint64_t now_us);
 
  private:
-  static constexpr std::size_t kPayload = kMaxSensors;  // behind the temperatures
+  static constexpr std::size_t kPayload = kMaxSensors;  // index after the temperatures
 
   ObjectDictionary& dictionary_;
   Emcy& emcy_;
   std::array<std::uint64_t, kMaxSensors + 1> silent_since_us_ = {};
-  std::uint32_t given_ = 0;   // bit k: input k has been given within the time-out
-  std::uint32_t broken_ = 0;  // bit k: what was given last stands for a broken sensor
+  std::uint32_t given_ = 0;   // bit k: input k has been written within the time-out
+  std::uint32_t broken_ = 0;  // bit k: the last value of input k indicates a broken sensor
 };
 
 }  // namespace armtrue::canopen

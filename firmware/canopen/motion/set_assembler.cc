@@ -76,8 +76,8 @@ SetEvent SetAssembler::take(const Pdo& pdo, std::size_t rpdo, const CanFrame& fr
   ++held_count_;
   present_ |= 1U << rpdo;
   if (content_ == SetContent::kPartial && present_ == expected_) content_ = SetContent::kWhole;
-  // A frame that was late instead of lost would complete this set with an old target: without SYNC
-  // to take them both, only what follows a whole set is one.
+  // A late frame of the previous cycle could complete this set with an old target. Asynchronous
+  // sets are therefore used only after an interval that was whole.
   const bool may_be_mixed = !synchronous_ && !trusted_ && !std::has_single_bit(expected_);
   const bool ready = content_ == SetContent::kWhole && !may_be_mixed;
   return ready ? SetEvent::kReady : SetEvent::kHeld;
@@ -99,8 +99,8 @@ bool SetAssembler::is_over(std::uint32_t configured_us, std::uint64_t now_us) co
   if (present_ == 0 || progress_ == SetProgress::kOut) return false;
   std::uint64_t limit_us = window_.in_force(configured_us);
   if (sync_in_use_) {
-    // A whole set waits for SYNC. What is missing from another may come as long as it can only be
-    // of this interval: SYNC itself may be late, and the next cycle's frame ahead of it.
+    // A whole set waits for SYNC. Missing frames are accepted only while they must belong to this
+    // interval: if SYNC is late, a frame of the next cycle may arrive before it.
     if (content_ == SetContent::kWhole) return false;
     limit_us = std::max(limit_us, sync_period_us() * 3 / 4);
   }
@@ -108,7 +108,7 @@ bool SetAssembler::is_over(std::uint32_t configured_us, std::uint64_t now_us) co
 }
 
 SetAssembler::Ended SetAssembler::end_interval() {
-  // If all of it were repeats of the set before, nothing was lost.
+  // If every frame repeats the previous set, nothing was lost.
   const bool only_repeats =
       content_ != SetContent::kSpoilt &&
       std::ranges::all_of(frames(), [this](const Held& one) { return repeats_previous(one); });
@@ -116,9 +116,9 @@ SetAssembler::Ended SetAssembler::end_interval() {
   if (present_ != 0 && progress_ != SetProgress::kOut) {
     ended = only_repeats ? Ended::kOnlyRepeats : Ended::kWithheld;
   }
-  // A frame that is missing here may come late, ahead of its successor: the next set could be
-  // complete with it and would be a mixture. So what follows an interval that was not whole waits.
-  // An arm that stands still repeats whole sets: those are whole, too, or it could never go on.
+  // A frame that is missing here may arrive late and complete the next set with an old target.
+  // Therefore the set after an interval that was not whole is not used. An arm at rest repeats
+  // whole sets: these count as whole, or the stream could never go on.
   const bool is_whole = content_ == SetContent::kWhole;
   if (present_ == 0 || is_whole || !only_repeats) trusted_ = is_whole;
   clear();
@@ -138,16 +138,16 @@ void SetAssembler::note_sync(std::uint64_t now_us) {
   last_sync_us_ = now_us;
 }
 
-// The median: a late SYNC makes one interval longer and the next one shorter, a lost one makes one
-// longer, and neither is another period.
+// The median of the last three intervals. A late SYNC makes one interval longer and the next one
+// shorter, a lost SYNC makes one longer; neither changes the median.
 std::uint64_t SetAssembler::sync_period_us() const {
   const auto& [a, b, c] = sync_intervals_us_;
   return std::max(std::min(a, b), std::min(std::max(a, b), c));
 }
 
 bool SetAssembler::is_on_time(std::uint32_t configured_us, std::uint64_t now_us) const {
-  // A set that a late SYNC left waiting for longer than two intervals is old; where the interval is
-  // not known yet, than the set window.
+  // A set that has waited for SYNC longer than two intervals is too old; while the interval is not
+  // known, longer than the set window.
   const std::uint64_t period_us = sync_period_us();
   const std::uint64_t waits_us =
       period_us == 0 ? std::uint64_t{window_.in_force(configured_us)} : 2 * period_us;

@@ -1,8 +1,8 @@
-// Which frames together are one cycle's targets.
+// Decides which target frames form the set of one cycle.
 //
-// An *interval* takes the frames of one cycle. SYNC ends it where SYNC is in use; otherwise the set
-// window, or a newer frame of the same RPDO. What it holds, and how far that has got, are its two
-// states. Nothing is ever repeated, completed from an older cycle or extrapolated.
+// An *interval* collects the frames of one cycle. It ends with SYNC if SYNC is in use, otherwise
+// with the set window or a newer frame of the same RPDO. SetContent and SetProgress are its state.
+// No set is ever repeated, completed from an older cycle or extrapolated.
 #ifndef ARMTRUE_FIRMWARE_CANOPEN_MOTION_SET_ASSEMBLER_H_
 #define ARMTRUE_FIRMWARE_CANOPEN_MOTION_SET_ASSEMBLER_H_
 
@@ -16,27 +16,27 @@
 
 namespace armtrue::canopen {
 
-// What an interval holds.
+// Content of an interval.
 enum class SetContent : std::uint8_t {
   kPartial,
   kWhole,
-  kSpoilt,  // contradicted, or a frame was too short: nothing more comes of it
+  kSpoilt,  // contradicting targets, or a frame that was too short: the set is not sent
 };
 
-// How far the set of an interval has got.
+// How far the set of an interval has been processed.
 enum class SetProgress : std::uint8_t {
   kWaiting,
   kComputed,  // corrected, waits for SYNC
   kOut,
 };
 
-// What a frame did.
+// Result of take().
 enum class SetEvent : std::uint8_t {
   kHeld,
   kRepeated,      // the set has it already
-  kNextCycle,     // it is of the next cycle, and was not taken: end the interval, come again
-  kShort,         // shorter than its mapping: as good as missing
-  kContradicted,  // another target for the same joints in one interval
+  kNextCycle,     // belongs to the next cycle, not taken: end the interval, call take() again
+  kShort,         // shorter than its mapping: counts as missing
+  kContradicted,  // a different target for the same joints within one SYNC interval
   kReady,         // the set is whole and may go out
 };
 
@@ -48,8 +48,8 @@ class SetAssembler {
     std::uint8_t rpdo = 0;
   };
 
-  // Decides from the mappings which RPDOs make a set. Where an axis is mapped twice there is no
-  // set: its drive would get one of two targets.
+  // Decides from the mappings which RPDOs form a set. If an axis is mapped twice there is no set,
+  // because its drive would get one of two targets.
   void configure(const PdoTable& pdos);
   // Whether a set has the targets of all `axes` (bit k: axis k).
   bool has_targets_of(std::uint32_t axes) const {
@@ -65,17 +65,18 @@ class SetAssembler {
   void set_progress(SetProgress progress);
   std::span<const Held> frames() const { return std::span(held_).first(held_count_); }
 
-  // Whether an interval without SYNC has taken longer than a set may.
+  // Whether the time for the frames of this set is over: the set window or, with SYNC, three
+  // quarters of its period if that is longer.
   bool is_over(std::uint32_t configured_us, std::uint64_t now_us) const;
   std::uint32_t window_us(std::uint32_t configured_us) const {
     return window_.in_force(configured_us);
   }
 
-  // What an interval turned out to be.
+  // Outcome of an interval.
   enum class Ended : std::uint8_t { kEmptyOrOut, kOnlyRepeats, kWithheld };
   Ended end_interval();
 
-  // The interval is dropped, and nothing that follows is trusted.
+  // Drops the interval. After either call the next interval counts as not following a whole one.
   void drop();
   void distrust() { trusted_ = false; }
 
@@ -83,11 +84,12 @@ class SetAssembler {
   void note_no_sync() { sync_in_use_ = false; }
   bool sync_in_use() const { return sync_in_use_; }
   std::uint64_t last_sync_us() const { return last_sync_us_; }
-  // Whether a set that waits for SYNC at `now_us` is of this interval or the one before.
+  // Whether the set that waits for SYNC is at most two SYNC intervals old at `now_us`.
   bool is_on_time(std::uint32_t configured_us, std::uint64_t now_us) const;
 
  private:
-  // What a set that went out leaves to be compared with: no identifier, no mapping.
+  // A frame of the last set that went out, kept to recognise repeats; identifier and mapping are
+  // not needed.
   struct Sent {
     std::uint8_t rpdo = 0;
     std::uint8_t len = 0;
@@ -113,7 +115,7 @@ class SetAssembler {
   SetProgress progress_ = SetProgress::kWaiting;
   std::uint64_t begin_us_ = 0;
   std::uint64_t last_sync_us_ = 0;
-  std::array<std::uint64_t, 3> sync_intervals_us_ = {};  // the last ones, 0 before the first
+  std::array<std::uint64_t, 3> sync_intervals_us_ = {};  // the last three, 0 before the first
   SetWindow window_;
 };
 

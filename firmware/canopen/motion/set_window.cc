@@ -33,7 +33,7 @@ void SetWindow::note(std::size_t rpdo, std::uint64_t now_us) {
     end_round();
     return begin_round(now_us);
   }
-  if ((seen_ & bit) != 0) agreed_ = 0;  // not one of each
+  if ((seen_ & bit) != 0) agreed_ = 0;  // not exactly one frame of each RPDO
   seen_ |= bit;
 }
 
@@ -43,7 +43,8 @@ void SetWindow::end_round() {
     agreed_ = 0;
     return;
   }
-  // Half-way between the end of a set and the earliest frame that could stand for its first.
+  // Half-way between the last frame of a set (total - longest) and the earliest frame of the next
+  // cycle that could replace a missing first one (total - second).
   const std::uint32_t window_us = total_us_ - (longest_us_ + second_us_) / 2;
   const std::uint32_t span_us = total_us_ - longest_us_;
   candidate_us_ = agreed_ == 0 ? window_us : std::min(candidate_us_, window_us);

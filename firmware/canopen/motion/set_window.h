@@ -1,9 +1,9 @@
-// How long a set of targets takes to arrive, where no SYNC says where one ends and the next begins.
+// The time within which all frames of a set must arrive when no SYNC separates the sets.
 //
-// A controller without SYNC sends its frames and then pauses. The pause is what tells sets apart: a
-// frame that is missing may not be replaced by that of the next cycle. The window that is written
-// in 0x2000 sub 4 is where this begins; a controller that takes longer is learnt, provided that its
-// pause is clearly longer than any gap between its frames.
+// A controller without SYNC sends the frames of a set and then pauses. The pause separates the
+// sets: a missing frame must not be replaced by that of the next cycle. The window starts with the
+// value of 0x2000 sub 4; a longer one is learnt if the controller's pause is clearly longer than
+// any gap between the frames of a set.
 #ifndef ARMTRUE_FIRMWARE_CANOPEN_MOTION_SET_WINDOW_H_
 #define ARMTRUE_FIRMWARE_CANOPEN_MOTION_SET_WINDOW_H_
 
@@ -26,9 +26,9 @@ class SetWindow {
     return std::max(learnt_us_, configured_us);
   }
 
-  // Rounds in a row that must agree before a window counts as learnt.
+  // Consecutive rounds that must agree before a window counts as learnt.
   static constexpr std::uint32_t kRounds = 8;
-  // A pause counts as one if it is this many quarters of the longest gap within a set.
+  // The longest gap of a round is the pause if it exceeds this many quarters of the second longest.
   static constexpr std::uint32_t kPauseQuarters = 5;
 
  private:
@@ -36,7 +36,7 @@ class SetWindow {
   void begin_round(std::uint64_t now_us);
 
   std::uint32_t expected_ = 0;
-  std::uint32_t seen_ = 0;  // in this round: from a frame to the next of the same RPDO
+  std::uint32_t seen_ = 0;  // bit r: RPDO r came in this round, since the last frame of anchor_
   std::uint64_t last_us_ = 0;
   std::uint32_t longest_us_ = 0;  // gaps of this round
   std::uint32_t second_us_ = 0;

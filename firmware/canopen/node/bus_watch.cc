@@ -19,12 +19,12 @@ void BusWatch::process(std::uint64_t now_us) {
     off_ = false;
     emcy_.clear(bus_off_);
   } else if (counters.bus_off_entries != off_entries_) {
-    // Off and on again between two turns.
+    // Bus-off and recovered between two calls.
     emcy_.raise(bus_off_, counters.bus_off_entries);
     emcy_.clear(bus_off_);
   }
   off_entries_ = counters.bus_off_entries;
-  // The other bus raises these conditions too.
+  // Both buses raise these conditions; the source tells them apart.
   const std::size_t source = bus_off_ == Condition::kBusOffUpstream ? 0 : 1;
   if (state == BusState::kPassive) {
     emcy_.raise(Condition::kBusPassive, 0, source);

@@ -21,7 +21,8 @@ class BusWatch {
 
   void process(std::uint64_t now_us);
 
-  // A controller that goes off again at once must not hammer the bus: pause before each recovery.
+  // Pause before each recovery, so that a controller which goes bus-off again at once does not
+  // disturb the bus all the time.
   static constexpr std::uint64_t kRecoveryPauseUs = 100'000;
   // An overrun is over when no further frame was lost for this long.
   static constexpr std::uint64_t kOverrunMemoryUs = 1'000'000;

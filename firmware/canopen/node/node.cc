@@ -13,8 +13,8 @@ constexpr std::uint32_t kSdoRequestBase = 0x600;
 constexpr std::uint32_t kSdoResponseBase = 0x580;
 constexpr std::uint32_t kMaxNodeId = 127;
 
-// Parameters that are not what was saved leave the device in forward mode: targets pass
-// uncorrected, which nobody may learn from the arm alone. 0x5530 with 0x101 damaged, 0x102 of
+// If the saved parameters cannot be loaded, the device is in forward mode and targets pass
+// uncorrected. The arm may not show this, so EMCY 0x5530 reports it: 0x101 damaged, 0x102 saved by
 // another firmware.
 void report(Loaded loaded, Emcy& emcy) {
   if (loaded == Loaded::kDamaged) emcy.raise(Condition::kStorage, 0x101);
@@ -57,8 +57,8 @@ void Node::reset_communication(std::uint64_t now_us) {
   now_us_ = now_us;
   joints_.stop();
   dictionary_.restore_communication_defaults(config_.node_id);
-  // Saved values are the power-on values of this area (CiA 301, 7.3.2.2.1); the others stay: what
-  // is enabled, and of which scale, is not changed behind the compensator's back.
+  // Saved values are the power-on values of this area (CiA 301, 7.3.2.2.1). Objects outside it
+  // stay: the correction's enable and the scales must not change without the compensator.
   const Loaded loaded = load_parameters(dictionary_, parts_.parameters, kCommunicationEnd);
   emcy_.reset();
   report(loaded, emcy_);
@@ -126,7 +126,7 @@ void Node::watch_buses() {
 
 void Node::note_nmt_state() {
   if (nmt_.state() == known_state_) return;
-  // Only operational has output and TPDOs: with every change both begin anew.
+  // Output and TPDOs exist in operational only: both restart with every change.
   joints_.stop();
   tpdos_.restart(now_us_);
   if (nmt_.state() == NmtState::kStopped) {
@@ -151,8 +151,8 @@ void Node::carry_out() {
   note_nmt_state();
 }
 
-// A reset that waits for offsets to become zero is not undone by what comes behind it; of other
-// commands the last counts.
+// A reset that waits for the offsets to become zero is replaced by reset node only; of other
+// commands the last one counts.
 void Node::note_nmt_command(std::uint8_t command) {
   const bool waits = nmt_command_ == kNmtResetNode || nmt_command_ == kNmtResetCommunication;
   if (Nmt::is_defined(command) && (!waits || command == kNmtResetNode)) nmt_command_ = command;
@@ -174,7 +174,7 @@ void Node::handle_upstream(const CanFrame& frame) {
   const std::size_t number = pdos_.match(frame);
   const bool is_target = joints_.carries_target(number);
   if (number < kRpdos) handle_rpdo(number, frame);
-  // In inline mode the joint path itself decides whether and when a target goes on.
+  // In inline mode the joint path decides whether and when a target is passed on.
   if (is_target && mode() == Mode::kInline) return;
   if (parts_.downstream == nullptr) return;
   watch_sdo_targets(frame);
@@ -210,7 +210,7 @@ bool Node::serve(const CanFrame& frame) {
   if (frame.id != sdo_.request_id()) return false;
   const NmtState state = nmt_.state();
   if (state == NmtState::kPreOperational || state == NmtState::kOperational) {
-    // Only where no joint is commanded; what takes long is refused otherwise.
+    // Requests that take long are refused while joints are commanded.
     const bool may_take_long = is_quiet();
     const bool is_watched = may_take_long && parts_.note_long_request != nullptr;
     tables_.set_quiet(may_take_long);
@@ -226,7 +226,7 @@ bool Node::is_sync(const CanFrame& frame) const {
          frame.id == (dictionary_.get(od::kCOBIDSYNCMessage) & kIdMask);
 }
 
-// The targets that wait for it, then SYNC itself; everything else comes behind.
+// Sends the targets that wait for SYNC, then SYNC itself, then everything else.
 void Node::handle_sync(const CanFrame& frame) {
   const std::uint64_t begin_us = config_.clock_us();
   const std::uint8_t length = dictionary_.get(od::kSynchronousCounterOverflowValue) != 0 ? 1 : 0;
@@ -276,7 +276,7 @@ void Node::handle_rpdo(std::size_t number, const CanFrame& frame) {
   if (is_target) joints_.note_command(now_us_);
   joints_.hear(pdo, frame);
   const bool is_feedback = pdo.mapping.has_axis_object(kActualPosition);
-  // Actual positions are heard in every state: the first set has to know what the drives hold.
+  // Actual positions are taken in every NMT state, because the first set begins with them.
   if (!is_feedback && nmt_.state() != NmtState::kOperational) return;
   if (joints_.carries_target(number)) {
     if (mode() == Mode::kForward) return;
@@ -284,7 +284,7 @@ void Node::handle_rpdo(std::size_t number, const CanFrame& frame) {
     return;
   }
   if (mode() != Mode::kForward && is_target) {
-    // Targets that are no part of a set are never corrected.
+    // Targets that belong to no set are never corrected.
     emcy_.raise(Condition::kSetsWithheld, kNoSet);
   }
   if (frame.len < pdo.mapping.length) {
@@ -297,8 +297,8 @@ void Node::handle_rpdo(std::size_t number, const CanFrame& frame) {
     emcy_.clear(Condition::kPdoLength);
   }
   if (is_feedback) {
-    // Not ours to change on the way; 0x6064 and the TPDOs that carry it give it without the
-    // correction.
+    // The frame itself stays unchanged; 0x6064 and the TPDOs that map it give the position without
+    // the correction.
     CanFrame copy = frame;
     return joints_.take_feedback(pdo, copy, now_us_);
   }

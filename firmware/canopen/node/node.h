@@ -9,9 +9,9 @@
 // this node's own SDO server, and in inline mode the target frames (held, rewritten, released as a
 // set) and the actual-position frames (rewritten). NMT and SYNC are obeyed from upstream only.
 //
-// The port calls process() again and again from one context. Nothing here blocks except the table
-// commands, which are refused while joint commands arrive, and what erases flash, which stops
-// forwarding for seconds and is refused unless the drives are disabled.
+// The port calls process() repeatedly from one context. Only table commands and writes that erase
+// flash block. Table commands are refused while joint commands arrive. An erase stops forwarding
+// for seconds and is refused unless the drives are disabled or silent.
 #ifndef ARMTRUE_FIRMWARE_CANOPEN_NODE_NODE_H_
 #define ARMTRUE_FIRMWARE_CANOPEN_NODE_NODE_H_
 
@@ -42,7 +42,7 @@ struct NodeConfig {
   std::uint64_t (*clock_us)();  // for measuring cycles
 };
 
-// What the node is made of; none is owned, all outlive the node.
+// Parts that the node uses; none is owned, all outlive the node.
 struct NodeParts {
   CanPort& upstream;
   CanPort* downstream;  // nullptr: there is one bus, and inline mode is refused
@@ -51,10 +51,10 @@ struct NodeParts {
   ParameterStore& parameters;
   const DeviceIdentity& device;
   TableMemory buffers;
-  const PortHealth* health = nullptr;  // nullptr: the port knows nothing
-  // Told that a request begins, or is over, which may keep the loop longer than any turn of a
-  // moving arm: a signature is checked, flash is written. nullptr: nobody watches over the loop's
-  // time.
+  const PortHealth* health = nullptr;  // nullptr: not available
+  // Called before (true) and after (false) a request that may take longer than any turn of the
+  // loop while the arm moves: signature check, flash write. nullptr: the port does not supervise
+  // the loop time.
   void (*note_long_request)(bool begins) = nullptr;
 };
 
@@ -70,14 +70,14 @@ class Node final : private ObjectHooks {
   Node(const Node&) = delete;
   Node& operator=(const Node&) = delete;
 
-  // Loads parameters and the table of the slots. Call once, then process() for ever.
+  // Loads the saved parameters and the table from the slots. Call once, then process() for ever.
   void start(std::uint64_t now_us);
 
   // Takes what has arrived, runs timers, sends what is due.
   NodeAction process(std::uint64_t now_us);
 
-  // Whether the joint path was supervised in the last process(), and in time: feed the watchdog
-  // only then.
+  // Whether the last process() supervised the joint path, and in time. Feed the watchdog only if
+  // it is true.
   bool joint_path_sound() const { return joint_path_sound_; }
 
   NmtState nmt_state() const { return nmt_.state(); }
@@ -87,7 +87,7 @@ class Node final : private ObjectHooks {
  private:
   // Frames taken from one port before the other has its turn.
   static constexpr int kFramesPerTurn = 16;
-  // What became of the frames from one bus that are for the other.
+  // Frames from one bus for the other: passed on, or refused by the other port.
   struct Forwarding {
     std::uint32_t forwarded = 0;
     std::uint32_t dropped = 0;
@@ -97,7 +97,7 @@ class Node final : private ObjectHooks {
   void apply_configuration();
   void handle_upstream(const CanFrame& frame);
   void handle_downstream(CanFrame& frame);
-  // Services of the node itself. True if the frame is for nobody else.
+  // Serves NMT, heartbeat and SDO frames. True if the frame is for this node only.
   bool serve(const CanFrame& frame);
   bool is_sync(const CanFrame& frame) const;
   void handle_sync(const CanFrame& frame);
@@ -105,14 +105,15 @@ class Node final : private ObjectHooks {
   void note_nmt_command(std::uint8_t command);
   void handle_heartbeat(const CanFrame& frame);
   void handle_rpdo(std::size_t number, const CanFrame& frame);
-  // The newest frame of each synchronous input; false where there is no room.
+  // Keeps the newest frame of each synchronous input; false if there is no room.
   bool keep_for_sync(std::size_t number, const CanFrame& frame);
   bool holds_correction() const;
   bool may_change_resolution() const;
   bool all_say_disabled() const;
   bool may_erase() const;
   void outputs_are_fresh();
-  // What ends the output waits until the drives' offsets are zero.
+  // Carries out NMT commands and mode changes. In offset mode those that end the output wait until
+  // the drives' offsets are zero.
   void carry_out();
   void watch_sdo_targets(const CanFrame& frame);
   void forward(CanPort& to, const CanFrame& frame, Forwarding& from);
@@ -127,7 +128,7 @@ class Node final : private ObjectHooks {
   void refresh_health();
   void run_self_test(std::uint8_t tests);
   bool is_quiet() const;
-  Mode mode() const { return joints_.mode(); }  // in force; 0x2000 sub 1 is what is wanted
+  Mode mode() const { return joints_.mode(); }  // in force; 0x2000 sub 1 holds the requested one
 
   Abort before_write(const od::Entry& entry, std::span<const std::uint8_t> value) override;
   void after_write(const od::Entry& entry) override;
@@ -152,21 +153,21 @@ class Node final : private ObjectHooks {
 
   std::uint64_t now_us_ = 0;
   NmtState known_state_ = NmtState::kInitialising;
-  bool has_unsaved_ = false;      // the next start comes with other parameters than these
+  bool has_unsaved_ = false;      // the next start will have other parameters than these
   std::uint8_t nmt_command_ = 0;  // to be carried out, 0 for none
   NmtRequest pending_reset_ = NmtRequest::kNone;
   bool joint_path_sound_ = false;
   Forwarding from_upstream_;
   Forwarding from_downstream_;
-  std::uint64_t drives_heard_us_ = 0;  // a frame from downstream
+  std::uint64_t drives_heard_us_ = 0;  // last frame from downstream
   bool has_heard_drives_ = false;
   std::uint32_t sdo_targets_ = 0;
-  std::size_t short_rpdo_ = kRpdos;  // whose last frame was too short; kRpdos: none
+  std::size_t short_rpdo_ = kRpdos;  // RPDO whose last frame was too short; kRpdos: none
   Latency sync_latency_;
   Latency sync_jitter_;  // difference to the latency of the SYNC before
   std::uint32_t last_sync_latency_us_ = 0;
-  // Synchronous inputs (temperatures, payload) wait here for SYNC; one more than fit is taken at
-  // once.
+  // Synchronous inputs (temperatures, payload) wait here for SYNC. If there is no room, an input is
+  // taken at once.
   struct Waiting {
     CanFrame frame;
     std::uint8_t rpdo = 0;

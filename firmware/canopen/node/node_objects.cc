@@ -1,4 +1,4 @@
-// What writing an object means to the node, beyond storing it.
+// Checks and effects of writing an object, beyond storing its value.
 #include <algorithm>
 #include <utility>
 
@@ -33,8 +33,8 @@ enum SelfTest : std::uint8_t {
 };
 constexpr std::uint8_t kAllTests = 0x1F;
 
-// SYNC's identifier, and of a PDO its identifier and its mapping: they decide which frames are
-// targets, actual positions and offsets, and which pass as they are.
+// Whether `entry` is the COB-ID of SYNC, or the COB-ID or mapping of a PDO: these decide which
+// frames are targets, actual positions or offsets, and which pass unchanged.
 bool moves_frames(const od::Entry& entry) {
   if (entry.index < 0x1400) return is(entry, od::kCOBIDSYNCMessage);
   const bool is_mapping = (entry.index & 0x0200U) != 0;  // 0x16xx and 0x1Axx
@@ -59,7 +59,7 @@ Abort Node::check_communication_write(const od::Entry& entry, std::span<const st
   const bool is_sync = is(entry, od::kCOBIDSYNCMessage);
   const bool is_pdo_parameter = entry.index >= 0x1400;
   if ((is_sync || is_pdo_parameter) && mode() != Mode::kForward) {
-    // A controller that starts may configure anew: pre-operational, where no set goes out.
+    // A starting controller may reconfigure in pre-operational, where no set goes out.
     const bool is_held =
         moves_frames(entry) && nmt_.state() == NmtState::kOperational && holds_correction();
     if (is_held || !is_quiet()) return Abort::kDeviceState;
@@ -110,8 +110,8 @@ Abort Node::check_communication_write(const od::Entry& entry, std::span<const st
   return abort == Abort::kNone && is_twice ? Abort::kIncompatibleParameter : abort;
 }
 
-// Whether an enabled drive holds a correction. Its next target would be a step if it passed
-// uncorrected, and an offset that is sent no more would stay.
+// Whether an enabled drive holds a correction. An uncorrected target would then be a step, and an
+// offset that is no longer sent would stay in the drive.
 bool Node::holds_correction() const {
   return joints_.phase() != Phase::kUnknown &&
          parts_.compensator.state() != CompensatorState::kPassThrough && !all_say_disabled();
@@ -122,9 +122,9 @@ bool Node::all_say_disabled() const {
   return (joints_.drives().disabled() & all) == all;
 }
 
-// An erase stalls the core for seconds on some ports, and nothing is forwarded meanwhile. A drive
-// that has not said that it is disabled counts as enabled while anything is heard from the drives'
-// bus; where nothing is, there is nothing to forward.
+// An erase stalls the core for seconds on some ports, and nothing is forwarded meanwhile. While
+// frames come from downstream, a drive counts as enabled unless its statusword reports it
+// disabled. If none come, there is nothing to forward.
 bool Node::may_erase() const {
   const DriveStates& drives = joints_.drives();
   if ((drives.known() & ~drives.disabled()) != 0) return false;
@@ -132,8 +132,9 @@ bool Node::may_erase() const {
   return is_silent || all_say_disabled();
 }
 
-// A change of scale under a correction would be a step, and the limits hold in the drives' own
-// scale alone: only without a correction, at rest, and with the drives disabled or silent.
+// Resolution, ranges and limits may change only without a correction, at rest, and with the drives
+// disabled or silent: a change of scale under a correction would be a step, and the limits are
+// valid in the drives' own scale only.
 bool Node::may_change_resolution() const {
   return is_quiet() && may_erase() &&
          (all_say_disabled() || !joints_.drives().is_speaking(now_us_)) &&
@@ -143,7 +144,7 @@ bool Node::may_change_resolution() const {
 Abort Node::before_write(const od::Entry& entry, std::span<const std::uint8_t> value) {
   const std::uint64_t begin_us = config_.clock_us();
   const Abort abort = check_write(entry, value);
-  // Frames that come while an erase stalls the core are lost: their senders were not silent.
+  // Heartbeats that arrive while an erase stalls the core are lost, though their senders sent them.
   heartbeats_.excuse(config_.clock_us() - begin_us);
   return abort;
 }
@@ -157,12 +158,12 @@ Abort Node::check_write(const od::Entry& entry, std::span<const std::uint8_t> va
   namespace control = od::compensator_control;
   if (is(entry, control::kMode)) {
     const auto wanted = static_cast<Mode>(value[0]);
-    // Inline needs drives downstream, offset has them upstream.
+    // Inline mode needs the drives downstream, offset mode upstream.
     if ((wanted == Mode::kInline && parts_.downstream == nullptr) ||
         (wanted == Mode::kOffset && joints_.drives_are_downstream())) {
       return Abort::kIncompatibleParameter;
     }
-    // Offsets become zero before that mode ends.
+    // Offset mode needs no such check: its offsets fade to zero before it ends.
     const bool leaves_inline = mode() == Mode::kInline && wanted != mode();
     const bool may_leave = !leaves_inline || !holds_correction();
     return is_quiet() && may_leave ? Abort::kNone : Abort::kDeviceState;
@@ -190,7 +191,7 @@ void Node::after_write(const od::Entry& entry) {
   if (is(entry, od::kProducerHeartbeatTime)) return nmt_.restart_heartbeat(now_us_);
   if (entry.index == od::kConsumerHeartbeatTime[0].index) {
     const std::size_t slot = entry.sub - 1U;
-    emcy_.clear(Condition::kHeartbeatLost, slot);  // whoever it watched
+    emcy_.clear(Condition::kHeartbeatLost, slot);  // of the node that the slot watched before
     return heartbeats_.configure(slot, dictionary_.get(od::kConsumerHeartbeatTime[slot]));
   }
   if (is(entry, od::store_parameters::kSaveAllParameters)) {
@@ -205,7 +206,7 @@ void Node::after_write(const od::Entry& entry) {
   if (entry.index >= 0x1400 && entry.index < 0x1C00) {
     pdos_.refresh();
     joints_.configure(pdos_);
-    waiting_count_ = 0;  // what waits for SYNC came under other mappings
+    waiting_count_ = 0;  // frames that wait for SYNC came with the old mappings
     return tpdos_.restart(now_us_);
   }
   namespace control = od::compensator_control;
@@ -230,7 +231,7 @@ void Node::run_self_test(std::uint8_t tests) {
     if (parts_.upstream.bus_state() == BusState::kBusOff || downstream_off) failed |= kTestBuses;
   }
   if ((tests & kTestPassThrough) != 0) {
-    // A compensator that says it passes through must have put out no correction at all.
+    // In pass-through every position offset must be zero.
     const bool passes = parts_.compensator.state() == CompensatorState::kPassThrough;
     for (std::size_t axis = 0; passes && axis < config_.joint_count; ++axis) {
       if (dictionary_.get(od::axis::kPositionOffset[axis]) != 0) failed |= kTestPassThrough;

@@ -1,4 +1,4 @@
-// What the node says of itself when it is asked.
+// Brings status objects up to date when they are read.
 #include <algorithm>
 #include <initializer_list>
 
@@ -10,7 +10,7 @@ namespace {
 namespace up = od::upstream_bus_status;
 namespace down = od::downstream_bus_status;
 
-// Values that stand behind each other in the dictionary, from `ref` on.
+// Sets consecutive values of the dictionary, beginning with `ref`.
 void set_run(ObjectDictionary& dictionary, od::Ref<std::uint32_t> ref,
              std::initializer_list<std::uint32_t> values) {
   for (const std::uint32_t value : values) {
@@ -21,7 +21,7 @@ void set_run(ObjectDictionary& dictionary, od::Ref<std::uint32_t> ref,
 
 }  // namespace
 
-// The records of the two buses are alike: the state, then counters.
+// Both bus records have the same layout: the state, then counters.
 void Node::refresh_bus(CanPort& port, const Forwarding& from, od::Ref<std::uint8_t> state,
                        od::Ref<std::uint32_t> received) {
   const BusCounters counters = port.counters();
@@ -107,7 +107,7 @@ void Node::refresh_health() {
 }
 
 Abort Node::before_read(std::uint16_t index, std::uint8_t sub) {
-  // A bus's state and the errors that it raises are read in one turn: they must agree.
+  // A client may read a bus state and its errors in one turn; they must agree.
   watch_buses();
   if (index == od::kPreDefinedErrorField[0].index) {
     // A field that holds no error is not readable (CiA 301, 7.5.2.4).

@@ -1,4 +1,4 @@
-// What a port knows of its start, its faults and its chip: object 0x2040.
+// Reset causes, last fault and chip protection, as a port reports them: object 0x2040.
 #ifndef ARMTRUE_FIRMWARE_CANOPEN_NODE_PORT_HEALTH_H_
 #define ARMTRUE_FIRMWARE_CANOPEN_NODE_PORT_HEALTH_H_
 
@@ -24,7 +24,7 @@ enum Protection : std::uint32_t {
   kClockSecurity = 1U << 1,
   kVoltageDetector = 1U << 2,
   kWindowWatchdog = 1U << 3,
-  kBrownOutLevel3 = 1U << 4,  // option bytes, from here on
+  kBrownOutLevel3 = 1U << 4,  // this and the following: in the option bytes
   kHardwareWatchdog = 1U << 5,
   kReadProtection = 1U << 6,
   kCodeWriteProtection = 1U << 7,

@@ -28,14 +28,14 @@ TYPES = {
     0x000F: ("kDomain", "void", 0),
 }
 NODE_ID = "$NODEID"
-# A string that the device fills in at run time has this much room in its RAM image.
+# Bytes of the RAM image reserved for a string that the device fills in at run time.
 STRING_CAPACITY = 64
-# Objects that are writable but not saved by 0x1010: counters of errors, the save commands themselves.
+# Objects that are writable but not saved by 0x1010: the error history, the save and restore commands.
 NEVER_STORED = {0x1003, 0x1010, 0x1011}
 
 
 class EdsError(ValueError):
-    """The EDS breaks a rule of CiA 306-1 or uses what this device does not have."""
+    """The EDS breaks a rule of CiA 306-1 or uses a feature that this device does not have."""
 
 
 @dataclass
@@ -55,22 +55,22 @@ class Leaf:
 
     @property
     def label(self) -> str:
-        """Where and what, for messages."""
+        """Index, sub-index and name, for messages."""
         return f"{self.index:04X}sub{self.sub:X} ({self.name})"
 
     @property
     def is_string(self) -> bool:
-        """Whether it is text."""
+        """Whether the value is text."""
         return self.type_code == 0x0009
 
     @property
     def is_domain(self) -> bool:
-        """Whether its content lives outside the dictionary."""
+        """Whether the content is outside the dictionary."""
         return self.type_code == 0x000F
 
     @property
     def in_rom(self) -> bool:
-        """Whether it is constant text, kept out of the RAM image."""
+        """Whether the value is constant text, kept out of the RAM image."""
         return self.is_string and self.access == "const"
 
     @property
@@ -98,7 +98,7 @@ class Leaf:
         return NODE_ID in self.default
 
     def number(self) -> int:
-        """The default value, without the node-ID where it is relative to that."""
+        """The default value, without the node-ID if it is relative to it."""
         text = self.default.replace(NODE_ID, "").replace("+", "").strip()
         try:
             return int(text or "0", 0)
@@ -169,7 +169,7 @@ def _snake(text: str) -> str:
 
 
 def lay_out(objects: list[Object]) -> tuple[list[Leaf], bytearray, str]:
-    """Give every value its place. Returns the leaves, the RAM image of defaults, the ROM strings."""
+    """Assign every value its offset. Returns the leaves, the RAM image of defaults, the ROM strings."""
     leaves = [leaf for found in objects for leaf in found.leaves]
     image, strings = bytearray(), ""
     for leaf in leaves:
@@ -192,13 +192,13 @@ def _reference(leaf: Leaf) -> str:
 
 
 def _reference_row(cpp: str, name: str, values: list[Leaf]) -> str:
-    """The same value of every RPDO, axis, or sub-index, in order."""
+    """A `Ref` array of the same value of every RPDO, TPDO, axis or sub-index, in order."""
     references = ", ".join(_reference(leaf) for leaf in values)
     return f"inline constexpr Ref<{cpp}> {name}[] = {{{references}}};"
 
 
 def _reference_lines(objects: list[Object]) -> list[str]:
-    """`Ref` constants: one a variable, an array for numbered families and for CiA 301 arrays."""
+    """`Ref` constants: one per variable, an array per numbered family and per CiA 301 array."""
     families: dict[tuple[str, str, str], list[Leaf]] = {}
     lines: list[str] = []
     for found in objects:
@@ -290,7 +290,7 @@ def _flags(leaf: Leaf) -> str:
 
 
 def _fingerprint(leaves: list[Leaf]) -> int:
-    """32-bit FNV-1a over what decides the layout of saved parameters."""
+    """32-bit FNV-1a hash over everything that determines the layout of saved parameters."""
     value = 0x811C9DC5
     for leaf in leaves:
         for byte in f"{leaf.index:04X}{leaf.sub:02X}{leaf.type_code:04X}{leaf.stored:d}".encode():
@@ -338,7 +338,7 @@ def write_cpp(eds: Path, header: Path, source: Path) -> None:
 
 
 def _cells(leaf: Leaf) -> str:
-    """All of a row but its place and name."""
+    """The cells of a row after object and name."""
     kind = TYPES[leaf.type_code][0][1:].upper()
     limits = f"{leaf.low or ''}…{leaf.high or ''}" if leaf.low is not None or leaf.high is not None else ""
     return (
@@ -348,7 +348,7 @@ def _cells(leaf: Leaf) -> str:
 
 
 def _runs(leaves: list[Leaf]) -> list[list[Leaf]]:
-    """Neighbours that differ by a number in their name alone, together."""
+    """Group consecutive sub-indexes that differ only by a number in their names."""
     runs: list[list[Leaf]] = []
     for leaf in leaves:
         like = re.sub(r"\d+", "", leaf.name), _cells(leaf)
@@ -361,7 +361,7 @@ def _runs(leaves: list[Leaf]) -> list[list[Leaf]]:
 
 
 def _rows(place: str, title: str, leaves: list[Leaf]) -> list[str]:
-    """An object's rows: a heading of its own where it has several."""
+    """The rows of an object, with a heading row if there are several."""
     runs = _runs(leaves)
     lines = [f"| **{place}** | **{title}** | | | | | | |"] if len(runs) > 1 else []
     for run in runs:

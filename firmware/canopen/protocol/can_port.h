@@ -1,6 +1,6 @@
-// The seam between the portable node and a CAN controller: one frame type and one port interface.
-// Every port (SocketCAN, bxCAN, ZynqMP CAN, SLCAN, the simulated bus) implements CanPort; nothing
-// above this header knows which one it talks to.
+// Interface between the portable node and a CAN controller: one frame type and one port class.
+// Every port (SocketCAN, bxCAN, ZynqMP CAN, SLCAN, the simulated bus) implements CanPort; the node
+// does not depend on which one it uses.
 #ifndef ARMTRUE_FIRMWARE_CANOPEN_PROTOCOL_CAN_PORT_H_
 #define ARMTRUE_FIRMWARE_CANOPEN_PROTOCOL_CAN_PORT_H_
 
@@ -47,7 +47,7 @@ enum class BusState : std::uint8_t { kActive, kWarning, kPassive, kBusOff };
 struct BusCounters {
   std::uint32_t received = 0;
   std::uint32_t sent = 0;
-  std::uint32_t receive_overruns = 0;  // frames lost because nobody took them in time
+  std::uint32_t receive_overruns = 0;  // frames lost because they were not read in time
   std::uint32_t send_refused = 0;      // send() calls that found the queue full or the bus off
   std::uint32_t bus_off_entries = 0;
 };
@@ -65,18 +65,18 @@ class CanPort {
   // Takes the oldest received frame. Returns false if there is none; `frame` is then unchanged.
   virtual bool receive(CanFrame& frame) = 0;
 
-  // Whether frames wait behind those that the controller has taken; what can wait does not add to
-  // them. False where a port does not know.
+  // Whether frames wait in the queue for the controller. Senders of frames that can wait then queue
+  // no more. False if a port does not know.
   virtual bool has_backlog() { return false; }
 
-  // Frames, 1 to 127, that may come at once without one being lost: no block of segments is asked
-  // for that is longer.
+  // Frames, 1 to 127, that may arrive back to back without loss: the largest block size (segments)
+  // that an SDO block download asks for.
   virtual std::uint8_t longest_burst() const { return 127; }
 
   virtual BusState bus_state() = 0;
 
   // Begins the recovery from bus-off (the 128 × 11 recessive bits run in hardware). Discards what
-  // was queued for transmission: a target that waited out a bus-off is stale. No effect otherwise.
+  // was queued for transmission, because targets are stale after bus-off. No effect otherwise.
   // bus_state() leaves kBusOff when the controller takes part in traffic again.
   virtual void recover() = 0;
 

@@ -86,7 +86,7 @@ Abort DictionaryAccess::begin_read(std::uint16_t index, std::uint8_t sub, std::u
     if (abort != Abort::kNone) return abort;
   } else {
     if (const Abort abort = hooks_.before_read(index, sub); abort != Abort::kNone) return abort;
-    // A snapshot: a value that changes during a segmented upload must not be torn.
+    // A copy: a value that changes during a segmented upload must not mix old and new bytes.
     const std::span<const std::uint8_t> value = dictionary_.bytes(*entry_);
     std::copy(value.begin(), value.end(), buffer_.begin());
     content_ = {buffer_.data(), value.size()};

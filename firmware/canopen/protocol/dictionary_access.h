@@ -1,7 +1,7 @@
-// What an SDO transfer does to the dictionary: rights, sizes, limits, side effects, DOMAINs.
+// SDO access to the dictionary: access rights, sizes, limits, side effects, DOMAINs.
 //
 // A transfer is a stream: begin, any number of pieces, finish. Ordinary objects are collected in a
-// small buffer and take effect at finish, all at once; a DOMAIN goes straight to its handler.
+// small buffer and take effect at finish, all at once; a DOMAIN goes directly to its handler.
 #ifndef ARMTRUE_FIRMWARE_CANOPEN_PROTOCOL_DICTIONARY_ACCESS_H_
 #define ARMTRUE_FIRMWARE_CANOPEN_PROTOCOL_DICTIONARY_ACCESS_H_
 
@@ -34,14 +34,14 @@ class DomainHandler {
   ~DomainHandler() = default;
 };
 
-// What the node knows beyond the EDS about writing and reading an object.
+// The node's own checks and actions when an object is written or read, beyond the EDS.
 class ObjectHooks {
  public:
   // May refuse a value that passed rights, size and limits. `value` is what would be stored.
   virtual Abort before_write(const od::Entry& entry, std::span<const std::uint8_t> value) = 0;
   // The value is in place: apply it.
   virtual void after_write(const od::Entry& entry) = 0;
-  // Bring the value up to date; may refuse the reading.
+  // Bring the value up to date; may refuse the read.
   virtual Abort before_read(std::uint16_t index, std::uint8_t sub) = 0;
 
  protected:
@@ -67,11 +67,11 @@ class DictionaryAccess {
 
   void cancel();
 
-  // Writes to objects that may only be read; stops at its maximum.
+  // Number of refused writes to objects that are not writable; saturates.
   std::uint32_t refused_writes() const { return refused_writes_; }
 
  private:
-  // Looks up an entry; the abort code if it cannot be had.
+  // Cancels any transfer and looks up an entry; the abort code if it does not exist.
   Abort locate(std::uint16_t index, std::uint8_t sub);
   Abort check_limits(std::span<const std::uint8_t> value) const;
 

@@ -71,7 +71,7 @@ void Emcy::raise(Condition condition, std::uint32_t information, std::size_t sou
   raised_[number] = static_cast<std::uint16_t>(raised_[number] | bit);
   update_register();
   const std::uint16_t code = kCodes[number].code;
-  // The newest error stands first; the oldest falls off the end.
+  // The newest error is the first entry; the oldest is dropped.
   constexpr std::size_t kFields = std::size(od::kPreDefinedErrorField);
   for (std::size_t k = kFields - 1; k > 0; --k) {
     dictionary_.set(od::kPreDefinedErrorField[k],
@@ -96,7 +96,7 @@ void Emcy::clear(Condition condition, std::size_t source) {
 }
 
 void Emcy::queue(const Message& message) {
-  if (queue_size_ == queue_.size()) return;  // the history has it
+  if (queue_size_ == queue_.size()) return;  // errors are in the history all the same
   queue_[(queue_begin_ + queue_size_) % queue_.size()] = message;
   ++queue_size_;
 }

@@ -12,11 +12,11 @@
 
 namespace armtrue::canopen {
 
-// What can be wrong. Each condition is either present or not; raising it twice reports it once.
+// Error conditions. Each is either present or not; raising it twice reports it once.
 enum class Condition : std::uint8_t {
   kJointInputStale,  // targets missing, late or incomplete: output stopped
   kTableRefused,     // an image did not pass verification
-  kInputSilent,      // a temperature went silent, or what the table reads was never given
+  kInputSilent,      // a temperature fell silent, or an input of the table was never written
   kTargetBySdo,      // a drive was given a target that the compensator does not correct
   kTargetConflict,   // contradicting targets: a second controller, or SYNC lost
   kStorage,          // a slot or the parameter memory failed
@@ -26,10 +26,10 @@ enum class Condition : std::uint8_t {
   kBusOffUpstream,   // recovered from bus-off; the message leaves after the recovery
   kBusOffDownstream,
   kPdoLength,         // a PDO shorter than its mapping
-  kSyncLength,        // SYNC with a counter that is not expected, or without one that is
+  kSyncLength,        // SYNC with an unexpected counter, or without an expected one
   kSetsWithheld,      // targets come, and no set of them goes out
-  kReferenceChanged,  // an actual position jumped at rest: a drive counts from another zero
-  kOffsetDiffers,     // a drive says that it has another offset than it was sent
+  kReferenceChanged,  // an actual position jumped at rest: the encoder's zero was changed
+  kOffsetDiffers,     // a drive reports another offset than those sent to it
   kInputRange,        // a PDO carries a value outside the object's bounds
   kCount,
 };
@@ -42,16 +42,16 @@ class Emcy {
   void reset();
 
   // Reports a condition: error register, history, message. `information` goes into the
-  // manufacturer's bytes of the message. `source`, below 16: whose it is where several can have it
-  // (a sensor, a watched node, a bus); each is reported once.
+  // manufacturer-specific bytes of the message. `source`, below 16: origin of a condition that can
+  // have several (a sensor, a watched node, a bus); each is reported once.
   void raise(Condition condition, std::uint32_t information, std::size_t source = 0);
 
-  // The source is well. With the last one the condition has gone: the register follows, and the
-  // message "error reset" with the code of what went (in its manufacturer bytes) leaves.
+  // Ends the condition for `source`. With its last source the condition is over: the error register
+  // is updated, and "error reset" with its code (in the manufacturer-specific bytes) is queued.
   void clear(Condition condition, std::size_t source = 0);
 
-  // Sends what waits, one message each inhibit time. Call where EMCY is allowed (pre-operational,
-  // operational).
+  // Sends queued messages, one per inhibit time. Call only in NMT states that allow EMCY
+  // (pre-operational, operational).
   void process(CanPort& port, std::uint64_t now_us);
 
   // 0x1003 sub 0 was set to zero.
@@ -69,7 +69,7 @@ class Emcy {
   void queue(const Message& message);
 
   ObjectDictionary& dictionary_;
-  std::array<std::uint16_t, kConditions> raised_ = {};  // a bit a source
+  std::array<std::uint16_t, kConditions> raised_ = {};  // one bit per source
   std::array<Message, 16> queue_ = {};
   std::size_t queue_begin_ = 0;
   std::size_t queue_size_ = 0;

@@ -1,4 +1,4 @@
-// CANopen puts every number on the wire little end first (CiA 301, 7.1.3).
+// CANopen transfers numbers in little-endian byte order (CiA 301, 7.1.3).
 #ifndef ARMTRUE_FIRMWARE_CANOPEN_PROTOCOL_LITTLE_ENDIAN_H_
 #define ARMTRUE_FIRMWARE_CANOPEN_PROTOCOL_LITTLE_ENDIAN_H_
 
@@ -22,7 +22,7 @@ constexpr T load_le(const std::uint8_t* bytes) {
   return static_cast<T>(value);
 }
 
-// Reads up to four bytes; what is behind them does not count.
+// Reads up to four bytes and ignores the rest.
 constexpr std::uint32_t load_le(std::span<const std::uint8_t> bytes) {
   std::uint32_t value = 0;
   for (std::size_t k = std::min<std::size_t>(bytes.size(), 4); k > 0; --k) {

@@ -14,7 +14,7 @@ namespace armtrue::canopen {
 inline constexpr std::uint32_t kNmtCommandId = 0x000;
 inline constexpr std::uint32_t kHeartbeatBase = 0x700;
 
-// The numbers are those of the heartbeat (CiA 301, table 37).
+// The numbers are the state values of the heartbeat (CiA 301, table 37).
 enum class NmtState : std::uint8_t {
   kInitialising = 0,
   kStopped = 4,
@@ -29,7 +29,7 @@ inline constexpr std::uint8_t kNmtEnterPreOperational = 128;
 inline constexpr std::uint8_t kNmtResetNode = 129;
 inline constexpr std::uint8_t kNmtResetCommunication = 130;
 
-// What an NMT command asks of the node.
+// Reset that an NMT command requests from the node.
 enum class NmtRequest : std::uint8_t { kNone, kResetNode, kResetCommunication };
 
 class Nmt {
@@ -42,13 +42,13 @@ class Nmt {
   // port did not take the message; call again.
   bool boot(CanPort& port, std::uint64_t now_us);
 
-  // The five commands of the standard; every other number means nothing.
+  // The five commands of the standard; every other number is ignored.
   static bool is_defined(std::uint8_t command) {
     return command == kNmtStart || command == kNmtStop || command == kNmtEnterPreOperational ||
            command == kNmtResetNode || command == kNmtResetCommunication;
   }
 
-  // The command for this node in a frame of NMT, 0 for none. Classic frames only, as with SDO.
+  // The command in an NMT frame for this node, 0 for none. Classic frames only, as with SDO.
   std::uint8_t command_in(const CanFrame& frame) const;
 
   // Whether a command, or 0, takes an operational node out of that state.
@@ -56,8 +56,8 @@ class Nmt {
     return command != kNmtStart && is_defined(command);
   }
 
-  // Carries a command out. Transitions happen at once; resets are returned for the node to carry
-  // out, which takes no further frames until then.
+  // Carries out a command. Transitions take effect at once. A reset is returned for the node to
+  // carry out; until then the state is kInitialising.
   NmtRequest apply(std::uint8_t command);
 
   // Sends the heartbeat when it is due; `producer_ms` is 0x1017, 0 for none.
@@ -87,7 +87,7 @@ class HeartbeatConsumer {
   // heard again, else nothing.
   std::optional<std::size_t> handle(const CanFrame& frame, std::uint64_t now_us);
 
-  // Nothing could be heard for so long: nobody's time ran meanwhile.
+  // Extends all deadlines by `deaf_us`, a time in which no frame could be received.
   void excuse(std::uint64_t deaf_us);
 
   // Returns the slot of a heartbeat that has just been missed. Call until there is none.

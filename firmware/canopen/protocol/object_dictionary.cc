@@ -8,12 +8,12 @@
 namespace armtrue::canopen {
 namespace {
 
-// Strings in RAM are what the device says of itself: set once at start, not a parameter.
+// Strings in RAM describe the device: they are set once at start and are no parameters.
 bool has_default(const od::Entry& entry) {
   return entry.type != od::Type::kDomain && entry.type != od::Type::kVisibleString;
 }
 
-// The first entry of this place or of a later one.
+// The first entry at or after `index`, `sub`.
 const od::Entry* lower_bound(std::uint16_t index, std::uint8_t sub) {
   return std::lower_bound(std::begin(od::kEntries), std::end(od::kEntries), std::pair(index, sub),
                           [](const od::Entry& entry, const auto& wanted) {

@@ -1,7 +1,7 @@
 // The object dictionary: one RAM image of all values, found by index and sub-index or by Ref.
 //
-// What the values are is generated from armtrue.eds; this class only stores them. Access rights,
-// limits and side effects are the business of DictionaryAccess.
+// The entries are generated from armtrue.eds; this class only stores their values. Access rights,
+// limits and side effects are handled by DictionaryAccess.
 #ifndef ARMTRUE_FIRMWARE_CANOPEN_PROTOCOL_OBJECT_DICTIONARY_H_
 #define ARMTRUE_FIRMWARE_CANOPEN_PROTOCOL_OBJECT_DICTIONARY_H_
 
@@ -18,7 +18,7 @@
 
 namespace armtrue::canopen {
 
-// The communication profile area (CiA 301, 7.4.3), and all there is.
+// Bounds of the communication profile area (CiA 301, 7.4.3), and the end of all indices.
 inline constexpr std::uint32_t kCommunicationBegin = 0x1000;
 inline constexpr std::uint32_t kCommunicationEnd = 0x2000;
 inline constexpr std::uint32_t kIndexEnd = 0x10000;
@@ -46,7 +46,8 @@ class ObjectDictionary {
   // string.
   void assign(const od::Entry& entry, std::span<const std::uint8_t> data);
 
-  // The same for a value that find() has placed at `offset`: what PDOs do in every cycle.
+  // Read and write a value at `offset`, known from find(), without a look-up: for PDOs in every
+  // cycle.
   void copy_out(std::uint16_t offset, std::span<std::uint8_t> data) const {
     std::copy_n(image_.begin() + offset, data.size(), data.begin());
   }
@@ -69,7 +70,7 @@ class ObjectDictionary {
 
   // Packs the values that 0x1010 saves, in entry order; `out` holds od::kStoredSize bytes.
   void pack_stored(std::span<std::uint8_t> out) const;
-  // Only those below `end_index` are taken.
+  // Unpacks only values of objects below `end_index`.
   void unpack_stored(std::span<const std::uint8_t> in, std::uint32_t end_index);
 
  private:

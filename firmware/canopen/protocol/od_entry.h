@@ -1,4 +1,4 @@
-// What one value of the object dictionary is: the types that the generated tables are made of.
+// Types of the generated object dictionary: one entry describes one value.
 #ifndef ARMTRUE_FIRMWARE_CANOPEN_PROTOCOL_OD_ENTRY_H_
 #define ARMTRUE_FIRMWARE_CANOPEN_PROTOCOL_OD_ENTRY_H_
 

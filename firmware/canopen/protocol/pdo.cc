@@ -25,7 +25,7 @@ constexpr MapWord split(std::uint32_t word) {
           static_cast<std::uint8_t>(word)};
 }
 
-// Data types as dummies (CiA 301, 7.4.7): space in a PDO that is somebody else's.
+// Data types as dummy entries (CiA 301, 7.4.7): bytes of a PDO that are for other nodes.
 constexpr bool is_dummy(std::uint16_t index) { return index >= 0x0001 && index <= 0x0007; }
 
 constexpr std::uint8_t dummy_bits(std::uint16_t index) {
@@ -33,7 +33,7 @@ constexpr std::uint8_t dummy_bits(std::uint16_t index) {
   return kBits[index];
 }
 
-// Objects that the node hears from the drives although a client may only read them.
+// Objects that the node receives from the drives by RPDO although they are read-only for clients.
 bool is_heard(std::uint16_t index) {
   const std::uint16_t object = axis_object(index);
   return object == kActualPosition || object == 0x6041 || object == 0x6061;
@@ -53,8 +53,8 @@ Abort check_map_word(const ObjectDictionary& dictionary, std::uint32_t word, boo
   return mappable && allowed ? Abort::kNone : Abort::kNotMappable;
 }
 
-// Targets come from the controller and actual positions from the drives: a frame that brought both
-// would be obeyed in states in which only actual positions are heard.
+// No RPDO may map both targets (from the controller) and actual positions (from the drives): its
+// targets would be obeyed in NMT states in which only actual positions are taken.
 enum Side : std::uint8_t { kOfNeither = 0, kOfController = 1, kOfDrives = 2, kOfBoth = 3 };
 
 std::uint8_t side_of(std::uint16_t index) {
@@ -73,7 +73,7 @@ Abort check_cob_id(std::uint32_t present, std::uint32_t wanted) {
   return is_restricted_id(wanted & kIdMask) ? Abort::kValueRange : Abort::kNone;
 }
 
-// Of records in force: saved parameters could hold anything.
+// Checks a COB-ID in force, too: saved parameters could hold anything.
 bool names_pdo(std::uint32_t cob_id) {
   return (cob_id & (kInvalid | kExtended | kReservedIdBits)) == 0;
 }
@@ -137,7 +137,7 @@ Mapping PdoTable::decode(od::Ref<std::uint8_t> count, od::Ref<std::uint32_t> fir
     const std::optional<od::Entry> source =
         dictionary_.find(first.index, static_cast<std::uint8_t>(first.sub + k));
     const auto word = load_le<std::uint32_t>(dictionary_.bytes(*source).data());
-    // Saved parameters could hold anything: what SDO would have refused ends the mapping.
+    // Saved parameters could hold anything: an entry that SDO would have refused ends the mapping.
     if (check_map_word(dictionary_, word, receive) != Abort::kNone) break;
     const MapWord map = split(word);
     sides |= side_of(map.index);

@@ -1,5 +1,5 @@
-// Process data objects (CiA 301, 7.2.2): what the communication and mapping records say, decoded
-// once so that the joint path only follows pointers.
+// Process data objects (CiA 301, 7.2.2): communication and mapping records, decoded once so that
+// the joint path needs no dictionary look-up per frame.
 //
 // A payload may be as long as a CAN FD frame; an entry is one to four whole bytes (granularity 8).
 #ifndef ARMTRUE_FIRMWARE_CANOPEN_PROTOCOL_PDO_H_
@@ -28,26 +28,26 @@ inline constexpr std::uint16_t kActualPosition = 0x6064;
 inline constexpr std::uint16_t kTargetPosition = 0x607A;
 inline constexpr std::uint16_t kPositionOffset = 0x60B0;
 
-// The object of axis 1 that `index` corresponds to, where it is an axis object at all.
+// The object of axis 1 that corresponds to `index`; `index` itself if it is no axis object.
 constexpr std::uint16_t axis_object(std::uint16_t index) {
   return index < 0x6000 || index > 0x9FFF
              ? index
              : static_cast<std::uint16_t>(0x6000 + (index - 0x6000) % kAxisStride);
 }
-// Of indices outside 0x6000 to 0x9FFF a number beyond every axis.
+// The axis of an object; for an index outside 0x6000 to 0x9FFF a number beyond every axis.
 constexpr std::size_t axis_of(std::uint16_t index) { return (index - 0x6000U) / kAxisStride; }
 
-// No bounds: a number beyond od::kLimits.
+// The object has no bounds: a number beyond od::kLimits.
 inline constexpr std::uint8_t kUnlimited = 0xFF;
 static_assert(od::kLimitCount < kUnlimited);
 
 struct MappedEntry {
-  std::uint16_t index = 0;   // 0: dummy, the bytes belong to somebody else
+  std::uint16_t index = 0;   // 0: dummy entry, the bytes are for other nodes
   std::uint16_t offset = 0;  // od::Entry::offset
   std::uint8_t sub = 0;
   std::uint8_t at = 0;  // first byte in the payload
   std::uint8_t size = 0;
-  std::uint8_t limit = kUnlimited;  // whose number in od::kLimits, looked up once
+  std::uint8_t limit = kUnlimited;  // position in od::kLimits, looked up once
 
   bool is_dummy() const { return index == 0; }
 };
@@ -62,7 +62,7 @@ struct Mapping {
   bool has_axis_object(std::uint16_t object) const;
 };
 
-// There are 28 of them: the identifier stands first, which leaves no gaps.
+// There are 28 instances: the identifier is the first member, which leaves no padding.
 struct Pdo {
   std::uint32_t id = 0;
   bool valid = false;
@@ -72,7 +72,7 @@ struct Pdo {
   bool is_synchronous() const { return transmission <= 240; }
 };
 
-// Bit k: one of these that is valid maps this object of axis k.
+// Bit k: a valid one of `pdos` maps `object` of axis k.
 std::uint32_t mapped_axes(std::span<const Pdo> pdos, std::uint16_t object);
 
 class PdoTable {
@@ -95,7 +95,7 @@ class PdoTable {
   // valid RPDO maps as well.
   bool repeats_target(std::size_t number) const;
 
-  // The number of the first valid RPDO that `frame` is, kRpdos if it is none.
+  // The number of the first valid RPDO with the identifier of `frame`, kRpdos if there is none.
   std::size_t match(const CanFrame& frame) const;
 
  private:
@@ -117,15 +117,15 @@ Abort check_pdo_write(const ObjectDictionary& dictionary, const od::Entry& entry
 // frame.
 void sample_tpdo(const ObjectDictionary& dictionary, const Pdo& pdo, CanFrame& frame);
 
-// What became of a received payload.
+// Result of apply_rpdo().
 struct Applied {
   bool has_bounds = false;    // whether any mapped object has limits
-  std::uint16_t beyond = 0;   // the last object whose value was beyond its bounds; 0: none
-  std::uint32_t refused = 0;  // bit k: so was the mapping's value k
+  std::uint16_t beyond = 0;   // index of the last object whose value was out of bounds; 0: none
+  std::uint32_t refused = 0;  // bit k: value k of the mapping was out of bounds
 };
 
-// Writes a received payload into the dictionary, except values beyond the bounds of their object,
-// which a write by SDO is refused for. Precondition: frame.len >= pdo.mapping.length.
+// Writes a received payload into the dictionary, except values beyond the bounds of their object:
+// an SDO download of these is refused, too. Precondition: frame.len >= pdo.mapping.length.
 Applied apply_rpdo(ObjectDictionary& dictionary, const Pdo& pdo, const CanFrame& frame);
 
 }  // namespace armtrue::canopen

@@ -1,8 +1,8 @@
-// When the TPDOs leave: on SYNC, on change, on their event timer, or on a fresh correction.
+// Sends the TPDOs: on SYNC, on change, on their event timer, or with a new correction.
 //
-// A TPDO that carries a position offset (0x60B0) is a *joint output*: it leaves once for each
-// complete set of targets, and on the way to zero before they stop for good; never otherwise, so
-// that a drive's own time-out notices when corrections stop.
+// A TPDO that maps a position offset (0x60B0) is a *joint output*: it leaves once for each complete
+// set of targets and for each step of a fade to zero. It never leaves otherwise, so that a drive's
+// own time-out detects when corrections stop.
 #ifndef ARMTRUE_FIRMWARE_CANOPEN_PROTOCOL_TPDO_PRODUCER_H_
 #define ARMTRUE_FIRMWARE_CANOPEN_PROTOCOL_TPDO_PRODUCER_H_
 
@@ -20,28 +20,29 @@ class TpdoProducer {
   TpdoProducer(ObjectDictionary& dictionary, const PdoTable& pdos, ObjectHooks& hooks)
       : dictionary_(dictionary), pdos_(pdos), hooks_(hooks) {}
 
-  // Timers begin anew, nothing counts as sent.
+  // Restarts the timers; no TPDO counts as sent.
   void restart(std::uint64_t now_us);
 
-  // Corrections have just been computed. `at_once`: synchronous TPDOs do not wait for SYNC either,
-  // because the node may not be operational any more when it comes. Returns how many joint outputs
-  // the port refused.
+  // Sends the joint outputs of a new correction; synchronous ones wait for SYNC unless `at_once`,
+  // because the node may have left operational when it comes. Returns how many joint outputs the
+  // port refused.
   std::uint32_t on_fresh_outputs(CanPort& port, std::uint64_t now_us, bool at_once);
 
-  // SYNC with its counter, 0 if it carries none. Returns how many joint outputs the port refused.
+  // Sends what is due on SYNC. `counter`: of the SYNC frame, 0 if it carries none. Returns how many
+  // joint outputs the port refused.
   std::uint32_t on_sync(CanPort& port, std::uint8_t counter, std::uint64_t now_us);
 
   // Bit k: the newest offset of axis k has not left, because it waits for SYNC or was refused.
   std::uint32_t unsent() const;
 
-  // Change and event timers.
+  // Sends asynchronous TPDOs, joint outputs excepted, on change or on their event timer.
   void process(CanPort& port, std::uint64_t now_us);
 
  private:
   struct Schedule {
     CanFrame last;
     bool has_last = false;
-    bool fresh = false;    // joint output: computed since it was last sent
+    bool fresh = false;    // joint output: the newest one has not been sent
     bool started = false;  // SYNC start value has been seen
     std::uint8_t syncs = 0;
     std::uint64_t inhibited_until_us = 0;

@@ -63,13 +63,13 @@ void SdoServer::block_download_segment(const std::uint8_t* segment) {
     sequence_ = number;
     last_segment_seen_ = last;
   }
-  // A segment out of order is not taken; the end of the sub-block tells the client from where to
-  // repeat.
+  // A segment out of sequence is not taken; the acknowledgement of the sub-block tells the client
+  // from where to repeat.
   if (last || number == block_size_) acknowledge_sub_block();
 }
 
-// A repeated last segment: its first byte would be read as a command, and be an abort's for short
-// blocks.
+// Whether a request is the last segment once more: its first byte would be read as a command, in
+// short blocks as an abort.
 bool SdoServer::is_last_segment_again(const std::uint8_t* request) const {
   return state_ == State::kBlockDownloadEnd && request[0] == (kLastSegment | sequence_) &&
          std::equal(held_.begin(), held_.end(), request + 1);
@@ -126,8 +126,8 @@ void SdoServer::initiate_block_upload(const std::uint8_t* request) {
   if (const Abort code = access_.begin_read(index_, sub_, size_); code != Abort::kNone) {
     return abort(code);
   }
-  // Small objects go the shorter way if the client allows it; a threshold of 0 does not (CiA
-  // 301, 7.2.4.3.13).
+  // Objects up to the client's protocol switch threshold are sent by normal upload; a threshold of
+  // 0 does not permit this (CiA 301, 7.2.4.3.13).
   if (request[5] != 0 && size_ <= request[5]) return respond_upload_initiated();
   with_crc_ = (request[0] & kClientCrc) != 0;
   crc_ = 0;
@@ -152,7 +152,8 @@ bool SdoServer::send_block_segment() {
   access_.read(at, content);
   if (!transmit(segment)) return false;
   last_activity_us_ = now_us_;
-  // With every segment, so that no turn has a whole block of it; once for those sent again.
+  // The CRC is updated with each segment, so that no turn computes that of a whole block. Segments
+  // sent again are already included.
   if (at == crc_end_) {
     crc_ = crc16(content, crc_);
     crc_end_ += static_cast<std::uint32_t>(length);
@@ -177,7 +178,7 @@ void SdoServer::block_upload_acknowledged(const std::uint8_t* request) {
   }
   state_ = State::kBlockUploadEnd;
   Payload end = {};
-  // The last segment may have been longer than what was left.
+  // Bits 4..2: bytes of the last segment that hold no data.
   end[0] = static_cast<std::uint8_t>(0xC1U | (offset_ - size_) << 2);
   store_le(&end[1], with_crc_ ? crc_ : std::uint16_t{0});
   respond(end);

@@ -39,7 +39,7 @@ void SdoServer::handle(const CanFrame& frame, std::uint64_t now_us) {
   now_us_ = now_us;
   last_activity_us_ = now_us;
   nudged_ = false;
-  // During a sub-block every first byte is a sequence number, except the one that is an abort.
+  // During a sub-block every first byte is a sequence number, except that of an abort.
   if (state_ == State::kBlockDownload && frame.data[0] != kAbortCommand) {
     block_download_segment(frame.data);
   } else if (!is_last_segment_again(frame.data)) {
@@ -64,7 +64,7 @@ void SdoServer::handle_command(const std::uint8_t* request) {
     case kBlockUploadRequest:
       return handle_block_upload(request);
     default:
-      // The standard has no such command: name the object that the frame seems to mean.
+      // The standard has no such command: the abort names the object that the frame seems to mean.
       if (state_ == State::kIdle) take_multiplexer(request);
       return abort(Abort::kCommandSpecifier);
   }
@@ -84,7 +84,7 @@ void SdoServer::initiate_download(const std::uint8_t* request) {
     return abort(code);
   }
   if (expedited) {
-    // Without an indicated size the object's own decides how many of the four bytes count.
+    // Without an indicated size, the object's size tells how many of the four bytes are data.
     const std::size_t length =
         sized ? size : (expected == 0 ? 4U : std::min<std::uint32_t>(expected, 4));
     if (const Abort code = access_.append({request + 4, length}); code != Abort::kNone) {
@@ -159,7 +159,7 @@ void SdoServer::process(std::uint64_t now_us, bool at_rest) {
   if (state_ == State::kIdle) return;
   const std::uint64_t silence_us = now_us - last_activity_us_;
   if (silence_us >= kTimeOutUs) return abort(Abort::kTimeOut);
-  // The last segment of a sub-block may be the one that was lost: say how far we got, once.
+  // The last segment of a sub-block may be lost: acknowledge once what has arrived.
   if (state_ == State::kBlockDownload && !nudged_ && sequence_ > 0 &&
       silence_us >= kTimeOutUs / 2) {
     nudged_ = true;

@@ -1,14 +1,14 @@
 // SDO server (CiA 301, 7.2.4.3): expedited, segmented and block transfer in both directions.
 //
-// Request frames go in by handle(); answers leave through `port`. process() runs the time-outs and
-// sends the segments of block uploads: none behind a backlog of the port, and while joints are
-// commanded one in a millisecond, because frames leave in order and those of the joints come
-// after.
+// Requests are passed to handle(); answers leave through `port`. process() checks the time-out and
+// sends the segments of block uploads: none while the port has a backlog, and one per millisecond
+// while joints are commanded, because frames leave in order and would delay those of the joints.
 //
 //   expedited   request   ccs 1 | n | e=1 | s   index sub   data[4]
-//   segmented   initiate  ccs 1 | e=0 | s       index sub   size[4], then  ccs 0 | t | n | c
-//   data[7] block       initiate  ccs 6 | cc | s        index sub   size[4], then  c | seqno
-//   data[7],
+//   segmented   initiate  ccs 1 | e=0 | s       index sub   size[4]
+//               segment   ccs 0 | t | n | c     data[7]
+//   block       initiate  ccs 6 | cc | s        index sub   size[4]
+//               segment   c | seqno             data[7]
 //               end       ccs 6 | n | 01        crc[2]
 #ifndef ARMTRUE_FIRMWARE_CANOPEN_PROTOCOL_SDO_SERVER_H_
 #define ARMTRUE_FIRMWARE_CANOPEN_PROTOCOL_SDO_SERVER_H_
@@ -28,7 +28,7 @@ class SdoServer {
   // Back to idle, with these identifiers (11 bit).
   void reset(std::uint32_t request_id, std::uint32_t response_id);
 
-  // A frame with the request identifier. Frames of other lengths than 8 are not SDOs and ignored.
+  // Takes a frame with the request identifier. A frame whose length is not 8 is no SDO and ignored.
   void handle(const CanFrame& frame, std::uint64_t now_us);
 
   // `at_rest`: no joints are commanded.
@@ -38,7 +38,7 @@ class SdoServer {
 
   // Silence after which a transfer is aborted.
   static constexpr std::uint64_t kTimeOutUs = 2'000'000;
-  // Between two segments of a block upload in motion.
+  // Pause between two segments of a block upload while joints are commanded.
   static constexpr std::uint64_t kSegmentPauseUs = 1000;
 
  private:
@@ -71,12 +71,12 @@ class SdoServer {
   void end_block_download(const std::uint8_t* request);
   void handle_block_upload(const std::uint8_t* request);
   void initiate_block_upload(const std::uint8_t* request);
-  // Sends one segment where there is room for it.
+  // Sends one segment if one is due and the port has room. Returns whether it did.
   bool send_block_segment();
   void block_upload_acknowledged(const std::uint8_t* request);
 
-  // The size in an initiation. The one that stands for "not announced" is as far too large as the
-  // next one.
+  // The size in an initiate request, at most kUnknownSize - 1, so that no request's size counts as
+  // "not announced". Both sizes are far too large.
   static std::uint32_t announced_size(const std::uint8_t* request);
   void take_multiplexer(const std::uint8_t* request);
   Payload response(std::uint8_t command) const;
@@ -107,9 +107,9 @@ class SdoServer {
   bool last_segment_seen_ = false;
   bool nudged_ = false;  // the sub-block was acknowledged early because the client went silent
   std::uint16_t crc_ = 0;
-  std::uint32_t crc_end_ = 0;  // the bytes of an upload before this one are in it
-  std::array<std::uint8_t, 7> held_ =
-      {};  // the newest segment: only the end says how much of it counts
+  std::uint32_t crc_end_ = 0;  // crc_ covers the bytes of an upload before this one
+  // The newest segment; the end request tells how many of its bytes are data.
+  std::array<std::uint8_t, 7> held_ = {};
   bool has_held_ = false;
 };
 

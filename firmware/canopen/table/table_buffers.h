@@ -1,8 +1,8 @@
-// Who may write where: two buffers of one table each, and the only way to a byte of either.
+// Two buffers of one table each; all access to them goes through this class.
 //
-// One holds the image in force (or nothing), the other is staged into. Write access is handed out
-// for the latter alone, and only while the compensator reads neither of its bytes; whether it does
-// is asked each time. They swap when a staged table is put in force.
+// One holds the image in force (or nothing), the other is the staging buffer. Only the staging
+// buffer may be written, and only while the compensator does not read it, which is checked at each
+// access. The buffers swap when a staged table is put in force.
 #ifndef ARMTRUE_FIRMWARE_CANOPEN_TABLE_TABLE_BUFFERS_H_
 #define ARMTRUE_FIRMWARE_CANOPEN_TABLE_TABLE_BUFFERS_H_
 
@@ -15,7 +15,7 @@
 
 namespace armtrue::canopen {
 
-// Where a port has the two, each as large as the largest table.
+// A port's memory for the two buffers, each as large as the largest table.
 struct TableMemory {
   std::span<std::uint8_t> first;
   std::span<std::uint8_t> second;
@@ -26,19 +26,19 @@ class TableBuffers {
   TableBuffers(const TableMemory& memory, const Compensator& reader)
       : memory_{memory.first, memory.second}, reader_(reader) {}
 
-  // The buffer that is staged into, all of it, for writing. Empty while something reads it.
+  // The whole staging buffer, for writing. Empty while the compensator reads it.
   std::span<std::uint8_t> writable() const {
     return reader_.is_in_use(spare()) ? std::span<std::uint8_t>() : spare();
   }
-  // What was staged: the first `length` bytes.
+  // The first `length` bytes of the staging buffer.
   std::span<const std::uint8_t> staged(std::size_t length) const { return spare().first(length); }
   std::size_t capacity() const { return spare().size(); }
 
-  // What is in force; empty for nothing.
+  // The image in force; empty if there is none.
   std::span<const std::uint8_t> active() const { return active_; }
 
-  // `image`, which lies in the buffer that was written, is in force from now on. An empty one
-  // leaves nothing in force. Anything else changes nothing.
+  // Puts `image`, which begins the staging buffer, in force and swaps the buffers. An empty image
+  // leaves nothing in force. Any other image is ignored.
   void put_in_force(std::span<const std::uint8_t> image) {
     if (!image.empty() && image.data() != spare().data()) return;
     if (!image.empty()) spare_ = 1U - spare_;

@@ -13,7 +13,7 @@
 namespace armtrue::canopen {
 namespace {
 
-// 0x2013 sub 2 beyond the table reader's own reasons (core/table.h).
+// Values of 0x2013 sub 2 in addition to the table reader's reasons (core/table/table.h).
 enum UploadRefusal : std::uint16_t {
   kFits = 0,
   kOlderThanActive = 0x100,  // replay: an earlier export than the table in force
@@ -21,13 +21,14 @@ enum UploadRefusal : std::uint16_t {
 };
 constexpr std::uint8_t kNoSlot = 0xFF;
 
-// How many bytes of `length` the checksum of an image is over: not those that hold it.
+// How many bytes of an image of `length` its checksum covers: all but those that hold it.
 std::uint32_t checked(std::uint32_t length) {
   constexpr std::uint32_t kOwn = format::kChecksumLength;
   return std::max(length, kOwn) - kOwn;
 }
 
-// The compensator caps such limits anyway; whoever wrote them expects something else to happen.
+// Whether the table's limits exceed those of the firmware. The compensator would cap them, but the
+// table's author expects larger corrections.
 bool limits_are_too_wide(std::span<const std::uint8_t> image) {
   const TableView table(image);
   for (std::size_t k = 0; k < table.joint_count(); ++k) {
@@ -43,18 +44,18 @@ bool limits_are_too_wide(std::span<const std::uint8_t> image) {
   return false;
 }
 
-// Of increments a unit, without its sign and power of two.
+// Mantissa of the increments per unit, without sign and power of two.
 std::uint64_t mantissa_of(const std::uint8_t* joint) {
   return magnitude(load_i32(joint + format::joint::kIncrementPerUnitAt));
 }
 
-// Increments of a drive for so many turns (revolute) or metres of its joint, as 0x608F has them.
+// 0x608F: increments of a drive for `units` turns (revolute) or metres (prismatic) of its joint.
 struct Resolution {
   std::uint32_t increments;
   std::uint32_t units;
 };
 
-// Whole numbers as exact as 32 bits allow.
+// The resolution in a table, in whole numbers as exact as 32 bits allow.
 Resolution resolution_of(const TableView& table, std::size_t k) {
   const std::uint8_t* joint = table.joint(k);
   const std::uint64_t mantissa = mantissa_of(joint);
@@ -71,7 +72,7 @@ Resolution resolution_of(const TableView& table, std::size_t k) {
           units};
 }
 
-// Never back to an older export, and one export number is one table.
+// Whether `image` is an older export than `active`, or another table with its export number.
 bool is_replay(std::span<const std::uint8_t> image, std::span<const std::uint8_t> active) {
   if (active.empty()) return false;
   const TableInfo staged = describe(image);
@@ -114,15 +115,15 @@ std::size_t TableTransfer::capacity() const {
 void TableTransfer::start() {
   const std::span<const std::uint8_t> image = store_.start(buffers_.writable());
   if (!image.empty()) use(image);
-  // The table before, or none, is not what was put in force last.
+  // The table that was stored last is damaged: an older one, or none, is in force.
   if (store_.has_lost_newest()) {
     emcy_.raise(Condition::kStorage,
                 static_cast<std::uint32_t>(storage::StoreResult::kImageChanged));
   }
 }
 
-// A table's scales against 0x608F. Which way a drive counts is the table's to say: the object has
-// no sign. Precondition: the image validates.
+// Compares a table's scales with 0x608F, without sign: the object has none, and the table alone
+// gives the direction in which a drive counts. Precondition: the image validates.
 Validation TableTransfer::check_resolution(std::span<const std::uint8_t> image) const {
   const TableView table(image);
   for (std::size_t k = 0; k < table.joint_count(); ++k) {
@@ -215,7 +216,7 @@ Abort TableTransfer::refuse(std::uint16_t reason, std::uint32_t field) {
   refusal_reason_ = reason;
   refusal_field_ = field;
   count(refused_);
-  // Each refused image is its own event.
+  // Each refused image is reported.
   emcy_.clear(Condition::kTableRefused);
   emcy_.raise(Condition::kTableRefused, reason);
   return Abort::kIncompatibleParameter;
@@ -274,8 +275,8 @@ Abort TableTransfer::activate() {
     trial_ = true;
     use(image);
   } else if (last_result_ != storage::StoreResult::kNothingPending) {
-    // The slot's image was read into the buffer, or may have been: what was staged there is gone,
-    // and must not pass for verified. With nothing pending the store has not touched it.
+    // The store may have read the slot's image into the staging buffer: the image staged there is
+    // lost and must not count as verified. With nothing pending the store has not touched it.
     discard();
   }
   return abort;
@@ -294,7 +295,7 @@ Abort TableTransfer::revert() {
   const bool was_trial = trial_;
   if (was_trial && buffers_.writable().empty()) return Abort::kDeviceState;
   const Abort abort = result(store_.revert());
-  // A trial is over even if its mark could not be written: the next start rejects it all the same.
+  // A trial is over even if its mark could not be written: the next start rejects it in any case.
   if (abort != Abort::kNone && abort != Abort::kHardware) return abort;
   if (was_trial) {
     trial_ = false;
@@ -307,7 +308,7 @@ Abort TableTransfer::revert() {
     agreed_in_trial_ = 0;
     use(store_.load_active(buffers_.writable()));
   } else if (state_ == StagingState::kCommitted) {
-    state_ = StagingState::kVerified;  // the buffer still has what no slot has any more
+    state_ = StagingState::kVerified;  // the image is still staged, but in no slot any more
   }
   return abort;
 }
@@ -339,7 +340,7 @@ Abort TableTransfer::append(std::span<const std::uint8_t> piece) {
   if (buffer.empty()) return Abort::kDeviceState;
   if (piece.size() > capacity() - staged_) return Abort::kOutOfMemory;
   std::copy(piece.begin(), piece.end(), buffer.begin() + staged_);
-  // With every piece: at the end it would take milliseconds, and joints may move by then.
+  // Updated with every piece: at the end it would take milliseconds, while joints may move again.
   const std::uint32_t before = checked(staged_);
   staged_ += static_cast<std::uint32_t>(piece.size());
   staged_checksum_ = crc32(buffer.subspan(before, checked(staged_) - before), staged_checksum_);

@@ -1,8 +1,7 @@
-// A table's way onto the device: DOMAIN 0x2010 into RAM, verified, committed to flash, on trial,
-// confirmed or reverted; commands in 0x2012, state in 0x2013.
+// Transfer of a table to the device: DOMAIN 0x2010 into RAM, verified, committed to flash, on
+// trial, confirmed or reverted; commands in 0x2012, state in 0x2013.
 //
-//   empty -> receiving -> received -> verified -> (committed to the spare slot) -> trial ->
-//   confirmed
+//   empty -> receiving -> received -> verified -> (committed to spare slot) -> trial -> confirmed
 //                                  -> refused (0x2013 sub 2: why, sub 15: at which byte)
 //
 // Everything that writes flash or takes long (one signature check: tens of milliseconds) is refused
@@ -37,7 +36,7 @@ enum class StagingState : std::uint8_t {
   kCommitted = 5,
 };
 
-// 0x2012: four ASCII letters each, as 0x1010's "save", so that no stray write is a command.
+// 0x2012: four ASCII letters each, as 0x1010's "save", so that a stray write is no command.
 enum class TableCommand : std::uint32_t {
   kVerify = 0x79667276,    // "vrfy"
   kCommit = 0x74696D63,    // "cmit"
@@ -47,7 +46,7 @@ enum class TableCommand : std::uint32_t {
   kDiscard = 0x64637364,   // "dscd": empties the staging buffer
 };
 
-// Tells the slot store what the table reader thinks of an image.
+// Gives the slot store the table reader's verdict on an image.
 class IdentityVerifier final : public storage::TableVerifier {
  public:
   explicit IdentityVerifier(const DeviceIdentity& device) : device_(device) {}
@@ -66,7 +65,7 @@ class TableTransfer final : public DomainHandler {
   // while joint commands arrive.
   void start();
 
-  // Carries out a command. `quiet`: no joint commands have arrived for the set time.
+  // Carries out a command. `quiet`: no joint commands have arrived for the quiet time.
   Abort command(std::uint32_t word, bool quiet);
 
   // Whether a download may begin now; asked by begin_download().
@@ -84,8 +83,8 @@ class TableTransfer final : public DomainHandler {
     return buffers_.active().empty() || validate(buffers_.active(), device_).accepted();
   }
 
-  // Bit k: axis k has no drive, by the table that was verified last. The first table of a device
-  // has to be committed while it is the only one to know.
+  // Bit k: axis k has no drive, according to the table that was verified last. When the first table
+  // of a device is committed, only this table tells which axes have drives.
   std::uint8_t passive() const { return passive_; }
 
   std::uint32_t refused() const { return refused_; }
@@ -110,7 +109,7 @@ class TableTransfer final : public DomainHandler {
   Validation check_resolution(std::span<const std::uint8_t> image) const;
   Validation check(std::span<const std::uint8_t> image) const;
   void put_in_force();
-  // Where 0x608F says nothing it takes the scales of the table in force: those of all that follow.
+  // Where 0x608F is 0, sets it to the scale of the table in force, which later tables must have.
   void agree_on_resolution();
   std::size_t capacity() const;
 
@@ -123,11 +122,11 @@ class TableTransfer final : public DomainHandler {
   bool quiet_ = true;
   bool enabled_ = true;
   bool trial_ = false;
-  std::uint32_t agreed_in_trial_ = 0;  // bit k: axis k's resolution is what the trial brought
+  std::uint32_t agreed_in_trial_ = 0;  // bit k: 0x608F of axis k comes from the table on trial
   StagingState state_ = StagingState::kEmpty;
   std::uint32_t staged_ = 0;  // bytes
-  // 0x2013 subs 4 and 13, from when the bytes came. Of all but an image's last four: those are its
-  // own CRC, and the CRC of something with its own behind it is the same for everything.
+  // 0x2013 sub 4 (sub 13: active_checksum_), updated as the bytes arrive. It covers all but the
+  // last four bytes, the image's own CRC: over data and its CRC, a CRC is the same for every image.
   std::uint32_t staged_checksum_ = 0;
   std::uint8_t passive_ = 0;
   std::uint32_t active_checksum_ = 0;

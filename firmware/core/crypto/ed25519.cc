@@ -5,9 +5,8 @@
 namespace armtrue {
 namespace {
 
-// The hash that binds nonce point, key and message, as a scalar of the curve (RFC 8032, 5.1.6 step
-// 4).
-// Not inlined: the hash would stand on the stack beside the curve arithmetic.
+// The hash of nonce point, key and message, reduced to a scalar (RFC 8032, 5.1.6 step 4). Not
+// inlined, so that the hash state is not on the stack beside the curve arithmetic.
 [[gnu::noinline]] std::array<std::uint8_t, 32> challenge(std::span<const std::uint8_t> nonce_point,
                                                          std::span<const std::uint8_t> public_key,
                                                          std::span<const std::uint8_t> message) {

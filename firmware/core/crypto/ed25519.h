@@ -1,5 +1,5 @@
-// Ed25519 signatures (RFC 8032, 5.1): SHA-512 of our own around Monocypher's curve arithmetic,
-// whose own EdDSA hashes with BLAKE2b and would not be Ed25519.
+// Ed25519 signatures (RFC 8032, 5.1): our SHA-512 with Monocypher's curve arithmetic. Monocypher's
+// own EdDSA hashes with BLAKE2b and is therefore not Ed25519.
 #ifndef ARMTRUE_FIRMWARE_CORE_CRYPTO_ED25519_H_
 #define ARMTRUE_FIRMWARE_CORE_CRYPTO_ED25519_H_
 
@@ -26,9 +26,9 @@ class Sha512 {
   std::uint64_t length_ = 0;  // bytes so far
 };
 
-// True if `signature` (64 bytes) of `message` was made by the owner of `public_key` (32 bytes).
-// Takes the same time for any key and signature of a message of the same length, up to the early
-// end when the public key is not a point of the curve.
+// True if `signature` (64 bytes) of `message` was made by the owner of `public_key` (32 bytes). The
+// time depends on the length of the message but not on key or signature, except for an early end if
+// the public key is not a point of the curve.
 bool verify_ed25519(std::span<const std::uint8_t, 64> signature,
                     std::span<const std::uint8_t, 32> public_key,
                     std::span<const std::uint8_t> message);

@@ -13,8 +13,8 @@ constexpr std::uint32_t size_of(std::int32_t x) {
   return x < 0 ? 0U - static_cast<std::uint32_t>(x) : static_cast<std::uint32_t>(x);
 }
 
-// The joint whose correction is the most times as large as its limit. Quotients are compared as
-// products across, so that a limit of zero is no division by zero.
+// The joint with the largest ratio of correction to limit. Ratios are compared by
+// cross-multiplication, so that a limit of zero causes no division by zero.
 std::size_t furthest_beyond(const JointAmounts& largest, std::uint32_t beyond,
                             const JointAmounts& correction) {
   std::size_t worst = 0;
@@ -43,8 +43,8 @@ std::uint32_t scale_into_limits(const JointAmounts& largest, std::size_t joints,
   }
   if (beyond == 0U) return 0;
   const std::size_t worst = furthest_beyond(largest, beyond, correction);
-  // Q32, rounded up: the worst joint then ends at its limit and not one unit below. No joint ends
-  // beyond its own, because what the rounding adds is at most half a unit, and is cut off.
+  // Q32, rounded up, so that the worst joint ends at its limit and not one unit below. No joint
+  // exceeds its own, because the rounding adds at most half a unit, which is cut off.
   const std::uint32_t size = size_of(correction[worst]);
   constexpr std::uint64_t kWhole = 0x1'0000'0000;
   const auto share =

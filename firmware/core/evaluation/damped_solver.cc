@@ -6,15 +6,16 @@
 namespace armtrue {
 namespace {
 
-// Fractions: the error is brought to 25 significant bits and read as a fraction below 1 (forward
-// substitution grows it by 2^5 at most), y = (J Jᵀ + λ² I)⁻¹ e has 14 fraction bits (λ ≥ 2^-8
-// bounds it by 2^16), the step Σ J y has 22 + 14.
+// Number formats: the error is scaled to 25 significant bits and read as a fraction below 1
+// (forward substitution enlarges it at most by 2^5). y = (J Jᵀ + λ² I)⁻¹ e has 14 fraction bits (λ
+// ≥ 2^-8 bounds it by 2^16), the step Σ J y has 22 + 14.
 constexpr int kErrorBits = 25;
 constexpr int kSolutionFraction = 14;
 constexpr int kSquareFraction = 2 * kJacobianFraction;
 
-// A step is below half a radian or metre, more than any correction may be (limits.h): sums of a few
-// steps stay in 32 bits. Longer ones are halved until they are.
+// Steps are kept below half a radian or metre, which is more than any permitted correction
+// (limits.h), so that sums of a few steps fit 32 bits. Longer steps are halved until they are
+// below.
 constexpr int kMaxStepBits = 64 - (Coordinate::fraction - 1);
 
 }  // namespace
@@ -39,8 +40,8 @@ void DampedSolver::factor(const Jacobian& jacobian, std::size_t joints, std::siz
     }
     largest = wide[i][i] > largest ? wide[i][i] : largest;
   }
-  // Bring the largest diagonal element to 30 bits. It is at least λ² · 2^44 ≥ 2^28: where all axes
-  // pass through the tool it stays below them.
+  // Scales the largest diagonal element to 30 bits. It is at least λ² · 2^44 ≥ 2^28, and has fewer
+  // than 30 bits where all axes pass through the tool.
   const int scale = 34 - std::countl_zero(static_cast<std::uint64_t>(largest));
   scale_ = scale > 1 ? scale : 1;
   std::array<std::array<std::int32_t, kMaxRows>, kMaxRows> a;
@@ -51,8 +52,8 @@ void DampedSolver::factor(const Jacobian& jacobian, std::size_t joints, std::siz
       a[j][i] = a[i][j];
     }
   }
-  // λ² in the same scale; 2 where couplings make the largest element 2^30 times as large, so that
-  // a quotient by it still has a place to round.
+  // λ² in the same scale, but at least 2, so that the shift 31 - exponent in the division below is
+  // at least 1 where couplings make the largest element 2^30 times as large.
   const std::int64_t smallest = (floor >> scale_) > 2 ? floor >> scale_ : 2;
   std::int64_t last_pivot = 0;
   for (std::size_t k = 0; k < rows; ++k) {
@@ -62,13 +63,13 @@ void DampedSolver::factor(const Jacobian& jacobian, std::size_t joints, std::siz
     }
     std::swap(order_[k], order_[pivot]);
     const std::size_t p = order_[k];
-    // In exact arithmetic no pivot falls below λ²; rounding must not take it there.
+    // In exact arithmetic no pivot is below λ²; with rounding it is raised to λ².
     last_pivot = a[p][p] > smallest ? a[p][p] : smallest;
     inverse_pivot_[k] = reciprocal(static_cast<std::uint32_t>(last_pivot));
     const Reciprocal& inverse = inverse_pivot_[k];
     for (std::size_t i = k + 1; i < rows; ++i) {
-      // L = a / pivot: Q30 quotient of two 30-bit numbers. The pivots bound it by 1, rounding
-      // aside.
+      // L = a / pivot: Q30 quotient of two 30-bit numbers. Pivoting bounds it by 1, apart from
+      // rounding.
       const std::size_t r = order_[i];
       lower_[r][k] =
           saturate(round_shift(product(a[r][p], static_cast<std::int32_t>(inverse.mantissa >> 1U)),
@@ -93,7 +94,7 @@ JointStep DampedSolver::step(const ToolError& error) const {
     const std::uint32_t size = magnitude(error[i].raw);
     largest = size > largest ? size : largest;
   }
-  // Left shift that brings the largest element to kErrorBits bits.
+  // Left shift that scales the largest element to kErrorBits bits.
   const int lift = std::countl_zero(largest) - (32 - kErrorBits);
   std::array<std::int32_t, kMaxRows> e;
   for (std::size_t i = 0; i < rows; ++i) {
@@ -135,7 +136,7 @@ JointStep DampedSolver::step(const ToolError& error) const {
     wanted[k] = round_shift(sum, down);
     longest |= static_cast<std::uint64_t>(wanted[k] < 0 ? -wanted[k] : wanted[k]);
   }
-  // Joints turn against each other there: one that is cut alone would take the tool far off.
+  // In long steps joints turn against each other: clamping one alone would move the tool far off.
   const int over = kMaxStepBits - std::countl_zero(longest);
   JointStep step;
   for (std::size_t k = 0; k < joints_; ++k) {

@@ -1,17 +1,18 @@
 // Gravity torques and moments of mass sets at nominal joint angles (docs/model.md, "State").
 //
-// For a set with masses m_J and mass moments s_J = m_J · com_J in frame J, everything beyond joint
-// k has, about the origin of frame k and in its axes, the first moment L_k: from the tool inwards,
-// L_{k-1} = s_{k-1} + R (L_k + M_k d) + M_k t, with R, t of F_k J_k, d its slide, M_k the mass
-// beyond joint k. With gravity g_k in the same axes its torque is L_k × g_k: one pass outwards for
-// g, one inwards for each set, about 25 multiplications a joint, and no frame is needed.
+// A set has masses m_J and mass moments s_J = m_J · com_J in frame J. L_k is the first moment of
+// everything beyond joint k, about the origin of frame k and in its axes. From the tool inwards
+// L_{k-1} = s_{k-1} + R (L_k + M_k d) + M_k t, with R, t of F_k J_k, d the slide of joint k, M_k
+// the mass beyond joint k. With gravity g_k in the same axes, the torque is L_k × g_k. This takes
+// one pass outwards for g and one inwards for each set, about 25 multiplications per joint, and no
+// frames.
 #include "firmware/core/evaluation/terms.h"
 
 namespace armtrue {
 namespace {
 
 struct Beyond {
-  Vector moment;      // L_k, kg m in the fraction of its set
+  Vector moment;      // L_k, kg m with the fraction bits of its set
   std::int32_t mass;  // M_k
 };
 // Index k + 1 is what lies beyond joint k; index 0 is the whole arm about the base origin.
@@ -30,7 +31,7 @@ void gravity_in_frames(const TableView& table, const JointMotions& motions,
   }
 }
 
-// mass · length, in the fraction of the mass, to 32 units of its last place.
+// mass · length with the fraction bits of the mass, accurate to 32 units of the last place.
 std::int32_t moment_of(std::int32_t mass, std::int32_t length) {
   const std::uint64_t wide = static_cast<std::uint64_t>(product(mass, length));
   return static_cast<std::int32_t>(static_cast<std::uint32_t>(wide >> 32U)
@@ -41,7 +42,7 @@ Vector moment_of(std::int32_t mass, const Vector& lever) {
   return {moment_of(mass, lever.x), moment_of(mass, lever.y), moment_of(mass, lever.z)};
 }
 
-// The payload's mass in the fraction of its set.
+// The payload's mass with the fraction bits of its set.
 std::int32_t payload_mass(std::int32_t payload, int fraction) {
   const int up = fraction - format::kPayloadFraction;
   return saturate(up >= 0 ? product(payload, std::int32_t{1} << up) : round_shift(payload, -up));
@@ -55,7 +56,7 @@ void add_payload(const TableView& table, std::int32_t mass, Beyond& last) {
   last.mass = wrapping_sum(last.mass, mass);
 }
 
-// The exporter gives a set a fraction with which none of these sums leaves 32 bits.
+// The exporter chooses a set's fraction bits so that none of these sums exceeds 32 bits.
 void sum_beyond(const TableView& table, const std::uint8_t* set, const JointMotions& motions,
                 std::int32_t payload, BeyondAll& all) {
   const std::size_t joints = table.joint_count();

@@ -84,8 +84,8 @@ bool is_covered_node(const std::uint8_t* covered, std::uint32_t node) {
   return ((covered[node / 8U] >> (node % 8U)) & 1U) != 0U;
 }
 
-// One axis, one output: a table of a joint error. The same result as the general way, in a fifth of
-// the instructions; an even table within its nodes is the case that is made fast.
+// One axis, one output: a table of a joint error. Gives the same result as the general code in a
+// fifth of the instructions; the fast case is an evenly spaced table, read within its nodes.
 bool interpolate_line(const std::uint8_t* axis, const std::int32_t* slots, std::int32_t* output) {
   constexpr std::int32_t kUnit = std::int32_t{1} << format::grid::kValueFraction;
   const std::uint32_t count = load_u16(axis + format::grid::kAxisNodesAt);
@@ -132,8 +132,8 @@ bool interpolate(const std::uint8_t* data, const std::int32_t* slots, std::int32
     axis += format::grid::kAxisHeadLength + format::grid::axis_length(count, is_explicit);
   }
 
-  // Node numbers and weights of the cell's corners. Each axis doubles them and gives the far
-  // node its share of every weight, so that the weights add up to `faded` exactly.
+  // Node numbers and weights of the cell's corners. Each axis doubles the corners and splits every
+  // weight between the near and the far node, so that the weights add up to `faded` exactly.
   constexpr int kWeightFraction = 28;
   std::array<std::uint32_t, 1U << kMaxGridAxes> corners;
   std::array<std::int32_t, 1U << kMaxGridAxes> weights;

@@ -5,8 +5,8 @@
 namespace armtrue {
 namespace {
 
-// Half the axis of the rotation that takes the real tool to the wanted one: first order in the
-// angle, which is all a step of Newton's method needs. ½ Σ real axis × wanted axis.
+// Rotation vector from the real to the wanted tool, ½ Σ real axis × wanted axis: correct to first
+// order in the angle, which is enough for a step of Newton's method.
 Vector rotation_error(const RealTool& real, const Frame& wanted) {
   const Vector x = cross(real.x, wanted.x);
   const Vector y = cross(real.y, wanted.y);
@@ -94,8 +94,9 @@ void make_jacobian(const TableView& table, const Frames& frames, const Vector& t
   }
 }
 
-// Nobody can drive a passive joint. The others alone take the tool where it is to be, and what acts
-// on its motor side, which no motor could take off, becomes a part of where the links are.
+// Passive joints have no motor. Their Jacobian columns are zeroed, so that the other joints alone
+// correct the tool, and terms on their motor side are added to the link positions, because no motor
+// can compensate them.
 [[gnu::noinline]] void leave_to_bars(const TableView& table, Workspace& work) {
   for (std::size_t k = 0; k < table.joint_count(); ++k) {
     if (!table.is_passive(k)) continue;
@@ -113,10 +114,10 @@ void take_share(Ratio share, std::size_t joints, JointStep& step) {
   }
 }
 
-// The steep terms s of one motor, whose position x is to fulfil x + s(x) = c. `from` and `to` are
-// two positions where s is known; the result is how far x lies beyond `to`, by the secant through
-// both. Where the joint hardly moved, or the change is another joint's, one plain iteration: c -
-// s(to) - to. All Q30.
+// Solves x + s(x) = c for one motor, where s are its steep terms, known at two positions `from` and
+// `to`. `moved` is to - from, `change` s(to) - s(from), `missing` c - s(to) - to. Returns x - to by
+// the secant through both positions. If the joint hardly moved, or another joint caused the change,
+// it returns `missing`, which is one fixed-point iteration. All Q30.
 std::int32_t secant_step(std::int32_t moved, std::int32_t change, std::int32_t missing) {
   constexpr std::int32_t kOne = 1 << 10;
   constexpr std::int32_t kSteepest = kOne / 4;
@@ -152,17 +153,17 @@ Correction solve(const TableView& table, const JointPositions& target,
       work.solver.step(tool_error(table, wanted, real_tool(table, work.motions, coordinates)));
   const Ratio share = straight_share(table, work.frames, wanted.origin, step);
   JointPositions corrected;
-  JointStep moved;  // since the steep terms were last known
+  JointStep moved;  // since the last evaluation of the steep terms
   for (std::size_t k = 0; k < joints; ++k) {
     moved[k] = {wrapping_difference(step[k].raw, coordinates[k].raw + steep[k].raw)};
   }
-  // Deflections as well: without the rest they may take the tool further off.
+  // Deflections too: in full, beside a share of the step, they may move the tool further off.
   take_share(share, joints, moved);
   for (std::size_t k = 0; k < joints; ++k) {
     corrected[k].raw = target[k].raw + position_step(table, k, moved[k]);
   }
 
-  // 2. At q₁, moved on by what the steep terms changed on the way there.
+  // 2. At q₁, which is moved by the change of the steep terms since the target.
   link_positions(table, corrected, link);
   MotorCoordinates steep_there;
   evaluate_steep_terms(table, corrected, link, work.terms, steep_there);

@@ -1,4 +1,4 @@
-// The correction: which motor positions bring the real tool where nominal kinematics puts it.
+// The correction: motor positions that bring the real tool to where nominal kinematics puts it.
 #ifndef ARMTRUE_FIRMWARE_CORE_EVALUATION_INVERSE_H_
 #define ARMTRUE_FIRMWARE_CORE_EVALUATION_INVERSE_H_
 
@@ -13,7 +13,7 @@
 
 namespace armtrue {
 
-// Memory that solve() works in; several kilobytes, so that it is not on the stack.
+// Working memory of solve(): several kilobytes, kept off the stack.
 struct Workspace {
   TermWorkspace terms;
   Coordinates coordinates = {};
@@ -34,21 +34,20 @@ struct Correction {
 
 // Finds δ so that real(target + δ) = nominal(target), by Newton's method on the full model:
 //
-//   1. p* = nominal tool at the target. Gravity there, where the corrected arm will stand. Terms at
-//      the target. Motor-side deflections m are taken off
-//      directly; what the virtual joints leave, e = p* - real tool without m, goes through the
+//   1. p* is the nominal tool at the target. Gravity is taken there, because the corrected arm will
+//      stand there, and all terms are evaluated there. Motor-side deflections m are subtracted
+//      directly. The error of the virtual joints, e = p* - real tool without m, goes through the
 //      arm's Jacobian: q₁ = target - m + J⁺ e.
-//   2. Steep terms s (gear mesh, tables of joint errors) at q₁, which moves on to where q₁ + s(q₁)
-//   is
-//      what it was to be. All other terms and the real tool there: q₂ = q₁ + J⁺ (p* -
-//      p(q₁)).
+//   2. Steep terms s (gear mesh, tables of joint errors) are evaluated at q₁, which is then moved
+//      so that q₁ + s(q₁) has the intended value. All other terms and the real tool are evaluated
+//      there: q₂ = q₁ + J⁺ (p* - p(q₁)).
 //   3. Steep terms at q₂: q₃ by a secant, so that q₃ + s(q₃) = q₂ + s(q₁).
 //
-// J is that of the nominal arm at the target, without the columns of passive joints, damped
-// (damped_solver.h): every step takes off all but some thousandths of the error. A large step near
-// a singularity moves the tool along a curve, where J draws a straight line: only a share of it is
-// taken (second_order.h). Position only, or full pose where the table says so. The result depends
-// on nothing but the arguments: no history.
+// J is the Jacobian of the nominal arm at the target, without the columns of passive joints, damped
+// (damped_solver.h): every step removes all but some thousandths of the error. Near a singularity a
+// large step moves the tool along a curve, for which J assumes a straight line, so only a share of
+// it is taken (second_order.h). Position only, or full pose if the table says so. The result
+// depends only on the arguments, not on earlier calls.
 Correction solve(const TableView& table, const JointPositions& target,
                  const Surroundings& surroundings, Workspace& work);
 

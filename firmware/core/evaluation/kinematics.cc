@@ -47,8 +47,8 @@ void link_positions(const TableView& table, const JointPositions& motor, JointPo
   for (std::size_t i = 0; i < coupling.count; ++i) {
     const std::uint8_t* entry = coupling.begin + i * format::coupling::kLength;
     const std::int32_t ratio = load_i32(entry + format::coupling::kRatioAt);
-    // Only the low 64 bits of the product matter: ±8 turns remain after the shift. Unsigned, for
-    // the half that rounds may take them past the largest number.
+    // Only the low 64 bits of the product matter: ±8 turns remain after the shift. Unsigned,
+    // because adding the half for rounding may exceed the largest signed number.
     constexpr std::uint64_t kHalf = std::uint64_t{1} << (format::coupling::kRatioFraction - 1);
     const std::uint64_t driven =
         static_cast<std::uint64_t>(motor[entry[format::coupling::kColumnAt]].raw) *
@@ -101,7 +101,7 @@ Frame nominal_tool(const TableView& table, const JointMotions& motions, Frames& 
   if (table.is_full_pose()) {
     advance(frame, table.tool());
   } else {
-    // Nobody asks for the tool's axes.
+    // The tool's axes are not needed.
     const Vector t = table.tool().translation();
     frame.origin = sum(frame.origin, combine(frame.x, t.x, frame.y, t.y, frame.z, t.z));
   }

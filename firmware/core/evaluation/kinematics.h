@@ -22,23 +22,23 @@ inline std::int32_t position_step(const TableView& table, std::size_t joint, Coo
   return table.is_prismatic(joint) ? metres_of(step) : turns_of(step);
 }
 
-// Link variables C q + offset of motor-side positions.
+// Link variables C q + offset at motor-side positions q.
 void link_positions(const TableView& table, const JointPositions& motor, JointPositions& link);
 
-// What every joint does at link variables `link`.
+// Motions of all joints at link variables `link`.
 void joint_motions(const TableView& table, const JointPositions& link, JointMotions& motions);
 
-// `motions` of link variables `from` turned on to `to` in second order: good to t³/6, which is
-// enough for gravity (2e-8 of it at 5 mrad). Turns beyond 0.25 rad are not for it.
+// Updates `motions` from link variables `from` to `to`, to second order in the turn t. The error of
+// t³/6 is small enough for gravity (2e-8 of it at 5 mrad). Not for turns beyond 0.25 rad.
 void turn_motions(const TableView& table, const JointPositions& from, const JointPositions& to,
                   JointMotions& motions);
 
-// Nominal chain: the tool (its axes only for the full pose), and in `frames` base_from_frame_k
-// (after the joint) for every k.
+// Nominal chain: returns the tool (its axes only for the full pose), and writes base_from_frame_k
+// (after the joint) of every k to `frames`.
 Frame nominal_tool(const TableView& table, const JointMotions& motions, Frames& frames);
 
-// Where the real tool is, from the base: its point (Q27 m) and, where the table asks for the full
-// pose, its x and y axes (Q30).
+// The real tool in the base frame: its point (Q27 m) and, if the table has the full pose, its x and
+// y axes (Q30).
 struct RealTool {
   Vector point;
   Vector x;

@@ -8,7 +8,7 @@
 namespace armtrue {
 namespace {
 
-// A quarter of a radian or metre over all joints: sums below stay within 32 bits.
+// A quarter of a radian or metre, summed over all joints: the sums below then fit 32 bits.
 constexpr int kTurnBits = Coordinate::fraction - 2;
 
 // The tool's motion, metre, Q27.
@@ -25,7 +25,7 @@ std::uint32_t times(std::uint32_t angle, Length length) {
       Coordinate::fraction);
 }
 
-// What the motors' step is at the links.
+// The step of the links that the motors' step causes.
 JointStep at_links(const TableView& table, const JointStep& motors) {
   JointStep links = motors;
   const SectionView& coupling = table.section(format::Section::kCoupling);
@@ -81,7 +81,7 @@ Ratio straight_share(const TableView& table, const Frames& frames, const Vector&
   const JointStep links = at_links(table, step);
   std::uint64_t turns = 0;
   for (std::size_t k = 0; k < table.joint_count(); ++k) turns += magnitude(links[k].raw);
-  // Large steps are looked at 2^down times smaller, whose bending is 4^down times smaller.
+  // Large steps are evaluated 2^down times smaller, which makes the bending 4^down times smaller.
   const int wide = 64 - std::countl_zero(turns) - kTurnBits;
   const int down = wide > 0 ? wide : 0;
   const ToolMotion motion = motion_of(table, frames, tool, links, down);

@@ -1,5 +1,5 @@
-// How far a step of the joints bends the tool's way off a straight line, and which share of it does
-// not bend too far.
+// How far the tool's path in a joint step bends off a straight line, and the share of the step that
+// keeps this small.
 #ifndef ARMTRUE_FIRMWARE_CORE_EVALUATION_SECOND_ORDER_H_
 #define ARMTRUE_FIRMWARE_CORE_EVALUATION_SECOND_ORDER_H_
 
@@ -12,14 +12,14 @@
 
 namespace armtrue {
 
-// The largest share, at most 1, of a step of the motors at which the nominal arm's tool leaves the
-// straight line by an eighth of its way or less, to second order. `frames`, `tool`: where the step
-// begins. (Rotations count times the rotation length where the table holds the full pose; of
-// vectors, the sum of the components' sizes.)
+// The largest share, at most 1, of a motor step with which the nominal arm's tool leaves the
+// straight line by at most an eighth of its path length, to second order. `frames`, `tool`: at the
+// start of the step. (Rotations are weighed by the rotation length if the table has the full pose;
+// the size of a vector is the sum of its components' magnitudes.)
 //
-// With the joints' axes z and the tool's velocities v by them, the way is Σ δi vi, and what the
-// second order adds to it Σ_{i<j} δi δj zi × vj + ½ Σ δi² zi × vi, to the turn
-// ½ Σ_{i<j} δi δj zi × zj.
+// With joint axes zi and tool velocities vi per unit of joint i, the path is Σ δi vi. The second
+// order adds Σ_{i<j} δi δj zi × vj + ½ Σ δi² zi × vi to it, and ½ Σ_{i<j} δi δj zi × zj to the
+// rotation.
 Ratio straight_share(const TableView& table, const Frames& frames, const Vector& tool,
                      const JointStep& step);
 

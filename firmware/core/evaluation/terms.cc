@@ -11,8 +11,8 @@ std::int32_t scaled(std::int64_t x, int shift) {
   return saturate(x * (std::int64_t{1} << -shift));
 }
 
-// Joint position to the state variable's radian or metre, Q28. Held at ±7.9, where the exporter
-// stops.
+// Converts a joint position to its state variable, radian or metre, Q28. Saturates at ±7.9, the
+// exporter's limit.
 std::int32_t state_position(const TableView& table, std::size_t k, JointPosition position,
                             TermFlags& flags) {
   constexpr std::int32_t kTwoPi = 1686629713;        // 2 π · 2^28
@@ -262,7 +262,7 @@ std::int32_t payload_of_grams(std::int32_t gram) {
 std::int32_t time_of_milliseconds(std::uint64_t millisecond) {
   // 2^10 / 1000 = 1.024, times 2^30.
   constexpr std::uint64_t kPerMilli = 1099511628;
-  // Beyond this it saturates in any case: no product overflows.
+  // Larger values saturate in any case; the bound keeps the product from overflowing.
   constexpr std::uint64_t kMost = std::uint64_t{1} << 32U;
   const std::uint64_t bounded = millisecond < kMost ? millisecond : kMost;
   return saturate(
@@ -306,7 +306,7 @@ void begin_terms(const TableView& table, const Surroundings& surroundings, TermW
         break;
     }
   }
-  // Nodes that do not move with the joints never read them.
+  // Constant nodes never read joint positions.
   const JointPositions& unread = work.no_positions;
   evaluate_nodes({table, unread, unread}, 0, table.constant_counts().nodes, work);
   add_terms(table, table.first_changing_term(), table.constant_counts().terms, work,

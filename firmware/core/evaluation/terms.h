@@ -11,7 +11,7 @@
 
 namespace armtrue {
 
-// What the term list may read besides the joints.
+// Inputs that the term list may read besides the joints.
 struct Surroundings {
   // Difference from each sensor's reference, K · 2^20.
   std::array<std::int32_t, kMaxSensors> temperature_difference = {};
@@ -20,12 +20,12 @@ struct Surroundings {
   std::array<std::int8_t, kMaxJoints> direction = {};  // -1, 0, +1
 };
 
-// Inputs in the units of a bus to the units above. Saturate.
+// Convert inputs from bus units to the units above; results saturate.
 std::int32_t temperature_difference(std::int32_t milli_degc, std::int32_t reference_milli_degc);
 std::int32_t payload_of_grams(std::int32_t gram);
 std::int32_t time_of_milliseconds(std::uint64_t millisecond);
 
-// What an evaluation met that is worth counting.
+// Events of an evaluation that become cycle flags.
 struct TermFlags {
   bool is_outside_coverage = false;
   bool is_saturated = false;
@@ -39,7 +39,7 @@ using MotorCoordinates = std::array<Coordinate, format::kMotorCoordinates>;
 // Working memory of an evaluation; nothing in it outlives a cycle.
 struct TermWorkspace {
   Slots slots = {};
-  Coordinates constant = {};         // what the terms that do not move with the joints add up to
+  Coordinates constant = {};         // sum of the terms that do not depend on joints
   std::int32_t payload = 0;          // within the table's limit
   JointPositions no_positions = {};  // for nodes that read none
   TermFlags flags;
@@ -51,9 +51,9 @@ void begin_terms(const TableView& table, const Surroundings& surroundings, TermW
 // The state variables that depend on gravity, at nominal joint motions `motions` and work.payload.
 void update_gravity(const TableView& table, const JointMotions& motions, TermWorkspace& work);
 
-// Steep terms: what acts on motor sides and changes much within a correction (gear mesh, tables of
-// joint errors). `steep` is their sum for every motor. Also brings the state variables of joint
-// positions up to date, for both.
+// Steep terms act on motor sides and change much within a correction (gear mesh, tables of joint
+// errors). `steep` receives their sum for every motor. Also updates the state variables of joint
+// positions, for steep and smooth terms.
 void evaluate_steep_terms(const TableView& table, const JointPositions& motor,
                           const JointPositions& link, TermWorkspace& work, MotorCoordinates& steep);
 

@@ -9,9 +9,9 @@
 namespace armtrue {
 
 // sin(π/2 · x) / x as a polynomial in x² on 0 ≤ x² ≤ 1: weighted minimax (Remez), error of the sine
-// 1.4e-11 before rounding. Coefficient i has 30 + i fraction bits, which is where Horner's scheme
-// in high-half products (Q31 · Q(31+i) → Q(30+i)) wants it; the half that makes its rounding down a
-// rounding to nearest is in the coefficient.
+// 1.4e-11 before rounding. Coefficient i has 30 + i fraction bits, as Horner's scheme with
+// high-half products (Q31 · Q(31+i) → Q(30+i)) needs. These products round down; each coefficient
+// includes the half unit that makes this a rounding to nearest.
 namespace sine_polynomial {
 inline constexpr std::int32_t k0 = 1686629713;   //  1.5707963267
 inline constexpr std::int32_t k1 = -1387197326;  // -0.6459640928
@@ -21,8 +21,8 @@ inline constexpr std::int32_t k4 = 2752512;      //  0.0001602172
 inline constexpr std::int32_t k5 = -117449;      // -0.0000034182
 }  // namespace sine_polynomial
 
-// Sine of a binary angle; |error| < 2.0e-9 (bounds/sine.g proves the evaluation,
-// `./dev bench` goes through all 2^32 angles). The same instructions for every angle.
+// Sine of a binary angle; |error| < 2.0e-9 (bounds/sine.g proves the evaluation, `./dev bench` goes
+// through all 2^32 angles). Executes the same instructions for every angle.
 constexpr Ratio sine(BinaryAngle angle) {
   constexpr std::uint32_t kHalfTurn = 0x80000000U;
   // Fold the second and third quadrant onto the first and fourth: sin(π - a) = sin(a).

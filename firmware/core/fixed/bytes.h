@@ -1,5 +1,5 @@
-// Little-endian loads from a table image. Written with bytes: no alignment or byte order is assumed
-// of the machine; compilers make one load of each on little-endian cores.
+// Little-endian loads from a table image. Byte by byte, so that they work with any alignment and
+// byte order; compilers turn each into one load on little-endian cores.
 #ifndef ARMTRUE_FIRMWARE_CORE_FIXED_BYTES_H_
 #define ARMTRUE_FIRMWARE_CORE_FIXED_BYTES_H_
 

@@ -1,4 +1,5 @@
-// Counters that a client reads: they stop at their maximum, since one that wraps looks like few.
+// Counters that a client reads. They stop at their maximum, because a wrapped counter would read as
+// a small number.
 #ifndef ARMTRUE_FIRMWARE_CORE_FIXED_COUNTER_H_
 #define ARMTRUE_FIRMWARE_CORE_FIXED_COUNTER_H_
 

@@ -28,7 +28,7 @@ double reciprocal_error(std::uint64_t d) {
       std::ldexp(static_cast<double>(r.mantissa), r.exponent - 62) * static_cast<double>(d) - 1.0);
 }
 
-// The largest error of begin … end, by all processors.
+// The largest error over begin … end, computed on all processors.
 template <typename Error>
 double worst_of(std::uint64_t begin, std::uint64_t end, Error error) {
   const std::uint64_t parts = std::max(1U, std::thread::hardware_concurrency());

@@ -1,8 +1,9 @@
-// Fixed-point numbers: one type per format, rounding and saturation written out.
+// Fixed-point numbers: one type per format, with explicit rounding and saturation.
 //
 // A value is raw / 2^fraction in the unit of its tag. Types with different tags or fractions do not
 // mix: every conversion is a named function here. Products are formed in 64 bits and rounded to
-// nearest (ties up), never truncated: half an LSB of bias in every step of a chain adds up.
+// nearest (ties up), never truncated, because a bias of half an LSB in every step of a chain adds
+// up.
 #ifndef ARMTRUE_FIRMWARE_CORE_FIXED_FIXED_H_
 #define ARMTRUE_FIRMWARE_CORE_FIXED_FIXED_H_
 
@@ -61,7 +62,7 @@ constexpr std::int32_t saturate(std::int64_t x) {
   return static_cast<std::int32_t>(x);
 }
 
-// |x|, which for the lowest value is one more than a signed number holds.
+// |x|; unsigned, because |INT32_MIN| does not fit a signed number.
 constexpr std::uint32_t magnitude(std::int32_t x) {
   return x < 0 ? 0U - static_cast<std::uint32_t>(x) : static_cast<std::uint32_t>(x);
 }
@@ -70,9 +71,9 @@ constexpr std::int64_t product(std::int32_t a, std::int32_t b) {
   return static_cast<std::int64_t>(a) * b;
 }
 
-// x / 2^kBits, rounded to nearest, where the caller knows that the result fits 32 bits. On 32-bit
-// ARM the bit that decides the rounding falls into the carry flag: two instructions instead of
-// four, a tenth of all that a control cycle takes. The result is the same bit for bit.
+// x / 2^kBits, rounded to nearest; the caller guarantees that the result fits 32 bits. On 32-bit
+// ARM the shift leaves the bit that decides the rounding in the carry flag: two instructions
+// instead of four, a tenth of all that a control cycle takes. The result is the same bit for bit.
 template <int kBits>
 constexpr std::int32_t rounded(std::int64_t x) {
   static_assert(kBits >= 1 && kBits <= 31);
@@ -89,23 +90,23 @@ constexpr std::int32_t rounded(std::int64_t x) {
   return static_cast<std::int32_t>(round_shift(x, kBits));
 }
 
-// a · b / 2^kBits, rounded; the caller knows that the result fits 32 bits.
+// a · b / 2^kBits, rounded; the caller guarantees that the result fits 32 bits.
 template <int kBits>
 constexpr std::int32_t multiply(std::int32_t a, std::int32_t b) {
   return rounded<kBits>(product(a, b));
 }
 
-// a · b / 2^32 rounded: what one multiply-accumulate makes on a Cortex-M. |result| ≤ 2^30.
+// a · b / 2^32 rounded: one multiply-accumulate instruction on a Cortex-M. |result| ≤ 2^30.
 constexpr std::int32_t round_high(std::int32_t a, std::int32_t b) {
   return static_cast<std::int32_t>((product(a, b) + (std::int64_t{1} << 31)) >> 32);
 }
 
-// a · b / 2^32 rounded down: one instruction. For sums whose constants carry the half.
+// a · b / 2^32 rounded down: one instruction. For sums whose constants include the half unit.
 constexpr std::int32_t high(std::int32_t a, std::int32_t b) {
   return static_cast<std::int32_t>(product(a, b) >> 32);
 }
 
-// Coordinate in metre, within ±1, to a length.
+// Converts a coordinate in metre, within ±1, to a length.
 constexpr Length length_of(Coordinate metre) {
   constexpr int kDown = Coordinate::fraction - Length::fraction;
   return {(metre.raw + (1 << (kDown - 1))) >> kDown};
@@ -116,7 +117,7 @@ constexpr BinaryAngle within_turn(JointPosition position) {
   return {static_cast<std::uint32_t>(static_cast<std::uint64_t>(position.raw))};
 }
 
-// Prismatic joint variable, 2^-32 m, to a length.
+// Converts a prismatic joint variable, 2^-32 m, to a length.
 constexpr Length length_of(JointPosition position) {
   return {saturate(round_shift(position.raw, 32 - Length::fraction))};
 }
@@ -133,8 +134,8 @@ constexpr std::int32_t metres_of(Coordinate metre) { return saturate(product(met
 // Largest sum on one coordinate, 0.5 rad or m: keeps the chain's arithmetic in range.
 inline constexpr std::int32_t kMaxCoordinate = std::int32_t{1} << (Coordinate::fraction - 1);
 
-// Adds a term to a coordinate, which saturates at ±kMaxCoordinate; returns true if it did. |value|
-// ≤ 2^30, so that nothing overflows on the way.
+// Adds a term to a coordinate, which saturates at ±kMaxCoordinate; returns true if it did.
+// Precondition: |value| ≤ 2^30, so that the sum does not overflow.
 constexpr bool add_to(Coordinate& sum, std::int32_t value) {
   const std::int32_t wide = sum.raw + value;
   if (wide > kMaxCoordinate || wide < -kMaxCoordinate) {

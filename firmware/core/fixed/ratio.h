@@ -25,8 +25,8 @@ constexpr Scaled normalised(Scaled x) {
   return {x.mantissa << shift, x.exponent - shift};
 }
 
-// True where a and b differ by less than 2^-26 of the larger: what two mantissas of 30 bits, each
-// rounded, may be apart, and a little. Nothing is equal to 0.
+// True if a and b differ by at most 2^-26 of the larger, which is slightly more than the rounding
+// of two 30-bit mantissas can cause. False if either is 0.
 constexpr bool nearly_equal(Scaled a, Scaled b) {
   constexpr int kTolerance = 26;
   const Scaled one = normalised(a);
@@ -36,7 +36,7 @@ constexpr bool nearly_equal(Scaled a, Scaled b) {
                                                             : one.mantissa > other.mantissa;
   const Scaled& large = one_is_larger ? one : other;
   const Scaled& small = one_is_larger ? other : one;
-  const int apart = large.exponent - small.exponent;  // 1 on both sides of a power of two
+  const int apart = large.exponent - small.exponent;  // 1 if a power of two lies between them
   return apart <= 1 && large.mantissa - (small.mantissa >> apart) <= large.mantissa >> kTolerance;
 }
 

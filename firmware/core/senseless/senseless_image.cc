@@ -40,7 +40,7 @@ void SenselessImage::make() {
 }
 
 void SenselessImage::append_transform(Bytes& to, std::int64_t& reach) {
-  // Rows of unit length; nobody asks whether they are square to each other.
+  // Rows of unit length; the reader does not check that they are orthogonal.
   constexpr std::int32_t kUnit = std::int32_t{1} << 30;
   constexpr std::int32_t kShort = 644245094;  // 0.6
   constexpr std::int32_t kLong = 858993459;   // 0.8
@@ -163,7 +163,7 @@ void SenselessImage::make_states() {
   }
   still_states_ = states_;
   for (std::size_t i = amount(60); i > 0; --i) {
-    const State kind = once_in(2) ? State::kMotor : State::kLink;  // arguments have no order
+    const State kind = once_in(2) ? State::kMotor : State::kLink;  // argument order is unspecified
     add_state(kind, joint(), 0, format::kPositionFraction);
   }
   constexpr State kKinds[] = {State::kTorque, State::kMomentX, State::kMomentY, State::kBaseMomentX,
@@ -177,7 +177,7 @@ void SenselessImage::make_states() {
   }
 }
 
-// A slot that the next node of a part, or a record with all slots before it, may read.
+// A slot that the next node of `part`, or a record that may read all slots below `end`, may name.
 std::uint16_t SenselessImage::slot(std::size_t part, std::size_t end) {
   if (part == kConstant) {
     const std::size_t nodes = end > states_ ? end - states_ : 0;
@@ -214,7 +214,7 @@ void SenselessImage::append_axis(Bytes& to, std::size_t nodes, std::uint16_t slo
     append(to, static_cast<std::uint32_t>(within(1, 0xFFFFFFFF)));
     return;
   }
-  // The whole range, or as narrow as can be, anywhere.
+  // Nodes over the whole 32-bit range, or one unit apart at a random place.
   const std::int64_t step =
       once_in(2) ? 1 : (std::int64_t{1} << 32) / static_cast<std::int64_t>(nodes);
   const std::int64_t most =
@@ -343,8 +343,8 @@ void SenselessImage::make_nodes() {
 std::uint8_t SenselessImage::coordinate(bool motor) {
   if (motor || once_in(3)) {
     const auto joint = as<std::uint8_t>(0, static_cast<std::int64_t>(joints_) - 1);
-    // An image without sense may name a joint up to 255. Which bit is read for one that no arm has
-    // does not matter, but a shift by more than 63 is undefined.
+    // A disorderly image may name a joint up to 255. Which bit is read for a joint that does not
+    // exist does not matter, but a shift by more than 63 is undefined.
     const bool is_passive = (passive_ >> (joint % 64U) & 1U) != 0U;
     return motor && is_passive ? std::uint8_t{0} : joint;
   }

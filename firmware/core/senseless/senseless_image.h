@@ -1,6 +1,7 @@
-// Tables that are in order and mean nothing: every field at an end of what the format allows, or
-// anywhere between, references to whatever is there. A signature says who made a table, not that it
-// makes sense. One seed is one table, everywhere.
+// Random tables that follow the format but have no physical meaning: every field at an end of its
+// permitted range or anywhere within, references to any record that exists. One in four has some
+// values beyond their range. A signature proves who made a table, not that it makes sense. A seed
+// gives the same table on every platform.
 #ifndef ARMTRUE_FIRMWARE_CORE_SENSELESS_SENSELESS_IMAGE_H_
 #define ARMTRUE_FIRMWARE_CORE_SENSELESS_SENSELESS_IMAGE_H_
 
@@ -16,7 +17,7 @@ namespace armtrue::tests {
 class SenselessImage {
  public:
   explicit SenselessImage(std::uint64_t seed) : random_(seed) {
-    // Of its own, so that the other tables are what they were before there were passive joints.
+    // A separate generator, so that the other tables are the same as before passive joints existed.
     if (std::mt19937_64 own(~seed); own() % 8U == 0U) passive_ = own() & ~std::uint64_t{1};
     make();
   }
@@ -24,7 +25,7 @@ class SenselessImage {
   const Bytes& image() const { return image_; }
   std::uint8_t joints() const { return static_cast<std::uint8_t>(joints_); }
 
-  // A number of 32 bits, mostly one of those where arithmetic ends.
+  // A 32-bit number, mostly an extreme: an end of the range, 0, ±1 or a power of two.
   std::int32_t extreme() {
     constexpr std::int32_t kMost = std::numeric_limits<std::int32_t>::max();
     switch (below(8)) {
@@ -49,7 +50,7 @@ class SenselessImage {
   std::uint64_t below(std::uint64_t end) { return random_() % end; }
   bool once_in(std::uint64_t times) { return below(times) == 0; }
 
-  // An end of the range or something within; in a disorderly table now and then beyond it.
+  // An end of the range or a value within; in a disorderly table occasionally one beyond it.
   std::int64_t within(std::int64_t low, std::int64_t high) {
     if (is_disorderly_ && once_in(200)) return once_in(2) ? low - 1 : high + 1;
     switch (below(4)) {

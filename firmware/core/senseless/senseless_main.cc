@@ -1,5 +1,6 @@
-// senseless_tables FIRST COUNT [RECORDINGS]: runs so many senseless tables, and writes them as
-// recordings for cycle_replay where a file is named. Fails at the first that does what none may.
+// senseless_tables FIRST COUNT [RECORDINGS]: runs COUNT senseless tables, from seed FIRST on, and
+// writes them to the file RECORDINGS, if named, as recordings for cycle_replay. Stops with an error
+// at the first table that breaks a requirement of senseless_run.h.
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
@@ -18,7 +19,7 @@ void append_bytes(tests::Bytes& to, const void* from, std::size_t size) {
   std::memcpy(&to[begin], from, size);
 }
 
-// One recording: the table put in force and run, or refused in its only cycle.
+// One recording: the table is activated and run, or refused in the only cycle.
 bool record(std::FILE* file, std::uint64_t seed, bool accepted) {
   tests::SenselessImage made(seed);
   const std::vector<CycleInput> inputs = tests::senseless_inputs(made);

@@ -10,7 +10,7 @@ namespace {
 
 constexpr std::array<std::uint8_t, 32> kSeed = {3, 1, 4, 1, 5};
 
-// The image with a flag, a signature and a checksum that fits both.
+// The image with the flag for a signature, the signature and a matching checksum.
 Bytes signed_image(const Bytes& plain) {
   Bytes bytes(plain.begin(), plain.end() - 4);
   bytes[format::header::kFlagsAt] |= static_cast<std::uint8_t>(format::kFlagSigned);
@@ -21,8 +21,8 @@ Bytes signed_image(const Bytes& plain) {
   return bytes;
 }
 
-// The most that a correction of a joint may be, and the most that it may change in a cycle of a
-// millisecond: increments, from the compile-time maxima and the table's own scale.
+// Largest correction of a joint and its largest change in a cycle of a millisecond, in increments:
+// from the compile-time maxima and the table's own scale.
 struct Maxima {
   double delta;
   double step;
@@ -44,7 +44,7 @@ std::string check_cycle(const CycleInput& input, const CycleOutput& output,
     const std::int64_t delta = std::int64_t{output.corrected[k]} - input.target[k];
     if (std::abs(static_cast<double>(delta)) > most.delta + 1.0) return "beyond the clamp";
     if (output.delta[k] != delta) return "a delta that is not the difference";
-    // Where the target is at the end of 32 bits the output stops there, and is back with the next.
+    // An output that saturates at 32 bits steps there and back, which no rate limits.
     if (((output.flags | before.flags) & kOutputSaturated) != 0) continue;
     const double step = static_cast<double>(delta) - before.delta[k];
     if (std::abs(step) > most.step + 2.0) return "faster than the rate";

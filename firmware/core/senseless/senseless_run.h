@@ -1,4 +1,4 @@
-// What has to hold for any table that is let in, whatever stands in it.
+// Requirements that hold for any accepted table, whatever its content.
 #ifndef ARMTRUE_FIRMWARE_CORE_SENSELESS_SENSELESS_RUN_H_
 #define ARMTRUE_FIRMWARE_CORE_SENSELESS_SENSELESS_RUN_H_
 
@@ -13,17 +13,17 @@ namespace armtrue::tests {
 
 inline constexpr int kSenselessCycles = 12;
 
-// Inputs at the ends of what a bus can carry; the same for the same table.
+// Inputs at the limits of what a bus can carry; always the same for a table.
 std::vector<CycleInput> senseless_inputs(SenselessImage& made);
 
 struct SenselessRun {
-  std::string wrong;  // empty if nothing was
+  std::string wrong;  // the requirement that was broken, or empty
   bool accepted = false;
   Bytes outputs;  // corrections and flags of every cycle
 };
 
-// Loads the table of a seed as a device with a key would (every 16th is signed and checked with it)
-// and runs its cycles.
+// Loads the table of a seed and runs its cycles. Every 16th table is signed and checked by a device
+// with a key.
 SenselessRun run_senseless(std::uint64_t seed);
 
 }  // namespace armtrue::tests

@@ -12,14 +12,14 @@ constexpr std::int64_t kMaxReach = std::int64_t{12} << Length::fraction;
 constexpr std::int32_t kMaxPayloadArm = std::int32_t{4} << Length::fraction;
 constexpr std::int64_t kMaxOffset = std::int64_t{8} << 32;
 constexpr int kMaxShift = 62;
-// What one motor may drive beside its own joint, all ratios together; gears and parallelograms have
-// ratios about 1. An element of the Jacobian is then at most 9 times 23 m, and its products stay
-// within the 64 bits that the solver adds them in.
+// Largest sum of the ratios by which one motor drives other joints; gears and parallelograms have
+// ratios about 1. An element of the Jacobian is then at most 9 times 23 m, and the solver's sums of
+// products fit 64 bits.
 constexpr std::int64_t kMaxDriven = std::int64_t{8} << format::coupling::kRatioFraction;
 
 }  // namespace
 
-// Rows of unit length; the translation's size is added to `reach`.
+// Checks that rows have unit length; adds the translation's size to `reach`.
 bool Checker::check_transform(const std::uint8_t* at, std::int64_t& reach) {
   constexpr std::int64_t kOne = std::int64_t{1} << (2 * Ratio::fraction);
   constexpr std::int64_t kTolerance = std::int64_t{1} << 36;
@@ -54,7 +54,7 @@ bool Checker::check_scale(const std::uint8_t* at) {
       !check_shift(t, 1, kMaxShift, at + format::joint::kIncrementShiftAt)) {
     return false;
   }
-  // There and back again is where it began: u/2^s · v/2^t = 1.
+  // The scales must be each other's inverse: u/2^s · v/2^t = 1.
   const std::int64_t both = u * v;
   const bool is_inverse =
       both > 0 && nearly_equal({static_cast<std::uint64_t>(both), -(s + t)}, {1, 0});
@@ -87,7 +87,7 @@ bool Checker::check_joints() {
 
 bool Checker::check_tools() {
   return all_records(Section::kTools, [this](const std::uint8_t* at, std::size_t) {
-    std::int64_t reach = reach_;  // one tool at a time
+    std::int64_t reach = reach_;  // each tool is added alone
     return check_transform(at, reach);
   });
 }

@@ -12,7 +12,7 @@ constexpr std::size_t kMaxGridNodes = 8192;
 
 }  // namespace
 
-// A run of `length` bytes at data word `word`.
+// Checks that `length` bytes from data word `word` on lie in the data section.
 bool Checker::check_data(std::int32_t word, std::size_t length, const std::uint8_t* at) {
   const std::size_t available = 4U * section(Section::kData).count;
   return require_at(word >= 0 && 4U * static_cast<std::size_t>(word) <= available &&
@@ -59,7 +59,7 @@ bool Checker::check_grid(const std::uint8_t* at, std::size_t slot, bool constant
   return check_coverage(head + length, head + length + mask_length, nodes, outputs);
 }
 
-// Checks the axis at head + length and moves both sums past it.
+// Checks the axis at head + length; adds its bytes to `length`, multiplies `nodes` by its nodes.
 bool Checker::check_axis(std::int32_t word, const std::uint8_t* head, std::size_t slot,
                          bool constant, std::size_t& length, std::size_t& nodes) {
   namespace grid = format::grid;
@@ -94,7 +94,7 @@ bool Checker::check_axis(std::int32_t word, const std::uint8_t* head, std::size_
   return true;
 }
 
-// Nodes that are not covered hold zero, so that nothing needs to ask at run time.
+// Nodes that are not covered must hold zero, so that interpolation needs no test at run time.
 bool Checker::check_coverage(const std::uint8_t* mask, const std::uint8_t* values,
                              std::size_t nodes, std::size_t outputs) {
   for (std::size_t n = 0; n < nodes; ++n) {

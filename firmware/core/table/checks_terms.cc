@@ -14,7 +14,7 @@ constexpr int kMaxPowerShift = 30;
 constexpr std::int32_t kMaxPowerFraction = 60;
 constexpr std::int64_t kMaxWave = std::int64_t{1} << 29;  // 0.125 rad or m
 
-// Which fields of a node mean something, by kind; the others are zero.
+// Fields that a node uses, by kind; the others must be zero.
 enum NodeField : std::uint32_t {
   kShift = 1U << 0,
   kShift2 = 1U << 1,
@@ -100,7 +100,7 @@ bool Checker::check_variable(const std::uint8_t* at, std::size_t i, int& last_cl
          require_at((kind == format::State::kOne) == (i == 0), Refusal::kUnknownKind, at);
 }
 
-// A slot that a record numbered `before` in slots may read; constant records only constant slots.
+// Checks that `slot` lies before slot `before` and, for a constant record, is constant.
 bool Checker::check_slot(std::uint16_t slot, std::size_t before, bool constant,
                          const std::uint8_t* at) {
   if (!require_at(slot < before, Refusal::kBadReference, at)) return false;
@@ -145,7 +145,7 @@ bool Checker::check_nodes() {
     }
     if (!check_node(at, kind, states + i, i < constant_nodes_, continued)) return false;
   }
-  // A grid and its continuations stand in the same part of the list.
+  // A grid and its continuations must lie in the same part of the list.
   const auto starts_whole = [this, count](std::size_t first) {
     return first == count || record(Section::kNodes, first)[node::kKindAt] != 0U;
   };
@@ -211,8 +211,8 @@ bool Checker::check_node(const std::uint8_t* at, format::Node kind, std::size_t 
   }
 }
 
-// The first byte of a term, a harmonic or a slow wave; steep ones act on motor sides alone, and
-// not on those that no motor can move.
+// Checks the coordinate, the first byte of a term, a harmonic or a slow wave. Steep records may act
+// only on motor sides of joints that have a drive.
 bool Checker::check_coordinate(const std::uint8_t* at, bool is_steep) {
   const std::size_t coordinate = *at;
   const bool is_motor = coordinate < format::kMotorCoordinates;
@@ -234,8 +234,8 @@ bool Checker::check_terms() {
          require(steep <= section(Section::kTerms).count, Refusal::kValueRange,
                  header::kSteepTermsAt) &&
          all_records(Section::kTerms, [&](const std::uint8_t* at, std::size_t i) {
-           // Behind the constant ones stand the steep ones: on motor sides, and reading steep nodes
-           // at most.
+           // Steep terms follow the constant ones; they act on motor sides and read only constant
+           // and steep nodes.
            const bool is_steep = i >= constant && i < steep;
            const std::size_t readable = is_steep ? states + steep_nodes_ : slots;
            return check_coordinate(at, is_steep) && require_zero(at + term::kReservedAt, 1) &&

@@ -133,8 +133,8 @@ enum class State : std::uint8_t {
   kTime = 11,        // s, Q10
 };
 inline constexpr std::uint8_t kStateKinds = 12;
-// State variables stand in this order: those that stand still during a cycle, then joint positions,
-// then gravity, set by set.
+// Order of the state variables: those that are constant during a cycle, then joint positions, then
+// gravity, set by set.
 inline constexpr int kStillClass = 0;
 inline constexpr int kPositionClass = 1;
 inline constexpr int kGravityClass = 2;
@@ -156,13 +156,13 @@ inline constexpr std::size_t kLength = 32;
 
 // Mass set: a head, then one record a joint.
 namespace mass_set {
-inline constexpr std::size_t kFractionAt = 0;  // u8, of kg m and Nm; masses in kg likewise
+inline constexpr std::size_t kFractionAt = 0;  // u8, fraction bits of masses (kg), kg m and Nm
 inline constexpr std::size_t kFlagsAt = 1;     // u8
 inline constexpr std::size_t kReservedAt = 2;  // u16
 inline constexpr std::size_t kHeadLength = 4;
 inline constexpr std::size_t kLinkLength = 16;  // i32 mass, i32[3] mass times centre of mass
 inline constexpr std::uint8_t kCarriesPayload = 1U << 0;
-// Loads act at the corrected command instead of at the target; all sets of a table alike.
+// Loads act at the corrected command instead of at the target; the same in all sets of a table.
 inline constexpr std::uint8_t kActsAtCommand = 1U << 1;
 inline constexpr std::uint8_t kAllFlags = kCarriesPayload | kActsAtCommand;
 }  // namespace mass_set
@@ -170,7 +170,7 @@ inline constexpr std::uint8_t kAllFlags = kCarriesPayload | kActsAtCommand;
 namespace gravity {
 inline constexpr std::size_t kVectorAt = 0;         // i32[3], m/s², Q27
 inline constexpr std::size_t kPayloadPointAt = 12;  // i32[3], in the last link's frame, Q27
-inline constexpr std::size_t kPayloadLimitAt = 24;  // i32, kg · 2^20: payloads are taken up to this
+inline constexpr std::size_t kPayloadLimitAt = 24;  // i32, kg · 2^20; larger payloads saturate
 inline constexpr std::size_t kLength = 28;
 }  // namespace gravity
 
@@ -210,7 +210,8 @@ enum class Node : std::uint8_t {
 inline constexpr std::uint8_t kNodeKinds = 16;
 
 // Data of a spline, at word r: `count` cells of i32[4], coefficients of the powers of the position
-// within the cell (0 … 1) with the fraction of the output. First cell from p, cells 2^shift wide.
+// within the cell (0 … 1), with the fraction bits of the output. The first cell begins at p; cells
+// are 2^shift wide.
 inline constexpr std::size_t kSplineCellLength = 16;
 
 // Data of a grid, at word r: a head, its axes, its coverage bits, its values.
@@ -219,8 +220,8 @@ inline constexpr std::size_t kAxesAt = 0;      // u8
 inline constexpr std::size_t kOutputsAt = 1;   // u8
 inline constexpr std::size_t kReservedAt = 2;  // u16
 inline constexpr std::size_t kHeadLength = 4;
-// Axis: a head, then uniform: i32 first, u32 inverse step; else i32[nodes], u32[nodes-1] inverse
-// steps.
+// Axis: a head, then i32 first node and u32 inverse step (uniform), or i32[nodes] and u32[nodes-1]
+// inverse steps (nodes listed).
 inline constexpr std::size_t kAxisSlotAt = 0;      // u16
 inline constexpr std::size_t kAxisNodesAt = 2;     // u16
 inline constexpr std::size_t kAxisFlagsAt = 4;     // u8
@@ -230,7 +231,7 @@ inline constexpr std::uint8_t kAxisExplicit = 1U << 0;  // nodes listed one by o
 inline constexpr std::uint8_t kAxisHoldLow = 1U << 1;   // constant below the first node
 inline constexpr std::uint8_t kAxisHoldHigh = 1U << 2;  // constant above the last node
 inline constexpr std::uint8_t kAxisKnownFlags = kAxisExplicit | kAxisHoldLow | kAxisHoldHigh;
-// Bytes of an axis behind its head, and of the coverage bits.
+// Bytes of an axis after its head, and of the coverage bits.
 constexpr std::size_t axis_length(std::size_t nodes, bool is_explicit) {
   return is_explicit ? 8U * nodes - 4U : 8U;
 }
@@ -259,8 +260,8 @@ inline constexpr std::size_t kAmplitudeAt = 12;  // i32
 inline constexpr std::size_t kLength = 16;
 }  // namespace harmonic
 
-// Slow wave, once and twice a turn of a link angle θ, whose sine and cosine the chain has already:
-// coordinate += (s1 sin θ + c1 cos θ + s2 sin 2θ + c2 cos 2θ) / 2^32, sines Q30.
+// Slow wave: first and second harmonic of a link angle θ, whose sine and cosine are known from the
+// chain: coordinate += (s1 sin θ + c1 cos θ + s2 sin 2θ + c2 cos 2θ) / 2^32, sines Q30.
 namespace slow_wave {
 inline constexpr std::size_t kCoordinateAt = 0;  // u8
 inline constexpr std::size_t kJointAt = 1;       // u8

@@ -20,9 +20,9 @@ inline constexpr std::size_t kSerialLength = 24;             // bytes of the rob
 inline constexpr std::size_t kMaxImageLength = 16U * 1024U;  // one table slot
 inline constexpr std::size_t kFeedbackHistory = 16;  // cycles for which a delta is remembered
 
-// Instructions that a control cycle may take with any table (table_cost.h counts them): 0.3 ms of
-// an STM32F405 at 168 MHz where nothing waits for the flash, under a third of a cycle of 1 kHz.
-// What the exporter makes of a six-axis arm with everything in it is counted as 26 000 to 39 000.
+// Most instructions that a control cycle may take with any table (counted by table_cost.h): 0.3 ms
+// of an STM32F405 at 168 MHz if nothing waits for the flash, less than a third of a 1 kHz cycle.
+// Exported tables of a six-axis arm with everything in them count 26 000 to 39 000.
 inline constexpr std::uint32_t kCycleBudget = 50'000;
 
 // Largest correction of one joint and fastest change of it, whatever a table says. Revolute joints
@@ -32,8 +32,8 @@ inline constexpr std::int32_t kMaxDeltaRevolute = 214748365;   // 0.05 turn
 inline constexpr std::int32_t kMaxDeltaPrismatic = 429496730;  // 0.1 m
 inline constexpr std::int32_t kMaxRateRevolute = 429496730;    // 0.1 turn per second
 inline constexpr std::int32_t kMaxRatePrismatic = 858993459;   // 0.2 m per second
-// Slowest rate that a table may ask for, 2^-32 units a second: one unit in the shortest cycle that
-// a device has (62 us), so that no rate rounds to nothing and every fade ends.
+// Lowest rate limit that a table may have, 2^-32 turn or metre per second: one unit in the shortest
+// cycle of a device (62 us), so that no rate rounds to zero and every fade ends.
 inline constexpr std::int32_t kMinRate = 16384;
 inline constexpr std::uint16_t kMinBlendMilliseconds = 20;  // enabling, disabling and switching
 

@@ -1,8 +1,9 @@
 // Vectors and frames in fixed point, and the steps of a kinematic chain on them.
 //
-// The chain is walked in two ways. Forward, frame by frame from the base, where whole frames are
-// wanted; backward, carrying vectors from the tool to the base, where only the tool is wanted: a
-// fifth of the work. Everything is inline: these are the innermost steps of the joint path.
+// The chain is evaluated in two ways: forward, frame by frame from the base, if whole frames are
+// needed; backward, carrying vectors from the tool to the base, if only the tool is needed, which
+// is a fifth of the work. Everything is inline, because these are the innermost steps of the joint
+// path.
 #ifndef ARMTRUE_FIRMWARE_CORE_TABLE_LINEAR_H_
 #define ARMTRUE_FIRMWARE_CORE_TABLE_LINEAR_H_
 
@@ -17,8 +18,8 @@
 
 namespace armtrue {
 
-// Three components in whatever format the context names: a position (Q27 m), an axis (Q30), a mass
-// moment (fraction of its set).
+// Three components in a format that the context names: a position (Q27 m), an axis (Q30), a mass
+// moment (fraction bits of its set).
 struct Vector {
   std::int32_t x;
   std::int32_t y;
@@ -36,7 +37,7 @@ struct Frame {
 inline constexpr Frame kBaseFrame = {
     {kRatioOne.raw, 0, 0}, {0, kRatioOne.raw, 0}, {0, 0, kRatioOne.raw}, {0, 0, 0}};
 
-// What a joint does to a vector: a turn about z, or a slide along z.
+// Motion of a joint: a rotation about z or a translation along z.
 struct JointMotion {
   std::int32_t sine;    // Q30
   std::int32_t cosine;  // Q30
@@ -61,8 +62,8 @@ struct FixedTransform {
 // Sum of Q30 products, rounded back to the format of the other factor.
 constexpr std::int32_t narrow(std::int64_t wide) { return rounded<Ratio::fraction>(wide); }
 
-// The same to 2 units of the last place, in half the instructions: where 2^-28 of full scale is
-// plenty (gravity, first-order shifts, Jacobians).
+// The same without the last two bits, in half the instructions, where 2^-28 of full scale is enough
+// (gravity, first-order shifts, Jacobians).
 constexpr std::int32_t narrow_roughly(std::int64_t wide) {
   return static_cast<std::int32_t>(
       static_cast<std::uint32_t>(static_cast<std::uint64_t>(wide) >> 32U)
@@ -71,8 +72,8 @@ constexpr std::int32_t narrow_roughly(std::int64_t wide) {
 
 using Narrow = std::int32_t (*)(std::int64_t);
 
-// Wraps instead of overflowing: what the reader lets in does not reach that far, and if it did the
-// result would still be defined and the correction clamped.
+// Wraps instead of overflowing. Accepted tables do not reach that far; if one did, the result would
+// still be defined and the correction clamped.
 constexpr std::int32_t wrapping_sum(std::int32_t a, std::int32_t b) {
   return static_cast<std::int32_t>(static_cast<std::uint32_t>(a) + static_cast<std::uint32_t>(b));
 }
@@ -85,8 +86,8 @@ constexpr Vector sum(const Vector& a, const Vector& b) {
   return {wrapping_sum(a.x, b.x), wrapping_sum(a.y, b.y), wrapping_sum(a.z, b.z)};
 }
 
-// a × b, one of them Q30; no component of a is the smallest number. Sums of products only: a
-// multiply-accumulate each.
+// a × b, one of them Q30. No component of a may be the smallest number, because a is negated.
+// Written as sums of products only, so that each is a multiply-accumulate.
 template <Narrow kNarrow = narrow>
 constexpr Vector cross(const Vector& a, const Vector& b) {
   return {kNarrow(product(a.y, b.z) + product(-a.z, b.y)),
@@ -150,7 +151,7 @@ constexpr Vector rotate_back(const JointMotion& joint, const Vector& v) {
 }
 
 // exp([r]×) v for a small rotation vector r, Q30 radian, in second order: v + r × (v + ½ r × v).
-// Short by t³/6 of v: 6e-9 at 3.3 mrad.
+// The error is t³/6 of v: 6e-9 at 3.3 mrad.
 constexpr Vector rotate_small(const Vector& r, const Vector& v) {
   const Vector first = cross(r, v);
   const Vector middle = {wrapping_sum(v.x, (first.x + 1) >> 1),

@@ -28,7 +28,7 @@ constexpr Validation refuse(Refusal refusal, std::size_t field) {
   return {refusal, static_cast<std::uint32_t>(field)};
 }
 
-// Everything that can be said without trusting a byte behind the header.
+// Checks that do not rely on the content of any byte after the header.
 Validation check_envelope(std::span<const std::uint8_t> image) {
   if (image.size() < header::kLength + format::kChecksumLength) {
     return refuse(Refusal::kTooShort, image.size());

@@ -1,7 +1,7 @@
 // A table image as the firmware sees it: validated once, then read in place.
 //
-// docs/table-format.md gives every bit. The image is never copied and never written to; it must
-// stay where it is, unchanged, for as long as a Table that was made from it is used.
+// docs/table-format.md defines every bit. The image is neither copied nor written to; it must stay
+// in place, unchanged, as long as a TableView of it is used.
 #ifndef ARMTRUE_FIRMWARE_CORE_TABLE_TABLE_H_
 #define ARMTRUE_FIRMWARE_CORE_TABLE_TABLE_H_
 
@@ -14,7 +14,7 @@
 
 namespace armtrue {
 
-// Who this device is and whom it trusts. A table that does not fit is refused.
+// Identity of this device and the key that it trusts. A table that does not match is refused.
 struct DeviceIdentity {
   std::array<char, kSerialLength> robot_serial = {};  // zero padded; empty: not bound to a robot
   std::uint8_t joint_count = 0;                       // 0: tables of any number
@@ -33,7 +33,7 @@ enum class Refusal : std::uint8_t {
   kJointCount = 6,       // not this arm's number of joints
   kRobotSerial = 7,      // another robot's table
   kUnsigned = 8,         // this device has a key, the table has no signature
-  kSignature = 9,        // signed by somebody else, or altered
+  kSignature = 9,        // signed with another key, or altered
   kUnknownFlag = 10,     // a header flag of a later format
   kUnknownSection = 11,  // a section kind of a later format
   kMissingSection = 12,  // a section that every table has is absent
@@ -43,7 +43,7 @@ enum class Refusal : std::uint8_t {
   kValueRange = 16,      // a value outside what the format allows
   kReserved = 17,        // a reserved field that is not zero
   kTooManyRecords = 18,  // more than this firmware has room for (limits.h)
-  kBusy = 19,            // an earlier activation has not been taken up yet
+  kBusy = 19,            // an earlier activation is still pending
   kTooCostly = 20,       // a control cycle would take longer than kCycleBudget (table_cost.h)
   kScale = 21,           // increment scales that are not each other's inverse
   kResolution = 22,      // scales of drives with another resolution than this device's: 0x608F
@@ -61,14 +61,14 @@ struct Validation {
   constexpr bool accepted() const { return refusal == Refusal::kNone; }
 };
 
-// Checks the whole image: length, magic, version, CRC-32, identity, signature (when the device has
-// a key, or whenever `device.has_key` is set), then every section and every record, so that nothing
-// has to be checked again in the joint path. Takes time proportional to the image, plus one Ed25519
-// verification (tens of milliseconds on a Cortex-M4): never call it from the joint path.
+// Checks the whole image: length, magic, version, CRC-32, identity, signature (if
+// `device.has_key`), then every section and every record, so that nothing has to be checked again
+// in the joint path. Takes time proportional to the image, plus one Ed25519 verification (tens of
+// milliseconds on a Cortex-M4): never call it from the joint path.
 Validation validate(std::span<const std::uint8_t> image, const DeviceIdentity& device);
 
-// Identifies the export that an image is: shown in status objects, and compared so that an older
-// table cannot be put back (replay protection).
+// Identifies the export that produced an image. Shown in status objects, and compared so that an
+// older table cannot be installed again (replay protection).
 struct TableInfo {
   std::uint32_t sequence = 0;  // grows with every export for one robot
   std::uint32_t checksum = 0;  // CRC-32 of the image

@@ -1,4 +1,4 @@
-// Reads a table's sections and records, each field against what the joint path relies on.
+// Checks every field of a table's sections and records against what the joint path relies on.
 //
 // One class in four files: table_checks.cc (header, directory), checks_arm.cc (joints, tools,
 // masses), checks_terms.cc (state variables, nodes, terms), checks_grid.cc (data of splines and
@@ -23,13 +23,13 @@ class Checker {
  public:
   explicit Checker(std::span<const std::uint8_t> body) : body_(body) {}
 
-  // The first thing that is wrong, or that all is well.
+  // Returns the first fault found, or acceptance.
   Validation run();
 
  private:
   using Section = format::Section;
 
-  // Remembers why and where; `condition` is what a good image fulfils.
+  // Returns `condition`, which a valid image fulfils; if false, records refusal and field.
   bool require(bool condition, Refusal refusal, std::size_t field) {
     if (!condition) {
       failure_ = {refusal, static_cast<std::uint32_t>(field)};
@@ -53,7 +53,7 @@ class Checker {
     return require(section(kind).count <= most, Refusal::kTooManyRecords,
                    format::header::kSectionCountAt);
   }
-  // Whether every record of a section passes `check(at, index)`; the first that does not ends it.
+  // True if every record of a section passes `check(at, index)`; stops at the first that fails.
   template <typename Check>
   bool all_records(Section kind, Check check) {
     for (std::size_t i = 0; i < section(kind).count; ++i) {
@@ -63,12 +63,12 @@ class Checker {
   }
 
   bool check_header();
-  // Printable ASCII, then zeros to the end.
+  // The serial must be printable ASCII, then zeros to the end.
   bool check_serial();
-  // Sections in the order of their kinds, without gaps, up to the end of the body.
+  // Sections must be in the order of their kinds, without gaps, up to the end of the body.
   bool check_directory();
 
-  // Rows of unit length; the translation's size is added to `reach`.
+  // Checks that rows have unit length; adds the translation's size to `reach`.
   bool check_transform(const std::uint8_t* at, std::int64_t& reach);
   // The two increment scales of a joint.
   bool check_scale(const std::uint8_t* at);
@@ -83,7 +83,7 @@ class Checker {
 
   bool check_state();
   bool check_variable(const std::uint8_t* at, std::size_t i, int& last_class);
-  // A slot that a record numbered `before` in slots may read; constant records only constant slots.
+  // Checks that `slot` lies before slot `before` and, for a constant record, is constant.
   bool check_slot(std::uint16_t slot, std::size_t before, bool constant, const std::uint8_t* at);
   bool check_angle_source(std::uint16_t source, bool constant, const std::uint8_t* at);
   bool check_nodes();
@@ -96,14 +96,14 @@ class Checker {
   bool check_harmonics();
   bool check_slow_waves();
 
-  // A run of `length` bytes at data word `word`.
+  // Checks that `length` bytes from data word `word` on lie in the data section.
   bool check_data(std::int32_t word, std::size_t length, const std::uint8_t* at);
   bool check_spline(const std::uint8_t* at, int shift);
   bool check_grid(const std::uint8_t* at, std::size_t slot, bool constant, std::size_t& continued);
-  // Checks the axis at head + length and moves both sums past it.
+  // Checks the axis at head + length; adds its bytes to `length`, multiplies `nodes` by its nodes.
   bool check_axis(std::int32_t word, const std::uint8_t* head, std::size_t slot, bool constant,
                   std::size_t& length, std::size_t& nodes);
-  // Nodes that are not covered hold zero, so that nothing needs to ask at run time.
+  // Nodes that are not covered must hold zero, so that interpolation needs no test at run time.
   bool check_coverage(const std::uint8_t* mask, const std::uint8_t* values, std::size_t nodes,
                       std::size_t outputs);
 
@@ -116,9 +116,9 @@ class Checker {
   Validation failure_;
 };
 
-// Checks the header fields behind the envelope, the directory, and every record of every section.
-// `body`: the image without signature and checksum, at least a header long. What passes can be
-// evaluated without any further check: no reference leaves its section, no shift its range.
+// Checks the header fields after the envelope, the directory, and every record of every section.
+// `body`: the image without signature and checksum, at least as long as a header. An accepted body
+// can be evaluated without any further check: no reference leaves its section, no shift its range.
 Validation check_contents(std::span<const std::uint8_t> body);
 
 }  // namespace armtrue

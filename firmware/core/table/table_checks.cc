@@ -52,7 +52,7 @@ bool Checker::check_header() {
          require_zero(bytes + header::kReserved2At, 2);
 }
 
-// Printable ASCII, then zeros to the end.
+// The serial must be printable ASCII, then zeros to the end.
 bool Checker::check_serial() {
   bool ended = false;
   for (std::size_t i = 0; i < kSerialLength; ++i) {
@@ -64,7 +64,7 @@ bool Checker::check_serial() {
   return true;
 }
 
-// Sections in the order of their kinds, without gaps, up to the end of the body.
+// Sections must be in the order of their kinds, without gaps, up to the end of the body.
 bool Checker::check_directory() {
   const std::size_t count = body_[header::kSectionCountAt];
   std::size_t expected = header::kLength + count * format::kDirectoryEntryLength;

@@ -13,7 +13,7 @@ namespace {
 
 using format::Section;
 
-// How often a cycle goes through the parts of the term list (inverse.h).
+// Evaluations of the parts of the term list in a cycle (inverse.h).
 constexpr std::uint32_t kConstantPasses = 1;
 constexpr std::uint32_t kSteepPasses = 3;
 constexpr std::uint32_t kSmoothPasses = 2;
@@ -24,14 +24,14 @@ constexpr std::uint32_t kPositionPerJoint = 1595;
 constexpr std::uint32_t kPose = 9200;
 constexpr std::uint32_t kPosePerJoint = 2060;
 
-// Once a cycle, whatever the passes.
+// Per cycle, independent of the passes.
 constexpr std::uint32_t kSensor = 44;
 constexpr std::uint32_t kCoupling = 240;
 constexpr std::uint32_t kFrame = 300;  // of a virtual joint
 constexpr std::uint32_t kPassivePerJoint = 140;
 constexpr std::uint32_t kFrameOfPose = 540;
 
-// A pass.
+// Per pass.
 constexpr std::uint32_t kStillState = 15;
 constexpr std::uint32_t kPositionState = 44;
 constexpr std::uint32_t kGravityState = 46;
@@ -45,7 +45,7 @@ constexpr std::uint32_t kTerm = 22;
 constexpr std::uint32_t kHarmonic = 62;
 constexpr std::uint32_t kSlowWave = 42;
 
-// A table of one axis and one output, and the general way through one of more.
+// A grid of one axis and one output (kLine), and the general case.
 constexpr std::uint32_t kLine = 115;
 constexpr std::uint32_t kGrid = 72;
 constexpr std::uint32_t kGridAxis = 76;
@@ -55,7 +55,7 @@ constexpr std::uint32_t kGridOutputCorner = 8;
 constexpr std::uint32_t kListedAxis = 14;
 constexpr std::uint32_t kHalving = 11;
 
-// Of one evaluation, by kind; of a grid by its data.
+// Per evaluation, by kind of node; a grid is counted by its data.
 constexpr std::uint32_t kNode[format::kNodeKinds] = {
     10,   // kContinuation
     60,   // kHarmonic
@@ -127,11 +127,11 @@ std::uint32_t Counter::states() const {
   return sum;
 }
 
-// Loads at the target, and where they act at the command those at q₁ too.
+// Gravity is evaluated at the target and, if loads act at the command, again at q₁.
 std::uint32_t Counter::gravity_passes() const { return table_.do_loads_act_at_command() ? 2U : 1U; }
 
-// A change of the mass set from one variable to the next sums all masses anew; the torque of a
-// motor asks every coupling whether it drives it.
+// Each change of the mass set from one variable to the next sums all masses again; the torque of a
+// motor goes through all couplings.
 std::uint32_t Counter::gravity() const {
   std::array<std::uint32_t, kMaxJoints> driven = {};
   const SectionView& coupling = section(Section::kCoupling);

@@ -68,7 +68,7 @@ void TableView::read_motions() {
 }
 
 void TableView::read_constants() {
-  // Terms of the constant 1 (slot 0) that stand first.
+  // Terms of the constant 1 (slot 0), which come first.
   const SectionView& terms = section(format::Section::kTerms);
   const std::uint16_t constant_terms = constant_counts_.terms;
   while (first_changing_term_ < constant_terms) {

@@ -1,4 +1,4 @@
-// Where everything lies in a validated image: what the joint path reads.
+// Access to the sections and fields of a validated image, for the joint path.
 #ifndef ARMTRUE_FIRMWARE_CORE_TABLE_TABLE_VIEW_H_
 #define ARMTRUE_FIRMWARE_CORE_TABLE_TABLE_VIEW_H_
 
@@ -21,22 +21,21 @@ struct SectionView {
   std::uint16_t count = 0;
 };
 
-// How many records, from the first, belong to a part of the term list.
+// Numbers of records, counted from the first, up to the end of a part of the term list.
 struct TermCounts {
   std::uint16_t nodes = 0;
   std::uint16_t terms = 0;
   std::uint16_t harmonics = 0;
 };
 
-// Where loads act, as the flags of the mass sets have it: they are alike in all.
+// True if loads act at the corrected command: a flag that is the same in all mass sets.
 inline bool do_loads_act_at_command(const SectionView& mass_sets) {
   return mass_sets.count != 0U &&
          (mass_sets.begin[format::mass_set::kFlagsAt] & format::mass_set::kActsAtCommand) != 0U;
 }
 
-// Pointers into a validated image, and the few header fields that the joint path needs. Reading
-// through it needs no further check; making one from an image that validate() did not accept is an
-// error of the caller.
+// Pointers into a validated image, and the few header fields that the joint path needs. Reads need
+// no further check. Precondition: validate() accepted the image.
 class TableView {
  public:
   TableView() = default;
@@ -47,11 +46,11 @@ class TableView {
   bool is_full_pose() const { return is_full_pose_; }
   std::uint16_t blend_ms() const { return blend_ms_; }
   Length damping() const { return damping_; }                  // λ, metre per radian
-  Length rotation_length() const { return rotation_length_; }  // metre that weigh as one radian
-  // What stands still during a cycle comes first in the nodes and terms, then what is steep.
+  Length rotation_length() const { return rotation_length_; }  // metres that weigh as one radian
+  // Nodes and terms that are constant during a cycle come first, then the steep ones.
   const TermCounts& constant_counts() const { return constant_counts_; }
   const TermCounts& steep_counts() const { return steep_counts_; }
-  // State variables of joint positions, and behind them those of gravity.
+  // The first state variable of joint positions, and the first of gravity, which follow them.
   std::uint16_t first_position_state() const { return first_position_state_; }
   std::uint16_t first_gravity_state() const { return first_gravity_state_; }
   // True where loads act at the corrected command, false where they act at the target.
@@ -71,7 +70,7 @@ class TableView {
   }
   // last_link_from_tool of the chosen tool.
   FixedTransform tool() const { return {tool_, false}; }
-  // Chooses a tool of the table; at first the one that the header names.
+  // Chooses a tool of the table; initially the one that the header names.
   void choose_tool(std::size_t index) {
     tool_ = section(format::Section::kTools).begin + index * format::tool::kLength;
   }
@@ -82,7 +81,7 @@ class TableView {
   bool has_motion(std::size_t frame) const { return ((frames_in_use_ >> frame) & 1U) != 0U; }
   // True if the constant turn of virtual joint `frame` is beyond second order (linear.h).
   bool has_large_turn(std::size_t frame) const { return ((large_turns_ >> frame) & 1U) != 0U; }
-  // What the terms that never change add up to, for every coordinate.
+  // Sum of the terms that never change, for every coordinate.
   const std::array<Coordinate, format::kCoordinates>& constants() const { return constants_; }
   // The first term that is not in constants().
   std::uint16_t first_changing_term() const { return first_changing_term_; }

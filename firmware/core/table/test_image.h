@@ -1,5 +1,5 @@
 // Builds table images section by section, for tests. Knows the layout from format.h only, so that
-// it is a second writer beside host_tools/armtrue/tables.
+// it is a second writer, independent of host_tools/armtrue/tables.
 #ifndef ARMTRUE_FIRMWARE_CORE_TABLE_TEST_IMAGE_H_
 #define ARMTRUE_FIRMWARE_CORE_TABLE_TEST_IMAGE_H_
 
@@ -19,7 +19,7 @@
 
 namespace armtrue::tests {
 
-// Joints of the tables here, and how finely their encoders count: 2^24 increments a turn.
+// Joints of the tables here, and the resolution of their encoders: 2^24 increments a turn.
 inline constexpr std::size_t kJoints = 3;
 inline constexpr double kIncrementsPerRadian = 16777216.0 / (2.0 * M_PI);
 
@@ -110,7 +110,7 @@ class TestImage {
     add(format::Section::kHarmonics, record);
   }
 
-  // A 1-D uniform table on a motor side over motor position `joint`; its state variable is added.
+  // Adds a 1-D uniform table on a motor side over motor position `joint`, and its state variable.
   void add_table(std::uint8_t joint, double first, double step, const std::vector<double>& values,
                  int exponent, std::uint32_t covered = 0xFFFFFFFFU) {
     const auto slot = static_cast<std::uint16_t>(
@@ -140,7 +140,7 @@ class TestImage {
   }
 
   Bytes& header() { return header_; }
-  // Content of a section; only valid until image() is called for the terms of tables.
+  // Content of a section; the terms of add_table() are added only by image().
   Bytes& section(format::Section kind) { return sections_[static_cast<std::uint16_t>(kind)]; }
 
   void remove(format::Section kind) { sections_.erase(static_cast<std::uint16_t>(kind)); }
@@ -202,7 +202,7 @@ class TestImage {
   std::uint16_t constant_terms_ = 0;
 };
 
-// Puts a changed image's checksum right again.
+// Updates the checksum of a changed image.
 inline void mend_checksum(Bytes& image) {
   put(image, image.size() - 4, crc32(std::span(image).first(image.size() - 4)));
 }

@@ -31,10 +31,10 @@ class AxisStraightness final : public Effect {
     return lacking;
   }
 
-  // Along the rail, its own z, an error is of position and no crookedness. Where the rail begins,
-  // how it lies there and where it leads to is geometry, so shifts are those from the line through
-  // both ends, and turns those from the first end (ISO 230-1). Fitted beside geometry, they would
-  // be known by their priors alone.
+  // Errors along the rail, its own z, are position errors and no crookedness. Where the rail
+  // begins, its orientation there and where it ends are geometry, so shifts count from the line
+  // through both ends, and turns from the first end (ISO 230-1). Fitted beside geometry, they would
+  // be determined by their priors alone.
   EffectTerms build(const EffectContext& context, const EffectRequest& request) const override {
     EffectTerms terms;
     for (const int k : request.joints) {

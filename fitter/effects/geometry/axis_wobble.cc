@@ -29,9 +29,9 @@ class AxisWobble final : public Effect {
     return lacking;
   }
 
-  // What turns once with the angle, x by cos and y by sin (or x by sin and y by -cos), is one
-  // coefficient: in this frame, which turns itself, the other sense is a tilt or a shift that
-  // stands still, and that is link_geometry's.
+  // A motion that turns once with the angle, x by cos and y by sin (or x by sin and y by -cos), is
+  // one coefficient. In this frame, which turns itself, the opposite sense is a constant tilt or
+  // shift, which is part of link_geometry.
   EffectTerms build(const EffectContext&, const EffectRequest& request) const override {
     EffectTerms terms;
     for (const int k : request.joints) {

@@ -40,7 +40,7 @@ class ParallelogramErrors final : public Effect {
     const auto add = [&](const std::string& suffix, const std::string& numerator) {
       Parameter p = single_term(id(), {crank, arm}, suffix, "rad", kLargest, on_link(arm, 5),
                                 numerator + "/sin" + beta);
-      // Bars that turn a passive joint follow the link itself and not its motor.
+      // Bars that move a passive joint follow the link, with this error, and not its motor.
       for (int k = 1; k <= context.joint_count(); ++k) {
         if (!context.robot().is_passive(k)) continue;
         const double share = context.robot().followed_links(k)[arm - 1];

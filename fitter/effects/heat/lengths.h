@@ -1,4 +1,4 @@
-// Links that grow: one coefficient times the nominal lengths, whatever makes them grow.
+// Links that grow: one coefficient times the nominal lengths, for any cause of growth.
 #pragma once
 
 #include "fitter/effects/effect.h"
@@ -12,8 +12,7 @@ Parameter grown_lengths(const Robot& robot, const std::string& effect,
                         const std::string& unit, double bound, const std::vector<int>& links,
                         const std::string& growth);
 
-/// Links whose length belongs to joint k: that from frame k on, and for the first joint also the
-/// base's.
+/// Links whose length belongs to joint k: that from frame k on, and for joint 1 also the base's.
 std::vector<int> links_of_joint(int joint);
 
 }  // namespace armtrue

@@ -38,8 +38,8 @@ class SelfHeating final : public Effect {
     return lacking;
   }
 
-  // Nothing that a device or a single pose knows tells how warm a gear is: it is fitted, so that
-  // nothing else takes its place, and left out of predictions and tables.
+  // A gear's warm-up does not follow from what a device or a single pose knows. It is fitted, so
+  // that no other effect takes its place, and left out of predictions and tables.
   EffectTerms build(const EffectContext& context, const EffectRequest& request) const override {
     EffectTerms terms;
     const std::string tau = std::to_string(std::lround(request.options.value("tau", kTypical)));
@@ -48,7 +48,7 @@ class SelfHeating final : public Effect {
       const std::string variable =
           sensor.empty() ? "warm" + std::to_string(k) + "_" + tau : "lag" + tau + "_" + sensor;
       const double largest = largest_of(context, variable);
-      // Less its mean: predictions and tables are then of the arm as warm as it was on average.
+      // Minus its mean: predictions and tables then describe the arm at its average warmth.
       const std::string warmth =
           "(" + variable + " - " + Expression::number(mean_of(context, variable)).to_string() + ")";
       const double bound = largest > 0.0 ? kLargest / largest : kLargest;
@@ -83,13 +83,13 @@ class SelfHeating final : public Effect {
 
  private:
   static constexpr double kTypical = 1500.0;  // [s]
-  static constexpr double kLargest = 1e-3;    // [rad, m, or of a length]
+  static constexpr double kLargest = 1e-3;    // [rad, m, or share of a length]
 
   static bool has_duty(const EffectContext& context, int joint) {
     return context.state.has("duty" + std::to_string(joint));
   }
 
-  // The thermometer that a gear follows; empty where it follows its duty.
+  // The temperature sensor of a gear; empty if the gear follows its duty.
   static std::string sensor_of(const EffectContext& context, const EffectRequest& request,
                                int joint) {
     if (request.options.contains("sensor")) return request.options["sensor"].get<std::string>();

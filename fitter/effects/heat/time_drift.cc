@@ -21,7 +21,7 @@ class TimeDrift final : public Effect {
     return {"time"};
   }
 
-  // In hours since the first measurement: the base reference then stays where the session began.
+  // Hours since the first measurement, so that the base reference is that of the session's start.
   EffectTerms build(const EffectContext& context, const EffectRequest&) const override {
     EffectTerms terms;
     const std::vector<double>& time = context.state.column("time");

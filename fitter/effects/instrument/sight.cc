@@ -11,8 +11,9 @@ std::string term(double factor, const std::string& what) {
   return "(" + Expression::number(factor).to_string() + ")*" + what;
 }
 
-// What of a shift moves all points of the campaign as one body is the base frame's: left in, the
-// two would be told apart by a hair, and a prediction, which has the base alone, by much.
+// Removes what moves all points of the campaign as one rigid body, which belongs to the base frame:
+// the data would hardly separate the two, and a prediction, which has only the base, would be far
+// off.
 std::array<std::string, 3> without_rigid_motion(const EffectContext& context,
                                                 const std::array<std::string, 3>& shift) {
   if (!context.state.recorded("x")) return shift;
@@ -24,7 +25,7 @@ std::array<std::string, 3> without_rigid_motion(const EffectContext& context,
   };
   const Sight s = line_of_sight(context);
   const Eigen::VectorXd x = evaluated(s.x), y = evaluated(s.y), z = evaluated(s.z);
-  Eigen::MatrixXd rigid = Eigen::MatrixXd::Zero(3 * rows, 6);  // shifts, then turns
+  Eigen::MatrixXd rigid = Eigen::MatrixXd::Zero(3 * rows, 6);  // translations, then rotations
   Eigen::VectorXd moved(3 * rows);
   for (int axis = 0; axis < 3; ++axis) {
     const auto i = static_cast<std::size_t>(axis);
@@ -58,14 +59,14 @@ Sight line_of_sight(const EffectContext& context) {
            Expression::number(context.instrument[axis]).to_string() + "))";
   };
   Sight s{from("x", 0), from("y", 1), from("z", 2), "", ""};
-  // A point at the instrument itself has no direction: a micrometre keeps what it gives finite.
+  // A point at the instrument has no direction: 1 µm, squared, keeps the terms finite.
   const std::string level = s.x + "^2 + " + s.y + "^2 + 1e-12";
   s.across = "sqrt(" + level + ")";
   s.distance = "sqrt(" + level + " + " + s.z + "^2)";
   return s;
 }
 
-// The base's virtual joint moves along the axes of the robot's base.
+// The base's virtual joint acts along the axes of the robot base, so the shift is turned into them.
 Parameter shift_of_point(const EffectContext& context, const std::string& effect,
                          const std::string& suffix, const std::string& unit, double bound,
                          const std::array<std::string, 3>& given) {

@@ -1,4 +1,4 @@
-// Where the instrument looks: what moves a measured point along or across its line of sight.
+// The instrument's line of sight: parameters that move a measured point along or across it.
 #pragma once
 
 #include <array>
@@ -8,16 +8,16 @@
 
 namespace armtrue {
 
-/// From the instrument to the measured point, in the measuring frame, as text.
+/// Vector from the instrument to the measured point in the measuring frame, as expressions.
 struct Sight {
   std::string x, y, z;
-  std::string across;    ///< length of its level part
-  std::string distance;  ///< its length
+  std::string across;    ///< length of its horizontal part
+  std::string distance;  ///< length
 };
 Sight line_of_sight(const EffectContext& context);
 
-/// A parameter that moves the measured point by `shift`, text in the measuring frame, less what of
-/// it moves all points of the campaign as one body.
+/// A parameter that moves the measured point by `shift` (expressions in the measuring frame),
+/// without the part that moves all points of the campaign as one rigid body.
 Parameter shift_of_point(const EffectContext& context, const std::string& effect,
                          const std::string& suffix, const std::string& unit, double bound,
                          const std::array<std::string, 3>& shift);

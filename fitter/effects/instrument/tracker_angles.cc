@@ -19,8 +19,8 @@ class TrackerAngles final : public Effect {
     return {{"orders", "[int]", "1, once a turn, and 2, twice; default [1]"}};
   }
 
-  // An azimuth error turns the point about the instrument's upright axis, one of elevation about
-  // the level axis across the line of sight. Twice a turn: the second-order errors of a tracker's
+  // An azimuth error turns the point about the instrument's vertical axis, an elevation error about
+  // the horizontal axis across the line of sight. Order 2: the second-order errors of a tracker's
   // encoders (Muralikrishnan et al., Measuring scale errors in a laser tracker's horizontal angle
   // encoder through simple length measurement and two-face system tests, J. Res. NIST 115, 2010).
   EffectTerms build(const EffectContext& context, const EffectRequest& request) const override {

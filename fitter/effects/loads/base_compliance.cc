@@ -37,7 +37,7 @@ class BaseCompliance final : public Effect {
  private:
   static constexpr double kLargest = 2e-3;  // [rad]
   static constexpr double kSoftest = 1e-4;  // [rad/Nm]
-  static constexpr double kUnknown = 1e-5;  // [rad/Nm] where nobody knows the moments
+  static constexpr double kUnknown = 1e-5;  // [rad/Nm] if the moments are unknown
 };
 
 const RegisterEffect<BaseCompliance> registered_base_compliance;

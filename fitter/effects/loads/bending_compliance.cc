@@ -54,8 +54,8 @@ class BendingCompliance final : public Effect {
  private:
   static constexpr double kLargest = 5e-3;  // [rad]
   static constexpr double kSoftest = 1e-3;  // [rad/Nm]
-  static constexpr double kUnknown = 2e-4;  // [rad/Nm] where nobody knows the moments
-  static constexpr double kShortest = 0.1;  // [m]: what is shorter is a casting, and no beam
+  static constexpr double kUnknown = 2e-4;  // [rad/Nm] if the moments are unknown
+  static constexpr double kShortest = 0.1;  // [m]: a shorter link is a casting and not a beam
 
   // A moment about each axis of link k, as sums of weighted state variables.
   using Sum = std::vector<std::pair<double, std::string>>;  // weight, expression
@@ -81,7 +81,7 @@ class BendingCompliance final : public Effect {
     }
   }
 
-  // Why a link is none, or nothing.
+  // Why link k is not a beam; empty if it is one.
   static std::string not_a_beam(const EffectContext& context, int k) {
     if (k == context.joint_count()) return "no joint at its far end";
     if (context.prismatic(k) || context.prismatic(k + 1)) return "a joint that slides";
@@ -99,8 +99,8 @@ class BendingCompliance final : public Effect {
     return least_squares(of_joints, Eigen::MatrixXd::Identity(of_joints.rows(), of_joints.rows()));
   }
 
-  // Moment of gravity at joint k in link k's axes. About the joint's own axis, drives see it
-  // through what couples them: tau = couplingᵀ · moment.
+  // Moment of gravity at joint k in link k's axes. About the joint's own axis it follows from the
+  // drives' torques, which the coupling mixes: tau = couplingᵀ · moment.
   static Moment moment_at(const EffectContext& context, int k) {
     const std::string joint = std::to_string(k);
     Moment m{Sum{{1.0, "gmx" + joint}}, Sum{{1.0, "gmy" + joint}}, Sum{}};
@@ -117,7 +117,7 @@ class BendingCompliance final : public Effect {
     for (const auto& [share, name] : from) to.emplace_back(weight * share, name + factor);
   }
 
-  // The same at joint k + 1, in link k's axes.
+  // Moment of gravity at joint k + 1, in link k's axes.
   static Moment moment_at_end(const EffectContext& context, int k) {
     const Moment own = moment_at(context, k + 1);
     const std::string angle = "th" + std::to_string(k + 1);
@@ -136,7 +136,7 @@ class BendingCompliance final : public Effect {
     return m;
   }
 
-  // Of the link's own weight with its centre at `centre`, at joint k.
+  // Moment of the link's own weight at joint k, with its centre at `centre`.
   static Moment moment_of_weight(const EffectContext& context, int k,
                                  const Eigen::Vector3d& centre) {
     const double mass = context.robot().links[static_cast<std::size_t>(k - 1)].mass;
@@ -153,14 +153,15 @@ class BendingCompliance final : public Effect {
     return m;
   }
 
-  // How far a moment's parts turn the end about `axis` and shift it, in units of L/EI and L²/EI.
+  // By how much a moment turns the end about the bending axis and shifts it, in units of L/EI,
+  // L²/EI.
   struct Share {
     const Moment& moment;
     double turns, shifts;
   };
   static void add_bending(int k, const Eigen::Vector3d& axis, const Eigen::Vector3d& span,
                           const std::vector<Share>& shares, Parameter& p) {
-    Sum slope, beyond;  // beyond: where the slope alone would take the end
+    Sum slope, beyond;  // beyond: shift of the end without that by the slope
     for (std::size_t c = 0; c < 3; ++c) {
       const double own = axis[static_cast<Eigen::Index>(c)];
       for (const Share& share : shares) {
@@ -176,10 +177,10 @@ class BendingCompliance final : public Effect {
   }
 
   // A cantilever of length L and stiffness EI (Euler and Bernoulli; Timoshenko, Strength of
-  // Materials I, ch. 5). What hangs at its end makes a moment that runs from M₀ − m, m of its own
-  // weight, to M₁: slope (M₀ − m + M₁)/2, deflection (M₀ − m)/3 + M₁/6, in units of L/EI and L²/EI;
-  // one number L/EI for each plane. Its own weight w, spread evenly: slope w/3, deflection w/4; a
-  // number of its own, since links carry motors anywhere.
+  // Materials I, ch. 5). The load at its end makes a moment that runs from M₀ − m, m being that of
+  // its own weight, to M₁: slope (M₀ − m + M₁)/2, deflection (M₀ − m)/3 + M₁/6, in units of L/EI
+  // and L²/EI; one parameter L/EI for each plane. Its own weight, of moment w, is spread evenly:
+  // slope w/3, deflection w/4; a separate parameter, since links carry motors anywhere.
   void add_beam(const EffectContext& context, int k, EffectTerms& terms) const {
     if (const std::string why = not_a_beam(context, k); !why.empty()) {
       throw ModelError("effect bending_compliance: link " + std::to_string(k) +

@@ -39,8 +39,7 @@ class CrossCompliance final : public Effect {
     return lacking;
   }
 
-  // One number drives both: by Maxwell and Betti the compliance matrix is
-  // symmetric.
+  // One coefficient drives both: by Maxwell and Betti the compliance matrix is symmetric.
   EffectTerms build(const EffectContext& context, const EffectRequest& request) const override {
     EffectTerms terms;
     for (std::size_t i = 0; i + 1 < request.joints.size(); i += 2) {
@@ -74,7 +73,7 @@ class CrossCompliance final : public Effect {
   static constexpr double kLargest = 1e-2;  // [rad]
   static constexpr double kSoftest = 1e-3;  // [rad/Nm]
 
-  // Of joints k and k + 1, whatever joint k's angle.
+  // Whether the axes of joints k and k + 1 are parallel at any joint angle.
   static bool are_parallel(const EffectContext& context, int k) {
     if (context.prismatic(k) || context.prismatic(k + 1)) return false;
     const auto& next = context.robot().joints[static_cast<std::size_t>(k)].fixed;

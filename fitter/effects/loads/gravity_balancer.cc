@@ -30,8 +30,8 @@ class GravityBalancer final : public Effect {
 
   // A spring from a fixed pivot (lever a) to a pivot on link 2 (lever b = ratio * a): with x the
   // angle between the levers, length L = a sqrt(1 + ratio^2 - 2 ratio cos x), torque = a b sin(x)
-  // (F / L), F = F0 + k (L - L0). That is sin(x) times a constant (the spring's rate) plus sin(x) /
-  // L times another (its preload): two coefficients, linear.
+  // (F / L), F = F0 + k (L - L0). The torque is sin(x) times a constant (the spring's rate) plus
+  // sin(x) / L times another (its preload): two linear coefficients.
   EffectTerms build(const EffectContext& context, const EffectRequest& request) const override {
     if (context.joint_count() < 2)
       throw ModelError("effect gravity_balancer: the arm has no joint 2");
@@ -82,8 +82,8 @@ class GravityBalancer final : public Effect {
   static constexpr double kLargestPart =
       3e-2;  // of rate and preload, which work against each other
   static constexpr int kPhases = 12;
-  // A fit has no other forms beside this one to lead it into a valley, and some are only a quarter
-  // of a radian wide.
+  // A fit, unlike the search, has no other candidates that lead it to a minimum, and some minima
+  // are only a quarter of a radian wide.
   static constexpr int kStartPhases = 24;
 };
 

@@ -6,10 +6,10 @@
 namespace armtrue {
 namespace {
 
-// Largest mass [kg] and first moment [kg m] that a link may have: bounds what is physical.
+// Largest mass [kg] and first moment [kg m] of a link: sets the physical bound.
 constexpr double kHeaviest = 500.0;
-// Weak prior on each regressor, as the deflection [rad] that it may cause anywhere in the data.
-// Wider ones let regressors and zeros cancel inside the data and part by millimetres outside
+// Weak prior on each regressor, as the largest deflection [rad] that it causes in the data. With
+// wider ones, regressors and zeros cancel inside the data and differ by millimetres outside
 // (decision 0031).
 constexpr double kDeflection = 2e-3;
 
@@ -36,8 +36,7 @@ EffectTerms gravity_regressor_terms(const EffectContext& context, const std::str
     for (const char* component : {"m", "x", "y", "z"}) {
       const std::string suffix = std::to_string(link) + "_" + component;
       const std::string variable = regressor + "_" + suffix;
-      // A regressor that stands still (an axis along gravity) is an offset, and offsets are
-      // geometry's.
+      // A constant regressor (an axis along gravity) is an offset, which belongs to geometry.
       if (!varies(context.state.column(variable))) continue;
       const bool mass = component[0] == 'm';
       terms.parameters.push_back(single_term(effect, joints, prefix + "link" + suffix,

@@ -1,4 +1,4 @@
-// Gravity where nobody knows the masses: spring constant times mass moments, fitted together.
+// Gravity loads of unknown masses: spring constant times mass moments, fitted as one coefficient.
 #pragma once
 
 #include "fitter/effects/effect.h"

@@ -46,10 +46,10 @@ class JointCompliance final : public Effect {
   }
 
  private:
-  static constexpr double kLargest = 1e-2;  // [rad], three times what light arms sag by
-  static constexpr double kSoftest = 1e-3;  // [rad/Nm], four times a small strain-wave gear's
+  static constexpr double kLargest = 1e-2;  // [rad], three times the sag of light arms
+  static constexpr double kSoftest = 1e-3;  // [rad/Nm], four times that of a small strain-wave gear
   static constexpr double kFurthest = 3e-3, kLoosest = 1e-5;  // [m], [m/N]
-  static constexpr double kUnknown = 2e-4;  // [rad/Nm] where nobody knows the loads
+  static constexpr double kUnknown = 2e-4;                    // [rad/Nm] if the loads are unknown
 };
 
 const RegisterEffect<JointCompliance> registered_joint_compliance;

@@ -5,8 +5,8 @@
 namespace armtrue {
 namespace {
 
-// The regressor that is the derivative of a load by a component of a link's
-// mass; empty where the link lies before the joint.
+// The regressor that is the derivative of a load by a component of a link's mass; empty if the link
+// lies before the joint.
 std::string regressor(const Variable& load, int link, const std::string& component) {
   if (link < load.joint) return "";
   const std::string of =
@@ -40,7 +40,7 @@ class MassParameters final : public LoadEffect {
                         [&](const Variable& load) { return regressor(load, link, component); }));
       };
       add_one("m", "kg", 1.0, kUsualShare);
-      // A first moment is off by its centre, and by its mass.
+      // A first moment has the error of its centre and that of its mass.
       for (int axis = 0; axis < 3; ++axis) {
         const double arm = std::abs(stated.com_in_frame[axis]);
         add_one({"xyz"[axis]}, "kg m", kFurthest + arm, std::hypot(kUsualShift, kUsualShare * arm));

@@ -47,7 +47,7 @@ class StiffnessNonlinear final : public Effect {
       const std::string per = motor_unit(context, k) + (context.prismatic(k) ? "/N" : "/Nm");
       const double load = std::max(largest_of(context, tau), kLeastLoad);
       const double most = on_motor(context, k, kLargest, kFurthest);
-      // A gear that is wound up engages more of its teeth: it hardens.
+      // A wound-up gear engages more of its teeth, so it becomes stiffer.
       Parameter square = single_term(id(), {k}, "square", per + "^2", most / std::pow(load, 2),
                                      motor(k), tau + "*abs(" + tau + ")");
       square.sign = -1;
@@ -59,7 +59,7 @@ class StiffnessNonlinear final : public Effect {
         Parameter soft = single_term(id(), {k}, "soft", motor_unit(context, k),
                                      on_motor(context, k, kSoftest, kSoftestSlide), motor(k),
                                      "tanh(" + tau + "/" + end + ")");
-        soft.sign = 1;  // it gives way to the load
+        soft.sign = 1;  // it yields to the load
         terms.parameters.push_back(soft);
       }
     }
@@ -94,7 +94,7 @@ class StiffnessNonlinear final : public Effect {
     return name;
   }
 
-  // A softer zone reaches over this much of the largest load.
+  // Ends of the soft zone that are tried, as shares of the largest load.
   static constexpr std::array<double, 4> kSoftShares = {0.03, 0.06, 0.12, 0.25};
   static constexpr double kSoftest = 2e-3, kSoftestSlide = 4e-4;  // [rad], [m]
   static constexpr double kLargest = 5e-3, kFurthest = 1e-3;      // [rad], [m]

@@ -53,7 +53,7 @@ class Backlash final : public Effect {
  private:
   static constexpr double kLargest = 3e-3, kFurthest = 5e-4;  // [rad], [m]
 
-  // An axis along gravity has no side of the gap to fall to: its torque is rounding error and its
+  // With an axis along gravity, no side of the gap is loaded: the torque is rounding error and its
   // sign noise.
   static bool loaded(const EffectContext& context, int joint) {
     const auto size = [&](int k) {

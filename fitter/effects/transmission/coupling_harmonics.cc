@@ -80,7 +80,7 @@ class CouplingHarmonics final : public Effect {
     pairs.insert(pairs.end(), {driven, driving});
   }
 
-  // Joint `driven`'s axis is parallel to that of `driving`, whatever the angles between them.
+  // Whether the axes of joints `driven` and `driving` are parallel at any joint angles.
   static bool turns_with(const EffectContext& context, int driven, int driving) {
     for (int k = driving; k <= driven; ++k) {
       if (context.prismatic(k)) return false;
@@ -90,8 +90,8 @@ class CouplingHarmonics final : public Effect {
     return true;
   }
 
-  // The bars that turn a passive joint see how link `driving` stands in their plane: to its own
-  // angle come those of the joints before it that drive the same bars.
+  // The bars that move a passive joint depend on the orientation of link `driving` in their plane:
+  // its own angle plus those of the joints before it that drive the same bars.
   static std::string angle_of(const EffectContext& context, int driven, int driving) {
     const std::string own = "q" + std::to_string(driving);
     const double ratio = context.robot().coupling(driven - 1, driving - 1);

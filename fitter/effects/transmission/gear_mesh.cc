@@ -7,8 +7,8 @@
 namespace armtrue {
 namespace {
 
-// A wave over a joint: its name among the joint's waves, and its cycles a turn, or, of a joint that
-// slides, its length [m].
+// A wave over a joint: its label, and its cycles per turn, or, for a joint that slides, its
+// wavelength [m].
 struct Wave {
   std::string label;
   double period;
@@ -108,7 +108,7 @@ class GearMesh final : public Effect {
   static constexpr double kLargest = 2.5e-3;        // [rad]
   static constexpr double kLargestOfASlide = 5e-4;  // [m]
 
-  // Motor turns a joint turn, or travel a turn of the screw or pinion [m]; 0 where unknown.
+  // Motor turns per joint turn, or travel per turn of the screw or pinion [m]; 0 if unknown.
   static double turn_of(const EffectContext& context, int k) {
     const Joint& joint = context.robot().joints[static_cast<std::size_t>(k - 1)];
     return joint.prismatic ? joint.lead : joint.gear_ratio;
@@ -167,7 +167,7 @@ class GearMesh final : public Effect {
     return waves;
   }
 
-  // The period as an unknown, half a wave more or less over a turn, or over the joint's travel.
+  // The period as a nonlinear parameter, free by half a wave per turn, or over the joint's travel.
   NonlinearParameter search_near(const EffectContext& context, int k, double period,
                                  const std::string& name) const {
     if (!context.prismatic(k))

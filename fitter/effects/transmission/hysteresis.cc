@@ -39,8 +39,8 @@ class Hysteresis final : public Effect {
     return lacking;
   }
 
-  // The link lags behind its drive, by as much as friction holds: both coefficients are against
-  // the motion.
+  // The link lags behind its drive by the wind-up that friction holds, so both coefficients act
+  // against the motion.
   EffectTerms build(const EffectContext& context, const EffectRequest& request) const override {
     EffectTerms terms;
     for (const int k : request.joints) {

@@ -62,7 +62,7 @@ class TransmissionPwl final : public Effect {
     for (int k = 1; k <= context.joint_count(); ++k) {
       const std::vector<double>& q = context.state.column("q" + std::to_string(k));
       const auto [low, high] = std::minmax_element(q.begin(), q.end());
-      // A slide may be shorter than three of these [rad]: shares of its travel stand for them.
+      // These are angles; a slide may be shorter than three of them and uses shares of its travel.
       const double unit = context.prismatic(k) ? (*high - *low) / kTravelOfATable : 1.0;
       for (const double spacing : {0.349065850 * unit, 0.174532925 * unit, 0.0872664626 * unit}) {
         const bool supported = (*high - *low) / spacing < rows / kRowsPerCandidateNode;
@@ -75,23 +75,23 @@ class TransmissionPwl final : public Effect {
 
  private:
   static constexpr double kLargest = 1e-2;  // [rad or m]
-  // Of the value of a node, in units of smoothness; wide, so that a large smooth shape is nothing
-  // improbable (docs/decisions/0014).
+  // Prior sigma of a node's value, in units of smoothness; wide, so that a large smooth shape is
+  // not improbable (docs/decisions/0014).
   static constexpr double kValue = 16.0;
-  // 1.5 deg: a search takes the time that some thousand nodes need, and real arms gain some percent
-  // below.
+  // 1.5 deg: a search then takes the time for some thousand nodes; finer spacing gains real arms
+  // some percent.
   static constexpr double kFinest = 0.02617993878;
   static constexpr double kFinestOfAll = 0.01163552835;  // 0.67 deg
   static constexpr double kMargin = 0.106;               // [rad], just over four cells of kFinest
   static constexpr double kRowsPerNode = 2.0;
   static constexpr double kRowsPerCandidateNode = 3.0;
   static constexpr double kRowsPerFineNode = 1.5;
-  static constexpr double kTravelOfATable = 3.0;  // [rad]: the coarsest then has nine nodes
+  static constexpr double kTravelOfATable = 3.0;  // [rad]: the coarsest then has nine cells
   static constexpr double kWorthwhile = 0.8;      // of the present spacing
 
-  // Value and second difference together say over which angle a table goes back to zero where no
-  // pose lies: √kValue cells. Cells below kFinest leave that angle as it is, so that a finer table
-  // bridges the same gaps.
+  // The priors of value and second difference determine the angle over which a table returns to
+  // zero where no pose lies: √kValue cells. Cells below kFinest keep that angle, so that a finer
+  // table bridges the same gaps.
   static double value_sigma(double spacing) {
     return kValue * std::pow(std::max(1.0, kFinest / spacing), 2);
   }
@@ -102,8 +102,8 @@ class TransmissionPwl final : public Effect {
                                  static_cast<double>(std::max<std::size_t>(q.size(), 1)));
   }
 
-  // Nodes that no pose reaches carry a table on beyond its data, towards zero as its smoothness and
-  // values demand: a joint a few degrees further than in training must not lose all its correction.
+  // Nodes beyond the data continue a table towards zero as the priors of smoothness and value
+  // determine: a joint a few degrees outside the training range must not lose all its correction.
   static std::vector<double> with_margin(std::vector<double> nodes) {
     if (nodes.size() < 3) return nodes;
     const double spacing = nodes[1] - nodes[0];

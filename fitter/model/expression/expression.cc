@@ -11,13 +11,12 @@ namespace {
 
 using Op = Expression::Op;
 
-// A number, or a number with its slope: everything below is written once for both.
+// A number with its derivative: the templates below serve it and plain numbers.
 using Slope = ceres::Jet<double, 1>;
 double number_of(double v) { return v; }
 double number_of(const Slope& v) { return v.a; }
 
-// hat(v, l, c, r). A missing side (l = c or r = c) is held constant, so that end nodes extrapolate
-// flat.
+// hat(v, l, c, r). A missing side (l = c or r = c) is constant, so that tables extrapolate flat.
 template <typename T>
 T hat(const T& v, const T& l, const T& c, const T& r) {
   if (v <= c) {
@@ -28,7 +27,7 @@ T hat(const T& v, const T& l, const T& c, const T& r) {
   return v >= r ? T(0.0) : (r - v) / (r - c);
 }
 
-// What is not a number stays so, here and in min and max, so that it is seen and refused.
+// NaN stays NaN, here and in min and max, so that it is detected and refused.
 double sign(double v) { return v > 0.0 ? 1.0 : (v < 0.0 ? -1.0 : 0.0 * v); }
 
 template <typename T>
@@ -116,8 +115,8 @@ Expression Expression::apply(Op op, std::vector<Expression> arguments) {
     std::array<double, 4> values{};
     for (std::size_t i = 0; i < arguments.size(); ++i) values[i] = arguments[i].value();
     const double folded = evaluate_op(op, values.data());
-    // What is not finite is left standing, so that the error shows where it is evaluated and not as
-    // a silent number.
+    // A result that is not finite is not folded, so that the error appears where the expression is
+    // evaluated.
     if (std::isfinite(folded)) return number(folded);
   }
   const auto is = [&](std::size_t i, double v) {
@@ -159,7 +158,7 @@ Expression operator/(const Expression& a, const Expression& b) {
   return Expression::apply(Op::kDivide, {a, b});
 }
 
-// --- parsing
+// --- evaluation
 // ---------------------------------------------------------------------------------------------------------
 
 std::set<std::string> Expression::variables() const {
@@ -197,7 +196,7 @@ std::vector<T> evaluate_rows(const Expression& e, std::size_t rows,
     }
     return result;
   }
-  // Constant arguments (the nodes of a hat, an order, an exponent) are not spread over rows.
+  // Constant arguments (the nodes of a hat, an order, an exponent) are not expanded to rows.
   std::array<std::vector<T>, 4> values;
   std::array<T, 4> scratch{};
   const std::size_t count = e.arguments().size();

@@ -82,7 +82,7 @@ class Parser {
     if (depth > kMaximumDepth) fail("at most 100 levels of nesting");
   }
 
-  // A chain of operators nests as deep as it is long, so its length counts as depth.
+  // A chain of operators builds a tree as deep as the chain is long, so its length is limited too.
   Expression sum(int depth) {
     enter(depth);
     Expression left = product(depth + 1);
@@ -264,8 +264,5 @@ std::string Expression::to_json() const {
     text += (i ? "," : "") + arguments()[i].to_json();
   return text + "]}";
 }
-
-// --- evaluation
-// ------------------------------------------------------------------------------------------------------
 
 }  // namespace armtrue

@@ -32,9 +32,9 @@ from armtrue.report.gathered.structure import Finding, findings_of
 from armtrue.report.names import called
 
 _LEADING = 3
-_NOTHING = 1e-9  # of the largest reading: what rounding leaves
+_NOTHING = 1e-9  # rounding error, as a share of the largest reading
 _AXES = 3
-# A joint's variable is read as that joint's error unless another direction shows this much more.
+# A joint's variable is shown as that joint's error if that explains at least this share of the best direction's.
 _OWN_JOINT = 0.75
 
 
@@ -57,9 +57,9 @@ class View:
 class AddedVariable:
     """Added-variable plot of a candidate: three readings a pose, six where orientations were measured.
 
-    `added` (M,): what it adds to the prediction beyond what the model can take over, fitted together with it. `left`
-    (M,): what is left over without it. Readings that it explains lie on the line of slope 1. `unit`: µm, or σ, standard
-    deviations of the noise, where `turned` (M,) readings are angles.
+    `added` (M,): change of the prediction when the candidate and the model are fitted together. `left` (M,): residual
+    without it. Readings that it explains lie on the line of slope 1. `unit`: µm, or σ, standard deviations of the
+    noise, where orientations were measured. `turned` (M,): mask of the readings that are angles.
     """
 
     name: str
@@ -71,20 +71,20 @@ class AddedVariable:
 
     @property
     def explained(self) -> float:
-        """Share of Σ left² that is gone with the candidate fitted."""
+        """Share of Σ left² that fitting the candidate removes."""
         total = float(self.left @ self.left)
         after = self.left - self.added
         return 1.0 - float(after @ after) / total if total > 0.0 else 0.0
 
     @property
     def adds_nothing(self) -> bool:
-        """True where the model can take over all that the candidate does, so that its fit leaves it at nominal."""
+        """True where the model's parameters can do all that the candidate does, so that a fit holds it at nominal."""
         return bool(np.max(np.abs(self.added)) <= _NOTHING * np.max(np.abs(self.left)))
 
 
 @dataclass(frozen=True)
 class StepDiagnosis:
-    """What one step lacks, with spectra, added variables of its leading candidates, and what no effect names.
+    """Diagnosis of one step, with spectra, added variables of its leading candidates, and unexplained findings.
 
     `not_drawn`: leading candidates whose fit would take too long, or that are in the model on these joints already.
     """
@@ -101,8 +101,8 @@ class StepDiagnosis:
 class Report:
     """Steps of one calibration with what is shown of them.
 
-    `diagnoses`: of every step. `tiny_levers`: joints as whose error no residual is read, with the
-    reflector's usual distance from their axis [m].
+    `diagnoses`: of every step. `tiny_levers`: joints whose axis is so near to the reflector that no residual is read as
+    their error, with the reflector's median distance from that axis [m].
     """
 
     steps: list[Step]
@@ -201,7 +201,7 @@ def _with_steps_between(fits: list[Fit], titles: list[str]) -> list[tuple[Fit, s
 def _diagnosed(
     step: Step, known: dict[str, Any] | None, along: list[Direction], progress: Progress | None, between: bool
 ) -> StepDiagnosis:
-    """A diagnosis with added variables of what leads: of a step between, of what it recommends alone."""
+    """A diagnosis with added variables of its leading candidates; if `between`, only of those that it recommends."""
     shown = _shown(step, known or diagnose(step.fit, progress), along)
     result = shown.result
     leading = (
@@ -223,11 +223,11 @@ def _shown(step: Step, result: dict[str, Any], along: list[Direction]) -> StepDi
 
 
 def _independent(step: Step, number: int, along: list[Direction]) -> float:
-    """Independent readings of a joint (1-based) among the rows that took part: gross errors are none."""
+    """Number of independent readings of a joint (1-based) among the rows used, which exclude gross errors."""
     used, fit = step.used, step.fit
     visit = np.arange(int(used.sum()))
     if "target" in fit.data.columns:
-        # Reflectors on one tool all see what the joints did.
+        # Reflectors measured at one pose all see the same error of the joints: they are one visit.
         visit = np.unique(fit.data.joints[used], axis=0, return_inverse=True)[1].ravel()
     lever = fit.coordinate_column(f"motor{number}")
     if step.turned_rad is not None:
@@ -245,8 +245,8 @@ def _added_variable(step: Step, candidate: dict[str, Any]) -> AddedVariable | No
     refitted = with_candidate(step.fit, candidate)
     if refitted is None:
         return None
-    # By the Frisch–Waugh–Lovell theorem the candidate's own part, all that is fitted already projected out, is what the
-    # prediction gains when everything is fitted together.
+    # By the Frisch–Waugh–Lovell theorem the candidate's columns, with all fitted columns projected out, contribute
+    # exactly the change of the prediction when everything is fitted together.
     used = step.used
     if step.fit.document["noise"]["sigma_rotation_rad"] is None:
         left, after, unit = 1e6 * step.residual_m[used], 1e6 * refitted.residuals()[used], "µm"

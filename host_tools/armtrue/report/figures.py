@@ -28,7 +28,7 @@ from armtrue.report.sections.residual_sections import (
     vectors_section,
 )
 
-# Until the notebook knows how tall the section is.
+# Height in pixels until the section has loaded and its own height is known.
 _HEIGHT = 480
 _FIT_THE_HEIGHT = "this.style.height = this.contentDocument.documentElement.scrollHeight + 'px'"
 
@@ -44,7 +44,7 @@ class Picture:
         return f"Picture: {self.title}"
 
     def _repr_html_(self) -> str:
-        # A frame: the section's style and script must not meet those of the notebook.
+        # An iframe keeps the section's style and script apart from the notebook's.
         return tag(
             "iframe",
             title=self.title,
@@ -69,7 +69,7 @@ def vectors(report: Report) -> Picture:
 
 
 def state(report: Report) -> Picture:
-    """The residual against every state variable, that which shows most first."""
+    """The residual against every state variable, the strongest dependence first."""
     return Picture("What the error depends on", state_section(report))
 
 

@@ -20,8 +20,8 @@ _VOID = {"br", "circle", "hr", "input", "line", "meta", "path", "polygon", "rect
 def tag(name: str, /, *content: Content, **attributes: object) -> Markup:
     """An element.
 
-    Attributes are written as they are named, a trailing `_` dropped and `_` inside turned to `-`; None and False leave
-    one out, True writes it without a value.
+    Names of attributes lose a trailing `_`, and `_` inside becomes `-`. None and False omit an attribute; True writes
+    it without a value.
     """
     written = "".join(_attribute(key, value) for key, value in attributes.items())
     if name in _VOID and not content:
@@ -37,7 +37,7 @@ def join(*content: Content) -> Markup:
 
 
 def html_page(title: str, style: Content, body: Markup) -> str:
-    """An HTML document: `style` is what brings its style sheet, at the end of the head."""
+    """An HTML document. `style`: the element with its style sheet, which ends the head."""
     head = tag(
         "head",
         tag("meta", charset="utf-8"),

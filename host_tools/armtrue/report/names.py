@@ -1,4 +1,4 @@
-"""What effects, candidates and steps are called on the page."""
+"""Names of effects, candidates and steps on the page."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from armtrue.candidates import entry_of, name
 
 
 def called(candidate: dict[str, Any]) -> str:
-    """A candidate's effect and joints, and the options that tell it from others of the same."""
+    """A candidate's effect and joints, and the options that distinguish it from others of the same effect."""
     options = candidate.get("options") or {}
     words = [
         f"{key} {_plain(value)}" for key, value in options.items() if key not in ("cycles", "wavelengths")
@@ -17,12 +17,12 @@ def called(candidate: dict[str, Any]) -> str:
 
 
 def bracketed(label: str) -> str:
-    """`gear_harmonics 3`, as diagnose names others, the way the page writes it."""
+    """The page's name of a candidate that diagnose names as `gear_harmonics 3`."""
     return called(entry_of(label))
 
 
 def gathered(effects: list[tuple[str, tuple[int, ...]]]) -> list[str]:
-    """Effects with joints as people write them, those of one effect on single joints in one."""
+    """Names of effects with their joints; those of one effect on single joints are merged into one."""
     single: dict[str, list[int]] = {}
     for effect, joints in effects:
         if len(joints) == 1:

@@ -33,9 +33,9 @@ def table(
     *,
     stacked: bool = False,
 ) -> Markup:
-    """A table that scrolls sideways where it must. Columns `words` are words, the others figures.
+    """A table that scrolls sideways where it must. The columns `words` contain text, the others figures.
 
-    `stacked`: on a phone every row has its name on a line of its own, and its figures below, all in sight.
+    `stacked`: on a phone every row has its name on a separate line, and its figures below without scrolling.
     """
 
     def kind(column: int) -> str | None:

@@ -1,6 +1,6 @@
 """Tables: the firmware's image of a fit. Written, read, signed, and run by both engines.
 
-docs/table-format.md gives every bit. The way through: `fitted_arm` (what of a fit goes in) → `export` (compile,
+docs/table-format.md gives every bit. The steps: `fitted_arm` (the exported part of a fit) → `export` (compile,
 limits, records) → image → `compensate` (fixed: the firmware's code; double: the fit's inverse).
 """
 

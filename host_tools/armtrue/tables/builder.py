@@ -1,4 +1,4 @@
-"""The term list under construction: state variables, nodes, terms and data, with every exponent decided.
+"""The term list under construction: state variables, nodes, terms and data, with all fixed-point exponents chosen.
 
 A `Value` is a slot of the firmware with its fraction bits and the interval that it stays in. Fractions are
 chosen so that the interval fills 30 bits; equal nodes are made once.
@@ -23,9 +23,9 @@ from armtrue.tables.layout import Node, Section, State
 # Beyond this a reciprocal saturates: its argument came within 1/64 of zero.
 LARGEST_RECIPROCAL = 64.0
 # Terms on motor sides with a larger slope than this [rad/rad] are evaluated once more after the last step: a step moves
-# a joint by some 1e-4 rad, and what it leaves is the slope times that.
+# a joint by some 1e-4 rad, and the error that it leaves is the slope times that.
 STEEP = 5e-4
-# Bits by which a SCALE node can move a slot up: its mantissa has 31 and a sign.
+# Bits by which a SCALE node can shift a slot up: its mantissa has 31 bits and a sign.
 _MOST_GAIN = 30
 # Sums on a coordinate saturate here [rad, m].
 LARGEST_TERM = 0.5
@@ -34,12 +34,12 @@ LARGEST_WAVE = (2.0**31 - 1.0) / 2.0**layout.TERM_SHIFT
 
 
 class CannotCompileError(Exception):
-    """The term list has no form for this; the message says what and why."""
+    """The table format cannot represent an expression or value; the message says which and why."""
 
 
 @dataclass(frozen=True)
 class Value:
-    """A slot: its reference, fraction bits, interval, and whether it stands still while joints move."""
+    """A slot: its reference, fraction bits, interval, and whether it is constant during a control cycle."""
 
     section: Section  # STATE or NODES
     index: int
@@ -56,7 +56,7 @@ class Value:
 
 @dataclass
 class NodeSpec:
-    """A node record whose slots are still references."""
+    """A node record whose inputs are `Value`s; slot numbers are assigned when records are written."""
 
     kind: Node
     a: Value | int = 0
@@ -81,7 +81,7 @@ class StateSpec:
 
 @dataclass
 class Harmonics:
-    """Waves of joint angles on coordinates, those of equal order added up to one amplitude and phase."""
+    """Waves of joint angles on coordinates; waves of equal order are summed to one amplitude and phase."""
 
     waves: dict[tuple[int, int, int], complex] = field(default_factory=dict)
     # Offset of the link angle for joints that no other motor drives: there θ = q + offset.
@@ -89,7 +89,7 @@ class Harmonics:
     passive: frozenset[int] = frozenset()
 
     def has_motor(self, coordinate: int) -> bool:
-        """True for the motor side of a joint that has a motor: what changes there can be driven out."""
+        """True for the motor side of a joint that has a motor, which can correct an error there."""
         return coordinate < layout.MAX_JOINTS and coordinate not in self.passive
 
     def _is_steep(self, coordinate: int, source: int, order: int, wave: complex) -> bool:
@@ -148,11 +148,11 @@ class Harmonics:
         return result
 
     def steep_count(self) -> int:
-        """How many are steep."""
+        """Number of steep waves in `ordered`."""
         return sum(self._is_steep(*entry) for entry in self.ordered())
 
     def slow_records(self) -> list[bytes]:
-        """Waves once and twice a turn of a link angle, one record a coordinate and joint."""
+        """Waves of one and two cycles per turn of a link angle, one record per coordinate and joint."""
         sums: dict[tuple[int, int], list[float]] = {}
         for key, wave in sorted(self.waves.items()):
             joint = self._slow_joint(key[1], key[2])
@@ -179,7 +179,7 @@ def _term_fraction(value: Value) -> int:
 
 
 def _unused_bits(value: Value) -> int:
-    """How many bits a slot can be moved up by: what lies below its last place is not there to be moved."""
+    """Unused upper bits of a slot, by which it can be shifted up; a shift adds no precision below its last bit."""
     if value.largest == 0.0:
         return 0
     return min(_MOST_GAIN, 30 - math.frexp(value.largest)[1] - value.fraction)
@@ -194,7 +194,7 @@ class Builder:
     # coordinate, slot, coefficient, steep
     terms: list[tuple[int, Value, float, bool]] = field(default_factory=list)
     data: bytearray = field(default_factory=bytearray)
-    axis_slots: list[tuple[int, Value]] = field(default_factory=list)  # where in data a slot number goes
+    axis_slots: list[tuple[int, Value]] = field(default_factory=list)  # offsets in data where slot numbers go
     harmonics: Harmonics = field(default_factory=Harmonics)
     _state_values: dict[tuple[int, ...], Value] = field(default_factory=dict)
     _node_values: dict[tuple[object, ...], Value] = field(default_factory=dict)
@@ -235,7 +235,7 @@ class Builder:
             return value
         low, high = sorted((factor * value.low + offset, factor * value.high + offset))
         largest = max(abs(low), abs(high), abs(offset), abs(factor) * value.largest)
-        # 62 bits of shift and 30 of mantissa bound what can be gained over the input's own resolution.
+        # 62 bits of shift and 30 of mantissa limit how much finer than its input the result can be.
         fraction = fraction_for(largest, most=value.fraction + 40)
         mantissa, shift = mantissa_and_shift(factor * 2.0 ** (fraction - value.fraction), least_shift=0)
         return self.node(
@@ -272,7 +272,7 @@ class Builder:
         return self.node(NodeSpec(Node.PRODUCT, a=a, b=b), a.fraction + b.fraction - 32, low, high)
 
     def _filled(self, value: Value) -> Value:
-        """`value` with its upper bits in use, as the upper half of a product is what is kept."""
+        """`value` shifted up to use its upper bits, because only the upper half of a product is kept."""
         unused = _unused_bits(value)
         return self.with_fraction(value, value.fraction + unused) if unused > 6 else value
 
@@ -303,7 +303,7 @@ class Builder:
         )
 
     def with_fraction(self, value: Value, fraction: int) -> Value:
-        """`value` rounded to fewer fraction bits."""
+        """`value` with another number of fraction bits, rounded if they are fewer."""
         if value.fraction == fraction:
             return value
         mantissa, shift = mantissa_and_shift(2.0 ** (fraction - value.fraction), least_shift=0)
@@ -344,7 +344,7 @@ class Builder:
     def long_angle(self, source: int, low: float, high: float) -> Value:
         """A joint's angle in radian, of more turns than a state variable holds; `source` as for `harmonic`.
 
-        It is read as a part of 2^n turns, with n such that it wraps no sooner than at twice the range.
+        It is read as a fraction of 2^n turns, with n such that it wraps only beyond twice the range.
         """
         turns = np.array([low, high]) / (2.0 * math.pi)
         part = 2.0 ** -math.ceil(math.log2(4.0 * np.abs(turns).max()))
@@ -379,12 +379,12 @@ class Builder:
         )
 
     def spline(self, value: Value, first: int, cell_shift: int, coefficients: Array) -> Value:
-        """Piecewise cubic of a slot; `coefficients` (cells, 4), powers of the position within the cell."""
+        """Piecewise cubic of a slot; `coefficients` (cells, 4), for rising powers of the position within the cell."""
         largest = float(np.abs(coefficients).max()) + float(np.abs(coefficients).sum(axis=1).max())
         fraction = fraction_for(largest)
         word = len(self.data) // 4
         raw = np.round(coefficients * 2.0**fraction).astype(np.int64)
-        # What rounding left between one cell's end and the next one's start goes into the linear part.
+        # The gap that rounding leaves between the end of a cell and the start of the next goes into the linear part.
         raw[:-1, 1] += raw[1:, 0] - raw[:-1].sum(axis=1)
         for cell in raw:
             self.data += struct.pack("<4i", *cell)
@@ -406,7 +406,7 @@ class Builder:
         exponent: int,
         hold: bool = False,
     ) -> list[Value]:
-        """Multilinear table; `values` (nodes of axis 1, …, outputs). One slot an output.
+        """Multilinear table; `values` (nodes of axis 1, …, outputs). Returns one slot per output.
 
         `exponent`: fraction bits of the int16 values. `hold`: constant beyond the ends instead of fading out.
         """
@@ -469,7 +469,7 @@ class Builder:
             self.data += struct.pack(f"<{len(inverses)}I", *(int(i) for i in inverses))
 
     def add_term(self, coordinate: int, value: Value, coefficient: float, slope: float = 0.0) -> None:
-        """coordinate += coefficient · value. `slope`: largest, of the term over a joint [rad/rad].
+        """coordinate += coefficient · value. `slope`: largest derivative of the term by a joint [rad/rad].
 
         Raises CannotCompileError beyond 0.5 rad (m).
         """
@@ -480,7 +480,7 @@ class Builder:
             )
         if value.largest == 0.0 or coefficient == 0.0:
             return
-        # A mantissa of 31 bits: a slot that leaves its upper bits empty is moved up.
+        # A coefficient too large for the mantissa's 31 bits: a slot with unused upper bits is shifted up instead.
         room = _unused_bits(value)
         need = math.frexp(abs(coefficient))[1] - (value.fraction - 31)
         if need > 0 and room > 0:

@@ -14,7 +14,7 @@ from armtrue.io.columns import commanded_joints
 from armtrue.io.robot import STANDARD_GRAVITY
 from armtrue.io.rotation import matrix_about, matrix_from_rpy
 
-# The bars of a parallelogram meet before its angle comes this close to 0 or 180 degrees.
+# Least sine of a parallelogram's angle: its bars meet before the angle comes closer to 0 or 180 degrees.
 _LEAST_SINE_OF_LINKAGE = 0.4
 
 
@@ -87,7 +87,7 @@ class Chain:
         return self.frames(motor)[-1] @ self.end @ flange_from_tool
 
     def can_stand(self, motor: Array) -> NDArray[np.bool_]:
-        """Which of the motor-side joints (N, n) a parallelogram allows: those that do not fold it."""
+        """Mask (N,) of the motor-side joints (N, n) that the parallelogram allows, because they do not fold it."""
         if self.linkage is None:
             return np.ones(len(motor), dtype=np.bool_)
         joint, angle = self.linkage
@@ -150,7 +150,7 @@ def chain_from_robot(spec: dict[str, Any]) -> Chain:
     coupling = np.eye(n)
     for entry in spec.get("coupling") or []:
         if entry.get("kind") == "controller":
-            continue  # a matter of what is reported: io.dataset reads the drives' angles
+            continue  # affects reported angles only: io.dataset converts them to the drives' angles
         coupling[entry["joint"] - 1, entry["driving"] - 1] += entry["ratio"]
     links = spec.get("links") or []
     temperature = spec.get("temperature") or {}

@@ -47,9 +47,10 @@ class Engine(StrEnum):
 class Compensated:
     """Corrected joints (N, n) [rad or m], intended points (N, 3) [m] in the measuring frame, and notes for people.
 
-    `beyond` (N, n): which corrected joints leave the arm's limits, as far as those are known; the commands themselves
-    did in `sent_beyond` (N, n). `passive`: number of a joint without a motor → its column as commanded, which is never
-    corrected, None where the poses have none. `remainder`: how far each row stays from its point; None without the fit.
+    `beyond` (N, n): mask of the corrected joints outside the arm's limits, as far as these are known; `sent_beyond`
+    (N, n): the same of the commands. `passive`: number of a joint without a motor → its column as commanded, which is
+    never corrected, None where the poses have none. `remainder`: distance of each row from its point; None without the
+    fit.
     """
 
     joints: Array
@@ -61,7 +62,7 @@ class Compensated:
     passive: dict[int, Array | None] = field(default_factory=dict)
 
     def columns(self) -> dict[str, Array]:
-        """`q1…qn` to send: corrected, those of passive joints as they came."""
+        """`q1…qn` to send: corrected; those of passive joints as commanded."""
         each = {k: self.passive.get(k, self.joints[:, k - 1]) for k in range(1, self.joints.shape[1] + 1)}
         return {f"q{k}": values for k, values in each.items() if values is not None}
 
@@ -79,7 +80,7 @@ class Compensated:
 
 
 def sidecar(tables: Path) -> Path:
-    """Where export leaves the fit that a table was made from, for the double engine."""
+    """Path of the copy of a table's fit that export writes, for the double engine."""
     return Path(f"{tables}.fit.json")
 
 
@@ -93,8 +94,8 @@ def compensate(
     """Correct the commands in `poses` with the table in `tables`.
 
     `fit`: the fit that the table was made from; default: the copy that export left beside it. The double engine needs
-    it; the fixed one corrects without, and then nobody knows what is left. `quantise`: round the corrections to the
-    drives' increments. Columns that `poses` lacks take their neutral values, and a note says so. Errors: InputError.
+    it; the fixed one corrects without, but then the remaining error is unknown. `quantise`: round the corrections to
+    the drives' increments. Columns that `poses` lacks take neutral values, and a note says so. Errors: InputError.
     """
     image = Image.load(tables)
     document = _made_from(tables, fit, image)
@@ -113,7 +114,7 @@ def compensate(
         corrected = joints + np.round((corrected - joints) * per_unit) / per_unit
     arm = _arm_of(document)
     kept = None if arm is None else remainder(arm, data.rows, (joints, corrected), around, tool)
-    if engine is Engine.FIXED:  # the other engine has said by itself what it leaves
+    if engine is Engine.FIXED:  # the double engine notes the remaining error itself
         words = _unknown(tables, fit) if kept is None else kept.words()
         notes += [words] if words else []
     limits = _limits(document, image)
@@ -135,7 +136,7 @@ def _is_beyond(joints: Array, limits: Array) -> NDArray[np.bool_]:
 
 
 def _made_from(tables: Path, fit: Path | None, image: Image) -> dict[str, Any]:
-    """The fit that a table was made from, as it stands in its file; empty where it is not there."""
+    """The document of the fit that a table was made from; empty where it is missing or of another fit."""
     try:
         document = read_json(fit or sidecar(tables), _LARGEST_FIT_BYTES, "a fit.json")
         return dict(document) if digest_of(document) == image.header["fit_digest"] else {}
@@ -195,7 +196,7 @@ def _fixed(
 
 
 def _too_few_axes(image: Image) -> str:
-    """What of the tool's pose the arm cannot set in any posture, in words; empty where it sets all that it shall."""
+    """How many coordinates of the tool's pose the arm can set, in words; empty where it can set all that it should."""
     wanted = 3 if image.rotation_length_m is None else 6
     last_from_tool = list(image.tools().values())[image.header["active_tool"]]
     moved = coordinates_moved(image.chain(), last_from_tool, image.rotation_length_m)
@@ -245,7 +246,7 @@ def _fitted(tables: Path, fit: Path | None, image: Image) -> FittedArm:
 
 
 def _robot_of(image: Image, document: dict[str, Any]) -> Robot:
-    """As much of robot.yaml as reading poses takes; what the controller couples is known from the fit alone."""
+    """The part of robot.yaml that is needed to read poses; couplings by the controller are known only from the fit."""
     joints = [
         {
             "name": str(k + 1),
@@ -293,7 +294,7 @@ def _surroundings(image: Image, data: Dataset) -> tuple[Surroundings, list[str]]
 
 
 def _missing(names: set[str]) -> list[tuple[str, str]]:
-    """Missing columns and what is taken in their place, one entry a kind."""
+    """Missing columns and their neutral values in words, one entry per kind."""
     by_kind: dict[str, list[str]] = {}
     for name in sorted(names):
         by_kind.setdefault(name.split("_")[0].rstrip("0123456789"), []).append(name)

@@ -1,4 +1,4 @@
-"""Expressions of the state into nodes of the term list; what has no node becomes a table with a stated error."""
+"""Compiles expressions of the state into nodes of the term list; where no node exists, into a table of stated error."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from armtrue.tables.builder import Builder, CannotCompileError, Value
 from armtrue.tables.expression import Tree
 from armtrue.tables.layout import Node
 
-# Error that a table in place of an expression may make on its coordinate [rad or m]: what is aimed at, and what is
-# still accepted and stated. 2e-7 rad is 0.6 µm at 3 m.
+# Error of a table in place of an expression, on its coordinate [rad or m]: the error that is aimed at, and the largest
+# that is accepted and stated. 2e-7 rad is 0.6 µm at 3 m.
 TABLE_ERROR_WANTED = 2e-9
 TABLE_ERROR_ACCEPTED = 2e-7
 _MOST_SPLINE_CELLS = 255
@@ -37,7 +37,7 @@ class Compiler:
     notes: list[str] = field(default_factory=list)
 
     def compile(self, tree: Tree, coefficient: float) -> Value:
-        """The slot that holds `tree`. `coefficient`: what it is multiplied with on its coordinate, for the error.
+        """The slot that holds `tree`. `coefficient`: its factor on the coordinate, for the error.
 
         Raises CannotCompileError where no form keeps the error within TABLE_ERROR_ACCEPTED.
         """
@@ -100,7 +100,7 @@ class Compiler:
     def _product_of_powers(self, tree: Tree, scale: float) -> Value | None:
         """A product with equal factors, as powers of them; None where all factors differ.
 
-        Taken as of independent factors, x · (-x) would range over both signs, though it is never above zero.
+        As a product of independent factors, x · (-x) would have an interval of both signs, though it is never positive.
         """
         number, factors = expression.factors(tree)
         exponents: dict[Tree, int] = {}
@@ -112,7 +112,7 @@ class Compiler:
         return self.builder.affine(functools.reduce(self.builder.multiply, powers), number)
 
     def _power(self, value: Value, exponent: int) -> Value:
-        """value^exponent for an exponent above zero, with the range of equal factors."""
+        """value^exponent for an exponent above zero, with the interval of a power, not of independent factors."""
         result = value
         for n in range(2, exponent + 1):
             ends = sorted((value.low**n, value.high**n))
@@ -148,7 +148,7 @@ class Compiler:
         return self.builder.multiply(sine, self.builder.reciprocal(self._wave(tree.args[0], scale, 0.25)))
 
     def _wave(self, argument: Tree, scale: float, phase_turns: float) -> Value:
-        """sin(argument + phase): of joints by the binary angle, which wraps by itself; of anything else by radian."""
+        """sin(argument + phase): of joint angles as binary angles, which wrap by themselves; of others in radian."""
         affine = expression.as_affine(argument)
         if affine is not None:
             sources = [(self.angle_source(name), order) for name, order in affine[0].items() if order != 0.0]
@@ -186,7 +186,7 @@ class Compiler:
         limit = self.builder.constant(_SMALLEST_STEEPNESS)
         inner = self.builder.pick(Node.MINIMUM, inner, limit)
         inner = self.builder.pick(Node.MAXIMUM, inner, self.builder.affine(limit, -1.0))
-        # tanh x = 1 - 2 e^-2x / (1 + e^-2x), symmetric: by the side where the exponential is small.
+        # tanh x = 1 - 2 e^-2x / (1 + e^-2x), an odd function: evaluated for |x|, where the exponential is small.
         sign = self.builder.unary(Node.SIGN, inner)
         size = self.builder.unary(Node.ABSOLUTE, inner)
         small = self.builder.power_of_two(self.builder.affine(size, -2.0 * math.log2(math.e)))
@@ -228,7 +228,7 @@ class Compiler:
         return self._spline(self.variable(name), lambda x: expression.evaluate(tree, {name: x}), scale)
 
     def _spline(self, value: Value, function: Callable[[Array], Array], scale: float) -> Value | None:
-        """`function` of a slot as a piecewise cubic, with as few cells as the error allows; None where none does."""
+        """`function` of a slot as a piecewise cubic, with as few cells as the error allows; None if no number does."""
         first = math.floor(value.low * 2.0**value.fraction)
         span = math.ceil(value.high * 2.0**value.fraction) - first
         best: tuple[float, int, Array] | None = None
@@ -250,7 +250,7 @@ class Compiler:
         return self.builder.spline(value, first, best[1], best[2])
 
     def _tabulated(self, tree: Tree, scale: float) -> Value:
-        """A multilinear table over the tree's variables, as fine as the error asks for."""
+        """A multilinear table over the tree's variables, as fine as the accepted error requires."""
         names = sorted(tree.variables())
         if not 1 <= len(names) <= 3:
             raise CannotCompileError(
@@ -312,7 +312,7 @@ def _fit_cubics(
     fitted = coefficients @ np.vander(within, 4, increasing=True).T
     raster: Array = starts + width * used[:, None] * within
     error = np.abs(fitted - function(raster)).max()
-    # Back from the used part to the whole cell.
+    # Rescale from the used part to the whole cell.
     coefficients = coefficients / used[:, None] ** np.arange(4)
     return coefficients, float(error) if np.isfinite(samples).all() else math.inf
 

@@ -1,4 +1,4 @@
-"""A fit into a table image: terms compiled, limits set, records written, signed (docs/table-format.md)."""
+"""Export of a fit as a table image: compile terms, set limits, write records, sign (docs/table-format.md)."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ _REMEDY = "take the effect out with 'armtrue remove', or fit it in another form"
 
 @dataclass(frozen=True)
 class ExportOptions:
-    """What an export may be told; None takes the default that the field's comment gives."""
+    """Options of an export; None takes the default that the field's comment gives."""
 
     serial: str | None = None  # robot.yaml's serial, or its name
     tool: str | None = None  # the only or first tool
@@ -273,7 +273,7 @@ class _Exporter:
                     regressors[coordinate][tree.name] = coefficient
                 elif coefficient != 0.0:
                     others.append((coordinate, tree, coefficient))
-        # Every set is known before the first slot is made: fractions depend on sets, slots on fractions.
+        # All mass sets must be known before the first slot is made: slots depend on fractions, fractions on the sets.
         combined = {coordinate: self.gravity.combined(sums) for coordinate, sums in regressors.items()}
         for name in sorted(self.arm.variables()):
             is_read = any(name in tree.variables() for _, tree, _ in others) or any(
@@ -322,7 +322,7 @@ class _Exporter:
     def _add_combined(self, combined: dict[str, Any]) -> None:
         for coordinate, readings in combined.items():
             for reading, mass_set in readings.items():
-                # The set carries the coefficients, so the state variable is the sum itself, in rad.
+                # The mass set contains the coefficients, so the state variable is the sum itself, in rad.
                 value = self.builder.state(
                     reading.kind, reading.joint, -0.5, 0.5, mass_set, self.gravity.sets[mass_set].fraction
                 )
@@ -334,7 +334,7 @@ class _Exporter:
                     ) from None
 
     def _add_grids(self) -> None:
-        """Grids with the same axes, coverage and size share one node: the cell is found once."""
+        """Grids with equal axes, coverage and exponent share one node, so that the cell is searched only once."""
         together: dict[tuple[Any, ...], list[Grid]] = defaultdict(list)
         for grid in self.arm.grids:
             exponent = int_exponent(float(np.abs(grid.values).max()))
@@ -369,7 +369,7 @@ class _Exporter:
                 raise CannotCompileError(f"table {grid.name}: {error}; {_REMEDY}") from None
 
     def _slope(self, tree: expression.Tree, coefficient: float) -> float:
-        """Largest slope of a term over any one joint [rad/rad]; gravity counts as standing still."""
+        """Largest slope of a term over any one joint [rad/rad]; gravity is taken as constant."""
         joints = [name for name in tree.variables() if name[0] == "q" or name.startswith("th")]
         columns = dict(self._samples)
         largest = 0.0
@@ -520,14 +520,14 @@ class _Exporter:
         return [(kind, len(records), b"".join(records)) for kind, records in content if records]
 
     def _state_order(self) -> list[int]:
-        """Still ones (ONE first), then joint positions, then gravity set by set, so that a set is summed up once."""
+        """Constant ones (ONE first), then joint positions, then gravity by mass set: each set is summed once."""
         states = self.builder.states
         return sorted(
             range(len(states)), key=lambda i: (layout.state_class(states[i].kind), i != 0, states[i].mass_set)
         )
 
     def _node_order(self) -> list[int]:
-        """Still ones first, then what steep terms need, else as they were made: every node after what it reads."""
+        """Constant ones first, then those that steep terms need, then the rest; every node follows its inputs."""
         needed = self.builder.nodes_read_by([value for _, value, _, steep in self.builder.terms if steep])
         nodes = self.builder.nodes
 
@@ -606,7 +606,7 @@ class _Exporter:
                 )
             per_unit = [
                 float(_INCREMENTS_PER_UNIT)
-            ] * n  # a passive joint has none, and its record needs some
+            ] * n  # a passive joint has no drive, but its record needs a value
             for place, k in enumerate(motors):
                 per_unit[k] = given[0 if len(given) == 1 else place]
             return per_unit
@@ -629,7 +629,7 @@ class _Exporter:
         return made
 
     def _say_what_is_cut(self) -> None:
-        """Note the options that ask for more, or less, than the firmware lets any table have."""
+        """Note the options that are outside what the firmware allows any table."""
         least = layout.DAMPING[0]
         if self.options.damping_m is not None and self.options.damping_m < least:
             self.notes.append(
@@ -669,8 +669,8 @@ class _Exporter:
             (self.options.rotation_length_m or 0.25 * self.chain.reach_m) if self.options.full_pose else None
         )
         correction = np.abs(reference.newton_joints(poses, around, rotation) - poses)
-        # Close to singularities corrections grow without bound: all but one in a thousand are covered. Rounding
-        # decides the last digits there: whole steps give the same image on another processor.
+        # Close to singularities corrections grow without bound, so all but one in a thousand are covered. Their last
+        # digits depend on rounding; whole steps give the same image on every processor.
         covered = 2.0 * np.quantile(correction, 0.999, axis=0) + 2e-3
         return np.asarray(
             np.minimum(np.ceil(covered / _CORRECTION_STEP) * _CORRECTION_STEP, _LARGEST_CORRECTION)

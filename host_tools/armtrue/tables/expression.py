@@ -1,4 +1,4 @@
-"""Expressions of the state as trees: evaluated over columns, bounded by intervals, taken apart for the compiler.
+"""Expressions of the state as trees: evaluated over columns, simplified, and split into parts for the compiler.
 
 The grammar is docs/model.md's; the one parser is `armtrue._core.parse_expression`.
 """
@@ -16,7 +16,7 @@ import numpy as np
 from armtrue import _core
 from armtrue.arrays import Array
 
-# Powers up to this are products of their base.
+# Powers with a whole exponent up to this are computed as products of their base.
 LARGEST_EXPONENT = 8
 
 
@@ -68,7 +68,7 @@ def simplified(tree: Tree) -> Tree:
 
 
 def with_zeros(tree: Tree, names: frozenset[str]) -> Tree:
-    """`tree` where the variables `names` are zero: products with them are gone, too."""
+    """`tree` with the variables `names` set to zero, and without products that contain them."""
     if tree.op == "variable":
         return number(0.0) if tree.name in names else tree
     if not names & tree.variables():
@@ -162,7 +162,7 @@ def as_affine(tree: Tree) -> tuple[dict[str, float], float] | None:
 
 
 def factors(tree: Tree) -> tuple[float, list[tuple[Tree, int]]]:
-    """`tree` as a number times powers: the number, and each factor with its exponent, as often as it occurs."""
+    """`tree` as a number times powers: the number, and each factor with its exponent; factors may repeat."""
     if tree.is_number:
         return tree.value, []
     if tree.op == "negate":
@@ -188,7 +188,7 @@ def whole_exponent(tree: Tree) -> int | None:
 
 
 def linear_parts(tree: Tree, factor: float = 1.0) -> list[tuple[float, Tree]]:
-    """`factor · tree` as a sum of factors and trees that are no sums and carry no factor of their own."""
+    """`factor · tree` as (factor, tree) pairs to be summed; no tree is itself a sum or has a constant factor."""
     if tree.op == "negate":
         return linear_parts(tree.args[0], -factor)
     if tree.op in ("add", "subtract"):

@@ -1,4 +1,4 @@
-"""What of a fit goes into tables: the exported terms, with 1-D tables and grids gathered from their nodes."""
+"""The part of a fit that goes into tables: exported terms, with 1-D tables and grids assembled from their nodes."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from armtrue.tables import expression
 from armtrue.tables.chain import Chain, chain_from_robot, pose
 from armtrue.tables.expression import Tree
 
-# A load per radian by which the base is turned about an axis (docs/model.md).
+# Variables that are a load per radian of the base's rotation about an axis (docs/model.md).
 _TILT = re.compile(r"\btilt[xy]?_[0-9]+_([xyz])\b")
 
 
@@ -63,7 +63,7 @@ class Grid:
 
 
 def locate(nodes: Array, at: Array) -> tuple[NDArray[np.intp], Array, Array]:
-    """Cell, position within it (0 … 1), and what is left outside the nodes (1 inside, 0 a cell's width away)."""
+    """Cell, position within it (0 … 1), and the fade factor (1 inside the nodes, 0 a cell's width outside)."""
     cell = np.clip(np.searchsorted(nodes, at, side="right") - 1, 0, nodes.size - 2)
     within = (at - nodes[cell]) / (nodes[cell + 1] - nodes[cell])
     away = np.maximum(0.0, np.maximum(-within, within - 1.0))
@@ -81,7 +81,7 @@ class FittedArm:
     measuring_from_base: Array
     flange_from_tool: dict[str, Array]
     payload_point: Array  # in the flange, m
-    # Loads are those of the nominal arm at what is commanded, not where the arm stands (fit.json `statics`).
+    # Loads are those of the nominal arm at the commanded joints, not where the arm stands (fit.json `statics`).
     loads_act_at_command: bool = False
     terms: dict[str, dict[str, float]] = field(default_factory=dict)
     # Effects that a term comes from, by coordinate and expression: for messages.
@@ -89,8 +89,8 @@ class FittedArm:
     grids: list[Grid] = field(default_factory=list)
     # Effects that belong to the measurement, with how far each moves what was measured [µm RMS].
     skipped: dict[str, float | None] = field(default_factory=dict)
-    # Effects of the arm that stay behind, wholly or on short moves, a user's own by the names of their parameters: why,
-    # and how far each moves the tool [µm RMS].
+    # Effects of the arm that the table omits, wholly or on short moves (a user's own by the names of their parameters):
+    # the reason, and how far each moves the tool [µm RMS].
     stays_behind: dict[str, tuple[str, float | None]] = field(default_factory=dict)
 
     def variables(self) -> set[str]:
@@ -112,7 +112,7 @@ def digest_of(document: dict[str, Any]) -> bytes:
     }
     if (
         document.get("statics") == "nominal"
-    ):  # this and the next are said only then, so that older tables are still known by their fit
+    ):  # this part and the next exist only where they apply, so that digests in older tables still match
         parts["statics"] = "nominal"
     if averaged := sorted(not_for_a_device(document)):
         parts["averaged"] = [averaged, document.get("data", {}).get("means")]
@@ -168,7 +168,7 @@ def _gather(document: dict[str, Any], arm: FittedArm, reflectors: list[str]) -> 
         effect = parameter["effect"]
         if parameter.get("name") in left_out:
             behind[parameter["name"]] = left_out[parameter["name"]]
-            if not means:  # of a fit that kept none
+            if not means:  # the fit has none stored
                 continue
             parameter = at_average(parameter, means)
         if not parameter.get("exported", True):
@@ -182,7 +182,7 @@ def _gather(document: dict[str, Any], arm: FittedArm, reflectors: list[str]) -> 
             continue
         tilts = [_TILT.findall(term["expression"]) for term in parameter["terms"]]
         if tilts and all(tilts):
-            # Loads are linear in gravity: all that such a parameter does is done by another direction of it.
+            # Loads are linear in gravity, so such a parameter is equivalent to another direction of gravity.
             about = np.eye(3)["xyz".index(tilts[0][0])]
             gravity += float(parameter["value"]) * np.cross(arm.chain.gravity, about)
             continue
@@ -219,7 +219,7 @@ def _gather(document: dict[str, Any], arm: FittedArm, reflectors: list[str]) -> 
 
 
 def _is_node(text: str, table: dict[str, Any]) -> bool:
-    """True where `text` is the product of hats that `table` says it is; anything else is compiled as it reads."""
+    """True where `text` is the product of hats that `table` describes; any other text is compiled as an expression."""
     axes = [axis for axis in table["axes"] if len(axis["nodes"]) > 1]
     if not axes or len(axes) != len(table["axes"]):
         return False

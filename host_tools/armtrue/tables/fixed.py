@@ -55,7 +55,7 @@ def library() -> ctypes.CDLL:
 
 @dataclass(frozen=True)
 class Verdict:
-    """What a device says to an image. `refusal` 0: accepted; `field`: byte offset of the field at fault."""
+    """A device's verdict on an image. `refusal` 0: accepted; `field`: byte offset of the field at fault."""
 
     refusal: int
     reason: str
@@ -90,7 +90,7 @@ def cycle_cost(image: bytes) -> int:
 
 
 def cycle_budget() -> int:
-    """The most of them that a device takes: `validate` refuses an image above it."""
+    """Most instructions per control cycle that a device accepts: `validate` refuses an image above it."""
     return int(library().armtrue_cycle_budget())
 
 
@@ -156,7 +156,7 @@ class FixedEngine:
             ctypes.byref(packed),
             *map(_pointer, results),
         )
-        del keep  # not before the call: the structure holds addresses only
+        del keep  # alive until after the call, because the structure holds addresses only
 
     def _packed(
         self, around: Surroundings, shape: tuple[int, ...], tool: NDArray[np.uint8] | None

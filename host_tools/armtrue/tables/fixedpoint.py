@@ -1,4 +1,4 @@
-"""Real numbers as the firmware's integers: exponents, mantissas, and the writing of them."""
+"""Conversion of real numbers to the firmware's integers: fraction bits, mantissas and shifts."""
 
 from __future__ import annotations
 

@@ -16,9 +16,9 @@ _REGRESSOR = re.compile(r"^u(x|y)?_(\d+)_(\d+)_([mxyz])$")
 _PAYLOAD_REGRESSOR = re.compile(r"^up(x|y)?_(\d+)$")
 _MOMENT = re.compile(r"^(tau|gmx|gmy)(\d+)$")
 
-# A gravity variable whose range is below this share of the most that its masses could make counts as zero: the device's
-# own sums cannot tell it from zero. Where physics makes it zero (the moment about a vertical axis), rounding in double
-# precision leaves some 1e-16 of that size.
+# A gravity variable whose range is below this share of the largest value that its masses can produce counts as zero:
+# the device's sums cannot distinguish it from zero. Where physics makes it zero (the moment about a vertical axis),
+# rounding in double precision leaves some 1e-16 of that value.
 _LAST_PLACE = 2.0**-30
 
 # A sum over the arm may pass through larger values than its end; three bits for that and for posture.
@@ -27,7 +27,7 @@ _HEADROOM_BITS = 27
 
 @dataclass(frozen=True)
 class Reading:
-    """What is read off a mass set: a kind of gravity state variable, of one joint (0-based)."""
+    """A quantity computed from a mass set: a kind of gravity state variable, of one joint (0-based)."""
 
     kind: State
     joint: int
@@ -63,7 +63,7 @@ class GravitySets:
     _unit_sets: dict[tuple[object, ...], int] = field(default_factory=dict)
 
     def reading(self, name: str) -> tuple[int, Reading] | None:
-        """Set and reading of the gravity variable `name`; None where it is none or needs masses that are not known."""
+        """Set and reading of the gravity variable `name`; None if it is none or its masses are unknown."""
         match = _MOMENT.match(name)
         if match or name in ("bmx", "bmy"):
             if self.chain.masses is None:
@@ -81,7 +81,7 @@ class GravitySets:
         return None
 
     def combined(self, coefficients: dict[str, float]) -> dict[Reading, int]:
-        """One set a reading for Σ coefficient · regressor: the device computes the whole sum at once."""
+        """One mass set per reading for Σ coefficient · regressor, so that the device computes the whole sum at once."""
         made: dict[Reading, MassSet] = {}
         for name, coefficient in coefficients.items():
             match = _REGRESSOR.match(name)
@@ -108,7 +108,7 @@ class GravitySets:
             )
 
     def is_zero(self, name: str, largest: float) -> bool:
-        """True where the gravity variable `name`, of at most `largest` in the workspace, is zero but for rounding."""
+        """True if the gravity variable `name`, at most `largest` in the workspace, is zero except for rounding."""
         match = _PAYLOAD_REGRESSOR.match(name) or _REGRESSOR.match(name)
         if match is None:
             mass_set = self._arm_masses()
@@ -119,7 +119,7 @@ class GravitySets:
         return largest < _LAST_PLACE * self._largest(mass_set)
 
     def _largest(self, mass_set: MassSet) -> float:
-        """The most that a moment or torque of `mass_set` can be: its masses at the arm's reach, under gravity."""
+        """Upper bound of the moments and torques of `mass_set`: its masses at the arm's reach, under gravity."""
         n = self.chain.joint_count
         # Distance of frame k's origin from the base is bounded by the lengths before it.
         lengths = np.array([np.linalg.norm(fixed[:3, 3]) for fixed in self.chain.fixed])
@@ -136,7 +136,7 @@ class GravitySets:
 
     @staticmethod
     def is_gravity(name: str) -> bool:
-        """True for every variable that gravity makes."""
+        """True for every gravity variable."""
         return name in ("bmx", "bmy") or any(p.match(name) for p in (_MOMENT, _REGRESSOR, _PAYLOAD_REGRESSOR))
 
     @staticmethod

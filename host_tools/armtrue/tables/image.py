@@ -1,4 +1,4 @@
-"""Table images taken apart: what `tables info` prints and what `compensate` needs on the host."""
+"""Reader of table images on the host, for `tables info` and `compensate`."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from armtrue.tables.chain import Chain, transform
 from armtrue.tables.fixed import validate
 from armtrue.tables.layout import Node, Section, State
 
-# No device holds more.
+# Largest file that is read; no device holds more.
 LARGEST_IMAGE_BYTES = 16 * 1024 * 1024
 
 
@@ -38,7 +38,7 @@ class JointRecord:
 
 @dataclass(frozen=True)
 class GridRecord:
-    """A multilinear table: its node number, axes (slot, first, last, nodes), outputs, exponent-free values."""
+    """A multilinear table: its node number, axes (slot, nodes), and stored integers (nodes of axis 1, …, outputs)."""
 
     node: int
     axes: list[tuple[int, Array]]
@@ -47,7 +47,7 @@ class GridRecord:
 
 
 class Image:
-    """A validated image. `bytes` is the file; records are read when asked for."""
+    """A validated image. `bytes` is the file; records are decoded on demand."""
 
     def __init__(self, content: bytes, path: object = "tables") -> None:
         verdict = validate(content)
@@ -230,7 +230,7 @@ class Image:
         return np.eye(4)
 
     def chain(self) -> Chain:
-        """The nominal chain as the image holds it; its end and tools stand together in `tools`."""
+        """The nominal chain as the image holds it; its end is part of the transforms in `tools`."""
         joints = self.joints()
         n = len(joints)
         coupling = np.eye(n)

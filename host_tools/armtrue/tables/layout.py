@@ -26,7 +26,7 @@ FLAG_FULL_POSE = 2
 
 
 def header_of(image: bytes) -> dict[str, Any]:
-    """The header's values as they stand, by HEADER_FIELDS."""
+    """The raw values of the header, by HEADER_FIELDS."""
     return dict(zip(HEADER_FIELDS, HEADER.unpack_from(image), strict=True))
 
 
@@ -102,7 +102,7 @@ MAX_SEQUENCE = 2**32 - 1
 # Drive increments of a turn or a metre, without sign: the fewest and the most.
 INCREMENTS_PER_UNIT = (2.0**4, 2.0**31)
 DAMPING = (2.0**-8, 1.0)  # m/rad, least and most
-# Compile-time caps of the firmware (limits.h): turn, m, and the same per second.
+# Compile-time caps of the firmware (limits.h) by whether a joint is prismatic: turn or m, and the same per second.
 MAX_DELTA = {False: 0.05, True: 0.1}
 MAX_RATE = {False: 0.1, True: 0.2}
 
@@ -138,7 +138,7 @@ POSITION_KINDS = (State.MOTOR, State.LINK)
 
 
 def state_class(kind: State) -> int:
-    """Where a state variable stands: 0 still during a cycle, 1 joint positions, 2 gravity."""
+    """Rank of a state variable in the section: 0 constant during a cycle, 1 joint positions, 2 gravity."""
     return 1 if kind in POSITION_KINDS else 2 if kind in GRAVITY_KINDS else 0
 
 

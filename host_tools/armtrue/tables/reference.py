@@ -1,4 +1,4 @@
-"""The fitted model and its inverse in double precision: what the fixed-point engine is measured against.
+"""The fitted model and its inverse in double precision: the reference for the fixed-point engine.
 
 docs/model.md gives every formula. Vectorised over poses with NumPy; shares no code with the fitter or the firmware.
 """
@@ -21,25 +21,25 @@ from armtrue.tables.layout import COMPONENTS
 
 _REGRESSOR = re.compile(r"^u(x|y)?_(\d+)_(\d+)_([mxyz])$|^up(x|y)?_(\d+)$")
 
-# The inverse stops at steps below this [rad, m]; away from singularities it gets there in four.
+# The inverse stops at steps below this [rad, m]; away from singularities it needs four.
 _CONVERGED_M = 1e-13
-# Near singularities, where many steps are refused and tried again shorter.
+# Most steps: near singularities many are refused and tried again with more damping.
 _MOST_STEPS = 100
 _MOST_NEWTON_STEPS = 30
-# Least damping [m/rad]: takes 1e-6 of a step where the smallest singular value is 0.1 m/rad.
+# Least damping [m/rad]: it shortens a step by 1e-6 where the smallest singular value is 0.1 m/rad.
 _DAMPING = 1e-4
-# By how much the damping of a pose grows with every refused step, and shrinks with every accepted one.
+# The damping of a pose is multiplied by this with every refused step, and divided with every accepted one.
 _DAMPING_FACTOR = 4.0
-# Postures that tell what an arm can move, and what counts as movement, by the reach [1/rad].
+# Number of postures at which the rank of the Jacobian is computed, and its tolerance per metre of reach [1/rad].
 _POSTURES = 50
 _MOVES = 1e-6
-# A pose whose error is above this [m] does not reach its target: a hundredth of what an instrument can tell.
+# A pose whose error is above this [m] does not reach its target: a hundredth of what an instrument can resolve.
 _REACHED_M = 1e-7
 
 
 @dataclass(frozen=True)
 class Surroundings:
-    """What the terms read besides the joints, each (N,) or (N, n); None where it is not recorded."""
+    """The inputs of the terms besides the joints, each (N,) or (N, n); None where not recorded."""
 
     temperature: Mapping[str, Array]  # sensor → °C
     payload: Array | None = None  # kg
@@ -47,7 +47,7 @@ class Surroundings:
     direction: Array | None = None  # (N, n)
 
     def of(self, rows: NDArray[np.bool_]) -> Surroundings:
-        """Those of some rows."""
+        """The inputs of the masked rows."""
         return Surroundings(
             {sensor: column[rows] for sensor, column in self.temperature.items()},
             *(
@@ -59,21 +59,21 @@ class Surroundings:
 
 @dataclass(frozen=True)
 class Standing:
-    """Where loads act: frames 1…n in the robot base, (N, 4, 4) each, and the payload's place in the last, (N, 3)."""
+    """Where loads act: frames 1…n in the robot base, (N, 4, 4) each, and the payload's position in the last, (N, 3)."""
 
     frames: list[Array]
     payload: Array
 
     def of(self, rows: NDArray[np.bool_]) -> Standing:
-        """That of some rows."""
+        """The same of the masked rows."""
         return Standing([frame[rows] for frame in self.frames], self.payload[rows])
 
 
 @dataclass(frozen=True)
 class Solved:
-    """What the inverse found: motor-side joints (N, n), and what is left of the tool's error, (N,) each.
+    """Result of the inverse: motor-side joints (N, n), and the remaining error of the tool, (N,) each.
 
-    `attitude_rad` is zero where only the position was to be met.
+    `attitude_rad` is zero where only the position is corrected.
     """
 
     joints: Array
@@ -97,7 +97,7 @@ class Reference:
         self._variables = arm.variables()
 
     def at_nominal(self, motor: Array) -> Standing:
-        """Loads of the nominal arm."""
+        """Where loads act on the nominal arm at motor-side joints (N, n)."""
         point = (self.chain.end @ [*self.arm.payload_point, 1.0])[:3]
         return Standing(self.chain.frames(motor), np.tile(point, (motor.shape[0], 1)))
 
@@ -158,9 +158,9 @@ class Reference:
     def solve(self, target: Array, around: Surroundings, rotation_length_m: float | None = None) -> Solved:
         """Motor-side joints (N, n) at which the real tool is where nominal kinematics puts it for `target`.
 
-        Motor-side deflections are taken off directly; the rest by least-norm steps, iterated to convergence. Loads are
-        those of the nominal arm at `target`, where the corrected arm stands, or at what is commanded if so fitted.
-        `rotation_length_m`: metres that weigh as one radian where the full pose is to be met; None: position only.
+        Motor-side deflections are subtracted directly, the rest by least-norm steps, iterated to convergence. Loads are
+        those of the nominal arm at `target`, where the corrected arm stands, or at the commanded joints if so fitted.
+        `rotation_length_m`: length weighted as one radian if the full pose is corrected; None: position only.
 
         Near singularities the linear model of a step holds for short steps only (Levenberg-Marquardt): a step that
         does not lower the error, or leads further than any table may correct, is tried again with more damping. No
@@ -186,8 +186,8 @@ class Reference:
         corrected = start.copy()
         error, slope = seen(start, active)
         damping = np.full(len(target), _DAMPING)
-        # The first step takes the coordinates at the target, as the firmware does: an arm with more axes than the point
-        # needs reaches it with many joint angles, and the steps decide which of them are found.
+        # The first step takes the coordinates at the target, as the firmware does: a redundant arm reaches the point
+        # with many joint angles, and the steps decide which of them are found.
         step = _damped_step(*seen(start, active, coordinates), damping)
         for count in range(_MOST_STEPS):
             tried = corrected[active] + step
@@ -226,9 +226,9 @@ class Reference:
     def newton_joints(
         self, target: Array, around: Surroundings, rotation_length_m: float | None = None
     ) -> Array:
-        """As `inverse`, by Newton's method without a bound on its steps: for the limits of an export alone.
+        """As `inverse`, by Newton's method with unbounded steps: only for the limits of an export.
 
-        Away from singularities it is the same. Near them it runs away, which makes an export's limits generous there:
+        Away from singularities the result is the same. Near them it diverges, which makes an export's limits generous:
         with the bounded steps of `solve` they would be a third tighter on some arms, and a device would clamp more.
         """
         wanted, standing = self.nominal(target), self.at_nominal(target)
@@ -248,17 +248,17 @@ class Reference:
         return joints
 
     def distances(self, joints: Array, target: Array, around: Surroundings) -> Array:
-        """From the real tool point at `joints` to the nominal one at `target`, (N,) [m], with loads as in `solve`."""
+        """Distance (N,) [m] of the real tool point at `joints` from the nominal at `target`; loads as in `solve`."""
         with np.errstate(all="ignore"):
             pose, _ = self.real(joints, around, self._loads(joints, self.at_nominal(target)))
         return _norm(pose[:, :3, 3] - self.nominal(target)[:, :3, 3])
 
     def _loads(self, joints: Array, at_target: Standing) -> Standing:
-        """Where the loads of `joints` act: at what is commanded if so fitted, else where the corrected arm stands."""
+        """Where the loads of `joints` act: at the commanded joints if so fitted, else at the corrected arm."""
         return self.at_nominal(joints) if self.arm.loads_act_at_command else at_target
 
     def _farthest(self) -> Array:
-        """How far steps may lead each joint from where its own deflection is taken off [rad, m]."""
+        """Largest distance of each joint from the start of the steps [rad, m]: what a table may correct at most."""
         slides = np.array(self.chain.prismatic)
         return np.where(slides, layout.MAX_DELTA[True], 2.0 * np.pi * layout.MAX_DELTA[False])
 
@@ -269,7 +269,7 @@ class Reference:
         return result
 
     def _taken_off(self, coordinates: dict[str, Array], shape: tuple[int, ...]) -> Array:
-        """The part of the motor sides' deflection that motors can take off."""
+        """The part of the motor sides' deflection that motors can correct."""
         result = self._motor_deflection(coordinates, shape)
         result[:, list(self.chain.passive)] = 0.0
         return result
@@ -364,7 +364,7 @@ def _norm(vectors: Array) -> Array:
 
 
 def _error(wanted: Array, pose: Array, rotation_length_m: float | None) -> Array:
-    """What is left from `pose` to `wanted`, (N, 3) or with the attitude (N, 6), in metres."""
+    """Error from `pose` to `wanted`, (N, 3) or with the attitude (N, 6), in metres."""
     error = wanted[:, :3, 3] - pose[:, :3, 3]
     if rotation_length_m is None:
         return np.asarray(error)
@@ -383,7 +383,7 @@ def _weighed(jacobian: Array, rotation_length_m: float | None) -> Array:
 
 
 def _damped_step(error: Array, slope: Array, damping: Array) -> Array:
-    """The step (N, n) that takes off `error` in the linear model, shortened by `damping` (N,)."""
+    """The step (N, n) that removes `error` in the linear model, shortened by `damping` (N,)."""
     square = slope @ np.swapaxes(slope, 1, 2) + (damping**2)[:, None, None] * np.eye(slope.shape[1])
     multipliers = np.linalg.solve(square, error[:, :, None])
     return np.asarray((np.swapaxes(slope, 1, 2) @ multipliers)[:, :, 0])

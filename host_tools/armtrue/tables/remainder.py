@@ -1,4 +1,4 @@
-"""What corrected rows keep of the tool's error, by the fit in double precision."""
+"""The remaining error of the tool in corrected rows, by the fit in double precision."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from armtrue.arrays import Array
 from armtrue.tables.fitted import FittedArm
 from armtrue.tables.reference import Reference, Surroundings
 
-# A row that keeps more than both of these is told: what a tracker can see, and a real part of what was to be corrected.
+# A row is reported if it keeps more than both of these: what a tracker can resolve, and a relevant share of its error.
 _TOLD_UM = 20.0
 _TOLD_SHARE = 0.05
 # Rows that are computed at a time, some kilobytes each; a row takes about ten microseconds.
@@ -21,7 +21,7 @@ _CHUNK = 10_000
 
 @dataclass(frozen=True)
 class Remainder:
-    """How far each row's tool point is from the one that is meant [µm], corrected and not, (N,) each.
+    """Distance of each row's tool point from the intended one [µm], corrected and uncorrected, (N,) each.
 
     `rows`: their numbers in the file. NaN where the fit has no value, as for the logarithm of a negative number.
     """
@@ -68,7 +68,7 @@ def remainder(
     around: Surroundings,
     tool: NDArray[np.uint8],
 ) -> Remainder:
-    """Of `commands`: what was asked for and what corrects it, motor-side joints (N, n) each. `tool`: of each row."""
+    """`commands`: requested and corrected motor-side joints, (N, n) each. `tool`: number of each row's tool."""
     asked, corrected = commands
     left_um, uncorrected_um = np.empty(len(asked)), np.empty(len(asked))
     for number, name in enumerate(arm.flange_from_tool):
@@ -84,5 +84,5 @@ def remainder(
 
 
 def _rounded(values: Array) -> list[float | None]:
-    """To nanometres, as JSON has it."""
+    """Rounded to nanometres, for JSON; None where not finite."""
     return [round(value, 3) if np.isfinite(value) else None for value in values.tolist()]

@@ -1,4 +1,4 @@
-"""`armtrue open`: the workbench, a page on this machine on which effects are added and the error is seen to fall.
+"""`armtrue open`: the workbench, a page on this machine that adds effects to the model and shows how the error changes.
 
 No physics and no statistics are here: fits and diagnoses are the library's, charts and tables are the report's.
 

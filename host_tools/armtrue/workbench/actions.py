@@ -1,4 +1,4 @@
-"""What the buttons do: each action makes or looks at a model of the session, or works something out for it."""
+"""The actions of the page's buttons: each makes or shows a model of the session, or computes something for it."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ _LONGEST_NAME = 80
 
 
 class PausedError(Exception):
-    """The person asked Refine to pause, and a step has ended."""
+    """The user asked Refine to pause, and its current step has ended."""
 
 
 def candidates_of(session: Session) -> list[Entry]:
-    """Candidates of the model that is looked at. Errors: InputError where its diagnosis is not worked out yet."""
+    """Candidates of the shown model. Errors: InputError where its diagnosis is not finished yet."""
     diagnosis = session.diagnosis_of(session.at)
     if diagnosis is None:
         raise InputError("candidate: the diagnosis is still being worked out, expected it to end first")
@@ -58,7 +58,7 @@ def _remove(engine: Engine, words: Entry) -> None:
 
 
 def _swap(engine: Engine, words: Entry) -> None:
-    """Put a candidate in the place of an effect of the model."""
+    """Replace an effect of the model by a candidate."""
     fit = engine.session.fit_of(engine.session.at)
     place = _whole(words, "effect", len(fit.effects))
     rest = [entry for k, entry in enumerate(fit.effects) if k != place]
@@ -67,7 +67,7 @@ def _swap(engine: Engine, words: Entry) -> None:
 
 
 def _candidate(session: Session, words: Entry) -> Entry:
-    """The entry of model.yaml for a candidate by its place in the diagnosis, or as it is given."""
+    """The entry of model.yaml of a candidate, given by its index in the diagnosis or as an entry."""
     if "entry" in words:
         entry = words["entry"]
         if not isinstance(entry, dict):
@@ -78,7 +78,7 @@ def _candidate(session: Session, words: Entry) -> Entry:
 
 
 def _change(engine: Engine, effects: list[Entry]) -> None:
-    """Go to the model with these effects: one that was made from here before, or a new one."""
+    """Show the model with these effects: one that was made from the shown model before, or a new one."""
     session = engine.session
     if child := _made_before(session, effects):
         session.go(child.number)
@@ -90,7 +90,7 @@ def _change(engine: Engine, effects: list[Entry]) -> None:
 
 
 def _made_before(session: Session, effects: list[Entry]) -> Node | None:
-    """The model with these effects that was made from the one that is looked at; None where there is none."""
+    """The model with these effects that was made from the shown one; None where there is none."""
     alike = (
         child
         for child in session.children(session.at)
@@ -102,7 +102,7 @@ def _made_before(session: Session, effects: list[Entry]) -> Node | None:
 def _fitted(
     engine: Engine, base: Fit, effects: list[Entry], before: Node, left_out: list[int] | None = None
 ) -> Fit:
-    """`base` with these effects. Of many measurements the page shows first figures, from some, meanwhile."""
+    """Fit `base` with these effects; with many measurements the page shows first figures, from some, meanwhile."""
     some = fit_to_some(base, effects, engine.tell)
     if some is not None:
         node = node_of(engine.session, some, before, left_out)
@@ -205,7 +205,7 @@ def _name(engine: Engine, words: Entry) -> None:
 
 
 def _diagnose(engine: Engine, _words: Entry) -> None:
-    """Work out the diagnosis that was stopped; the engine begins it when this has ended."""
+    """Allow a stopped diagnosis; the engine starts it when this action has ended."""
     engine.background.allow()
     engine.said = f"The diagnosis is worked out. {engine.session.node.said}"
 
@@ -308,7 +308,7 @@ def node_of(
     left_out: list[int] | None = None,
     diagnosis: Entry | None = None,
 ) -> Node:
-    """The next node of `session`, below `before` or else below the one that is looked at."""
+    """The next node of `session`, a child of `before` or else of the shown node."""
     before = before or (session.node if session.nodes else None)
     effects = fit.effects
     old = before.effects if before else []
@@ -334,7 +334,7 @@ def node_of(
 
 
 def _held_back(fit: Fit, added: list[Entry]) -> list[str]:
-    """Why an added effect changes nothing: the fit's sentences about effects of which it holds all at nominal."""
+    """Why an added effect changes nothing: the fit's sentences about effects with all parameters held at nominal."""
     parameters = fit.document["parameters"]
     names = {entry["effect"] for entry in added}
     names -= {parameter["effect"] for parameter in parameters if not parameter["held"]}
@@ -373,5 +373,5 @@ WORK: dict[str, Callable[[Engine, Entry], None]] = {
     "open": _open,
     "forget": _forget,
 }
-# Actions that leave a diagnosis that runs alone: they need neither the library's fit nor the processors for long.
+# Actions that do not stop a running diagnosis: they need neither the library's fit nor much processor time.
 BESIDE_A_DIAGNOSIS = {"upload", "confirm", "revert", "name", "compare", "forget", "diagnose"}

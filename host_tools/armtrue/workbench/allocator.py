@@ -1,10 +1,10 @@
-"""Memory of fits that were let go goes back to the system: else the server would hold the most it ever needed."""
+"""Returns the memory of released fits to the system; otherwise the server would hold its peak for ever."""
 
 from __future__ import annotations
 
 import ctypes
 
-_M_ARENA_MAX = -8  # mallopt's name for it, in glibc's malloc.h
+_M_ARENA_MAX = -8  # M_ARENA_MAX of mallopt, in glibc's malloc.h
 
 
 def _of_the_c_library(name: str, *arguments: int) -> None:
@@ -15,13 +15,13 @@ def _of_the_c_library(name: str, *arguments: int) -> None:
 
 
 def share_one_arena() -> None:
-    """Have all threads allocate from one arena, for each arena keeps what it was once grown to.
+    """Make all threads allocate from one arena, because each arena keeps its largest size.
 
-    To be called before any thread starts.
+    Call it before any thread starts.
     """
     _of_the_c_library("mallopt", _M_ARENA_MAX, 1)
 
 
 def give_back() -> None:
-    """Hand memory that is free back to the system."""
+    """Return free memory to the system."""
     _of_the_c_library("malloc_trim", 0)

@@ -1,4 +1,4 @@
-"""The diagnosis of the model that is looked at, worked out in the background: the page shows its figures meanwhile."""
+"""The diagnosis of the shown model, in the background: the page shows the model's figures meanwhile."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ _LOOK_UP_S = 0.1
 
 
 class CancelledError(Exception):
-    """The person stopped what ran, or began something else."""
+    """The user stopped the task, or started another."""
 
 
 @dataclass
 class Task:
-    """What is running: its name, the share done, and what that is in words."""
+    """A running task: its name, the share done, and its stage in words."""
 
     name: str
     share: float = 0.0
@@ -48,28 +48,28 @@ class _Run:
 
 
 class Background:
-    """At most one diagnosis that counts. `failure`: why the last one ended without a result.
+    """Runs diagnoses, at most one of them current. `failure`: why the last one ended without a result.
 
-    One that is stopped ends when the library next looks up, which nobody waits for.
+    A stopped diagnosis ends at the library's next report of progress; nothing waits for that.
     """
 
     def __init__(self, changed: Callable[[], None]) -> None:
         self.failure = ""
         self._changed = changed
         self._now: _Run | None = None
-        # Diagnoses that were stopped one after the other would share the processors, and hold memory side by side.
+        # Stopped diagnoses that have not ended yet would share the processors and the memory with the next one.
         self._one_at_a_time = threading.Lock()
         self._stopped: tuple[str, int] | None = None
 
     @property
     def task(self) -> Task | None:
-        """What runs now; None where nothing does."""
+        """The running task; None where there is none."""
         return self._now.task if self._now is not None else None
 
     def start(self, session: Session, politely: bool) -> None:
-        """Begin to diagnose the model that is looked at, unless that is known or the person stopped it before.
+        """Start to diagnose the shown model, unless one runs, the result is known or the user stopped it before.
 
-        `politely`: the page and the fits go first.
+        `politely`: at a lower priority than the page and the fits.
         """
         number = session.at
         if self._now is not None or session.is_diagnosed(number) or self._stopped == (session.key, number):
@@ -79,24 +79,24 @@ class Background:
         threading.Thread(target=self._run, args=(run,), name="workbench diagnose", daemon=True).start()
 
     def wait(self, seconds: float) -> bool:
-        """Wait until the diagnosis has ended, or so long; True where none runs any more."""
+        """Wait until the diagnosis has ended, or `seconds` have passed; True where none runs any more."""
         run = self._now
         return run is None or run.ended.wait(seconds)
 
     def stop(self) -> None:
-        """Let go of the diagnosis: it may begin anew later."""
+        """Stop the diagnosis; it may start again later."""
         run, self._now = self._now, None
         if run is not None:
             run.cancelled.set()
 
     def stop_for_good(self, session: Session) -> None:
-        """Let go of the diagnosis as the person asked, so that it does not begin by itself."""
+        """Stop the diagnosis at the user's request; it does not start again by itself."""
         self._stopped = (session.key, session.at)
         self.stop()
         self._changed()
 
     def allow(self) -> None:
-        """Let what was stopped begin again."""
+        """Allow a diagnosis that the user stopped to start again."""
         self._stopped = None
 
     def _run(self, run: _Run) -> None:
@@ -134,7 +134,7 @@ class Background:
 
     def _diagnose(self, run: _Run, tell: Progress) -> None:
         fit = run.session.fit_of(run.number)
-        # What charts read is kept with the fit: they need not wait until the library is free again.
+        # Arrays that charts read are cached first: the charts then need not wait until the library is free again.
         fit.residuals()
         variables(fit)
         directions(fit)

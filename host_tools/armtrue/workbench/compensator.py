@@ -1,4 +1,4 @@
-"""The compensator on a named CAN bus: tables brought into force there, and a live view of what it does."""
+"""The compensator on a CAN bus: activation of tables, and a live view of its state."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from armtrue.report.parts import minus, table
 from armtrue.workbench.showing.elements import button
 
 PERIOD_S = 0.5
-# The view ends when no page has asked for it for so long: the bus is free again.
+# The live view ends, and frees the bus, when no page has asked for it for this long.
 _UNWATCHED_S = 3.0
 _NOMINAL_BITRATE = 1_000_000
 _HOW = "Upload brings this model's tables into force on trial; Confirm keeps them, Revert takes them back."
@@ -44,7 +44,7 @@ class Device:
         self._is_closed = False
 
     def upload(self, image: bytes, progress: Progress) -> str:
-        """Bring a table image into force on trial, and say what became of it. Errors: InputError in one sentence."""
+        """Activate a table image on trial; returns a sentence on the result. Errors: InputError in one sentence."""
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "tables.bin"
             path.write_bytes(image)
@@ -60,12 +60,12 @@ class Device:
         return f"Export {info.sequence} is in force on the device{trial}."
 
     def order(self, word: str) -> None:
-        """Give one of the device's commands, such as `cfrm`. Errors: InputError in one sentence."""
+        """Send one of the device's commands, such as `cfrm`. Errors: InputError in one sentence."""
         with self._device() as device:
             device.command(word)
 
     def view(self) -> tuple[Snapshot | None, str]:
-        """What the device did last, and what is wrong if anything; begins to watch where nothing does."""
+        """The last snapshot of the device, and its failure if any; starts the live view if none runs."""
         with self._state:
             self._asked = time.monotonic()
             is_watched = self._watcher is not None and self._watcher.is_alive()
@@ -75,7 +75,7 @@ class Device:
             return self._snapshot, self._failure
 
     def close(self) -> None:
-        """End the live view: a page that still asks begins none."""
+        """End the live view; a page that asks later does not start it again."""
         with self._state:
             self._is_closed = True
         self._wanted_elsewhere.set()
@@ -98,7 +98,7 @@ class Device:
 
     @contextmanager
     def _device(self) -> Iterator[Compensator]:
-        """The device, for which the live view gives up the bus."""
+        """The device, on the bus that the live view releases for it."""
         self._wanted_elsewhere.set()
         try:
             with self._own_bus() as bus:
@@ -126,7 +126,7 @@ class Device:
 
 
 def device_view(device: Device) -> Markup:
-    """State, targets, corrections and clamps as they are now."""
+    """The current state, targets, corrections and clamps."""
     snapshot, failure = device.view()
     if snapshot is None:
         return tag("p", failure or f"Waiting for the device on {device.name}.")

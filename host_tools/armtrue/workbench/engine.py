@@ -1,4 +1,4 @@
-"""One action at a time on the session that is open, beside the page, which goes on answering."""
+"""Runs one action at a time on the open session, on its own thread, so that the page stays responsive."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ from armtrue.workbench.showing.further import Result
 Entry = dict[str, Any]
 Linked = tuple[Session, Opened]
 
-# Up to so many measurements a diagnosis is done in a moment: the action ends with it. The page has its figures before;
-# the longest wait is that of a machine which is busy with other things.
+# Up to this many measurements a diagnosis takes a moment, and the action ends with it. The page has its figures before;
+# the wait is limited for a machine that is busy with other work.
 _AT_ONCE_ROWS = 1000
 _AT_ONCE_S = 60.0
 _LOOK_UP_S = 0.1
@@ -49,17 +49,17 @@ class Engine:
         self.title = "Armtrue"
         self.about = "nothing is open yet"
         self.notes: list[str] = []
-        # How many actions have ended. The page draws whenever this grows, as it hears only the end of a short one.
+        # Number of ended actions. The page redraws when it grows, because of a short action it sees only the end.
         self.ended = 0
         self._session: Session | None = None
         self._locks = SessionLocks()
         self._waiting_lock = SessionLocks()
-        # The sessions of measurements before others joined them and after, the latest last.
+        # The sessions before and after further measurements joined, the latest last.
         self.linked: list[Linked] = []
         self.said = ""
         self.failure = ""
         self.made: Made | None = None
-        # The model that is being fitted, from some of the measurements, until the fit to all of them is there.
+        # The new model, fitted to some of the measurements, until the fit to all of them is finished.
         self.first_figures: FirstFigures | None = None
         self.result: Result | None = None
         self.task: Task | None = None
@@ -72,19 +72,19 @@ class Engine:
 
     @property
     def session(self) -> Session:
-        """The session that is open. Errors: InputError where none is."""
+        """The open session. Errors: InputError where none is."""
         if self._session is None:
             raise InputError("found nothing opened, expected measurements or a fit to be opened first")
         return self._session
 
     @property
     def robot(self) -> Robot:
-        """The arm as the session that is open was opened with it. Errors: InputError where none is."""
+        """The arm with which the open session was opened. Errors: InputError where none is."""
         return next(opened.robot for session, opened in self.linked if session is self.session)
 
     @property
     def own_device(self) -> Device:
-        """The compensator that is connected. Errors: InputError where none is."""
+        """The connected compensator. Errors: InputError where none is."""
         if self.device is None:
             raise InputError("device: found none, expected armtrue open with --interface and --channel")
         return self.device
@@ -96,12 +96,12 @@ class Engine:
 
     @property
     def shown(self) -> str:
-        """What tells one model of one session from any other."""
+        """Identifier of the shown model, unique among all sessions."""
         return f"{self.session.key}/{self.session.at}" if self.is_open else "none"
 
     @property
     def known(self) -> str:
-        """`shown`, and how much of its diagnosis is known; or that first figures of another model stand there."""
+        """`shown`, and how much of its diagnosis is known, or that the page shows first figures of another model."""
         if not self.is_open:
             return "none"
         if self.first_figures is not None:
@@ -119,10 +119,10 @@ class Engine:
         progress: Progress | None = None,
         linked: Sequence[Linked] = (),
     ) -> None:
-        """Go on with the session of these files, or fit them; a session that is open stays until then.
+        """Resume the session of these files, or fit them; a session that is open stays until then.
 
-        `folder`: where it is kept, if not where sessions are. `linked`: sessions to which the page leads
-        back. Errors: InputError where that cannot be written, or the data cannot carry the model.
+        `folder`: where the session is kept, if not in the default folder. `linked`: sessions to which the page links
+        back. Errors: InputError where the folder cannot be written, or the data do not allow the model.
         """
         key = key_of(opened.files)
         place = folder or default_folder(key)
@@ -154,7 +154,7 @@ class Engine:
         self.about = f"{opened.data.file.name}: {opened.data.count} measurements"
 
     def _joined_since(self, session: Session, opened: Opened) -> list[Linked]:
-        """`session` and those in which further measurements joined it, the last one last, held against others."""
+        """`session` and those in which further measurements joined it, the latest last; their folders are locked."""
         found = [(session, opened)]
         for file in joined_files(session):
             path = Path(file)
@@ -171,7 +171,7 @@ class Engine:
         return found
 
     def _go_on(self, beside: Entry) -> None:
-        """Take up what the session's file holds beside the tree, where that is as it was written."""
+        """Restore what the session's file holds beside the tree, if it can be read."""
         self.result = None
         try:
             if beside.get("result"):
@@ -183,7 +183,7 @@ class Engine:
             self.notes = [*self.notes, "What was planned or dropped last could not be read again."]
 
     def _keep(self) -> None:
-        """Have the session's file hold all that the page shows."""
+        """Save all that the page shows in the session's file."""
         result = self.result.as_json() if self.result else None
         dropped = self.drop.as_json() if self.drop.names else None
         try:
@@ -195,7 +195,7 @@ class Engine:
             self.failure = f"the session cannot be kept: {error}"
 
     def _begun(self, opened: Opened, session: Session, progress: Progress | None) -> Session:
-        """A session with the fits of `opened`, steps of one calibration one below the other."""
+        """`session` with the fits of `opened`, each the child of the one before."""
         fits = opened.first_fits(progress)
         try:
             for fit in fits:
@@ -205,7 +205,7 @@ class Engine:
         return session
 
     def do(self, action: str, words: Entry) -> None:
-        """Begin an action; returns at once. Errors: BusyError; InputError where it makes no sense here."""
+        """Start an action and return at once. Errors: BusyError; InputError where it is unknown or not possible now."""
         if action == "cancel":
             self._stop()
             return
@@ -230,7 +230,7 @@ class Engine:
         self._worker.start()
 
     def take(self, name: str, content: bytes) -> None:
-        """Keep a file that was dropped. Errors: InputError where its name will not do."""
+        """Keep a file that was dropped. Errors: InputError where its name is not allowed."""
         self.drop.take(name, content)
         self.failure = ""
         self.said = f"{name} is here. Choose more files, or press Open."
@@ -238,19 +238,19 @@ class Engine:
         self.announce()
 
     def take_draft(self, words: Entry) -> None:
-        """Keep what stands in the form of guesses. Errors: InputError where there is no such form."""
-        with self.changed:  # nobody is told of it before it is on disk
+        """Keep the contents of the form of guesses. Errors: InputError where there is no such form."""
+        with self.changed:  # no page sees it before it is on disk
             self.drop.take_draft(words)
             self._keep()
 
     @property
     def draft(self) -> Entry:
-        """What stands in the form of guesses, as it is kept."""
+        """The kept contents of the form of guesses."""
         with self.changed:
             return self.drop.draft
 
     def _waits_alone(self) -> bool:
-        """False while another workbench without a session keeps its files where ours would be kept."""
+        """Lock the folder of waiting files; False while another workbench without a session holds it."""
         try:
             self._waiting_lock.hold(folder_of_waiting())
         except HeldElsewhereError:
@@ -258,17 +258,17 @@ class Engine:
         return True
 
     def keep_waiting(self) -> None:
-        """Write down which files wait. Errors: InputError or OSError where that cannot be written."""
+        """Save which files wait to be opened. Errors: InputError or OSError where that cannot be written."""
         if self._waits_alone():
             keep_waiting(self.drop)
         self._let_others_wait()
 
     def go_on_waiting(self) -> None:
-        """Take up the files that were dropped before anything was opened."""
+        """Restore the files that were dropped before anything was opened."""
         try:
             alone = self._waits_alone()
         except InputError:
-            return  # what cannot be written is said when the first file is dropped
+            return  # an unwritable folder is reported when the first file is dropped
         if alone and go_on_waiting(self.drop):
             self.said = "The files that were dropped last wait to be opened."
         self._let_others_wait()
@@ -284,7 +284,7 @@ class Engine:
             return self.version
 
     def tell(self, share: float, stage: str) -> None:
-        """Take note of progress. Errors: CancelledError where the person asked for that."""
+        """Record progress. Errors: CancelledError where the user cancelled the action."""
         if self._cancel.is_set():
             raise CancelledError
         if self.task is not None:
@@ -298,13 +298,13 @@ class Engine:
         self.announce()
 
     def announce(self) -> None:
-        """Have every open page look again."""
+        """Make every open page update."""
         with self.changed:
             self.version += 1
             self.changed.notify_all()
 
     def _stop(self) -> None:
-        """End the action that runs, or else the diagnosis."""
+        """Cancel the running action, or else the diagnosis."""
         with self.changed:
             if self.task is not None:
                 self._cancel.set()
@@ -312,7 +312,7 @@ class Engine:
                 self.background.stop_for_good(self.session)
 
     def _pause(self) -> None:
-        """Have Refine end with the step that it is at. Errors: InputError where it does not run."""
+        """Make Refine end after its current step. Errors: InputError where it does not run."""
         with self.changed:
             if self.task is None or self.task.name != "refine":
                 raise InputError("pause: found no Refine that runs, expected it to be begun first")
@@ -342,13 +342,13 @@ class Engine:
                 self.announce()
 
     def _diagnose(self) -> None:
-        """Have the model that is looked at diagnosed; returns with the result where that comes soon."""
+        """Start the diagnosis of the shown model; with few measurements, wait for the result."""
         if not self.is_open:
             return
         at_once = self.session.data.count <= _AT_ONCE_ROWS
         self.background.start(self.session, politely=not at_once)
-        self.announce()  # the page has the new figures while the diagnosis is worked out
-        self._cancel.clear()  # what stopped the action does not stop its diagnosis
+        self.announce()  # the page shows the new figures during the diagnosis
+        self._cancel.clear()  # a cancelled action does not cancel its diagnosis
         end = time.monotonic() + _AT_ONCE_S
         while at_once and time.monotonic() < end and not self.background.wait(_LOOK_UP_S):
             if self._cancel.is_set():

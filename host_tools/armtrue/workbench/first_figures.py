@@ -1,4 +1,4 @@
-"""A model fitted to some of many measurements: its figures stand on the page while it is fitted to all of them."""
+"""A model fitted to some of many measurements: the page shows its figures during the fit to all of them."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from armtrue.workbench.session import Node
 
 Entry = dict[str, Any]
 
-# Up to here the slowest effect of the catalogue is fitted in about a second; at 12 000 measurements it takes thirteen.
+# Up to this many rows the slowest effect of the catalogue is fitted in about a second; thirteen seconds at 12 000 rows.
 _MANY_ROWS = 3000
 _SOME_ROWS = 1000
 
 
 @dataclass(frozen=True)
 class FirstFigures:
-    """A model that is no part of the session yet. `of_all`: how many measurements it is being fitted to meanwhile."""
+    """A model that is not in the session yet. `of_all`: number of measurements in the fit that still runs."""
 
     node: Node
     fit: Fit
@@ -28,19 +28,19 @@ class FirstFigures:
 
     @property
     def words(self) -> str:
-        """From how many measurements they are."""
+        """The number of measurements that the figures are from."""
         return f"from {self.fit.data.count} of {self.of_all} measurements; all are being fitted"
 
     @property
     def said(self) -> str:
-        """The sentence about the error, and that it is not the last word."""
+        """The sentence about the error, marked as preliminary."""
         return f"First figures, {self.words}. {self.node.said}"
 
 
 def fit_to_some(base: Fit, effects: list[Entry], progress: Progress) -> Fit | None:
     """`base` with these effects, fitted to measurements spread evenly through the file.
 
-    None where there are so few that fitting all is as quick, or where some cannot carry the model.
+    None where all are few enough to be fitted quickly, or where the selected ones do not allow the model.
     """
     if base.data.count <= _MANY_ROWS:
         return None

@@ -21,7 +21,7 @@ class SessionLocks:
     _files: dict[Path, int] = field(default_factory=dict)
 
     def hold(self, folder: Path) -> None:
-        """Keep other workbenches out of `folder`.
+        """Lock `folder` against other workbenches.
 
         Errors: HeldElsewhereError where one has it open; InputError where it cannot be written.
         """
@@ -48,6 +48,6 @@ class SessionLocks:
         self._files[folder] = file
 
     def keep(self, folders: set[Path]) -> None:
-        """Let other workbenches have all but `folders`."""
+        """Release the locks of all folders but `folders`."""
         for folder in set(self._files) - folders:
             os.close(self._files.pop(folder))

@@ -1,4 +1,4 @@
-"""What leaves the workbench: tables, model, report, and the session as commands and as a notebook."""
+"""The files that the workbench makes: tables, model, report, and the session as commands and as a notebook."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from armtrue.workbench.session import Node, Session
 
 @dataclass(frozen=True)
 class Made:
-    """A file for the person to keep."""
+    """A file for the user to download."""
 
     name: str
     content: bytes
@@ -32,7 +32,7 @@ class Made:
 
 
 def make(session: Session, name: str, progress: Progress | None = None) -> Made:
-    """Make one of the files. Errors: InputError for a name that is none, or where the fit cannot be exported."""
+    """Make one of the files. Errors: InputError for an unknown name, or where the fit cannot be exported."""
     known: dict[str, Callable[[Session], Made]] = {
         "export": _bundle,
         "report": lambda s: _report(s, progress),
@@ -64,7 +64,7 @@ def _report(session: Session, progress: Progress | None) -> Made:
     path = [node for node in session.path if node.left_out == session.node.left_out]
     fits = [session.fit_of(node.number) for node in path]
     names = [node.name or node.change for node in path]
-    # Diagnoses made on the way of Refine lack spectra.
+    # Diagnoses made during Refine lack spectra.
     known = [
         session.diagnosis_of(node.number) if session.is_diagnosed(node.number) else None for node in path
     ]
@@ -114,7 +114,7 @@ def _commands(session: Session) -> str:
     for k, node in enumerate(session.path):
         lines += _step_commands(session, node, k)
     last = len(session.path) - 1
-    # A report shows steps of one calibration: those of the same measurements.
+    # A report shows steps of one calibration, all fitted to the same measurements.
     same = [k for k, node in enumerate(session.path) if node.left_out == session.node.left_out]
     lines += [
         f"armtrue report {' '.join(f'step-{k}.json' for k in same)} --out report.html",
@@ -151,7 +151,7 @@ def _step_commands(session: Session, node: Node, number: int) -> list[str]:
 
 
 def _notebook(session: Session) -> bytes:
-    """The path from the first model to this one as a notebook that needs the measurements alone."""
+    """The path from the first model to this one as a notebook that reads only the measurements."""
     path = session.path
     robot = json.dumps(session.fit_of(session.at).document["robot"])
     cells = [

@@ -1,4 +1,4 @@
-"""The web server: this machine alone, one secret in the path, nothing from or to elsewhere."""
+"""The web server: for this machine alone, with a secret token in the path and no external resources."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from armtrue.workbench.state import state
 HOST = "127.0.0.1"
 _LARGEST_REQUEST = 1024 * 1024
 _LARGEST_FILE = 64 * 1024 * 1024
-# How long an idle stream of changes waits before it says that it is still there.
+# Interval at which an idle stream of changes sends a keep-alive.
 _HEARTBEAT_S = 15.0
 _POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data:; "
@@ -45,7 +45,7 @@ _HEADERS = {
 }
 
 
-# Pieces of the page that it asks for one by one, of the session and the words of the request.
+# Pieces of the page that it requests one by one, made from the session and the request's parameters.
 Piece = Callable[[Session, dict[str, str]], str]
 _PIECES: dict[str, Piece] = {
     "panel": panel,
@@ -57,7 +57,7 @@ _PIECES: dict[str, Piece] = {
 
 
 class Server(ThreadingHTTPServer):
-    """Serves one engine. `address`: what the person opens."""
+    """Serves one engine. `address`: the URL that the user opens."""
 
     daemon_threads = True
     # A tab that goes away while it is answered is nothing to report.
@@ -70,16 +70,16 @@ class Server(ThreadingHTTPServer):
 
     @property
     def address(self) -> str:
-        """The page, with its token."""
+        """The URL of the page, with its token."""
         return f"http://{HOST}:{self.server_address[1]}/{self.token}/"
 
     def own_names(self) -> set[str]:
-        """What a browser may call this server; any other name is a page elsewhere that was pointed here."""
+        """Host names that a browser may use for this server; any other is of a foreign page that was pointed here."""
         port = self.server_address[1]
         return {f"{HOST}:{port}", f"localhost:{port}"}
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """A connection that broke is the browser's business."""
+        """Report nothing: broken connections are the browser's affair."""
 
 
 class _Handler(BaseHTTPRequestHandler):
@@ -98,7 +98,7 @@ class _Handler(BaseHTTPRequestHandler):
         self._answer({"do": self._do, "drop": self._drop, "draft": self._draft})
 
     def log_message(self, format: str, *args: Any) -> None:
-        """Nothing: the address holds the token."""
+        """Log nothing, because the address contains the token."""
 
     def _answer(self, known: dict[str, Any]) -> None:
         parts = urlsplit(self.path)
@@ -176,7 +176,7 @@ class _Handler(BaseHTTPRequestHandler):
         self._json({"accepted": True})
 
     def _words(self) -> dict[str, Any]:
-        """What came along, as JSON; empty where that is none."""
+        """The body of the request as a JSON mapping; empty where it is none."""
         try:
             words = json.loads(self._body(_LARGEST_REQUEST))
         except (ValueError, RecursionError):
@@ -184,7 +184,7 @@ class _Handler(BaseHTTPRequestHandler):
         return words if isinstance(words, dict) else {}
 
     def _body(self, largest: int) -> bytes:
-        """What came along. Errors: InputError where it is too long or does not say how long."""
+        """The body of the request. Errors: InputError where it is too long or does not state its length."""
         length = self.headers.get("Content-Length", "")
         if not length.isdecimal() or int(length) > largest:
             self.close_connection = True
@@ -213,7 +213,7 @@ class _Handler(BaseHTTPRequestHandler):
         self._send(page.as_json(value), "application/json")
 
     def _refuse(self, status: HTTPStatus, sentence: str) -> None:
-        # What was sent along was not read: the next request could not be told from it.
+        # The body of the request was not read: it would be taken for the next request.
         self.close_connection = True
         self._send(page.as_json({"error": sentence}), "application/json", status=status)
 
@@ -243,8 +243,8 @@ class _Handler(BaseHTTPRequestHandler):
 def whole_view(engine: Engine) -> dict[str, Any]:
     """All that the page shows.
 
-    What runs and what is known is read before the pieces are made. Where a diagnosis ends in between, the page takes
-    it for unknown still, and looks again.
+    Running tasks and the state of the diagnosis are read before the pieces are made. Where a diagnosis ends in between,
+    the page still takes it for unknown, and asks again.
     """
     before = running(engine)
     left_out = engine.session.node.left_out if engine.is_open else []
@@ -252,7 +252,7 @@ def whole_view(engine: Engine) -> dict[str, Any]:
 
 
 def running(engine: Engine) -> dict[str, Any]:
-    """Which model is shown, what was said of it, what runs, and which buttons can be pressed."""
+    """The shown model, the messages about it, the running tasks, and which buttons can be pressed."""
     return {
         "model": engine.shown, "known": engine.known, "ended": engine.ended,
         "said": engine.said, "failure": engine.failure,

@@ -1,4 +1,4 @@
-"""The session: every model that was tried, as a tree, in a folder that a killed server is started from again."""
+"""The session: a tree of all models that were tried, in a folder from which a killed server can resume."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ _LARGEST_BYTES = 512 * 1024 * 1024
 
 @dataclass
 class Node:
-    """One model of the tree: what it changed against its parent, its error, and what the person called it.
+    """One model of the tree: its changes relative to its parent, its error, and the name that the user gave it.
 
-    `effects`, `added`, `removed`: entries of model.yaml. `left_out`: rows of the file that the person marked as wrong.
+    `effects`, `added`, `removed`: entries of model.yaml. `left_out`: rows of the file that the user marked as wrong.
     `error`: as in fit.json. `verdict`: None until the model is diagnosed. `said`: the sentence about the error. `redo`:
     the child that Redo goes to. `left_out_error`: the error of the prediction at the rows left out, None where there
     are none.
@@ -61,8 +61,8 @@ class Node:
 class Session:
     """The tree of models in `folder`. `key` tells which files it was begun with; `data` are their measurements.
 
-    `beside`: what the page holds beside the tree, planned poses among it, as JSON; `joined`: files of the sessions in
-    which further measurements joined these.
+    `beside`: what the page shows beside the tree, such as planned poses, as JSON; in it `joined`: files of the sessions
+    in which further measurements joined these.
     """
 
     folder: Path
@@ -75,16 +75,16 @@ class Session:
     def __post_init__(self) -> None:
         self._held: OrderedDict[int, tuple[Fit, dict[str, Any] | None]] = OrderedDict()
         self._worked_out: dict[int, dict[str, Any]] = {}
-        self._lock = threading.RLock()  # a diagnosis comes in beside what the person does
+        self._lock = threading.RLock()  # a diagnosis may be stored while an action runs
 
     @property
     def node(self) -> Node:
-        """The model that is looked at."""
+        """The shown model."""
         return self.nodes[self.at]
 
     @property
     def path(self) -> list[Node]:
-        """Models from the first to the one that is looked at."""
+        """Models from the first to the shown one."""
         return self.path_to(self.at)
 
     def path_to(self, number: int) -> list[Node]:
@@ -106,21 +106,21 @@ class Session:
             self.go(node.number)
 
     def diagnosed(self, number: int, diagnosis: dict[str, Any]) -> None:
-        """Keep the diagnosis of a model that was put in without one, or with a shorter one."""
+        """Store the diagnosis of a model that was added without one, or with an incomplete one."""
         with self._lock:
             self._write(number, self.fit_of(number), diagnosis)
             self.nodes[number].verdict = str(diagnosis["verdict"])
             self.save()
 
     def worked_out(self, number: int, name: str, work: Callable[[], Any]) -> Any:
-        """What `work` gives for a model, kept under `name` as long as the model is held in memory."""
+        """The result of `work` for a model, cached under `name` as long as the model is held in memory."""
         kept = self._worked_out.setdefault(number, {})
         if name not in kept:
             kept[name] = work()
         return kept[name]
 
     def is_diagnosed(self, number: int) -> bool:
-        """True where the whole diagnosis of a model is known; those made on the way of Refine lack spectra."""
+        """True where the whole diagnosis of a model is known; those made during Refine lack spectra."""
         diagnosis = self.diagnosis_of(number)
         return diagnosis is not None and "spectra" in diagnosis
 
@@ -132,7 +132,7 @@ class Session:
         self._hold(number, fit, diagnosis)
 
     def go(self, number: int) -> None:
-        """Look at another model; Redo then leads along the path to it."""
+        """Show another model; Redo then follows the path to it."""
         if not 0 <= number < len(self.nodes):
             raise InputError(f"session: found no model {number}, expected 0 to {len(self.nodes) - 1}")
         self.at = number
@@ -141,7 +141,7 @@ class Session:
         self.save()
 
     def keep(self, beside: dict[str, Any]) -> None:
-        """Have the session's file hold `beside`, with what else it holds."""
+        """Save the entries of `beside` in the session's file; its other entries stay."""
         with self._lock:
             kept = {**self.beside, **beside}
             if kept != self.beside:
@@ -153,7 +153,7 @@ class Session:
         return self._content(number)[0]
 
     def diagnosis_of(self, number: int) -> dict[str, Any] | None:
-        """The diagnosis of a model; None where it is not worked out yet."""
+        """The diagnosis of a model; None where it is not finished yet."""
         return self._content(number)[1]
 
     def save(self) -> None:
@@ -193,7 +193,7 @@ class Session:
 
 
 def load_session(folder: Path, key: str, data: Dataset) -> Session | None:
-    """The session that lies in `folder` for the files of `key`; None where there is none that can be gone on with."""
+    """The session kept in `folder` for the files of `key`; None where none can be resumed."""
     path = folder / "session.json"
     if not path.is_file():
         return None
@@ -216,11 +216,11 @@ def joined_files(session: Session) -> list[str]:
 
 
 def key_of(files: list[Path]) -> str:
-    """What tells one set of files from another: where they lie, if they were not dropped, and what stands in them."""
+    """Digest that identifies a set of files: their contents, and their paths (of dropped files only the names)."""
     digest = hashlib.sha256()
     for file in files:
         place = file.resolve()
-        # Dropped files lie in another folder each time.
+        # Dropped files are in another folder each time.
         dropped = _state_folder().resolve() in place.parents
         digest.update(os.fsencode(place.name if dropped else place))
         digest.update(hashlib.sha256(file.read_bytes()).digest())
@@ -228,7 +228,7 @@ def key_of(files: list[Path]) -> str:
 
 
 def default_folder(key: str) -> Path:
-    """Where a session lies that nobody gave a place: in the user's state folder, never among their measurements."""
+    """Where a session is kept by default: in the user's state folder, never beside the measurements."""
     return _state_folder() / key
 
 

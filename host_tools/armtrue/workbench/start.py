@@ -17,7 +17,7 @@ from armtrue.workbench.session import default_folder
 
 
 def guessed(files: list[Path], robot: Path | None, model: Path | None) -> Drop | None:
-    """Foreign files with what was guessed of them, as if they had been dropped; None where they are none."""
+    """Foreign files with the guesses about them, as if they had been dropped; None where they are not foreign."""
     drop = _new_drop()
     return drop if drop.take_foreign(files, robot, model) else None
 
@@ -35,11 +35,11 @@ def start(
     device: Device | None = None,
     drop: Drop | None = None,
 ) -> Server:
-    """A server of the session of these files: the one that was kept, or a new one with its first fit made.
+    """A server for the session of these files: the saved one, or a new one with its first fit.
 
-    `opened`: None for a page that waits for files. `device`: on the CAN bus that was named. `drop`: foreign files that
-    wait to be looked at. Errors: InputError where the port is taken, the session cannot be written or the data cannot
-    carry the model.
+    `opened`: None for a page that waits for files. `device`: the compensator on the named CAN bus. `drop`: foreign
+    files whose guesses wait for review. Errors: InputError where the port is taken, the session cannot be written or
+    the data do not allow the model.
     """
     share_one_arena()
     engine = Engine(drop or _new_drop(), device)

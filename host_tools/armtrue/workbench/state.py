@@ -13,10 +13,10 @@ _NOTHING: dict[str, Any] = {
 
 
 def state(engine: Engine) -> dict[str, Any]:
-    """The model that is looked at with its diagnosis, and the steps to it.
+    """The shown model with its diagnosis, and the steps to it.
 
-    `busy`: an action still runs. `diagnosing`: the diagnosis is being worked out; until then verdict is null and
-    candidates are none.
+    `busy`: an action runs. `diagnosing`: the diagnosis runs; until it has ended, verdict is null and candidates are
+    empty.
     """
     if not engine.is_open:
         return {**_NOTHING, "status": engine.said, "failure": engine.failure, "busy": engine.task is not None}

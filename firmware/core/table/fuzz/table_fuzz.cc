@@ -1,9 +1,10 @@
-// What an accepted table can do, whoever made it: libFuzzer over the reader and the joint path.
+// libFuzzer over the reader and the joint path: an accepted table is harmless, whoever made it.
 //
-// The first byte chooses how the rest is read: as it is (the envelope), or with length and checksum
-// put right, so that changed contents come past the envelope. An accepted image then runs control
-// cycles with inputs out of its own bytes. Besides the sanitizers: a refusal points into the image,
-// no correction passes the compile-time limits, and feedback is un-corrected exactly.
+// The first byte chooses how the rest is read: as it is (tests the envelope), or with length and
+// checksum corrected, so that changed contents pass the envelope. An accepted image then runs
+// control cycles with inputs from its own bytes. Checked besides the sanitizers: a refusal points
+// into the image, no correction exceeds the compile-time limits, and subtracting the correction
+// from the output gives the target exactly.
 #include <algorithm>
 #include <array>
 #include <cstdint>
@@ -37,7 +38,7 @@ void mend_envelope(std::vector<std::uint8_t>& image) {
   store_u32(&image[end], crc32(std::span(image).first(end)));
 }
 
-// Numbers out of the image, over and over.
+// Numbers derived from the image's bytes, which are read cyclically.
 class Source {
  public:
   explicit Source(std::span<const std::uint8_t> bytes) : bytes_(bytes) {}
@@ -61,7 +62,7 @@ void run_cycles(Compensator& compensator, std::span<const std::uint8_t> image, s
   CycleInput input;
   for (int cycle = 0; cycle < 60; ++cycle) {
     for (std::size_t k = 0; k < joints; ++k) {
-      // Steps as a stream has them, and now and then anywhere at all.
+      // Steps as in a stream of targets; every tenth target is arbitrary.
       input.target[k] =
           cycle % 10 == 9 ? source.next() : input.target[k] / 2 + (source.next() >> 10);
     }

@@ -1,1 +1,1 @@
-"""What a report is made of: the steps, and what is left over of each against any variable and period."""
+"""The data of a report: the steps, and the residuals of each against state variables and periods."""

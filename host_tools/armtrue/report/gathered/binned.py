@@ -12,14 +12,14 @@ from armtrue.arrays import Array
 _MOST_BINS = 16
 _LEAST_BINS = 5
 _ROWS_A_BIN = 20
-# Fewer rows than this say nothing of a mean.
+# The mean of fewer rows than this is not shown.
 _LEAST_ROWS = 5
-# Up to so many different values, each is a bin of its own.
+# Up to this many different values, each has its own bin.
 DISCRETE = 8
 _BAND = (5.0, 95.0)
-# Bins of pure noise explain 0 ± √(2 (bins − 1)) / rows of it, adjusted; six of these in 300 looks is no accident.
+# Bins explain 0 ± √(2 (bins − 1)) / rows of pure noise (adjusted share); six such sigmas in 300 looks are not chance.
 _BEYOND_CHANCE = 6.0
-# Where even a trend that explains so much could be an accident, no trend found says nothing.
+# Where chance alone could explain this share of the variance, finding no trend tells nothing.
 _PLAIN_SHARE = 0.5
 
 
@@ -28,8 +28,8 @@ class Binned:
     """Bins of one variable, lowest first.
 
     All (bins,): `centre`, `mean`, `error` (two standard errors of the mean), `low` and `high` (5 and 95 % of readings).
-    `explained`: share of the variance that bin means explain, less what they would of noise. `trend`: no accident.
-    `tells`: there are rows enough for a trend to be seen.
+    `explained`: share of the variance that bin means explain, minus the share they would explain of noise. `trend`:
+    True if that is beyond chance. `tells`: True if there are enough rows to see a trend.
     """
 
     centre: Array
@@ -43,12 +43,12 @@ class Binned:
 
 
 def bin_of(values: Array) -> NDArray[np.intp]:
-    """The bin of every value (N,): one for each of few different values, else bins of equal count."""
+    """The bin of every value (N,): one for each value if there are few different ones, else bins of equal count."""
     different, inverse = np.unique(values, return_inverse=True)
     if different.size <= DISCRETE:
         return np.asarray(inverse)
     bins = int(np.clip(values.size // _ROWS_A_BIN, _LEAST_BINS, _MOST_BINS))
-    # Few rows are few bins rather than bins too small to count.
+    # With few rows there are fewer bins, so that none is too small to be shown.
     bins = max(1, min(bins, values.size // _LEAST_ROWS))
     edges = np.unique(np.quantile(values, np.linspace(0.0, 1.0, bins + 1)[1:-1]))
     return np.searchsorted(edges, values, side="right")
@@ -71,7 +71,7 @@ def binned(values: Array, readings: Array, weight: Array) -> Binned:
     independent = sums**2 / or_one(total(weight**2))
     error = 2.0 * np.sqrt(scatter / sums / np.maximum(1.0, independent - 1.0))
     centre = total(values) / rows
-    # Readings are spread as the well-known ones are: those of no weight would only widen the band.
+    # The band is of well-known readings: those of almost no weight would only widen it. Bins without any use all.
     known = weight >= 0.1 * np.median(weight)
     known |= ~np.isin(label, label[known])
     lows, highs = _percentiles(readings[known], label[known], _BAND)

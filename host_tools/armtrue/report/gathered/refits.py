@@ -1,4 +1,4 @@
-"""Fits made for the report: steps between two given ones, and a candidate put in to see what it would change."""
+"""Fits made for the report: intermediate steps between two given fits, and a fit with a candidate added."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from armtrue.fitting import Fit, add, with_effects
 
 Entry = dict[str, Any]
 
-# Rows × unknowns² up to which a fit takes some ten seconds; of fits between two given ones there may be several.
+# Rows × unknowns² up to which a fit takes some ten seconds; less for intermediate fits, as there may be several.
 _SOON_DONE = 2e10
 _SOON_DONE_BETWEEN = 4e9
 _MOST_BETWEEN = 8
 
 
 def between(before: Fit, after: Fit) -> list[Fit]:
-    """Fits on the way from `before` to `after`, one changed effect more each, both ends left out.
+    """Intermediate fits from `before` to `after`, each with one more changed effect; both ends are left out.
 
-    None where the two differ by one effect only, or where fits of this size take too long.
+    Empty where the two differ by one effect only, or where fits of this size take too long.
     """
     plan = effects_between(before.effects, after.effects)
     if len(plan) > _MOST_BETWEEN or _work(after) > _SOON_DONE_BETWEEN:
@@ -28,7 +28,7 @@ def between(before: Fit, after: Fit) -> list[Fit]:
 
 
 def effects_between(before: list[Entry], after: list[Entry]) -> list[list[Entry]]:
-    """The models on the way from `before` to `after`: effects come in the order of `after`, and go at the end."""
+    """Intermediate models from `before` to `after`: effects are added in the order of `after`, removed at the end."""
     changed = [k for k, entry in enumerate(after) if entry not in before]
     gone = [entry for entry in before if not any(entry["effect"] == other["effect"] for other in after)]
 
@@ -45,7 +45,7 @@ def effects_between(before: list[Entry], after: list[Entry]) -> list[list[Entry]
 
 
 def with_candidate(fit: Fit, candidate: Entry) -> Fit | None:
-    """`fit` with a candidate put in, not cross-validated; None where it cannot be had or would take too long."""
+    """`fit` with a candidate added, not cross-validated; None where that is refused or would take too long."""
     if _work(fit, len(candidate["parameters"])) > _SOON_DONE:
         return None
     quick = {**fit.document, "options": {**fit.document["options"], "cross_validate": False}}

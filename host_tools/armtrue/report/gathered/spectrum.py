@@ -1,4 +1,4 @@
-"""Joint spectra of a diagnosis: their peaks, and what a peak's period is called."""
+"""Joint spectra of a diagnosis: their peaks, and the names of the peaks' periods."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from armtrue.arrays import Array
 from armtrue.report.parts import ARCSECOND
 
 _LOG10_SIGNIFICANT = -4.0
-# Lines so many resolutions around a peak, or within this share of its period, are its own.
+# Lines within this many resolutions of a peak, or within this share of its cycles, belong to it.
 _OWN_LINES = 2.0
 _OWN_SHARE = 0.12
 _MOST_PEAKS = 3
@@ -36,7 +36,7 @@ class Peak:
 
     @property
     def short(self) -> str:
-        """`called` where the axis says that figures are cycles a turn."""
+        """`called` without the unit, for a chart whose axis has the unit cycles a turn."""
         return self.called.removesuffix(" a turn").removesuffix(" cycles").removesuffix(" cycle")
 
 
@@ -44,7 +44,7 @@ class Peak:
 class Spectrum:
     """Share of Σ r² that a sine and cosine of each period explain, over cycles of one joint (1-based).
 
-    `cycles`: a turn, or a metre where the joint `slides`. `once`: those of its motor, or of its screw or pinion.
+    `cycles`: per turn, or per metre where the joint `slides`. `once`: the cycles of its motor, or its screw or pinion.
     """
 
     joint: int
@@ -59,7 +59,7 @@ class Spectrum:
 def spectra_of(
     diagnosis: dict[str, Any], joints: list[dict[str, Any]], independent: dict[int, float]
 ) -> list[Spectrum]:
-    """Spectra with their peaks. `independent`: readings for each joint, which say what share scatter would explain."""
+    """Spectra with their peaks. `independent`: number of independent readings by joint, for the significance level."""
     found = []
     for entry in diagnosis["spectra"]:
         cycles, explained = np.array(entry["cycles"]), np.array(entry["explained"])
@@ -76,7 +76,7 @@ def spectra_of(
 
 
 def _once(joint: dict[str, Any], slides: bool) -> float | None:
-    """Turns of the motor a turn of the joint; of a joint that slides, those of its screw or pinion a metre."""
+    """Turns of the motor per turn of the joint; for a joint that slides, turns of its screw or pinion per metre."""
     ratio = abs(joint.get("gear_ratio") or 0.0)  # whichever way the motor turns
     if not slides:
         return ratio or None
@@ -107,7 +107,7 @@ def _peaks(entry: dict[str, Any], once: float | None, significant: float) -> lis
 
 
 def name_of(cycles: float, once: float | None, resolution: float, slides: bool = False) -> str:
-    """What turns so often during one turn of the joint, or one metre of it where it slides."""
+    """Name of the part or wave with `cycles` per turn of the joint, or per metre where it slides."""
     for order, called in _SCREW_ORDERS if slides else _MOTOR_ORDERS:
         if once and abs(cycles - order * once) < 0.5 * resolution:
             return called

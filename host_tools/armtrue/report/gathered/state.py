@@ -1,4 +1,4 @@
-"""What the residual may depend on, every state variable there is, and the directions to look along."""
+"""The state variables that the residual may depend on, and the directions along which it is read."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from armtrue.tables.chain import chain_from_robot, pose
 _DEGREE = np.pi / 180.0
 _MICROMETRE = 1e-6
 _HOUR = 3600.0
-# What variables of docs/model.md are called, with the unit people read and its size in SI.
+# Names of the variables of docs/model.md, with the display unit and its size in SI.
 _STATE = {
     "th": ("link angle {}", "°", _DEGREE),
     "dir": ("direction joint {} came from", "", 1.0),
@@ -32,19 +32,20 @@ _STATE = {
 }
 # Variables that move less than this share of their size have not moved.
 _STANDSTILL = 1e-9
-# An axis that the reflector is nearer to than this share of the farthest is not read: it would show little but noise.
+# Residuals are not read as the error of a joint if its axis is nearer to the reflector than this share of the largest
+# distance: they would show little but noise.
 _TINY_LEVER = 0.01
-# A reflector nearer to an axis than this share of its usual distance tells nothing of that axis's angle.
+# Rows with the reflector nearer to an axis than this share of its median distance do not show that axis's angle.
 _SHORT_LEVER = 0.25
 
 
 def joint_unit(joint: dict[str, Any]) -> tuple[str, float]:
-    """The unit in which people read a joint's variable, and its size in SI."""
+    """The display unit of a joint's variable, and its size in SI."""
     return ("mm", 1e-3) if joint.get("type") == "prismatic" else ("°", _DEGREE)
 
 
 def axis_of(fit: Fit, name: str) -> tuple[str, str, float, float]:
-    """What people call a state variable of docs/model.md, their unit, its size in SI, and where they count from."""
+    """Name of a state variable of docs/model.md, its display unit, that unit's size in SI, and its origin."""
     found = re.fullmatch(r"([a-zA-Z]+)(\d*)", name)
     stem, number = found.groups() if found else (name, "")
     if stem == "q":
@@ -58,7 +59,7 @@ def axis_of(fit: Fit, name: str) -> tuple[str, str, float, float]:
 
 
 def state_variable(fit: Fit, name: str) -> Variable:
-    """A state variable of docs/model.md over the fitted rows, in the unit people read."""
+    """A state variable of docs/model.md over the fitted rows, in its display unit."""
     what, unit, factor, origin = axis_of(fit, name)
     values = (fit.state_column(name) - origin) / factor
     return Variable(name, what, unit, values)
@@ -66,7 +67,7 @@ def state_variable(fit: Fit, name: str) -> Variable:
 
 @dataclass(frozen=True)
 class Variable:
-    """A state variable over the fitted rows, in the unit people read. `values` (N,); `joint`: whose, 0 for none."""
+    """A state variable over the fitted rows, in its display unit. `values` (N,); `joint`: its joint, 0 for none."""
 
     name: str
     what: str
@@ -76,7 +77,7 @@ class Variable:
 
     @property
     def label(self) -> str:
-        """What stands at an axis."""
+        """The label of an axis."""
         return f"{self.what} [{self.unit}]" if self.unit else self.what
 
 
@@ -84,7 +85,7 @@ class Variable:
 class Direction:
     """A way to read a residual vector as one number: `values = Σ along · residual`, with `weight` (N,) in means.
 
-    `along` (N, 3) carries the unit; `drawn` (N,) says which rows are worth a dot.
+    `along` (N, 3) contains the conversion to `unit`; `drawn` (N,): mask of the rows to draw as dots.
     """
 
     name: str
@@ -105,18 +106,18 @@ class Direction:
 
 
 def independent(residual: Array, lever: Array, visit: NDArray[np.intp]) -> float:
-    """How many independent readings the residuals (N, k) hold, seen along a coordinate's columns `lever` (N, k).
+    """Number of independent readings in the residuals r (N, k) along a coordinate's columns `lever` g (N, k).
 
-    All k a row where they point anywhere, one a `visit` (N,) where all of them point along it: the scatter of g·r,
-    White's (Econometrica 48, 1980), against Σ r². Residuals and levers are in the same noise, positions and
-    orientations alike.
+    It is k per row where residuals have random directions, one per `visit` (N,) where all point along g: Σ r² is
+    compared with the scatter of g·r (White, Econometrica 48, 1980). Residuals and levers must be in units of the same
+    noise, positions and orientations alike.
     """
     along = float(np.sum(np.bincount(visit, np.einsum("ij,ij->i", lever, residual)) ** 2))
     return float(np.sum(residual**2) * np.sum(lever**2)) / along if along > 0.0 else float(residual.size)
 
 
 def variables(fit: Fit) -> list[Variable]:
-    """Every state variable of the fitted rows that moves: joints, loads, temperatures, directions, place, time."""
+    """Every state variable that varies over the fitted rows: joints, loads, temperatures, directions, place, time."""
     columns = fit.data.columns
     joints = fit.robot.joints
     numbers = range(1, len(joints) + 1)
@@ -127,7 +128,7 @@ def variables(fit: Fit) -> list[Variable]:
             found.append(Variable(name, what, unit, values, joint))
 
     def derive(name: str, joint: int = 0) -> None:
-        with contextlib.suppress(_core.ModelError):  # it needs masses or a column that is not there
+        with contextlib.suppress(_core.ModelError):  # masses or a column that it needs are missing
             derived = state_variable(fit, name)
             add(name, derived.what, derived.unit, derived.values, joint)
 
@@ -198,7 +199,7 @@ def reading(fit: Fit, coordinate: str, what: str, turns: bool) -> Direction:
 
 
 def turned_by(fit: Fit, number: int) -> Array:
-    """How the tool turns with the motor of joint `number` (1-based): (N, 3), about the measuring frame's axes."""
+    """Rotation of the tool per unit of motor `number` (1-based): (N, 3), about the measuring frame's axes."""
     chain = chain_from_robot(fit.document["robot"])
     measuring_from_base = pose(fit.document["measuring_from_base"])[:3, :3]
     result = np.zeros((fit.data.count, 3))
@@ -209,7 +210,7 @@ def turned_by(fit: Fit, number: int) -> Array:
 
 
 def tiny_levers(fit: Fit) -> dict[int, float]:
-    """Revolute joints (1-based) whose angle hardly moves the reflector, with its usual distance from their axis [m]."""
+    """Revolute joints (1-based) whose angle hardly moves the reflector, by its median distance from their axis [m]."""
     levers = {}
     for number, joint in enumerate(fit.robot.joints, start=1):
         if joint.get("type") != "prismatic":

@@ -1,4 +1,4 @@
-"""The fits of a report as steps of one calibration: what each changed, and what is left over after it."""
+"""The fits of a report as steps of one calibration: the changes and the residuals of each."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ _AXES = 3
 
 @dataclass(frozen=True)
 class Step:
-    """One fit among others.
+    """One fit of a calibration.
 
-    `number`: from 1; 0 where the steps are some of many. `title`: its file's name, or what it changed where it was
-    fitted for the report, which `given` False says. `added`, `removed`: effects against the step before, as people
-    write them. `residual_m`: measured minus predicted (N, 3), measuring frame. `turned_rad`: measured against predicted
-    orientation (N, 3) as a turn about the measuring frame's axes; None where no orientations were measured. `used`:
-    rows that took part (N,).
+    `number`: from 1; 0 where steps are not numbered. `title`: its file's name, or its changes where it was fitted for
+    the report (`given` is False then). `added`, `removed`: names of effects, relative to the step before.
+    `residual_m`: measured minus predicted (N, 3), measuring frame. `turned_rad`: measured relative to predicted
+    orientation (N, 3) as a rotation vector in the measuring frame; None where no orientations were measured. `used`:
+    mask of the rows that were fitted (N,).
     """
 
     number: int
@@ -40,7 +40,7 @@ class Step:
 
     @property
     def called(self) -> str:
-        """The step by its number and by what it did."""
+        """The step's number and changes."""
         if not self.number:
             return self.title
         did = self.title if self.number == 1 else _changes(self.added, self.removed)
@@ -55,7 +55,7 @@ class Step:
 
     @property
     def turn_error_rad(self) -> dict[str, float] | None:
-        """Angle between measured and predicted orientation of the rows that took part: `mean`, `rms`, `p95`, `max`."""
+        """Angle between measured and predicted orientation of the fitted rows: `mean`, `rms`, `p95`, `max`."""
         if self.turned_rad is None:
             return None
         angle = np.linalg.norm(self.turned_rad[self.used], axis=1)
@@ -68,13 +68,13 @@ class Step:
 
     @property
     def noise_floor_um(self) -> float | None:
-        """Mean distance that measurement and repeatability alone would leave; None where nothing tells."""
+        """Mean distance that measurement noise and repeatability alone would leave; None where it is not known."""
         floor = self.fit.document["noise_floor"]["um"]
         return None if floor is None else float(floor)
 
 
 def floor_source(step: Step) -> str:
-    """What the noise floor was found from, in words."""
+    """The source of the noise floor, in words."""
     source = str(step.fit.document["noise_floor"]["source"])
     return FLOOR_SOURCES.get(source, source)
 
@@ -93,7 +93,7 @@ def check_same_data(fits: list[Fit]) -> None:
 
 
 def titles_of(fits: list[Fit], names: list[str] | None) -> list[str]:
-    """What given fits are called: `names`, or their files, or their place among them where they have none.
+    """Titles of the given fits: `names`, or their file names, or `fit 1`, `fit 2` … where they have no file.
 
     Errors: InputError where there are more or fewer names than fits.
     """
@@ -105,7 +105,7 @@ def titles_of(fits: list[Fit], names: list[str] | None) -> list[str]:
 
 
 def steps_of(fits: list[tuple[Fit, str | None]], *, numbered: bool = True) -> list[Step]:
-    """Fits of the same measurements, in order, with their titles; those of none were fitted for the report."""
+    """Steps from fits of the same measurements, in order; a title of None marks a fit that the report made."""
     steps: list[Step] = []
     for fit, title in fits:
         before = effects_of(steps[-1].fit) if steps else []

@@ -1,4 +1,4 @@
-"""Structure that no effect names, ready to draw: a curve over one variable, or what is left over by two."""
+"""Unexplained structure, ready to draw: a curve over one variable, or means of the residual over two."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from armtrue.report.gathered.state import Direction, Variable, axis_of, reading,
 from armtrue.report.gathered.steps import Step
 from armtrue.report.scales import tick_text
 
-_MOST_GROUPS = 4  # more values of the second variable than this are gathered in thirds
+_MOST_GROUPS = 4  # more values of the second variable than this are grouped in thirds
 _THIRDS = 3
 
 
 @dataclass(frozen=True)
 class Part:
-    """Bin means of the rows on which the second variable is what `label` says."""
+    """Bin means of the rows whose second variable has the value or range that `label` names."""
 
     label: str
     means: Binned
@@ -29,12 +29,12 @@ class Part:
 
 @dataclass(frozen=True)
 class Finding:
-    """A dependence that no effect names.
+    """A dependence that no effect explains.
 
-    `entry`: as diagnose gives it. `over`: label of the x axis, `along` of the y axis. Of one variable the function that
-    the diagnosis found is `x`, `y`; of two, `parts` are means of what is left over, for each value or third of the
-    second variable `by`. Neither where the data have no variable for it. `turned`: orientations were measured too,
-    of which the diagnosis knows and `parts` do not.
+    `entry`: as diagnose gives it. `over`: label of the x axis, `along` of the y axis. For one variable, `x` and `y` are
+    the function that the diagnosis found; for two, `parts` are means of the residual for each value or third of the
+    second variable `by`. All are empty where the data have no variable for it. `turned`: True where orientations were
+    measured, too; the diagnosis uses them, `parts` do not.
     """
 
     entry: dict[str, Any]
@@ -59,7 +59,7 @@ class Finding:
 
 
 def findings_of(step: Step, result: dict[str, Any]) -> list[Finding]:
-    """What a diagnosis of `step` cannot explain, each dependence on each coordinate once."""
+    """What a diagnosis of `step` cannot explain, one finding for each variable and coordinate."""
     found: dict[tuple[str, str], Finding] = {}
     for entry in result["unexplained"]:
         key = (entry["variable"], entry.get("coordinate", ""))

@@ -1,4 +1,4 @@
-"""Fewer points of many, so that a page stays small."""
+"""Selection of the points to draw, so that a page stays small."""
 
 from __future__ import annotations
 

@@ -51,13 +51,13 @@ def typical_row(step: Step) -> int:
 
 
 def scene_rows(step: Step) -> NDArray[np.intp]:
-    """Places of the rows that are drawn: all, or some of very many with the worst among them."""
+    """Indices of the rows that are drawn: all, or a part of very many that includes the worst."""
     worst = np.argsort(-np.linalg.norm(step.residual_m, axis=1))[:_WORST_KEPT]
     return spread_rows(step.fit.data.count, _MOST_VECTORS, worst)
 
 
 def scene(steps: list[Step], what: str = "error") -> dict[str, Any]:
-    """What the viewer draws. `what`: what the arrows are, in a word or two.
+    """The data that the viewer draws. `what`: name of the arrows, in a word or two.
 
     `arm` and `points` in mm, `vectors` (of the first and the last step) in 0.1 µm, `joints` in degrees, `rows` of the
     file.

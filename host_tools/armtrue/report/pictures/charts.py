@@ -17,10 +17,10 @@ from armtrue.report.scales import Scale, around, symmetric, tick_text
 DOTS = 500
 _SPECTRUM_LINES = 700
 _NAMED_PEAKS = 3
-# Readings beyond this percentile run off the panel: one gross error should not flatten all others.
+# Readings beyond this percentile lie outside the panel, so that one gross error does not flatten all others.
 _SHOWN_PERCENT = 99.0
 _ONE_PERCENT = 0.01
-# Shares of the residual nearer together than this read as the same figure.
+# Shares of the residual that differ by less than this are shown as the same figure.
 _SAME_SHARE = 0.005
 
 
@@ -29,7 +29,7 @@ def state_panel(report: Report, view: View, dots: int = DOTS) -> Markup:
     readings = view.direction.read(report.last.residual_m)
     rows = spread_rows(readings.size, dots)
     rows = rows[view.direction.drawn[rows] & report.last.used[rows]]
-    # A line of means that scatter alone may have made would say against the caption that there is a trend.
+    # The first step's means are drawn only where they have a trend, or the line would contradict the caption.
     after, before = view.last, view.first if view.first and view.first.trend else None
     sizes = np.concatenate([np.abs(readings[rows]), np.abs(after.low), np.abs(after.high)])
     size = float(np.percentile(sizes, _SHOWN_PERCENT)) if sizes.size else 0.0
@@ -56,7 +56,7 @@ def state_panel(report: Report, view: View, dots: int = DOTS) -> Markup:
 
 
 def trend_words(view: View) -> str:
-    """What the bin means say, in words."""
+    """How much of the scatter the bin means explain, in words."""
 
     def share(means: Binned) -> str:
         percent = f"{100 * means.explained:.0f} %" if means.explained >= _ONE_PERCENT else "less than 1 %"
@@ -98,7 +98,7 @@ def spectrum_panel(spectrum: Spectrum, first: Spectrum | None) -> Markup:
 
 
 def added_variable_panel(plot: AddedVariable) -> Markup | None:
-    """What is left over against what the candidate would add; a line of slope 1 is a candidate that is right.
+    """The residual against what the candidate would add; readings that it explains lie on the line of slope 1.
 
     None where it would add nothing.
     """
@@ -124,7 +124,7 @@ def added_variable_panel(plot: AddedVariable) -> Markup | None:
 
 
 def added_words(plot: AddedVariable) -> str:
-    """What the plot's share is, beside that of the candidates table where the two differ."""
+    """The share that the plot explains, and that of the candidates table where the two differ."""
     if plot.adds_nothing:
         return "fitted, it adds nothing: the model can take over all that it does"
     scored = float(plot.candidate["explained"])
@@ -139,7 +139,7 @@ def curve_panel(
     """A function of one variable, as fitted, with a band of two standard deviations where they are known."""
     size = float(np.max(np.abs(y)))
     if sigma is not None:
-        # A band that dwarfs the curve may run off the panel.
+        # A band much wider than the curve may extend beyond the panel.
         size = min(float(np.max(np.abs(y) + 2.0 * sigma)), 2.0 * size)
     panel = Panel(around(x), symmetric(1.1 * size), x_label, y_label, description)
     if sigma is not None:
@@ -151,7 +151,7 @@ def curve_panel(
 
 
 def structure_panel(finding: Finding) -> Markup:
-    """What a dependence looks like: the function of one variable, or means for each part of the second."""
+    """A chart of a dependence: the function of one variable, or means for each part of the second variable."""
     entry = finding.entry
     if finding.x is not None and finding.y is not None:
         spoken = f"Shape of what is left over: {entry['shape']}"
@@ -173,7 +173,7 @@ def structure_panel(finding: Finding) -> Markup:
 
 
 def key(k: int) -> Markup:
-    """A short line drawn like the one of part `k`."""
+    """The legend's sample of the line of part `k`."""
     return tag(
         "svg", tag("path", class_=f"part part{k}", d="M1 6H29"), class_="panel key", viewBox="0 0 30 12",
         aria_hidden="true",
@@ -183,7 +183,7 @@ def key(k: int) -> Markup:
 def histogram_panel(
     values: Array, limits: tuple[float, float] | None, label: str, description: str
 ) -> Markup:
-    """How often a variable was where; the range it may have is the width of the panel."""
+    """Histogram of a variable; the panel spans its limits and all values."""
     ends = np.array([*(limits or ()), float(values.min()), float(values.max())])
     scale = around(ends, margin=0.02)
     counts, edges = np.histogram(values, bins=24, range=(scale.low, scale.high))

@@ -1,4 +1,4 @@
-"""What an effect does to the arm, drawn: the arm with its joints marked, and displaced as far as can be seen."""
+"""Picture of an effect: the arm with the effect's joints marked, and its displacement, enlarged to be visible."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ from armtrue.report.pictures.arm import typical_pose
 from armtrue.tables.chain import Chain, chain_from_robot
 
 WIDTH, HEIGHT = 310, 240
-_TRACK = 40  # below the picture: where the variable is that drives the effect
+_TRACK = 40  # height below the picture for the scale of the variable that drives the effect
 _FRAMES = 17
 _SECONDS = 6
 _MARGIN = 26.0
-# Of the arm's size: how far the largest displacement is drawn.
+# Largest displacement as drawn, as a share of the arm's size.
 _SEEN = 0.14
 _LARGEST_ANGLE = 0.6
 _BETWEEN = (0.02, 0.98)
 _SHOWN_WAVES = 2.0
-# Terms that are weighed by springs still to be found have no size of their own.
+# Larger displacements are not to scale: their terms are weighted by compliances that are not fitted yet.
 _LARGEST_REAL_M = 0.05
 # Labels of joints: a line's height, a letter's width, and how far beside the joint they stand.
 _LINE, _LETTER, _BESIDE = 16.0, 8.0, 12.0
@@ -39,7 +39,7 @@ _AZIMUTH, _ELEVATION = np.radians(-62.0), np.radians(22.0)
 
 @dataclass(frozen=True)
 class Sweep:
-    """The effect while one recorded variable runs through its range and all else stays.
+    """An effect while one recorded variable runs through its range and all others stay constant.
 
     `values` (M,) of the variable; `moves`: displacement (M,) by coordinate; `document`: the effect's terms.
     """
@@ -51,7 +51,7 @@ class Sweep:
 
 
 def effect_picture(fit: Fit, candidate: dict[str, Any], sweep: Sweep) -> tuple[Markup, str]:
-    """The picture of a candidate on the arm of `fit`, and what it says."""
+    """The picture of a candidate on the arm of `fit`, and its caption."""
     chain = chain_from_robot(fit.document["robot"])
     row = typical_pose(fit.data.joints)
     nominal = corners(chain, fit.data.joints[row], {})
@@ -75,7 +75,7 @@ def effect_picture(fit: Fit, candidate: dict[str, Any], sweep: Sweep) -> tuple[M
 
 
 def effect_sweep(fit: Fit, candidate: dict[str, Any]) -> Sweep | None:
-    """The variable that moves a candidate's effect most, and how; None where the effect has no terms on this arm."""
+    """The sweep of the variable that changes an effect most; None where the effect has no terms on this arm."""
     joints = candidate["joints"]
     row = typical_pose(fit.data.joints)
     at_rest = {name: float(values[row]) for name, values in fit.data.columns.items() if name != "target"}
@@ -96,14 +96,14 @@ def effect_sweep(fit: Fit, candidate: dict[str, Any]) -> Sweep | None:
         moves = _moves(document, candidate)
         course = max((float(np.ptp(v)) for v in moves.values()), default=0.0)
         if course > (1.0 + 1e-6) * largest:
-            # In the unit that people read, of which the column is a multiple from some origin.
+            # In the display unit, which is a linear function of the column.
             column = fit.data.columns[columns[0]]
             shown = np.interp(
                 values, [column.min(), column.max()], [variable.values.min(), variable.values.max()]
             )
             best, largest = Sweep(variable, np.asarray(shown), moves, document), course
     if best is not None and largest <= 0.0:
-        # Nothing drives it: it is shown as it comes and goes.
+        # No variable changes it: the picture shows the effect growing from zero and back.
         grown: Array = np.linspace(0.0, 1.0, _FRAMES, dtype=np.float64)
         best = Sweep(None, grown, {c: v * grown for c, v in best.moves.items()}, best.document)
     return best
@@ -112,7 +112,7 @@ def effect_sweep(fit: Fit, candidate: dict[str, Any]) -> Sweep | None:
 def _range(
     fit: Fit, candidate: dict[str, Any], column: str, at_rest: dict[str, float]
 ) -> tuple[float, float]:
-    """Where the data have a column; of waves that are many on the way, two."""
+    """The range of a column in the data; for an effect of short waves, two waves around the pose at rest."""
     low, high = (float(end) for end in np.quantile(fit.data.columns[column], _BETWEEN))
     options, joints = candidate.get("options") or {}, candidate["joints"]
     waves = list(options.get("cycles") or [])
@@ -129,7 +129,7 @@ def _range(
 
 
 def arms_picture(fit: Fit, joints: Array) -> tuple[Markup, str]:
-    """The arm as it stands at each of the motor-side `joints` (N, n), and what the picture says."""
+    """A picture of the arm at each of the motor-side `joints` (N, n), and its caption."""
     chain = chain_from_robot(fit.document["robot"])
     here = corners(chain, fit.data.joints[typical_pose(fit.data.joints)], {})
     places = projected([here, *(corners(chain, row, {}) for row in joints)])
@@ -142,7 +142,7 @@ def arms_picture(fit: Fit, joints: Array) -> tuple[Markup, str]:
 
 
 def framed(words: str, *drawn: Content, **attributes: object) -> Markup:
-    """A picture of an arm as an SVG element; `words` is what a screen reader says of it."""
+    """A picture of an arm as an SVG element; `words` is its text for screen readers."""
     return tag(
         "svg", tag("title", words), *drawn, class_="panel effect-picture", role="img",
         viewBox=f"0 0 {WIDTH} {HEIGHT}", aria_label=words, **attributes,
@@ -150,7 +150,7 @@ def framed(words: str, *drawn: Content, **attributes: object) -> Markup:
 
 
 def _drivers(fit: Fit, joints: list[int]) -> list[tuple[Variable, list[str]]]:
-    """Variables that may drive an effect on `joints`, the likeliest first, with the columns that they stand in."""
+    """Variables that may drive an effect on `joints`, the likeliest first, with their columns."""
     columns = fit.data.columns
     found = {variable.name: variable for variable in variables(fit)}
     numbers = [*reversed(joints), *(k for k in range(1, len(fit.robot.joints) + 1) if k not in joints)]
@@ -199,7 +199,7 @@ def corners(chain: Chain, joints: Array, moves: dict[str, float]) -> Array:
         number = int(link[1]) if link else 0 if where == "base" else len(frames)
         frame = np.eye(4) if number == 0 else end if not link else frames[number - 1]
         steps.append((number, frame, component, move))
-    # From the flange to the base: an axis that is moved itself moves with all that it carries.
+    # From the flange to the base, so that every axis is still at its nominal place when it moves what it carries.
     for number, frame, component, move in sorted(steps, key=lambda step: -step[0]):
         axis = "xyz".index(component[1])
         beyond = np.arange(len(places)) > number if number else np.ones(len(places), dtype=np.bool_)

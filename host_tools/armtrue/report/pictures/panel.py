@@ -11,18 +11,18 @@ from armtrue.arrays import Array
 from armtrue.report.markup import Markup, join, tag
 from armtrue.report.scales import Scale, tick_text
 
-# [px] The narrowest chart on a laptop: charts are never shrunk there, so letters keep their set size.
+# Width [px] of the narrowest chart on a laptop: charts are never shrunk there, so letters keep their set size.
 WIDTH = 310
 _LEFT, _RIGHT, _TOP, _BOTTOM = 53, 8, 10, 38
-_BESIDE_TICKS = 26.0  # what the axis name and the gaps beside tick labels take of the left margin
+_BESIDE_TICKS = 26.0  # part of the left margin for the axis name and the gaps beside tick labels
 _POINTER = (3.5, 9.0)  # half width and height of a note's pointer
 _LINE = 13.0
 _LABEL_CHARACTER = 6.3  # width of a character of a label, in user units
-_TICK_CHARACTER = 9.0  # of a tick, on paper: letters are largest there
+_TICK_CHARACTER = 9.0  # the same of a tick label on paper, where letters are largest
 
 
 class Panel:
-    """A chart under construction. `description` is what a screen reader says of it."""
+    """A chart under construction. `description` is its text for screen readers."""
 
     def __init__(
         self, x: Scale, y: Scale, x_label: str, y_label: str, description: str, *, height: int = 210
@@ -36,8 +36,8 @@ class Panel:
         self._left = max(_LEFT, round(_BESIDE_TICKS + _TICK_CHARACTER * longest))
         self._w, self._h = WIDTH - self._left - _RIGHT, height - _TOP - _BOTTOM
         self._drawn: list[Markup] = []
-        self._labels_drawn: list[Markup] = []  # last, so that no line crosses them out
-        # What notes keep clear of: (centre, baseline, half width).
+        self._labels_drawn: list[Markup] = []  # drawn last, so that no line crosses them
+        # Places that notes must not cover: (centre, baseline, half width).
         self._taken: list[tuple[float, float, float]] = []
         self._notes: list[tuple[float, float, str]] = []
         self._x_tick_values: list[tuple[float, str]] | None = None
@@ -47,7 +47,7 @@ class Panel:
         self._x_tick_values = ticks
 
     def points(self, x: Array, y: Array, kind: str) -> None:
-        """Dots, as one path of strokes of no length."""
+        """Dots, as one path of strokes of zero length."""
         columns, rows = self._tenths(x, y)
         order = np.lexsort((rows, columns))
         path, at_x, at_y = [], 0, 0
@@ -68,7 +68,7 @@ class Panel:
             self._drawn.append(tag("path", class_=kind, d=both + "z"))
 
     def whiskers(self, x: Array, low: Array, high: Array, kind: str) -> None:
-        """Upright strokes."""
+        """Vertical strokes."""
         columns, tops = self._tenths(x, high)
         bottoms = self._tenths(x, low)[1]
         path = "".join(
@@ -90,7 +90,7 @@ class Panel:
         self._drawn.append(tag("path", class_=kind, d=path))
 
     def upright(self, x: float, label: str, kind: str = "mark") -> None:
-        """An upright mark with a label at its top."""
+        """A vertical mark with a label at its top."""
         share = float(self._x.share(x))
         if not 0.0 <= share <= 1.0:
             return
@@ -102,7 +102,7 @@ class Panel:
         self._label(at - 3 if left else at + 3, height, label, "end" if left else "start")
 
     def level(self, y: float, label: str, kind: str = "mark", *, at_start: bool = False) -> None:
-        """A level mark with a label at its right end, or at its left."""
+        """A horizontal mark with a label at its right end, or at its left."""
         share = float(self._y.share(y))
         if not 0.0 <= share <= 1.0:
             return
@@ -120,7 +120,7 @@ class Panel:
         self._drawn.append(tag("path", class_="peak", d=f"M{column:.1f} {row - 3:.1f}l-3.5 -6h7z"))
 
     def _write_notes(self) -> None:
-        """Words of all notes: each as near above its pointer as is free, else left out."""
+        """Write each note at the nearest free place above its pointer; a note without one is left out."""
         for column, row, label in self._notes:
             half = _LABEL_CHARACTER * len(label) / 2
             at = min(max(column, half + 2), self._w - half - 2)
@@ -155,7 +155,7 @@ class Panel:
         )  # fmt: skip
 
     def _places(self) -> str:
-        """Where the axes lie and what they are called: a page that reads values off the chart needs that."""
+        """Places, ranges and names of the axes as JSON, so that a page can read values off the chart."""
 
         def axis(scale: Scale, name: str) -> dict[str, object]:
             ends = [float(f"{end:.6g}") for end in (scale.low, scale.high)]

@@ -1,1 +1,1 @@
-"""The sections of the page, in files by what they tell of."""
+"""The sections of the page, one file for each subject."""

@@ -1,4 +1,4 @@
-"""What is missing: candidates with their evidence, what else it could be, what to measure, what cannot be tested."""
+"""What is missing: candidates with their evidence, the ambiguity set, advice, and effects that cannot be tested."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ _PARAMETERS_SHOWN = 6
 
 
 def candidates_section(report: Report) -> Markup:
-    """Candidates of every step, with evidence and ambiguity; fewer of steps between. Advice of the last step."""
+    """Candidates of every step, with evidence and ambiguity; fewer of intermediate steps. Advice of the last step."""
     first, last = report.diagnoses[0], report.diagnoses[-1]
     parts: list[Content] = []
     if len(report.diagnoses) > 1:
@@ -97,7 +97,7 @@ def _star() -> Markup:
 
 
 def _one(diagnosis: StepDiagnosis, between: bool = False) -> list[Content]:
-    """The verdict and the leading candidates, with reasons; a step between has fewer, and does not name the others."""
+    """The verdict and the leading candidates with reasons; fewer, and no list of the others, if `between`."""
     most, with_reasons = (_SHOWN_BETWEEN, _WITH_REASONS_BETWEEN) if between else (_SHOWN, _WITH_REASONS)
     result = diagnosis.result
     parts: list[Content] = [tag("p", verdict_words(result), class_=f"verdict {result['verdict']}")]
@@ -120,7 +120,7 @@ def _one(diagnosis: StepDiagnosis, between: bool = False) -> list[Content]:
 
 
 def _advice(result: dict[str, Any]) -> list[Content]:
-    """What to do next, and what cannot be tested for want of a column."""
+    """What to do next, and effects that cannot be tested because a column is missing."""
     parts: list[Content] = []
     if result["advice"]:
         parts += [tag("h4", "Advice"), listed([typeset(sentence) for sentence in result["advice"]])]

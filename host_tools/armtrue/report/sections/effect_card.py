@@ -1,4 +1,4 @@
-"""An effect explained: what it does to the arm, its formula, how large it can be; and those of a report's steps."""
+"""Cards that explain effects: what each does to the arm, its formula and its physical bound."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _MOST_CARDS = 8
 
 
 def cards_section(report: Report) -> Markup | None:
-    """A card for each effect that came in after the first step; None where there is none."""
+    """A card for each effect added after the first step or recommended by the last; None where there is none."""
     cards = [_card(fit, candidate) for fit, candidate in _chosen(report)[:_MOST_CARDS]]
     if not cards:
         return None
@@ -34,7 +34,7 @@ def cards_section(report: Report) -> Markup | None:
 
 
 def _chosen(report: Report) -> list[tuple[Fit, Candidate]]:
-    """Candidates of each step that the next one has, and those that the last one recommends."""
+    """Candidates of each step that the next step added, and the first that the last step recommends."""
     diagnosed = {id(diagnosis.step): diagnosis for diagnosis in report.diagnoses}
     found: list[tuple[Fit, Candidate]] = []
     for before, after in pairwise(report.steps):
@@ -52,7 +52,7 @@ def _among(tried: StepDiagnosis | None, new: list[tuple[str, tuple[int, ...]]]) 
     for effect in dict.fromkeys(effect for effect, _ in new):
         on = {joint for other, joints in new if other == effect for joint in joints}
         same = [c for c in candidates if c["effect"] == effect]
-        # An effect of all joints has parameters that name one or none.
+        # Parameters of an effect on all joints name one joint or none, so that its candidate need not match them.
         exact = [c for c in same if c["joints"] and set(c["joints"]) <= on]
         chosen += exact or same[:1]
     return chosen
@@ -75,7 +75,7 @@ def _card(fit: Fit, candidate: Candidate) -> Markup:
 
 
 def sweep_of(fit: Fit, candidate: Candidate, info: EffectInfo) -> Sweep | None:
-    """What the effect does to the arm; None for what belongs to the measurement, which does not move the arm."""
+    """The sweep of an effect of the arm; None for an effect of the measurement, which does not move the arm."""
     return effect_sweep(fit, candidate) if info.exported else None
 
 
@@ -86,7 +86,7 @@ def formula_block(info: EffectInfo, sweep: Sweep | None) -> Markup:
 
 
 def bound_lines(info: EffectInfo) -> Content:
-    """How large the effect can physically be, and who says so."""
+    """How large the effect can physically be, and the source of that bound."""
     bound, source = info.bound_and_source
     return [
         tag("p", tag("b", "Physical bound: "), bound or "none is known"),

@@ -12,7 +12,7 @@ from armtrue.report.markup import Content, Markup, tag
 from armtrue.report.parts import ARCSECOND, lead, micrometres, scored_um, section, table
 from armtrue.report.scales import Scale, tick_text
 
-# Measure, what it is called, and the outline of its mark in a square of 16.
+# Key of the measure, its name, and the outline of its mark in a square of 16.
 _MEASURES = (
     ("mean_um", "mean", "M8 2.5a5.5 5.5 0 1 0 .01 0z"),
     ("rms_um", "RMS", "M8 2l6 6-6 6-6-6z"),
@@ -30,7 +30,7 @@ _READING = (
     "hollow marks are training poses. The bar is the fall of the held-out mean. "
 )
 _RISE = "A hatched bar is a rise. "
-# A number further right than this would stand beside the axis.
+# The text of a tick further right than this would extend beyond the axis.
 _LAST_TICK = 0.97
 _FITTED_HERE = " Steps that say so were fitted for this report, one effect added at a time."
 

@@ -1,4 +1,4 @@
-"""The words of the page that not every reader knows, explained at its end."""
+"""The glossary at the end of the page: the technical terms that the page uses."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _ELEMENT = re.compile(r"<(script|style)\b.*?</\1>|<[^>]*>", re.DOTALL)
 
 
 def glossary_section(shown: Markup) -> Markup:
-    """The entries of docs/glossary.md that `shown`, the other sections, makes use of."""
+    """The entries of docs/glossary.md that `shown`, the other sections, uses."""
     words = html.unescape(_ELEMENT.sub(" ", shown)).lower()
     used = [entry for entry in glossary().values() if _is_used(entry, words)]
     entries = [tag("li", tag("b", entry.name), f": {entry.text}") for entry in used]

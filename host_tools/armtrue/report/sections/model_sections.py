@@ -1,4 +1,4 @@
-"""The fitted model: its parameters with sigmas, its tables as curves, and what the data could not tell."""
+"""The fitted model: its parameters with sigmas, its tables as curves, and what the data do not determine."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ _UNOBSERVABLE = (
     "Numbers that these measurements cannot tell apart. One of each pair stays at its nominal value; predictions do "
     "not suffer."
 )
-# A parameter below this many of its own sigmas may as well be zero.
+# A parameter smaller than this many of its sigmas is consistent with zero.
 _KNOWN = 3.0
 _TIED = 0.9
 # An effect with more parameters than this is folded away on a screen.
@@ -47,7 +47,7 @@ _LONG = 14
 
 
 def parameters_section(report: Report) -> Markup:
-    """Parameters of the last step in units for people, tables drawn."""
+    """Parameters of the last step in display units, tables as curves."""
     document = report.last.fit.document
     plain: dict[str, list[dict[str, Any]]] = {}
     tables: dict[str, list[dict[str, Any]]] = {}
@@ -79,7 +79,7 @@ def parameters_section(report: Report) -> Markup:
 
 
 def observability_section(report: Report) -> Markup:
-    """What the data could not tell apart, in sentences."""
+    """Parameters that the data could not tell apart, in sentences."""
     document = report.last.fit.document
     sentences = document["unobservable"]
     none = tag("p", "Every parameter of the model was told apart.")

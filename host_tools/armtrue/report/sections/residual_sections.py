@@ -1,4 +1,4 @@
-"""Where the error points, what it depends on, with which periods, and what no effect names."""
+"""The residuals: vectors over the arm, dependence on the state, spectra, and unexplained structure."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ _BUTTONS = (
     ("again", "Start again", "as it was at first (0)"),
 )
 _SHOWN = 12
-# Along x, y and z panels are many: each gets fewer dots.
+# The views along x, y and z have many panels, so each gets fewer dots.
 _DOTS_OF_OTHERS = 220
 _VIEWS = (("telling", "most telling"), ("x", "along x"), ("y", "along y"), ("z", "along z"))
 
@@ -83,7 +83,7 @@ def vectors_section(report: Report) -> Markup:
 
 
 def viewer(scene: dict[str, Any], spoken: str) -> Markup:
-    """The element in which viewer.js draws `scene`, the picture in space that `arm.scene` describes.
+    """The element in which viewer.js draws `scene`, the three-dimensional picture that `arm.scene` describes.
 
     `spoken`: its name for screen readers.
     """
@@ -105,7 +105,7 @@ def viewer(scene: dict[str, Any], spoken: str) -> Markup:
 
 
 def state_section(report: Report) -> Markup:
-    """The residual against every state variable, the one that shows most first."""
+    """The residual against every state variable, the strongest dependence first."""
     telling = report.telling_views()
     by_name = {direction.name: direction for direction in report.directions}
     sets: list[Content] = []
@@ -141,7 +141,7 @@ def state_section(report: Report) -> Markup:
 
 
 def _listed_views(views: list[View]) -> Markup:
-    """What paper has in place of charts."""
+    """A list that stands in place of charts on paper."""
     trend = [view for view in views if view.last.trend or (view.first and view.first.trend)]
     none = [view.variable.what for view in views if view not in trend]
     rows: list[list[Content]] = [
@@ -157,7 +157,7 @@ def _listed_views(views: list[View]) -> Markup:
 
 
 def _not_read(report: Report) -> str:
-    """Which joints no residual is read as, and why."""
+    """Sentences on the joints as whose error no residual is read, and why."""
     sentences = [
         f" None is read as an error of joint {number}, whose axis runs {1e3 * lever:.1f} mm beside the reflector: its "
         "angle hardly moves it."
@@ -206,7 +206,7 @@ def _lines(spectrum: Spectrum) -> str:
 
 
 def unexplained_section(report: Report) -> Markup | None:
-    """Structure that no effect names, drawn; None where neither step has any."""
+    """Charts of structure that no effect explains; None where no step has any."""
     parts: list[Content] = []
     before: list[Finding] = []
     for diagnosis in report.diagnoses:

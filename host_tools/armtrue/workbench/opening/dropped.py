@@ -1,4 +1,4 @@
-"""Files that were dropped on the page: kept in a folder of their own, guessed at by `init` where they are foreign."""
+"""Files that were dropped on the page: kept in a separate folder, and interpreted by `init` where they are foreign."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _GUESSED = "guessed"
 
 @dataclass
 class Guess:
-    """What `init` made of foreign files: its dataset.yaml, from what that was guessed, and what `check` says."""
+    """What `init` made of foreign files: its dataset.yaml, the reasons for its guesses, and the findings of `check`."""
 
     path: Path
     text: str
@@ -48,7 +48,7 @@ class Guess:
 class Drop:
     """Files in `folder` that were dropped since the last time something was opened.
 
-    `draft`: `form` and `text` of the guesses as the person left them, before they are opened.
+    `draft`: `form` and `text` of the guesses as the user edited them, before they are opened.
     """
 
     folder: Path
@@ -68,10 +68,10 @@ class Drop:
             self.names.append(name)
 
     def take_foreign(self, files: list[Path], robot: Path | None, model: Path | None) -> bool:
-        """Keep copies of foreign files named in the terminal, and guess what they are; False where they are not such.
+        """Copy foreign files named in the terminal, and guess what they are; False where they are not foreign.
 
-        A file in Armtrue's own form is not foreign, whatever is wrong with it. Errors: InputError where several files,
-        or one with a URDF, cannot be understood; of one file alone the reader of Armtrue's own form says more.
+        A file in Armtrue's own form is not foreign, even if faulty. Errors: InputError where several files, or one with
+        a URDF, cannot be understood; one file alone gives False, as the reader of Armtrue's own form explains more.
         """
         arm = robot or next(
             (path for file in files[:1] if (path := file.with_name("robot.yaml")).is_file()), None
@@ -94,15 +94,15 @@ class Drop:
         return self.guess is not None
 
     def without_place(self, sentence: str) -> str:
-        """A sentence with dropped files under their names alone."""
+        """A sentence with the paths of dropped files shortened to their names."""
         return sentence.replace(f"{self.folder}{os.sep}", "")
 
     def forget(self) -> None:
-        """Begin anew; the files stay where they are."""
+        """Forget what was dropped; the files stay in the folder."""
         self.names, self.guess, self.draft = [], None, {}
 
     def take_draft(self, words: Entry) -> None:
-        """Keep the form and the text of the guesses as they stand on the page. Errors: InputError where none came."""
+        """Keep form and text of the guesses as they are on the page. Errors: InputError where they are missing."""
         form, text = words.get("form"), words.get("text")
         parts = [form.get(part) for part in ("fields", "columns")] if isinstance(form, dict) else [None]
         whole = all(isinstance(part, dict) for part in parts) and isinstance(text, str)
@@ -111,12 +111,12 @@ class Drop:
         self.draft = {"form": form, "text": text}
 
     def as_json(self) -> Entry:
-        """Which files wait and what was guessed of them, for the session's file."""
+        """The waiting files and the guesses about them, for the session's file."""
         notes = None if self.guess is None else self.guess.notes
         return {"folder": str(self.folder), "names": self.names, "notes": notes, "draft": self.draft}
 
     def go_on(self, kept: Entry) -> None:
-        """Go on with the files that waited when `as_json` was asked, those that are still there."""
+        """Restore the state that `as_json` gave, with those of its files that still exist."""
         folder = Path(kept["folder"])
         names = [str(name) for name in kept["names"] if (folder / str(name)).is_file()]
         if not names:
@@ -127,10 +127,10 @@ class Drop:
             self.draft = dict(kept["draft"])
 
     def open(self, words: Entry) -> Opened | None:
-        """Open what was dropped; None where guesses are to be looked at first.
+        """Open what was dropped; None where guesses are to be reviewed first.
 
-        `words`: `text`, dataset.yaml as the person left it; `form`, the form; with it `look`, to have it checked
-        alone, or `mend`, a finding's place. Errors: InputError in one sentence.
+        `words`: `text`, dataset.yaml as the user edited it; `form`, the form; with it `look`, to check it without
+        opening, or `mend`, the index of a finding to correct. Errors: InputError in one sentence.
         """
         if self.guess is not None:
             if words.get("look") is True:
@@ -159,14 +159,14 @@ class Drop:
             try:
                 return open_files(kinds["table"], robot, model)
             except InputError as error:
-                # What the message says of `armtrue init` is being done here.
+                # The message goes on to recommend `armtrue init`, which runs here: that part is cut off.
                 self._guess(kinds, robot, model, self.without_place(str(error)).split("; ")[0])
                 return None
         self._guess(kinds, robot, model, "")
         return None
 
     def _guess(self, kinds: dict[str, list[Path]], robot: Path | None, model: Path | None, why: str) -> None:
-        # A URDF beside a robot.yaml is the one that this names.
+        # A URDF beside a robot.yaml is no second arm: robot.yaml refers to it.
         urdf, dh = (
             (None, None) if robot else (_one(kinds["urdf"], "URDF"), _one(kinds["dh"], "table of an arm"))
         )
@@ -185,7 +185,7 @@ class Drop:
         self.guess = self._looked_at([*([why] if why else []), *found.notes])
 
     def _looked_at(self, notes: list[str]) -> Guess:
-        """The guesses as they lie in the folder, with what the check says of them."""
+        """The guesses in the folder, with the findings of the check."""
         arm = load_robot(self.folder / _GUESSED / "robot.yaml")
         dataset = self.folder / _GUESSED / "dataset.yaml"
         data = load_data(dataset, arm, strict=False)
@@ -198,14 +198,14 @@ class Drop:
         return open_files([out / "dataset.yaml"], out / "robot.yaml", out / "model.yaml")
 
     def measurements(self, words: Entry) -> Dataset:
-        """What was guessed at, read as `words` say, `form` or `text`, or as it was read last. Errors: InputError."""
+        """The guessed measurements, read by `form` or `text` of `words`, or as before. Errors: InputError."""
         assert self.guess is not None
         text = str(words.get("text", self.guess.text))
         self._check(filled_in(text, words["form"], self.guess.robot) if "form" in words else text)
         return load_data(self.guess.path, self.guess.robot)
 
     def _check(self, text: str) -> None:
-        """Take `text` for dataset.yaml, and have it checked."""
+        """Use `text` as dataset.yaml and check it; where it cannot be read, the old text stays."""
         assert self.guess is not None
         write_file(self.guess.path, text)
         try:

@@ -1,4 +1,4 @@
-"""The arm among its points before anything is fitted: a wrong sign or unit is an arm that does not reach them."""
+"""The nominal arm and the measured points before a fit: with a wrong sign or unit it does not reach them."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _MOST = 120
 def guess_picture(data: Dataset, robot: Robot, findings: list[Finding]) -> Markup | None:
     """Nominal arm, measured points as the file gives them, and a line from each to where the arm says it is.
 
-    None where nothing aligns. `findings`: what the check says of `data`, which the caption does not contradict.
+    None where nothing aligns. `findings`: of the check of `data`, so that the caption does not contradict them.
     """
     try:
         riding = without_fixed_targets(data) if fixed_targets(data) else data
@@ -43,7 +43,7 @@ def guess_picture(data: Dataset, robot: Robot, findings: list[Finding]) -> Marku
 def _lines(columns: Columns, robot: Robot) -> tuple[Array, Array, Array]:
     """Joints (N, n), measured points and where the arm would be, both (N, 3) [m] in the base's frame.
 
-    Each set-up of the instrument has its own place, each reflector its own offset. No scale is divided out.
+    Each set-up of the instrument is aligned separately, with an offset for each reflector. No scale is removed.
     """
     stations = columns.get("station", np.zeros(len(columns["x"])))
     parts = []

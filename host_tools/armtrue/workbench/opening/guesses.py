@@ -1,4 +1,4 @@
-"""What `init` guessed of foreign files, as a form beside the first rows: the form and dataset.yaml say the same."""
+"""The guesses of `init` on foreign files as a form beside the first rows; form and dataset.yaml say the same."""
 
 from __future__ import annotations
 
@@ -136,7 +136,7 @@ def _units(document: Document) -> dict[str, str]:
 
 
 def filled_in(text: str, given: Any, robot: Robot) -> str:
-    """dataset.yaml with what the form says. Errors: InputError where the form cannot be of this page."""
+    """dataset.yaml with the entries of the form. Errors: InputError where the form is not complete or consistent."""
     document = _document(text)
     fields = given.get("fields") if isinstance(given, dict) else None
     columns = given.get("columns") if isinstance(given, dict) else None
@@ -173,7 +173,7 @@ def filled_in(text: str, given: Any, robot: Robot) -> str:
 
 
 def _column(old: Any, header: str, unit: str, kind: str | None) -> Any:
-    """The entry of a column; a scale and an offset that stood there stay."""
+    """The entry of a column; an existing scale and offset stay."""
     entry: Document = dict(old) if isinstance(old, dict) else {}
     entry["column"] = header
     entry.pop("unit", None)
@@ -183,13 +183,13 @@ def _column(old: Any, header: str, unit: str, kind: str | None) -> Any:
 
 
 def can_be_mended(finding: Finding) -> bool:
-    """True where dataset.yaml can say what a finding found wrong."""
+    """True where a change of dataset.yaml can correct what a finding reports."""
     in_a_known_unit = finding.code in _UNIT_OF_POINTS and bool(finding.evidence.get("unit"))
     return in_a_known_unit or finding.code in (_SIGN, _SWAPPED, _HAND, *_UNIT_OF_JOINTS)
 
 
 def mended(text: str, finding: Finding) -> str:
-    """dataset.yaml with what a finding found wrong put right."""
+    """dataset.yaml, changed to correct what a finding reports."""
     document = _document(text)
     columns = {
         name: dict(entry) if isinstance(entry, dict) else {"column": entry}
@@ -234,7 +234,7 @@ def _text(document: Document) -> str:
 
 
 def findings_list(findings: list[Finding]) -> Markup:
-    """What the check says, with a button beside what can be mended here; what is no fault is folded away."""
+    """The findings of the check, with a button at those that can be corrected here; notes are folded away."""
 
     def line(place: int, finding: Finding) -> list[Content]:
         words = " → ".join(part for part in (finding.message, finding.remedy) if part)

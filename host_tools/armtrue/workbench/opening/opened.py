@@ -1,4 +1,4 @@
-"""From the files that a person names to a first model."""
+"""From the files that the user names to a first model."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _BESIDE = {"robot": "robot.yaml", "model": "model.yaml"}
 class Opened:
     """What was opened: measurements with an arm and a model to fit, or fits that were made before.
 
-    `files`: all that was read, which tells one session from another. `notes`: what was taken without being named.
+    `files`: all that were read; they identify the session. `notes`: sentences on what was used without being named.
     """
 
     data: Dataset
@@ -80,7 +80,7 @@ def _of_measurements(path: Path, robot: Path | None, model: Path | None) -> Open
     data = load_data(path, arm)
     model = model or _beside(path, "model", notes)
     if model is None:
-        # What `armtrue init` writes: the geometry, to which the diagnosis then adds.
+        # As `armtrue init` writes it: the geometry alone; the diagnosis then recommends further effects.
         geometry = with_role("placement", "geometry")
         effects: list[dict[str, Any]] = [{"effect": name} for name in geometry]
         believed = Model(effects)

@@ -1,4 +1,4 @@
-"""Files that were dropped while nothing was open: a server started without files goes on with them."""
+"""Files that were dropped while nothing was open: a server started without files restores them."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from armtrue.workbench.session import default_folder
 
 
 def keep_waiting(drop: Drop) -> None:
-    """Write down which files wait; nothing where none do. Errors: InputError or OSError where it cannot be written."""
+    """Save the list of waiting files, or delete it if empty. Errors: InputError or OSError where that is impossible."""
     place = _place()
     if drop.names:
         place.parent.mkdir(parents=True, exist_ok=True)
@@ -22,7 +22,7 @@ def keep_waiting(drop: Drop) -> None:
 
 
 def go_on_waiting(drop: Drop) -> bool:
-    """Take up the files that were written down; False where there are none that can be read again."""
+    """Restore the files of the saved list; False where there are none that can be read."""
     place = _place()
     if not place.is_file():
         return False
@@ -34,7 +34,7 @@ def go_on_waiting(drop: Drop) -> bool:
 
 
 def folder_of_waiting() -> Path:
-    """The folder in which one server at a time writes down the files that wait."""
+    """The folder of the list of waiting files, for one server at a time."""
     return default_folder("waiting")
 
 

@@ -1,4 +1,4 @@
-"""Two models side by side, and what could stand in the place of an effect of the model."""
+"""Two models side by side, and the candidates that could replace an effect of the model."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _MOST_RIVALS = 12
 
 
 def beside(session: Session, place: str) -> str:
-    """The model that is looked at beside the one at `place` of the history. Errors: InputError where there is none."""
+    """The shown model beside the one at `place` of the history. Errors: InputError where there is none."""
     nodes = [session.node, session.nodes[number_of(place, len(session.nodes), "node")]]
     names = [f"{letter}: {_name(session, node)}" for letter, node in zip("AB", nodes, strict=True)]
     return card(
@@ -45,7 +45,7 @@ def bayesian_information(session: Session, number: int) -> float:
 
 
 def _name(session: Session, node: Node) -> str:
-    """What the person called a model, or all that was changed on the way to it: two may end with the same step."""
+    """The user's name for a model, or all changes on the path to it: two paths may end with the same change."""
     steps = session.path_to(node.number)
     return node.name or ", ".join(step.change for step in steps[1:]) or steps[0].change
 
@@ -115,7 +115,7 @@ def _deciding(nodes: list[Node]) -> Content:
 
 
 def _own_effects(nodes: list[Node]) -> list[list[dict[str, Any]]]:
-    """Of each of two models the effects that the other lacks."""
+    """For each of two models, the effects that the other lacks."""
     return [
         [effect for effect in node.effects if effect not in other.effects]
         for node, other in zip(nodes, nodes[::-1], strict=True)
@@ -129,7 +129,7 @@ def _rivals(nodes: list[Node]) -> list[dict[str, Any]] | None:
 
 
 def planned_between(session: Session, other: int, words: dict[str, Any], progress: Progress) -> Result:
-    """Poses that decide between the model that is looked at and another that differs from it by one effect."""
+    """Poses that decide between the shown model and another that differs from it by one effect."""
     nodes = [session.node, session.nodes[other]]
     rivals = _rivals(nodes)
     if rivals is None:
@@ -140,7 +140,7 @@ def planned_between(session: Session, other: int, words: dict[str, Any], progres
 
 
 def swaps(session: Session, place: str) -> str:
-    """What could stand in the place of an effect: candidates of the step at which it was added, or of this one."""
+    """Candidates that could replace an effect: those of the step at which it was added, or else of the shown model."""
     effects = session.node.effects
     number = number_of(place, len(effects), "effect")
     old = effects[number]

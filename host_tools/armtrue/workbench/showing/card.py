@@ -1,4 +1,4 @@
-"""The card of a candidate: what the effect does, how large it may be, the evidence, and what it could be instead."""
+"""The card of a candidate: what the effect does, how large it may be, the evidence, and its rivals."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def _picture_and_formula(fit: Fit, candidate: dict[str, Any], info: EffectInfo) 
 
 
 def _neighbours(candidate: dict[str, Any], candidates: list[dict[str, Any]]) -> Markup:
-    """What else the evidence could be of: candidates that stand for one another, then others on the same joints."""
+    """Other explanations of the evidence: the confounded candidates, then others on the same joints."""
     alike = _alike(candidate, candidates)
     others = [other for other in candidates if other is not candidate and other not in alike]
     near = [other for other in others if set(other["joints"]) & set(candidate["joints"])]
@@ -107,7 +107,7 @@ def _neighbours(candidate: dict[str, Any], candidates: list[dict[str, Any]]) -> 
 
 
 def _alike(candidate: dict[str, Any], candidates: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Candidates that could stand for this one."""
+    """Candidates that are confounded with this one."""
     return [other for other in candidates if called(other) in candidate["confounded_with"]]
 
 

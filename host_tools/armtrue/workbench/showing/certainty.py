@@ -1,4 +1,4 @@
-"""How well the model knows each place: the standard deviation of its prediction at the measured poses."""
+"""The standard deviation of the model's prediction at the measured poses."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _LEAD = (
 
 
 def certainty_section(fit: Fit) -> Markup:
-    """The uncertainty of the prediction over the place, and where it is largest."""
+    """The uncertainty of the prediction over the reflector's position, and where it is largest."""
     rows = spread_rows(fit.data.count, _MOST_POSES)
     chosen = fit.data.take(rows)
     try:

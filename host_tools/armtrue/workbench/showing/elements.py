@@ -1,4 +1,4 @@
-"""Elements that several pieces of the page share, and the check of what a piece is asked for by its number."""
+"""Elements that several pieces of the page share, and the check of an index in a request."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def button(text: str, action: str, **words: object) -> Markup:
 
 
 def card(title: str, *content: Content, first: Content = None) -> Markup:
-    """What the page shows in front of all else, until it is closed; `first` stands before the button for that."""
+    """A dialog in front of the page, until it is closed; `first` stands before its Close button."""
     last = tag("p", first, " " if first else None, button("Close", "close"))
     return tag("article", tag("h2", title, id="card-title"), *content, last)
 

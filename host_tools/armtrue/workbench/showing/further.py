@@ -1,4 +1,4 @@
-"""What is done beside adding effects: what an action found, and rows left out by a variable."""
+"""Results of actions other than adding effects, and leaving out rows by the range of a variable."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from armtrue.workbench.showing.looking import all_variables
 
 @dataclass(frozen=True)
 class Result:
-    """What an action found: for the page, in a sentence, and as a file where there is one."""
+    """The result of an action: for the page, in a sentence, and as a file where there is one."""
 
     shown: Markup
     said: str

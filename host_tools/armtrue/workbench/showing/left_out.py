@@ -1,4 +1,4 @@
-"""Rows that the person left out: what the model, fitted without them, predicts there."""
+"""Rows that the user left out, and the error there of the model fitted without them."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _NAMED_ROWS = 30
 
 def error_there(fit: Fit, data: Dataset, rows: list[int]) -> dict[str, Any] | None:
     """The error of the prediction at `rows` of the file of `data`; None where there are none, or no prediction: a
-    reflector of which every row is left out has no place on the tool.
+    reflector whose rows are all left out has no fitted offset on the tool.
     """
     there = data.take(np.isin(data.rows, rows))
     if not there.count:

@@ -1,4 +1,4 @@
-"""The residual against any variable: one chart at a time, whose poses can be brushed and found again on the arm."""
+"""The residual against any variable: one chart at a time; poses selected on it are marked on the arm."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from armtrue.report.pictures import charts
 from armtrue.report.pictures.arm import scene_rows
 from armtrue.workbench.showing.elements import button
 
-# So many poses tell which variable shows most.
+# Number of poses by which the variables are ranked.
 _RANKED_POSES = 1500
 _DIGITS = 6
 _TURN = 360.0
-# Waves this near to once or twice a turn of the joint are eccentricity, any other are of the mesh.
+# Waves this near to one or two cycles per turn of the joint are eccentricity, all others gear mesh.
 _NEAR = 0.3
 _ECCENTRIC = (1.0, 2.0)
 _ABOUT = (
@@ -37,7 +37,7 @@ _ABOUT = (
 
 @dataclass(frozen=True)
 class Rank:
-    """The direction along which a variable shows most, and the share of the scatter that it explains there."""
+    """The direction along which a variable explains most of the scatter, and that share."""
 
     variable: str
     direction: str
@@ -45,7 +45,7 @@ class Rank:
 
 
 def all_variables(fit: Fit) -> list[Variable]:
-    """State variables, where each motor stands in its turn, and every other column of numbers that was recorded."""
+    """State variables, each motor's angle within its turn, and every other recorded column of numbers."""
     found = variables(fit)
     columns = fit.data.columns
     for number, joint in enumerate(fit.robot.joints, start=1):
@@ -62,7 +62,7 @@ def all_variables(fit: Fit) -> list[Variable]:
 
 
 def ranked(report: Report) -> list[Rank]:
-    """Each variable along the direction that shows most, judged by some of the poses; the first shows most."""
+    """Each variable with the direction along which it explains most, from some of the poses; the strongest first."""
     last = report.last
     some = np.zeros(last.used.size, dtype=np.bool_)
     some[spread_rows(last.used.size, _RANKED_POSES)] = True
@@ -74,7 +74,7 @@ def ranked(report: Report) -> list[Rank]:
 
 
 def looking_section(report: Report, ranks: list[Rank], words: dict[str, str]) -> Markup:
-    """The chart of `words`' variable and direction, or of those that show most, with what chooses another."""
+    """The chart of the variable and direction in `words`, or else of the strongest, with lists to choose others."""
     known = {variable.name: variable for variable in report.variables}
     ways = {direction.name: direction for direction in report.directions}
     rank = next((rank for rank in ranks if rank.variable == words.get("variable")), ranks[0])
@@ -123,7 +123,7 @@ def _choosers(report: Report, ranks: list[Rank], chosen: Rank, direction: Direct
 
 
 def _selector() -> Markup:
-    """What the brush does, for the keyboard; and what can be done with the selected poses."""
+    """Selection of poses by keyboard instead of the brush, and what can be done with the selected poses."""
     return tag(
         "p",
         tag("label", "Poses from ", tag("input", type="number", step="any", id="brush-low")),
@@ -136,7 +136,7 @@ def _selector() -> Markup:
 
 
 def _dots(report: Report, variable: Variable, direction: Direction) -> Markup:
-    """Rows that stand on the arm's picture too, with the variable, the reading, and the size of the error [µm]."""
+    """JSON of the rows that the arm's picture also shows: the variable, the reading, and the size of the error [µm]."""
     last = report.last
     rows = scene_rows(last)
     rows = rows[last.used[rows]]
@@ -195,7 +195,7 @@ def _peaks(spectrum: Spectrum) -> Content:
 
 
 def _as_effect(spectrum: Spectrum, peak: Peak) -> tuple[str, dict[str, Any]]:
-    """The effect that makes a wave of this period: of a few orders of one joint, or of any number of cycles."""
+    """Name and entry of the effect for a wave of this period: one of few orders, or one of any number of cycles."""
     joint = spectrum.joint
     waves = [info for info in catalogue().values() if info.joints == "each" and "orders" in info.options]
     few, any_number = sorted(waves, key=lambda info: "cycles" in info.options)[:2]

@@ -40,9 +40,9 @@ _JOIN_WORSE = (
 
 
 def _measured(fit: Fit, drop: Drop, words: Entry) -> Dataset | None:
-    """The measurements that were dropped; None where guesses are to be looked at first.
+    """The measurements that were dropped; None where guesses are to be reviewed first.
 
-    `words`: the form or the text of guesses. Foreign files are read as those of the session were, if they can be.
+    `words`: the form or the text of guesses. Foreign files are read as those of the session were, if possible.
     Errors: InputError where there is no file of measurements, or one in Armtrue's own form has a fault.
     """
     if drop.guess is not None:
@@ -68,7 +68,7 @@ def _measured(fit: Fit, drop: Drop, words: Entry) -> Dataset | None:
 
 
 def _read_as_before(fit: Fit, path: Path) -> Dataset:
-    """A foreign file read through the dataset.yaml of the session. Errors: InputError where that cannot be."""
+    """A foreign file read through the dataset.yaml of the session. Errors: InputError where that is impossible."""
     before = fit.data.path
     if before.suffix.lower() not in (".yaml", ".yml"):
         raise InputError(f"{path}: found measurements of the session that no dataset.yaml describes")
@@ -79,7 +79,7 @@ def _read_as_before(fit: Fit, path: Path) -> Dataset:
 
 
 def _of_set_up(fit: Fit, data: Dataset) -> Dataset:
-    """`data`, of the model's first set-up where it says nothing of set-ups and the model knows several."""
+    """`data`, assigned to the model's first set-up if the model reads the set-up and `data` lack it."""
     if _SET_UP not in fit.document.get("columns", {}) or _SET_UP in data.columns:
         return data
     first = np.full(data.count, fit.data.columns[_SET_UP].min())
@@ -87,7 +87,7 @@ def _of_set_up(fit: Fit, data: Dataset) -> Dataset:
 
 
 def compared(fit: Fit, drop: Drop, words: Entry) -> Result | None:
-    """Dropped measurements against the model; None where guesses are to be looked at first."""
+    """Dropped measurements compared with the model; None where guesses are to be reviewed first."""
     data = _measured(fit, drop, words)
     if data is None:
         return None
@@ -128,8 +128,8 @@ def _offer(found: Comparison) -> Markup:
 def joined(fit: Fit, drop: Drop, progress: Progress) -> Opened:
     """The session's measurements and the dropped ones as one campaign, with the model fitted to all of them.
 
-    Only what both recorded is kept. Measurements of a base or an instrument that stands elsewhere are a set-up of
-    their own. Errors: InputError where the two cannot be of one campaign.
+    Only columns that both have are kept. Where base or instrument stand elsewhere, the new measurements become a
+    separate set-up. Errors: InputError where the two cannot be of one campaign.
     """
     old, new = fit.data, _measured(fit, drop, {})
     if new is None:

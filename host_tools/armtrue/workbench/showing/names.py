@@ -1,4 +1,4 @@
-"""What effects are called on the workbench: as `diagnose` names them, `gear_mesh 3 orders [13]`."""
+"""Names of effects on the workbench: as `diagnose` gives them, `gear_mesh 3 orders [13]`."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _TOLD = ("orders", "cycles", "wavelengths")
 
 
 def called(entry: dict[str, Any]) -> str:
-    """An effect or a candidate as `diagnose` names it: with its joints, and the orders that tell it from others."""
+    """An effect or a candidate as `diagnose` names it: with its joints, and its orders, cycles or wavelengths."""
     words = [str(entry["effect"])]
     if joints := entry.get("joints"):
         words.append(",".join(map(str, joints)))
@@ -24,7 +24,7 @@ def called(entry: dict[str, Any]) -> str:
 
 
 def named(entry: dict[str, Any]) -> str:
-    """`called` with short figures, and what tells its form: `bending_compliance 1 shape beam`."""
+    """`called` with short figures, and the options of its variant: `bending_compliance 1 shape beam`."""
     return called_among(entry, [])
 
 

@@ -153,7 +153,7 @@ def _opening() -> Markup:
 
 
 def _running(name: str, share: str, stage: str, label: str, *more: Content) -> Markup:
-    """What runs, by the ids of the element, of the share done and of its words; hidden until the script shows it."""
+    """A progress bar with text; `name`, `share`, `stage`: ids of element, bar and text. The script unhides it."""
     bar = tag("progress", id=share, max="1", value="0", aria_label=label)
     return tag("div", bar, tag("span", id=stage), *more, class_="running", id=name, hidden=True)
 

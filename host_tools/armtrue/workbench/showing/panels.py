@@ -1,4 +1,4 @@
-"""The report's sections for the model that is looked at, beside the first model of the session."""
+"""The report's sections for the shown model, beside the first model of the session."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ OF_THE_DIAGNOSIS = {"spectra", "unexplained"}
 
 
 def panel(session: Session, words: dict[str, str]) -> str:
-    """One part of the page as HTML: the section `name` of `words`. Errors: InputError for a name that is none."""
+    """One part of the page as HTML: the section `name` of `words`. Errors: InputError for an unknown name."""
     name = words.get("name", "")
     if name == "state":
         report = _report(session, diagnosed=False)
@@ -49,7 +49,7 @@ def panel(session: Session, words: dict[str, str]) -> str:
 
 
 def _report(session: Session, diagnosed: bool) -> Report:
-    """The first model of the path beside the one that is looked at, where both saw the same rows."""
+    """The first model of the path beside the shown one, if both were fitted to the same rows."""
     path = session.path
     last = path[-1]
     shown = [node for node in path[:1] if node.number != last.number and node.left_out == last.left_out] + [

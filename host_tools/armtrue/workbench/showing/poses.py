@@ -23,8 +23,8 @@ _MOST_SHOWN = 12
 def planned(
     fit: Fit, words: dict[str, Any], rivals: list[dict[str, Any]] | None, progress: Progress
 ) -> Result:
-    """Poses that tell `rivals` (entries of model.yaml) apart; None: what the diagnosis leaves open, or else what the
-    model's parameters need.
+    """Poses that tell `rivals` (entries of model.yaml) apart; None: candidates that the diagnosis leaves
+    open, or else poses for the model's parameters.
     """
     count = words.get("poses", _MOST_SHOWN)
     if not isinstance(count, int) or not 1 <= count <= _MOST_POSES:

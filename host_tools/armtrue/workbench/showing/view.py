@@ -1,4 +1,4 @@
-"""What the page shows, as pieces of HTML under their names; the browser puts in those that are new."""
+"""The contents of the page as named pieces of HTML; the browser replaces those that changed."""
 
 from __future__ import annotations
 
@@ -36,11 +36,11 @@ from armtrue.workbench.showing.names import called_among, named
 from armtrue.workbench.showing.words import length
 
 _SPLITS = {"random": "at random", "region": "by region", "time": "by time"}
-# Of what a candidate could also be, so many are named; its card has all.
+# Number of rivals named beside a candidate; its card has all.
 _NAMED_RIVALS = 2
-# So many sentences of advice stand open.
+# Number of sentences of advice that are not folded away.
 _SHOWN_ADVICE = 2
-# Sentences of the advice that the page says by its buttons and in a list of its own.
+# Sentences of the advice that are not shown: buttons and a separate list of the page replace them.
 _SAID_ELSEWHERE = ("armtrue add FIT", "not testable with")
 
 
@@ -54,7 +54,7 @@ def pieces(engine: Engine) -> dict[str, str]:
     if not engine.is_open:
         return always
     session, first = engine.session, engine.first_figures
-    # First figures are of a model whose diagnosis begins when it is fitted to all measurements.
+    # A model with first figures has no diagnosis yet: that starts after the fit to all measurements.
     diagnosis = None if first else session.diagnosis_of(session.at)
     path = [*session.path, *([first.node] if first else [])]
     fit = first.fit if first else session.fit_of(session.at)
@@ -76,7 +76,7 @@ def pieces(engine: Engine) -> dict[str, str]:
 
 
 def _doubts(fit: Fit, opened: Robot) -> list[str]:
-    """What the fit says of itself, and what it says of the robot.yaml that was opened."""
+    """Warnings of the fit about itself, and about the robot.yaml that was opened."""
     document = fit.document
     doubts = warnings_of_fit(document["measuring_from_base"], opened)
     return list(dict.fromkeys([*document["warnings"], *doubts]))
@@ -121,7 +121,7 @@ def _opening(engine: Engine) -> Markup:
 
 
 def _guesses(drop: Drop, guess: Guess) -> list[Content]:
-    """What was guessed of foreign files. Whatever stands in them, the page is drawn and they can be put aside."""
+    """The guesses on foreign files. Whatever the files contain, the page is drawn and they can be put aside."""
     try:
         document = yaml.safe_load(guess.text)
         first = form(document, *first_rows(guess.path, document), guess.robot)
@@ -200,7 +200,7 @@ def _error_row(name: str, figures: dict[str, float]) -> Markup:
 
 
 def _largest(path: list[Node]) -> float:
-    """The largest error on the way to this model: what a full bar stands for."""
+    """The largest error on the path to this model: the length of a full bar."""
     return max((step.mean_um for step in path if step.mean_um is not None), default=0.0)
 
 
@@ -311,7 +311,7 @@ def _verdict(diagnosis: dict[str, Any]) -> Markup:
 
 
 def _no_verdict(engine: Engine) -> Markup:
-    """What stands in the verdict's place while there is none."""
+    """The text in place of a verdict that is not known yet."""
     if engine.first_figures is not None:
         return tag("p", "What is missing is worked out when all measurements are fitted.", class_="verdict")
     if engine.background.task is not None:
@@ -378,7 +378,7 @@ def _history(session: Session) -> Markup:
 
 
 def _sessions(engine: Engine) -> Markup | None:
-    """The sessions of the measurements before others joined, and after: none is lost."""
+    """Links to the sessions before and after measurements joined, so that none is lost."""
     if len(engine.linked) < 2:
         return None
     entries: list[Content] = []

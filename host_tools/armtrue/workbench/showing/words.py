@@ -1,4 +1,4 @@
-"""Sentences about errors and rows. Where no pose could be scored there is no figure to say."""
+"""Sentences about errors and rows; without a figure where no pose could be scored."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def length(mean_um: float | None) -> str:
 
 
 def fall_words(before_um: float | None, after_um: float | None) -> str:
-    """What became of the error."""
+    """How the held-out error changed."""
     if after_um is None:
         return "The held-out error is not scored: no pose could be held out of this model."
     if before_um is None:
@@ -29,14 +29,14 @@ def fall_words(before_um: float | None, after_um: float | None) -> str:
 
 
 def first_words(mean_um: float | None) -> str:
-    """What is said of the first model."""
+    """The sentence about the first model."""
     if mean_um is None:
         return f"The model is fitted. {fall_words(None, None)}"
     return f"The model is fitted. The held-out mean error is {mean_um:.1f} µm."
 
 
 def rows_words(rows: list[int], before: list[int] | None) -> str:
-    """What rows were left out against the model before; `before` is None for the first."""
+    """How the left-out rows differ from the model before; `before` is None for the first model."""
     if before is None:
         return "first model"
     if rows == before:
