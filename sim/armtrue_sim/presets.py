@@ -113,6 +113,17 @@ PRESETS: dict[str, Preset] = {
         tool=(0.05, 0.02, 0.12),
         reach=1.1,
     ),
+    "rail": Preset(
+        payloads=(0.0, 8.0, 16.0),
+        torsion=((1e-8, 3e-8), *_HEAVY),
+        bending=(1e-7, 5e-7),
+        base_tilt=(3e-8, 2e-7),
+        strain_wave=False,
+        wrist_pairs=((6, 5), (7, 5), (7, 6)),
+        compliant=(3, 4),
+        tool=(0.06, 0.03, 0.16),
+        reach=2.0,
+    ),
     "palletiser": Preset(
         payloads=(0.0, 120.0, 240.0),
         torsion=_HUGE,

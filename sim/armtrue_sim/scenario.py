@@ -29,7 +29,7 @@ def _shipped(path: Path) -> Path:
 class Scenario:
     """Everything that decides a data set; each field is a key of the YAML file, in SI units.
 
-    arm: a preset's name (kr30, irb2400, cobot, lbr, scara, stanford, palletiser); convention: mdh or dh;
+    arm: a preset's name (kr30, irb2400, cobot, lbr, scara, stanford, rail, palletiser); convention: mdh or dh;
       variant: a number, for an arm of that kind with lengths, masses and gears of its own.
     believed: effects that model.yaml lists; hidden: effects that it lacks; unlike: what robot.yaml has wrong beside
       them (mass_parameters, gravity_direction), in no list. Each an effect id or a mapping

@@ -177,7 +177,7 @@ def main() -> None:
     )
     parser.add_argument("--statics", choices=["deflected", "nominal"], default="deflected")
     parser.add_argument(
-        "--variants", action="store_true", help="each seed on an arm of its own; scara and stanford too"
+        "--variants", action="store_true", help="each seed on an arm of its own; scara, stanford, rail too"
     )
     parser.add_argument(
         "--ratios",

@@ -102,6 +102,7 @@ def test_an_arm_unlike_its_file_hides_nothing_and_alarms_nobody(kind: str, arm: 
         ("real_one", "cobot", 29703),
         ("real_one", "cobot", 29704),
         ("real_one", "stanford", 29703),
+        ("real_three", "rail", 33100),
         ("real_nothing", "irb2400", 29703),
         ("one_hidden", "scara", 29700),
         ("sixty_poses", "kr30", 29713),

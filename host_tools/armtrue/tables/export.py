@@ -169,7 +169,9 @@ class _Exporter:
         for k, (low, high) in enumerate(self.chain.limits):
             if self.chain.prismatic[k] and max(abs(low), abs(high)) > largest:
                 raise InputError(
-                    f"{self.path}: joint {k + 1} has limits {low:g} to {high:g} m, expected within ±{largest:g} m"
+                    f"{self.path}: joint {k + 1} has limits {low:g} to {high:g} m, expected within ±{largest:g} m, "
+                    "which is what a device can count; give robot.yaml the limits of the part that is used, counted "
+                    "from its middle if it is longer, and fit again"
                 )
 
     def _refuse_more_than(self, most: int, count: int, what: str) -> None:

@@ -119,7 +119,10 @@ def test_table_beyond_the_limits_names_effect_angle_and_remedy() -> None:
 
 def test_a_rail_that_is_too_long_is_refused() -> None:
     fit = with_last_joint("q3", type="prismatic", limits=[0.0, 9.0])
-    with pytest.raises(InputError, match="joint 3 has limits 0 to 9 m, expected within ±7.88 m"):
+    message = (
+        "joint 3 has limits 0 to 9 m, expected within ±7.88 m, .*; give robot.yaml the limits of the part"
+    )
+    with pytest.raises(InputError, match=message):
         export(fitted_arm(fit, "fit"), ExportOptions())
 
 

@@ -35,7 +35,9 @@ def test_known_poses(name, q, expected, convention):
     assert np.allclose(flange(name, q, convention)[0], expected, atol=1e-12)
 
 
-@pytest.mark.parametrize("name", PRESETS)
+@pytest.mark.parametrize(
+    "name", [name for name in PRESETS if name != "rail"]
+)  # standard DH cannot turn before axis 1
 def test_standard_and_modified_dh_are_the_same_arm(name):
     robot = nominal_robot(name)
     rng = np.random.default_rng(1)

@@ -20,8 +20,11 @@ def loads_and_energy(chain, q, payload):
     return gravity_loads(chain, frames, payload, point), energy
 
 
-@pytest.mark.parametrize("convention", ["mdh", "dh"])
-@pytest.mark.parametrize("name", PRESETS)
+# Standard DH has no turn before the first axis, which the rail of a level base needs.
+@pytest.mark.parametrize(
+    ("name", "convention"),
+    [(name, form) for name in PRESETS for form in ("mdh", "dh") if name + form != "raildh"],
+)
 def test_torque_is_minus_the_slope_of_potential_energy(name, convention):
     robot = nominal_robot(name, convention)
     robot["gravity"] = [0.7, -1.1, -9.6]
