@@ -38,8 +38,9 @@ class SelfHeating final : public Effect {
     return lacking;
   }
 
-  // A gear's warm-up does not follow from what a device or a single pose knows. It is fitted, so
-  // that no other effect takes its place, and left out of predictions and tables.
+  // A gear's own warmth does not follow from what a device or a single pose knows. The effect is
+  // fitted, so that no other takes its place, and left out of tables; predictions describe the arm
+  // at its average warmth.
   EffectTerms build(const EffectContext& context, const EffectRequest& request) const override {
     EffectTerms terms;
     const std::string tau = std::to_string(std::lround(request.options.value("tau", kTypical)));
