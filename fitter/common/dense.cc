@@ -47,7 +47,8 @@ __attribute__((weak)) void openblas_set_num_threads(int threads);
 namespace armtrue {
 namespace {
 
-// Fits run side by side already (parallel.h); threads of the BLAS beside them only get in the way.
+// Fits already run in parallel (parallel.h); threads of the BLAS beside them would only slow them
+// down.
 void be_single_threaded() {
   static const bool done = [] {
     if (openblas_set_num_threads) openblas_set_num_threads(1);
@@ -56,11 +57,11 @@ void be_single_threaded() {
   static_cast<void>(done);
 }
 
-// Multiplications from which a product is worth several threads, and how it is cut.
+// Products with at least this many multiplications are divided into panels, one thread each.
 constexpr double kWorthThreads = 2e7;
 constexpr Eigen::Index kNarrowestPanel = 64, kPanels = 8;
-// Of aᵀb with at most so many columns in a, dgemm spends most of its time on copying b into an
-// order of its own. So many values of b stay in a processor's cache.
+// In aᵀb with at most kSkinny columns in a, dgemm spends most of its time on reordering b. Such
+// products use dgemv on panels of kInCache values of b, which stay in a processor's cache.
 constexpr Eigen::Index kSkinny = 8, kInCache = 32768;
 // Smaller matrices are factorised in one piece, others in blocks of columns.
 constexpr Eigen::Index kSmallFactor = 600, kFactorBlock = 192;
@@ -73,7 +74,7 @@ constexpr Eigen::Index kReflectorsTogether = 32;
 // nodes) are looked for. A column counts as such up to this share of values that are not zero.
 constexpr double kWorthLooking = 1e9, kMostlyZero = 0.1;
 
-// Calls job(first, count) for panels of `columns` columns, side by side where that pays.
+// Calls job(first, count) for panels of `columns` columns, in parallel if the work is large enough.
 template <typename Job>
 void in_panels(Eigen::Index columns, double multiplications, const Job& job) {
   be_single_threaded();
@@ -289,7 +290,8 @@ Eigen::MatrixXd inverse_of_triangle(const Eigen::MatrixXd& lower) {
   return inverse;
 }
 
-// A sum of products of two columns begins where the later one does.
+// In a lower triangle a column begins at its diagonal, so a product of two columns begins at that
+// of the later one.
 Eigen::MatrixXd square_of_triangle(Eigen::MatrixXd lower) {
   be_single_threaded();
   const Eigen::Index size = lower.rows();
@@ -319,9 +321,8 @@ Eigen::MatrixXd square_of_triangle(Eigen::MatrixXd lower) {
 
 namespace {
 
-// One turn in the plane makes a matrix of two by two diagonal (Golub and Van Loan, Matrix
-// Computations, 8.5.2). A diagnosis needs thousands of these, and LAPACK would allocate workspaces
-// for each.
+// One plane rotation diagonalises a 2 × 2 matrix (Golub and Van Loan, Matrix Computations, 8.5.2).
+// A diagnosis needs thousands of these, and LAPACK would allocate workspaces for each.
 SymmetricEigen smallest_eigen(const Eigen::MatrixXd& lower) {
   if (lower.rows() == 1) return {lower.diagonal(), Eigen::MatrixXd::Ones(1, 1)};
   const double first = lower(0, 0), beside = lower(1, 0), second = lower(1, 1);
@@ -440,7 +441,7 @@ GrownFactor::GrownFactor(const Eigen::Ref<const Eigen::MatrixXd>& root,
   if (rows > 0 && size > 0)
     dtpqrt_(&rows, &size, &none, &block, factor_.data(), &size, reflectors_.data(), &rows,
             triangles_.data(), &block, work.data(), &info);
-  // Of a triangle's two signs a row, the one that a Cholesky factor has.
+  // The sign of each row is free; a Cholesky factor has a positive diagonal.
   sign_ = factor_.diagonal().unaryExpr([](double d) { return d < 0.0 ? -1.0 : 1.0; });
   const Eigen::MatrixXd upper = sign_.asDiagonal() * factor_;
   factor_ = upper.triangularView<Eigen::Upper>().transpose();

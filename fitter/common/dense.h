@@ -1,6 +1,6 @@
 // Dense linear algebra by the machine's BLAS and LAPACK. Eigen is compiled for every x86-64, and a
-// BLAS that knows the processor (Debian: OpenBLAS) is several times faster from a hundred unknowns
-// on. -march would not mix with Ceres' copies of Eigen's templates.
+// BLAS that is tuned to the processor (Debian: OpenBLAS) is several times faster from a hundred
+// unknowns on. -march is no alternative: it would not mix with Ceres' copies of Eigen's templates.
 #pragma once
 
 #include <Eigen/Core>
@@ -9,11 +9,10 @@
 namespace armtrue {
 
 /// Cholesky factor in place of a symmetric matrix of which the lower triangle is read and written
-/// (LAPACK dpotrf). False where the matrix is not positive definite; what it holds is then no
-/// factor.
+/// (LAPACK dpotrf). False if the matrix is not positive definite; it then holds no factor.
 bool factorise_cholesky(Eigen::MatrixXd& lower);
 
-/// L⁻¹ of a lower triangle L; what stands above its diagonal has no meaning (LAPACK dtrtri).
+/// L⁻¹ of a lower triangle L; elements above its diagonal are undefined (LAPACK dtrtri).
 Eigen::MatrixXd inverse_of_triangle(const Eigen::MatrixXd& lower);
 
 /// LᵀL of a lower triangle L, both triangles (LAPACK dlauum).
@@ -25,9 +24,9 @@ class Cholesky {
   /// `lower`: A, of which the lower triangle is read.
   explicit Cholesky(Eigen::MatrixXd lower)
       : factor_(std::move(lower)), ok_(factorise_cholesky(factor_)) {}
-  /// False where the matrix is not positive definite; nothing else has a meaning then.
+  /// False if the matrix is not positive definite; the other members are then undefined.
   bool ok() const { return ok_; }
-  /// L; what stands above its diagonal has no meaning.
+  /// L; elements above its diagonal are undefined.
   const Eigen::MatrixXd& lower() const { return factor_; }
   /// A⁻¹ right.
   Eigen::VectorXd solve(const Eigen::VectorXd& right) const;
@@ -40,7 +39,8 @@ class Cholesky {
   bool ok_;
 };
 
-/// Eigenvalues of a symmetric matrix of which the lower triangle is read, rising (LAPACK dsyevd).
+/// Eigenvalues of a symmetric matrix of which the lower triangle is read, ascending (LAPACK
+/// dsyevd).
 Eigen::VectorXd symmetric_eigenvalues(Eigen::MatrixXd lower);
 
 /// The same with eigenvectors as columns.
@@ -76,7 +76,7 @@ Eigen::MatrixXd transpose_times(const Eigen::Ref<const Eigen::MatrixXd>& a,
 /// byᵀ a by.
 Eigen::MatrixXd congruent(const Eigen::MatrixXd& a, const Eigen::MatrixXd& by);
 
-/// The factor L′ of L Lᵀ + S Sᵀ (LAPACK dtpqrt), and what leads from one to the other.
+/// The factor L′ of L Lᵀ + S Sᵀ (LAPACK dtpqrt), and the transformation from L to L′.
 class GrownFactor {
  public:
   /// `root`: L, lower triangle read; `part`: S.
@@ -84,7 +84,7 @@ class GrownFactor {
               const Eigen::Ref<const Eigen::MatrixXd>& part);
   /// Lower triangle, zeros above.
   const Eigen::MatrixXd& factor() const { return factor_; }
-  /// a ← L′⁻¹ (L a + S b); what b holds then has no meaning.
+  /// a ← L′⁻¹ (L a + S b); the contents of b are undefined afterwards.
   void turn(Eigen::Ref<Eigen::MatrixXd> a, Eigen::Ref<Eigen::MatrixXd> b) const;
 
  private:

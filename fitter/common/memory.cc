@@ -14,7 +14,7 @@ std::mutex counting;
 int standing = 0;
 
 #ifdef __GLIBC__
-// What glibc begins with (mallopt(3)): blocks mapped at most, and bytes that may stay unused.
+// Defaults of glibc (mallopt(3)): most mapped blocks, and bytes that may stay unused.
 constexpr int kDefaultMostMapped = 65536, kDefaultTrim = 128 * 1024;
 
 void keep(bool kept) {

@@ -1,4 +1,4 @@
-// Who watches a long computation: it is told how far that has come, and can have it stopped.
+// Progress reports of a long computation, and its cancellation.
 #pragma once
 
 #include <atomic>
@@ -7,8 +7,8 @@
 
 namespace armtrue {
 
-/// Is told how far a computation has come: by the thread that runs it, never by the workers of
-/// in_parallel.
+/// Receives progress reports, always from the thread that runs the computation, never from the
+/// workers of in_parallel.
 class Observer {
  public:
   Observer() = default;
@@ -16,24 +16,24 @@ class Observer {
   Observer& operator=(const Observer&) = delete;
   virtual ~Observer() = default;
 
-  /// `share` is done, 0 to 1, of what `stage` says in words.
+  /// `share`: done so far, 0 to 1; `stage`: the current step, in words.
   virtual void report(double share, const std::string& stage) = 0;
 
-  /// One that wants to know nothing.
+  /// An observer that ignores all reports.
   static Observer& none();
 };
 
-/// Thrown by throw_if_cancelled(). No ModelError: nothing that handles bad data may handle it.
+/// Thrown by throw_if_cancelled(). Not a ModelError, so that handlers of bad data do not catch it.
 class Cancelled final : public std::exception {
  public:
   const char* what() const noexcept override { return "cancelled"; }
 };
 
-/// While one stands, throw_if_cancelled() on this thread obeys its flag. in_parallel hands the flag
-/// to its workers.
+/// While an object of this class exists, throw_if_cancelled() on this thread obeys its flag.
+/// in_parallel hands the flag to its workers.
 class CancelScope {
  public:
-  /// `flag`: may be null, and outlives the scope.
+  /// `flag`: may be null; must outlive the scope.
   explicit CancelScope(const std::atomic<bool>* flag) : before_(current_) { current_ = flag; }
   CancelScope(const CancelScope&) = delete;
   CancelScope& operator=(const CancelScope&) = delete;
@@ -46,7 +46,7 @@ class CancelScope {
   const std::atomic<bool>* before_;
 };
 
-/// Stands in every loop that can last longer than people wait for Ctrl-C to be answered.
+/// Called in every loop that can last longer than a user waits for Ctrl-C to take effect.
 inline void throw_if_cancelled() {
   const std::atomic<bool>* flag = CancelScope::current();
   if (flag && flag->load(std::memory_order_relaxed)) throw Cancelled();

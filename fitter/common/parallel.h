@@ -1,4 +1,4 @@
-// Independent jobs on the processors that there are.
+// Runs independent jobs on all processors.
 #pragma once
 
 #include <algorithm>
@@ -13,21 +13,22 @@
 
 namespace armtrue {
 
-/// True on a thread of in_parallel: the processors are taken.
+/// True on a thread of in_parallel: all processors are in use.
 inline bool& is_one_of_many() {
   static thread_local bool value = false;
   return value;
 }
 
-/// Threads that in_parallel would use: on one of its own, only that.
+/// Number of threads that in_parallel would use; 1 on a thread of its own.
 inline std::size_t processors() {
   return is_one_of_many() ? 1U : std::max(1U, std::thread::hardware_concurrency());
 }
 
 /// Calls `job(index)` once for each index below `count`, on as many threads as there are
-/// processors, the caller's among them; from within another's job, on the caller's alone. Jobs must
-/// share nothing that they change. The first exception is thrown on when all threads have ended;
-/// jobs that had not begun by then stay undone. The caller's CancelScope holds on all of them.
+/// processors, the caller's included. A call from within a job runs on the caller's thread alone.
+/// Jobs must not share data that they change. The first exception is rethrown when all threads have
+/// ended; jobs that had not begun by then are not run. The caller's CancelScope applies to all
+/// threads.
 template <typename Job>
 void in_parallel(std::size_t count, const Job& job) {
   const std::size_t workers = std::min(count, processors());
@@ -66,7 +67,7 @@ void in_parallel(std::size_t count, const Job& job) {
 }
 
 /// Calls `job(first, end)` for consecutive pieces of `together` of `count` indices, the last one
-/// shorter, as in_parallel does: for jobs that are too short for one index each.
+/// shorter, as in_parallel does: for jobs that are too short to run index by index.
 template <typename Count, typename Job>
 void in_pieces(Count count, Count together, const Job& job) {
   const auto pieces = static_cast<std::size_t>((count + together - 1) / together);

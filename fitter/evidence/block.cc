@@ -28,7 +28,8 @@ Block make_block(const EffectContext& context, const EffectRequest& request) {
   for (Parameter& p : block.terms.parameters) {
     for (Term& term : p.terms) term.basis = term.basis.substitute(values);
   }
-  // What was stepped through on a grid costs evidence like any other unknown.
+  // A nonlinear parameter that is chosen on a grid costs a degree of freedom like any other
+  // unknown.
   const EffectRequest added = as_added(request);
   block.searched = static_cast<int>(added.options == request.options
                                         ? block.terms.nonlinear.size()
@@ -62,7 +63,8 @@ std::vector<Untestable> untestable_effects(const EffectContext& context) {
       needs.insert(missing.begin(), missing.end());
       testable = testable || missing.empty();
     }
-    // Testable on some joints is not testable on all: what is missing for the others is listed too.
+    // Columns that only some joints lack are listed although the effect is testable on others. An
+    // effect without candidate requests is judged by its default joints.
     if (!testable && needs.empty()) {
       const std::vector<std::string> missing =
           effect->missing(context, effect->joints_of_bare_entry(context));

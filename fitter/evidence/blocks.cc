@@ -16,20 +16,19 @@ namespace {
 
 // Prior odds of a kind of effect, shared by its joints, pairs and periods (docs/decisions/0006).
 constexpr double kKindOdds = 0.03;
-// A joint's table can follow whatever its joint does: what has a cause is as much likelier at
-// first.
+// A joint's table can follow any error of that joint, so its prior odds are smaller by this factor.
 constexpr double kCauseBeforeTable = 10.0;
-// Prior odds of what the owner of the arm put into the model.
+// Prior odds of effects that the user put into the model.
 constexpr double kBelievedOdds = 3.0;
-// A nonlinear parameter of the fit stands where it was found: its range is so many standard
+// Prior of a nonlinear parameter around its fitted value: its range is this many standard
 // deviations.
 constexpr double kRangeIsSigmas = 20.0;
-// A table finer than the poses lie is what each pose scatters by; the time of a search grows with
-// the third power of the nodes.
+// A table finer than the spacing of the poses would follow the scatter of each pose, and the time
+// of a search grows with the third power of the number of nodes.
 constexpr double kPosesPerNode = 3.0;
 constexpr double kFewestNodes = 12.0, kMostNodes = 100.0, kFinestSpacing = 0.035;
 constexpr Eigen::Index kCostlyDirections = 12;
-// So much of the squared residual, in variances of a reading, a column explains by chance.
+// A column explains this much of the squared residual by chance, in variances of a reading.
 constexpr double kByChance = 4.0;
 constexpr double kSlightest = 1e-9;
 
@@ -43,7 +42,8 @@ bool is_joint_table(const EffectRequest& request) {
   return effect.generic() && effect.joint_rule() == JointRule::kEach;
 }
 
-// Whether some of a block's terms are what a unit of a link's mass would do.
+// True if a term of the block reads a gravity regressor of a link: the load of one unit of a mass
+// parameter.
 bool reads_link_masses(const Block& block, int joints) {
   return std::ranges::any_of(block.terms.parameters, [&](const Parameter& p) {
     return std::ranges::any_of(p.terms, [&](const Term& term) {
@@ -100,7 +100,7 @@ class Builder {
   EvidenceModel model_;
 };
 
-// The parameter whose column of Linearization::jacobian that is.
+// Name of the parameter that a column of Linearization::jacobian belongs to.
 const std::string& Builder::name_of(Eigen::Index column) const {
   const std::vector<int>& free = fit_.design().free_parameters();
   const auto unknown = static_cast<std::size_t>(l_.unknown[static_cast<std::size_t>(column)]);
@@ -109,8 +109,8 @@ const std::string& Builder::name_of(Eigen::Index column) const {
              : fit_.model().nonlinear[unknown - free.size()].name;
 }
 
-// Columns of Linearization::jacobian that are an effect's, nonlinear ones included. Entries of one
-// effect may share joints and differ in pairs or orders: names tell them apart.
+// Columns of Linearization::jacobian of an effect, nonlinear parameters included. They are found by
+// name, because entries of one effect may share joints and differ in pairs or orders only.
 std::vector<Eigen::Index> Builder::columns_of(const EffectRequest& request) const {
   const EffectTerms effect = build_effect(fit_.context(), request);
   std::set<std::string> names;
@@ -123,10 +123,10 @@ std::vector<Eigen::Index> Builder::columns_of(const EffectRequest& request) cons
   return result;
 }
 
-// The parameters of an effect of the fit, nonlinear ones at their present values. What the fit
-// holds for want of data is among them: beside other effects the data may tell it. Masses are told
-// by the springs that stand: with those that the fit has found, the effect may have parameters that
-// it had not when the fit began.
+// The parameters of an effect of the fit, nonlinear ones at their present values. Those that the
+// fit holds as not identifiable are included: in another set of effects the data may determine
+// them. Parameters that the model lacks are skipped: mass parameters depend on the springs, and the
+// fit may have found springs that it did not have when it began.
 Block Builder::present_form(const EffectRequest& request) {
   Block form{request, {}, 0};
   std::map<std::string, double> values;
@@ -153,9 +153,9 @@ Block Builder::present_form(const EffectRequest& request) {
   return form;
 }
 
-// The form of an effect of the fit that was found, and all that it would have as a candidate: of
-// forms that do alike, the found one may be the least likely, and what stands in the fit must not
-// seem less likely for standing there.
+// The fitted form of an effect of the fit, and all forms that it would have as a candidate. With
+// the fitted form alone, an effect would seem less probable in the fit than as a candidate, because
+// the fitted form may be the least probable of several that fit equally well.
 std::vector<EvidenceForm> Builder::present_forms(const EffectRequest& request) {
   EffectRequest found = request;
   for (const NonlinearParameter& p : build_effect(fit_.context(), request).nonlinear) {
@@ -176,8 +176,8 @@ std::vector<EvidenceForm> Builder::present_forms(const EffectRequest& request) {
   return forms;
 }
 
-// A form that would explain more than the found one is of another effect: with the slopes of its
-// cell it follows what no values of its parameters do, and the fit would have found it.
+// Drops forms that explain clearly more than the fitted one. Such a form imitates another effect:
+// its slopes follow what no values of its parameters can, or the fit would have found them.
 void Builder::drop_better_forms(EvidenceBlock& block) const {
   std::vector<EvidenceForm> kept{block.forms.front()};
   for (std::size_t f = 1; f < block.forms.size(); ++f) {
@@ -191,8 +191,7 @@ void Builder::drop_better_forms(EvidenceBlock& block) const {
   block.forms = std::move(kept);
 }
 
-// A joint's table as fine as a smooth function of its rows can be known; how smooth it is, the
-// search finds.
+// A joint's table with nodes as fine as the poses can resolve; the search chooses its smoothness.
 Block Builder::table_form(const EffectRequest& request) const {
   EffectRequest fine = request;
   const std::vector<double>& q = fit_.state().column("q" + std::to_string(request.joints.front()));
@@ -210,13 +209,13 @@ void Builder::add_present() {
     block.kind = request.effect;
     block.present = block.search.present = true;
     if (is_joint_table(request)) {
-      // What the fit's own nodes give is added back.
+      // make_base() adds back the contribution of the fit's own nodes.
       block.forms = {EvidenceForm(table_form(request))};
     } else {
       block.forms = present_forms(request);
     }
     if (block.forms.empty() || block.forms.front().block.terms.parameters.empty()) continue;
-    // Where masses are given, such terms are corrections of them, with priors that mean something.
+    // If masses are given, such terms are corrections of them, with informative priors.
     block.unknown_load = !fit_.state().computes_torque() &&
                          reads_link_masses(block.forms.front().block, fit_.robot().joint_count());
     model_.blocks.push_back(std::move(block));
@@ -245,7 +244,7 @@ void Builder::add_catalogue(std::vector<Block> catalogue) {
   }
 }
 
-// Everything that is no block: its columns, its priors, and where they pull.
+// Base: columns and priors of everything that is not a block, and the gradient of these priors.
 void Builder::make_base() {
   std::set<Eigen::Index> taken;
   model_.y = -l_.residual + l_.from_tables;
@@ -255,19 +254,19 @@ void Builder::make_base() {
     for (const Eigen::Index c : columns_of(block.request)) {
       taken.insert(c);
       const auto unknown = static_cast<std::size_t>(l_.unknown[static_cast<std::size_t>(c)]);
-      // A time constant is searched for near where it is: its column stands for changes of it.
+      // The column of a nonlinear parameter stands for changes from its present value.
       if (unknown < fit_.design().free_parameters().size())
         model_.y += l_.jacobian.col(c) * values[unknown];
     }
   }
   std::vector<Eigen::Index> kept;
-  std::map<int, Eigen::Index> place;  // of an unknown
+  std::map<int, Eigen::Index> place;  // column in the base, by unknown
   for (Eigen::Index c = 0; c < l_.jacobian.cols(); ++c) {
     if (taken.contains(c)) continue;
     place[l_.unknown[static_cast<std::size_t>(c)]] = static_cast<Eigen::Index>(kept.size());
     kept.push_back(c);
   }
-  // Geometry that the fit holds for want of data is no less uncertain for it.
+  // Geometry that the fit holds as not identifiable is still uncertain: it enters with its prior.
   Block held;
   for (std::size_t i = 0; i < fit_.model().parameters.size(); ++i) {
     const Parameter& p = fit_.model().parameters[i];
@@ -277,9 +276,9 @@ void Builder::make_base() {
   }
   const auto own = static_cast<Eigen::Index>(kept.size());
   const auto more = static_cast<Eigen::Index>(held.terms.parameters.size());
-  // Loads act at commanded angles or where the bent arm stands. The fit chose one of the two while
-  // effects were missing, perhaps wrongly: by_other_loads is the difference to the other, which a
-  // coefficient of 1 chooses.
+  // Loads act at the commanded angles or at those of the deflected arm. The fit chose one of the
+  // two while effects were missing, perhaps wrongly. by_other_loads is the change to the other: a
+  // coefficient of 0 keeps the choice, 1 reverses it.
   const Eigen::Index width = own + more + (l_.by_other_loads.size() > 0 ? 1 : 0);
   model_.base.resize(l_.equations(), width);
   model_.base.leftCols(own) = l_.jacobian(Eigen::all, kept);
@@ -308,7 +307,7 @@ void Builder::make_base() {
   }
 }
 
-// Columns and prior shapes of one block; false where its columns are nothing.
+// Computes columns and prior shapes of one block; false if it has no usable ones.
 bool Builder::work_out(EvidenceBlock& block) const {
   const Block& first_form = block.forms.front().block;
   const bool table = !first_form.terms.parameters.front().terms.empty() &&
@@ -317,7 +316,7 @@ bool Builder::work_out(EvidenceBlock& block) const {
   for (const EvidenceForm& form : block.forms) forms.push_back(form.block);
   block.columns = block_columns(l_, fit_.state(), forms);
   if (block.present && !table) {
-    // The first form is the one that was found.
+    // The first form is the fitted one.
     for (const Eigen::Index c : columns_of(block.request)) {
       const auto& all = first_form.terms.parameters;
       const auto own = std::ranges::find(all, name_of(c), &Parameter::name);
@@ -349,9 +348,10 @@ bool Builder::work_out(EvidenceBlock& block) const {
     }
   }
   if (shapes.empty()) return false;
-  // Forms of one effect span nearly the same, nodes of a table do not.
+  // The forms of one effect span nearly the same space; the nodes of a table do not.
   if (!table) block.columns = compress(block.columns, shapes);
-  // Masses of all links are as many directions, but one cause: they compete with what has few.
+  // The masses of all links have as many directions, but are one cause: they compete with effects
+  // of few directions.
   block.search.costly = table && std::ranges::any_of(shapes, [](const PriorShape& shape) {
                           return shape.spread.cols() > kCostlyDirections;
                         });

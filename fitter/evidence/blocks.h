@@ -1,4 +1,4 @@
-// From a fit and the catalogue to the blocks of one search.
+// Builds the blocks of one search from a fit and the catalogue.
 #pragma once
 
 #include <span>
@@ -15,15 +15,15 @@ namespace armtrue {
 Eigen::MatrixXd block_columns(const Linearization& linearization, const State& state,
                               std::span<const Block> blocks);
 
-/// A block at given nonlinear parameters, and what it changes by while those move within their cell
-/// of the grid.
+/// A block at given nonlinear parameters, with slopes: additional columns for its change while
+/// these parameters move within their grid cell.
 struct EvidenceForm {
   Block block;                    ///< its own parameters first, then the slopes
-  std::size_t own = 0;            ///< parameters that are no slopes
-  std::vector<std::size_t> like;  ///< of each parameter: the own one whose prior size it has
-  double log_prior = 0.0;         ///< that the block has this form
-  bool halved = false;            ///< its cell of the grid is part of a coarser one
-  bool found = false;  ///< of a fit: where its nonlinear parameters stand, with their slopes
+  std::size_t own = 0;            ///< number of parameters that are not slopes
+  std::vector<std::size_t> like;  ///< by parameter: the own one whose prior size it shares
+  double log_prior = 0.0;         ///< probability of this form, given the block
+  bool halved = false;            ///< its grid cell is half of a coarser one
+  bool found = false;  ///< the fit's form: at the fitted nonlinear parameters, with their slopes
 
   EvidenceForm() = default;
   EvidenceForm(Block b);  ///< without slopes
@@ -36,49 +36,51 @@ struct EvidenceBlock {
   std::string label;
   std::string kind;  ///< blocks of one kind share its prior odds
   std::vector<EvidenceForm> forms;
-  bool present = false;       ///< stands in the fit
-  bool believed = false;      ///< put into the model by its owner, not by a search
-  bool structure = false;     ///< a smooth function that no effect names
-  bool unknown_load = false;  ///< springs under masses that nobody knows
-  std::size_t finding = 0;    ///< of a structure: which
-  double tried = 0.0;  ///< how many like it were looked at before this one was chosen; 0: it alone
+  bool present = false;       ///< is in the fit
+  bool believed = false;      ///< put into the model by the user, not by a search
+  bool structure = false;     ///< a smooth function that belongs to no effect
+  bool unknown_load = false;  ///< springs loaded by unknown masses
+  std::size_t finding = 0;    ///< of a structure: index in Structure::findings
+  double tried = 0.0;  ///< alternatives it was selected from, which divide its prior odds; 0: none
   SearchBlock search;
-  Eigen::MatrixXd columns;  ///< what `search` is about; empty: to be worked out
+  Eigen::MatrixXd columns;  ///< columns of `search`; empty: not yet computed
 };
 
-/// What a search looks at: columns of what is always in the model, and those of the blocks.
+/// Input of a search: columns of the base, which is always in the model, and of the blocks.
 struct EvidenceModel {
   Eigen::MatrixXd base;  ///< equations × coefficients of geometry, placement and a user's own terms
-  Eigen::MatrixXd base_precision;  ///< of their prior
+  Eigen::MatrixXd base_precision;  ///< precision of their prior
   Eigen::VectorXd base_pull;       ///< gradient of that prior at the present values
   double base_pull_squares = 0.0;
   Eigen::MatrixXd columns;  ///< equations × columns of all blocks
-  Eigen::VectorXd y;        ///< what base (from its present values) and blocks (from zero) explain
+  Eigen::VectorXd y;  ///< to explain: by changes of base from present values, by blocks from zero
   std::vector<EvidenceBlock> blocks;
 };
 
-/// What of the catalogue may enter the fit and what of the fit may leave, without columns.
+/// Blocks that may enter the fit (from the catalogue) and blocks that may leave it, without
+/// columns.
 std::vector<EvidenceBlock> evidence_blocks(Fit& fit, const Linearization& linearization,
                                            std::vector<Block> catalogue);
 
-/// Columns and priors of what may enter or leave, and of all else in the fit.
+/// Columns and priors of the blocks, and of the base: all else in the fit.
 EvidenceModel make_evidence_model(Fit& fit, const Linearization& linearization,
                                   std::vector<EvidenceBlock> blocks);
 
-/// Slopes of blocks with several forms.
+/// Adds slopes to the forms of blocks that have several.
 void add_all_slopes(const EffectContext& context, std::vector<EvidenceBlock>& blocks);
 
-/// Halves the grid of forms around those that do best, for blocks with several.
+/// Replaces the grid cells of the best forms by halved ones, for blocks with several forms.
 void refine_forms(const Fit& fit, std::vector<EvidenceBlock>& blocks, const SearchResult& search);
 
-/// Whether a block that alone explains about as much as any was looked at on the coarse grid only,
-/// where it does best.
+/// True if a block that alone explains about as much as the best one has its best form on the
+/// coarse grid only.
 bool wants_finer_forms(const std::vector<EvidenceBlock>& blocks, const SearchResult& search);
 
-/// An entry of a model as what may leave it: joint by joint where the effect acts joint by joint.
+/// The parts of a model's entry that a search may remove separately: one for each joint if the
+/// effect acts joint by joint, otherwise the whole entry.
 std::vector<EffectRequest> parts_of(const EffectContext& context, const EffectRequest& entry);
 
-/// Effects of a fit that may leave it, as parts_of has them.
+/// Effects of a fit that a search may remove, split by parts_of.
 std::vector<EffectRequest> removable_effects(const Fit& fit);
 
 }  // namespace armtrue

@@ -9,11 +9,14 @@
 namespace armtrue {
 namespace {
 
-// A column that differs within poses by less than this share of its squares does not.
+// A column counts as constant within poses if its differences there have less than this share of
+// its squares.
 constexpr double kConstant = 1e-9;
-constexpr double kRidge = 1e-9;  // of a column's own squares, where columns say the same
+constexpr double kRidge =
+    1e-9;  // share of a column's squares, for columns that are linearly dependent
 
-// Equations of one pose, and an orthonormal basis of what readings of one place have in common.
+// Equations of one pose, and an orthonormal basis of changes common to all its readings of a
+// reflector.
 struct Shared {
   std::vector<Eigen::Index> equations;
   Eigen::MatrixXd basis;

@@ -9,9 +9,10 @@
 namespace armtrue {
 
 /// Sum of squares, and degrees of freedom, of the differences between readings of one pose that no
-/// column of the model can explain. They measure how single readings scatter. How whole poses
-/// scatter is estimated without them: fifty poses, each read a hundred times, say as much about it
-/// as fifty numbers do, and these differences would make that look like five thousand.
+/// column of the model can explain. They measure the scatter of single readings only, and are left
+/// out of the estimate of the scatter between poses: fifty poses, each read a hundred times,
+/// determine that as well as fifty numbers, and with these differences they would seem to be five
+/// thousand.
 struct IdleContrasts {
   double squares = 0.0, freedom = 0.0;
 };

@@ -8,16 +8,17 @@
 namespace armtrue {
 namespace {
 
-// The noise is estimated at what was found, and what is found with that noise, so many times: it
-// comes down from broad parts, since a search that begins with small ones explains the noise and
-// then measures none.
+// Rounds of a search followed by an estimate of the noise beside the set found. The noise starts
+// from large values: a search that starts with small ones explains the noise by effects, and none
+// is left to measure.
 constexpr int kRounds = 3;
 constexpr int kNoiseSteps = 12;
 constexpr int kFewNoiseSteps = 4, kLastNoiseSteps = 2;  // of wide sets
 constexpr Eigen::Index kWideSet = 200;                  // columns: steps take long
 constexpr Eigen::Index kWideProblem = 800;              // columns
-// Beside an effect of its own form, a smooth function explains less than this share of what it
-// explains alone; beside a table, whose own smoothness leaves something of it, less than that.
+// A smooth function has the form of an effect if it explains less than this share of its gain
+// beside that effect. For a table the share is larger, because the table's smoothness leaves part
+// of the function.
 constexpr double kSameForm = 1e-2, kSameFormAsTable = 5e-2;
 
 // Directions of columns below this share of the largest are rounding.
@@ -28,10 +29,10 @@ struct Projected {
   double base_unknowns = 0.0;
 };
 
-// Where nobody knows the masses, a spring's terms are dozens of loads that may be there, and what
-// their coefficients can be is hardly known. So whatever those terms can do says nothing for
-// another block, which would only spare them the size that it takes over: every other block keeps
-// what it does beyond them.
+// If masses are unknown, a spring has dozens of possible load terms, and the sizes of their
+// coefficients are hardly known. Another block that takes over part of what these terms explain
+// would gain from their smaller coefficients alone. So every other block is weighed only by what it
+// explains beyond the columns of such springs.
 void keep_what_unknown_loads_cannot_do(const std::vector<EvidenceBlock>& blocks, SearchProblem& p) {
   std::vector<Eigen::Index> loads, others;
   for (const EvidenceBlock& block : blocks) {
@@ -108,10 +109,9 @@ Found found_columns(const EvidenceModel& model, const SearchResult& search) {
   return found;
 }
 
-// True if block `b` is a structure (a smooth function that no effect names) of the same form as
-// some effect: beside that effect it explains next to nothing, and must not compete with it. A
-// table counts only while it is not in the likeliest set itself: if it is, a structure there
-// explains something else.
+// True if block `b` is a structure of the same form as some effect: beside that effect it explains
+// next to nothing, and must not compete with it. A table counts only while it is not in the
+// likeliest set itself: if it is, a structure there explains something else.
 bool is_named_structure(const std::vector<EvidenceBlock>& blocks, const SearchResult& search,
                         std::size_t b) {
   for (std::size_t a = 0; blocks[b].structure && a < blocks.size(); ++a) {
@@ -135,7 +135,7 @@ void drop_named_structure(std::vector<EvidenceBlock>& blocks, const SearchResult
   blocks = std::move(kept);
 }
 
-// True if a structure stands in the likeliest set in place of the effect whose form it has.
+// True if the likeliest set contains a structure in place of the effect whose form it has.
 bool holds_named_structure(const std::vector<EvidenceBlock>& blocks, const SearchResult& search) {
   for (std::size_t b = 0; b < blocks.size(); ++b) {
     if (search.likeliest[b] && is_named_structure(blocks, search, b)) return true;
@@ -166,8 +166,9 @@ EvidenceSummary weigh_evidence(Fit& fit, const Linearization& l, std::vector<Blo
         last ? (model.columns.cols() > kWideProblem ? options.sweeps / 3 : options.sweeps) : 0;
     if (!last) search.burn_in = 0;
     evidence.search = search_blocks(projected.problem, search);
-    // With the noise that is known by now, another form may do best than with the broad one, or a
-    // smooth function push out the table that names it.
+    // With the noise as estimated by now, another form may fit best than with the initial noise, or
+    // a smooth function may have displaced the table of the same form: one more round corrects
+    // this.
     if (last && !repeated &&
         (wants_finer_forms(model.blocks, evidence.search) ||
          holds_named_structure(model.blocks, evidence.search))) {

@@ -1,5 +1,5 @@
-// How probable every effect of the catalogue is, what scatters, and what the likeliest set of
-// effects leaves.
+// The probability of every effect of the catalogue, the noise, and the residual of the likeliest
+// set of effects.
 #pragma once
 
 #include <set>
@@ -13,8 +13,8 @@ namespace armtrue {
 
 struct EvidenceOptions {
   int sweeps = 60;
-  /// Labels of the effects of the fit that a search put in; the owner of the arm believes in the
-  /// others.
+  /// Labels of the effects of the fit that a search added; the user put in the others, which have
+  /// higher prior odds.
   std::set<std::string> searched;
 };
 
@@ -25,8 +25,8 @@ struct EvidenceSummary {
   double freedom = 1.0;  ///< equations less effective unknowns of base and the likeliest set
 };
 
-/// Searches, estimates the noise at what was found, and searches again. `catalogue`: what may enter
-/// (catalogue_blocks); `extra`: what may beside it.
+/// Alternates searches with estimates of the noise beside the set found. `catalogue`: candidates of
+/// the catalogue (catalogue_blocks); `extra`: further candidates.
 EvidenceSummary weigh_evidence(Fit& fit, const Linearization& linearization,
                                std::vector<Block> catalogue, std::vector<EvidenceBlock> extra,
                                const EvidenceOptions& options);

@@ -9,9 +9,9 @@
 namespace armtrue {
 namespace {
 
-// Half a cell of the distance between a cell's two neighbours.
+// Half a grid cell, as a share of the distance between the cell's two neighbours.
 constexpr double kHalfCell = 0.25;
-// Of what the best block explains alone: a block that explains so much of it may be what is
+// A block that alone explains at least this share of what the best one explains may be what is
 // missing.
 constexpr double kMuch = 0.8;
 
@@ -39,7 +39,7 @@ std::vector<std::string> numeric_options(const EffectRequest& request) {
   return result;
 }
 
-// The form of a block at other values of an option: from its grid where it stands there.
+// The form of a block at another value of an option: from the block's grid if it is there.
 Block form_at(const EffectContext& context, const EvidenceBlock& block, EffectRequest request,
               const std::string& option, double value) {
   request.options[option] = value;
@@ -52,8 +52,8 @@ Block form_at(const EffectContext& context, const EvidenceBlock& block, EffectRe
   return make_block(context, request);
 }
 
-// What a form changes by while its nonlinear parameters move from the middle of their cells to the
-// edge.
+// Adds slopes to a form: its change while a nonlinear parameter moves from the middle of its cell
+// to the edge.
 void add_slopes(const EffectContext& context, const EvidenceBlock& block, EvidenceForm& form) {
   for (const std::string& option : numeric_options(form.block.request)) {
     const auto at = form.block.request.options[option].get<double>();
@@ -75,7 +75,7 @@ void add_slopes(const EffectContext& context, const EvidenceBlock& block, Eviden
   }
 }
 
-// A form's cell of the grid gives way to cells of half its width.
+// Replaces a form's grid cell by cells of half its width.
 void halve(const Fit& fit, EvidenceBlock& block, const EvidenceForm& coarse) {
   std::vector<EffectRequest> near{coarse.block.request};
   for (const std::string& option : numeric_options(coarse.block.request)) {
@@ -96,7 +96,7 @@ void halve(const Fit& fit, EvidenceBlock& block, const EvidenceForm& coarse) {
   const double halved = std::log(2.0) * static_cast<double>(numeric_options(near[0]).size());
   const std::size_t first = block.forms.size();
   for (const EffectRequest& request : near) {
-    // Cells that lie side by side share the middle between them.
+    // Halved cells of neighbours share the form in the middle between them, which is added once.
     if (std::ranges::any_of(block.forms, [&](const EvidenceForm& form) {
           return form.block.request.options == request.options;
         }))
@@ -132,7 +132,8 @@ void refine_forms(const Fit& fit, std::vector<EvidenceBlock>& blocks, const Sear
   for (std::size_t b = 0; b < blocks.size(); ++b) {
     EvidenceBlock& block = blocks[b];
     if (block.forms.size() < 2 || block.present) continue;
-    // Beside what was found, and beside the fit alone: what stands in its place now may be wrong.
+    // The best form beside the likeliest set, and the best beside the fit alone: the effect that is
+    // now in its place may be wrong.
     const std::set<int> best{form_of(block, search.shape[b]),
                              form_of(block, search.alone_shape[b])};
     const std::vector<EvidenceForm> before = block.forms;

@@ -10,7 +10,7 @@ namespace {
 
 // A rejected row counts as a residual of this many standard deviations.
 constexpr double kBoundedResidual = 3.0;
-// More unknowns than this, and the nodes of joint tables are left out.
+// With more unknowns than this, the nodes of joint tables are left out.
 constexpr int kMostUnknowns = 400;
 
 // Nodes of a table of one joint: their columns are many and sparse.
@@ -31,7 +31,7 @@ void bound_rejected_rows(Design& design) {
   }
 }
 
-// Linearization::by_other_loads; `l` has its residuals.
+// Linearization::by_other_loads; needs the residuals of `l`.
 Eigen::VectorXd change_by_other_loads(const Fit& fit, const Linearization& l) {
   if (!fit.design().reads_loads()) return {};
   State state = fit.state();

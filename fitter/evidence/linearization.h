@@ -1,4 +1,4 @@
-// A fit's model linearised once at its present values: what every statistic is a function of.
+// A fit's model linearised once at its present values, from which all statistics are computed.
 #pragma once
 
 #include <Eigen/Core>
@@ -10,9 +10,9 @@
 
 namespace armtrue {
 
-/// Residual and Jacobian of a fit, whitened by the instrument's own covariance, all rows: those
-/// kept out of the fit as gross errors have a bounded weight, since what looks like a bump may be a
-/// local effect that no term names yet. Equations stand row by row of the file, `height` each.
+/// Residual and Jacobian of all rows of a fit, whitened by the instrument's covariance. Rows that
+/// the fit rejected as gross errors have a bounded weight instead of none, since they may show a
+/// local effect that the model lacks. Equations are ordered by row of the file, `height` for each.
 struct Linearization {
   int height = 3;  ///< equations a row: 3, or 6 with orientations
   Poses poses;
@@ -21,10 +21,10 @@ struct Linearization {
   std::vector<int> unknown;     ///< unknown of the design that each column of `jacobian` is
   Eigen::MatrixXd jacobian;     ///< equations × unknowns that are no nodes of joint tables
   std::vector<int> node;        ///< unknown of each column of `nodes`
-  Eigen::MatrixXd nodes;        ///< the same for nodes of joint tables; none where they are many
+  Eigen::MatrixXd nodes;        ///< Jacobian of nodes of joint tables; empty if these are many
   Eigen::VectorXd from_tables;  ///< what joint tables of the fit add to the prediction
-  /// By what `residual` would change if loads acted at commanded angles in place of where the arm
-  /// stands, or the other way round (Fit::choose_where_loads_act). Empty where nothing reads loads.
+  /// Change of `residual` if loads acted at the commanded angles instead of those of the deflected
+  /// arm, or the reverse (Fit::choose_where_loads_act). Empty if no term reads loads.
   Eigen::VectorXd by_other_loads;
   Eigen::MatrixXd geometry;                  ///< equations × coordinates
   Eigen::MatrixXd translation;               ///< equations × 3: a shift of the measured point
@@ -33,12 +33,11 @@ struct Linearization {
   double typical_sigma = 1.0;                ///< [m] of one whitened unit of position
   double sigma_rotation = 0.0;  ///< [rad] of one whitened unit of orientation; 0: none measured
   double counted = 1.0;         ///< equations, as equations_that_count counts them
-  double freedom = 1.0;         ///< of these, less the fit's effective unknowns
+  double freedom = 1.0;         ///< `counted` less the fit's effective unknowns
 
   Eigen::Index equations() const { return residual.size(); }
   std::size_t rows() const { return poses.pose_of_row.size(); }
-  /// Root mean square over rows of the displacement of the tool by one unit of a whitened column
-  /// [m].
+  /// Displacement of the tool by one unit of a whitened column, root mean square over rows [m].
   double displacement(const Eigen::Ref<const Eigen::VectorXd>& column) const;
 };
 

@@ -17,22 +17,24 @@ constexpr Eigen::Index kTogether = 16;  // columns that one thread whitens at a 
 // Each joint and the reading need so many equations beyond the number of columns. With fewer, one
 // joint's scatter can explain all that is left, and readings seem to have no noise.
 constexpr Eigen::Index kEquationsPerPart = 4;
-// A variance becomes at least and at most this share of itself in one step.
+// Least and largest factor by which a variance changes in one step.
 constexpr double kLeastShare = 0.05, kMostShare = 4.0;
-// A climb has arrived where no part changes the variance of the readings by more than this share.
+// The ascent has converged when no part changes the variance of the readings by more than this
+// share.
 constexpr double kArrived = 2e-3;
-// Steps of a climb from the estimate with one part more.
+// Steps of the ascent after a part was removed or pooled.
 constexpr int kStepsAfterChange = 5;
-// A part that fell to this share of the reading's own variance is none.
+// A joint that adds less than this share of the reading's own variance to the readings gets
+// variance 0.
 constexpr double kNone = 1e-8;
 // Joints that are pooled begin with at least this share of the readings' variance.
 constexpr double kLeastPooled = 0.1;
-// A joint whose variance has at least this relative variance is pooled without a test.
+// A joint is pooled without a test if its estimated variance has at least this relative variance.
 constexpr double kSurelyDoubtful = 1.0;
 // Two models whose log-likelihoods, times two, differ by no more than this are equally likely.
 constexpr double kCannotBeTold = 0.01;
-// Added to the information of each part, as a share: the variance of parts that no data can tell
-// apart becomes very large, not infinite.
+// Added to the information of each part, as a share, so that parts that the data cannot separate
+// get a very large variance instead of an infinite one.
 constexpr double kLeastTold = 1e-9;
 
 }  // namespace
@@ -96,8 +98,8 @@ double counted_equations(const Linearization& l, const NoiseParts& parts) {
 
 namespace {
 
-// Fisher's step, in which no variance falls or grows by more than it may; those that would are held
-// there, and the others go where that leaves them.
+// A step of Fisher scoring with bounds on the change of each variance. Variances that would exceed
+// their bounds are set to them, and the step of the others is computed again.
 Eigen::VectorXd next_variances(const Eigen::VectorXd& variance, const Score& score) {
   std::vector<Eigen::Index> free;
   for (Eigen::Index i = 0; i < variance.size(); ++i) {
@@ -105,7 +107,7 @@ Eigen::VectorXd next_variances(const Eigen::VectorXd& variance, const Score& sco
   }
   Eigen::VectorXd change = Eigen::VectorXd::Zero(variance.size());
   while (!free.empty()) {
-    // In shares of each variance, so that radians and metres weigh alike.
+    // Relative to each variance, so that radians and metres are scaled alike.
     const Eigen::VectorXd unit = variance(free);
     const Eigen::MatrixXd information =
         unit.asDiagonal() * score.information(free, free) * unit.asDiagonal();
@@ -129,10 +131,10 @@ Eigen::VectorXd next_variances(const Eigen::VectorXd& variance, const Score& sco
   return variance + change;
 }
 
-// Which parts have one variance: by part, the first of those that have the same.
+// Parts that share one variance: by part, the first part of its group.
 using Groups = std::vector<Eigen::Index>;
 
-// Joints that slide and joints that turn are not alike: each kind has a group of its own.
+// Of the pooled joints, prismatic and revolute ones form a group each.
 Groups groups_of(const NoiseParts& parts, const Linearization& l) {
   Groups groups(parts.joint.size() + 3);
   std::iota(groups.begin(), groups.end(), Eigen::Index{0});
@@ -146,7 +148,8 @@ Groups groups_of(const NoiseParts& parts, const Linearization& l) {
   return groups;
 }
 
-// The score by the variances of groups, at each group's first part; zero at its others.
+// The score with respect to the variances of groups: at each group's first part, zero at the
+// others.
 Score folded(const Score& score, const Groups& groups) {
   const auto count = static_cast<Eigen::Index>(groups.size());
   Eigen::MatrixXd sums = Eigen::MatrixXd::Zero(count, count);
@@ -166,7 +169,7 @@ Eigen::VectorXd reaches(const Linearization& l) {
   return reach;
 }
 
-// An estimate, and its score once that was asked for: a score takes as long as all else together.
+// An estimate, and its score, computed only when needed: that takes as long as all else together.
 struct Estimate {
   NoiseParts parts;
   std::optional<Score> score;
@@ -204,8 +207,8 @@ Estimate climb(const RestrictedLikelihood& likelihood, const Linearization& l, E
   return at;
 }
 
-// By joint, the relative variance of its own variance: infinite where that fell to zero, zero for
-// joints that are pooled or move nothing.
+// By joint, the relative variance of its estimated variance: infinite if the estimate is zero, zero
+// if the joint is pooled or does not move the tool.
 Eigen::VectorXd doubts(const NoiseParts& parts, const Score& score, const Eigen::VectorXd& reach) {
   const Eigen::VectorXd variance = variances_of(parts);
   std::vector<Eigen::Index> there;
@@ -213,7 +216,7 @@ Eigen::VectorXd doubts(const NoiseParts& parts, const Score& score, const Eigen:
     if (variance[i] > 0.0 && score.information(i, i) > 0.0) there.push_back(i);
   }
   const Eigen::VectorXd unit = variance(there);
-  // Slides in three directions scatter as readings do. The variances of such parts are unknown.
+  // Prismatic joints in three directions scatter as readings do: no data separate their variances.
   Eigen::MatrixXd information =
       unit.asDiagonal() * score.information(there, there) * unit.asDiagonal();
   information.diagonal() *= 1.0 + kLeastTold;
@@ -227,8 +230,9 @@ Eigen::VectorXd doubts(const NoiseParts& parts, const Score& score, const Eigen:
   return doubt.segment(1, static_cast<Eigen::Index>(parts.joint.size()));
 }
 
-// The joints that are pooled, and joint `k`, have one variance for each kind: that which moves the
-// tool as much as theirs did together, and no less than it takes to be found.
+// Gives the pooled joints, and joint `k`, one variance for each kind (revolute, prismatic). It
+// moves the tool as much as their own variances together, and is large enough for the ascent to
+// start.
 void pool(NoiseParts& parts, const Linearization& l, const Eigen::VectorXd& reach,
           std::optional<std::size_t> k = std::nullopt) {
   parts.pooled.resize(parts.joint.size(), false);
@@ -247,8 +251,8 @@ void pool(NoiseParts& parts, const Linearization& l, const Eigen::VectorXd& reac
   }
 }
 
-// Climbs from `simpler`, and takes where that leads in place of `at` unless twice the logarithm of
-// the likelihood falls by more than `asked`.
+// Starts the ascent from `simpler` and replaces `at` by the result, unless twice the log-likelihood
+// falls by more than `asked`. Returns whether it did.
 bool gives_way(const RestrictedLikelihood& likelihood, const Linearization& l, Estimate& at,
                NoiseParts simpler, double asked) {
   Estimate other = climb(likelihood, l, Estimate(std::move(simpler)), kStepsAfterChange);
@@ -258,13 +262,12 @@ bool gives_way(const RestrictedLikelihood& likelihood, const Linearization& l, E
   return true;
 }
 
-// Leaves out what the data do not show. Whether a variance stands for itself, the Bayesian
-// information criterion says, extended for the number of joints (Chen and Chen 2008, Biometrika 95,
-// 759).
-// A joint whose variance does not is pooled: every joint scatters, and the small scatter of one
-// good joint is lost in the readings where that of all together is not. What the readings of a pose
-// share becomes the readings' own if it does not stand for itself, and the variance of the pooled
-// joints if the data could not tell it from theirs.
+// Removes parts that the data do not support, by the Bayesian information criterion extended for
+// the number of joints (Chen and Chen 2008, Biometrika 95, 759).
+// A joint whose own variance is not supported is pooled: every joint scatters, and the small
+// scatter of one good joint is not seen beside the readings, but that of all together is. If the
+// part that a pose's readings share is not supported, it becomes part of the readings', or of the
+// pooled joints' variance if the data could not separate the two.
 NoiseParts without_unsure(const RestrictedLikelihood& likelihood, const Linearization& l,
                           Estimate at) {
   const Eigen::VectorXd reach = reaches(l);

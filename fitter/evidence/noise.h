@@ -1,5 +1,5 @@
-// What scatters, in parts: the reading, what each joint does not repeat, what the readings of a
-// pose share.
+// The noise in parts: of single readings, of each joint's repeatability, and common to all readings
+// of a pose.
 #pragma once
 
 #include <Eigen/Core>
@@ -17,17 +17,17 @@ struct NoiseParts {
   double orientation = 1.0;  ///< of measured orientations, in units of the sigma that the fit gives
                              ///< them: below `reading` where it gives them less weight
   std::vector<double>
-      joint;  ///< by joint, motor side [rad or m]: anew at each visit, shared by its readings
-  std::vector<bool> pooled;  ///< by joint: not told from others, which have its value; may be empty
+      joint;  ///< by joint, motor side [rad or m]: new at each visit, the same in its readings
+  std::vector<bool> pooled;  ///< by joint: has one value with the other pooled joints; may be empty
   std::optional<double>
       pose;  ///< [m], shared by all readings of a pose; none where no pose has two readings
 
   bool is_pooled(std::size_t k) const { return !pooled.empty() && pooled[k]; }
 };
 
-/// Turns columns into such as ordinary least squares may take: unit variance, no correlation. The
-/// covariance σ² + Σ ρ_k² m_k m_kᵀ + κ² 1 1ᵀ has one block for each pose. Where the fit gives
-/// orientations a small weight they keep it: their σ is taken no smaller than that of positions.
+/// Whitens columns for ordinary least squares: unit variance, no correlation. The covariance σ² + Σ
+/// ρ_k² m_k m_kᵀ + κ² 1 1ᵀ has one block for each pose. If the fit gives orientations a small
+/// weight, they keep it: their σ is taken no smaller than that of positions.
 class PoseWhitening {
  public:
   PoseWhitening(const Linearization& linearization, const NoiseParts& parts);
@@ -50,19 +50,19 @@ double counted_equations(const Linearization& linearization, const NoiseParts& p
 
 struct NoiseEffort {
   int steps = 12;
-  bool drops_unsure = true;  ///< parts that do not pay for themselves are pooled or become zero
+  bool drops_unsure = true;  ///< parts that the data do not support are pooled or become zero
 };
 
-/// Restricted likelihood (Patterson and Thompson 1971, Biometrika 58, 545), climbed by Fisher's
-/// scoring within bounds that keep every variance positive. `columns`: what the model has, whitened
-/// by the instrument; `precision`: of the prior of their coefficients, which `target` centres at
-/// zero. `y`: what they explain. Begins at `start`.
+/// Maximises the restricted likelihood (Patterson and Thompson 1971, Biometrika 58, 545) by Fisher
+/// scoring, within bounds that keep every variance positive. `columns`: of the model, whitened by
+/// the instrument; `precision`: of the prior of their coefficients, which has mean zero; `y`: what
+/// they explain. Starts at `start`.
 NoiseParts estimate_noise(const Linearization& linearization, const Eigen::MatrixXd& columns,
                           const Eigen::MatrixXd& precision, const Eigen::VectorXd& y,
                           const NoiseParts& start, const NoiseEffort& effort);
 
-/// Where an estimate begins: as if half of the squares were the joints' own, and all of them a
-/// pose's.
+/// Start of an estimate, deliberately large: half of the mean square is given to readings, half to
+/// the joints, and all of it again to what readings of a pose share.
 NoiseParts broad_noise(const Linearization& linearization, const Eigen::VectorXd& residual);
 
 }  // namespace armtrue

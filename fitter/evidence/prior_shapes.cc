@@ -11,14 +11,14 @@ namespace armtrue {
 namespace {
 
 // Root mean square displacement of the tool that one coefficient's prior expects [m]. The smallest
-// can just be measured, the largest is seen on heavy arms. An effect larger than its prior expects
-// would be taken for another one, with a high probability.
+// can just be measured, the largest is seen on heavy arms. An effect larger than all of them would
+// be attributed to another effect, with a high probability.
 const std::vector<double> kSizes{25e-6, 80e-6, 250e-6, 800e-6, 2500e-6};
-// A physical bound is taken for so many standard deviations of the prior.
+// A physical bound is this many standard deviations of the prior.
 constexpr double kBoundIsSigmas = 2.0;
-// What real arms have of an effect (Parameter::usual) is one standard deviation.
+// The magnitude on real arms (Parameter::usual) is this many standard deviations of the prior.
 constexpr double kUsualIsSigmas = 1.0;
-// Of so many arms the masses are those of another version, or lack gears and motors.
+// Share of arms whose stated masses are those of another version, or lack gears and motors.
 constexpr double kUnusual = 0.1;
 // Probability that two coefficients which a design makes equal (Parameter::alike) are so, but for a
 // difference of this share. With independent priors alone, equal coefficients would be a
@@ -45,7 +45,8 @@ double largest_size(const Parameter& p, Largest largest) {
   return most;
 }
 
-// Standard deviations of coefficients at one size, from what each moves and its physical bound.
+// Prior standard deviations of coefficients at one size, from the displacement by each and its
+// bound.
 Eigen::VectorXd sizes_of(const EvidenceForm& form, const Eigen::VectorXd& displacement, double size,
                          Largest largest = Largest::kUsual) {
   Eigen::VectorXd sigma(displacement.size());
@@ -58,7 +59,7 @@ Eigen::VectorXd sizes_of(const EvidenceForm& form, const Eigen::VectorXd& displa
   return sigma;
 }
 
-// Coefficients that physics gives a sign.
+// Sign rules of the coefficients whose sign physics prescribes.
 std::vector<SignRule> signs_of(const EvidenceForm& form) {
   std::vector<SignRule> result;
   const auto width = static_cast<Eigen::Index>(form.block.terms.parameters.size());
@@ -69,8 +70,8 @@ std::vector<SignRule> signs_of(const EvidenceForm& form) {
   return result;
 }
 
-// Prior of two coefficients that are nearly equal: their mean varies as the better known of both
-// may, and they differ from it by a small share of that.
+// Prior of two nearly equal coefficients: the standard deviation of their mean is the smaller of
+// theirs, and they differ from the mean by a small share of that.
 Eigen::MatrixXd alike(const Eigen::VectorXd& sigma) {
   Eigen::MatrixXd units(2, 2);
   units << 1.0, kAlikeToShare, 1.0, -kAlikeToShare;
@@ -84,8 +85,8 @@ void add_shapes(const EvidenceForm& form, const Eigen::VectorXd& displacement, d
   const Eigen::Index own = displacement.size();
   const std::vector<Parameter>& parameters = form.block.terms.parameters;
   const std::vector<SignRule> signs = signs_of(form);
-  // Adds the prior `units`, and multiples of it by `scales`. Only `rules` of the signs say
-  // something of their own.
+  // Adds the prior `units`, scaled by each of `scales`. Only the first `rules` sign rules are
+  // applied: those of nearly equal coefficients are not independent.
   const auto add = [&](const Eigen::MatrixXd& units, const std::vector<double>& scales,
                        double log_prior, std::size_t rules) {
     PriorShape shape;
@@ -129,7 +130,7 @@ void add_shapes(const EvidenceForm& form, const Eigen::VectorXd& displacement, d
     add_sizes(sizes_of(form, displacement, kSizes.front()), free_sizes, each);
   for (const Eigen::VectorXd& sigma : bounded) add_sizes(sigma, {1.0}, each);
   if (std::ranges::none_of(parameters, &Parameter::may_be_unusual)) return;
-  // Else something that makes up for the rest would seem to be there as well.
+  // Without this prior, the excess over the usual size would be attributed to another effect.
   const Eigen::VectorXd largest = sizes_of(form, displacement, kSizes.back(), Largest::kPossible);
   add(largest.asDiagonal(), {1.0}, each + std::log(kUnusual), signs.size());
 }
@@ -183,7 +184,7 @@ void add_table_shapes(const Block& form, bool is_joint, const Eigen::MatrixXd& c
                       const Linearization& l, std::vector<PriorShape>& shapes) {
   const TableReference& table = *form.terms.parameters.front().terms.front().table;
   const std::vector<std::vector<double>> lengths = lengths_of(table, is_joint);
-  // A table of one unit at every node moves the tool as its coordinate does.
+  // With one unit at every node, a table moves the tool as one unit of its coordinate does.
   const double reach = l.displacement(columns.rowwise().sum());
   if (reach <= 0.0) return;
   for (const std::vector<double>& own : lengths) {
@@ -214,7 +215,7 @@ std::vector<Carrying> carrying_of(const EvidenceForm& form, const Fit& fit) {
     const std::vector<double> basis = state.values(p.terms.front().basis);
     gives.col(c) = Eigen::Map<const Eigen::VectorXd>(basis.data(), rows);
   }
-  double softness = 0.0;  // of the spring that the same load bends
+  double softness = 0.0;  // of the spring that the same load deflects
   for (const Parameter& p : fit.model().parameters) {
     const Term& term = p.terms.front();
     if (term.coordinate == form.block.terms.parameters.front().terms.front().coordinate &&

@@ -1,4 +1,4 @@
-// What a coefficient may be before anything is measured: the priors of a block's columns.
+// Priors of the coefficients of a block's columns.
 #pragma once
 
 #include <Eigen/Core>
@@ -8,9 +8,9 @@
 
 namespace armtrue {
 
-/// Prior shapes of a form whose columns stand at `first` of `width`. `displacement`: of the tool by
-/// one unit of each column [m]. `known_size`: the largest displacement by a coefficient that the
-/// fit has [m]: of what is there, as much as there is was to be expected. 0: none.
+/// Prior shapes of a form whose columns begin at `first` of `width`. `displacement`: of the tool by
+/// one unit of each column [m]. `known_size`: the largest displacement by a coefficient in the fit
+/// [m], so that the priors include the size of an effect that was found; 0: none.
 void add_shapes(const EvidenceForm& form, const Eigen::VectorXd& displacement, double known_size,
                 Eigen::Index first, Eigen::Index width, std::vector<PriorShape>& shapes);
 
@@ -18,10 +18,10 @@ void add_shapes(const EvidenceForm& form, const Eigen::VectorXd& displacement, d
 void add_table_shapes(const Block& form, bool is_joint, const Eigen::MatrixXd& columns,
                       const Linearization& linearization, std::vector<PriorShape>& shapes);
 
-/// What an effect that carries a load gives, against that load over the campaign.
+/// The terms of an effect that carries a load, compared with that load over all rows.
 std::vector<Carrying> carrying_of(const EvidenceForm& form, const Fit& fit);
 
-/// Brings wide blocks to an orthonormal basis of what their columns span, their shapes with them.
+/// Replaces the columns of a wide block by an orthonormal basis of their span, and adapts `shapes`.
 Eigen::MatrixXd compress(const Eigen::MatrixXd& columns, std::vector<PriorShape>& shapes);
 
 }  // namespace armtrue

@@ -66,7 +66,7 @@ std::unique_ptr<Fit> refit(const Fit& fit, const ModelSpecification& specificati
   for (const NonlinearParameter& p : fit.model().nonlinear) {
     if (!guesses.contains(p.name)) options.nonlinear_starts.try_emplace(p.name, p.value);
   }
-  // Between two full fits, what the search found is near enough.
+  // The values that the search found are accurate enough for steps between two full fits.
   if (keeps_weights) options.nonlinear_starts.insert(guesses.begin(), guesses.end());
   auto start = std::make_shared<StartPoint>(fit.start_point());
   start->values.insert(guesses.begin(), guesses.end());

@@ -9,11 +9,11 @@
 
 namespace armtrue {
 
-/// "gear_harmonics 3": a request as people say it.
+/// A request as text for users: "gear_harmonics 3".
 std::string label(const EffectRequest& request);
 
-/// The same model with one more effect. `options` of the request that stand for nonlinear
-/// parameters are left to be found.
+/// The same model with one more effect. Options of the request that stand for nonlinear parameters
+/// are dropped: the fit finds their values.
 ModelSpecification with_effect(const ModelSpecification& specification,
                                const EffectRequest& request);
 /// The same model without one effect on some joints (all of the entry where `joints` is empty).
@@ -21,9 +21,9 @@ ModelSpecification without_effect(const ModelSpecification& specification,
                                   const EffectRequest& request, const EffectContext& context);
 
 /// Fits again with another specification, same measurements and options, beginning where `fit`
-/// ended. `guesses`: where parameters begin that `fit` does not have. Those of nonlinear ones are
-/// tried beside their own starts, and in place of these with `keeps_weights`
-/// (FitOptions::keeps_weights).
+/// ended. `guesses`: start values of parameters that `fit` lacks. For nonlinear parameters they are
+/// tried beside the parameters' own starts, with `keeps_weights` (FitOptions::keeps_weights)
+/// instead of these.
 std::unique_ptr<Fit> refit(const Fit& fit, const ModelSpecification& specification,
                            const std::map<std::string, double>& guesses = {},
                            bool keeps_weights = false);

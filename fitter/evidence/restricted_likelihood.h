@@ -1,5 +1,5 @@
-// How probable a residual is under the standard deviations of NoiseParts, whatever the model's
-// coefficients are, and how that changes with each of them.
+// Restricted likelihood of a residual under NoiseParts, independent of the model's coefficients,
+// with its derivatives by each variance.
 #pragma once
 
 #include <Eigen/Core>
@@ -11,25 +11,25 @@
 
 namespace armtrue {
 
-/// The first equations of a row are its position's, those behind them its orientation's.
+/// The first equations of a row are of the position, those after them of the orientation.
 inline constexpr int kPositionEquations = 3;
 
-/// Columns of every part within the equations of one pose.
+/// Columns of every part of the noise in the equations of one pose.
 struct PoseParts {
   std::vector<Eigen::Index> equations;
-  std::vector<bool> turns;             ///< by equation: of an orientation
+  std::vector<bool> turns;             ///< by equation: belongs to an orientation
   std::vector<Eigen::MatrixXd> joint;  ///< by joint: equations × visits
   Eigen::MatrixXd shared;              ///< equations × 3
 };
 
-/// Of every `stride`-th pose.
+/// The parts of every `stride`-th pose.
 std::vector<PoseParts> parts_of_poses(const Linearization& linearization, std::size_t stride = 1);
 
 /// L⁻¹ of a pose's covariance LLᵀ.
 Eigen::MatrixXd inverse_root_of(const PoseParts& pose, const NoiseParts& parts);
 
-/// Variances in the order of Score: the reading, each joint, what a pose's readings share, the
-/// orientation.
+/// Variances in the order of Score: the reading, each joint, the part that a pose's readings share,
+/// the orientation.
 Eigen::VectorXd variances_of(const NoiseParts& parts);
 
 /// The logarithm of the restricted likelihood, its slope by the variances, and their Fisher
@@ -40,7 +40,7 @@ struct Score {
   Eigen::MatrixXd information;
 };
 
-/// Of so many poses as tell variances to some hundredths.
+/// Uses only as many poses as determine the variances to a few percent.
 class RestrictedLikelihood {
  public:
   /// As estimate_noise; `precision` must outlive it.
@@ -54,8 +54,7 @@ class RestrictedLikelihood {
   const Eigen::MatrixXd& precision_;
   std::vector<PoseParts> poses_;
   std::vector<Eigen::Index> first_;  // by pose: the place of its first equation
-  // The equations of a pose stand side by side, so that its share of a matrix is one piece of
-  // memory.
+  // Equations are ordered by pose, so that the part of a pose in a matrix is contiguous in memory.
   Eigen::MatrixXd across_;  // unknowns × equations
   Eigen::VectorXd y_;
 };

@@ -1,4 +1,4 @@
-// How the diagnosis writes figures in its sentences.
+// Numbers as text in the sentences of the diagnosis.
 #pragma once
 
 #include <nlohmann/json_fwd.hpp>

@@ -14,7 +14,8 @@
 namespace armtrue {
 namespace {
 
-// Share of an unknown's information that rounding leaves where nothing but the fold speaks of it.
+// An unknown counts as measured by the fold alone if the other rows have less than this share of
+// its information, which may be rounding error.
 constexpr double kUnseen = 1e-9;
 
 // Unknowns that only rows of this fold measure, such as the position of a reflector that no other
@@ -24,7 +25,7 @@ std::vector<bool> unseen_unknowns(const Design& design, const Eigen::VectorXd& d
                                   const NormalEquations& own) {
   std::vector<bool> unseen(static_cast<std::size_t>(data.size()), false);
   for (Eigen::Index u = 0; u < data.size(); ++u) {
-    // What no row measures at all (a tilt of gravity where nothing bends) moves no prediction.
+    // An unknown that no row measures (a tilt of gravity if nothing bends) changes no prediction.
     const bool alone = data[u] > 0.0 && data[u] - own.information(u, u) <= kUnseen * data[u];
     unseen[static_cast<std::size_t>(u)] = alone && !design.is_table_unknown(static_cast<int>(u));
   }
@@ -105,7 +106,7 @@ std::vector<std::vector<double>> held_out_distances(const Design& design,
   const std::vector<double> values = design.unknown_values();
   for (const PenaltyRow& penalty : penalty_rows(design, smoothness_sigma))
     total.add(penalty, values);
-  std::vector<Eigen::Matrix3d> metres;  // of a whitened position
+  std::vector<Eigen::Matrix3d> metres;  // per unit of a whitened position
   for (const std::size_t i : evaluated.index) {
     metres.push_back(
         (std::sqrt(design.weights()[i]) * design.measurements().whiten_position[i]).inverse());

@@ -43,7 +43,7 @@ CrossValidation cross_validate(const Design& design, const EvaluatedRows& evalua
 /// Distances [m] of all rows at the design's present values.
 std::vector<double> residual_distances(Design& design);
 
-/// Summary of the distances that are numbers.
+/// Summary of the finite distances.
 ErrorSummary summarise_finite(const std::vector<double>& distances);
 
 }  // namespace armtrue

@@ -7,26 +7,26 @@
 namespace armtrue {
 namespace {
 
-// What counts as seen where a parameter has no prior: a metre, a radian.
+// Standard deviation to which a parameter without prior must be determined: a metre, a radian.
 constexpr double kNoPriorSigma = 1.0;
 // Below this share of a column's own information the remainder is rounding error of JᵀJ.
 constexpr double kRounding = 3e-13;
-// An effect's coefficient is worth having where the data know it to a third of its physical bound.
+// An effect's coefficient must be determined to a third of its physical bound.
 constexpr double kBoundsPerSigma = 3.0;
 
-// A column with at least this share of itself left is clearly something of its own, and taken in
-// the order of preference. What is left after those is taken largest gain first: two nearly
-// parallel axes must not stand in for a shift by turning a hundred times as far against each other.
+// Columns that keep at least this share beside the accepted ones are clearly independent, and are
+// accepted in the order of preference. The others are accepted by largest gain: two nearly parallel
+// axes must not stand in for a shift by turning a hundred times as far against each other.
 constexpr double kClearShare = 0.1;
 constexpr double kClearlyMore = 1.01;
-// With less than this left, geometry is told apart by terms of second order, if at all: effects
-// come before it, lest it takes a direction that is theirs.
+// Geometry with a smaller share left is separable by second-order terms only, if at all. Effects
+// are accepted before it, so that it does not take a direction of theirs.
 constexpr double kFaintShare = 1e-6;
 // Preferences from here on are not geometry.
 constexpr int kFirstEffect = 10;
 
-// Base and tool first: they are free to be anything. Of a link's five, those that Craig's four
-// parameters name come first.
+// Base and tool come first, because they may have any value. Of a link's five parameters, those
+// among Craig's four come first.
 int preference(const Parameter& p) {
   const Role role = find_effect(p.effect).role();
   if (p.terms.empty() || (role != Role::kPlacement && role != Role::kGeometry)) return kFirstEffect;
@@ -45,7 +45,7 @@ int preference(const Parameter& p) {
   return kOrder[static_cast<std::size_t>(at.component)];
 }
 
-// Standard deviation to which the data must know a parameter.
+// Standard deviation to which the data must determine a parameter.
 double worthwhile_sigma(const Parameter& p) {
   const double prior = p.prior_sigma > 0.0 ? p.prior_sigma : kNoPriorSigma;
   if (preference(p) < kFirstEffect || p.bound <= 0.0) return prior;
@@ -76,7 +76,7 @@ class RankRevealing {
   }
 
   double own(Eigen::Index v) const { return own_[v]; }
-  // Part of the column that what is accepted cannot stand in for.
+  // Share of the column that the accepted columns cannot stand in for.
   double share(Eigen::Index v) const { return own_[v] > 0.0 ? rest_(v, v) : 0.0; }
   bool is_accepted(Eigen::Index v) const { return accepted_at_[static_cast<std::size_t>(v)] >= 0; }
 
@@ -101,7 +101,7 @@ class RankRevealing {
     }
   }
 
-  // Accepts what another factorisation of the same unknowns has accepted, in its order.
+  // Accepts the columns that another factorisation of the same unknowns has accepted, in its order.
   void accept_as(const RankRevealing& other) {
     for (const Eigen::Index v : other.accepted_) accept(v);
   }
@@ -137,8 +137,8 @@ class RankRevealing {
   std::vector<int> accepted_at_;
 };
 
-// Gauges and smoothness of tables are part of what is known; priors are not, they are what is
-// judged against.
+// Gauges and smoothness of tables count as information. Priors do not: the information is judged
+// against them.
 Eigen::MatrixXd information_of(const Design& design) {
   const NormalEquations equations = accumulate(design);
   Eigen::MatrixXd information = equations.information.selfadjointView<Eigen::Lower>();
@@ -167,7 +167,8 @@ RankRevealing told_apart(const Design& design, const std::vector<int>& order,
   const auto geometry_end = std::ranges::find_if(
       parameters, [](const Parameter* p) { return preference(*p) >= kFirstEffect; });
   const auto effects = static_cast<Eigen::Index>(geometry_end - parameters.begin());
-  // What geometry shows by the loads of a moved arm alone, a mass shows better.
+  // Geometry is first accepted with loads held: what it does only through the loads of a moved arm,
+  // a mass explains better.
   RankRevealing unloaded(information_of(design.with_loads_held()), order, priors);
   const auto unloaded_gain = [&](Eigen::Index v) { return gain_in(unloaded, v); };
   unloaded.accept_between(0, effects, kFaintShare, unloaded_gain);

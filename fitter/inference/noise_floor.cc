@@ -12,16 +12,17 @@
 namespace armtrue {
 namespace {
 
-// Of the distance of three independent unit normals (chi with three degrees of freedom): its mean;
-// of its square: the median, and what one in a thousand exceeds.
+// Length of a vector of three independent unit normals (chi with three degrees of freedom): its
+// mean; of its square: the median, and the value that one in a thousand exceeds.
 constexpr double kMeanChi3 = 1.5957691;
 constexpr double kMedianChiSquared3 = 2.3659739;
 constexpr double kLargestChiSquared3 = 16.2662362;
 constexpr std::size_t kLeastFreedom = 9;
-constexpr double kAboveResidual = 1.25;  // more than few repeats scatter by
+constexpr double kAboveResidual = 1.25;  // few repeats alone do not exceed this
 
-// Half the squared change of a pose's error from one visit to the next [m²], so that neither what
-// the model explains (payload, temperature) counts nor what drifts slowly meanwhile.
+// Half the squared change of a pose's error from one visit to the next [m²]. The difference of
+// errors excludes what the model explains (payload, temperature), and consecutive visits exclude
+// slow drift.
 std::vector<double> half_squares_between_visits(Design& design) {
   const Measurements& m = design.measurements();
   std::map<std::pair<int, int>, std::vector<std::size_t>> visits;
@@ -39,7 +40,7 @@ std::vector<double> half_squares_between_visits(Design& design) {
     std::optional<Eigen::Vector3d> before;
     int last_visit = -1;
     for (const std::size_t i : rows) {
-      // Of one visit a single reading: the others do not show how the arm repeats.
+      // One reading of each visit: the others do not show how the arm repeats.
       if (std::exchange(last_visit, m.poses.visit_of_row[i]) == m.poses.visit_of_row[i]) continue;
       const Eigen::Vector3d error =
           design.predict(i).translation() - m.position.col(static_cast<Eigen::Index>(i));
@@ -53,19 +54,19 @@ std::vector<double> half_squares_between_visits(Design& design) {
 // Source is empty where poses were not repeated often enough.
 NoiseFloor floor_of_repeats(Design& design, const ErrorSummary& train, double effective_unknowns) {
   std::vector<double> half_squares = half_squares_between_visits(design);
-  // Visits hours apart differ by what nobody modelled yet; most visits follow each other.
+  // Visits hours apart also differ by unmodelled effects. Most visits are consecutive, so the
+  // median shows which differences are too large.
   const double largest =
       half_squares.empty() ? 0.0 : kLargestChiSquared3 * median(half_squares) / kMedianChiSquared3;
   std::erase_if(half_squares, [&](double v) { return v > largest; });
   const double squares = std::accumulate(half_squares.begin(), half_squares.end(), 0.0);
   const std::size_t freedom = 3 * half_squares.size();
   if (freedom < kLeastFreedom) return {0.0, "", freedom};
-  // Positions that were rounded to the same figure agree, and yet each is off by the rounding
-  // error.
+  // Positions rounded to the same value agree, although each has the rounding error.
   const double mean = kMeanChi3 * std::max(std::sqrt(squares / static_cast<double>(freedom)),
                                            design.measurements().rounding.sigma());
-  // Where every visit was long after the one before, their differences hold what drifted
-  // meanwhile. Noise is never more than what the fit leaves.
+  // If all visits are far apart in time, their differences contain drift. The noise is never more
+  // than the residual of the fit.
   const double n = static_cast<double>(train.count) * design.residuals_per_row();
   const double left = train.mean / std::sqrt(std::max(0.2, 1.0 - effective_unknowns / n));
   return {mean > kAboveResidual * left ? left : mean, "repeats", freedom};
@@ -95,9 +96,9 @@ std::map<std::pair<int, int>, std::vector<double>> distances_between_targets(con
   return distances;
 }
 
-// Reflectors on one rigid tool, measured while the arm stood still: the distance between two is one
-// number, and twice the instrument's variance is what it scatters by. The arm's own repeatability
-// is not in it.
+// Reflectors on one rigid tool, measured while the arm stood still: the distance between two is
+// constant, and its measured values scatter by twice the instrument's variance. The arm's own
+// repeatability is not included.
 NoiseFloor floor_between_targets(const Design& design, std::size_t freedom_of_repeats) {
   double squares = 0.0;
   std::size_t freedom = 0;

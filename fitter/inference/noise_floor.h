@@ -1,4 +1,4 @@
-// What measuring alone would leave of the error of a perfect model.
+// The error that measurement noise and repeatability alone would leave.
 #pragma once
 
 #include <string>

@@ -5,7 +5,7 @@ namespace {
 
 constexpr int kFolds = 4;
 constexpr double kStep = 2.0, kLargest = 32.0;
-// A smaller weight must predict better by this much: less is the luck of the folds.
+// A smaller weight must reduce the held-out error to this share: a smaller gain may be chance.
 constexpr double kWorthIt = 0.995;
 
 }  // namespace

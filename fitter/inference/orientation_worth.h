@@ -1,16 +1,16 @@
-// What measured orientations are worth beside positions.
+// The weight of measured orientations relative to positions.
 #pragma once
 
 #include "fitter/inference/cross_validation.h"
 
 namespace armtrue {
 
-/// Factor, at least 1, by which the standard deviation of orientations is to be taken larger than
-/// they scatter about the fit.
+/// Factor, at least 1, by which the standard deviation of orientations is increased above their
+/// scatter about the fit.
 ///
-/// What a model lacks pulls orientations and positions apart, and it lacks more of the ones than of
-/// the others: then orientations that weigh what their scatter allows make positions worse. So the
-/// weight is the one with which positions that were held out are predicted best.
+/// Effects that the model lacks may disturb orientations more than positions, or the reverse.
+/// Orientations weighted by their scatter alone then make positions worse. So the factor is the one
+/// with which held-out positions are predicted best.
 double orientation_inflation(const Design& design, const EvaluatedRows& evaluated,
                              double smoothness_sigma, std::uint64_t seed);
 

@@ -1,4 +1,4 @@
-// Repeats of one pose: what the arm did once is in all of them, and counts once.
+// Repeats of one pose share the arm's error in that pose, which must count once only.
 #pragma once
 
 #include <Eigen/Core>
@@ -16,7 +16,7 @@ class Replicates {
  public:
   /// Of all rows.
   explicit Replicates(const Measurements& measurements);
-  /// `rows` are those in use, in order; places in them are what the other functions speak of.
+  /// `rows`: those in use, in order. In the other functions, a place is an index into `rows`.
   Replicates(const Measurements& measurements, const std::vector<std::size_t>& rows);
 
   bool any() const { return !groups_.empty(); }
@@ -32,8 +32,8 @@ class Replicates {
   std::vector<double> worth(double correlation) const;
   /// log |correlation matrix| over all places, for one value a place.
   double log_determinant(double correlation) const;
-  /// Turns columns (`height` values a place) into such as ordinary least squares may take: equal
-  /// variances, no correlation (quasi-demeaning).
+  /// Whitens columns (`height` values a place) for ordinary least squares: equal variances, no
+  /// correlation (quasi-demeaning).
   void whiten(Eigen::Ref<Eigen::MatrixXd> columns, int height, double correlation) const;
 
  private:

@@ -18,10 +18,10 @@ constexpr int kScatterPasses = 5;
 constexpr double kLeastShare = 0.1;
 // A part counts only if its variance is this many times the standard deviation of its estimate.
 constexpr double kClearly = 3.0;
-// Least share of a residual's variance that the fit is taken to leave: bounds the correction for
-// leverage.
+// The fit is assumed to leave at least this share of a residual's variance, which bounds the
+// correction for leverage.
 constexpr double kLeastLeft = 0.05;
-// More poses would make the variances no better than a few percent needs.
+// This many poses determine the variances to a few percent, which is sufficient.
 constexpr std::size_t kMostPoses = 2000;
 // A pose with more readings is split: the work grows with their cube.
 constexpr std::size_t kReadingsTogether = 16;
@@ -67,7 +67,7 @@ std::vector<std::vector<std::size_t>> grouped(const EvaluatedRows& evaluated,
   return result;
 }
 
-// Equations of some rows × joints: by how much each moves what was read.
+// Equations of some rows × joints: change of the readings by a unit of each joint.
 Eigen::MatrixXd moved_by_joints(const EvaluatedRows& evaluated,
                                 const std::vector<std::size_t>& rows, int height) {
   Eigen::MatrixXd result(static_cast<Index>(rows.size()) * height,
@@ -78,7 +78,7 @@ Eigen::MatrixXd moved_by_joints(const EvaluatedRows& evaluated,
   return result;
 }
 
-// Equations of some rows × 3: a shift of what was read.
+// Equations of some rows × 3: change of the readings by a shift of the measured point.
 Eigen::MatrixXd shifted(const Design& design, const EvaluatedRows& evaluated,
                         const std::vector<std::size_t>& rows) {
   const int height = design.residuals_per_row();
@@ -258,8 +258,8 @@ Eigen::MatrixXd with_scatter_in_parts(const Design& design, const EvaluatedRows&
       estimate_scatter(scatter_of(design, evaluated, of_poses, covariance, variance), joints);
   if (scatter.segment(1, joints + 1).maxCoeff() <= 0.0) return covariance;
 
-  // The solution answers a reading by C Jᵀ / variance and a penalty's centre by C Pᵀ, where C is
-  // the covariance that takes all equations to be alike.
+  // The solution changes with a reading by C Jᵀ / variance and with a penalty's centre by C Pᵀ,
+  // where C is the covariance under equal noise in all equations.
   const double reading = std::max(scatter[0], scatter[joints + 2]);
   const double alike = std::min(1.0, reading / variance);
   Eigen::MatrixXd beyond = Eigen::MatrixXd::Zero(covariance.rows(), covariance.cols());

@@ -1,4 +1,4 @@
-// The covariance of a solution where readings do not scatter alike, or not independently.
+// Covariance of a solution from readings with unequal or correlated noise.
 #pragma once
 
 #include <Eigen/Core>
@@ -27,7 +27,8 @@ Eigen::VectorXd estimate_scatter(const std::vector<ScatterColumns>& poses, int j
 /// Covariance of a design's unknowns under noise that is correlated: joints that do not repeat, and
 /// errors that the readings of one pose share. `covariance`: under independent noise of `variance`
 /// in each equation (sandwich: Huber 1967, Proc. 5th Berkeley Symp. 1, 221; leverage as in
-/// MacKinnon and White 1985, J. Econometrics 29, 305). The same where data show no such part.
+/// MacKinnon and White 1985, J. Econometrics 29, 305); returned unchanged if the data show no such
+/// part.
 Eigen::MatrixXd with_scatter_in_parts(const Design& design, const EvaluatedRows& evaluated,
                                       const std::vector<PenaltyRow>& penalties,
                                       Eigen::MatrixXd covariance, double variance);

@@ -10,9 +10,9 @@
 namespace armtrue {
 
 struct Smoothness {
-  double sigma = 1e-4;                  ///< [rad or m] of what neighbours differ by
-  double noise = 0.0;                   ///< of a reading where sigma was chosen [m]
-  std::map<std::string, double> scale;  ///< by effect, beside the common one
+  double sigma = 1e-4;                  ///< [rad or m] of second differences
+  double noise = 0.0;                   ///< of a reading, when sigma was chosen [m]
+  std::map<std::string, double> scale;  ///< by effect: factor on sigma
 
   bool operator==(const Smoothness&) const = default;
 };
@@ -20,11 +20,13 @@ struct Smoothness {
 /// True where the model has tables.
 bool has_tables(const Model& model);
 
-/// Tables of one effect are as smooth as each other; those of another one need not be.
+/// Multiplies the standard deviations in the smoothness penalties of an effect's tables by
+/// `factor`.
 void scale_smoothness(Model& model, const std::string& effect, double factor);
 
-/// The smoothness under which the data are likeliest, beginning at `present`, whose factors are in
-/// the penalties of `model`, and those of the result afterwards. `design` is of that model.
+/// The smoothness under which the data are likeliest, starting at `present`. The penalties of
+/// `model` contain the factors of `present`, and afterwards those of the result. `design` is of
+/// that model.
 Smoothness choose_smoothness(Design& design, Model& model, const Smoothness& present);
 
 }  // namespace armtrue

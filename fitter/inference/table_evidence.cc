@@ -29,8 +29,8 @@ bool stands_on_tables(const Design& design, const PenaltyRow& row) {
                      [&](const auto& entry) { return design.is_table_unknown(entry.first); });
 }
 
-// Penalty rows of table nodes: their sum of squares at `values`, and log |P|, the sum over tables,
-// of which no row holds two.
+// Penalty rows of table nodes: their sum of squares at `values`, and log |P|, summed over tables,
+// as no row contains nodes of two.
 struct Prior {
   double penalty = 0.0, log_determinant = 0.0;
 
@@ -53,13 +53,13 @@ struct Prior {
   }
 
   static double log_determinant_of(std::vector<PenaltyRow> rows) {
-    std::map<int, int> place;  // of an unknown among the table's own
+    std::map<int, int> place;  // index among the table's own, by unknown
     for (PenaltyRow& row : rows) {
       for (auto& [unknown, factor] : row.entries)
         unknown = place.try_emplace(unknown, static_cast<int>(place.size())).first->second;
     }
     NormalEquations equations(static_cast<Eigen::Index>(place.size()));
-    const std::vector<double> anywhere(place.size(), 0.0);  // the information is the same
+    const std::vector<double> anywhere(place.size(), 0.0);  // the information does not depend on it
     for (const PenaltyRow& row : rows) equations.add(row, anywhere);
     return ScaledCholesky(equations.information).log_determinant();
   }

@@ -1,5 +1,5 @@
-// How well the data speak for tables, whose nodes are held by smoothness and not counted one by
-// one.
+// Evidence for tables. Smoothness holds their nodes, so the nodes are not counted as single
+// unknowns.
 #pragma once
 
 #include "fitter/design/normal_equations.h"

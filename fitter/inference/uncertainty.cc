@@ -15,9 +15,10 @@ namespace {
 
 constexpr int kVariancePasses = 6;
 constexpr double kSpreadSettled = 1e-3;  // of the equations
-// With fewer equations a part beyond the unknowns, the scatter of one joint could explain them all.
+// With fewer equations per part beyond the unknowns, the scatter of one joint could explain them
+// all.
 constexpr double kEquationsPerPart = 4.0;
-constexpr double kLearntInFull = 1e-300;  // variance over that before; its logarithm is finite
+constexpr double kLearntInFull = 1e-300;  // least variance ratio; its logarithm is finite
 
 ScaledCholesky factor_with_penalties(NormalEquations equations,
                                      const std::vector<PenaltyRow>& penalties,
@@ -26,8 +27,8 @@ ScaledCholesky factor_with_penalties(NormalEquations equations,
   return ScaledCholesky(std::move(equations.information));
 }
 
-// How many unknowns the data tell: the trace of C (C⁻¹ − P), where C = WᵀW is the covariance and P
-// the information of the penalties. `root`: W, a lower triangle.
+// Number of unknowns that the data determine: the trace of C (C⁻¹ − P), where C = WᵀW is the
+// covariance and P the information of the penalties. `root`: W, a lower triangle.
 double count_learnt(const Eigen::MatrixXd& root, const std::vector<PenaltyRow>& penalties) {
   double held = 0.0;
   Eigen::VectorXd moved(root.rows());
@@ -42,15 +43,15 @@ double count_learnt(const Eigen::MatrixXd& root, const std::vector<PenaltyRow>& 
   return static_cast<double>(root.rows()) - held;
 }
 
-// What the measurements tell of the unknowns.
+// Uncertainty of the unknowns from the measurements.
 struct Spread {
   Eigen::MatrixXd root;   // a lower triangle W; the covariance is WᵀW
   double variance = 1.0;  // of the residuals
   double effective_unknowns = 0.0;
 };
 
-// What priors and smoothness hold is no unknown, and how much that is depends on the residuals'
-// variance, which depends on the number of unknowns in turn.
+// Unknowns that priors and smoothness hold do not count. Their number depends on the residuals'
+// variance, and the variance on the number: the two are iterated.
 Spread spread_of(const Design& design, const NormalEquations& equations,
                  const std::vector<PenaltyRow>& penalties, double guess) {
   const std::vector<double> values = design.unknown_values();
@@ -102,7 +103,7 @@ std::optional<Eigen::MatrixXd> root_with_repeats(const Design& design,
       .inverse_root();
 }
 
-// `root`: of the covariance, as Spread::root.
+// Uncertainty::learnt. `root`: of the covariance, as Spread::root.
 Eigen::VectorXd what_was_learnt(const Design& design, const Eigen::MatrixXd& root) {
   std::vector<int> outside;
   std::vector<double> one_over_prior;
@@ -115,7 +116,7 @@ Eigen::VectorXd what_was_learnt(const Design& design, const Eigen::MatrixXd& roo
             ? design.model().parameters[static_cast<std::size_t>(linear[at])].prior_sigma
             : 0.0;
     outside.push_back(u);
-    // What has no prior is learnt without limit.
+    // Without a prior, the data's contribution has no limit.
     one_over_prior.push_back(prior > 0.0 ? 1.0 / prior : 0.0);
   }
   Eigen::MatrixXd shrunk =

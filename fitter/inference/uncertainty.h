@@ -1,4 +1,4 @@
-// How well a solution is known: covariance, effective unknowns, and what the data taught.
+// Uncertainty of a solution: covariance, effective unknowns, and what the data add to the priors.
 #pragma once
 
 #include <Eigen/Core>
@@ -10,19 +10,19 @@ namespace armtrue {
 struct Uncertainty {
   /// Unknowns less what priors and smoothness hold: the trace of the hat matrix.
   double effective_unknowns = 0.0;
-  /// −log of variances over those of the priors, along the principal directions outside tables.
+  /// −log (posterior / prior variance), along the principal directions outside tables.
   Eigen::VectorXd learnt;
   TableEvidence tables;
 
-  /// What BIC charges for the unknowns when so many `coordinates` are measured: the logarithm of
-  /// that for what the data know well, less for what they hardly know better than it was known
-  /// before (docs/decisions/0006-diagnosis.md); tables by their marginal likelihood.
+  /// BIC's penalty for the unknowns if this many `coordinates` are measured: ln(coordinates) for
+  /// each direction that the data determine well, less for those hardly better known than from the
+  /// priors (docs/decisions/0006-diagnosis.md); tables by their marginal likelihood.
   double charge_for_unknowns(double coordinates) const;
 };
 
-/// Of a design at its solution. What was learnt counts shots of one visit for less where what they
-/// leave is alike. `guess`: an approximate number of effective unknowns, which saves iterations; 0:
-/// not known.
+/// Uncertainty of a design at its solution. In `learnt`, repeated readings of a pose count less if
+/// their residuals are correlated. `guess`: an approximate number of effective unknowns, which
+/// saves iterations; 0: not known.
 Uncertainty measure_uncertainty(const Design& design, const EvaluatedRows& evaluated,
                                 double smoothness_sigma, double guess = 0.0);
 

@@ -15,15 +15,16 @@ namespace {
 
 constexpr std::size_t kMultiStartRows = 200;
 constexpr std::size_t kFewestRows = 4;
-// Set-ups stand apart from here on: what the nominal arm is wrong by is less.
+// Set-ups further apart than this count as separate: the error of the nominal arm is smaller.
 constexpr double kSetUpsApart = 0.01;  // [m, or rad]
 constexpr int kWeightPasses = 6;
-// What the points cannot share out between base and tool (a height, where all axes of rotation are
-// vertical) is the base's: how far the tool stands from where it is believed to counts so much, as
-// a part of what the points say.
+// Weight of the tool's distance from its stated position, as a share of that of the points. So an
+// offset that the points cannot separate between base and tool (a height, if all axes of rotation
+// are vertical) is attributed to the base.
 constexpr double kToolIsWhereBelieved = 1e-9;
 
-// Where a Cholesky factor's diagonal spans less than this, its solution is exact to 1e-8.
+// If the least element of a Cholesky factor's diagonal exceeds this share of the largest, its
+// solution is exact to 1e-8.
 constexpr double kSurelySolved = 1e-4;
 
 // Flange poses in the base and measured points: all that alignment needs of the arm.
@@ -57,7 +58,8 @@ Eigen::VectorXd distances(const Pairs& pairs, const Guess& guess) {
   return result;
 }
 
-// Cauchy weights on a robust scale: a bumped reflector loses its say, honest errors keep theirs.
+// Cauchy weights on a robust scale: bumped reflectors get little weight, ordinary errors keep
+// theirs.
 Eigen::VectorXd robust_weights(const Eigen::VectorXd& distance) {
   const double scale = std::max(
       1e-9, 2.0 * median(std::vector<double>(distance.data(), distance.data() + distance.size())));
@@ -111,9 +113,9 @@ Eigen::Matrix3d relaxed_inverse_rotation(const Pairs& pairs) {
   return Eigen::Map<const Eigen::Matrix3d>(solution.data()) / spread;
 }
 
-// Normal equations of rows that touch kShared unknowns which all reflectors have, and the three of
-// their own reflector. A hopeless file is aligned from dozens of starts, so that products of a size
-// known in advance matter.
+// Normal equations of rows with kShared unknowns common to all reflectors, and the three of their
+// own reflector. Sizes known at compile time matter for speed: a file that does not align is tried
+// from dozens of starts.
 template <int kShared>
 class ByTarget {
  public:
@@ -129,7 +131,7 @@ class ByTarget {
     right_[t].noalias() += weight * row.transpose().lazyProduct(y);
   }
 
-  /// `believed` draws tools towards `tool`, 3 × targets.
+  /// `believed`: weight that draws tools towards `tool`, 3 × targets.
   Eigen::VectorXd solve(double believed, const Eigen::Matrix3Xd& tool) const {
     const auto targets = static_cast<Eigen::Index>(normal_.size());
     Eigen::MatrixXd normal = Eigen::MatrixXd::Zero(kShared + 3 * targets, kShared + 3 * targets);
@@ -160,7 +162,7 @@ class ByTarget {
   std::vector<Column> right_;
 };
 
-// For a given rotation, translation and tools are linear.
+// Solves for translation and tools, which are linear at a given rotation.
 void solve_translation_and_tools(const Pairs& pairs, const Eigen::VectorXd& weight, Guess& guess) {
   ByTarget<3> equations(pairs.targets);
   ByTarget<3>::Row row;
@@ -247,8 +249,8 @@ Pairs thin_out(const Pairs& pairs) {
   return chosen(pairs, rows);
 }
 
-// What the points are larger by than metres; 1 where they are in metres. Points in a plane leave
-// the third direction open, so that the middle one of the relaxed rotation's sizes tells it.
+// Units of the points per metre; 1 if they are in metres. Points in a plane do not determine the
+// third direction of the relaxed rotation, so its middle singular value is used.
 double unit_of(const Pairs& pairs) {
   const Eigen::Matrix3d relaxed = relaxed_inverse_rotation(pairs);
   const double square_size = symmetric_eigen(relaxed * relaxed.transpose()).values[1];
@@ -280,7 +282,7 @@ Guess find_base_and_tools(const Pairs& pairs, const Robot& robot) {
 
 using SetUps = std::map<int, std::vector<std::size_t>>;  // rows by number
 
-// None where the column has no whole numbers.
+// Empty if the column is missing or contains a fraction.
 SetUps set_ups_of(const State& state) {
   SetUps result;
   if (!state.recorded("station")) return result;
@@ -377,8 +379,8 @@ Alignment align(const State& state, const Measurements& measurements) {
     pairs.base_from_flange.push_back(kinematics.forward(&state.joints()[i * n], zero.data(), 0));
   }
 
-  // Millimetres given as metres are brought to size first, so that the tool comes out in metres
-  // whatever the units are.
+  // Points in another unit, such as millimetres, are scaled to metres first, so that the tool comes
+  // out in metres.
   const SetUps set_ups = set_ups_of(state);
   const double unit =
       unit_of(thin_out(set_ups.empty() ? pairs : chosen(pairs, set_ups.begin()->second)));

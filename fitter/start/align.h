@@ -1,5 +1,5 @@
-// Base and tool from nothing: where the robot stands in the measuring frame and where the reflector
-// sits on the flange.
+// Base and tool without an initial guess: the pose of the robot in the measuring frame, and of the
+// reflector on the flange.
 #pragma once
 
 #include <map>
@@ -19,9 +19,9 @@ struct Alignment {
   double rms_m =
       0.0;  ///< root mean square distance left after alignment, gross errors down-weighted
   std::vector<double> residual_m;  ///< distance left, row by row
-  /// Frames of further set-ups of the tracker, by their number in column `station`, seen from the
-  /// first set-up: of those that stand further from it than the nominal arm is wrong by. All other
-  /// fields are of points that were moved into the first one's frame.
+  /// Frames of further set-ups of the tracker in the frame of the first, by their number in column
+  /// `station`: only of those that stand further from it than the error of the nominal arm. All
+  /// other fields are of points that were moved into the frame of the first.
   std::map<int, Pose> first_from_set_up;
 };
 
@@ -29,14 +29,14 @@ struct Alignment {
 /// kinematics and no initial guess.
 ///
 /// Written as Rᵀx_i − R_i t − b' = p_i it is linear in fifteen numbers (nine of R, unconstrained;
-/// Andreff's and Kabsch's relaxations joined); the rotation is then projected onto SO(3) and all is
-/// refined by iteratively reweighted Gauss–Newton, so that bumped reflectors do not count. Where
-/// the poses leave the relaxation degenerate, a multi-start over the 24 rotations of the cube takes
-/// part and the best is kept. Throws ModelError where there are fewer than 4 rows.
+/// Andreff's and Kabsch's relaxations joined). The rotation is then projected onto SO(3), and the
+/// result refined by iteratively reweighted Gauss–Newton, so that bumped reflectors do not count.
+/// If the relaxation is degenerate for these poses, the 24 rotations of the cube are further
+/// starts, and the best result is kept. Throws ModelError if there are fewer than 4 rows.
 Alignment align(const State& state, const Measurements& measurements);
 
-/// The frame of a row's set-up among `first_from_set_up`; none where it is the first one's, or
-/// column `station` is not there.
+/// The frame of a row's set-up in `first_from_set_up`; null if it is not in there, as for the first
+/// one, or if column `station` is missing.
 const Pose* set_up_of(const std::map<int, Pose>& first_from_set_up, const State::Columns& columns,
                       std::size_t row);
 

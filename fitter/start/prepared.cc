@@ -8,7 +8,7 @@
 namespace armtrue {
 namespace {
 
-// Measurements of set-ups that stand apart, in the first one's frame.
+// Moves measurements of separate set-ups into the frame of the first.
 void move_rows(const State& state, const std::map<int, Pose>& set_ups, Measurements& measurements) {
   for (std::size_t i = 0; i < measurements.rows; ++i) {
     const Pose* pose = set_up_of(set_ups, state.columns(), i);

@@ -1,4 +1,4 @@
-// What all fits to the same measurements share.
+// Data that all fits to the same measurements share.
 #pragma once
 
 #include <memory>
@@ -10,7 +10,7 @@
 
 namespace armtrue {
 
-/// Nothing in it changes.
+/// Never changed after prepare().
 struct Prepared {
   Robot robot;
   std::unique_ptr<const State> state;  ///< loads of the nominal arm
@@ -19,7 +19,7 @@ struct Prepared {
   std::vector<std::string> warnings;
 };
 
-/// How well measurements are known where their file does not say.
+/// Accuracy of measurements whose file does not state it.
 struct Accuracies {
   std::optional<Instrument> instrument;
   double assumed_sigma;   ///< [m]

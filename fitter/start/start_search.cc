@@ -15,7 +15,7 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-// Enough to rank starts; the descent that follows has all.
+// Enough equations to rank starts; the fit that follows uses all.
 constexpr std::size_t kLeastEquations = 1200;
 constexpr std::size_t kEquationsPerUnknown = 2;
 constexpr std::size_t kDescents = 6;
@@ -52,7 +52,7 @@ class ReducedProblem {
   // A(theta), b eliminated.
   MatrixXd columns(const std::vector<double>& theta) { return eliminate(raw_columns(theta)); }
 
-  // The derivative of A(theta) c in theta at the last theta that was asked for, b eliminated.
+  // The derivative of A(theta) c in theta at the theta of the last evaluation, b eliminated.
   MatrixXd slopes(const double* c) {
     design_.basis().make_slopes();
     MatrixXd a = MatrixXd::Zero(equations(), design_.nonlinear_count());
@@ -92,7 +92,7 @@ class ReducedProblem {
     raw_residual_.resize(all);
     std::vector<Eigen::Triplet<double>> entries;
     MatrixXd information = MatrixXd::Zero(others_, others_);
-    // Of the next few equations: the columns in which they have entries, and those.
+    // The entries of the next few equations by column: column, values.
     std::vector<std::pair<Index, VectorXd>> own;
     const auto add_equations = [&](Index at) {
       for (const auto& [a, first] : own) {
@@ -225,7 +225,8 @@ bool are_neighbours(const Start& a, const Start& b) {
   return true;
 }
 
-// Those that no neighbour beats, best first: starts in one valley would end in one place.
+// Starts that are better than all their neighbours, best first: starts in one valley would end in
+// the same minimum.
 std::vector<Start> valleys(std::vector<Start> starts) {
   std::sort(starts.begin(), starts.end(),
             [](const Start& a, const Start& b) { return a.cost < b.cost; });

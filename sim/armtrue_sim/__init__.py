@@ -1,9 +1,9 @@
-"""Arms whose truth is exact: one scenario makes one measurement campaign, reproducibly.
+"""Simulated arms with exactly known errors: one scenario gives one measurement campaign, reproducibly.
 
     campaign = armtrue_sim.simulate("sim/scenarios/kr30.yaml", "out/kr30")
     campaign.arm.true_position(q, {"payload": mass, "temp_arm": temperature})
 
-Own kinematics in numpy; no code is shared with the fitter, so that agreement between the two means something.
+The kinematics are in numpy and share no code with the fitter, so that the agreement of the two verifies both.
 """
 
 from .arm import Arm, Term

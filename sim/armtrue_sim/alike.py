@@ -1,8 +1,8 @@
-"""Which causes look alike, and which measurement tells them apart: `python -m armtrue_sim.alike` prints the table.
+"""Causes that look alike, and the measurement that separates them: `python -m armtrue_sim.alike` prints the table.
 
-For a cause of realistic size it says what is left of it after base, tool, zeros and links are fitted, after its double
-is fitted too in an ordinary session, and after that in the session that is to decide; and the odds of the cause against
-its double that 60 such poses give: the ratio of likelihoods, by what is left over the noise.
+For a cause of realistic size the table gives the displacement that remains after a fit of base, tool, zeros and links;
+after a fit of its double too, in an ordinary session; and the latter in the deciding session. It also gives the odds of
+the cause against its double from 60 such poses: the likelihood ratio, from the remaining displacement over the noise.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ POSES, SIGMA = 60, 8e-6
 Session = Callable[[Arm, np.random.Generator], tuple[Array, dict[str, Array]]]
 
 
-SHARE = 0.3  # of every joint's travel, about its middle: a cell leaves an arm no more
+SHARE = 0.3  # of every joint's travel, about its middle: a cell does not leave an arm more room
 
 
 def ordinary(arm: Arm, rng: np.random.Generator) -> tuple[Array, dict[str, Array]]:
-    """A part of the travel, one payload, one approach, one warming morning."""
+    """Session in a part of the travel, with one payload, one approach direction and one warming morning."""
     low, high = arm.chain.limits.T
     middle, half = (low + high) / 2.0, SHARE * (high - low) / 2.0
     q = random_poses(
@@ -44,13 +44,13 @@ def ordinary(arm: Arm, rng: np.random.Generator) -> tuple[Array, dict[str, Array
 
 
 def with_three_payloads(arm: Arm, rng: np.random.Generator) -> tuple[Array, dict[str, Array]]:
-    """As ever, but the payload changes from pose to pose."""
+    """The ordinary session with a payload that changes from pose to pose."""
     q, columns = ordinary(arm, rng)
     return q, columns | {"payload": np.tile([0.0, 8.0, 16.0], POSES // 3)}
 
 
 def from_both_sides(arm: Arm, rng: np.random.Generator) -> tuple[Array, dict[str, Array]]:
-    """Thirty poses, each from both sides."""
+    """Thirty poses of the ordinary session, each approached from both sides."""
     q, columns = ordinary(arm, rng)
     sides = np.tile([1.0, -1.0], POSES // 2)
     return np.repeat(q[: POSES // 2], 2, axis=0), columns | {
@@ -59,7 +59,7 @@ def from_both_sides(arm: Arm, rng: np.random.Generator) -> tuple[Array, dict[str
 
 
 def with_a_rest(arm: Arm, rng: np.random.Generator) -> tuple[Array, dict[str, Array]]:
-    """Warm up, rest until the arm is cold, go on for as long: time runs on while the temperature comes back."""
+    """Warm-up, rest until the arm is cold, the same warm-up again: time goes on while the temperature repeats."""
     q, columns = ordinary(arm, rng)
     half = POSES // 2
     warmth = np.tile(columns["temp_arm"][:half], 2)
@@ -70,7 +70,7 @@ def with_a_rest(arm: Arm, rng: np.random.Generator) -> tuple[Array, dict[str, Ar
 
 
 def turned_about_axis_one(arm: Arm, rng: np.random.Generator) -> tuple[Array, dict[str, Array]]:
-    """Thirty poses as ever, and thirty with axis 1 turned through its travel, the arm retracted to extended."""
+    """Thirty ordinary poses, and thirty with joint 1 turned through its travel, the arm retracted to extended."""
     q, columns = ordinary(arm, rng)
     low, high = 0.95 * arm.chain.limits[0]
     q[POSES // 2 :, 0] = np.linspace(low, high, POSES // 2)
@@ -79,7 +79,7 @@ def turned_about_axis_one(arm: Arm, rng: np.random.Generator) -> tuple[Array, di
 
 @dataclass(frozen=True)
 class Double:
-    """A cause, what it is taken for, and the session that decides. Entries are a scenario's."""
+    """A cause, the effect that it is mistaken for, and the session that decides. Entries are those of a scenario."""
 
     cause: Mapping[str, Any]
     taken_for: Mapping[str, Any]
@@ -141,7 +141,7 @@ def terms_of(entries: list[Mapping[str, Any]], arm: str, seed: int) -> list[Term
 
 
 def left(double: Double, session: Session, arm_name: str, seed: int) -> tuple[float, float]:
-    """RMS (m) of the cause that the geometry leaves, and that its double leaves too, on the session's poses."""
+    """RMS (m) of the cause that remains after a fit of the geometry, and after one with its double too."""
     rng = np.random.default_rng([seed, 15])
     believed = terms_of(list(double.believed), arm_name, seed)
     cause, taken_for = (terms_of([e], arm_name, seed) for e in (double.cause, double.taken_for))
@@ -163,7 +163,7 @@ def _moved(arm: Arm, terms: list[Term], q: Array, columns: Columns) -> Array:
 
 
 def odds(rest: float) -> str:
-    """How much likelier POSES poses make the cause than its double, where so much (m) is left of it."""
+    """Odds of the cause against its double from POSES poses, if `rest` (m, RMS) remains of the cause, as text."""
     power = POSES * rest**2 / (2.0 * SIGMA**2) / float(np.log(10.0))
     return "even" if power < 0.5 else f"10^{power:.0f}" if power < 99.5 else "beyond 10^99"
 

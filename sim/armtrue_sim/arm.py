@@ -1,4 +1,4 @@
-"""An arm whose truth is exact: nominal kinematics plus the terms that the real one has and nobody told the fitter."""
+"""An arm with exactly known errors: nominal kinematics plus the true terms, which the fitter does not know."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ MEASUREMENT_EFFECTS = frozenset(
         *("tracker_scale", "tracker_angles", "station", "nest"),
     }
 )
-# State variables that follow from where the arm stands.
+# State variables that depend on the arm's deflected pose.
 LOADS = ("tau", "gmx", "gmy", "bmx", "bmy", "load", "balancer")
-# Loads turn the arm and the turned arm changes its loads: rounds until the tool stands still.
+# Loads deflect the arm, and the deflection changes the loads: iterated until the tool moves less than STANDS_STILL (m).
 STANDS_STILL, MOST_ROUNDS = 1e-12, 40
 Columns = Mapping[str, Array]
 
@@ -48,7 +48,7 @@ class Term:
 
 
 class LinkPhysics(Protocol):
-    """What turns and shifts links in a way that no sum of terms says."""
+    """A physical deflection of links that no sum of terms expresses."""
 
     def coordinates(self, arm: Arm, state: State, frames: Frames) -> dict[int, Array]:
         """Virtual-joint coordinates (N, 6) by link (from 0), for an arm that stands in `frames`."""
@@ -59,7 +59,7 @@ class LinkPhysics(Protocol):
 
 @dataclass
 class Deflections:
-    """What is added to motors (N, n), links (N, 6 each, from 0), base (N, 6) and tool (N, 6)."""
+    """Deflections of motors (N, n), links (N, 6 each, from 0), base (N, 6) and tool (N, 6)."""
 
     motor: Array
     link: dict[int, Array]
@@ -67,17 +67,17 @@ class Deflections:
     tool: Array
 
     def copy(self) -> Deflections:
-        """Independent of this one."""
+        """An independent copy."""
         link = {k: v.copy() for k, v in self.link.items()}
         return Deflections(self.motor.copy(), link, self.base.copy(), self.tool.copy())
 
 
 class State(Mapping[str, Array]):
-    """State variables of N poses by their names in docs/model.md; loads are computed only where an expression asks.
+    """State variables of N poses by their names in docs/model.md; loads are computed only if an expression reads them.
 
-    A column that nobody recorded reads as its neutral value: no payload, reference temperature, direction 0, time 0,
-    a travel without end. Of what is in no file: load2 is what gear 2 carries, gravity's torque and the balancer's,
-    balancer2 that alone; names that begin with _ are what the way to the pose leaves (history.py).
+    A column that is not recorded has its neutral value: no payload, reference temperature, direction 0, time 0,
+    infinite travel. Variables that are in no file: load2 is the torque on gear 2, gravity's plus the balancer's;
+    balancer2 the balancer's alone; names that begin with _ are states that depend on the path to the pose (history.py).
     """
 
     def __init__(self, arm: Arm, q: Array, columns: Columns) -> None:
@@ -166,10 +166,10 @@ class State(Mapping[str, Array]):
 class Arm:
     """A nominal robot.yaml (with `base` and `tool`) and everything in which the real arm differs from it.
 
-    measuring_from_base and flange_from_tool (by reflector id, "" where there is one) are the real poses. `statics`:
-    "deflected" (loads where the arm really stands) or "nominal" (loads of the nominal geometry, which no arm has).
-    body: masses, centres and gravity as they really are. physics: what bends links in forms that terms do not have;
-    histories: what the way to a pose leaves; tracker: what the instrument that looks at this arm has wrong.
+    measuring_from_base and flange_from_tool (by reflector id, "" if there is only one) are the real poses. `statics`:
+    "deflected" (loads at the deflected pose) or "nominal" (loads of the nominal geometry, which no real arm has).
+    body: errors of the stated masses, centres and gravity. physics: deflections of links that terms do not express;
+    histories: states that depend on the path to a pose; tracker: systematic errors of the instrument.
     """
 
     robot: dict[str, Any]
@@ -233,11 +233,11 @@ class Arm:
         return self.chain.frames(self.chain.link_variables(q))
 
     def loads(self, frames: Frames, payload: Array) -> GravityLoads:
-        """Gravity loads for given frames; the payload (N,) kg hangs at the tool point, shifted as `body` says."""
+        """Gravity loads for given frames; the payload (N,) kg acts at the tool point, shifted by `body`'s error."""
         return gravity_loads(self.heavy, frames, payload, self.payload_point(frames))
 
     def payload_point(self, frames: Frames) -> Array:
-        """Where the payload's weight acts (N, 3), in the robot base."""
+        """Points (N, 3) at which the payload's weight acts, in the robot base."""
         centre = self.nominal_tool.translation + self.body.payload_centre
         point: Array = frames.flange_origin + frames.flange_rotation @ centre
         return point
@@ -254,11 +254,11 @@ class Arm:
         measurement_effects: bool = True,
         motor_error: Array | None = None,
     ) -> tuple[Array, Array]:
-        """Where the real tool stands: rotations (N, 3, 3) and positions (N, 3) in the measuring frame, metres.
+        """Poses of the real tool: rotations (N, 3, 3) and positions (N, 3) in the measuring frame, metres.
 
         q (N, n) commanded, motor side. columns: arrays (N,) named as in data.csv (payload, temp_NAME, dir1..., time,
-        qr1..., target), each optional. measurement_effects=False leaves out what belongs to the measurement and not to
-        the arm (time_drift, command_readback). motor_error (N, n): what the drives add at random.
+        qr1..., target), each optional. measurement_effects=False leaves out the terms of the measurement, which are not
+        the arm's (time_drift, command_readback). motor_error (N, n): random error of the drives.
         """
         _, tool_rotation, tool_position = self.true_frames(
             q, columns or {}, measurement_effects=measurement_effects, motor_error=motor_error
@@ -283,7 +283,7 @@ class Arm:
         return frames, rotation, position
 
     def standing_state(self, q: Array, columns: Columns | None = None) -> State:
-        """State of poses q (N, n) with the loads of the arm as it stands there."""
+        """State of poses q (N, n) with the loads of the arm in its deflected pose."""
         return self._stand(q, columns or {}, True, None)[0]
 
     def _stand(
@@ -330,7 +330,7 @@ class Arm:
         return self.true_pose(q, columns, measurement_effects=measurement_effects, motor_error=motor_error)[1]
 
     def nominal_position(self, q: Array) -> Array:
-        """Where robot.yaml says that the tool stands, (N, 3) in the measuring frame, with its nominal base and tool."""
+        """Tool positions (N, 3) in the measuring frame by robot.yaml, with its nominal base and tool."""
         q = np.atleast_2d(np.asarray(q, dtype=float))
         frames = self.nominal_frames(q)
         position = frames.flange_origin + frames.flange_rotation @ self.nominal_tool.translation
@@ -344,7 +344,7 @@ class Arm:
     def _true_link_variables(self, motor_angle: Array) -> Array:
         theta = self.chain.link_variables(motor_angle)
         if self.linkage is not None:
-            # Only the rod's own error is added: the coupling matrix has already turned link 3 with the crank.
+            # Only the linkage's error is added: the coupling matrix already turns link 3 with the crank.
             beta = self.linkage.angle + theta[:, 2] - self.chain.offset[2]
             theta[:, 2] += self.linkage.rocker_angle(theta[:, 1], beta) - beta
         return theta

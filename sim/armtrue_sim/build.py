@@ -18,7 +18,7 @@ from .scenario import Scenario
 
 
 def context_of(scenario: Scenario) -> EffectContext:
-    """What the effects may know of the scenario's arm."""
+    """Data of the scenario's arm that its effects may use."""
     robot = nominal_robot(scenario.arm, scenario.convention, scenario.variant)
     if scenario.sensors:
         robot.setdefault("temperature", {"reference": 20.0})["sensors"] = list(scenario.sensors)
@@ -26,7 +26,7 @@ def context_of(scenario: Scenario) -> EffectContext:
 
 
 def build_truth(scenario: Scenario) -> EffectTruth:
-    """All that the scenario's entries add to the arm and the instrument. Raises ScenarioError."""
+    """True errors of arm and instrument from all entries of the scenario. Raises ScenarioError."""
     context = context_of(scenario)
     truth = EffectTruth()
     for role, name, joints, sizes in scenario.entries():
@@ -69,7 +69,7 @@ def build_arm(scenario: Scenario) -> Arm:
 
 
 def published_robot(scenario: Scenario, robot: dict[str, Any]) -> dict[str, Any]:
-    """robot.yaml as the owner of the arm has it: without what the scenario says that he does not know."""
+    """robot.yaml as the owner of the arm has it: without the keys that the scenario omits. Raises ScenarioError."""
     published = copy.deepcopy(robot)
     for key in scenario.robot_file.get("omit", []):
         if key not in ("links", "tool", "base", "temperature", "gravity"):
@@ -85,7 +85,7 @@ def _placed(given: dict[str, list[float]] | None, drawn: Pose) -> Pose:
 
 
 def _draw_base(scenario: Scenario, rng: np.random.Generator) -> Pose:
-    """The measuring frame is the tracker's: the base stands beyond the arm's reach from it, turned at will."""
+    """Random base pose in the measuring frame, which is the tracker's: beyond the arm's reach, any heading."""
     bearing, turn = rng.uniform(-np.pi, np.pi, 2)
     distance = PRESETS[scenario.arm].reach + rng.uniform(0.5, 1.5)
     xyz = [distance * np.cos(bearing), distance * np.sin(bearing), rng.uniform(-0.8, 0.2)]
@@ -110,7 +110,7 @@ def _reflectors(scenario: Scenario, tool: Pose, rng: np.random.Generator) -> dic
 
 
 def _refuse_unknown_state(scenario: Scenario, arm: Arm) -> None:
-    """One pose is enough to find a variable or coordinate that does not exist."""
+    """Evaluates one pose, which is enough to find an unknown variable or coordinate. Raises ScenarioError."""
     try:
         arm.true_pose(arm.chain.limits.mean(axis=1)[None])
     except ScenarioError as error:

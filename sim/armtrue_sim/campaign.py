@@ -22,19 +22,19 @@ from .mechanics.transforms import Array, exp_so3
 from .scenario import Scenario
 from .session import DECIMALS, Table, fresh_rows, joints_of, plan_rows, quaternions
 
-# Keys of an entry that say which effect it is, not how large: they belong in a model file.
+# Keys of an entry that define an effect's form, not its size: they belong in a model file.
 _SHAPE_KEYS = ("orders", "name", "coordinate", "expression")
 BETWEEN_TWO = ("joint_coupling", "coupling_harmonics", "cross_compliance")
 
 
 @dataclass
 class Campaign:
-    """One data set in memory; `write` puts it down in the contract's form.
+    """One data set in memory; `write` writes it to files in the contract's form.
 
     robot, model: contents of robot.yaml and model.yaml. data, test: columns as in the files (equal-length arrays; test
     holds exact positions). hidden: content of hidden.json; truth: of truth.json. arm: the exact arm. exact: positions
-    (N, 3) of the data rows before instrument and gross errors, drives included. unrecorded: data's columns that the
-    scenario omits. gross_rows: data rows (from 0) with a gross error.
+    (N, 3) of the data rows with the errors of the drives, without those of the instrument and gross errors. unrecorded:
+    columns of data that the scenario omits. gross_rows: data rows (from 0) with a gross error.
     """
 
     name: str
@@ -61,7 +61,7 @@ class Campaign:
 
     @property
     def true_model(self) -> dict[str, Any]:
-        """model.yaml of an owner who knows what is hidden: the reference that a diagnosis is held against."""
+        """model.yaml with the hidden effects added: the reference to which a diagnosis is compared."""
         hidden = []
         for entry in self.hidden:
             kept = {
@@ -101,7 +101,7 @@ class Campaign:
 
 
 def _is_custom(entry: Mapping[str, Any]) -> bool:
-    """A custom effect's expression says what it reads; in a model file it names no joints."""
+    """True for a custom effect: its expression states its variables, so it has no joints in a model file."""
     return bool(entry["effect"] == "custom")
 
 
@@ -140,7 +140,7 @@ def simulate(
 
 
 def measure(scenario: Scenario, arm: Arm) -> Campaign:
-    """The campaign that the scenario's plan and instrument give on an arm (which may be other than the scenario's)."""
+    """Measures an arm, which may differ from the scenario's, with the scenario's plan and instrument."""
     plan = np.random.default_rng([scenario.seed, 1])
     noise = np.random.default_rng([scenario.seed, 2])
     table = plan_rows(scenario, arm, plan)
@@ -203,7 +203,7 @@ def _omitted(scenario: Scenario, arm: Arm, column: str) -> bool:
 
 
 def _model_entry(entry: Any) -> Any:
-    """A scenario's entry without its sizes: what the owner of the arm would write."""
+    """A scenario's entry without its sizes, as the owner of the arm would write it."""
     if isinstance(entry, str):
         return entry
     kept = {key: entry[key] for key in ("effect", "joints", *_SHAPE_KEYS) if key in entry}
@@ -213,7 +213,7 @@ def _model_entry(entry: Any) -> Any:
 
 
 def _hidden_entries(scenario: Scenario) -> list[dict[str, Any]]:
-    """What hidden.json lists; an effect between two joints comes once a pair."""
+    """Entries of hidden.json; an effect between two joints has one entry per pair."""
     context = context_of(scenario)
     entries = []
     for role, name, joints, sizes in scenario.entries():
@@ -240,7 +240,7 @@ def _drive_sigma(scenario: Scenario, arm: Arm, q: Array) -> float:
 
 
 def _joint_sigmas(scenario: Scenario, arm: Arm, drive: float) -> Array:
-    """What each joint does not repeat (n,), rad or m, one standard deviation."""
+    """Repeatability of each joint (n,), rad or m, one standard deviation."""
     sigmas = np.where(arm.chain.passive, 0.0, drive)
     for joint, sigma in scenario.repeatability.get("joints", {}).items():
         if not isinstance(joint, int) or not 1 <= joint <= arm.chain.n:
@@ -252,7 +252,7 @@ def _joint_sigmas(scenario: Scenario, arm: Arm, drive: float) -> Array:
 
 
 def _add_gross_errors(scenario: Scenario, measured: Array, rng: np.random.Generator) -> list[int]:
-    """Displaces rows of `measured` in place; returns them (from 0). A bump shifts every row from one on."""
+    """Displaces rows of `measured` in place; returns them (from 0). A bump shifts all rows from its row on."""
     given = scenario.gross_errors
     rows: list[int] = []
     count = int(given.get("count", 0))
@@ -283,7 +283,7 @@ def _with_results(
     instrument: Instrument,
     rng: np.random.Generator,
 ) -> Table:
-    """The planned columns with the measured ones in the order of the examples: joints, position, then the rest."""
+    """Planned and measured columns in the order of the examples: joints, position, then the rest."""
     n, add = arm.chain.n, scenario.columns.get("add", [])
     data: Table = {f"q{k}": table[f"q{k}"] for k in range(1, n + 1)}
     data |= {c: np.round(measured[:, i], 9) for i, c in enumerate("xyz")}

@@ -1,7 +1,7 @@
-"""Random cases for the hidden-effect tests: campaigns of which it is known what their model lacks.
+"""Random cases for the hidden-effect tests: campaigns whose models lack known effects.
 
 Every hidden effect is large enough to be found in principle: it moves the tool by at least three times the noise, and
-what a geometric fit with the believed effects leaves of it is at least the noise (RMS over the poses, decision 0021).
+at least the noise remains of it after a geometric fit with the believed effects (RMS over the poses, decision 0021).
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ from .sensitivity import geometry_terms, orthonormal_range, rms, sensitivity, un
 TRACKER_SIGMA = 8e-6  # metres an axis
 DRIVE_SIGMA = 2.5e-6  # radians
 RAW_FACTOR, VISIBLE_FACTOR = 3.0, 1.0
-# Effects that a warming, creeping session makes look alike; one case holds at most one of them.
+# Effects that look alike in a session with warming and drift; a case has at most one of them.
 SESSION_EFFECTS = frozenset(
     {"thermal_expansion", "thermal_joint_drift", "thermal_base", "warm_up", "time_drift"}
 )
-# No real effect is made larger than this many times what was drawn from its realistic range.
+# Largest factor by which an effect may exceed the size drawn from its realistic range.
 LARGEST_SCALE = 3.0
 MOST_DRAWS = 60
-# Columns that a case withholds, and the effects that then cannot be told.
+# Columns that a case omits, and the effects that cannot be identified without them.
 _WITHHELD: tuple[tuple[tuple[str, ...], frozenset[str]], ...] = (
     (("dir",), frozenset({"backlash"})),
     (("temp_arm",), SESSION_EFFECTS),
@@ -47,10 +47,10 @@ _WITHHELD: tuple[tuple[tuple[str, ...], frozenset[str]], ...] = (
 
 @dataclass(frozen=True)
 class HiddenEffect:
-    """What a model lacks. joints from 1, as the contract's candidates name them; RMS displacements over the poses, m.
+    """An effect that a model lacks. joints from 1, as in the contract's candidates; RMS displacements over poses, m.
 
-    visible_rms is what a fit of everything else leaves of raw_rms. For an effect of no catalogue `variables` are the
-    state variables that it depends on; else it is empty.
+    visible_rms is the part of raw_rms that remains after a fit of everything else. variables: state variables of an
+    effect outside the catalogue, else empty.
     """
 
     effect: str
@@ -62,10 +62,10 @@ class HiddenEffect:
 
 @dataclass(frozen=True)
 class HiddenCase:
-    """A campaign in memory and what its model lacks. untestable: hidden effects whose column the case withholds.
+    """A campaign in memory and the effects that its model lacks. untestable: hidden effects whose column is omitted.
 
-    accepted: effects that are in the arm too, so that naming them is no mistake. For a foreign truth, `causes` and
-    `variables` (foreign/) say what a right answer is.
+    accepted: effects that the arm has too, so that a diagnosis may name them. For a foreign truth, `causes` and
+    `variables` (foreign/) are the right answers.
     """
 
     kind: str
@@ -90,16 +90,16 @@ class HiddenCase:
 
     @property
     def true_model(self) -> dict[str, Any]:
-        """model.yaml of an owner who knows what is hidden."""
+        """model.yaml with the hidden effects added."""
         return self.campaign.true_model
 
 
 def hidden_cases(
     kind: str, arm: str, seed: int, statics: str = "deflected", variant: int | None = None
 ) -> HiddenCase:
-    """One seeded case. kind: one of KINDS or PAIR_KINDS; arm: any preset; statics, variant as a scenario's.
+    """One seeded case. kind: one of KINDS or PAIR_KINDS; arm: any preset; statics, variant: as in a scenario.
 
-    Raises ScenarioError on another.
+    Raises ScenarioError on another kind or arm, or if no effect of realistic size is visible in MOST_DRAWS draws.
     """
     if kind not in KINDS and kind not in PAIR_KINDS:
         raise ScenarioError(f"kind of case is '{kind}', expected one of {', '.join(KINDS)}")
@@ -116,7 +116,7 @@ def hidden_cases(
         sized = _sized(plan | changes, entries, rng)
         if sized is None:
             if isinstance(given.source, tuple):
-                # One effect on few joints: only another arm of the kind has other sizes.
+                # With one effect on few joints, only another arm of the kind gives other sizes.
                 plan["seed"] = int(rng.integers(2**31))
             continue
         campaign = simulate(plan | changes | {"hidden": [entry for entry, _, _ in sized]})
@@ -138,7 +138,7 @@ def _right_answers(hidden: tuple[HiddenEffect, ...]) -> tuple[frozenset[str], fr
 
 
 def _plan(kind: str, given: Kind, arm: str, seed: int, rng: np.random.Generator) -> dict[str, Any]:
-    """The scenario of a case, but for what is hidden."""
+    """The scenario of a case without its hidden effects."""
     plan: dict[str, Any] = {
         "name": f"{kind}-{arm}-{seed}",
         "arm": arm,
@@ -184,7 +184,7 @@ def catalogue_choices(arm: str) -> dict[str, list[list[int]]]:
     preset = PRESETS[arm]
     robot = nominal_robot(arm)
     n = len(robot["kinematics"]["joints"])
-    # The last axis carries the reflector at a lever of some centimetres: little of its errors reaches the tool.
+    # Not the last joint: the reflector is only some centimetres from its axis, so its errors move the tool little.
     singles = [[k] for k in range(1, n)]
     loaded = [[k] for k in preset.compliant[:2]]
     choices: dict[str, list[list[int]]] = {
@@ -203,7 +203,7 @@ def catalogue_choices(arm: str) -> dict[str, list[list[int]]]:
         "time_drift": [[]],
         "command_readback": singles[:5],
     }
-    # Joints beyond the believed ones whose axes gravity loads: the wrist.
+    # Joints loaded by gravity beside the believed ones: the wrist.
     weak = [[k] for k in range(4, n) if k not in preset.compliant]
     if weak:
         choices["joint_compliance"] = weak
@@ -269,7 +269,7 @@ def _draw_from_catalogue(kind: str, arm: str, wanted: int, rng: np.random.Genera
         options = choices[name]
         entry: dict[str, Any] = {"effect": name}
         joints = options[rng.integers(len(options))]
-        # Effects that name no joints take none; the balancer and the linkage know theirs.
+        # Effects of the whole arm get no joints; the linkage and the expansion take their default joints.
         if joints and name not in ("parallelogram", "thermal_expansion"):
             entry["joints"] = joints
         if name == "transmission_pwl":
@@ -287,7 +287,7 @@ def _draw_from_catalogue(kind: str, arm: str, wanted: int, rng: np.random.Genera
 def _sized(
     plan: dict[str, Any], entries: list[dict[str, Any]], rng: np.random.Generator
 ) -> list[tuple[dict[str, Any], float, float]] | None:
-    """Entries scaled until each can be seen, with raw and visible RMS (m); None where that takes an unreal size."""
+    """Entries scaled until each is visible, with raw and visible RMS (m); None if that needs an unrealistic size."""
     noise = np.sqrt(3.0) * TRACKER_SIGMA
     scenario = Scenario.from_dict(plan)
     bare = build_arm(scenario)
@@ -312,14 +312,14 @@ def _sized(
 
 
 def _seen(arm: Arm, q: Array, columns: dict[str, Array]) -> Array:
-    """Where the instrument sees the tool (N, 3), without its noise; what the way leaves is the arm's own."""
+    """Tool positions (N, 3) as the instrument sees them, without noise; the history states are those of `arm`."""
     table = columns | {history.column: history.along(q, columns["time"]) for history in arm.histories}
     rotation, position = arm.true_pose(q, table)
     return arm.tracker.as_seen(position, rotation, table, np.zeros(3))
 
 
 def _known_columns(bare: Arm, plan: dict[str, Any], q: Array, columns: dict[str, Array]) -> Array:
-    """What a fit of the believed model can move, and of an arm that is unlike its file, its weights."""
+    """Sensitivities of the believed model's parameters and, if the arm differs from its file, of its weights."""
     entries = [{"effect": e} if isinstance(e, str) else e for e in plan["believed"]]
     every = range(1, bare.chain.n + 1)
     joints = {e["effect"]: e.get("joints", every) for e in entries}
@@ -333,7 +333,7 @@ def _known_columns(bare: Arm, plan: dict[str, Any], q: Array, columns: dict[str,
 
 
 def _weight_columns(arm: Arm, q: Array, columns: dict[str, Array]) -> Array:
-    """What each mass (1 %), centre (1 mm) and tilt of gravity (1 mrad) moves, by differences."""
+    """Displacements by an error of each mass (1 %), centre (1 mm) and tilt of gravity (1 mrad), by differences."""
     errors = [BodyError(tilt=1e-3 * axis) for axis in np.eye(3)[:2]]
     errors += [BodyError(payload_centre=1e-3 * axis) for axis in np.eye(3)]
     for k, link in enumerate(arm.heavy.links):
@@ -345,7 +345,7 @@ def _weight_columns(arm: Arm, q: Array, columns: dict[str, Array]) -> Array:
 
 
 def _own_columns(arm: Arm, bare: Arm, q: Array, columns: dict[str, Array], moved: Array) -> Array:
-    """What a fit that knows an arm's effect can move: its terms' coefficients, and it as a whole."""
+    """Sensitivities of the coefficients of an arm's effect, and the displacement by the whole effect."""
     terms = _own_terms(arm, bare)
     whole = moved.reshape(-1, 1)
     if not terms:
@@ -355,7 +355,7 @@ def _own_columns(arm: Arm, bare: Arm, q: Array, columns: dict[str, Array], moved
 
 
 def _own_terms(arm: Arm, bare: Arm) -> list[Term]:
-    """What the arm has beyond the bare one, as unit terms; the linkage by its first order."""
+    """Terms of the arm that the bare one lacks, as unit terms; the linkage by its first order."""
     known = set(bare.terms)
     terms = [unit_term(t.coordinate, t.expression) for t in arm.terms if t not in known]
     if arm.linkage is not None and bare.linkage is None:

@@ -1,4 +1,4 @@
-"""What depends on the way to a pose and not on the pose: carried from row to row, in the order of the rows."""
+"""States that depend on the path to a pose and not on the pose: carried from row to row, in the order of the rows."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class History:
         return states
 
     def beside(self, session: tuple[Array, Array], q: Array, time: Array) -> Array:
-        """State (M,) at poses q that the arm goes to straight from the session's last row before their `time`."""
+        """State (M,) at poses q that the arm reaches directly from the session's last row before their `time`."""
         rows, clock = session
         states = self.along(rows, clock)
         k = self.joint - 1
@@ -44,7 +44,7 @@ class History:
 
 
 def one_way_travel(joint: int) -> History:
-    """Signed path since the joint last turned round: its sign is the direction of approach."""
+    """Signed travel since the joint's last reversal: its sign is the direction of approach."""
 
     def advance(travel: float, motion: float, seconds: float) -> float:
         return travel + motion if travel * motion >= 0.0 else motion
@@ -53,7 +53,7 @@ def one_way_travel(joint: int) -> History:
 
 
 def warmth(joint: int, tau: float, full_speed: float, column: str = "_warm") -> History:
-    """Low-passed duty: 1 where the joint has long moved at `full_speed` (rad/s, m/s), 0 where it has long rested."""
+    """Low-passed duty: 1 after a long motion at `full_speed` (rad/s, m/s), 0 after a long rest."""
 
     def advance(warm: float, motion: float, seconds: float) -> float:
         keep = float(np.exp(-seconds / tau))

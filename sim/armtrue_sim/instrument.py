@@ -1,4 +1,4 @@
-"""The instrument and the drives: what stands between the real tool and the recorded number."""
+"""Random errors of the instrument and the drives."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from .arm import Arm
 from .errors import ScenarioError
 from .mechanics.transforms import Array
 
-# Stops at each pose that the standard's repeatability is taken from.
+# Stops at each pose from which the standard computes the repeatability.
 ISO_9283_STOPS = 30
 
 
 @dataclass(frozen=True)
 class Instrument:
-    """Noise as one sigma per axis, a + b x distance in metres, radial and angular (transverse) parts apart.
+    """Noise as one sigma per axis, a + b x distance in metres, separately radial and angular (transverse).
 
     `position`: where the instrument stands in the measuring frame. `orientation`: rad, for full poses.
     """
@@ -62,12 +62,12 @@ class Instrument:
         )
 
     def sigma_per_axis(self, points: Array) -> Array:
-        """One standard deviation an axis (N,), the mean over directions, as a `sigma` column states it."""
+        """One standard deviation per axis (N,), root mean square over directions, as in a `sigma` column."""
         radial, transverse = self.sigmas(points)
         return np.sqrt((radial**2 + 2.0 * transverse**2) / 3.0)
 
     def noise(self, points: Array, rng: np.random.Generator) -> Array:
-        """What the instrument adds to points (N, 3), metres."""
+        """Random errors of the instrument at points (N, 3), metres."""
         sight = points - np.array(self.position)
         distance = np.linalg.norm(sight, axis=1, keepdims=True)
         sight = np.divide(
@@ -81,10 +81,10 @@ class Instrument:
 
 
 def drive_sigma_for_tool_repeatability(arm: Arm, q: Array, mean_distance: float) -> float:
-    """Drive repeatability (rad, one sigma, equal on all axes) whose mean distance from the cluster centre is given.
+    """Drive repeatability (rad, one sigma, equal on all axes) for a given mean distance from the cluster centre.
 
-    That mean is ISO 9283's l-bar, over at most 400 of the poses q (N, n); thirty stops a pose, as the standard has it,
-    from a fixed seed so that it is a number of the arm and not of the scenario. mean_distance in metres.
+    `mean_distance` (m) is ISO 9283's l-bar, over at most 400 of the poses q (N, n), with thirty stops per pose as in
+    the standard. The seed is fixed, so that the result depends on the arm and not on the scenario.
     """
     rng = np.random.default_rng(9283)
     some = q[:: max(len(q) // 400, 1)]

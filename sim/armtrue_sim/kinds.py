@@ -1,4 +1,4 @@
-"""Kinds of hidden-effect cases: what is hidden, in which circumstances, and what must be recorded to find it."""
+"""Kinds of hidden-effect cases: the hidden effects, the circumstances, and the columns needed to find them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from .mechanics.chain import Chain
 from .presets import PRESETS, nominal_robot
 
 ARMS = ("kr30", "irb2400", "cobot", "lbr")
-# What robot.yaml has wrong of every real arm: masses 20 % and centres 15 mm off, the base 3 mrad out of level.
+# Errors of robot.yaml for every real arm: masses 20 % and centres 15 mm off, the base 3 mrad out of level.
 UNLIKE_ITS_FILE = ("mass_parameters", "gravity_direction")
 # A joint that repeats badly beside others at 2.5 urad.
 BAD_REPEATABILITY = 2.5e-5
@@ -19,9 +19,9 @@ BAD_REPEATABILITY = 2.5e-5
 
 @dataclass(frozen=True)
 class Kind:
-    """hidden: how many effects; source: where they are drawn from, `catalogue`, `formulas` and `truths` (foreign/), or
-    effect ids. changes: to the scenario. real: the arm is unlike its file and one joint repeats badly. noise: times the
-    tracker's. way: how the effect of `source` hides, where not as the catalogue's do."""
+    """hidden: number of effects; source: where they are drawn from, `catalogue`, `formulas` and `truths` (foreign/), or
+    effect ids. changes: to the scenario. real: the arm differs from its file and one joint repeats badly. noise: factor
+    on the tracker's. way: how the effect of `source` is hidden, if not as those of the catalogue."""
 
     hidden: int = 1
     source: str | tuple[str, ...] = "catalogue"
@@ -36,10 +36,10 @@ class Kind:
 class Hiding:
     """How a campaign hides an effect.
 
-    joints: those of an arm that it may act on, of which the seed draws one entry. changes: to the scenario, so that
-    the measurements can show it. arms: that can have it.
-    believed: what model.yaml has beside base, tool and joint zeros; without: joints that it leaves out of an effect.
-    sizes: those that are not to be drawn. share: of every joint's travel, about its middle, that the poses use.
+    joints: sets of joints of an arm that it may act on, of which the seed draws one. changes: to the scenario, so that
+    the measurements can show it. arms: presets that can have it.
+    believed: effects of model.yaml beside base, tool and joint zeros; without: joint that it leaves out of an effect.
+    sizes: those that are not drawn. share: part of every joint's travel, about its middle, that the poses use.
     """
 
     joints: Callable[[EffectContext], list[list[int]]]
@@ -52,7 +52,7 @@ class Hiding:
 
 
 def context_for(arm: str) -> EffectContext:
-    """Effects' view of a preset."""
+    """Data of a preset that effects may use."""
     robot = nominal_robot(arm)
     return EffectContext(robot, Chain.from_robot(robot), PRESETS[arm])
 
@@ -69,15 +69,15 @@ def _wrist(context: EffectContext) -> list[list[int]]:
     return [list(pair) for pair in context.preset.wrist_pairs]
 
 
-# A closed session shows no cause that is slower than it: sensors that swing, pauses, several set-ups.
+# One uninterrupted session shows no cause that is slower than it, hence sensors that swing, pauses, several set-ups.
 LATER: dict[str, Hiding] = {
     "mass_parameters": Hiding(_whole),
-    # A gear with a soft zone alone: 0.2 mrad about zero load, as lost motion of half a minute of arc.
+    # A gear with only a soft zone: 0.2 mrad about zero load, as lost motion of half a minute of arc.
     "stiffness_nonlinear": Hiding(
         lambda context: [[k] for k in context.preset.compliant[:2]],
         sizes={"square": 0.0, "cube": 0.0, "soft": 2e-4},
     ),
-    # As a mobile platform stands; 3 mrad on springs 2 and 3 alone are within the noise.
+    # The tilt of a mobile platform; with springs at joints 2 and 3 alone, 3 mrad is within the noise.
     "gravity_direction": Hiding(_whole, arms=("kr30", "cobot", "lbr"), sizes={"tilt": 0.01}),
     "axis_wobble": Hiding(_early),
     "cross_compliance": Hiding(EffectContext.parallel_pairs, arms=("kr30", "irb2400", "cobot")),
@@ -93,7 +93,7 @@ LATER: dict[str, Hiding] = {
         arms=("kr30", "irb2400"),
     ),
     "axis_straightness": Hiding(lambda context: [[3]], arms=("stanford",)),
-    # A scale of distance is a scale of all lengths: it shows only where the lengths are known.
+    # A scale error of distance equals a scale error of all lengths: it is visible only if the lengths are known.
     "tracker_scale": Hiding(_whole, believed=("joint_compliance",)),
     "tracker_angles": Hiding(_whole),
     "station": Hiding(_whole, {"setups": {"stations": 2}}),
@@ -138,8 +138,8 @@ class Suspect:
 class Pair:
     """Two causes with similar effects, a session that cannot tell them apart, and one that can (None: there is none).
 
-    open, decides: changes to the scenario of the one and the other; lacks, measurement: the same in words. share: of
-    the travel, in the first session. believed, without: as Hiding's.
+    open, decides: changes to the scenario of the one and the other session; lacks, measurement: the same in words.
+    share: part of the travel used in the first session. believed, without: as in Hiding.
     """
 
     suspects: tuple[Suspect, Suspect]
@@ -158,7 +158,7 @@ class Pair:
         return f"{'decided' if decides else 'open'}_{one}_or_{other}"
 
     def kinds(self) -> dict[str, Kind]:
-        """Both ways round, in both sessions."""
+        """Kinds by name: each of the two suspects hidden, in each of the two sessions."""
         found = {}
         for decides, changes in ((False, self.open), (True, self.decides)):
             for hidden, suspect in enumerate(self.suspects):
@@ -181,18 +181,18 @@ class Pair:
 _FEW = {"poses": 60, "repeats": {"poses": 2, "times": 3}}
 _UNLOADED = {**_FEW, "payloads": [0.0]}
 _LOADED = "three payloads, the whole travel, 240 poses"
-# One morning: the thermometer rises with the time constant that a warm-up has.
+# One morning: the temperature rises with the time constant of the warm-up.
 _MORNING = {"temperature": {"time_constant": 2000.0, "jitter": 0.05}}
 _WARM_UP = Suspect("warm_up", sizes={"tau": 2000.0})
 _RETURN = {**_MORNING, "rests": {"count": 3, "seconds": 8000.0, "cold": True}}
-# A day in which the hall warms as the clock goes, and three of them.
+# One day in which the hall's temperature rises nearly linearly with time, and three such days.
 _DAY = {
     "interval": 600.0,
     "poses": 120,
     "temperature": {"rise": 30.0, "time_constant": 2.5e5, "jitter": 0.05},
 }
 _DAYS = {**_DAY, "rests": {"count": 2, "seconds": 3e4, "cold": True}}
-# docs/planning.md, "Causes that look alike"; docs/effects.md says how each was told.
+# docs/planning.md, "Causes that look alike"; results of the diagnosis: docs/effects.md.
 PAIRS = (
     Pair(
         (Suspect("joint_compliance", (2,)), Suspect("gear_harmonics", (2,))),

@@ -9,7 +9,7 @@ import numpy as np
 from .mechanics.chain import Chain
 from .mechanics.transforms import Array
 
-# A parallelogram's crank and lower arm never come closer to a line than this: the arm's own stops are there.
+# Smallest angle of a parallelogram's crank and lower arm from a straight line: the arm's own stops are there.
 LINKAGE_MARGIN = np.radians(35.0)
 
 

@@ -1,4 +1,4 @@
-"""The arms by name: nominal robot.yaml dictionaries and the sizes of what is wrong with an arm of that kind.
+"""The arms by name: nominal robot.yaml dictionaries and the sizes of the errors of an arm of that kind.
 
 Sizes follow "Sizes that are real" in shared/reading/calibration.md; where it is silent, decision 0021 gives the source.
 """
@@ -20,7 +20,7 @@ from .mechanics.transforms import Pose, rot_x
 
 @dataclass(frozen=True)
 class Preset:
-    """What a kind of arm suffers from. Ranges are (low, high).
+    """Error sizes and properties of a kind of arm. Ranges are (low, high).
 
     payloads: kg at the tool point. torsion: rad/Nm of each motor axis (m/N where prismatic). bending, base_tilt:
     rad/Nm.
@@ -43,7 +43,7 @@ _HEAVY = ((5e-7, 1.2e-6), (1e-6, 2.5e-6), (1e-6, 2.5e-6), (4e-6, 1.2e-5), (4e-6,
 _MIDDLE = ((8e-7, 2e-6), (1.2e-6, 3e-6), (1.2e-6, 3e-6), (8e-6, 2e-5), (8e-6, 2e-5), (1e-5, 4e-5))
 _LIGHT = ((1e-5, 4e-5), (2e-5, 5e-5), (2e-5, 5e-5), (4e-5, 9e-5), (4e-5, 9e-5), (4e-5, 9e-5))
 _WRIST = ((5, 4), (6, 4), (6, 5))
-# Of joint 4 its bars stretch, of the others gears turn.
+# Joint 4 yields by the stretch of its bars, the others by the torsion of their gears.
 _HUGE = ((1e-7, 3e-7), (1.5e-7, 4e-7), (2e-7, 5e-7), (4e-7, 1.2e-6), (3e-6, 1e-5))
 
 PRESETS: dict[str, Preset] = {
@@ -157,12 +157,13 @@ def nominal_robot(name: str, convention: str = "mdh", variant: int | None = None
 
 
 def variant_of(robot: dict[str, Any], seed: int) -> dict[str, Any]:
-    """An arm like a preset that nobody has: lengths, masses, centres of mass, gear ratios and ranges of its own.
+    """A random arm like a preset, with its own lengths, masses, centres of mass, gear ratios and ranges.
 
-    All lengths 0.6 to 1.6 times the preset's, each up to a third off that; masses and gears up to 1.6 times, or 0.6.
+    Lengths: one factor of 0.6 to 1.6 for all, times 0.75 to 1.3 each. Masses: the same factor times 0.6 to 1.6 each.
+    Gear ratios: 0.6 to 1.7.
     """
     robot = copy.deepcopy(robot)
-    # 77 keeps its numbers apart from those of the case with this seed.
+    # 77: random numbers independent of those of the case with this seed.
     rng = np.random.default_rng([seed, 77, len(robot["name"])])
     size = rng.uniform(0.6, 1.6)
     for joint in robot["kinematics"]["joints"]:
@@ -196,7 +197,7 @@ def as_standard_dh(robot: dict[str, Any]) -> dict[str, Any]:
         )
     shifted = [(row["a"], row["alpha"]) for row in rows[1:]] + [(0.0, 0.0)]
     for k, (row, (a, alpha)) in enumerate(zip(rows, shifted, strict=True)):
-        # The DH link frame stands where Craig's next row would start.
+        # The DH link frame is where Craig's next row would start.
         dh_from_mdh = Pose(rot_x(alpha), np.array([a, 0.0, 0.0])).inverse()
         row["a"], row["alpha"] = a, alpha
         if k < len(robot.get("links", [])):

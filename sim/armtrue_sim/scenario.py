@@ -1,4 +1,4 @@
-"""A scenario: one YAML file that says which arm, what is wrong with it, and how it is measured."""
+"""A scenario: one YAML file that defines an arm, its errors, and how it is measured."""
 
 from __future__ import annotations
 
@@ -15,38 +15,38 @@ from .instrument import Instrument
 BELIEVED = ("base_frame", "tool_offset", "joint_offset", "link_geometry", "joint_compliance")
 COLUMNS_TO_ADD = ("sigma", "tau", "qr", "orientation", "travel", "duty")
 
-# In a wheel they lie in the package, in a checkout beside it.
+# Folders of the shipped scenarios: in a wheel inside the package, in a checkout beside it.
 _SHIPPED = (Path(__file__).with_name("scenarios"), Path(__file__).parents[1] / "scenarios")
 
 
 def _shipped(path: Path) -> Path:
-    """The path of a shipped scenario that is named without folder and ending; any other path as it is."""
+    """The path of a shipped scenario that is named without folder and ending; any other path unchanged."""
     named = [folder / f"{path}.yaml" for folder in _SHIPPED if path.name == str(path)]
     return next((file for file in named if file.exists() and not path.exists()), path)
 
 
 @dataclass
 class Scenario:
-    """Everything that decides a data set; each field is a key of the YAML file, in SI units.
+    """All settings of a data set; each field is a key of the YAML file, in SI units.
 
     arm: a preset's name (kr30, irb2400, cobot, lbr, scara, stanford, rail, palletiser); convention: mdh or dh;
       variant: a number, for an arm of that kind with lengths, masses and gears of its own.
-    believed: effects that model.yaml lists; hidden: effects that it lacks; unlike: what robot.yaml has wrong beside
-      them (mass_parameters, gravity_direction), in no list. Each an effect id or a mapping
-      {effect, joints, sizes that are not to be drawn, scale: factor on all of them}. The real arm has all.
+    believed: effects that model.yaml lists; hidden: effects that it lacks; unlike: further errors of robot.yaml
+      (mass_parameters, gravity_direction), in no list. Each an effect id or a mapping
+      {effect, joints, sizes that are not drawn, scale: factor on all sizes}. The real arm has all of them.
     poses: rows per reflector, `repeats: {poses, times}` at the end among them; test_poses; interval: seconds a pose.
     instrument: see Instrument.from_dict; repeatability: {drive: rad} or {tool_mean: m}, and
-      {joints: {number: rad}} for those that repeat otherwise.
+      {joints: {number: rad}} for joints with another repeatability.
     payloads: kg, payload_order: random or blocks; directions: random, order (from the sequence of poses) or up.
     temperature: {ambient, rise, time_constant, jitter, wave: K that sensors after the first swing by on their own};
-    sensors: names, where not the preset's. columns: {omit: [...], add: [sigma, tau, qr, orientation, travel, duty]}.
-    rests: {count, seconds, cold}: pauses in which nothing moves, after which sensors begin as at first where cold is
-      true; setups: {stations, nests}: how many of each, in blocks.
+    sensors: names, if not the preset's. columns: {omit: [...], add: [sigma, tau, qr, orientation, travel, duty]}.
+    rests: {count, seconds, cold}: pauses in which nothing moves; if cold is true, the sensors then start as at the
+      beginning; setups: {stations, nests}: number of each, in blocks.
     targets: reflectors {names, order: each_pose or cycle}; gross_errors: {count, size: [m, m], bump: {row, shift: m}}.
     readback: {lag: rad, noise: rad}; torque_noise: Nm; robot_file: {omit: [links, tool, base]}.
-    base, tool: {xyz, rpy} of the real arm, drawn where absent; nominal_error: {base: m, tool: m} of robot.yaml's.
+    base, tool: {xyz, rpy} of the real arm, drawn if absent; nominal_error: {base: m, tool: m} of robot.yaml's.
     floor: m, lowest flange in the base frame; joint_range: [[low, high], ...] inside the limits, where the instrument
-    sees the tool; statics: deflected (loads where the arm really stands) or nominal.
+    sees the tool; statics: deflected (loads at the deflected pose) or nominal.
     """
 
     arm: str
@@ -143,7 +143,7 @@ class Scenario:
 
     @classmethod
     def from_file(cls, path: str | Path) -> Scenario:
-        """From a YAML file, or the name of one that is shipped; the file's name is the scenario's where it gives none.
+        """From a YAML file, or the name of one that is shipped; a scenario without a name gets the file's.
 
         Raises ScenarioError.
         """
@@ -159,7 +159,7 @@ class Scenario:
         return scenario
 
     def entries(self) -> list[tuple[str, str, list[int] | None, dict[str, Any]]]:
-        """(believed, hidden or unlike; effect, joints or None, given sizes) of every entry. Raises ScenarioError."""
+        """Every entry: believed, hidden or unlike; effect; joints or None; given sizes. Raises ScenarioError."""
         found: list[tuple[str, str, list[int] | None, dict[str, Any]]] = []
         for role in ("believed", "hidden", "unlike"):
             for i, entry in enumerate(getattr(self, role)):

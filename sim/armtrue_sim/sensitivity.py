@@ -1,6 +1,6 @@
-"""How coefficients move the tool, by differences of the exact truth, and what a campaign can know of them.
+"""Displacements of the tool by coefficients, at the exact arm, and the part that a model leaves unexplained.
 
-Independent of the fitter's Jacobian on purpose: it decides which hidden effects can be seen at all.
+Independent of the fitter's Jacobian on purpose: it decides which hidden effects are visible at all.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ from .mechanics.transforms import Array
 
 
 def unit_term(coordinate: str, expression: str = "1", effect: str = "probe") -> Term:
-    """A term whose coefficient is asked for, for `sensitivity`."""
+    """A term for `sensitivity`, which differentiates by its coefficient."""
     return Term(effect, (), coordinate, expression, 0.0, "1")
 
 
 def geometry_terms(arm: Arm) -> list[Term]:
-    """Base, tool, every joint zero, every link: what a purely geometric model can move (redundant on purpose)."""
+    """Terms of a purely geometric model: base, tool, every joint zero, every link (redundant on purpose)."""
     terms = [unit_term(f"base.{c}") for c in COORDINATES] + [unit_term(f"tool.{c}") for c in COORDINATES[:3]]
     for k in range(1, arm.chain.n + 1):
         terms.append(unit_term(f"motor{k}"))
@@ -69,7 +69,7 @@ def sensitivity(arm: Arm, q: Array, columns: Columns, terms: Sequence[Term]) -> 
 
 
 def orthonormal_range(columns: Array, relative: float = 1e-7) -> Array:
-    """Orthonormal basis of what columns (M, m) span; columns are scaled first, directions below `relative` dropped."""
+    """Orthonormal basis of the span of columns (M, m), scaled to unit norm; directions below `relative` are dropped."""
     norms = np.linalg.norm(columns, axis=0)
     kept = columns[:, norms > 0.0] / norms[norms > 0.0]
     u, s, _ = np.linalg.svd(kept, full_matrices=False)
@@ -82,7 +82,7 @@ def rms(displacement: Array) -> float:
 
 
 def unexplained(displacement: Array, basis: Array) -> Array:
-    """What is left of displacements (N, 3) after the best fit in an orthonormal `basis` (3N, r)."""
+    """Residuals of displacements (N, 3) after the least-squares fit in an orthonormal `basis` (3N, r)."""
     flat = displacement.ravel()
     result: Array = (flat - basis @ (basis.T @ flat)).reshape(displacement.shape)
     return result

@@ -1,4 +1,4 @@
-"""A session: which poses in which order, and what the columns of a file say of each but where the tool was."""
+"""A session: the poses in their order, and all columns of a file except the measured positions."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from .scenario import Scenario
 
 Table = dict[str, Array]
 DECIMALS = {"q": 10, "temp": 3, "payload": 3, "time": 1, "tau": 4, "sigma": 9, "qr": 10}
-# Where approaches are drawn, the last way before a stop, rad (m where a joint slides, times PRISMATIC_SIZE).
+# Range of the last travel before a stop if approaches are drawn, rad (m where a joint slides).
 DRAWN_TRAVEL = (0.01, 0.2)
 
 
 def joints_of(table: Mapping[str, Array], n: int) -> Array:
-    """Columns q1...qn of a table as (N, n); a passive joint has none and stands at zero."""
+    """Columns q1...qn of a table as (N, n); a passive joint has no column and is at zero."""
     still = np.zeros(len(table["q1"]))
     return np.stack([table.get(f"q{k}", still) for k in range(1, n + 1)], axis=1)
 
@@ -30,7 +30,7 @@ def plan_rows(scenario: Scenario, arm: Arm, rng: np.random.Generator) -> Table:
     """Commanded columns of the data rows: joints, state, time, repeat, target."""
     repeated, times = scenario.repeats.get("poses", 0), scenario.repeats.get("times", 0)
     fresh = scenario.poses - repeated * times
-    # The repeated poses come back at the session's end, so that they tell drift from noise.
+    # The repeats are at the session's end, so that they separate drift from noise.
     index = np.concatenate([np.arange(fresh), np.tile(np.arange(repeated)[::-1], times)]).astype(int)
     q = random_poses(arm.robot, arm.chain, fresh, rng, scenario.floor, _joint_range(scenario, arm))[index]
     time = np.round(scenario.interval * np.arange(len(index)) + _rests(scenario, len(index)), 1)
@@ -77,8 +77,17 @@ def _payloads(scenario: Scenario, count: int, rng: np.random.Generator) -> Array
 
 
 def _temperatures(scenario: Scenario, arm: Arm, time: Array, rng: np.random.Generator) -> Table:
-    """Every sensor warms from ambient by `rise` with its time constant; sensors after the first differ by some 20 %."""
-    history = {"ambient": arm.reference_temperature, "rise": 13.0, "time_constant": 2000.0, "jitter": 0.25}
+    """Every sensor warms from ambient by `rise` with its time constant; all but the first differ by up to 30 %.
+
+    These also swing by `wave` each, in a time of their own, as where the sun or a door is on one side.
+    """
+    history = {
+        "ambient": arm.reference_temperature,
+        "rise": 13.0,
+        "time_constant": 2000.0,
+        "jitter": 0.25,
+        "wave": 0.0,
+    }
     history |= scenario.temperature
     columns: Table = {}
     if scenario.rests.get("cold"):
@@ -88,9 +97,14 @@ def _temperatures(scenario: Scenario, arm: Arm, time: Array, rng: np.random.Gene
         vary = session.uniform(0.7, 1.3, 2) if i else np.ones(2)
         warmth = 1.0 - np.exp(-time / (history["time_constant"] * vary[0]))
         noise = history["jitter"] * rng.standard_normal(len(time))
-        columns[f"temp_{sensor}"] = np.round(
-            history["ambient"] + history["rise"] * vary[1] * warmth + noise, 3
-        )
+        celsius = history["ambient"] + history["rise"] * vary[1] * warmth + noise
+        if i and history["wave"]:
+            period_s, phase = session.uniform([0.5, 0.0], [1.5, 2.0 * np.pi]) * [
+                history["time_constant"],
+                1.0,
+            ]
+            celsius = celsius + history["wave"] * np.sin(2.0 * np.pi * time / period_s + phase)
+        columns[f"temp_{sensor}"] = np.round(celsius, 3)
     return columns
 
 
@@ -111,7 +125,7 @@ def _directions(scenario: Scenario, q: Array, index: Array, fresh: int, rng: np.
 
 
 def _readback(scenario: Scenario, arm: Arm, table: Table, rng: np.random.Generator) -> Table:
-    """Joints as read back: lagging behind the command on the side of the approach, by a random share of the lag."""
+    """Joints as read back: behind the command on the side of the approach, by a random lag with mean `lag`."""
     if "qr" not in scenario.columns.get("add", []):
         return {}
     count = len(table["time"])
@@ -136,7 +150,7 @@ def _with_targets(scenario: Scenario, table: Table) -> Table:
 
 
 def fresh_rows(scenario: Scenario, arm: Arm, data: Table, rng: np.random.Generator) -> Table:
-    """Fresh poses at random moments of the session, with exact positions of the first reflector."""
+    """Test rows: new poses at random times of the session, with exact positions of the first reflector."""
     count, n = scenario.test_poses, arm.chain.n
     q = (
         random_poses(arm.robot, arm.chain, count, rng, scenario.floor, _joint_range(scenario, arm))
@@ -168,14 +182,14 @@ def fresh_rows(scenario: Scenario, arm: Arm, data: Table, rng: np.random.Generat
 
 
 def _rests(scenario: Scenario, count: int) -> Array:
-    """Seconds (count,) that pauses have taken before each row; they cut the session into equal parts."""
+    """Total seconds (count,) of the pauses before each row; the pauses divide the session into equal parts."""
     pauses = int(scenario.rests.get("count", 0))
     taken: Array = np.arange(count) * (pauses + 1) // max(count, 1)
     return float(scenario.rests.get("seconds", 0.0)) * taken
 
 
 def _since_the_last_rest(scenario: Scenario, time: Array) -> Array:
-    """Seconds of each moment since the first row, or since the first one after the pause before it."""
+    """Seconds from the first row after the last pause, or from the first row of all, to each time."""
     starts = scenario.interval * np.arange(scenario.poses) + _rests(scenario, scenario.poses)
     begins = np.flatnonzero(np.diff(_rests(scenario, scenario.poses), prepend=-1.0))
     first = starts[begins]
@@ -193,7 +207,7 @@ def _setups(scenario: Scenario) -> list[tuple[str, int]]:
 
 
 def _blocks(numbers: int, count: int) -> Array:
-    """1 ... numbers in blocks of rows; the last rows, which repeat the first, go through them again."""
+    """1 ... numbers in `numbers` equal blocks of rows."""
     result: Array = 1 + np.arange(count) * numbers // max(count, 1)
     return result
 
@@ -212,7 +226,7 @@ def _drawn_travels(scenario: Scenario, stream: int, shape: tuple[int, ...]) -> T
 
 
 def _ways_from(scenario: Scenario, data: Table, q: Array, time: Array) -> Table:
-    """Travels, and where the order decides directions too, of fresh poses: drawn, or of the way from the row before."""
+    """Travels of fresh poses: drawn; or, if the order decides, with directions, by the path from the row before."""
     n = q.shape[1]
     session = joints_of(data, n), data["time"]
     if scenario.directions != "order":
@@ -225,7 +239,7 @@ def _ways_from(scenario: Scenario, data: Table, q: Array, time: Array) -> Table:
 
 
 def _duties(q: Array, time: Array) -> Array:
-    """Mean speed (N, n) of each joint since the row before, rad/s; the first comes from the joints' zeros."""
+    """Mean speed (N, n) of each joint since the row before, rad/s; the first row is reached from the joints' zeros."""
     motion = np.abs(np.diff(q, axis=0, prepend=np.zeros((1, q.shape[1]))))
     seconds = np.diff(time, prepend=2.0 * time[0] - time[1] if len(time) > 1 else -1.0)
     result: Array = motion / np.maximum(seconds, 1e-9)[:, None]

@@ -189,6 +189,22 @@ def test_from_one_side_every_joint_comes_up():
     assert all(np.all(data[f"dir{k}"] == 1) for k in range(1, 7))
 
 
+def test_sensors_after_the_first_swing_by_their_wave():
+    def difference(wave: float) -> np.ndarray:
+        scenario = {
+            "arm": "kr30",
+            "seed": 3,
+            "sensors": ["arm", "top", "bottom"],
+            "temperature": {"rise": 0.0, "jitter": 0.0, "wave": wave},
+        }
+        data = simulate(scenario).data
+        assert np.ptp(data["temp_arm"]) == 0.0
+        return data["temp_top"] - data["temp_bottom"]
+
+    assert np.ptp(difference(0.0)) == 0.0
+    assert 2.0 < np.ptp(difference(2.0)) < 8.0
+
+
 def test_temperature_history_and_payload_blocks():
     campaign = simulate(
         {

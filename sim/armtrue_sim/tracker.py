@@ -1,4 +1,4 @@
-"""What the instrument has wrong the same way each time: its scale, its circles, its set-ups, a reflector put back."""
+"""Systematic errors of the instrument: its scale, its circles, its set-ups, a reflector put back."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from .mechanics.transforms import Array, Pose
 
-# sin azimuth, cos azimuth on the azimuth; sin elevation, cos elevation on the elevation
+# sin and cos of azimuth, added to the azimuth; sin and cos of elevation, added to the elevation
 CIRCLES = ("azimuth_sin", "azimuth_cos", "elevation_sin", "elevation_cos")
 
 
@@ -17,8 +17,8 @@ CIRCLES = ("azimuth_sin", "azimuth_cos", "elevation_sin", "elevation_cos")
 class TrackerError:
     """Systematic errors. scale: relative, of distances. circles: rad by harmonic (from 1) and the names in CIRCLES.
 
-    stations: by number, pose of the frame that rows of that set-up are measured in, in the first one's; nests: by
-    number, metres in the tool's frame that a reflector sits elsewhere since it was put back.
+    stations: by number, pose of that set-up's measuring frame in the first one's; nests: by number, displacement
+    (metres, in the tool's frame) of a reflector that was put back.
     """
 
     scale: float = 0.0
@@ -47,7 +47,7 @@ class TrackerError:
         )
 
     def as_seen(self, points: Array, rotation: Array, columns: Mapping[str, Array], origin: Array) -> Array:
-        """Points (N, 3) as the tracker at `origin` gives them; `rotation` (N, 3, 3) is the tool's."""
+        """Points (N, 3) as the tracker at `origin` measures them; `rotation` (N, 3, 3) is the tool's."""
         seen = points.copy()
         if not (self.scale or self.circles or self.stations or self.nests):
             return seen
@@ -78,7 +78,7 @@ class TrackerError:
         return result
 
     def turned(self, rotation: Array, columns: Mapping[str, Array]) -> Array:
-        """Rotations (N, 3, 3) of the tool in the frames that its rows are measured in."""
+        """Rotations (N, 3, 3) of the tool, each in the measuring frame of its row's set-up."""
         result = rotation.copy()
         for number, pose in self.stations.items():
             rows = columns["station"] == number

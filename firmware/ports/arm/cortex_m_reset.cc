@@ -19,7 +19,7 @@ void default_handler() { fault_handler(); }
 
 [[noreturn, gnu::weak]] void processor_fault_handler(const std::uint32_t*) { fault_handler(); }
 
-// An overflowing stack leaves its pointer below the limit and nothing saved there.
+// After a stack overflow the stack pointer is below the limit and no registers are saved there.
 [[gnu::naked]] void processor_fault_entry() {
   asm volatile(
       "mov r0, sp\n"

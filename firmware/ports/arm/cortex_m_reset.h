@@ -13,28 +13,29 @@ extern std::uint32_t _estack;
 // Calls early_start(), initialises memory, runs constructors and main().
 [[noreturn]] void reset_handler();
 
-// The first that runs, before any memory is initialised: it may use registers and the stack alone.
-// Weak: does nothing.
+// Runs first, before any memory is initialised: may use only registers and the stack. Weak: does
+// nothing.
 void early_start();
 
-// An exception that nothing handles; weak. The image stops feeding the watchdog and is reset by it.
-// Test images replace this with one that ends the emulator.
+// Called for an exception without a handler. Weak: loops for ever, so that the watchdog is not fed
+// and resets the image. Test images replace it with a function that ends the emulator.
 [[noreturn]] void fault_handler();
 
-// A fault of the processor. `frame`: what it saved of the interrupted code (Arm DDI 0403, B1.5.6),
-// nullptr where the stack has no room for it. Weak: calls fault_handler().
+// A fault of the processor. `frame`: registers of the interrupted code that the processor saved
+// (Arm DDI 0403, B1.5.6), nullptr if the stack had no room for them. Weak: calls fault_handler().
 [[noreturn]] void processor_fault_handler(const std::uint32_t* frame);
 
-// Weak: a non-maskable interrupt is one that nothing handles.
+// Non-maskable interrupt. Weak: calls default_handler().
 void nmi_handler();
 
-// Enters processor_fault_handler() on a stack that can be used.
+// Calls processor_fault_handler(). After a stack overflow it first moves the stack pointer to the
+// top.
 void processor_fault_entry();
 
-// Where every exception and interrupt without a handler goes.
+// Entry of every exception and interrupt without a handler: calls fault_handler().
 void default_handler();
 
-// Weak.
+// Weak: calls default_handler().
 void systick_handler();
 }
 
@@ -44,7 +45,7 @@ inline constexpr std::size_t kExceptions = 16;
 
 using Handler = void (*)();
 
-// What stands at address 0 at reset: the stack, then exceptions 1 to 15, then the interrupts.
+// At address 0 at reset: initial stack pointer, exceptions 1 to 15, interrupts.
 template <std::size_t kInterrupts>
 struct VectorTable {
   std::uint32_t* stack = &_estack;

@@ -5,7 +5,7 @@
 // the number of instructions between them, the same on every run. On the board TIM2 runs at 84 MHz:
 // one tick is two core cycles at 168 MHz.
 //
-// Cortex-M7 (QEMU's mps2-an500): SysTick at 25 MHz, given in instructions to the next forty.
+// Cortex-M7 (QEMU's mps2-an500): SysTick at 25 MHz; readings are instructions in steps of forty.
 #ifndef ARMTRUE_FIRMWARE_PORTS_ARM_INSTRUCTION_COUNTER_H_
 #define ARMTRUE_FIRMWARE_PORTS_ARM_INSTRUCTION_COUNTER_H_
 

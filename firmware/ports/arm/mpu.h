@@ -1,5 +1,6 @@
-// The memory protection unit of a Cortex-M3, M4 or M7 (Arm DDI 0403, B3.5). With it on, what no
-// region allows is a fault: the null page, code in RAM, an overflowing stack, the image itself.
+// The memory protection unit of a Cortex-M3, M4 or M7 (Arm DDI 0403, B3.5). When it is on, every
+// access that no region allows is a fault: to the null page, execution from RAM, a stack overflow,
+// a write to the image.
 #ifndef ARMTRUE_FIRMWARE_PORTS_ARM_MPU_H_
 #define ARMTRUE_FIRMWARE_PORTS_ARM_MPU_H_
 
@@ -28,7 +29,8 @@ inline constexpr std::uint32_t kRasrExecuteNever = 1U << 28;
 enum class Access : std::uint32_t { kNone = 0U << 24, kReadWrite = 3U << 24, kReadOnly = 6U << 24 };
 enum class Memory : std::uint32_t { kNormal = 1U << 17, kDevice = 1U << 18 | 1U << 16 };
 
-// A power of two of bytes, at least 32, at a multiple of itself. Later regions go before earlier.
+// `bytes` is a power of two, at least 32, and divides `base`. Where regions overlap, the later one
+// in the list applies.
 struct MpuRegion {
   std::uint32_t base;
   std::uint32_t bytes;
@@ -42,7 +44,8 @@ constexpr bool is_valid(const MpuRegion& region) {
          (region.base & (region.bytes - 1)) == 0;
 }
 
-// False where there is no unit with so many regions, or it does not read back as on.
+// False if there is no unit with so many regions, a region is not valid, or the unit does not read
+// back as on.
 template <RegisterBlock Registers>
 bool start_mpu(Registers& registers, std::span<const MpuRegion> regions) {
   const std::uint32_t available = registers.read(mpu::kType) >> 8U & 0xFFU;

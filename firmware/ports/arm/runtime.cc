@@ -5,7 +5,7 @@
 
 extern "C" {
 
-// Called through a table slot of an abstract class; reached only by a programming error.
+// Runs when a pure virtual function is called, which only a programming error can cause.
 [[noreturn]] void fault_handler();
 [[noreturn]] void __cxa_pure_virtual() { fault_handler(); }
 

@@ -11,13 +11,13 @@
 
 namespace armtrue::semihosting {
 
-// Opens the two files of the command line that the emulator was given (`arg=` of
-// -semihosting-config): INPUT OUTPUT. False where they are not named or the host refused.
+// Opens the two files named on the emulator's command line (`arg=` of -semihosting-config): INPUT
+// OUTPUT. False if a name is missing or the host cannot open a file.
 bool open_files(std::int32_t& input, std::int32_t& output);
 
 void close(std::int32_t handle);
 
-// Reads up to `size` bytes; returns how many arrived (short only at the end of the file).
+// Reads up to `size` bytes; returns the number read (less than `size` only at the end of the file).
 std::size_t read(std::int32_t handle, void* data, std::size_t size);
 
 // Returns true where every byte was written.

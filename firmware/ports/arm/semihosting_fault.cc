@@ -1,5 +1,5 @@
-// Replaces the port's weak fault handler in test images: a fault ends the emulator with a status of
-// its own instead of waiting for a watchdog that the emulator does not have.
+// Replaces the port's weak fault handler in test images: a fault ends the emulator with exit status
+// 70. The weak handler would wait for a watchdog, which the emulator does not have.
 #include "firmware/ports/arm/semihosting.h"
 
 extern "C" [[noreturn]] void fault_handler() {

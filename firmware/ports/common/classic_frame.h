@@ -1,4 +1,4 @@
-// Frames as the drivers of classic controllers keep them.
+// Classic CAN frames as the drivers of classic controllers store them.
 #ifndef ARMTRUE_FIRMWARE_PORTS_COMMON_CLASSIC_FRAME_H_
 #define ARMTRUE_FIRMWARE_PORTS_COMMON_CLASSIC_FRAME_H_
 
@@ -37,11 +37,11 @@ struct ClassicFrame {
 
   bool is(canopen::FrameFlags flag) const { return (flags & flag) != 0; }
 
-  // The payload in two words, the first byte of each at the bottom.
+  // The payload as two little-endian words.
   std::array<std::uint32_t, 2> words() const {
     return {canopen::load_le<std::uint32_t>(&data[0]), canopen::load_le<std::uint32_t>(&data[4])};
   }
-  // `code`: of the length. Codes 9 to 15 stand for eight bytes (ISO 11898-1, 10.4.2.3).
+  // `code`: data length code; 9 to 15 stand for eight bytes (ISO 11898-1, 10.4.2.3).
   void set_payload(std::uint32_t code, const std::array<std::uint32_t, 2>& words) {
     len = static_cast<std::uint8_t>(std::min<std::uint32_t>(code, canopen::kClassicPayload));
     canopen::store_le(&data[0], words[0]);

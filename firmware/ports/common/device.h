@@ -1,5 +1,5 @@
-// Everything that a compensator is made of, above its drivers. One static object per bare-metal
-// image; on POSIX one for each life, from power-on to reset.
+// All parts of a compensator above its drivers. One static object per bare-metal image; on POSIX
+// one object from each power-on or reset to the next.
 #ifndef ARMTRUE_FIRMWARE_PORTS_COMMON_DEVICE_H_
 #define ARMTRUE_FIRMWARE_PORTS_COMMON_DEVICE_H_
 
@@ -15,7 +15,7 @@
 
 namespace armtrue::ports {
 
-// What the drivers of a port give to the device; none is owned.
+// Drivers and functions that a port provides to the device; none is owned.
 struct DeviceParts {
   canopen::CanPort& upstream;
   canopen::CanPort* downstream;  // nullptr: offset mode on one bus
@@ -26,7 +26,7 @@ struct DeviceParts {
   void (*note_long_request)(bool begins) = nullptr;  // canopen::NodeParts
 };
 
-// What is fixed when the image is built (firmware/ports/identity.cmake) or by the command line.
+// Settings fixed when the image is built (firmware/ports/identity.cmake) or by the command line.
 // Must outlive the device.
 struct DeviceSettings {
   DeviceIdentity identity;  // with the arm's number of joints
@@ -56,12 +56,12 @@ class Device {
                parts.health,
                parts.note_long_request}) {}
 
-  // Puts the stored table in force. Erases nothing: a device that was reset while its drives run is
-  // to pass frames on again at once.
+  // Activates the stored table. Erases nothing, so that a device that is reset while its drives run
+  // forwards frames again at once.
   void start() { node_.start(clock_us_()); }
 
-  // One turn of the main loop. `feed_watchdog` is called only where the joint path is sound.
-  // Returns false where the master asked for a restart.
+  // One iteration of the main loop. Calls `feed_watchdog` only if the joint path is sound.
+  // Returns false if the master requested a restart.
   template <typename FeedWatchdog>
   bool turn(FeedWatchdog feed_watchdog) {
     const canopen::NodeAction action = node_.process(clock_us_());

@@ -1,5 +1,5 @@
-// Keeps interrupts out for the lifetime of an object. On the host, where drivers are tested in one
-// thread, it does nothing.
+// Disables interrupts for the lifetime of the object. Does nothing on the host, where drivers are
+// tested in one thread.
 #ifndef ARMTRUE_FIRMWARE_PORTS_COMMON_INTERRUPT_LOCK_H_
 #define ARMTRUE_FIRMWARE_PORTS_COMMON_INTERRUPT_LOCK_H_
 

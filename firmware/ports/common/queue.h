@@ -1,4 +1,4 @@
-// A queue between a driver and its interrupt. It does not lock: the caller does.
+// A queue between a driver and its interrupt handler. The caller locks out interrupts.
 #ifndef ARMTRUE_FIRMWARE_PORTS_COMMON_QUEUE_H_
 #define ARMTRUE_FIRMWARE_PORTS_COMMON_QUEUE_H_
 

@@ -1,5 +1,4 @@
-// How a driver reaches its registers, so that a test can put a model of the peripheral in their
-// place.
+// Access of a driver to its registers. A test substitutes a model of the peripheral.
 #ifndef ARMTRUE_FIRMWARE_PORTS_COMMON_REGISTER_BLOCK_H_
 #define ARMTRUE_FIRMWARE_PORTS_COMMON_REGISTER_BLOCK_H_
 
@@ -16,7 +15,7 @@ concept RegisterBlock = requires(T block, const T constant, std::uint32_t value)
   block.write(value, value);
 };
 
-// The registers of a peripheral of this machine.
+// Memory-mapped registers of a real peripheral.
 class MappedRegisters {
  public:
   constexpr explicit MappedRegisters(std::uintptr_t base) : base_(base) {}

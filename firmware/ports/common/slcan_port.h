@@ -29,7 +29,7 @@ class SlcanPort final : public canopen::CanPort {
   // Refuses frames while the other side has closed the channel.
   bool send(const canopen::CanFrame& frame) override;
   bool receive(canopen::CanFrame& frame) override;
-  // A serial line is never bus-off: nobody else is on it.
+  // A serial line is point-to-point and never bus-off.
   canopen::BusState bus_state() override { return canopen::BusState::kActive; }
   void recover() override {}
   canopen::BusCounters counters() const override { return counters_; }
@@ -48,7 +48,7 @@ class SlcanPort final : public canopen::CanPort {
   std::array<std::uint8_t, kLongestLine> line_ = {};
   std::size_t line_length_ = 0;
   bool line_too_long_ = false;
-  // Not closed as in an adapter: the node behind the line may restart without its client.
+  // Open at start, unlike in an adapter: the node may restart without its client.
   Channel channel_ = Channel::kOpen;
   canopen::BusCounters counters_;
 };

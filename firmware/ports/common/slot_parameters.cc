@@ -11,7 +11,7 @@ bool SlotParameters::load(std::span<std::uint8_t> block) {
 }
 
 bool SlotParameters::holds_something() const {
-  return is_damaged() || saved_.size() > 1;  // one byte is the note of erase()
+  return is_damaged() || saved_.size() > 1;  // one byte is the marker of erase()
 }
 
 bool SlotParameters::save(std::span<const std::uint8_t> block) {
@@ -19,7 +19,7 @@ bool SlotParameters::save(std::span<const std::uint8_t> block) {
       store_.activate(block_, saved_) == storage::StoreResult::kDone &&
       store_.confirm() == storage::StoreResult::kDone)
     return true;
-  // Nobody would confirm it later, and a slot on trial would refuse every save to come.
+  // Ends the trial: nothing confirms it later, and during a trial every save is refused.
   store_.revert();
   saved_ = store_.load_active(block_);
   return false;

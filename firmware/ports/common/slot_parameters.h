@@ -1,5 +1,5 @@
-// Saved parameters (0x1010) in a pair of flash slots of their own: a save that is cut short leaves
-// the old block.
+// Saved parameters (0x1010) in their own pair of flash slots: a save that is interrupted keeps the
+// old block.
 #ifndef ARMTRUE_FIRMWARE_PORTS_COMMON_SLOT_PARAMETERS_H_
 #define ARMTRUE_FIRMWARE_PORTS_COMMON_SLOT_PARAMETERS_H_
 
@@ -20,15 +20,15 @@ class SlotParameters final : public canopen::ParameterStore {
   // Reads the slots. Call once, before anything else.
   void start() { saved_ = store_.start(block_); }
 
-  // Whether what was saved last can no longer be read. Then nothing is loaded: the parameters
-  // before those are not what anybody asked for.
+  // Whether the parameters saved last can no longer be read. load() then fails: the older ones in
+  // the other slot are not the ones that were requested.
   bool is_damaged() const { return store_.has_lost_newest(); }
 
   bool load(std::span<std::uint8_t> block) override;
   bool holds_something() const override;
-  // One that fails leaves what was saved before.
+  // A save that fails keeps the parameters saved before.
   bool save(std::span<const std::uint8_t> block) override;
-  // Saves an empty note: what is not of the asked length counts as nothing saved.
+  // Saves a one-byte marker: load() treats a block of another length as nothing saved.
   bool erase() override;
 
  private:

@@ -24,7 +24,7 @@ InstructionCounter::InstructionCounter() {
   overhead_ = read() - before;
 }
 
-// Valid for 0.67 s: beyond that the counter has been round.
+// Valid for 0.67 s, after which the counter wraps around.
 [[gnu::noinline]] std::uint32_t InstructionCounter::read() {
   return (kRange - systick.read(kValue)) * kInstructionsPerTick;
 }

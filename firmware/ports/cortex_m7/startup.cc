@@ -1,4 +1,5 @@
-// Vector table of a Cortex-M7 without interrupts: the core is built and run here, no product image.
+// Vector table of a Cortex-M7 without interrupts: this port builds and runs the core of the
+// firmware, not a product image.
 #include "firmware/ports/arm/cortex_m_reset.h"
 
 namespace {

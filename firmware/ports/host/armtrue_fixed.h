@@ -1,4 +1,4 @@
-/* C interface of the firmware's core for the host: the code of the devices, called from Python.
+/* C interface of the firmware's core for the host: Python calls the same code as the devices.
  *
  * Everything is integer, in the firmware's own formats, so that host and device can be compared bit
  * for bit. Arrays are row-major; `joints` is the table's joint count. No call keeps a pointer. */
@@ -20,16 +20,16 @@ extern "C" {
 ARMTRUE_API int32_t armtrue_validate(const uint8_t* image, size_t length, const char* serial,
                                      uint8_t joints, const uint8_t* public_key, uint32_t* field);
 
-/* Instructions of a control cycle with an accepted image at most (STM32F405). */
+/* Upper bound of the instructions of a control cycle with an accepted image (STM32F405). */
 ARMTRUE_API uint32_t armtrue_cycle_cost(const uint8_t* image, size_t length);
 
-/* The most that a device takes. */
+/* Largest cycle cost that a device accepts. */
 ARMTRUE_API uint32_t armtrue_cycle_budget(void);
 
 /* The refusal's name in English; static storage. */
 ARMTRUE_API const char* armtrue_refusal_name(int32_t refusal);
 
-/* What happened to a row; combined with bitwise or. The values are those of armtrue::CycleFlags. */
+/* Flags of a row, combined with bitwise or. The values are those of armtrue::CycleFlags. */
 enum {
   ARMTRUE_MAGNITUDE_CLAMPED = 1,
   ARMTRUE_NEAR_SINGULAR = 4,
@@ -37,7 +37,7 @@ enum {
   ARMTRUE_STATE_SATURATED = 16
 };
 
-/* The surroundings of `rows` poses. A NULL member stands for its neutral value. */
+/* State of `rows` poses beside the joint positions. A NULL member stands for its neutral value. */
 typedef struct {
   const int32_t* temperature_difference; /* rows × sensors, K · 2^20 */
   const int32_t* payload;                /* rows, kg · 2^20 */

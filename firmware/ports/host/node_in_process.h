@@ -1,5 +1,5 @@
-/* C interface of a whole node on the host, its bus two queues and its flash memory: what CANopen
- * clients that nobody here wrote talk to from Python, in one process and without losing a frame.
+/* C interface of a complete node on the host, with two queues as its bus and memory as its flash.
+ * Independent CANopen clients talk to it from Python, in one process and without losing a frame.
  * For tests. One thread. */
 #ifndef ARMTRUE_FIRMWARE_PORTS_HOST_NODE_IN_PROCESS_H_
 #define ARMTRUE_FIRMWARE_PORTS_HOST_NODE_IN_PROCESS_H_
@@ -23,15 +23,15 @@ typedef struct {
 
 typedef struct armtrue_node armtrue_node;
 
-/* A node of six joints in offset mode, from factory state, powered on; its boot-up message is the
- * first that it sends. */
+/* A node of six joints in offset mode, in factory state, powered on. The first frame that it sends
+ * is its boot-up message. */
 ARMTRUE_API armtrue_node* armtrue_node_new(void);
 ARMTRUE_API void armtrue_node_free(armtrue_node* node);
 
 ARMTRUE_API uint8_t armtrue_node_id(void);
 
-/* Lets `elapsed_us` of the node's time pass, gives it a frame (NULL: none) and takes all that it
- * sends in answer. Returns how many frames that were; those beyond `room` are lost. */
+/* Advances the node's time by `elapsed_us`, gives it a frame (NULL: none) and takes all frames that
+ * it sends. Returns their number; those beyond `room` are lost. */
 ARMTRUE_API size_t armtrue_node_exchange(armtrue_node* node, const armtrue_frame* request,
                                          uint32_t elapsed_us, armtrue_frame* sent, size_t room);
 

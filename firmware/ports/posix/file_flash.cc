@@ -19,7 +19,7 @@
 namespace armtrue::posix {
 namespace {
 
-// A name that was given or taken away is on the disk only when the directory is.
+// A new or removed file name is on the disk only after its directory has been synced.
 bool sync_directory_of(const std::string& path) {
   const std::string directory = std::filesystem::path(path).parent_path().string();
   const int file =
@@ -30,7 +30,8 @@ bool sync_directory_of(const std::string& path) {
   return is_synced;
 }
 
-// Made beside and renamed: whatever happens, a file of this name is whole. False with errno.
+// Writes a temporary file and renames it, so that a file of this name is always complete. False
+// with errno on failure.
 bool replace_file(const std::string& path, std::span<const std::uint8_t> content) {
   const std::string part = path + ".part";
   const int file = open(part.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
@@ -72,7 +73,7 @@ std::string FileFlash::open(const std::string& path) {
 void FileFlash::read(std::size_t slot, std::size_t offset, std::span<std::uint8_t> data) const {
   const auto position = static_cast<off_t>(slot * slot_size_ + offset);
   if (pread(file_, data.data(), data.size(), position) != static_cast<ssize_t>(data.size())) {
-    std::fill(data.begin(), data.end(), std::uint8_t{0});  // reads as nothing valid
+    std::fill(data.begin(), data.end(), std::uint8_t{0});  // zeros are no valid slot
   }
 }
 
@@ -124,8 +125,8 @@ FolderLock::~FolderLock() {
 }
 
 std::string FolderLock::take(const std::string& folder) {
-  // A file of its own and opened for writing: network file systems lock no folder. It is never
-  // removed, since a process that waits to lock it would then lock a file that nobody else finds.
+  // A separate file, opened for writing, because network file systems cannot lock a folder. It is
+  // never removed: a process about to lock it would then lock a file that no other process finds.
   file_ = open((folder + "/lock").c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644);
   if (file_ >= 0 && flock(file_, LOCK_EX | LOCK_NB) == 0) return "";
   if (file_ >= 0 && errno == EWOULDBLOCK) {

@@ -1,6 +1,6 @@
-// Two table slots in a file, for the POSIX node. What a slot's header says reaches the disk before
-// the call returns, and never ahead of the image that it speaks of; the image's own words are left
-// to the disk until then, since waiting for each of thousands takes seconds.
+// Two table slots in a file, for the POSIX node. A header word is on the disk before the call
+// returns, and never before the image that it describes. Image words are synced only with the next
+// header word, because waiting for each of thousands takes seconds.
 #ifndef ARMTRUE_FIRMWARE_PORTS_POSIX_FILE_FLASH_H_
 #define ARMTRUE_FIRMWARE_PORTS_POSIX_FILE_FLASH_H_
 
@@ -18,7 +18,8 @@ class FileFlash final : public storage::Flash {
   FileFlash(const FileFlash&) = delete;
   FileFlash& operator=(const FileFlash&) = delete;
 
-  // Opens the file, or makes it whole. Empty if it worked, else one sentence that names it.
+  // Opens the file; if it is missing or empty, creates it with two erased slots. Empty if it
+  // worked, else one sentence that names the file.
   std::string open(const std::string& path);
 
   std::size_t slot_size() const override { return slot_size_; }
@@ -34,8 +35,8 @@ class FileFlash final : public storage::Flash {
   bool has_unsynced_ = false;  // words of an image
 };
 
-// Saved parameters in a file, replaced whole by renaming; what a call did is on the disk when it
-// returns.
+// Saved parameters in a file, replaced as a whole by renaming. A change is on the disk when the
+// call returns.
 class FileParameters final : public canopen::ParameterStore {
  public:
   explicit FileParameters(std::string path) : path_(std::move(path)) {}
@@ -49,8 +50,8 @@ class FileParameters final : public canopen::ParameterStore {
   std::string path_;
 };
 
-// A state folder for one process alone: two nodes that write the same slots and parameters would
-// undo each other's. The kernel lets go when the process ends, however it ends.
+// Exclusive lock on a state folder: two nodes that write the same slots and parameters would
+// overwrite each other's. The kernel releases the lock when the process ends, however it ends.
 class FolderLock {
  public:
   FolderLock() = default;

@@ -66,8 +66,9 @@ std::uint64_t host_us() {
          static_cast<std::uint64_t>(time.tv_nsec) / 1000U;
 }
 
-// When this life of the device began. Counted from there, as on a chip, whose clock starts at zero
-// with its reset: terms in `time` (warm_up) take it for the time since the arm was switched on.
+// Host time of the last start or reset of the device. now_us() counts from it, like a chip's clock,
+// which a reset sets to zero: terms in `time` (warm_up) take it as the time since the arm was
+// switched on.
 std::uint64_t life_began_us = 0;
 
 std::uint64_t now_us() { return host_us() - life_began_us; }
@@ -130,7 +131,7 @@ std::string parse(const std::vector<std::string>& arguments, Options& options) {
   }
   if (options.upstream.empty()) return "--upstream is needed";
   if (options.state.empty()) return "--state is needed";
-  // What the node passes on would come back to it and be passed on again, for ever.
+  // On one interface the node would receive each frame that it forwards and forward it for ever.
   if (options.downstream == options.upstream) {
     return "--downstream: '" + options.downstream +
            "' is the interface of --upstream, expected another one, or no --downstream for offset "
@@ -150,14 +151,14 @@ bool decode_key(const std::string& text, std::array<std::uint8_t, 32>& key) {
     const char* digit = std::strchr(kDigits, text[k]);
     if (digit == nullptr || *digit == '\0') return false;
     bits = bits << 6 | static_cast<std::uint32_t>(digit - kDigits);
-    // Four digits are three bytes; the last group is three digits and two bytes.
+    // Four digits encode three bytes; the last three digits encode two.
     const std::size_t whole = (k + 1) * 6 / 8;
     if (whole > done) key[done++] = static_cast<std::uint8_t>(bits >> ((k + 1) * 6 % 8));
   }
   return (bits & 3U) == 0;
 }
 
-// The file that `armtrue keygen` writes beside the secret one.
+// Reads the public key file that `armtrue keygen` writes beside the secret one. Empty if it worked.
 std::string read_key(const std::string& path, armtrue::DeviceIdentity& device) {
   if (path.empty()) return "";
   std::ifstream file(path);
@@ -172,8 +173,8 @@ std::string read_key(const std::string& path, armtrue::DeviceIdentity& device) {
   return "";
 }
 
-// Ahead of every program of the ordinary kind, and without waiting for a page of memory. Empty if
-// it worked.
+// Runs this process ahead of all ordinary processes, with its memory locked so that it never waits
+// for a page. Empty if it worked.
 std::string run_in_real_time(unsigned priority) {
   if (priority == 0) return "";
   sched_param wanted = {};
@@ -240,7 +241,7 @@ int main(int argc, char** argv) {
   std::array<pollfd, 2> waits = {{{upstream.descriptor(), POLLIN, 0}, {-1, POLLIN, 0}}};
   if (downstream) waits[1].fd = downstream->descriptor();
   while (stop_requested == 0) {
-    // From power-on to reset or stop. Everything in RAM is new.
+    // One run of the device, from power-on to reset or stop. All RAM content is new.
     life_began_us = host_us();
     const armtrue::ports::DeviceParts parts = {upstream, downstream ? &*downstream : nullptr, flash,
                                                parameters, &now_us};

@@ -172,7 +172,7 @@ void SocketCanPort::take_error_frame(std::uint32_t error_class, const std::uint8
 }
 
 BusState SocketCanPort::bus_state() {
-  // A link that comes up starts its controller anew, without a frame that says so.
+  // Taking the link up restarts the controller, but no error frame reports that.
   if (state_ == BusState::kBusOff && link_was_down_ && is_link_up()) state_ = BusState::kActive;
   return state_;
 }

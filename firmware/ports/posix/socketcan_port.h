@@ -1,5 +1,5 @@
 // A Linux SocketCAN interface as a CanPort, classic and FD. Bus-off ends when the kernel restarts
-// the controller (README.md: restart-ms) or somebody takes the link down and up.
+// the controller (README.md: restart-ms) or the link is taken down and up.
 #ifndef ARMTRUE_FIRMWARE_PORTS_POSIX_SOCKETCAN_PORT_H_
 #define ARMTRUE_FIRMWARE_PORTS_POSIX_SOCKETCAN_PORT_H_
 
@@ -17,8 +17,8 @@ class SocketCanPort final : public canopen::CanPort {
   SocketCanPort& operator=(const SocketCanPort&) = delete;
 
   // Binds to `interface`. Empty if it worked, else one sentence that names the interface.
-  // "fd:N": file descriptor N, inherited from the parent process, is a socket each message of which
-  // is a can_frame or canfd_frame: a bus without the kernel's CAN.
+  // "fd:N": file descriptor N, inherited from the parent process, is a socket whose messages are
+  // can_frame or canfd_frame: a bus without the kernel's CAN.
   std::string open(const std::string& interface);
 
   // For poll(2).
@@ -41,7 +41,7 @@ class SocketCanPort final : public canopen::CanPort {
   std::string interface_;
   bool supports_fd_ = false;
   canopen::BusState state_ = canopen::BusState::kActive;
-  bool link_was_down_ = false;  // since the controller went off
+  bool link_was_down_ = false;  // since the last bus-off
   canopen::BusCounters counters_;
   std::uint32_t kernel_drops_ = 0;
 };

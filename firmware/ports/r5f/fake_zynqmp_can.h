@@ -52,7 +52,7 @@ class FakeZynqMpCan {
     }
   }
 
-  // The bus takes the oldest frame. False where there is none or the controller takes no part.
+  // The bus takes the oldest frame. False if there is none or the controller is not enabled.
   bool transmit_one() {
     if (to_send_.empty() || !is_enabled_) return false;
     sent.push_back(to_send_.front());
@@ -68,7 +68,7 @@ class FakeZynqMpCan {
     }
   }
 
-  // As the status register has it; entering bus-off raises the interrupt.
+  // `state`: bits of the status register. Bus-off raises the interrupt.
   void set_error_state(std::uint32_t state) {
     error_state_ = state;
     if ((state & zynqmp_can::kSrStateMask) == zynqmp_can::kSrBusOff) {

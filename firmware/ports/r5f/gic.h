@@ -35,8 +35,8 @@ class Gic {
   Gic(Registers& distributor, Registers& interface)
       : distributor_(distributor), interface_(interface) {}
 
-  // Whether the controller is there: every implementation has at least one line of 32 interrupts
-  // and tells how many.
+  // Whether the controller exists: every implementation has at least one line of 32 interrupts, and
+  // its type register states the number.
   bool is_present() const { return distributor_.read(gic::kType) != 0; }
 
   // Disables every interrupt and lets the processor take those that are enabled later.
@@ -51,8 +51,8 @@ class Gic {
     interface_.write(gic::kInterfaceControl, 1);
   }
 
-  // Routes a shared peripheral interrupt (number as in UG1085, table 13-1) to this processor, all
-  // at one priority: none interrupts another.
+  // Routes a shared peripheral interrupt (number as in UG1085, table 13-1) to this processor. All
+  // have the same priority, so that none preempts another.
   void enable(std::uint32_t number) {
     constexpr std::uint32_t kMiddlePriority = 0xA0;
     constexpr std::uint32_t kThisProcessor = 1;

@@ -1,8 +1,7 @@
 // Test image: shows on a Cortex-R5F that vectors, interrupt entry and the GIC driver work together.
-// QEMU before 10.2 gives this core no interrupt controller in the Zynq UltraScale+; its RealView
+// QEMU before 10.2 gives this core no interrupt controller in the Zynq UltraScale+. QEMU's RealView
 // board takes the same core and has the same kind of controller, and a timer (SP804) to raise
-// interrupts. Ends with status 0 after kTicks interrupts that came while computing and left every
-// register as it was.
+// interrupts. Ends with status 0 if kTicks interrupts during a computation changed no register.
 #include <cstdint>
 
 #include "firmware/ports/arm/semihosting.h"
@@ -33,9 +32,10 @@ constexpr std::uint32_t kTicks = 100;
 r5f::Gic<MappedRegisters> interrupts(distributor, interface);
 volatile std::uint32_t ticks = 0;
 volatile std::uint32_t others = 0;
-volatile std::uint32_t result = 0;  // so that the work is done
+volatile std::uint32_t result = 0;  // keeps the compiler from removing the computation
 
-// What an interrupt must not disturb: all registers in use, and a value that one lost bit changes.
+// A computation that interrupts must not disturb: it uses all registers, and one lost bit changes
+// its result.
 std::uint32_t hash(std::uint32_t rounds) {
   std::uint32_t a = 1, b = 2, c = 3, d = 4, e = 5, f = 6, g = 7, h = 8;
   for (std::uint32_t i = 0; i < rounds; ++i) {
@@ -76,7 +76,7 @@ int main() {
   while (ticks < kTicks) {
     if (hash(kRounds) != expected) semihosting::exit(2);
   }
-  // Locked out, none comes; let in again, they do.
+  // No interrupt is taken while they are locked out; afterwards they are taken again.
   {
     const ports::InterruptLock lock;
     const std::uint32_t before = ticks;

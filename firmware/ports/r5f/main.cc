@@ -15,8 +15,8 @@
 #include "firmware/ports/r5f/zynqmp_can.h"
 #include "firmware/storage/ram_flash.h"
 
-// How often which way led into the controllers' handlers since the image started. For a debugger or
-// the emulator's monitor, by this name (tests/qemu.py reads it).
+// Calls of the CAN controllers' handlers since the image started, by interrupt and by polling. A
+// debugger or the emulator's monitor reads it by this name (tests/qemu.py).
 struct WaysIn {
   std::uint32_t can0_interrupts;
   std::uint32_t can1_interrupts;
@@ -35,7 +35,7 @@ using ports::MappedRegisters;
 // Shared peripheral interrupts (UG1085, table 13-1).
 constexpr std::uint32_t kCan0Interrupt = 55;
 constexpr std::uint32_t kCan1Interrupt = 56;
-constexpr std::uint32_t kCanHz = 100'000'000;  // CAN_REF as the usual configuration sets it
+constexpr std::uint32_t kCanHz = 100'000'000;  // CAN_REF in the usual configuration
 constexpr std::uint64_t kPollUs = 100;
 
 MappedRegisters can0_registers(0xFF060000);
@@ -50,7 +50,8 @@ const FifoLayout fifo_layout = is_emulated() ? FifoLayout::kEmulated : FifoLayou
 ZynqMpCan<MappedRegisters> can0(can0_registers, fifo_layout);
 ZynqMpCan<MappedRegisters> can1(can1_registers, fifo_layout);
 
-// Survives a restart of the image, not the loss of power: the unit has no flash of its own.
+// Slots in RAM, because the unit has no flash of its own. They survive a restart of the image, but
+// not the loss of power.
 constexpr std::size_t kTableSlots = 2 * (kMaxImageLength + storage::kHeaderBytes);
 constexpr std::size_t kParameterSlots = 8 * 1024;
 [[gnu::section(".noinit")]] std::array<std::uint8_t, kTableSlots> table_memory;
@@ -58,7 +59,7 @@ constexpr std::size_t kParameterSlots = 8 * 1024;
 storage::RamFlash table_flash(table_memory);
 storage::RamFlash parameter_flash(parameter_memory);
 
-// Cadence UART (UG1087, module UART): what the loader set up is used as it is.
+// Cadence UART (UG1087, module UART), with the settings that the loader made.
 void print(const char* text) {
   constexpr std::uint32_t kControl = 0x00;
   constexpr std::uint32_t kStatus = 0x2C;
@@ -76,7 +77,7 @@ void print(const char* text) {
 }
 
 // Without an interrupt controller (QEMU before 10.2 connects none to this core) the same handlers
-// are called in turn. Some time apart: every look at a device stops the whole emulator.
+// are polled. Polls are kPollUs apart, because every device access stops the whole emulator.
 void poll_controllers() {
   const std::uint64_t begin = clock_us();
   while (clock_us() - begin < kPollUs) {

@@ -11,8 +11,7 @@ namespace {
 [[gnu::section(".noinit")]] ports::ResetRecord reset_record;
 constinit ports::ResetLog log(reset_record);
 
-// Cycles of the counter in a microsecond: 500 MHz as the usual configuration sets the unit up; QEMU
-// counts nanoseconds.
+// Counter cycles per microsecond: 500 MHz in the usual configuration; QEMU counts nanoseconds.
 constexpr std::uint32_t kHardwareCycles = 500;
 constexpr std::uint32_t kEmulatedCycles = 1000;
 
@@ -61,7 +60,7 @@ void start_watchdog() {
   constexpr std::uint32_t kModeKey = 0xABCU << 12;
   constexpr std::uint32_t kControlKey = 0x248U << 14;
   constexpr std::uint32_t kEnableReset = 3;
-  // Counts the 100 MHz of the bus by 4096, from (2 + 1) * 4096 down: 0.5 s.
+  // Counts down from (2 + 1) * 4096 at the bus clock of 100 MHz divided by 4096: 0.5 s.
   constexpr std::uint32_t kReload = 2U << 2;
   constexpr std::uint32_t kBy4096 = 3;
   ports::MappedRegisters watchdog(kWatchdog);
@@ -85,11 +84,11 @@ void restart() {
 
 }  // namespace armtrue::r5f
 
-// Until the watchdog strikes.
+// Loops until the watchdog expires.
 extern "C" [[noreturn, gnu::weak]] void fault_handler() {
   armtrue::r5f::reset_log().note(armtrue::ports::ResetCause::kFault);
   for (;;) asm volatile("wfi");
 }
 
-// The first that runs: memory is not initialised yet.
+// Runs first, before memory is initialised.
 extern "C" void early_start() { armtrue::r5f::start_watchdog(); }

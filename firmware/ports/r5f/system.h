@@ -8,8 +8,8 @@
 
 namespace armtrue::r5f {
 
-// Whether this is an emulator: the clock controller of the low-power domain is not modelled and
-// reads as zero.
+// Whether this is an emulator, which does not model the clock controller of the low-power domain:
+// its registers read as zero.
 bool is_emulated();
 
 // Starts the cycle counter of the performance monitor.
@@ -21,16 +21,16 @@ std::uint64_t clock_us();
 
 void enable_interrupts();
 
-// The causes of this start and of those before it, since power came. What reset the unit from
-// outside the platform's firmware keeps to itself: such a start says kUnknown.
+// The causes of this start and of the earlier ones since power-on. The platform's firmware does not
+// tell the cause of an external reset: such a start has kUnknown.
 ports::ResetLog& reset_log();
 
-// The watchdog of the low-power domain, from the first instruction on (UG1087, module SWDT). What
-// its expiry resets is for the platform's firmware to say.
+// The watchdog of the low-power domain, from the first instruction on (UG1087, module SWDT). The
+// platform's firmware decides what its expiry resets.
 void start_watchdog();
 void feed_watchdog();
 
-// Starts the image again from its first instruction. What the bus controllers hold is lost.
+// Starts the image again from its first instruction. Frames in the CAN controllers are lost.
 [[noreturn]] void restart();
 
 }  // namespace armtrue::r5f

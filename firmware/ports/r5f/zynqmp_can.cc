@@ -8,7 +8,7 @@ using ports::ClassicFrame;
 // Identifier word of the hardware (UG1087, TXFIFO_ID).
 constexpr std::uint32_t kHighShift =
     21;  // eleven bits: all of a base identifier, the top of an extended one
-constexpr std::uint32_t kSubstituteRemote = 1U << 20;  // for a base frame the remote bit
+constexpr std::uint32_t kSubstituteRemote = 1U << 20;  // in a base frame the remote bit
 constexpr std::uint32_t kExtended = 1U << 19;
 constexpr std::uint32_t kLowShift = 1;  // eighteen bits
 constexpr std::uint32_t kLowBits = 18;

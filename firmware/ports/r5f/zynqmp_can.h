@@ -58,11 +58,11 @@ inline constexpr std::uint32_t kDlcShift = 28;
 
 }  // namespace zynqmp_can
 
-// How identifier and data stand in the FIFO registers.
+// Layout of identifier and data in the FIFO registers.
 enum class FifoLayout : std::uint8_t {
-  kHardware,  // identifier left-aligned in two fields, first data byte on top (UG1087)
-  kEmulated,  // QEMU's model (Xilinx/qemu issue 74): identifier as in SocketCAN, first data byte at
-              // the bottom
+  kHardware,  // identifier left-aligned in two fields, first data byte in the top bits (UG1087)
+  kEmulated,  // QEMU's model (Xilinx/qemu issue 74): identifier as in SocketCAN, first data byte in
+              // the bottom bits
 };
 
 // The four words of a frame in the FIFO registers.
@@ -80,14 +80,14 @@ template <ports::RegisterBlock Registers>
 class ZynqMpCan final : public canopen::CanPort {
  public:
   static constexpr std::size_t kQueue = 64;
-  // QEMU 7.2 aborts where a frame comes while its FIFO of 64 is all but full and a frame is half
+  // QEMU 7.2 aborts if a frame arrives while its FIFO of 64 is almost full and a frame is half
   // read: a burst stays well below that.
   static constexpr std::uint8_t kEmulatedBurst = 32;
 
   ZynqMpCan(Registers& registers, FifoLayout layout) : registers_(registers), layout_(layout) {}
 
-  // Resets the controller, sets the bit timing and takes part in traffic. False where the
-  // controller does not leave its configuration mode, or `timing` is not one.
+  // Resets the controller, sets the bit timing and joins the bus. False if the controller does not
+  // enter or leave its configuration mode, or `timing` has prescaler 0.
   bool start(const ports::BitTiming& timing);
 
   bool send(const canopen::CanFrame& frame) override;
@@ -99,7 +99,8 @@ class ZynqMpCan final : public canopen::CanPort {
   void recover() override;
   canopen::BusCounters counters() const override { return counters_; }
 
-  // The controller's one interrupt. Harmless without a cause, so that it can also be polled.
+  // Handler of the controller's only interrupt. Has no effect without a cause, so that it can also
+  // be polled.
   void on_interrupt();
 
  private:
@@ -152,7 +153,7 @@ bool ZynqMpCan<Registers>::send(const canopen::CanFrame& frame) {
   registers_.write(zynqmp_can::kTxFifoId, words.id);
   registers_.write(zynqmp_can::kTxFifoDlc, words.dlc);
   registers_.write(zynqmp_can::kTxFifoData1, words.data1);
-  registers_.write(zynqmp_can::kTxFifoData2, words.data2);  // the fourth word makes it a frame
+  registers_.write(zynqmp_can::kTxFifoData2, words.data2);  // the fourth word queues the frame
   count(counters_.sent);
   return true;
 }
@@ -163,7 +164,7 @@ canopen::BusState ZynqMpCan<Registers>::bus_state() {
   if (is_off_) return canopen::BusState::kBusOff;
   const std::uint32_t status = registers_.read(zynqmp_can::kSr);
   const std::uint32_t state = status & zynqmp_can::kSrStateMask;
-  // Off already, and the interrupt that takes note of it still to come.
+  // Already bus-off, but the interrupt that sets is_off_ has not been served yet.
   if (state == zynqmp_can::kSrBusOff) return canopen::BusState::kBusOff;
   if (state == zynqmp_can::kSrPassive) return canopen::BusState::kPassive;
   return (status & zynqmp_can::kSrWarning) != 0 ? canopen::BusState::kWarning
@@ -181,7 +182,7 @@ void ZynqMpCan<Registers>::on_interrupt() {
   for (std::uint32_t cause = registers_.read(zynqmp_can::kIsr) & registers_.read(zynqmp_can::kIer);
        cause != 0; cause = registers_.read(zynqmp_can::kIsr) & registers_.read(zynqmp_can::kIer)) {
     if ((cause & zynqmp_can::kIrqReceiveNotEmpty) != 0) {
-      FifoWords words;  // each reading takes a word: once each, in this order
+      FifoWords words;  // a reading removes the word: read each once, in this order
       words.id = registers_.read(zynqmp_can::kRxFifoId);
       words.dlc = registers_.read(zynqmp_can::kRxFifoDlc);
       words.data1 = registers_.read(zynqmp_can::kRxFifoData1);

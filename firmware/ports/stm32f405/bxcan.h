@@ -1,9 +1,9 @@
 // bxCAN, the CAN controller of the STM32F405 (ST RM0090, section 32).
 //
-// Frames leave in the order in which they were queued (TXFP), whatever their identifiers: a queue
-// of 32 in front of the three mailboxes. Received frames wait in a queue of 32 behind the three
-// places of FIFO 0. Bus-off is left only on recover() (ABOM is off), so that the node decides, and
-// knows.
+// A queue of 32 frames feeds the three mailboxes. Frames leave in the order in which they were
+// queued (TXFP), whatever their identifiers. Received frames wait in a queue of 32 behind the three
+// places of FIFO 0. Bus-off ends only through recover() (ABOM is off), so that the node decides
+// about it.
 #ifndef ARMTRUE_FIRMWARE_PORTS_STM32F405_BXCAN_H_
 #define ARMTRUE_FIRMWARE_PORTS_STM32F405_BXCAN_H_
 
@@ -76,7 +76,7 @@ constexpr std::uint32_t tsr_empty(std::uint32_t mailbox) { return 1U << (26 + ma
 }  // namespace bxcan
 
 // Lets every frame through to FIFO 0, on both controllers: the first 14 filter banks belong to
-// CAN1, the rest to CAN2. The filters of both stand in the registers of CAN1. Call before either
+// CAN1, the rest to CAN2. The filters of both are in the registers of CAN1. Call before either
 // controller starts.
 template <ports::RegisterBlock Registers>
 void accept_all_frames(Registers& can1) {
@@ -102,13 +102,13 @@ class BxCan final : public canopen::CanPort {
 
   explicit BxCan(Registers& registers) : registers_(registers) {}
 
-  // Sets the bit timing and takes part in traffic. False where the controller does not answer
-  // (there is none) or `timing` is not one; the bus may be silent or absent.
+  // Sets the bit timing and joins the bus. False if the controller does not answer (there is none)
+  // or `timing` has prescaler 0; the bus may be silent or absent.
   bool start(const ports::BitTiming& timing);
 
   bool send(const canopen::CanFrame& frame) override;
   bool receive(canopen::CanFrame& frame) override { return ports::take_received(received_, frame); }
-  // Behind the three mailboxes. An interrupt meanwhile only makes the answer old.
+  // True if frames wait for a mailbox. Needs no lock: an interrupt only makes the answer outdated.
   bool has_backlog() override { return !to_send_.empty(); }
   canopen::BusState bus_state() override;
   void recover() override;
@@ -141,7 +141,7 @@ template <ports::RegisterBlock Registers>
 bool BxCan<Registers>::start(const ports::BitTiming& timing) {
   constexpr std::uint32_t kPolls = 100000;  // some milliseconds: a frame on the bus must end first
   if (timing.prescaler == 0) return false;
-  registers_.write(bxcan::kMcr, bxcan::kMcrInrq);  // leaves sleep too
+  registers_.write(bxcan::kMcr, bxcan::kMcrInrq);  // also ends sleep mode
   if (!ports::wait_for(registers_, bxcan::kMsr, bxcan::kMsrInak, bxcan::kMsrInak, kPolls)) {
     return false;
   }
@@ -187,8 +187,8 @@ canopen::BusState BxCan<Registers>::bus_state() {
   return canopen::BusState::kActive;
 }
 
-// The recovery sequence begins when the controller has been in initialisation and leaves it
-// (32.7.6). Entering takes as long as the hardware likes: bus_state() takes the next step.
+// The recovery sequence begins when the controller leaves initialisation mode (32.7.6). The time
+// that it takes to enter this mode is not bounded: bus_state() takes the next step.
 template <ports::RegisterBlock Registers>
 void BxCan<Registers>::recover() {
   const ports::InterruptLock lock;
@@ -226,7 +226,7 @@ void BxCan<Registers>::on_receive_interrupt() {
     if ((fifo & bxcan::kRf0rPending) == 0) return;
     count(received_.push(read_fifo()) ? counters_.received : counters_.receive_overruns);
     registers_.write(bxcan::kRf0r, bxcan::kRf0rRelease);
-    // The hardware clears the request when the next frame stands in the registers.
+    // The hardware clears the request when the registers hold the next frame.
     constexpr std::uint32_t kPolls = 100;
     ports::wait_for(registers_, bxcan::kRf0r, bxcan::kRf0rRelease, 0, kPolls);
   }
@@ -274,7 +274,7 @@ ports::ClassicFrame BxCan<Registers>::read_fifo() const {
   return frame;
 }
 
-// Also where nobody handles the status interrupt in time: each entry is counted once.
+// Counts each entry into bus-off once, also if the status interrupt is not handled in time.
 template <ports::RegisterBlock Registers>
 void BxCan<Registers>::note_bus_off() {
   const bool now = is_bus_off();

@@ -23,8 +23,8 @@ class FakeBxCan {
   };
 
   bool is_present = true;
-  // Readings of any register until the controller acknowledges that it enters or leaves
-  // initialisation.
+  // Number of register reads after which the controller acknowledges that it enters or leaves
+  // initialisation mode.
   int acknowledge_after = 3;
 
   std::uint32_t read(std::uint32_t offset) const {
@@ -77,7 +77,7 @@ class FakeBxCan {
     return true;
   }
 
-  // A frame arrives from the bus; the fourth that nobody takes is lost.
+  // A frame arrives from the bus. It is lost if three frames wait in the FIFO.
   void deliver(const Mailbox& frame) {
     if (fifo_.size() == 3) {
       overrun_ = true;

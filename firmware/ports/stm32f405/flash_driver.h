@@ -1,8 +1,8 @@
 // Two table slots (or two parameter slots) in the flash of the STM32F405 (ST RM0090, section 3).
 //
 // A slot is one sector of 128 KiB. Erasing takes 1 to 2 s and programming a word 16 µs (DS8626,
-// table 40), during which the processor stalls on its next fetch from flash: interrupts too. The
-// caller erases only at rest, and the watchdog must allow for it.
+// table 40). Meanwhile the processor, interrupts included, stalls on its next fetch from flash. The
+// caller erases only while the arm is at rest, and the watchdog timeout must be longer than that.
 #ifndef ARMTRUE_FIRMWARE_PORTS_STM32F405_FLASH_DRIVER_H_
 #define ARMTRUE_FIRMWARE_PORTS_STM32F405_FLASH_DRIVER_H_
 
@@ -45,7 +45,7 @@ constexpr std::uintptr_t sector_address(std::uint32_t sector) {
 
 }  // namespace flash
 
-// The memory itself; a test has a model of it.
+// Access to the flash memory itself. A test substitutes a model.
 template <typename T>
 concept FlashArray = requires(T array, const T constant, std::uintptr_t address,
                               std::uint32_t word) {
@@ -66,13 +66,13 @@ class MappedFlashArray {
 template <ports::RegisterBlock Registers, FlashArray Array>
 class FlashDriver final : public storage::Flash {
  public:
-  // `first_sector` and the next one (5 to 11) are the slots. `polls` bounds every wait: far beyond
-  // the longest erase.
+  // `first_sector` and the next one (5 to 11) are the slots. `polls` bounds every wait; the default
+  // is far longer than the longest erase.
   FlashDriver(Registers& registers, Array& array, std::uint32_t first_sector,
               std::uint32_t polls = 1'000'000'000)
       : registers_(registers), array_(array), first_sector_(first_sector), polls_(polls) {}
 
-  // Whether there is a flash controller: it starts locked.
+  // Whether there is a flash controller: a real one is locked after reset.
   bool is_present() const { return (registers_.read(flash::kCr) & flash::kCrLock) != 0; }
 
   std::size_t slot_size() const override { return flash::kSectorBytes; }
@@ -142,7 +142,7 @@ bool FlashDriver<Registers, Array>::erase(std::size_t slot) {
   registers_.write(flash::kCr, command);
   registers_.write(flash::kCr, command | flash::kCrStart);
   const bool erased = end();
-  // The data cache may still hold what was there (3.5.3); it is reset only while it is off.
+  // The data cache may still hold the old content (3.5.3); it can be reset only while it is off.
   const std::uint32_t control = registers_.read(flash::kAcr);
   registers_.write(flash::kAcr, control & ~flash::kAcrDataCache);
   registers_.write(flash::kAcr, (control & ~flash::kAcrDataCache) | flash::kAcrDataCacheReset);

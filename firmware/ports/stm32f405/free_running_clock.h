@@ -1,7 +1,7 @@
 // The device's time: the timer TIM2, which counts microseconds in 32 bits (ST RM0090, section 18).
 //
-// The timer counts in hardware whatever the core does. A count of millisecond interrupts would lose
-// the one to two seconds for which the erase of a flash sector stalls the core.
+// The timer counts in hardware, independent of the core. A count of millisecond interrupts would
+// lose the one to two seconds for which the erase of a flash sector stalls the core.
 #ifndef ARMTRUE_FIRMWARE_PORTS_STM32F405_FREE_RUNNING_CLOCK_H_
 #define ARMTRUE_FIRMWARE_PORTS_STM32F405_FREE_RUNNING_CLOCK_H_
 
@@ -26,7 +26,7 @@ class FreeRunningClock {
  public:
   explicit constexpr FreeRunningClock(Timer& timer) : timer_(timer) {}
 
-  // `timer_hz`: what drives the timer, a whole number of megahertz. The timer must be powered.
+  // `timer_hz`: clock of the timer, a whole number of megahertz. It must be enabled.
   void start(std::uint32_t timer_hz) {
     namespace b = timer_bits;
     timer_.write(b::kPsc, timer_hz / 1'000'000 - 1);
@@ -35,8 +35,8 @@ class FreeRunningClock {
     timer_.write(b::kCr1, b::kCr1Enable);
   }
 
-  // Microseconds since start(), never less than before. Two calls must be less than 71 minutes
-  // apart, or a turn of the counter is missed. Not for interrupts.
+  // Microseconds since start(), never decreasing. Two calls must be less than 71 minutes apart, or
+  // an overflow of the counter is missed. Must not be called from interrupts.
   std::uint64_t now_us() {
     const std::uint32_t count = timer_.read(timer_bits::kCnt);
     now_us_ += count - counted_;

@@ -1,5 +1,5 @@
-// Flash slots whose erase the independent watchdog allows for and which nobody writes at a low
-// supply.
+// Flash slots that are not written at a low supply voltage, with a longer timeout of the
+// independent watchdog during an erase.
 #ifndef ARMTRUE_FIRMWARE_PORTS_STM32F405_GUARDED_FLASH_H_
 #define ARMTRUE_FIRMWARE_PORTS_STM32F405_GUARDED_FLASH_H_
 
@@ -12,8 +12,8 @@
 namespace armtrue::stm32f405 {
 
 // An erase stalls the core: it happens only while the drives are disabled (the node refuses it
-// otherwise), and the independent watchdog allows for it. The window watchdog stands for the whole
-// of the request that erases (main.cc).
+// otherwise), and the independent watchdog gets a longer timeout. The window watchdog is paused for
+// the whole request that erases (main.cc).
 template <typename Slots, typename Independent, typename Detector>
 class GuardedFlash final : public storage::Flash {
  public:

@@ -16,7 +16,7 @@ InstructionCounter::InstructionCounter() {
   overhead_ = after - before;
 }
 
-// Not inlined: the cost that the constructor measures is the cost that every later reading has.
+// Not inlined, so that every reading costs what the constructor measured.
 [[gnu::noinline]] std::uint32_t InstructionCounter::read() { return stm32f405::tim2().cnt; }
 
 }  // namespace armtrue::ports

@@ -1,6 +1,6 @@
 // The compensator on the STM32F405: inline between CAN1 (controller) and CAN2 (drives), or between
-// two serial ports in SLCAN where there is no CAN (an emulator), no crystal, or the jumper BOOT1 is
-// set.
+// two serial ports in SLCAN if there is no CAN (an emulator) or no crystal, or if the jumper BOOT1
+// is set.
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
@@ -55,7 +55,7 @@ Independent watchdog(iwdg_registers);
 Window window_watchdog(wwdg_registers, rcc_registers);
 Detector voltage(pwr_registers, exti_registers);
 
-// The device is on CAN or on serial lines, never on both: one memory for either's queues.
+// The device uses CAN or serial lines, never both: their queues share one memory.
 struct CanLines {
   BxCan<MappedRegisters> first{can1_registers};
   BxCan<MappedRegisters> second{can2_registers};
@@ -78,7 +78,7 @@ SectorFlash parameter_sectors(flash_registers, flash_array, kParameterSector);
 SlotFlash table_flash(table_sectors, watchdog, voltage);
 SlotFlash parameter_flash(parameter_sectors, watchdog, voltage);
 
-// Beyond the SRAM of the chip; the emulated board has memory there, and keeps it over a restart.
+// Beyond the SRAM of the chip. The emulated board has memory there that survives a restart.
 constexpr std::uintptr_t kEmulatedMemory = 0x20020000;
 constexpr std::size_t kEmulatedTables = 2 * (kMaxImageLength + storage::kHeaderBytes);
 constexpr std::size_t kEmulatedParameters = 8 * 1024;
@@ -87,7 +87,7 @@ storage::RamFlash emulated_tables(std::span(reinterpret_cast<std::uint8_t*>(kEmu
 storage::RamFlash emulated_parameters(std::span(
     reinterpret_cast<std::uint8_t*>(kEmulatedMemory + kEmulatedTables), kEmulatedParameters));
 
-// A signature takes longer than the window, and so does programming a table.
+// Checking a signature takes longer than the watchdog's window, and so does programming a table.
 void note_long_request(bool begins) {
   begins ? window_watchdog.pause(clock_us()) : window_watchdog.resume(clock_us());
 }
@@ -152,7 +152,7 @@ void voltage_handler() {
 
 namespace {
 
-// Apart from main(), so that what it needs of the stack is free again while the device runs.
+// Separate from main(), so that its stack frame is free again while the device runs.
 [[gnu::noinline]] ports::Device& make_device() {
   const ClockSource source = start_clocks();
   if (source == ClockSource::kCrystal) {
@@ -209,7 +209,7 @@ void note_health(bool has_memory_protection) {
 }  // namespace
 
 int main() {
-  watchdog.set_timeout(Independent::kUsualMs);  // it runs since the first instruction
+  watchdog.set_timeout(Independent::kUsualMs);  // already running since the first instruction
   note_health(start_protection());
   ports::Device& device = make_device();
   device.start();

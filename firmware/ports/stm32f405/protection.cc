@@ -39,7 +39,7 @@ constexpr std::uint32_t kCfsrBusAddress = 1U << 15;
 [[gnu::section(".noinit")]] ports::ResetRecord reset_record;
 constinit ports::ResetLog log(reset_record);
 
-// RM0090, 2.3. Where nothing stands is no access.
+// RM0090, 2.3. Addresses outside these regions cannot be accessed.
 constexpr std::array kFixedRegions = {
     MpuRegion{0x08000000, 1U << 20, Access::kReadOnly, Memory::kNormal, true},
     MpuRegion{0x08080000, 1U << 19, Access::kReadWrite},  // slots of parameters and tables
@@ -57,7 +57,8 @@ bool start_protection() {
   log.start(take_reset_cause(rcc));
 
   MappedRegisters system(kSystemControl);
-  // Vectors from the image itself: the null page, where it appears as well, is nobody's.
+  // Vectors are read at the image's own address, because its alias in the null page is not
+  // accessible.
   system.write(kVtor, kFixedRegions[0].base);
   ports::set_bits(system, kShcsr, kShcsrFaults);
 
@@ -83,13 +84,13 @@ void restart(ResetCause cause) {
 
 extern "C" {
 
-// The independent watchdog runs with its shortest usual time, 0.5 s, before anything else can hang.
+// Starts the independent watchdog, with its timeout after reset of 0.5 s, before any code can hang.
 void early_start() {
   using namespace armtrue;
   ports::MappedRegisters(0x40003000).write(stm32f405::iwdg_bits::kKr, stm32f405::iwdg_bits::kStart);
 }
 
-// The cause and the place of a fault outlive it; nothing else could be trusted to go on.
+// Records the cause and the place of a fault and resets: after a fault no other state is trusted.
 [[noreturn]] void processor_fault_handler(const std::uint32_t* frame) {
   using namespace armtrue;
   using namespace armtrue::stm32f405;
@@ -106,8 +107,9 @@ void early_start() {
   restart(cause);
 }
 
-// The clock security system has gone to the internal oscillator, 1 % off: too far for CAN. The
-// device starts again and stays off the buses until the crystal runs (docs/installation.md).
+// The clock security system has switched to the internal oscillator, whose error of 1 % is too
+// large for CAN. The device restarts and stays off the buses until the crystal runs
+// (docs/installation.md).
 void nmi_handler() {
   using namespace armtrue;
   using namespace armtrue::stm32f405;

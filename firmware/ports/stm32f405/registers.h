@@ -1,4 +1,4 @@
-// The registers that set the chip up (ST RM0090; section numbers beside each block). Peripherals
+// Registers for the set-up of the chip (ST RM0090; section numbers beside each block). Peripherals
 // with a driver of their own are reached through ports::RegisterBlock, so that a test can model
 // them.
 #ifndef ARMTRUE_FIRMWARE_PORTS_STM32F405_REGISTERS_H_
@@ -18,7 +18,7 @@ struct RccRegisters {  // 7.3
   Register bdcr, csr;
 };
 
-struct FlashInterfaceRegisters {  // 3.9; erasing and programming is flash_driver.h's
+struct FlashInterfaceRegisters {  // 3.9; flash_driver.h erases and programs
   Register acr;
 };
 

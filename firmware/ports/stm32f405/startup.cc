@@ -2,7 +2,7 @@
 #include "firmware/ports/arm/cortex_m_reset.h"
 
 extern "C" {
-// An image defines those that it uses.
+// Weak: an image defines the handlers that it uses.
 [[gnu::weak]] void voltage_handler() { default_handler(); }
 [[gnu::weak]] void can1_tx_handler() { default_handler(); }
 [[gnu::weak]] void can1_rx0_handler() { default_handler(); }

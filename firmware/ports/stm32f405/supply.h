@@ -1,5 +1,5 @@
-// Supply, clock and start of the STM32F405: what the chip says and what it is told to watch (ST
-// RM0090; sections beside each).
+// Reset cause, option bytes and supervision of supply and clock of the STM32F405 (ST RM0090;
+// sections beside each).
 #ifndef ARMTRUE_FIRMWARE_PORTS_STM32F405_SUPPLY_H_
 #define ARMTRUE_FIRMWARE_PORTS_STM32F405_SUPPLY_H_
 
@@ -38,7 +38,7 @@ inline constexpr std::uint32_t kExtiImr = 0x00;
 inline constexpr std::uint32_t kExtiRtsr = 0x08;
 inline constexpr std::uint32_t kExtiPr = 0x14;
 inline constexpr std::uint32_t kExtiDetector = 1U << 16;
-// Option bytes as the chip took them at its reset (3.9.6).
+// Option bytes as loaded at reset (3.9.6).
 inline constexpr std::uint32_t kFlashOptcr = 0x14;
 inline constexpr std::uint32_t kOptcrBrownOutMask = 3U << 2;  // 0: level 3, 2.7 V and more; 3: off
 inline constexpr std::uint32_t kOptcrSoftwareWatchdog = 1U << 5;
@@ -47,8 +47,8 @@ inline constexpr std::uint32_t kOptcrReadProtectionNone = 0xAAU << 8;
 inline constexpr std::uint32_t kOptcrCodeSectors = 0xFFU << 16;  // 0 to 7; a zero protects
 }  // namespace supply_bits
 
-// What reset the chip; clears the flags for the next. The first that fits: power on sets the flags
-// of the pin and of brown-out as well, and every reset pulls the pin.
+// Cause of the last reset; clears the flags for the next one. The order of the tests matters:
+// power-on sets the flags of the pin and of brown-out as well, and every reset pulls the pin.
 template <ports::RegisterBlock Rcc>
 ports::ResetCause take_reset_cause(Rcc& rcc) {
   using ports::ResetCause;
@@ -64,20 +64,19 @@ ports::ResetCause take_reset_cause(Rcc& rcc) {
   return ResetCause::kUnknown;
 }
 
-// Tells when the supply falls below 2.9 V: flash is programmed a word at a time, which needs 2.7 V
-// (3.6.2), and the brown-out reset follows at that level. Nothing is erased or programmed
-// meanwhile.
+// Detects a supply below 2.9 V, where nothing is erased or programmed: programming flash a word at
+// a time needs 2.7 V (3.6.2), and the brown-out reset follows at that level.
 template <ports::RegisterBlock Pwr, ports::RegisterBlock Exti>
 class VoltageDetector {
  public:
   constexpr VoltageDetector(Pwr& pwr, Exti& exti) : pwr_(pwr), exti_(exti) {}
 
-  // The power controller must have its clock.
+  // The clock of the power controller must be enabled.
   void start() {
     namespace b = supply_bits;
     pwr_.write(b::kPwrCr,
                (pwr_.read(b::kPwrCr) & ~b::kCrLevelMask) | b::kCrLevel2V9 | b::kCrDetector);
-    ports::set_bits(exti_, b::kExtiRtsr, b::kExtiDetector);  // rises where the supply falls
+    ports::set_bits(exti_, b::kExtiRtsr, b::kExtiDetector);  // rises when the supply falls
     ports::set_bits(exti_, b::kExtiImr, b::kExtiDetector);
   }
 
@@ -98,13 +97,13 @@ class VoltageDetector {
   volatile std::uint32_t dips_ = 0;
 };
 
-// From here on a crystal that fails raises NMI; the chip has then gone to its internal oscillator.
+// After this call a failure of the crystal raises NMI, and the chip uses its internal oscillator.
 template <ports::RegisterBlock Rcc>
 void start_clock_security(Rcc& rcc) {
   ports::set_bits(rcc, supply_bits::kRccCr, supply_bits::kCrClockSecurity);
 }
 
-// In NMI: whether the crystal failed. Clears it.
+// For the NMI handler: whether the crystal failed. Clears the flag.
 template <ports::RegisterBlock Rcc>
 bool take_clock_failure(Rcc& rcc) {
   if ((rcc.read(supply_bits::kRccCir) & supply_bits::kCirClockFailed) == 0) return false;
@@ -112,8 +111,8 @@ bool take_clock_failure(Rcc& rcc) {
   return true;
 }
 
-// What of the chip's option bytes does not protect as docs/flashing.md asks; bits of 0x2040 sub 8
-// that stay 0.
+// Option bytes of the chip. Each protection of docs/flashing.md that they lack leaves its bit of
+// 0x2040 sub 8 at 0.
 struct OptionBytes {
   std::uint32_t word;
 

@@ -22,7 +22,7 @@ namespace armtrue::stm32f405 {
 namespace {
 
 constexpr std::uint32_t kTicksPerMs = kCoreHz / 1000;
-// Timers of a divided bus run at twice its clock (7.2). QEMU's run at 1 GHz.
+// Timers on a divided bus run at twice its clock (7.2), in QEMU at 1 GHz.
 constexpr std::uint32_t kTim2Hz = 2 * kApb1Hz;
 constexpr std::uint32_t kEmulatedTim2Hz = 1'000'000'000;
 constexpr std::uint32_t kPolls = 100'000;  // some ten milliseconds at 16 MHz; a crystal needs two
@@ -62,7 +62,7 @@ void set_alternate(GpioRegisters& gpio, std::uint32_t pin, std::uint32_t functio
   const std::uint32_t nibble = 4 * (pin % 8);
   gpio.afr[pin / 8] = (gpio.afr[pin / 8] & ~(0xFU << nibble)) | (function << nibble);
   gpio.ospeedr = gpio.ospeedr | (2U << pair);
-  gpio.pupdr = (gpio.pupdr & ~(3U << pair)) | (1U << pair);  // up: recessive, idle
+  gpio.pupdr = (gpio.pupdr & ~(3U << pair)) | (1U << pair);  // pull-up: recessive, idle
   gpio.moder = (gpio.moder & ~(3U << pair)) | (2U << pair);
 }
 
@@ -116,7 +116,8 @@ bool serial_is_requested() { return (gpio_b().idr & (1U << 2)) != 0; }
 void wake() { is_awake = true; }
 
 void sleep() {
-  // A pending interrupt ends WFI even while interrupts are locked out, so none can slip in between.
+  // A pending interrupt ends WFI even while interrupts are locked out, so that none is missed
+  // between the test and WFI.
   const ports::InterruptLock lock;
   if (!is_awake) asm volatile("wfi" : : : "memory");
   is_awake = false;

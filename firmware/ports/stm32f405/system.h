@@ -20,8 +20,8 @@ enum class ClockSource : std::uint8_t {
 // and starts the clock and the tick that wakes the core every millisecond.
 ClockSource start_clocks();
 
-// Microseconds since start_clocks(), never less than before, also over the erase of a flash sector.
-// Not for interrupts.
+// Microseconds since start_clocks(), never decreasing; counts on during the erase of a flash
+// sector. Must not be called from interrupts.
 std::uint64_t clock_us();
 
 // Routes CAN1 to PB8/PB9, CAN2 to PB12/PB13, USART1 to PA9/PA10, USART2 to PA2/PA3, and powers
@@ -35,14 +35,15 @@ void enable_interrupt(std::uint32_t number);
 // Whether the jumper BOOT1 (PB2) asks for the serial ports instead of CAN.
 bool serial_is_requested();
 
-// Tells sleep() that there is something to do. Called by every interrupt.
+// Makes the next sleep() return at once. Called by every interrupt handler.
 void wake();
 
-// Stops the core until an interrupt has come since the last call; the millisecond tick is one.
+// Stops the core until an interrupt comes; returns at once if one has come since the last call. The
+// millisecond tick is one.
 void sleep();
 
-// The output PB0: high while the joint path is sound. It falls by itself with every reset and
-// without power, and holds the bypass relay of docs/installation.md.
+// Sets the output PB0, which holds the bypass relay of docs/installation.md: high while the joint
+// path is sound. A reset or a loss of power sets it low.
 void show_health(bool is_sound);
 
 }  // namespace armtrue::stm32f405

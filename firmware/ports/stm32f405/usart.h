@@ -41,7 +41,7 @@ class Usart final : public ports::ByteStream {
 
   explicit Usart(Registers& registers) : registers_(registers) {}
 
-  // `clock_hz`: of the peripheral's bus. The rate is exact to clock / rate rounded to an integer.
+  // `clock_hz`: of the peripheral's bus. The rate is the clock divided by an integer.
   void start(std::uint32_t clock_hz, std::uint32_t bits_per_second) {
     registers_.write(usart::kCr1, 0);
     registers_.write(usart::kBrr, (clock_hz + bits_per_second / 2) / bits_per_second);
@@ -69,18 +69,18 @@ class Usart final : public ports::ByteStream {
 
   void on_interrupt() { serve(); }
 
-  // Times that bytes came faster than they were taken.
+  // Number of overruns: bytes came faster than they were read.
   std::uint32_t overruns() const { return overruns_; }
 
  private:
   static constexpr std::uint32_t kRunning =
       usart::kCr1Enable | usart::kCr1Transmit | usart::kCr1Receive;
 
-  // write() calls it too: QEMU 7.2 raises no interrupt for an empty transmitter.
+  // Also called by write(), because QEMU 7.2 raises no interrupt for an empty transmitter.
   void serve() {
     const std::uint32_t status = registers_.read(usart::kSr);
-    // Reading the data register ends the request, and an overrun with it (30.6.1). With a full
-    // queue the byte is left where it is: a line with flow control then holds the sender.
+    // Reading the data register clears the request and an overrun (30.6.1). While the queue is full
+    // the byte stays in the register, so that a line with flow control stops the sender.
     if ((status & (usart::kSrReceived | usart::kSrOverrun)) != 0 && received_.room() > 0) {
       received_.push(static_cast<std::uint8_t>(registers_.read(usart::kDr)));
       if ((status & usart::kSrOverrun) != 0) ++overruns_;

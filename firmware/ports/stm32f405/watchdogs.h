@@ -1,12 +1,12 @@
-// The two watchdogs of the STM32F405. Neither can be stopped once it runs.
+// The two watchdogs of the STM32F405. Neither can be disabled once it runs.
 //
-// The independent one (RM0090, section 21) has an oscillator of its own and runs from the first
-// instruction on (early_start() in protection.cc): a start that hangs is reset as well.
+// The independent one (RM0090, section 21) has its own oscillator and runs from the first
+// instruction on (early_start() in protection.cc), so that a start that hangs is reset as well.
 //
-// The window watchdog (section 22) watches the joint path: it is fed every 25 ms of the program's
-// clock, and resets where the next feeding comes within 12.5 ms or not within 49.9 ms of its own.
-// So a loop that runs wild, a clock that stands or runs too fast, and a path that hangs all end. It
-// stands while a request of a resting arm may take long.
+// The window watchdog (section 22) supervises the joint path. It is fed every 25 ms of the
+// program's clock and resets the chip if the next feeding comes within 12.5 ms or not within
+// 49.9 ms of its own clock. This detects a runaway loop, a clock that stops or runs too fast, and a
+// path that hangs. It is paused during requests that may take long while the arm is at rest.
 #ifndef ARMTRUE_FIRMWARE_PORTS_STM32F405_WATCHDOGS_H_
 #define ARMTRUE_FIRMWARE_PORTS_STM32F405_WATCHDOGS_H_
 
@@ -39,14 +39,14 @@ class IndependentWatchdog {
 
   void feed() { registers_.write(iwdg_bits::kKr, iwdg_bits::kFeed); }
 
-  // Starts it where it does not run yet. Also feeds.
+  // Starts the watchdog if it does not run yet. Also feeds it.
   void set_timeout(std::uint32_t milliseconds) {
     constexpr std::uint32_t kPolls = 100'000;  // six periods of the slowest prescaler take 50 ms
     registers_.write(iwdg_bits::kKr, iwdg_bits::kStart);
     registers_.write(iwdg_bits::kKr, iwdg_bits::kUnlock);
     registers_.write(iwdg_bits::kPr, iwdg_bits::kBy256);
     registers_.write(iwdg_bits::kRlr, milliseconds / iwdg_bits::kStepMs);
-    // The new values hold once the status is clear, and the feeding loads them.
+    // The new values are valid once the status is clear; feeding loads them.
     ports::wait_for(registers_, iwdg_bits::kSr, 3U, 0, kPolls);
     feed();
   }
@@ -81,20 +81,20 @@ class WindowWatchdog {
     runs_ = true;
   }
 
-  // Called by every sound turn of the joint path; feeds when it is time.
+  // Called in every loop with a sound joint path; feeds when it is time.
   void feed(std::uint64_t now_us) {
     if (!runs_ || now_us - fed_us_ < kFeedEveryUs) return;
     fed_us_ = now_us;
     registers_.write(wwdg_bits::kCr, wwdg_bits::kActive | wwdg_bits::kFull);
   }
 
-  // Its clock stands while a request may take long (a signature, programming and erasing flash) and
-  // no joint is commanded; the independent watchdog guards that.
+  // Stops the watchdog's clock while a request may take long (signature check, programming and
+  // erasing flash) and no joint is commanded. The independent watchdog supervises that time.
   void pause(std::uint64_t now_us) {
     paused_us_ = now_us;
     ports::clear_bits(rcc_, wwdg_bits::kRccApb1Enr, wwdg_bits::kRccApb1Watchdog);
   }
-  // What is left until the next feeding is as it was: sooner would be too early.
+  // Keeps the time left until the next feeding: an earlier feeding would cause a reset.
   void resume(std::uint64_t now_us) {
     fed_us_ += now_us - paused_us_;
     ports::set_bits(rcc_, wwdg_bits::kRccApb1Enr, wwdg_bits::kRccApb1Watchdog);

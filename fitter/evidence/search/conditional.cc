@@ -15,13 +15,13 @@ double log_normal_cdf(double z) {
   return -0.5 * z * z - std::log(-z) - 0.9189385332046727;
 }
 
-// What runs against its load by this cosine or more carries it, whatever else its shape does; what
-// runs along with it is hardly this effect.
+// An effect carries its load if its cosine with the load is at most −kCarries, whatever else its
+// shape does. With a cosine above 0 the terms are hardly this effect.
 constexpr double kCarries = 0.5;
 constexpr double kHardly = 10.0;       // log odds
-constexpr double kLeastCarried = 0.1;  // of the load: less is not worth building
-// Of waves of any phase a third run against their load that well: those that do are as much
-// likelier.
+constexpr double kLeastCarried = 0.1;  // of the load's own deflection: less is not worth building
+// A third of waves with random phase act against their load that well, so those that do are three
+// times as probable.
 constexpr double kCarrySeldom = 1.0986122886681098;  // log 3
 
 double carrying_term(const Carrying& carrying, const Eigen::VectorXd& coefficient) {
@@ -33,9 +33,10 @@ double carrying_term(const Carrying& carrying, const Eigen::VectorXd& coefficien
                              std::clamp(1.0 - share / kLeastCarried, 0.0, 1.0));
 }
 
-// Log of how much more probable the signs that physics demands make the coefficients. With the
-// prior's variance `square` and the Cholesky factor L of (posterior precision × square), `half` is
-// L⁻¹ × gradient, and column i of `own` is L⁻¹ × the combination of coefficients in rule i.
+// Log of the factor by which the sign rules change the evidence: the posterior probability that
+// each rule is met over the prior one, ½. With the prior's variance `square` and the Cholesky
+// factor L of (posterior precision × square), `half` is L⁻¹ × gradient, and column i of `own` is
+// L⁻¹ × the combination of coefficients in rule i.
 double sign_term(const std::vector<SignRule>& rules, const Eigen::Ref<const Eigen::VectorXd>& half,
                  const Eigen::Ref<const Eigen::MatrixXd>& own, double square, double noise) {
   double sum = 0.0;
@@ -66,7 +67,7 @@ void weigh_shape(const SearchProblem& problem, const SearchBlock& own,
     Eigen::MatrixXd root = square * inner;
     root.diagonal().array() += 1.0;
     result.choices.push_back({index, static_cast<int>(s)});
-    // Rounding alone can take definiteness from what another block explains already.
+    // Rounding can make the matrix indefinite if another block already explains the same.
     const Cholesky factor(std::move(root));
     if (!factor.ok()) {
       result.log_weight.push_back(-std::numeric_limits<double>::infinity());

@@ -1,4 +1,4 @@
-// One block of a search given all others: how probable each of its sizes is, and its absence.
+// Distribution of one block of a search given all others: its absence, and each of its prior sizes.
 #pragma once
 
 #include <compare>
@@ -9,7 +9,7 @@
 
 namespace armtrue {
 
-/// A block's presence: which of its prior shapes, at which of that shape's sizes.
+/// A block's presence, with one of its prior shapes at one of that shape's sizes, or its absence.
 struct Choice {
   int shape = -1, scale = -1;  // −1: absent
   bool is_present() const { return shape >= 0; }
@@ -19,19 +19,19 @@ struct Choice {
 /// log Σ exp.
 double log_sum(const std::vector<double>& terms);
 
-/// What a block may be, and how probable that is.
+/// The choices of a block and their weights.
 struct Conditional {
   std::vector<Choice> choices;      ///< the first is absence
   std::vector<double> log_weight;   ///< log evidence with its prior, up to a common constant
-  std::vector<double> log_physics;  ///< the part of it that signs and loads of coefficients make
+  std::vector<double> log_physics;  ///< the part of it from sign rules and carried loads
   double probability() const { return -std::expm1(log_weight.front() - log_sum(log_weight)); }
 };
 
-/// Log evidence of a model that leaves `squares`, up to what all models share: the noise's variance
-/// is integrated out.
+/// The part of a model's log evidence from its Σ r² (`squares`), with the noise's variance
+/// integrated out, up to a constant common to all models.
 double fit_term(const SearchProblem& problem, double squares);
 
-/// All choices of a block of which `local` is what the others leave.
+/// Weighs all choices of a block. `local`: its normal equations with the other blocks eliminated.
 Conditional weigh_choices(const SearchProblem& problem, const SearchBlock& block,
                           const Elimination::Local& local);
 

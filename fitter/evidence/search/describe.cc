@@ -7,9 +7,9 @@
 namespace armtrue {
 namespace {
 
-// What explains less than this share of what another block does is no alternative to it.
+// A block that explains less than this share of what another does is no alternative to it.
 constexpr double kComparable = 0.8;
-// A column whose square is so much smaller than another's of its block is rounding.
+// A column whose square is below this share of the largest in its block is rounding error.
 constexpr double kMovesNothing = 1e-18;
 
 }  // namespace
@@ -43,9 +43,8 @@ void Sampler::describe_alone(SearchResult& result) const {
   result.beyond = beyond_each_other(alone, result);
 }
 
-// Element (a, b): the share of b's gain that is left beside a. It is worked out for pairs that may
-// stand for one another, and is 1 elsewhere: both have a Bayes factor above 1 and explain about as
-// much; a structure a is compared with every b of such a factor.
+// Element (a, b): share of b's gain that remains beside a. It is computed if both have a Bayes
+// factor above 1, and b explains about as much as a or a is a structure; otherwise it is 1.
 Eigen::MatrixXd Sampler::beyond_each_other(const std::vector<Eigen::MatrixXd>& alone,
                                            const SearchResult& result) const {
   const auto count = static_cast<Eigen::Index>(alone.size());

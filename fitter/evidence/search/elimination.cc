@@ -9,12 +9,11 @@ namespace armtrue {
 namespace {
 
 constexpr Eigen::Index kLeastRoom = 64;
-// Taking a member back by what it leaves of itself loses as many digits as the data know better
-// than the prior, twice.
+// without() restores a member from its own eliminated columns. That loses twice as many digits as
+// the data add to the prior; below this squared pivot without_exactly() is used.
 constexpr double kLeastPivot = 1e-5;
 
-// Rounding can take a little more than there is where the data know a direction by far better than
-// its prior.
+// Rounding can make the matrix indefinite if the data know a direction far better than its prior.
 void factorise(Eigen::MatrixXd& matrix) {
   const Eigen::MatrixXd given = matrix;
   if (factorise_cholesky(matrix)) return;
@@ -89,7 +88,7 @@ void Elimination::remove(std::size_t key) {
   const Member gone = *at;
   const Eigen::Index after = gone.first + gone.size, rest = size_ - after;
   if (rest > 0) {
-    // Members that were eliminated after it keep from now on what they had in common with it.
+    // Members eliminated after the removed one regain what they had in common with it.
     const GrownFactor now(root_.block(after, after, rest, rest),
                           root_.block(after, gone.first, rest, gone.size));
     now.turn(half_.middleRows(after, rest), half_.middleRows(gone.first, gone.size));
@@ -131,7 +130,7 @@ Elimination::Local Elimination::without(std::size_t key) const {
   return local;
 }
 
-// The same from the factor that the others would have.
+// The same, from the factor of the other members alone.
 Elimination::Local Elimination::without_exactly(const Member& member) const {
   const Eigen::Index first = member.column, width = member.factor.rows();
   const Eigen::Index before = member.first, after = before + member.size, rest = size_ - after;

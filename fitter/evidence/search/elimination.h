@@ -7,14 +7,14 @@
 
 namespace armtrue {
 
-/// Least squares in which sets of columns, the members, come and go. Given are G = ZᵀZ and Zᵀy of
-/// all columns Z. A member is some of these columns times a factor W of its own; the prior of its
-/// coefficients is standard normal. What the members leave of all other columns follows from one
-/// triangular factor, of I + WᵀGW, that grows and shrinks with them. G itself is never changed, so
-/// rounding does not add up.
+/// Least squares in which sets of columns, the members, are added and removed. Given are G = ZᵀZ
+/// and Zᵀy of all columns Z. A member is some of these columns times a factor W of its own; the
+/// prior of its coefficients is standard normal. The normal equations of all other columns, with
+/// the members eliminated, follow from one triangular factor of I + WᵀGW, which is updated with
+/// every member. G is never changed, so rounding errors do not accumulate.
 class Elimination {
  public:
-  /// What some columns have left beside the members.
+  /// Normal equations of some columns with members eliminated.
   struct Local {
     Eigen::MatrixXd gram;
     Eigen::VectorXd gradient;
@@ -28,11 +28,11 @@ class Elimination {
   void add(std::size_t key, Eigen::Index first, const Eigen::MatrixXd& factor);
   void remove(std::size_t key);
 
-  /// Columns `first` to `first + width`, beside all members.
+  /// Of columns `first` to `first + width`, with all members eliminated.
   Local beside(Eigen::Index first, Eigen::Index width) const;
-  /// A member's own columns, beside all others.
+  /// Of a member's own columns, with all other members eliminated.
   Local without(std::size_t key) const;
-  /// The part of the Gram matrix between two ranges of columns, beside all members.
+  /// The part of the Gram matrix between two ranges of columns, with all members eliminated.
   Eigen::MatrixXd across(Eigen::Index first, Eigen::Index width, Eigen::Index other,
                          Eigen::Index other_width) const;
 
@@ -54,7 +54,7 @@ class Elimination {
   const Eigen::MatrixXd& gram_;
   const Eigen::VectorXd& gradient_;
   double squares_;
-  std::vector<Member> members_;  // in the order in which they came
+  std::vector<Member> members_;  // in the order of their addition
   Eigen::Index size_ = 0;        // directions of all members
   Eigen::MatrixXd root_;         // L, lower triangle, of I + WᵀGW
   Eigen::MatrixXd half_;         // L⁻¹ WᵀG, a column for each of G's

@@ -45,7 +45,7 @@ class Sampler {
   void size_present();
   void climb(const std::vector<std::size_t>& allowed);
   void find_readings();
-  // Blocks of one way to read the data, and sizes that suit them together.
+  // One explanation of the data: blocks, and sizes that suit them together.
   struct Side {
     std::vector<std::size_t> members;
     std::vector<Choice> likely;
@@ -54,8 +54,8 @@ class Sampler {
       likely.push_back(size);
     }
   };
-  // What stands for what: blocks of the likeliest set, and those that replace them. What has
-  // another size beside the others is in both.
+  // Two alternative explanations: blocks of the likeliest set, and blocks that replace them. A
+  // block that has another size beside the others is in both.
   struct Reading {
     Side one, other;
   };
@@ -83,7 +83,7 @@ class Sampler {
   double best_posterior_ = -std::numeric_limits<double>::infinity();
   Elimination eliminated_;
   std::vector<double> inclusion_, visits_, last_;  // last_: probability at the last visit
-  std::vector<bool> strange_;                      // came in against the odds when it last did
+  std::vector<bool> strange_;                      // improbable when it last entered
   double nothing_ = 0.0, counted_ = 0.0;
 };
 

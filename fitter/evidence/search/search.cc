@@ -15,27 +15,27 @@
 namespace armtrue {
 namespace {
 
-// Costly blocks are visited in one sweep of so many: any fixed order of visits leaves the
-// distribution as it is.
+// Costly blocks are visited in one of this many sweeps. A fixed order of visits does not change the
+// stationary distribution.
 constexpr int kCostlyEvery = 8;
-// A block whose presence was this improbable, or this sure, when it was visited last is visited as
-// seldom.
+// A block whose presence was this improbable, or its absence, at its last visit is visited as
+// rarely.
 constexpr double kImprobable = 1e-3;
-// What is drawn with less than this came in against the odds.
+// A block that enters with a probability below this counts as strange (sweep()).
 constexpr double kStrange = 0.02;
-// One exchange in so many sweeps: it looks at every block.
+// Exchanges happen in one of this many sweeps, because each evaluates every block.
 constexpr int kExchangeEvery = 4;
-// A climb looks again only at blocks that lacked less than this of being worth a change.
+// climb() evaluates a block again only if the log odds of its best change were above this.
 constexpr double kPromising = -4.0;
-// Another reading of the data counts down to this log odds against the likeliest set.
+// An alternative explanation is kept if its log odds against the likeliest set are above this.
 constexpr double kWorthReading = -6.0;
 constexpr double kLeastRise = 1e-6;
-// A table whose prior has no more directions than this is smooth enough to be weighed against
-// formulas.
+// A table is compared with formulas only if its prior has at most this many directions: it is then
+// smooth enough.
 constexpr Eigen::Index kSmoothTable = 40;
 // Sizes of blocks that depend on one another settle in two or three passes.
 constexpr int kSizingPasses = 5;
-// Independent walks of the sampler from the set that was climbed to.
+// Independent walks of the sampler from the set that the greedy search reached.
 constexpr std::size_t kWalks = 4;
 
 }  // namespace
@@ -54,7 +54,8 @@ void Sampler::go_to(const std::vector<Choice>& wanted) {
   for (std::size_t b = 0; b < wanted.size(); ++b) set(b, wanted[b]);
 }
 
-// What comes and goes often is eliminated last: then little follows it that has to change.
+// Eliminates costly blocks first. The others, which enter and leave often, come last, so that a
+// change recomputes few later columns.
 void Sampler::line_up() {
   const std::vector<Choice> wanted = state_;
   for (std::size_t b = 0; b < wanted.size(); ++b) {
@@ -96,8 +97,8 @@ std::vector<Conditional> Sampler::conditionals(const std::vector<std::size_t>& b
   return result;
 }
 
-// The change of one block that raises the posterior most, of those in `looked_at`; the others are
-// left out of it from now on.
+// The change of one block of `looked_at` that raises the posterior most; returns the rise. Blocks
+// without a promising change are removed from `looked_at`.
 double Sampler::best_change(std::vector<std::size_t>& looked_at, std::size_t& at,
                             Choice& to) const {
   double most = kLeastRise;
@@ -123,9 +124,9 @@ double Sampler::best_change(std::vector<std::size_t>& looked_at, std::size_t& at
   return most;
 }
 
-// Takes the single change of an allowed block that raises the posterior most, until none does. What
-// physics demands of signs depends on who else is present, so that changes can lead in a circle:
-// once around is enough.
+// Makes the single change of an allowed block that raises the posterior most, until none does. The
+// sign terms depend on the other blocks, so that changes can form a cycle: a state that was reached
+// before ends the ascent.
 void Sampler::climb(const std::vector<std::size_t>& allowed) {
   std::vector<std::size_t> looked_at = allowed;
   std::set<std::vector<Choice>> been{state_};
@@ -162,8 +163,8 @@ void Sampler::sweep(int number, bool count) {
   for (const std::size_t b : order) {
     const bool settled =
         state_[b].is_present() ? last_[b] > 1.0 - kImprobable : last_[b] < kImprobable;
-    // What came in against the odds may keep a table from what it was, or be kept by what has
-    // changed since: all of it is looked at until it has gone.
+    // A block that entered against the odds may keep a table from its former state, or be kept in
+    // by changes since then: all blocks are visited until it has left.
     const bool seldom = (block(b).costly || settled) && !has_stranger();
     if (count) visits_[b] += 1.0;
     if (seldom && (number + static_cast<int>(b)) % kCostlyEvery != 0) {
@@ -190,8 +191,8 @@ void Sampler::sweep(int number, bool count) {
   nothing_ += more <= 0 ? 1.0 : 0.0;
 }
 
-// One present block is taken out; whoever could stand in its place is drawn anew, itself and nobody
-// included.
+// Removes one present block and draws its replacement from the absent ones, itself and none
+// included. Costly blocks do not take part.
 void Sampler::exchange() {
   std::vector<std::size_t> present;
   for (std::size_t b = 0; b < state_.size(); ++b) {
@@ -226,10 +227,10 @@ void Sampler::exchange() {
 }
 
 // Log evidence of the set with a side of a reading in it, over all sizes of that side's members:
-// that of its likely sizes over the probability of those, each given the others (Chib 1995, JASA
-// 90, 1313, with each conditional at the likely sizes of the others). One after the other, the
-// members go to `sizes`, or are drawn where that is empty: how much likelier those are than to be
-// drawn is the same sum.
+// the evidence at their likely sizes divided by the conditional probabilities of these sizes (Chib
+// 1995, JASA 90, 1313, with each conditional at the likely sizes of the others). The members are
+// set, one after the other, to `sizes`, or drawn if that is empty: the log ratio of posterior to
+// proposal probability of the sizes set is the same sum.
 double Sampler::weigh(const Side& side, std::vector<Choice>& sizes) {
   for (std::size_t i = 0; i < side.members.size(); ++i) set(side.members[i], side.likely[i]);
   double sum = log_posterior();
@@ -250,8 +251,8 @@ void Sampler::take_out(const Side& side) {
   for (const std::size_t b : side.members) set(b, {});
 }
 
-// Two blocks may stand for one, and one for one: each member of the likeliest set is taken out in
-// turn, and what the others then do without it is another reading of the data.
+// Finds alternative explanations, as one block may replace another, or two may replace one: removes
+// each member of the likeliest set in turn, and lets the greedy search continue without it.
 void Sampler::find_readings() {
   const std::vector<Choice> home = best_;
   const double home_posterior = best_posterior_;
@@ -267,13 +268,13 @@ void Sampler::find_readings() {
     for (std::size_t b = 0; b < home.size(); ++b) {
       if (b != gone && !block(b).costly && block(b).counts) allowed.push_back(b);
     }
-    // Who might stand in its place; the others are not looked at again.
+    // Keeps only blocks that might replace it in `allowed`.
     std::size_t at = 0;
     Choice to;
     if (best_change(allowed, at, to) <= kLeastRise) continue;
     set(at, to);
     climb(allowed);
-    // Which is better, all sizes of both decide, and what physics demands of coefficients.
+    // The two are compared by their evidence over all sizes, sign rules and carried loads included.
     best_ = home;
     best_posterior_ = home_posterior;
     const std::vector<Choice> otherwise = state_;
@@ -303,8 +304,8 @@ bool Sampler::stands(const Side& side, const Side& other) const {
          });
 }
 
-// A step of Metropolis and Hastings from one side of a reading to the other, sizes drawn as they
-// enter: what all sizes of a side bring decides.
+// A Metropolis–Hastings step from one side of a reading to the other, with sizes drawn on entry:
+// each side counts with its evidence over all sizes.
 void Sampler::read_otherwise(const Reading& reading) {
   const bool at_one = stands(reading.one, reading.other);
   if (!at_one && !stands(reading.other, reading.one)) return;
@@ -320,8 +321,8 @@ void Sampler::read_otherwise(const Reading& reading) {
   for (std::size_t i = 0; i < from.members.size(); ++i) set(from.members[i], sizes[i]);
 }
 
-// Gives the blocks that the search begins with their likeliest sizes: one after the other, and
-// again while that changes one, since the first were chosen without the others.
+// Gives the blocks at which the search begins their likeliest sizes, one after the other. This is
+// repeated while a size changes, since the first ones were chosen without the others.
 void Sampler::size_present() {
   for (int pass = 0; pass < kSizingPasses; ++pass) {
     const std::vector<Choice> before = state_;
@@ -335,7 +336,7 @@ void Sampler::size_present() {
   }
 }
 
-// Every block beside the set that stands now.
+// Greedy search, then walks of the sampler: describes the best walk, with probabilities from all.
 SearchResult Sampler::run() {
   const std::size_t count = state_.size();
   inclusion_.assign(count, 0.0);
@@ -345,8 +346,9 @@ SearchResult Sampler::run() {
   size_present();
   SearchResult result;
   describe_alone(result);
-  // A table may stand for several effects at once, and so may a smooth function: what has few
-  // coefficients comes first, then all do, and the better of both stays.
+  // A table, or a smooth function, may replace several effects at once. So one search begins with
+  // blocks of few coefficients and adds the others later, a second one allows all from the start,
+  // and the better result is kept.
   const std::vector<Choice> start = state_;
   std::vector<std::size_t> few, effects, all;
   for (std::size_t b = 0; b < count; ++b) {

@@ -1,4 +1,4 @@
-"""Every effect of the contract's catalogue as the arm really has it: one function an effect, sizes drawn or given."""
+"""True errors of every effect of the contract's catalogue: one function per effect, sizes drawn or given."""
 
 from . import (  # noqa: F401  (each registers its effects)
     elastic,

@@ -1,4 +1,4 @@
-"""What an effect is to the simulator: a function that turns drawn or given sizes into true terms."""
+"""Effects of the simulator: functions that turn drawn or given sizes into true terms."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from ..tracker import TrackerError
 
 ARCSEC = np.pi / 180.0 / 3600.0
 DEGREE = np.pi / 180.0
-# Angle sizes of the literature carried over to a linear axis: what a joint error of 1 rad is in metres there.
+# Metres on a linear axis that stand for a joint error of 1 rad, to apply the literature's angle sizes to it.
 PRISMATIC_SIZE = 0.1
 
 
 def hats(joint: int, nodes: Array) -> list[str]:
-    """One expression a node of a piecewise linear curve over `joint` (from 1): 1 there, 0 at its neighbours."""
+    """One expression per node of a piecewise linear curve over `joint` (from 1): 1 there, 0 at its neighbours."""
     at = [float(node) for node in nodes]
     return [
         f"hat(q{joint}, {left!r}, {node!r}, {right!r})"
@@ -36,7 +36,7 @@ def hats(joint: int, nodes: Array) -> list[str]:
 
 @dataclass(frozen=True)
 class EffectContext:
-    """What an effect may know of its arm."""
+    """Data of the arm that an effect may use."""
 
     robot: dict[str, Any]
     chain: Chain
@@ -72,7 +72,7 @@ class EffectContext:
 
 @dataclass
 class EffectTruth:
-    """What one entry of a scenario adds to the real arm."""
+    """Errors that one entry of a scenario adds to the real arm and its instrument."""
 
     terms: list[Term] = field(default_factory=list)
     linkage: FourBar | None = None
@@ -104,9 +104,9 @@ class EffectTruth:
 
 
 class Sizes:
-    """Sizes of one effect: each is what the scenario gives, else drawn from its realistic range.
+    """Sizes of one effect: each is given by the scenario, else drawn from its realistic range.
 
-    Every draw is made whether used or not, so that giving one value leaves the others as they were.
+    Every draw is made, used or not, so that giving one value does not change the others.
     """
 
     def __init__(
@@ -152,7 +152,7 @@ class Sizes:
 
 
 def full_torque(context: EffectContext, joint: int) -> float:
-    """Gravity torque (Nm) on a motor (joint from 1), the worst of many poses with the largest payload; at least 1."""
+    """Largest gravity torque (Nm) on a motor (joint from 1) over many poses with the largest payload; at least 1."""
     chain = context.chain
     q = np.random.default_rng(0).uniform(chain.limits[:, 0], chain.limits[:, 1], (256, chain.n))
     frames = chain.frames(chain.link_variables(q))
@@ -162,7 +162,7 @@ def full_torque(context: EffectContext, joint: int) -> float:
 
 
 def joint_pairs(effect_name: str, joints: list[int]) -> list[tuple[int, int]]:
-    """[a, b, c, d] as pairs (a, b), (c, d). Raises ScenarioError where they are none."""
+    """[a, b, c, d] as pairs (a, b), (c, d). Raises ScenarioError if `joints` are no pairs of different joints."""
     pairs = list(zip(joints[::2], joints[1::2], strict=False))
     if not joints or len(joints) % 2 or any(first == second for first, second in pairs):
         raise ScenarioError(
@@ -176,7 +176,7 @@ Build = Callable[[EffectContext, list[int], Sizes], EffectTruth]
 
 @dataclass(frozen=True)
 class EffectRule:
-    """One effect id: how it is built and which joints it takes where none are named (none: it names no joints)."""
+    """One effect id: its build function and its default joints (empty: an effect without joints)."""
 
     build: Build
     joints: Callable[[EffectContext], list[int]]
@@ -196,7 +196,7 @@ def driven_joints(context: EffectContext) -> list[int]:
 
 
 def no_joint(context: EffectContext) -> list[int]:
-    """For effects that name no joints."""
+    """For effects without joints."""
     return []
 
 
@@ -218,7 +218,7 @@ def effect(
 
 
 def default_joints(name: str, context: EffectContext) -> list[int]:
-    """Joints that the effect takes where none are named."""
+    """Joints of the effect if none are named."""
     return EFFECTS[name].joints(context)
 
 
@@ -232,9 +232,9 @@ def build_effect(
 ) -> EffectTruth:
     """True terms of one scenario entry.
 
-    joints from 1, None: the default. given: sizes that are not to be drawn; `scale`: a factor on all of them. `seed`
-    and the entry alone decide the draws, so that adding one effect to a scenario leaves the truth of the others as it
-    was. Raises ScenarioError.
+    joints from 1, None: the default. given: sizes that are not drawn; `scale`: a factor on all sizes. Only `seed` and
+    the entry decide the draws, so that adding one effect to a scenario does not change the others. Raises
+    ScenarioError.
     """
     if name not in EFFECTS:
         raise ScenarioError(f"{where}: unknown effect '{name}', expected one of {', '.join(sorted(EFFECTS))}")

@@ -1,4 +1,4 @@
-"""What gravity does: torsion of axes, bending, a tilting foundation, the spring that carries axis 2."""
+"""Effects of gravity: torsion of axes, bending, tilt of the foundation, the balancer of axis 2."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ from .base import (
 
 
 def drawn_torsion(context: EffectContext, sizes: Sizes, joint: int) -> float:
-    """Torsion of an axis of this arm, rad/Nm (m/N where prismatic), joint from 1."""
+    """A random torsional compliance for an axis of this arm, rad/Nm (m/N where prismatic), joint from 1."""
     return float(sizes.rng.uniform(*context.preset.torsion[joint - 1]))
 
 
 @effect("joint_compliance", compliant_joints)
 def joint_compliance(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
-    """A one-dimensional spring an axis; it yields to the load (docs/model.md, Sign)."""
+    """A one-dimensional spring per axis; it yields to the load (docs/model.md, Sign)."""
     terms = []
     for k in joints:
         value = sizes.value("value", drawn_torsion(context, sizes, k), k)
@@ -38,9 +38,9 @@ def joint_compliance(context: EffectContext, joints: list[int], sizes: Sizes) ->
 
 @effect("stiffness_nonlinear", compliant_joints)
 def stiffness_nonlinear(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
-    """Hardening: at the arm's full gravity torque the spring yields 20 to 50 % less than its slope at zero promises.
+    """Hardening: at full gravity torque the spring yields 20 to 50 % less than with its compliance at zero torque.
 
-    `soft`: what a gear gives way by about zero torque, in rad, as tanh(load / `soft_torque`); none where not given.
+    `soft`: additional yielding of a gear around zero torque, in rad, as tanh(load / `soft_torque`); none if not given.
     """
     terms = []
     for k in joints:
@@ -66,10 +66,10 @@ def stiffness_nonlinear(context: EffectContext, joints: list[int], sizes: Sizes)
 
 @effect("bending_compliance", every_joint)
 def bending_compliance(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
-    """Links and bearings yield off their axis: moment x on rx, y on ry, each with its own stiffness."""
+    """Bending of links and bearings: moment x turns rx, moment y turns ry, each with its own compliance."""
     terms = []
     for k in joints:
-        # What carries less is built less stiff: bending grows towards the wrist roughly as torsion does.
+        # Links that carry less are less stiff: bending grows towards the wrist as the square root of torsion.
         grow = float(np.sqrt(np.mean(context.preset.torsion[k - 1]) / np.mean(context.preset.torsion[0])))
         for axis in ("x", "y"):
             value = sizes.value(f"c{axis}", sizes.rng.uniform(*context.preset.bending) * grow, k)
@@ -115,9 +115,9 @@ def gravity_balancer(context: EffectContext, joints: list[int], sizes: Sizes) ->
 
 @effect("balancer_state", lambda context: [2])
 def balancer_state(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
-    """A gas balancer's pressure follows its temperature (1/293 per kelvin, 0.6 to 1.2 of it); its seals rub, 2 to 6 %.
+    """A gas balancer's pressure follows its temperature (0.6 to 1.2 times 1/293 per kelvin); seal friction is 2 to 6 %.
 
-    Both in parts of the torque that a `gravity_balancer` of the same scenario has; they twist axis 2's gear.
+    Both are fractions of the torque of the scenario's `gravity_balancer`; they twist axis 2's gear.
     """
     if joints != [2]:
         raise ScenarioError(f"balancer_state: joints {joints}, expected [2]")
@@ -130,7 +130,7 @@ def balancer_state(context: EffectContext, joints: list[int], sizes: Sizes) -> E
             Term(
                 "balancer_state", (2,), "motor2", f"balancer2*{temperature}", pressure * torsion, "rad/Nm/K"
             ),
-            # Rubbing takes from the torque in the direction of motion, whatever the spring's own sign.
+            # Friction opposes the motion, whatever the sign of the spring's torque.
             Term("balancer_state", (2,), "motor2", "abs(balancer2)*dir2", friction * torsion, "rad/Nm"),
         ]
     )
@@ -138,13 +138,13 @@ def balancer_state(context: EffectContext, joints: list[int], sizes: Sizes) -> E
 
 @effect("cross_compliance", lambda context: context.parallel_pairs()[0])
 def cross_compliance(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
-    """A link bends in the plane of parallel axes: each one's torque turns the other, by 0.2 to 0.5 of a torsion."""
+    """A link between parallel axes bends: each axis's torque turns the other, by 0.2 to 0.5 of the smaller torsion."""
     terms = []
     for deflected, loaded in joint_pairs("cross_compliance", joints):
         pair = (deflected, loaded)
         drawn = sizes.rng.uniform(0.2, 0.5) * min(drawn_torsion(context, sizes, k) for k in pair)
         value = sizes.value("value", drawn)
-        # Symmetric, as Maxwell and Betti have it.
+        # Symmetric by the reciprocal theorem of Maxwell and Betti.
         for k, other in (pair, pair[::-1]):
             terms.append(Term("cross_compliance", pair, f"motor{k}", f"tau{other}", value, "rad/Nm"))
     return EffectTruth(terms)
@@ -152,7 +152,7 @@ def cross_compliance(context: EffectContext, joints: list[int], sizes: Sizes) ->
 
 @effect("mass_parameters", no_joint)
 def mass_parameters(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
-    """Every link's mass is `mass` (0.2) of itself off, up or down; every centre and the payload's `centre` (15 mm)."""
+    """Every link's mass is wrong by +-`mass` (0.2) of itself; every centre and the payload's by `centre` (15 mm)."""
     mass, centre = sizes.value("mass", 0.2), sizes.value("centre", 0.015)
     links = context.chain.links
     signs = sizes.rng.choice([-1.0, 1.0], len(links))
@@ -169,6 +169,6 @@ def mass_parameters(context: EffectContext, joints: list[int], sizes: Sizes) -> 
 
 @effect("gravity_direction", no_joint)
 def gravity_direction(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
-    """The base is `tilt` (3 mrad) out of level, whichever way; its pose in the measuring frame says nothing of that."""
+    """The base is `tilt` (3 mrad) out of level in a random direction; its pose in the measuring frame is unaffected."""
     tilt, way = sizes.value("tilt", 3e-3), sizes.rng.uniform(-np.pi, np.pi)
     return EffectTruth(body=BodyError(tilt=tilt * np.array([np.cos(way), np.sin(way), 0.0])))

@@ -1,4 +1,4 @@
-"""Gears: eccentricity, tooth mesh, whatever a transmission does locally, lost motion, wrists that turn each other."""
+"""Gears: eccentricity, tooth mesh, local transmission errors, lost motion, friction, coupling of wrist joints."""
 
 from __future__ import annotations
 
@@ -60,16 +60,16 @@ def gear_harmonics(context: EffectContext, joints: list[int], sizes: Sizes) -> E
 
 
 def mesh_orders(context: EffectContext) -> list[int]:
-    """Errors a motor turn that gears of this arm make: one, or two where the wave generator is elliptic."""
+    """Mesh errors per motor turn of this arm's gears: one, or two where the wave generator is elliptic."""
     return [2] if context.preset.strain_wave else [1]
 
 
 @effect("gear_mesh", driven_joints)
 def gear_mesh(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
-    """5 to 40 arcsec at the motor's turn; strain-wave gears 20 to 60 arcsec at twice the motor's turn.
+    """10 to 40 arcsec once per motor turn; strain-wave gears 20 to 60 arcsec twice per motor turn.
 
-    Of a slide: the same orders of its screw's or pinion's turn, a lead long each. `ratio` or `lead` gives
-    another one than robot.yaml's, for arms whose file is wrong or silent.
+    For a prismatic joint: the same orders per turn of its screw or pinion, one lead of travel each. `ratio` or `lead`
+    replaces robot.yaml's value, for arms whose file has a wrong one or none.
     """
     terms = []
     wave_gear = context.preset.strain_wave
@@ -131,11 +131,11 @@ def transmission_pwl(context: EffectContext, joints: list[int], sizes: Sizes) ->
 
 @effect("backlash", driven_joints)
 def backlash(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
-    """Half the lost motion, 16 to 60 arcsec in all, on the side of the approach; `load`: what gravity closes of it."""
+    """Half the lost motion (16 to 60 arcsec in all) by direction of approach; `load`: the part that gravity closes."""
     terms = []
     for k in joints:
         half = sizes.rng.uniform(8.0, 30.0) * ARCSEC * context.size(k)
-        # The drive stops where it was sent and has pushed the link there: the link lags, on the side that it came from.
+        # The drive stops at its target after it has pushed the link: the link lags on the side from which it came.
         value = sizes.value("value", -half, k)
         terms.append(Term("backlash", (k,), f"motor{k}", f"dir{k}", value, context.unit(k)))
         load = sizes.value("load", 0.0, k)
@@ -146,9 +146,9 @@ def backlash(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectT
 
 @effect("hysteresis", driven_joints)
 def hysteresis(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
-    """Friction winds the gear up by 6 to 20 arcsec against the motion, and by as much again at full load.
+    """Friction winds the gear up by 6 to 20 arcsec against the motion, and by 0.5 to 1 of that again at full load.
 
-    After a turn round the wind-up changes sides over `theta0`, 0.5 to 3 degrees of travel.
+    After a reversal the wind-up changes sign over `theta0`, 0.5 to 3 degrees of travel.
     """
     terms = []
     for k in joints:
@@ -166,7 +166,7 @@ def hysteresis(context: EffectContext, joints: list[int], sizes: Sizes) -> Effec
 
 @effect("joint_coupling", lambda context: [joint for pair in context.preset.wrist_pairs for joint in pair])
 def joint_coupling(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
-    """Wrist gears that turn each other: tens of arcsec a radian. joints: [driven, driving], pair after pair."""
+    """Wrist gears that turn each other: 10 to 40 arcsec per radian. joints: [driven, driving], pair after pair."""
     terms = []
     for driven, driving in joint_pairs("joint_coupling", joints):
         value = sizes.value("value", sizes.signed(10.0, 40.0) * ARCSEC)
@@ -175,7 +175,7 @@ def joint_coupling(context: EffectContext, joints: list[int], sizes: Sizes) -> E
 
 
 def _seen_by(context: EffectContext, driven: int, driving: int) -> str:
-    """The driving joint's angle; what bars of a passive joint see is how its link stands against their base."""
+    """The driving joint's angle; for the bars of a passive joint, the angle of their link relative to their base."""
     turns = context.chain.coupling[driven - 1]
     before = [k for k in range(1, driving) if context.chain.passive[driven - 1] and turns[k - 1] != 0.0]
     names = [f"q{k}" for k in (*before, driving)]
@@ -186,7 +186,7 @@ def _seen_by(context: EffectContext, driven: int, driving: int) -> str:
     "coupling_harmonics", lambda context: [joint for pair in context.preset.wrist_pairs for joint in pair]
 )
 def coupling_harmonics(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
-    """Hollow wrists: eccentric gears of one joint turn another by 10 to 40 arcsec once a turn, less twice a turn."""
+    """Hollow wrists: eccentric gears of one joint turn another, 10 to 40 arcsec once a turn and less twice a turn."""
     terms = []
     for driven, driving in joint_pairs("coupling_harmonics", joints):
         once = sizes.rng.uniform(10.0, 40.0) * ARCSEC

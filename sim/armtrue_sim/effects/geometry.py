@@ -22,13 +22,13 @@ from .base import (
 
 @effect("base_frame", no_joint)
 def base_frame(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
-    """The base stands where the scenario puts it; the real pose is held by the arm, not by terms."""
+    """Has no terms: the arm itself holds the real pose of the base, as the scenario sets it."""
     return EffectTruth()
 
 
 @effect("tool_offset", no_joint)
 def tool_offset(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
-    """Reflectors sit where the scenario puts them; the real poses are held by the arm, not by terms."""
+    """Has no terms: the arm itself holds the real poses of the reflectors, as the scenario sets them."""
     return EffectTruth()
 
 
@@ -56,7 +56,7 @@ def joint_scale(context: EffectContext, joints: list[int], sizes: Sizes) -> Effe
 
 @effect("link_geometry", every_joint)
 def link_geometry(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
-    """Lengths 0.3 mm and angles 0.02 degrees (one sigma), up to 2 mm and 0.1 degrees."""
+    """Lengths 0.3 mm and angles 0.02 degrees (one sigma), up to 1.5 mm and 0.1 degrees."""
     terms = []
     for k in joints:
         draws = sizes.rng.standard_normal(5).clip(-5.0, 5.0)
@@ -89,7 +89,7 @@ def parallelogram(context: EffectContext, joints: list[int], sizes: Sizes) -> Ef
 
 @effect("axis_wobble", every_joint)
 def axis_wobble(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
-    """A bearing runs out: 4 to 15 arcsec of tilt and 3 to 10 um of shift once a turn, half of that twice a turn."""
+    """Bearing runout: 4 to 15 arcsec of tilt and 3 to 10 um of shift once a turn, half of that twice a turn."""
     terms = []
     for k in joints:
         for c in ("rx", "ry", "tx", "ty"):

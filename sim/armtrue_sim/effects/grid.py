@@ -1,4 +1,4 @@
-"""A field over the first joints that no formula gives: what the last level of a ladder is for."""
+"""A random error field over the first joints without a formula: the error for the last level of a ladder."""
 
 from __future__ import annotations
 

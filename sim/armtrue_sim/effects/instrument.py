@@ -6,7 +6,7 @@ from ..mechanics.transforms import Pose
 from ..tracker import CIRCLES, TrackerError
 from .base import ARCSEC, EffectContext, EffectTruth, Sizes, effect, no_joint
 
-SETUPS = 3  # as many numbers as a scenario may have; those that no row has play no part
+SETUPS = 3  # most set-ups or nests of a scenario; numbers that no row has are not used
 
 
 @effect("tracker_scale", no_joint)
@@ -17,14 +17,14 @@ def tracker_scale(context: EffectContext, joints: list[int], sizes: Sizes) -> Ef
 
 @effect("tracker_angles", no_joint)
 def tracker_angles(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
-    """Circles that sit off their axes: 3 to 10 arcsec once a turn of azimuth and of elevation."""
+    """Circles that are eccentric to their axes: 3 to 10 arcsec once a turn of azimuth and of elevation."""
     drawn = {name: sizes.value(name, sizes.signed(3.0, 10.0) * ARCSEC) for name in CIRCLES}
     return EffectTruth(tracker=TrackerError(circles={(1, name): value for name, value in drawn.items()}))
 
 
 @effect("station", no_joint)
 def station(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
-    """Set-ups after the first are tied to it by nests: 30 to 100 um and 10 to 40 urad remain."""
+    """Errors of 30 to 100 um and 10 to 40 urad by which set-ups after the first, tied to it by nests, are off."""
     stations = {}
     for number in range(2, SETUPS + 1):
         shifts = [sizes.signed(3e-5, 1e-4) for _ in range(3)] + [sizes.signed(1e-5, 4e-5) for _ in range(3)]

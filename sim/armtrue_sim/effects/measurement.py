@@ -1,4 +1,4 @@
-"""What belongs to the measurement and not to the arm, and what a user or a test writes as an expression."""
+"""Effects of the measurement and not of the arm, and effects that a user or a test writes as an expression."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def time_drift(context: EffectContext, joints: list[int], sizes: Sizes) -> Effec
 
 @effect("command_readback", driven_joints)
 def command_readback(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
-    """The arm really stood where the drives read back, not where it was sent: coefficient -1 on q - qr."""
+    """The arm really stood at the joints read back, not at the commanded ones: coefficient -1 on q - qr."""
     terms = []
     for k in joints:
         value = sizes.value("value", -1.0, k)
@@ -33,7 +33,7 @@ def command_readback(context: EffectContext, joints: list[int], sizes: Sizes) ->
 
 @effect("custom", no_joint)
 def custom(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
-    """`value` times `expression` (grammar of docs/model.md) on `coordinate`: for effects that no catalogue has."""
+    """`value` times `expression` (grammar of docs/model.md) on `coordinate`: for effects outside the catalogue."""
     coordinate, expression = sizes.option("coordinate", None), sizes.option("expression", None)
     if coordinate is None or expression is None or "value" not in sizes.given:
         raise ScenarioError("custom: needs name, coordinate, expression and value")

@@ -1,4 +1,4 @@
-"""Heat: links that grow, zeros that move, a stand that warps, a warm-up that no thermometer sees."""
+"""Heat: expansion of links, drift of zeros, deformation of the stand, a warm-up that no thermometer shows."""
 
 from __future__ import annotations
 
@@ -131,7 +131,7 @@ def thermal_gradient(context: EffectContext, joints: list[int], sizes: Sizes) ->
     )
 
 
-# What a joint does on average between two random poses that are `interval` apart counts as full duty.
+# Full duty: the mean speed of a joint between two random poses that are `interval` apart, rad/s.
 FULL_SPEED = 0.04
 
 

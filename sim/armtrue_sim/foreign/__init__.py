@@ -1,7 +1,7 @@
-"""Truths whose form no effect of the catalogue has: what physics does, not what a model writes.
+"""True errors from physics, in forms that no effect of the catalogue has.
 
-A diagnosis is right about one where it names the cause (`causes`: any of these words, see tests/hidden_effects) or
-calls it unexplained by one of the variables that it depends on; it is wrong where it is sure of anything else.
+A diagnosis is right if it names the cause (`causes`: any of these words, see tests/hidden_effects) or reports
+unexplained structure in one of the error's variables. It is wrong if it is sure of anything else.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from .formulas import foreign_effects
 
 @dataclass(frozen=True)
 class ForeignTruth:
-    """What to answer: causes and variables by the joint that it acts on (from 1); choices: joints of an arm preset."""
+    """Right answers: causes and variables by the joint it acts on (from 1). choices: joints of an arm preset."""
 
     causes: Callable[[int], frozenset[str]]
     variables: Callable[[int], frozenset[str]]
@@ -34,5 +34,5 @@ TRUTHS: dict[str, ForeignTruth] = {
     ),
 }
 
-# `levelling` is no member: arms without a passive joint cannot have it, and campaigns draw arms and truths apart.
+# Without `levelling`: it needs an arm with a passive joint, but campaigns draw arms and truths independently.
 __all__ = ["TRUTHS", "ForeignTruth", "foreign_effects", "levelling"]

@@ -1,13 +1,14 @@
 """Link bending by beam theory (Euler and Bernoulli; Timoshenko, "Strength of Materials" I, chapter 5).
 
-Link k is a cantilever of length L from joint k to joint k+1 that carries its own weight, spread evenly, and at its end
-what hangs beyond: a force F and a moment M. With weight w per metre across it, each in its plane of bending,
+Link k is a cantilever of length L from joint k to joint k+1. It carries its own weight, evenly distributed, and at its
+end the load of all later links: a force F and a moment M. With weight w per metre across it, each in its plane of
+bending,
 
     slope      a = F L^2 / 2EI + M L / EI   + w L^3 / 6EI
     deflection d = F L^3 / 3EI + M L^2 / 2EI + w L^4 / 8EI
 
-The catalogue's bending turns the link at its joint in proportion to the whole moment there: neither the share of force
-and moment nor the shift of the end is the same. Both planes yield, so that the part about parallel axes is there too.
+The catalogue's bending turns the link at its joint in proportion to the total moment there, so it differs in the ratio
+of force to moment and in the shift of the end. The link bends in both planes, also about parallel axes.
 """
 
 from __future__ import annotations
@@ -48,7 +49,7 @@ class Beam:
         own = np.cross(along, weight) / length
         bending = moment - np.outer(moment @ along, along)
         slope = (across * length**2 / 2.0 + bending * length + own * length**3 / 6.0) / self.stiffness
-        # The end shifts towards where the slope turns it: slope's axis crossed with the link.
+        # The end shifts in the direction in which the slope turns it: the slope's axis crossed with the link.
         turn = (across * length**3 / 3.0 + bending * length**2 / 2.0 + own * length**4 / 8.0) / self.stiffness
         shift = np.cross(turn, along)
         return {k: np.concatenate([shift - np.cross(slope, span), slope], axis=1)}
@@ -56,7 +57,7 @@ class Beam:
 
 @effect("beam_bending", lambda context: [2])
 def beam_bending(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
-    """A link as a beam; a moment at its end turns it by 0.5 to 1.5 of the largest bending of such arms."""
+    """A link as a beam; a moment at its end bends it by 0.5 to 1.5 of the largest bending compliance of such arms."""
     beams = []
     for k in joints:
         length = float(np.linalg.norm(context.chain.link_lengths[k - 1]))
@@ -66,7 +67,7 @@ def beam_bending(context: EffectContext, joints: list[int], sizes: Sizes) -> Eff
 
 
 def causes(joint: int) -> frozenset[str]:
-    """Right names: bending of the link or its neighbours, torsion of the joints at its ends, both together."""
+    """Right answers: bending of the link or its neighbours, torsion of the joints at its ends, both together."""
     near = (joint - 1, joint, joint + 1)
     return frozenset(
         {f"bending_compliance {k}" for k in near}
@@ -76,7 +77,7 @@ def causes(joint: int) -> frozenset[str]:
 
 
 def variables(joint: int) -> frozenset[str]:
-    """What it depends on."""
+    """State variables that the error depends on."""
     return frozenset({"payload"} | {f"{v}{k}" for v in ("tau", "gmx", "gmy") for k in (joint, joint + 1)})
 
 

@@ -1,7 +1,7 @@
-"""Friction with presliding (Dahl, "A solid friction model", 1968, exponent 2): the gear is wound up by what it rubs.
+"""Friction with presliding (Dahl, "A solid friction model", 1968, exponent 2): friction winds the gear up.
 
-The friction f, from -1 to 1 of its full value, follows the way x: df/dx = s (1 - f s)^2 / x0, s the sign of motion.
-After a turn round it changes sides as a hyperbola does, with a long tail, where the catalogue's is exponential.
+The friction f, from -1 to 1 of its full value, follows the path x: df/dx = s (1 - f s)^2 / x0, s the sign of motion.
+After a reversal it changes sign along a hyperbola, with a long tail; the catalogue's hysteresis is exponential.
 """
 
 from __future__ import annotations
@@ -10,12 +10,12 @@ from ..arm import Term
 from ..effects.base import ARCSEC, DEGREE, EffectContext, EffectTruth, Sizes, effect, full_torque
 from ..history import History
 
-# The way to a pose decides, so the order of the poses is the way.
+# Friction depends on the path to a pose, so directions follow from the order of the poses.
 PLAN = {"directions": "order"}
 
 
 def friction(joint: int, x0: float) -> History:
-    """Dahl's state of a joint; x0 in rad (m): half of full friction is reached from rest after that."""
+    """Dahl's state of a joint; x0 in rad (m): travel from zero to half of full friction."""
 
     def advance(f: float, motion: float, seconds: float) -> float:
         if motion == 0.0:
@@ -42,15 +42,15 @@ def dahl_friction(context: EffectContext, joints: list[int], sizes: Sizes) -> Ef
 
 
 def causes(joint: int) -> frozenset[str]:
-    """Right names."""
+    """Right answers."""
     return frozenset({f"hysteresis {joint}", f"backlash {joint}"})
 
 
 def variables(joint: int) -> frozenset[str]:
-    """What it depends on."""
+    """State variables that the error depends on."""
     return frozenset({f"dir{joint}", f"travel{joint}"})
 
 
 def choices(arm: str) -> list[list[int]]:
-    """Joints that it may sit on."""
+    """Joints that it may act on."""
     return [[1], [2], [3]]

@@ -1,7 +1,7 @@
-"""Every gear warms by its own duty, its housing later: the zero follows the one, the link's length the other.
+"""Every gear warms by its own duty, its housing later: the zero follows the gear, the link's length the housing.
 
-No sensor sees either, each joint has lags of its own, and the session rests, cools and goes on: neither one time
-constant nor one warm-up of the whole arm fits.
+No sensor measures either, each joint has its own time constants, and the arm cools in the session's rests: neither one
+time constant nor one warm-up of the whole arm fits.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ PLAN = {"rests": {"count": 2, "seconds": 3000.0}}
 
 @effect("duty_heat", every_joint)
 def duty_heat(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
-    """Zeros move by 5 to 15 arcsec with 300 to 1500 s, links grow by 60 to 150 ppm with 1500 to 6000 s."""
+    """Zeros move by 5 to 15 arcsec, links grow by 60 to 150 ppm; time constants 300 to 1500 s and 1500 to 6000 s."""
     terms, histories = [], []
     for k in joints:
         full = FULL_SPEED * context.size(k)
@@ -33,12 +33,12 @@ def duty_heat(context: EffectContext, joints: list[int], sizes: Sizes) -> Effect
 
 
 def causes(joint: int) -> frozenset[str]:
-    """Right names; `joint` plays no part: every joint warms."""
+    """Right answers; `joint` is not used: every joint warms."""
     return frozenset({"warm_up", *(f"self_heating {k}" for k in range(1, 9))})
 
 
 def variables(joint: int) -> frozenset[str]:
-    """What it depends on."""
+    """State variables that the error depends on."""
     return frozenset({"time", *(f"duty{k}" for k in range(1, 9))})
 
 

@@ -1,4 +1,4 @@
-"""Effects that no catalogue has: what a diagnosis must name by its variables and not explain away."""
+"""Effects outside the catalogue: a diagnosis must name their variables and not attribute them to other effects."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Bars that keep a palletiser's flange level, closed exactly for lengths and pivots that are not what they should be.
+"""Bars that keep a palletiser's flange level, closed exactly for wrong lengths and pivots.
 
 Beside each long link runs a bar of the same length. A bar and its link are held apart by two short arms: one on the
 part before the link (the base, or the triangle at its joint), one on the part behind it (the next triangle, or the
@@ -6,8 +6,8 @@ flange). With the link's angle a in the plane and the first arm's angle b, all a
 
     |L u(a) + r u(f) - p u(b)| = B
 
-gives the second arm's angle f: equal to b for r = p and B = L. What the first row of bars turns its triangle by, the
-second row begins with.
+gives the second arm's angle f: equal to b for r = p and B = L. The angle by which the first row of bars turns its
+triangle is the input of the second row.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class Bars:
         return replace(self, **{name: factor * getattr(self, name) for name in errors})
 
     def tilt(self, attitude: Array, before: Array) -> Array:
-        """How far the part behind the link is turned out of level (N,), the part before it by `before` (N,)."""
+        """Angle out of level (N,) of the part behind the link, if the part before it is out by `before` (N,)."""
         first = before + self.stands
         # From the pivot of the second short arm's axis to the bar's end on the first.
         x = self.arm * np.cos(first) - self.link * np.cos(attitude)
@@ -65,7 +65,7 @@ class LevellingBars:
         return replace(self, rows=tuple(row.scaled(factor) for row in self.rows))
 
     def coordinates(self, arm: Arm, state: State, frames: Frames) -> dict[int, Array]:
-        """What the bars turn the level link by, about its joint."""
+        """Rotation of the level link about its joint by the errors of the bars."""
         count = len(state.q)
         attitude, tilt = np.zeros(count), np.zeros(count)
         for row, link in zip(self.rows, self.links, strict=True):
@@ -78,9 +78,9 @@ class LevellingBars:
 
 @effect("levelling_bars", lambda context: [int(k) + 1 for k in np.flatnonzero(context.chain.passive)][:1])
 def levelling_bars(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
-    """Bars 0.1 to 0.4 mm wrong on short arms of 0.35 m, those 0.1 to 0.3 mm and 0.05 to 0.2 mrad.
+    """Bars wrong by 0.1 to 0.4 mm; short arms of 0.35 m wrong by 0.1 to 0.3 mm and 0.05 to 0.2 mrad.
 
-    At the link's joint 3 the triangle's second arm stands across the forearm's middle, as its first does to the arm's.
+    At joint 3 the triangle's second short arm is perpendicular to the forearm in mid-range, as its first is to the arm.
     """
     (level,) = joints
     links = tuple(range(1, level - 1))

@@ -1,7 +1,7 @@
 """Tooth errors as gear testers record them: a sum of twenty waves that no two or three orders explain.
 
-Single-flank deviations of reducers show the turn of the output with its multiples, the mesh of its teeth, and sidebands
-about the mesh; amplitudes fall with the order and the phases are at random (sizes: our judgement).
+Single-flank deviations of reducers contain the order of the output's turn with its multiples, that of the tooth mesh,
+and sidebands of the mesh; amplitudes fall with the order and the phases are random (sizes: our judgement).
 """
 
 from __future__ import annotations
@@ -38,15 +38,15 @@ def tooth_waves(context: EffectContext, joints: list[int], sizes: Sizes) -> Effe
 
 
 def causes(joint: int) -> frozenset[str]:
-    """Right names."""
+    """Right answers."""
     return frozenset(f"{name} {joint}" for name in ("gear_harmonics", "gear_mesh", "transmission_pwl"))
 
 
 def variables(joint: int) -> frozenset[str]:
-    """What it depends on."""
+    """State variables that the error depends on."""
     return frozenset({f"q{joint}", f"th{joint}"})
 
 
 def choices(arm: str) -> list[list[int]]:
-    """Joints that it may sit on."""
+    """Joints that it may act on."""
     return [[1], [2], [3], [4]]

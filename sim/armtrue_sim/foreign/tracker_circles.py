@@ -1,7 +1,7 @@
 """Angles of a tracker whose circles are graduated unevenly: three harmonics of azimuth and of elevation.
 
-The catalogue's `tracker_angles` has the first alone, which is a circle off its axis. Two and three times a turn are an
-oval circle and one head of three that reads wrong.
+The catalogue's `tracker_angles` has only the first, which is an eccentric circle. The second and the third are an oval
+circle and a wrong reading of one of three heads.
 """
 
 from __future__ import annotations
@@ -22,15 +22,15 @@ def tracker_circles(context: EffectContext, joints: list[int], sizes: Sizes) -> 
 
 
 def causes(joint: int) -> frozenset[str]:
-    """Right names; `joint` plays no part."""
+    """Right answers; `joint` is not used."""
     return frozenset({"tracker_angles"})
 
 
 def variables(joint: int) -> frozenset[str]:
-    """What it depends on: where the tool is seen, or joint 1, which carries it about."""
+    """Variables that the error depends on: where the tool is seen, or joint 1, which moves it around."""
     return frozenset({"azimuth", "elevation", "distance", "x", "y", "z", "q1"})
 
 
 def choices(arm: str) -> list[list[int]]:
-    """It names no joints."""
+    """No joints: the error is the instrument's."""
     return [[]]

@@ -1,6 +1,6 @@
 """Expressions of the state, in the grammar of docs/model.md, evaluated on arrays.
 
-The simulator's own reader: it shares nothing with the one that the fitter uses, so that each checks the other.
+The simulator's own parser shares no code with the fitter's, so that each checks the other.
 """
 
 from __future__ import annotations

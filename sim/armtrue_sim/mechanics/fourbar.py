@@ -18,10 +18,10 @@ from .transforms import Array
 
 
 def closing_error(x: Array, y: Array, arm: float, bar: float, nominal: Array) -> Array:
-    """Angle of an arm (N,) less its `nominal` one, where its end is `bar` away from (x, y); its pivot is the origin.
+    """Angle (N,) of an arm minus `nominal`; its pivot is the origin and its end is `bar` away from (x, y).
 
-    Of the two assemblies the one next to the parallelogram; the other is the crossed linkage. Raises ValueError where
-    the bars cannot close.
+    Of the two solutions, the one next to the parallelogram is returned; the other is the crossed linkage. Raises
+    ValueError if the bars cannot close.
     """
     distance = np.hypot(x, y)
     cosine = (arm**2 + distance**2 - bar**2) / (2.0 * arm * distance)
@@ -36,7 +36,7 @@ def closing_error(x: Array, y: Array, arm: float, bar: float, nominal: Array) ->
 
 @dataclass(frozen=True)
 class FourBar:
-    """Bar lengths in metres, errors and pivot offset apart; `angle`: beta where link angle 3 is zero (contract.md)."""
+    """Nominal bar lengths, their errors, pivot offset, metres; `angle`: beta if link angle 3 is zero (contract.md)."""
 
     crank: float
     rod: float
@@ -54,10 +54,10 @@ class FourBar:
         return replace(self, **{name: factor * getattr(self, name) for name in errors})
 
     def rocker_angle(self, theta2: Array, beta: Array) -> Array:
-        """Angle of the rocker against the lower arm (N,), equal to beta where nothing is wrong.
+        """Angle of the rocker against the lower arm (N,), equal to beta for a perfect linkage.
 
-        theta2 (N,): angle of the lower arm; beta (N,): of the crank against it. The circle of radius `rod` about A is
-        cut with that of radius `rocker` about E. Raises ValueError where the bars cannot close.
+        theta2 (N,): angle of the lower arm; beta (N,): of the crank against it. B is the intersection of the circle of
+        radius `rod` about A with that of radius `rocker` about E. Raises ValueError if the bars cannot close.
         """
         crank, rocker = self.crank + self.crank_error, self.crank + self.rocker_error
         rod, arm = self.rod + self.rod_error, self.rod + self.arm_error

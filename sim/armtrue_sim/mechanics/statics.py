@@ -1,4 +1,4 @@
-"""Gravity torques and moments: what the links and the payload weigh about every joint."""
+"""Gravity torques and moments of the links and the payload about every joint."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class GravityLoads:
 
 @dataclass(frozen=True)
 class BodyError:
-    """What robot.yaml has wrong of the weights: real less stated.
+    """Errors of the weights in robot.yaml: real minus stated.
 
     mass (kg) and centre (3,) m by link from 0, in frame k of docs/model.md; payload_centre (3,) m in the
     flange's frame; tilt: rotation vector (3,) that takes the stated gravity to the real one, in the robot base.
@@ -56,7 +56,7 @@ class BodyError:
 
 
 def real_body(chain: Chain, error: BodyError) -> Chain:
-    """The chain with the weights that the real arm has; its geometry stays."""
+    """The chain with the weights of the real arm and unchanged geometry."""
     links = [
         Link(link.mass + error.mass.get(k, 0.0), link.com + error.centre.get(k, np.zeros(3)))
         for k, link in enumerate(chain.links)
@@ -67,9 +67,9 @@ def real_body(chain: Chain, error: BodyError) -> Chain:
 def distal_load(
     chain: Chain, frames: Frames, payload: Array, payload_point: Array, k: int
 ) -> tuple[Array, Array, Array]:
-    """What link k (from 0) carries at its end, in frame k: force (N, 3), moment about the next joint's origin (N, 3).
+    """Load at the end of link k (from 0), in frame k: force (N, 3), moment about the next joint's origin (N, 3).
 
-    Third: the link's own weight (N, 3), N.
+    Third result: the link's own weight (N, 3), N.
     """
     n = len(frames.origin)
     end = frames.origin[k + 1] if k + 1 < n else frames.flange_origin
@@ -93,7 +93,7 @@ def distal_load(
 
 
 def gravity_loads(chain: Chain, frames: Frames, payload: Array, payload_point: Array) -> GravityLoads:
-    """What gravity exerts, signs and frames as in docs/model.md.
+    """Gravity loads, signs and frames as in docs/model.md.
 
     payload (N,) kg acts at payload_point (N, 3), in the robot base. Virtual work: torque about joint k is the moment
     of everything beyond joint k about its axis, mapped to the motors by the transpose of the coupling matrix.

@@ -20,7 +20,7 @@ struct ConstructorProbe {
 };
 ConstructorProbe constructor_probe;
 
-// Two instructions a turn (SUBS, BNE), whatever the compiler does around it.
+// Two instructions per iteration (SUBS, BNE), independent of the compiler.
 void count_down(std::uint32_t turns) {
   asm volatile("1: subs %0, %0, #1\n bne 1b" : "+r"(turns) : : "cc");
 }

@@ -1,6 +1,7 @@
-// Test image: the device's clock goes on while no interrupt is served, as while a flash sector is
-// erased. Prints what clock_us() counts in 40 ms with interrupts locked out, then in 40 ms with
-// them. In the emulator an instruction takes one nanosecond (README.md of this port).
+// Test image: shows that the device's clock counts on while no interrupt is served, as during the
+// erase of a flash sector. Prints what clock_us() counts in 40 ms with interrupts locked out, then
+// in 40 ms with interrupts enabled. In the emulator an instruction takes one nanosecond (README.md
+// of this port).
 #include <cstdint>
 
 #include "firmware/ports/arm/semihosting.h"
@@ -13,7 +14,7 @@ using namespace armtrue;
 
 constexpr std::uint32_t kWaitUs = 40'000;
 
-// Two instructions a turn (SUBS, BNE).
+// Two instructions per iteration (SUBS, BNE).
 void wait() {
   std::uint32_t turns = kWaitUs * 1000 / 2;
   asm volatile("1: subs %0, %0, #1\n bne 1b" : "+r"(turns) : : "cc");

@@ -1,7 +1,8 @@
-// Test image: what the protection of the STM32F405 image forbids ends in a reset whose cause and
-// place are known after it. Command line: INPUT OUTPUT. The first byte of INPUT says what to do
-// wrong in the first life; OUTPUT of the second: reset cause, whether the memory protection was on,
-// starts since power came, address of the instruction, fault status, fault address.
+// Test image: shows that an operation which the protection of the STM32F405 image forbids ends in a
+// reset, and that its cause and place are known afterwards. Command line: INPUT OUTPUT. The first
+// byte of INPUT selects the forbidden operation of the first start. The second start writes OUTPUT:
+// reset cause, whether the memory protection was on, starts since power-on, address of the
+// instruction, fault status, fault address.
 #include <cstdint>
 
 #include "firmware/ports/arm/semihosting.h"
@@ -16,7 +17,7 @@ extern "C" std::uint32_t _stack_limit;
 // An instruction that returns (bx lr), to be executed from RAM.
 alignas(4) std::uint16_t code_in_ram[] = {0x4770};
 
-// The compiler must not know what it is.
+// Hides the address from the compiler.
 [[gnu::noinline]] volatile std::uint32_t* pointer_to(std::uintptr_t address) {
   asm volatile("" : "+r"(address));
   return reinterpret_cast<volatile std::uint32_t*>(address);
@@ -67,7 +68,7 @@ int main() {
     std::uint8_t what = 0;
     if (semihosting::read(input, &what, 1) != 1) semihosting::exit(2);
     do_wrong(what);
-    semihosting::exit(3);  // it was allowed
+    semihosting::exit(3);  // the operation did not cause a reset
   }
   const std::uint32_t result[] = {static_cast<std::uint32_t>(log.cause()),
                                   static_cast<std::uint32_t>(is_protected),

@@ -1,5 +1,5 @@
-// The device between two buses in memory that test images measure: its settings, and slots in RAM
-// with a table in force.
+// Settings of the device that test images measure between two buses in memory, and its slots in RAM
+// with an active table.
 #ifndef ARMTRUE_FIRMWARE_PORTS_STM32F405_CHECKS_INSTALLED_TABLE_H_
 #define ARMTRUE_FIRMWARE_PORTS_STM32F405_CHECKS_INSTALLED_TABLE_H_
 
@@ -33,10 +33,10 @@ inline storage::RamFlash table_flash(table_memory);
 inline storage::RamFlash parameter_flash(parameter_memory);
 alignas(4) inline std::array<std::uint8_t, kMaxImageLength> image;
 
-// False where the slots do not take it.
+// Stores `table` in the slots and activates it. False if they do not accept it.
 inline bool install(std::span<const std::uint8_t> table) {
   const AcceptAll verifier;
-  storage::SlotStore store(table_flash, verifier);  // memory of zeros: nothing to start from
+  storage::SlotStore store(table_flash, verifier);  // no start(): the memory is all zeros
   std::span<const std::uint8_t> active;
   return store.commit(table) == storage::StoreResult::kDone &&
          store.activate(image, active) == storage::StoreResult::kDone &&

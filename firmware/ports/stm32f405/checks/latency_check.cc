@@ -1,11 +1,12 @@
-// Test image: how late SYNC and targets leave the node, and by how much that varies. The node runs
-// between two buses in memory whose frames arrive at their times, also while the node is busy;
-// time is counted in instructions, and what the core would sleep is skipped. Not in it: the CAN
-// driver and its interrupts, and other traffic that holds the drives' bus.
+// Test image: measures the delay with which SYNC and targets leave the node, and its variation. The
+// node runs between two buses in memory whose frames arrive at set times, also while the node is
+// busy. Time is counted in instructions; time in which the core would sleep is skipped. Not
+// included: the CAN driver and its interrupts, and other traffic on the drives' bus.
 //
 // Command line: INPUT RESULT. INPUT: a Setup, then a recording (firmware/replay/replay.h). A cycle:
-// SYNC, then the targets frame behind frame, feedback in the middle; a client's SDO request within
-// 150 µs of SYNC and a heartbeat of a drive, both at random. Result: one Measured a cycle.
+// SYNC, then the target frames back to back; feedback frames from 100 µs after SYNC; a client's SDO
+// request within 150 µs of SYNC and a heartbeat of a drive, both at random times. Result: one
+// Measured per cycle.
 #include <algorithm>
 #include <array>
 #include <cstdint>
@@ -25,7 +26,7 @@ using namespace armtrue::checks;
 using canopen::CanFrame;
 
 constexpr std::uint32_t kSyncId = 0x080;
-constexpr std::uint32_t kTargetId = 0x221;    // of the first frame, the next are one apart
+constexpr std::uint32_t kTargetId = 0x221;    // of the first frame; each next one is one higher
 constexpr std::uint32_t kFeedbackId = 0x1A1;  // likewise
 constexpr std::uint32_t kOffsetId = 0x2A1;    // likewise
 constexpr std::uint16_t kFirstFeedbackRpdo = 8;
@@ -40,19 +41,19 @@ struct Setup {
   std::uint32_t instructions_per_ms;
 };
 
-// Instructions from a frame's arrival to its answer; kNever: there was none.
+// Instructions from a frame's arrival to its output; kNever: there was none.
 struct Measured {
-  std::uint32_t sync_taken;    // to when the port was given SYNC for the drives
-  std::uint32_t sync_on_wire;  // to when it begins on the drives' bus, behind what was given before
-  std::uint32_t output_taken;  // of the last frame of targets (offsets)
+  std::uint32_t sync_taken;    // until SYNC for the drives is given to their port
+  std::uint32_t sync_on_wire;  // until SYNC begins on the drives' bus, after earlier frames
+  std::uint32_t output_taken;  // likewise, of the last frame of targets (offsets)
   std::uint32_t output_on_wire;
 };
 
-// The clock: instructions executed, and those that a sleeping core let pass.
+// The clock: instructions executed plus those skipped while the core would sleep.
 std::uint32_t skipped = 0;
 std::uint32_t now() { return ports::InstructionCounter::read() + skipped; }
 bool has_come(std::uint32_t time) { return static_cast<std::int32_t>(now() - time) >= 0; }
-// Instructions until then; 0 where it has come.
+// Instructions until `time`; 0 if it has come.
 std::uint32_t until(std::uint32_t time) {
   const auto left = static_cast<std::int32_t>(time - now());
   return left > 0 ? static_cast<std::uint32_t>(left) : 0;
@@ -68,7 +69,8 @@ std::uint64_t clock_us() {
 }
 std::uint32_t instructions_of(std::uint32_t us) { return us * (setup.instructions_per_ms / 1000); }
 
-// Time of a frame on a bus of 1 Mbit/s (FD: data at 5 Mbit/s), with the stuff bits that are usual.
+// Duration of a frame at 1 Mbit/s (FD: data at 5 Mbit/s), in instructions, with a usual number of
+// stuff bits.
 std::uint32_t bus_time_of(const CanFrame& frame) {
   return instructions_of(frame.is(canopen::kFrameFd) ? 40U + 2U * frame.len
                                                      : 50U + 10U * frame.len);
@@ -106,7 +108,7 @@ class TimedPort final : public canopen::CanPort {
   bool supports_fd() const override { return setup.axes_per_frame == kJoints; }
 
   void clear() { next_ = count_ = sent_count = 0; }
-  // Frames in any order.
+  // Adds an arrival. Calls may come in any order of `time`.
   void arrive(const CanFrame& frame, std::uint32_t time) {
     std::uint32_t at = count_++;
     for (; at > 0 && static_cast<std::int32_t>(arrivals_[at - 1].time - time) > 0; --at) {
@@ -114,7 +116,7 @@ class TimedPort final : public canopen::CanPort {
     }
     arrivals_[at] = {frame, time};
   }
-  // Instructions until the next frame; kNever where none is to come.
+  // Instructions until the next frame; kNever if there is none.
   std::uint32_t until_next() const {
     return next_ == count_ ? kNever : until(arrivals_[next_].time);
   }
@@ -153,7 +155,7 @@ CanFrame frame_of(std::uint32_t id, std::uint8_t len) {
   return frame;
 }
 
-// The k-th frame of a set of axes' values.
+// The k-th frame of a set. `value`: one per axis.
 CanFrame axes_frame(std::uint32_t first_id, std::uint32_t k, const std::int32_t* value) {
   const std::uint32_t axes = setup.axes_per_frame;
   CanFrame frame = frame_of(first_id + k, static_cast<std::uint8_t>(4 * axes));
@@ -224,7 +226,7 @@ void configure(ports::Device& device) {
   turn(device);
 }
 
-// The frames of a cycle that begins now; returns when the last target arrives.
+// Schedules the frames of a cycle that begins now; returns when the last target arrives.
 std::uint32_t schedule(const std::int32_t* targets, const std::int32_t* positions,
                        std::uint32_t cycle) {
   const std::uint32_t frames = kJoints / setup.axes_per_frame;

@@ -1,11 +1,11 @@
-// Test image: the instructions of a control cycle with the node's CAN path included. The node runs
-// inline between two buses in memory: no CAN driver and no interrupts. What it is given are the
-// cycles of a recording (firmware/replay/replay.h; requests, temperatures and payload of it are not
-// used), its first table installed in the slots, and staged once more. Six axes: SYNC, three target
-// frames, three feedback frames. In the first half of the cycles a client reads a value of the
-// status records in every second one, in the other half it has a block upload of the table going
-// on. Command line: RECORDING RESULT. Result, per cycle: instructions (from SYNC to the last frame
-// passed on), what was read (index and sub-index, 0 for nothing), joint count corrected targets.
+// Test image: counts the instructions of a control cycle including the node's CAN path. The node
+// runs inline between two buses in memory: no CAN driver and no interrupts. It is given the cycles
+// of a recording (firmware/replay/replay.h; requests, temperatures and payload are not used), whose
+// first table is installed in the slots and also staged. Six axes: SYNC, three target
+// frames, three feedback frames. In the first half of the cycles a client reads one value of the
+// status records in every second cycle; in the second half a block upload of the table is running.
+// Command line: RECORDING RESULT. Result, per cycle: instructions (from SYNC to the last frame
+// forwarded), the object read (index and sub-index, 0 for none), one corrected target per joint.
 #include <algorithm>
 #include <array>
 #include <cstdint>
@@ -40,14 +40,14 @@ enum Failure : std::uint32_t {
   kNotAnswered
 };
 
-// What a client reads in motion: `armtrue device info` and the monitor.
+// Records that a client reads in motion (`armtrue device info` and the monitor).
 struct Record {
   std::uint16_t index;
   std::uint8_t last_subindex;
 };
 constexpr Record kRecords[] = {{0x2013, 17}, {0x2001, 16}, {0x2002, 8}, {0x2003, 8}, {0x1018, 4}};
 
-// Both directions of one bus, without a controller between.
+// Both directions of one bus, without a CAN controller.
 class MemoryPort final : public canopen::CanPort {
  public:
   bool send(const CanFrame& frame) override { return out.push(ports::ClassicFrame::from(frame)); }
@@ -96,7 +96,7 @@ ports::ClassicFrame request_of(std::uint8_t command, std::uint16_t index, std::u
   return request;
 }
 
-// Takes what has left upstream; returns how many SDO answers were in it, `last` is the newest.
+// Takes the frames sent upstream; returns the number of SDO answers, and the newest in `last`.
 std::uint32_t take_answers(ports::ClassicFrame& last) {
   std::uint32_t count = 0;
   ports::ClassicFrame answer;
@@ -117,14 +117,14 @@ void ask(ports::Device& device, const ports::ClassicFrame& request, std::uint8_t
   }
 }
 
-// SDO download (CiA 301, 7.2.4.3): expedited.
+// Expedited SDO download (CiA 301, 7.2.4.3).
 void write_object(ports::Device& device, std::uint16_t index, std::uint8_t subindex,
                   std::uint32_t value, std::uint8_t size) {
   const auto command = static_cast<std::uint8_t>(0x23 | (4 - size) << 2);
   ask(device, request_of(command, index, subindex, value), 3);
 }
 
-// And segmented.
+// Segmented SDO download of `table`.
 void stage(ports::Device& device, std::span<const std::uint8_t> table) {
   ask(device,
       request_of(0x21, canopen::kStagingObject, 0, static_cast<std::uint32_t>(table.size())), 3);
@@ -140,11 +140,12 @@ void stage(ports::Device& device, std::span<const std::uint8_t> table) {
   }
 }
 
-// A client: nothing in every second cycle, else in the first half of them all it reads a value, in
-// the other it goes on with a block upload of the table in force.
+// A client. In the first half of all cycles it reads one value in every second cycle; in the second
+// half it continues a block upload of the active table.
 class Client {
  public:
-  // What it asks for in this cycle; its request, if there is one, waits upstream then.
+  // Queues this cycle's request upstream, if any. Returns the object that the client reads (index
+  // and sub-index); 0: none.
   std::uint32_t ask(std::uint32_t cycle, std::uint32_t cycles) {
     asked_ = 0;
     expects_ = false;
@@ -233,14 +234,14 @@ void push_targets(const replay::RecordedCycle& cycle) {
   }
 }
 
-// A stream begins with its second set: the node waits for a whole one before.
+// Sends one complete set: the node forwards targets only after an interval with a complete set.
 void begin_stream(ports::Device& device, const replay::RecordedCycle& first) {
   push_targets(first);
   turn(device);
   downstream.out.clear();
 }
 
-// One control cycle; `corrected` is what the drives were told.
+// Runs one control cycle and returns its instructions. `corrected`: targets sent to the drives.
 std::uint32_t run_cycle(ports::Device& device, const ports::InstructionCounter& counter,
                         const replay::RecordedCycle& cycle,
                         std::array<std::int32_t, kJoints>& corrected) {
